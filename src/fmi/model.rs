@@ -1,0 +1,151 @@
+//! What the FMI layer asks of a model. It knows nothing else of vehicles or controllers.
+
+use super::value::Values;
+use super::variable::{Variable, Vr};
+use std::path::PathBuf;
+
+/// Everything about a model that its `modelDescription.xml` says.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Declaration {
+    /// FMI `modelName`, and the `modelIdentifier` of the library.
+    pub name: &'static str,
+    /// One sentence.
+    pub description: &'static str,
+    /// All variables; a [`Vr`] is an index here.
+    pub variables: Vec<Variable>,
+    /// FMI `DefaultExperiment`.
+    pub experiment: DefaultExperiment,
+    /// Log categories beyond the standard ones.
+    pub log_categories: &'static [LogCategory],
+}
+
+impl Declaration {
+    /// Adds a variable and gives its reference.
+    pub fn add(&mut self, variable: Variable) -> Vr {
+        debug_assert!(self.find(&variable.name).is_none(), "{} is declared twice", variable.name);
+        self.variables.push(variable);
+        self.variables.len() - 1
+    }
+
+    /// Looks a variable up by name.
+    #[must_use]
+    pub fn find(&self, name: &str) -> Option<Vr> {
+        self.variables.iter().position(|variable| variable.name == name)
+    }
+}
+
+/// FMI `DefaultExperiment`, in seconds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(missing_docs)]
+pub struct DefaultExperiment {
+    pub start_time: f64,
+    pub stop_time: f64,
+    pub tolerance: f64,
+    pub step_size: f64,
+}
+
+/// A log category with what a person finds in it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[allow(missing_docs)]
+pub struct LogCategory {
+    pub name: &'static str,
+    pub description: &'static str,
+}
+
+/// How serious a log message is; it becomes the message's `fmi2Status`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[allow(missing_docs)]
+pub enum Severity {
+    Info,
+    Warning,
+    Error,
+}
+
+/// Where a model's messages go.
+pub trait Log {
+    /// Tells the host something. `category` is one of the declaration's log categories.
+    fn log(&mut self, severity: Severity, category: &'static str, message: &str);
+}
+
+/// What a model may know of its surroundings when it is initialised.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Context {
+    /// The FMU's `resources/` folder, where the host gave a usable one.
+    pub resources: Option<PathBuf>,
+    /// The instance's name.
+    pub instance_name: String,
+}
+
+impl Context {
+    /// Finds a file that a string parameter names: as it is if it is absolute, else in `resources/`, else
+    /// relative to the working directory.
+    #[must_use]
+    pub fn locate(&self, name: &str) -> PathBuf {
+        let path = PathBuf::from(name);
+        match &self.resources {
+            Some(resources) if path.is_relative() && resources.join(&path).exists() => resources.join(path),
+            _ => path,
+        }
+    }
+}
+
+/// Why a model could not be initialised or make a step. The message says what was wrong, where (file, line,
+/// variable) and what to do.
+#[derive(Debug, thiserror::Error)]
+pub enum ModelError {
+    /// The step cannot be made, the instance stays usable: other inputs or another step may work
+    /// (`fmi2Discard`).
+    #[error("{0}")]
+    Discard(String),
+    /// The instance is of no further use until it is reset (`fmi2Error`).
+    #[error("{0}")]
+    Failed(String),
+}
+
+/// A model that the FMI layer can export.
+///
+/// A life: [`new`](Model::new), then [`initialize`](Model::initialize) when the host leaves initialisation mode,
+/// then [`step`](Model::step) any number of times. [`save`](Model::save) and [`restore`](Model::restore) carry
+/// everything that steps change and that does not stand in [`Values`]: a restored model continues bit for bit.
+pub trait Model: Send + Sized + 'static {
+    /// Variables and description. Cheap enough to be called once per instance.
+    fn declaration() -> Declaration;
+
+    /// A model that is not initialised yet.
+    fn new() -> Self;
+
+    /// Reads parameters and resources, and calculates the outputs at the start. May be called again after a reset.
+    /// Parameters given by a file are written back to `values`, unless the host has set them itself.
+    ///
+    /// # Errors
+    /// A parameter out of its meaning, or a resource that cannot be read: with file, line and remedy.
+    fn initialize(
+        &mut self,
+        values: &mut Values,
+        start_time: f64,
+        context: &Context,
+        log: &mut dyn Log,
+    ) -> Result<(), ModelError>;
+
+    /// Advances from `time` to `time + step`, both in seconds, `step` positive and finite. Inputs in `values` are
+    /// finite and hold over the step; outputs are written to `values`. An error leaves the model as it was.
+    ///
+    /// # Errors
+    /// Why the step could not be made.
+    fn step(
+        &mut self,
+        values: &mut Values,
+        time: f64,
+        step: f64,
+        log: &mut dyn Log,
+    ) -> Result<(), ModelError>;
+
+    /// Appends the internal state to `bytes`.
+    fn save(&self, bytes: &mut Vec<u8>);
+
+    /// Sets the internal state of an initialised model (same parameters) from what [`save`](Model::save) wrote.
+    ///
+    /// # Errors
+    /// Bytes that are truncated or of another model or version. The model is then as it was.
+    fn restore(&mut self, bytes: &[u8]) -> Result<(), ModelError>;
+}

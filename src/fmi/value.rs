@@ -1,0 +1,125 @@
+//! The values of one instance's variables.
+
+use super::variable::{Kind, Variable, Vr};
+use serde::{Deserialize, Serialize};
+
+/// A value of any FMI type; enumerations are integers.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[allow(missing_docs)]
+pub enum Value {
+    Real(f64),
+    Integer(i32),
+    Boolean(bool),
+    String(String),
+}
+
+/// Values of all variables of an instance, by value reference, and which of them the host has set itself (so
+/// that a parameter file may give the others).
+///
+/// The typed getters are for models, which ask for their own variables by references they got when they declared
+/// them. A reference of the wrong type is an error in the model's code: the getters then give the type's neutral
+/// value in release builds and fail in debug builds; hosts' references are checked before, in the FMI layer.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Values {
+    values: Vec<Value>,
+    set_by_host: Vec<bool>,
+}
+
+impl Values {
+    /// The start values of a model's variables.
+    #[must_use]
+    pub fn starting_from(variables: &[Variable]) -> Self {
+        let start = |variable: &Variable| match &variable.kind {
+            Kind::Real { start, .. } => Value::Real(*start),
+            Kind::Integer { start, .. } | Kind::Enumeration { start, .. } => Value::Integer(*start),
+            Kind::Boolean { start } => Value::Boolean(*start),
+            Kind::String { start } => Value::String(start.to_string()),
+        };
+        Self { values: variables.iter().map(start).collect(), set_by_host: vec![false; variables.len()] }
+    }
+
+    /// The value behind a reference, if there is one.
+    #[must_use]
+    pub fn get(&self, vr: Vr) -> Option<&Value> {
+        self.values.get(vr)
+    }
+
+    /// Sets a value on behalf of the host. The caller has checked reference, type, range and permission.
+    pub fn set_by_host(&mut self, vr: Vr, value: Value) {
+        self.values[vr] = value;
+        self.set_by_host[vr] = true;
+    }
+
+    /// Whether the host has set this variable since instantiation or reset.
+    #[must_use]
+    pub fn is_set_by_host(&self, vr: Vr) -> bool {
+        self.set_by_host[vr]
+    }
+
+    /// A real's value.
+    #[must_use]
+    #[inline]
+    pub fn real(&self, vr: Vr) -> f64 {
+        match self.values[vr] {
+            Value::Real(value) => value,
+            _ => Self::wrong_type(vr, f64::NAN),
+        }
+    }
+
+    /// An integer's or enumeration's value.
+    #[must_use]
+    #[inline]
+    pub fn integer(&self, vr: Vr) -> i32 {
+        match self.values[vr] {
+            Value::Integer(value) => value,
+            _ => Self::wrong_type(vr, 0),
+        }
+    }
+
+    /// A boolean's value.
+    #[must_use]
+    #[inline]
+    pub fn boolean(&self, vr: Vr) -> bool {
+        match self.values[vr] {
+            Value::Boolean(value) => value,
+            _ => Self::wrong_type(vr, false),
+        }
+    }
+
+    /// A string's value.
+    #[must_use]
+    pub fn string(&self, vr: Vr) -> &str {
+        match &self.values[vr] {
+            Value::String(value) => value,
+            _ => Self::wrong_type(vr, ""),
+        }
+    }
+
+    /// Sets a real that the model calculates.
+    #[inline]
+    pub fn set_real(&mut self, vr: Vr, value: f64) {
+        self.values[vr] = Value::Real(value);
+    }
+
+    /// Sets an integer or enumeration that the model calculates.
+    #[inline]
+    pub fn set_integer(&mut self, vr: Vr, value: i32) {
+        self.values[vr] = Value::Integer(value);
+    }
+
+    /// Sets a boolean that the model calculates.
+    #[inline]
+    pub fn set_boolean(&mut self, vr: Vr, value: bool) {
+        self.values[vr] = Value::Boolean(value);
+    }
+
+    /// Sets a string that the model calculates.
+    pub fn set_string(&mut self, vr: Vr, value: String) {
+        self.values[vr] = Value::String(value);
+    }
+
+    fn wrong_type<T>(vr: Vr, neutral: T) -> T {
+        debug_assert!(false, "the model asked for variable {vr} by a wrong type");
+        neutral
+    }
+}

@@ -1,0 +1,41 @@
+//! # RFL-MPC
+//!
+//! A learning path-tracking controller for cars and trucks that any simulation tool can load, and the instrument
+//! that tells why a simulator and a vehicle disagree.
+//!
+//! ## The problem
+//!
+//! Model predictive control follows a path by minimising, at each sample `k`, over the steering `u`
+//!
+//! ```text
+//!     min  sum_j  (y_j - y_ref)' Q (y_j - y_ref) + R (u_j - u_{j-1})^2
+//!     s.t. x_{j+1} = A x_j + B u_j + D kappa_j v + r(z_j),    |u| <= u_max,  |u_j - u_{j-1}| <= Ts * rate_max
+//! ```
+//!
+//! where `A, B, D` is a linear single-track model in path errors and `r` is what that model misses. A random
+//! forest chooses a *linear* `r` in each regime, so the problem stays one quadratic program (Zhao et al., ITSC
+//! 2024). Today `r = 0`: the nominal controller, and the vehicle it drives.
+//!
+//! ## Map
+//!
+//! Data flows down this list, never up.
+//!
+//! | module | problem |
+//! |---|---|
+//! | [`signal`] | the vocabulary: names, units, meanings |
+//! | [`path`] | reference paths: splines, projection, readers, speed plan, the Sudoku course |
+//! | [`vehicle`] | the plants: parameters, tyres, steering chain, effects, the two-track car |
+//! | [`nominal`] | linear prediction models and their discretisation |
+//! | [`control`] | condensing, the QP, the MPC, speed control, status and fallback |
+//! | [`simulate`] | the closed loop in native code, and its metrics |
+//! | [`fmi`] | FMI 2.0: the C ABI, instances, descriptions; knows no model |
+//! | [`fmu`] | our models as FMI units: their variables and steps |
+
+pub mod control;
+pub mod fmi;
+pub mod fmu;
+pub mod nominal;
+pub mod path;
+pub mod signal;
+pub mod simulate;
+pub mod vehicle;

@@ -1,0 +1,3 @@
+//! The program `rfl`; see `rfl --help`.
+
+fn main() {}
