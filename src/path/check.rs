@@ -3,7 +3,7 @@
 use super::error::{PathError, Place};
 use super::sample::{Closure, Options, Sample, Smoothing};
 use super::smooth::smooth;
-use super::spline::{Curve, Vector, distance};
+use super::spline::{Curve, Knot, Vector, distance};
 use super::wrap_angle;
 
 /// Points closer than this to the one before are the same point (m).
@@ -121,9 +121,39 @@ pub(super) fn check(
             let why = if pinned { ", the rounding of the coordinates" } else { "" };
             notes.push(format!("smoothed within {:.3} mm RMS{why}", 1e3 * tolerance));
         }
-        smoothed.unwrap_or_else(|| Curve::through(&points, periodic))
+        smoothed.unwrap_or_else(|| {
+            let curve = Curve::through(&points, periodic);
+            if let Some(error) = wobble(&curve) {
+                notes.push(format!(
+                    "the curvature wobbles by {error:.4} 1/m from point to point: the points look noisy; give a \
+                     smoothing tolerance of about their noise"
+                ));
+            }
+            curve
+        })
     });
     Ok(Road { samples, periodic, notes, curve, origin })
+}
+
+/// RMS curvature error of an interpolating curve in 1/m, if it looks like noise: large, and of alternating sign.
+fn wobble(curve: &Curve) -> Option<f64> {
+    let curvature = |knot: &Knot| {
+        let speed = knot.d1[0].hypot(knot.d1[1]).max(1e-9);
+        (knot.d1[0] * knot.d2[1] - knot.d1[1] * knot.d2[0]) / speed.powi(3)
+    };
+    let seconds: Vec<f64> = curve
+        .knots
+        .windows(3)
+        .map(|k| curvature(&k[0]) - 2.0 * curvature(&k[1]) + curvature(&k[2]))
+        .collect();
+    if seconds.len() < 20 {
+        return None;
+    }
+    let count = seconds.len() as f64;
+    // White noise has second differences of 6 times its variance, which change sign four times of five.
+    let error = (seconds.iter().map(|second| second * second).sum::<f64>() / count / 6.0).sqrt();
+    let changes = seconds.windows(2).filter(|pair| pair[0] * pair[1] < 0.0).count() as f64 / count;
+    (error > 0.005 && changes > 0.65).then_some(error)
 }
 
 /// RMS distance by which rounding to `digit` moves points, if that matters at their spacing.

@@ -21,24 +21,33 @@
 //! | `grid.rs` | arc length: lookups in constant time |
 //! | `project.rs` | the nearest point, with a hint and without |
 //! | `speed.rs` | how fast: a plan within lateral and longitudinal limits |
-//! | `read.rs` | files |
+//! | `read.rs`, `write.rs` | files |
+//! | `segment.rs`, `pen.rs` | roads drawn exactly from straights, arcs and clothoids |
+//! | `sudoku.rs`, `splitmix.rs` | our own courses |
 //! | `error.rs` | what can be wrong |
 
 mod banded;
 mod check;
 mod error;
 mod grid;
+mod pen;
 mod project;
 mod read;
 mod sample;
+mod segment;
 mod smooth;
 mod speed;
 mod spline;
+mod splitmix;
+pub mod sudoku;
+mod write;
 
 pub use error::{PathError, Place};
 pub use project::{Projection, Where};
 pub use sample::{Closure, Options, RoadClass, Sample, Smoothing};
+pub use segment::{Course, Pose, Rough, Segment};
 pub use speed::{SpeedLimits, SpeedPlan};
+pub use write::{to_csv, write_csv};
 
 use grid::{Cell, Grid, yaw_at};
 use spline::evaluate;

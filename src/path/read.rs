@@ -80,57 +80,69 @@ fn at_line(line: u64) -> Place {
     Place { line: Some(line), ..Place::default() }
 }
 
-/// The header in a comment before the first row, as racetrack-database writes it, with its line.
-fn header_in_comment(bytes: &[u8]) -> Option<(String, u64)> {
+/// The lines that carry values, as one CSV text, with the number of each; and the header, if it stands in a comment
+/// before them, as racetrack-database writes it.
+struct Lines<'a> {
+    text: Vec<u8>,
+    numbers: Vec<u64>,
+    comment: Option<(&'a [u8], u64)>,
+}
+
+fn lines(bytes: &[u8]) -> Lines<'_> {
+    // Spreadsheets put a byte order mark before the text.
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    let mut lines = Lines { text: Vec::with_capacity(bytes.len()), numbers: Vec::new(), comment: None };
     for (index, raw) in bytes.split(|&byte| byte == b'\n').enumerate() {
-        let text = raw.trim_ascii();
-        let comment = match text.strip_prefix(b"#") {
-            Some(comment) => comment,
-            None if text.is_empty() => continue,
-            None => return None,
-        };
-        let names = String::from_utf8_lossy(comment);
-        if names.split(',').any(|name| matches!(name.trim(), "x" | "x_m")) {
-            return Some((names.into_owned(), index as u64 + 1));
+        let line = raw.trim_ascii();
+        let number = index as u64 + 1;
+        if let Some(comment) = line.strip_prefix(b"#") {
+            let names_a_column = |name: &[u8]| matches!(name.trim_ascii(), b"x" | b"x_m");
+            if lines.numbers.is_empty()
+                && lines.comment.is_none()
+                && comment.split(|&b| b == b',').any(names_a_column)
+            {
+                lines.comment = Some((comment, number));
+            }
+        } else if !line.is_empty() {
+            lines.text.extend_from_slice(line);
+            lines.text.push(b'\n');
+            lines.numbers.push(number);
         }
     }
-    None
+    lines
 }
 
 /// Reads the rows of a path file.
 pub(super) fn parse(bytes: &[u8]) -> Result<Table, PathError> {
-    // Spreadsheets put a byte order mark before the text.
-    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    let mut columns = match header_in_comment(bytes) {
-        Some((text, line)) => Some(header(text.split(',').map(str::trim), line)?),
-        None => None,
-    };
+    let Lines { text, numbers, comment } = lines(bytes);
+    let not_text = |line| PathError::NotText { place: at_line(line) };
+    let mut columns = None;
+    if let Some((comment, line)) = comment {
+        let names = std::str::from_utf8(comment).map_err(|_| not_text(line))?;
+        columns = Some(header(names.split(',').map(str::trim), line)?);
+    }
     let mut reader = csv::ReaderBuilder::new()
         .has_headers(false)
         .flexible(true)
-        .comment(Some(b'#'))
         .trim(csv::Trim::All)
-        .from_reader(bytes);
+        .from_reader(text.as_slice());
     let mut table = Table { samples: Vec::new(), lines: Vec::new(), resolution: None };
     let mut decimals = Decimals::default();
     let mut last_station = f64::NEG_INFINITY;
     let mut record = csv::ByteRecord::new();
     loop {
-        let line = reader.position().line();
+        // A quote that is not closed makes a record of several lines; its first one is named.
+        let line = numbers.get(reader.position().line() as usize - 1).copied().unwrap_or(1);
         match reader.read_byte_record(&mut record) {
             Ok(true) => {}
             Ok(false) => break,
-            // Reading from memory, a row of any length: nothing else can go wrong than the text itself.
-            Err(_) => return Err(PathError::NotText { place: at_line(line) }),
+            // Rows of any length, read from memory: only the text itself can be wrong.
+            Err(_) => return Err(not_text(line)),
         }
-        let line = record.position().map_or(line, csv::Position::line);
         let fields: Vec<&str> = record
             .iter()
-            .map(|field| std::str::from_utf8(field).map_err(|_| PathError::NotText { place: at_line(line) }))
+            .map(|field| std::str::from_utf8(field).map_err(|_| not_text(line)))
             .collect::<Result<_, _>>()?;
-        if fields.iter().all(|field| field.is_empty()) {
-            continue;
-        }
         let Some(columns) = &columns else {
             columns = Some(header(fields.into_iter(), line)?);
             continue;
