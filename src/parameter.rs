@@ -22,7 +22,9 @@ pub struct Parameter {
 
 /// A parameter that is out of its range or not a number.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("{name} = {value} {unit} is outside its range [{min}, {max}]: {meaning}; set a value inside the range")]
+#[error(
+    "{name} = {value} {unit} is outside its range [{min}, {max}]: {meaning}; set a value inside the range"
+)]
 #[allow(missing_docs)]
 pub struct OutOfRange {
     pub name: &'static str,

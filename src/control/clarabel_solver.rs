@@ -8,6 +8,9 @@
 use super::tracking_qp::{QpEnd, QpError, QpReport, QpShape, QpSolver, TrackingQp};
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettingsBuilder, DefaultSolver, IPSolver, SolverStatus, SupportedConeT};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
 
 /// Why the solver cannot be built.
 #[derive(Debug, thiserror::Error)]
@@ -29,6 +32,38 @@ pub struct ClarabelSolver {
     rhs: Vec<f64>,
     /// First row of the rate bounds.
     rate_row: usize,
+    clock: Clock,
+}
+
+/// When the solver has to stop. Clarabel's own time limit can only be changed by replacing all settings, which
+/// allocates; a termination callback that reads this does not.
+#[derive(Clone)]
+struct Clock {
+    begin: Instant,
+    /// Nanoseconds after `begin`; `u64::MAX` for no limit.
+    stop: Arc<AtomicU64>,
+}
+
+impl Clock {
+    fn new() -> Self {
+        Self { begin: Instant::now(), stop: Arc::new(AtomicU64::new(u64::MAX)) }
+    }
+
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    fn start(&self, time_limit: f64) {
+        let stop = if time_limit.is_finite() {
+            self.begin.elapsed().as_nanos() as u64 + (time_limit.max(0.0) * 1e9) as u64
+        } else {
+            u64::MAX
+        };
+        self.stop.store(stop, Ordering::Relaxed);
+    }
+
+    #[allow(clippy::cast_possible_truncation)]
+    fn is_over(&self) -> bool {
+        let stop = self.stop.load(Ordering::Relaxed);
+        stop != u64::MAX && self.begin.elapsed().as_nanos() as u64 >= stop
+    }
 }
 
 /// Collects a sparse matrix column by column.
@@ -170,8 +205,11 @@ impl ClarabelSolver {
             .build()
             .expect("the settings are constants within their ranges");
         let cones = [SupportedConeT::ZeroConeT(n_y), SupportedConeT::NonnegativeConeT(rows - n_y)];
-        let solver = DefaultSolver::new(&p, &linear, &a, &rhs, &cones, settings)?;
-        Ok(Self { solver, shape, matrix: a.nzval, gain_places, linear, rhs, rate_row })
+        let mut solver = DefaultSolver::new(&p, &linear, &a, &rhs, &cones, settings)?;
+        let clock = Clock::new();
+        let watch = clock.clone();
+        solver.set_termination_callback(move |_: &_| watch.is_over());
+        Ok(Self { solver, shape, matrix: a.nzval, gain_places, linear, rhs, rate_row, clock })
     }
 }
 
@@ -220,7 +258,7 @@ impl QpSolver for ClarabelSolver {
         if updated.is_err() {
             return Err(QpError::Numerical { iterations: 0 });
         }
-        self.solver.settings.time_limit = time_limit;
+        self.clock.start(time_limit);
         self.solver.solve();
         let solution = &self.solver.solution;
         let iterations = solution.iterations;
@@ -228,7 +266,9 @@ impl QpSolver for ClarabelSolver {
             SolverStatus::Solved => QpEnd::Solved,
             SolverStatus::AlmostSolved => QpEnd::ReducedAccuracy,
             SolverStatus::MaxIterations => return Err(QpError::IterationLimit { iterations }),
-            SolverStatus::MaxTime => return Err(QpError::TimeLimit { iterations }),
+            SolverStatus::MaxTime | SolverStatus::CallbackTerminated => {
+                return Err(QpError::TimeLimit { iterations });
+            }
             SolverStatus::PrimalInfeasible | SolverStatus::AlmostPrimalInfeasible => {
                 return Err(QpError::Infeasible);
             }

@@ -59,8 +59,6 @@ pub enum ControllerError {
     Parameter(#[from] OutOfRange),
     #[error(transparent)]
     Lateral(#[from] LateralError),
-    #[error(transparent)]
-    SpeedPlan(#[from] crate::path::PathError),
 }
 
 /// Why a step cannot be computed.
@@ -113,7 +111,7 @@ impl Controller {
     /// Sets the controller up for a path.
     ///
     /// # Errors
-    /// A parameter out of range; a speed plan that the path does not allow.
+    /// A parameter out of range.
     pub fn new(parameters: ControllerParameters, path: Arc<Path>) -> Result<Self, ControllerError> {
         parameters.vehicle.check()?;
         parameters.mpc.check()?;
@@ -125,7 +123,7 @@ impl Controller {
             decel: speed.decel,
             speed: speed.limit,
         };
-        let plan = SpeedPlan::new(&path, &limits)?;
+        let plan = SpeedPlan::between(&path, &limits, None, true);
         let lateral = LateralMpc::new(parameters.vehicle.single_track(), parameters.mpc)?;
         let state = ControllerState {
             steer_cmd: None,
@@ -157,8 +155,7 @@ impl Controller {
             target = (APPROACH_SPEED, 0.0);
         }
         report.speed_ref = target.0;
-        let speed =
-            track_speed(&p.speed, target, measurement.vx, self.state.speed_integral, sample_time);
+        let speed = track_speed(&p.speed, target, measurement.vx, self.state.speed_integral, sample_time);
         self.state.speed_integral = speed.integral;
         report.accel_cmd = speed.accel_cmd;
 

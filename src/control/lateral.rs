@@ -14,7 +14,9 @@ use super::clarabel_solver::{BuildError, ClarabelSolver};
 use super::condense::condense;
 use super::parameters::MpcParameters;
 use super::tracking_qp::{QpError, QpReport, QpShape, QpSolver, SoftBound, TrackingQp};
-use crate::nominal::{ContinuousErrorModel, DiscreteErrorModel, ErrorState, SingleTrackError, steady_yaw_error};
+use crate::nominal::{
+    ContinuousErrorModel, DiscreteErrorModel, ErrorState, SingleTrackError, steady_yaw_error,
+};
 use crate::path::Path;
 use crate::vehicle::SingleTrack;
 use nalgebra::Vector4;

@@ -26,7 +26,7 @@ pub use clarabel_solver::{BuildError, ClarabelSolver};
 pub use condense::condense;
 pub use controller::{Controller, ControllerError, ControllerState, Measurement, StepError, StepReport};
 pub use lateral::{LateralError, LateralMpc, SpeedAhead};
-pub use parameters::{ControllerParameters, SHOWN_HORIZON, MpcParameters, NominalVehicle, SpeedParameters};
+pub use parameters::{ControllerParameters, MpcParameters, NominalVehicle, SHOWN_HORIZON, SpeedParameters};
 pub use sampler::Sampler;
 pub use speed::{SpeedCommand, track_speed};
 pub use status::ControlStatus;

@@ -1,7 +1,7 @@
 //! The controller's parameters: one table for code, FMU variables, `--set` and documentation.
 
 use crate::parameters;
-use crate::vehicle::SingleTrack;
+use crate::vehicle::{CarParameters, SingleTrack};
 
 /// Steps of the prediction that the FMU shows as outputs; longer horizons are allowed.
 pub const SHOWN_HORIZON: usize = 30;
@@ -11,8 +11,8 @@ parameters! {
     pub struct NominalVehicle {
         mass: f64 = 1412.0, KILOGRAM in 100.0, 60e3; "vehicle.mass", "Mass of the nominal model"
         yaw_inertia: f64 = 1536.7, KILOGRAM_METRE2 in 50.0, 5e5; "vehicle.yaw_inertia", "Yaw moment of inertia of the nominal model"
-        lf: f64 = 1.015, METRE in 0.1, 10.0; "vehicle.lf", "Distance from the CG to the front axle"
-        lr: f64 = 1.895, METRE in 0.1, 10.0; "vehicle.lr", "Distance from the CG to the rear axle"
+        lf: f64 = 1.015, METRE in 0.1, 10.0; "vehicle.cg_to_front_axle", "Distance from the CG to the front axle"
+        lr: f64 = 1.895, METRE in 0.1, 10.0; "vehicle.cg_to_rear_axle", "Distance from the CG to the rear axle"
         front_stiffness: f64 = 120e3, NEWTON_PER_RADIAN in 1e3, 3e6; "tyre.front.stiffness", "Cornering stiffness of the front axle (both tyres)"
         rear_stiffness: f64 = 110e3, NEWTON_PER_RADIAN in 1e3, 3e6; "tyre.rear.stiffness", "Cornering stiffness of the rear axle (both tyres)"
     }
@@ -62,6 +62,18 @@ pub struct ControllerParameters {
     pub vehicle: NominalVehicle,
     pub mpc: MpcParameters,
     pub speed: SpeedParameters,
+}
+
+impl ControllerParameters {
+    /// The default controller for a car: its single-track model and steering limits.
+    #[must_use]
+    pub fn for_car(car: &CarParameters) -> Self {
+        let mut parameters = Self::default();
+        parameters.vehicle = NominalVehicle::from_single_track(&car.single_track());
+        parameters.mpc.steer_max = parameters.mpc.steer_max.min(car.steering.angle_limit);
+        parameters.mpc.steer_rate_max = parameters.mpc.steer_rate_max.min(car.steering.rate_limit);
+        parameters
+    }
 }
 
 impl NominalVehicle {

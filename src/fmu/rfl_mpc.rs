@@ -3,6 +3,7 @@
 //! It computes at its sample time Ts and holds its commands between. Outputs change in steps only: at a
 //! communication point they do not depend on the inputs set there, so there is no algebraic loop with the plant.
 
+use super::vehicle_named;
 use crate::control::{
     Controller, ControllerParameters, ControllerState, ControlStatus, SHOWN_HORIZON, Measurement, NominalVehicle,
     Sampler,
@@ -14,7 +15,6 @@ use crate::fmi::{
 use crate::parameter::{Parameter, ParameterGroup};
 use crate::path::Path;
 use crate::signal::{self, Signal, Unit};
-use crate::vehicle::CarParameters;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -71,14 +71,23 @@ fn add_group<G: ParameterGroup>(declaration: &mut Declaration) -> Vr {
     first
 }
 
-fn read_group<G: ParameterGroup>(group: &mut G, first: Vr, values: &Values, only_set_by_host: bool) {
+/// Takes over the values that the host has set; the others stay as the vehicle file has them.
+fn read_group<G: ParameterGroup>(group: &mut G, first: Vr, values: &Values) {
     for (index, parameter) in G::table().iter().enumerate() {
         let vr = first + index;
-        if only_set_by_host && !values.is_set_by_host(vr) {
-            continue;
+        if values.is_set_by_host(vr) {
+            let value = if parameter.integer { f64::from(values.integer(vr)) } else { values.real(vr) };
+            group.set(index, value);
         }
-        let value = if parameter.integer { f64::from(values.integer(vr)) } else { values.real(vr) };
-        group.set(index, value);
+    }
+}
+
+/// Shows the values in force.
+fn write_group<G: ParameterGroup>(group: &G, first: Vr, values: &mut Values) {
+    for (index, parameter) in G::table().iter().enumerate() {
+        if !parameter.integer {
+            values.set_real(first + index, group.get(index));
+        }
     }
 }
 
@@ -218,16 +227,14 @@ impl Model for RflMpc {
         log: &mut dyn Log,
     ) -> Result<(), ModelError> {
         let v = &self.variables;
-        let mut parameters = ControllerParameters::default();
-        read_group(&mut parameters.mpc, v.groups[1], values, false);
-        read_group(&mut parameters.speed, v.groups[2], values, false);
-        let vehicle_file = values.string(v.vehicle_file);
-        let car = CarParameters::named(vehicle_file, |name| context.locate(name)).map_err(failed)?;
-        parameters.vehicle = NominalVehicle::from_single_track(&car.single_track());
-        read_group(&mut parameters.vehicle, v.groups[0], values, true);
-        for index in 0..NominalVehicle::table().len() {
-            values.set_real(v.groups[0] + index, parameters.vehicle.get(index));
-        }
+        let vehicle = values.string(v.vehicle_file);
+        let car = vehicle_named(vehicle, context).map_err(failed)?;
+        let mut parameters = ControllerParameters::for_car(&car);
+        read_group(&mut parameters.vehicle, v.groups[0], values);
+        read_group(&mut parameters.mpc, v.groups[1], values);
+        read_group(&mut parameters.speed, v.groups[2], values);
+        write_group(&parameters.vehicle, v.groups[0], values);
+        write_group(&parameters.mpc, v.groups[1], values);
 
         let file = context.locate(values.string(v.path_file));
         let path = Path::read(&file).map_err(|error| {

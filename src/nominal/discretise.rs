@@ -58,11 +58,8 @@ mod tests {
     #[test]
     fn stiff_lag_has_its_closed_form() {
         // 150 1/s over 0.02 s: three time constants in one step.
-        let (phi, gamma) = zero_order_hold::<1, 1, 2>(
-            &nalgebra::Matrix1::new(-150.0),
-            &nalgebra::Matrix1::new(150.0),
-            0.02,
-        );
+        let (phi, gamma) =
+            zero_order_hold::<1, 1, 2>(&nalgebra::Matrix1::new(-150.0), &nalgebra::Matrix1::new(150.0), 0.02);
         assert!((phi[0] - (-3.0_f64).exp()).abs() < 1e-15);
         assert!((gamma[0] - (1.0 - (-3.0_f64).exp())).abs() < 1e-15);
     }

@@ -62,8 +62,8 @@ impl ContinuousErrorModel {
         let positive = [
             ("vehicle.mass", m),
             ("vehicle.yaw_inertia", iz),
-            ("vehicle.lf", lf),
-            ("vehicle.lr", lr),
+            ("vehicle.cg_to_front_axle", lf),
+            ("vehicle.cg_to_rear_axle", lr),
             ("tyre.front.stiffness", cf),
             ("tyre.rear.stiffness", cr),
             ("speed", v),
