@@ -1,8 +1,9 @@
 //! What a shared library exports and needs: an FMU library exports FMI 2.0's functions and nothing else, and needs
 //! nothing that a host may lack.
 
+use object::read::NameOrOrdinal;
 use object::read::elf::{ElfFile64, FileHeader};
-use object::{Endianness, Object, ObjectSymbol};
+use object::Object;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -110,22 +111,20 @@ impl Library {
         let format = |source| LibraryError::Format { path: path.to_owned(), source };
         let file = object::File::parse(&*bytes).map_err(format)?;
         let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-        let elf = match &file {
-            object::File::Elf64(elf) => Some(elf_needs(elf).map_err(format)?),
+        let mut exports = BTreeSet::new();
+        for export in file.exports().map_err(format)? {
+            match export.map_err(format)?.name() {
+                NameOrOrdinal::Name(name) => exports.insert(text(name)),
+                NameOrOrdinal::Ordinal(ordinal) => exports.insert(format!("ordinal {ordinal}")),
+            };
+        }
+        let mut needs = Vec::new();
+        for library in file.import_libraries().map_err(format)? {
+            needs.push(text(library.map_err(format)?.name()));
+        }
+        let glibc = match &file {
+            object::File::Elf64(elf) => newest_glibc(elf).map_err(format)?,
             _ => None,
-        };
-        let exports = match file.format() {
-            // A dynamic symbol that is defined is exported.
-            object::BinaryFormat::Elf => file
-                .dynamic_symbols()
-                .filter(|symbol| symbol.is_definition())
-                .map(|symbol| symbol.name_bytes().map(text))
-                .collect::<Result<_, _>>()
-                .map_err(format)?,
-            _ => {
-                let exports = file.exports().map_err(format)?;
-                exports.iter().filter_map(|export| exported(export, file.format())).collect()
-            }
         };
         let platform = match (file.format(), file.is_64()) {
             (object::BinaryFormat::Elf, true) => "linux64",
@@ -134,7 +133,6 @@ impl Library {
             (object::BinaryFormat::Pe, false) => "win32",
             _ => "darwin64",
         };
-        let (needs, glibc) = elf.unwrap_or_default();
         Ok(Self { platform, exports, needs, glibc })
     }
 
@@ -148,6 +146,27 @@ impl Library {
             None => format!("needs {needs}"),
         }
     }
+}
+
+/// The newest version `GLIBC_x.y` that a symbol of the file asks for.
+fn newest_glibc<'data>(elf: &ElfFile64<'data>) -> object::Result<Option<(u32, u32)>> {
+    let (endian, data) = (elf.endian(), elf.data());
+    let sections = elf.elf_header().sections(endian, data)?;
+    let Some((mut needs, link)) = sections.gnu_verneed(endian, data)? else { return Ok(None) };
+    let strings = sections.strings(endian, data, link)?;
+    let mut newest = None;
+    while let Some((_, mut versions)) = needs.next()? {
+        while let Some(version) = versions.next()? {
+            let name = String::from_utf8_lossy(version.name(endian, strings)?).into_owned();
+            let numbers = name.strip_prefix("GLIBC_").and_then(|numbers| numbers.split_once('.'));
+            let numbers = numbers.and_then(|(major, minor)| {
+                let minor = minor.split('.').next()?;
+                Some((major.parse().ok()?, minor.parse().ok()?))
+            });
+            newest = newest.max(numbers);
+        }
+    }
+    Ok(newest)
 }
 
 /// The suffix of shared libraries on a platform.
