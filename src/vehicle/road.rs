@@ -1,5 +1,7 @@
 //! What a vehicle asks of the road under it.
 
+use crate::path::Path;
+
 /// The road at one place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RoadPoint {
@@ -28,4 +30,15 @@ pub trait Road: Send + Sync {
 
     /// The road at an arc length in m.
     fn at(&self, station: f64) -> RoadPoint;
+}
+
+impl Road for Path {
+    fn station(&self, x: f64, y: f64, yaw: f64, hint: Option<f64>) -> f64 {
+        self.project(x, y, yaw, hint).station
+    }
+
+    fn at(&self, station: f64) -> RoadPoint {
+        let point = Path::at(self, station);
+        RoadPoint { yaw: point.yaw, bank: point.bank, grade: point.grade, friction: point.friction }
+    }
 }
