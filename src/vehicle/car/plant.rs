@@ -26,6 +26,8 @@ pub(super) struct AxlePlant {
     pub roll_centre: f64,
     pub camber_gain: f64,
     pub roll_steer: f64,
+    /// Sideways velocity of the contacts for each radian per second of roll, m.
+    pub sway: f64,
     /// Whether the wheels turn with the steering.
     pub steered: f64,
     pub wheel_inertia: f64,
@@ -101,6 +103,9 @@ impl Plant {
 
         let weight = mass * GRAVITY / (2.0 * wheelbase);
         let static_loads = [weight * -x_rear, weight * x_front];
+        // The roll axis goes through both roll centres.
+        let slope = (front.roll_centre_height - rear.roll_centre_height) / wheelbase;
+        let roll_arm = height - (rear.roll_centre_height + slope * (x_sprung - x_rear));
         let axle = |index: usize, axle: &Axle, tyre: &Tyre, x: f64| {
             let springs = 0.5 * square(axle.track) * axle.spring_rate;
             let more = (effects.roll_stiffness - 1.0) * (springs + axle.anti_roll_bar);
@@ -119,6 +124,7 @@ impl Plant {
                 roll_centre: axle.roll_centre_height,
                 camber_gain: axle.camber_gain,
                 roll_steer: axle.roll_steer,
+                sway: -axle.sway * roll_arm,
                 steered: if index == 0 { 1.0 } else { 0.0 },
                 wheel_inertia: axle.wheel_inertia,
                 radius: radii[index],
@@ -131,9 +137,6 @@ impl Plant {
         };
         let axles = [axle(0, front, &car.tyre.front, x_front), axle(1, rear, &car.tyre.rear, x_rear)];
 
-        // The roll axis goes through both roll centres.
-        let slope = (front.roll_centre_height - rear.roll_centre_height) / wheelbase;
-        let roll_arm = height - (rear.roll_centre_height + slope * (x_sprung - x_rear));
         let roll_inertia = body.roll_inertia + raised;
         let over = |axle: &AxlePlant| (height - axle.roll_centre) * axle.unsprung_mass;
         let inertia = Matrix3::new(
