@@ -7,10 +7,12 @@ use crate::fmi::{
     Context, Declaration, DefaultExperiment, Kind, Log, LogCategory, Model, ModelError, Severity, Values,
     Variable, Vr,
 };
+use crate::path::Path;
 use crate::signal::{self, Signal, Unit};
 use crate::vehicle::{
     BUILTIN, Car, CarInput, CarOutput, CarParameters, CarStatus, Effects, StepError, WheelOutput, builtin,
 };
+use std::sync::Arc;
 
 /// The built-in cars as values of the parameter `vehicle`, in the order of [`BUILTIN`].
 const CARS: &[(i32, &str, &str)] = &[
@@ -290,13 +292,16 @@ impl Model for PassengerCar {
         let effects = self.effects(values);
         let at = &self.references;
         let road = values.string(at.road_file);
-        if !road.is_empty() {
-            return Err(ModelError::Failed(format!(
-                "road_file = {road}: roads are not read yet; leave road_file empty and use effect.road_bank, \
-                 effect.road_grade and effect.road_friction"
-            )));
-        }
-        let mut car = Car::new(&parameters, &effects, None).map_err(failed)?;
+        let road = if road.is_empty() {
+            None
+        } else {
+            let road = Path::read(&context.locate(road)).map_err(failed)?;
+            for note in road.notes() {
+                log.log(Severity::Info, LOG, note);
+            }
+            Some(Arc::new(road))
+        };
+        let mut car = Car::new(&parameters, &effects, road).map_err(failed)?;
         let initial = |index| values.real(at.initial + index);
         car.place(initial(0), initial(1), initial(2), initial(3));
         for (index, parameter) in CarParameters::TABLE.iter().enumerate() {

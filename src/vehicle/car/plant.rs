@@ -4,7 +4,6 @@ use super::CarError;
 use super::dynamics::Environment;
 use crate::vehicle::effects::{Effects, NO_RATE_LIMIT};
 use crate::vehicle::parameters::{Axle, CarParameters, GRAVITY, Tyre};
-use crate::vehicle::road::RoadPoint;
 use crate::vehicle::steering::SteeringChain;
 use crate::vehicle::tyre::Coefficients;
 use nalgebra::Matrix3;
@@ -187,18 +186,19 @@ impl Plant {
         })
     }
 
-    /// Gravity in body axes of the road plane, and friction, for a car heading `yaw`.
-    pub fn environment(&self, yaw: f64, road: RoadPoint, ahead: f64, behind: f64) -> Environment {
-        let grade = road.grade + self.effects.road_grade;
-        let bank = road.bank + self.effects.road_bank;
+    /// Gravity in body axes of the road plane, and friction, for a car heading `yaw` against a road with a bank and
+    /// a grade (all rad), and with friction factors under the front and the rear axle.
+    pub fn environment(&self, yaw: f64, bank: f64, grade: f64, friction: [f64; 2]) -> Environment {
+        let grade = grade + self.effects.road_grade;
+        let bank = bank + self.effects.road_bank;
         let along = -GRAVITY * grade.sin();
         let across = -GRAVITY * grade.cos() * bank.sin();
-        let (sin, cos) = (yaw - road.yaw).sin_cos();
+        let (sin, cos) = yaw.sin_cos();
         Environment {
             gravity_x: along * cos + across * sin,
             gravity_y: -along * sin + across * cos,
             gravity_z: GRAVITY * grade.cos() * bank.cos(),
-            friction: [ahead, behind].map(|friction| friction * self.effects.road_friction),
+            friction: friction.map(|friction| friction * self.effects.road_friction),
         }
     }
 }
