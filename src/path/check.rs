@@ -1,7 +1,8 @@
 //! Which points make a road: what is repaired, what is refused, and whether the road is closed.
 
 use super::error::{PathError, Place};
-use super::sample::{Closure, Sample};
+use super::sample::{Closure, Options, Sample, Smoothing};
+use super::smooth::smooth;
 use super::spline::{Curve, Vector, distance};
 use super::wrap_angle;
 
@@ -11,6 +12,8 @@ const SAME: f64 = 1e-6;
 const GAP_SPACINGS: f64 = 8.0;
 /// ... and wider than this (m).
 const GAP_LEAST: f64 = 30.0;
+/// Most that headings and curvatures may disagree with the points and still count as true (rad).
+const DISAGREEMENT: f64 = 0.02;
 /// A road that changes its direction by more than this between two chords is out of order (rad).
 const TURNS_BACK: f64 = 2.2;
 /// Median spacings outside this range are another unit (m).
@@ -26,9 +29,21 @@ pub(super) struct Road {
     pub origin: Vector,
 }
 
-/// Checks and repairs points, and draws the curve.
-pub(super) fn check(samples: Vec<Sample>, closure: Closure) -> Result<Road, PathError> {
+/// Checks and repairs points, and draws the curve. `resolution` is the last digit of the coordinates, if known.
+pub(super) fn check(
+    samples: Vec<Sample>,
+    options: &Options,
+    resolution: Option<f64>,
+) -> Result<Road, PathError> {
     let mut notes = Vec::new();
+    let mut same = SAME;
+    if let Smoothing::Within(value) = options.smoothing {
+        if !(0.0..=5.0).contains(&value) {
+            return Err(PathError::Tolerance { value });
+        }
+        // Points closer than their noise have no direction between them: a vehicle at rest, say.
+        same = (2.0 * value).max(SAME);
+    }
     for (index, sample) in samples.iter().enumerate() {
         check_values(sample, index)?;
     }
@@ -37,13 +52,17 @@ pub(super) fn check(samples: Vec<Sample>, closure: Closure) -> Result<Road, Path
     let total = samples.len();
     for (index, sample) in samples.into_iter().enumerate() {
         let repeats =
-            kept.last().is_some_and(|(_, last)| distance([last.x, last.y], [sample.x, sample.y]) < SAME);
+            kept.last().is_some_and(|(_, last)| distance([last.x, last.y], [sample.x, sample.y]) < same);
         if !repeats {
             kept.push((index, sample));
         }
     }
     if kept.len() < total {
-        notes.push(format!("{} point(s) dropped that repeat the one before", total - kept.len()));
+        notes.push(if same > SAME {
+            format!("{} point(s) dropped that lie within {same} m of the one before", total - kept.len())
+        } else {
+            format!("{} point(s) dropped that repeat the one before", total - kept.len())
+        });
     }
     if kept.len() < 2 {
         return Err(PathError::TooFewPoints { place: Place::default(), count: kept.len(), needed: 2 });
@@ -65,8 +84,8 @@ pub(super) fn check(samples: Vec<Sample>, closure: Closure) -> Result<Road, Path
     }
 
     let first = position(0);
-    let repeated_start = kept.len() > 3 && distance(position(kept.len() - 1), first) < SAME;
-    let periodic = match closure {
+    let repeated_start = kept.len() > 3 && distance(position(kept.len() - 1), first) < same;
+    let periodic = match options.closure {
         Closure::Open => false,
         Closure::Closed => true,
         Closure::Detect => repeated_start || leads_into_start(&kept, median),
@@ -90,23 +109,43 @@ pub(super) fn check(samples: Vec<Sample>, closure: Closure) -> Result<Road, Path
     let origin = first;
     let points: Vec<Vector> =
         samples.iter().map(|sample| [sample.x - origin[0], sample.y - origin[1]]).collect();
-    let curve = draw(&samples, &points, periodic, &mut notes);
+    let tolerance = match options.smoothing {
+        Smoothing::None => None,
+        Smoothing::Within(value) => Some(value),
+        Smoothing::Rounding => resolution.and_then(|digit| rounding(digit, median)),
+    };
+    let pinned = !matches!(options.smoothing, Smoothing::Within(_));
+    let curve = poses(&samples, &points, periodic, &mut notes).filter(|_| pinned).unwrap_or_else(|| {
+        let smoothed = tolerance.and_then(|tolerance| smooth(&points, periodic, tolerance));
+        if let (Some(tolerance), Some(_)) = (tolerance, &smoothed) {
+            let why = if pinned { ", the rounding of the coordinates" } else { "" };
+            notes.push(format!("smoothed within {:.3} mm RMS{why}", 1e3 * tolerance));
+        }
+        smoothed.unwrap_or_else(|| Curve::through(&points, periodic))
+    });
     Ok(Road { samples, periodic, notes, curve, origin })
 }
 
-/// The curve: from heading and curvature where the road has both and they fit its points, else from the points.
-fn draw(samples: &[Sample], points: &[Vector], periodic: bool, notes: &mut Vec<String>) -> Curve {
+/// RMS distance by which rounding to `digit` moves points, if that matters at their spacing.
+fn rounding(digit: f64, spacing: f64) -> Option<f64> {
+    let sigma = digit / 12f64.sqrt();
+    let curvature_error = 6f64.sqrt() * sigma / (spacing * spacing);
+    (curvature_error > 1e-5).then_some(sigma * 2f64.sqrt())
+}
+
+/// The curve from heading and curvature, where the road has both and they fit its points.
+fn poses(samples: &[Sample], points: &[Vector], periodic: bool, notes: &mut Vec<String>) -> Option<Curve> {
     let column = |value: fn(&Sample) -> Option<f64>| samples.iter().map(value).collect::<Option<Vec<f64>>>();
-    if let (Some(yaw), Some(curvature)) = (column(|s| s.yaw), column(|s| s.curvature)) {
-        match worst_disagreement(points, &yaw, &curvature, periodic) {
-            worst if worst < 0.02 => return Curve::through_poses(points, &yaw, &curvature, periodic),
-            worst => notes.push(format!(
-                "columns yaw and curvature are not used: they disagree with the points by up to {worst:.3} rad \
-                 between neighbours"
-            )),
-        }
+    let (yaw, curvature) = (column(|sample| sample.yaw)?, column(|sample| sample.curvature)?);
+    let worst = worst_disagreement(points, &yaw, &curvature, periodic);
+    if worst < DISAGREEMENT {
+        return Some(Curve::through_poses(points, &yaw, &curvature, periodic));
     }
-    Curve::through(points, periodic)
+    notes.push(format!(
+        "columns yaw and curvature are not used: they disagree with the points by up to {worst:.3} rad between \
+         neighbours"
+    ));
+    None
 }
 
 /// How far headings and curvatures are from describing the chords between neighbouring points, in rad.

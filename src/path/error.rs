@@ -207,6 +207,20 @@ pub enum PathError {
         /// The unit wanted.
         unit: &'static str,
     },
+    /// A smoothing tolerance that is none.
+    #[error("smoothing tolerance {value} m; give a length between 0 and 5 m, about the noise of the points")]
+    Tolerance {
+        /// The tolerance in m.
+        value: f64,
+    },
+    /// The file cannot be written.
+    #[error("{}: cannot be written: {source}; check that the folder exists and may be written to", file.display())]
+    Write {
+        /// The file.
+        file: PathBuf,
+        /// The operating system's reason.
+        source: std::io::Error,
+    },
 }
 
 impl PathError {
@@ -224,7 +238,7 @@ impl PathError {
 
     fn place_mut(&mut self) -> Option<&mut Place> {
         match self {
-            Self::Io { .. } => None,
+            Self::Io { .. } | Self::Write { .. } | Self::Tolerance { .. } => None,
             Self::Empty { place }
             | Self::RowLength { place, .. }
             | Self::NotText { place }

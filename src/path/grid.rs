@@ -25,8 +25,8 @@ pub(super) struct Grid {
     pub step: f64,
     pub length: f64,
     pub cells: Vec<Cell>,
-    /// Arc length at the knots of the curve.
-    pub knot_stations: Vec<f64>,
+    /// Arc length at the points that the curve was made from.
+    pub mark_stations: Vec<f64>,
 }
 
 /// Position, heading and curvature at a node.
@@ -40,10 +40,7 @@ struct Node {
 impl Grid {
     /// Cuts a curve into equal steps.
     pub fn new(curve: &Curve) -> Self {
-        let mut knot_stations = vec![0.0];
-        for i in 0..curve.pieces() {
-            knot_stations.push(knot_stations[i] + curve.piece_length(i));
-        }
+        let knot_stations = curve.knot_stations();
         let length = knot_stations[curve.pieces()];
         let count = (length / STEP).ceil().clamp(1.0, MOST_CELLS) as usize;
         let step = length / count as f64;
@@ -77,10 +74,17 @@ impl Grid {
                     u = next;
                 }
             }
-            nodes.push(node(&piece, u, nodes.last()));
+            let mut node = node(&piece, u, nodes.last());
+            if let Some(yaw) = &curve.yaw {
+                let from = knot_stations[piece_index];
+                let cubic =
+                    yaw_cubic(yaw[piece_index], yaw[piece_index + 1], knot_stations[piece_index + 1] - from);
+                [node.yaw, node.curvature, _] = yaw_at(&cubic, target - from);
+            }
+            nodes.push(node);
         }
         let cells = nodes.windows(2).map(|pair| cell(&pair[0], &pair[1], step)).collect();
-        Self { step, length, cells, knot_stations }
+        Self { step, length, cells, mark_stations: curve.mark_stations() }
     }
 }
 
@@ -94,18 +98,27 @@ fn node(piece: &[Quintic; 2], u: f64, previous: Option<&Node>) -> Node {
     Node { p: [x, y], yaw, curvature: (dx * ddy - dy * ddx) / (speed * speed * speed) }
 }
 
+/// The cubic with given yaw and curvature at 0 and at `h`, rising powers.
+fn yaw_cubic(a: [f64; 2], b: [f64; 2], h: f64) -> [f64; 4] {
+    let turn = b[0] - a[0];
+    [a[0], a[1], (3.0 * turn / h - 2.0 * a[1] - b[1]) / h, (a[1] + b[1] - 2.0 * turn / h) / (h * h)]
+}
+
+/// Yaw, curvature and its rate.
+#[inline]
+pub(super) fn yaw_at(c: &[f64; 4], u: f64) -> [f64; 3] {
+    [
+        c[0] + u * (c[1] + u * (c[2] + u * c[3])),
+        c[1] + u * (2.0 * c[2] + u * 3.0 * c[3]),
+        2.0 * c[2] + 6.0 * c[3] * u,
+    ]
+}
+
 /// The polynomials between two nodes.
 fn cell(a: &Node, b: &Node, h: f64) -> Cell {
-    let turn = b.yaw - a.yaw;
-    let yaw = [
-        a.yaw,
-        a.curvature,
-        (3.0 * turn / h - 2.0 * a.curvature - b.curvature) / h,
-        (a.curvature + b.curvature - 2.0 * turn / h) / (h * h),
-    ];
     let ((sin_a, cos_a), (sin_b, cos_b)) = (a.yaw.sin_cos(), b.yaw.sin_cos());
     Cell {
-        yaw,
+        yaw: yaw_cubic([a.yaw, a.curvature], [b.yaw, b.curvature], h),
         x: quintic([a.p[0], cos_a, -a.curvature * sin_a], [b.p[0], cos_b, -b.curvature * sin_b], h),
         y: quintic([a.p[1], sin_a, a.curvature * cos_a], [b.p[1], sin_b, b.curvature * cos_b], h),
     }

@@ -17,27 +17,30 @@
 //! | `sample.rs` | the points of a road |
 //! | `check.rs` | which points make a road: duplicates, gaps, closure |
 //! | `spline.rs` | a curve with continuous curvature through them |
+//! | `smooth.rs`, `banded.rs` | the same through noisy points, within a tolerance |
 //! | `grid.rs` | arc length: lookups in constant time |
 //! | `project.rs` | the nearest point, with a hint and without |
 //! | `speed.rs` | how fast: a plan within lateral and longitudinal limits |
 //! | `read.rs` | files |
 //! | `error.rs` | what can be wrong |
 
+mod banded;
 mod check;
 mod error;
 mod grid;
 mod project;
 mod read;
 mod sample;
+mod smooth;
 mod speed;
 mod spline;
 
 pub use error::{PathError, Place};
 pub use project::{Projection, Where};
-pub use sample::{Closure, RoadClass, Sample};
+pub use sample::{Closure, Options, RoadClass, Sample, Smoothing};
 pub use speed::{SpeedLimits, SpeedPlan};
 
-use grid::{Cell, Grid};
+use grid::{Cell, Grid, yaw_at};
 use spline::evaluate;
 use std::f64::consts::{PI, TAU};
 
@@ -89,30 +92,53 @@ pub struct PathPoint {
 }
 
 impl Path {
-    /// A path through points in driving order.
+    /// A path through points in driving order, exactly.
     ///
     /// # Errors
     /// The cause and the point: too few points, values that are not finite or out of range, gaps, points out of order.
     pub fn from_samples(samples: Vec<Sample>, closure: Closure) -> Result<Self, PathError> {
-        let road = check::check(samples, closure)?;
-        Ok(Self::from_road(road))
+        Self::from_samples_with(samples, &Options { closure, smoothing: Smoothing::None })
+    }
+
+    /// A path through points in driving order, or near them.
+    ///
+    /// # Errors
+    /// As [`Path::from_samples`], and for a smoothing tolerance that is none.
+    pub fn from_samples_with(samples: Vec<Sample>, options: &Options) -> Result<Self, PathError> {
+        Ok(Self::from_road(check::check(samples, options, None)?))
     }
 
     /// Reads a path from a CSV file: ours (`x,y` and optional columns), the racetrack-database format, or a driven
     /// lap (`x_m,y_m,v_driven_mps`).
     ///
+    /// Where the file gives both `yaw` and `curvature` and they fit the points, they are the truth. Else a spline
+    /// through the points is, smoothed within the rounding of the coordinates.
+    ///
     /// # Errors
     /// The cause, with file, line, column and remedy.
     pub fn read(file: &std::path::Path) -> Result<Self, PathError> {
-        read::read(file, Closure::Detect)
+        Self::read_with(file, &Options::default())
     }
 
-    /// Reads a path and says whether it is closed, instead of detecting it.
+    /// Reads a path and says whether it is closed and how smooth it shall be.
     ///
     /// # Errors
     /// As [`Path::read`].
-    pub fn read_as(file: &std::path::Path, closure: Closure) -> Result<Self, PathError> {
-        read::read(file, closure)
+    pub fn read_with(file: &std::path::Path, options: &Options) -> Result<Self, PathError> {
+        let bytes =
+            std::fs::read(file).map_err(|source| PathError::Io { file: file.to_path_buf(), source })?;
+        Self::from_csv(&bytes, file, options)
+    }
+
+    /// A path from the bytes of a CSV file; `name` stands for the file in messages.
+    ///
+    /// # Errors
+    /// As [`Path::read`].
+    pub fn from_csv(bytes: &[u8], name: &std::path::Path, options: &Options) -> Result<Self, PathError> {
+        let table = read::parse(bytes).map_err(|error| error.in_file(name, &[]))?;
+        let road = check::check(table.samples, options, table.resolution)
+            .map_err(|error| error.in_file(name, &table.lines))?;
+        Ok(Self::from_road(road))
     }
 
     fn from_road(road: check::Road) -> Self {
@@ -121,19 +147,19 @@ impl Path {
         let count = grid.cells.len();
         let yaw_end = {
             let last = &grid.cells[count - 1];
-            yaw_of(last, grid.step)[0]
+            yaw_at(&last.yaw, grid.step)[0]
         };
         let turn = if periodic { ((yaw_end - grid.cells[0].yaw[0]) / TAU).round() * TAU } else { 0.0 };
         let node = |i: usize| i as f64 * grid.step;
         let channel = |default: f64, value: fn(&Sample) -> Option<f64>| {
-            Channel::new(&samples, &grid.knot_stations, default, value, (0..=count).map(node))
+            Channel::new(&samples, &grid.mark_stations, default, value, (0..=count).map(node))
         };
         let classes = if samples.iter().any(|sample| sample.class.is_some()) {
             let mut index = 0;
             (0..count)
                 .map(|i| {
                     let middle = node(i) + 0.5 * grid.step;
-                    while index + 1 < samples.len() && grid.knot_stations[index + 1] <= middle {
+                    while index + 1 < samples.len() && grid.mark_stations[index + 1] <= middle {
                         index += 1;
                     }
                     samples[index].class
@@ -194,7 +220,7 @@ impl Path {
             speed: Some(self.speed.at(&spot, self.inverse_step)).filter(|speed| !speed.is_nan()),
             class: self.classes.get(spot.cell).copied().flatten(),
         };
-        [point.yaw, point.curvature, point.curvature_rate] = yaw_of(cell, spot.offset);
+        [point.yaw, point.curvature, point.curvature_rate] = yaw_at(&cell.yaw, spot.offset);
         point.yaw += spot.lap * self.turn;
         if spot.beyond != 0.0 {
             let (sin, cos) = point.yaw.sin_cos();
@@ -211,7 +237,7 @@ impl Path {
     #[inline]
     pub fn curvature(&self, station: f64) -> f64 {
         let spot = self.locate(station);
-        if spot.beyond != 0.0 { 0.0 } else { yaw_of(&self.cells[spot.cell], spot.offset)[1] }
+        if spot.beyond != 0.0 { 0.0 } else { yaw_at(&self.cells[spot.cell].yaw, spot.offset)[1] }
     }
 
     /// Change of curvature per arc length at a station in 1/m2; 0 beyond the ends of an open path.
@@ -219,7 +245,7 @@ impl Path {
     #[inline]
     pub fn curvature_rate(&self, station: f64) -> f64 {
         let spot = self.locate(station);
-        if spot.beyond != 0.0 { 0.0 } else { yaw_of(&self.cells[spot.cell], spot.offset)[2] }
+        if spot.beyond != 0.0 { 0.0 } else { yaw_at(&self.cells[spot.cell].yaw, spot.offset)[2] }
     }
 
     /// The cell of a station. A station that is not finite counts as the start.
@@ -249,17 +275,6 @@ struct Spot {
     lap: f64,
     /// Metres before the start (negative) or beyond the end of an open path.
     beyond: f64,
-}
-
-/// Yaw, curvature and its rate in a cell.
-#[inline]
-fn yaw_of(cell: &Cell, u: f64) -> [f64; 3] {
-    let c = &cell.yaw;
-    [
-        c[0] + u * (c[1] + u * (c[2] + u * c[3])),
-        c[1] + u * (2.0 * c[2] + u * 3.0 * c[3]),
-        2.0 * c[2] + 6.0 * c[3] * u,
-    ]
 }
 
 /// An angle in (-pi, pi].

@@ -5,8 +5,9 @@
 //! itself. Without one it looks at the whole road, where a wrong heading counts like a distance, so that of two
 //! crossing or opposing lanes the one is found that the vehicle drives along.
 
+use super::grid::yaw_at;
 use super::spline::evaluate;
-use super::{Path, wrap_angle, yaw_of};
+use super::{Path, wrap_angle};
 
 /// What a heading error counts for in a global search: driving against the road's direction counts as 6 m.
 const HEADING_LENGTH: f64 = 3.0;
@@ -181,7 +182,7 @@ impl Path {
         }
         let spot = self.locate(station);
         let cell = &self.cells[spot.cell];
-        let [path_yaw, mut curvature, mut curvature_rate] = yaw_of(cell, spot.offset);
+        let [path_yaw, mut curvature, mut curvature_rate] = yaw_at(&cell.yaw, spot.offset);
         let (sin, cos) = path_yaw.sin_cos();
         let (dx, dy) = (p[0] - evaluate(&cell.x, spot.offset)[0], p[1] - evaluate(&cell.y, spot.offset)[0]);
         let along = dx * cos + dy * sin;

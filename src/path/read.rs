@@ -9,9 +9,7 @@
 //! Other lines that begin with `#`, and blank ones, are skipped.
 
 use super::error::{PathError, Place};
-use super::sample::{Closure, RoadClass, Sample};
-use super::{Path, check};
-use std::path::Path as FilePath;
+use super::sample::{RoadClass, Sample};
 
 /// The optional columns, as messages list them.
 const OPTIONAL: &str = "s, yaw, curvature, speed, bank, grade, friction, class";
@@ -69,42 +67,75 @@ impl Column {
     }
 }
 
-/// Reads a file.
-pub(super) fn read(file: &FilePath, closure: Closure) -> Result<Path, PathError> {
-    let bytes = std::fs::read(file).map_err(|source| PathError::Io { file: file.to_path_buf(), source })?;
-    let (samples, lines) = parse(&bytes).map_err(|error| error.in_file(file, &[]))?;
-    let road = check::check(samples, closure).map_err(|error| error.in_file(file, &lines))?;
-    Ok(Path::from_road(road))
+/// What a file says.
+pub(super) struct Table {
+    pub samples: Vec<Sample>,
+    /// The line of each sample.
+    pub lines: Vec<u64>,
+    /// The last written digit of the coordinates in m, if they are written with a fixed number of decimals.
+    pub resolution: Option<f64>,
 }
 
 fn at_line(line: u64) -> Place {
     Place { line: Some(line), ..Place::default() }
 }
 
-/// Points and the line of each.
-pub(super) fn parse(bytes: &[u8]) -> Result<(Vec<Sample>, Vec<u64>), PathError> {
-    let mut columns: Option<Vec<Column>> = None;
-    let mut samples = Vec::new();
-    let mut lines = Vec::new();
-    let mut last_station = f64::NEG_INFINITY;
+/// The header in a comment before the first row, as racetrack-database writes it, with its line.
+fn header_in_comment(bytes: &[u8]) -> Option<(String, u64)> {
     for (index, raw) in bytes.split(|&byte| byte == b'\n').enumerate() {
-        let line = index as u64 + 1;
-        let text = std::str::from_utf8(raw).map_err(|_| PathError::NotText { place: at_line(line) })?;
-        let text = if line == 1 { text.trim_start_matches('\u{feff}') } else { text }.trim();
-        if text.is_empty() {
-            continue;
+        let text = raw.trim_ascii();
+        let comment = match text.strip_prefix(b"#") {
+            Some(comment) => comment,
+            None if text.is_empty() => continue,
+            None => return None,
+        };
+        let names = String::from_utf8_lossy(comment);
+        if names.split(',').any(|name| matches!(name.trim(), "x" | "x_m")) {
+            return Some((names.into_owned(), index as u64 + 1));
         }
-        if let Some(comment) = text.strip_prefix('#') {
-            if columns.is_none() && comment.split(',').any(|name| matches!(name.trim(), "x_m" | "x")) {
-                columns = Some(header(comment, line)?);
-            }
+    }
+    None
+}
+
+/// Reads the rows of a path file.
+pub(super) fn parse(bytes: &[u8]) -> Result<Table, PathError> {
+    // Spreadsheets put a byte order mark before the text.
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    let mut columns = match header_in_comment(bytes) {
+        Some((text, line)) => Some(header(text.split(',').map(str::trim), line)?),
+        None => None,
+    };
+    let mut reader = csv::ReaderBuilder::new()
+        .has_headers(false)
+        .flexible(true)
+        .comment(Some(b'#'))
+        .trim(csv::Trim::All)
+        .from_reader(bytes);
+    let mut table = Table { samples: Vec::new(), lines: Vec::new(), resolution: None };
+    let mut decimals = Decimals::default();
+    let mut last_station = f64::NEG_INFINITY;
+    let mut record = csv::ByteRecord::new();
+    loop {
+        let line = reader.position().line();
+        match reader.read_byte_record(&mut record) {
+            Ok(true) => {}
+            Ok(false) => break,
+            // Reading from memory, a row of any length: nothing else can go wrong than the text itself.
+            Err(_) => return Err(PathError::NotText { place: at_line(line) }),
+        }
+        let line = record.position().map_or(line, csv::Position::line);
+        let fields: Vec<&str> = record
+            .iter()
+            .map(|field| std::str::from_utf8(field).map_err(|_| PathError::NotText { place: at_line(line) }))
+            .collect::<Result<_, _>>()?;
+        if fields.iter().all(|field| field.is_empty()) {
             continue;
         }
         let Some(columns) = &columns else {
-            columns = Some(header(text, line)?);
+            columns = Some(header(fields.into_iter(), line)?);
             continue;
         };
-        let (sample, station) = row(text, columns, line)?;
+        let (sample, station) = row(&fields, columns, line, &mut decimals)?;
         if let Some(station) = station {
             if station <= last_station {
                 return Err(PathError::Unordered {
@@ -115,18 +146,46 @@ pub(super) fn parse(bytes: &[u8]) -> Result<(Vec<Sample>, Vec<u64>), PathError> 
             }
             last_station = station;
         }
-        samples.push(sample);
-        lines.push(line);
+        table.samples.push(sample);
+        table.lines.push(line);
     }
-    if samples.is_empty() {
+    if table.samples.is_empty() {
         return Err(PathError::Empty { place: Place::default() });
     }
-    Ok((samples, lines))
+    table.resolution = decimals.resolution();
+    Ok(table)
 }
 
-fn header(text: &str, line: u64) -> Result<Vec<Column>, PathError> {
+/// Counts the decimals that coordinates are written with.
+#[derive(Default)]
+struct Decimals {
+    most: u32,
+    exponents: bool,
+}
+
+impl Decimals {
+    fn look(&mut self, text: &str) {
+        self.exponents |= text.contains(['e', 'E']);
+        if let Some((_, fraction)) = text.split_once('.') {
+            self.most = self.most.max(fraction.len() as u32);
+        }
+    }
+
+    /// The last digit in m. Whole metres and decimetres are taken as exact: someone drew them.
+    fn resolution(&self) -> Option<f64> {
+        (!self.exponents && (2..15).contains(&self.most)).then(|| 0.1f64.powi(self.most as i32))
+    }
+}
+
+/// The columns that a header names.
+fn header<'a>(names: impl Iterator<Item = &'a str>, line: u64) -> Result<Vec<Column>, PathError> {
     let mut columns = Vec::new();
-    for (index, name) in text.split(',').map(str::trim).enumerate() {
+    let mut found = String::new();
+    for (index, name) in names.enumerate() {
+        if found.len() < 60 {
+            found.push_str(if index > 0 { ", " } else { "" });
+            found.extend(name.chars().take(40));
+        }
         let Some(column) = Column::from_name(name) else {
             // A first row of numbers means that the header is missing, not that a column is strange.
             if index == 0 && name.parse::<f64>().is_ok() {
@@ -154,7 +213,7 @@ fn header(text: &str, line: u64) -> Result<Vec<Column>, PathError> {
             return Err(PathError::MissingColumn {
                 place: at_line(line),
                 column: needed.name(),
-                found: text.chars().take(60).collect(),
+                found,
                 known: OPTIONAL,
             });
         }
@@ -162,8 +221,13 @@ fn header(text: &str, line: u64) -> Result<Vec<Column>, PathError> {
     Ok(columns)
 }
 
-fn row(text: &str, columns: &[Column], line: u64) -> Result<(Sample, Option<f64>), PathError> {
-    let fields: Vec<&str> = text.split(',').map(str::trim).collect();
+/// The point in a row, and its station if there is one.
+fn row(
+    fields: &[&str],
+    columns: &[Column],
+    line: u64,
+    decimals: &mut Decimals,
+) -> Result<(Sample, Option<f64>), PathError> {
     if fields.len() != columns.len() {
         return Err(PathError::RowLength {
             place: at_line(line),
@@ -173,7 +237,7 @@ fn row(text: &str, columns: &[Column], line: u64) -> Result<(Sample, Option<f64>
     }
     let mut sample = Sample::default();
     let mut station = None;
-    for (&column, &field) in columns.iter().zip(&fields) {
+    for (&column, &field) in columns.iter().zip(fields) {
         if column == Column::Unused {
             continue;
         }
@@ -196,6 +260,9 @@ fn row(text: &str, columns: &[Column], line: u64) -> Result<(Sample, Option<f64>
         })?;
         if !value.is_finite() {
             return Err(PathError::NotFinite { place: at_line(line), column: column.name(), value });
+        }
+        if needed {
+            decimals.look(field);
         }
         match column {
             Column::X => sample.x = value,

@@ -43,6 +43,28 @@ pub enum Closure {
     Closed,
 }
 
+/// How far a path may leave its points for the sake of a smooth curvature.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum Smoothing {
+    /// Within the rounding of the file's coordinates: 1 m points with 3 decimals have a curvature error of 1e-3 1/m
+    /// from rounding alone. Coordinates with fewer than 2 decimals are taken as drawn by hand, and exact.
+    #[default]
+    Rounding,
+    /// Not at all: the path goes through every point.
+    None,
+    /// Within a root-mean-square distance in m: for measured points, about their noise (0.02 for a good GPS).
+    Within(f64),
+}
+
+/// How points become a path.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Options {
+    /// Whether the road is closed.
+    pub closure: Closure,
+    /// How far it may leave its points.
+    pub smoothing: Smoothing,
+}
+
 /// The kind of a stretch of road, by which results are split (method: "Reference paths").
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum RoadClass {

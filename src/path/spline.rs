@@ -6,7 +6,8 @@
 //! - **points alone**: the interpolating cubic spline `x(t), y(t)`, whose `t` is the arc length of the spline
 //!   itself (found by iteration), so that uneven spacing does not ripple the curvature;
 //! - **points with heading and curvature**: these are taken at their word, `r' = (cos yaw, sin yaw)`,
-//!   `r'' = curvature * normal`.
+//!   `r'' = curvature * normal`;
+//! - **noisy points**: a smoothing spline, see `smooth.rs`.
 
 /// A point or vector in the plane.
 pub(super) type Vector = [f64; 2];
@@ -24,6 +25,10 @@ pub(super) struct Knot {
 #[derive(Debug, Clone)]
 pub(super) struct Curve {
     pub knots: Vec<Knot>,
+    /// Parameters of the points that the curve was made from (closed: the first one again at the end).
+    pub marks: Vec<f64>,
+    /// Yaw (continuous) and curvature at the knots, where they were given: rounded positions would give worse ones.
+    pub yaw: Option<Vec<[f64; 2]>>,
 }
 
 /// Coefficients of a quintic in `t - t0`, rising powers.
@@ -82,6 +87,7 @@ impl Curve {
     pub fn through_poses(points: &[Vector], yaw: &[f64], curvature: &[f64], periodic: bool) -> Self {
         let count = points.len() + usize::from(periodic);
         let mut knots: Vec<Knot> = Vec::with_capacity(count);
+        let mut angles: Vec<[f64; 2]> = Vec::with_capacity(count);
         for index in 0..count {
             let i = index % points.len();
             let (sin, cos) = yaw[i].sin_cos();
@@ -92,6 +98,9 @@ impl Curve {
                 let chord = distance(last.p, points[i]);
                 last.t + if half.abs() < 1e-6 { chord } else { chord * half / half.sin() }
             });
+            let unwrapped =
+                angles.last().map_or(yaw[i], |last| last[0] + super::wrap_angle(yaw[i] - last[0]));
+            angles.push([unwrapped, curvature[i]]);
             knots.push(Knot {
                 t,
                 p: points[i],
@@ -99,7 +108,8 @@ impl Curve {
                 d2: [-curvature[i] * sin, curvature[i] * cos],
             });
         }
-        Self { knots }
+        let marks = knots.iter().map(|knot| knot.t).collect();
+        Self { knots, marks, yaw: Some(angles) }
     }
 
     /// Cubic spline with parameter steps `steps` between `points` (periodic: the first point stands again last).
@@ -107,7 +117,7 @@ impl Curve {
         let second = if periodic { periodic_second(points, steps) } else { open_second(points, steps) };
         let mut t = 0.0;
         let last = points.len() - 1;
-        let knots = (0..=last)
+        let knots: Vec<Knot> = (0..=last)
             .map(|i| {
                 let d1 = if i < last {
                     let h = steps[i];
@@ -127,7 +137,8 @@ impl Curve {
                 knot
             })
             .collect();
-        Self { knots }
+        let marks = knots.iter().map(|knot| knot.t).collect();
+        Self { knots, marks, yaw: None }
     }
 
     /// Number of quintics.
@@ -139,6 +150,34 @@ impl Curve {
     pub fn piece(&self, i: usize) -> [Quintic; 2] {
         let (a, b) = (&self.knots[i], &self.knots[i + 1]);
         [0, 1].map(|k| quintic([a.p[k], a.d1[k], a.d2[k]], [b.p[k], b.d1[k], b.d2[k]], b.t - a.t))
+    }
+
+    /// Arc length at the knots in m.
+    pub fn knot_stations(&self) -> Vec<f64> {
+        let mut stations = vec![0.0];
+        for i in 0..self.pieces() {
+            stations.push(stations[i] + self.piece_length(i));
+        }
+        stations
+    }
+
+    /// Arc length at the points that the curve was made from, in m.
+    pub fn mark_stations(&self) -> Vec<f64> {
+        let stations = self.knot_stations();
+        let mut i = 0;
+        self.marks
+            .iter()
+            .map(|&t| {
+                while i + 1 < self.pieces() && self.knots[i + 1].t <= t {
+                    i += 1;
+                }
+                if t >= self.knots[i + 1].t {
+                    stations[i + 1]
+                } else {
+                    stations[i] + arc_length(&self.piece(i), 0.0, t - self.knots[i].t)
+                }
+            })
+            .collect()
     }
 
     /// Arc length of a piece in m.
