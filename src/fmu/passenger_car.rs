@@ -10,8 +10,7 @@ use crate::fmi::{
 use crate::path::Path;
 use crate::signal::{self, Signal, Unit};
 use crate::vehicle::{
-    BUILTIN, Car, CarInput, CarOutput, CarParameters, CarStatus, Effects, Road, StepError, WheelOutput,
-    builtin,
+    BUILTIN, Car, CarInput, CarOutput, CarParameters, CarStatus, Effects, StepError, WheelOutput, builtin,
 };
 use std::sync::Arc;
 
@@ -261,12 +260,12 @@ impl Model for PassengerCar {
         let parameters = self.parameters(values, context, log)?;
         let effects = self.effects(values);
         let at = &self.references;
-        let road: Option<Arc<dyn Road>> = match values.string(at.road_file) {
+        let road: Option<Arc<Path>> = match values.string(at.road_file) {
             "" => None,
             name => {
                 let road = Path::read(&context.locate(name)).map_err(failed)?;
                 for note in road.notes() {
-                    log.log(Severity::Warning, LOG, &format!("road_file {name}: {note}"));
+                    log.log(Severity::Info, LOG, &format!("road_file {name}: {note}"));
                 }
                 Some(Arc::new(road))
             }
