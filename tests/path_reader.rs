@@ -236,7 +236,7 @@ fn a_closed_road_is_told_from_an_open_one() {
     let back: String = (0..=20)
         .map(|i| format!("{},0\n", 2 * i))
         .chain(
-            (1..8)
+            (1..7)
                 .map(|i| f64::from(i) * 0.45)
                 .map(|a| format!("{},{}\n", 40.0 + 1.75 * a.sin(), 1.75 * (1.0 - a.cos()))),
         )
@@ -257,7 +257,7 @@ fn noisy_points_are_noticed() {
     let smooth = Options { smoothing: Smoothing::Within(0.03), ..Options::default() };
     let path = Path::from_csv(format!("x,y\n{rows}").as_bytes(), FilePath::new("r"), &smooth).unwrap();
     assert!((0..190).all(|s| path.curvature(f64::from(s)).abs() < 1e-3));
-    has(&path.notes()[0], &["smoothed within 30"]);
+    has(&path.notes()[0], &["smoothed: 30.0 mm RMS"]);
 }
 
 #[test]
@@ -310,7 +310,7 @@ proptest! {
 
     #[test]
     fn no_text_makes_the_reader_panic(text in almost_a_file(), within in proptest::option::of(0.0..1.0f64)) {
-        let smoothing = within.map_or(Smoothing::Rounding, Smoothing::Within);
+        let smoothing = within.map_or(Smoothing::AsAccurate, Smoothing::Within);
         for closure in [Closure::Detect, Closure::Open, Closure::Closed] {
             let options = Options { closure, smoothing };
             if let Ok(path) = Path::from_csv(text.as_bytes(), FilePath::new("fuzz.csv"), &options) {

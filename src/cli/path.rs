@@ -26,7 +26,7 @@ pub struct PathArgs {
     /// The road ends at its last point
     #[arg(long)]
     open: bool,
-    /// How far the path may leave noisy points, RMS in m [default: the rounding of the coordinates]
+    /// How far the path may leave noisy points, RMS in m [default: as accurate as the file is]
     #[arg(long, value_name = "METRES")]
     smooth: Option<f64>,
     /// Lateral acceleration of the speed plan in m/s2
@@ -76,7 +76,7 @@ pub fn run(args: &PathArgs) -> Result<(), Box<dyn Error>> {
         (_, true) => Closure::Open,
         _ => Closure::Detect,
     };
-    let smoothing = args.smooth.map_or(Smoothing::Rounding, Smoothing::Within);
+    let smoothing = args.smooth.map_or(Smoothing::AsAccurate, Smoothing::Within);
     let path = Path::read_with(&args.file, &Options { closure, smoothing })?;
     let limits =
         SpeedLimits { lateral_accel: args.lateral_accel, speed: args.speed, ..SpeedLimits::default() };

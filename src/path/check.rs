@@ -1,6 +1,7 @@
 //! Which points make a road: what is repaired, what is refused, and whether the road is closed.
 
 use super::error::{PathError, Place};
+use super::read::Accuracy;
 use super::sample::{Closure, Options, Sample, Smoothing};
 use super::smooth::smooth;
 use super::spline::{Curve, Knot, Vector, distance};
@@ -29,12 +30,8 @@ pub(super) struct Road {
     pub origin: Vector,
 }
 
-/// Checks and repairs points, and draws the curve. `resolution` is the last digit of the coordinates, if known.
-pub(super) fn check(
-    samples: Vec<Sample>,
-    options: &Options,
-    resolution: Option<f64>,
-) -> Result<Road, PathError> {
+/// Checks and repairs points, and draws the curve.
+pub(super) fn check(samples: Vec<Sample>, options: &Options, accuracy: Accuracy) -> Result<Road, PathError> {
     let mut notes = Vec::new();
     let mut same = SAME;
     if let Smoothing::Within(value) = options.smoothing {
@@ -109,17 +106,27 @@ pub(super) fn check(
     let origin = first;
     let points: Vec<Vector> =
         samples.iter().map(|sample| [sample.x - origin[0], sample.y - origin[1]]).collect();
-    let tolerance = match options.smoothing {
-        Smoothing::None => None,
-        Smoothing::Within(value) => Some(value),
-        Smoothing::Rounding => resolution.and_then(|digit| rounding(digit, median)),
+    let (tolerance, why) = match (options.smoothing, accuracy) {
+        (Smoothing::None, _) | (Smoothing::AsAccurate, Accuracy::Exact) => (None, ""),
+        (Smoothing::Within(value), _) => (Some(value), ""),
+        (Smoothing::AsAccurate, Accuracy::Digit(digit)) => {
+            (rounding(digit, median), ", the rounding of the coordinates")
+        }
+        (Smoothing::AsAccurate, Accuracy::Measured(value)) => {
+            (Some(value), ", the accuracy of racetrack-database")
+        }
     };
     let pinned = !matches!(options.smoothing, Smoothing::Within(_));
     let curve = poses(&samples, &points, periodic, &mut notes).filter(|_| pinned).unwrap_or_else(|| {
         let smoothed = tolerance.and_then(|tolerance| smooth(&points, periodic, tolerance));
-        if let (Some(tolerance), Some(_)) = (tolerance, &smoothed) {
-            let why = if pinned { ", the rounding of the coordinates" } else { "" };
-            notes.push(format!("smoothed within {:.3} mm RMS{why}", 1e3 * tolerance));
+        if let (Some(tolerance), Some(curve)) = (tolerance, &smoothed) {
+            let farthest = curve
+                .at_marks()
+                .iter()
+                .zip(&points)
+                .fold(0.0f64, |farthest, (at, point)| farthest.max(distance(*at, *point)));
+            let (rms, farthest) = (1e3 * tolerance, 1e3 * farthest);
+            notes.push(format!("smoothed: {rms:.1} mm RMS from the points{why}; {farthest:.1} mm at most"));
         }
         smoothed.unwrap_or_else(|| {
             let curve = Curve::through(&points, periodic);

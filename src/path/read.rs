@@ -27,8 +27,8 @@ enum Column {
     Grade,
     Friction,
     Class,
-    /// Known and not used: track widths.
-    Unused,
+    /// Of racetrack-database; known and not used.
+    TrackWidth,
 }
 
 impl Column {
@@ -44,7 +44,7 @@ impl Column {
             "grade" => Self::Grade,
             "friction" => Self::Friction,
             "class" => Self::Class,
-            "w_tr_right_m" | "w_tr_left_m" => Self::Unused,
+            "w_tr_right_m" | "w_tr_left_m" => Self::TrackWidth,
             _ => return None,
         })
     }
@@ -62,7 +62,7 @@ impl Column {
             Self::Grade => "grade",
             Self::Friction => "friction",
             Self::Class => "class",
-            Self::Unused => "track width",
+            Self::TrackWidth => "track width",
         }
     }
 }
@@ -72,9 +72,23 @@ pub(super) struct Table {
     pub samples: Vec<Sample>,
     /// The line of each sample.
     pub lines: Vec<u64>,
-    /// The last written digit of the coordinates in m, if they are written with a fixed number of decimals.
-    pub resolution: Option<f64>,
+    pub accuracy: Accuracy,
 }
+
+/// How well a file knows its coordinates.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Accuracy {
+    /// Exactly, as far as we know.
+    Exact,
+    /// Rounded to this digit in m.
+    Digit(f64),
+    /// Measured, to this RMS distance in m.
+    Measured(f64),
+}
+
+/// RMS distance in m that we leave the centre lines of racetrack-database: its arcs begin and end without a
+/// transition, and through every point the curvature would overshoot there by a fifth.
+const RACETRACK_DATABASE: f64 = 0.02;
 
 fn at_line(line: u64) -> Place {
     Place { line: Some(line), ..Place::default() }
@@ -126,7 +140,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Table, PathError> {
         .flexible(true)
         .trim(csv::Trim::All)
         .from_reader(text.as_slice());
-    let mut table = Table { samples: Vec::new(), lines: Vec::new(), resolution: None };
+    let mut table = Table { samples: Vec::new(), lines: Vec::new(), accuracy: Accuracy::Exact };
     let mut decimals = Decimals::default();
     let mut last_station = f64::NEG_INFINITY;
     let mut record = csv::ByteRecord::new();
@@ -164,7 +178,13 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Table, PathError> {
     if table.samples.is_empty() {
         return Err(PathError::Empty { place: Place::default() });
     }
-    table.resolution = decimals.resolution();
+    table.accuracy = match decimals.resolution() {
+        _ if columns.is_some_and(|columns| columns.contains(&Column::TrackWidth)) => {
+            Accuracy::Measured(RACETRACK_DATABASE)
+        }
+        Some(digit) => Accuracy::Digit(digit),
+        None => Accuracy::Exact,
+    };
     Ok(table)
 }
 
@@ -211,7 +231,7 @@ fn header<'a>(names: impl Iterator<Item = &'a str>, line: u64) -> Result<Vec<Col
                 known: OPTIONAL,
             });
         };
-        if column != Column::Unused && columns.contains(&column) {
+        if column != Column::TrackWidth && columns.contains(&column) {
             return Err(PathError::RepeatedColumn {
                 place: at_line(line),
                 column: name.into(),
@@ -250,7 +270,7 @@ fn row(
     let mut sample = Sample::default();
     let mut station = None;
     for (&column, &field) in columns.iter().zip(fields) {
-        if column == Column::Unused {
+        if column == Column::TrackWidth {
             continue;
         }
         let needed = matches!(column, Column::X | Column::Y);
@@ -286,7 +306,7 @@ fn row(
             Column::Bank => sample.bank = Some(value),
             Column::Grade => sample.grade = Some(value),
             Column::Friction => sample.friction = Some(value),
-            Column::Class | Column::Unused => {}
+            Column::Class | Column::TrackWidth => {}
         }
     }
     Ok((sample, station))
