@@ -110,7 +110,9 @@ fn call(host: &Host, function: &str) -> Status {
                 fmi2FreeFMUstate(c, &raw mut other)
             }
             "fmi2SerializedFMUstateSize" => fmi2SerializedFMUstateSize(c, state, &raw mut size),
-            "fmi2SerializeFMUstate" => fmi2SerializeFMUstate(c, state, bytes.as_mut_ptr().cast(), bytes.len()),
+            "fmi2SerializeFMUstate" => {
+                fmi2SerializeFMUstate(c, state, bytes.as_mut_ptr().cast(), bytes.len())
+            }
             "fmi2DeSerializeFMUstate" => {
                 fmi2DeSerializeFMUstate(c, bytes.as_ptr().cast(), bytes.len(), &raw mut other)
             }
@@ -157,7 +159,10 @@ fn every_function_in_every_state() {
                 assert!(status < Status::Error, "{function} in {state}: {status:?}, {message}");
             } else {
                 assert_eq!(status, Status::Error, "{function} in {state}");
-                assert!(message.contains(function) || message.contains("fixed"), "{function} in {state}: {message}");
+                assert!(
+                    message.contains(function) || message.contains("fixed"),
+                    "{function} in {state}: {message}"
+                );
             }
             calls += 1;
         }

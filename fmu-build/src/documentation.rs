@@ -102,7 +102,11 @@ fn index(declaration: &Declaration, requirements: &str, linked: &[Dependency]) -
     }
 
     html.text("h2", "Status codes");
-    table(&mut html, &["status", "meaning"], STATUSES.map(|(status, meaning)| vec![status.into(), meaning.into()]));
+    table(
+        &mut html,
+        &["status", "meaning"],
+        STATUSES.map(|(status, meaning)| vec![status.into(), meaning.into()]),
+    );
 
     html.text("h2", "Log categories");
     let categories = rfl_mpc::fmi::logger::STANDARD_CATEGORIES.iter().chain(declaration.log_categories);

@@ -26,7 +26,9 @@ pub enum FmuError {
          difference, commit it, and build again."
     )]
     Description { name: &'static str, path: PathBuf },
-    #[error("the library {path} was not built for this description: it does not know the GUID {guid}. Build it anew.")]
+    #[error(
+        "the library {path} was not built for this description: it does not know the GUID {guid}. Build it anew."
+    )]
     Guid { path: PathBuf, guid: String },
     #[error("the library {path} is for {found}, but lies in a folder for {folder}")]
     Platform { path: PathBuf, found: &'static str, folder: String },
@@ -129,7 +131,11 @@ impl Fmu {
         let path = options.project.join(&self.description);
         let committed = std::fs::read_to_string(&path);
         let committed = committed.map_err(|source| FmuError::Read { path: path.clone(), source })?;
-        if committed == xml { Ok(()) } else { Err(FmuError::Description { name: self.declaration.name, path }) }
+        if committed == xml {
+            Ok(())
+        } else {
+            Err(FmuError::Description { name: self.declaration.name, path })
+        }
     }
 
     /// Takes over libraries of other platforms.
@@ -139,7 +145,8 @@ impl Fmu {
         if let Some(folder) = &options.binaries {
             for platform in ["darwin64", "linux32", "linux64", "win32", "win64"] {
                 let file = format!("{name}.{}", library::suffix(platform));
-                let (path, entry) = (folder.join(platform).join(&file), format!("binaries/{platform}/{file}"));
+                let (path, entry) =
+                    (folder.join(platform).join(&file), format!("binaries/{platform}/{file}"));
                 if !path.is_file() || package.contains(&entry) {
                     continue;
                 }

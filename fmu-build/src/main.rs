@@ -92,7 +92,9 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     };
     match options.builder {
         Builder::Zig => println!("libraries are built by cargo-zigbuild for {ZIG_TARGET}"),
-        Builder::Cargo => println!("libraries are built by cargo, and need this machine's glibc or a newer one"),
+        Builder::Cargo => {
+            println!("libraries are built by cargo, and need this machine's glibc or a newer one")
+        }
     }
     // Settings are checked first: a build takes minutes.
     let mut system = System::new(shipped::SYSTEM, all.iter().map(|fmu| fmu.declaration.clone()).collect());
@@ -132,7 +134,12 @@ fn choose<'a>(all: &'a [Fmu], only: &[String]) -> Result<Vec<&'a Fmu>, String> {
 fn make(fmu: &Fmu, options: &Options, title: &str) -> Result<(), Box<dyn Error>> {
     let begin = Instant::now();
     let made = fmu.make(options, |step| println!("{title}: {step}"))?;
-    println!("{title}: {} ({} kB, {:.1} s)", made.path.display(), made.size / 1000, begin.elapsed().as_secs_f64());
+    println!(
+        "{title}: {} ({} kB, {:.1} s)",
+        made.path.display(),
+        made.size / 1000,
+        begin.elapsed().as_secs_f64()
+    );
     println!("{title}: {} {}", made.library.platform, made.library.requirements());
     for merged in &made.merged {
         println!("{title}: with {merged}, built elsewhere");
@@ -143,7 +150,8 @@ fn make(fmu: &Fmu, options: &Options, title: &str) -> Result<(), Box<dyn Error>>
 /// Packs the system out of the FMUs that lie in the output folder.
 fn connect(system: &System, all: &[Fmu], out: &Path) -> Result<(), Box<dyn Error>> {
     let path = |fmu: &Fmu| out.join(format!("{}.fmu", fmu.declaration.name));
-    let missing: Vec<_> = all.iter().filter(|fmu| !path(fmu).is_file()).map(|fmu| fmu.declaration.name).collect();
+    let missing: Vec<_> =
+        all.iter().filter(|fmu| !path(fmu).is_file()).map(|fmu| fmu.declaration.name).collect();
     if !missing.is_empty() || all.len() < 2 {
         println!("{}.ssp is not made: {} not in {}", shipped::SYSTEM, missing.join(", "), out.display());
         return Ok(());

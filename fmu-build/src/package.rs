@@ -51,7 +51,8 @@ impl Package {
     /// # Errors
     /// If it cannot be read, or there is an entry of this name.
     pub fn add_file(&mut self, name: impl Into<String>, path: &Path) -> Result<(), PackageError> {
-        let content = std::fs::read(path).map_err(|source| PackageError::Read { path: path.to_owned(), source })?;
+        let content =
+            std::fs::read(path).map_err(|source| PackageError::Read { path: path.to_owned(), source })?;
         self.add(name, content)
     }
 
@@ -130,7 +131,8 @@ impl Package {
             writer.write_all(content).map_err(|source| zip(source.into()))?;
         }
         let finished = writer.finish();
-        let finished = finished.map_err(|source| PackageError::Zip { entry: "the directory".to_owned(), source })?;
+        let finished =
+            finished.map_err(|source| PackageError::Zip { entry: "the directory".to_owned(), source })?;
         Ok(finished.into_inner())
     }
 

@@ -87,12 +87,18 @@ impl System {
     pub fn connections(&self) -> Vec<Connection<'_>> {
         let mut connections = Vec::new();
         for (target, component) in self.components.iter().enumerate() {
-            for input in component.variables.iter().filter(|variable| variable.causality == Causality::Input) {
+            for input in component.variables.iter().filter(|variable| variable.causality == Causality::Input)
+            {
                 let source = self.components.iter().enumerate().find_map(|(source, other)| {
                     let output = &other.variables[other.find(&input.name)?];
                     (source != target && output.causality == Causality::Output).then_some((source, output))
                 });
-                connections.extend(source.map(|(source, output)| Connection { source, output, target, input }));
+                connections.extend(source.map(|(source, output)| Connection {
+                    source,
+                    output,
+                    target,
+                    input,
+                }));
             }
         }
         connections
@@ -107,7 +113,12 @@ impl System {
             tolerance: a.tolerance.min(b.tolerance),
             step_size: a.step_size.min(b.step_size),
         })
-        .unwrap_or(DefaultExperiment { start_time: 0.0, stop_time: 1.0, tolerance: 1e-6, step_size: 0.01 })
+        .unwrap_or(DefaultExperiment {
+            start_time: 0.0,
+            stop_time: 1.0,
+            tolerance: 1e-6,
+            step_size: 0.01,
+        })
     }
 
     /// `SystemStructure.ssd`; FMUs are in `resources/NAME.fmu`.
@@ -195,7 +206,11 @@ impl System {
             xml.open("ssd:ParameterBindings", Attributes::new());
             xml.open("ssd:ParameterBinding", Attributes::new());
             xml.open("ssd:ParameterValues", Attributes::new());
-            parameter_set(xml, component.name, settings.into_iter().map(|setting| (setting.name.clone(), setting)));
+            parameter_set(
+                xml,
+                component.name,
+                settings.into_iter().map(|setting| (setting.name.clone(), setting)),
+            );
             xml.close();
             xml.close();
             xml.close();
@@ -210,7 +225,8 @@ impl System {
             return None;
         }
         let mut xml = Xml::new();
-        let full = |setting: &Setting| format!("{}.{}", self.components[setting.component].name, setting.name);
+        let full =
+            |setting: &Setting| format!("{}.{}", self.components[setting.component].name, setting.name);
         parameter_set(&mut xml, &self.name, self.settings.iter().map(|setting| (full(setting), setting)));
         Some(xml.finish())
     }
@@ -239,13 +255,16 @@ fn typed(variable: &Variable, text: &str) -> Result<(String, &'static str), Stri
     match &variable.kind {
         Kind::Real { min, max, .. } => {
             let (low, high) = (min.unwrap_or(f64::NEG_INFINITY), max.unwrap_or(f64::INFINITY));
-            let value = text.parse::<f64>().ok().filter(|value| value.is_finite() && (low..=high).contains(value));
+            let value =
+                text.parse::<f64>().ok().filter(|value| value.is_finite() && (low..=high).contains(value));
             value.map(|value| (value.to_string(), "ssv:Real")).ok_or(format!("a number in [{low}, {high}]"))
         }
         Kind::Integer { min, max, .. } => {
             let (low, high) = (min.unwrap_or(i32::MIN), max.unwrap_or(i32::MAX));
             let value = text.parse::<i32>().ok().filter(|value| (low..=high).contains(value));
-            value.map(|value| (value.to_string(), "ssv:Integer")).ok_or(format!("an integer in [{low}, {high}]"))
+            value
+                .map(|value| (value.to_string(), "ssv:Integer"))
+                .ok_or(format!("an integer in [{low}, {high}]"))
         }
         Kind::Boolean { .. } => match text {
             "true" | "false" => Ok((text.to_owned(), "ssv:Boolean")),
@@ -255,7 +274,9 @@ fn typed(variable: &Variable, text: &str) -> Result<(String, &'static str), Stri
         Kind::Enumeration { items, .. } => {
             let found = items.iter().find(|(value, name, _)| *name == text || value.to_string() == text);
             let names: Vec<_> = items.iter().map(|item| item.1).collect();
-            found.map(|item| (item.0.to_string(), "ssv:Integer")).ok_or(format!("one of {}", names.join(", ")))
+            found
+                .map(|item| (item.0.to_string(), "ssv:Integer"))
+                .ok_or(format!("one of {}", names.join(", ")))
         }
     }
 }

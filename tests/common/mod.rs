@@ -44,7 +44,10 @@ extern "C" fn take(
 ) {
     // SAFETY: what our logger passes: C strings, and the environment of `Host::with`.
     let (messages, [name, category, format, argument]) = unsafe {
-        (&*environment.cast::<Messages>(), [name, category, format, argument].map(|text| CStr::from_ptr(text)))
+        (
+            &*environment.cast::<Messages>(),
+            [name, category, format, argument].map(|text| CStr::from_ptr(text)),
+        )
     };
     assert_eq!(format, c"%s");
     let text = |text: &CStr| text.to_str().unwrap().to_owned();
@@ -97,8 +100,9 @@ impl Host {
         let callbacks = callbacks(&messages);
         let resources = resources.map_or(ptr::null(), CStr::as_ptr);
         // SAFETY: C strings and callbacks that live.
-        let component =
-            unsafe { fmi2Instantiate(name.as_ptr(), 1, guid().as_ptr(), resources, &raw const callbacks, 0, 0) };
+        let component = unsafe {
+            fmi2Instantiate(name.as_ptr(), 1, guid().as_ptr(), resources, &raw const callbacks, 0, 0)
+        };
         assert!(!component.is_null(), "{messages:?}");
         Self { component, messages }
     }
@@ -255,7 +259,16 @@ impl Host {
 
     /// Everything that can be seen of an initialised instance, bit by bit.
     pub fn fingerprint(&self) -> (Vec<u64>, Vec<i32>, String) {
-        let reals = [vr::STEER_CMD, vr::STEER, vr::TAU, vr::GAIN, vr::MAX_STEP, vr::START, vr::HISTORY, vr::HISTORY + 1];
+        let reals = [
+            vr::STEER_CMD,
+            vr::STEER,
+            vr::TAU,
+            vr::GAIN,
+            vr::MAX_STEP,
+            vr::START,
+            vr::HISTORY,
+            vr::HISTORY + 1,
+        ];
         let integers = [vr::STEPS, vr::METHOD_USED, vr::SUBSTEPS, vr::METHOD];
         let booleans = [vr::ENABLED, vr::MOVING, vr::LIMITED];
         let integers = integers.map(|vr| self.integer(vr)).into_iter();
