@@ -53,7 +53,7 @@ pub struct Fmu {
     /// The package whose dependencies are linked in.
     pub package: &'static str,
     /// Arguments of `cargo build` that choose its library.
-    pub selection: &'static [&'static str],
+    pub selection: Vec<&'static str>,
     /// What goes into `resources/`.
     pub resources: &'static [Resource],
 }
@@ -98,7 +98,7 @@ impl Fmu {
         let xml = describe(&self.declaration);
         self.check_description(options, &xml)?;
         progress("building the library");
-        let path = options.builder.build(&options.project, &options.profile, self.selection)?;
+        let path = options.builder.build(&options.project, &options.profile, &self.selection)?;
         progress("checking symbols and needs");
         let library = Library::check(&path)?;
         check_guid(&path, &xml)?;
