@@ -1,0 +1,407 @@
+#!/usr/bin/env python3
+"""Drives a car FMU with a controller FMU in fmpy: the co-simulation master to copy and change.
+
+    scripts/closed_loop.py --path road.csv --vehicle car.toml --duration 60 --log drive.csv
+
+Master algorithm, with a fixed communication step h and t_k = k h. Gauss-Seidel (default): the controller steps
+first, and the car gets its answer at the same communication point:
+
+    read the car's state x_k;  controller: inputs x_k, step t_k -> t_k + h, read u_k;  car: inputs u_k, step t_k -> t_k + h
+
+so the loop has no delay beyond the controller's sampling. Jacobi (`--jacobi`), what most tools do: both step on the
+other's outputs at t_k, so the car gets u_{k-1}, one communication step late.
+
+A row of the log is what is true at t_k: the car's state, and the command that holds from t_k to t_k + h.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import ctypes
+import sys
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import fmpy
+import fmpy.fmi2
+import fmpy.logging
+import numpy as np
+
+FMUS = Path(__file__).resolve().parent.parent / "target" / "fmu"
+STEP = 0.02  # s, the controller's sampling time
+LIMIT = 1800.0  # s, a drive that has not finished by then is given up
+
+
+class Unit:
+    """One instance of a co-simulation FMU, with reads and writes of many reals in one call.
+
+    fmpy's getReal builds its arrays anew at each call; here they are made once. What the FMU logs is kept in
+    `messages` as (status, category, text).
+    """
+
+    def __init__(self, file: Path, name: str, resources: Path | None = None) -> None:
+        if not Path(file).is_file():
+            raise FileNotFoundError(f"no FMU at {file}: build it with 'cargo run --release -p fmu-build'")
+        self.description = fmpy.read_model_description(str(file))
+        self.variables = {v.name: v for v in self.description.modelVariables}
+        self.messages: list[tuple[int, str, str]] = []
+        self._folder = resources is None and fmpy.extract(str(file))
+        self.fmu = fmpy.fmi2.FMU2Slave(
+            guid=self.description.guid,
+            unzipDirectory=str(resources or self._folder),
+            modelIdentifier=self.description.coSimulation.modelIdentifier,
+            instanceName=name,
+        )
+        self.fmu.instantiate(callbacks=self._callbacks())
+        self._step = self.fmu.dll.fmi2DoStep
+        self._component = ctypes.c_void_p(self.fmu.component)
+
+    def _callbacks(self) -> fmpy.fmi2.fmi2CallbackFunctions:
+        def logger(_environment, _instance, status, category, message):
+            texts = (text.decode("utf-8", "replace") if text else "" for text in (category, message))
+            self.messages.append((status, *texts))
+
+        callbacks = fmpy.fmi2.fmi2CallbackFunctions()
+        callbacks.logger = fmpy.fmi2.fmi2CallbackLoggerTYPE(logger)
+        callbacks.allocateMemory = fmpy.fmi2.fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
+        callbacks.freeMemory = fmpy.fmi2.fmi2CallbackFreeMemoryTYPE(fmpy.free)
+        fmpy.logging.addLoggerProxy(ctypes.byref(callbacks))  # expands printf-style messages
+        return callbacks
+
+    def names(self, causality: str, kind: str | None = None) -> list[str]:
+        """Names of the variables of a causality, in the description's order."""
+        return [n for n, v in self.variables.items() if v.causality == causality and kind in (None, v.type)]
+
+    def set(self, name: str, value: float | int | bool | str) -> None:
+        """Sets one variable of any type; text is converted to the variable's type."""
+        if name not in self.variables:
+            near = [n for n in self.names("parameter") if name.split(".")[-1] in n]
+            hint = f"; there is {', '.join(near)}" if near else ""
+            raise KeyError(f"{self.description.modelName} has no variable '{name}'{hint}")
+        variable = self.variables[name]
+        kind = "Integer" if variable.type == "Enumeration" else variable.type
+        if kind == "Boolean" and isinstance(value, str):
+            value = value.lower() in ("1", "true", "yes", "on")
+        convert = {"Real": float, "Integer": int, "Boolean": bool, "String": str}[kind]
+        self._checked(
+            lambda: getattr(self.fmu, f"set{kind}")([variable.valueReference], [convert(value)]), name
+        )
+
+    def get(self, name: str) -> float | int | bool | str:
+        """Reads one variable of any type."""
+        variable = self.variables[name]
+        kind = "Integer" if variable.type == "Enumeration" else variable.type
+        value = getattr(self.fmu, f"get{kind}")([variable.valueReference])[0]
+        return bool(value) if kind == "Boolean" else value.decode() if kind == "String" else value
+
+    def initialize(self, start_time: float = 0.0) -> None:
+        """From instantiated to ready for the first step."""
+        for call in (
+            lambda: self.fmu.setupExperiment(startTime=start_time),
+            self.fmu.enterInitializationMode,
+            self.fmu.exitInitializationMode,
+        ):
+            self._checked(call, "initialisation")
+
+    def reader(self, names: list[str]):
+        """A function that reads these variables (reals, integers, booleans) into one array of floats."""
+        values = np.zeros(len(names))
+        parts = []
+        for kind, c_type in (("Real", ctypes.c_double), ("Integer", ctypes.c_int), ("Boolean", ctypes.c_int)):
+            kinds = (kind, "Enumeration") if kind == "Integer" else (kind,)
+            where = [i for i, name in enumerate(names) if self.variables[name].type in kinds]
+            if where:
+                function = getattr(self.fmu.dll, f"fmi2Get{kind}")
+                references, buffer = self._arrays([names[i] for i in where], c_type)
+                parts.append((function, references, len(where), buffer, where))
+
+        def read() -> np.ndarray:
+            for function, references, count, buffer, where in parts:
+                self._check(function(self._component, references, count, buffer), "reading")
+                values[where] = buffer
+            return values
+
+        return read
+
+    def writer(self, names: list[str]):
+        """A function that sets these real variables from an array."""
+        references, buffer = self._arrays(names, ctypes.c_double)
+        function, count = self.fmu.dll.fmi2SetReal, len(names)
+
+        def write(values) -> None:
+            buffer[:] = values
+            self._check(function(self._component, references, count, buffer), "setting inputs")
+
+        return write
+
+    def step(self, at: float, length: float) -> None:
+        """Advances from time `at` by `length`."""
+        self._check(self._step(self._component, at, length, 1), f"the step at t = {at:.3f} s")
+
+    def close(self) -> None:
+        """Frees the instance and what was unpacked."""
+        self.fmu.freeInstance()
+        if self._folder:
+            import shutil
+
+            shutil.rmtree(self._folder, ignore_errors=True)
+
+    def _arrays(self, names: list[str], c_type):
+        references = [self.variables[name].valueReference for name in names]
+        return (ctypes.c_uint * len(names))(*references), (c_type * len(names))()
+
+    def _checked(self, call, what: str) -> None:
+        try:
+            call()
+        except fmpy.fmi2.FMICallException if hasattr(fmpy.fmi2, "FMICallException") else Exception as error:
+            raise RuntimeError(self._explain(what, getattr(error, "status", None))) from error
+
+    def _check(self, status: int, what: str) -> None:
+        if status > 1:  # fmi2OK = 0, fmi2Warning = 1
+            raise RuntimeError(self._explain(what, status))
+
+    def _explain(self, what: str, status: int | None) -> str:
+        said = "; ".join(text for level, _, text in self.messages[-3:] if level > 1)
+        names = {2: "fmi2Discard", 3: "fmi2Error", 4: "fmi2Fatal"}
+        return f"{self.description.modelName}: {what} failed ({names.get(status, status)}): {said or 'no message'}"
+
+
+@dataclass
+class Drive:
+    """What a drive gave: its columns by name, and how long it took."""
+
+    columns: dict[str, np.ndarray]
+    step: float  # s, communication step
+    wall: float  # s, duration of the loop on the clock
+    finished: bool  # the end of the path was reached, or one lap of a closed one
+    messages: list[str] = field(default_factory=list)
+
+    def write_csv(self, file: Path) -> None:
+        """Writes a drive log; numbers keep all their digits."""
+        with open(file, "w", newline="", encoding="utf-8") as out:
+            writer = csv.writer(out, lineterminator="\n")
+            writer.writerow(self.columns)
+            writer.writerows(zip(*(map(repr, column.tolist()) for column in self.columns.values())))
+
+
+def read_path(file: Path) -> dict[str, np.ndarray]:
+    """The columns of a path file by name; `x_m` counts as `x` (format of racetrack-database)."""
+    with open(file, encoding="utf-8") as lines:
+        header = lines.readline().lstrip("#").strip().split(",")
+    names = [name.strip().removesuffix("_m").removesuffix("_mps") for name in header]
+    table = np.loadtxt(file, delimiter=",", skiprows=1, ndmin=2)
+    if not {"x", "y"} <= set(names) or len(table) < 2:
+        raise ValueError(
+            f"{file}: a path needs a header with x and y, and two points at least; it has {names}"
+        )
+    return dict(zip(names, table.T))
+
+
+def start_pose(file: Path) -> dict[str, float]:
+    """Where a car starts on a road: at its first point, along it."""
+    path = read_path(file)
+    x, y = path["x"], path["y"]
+    yaw = path["yaw"][0] if "yaw" in path else np.arctan2(y[1] - y[0], x[1] - x[0])
+    return {"initial.x": float(x[0]), "initial.y": float(y[0]), "initial.yaw": float(yaw)}
+
+
+def columns_of(unit: Unit) -> list[str]:
+    """The outputs that a log holds: signals of the vocabulary, without details such as `predicted.e1[3]`."""
+    keep = ("qp.iterations",)
+    kinds = ("Real", "Integer", "Enumeration", "Boolean")
+    return [
+        name
+        for name in unit.names("output")
+        if (name in keep or not set(name) & set(".[")) and unit.variables[name].type in kinds
+    ]
+
+
+def drive(
+    path: Path | None = None,
+    vehicle: Path | None = None,
+    *,
+    duration: float | None = None,
+    step: float = STEP,
+    jacobi: bool = False,
+    settings: dict[str, object] | None = None,
+    controller_fmu: Path = FMUS / "RflMpc.fmu",
+    car_fmu: Path = FMUS / "PassengerCar.fmu",
+    progress=lambda done, row: None,
+) -> Drive:
+    """Drives along `path` until it is finished, or for `duration` seconds.
+
+    Without `path` and `vehicle` the FMUs take those that they carry. `settings` are parameters by name, for whichever
+    FMU has them (`car.NAME` or `controller.NAME` for one only). `progress(time, values by name)` is called at times.
+    """
+    controller = Unit(controller_fmu, "controller")
+    car = Unit(car_fmu, "car")
+    units = {"controller": controller, "car": car}
+    parameters: dict[str, object] = {}
+    if path is not None:
+        parameters |= {
+            "controller.path_file": str(Path(path).resolve()),
+            "car.road_file": str(Path(path).resolve()),
+        }
+        parameters |= {f"car.{name}": value for name, value in start_pose(path).items()}
+    if vehicle is not None:
+        parameters |= {"vehicle_file": str(Path(vehicle).resolve())}
+    try:
+        for name, value in (parameters | (settings or {})).items():
+            unit, _, rest = name.partition(".")
+            targets = [units[unit]] if unit in units else [u for u in units.values() if name in u.variables]
+            for target in targets or units.values():
+                target.set(rest if unit in units else name, value)
+        for unit in units.values():
+            unit.initialize()
+        return _loop(controller, car, duration, step, jacobi, progress)
+    finally:
+        for unit in units.values():
+            unit.close()
+
+
+def _loop(controller: Unit, car: Unit, duration, step: float, jacobi: bool, progress) -> Drive:
+    car_names, controller_names = columns_of(car), columns_of(controller)
+    to_controller = [name for name in controller.names("input") if name in car_names]
+    to_car = [name for name in car.names("input") if name in controller_names]
+    names = ["time", *to_car, *car_names, *(n for n in controller_names if n not in to_car)]
+
+    read_car, read_controller = car.reader(car_names), controller.reader(controller_names)
+    write_car, write_controller = car.writer(to_car), controller.writer(to_controller)
+    state_of = [car_names.index(name) for name in to_controller]
+    command_of = [controller_names.index(name) for name in to_car]
+    others = [i for i in range(len(controller_names)) if i not in command_of]
+    finished_at = controller_names.index("finished") if "finished" in controller_names else None
+
+    count = int(round((LIMIT if duration is None else duration) / step))
+    rows = np.empty((count + 1, len(names)))
+    finished = False
+    tenth = max(1, round(0.5 / step))
+    begin = time.perf_counter()
+    for k in range(count + 1):
+        now = k * step
+        state = read_car()
+        answer = read_controller()
+        if jacobi:
+            write_controller(state[state_of])
+        else:
+            write_controller(state[state_of])
+            controller.step(now, step)
+            answer = read_controller()
+        command = answer[command_of]
+        row = rows[k]
+        row[0] = now
+        row[1 : 1 + len(to_car)] = command
+        row[1 + len(to_car) : 1 + len(to_car) + len(car_names)] = state
+        row[1 + len(to_car) + len(car_names) :] = answer[others]
+        finished = finished_at is not None and answer[finished_at] != 0.0
+        if k % tenth == 0:
+            progress(now, dict(zip(names, row)))
+        if finished or k == count:
+            break
+        write_car(command)
+        if jacobi:
+            controller.step(now, step)
+        car.step(now, step)
+    wall = time.perf_counter() - begin
+    messages = [
+        f"{unit.fmu.instanceName}: {text}" for unit in (controller, car) for _, _, text in unit.messages
+    ]
+    return Drive(dict(zip(names, rows[: k + 1].T.copy())), step, wall, finished, messages)
+
+
+class Progress:
+    """A bar on a terminal, a line per quarter elsewhere; the share done is of the path, or of the duration."""
+
+    def __init__(self, title: str, length: float | None, duration: float | None) -> None:
+        self.title, self.length, self.duration = title, length, duration
+        self.live = sys.stderr.isatty()
+        self.told = 0
+
+    def __call__(self, now: float, row: dict[str, float]) -> None:
+        shares = [now / self.duration] if self.duration else []
+        if self.length:
+            shares.append(row.get("station", 0.0) / self.length)
+        share = min(1.0, max(shares, default=0.0))
+        if self.live:
+            bar = "#" * round(30 * share)
+            text = f"{self.title:<18} [{bar:<30}] {100 * share:3.0f} %  t {now:6.1f} s  e1 {row.get('e1', 0.0):+.3f} m"
+            print(f"\r{text}", end="", file=sys.stderr, flush=True)
+        elif share >= (self.told + 1) / 4:
+            self.told = int(4 * share)
+            print(f"{self.title}: {25 * self.told} %", file=sys.stderr, flush=True)
+
+    def close(self) -> None:
+        """Clears the bar."""
+        if self.live:
+            print("\r" + " " * 100 + "\r", end="", file=sys.stderr, flush=True)
+
+
+def path_length(file: Path) -> float:
+    """Length of a path's polygon, in metres; for progress only."""
+    path = read_path(file)
+    return float(np.hypot(np.diff(path["x"]), np.diff(path["y"])).sum())
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--path", type=Path, help="road to drive, a CSV with x and y (default: the controller's own)"
+    )
+    parser.add_argument("--vehicle", type=Path, help="car to drive, a TOML file (default: the FMUs' own)")
+    parser.add_argument(
+        "--duration", type=float, help="seconds to drive (default: until the road is finished)"
+    )
+    parser.add_argument(
+        "--step", type=float, default=STEP, help="communication step in seconds (default: %(default)s)"
+    )
+    parser.add_argument("--log", type=Path, help="file for the drive log, a CSV")
+    parser.add_argument(
+        "--jacobi", action="store_true", help="one step of delay, as most tools' masters have"
+    )
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="NAME=VALUE", help="a parameter; repeatable"
+    )
+    parser.add_argument("--fmus", type=Path, default=FMUS, help="folder of the FMUs (default: %(default)s)")
+    options = parser.parse_args()
+    if bad := [text for text in options.set if "=" not in text]:
+        parser.error(f"--set wants NAME=VALUE, not '{bad[0]}'")
+
+    length = path_length(options.path) if options.path else None
+    progress = Progress(options.path.stem if options.path else "drive", length, options.duration)
+    try:
+        result = drive(
+            options.path,
+            options.vehicle,
+            duration=options.duration,
+            step=options.step,
+            jacobi=options.jacobi,
+            settings=dict(text.split("=", 1) for text in options.set),
+            controller_fmu=options.fmus / "RflMpc.fmu",
+            car_fmu=options.fmus / "PassengerCar.fmu",
+            progress=progress,
+        )
+    except (RuntimeError, KeyError, ValueError, OSError) as error:
+        progress.close()
+        print(f"closed_loop: {error.args[0] if isinstance(error, KeyError) else error}", file=sys.stderr)
+        return 1
+    progress.close()
+    for message in result.messages:
+        print(message, file=sys.stderr)
+    if options.log:
+        options.log.parent.mkdir(parents=True, exist_ok=True)
+        result.write_csv(options.log)
+    e1 = np.abs(result.columns["e1"])
+    end = "road finished" if result.finished else "stopped before the road's end"
+    print(
+        f"{result.columns['time'][-1]:.2f} s driven in {result.wall:.2f} s, {end}; "
+        f"lateral error: mean {e1.mean():.4f} m, max {e1.max():.4f} m"
+    )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
