@@ -6,7 +6,9 @@
 Master algorithm, with a fixed communication step h and t_k = k h. Gauss-Seidel (default): the controller steps
 first, and the car gets its answer at the same communication point:
 
-    read the car's state x_k;  controller: inputs x_k, step t_k -> t_k + h, read u_k;  car: inputs u_k, step t_k -> t_k + h
+    read the car's state x_k
+    controller: set x_k, step from t_k to t_k + h, read the command u_k
+    car:        set u_k, step from t_k to t_k + h
 
 so the loop has no delay beyond the controller's sampling. Jacobi (`--jacobi`), what most tools do: both step on the
 other's outputs at t_k, so the car gets u_{k-1}, one communication step late.
@@ -21,6 +23,7 @@ import csv
 import ctypes
 import sys
 import time
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -28,6 +31,7 @@ import fmpy
 import fmpy.fmi2
 import fmpy.logging
 import numpy as np
+from fmpy.fmi1 import FMICallException
 
 FMUS = Path(__file__).resolve().parent.parent / "target" / "fmu"
 STEP = 0.02  # s, the controller's sampling time
@@ -78,16 +82,14 @@ class Unit:
         """Sets one variable of any type; text is converted to the variable's type."""
         if name not in self.variables:
             near = [n for n in self.names("parameter") if name.split(".")[-1] in n]
-            hint = f"; there is {', '.join(near)}" if near else ""
+            hint = f"; there is {', '.join(near[:5])}" if near else ""
             raise KeyError(f"{self.description.modelName} has no variable '{name}'{hint}")
         variable = self.variables[name]
         kind = "Integer" if variable.type == "Enumeration" else variable.type
         if kind == "Boolean" and isinstance(value, str):
             value = value.lower() in ("1", "true", "yes", "on")
         convert = {"Real": float, "Integer": int, "Boolean": bool, "String": str}[kind]
-        self._checked(
-            lambda: getattr(self.fmu, f"set{kind}")([variable.valueReference], [convert(value)]), name
-        )
+        self._checked(lambda: getattr(self.fmu, f"set{kind}")([variable.valueReference], [convert(value)]), name)
 
     def get(self, name: str) -> float | int | bool | str:
         """Reads one variable of any type."""
@@ -155,8 +157,8 @@ class Unit:
     def _checked(self, call, what: str) -> None:
         try:
             call()
-        except fmpy.fmi2.FMICallException if hasattr(fmpy.fmi2, "FMICallException") else Exception as error:
-            raise RuntimeError(self._explain(what, getattr(error, "status", None))) from error
+        except FMICallException as error:
+            raise RuntimeError(self._explain(what, error.status)) from error
 
     def _check(self, status: int, what: str) -> None:
         if status > 1:  # fmi2OK = 0, fmi2Warning = 1
@@ -186,27 +188,6 @@ class Drive:
             writer.writerows(zip(*(map(repr, column.tolist()) for column in self.columns.values())))
 
 
-def read_path(file: Path) -> dict[str, np.ndarray]:
-    """The columns of a path file by name; `x_m` counts as `x` (format of racetrack-database)."""
-    with open(file, encoding="utf-8") as lines:
-        header = lines.readline().lstrip("#").strip().split(",")
-    names = [name.strip().removesuffix("_m").removesuffix("_mps") for name in header]
-    table = np.loadtxt(file, delimiter=",", skiprows=1, ndmin=2)
-    if not {"x", "y"} <= set(names) or len(table) < 2:
-        raise ValueError(
-            f"{file}: a path needs a header with x and y, and two points at least; it has {names}"
-        )
-    return dict(zip(names, table.T))
-
-
-def start_pose(file: Path) -> dict[str, float]:
-    """Where a car starts on a road: at its first point, along it."""
-    path = read_path(file)
-    x, y = path["x"], path["y"]
-    yaw = path["yaw"][0] if "yaw" in path else np.arctan2(y[1] - y[0], x[1] - x[0])
-    return {"initial.x": float(x[0]), "initial.y": float(y[0]), "initial.yaw": float(yaw)}
-
-
 def columns_of(unit: Unit) -> list[str]:
     """The outputs that a log holds: signals of the vocabulary, without details such as `predicted.e1[3]`."""
     keep = ("qp.iterations",)
@@ -219,8 +200,8 @@ def columns_of(unit: Unit) -> list[str]:
 
 
 def drive(
-    path: Path | None = None,
-    vehicle: Path | None = None,
+    path: Path | str | None = None,
+    vehicle: Path | str | None = None,
     *,
     duration: float | None = None,
     step: float = STEP,
@@ -228,109 +209,99 @@ def drive(
     settings: dict[str, object] | None = None,
     controller_fmu: Path = FMUS / "RflMpc.fmu",
     car_fmu: Path = FMUS / "PassengerCar.fmu",
-    progress=lambda done, row: None,
+    progress=lambda share, row: None,
 ) -> Drive:
-    """Drives along `path` until it is finished, or for `duration` seconds.
+    """Drives along `path` until it is finished, or for `duration` seconds, from the start that the controller names.
 
-    Without `path` and `vehicle` the FMUs take those that they carry. `settings` are parameters by name, for whichever
-    FMU has them (`car.NAME` or `controller.NAME` for one only). `progress(time, values by name)` is called at times.
+    Without `path` and `vehicle` the FMUs take those that they carry; `vehicle` may be a built-in name, too.
+    `settings` are parameters by name, for each FMU that has them (`car.NAME`, `controller.NAME`: for one only).
+    `progress(share of the drive, row of the log by names)` is called twice in a simulated second.
     """
-    controller = Unit(controller_fmu, "controller")
-    car = Unit(car_fmu, "car")
-    units = {"controller": controller, "car": car}
-    parameters: dict[str, object] = {}
-    if path is not None:
-        parameters |= {
-            "controller.path_file": str(Path(path).resolve()),
-            "car.road_file": str(Path(path).resolve()),
-        }
-        parameters |= {f"car.{name}": value for name, value in start_pose(path).items()}
-    if vehicle is not None:
-        parameters |= {"vehicle_file": str(Path(vehicle).resolve())}
-    try:
+    with ExitStack() as stack:
+        controller = stack.enter_context(closing(Unit(controller_fmu, "controller")))
+        car = stack.enter_context(closing(Unit(car_fmu, "car")))
+        units = {"controller": controller, "car": car}
+        parameters: dict[str, object] = {}
+        if path is not None:
+            parameters |= dict.fromkeys(("controller.path_file", "car.road_file"), str(Path(path).resolve()))
+        if vehicle is not None:
+            parameters["vehicle_file"] = str(Path(vehicle).resolve() if Path(vehicle).is_file() else vehicle)
+        given = []
         for name, value in (parameters | (settings or {})).items():
             unit, _, rest = name.partition(".")
-            targets = [units[unit]] if unit in units else [u for u in units.values() if name in u.variables]
-            for target in targets or units.values():
-                target.set(rest if unit in units else name, value)
-        for unit in units.values():
-            unit.initialize()
+            targets, name = ([units[unit]], rest) if unit in units else (units.values(), name)
+            for target in [t for t in targets if name in t.variables] or targets:
+                target.set(name, value)
+            given.append(name)
+
+        controller.initialize()
+        for name, start in {"x": "x", "y": "y", "yaw": "yaw", "vx": "speed"}.items():
+            if f"initial.{name}" not in given:
+                car.set(f"initial.{name}", controller.get(f"start.{start}"))
+        car.initialize()
         return _loop(controller, car, duration, step, jacobi, progress)
-    finally:
-        for unit in units.values():
-            unit.close()
 
 
-def _loop(controller: Unit, car: Unit, duration, step: float, jacobi: bool, progress) -> Drive:
+def _loop(controller: Unit, car: Unit, duration: float | None, step: float, jacobi: bool, progress) -> Drive:
     car_names, controller_names = columns_of(car), columns_of(controller)
     to_controller = [name for name in controller.names("input") if name in car_names]
     to_car = [name for name in car.names("input") if name in controller_names]
-    names = ["time", *to_car, *car_names, *(n for n in controller_names if n not in to_car)]
+    answers = to_car + [name for name in controller_names if name not in to_car]
+    names = ["time", *to_car, *car_names, *answers[len(to_car) :]]
 
-    read_car, read_controller = car.reader(car_names), controller.reader(controller_names)
+    read_car, read_controller = car.reader(car_names), controller.reader(answers)
     write_car, write_controller = car.writer(to_car), controller.writer(to_controller)
-    state_of = [car_names.index(name) for name in to_controller]
-    command_of = [controller_names.index(name) for name in to_car]
-    others = [i for i in range(len(controller_names)) if i not in command_of]
-    finished_at = controller_names.index("finished") if "finished" in controller_names else None
+    measured = [car_names.index(name) for name in to_controller]
+    commands = len(to_car)
+    finished_at, station_at = answers.index("finished"), answers.index("station")
+    length = controller.get("path.length")
 
-    count = int(round((LIMIT if duration is None else duration) / step))
+    count = round((LIMIT if duration is None else duration) / step)
     rows = np.empty((count + 1, len(names)))
-    finished = False
-    tenth = max(1, round(0.5 / step))
+    every = max(1, round(0.5 / step))
     begin = time.perf_counter()
     for k in range(count + 1):
         now = k * step
         state = read_car()
-        answer = read_controller()
-        if jacobi:
-            write_controller(state[state_of])
-        else:
-            write_controller(state[state_of])
+        answer = read_controller() if jacobi else None
+        write_controller(state[measured])
+        if not jacobi:
             controller.step(now, step)
             answer = read_controller()
-        command = answer[command_of]
-        row = rows[k]
-        row[0] = now
-        row[1 : 1 + len(to_car)] = command
-        row[1 + len(to_car) : 1 + len(to_car) + len(car_names)] = state
-        row[1 + len(to_car) + len(car_names) :] = answer[others]
-        finished = finished_at is not None and answer[finished_at] != 0.0
-        if k % tenth == 0:
-            progress(now, dict(zip(names, row)))
-        if finished or k == count:
+        rows[k, 0] = now
+        rows[k, 1 : commands + 1] = answer[:commands]
+        rows[k, commands + 1 : -len(answer) + commands] = state
+        rows[k, -len(answer) + commands :] = answer[commands:]
+        if k % every == 0:
+            progress(max(now / duration if duration else 0.0, answer[station_at] / length), dict(zip(names, rows[k])))
+        if answer[finished_at] or k == count:
             break
-        write_car(command)
+        write_car(answer[:commands])
         if jacobi:
             controller.step(now, step)
         car.step(now, step)
     wall = time.perf_counter() - begin
-    messages = [
-        f"{unit.fmu.instanceName}: {text}" for unit in (controller, car) for _, _, text in unit.messages
-    ]
-    return Drive(dict(zip(names, rows[: k + 1].T.copy())), step, wall, finished, messages)
+    messages = [f"{unit.fmu.instanceName}: {text}" for unit in (controller, car) for _, _, text in unit.messages]
+    return Drive(dict(zip(names, rows[: k + 1].T.copy())), step, wall, bool(answer[finished_at]), messages)
 
 
 class Progress:
-    """A bar on a terminal, a line per quarter elsewhere; the share done is of the path, or of the duration."""
+    """A bar on a terminal, a line per quarter elsewhere."""
 
-    def __init__(self, title: str, length: float | None, duration: float | None) -> None:
-        self.title, self.length, self.duration = title, length, duration
+    def __init__(self, title: str) -> None:
+        self.title = title
         self.live = sys.stderr.isatty()
-        self.told = 0
+        self.quarters = 0
 
-    def __call__(self, now: float, row: dict[str, float]) -> None:
-        shares = [now / self.duration] if self.duration else []
-        if self.length:
-            shares.append(row.get("station", 0.0) / self.length)
-        share = min(1.0, max(shares, default=0.0))
+    def __call__(self, share: float, row: dict[str, float]) -> None:
+        share = min(1.0, max(0.0, share))
         if self.live:
-            bar = "#" * round(30 * share)
-            text = f"{self.title:<18} [{bar:<30}] {100 * share:3.0f} %  t {now:6.1f} s  e1 {row.get('e1', 0.0):+.3f} m"
+            bar = f"[{'#' * round(30 * share):<30}] {100 * share:3.0f} %"
+            text = f"{self.title:<18} {bar}  t {row['time']:6.1f} s  e1 {row['e1']:+.3f} m"
             print(f"\r{text}", end="", file=sys.stderr, flush=True)
-        elif share >= (self.told + 1) / 4:
-            self.told = int(4 * share)
-            print(f"{self.title}: {25 * self.told} %", file=sys.stderr, flush=True)
+        elif share >= (self.quarters + 1) / 4:
+            self.quarters = int(4 * share)
+            print(f"{self.title}: {25 * self.quarters} %", file=sys.stderr, flush=True)
 
     def close(self) -> None:
         """Clears the bar."""
@@ -338,40 +309,21 @@ class Progress:
             print("\r" + " " * 100 + "\r", end="", file=sys.stderr, flush=True)
 
 
-def path_length(file: Path) -> float:
-    """Length of a path's polygon, in metres; for progress only."""
-    path = read_path(file)
-    return float(np.hypot(np.diff(path["x"]), np.diff(path["y"])).sum())
-
-
 def main() -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument(
-        "--path", type=Path, help="road to drive, a CSV with x and y (default: the controller's own)"
-    )
-    parser.add_argument("--vehicle", type=Path, help="car to drive, a TOML file (default: the FMUs' own)")
-    parser.add_argument(
-        "--duration", type=float, help="seconds to drive (default: until the road is finished)"
-    )
-    parser.add_argument(
-        "--step", type=float, default=STEP, help="communication step in seconds (default: %(default)s)"
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--path", type=Path, help="road to drive, a CSV with x and y (default: the FMUs' own)")
+    parser.add_argument("--vehicle", help="car to drive, a TOML file or a built-in name (default: the FMUs' own)")
+    parser.add_argument("--duration", type=float, help="seconds to drive (default: until the road is finished)")
+    parser.add_argument("--step", type=float, default=STEP, help="communication step in seconds (default: %(default)s)")
     parser.add_argument("--log", type=Path, help="file for the drive log, a CSV")
-    parser.add_argument(
-        "--jacobi", action="store_true", help="one step of delay, as most tools' masters have"
-    )
-    parser.add_argument(
-        "--set", action="append", default=[], metavar="NAME=VALUE", help="a parameter; repeatable"
-    )
+    parser.add_argument("--jacobi", action="store_true", help="one step of delay, as most tools' masters have")
+    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="a parameter; repeatable")
     parser.add_argument("--fmus", type=Path, default=FMUS, help="folder of the FMUs (default: %(default)s)")
     options = parser.parse_args()
     if bad := [text for text in options.set if "=" not in text]:
         parser.error(f"--set wants NAME=VALUE, not '{bad[0]}'")
 
-    length = path_length(options.path) if options.path else None
-    progress = Progress(options.path.stem if options.path else "drive", length, options.duration)
+    progress = Progress(options.path.stem if options.path else "drive")
     try:
         result = drive(
             options.path,

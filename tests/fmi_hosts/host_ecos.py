@@ -24,9 +24,7 @@ def main() -> None:
             structure.add_model(name, file)
         for source, sink, name in loop.wires:
             structure.make_real_connection(f"{source}::{name}", f"{sink}::{name}")
-        values = {
-            f"{unit}::{name}": v for unit, of_unit in loop.parameters.items() for name, v in of_unit.items()
-        }
+        values = {f"{unit}::{name}": v for unit, of_unit in loop.parameters.items() for name, v in of_unit.items()}
         if values:
             parameter_set = "test"
             structure.add_parameter_set(parameter_set, values)

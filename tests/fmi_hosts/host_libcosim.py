@@ -37,9 +37,7 @@ def main() -> None:
         for name, value in values.items():
             kind = "string" if isinstance(value, str) else "real"
             set_initial = getattr(execution, f"{kind}_initial_value")
-            assert set_initial(index[unit], loop.references[unit][name], value), (
-                f"libcosim cannot set {unit}.{name}"
-            )
+            assert set_initial(index[unit], loop.references[unit][name], value), f"libcosim cannot set {unit}.{name}"
 
     observer = CosimObserver.create_last_value()
     execution.add_observer(observer)

@@ -35,9 +35,7 @@ def options(doc: str) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=doc)
     parser.add_argument("--fmus", type=Path, required=True)
     parser.add_argument("--ssp", type=Path, help="run this system instead of wiring the two FMUs here")
-    parser.add_argument(
-        "--parameters", default="{}", help='JSON: {"car": {name: value}, "controller": {...}}'
-    )
+    parser.add_argument("--parameters", default="{}", help='JSON: {"car": {name: value}, "controller": {...}}')
     parser.add_argument("--step", type=float, default=0.02)
     parser.add_argument("--steps", type=int, required=True)
     parser.add_argument("--out", type=Path, required=True, help="JSON of columns, one row after each step")
