@@ -227,9 +227,9 @@ def drive(
         if vehicle is not None:
             parameters["vehicle_file"] = str(Path(vehicle).resolve() if Path(vehicle).is_file() else vehicle)
         given = []
-        for name, value in (parameters | (settings or {})).items():
-            unit, _, rest = name.partition(".")
-            targets, name = ([units[unit]], rest) if unit in units else (units.values(), name)
+        for key, value in (parameters | (settings or {})).items():
+            unit, _, rest = key.partition(".")
+            targets, name = ([units[unit]], rest) if unit in units else (list(units.values()), key)
             for target in [t for t in targets if name in t.variables] or targets:
                 target.set(name, value)
             given.append(name)

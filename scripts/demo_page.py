@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import html
 import json
+from itertools import pairwise
 
 import numpy as np
 from plotly.offline import get_plotlyjs
@@ -19,7 +20,7 @@ def thin(drive, count: int = POINTS) -> np.ndarray:
     """Rows to draw: of each stretch of time the one with the largest lateral error, so that no peak is lost."""
     e1 = np.abs(drive.columns["e1"])
     edges = np.unique(np.linspace(0, len(e1), min(count, len(e1)) + 1).astype(int))
-    return np.array([a + int(np.argmax(e1[a:b])) for a, b in zip(edges[:-1], edges[1:])])
+    return np.array([a + int(np.argmax(e1[a:b])) for a, b in pairwise(edges)])
 
 
 def worst_between(values: np.ndarray, rows: np.ndarray) -> np.ndarray:
@@ -154,7 +155,7 @@ function draw(index, theme) {
   const plain = { paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", font, hoverlabel,
     modebar: { bgcolor: "rgba(0,0,0,0)", color: theme.faint, activecolor: theme.ink } };
   const options = { displaylogo: false, responsive: true,
-    modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"] };
+    modeBarButtons: [["toImage", "zoom2d", "pan2d", "resetScale2d"]] };
   const size = route.e1.map(Math.abs);
 
   Plotly.react("map" + index, [
