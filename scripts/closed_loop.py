@@ -25,6 +25,7 @@ import sys
 import time
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from pathlib import Path
 
 import fmpy
@@ -47,7 +48,7 @@ class Unit:
 
     def __init__(self, file: Path, name: str, resources: Path | None = None) -> None:
         if not Path(file).is_file():
-            raise FileNotFoundError(f"no FMU at {file}: build it with 'cargo run --release -p fmu-build'")
+            raise FileNotFoundError(f"no FMU at {file}: build it with scripts/build-fmus")
         self.description = fmpy.read_model_description(str(file))
         self.variables = {v.name: v for v in self.description.modelVariables}
         self.messages: list[tuple[int, str, str]] = []
@@ -80,16 +81,15 @@ class Unit:
 
     def set(self, name: str, value: float | int | bool | str) -> None:
         """Sets one variable of any type; text is converted to the variable's type."""
-        if name not in self.variables:
-            near = [n for n in self.names("parameter") if name.split(".")[-1] in n]
-            hint = f"; there is {', '.join(near[:5])}" if near else ""
-            raise KeyError(f"{self.description.modelName} has no variable '{name}'{hint}")
         variable = self.variables[name]
         kind = "Integer" if variable.type == "Enumeration" else variable.type
         if kind == "Boolean" and isinstance(value, str):
             value = value.lower() in ("1", "true", "yes", "on")
-        convert = {"Real": float, "Integer": int, "Boolean": bool, "String": str}[kind]
-        self._checked(lambda: getattr(self.fmu, f"set{kind}")([variable.valueReference], [convert(value)]), name)
+        try:
+            value = {"Real": float, "Integer": int, "Boolean": bool, "String": str}[kind](value)
+        except ValueError as error:
+            raise ValueError(f"{name} is a {kind.lower()}: '{value}' cannot be set") from error
+        self._checked(lambda: getattr(self.fmu, f"set{kind}")([variable.valueReference], [value]), f"setting {name}")
 
     def get(self, name: str) -> float | int | bool | str:
         """Reads one variable of any type."""
@@ -230,8 +230,12 @@ def drive(
         for key, value in (parameters | (settings or {})).items():
             unit, _, rest = key.partition(".")
             targets, name = ([units[unit]], rest) if unit in units else (list(units.values()), key)
-            for target in [t for t in targets if name in t.variables] or targets:
-                target.set(name, value)
+            owners = [target for target in targets if name in target.variables]
+            if not owners:
+                near = get_close_matches(name, [n for t in targets for n in t.names("parameter")], cutoff=0.5)
+                raise ValueError(f"no variable '{key}'" + (f"; there is {', '.join(near)}" if near else ""))
+            for owner in owners:
+                owner.set(name, value)
             given.append(name)
 
         controller.initialize()
@@ -256,11 +260,11 @@ def _loop(controller: Unit, car: Unit, duration: float | None, step: float, jaco
     finished_at, station_at = answers.index("finished"), answers.index("station")
     length = controller.get("path.length")
 
-    count = round((LIMIT if duration is None else duration) / step)
-    rows = np.empty((count + 1, len(names)))
+    count = max(1, round((LIMIT if duration is None else duration) / step))
+    rows = np.empty((count, len(names)))
     every = max(1, round(0.5 / step))
     begin = time.perf_counter()
-    for k in range(count + 1):
+    for k in range(count):
         now = k * step
         state = read_car()
         answer = read_controller() if jacobi else None
@@ -274,7 +278,7 @@ def _loop(controller: Unit, car: Unit, duration: float | None, step: float, jaco
         rows[k, -len(answer) + commands :] = answer[commands:]
         if k % every == 0:
             progress(max(now / duration if duration else 0.0, answer[station_at] / length), dict(zip(names, rows[k])))
-        if answer[finished_at] or k == count:
+        if answer[finished_at]:
             break
         write_car(answer[:commands])
         if jacobi:
@@ -336,9 +340,9 @@ def main() -> int:
             car_fmu=options.fmus / "PassengerCar.fmu",
             progress=progress,
         )
-    except (RuntimeError, KeyError, ValueError, OSError) as error:
+    except (RuntimeError, ValueError, OSError) as error:
         progress.close()
-        print(f"closed_loop: {error.args[0] if isinstance(error, KeyError) else error}", file=sys.stderr)
+        print(f"closed_loop: {error}", file=sys.stderr)
         return 1
     progress.close()
     for message in result.messages:

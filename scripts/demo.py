@@ -125,7 +125,7 @@ def main() -> int:
                 car_fmu=options.fmus / "PassengerCar.fmu",
                 progress=progress,
             )
-        except (RuntimeError, KeyError, ValueError, OSError) as error:
+        except (RuntimeError, ValueError, OSError) as error:
             print(f"\ndemo: {name}: {error}", file=sys.stderr)
             return 1
         finally:

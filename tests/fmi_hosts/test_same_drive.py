@@ -1,7 +1,7 @@
 """One closed loop, three independent masters: the same trajectories.
 
 libcosim and Ecos step both units in parallel on the values at t_k (Jacobi), as does fmpy's SSP master. So they must
-agree with `closed_loop.py --jacobi` to the last bit, and with the Gauss-Seidel order to the effect of one step of delay.
+agree with `closed_loop.py --jacobi` to the last bit, and with the Gauss-Seidel order to what one step of delay does.
 """
 
 from __future__ import annotations
