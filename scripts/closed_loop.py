@@ -232,7 +232,7 @@ def drive(
             targets, name = ([units[unit]], rest) if unit in units else (list(units.values()), key)
             owners = [target for target in targets if name in target.variables]
             if not owners:
-                near = get_close_matches(name, [n for t in targets for n in t.names("parameter")], cutoff=0.5)
+                near = get_close_matches(name, sorted({n for t in targets for n in t.names("parameter")}), cutoff=0.5)
                 raise ValueError(f"no variable '{key}'" + (f"; there is {', '.join(near)}" if near else ""))
             for owner in owners:
                 owner.set(name, value)
