@@ -121,7 +121,11 @@ td:last-child, th:last-child { padding-right: 0 }
 .plots { display: grid; grid-template-columns: minmax(0, 9fr) minmax(0, 11fr); gap: 12px }
 .map, .lines { height: 620px }
 @media (max-width: 820px) { .plots { grid-template-columns: minmax(0, 1fr) } .map { height: 420px } }
-@media print { body { max-width: none; padding: 0 } section { break-inside: avoid } .modebar { display: none } }
+@media print {
+  body { max-width: none; padding: 0; font-size: 13px } section { break-before: page } .modebar { display: none }
+  .scroll { overflow: visible } th, td { padding: 5px 6px } thead th { font-size: 11px }
+  .plots { grid-template-columns: minmax(0, 1fr) } .map { height: 340px } .lines { height: 560px }
+}
 </style>
 </head>
 <body>
@@ -175,7 +179,7 @@ function draw(index, theme) {
 
   const curve = (y, row, name, color, unit, more = {}) => ({ x: route.station, y, name, xaxis: "x", yaxis: "y" + row,
     mode: "lines", line: { color, width: 1.4, ...more }, hovertemplate: "%{y:.2f} " + unit });
-  const rows = ["lateral error [cm]", "road-wheel angle [deg]", "speed [km/h]", "step time [ms]"];
+  const rows = ["lateral error [cm]", "road-wheel angle [deg]", "speed [km/h]", "step time [ms], deadline 20"];
   const layout = { ...plain, showlegend: false, hovermode: "x unified", margin: { l: 52, r: 8, t: 22, b: 44 },
     xaxis: { ...axis, title: { text: "distance along the road [m]" }, anchor: "y4", hoverformat: ".0f",
       unifiedhovertitle: { text: "%{x:.0f} m" } }, annotations: [] };
@@ -190,7 +194,7 @@ function draw(index, theme) {
     y: 1 - row * 0.258 + 0.004, yanchor: "bottom", yref: "paper" });
   key(1, `<span style="color:${theme.second}">commanded</span> · <span style="color:${theme.main}">measured</span>`);
   key(2, `<span style="color:${theme.second}">plan</span> · <span style="color:${theme.main}">driven</span>`);
-  key(3, "the longest in each stretch; the deadline is 20 ms");
+  key(3, "longest in each stretch");
   Plotly.react("lines" + index, [
     curve(route.e1, "", "lateral error", theme.main, "cm"),
     curve(route.steer_cmd, "2", "commanded", theme.second, "deg"),
@@ -210,8 +214,12 @@ routes.forEach((route, index) => {
   lines.on("plotly_unhover", () => mark(null, null));
 });
 darkMode.addEventListener("change", event => drawAll(event.matches));
-addEventListener("beforeprint", () => drawAll(false));
-addEventListener("afterprint", () => drawAll(darkMode.matches));
+// On paper: light, and heights that leave a route on one page.
+addEventListener("beforeprint", () => { drawAll(false); heights(340, 560); });
+addEventListener("afterprint", () => { drawAll(darkMode.matches); heights(null, null); });
+function heights(map, lines) {
+  routes.forEach((_, i) => { Plotly.relayout("map" + i, { height: map }); Plotly.relayout("lines" + i, { height: lines }); });
+}
 </script>
 </body>
 </html>
