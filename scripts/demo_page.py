@@ -124,7 +124,7 @@ td:last-child, th:last-child { padding-right: 0 }
 @media print {
   body { max-width: none; padding: 0; font-size: 13px } section { break-before: page } .modebar { display: none }
   .scroll { overflow: visible } th, td { padding: 5px 6px } thead th { font-size: 11px }
-  .plots { grid-template-columns: minmax(0, 1fr) } .map { height: 340px } .lines { height: 560px }
+  .plots { grid-template-columns: minmax(0, 1fr) } .map { height: 320px } .lines { height: 530px }
 }
 </style>
 </head>
@@ -215,10 +215,11 @@ routes.forEach((route, index) => {
 });
 darkMode.addEventListener("change", event => drawAll(event.matches));
 // On paper: light, and heights that leave a route on one page.
-addEventListener("beforeprint", () => { drawAll(false); heights(340, 560); });
+addEventListener("beforeprint", () => { drawAll(false); heights(320, 530); });
 addEventListener("afterprint", () => { drawAll(darkMode.matches); heights(null, null); });
 function heights(map, lines) {
-  routes.forEach((_, i) => { Plotly.relayout("map" + i, { height: map }); Plotly.relayout("lines" + i, { height: lines }); });
+  const set = (plot, height) => Plotly.relayout(plot, { height });
+  routes.forEach((_, i) => { set("map" + i, map); set("lines" + i, lines); });
 }
 </script>
 </body>
