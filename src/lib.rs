@@ -23,6 +23,7 @@
 //! | module | problem |
 //! |---|---|
 //! | [`signal`] | the vocabulary: names, units, meanings |
+//! | [`parameter`] | numeric parameters: declared once, with unit and range |
 //! | [`path`] | reference paths: splines, projection, readers, speed plan, the Sudoku course |
 //! | [`vehicle`] | the plants: parameters, tyres, steering chain, effects, the two-track car |
 //! | [`nominal`] | linear prediction models and their discretisation |
@@ -35,6 +36,7 @@ pub mod control;
 pub mod fmi;
 pub mod fmu;
 pub mod nominal;
+pub mod parameter;
 pub mod path;
 pub mod signal;
 pub mod simulate;

@@ -91,6 +91,16 @@ units! {
     NEWTON_METRE_PER_RADIAN = "N.m/rad" [kg 1 m 2 s -2 rad -1];
     /// Roll damping.
     NEWTON_METRE_SECOND_PER_RADIAN = "N.m.s/rad" [kg 1 m 2 s -1 rad -1];
+    /// Power.
+    WATT = "W" [kg 1 m 2 s -3 rad 0] display "kW" 1e-3;
+    /// Area.
+    METRE2 = "m2" [kg 0 m 2 s 0 rad 0];
+    /// Linear damping.
+    NEWTON_SECOND_PER_METRE = "N.s/m" [kg 1 m 0 s -1 rad 0];
+    /// Change of an angle with a displacement.
+    RADIAN_PER_METRE = "rad/m" [kg 0 m -1 s 0 rad 1];
+    /// Compliance.
+    METRE_PER_NEWTON = "m/N" [kg -1 m 0 s 2 rad 0];
     /// Density of air.
     KILOGRAM_PER_METRE3 = "kg/m3" [kg 1 m -3 s 0 rad 0];
 }

@@ -1,1 +1,3 @@
+//! The program `fmu-build`; see `fmu-build --help`.
+
 fn main() {}

@@ -1,1 +1,33 @@
-//! (module control)
+//! The controller: from a measurement to steering and acceleration commands.
+//!
+//! | file | problem |
+//! |---|---|
+//! | `parameters.rs` | every weight, bound and gain, declared once |
+//! | `tracking_qp.rs` | the quadratic program of one step, and what a solver is |
+//! | `condense.rs` | from a linear model over the horizon to that program |
+//! | `clarabel_solver.rs` | its solution by an interior-point method, updated in place |
+//! | `lateral.rs` | the MPC: model at the current speed, curvature ahead, cost, bounds |
+//! | `speed.rs` | speed tracking |
+//! | `controller.rs` | one step from measurement to commands; fallback |
+//! | `sampler.rs` | when a step is due |
+//! | `status.rs` | what a step did, in words |
+
+mod clarabel_solver;
+mod condense;
+mod controller;
+mod lateral;
+mod parameters;
+mod sampler;
+mod speed;
+mod status;
+mod tracking_qp;
+
+pub use clarabel_solver::{BuildError, ClarabelSolver};
+pub use condense::condense;
+pub use controller::{Controller, ControllerError, ControllerState, Measurement, StepError, StepReport};
+pub use lateral::{LateralError, LateralMpc, SpeedAhead};
+pub use parameters::{ControllerParameters, MpcParameters, NominalVehicle, SHOWN_HORIZON, SpeedParameters};
+pub use sampler::Sampler;
+pub use speed::{SpeedCommand, track_speed};
+pub use status::ControlStatus;
+pub use tracking_qp::{QpEnd, QpError, QpReport, QpShape, QpSolver, SoftBound, TrackingQp};

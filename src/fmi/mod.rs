@@ -9,8 +9,22 @@
 //! | `variable.rs` | what a variable is: causality, variability, unit, range, start |
 //! | `value.rs` | the values of one instance's variables |
 //! | `model.rs` | the trait that a model fulfils |
+//! | `life.rs` | when a host may call what |
+//! | `instance.rs` | one instance, and what each call does to it |
+//! | `refusal.rs` | why a call was refused |
+//! | `snapshot.rs` | FMU states, and their form as bytes |
+//! | `logger.rs` | messages to the host |
+//! | `resource.rs` | the `resources/` folder from what hosts pass |
+//! | `abi.rs` | the C functions, and the macro that exports them |
 
+pub mod abi;
+pub mod instance;
+pub mod life;
+pub mod logger;
 mod model;
+pub mod refusal;
+pub mod resource;
+mod snapshot;
 mod value;
 mod variable;
 

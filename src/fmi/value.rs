@@ -1,6 +1,6 @@
 //! The values of one instance's variables.
 
-use super::variable::{Kind, Variable, Vr};
+use super::variable::{Initial, Kind, Variability, Variable, Vr};
 use serde::{Deserialize, Serialize};
 
 /// A value of any FMI type; enumerations are integers.
@@ -116,6 +116,40 @@ impl Values {
     /// Sets a string that the model calculates.
     pub fn set_string(&mut self, vr: Vr, value: String) {
         self.values[vr] = Value::String(value);
+    }
+
+    /// Gives all variables that the host has not set their start values again, as before an initialisation.
+    pub(super) fn forget_calculated(&mut self, variables: &[Variable]) {
+        let start = Self::starting_from(variables);
+        for (i, value) in start.values.into_iter().enumerate() {
+            if !self.set_by_host[i] {
+                self.values[i] = value;
+            }
+        }
+    }
+
+    /// Whether values read from a file can be those of these variables: number, types, finite reals where the
+    /// host may set them, known enumeration values.
+    pub(super) fn fit(&self, variables: &[Variable]) -> bool {
+        let fits = |(variable, value): (&Variable, &Value)| match (&variable.kind, value) {
+            (Kind::Real { .. }, Value::Real(value)) => variable.initial == Initial::Calculated || value.is_finite(),
+            (Kind::Enumeration { items, .. }, Value::Integer(value)) => items.iter().any(|item| item.0 == *value),
+            (Kind::Integer { .. }, Value::Integer(_))
+            | (Kind::Boolean { .. }, Value::Boolean(_))
+            | (Kind::String { .. }, Value::String(_)) => true,
+            _ => false,
+        };
+        self.values.len() == variables.len()
+            && self.set_by_host.len() == variables.len()
+            && variables.iter().zip(&self.values).all(fits)
+    }
+
+    /// Whether two sets of values agree in what a model is made from: the fixed parameters.
+    pub(super) fn same_fixed_parameters(&self, other: &Self, variables: &[Variable]) -> bool {
+        variables.iter().enumerate().all(|(i, variable)| {
+            variable.variability != Variability::Fixed
+                || (self.set_by_host[i] == other.set_by_host[i] && self.values[i] == other.values[i])
+        })
     }
 
     fn wrong_type<T>(vr: Vr, neutral: T) -> T {

@@ -1,1 +1,349 @@
-//! (module path)
+//! Reference paths: where the vehicle shall be.
+//!
+//! A road comes as points, uneven and perhaps noisy; a controller wants, at any arc length `s`,
+//!
+//! ```text
+//!     r(s) with |r'| = 1,   yaw(s) = atan2(y', x'),   curvature(s) = d yaw / ds   (continuous)
+//! ```
+//!
+//! and, for a vehicle at `p` with yaw angle `psi`, the nearest point's station and the errors
+//!
+//! ```text
+//!     e1 = (p - r) . n   (positive to the left),   e2 = psi - yaw(s)   in (-pi, pi]
+//! ```
+//!
+//! | file | idea |
+//! |---|---|
+//! | `sample.rs` | the points of a road |
+//! | `check.rs` | which points make a road: duplicates, gaps, closure |
+//! | `spline.rs` | a curve with continuous curvature through them |
+//! | `smooth.rs`, `banded.rs` | the same through noisy points, within a tolerance |
+//! | `grid.rs` | arc length: lookups in constant time |
+//! | `project.rs` | the nearest point, with a hint and without |
+//! | `speed.rs` | how fast: a plan within lateral and longitudinal limits |
+//! | `read.rs` | files |
+//! | `error.rs` | what can be wrong |
+
+mod banded;
+mod check;
+mod error;
+mod grid;
+mod project;
+mod read;
+mod sample;
+mod smooth;
+mod speed;
+mod spline;
+
+pub use error::{PathError, Place};
+pub use project::{Projection, Where};
+pub use sample::{Closure, Options, RoadClass, Sample, Smoothing};
+pub use speed::{SpeedLimits, SpeedPlan};
+
+use grid::{Cell, Grid, yaw_at};
+use spline::evaluate;
+use std::f64::consts::{PI, TAU};
+
+/// A reference path, immutable; share it in an `Arc`. Lookups take constant time and allocate nothing.
+///
+/// Stations of a closed path may run over its length: they wrap, and the yaw angle goes on turning. Beyond the
+/// ends of an open path the road goes straight on.
+#[derive(Debug, Clone)]
+pub struct Path {
+    origin: [f64; 2],
+    step: f64,
+    inverse_step: f64,
+    length: f64,
+    periodic: bool,
+    cells: Vec<Cell>,
+    /// Yaw gained in one lap of a closed path in rad: a multiple of 2 pi.
+    turn: f64,
+    bank: Channel,
+    grade: Channel,
+    friction: Channel,
+    speed: Channel,
+    classes: Vec<Option<RoadClass>>,
+    notes: Vec<String>,
+}
+
+/// A path at one station.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PathPoint {
+    /// East position in m.
+    pub x: f64,
+    /// North position in m.
+    pub y: f64,
+    /// Heading in rad, continuous along the path (not wrapped).
+    pub yaw: f64,
+    /// Curvature in 1/m, positive in left turns.
+    pub curvature: f64,
+    /// Change of curvature per arc length in 1/m2.
+    pub curvature_rate: f64,
+    /// Bank in rad, positive with the right side low; 0 where not given.
+    pub bank: f64,
+    /// Grade in rad, positive uphill; 0 where not given.
+    pub grade: f64,
+    /// Friction factor; 1 where not given.
+    pub friction: f64,
+    /// Speed limit, or speed driven, in m/s, if the road's file gives one.
+    pub speed: Option<f64>,
+    /// Class of the road, if the road's file gives one.
+    pub class: Option<RoadClass>,
+}
+
+impl Path {
+    /// A path through points in driving order, exactly.
+    ///
+    /// # Errors
+    /// The cause and the point: too few points, values that are not finite or out of range, gaps, points out of order.
+    pub fn from_samples(samples: Vec<Sample>, closure: Closure) -> Result<Self, PathError> {
+        Self::from_samples_with(samples, &Options { closure, smoothing: Smoothing::None })
+    }
+
+    /// A path through points in driving order, or near them.
+    ///
+    /// # Errors
+    /// As [`Path::from_samples`], and for a smoothing tolerance that is none.
+    pub fn from_samples_with(samples: Vec<Sample>, options: &Options) -> Result<Self, PathError> {
+        Ok(Self::from_road(check::check(samples, options, None)?))
+    }
+
+    /// Reads a path from a CSV file: ours (`x,y` and optional columns), the racetrack-database format, or a driven
+    /// lap (`x_m,y_m,v_driven_mps`).
+    ///
+    /// Where the file gives both `yaw` and `curvature` and they fit the points, they are the truth. Else a spline
+    /// through the points is, smoothed within the rounding of the coordinates.
+    ///
+    /// # Errors
+    /// The cause, with file, line, column and remedy.
+    pub fn read(file: &std::path::Path) -> Result<Self, PathError> {
+        Self::read_with(file, &Options::default())
+    }
+
+    /// Reads a path and says whether it is closed and how smooth it shall be.
+    ///
+    /// # Errors
+    /// As [`Path::read`].
+    pub fn read_with(file: &std::path::Path, options: &Options) -> Result<Self, PathError> {
+        let bytes =
+            std::fs::read(file).map_err(|source| PathError::Io { file: file.to_path_buf(), source })?;
+        Self::from_csv(&bytes, file, options)
+    }
+
+    /// A path from the bytes of a CSV file; `name` stands for the file in messages.
+    ///
+    /// # Errors
+    /// As [`Path::read`].
+    pub fn from_csv(bytes: &[u8], name: &std::path::Path, options: &Options) -> Result<Self, PathError> {
+        let table = read::parse(bytes).map_err(|error| error.in_file(name, &[]))?;
+        let road = check::check(table.samples, options, table.resolution)
+            .map_err(|error| error.in_file(name, &table.lines))?;
+        Ok(Self::from_road(road))
+    }
+
+    fn from_road(road: check::Road) -> Self {
+        let check::Road { samples, periodic, notes, curve, origin } = road;
+        let grid = Grid::new(&curve);
+        let count = grid.cells.len();
+        let yaw_end = {
+            let last = &grid.cells[count - 1];
+            yaw_at(&last.yaw, grid.step)[0]
+        };
+        let turn = if periodic { ((yaw_end - grid.cells[0].yaw[0]) / TAU).round() * TAU } else { 0.0 };
+        let node = |i: usize| i as f64 * grid.step;
+        let channel = |default: f64, value: fn(&Sample) -> Option<f64>| {
+            Channel::new(&samples, &grid.mark_stations, default, value, (0..=count).map(node))
+        };
+        let classes = if samples.iter().any(|sample| sample.class.is_some()) {
+            let mut index = 0;
+            (0..count)
+                .map(|i| {
+                    let middle = node(i) + 0.5 * grid.step;
+                    while index + 1 < samples.len() && grid.mark_stations[index + 1] <= middle {
+                        index += 1;
+                    }
+                    samples[index].class
+                })
+                .collect()
+        } else {
+            Vec::new()
+        };
+        Self {
+            origin,
+            step: grid.step,
+            inverse_step: 1.0 / grid.step,
+            length: grid.length,
+            periodic,
+            turn,
+            bank: channel(0.0, |sample| sample.bank),
+            grade: channel(0.0, |sample| sample.grade),
+            friction: channel(1.0, |sample| sample.friction),
+            speed: channel(f64::NAN, |sample| sample.speed),
+            classes,
+            notes,
+            cells: grid.cells,
+        }
+    }
+
+    /// Arc length in m (closed: of one lap).
+    #[must_use]
+    pub fn length(&self) -> f64 {
+        self.length
+    }
+
+    /// Whether the path leads back to its start.
+    #[must_use]
+    pub fn is_periodic(&self) -> bool {
+        self.periodic
+    }
+
+    /// What a user should know about the road: points dropped, columns not used, what was assumed.
+    #[must_use]
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    /// Everything at a station in m.
+    #[must_use]
+    pub fn at(&self, station: f64) -> PathPoint {
+        let spot = self.locate(station);
+        let cell = &self.cells[spot.cell];
+        let mut point = PathPoint {
+            x: self.origin[0] + evaluate(&cell.x, spot.offset)[0],
+            y: self.origin[1] + evaluate(&cell.y, spot.offset)[0],
+            yaw: 0.0,
+            curvature: 0.0,
+            curvature_rate: 0.0,
+            bank: self.bank.at(&spot, self.inverse_step),
+            grade: self.grade.at(&spot, self.inverse_step),
+            friction: self.friction.at(&spot, self.inverse_step),
+            speed: Some(self.speed.at(&spot, self.inverse_step)).filter(|speed| !speed.is_nan()),
+            class: self.classes.get(spot.cell).copied().flatten(),
+        };
+        [point.yaw, point.curvature, point.curvature_rate] = yaw_at(&cell.yaw, spot.offset);
+        point.yaw += spot.lap * self.turn;
+        if spot.beyond != 0.0 {
+            let (sin, cos) = point.yaw.sin_cos();
+            point.x += spot.beyond * cos;
+            point.y += spot.beyond * sin;
+            point.curvature = 0.0;
+            point.curvature_rate = 0.0;
+        }
+        point
+    }
+
+    /// Curvature at a station in 1/m, positive in left turns; 0 beyond the ends of an open path.
+    #[must_use]
+    #[inline]
+    pub fn curvature(&self, station: f64) -> f64 {
+        let spot = self.locate(station);
+        if spot.beyond != 0.0 { 0.0 } else { yaw_at(&self.cells[spot.cell].yaw, spot.offset)[1] }
+    }
+
+    /// Change of curvature per arc length at a station in 1/m2; 0 beyond the ends of an open path.
+    #[must_use]
+    #[inline]
+    pub fn curvature_rate(&self, station: f64) -> f64 {
+        let spot = self.locate(station);
+        if spot.beyond != 0.0 { 0.0 } else { yaw_at(&self.cells[spot.cell].yaw, spot.offset)[2] }
+    }
+
+    /// The cell of a station. A station that is not finite counts as the start.
+    #[inline]
+    fn locate(&self, station: f64) -> Spot {
+        let mut s = if station.is_finite() { station } else { 0.0 };
+        let (mut lap, mut beyond) = (0.0, 0.0);
+        if s < 0.0 || s > self.length {
+            if self.periodic {
+                lap = (s / self.length).floor();
+                s = (s - lap * self.length).clamp(0.0, self.length);
+            } else {
+                let inside = s.clamp(0.0, self.length);
+                beyond = s - inside;
+                s = inside;
+            }
+        }
+        let cell = ((s * self.inverse_step) as usize).min(self.cells.len() - 1);
+        Spot { cell, offset: s - cell as f64 * self.step, lap, beyond }
+    }
+}
+
+/// A station, resolved.
+struct Spot {
+    cell: usize,
+    offset: f64,
+    lap: f64,
+    /// Metres before the start (negative) or beyond the end of an open path.
+    beyond: f64,
+}
+
+/// An angle in (-pi, pi].
+#[must_use]
+#[inline]
+pub fn wrap_angle(angle: f64) -> f64 {
+    let wrapped = angle - TAU * (angle / TAU).round();
+    if wrapped <= -PI {
+        wrapped + TAU
+    } else if wrapped > PI {
+        wrapped - TAU
+    } else {
+        wrapped
+    }
+}
+
+/// A quantity along the path, linear between the grid's nodes; empty where it is the default everywhere.
+#[derive(Debug, Clone)]
+struct Channel {
+    default: f64,
+    nodes: Vec<f64>,
+}
+
+impl Channel {
+    fn new(
+        samples: &[Sample],
+        knots: &[f64],
+        default: f64,
+        value: fn(&Sample) -> Option<f64>,
+        stations: impl Iterator<Item = f64>,
+    ) -> Self {
+        if samples.iter().all(|sample| value(sample).is_none()) {
+            return Self { default, nodes: Vec::new() };
+        }
+        // A closed road's last knot is its first sample.
+        let at_knot = |i: usize| value(&samples[i % samples.len()]).unwrap_or(default);
+        let mut i = 0;
+        let nodes = stations
+            .map(|s| {
+                while i + 2 < knots.len() && s > knots[i + 1] {
+                    i += 1;
+                }
+                let share = ((s - knots[i]) / (knots[i + 1] - knots[i])).clamp(0.0, 1.0);
+                let (a, b) = (at_knot(i), at_knot(i + 1));
+                // The end values exactly, and a known value where the other one is missing.
+                if share == 0.0 || b.is_nan() {
+                    a
+                } else if share == 1.0 || a.is_nan() {
+                    b
+                } else {
+                    a + share * (b - a)
+                }
+            })
+            .collect();
+        Self { default, nodes }
+    }
+
+    #[inline]
+    fn at(&self, spot: &Spot, inverse_step: f64) -> f64 {
+        if self.nodes.is_empty() {
+            return self.default;
+        }
+        let (a, b) = (self.nodes[spot.cell], self.nodes[spot.cell + 1]);
+        if a.is_nan() {
+            b
+        } else if b.is_nan() {
+            a
+        } else {
+            a + spot.offset * inverse_step * (b - a)
+        }
+    }
+}

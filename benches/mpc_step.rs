@@ -1,0 +1,97 @@
+//! The control step: whole, and its parts. `cargo bench --bench mpc_step`.
+//!
+//! Problems are those of a drive on the Sudoku test route with the default car, recorded once and replayed.
+//! Criterion gives the median; the distribution over the drive (p99, max) is printed after it, because a
+//! controller is judged by its slow steps.
+
+use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
+use rfl_mpc::control::{ClarabelSolver, Controller, ControllerParameters, Measurement, QpSolver, TrackingQp};
+use rfl_mpc::path::Path;
+use rfl_mpc::simulate::ClosedLoop;
+use rfl_mpc::vehicle::{Car, Effects, builtin};
+use std::hint::black_box;
+use std::sync::Arc;
+
+/// Seconds of the drive that are recorded.
+const DURATION: f64 = 120.0;
+
+struct Recording {
+    measurements: Vec<Measurement>,
+    problems: Vec<TrackingQp>,
+    times: Vec<f64>,
+}
+
+fn controller(horizon: usize) -> Controller {
+    let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("paths/sudoku_test.csv");
+    let path = Arc::new(Path::read(&file).expect("the course comes with the project"));
+    let car = builtin("c_class").expect("the default car is built in");
+    let mut parameters = ControllerParameters::for_car(&car);
+    parameters.mpc.horizon = horizon;
+    Controller::new(parameters, path).expect("the defaults are sound")
+}
+
+fn record(horizon: usize) -> Recording {
+    let controller = controller(horizon);
+    let start = controller.path().at(0.0);
+    let mut car = Car::new(builtin("c_class").unwrap(), Effects::default(), None).expect("the default car");
+    car.place(start.x, start.y, start.yaw, 0.0);
+    let sample_time = controller.parameters().mpc.sample_time;
+    let mut closed = ClosedLoop::new(controller, car, sample_time);
+    let mut recording = Recording { measurements: Vec::new(), problems: Vec::new(), times: Vec::new() };
+    for _ in 0..(DURATION / sample_time) as usize {
+        let (row, time) = closed.advance().expect("the drive goes on");
+        recording.measurements.push(Measurement {
+            x: row[3],
+            y: row[4],
+            yaw: row[5],
+            vx: row[6],
+            vy: row[7],
+            yaw_rate: row[8],
+            steer: row[11],
+        });
+        recording.problems.push(closed.controller().problem().clone());
+        recording.times.extend(time);
+    }
+    recording
+}
+
+fn steps(criterion: &mut Criterion) {
+    for horizon in [16, 60] {
+        let mut recording = record(horizon);
+        let mut replay = controller(horizon);
+        let mut at = 0;
+        criterion.bench_function(&format!("step_nominal_{horizon}"), |bencher| {
+            bencher.iter(|| {
+                let report = *replay.step(&recording.measurements[at]).unwrap();
+                at = (at + 1) % recording.measurements.len();
+                black_box(report)
+            });
+        });
+        let mut solver = ClarabelSolver::new(&recording.problems[0], 50).unwrap();
+        let (mut inputs, mut outputs) = (vec![0.0; horizon], vec![0.0; recording.problems[0].free.len()]);
+        criterion.bench_function(&format!("qp_clarabel_{horizon}"), |bencher| {
+            let mut at = 0;
+            bencher.iter_batched(
+                || {
+                    at = (at + 37) % recording.problems.len();
+                    &recording.problems[at]
+                },
+                |problem| solver.solve(problem, f64::INFINITY, &mut inputs, &mut outputs),
+                BatchSize::SmallInput,
+            );
+        });
+        let times = &mut recording.times;
+        times.sort_by(f64::total_cmp);
+        let at = |share: f64| 1e6 * times[((times.len() - 1) as f64 * share) as usize];
+        println!(
+            "step_nominal_{horizon} over {} steps of the drive: median {:.0} us, p99 {:.0} us, max {:.0} us",
+            times.len(),
+            at(0.5),
+            at(0.99),
+            at(1.0)
+        );
+    }
+}
+
+criterion_group!(benches, steps);
+criterion_main!(benches);

@@ -1,0 +1,164 @@
+//! Building libraries, and asking what is linked into them.
+//!
+//! A plain build needs the glibc of the machine it is made on, mostly too new for a host in the field.
+//! `cargo-zigbuild` links against an old one; it is used where it is installed.
+
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+/// What `cargo-zigbuild` builds for: FMI's `linux64` with glibc 2.17 (2012: RHEL 7 and later).
+pub const ZIG_TARGET: &str = "x86_64-unknown-linux-gnu.2.17";
+
+/// Why a library could not be built.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum CargoError {
+    #[error("cannot start `{command}`: {source}")]
+    Start { command: String, source: std::io::Error },
+    #[error("`{command}` failed; its messages stand above")]
+    Failed { command: String },
+    #[error("`{command}` made no shared library. Is the crate's crate-type \"cdylib\"?")]
+    NoLibrary { command: String },
+    #[error("`{command}` gave something that is no JSON: {source}")]
+    Json { command: String, source: serde_json::Error },
+    #[error("`{command}` lists the package {package}, which `cargo metadata` does not know")]
+    UnknownPackage { command: String, package: String },
+}
+
+/// The builder in use.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Builder {
+    /// `cargo zigbuild`, for [`ZIG_TARGET`].
+    Zig,
+    /// `cargo build`, for this machine.
+    Cargo,
+}
+
+impl Builder {
+    /// `cargo-zigbuild`, where it is on the path and this is Linux on x86-64.
+    #[must_use]
+    pub fn find() -> Self {
+        let zig = Command::new("cargo-zigbuild").arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();
+        let here = cfg!(all(target_os = "linux", target_arch = "x86_64"));
+        if here && zig.is_ok_and(|status| status.success()) { Builder::Zig } else { Builder::Cargo }
+    }
+
+    /// Builds the one shared library that `selection` (e.g. `-p`, `fmu-passenger-car`) names; gives its path.
+    ///
+    /// # Errors
+    /// If the build fails or makes no shared library. Compiler messages go to standard error.
+    pub fn build(self, project: &Path, profile: &str, selection: &[&str]) -> Result<PathBuf, CargoError> {
+        let mut command = cargo(project);
+        match self {
+            Builder::Zig => command.args(["zigbuild", "--target", ZIG_TARGET]),
+            Builder::Cargo => command.arg("build"),
+        };
+        command.args(["--profile", profile, "--message-format", "json-render-diagnostics", "--quiet"]).args(selection);
+        command.stderr(Stdio::inherit());
+        let (text, command) = output(command)?;
+        let mut library = None;
+        for line in text.lines() {
+            let message: Value =
+                serde_json::from_str(line).map_err(|source| CargoError::Json { command: command.clone(), source })?;
+            let kinds = message["target"]["crate_types"].as_array();
+            if kinds.is_some_and(|kinds| kinds.iter().any(|kind| kind == "cdylib")) {
+                let files = message["filenames"].as_array().into_iter().flatten().filter_map(Value::as_str);
+                let shared = |file: &&str| [".so", ".dll", ".dylib"].iter().any(|suffix| file.ends_with(suffix));
+                library = files.map(|file| file.to_owned()).find(|file| shared(&file.as_str())).or(library);
+            }
+        }
+        library.map(PathBuf::from).ok_or(CargoError::NoLibrary { command })
+    }
+}
+
+/// A crate that is linked into a library.
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[allow(missing_docs)]
+pub struct Dependency {
+    pub name: String,
+    pub version: String,
+    /// SPDX expression, as the crate states it.
+    pub license: String,
+    pub repository: String,
+    /// Licence files in the crate's folder.
+    pub files: Vec<PathBuf>,
+}
+
+/// The third-party crates that are linked into a package of the workspace, by name and version.
+///
+/// # Errors
+/// If cargo cannot tell.
+pub fn dependencies(project: &Path, package: &str) -> Result<Vec<Dependency>, CargoError> {
+    let mut tree = cargo(project);
+    tree.args(["tree", "--locked", "-e", "normal,no-proc-macro", "--prefix", "none", "--no-dedupe"]);
+    let (text, command) = output_of(tree.args(["-f", "{p}", "-p", package]))?;
+    let mut metadata = cargo(project);
+    let (json, _) = output_of(metadata.args(["metadata", "--locked", "--format-version", "1"]))?;
+    let json: Value =
+        serde_json::from_str(&json).map_err(|source| CargoError::Json { command: command.clone(), source })?;
+    let packages = json["packages"].as_array().map(Vec::as_slice).unwrap_or_default();
+    let mut found = BTreeMap::new();
+    for line in text.lines() {
+        let mut words = line.split_whitespace();
+        let (Some(name), Some(version)) = (words.next(), words.next()) else { continue };
+        let version = version.trim_start_matches('v');
+        let known = packages.iter().find(|package| package["name"] == name && package["version"] == version);
+        let known = known.ok_or_else(|| CargoError::UnknownPackage {
+            command: command.clone(),
+            package: format!("{name} {version}"),
+        })?;
+        // The workspace's own crates have no source.
+        if known["source"].is_null() {
+            continue;
+        }
+        let text = |key: &str| known[key].as_str().unwrap_or_default().to_owned();
+        let folder = PathBuf::from(text("manifest_path")).parent().map(Path::to_path_buf).unwrap_or_default();
+        let dependency = Dependency {
+            name: name.to_owned(),
+            version: version.to_owned(),
+            license: text("license"),
+            repository: text("repository"),
+            files: license_files(&folder),
+        };
+        found.insert((name.to_owned(), version.to_owned()), dependency);
+    }
+    Ok(found.into_values().collect())
+}
+
+/// Files of a crate that state its licence, sorted.
+fn license_files(folder: &Path) -> Vec<PathBuf> {
+    let is_license = |path: &PathBuf| {
+        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default().to_ascii_uppercase();
+        path.is_file() && ["LICENSE", "LICENCE", "COPYING", "NOTICE"].iter().any(|word| name.starts_with(word))
+    };
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut files: Vec<PathBuf> = entries.map(|entry| entry.path()).filter(is_license).collect();
+    files.sort();
+    files
+}
+
+fn cargo(project: &Path) -> Command {
+    let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    command.current_dir(project);
+    command
+}
+
+fn output_of(command: &mut Command) -> Result<(String, String), CargoError> {
+    output(std::mem::replace(command, Command::new("cargo")))
+}
+
+/// Runs a command; gives what it wrote to standard output, and the command for messages.
+fn output(mut command: Command) -> Result<(String, String), CargoError> {
+    let words: Vec<_> = command.get_args().map(|word| word.to_string_lossy().into_owned()).collect();
+    let shown = format!("cargo {}", words.join(" "));
+    let output = command
+        .stderr(Stdio::inherit())
+        .output()
+        .map_err(|source| CargoError::Start { command: shown.clone(), source })?;
+    if !output.status.success() {
+        return Err(CargoError::Failed { command: shown });
+    }
+    Ok((String::from_utf8_lossy(&output.stdout).into_owned(), shown))
+}

@@ -1,0 +1,180 @@
+//! What a shared library exports and needs: an FMU library exports FMI 2.0's functions and nothing else, and needs
+//! nothing that a host may lack.
+
+use object::read::NameOrOrdinal;
+use object::read::elf::{ElfFile64, FileHeader};
+use object::Object;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+/// The functions of `fmi2Functions.h`.
+pub const FMI2_FUNCTIONS: [&str; 44] = [
+    "fmi2CancelStep",
+    "fmi2CompletedIntegratorStep",
+    "fmi2DeSerializeFMUstate",
+    "fmi2DoStep",
+    "fmi2EnterContinuousTimeMode",
+    "fmi2EnterEventMode",
+    "fmi2EnterInitializationMode",
+    "fmi2ExitInitializationMode",
+    "fmi2FreeFMUstate",
+    "fmi2FreeInstance",
+    "fmi2GetBoolean",
+    "fmi2GetBooleanStatus",
+    "fmi2GetContinuousStates",
+    "fmi2GetDerivatives",
+    "fmi2GetDirectionalDerivative",
+    "fmi2GetEventIndicators",
+    "fmi2GetFMUstate",
+    "fmi2GetInteger",
+    "fmi2GetIntegerStatus",
+    "fmi2GetNominalsOfContinuousStates",
+    "fmi2GetReal",
+    "fmi2GetRealOutputDerivatives",
+    "fmi2GetRealStatus",
+    "fmi2GetStatus",
+    "fmi2GetString",
+    "fmi2GetStringStatus",
+    "fmi2GetTypesPlatform",
+    "fmi2GetVersion",
+    "fmi2Instantiate",
+    "fmi2NewDiscreteStates",
+    "fmi2Reset",
+    "fmi2SerializeFMUstate",
+    "fmi2SerializedFMUstateSize",
+    "fmi2SetBoolean",
+    "fmi2SetContinuousStates",
+    "fmi2SetDebugLogging",
+    "fmi2SetFMUstate",
+    "fmi2SetInteger",
+    "fmi2SetReal",
+    "fmi2SetRealInputDerivatives",
+    "fmi2SetString",
+    "fmi2SetTime",
+    "fmi2SetupExperiment",
+    "fmi2Terminate",
+];
+
+/// Why a library cannot go into an FMU.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum LibraryError {
+    #[error("cannot read the library {path}: {source}")]
+    Read { path: PathBuf, source: std::io::Error },
+    #[error("{path} is no shared library that can be read: {source}")]
+    Format { path: PathBuf, source: object::Error },
+    #[error("{path} does not export {missing}. An FMU library is made by rfl_mpc::export_fmi2!.")]
+    Missing { path: PathBuf, missing: String },
+    #[error("{path} exports more than FMI's functions: {surplus}. Such symbols can clash with those of a host.")]
+    Surplus { path: PathBuf, surplus: String },
+}
+
+/// What was found in a library.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Library {
+    /// FMI 2.0's name of the platform, e.g. `linux64`.
+    pub platform: &'static str,
+    /// Exported symbols, sorted.
+    pub exports: BTreeSet<String>,
+    /// Libraries that the loader must find.
+    pub needs: Vec<String>,
+    /// The newest glibc version that a symbol asks for (ELF only).
+    pub glibc: Option<(u32, u32)>,
+}
+
+impl Library {
+    /// Reads a library and checks that it exports FMI 2.0 and nothing else.
+    ///
+    /// # Errors
+    /// If it cannot be read, or exports less or more.
+    pub fn check(path: &Path) -> Result<Self, LibraryError> {
+        let library = Self::read(path)?;
+        let wanted: BTreeSet<String> = FMI2_FUNCTIONS.iter().map(ToString::to_string).collect();
+        let list = |names: Vec<&String>| names.into_iter().cloned().collect::<Vec<_>>().join(", ");
+        let missing: Vec<_> = wanted.difference(&library.exports).collect();
+        if !missing.is_empty() {
+            return Err(LibraryError::Missing { path: path.to_owned(), missing: list(missing) });
+        }
+        let surplus: Vec<_> = library.exports.difference(&wanted).collect();
+        if !surplus.is_empty() {
+            return Err(LibraryError::Surplus { path: path.to_owned(), surplus: list(surplus) });
+        }
+        Ok(library)
+    }
+
+    /// Reads a library.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub fn read(path: &Path) -> Result<Self, LibraryError> {
+        let bytes = std::fs::read(path).map_err(|source| LibraryError::Read { path: path.to_owned(), source })?;
+        let format = |source| LibraryError::Format { path: path.to_owned(), source };
+        let file = object::File::parse(&*bytes).map_err(format)?;
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        let mut exports = BTreeSet::new();
+        for export in file.exports().map_err(format)? {
+            match export.map_err(format)?.name() {
+                NameOrOrdinal::Name(name) => exports.insert(text(name)),
+                NameOrOrdinal::Ordinal(ordinal) => exports.insert(format!("ordinal {ordinal}")),
+            };
+        }
+        let mut needs = Vec::new();
+        for library in file.import_libraries().map_err(format)? {
+            needs.push(text(library.map_err(format)?.name()));
+        }
+        let glibc = match &file {
+            object::File::Elf64(elf) => newest_glibc(elf).map_err(format)?,
+            _ => None,
+        };
+        let platform = match (file.format(), file.is_64()) {
+            (object::BinaryFormat::Elf, true) => "linux64",
+            (object::BinaryFormat::Elf, false) => "linux32",
+            (object::BinaryFormat::Pe, true) => "win64",
+            (object::BinaryFormat::Pe, false) => "win32",
+            _ => "darwin64",
+        };
+        Ok(Self { platform, exports, needs, glibc })
+    }
+
+    /// One line for people: what a host must have.
+    #[must_use]
+    pub fn requirements(&self) -> String {
+        let needs = self.needs.join(", ");
+        match self.glibc {
+            Some((major, minor)) => format!("needs glibc {major}.{minor} or newer ({needs})"),
+            None if needs.is_empty() => "needs no library that is told here".to_owned(),
+            None => format!("needs {needs}"),
+        }
+    }
+}
+
+/// The newest version `GLIBC_x.y` that a symbol of the file asks for.
+fn newest_glibc<'data>(elf: &ElfFile64<'data>) -> object::Result<Option<(u32, u32)>> {
+    let (endian, data) = (elf.endian(), elf.data());
+    let sections = elf.elf_header().sections(endian, data)?;
+    let Some((mut needs, link)) = sections.gnu_verneed(endian, data)? else { return Ok(None) };
+    let strings = sections.strings(endian, data, link)?;
+    let mut newest = None;
+    while let Some((_, mut versions)) = needs.next()? {
+        while let Some(version) = versions.next()? {
+            let name = String::from_utf8_lossy(version.name(endian, strings)?).into_owned();
+            let numbers = name.strip_prefix("GLIBC_").and_then(|numbers| numbers.split_once('.'));
+            let numbers = numbers.and_then(|(major, minor)| {
+                let minor = minor.split('.').next()?;
+                Some((major.parse().ok()?, minor.parse().ok()?))
+            });
+            newest = newest.max(numbers);
+        }
+    }
+    Ok(newest)
+}
+
+/// The suffix of shared libraries on a platform.
+#[must_use]
+pub fn suffix(platform: &str) -> &'static str {
+    match platform {
+        "win64" | "win32" => "dll",
+        "darwin64" => "dylib",
+        _ => "so",
+    }
+}

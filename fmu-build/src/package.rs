@@ -1,0 +1,140 @@
+//! An FMU is a zip archive: description, libraries, resources, documentation (FMI 2.0, section 2.3).
+//!
+//! The same content gives the same bytes: entries are sorted and carry the earliest date that a zip can.
+
+use std::collections::BTreeMap;
+use std::io::{Cursor, Write};
+use std::path::{Path, PathBuf};
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, DateTime, ZipWriter};
+
+/// Why an archive could not be made.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum PackageError {
+    #[error("cannot read {path}: {source}")]
+    Read { path: PathBuf, source: std::io::Error },
+    #[error("cannot write {path}: {source}")]
+    Write { path: PathBuf, source: std::io::Error },
+    #[error("cannot pack {entry}: {source}")]
+    Zip { entry: String, source: zip::result::ZipError },
+    #[error("cannot read the FMU {path}: {source}. Is it a zip archive?")]
+    Archive { path: PathBuf, source: zip::result::ZipError },
+    #[error("{0} stands in the package twice: take it out of one of the places it comes from")]
+    Twice(String),
+}
+
+/// The content of an archive, by path inside it.
+#[derive(Debug, Default, Clone)]
+pub struct Package {
+    entries: BTreeMap<String, Vec<u8>>,
+}
+
+impl Package {
+    /// Adds an entry.
+    ///
+    /// # Errors
+    /// If there is one of this name.
+    pub fn add(&mut self, name: impl Into<String>, content: impl Into<Vec<u8>>) -> Result<(), PackageError> {
+        let name = name.into();
+        if self.entries.contains_key(&name) {
+            return Err(PackageError::Twice(name));
+        }
+        self.entries.insert(name, content.into());
+        Ok(())
+    }
+
+    /// Adds a file.
+    ///
+    /// # Errors
+    /// If it cannot be read, or there is an entry of this name.
+    pub fn add_file(&mut self, name: impl Into<String>, path: &Path) -> Result<(), PackageError> {
+        let content = std::fs::read(path).map_err(|source| PackageError::Read { path: path.to_owned(), source })?;
+        self.add(name, content)
+    }
+
+    /// Adds a folder with all it holds.
+    ///
+    /// # Errors
+    /// As [`add_file`](Self::add_file).
+    pub fn add_folder(&mut self, name: &str, folder: &Path) -> Result<(), PackageError> {
+        let read = |source| PackageError::Read { path: folder.to_owned(), source };
+        for entry in std::fs::read_dir(folder).map_err(read)? {
+            let path = entry.map_err(read)?.path();
+            let Some(file) = path.file_name().and_then(|file| file.to_str()) else { continue };
+            let name = format!("{name}/{file}");
+            if path.is_dir() {
+                self.add_folder(&name, &path)?;
+            } else {
+                self.add_file(name, &path)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Names of the entries below a folder.
+    pub fn names<'a>(&'a self, folder: &'a str) -> impl Iterator<Item = &'a str> {
+        self.entries.keys().map(String::as_str).filter(move |name| name.starts_with(folder))
+    }
+
+    /// Whether there is an entry of this name.
+    #[must_use]
+    pub fn contains(&self, name: &str) -> bool {
+        self.entries.contains_key(name)
+    }
+
+    /// Takes over, from another FMU, libraries of platforms that this one lacks; gives their names.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub fn merge_binaries(&mut self, fmu: &Path) -> Result<Vec<String>, PackageError> {
+        let read = |source| PackageError::Read { path: fmu.to_owned(), source };
+        let archive = |source| PackageError::Archive { path: fmu.to_owned(), source };
+        let bytes = std::fs::read(fmu).map_err(read)?;
+        let mut zip = zip::ZipArchive::new(Cursor::new(bytes)).map_err(archive)?;
+        let mut merged = Vec::new();
+        for i in 0..zip.len() {
+            let mut file = zip.by_index(i).map_err(archive)?;
+            let name = file.name().map_err(archive)?.into_owned();
+            if file.is_file() && name.starts_with("binaries/") && !self.contains(&name) {
+                let mut content = Vec::new();
+                std::io::copy(&mut file, &mut content).map_err(read)?;
+                self.add(name.clone(), content)?;
+                merged.push(name);
+            }
+        }
+        Ok(merged)
+    }
+
+    /// The archive's bytes.
+    ///
+    /// # Errors
+    /// If an entry's name or size is more than a zip can hold.
+    pub fn to_bytes(&self) -> Result<Vec<u8>, PackageError> {
+        let options = SimpleFileOptions::default()
+            .compression_method(CompressionMethod::Deflated)
+            .last_modified_time(DateTime::default())
+            .unix_permissions(0o644);
+        let mut writer = ZipWriter::new(Cursor::new(Vec::new()));
+        for (name, content) in &self.entries {
+            let zip = |source| PackageError::Zip { entry: name.clone(), source };
+            // Hosts load libraries from the unpacked archive: they stay executable.
+            let mode = if name.starts_with("binaries/") { 0o755 } else { 0o644 };
+            writer.start_file(name.as_str(), options.unix_permissions(mode)).map_err(zip)?;
+            writer.write_all(content).map_err(|source| zip(source.into()))?;
+        }
+        let finished = writer.finish();
+        let finished = finished.map_err(|source| PackageError::Zip { entry: "the directory".to_owned(), source })?;
+        Ok(finished.into_inner())
+    }
+
+    /// Writes the archive.
+    ///
+    /// # Errors
+    /// As [`to_bytes`](Self::to_bytes), or if the file cannot be written.
+    pub fn write(&self, path: &Path) -> Result<(), PackageError> {
+        let bytes = self.to_bytes()?;
+        let written = path.parent().map_or(Ok(()), std::fs::create_dir_all).and_then(|()| std::fs::write(path, bytes));
+        written.map_err(|source| PackageError::Write { path: path.to_owned(), source })
+    }
+}

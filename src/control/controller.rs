@@ -1,0 +1,314 @@
+//! The path-tracking controller: projection, speed tracking, lateral MPC, and what happens when it has no answer.
+//!
+//! A step never leaves the vehicle without a command. If the solver misses its deadline or fails, the last plan
+//! goes on; when that is used up, steering is held and the vehicle brakes.
+
+use super::lateral::{LateralError, LateralMpc, SpeedAhead};
+use super::parameters::ControllerParameters;
+use super::speed::track_speed;
+use super::status::ControlStatus;
+use super::tracking_qp::{QpEnd, QpError, TrackingQp};
+use crate::parameter::{OutOfRange, ParameterGroup};
+use crate::path::{Path, SpeedLimits, SpeedPlan};
+use nalgebra::Vector4;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// What the controller is told of the vehicle, in SI units and ISO 8855 axes.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[allow(missing_docs)]
+pub struct Measurement {
+    pub x: f64,
+    pub y: f64,
+    pub yaw: f64,
+    pub vx: f64,
+    pub vy: f64,
+    pub yaw_rate: f64,
+    /// Road-wheel angle: where the steering command starts from at the first step.
+    pub steer: f64,
+}
+
+/// What a step decided, and on which grounds.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[allow(missing_docs)]
+pub struct StepReport {
+    pub steer_cmd: f64,
+    pub accel_cmd: f64,
+    pub status: ControlStatus,
+    pub e1: f64,
+    pub e1_rate: f64,
+    pub e2: f64,
+    pub e2_rate: f64,
+    pub station: f64,
+    pub curvature: f64,
+    pub speed_ref: f64,
+    /// Iterations of the QP solver; 0 if it did not run to an end.
+    pub iterations: u32,
+    /// Wall-clock time of the step, s: the only value that is not reproducible.
+    pub compute_time: f64,
+    /// The end of an open path is reached, or a full lap of a closed one is driven.
+    pub finished: bool,
+}
+
+/// Why a controller cannot be made.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum ControllerError {
+    #[error(transparent)]
+    Parameter(#[from] OutOfRange),
+    #[error(transparent)]
+    Lateral(#[from] LateralError),
+}
+
+/// Why a step cannot be computed.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum StepError {
+    #[error("the measured {signal} is {value}: every measurement must be a finite number")]
+    NotFinite { signal: &'static str, value: f64 },
+}
+
+/// Everything that steps change: what a saved state holds.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ControllerState {
+    /// Steering command in force; none before the first step.
+    steer_cmd: Option<f64>,
+    /// Newest plan of the steering.
+    plan: Vec<f64>,
+    /// Steps since the plan was made.
+    plan_age: usize,
+    /// Station of the last step.
+    station: Option<f64>,
+    /// Distance driven along the path.
+    travelled: f64,
+    speed_integral: f64,
+    finished: bool,
+    last: StepReport,
+}
+
+/// Lateral error beyond which the linear model says nothing, m. Twice a lane.
+const FAR_E1: f64 = 7.0;
+/// Yaw error beyond which it says nothing, rad.
+const FAR_E2: f64 = 1.0;
+/// Lateral error up to which a far vehicle steers back: it bounds the approach angle, m.
+const APPROACH_E1: f64 = 2.0;
+/// Speed at which a far vehicle comes back, m/s.
+const APPROACH_SPEED: f64 = 3.0;
+/// The path's end counts as reached this far before it, m.
+const END_DISTANCE: f64 = 0.5;
+
+/// The controller of the car.
+pub struct Controller {
+    parameters: ControllerParameters,
+    path: Arc<Path>,
+    plan: SpeedPlan,
+    lateral: LateralMpc,
+    state: ControllerState,
+}
+
+impl Controller {
+    /// Sets the controller up for a path.
+    ///
+    /// # Errors
+    /// A parameter out of range.
+    pub fn new(parameters: ControllerParameters, path: Arc<Path>) -> Result<Self, ControllerError> {
+        parameters.vehicle.check()?;
+        parameters.mpc.check()?;
+        parameters.speed.check()?;
+        let speed = &parameters.speed;
+        let limits = SpeedLimits {
+            lateral_accel: speed.lateral_accel,
+            accel: speed.accel,
+            decel: speed.decel,
+            speed: speed.limit,
+        };
+        let plan = SpeedPlan::between(&path, &limits, None, true);
+        let lateral = LateralMpc::new(parameters.vehicle.single_track(), parameters.mpc)?;
+        let state = ControllerState {
+            steer_cmd: None,
+            plan: vec![0.0; parameters.mpc.horizon],
+            plan_age: parameters.mpc.horizon,
+            station: None,
+            travelled: 0.0,
+            speed_integral: 0.0,
+            finished: false,
+            last: StepReport::default(),
+        };
+        Ok(Self { parameters, path, plan, lateral, state })
+    }
+
+    /// One control step. The commands hold until the next one, `mpc.sample_time` later.
+    ///
+    /// # Errors
+    /// A measurement that is not finite; nothing has changed then.
+    pub fn step(&mut self, measurement: &Measurement) -> Result<&StepReport, StepError> {
+        let begin = Instant::now();
+        check(measurement)?;
+        let mut report = self.locate(measurement);
+        let far = report.e1.abs() > FAR_E1 || report.e2.abs() > FAR_E2;
+
+        let p = &self.parameters;
+        let sample_time = p.mpc.sample_time;
+        let mut target = (self.plan.speed(report.station), self.plan.accel(report.station));
+        if far && target.0 > APPROACH_SPEED {
+            target = (APPROACH_SPEED, 0.0);
+        }
+        report.speed_ref = target.0;
+        let speed = track_speed(&p.speed, target, measurement.vx, self.state.speed_integral, sample_time);
+        self.state.speed_integral = speed.integral;
+        report.accel_cmd = speed.accel_cmd;
+
+        let mut e = Vector4::new(report.e1, report.e1_rate, report.e2, report.e2_rate);
+        if far {
+            e[0] = e[0].clamp(-APPROACH_E1, APPROACH_E1);
+            e[2] = e[2].clamp(-FAR_E2, FAR_E2);
+        }
+        let ahead = SpeedAhead { speed: measurement.vx, accel: speed.accel_cmd };
+        let previous = self.state.steer_cmd.unwrap_or(measurement.steer);
+        let time_limit = match p.mpc.deadline {
+            deadline if deadline > 0.0 => (deadline - begin.elapsed().as_secs_f64()).max(0.0),
+            _ => f64::INFINITY,
+        };
+        let solved = self.lateral.step(&e, report.station, ahead, previous, &self.path, time_limit);
+        match solved {
+            Ok(qp) => {
+                self.state.plan.copy_from_slice(self.lateral.plan());
+                self.state.plan_age = 0;
+                report.iterations = qp.iterations;
+                report.status = match qp.end {
+                    _ if far => ControlStatus::FarFromPath,
+                    QpEnd::Solved => ControlStatus::Optimal,
+                    QpEnd::ReducedAccuracy => ControlStatus::ReducedAccuracy,
+                };
+            }
+            Err(error) => {
+                self.state.plan_age += 1;
+                report.status = match error {
+                    QpError::TimeLimit { .. } => ControlStatus::DeadlineMissed,
+                    _ => ControlStatus::SolverFailed,
+                };
+            }
+        }
+        match self.state.plan.get(self.state.plan_age) {
+            Some(&steer) => report.steer_cmd = steer,
+            None => {
+                report.status = ControlStatus::SafeHold;
+                report.steer_cmd = previous;
+                report.accel_cmd = -p.speed.safe_decel;
+            }
+        }
+        if self.state.finished && !self.path.is_periodic() {
+            report.status = ControlStatus::Finished;
+            report.steer_cmd = previous;
+            report.accel_cmd = -p.speed.safe_decel;
+        }
+        // The plan respects the limits to the solver's tolerance; the command does exactly.
+        let (limit, rate) = (p.mpc.steer_max, p.mpc.steer_rate_max * sample_time);
+        report.steer_cmd = report.steer_cmd.clamp(previous - rate, previous + rate).clamp(-limit, limit);
+        self.state.steer_cmd = Some(report.steer_cmd);
+        report.finished = self.state.finished;
+        report.compute_time = begin.elapsed().as_secs_f64();
+        self.state.last = report;
+        Ok(&self.state.last)
+    }
+
+    /// Projects the vehicle onto the path and keeps count of the way.
+    fn locate(&mut self, measurement: &Measurement) -> StepReport {
+        let Measurement { x, y, yaw, vx, vy, yaw_rate, .. } = *measurement;
+        let mut at = self.path.project(x, y, yaw, self.state.station);
+        if self.state.station.is_some() && at.e1.abs() > 2.0 * FAR_E1 {
+            // Lost: another part of the path may be the right one.
+            at = self.path.project(x, y, yaw, None);
+        }
+        let length = self.path.length();
+        if let Some(before) = self.state.station {
+            let mut advance = at.station - before;
+            if self.path.is_periodic() {
+                advance -= length * (advance / length).round();
+            }
+            self.state.travelled += advance;
+        }
+        self.state.station = Some(at.station);
+        self.state.finished |= if self.path.is_periodic() {
+            self.state.travelled >= length
+        } else {
+            at.station >= length - END_DISTANCE
+        };
+        let (sin, cos) = at.e2.sin_cos();
+        // A point beyond the centre of curvature has no foot on the path: bounded, not inverted.
+        let stretch = (1.0 - at.curvature * at.e1).max(0.1);
+        let station_rate = (vx * cos - vy * sin) / stretch;
+        StepReport {
+            e1: at.e1,
+            e1_rate: vx * sin + vy * cos,
+            e2: at.e2,
+            e2_rate: yaw_rate - at.curvature * station_rate,
+            station: at.station,
+            curvature: at.curvature,
+            ..StepReport::default()
+        }
+    }
+
+    /// The newest step's report.
+    #[must_use]
+    pub fn report(&self) -> &StepReport {
+        &self.state.last
+    }
+
+    /// The lateral MPC with its newest problem and prediction.
+    #[must_use]
+    pub fn lateral(&self) -> &LateralMpc {
+        &self.lateral
+    }
+
+    /// The newest QP.
+    #[must_use]
+    pub fn problem(&self) -> &TrackingQp {
+        self.lateral.problem()
+    }
+
+    /// The speed plan on the path.
+    #[must_use]
+    pub fn speed_plan(&self) -> &SpeedPlan {
+        &self.plan
+    }
+
+    /// The path that is followed.
+    #[must_use]
+    pub fn path(&self) -> &Arc<Path> {
+        &self.path
+    }
+
+    /// The parameters in force.
+    #[must_use]
+    pub fn parameters(&self) -> &ControllerParameters {
+        &self.parameters
+    }
+
+    /// Everything that steps have changed.
+    #[must_use]
+    pub fn state(&self) -> &ControllerState {
+        &self.state
+    }
+
+    /// Continues from a state of a controller with the same parameters and path. Gives the state back if its plan
+    /// has another horizon.
+    pub fn restore(&mut self, state: ControllerState) -> Option<ControllerState> {
+        if state.plan.len() != self.state.plan.len() {
+            return Some(state);
+        }
+        self.state = state;
+        None
+    }
+}
+
+fn check(measurement: &Measurement) -> Result<(), StepError> {
+    let Measurement { x, y, yaw, vx, vy, yaw_rate, steer } = *measurement;
+    let signals =
+        [("x", x), ("y", y), ("yaw", yaw), ("vx", vx), ("vy", vy), ("yaw_rate", yaw_rate), ("steer", steer)];
+    match signals.into_iter().find(|(_, value)| !value.is_finite()) {
+        Some((signal, value)) => Err(StepError::NotFinite { signal, value }),
+        None => Ok(()),
+    }
+}

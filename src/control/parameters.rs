@@ -1,0 +1,105 @@
+//! The controller's parameters: one table for code, FMU variables, `--set` and documentation.
+
+use crate::parameters;
+use crate::vehicle::{CarParameters, SingleTrack};
+
+/// Steps of the prediction that the FMU shows as outputs; longer horizons are allowed.
+pub const SHOWN_HORIZON: usize = 30;
+
+parameters! {
+    /// The nominal vehicle, as a careful engineer knows it: axle stiffnesses at static load.
+    pub struct NominalVehicle {
+        mass: f64 = 1412.0, KILOGRAM in 100.0, 60e3; "vehicle.mass", "Mass of the nominal model"
+        yaw_inertia: f64 = 1536.7, KILOGRAM_METRE2 in 50.0, 5e5; "vehicle.yaw_inertia", "Yaw moment of inertia of the nominal model"
+        lf: f64 = 1.015, METRE in 0.1, 10.0; "vehicle.cg_to_front_axle", "Distance from the CG to the front axle"
+        lr: f64 = 1.895, METRE in 0.1, 10.0; "vehicle.cg_to_rear_axle", "Distance from the CG to the rear axle"
+        front_stiffness: f64 = 120e3, NEWTON_PER_RADIAN in 1e3, 3e6; "tyre.front.stiffness", "Cornering stiffness of the front axle (both tyres)"
+        rear_stiffness: f64 = 110e3, NEWTON_PER_RADIAN in 1e3, 3e6; "tyre.rear.stiffness", "Cornering stiffness of the rear axle (both tyres)"
+    }
+}
+
+parameters! {
+    /// The lateral MPC.
+    pub struct MpcParameters {
+        sample_time: f64 = 0.02, SECOND in 0.001, 0.2; "mpc.sample_time", "Time between control steps, Ts"
+        horizon: usize = 16, ONE in 2.0, 120.0; "mpc.horizon", "Steps of the prediction and control horizon, N"
+        q_e1: f64 = 1.0, ONE in 0.0, 1e6; "mpc.q_e1", "Weight of the squared lateral error, per m2"
+        q_e1_rate: f64 = 0.0, ONE in 0.0, 1e6; "mpc.q_e1_rate", "Weight of the squared rate of the lateral error, per (m/s)2"
+        q_e2: f64 = 0.5, ONE in 0.0, 1e6; "mpc.q_e2", "Weight of the squared deviation of the yaw error from that of steady cornering, per rad2"
+        q_e2_rate: f64 = 0.0, ONE in 0.0, 1e6; "mpc.q_e2_rate", "Weight of the squared rate of the yaw error, per (rad/s)2"
+        terminal_factor: f64 = 1.0, ONE in 1.0, 1e4; "mpc.terminal_factor", "Factor on the weights at the end of the horizon"
+        r_rate: f64 = 0.01, ONE in 1e-9, 1e6; "mpc.r_rate", "Weight of the squared rate of the steering command, per (rad/s)2"
+        steer_max: f64 = 0.6, RADIAN in 0.01, 1.4; "mpc.steer_max", "Largest road-wheel angle that is commanded"
+        steer_rate_max: f64 = 0.8, RADIAN_PER_SECOND in 0.01, 20.0; "mpc.steer_rate_max", "Largest rate of the road-wheel angle that is commanded"
+        e1_max: f64 = 0.5, METRE in 0.01, 100.0; "mpc.e1_max", "Soft bound of the lateral error"
+        slack_quadratic: f64 = 100.0, ONE in 1e-6, 1e9; "mpc.slack_quadratic", "Weight of the squared excess over the soft bound, per m2"
+        slack_linear: f64 = 1.0, ONE in 0.0, 1e9; "mpc.slack_linear", "Weight of the excess over the soft bound, per m"
+        min_model_speed: f64 = 1.5, METRE_PER_SECOND in 0.3, 10.0; "mpc.min_model_speed", "Speed below which the prediction model is held, for it is stiff at standstill"
+        max_iterations: usize = 50, ONE in 1.0, 1000.0; "mpc.max_iterations", "Iterations after which the solver gives up"
+        deadline: f64 = 0.0, SECOND in 0.0, 10.0; "mpc.deadline", "Wall-clock time after which the solver gives up and the last plan goes on; 0 for none (results then depend on nothing but inputs)"
+    }
+}
+
+parameters! {
+    /// Speed plan and speed control.
+    pub struct SpeedParameters {
+        limit: f64 = 30.0, METRE_PER_SECOND in 0.5, 80.0; "speed.limit", "Speed that is never exceeded, whatever the path allows"
+        lateral_accel: f64 = 2.25, METRE_PER_SECOND2 in 0.1, 15.0; "speed.lateral_accel", "Lateral acceleration that the speed plan allows"
+        accel: f64 = 1.5, METRE_PER_SECOND2 in 0.1, 10.0; "speed.accel", "Acceleration that the speed plan allows"
+        decel: f64 = 2.0, METRE_PER_SECOND2 in 0.1, 12.0; "speed.decel", "Deceleration that the speed plan allows"
+        gain: f64 = 1.0, ONE in 0.0, 20.0; "speed.gain", "Proportional gain from the speed error to the acceleration, 1/s"
+        integral: f64 = 0.2, ONE in 0.0, 20.0; "speed.integral", "Integral gain of the speed error, 1/s2"
+        accel_cmd_max: f64 = 3.0, METRE_PER_SECOND2 in 0.1, 15.0; "speed.accel_cmd_max", "Largest acceleration that is commanded"
+        decel_cmd_max: f64 = 6.0, METRE_PER_SECOND2 in 0.1, 15.0; "speed.decel_cmd_max", "Largest deceleration that is commanded"
+        safe_decel: f64 = 3.0, METRE_PER_SECOND2 in 0.1, 12.0; "speed.safe_decel", "Deceleration of the safe hold"
+    }
+}
+
+/// All of it.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[allow(missing_docs)]
+pub struct ControllerParameters {
+    pub vehicle: NominalVehicle,
+    pub mpc: MpcParameters,
+    pub speed: SpeedParameters,
+}
+
+impl ControllerParameters {
+    /// The default controller for a car: its single-track model and steering limits.
+    #[must_use]
+    pub fn for_car(car: &CarParameters) -> Self {
+        let mut parameters = Self::default();
+        parameters.vehicle = NominalVehicle::from_single_track(&car.single_track());
+        parameters.mpc.steer_max = parameters.mpc.steer_max.min(car.steering.angle_limit);
+        parameters.mpc.steer_rate_max = parameters.mpc.steer_rate_max.min(car.steering.rate_limit);
+        parameters
+    }
+}
+
+impl NominalVehicle {
+    /// The nominal model's parameters.
+    #[must_use]
+    pub fn single_track(&self) -> SingleTrack {
+        SingleTrack {
+            mass: self.mass,
+            yaw_inertia: self.yaw_inertia,
+            lf: self.lf,
+            lr: self.lr,
+            cf: self.front_stiffness,
+            cr: self.rear_stiffness,
+        }
+    }
+
+    /// From a vehicle's single-track parameters.
+    #[must_use]
+    pub fn from_single_track(car: &SingleTrack) -> Self {
+        Self {
+            mass: car.mass,
+            yaw_inertia: car.yaw_inertia,
+            lf: car.lf,
+            lr: car.lr,
+            front_stiffness: car.cf,
+            rear_stiffness: car.cr,
+        }
+    }
+}

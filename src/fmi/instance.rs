@@ -1,0 +1,564 @@
+//! One instance of a model: its state, its values, and what each call of the standard does to them.
+//!
+//! Everything here is safe code on Rust types; `abi.rs` translates from C. Decisions where the standard leaves
+//! room:
+//!
+//! - *Values.* A set call is checked as a whole before anything is written. A real that is not finite, a parameter
+//!   outside its range, an enumeration value that is none: `fmi2Discard`, the value before stands. An *input*
+//!   outside its range (a range says what is certainly wrong, not what a vehicle can do) is taken, with
+//!   `fmi2Warning` and one message until it is back inside.
+//! - *Initialisation.* The model is initialised when initialisation mode is left, or before, when the host asks for
+//!   a value that the model calculates; it is initialised again if the host sets something after that.
+//! - *Communication points.* The host's point counts, so that its rounding does not add up; it may differ from the
+//!   instance's time by 1e-4 of the step. A step must be positive. A step past the stop time is `fmi2Error`, as the
+//!   standard demands.
+//! - *Discarded steps.* `fmi2Discard` leads to "step failed", out of which a stored FMU state or a reset leads, as in
+//!   the standard; the model itself is as it was before the step.
+//! - `noSetFMUStatePriorToCurrentPoint` allows to flush buffers. There are none: older states stay restorable.
+
+use super::abi::{CallbackFunctions, Status};
+use super::life::{Function, Life};
+use super::logger::{Logger, Messages, STANDARD_CATEGORIES, status_category};
+use super::model::{Context, Declaration, Model, ModelError};
+use super::refusal::Refusal;
+use super::snapshot::Snapshot;
+use super::value::{Value, Values};
+use super::variable::{Causality, Initial, Kind, Variability, Variable, Vr};
+use std::collections::BTreeMap;
+use std::ffi::{CStr, CString, c_char, c_void};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+/// How far the host's communication point may be from the instance's time, in steps.
+const POINT_TOLERANCE: f64 = 1e-4;
+
+/// An instance of a model.
+pub struct Instance<M: Model> {
+    guid: &'static str,
+    declaration: Declaration,
+    context: Context,
+    pub(super) logger: Logger,
+    model: M,
+    values: Values,
+    life: Life,
+    start_time: f64,
+    stop_time: Option<f64>,
+    time: f64,
+    /// In initialisation mode: what the model does not know yet.
+    stale: Stale,
+    /// Per variable: an input outside its range, of which the host was warned.
+    outside: Vec<bool>,
+    /// Strings that the host got last; they live until it asks for strings again.
+    strings: Vec<CString>,
+    /// The host's FMU states by address. A handle is looked up here and never followed, so that a foreign one does
+    /// no harm.
+    snapshots: BTreeMap<usize, Box<Snapshot>>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Stale {
+    parameters: bool,
+    inputs: bool,
+}
+
+const ALL_STALE: Stale = Stale { parameters: true, inputs: true };
+const NOTHING_STALE: Stale = Stale { parameters: false, inputs: false };
+
+type Outcome = Result<Status, Refusal>;
+
+impl<M: Model> Instance<M> {
+    /// A fresh instance.
+    pub fn new(guid: &'static str, name: &CStr, callbacks: CallbackFunctions, context: Context) -> Self {
+        let declaration = M::declaration();
+        let values = Values::starting_from(&declaration.variables);
+        Self {
+            guid,
+            context,
+            logger: Logger::new(callbacks, name),
+            model: M::new(),
+            values,
+            life: Life::Instantiated,
+            start_time: 0.0,
+            stop_time: None,
+            time: 0.0,
+            stale: ALL_STALE,
+            outside: vec![false; declaration.variables.len()],
+            strings: Vec::new(),
+            snapshots: BTreeMap::new(),
+            declaration,
+        }
+    }
+
+    /// Makes one call: checks that it is allowed now, stops panics, tells the host what was wrong.
+    pub fn call(&mut self, function: Function, body: impl FnOnce(&mut Self) -> Outcome) -> Status {
+        let outcome = if function.allowed_in(self.life) {
+            // After a panic the instance is in state "error", out of which only fresh models lead: nothing that is
+            // half done is used again.
+            catch_unwind(AssertUnwindSafe(|| body(self))).unwrap_or_else(|payload| {
+                self.life = Life::Error;
+                Err(Refusal::Panic { function: function.name(), message: panic_message(&*payload) })
+            })
+        } else {
+            Err(Refusal::OutOfOrder { function: function.name(), life: self.life })
+        };
+        outcome.unwrap_or_else(|refusal| {
+            let status = refusal.status();
+            self.logger.tell(status, status_category(status), &format!("{}: {refusal}", function.name()));
+            status
+        })
+    }
+
+    /// `fmi2SetDebugLogging`; no category means all.
+    pub fn set_debug_logging(&mut self, on: bool, categories: &[&CStr]) -> Outcome {
+        if !on || categories.is_empty() {
+            self.logger.enable(if on { vec!["logAll"] } else { Vec::new() });
+            return Ok(Status::Ok);
+        }
+        let known: Vec<&'static str> =
+            STANDARD_CATEGORIES.iter().chain(self.declaration.log_categories).map(|known| known.name).collect();
+        let mut enabled = Vec::new();
+        let mut status = Status::Ok;
+        for category in categories {
+            match known.iter().find(|known| known.as_bytes() == category.to_bytes()) {
+                Some(known) => enabled.push(*known),
+                None => {
+                    status = Status::Warning;
+                    let message = format!(
+                        "fmi2SetDebugLogging: there is no log category \"{}\"; there are {}",
+                        category.to_string_lossy(),
+                        known.join(", ")
+                    );
+                    self.logger.tell(status, status_category(status), &message);
+                }
+            }
+        }
+        self.logger.enable(enabled);
+        Ok(status)
+    }
+
+    /// `fmi2SetupExperiment`. The tolerance is not used: models integrate with fixed steps.
+    pub fn setup_experiment(&mut self, start: f64, stop: Option<f64>) -> Outcome {
+        if !start.is_finite() {
+            return Err(Refusal::StartTime { start });
+        }
+        if let Some(stop) = stop
+            && !(stop.is_finite() && stop >= start)
+        {
+            return Err(Refusal::StopTime { start, stop });
+        }
+        (self.start_time, self.stop_time, self.time) = (start, stop, start);
+        Ok(Status::Ok)
+    }
+
+    /// `fmi2EnterInitializationMode`.
+    pub fn enter_initialization_mode(&mut self) -> Outcome {
+        self.life = Life::InitializationMode;
+        self.stale = ALL_STALE;
+        Ok(Status::Ok)
+    }
+
+    /// `fmi2ExitInitializationMode`.
+    pub fn exit_initialization_mode(&mut self) -> Outcome {
+        let status = if self.stale == NOTHING_STALE { Ok(Status::Ok) } else { self.initialize() };
+        self.life = if status.is_ok() { Life::StepComplete } else { Life::Error };
+        if status.is_ok() {
+            self.logger.event(format_args!("initialised at {} s", self.start_time));
+        }
+        status
+    }
+
+    /// `fmi2Terminate`.
+    pub fn terminate(&mut self) -> Outcome {
+        self.life = Life::Terminated;
+        self.logger.event(format_args!("terminated at {} s", self.time));
+        Ok(Status::Ok)
+    }
+
+    /// `fmi2Reset`: as after instantiation. Stored FMU states stay valid.
+    pub fn reset(&mut self) -> Outcome {
+        self.model = M::new();
+        self.values = Values::starting_from(&self.declaration.variables);
+        (self.life, self.stale) = (Life::Instantiated, ALL_STALE);
+        (self.start_time, self.stop_time, self.time) = (0.0, None, 0.0);
+        self.outside.fill(false);
+        self.logger.event(format_args!("reset"));
+        Ok(Status::Ok)
+    }
+
+    /// Initialises a fresh model with the host's values.
+    fn initialize(&mut self) -> Outcome {
+        self.model = M::new();
+        self.stale = ALL_STALE;
+        self.values.forget_calculated(&self.declaration.variables);
+        let mut messages = Messages::to(&self.logger);
+        self.model
+            .initialize(&mut self.values, self.start_time, &self.context, &mut messages)
+            .map_err(|error| Refusal::Initialization { message: error.to_string() })?;
+        let status = if messages.warned { Status::Warning } else { Status::Ok };
+        self.stale = NOTHING_STALE;
+        Ok(status)
+    }
+
+    /// `fmi2DoStep`.
+    pub fn do_step(&mut self, point: f64, step: f64) -> Outcome {
+        if !point.is_finite() {
+            return Err(Refusal::CommunicationPoint { point });
+        }
+        let end = point + step;
+        if !(step > 0.0 && end.is_finite()) {
+            return Err(Refusal::StepSize { step });
+        }
+        let rounding = 64.0 * f64::EPSILON * point.abs().max(self.time.abs());
+        let tolerance = POINT_TOLERANCE * step + rounding;
+        if point < self.time - tolerance {
+            return Err(Refusal::SteppedBack { point, time: self.time });
+        }
+        if point > self.time + tolerance {
+            return Err(Refusal::SteppedAhead { point, time: self.time });
+        }
+        if let Some(stop) = self.stop_time
+            && end > stop + tolerance
+        {
+            return Err(Refusal::PastStopTime { point, end, stop });
+        }
+        let mut messages = Messages::to(&self.logger);
+        match self.model.step(&mut self.values, point, step, &mut messages) {
+            Ok(()) => {
+                let status = if messages.warned { Status::Warning } else { Status::Ok };
+                self.time = end;
+                Ok(status)
+            }
+            Err(ModelError::Discard(message)) => {
+                self.life = Life::StepFailed;
+                Err(Refusal::StepDiscarded { time: self.time, message })
+            }
+            Err(ModelError::Failed(message)) => {
+                self.life = Life::Error;
+                Err(Refusal::StepFailed { time: self.time, message })
+            }
+        }
+    }
+
+    /// The last time up to which all went well, in s.
+    #[must_use]
+    pub fn time(&self) -> f64 {
+        self.time
+    }
+
+    /// The instance's state.
+    #[must_use]
+    pub fn life(&self) -> Life {
+        self.life
+    }
+
+    /// Gives values of reals to `write(position, value)`.
+    pub fn get_real(&mut self, references: &[u32], mut write: impl FnMut(usize, f64)) -> Outcome {
+        self.get(references, "Real", |i, value| {
+            if let Value::Real(value) = value {
+                write(i, *value);
+            }
+        })
+    }
+
+    /// Gives values of integers and enumerations to `write(position, value)`.
+    pub fn get_integer(&mut self, references: &[u32], mut write: impl FnMut(usize, i32)) -> Outcome {
+        self.get(references, "Integer", |i, value| {
+            if let Value::Integer(value) = value {
+                write(i, *value);
+            }
+        })
+    }
+
+    /// Gives values of booleans to `write(position, value)`.
+    pub fn get_boolean(&mut self, references: &[u32], mut write: impl FnMut(usize, bool)) -> Outcome {
+        self.get(references, "Boolean", |i, value| {
+            if let Value::Boolean(value) = value {
+                write(i, *value);
+            }
+        })
+    }
+
+    /// Gives strings to `write(position, pointer)`; the pointers are valid until the next call of this function.
+    pub fn get_string(&mut self, references: &[u32], mut write: impl FnMut(usize, *const c_char)) -> Outcome {
+        let mut strings = Vec::with_capacity(references.len());
+        let status = self.get(references, "String", |_, value| {
+            if let Value::String(value) = value {
+                strings.push(CString::new(value.replace('\0', "\u{fffd}")).unwrap_or_default());
+            }
+        })?;
+        self.strings = strings;
+        for (i, string) in self.strings.iter().enumerate() {
+            write(i, string.as_ptr());
+        }
+        Ok(status)
+    }
+
+    fn get(&mut self, references: &[u32], expected: &'static str, mut write: impl FnMut(usize, &Value)) -> Outcome {
+        let mut unknown = false;
+        for reference in references {
+            let (_, variable) = self.variable(*reference, expected)?;
+            unknown |= variable.initial == Initial::Calculated
+                && (self.stale.parameters || (self.stale.inputs && !variable.depends_on.is_empty()));
+        }
+        let mut status = Status::Ok;
+        if unknown && self.life == Life::InitializationMode {
+            status = self.initialize()?;
+        }
+        for (i, reference) in references.iter().enumerate() {
+            if let Some(value) = self.values.get(*reference as Vr) {
+                write(i, value);
+            }
+        }
+        Ok(status)
+    }
+
+    /// Sets reals.
+    pub fn set_real(&mut self, references: &[u32], values: &[f64]) -> Outcome {
+        let mut status = Status::Ok;
+        for (reference, value) in references.iter().zip(values) {
+            let (vr, variable) = self.settable(*reference, "Real")?;
+            if !value.is_finite() {
+                let (name, kept) = (variable.name.to_string(), self.values.real(vr));
+                return Err(Refusal::NotFinite { name, value: *value, kept });
+            }
+            if let Kind::Real { min, max, .. } = variable.kind {
+                let low = min.unwrap_or(f64::NEG_INFINITY);
+                let high = max.unwrap_or(f64::INFINITY);
+                if !(low..=high).contains(value) {
+                    self.outside(vr, format_args!("{value}"), format_args!("[{low}, {high}]"))?;
+                    status = Status::Warning;
+                    continue;
+                }
+            }
+            self.outside[vr] = false;
+        }
+        for (reference, value) in references.iter().zip(values) {
+            self.write(*reference, Value::Real(*value));
+        }
+        Ok(status)
+    }
+
+    /// Sets integers and enumerations.
+    pub fn set_integer(&mut self, references: &[u32], values: &[i32]) -> Outcome {
+        let mut status = Status::Ok;
+        for (reference, value) in references.iter().zip(values) {
+            let (vr, variable) = self.settable(*reference, "Integer")?;
+            match &variable.kind {
+                Kind::Enumeration { items, .. } if items.iter().all(|item| item.0 != *value) => {
+                    let allowed: Vec<String> =
+                        items.iter().map(|(value, name, _)| format!("{value} ({name})")).collect();
+                    return Err(Refusal::NotAMember {
+                        name: variable.name.to_string(),
+                        value: *value,
+                        allowed: allowed.join(", "),
+                        kept: self.values.integer(vr),
+                    });
+                }
+                Kind::Integer { min, max, .. } => {
+                    let (low, high) = (min.unwrap_or(i32::MIN), max.unwrap_or(i32::MAX));
+                    if !(low..=high).contains(value) {
+                        self.outside(vr, format_args!("{value}"), format_args!("[{low}, {high}]"))?;
+                        status = Status::Warning;
+                        continue;
+                    }
+                    self.outside[vr] = false;
+                }
+                _ => {}
+            }
+        }
+        for (reference, value) in references.iter().zip(values) {
+            self.write(*reference, Value::Integer(*value));
+        }
+        Ok(status)
+    }
+
+    /// Sets booleans.
+    pub fn set_boolean(&mut self, references: &[u32], values: impl Iterator<Item = bool> + Clone) -> Outcome {
+        for reference in references {
+            self.settable(*reference, "Boolean")?;
+        }
+        for (reference, value) in references.iter().zip(values) {
+            self.write(*reference, Value::Boolean(value));
+        }
+        Ok(Status::Ok)
+    }
+
+    /// Sets strings.
+    pub fn set_string(&mut self, references: &[u32], values: &[&CStr]) -> Outcome {
+        let mut strings = Vec::with_capacity(values.len());
+        for (reference, value) in references.iter().zip(values) {
+            let (_, variable) = self.settable(*reference, "String")?;
+            let value = value.to_str().map_err(|_| Refusal::NotUtf8 { name: variable.name.to_string() })?;
+            strings.push(value.to_owned());
+        }
+        for (reference, value) in references.iter().zip(strings) {
+            self.write(*reference, Value::String(value));
+        }
+        Ok(Status::Ok)
+    }
+
+    /// A value outside its range: refuses a parameter, warns of an input once.
+    fn outside(
+        &mut self,
+        vr: Vr,
+        value: std::fmt::Arguments<'_>,
+        range: std::fmt::Arguments<'_>,
+    ) -> Result<(), Refusal> {
+        let variable = &self.declaration.variables[vr];
+        if variable.causality != Causality::Input {
+            let kept = match self.values.get(vr) {
+                Some(Value::Real(kept)) => kept.to_string(),
+                Some(Value::Integer(kept)) => kept.to_string(),
+                _ => String::new(),
+            };
+            let name = variable.name.to_string();
+            return Err(Refusal::OutOfRange { name, value: value.to_string(), range: range.to_string(), kept });
+        }
+        if !std::mem::replace(&mut self.outside[vr], true) {
+            let message = format!(
+                "input `{}` = {value} is outside its range {range}; it is used all the same. Check units (SI, \
+                 radians) and the connection. There is no further message until it is back inside.",
+                variable.name
+            );
+            self.logger.tell(Status::Warning, status_category(Status::Warning), &message);
+        }
+        Ok(())
+    }
+
+    fn write(&mut self, reference: u32, value: Value) {
+        let vr = reference as Vr;
+        match self.declaration.variables[vr].causality {
+            Causality::Input => self.stale.inputs = true,
+            _ => self.stale.parameters = true,
+        }
+        self.values.set_by_host(vr, value);
+    }
+
+    /// The variable behind a reference, if it is of the expected type.
+    fn variable(&self, reference: u32, expected: &'static str) -> Result<(Vr, &Variable), Refusal> {
+        let variables = &self.declaration.variables;
+        let vr = reference as Vr;
+        let variable = variables
+            .get(vr)
+            .ok_or(Refusal::UnknownReference { reference, last: variables.len().saturating_sub(1) })?;
+        let declared = match variable.kind {
+            Kind::Real { .. } => "Real",
+            Kind::Integer { .. } | Kind::Enumeration { .. } => "Integer",
+            Kind::Boolean { .. } => "Boolean",
+            Kind::String { .. } => "String",
+        };
+        if declared != expected {
+            return Err(Refusal::WrongType { name: variable.name.to_string(), reference, declared });
+        }
+        Ok((vr, variable))
+    }
+
+    /// The variable behind a reference, if the host may set it now.
+    fn settable(&self, reference: u32, expected: &'static str) -> Result<(Vr, &Variable), Refusal> {
+        let (vr, variable) = self.variable(reference, expected)?;
+        let before = matches!(self.life, Life::Instantiated | Life::InitializationMode);
+        match (variable.causality, variable.variability) {
+            (Causality::Input, _) | (Causality::Parameter, Variability::Tunable) => Ok((vr, variable)),
+            (Causality::Parameter, _) if before => Ok((vr, variable)),
+            (Causality::Parameter, _) => {
+                Err(Refusal::Fixed { name: variable.name.to_string(), life: self.life })
+            }
+            _ if before && variable.initial == Initial::Exact => Ok((vr, variable)),
+            _ => Err(Refusal::NotSettable { name: variable.name.to_string() }),
+        }
+    }
+
+    /// `fmi2GetFMUstate`: a new state, or the one that `handle` names is written over.
+    pub fn store(&mut self, handle: *mut c_void) -> Result<*mut c_void, Refusal> {
+        if !handle.is_null() && !self.snapshots.contains_key(&handle.addr()) {
+            return Err(Refusal::ForeignState);
+        }
+        let model = self.life.has_working_model().then(|| {
+            let mut bytes = Vec::new();
+            self.model.save(&mut bytes);
+            bytes
+        });
+        let snapshot = Snapshot {
+            life: self.life,
+            start_time: self.start_time,
+            stop_time: self.stop_time,
+            time: self.time,
+            values: self.values.clone(),
+            model,
+        };
+        match self.snapshots.get_mut(&handle.addr()) {
+            Some(place) => {
+                **place = snapshot;
+                Ok(handle)
+            }
+            None => Ok(self.keep(snapshot)),
+        }
+    }
+
+    /// Keeps a state and gives its handle.
+    fn keep(&mut self, snapshot: Snapshot) -> *mut c_void {
+        let mut snapshot = Box::new(snapshot);
+        let handle: *mut Snapshot = &mut *snapshot;
+        self.snapshots.insert(handle.addr(), snapshot);
+        handle.cast()
+    }
+
+    /// `fmi2FreeFMUstate`.
+    pub fn free_state(&mut self, handle: *mut c_void) -> Outcome {
+        match self.snapshots.remove(&handle.addr()) {
+            None if !handle.is_null() => Err(Refusal::ForeignState),
+            _ => Ok(Status::Ok),
+        }
+    }
+
+    /// `fmi2SerializeFMUstate`: the state's bytes.
+    pub fn serialize(&self, handle: *mut c_void) -> Result<Vec<u8>, Refusal> {
+        let snapshot = self.snapshots.get(&handle.addr()).ok_or(Refusal::ForeignState)?;
+        Ok(snapshot.to_bytes(self.guid))
+    }
+
+    /// `fmi2DeSerializeFMUstate`.
+    pub fn deserialize(&mut self, bytes: &[u8]) -> Result<*mut c_void, Refusal> {
+        let snapshot = Snapshot::from_bytes(bytes, self.guid, &self.declaration.variables)?;
+        Ok(self.keep(snapshot))
+    }
+
+    /// `fmi2SetFMUstate`. A model of other parameters is made anew from those of the state; if that fails, the
+    /// instance is as it was.
+    pub fn restore(&mut self, handle: *mut c_void) -> Outcome {
+        let snapshot = self.snapshots.get(&handle.addr()).ok_or(Refusal::ForeignState)?;
+        let refused = |error: ModelError| Refusal::Restore { message: error.to_string() };
+        let variables = &self.declaration.variables;
+        match &snapshot.model {
+            None => self.model = M::new(),
+            Some(bytes) => {
+                let alive = self.life.has_working_model()
+                    && self.start_time == snapshot.start_time
+                    && self.values.same_fixed_parameters(&snapshot.values, variables);
+                if alive {
+                    self.model.restore(bytes).map_err(refused)?;
+                } else {
+                    let mut values = snapshot.values.clone();
+                    values.forget_calculated(variables);
+                    let mut model = M::new();
+                    let mut messages = Messages::to(&self.logger);
+                    model
+                        .initialize(&mut values, snapshot.start_time, &self.context, &mut messages)
+                        .map_err(refused)?;
+                    model.restore(bytes).map_err(refused)?;
+                    self.model = model;
+                }
+            }
+        }
+        self.values.clone_from(&snapshot.values);
+        (self.life, self.stale) = (snapshot.life, ALL_STALE);
+        (self.start_time, self.stop_time, self.time) = (snapshot.start_time, snapshot.stop_time, snapshot.time);
+        self.outside.fill(false);
+        Ok(Status::Ok)
+    }
+}
+
+/// What a panic said.
+fn panic_message(payload: &(dyn std::any::Any + Send)) -> String {
+    let text = payload.downcast_ref::<&str>().map(ToString::to_string);
+    text.or_else(|| payload.downcast_ref::<String>().cloned()).unwrap_or_else(|| "a panic without message".to_owned())
+}

@@ -1,0 +1,336 @@
+//! `RflMpc`: the car's controller as an FMI unit.
+//!
+//! It computes at its sample time Ts and holds its commands between. Outputs change in steps only: at a
+//! communication point they do not depend on the inputs set there, so there is no algebraic loop with the plant.
+
+use super::vehicle_named;
+use crate::control::{
+    Controller, ControllerParameters, ControllerState, ControlStatus, SHOWN_HORIZON, Measurement, NominalVehicle,
+    Sampler,
+};
+use crate::fmi::{
+    Context, Declaration, DefaultExperiment, Kind, Log, LogCategory, Model, ModelError, Severity, Values, Variable,
+    Vr,
+};
+use crate::parameter::{Parameter, ParameterGroup};
+use crate::path::Path;
+use crate::signal::{self, Signal, Unit};
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// Path that the FMU follows when none is named: packed into its `resources/`.
+pub const DEFAULT_PATH: &str = "path.csv";
+
+/// Log categories of the controller.
+const CATEGORIES: &[LogCategory] = &[
+    LogCategory { name: "control", description: "Changes of the controller's status, with their cause" },
+    LogCategory { name: "path", description: "The path that was read, and what was noticed or repaired in it" },
+];
+
+/// References of the declared variables.
+struct Variables {
+    inputs: [Vr; 7],
+    steer_cmd: Vr,
+    accel_cmd: Vr,
+    e1: Vr,
+    e1_rate: Vr,
+    e2: Vr,
+    e2_rate: Vr,
+    station: Vr,
+    curvature: Vr,
+    speed_ref: Vr,
+    status: Vr,
+    iterations: Vr,
+    compute_time: Vr,
+    finished: Vr,
+    path_length: Vr,
+    start: [Vr; 4],
+    predicted: Vec<[Vr; 3]>,
+    path_file: Vr,
+    vehicle_file: Vr,
+    /// First of the numeric parameters of each group: vehicle, mpc, speed.
+    groups: [Vr; 3],
+}
+
+/// The signals that the controller is told, in the order of [`Measurement`].
+const INPUTS: [Signal; 7] =
+    [signal::X, signal::Y, signal::YAW, signal::VX, signal::VY, signal::YAW_RATE, signal::STEER];
+
+fn add_group<G: ParameterGroup>(declaration: &mut Declaration) -> Vr {
+    let first = declaration.variables.len();
+    for Parameter { name, unit, default, min, max, integer, meaning } in G::table().iter().copied() {
+        let variable = if integer {
+            #[allow(clippy::cast_possible_truncation)]
+            let kind = Kind::Integer { start: default as i32, min: Some(min as i32), max: Some(max as i32) };
+            Variable::parameter_of(kind, name, meaning)
+        } else {
+            Variable::parameter(name, unit, default, meaning).range(min, max)
+        };
+        declaration.add(variable);
+    }
+    first
+}
+
+/// Takes over the values that the host has set; the others stay as the vehicle file has them.
+fn read_group<G: ParameterGroup>(group: &mut G, first: Vr, values: &Values) {
+    for (index, parameter) in G::table().iter().enumerate() {
+        let vr = first + index;
+        if values.is_set_by_host(vr) {
+            let value = if parameter.integer { f64::from(values.integer(vr)) } else { values.real(vr) };
+            group.set(index, value);
+        }
+    }
+}
+
+/// Shows the values in force.
+fn write_group<G: ParameterGroup>(group: &G, first: Vr, values: &mut Values) {
+    for (index, parameter) in G::table().iter().enumerate() {
+        if !parameter.integer {
+            values.set_real(first + index, group.get(index));
+        }
+    }
+}
+
+fn declare() -> (Declaration, Variables) {
+    let mut declaration = Declaration {
+        name: "RflMpc",
+        description: "Path-tracking model predictive controller of a passenger car: steering by an error-state MPC \
+                      with curvature preview, speed by a plan within acceleration limits",
+        variables: Vec::new(),
+        experiment: DefaultExperiment { start_time: 0.0, stop_time: 60.0, tolerance: 1e-6, step_size: 0.02 },
+        log_categories: CATEGORIES,
+    };
+    let d = &mut declaration;
+    let inputs = INPUTS.map(|signal| d.add(Variable::input(&signal)));
+    let mut output = |signal: &Signal| d.add(Variable::output(signal));
+    let (steer_cmd, accel_cmd) = (output(&signal::STEER_CMD), output(&signal::ACCEL_CMD));
+    let (e1, e1_rate) = (output(&signal::E1), output(&signal::E1_RATE));
+    let (e2, e2_rate) = (output(&signal::E2), output(&signal::E2_RATE));
+    let (station, curvature) = (output(&signal::STATION), output(&signal::CURVATURE));
+    let mut real = |name: String, unit, meaning: String| d.add(Variable::real_output(name, unit, meaning));
+    let speed_ref = real(
+        "speed_ref".into(),
+        Unit::METRE_PER_SECOND,
+        "Speed that the plan asks for at the station".into(),
+    );
+    let compute_time = real(
+        "compute_time".into(),
+        Unit::SECOND,
+        "Wall-clock time of the newest control step; the only output that is not reproducible".into(),
+    );
+    let path_length = real("path.length".into(), Unit::METRE, "Length of the path".into());
+    let start = [("x", Unit::METRE), ("y", Unit::METRE), ("yaw", Unit::RADIAN), ("speed", Unit::METRE_PER_SECOND)]
+        .map(|(name, unit)| {
+            real(format!("start.{name}"), unit, format!("Start of the path: {name} to begin with"))
+        });
+    let predicted = (1..=SHOWN_HORIZON)
+        .map(|j| {
+            let mut at = |name: &str, meaning: &str| {
+                let meaning = format!("{meaning} {j} samples ahead (0 beyond the horizon)");
+                real(format!("predicted.{name}[{j}]"), Unit::METRE, meaning)
+            };
+            [at("x", "Predicted x"), at("y", "Predicted y"), at("e1", "Predicted lateral error")]
+        })
+        .collect();
+    let status = d.add(Variable::output_of(
+        Kind::Enumeration { type_name: "ControlStatus", items: ControlStatus::ITEMS, start: 0 },
+        "status",
+        "What the newest control step did",
+    ));
+    let iterations = d.add(Variable::output_of(
+        Kind::Integer { start: 0, min: Some(0), max: None },
+        "qp.iterations",
+        "Iterations of the QP solver in the newest control step; 0 if it found no plan",
+    ));
+    let finished = d.add(Variable::output_of(
+        Kind::Boolean { start: false },
+        "finished",
+        "The end of an open path is reached, or a full lap of a closed one is driven",
+    ));
+    let path_file = d.add(Variable::parameter_of(
+        Kind::String { start: DEFAULT_PATH.into() },
+        "path_file",
+        "Path to follow: a CSV file, absolute or in the FMU's resources",
+    ));
+    let vehicle_file = d.add(Variable::parameter_of(
+        Kind::String { start: "c_class".into() },
+        "vehicle_file",
+        "Vehicle that the nominal model describes: a TOML file, absolute or in the FMU's resources, or the name of \
+         a built-in one. Parameters set by the host win over the file",
+    ));
+    let groups = [
+        add_group::<NominalVehicle>(d),
+        add_group::<crate::control::MpcParameters>(d),
+        add_group::<crate::control::SpeedParameters>(d),
+    ];
+    let variables = Variables {
+        inputs,
+        steer_cmd,
+        accel_cmd,
+        e1,
+        e1_rate,
+        e2,
+        e2_rate,
+        station,
+        curvature,
+        speed_ref,
+        status,
+        iterations,
+        compute_time,
+        finished,
+        path_length,
+        start,
+        predicted,
+        path_file,
+        vehicle_file,
+        groups,
+    };
+    (declaration, variables)
+}
+
+/// The controller's FMI unit.
+pub struct RflMpc {
+    variables: Variables,
+    running: Option<Running>,
+}
+
+struct Running {
+    controller: Controller,
+    sampler: Sampler,
+}
+
+/// What [`Model::save`] writes.
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    controller: ControllerState,
+    sampler: Sampler,
+}
+
+fn failed(error: impl std::fmt::Display) -> ModelError {
+    ModelError::Failed(error.to_string())
+}
+
+impl Model for RflMpc {
+    fn declaration() -> Declaration {
+        declare().0
+    }
+
+    fn new() -> Self {
+        Self { variables: declare().1, running: None }
+    }
+
+    fn initialize(
+        &mut self,
+        values: &mut Values,
+        start_time: f64,
+        context: &Context,
+        log: &mut dyn Log,
+    ) -> Result<(), ModelError> {
+        let v = &self.variables;
+        let vehicle = values.string(v.vehicle_file);
+        let car = vehicle_named(vehicle, context).map_err(failed)?;
+        let mut parameters = ControllerParameters::for_car(&car);
+        read_group(&mut parameters.vehicle, v.groups[0], values);
+        read_group(&mut parameters.mpc, v.groups[1], values);
+        read_group(&mut parameters.speed, v.groups[2], values);
+        write_group(&parameters.vehicle, v.groups[0], values);
+        write_group(&parameters.mpc, v.groups[1], values);
+
+        let file = context.locate(values.string(v.path_file));
+        let path = Path::read(&file).map_err(|error| {
+            failed(format!("{error}. The parameter path_file names the path to follow: a CSV file with columns x, y"))
+        })?;
+        for note in path.notes() {
+            log.log(Severity::Warning, "path", &format!("{}: {note}", file.display()));
+        }
+        let controller = Controller::new(parameters, Arc::new(path)).map_err(failed)?;
+
+        let path = controller.path();
+        values.set_real(v.path_length, path.length());
+        let begin = path.at(0.0);
+        for (vr, value) in v.start.iter().zip([begin.x, begin.y, begin.yaw, controller.speed_plan().speed(0.0)]) {
+            values.set_real(*vr, value);
+        }
+        write_outputs(v, values, &controller);
+        self.running = Some(Running { controller, sampler: Sampler::new(start_time) });
+        Ok(())
+    }
+
+    fn step(&mut self, values: &mut Values, time: f64, _step: f64, log: &mut dyn Log) -> Result<(), ModelError> {
+        let v = &self.variables;
+        let Some(Running { controller, sampler }) = &mut self.running else {
+            return Err(failed("the controller is not initialised"));
+        };
+        if !sampler.due(time, controller.parameters().mpc.sample_time) {
+            return Ok(());
+        }
+        let [x, y, yaw, vx, vy, yaw_rate, steer] = v.inputs.map(|vr| values.real(vr));
+        let before = controller.report().status;
+        let report = controller
+            .step(&Measurement { x, y, yaw, vx, vy, yaw_rate, steer })
+            .map_err(|error| ModelError::Discard(error.to_string()))?;
+        let status = report.status;
+        if status != before {
+            let (_, name, meaning) = ControlStatus::ITEMS[status as usize];
+            let ordinary = matches!(
+                status,
+                ControlStatus::Optimal | ControlStatus::Waiting | ControlStatus::Finished
+            );
+            let severity = if ordinary { Severity::Info } else { Severity::Warning };
+            log.log(severity, "control", &format!("t = {time} s: status {name}: {meaning}"));
+        }
+        write_outputs(v, values, controller);
+        Ok(())
+    }
+
+    fn save(&self, bytes: &mut Vec<u8>) {
+        if let Some(Running { controller, sampler }) = &self.running {
+            let saved = Saved { controller: controller.state().clone(), sampler: *sampler };
+            if let Ok(encoded) = postcard::to_allocvec(&saved) {
+                bytes.extend_from_slice(&encoded);
+            }
+        }
+    }
+
+    fn restore(&mut self, bytes: &[u8]) -> Result<(), ModelError> {
+        let Some(running) = &mut self.running else {
+            return Err(failed("the controller is not initialised"));
+        };
+        let saved: Saved = postcard::from_bytes(bytes)
+            .map_err(|error| failed(format!("the saved controller state cannot be read: {error}")))?;
+        if running.controller.restore(saved.controller).is_some() {
+            return Err(failed("the saved controller state has another horizon than mpc.horizon"));
+        }
+        running.sampler = saved.sampler;
+        Ok(())
+    }
+}
+
+fn write_outputs(v: &Variables, values: &mut Values, controller: &Controller) {
+    let report = controller.report();
+    for (vr, value) in [
+        (v.steer_cmd, report.steer_cmd),
+        (v.accel_cmd, report.accel_cmd),
+        (v.e1, report.e1),
+        (v.e1_rate, report.e1_rate),
+        (v.e2, report.e2),
+        (v.e2_rate, report.e2_rate),
+        (v.station, report.station),
+        (v.curvature, report.curvature),
+        (v.speed_ref, report.speed_ref),
+        (v.compute_time, report.compute_time),
+    ] {
+        values.set_real(vr, value);
+    }
+    values.set_integer(v.status, report.status as i32);
+    values.set_integer(v.iterations, i32::try_from(report.iterations).unwrap_or(i32::MAX));
+    values.set_boolean(v.finished, report.finished);
+    let lateral = controller.lateral();
+    for (j, [x, y, e1]) in v.predicted.iter().enumerate().take(lateral.plan().len()) {
+        let error = lateral.predicted_e1(j);
+        let at = controller.path().at(lateral.predicted_station(j));
+        values.set_real(*x, at.x - error * at.yaw.sin());
+        values.set_real(*y, at.y + error * at.yaw.cos());
+        values.set_real(*e1, error);
+    }
+}

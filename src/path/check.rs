@@ -1,0 +1,222 @@
+//! Which points make a road: what is repaired, what is refused, and whether the road is closed.
+
+use super::error::{PathError, Place};
+use super::sample::{Closure, Options, Sample, Smoothing};
+use super::smooth::smooth;
+use super::spline::{Curve, Vector, distance};
+use super::wrap_angle;
+
+/// Points closer than this to the one before are the same point (m).
+const SAME: f64 = 1e-6;
+/// A gap is wider than this many median spacings ...
+const GAP_SPACINGS: f64 = 8.0;
+/// ... and wider than this (m).
+const GAP_LEAST: f64 = 30.0;
+/// Most that headings and curvatures may disagree with the points and still count as true (rad).
+const DISAGREEMENT: f64 = 0.02;
+/// A road that changes its direction by more than this between two chords is out of order (rad).
+const TURNS_BACK: f64 = 2.2;
+/// Median spacings outside this range are another unit (m).
+const SPACING: (f64, f64) = (1e-3, 500.0);
+
+/// A road that is fit to be a path.
+pub(super) struct Road {
+    pub samples: Vec<Sample>,
+    pub periodic: bool,
+    pub notes: Vec<String>,
+    /// The curve relative to `origin`.
+    pub curve: Curve,
+    pub origin: Vector,
+}
+
+/// Checks and repairs points, and draws the curve. `resolution` is the last digit of the coordinates, if known.
+pub(super) fn check(
+    samples: Vec<Sample>,
+    options: &Options,
+    resolution: Option<f64>,
+) -> Result<Road, PathError> {
+    let mut notes = Vec::new();
+    let mut same = SAME;
+    if let Smoothing::Within(value) = options.smoothing {
+        if !(0.0..=5.0).contains(&value) {
+            return Err(PathError::Tolerance { value });
+        }
+        // Points closer than their noise have no direction between them: a vehicle at rest, say.
+        same = (2.0 * value).max(SAME);
+    }
+    for (index, sample) in samples.iter().enumerate() {
+        check_values(sample, index)?;
+    }
+    // Original indices, for messages.
+    let mut kept: Vec<(usize, Sample)> = Vec::with_capacity(samples.len());
+    let total = samples.len();
+    for (index, sample) in samples.into_iter().enumerate() {
+        let repeats =
+            kept.last().is_some_and(|(_, last)| distance([last.x, last.y], [sample.x, sample.y]) < same);
+        if !repeats {
+            kept.push((index, sample));
+        }
+    }
+    if kept.len() < total {
+        notes.push(if same > SAME {
+            format!("{} point(s) dropped that lie within {same} m of the one before", total - kept.len())
+        } else {
+            format!("{} point(s) dropped that repeat the one before", total - kept.len())
+        });
+    }
+    if kept.len() < 2 {
+        return Err(PathError::TooFewPoints { place: Place::default(), count: kept.len(), needed: 2 });
+    }
+    let position = |i: usize| [kept[i].1.x, kept[i].1.y];
+    let mut spacings: Vec<f64> = (1..kept.len()).map(|i| distance(position(i - 1), position(i))).collect();
+    let median = {
+        let mut sorted = spacings.clone();
+        sorted.sort_by(f64::total_cmp);
+        sorted[sorted.len() / 2]
+    };
+    if !(SPACING.0..=SPACING.1).contains(&median) {
+        return Err(PathError::SuspiciousUnit { place: Place::default(), median, unit: "m" });
+    }
+    for (i, &spacing) in spacings.iter().enumerate() {
+        if spacing > (GAP_SPACINGS * median).max(GAP_LEAST) && kept.len() > 2 {
+            return Err(PathError::Gap { place: Place::point(kept[i + 1].0), distance: spacing, median });
+        }
+    }
+
+    let first = position(0);
+    let repeated_start = kept.len() > 3 && distance(position(kept.len() - 1), first) < same;
+    let periodic = match options.closure {
+        Closure::Open => false,
+        Closure::Closed => true,
+        Closure::Detect => repeated_start || leads_into_start(&kept, median),
+    };
+    if periodic && repeated_start {
+        kept.pop();
+        spacings.pop();
+    }
+    if periodic && kept.len() < 3 {
+        return Err(PathError::TooFewPoints { place: Place::default(), count: kept.len(), needed: 3 });
+    }
+    refuse_turning_back(&kept, periodic)?;
+    if periodic {
+        let closing = distance([kept[kept.len() - 1].1.x, kept[kept.len() - 1].1.y], first);
+        if closing > (GAP_SPACINGS * median).max(GAP_LEAST) {
+            return Err(PathError::Gap { place: Place::point(kept[0].0), distance: closing, median });
+        }
+    }
+
+    let samples: Vec<Sample> = kept.into_iter().map(|(_, sample)| sample).collect();
+    let origin = first;
+    let points: Vec<Vector> =
+        samples.iter().map(|sample| [sample.x - origin[0], sample.y - origin[1]]).collect();
+    let tolerance = match options.smoothing {
+        Smoothing::None => None,
+        Smoothing::Within(value) => Some(value),
+        Smoothing::Rounding => resolution.and_then(|digit| rounding(digit, median)),
+    };
+    let pinned = !matches!(options.smoothing, Smoothing::Within(_));
+    let curve = poses(&samples, &points, periodic, &mut notes).filter(|_| pinned).unwrap_or_else(|| {
+        let smoothed = tolerance.and_then(|tolerance| smooth(&points, periodic, tolerance));
+        if let (Some(tolerance), Some(_)) = (tolerance, &smoothed) {
+            let why = if pinned { ", the rounding of the coordinates" } else { "" };
+            notes.push(format!("smoothed within {:.3} mm RMS{why}", 1e3 * tolerance));
+        }
+        smoothed.unwrap_or_else(|| Curve::through(&points, periodic))
+    });
+    Ok(Road { samples, periodic, notes, curve, origin })
+}
+
+/// RMS distance by which rounding to `digit` moves points, if that matters at their spacing.
+fn rounding(digit: f64, spacing: f64) -> Option<f64> {
+    let sigma = digit / 12f64.sqrt();
+    let curvature_error = 6f64.sqrt() * sigma / (spacing * spacing);
+    (curvature_error > 1e-5).then_some(sigma * 2f64.sqrt())
+}
+
+/// The curve from heading and curvature, where the road has both and they fit its points.
+fn poses(samples: &[Sample], points: &[Vector], periodic: bool, notes: &mut Vec<String>) -> Option<Curve> {
+    let column = |value: fn(&Sample) -> Option<f64>| samples.iter().map(value).collect::<Option<Vec<f64>>>();
+    let (yaw, curvature) = (column(|sample| sample.yaw)?, column(|sample| sample.curvature)?);
+    let worst = worst_disagreement(points, &yaw, &curvature, periodic);
+    if worst < DISAGREEMENT {
+        return Some(Curve::through_poses(points, &yaw, &curvature, periodic));
+    }
+    notes.push(format!(
+        "columns yaw and curvature are not used: they disagree with the points by up to {worst:.3} rad between \
+         neighbours"
+    ));
+    None
+}
+
+/// How far headings and curvatures are from describing the chords between neighbouring points, in rad.
+fn worst_disagreement(points: &[Vector], yaw: &[f64], curvature: &[f64], periodic: bool) -> f64 {
+    let n = points.len();
+    let last = if periodic { n } else { n - 1 };
+    (0..last).fold(0.0, |worst: f64, i| {
+        let j = (i + 1) % n;
+        let (a, b) = (points[i], points[j]);
+        let turn = wrap_angle(yaw[j] - yaw[i]);
+        let chord = distance(a, b);
+        let half = 0.5 * turn;
+        let arc = if half.abs() < 1e-6 { chord } else { chord * half / half.sin() };
+        // Of a clothoid: turn = mean curvature * arc, and the chord's direction is the mean heading less
+        // arc * (difference of curvature) / 12.
+        let from_turn = (turn - 0.5 * arc * (curvature[i] + curvature[j])).abs();
+        let chord_yaw = yaw[i] + half - arc * (curvature[j] - curvature[i]) / 12.0;
+        let from_chord = wrap_angle((b[1] - a[1]).atan2(b[0] - a[0]) - chord_yaw).abs();
+        worst.max(from_turn).max(from_chord)
+    })
+}
+
+fn check_values(sample: &Sample, index: usize) -> Result<(), PathError> {
+    let columns: [(&'static str, Option<f64>, f64, f64, &'static str); 8] = [
+        ("x", Some(sample.x), -1e7, 1e7, "m"),
+        ("y", Some(sample.y), -1e7, 1e7, "m"),
+        ("yaw", sample.yaw, -1e4, 1e4, "rad"),
+        ("curvature", sample.curvature, -2.0, 2.0, "1/m"),
+        ("speed", sample.speed, 0.0, 150.0, "m/s"),
+        ("bank", sample.bank, -0.8, 0.8, "rad"),
+        ("grade", sample.grade, -0.8, 0.8, "rad"),
+        ("friction", sample.friction, 0.0, 3.0, "1 (a factor of the tyre's nominal grip)"),
+    ];
+    for (column, value, low, high, unit) in columns {
+        let Some(value) = value else { continue };
+        if !value.is_finite() {
+            return Err(PathError::NotFinite { place: Place::point(index), column, value });
+        }
+        if value < low || value > high {
+            return Err(PathError::OutOfRange { place: Place::point(index), column, value, low, high, unit });
+        }
+    }
+    Ok(())
+}
+
+/// Whether the last point leads on into the first one: near, and ahead.
+fn leads_into_start(kept: &[(usize, Sample)], median: f64) -> bool {
+    let n = kept.len();
+    if n < 8 {
+        return false;
+    }
+    let p = |i: usize| [kept[i].1.x, kept[i].1.y];
+    let local = distance(p(n - 2), p(n - 1)).max(distance(p(0), p(1))).max(median);
+    let closing = distance(p(n - 1), p(0));
+    let turn = |a: Vector, b: Vector, c: Vector| {
+        wrap_angle((c[1] - b[1]).atan2(c[0] - b[0]) - (b[1] - a[1]).atan2(b[0] - a[0])).abs()
+    };
+    closing <= 2.0 * local && turn(p(n - 2), p(n - 1), p(0)) < 1.0 && turn(p(n - 1), p(0), p(1)) < 1.0
+}
+
+fn refuse_turning_back(kept: &[(usize, Sample)], periodic: bool) -> Result<(), PathError> {
+    let n = kept.len();
+    let p = |i: usize| [kept[i % n].1.x, kept[i % n].1.y];
+    let corners = if periodic { 0..n } else { 0..n - 2 };
+    for i in corners {
+        let (a, b, c) = (p(i), p(i + 1), p(i + 2));
+        let turn = wrap_angle((c[1] - b[1]).atan2(c[0] - b[0]) - (b[1] - a[1]).atan2(b[0] - a[0]));
+        if turn.abs() > TURNS_BACK {
+            let place = Place::point(kept[(i + 1) % n].0);
+            return Err(PathError::TurnsBack { place, degrees: turn.abs().to_degrees() });
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,259 @@
+//! What can be wrong with a road: one variant per cause, each saying where and what to do.
+
+use std::fmt;
+use std::path::PathBuf;
+
+/// Where in the input an error lies.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Place {
+    /// The file, if the road came from one.
+    pub file: Option<PathBuf>,
+    /// The line of the file, counted from 1.
+    pub line: Option<u64>,
+    /// The point, counted from 0.
+    pub point: Option<usize>,
+}
+
+impl Place {
+    /// A point of a road that came from no file.
+    #[must_use]
+    pub fn point(point: usize) -> Self {
+        Self { point: Some(point), ..Self::default() }
+    }
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match (&self.file, self.line, self.point) {
+            (Some(file), Some(line), _) => write!(f, "{}, line {line}", file.display()),
+            (Some(file), None, _) => write!(f, "{}", file.display()),
+            (None, Some(line), _) => write!(f, "line {line}"),
+            (None, None, Some(point)) => write!(f, "point {point}"),
+            (None, None, None) => write!(f, "the road"),
+        }
+    }
+}
+
+/// Why a road cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum PathError {
+    /// The file cannot be opened or read.
+    #[error("{}: cannot be read: {source}; check the name and the permission", file.display())]
+    Io {
+        /// The file.
+        file: PathBuf,
+        /// The operating system's reason.
+        source: std::io::Error,
+    },
+    /// Nothing but comments and blank lines.
+    #[error("{place}: has no points; a path is a CSV with a header `x,y` and a row for each point")]
+    Empty {
+        /// The file.
+        place: Place,
+    },
+    /// The file is no UTF-8 text, or a row has more or fewer values than the header.
+    #[error(
+        "{place}: {found} values where the header names {expected} columns; complete the row, or delete it"
+    )]
+    RowLength {
+        /// The row.
+        place: Place,
+        /// Values in the row.
+        found: usize,
+        /// Columns in the header.
+        expected: usize,
+    },
+    /// Not text.
+    #[error("{place}: is not UTF-8 text; save the path as a plain CSV file")]
+    NotText {
+        /// The row.
+        place: Place,
+    },
+    /// A necessary column is missing.
+    #[error(
+        "{place}: has no column `{column}` (found: {found}); a path's header is `x,y` and, optional, {known}"
+    )]
+    MissingColumn {
+        /// The header.
+        place: Place,
+        /// The column that is missing.
+        column: &'static str,
+        /// The columns found.
+        found: String,
+        /// The optional columns.
+        known: &'static str,
+    },
+    /// A column that means nothing to us.
+    #[error(
+        "{place}: unknown column `{column}` (number {number}); known are x, y, {known}; rename or remove it"
+    )]
+    UnknownColumn {
+        /// The header.
+        place: Place,
+        /// The column's name.
+        column: String,
+        /// Its number, counted from 1.
+        number: usize,
+        /// The known optional columns.
+        known: &'static str,
+    },
+    /// A column stands twice.
+    #[error("{place}: column `{column}` stands twice (again as number {number}); remove one")]
+    RepeatedColumn {
+        /// The header.
+        place: Place,
+        /// The column's name.
+        column: String,
+        /// Number of its second appearance, counted from 1.
+        number: usize,
+    },
+    /// Text where a number should be.
+    #[error("{place}, column `{column}`: `{text}` is not a number; write it as e.g. 12.5, with a point")]
+    NotANumber {
+        /// The row.
+        place: Place,
+        /// The column.
+        column: &'static str,
+        /// What stands there.
+        text: String,
+    },
+    /// NaN or infinity.
+    #[error(
+        "{place}, column `{column}`: {value} is not finite; delete the row, or leave an optional value empty"
+    )]
+    NotFinite {
+        /// The row.
+        place: Place,
+        /// The column.
+        column: &'static str,
+        /// What stands there.
+        value: f64,
+    },
+    /// A value that no road has: most likely a wrong unit.
+    #[error("{place}, column `{column}`: {value} lies outside {low} to {high}; is it in {unit}?")]
+    OutOfRange {
+        /// The row.
+        place: Place,
+        /// The column.
+        column: &'static str,
+        /// What stands there.
+        value: f64,
+        /// Least value.
+        low: f64,
+        /// Greatest value.
+        high: f64,
+        /// The unit wanted.
+        unit: &'static str,
+    },
+    /// A name in column `class` that is none.
+    #[error(
+        "{place}, column `class`: `{text}` is no road class; known are straight, right_turn, left_turn, u_turn, \
+         sweeper, cross_country"
+    )]
+    UnknownClass {
+        /// The row.
+        place: Place,
+        /// What stands there.
+        text: String,
+    },
+    /// Too few points for a road.
+    #[error("{place}: {count} distinct point(s); a road needs at least {needed}")]
+    TooFewPoints {
+        /// The road.
+        place: Place,
+        /// Points left after consecutive duplicates were dropped.
+        count: usize,
+        /// Points needed.
+        needed: usize,
+    },
+    /// Two neighbouring points lie much farther apart than the others.
+    #[error(
+        "{place}: lies {distance:.1} m from the point before, where {median:.2} m are usual; fill the gap, or \
+         cut the road there"
+    )]
+    Gap {
+        /// The point after the gap.
+        place: Place,
+        /// Width of the gap in m.
+        distance: f64,
+        /// Median spacing in m.
+        median: f64,
+    },
+    /// The road turns back on itself: points out of order, or drawn twice.
+    #[error("{place}: the road turns back by {degrees:.0} degrees here; put the points into driving order")]
+    TurnsBack {
+        /// The point at which it turns.
+        place: Place,
+        /// Change of direction in degrees.
+        degrees: f64,
+    },
+    /// Column `s` does not rise.
+    #[error("{place}, column `s`: {value} after {before}; stations must rise: sort the rows by `s`")]
+    Unordered {
+        /// The row.
+        place: Place,
+        /// The station.
+        value: f64,
+        /// The station before.
+        before: f64,
+    },
+    /// The spacing is that of another unit.
+    #[error("{place}: points are {median:.3e} m apart (median); are `x`, `y` really in {unit}?")]
+    SuspiciousUnit {
+        /// The road.
+        place: Place,
+        /// Median spacing in m.
+        median: f64,
+        /// The unit wanted.
+        unit: &'static str,
+    },
+    /// A smoothing tolerance that is none.
+    #[error("smoothing tolerance {value} m; give a length between 0 and 5 m, about the noise of the points")]
+    Tolerance {
+        /// The tolerance in m.
+        value: f64,
+    },
+    /// The file cannot be written.
+    #[error("{}: cannot be written: {source}; check that the folder exists and may be written to", file.display())]
+    Write {
+        /// The file.
+        file: PathBuf,
+        /// The operating system's reason.
+        source: std::io::Error,
+    },
+}
+
+impl PathError {
+    /// The same error, with the file and the lines of its points known.
+    #[must_use]
+    pub(super) fn in_file(mut self, file: &std::path::Path, lines: &[u64]) -> Self {
+        if let Some(place) = self.place_mut() {
+            place.file = Some(file.to_path_buf());
+            if place.line.is_none() {
+                place.line = place.point.and_then(|point| lines.get(point).copied());
+            }
+        }
+        self
+    }
+
+    fn place_mut(&mut self) -> Option<&mut Place> {
+        match self {
+            Self::Io { .. } | Self::Write { .. } | Self::Tolerance { .. } => None,
+            Self::Empty { place }
+            | Self::RowLength { place, .. }
+            | Self::NotText { place }
+            | Self::MissingColumn { place, .. }
+            | Self::UnknownColumn { place, .. }
+            | Self::RepeatedColumn { place, .. }
+            | Self::NotANumber { place, .. }
+            | Self::NotFinite { place, .. }
+            | Self::OutOfRange { place, .. }
+            | Self::UnknownClass { place, .. }
+            | Self::TooFewPoints { place, .. }
+            | Self::Gap { place, .. }
+            | Self::TurnsBack { place, .. }
+            | Self::Unordered { place, .. }
+            | Self::SuspiciousUnit { place, .. } => Some(place),
+        }
+    }
+}

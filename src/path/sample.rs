@@ -1,0 +1,108 @@
+//! What a road is made of before it is a [`Path`](super::Path): points, in driving order.
+
+/// One point of a road, as a file or a generator gives it. Only the position is needed.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Sample {
+    /// East position in m.
+    pub x: f64,
+    /// North position in m.
+    pub y: f64,
+    /// Heading of the road in rad, counter-clockwise from east.
+    pub yaw: Option<f64>,
+    /// Curvature in 1/m, positive in left turns.
+    pub curvature: Option<f64>,
+    /// Speed limit, or speed driven, in m/s.
+    pub speed: Option<f64>,
+    /// Bank in rad, positive with the right side low.
+    pub bank: Option<f64>,
+    /// Grade in rad, positive uphill.
+    pub grade: Option<f64>,
+    /// Friction coefficient of the road as a factor of the tyre's nominal grip; 1 is a dry road.
+    pub friction: Option<f64>,
+    /// What kind of road this is, for results that are split by it.
+    pub class: Option<RoadClass>,
+}
+
+impl Sample {
+    /// A point with a position and nothing else.
+    #[must_use]
+    pub fn at(x: f64, y: f64) -> Self {
+        Self { x, y, ..Self::default() }
+    }
+}
+
+/// Whether a road ends, or leads back to its start.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Closure {
+    /// Closed if the last point lies within two spacings of the first and leads on into it.
+    #[default]
+    Detect,
+    /// The road ends at its last point.
+    Open,
+    /// The road leads from its last point back to its first.
+    Closed,
+}
+
+/// How far a path may leave its points for the sake of a smooth curvature.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum Smoothing {
+    /// Within the rounding of the file's coordinates: 1 m points with 3 decimals have a curvature error of 1e-3 1/m
+    /// from rounding alone. Coordinates with fewer than 2 decimals are taken as drawn by hand, and exact.
+    #[default]
+    Rounding,
+    /// Not at all: the path goes through every point.
+    None,
+    /// Within a root-mean-square distance in m: for measured points, about their noise (0.02 for a good GPS).
+    Within(f64),
+}
+
+/// How points become a path.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Options {
+    /// Whether the road is closed.
+    pub closure: Closure,
+    /// How far it may leave its points.
+    pub smoothing: Smoothing,
+}
+
+/// The kind of a stretch of road, by which results are split (method: "Reference paths").
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum RoadClass {
+    /// Straight road.
+    Straight,
+    /// A tight right turn at a crossing.
+    RightTurn,
+    /// A left turn at a crossing.
+    LeftTurn,
+    /// A U-turn.
+    UTurn,
+    /// A wide bend.
+    Sweeper,
+    /// Unpaved, uneven road.
+    CrossCountry,
+}
+
+impl RoadClass {
+    /// All classes, in the order in which a table lists them.
+    pub const ALL: [RoadClass; 6] =
+        [Self::Straight, Self::RightTurn, Self::LeftTurn, Self::UTurn, Self::Sweeper, Self::CrossCountry];
+
+    /// The name in column `class` and in results.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Straight => "straight",
+            Self::RightTurn => "right_turn",
+            Self::LeftTurn => "left_turn",
+            Self::UTurn => "u_turn",
+            Self::Sweeper => "sweeper",
+            Self::CrossCountry => "cross_country",
+        }
+    }
+
+    /// The class of a name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|class| class.name() == name)
+    }
+}

@@ -1,0 +1,134 @@
+//! How fast: a speed plan within lateral and longitudinal limits.
+//!
+//! ```text
+//!     v(s) <= min(limit of the road, limit of the user, sqrt(a_lat / |curvature|))
+//!     -decel(v) <= v dv/ds <= accel(v),   both scaled by sqrt(1 - (v^2 curvature / a_lat)^2)   (friction ellipse)
+//! ```
+//!
+//! One pass backwards for braking, one forwards for accelerating, in `v^2`, which is linear in `s` at constant
+//! acceleration.
+
+use super::Path;
+
+/// Share of the ellipse's longitudinal half-axis that is always left, so that a plan can still change speed in a
+/// bend that is driven at the limit.
+const LEAST_SHARE: f64 = 0.15;
+/// Share of the road's grip (9.81 m/s2 times the friction factor) that a plan uses at most.
+const GRIP_SHARE: f64 = 0.8;
+
+/// Limits of a speed plan.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SpeedLimits {
+    /// Lateral acceleration in m/s2.
+    pub lateral_accel: f64,
+    /// Acceleration in m/s2.
+    pub accel: f64,
+    /// Deceleration in m/s2, positive.
+    pub decel: f64,
+    /// Speed in m/s.
+    pub speed: f64,
+}
+
+impl Default for SpeedLimits {
+    /// A calm driver: 2.25 m/s2 sideways, 1.2 forward, 1.8 braking, 50 m/s.
+    fn default() -> Self {
+        Self { lateral_accel: 2.25, accel: 1.2, decel: 1.8, speed: 50.0 }
+    }
+}
+
+/// Speed over station; lookups take constant time.
+#[derive(Debug, Clone)]
+pub struct SpeedPlan {
+    inverse_step: f64,
+    step: f64,
+    length: f64,
+    periodic: bool,
+    /// Squared speed at the nodes.
+    squares: Vec<f64>,
+}
+
+impl SpeedPlan {
+    /// Plans the speed along a path. An open path's plan starts and ends at whatever speed the limits allow.
+    #[must_use]
+    pub fn new(path: &Path, limits: &SpeedLimits) -> Self {
+        Self::between(path, limits, None, false)
+    }
+
+    /// Plans the speed along a path; an open path's plan starts at `start` (m/s), if given, or slower where the
+    /// road wants it, and comes to a stop at the end, if asked to.
+    #[must_use]
+    pub fn between(path: &Path, limits: &SpeedLimits, start: Option<f64>, stop_at_end: bool) -> Self {
+        let count = path.cells.len();
+        let step = path.step;
+        let curvature: Vec<f64> = (0..=count).map(|i| path.curvature(i as f64 * step).abs()).collect();
+        let mut lateral = Vec::with_capacity(count + 1);
+        let mut squares: Vec<f64> = (0..=count)
+            .map(|i| {
+                let spot = path.locate(i as f64 * step);
+                let friction = path.friction.at(&spot, path.inverse_step);
+                let road = path.speed.at(&spot, path.inverse_step);
+                let limit = limits.lateral_accel.min(GRIP_SHARE * 9.81 * friction).max(1e-3);
+                lateral.push(limit);
+                let top = if road.is_nan() { limits.speed } else { limits.speed.min(road) };
+                (top * top).min(limit / curvature[i].max(1e-9))
+            })
+            .collect();
+        if !path.periodic {
+            if let Some(start) = start {
+                squares[0] = squares[0].min(start * start);
+            }
+            if stop_at_end {
+                squares[count] = 0.0;
+            }
+        }
+        let share = |i: usize, square: f64| {
+            let used = square * curvature[i] / lateral[i];
+            (1.0 - used * used).max(0.0).sqrt().max(LEAST_SHARE)
+        };
+        // A closed path's limits reach over its start: a second round carries them.
+        for _ in 0..if path.periodic { 2 } else { 1 } {
+            if path.periodic {
+                let both = squares[0].min(squares[count]);
+                (squares[0], squares[count]) = (both, both);
+            }
+            for i in (0..count).rev() {
+                let reachable = squares[i + 1] + 2.0 * limits.decel * share(i + 1, squares[i + 1]) * step;
+                squares[i] = squares[i].min(reachable);
+            }
+            for i in 0..count {
+                let reachable = squares[i] + 2.0 * limits.accel * share(i, squares[i]) * step;
+                squares[i + 1] = squares[i + 1].min(reachable);
+            }
+        }
+        Self { inverse_step: path.inverse_step, step, length: path.length, periodic: path.periodic, squares }
+    }
+
+    /// Speed at a station in m/s. Beyond the ends of an open path: as at the end.
+    #[must_use]
+    #[inline]
+    pub fn speed(&self, station: f64) -> f64 {
+        let (i, offset, _) = self.locate(station);
+        let (a, b) = (self.squares[i], self.squares[i + 1]);
+        (a + offset * self.inverse_step * (b - a)).max(0.0).sqrt()
+    }
+
+    /// Acceleration at a station in m/s2; 0 beyond the ends of an open path.
+    #[must_use]
+    #[inline]
+    pub fn accel(&self, station: f64) -> f64 {
+        let (i, _, beyond) = self.locate(station);
+        if beyond { 0.0 } else { 0.5 * (self.squares[i + 1] - self.squares[i]) * self.inverse_step }
+    }
+
+    #[inline]
+    fn locate(&self, station: f64) -> (usize, f64, bool) {
+        let s = if station.is_finite() { station } else { 0.0 };
+        let inside = if self.periodic {
+            (s - (s / self.length).floor() * self.length).clamp(0.0, self.length)
+        } else {
+            s.clamp(0.0, self.length)
+        };
+        let i = ((inside * self.inverse_step) as usize).min(self.squares.len() - 2);
+        (i, inside - i as f64 * self.step, !self.periodic && inside != s)
+    }
+}

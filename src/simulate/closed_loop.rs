@@ -1,0 +1,201 @@
+//! The closed loop in native code: the controller's and the car's own step functions, no host between them.
+//!
+//! Master algorithm (the same as `scripts/closed_loop.py`, so that both give the same bits): at each communication
+//! point `t_k = k h` the controller reads the car's outputs and steps, the car takes its commands and steps
+//! (Gauss-Seidel, controller first: no step of delay between them).
+
+use super::metrics::{TimeMetrics, TrackingMetrics};
+use crate::control::{Controller, Measurement, Sampler, StepError};
+use crate::path::RoadClass;
+use crate::signal::{self, Signal};
+use crate::vehicle::{Car, CarInput};
+use std::io::Write;
+
+/// Columns of a drive log of the closed loop, in order.
+pub const COLUMNS: [Signal; 19] = [
+    signal::TIME,
+    signal::STEER_CMD,
+    signal::ACCEL_CMD,
+    signal::X,
+    signal::Y,
+    signal::YAW,
+    signal::VX,
+    signal::VY,
+    signal::YAW_RATE,
+    signal::AX,
+    signal::AY,
+    signal::STEER,
+    signal::ROLL,
+    signal::E1,
+    signal::E1_RATE,
+    signal::E2,
+    signal::E2_RATE,
+    signal::STATION,
+    signal::CURVATURE,
+];
+
+/// One communication point: the car as it is there, and what the controller decided on it.
+pub type Row = [f64; COLUMNS.len()];
+
+/// Why a drive ended before its time.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum DriveError {
+    #[error("at t = {time} s the controller: {source}")]
+    Controller { time: f64, source: StepError },
+    #[error("at t = {time} s the car: {source}")]
+    Car { time: f64, source: crate::vehicle::StepError },
+}
+
+/// A controller and a car, connected.
+pub struct ClosedLoop {
+    controller: Controller,
+    car: Car,
+    sampler: Sampler,
+    step: f64,
+    count: u32,
+}
+
+impl ClosedLoop {
+    /// Connects the two with a communication step in s. The car stands where it was placed.
+    #[must_use]
+    pub fn new(controller: Controller, car: Car, step: f64) -> Self {
+        Self { controller, car, sampler: Sampler::new(0.0), step, count: 0 }
+    }
+
+    /// The controller.
+    #[must_use]
+    pub fn controller(&self) -> &Controller {
+        &self.controller
+    }
+
+    /// Makes one communication step and gives the row of its beginning, with the wall-clock time of the control
+    /// step if one was due.
+    ///
+    /// # Errors
+    /// Controller or car cannot go on.
+    pub fn advance(&mut self) -> Result<(Row, Option<f64>), DriveError> {
+        let time = f64::from(self.count) * self.step;
+        let car = *self.car.output();
+        let sample_time = self.controller.parameters().mpc.sample_time;
+        let mut computed = None;
+        if self.sampler.due(time, sample_time) {
+            let measurement = Measurement {
+                x: car.x,
+                y: car.y,
+                yaw: car.yaw,
+                vx: car.vx,
+                vy: car.vy,
+                yaw_rate: car.yaw_rate,
+                steer: car.steer,
+            };
+            let report = self
+                .controller
+                .step(&measurement)
+                .map_err(|source| DriveError::Controller { time, source })?;
+            computed = Some(report.compute_time);
+        }
+        let report = self.controller.report();
+        let input = CarInput { steer_cmd: report.steer_cmd, accel_cmd: report.accel_cmd };
+        let row = [
+            time,
+            report.steer_cmd,
+            report.accel_cmd,
+            car.x,
+            car.y,
+            car.yaw,
+            car.vx,
+            car.vy,
+            car.yaw_rate,
+            car.ax,
+            car.ay,
+            car.steer,
+            car.roll,
+            report.e1,
+            report.e1_rate,
+            report.e2,
+            report.e2_rate,
+            report.station,
+            report.curvature,
+        ];
+        self.car.step(&input, self.step).map_err(|source| DriveError::Car { time, source })?;
+        self.count += 1;
+        Ok((row, computed))
+    }
+
+    /// Drives until the controller has finished the path, or for `duration` seconds at most.
+    ///
+    /// # Errors
+    /// Controller or car cannot go on.
+    pub fn drive(&mut self, duration: f64, mut progress: impl FnMut(f64)) -> Result<Drive, DriveError> {
+        let mut drive =
+            Drive { rows: Vec::new(), classes: Vec::new(), step_times: Vec::new(), finished: false };
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        let steps = (duration / self.step).round().max(0.0) as u64;
+        for _ in 0..steps {
+            let (row, computed) = self.advance()?;
+            drive.classes.push(self.controller.path().at(row[17]).class);
+            drive.rows.push(row);
+            drive.step_times.extend(computed);
+            progress(row[0]);
+            if self.controller.report().finished {
+                drive.finished = true;
+                break;
+            }
+        }
+        Ok(drive)
+    }
+}
+
+/// A recorded drive.
+#[derive(Debug, Clone)]
+pub struct Drive {
+    /// One row for each communication step.
+    pub rows: Vec<Row>,
+    /// Road class at each row, where the path has classes.
+    pub classes: Vec<Option<RoadClass>>,
+    /// Wall-clock time of each control step, s.
+    pub step_times: Vec<f64>,
+    /// Whether the path's end, or a full lap, was reached.
+    pub finished: bool,
+}
+
+impl Drive {
+    /// Lateral tracking error over the whole drive.
+    #[must_use]
+    pub fn tracking(&self) -> TrackingMetrics {
+        TrackingMetrics::of(self.lateral_errors().map(|(error, _)| error))
+    }
+
+    /// Lateral tracking error on one class of road.
+    #[must_use]
+    pub fn tracking_on(&self, class: RoadClass) -> TrackingMetrics {
+        TrackingMetrics::of(
+            self.lateral_errors().filter(|(_, at)| *at == Some(class)).map(|(error, _)| error),
+        )
+    }
+
+    fn lateral_errors(&self) -> impl Iterator<Item = (f64, Option<RoadClass>)> {
+        self.rows.iter().zip(&self.classes).map(|(row, class)| (row[13], *class))
+    }
+
+    /// Wall-clock times of the control steps.
+    #[must_use]
+    pub fn times(&self, sample_time: f64) -> TimeMetrics {
+        TimeMetrics::of(&mut self.step_times.clone(), sample_time)
+    }
+
+    /// Writes the drive as a drive log, a CSV file. Numbers keep all their bits.
+    ///
+    /// # Errors
+    /// The writer's.
+    pub fn write_csv(&self, writer: impl Write) -> Result<(), csv::Error> {
+        let mut csv = csv::Writer::from_writer(writer);
+        csv.write_record(COLUMNS.map(|signal| signal.name))?;
+        for row in &self.rows {
+            csv.write_record(row.map(|value| value.to_string()))?;
+        }
+        csv.flush()?;
+        Ok(())
+    }
+}

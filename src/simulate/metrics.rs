@@ -1,0 +1,84 @@
+//! How well a drive tracked its path.
+
+use serde::Serialize;
+
+/// Lateral tracking error over a drive, in m.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct TrackingMetrics {
+    /// Mean absolute error.
+    pub mae: f64,
+    /// Root mean square error.
+    pub rmse: f64,
+    /// Largest absolute error.
+    pub max: f64,
+    /// Number of samples.
+    pub count: usize,
+}
+
+impl TrackingMetrics {
+    /// Over lateral errors in m, sampled evenly in time. Zeros for no sample.
+    pub fn of(errors: impl IntoIterator<Item = f64>) -> Self {
+        let (mut sum, mut square, mut max, mut count) = (0.0, 0.0, 0.0_f64, 0_usize);
+        for error in errors {
+            sum += error.abs();
+            square += error * error;
+            max = max.max(error.abs());
+            count += 1;
+        }
+        if count == 0 {
+            return Self::default();
+        }
+        #[allow(clippy::cast_precision_loss)]
+        let n = count as f64;
+        Self { mae: sum / n, rmse: (square / n).sqrt(), max, count }
+    }
+}
+
+/// Wall-clock times of control steps, in s.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+#[allow(missing_docs)]
+pub struct TimeMetrics {
+    pub mean_s: f64,
+    pub p99_s: f64,
+    pub max_s: f64,
+    /// Steps that took longer than the sample time.
+    pub missed: usize,
+}
+
+impl TimeMetrics {
+    /// Over the times of all steps; `times` is sorted in place. Zeros for no step.
+    #[must_use]
+    pub fn of(times: &mut [f64], sample_time: f64) -> Self {
+        if times.is_empty() {
+            return Self::default();
+        }
+        times.sort_by(f64::total_cmp);
+        #[allow(clippy::cast_precision_loss)]
+        let mean_s = times.iter().sum::<f64>() / times.len() as f64;
+        Self {
+            mean_s,
+            p99_s: times[(times.len() - 1) * 99 / 100],
+            max_s: times[times.len() - 1],
+            missed: times.iter().filter(|&&time| time > sample_time).count(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn metrics_of_a_known_series() {
+        let metrics = TrackingMetrics::of([3.0, -4.0, 0.0, 0.0]);
+        assert_eq!(metrics, TrackingMetrics { mae: 1.75, rmse: 2.5, max: 4.0, count: 4 });
+        assert_eq!(TrackingMetrics::of([]), TrackingMetrics::default());
+    }
+
+    #[test]
+    fn times_are_ranked() {
+        let mut times: Vec<f64> = (1..=200).rev().map(|k| f64::from(k) * 1e-4).collect();
+        let metrics = TimeMetrics::of(&mut times, 0.0195);
+        assert_eq!((metrics.p99_s, metrics.max_s, metrics.missed), (0.0198, 0.02, 5));
+    }
+}

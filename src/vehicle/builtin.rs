@@ -1,0 +1,52 @@
+//! The cars and tyres that come with the program, embedded so that an FMU needs no files.
+
+use super::parameters::{CarParameters, VehicleError};
+use super::tyre::{Coefficients, TirError};
+use std::path::{Path, PathBuf};
+
+macro_rules! embedded {
+    ($folder:literal $extension:literal: $($name:literal)*) => {
+        &[$(($name, include_str!(concat!("../../vehicles/", $folder, $name, $extension)))),*]
+    };
+}
+
+const CARS: &[(&str, &str)] =
+    embedded!("" ".toml": "c_class" "bmw_320i" "ford_escort" "vw_vanagon" "genesis");
+
+const TYRES: &[(&str, &str)] = embedded!("tyres/" ".tir": "c_class" "commonroad" "genesis");
+
+/// Names of the built-in cars; the first is the default.
+pub const BUILTIN: &[&str] = &["c_class", "bmw_320i", "ford_escort", "vw_vanagon", "genesis"];
+
+/// A built-in car by name.
+///
+/// # Errors
+/// [`VehicleError::UnknownBuiltin`].
+pub fn builtin(name: &str) -> Result<CarParameters, VehicleError> {
+    let Some((_, text)) = CARS.iter().find(|(car, _)| *car == name) else {
+        return Err(VehicleError::UnknownBuiltin { name: name.to_string() });
+    };
+    CarParameters::parse(text, Path::new(&format!("{name}.toml")), |file| match tyre(file) {
+        Some(text) => Coefficients::parse(text, Path::new(file)),
+        None => Err(TirError::Unreadable {
+            file: PathBuf::from(file),
+            source: std::io::Error::from(std::io::ErrorKind::NotFound),
+        }),
+    })
+}
+
+/// The text of the built-in tyre that a vehicle file names, with or without folder and ending.
+pub(super) fn tyre(file: &str) -> Option<&'static str> {
+    let stem = Path::new(file).file_stem()?.to_str()?;
+    TYRES.iter().find(|(name, _)| *name == stem).map(|(_, text)| *text)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_name_has_its_car() {
+        assert_eq!(CARS.iter().map(|car| car.0).collect::<Vec<_>>(), BUILTIN);
+    }
+}

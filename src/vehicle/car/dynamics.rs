@@ -1,0 +1,246 @@
+//! The equations of motion of the two-track car.
+//!
+//! The frame of the axles moves in the plane of the road; the body rolls about the axis through the roll centres,
+//! pitches and heaves over it on springs; the wheels move vertically between springs and tyres. With the
+//! specific force `f = a - g` at the CG, roll `p`, roll arm `h`, and small angles of the body:
+//!
+//! ```text
+//!     m fx                        = sum Fx - drag
+//!     m fy - ms h p''             = sum Fy + side wind
+//!     Iz r' - ms xs h p''         = sum (x Fy - y Fx + Mz)
+//!     Ix p'' + sum (hs - hr) mu (fy + x r') = sum y Fs + ms g h p + sum (hs - hr) Fy
+//!     Iy q''                      = -sum x Fs - (hs - R) (sum Fx - mu fx) - sum T
+//!     ms z''                      = sum Fs - ms g
+//!     mw zw''                     = Fz - Fs - mw g +- G,     G = (hr Fyb + R mu (fy + x r') + sum Mx) / track
+//! ```
+//!
+//! `Fs` are the forces of springs, dampers and anti-roll bars, `Fyb` the side force that an axle passes on to the body
+//! through its roll centre, `T` the torques of drive and brakes. Not modelled: jacking, anti-dive and -squat,
+//! longitudinal sway of the body, bump stops.
+
+use super::plant::{AxlePlant, Plant};
+use super::state::{
+    HEAVE, HEAVE_RATE, LIFT, LIFT_RATE, PER_WHEEL, PITCH, PITCH_RATE, ROLL, ROLL_RATE, STATES, VX, VY,
+    WHEELS, X, Y, YAW, YAW_RATE,
+};
+use super::wheel::{WheelFlow, WheelMotion};
+use crate::vehicle::parameters::GRAVITY;
+
+/// What steering and drive give at an instant.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Stage {
+    /// Angle of the road wheels, rad.
+    pub steer: f64,
+    /// Acceleration of drive and brakes, m/s2.
+    pub accel: f64,
+}
+
+/// What road and earth give.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Environment {
+    /// Gravity in body axes in the plane of the road, and into it, m/s2.
+    pub gravity_x: f64,
+    pub gravity_y: f64,
+    pub gravity_z: f64,
+    /// Friction factors under the axles.
+    pub friction: [f64; 2],
+}
+
+/// Forces and accelerations at an instant, for outputs.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Flow {
+    pub wheels: [WheelFlow; 4],
+    /// Specific force at the CG in the plane of the road and out of it, m/s2.
+    pub specific_x: f64,
+    pub specific_y: f64,
+    pub specific_z: f64,
+    /// Drive force asked of the wheels (brakes negative), N.
+    pub drive_force: f64,
+}
+
+/// What one axle gives to the body.
+#[derive(Clone, Copy, Default)]
+struct AxleFlow {
+    /// Forces of the tyres in body axes, N, and their moment about the CG, N m.
+    fx: f64,
+    fy: f64,
+    moment: f64,
+    /// Overturning moment of the contacts, N m.
+    overturning: f64,
+    torque: f64,
+    /// Forces of the suspension on the body beyond those at rest, left and right, N.
+    left: f64,
+    right: f64,
+}
+
+/// Speed over which the steady brake pull builds up, m/s.
+const PULLS_FROM: f64 = 1.0;
+
+impl Plant {
+    /// Rates of all states at an instant. No allocation.
+    pub fn derivative(
+        &self,
+        y: &[f64; STATES],
+        stage: &Stage,
+        environment: &Environment,
+        rates: &mut [f64; STATES],
+        flow: &mut Flow,
+    ) {
+        let (vx, vy, yaw_rate) = (y[VX], y[VY], y[YAW_RATE]);
+        let (drive, brake) = self.drive_and_brake(stage.accel, vx);
+        flow.drive_force = drive - brake;
+
+        let mut axles = [AxleFlow::default(); 2];
+        for (index, axle) in self.axles.iter().enumerate() {
+            let friction = environment.friction_at(index);
+            axles[index] = axle.flow(index, y, stage.steer, drive, brake, friction, rates, flow);
+        }
+        let [front, rear] = &axles;
+
+        // Air.
+        let (sin_yaw, cos_yaw) = y[YAW].sin_cos();
+        let air_x = vx - (self.effects.wind_x * cos_yaw + self.effects.wind_y * sin_yaw);
+        let air_y = vy - (self.effects.wind_y * cos_yaw - self.effects.wind_x * sin_yaw);
+        let airspeed = (air_x * air_x + air_y * air_y).sqrt();
+        let drag = -self.drag * airspeed * air_x;
+        let side = -self.side * airspeed * air_y;
+        let pull = self.effects.brake_pull * (vx.abs() / PULLS_FROM).min(1.0);
+
+        // Plane and roll.
+        let tyre_x = front.fx + rear.fx;
+        let specific_x = (tyre_x + drag) / self.mass;
+        let lateral = front.fy + rear.fy + side;
+        let yawing = front.moment + rear.moment + side * self.pressure_centre + pull;
+        let over = |axle: usize| self.sprung_height - self.axles[axle].roll_centre;
+        let rolling = self.axles[0].half_track * (front.left - front.right)
+            + self.axles[1].half_track * (rear.left - rear.right)
+            + self.sprung_mass * environment.gravity_z * self.roll_arm * y[ROLL]
+            + over(0) * front.fy
+            + over(1) * rear.fy;
+        let solve = |row: &[f64; 3]| row[0] * lateral + row[1] * yawing + row[2] * rolling;
+        let specific_y = solve(&self.inverse_inertia[0]);
+        let yaw_accel = solve(&self.inverse_inertia[1]);
+        let roll_accel = solve(&self.inverse_inertia[2]);
+
+        rates[X] = vx * cos_yaw - vy * sin_yaw;
+        rates[Y] = vx * sin_yaw + vy * cos_yaw;
+        rates[YAW] = yaw_rate;
+        rates[VX] = specific_x + environment.gravity_x + vy * yaw_rate;
+        rates[VY] = specific_y + environment.gravity_y - vx * yaw_rate;
+        rates[YAW_RATE] = yaw_accel;
+        rates[ROLL] = y[ROLL_RATE];
+        rates[ROLL_RATE] = roll_accel;
+
+        // Pitch and heave.
+        let lighter = environment.gravity_z - GRAVITY;
+        let mut pitching = 0.0;
+        let mut lifting = -self.sprung_mass * lighter;
+        for (axle, given) in self.axles.iter().zip(&axles) {
+            let springs = given.left + given.right;
+            lifting += springs;
+            pitching -= axle.x_sprung * springs
+                + (self.sprung_height - axle.radius) * (given.fx - axle.unsprung_mass * specific_x)
+                + given.torque;
+        }
+        rates[PITCH] = y[PITCH_RATE];
+        rates[PITCH_RATE] = pitching / self.pitch_inertia;
+        rates[HEAVE] = y[HEAVE_RATE];
+        rates[HEAVE_RATE] = lifting / self.sprung_mass;
+
+        // Wheels, vertically.
+        for (index, (axle, given)) in self.axles.iter().zip(&axles).enumerate() {
+            let unsprung = axle.unsprung_mass * (specific_y + axle.x * yaw_accel);
+            let to_body = given.fy - unsprung;
+            let couple = (axle.roll_centre * to_body + axle.radius * unsprung + given.overturning)
+                / (2.0 * axle.half_track);
+            for (side, force) in [(0, couple - given.left), (1, -couple - given.right)] {
+                let wheel = 2 * index + side;
+                let at = WHEELS + wheel * PER_WHEEL;
+                rates[at + LIFT] = y[at + LIFT_RATE];
+                rates[at + LIFT_RATE] = (flow.wheels[wheel].load - axle.static_load + force)
+                    / (0.5 * axle.unsprung_mass)
+                    - lighter;
+            }
+        }
+        flow.specific_x = specific_x;
+        // What an accelerometer at the CG feels: the body's sway over the wheels belongs to it.
+        flow.specific_y = lateral / self.mass;
+        flow.specific_z = environment.gravity_z;
+    }
+
+    /// Drive force and greatest brake force at all wheels together, N, both positive.
+    fn drive_and_brake(&self, accel: f64, vx: f64) -> (f64, f64) {
+        let force = self.nominal_mass * accel;
+        if force >= 0.0 {
+            let by_power = self.max_power / vx.abs().max(0.1);
+            (force.min(self.max_drive_force).min(by_power), 0.0)
+        } else {
+            (0.0, (-force).min(self.max_brake_force))
+        }
+    }
+}
+
+impl AxlePlant {
+    #[allow(clippy::too_many_arguments)]
+    fn flow(
+        &self,
+        index: usize,
+        y: &[f64; STATES],
+        steer: f64,
+        drive: f64,
+        brake: f64,
+        friction: f64,
+        rates: &mut [f64; STATES],
+        flow: &mut Flow,
+    ) -> AxleFlow {
+        let mut given = AxleFlow::default();
+        let (sin, cos) = (self.steered * steer + self.roll_steer * y[ROLL]).sin_cos();
+        let vy = y[VY] + self.x * y[YAW_RATE];
+
+        // Springs: how far the body stands over each wheel, beyond rest.
+        let centre = y[HEAVE] - self.x_sprung * y[PITCH];
+        let centre_rate = y[HEAVE_RATE] - self.x_sprung * y[PITCH_RATE];
+        let tilt = self.half_track * y[ROLL];
+        let tilt_rate = self.half_track * y[ROLL_RATE];
+        let left = WHEELS + 2 * index * PER_WHEEL;
+        let right = left + PER_WHEEL;
+        let rebound = [centre + tilt - y[left + LIFT], centre - tilt - y[right + LIFT]];
+        let rebound_rate =
+            [centre_rate + tilt_rate - y[left + LIFT_RATE], centre_rate - tilt_rate - y[right + LIFT_RATE]];
+        let twist = (rebound[0] - rebound[1]) / (2.0 * self.half_track);
+        let bar = self.anti_roll_bar * twist / (2.0 * self.half_track);
+        given.left = -self.spring * rebound[0] - self.damper * rebound_rate[0] - bar;
+        given.right = -self.spring * rebound[1] - self.damper * rebound_rate[1] + bar;
+
+        let mut forces = [(0.0, 0.0, 0.0, 0.0, 0.0); 2];
+        for (side, sign) in [(0, 1.0), (1, -1.0)] {
+            let at = left + side * PER_WHEEL;
+            let vx = y[VX] - sign * self.half_track * y[YAW_RATE];
+            let motion = WheelMotion {
+                vx: vx * cos + vy * sin,
+                vy: vy * cos - vx * sin,
+                gamma: y[ROLL] + sign * self.camber_gain * rebound[side],
+                side: sign,
+                drive: drive * self.drive_share * self.radius,
+                brake: brake * self.brake_share * self.radius,
+            };
+            let wheel = self.wheel(&y[at..at + PER_WHEEL], &motion, friction, &mut rates[at..at + PER_WHEEL]);
+            let force = &wheel.forces;
+            forces[side] = (
+                force.fx * cos - force.fy * sin,
+                force.fx * sin + force.fy * cos,
+                force.mz,
+                force.mx + self.lateral_compliance * wheel.load * force.fy,
+                wheel.torque,
+            );
+            flow.wheels[2 * index + side] = wheel;
+        }
+        let [l, r] = forces;
+        given.fx = l.0 + r.0;
+        given.fy = l.1 + r.1;
+        given.moment = self.x * given.fy - self.half_track * (l.0 - r.0) + (l.2 + r.2);
+        given.overturning = l.3 + r.3;
+        given.torque = l.4 + r.4;
+        given
+    }
+}

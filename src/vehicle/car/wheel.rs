@@ -1,0 +1,132 @@
+//! One wheel: transient slip, forces, spin and brake.
+//!
+//! The contact's deflections `u`, `v` (m) follow the slip velocities with the relaxation lengths `s`:
+//!
+//! ```text
+//!     u' = -Vsx - V u / sx,   kappa = u / sx          v' = Vsy - V v / sy,   tan(alpha) = v / sy
+//! ```
+//!
+//! At speed this is first-order relaxation; at rest `V = 0` it is a spring, so that nothing divides by the speed and
+//! a braked car holds on a slope (Pacejka, section 8.6). `V` is the rolling speed, and no less than a share of the
+//! slip velocity, which bounds the slip of a spinning or sideways wheel.
+
+use super::dynamics::Environment;
+use super::plant::AxlePlant;
+use super::state::{DEFLECTION_X, DEFLECTION_Y, LIFT, LIFT_RATE, SPIN, WIND_UP};
+use crate::vehicle::tyre::{Contact, TyreForces};
+
+/// Shortest relaxation length, m: that of a file without one, and of a wheel that lifts.
+const SHORTEST_RELAXATION: f64 = 0.1;
+/// Greatest longitudinal slip and greatest tangent of the slip angle.
+const GREATEST_SLIP: f64 = 1.5;
+const GREATEST_TANGENT: f64 = 3.0;
+/// Damping of the deflections at rest, s/m, and the speed at which it has gone, m/s.
+const DAMPING_AT_REST: f64 = 0.15;
+const DAMPED_BELOW: f64 = 2.5;
+/// The brake's wind-up is a spring: natural frequency of the wheel on it (rad/s) and damping ratio.
+const BRAKE_FREQUENCY: f64 = 300.0;
+const BRAKE_DAMPING: f64 = 0.7;
+/// Fastest relaxation of the wind-up, 1/s.
+const BRAKE_RELAXATION: f64 = 500.0;
+/// Rolling speed over which rolling resistance builds up, m/s.
+const ROLLING_FROM: f64 = 0.1;
+
+/// Motion of the wheel's contact in axes of the wheel, and what acts on the wheel.
+pub(super) struct WheelMotion {
+    /// Velocity of the contact point, m/s.
+    pub vx: f64,
+    pub vy: f64,
+    /// Inclination, rad.
+    pub gamma: f64,
+    /// +1 on the left, -1 on the right, where the tyre is mounted mirrored.
+    pub side: f64,
+    /// Drive torque and greatest brake torque, N m.
+    pub drive: f64,
+    pub brake: f64,
+}
+
+/// What a wheel does at an instant.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct WheelFlow {
+    pub load: f64,
+    pub forces: TyreForces,
+    pub kappa: f64,
+    pub alpha: f64,
+    /// Torque of drive and brake on the wheel, N m.
+    pub torque: f64,
+}
+
+impl AxlePlant {
+    /// Load of a wheel from its height over rest, N; a tyre does not pull.
+    #[inline]
+    pub fn load(&self, wheel: &[f64]) -> f64 {
+        let stiffness = self.tyre.vertical_stiffness * wheel[LIFT];
+        let damping = self.tyre.vertical_damping * wheel[LIFT_RATE];
+        let elastic = self.static_load - stiffness;
+        if elastic <= 0.0 { 0.0 } else { (elastic - damping).max(0.0) }
+    }
+
+    /// Forces on one wheel, and the rates of its spin, deflections and brake.
+    #[inline]
+    pub fn wheel(&self, wheel: &[f64], motion: &WheelMotion, friction: f64, rates: &mut [f64]) -> WheelFlow {
+        let load = self.load(wheel);
+        let spin = wheel[SPIN];
+        let slip_x = motion.vx - spin * self.radius;
+        let slip_y = motion.vy;
+        let speed = motion.vx.abs().max(slip_x.abs() / GREATEST_SLIP).max(slip_y.abs() / GREATEST_TANGENT);
+        let relax_x = self.tyre.longitudinal_relaxation(load).max(SHORTEST_RELAXATION);
+        let relax_y = if self.relaxation > 0.0 {
+            self.relaxation
+        } else {
+            self.tyre.lateral_relaxation(load, motion.gamma)
+        }
+        .max(SHORTEST_RELAXATION);
+        let (u, v) = (wheel[DEFLECTION_X], wheel[DEFLECTION_Y]);
+        let du = -slip_x - speed * u / relax_x;
+        let dv = slip_y - speed * v / relax_y;
+        // The tyre's own damping matters only near rest, where the deflections are springs.
+        let rest = (1.0 - speed / DAMPED_BELOW).max(0.0);
+        let damping = DAMPING_AT_REST * rest * rest;
+        let kappa = u / relax_x + damping * du;
+        let alpha = (v / relax_y + damping * dv).atan();
+
+        let contact =
+            Contact { kappa, alpha: motion.side * alpha, gamma: motion.side * motion.gamma, load, friction };
+        let mut forces = self.tyre.forces(&contact);
+        forces.fy *= motion.side;
+        forces.mx *= motion.side;
+        forces.mz *= motion.side;
+
+        let brake = self.brake(spin, wheel[WIND_UP], motion.brake);
+        let rolling = self.tyre.rolling_resistance(load, forces.fx, motion.vx)
+            * (spin * self.radius / ROLLING_FROM).clamp(-1.0, 1.0);
+        let torque = motion.drive - brake.0;
+        rates[SPIN] = (torque - forces.fx * self.radius - rolling) / self.wheel_inertia;
+        rates[DEFLECTION_X] = du;
+        rates[DEFLECTION_Y] = dv;
+        rates[WIND_UP] = brake.1;
+        WheelFlow { load, forces, kappa, alpha, torque }
+    }
+
+    /// Brake torque against the spin, and the rate of the wind-up: dry friction with a stiff spring before it slips
+    /// (Dahl), so that a held wheel stands and is not pushed backwards.
+    #[inline]
+    fn brake(&self, spin: f64, wind_up: f64, capacity: f64) -> (f64, f64) {
+        let stiffness = self.wheel_inertia * BRAKE_FREQUENCY * BRAKE_FREQUENCY;
+        let damping = 2.0 * BRAKE_DAMPING * BRAKE_FREQUENCY * self.wheel_inertia;
+        let yielding = spin.abs() * stiffness;
+        // Slow slip relaxes the wind-up at spin * stiffness / capacity; at speed this would be needlessly stiff.
+        let rate =
+            if yielding >= BRAKE_RELAXATION * capacity { BRAKE_RELAXATION } else { yielding / capacity };
+        let torque = (stiffness * wind_up + damping * spin).clamp(-capacity, capacity);
+        (torque, spin - rate * wind_up)
+    }
+}
+
+impl Environment {
+    /// Friction under an axle.
+    #[inline]
+    pub fn friction_at(&self, axle: usize) -> f64 {
+        self.friction[axle]
+    }
+}

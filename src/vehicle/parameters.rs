@@ -1,0 +1,447 @@
+//! A car's parameters, from a file that people can read and edit.
+//!
+//! A key of the file is the name of the FMU's parameter: `mass` in section `[vehicle]` is `vehicle.mass`. The
+//! table [`CarParameters::TABLE`] declares unit, range and meaning of each once; range checks, FMU parameters and
+//! documentation come from it.
+
+use super::builtin;
+use super::tyre::{Coefficients, Contact, TirError};
+use crate::signal::Unit;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// Acceleration of free fall, m/s2.
+pub const GRAVITY: f64 = 9.81;
+
+/// All parameters of a car. Units stand in [`CarParameters::TABLE`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs)]
+pub struct CarParameters {
+    /// What people call the car.
+    pub name: String,
+    /// Where the figures come from.
+    #[serde(default)]
+    pub source: String,
+    pub vehicle: Body,
+    pub axle: Pair<Axle>,
+    pub tyre: Pair<Tyre>,
+    pub steering: Steering,
+    pub drive: Drive,
+    pub brake: Brake,
+    pub air: Air,
+}
+
+/// The same of the front and the rear axle.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs)]
+pub struct Pair<T> {
+    pub front: T,
+    pub rear: T,
+}
+
+/// Masses, inertias and where they are.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs)]
+pub struct Body {
+    pub mass: f64,
+    pub yaw_inertia: f64,
+    pub roll_inertia: f64,
+    pub pitch_inertia: f64,
+    pub cg_to_front_axle: f64,
+    pub cg_to_rear_axle: f64,
+    pub cg_height: f64,
+}
+
+/// One axle: suspension and wheels.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs)]
+pub struct Axle {
+    pub track: f64,
+    pub unsprung_mass: f64,
+    pub spring_rate: f64,
+    pub damping: f64,
+    #[serde(default)]
+    pub anti_roll_bar: f64,
+    #[serde(default)]
+    pub roll_centre_height: f64,
+    #[serde(default)]
+    pub camber_gain: f64,
+    #[serde(default)]
+    pub roll_steer: f64,
+    pub wheel_inertia: f64,
+}
+
+/// The tyres of one axle.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Tyre {
+    /// The `.tir` file: relative to the vehicle file, or the name of a tyre that is built in.
+    pub file: String,
+    /// Factor on the cornering stiffness.
+    #[serde(default = "one")]
+    pub stiffness_scale: f64,
+    /// Factor on both friction coefficients.
+    #[serde(default = "one")]
+    pub friction_scale: f64,
+    /// Vertical stiffness in N/m; 0 in a file: the `.tir` file's.
+    #[serde(default)]
+    pub vertical_stiffness: f64,
+    /// Sideways shift of the contact patch for each newton of lateral force, m/N.
+    #[serde(default)]
+    pub lateral_compliance: f64,
+    /// What the file says.
+    #[serde(skip)]
+    pub coefficients: Option<Coefficients>,
+}
+
+/// The way from the steering command to the road wheels.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs)]
+pub struct Steering {
+    pub angle_limit: f64,
+    pub rate_limit: f64,
+    #[serde(default)]
+    pub dead_time: f64,
+    #[serde(default)]
+    pub lag: f64,
+    #[serde(default)]
+    pub backlash: f64,
+    #[serde(default = "one")]
+    pub gain: f64,
+    #[serde(default)]
+    pub offset: f64,
+}
+
+/// The engine, as the road sees it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs)]
+pub struct Drive {
+    pub front_share: f64,
+    pub max_force: f64,
+    pub max_power: f64,
+    #[serde(default)]
+    pub lag: f64,
+}
+
+/// The brakes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs)]
+pub struct Brake {
+    pub front_share: f64,
+    pub max_force: f64,
+}
+
+/// Aerodynamics.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs)]
+pub struct Air {
+    pub density: f64,
+    pub drag_area: f64,
+    pub side_area: f64,
+    pub pressure_centre: f64,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+/// The declaration of one number among a car's parameters.
+#[derive(Debug, Clone, Copy)]
+pub struct Parameter {
+    /// Section and key in the file, and the FMU parameter's name.
+    pub name: &'static str,
+    /// Unit of the value.
+    pub unit: Unit,
+    /// Least and greatest value that a vehicle can have.
+    pub range: (f64, f64),
+    /// What it is, in one sentence.
+    pub meaning: &'static str,
+    get: fn(&CarParameters) -> f64,
+    set: fn(&mut CarParameters, f64),
+}
+
+impl Parameter {
+    /// The parameter's value.
+    #[must_use]
+    pub fn get(&self, car: &CarParameters) -> f64 {
+        (self.get)(car)
+    }
+
+    /// Sets the parameter; [`CarParameters::check`] looks at the range.
+    pub fn set(&self, car: &mut CarParameters, value: f64) {
+        (self.set)(car, value);
+    }
+}
+
+macro_rules! table {
+    ($($first:ident $(. $rest:ident)* : $unit:ident in $min:expr, $max:expr; $meaning:literal)*) => {
+        &[$(Parameter {
+            name: concat!(stringify!($first) $(, ".", stringify!($rest))*),
+            unit: Unit::$unit,
+            range: ($min, $max),
+            meaning: $meaning,
+            get: |car| car.$first$(.$rest)*,
+            set: |car, value| car.$first$(.$rest)* = value,
+        }),*]
+    };
+}
+
+impl CarParameters {
+    /// Every number of a car with name, unit, range and meaning.
+    pub const TABLE: &'static [Parameter] = table! {
+        vehicle.mass: KILOGRAM in 100.0, 1e5; "Mass of the whole car"
+        vehicle.yaw_inertia: KILOGRAM_METRE2 in 10.0, 1e6; "Yaw inertia of the whole car about its CG"
+        vehicle.roll_inertia: KILOGRAM_METRE2 in 5.0, 1e6; "Roll inertia of the sprung mass about its CG"
+        vehicle.pitch_inertia: KILOGRAM_METRE2 in 10.0, 1e6; "Pitch inertia of the sprung mass about its CG"
+        vehicle.cg_to_front_axle: METRE in 0.1, 20.0; "Distance from the whole car's CG to the front axle"
+        vehicle.cg_to_rear_axle: METRE in 0.1, 20.0; "Distance from the whole car's CG to the rear axle"
+        vehicle.cg_height: METRE in 0.05, 3.0; "Height of the whole car's CG over the road"
+        axle.front.track: METRE in 0.3, 4.0; "Track width, front"
+        axle.front.unsprung_mass: KILOGRAM in 1.0, 5000.0; "Unsprung mass of both wheels, front"
+        axle.front.spring_rate: NEWTON_PER_METRE in 1e3, 1e7; "Spring rate at one wheel, front"
+        axle.front.damping: NEWTON_SECOND_PER_METRE in 0.0, 1e5; "Damping rate at one wheel, front"
+        axle.front.anti_roll_bar: NEWTON_METRE_PER_RADIAN in 0.0, 1e7; "Roll stiffness of the anti-roll bar, front"
+        axle.front.roll_centre_height: METRE in -1.0, 1.0; "Height of the roll centre over the road, front"
+        axle.front.camber_gain: RADIAN_PER_METRE in -5.0, 5.0; "Change of a wheel's inclination with rebound, left wheel, top to the right positive, front"
+        axle.front.roll_steer: ONE in -1.0, 1.0; "Steering of both wheels to the left for each radian of roll, front"
+        axle.front.wheel_inertia: KILOGRAM_METRE2 in 0.05, 100.0; "Spin inertia of one wheel, front"
+        axle.rear.track: METRE in 0.3, 4.0; "Track width, rear"
+        axle.rear.unsprung_mass: KILOGRAM in 1.0, 5000.0; "Unsprung mass of both wheels, rear"
+        axle.rear.spring_rate: NEWTON_PER_METRE in 1e3, 1e7; "Spring rate at one wheel, rear"
+        axle.rear.damping: NEWTON_SECOND_PER_METRE in 0.0, 1e5; "Damping rate at one wheel, rear"
+        axle.rear.anti_roll_bar: NEWTON_METRE_PER_RADIAN in 0.0, 1e7; "Roll stiffness of the anti-roll bar, rear"
+        axle.rear.roll_centre_height: METRE in -1.0, 1.0; "Height of the roll centre over the road, rear"
+        axle.rear.camber_gain: RADIAN_PER_METRE in -5.0, 5.0; "Change of a wheel's inclination with rebound, left wheel, top to the right positive, rear"
+        axle.rear.roll_steer: ONE in -1.0, 1.0; "Steering of both wheels to the left for each radian of roll, rear"
+        axle.rear.wheel_inertia: KILOGRAM_METRE2 in 0.05, 100.0; "Spin inertia of one wheel, rear"
+        tyre.front.stiffness_scale: ONE in 0.1, 10.0; "Factor on the tyre file's cornering stiffness, front"
+        tyre.front.friction_scale: ONE in 0.05, 3.0; "Factor on the tyre file's friction, front"
+        tyre.front.vertical_stiffness: NEWTON_PER_METRE in 1e4, 1e7; "Vertical stiffness of one tyre, front"
+        tyre.front.lateral_compliance: METRE_PER_NEWTON in 0.0, 1e-4; "Sideways shift of the contact patch with lateral force, front"
+        tyre.rear.stiffness_scale: ONE in 0.1, 10.0; "Factor on the tyre file's cornering stiffness, rear"
+        tyre.rear.friction_scale: ONE in 0.05, 3.0; "Factor on the tyre file's friction, rear"
+        tyre.rear.vertical_stiffness: NEWTON_PER_METRE in 1e4, 1e7; "Vertical stiffness of one tyre, rear"
+        tyre.rear.lateral_compliance: METRE_PER_NEWTON in 0.0, 1e-4; "Sideways shift of the contact patch with lateral force, rear"
+        steering.angle_limit: RADIAN in 0.01, 1.4; "Greatest road-wheel angle to either side"
+        steering.rate_limit: RADIAN_PER_SECOND in 1e-3, 1e6; "Greatest road-wheel steering rate"
+        steering.dead_time: SECOND in 0.0, 2.0; "Dead time of the steering actuator"
+        steering.lag: SECOND in 0.0, 5.0; "First-order time constant of the steering actuator"
+        steering.backlash: RADIAN in 0.0, 0.5; "Full gap width of the steering backlash"
+        steering.gain: ONE in 0.2, 3.0; "Ratio behind the steering sensor: real = gain * measured + offset"
+        steering.offset: RADIAN in -0.5, 0.5; "Offset behind the steering sensor: real = gain * measured + offset"
+        drive.front_share: ONE in 0.0, 1.0; "Share of the drive force at the front axle"
+        drive.max_force: NEWTON in 0.0, 1e6; "Greatest drive force at the wheels"
+        drive.max_power: WATT in 0.0, 1e7; "Greatest drive power at the wheels"
+        drive.lag: SECOND in 0.0, 5.0; "First-order time constant of drive and brakes"
+        brake.front_share: ONE in 0.0, 1.0; "Share of the brake force at the front axle"
+        brake.max_force: NEWTON in 0.0, 1e6; "Greatest brake force at the wheels"
+        air.density: KILOGRAM_PER_METRE3 in 0.0, 2.0; "Density of the air"
+        air.drag_area: METRE2 in 0.0, 20.0; "Drag coefficient times frontal area"
+        air.side_area: METRE2 in 0.0, 100.0; "Side force area: side force = density/2 * area * airspeed * lateral airspeed"
+        air.pressure_centre: METRE in -10.0, 10.0; "Where the side force acts, forward of the CG"
+    };
+}
+
+/// Why a vehicle file could not be used.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum VehicleError {
+    /// The file cannot be opened.
+    #[error("vehicle file {file}: cannot be read ({source}); check the name, or use a built-in car: {}", builtin::BUILTIN.join(", "))]
+    Unreadable { file: PathBuf, source: std::io::Error },
+    /// No built-in car has this name.
+    #[error("there is no built-in car '{name}'; there are: {}", builtin::BUILTIN.join(", "))]
+    UnknownBuiltin { name: String },
+    /// Not TOML, or a key that is missing, unknown or of the wrong type.
+    #[error("vehicle file {file}, line {line}: {message}; compare with the files in vehicles/")]
+    Syntax { file: PathBuf, line: usize, message: String },
+    /// A value that no vehicle can have.
+    #[error(
+        "vehicle file {file}, line {line}: {} = {value} {} is outside {} ... {} ({})",
+        parameter.name, parameter.unit.symbol, parameter.range.0, parameter.range.1, parameter.meaning
+    )]
+    Range { file: PathBuf, line: usize, value: f64, parameter: Parameter },
+    /// The unsprung masses leave nothing, or too little, for the body.
+    #[error(
+        "vehicle {name}: the unsprung masses ({unsprung} kg) must leave at least a tenth of vehicle.mass ({mass} kg) to \
+         the body; correct axle.front.unsprung_mass or axle.rear.unsprung_mass"
+    )]
+    NoBody { name: String, mass: f64, unsprung: f64 },
+    /// The tyre file that the vehicle names cannot be used.
+    #[error("vehicle file {file}, {key}: {source}")]
+    Tyre { file: PathBuf, key: &'static str, source: TirError },
+}
+
+/// A linear single-track model: what a careful engineer takes as the nominal model of a car.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct SingleTrack {
+    /// Mass, kg.
+    pub mass: f64,
+    /// Yaw inertia, kg m2.
+    pub yaw_inertia: f64,
+    /// Distance from the CG to the front axle, m.
+    pub lf: f64,
+    /// Distance from the CG to the rear axle, m.
+    pub lr: f64,
+    /// Cornering stiffness of the front axle (both tyres), N/rad.
+    pub cf: f64,
+    /// Cornering stiffness of the rear axle (both tyres), N/rad.
+    pub cr: f64,
+}
+
+impl CarParameters {
+    /// Reads a vehicle file and the tyre files that it names.
+    ///
+    /// # Errors
+    /// See [`VehicleError`]: file, line, key and remedy.
+    pub fn read(file: &Path) -> Result<Self, VehicleError> {
+        let text = std::fs::read_to_string(file)
+            .map_err(|source| VehicleError::Unreadable { file: file.to_path_buf(), source })?;
+        let folder = file.parent().unwrap_or(Path::new("")).to_path_buf();
+        Self::parse(&text, file, |name| {
+            let beside = folder.join(name);
+            // A copied vehicle file still finds the tyres that come with the program.
+            match builtin::tyre(name) {
+                Some(text) if !beside.exists() => Coefficients::parse(text, Path::new(name)),
+                _ => Coefficients::read(&beside),
+            }
+        })
+    }
+
+    /// Reads the text of a vehicle file; `tyre` gives the tyre of a name, `file` is for messages.
+    ///
+    /// # Errors
+    /// See [`VehicleError`].
+    pub fn parse(
+        text: &str,
+        file: &Path,
+        tyre: impl Fn(&str) -> Result<Coefficients, TirError>,
+    ) -> Result<Self, VehicleError> {
+        let mut car: Self = toml::from_str(text).map_err(|error| VehicleError::Syntax {
+            file: file.to_path_buf(),
+            line: error.span().map_or(1, |span| line_at(text, span.start)),
+            message: error.message().replace('\n', " "),
+        })?;
+        for (key, axle) in [("tyre.front.file", &mut car.tyre.front), ("tyre.rear.file", &mut car.tyre.rear)]
+        {
+            let coefficients = tyre(&axle.file).map_err(|source| VehicleError::Tyre {
+                file: file.to_path_buf(),
+                key,
+                source,
+            })?;
+            if axle.vertical_stiffness == 0.0 {
+                axle.vertical_stiffness = coefficients.vertical_stiffness;
+            }
+            axle.coefficients = Some(coefficients);
+        }
+        car.check_in(file, |name| line_of(text, name))?;
+        Ok(car)
+    }
+
+    /// Checks every value against what a vehicle can have.
+    ///
+    /// # Errors
+    /// [`VehicleError::Range`] or [`VehicleError::NoBody`].
+    pub fn check(&self) -> Result<(), VehicleError> {
+        self.check_in(Path::new(&self.name), |_| 0)
+    }
+
+    fn check_in(&self, file: &Path, line: impl Fn(&str) -> usize) -> Result<(), VehicleError> {
+        for parameter in Self::TABLE {
+            let value = parameter.get(self);
+            if !(value >= parameter.range.0 && value <= parameter.range.1) {
+                let (file, line) = (file.to_path_buf(), line(parameter.name));
+                return Err(VehicleError::Range { file, line, value, parameter: *parameter });
+            }
+        }
+        let unsprung = self.axle.front.unsprung_mass + self.axle.rear.unsprung_mass;
+        if unsprung > 0.9 * self.vehicle.mass {
+            return Err(VehicleError::NoBody { name: self.name.clone(), mass: self.vehicle.mass, unsprung });
+        }
+        Ok(())
+    }
+
+    /// Wheelbase, m.
+    #[must_use]
+    pub fn wheelbase(&self) -> f64 {
+        self.vehicle.cg_to_front_axle + self.vehicle.cg_to_rear_axle
+    }
+
+    /// Load on each axle of the car at rest on a level road, N: front, rear.
+    #[must_use]
+    pub fn axle_loads(&self) -> (f64, f64) {
+        let weight = self.vehicle.mass * GRAVITY / self.wheelbase();
+        (weight * self.vehicle.cg_to_rear_axle, weight * self.vehicle.cg_to_front_axle)
+    }
+
+    /// The linear single-track model of this car: axle stiffnesses are the slopes of the tyres' lateral force at
+    /// static load and straight running, both wheels of an axle together.
+    #[must_use]
+    pub fn single_track(&self) -> SingleTrack {
+        let (front, rear) = self.axle_loads();
+        SingleTrack {
+            mass: self.vehicle.mass,
+            yaw_inertia: self.vehicle.yaw_inertia,
+            lf: self.vehicle.cg_to_front_axle,
+            lr: self.vehicle.cg_to_rear_axle,
+            cf: self.tyre.front.axle_stiffness(front),
+            cr: self.tyre.rear.axle_stiffness(rear),
+        }
+    }
+}
+
+impl Tyre {
+    /// The tyre's coefficients with this axle's factors.
+    ///
+    /// # Panics
+    /// Never for parameters that were read: they carry their coefficients.
+    #[must_use]
+    pub fn scaled(&self) -> Coefficients {
+        let mut tyre = self.coefficients.clone().expect("a tyre that was read has its coefficients");
+        tyre.lky *= self.stiffness_scale;
+        tyre.lmux *= self.friction_scale;
+        tyre.lmuy *= self.friction_scale;
+        tyre.vertical_stiffness = self.vertical_stiffness;
+        tyre
+    }
+
+    /// Slope of the lateral force of both wheels of an axle over slip angle, N/rad; `load` of the axle in N.
+    fn axle_stiffness(&self, load: f64) -> f64 {
+        const STEP: f64 = 1e-4;
+        let tyre = self.scaled();
+        let at = |alpha| {
+            let contact = Contact { kappa: 0.0, alpha, gamma: 0.0, load: 0.5 * load, friction: 1.0 };
+            tyre.forces(&contact).fy
+        };
+        // The right wheel carries the mirror image of the left wheel's tyre: Fy_right(alpha) = -Fy_left(-alpha).
+        2.0 * (at(-STEP) - at(STEP)) / (2.0 * STEP)
+    }
+}
+
+/// Line (from 1) of a byte of a text.
+fn line_at(text: &str, byte: usize) -> usize {
+    text.bytes().take(byte).filter(|byte| *byte == b'\n').count() + 1
+}
+
+/// Line (from 1) of the key `section.key` in a TOML text as ours are written; 0 if it does not stand there.
+fn line_of(text: &str, name: &str) -> usize {
+    let Some((section, key)) = name.rsplit_once('.') else { return 0 };
+    let mut current = "";
+    for (index, raw) in text.lines().enumerate() {
+        let line = raw.split('#').next().unwrap_or_default().trim();
+        if let Some(header) = line.strip_prefix('[') {
+            current = header.trim_end_matches(']').trim();
+        } else if current == section && line.split('=').next().is_some_and(|found| found.trim() == key) {
+            return index + 1;
+        }
+    }
+    0
+}

@@ -1,0 +1,25 @@
+//! Tyres: what force the road gives a wheel for its slip, load and inclination.
+//!
+//! The Magic Formula 5.2 (`PAC2002` in Adams), whose coefficients come from `.tir` files:
+//!
+//! ```text
+//!     y = D sin(C atan(B x - E (B x - atan(B x)))) + S_V,    x = slip + S_H,    B C D = slip stiffness
+//! ```
+//!
+//! for pure longitudinal and lateral slip, weighted by `G = cos(C atan(...))` where both occur.
+//!
+//! | file | idea |
+//! |---|---|
+//! | `coefficients.rs` | the names of the standard's coefficients, their defaults |
+//! | `tir.rs` | reading a `.tir` file |
+//! | `magic_formula.rs` | the formula |
+//!
+//! Source: H. B. Pacejka, Tyre and Vehicle Dynamics, 2nd ed., section 4.3.2 (signs: ISO; `PKY1 < 0`).
+
+mod coefficients;
+mod magic_formula;
+mod tir;
+
+pub use coefficients::Coefficients;
+pub use magic_formula::{Contact, TyreForces};
+pub use tir::TirError;

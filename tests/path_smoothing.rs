@@ -1,0 +1,119 @@
+//! Noisy points: the curvature of a smoothed path is usable, and the path stays within its tolerance.
+
+use rfl_mpc::path::{Closure, Options, Path, PathError, Sample, Smoothing};
+use std::f64::consts::TAU;
+
+/// A bell-shaped, repeatable noise of unit variance (sum of 12 uniform numbers).
+fn noise(seed: &mut u64) -> f64 {
+    (0..12).map(|_| uniform(seed)).sum::<f64>() - 6.0
+}
+
+fn uniform(seed: &mut u64) -> f64 {
+    *seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+    (*seed >> 11) as f64 / (1u64 << 53) as f64
+}
+
+fn within(tolerance: f64, closure: Closure) -> Options {
+    Options { closure, smoothing: Smoothing::Within(tolerance) }
+}
+
+/// A ring road with bends both ways: radius 60 + 8 sin(3 angle).
+fn ring(angle: f64) -> [f64; 2] {
+    let radius = 60.0 + 8.0 * (3.0 * angle).sin();
+    [radius * angle.cos(), radius * angle.sin()]
+}
+
+fn ring_curvature(angle: f64) -> f64 {
+    let r = 60.0 + 8.0 * (3.0 * angle).sin();
+    let d = 24.0 * (3.0 * angle).cos();
+    let dd = -72.0 * (3.0 * angle).sin();
+    (r * r + 2.0 * d * d - r * dd) / (r * r + d * d).powf(1.5)
+}
+
+#[test]
+fn two_centimetres_of_noise_at_one_metre_leave_a_usable_curvature() {
+    let count = 400;
+    for closure in [Closure::Closed, Closure::Open] {
+        let mut seed = 1;
+        let points: Vec<Sample> = (0..count)
+            .map(|i| {
+                let [x, y] = ring(TAU * f64::from(i) / f64::from(count));
+                // Noise of 2 cm RMS in distance.
+                Sample::at(x + 0.0141 * noise(&mut seed), y + 0.0141 * noise(&mut seed))
+            })
+            .collect();
+        let smooth = Path::from_samples_with(points.clone(), &within(0.02, closure)).unwrap();
+        let raw = Path::from_samples(points.clone(), closure).unwrap();
+        let worst = |path: &Path| {
+            (20..780).fold(0.0f64, |worst, i| {
+                let angle = TAU * f64::from(i) / 800.0;
+                let [x, y] = ring(angle);
+                let foot = path.project(x, y, angle + TAU / 4.0, None);
+                worst.max((foot.curvature - ring_curvature(angle)).abs())
+            })
+        };
+        let (with, without) = (worst(&smooth), worst(&raw));
+        println!("{closure:?}: curvature error {with:.5} smoothed, {without:.5} through the points");
+        assert!(with < 0.004, "{with}");
+        assert!(without > 10.0 * with, "the check checks nothing: {without}");
+        let square: f64 = points
+            .iter()
+            .map(|point| smooth.project(point.x, point.y, 0.0, None).e1.powi(2))
+            .sum::<f64>()
+            / f64::from(count);
+        assert!(square.sqrt() <= 0.0201, "RMS {}", square.sqrt());
+    }
+}
+
+#[test]
+fn rounding_to_millimetres_is_smoothed_away() {
+    let text: String = std::iter::once("x,y\n".to_string())
+        .chain((0..400).map(|i| {
+            let [x, y] = ring(TAU * f64::from(i) / 400.0);
+            format!("{x:.3},{y:.3}\n")
+        }))
+        .collect();
+    let name = std::path::Path::new("ring.csv");
+    let error = |options: &Options| {
+        let path = Path::from_csv(text.as_bytes(), name, options).unwrap();
+        assert!(path.is_periodic());
+        let worst = (0..800).fold(0.0f64, |worst, i| {
+            let angle = TAU * f64::from(i) / 800.0;
+            let [x, y] = ring(angle);
+            worst.max((path.project(x, y, angle + TAU / 4.0, None).curvature - ring_curvature(angle)).abs())
+        });
+        (worst, path.notes().to_vec())
+    };
+    let (smoothed, notes) = error(&Options::default());
+    let (raw, _) = error(&Options { smoothing: Smoothing::None, ..Options::default() });
+    println!("{smoothed:.6} {raw:.6} {notes:?}");
+    assert!(smoothed < 4e-4 && raw > 3.0 * smoothed, "{smoothed} {raw}");
+    assert!(notes.iter().any(|note| note.contains("rounding")), "{notes:?}");
+}
+
+#[test]
+fn a_vehicle_at_rest_in_the_log_does_no_harm() {
+    let mut seed = 7;
+    let mut points = Vec::new();
+    for i in 0..200 {
+        // Stands still for 50 samples in the middle.
+        let repeats = if i == 100 { 50 } else { 1 };
+        for _ in 0..repeats {
+            points.push(Sample::at(f64::from(i) + 0.005 * noise(&mut seed), 0.005 * noise(&mut seed)));
+        }
+    }
+    let path = Path::from_samples_with(points, &within(0.02, Closure::Open)).unwrap();
+    assert!((path.length() - 199.0).abs() < 0.5, "{}", path.length());
+    let worst = (0..790).fold(0.0f64, |worst, i| worst.max(path.curvature(f64::from(i) * 0.25).abs()));
+    assert!(worst < 0.005, "{worst}");
+    assert!(path.notes().iter().any(|note| note.contains("dropped")), "{:?}", path.notes());
+}
+
+#[test]
+fn a_tolerance_that_is_none_is_refused() {
+    let points: Vec<Sample> = (0..20).map(|i| Sample::at(f64::from(i), 0.0)).collect();
+    for value in [-0.1, f64::NAN, 6.0] {
+        let error = Path::from_samples_with(points.clone(), &within(value, Closure::Open)).unwrap_err();
+        assert!(matches!(error, PathError::Tolerance { .. }), "{error}");
+    }
+}
