@@ -1,3 +1,13 @@
 //! The program `rfl`; see `rfl --help`.
-
-fn main() {}
+use clap::Parser;
+#[derive(Parser)]
+enum Cli {
+    Drive(rfl_mpc::cli::drive::DriveArgs),
+}
+fn main() {
+    let Cli::Drive(a) = Cli::parse();
+    if let Err(e) = rfl_mpc::cli::drive::run(&a) {
+        eprintln!("{e}");
+        std::process::exit(1)
+    }
+}

@@ -56,11 +56,9 @@ fn two_centimetres_of_noise_at_one_metre_leave_a_usable_curvature() {
         println!("{closure:?}: curvature error {with:.5} smoothed, {without:.5} through the points");
         assert!(with < 0.004, "{with}");
         assert!(without > 10.0 * with, "the check checks nothing: {without}");
-        let square: f64 = points
-            .iter()
-            .map(|point| smooth.project(point.x, point.y, 0.0, None).e1.powi(2))
-            .sum::<f64>()
-            / f64::from(count);
+        let square: f64 =
+            points.iter().map(|point| smooth.project(point.x, point.y, 0.0, None).e1.powi(2)).sum::<f64>()
+                / f64::from(count);
         assert!(square.sqrt() <= 0.0201, "RMS {}", square.sqrt());
     }
 }

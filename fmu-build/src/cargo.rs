@@ -40,7 +40,11 @@ impl Builder {
     /// `cargo-zigbuild`, where it is on the path and this is Linux on x86-64.
     #[must_use]
     pub fn find() -> Self {
-        let zig = Command::new("cargo-zigbuild").arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();
+        let zig = Command::new("cargo-zigbuild")
+            .arg("--version")
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .status();
         let here = cfg!(all(target_os = "linux", target_arch = "x86_64"));
         if here && zig.is_ok_and(|status| status.success()) { Builder::Zig } else { Builder::Cargo }
     }
@@ -55,17 +59,20 @@ impl Builder {
             Builder::Zig => command.args(["zigbuild", "--target", ZIG_TARGET]),
             Builder::Cargo => command.arg("build"),
         };
-        command.args(["--profile", profile, "--message-format", "json-render-diagnostics", "--quiet"]).args(selection);
+        command
+            .args(["--profile", profile, "--message-format", "json-render-diagnostics", "--quiet"])
+            .args(selection);
         command.stderr(Stdio::inherit());
         let (text, command) = output(command)?;
         let mut library = None;
         for line in text.lines() {
-            let message: Value =
-                serde_json::from_str(line).map_err(|source| CargoError::Json { command: command.clone(), source })?;
+            let message: Value = serde_json::from_str(line)
+                .map_err(|source| CargoError::Json { command: command.clone(), source })?;
             let kinds = message["target"]["crate_types"].as_array();
             if kinds.is_some_and(|kinds| kinds.iter().any(|kind| kind == "cdylib")) {
                 let files = message["filenames"].as_array().into_iter().flatten().filter_map(Value::as_str);
-                let shared = |file: &&str| [".so", ".dll", ".dylib"].iter().any(|suffix| file.ends_with(suffix));
+                let shared =
+                    |file: &&str| [".so", ".dll", ".dylib"].iter().any(|suffix| file.ends_with(suffix));
                 library = files.map(|file| file.to_owned()).find(|file| shared(&file.as_str())).or(library);
             }
         }
@@ -96,8 +103,8 @@ pub fn dependencies(project: &Path, package: &str) -> Result<Vec<Dependency>, Ca
     let (text, command) = output_of(tree.args(["-f", "{p}", "-p", package]))?;
     let mut metadata = cargo(project);
     let (json, _) = output_of(metadata.args(["metadata", "--locked", "--format-version", "1"]))?;
-    let json: Value =
-        serde_json::from_str(&json).map_err(|source| CargoError::Json { command: command.clone(), source })?;
+    let json: Value = serde_json::from_str(&json)
+        .map_err(|source| CargoError::Json { command: command.clone(), source })?;
     let packages = json["packages"].as_array().map(Vec::as_slice).unwrap_or_default();
     let mut found = BTreeMap::new();
     for line in text.lines() {
@@ -131,7 +138,8 @@ pub fn dependencies(project: &Path, package: &str) -> Result<Vec<Dependency>, Ca
 fn license_files(folder: &Path) -> Vec<PathBuf> {
     let is_license = |path: &PathBuf| {
         let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default().to_ascii_uppercase();
-        path.is_file() && ["LICENSE", "LICENCE", "COPYING", "NOTICE"].iter().any(|word| name.starts_with(word))
+        path.is_file()
+            && ["LICENSE", "LICENCE", "COPYING", "NOTICE"].iter().any(|word| name.starts_with(word))
     };
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let mut files: Vec<PathBuf> = entries.map(|entry| entry.path()).filter(is_license).collect();

@@ -222,7 +222,9 @@ fn scalar_variable(xml: &mut Xml, vr: usize, variable: &Variable) {
     match &variable.kind {
         Kind::Real { unit, quantity, start, min, max, nominal } => {
             let attributes = match signal_of(variable) {
-                Some(signal) => Attributes::new().with("declaredType", type_name(signal)).with("unit", unit.symbol),
+                Some(signal) => {
+                    Attributes::new().with("declaredType", type_name(signal)).with("unit", unit.symbol)
+                }
                 None => real_attributes(*unit, *quantity, *min, *max, *nominal),
             };
             xml.empty("Real", attributes.with_some("start", exact.then_some(start)));
@@ -272,7 +274,8 @@ fn structure(xml: &mut Xml, declaration: &Declaration) {
     let is_parameter = |(_, variable): &(usize, &Variable)| variable.causality == Causality::Parameter;
     let parameters: Vec<usize> =
         declaration.variables.iter().enumerate().filter(is_parameter).map(|(vr, _)| vr).collect();
-    let unknowns: Vec<_> = outputs.iter().filter(|(_, variable)| variable.initial == Initial::Calculated).collect();
+    let unknowns: Vec<_> =
+        outputs.iter().filter(|(_, variable)| variable.initial == Initial::Calculated).collect();
     if !unknowns.is_empty() {
         xml.open("InitialUnknowns", Attributes::new());
         for (vr, variable) in unknowns {

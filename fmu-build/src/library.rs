@@ -1,9 +1,9 @@
 //! What a shared library exports and needs: an FMU library exports FMI 2.0's functions and nothing else, and needs
 //! nothing that a host may lack.
 
+use object::Object;
 use object::read::NameOrOrdinal;
 use object::read::elf::{ElfFile64, FileHeader};
-use object::Object;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -65,7 +65,9 @@ pub enum LibraryError {
     Format { path: PathBuf, source: object::Error },
     #[error("{path} does not export {missing}. An FMU library is made by rfl_mpc::export_fmi2!.")]
     Missing { path: PathBuf, missing: String },
-    #[error("{path} exports more than FMI's functions: {surplus}. Such symbols can clash with those of a host.")]
+    #[error(
+        "{path} exports more than FMI's functions: {surplus}. Such symbols can clash with those of a host."
+    )]
     Surplus { path: PathBuf, surplus: String },
 }
 
@@ -107,7 +109,8 @@ impl Library {
     /// # Errors
     /// If it cannot be read.
     pub fn read(path: &Path) -> Result<Self, LibraryError> {
-        let bytes = std::fs::read(path).map_err(|source| LibraryError::Read { path: path.to_owned(), source })?;
+        let bytes =
+            std::fs::read(path).map_err(|source| LibraryError::Read { path: path.to_owned(), source })?;
         let format = |source| LibraryError::Format { path: path.to_owned(), source };
         let file = object::File::parse(&*bytes).map_err(format)?;
         let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();

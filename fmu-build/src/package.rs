@@ -49,7 +49,8 @@ impl Package {
     /// # Errors
     /// If it cannot be read, or there is an entry of this name.
     pub fn add_file(&mut self, name: impl Into<String>, path: &Path) -> Result<(), PackageError> {
-        let content = std::fs::read(path).map_err(|source| PackageError::Read { path: path.to_owned(), source })?;
+        let content =
+            std::fs::read(path).map_err(|source| PackageError::Read { path: path.to_owned(), source })?;
         self.add(name, content)
     }
 
@@ -124,7 +125,8 @@ impl Package {
             writer.write_all(content).map_err(|source| zip(source.into()))?;
         }
         let finished = writer.finish();
-        let finished = finished.map_err(|source| PackageError::Zip { entry: "the directory".to_owned(), source })?;
+        let finished =
+            finished.map_err(|source| PackageError::Zip { entry: "the directory".to_owned(), source })?;
         Ok(finished.into_inner())
     }
 
@@ -134,7 +136,8 @@ impl Package {
     /// As [`to_bytes`](Self::to_bytes), or if the file cannot be written.
     pub fn write(&self, path: &Path) -> Result<(), PackageError> {
         let bytes = self.to_bytes()?;
-        let written = path.parent().map_or(Ok(()), std::fs::create_dir_all).and_then(|()| std::fs::write(path, bytes));
+        let written =
+            path.parent().map_or(Ok(()), std::fs::create_dir_all).and_then(|()| std::fs::write(path, bytes));
         written.map_err(|source| PackageError::Write { path: path.to_owned(), source })
     }
 }

@@ -62,7 +62,8 @@ impl Xml {
     }
 
     fn start<'a>(name: &'a str, attributes: &'a Attributes<'_>) -> BytesStart<'a> {
-        BytesStart::new(name).with_attributes(attributes.0.iter().map(|(name, value)| (*name, value.as_str())))
+        BytesStart::new(name)
+            .with_attributes(attributes.0.iter().map(|(name, value)| (*name, value.as_str())))
     }
 
     /// An element without content.

@@ -238,7 +238,8 @@ pub unsafe fn fmi2Instantiate<M: Model>(
     let text = |pointer: Text| unsafe { (!pointer.is_null()).then(|| CStr::from_ptr(pointer)) };
     let (name, given, resources) = (text(name).unwrap_or_default(), text(guid), text(resources));
     // SAFETY: NULL or the standard's struct; read without alignment, for hosts that build it from bytes.
-    let callbacks = if callbacks.is_null() { CallbackFunctions::NONE } else { unsafe { callbacks.read_unaligned() } };
+    let callbacks =
+        if callbacks.is_null() { CallbackFunctions::NONE } else { unsafe { callbacks.read_unaligned() } };
     let logger = Logger::new(callbacks, name);
     let refuse = |message: &str| {
         logger.tell(Status::Error, status_category(Status::Error), &format!("fmi2Instantiate: {message}"));
@@ -301,11 +302,17 @@ pub unsafe fn fmi2FreeInstance<M: Model>(component: Component) {
     let _ = catch_unwind(AssertUnwindSafe(|| drop(handle)));
 }
 
-pub unsafe fn fmi2SetDebugLogging<M: Model>(c: Component, on: Boolean, count: Count, categories: Texts) -> Status {
+pub unsafe fn fmi2SetDebugLogging<M: Model>(
+    c: Component,
+    on: Boolean,
+    count: Count,
+    categories: Texts,
+) -> Status {
     // SAFETY: by the host's contract.
     unsafe {
         guard::<M>(c, Function::SetDebugLogging, |instance| {
-            let categories = if categories.is_null() { Vec::new() } else { texts(categories, count, "categories")? };
+            let categories =
+                if categories.is_null() { Vec::new() } else { texts(categories, count, "categories")? };
             instance.set_debug_logging(on != 0, &categories)
         })
     }
@@ -366,7 +373,12 @@ getters! {
     fmi2GetString GetString get_string TextsOut, Text::cast;
 }
 
-pub unsafe fn fmi2SetReal<M: Model>(c: Component, references: References, count: Count, values: Reals) -> Status {
+pub unsafe fn fmi2SetReal<M: Model>(
+    c: Component,
+    references: References,
+    count: Count,
+    values: Reals,
+) -> Status {
     // SAFETY: by the host's contract.
     unsafe {
         guard::<M>(c, Function::SetReal, |instance| {
@@ -404,7 +416,12 @@ pub unsafe fn fmi2SetBoolean<M: Model>(
     }
 }
 
-pub unsafe fn fmi2SetString<M: Model>(c: Component, references: References, count: Count, values: Texts) -> Status {
+pub unsafe fn fmi2SetString<M: Model>(
+    c: Component,
+    references: References,
+    count: Count,
+    values: Texts,
+) -> Status {
     // SAFETY: by the host's contract.
     unsafe {
         guard::<M>(c, Function::SetString, |instance| {
@@ -452,7 +469,12 @@ pub unsafe fn fmi2SerializedFMUstateSize<M: Model>(c: Component, state: State, s
     }
 }
 
-pub unsafe fn fmi2SerializeFMUstate<M: Model>(c: Component, state: State, bytes: BytesOut, size: Count) -> Status {
+pub unsafe fn fmi2SerializeFMUstate<M: Model>(
+    c: Component,
+    state: State,
+    bytes: BytesOut,
+    size: Count,
+) -> Status {
     // SAFETY: by the host's contract; no more than `size` bytes are written.
     unsafe {
         guard::<M>(c, Function::SerializeFmuState, |instance| {
@@ -467,7 +489,12 @@ pub unsafe fn fmi2SerializeFMUstate<M: Model>(c: Component, state: State, bytes:
     }
 }
 
-pub unsafe fn fmi2DeSerializeFMUstate<M: Model>(c: Component, bytes: Bytes, size: Count, state: StateOut) -> Status {
+pub unsafe fn fmi2DeSerializeFMUstate<M: Model>(
+    c: Component,
+    bytes: Bytes,
+    size: Count,
+    state: StateOut,
+) -> Status {
     // SAFETY: by the host's contract.
     unsafe {
         guard::<M>(c, Function::DeSerializeFmuState, |instance| {
@@ -478,7 +505,12 @@ pub unsafe fn fmi2DeSerializeFMUstate<M: Model>(c: Component, bytes: Bytes, size
     }
 }
 
-pub unsafe fn fmi2DoStep<M: Model>(c: Component, point: Real, step: Real, _no_set_state_prior: Boolean) -> Status {
+pub unsafe fn fmi2DoStep<M: Model>(
+    c: Component,
+    point: Real,
+    step: Real,
+    _no_set_state_prior: Boolean,
+) -> Status {
     // SAFETY: by the host's contract.
     unsafe { guard::<M>(c, Function::DoStep, |instance| instance.do_step(point, step)) }
 }
@@ -509,7 +541,9 @@ pub unsafe fn fmi2GetRealStatus<M: Model>(c: Component, kind: StatusKind, value:
     unsafe {
         guard::<M>(c, Function::GetRealStatus, |instance| match kind {
             LAST_SUCCESSFUL_TIME => put(value, instance.time(), "value"),
-            _ => Err(Refusal::NoSuchStatus { kind, reason: "fmi2GetRealStatus knows fmi2LastSuccessfulTime" }),
+            _ => {
+                Err(Refusal::NoSuchStatus { kind, reason: "fmi2GetRealStatus knows fmi2LastSuccessfulTime" })
+            }
         })
     }
 }
@@ -537,11 +571,14 @@ pub unsafe fn fmi2GetBooleanStatus<M: Model>(c: Component, kind: StatusKind, val
 pub unsafe fn fmi2GetStringStatus<M: Model>(c: Component, kind: StatusKind, _value: TextsOut) -> Status {
     // SAFETY: by the host's contract.
     unsafe {
-        guard::<M>(c, Function::GetStringStatus, |_| Err(Refusal::NoSuchStatus { kind, reason: NEVER_PENDING }))
+        guard::<M>(c, Function::GetStringStatus, |_| {
+            Err(Refusal::NoSuchStatus { kind, reason: NEVER_PENDING })
+        })
     }
 }
 
-const MODEL_EXCHANGE: &str = "it belongs to model exchange, and this FMU is for co-simulation: call fmi2DoStep";
+const MODEL_EXCHANGE: &str =
+    "it belongs to model exchange, and this FMU is for co-simulation: call fmi2DoStep";
 
 /// Functions that the description declares as absent: `fmi2Error` in every state, and nothing changes.
 macro_rules! unsupported {

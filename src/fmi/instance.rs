@@ -113,8 +113,11 @@ impl<M: Model> Instance<M> {
             self.logger.enable(if on { vec!["logAll"] } else { Vec::new() });
             return Ok(Status::Ok);
         }
-        let known: Vec<&'static str> =
-            STANDARD_CATEGORIES.iter().chain(self.declaration.log_categories).map(|known| known.name).collect();
+        let known: Vec<&'static str> = STANDARD_CATEGORIES
+            .iter()
+            .chain(self.declaration.log_categories)
+            .map(|known| known.name)
+            .collect();
         let mut enabled = Vec::new();
         let mut status = Status::Ok;
         for category in categories {
@@ -292,7 +295,12 @@ impl<M: Model> Instance<M> {
         Ok(status)
     }
 
-    fn get(&mut self, references: &[u32], expected: &'static str, mut write: impl FnMut(usize, &Value)) -> Outcome {
+    fn get(
+        &mut self,
+        references: &[u32],
+        expected: &'static str,
+        mut write: impl FnMut(usize, &Value),
+    ) -> Outcome {
         let mut unknown = false;
         for reference in references {
             let (_, variable) = self.variable(*reference, expected)?;
@@ -411,7 +419,12 @@ impl<M: Model> Instance<M> {
                 _ => String::new(),
             };
             let name = variable.name.to_string();
-            return Err(Refusal::OutOfRange { name, value: value.to_string(), range: range.to_string(), kept });
+            return Err(Refusal::OutOfRange {
+                name,
+                value: value.to_string(),
+                range: range.to_string(),
+                kept,
+            });
         }
         if !std::mem::replace(&mut self.outside[vr], true) {
             let message = format!(
@@ -551,7 +564,8 @@ impl<M: Model> Instance<M> {
         }
         self.values.clone_from(&snapshot.values);
         (self.life, self.stale) = (snapshot.life, ALL_STALE);
-        (self.start_time, self.stop_time, self.time) = (snapshot.start_time, snapshot.stop_time, snapshot.time);
+        (self.start_time, self.stop_time, self.time) =
+            (snapshot.start_time, snapshot.stop_time, snapshot.time);
         self.outside.fill(false);
         Ok(Status::Ok)
     }
@@ -560,5 +574,6 @@ impl<M: Model> Instance<M> {
 /// What a panic said.
 fn panic_message(payload: &(dyn std::any::Any + Send)) -> String {
     let text = payload.downcast_ref::<&str>().map(ToString::to_string);
-    text.or_else(|| payload.downcast_ref::<String>().cloned()).unwrap_or_else(|| "a panic without message".to_owned())
+    text.or_else(|| payload.downcast_ref::<String>().cloned())
+        .unwrap_or_else(|| "a panic without message".to_owned())
 }

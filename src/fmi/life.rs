@@ -56,7 +56,9 @@ impl Life {
             Life::StepFailed => {
                 "A step was discarded: restore an FMU state and step differently, or call fmi2Terminate or fmi2Reset."
             }
-            Life::Terminated => "The simulation has ended: call fmi2Reset to start again, or fmi2FreeInstance.",
+            Life::Terminated => {
+                "The simulation has ended: call fmi2Reset to start again, or fmi2FreeInstance."
+            }
             Life::Error => {
                 "The model failed earlier (see the log): call fmi2Reset, restore an FMU state, or fmi2FreeInstance."
             }

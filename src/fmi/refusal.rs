@@ -15,7 +15,9 @@ pub enum Refusal {
     OutOfOrder { function: &'static str, life: Life },
     #[error("{function} is not supported: {reason}")]
     Unsupported { function: &'static str, reason: &'static str },
-    #[error("the argument `{argument}` is a null pointer. Pass an array of as many elements as there are references.")]
+    #[error(
+        "the argument `{argument}` is a null pointer. Pass an array of as many elements as there are references."
+    )]
     NullPointer { argument: &'static str },
     #[error("the argument `{argument}` counts {count} elements, more than memory can hold")]
     ImpossibleCount { argument: &'static str, count: usize },
@@ -25,9 +27,13 @@ pub enum Refusal {
          them from this FMU's modelDescription.xml."
     )]
     UnknownReference { reference: u32, last: usize },
-    #[error("variable `{name}` (reference {reference}) is of type {declared}: use fmi2Get{declared} or fmi2Set{declared}")]
+    #[error(
+        "variable `{name}` (reference {reference}) is of type {declared}: use fmi2Get{declared} or fmi2Set{declared}"
+    )]
     WrongType { name: String, reference: u32, declared: &'static str },
-    #[error("variable `{name}` is an output, which the model calculates: it cannot be set. Set an input or a parameter.")]
+    #[error(
+        "variable `{name}` is an output, which the model calculates: it cannot be set. Set an input or a parameter."
+    )]
     NotSettable { name: String },
     #[error(
         "parameter `{name}` is fixed: it cannot be set in state \"{life}\". Set it before \
@@ -35,11 +41,15 @@ pub enum Refusal {
     )]
     Fixed { name: String, life: Life },
 
-    #[error("variable `{name}` was set to {value}, which is no finite number. The value before, {kept}, stands.")]
+    #[error(
+        "variable `{name}` was set to {value}, which is no finite number. The value before, {kept}, stands."
+    )]
     NotFinite { name: String, value: f64, kept: f64 },
     #[error("parameter `{name}` = {value} is outside its range {range}. The value before, {kept}, stands.")]
     OutOfRange { name: String, value: String, range: String, kept: String },
-    #[error("variable `{name}` = {value} is none of its values: {allowed}. The value before, {kept}, stands.")]
+    #[error(
+        "variable `{name}` = {value} is none of its values: {allowed}. The value before, {kept}, stands."
+    )]
     NotAMember { name: String, value: i32, allowed: String, kept: i32 },
     #[error("the string for variable `{name}` is not UTF-8. The value before stands.")]
     NotUtf8 { name: String },
@@ -84,11 +94,15 @@ pub enum Refusal {
          this instance; to carry a state to another instance, serialise it."
     )]
     ForeignState,
-    #[error("the buffer of {given} bytes is too small for the FMU state of {needed}. Ask fmi2SerializedFMUstateSize.")]
+    #[error(
+        "the buffer of {given} bytes is too small for the FMU state of {needed}. Ask fmi2SerializedFMUstateSize."
+    )]
     SmallBuffer { given: usize, needed: usize },
     #[error("these bytes are no serialised FMU state: they do not begin with its mark")]
     NotAState,
-    #[error("the serialised FMU state has format version {found}; this FMU reads version {known}. Store it anew.")]
+    #[error(
+        "the serialised FMU state has format version {found}; this FMU reads version {known}. Store it anew."
+    )]
     StateVersion { found: u32, known: u32 },
     #[error("the serialised FMU state is of another FMU, with GUID {found}; this one has {own}")]
     StateOfOtherFmu { found: String, own: String },

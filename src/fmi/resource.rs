@@ -40,7 +40,10 @@ pub fn folder(location: &str, exists: impl Fn(&Path) -> bool) -> Result<Option<P
         Some(rest) => {
             let (host, path) = rest.split_at(rest.find('/').unwrap_or(rest.len()));
             if !host.eq_ignore_ascii_case("localhost") {
-                return Err(ResourceError::RemoteHost { location: location.to_owned(), host: host.to_owned() });
+                return Err(ResourceError::RemoteHost {
+                    location: location.to_owned(),
+                    host: host.to_owned(),
+                });
             }
             path
         }

@@ -132,8 +132,12 @@ impl Values {
     /// host may set them, known enumeration values.
     pub(super) fn fit(&self, variables: &[Variable]) -> bool {
         let fits = |(variable, value): (&Variable, &Value)| match (&variable.kind, value) {
-            (Kind::Real { .. }, Value::Real(value)) => variable.initial == Initial::Calculated || value.is_finite(),
-            (Kind::Enumeration { items, .. }, Value::Integer(value)) => items.iter().any(|item| item.0 == *value),
+            (Kind::Real { .. }, Value::Real(value)) => {
+                variable.initial == Initial::Calculated || value.is_finite()
+            }
+            (Kind::Enumeration { items, .. }, Value::Integer(value)) => {
+                items.iter().any(|item| item.0 == *value)
+            }
             (Kind::Integer { .. }, Value::Integer(_))
             | (Kind::Boolean { .. }, Value::Boolean(_))
             | (Kind::String { .. }, Value::String(_)) => true,

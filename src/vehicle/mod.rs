@@ -19,7 +19,6 @@ mod builtin;
 pub mod car;
 mod effects;
 mod parameters;
-mod road;
 mod steering;
 pub mod tyre;
 
@@ -30,5 +29,4 @@ pub use parameters::{
     Air, Axle, Body, Brake, CarParameters, Drive, GRAVITY, Pair, Parameter, SingleTrack, Steering, Tyre,
     VehicleError,
 };
-pub use road::{Road, RoadPoint};
 pub use steering::{SteeringChain, SteeringState};

@@ -72,6 +72,8 @@ pub struct Axle {
     pub camber_gain: f64,
     #[serde(default)]
     pub roll_steer: f64,
+    #[serde(default)]
+    pub sway: f64,
     pub wheel_inertia: f64,
 }
 
@@ -212,6 +214,7 @@ impl CarParameters {
         axle.front.roll_centre_height: METRE in -1.0, 1.0; "Height of the roll centre over the road, front"
         axle.front.camber_gain: RADIAN_PER_METRE in -5.0, 5.0; "Change of a wheel's inclination with rebound, left wheel, top to the right positive, front"
         axle.front.roll_steer: ONE in -1.0, 1.0; "Steering of both wheels to the left for each radian of roll, front"
+        axle.front.sway: ONE in 0.0, 1.0; "Share of the body's sway over the roll axis that the contacts take part in; 0 where the suspension guides them exactly, front"
         axle.front.wheel_inertia: KILOGRAM_METRE2 in 0.05, 100.0; "Spin inertia of one wheel, front"
         axle.rear.track: METRE in 0.3, 4.0; "Track width, rear"
         axle.rear.unsprung_mass: KILOGRAM in 1.0, 5000.0; "Unsprung mass of both wheels, rear"
@@ -221,6 +224,7 @@ impl CarParameters {
         axle.rear.roll_centre_height: METRE in -1.0, 1.0; "Height of the roll centre over the road, rear"
         axle.rear.camber_gain: RADIAN_PER_METRE in -5.0, 5.0; "Change of a wheel's inclination with rebound, left wheel, top to the right positive, rear"
         axle.rear.roll_steer: ONE in -1.0, 1.0; "Steering of both wheels to the left for each radian of roll, rear"
+        axle.rear.sway: ONE in 0.0, 1.0; "Share of the body's sway over the roll axis that the contacts take part in; 0 where the suspension guides them exactly, rear"
         axle.rear.wheel_inertia: KILOGRAM_METRE2 in 0.05, 100.0; "Spin inertia of one wheel, rear"
         tyre.front.stiffness_scale: ONE in 0.1, 10.0; "Factor on the tyre file's cornering stiffness, front"
         tyre.front.friction_scale: ONE in 0.05, 3.0; "Factor on the tyre file's friction, front"

@@ -3,8 +3,8 @@
 //! parameters that make it fail, discard a step or panic.
 
 use rfl_mpc::fmi::{
-    Causality, Context, Declaration, DefaultExperiment, Initial, Kind, Log, LogCategory, Model, ModelError, Severity,
-    Values, Variability, Variable, Vr,
+    Causality, Context, Declaration, DefaultExperiment, Initial, Kind, Log, LogCategory, Model, ModelError,
+    Severity, Values, Variability, Variable, Vr,
 };
 use rfl_mpc::signal::{self, Unit};
 
@@ -32,7 +32,8 @@ pub mod vr {
     pub const COUNT: u32 = 19;
 }
 
-const METHODS: &[(i32, &str, &str)] = &[(1, "exact", "Exact for held inputs"), (2, "euler", "Explicit Euler")];
+const METHODS: &[(i32, &str, &str)] =
+    &[(1, "exact", "Exact for held inputs"), (2, "euler", "Explicit Euler")];
 
 fn method(start: i32) -> Kind {
     Kind::Enumeration { type_name: "Method", items: METHODS, start }
@@ -59,7 +60,8 @@ impl Model for SteeringLag {
             initial: Initial::Exact,
             ..parameter(Kind::Boolean { start: true }, "enabled", "Whether the actuator follows the command")
         };
-        let history = |i| Variable::real_output(format!("history[{i}]"), Unit::RADIAN, "Angle that many steps ago");
+        let history =
+            |i| Variable::real_output(format!("history[{i}]"), Unit::RADIAN, "Angle that many steps ago");
         Declaration {
             name: "SteeringLag",
             description: "A steering actuator of first order, to test FMI with: <\"&'> survive",
@@ -67,7 +69,11 @@ impl Model for SteeringLag {
                 Variable::input(&signal::STEER_CMD),
                 boolean_input,
                 Variable::output(&signal::STEER),
-                Variable::output_of(Kind::Integer { start: 0, min: Some(0), max: None }, "steps", "Steps made"),
+                Variable::output_of(
+                    Kind::Integer { start: 0, min: Some(0), max: None },
+                    "steps",
+                    "Steps made",
+                ),
                 Variable::output_of(Kind::Boolean { start: false }, "moving", "Whether the wheels turn"),
                 Variable::output_of(Kind::String { start: "".into() }, "source", "Where tau comes from"),
                 Variable::output_of(method(1), "method_used", "The method in use"),
@@ -79,16 +85,31 @@ impl Model for SteeringLag {
                     "Integration steps in one step",
                 ),
                 parameter(method(1), "solver.method", "Integration method"),
-                parameter(Kind::Boolean { start: false }, "actuator.limited", "Whether the angle is limited to 0.5 rad"),
-                parameter(Kind::String { start: "".into() }, "actuator_file", "File with tau, in s, or empty"),
-                Variable::parameter("test.max_step", Unit::SECOND, 1.0, "A longer step is discarded").range(0.0, 1e9),
+                parameter(
+                    Kind::Boolean { start: false },
+                    "actuator.limited",
+                    "Whether the angle is limited to 0.5 rad",
+                ),
+                parameter(
+                    Kind::String { start: "".into() },
+                    "actuator_file",
+                    "File with tau, in s, or empty",
+                ),
+                Variable::parameter("test.max_step", Unit::SECOND, 1.0, "A longer step is discarded")
+                    .range(0.0, 1e9),
                 Variable::parameter("test.fail_after", Unit::SECOND, 1e9, "From this time on steps fail"),
                 Variable::parameter("test.panic_after", Unit::SECOND, 1e9, "From this time on steps panic"),
-                Variable::parameter("actuator.start", Unit::RADIAN, 0.0, "Angle at the start").range(-1.0, 1.0),
+                Variable::parameter("actuator.start", Unit::RADIAN, 0.0, "Angle at the start")
+                    .range(-1.0, 1.0),
                 history(1),
                 history(2),
             ],
-            experiment: DefaultExperiment { start_time: 0.0, stop_time: 2.0, tolerance: 1e-6, step_size: 0.01 },
+            experiment: DefaultExperiment {
+                start_time: 0.0,
+                stop_time: 2.0,
+                tolerance: 1e-6,
+                step_size: 0.01,
+            },
             log_categories: &[LogCategory { name: "logActuator", description: "What the actuator does" }],
         }
     }
@@ -125,7 +146,13 @@ impl Model for SteeringLag {
         Ok(())
     }
 
-    fn step(&mut self, values: &mut Values, time: f64, step: f64, log: &mut dyn Log) -> Result<(), ModelError> {
+    fn step(
+        &mut self,
+        values: &mut Values,
+        time: f64,
+        step: f64,
+        log: &mut dyn Log,
+    ) -> Result<(), ModelError> {
         if step > values.real(up(vr::MAX_STEP)) {
             return Err(ModelError::Discard(format!("{step} s is too long: 50 % of it may do")));
         }
@@ -138,7 +165,8 @@ impl Model for SteeringLag {
             let target = values.real(up(vr::GAIN)) * values.real(up(vr::STEER_CMD));
             let substeps = values.integer(up(vr::SUBSTEPS));
             let h = step / f64::from(substeps);
-            let share = if values.integer(up(vr::METHOD)) == 1 { -(-h / self.tau).exp_m1() } else { h / self.tau };
+            let share =
+                if values.integer(up(vr::METHOD)) == 1 { -(-h / self.tau).exp_m1() } else { h / self.tau };
             for _ in 0..substeps {
                 self.steer += share * (target - self.steer);
             }

@@ -195,7 +195,7 @@ impl AxlePlant {
     ) -> AxleFlow {
         let mut given = AxleFlow::default();
         let (sin, cos) = (self.steered * steer + self.roll_steer * y[ROLL]).sin_cos();
-        let vy = y[VY] + self.x * y[YAW_RATE];
+        let vy = y[VY] + self.x * y[YAW_RATE] + self.sway * y[ROLL_RATE];
 
         // Springs: how far the body stands over each wheel, beyond rest.
         let centre = y[HEAVE] - self.x_sprung * y[PITCH];

@@ -20,7 +20,7 @@ mod wheel;
 
 use super::effects::{EffectOutOfRange, Effects};
 use super::parameters::{CarParameters, VehicleError};
-use super::road::{Road, RoadPoint};
+use crate::path::Path;
 use dynamics::{Environment, Flow, Stage};
 use plant::Plant;
 use sensors::Motion;
@@ -91,7 +91,7 @@ pub struct RestoreError {
 /// The car.
 pub struct Car {
     plant: Plant,
-    road: Option<Arc<dyn Road>>,
+    road: Option<Arc<Path>>,
     state: CarState,
     /// The state before the step under way, for errors.
     before: CarState,
@@ -106,7 +106,7 @@ impl Car {
     pub fn new(
         parameters: &CarParameters,
         effects: &Effects,
-        road: Option<Arc<dyn Road>>,
+        road: Option<Arc<Path>>,
     ) -> Result<Self, CarError> {
         parameters.check()?;
         effects.check()?;
@@ -121,7 +121,7 @@ impl Car {
     /// steering straight, time 0, nothing under way.
     pub fn place(&mut self, x: f64, y: f64, yaw: f64, vx: f64) {
         self.state = CarState::placed(&self.plant, x, y, yaw, vx);
-        self.state.station = self.road.as_ref().map_or(0.0, |road| road.station(x, y, yaw, None));
+        self.state.station = self.road.as_ref().map_or(0.0, |road| road.project(x, y, yaw, None).station);
         let motion = self.observe();
         self.state.sensors.start(&self.plant, motion);
         self.sense(motion);
@@ -215,7 +215,7 @@ impl Car {
         }
         if let Some(road) = &self.road {
             let (x, y, yaw) = (self.state.y[state::X], self.state.y[state::Y], self.state.y[YAW]);
-            self.state.station = road.station(x, y, yaw, Some(self.state.station));
+            self.state.station = road.project(x, y, yaw, Some(self.state.station)).station;
         }
     }
 
@@ -223,12 +223,12 @@ impl Car {
     fn environment(&self) -> Environment {
         let yaw = self.state.y[YAW];
         match &self.road {
-            None => self.plant.environment(yaw, RoadPoint::level(yaw), 1.0, 1.0),
+            None => self.plant.environment(0.0, 0.0, 0.0, [1.0, 1.0]),
             Some(road) => {
                 let station = self.state.station;
-                let ahead = road.at(station + self.plant.axles[0].x).friction;
-                let behind = road.at(station + self.plant.axles[1].x).friction;
-                self.plant.environment(yaw, road.at(station), ahead, behind)
+                let here = road.at(station);
+                let friction = [0, 1].map(|axle| road.at(station + self.plant.axles[axle].x).friction);
+                self.plant.environment(yaw - here.yaw, here.bank, here.grade, friction)
             }
         }
     }

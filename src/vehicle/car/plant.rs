@@ -4,7 +4,6 @@ use super::CarError;
 use super::dynamics::Environment;
 use crate::vehicle::effects::{Effects, NO_RATE_LIMIT};
 use crate::vehicle::parameters::{Axle, CarParameters, GRAVITY, Tyre};
-use crate::vehicle::road::RoadPoint;
 use crate::vehicle::steering::SteeringChain;
 use crate::vehicle::tyre::Coefficients;
 use nalgebra::Matrix3;
@@ -26,6 +25,8 @@ pub(super) struct AxlePlant {
     pub roll_centre: f64,
     pub camber_gain: f64,
     pub roll_steer: f64,
+    /// Sideways velocity of the contacts for each radian per second of roll, m.
+    pub sway: f64,
     /// Whether the wheels turn with the steering.
     pub steered: f64,
     pub wheel_inertia: f64,
@@ -101,6 +102,9 @@ impl Plant {
 
         let weight = mass * GRAVITY / (2.0 * wheelbase);
         let static_loads = [weight * -x_rear, weight * x_front];
+        // The roll axis goes through both roll centres.
+        let slope = (front.roll_centre_height - rear.roll_centre_height) / wheelbase;
+        let roll_arm = height - (rear.roll_centre_height + slope * (x_sprung - x_rear));
         let axle = |index: usize, axle: &Axle, tyre: &Tyre, x: f64| {
             let springs = 0.5 * square(axle.track) * axle.spring_rate;
             let more = (effects.roll_stiffness - 1.0) * (springs + axle.anti_roll_bar);
@@ -119,6 +123,7 @@ impl Plant {
                 roll_centre: axle.roll_centre_height,
                 camber_gain: axle.camber_gain,
                 roll_steer: axle.roll_steer,
+                sway: -axle.sway * roll_arm,
                 steered: if index == 0 { 1.0 } else { 0.0 },
                 wheel_inertia: axle.wheel_inertia,
                 radius: radii[index],
@@ -131,9 +136,6 @@ impl Plant {
         };
         let axles = [axle(0, front, &car.tyre.front, x_front), axle(1, rear, &car.tyre.rear, x_rear)];
 
-        // The roll axis goes through both roll centres.
-        let slope = (front.roll_centre_height - rear.roll_centre_height) / wheelbase;
-        let roll_arm = height - (rear.roll_centre_height + slope * (x_sprung - x_rear));
         let roll_inertia = body.roll_inertia + raised;
         let over = |axle: &AxlePlant| (height - axle.roll_centre) * axle.unsprung_mass;
         let inertia = Matrix3::new(
@@ -184,18 +186,19 @@ impl Plant {
         })
     }
 
-    /// Gravity in body axes of the road plane, and friction, for a car heading `yaw`.
-    pub fn environment(&self, yaw: f64, road: RoadPoint, ahead: f64, behind: f64) -> Environment {
-        let grade = road.grade + self.effects.road_grade;
-        let bank = road.bank + self.effects.road_bank;
+    /// Gravity in body axes of the road plane, and friction, for a car heading `yaw` against a road with a bank and
+    /// a grade (all rad), and with friction factors under the front and the rear axle.
+    pub fn environment(&self, yaw: f64, bank: f64, grade: f64, friction: [f64; 2]) -> Environment {
+        let grade = grade + self.effects.road_grade;
+        let bank = bank + self.effects.road_bank;
         let along = -GRAVITY * grade.sin();
         let across = -GRAVITY * grade.cos() * bank.sin();
-        let (sin, cos) = (yaw - road.yaw).sin_cos();
+        let (sin, cos) = yaw.sin_cos();
         Environment {
             gravity_x: along * cos + across * sin,
             gravity_y: -along * sin + across * cos,
             gravity_z: GRAVITY * grade.cos() * bank.cos(),
-            friction: [ahead, behind].map(|friction| friction * self.effects.road_friction),
+            friction: friction.map(|friction| friction * self.effects.road_friction),
         }
     }
 }

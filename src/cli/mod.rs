@@ -1,0 +1,3 @@
+//! The commands of `rfl`, one file each.
+
+pub mod drive;
