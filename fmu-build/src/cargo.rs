@@ -59,11 +59,9 @@ impl Builder {
             Builder::Zig => command.args(["zigbuild", "--target", ZIG_TARGET]),
             Builder::Cargo => command.arg("build"),
         };
-        command
-            .args(["--profile", profile, "--message-format", "json-render-diagnostics", "--quiet"])
-            .args(selection);
+        command.args(["--profile", profile, "--message-format", "json-render-diagnostics"]).args(selection);
         command.stderr(Stdio::inherit());
-        let (text, command) = output(command)?;
+        let (text, command) = output(&mut command)?;
         let mut library = None;
         for line in text.lines() {
             let message: Value = serde_json::from_str(line)
@@ -100,9 +98,9 @@ pub struct Dependency {
 pub fn dependencies(project: &Path, package: &str) -> Result<Vec<Dependency>, CargoError> {
     let mut tree = cargo(project);
     tree.args(["tree", "--locked", "-e", "normal,no-proc-macro", "--prefix", "none", "--no-dedupe"]);
-    let (text, command) = output_of(tree.args(["-f", "{p}", "-p", package]))?;
+    let (text, command) = output(tree.args(["-f", "{p}", "-p", package]))?;
     let mut metadata = cargo(project);
-    let (json, _) = output_of(metadata.args(["metadata", "--locked", "--format-version", "1"]))?;
+    let (json, _) = output(metadata.args(["metadata", "--locked", "--format-version", "1"]))?;
     let json: Value = serde_json::from_str(&json)
         .map_err(|source| CargoError::Json { command: command.clone(), source })?;
     let packages = json["packages"].as_array().map(Vec::as_slice).unwrap_or_default();
@@ -147,18 +145,24 @@ fn license_files(folder: &Path) -> Vec<PathBuf> {
     files
 }
 
+/// The project's folder: the workspace around the working directory.
+///
+/// # Errors
+/// If there is none.
+pub fn project() -> Result<PathBuf, CargoError> {
+    let mut command = cargo(Path::new("."));
+    let (text, _) = output(command.args(["locate-project", "--workspace", "--message-format", "plain"]))?;
+    Ok(Path::new(text.trim()).parent().map(Path::to_path_buf).unwrap_or_default())
+}
+
 fn cargo(project: &Path) -> Command {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     command.current_dir(project);
     command
 }
 
-fn output_of(command: &mut Command) -> Result<(String, String), CargoError> {
-    output(std::mem::replace(command, Command::new("cargo")))
-}
-
 /// Runs a command; gives what it wrote to standard output, and the command for messages.
-fn output(mut command: Command) -> Result<(String, String), CargoError> {
+fn output(command: &mut Command) -> Result<(String, String), CargoError> {
     let words: Vec<_> = command.get_args().map(|word| word.to_string_lossy().into_owned()).collect();
     let shown = format!("cargo {}", words.join(" "));
     let output = command

@@ -219,7 +219,7 @@ pub fn fmi2GetVersion<M: Model>() -> Text {
 
 /// The attribute `guid` of a `modelDescription.xml`.
 #[must_use]
-pub fn guid_of(xml: &'static str) -> Option<&'static str> {
+pub fn guid_of(xml: &str) -> Option<&str> {
     let (_, rest) = xml.split_once(" guid=\"")?;
     rest.split_once('"').map(|(guid, _)| guid)
 }
