@@ -1,7 +1,8 @@
 //! Drives a built-in car open loop: `drive_car CAR SPEED [effect.ID=VALUE ...] < in.csv > out.csv`.
 //!
 //! The input has the columns `time, steer_cmd, accel_cmd`; each row's commands hold until the next row's time. The
-//! output has one row for each of the input, with what was measured then.
+//! output has one row for each of the input, with what was measured then. `speed_gain=K` adds `K (SPEED - vx)` to the
+//! acceleration command at each row, to hold the speed.
 
 use rfl_mpc::vehicle::{Car, CarInput, CarParameters, Effects, builtin};
 use std::error::Error;
@@ -15,10 +16,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut parameters =
         if name.ends_with(".toml") { CarParameters::read(Path::new(&name))? } else { builtin(&name)? };
     let mut effects = Effects::default();
+    let speed: f64 = speed.parse()?;
+    let mut speed_gain = 0.0;
     for argument in arguments {
         let (key, value) = argument.split_once('=').ok_or(format!("{argument}: write PARAMETER=VALUE"))?;
         let value: f64 = value.parse()?;
-        if let Some(effect) = key.strip_prefix("effect.").and_then(|id| effects.get_mut(id)) {
+        if key == "speed_gain" {
+            speed_gain = value;
+        } else if let Some(effect) = key.strip_prefix("effect.").and_then(|id| effects.get_mut(id)) {
             *effect = value;
         } else if let Some(parameter) = CarParameters::TABLE.iter().find(|parameter| parameter.name == key) {
             parameter.set(&mut parameters, value);
@@ -27,7 +32,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
     }
     let mut car = Car::new(&parameters, &effects, None)?;
-    car.place(0.0, 0.0, 0.0, speed.parse()?);
+    car.place(0.0, 0.0, 0.0, speed);
 
     let mut reader = csv::Reader::from_reader(std::io::stdin().lock());
     let mut writer = csv::Writer::from_writer(std::io::stdout().lock());
@@ -41,8 +46,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         if let Some((before, input)) = previous {
             car.step(&input, time - before)?;
         }
-        previous = Some((time, CarInput { steer_cmd, accel_cmd }));
         let o = car.output();
+        let accel_cmd = accel_cmd + speed_gain * (speed - o.vx);
+        previous = Some((time, CarInput { steer_cmd, accel_cmd }));
         let mut values =
             vec![time, o.x, o.y, o.yaw, o.vx, o.vy, o.yaw_rate, o.ax, o.ay, o.steer, o.roll, o.pitch];
         values.extend(o.wheels.iter().map(|wheel| wheel.load));

@@ -1,9 +1,10 @@
 //! Which points make a road: what is repaired, what is refused, and whether the road is closed.
 
 use super::error::{PathError, Place};
+use super::read::Accuracy;
 use super::sample::{Closure, Options, Sample, Smoothing};
 use super::smooth::smooth;
-use super::spline::{Curve, Vector, distance};
+use super::spline::{Curve, Knot, Vector, distance};
 use super::wrap_angle;
 
 /// Points closer than this to the one before are the same point (m).
@@ -29,12 +30,8 @@ pub(super) struct Road {
     pub origin: Vector,
 }
 
-/// Checks and repairs points, and draws the curve. `resolution` is the last digit of the coordinates, if known.
-pub(super) fn check(
-    samples: Vec<Sample>,
-    options: &Options,
-    resolution: Option<f64>,
-) -> Result<Road, PathError> {
+/// Checks and repairs points, and draws the curve.
+pub(super) fn check(samples: Vec<Sample>, options: &Options, accuracy: Accuracy) -> Result<Road, PathError> {
     let mut notes = Vec::new();
     let mut same = SAME;
     if let Smoothing::Within(value) = options.smoothing {
@@ -109,21 +106,61 @@ pub(super) fn check(
     let origin = first;
     let points: Vec<Vector> =
         samples.iter().map(|sample| [sample.x - origin[0], sample.y - origin[1]]).collect();
-    let tolerance = match options.smoothing {
-        Smoothing::None => None,
-        Smoothing::Within(value) => Some(value),
-        Smoothing::Rounding => resolution.and_then(|digit| rounding(digit, median)),
+    let (tolerance, why) = match (options.smoothing, accuracy) {
+        (Smoothing::None, _) | (Smoothing::AsAccurate, Accuracy::Exact) => (None, ""),
+        (Smoothing::Within(value), _) => (Some(value), ""),
+        (Smoothing::AsAccurate, Accuracy::Digit(digit)) => {
+            (rounding(digit, median), ", the rounding of the coordinates")
+        }
+        (Smoothing::AsAccurate, Accuracy::Measured(value)) => {
+            (Some(value), ", the accuracy of racetrack-database")
+        }
     };
     let pinned = !matches!(options.smoothing, Smoothing::Within(_));
     let curve = poses(&samples, &points, periodic, &mut notes).filter(|_| pinned).unwrap_or_else(|| {
         let smoothed = tolerance.and_then(|tolerance| smooth(&points, periodic, tolerance));
-        if let (Some(tolerance), Some(_)) = (tolerance, &smoothed) {
-            let why = if pinned { ", the rounding of the coordinates" } else { "" };
-            notes.push(format!("smoothed within {:.3} mm RMS{why}", 1e3 * tolerance));
+        if let (Some(tolerance), Some(curve)) = (tolerance, &smoothed) {
+            let farthest = curve
+                .at_marks()
+                .iter()
+                .zip(&points)
+                .fold(0.0f64, |farthest, (at, point)| farthest.max(distance(*at, *point)));
+            let (rms, farthest) = (1e3 * tolerance, 1e3 * farthest);
+            notes.push(format!("smoothed: {rms:.1} mm RMS from the points{why}; {farthest:.1} mm at most"));
         }
-        smoothed.unwrap_or_else(|| Curve::through(&points, periodic))
+        smoothed.unwrap_or_else(|| {
+            let curve = Curve::through(&points, periodic);
+            if let Some(error) = wobble(&curve) {
+                notes.push(format!(
+                    "the curvature wobbles by {error:.4} 1/m from point to point: the points look noisy; give a \
+                     smoothing tolerance of about their noise"
+                ));
+            }
+            curve
+        })
     });
     Ok(Road { samples, periodic, notes, curve, origin })
+}
+
+/// RMS curvature error of an interpolating curve in 1/m, if it looks like noise: large, and of alternating sign.
+fn wobble(curve: &Curve) -> Option<f64> {
+    let curvature = |knot: &Knot| {
+        let speed = knot.d1[0].hypot(knot.d1[1]).max(1e-9);
+        (knot.d1[0] * knot.d2[1] - knot.d1[1] * knot.d2[0]) / speed.powi(3)
+    };
+    let seconds: Vec<f64> = curve
+        .knots
+        .windows(3)
+        .map(|k| curvature(&k[0]) - 2.0 * curvature(&k[1]) + curvature(&k[2]))
+        .collect();
+    if seconds.len() < 20 {
+        return None;
+    }
+    let count = seconds.len() as f64;
+    // White noise has second differences of 6 times its variance, which change sign four times of five.
+    let error = (seconds.iter().map(|second| second * second).sum::<f64>() / count / 6.0).sqrt();
+    let changes = seconds.windows(2).filter(|pair| pair[0] * pair[1] < 0.0).count() as f64 / count;
+    (error > 0.005 && changes > 0.65).then_some(error)
 }
 
 /// RMS distance by which rounding to `digit` moves points, if that matters at their spacing.

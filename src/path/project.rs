@@ -1,6 +1,7 @@
 //! The nearest point of a path: station and errors of a vehicle.
 //!
-//! The foot `s` of a position `p` solves `(p - r(s)) . r'(s) = 0`. With a hint (the last station) the search walks
+//! The foot `s` of a position `p` solves `(p - r(s)) . r'(s) = 0`, by Newton's method: the left side's slope is
+//! `-(1 - curvature * e1)`. With a hint (the last station) the search walks
 //! downhill in distance from there, so it stays on its branch where a road crosses itself or runs back beside
 //! itself. Without one it looks at the whole road, where a wrong heading counts like a distance, so that of two
 //! crossing or opposing lanes the one is found that the vehicle drives along.
@@ -215,13 +216,13 @@ impl Path {
         }
     }
 
-    /// `(p - r) . r'` and its negative derivative at a station.
+    /// `(p - r) . t` with the tangent `t` of the yaw angle, and its negative derivative `1 - curvature * e1`.
     fn along(&self, p: [f64; 2], station: f64) -> (f64, f64) {
         let spot = self.locate(station);
         let cell = &self.cells[spot.cell];
-        let [x, dx, ddx] = evaluate(&cell.x, spot.offset);
-        let [y, dy, ddy] = evaluate(&cell.y, spot.offset);
-        let (ex, ey) = (p[0] - x, p[1] - y);
-        (ex * dx + ey * dy, dx * dx + dy * dy - ex * ddx - ey * ddy)
+        let [yaw, curvature, _] = yaw_at(&cell.yaw, spot.offset);
+        let (sin, cos) = yaw.sin_cos();
+        let (ex, ey) = (p[0] - evaluate(&cell.x, spot.offset)[0], p[1] - evaluate(&cell.y, spot.offset)[0]);
+        (ex * cos + ey * sin, 1.0 - curvature * (ey * cos - ex * sin))
     }
 }

@@ -180,6 +180,20 @@ impl Curve {
             .collect()
     }
 
+    /// The curve at the points that it was made from.
+    pub fn at_marks(&self) -> Vec<Vector> {
+        let mut i = 0;
+        self.marks
+            .iter()
+            .map(|&t| {
+                while i + 1 < self.pieces() && self.knots[i + 1].t <= t {
+                    i += 1;
+                }
+                self.piece(i).map(|coordinate| evaluate(&coordinate, t - self.knots[i].t)[0])
+            })
+            .collect()
+    }
+
     /// Arc length of a piece in m.
     pub fn piece_length(&self, i: usize) -> f64 {
         let piece = self.piece(i);

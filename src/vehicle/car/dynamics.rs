@@ -9,7 +9,7 @@
 //!     m fy - ms h p''             = sum Fy + side wind
 //!     Iz r' - ms xs h p''         = sum (x Fy - y Fx + Mz)
 //!     Ix p'' + sum (hs - hr) mu (fy + x r') = sum y Fs + ms g h p + sum (hs - hr) Fy
-//!     Iy q''                      = -sum x Fs - (hs - R) (sum Fx - mu fx) - sum T
+//!     Iy q''                      = -sum x Fs - hs sum Fx + sum (hs - R) mu fx - sum (T - R Fx)
 //!     ms z''                      = sum Fs - ms g
 //!     mw zw''                     = Fz - Fs - mw g +- G,     G = (hr Fyb + R mu (fy + x r') + sum Mx) / track
 //! ```
@@ -67,7 +67,9 @@ struct AxleFlow {
     moment: f64,
     /// Overturning moment of the contacts, N m.
     overturning: f64,
-    torque: f64,
+    /// Moment about the y axis that drive and brakes take from the wheels to the body beyond what holds the tyres'
+    /// longitudinal forces, N m.
+    reaction: f64,
     /// Forces of the suspension on the body beyond those at rest, left and right, N.
     left: f64,
     right: f64,
@@ -138,9 +140,9 @@ impl Plant {
         for (axle, given) in self.axles.iter().zip(&axles) {
             let springs = given.left + given.right;
             lifting += springs;
-            pitching -= axle.x_sprung * springs
-                + (self.sprung_height - axle.radius) * (given.fx - axle.unsprung_mass * specific_x)
-                + given.torque;
+            pitching -= axle.x_sprung * springs + self.sprung_height * given.fx
+                - (self.sprung_height - axle.radius) * axle.unsprung_mass * specific_x
+                + given.reaction;
         }
         rates[PITCH] = y[PITCH_RATE];
         rates[PITCH_RATE] = pitching / self.pitch_inertia;
@@ -231,7 +233,7 @@ impl AxlePlant {
                 force.fx * sin + force.fy * cos,
                 force.mz,
                 force.mx + self.lateral_compliance * wheel.load * force.fy,
-                wheel.torque,
+                (wheel.torque - self.radius * force.fx) * cos,
             );
             flow.wheels[2 * index + side] = wheel;
         }
@@ -240,7 +242,7 @@ impl AxlePlant {
         given.fy = l.1 + r.1;
         given.moment = self.x * given.fy - self.half_track * (l.0 - r.0) + (l.2 + r.2);
         given.overturning = l.3 + r.3;
-        given.torque = l.4 + r.4;
+        given.reaction = l.4 + r.4;
         given
     }
 }

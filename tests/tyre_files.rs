@@ -1,0 +1,88 @@
+//! Reading `.tir` files: what is read, and what is said of those that cannot be.
+
+use rfl_mpc::vehicle::tyre::{Coefficients, TirError};
+use std::path::{Path, PathBuf};
+
+const SOUND: &str = "! a tyre\n[UNITS]\nLENGTH = 'meter' $ m\nANGLE='radians'\n[MODEL]\nPROPERTY_FILE_FORMAT='PAC2002'\n\
+    [DIMENSION]\nUNLOADED_RADIUS = 0.3\n[VERTICAL]\nFNOMIN = 4000\nVERTICAL_STIFFNESS = 2.0e5\n\
+    [SHAPE]\n{radial width}\n1.0 0.0\n1.0 0.4\n[LONGITUDINAL_COEFFICIENTS]\nPCX1 = 1.6\nPDX1=1.1\nPKX1 = 22\n\
+    [LATERAL_COEFFICIENTS]\npcy1 = 1.3\nPDY1 = 1.0\nPKY1 = -2.0D1\nPKY2 = 2\nUNHEARD_OF = 3\n";
+
+fn parse(text: &str) -> Result<Coefficients, TirError> {
+    Coefficients::parse(text, Path::new("test.tir"))
+}
+
+#[test]
+fn comments_tables_strings_case_and_fortran_exponents_are_understood() {
+    let tyre = parse(SOUND).unwrap();
+    assert_eq!((tyre.r0, tyre.fz0, tyre.pcy1, tyre.pky1), (0.3, 4000.0, 1.3, -20.0));
+    assert_eq!((tyre.lky, tyre.pey1, tyre.fzmax), (1.0, 0.0, f64::INFINITY), "the standard's defaults");
+}
+
+#[test]
+fn what_is_wrong_is_named_with_file_line_key_and_remedy() {
+    let change = |from: &str, to: &str| parse(&SOUND.replace(from, to)).unwrap_err().to_string();
+    for (message, parts) in [
+        (change("FNOMIN = 4000", "FNOMIN = 40x0"), ["line 10", "FNOMIN = 40x0", "number"]),
+        (change("FNOMIN = 4000", "FNOMIN = NaN"), ["line 10", "FNOMIN", "finite"]),
+        (change("PKY1 = -2.0D1\n", ""), ["test.tir", "missing PKY1", "complete"]),
+        (change("'meter'", "'inch'"), ["line 3", "LENGTH = 'inch'", "convert the file to 'meter'"]),
+        (change("'PAC2002'", "'MF_61'"), ["line 6", "'MF_61'", "PAC2002"]),
+        (change("PDX1=1.1", "PDX1=1.1\nPDX1=1.2"), ["PDX1", "line 17", "line 18"]),
+        (change("FNOMIN = 4000", "FNOMIN = -1"), ["line 10", "FNOMIN = -1", "greater than zero"]),
+        (change("-2.0D1", "20"), ["PKY1 = 20", "negative", "ISO"]),
+    ] {
+        for part in parts {
+            assert!(message.contains(part), "'{part}' is not in: {message}");
+        }
+    }
+    let cut_off = parse(&SOUND[..SOUND.len() / 2]).unwrap_err().to_string();
+    assert!(cut_off.contains("PCX1") && cut_off.contains("PKY2"), "{cut_off}");
+    let missing = Coefficients::read(Path::new("no/such.tir")).unwrap_err().to_string();
+    assert!(missing.contains("no/such.tir") && missing.contains("cannot be read"), "{missing}");
+    assert!(parse("").is_err());
+}
+
+/// The folder of tyre files from outside, where there is one.
+fn outside() -> Option<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/tyres");
+    if folder.is_dir() {
+        return Some(folder);
+    }
+    eprintln!("SKIPPED: no tyre files in {}", folder.display());
+    None
+}
+
+fn about(value: f64, expected: f64, tolerance: f64) {
+    assert!((value / expected - 1.0).abs() < tolerance, "{value}, expected {expected}");
+}
+
+#[test]
+fn the_public_sedan_tyre() {
+    let Some(folder) = outside() else { return };
+    let tyre = Coefficients::read(&folder.join("Sedan_Pac02Tire.tir")).unwrap();
+    // The file scales its nominal load by LFZO = 0.81; the published 74.9 kN/rad and 0.52 m are without that factor.
+    assert_eq!(tyre.lfzo, 0.81);
+    let unscaled = Coefficients { lfzo: 1.0, ..tyre.clone() };
+    about(unscaled.cornering_stiffness(4000.0, 0.0), 74.9e3, 1e-3);
+    about(unscaled.lateral_relaxation(4000.0, 0.0), 0.523, 2e-3);
+    // As the file stands: PKY1 Fz0' sin(2 atan(Fz / (PKY2 Fz0'))), Fz0' = 0.81 * 4850.
+    let fz0: f64 = 0.81 * 4850.0;
+    about(
+        tyre.cornering_stiffness(4000.0, 0.0),
+        21.92 * fz0 * (2.0 * (4000.0 / (2.0012 * fz0)).atan()).sin(),
+        1e-12,
+    );
+    assert_eq!(tyre.rbx1, 0.0, "this file has no combined slip: the friction ellipse serves");
+}
+
+#[test]
+fn the_public_truck_tyres() {
+    let Some(folder) = outside() else { return };
+    let bus = Coefficients::read(&folder.join("CityBus_Pac02Tire.tir")).unwrap();
+    about(bus.cornering_stiffness(25e3, 0.0) / 25e3, 5.9, 5e-3);
+    about(bus.cornering_stiffness(25e3, 0.0), 149e3, 1e-2);
+    about(bus.lateral_relaxation(25e3, 0.0), 0.35, 1e-2);
+    let goodyear = Coefficients::read(&folder.join("335_65R22_5_G275MSA_95psi.tir")).unwrap();
+    assert!(goodyear.cornering_stiffness(25e3, 0.0) > 100e3);
+}
