@@ -97,10 +97,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         }
     }
     // Settings are checked first: a build takes minutes.
-    let mut system = System::new(shipped::SYSTEM, all.iter().map(|fmu| fmu.declaration.clone()).collect());
-    for setting in &arguments.set {
-        system.set(setting)?;
-    }
+    let system = shipped::closed_loop(&options.project, &arguments.set)?;
     let chosen = choose(&all, &arguments.only)?;
     for (i, fmu) in chosen.iter().enumerate() {
         make(fmu, &options, &format!("[{}/{}] {}", i + 1, chosen.len(), fmu.declaration.name))?;

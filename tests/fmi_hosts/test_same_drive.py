@@ -108,27 +108,33 @@ def test_one_step_of_delay_moves_the_car_little(fmus, road, jacobi):
 
 @pytest.mark.parametrize("host", [*PACKAGES, "fmpy"])
 def test_ssp(host, fmus, tmp_path):
-    """The packed system, with the parameters that it carries."""
+    """The packed system, with the parameters that it carries: the car starts on the path."""
     ssp = fmus / "ClosedLoop.ssp"
-    car_start = defaults(fmus / "PassengerCar.fmu", "initial.")
+    car_start = carried(ssp, "PassengerCar.initial.")
+    assert len(car_start) == 4
     ours = in_fmpy(fmus, settings=car_start)
     theirs = in_fmpy_ssp(ssp) if host == "fmpy" else in_host(host, fmus, tmp_path / "drive.json", ssp=ssp)
     assert_same_drive(theirs, ours)
 
 
-def defaults(fmu: Path, prefix: str) -> dict[str, object]:
-    """Start values of an FMU's parameters."""
-    import fmpy
+def parameter_set(ssp: Path):
+    """The system's parameters, as they stand beside it for hosts that take them apart."""
+    from fmpy.ssp.ssd import read_ssv
 
-    variables = fmpy.read_model_description(str(fmu)).modelVariables
-    return {v.name: v.start for v in variables if v.name.startswith(prefix) and v.causality == "parameter"}
+    return read_ssv(str(ssp), "resources/ClosedLoop.ssv")
+
+
+def carried(ssp: Path, prefix: str) -> dict[str, float]:
+    """Values of the car's parameters that the system sets."""
+    of = {p.name: float(p.value) for p in parameter_set(ssp).parameters if p.name.startswith(prefix)}
+    return {name.partition(".")[2]: value for name, value in of.items()}
 
 
 def in_fmpy_ssp(ssp: Path) -> dict[str, np.ndarray]:
     """fmpy's SSP master is Jacobi, too, but all connectors begin with 0: the first step is made on zeros."""
     from fmpy.ssp.simulation import simulate_ssp
 
-    result = simulate_ssp(str(ssp), stop_time=(STEPS - 0.5) * STEP, step_size=STEP)
+    result = simulate_ssp(str(ssp), stop_time=(STEPS - 0.5) * STEP, step_size=STEP, parameter_set=parameter_set(ssp))
     columns = {}
     for unit, names in ((CAR, RECORDED), (CONTROLLER, COMMANDS)):
         for name in names:
