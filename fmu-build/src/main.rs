@@ -98,7 +98,8 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     }
     // Settings are checked first: a build takes minutes.
     let mut system = System::new(shipped::SYSTEM, all.iter().map(|fmu| fmu.declaration.clone()).collect());
-    for setting in &arguments.set {
+    let road = arguments.set.iter().find_map(|setting| setting.strip_prefix("RflMpc.path_file="));
+    for setting in shipped::start(&options.project, road)?.iter().chain(&arguments.set) {
         system.set(setting)?;
     }
     let chosen = choose(&all, &arguments.only)?;

@@ -78,6 +78,8 @@ impl System {
             wanted,
         })?;
         let (value, element) = value_and_element;
+        // A later setting wins.
+        self.settings.retain(|other| (other.component, other.name.as_str()) != (component, &variable.name));
         self.settings.push(Setting { component, name: variable.name.to_string(), value, element });
         Ok(())
     }
