@@ -97,15 +97,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         }
     }
     // Settings are checked first: a build takes minutes.
-<<<<<<< HEAD
     let system = shipped::closed_loop(&options.project, &arguments.set)?;
-=======
-    let mut system = System::new(shipped::SYSTEM, all.iter().map(|fmu| fmu.declaration.clone()).collect());
-    let road = arguments.set.iter().find_map(|setting| setting.strip_prefix("RflMpc.path_file="));
-    for setting in shipped::start(&options.project, road)?.iter().chain(&arguments.set) {
-        system.set(setting)?;
-    }
->>>>>>> hosts
     let chosen = choose(&all, &arguments.only)?;
     for (i, fmu) in chosen.iter().enumerate() {
         make(fmu, &options, &format!("[{}/{}] {}", i + 1, chosen.len(), fmu.declaration.name))?;

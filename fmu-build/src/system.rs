@@ -89,16 +89,9 @@ impl System {
             value: value.to_owned(),
             wanted,
         })?;
-<<<<<<< HEAD
         let name = variable.name.to_string();
         self.settings.retain(|setting| (setting.component, &setting.name) != (component, &name));
         self.settings.push(Setting { component, name, value });
-=======
-        let (value, element) = value_and_element;
-        // A later setting wins.
-        self.settings.retain(|other| (other.component, other.name.as_str()) != (component, &variable.name));
-        self.settings.push(Setting { component, name: variable.name.to_string(), value, element });
->>>>>>> hosts
         Ok(())
     }
 
