@@ -29,7 +29,7 @@ struct Arguments {
     #[arg(long, value_enum, default_value_t = BuilderChoice::Auto)]
     builder: BuilderChoice,
     /// Cargo's profile
-    #[arg(long, default_value = "fmu")]
+    #[arg(long, default_value = "shipped")]
     profile: String,
     /// Add libraries of other platforms: DIR/win64/NAME.dll, DIR/darwin64/NAME.dylib, ...
     #[arg(long, value_name = "DIR")]

@@ -84,7 +84,7 @@ impl Settings {
         if found {
             return Ok(());
         }
-        Err(format!("--set {text}: there is no parameter '{name}'; docs/parameters.md lists them").into())
+        Err(format!("--set {text}: there is no number '{name}' to set; 'rfl parameters' lists all").into())
     }
 }
 
