@@ -33,7 +33,7 @@ fn controller(horizon: usize) -> Controller {
 fn record(horizon: usize) -> Recording {
     let controller = controller(horizon);
     let start = controller.path().at(0.0);
-    let mut car = Car::new(builtin("c_class").unwrap(), Effects::default(), None).expect("the default car");
+    let mut car = Car::new(&builtin("c_class").unwrap(), &Effects::default(), None).expect("the default car");
     car.place(start.x, start.y, start.yaw, 0.0);
     let sample_time = controller.parameters().mpc.sample_time;
     let mut closed = ClosedLoop::new(controller, car, sample_time);

@@ -32,6 +32,8 @@
 //! | [`fmi`] | FMI 2.0: the C ABI, instances, descriptions; knows no model |
 //! | [`fmu`] | our models as FMI units: their variables and steps |
 
+#[cfg(feature = "cli")]
+pub mod cli;
 pub mod control;
 pub mod fmi;
 pub mod fmu;

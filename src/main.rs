@@ -1,3 +1,5 @@
 //! The program `rfl`; see `rfl --help`.
 
-fn main() {}
+fn main() -> std::process::ExitCode {
+    rfl_mpc::cli::main()
+}

@@ -5,6 +5,7 @@
 
 use serde_json::Value;
 use std::collections::BTreeMap;
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -59,11 +60,12 @@ impl Builder {
             Builder::Zig => command.args(["zigbuild", "--target", ZIG_TARGET]),
             Builder::Cargo => command.arg("build"),
         };
-        command
-            .args(["--profile", profile, "--message-format", "json-render-diagnostics", "--quiet"])
-            .args(selection);
-        command.stderr(Stdio::inherit());
-        let (text, command) = output(command)?;
+        command.args(["--profile", profile, "--message-format", "json-render-diagnostics"]).args(selection);
+        // A development build is shared with tests, whose flags must not change.
+        if profile != "dev" {
+            command.env("CARGO_ENCODED_RUSTFLAGS", flags(project));
+        }
+        let (text, command) = output(&mut command)?;
         let mut library = None;
         for line in text.lines() {
             let message: Value = serde_json::from_str(line)
@@ -78,6 +80,29 @@ impl Builder {
         }
         library.map(PathBuf::from).ok_or(CargoError::NoLibrary { command })
     }
+}
+
+/// The user's compiler flags, and those that take this machine's folders out of the library: the same sources give
+/// the same library anywhere.
+fn flags(project: &Path) -> OsString {
+    let separator = "\u{1f}";
+    let mut flags = std::env::var_os("CARGO_ENCODED_RUSTFLAGS").unwrap_or_else(|| {
+        let plain = std::env::var("RUSTFLAGS").unwrap_or_default();
+        plain.split_whitespace().collect::<Vec<_>>().join(separator).into()
+    });
+    let home = std::env::var_os("CARGO_HOME")
+        .map(PathBuf::from)
+        .or_else(|| Some(std::env::home_dir()?.join(".cargo")));
+    let sources = home.map(|home| (home.join("registry").join("src"), "crates"));
+    for (folder, name) in sources.into_iter().chain([(project.to_owned(), "rfl-mpc")]) {
+        if !flags.is_empty() {
+            flags.push(separator);
+        }
+        flags.push("--remap-path-prefix=");
+        flags.push(folder);
+        flags.push(format!("={name}"));
+    }
+    flags
 }
 
 /// A crate that is linked into a library.
@@ -100,9 +125,9 @@ pub struct Dependency {
 pub fn dependencies(project: &Path, package: &str) -> Result<Vec<Dependency>, CargoError> {
     let mut tree = cargo(project);
     tree.args(["tree", "--locked", "-e", "normal,no-proc-macro", "--prefix", "none", "--no-dedupe"]);
-    let (text, command) = output_of(tree.args(["-f", "{p}", "-p", package]))?;
+    let (text, command) = output(tree.args(["-f", "{p}", "-p", package]))?;
     let mut metadata = cargo(project);
-    let (json, _) = output_of(metadata.args(["metadata", "--locked", "--format-version", "1"]))?;
+    let (json, _) = output(metadata.args(["metadata", "--locked", "--format-version", "1"]))?;
     let json: Value = serde_json::from_str(&json)
         .map_err(|source| CargoError::Json { command: command.clone(), source })?;
     let packages = json["packages"].as_array().map(Vec::as_slice).unwrap_or_default();
@@ -147,18 +172,24 @@ fn license_files(folder: &Path) -> Vec<PathBuf> {
     files
 }
 
+/// The project's folder: the workspace around the working directory.
+///
+/// # Errors
+/// If there is none.
+pub fn project() -> Result<PathBuf, CargoError> {
+    let mut command = cargo(Path::new("."));
+    let (text, _) = output(command.args(["locate-project", "--workspace", "--message-format", "plain"]))?;
+    Ok(Path::new(text.trim()).parent().map(Path::to_path_buf).unwrap_or_default())
+}
+
 fn cargo(project: &Path) -> Command {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     command.current_dir(project);
     command
 }
 
-fn output_of(command: &mut Command) -> Result<(String, String), CargoError> {
-    output(std::mem::replace(command, Command::new("cargo")))
-}
-
 /// Runs a command; gives what it wrote to standard output, and the command for messages.
-fn output(mut command: Command) -> Result<(String, String), CargoError> {
+fn output(command: &mut Command) -> Result<(String, String), CargoError> {
     let words: Vec<_> = command.get_args().map(|word| word.to_string_lossy().into_owned()).collect();
     let shown = format!("cargo {}", words.join(" "));
     let output = command

@@ -2,14 +2,22 @@
 //!
 //! | file | idea |
 //! |---|---|
+//! | `shipped.rs` | the FMUs and the system that we ship |
+//! | `fmu.rs` | the steps from a model to an FMU |
+//! | `system.rs` | FMUs connected, as an SSP archive |
 //! | `description.rs` | `modelDescription.xml` from a declaration |
-//! | `xml.rs` | elements and attributes |
+//! | `documentation.rs` | what an FMU says of itself to people |
 //! | `cargo.rs` | building libraries, and what is linked into them |
 //! | `library.rs` | what a shared library exports and needs |
 //! | `package.rs` | the archive, reproducible |
+//! | `xml.rs` | elements and attributes |
 
 pub mod cargo;
 pub mod description;
+pub mod documentation;
+pub mod fmu;
 pub mod library;
 pub mod package;
+pub mod shipped;
+pub mod system;
 pub mod xml;

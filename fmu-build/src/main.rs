@@ -1,3 +1,168 @@
 //! The program `fmu-build`; see `fmu-build --help`.
 
-fn main() {}
+use clap::{Parser, ValueEnum};
+use fmu_build::cargo::{Builder, ZIG_TARGET};
+use fmu_build::description::describe;
+use fmu_build::fmu::{Fmu, Options};
+use fmu_build::package::Package;
+use fmu_build::shipped;
+use fmu_build::system::System;
+use std::error::Error;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Instant;
+
+/// Makes the FMUs (FMI 2.0 co-simulation) and the SSP system that connects them.
+///
+/// Without options, everything is built into target/fmu/. Where cargo-zigbuild is installed, the libraries run on
+/// glibc 2.17 and later; otherwise they need this machine's, and the report says which.
+#[derive(Debug, Parser)]
+#[command(version, after_help = EXAMPLES)]
+struct Arguments {
+    /// Write FMUs and the system here
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Make only this FMU (may be repeated); the system is made when all its FMUs are there
+    #[arg(long, value_name = "NAME")]
+    only: Vec<String>,
+    /// How the libraries are built
+    #[arg(long, value_enum, default_value_t = BuilderChoice::Auto)]
+    builder: BuilderChoice,
+    /// Cargo's profile
+    #[arg(long, default_value = "fmu")]
+    profile: String,
+    /// Add libraries of other platforms: DIR/win64/NAME.dll, DIR/darwin64/NAME.dylib, ...
+    #[arg(long, value_name = "DIR")]
+    binaries: Option<PathBuf>,
+    /// Add libraries of other platforms out of an FMU of the same name (may be repeated)
+    #[arg(long, value_name = "FMU")]
+    merge: Vec<PathBuf>,
+    /// Set a parameter in the system (may be repeated)
+    #[arg(long, value_name = "COMPONENT.PARAMETER=VALUE")]
+    set: Vec<String>,
+    /// Only write modelDescription/*.xml from the declarations
+    #[arg(long)]
+    describe: bool,
+}
+
+const EXAMPLES: &str = "Examples:
+  fmu-build                                   all FMUs and the system, into target/fmu/
+  fmu-build --only PassengerCar --out /tmp    one FMU
+  fmu-build --binaries from-ci/               with win64 and darwin64 libraries built elsewhere
+  fmu-build --set RflMpc.path_file=road.csv   a system with a parameter set
+  fmu-build --describe                        after a change of variables: the descriptions, to be committed";
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum BuilderChoice {
+    /// cargo-zigbuild where it is installed, else cargo
+    Auto,
+    /// cargo-zigbuild: runs on glibc 2.17 and later
+    Zig,
+    /// cargo: needs this machine's glibc
+    Cargo,
+}
+
+fn main() -> ExitCode {
+    match run(&Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("fmu-build: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
+    let project = fmu_build::cargo::project()?;
+    let all = shipped::fmus();
+    if arguments.describe {
+        return write_descriptions(&project, &all);
+    }
+    let options = Options {
+        out: arguments.out.clone().unwrap_or_else(|| project.join("target/fmu")),
+        builder: match arguments.builder {
+            BuilderChoice::Auto => Builder::find(),
+            BuilderChoice::Zig => Builder::Zig,
+            BuilderChoice::Cargo => Builder::Cargo,
+        },
+        profile: arguments.profile.clone(),
+        binaries: arguments.binaries.clone(),
+        merge: arguments.merge.clone(),
+        project,
+    };
+    match options.builder {
+        Builder::Zig => println!("libraries are built by cargo-zigbuild for {ZIG_TARGET}"),
+        Builder::Cargo => {
+            println!("libraries are built by cargo, and need this machine's glibc or a newer one")
+        }
+    }
+    // Settings are checked first: a build takes minutes.
+    let system = shipped::closed_loop(&options.project, &arguments.set)?;
+    let chosen = choose(&all, &arguments.only)?;
+    for (i, fmu) in chosen.iter().enumerate() {
+        make(fmu, &options, &format!("[{}/{}] {}", i + 1, chosen.len(), fmu.declaration.name))?;
+    }
+    connect(&system, &all, &options.out)
+}
+
+fn write_descriptions(project: &Path, all: &[Fmu]) -> Result<(), Box<dyn Error>> {
+    for fmu in all {
+        let path = project.join(&fmu.description);
+        let xml = describe(&fmu.declaration);
+        let same = std::fs::read_to_string(&path).is_ok_and(|old| old == xml);
+        if !same {
+            path.parent().map_or(Ok(()), std::fs::create_dir_all)?;
+            std::fs::write(&path, xml)?;
+        }
+        println!("{} {}", if same { "unchanged" } else { "written  " }, fmu.description);
+    }
+    Ok(())
+}
+
+fn choose<'a>(all: &'a [Fmu], only: &[String]) -> Result<Vec<&'a Fmu>, String> {
+    let names: Vec<_> = all.iter().map(|fmu| fmu.declaration.name).collect();
+    if let Some(unknown) = only.iter().find(|name| !names.contains(&name.as_str())) {
+        return Err(format!("there is no FMU {unknown}; there are {}", names.join(", ")));
+    }
+    let wanted = |fmu: &&Fmu| only.is_empty() || only.iter().any(|name| name == fmu.declaration.name);
+    Ok(all.iter().filter(wanted).collect())
+}
+
+fn make(fmu: &Fmu, options: &Options, title: &str) -> Result<(), Box<dyn Error>> {
+    let begin = Instant::now();
+    let made = fmu.make(options, |step| println!("{title}: {step}"))?;
+    println!(
+        "{title}: {} ({} kB, {:.1} s)",
+        made.path.display(),
+        made.size / 1000,
+        begin.elapsed().as_secs_f64()
+    );
+    println!("{title}: {} {}", made.library.platform, made.library.requirements());
+    for merged in &made.merged {
+        println!("{title}: with {merged}, built elsewhere");
+    }
+    Ok(())
+}
+
+/// Packs the system out of the FMUs that lie in the output folder.
+fn connect(system: &System, all: &[Fmu], out: &Path) -> Result<(), Box<dyn Error>> {
+    let path = |fmu: &Fmu| out.join(format!("{}.fmu", fmu.declaration.name));
+    let missing: Vec<_> =
+        all.iter().filter(|fmu| !path(fmu).is_file()).map(|fmu| fmu.declaration.name).collect();
+    if !missing.is_empty() || all.len() < 2 {
+        println!("{}.ssp is not made: {} not in {}", shipped::SYSTEM, missing.join(", "), out.display());
+        return Ok(());
+    }
+    let mut package = Package::default();
+    package.add("SystemStructure.ssd", system.structure())?;
+    if let Some(parameters) = system.parameters() {
+        package.add(format!("resources/{}.ssv", shipped::SYSTEM), parameters)?;
+    }
+    for fmu in all {
+        package.add_file(format!("resources/{}.fmu", fmu.declaration.name), &path(fmu))?;
+    }
+    let ssp = out.join(format!("{}.ssp", shipped::SYSTEM));
+    let size = package.write(&ssp)?;
+    println!("{} ({} kB, {} connections)", ssp.display(), size / 1000, system.connections().len());
+    Ok(())
+}

@@ -20,6 +20,8 @@ pub enum PackageError {
     Zip { entry: String, source: zip::result::ZipError },
     #[error("cannot read the FMU {path}: {source}. Is it a zip archive?")]
     Archive { path: PathBuf, source: zip::result::ZipError },
+    #[error("{name} in {path} was built for another description: its GUID is not this FMU's. Build it anew.")]
+    OtherDescription { path: PathBuf, name: String },
     #[error("{0} stands in the package twice: take it out of one of the places it comes from")]
     Twice(String),
 }
@@ -84,11 +86,12 @@ impl Package {
         self.entries.contains_key(name)
     }
 
-    /// Takes over, from another FMU, libraries of platforms that this one lacks; gives their names.
+    /// Takes over, from another FMU, libraries of platforms that this one lacks; gives their names. Each must hold
+    /// `guid`, or it was built for another description.
     ///
     /// # Errors
-    /// If it cannot be read.
-    pub fn merge_binaries(&mut self, fmu: &Path) -> Result<Vec<String>, PackageError> {
+    /// If the FMU cannot be read, or a library is of another description.
+    pub fn merge_binaries(&mut self, fmu: &Path, guid: &[u8]) -> Result<Vec<String>, PackageError> {
         let read = |source| PackageError::Read { path: fmu.to_owned(), source };
         let archive = |source| PackageError::Archive { path: fmu.to_owned(), source };
         let bytes = std::fs::read(fmu).map_err(read)?;
@@ -100,6 +103,9 @@ impl Package {
             if file.is_file() && name.starts_with("binaries/") && !self.contains(&name) {
                 let mut content = Vec::new();
                 std::io::copy(&mut file, &mut content).map_err(read)?;
+                if !contains(&content, guid) {
+                    return Err(PackageError::OtherDescription { path: fmu.to_owned(), name });
+                }
                 self.add(name.clone(), content)?;
                 merged.push(name);
             }
@@ -130,14 +136,24 @@ impl Package {
         Ok(finished.into_inner())
     }
 
-    /// Writes the archive.
+    /// Writes the archive; gives its size in bytes. A host never sees half a file: it is moved into place.
     ///
     /// # Errors
     /// As [`to_bytes`](Self::to_bytes), or if the file cannot be written.
-    pub fn write(&self, path: &Path) -> Result<(), PackageError> {
+    pub fn write(&self, path: &Path) -> Result<usize, PackageError> {
         let bytes = self.to_bytes()?;
-        let written =
-            path.parent().map_or(Ok(()), std::fs::create_dir_all).and_then(|()| std::fs::write(path, bytes));
-        written.map_err(|source| PackageError::Write { path: path.to_owned(), source })
+        let draft = path.with_extension("part");
+        path.parent()
+            .map_or(Ok(()), std::fs::create_dir_all)
+            .and_then(|()| std::fs::write(&draft, &bytes))
+            .and_then(|()| std::fs::rename(&draft, path))
+            .map_err(|source| PackageError::Write { path: path.to_owned(), source })?;
+        Ok(bytes.len())
     }
+}
+
+/// Whether bytes hold others.
+#[must_use]
+pub fn contains(bytes: &[u8], wanted: &[u8]) -> bool {
+    wanted.is_empty() || bytes.windows(wanted.len()).any(|window| window == wanted)
 }

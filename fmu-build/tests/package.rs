@@ -1,41 +1,182 @@
-//! A packed FMU: the right content, the same bytes every time, a library that exports FMI 2.0 and nothing else.
+//! A packed FMU: the right content, the same bytes every time, libraries that export FMI 2.0 and nothing else and
+//! belong to the description; what does not fit is refused by name.
 
 #[path = "../../tests/common/toy.rs"]
 #[allow(dead_code)]
 mod toy;
 
 use fmu_build::cargo::Builder;
-use fmu_build::description::describe;
-use fmu_build::library::{FMI2_FUNCTIONS, Library};
-use fmu_build::package::Package;
+use fmu_build::fmu::{Fmu, FmuError, Options, Resource};
+use fmu_build::library::{FMI2_FUNCTIONS, Library, LibraryError};
+use fmu_build::package::{Package, PackageError};
 use rfl_mpc::fmi::Model;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// The test model's library.
-fn toy_library() -> PathBuf {
-    let project = Path::new(env!("CARGO_MANIFEST_DIR"));
-    Builder::Cargo.build(project, "dev", &["-p", "fmu-build", "--example", "toy_fmu"]).unwrap()
+const LICENSE: &[Resource] = &[Resource { from: "LICENSE", to: "folder/text.txt" }];
+
+/// The test model as an FMU of its own.
+fn toy() -> Fmu {
+    Fmu {
+        declaration: toy::SteeringLag::declaration(),
+        description: "tests/common/SteeringLag.xml".to_owned(),
+        // It links what this one links.
+        package: "fmu-passenger-car",
+        selection: vec!["-p", "fmu-build", "--example", "toy_fmu"],
+        resources: LICENSE,
+    }
 }
 
-fn toy_package() -> Package {
-    let mut package = Package::default();
-    package.add("modelDescription.xml", describe(&toy::SteeringLag::declaration())).unwrap();
-    package.add_file("binaries/linux64/SteeringLag.so", &toy_library()).unwrap();
-    package.add("resources/tau.txt", "0.25\n").unwrap();
-    package
+fn options(out: &str) -> Options {
+    Options {
+        project: Path::new(env!("CARGO_MANIFEST_DIR")).join(".."),
+        out: Path::new(env!("CARGO_TARGET_TMPDIR")).join(out),
+        builder: Builder::Cargo,
+        profile: "dev".to_owned(),
+        binaries: None,
+        merge: Vec::new(),
+    }
+}
+
+fn toy_library() -> PathBuf {
+    Builder::Cargo.build(&options("").project, "dev", &toy().selection).unwrap()
+}
+
+/// Names of an archive's entries.
+fn entries(path: &Path) -> Vec<String> {
+    let zip = zip::ZipArchive::new(std::fs::File::open(path).unwrap()).unwrap();
+    zip.file_names().map(|name| name.unwrap().into_owned()).collect()
+}
+
+fn entry(path: &Path, name: &str) -> Vec<u8> {
+    let mut zip = zip::ZipArchive::new(std::fs::File::open(path).unwrap()).unwrap();
+    let mut content = Vec::new();
+    zip.by_name(name).unwrap().read_to_end(&mut content).unwrap();
+    content
+}
+
+#[test]
+fn an_fmu_has_all_that_the_standard_and_people_want() {
+    let options = options("whole");
+    let mut steps = Vec::new();
+    let made = toy().make(&options, |step| steps.push(step.to_owned())).unwrap();
+    assert_eq!(steps, ["building the library", "checking symbols and needs", "packing"]);
+    assert_eq!(made.merged, [""; 0]);
+    let names = entries(&made.path);
+    for wanted in [
+        "modelDescription.xml",
+        &format!("binaries/{0}/SteeringLag.{1}", made.library.platform, std::env::consts::DLL_EXTENSION),
+        "resources/folder/text.txt",
+        "documentation/index.html",
+        "documentation/licenses/LICENSE.txt",
+    ] {
+        assert!(names.iter().any(|name| name == wanted), "{wanted} is missing in {names:?}");
+    }
+    let html = String::from_utf8(entry(&made.path, "documentation/index.html")).unwrap();
+    for wanted in
+        ["steer_cmd", "actuator.tau", "0.001 … 10", "fmi2Discard", "nalgebra", "Apache-2.0", "logActuator"]
+    {
+        assert!(html.contains(wanted), "{wanted} is missing in the documentation");
+    }
+    let licenses = names.iter().filter(|name| name.starts_with("documentation/licenses/")).count();
+    assert!(licenses > 20, "{names:?}");
+    for program_only in ["clap", "indicatif", "quick-xml", "zip-"] {
+        assert!(!html.contains(&format!("<td>{program_only}")), "{program_only} is linked into an FMU");
+    }
+    // The same again gives the same bytes.
+    let bytes = std::fs::read(&made.path).unwrap();
+    toy().make(&options, |_| {}).unwrap();
+    assert!(std::fs::read(&made.path).unwrap() == bytes);
 }
 
 #[test]
 fn a_library_exports_the_functions_of_fmi2_and_nothing_else() {
     let library = Library::check(&toy_library()).unwrap();
     assert_eq!(library.exports.iter().map(String::as_str).collect::<Vec<_>>(), FMI2_FUNCTIONS);
-    assert!(library.glibc.is_some(), "{}", library.requirements());
+    if cfg!(target_os = "linux") {
+        assert!(library.glibc.is_some(), "{}", library.requirements());
+    }
+}
+
+/// A C compiler's shared library with these functions.
+#[cfg(unix)]
+fn library_of(folder: &Path, functions: &[&str]) -> PathBuf {
+    let (source, library) = (folder.join("a.c"), folder.join("a.so"));
+    let lines: Vec<_> = functions.iter().map(|name| format!("int {name}(void) {{ return 0; }}")).collect();
+    std::fs::write(&source, lines.join("\n")).unwrap();
+    let compiler = std::env::var_os("CC").unwrap_or_else(|| "cc".into());
+    let mut compiler = std::process::Command::new(compiler);
+    assert!(compiler.args(["-shared", "-fPIC", "-o"]).arg(&library).arg(&source).status().unwrap().success());
+    library
+}
+
+#[cfg(unix)]
+#[test]
+fn libraries_with_other_symbols_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let library = library_of(folder.path(), &FMI2_FUNCTIONS[1..]);
+    let error = Library::check(&library).unwrap_err();
+    assert!(
+        matches!(&error, LibraryError::Missing { missing, .. } if missing == "fmi2CancelStep"),
+        "{error}"
+    );
+    let more: Vec<_> = FMI2_FUNCTIONS.iter().copied().chain(["deflate"]).collect();
+    let library = library_of(folder.path(), &more);
+    let error = Library::check(&library).unwrap_err();
+    assert!(matches!(&error, LibraryError::Surplus { surplus, .. } if surplus == "deflate"), "{error}");
+    std::fs::write(&library, "no library").unwrap();
+    assert!(matches!(Library::check(&library), Err(LibraryError::Format { .. })));
+    assert!(matches!(Library::check(&folder.path().join("none.so")), Err(LibraryError::Read { .. })));
+}
+
+/// A description that was changed and not written anew would give an FMU that refuses every host.
+#[test]
+fn an_old_description_is_refused() {
+    let mut fmu = toy();
+    fmu.declaration.variables[0].description = "changed".into();
+    let error = fmu.make(&options("old"), |_| {}).unwrap_err();
+    assert!(matches!(error, FmuError::Description { name: "SteeringLag", .. }), "{error}");
+    assert!(error.to_string().contains("--describe"));
+}
+
+/// Libraries of other platforms come from a folder or an FMU, if they are of this description.
+#[cfg(unix)]
+#[test]
+fn libraries_of_other_platforms_are_merged() {
+    let folder = tempfile::tempdir().unwrap();
+    let guid = rfl_mpc::fmi::abi::guid_of(include_str!("../../tests/common/SteeringLag.xml")).unwrap();
+    let other = folder.path().join("SteeringLag.fmu");
+    let pack = |content: &str| {
+        let mut package = Package::default();
+        package.add("binaries/win64/SteeringLag.dll", content).unwrap();
+        package.add("resources/not_taken.txt", "").unwrap();
+        package.write(&other).unwrap();
+    };
+    pack(&format!("a library with {guid}"));
+    let mut options = Options { merge: vec![other.clone()], ..options("merged") };
+    let made = toy().make(&options, |_| {}).unwrap();
+    assert_eq!(made.merged, ["binaries/win64/SteeringLag.dll"]);
+    assert!(entries(&made.path).contains(&"binaries/win64/SteeringLag.dll".to_owned()));
+    assert!(!entries(&made.path).contains(&"resources/not_taken.txt".to_owned()));
+
+    pack("a library of another description");
+    let error = toy().make(&options, |_| {}).unwrap_err();
+    assert!(matches!(error, FmuError::Package(PackageError::OtherDescription { .. })), "{error}");
+
+    // From a folder: a library in the wrong place, then one of another description.
+    options.merge.clear();
+    options.binaries = Some(folder.path().to_owned());
+    let win = folder.path().join("win64");
+    std::fs::create_dir(&win).unwrap();
+    std::fs::copy(toy_library(), win.join("SteeringLag.dll")).unwrap();
+    let error = toy().make(&options, |_| {}).unwrap_err();
+    assert!(matches!(error, FmuError::Platform { .. }), "{error}");
 }
 
 #[test]
-fn the_same_content_gives_the_same_bytes() {
-    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("SteeringLag.fmu");
-    let package = toy_package();
-    package.write(&path).unwrap();
-    assert_eq!(std::fs::read(&path).unwrap(), toy_package().to_bytes().unwrap());
+fn an_entry_stands_once() {
+    let mut package = Package::default();
+    package.add("a", "1").unwrap();
+    assert!(matches!(package.add("a", "2"), Err(PackageError::Twice(name)) if name == "a"));
+    assert!(matches!(package.add_file("b", Path::new("none")), Err(PackageError::Read { .. })));
 }

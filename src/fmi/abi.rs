@@ -219,7 +219,7 @@ pub fn fmi2GetVersion<M: Model>() -> Text {
 
 /// The attribute `guid` of a `modelDescription.xml`.
 #[must_use]
-pub fn guid_of(xml: &'static str) -> Option<&'static str> {
+pub fn guid_of(xml: &str) -> Option<&str> {
     let (_, rest) = xml.split_once(" guid=\"")?;
     rest.split_once('"').map(|(guid, _)| guid)
 }
@@ -237,9 +237,11 @@ pub unsafe fn fmi2Instantiate<M: Model>(
     // SAFETY: NULL or a C string by the host's contract.
     let text = |pointer: Text| unsafe { (!pointer.is_null()).then(|| CStr::from_ptr(pointer)) };
     let (name, given, resources) = (text(name).unwrap_or_default(), text(guid), text(resources));
-    // SAFETY: NULL or the standard's struct; read without alignment, for hosts that build it from bytes.
-    let callbacks =
-        if callbacks.is_null() { CallbackFunctions::NONE } else { unsafe { callbacks.read_unaligned() } };
+    let callbacks = match callbacks.is_null() {
+        true => CallbackFunctions::NONE,
+        // SAFETY: the standard's struct by contract; read without alignment, for hosts that build it from bytes.
+        false => unsafe { callbacks.read_unaligned() },
+    };
     let logger = Logger::new(callbacks, name);
     let refuse = |message: &str| {
         logger.tell(Status::Error, status_category(Status::Error), &format!("fmi2Instantiate: {message}"));

@@ -1,8 +1,8 @@
 //! `PassengerCar`: the nonlinear car as an FMU.
 //!
-//! Parameters come from a vehicle file (`vehicle_file`) or a built-in car (`vehicle`); a value that the host sets
-//! itself wins, and afterwards all values are those in effect. Every effect is a parameter `effect.<id>`.
+//! Parameters come from a vehicle file or a built-in car (`vehicle_file`); a value that the host sets itself wins, and afterwards all values are those in effect. Every effect is a parameter `effect.<id>`.
 
+use super::{failed, vehicle_file_parameter, vehicle_named};
 use crate::fmi::{
     Context, Declaration, DefaultExperiment, Kind, Log, LogCategory, Model, ModelError, Severity, Values,
     Variable, Vr,
@@ -13,15 +13,6 @@ use crate::vehicle::{
     BUILTIN, Car, CarInput, CarOutput, CarParameters, CarStatus, Effects, StepError, WheelOutput, builtin,
 };
 use std::sync::Arc;
-
-/// The built-in cars as values of the parameter `vehicle`, in the order of [`BUILTIN`].
-const CARS: &[(i32, &str, &str)] = &[
-    (0, "c_class", "A C-class hatchback, front-wheel drive, representative figures"),
-    (1, "bmw_320i", "BMW 320i, CommonRoad's figures"),
-    (2, "ford_escort", "Ford Escort, CommonRoad's figures"),
-    (3, "vw_vanagon", "VW Vanagon, CommonRoad's figures"),
-    (4, "genesis", "Hyundai Genesis, figures of the MPC-Berkeley group"),
-];
 
 /// The values of the output `status`.
 const STATUS: &[(i32, &str, &str)] = &[
@@ -96,7 +87,6 @@ struct References {
     more: Vr,
     wheels: Vr,
     status: Vr,
-    vehicle: Vr,
     vehicle_file: Vr,
     road_file: Vr,
     initial: Vr,
@@ -139,17 +129,9 @@ fn declare() -> (Declaration, References) {
     let status = Kind::Enumeration { type_name: "CarStatus", items: STATUS, start: 0 };
     let status = d.add(Variable::output_of(status, "status", "What the car does, in one word"));
 
-    let vehicle = Kind::Enumeration { type_name: "BuiltInCar", items: CARS, start: 0 };
-    let vehicle =
-        d.add(Variable::parameter_of(vehicle, "vehicle", "Which built-in car, where vehicle_file is empty"));
-    let text = || Kind::String { start: "".into() };
-    let vehicle_file = d.add(Variable::parameter_of(
-        text(),
-        "vehicle_file",
-        "Vehicle file (TOML), absolute or in resources/; empty: the built-in car",
-    ));
+    let vehicle_file = d.add(vehicle_file_parameter());
     let road_file = d.add(Variable::parameter_of(
-        text(),
+        Kind::String { start: "".into() },
         "road_file",
         "Road with bank, grade and friction (path CSV), absolute or in resources/; empty: level road",
     ));
@@ -185,7 +167,6 @@ fn declare() -> (Declaration, References) {
         more,
         wheels,
         status,
-        vehicle,
         vehicle_file,
         road_file,
         initial,
@@ -210,16 +191,8 @@ impl PassengerCar {
         log: &mut dyn Log,
     ) -> Result<CarParameters, ModelError> {
         let at = &self.references;
-        let file = values.string(at.vehicle_file);
-        let mut parameters = if file.is_empty() {
-            let name = usize::try_from(values.integer(at.vehicle)).ok().and_then(|index| BUILTIN.get(index));
-            builtin(name.copied().unwrap_or("")).map_err(failed)?
-        } else {
-            let file = context.locate(file);
-            let car = CarParameters::read(&file).map_err(failed)?;
-            log.log(Severity::Info, LOG, &format!("vehicle '{}' read from {}", car.name, file.display()));
-            car
-        };
+        let mut parameters = vehicle_named(values.string(at.vehicle_file), context)?;
+        log.log(Severity::Info, LOG, &format!("the car is '{}'", parameters.name));
         for (index, parameter) in CarParameters::TABLE.iter().enumerate() {
             let vr = at.parameters + index;
             if values.is_set_by_host(vr) {
@@ -267,10 +240,6 @@ impl PassengerCar {
     }
 }
 
-fn failed(error: impl std::fmt::Display) -> ModelError {
-    ModelError::Failed(error.to_string())
-}
-
 impl Model for PassengerCar {
     fn declaration() -> Declaration {
         declare().0
@@ -291,15 +260,15 @@ impl Model for PassengerCar {
         let parameters = self.parameters(values, context, log)?;
         let effects = self.effects(values);
         let at = &self.references;
-        let road = values.string(at.road_file);
-        let road = if road.is_empty() {
-            None
-        } else {
-            let road = Path::read(&context.locate(road)).map_err(failed)?;
-            for note in road.notes() {
-                log.log(Severity::Info, LOG, note);
+        let road: Option<Arc<Path>> = match values.string(at.road_file) {
+            "" => None,
+            name => {
+                let road = Path::read(&context.locate(name)).map_err(failed)?;
+                for note in road.notes() {
+                    log.log(Severity::Info, LOG, &format!("road_file {name}: {note}"));
+                }
+                Some(Arc::new(road))
             }
-            Some(Arc::new(road))
         };
         let mut car = Car::new(&parameters, &effects, road).map_err(failed)?;
         let initial = |index| values.real(at.initial + index);

@@ -3,14 +3,14 @@
 //! It computes at its sample time Ts and holds its commands between. Outputs change in steps only: at a
 //! communication point they do not depend on the inputs set there, so there is no algebraic loop with the plant.
 
-use super::vehicle_named;
+use super::{failed, vehicle_file_parameter, vehicle_named};
 use crate::control::{
-    Controller, ControllerParameters, ControllerState, ControlStatus, SHOWN_HORIZON, Measurement, NominalVehicle,
-    Sampler,
+    ControlStatus, Controller, ControllerParameters, ControllerState, Measurement, NominalVehicle,
+    SHOWN_HORIZON, Sampler,
 };
 use crate::fmi::{
-    Context, Declaration, DefaultExperiment, Kind, Log, LogCategory, Model, ModelError, Severity, Values, Variable,
-    Vr,
+    Context, Declaration, DefaultExperiment, Kind, Log, LogCategory, Model, ModelError, Severity, Values,
+    Variable, Vr,
 };
 use crate::parameter::{Parameter, ParameterGroup};
 use crate::path::Path;
@@ -24,7 +24,10 @@ pub const DEFAULT_PATH: &str = "path.csv";
 /// Log categories of the controller.
 const CATEGORIES: &[LogCategory] = &[
     LogCategory { name: "control", description: "Changes of the controller's status, with their cause" },
-    LogCategory { name: "path", description: "The path that was read, and what was noticed or repaired in it" },
+    LogCategory {
+        name: "path",
+        description: "The path that was read, and what was noticed or repaired in it",
+    },
 ];
 
 /// References of the declared variables.
@@ -119,10 +122,11 @@ fn declare() -> (Declaration, Variables) {
         "Wall-clock time of the newest control step; the only output that is not reproducible".into(),
     );
     let path_length = real("path.length".into(), Unit::METRE, "Length of the path".into());
-    let start = [("x", Unit::METRE), ("y", Unit::METRE), ("yaw", Unit::RADIAN), ("speed", Unit::METRE_PER_SECOND)]
-        .map(|(name, unit)| {
-            real(format!("start.{name}"), unit, format!("Start of the path: {name} to begin with"))
-        });
+    let start =
+        [("x", Unit::METRE), ("y", Unit::METRE), ("yaw", Unit::RADIAN), ("speed", Unit::METRE_PER_SECOND)]
+            .map(|(name, unit)| {
+                real(format!("start.{name}"), unit, format!("Start of the path: {name} to begin with"))
+            });
     let predicted = (1..=SHOWN_HORIZON)
         .map(|j| {
             let mut at = |name: &str, meaning: &str| {
@@ -152,12 +156,7 @@ fn declare() -> (Declaration, Variables) {
         "path_file",
         "Path to follow: a CSV file, absolute or in the FMU's resources",
     ));
-    let vehicle_file = d.add(Variable::parameter_of(
-        Kind::String { start: "c_class".into() },
-        "vehicle_file",
-        "Vehicle that the nominal model describes: a TOML file, absolute or in the FMU's resources, or the name of \
-         a built-in one. Parameters set by the host win over the file",
-    ));
+    let vehicle_file = d.add(vehicle_file_parameter());
     let groups = [
         add_group::<NominalVehicle>(d),
         add_group::<crate::control::MpcParameters>(d),
@@ -206,10 +205,6 @@ struct Saved {
     sampler: Sampler,
 }
 
-fn failed(error: impl std::fmt::Display) -> ModelError {
-    ModelError::Failed(error.to_string())
-}
-
 impl Model for RflMpc {
     fn declaration() -> Declaration {
         declare().0
@@ -227,8 +222,7 @@ impl Model for RflMpc {
         log: &mut dyn Log,
     ) -> Result<(), ModelError> {
         let v = &self.variables;
-        let vehicle = values.string(v.vehicle_file);
-        let car = vehicle_named(vehicle, context).map_err(failed)?;
+        let car = vehicle_named(values.string(v.vehicle_file), context)?;
         let mut parameters = ControllerParameters::for_car(&car);
         read_group(&mut parameters.vehicle, v.groups[0], values);
         read_group(&mut parameters.mpc, v.groups[1], values);
@@ -238,7 +232,9 @@ impl Model for RflMpc {
 
         let file = context.locate(values.string(v.path_file));
         let path = Path::read(&file).map_err(|error| {
-            failed(format!("{error}. The parameter path_file names the path to follow: a CSV file with columns x, y"))
+            failed(format!(
+                "{error}. The parameter path_file names the path to follow: a CSV file with columns x, y"
+            ))
         })?;
         for note in path.notes() {
             log.log(Severity::Warning, "path", &format!("{}: {note}", file.display()));
@@ -248,7 +244,9 @@ impl Model for RflMpc {
         let path = controller.path();
         values.set_real(v.path_length, path.length());
         let begin = path.at(0.0);
-        for (vr, value) in v.start.iter().zip([begin.x, begin.y, begin.yaw, controller.speed_plan().speed(0.0)]) {
+        for (vr, value) in
+            v.start.iter().zip([begin.x, begin.y, begin.yaw, controller.speed_plan().speed(0.0)])
+        {
             values.set_real(*vr, value);
         }
         write_outputs(v, values, &controller);
@@ -256,7 +254,13 @@ impl Model for RflMpc {
         Ok(())
     }
 
-    fn step(&mut self, values: &mut Values, time: f64, _step: f64, log: &mut dyn Log) -> Result<(), ModelError> {
+    fn step(
+        &mut self,
+        values: &mut Values,
+        time: f64,
+        _step: f64,
+        log: &mut dyn Log,
+    ) -> Result<(), ModelError> {
         let v = &self.variables;
         let Some(Running { controller, sampler }) = &mut self.running else {
             return Err(failed("the controller is not initialised"));
@@ -272,10 +276,8 @@ impl Model for RflMpc {
         let status = report.status;
         if status != before {
             let (_, name, meaning) = ControlStatus::ITEMS[status as usize];
-            let ordinary = matches!(
-                status,
-                ControlStatus::Optimal | ControlStatus::Waiting | ControlStatus::Finished
-            );
+            let ordinary =
+                matches!(status, ControlStatus::Optimal | ControlStatus::Waiting | ControlStatus::Finished);
             let severity = if ordinary { Severity::Info } else { Severity::Warning };
             log.log(severity, "control", &format!("t = {time} s: status {name}: {meaning}"));
         }

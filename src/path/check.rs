@@ -1,9 +1,10 @@
 //! Which points make a road: what is repaired, what is refused, and whether the road is closed.
 
 use super::error::{PathError, Place};
+use super::read::Accuracy;
 use super::sample::{Closure, Options, Sample, Smoothing};
 use super::smooth::smooth;
-use super::spline::{Curve, Vector, distance};
+use super::spline::{Curve, Knot, Vector, distance};
 use super::wrap_angle;
 
 /// Points closer than this to the one before are the same point (m).
@@ -29,12 +30,8 @@ pub(super) struct Road {
     pub origin: Vector,
 }
 
-/// Checks and repairs points, and draws the curve. `resolution` is the last digit of the coordinates, if known.
-pub(super) fn check(
-    samples: Vec<Sample>,
-    options: &Options,
-    resolution: Option<f64>,
-) -> Result<Road, PathError> {
+/// Checks and repairs points, and draws the curve.
+pub(super) fn check(samples: Vec<Sample>, options: &Options, accuracy: Accuracy) -> Result<Road, PathError> {
     let mut notes = Vec::new();
     let mut same = SAME;
     if let Smoothing::Within(value) = options.smoothing {
@@ -105,25 +102,69 @@ pub(super) fn check(
         }
     }
 
+    if !periodic && options.closure == Closure::Detect {
+        notes.extend(passes_its_start(&kept, median));
+    }
+
     let samples: Vec<Sample> = kept.into_iter().map(|(_, sample)| sample).collect();
     let origin = first;
     let points: Vec<Vector> =
         samples.iter().map(|sample| [sample.x - origin[0], sample.y - origin[1]]).collect();
-    let tolerance = match options.smoothing {
-        Smoothing::None => None,
-        Smoothing::Within(value) => Some(value),
-        Smoothing::Rounding => resolution.and_then(|digit| rounding(digit, median)),
+    let (tolerance, why) = match (options.smoothing, accuracy) {
+        (Smoothing::None, _) | (Smoothing::AsAccurate, Accuracy::Exact) => (None, ""),
+        (Smoothing::Within(value), _) => (Some(value), ""),
+        (Smoothing::AsAccurate, Accuracy::Digit(digit)) => {
+            (rounding(digit, median), ", the rounding of the coordinates")
+        }
+        (Smoothing::AsAccurate, Accuracy::Measured(value)) => {
+            (Some(value), ", the accuracy of racetrack-database")
+        }
     };
     let pinned = !matches!(options.smoothing, Smoothing::Within(_));
     let curve = poses(&samples, &points, periodic, &mut notes).filter(|_| pinned).unwrap_or_else(|| {
         let smoothed = tolerance.and_then(|tolerance| smooth(&points, periodic, tolerance));
-        if let (Some(tolerance), Some(_)) = (tolerance, &smoothed) {
-            let why = if pinned { ", the rounding of the coordinates" } else { "" };
-            notes.push(format!("smoothed within {:.3} mm RMS{why}", 1e3 * tolerance));
+        if let (Some(tolerance), Some(curve)) = (tolerance, &smoothed) {
+            let farthest = curve
+                .at_marks()
+                .iter()
+                .zip(&points)
+                .fold(0.0f64, |farthest, (at, point)| farthest.max(distance(*at, *point)));
+            let (rms, farthest) = (1e3 * tolerance, 1e3 * farthest);
+            notes.push(format!("smoothed: {rms:.1} mm RMS from the points{why}; {farthest:.1} mm at most"));
         }
-        smoothed.unwrap_or_else(|| Curve::through(&points, periodic))
+        smoothed.unwrap_or_else(|| {
+            let curve = Curve::through(&points, periodic);
+            if let Some(error) = wobble(&curve) {
+                notes.push(format!(
+                    "the curvature wobbles by {error:.4} 1/m from point to point: the points look noisy; give a \
+                     smoothing tolerance of about their noise"
+                ));
+            }
+            curve
+        })
     });
     Ok(Road { samples, periodic, notes, curve, origin })
+}
+
+/// RMS curvature error of an interpolating curve in 1/m, if it looks like noise: large, and of alternating sign.
+fn wobble(curve: &Curve) -> Option<f64> {
+    let curvature = |knot: &Knot| {
+        let speed = knot.d1[0].hypot(knot.d1[1]).max(1e-9);
+        (knot.d1[0] * knot.d2[1] - knot.d1[1] * knot.d2[0]) / speed.powi(3)
+    };
+    let seconds: Vec<f64> = curve
+        .knots
+        .windows(3)
+        .map(|k| curvature(&k[0]) - 2.0 * curvature(&k[1]) + curvature(&k[2]))
+        .collect();
+    if seconds.len() < 20 {
+        return None;
+    }
+    let count = seconds.len() as f64;
+    // White noise has second differences of 6 times its variance, which change sign four times of five.
+    let error = (seconds.iter().map(|second| second * second).sum::<f64>() / count / 6.0).sqrt();
+    let changes = seconds.windows(2).filter(|pair| pair[0] * pair[1] < 0.0).count() as f64 / count;
+    (error > 0.005 && changes > 0.65).then_some(error)
 }
 
 /// RMS distance by which rounding to `digit` moves points, if that matters at their spacing.
@@ -136,7 +177,16 @@ fn rounding(digit: f64, spacing: f64) -> Option<f64> {
 /// The curve from heading and curvature, where the road has both and they fit its points.
 fn poses(samples: &[Sample], points: &[Vector], periodic: bool, notes: &mut Vec<String>) -> Option<Curve> {
     let column = |value: fn(&Sample) -> Option<f64>| samples.iter().map(value).collect::<Option<Vec<f64>>>();
-    let (yaw, curvature) = (column(|sample| sample.yaw)?, column(|sample| sample.curvature)?);
+    let (yaw, curvature) = match (column(|sample| sample.yaw), column(|sample| sample.curvature)) {
+        (Some(yaw), Some(curvature)) => (yaw, curvature),
+        (None, None) if samples.iter().all(|sample| sample.yaw.is_none() && sample.curvature.is_none()) => {
+            return None;
+        }
+        _ => {
+            notes.push("columns yaw and curvature are not used: every point must have both".into());
+            return None;
+        }
+    };
     let worst = worst_disagreement(points, &yaw, &curvature, periodic);
     if worst < DISAGREEMENT {
         return Some(Curve::through_poses(points, &yaw, &curvature, periodic));
@@ -204,6 +254,21 @@ fn leads_into_start(kept: &[(usize, Sample)], median: f64) -> bool {
         wrap_angle((c[1] - b[1]).atan2(c[0] - b[0]) - (b[1] - a[1]).atan2(b[0] - a[0])).abs()
     };
     closing <= 2.0 * local && turn(p(n - 2), p(n - 1), p(0)) < 1.0 && turn(p(n - 1), p(0), p(1)) < 1.0
+}
+
+/// A note on a road that overlaps itself: a lap that was recorded a little too long.
+fn passes_its_start(kept: &[(usize, Sample)], median: f64) -> Option<String> {
+    let p = |i: usize| [kept[i].1.x, kept[i].1.y];
+    let heading = |i: usize| (p(i + 1)[1] - p(i)[1]).atan2(p(i + 1)[0] - p(i)[0]);
+    // It has left its start in between.
+    let away = (0..kept.len()).find(|&i| distance(p(i), p(0)) > 10.0 * median)?;
+    let again = (away..kept.len() - 1)
+        .find(|&i| distance(p(i), p(0)) < 2.0 * median && wrap_angle(heading(i) - heading(0)).abs() < 0.5)?;
+    Some(format!(
+        "the road passes its start again at point {} of {}: for a closed road, remove the points from there on",
+        kept[again].0 + 1,
+        kept.len()
+    ))
 }
 
 fn refuse_turning_back(kept: &[(usize, Sample)], periodic: bool) -> Result<(), PathError> {

@@ -58,7 +58,7 @@ impl Grid {
                 (u, station) = (0.0, knot_stations[piece_index]);
             }
             let span = curve.knots[piece_index + 1].t - curve.knots[piece_index].t;
-            let near_end = knot_stations[piece_index + 1] - target < 1e-9 * length.max(1.0);
+            let near_end = knot_stations[piece_index + 1] - target < 1e-12 * length.max(1.0);
             if near_end {
                 (u, station) = (span, knot_stations[piece_index + 1]);
             } else {

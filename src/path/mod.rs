@@ -12,33 +12,60 @@
 //!     e1 = (p - r) . n   (positive to the left),   e2 = psi - yaw(s)   in (-pi, pi]
 //! ```
 //!
+//! ```
+//! use rfl_mpc::path::{Closure, Path, Sample, SpeedLimits, SpeedPlan};
+//!
+//! // A ring road of 50 m radius, from points 5 m apart.
+//! let points = (0..63).map(|i| f64::from(i) * 0.1).map(|a| Sample::at(50.0 * a.sin(), 50.0 - 50.0 * a.cos()));
+//! let road = Path::from_samples(points.collect(), Closure::Detect)?;
+//! assert!(road.is_periodic() && (road.curvature(100.0) - 0.02).abs() < 1e-4);
+//!
+//! // A vehicle 1 m to the left of the start, that heads along the road.
+//! let foot = road.project(0.0, 1.0, 0.0, None);
+//! assert!((foot.e1 - 1.0).abs() < 1e-3 && foot.e2.abs() < 1e-3);
+//!
+//! let plan = SpeedPlan::new(&road, &SpeedLimits { lateral_accel: 2.0, accel: 1.0, decel: 1.0, speed: 30.0 });
+//! assert!((plan.speed(0.0) - 10.0).abs() < 0.05);
+//! # Ok::<(), rfl_mpc::path::PathError>(())
+//! ```
+//!
 //! | file | idea |
 //! |---|---|
 //! | `sample.rs` | the points of a road |
 //! | `check.rs` | which points make a road: duplicates, gaps, closure |
 //! | `spline.rs` | a curve with continuous curvature through them |
 //! | `smooth.rs`, `banded.rs` | the same through noisy points, within a tolerance |
-//! | `grid.rs` | arc length: lookups in constant time |
+//! | `grid.rs`, `quadrature.rs` | arc length: lookups in constant time |
 //! | `project.rs` | the nearest point, with a hint and without |
 //! | `speed.rs` | how fast: a plan within lateral and longitudinal limits |
-//! | `read.rs` | files |
+//! | `read.rs`, `write.rs` | files |
+//! | `segment.rs`, `pen.rs` | roads drawn exactly from straights, arcs and clothoids |
+//! | `sudoku.rs`, `splitmix.rs` | our own courses |
 //! | `error.rs` | what can be wrong |
 
 mod banded;
 mod check;
 mod error;
 mod grid;
+mod pen;
 mod project;
+mod quadrature;
 mod read;
 mod sample;
+mod segment;
 mod smooth;
 mod speed;
 mod spline;
+mod splitmix;
+pub mod sudoku;
+mod write;
 
 pub use error::{PathError, Place};
 pub use project::{Projection, Where};
 pub use sample::{Closure, Options, RoadClass, Sample, Smoothing};
+pub use segment::{Course, Pose, Rough, Segment};
 pub use speed::{SpeedLimits, SpeedPlan};
+pub use write::{to_csv, write_csv};
 
 use grid::{Cell, Grid, yaw_at};
 use spline::evaluate;
@@ -105,14 +132,26 @@ impl Path {
     /// # Errors
     /// As [`Path::from_samples`], and for a smoothing tolerance that is none.
     pub fn from_samples_with(samples: Vec<Sample>, options: &Options) -> Result<Self, PathError> {
-        Ok(Self::from_road(check::check(samples, options, None)?))
+        Ok(Self::from_road(check::check(samples, options, read::Accuracy::Exact)?))
     }
 
-    /// Reads a path from a CSV file: ours (`x,y` and optional columns), the racetrack-database format, or a driven
-    /// lap (`x_m,y_m,v_driven_mps`).
+    /// Reads a path from a CSV file: ours, the racetrack-database format, or a driven lap (`x_m,y_m,v_driven_mps`).
+    ///
+    /// Ours has a header and these columns, in any order; all but the first two are optional, and an optional value
+    /// may be left empty:
+    ///
+    /// | column | unit | meaning |
+    /// |---|---|---|
+    /// | `x`, `y` | m | position, east and north |
+    /// | `yaw`, `curvature` | rad, 1/m | heading and curvature, used if both are given |
+    /// | `speed` | m/s | speed limit |
+    /// | `bank`, `grade` | rad | positive with the right side low, positive uphill |
+    /// | `friction` | 1 | factor of the tyre's nominal grip |
+    /// | `class` | | [`RoadClass::name`] |
+    /// | `s` | m | station; only its order is checked |
     ///
     /// Where the file gives both `yaw` and `curvature` and they fit the points, they are the truth. Else a spline
-    /// through the points is, smoothed within the rounding of the coordinates.
+    /// through the points is, smoothed as far as the file is accurate ([`Smoothing::AsAccurate`]).
     ///
     /// # Errors
     /// The cause, with file, line, column and remedy.
@@ -136,7 +175,7 @@ impl Path {
     /// As [`Path::read`].
     pub fn from_csv(bytes: &[u8], name: &std::path::Path, options: &Options) -> Result<Self, PathError> {
         let table = read::parse(bytes).map_err(|error| error.in_file(name, &[]))?;
-        let road = check::check(table.samples, options, table.resolution)
+        let road = check::check(table.samples, options, table.accuracy)
             .map_err(|error| error.in_file(name, &table.lines))?;
         Ok(Self::from_road(road))
     }

@@ -27,8 +27,8 @@ enum Column {
     Grade,
     Friction,
     Class,
-    /// Known and not used: track widths.
-    Unused,
+    /// Of racetrack-database; known and not used.
+    TrackWidth,
 }
 
 impl Column {
@@ -44,7 +44,7 @@ impl Column {
             "grade" => Self::Grade,
             "friction" => Self::Friction,
             "class" => Self::Class,
-            "w_tr_right_m" | "w_tr_left_m" => Self::Unused,
+            "w_tr_right_m" | "w_tr_left_m" => Self::TrackWidth,
             _ => return None,
         })
     }
@@ -62,7 +62,7 @@ impl Column {
             Self::Grade => "grade",
             Self::Friction => "friction",
             Self::Class => "class",
-            Self::Unused => "track width",
+            Self::TrackWidth => "track width",
         }
     }
 }
@@ -72,65 +72,91 @@ pub(super) struct Table {
     pub samples: Vec<Sample>,
     /// The line of each sample.
     pub lines: Vec<u64>,
-    /// The last written digit of the coordinates in m, if they are written with a fixed number of decimals.
-    pub resolution: Option<f64>,
+    pub accuracy: Accuracy,
 }
+
+/// How well a file knows its coordinates.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Accuracy {
+    /// Exactly, as far as we know.
+    Exact,
+    /// Rounded to this digit in m.
+    Digit(f64),
+    /// Measured, to this RMS distance in m.
+    Measured(f64),
+}
+
+/// RMS distance in m that we leave the centre lines of racetrack-database: its arcs begin and end without a
+/// transition, and through every point the curvature would overshoot there by a fifth.
+const RACETRACK_DATABASE: f64 = 0.02;
 
 fn at_line(line: u64) -> Place {
     Place { line: Some(line), ..Place::default() }
 }
 
-/// The header in a comment before the first row, as racetrack-database writes it, with its line.
-fn header_in_comment(bytes: &[u8]) -> Option<(String, u64)> {
+/// The lines that carry values, as one CSV text, with the number of each; and the header, if it stands in a comment
+/// before them, as racetrack-database writes it.
+struct Lines<'a> {
+    text: Vec<u8>,
+    numbers: Vec<u64>,
+    comment: Option<(&'a [u8], u64)>,
+}
+
+fn lines(bytes: &[u8]) -> Lines<'_> {
+    // Spreadsheets put a byte order mark before the text.
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    let mut lines = Lines { text: Vec::with_capacity(bytes.len()), numbers: Vec::new(), comment: None };
     for (index, raw) in bytes.split(|&byte| byte == b'\n').enumerate() {
-        let text = raw.trim_ascii();
-        let comment = match text.strip_prefix(b"#") {
-            Some(comment) => comment,
-            None if text.is_empty() => continue,
-            None => return None,
-        };
-        let names = String::from_utf8_lossy(comment);
-        if names.split(',').any(|name| matches!(name.trim(), "x" | "x_m")) {
-            return Some((names.into_owned(), index as u64 + 1));
+        let line = raw.trim_ascii();
+        let number = index as u64 + 1;
+        if let Some(comment) = line.strip_prefix(b"#") {
+            let names_a_column = |name: &[u8]| matches!(name.trim_ascii(), b"x" | b"x_m");
+            if lines.numbers.is_empty()
+                && lines.comment.is_none()
+                && comment.split(|&b| b == b',').any(names_a_column)
+            {
+                lines.comment = Some((comment, number));
+            }
+        } else if !line.is_empty() {
+            lines.text.extend_from_slice(line);
+            lines.text.push(b'\n');
+            lines.numbers.push(number);
         }
     }
-    None
+    lines
 }
 
 /// Reads the rows of a path file.
 pub(super) fn parse(bytes: &[u8]) -> Result<Table, PathError> {
-    // Spreadsheets put a byte order mark before the text.
-    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    let mut columns = match header_in_comment(bytes) {
-        Some((text, line)) => Some(header(text.split(',').map(str::trim), line)?),
-        None => None,
-    };
+    let Lines { text, numbers, comment } = lines(bytes);
+    let not_text = |line| PathError::NotText { place: at_line(line) };
+    let mut columns = None;
+    if let Some((comment, line)) = comment {
+        let names = std::str::from_utf8(comment).map_err(|_| not_text(line))?;
+        columns = Some(header(names.split(',').map(str::trim), line)?);
+    }
     let mut reader = csv::ReaderBuilder::new()
         .has_headers(false)
         .flexible(true)
-        .comment(Some(b'#'))
         .trim(csv::Trim::All)
-        .from_reader(bytes);
-    let mut table = Table { samples: Vec::new(), lines: Vec::new(), resolution: None };
+        .from_reader(text.as_slice());
+    let mut table = Table { samples: Vec::new(), lines: Vec::new(), accuracy: Accuracy::Exact };
     let mut decimals = Decimals::default();
     let mut last_station = f64::NEG_INFINITY;
     let mut record = csv::ByteRecord::new();
     loop {
-        let line = reader.position().line();
+        // A quote that is not closed makes a record of several lines; its first one is named.
+        let line = numbers.get(reader.position().line() as usize - 1).copied().unwrap_or(1);
         match reader.read_byte_record(&mut record) {
             Ok(true) => {}
             Ok(false) => break,
-            // Reading from memory, a row of any length: nothing else can go wrong than the text itself.
-            Err(_) => return Err(PathError::NotText { place: at_line(line) }),
+            // Rows of any length, read from memory: only the text itself can be wrong.
+            Err(_) => return Err(not_text(line)),
         }
-        let line = record.position().map_or(line, csv::Position::line);
         let fields: Vec<&str> = record
             .iter()
-            .map(|field| std::str::from_utf8(field).map_err(|_| PathError::NotText { place: at_line(line) }))
+            .map(|field| std::str::from_utf8(field).map_err(|_| not_text(line)))
             .collect::<Result<_, _>>()?;
-        if fields.iter().all(|field| field.is_empty()) {
-            continue;
-        }
         let Some(columns) = &columns else {
             columns = Some(header(fields.into_iter(), line)?);
             continue;
@@ -152,7 +178,13 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Table, PathError> {
     if table.samples.is_empty() {
         return Err(PathError::Empty { place: Place::default() });
     }
-    table.resolution = decimals.resolution();
+    table.accuracy = match decimals.resolution() {
+        _ if columns.is_some_and(|columns| columns.contains(&Column::TrackWidth)) => {
+            Accuracy::Measured(RACETRACK_DATABASE)
+        }
+        Some(digit) => Accuracy::Digit(digit),
+        None => Accuracy::Exact,
+    };
     Ok(table)
 }
 
@@ -199,7 +231,7 @@ fn header<'a>(names: impl Iterator<Item = &'a str>, line: u64) -> Result<Vec<Col
                 known: OPTIONAL,
             });
         };
-        if column != Column::Unused && columns.contains(&column) {
+        if column != Column::TrackWidth && columns.contains(&column) {
             return Err(PathError::RepeatedColumn {
                 place: at_line(line),
                 column: name.into(),
@@ -238,7 +270,7 @@ fn row(
     let mut sample = Sample::default();
     let mut station = None;
     for (&column, &field) in columns.iter().zip(fields) {
-        if column == Column::Unused {
+        if column == Column::TrackWidth {
             continue;
         }
         let needed = matches!(column, Column::X | Column::Y);
@@ -274,7 +306,7 @@ fn row(
             Column::Bank => sample.bank = Some(value),
             Column::Grade => sample.grade = Some(value),
             Column::Friction => sample.friction = Some(value),
-            Column::Class | Column::Unused => {}
+            Column::Class | Column::TrackWidth => {}
         }
     }
     Ok((sample, station))

@@ -46,10 +46,12 @@ pub enum Closure {
 /// How far a path may leave its points for the sake of a smooth curvature.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Smoothing {
-    /// Within the rounding of the file's coordinates: 1 m points with 3 decimals have a curvature error of 1e-3 1/m
-    /// from rounding alone. Coordinates with fewer than 2 decimals are taken as drawn by hand, and exact.
+    /// As accurate as the file is: within 2 cm RMS for racetrack-database (points 5 m apart, drawn from satellite
+    /// images, that enter bends without a transition), else within the rounding of the coordinates (1 m points
+    /// with 3 decimals have a curvature error of 1e-3 1/m from rounding alone). Coordinates with fewer than 2
+    /// decimals are taken as drawn by hand, and exact.
     #[default]
-    Rounding,
+    AsAccurate,
     /// Not at all: the path goes through every point.
     None,
     /// Within a root-mean-square distance in m: for measured points, about their noise (0.02 for a good GPS).

@@ -24,8 +24,7 @@ const KNOTS: (f64, f64) = (0.5, 5.0);
 fn weights(u: f64) -> [[f64; 6]; 3] {
     // Differences of truncated powers: B(x) = sum (-1)^k C(6,k) (x - k)_+^5 / 120, at x = u + 5 - j.
     const BINOMIAL: [f64; 6] = [1.0, -6.0, 15.0, -20.0, 15.0, -6.0];
-    let mut out = [[0.0; 6]; 3];
-    for j in 0..6 {
+    let weight = |j: usize| {
         // By symmetry B(x) = B(6 - x): take the end with fewer terms, for precision.
         let x = u + (5 - j) as f64;
         let mirrored = x > 3.0;
@@ -40,11 +39,10 @@ fn weights(u: f64) -> [[f64; 6]; 3] {
             sums[1] += factor * d.powi(4) / 24.0;
             sums[2] += factor * d.powi(3) / 6.0;
         }
-        out[0][j] = sums[0];
-        out[1][j] = if mirrored { -sums[1] } else { sums[1] };
-        out[2][j] = sums[2];
-    }
-    out
+        [sums[0], if mirrored { -sums[1] } else { sums[1] }, sums[2]]
+    };
+    let all = [0, 1, 2, 3, 4, 5].map(weight);
+    [0, 1, 2].map(|order| all.map(|weight| weight[order]))
 }
 
 /// The smoothing spline's problem: points, their parameters, and the knots.
@@ -86,9 +84,9 @@ impl Problem<'_> {
             }
         }
         for i in 0..if self.periodic { n } else { n - 3 } {
-            for a in 0..4 {
-                for b in a..4 {
-                    matrix.add((i + a) % n, b - a, lambda * DIFFERENCE[a] * DIFFERENCE[b]);
+            for (a, left) in DIFFERENCE.iter().enumerate() {
+                for (b, right) in DIFFERENCE.iter().enumerate().skip(a) {
+                    matrix.add((i + a) % n, b - a, lambda * left * right);
                 }
             }
         }

@@ -6,7 +6,8 @@
 //! ```
 //!
 //! One pass backwards for braking, one forwards for accelerating, in `v^2`, which is linear in `s` at constant
-//! acceleration.
+//! acceleration. Last, `v^2` is replaced by a sliding mean of its sliding minimum over [`BLEND`]: never above the
+//! limits, no steeper, and with an acceleration that does not jump.
 
 use super::Path;
 
@@ -15,6 +16,9 @@ use super::Path;
 const LEAST_SHARE: f64 = 0.15;
 /// Share of the road's grip (9.81 m/s2 times the friction factor) that a plan uses at most.
 const GRIP_SHARE: f64 = 0.8;
+
+/// Length over which the acceleration changes from one value to the next in m.
+const BLEND: f64 = 4.0;
 
 /// Limits of a speed plan.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -100,7 +104,17 @@ impl SpeedPlan {
                 squares[i + 1] = squares[i + 1].min(reachable);
             }
         }
+        let ends = if path.periodic { None } else { Some((start.is_some(), stop_at_end)) };
+        let squares = blend(&squares, (0.5 * BLEND / step).round() as usize, ends);
         Self { inverse_step: path.inverse_step, step, length: path.length, periodic: path.periodic, squares }
+    }
+
+    /// Time to drive the path, or one lap of it, by this plan in s; infinite if the plan stands still on the way.
+    #[must_use]
+    pub fn duration(&self) -> f64 {
+        // At constant acceleration the mean speed of a step is the mean of its ends.
+        let time = |pair: &[f64]| 2.0 * self.step / (pair[0].max(0.0).sqrt() + pair[1].max(0.0).sqrt());
+        self.squares.windows(2).map(time).sum()
     }
 
     /// Speed at a station in m/s. Beyond the ends of an open path: as at the end.
@@ -131,4 +145,30 @@ impl SpeedPlan {
         let i = ((inside * self.inverse_step) as usize).min(self.squares.len() - 2);
         (i, inside - i as f64 * self.step, !self.periodic && inside != s)
     }
+}
+
+/// Sliding mean of the sliding minimum over `reach` nodes to each side. Towards a fixed speed at an end of an open
+/// path (`ends`: at the start, at the end) it gives way to the plan as it was, so that the speed is met.
+fn blend(squares: &[f64], reach: usize, ends: Option<(bool, bool)>) -> Vec<f64> {
+    let last = squares.len() - 1;
+    let reach = reach as isize;
+    let window = |i: usize| i as isize - reach..=i as isize + reach;
+    // Closed: the last node is the first one.
+    let index = |j: isize| match ends {
+        None => j.rem_euclid(last as isize) as usize,
+        Some(_) => j.clamp(0, last as isize) as usize,
+    };
+    let least: Vec<f64> =
+        (0..=last).map(|i| window(i).map(|j| squares[index(j)]).fold(f64::INFINITY, f64::min)).collect();
+    let count = (2 * reach + 1) as f64;
+    (0..=last)
+        .map(|i| {
+            let mean = window(i).map(|j| least[index(j)]).sum::<f64>() / count;
+            let (start, end) = ends.unwrap_or((false, false));
+            // Over 10 reaches, so that giving way itself hardly accelerates.
+            let share = |nodes: usize| (nodes as f64 / (10 * reach).max(1) as f64).min(1.0);
+            let share = if start { share(i) } else { 1.0 }.min(if end { share(last - i) } else { 1.0 });
+            squares[i] + share * (mean - squares[i])
+        })
+        .collect()
 }

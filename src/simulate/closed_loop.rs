@@ -127,7 +127,7 @@ impl ClosedLoop {
     ///
     /// # Errors
     /// Controller or car cannot go on.
-    pub fn drive(&mut self, duration: f64, mut progress: impl FnMut(f64)) -> Result<Drive, DriveError> {
+    pub fn drive(&mut self, duration: f64, mut progress: impl FnMut(&Row)) -> Result<Drive, DriveError> {
         let mut drive =
             Drive { rows: Vec::new(), classes: Vec::new(), step_times: Vec::new(), finished: false };
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
@@ -137,7 +137,7 @@ impl ClosedLoop {
             drive.classes.push(self.controller.path().at(row[17]).class);
             drive.rows.push(row);
             drive.step_times.extend(computed);
-            progress(row[0]);
+            progress(&row);
             if self.controller.report().finished {
                 drive.finished = true;
                 break;

@@ -1,0 +1,186 @@
+//! `documentation/` of an FMU: what it is, its variables, how to use it, whose work is inside.
+
+use crate::cargo::Dependency;
+use crate::description::{causality, variability};
+use crate::package::{Package, PackageError};
+use crate::xml::{Attributes, Xml};
+use rfl_mpc::fmi::{Causality, Declaration, Initial, Kind, Variable};
+use std::path::Path;
+
+const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:70em;margin:2em auto;padding:0 1em}\
+table{border-collapse:collapse;margin:1em 0}td,th{border:1px solid #ccc;padding:.2em .6em;text-align:left;\
+vertical-align:top}th{background:#f2f2f2}code,pre{background:#f6f6f6}pre{padding:1em}";
+
+/// What statuses mean here, in the words of a host's user.
+const STATUSES: [(&str, &str); 4] = [
+    ("fmi2OK", "All went well."),
+    (
+        "fmi2Warning",
+        "Done, but look at the message: an input is outside the range in which it can be right, or the model warns.",
+    ),
+    (
+        "fmi2Discard",
+        "A value was not taken (not finite, outside a parameter's range, no UTF-8): the value before stands, try \
+         another. From fmi2DoStep: the step was not made; restore an FMU state and step differently.",
+    ),
+    (
+        "fmi2Error",
+        "The call was wrong (order, reference, type, pointer, communication point) and has changed nothing, or the \
+         model failed: then call fmi2Reset or restore an FMU state. The message says which, and what to do.",
+    ),
+];
+
+/// Adds `documentation/` to a package: `index.html`, our licence, and the licences of linked crates.
+///
+/// # Errors
+/// If a licence file cannot be read.
+pub fn document(
+    package: &mut Package,
+    declaration: &Declaration,
+    requirements: &str,
+    own_license: &Path,
+    linked: &[Dependency],
+) -> Result<(), PackageError> {
+    package.add("documentation/index.html", index(declaration, requirements, linked))?;
+    package.add_file("documentation/licenses/LICENSE.txt", own_license)?;
+    for dependency in linked {
+        for file in &dependency.files {
+            let name = file.file_name().unwrap_or_default().to_string_lossy();
+            let folder = format!("documentation/licenses/{}-{}", dependency.name, dependency.version);
+            package.add_file(format!("{folder}/{name}"), file)?;
+        }
+    }
+    Ok(())
+}
+
+fn index(declaration: &Declaration, requirements: &str, linked: &[Dependency]) -> String {
+    let mut html = Xml::fragment();
+    html.open("html", Attributes::new().with("lang", "en"));
+    html.open("head", Attributes::new());
+    html.empty("meta", Attributes::new().with("charset", "utf-8"));
+    html.text("title", declaration.name);
+    html.text("style", STYLE);
+    html.close();
+    html.open("body", Attributes::new());
+    html.text("h1", declaration.name);
+    html.text("p", declaration.description);
+    html.text(
+        "p",
+        "An FMI 2.0 unit for co-simulation. SI units and radians; ISO 8855 axes (x forward, y left, z up); steering \
+         and yaw are positive to the left.",
+    );
+    html.text("p", &format!("On Linux (x86-64) the library {requirements}."));
+
+    html.text("h2", "Use");
+    html.text("p", "In Python with FMPy:");
+    let experiment = &declaration.experiment;
+    html.text(
+        "pre",
+        &format!(
+            "from fmpy import simulate_fmu\nresult = simulate_fmu(\"{}.fmu\", stop_time={}, output_interval={})",
+            declaration.name, experiment.stop_time, experiment.step_size
+        ),
+    );
+    html.text(
+        "p",
+        "Any communication step is allowed and may vary; inputs hold over a step, outputs change at its end. \
+         Parameters that name files take an absolute path or a file in resources/; a parameter that the host sets \
+         wins over the file's. FMU states can be stored, restored and serialised at any time. Any number of \
+         instances may run, each on any thread. The library uses its own memory, never the host's callbacks.",
+    );
+
+    html.text("h2", "Variables");
+    for (title, wanted) in
+        [("Inputs", Causality::Input), ("Outputs", Causality::Output), ("Parameters", Causality::Parameter)]
+    {
+        let chosen: Vec<_> =
+            declaration.variables.iter().filter(|variable| variable.causality == wanted).collect();
+        if !chosen.is_empty() {
+            html.text("h3", title);
+            variables(&mut html, &chosen);
+        }
+    }
+
+    html.text("h2", "Status codes");
+    table(
+        &mut html,
+        &["status", "meaning"],
+        STATUSES.map(|(status, meaning)| vec![status.into(), meaning.into()]),
+    );
+
+    html.text("h2", "Log categories");
+    let categories = rfl_mpc::fmi::logger::STANDARD_CATEGORIES.iter().chain(declaration.log_categories);
+    let rows = categories.map(|category| vec![category.name.to_owned(), category.description.to_owned()]);
+    table(&mut html, &["category", "what it tells"], rows);
+    html.text("p", "Messages of a warning or worse are always told.");
+
+    html.text("h2", "Licences");
+    let ours = concat!("This FMU: ", env!("CARGO_PKG_LICENSE"), ", ", env!("CARGO_PKG_AUTHORS"));
+    html.text("p", &format!("{ours}; the text is in licenses/LICENSE.txt. These libraries are linked in:"));
+    let rows = linked.iter().map(|dependency| {
+        vec![
+            dependency.name.clone(),
+            dependency.version.clone(),
+            dependency.license.clone(),
+            dependency.repository.clone(),
+        ]
+    });
+    table(&mut html, &["library", "version", "licence", "source"], rows);
+    html.close();
+    html.close();
+    format!("<!DOCTYPE html>\n{}", html.finish())
+}
+
+fn variables(html: &mut Xml, variables: &[&Variable]) {
+    let rows = variables.iter().map(|variable| {
+        let (unit, start, range) = columns(variable);
+        let start = if variable.initial == Initial::Exact { start } else { String::new() };
+        let kind = format!("{} {}", variability(variable), causality(variable));
+        vec![variable.name.to_string(), unit, start, range, kind, variable.description.to_string()]
+    });
+    table(html, &["name", "unit or type", "start", "range", "kind", "meaning"], rows);
+}
+
+/// Unit or type, start value, and range of a variable.
+fn columns(variable: &Variable) -> (String, String, String) {
+    let range = |low: Option<String>, high: Option<String>| match (low, high) {
+        (None, None) => String::new(),
+        (low, high) => format!("{} … {}", low.unwrap_or_default(), high.unwrap_or_default()),
+    };
+    match &variable.kind {
+        Kind::Real { unit, start, min, max, .. } => (
+            unit.symbol.to_owned(),
+            start.to_string(),
+            range(min.map(|min| min.to_string()), max.map(|max| max.to_string())),
+        ),
+        Kind::Integer { start, min, max } => (
+            "integer".to_owned(),
+            start.to_string(),
+            range(min.map(|min| min.to_string()), max.map(|max| max.to_string())),
+        ),
+        Kind::Boolean { start } => ("boolean".to_owned(), start.to_string(), String::new()),
+        Kind::String { start } => ("text".to_owned(), start.to_string(), String::new()),
+        Kind::Enumeration { items, start, .. } => {
+            let items: Vec<_> =
+                items.iter().map(|(value, name, meaning)| format!("{value} {name}: {meaning}")).collect();
+            ("enumeration".to_owned(), start.to_string(), items.join("; "))
+        }
+    }
+}
+
+fn table(html: &mut Xml, titles: &[&str], rows: impl IntoIterator<Item = Vec<String>>) {
+    html.open("table", Attributes::new());
+    html.open("tr", Attributes::new());
+    for title in titles {
+        html.text("th", title);
+    }
+    html.close();
+    for row in rows {
+        html.open("tr", Attributes::new());
+        for cell in row {
+            html.text("td", &cell);
+        }
+        html.close();
+    }
+    html.close();
+}

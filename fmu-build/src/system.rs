@@ -1,0 +1,297 @@
+//! A system of FMUs as an SSP archive (System Structure and Parameterization 1.0).
+//!
+//! Components are connected by name: an output of one feeds the input of the same name of another. Masters that
+//! step components one after the other follow their order here, so the plant comes first.
+//!
+//! Hosts differ in what they read: libcosim and ecos match prefixes literally (`ssd:`, `ssc:`, `ssv:`) and want
+//! parameters inside the component; libcosim takes its step from an OSP annotation; fmpy takes parameters from an
+//! `.ssv` file with names `COMPONENT.PARAMETER`, and no step at all.
+
+use crate::xml::{Attributes, Xml};
+use rfl_mpc::fmi::{Causality, Declaration, DefaultExperiment, Kind, Value, Variable};
+
+/// A parameter's value for one component.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Setting {
+    component: usize,
+    name: String,
+    value: Value,
+}
+
+impl Setting {
+    /// The element of a parameter set, and the value in it.
+    fn element(&self) -> (&'static str, String) {
+        match &self.value {
+            Value::Real(value) => ("ssv:Real", value.to_string()),
+            // Hosts set enumerations as integers.
+            Value::Integer(value) => ("ssv:Integer", value.to_string()),
+            Value::Boolean(value) => ("ssv:Boolean", value.to_string()),
+            Value::String(value) => ("ssv:String", value.clone()),
+        }
+    }
+}
+
+/// Why a setting cannot be used.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum SettingError {
+    #[error("`{0}` is no setting: write COMPONENT.PARAMETER=VALUE, e.g. PassengerCar.vehicle.mass=1500")]
+    Form(String),
+    #[error("there is no component of which `{name}` is a parameter; components: {components}")]
+    Unknown { name: String, components: String },
+    #[error("`{name}` is {wanted}, which `{value}` is not")]
+    Value { name: String, value: String, wanted: String },
+}
+
+/// An output that feeds an input; components are indices in their system.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(missing_docs)]
+pub struct Connection<'a> {
+    pub source: usize,
+    pub output: &'a Variable,
+    pub target: usize,
+    pub input: &'a Variable,
+}
+
+/// A system of components.
+#[derive(Debug)]
+pub struct System {
+    name: String,
+    components: Vec<Declaration>,
+    settings: Vec<Setting>,
+}
+
+impl System {
+    /// A system of these components, connected by name.
+    #[must_use]
+    pub fn new(name: &str, components: Vec<Declaration>) -> Self {
+        Self { name: name.to_owned(), components, settings: Vec::new() }
+    }
+
+    /// Sets a parameter, as `COMPONENT.PARAMETER=VALUE`.
+    ///
+    /// # Errors
+    /// If there is no such parameter, or the value is not of its type and range.
+    pub fn set(&mut self, text: &str) -> Result<(), SettingError> {
+        let (name, value) = text.split_once('=').ok_or_else(|| SettingError::Form(text.to_owned()))?;
+        let (name, value) = (name.trim(), value.trim());
+        let found = self.components.iter().enumerate().find_map(|(i, component)| {
+            let parameter = name.strip_prefix(component.name)?.strip_prefix('.')?;
+            let variable = &component.variables[component.find(parameter)?];
+            (variable.causality == Causality::Parameter).then_some((i, variable))
+        });
+        let (component, variable) = found.ok_or_else(|| {
+            let components: Vec<_> = self.components.iter().map(|component| component.name).collect();
+            SettingError::Unknown { name: name.to_owned(), components: components.join(", ") }
+        })?;
+        let value = typed(variable, value).map_err(|wanted| SettingError::Value {
+            name: name.to_owned(),
+            value: value.to_owned(),
+            wanted,
+        })?;
+        let name = variable.name.to_string();
+        self.settings.retain(|setting| (setting.component, &setting.name) != (component, &name));
+        self.settings.push(Setting { component, name, value });
+        Ok(())
+    }
+
+    /// The values that were set for a component, by parameter.
+    pub fn settings_of<'a>(&'a self, component: &'a str) -> impl Iterator<Item = (&'a str, &'a Value)> {
+        let of = move |setting: &&Setting| self.components[setting.component].name == component;
+        self.settings.iter().filter(of).map(|setting| (setting.name.as_str(), &setting.value))
+    }
+
+    /// What is connected.
+    #[must_use]
+    pub fn connections(&self) -> Vec<Connection<'_>> {
+        let mut connections = Vec::new();
+        for (target, component) in self.components.iter().enumerate() {
+            for input in component.variables.iter().filter(|variable| variable.causality == Causality::Input)
+            {
+                let source = self.components.iter().enumerate().find_map(|(source, other)| {
+                    let output = &other.variables[other.find(&input.name)?];
+                    (source != target && output.causality == Causality::Output).then_some((source, output))
+                });
+                connections.extend(source.map(|(source, output)| Connection {
+                    source,
+                    output,
+                    target,
+                    input,
+                }));
+            }
+        }
+        connections
+    }
+
+    /// The longest run and the shortest step among the components' default experiments.
+    fn experiment(&self) -> DefaultExperiment {
+        let all = self.components.iter().map(|component| component.experiment);
+        all.reduce(|a, b| DefaultExperiment {
+            start_time: a.start_time.min(b.start_time),
+            stop_time: a.stop_time.max(b.stop_time),
+            tolerance: a.tolerance.min(b.tolerance),
+            step_size: a.step_size.min(b.step_size),
+        })
+        .unwrap_or(DefaultExperiment {
+            start_time: 0.0,
+            stop_time: 1.0,
+            tolerance: 1e-6,
+            step_size: 0.01,
+        })
+    }
+
+    /// `SystemStructure.ssd`; FMUs are in `resources/NAME.fmu`.
+    #[must_use]
+    pub fn structure(&self) -> String {
+        let mut xml = Xml::new();
+        xml.open(
+            "ssd:SystemStructureDescription",
+            Attributes::new()
+                .with("xmlns:ssc", "http://ssp-standard.org/SSP1/SystemStructureCommon")
+                .with("xmlns:ssd", "http://ssp-standard.org/SSP1/SystemStructureDescription")
+                .with("xmlns:ssv", "http://ssp-standard.org/SSP1/SystemStructureParameterValues")
+                .with("xmlns:osp", "http://opensimulationplatform.com/SSP/OSPAnnotations")
+                .with("version", "1.0")
+                .with("name", &self.name)
+                .with("generationTool", concat!("fmu-build ", env!("CARGO_PKG_VERSION"))),
+        );
+        xml.open("ssd:System", Attributes::new().with("name", &self.name));
+        xml.open("ssd:Elements", Attributes::new());
+        for component in 0..self.components.len() {
+            self.component(&mut xml, component);
+        }
+        xml.close();
+        let connections = self.connections();
+        if !connections.is_empty() {
+            xml.open("ssd:Connections", Attributes::new());
+            for Connection { source, output, target, input } in connections {
+                xml.empty(
+                    "ssd:Connection",
+                    Attributes::new()
+                        .with("startElement", self.components[source].name)
+                        .with("startConnector", &output.name)
+                        .with("endElement", self.components[target].name)
+                        .with("endConnector", &input.name),
+                );
+            }
+            xml.close();
+        }
+        xml.close();
+        let experiment = self.experiment();
+        let times = Attributes::new().with("startTime", experiment.start_time);
+        xml.open("ssd:DefaultExperiment", times.with("stopTime", experiment.stop_time));
+        xml.open("ssd:Annotations", Attributes::new());
+        xml.open("ssc:Annotation", Attributes::new().with("type", "com.opensimulationplatform"));
+        xml.open("osp:Algorithm", Attributes::new());
+        xml.empty("osp:FixedStepAlgorithm", Attributes::new().with("baseStepSize", experiment.step_size));
+        for _ in 0..5 {
+            xml.close();
+        }
+        xml.finish()
+    }
+
+    /// One component with the connectors that are connected, and all outputs, which a user may want to record.
+    fn component(&self, xml: &mut Xml, index: usize) {
+        let component = &self.components[index];
+        xml.open(
+            "ssd:Component",
+            Attributes::new()
+                .with("name", component.name)
+                .with("type", "application/x-fmu-sharedlibrary")
+                .with("source", format!("resources/{}.fmu", component.name)),
+        );
+        xml.open("ssd:Connectors", Attributes::new());
+        let connections = self.connections();
+        let into = connections.iter().filter(|connection| connection.target == index);
+        let connected: Vec<&Variable> = into.map(|connection| connection.input).collect();
+        for variable in &component.variables {
+            let kind = match variable.causality {
+                Causality::Input if connected.contains(&variable) => "input",
+                Causality::Output if !matches!(variable.kind, Kind::String { .. }) => "output",
+                _ => continue,
+            };
+            xml.open("ssd:Connector", Attributes::new().with("name", &variable.name).with("kind", kind));
+            match &variable.kind {
+                Kind::Real { unit, .. } => xml.empty("ssc:Real", Attributes::new().with("unit", unit.symbol)),
+                Kind::Boolean { .. } => xml.empty("ssc:Boolean", Attributes::new()),
+                // Hosts connect enumerations as integers; an enumeration would want a definition here.
+                _ => xml.empty("ssc:Integer", Attributes::new()),
+            }
+            xml.close();
+        }
+        xml.close();
+        let settings: Vec<_> = self.settings.iter().filter(|setting| setting.component == index).collect();
+        if !settings.is_empty() {
+            xml.open("ssd:ParameterBindings", Attributes::new());
+            xml.open("ssd:ParameterBinding", Attributes::new());
+            xml.open("ssd:ParameterValues", Attributes::new());
+            parameter_set(
+                xml,
+                component.name,
+                settings.into_iter().map(|setting| (setting.name.clone(), setting)),
+            );
+            xml.close();
+            xml.close();
+            xml.close();
+        }
+        xml.close();
+    }
+
+    /// All settings as an `.ssv` document, for hosts that take parameters apart; `None` if there is none.
+    #[must_use]
+    pub fn parameters(&self) -> Option<String> {
+        if self.settings.is_empty() {
+            return None;
+        }
+        let mut xml = Xml::new();
+        let full =
+            |setting: &Setting| format!("{}.{}", self.components[setting.component].name, setting.name);
+        parameter_set(&mut xml, &self.name, self.settings.iter().map(|setting| (full(setting), setting)));
+        Some(xml.finish())
+    }
+}
+
+fn parameter_set<'a>(xml: &mut Xml, name: &str, settings: impl Iterator<Item = (String, &'a Setting)>) {
+    xml.open(
+        "ssv:ParameterSet",
+        Attributes::new()
+            .with("xmlns:ssv", "http://ssp-standard.org/SSP1/SystemStructureParameterValues")
+            .with("version", "1.0")
+            .with("name", name),
+    );
+    xml.open("ssv:Parameters", Attributes::new());
+    for (name, setting) in settings {
+        xml.open("ssv:Parameter", Attributes::new().with("name", name));
+        let (element, value) = setting.element();
+        xml.empty(element, Attributes::new().with("value", value));
+        xml.close();
+    }
+    xml.close();
+    xml.close();
+}
+
+/// The value that a text is for a variable; or what was wanted.
+fn typed(variable: &Variable, text: &str) -> Result<Value, String> {
+    match &variable.kind {
+        Kind::Real { min, max, .. } => {
+            let (low, high) = (min.unwrap_or(f64::NEG_INFINITY), max.unwrap_or(f64::INFINITY));
+            let value =
+                text.parse::<f64>().ok().filter(|value| value.is_finite() && (low..=high).contains(value));
+            value.map(Value::Real).ok_or(format!("a number in [{low}, {high}]"))
+        }
+        Kind::Integer { min, max, .. } => {
+            let (low, high) = (min.unwrap_or(i32::MIN), max.unwrap_or(i32::MAX));
+            let value = text.parse::<i32>().ok().filter(|value| (low..=high).contains(value));
+            value.map(Value::Integer).ok_or(format!("an integer in [{low}, {high}]"))
+        }
+        Kind::Boolean { .. } => {
+            text.parse::<bool>().map(Value::Boolean).map_err(|_| "true or false".to_owned())
+        }
+        Kind::String { .. } => Ok(Value::String(text.to_owned())),
+        Kind::Enumeration { items, .. } => {
+            let found = items.iter().find(|(value, name, _)| *name == text || value.to_string() == text);
+            let names: Vec<_> = items.iter().map(|item| item.1).collect();
+            found.map(|item| Value::Integer(item.0)).ok_or(format!("one of {}", names.join(", ")))
+        }
+    }
+}

@@ -1,0 +1,364 @@
+#!/usr/bin/env python3
+"""Drives a car FMU with a controller FMU in fmpy: the co-simulation master to copy and change.
+
+    scripts/closed_loop.py --path road.csv --vehicle car.toml --duration 60 --log drive.csv
+
+Master algorithm, with a fixed communication step h and t_k = k h. Gauss-Seidel (default): the controller steps
+first, and the car gets its answer at the same communication point:
+
+    read the car's state x_k
+    controller: set x_k, step from t_k to t_k + h, read the command u_k
+    car:        set u_k, step from t_k to t_k + h
+
+so the loop has no delay beyond the controller's sampling. Jacobi (`--jacobi`), what most tools do: both step on the
+other's outputs at t_k, so the car gets u_{k-1}, one communication step late.
+
+A row of the log is what is true at t_k: the car's state, and the command that holds from t_k to t_k + h.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import ctypes
+import sys
+import time
+from contextlib import ExitStack, closing
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from pathlib import Path
+
+import fmpy
+import fmpy.fmi2
+import fmpy.logging
+import numpy as np
+from fmpy.fmi1 import FMICallException
+
+FMUS = Path(__file__).resolve().parent.parent / "target" / "fmu"
+STEP = 0.02  # s, the controller's sampling time
+LIMIT = 1800.0  # s, a drive that has not finished by then is given up
+
+
+class Unit:
+    """One instance of a co-simulation FMU, with reads and writes of many reals in one call.
+
+    fmpy's getReal builds its arrays anew at each call; here they are made once. What the FMU logs is kept in
+    `messages` as (status, category, text).
+    """
+
+    def __init__(self, file: Path, name: str, resources: Path | None = None) -> None:
+        if not Path(file).is_file():
+            raise FileNotFoundError(f"no FMU at {file}: build it with scripts/build-fmus")
+        self.description = fmpy.read_model_description(str(file))
+        self.variables = {v.name: v for v in self.description.modelVariables}
+        self.messages: list[tuple[int, str, str]] = []
+        self._folder = resources is None and fmpy.extract(str(file))
+        self.fmu = fmpy.fmi2.FMU2Slave(
+            guid=self.description.guid,
+            unzipDirectory=str(resources or self._folder),
+            modelIdentifier=self.description.coSimulation.modelIdentifier,
+            instanceName=name,
+        )
+        self.fmu.instantiate(callbacks=self._callbacks())
+        self._step = self.fmu.dll.fmi2DoStep
+        self._component = ctypes.c_void_p(self.fmu.component)
+
+    def _callbacks(self) -> fmpy.fmi2.fmi2CallbackFunctions:
+        def logger(_environment, _instance, status, category, message):
+            texts = (text.decode("utf-8", "replace") if text else "" for text in (category, message))
+            self.messages.append((status, *texts))
+
+        callbacks = fmpy.fmi2.fmi2CallbackFunctions()
+        callbacks.logger = fmpy.fmi2.fmi2CallbackLoggerTYPE(logger)
+        callbacks.allocateMemory = fmpy.fmi2.fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
+        callbacks.freeMemory = fmpy.fmi2.fmi2CallbackFreeMemoryTYPE(fmpy.free)
+        fmpy.logging.addLoggerProxy(ctypes.byref(callbacks))  # expands printf-style messages
+        return callbacks
+
+    def names(self, causality: str, kind: str | None = None) -> list[str]:
+        """Names of the variables of a causality, in the description's order."""
+        return [n for n, v in self.variables.items() if v.causality == causality and kind in (None, v.type)]
+
+    def set(self, name: str, value: float | int | bool | str) -> None:
+        """Sets one variable of any type; text is converted to the variable's type."""
+        variable = self.variables[name]
+        kind = "Integer" if variable.type == "Enumeration" else variable.type
+        if kind == "Boolean" and isinstance(value, str):
+            value = value.lower() in ("1", "true", "yes", "on")
+        try:
+            value = {"Real": float, "Integer": int, "Boolean": bool, "String": str}[kind](value)
+        except ValueError as error:
+            raise ValueError(f"{name} is a {kind.lower()}: '{value}' cannot be set") from error
+        self._checked(lambda: getattr(self.fmu, f"set{kind}")([variable.valueReference], [value]), f"setting {name}")
+
+    def get(self, name: str) -> float | int | bool | str:
+        """Reads one variable of any type."""
+        variable = self.variables[name]
+        kind = "Integer" if variable.type == "Enumeration" else variable.type
+        value = getattr(self.fmu, f"get{kind}")([variable.valueReference])[0]
+        return bool(value) if kind == "Boolean" else value.decode() if kind == "String" else value
+
+    def initialize(self, start_time: float = 0.0) -> None:
+        """From instantiated to ready for the first step."""
+        for call in (
+            lambda: self.fmu.setupExperiment(startTime=start_time),
+            self.fmu.enterInitializationMode,
+            self.fmu.exitInitializationMode,
+        ):
+            self._checked(call, "initialisation")
+
+    def reader(self, names: list[str]):
+        """A function that reads these variables (reals, integers, booleans) into one array of floats."""
+        values = np.zeros(len(names))
+        parts = []
+        for kind, c_type in (("Real", ctypes.c_double), ("Integer", ctypes.c_int), ("Boolean", ctypes.c_int)):
+            kinds = (kind, "Enumeration") if kind == "Integer" else (kind,)
+            where = [i for i, name in enumerate(names) if self.variables[name].type in kinds]
+            if where:
+                function = getattr(self.fmu.dll, f"fmi2Get{kind}")
+                references, buffer = self._arrays([names[i] for i in where], c_type)
+                parts.append((function, references, len(where), buffer, where))
+
+        def read() -> np.ndarray:
+            for function, references, count, buffer, where in parts:
+                self._check(function(self._component, references, count, buffer), "reading")
+                values[where] = buffer
+            return values
+
+        return read
+
+    def writer(self, names: list[str]):
+        """A function that sets these real variables from an array."""
+        references, buffer = self._arrays(names, ctypes.c_double)
+        function, count = self.fmu.dll.fmi2SetReal, len(names)
+
+        def write(values) -> None:
+            buffer[:] = values
+            self._check(function(self._component, references, count, buffer), "setting inputs")
+
+        return write
+
+    def step(self, at: float, length: float) -> None:
+        """Advances from time `at` by `length`."""
+        self._check(self._step(self._component, at, length, 1), f"the step at t = {at:.3f} s")
+
+    def close(self) -> None:
+        """Frees the instance and what was unpacked."""
+        self.fmu.freeInstance()
+        if self._folder:
+            import shutil
+
+            shutil.rmtree(self._folder, ignore_errors=True)
+
+    def _arrays(self, names: list[str], c_type):
+        references = [self.variables[name].valueReference for name in names]
+        return (ctypes.c_uint * len(names))(*references), (c_type * len(names))()
+
+    def _checked(self, call, what: str) -> None:
+        try:
+            call()
+        except FMICallException as error:
+            raise RuntimeError(self._explain(what, error.status)) from error
+
+    def _check(self, status: int, what: str) -> None:
+        if status > 1:  # fmi2OK = 0, fmi2Warning = 1
+            raise RuntimeError(self._explain(what, status))
+
+    def _explain(self, what: str, status: int | None) -> str:
+        said = "; ".join(text for level, _, text in self.messages[-3:] if level > 1)
+        names = {2: "fmi2Discard", 3: "fmi2Error", 4: "fmi2Fatal"}
+        return f"{self.description.modelName}: {what} failed ({names.get(status, status)}): {said or 'no message'}"
+
+
+@dataclass
+class Drive:
+    """What a drive gave: its columns by name, and how long it took."""
+
+    columns: dict[str, np.ndarray]
+    step: float  # s, communication step
+    wall: float  # s, duration of the loop on the clock
+    finished: bool  # the end of the path was reached, or one lap of a closed one
+    messages: list[str] = field(default_factory=list)
+
+    def write_csv(self, file: Path) -> None:
+        """Writes a drive log; numbers keep all their digits."""
+        with open(file, "w", newline="", encoding="utf-8") as out:
+            writer = csv.writer(out, lineterminator="\n")
+            writer.writerow(self.columns)
+            writer.writerows(zip(*(map(repr, column.tolist()) for column in self.columns.values())))
+
+
+def columns_of(unit: Unit) -> list[str]:
+    """The outputs that a log holds: signals of the vocabulary, without details such as `predicted.e1[3]`."""
+    keep = ("qp.iterations",)
+    kinds = ("Real", "Integer", "Enumeration", "Boolean")
+    return [
+        name
+        for name in unit.names("output")
+        if (name in keep or not set(name) & set(".[")) and unit.variables[name].type in kinds
+    ]
+
+
+def drive(
+    path: Path | str | None = None,
+    vehicle: Path | str | None = None,
+    *,
+    duration: float | None = None,
+    step: float = STEP,
+    jacobi: bool = False,
+    settings: dict[str, object] | None = None,
+    controller_fmu: Path = FMUS / "RflMpc.fmu",
+    car_fmu: Path = FMUS / "PassengerCar.fmu",
+    progress=lambda share, row: None,
+) -> Drive:
+    """Drives along `path` until it is finished, or for `duration` seconds, from the start that the controller names.
+
+    Without `path` and `vehicle` the FMUs take those that they carry; `vehicle` may be a built-in name, too.
+    `settings` are parameters by name, for each FMU that has them (`car.NAME`, `controller.NAME`: for one only).
+    `progress(share of the drive, row of the log by names)` is called twice in a simulated second.
+    """
+    with ExitStack() as stack:
+        controller = stack.enter_context(closing(Unit(controller_fmu, "controller")))
+        car = stack.enter_context(closing(Unit(car_fmu, "car")))
+        units = {"controller": controller, "car": car}
+        parameters: dict[str, object] = {}
+        if path is not None:
+            parameters |= dict.fromkeys(("controller.path_file", "car.road_file"), str(Path(path).resolve()))
+        if vehicle is not None:
+            parameters["vehicle_file"] = str(Path(vehicle).resolve() if Path(vehicle).is_file() else vehicle)
+        given = []
+        for key, value in (parameters | (settings or {})).items():
+            unit, _, rest = key.partition(".")
+            targets, name = ([units[unit]], rest) if unit in units else (list(units.values()), key)
+            owners = [target for target in targets if name in target.variables]
+            if not owners:
+                near = get_close_matches(name, sorted({n for t in targets for n in t.names("parameter")}), cutoff=0.5)
+                raise ValueError(f"no variable '{key}'" + (f"; there is {', '.join(near)}" if near else ""))
+            for owner in owners:
+                owner.set(name, value)
+            given.append(name)
+
+        controller.initialize()
+        for name, start in {"x": "x", "y": "y", "yaw": "yaw", "vx": "speed"}.items():
+            if f"initial.{name}" not in given:
+                car.set(f"initial.{name}", controller.get(f"start.{start}"))
+        car.initialize()
+        return _loop(controller, car, duration, step, jacobi, progress)
+
+
+def _loop(controller: Unit, car: Unit, duration: float | None, step: float, jacobi: bool, progress) -> Drive:
+    car_names, controller_names = columns_of(car), columns_of(controller)
+    to_controller = [name for name in controller.names("input") if name in car_names]
+    to_car = [name for name in car.names("input") if name in controller_names]
+    answers = to_car + [name for name in controller_names if name not in to_car]
+    # A name that both have (`status`) is the controller's; the car's gets its owner's name.
+    names = ["time", *to_car, *(f"car.{n}" if n in answers else n for n in car_names), *answers[len(to_car) :]]
+
+    read_car, read_controller = car.reader(car_names), controller.reader(answers)
+    write_car, write_controller = car.writer(to_car), controller.writer(to_controller)
+    measured = [car_names.index(name) for name in to_controller]
+    commands = len(to_car)
+    finished_at, station_at = answers.index("finished"), answers.index("station")
+    length = controller.get("path.length")
+
+    count = max(1, round((LIMIT if duration is None else duration) / step))
+    rows = np.empty((count, len(names)))
+    every = max(1, round(0.5 / step))
+    begin = time.perf_counter()
+    for k in range(count):
+        now = k * step
+        state = read_car()
+        answer = read_controller() if jacobi else None
+        write_controller(state[measured])
+        if not jacobi:
+            controller.step(now, step)
+            answer = read_controller()
+        rows[k, 0] = now
+        rows[k, 1 : commands + 1] = answer[:commands]
+        rows[k, commands + 1 : -len(answer) + commands] = state
+        rows[k, -len(answer) + commands :] = answer[commands:]
+        if k % every == 0:
+            progress(max(now / duration if duration else 0.0, answer[station_at] / length), dict(zip(names, rows[k])))
+        if answer[finished_at]:
+            break
+        write_car(answer[:commands])
+        if jacobi:
+            controller.step(now, step)
+        car.step(now, step)
+    wall = time.perf_counter() - begin
+    messages = [f"{unit.fmu.instanceName}: {text}" for unit in (controller, car) for _, _, text in unit.messages]
+    return Drive(dict(zip(names, rows[: k + 1].T.copy())), step, wall, bool(answer[finished_at]), messages)
+
+
+class Progress:
+    """A bar on a terminal, a line per quarter elsewhere."""
+
+    def __init__(self, title: str) -> None:
+        self.title = title
+        self.live = sys.stderr.isatty()
+        self.quarters = 0
+
+    def __call__(self, share: float, row: dict[str, float]) -> None:
+        share = min(1.0, max(0.0, share))
+        if self.live:
+            bar = f"[{'#' * round(30 * share):<30}] {100 * share:3.0f} %"
+            text = f"{self.title:<18} {bar}  t {row['time']:6.1f} s  e1 {row['e1']:+.3f} m"
+            print(f"\r{text}", end="", file=sys.stderr, flush=True)
+        elif share >= (self.quarters + 1) / 4:
+            self.quarters = int(4 * share)
+            print(f"{self.title}: {25 * self.quarters} %", file=sys.stderr, flush=True)
+
+    def close(self) -> None:
+        """Clears the bar."""
+        if self.live:
+            print("\r" + " " * 100 + "\r", end="", file=sys.stderr, flush=True)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--path", type=Path, help="road to drive, a CSV with x and y (default: the FMUs' own)")
+    parser.add_argument("--vehicle", help="car to drive, a TOML file or a built-in name (default: the FMUs' own)")
+    parser.add_argument("--duration", type=float, help="seconds to drive (default: until the road is finished)")
+    parser.add_argument("--step", type=float, default=STEP, help="communication step in seconds (default: %(default)s)")
+    parser.add_argument("--log", type=Path, help="file for the drive log, a CSV")
+    parser.add_argument("--jacobi", action="store_true", help="one step of delay, as most tools' masters have")
+    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="a parameter; repeatable")
+    parser.add_argument("--fmus", type=Path, default=FMUS, help="folder of the FMUs (default: %(default)s)")
+    options = parser.parse_args()
+    if bad := [text for text in options.set if "=" not in text]:
+        parser.error(f"--set wants NAME=VALUE, not '{bad[0]}'")
+
+    progress = Progress(options.path.stem if options.path else "drive")
+    try:
+        result = drive(
+            options.path,
+            options.vehicle,
+            duration=options.duration,
+            step=options.step,
+            jacobi=options.jacobi,
+            settings=dict(text.split("=", 1) for text in options.set),
+            controller_fmu=options.fmus / "RflMpc.fmu",
+            car_fmu=options.fmus / "PassengerCar.fmu",
+            progress=progress,
+        )
+    except (RuntimeError, ValueError, OSError) as error:
+        progress.close()
+        print(f"closed_loop: {error}", file=sys.stderr)
+        return 1
+    progress.close()
+    for message in result.messages:
+        print(message, file=sys.stderr)
+    if options.log:
+        options.log.parent.mkdir(parents=True, exist_ok=True)
+        result.write_csv(options.log)
+    e1 = np.abs(result.columns["e1"])
+    end = "road finished" if result.finished else "stopped before the road's end"
+    print(
+        f"{result.columns['time'][-1]:.2f} s driven in {result.wall:.2f} s, {end}; "
+        f"lateral error: mean {e1.mean():.4f} m, max {e1.max():.4f} m"
+    )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,158 @@
+"""Drives the demo's roads with the FMUs, prints the table, writes results and a page to look at."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import demo_page
+import numpy as np
+from closed_loop import FMUS, STEP, Drive, Progress, drive
+
+ROOT = Path(__file__).resolve().parent.parent
+ROUTES = {
+    "sudoku_test": ROOT / "paths" / "sudoku_test.csv",
+    "hairpin_circuit": ROOT / "paths" / "hairpin_circuit.csv",
+}
+# A real circuit that is not part of the project (racetrack-database, LGPL-3.0): driven where it is.
+OPTIONAL_ROUTES = {"norisring": ROOT.parent / "shared" / "data" / "paths" / "tum_Norisring.csv"}
+
+
+@dataclass
+class Route:
+    """A road, how it was driven, and the figures of the table."""
+
+    name: str
+    file: Path
+    drive: Drive
+
+    @property
+    def error(self) -> dict[str, float]:
+        """Lateral error over all steps from the start: mean absolute, root mean square, largest; in metres."""
+        e1 = self.drive.columns["e1"]
+        return {
+            "mae": float(np.abs(e1).mean()),
+            "rmse": float(np.sqrt((e1**2).mean())),
+            "max": float(np.abs(e1).max()),
+        }
+
+    @property
+    def time(self) -> float:
+        """Seconds driven."""
+        return float(self.drive.columns["time"][-1])
+
+    @property
+    def outcome(self) -> str:
+        """Whether the road was driven to its end."""
+        return "completed" if self.drive.finished else "not completed"
+
+
+def results(routes: list[Route]) -> dict:
+    """The contents of results.json: figures of each route, and of all controller steps together."""
+    step = np.concatenate([route.drive.columns["compute_time"] for route in routes])
+    return {
+        "routes": {route.name: route.error for route in routes},
+        "step": {
+            "mean_s": float(step.mean()),
+            "p99_s": float(np.percentile(step, 99)),
+            "max_s": float(step.max()),
+            "missed": int((step > STEP).sum()),
+        },
+        "real_time_factor": sum(route.time for route in routes) / sum(route.drive.wall for route in routes),
+    }
+
+
+def table(routes: list[Route], result: dict) -> str:
+    """The table that the demo ends with."""
+    width = max(len("route"), *(len(route.name) for route in routes))
+    lines = [
+        f"{'':<{width}}    driven   in time                  lateral error",
+        f"{'route':<{width}}       [m]       [s]  end             mean    RMSE     max  [m]",
+    ]
+    for route in routes:
+        error = result["routes"][route.name]
+        length = float(np.ptp(route.drive.columns["station"]))
+        lines.append(
+            f"{route.name:<{width}}  {length:8.0f}  {route.time:8.1f}  {route.outcome:<13}"
+            f"{error['mae']:7.4f} {error['rmse']:7.4f} {error['max']:7.4f}"
+        )
+    step = result["step"]
+    count = sum(len(route.drive.columns["time"]) for route in routes)
+    lines += [
+        "",
+        f"controller step: mean {1e3 * step['mean_s']:.3f} ms, p99 {1e3 * step['p99_s']:.3f} ms, "
+        f"max {1e3 * step['max_s']:.3f} ms; missed deadlines: {step['missed']} of {count} "
+        f"(Ts = {1e3 * STEP:.0f} ms)",
+        f"real-time factor: {result['real_time_factor']:.0f} (controller and car in fmpy, one process)",
+    ]
+    return "\n".join(lines)
+
+
+def choose(options: argparse.Namespace) -> dict[str, Path]:
+    """The roads to drive; says which are left out and why."""
+    if options.path:
+        return {file.stem: file for file in options.path}
+    routes = dict(ROUTES)
+    for name, file in OPTIONAL_ROUTES.items():
+        if file.is_file():
+            routes[name] = file
+        else:
+            print(f"{name}: skipped, its file is not here; any road can be driven with --path FILE")
+    return routes
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="scripts/demo", description=__doc__)
+    parser.add_argument("--path", type=Path, action="append", metavar="FILE", help="a road of your own; repeatable")
+    parser.add_argument("--vehicle", metavar="FILE", help="a car of your own, or a built-in name (see vehicles/)")
+    parser.add_argument("--duration", type=float, metavar="S", help="stop each drive after so many seconds")
+    parser.add_argument("--out", type=Path, default=ROOT / "out" / "demo", help="folder for results (out/demo)")
+    parser.add_argument("--fmus", type=Path, default=FMUS, help="folder of the FMUs (target/fmu)")
+    options = parser.parse_args()
+
+    routes = []
+    for name, file in choose(options).items():
+        progress = Progress(name)
+        try:
+            driven = drive(
+                file,
+                options.vehicle,
+                duration=options.duration,
+                controller_fmu=options.fmus / "RflMpc.fmu",
+                car_fmu=options.fmus / "PassengerCar.fmu",
+                progress=progress,
+            )
+        except (RuntimeError, ValueError, OSError) as error:
+            print(f"\ndemo: {name}: {error}", file=sys.stderr)
+            return 1
+        finally:
+            progress.close()
+        routes.append(Route(name, file, driven))
+        for message in driven.messages[:5]:
+            print(f"{name}: {message}", file=sys.stderr)
+
+    result = results(routes)
+    options.out.mkdir(parents=True, exist_ok=True)
+    (options.out / "results.json").write_text(json.dumps(result, indent=2) + "\n")
+    for route in routes:
+        route.drive.write_csv(options.out / f"{route.name}.csv")
+    page = options.out / "index.html"
+    page.write_text(demo_page.render(routes, result), encoding="utf-8")
+
+    shown = options.out.relative_to(Path.cwd()) if options.out.is_relative_to(Path.cwd()) else options.out
+    print(f"\n{table(routes, result)}\n")
+    print(f"FMUs:    {options.fmus.name}/*.fmu and ClosedLoop.ssp in target/" if options.fmus == FMUS else options.fmus)
+    print(f"results: {shown}/results.json, drive logs {shown}/*.csv")
+    print(f"look at: {shown}/index.html")
+    unfinished = [route.name for route in routes if not route.drive.finished]
+    if unfinished and options.duration is None:
+        print(f"demo: not driven to the end: {', '.join(unfinished)}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,194 @@
+//! `rfl drive`: the closed loop in native code, on any road, with any car.
+
+use crate::control::{Controller, ControllerParameters};
+use crate::parameter::ParameterGroup;
+use crate::path::sudoku::Route;
+use crate::path::{Options, Path, RoadClass, to_csv};
+use crate::simulate::{ClosedLoop, Drive};
+use crate::vehicle::{BUILTIN, Car, CarParameters, Effects, builtin};
+use clap::Args;
+use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::json;
+use std::error::Error;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// Drives a car along a road with the MPC, natively, and says how well it tracked.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  rfl drive                                            the Sudoku test route, the C-class car
+  rfl drive --path road.csv --vehicle my_car.toml --log out/drive.csv
+  rfl drive --set mpc.q_e2=1 --set effect.steer_delay=0.06
+  rfl drive --set car.vehicle.mass=1600                the car's mass, not the controller's")]
+pub struct DriveArgs {
+    /// Road to follow: a CSV file with columns x, y [default: the Sudoku test route]
+    #[arg(long)]
+    path: Option<PathBuf>,
+    /// Car: a vehicle file (TOML) or a built-in name
+    #[arg(long, default_value = BUILTIN[0])]
+    vehicle: String,
+    /// Longest drive in s of simulated time
+    #[arg(long, default_value_t = 1800.0)]
+    duration: f64,
+    /// Communication step in s
+    #[arg(long, default_value_t = 0.02)]
+    step: f64,
+    /// A parameter, NAME=VALUE, of whoever has it; `car.` or `controller.` before the name means one of them only
+    #[arg(long = "set", value_name = "NAME=VALUE")]
+    settings: Vec<String>,
+    /// File for the drive log (CSV)
+    #[arg(long)]
+    log: Option<PathBuf>,
+    /// File for the results (JSON)
+    #[arg(long)]
+    json: Option<PathBuf>,
+    /// No progress bar
+    #[arg(long)]
+    quiet: bool,
+}
+
+/// The parameters that `--set` reaches.
+struct Settings {
+    controller: ControllerParameters,
+    car: CarParameters,
+    effects: Effects,
+}
+
+impl Settings {
+    fn apply(&mut self, text: &str) -> Result<(), Box<dyn Error>> {
+        let (full_name, value) =
+            text.split_once('=').ok_or_else(|| format!("--set {text}: write it as NAME=VALUE"))?;
+        let value: f64 =
+            value.trim().parse().map_err(|_| format!("--set {text}: '{value}' is not a number"))?;
+        let (controller, car, name) = match full_name.trim().split_once('.') {
+            Some(("car", name)) => (false, true, name),
+            Some(("controller", name)) => (true, false, name),
+            _ => (true, true, full_name.trim()),
+        };
+        let mut found = false;
+        if controller {
+            found |= set(&mut self.controller.vehicle, name, value)?;
+            found |= set(&mut self.controller.mpc, name, value)?;
+            found |= set(&mut self.controller.speed, name, value)?;
+        }
+        if car {
+            if let Some(parameter) = CarParameters::TABLE.iter().find(|parameter| parameter.name == name) {
+                parameter.set(&mut self.car, value);
+                found = true;
+            }
+            if let Some(effect) = name.strip_prefix("effect.").and_then(|id| self.effects.get_mut(id)) {
+                *effect = value;
+                found = true;
+            }
+        }
+        if found {
+            return Ok(());
+        }
+        Err(format!("--set {text}: there is no parameter '{name}'; docs/parameters.md lists them").into())
+    }
+}
+
+fn set<G: ParameterGroup>(group: &mut G, name: &str, value: f64) -> Result<bool, Box<dyn Error>> {
+    let Some(index) = G::table().iter().position(|parameter| parameter.name == name) else {
+        return Ok(false);
+    };
+    G::table()[index].check(value)?;
+    group.set(index, value);
+    Ok(true)
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// What was wrong, where, and what to do.
+pub fn run(args: &DriveArgs) -> Result<(), Box<dyn Error>> {
+    if !(args.step > 0.0 && args.duration > 0.0) {
+        return Err("--step and --duration must be positive".into());
+    }
+    let path = Arc::new(match &args.path {
+        Some(file) => Path::read(file)?,
+        None => {
+            // Through the text of its file, so that the numbers are those of the file's rounding.
+            let text = to_csv(&Route::SudokuTest.samples());
+            Path::from_csv(text.as_bytes(), "sudoku_test.csv".as_ref(), &Options::default())?
+        }
+    });
+    for note in path.notes() {
+        eprintln!("note: {note}");
+    }
+    let car = match args.vehicle.as_str() {
+        name if BUILTIN.contains(&name) => builtin(name)?,
+        file => CarParameters::read(std::path::Path::new(file))?,
+    };
+    let mut settings =
+        Settings { controller: ControllerParameters::for_car(&car), car, effects: Effects::default() };
+    for text in &args.settings {
+        settings.apply(text)?;
+    }
+
+    let controller = Controller::new(settings.controller, path.clone())?;
+    let mut car = Car::new(&settings.car, &settings.effects, Some(path.clone()))?;
+    let start = path.at(0.0);
+    car.place(start.x, start.y, start.yaw, controller.speed_plan().speed(0.0));
+    let sample_time = controller.parameters().mpc.sample_time;
+    let bar = if args.quiet { ProgressBar::hidden() } else { progress_bar(path.length()) };
+    let mut closed = ClosedLoop::new(controller, car, args.step);
+    let begin = std::time::Instant::now();
+    let drive = closed.drive(args.duration, |row| {
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        bar.set_position(row[17].max(0.0) as u64);
+    })?;
+    let wall = begin.elapsed().as_secs_f64();
+    bar.finish_and_clear();
+
+    if let Some(file) = &args.log {
+        drive.write_csv(
+            std::fs::File::create(file).map_err(|error| format!("{}: {error}", file.display()))?,
+        )?;
+    }
+    report(&drive, sample_time, wall, args)
+}
+
+fn progress_bar(length: f64) -> ProgressBar {
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    let bar = ProgressBar::new(length as u64);
+    let style = ProgressStyle::with_template("driving {bar:40} {pos}/{len} m, {eta} left");
+    style.map_or(bar.clone(), |style| bar.with_style(style))
+}
+
+fn report(drive: &Drive, sample_time: f64, wall: f64, args: &DriveArgs) -> Result<(), Box<dyn Error>> {
+    let (all, times) = (drive.tracking(), drive.times(sample_time));
+    let driven = drive.rows.last().map_or(0.0, |row| row[0]);
+    println!("{:<16} {:>9} {:>9} {:>9} {:>8}", "lateral error", "mean m", "RMS m", "max m", "share %");
+    #[allow(clippy::cast_precision_loss)]
+    let line = |name: &str, metrics: &crate::simulate::TrackingMetrics| {
+        let share = 100.0 * metrics.count as f64 / all.count.max(1) as f64;
+        println!("{name:<16} {:>9.4} {:>9.4} {:>9.4} {share:>8.1}", metrics.mae, metrics.rmse, metrics.max);
+    };
+    line("whole drive", &all);
+    let mut classes = serde_json::Map::new();
+    for class in RoadClass::ALL {
+        let metrics = drive.tracking_on(class);
+        if metrics.count > 0 {
+            line(class.name(), &metrics);
+            classes.insert(class.name().to_string(), json!(metrics));
+        }
+    }
+    println!(
+        "step time: mean {:.0} us, p99 {:.0} us, max {:.0} us, {} over Ts",
+        1e6 * times.mean_s,
+        1e6 * times.p99_s,
+        1e6 * times.max_s,
+        times.missed
+    );
+    let end = if drive.finished { "road finished" } else { "stopped before the road's end" };
+    println!("{driven:.2} s driven in {wall:.2} s ({:.0} times real time), {end}", driven / wall);
+    if let Some(file) = &args.json {
+        let value = json!({
+            "tracking": all, "classes": classes, "step": times, "duration": driven, "finished": drive.finished,
+            "real_time_factor": driven / wall,
+        });
+        std::fs::write(file, serde_json::to_string_pretty(&value)?)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,69 @@
+//! The commands of `rfl`, one file each.
+//!
+//! A command is its arguments and a `run`. Whatever goes wrong is one line on standard error that says what, where
+//! and what to do. Exit status: 0 done, 1 bad input or a failure, 2 wrong usage.
+
+pub mod course;
+pub mod drive;
+pub mod path;
+
+use clap::{Parser, Subcommand};
+use std::error::Error;
+use std::process::ExitCode;
+
+/// Path-tracking MPC for cars, its vehicles and its roads, natively and without an FMI host.
+#[derive(Debug, Parser)]
+#[command(
+    name = "rfl",
+    version,
+    after_help = "Examples:
+  rfl path road.csv           check a road before driving it
+  rfl drive --path road.csv   drive it
+  rfl course                  write our own courses to paths/
+
+Exit status: 0 done, 1 bad input or a failure, 2 wrong usage."
+)]
+pub struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// What `rfl` can do.
+#[derive(Debug, Subcommand)]
+enum Command {
+    Drive(drive::DriveArgs),
+    Path(path::PathArgs),
+    Course(course::CourseArgs),
+}
+
+impl Cli {
+    /// Runs the command.
+    ///
+    /// # Errors
+    /// What was wrong, where, and what to do.
+    pub fn run(&self) -> Result<(), Box<dyn Error>> {
+        match &self.command {
+            Command::Drive(args) => drive::run(args),
+            Command::Path(args) => path::run(args),
+            Command::Course(args) => course::run(args),
+        }
+    }
+}
+
+/// The program: reads the command line, runs the command, reports an error.
+#[must_use]
+pub fn main() -> ExitCode {
+    match Cli::parse().run() {
+        Ok(()) => ExitCode::SUCCESS,
+        // Who reads our output has read enough (`rfl path road.csv | head -1`).
+        Err(error) if is_broken_pipe(error.as_ref()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn is_broken_pipe(error: &(dyn Error + 'static)) -> bool {
+    error.downcast_ref::<std::io::Error>().is_some_and(|error| error.kind() == std::io::ErrorKind::BrokenPipe)
+}

@@ -1,0 +1,219 @@
+"""FMU instances through the C interface itself: every call gives its status, and nothing is hidden by a host.
+
+Also a closed loop of two of them, for tests that save, restore, interleave and run in threads.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+from ctypes import byref, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
+from pathlib import Path
+
+import fmpy
+import fmpy.fmi2
+import fmpy.logging
+
+OK, WARNING, DISCARD, ERROR, FATAL = range(5)
+STEP = 0.02
+CLOCKED = "compute_time"  # the only variable that may differ between two equal runs
+
+
+class Library:
+    """An unpacked FMU with its library loaded."""
+
+    def __init__(self, file: Path, folder: Path) -> None:
+        self.folder = Path(folder)
+        fmpy.extract(str(file), str(folder))
+        self.description = fmpy.read_model_description(str(file))
+        self.variables = {v.name: v for v in self.description.modelVariables}
+        identifier = self.description.coSimulation.modelIdentifier
+        suffix = fmpy.sharedLibraryExtension
+        self.binary = self.folder / "binaries" / fmpy.platform / f"{identifier}{suffix}"
+        self.dll = ctypes.CDLL(str(self.binary))
+        self.dll.fmi2Instantiate.restype = c_void_p
+        self.dll.fmi2Instantiate.argtypes = [c_char_p, c_int, c_char_p, c_char_p, c_void_p, c_int, c_int]
+        self.dll.fmi2FreeInstance.restype = None
+        self.dll.fmi2FreeInstance.argtypes = [c_void_p]
+        self.dll.fmi2DoStep.argtypes = [c_void_p, c_double, c_double, c_int]
+        self.dll.fmi2SetupExperiment.argtypes = [c_void_p, c_int, c_double, c_double, c_int, c_double]
+
+    @property
+    def outputs(self) -> list[str]:
+        """Real outputs that are the same in every run."""
+        return [n for n, v in self.variables.items() if (v.causality, v.type) == ("output", "Real") and n != CLOCKED]
+
+    @property
+    def inputs(self) -> list[str]:
+        """All inputs; all are reals."""
+        return [n for n, v in self.variables.items() if v.causality == "input"]
+
+
+class Instance:
+    """One instance; methods are named for the standard's functions and return their status."""
+
+    def __init__(self, library: Library, name="unit", *, guid=None, resources=None, kind=1, with_logger=True) -> None:
+        self.library, self.dll = library, library.dll
+        self.messages: list[tuple[int, str, str]] = []
+
+        def logger(_environment, _instance, status, category, message):
+            self.messages.append((status, (category or b"").decode(), (message or b"").decode("utf-8", "replace")))
+
+        self.callbacks = fmpy.fmi2.fmi2CallbackFunctions()
+        if with_logger:
+            self.callbacks.logger = fmpy.fmi2.fmi2CallbackLoggerTYPE(logger)
+            fmpy.logging.addLoggerProxy(byref(self.callbacks))
+        self.callbacks.allocateMemory = fmpy.fmi2.fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
+        self.callbacks.freeMemory = fmpy.fmi2.fmi2CallbackFreeMemoryTYPE(fmpy.free)
+        guid = library.description.guid if guid is None else guid
+        location = (library.folder / "resources").as_uri() if resources is None else resources
+        self.handle = self.dll.fmi2Instantiate(
+            name.encode(), kind, guid.encode(), location.encode() if location else None, byref(self.callbacks), 0, 0
+        )
+
+    def call(self, function: str, *arguments) -> int:
+        return getattr(self.dll, function)(c_void_p(self.handle), *arguments)
+
+    def references(self, names) -> ctypes.Array:
+        return (c_uint * len(names))(*(self.library.variables[name].valueReference for name in names))
+
+    def set_reals(self, values: dict[str, float]) -> int:
+        buffer = (c_double * len(values))(*values.values())
+        return self.call("fmi2SetReal", self.references(list(values)), c_size_t(len(values)), buffer)
+
+    def get_reals(self, names) -> list[float]:
+        buffer = (c_double * len(names))()
+        status = self.call("fmi2GetReal", self.references(names), c_size_t(len(names)), buffer)
+        assert status <= WARNING, self.said
+        return list(buffer)
+
+    def get_integer(self, name: str, function="fmi2GetInteger") -> int:
+        value = c_int()
+        assert self.call(function, self.references([name]), c_size_t(1), byref(value)) <= WARNING, self.said
+        return value.value
+
+    def set_string(self, name: str, value: str) -> int:
+        return self.call("fmi2SetString", self.references([name]), c_size_t(1), (c_char_p * 1)(str(value).encode()))
+
+    def setup(self, start=0.0, stop=None) -> int:
+        return self.call("fmi2SetupExperiment", 0, 0.0, start, int(stop is not None), stop or 0.0)
+
+    def enter(self) -> int:
+        return self.call("fmi2EnterInitializationMode")
+
+    def exit(self) -> int:
+        return self.call("fmi2ExitInitializationMode")
+
+    def initialize(self) -> int:
+        """The three calls; the first status that is worse than a warning, else the worst."""
+        worst = OK
+        for call in (self.setup, self.enter, self.exit):
+            worst = max(worst, call())
+            if worst > WARNING:
+                break
+        return worst
+
+    def step(self, at: float, length: float = STEP) -> int:
+        return self.dll.fmi2DoStep(c_void_p(self.handle), at, length, 1)
+
+    def save(self) -> c_void_p:
+        state = c_void_p()
+        assert self.call("fmi2GetFMUstate", byref(state)) == OK, self.said
+        return state
+
+    def restore(self, state: c_void_p) -> int:
+        return self.call("fmi2SetFMUstate", state)
+
+    def serialize(self, state: c_void_p) -> bytes:
+        size = c_size_t()
+        assert self.call("fmi2SerializedFMUstateSize", state, byref(size)) == OK, self.said
+        buffer = ctypes.create_string_buffer(size.value)
+        assert self.call("fmi2SerializeFMUstate", state, buffer, size) == OK, self.said
+        return buffer.raw
+
+    def deserialize(self, data: bytes) -> tuple[int, c_void_p]:
+        state = c_void_p()
+        return self.call("fmi2DeSerializeFMUstate", c_char_p(data), c_size_t(len(data)), byref(state)), state
+
+    def free_state(self, state: c_void_p) -> int:
+        return self.call("fmi2FreeFMUstate", byref(state))
+
+    def reset(self) -> int:
+        return self.call("fmi2Reset")
+
+    def terminate(self) -> int:
+        return self.call("fmi2Terminate")
+
+    def free(self) -> None:
+        self.dll.fmi2FreeInstance(c_void_p(self.handle))
+        self.handle = None
+
+    @property
+    def said(self) -> str:
+        """All that was logged with a warning or worse."""
+        return " | ".join(text for status, _, text in self.messages if status >= WARNING)
+
+
+class ClosedLoop:
+    """Controller and car, stepped in Gauss-Seidel order; `drive` gives every output at every step."""
+
+    def __init__(self, libraries: dict[str, Library], path: Path | None = None) -> None:
+        self.path = path
+        self.controller = Instance(libraries["RflMpc"], "controller")
+        self.car = Instance(libraries["PassengerCar"], "car")
+        assert self.controller.handle and self.car.handle
+        self.to_controller = [n for n in self.controller.library.inputs if n in self.car.library.outputs]
+        self.to_car = [n for n in self.car.library.inputs if n in self.controller.library.outputs]
+        self.start()
+
+    def start(self) -> None:
+        """From instantiated or reset to the first communication point."""
+        if self.path:
+            assert self.controller.set_string("path_file", self.path) == OK
+            assert self.car.set_string("road_file", self.path) == OK
+        assert self.controller.initialize() <= WARNING, self.controller.said
+        start = self.controller.get_reals(["start.x", "start.y", "start.yaw", "start.speed"])
+        assert self.car.set_reals(dict(zip(["initial.x", "initial.y", "initial.yaw", "initial.vx"], start))) == OK
+        assert self.car.initialize() <= WARNING, self.car.said
+        self.k = 0
+
+    def drive(self, steps: int, outputs=True) -> list[list[float]]:
+        rows = []
+        for _ in range(steps):
+            at = self.k * STEP
+            state = dict(zip(self.to_controller, self.car.get_reals(self.to_controller)))
+            assert self.controller.set_reals(state) == OK, self.controller.said
+            assert self.controller.step(at) <= WARNING, self.controller.said
+            command = dict(zip(self.to_car, self.controller.get_reals(self.to_car)))
+            assert self.car.set_reals(command) == OK, self.car.said
+            assert self.car.step(at) <= WARNING, self.car.said
+            self.k += 1
+            if outputs:
+                rows.append([v for unit in self.units for v in unit.get_reals(unit.library.outputs)])
+        return rows
+
+    @property
+    def units(self) -> tuple[Instance, Instance]:
+        return self.controller, self.car
+
+    def save(self):
+        return self.k, [unit.save() for unit in self.units]
+
+    def restore(self, saved) -> None:
+        self.k, states = saved
+        for unit, state in zip(self.units, states):
+            assert unit.restore(state) == OK, unit.said
+
+    def free_saved(self, saved) -> None:
+        for unit, state in zip(self.units, saved[1]):
+            assert unit.free_state(state) == OK
+
+    def free(self) -> None:
+        for unit in self.units:
+            unit.free()
+
+
+def unpack(fmus: Path, folder: Path) -> dict[str, Library]:
+    """Both FMUs, unpacked beside each other."""
+    shutil.rmtree(folder, ignore_errors=True)
+    return {name: Library(fmus / f"{name}.fmu", folder / name) for name in ("RflMpc", "PassengerCar")}

@@ -1,0 +1,336 @@
+"""Bad input through the real libraries: each has a defined status, and a message that says what, where and what to do.
+
+The words after a case are what a person needs to find in the message: the file, the line, the variable, the remedy.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+from instance import DISCARD, ERROR, OK, WARNING, Instance
+
+UNITS = ["RflMpc", "PassengerCar"]
+GOOD_ROAD = "x,y\n" + "".join(f"{x},0\n" for x in range(0, 100, 2))
+
+
+@pytest.fixture
+def unit(libraries, request):
+    """An instance that is free of whatever the test did to it afterwards."""
+    instance = Instance(libraries[request.param])
+    assert instance.handle
+    yield instance
+    instance.free()
+
+
+@pytest.fixture
+def running(libraries, request):
+    """An initialised instance."""
+    instance = Instance(libraries[request.param])
+    assert instance.initialize() <= WARNING, instance.said
+    yield instance
+    instance.free()
+
+
+def says(instance: Instance, *words: str) -> None:
+    for word in words:
+        assert word.lower() in instance.said.lower(), f"'{word}' is not in: {instance.said}"
+
+
+# --- values
+
+
+@pytest.mark.parametrize("running", UNITS, indirect=True)
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_input_that_is_no_number(running, value):
+    name = running.library.inputs[0]
+    assert running.set_reals({name: 0.01}) == OK
+    assert running.set_reals({name: value}) == DISCARD
+    says(running, f"`{name}`", "finite", "0.01", "stands")
+    assert running.get_reals([name]) == [0.01]
+    assert running.step(0.0) <= WARNING  # and the instance works on
+    assert all(map(math.isfinite, running.get_reals(running.library.outputs)))
+
+
+@pytest.mark.parametrize("running", UNITS, indirect=True)
+def test_one_bad_value_among_good_ones_changes_none(running):
+    names = running.library.inputs[:2]
+    before = running.get_reals(names)
+    assert running.set_reals({names[0]: 0.02, names[1]: math.nan}) == DISCARD
+    assert running.get_reals(names) == before
+
+
+@pytest.mark.parametrize(
+    ("unit", "name"), [("RflMpc", "mpc.q_e1"), ("PassengerCar", "vehicle.mass")], indirect=["unit"]
+)
+def test_parameter_out_of_its_range(unit, name):
+    before = float(unit.library.variables[name].start)
+    assert unit.set_reals({name: -1e12}) == DISCARD
+    says(unit, f"`{name}`", "range", "stands")
+    assert unit.initialize() <= WARNING
+    assert unit.get_reals([name])[0] > 0 or before == 0
+
+
+@pytest.mark.parametrize("running", UNITS, indirect=True)
+def test_parameter_set_too_late(running):
+    name = next(n for n, v in running.library.variables.items() if (v.variability, v.type) == ("fixed", "Real"))
+    assert running.set_reals({name: 1.0}) == ERROR
+    says(running, f"`{name}`", "fixed", "fmi2Reset")
+
+
+@pytest.mark.parametrize("running", UNITS, indirect=True)
+def test_output_cannot_be_set(running):
+    assert running.set_reals({running.library.outputs[0]: 1.0}) == ERROR
+    says(running, f"`{running.library.outputs[0]}`", "output", "cannot be set")
+
+
+@pytest.mark.parametrize("running", UNITS, indirect=True)
+def test_unknown_reference(running):
+    import ctypes
+
+    value = ctypes.c_double(7.0)
+    status = running.call("fmi2GetReal", (ctypes.c_uint * 1)(987654), ctypes.c_size_t(1), ctypes.byref(value))
+    assert status == ERROR
+    says(running, "987654", "modelDescription.xml")
+    assert value.value == 7.0
+
+
+# --- steps
+
+
+@pytest.mark.parametrize("running", UNITS, indirect=True)
+@pytest.mark.parametrize("length", [0.0, -0.02, math.nan, math.inf])
+def test_step_that_is_no_step(running, length):
+    assert running.step(0.0, length) == ERROR
+    says(running, "step", "greater than zero")
+    assert running.step(0.0) <= WARNING
+
+
+@pytest.mark.parametrize("running", UNITS, indirect=True)
+def test_step_from_another_time(running):
+    assert running.step(0.0) <= WARNING
+    assert running.step(0.0) == ERROR
+    says(running, "0.02", "fmi2SetFMUstate")
+    assert running.step(1.0) == ERROR
+    says(running, "still at 0.02")
+    assert running.step(0.02) <= WARNING
+
+
+@pytest.mark.parametrize("running", UNITS, indirect=True)
+def test_time_that_is_no_number(running):
+    assert running.step(math.nan) == ERROR
+    says(running, "communication point", "finite")
+    assert running.step(0.0) <= WARNING
+
+
+@pytest.mark.parametrize("unit", UNITS, indirect=True)
+def test_step_past_the_stop_time(unit):
+    assert unit.setup(0.0, 0.03) == OK
+    assert unit.enter() == OK
+    assert unit.exit() <= WARNING, unit.said
+    assert unit.step(0.0) <= WARNING
+    assert unit.step(0.02) == ERROR
+    says(unit, "stop time", "0.03")
+
+
+# --- order of calls
+
+
+@pytest.mark.parametrize("unit", UNITS, indirect=True)
+def test_calls_out_of_order(unit):
+    assert unit.step(0.0) == ERROR
+    says(unit, "fmi2DoStep", "instantiated", "fmi2EnterInitializationMode")
+    assert unit.exit() == ERROR
+    assert unit.terminate() == ERROR
+    assert unit.initialize() <= WARNING, unit.said
+    assert unit.enter() == ERROR
+    assert unit.setup() == ERROR
+    assert unit.step(0.0) <= WARNING
+    assert unit.terminate() == OK
+    assert unit.step(0.02) == ERROR
+    says(unit, "fmi2Reset")
+    assert unit.reset() == OK
+    assert unit.initialize() <= WARNING
+
+
+# --- instantiation
+
+
+@pytest.mark.parametrize("name", UNITS)
+def test_wrong_guid(libraries, name):
+    instance = Instance(libraries[name], guid="{00000000-0000-0000-0000-000000000000}")
+    assert not instance.handle
+    says(instance, "guid", libraries[name].description.guid.strip("{}"))
+
+
+@pytest.mark.parametrize("name", UNITS)
+def test_model_exchange_is_refused(libraries, name):
+    instance = Instance(libraries[name], kind=0)
+    assert not instance.handle
+    says(instance, "co-simulation")
+
+
+@pytest.mark.parametrize("name", UNITS)
+@pytest.mark.parametrize("spelling", ["file:{}", "file://{}", "file://localhost{}", "{}", "file://{}/"])
+def test_spellings_of_the_resource_location(libraries, name, spelling):
+    instance = Instance(libraries[name], resources=spelling.format(libraries[name].folder / "resources"))
+    assert instance.handle and instance.initialize() <= WARNING, instance.said
+    instance.free()
+
+
+@pytest.mark.parametrize("encoded", [True, False])
+def test_resource_folder_with_spaces_and_umlauts(fmus, tmp_path, encoded):
+    from instance import Library
+
+    library = Library(fmus / "RflMpc.fmu", tmp_path / "Größe 100 %")
+    folder = library.folder / "resources"
+    instance = Instance(library, resources=folder.as_uri() if encoded else f"file://{folder}")
+    assert instance.handle and instance.initialize() <= WARNING, instance.said
+    instance.free()
+
+
+def test_no_resource_location_and_no_file(libraries):
+    instance = Instance(libraries["RflMpc"], resources="")
+    assert instance.handle  # the standard does not forbid it
+    assert instance.initialize() == ERROR
+    says(instance, "path_file", "path.csv")
+    instance.free()
+
+
+# --- resources
+
+
+def with_file(unit: Instance, parameter: str, file: Path) -> int:
+    assert unit.set_string(parameter, file) == OK
+    return unit.initialize()
+
+
+ROADS = {
+    "missing": (None, ["cannot be read", "check the name"]),
+    "empty": ("", ["has no points", "header `x,y`"]),
+    "one point": ("x,y\n1,2\n", ["1 distinct point", "at least 2"]),
+    "all points the same": ("x,y\n" + "1,2\n" * 9, ["1 distinct point", "at least 2"]),
+    "NaN": (GOOD_ROAD.replace("20,0\n", "nan,0\n"), ["line 12", "`x`", "not finite", "delete the row"]),
+    "infinity": (GOOD_ROAD.replace("20,0\n", "20,inf\n"), ["line 12", "`y`", "not finite"]),
+    "text": (GOOD_ROAD.replace("20,0\n", "20,left\n"), ["line 12", "`y`", "`left` is not a number"]),
+    "gap": (
+        GOOD_ROAD + "".join(f"{x},0\n" for x in range(300, 400, 2)),
+        ["line 52", "202", "fill the gap"],
+    ),
+    "truncated in mid-row": (GOOD_ROAD + "100", ["line 52", "1 values", "2 columns"]),
+    "no column y": ("x,z\n0,0\n1,1\n", ["line 1", "`"]),
+    "centimetres": ("x,y\n" + "".join(f"{x}e5,0\n" for x in range(50)), ["apart", "really in m"]),
+    "turns back": ("x,y\n0,0\n2,0\n4,0\n1,0\n6,0\n8,0\n", ["turns back", "driving order"]),
+    "a picture": ("\x00\x01PNG\ufffd\n\x00,\x00,\x00\n", ["`"]),
+}
+
+
+@pytest.mark.parametrize("case", ROADS)
+@pytest.mark.parametrize("unit", ["RflMpc"], indirect=True)
+def test_road_that_is_none(unit, tmp_path, case):
+    content, words = ROADS[case]
+    file = tmp_path / "road.csv"
+    if content is not None:
+        file.write_text(content, encoding="utf-8")
+    assert with_file(unit, "path_file", file) == ERROR
+    says(unit, "road.csv", "path_file", *words)
+    # Not the end: reset, and the packed road is driven.
+    assert unit.reset() == OK
+    assert unit.initialize() <= WARNING, unit.said
+
+
+@pytest.mark.parametrize("unit", ["RflMpc"], indirect=True)
+def test_repeated_points_are_dropped_and_said(unit, tmp_path):
+    file = tmp_path / "road.csv"
+    file.write_text(GOOD_ROAD.replace("20,0\n", "20,0\n20,0\n20,0\n"))
+    assert with_file(unit, "path_file", file) == WARNING
+    says(unit, "road.csv", "2 point(s) dropped")
+    assert unit.get_reals(["path.length"]) == [pytest.approx(98.0)]
+
+
+CAR_PARAMETER = [("RflMpc", "vehicle_file"), ("PassengerCar", "vehicle_file")]
+
+
+@pytest.fixture
+def car_text() -> str:
+    return (Path(__file__).parents[2] / "vehicles" / "bmw_320i.toml").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(("unit", "parameter"), CAR_PARAMETER, indirect=["unit"])
+class TestVehicleFile:
+    def test_missing(self, unit, parameter, tmp_path):
+        assert with_file(unit, parameter, tmp_path / "car.toml") == ERROR
+        says(unit, "car.toml", "cannot be read", "bmw_320i")
+
+    def test_unknown_name(self, unit, parameter):
+        assert with_file(unit, parameter, Path("batmobile")) == ERROR
+        says(unit, "batmobile", "bmw_320i")
+
+    def test_truncated(self, unit, parameter, tmp_path, car_text):
+        file = tmp_path / "car.toml"
+        file.write_text(car_text[: len(car_text) // 2])
+        assert with_file(unit, parameter, file) == ERROR
+        says(unit, "car.toml", "line", "compare with")
+
+    def test_foreign(self, unit, parameter, tmp_path):
+        file = tmp_path / "car.toml"
+        file.write_bytes(bytes(range(256)) * 4)
+        assert with_file(unit, parameter, file) == ERROR
+        says(unit, "car.toml")
+
+    def test_value_that_no_car_has(self, unit, parameter, tmp_path, car_text):
+        lines = car_text.splitlines()
+        at = next(i for i, line in enumerate(lines) if line.startswith("mass"))
+        lines[at] = "mass = -3.0"
+        file = tmp_path / "car.toml"
+        file.write_text("\n".join(lines))
+        assert with_file(unit, parameter, file) == ERROR
+        says(unit, "car.toml", f"line {at + 1}", "vehicle.mass", "-3", "outside")
+
+
+@pytest.mark.parametrize("unit", ["PassengerCar"], indirect=True)
+def test_tyre_file_truncated(unit, tmp_path, car_text):
+    vehicles = Path(__file__).parents[2] / "vehicles"
+    tyre = next(vehicles.glob("tyres/*.tir"))
+    text = tyre.read_text(encoding="utf-8")
+    (tmp_path / "half.tir").write_text(text[: len(text) // 3])
+    lines = [f'file = "{tmp_path / "half.tir"}"' if line.startswith("file") else line for line in car_text.splitlines()]
+    (tmp_path / "car.toml").write_text("\n".join(lines))
+    assert with_file(unit, "vehicle_file", tmp_path / "car.toml") == ERROR
+    says(unit, "car.toml", "half.tir", "tyre.front", "missing")
+
+
+# --- FMU states
+
+
+@pytest.mark.parametrize("running", UNITS, indirect=True)
+def test_damaged_states(running, libraries):
+    state = running.save()
+    data = running.serialize(state)
+    assert running.free_state(state) == OK
+    cases = {
+        "truncated": data[: len(data) // 2],
+        "empty": b"",
+        "foreign": b"PNG" + data[3:],
+        "one bit": data[:-5] + bytes([data[-5] ^ 1]) + data[-4:],
+    }
+    for name, damaged in cases.items():
+        status, _ = running.deserialize(damaged)
+        assert status == ERROR, name
+    says(running, "truncated", "state")
+    assert running.step(0.0) <= WARNING
+
+
+def test_state_of_the_other_unit(libraries):
+    car, controller = Instance(libraries["PassengerCar"]), Instance(libraries["RflMpc"])
+    assert max(car.initialize(), controller.initialize()) <= WARNING
+    state = car.save()
+    status, _ = controller.deserialize(car.serialize(state))
+    assert status == ERROR
+    says(controller, "another FMU")
+    assert controller.restore(state) == ERROR  # a handle of another instance is not followed
+    says(controller, "not one of this instance")
+    assert car.free_state(state) == OK
+    car.free()
+    controller.free()

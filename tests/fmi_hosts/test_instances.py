@@ -1,0 +1,164 @@
+"""Instances do not know of each other, and every way back leads to the same bits.
+
+Compared are all real outputs of controller and car over the closed loop, except the wall-clock `compute_time`.
+"""
+
+from __future__ import annotations
+
+import gc
+import os
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+from instance import OK, WARNING, ClosedLoop, Instance
+
+BEFORE, AFTER = 500, 500  # steps before and after the event under test
+
+
+@pytest.fixture(scope="module")
+def road(paths):
+    return paths / "sudoku_test.csv"
+
+
+@pytest.fixture(scope="module")
+def reference(libraries, road) -> list[list[float]]:
+    """An undisturbed drive."""
+    loop = ClosedLoop(libraries, road)
+    rows = loop.drive(BEFORE + AFTER)
+    loop.free()
+    assert rows[-1] != rows[0]
+    return rows
+
+
+def test_reset_starts_anew(libraries, road, reference):
+    loop = ClosedLoop(libraries, road)
+    loop.drive(137, outputs=False)
+    for unit in loop.units:
+        assert unit.reset() == OK, unit.said
+    loop.start()
+    assert loop.drive(BEFORE + AFTER) == reference
+    loop.free()
+
+
+def test_reset_forgets_parameters(libraries):
+    controller = Instance(libraries["RflMpc"])
+    before = controller.library.variables["mpc.q_e1"].start
+    assert controller.set_reals({"mpc.q_e1": 2 * float(before)}) == OK
+    assert controller.reset() == OK
+    assert controller.initialize() <= WARNING, controller.said
+    assert controller.get_reals(["mpc.q_e1"]) == [float(before)]
+    controller.free()
+
+
+def test_interleaved_second_loop_changes_nothing(libraries, paths, road, reference):
+    loop, other = ClosedLoop(libraries, road), ClosedLoop(libraries, paths / "hairpin_circuit.csv")
+    rows = []
+    for k in range(BEFORE + AFTER):
+        rows += loop.drive(1)
+        if k % 3 == 0:
+            other.drive(2, outputs=False)
+    assert rows == reference
+    loop.free()
+    other.free()
+
+
+def test_save_and_restore_in_mid_run(libraries, road, reference):
+    loop = ClosedLoop(libraries, road)
+    assert loop.drive(BEFORE) == reference[:BEFORE]
+    saved = loop.save()
+    assert loop.drive(AFTER) == reference[BEFORE:]
+    for _ in range(2):  # a state can be restored again and again
+        loop.restore(saved)
+        assert loop.drive(AFTER) == reference[BEFORE:]
+    loop.free_saved(saved)
+    loop.free()
+
+
+def test_serialised_state_continues_in_another_instance(libraries, road, reference):
+    loop = ClosedLoop(libraries, road)
+    loop.drive(BEFORE, outputs=False)
+    saved = loop.save()
+    data = [unit.serialize(state) for unit, state in zip(loop.units, saved[1])]
+    loop.free_saved(saved)
+    loop.free()
+
+    other = ClosedLoop(libraries, road)
+    other.drive(11, outputs=False)
+    states = []
+    for unit, content in zip(other.units, data):
+        status, state = unit.deserialize(content)
+        assert status == OK, unit.said
+        states.append(state)
+    other.restore((BEFORE, states))
+    assert other.drive(AFTER) == reference[BEFORE:]
+    other.free_saved((BEFORE, states))
+    other.free()
+
+
+def test_sixteen_loops_on_eight_threads(libraries, road, reference):
+    # ctypes lets go of Python's lock in each call, so the FMUs do run at the same time.
+    def one(_):
+        loop = ClosedLoop(libraries, road)
+        rows = loop.drive(BEFORE)
+        loop.free()
+        return rows == reference[:BEFORE]
+
+    with ThreadPoolExecutor(8) as pool:
+        assert list(pool.map(one, range(16))) == [True] * 16
+
+
+def test_loops_move_between_threads(libraries, road, reference):
+    loops = [ClosedLoop(libraries, road) for _ in range(4)]
+    rows = [[] for _ in loops]
+    with ThreadPoolExecutor(8) as pool:
+        for _ in range(10):
+            for i, part in enumerate(pool.map(lambda loop: loop.drive(20), loops)):
+                rows[i] += part
+    assert all(r == reference[:200] for r in rows)
+    for loop in loops:
+        loop.free()
+
+
+def resident_kib() -> int:
+    with open("/proc/self/statm") as file:
+        return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE") // 1024
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/statm"), reason="resident memory is read from Linux's /proc")
+@pytest.mark.parametrize("name", ["RflMpc", "PassengerCar"])
+def test_two_thousand_instances_leave_no_memory_behind(libraries, name):
+    def lives(count: int) -> None:
+        for k in range(count):
+            unit = Instance(libraries[name], with_logger=False)
+            assert unit.initialize() <= WARNING
+            assert unit.step(0.0) <= WARNING
+            if k % 2:  # freed with and without a state and a proper end
+                assert unit.free_state(unit.save()) == OK
+                assert unit.terminate() == OK
+            unit.free()
+        gc.collect()
+
+    lives(300)
+    before = resident_kib()
+    lives(2000)
+    growth = resident_kib() - before
+    # One leaked byte array of the smallest model would show as more than 10 MiB.
+    assert growth < 3000, f"{growth} KiB more after 2000 instances"
+
+
+def test_states_leave_no_memory_behind(libraries, road):
+    loop = ClosedLoop(libraries, road)
+    loop.drive(50, outputs=False)
+
+    def cycles(count: int) -> None:
+        for _ in range(count):
+            saved = loop.save()
+            loop.restore(saved)
+            loop.free_saved(saved)
+        gc.collect()
+
+    cycles(300)
+    before = resident_kib()
+    cycles(3000)
+    assert resident_kib() - before < 3000
+    loop.free()

@@ -1,0 +1,38 @@
+"""The loop in Rust (`rfl drive`) and the FMUs in fmpy are the same controller and car: equal to the last bit."""
+
+from __future__ import annotations
+
+import csv
+import subprocess
+
+import numpy as np
+import pytest
+from closed_loop import drive
+from instance import CLOCKED
+
+ROADS = ["sudoku_test", "hairpin_circuit"]
+CARS = ["c_class", "bmw_320i", "vw_vanagon"]
+
+
+@pytest.mark.parametrize("car", CARS)
+@pytest.mark.parametrize("road", ROADS)
+def test_native_loop_equals_fmpy_bit_for_bit(rfl, fmus, paths, tmp_path, road, car):
+    path, log = paths / f"{road}.csv", tmp_path / "native.csv"
+    vehicle = paths.parent / "vehicles" / f"{car}.toml"
+    command = [rfl, "drive", "--path", path, "--vehicle", vehicle, "--duration", "60", "--log", log]
+    result = subprocess.run([str(c) for c in command], capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stdout + result.stderr
+    with open(log, newline="") as file:
+        header, *rows = csv.reader(file)
+    native = dict(zip(header, np.array(rows, dtype=float).T))
+
+    ours = drive(
+        path, vehicle, duration=60.0, controller_fmu=fmus / "RflMpc.fmu", car_fmu=fmus / "PassengerCar.fmu"
+    ).columns
+    shared = [name for name in native if name in ours and name != CLOCKED]
+    needed = {"time", "steer_cmd", "accel_cmd", "x", "y", "yaw", "vx", "vy", "yaw_rate", "e1", "e2", "station"}
+    assert needed <= set(shared), f"columns are missing: {needed - set(shared)}"
+    for name in shared:
+        assert len(native[name]) == len(ours[name])
+        different = np.flatnonzero(native[name] != ours[name])
+        assert not len(different), f"{name} differs first at row {different[0]}"

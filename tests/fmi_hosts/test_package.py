@@ -1,0 +1,89 @@
+"""What is in an FMU: description, binary, files. Checked by tools that others wrote."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import fmpy
+import fmpy.validation
+import pytest
+
+FMUS = ["RflMpc", "PassengerCar"]
+GLIBC = (2, 17)  # what the README promises where the cross linker was used
+
+# All functions of the standard's header, of which fmpy has a copy; those for model exchange, too, because some hosts
+# look for all of them whatever they use.
+HEADER = (Path(fmpy.__file__).parent / "c-code" / "fmi2Functions.h").read_text()
+SYMBOLS = set(re.findall(r"fmi2FullName\((fmi2\w+)\)", HEADER))
+assert len(SYMBOLS) == 44
+
+
+def run(*command) -> str:
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout
+
+
+@pytest.mark.parametrize("name", FMUS)
+def test_fmpy_validation_reports_nothing(fmus, name):
+    assert fmpy.validation.validate_fmu(str(fmus / f"{name}.fmu")) == []
+
+
+@pytest.mark.parametrize("name", FMUS)
+def test_fmpy_validate_command_reports_nothing(fmus, name):
+    command = [sys.executable, "-m", "fmpy", "validate", str(fmus / f"{name}.fmu")]
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert "no problems found" in (result.stdout + result.stderr).lower()
+
+
+@pytest.mark.parametrize("name", FMUS)
+def test_fmutool_check_reports_nothing(fmus, name):
+    tool = shutil.which("fmutool", path=str(Path(sys.executable).parent)) or shutil.which("fmutool")
+    if tool is None:
+        pytest.skip("fmutool (fmu-manipulation-toolbox) is not installed")
+    result = subprocess.run(
+        [tool, "-input", str(fmus / f"{name}.fmu"), "-check"], capture_output=True, text=True, check=False
+    )
+    output = result.stdout + result.stderr
+    assert result.returncode == 0, output
+    complaints = [line for line in output.splitlines() if re.match(r"(ERROR|WARNING|CRITICAL)", line)]
+    assert not complaints, output
+    # The checker did run, and said so.
+    assert "seems to be compliant with FMI-2.0" in output and "No semantic error" in output, output
+
+
+@pytest.mark.parametrize("name", FMUS)
+def test_binary_exports_the_standards_functions_and_nothing_else(libraries, name):
+    exported = {line.split()[-1] for line in run("nm", "-D", "--defined-only", libraries[name].binary).splitlines()}
+    assert exported == SYMBOLS
+
+
+@pytest.mark.parametrize("name", FMUS)
+def test_binary_needs_only_libc_libm_and_the_loader(libraries, name):
+    needed = set(re.findall(r"\(NEEDED\).*\[(.*?)\]", run("readelf", "-d", libraries[name].binary)))
+    # Up to glibc 2.33 threads and dlopen are libraries of their own, parts of glibc as libc itself.
+    assert needed <= {"libc.so.6", "libm.so.6", "ld-linux-x86-64.so.2", "libpthread.so.0", "libdl.so.2"}, needed
+
+
+@pytest.mark.parametrize("name", FMUS)
+def test_binary_runs_on_an_old_glibc(libraries, name):
+    if shutil.which("cargo-zigbuild", path=str(Path(sys.executable).parent)) is None:
+        pytest.skip("cargo-zigbuild is not installed: the FMUs are built for this machine's glibc")
+    versions = re.findall(r"GLIBC_(\d+)\.(\d+)", run("readelf", "--version-info", libraries[name].binary))
+    assert max((int(a), int(b)) for a, b in versions) <= GLIBC
+
+
+@pytest.mark.parametrize("name", FMUS)
+def test_package_has_documentation_licences_and_description(fmus, name):
+    with zipfile.ZipFile(fmus / f"{name}.fmu") as package:
+        files = package.namelist()
+        assert package.testzip() is None
+        assert "modelDescription.xml" in files
+        assert "documentation/index.html" in files
+        assert any(file.startswith("documentation/licenses/") for file in files), files
+        committed = Path(__file__).parents[2] / "modelDescription" / f"{name}.xml"
+        assert package.read("modelDescription.xml").decode() == committed.read_text(encoding="utf-8")

@@ -1,0 +1,94 @@
+//! `rfl path` and `rfl course`: what they print, write and return.
+#![cfg(feature = "cli")]
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn rfl(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_rfl")).args(arguments).current_dir(folder).output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).unwrap()
+}
+
+#[test]
+fn course_writes_all_courses_as_committed() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = rfl(folder.path(), &["course"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let committed = Path::new(env!("CARGO_MANIFEST_DIR")).join("paths");
+    let mut files = 0;
+    for entry in std::fs::read_dir(folder.path().join("paths")).unwrap() {
+        let file = entry.unwrap();
+        let written = std::fs::read(file.path()).unwrap();
+        assert_eq!(
+            written,
+            std::fs::read(committed.join(file.file_name())).unwrap(),
+            "{:?}",
+            file.file_name()
+        );
+        assert!(text(&output.stdout).contains(file.file_name().to_str().unwrap()));
+        files += 1;
+    }
+    assert_eq!(files, 5);
+}
+
+#[test]
+fn path_reports_a_road_as_text_and_as_json() {
+    let folder = tempfile::tempdir().unwrap();
+    assert_eq!(
+        rfl(folder.path(), &["course", "--route", "hairpin_circuit", "--out", "road.csv"]).status.code(),
+        Some(0)
+    );
+    let output = rfl(folder.path(), &["path", "road.csv"]);
+    assert_eq!(output.status.code(), Some(0));
+    for part in ["870.5 m, closed", "10.00 m radius, to the left", "u_turn"] {
+        assert!(text(&output.stdout).contains(part), "no `{part}` in {}", text(&output.stdout));
+    }
+    let output = rfl(folder.path(), &["path", "road.csv", "--json", "--speed", "5"]);
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!((report["length"].as_f64().unwrap() - 870.5).abs() < 0.1);
+    assert_eq!(report["closed"], true);
+    assert!((report["least_radius"].as_f64().unwrap() - 10.0).abs() < 1e-3);
+    assert!((report["speed"]["max"].as_f64().unwrap() - 5.0).abs() < 1e-9);
+    // A straight road has no least radius, and JSON no infinity.
+    std::fs::write(folder.path().join("straight.csv"), "x,y\n0,0\n50,0\n").unwrap();
+    let output = rfl(folder.path(), &["path", "straight.csv", "--json"]);
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(report["least_radius"].is_null());
+}
+
+#[test]
+fn bad_input_is_status_1_and_bad_usage_status_2() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("bad.csv"), "x,y\n0,0\n1,nan\n").unwrap();
+    let bad_input: [&[&str]; 5] = [
+        &["path", "missing.csv"],
+        &["path", "bad.csv"],
+        &["path", "bad.csv", "--speed", "0"],
+        &["course", "--route", "sudoku_test", "--seed", "3"],
+        &["course", "--route", "sudoku_test", "--out", "bad.csv/road.csv"],
+    ];
+    for arguments in bad_input {
+        let output = rfl(folder.path(), arguments);
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}");
+        assert!(text(&output.stderr).starts_with("error: "), "{}", text(&output.stderr));
+        assert!(output.stdout.is_empty());
+    }
+    let error = text(&rfl(folder.path(), &["path", "bad.csv"]).stderr);
+    assert!(error.contains("bad.csv, line 3, column `y`"), "{error}");
+    let bad_usage: [&[&str]; 5] = [
+        &[],
+        &["path"],
+        &["pth", "x"],
+        &["course", "--route", "nowhere"],
+        &["path", "x", "--open", "--closed"],
+    ];
+    for arguments in bad_usage {
+        assert_eq!(rfl(folder.path(), arguments).status.code(), Some(2), "{arguments:?}");
+    }
+    for command in ["path", "course", "drive"] {
+        assert!(text(&rfl(folder.path(), &[command, "--help"]).stdout).contains("Examples:"), "{command}");
+    }
+}
