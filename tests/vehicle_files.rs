@@ -1,6 +1,6 @@
 //! Reading vehicle files: what is read, and what is said of those that cannot be.
 
-use rfl_mpc::vehicle::{BUILTIN, CarParameters, VehicleError, builtin};
+use rfl_mpc::vehicle::{BUILTIN, Car, CarParameters, Effects, VehicleError, builtin};
 use std::path::{Path, PathBuf};
 
 fn vehicles() -> PathBuf {
@@ -83,4 +83,12 @@ fn every_parameter_can_be_read_and_set() {
         let same = CarParameters::TABLE.iter().filter(|other| other.name == parameter.name).count();
         assert_eq!(same, 1, "{}", parameter.name);
     }
+}
+
+#[test]
+fn a_car_without_its_tyres_is_refused() {
+    let mut car = builtin("c_class").unwrap();
+    car.tyre.rear.coefficients = None;
+    assert!(matches!(car.check(), Err(VehicleError::NoTyres { .. })));
+    assert!(Car::new(&car, &Effects::default(), None).is_err());
 }

@@ -77,9 +77,10 @@ fn it_declares_the_signals_all_parameters_and_all_effects() {
         let neutral = matches!(variable.kind, Kind::Real { start, .. } if start == effect.neutral);
         assert!(neutral, "{} is not neutral at the start", effect.id);
     }
-    let vehicles = &declaration.variables[declaration.find("vehicle").unwrap()];
-    let Kind::Enumeration { items, .. } = &vehicles.kind else { panic!("an enumeration") };
-    assert_eq!(items.iter().map(|item| item.1).collect::<Vec<_>>(), BUILTIN);
+    let vehicle = &declaration.variables[declaration.find("vehicle_file").unwrap()];
+    for name in BUILTIN {
+        assert!(vehicle.description.contains(name), "{name} is not offered: {}", vehicle.description);
+    }
     let status = &declaration.variables[declaration.find("status").unwrap()];
     let Kind::Enumeration { items, .. } = &status.kind else { panic!("an enumeration") };
     assert_eq!(items.len(), CarStatus::ALL.len());
@@ -96,7 +97,7 @@ fn it_declares_the_signals_all_parameters_and_all_effects() {
 #[test]
 fn it_is_the_native_car_bit_for_bit() {
     let mut instance = Instance::new();
-    instance.set("vehicle", Value::Integer(1));
+    instance.set("vehicle_file", Value::String("bmw_320i".to_string()));
     instance.set("initial.vx", Value::Real(15.0));
     instance.set("initial.yaw", Value::Real(0.3));
     instance.set("effect.steer_delay", Value::Real(0.05));
@@ -131,7 +132,7 @@ fn what_the_host_sets_wins_over_the_file_and_the_rest_is_shown() {
     assert_eq!(instance.real("vehicle.mass"), 2000.0);
     assert_eq!(instance.real("vehicle.yaw_inertia"), 5000.0);
     assert_eq!(instance.real("steering.lag"), 0.1);
-    assert!(instance.messages.0.iter().any(|message| message.contains("mine.toml")));
+    assert!(instance.messages.0.iter().any(|message| message.contains("Hyundai Genesis")));
     // Initialised again after a reset with another car: values of the file do not stay.
     let mut again = Instance { values: Instance::new().values, ..instance };
     again.initialize().unwrap();

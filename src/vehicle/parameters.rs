@@ -279,6 +279,9 @@ pub enum VehicleError {
          ({mass} kg) to the body; correct axle.front.unsprung_mass or axle.rear.unsprung_mass"
     )]
     NoBody { file: PathBuf, mass: f64, unsprung: f64 },
+    /// The parameters were not read by [`CarParameters::read`] or [`CarParameters::parse`], which read the tyres too.
+    #[error("vehicle file {file}: its tyres have not been read; use CarParameters::read")]
+    NoTyres { file: PathBuf },
     /// The tyre file that the vehicle names cannot be used.
     #[error("vehicle file {file}, {key}: {source}")]
     Tyre { file: PathBuf, key: &'static str, source: Box<TirError> },
@@ -365,6 +368,9 @@ impl CarParameters {
                 let (file, line) = (file.to_path_buf(), line(parameter.name));
                 return Err(VehicleError::Range { file, line, value, parameter });
             }
+        }
+        if self.tyre.front.coefficients.is_none() || self.tyre.rear.coefficients.is_none() {
+            return Err(VehicleError::NoTyres { file: file.to_path_buf() });
         }
         let unsprung = self.axle.front.unsprung_mass + self.axle.rear.unsprung_mass;
         if unsprung > 0.9 * self.vehicle.mass {
