@@ -90,7 +90,9 @@ fn flags(project: &Path) -> OsString {
         let plain = std::env::var("RUSTFLAGS").unwrap_or_default();
         plain.split_whitespace().collect::<Vec<_>>().join(separator).into()
     });
-    let home = std::env::var_os("CARGO_HOME").map(PathBuf::from).or_else(|| Some(std::env::home_dir()?.join(".cargo")));
+    let home = std::env::var_os("CARGO_HOME")
+        .map(PathBuf::from)
+        .or_else(|| Some(std::env::home_dir()?.join(".cargo")));
     let sources = home.map(|home| (home.join("registry").join("src"), "crates"));
     for (folder, name) in sources.into_iter().chain([(project.to_owned(), "rfl-mpc")]) {
         if !flags.is_empty() {
