@@ -251,7 +251,8 @@ def _loop(controller: Unit, car: Unit, duration: float | None, step: float, jaco
     to_controller = [name for name in controller.names("input") if name in car_names]
     to_car = [name for name in car.names("input") if name in controller_names]
     answers = to_car + [name for name in controller_names if name not in to_car]
-    names = ["time", *to_car, *car_names, *answers[len(to_car) :]]
+    # A name that both have (`status`) is the controller's; the car's gets its owner's name.
+    names = ["time", *to_car, *(f"car.{n}" if n in answers else n for n in car_names), *answers[len(to_car) :]]
 
     read_car, read_controller = car.reader(car_names), controller.reader(answers)
     write_car, write_controller = car.writer(to_car), controller.writer(to_controller)

@@ -87,8 +87,8 @@ pub struct ControllerState {
     last: StepReport,
 }
 
-/// Lateral error beyond which the linear model says nothing, m. Twice a lane.
-const FAR_E1: f64 = 7.0;
+/// Lateral error beyond which something is wrong, and speed is the first thing to give up: a lane's width, m.
+const FAR_E1: f64 = 3.5;
 /// Yaw error beyond which it says nothing, rad.
 const FAR_E2: f64 = 1.0;
 /// Lateral error up to which a far vehicle steers back: it bounds the approach angle, m.
@@ -217,7 +217,7 @@ impl Controller {
     fn locate(&mut self, measurement: &Measurement) -> StepReport {
         let Measurement { x, y, yaw, vx, vy, yaw_rate, .. } = *measurement;
         let mut at = self.path.project(x, y, yaw, self.state.station);
-        if self.state.station.is_some() && at.e1.abs() > 2.0 * FAR_E1 {
+        if self.state.station.is_some() && at.e1.abs() > 4.0 * FAR_E1 {
             // Lost: another part of the path may be the right one.
             at = self.path.project(x, y, yaw, None);
         }

@@ -24,11 +24,11 @@ parameters! {
         sample_time: f64 = 0.02, SECOND in 0.001, 0.2; "mpc.sample_time", "Time between control steps, Ts"
         horizon: usize = 16, ONE in 2.0, 120.0; "mpc.horizon", "Steps of the prediction and control horizon, N"
         q_e1: f64 = 1.0, ONE in 0.0, 1e6; "mpc.q_e1", "Weight of the squared lateral error, per m2"
-        q_e1_rate: f64 = 0.0, ONE in 0.0, 1e6; "mpc.q_e1_rate", "Weight of the squared rate of the lateral error, per (m/s)2"
-        q_e2: f64 = 0.5, ONE in 0.0, 1e6; "mpc.q_e2", "Weight of the squared deviation of the yaw error from that of steady cornering, per rad2"
+        q_e1_rate: f64 = 0.4, ONE in 0.0, 1e6; "mpc.q_e1_rate", "Weight of the squared rate of the lateral error, per (m/s)2"
+        q_e2: f64 = 1.0, ONE in 0.0, 1e6; "mpc.q_e2", "Weight of the squared deviation of the yaw error from that of steady cornering, per rad2"
         q_e2_rate: f64 = 0.0, ONE in 0.0, 1e6; "mpc.q_e2_rate", "Weight of the squared rate of the yaw error, per (rad/s)2"
         terminal_factor: f64 = 1.0, ONE in 1.0, 1e4; "mpc.terminal_factor", "Factor on the weights at the end of the horizon"
-        r_rate: f64 = 0.01, ONE in 1e-9, 1e6; "mpc.r_rate", "Weight of the squared rate of the steering command, per (rad/s)2"
+        r_rate: f64 = 0.03, ONE in 1e-9, 1e6; "mpc.r_rate", "Weight of the squared rate of the steering command, per (rad/s)2"
         steer_max: f64 = 0.6, RADIAN in 0.01, 1.4; "mpc.steer_max", "Largest road-wheel angle that is commanded"
         steer_rate_max: f64 = 0.8, RADIAN_PER_SECOND in 0.01, 20.0; "mpc.steer_rate_max", "Largest rate of the road-wheel angle that is commanded"
         e1_max: f64 = 0.5, METRE in 0.01, 100.0; "mpc.e1_max", "Soft bound of the lateral error"
@@ -68,8 +68,8 @@ impl ControllerParameters {
     /// The default controller for a car: its single-track model and steering limits.
     #[must_use]
     pub fn for_car(car: &CarParameters) -> Self {
-        let mut parameters = Self::default();
-        parameters.vehicle = NominalVehicle::from_single_track(&car.single_track());
+        let vehicle = NominalVehicle::from_single_track(&car.single_track());
+        let mut parameters = Self { vehicle, ..Self::default() };
         parameters.mpc.steer_max = parameters.mpc.steer_max.min(car.steering.angle_limit);
         parameters.mpc.steer_rate_max = parameters.mpc.steer_rate_max.min(car.steering.rate_limit);
         parameters

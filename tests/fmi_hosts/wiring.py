@@ -8,7 +8,8 @@ from pathlib import Path
 
 import fmpy
 
-CONTROLLER, CAR = "controller", "car"
+# Components are named for their FMUs, as in ClosedLoop.ssp.
+CONTROLLER, CAR = "RflMpc", "PassengerCar"
 RECORDED = ["x", "y", "yaw", "vx", "vy", "yaw_rate", "ax", "ay", "steer"]  # of the car
 COMMANDS = ["steer_cmd", "accel_cmd"]  # of the controller
 
@@ -17,7 +18,7 @@ class Loop:
     """The closed loop as data: two FMUs, the wires between them, the parameters to set."""
 
     def __init__(self, options: argparse.Namespace) -> None:
-        self.files = {CONTROLLER: options.fmus / "RflMpc.fmu", CAR: options.fmus / "PassengerCar.fmu"}
+        self.files = {name: options.fmus / f"{name}.fmu" for name in (CONTROLLER, CAR)}
         self.references, inputs, outputs = {}, {}, {}
         for name, file in self.files.items():
             variables = fmpy.read_model_description(str(file)).modelVariables
@@ -35,7 +36,7 @@ def options(doc: str) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=doc)
     parser.add_argument("--fmus", type=Path, required=True)
     parser.add_argument("--ssp", type=Path, help="run this system instead of wiring the two FMUs here")
-    parser.add_argument("--parameters", default="{}", help='JSON: {"car": {name: value}, "controller": {...}}')
+    parser.add_argument("--parameters", default="{}", help='JSON: {"PassengerCar": {name: value}, "RflMpc": {...}}')
     parser.add_argument("--step", type=float, default=0.02)
     parser.add_argument("--steps", type=int, required=True)
     parser.add_argument("--out", type=Path, required=True, help="JSON of columns, one row after each step")
