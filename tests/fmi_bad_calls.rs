@@ -214,7 +214,12 @@ fn the_stop_time_is_not_passed() {
 }
 
 /// Instantiates with these arguments; gives whether it worked and what was said.
-fn instantiate(name: *const c_char, kind: i32, guid: *const c_char, resources: *const c_char) -> (bool, String) {
+fn instantiate(
+    name: *const c_char,
+    kind: i32,
+    guid: *const c_char,
+    resources: *const c_char,
+) -> (bool, String) {
     let messages = Messages::default();
     let callbacks = callbacks(&messages);
     // SAFETY: NULL or C strings.
