@@ -4,8 +4,9 @@
 //! step components one after the other follow their order here, so the plant comes first.
 //!
 //! Hosts differ in what they read: libcosim and ecos match prefixes literally (`ssd:`, `ssc:`, `ssv:`) and want
-//! parameters inside the component; libcosim takes its step from an OSP annotation; fmpy takes parameters from an
-//! `.ssv` file with names `COMPONENT.PARAMETER`, and no step at all.
+//! parameters inside the component, ecos only those of the set that its `init` names (the system's name);
+//! libcosim takes its step from an OSP annotation; fmpy takes parameters from an `.ssv` file with names
+//! `COMPONENT.PARAMETER`, and no step at all.
 
 use crate::xml::{Attributes, Xml};
 use rfl_mpc::fmi::{Causality, Declaration, DefaultExperiment, Kind, Value, Variable};
@@ -225,11 +226,9 @@ impl System {
             xml.open("ssd:ParameterBindings", Attributes::new());
             xml.open("ssd:ParameterBinding", Attributes::new());
             xml.open("ssd:ParameterValues", Attributes::new());
-            parameter_set(
-                xml,
-                component.name,
-                settings.into_iter().map(|setting| (setting.name.clone(), setting)),
-            );
+            // Ecos chooses a set by its name: one name for all components.
+            let named = settings.into_iter().map(|setting| (setting.name.clone(), setting));
+            parameter_set(xml, &self.name, named);
             xml.close();
             xml.close();
             xml.close();

@@ -66,6 +66,8 @@ fn settings_stand_in_the_component_and_in_a_parameter_set() {
     system.set("RflMpc.mpc.q_e1 = 2.5").unwrap();
     let (structure, parameters) = (system.structure(), system.parameters().unwrap());
     assert!(structure.contains(r#"<ssv:Parameter name="vehicle_file">"#), "{structure}");
+    // Ecos takes the sets of all components by one name.
+    assert_eq!(structure.matches(r#"version="1.0" name="ClosedLoop">"#).count(), 2, "{structure}");
     assert!(structure.contains(r#"<ssv:String value="vehicles/&lt;a&amp;b&gt;.toml"/>"#), "{structure}");
     assert!(parameters.contains(r#"<ssv:Parameter name="PassengerCar.vehicle_file">"#), "{parameters}");
     assert!(parameters.contains(r#"<ssv:Parameter name="RflMpc.mpc.q_e1">"#), "{parameters}");
