@@ -49,8 +49,7 @@ pub enum StartError {
 const ROAD: &str = "paths/sudoku_test.csv";
 /// Vehicle files with their tyres.
 const VEHICLES: &[Resource] = &[Resource { from: "vehicles", to: "vehicles" }];
-const VEHICLES_AND_PATH: &[Resource] =
-    &[VEHICLES[0], Resource { from: ROAD, to: DEFAULT_PATH }];
+const VEHICLES_AND_PATH: &[Resource] = &[VEHICLES[0], Resource { from: ROAD, to: DEFAULT_PATH }];
 
 fn fmu(declaration: Declaration, package: &'static str, resources: &'static [Resource]) -> Fmu {
     let description = format!("modelDescription/{}.xml", declaration.name);

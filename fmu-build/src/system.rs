@@ -208,9 +208,10 @@ impl System {
             xml.open("ssd:ParameterBindings", Attributes::new());
             xml.open("ssd:ParameterBinding", Attributes::new());
             xml.open("ssd:ParameterValues", Attributes::new());
+            // One name for all: ecos applies the sets of one name, which its user gives.
             parameter_set(
                 xml,
-                component.name,
+                &self.name,
                 settings.into_iter().map(|setting| (setting.name.clone(), setting)),
             );
             xml.close();
