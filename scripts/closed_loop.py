@@ -32,11 +32,40 @@ import fmpy
 import fmpy.fmi2
 import fmpy.logging
 import numpy as np
-from fmpy.fmi1 import FMICallException
+from fmpy.fmi1 import FMICallException, printLogMessage
 
 FMUS = Path(__file__).resolve().parent.parent / "target" / "fmu"
 STEP = 0.02  # s, the controller's sampling time
 LIMIT = 1800.0  # s, a drive that has not finished by then is given up
+
+
+# fmpy expands the printf-style messages of FMUs in C and hands them to one logger in the whole process: this one, which
+# finds the list of an instance by what the instance was given as its environment.
+_LISTENERS: dict[int, list] = {}
+
+
+def _listen(environment, instance, status, category, message) -> None:
+    if environment in _LISTENERS:
+        texts = (text.decode("utf-8", "replace") if text else "" for text in (category, message))
+        _LISTENERS[environment].append((status, *texts))
+    else:
+        printLogMessage(environment, instance, status, category, message)
+
+
+_SHARED = fmpy.fmi2.fmi2CallbackFunctions(fmpy.fmi2.fmi2CallbackLoggerTYPE(_listen))
+fmpy.logging.addLoggerProxy(ctypes.byref(_SHARED))
+
+
+def callbacks_into(messages: list[tuple[int, str, str]]) -> fmpy.fmi2.fmi2CallbackFunctions:
+    """Callbacks for an instance whose messages are to be appended to a list, as (status, category, text)."""
+    key = len(_LISTENERS) + 1
+    _LISTENERS[key] = messages
+    return fmpy.fmi2.fmi2CallbackFunctions(
+        _SHARED.logger,
+        fmpy.fmi2.fmi2CallbackAllocateMemoryTYPE(fmpy.calloc),
+        fmpy.fmi2.fmi2CallbackFreeMemoryTYPE(fmpy.free),
+        componentEnvironment=key,
+    )
 
 
 class Unit:
@@ -59,21 +88,9 @@ class Unit:
             modelIdentifier=self.description.coSimulation.modelIdentifier,
             instanceName=name,
         )
-        self.fmu.instantiate(callbacks=self._callbacks())
+        self.fmu.instantiate(callbacks=callbacks_into(self.messages))
         self._step = self.fmu.dll.fmi2DoStep
         self._component = ctypes.c_void_p(self.fmu.component)
-
-    def _callbacks(self) -> fmpy.fmi2.fmi2CallbackFunctions:
-        def logger(_environment, _instance, status, category, message):
-            texts = (text.decode("utf-8", "replace") if text else "" for text in (category, message))
-            self.messages.append((status, *texts))
-
-        callbacks = fmpy.fmi2.fmi2CallbackFunctions()
-        callbacks.logger = fmpy.fmi2.fmi2CallbackLoggerTYPE(logger)
-        callbacks.allocateMemory = fmpy.fmi2.fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
-        callbacks.freeMemory = fmpy.fmi2.fmi2CallbackFreeMemoryTYPE(fmpy.free)
-        fmpy.logging.addLoggerProxy(ctypes.byref(callbacks))  # expands printf-style messages
-        return callbacks
 
     def names(self, causality: str, kind: str | None = None) -> list[str]:
         """Names of the variables of a causality, in the description's order."""

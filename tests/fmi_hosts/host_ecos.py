@@ -17,6 +17,7 @@ def main() -> None:
     parameter_set = None
     if given.ssp:
         assert not loop.parameters, "Ecos takes an SSP's parameters from the SSP alone"
+        parameter_set = given.ssp.stem  # the name of its parameters, which Ecos wants to be told
         simulation = EcosSimulation(ssp_path=str(given.ssp), step_size=given.step)
     else:
         structure = EcosSimulationStructure()

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import fmpy
 import fmpy.fmi2
-import fmpy.logging
+from closed_loop import callbacks_into
 
 OK, WARNING, DISCARD, ERROR, FATAL = range(5)
 STEP = 0.02
@@ -55,16 +55,9 @@ class Instance:
     def __init__(self, library: Library, name="unit", *, guid=None, resources=None, kind=1, with_logger=True) -> None:
         self.library, self.dll = library, library.dll
         self.messages: list[tuple[int, str, str]] = []
-
-        def logger(_environment, _instance, status, category, message):
-            self.messages.append((status, (category or b"").decode(), (message or b"").decode("utf-8", "replace")))
-
-        self.callbacks = fmpy.fmi2.fmi2CallbackFunctions()
-        if with_logger:
-            self.callbacks.logger = fmpy.fmi2.fmi2CallbackLoggerTYPE(logger)
-            fmpy.logging.addLoggerProxy(byref(self.callbacks))
-        self.callbacks.allocateMemory = fmpy.fmi2.fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
-        self.callbacks.freeMemory = fmpy.fmi2.fmi2CallbackFreeMemoryTYPE(fmpy.free)
+        self.callbacks = callbacks_into(self.messages)
+        if not with_logger:
+            self.callbacks.logger = fmpy.fmi2.fmi2CallbackLoggerTYPE()
         guid = library.description.guid if guid is None else guid
         location = (library.folder / "resources").as_uri() if resources is None else resources
         self.handle = self.dll.fmi2Instantiate(

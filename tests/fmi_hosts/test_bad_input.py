@@ -294,7 +294,8 @@ def test_tyre_file_truncated(unit, tmp_path, car_text):
     vehicles = Path(__file__).parents[2] / "vehicles"
     tyre = next(vehicles.glob("tyres/*.tir"))
     text = tyre.read_text(encoding="utf-8")
-    (tmp_path / "half.tir").write_text(text[: len(text) // 3])
+    lines = text.splitlines()
+    (tmp_path / "half.tir").write_text("\n".join(lines[: len(lines) // 2]))
     lines = [f'file = "{tmp_path / "half.tir"}"' if line.startswith("file") else line for line in car_text.splitlines()]
     (tmp_path / "car.toml").write_text("\n".join(lines))
     assert with_file(unit, "vehicle_file", tmp_path / "car.toml") == ERROR
