@@ -24,6 +24,7 @@
 //! |---|---|
 //! | [`signal`] | the vocabulary: names, units, meanings |
 //! | [`parameter`] | numeric parameters: declared once, with unit and range |
+//! | [`enumeration`] | named values: declared once |
 //! | [`path`] | reference paths: splines, projection, readers, speed plan, the Sudoku course |
 //! | [`vehicle`] | the plants: parameters, tyres, steering chain, effects, the two-track car |
 //! | [`nominal`] | linear prediction models and their discretisation |
@@ -35,6 +36,7 @@
 #[cfg(feature = "cli")]
 pub mod cli;
 pub mod control;
+pub mod enumeration;
 pub mod fmi;
 pub mod fmu;
 pub mod nominal;

@@ -5,7 +5,7 @@ mod common;
 
 use common::*;
 use rfl_mpc::fmi::abi::{CallbackFunctions, Status};
-use std::ffi::{CStr, CString};
+use std::ffi::{CStr, CString, c_char};
 use std::ptr;
 
 /// Asserts that the last message has all these words.
@@ -214,7 +214,12 @@ fn the_stop_time_is_not_passed() {
 }
 
 /// Instantiates with these arguments; gives whether it worked and what was said.
-fn instantiate(name: *const i8, kind: i32, guid: *const i8, resources: *const i8) -> (bool, String) {
+fn instantiate(
+    name: *const c_char,
+    kind: i32,
+    guid: *const c_char,
+    resources: *const c_char,
+) -> (bool, String) {
     let messages = Messages::default();
     let callbacks = callbacks(&messages);
     // SAFETY: NULL or C strings.

@@ -51,9 +51,9 @@ impl Unit {
         self.model.initialize(&mut self.values, 0.0, &Context::default(), &mut self.log)
     }
 
-    /// Puts the vehicle beside the path, a little further at each step.
+    /// Puts the vehicle beside the path, a little further at each step, from 1 m after its start.
     fn step(&mut self, k: u32, h: f64) {
-        let along = f64::from(k) * h * 5.0;
+        let along = 1.0 + f64::from(k) * h * 5.0;
         let (x, y, yaw) = (self.real("start.x"), self.real("start.y"), self.real("start.yaw"));
         for (name, value) in [
             ("x", x + along * yaw.cos() - 0.2 * yaw.sin()),

@@ -82,7 +82,7 @@ fn points_alone_give_the_curvature_too() {
             (square, count) = (square + error * error, count + 1.0);
             s += 0.73;
         }
-        let rms = (square / count as f64).sqrt();
+        let rms = (square / count).sqrt();
         println!("{}: curvature error {worst:.1e} at most, {rms:.1e} RMS", route.name());
         assert!(worst < 5e-3 && rms < 5e-4, "{}: {worst} {rms}", route.name());
     }

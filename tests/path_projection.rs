@@ -68,7 +68,7 @@ proptest! {
     ) {
         for path in [&*TRAIN, &*CIRCUIT] {
             let foot = path.project(x, y, yaw, hint);
-            prop_assert!(!(foot.e1.is_finite() && !x.is_finite()));
+            prop_assert!(x.is_finite() || foot.e1.is_nan());
             let _ = path.at(foot.station);
         }
     }
@@ -215,6 +215,19 @@ fn a_pose_that_is_not_finite_gives_errors_that_are_not() {
     assert!(foot.e1.is_nan() && foot.station == 0.0);
     let foot = TRAIN.project(1.0, 2.0, f64::NAN, None);
     assert!(foot.e1.is_finite() && foot.e2.is_nan());
+}
+
+/// Far beyond an end with the end as its hint, though the road comes near elsewhere.
+#[test]
+fn a_vehicle_far_beyond_an_end_is_found_where_the_road_is() {
+    let hook = (0..=100).map(|i| Sample::at(f64::from(i), 0.0));
+    let bend = (1..=31)
+        .map(|i| f64::from(i) * 0.1)
+        .map(|a| Sample::at(100.0 + 30.0 * a.sin(), 30.0 - 30.0 * a.cos()));
+    let path = Path::from_samples(hook.chain(bend).collect(), Closure::Open).unwrap();
+    // The road ends near (101, 60), heading west; this is 60 m on, over the first straight's start, 60 m beside it.
+    let foot = path.project(20.0, 3.0, 0.0, Some(path.length()));
+    assert!((foot.station - 20.0).abs() < 0.01 && (foot.e1 - 3.0).abs() < 0.01, "{foot:?}");
 }
 
 /// Every class of road occurs, so the tests above mean what they say.

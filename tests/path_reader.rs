@@ -249,6 +249,18 @@ fn a_closed_road_is_told_from_an_open_one() {
 }
 
 #[test]
+fn what_is_not_used_is_said() {
+    let path = read("x,y,yaw\n0,0,0\n1,0,0\n2,0,0\n").unwrap();
+    has(&path.notes()[0], &["not used", "both"]);
+    // A lap that was recorded 20 points too long.
+    let rows =
+        (0..146).map(|i| f64::from(i) * 0.05).map(|a| format!("{},{}\n", 50.0 * a.cos(), 50.0 * a.sin()));
+    let path = read(&format!("x,y\n{}", rows.collect::<String>())).unwrap();
+    assert!(!path.is_periodic());
+    has(&path.notes()[0], &["passes its start again at point 12", "of 146"]);
+}
+
+#[test]
 fn noisy_points_are_noticed() {
     let rows: String = (0..200).map(|i| format!("{i},{}\n", if i % 2 == 0 { 0.02 } else { -0.02 })).collect();
     let none = Options { smoothing: Smoothing::None, ..Options::default() };

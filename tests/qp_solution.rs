@@ -42,11 +42,16 @@ fn problem(horizon: usize, start: [f64; 4], curvature: f64, speed: f64, previous
     problem
 }
 
-/// The problem in `z = [U, s]`: `H`, `f`, `C`, `d` and the point that belongs to the inputs `u`.
-fn dense(
-    problem: &TrackingQp,
-    u: &[f64],
-) -> (DMatrix<f64>, DVector<f64>, DMatrix<f64>, DVector<f64>, DVector<f64>) {
+/// The problem in `z = [U, s]`: `min 1/2 z'Hz + f'z` under `C z <= d`, and the point that belongs to the inputs.
+struct Dense {
+    h: DMatrix<f64>,
+    f: DVector<f64>,
+    c: DMatrix<f64>,
+    d: DVector<f64>,
+    z: DVector<f64>,
+}
+
+fn dense(problem: &TrackingQp, u: &[f64]) -> Dense {
     let shape = &problem.shape;
     let (n, soft) = (u.len(), &shape.soft[0]);
     let gain = DMatrix::from_row_slice(problem.free.len(), n, &problem.gain);
@@ -85,12 +90,12 @@ fn dense(
         }
         c[(6 * n + j, n + j)] = -1.0;
     }
-    (h, f, c, d, z)
+    Dense { h, f, c, d, z }
 }
 
 /// Upper bound on how much more the inputs cost than the optimum; and the largest violation of a bound.
 fn suboptimality(problem: &TrackingQp, u: &[f64]) -> (f64, f64) {
-    let (h, f, c, d, z) = dense(problem, u);
+    let Dense { h, f, c, d, z } = dense(problem, u);
     let slack = d - &c * &z;
     let inverse = h.clone().cholesky().expect("the cost is strictly convex").inverse();
     let gradient = &h * &z + f;

@@ -28,7 +28,7 @@ fn what_is_wrong_is_named_with_file_line_key_and_remedy() {
         (change("PKY1 = -2.0D1\n", ""), ["test.tir", "missing PKY1", "complete"]),
         (change("'meter'", "'inch'"), ["line 3", "LENGTH = 'inch'", "convert the file to 'meter'"]),
         (change("'PAC2002'", "'MF_61'"), ["line 6", "'MF_61'", "PAC2002"]),
-        (change("PDX1=1.1", "PDX1=1.1\nPDX1=1.2"), ["PDX1", "line 17", "line 18"]),
+        (change("PDX1=1.1", "PDX1=1.1\nPDX1=1.2"), ["PDX1", "line 18", "line 19"]),
         (change("FNOMIN = 4000", "FNOMIN = -1"), ["line 10", "FNOMIN = -1", "greater than zero"]),
         (change("-2.0D1", "20"), ["PKY1 = 20", "negative", "ISO"]),
     ] {

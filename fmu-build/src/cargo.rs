@@ -5,6 +5,7 @@
 
 use serde_json::Value;
 use std::collections::BTreeMap;
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -60,7 +61,10 @@ impl Builder {
             Builder::Cargo => command.arg("build"),
         };
         command.args(["--profile", profile, "--message-format", "json-render-diagnostics"]).args(selection);
-        command.stderr(Stdio::inherit());
+        // A development build is shared with tests, whose flags must not change.
+        if profile != "dev" {
+            command.env("CARGO_ENCODED_RUSTFLAGS", flags(project));
+        }
         let (text, command) = output(&mut command)?;
         let mut library = None;
         for line in text.lines() {
@@ -76,6 +80,29 @@ impl Builder {
         }
         library.map(PathBuf::from).ok_or(CargoError::NoLibrary { command })
     }
+}
+
+/// The user's compiler flags, and those that take this machine's folders out of the library: the same sources give
+/// the same library anywhere.
+fn flags(project: &Path) -> OsString {
+    let separator = "\u{1f}";
+    let mut flags = std::env::var_os("CARGO_ENCODED_RUSTFLAGS").unwrap_or_else(|| {
+        let plain = std::env::var("RUSTFLAGS").unwrap_or_default();
+        plain.split_whitespace().collect::<Vec<_>>().join(separator).into()
+    });
+    let home = std::env::var_os("CARGO_HOME")
+        .map(PathBuf::from)
+        .or_else(|| Some(std::env::home_dir()?.join(".cargo")));
+    let sources = home.map(|home| (home.join("registry").join("src"), "crates"));
+    for (folder, name) in sources.into_iter().chain([(project.to_owned(), "rfl-mpc")]) {
+        if !flags.is_empty() {
+            flags.push(separator);
+        }
+        flags.push("--remap-path-prefix=");
+        flags.push(folder);
+        flags.push(format!("={name}"));
+    }
+    flags
 }
 
 /// A crate that is linked into a library.

@@ -29,7 +29,7 @@ struct Arguments {
     #[arg(long, value_enum, default_value_t = BuilderChoice::Auto)]
     builder: BuilderChoice,
     /// Cargo's profile
-    #[arg(long, default_value = "fmu")]
+    #[arg(long, default_value = "shipped")]
     profile: String,
     /// Add libraries of other platforms: DIR/win64/NAME.dll, DIR/darwin64/NAME.dylib, ...
     #[arg(long, value_name = "DIR")]
@@ -97,11 +97,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         }
     }
     // Settings are checked first: a build takes minutes.
-    let mut system = System::new(shipped::SYSTEM, all.iter().map(|fmu| fmu.declaration.clone()).collect());
-    let road = arguments.set.iter().find_map(|setting| setting.strip_prefix("RflMpc.path_file="));
-    for setting in shipped::start(&options.project, road)?.iter().chain(&arguments.set) {
-        system.set(setting)?;
-    }
+    let system = shipped::closed_loop(&options.project, &arguments.set)?;
     let chosen = choose(&all, &arguments.only)?;
     for (i, fmu) in chosen.iter().enumerate() {
         make(fmu, &options, &format!("[{}/{}] {}", i + 1, chosen.len(), fmu.declaration.name))?;

@@ -1,11 +1,10 @@
 //! The FMUs and the system that we ship. An FMU is added here, in `src/fmu/` and as a crate beside this one.
 
 use crate::fmu::{Fmu, Resource};
-use rfl_mpc::control::{Controller, ControllerParameters};
-use rfl_mpc::fmi::{Declaration, Model};
+use crate::system::{SettingError, System};
+use rfl_mpc::fmi::{Context, Declaration, Log, Model, ModelError, Severity, Value, Values};
 use rfl_mpc::fmu::{DEFAULT_PATH, PassengerCar, RflMpc};
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::path::Path;
 
 /// All FMUs, in the order in which a system steps them: the plant before its controller.
 #[must_use]
@@ -19,37 +18,68 @@ pub fn fmus() -> Vec<Fmu> {
 /// The system of them all.
 pub const SYSTEM: &str = "ClosedLoop";
 
-/// Settings of [`SYSTEM`] that put its car where the controller's road begins, at the speed planned there.
-///
-/// A host that connects the FMUs itself reads this from the controller's outputs `start.*`; an SSP has no such step.
-/// `road` is the file of a road other than the packed one.
-///
-/// # Errors
-/// If the road cannot be read.
-pub fn start(project: &Path, road: Option<&str>) -> Result<Vec<String>, StartError> {
-    let file = road.map_or_else(|| project.join(ROAD), PathBuf::from);
-    let path = Arc::new(rfl_mpc::path::Path::read(&file)?);
-    let controller = Controller::new(ControllerParameters::default(), path)?;
-    let (at, speed) = (controller.path().at(0.0), controller.speed_plan().speed(0.0));
-    let start = [("x", at.x), ("y", at.y), ("yaw", at.yaw), ("vx", speed)];
-    Ok(start.map(|(name, value)| format!("PassengerCar.initial.{name}={value}")).to_vec())
-}
-
-/// Why a road's start is not known.
+/// Why the system cannot be made.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
-pub enum StartError {
+pub enum SystemError {
     #[error(transparent)]
-    Path(#[from] rfl_mpc::path::PathError),
-    #[error(transparent)]
-    Controller(#[from] rfl_mpc::control::ControllerError),
+    Setting(#[from] SettingError),
+    #[error("the controller cannot start with these settings: {0}")]
+    Controller(#[from] ModelError),
 }
 
-/// The road that the controller carries.
-const ROAD: &str = "paths/sudoku_test.csv";
+/// Car and controller, connected, with the user's settings (`COMPONENT.PARAMETER=VALUE`). The car starts where the
+/// controller's path does and as fast as it is planned there, unless the user says otherwise.
+///
+/// # Errors
+/// A setting that is none, or one with which the controller cannot be initialised.
+pub fn closed_loop(project: &Path, settings: &[String]) -> Result<System, SystemError> {
+    let mut system = System::new(SYSTEM, fmus().into_iter().map(|fmu| fmu.declaration).collect());
+    for setting in settings {
+        system.set(setting)?;
+    }
+    let begin = start_of_path(project, &system)?;
+    let set: Vec<String> = system.settings_of("PassengerCar").map(|(name, _)| name.to_owned()).collect();
+    for (name, value) in ["initial.x", "initial.y", "initial.yaw", "initial.vx"].iter().zip(begin) {
+        if !set.iter().any(|set| set == name) {
+            system.set(&format!("PassengerCar.{name}={value}"))?;
+        }
+    }
+    Ok(system)
+}
+
+/// Where the path begins, as the controller itself says: x, y, yaw, speed.
+fn start_of_path(project: &Path, system: &System) -> Result<[f64; 4], ModelError> {
+    let declaration = RflMpc::declaration();
+    let mut values = Values::starting_from(&declaration.variables);
+    let set = |values: &mut Values, name: &str, value: Value| {
+        if let Some(vr) = declaration.find(name) {
+            values.set_by_host(vr, value);
+        }
+    };
+    // The project stands for the FMU's resources, in which the path has another name.
+    set(&mut values, "path_file", Value::String(PATH.from.to_owned()));
+    for (name, value) in system.settings_of(declaration.name) {
+        set(&mut values, name, value.clone());
+    }
+    let context = Context { resources: Some(project.to_owned()), instance_name: SYSTEM.to_owned() };
+    RflMpc::new().initialize(&mut values, 0.0, &context, &mut Unheard)?;
+    let of = |name: &str| declaration.find(name).map_or(0.0, |vr| values.real(vr));
+    Ok(["start.x", "start.y", "start.yaw", "start.speed"].map(of))
+}
+
+/// What the controller says here, it says again to the host.
+struct Unheard;
+
+impl Log for Unheard {
+    fn log(&mut self, _severity: Severity, _category: &'static str, _message: &str) {}
+}
+
+/// The path that the controller carries.
+const PATH: Resource = Resource { from: "paths/sudoku_test.csv", to: DEFAULT_PATH };
 /// Vehicle files with their tyres.
 const VEHICLES: &[Resource] = &[Resource { from: "vehicles", to: "vehicles" }];
-const VEHICLES_AND_PATH: &[Resource] = &[VEHICLES[0], Resource { from: ROAD, to: DEFAULT_PATH }];
+const VEHICLES_AND_PATH: &[Resource] = &[VEHICLES[0], PATH];
 
 fn fmu(declaration: Declaration, package: &'static str, resources: &'static [Resource]) -> Fmu {
     let description = format!("modelDescription/{}.xml", declaration.name);

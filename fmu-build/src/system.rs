@@ -4,19 +4,32 @@
 //! step components one after the other follow their order here, so the plant comes first.
 //!
 //! Hosts differ in what they read: libcosim and ecos match prefixes literally (`ssd:`, `ssc:`, `ssv:`) and want
-//! parameters inside the component; libcosim takes its step from an OSP annotation; fmpy takes parameters from an
-//! `.ssv` file with names `COMPONENT.PARAMETER`, and no step at all.
+//! parameters inside the component, ecos only those of the set that its `init` names (the system's name);
+//! libcosim takes its step from an OSP annotation; fmpy takes parameters from an `.ssv` file with names
+//! `COMPONENT.PARAMETER`, and no step at all.
 
 use crate::xml::{Attributes, Xml};
-use rfl_mpc::fmi::{Causality, Declaration, DefaultExperiment, Kind, Variable};
+use rfl_mpc::fmi::{Causality, Declaration, DefaultExperiment, Kind, Value, Variable};
 
 /// A parameter's value for one component.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Setting {
     component: usize,
     name: String,
-    value: String,
-    element: &'static str,
+    value: Value,
+}
+
+impl Setting {
+    /// The element of a parameter set, and the value in it.
+    fn element(&self) -> (&'static str, String) {
+        match &self.value {
+            Value::Real(value) => ("ssv:Real", value.to_string()),
+            // Hosts set enumerations as integers.
+            Value::Integer(value) => ("ssv:Integer", value.to_string()),
+            Value::Boolean(value) => ("ssv:Boolean", value.to_string()),
+            Value::String(value) => ("ssv:String", value.clone()),
+        }
+    }
 }
 
 /// Why a setting cannot be used.
@@ -72,16 +85,21 @@ impl System {
             let components: Vec<_> = self.components.iter().map(|component| component.name).collect();
             SettingError::Unknown { name: name.to_owned(), components: components.join(", ") }
         })?;
-        let value_and_element = typed(variable, value).map_err(|wanted| SettingError::Value {
+        let value = typed(variable, value).map_err(|wanted| SettingError::Value {
             name: name.to_owned(),
             value: value.to_owned(),
             wanted,
         })?;
-        let (value, element) = value_and_element;
-        // A later setting wins.
-        self.settings.retain(|other| (other.component, other.name.as_str()) != (component, &variable.name));
-        self.settings.push(Setting { component, name: variable.name.to_string(), value, element });
+        let name = variable.name.to_string();
+        self.settings.retain(|setting| (setting.component, &setting.name) != (component, &name));
+        self.settings.push(Setting { component, name, value });
         Ok(())
+    }
+
+    /// The values that were set for a component, by parameter.
+    pub fn settings_of<'a>(&'a self, component: &'a str) -> impl Iterator<Item = (&'a str, &'a Value)> {
+        let of = move |setting: &&Setting| self.components[setting.component].name == component;
+        self.settings.iter().filter(of).map(|setting| (setting.name.as_str(), &setting.value))
     }
 
     /// What is connected.
@@ -208,12 +226,9 @@ impl System {
             xml.open("ssd:ParameterBindings", Attributes::new());
             xml.open("ssd:ParameterBinding", Attributes::new());
             xml.open("ssd:ParameterValues", Attributes::new());
-            // One name for all: ecos applies the sets of one name, which its user gives.
-            parameter_set(
-                xml,
-                &self.name,
-                settings.into_iter().map(|setting| (setting.name.clone(), setting)),
-            );
+            // Ecos chooses a set by its name: one name for all components.
+            let named = settings.into_iter().map(|setting| (setting.name.clone(), setting));
+            parameter_set(xml, &self.name, named);
             xml.close();
             xml.close();
             xml.close();
@@ -246,40 +261,36 @@ fn parameter_set<'a>(xml: &mut Xml, name: &str, settings: impl Iterator<Item = (
     xml.open("ssv:Parameters", Attributes::new());
     for (name, setting) in settings {
         xml.open("ssv:Parameter", Attributes::new().with("name", name));
-        xml.empty(setting.element, Attributes::new().with("value", &setting.value));
+        let (element, value) = setting.element();
+        xml.empty(element, Attributes::new().with("value", value));
         xml.close();
     }
     xml.close();
     xml.close();
 }
 
-/// A value as it stands in a parameter set, and the element for it; or what was wanted.
-fn typed(variable: &Variable, text: &str) -> Result<(String, &'static str), String> {
+/// The value that a text is for a variable; or what was wanted.
+fn typed(variable: &Variable, text: &str) -> Result<Value, String> {
     match &variable.kind {
         Kind::Real { min, max, .. } => {
             let (low, high) = (min.unwrap_or(f64::NEG_INFINITY), max.unwrap_or(f64::INFINITY));
             let value =
                 text.parse::<f64>().ok().filter(|value| value.is_finite() && (low..=high).contains(value));
-            value.map(|value| (value.to_string(), "ssv:Real")).ok_or(format!("a number in [{low}, {high}]"))
+            value.map(Value::Real).ok_or(format!("a number in [{low}, {high}]"))
         }
         Kind::Integer { min, max, .. } => {
             let (low, high) = (min.unwrap_or(i32::MIN), max.unwrap_or(i32::MAX));
             let value = text.parse::<i32>().ok().filter(|value| (low..=high).contains(value));
-            value
-                .map(|value| (value.to_string(), "ssv:Integer"))
-                .ok_or(format!("an integer in [{low}, {high}]"))
+            value.map(Value::Integer).ok_or(format!("an integer in [{low}, {high}]"))
         }
-        Kind::Boolean { .. } => match text {
-            "true" | "false" => Ok((text.to_owned(), "ssv:Boolean")),
-            _ => Err("true or false".to_owned()),
-        },
-        Kind::String { .. } => Ok((text.to_owned(), "ssv:String")),
+        Kind::Boolean { .. } => {
+            text.parse::<bool>().map(Value::Boolean).map_err(|_| "true or false".to_owned())
+        }
+        Kind::String { .. } => Ok(Value::String(text.to_owned())),
         Kind::Enumeration { items, .. } => {
             let found = items.iter().find(|(value, name, _)| *name == text || value.to_string() == text);
             let names: Vec<_> = items.iter().map(|item| item.1).collect();
-            found
-                .map(|item| (item.0.to_string(), "ssv:Integer"))
-                .ok_or(format!("one of {}", names.join(", ")))
+            found.map(|item| Value::Integer(item.0)).ok_or(format!("one of {}", names.join(", ")))
         }
     }
 }

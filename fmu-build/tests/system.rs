@@ -3,7 +3,8 @@
 
 use fmu_build::shipped;
 use fmu_build::system::{SettingError, System};
-use rfl_mpc::fmi::Causality;
+use rfl_mpc::fmi::{Causality, Value};
+use rfl_mpc::path::Path;
 use std::collections::BTreeSet;
 
 fn closed_loop() -> System {
@@ -65,6 +66,8 @@ fn settings_stand_in_the_component_and_in_a_parameter_set() {
     system.set("RflMpc.mpc.q_e1 = 2.5").unwrap();
     let (structure, parameters) = (system.structure(), system.parameters().unwrap());
     assert!(structure.contains(r#"<ssv:Parameter name="vehicle_file">"#), "{structure}");
+    // Ecos takes the sets of all components by one name.
+    assert_eq!(structure.matches(r#"version="1.0" name="ClosedLoop">"#).count(), 2, "{structure}");
     assert!(structure.contains(r#"<ssv:String value="vehicles/&lt;a&amp;b&gt;.toml"/>"#), "{structure}");
     assert!(parameters.contains(r#"<ssv:Parameter name="PassengerCar.vehicle_file">"#), "{parameters}");
     assert!(parameters.contains(r#"<ssv:Parameter name="RflMpc.mpc.q_e1">"#), "{parameters}");
@@ -86,4 +89,33 @@ fn settings_that_cannot_be_are_refused() {
         let error: SettingError = system.set(text).unwrap_err();
         assert!(error.to_string().contains(word), "{text}: {error}");
     }
+}
+
+/// The car starts on the controller's path, at its speed, unless the user places it.
+#[test]
+fn the_car_starts_on_the_path() {
+    let project = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let begin = |settings: &[&str]| {
+        let settings: Vec<String> = settings.iter().map(ToString::to_string).collect();
+        let system = shipped::closed_loop(&project, &settings).unwrap();
+        ["initial.x", "initial.y", "initial.yaw", "initial.vx"].map(|name| {
+            let (_, value) = system.settings_of("PassengerCar").find(|(set, _)| *set == name).unwrap();
+            let Value::Real(value) = value else { panic!("{value:?}") };
+            *value
+        })
+    };
+    for file in ["paths/sudoku_test.csv", "paths/hairpin_circuit.csv"] {
+        let path = Path::read(&project.join(file)).unwrap();
+        let at = path.at(0.0);
+        let [x, y, yaw, vx] = begin(&[&format!("RflMpc.path_file={file}")]);
+        assert_eq!((x, y, yaw), (at.x, at.y, at.yaw));
+        assert!(vx > 1.0, "{vx}");
+    }
+    let sudoku = Path::read(&project.join("paths/sudoku_test.csv")).unwrap().at(0.0);
+    let [x, y, _, vx] = begin(&["PassengerCar.initial.vx=3", "PassengerCar.initial.y=7"]);
+    assert_eq!((x, y, vx), (sudoku.x, 7.0, 3.0));
+
+    let settings = ["RflMpc.path_file=no/such/road.csv".to_owned()];
+    let error = shipped::closed_loop(&project, &settings).unwrap_err().to_string();
+    assert!(error.contains("no/such/road.csv"), "{error}");
 }

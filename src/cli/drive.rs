@@ -2,7 +2,8 @@
 
 use crate::control::{Controller, ControllerParameters};
 use crate::parameter::ParameterGroup;
-use crate::path::{Path, RoadClass};
+use crate::path::sudoku::Route;
+use crate::path::{Options, Path, RoadClass, to_csv};
 use crate::simulate::{ClosedLoop, Drive};
 use crate::vehicle::{BUILTIN, Car, CarParameters, Effects, builtin};
 use clap::Args;
@@ -83,7 +84,7 @@ impl Settings {
         if found {
             return Ok(());
         }
-        Err(format!("--set {text}: there is no parameter '{name}'; docs/parameters.md lists them").into())
+        Err(format!("--set {text}: there is no number '{name}' to set; 'rfl parameters' lists all").into())
     }
 }
 
@@ -106,7 +107,11 @@ pub fn run(args: &DriveArgs) -> Result<(), Box<dyn Error>> {
     }
     let path = Arc::new(match &args.path {
         Some(file) => Path::read(file)?,
-        None => Path::read(std::path::Path::new("paths/sudoku_test.csv"))?,
+        None => {
+            // Through the text of its file, so that the numbers are those of the file's rounding.
+            let text = to_csv(&Route::SudokuTest.samples());
+            Path::from_csv(text.as_bytes(), "sudoku_test.csv".as_ref(), &Options::default())?
+        }
     });
     for note in path.notes() {
         eprintln!("note: {note}");

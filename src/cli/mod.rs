@@ -5,6 +5,7 @@
 
 pub mod course;
 pub mod drive;
+pub mod parameters;
 pub mod path;
 
 use clap::{Parser, Subcommand};
@@ -19,6 +20,7 @@ use std::process::ExitCode;
     after_help = "Examples:
   rfl path road.csv           check a road before driving it
   rfl drive --path road.csv   drive it
+  rfl parameters              what --set can change
   rfl course                  write our own courses to paths/
 
 Exit status: 0 done, 1 bad input or a failure, 2 wrong usage."
@@ -33,6 +35,7 @@ pub struct Cli {
 enum Command {
     Drive(drive::DriveArgs),
     Path(path::PathArgs),
+    Parameters(parameters::ParametersArgs),
     Course(course::CourseArgs),
 }
 
@@ -45,6 +48,7 @@ impl Cli {
         match &self.command {
             Command::Drive(args) => drive::run(args),
             Command::Path(args) => path::run(args),
+            Command::Parameters(args) => parameters::run(args),
             Command::Course(args) => course::run(args),
         }
     }

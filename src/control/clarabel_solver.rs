@@ -1,7 +1,14 @@
 //! The tracking problem for the interior-point solver Clarabel (Goulart and Chen 2024).
 //!
-//! Variables are `z = [U, y, s]` with `y = free + G U` as equations, so that each dense row of `G` stands once;
-//! rates are bidiagonal rows and bounds unit rows. The solver is built once, on a typical instance, and its data
+//! Variables are `z = [U, y, s]`. The cost of all outputs is condensed onto the inputs,
+//!
+//! ```text
+//! H = sum_i w_i g_i g_i' + r D'D,    f = sum_i w_i g_i (free_i - ref_i) - r D' [u_{-1}; 0; ..]
+//! ```
+//!
+//! with `g_i` a row of `G` and `D` the differences. Only softly bounded outputs appear as variables,
+//! `y = free + G U`, so that a dense row stands once for its two bounds; rates are bidiagonal rows and bounds unit
+//! rows. The solver is built once, on a typical instance, and its data
 //! are overwritten in place: half the time of a new solver, at a 117th of the allocations (`facts.md` of the
 //! project). Its equilibration is then that of the typical instance; it affects speed, not the solution.
 
@@ -24,15 +31,53 @@ pub enum BuildError {
 pub struct ClarabelSolver {
     solver: DefaultSolver<f64>,
     shape: QpShape,
-    /// Non-zeros of the constraint matrix; those of `G` change from step to step.
+    /// Non-zeros of the cost's upper triangle, and of those the dense block `H`, column by column.
+    cost: Vec<f64>,
+    cost_places: Vec<usize>,
+    /// Non-zeros of the constraint matrix.
     matrix: Vec<f64>,
     /// Where in `matrix` the entries of `-G` stand, with their place in `TrackingQp::gain`.
     gain_places: Vec<(usize, usize)>,
     linear: Vec<f64>,
     rhs: Vec<f64>,
-    /// First row of the rate bounds.
-    rate_row: usize,
     clock: Clock,
+}
+
+/// Numbers of variables and rows, in their order.
+#[derive(Clone, Copy)]
+struct Layout {
+    inputs: usize,
+    /// Softly bounded outputs over the horizon; as many slacks.
+    bounded: usize,
+}
+
+impl Layout {
+    fn of(shape: &QpShape) -> Self {
+        Self { inputs: shape.horizon * shape.inputs, bounded: shape.horizon * shape.soft.len() }
+    }
+
+    fn variables(self) -> usize {
+        self.inputs + 2 * self.bounded
+    }
+
+    /// First row of the rate bounds, after the equations.
+    fn rates(self) -> usize {
+        self.bounded
+    }
+
+    /// First row of the bounds of the inputs.
+    fn bounds(self) -> usize {
+        self.rates() + 2 * self.inputs
+    }
+
+    /// First row of the soft bounds.
+    fn soft(self) -> usize {
+        self.bounds() + 2 * self.inputs
+    }
+
+    fn rows(self) -> usize {
+        self.soft() + 3 * self.bounded
+    }
 }
 
 /// When the solver has to stop. Clarabel's own time limit can only be changed by replacing all settings, which
@@ -106,94 +151,70 @@ impl ClarabelSolver {
     /// Data that Clarabel refuses.
     pub fn new(typical: &TrackingQp, max_iterations: u32) -> Result<Self, BuildError> {
         let shape = typical.shape.clone();
-        let (n_u, n_y) = (typical.columns(), shape.horizon * shape.outputs);
-        let n_s = shape.horizon * shape.soft.len();
-        let variables = n_u + n_y + n_s;
+        let layout = Layout::of(&shape);
+        let (n_u, n_b) = (layout.inputs, layout.bounded);
+        let soft_of = |k: usize| (k / shape.soft.len(), &shape.soft[k % shape.soft.len()]);
 
         let mut p = Triplets { entries: Vec::new() };
-        for j in 0..shape.horizon {
-            for i in 0..shape.inputs {
-                // r (u_j - u_{j-1})^2 summed: 2 r on the diagonal but for the last step, -r beside it.
-                let column = j * shape.inputs + i;
-                let factor = if j + 1 == shape.horizon { 1.0 } else { 2.0 };
-                if j > 0 {
-                    p.push(column - shape.inputs, column, -shape.rate_weight[i]);
-                }
-                p.push(column, column, factor * shape.rate_weight[i]);
+        let mut cost_entries = Vec::new();
+        for column in 0..n_u {
+            for row in 0..=column {
+                cost_entries.push(p.push(row, column, 0.0));
             }
         }
-        for j in 0..shape.horizon {
-            for i in 0..shape.outputs {
-                let column = n_u + j * shape.outputs + i;
-                p.push(column, column, shape.weight(j, i));
-            }
+        for k in 0..n_b {
+            p.push(n_u + k, n_u + k, 0.0);
+            p.push(n_u + n_b + k, n_u + n_b + k, soft_of(k).1.quadratic);
         }
-        for k in 0..n_s {
-            let column = n_u + n_y + k;
-            p.push(column, column, shape.soft[k % shape.soft.len()].quadratic);
-        }
-        let (p, _) = p.compress(variables, variables);
+        let (mut p, place) = p.compress(layout.variables(), layout.variables());
+        let cost_places: Vec<usize> = cost_entries.into_iter().map(|entry| place[entry]).collect();
 
         let mut a = Triplets { entries: Vec::new() };
         let mut gain_entries = Vec::new();
-        for row in 0..n_y {
-            let reach = (row / shape.outputs + 1) * shape.inputs;
-            for column in 0..reach {
-                let at = row * n_u + column;
-                gain_entries.push((a.push(row, column, -typical.gain[at]), at));
+        for k in 0..n_b {
+            let (j, soft) = soft_of(k);
+            for column in 0..(j + 1) * shape.inputs {
+                let at = (j * shape.outputs + soft.output) * n_u + column;
+                gain_entries.push((a.push(k, column, -typical.gain[at]), at));
             }
-            a.push(row, n_u + row, 1.0);
+            a.push(k, n_u + k, 1.0);
         }
-        let mut row = n_y;
-        let rate_row = row;
-        for sign in [1.0, -1.0] {
+        for (side, sign) in [1.0, -1.0].into_iter().enumerate() {
             for column in 0..n_u {
+                let rate = layout.rates() + side * n_u + column;
                 if column >= shape.inputs {
-                    a.push(row, column - shape.inputs, -sign);
+                    a.push(rate, column - shape.inputs, -sign);
                 }
-                a.push(row, column, sign);
-                row += 1;
+                a.push(rate, column, sign);
+                a.push(layout.bounds() + side * n_u + column, column, sign);
+            }
+            for k in 0..n_b {
+                let row = layout.soft() + side * n_b + k;
+                a.push(row, n_u + k, sign);
+                a.push(row, n_u + n_b + k, -1.0);
             }
         }
-        for sign in [1.0, -1.0] {
-            for column in 0..n_u {
-                a.push(row, column, sign);
-                row += 1;
-            }
+        for k in 0..n_b {
+            a.push(layout.soft() + 2 * n_b + k, n_u + n_b + k, -1.0);
         }
-        for sign in [1.0, -1.0] {
-            for k in 0..n_s {
-                let (j, soft) = (k / shape.soft.len(), &shape.soft[k % shape.soft.len()]);
-                a.push(row, n_u + j * shape.outputs + soft.output, sign);
-                a.push(row, n_u + n_y + k, -1.0);
-                row += 1;
-            }
-        }
-        for k in 0..n_s {
-            a.push(row, n_u + n_y + k, -1.0);
-            row += 1;
-        }
-        let rows = row;
-        let (a, place) = a.compress(rows, variables);
-        let gain_places = gain_entries.iter().map(|&(entry, at)| (place[entry], at)).collect();
+        let (a, place) = a.compress(layout.rows(), layout.variables());
+        let gain_places = gain_entries.into_iter().map(|(entry, at)| (place[entry], at)).collect();
 
-        let mut linear = vec![0.0; variables];
-        let mut rhs = vec![0.0; rows];
-        for k in 0..n_s {
-            linear[n_u + n_y + k] = shape.soft[k % shape.soft.len()].linear;
-        }
-        let bounds = rate_row + 2 * n_u;
+        let mut linear = vec![0.0; layout.variables()];
+        let mut rhs = vec![0.0; layout.rows()];
         for column in 0..n_u {
             let i = column % shape.inputs;
-            rhs[bounds + column] = shape.input_max[i];
-            rhs[bounds + n_u + column] = -shape.input_min[i];
+            rhs[layout.bounds() + column] = shape.input_max[i];
+            rhs[layout.bounds() + n_u + column] = -shape.input_min[i];
         }
-        for k in 0..n_s {
-            let soft = &shape.soft[k % shape.soft.len()];
-            rhs[bounds + 2 * n_u + k] = soft.max;
-            rhs[bounds + 2 * n_u + n_s + k] = -soft.min;
+        for k in 0..n_b {
+            let (_, soft) = soft_of(k);
+            linear[n_u + n_b + k] = soft.linear;
+            rhs[layout.soft() + k] = soft.max;
+            rhs[layout.soft() + n_b + k] = -soft.min;
         }
-        write_vectors(typical, rate_row, &mut linear, &mut rhs);
+        write_cost(typical, &cost_places, &mut p.nzval, &mut linear);
+        write_rhs(typical, &mut rhs);
 
         let settings = DefaultSettingsBuilder::default()
             .verbose(false)
@@ -204,31 +225,78 @@ impl ClarabelSolver {
             .max_threads(1)
             .build()
             .expect("the settings are constants within their ranges");
-        let cones = [SupportedConeT::ZeroConeT(n_y), SupportedConeT::NonnegativeConeT(rows - n_y)];
+        let cones = [SupportedConeT::ZeroConeT(n_b), SupportedConeT::NonnegativeConeT(layout.rows() - n_b)];
         let mut solver = DefaultSolver::new(&p, &linear, &a, &rhs, &cones, settings)?;
         let clock = Clock::new();
         let watch = clock.clone();
         solver.set_termination_callback(move |_: &_| watch.is_over());
-        Ok(Self { solver, shape, matrix: a.nzval, gain_places, linear, rhs, rate_row, clock })
+        Ok(Self {
+            solver,
+            shape,
+            cost: p.nzval,
+            cost_places,
+            matrix: a.nzval,
+            gain_places,
+            linear,
+            rhs,
+            clock,
+        })
     }
 }
 
-/// Writes what changes from step to step into the linear cost and the right-hand side.
-fn write_vectors(problem: &TrackingQp, rate_row: usize, linear: &mut [f64], rhs: &mut [f64]) {
+/// Condenses the cost of outputs and rates onto the inputs.
+fn write_cost(problem: &TrackingQp, places: &[usize], cost: &mut [f64], linear: &mut [f64]) {
     let shape = &problem.shape;
-    let (n_u, n_y) = (problem.columns(), problem.free.len());
-    for i in 0..shape.inputs {
-        linear[i] = -shape.rate_weight[i] * problem.previous[i];
+    let (n_u, inputs) = (problem.columns(), shape.inputs);
+    for &place in places {
+        cost[place] = 0.0;
     }
-    for row in 0..n_y {
-        linear[n_u + row] = -shape.weight(row / shape.outputs, row % shape.outputs) * problem.reference[row];
-        rhs[row] = problem.free[row];
+    linear[..n_u].fill(0.0);
+    // Column c of the upper triangle begins after 1 + 2 + .. + c entries.
+    let begin = |column: usize| column * (column + 1) / 2;
+    for (row, gain) in problem.gain.chunks_exact(n_u).enumerate() {
+        let (j, i) = (row / shape.outputs, row % shape.outputs);
+        let weight = shape.weight(j, i);
+        if weight == 0.0 {
+            continue;
+        }
+        let error = weight * (problem.free[row] - problem.reference[row]);
+        let reach = &gain[..(j + 1) * inputs];
+        for (column, &right) in reach.iter().enumerate() {
+            let factor = weight * right;
+            let places = &places[begin(column)..=begin(column) + column];
+            for (&place, &left) in places.iter().zip(reach) {
+                cost[place] += factor * left;
+            }
+            linear[column] += error * right;
+        }
     }
     for column in 0..n_u {
+        // r (u_j - u_{j-1})^2 summed: 2 r on the diagonal but for the last step, -r beside it.
+        let weight = shape.rate_weight[column % inputs];
+        let last = column + inputs >= n_u;
+        cost[places[begin(column) + column]] += if last { weight } else { 2.0 * weight };
+        if column >= inputs {
+            cost[places[begin(column) + column - inputs]] -= weight;
+        } else {
+            linear[column] -= weight * problem.previous[column];
+        }
+    }
+}
+
+/// Writes what changes from step to step into the right-hand side.
+fn write_rhs(problem: &TrackingQp, rhs: &mut [f64]) {
+    let shape = &problem.shape;
+    let layout = Layout::of(shape);
+    for (k, value) in rhs[..layout.bounded].iter_mut().enumerate() {
+        let (j, soft) = (k / shape.soft.len(), &shape.soft[k % shape.soft.len()]);
+        *value = problem.free[j * shape.outputs + soft.output];
+    }
+    for column in 0..layout.inputs {
         let i = column % shape.inputs;
         let before = if column < shape.inputs { problem.previous[i] } else { 0.0 };
-        rhs[rate_row + column] = shape.rate_max[i] + before;
-        rhs[rate_row + n_u + column] = shape.rate_max[i] - before;
+        rhs[layout.rates() + column] = shape.rate_max[i] + before;
+        rhs[layout.rates() + layout.inputs + column] = shape.rate_max[i] - before;
     }
 }
 
@@ -244,15 +312,17 @@ impl QpSolver for ClarabelSolver {
         for &(place, at) in &self.gain_places {
             self.matrix[place] = -problem.gain[at];
         }
-        write_vectors(problem, self.rate_row, &mut self.linear, &mut self.rhs);
+        write_cost(problem, &self.cost_places, &mut self.cost, &mut self.linear);
+        write_rhs(problem, &mut self.rhs);
         let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
-        if !(finite(&self.matrix) && finite(&self.linear) && finite(&self.rhs)) {
+        if !(finite(&self.cost) && finite(&self.matrix) && finite(&self.linear) && finite(&self.rhs)) {
             return Err(QpError::Numerical { iterations: 0 });
         }
         // The pattern is the one that the solver was built with, so updates cannot be refused.
         let updated = self
             .solver
-            .update_A(&self.matrix)
+            .update_P(&self.cost)
+            .and_then(|()| self.solver.update_A(&self.matrix))
             .and_then(|()| self.solver.update_q(&self.linear))
             .and_then(|()| self.solver.update_b(&self.rhs));
         if updated.is_err() {
@@ -275,7 +345,13 @@ impl QpSolver for ClarabelSolver {
             _ => return Err(QpError::Numerical { iterations }),
         };
         inputs.copy_from_slice(&solution.x[..inputs.len()]);
-        outputs.copy_from_slice(&solution.x[inputs.len()..inputs.len() + outputs.len()]);
+        for ((row, output), gain) in
+            outputs.iter_mut().enumerate().zip(problem.gain.chunks_exact(inputs.len()))
+        {
+            let reach = (row / self.shape.outputs + 1) * self.shape.inputs;
+            let forced: f64 = gain[..reach].iter().zip(&*inputs).map(|(g, u)| g * u).sum();
+            *output = problem.free[row] + forced;
+        }
         Ok(QpReport { end, iterations, objective: solution.obj_val })
     }
 }

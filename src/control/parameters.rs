@@ -68,8 +68,8 @@ impl ControllerParameters {
     /// The default controller for a car: its single-track model and steering limits.
     #[must_use]
     pub fn for_car(car: &CarParameters) -> Self {
-        let mut parameters = Self::default();
-        parameters.vehicle = NominalVehicle::from_single_track(&car.single_track());
+        let vehicle = NominalVehicle::from_single_track(&car.single_track());
+        let mut parameters = Self { vehicle, ..Self::default() };
         parameters.mpc.steer_max = parameters.mpc.steer_max.min(car.steering.angle_limit);
         parameters.mpc.steer_rate_max = parameters.mpc.steer_rate_max.min(car.steering.rate_limit);
         parameters

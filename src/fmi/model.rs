@@ -114,7 +114,10 @@ pub trait Model: Send + Sized + 'static {
     /// A model that is not initialised yet.
     fn new() -> Self;
 
-    /// Reads parameters and resources, and calculates the outputs at the start. May be called again after a reset.
+    /// Reads parameters and resources, and calculates the outputs at the start. Called once on a new model, but
+    /// perhaps on several models of one instance: when the host reads an output in initialisation mode and then
+    /// sets something, after a reset, and before [`restore`](Model::restore) into an instance of other parameters.
+    /// What a step uses of tunable parameters is therefore read in each step, not here.
     /// Parameters given by a file are written back to `values`, unless the host has set them itself.
     ///
     /// # Errors

@@ -1,6 +1,7 @@
 //! `PassengerCar`: the nonlinear car as an FMU.
 //!
-//! Parameters come from a vehicle file or a built-in car (`vehicle_file`); a value that the host sets itself wins, and afterwards all values are those in effect. Every effect is a parameter `effect.<id>`.
+//! Parameters come from a vehicle file or a built-in car (`vehicle_file`); a value that the host sets itself wins, and
+//! afterwards all values are those in effect. Every effect is a parameter `effect.<id>`.
 
 use super::{failed, vehicle_file_parameter, vehicle_named};
 use crate::fmi::{

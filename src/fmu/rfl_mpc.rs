@@ -275,11 +275,14 @@ impl Model for RflMpc {
             .map_err(|error| ModelError::Discard(error.to_string()))?;
         let status = report.status;
         if status != before {
-            let (_, name, meaning) = ControlStatus::ITEMS[status as usize];
             let ordinary =
                 matches!(status, ControlStatus::Optimal | ControlStatus::Waiting | ControlStatus::Finished);
             let severity = if ordinary { Severity::Info } else { Severity::Warning };
-            log.log(severity, "control", &format!("t = {time} s: status {name}: {meaning}"));
+            log.log(
+                severity,
+                "control",
+                &format!("t = {time} s: status {}: {}", status.name(), status.meaning()),
+            );
         }
         write_outputs(v, values, controller);
         Ok(())

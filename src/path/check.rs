@@ -102,6 +102,10 @@ pub(super) fn check(samples: Vec<Sample>, options: &Options, accuracy: Accuracy)
         }
     }
 
+    if !periodic && options.closure == Closure::Detect {
+        notes.extend(passes_its_start(&kept, median));
+    }
+
     let samples: Vec<Sample> = kept.into_iter().map(|(_, sample)| sample).collect();
     let origin = first;
     let points: Vec<Vector> =
@@ -173,7 +177,16 @@ fn rounding(digit: f64, spacing: f64) -> Option<f64> {
 /// The curve from heading and curvature, where the road has both and they fit its points.
 fn poses(samples: &[Sample], points: &[Vector], periodic: bool, notes: &mut Vec<String>) -> Option<Curve> {
     let column = |value: fn(&Sample) -> Option<f64>| samples.iter().map(value).collect::<Option<Vec<f64>>>();
-    let (yaw, curvature) = (column(|sample| sample.yaw)?, column(|sample| sample.curvature)?);
+    let (yaw, curvature) = match (column(|sample| sample.yaw), column(|sample| sample.curvature)) {
+        (Some(yaw), Some(curvature)) => (yaw, curvature),
+        (None, None) if samples.iter().all(|sample| sample.yaw.is_none() && sample.curvature.is_none()) => {
+            return None;
+        }
+        _ => {
+            notes.push("columns yaw and curvature are not used: every point must have both".into());
+            return None;
+        }
+    };
     let worst = worst_disagreement(points, &yaw, &curvature, periodic);
     if worst < DISAGREEMENT {
         return Some(Curve::through_poses(points, &yaw, &curvature, periodic));
@@ -241,6 +254,21 @@ fn leads_into_start(kept: &[(usize, Sample)], median: f64) -> bool {
         wrap_angle((c[1] - b[1]).atan2(c[0] - b[0]) - (b[1] - a[1]).atan2(b[0] - a[0])).abs()
     };
     closing <= 2.0 * local && turn(p(n - 2), p(n - 1), p(0)) < 1.0 && turn(p(n - 1), p(0), p(1)) < 1.0
+}
+
+/// A note on a road that overlaps itself: a lap that was recorded a little too long.
+fn passes_its_start(kept: &[(usize, Sample)], median: f64) -> Option<String> {
+    let p = |i: usize| [kept[i].1.x, kept[i].1.y];
+    let heading = |i: usize| (p(i + 1)[1] - p(i)[1]).atan2(p(i + 1)[0] - p(i)[0]);
+    // It has left its start in between.
+    let away = (0..kept.len()).find(|&i| distance(p(i), p(0)) > 10.0 * median)?;
+    let again = (away..kept.len() - 1)
+        .find(|&i| distance(p(i), p(0)) < 2.0 * median && wrap_angle(heading(i) - heading(0)).abs() < 0.5)?;
+    Some(format!(
+        "the road passes its start again at point {} of {}: for a closed road, remove the points from there on",
+        kept[again].0 + 1,
+        kept.len()
+    ))
 }
 
 fn refuse_turning_back(kept: &[(usize, Sample)], periodic: bool) -> Result<(), PathError> {

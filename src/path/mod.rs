@@ -35,7 +35,7 @@
 //! | `check.rs` | which points make a road: duplicates, gaps, closure |
 //! | `spline.rs` | a curve with continuous curvature through them |
 //! | `smooth.rs`, `banded.rs` | the same through noisy points, within a tolerance |
-//! | `grid.rs` | arc length: lookups in constant time |
+//! | `grid.rs`, `quadrature.rs` | arc length: lookups in constant time |
 //! | `project.rs` | the nearest point, with a hint and without |
 //! | `speed.rs` | how fast: a plan within lateral and longitudinal limits |
 //! | `read.rs`, `write.rs` | files |
@@ -49,6 +49,7 @@ mod error;
 mod grid;
 mod pen;
 mod project;
+mod quadrature;
 mod read;
 mod sample;
 mod segment;
@@ -134,8 +135,20 @@ impl Path {
         Ok(Self::from_road(check::check(samples, options, read::Accuracy::Exact)?))
     }
 
-    /// Reads a path from a CSV file: ours (`x,y` and optional columns), the racetrack-database format, or a driven
-    /// lap (`x_m,y_m,v_driven_mps`).
+    /// Reads a path from a CSV file: ours, the racetrack-database format, or a driven lap (`x_m,y_m,v_driven_mps`).
+    ///
+    /// Ours has a header and these columns, in any order; all but the first two are optional, and an optional value
+    /// may be left empty:
+    ///
+    /// | column | unit | meaning |
+    /// |---|---|---|
+    /// | `x`, `y` | m | position, east and north |
+    /// | `yaw`, `curvature` | rad, 1/m | heading and curvature, used if both are given |
+    /// | `speed` | m/s | speed limit |
+    /// | `bank`, `grade` | rad | positive with the right side low, positive uphill |
+    /// | `friction` | 1 | factor of the tyre's nominal grip |
+    /// | `class` | | [`RoadClass::name`] |
+    /// | `s` | m | station; only its order is checked |
     ///
     /// Where the file gives both `yaw` and `curvature` and they fit the points, they are the truth. Else a spline
     /// through the points is, smoothed as far as the file is accurate ([`Smoothing::AsAccurate`]).

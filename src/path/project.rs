@@ -48,7 +48,7 @@ pub struct Projection {
 
 impl Path {
     /// Projects a pose (m, m, rad) onto the path. `hint` is a station near the foot, usually the last one; without
-    /// it, the whole road is searched (some microseconds per kilometre) and the heading counts. A pose that is
+    /// it, the whole road is searched (about ten microseconds per kilometre) and the heading counts. A pose that is
     /// not finite gives errors that are not finite, at the hint.
     #[must_use]
     pub fn project(&self, x: f64, y: f64, yaw: f64, hint: Option<f64>) -> Projection {
@@ -69,17 +69,27 @@ impl Path {
             None => self.project_globally(p, yaw),
             Some(hint) => {
                 let near = self.foot(p, yaw, self.downhill(p, self.locate(hint).cell));
-                if near.e1.abs() <= LOST {
+                let distance = near.e1.hypot(self.beyond(&near));
+                if distance <= LOST {
                     return near;
                 }
                 let global = self.project_globally(p, yaw);
-                if global.e1.abs() < 0.5 * near.e1.abs() { global } else { near }
+                if global.e1.hypot(self.beyond(&global)) < 0.5 * distance { global } else { near }
             }
         }
     }
 
+    /// Metres along the extended tangent beyond an end of the path; negative before its start.
+    fn beyond(&self, foot: &Projection) -> f64 {
+        match foot.place {
+            Where::Beside => 0.0,
+            Where::BeforeStart => foot.station,
+            Where::BeyondEnd => foot.station - self.length,
+        }
+    }
+
     fn project_globally(&self, p: [f64; 2], yaw: f64) -> Projection {
-        let direction = { [yaw.cos(), yaw.sin()] };
+        let direction = [yaw.cos(), yaw.sin()];
         let cost = |node: usize| {
             let cell = &self.cells[node];
             let (sin, cos) = cell.yaw[0].sin_cos();
@@ -99,11 +109,7 @@ impl Path {
         let mut best: Option<(f64, Projection)> = None;
         for look in looks().filter(|&look| cost(look) <= reach * reach) {
             let foot = self.foot(p, yaw, self.downhill(p, look));
-            let along = match foot.place {
-                Where::Beside => 0.0,
-                Where::BeforeStart => foot.station,
-                Where::BeyondEnd => foot.station - self.length,
-            };
+            let along = self.beyond(&foot);
             let turned = if foot.e2.is_nan() {
                 0.0
             } else {

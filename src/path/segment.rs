@@ -7,6 +7,7 @@
 //! Curvature and yaw are known in closed form; the position is an integral (Fresnel's), taken by Gauss-Legendre
 //! quadrature to rounding.
 
+use super::quadrature::integrate;
 use super::sample::{RoadClass, Sample};
 use super::splitmix::SplitMix64;
 use std::f64::consts::TAU;
@@ -59,28 +60,22 @@ impl Segment {
     /// The pose `u` metres from the start.
     #[must_use]
     pub fn pose(&self, start: Pose, u: f64) -> Pose {
-        const RULE: [(f64, f64); 5] = [
-            (0.0, 0.568_888_888_888_888_9),
-            (-0.538_469_310_105_683_1, 0.478_628_670_499_366_47),
-            (0.538_469_310_105_683_1, 0.478_628_670_499_366_47),
-            (-0.906_179_845_938_664, 0.236_926_885_056_189_08),
-            (0.906_179_845_938_664, 0.236_926_885_056_189_08),
-        ];
         if self.start_curvature == 0.0 && self.end_curvature == 0.0 {
             let (sin, cos) = start.yaw.sin_cos();
             return Pose { x: start.x + u * cos, y: start.y + u * sin, yaw: start.yaw };
         }
         let parts = u.ceil().max(1.0) as usize;
-        let half = 0.5 * u / parts as f64;
-        let (mut x, mut y) = (0.0, 0.0);
+        let width = u / parts as f64;
+        let (mut x, mut y) = (start.x, start.y);
         for part in 0..parts {
-            for (node, weight) in RULE {
-                let (sin, cos) = (start.yaw + self.turn(half * ((2 * part + 1) as f64 + node))).sin_cos();
-                x += weight * cos;
-                y += weight * sin;
-            }
+            let tangent = |u: f64| {
+                let (sin, cos) = (start.yaw + self.turn(u)).sin_cos();
+                [cos, sin]
+            };
+            let [dx, dy] = integrate(part as f64 * width, (part + 1) as f64 * width, tangent);
+            (x, y) = (x + dx, y + dy);
         }
-        Pose { x: start.x + half * x, y: start.y + half * y, yaw: start.yaw + self.turn(u) }
+        Pose { x, y, yaw: start.yaw + self.turn(u) }
     }
 }
 

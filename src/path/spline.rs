@@ -9,6 +9,8 @@
 //!   `r'' = curvature * normal`;
 //! - **noisy points**: a smoothing spline, see `smooth.rs`.
 
+use super::quadrature::integrate;
+
 /// A point or vector in the plane.
 pub(super) type Vector = [f64; 2];
 
@@ -204,17 +206,9 @@ impl Curve {
     }
 }
 
-/// Arc length of a piece between two parameters, by Gauss-Legendre quadrature with 5 points.
+/// Arc length of a piece between two parameters, which must be near enough for one quadrature.
 pub(super) fn arc_length(piece: &[Quintic; 2], from: f64, to: f64) -> f64 {
-    const RULE: [(f64, f64); 5] = [
-        (0.0, 0.568_888_888_888_888_9),
-        (-0.538_469_310_105_683_1, 0.478_628_670_499_366_47),
-        (0.538_469_310_105_683_1, 0.478_628_670_499_366_47),
-        (-0.906_179_845_938_664, 0.236_926_885_056_189_08),
-        (0.906_179_845_938_664, 0.236_926_885_056_189_08),
-    ];
-    let (middle, half) = (0.5 * (from + to), 0.5 * (to - from));
-    half * RULE.iter().map(|(node, weight)| weight * speed(piece, middle + half * node)).sum::<f64>()
+    integrate(from, to, |u| [speed(piece, u)])[0]
 }
 
 /// `|r'(t)|`.

@@ -65,7 +65,7 @@ pub struct Effect {
 pub struct EffectOutOfRange {
     pub id: &'static str,
     pub value: f64,
-    pub effect: Effect,
+    pub effect: &'static Effect,
 }
 
 macro_rules! effects {
@@ -150,7 +150,7 @@ impl Effects {
         for effect in Self::ALL {
             let value = self.get(effect.id).unwrap_or(f64::NAN);
             if !(value >= effect.range.0 && value <= effect.range.1) {
-                return Err(EffectOutOfRange { id: effect.id, value, effect: *effect });
+                return Err(EffectOutOfRange { id: effect.id, value, effect });
             }
         }
         Ok(())

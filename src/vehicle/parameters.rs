@@ -272,16 +272,19 @@ pub enum VehicleError {
         "vehicle file {file}, line {line}: {} = {value} {} is outside {} ... {} ({})",
         parameter.name, parameter.unit.symbol, parameter.range.0, parameter.range.1, parameter.meaning
     )]
-    Range { file: PathBuf, line: usize, value: f64, parameter: Parameter },
+    Range { file: PathBuf, line: usize, value: f64, parameter: &'static Parameter },
     /// The unsprung masses leave nothing, or too little, for the body.
     #[error(
-        "vehicle {name}: the unsprung masses ({unsprung} kg) must leave at least a tenth of vehicle.mass ({mass} kg) to \
-         the body; correct axle.front.unsprung_mass or axle.rear.unsprung_mass"
+        "vehicle file {file}: the unsprung masses ({unsprung} kg) must leave at least a tenth of vehicle.mass \
+         ({mass} kg) to the body; correct axle.front.unsprung_mass or axle.rear.unsprung_mass"
     )]
-    NoBody { name: String, mass: f64, unsprung: f64 },
+    NoBody { file: PathBuf, mass: f64, unsprung: f64 },
+    /// The parameters were not read by [`CarParameters::read`] or [`CarParameters::parse`], which read the tyres too.
+    #[error("vehicle file {file}: its tyres have not been read; use CarParameters::read")]
+    NoTyres { file: PathBuf },
     /// The tyre file that the vehicle names cannot be used.
     #[error("vehicle file {file}, {key}: {source}")]
-    Tyre { file: PathBuf, key: &'static str, source: TirError },
+    Tyre { file: PathBuf, key: &'static str, source: Box<TirError> },
 }
 
 /// A linear single-track model: what a careful engineer takes as the nominal model of a car.
@@ -339,7 +342,7 @@ impl CarParameters {
             let coefficients = tyre(&axle.file).map_err(|source| VehicleError::Tyre {
                 file: file.to_path_buf(),
                 key,
-                source,
+                source: Box::new(source),
             })?;
             if axle.vertical_stiffness == 0.0 {
                 axle.vertical_stiffness = coefficients.vertical_stiffness;
@@ -363,12 +366,15 @@ impl CarParameters {
             let value = parameter.get(self);
             if !(value >= parameter.range.0 && value <= parameter.range.1) {
                 let (file, line) = (file.to_path_buf(), line(parameter.name));
-                return Err(VehicleError::Range { file, line, value, parameter: *parameter });
+                return Err(VehicleError::Range { file, line, value, parameter });
             }
+        }
+        if self.tyre.front.coefficients.is_none() || self.tyre.rear.coefficients.is_none() {
+            return Err(VehicleError::NoTyres { file: file.to_path_buf() });
         }
         let unsprung = self.axle.front.unsprung_mass + self.axle.rear.unsprung_mass;
         if unsprung > 0.9 * self.vehicle.mass {
-            return Err(VehicleError::NoBody { name: self.name.clone(), mass: self.vehicle.mass, unsprung });
+            return Err(VehicleError::NoBody { file: file.to_path_buf(), mass: self.vehicle.mass, unsprung });
         }
         Ok(())
     }

@@ -113,6 +113,7 @@ impl Car {
         let plant = Plant::new(parameters, effects)?;
         let state = CarState::at_rest(&plant);
         let mut car = Self { before: state.clone(), output: CarOutput::default(), plant, road, state };
+        car.before.reserve(&car.plant);
         car.place(0.0, 0.0, 0.0, 0.0);
         Ok(car)
     }

@@ -292,6 +292,17 @@ impl Coefficients {
         (fx0 / (1.0 + x * x).sqrt(), fy0 / (1.0 + y * y).sqrt() + lateral.shift_v)
     }
 
+    /// Whether the file has a moment at all; most of the cost of one is saved without.
+    #[inline]
+    fn has_aligning_moment(&self) -> bool {
+        [
+            self.qdz1, self.qdz2, self.qdz6, self.qdz7, self.qdz8, self.qdz9, self.ssz1, self.ssz2,
+            self.ssz3, self.ssz4,
+        ]
+        .iter()
+        .any(|value| *value != 0.0)
+    }
+
     /// Self-aligning moment from pneumatic trail, residual torque and the arm of the longitudinal force.
     #[allow(clippy::too_many_arguments)]
     #[inline]
@@ -306,13 +317,12 @@ impl Coefficients {
         stiffness_x: f64,
         lateral: &Lateral,
     ) -> f64 {
-        if self.qdz1 == 0.0 && self.qdz6 == 0.0 && self.qdz8 == 0.0 {
+        if !self.has_aligning_moment() {
             return 0.0;
         }
         let gamma = contact.gamma * self.lgaz;
         let friction = self.lmuy * contact.friction;
         let shift_t = self.qhz1 + self.qhz2 * dfz + (self.qhz3 + self.qhz4 * dfz) * gamma;
-        let shift_f = lateral.shift_h + lateral.shift_v / lateral.stiffness;
         // Longitudinal slip acts on the trail like slip angle.
         let slip = stiffness_x / lateral.stiffness * contact.kappa;
         let equivalent = |alpha: f64| {
@@ -320,7 +330,6 @@ impl Coefficients {
             sign(alpha) * (t * t + slip * slip).sqrt().atan()
         };
         let alpha_t = equivalent(contact.alpha + shift_t);
-        let alpha_r = equivalent(contact.alpha + shift_f);
         let cos_alpha = contact.alpha.cos();
         let bt = (self.qbz1 + self.qbz2 * dfz + self.qbz3 * dfz * dfz)
             * (1.0 + self.qbz4 * gamma + self.qbz5 * gamma.abs())
@@ -337,12 +346,17 @@ impl Coefficients {
                     * std::f64::consts::FRAC_2_PI
                     * (bt * self.qcz1 * alpha_t).atan());
         let trail = dt * curve_cos(alpha_t, bt, self.qcz1, et.min(1.0)) * cos_alpha;
-        let br = self.qbz9 * self.lky / friction + self.qbz10 * lateral.b_times_c;
-        let dr = load
-            * ((self.qdz6 + self.qdz7 * dfz) * self.lres + (self.qdz8 + self.qdz9 * dfz) * gamma)
-            * self.r0
-            * friction;
-        let residual = dr * cos_atan(br * alpha_r) * cos_alpha;
+        let residual = if self.qdz6 == 0.0 && self.qdz7 == 0.0 && self.qdz8 == 0.0 && self.qdz9 == 0.0 {
+            0.0
+        } else {
+            let shift_f = lateral.shift_h + lateral.shift_v / lateral.stiffness;
+            let br = self.qbz9 * self.lky / friction + self.qbz10 * lateral.b_times_c;
+            let dr = load
+                * ((self.qdz6 + self.qdz7 * dfz) * self.lres + (self.qdz8 + self.qdz9 * dfz) * gamma)
+                * self.r0
+                * friction;
+            dr * cos_atan(br * equivalent(contact.alpha + shift_f)) * cos_alpha
+        };
         let arm = (self.ssz1 + self.ssz2 * fy / self.fz0 + (self.ssz3 + self.ssz4 * dfz) * contact.gamma)
             * self.r0
             * self.ls;

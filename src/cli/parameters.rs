@@ -1,0 +1,100 @@
+//! `rfl parameters`: every parameter of the FMUs and of `--set`, with unit, default, range and meaning.
+
+use crate::fmi::{Causality, Declaration, Kind, Model, Variable};
+use crate::fmu::{PassengerCar, RflMpc};
+use clap::Args;
+use serde_json::{Value, json};
+use std::error::Error;
+
+/// Lists the parameters of car and controller
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  rfl parameters                 all
+  rfl parameters effect          those with 'effect' in the name or meaning
+  rfl parameters mpc --json      for a script")]
+pub struct ParametersArgs {
+    /// Only parameters whose name or meaning contains this
+    text: Option<String>,
+    /// As JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// Nothing contains the text.
+pub fn run(args: &ParametersArgs) -> Result<(), Box<dyn Error>> {
+    let text = args.text.as_deref().unwrap_or_default().to_lowercase();
+    let units = [("controller", RflMpc::declaration()), ("car", PassengerCar::declaration())];
+    let found: Vec<(&str, &Variable)> = units
+        .iter()
+        .flat_map(|(unit, declaration)| matching(declaration, &text).map(move |variable| (*unit, variable)))
+        .collect();
+    if found.is_empty() {
+        return Err(
+            format!("no parameter has '{text}' in its name or meaning; 'rfl parameters' lists all").into()
+        );
+    }
+    if args.json {
+        let all: Vec<Value> = found.iter().map(|(unit, variable)| as_json(unit, variable)).collect();
+        println!("{}", serde_json::to_string_pretty(&all)?);
+        return Ok(());
+    }
+    println!("{:<10} {:<34} {:>12} {:<9} {:<20} meaning", "of", "name", "default", "unit", "range");
+    for (unit, variable) in found {
+        let (default, symbol, range) = columns(&variable.kind);
+        println!(
+            "{unit:<10} {:<34} {default:>12} {symbol:<9} {range:<20} {}",
+            variable.name, variable.description
+        );
+    }
+    Ok(())
+}
+
+fn matching<'a>(declaration: &'a Declaration, text: &'a str) -> impl Iterator<Item = &'a Variable> {
+    declaration.variables.iter().filter(move |variable| {
+        variable.causality == Causality::Parameter
+            && (variable.name.to_lowercase().contains(text)
+                || variable.description.to_lowercase().contains(text))
+    })
+}
+
+/// Default, unit and range as text.
+fn columns(kind: &Kind) -> (String, &'static str, String) {
+    let range = |min: Option<String>, max: Option<String>| match (min, max) {
+        (None, None) => String::new(),
+        (min, max) => format!("{} ... {}", min.unwrap_or("-inf".into()), max.unwrap_or("inf".into())),
+    };
+    let text = |value: &f64| value.to_string();
+    match kind {
+        Kind::Real { unit, start, min, max, .. } => {
+            (start.to_string(), unit.symbol, range(min.as_ref().map(text), max.as_ref().map(text)))
+        }
+        Kind::Integer { start, min, max } => {
+            (start.to_string(), "", range(min.map(|min| min.to_string()), max.map(|max| max.to_string())))
+        }
+        Kind::Boolean { start } => (start.to_string(), "", String::new()),
+        Kind::String { start } => (start.to_string(), "", String::new()),
+        Kind::Enumeration { items, start, .. } => {
+            let names: Vec<&str> = items.iter().map(|item| item.1).collect();
+            let default = items.iter().find(|item| item.0 == *start).map_or("", |item| item.1);
+            (default.to_string(), "", names.join(" | "))
+        }
+    }
+}
+
+fn as_json(unit: &str, variable: &Variable) -> Value {
+    let (default, symbol, range) = columns(&variable.kind);
+    let numbers = match &variable.kind {
+        Kind::Real { start, min, max, .. } => json!({"default": start, "min": min, "max": max}),
+        Kind::Integer { start, min, max } => json!({"default": start, "min": min, "max": max}),
+        _ => json!({"default": default, "values": range}),
+    };
+    let mut value =
+        json!({"of": unit, "name": variable.name, "unit": symbol, "meaning": variable.description});
+    if let (Some(value), Value::Object(numbers)) = (value.as_object_mut(), numbers) {
+        value.extend(numbers);
+    }
+    value
+}

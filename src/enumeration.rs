@@ -1,0 +1,49 @@
+//! Named values, declared once: the enum that the code uses and the items that an FMU's enumeration shows.
+
+/// Declares an enum with, for each value, its number, its name for users and its meaning.
+///
+/// It gets `ITEMS` (number, name, meaning), `ALL`, and `name()`. The first value is the default.
+#[macro_export]
+macro_rules! enumeration {
+    ($(#[$attribute:meta])* $visibility:vis enum $name:ident {
+        $first:ident = $first_number:literal $first_text:literal, $first_meaning:literal;
+        $($value:ident = $number:literal $text:literal, $meaning:literal;)*
+    }) => {
+        $(#[$attribute])*
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+        #[repr(i32)]
+        $visibility enum $name {
+            #[doc = $first_meaning]
+            #[default]
+            $first = $first_number,
+            $(#[doc = $meaning] $value = $number,)*
+        }
+
+        impl $name {
+            /// Number, name and meaning of each value.
+            pub const ITEMS: &'static [(i32, &'static str, &'static str)] =
+                &[($first_number, $first_text, $first_meaning), $(($number, $text, $meaning)),*];
+
+            /// All values, in the order of their numbers.
+            pub const ALL: &'static [Self] = &[Self::$first, $(Self::$value),*];
+
+            /// The name that users see.
+            #[must_use]
+            pub fn name(self) -> &'static str {
+                match self {
+                    Self::$first => $first_text,
+                    $(Self::$value => $text,)*
+                }
+            }
+
+            /// What it means, in a sentence.
+            #[must_use]
+            pub fn meaning(self) -> &'static str {
+                match self {
+                    Self::$first => $first_meaning,
+                    $(Self::$value => $meaning,)*
+                }
+            }
+        }
+    };
+}

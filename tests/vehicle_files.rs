@@ -1,0 +1,94 @@
+//! Reading vehicle files: what is read, and what is said of those that cannot be.
+
+use rfl_mpc::vehicle::{BUILTIN, Car, CarParameters, Effects, VehicleError, builtin};
+use std::path::{Path, PathBuf};
+
+fn vehicles() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("vehicles")
+}
+
+#[test]
+fn built_in_cars_are_the_files() {
+    for name in BUILTIN {
+        let read = CarParameters::read(&vehicles().join(format!("{name}.toml"))).unwrap();
+        assert_eq!(read, builtin(name).unwrap(), "{name}");
+    }
+    let files = std::fs::read_dir(vehicles()).unwrap().filter_map(Result::ok);
+    let count = files.filter(|entry| entry.path().extension().is_some_and(|end| end == "toml")).count();
+    assert_eq!(count, BUILTIN.len(), "every car of vehicles/ is built in");
+    let message = builtin("trabant").unwrap_err().to_string();
+    assert!(message.contains("trabant") && message.contains("bmw_320i"), "{message}");
+}
+
+#[test]
+fn a_copy_finds_built_in_tyres_and_prefers_those_beside_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("mine.toml");
+    std::fs::copy(vehicles().join("bmw_320i.toml"), &file).unwrap();
+    assert_eq!(CarParameters::read(&file).unwrap(), builtin("bmw_320i").unwrap());
+    std::fs::create_dir(folder.path().join("tyres")).unwrap();
+    let tyre = std::fs::read_to_string(vehicles().join("tyres/commonroad.tir")).unwrap();
+    let tyre = tyre.replace("PDY1 = 1.0489", "PDY1 = 0.9");
+    std::fs::write(folder.path().join("tyres/commonroad.tir"), tyre).unwrap();
+    assert_eq!(CarParameters::read(&file).unwrap().tyre.front.coefficients.unwrap().pdy1, 0.9);
+}
+
+#[test]
+fn what_is_wrong_is_named_with_file_line_key_and_remedy() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("mine.toml");
+    let sound = std::fs::read_to_string(vehicles().join("c_class.toml")).unwrap();
+    let line = |part: &str| 1 + sound.lines().position(|line| line.starts_with(part)).unwrap();
+    let change = |from: &str, to: &str| {
+        assert!(sound.contains(from), "{from}");
+        std::fs::write(&file, sound.replacen(from, to, 1)).unwrap();
+        let message = CarParameters::read(&file).unwrap_err().to_string();
+        assert!(message.contains("mine.toml"), "{message}");
+        message
+    };
+    for (from, to, at, parts) in [
+        ("mass = 1400.0", "mass = -1400.0", "mass", vec!["vehicle.mass = -1400 kg", "100 ... 100000"]),
+        ("mass = 1400.0", "mass = nan", "mass", vec!["vehicle.mass"]),
+        ("mass = 1400.0", "mass = \"heavy\"", "mass", vec!["expected f64", "vehicles/"]),
+        ("mass = 1400.0", "mas = 1400.0", "mass", vec!["unknown field `mas`", "`mass`"]),
+        ("track = 1.52", "track = 0", "track = 1.52", vec!["axle.rear.track", "outside"]),
+        ("cg_height = 0.54", "cg_height = ", "cg_height", vec!["line"]),
+    ] {
+        let message = change(from, to);
+        assert!(message.contains(&format!("line {}", line(at))), "{message}");
+        for part in parts {
+            assert!(message.contains(part), "'{part}' is not in: {message}");
+        }
+    }
+    assert!(change("yaw_inertia = 2150.0", "").contains("missing field `yaw_inertia`"));
+    let message = change("tyres/c_class.tir", "tyres/none.tir");
+    assert!(message.contains("tyre.front.file") && message.contains("none.tir"), "{message}");
+    let message = change("unsprung_mass = 80.0", "unsprung_mass = 1300.0");
+    assert!(message.contains("unsprung"), "{message}");
+    std::fs::write(&file, &sound[..sound.len() / 2]).unwrap();
+    assert!(CarParameters::read(&file).is_err(), "a file that is cut off");
+    std::fs::write(&file, [0xff, 0xfe, 0x00]).unwrap();
+    assert!(matches!(CarParameters::read(&file), Err(VehicleError::Unreadable { .. })));
+    let message = CarParameters::read(Path::new("no/such.toml")).unwrap_err().to_string();
+    assert!(message.contains("no/such.toml") && message.contains("c_class"), "{message}");
+}
+
+#[test]
+fn every_parameter_can_be_read_and_set() {
+    let mut car = builtin("c_class").unwrap();
+    for parameter in CarParameters::TABLE {
+        let value = parameter.range.0 + 0.5 * (parameter.range.1 - parameter.range.0);
+        parameter.set(&mut car, value);
+        assert_eq!(parameter.get(&car), value, "{}", parameter.name);
+        let same = CarParameters::TABLE.iter().filter(|other| other.name == parameter.name).count();
+        assert_eq!(same, 1, "{}", parameter.name);
+    }
+}
+
+#[test]
+fn a_car_without_its_tyres_is_refused() {
+    let mut car = builtin("c_class").unwrap();
+    car.tyre.rear.coefficients = None;
+    assert!(matches!(car.check(), Err(VehicleError::NoTyres { .. })));
+    assert!(Car::new(&car, &Effects::default(), None).is_err());
+}
