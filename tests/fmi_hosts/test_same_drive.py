@@ -109,7 +109,6 @@ def road(request, paths) -> Path:
     return paths / f"{request.param}.csv"
 
 
-<<<<<<< HEAD
 @pytest.mark.parametrize(("host", "lengths"), [("libcosim", libcosim_lengths), ("ecos", exact_lengths)])
 def test_two_fmus(fmus, road, tmp_path, host, lengths):
     ours = jacobi(fmus, road, lengths())
@@ -126,77 +125,12 @@ def test_two_fmus(fmus, road, tmp_path, host, lengths):
 def test_ssp(fmus, tmp_path, host, lengths):
     theirs = in_host(host, fmus, tmp_path / "drive.json", ssp=fmus / "ClosedLoop.ssp")
     assert_same_drive(theirs, jacobi(fmus, None, lengths()))
-=======
-@pytest.fixture(scope="module")
-def jacobi(fmus, road):
-    return in_fmpy(fmus, road)
-
-
-@pytest.mark.parametrize("host", PACKAGES)
-def test_two_fmus(host, fmus, road, jacobi, tmp_path):
-    start = {f"initial.{name}": float(jacobi[name][0]) for name in ("x", "y", "yaw", "vx")}
-    parameters = {CONTROLLER: {"path_file": str(road)}, CAR: {"road_file": str(road)} | start}
-    assert_same_drive(in_host(host, fmus, tmp_path / "drive.json", parameters), jacobi)
-
-
-def test_jacobi_delays_the_command_by_one_step(fmus, road, jacobi):
-    """The controller, fed with the states of the Jacobi drive, answers with its commands: one row earlier."""
-    from closed_loop import Unit
-
-    unit = Unit(fmus / "RflMpc.fmu", "controller")
-    unit.set("path_file", str(road))
-    unit.initialize()
-    names = unit.names("input")
-    write, read = unit.writer(names), unit.reader(COMMANDS)
-    answers = []
-    for k in range(1000):
-        write([jacobi[name][k] for name in names])
-        unit.step(k * STEP, STEP)
-        answers.append(read().copy())
-    unit.close()
-    for i, name in enumerate(COMMANDS):
-        assert np.array_equal([row[i] for row in answers], jacobi[name][1:1001])
-
-
-def test_one_step_of_delay_moves_the_car_little(fmus, road, jacobi):
-    """How far the two master algorithms are apart: a command that comes 20 ms late."""
-    direct = in_fmpy(fmus, road, jacobi=False)
-    rows = min(len(direct["x"]), len(jacobi["x"]))
-    apart = np.abs(direct["e1"][: rows - 1] - jacobi["e1"][1:rows]).max()
-    print(f"{road.stem}: lateral error differs by at most {apart:.4f} m")
-    assert 0.0 < apart < 0.10
-
-
-@pytest.mark.parametrize("host", [*PACKAGES, "fmpy"])
-def test_ssp(host, fmus, tmp_path):
-    """The packed system, with the parameters that it carries: the car starts on the path."""
-    ssp = fmus / "ClosedLoop.ssp"
-    car_start = carried(ssp, "PassengerCar.initial.")
-    assert len(car_start) == 4
-    ours = in_fmpy(fmus, settings=car_start)
-    theirs = in_fmpy_ssp(ssp) if host == "fmpy" else in_host(host, fmus, tmp_path / "drive.json", ssp=ssp)
-    assert_same_drive(theirs, ours)
-
-
-def parameter_set(ssp: Path):
-    """The system's parameters, as they stand beside it for hosts that take them apart."""
-    from fmpy.ssp.ssd import read_ssv
-
-    return read_ssv(str(ssp), "resources/ClosedLoop.ssv")
-
-
-def carried(ssp: Path, prefix: str) -> dict[str, float]:
-    """Values of the car's parameters that the system sets."""
-    of = {p.name: float(p.value) for p in parameter_set(ssp).parameters if p.name.startswith(prefix)}
-    return {name.partition(".")[2]: value for name, value in of.items()}
->>>>>>> main
 
 
 def test_ssp_in_fmpy(fmus):
     theirs = in_fmpy_ssp(fmus / "ClosedLoop.ssp")
     assert_same_drive(theirs, jacobi(fmus, None, exact_lengths(), zeros_first=True))
 
-<<<<<<< HEAD
 
 def test_rounding_of_a_step_is_all_that_parts_libcosim_from_ecos(fmus, road):
     exact, rounded = jacobi(fmus, road, exact_lengths()), jacobi(fmus, road, libcosim_lengths())
@@ -239,11 +173,3 @@ def test_one_step_of_delay_moves_the_car_little(fmus, road):
     rows = min(len(direct["e1"]), len(delayed["e1"]))
     apart = np.abs(direct["e1"][: rows - 1] - delayed["e1"][1:rows]).max()
     assert 0.0 < apart < 0.03, f"lateral errors differ by up to {apart:.4f} m"
-=======
-    result = simulate_ssp(str(ssp), stop_time=(STEPS - 0.5) * STEP, step_size=STEP, parameter_set=parameter_set(ssp))
-    columns = {}
-    for unit, names in ((CAR, RECORDED), (CONTROLLER, COMMANDS)):
-        for name in names:
-            columns[f"{unit}.{name}"] = result[f"{unit}.{name}"]
-    return columns
->>>>>>> main
