@@ -91,6 +91,12 @@ def table(routes: list[Route], result: dict) -> str:
     return "\n".join(lines)
 
 
+def short(folder: Path) -> Path:
+    """A folder as the user would type it from here."""
+    here = Path.cwd()
+    return folder.relative_to(here) if folder.is_relative_to(here) else folder
+
+
 def choose(options: argparse.Namespace) -> dict[str, Path]:
     """The roads to drive; says which are left out and why."""
     if options.path:
@@ -142,9 +148,9 @@ def main() -> int:
     page = options.out / "index.html"
     page.write_text(demo_page.render(routes, result), encoding="utf-8")
 
-    shown = options.out.relative_to(Path.cwd()) if options.out.is_relative_to(Path.cwd()) else options.out
+    shown = short(options.out)
     print(f"\n{table(routes, result)}\n")
-    print(f"FMUs:    {options.fmus.name}/*.fmu and ClosedLoop.ssp in target/" if options.fmus == FMUS else options.fmus)
+    print(f"FMUs:    {short(options.fmus)}/*.fmu and ClosedLoop.ssp")
     print(f"results: {shown}/results.json, drive logs {shown}/*.csv")
     print(f"look at: {shown}/index.html")
     unfinished = [route.name for route in routes if not route.drive.finished]

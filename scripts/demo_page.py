@@ -38,6 +38,9 @@ def data_of(route) -> dict:
     rows, columns = thin(route.drive), route.drive.columns
     degrees = np.degrees
     # The road's nearest point, from the error and the road's heading: no need to read the road's file again.
+    # A lap ends where it began: the distance driven goes on over the seam.
+    station = columns["station"]
+    laps = np.cumsum(np.diff(station, prepend=station[0]) < -0.5 * np.ptp(station))
     e1, heading = columns["e1"][rows], (columns["yaw"] - columns["e2"])[rows]
     return {
         "name": route.name,
@@ -47,7 +50,7 @@ def data_of(route) -> dict:
         },
         "x": compact(columns["x"][rows], 3),
         "y": compact(columns["y"][rows], 3),
-        "station": compact(columns["station"][rows], 1),
+        "station": compact((station + laps * np.ptp(station))[rows], 1),
         "time": compact(columns["time"][rows], 2),
         "e1": compact(100 * e1, 2),
         "steer_cmd": compact(degrees(columns["steer_cmd"][rows]), 3),
