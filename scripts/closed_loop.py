@@ -21,6 +21,8 @@ from __future__ import annotations
 import argparse
 import csv
 import ctypes
+import itertools
+import shutil
 import sys
 import time
 from contextlib import ExitStack, closing
@@ -42,6 +44,7 @@ LIMIT = 1800.0  # s, a drive that has not finished by then is given up
 # fmpy expands the printf-style messages of FMUs in C and hands them to one logger in the whole process: this one, which
 # finds the list of an instance by what the instance was given as its environment.
 _LISTENERS: dict[int, list] = {}
+_KEYS = itertools.count(1)
 
 
 def _listen(environment, instance, status, category, message) -> None:
@@ -57,8 +60,8 @@ fmpy.logging.addLoggerProxy(ctypes.byref(_SHARED))
 
 
 def callbacks_into(messages: list[tuple[int, str, str]]) -> fmpy.fmi2.fmi2CallbackFunctions:
-    """Callbacks for an instance whose messages are to be appended to a list, as (status, category, text)."""
-    key = len(_LISTENERS) + 1
+    """Callbacks for an instance; its messages are appended to the list as (status, category, text)."""
+    key = next(_KEYS)
     _LISTENERS[key] = messages
     return fmpy.fmi2.fmi2CallbackFunctions(
         _SHARED.logger,
@@ -75,16 +78,16 @@ class Unit:
     `messages` as (status, category, text).
     """
 
-    def __init__(self, file: Path, name: str, resources: Path | None = None) -> None:
+    def __init__(self, file: Path, name: str) -> None:
         if not Path(file).is_file():
             raise FileNotFoundError(f"no FMU at {file}: build it with scripts/build-fmus")
         self.description = fmpy.read_model_description(str(file))
         self.variables = {v.name: v for v in self.description.modelVariables}
         self.messages: list[tuple[int, str, str]] = []
-        self._folder = resources is None and fmpy.extract(str(file))
+        self._folder = fmpy.extract(str(file))
         self.fmu = fmpy.fmi2.FMU2Slave(
             guid=self.description.guid,
-            unzipDirectory=str(resources or self._folder),
+            unzipDirectory=self._folder,
             modelIdentifier=self.description.coSimulation.modelIdentifier,
             instanceName=name,
         )
@@ -162,10 +165,8 @@ class Unit:
     def close(self) -> None:
         """Frees the instance and what was unpacked."""
         self.fmu.freeInstance()
-        if self._folder:
-            import shutil
-
-            shutil.rmtree(self._folder, ignore_errors=True)
+        _LISTENERS.pop(self.fmu.callbacks.componentEnvironment)
+        shutil.rmtree(self._folder, ignore_errors=True)
 
     def _arrays(self, names: list[str], c_type):
         references = [self.variables[name].valueReference for name in names]
