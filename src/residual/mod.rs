@@ -47,7 +47,7 @@ mod tree;
 pub use checks::DataError;
 pub use dataset::{DataConfig, DataReport, DataSet, Drive, Windows};
 pub use file::{FORMAT, FileError};
-pub use forest::{Forest, ForestConfig, GrownForest, grow};
+pub use forest::{Block, Forest, ForestConfig, GrownForest, grow};
 pub use leaf::{LeafFit, LeafModels};
 pub use least_squares::{Decomposed, Gram, Theta, Triangle};
 pub use model::{

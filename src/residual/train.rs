@@ -9,7 +9,7 @@
 //! The same data, configuration and seed give the same bits on any number of threads.
 
 use super::dataset::{DataSet, Windows};
-use super::forest::{self, Forest, ForestConfig};
+use super::forest::{self, Block, Forest, ForestConfig};
 use super::global;
 use super::leaf::{self, Design, LeafFit, LeafModels, Members};
 use super::least_squares::Theta;
@@ -45,6 +45,8 @@ pub struct TrainConfig {
     pub features_per_split: usize,
     /// Fewest samples in a leaf.
     pub min_leaf: usize,
+    /// Consecutive samples that a forest's bootstrap draws together; the paper's 1 makes held-out errors too good.
+    pub bootstrap_block: Block,
     /// How values are told apart when trees grow.
     pub resolution: Resolution,
     /// What trees split on.
@@ -73,6 +75,7 @@ impl TrainConfig {
             depth: 6,
             features_per_split: if speed_and_road { ROAD } else { 8 },
             min_leaf: if kind.is_linear() { 100 } else { 20 },
+            bootstrap_block: Block(200),
             resolution: Resolution::Histogram(255),
             tree_features: if speed_and_road { TreeFeatures::Road } else { TreeFeatures::Errors },
             regressors: Regressors { road: speed_and_road, states: 0 },
@@ -101,6 +104,7 @@ impl TrainConfig {
             within("depth", self.depth, 1, MAX_DEPTH)?;
             within("features_per_split", self.features_per_split, 1, usize::MAX)?;
             within("min_leaf", self.min_leaf, 1, 1_000_000)?;
+            within("bootstrap_block", self.bootstrap_block.0, 1, 1_000_000)?;
             if let Resolution::Histogram(bins) = self.resolution {
                 within("bins", usize::from(bins), 2, 256)?;
             }
@@ -569,7 +573,7 @@ impl Job<'_> {
             depth: config.depth,
             min_leaf: config.min_leaf,
             features_per_split: if forest { config.features_per_split } else { usize::MAX },
-            bootstrap: forest,
+            bootstrap: forest.then_some(config.bootstrap_block),
             resolution: config.resolution,
             seed: config.seed,
             threads: self.threads,
