@@ -86,7 +86,7 @@ fn below_the_minimum_speed_the_model_is_held() {
     let plant = Plant::exact();
     let slow = drive(&plant, 200, 3, 1.0);
     let config = DataConfig { min_model_speed: 1.5, ..CONFIG };
-    let data = DataSet::new(&[slow.clone()], &car(), config).unwrap();
+    let data = DataSet::new(std::slice::from_ref(&slow), &car(), config).unwrap();
     let model = ContinuousErrorModel::new(&car(), 1.5).unwrap().discretise(0.02);
     let x = ErrorState::new(slow.e1[5], slow.e1_rate[5], slow.e2[5], slow.e2_rate[5]);
     let next = ErrorState::new(slow.e1[6], slow.e1_rate[6], slow.e2[6], slow.e2_rate[6]);

@@ -165,8 +165,8 @@ fn constant_leaves_are_means() {
         });
     }
     for (leaf, (sum, count)) in sums.iter().enumerate() {
-        for o in 0..4 {
-            assert!((model.leaves().theta(leaf)[0][o] - sum[o] / count).abs() < 1e-15);
+        for (theta, sum) in model.leaves().theta(leaf)[0].iter().zip(sum) {
+            assert!((theta - sum / count).abs() < 1e-15);
         }
     }
     // The controller sees a residual that no command changes.

@@ -282,22 +282,19 @@ pub(super) fn units(
         }
     }
     let off_by_degrees = |factor: f64| (0.3..3.0).contains(&(factor / DEGREES));
-    if let Some(slope) = heading.value() {
-        if off_by_degrees(slope) || off_by_degrees(1.0 / slope) {
-            let (column, factor) = if slope > 1.0 { ("e2", slope) } else { ("e2_rate", 1.0 / slope) };
-            let hint = "it seems to be in degrees; give radians";
-            return Err(DataError::Unit { column, factor, evidence: "change of e2 against e2_rate", hint });
-        }
+    if let Some(slope) = heading.value().filter(|&slope| off_by_degrees(slope) || off_by_degrees(1.0 / slope))
+    {
+        let (column, factor) = if slope > 1.0 { ("e2", slope) } else { ("e2_rate", 1.0 / slope) };
+        let hint = "it seems to be in degrees; give radians";
+        return Err(DataError::Unit { column, factor, evidence: "change of e2 against e2_rate", hint });
     }
-    if let Some(slope) = lateral.value() {
-        if off_by_degrees(1.0 / slope) {
-            return Err(DataError::Unit {
-                column: "e2",
-                factor: 1.0 / slope,
-                evidence: "e1_rate against vx e2",
-                hint: "it seems to be in degrees; give e2 in rad and e2_rate in rad/s",
-            });
-        }
+    if let Some(slope) = lateral.value().filter(|slope| off_by_degrees(1.0 / slope)) {
+        return Err(DataError::Unit {
+            column: "e2",
+            factor: 1.0 / slope,
+            evidence: "e1_rate against vx e2",
+            hint: "it seems to be in degrees; give e2 in rad and e2_rate in rad/s",
+        });
     }
     if let Some(slope) = steer.value() {
         let (column, evidence) = ("steer_cmd", "yaw rate against vx steer_cmd / wheelbase");

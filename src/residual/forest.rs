@@ -126,21 +126,30 @@ impl Forest {
     /// features fall. A feature that is not a number goes to the left.
     #[inline]
     pub fn look_up(&self, features: &[f64], mut found: impl FnMut(usize, usize)) {
+        self.look_up_together(features, |first, leaves| {
+            leaves.iter().enumerate().for_each(|(lane, &leaf)| found(first + lane, leaf as usize));
+        });
+    }
+
+    /// The same, several trees at once: the first of them, and their leaves.
+    #[inline]
+    pub(super) fn look_up_together(&self, features: &[f64], mut found: impl FnMut(usize, &[u32])) {
         let nodes = (1_usize << self.depth) - 1;
         for first in (0..self.trees()).step_by(LANES) {
             let lanes = LANES.min(self.trees() - first);
             let mut node = [0_usize; LANES];
             for _ in 0..self.depth {
-                for (lane, node) in node.iter_mut().enumerate().take(lanes) {
+                for (lane, node) in node[..lanes].iter_mut().enumerate() {
                     let at = (first + lane) * nodes + *node;
                     let right = features[usize::from(self.feature[at])] > self.threshold[at];
                     *node = 2 * *node + 1 + usize::from(right);
                 }
             }
-            for (lane, &node) in node.iter().enumerate().take(lanes) {
-                let tree = first + lane;
-                found(tree, self.leaf[tree * (nodes + 1) + node - nodes] as usize);
+            let mut leaves = [0_u32; LANES];
+            for (lane, leaf) in leaves[..lanes].iter_mut().enumerate() {
+                *leaf = self.leaf[(first + lane) * (nodes + 1) + node[lane] - nodes];
             }
+            found(first, &leaves[..lanes]);
         }
     }
 }

@@ -17,6 +17,34 @@
 //!                                               controller
 //! ```
 //!
+//! ```
+//! use rfl_mpc::residual::{DataConfig, DataSet, Drive, Kind, Random, ResidualModel, TrainConfig, train};
+//! use rfl_mpc::vehicle::SingleTrack;
+//!
+//! let car = SingleTrack { mass: 1400.0, yaw_inertia: 2300.0, lf: 1.1, lr: 1.6, cf: 120e3, cr: 140e3 };
+//! let mut random = Random::new(1);
+//! let mut log = Drive { name: "noise".into(), ..Drive::default() };
+//! for k in 0..600 {
+//!     log.time.push(0.02 * f64::from(k));
+//!     log.vx.push(10.0);
+//!     for column in [&mut log.curvature, &mut log.curvature_rate] {
+//!         column.push(0.0);
+//!     }
+//!     for column in [&mut log.steer_cmd, &mut log.e1, &mut log.e1_rate, &mut log.e2, &mut log.e2_rate] {
+//!         column.push(0.01 * random.uniform());
+//!     }
+//! }
+//! let data = DataSet::new(&[log], &car, DataConfig::default())?;
+//! let trained = train(&data, None, &TrainConfig::new(Kind::Rfl), &|_| ())?;
+//! assert!(trained.report.train.rmse[0] < trained.report.train.nominal_rmse[0]);
+//!
+//! let model = ResidualModel::from_bytes(&trained.model.to_bytes()?)?;
+//! let (features, mut room) = (vec![0.0; model.features()], model.room());
+//! model.coefficients(&features, &[], &mut room);
+//! assert_eq!(room.command().len(), 16);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
 //! | file | idea |
 //! |---|---|
 //! | `dataset.rs` | labels and windows from drives |
@@ -24,7 +52,7 @@
 //! | `table.rs`, `tree.rs`, `forest.rs` | binning, CART, random forests and their look-up |
 //! | `least_squares.rs` | QR and normal equations, ridge |
 //! | `global.rs`, `leaf.rs` | one linear model for all; models in leaves |
-//! | `train.rs` | from a data set to a model and a report of its fit |
+//! | `train_config.rs`, `train.rs` | from a data set to a model and a report of its fit |
 //! | `model.rs` | what the controller calls |
 //! | `file.rs` | the model's file |
 //! | `random.rs`, `parallel.rs`, `hash.rs` | the same bits for the same seed, on any number of threads |
@@ -42,6 +70,7 @@ mod parallel;
 mod random;
 mod table;
 mod train;
+mod train_config;
 mod tree;
 
 pub use checks::DataError;
@@ -55,9 +84,8 @@ pub use model::{
 };
 pub use random::Random;
 pub use table::{Columns, Dense, Resolution};
-pub use train::{
-    ConfigError, Fit, LambdaChoice, Progress, Stage, TrainConfig, TrainError, TrainReport, Trained, train,
-};
+pub use train::{Fit, Progress, Stage, TrainError, TrainReport, Trained, train};
+pub use train_config::{ConfigError, LambdaChoice, TrainConfig};
 pub use tree::MAX_DEPTH;
 
 /// Components of the state and so of the residual: e1, e1', e2, e2'.

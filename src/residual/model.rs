@@ -264,10 +264,11 @@ pub struct ResidualModel {
 /// The linear residual at one step of the horizon; made once, filled at each call.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Coefficients {
-    /// Constant, commands, states.
+    /// Constant, commands, states; then the road's terms, which are added to the constant.
     values: Theta,
-    road: [[f64; OUTPUTS]; ROAD_TERMS],
     window: usize,
+    /// Where the road's terms begin.
+    road: usize,
     /// How far the worst feature lies outside its range in training, in widths of that range; 0 inside.
     pub excess: f64,
     /// Share of the leaves that never saw commands like those given, 0 to 1.
@@ -290,7 +291,7 @@ impl Coefficients {
     /// Effect of the newest error states, oldest first; empty if the leaves have none.
     #[must_use]
     pub fn state(&self) -> &[[f64; OUTPUTS]] {
-        &self.values[1 + self.window..]
+        &self.values[1 + self.window..self.road]
     }
 
     /// Whether the model was asked about something that it never saw.
@@ -368,11 +369,12 @@ impl ResidualModel {
     /// Room for the coefficients of one step.
     #[must_use]
     pub fn room(&self) -> Coefficients {
-        let states = OUTPUTS * self.schema.regressors.states;
+        let Schema { window, regressors, .. } = self.schema;
+        let count = regressors.count(window);
         Coefficients {
-            values: vec![[0.0; OUTPUTS]; 1 + self.schema.window + states],
-            road: [[0.0; OUTPUTS]; ROAD_TERMS],
-            window: self.schema.window,
+            values: vec![[0.0; OUTPUTS]; count],
+            window,
+            road: count - if regressors.road { ROAD_TERMS } else { 0 },
             excess: 0.0,
             strange_leaves: 0.0,
         }
@@ -383,32 +385,41 @@ impl ResidualModel {
     /// whether leaves know the like; it may be empty.
     ///
     /// # Panics
-    /// If `features` has not [`features`](Self::features) values or `out` is of another model: a mistake of the
+    /// If `features` has not [`features`](Self::features) values, or if `out` is of another model: a mistake of the
     /// calling code, not of data.
     pub fn coefficients(&self, features: &[f64], commands: &[f64], out: &mut Coefficients) {
         assert_eq!(features.len(), self.features(), "features");
         let schema = &self.schema;
         let p = self.leaves.regressors();
-        let linear = p.min(out.values.len());
+        assert_eq!(out.values.len(), schema.regressors.count(schema.window), "room of another model");
         out.values.fill([0.0; OUTPUTS]);
-        out.road = [[0.0; OUTPUTS]; ROAD_TERMS];
         let lowest = commands.iter().copied().fold(f64::INFINITY, f64::min);
         let highest = commands.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let mut strange = 0_u32;
-        self.forest.look_up(features, |_, leaf| {
-            let theta = &self.leaves.theta[leaf * p..][..p];
-            add(&mut out.values[..linear], &theta[..linear]);
-            add(&mut out.road[..p - linear], &theta[linear..]);
-            let [min, max] = self.leaves.command_range[leaf];
-            strange += u32::from(lowest < min || highest > max);
+        // Constant leaves have only the first of the coefficients.
+        let sum = out.values[..p].as_flattened_mut();
+        let theta = self.leaves.theta.as_flattened();
+        self.forest.look_up_together(features, |_, leaves| {
+            let of = |leaf: u32| &theta[leaf as usize * p * OUTPUTS..][..p * OUTPUTS];
+            let mut fours = leaves.chunks_exact(4);
+            for four in &mut fours {
+                add_four(sum, [of(four[0]), of(four[1]), of(four[2]), of(four[3])]);
+            }
+            for &leaf in fours.remainder() {
+                sum.iter_mut().zip(of(leaf)).for_each(|(sum, value)| *sum += value);
+            }
+            for &leaf in leaves {
+                let [min, max] = self.leaves.command_range[leaf as usize];
+                strange += u32::from(lowest < min) | u32::from(highest > max);
+            }
         });
         let share = 1.0 / f64::from(self.forest.trees.max(1));
         out.values.as_flattened_mut().iter_mut().for_each(|value| *value *= share);
-        if p > linear {
+        if schema.regressors.road {
             let road = road_terms(&features[features.len() - ROAD..]);
-            for (term, effect) in road.iter().zip(&out.road) {
+            for (i, term) in road.iter().enumerate() {
                 for o in 0..OUTPUTS {
-                    out.values[0][o] += share * term * effect[o];
+                    out.values[0][o] += term * out.values[out.road + i][o];
                 }
             }
         }
@@ -467,6 +478,9 @@ impl ResidualModel {
     }
 }
 
-fn add(sum: &mut [[f64; OUTPUTS]], values: &[[f64; OUTPUTS]]) {
-    sum.iter_mut().zip(values).for_each(|(sum, value)| sum.iter_mut().zip(value).for_each(|(s, v)| *s += v));
+/// Adds four rows at once: the sum is then loaded and stored once, not four times.
+fn add_four(sum: &mut [f64], [a, b, c, d]: [&[f64]; 4]) {
+    for ((((sum, a), b), c), d) in sum.iter_mut().zip(a).zip(b).zip(c).zip(d) {
+        *sum += (a + b) + (c + d);
+    }
 }

@@ -1,11 +1,12 @@
 //! What trees are grown from: a table of features, binned or raw.
 //!
 //! Binning replaces each value by the number of *edges* below it, `bin(x) = #{e : x > e}`, at most 256 bins a
-//! column, so one byte a value. Edges lie midway between neighbouring values at the quantiles of the column; a
-//! column with few distinct values has one bin for each, and nothing is lost. `bin(x) <= b` is exactly
+//! column, so one byte a value. Edges lie midway between neighbouring values at the quantiles of the column, taken
+//! from a sample of its rows if there are many; a column with few distinct values has one bin for each. `bin(x) <= b` is exactly
 //! `x <= edge[b]`: a tree grown on bins sorts raw values just as it sorted the bins.
 
 use super::parallel;
+use super::random::Random;
 
 /// A table whose columns are features.
 pub trait Columns: Sync {
@@ -88,7 +89,7 @@ impl Table {
             let values = match resolution {
                 Resolution::Exact => ColumnValues::Raw(raw),
                 Resolution::Histogram(bins) => {
-                    let edges = edges(&raw, usize::from(bins.clamp(2, 256)));
+                    let edges = edges(sample(&raw), usize::from(bins.clamp(2, 256)));
                     let bins = raw.iter().map(|&x| edges.partition_point(|&e| x > e) as u8).collect();
                     ColumnValues::Bins { edges, bins }
                 }
@@ -99,14 +100,24 @@ impl Table {
     }
 }
 
+/// Rows from which quantiles are taken: some 80 for each of 255 bins, and a fifth of the time of sorting 100 000.
+const QUANTILE_ROWS: usize = 20_000;
+
+/// Values drawn at random, always the same rows; all of them if there are few.
+fn sample(values: &[f64]) -> Vec<f64> {
+    if values.len() <= QUANTILE_ROWS {
+        return values.to_vec();
+    }
+    let mut random = Random::new(0);
+    (0..QUANTILE_ROWS).map(|_| values[random.below(values.len() as u32) as usize]).collect()
+}
+
 /// At most `bins - 1` edges, strictly increasing.
-fn edges(values: &[f64], bins: usize) -> Vec<f64> {
-    let mut sorted = values.to_vec();
+fn edges(mut sorted: Vec<f64>, bins: usize) -> Vec<f64> {
     sorted.sort_unstable_by(f64::total_cmp);
-    let mut distinct = sorted.clone();
-    distinct.dedup();
-    if distinct.len() <= bins {
-        return distinct.windows(2).map(|pair| middle(pair[0], pair[1])).collect();
+    let steps = || sorted.windows(2).filter(|pair| pair[0] < pair[1]);
+    if steps().count() < bins {
+        return steps().map(|pair| middle(pair[0], pair[1])).collect();
     }
     let mut edges: Vec<f64> = Vec::with_capacity(bins - 1);
     for b in 1..bins {
