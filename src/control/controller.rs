@@ -91,8 +91,10 @@ pub struct ControllerState {
 const FAR_E1: f64 = 3.5;
 /// Yaw error beyond which it says nothing, rad.
 const FAR_E2: f64 = 1.0;
-/// Lateral error up to which a far vehicle steers back: it bounds the approach angle, m.
-const APPROACH_E1: f64 = 2.0;
+/// A vehicle beside the path aims at a parallel path this many seconds of travel away: it bounds the approach angle.
+const APPROACH_TIME: f64 = 0.2;
+/// ... and at least this far away, m.
+const APPROACH_E1: f64 = 0.2;
 /// Speed at which a far vehicle comes back, m/s.
 const APPROACH_SPEED: f64 = 3.0;
 /// The path's end counts as reached this far before it, m.
@@ -159,11 +161,16 @@ impl Controller {
         self.state.speed_integral = speed.integral;
         report.accel_cmd = speed.accel_cmd;
 
-        let mut e = Vector4::new(report.e1, report.e1_rate, report.e2, report.e2_rate);
-        if far {
-            e[0] = e[0].clamp(-APPROACH_E1, APPROACH_E1);
-            e[2] = e[2].clamp(-FAR_E2, FAR_E2);
-        }
+        // The model does not depend on e1: to bound it is to follow a parallel path that comes closer with the
+        // vehicle. Without that, a large error is answered by a turn across the path that the horizon, 0.3 s, is too
+        // short to see the end of.
+        let bound = (APPROACH_TIME * measurement.vx.abs()).max(APPROACH_E1).min(p.mpc.e1_max);
+        let e = Vector4::new(
+            report.e1.clamp(-bound, bound),
+            report.e1_rate,
+            report.e2.clamp(-FAR_E2, FAR_E2),
+            report.e2_rate,
+        );
         let ahead = SpeedAhead { speed: measurement.vx, accel: speed.accel_cmd };
         let previous = self.state.steer_cmd.unwrap_or(measurement.steer);
         let time_limit = match p.mpc.deadline {

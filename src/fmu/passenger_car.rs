@@ -15,16 +15,6 @@ use crate::vehicle::{
 };
 use std::sync::Arc;
 
-/// The values of the output `status`.
-const STATUS: &[(i32, &str, &str)] = &[
-    (0, "driving", "The car drives within the grip of its tyres"),
-    (1, "standstill", "The car stands"),
-    (2, "steering_limited", "The angle or rate limit of the steering holds the actuator back"),
-    (3, "wheel_slip", "A wheel is locked or spinning"),
-    (4, "sliding", "An axle slides sideways"),
-    (5, "wheel_lifted", "A wheel has left the road"),
-];
-
 const LOG: &str = "logPlant";
 const LOG_CATEGORIES: &[LogCategory] =
     &[LogCategory { name: LOG, description: "The vehicle: files read, values in effect, status changes" }];
@@ -127,7 +117,7 @@ fn declare() -> (Declaration, References) {
             ));
         }
     }
-    let status = Kind::Enumeration { type_name: "CarStatus", items: STATUS, start: 0 };
+    let status = Kind::Enumeration { type_name: "CarStatus", items: CarStatus::ITEMS, start: 0 };
     let status = d.add(Variable::output_of(status, "status", "What the car does, in one word"));
 
     let vehicle_file = d.add(vehicle_file_parameter());
@@ -234,9 +224,7 @@ impl PassengerCar {
     fn tell(&mut self, status: CarStatus, time: f64, log: &mut dyn Log) {
         if status != self.status {
             self.status = status;
-            if let Some((_, name, meaning)) = STATUS.get(status as usize) {
-                log.log(Severity::Info, LOG, &format!("{time} s: {name}: {meaning}"));
-            }
+            log.log(Severity::Info, LOG, &format!("{time} s: {}: {}", status.name(), status.meaning()));
         }
     }
 }

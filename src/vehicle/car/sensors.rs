@@ -10,6 +10,7 @@ use super::state::{
     CarState, PER_WHEEL, PITCH, ROLL, ROLL_RATE, SPIN, STATES, VX, VY, WHEELS, X, Y, YAW, YAW_RATE,
 };
 use super::wheel::WheelFlow;
+use crate::enumeration;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
@@ -30,34 +31,16 @@ pub struct WheelOutput {
     pub fy: f64,
 }
 
-/// What the car does, in words.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum CarStatus {
-    /// Nothing worth a word.
-    #[default]
-    Driving,
-    /// It stands.
-    Standstill,
-    /// The angle or the rate limit of the steering holds the actuator back.
-    SteeringLimited,
-    /// A wheel is locked or spinning.
-    WheelSlip,
-    /// An axle slides sideways.
-    Sliding,
-    /// A wheel has left the road.
-    WheelLifted,
-}
-
-impl CarStatus {
-    /// All of them, in order.
-    pub const ALL: &'static [Self] = &[
-        Self::Driving,
-        Self::Standstill,
-        Self::SteeringLimited,
-        Self::WheelSlip,
-        Self::Sliding,
-        Self::WheelLifted,
-    ];
+enumeration! {
+    /// What the car does, in words.
+    pub enum CarStatus {
+        Driving = 0 "driving", "The car drives within the grip of its tyres";
+        Standstill = 1 "standstill", "The car stands";
+        SteeringLimited = 2 "steering_limited", "The angle or rate limit of the steering holds the actuator back";
+        WheelSlip = 3 "wheel_slip", "A wheel is locked or spinning";
+        Sliding = 4 "sliding", "An axle slides sideways";
+        WheelLifted = 5 "wheel_lifted", "A wheel has left the road";
+    }
 }
 
 /// Everything that is measured, with effects of the sensors. Units as in `signal`.
