@@ -28,6 +28,7 @@
 //! | [`path`] | reference paths: splines, projection, readers, speed plan, the Sudoku course |
 //! | [`vehicle`] | the plants: parameters, tyres, steering chain, effects, the two-track car |
 //! | [`nominal`] | linear prediction models and their discretisation |
+//! | [`residual`] | what the nominal model misses, learned: trees, linear leaves, model files |
 //! | [`control`] | condensing, the QP, the MPC, speed control, status and fallback |
 //! | [`simulate`] | the closed loop in native code, and its metrics |
 //! | [`fmi`] | FMI 2.0: the C ABI, instances, descriptions; knows no model |
@@ -42,6 +43,7 @@ pub mod fmu;
 pub mod nominal;
 pub mod parameter;
 pub mod path;
+pub mod residual;
 pub mod signal;
 pub mod simulate;
 pub mod vehicle;

@@ -1,0 +1,322 @@
+//! From drives to samples: what the nominal model missed, and what was known before.
+//!
+//! For each step of a drive, with the *commanded* steering `u` (a measured angle would hide the actuator's delay) and
+//! the nominal model discretised exactly at that row's speed,
+//!
+//! ```text
+//! eps_{k+1} = x_{k+1} - (A x_k + B u_k + D psi_des' + E psi_des''),     x = [e1, e1', e2, e2']
+//! ```
+//!
+//! The road's heading rate and acceleration are those at the middle of the step, as the controller predicts with.
+//! A sample at row `k` with window `W` has the *features* `x_{k-W+1}, .., x_k` (oldest first), then speed, curvature
+//! and curvature rate of row `k`, and the *commands* `u_{k-W+1}, .., u_k`, the last one being in force over the step.
+//! No window reaches over a gap or from one drive into the next.
+
+use super::checks::{self, DataError};
+use super::hash::Fnv;
+use super::table::Columns;
+use super::{OUTPUTS, ROAD};
+use crate::nominal::{ContinuousErrorModel, DiscreteErrorModel, ErrorState};
+use crate::vehicle::SingleTrack;
+
+/// One drive in columns of equal length.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Drive {
+    /// What messages call it, e.g. the file's name.
+    pub name: String,
+    /// Time, s, increasing.
+    pub time: Vec<f64>,
+    /// Road-wheel angle commanded from this row on, rad.
+    pub steer_cmd: Vec<f64>,
+    /// Lateral error, m.
+    pub e1: Vec<f64>,
+    /// Its rate, m/s.
+    pub e1_rate: Vec<f64>,
+    /// Yaw error, rad.
+    pub e2: Vec<f64>,
+    /// Its rate, rad/s.
+    pub e2_rate: Vec<f64>,
+    /// Longitudinal velocity, m/s.
+    pub vx: Vec<f64>,
+    /// Curvature of the path, 1/m.
+    pub curvature: Vec<f64>,
+    /// Change of the curvature along the path, 1/m2.
+    pub curvature_rate: Vec<f64>,
+}
+
+impl Drive {
+    /// Names and columns, in order.
+    #[must_use]
+    pub fn columns(&self) -> [(&'static str, &[f64]); 9] {
+        [
+            ("time", &self.time),
+            ("steer_cmd", &self.steer_cmd),
+            ("e1", &self.e1),
+            ("e1_rate", &self.e1_rate),
+            ("e2", &self.e2),
+            ("e2_rate", &self.e2_rate),
+            ("vx", &self.vx),
+            ("curvature", &self.curvature),
+            ("curvature_rate", &self.curvature_rate),
+        ]
+    }
+
+    pub(super) fn row(&self, i: usize) -> Row {
+        Row {
+            command: self.steer_cmd[i],
+            state: [self.e1[i], self.e1_rate[i], self.e2[i], self.e2_rate[i]],
+            road: [self.vx[i], self.curvature[i], self.curvature_rate[i]],
+        }
+    }
+}
+
+/// One row of a drive.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Row {
+    pub command: f64,
+    pub state: [f64; OUTPUTS],
+    /// Speed, curvature, curvature rate.
+    pub road: [f64; ROAD],
+}
+
+/// For which controller the samples are made.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DataConfig {
+    /// Time between control steps, s.
+    pub sample_time: f64,
+    /// Speed below which the controller holds its prediction model, m/s.
+    pub min_model_speed: f64,
+}
+
+impl Default for DataConfig {
+    fn default() -> Self {
+        Self { sample_time: 0.02, min_model_speed: 1.5 }
+    }
+}
+
+/// What was found in the drives, and what was done about it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct DataReport {
+    /// Rows of all drives.
+    pub rows: usize,
+    /// Rows left out because a value is not a number.
+    pub not_finite: usize,
+    /// Rows left out because a value cannot be, e.g. a yaw error of 20 rad.
+    pub implausible: usize,
+    /// Interruptions within drives, left-out rows among them.
+    pub gaps: usize,
+    /// Drives sampled faster than the controller, and by which factor they were thinned.
+    pub thinned: Vec<(String, usize)>,
+    /// Columns that never change: nothing can be learned about their effect.
+    pub constant: Vec<&'static str>,
+    /// Steps whose next row is there: labels.
+    pub labels: usize,
+}
+
+/// Rows at the sample time and their labels.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DataSet {
+    pub(super) config: DataConfig,
+    pub(super) vehicle: SingleTrack,
+    states: Vec<[f64; OUTPUTS]>,
+    commands: Vec<f64>,
+    road: Vec<[f64; ROAD]>,
+    labels: Vec<Option<[f64; OUTPUTS]>>,
+    /// Rows before this one in its uninterrupted stretch.
+    before: Vec<u32>,
+    hash: u64,
+    report: DataReport,
+}
+
+impl DataSet {
+    /// Checks drives, repairs what can be repaired and labels each step.
+    ///
+    /// Repairs, all counted in the [`DataReport`]: rows that are not numbers or cannot be are left out; gaps are not
+    /// bridged; drives sampled a whole number of times faster are thinned.
+    ///
+    /// # Errors
+    /// Drives that cannot be repaired: see [`DataError`].
+    pub fn new(drives: &[Drive], vehicle: &SingleTrack, config: DataConfig) -> Result<Self, DataError> {
+        ContinuousErrorModel::new(vehicle, config.min_model_speed)?;
+        let mut report = DataReport::default();
+        let mut hash = Fnv::new();
+        let mut stretches: Vec<Vec<Row>> = Vec::new();
+        for drive in drives {
+            drive
+                .columns()
+                .iter()
+                .flat_map(|(_, column)| *column)
+                .for_each(|x| hash.add(&x.to_bits().to_le_bytes()));
+            stretches.extend(checks::stretches(drive, config.sample_time, &mut report)?);
+        }
+        checks::units(&stretches, vehicle, config.sample_time)?;
+        checks::variation(&stretches, &mut report)?;
+        let mut data = Self {
+            config,
+            vehicle: *vehicle,
+            states: vec![],
+            commands: vec![],
+            road: vec![],
+            labels: vec![],
+            before: vec![],
+            hash: hash.value(),
+            report,
+        };
+        let mut model = None;
+        for stretch in &stretches {
+            for (i, row) in stretch.iter().enumerate() {
+                data.states.push(row.state);
+                data.commands.push(row.command);
+                data.road.push(row.road);
+                data.before.push(i as u32);
+                let label =
+                    (i + 1 < stretch.len()).then(|| data.label(stretch, i, &mut model)).transpose()?;
+                data.report.labels += usize::from(label.is_some());
+                data.labels.push(label);
+            }
+        }
+        Ok(data)
+    }
+
+    /// The residual over the step that begins at row `i` of a stretch. `model` is kept while the speed stays.
+    fn label(
+        &self,
+        stretch: &[Row],
+        i: usize,
+        model: &mut Option<(f64, DiscreteErrorModel)>,
+    ) -> Result<[f64; OUTPUTS], DataError> {
+        let (now, next) = (&stretch[i], &stretch[i + 1]);
+        let speed = now.road[0].max(self.config.min_model_speed);
+        let (_, model) = match model {
+            Some(kept) if kept.0 == speed => kept,
+            _ => {
+                let fresh =
+                    ContinuousErrorModel::new(&self.vehicle, speed)?.discretise(self.config.sample_time);
+                model.insert((speed, fresh))
+            }
+        };
+        let middle: [f64; ROAD] = std::array::from_fn(|r| 0.5 * (now.road[r] + next.road[r]));
+        let [v, curvature, curvature_rate] = middle;
+        let accel = acceleration(stretch, i, self.config.sample_time);
+        let predicted = model.step(
+            &ErrorState::from(now.state),
+            now.command,
+            v * curvature,
+            v * v * curvature_rate + accel * curvature,
+        );
+        Ok(std::array::from_fn(|o| next.state[o] - predicted[o]))
+    }
+
+    /// Samples with a full window of `window` rows.
+    #[must_use]
+    pub fn windows(&self, window: usize) -> Windows<'_> {
+        let full = |&row: &usize| self.before[row] as usize + 1 >= window && self.labels[row].is_some();
+        Windows {
+            data: self,
+            window,
+            rows: (0..self.states.len()).filter(full).map(|row| row as u32).collect(),
+        }
+    }
+
+    /// What was found in the drives.
+    #[must_use]
+    pub fn report(&self) -> &DataReport {
+        &self.report
+    }
+
+    /// A number that identifies the drives' values (FNV-1a of their bits).
+    #[must_use]
+    pub fn hash(&self) -> u64 {
+        self.hash
+    }
+}
+
+/// Rows on each side over which the acceleration is taken: a difference of two rows would be mostly noise.
+const ACCELERATION_ROWS: usize = 5;
+
+/// Longitudinal acceleration near row `i` of a stretch, m/s2.
+fn acceleration(stretch: &[Row], i: usize, sample_time: f64) -> f64 {
+    let (from, to) =
+        (i.saturating_sub(ACCELERATION_ROWS), (i + 1 + ACCELERATION_ROWS).min(stretch.len() - 1));
+    (stretch[to].road[0] - stretch[from].road[0]) / ((to - from) as f64 * sample_time)
+}
+
+/// The samples of a [`DataSet`] for one window.
+#[derive(Debug, Clone)]
+pub struct Windows<'a> {
+    data: &'a DataSet,
+    window: usize,
+    rows: Vec<u32>,
+}
+
+impl Windows<'_> {
+    /// Number of samples.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.rows.is_empty()
+    }
+
+    /// Length of the window, W.
+    #[must_use]
+    pub fn window(&self) -> usize {
+        self.window
+    }
+
+    fn range(&self, sample: usize) -> std::ops::Range<usize> {
+        let newest = self.rows[sample] as usize;
+        newest + 1 - self.window..newest + 1
+    }
+
+    /// Error states of the window, oldest first; rad, m, s.
+    #[must_use]
+    pub fn states(&self, sample: usize) -> &[[f64; OUTPUTS]] {
+        &self.data.states[self.range(sample)]
+    }
+
+    /// Commands of the window, oldest first, rad.
+    #[must_use]
+    pub fn commands(&self, sample: usize) -> &[f64] {
+        &self.data.commands[self.range(sample)]
+    }
+
+    /// Speed, curvature and curvature rate at the newest row; m/s, 1/m, 1/m2.
+    #[must_use]
+    pub fn road(&self, sample: usize) -> [f64; ROAD] {
+        self.data.road[self.rows[sample] as usize]
+    }
+
+    /// What the nominal model missed over the step.
+    #[must_use]
+    pub fn label(&self, sample: usize) -> [f64; OUTPUTS] {
+        self.data.labels[self.rows[sample] as usize].unwrap_or([f64::NAN; OUTPUTS])
+    }
+
+    /// Writes the features of a sample, `4 W + 3` of them, as [`crate::residual::ResidualModel::coefficients`] takes
+    /// them.
+    pub fn features(&self, sample: usize, out: &mut [f64]) {
+        let (states, road) = out.split_at_mut(OUTPUTS * self.window);
+        states.copy_from_slice(self.states(sample).as_flattened());
+        road.copy_from_slice(&self.road(sample));
+    }
+}
+
+impl Columns for Windows<'_> {
+    fn rows(&self) -> usize {
+        self.len()
+    }
+    fn columns(&self) -> usize {
+        OUTPUTS * self.window + ROAD
+    }
+    fn value(&self, row: usize, column: usize) -> f64 {
+        match column.checked_sub(OUTPUTS * self.window) {
+            Some(road) => self.road(row)[road],
+            None => self.states(row)[column / OUTPUTS][column % OUTPUTS],
+        }
+    }
+}

@@ -1,0 +1,239 @@
+//! The model's file: a head that people read, then numbers.
+//!
+//! ```text
+//! rfl-residual 1 1873 612345 0123456789abcdef     magic, format, bytes of head, bytes of numbers, FNV-1a of both
+//! vehicle_hash = "..."                            head, TOML: kind, sample time, window, vehicle, ranges, ...
+//! [schema]
+//! ...
+//! <bytes>                                         trees and leaves, postcard
+//! ```
+//!
+//! The head is TOML because the FMUs read TOML anyway, and because `head -40 model.rfl` then tells what a model is.
+//! Trees and leaves are some 100 000 numbers that nobody reads: postcard stores them bit for bit and ten times
+//! smaller and faster than text.
+
+use super::forest::Forest;
+use super::hash::fnv;
+use super::leaf::LeafModels;
+use super::model::{Kind, ResidualModel, Schema};
+use super::tree::MAX_DEPTH;
+use super::{MAX_WINDOW, OUTPUTS};
+use crate::nominal::ContinuousErrorModel;
+use crate::vehicle::SingleTrack;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// The format that this library writes, and the only one it reads.
+pub const FORMAT: u32 = 1;
+
+const MAGIC: &str = "rfl-residual";
+
+/// Longest first line.
+const FIRST_LINE: usize = 120;
+
+/// Why a model's file cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum FileError {
+    /// What is wrong with which file.
+    #[error("{}: {cause}", file.display())]
+    In {
+        /// The file.
+        file: PathBuf,
+        /// What is wrong with it.
+        cause: Box<FileError>,
+    },
+    /// It cannot be read or written.
+    #[error("cannot be read or written: {0}; check the name and the permission")]
+    Io(#[from] std::io::Error),
+    /// It is something else.
+    #[error("is no residual model: it does not begin with `{MAGIC}`; give a file that `rfl train` wrote")]
+    NotAModel,
+    /// The first line is damaged.
+    #[error("its first line is damaged: `{line}`; copy the file again, or train anew")]
+    FirstLine {
+        /// As found.
+        line: String,
+    },
+    /// Another version of the format.
+    #[error("has format {found}, this program reads format {FORMAT}; train the model anew with this version")]
+    Format {
+        /// As found.
+        found: u32,
+    },
+    /// Bytes are missing, or there are too many.
+    #[error("has {found} bytes where its first line says {expected}; it was cut or added to: copy it again")]
+    Length {
+        /// As found.
+        found: u64,
+        /// As the first line says.
+        expected: u64,
+    },
+    /// Some bytes are not what was written.
+    #[error(
+        "is damaged: checksum {found:016x} instead of {expected:016x}; copy it again (a head edited by hand does this, too: train anew instead)"
+    )]
+    Checksum {
+        /// Of the bytes found.
+        found: u64,
+        /// As the first line says.
+        expected: u64,
+    },
+    /// The head is no TOML, or lacks entries.
+    #[error("its head cannot be understood: {0}")]
+    Head(String),
+    /// The numbers cannot be decoded.
+    #[error("its numbers cannot be decoded: {0}")]
+    Numbers(#[from] postcard::Error),
+    /// Decoded, but not a model.
+    #[error("contradicts itself: {what}; train the model anew")]
+    Invalid {
+        /// The contradiction.
+        what: &'static str,
+    },
+}
+
+#[derive(Serialize, Deserialize)]
+struct Head {
+    vehicle_hash: String,
+    schema: Schema,
+}
+
+impl ResidualModel {
+    /// The model as the bytes of its file.
+    ///
+    /// # Errors
+    /// A model that cannot be written; none that training makes.
+    pub fn to_bytes(&self) -> Result<Vec<u8>, FileError> {
+        let head = Head { vehicle_hash: vehicle_hash(&self.schema.vehicle), schema: self.schema.clone() };
+        let mut body =
+            toml::to_string(&head).map_err(|error| FileError::Head(error.to_string()))?.into_bytes();
+        let head_length = body.len();
+        body.extend(postcard::to_allocvec(&(&self.forest, &self.leaves))?);
+        let numbers = body.len() - head_length;
+        let mut bytes =
+            format!("{MAGIC} {FORMAT} {head_length} {numbers} {:016x}\n", fnv(&body)).into_bytes();
+        bytes.extend(body);
+        Ok(bytes)
+    }
+
+    /// A model from the bytes of its file.
+    ///
+    /// # Errors
+    /// Bytes that are no model, whole and consistent; never a panic.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, FileError> {
+        if !bytes.starts_with(MAGIC.as_bytes()) {
+            return Err(FileError::NotAModel);
+        }
+        let start = &bytes[..bytes.len().min(FIRST_LINE)];
+        let line = start.split(|&b| b == b'\n').next().unwrap_or_default();
+        let text = String::from_utf8_lossy(line);
+        let damaged = || FileError::FirstLine { line: text.escape_default().to_string() };
+        let words: Vec<&str> = text.split(' ').collect();
+        let format: u32 = words.get(1).and_then(|word| word.parse().ok()).ok_or_else(damaged)?;
+        if format != FORMAT {
+            return Err(FileError::Format { found: format });
+        }
+        let [_, _, head, numbers, checksum] = words[..] else { return Err(damaged()) };
+        let (Ok(head), Ok(numbers)) = (head.parse::<u32>(), numbers.parse::<u32>()) else {
+            return Err(damaged());
+        };
+        let expected = u64::from_str_radix(checksum, 16).map_err(|_| damaged())?;
+        let body = bytes.get(line.len() + 1..).unwrap_or_default();
+        let (found, length) = (body.len() as u64, u64::from(head) + u64::from(numbers));
+        if found != length {
+            return Err(FileError::Length { found, expected: length });
+        }
+        let found = fnv(body);
+        if found != expected {
+            return Err(FileError::Checksum { found, expected });
+        }
+        let (head, numbers) = body.split_at(head as usize);
+        let head = std::str::from_utf8(head).map_err(|error| FileError::Head(error.to_string()))?;
+        let head: Head = toml::from_str(head).map_err(|error| FileError::Head(error.to_string()))?;
+        let ((forest, leaves), rest): ((Forest, LeafModels), _) = postcard::take_from_bytes(numbers)?;
+        if !rest.is_empty() {
+            return Err(FileError::Invalid { what: "there are more numbers than the model has" });
+        }
+        if head.vehicle_hash != vehicle_hash(&head.schema.vehicle) {
+            return Err(FileError::Invalid {
+                what: "the vehicle's parameters do not have the vehicle's hash",
+            });
+        }
+        let model = Self { schema: head.schema, forest, leaves };
+        model.check().map_err(|what| FileError::Invalid { what })?;
+        Ok(model)
+    }
+
+    /// Reads a model's file.
+    ///
+    /// # Errors
+    /// A file that cannot be read or is no model.
+    pub fn read(file: &Path) -> Result<Self, FileError> {
+        let read = || Self::from_bytes(&std::fs::read(file)?);
+        read().map_err(|cause| FileError::In { file: file.to_owned(), cause: Box::new(cause) })
+    }
+
+    /// Writes the model's file.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn write(&self, file: &Path) -> Result<(), FileError> {
+        let write = || Ok(std::fs::write(file, self.to_bytes()?)?);
+        write().map_err(|cause| FileError::In { file: file.to_owned(), cause: Box::new(cause) })
+    }
+
+    /// Whether look-ups can rely on the model, whoever wrote it.
+    fn check(&self) -> Result<(), &'static str> {
+        let Self { schema, forest, leaves } = self;
+        let ensure = |holds: bool, what: &'static str| if holds { Ok(()) } else { Err(what) };
+        ensure((1..=MAX_WINDOW).contains(&schema.window), "its window is out of range")?;
+        ensure(schema.regressors.states <= schema.window, "its leaves have more states than its window")?;
+        let positive = |x: f64| x > 0.0 && x.is_finite();
+        ensure(positive(schema.sample_time), "its sample time is no positive number")?;
+        ensure(
+            ContinuousErrorModel::new(&schema.vehicle, schema.min_model_speed).is_ok(),
+            "a parameter of its vehicle, or its minimum model speed, is no positive number",
+        )?;
+        let ranges = if schema.kind == Kind::None { 0 } else { 2 * OUTPUTS };
+        ensure(schema.ranges.len() == ranges, "its ranges are not those of 7 features and the command")?;
+        let ordered = schema.ranges.iter().all(|r| r.min <= r.max && r.min.is_finite() && r.max.is_finite());
+        ensure(ordered, "a range is none")?;
+
+        let depth = usize::from(forest.depth);
+        ensure(depth <= MAX_DEPTH, "its trees are too deep")?;
+        let (trees, ends) = (forest.trees(), 1_usize << depth);
+        ensure((1..=1000).contains(&trees), "its number of trees is out of range")?;
+        ensure(schema.kind.has_trees() || (trees == 1 && depth == 0), "a kind without trees has trees")?;
+        let nodes = trees * (ends - 1);
+        ensure(
+            forest.feature.len() == nodes && forest.threshold.len() == nodes,
+            "its trees are not complete",
+        )?;
+        ensure(forest.leaf.len() == trees * ends, "its trees do not end in leaves")?;
+        let features = self.features();
+        ensure(
+            forest.feature.iter().all(|&f| usize::from(f) < features),
+            "a tree asks for an unknown feature",
+        )?;
+        ensure(!forest.threshold.iter().any(|t| t.is_nan()), "a threshold is not a number")?;
+        ensure(forest.leaf.iter().all(|&leaf| leaf < forest.leaves), "a tree ends in an unknown leaf")?;
+
+        let count = forest.leaves();
+        let p = if schema.kind.is_linear() { schema.regressors.count(schema.window) } else { 1 };
+        ensure(leaves.regressors() == p, "its leaves have other regressors than its head says")?;
+        ensure(
+            Some(leaves.theta.len()) == count.checked_mul(p),
+            "coefficients of leaves are missing or too many",
+        )?;
+        ensure(leaves.command_range.len() == count, "command ranges of leaves are missing or too many")?;
+        let finite = leaves.theta.as_flattened().iter().chain(leaves.command_range.as_flattened());
+        ensure(finite.into_iter().all(|x| x.is_finite()), "a coefficient is not a finite number")
+    }
+}
+
+/// Identifies a nominal vehicle: FNV-1a of its parameters' bits.
+fn vehicle_hash(car: &SingleTrack) -> String {
+    let parameters = [car.mass, car.yaw_inertia, car.lf, car.lr, car.cf, car.cr];
+    let bytes: Vec<u8> = parameters.iter().flat_map(|x| x.to_bits().to_le_bytes()).collect();
+    format!("{:016x}", fnv(&bytes))
+}

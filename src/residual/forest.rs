@@ -1,0 +1,201 @@
+//! Random forests: trees that differ by the rows they were grown on and the features they were offered.
+//!
+//! Each tree sees a bootstrap sample (`n` draws with replacement out of `n` rows, Breiman 2001, or of blocks of
+//! rows); the rows that it did not draw are *out of bag*, about `1/e` of all, and serve as its test data.
+//!
+//! Complexity: `O(T D n F)` to grow, `O(T D)` to look up.
+
+use super::parallel;
+use super::random::Random;
+use super::table::{Columns, Resolution, Table};
+use super::tree::{self, Growth, MAX_DEPTH, Tree};
+use serde::{Deserialize, Serialize};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// How a forest grows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ForestConfig {
+    /// Number of trees, T.
+    pub trees: usize,
+    /// Depth of the trees, at most [`MAX_DEPTH`].
+    pub depth: usize,
+    /// Fewest distinct rows in a leaf.
+    pub min_leaf: usize,
+    /// Features tried at a split, F; more than there are means all.
+    pub features_per_split: usize,
+    /// Whether each tree has a bootstrap sample of its own, and of what; `None`: all trees see all rows.
+    pub bootstrap: Option<Block>,
+    /// How values are told apart.
+    pub resolution: Resolution,
+    /// Seed of bootstrap and feature sampling.
+    pub seed: u64,
+    /// Threads to use; 0 for all. The result does not depend on it.
+    pub threads: usize,
+}
+
+/// Consecutive rows that a bootstrap draws together, at least 1.
+///
+/// Rows of a time series resemble their neighbours: drawn one by one, a row out of bag has neighbours in the bag, and
+/// its error says little about roads not driven. Drawn in blocks, it does (Kunsch 1989).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Block(pub usize);
+
+/// The trees, flat: those of one forest lie one behind the other, all of one depth.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Forest {
+    pub(super) depth: u8,
+    pub(super) trees: u32,
+    /// `2^depth - 1` nodes a tree.
+    pub(super) feature: Vec<u16>,
+    pub(super) threshold: Vec<f64>,
+    /// `2^depth` ends a tree: number of the leaf among all leaves of the forest.
+    pub(super) leaf: Vec<u32>,
+    /// Leaves of all trees.
+    pub(super) leaves: u32,
+}
+
+/// A forest and which rows each tree saw.
+#[derive(Debug, Clone)]
+pub struct GrownForest {
+    /// The forest.
+    pub forest: Forest,
+    /// For each tree, how often it drew each row; 0 is out of bag.
+    pub in_bag: Vec<Vec<u16>>,
+}
+
+/// Trees that are looked up at once: their loads overlap.
+const LANES: usize = 8;
+
+impl Forest {
+    /// The forest of these trees, all of one depth.
+    #[must_use]
+    pub(super) fn new(trees: &[Tree]) -> Self {
+        let mut forest = Self {
+            depth: trees.first().map_or(0, |tree| tree.depth),
+            trees: trees.len() as u32,
+            feature: vec![],
+            threshold: vec![],
+            leaf: vec![],
+            leaves: 0,
+        };
+        for tree in trees {
+            debug_assert_eq!(tree.depth, forest.depth);
+            forest.feature.extend(&tree.feature);
+            forest.threshold.extend(&tree.threshold);
+            forest.leaf.extend(tree.leaf.iter().map(|leaf| leaf + forest.leaves));
+            forest.leaves += tree.leaves;
+        }
+        forest
+    }
+
+    /// The forest of one tree that does not split.
+    #[must_use]
+    pub(super) fn single_leaf() -> Self {
+        Self { depth: 0, trees: 1, feature: vec![], threshold: vec![], leaf: vec![0], leaves: 1 }
+    }
+
+    /// The splits of a tree, `(feature, threshold)` in order of its nodes (the children of node `i` are `2 i + 1`
+    /// and `2 i + 2`); `None` where a node does not split.
+    pub fn splits(&self, tree: usize) -> impl Iterator<Item = Option<(u16, f64)>> + '_ {
+        let nodes = (1_usize << self.depth) - 1;
+        let (features, thresholds) =
+            (&self.feature[tree * nodes..][..nodes], &self.threshold[tree * nodes..]);
+        features.iter().zip(thresholds).map(|(&f, &t)| (t < f64::INFINITY).then_some((f, t)))
+    }
+
+    /// Number of trees.
+    #[must_use]
+    pub fn trees(&self) -> usize {
+        self.trees as usize
+    }
+
+    /// Number of leaves of all trees.
+    #[must_use]
+    pub fn leaves(&self) -> usize {
+        self.leaves as usize
+    }
+
+    /// First leaf of each tree, and the number of all.
+    pub(super) fn first_leaves(&self) -> Vec<u32> {
+        let ends = 1_usize << self.depth;
+        let first = self.leaf.chunks(ends).map(|ends| ends.iter().copied().min().unwrap_or(0));
+        first.chain([self.leaves]).collect()
+    }
+
+    /// Calls `found(tree, leaf)` for each tree in order with the leaf, numbered over all trees, into which the
+    /// features fall. A feature that is not a number goes to the left.
+    #[inline]
+    pub fn look_up(&self, features: &[f64], mut found: impl FnMut(usize, usize)) {
+        self.look_up_together(features, |first, leaves| {
+            leaves.iter().enumerate().for_each(|(lane, &leaf)| found(first + lane, leaf as usize));
+        });
+    }
+
+    /// The same, several trees at once: the first of them, and their leaves.
+    #[inline]
+    pub(super) fn look_up_together(&self, features: &[f64], mut found: impl FnMut(usize, &[u32])) {
+        let nodes = (1_usize << self.depth) - 1;
+        for first in (0..self.trees()).step_by(LANES) {
+            let lanes = LANES.min(self.trees() - first);
+            let mut node = [0_usize; LANES];
+            for _ in 0..self.depth {
+                for (lane, node) in node[..lanes].iter_mut().enumerate() {
+                    let at = (first + lane) * nodes + *node;
+                    let right = features[usize::from(self.feature[at])] > self.threshold[at];
+                    *node = 2 * *node + 1 + usize::from(right);
+                }
+            }
+            let mut leaves = [0_u32; LANES];
+            for (lane, leaf) in leaves[..lanes].iter_mut().enumerate() {
+                *leaf = self.leaf[(first + lane) * (nodes + 1) + node[lane] - nodes];
+            }
+            found(first, &leaves[..lanes]);
+        }
+    }
+}
+
+/// Grows a forest on the columns of `table` that `features` names, for the outputs `labels` of each row.
+///
+/// `grown` is called with the number of trees that are done, from the thread that finished one.
+#[must_use]
+pub fn grow<const K: usize>(
+    table: &dyn Columns,
+    features: &[u16],
+    labels: &[[f64; K]],
+    config: &ForestConfig,
+    grown: &(dyn Fn(usize) + Sync),
+) -> GrownForest {
+    let threads = parallel::threads(config.threads);
+    let table = Table::new(table, features, config.resolution, threads);
+    let targets = tree::standardise(labels);
+    let growth = Growth {
+        depth: config.depth.min(MAX_DEPTH),
+        min_leaf: config.min_leaf,
+        features_per_split: config.features_per_split.clamp(1, features.len().max(1)),
+    };
+    let done = AtomicUsize::new(0);
+    let trees = parallel::map(threads, config.trees, |tree| {
+        let mut random = Random::stream(config.seed, tree as u64);
+        let weights = match config.bootstrap {
+            Some(block) => bootstrap(table.rows, block, &mut random),
+            None => vec![1; table.rows],
+        };
+        let tree = tree::grow(&table, &targets, &weights, growth, &mut random);
+        grown(done.fetch_add(1, Ordering::Relaxed) + 1);
+        (tree, weights)
+    });
+    let (trees, in_bag): (Vec<Tree>, _) = trees.into_iter().unzip();
+    GrownForest { forest: Forest::new(&trees), in_bag }
+}
+
+/// How often each row is drawn when as many blocks as there are, are drawn with replacement.
+fn bootstrap(rows: usize, Block(size): Block, random: &mut Random) -> Vec<u16> {
+    let mut count = vec![0; rows];
+    let size = size.clamp(1, rows.max(1));
+    let blocks = rows.div_ceil(size);
+    for _ in 0..blocks {
+        let first = random.below(blocks as u32) as usize * size;
+        count[first..(first + size).min(rows)].iter_mut().for_each(|count| *count += 1);
+    }
+    count
+}

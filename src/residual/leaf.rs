@@ -1,0 +1,238 @@
+//! Models in the leaves: a constant (RT, RF) or linear in the leaf's regressors (RTL, RFL).
+//!
+//! A leaf has few samples and its commands are nearly collinear, so a linear leaf is shrunk towards the fit of all
+//! samples, `theta_g` (columns scaled to unit root mean square, so that `lambda` has no unit):
+//!
+//! ```text
+//! theta = theta_g + (Z'Z + lambda n I)^-1 Z'(y - Z theta_g)
+//! ```
+//!
+//! `lambda = inf` is the global fit: then the trees add nothing. Plain least squares in each leaf is the paper's
+//! way, [`LeafFit::LeastSquares`].
+
+use super::least_squares::{Gram, Theta, Triangle};
+use super::{OUTPUTS, parallel};
+use serde::{Deserialize, Serialize};
+
+/// The leaves' coefficients, one leaf behind the other.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LeafModels {
+    /// Regressors of a leaf; the first is the constant 1.
+    pub(super) regressors: u32,
+    /// For each leaf and regressor its effect on each output.
+    pub(super) theta: Theta,
+    /// Smallest and largest command in the windows of each leaf's samples, rad.
+    pub(super) command_range: Vec<[f64; 2]>,
+}
+
+impl LeafModels {
+    /// Number of regressors, the constant among them.
+    #[must_use]
+    pub fn regressors(&self) -> usize {
+        self.regressors as usize
+    }
+
+    /// Coefficients of a leaf.
+    #[must_use]
+    pub fn theta(&self, leaf: usize) -> &[[f64; OUTPUTS]] {
+        &self.theta[leaf * self.regressors()..][..self.regressors()]
+    }
+}
+
+/// How linear leaves are fitted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum LeafFit {
+    /// Shrunk towards the global fit.
+    Ridge {
+        /// Strength of the shrinkage, without unit; may be infinite.
+        lambda: f64,
+    },
+    /// Each leaf on its own; the solution of least norm where its samples leave a choice.
+    LeastSquares,
+}
+
+/// Regressors and labels of all samples.
+#[derive(Debug, Clone)]
+pub(super) struct Design {
+    pub regressors: usize,
+    /// Row by row, each column divided by its scale.
+    pub z: Vec<f64>,
+    pub labels: Vec<[f64; OUTPUTS]>,
+    /// Root mean square of each column before scaling; 1 for a column of zeros.
+    pub scale: Vec<f64>,
+}
+
+impl Design {
+    /// Scales the columns of `z`.
+    pub fn new(regressors: usize, mut z: Vec<f64>, labels: Vec<[f64; OUTPUTS]>) -> Self {
+        let mut scale = vec![0.0; regressors];
+        for row in z.chunks_exact(regressors) {
+            scale.iter_mut().zip(row).for_each(|(sum, z)| *sum += z * z);
+        }
+        for sum in &mut scale {
+            *sum = if *sum > 0.0 { (*sum / labels.len() as f64).sqrt() } else { 1.0 };
+        }
+        for row in z.chunks_exact_mut(regressors) {
+            row.iter_mut().zip(&scale).for_each(|(z, scale)| *z /= scale);
+        }
+        Self { regressors, z, labels, scale }
+    }
+
+    pub fn len(&self) -> usize {
+        self.labels.len()
+    }
+
+    pub fn row(&self, i: usize) -> &[f64] {
+        &self.z[i * self.regressors..][..self.regressors]
+    }
+
+    /// `theta' z_i`.
+    pub fn predict(&self, i: usize, theta: &[[f64; OUTPUTS]]) -> [f64; OUTPUTS] {
+        let mut sum = [0.0; OUTPUTS];
+        for (z, theta) in self.row(i).iter().zip(theta) {
+            sum.iter_mut().zip(theta).for_each(|(sum, t)| *sum += z * t);
+        }
+        sum
+    }
+
+    /// Coefficients for columns that are not scaled.
+    pub fn unscaled(&self, theta: &[[f64; OUTPUTS]]) -> Theta {
+        let scales = self.scale.iter().cycle();
+        theta.iter().zip(scales).map(|(theta, scale)| theta.map(|t| t / scale)).collect()
+    }
+
+    /// What `theta` leaves of the labels.
+    pub fn remainder(&self, theta: &[[f64; OUTPUTS]]) -> Vec<[f64; OUTPUTS]> {
+        (0..self.len())
+            .map(|i| {
+                let fit = self.predict(i, theta);
+                std::array::from_fn(|o| self.labels[i][o] - fit[o])
+            })
+            .collect()
+    }
+}
+
+/// The samples of each leaf of one tree.
+#[derive(Debug, Clone)]
+pub(super) struct Members {
+    rows: Vec<u32>,
+    start: Vec<usize>,
+}
+
+impl Members {
+    /// From each row's leaf; rows without weight are left out.
+    pub fn new(leaf_of: &[u32], leaves: usize, weights: &[u16]) -> Self {
+        let mut start = vec![0; leaves + 1];
+        let kept = || leaf_of.iter().zip(weights).enumerate().filter(|(_, (_, w))| **w > 0);
+        kept().for_each(|(_, (&leaf, _))| start[leaf as usize + 1] += 1);
+        (0..leaves).for_each(|leaf| start[leaf + 1] += start[leaf]);
+        let mut next = start.clone();
+        let mut rows = vec![0; start[leaves]];
+        for (row, (&leaf, _)) in kept() {
+            rows[next[leaf as usize]] = row as u32;
+            next[leaf as usize] += 1;
+        }
+        Self { rows, start }
+    }
+
+    pub fn leaves(&self) -> usize {
+        self.start.len() - 1
+    }
+
+    pub fn of(&self, leaf: usize) -> impl Iterator<Item = usize> + '_ {
+        self.rows[self.start[leaf]..self.start[leaf + 1]].iter().map(|&row| row as usize)
+    }
+
+    pub fn count(&self, leaf: usize) -> usize {
+        self.start[leaf + 1] - self.start[leaf]
+    }
+}
+
+/// Means of the labels in each leaf.
+pub(super) fn constant(labels: &[[f64; OUTPUTS]], members: &Members, weights: &[u16]) -> Theta {
+    (0..members.leaves())
+        .map(|leaf| {
+            let mut sum = [0.0; OUTPUTS];
+            let mut total = 0.0;
+            for row in members.of(leaf) {
+                let w = f64::from(weights[row]);
+                sum.iter_mut().zip(&labels[row]).for_each(|(sum, y)| *sum += w * y);
+                total += w;
+            }
+            sum.map(|sum| if total > 0.0 { sum / total } else { 0.0 })
+        })
+        .collect()
+}
+
+/// Linear leaves of one tree, leaf behind leaf, once for each fit of `fits`.
+///
+/// `remainder` is what the global fit `global` leaves of the labels.
+pub(super) fn linear(
+    design: &Design,
+    remainder: &[[f64; OUTPUTS]],
+    global: &[[f64; OUTPUTS]],
+    members: &Members,
+    weights: &[u16],
+    fits: &[LeafFit],
+) -> Vec<Theta> {
+    let p = design.regressors;
+    let mut result = vec![Theta::with_capacity(members.leaves() * p); fits.len()];
+    let plain = fits.contains(&LeafFit::LeastSquares);
+    for leaf in 0..members.leaves() {
+        let mut gram = Gram::new(p);
+        let mut triangle = plain.then(|| Triangle::new(p));
+        for row in members.of(leaf) {
+            let w = f64::from(weights[row]);
+            gram.add(design.row(row), &remainder[row], w);
+            if let Some(triangle) = &mut triangle {
+                triangle.add(design.row(row), &design.labels[row], w);
+            }
+        }
+        let decomposed = triangle.map(Triangle::decompose);
+        for (fit, result) in fits.iter().zip(&mut result) {
+            match (fit, &decomposed) {
+                (LeafFit::LeastSquares, Some(decomposed)) => result.extend(decomposed.solve(0.0)),
+                (LeafFit::LeastSquares, None) => result.extend(global),
+                (LeafFit::Ridge { lambda }, _) => {
+                    // A leaf whose equations cannot be solved keeps the global fit.
+                    let change = gram.ridge(*lambda).unwrap_or_else(|| vec![[0.0; OUTPUTS]; p]);
+                    result.extend(change.iter().zip(global).map(|(change, global)| {
+                        let theta: [f64; OUTPUTS] = std::array::from_fn(|o| global[o] + change[o]);
+                        theta
+                    }));
+                }
+            }
+        }
+    }
+    result
+}
+
+/// Samples of which a sum is made at once: sums do not depend on the number of threads.
+const CHUNK: usize = 2048;
+
+/// Sum of squares and largest magnitude of `error(i)`, for each output; samples without an error are left out.
+pub(super) fn accumulate(
+    threads: usize,
+    samples: usize,
+    error: impl Fn(usize) -> Option<[f64; OUTPUTS]> + Sync,
+) -> (usize, [f64; OUTPUTS], [f64; OUTPUTS]) {
+    let chunks = parallel::chunks(samples, CHUNK);
+    let parts = parallel::map(threads, chunks.len(), |chunk| {
+        let (mut count, mut squares, mut largest) = (0, [0.0; OUTPUTS], [0.0_f64; OUTPUTS]);
+        for error in chunks[chunk].clone().filter_map(&error) {
+            count += 1;
+            for o in 0..OUTPUTS {
+                squares[o] += error[o] * error[o];
+                largest[o] = largest[o].max(error[o].abs());
+            }
+        }
+        (count, squares, largest)
+    });
+    parts.into_iter().fold((0, [0.0; OUTPUTS], [0.0; OUTPUTS]), |sum, part| {
+        (
+            sum.0 + part.0,
+            std::array::from_fn(|o| sum.1[o] + part.1[o]),
+            std::array::from_fn(|o| f64::max(sum.2[o], part.2[o])),
+        )
+    })
+}

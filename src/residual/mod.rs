@@ -1,0 +1,98 @@
+//! What the nominal model misses, learned from drives: constant or linear in the commands, chosen by trees.
+//!
+//! The controller predicts with `x_{k+1} = A x_k + B u_k + D psi_des' + E psi_des'' + r_k`. A tree looks at what
+//! cannot be decided any more (past errors, speed, road) and finds a leaf; the leaf's model is linear in what can,
+//! the window of the last W commands, so that the controller's problem stays a quadratic program:
+//!
+//! ```text
+//! r_k = beta_0 + sum_{i=1..W} beta_i u_{k-W+i}          beta: mean over the T trees of their leaves' coefficients
+//! ```
+//!
+//! (Zhao et al., Learning Residual Model of Model Predictive Control via Random Forests, ITSC 2024.)
+//!
+//! ```text
+//! drives -> DataSet (checks, labels) -> train -> ResidualModel <-> file
+//!                                                   | coefficients(), each step of the horizon
+//!                                                   v
+//!                                               controller
+//! ```
+//!
+//! ```
+//! use rfl_mpc::residual::{DataConfig, DataSet, Drive, Kind, Random, ResidualModel, TrainConfig, train};
+//! use rfl_mpc::vehicle::SingleTrack;
+//!
+//! let car = SingleTrack { mass: 1400.0, yaw_inertia: 2300.0, lf: 1.1, lr: 1.6, cf: 120e3, cr: 140e3 };
+//! let mut random = Random::new(1);
+//! let mut log = Drive { name: "noise".into(), ..Drive::default() };
+//! for k in 0..600 {
+//!     log.time.push(0.02 * f64::from(k));
+//!     log.vx.push(10.0);
+//!     for column in [&mut log.curvature, &mut log.curvature_rate] {
+//!         column.push(0.0);
+//!     }
+//!     for column in [&mut log.steer_cmd, &mut log.e1, &mut log.e1_rate, &mut log.e2, &mut log.e2_rate] {
+//!         column.push(0.01 * random.uniform());
+//!     }
+//! }
+//! let data = DataSet::new(&[log], &car, DataConfig::default())?;
+//! let trained = train(&data, None, &TrainConfig::new(Kind::Rfl), &|_| ())?;
+//! assert!(trained.report.train.rmse[0] < trained.report.train.nominal_rmse[0]);
+//!
+//! let model = ResidualModel::from_bytes(&trained.model.to_bytes()?)?;
+//! let (features, mut room) = (vec![0.0; model.features()], model.room());
+//! model.coefficients(&features, &[], &mut room);
+//! assert_eq!(room.command().len(), 16);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! | file | idea |
+//! |---|---|
+//! | `dataset.rs` | labels and windows from drives |
+//! | `checks.rs` | what is wrong with recorded drives |
+//! | `table.rs`, `tree.rs`, `forest.rs` | binning, CART, random forests and their look-up |
+//! | `least_squares.rs` | QR and normal equations, ridge |
+//! | `global.rs`, `leaf.rs` | one linear model for all; models in leaves |
+//! | `train_config.rs`, `train.rs` | from a data set to a model and a report of its fit |
+//! | `model.rs` | what the controller calls |
+//! | `file.rs` | the model's file |
+//! | `random.rs`, `parallel.rs`, `hash.rs` | the same bits for the same seed, on any number of threads |
+
+mod checks;
+mod dataset;
+mod file;
+mod forest;
+mod global;
+mod hash;
+mod leaf;
+mod least_squares;
+mod model;
+mod parallel;
+mod random;
+mod table;
+mod train;
+mod train_config;
+mod tree;
+
+pub use checks::DataError;
+pub use dataset::{DataConfig, DataReport, DataSet, Drive, Windows};
+pub use file::{FORMAT, FileError};
+pub use forest::{Block, Forest, ForestConfig, GrownForest, grow};
+pub use leaf::{LeafFit, LeafModels};
+pub use least_squares::{Decomposed, Gram, Theta, Triangle};
+pub use model::{
+    Coefficients, Expected, Kind, Misfit, Range, Regressors, ResidualModel, Schema, Training, TreeFeatures,
+};
+pub use random::Random;
+pub use table::{Columns, Dense, Resolution};
+pub use train::{Fit, Progress, Stage, TrainError, TrainReport, Trained, train};
+pub use train_config::{ConfigError, LambdaChoice, TrainConfig};
+pub use tree::MAX_DEPTH;
+
+/// Components of the state and so of the residual: e1, e1', e2, e2'.
+pub const OUTPUTS: usize = 4;
+
+/// Features of the road and speed: vx, curvature, curvature rate.
+pub const ROAD: usize = 3;
+
+/// Longest window, in steps.
+pub const MAX_WINDOW: usize = 128;

@@ -1,0 +1,486 @@
+//! The learned residual as the controller uses it.
+//!
+//! For step `j` of the horizon the controller gives the features of the window that ends with the state at the
+//! start of the step, as far as measured, beyond that as predicted, and gets the coefficients of
+//!
+//! ```text
+//! r = constant + sum_i command_i u_i + sum_s state_s x_s
+//! ```
+//!
+//! with `u_i` the commands of the window, oldest first, the last one in force over the step, and `x_s` the newest
+//! error states, oldest first, where the leaves have them (else there are no such terms). Terms in the road are
+//! known when the problem is set up and stand in the constant. Nothing is allocated.
+
+use super::forest::Forest;
+use super::leaf::LeafModels;
+use super::least_squares::Theta;
+use super::{OUTPUTS, ROAD};
+use crate::vehicle::SingleTrack;
+use serde::{Deserialize, Serialize};
+
+/// Kinds of residual.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// No residual: the nominal controller.
+    None,
+    /// One linear model for all.
+    Linear,
+    /// A tree with constant leaves.
+    Rt,
+    /// A forest with constant leaves.
+    Rf,
+    /// A tree with linear leaves.
+    Rtl,
+    /// A forest with linear leaves.
+    Rfl,
+    /// A forest that splits on speed and road only, its leaves linear in commands and road.
+    RflS,
+}
+
+impl Kind {
+    /// All kinds, in the order in which an enumeration lists them.
+    pub const ALL: [Self; 7] =
+        [Self::None, Self::Linear, Self::Rt, Self::Rf, Self::Rtl, Self::Rfl, Self::RflS];
+
+    /// Whether leaves are linear (else constant).
+    #[must_use]
+    pub fn is_linear(self) -> bool {
+        matches!(self, Self::Linear | Self::Rtl | Self::Rfl | Self::RflS)
+    }
+
+    /// Whether the kind has trees.
+    #[must_use]
+    pub fn has_trees(self) -> bool {
+        !matches!(self, Self::None | Self::Linear)
+    }
+
+    /// Whether the kind has several trees, each on a bootstrap sample.
+    #[must_use]
+    pub fn is_forest(self) -> bool {
+        matches!(self, Self::Rf | Self::Rfl | Self::RflS)
+    }
+}
+
+/// What trees split on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum TreeFeatures {
+    /// Error states of the whole window: the paper's.
+    Errors,
+    /// The same, with speed, curvature and curvature rate of the newest row.
+    ErrorsAndRoad,
+    /// Speed, curvature and curvature rate of the newest row.
+    Road,
+}
+
+impl TreeFeatures {
+    /// Their numbers among the features of a look-up.
+    #[must_use]
+    pub fn indices(self, window: usize) -> Vec<u16> {
+        let road = OUTPUTS * window;
+        let all = match self {
+            Self::Errors => 0..road,
+            Self::ErrorsAndRoad => 0..road + ROAD,
+            Self::Road => road..road + ROAD,
+        };
+        all.map(|i| i as u16).collect()
+    }
+}
+
+/// What linear leaves have besides the constant and the window of commands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, Default)]
+pub struct Regressors {
+    /// Curvature, curvature rate, and curvature times speed squared, at the newest row.
+    pub road: bool,
+    /// So many of the newest error states.
+    pub states: usize,
+}
+
+/// Terms of the road in a leaf.
+pub(super) const ROAD_TERMS: usize = 3;
+
+impl Regressors {
+    /// Number of regressors, with the constant.
+    #[must_use]
+    pub fn count(self, window: usize) -> usize {
+        1 + window + OUTPUTS * self.states + if self.road { ROAD_TERMS } else { 0 }
+    }
+
+    /// Writes the regressors: constant, commands, states, road.
+    pub(super) fn write(self, features: &[f64], commands: &[f64], out: &mut Vec<f64>) {
+        let (states, road) = features.split_at(features.len() - ROAD);
+        out.push(1.0);
+        out.extend(commands);
+        out.extend(&states[states.len() - OUTPUTS * self.states..]);
+        if self.road {
+            out.extend(road_terms(road));
+        }
+    }
+}
+
+/// `kappa, kappa', kappa v^2` from speed, curvature and curvature rate.
+fn road_terms(road: &[f64]) -> [f64; ROAD_TERMS] {
+    [road[1], road[2], road[1] * road[0] * road[0]]
+}
+
+/// Values that a quantity had in training.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Range {
+    /// The signal's name.
+    pub name: String,
+    /// Its unit.
+    pub unit: String,
+    /// Smallest value.
+    pub min: f64,
+    /// Largest value.
+    pub max: f64,
+}
+
+impl Range {
+    /// How far a value lies outside, in widths of the range; 0 inside.
+    fn excess(&self, value: f64) -> f64 {
+        let width = (self.max - self.min).max(f64::MIN_POSITIVE);
+        // Not a number compares as neither: it is as far outside as can be.
+        if value >= self.min && value <= self.max {
+            0.0
+        } else if value < self.min {
+            (self.min - value) / width
+        } else if value > self.max {
+            (value - self.max) / width
+        } else {
+            f64::INFINITY
+        }
+    }
+}
+
+/// From what a model was made.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Training {
+    /// Identifies the drives' values.
+    pub data_hash: String,
+    /// Samples learned from.
+    pub samples: usize,
+    /// The seed.
+    pub seed: u64,
+    /// Shrinkage of the global fit, where there is one.
+    pub global_lambda: Option<f64>,
+    /// Shrinkage of the leaves towards it, where they are linear and shrunk.
+    pub leaf_lambda: Option<f64>,
+}
+
+/// What a model is, apart from its numbers: the readable head of its file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Schema {
+    /// Kind of residual.
+    pub kind: Kind,
+    /// Time between control steps, s.
+    pub sample_time: f64,
+    /// Length of the window, W, steps.
+    pub window: usize,
+    /// Speed below which the nominal model was held, m/s.
+    pub min_model_speed: f64,
+    /// What trees split on.
+    pub tree_features: TreeFeatures,
+    /// What linear leaves have besides commands.
+    pub regressors: Regressors,
+    /// The nominal vehicle whose prediction the residual corrects.
+    pub vehicle: SingleTrack,
+    /// From what the model was made.
+    pub training: Training,
+    /// Ranges in training: e1, e1', e2, e2', vx, curvature, curvature rate, command.
+    pub ranges: Vec<Range>,
+}
+
+/// What a controller expects of a model.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Expected {
+    /// The controller's nominal vehicle.
+    pub vehicle: SingleTrack,
+    /// Its sample time, s.
+    pub sample_time: f64,
+    /// The speed below which it holds its prediction model, m/s.
+    pub min_model_speed: f64,
+    /// Its window, if it cannot take the model's.
+    pub window: Option<usize>,
+}
+
+/// Why a model does not fit a controller.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum Misfit {
+    /// Learned for another vehicle.
+    #[error(
+        "the residual was learned for a nominal vehicle with {parameter} = {model}, the controller has {controller}; train on this vehicle's parameters, or load its model"
+    )]
+    Vehicle {
+        /// The parameter that differs.
+        parameter: &'static str,
+        /// The model's value.
+        model: f64,
+        /// The controller's value.
+        controller: f64,
+    },
+    /// Learned for another sample time.
+    #[error(
+        "the residual was learned for a sample time of {model} s, the controller steps every {controller} s; its commands would mean other times"
+    )]
+    SampleTime {
+        /// The model's, s.
+        model: f64,
+        /// The controller's, s.
+        controller: f64,
+    },
+    /// Labels and predictions hold the model at different speeds.
+    #[error(
+        "the residual was learned with the nominal model held below {model} m/s, the controller holds it below {controller} m/s; set mpc.min_model_speed to {model}"
+    )]
+    MinModelSpeed {
+        /// The model's, m/s.
+        model: f64,
+        /// The controller's, m/s.
+        controller: f64,
+    },
+    /// The windows differ.
+    #[error("the residual needs a window of {model} commands, the controller keeps {controller}")]
+    Window {
+        /// The model's, steps.
+        model: usize,
+        /// The controller's, steps.
+        controller: usize,
+    },
+}
+
+/// Relative difference of parameters that still counts as rounding of a file.
+const SAME: f64 = 1e-9;
+
+/// A learned residual.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ResidualModel {
+    pub(super) schema: Schema,
+    pub(super) forest: Forest,
+    pub(super) leaves: LeafModels,
+}
+
+/// The linear residual at one step of the horizon; made once, filled at each call.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Coefficients {
+    /// Constant, commands, states; then the road's terms, which are added to the constant.
+    values: Theta,
+    window: usize,
+    /// Where the road's terms begin.
+    road: usize,
+    /// How far the worst feature lies outside its range in training, in widths of that range; 0 inside.
+    pub excess: f64,
+    /// Share of the leaves that never saw commands like those given, 0 to 1.
+    pub strange_leaves: f64,
+}
+
+impl Coefficients {
+    /// Effect on `[e1, e1', e2, e2']` of what is known.
+    #[must_use]
+    pub fn constant(&self) -> [f64; OUTPUTS] {
+        self.values[0]
+    }
+
+    /// Effect of each command of the window, oldest first, per rad.
+    #[must_use]
+    pub fn command(&self) -> &[[f64; OUTPUTS]] {
+        &self.values[1..=self.window]
+    }
+
+    /// Effect of the newest error states, oldest first; empty if the leaves have none.
+    #[must_use]
+    pub fn state(&self) -> &[[f64; OUTPUTS]] {
+        &self.values[1 + self.window..self.road]
+    }
+
+    /// Whether the model was asked about something that it never saw.
+    #[must_use]
+    pub fn outside(&self) -> bool {
+        self.excess > 0.0 || self.strange_leaves > 0.5
+    }
+
+    /// Shrinks the residual towards none, the nominal model: by 1 not at all, by 0 altogether.
+    pub fn scale(&mut self, factor: f64) {
+        self.values.as_flattened_mut().iter_mut().for_each(|value| *value *= factor);
+    }
+
+    /// The residual for these commands and newest states (both oldest first).
+    #[must_use]
+    pub fn residual(&self, commands: &[f64], states: &[f64]) -> [f64; OUTPUTS] {
+        let mut sum = self.values[0];
+        let known = commands.iter().zip(self.command()).chain(states.iter().zip(self.state()));
+        for (value, effect) in known {
+            sum.iter_mut().zip(effect).for_each(|(sum, effect)| *sum += value * effect);
+        }
+        sum
+    }
+}
+
+impl ResidualModel {
+    /// No residual: coefficients are zero.
+    #[must_use]
+    pub fn none(vehicle: &SingleTrack, sample_time: f64, min_model_speed: f64, window: usize) -> Self {
+        let schema = Schema {
+            kind: Kind::None,
+            sample_time,
+            window,
+            min_model_speed,
+            tree_features: TreeFeatures::Errors,
+            regressors: Regressors::default(),
+            vehicle: *vehicle,
+            training: Training {
+                data_hash: String::new(),
+                samples: 0,
+                seed: 0,
+                global_lambda: None,
+                leaf_lambda: None,
+            },
+            ranges: vec![],
+        };
+        let leaves = LeafModels { regressors: 1, theta: vec![[0.0; OUTPUTS]], command_range: vec![[0.0; 2]] };
+        Self { schema, forest: Forest::single_leaf(), leaves }
+    }
+
+    /// What the model is.
+    #[must_use]
+    pub fn schema(&self) -> &Schema {
+        &self.schema
+    }
+
+    /// Its trees.
+    #[must_use]
+    pub fn forest(&self) -> &Forest {
+        &self.forest
+    }
+
+    /// Its leaves.
+    #[must_use]
+    pub fn leaves(&self) -> &LeafModels {
+        &self.leaves
+    }
+
+    /// Number of features that [`coefficients`](Self::coefficients) takes: `4 W + 3`.
+    #[must_use]
+    pub fn features(&self) -> usize {
+        OUTPUTS * self.schema.window + ROAD
+    }
+
+    /// Room for the coefficients of one step.
+    #[must_use]
+    pub fn room(&self) -> Coefficients {
+        let Schema { window, regressors, .. } = self.schema;
+        let count = regressors.count(window);
+        Coefficients {
+            values: vec![[0.0; OUTPUTS]; count],
+            window,
+            road: count - if regressors.road { ROAD_TERMS } else { 0 },
+            excess: 0.0,
+            strange_leaves: 0.0,
+        }
+    }
+
+    /// The linear residual where the features are `features`: `W` error states, oldest first, then speed, curvature
+    /// and curvature rate of the newest row. `commands` is the window of commands as far as known or planned, to see
+    /// whether leaves know the like; it may be empty.
+    ///
+    /// # Panics
+    /// If `features` has not [`features`](Self::features) values, or if `out` is of another model: a mistake of the
+    /// calling code, not of data.
+    pub fn coefficients(&self, features: &[f64], commands: &[f64], out: &mut Coefficients) {
+        assert_eq!(features.len(), self.features(), "features");
+        let schema = &self.schema;
+        let p = self.leaves.regressors();
+        assert_eq!(out.values.len(), schema.regressors.count(schema.window), "room of another model");
+        out.values.fill([0.0; OUTPUTS]);
+        let lowest = commands.iter().copied().fold(f64::INFINITY, f64::min);
+        let highest = commands.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let mut strange = 0_u32;
+        // Constant leaves have only the first of the coefficients.
+        let sum = out.values[..p].as_flattened_mut();
+        let theta = self.leaves.theta.as_flattened();
+        self.forest.look_up_together(features, |_, leaves| {
+            let of = |leaf: u32| &theta[leaf as usize * p * OUTPUTS..][..p * OUTPUTS];
+            let mut fours = leaves.chunks_exact(4);
+            for four in &mut fours {
+                add_four(sum, [of(four[0]), of(four[1]), of(four[2]), of(four[3])]);
+            }
+            for &leaf in fours.remainder() {
+                sum.iter_mut().zip(of(leaf)).for_each(|(sum, value)| *sum += value);
+            }
+            for &leaf in leaves {
+                let [min, max] = self.leaves.command_range[leaf as usize];
+                strange += u32::from(lowest < min) | u32::from(highest > max);
+            }
+        });
+        let share = 1.0 / f64::from(self.forest.trees.max(1));
+        out.values.as_flattened_mut().iter_mut().for_each(|value| *value *= share);
+        if schema.regressors.road {
+            let road = road_terms(&features[features.len() - ROAD..]);
+            for (i, term) in road.iter().enumerate() {
+                for o in 0..OUTPUTS {
+                    out.values[0][o] += term * out.values[out.road + i][o];
+                }
+            }
+        }
+        out.strange_leaves = if schema.kind == Kind::None { 0.0 } else { f64::from(strange) * share };
+        out.excess = self.excess(features);
+    }
+
+    /// How far the newest features that the model uses lie outside their ranges; older ones were the newest before.
+    fn excess(&self, features: &[f64]) -> f64 {
+        let schema = &self.schema;
+        let trees = schema.kind.has_trees();
+        let leaves = schema.kind.is_linear();
+        let errors =
+            (trees && schema.tree_features != TreeFeatures::Road) || (leaves && schema.regressors.states > 0);
+        let road =
+            (trees && schema.tree_features != TreeFeatures::Errors) || (leaves && schema.regressors.road);
+        let newest = &features[features.len() - ROAD - OUTPUTS..];
+        let used = if errors { 0 } else { OUTPUTS }..if road { OUTPUTS + ROAD } else { OUTPUTS };
+        schema.ranges.get(used.clone()).map_or(0.0, |ranges| {
+            ranges.iter().zip(&newest[used]).map(|(range, &x)| range.excess(x)).fold(0.0, f64::max)
+        })
+    }
+
+    /// Whether the model was learned for such a controller.
+    ///
+    /// # Errors
+    /// The first difference that matters.
+    pub fn check_fits(&self, expected: &Expected) -> Result<(), Misfit> {
+        let same = |a: f64, b: f64| (a - b).abs() <= SAME * a.abs().max(b.abs());
+        let (mine, theirs) = (&self.schema.vehicle, &expected.vehicle);
+        let parameters = [
+            ("mass", mine.mass, theirs.mass),
+            ("yaw_inertia", mine.yaw_inertia, theirs.yaw_inertia),
+            ("lf", mine.lf, theirs.lf),
+            ("lr", mine.lr, theirs.lr),
+            ("front cornering stiffness", mine.cf, theirs.cf),
+            ("rear cornering stiffness", mine.cr, theirs.cr),
+        ];
+        if let Some(&(parameter, model, controller)) = parameters.iter().find(|(_, a, b)| !same(*a, *b)) {
+            return Err(Misfit::Vehicle { parameter, model, controller });
+        }
+        let (model, controller) = (self.schema.sample_time, expected.sample_time);
+        if !same(model, controller) {
+            return Err(Misfit::SampleTime { model, controller });
+        }
+        let (model, controller) = (self.schema.min_model_speed, expected.min_model_speed);
+        if !same(model, controller) {
+            return Err(Misfit::MinModelSpeed { model, controller });
+        }
+        match expected.window {
+            Some(controller) if controller != self.schema.window => {
+                Err(Misfit::Window { model: self.schema.window, controller })
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Adds four rows at once: the sum is then loaded and stored once, not four times.
+fn add_four(sum: &mut [f64], [a, b, c, d]: [&[f64]; 4]) {
+    for ((((sum, a), b), c), d) in sum.iter_mut().zip(a).zip(b).zip(c).zip(d) {
+        *sum += (a + b) + (c + d);
+    }
+}

@@ -1,0 +1,491 @@
+//! Training: from samples to a model, and how well it fits.
+//!
+//! 1. Global ridge fit of the linear regressors, `lambda` by cross-validation.
+//! 2. Trees on the features that cannot be decided; each tree on a bootstrap sample.
+//! 3. In each leaf a constant, or a linear model shrunk towards the global fit. The `lambda` of all leaves is the one
+//!    whose error on held-out samples is least: out of bag for a forest, by cross-validation within the tree's
+//!    leaves for a single tree.
+//!
+//! The same data, configuration and seed give the same bits on any number of threads.
+
+use super::dataset::{DataSet, Windows};
+use super::forest::{self, Forest, ForestConfig};
+use super::global;
+use super::leaf::{self, Design, LeafFit, LeafModels, Members};
+use super::least_squares::Theta;
+use super::model::{Kind, Range, Regressors, ResidualModel, Schema, Training};
+use super::train_config::{ConfigError, LambdaChoice, TrainConfig};
+use super::{OUTPUTS, ROAD, parallel};
+use crate::signal;
+
+/// Why no model was trained.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum TrainError {
+    /// A setting is wrong.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// Too little data.
+    #[error(
+        "{samples} samples with a full window of {window} steps, and {needed} are needed for {regressors} regressors and leaves of {min_leaf} samples; {rows} rows were recorded, of which {left_out} were left out, with {gaps} gaps: drive longer, or choose a shorter window"
+    )]
+    TooFewSamples {
+        /// Samples there are.
+        samples: usize,
+        /// Window, steps.
+        window: usize,
+        /// Samples needed.
+        needed: usize,
+        /// Regressors of a leaf.
+        regressors: usize,
+        /// Fewest samples in a leaf.
+        min_leaf: usize,
+        /// Rows of the drives.
+        rows: usize,
+        /// Rows left out.
+        left_out: usize,
+        /// Gaps.
+        gaps: usize,
+    },
+    /// Test data made for another vehicle or sample time.
+    #[error(
+        "the test data were labelled for another vehicle, sample time or minimum model speed than the training data"
+    )]
+    TestData,
+}
+
+/// Where training is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stage {
+    /// The global fit.
+    Global,
+    /// Growing trees.
+    Trees,
+    /// Fitting leaves.
+    Leaves,
+    /// Measuring the fit.
+    Report,
+}
+
+/// A sign of life.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Progress {
+    /// Where training is.
+    pub stage: Stage,
+    /// Parts of the stage done.
+    pub done: usize,
+    /// Parts of the stage.
+    pub total: usize,
+}
+
+/// Errors of one-step predictions of `[e1 m, e1' m/s, e2 rad, e2' rad/s]`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fit {
+    /// Samples measured.
+    pub samples: usize,
+    /// Root mean square error.
+    pub rmse: [f64; OUTPUTS],
+    /// Largest magnitude.
+    pub max: [f64; OUTPUTS],
+    /// Root mean square of the label itself: the nominal model's error.
+    pub nominal_rmse: [f64; OUTPUTS],
+}
+
+/// How training went.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TrainReport {
+    /// On the samples learned from.
+    pub train: Fit,
+    /// On samples that the trees concerned did not see; for a single tree: its leaves. With `lambda` chosen on the
+    /// same samples. None for kinds without trees, and where a single tree has nothing to choose.
+    pub held_out: Option<Fit>,
+    /// On the test data, if there are any.
+    pub test: Option<Fit>,
+    /// Candidates for the leaves' `lambda` and their held-out error (mean square in units of the labels' variance,
+    /// mean over outputs).
+    pub lambdas: Vec<(f64, f64)>,
+    /// Leaves of all trees.
+    pub leaves: usize,
+    /// Distinct samples in the smallest leaf.
+    pub smallest_leaf: usize,
+}
+
+/// A model and how well it fits.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Trained {
+    /// The model.
+    pub model: ResidualModel,
+    /// How well it fits.
+    pub report: TrainReport,
+}
+
+/// Trains a model on `data`, and measures it on `test` too.
+///
+/// `progress` is called from the threads that work.
+///
+/// # Errors
+/// A setting that cannot be; too few samples; test data of another vehicle.
+pub fn train(
+    data: &DataSet,
+    test: Option<&DataSet>,
+    config: &TrainConfig,
+    progress: &(dyn Fn(Progress) + Sync),
+) -> Result<Trained, TrainError> {
+    config.check()?;
+    if test.is_some_and(|test| test.config != data.config || test.vehicle != data.vehicle) {
+        return Err(TrainError::TestData);
+    }
+    let windows = data.windows(config.window);
+    let p = if config.kind.is_linear() { config.regressors.count(config.window) } else { 1 };
+    let min_leaf = if config.kind.has_trees() { config.min_leaf } else { 1 };
+    let needed = (2 * min_leaf).max(10 * p);
+    if windows.len() < needed {
+        let found = data.report();
+        return Err(TrainError::TooFewSamples {
+            samples: windows.len(),
+            window: config.window,
+            needed,
+            regressors: p,
+            min_leaf,
+            rows: found.rows,
+            left_out: found.not_finite + found.implausible,
+            gaps: found.gaps,
+        });
+    }
+    let job = Job { windows: &windows, config, threads: parallel::threads(config.threads), progress };
+    let learned = job.learn(p);
+    progress(Progress { stage: Stage::Report, done: 0, total: 1 });
+    let model = ResidualModel {
+        schema: Schema {
+            kind: config.kind,
+            sample_time: data.config.sample_time,
+            window: config.window,
+            min_model_speed: data.config.min_model_speed,
+            tree_features: config.tree_features,
+            regressors: if config.kind.is_linear() { config.regressors } else { Regressors::default() },
+            vehicle: data.vehicle,
+            training: Training {
+                data_hash: format!("{:016x}", data.hash()),
+                samples: windows.len(),
+                seed: config.seed,
+                global_lambda: learned.global_lambda,
+                leaf_lambda: learned.leaf_lambda,
+            },
+            ranges: if config.kind == Kind::None { vec![] } else { ranges(&windows) },
+        },
+        forest: learned.forest,
+        leaves: learned.leaves,
+    };
+    let report = TrainReport {
+        train: measure(&model, &windows, job.threads),
+        held_out: learned.held_out,
+        test: test.map(|test| measure(&model, &test.windows(config.window), job.threads)),
+        lambdas: learned.lambdas,
+        leaves: model.forest.leaves(),
+        smallest_leaf: learned.smallest_leaf,
+    };
+    progress(Progress { stage: Stage::Report, done: 1, total: 1 });
+    Ok(Trained { model, report })
+}
+
+impl ResidualModel {
+    /// The model's one-step errors on other data, labelled for the same vehicle and sample time.
+    #[must_use]
+    pub fn measure(&self, data: &DataSet) -> Fit {
+        measure(self, &data.windows(self.schema.window), parallel::threads(0))
+    }
+}
+
+fn measure(model: &ResidualModel, windows: &Windows, threads: usize) -> Fit {
+    // Looking up wants room of its own on each thread: a chunk of samples at a time.
+    let chunks = parallel::chunks(windows.len(), 2048);
+    let errors = parallel::map(threads, chunks.len(), |chunk| {
+        let mut features = vec![0.0; model.features()];
+        let mut room = model.room();
+        let states = OUTPUTS * model.schema.regressors.states;
+        let error = |i| {
+            windows.features(i, &mut features);
+            model.coefficients(&features, &[], &mut room);
+            let newest = &windows.states(i).as_flattened()[OUTPUTS * windows.window() - states..];
+            let (label, fit) = (windows.label(i), room.residual(windows.commands(i), newest));
+            std::array::from_fn(|o| label[o] - fit[o])
+        };
+        chunks[chunk].clone().map(error).collect::<Vec<[f64; OUTPUTS]>>()
+    });
+    let errors = errors.concat();
+    fit(
+        leaf::accumulate(threads, errors.len(), |i| Some(errors[i])),
+        leaf::accumulate(threads, windows.len(), |i| Some(windows.label(i))),
+    )
+}
+
+type Sums = (usize, [f64; OUTPUTS], [f64; OUTPUTS]);
+
+fn fit((samples, squares, max): Sums, (labels, label_squares, _): Sums) -> Fit {
+    let root = |squares: [f64; OUTPUTS], n: usize| squares.map(|s| (s / n.max(1) as f64).sqrt());
+    Fit { samples, rmse: root(squares, samples), max, nominal_rmse: root(label_squares, labels) }
+}
+
+/// Ranges of features and commands, in the order that [`Schema::ranges`] names.
+fn ranges(windows: &Windows) -> Vec<Range> {
+    let names = ["e1", "e1_rate", "e2", "e2_rate", "vx", "curvature", "curvature_rate", "steer_cmd"];
+    let mut ranges: Vec<Range> = names
+        .iter()
+        .map(|&name| Range {
+            name: name.to_owned(),
+            // The rate of change of curvature along the path is no signal of a log.
+            unit: signal::find(name).map_or("1/m2", |signal| signal.unit.symbol).to_owned(),
+            min: f64::INFINITY,
+            max: f64::NEG_INFINITY,
+        })
+        .collect();
+    let mut see = |i: usize, value: f64| {
+        ranges[i].min = ranges[i].min.min(value);
+        ranges[i].max = ranges[i].max.max(value);
+    };
+    for sample in 0..windows.len() {
+        windows
+            .states(sample)
+            .iter()
+            .for_each(|state| state.iter().enumerate().for_each(|(i, &x)| see(i, x)));
+        windows.road(sample).iter().enumerate().for_each(|(i, &x)| see(OUTPUTS + i, x));
+        windows.commands(sample).iter().for_each(|&u| see(OUTPUTS + ROAD, u));
+    }
+    ranges
+}
+
+/// What the parts of training share.
+struct Job<'a> {
+    windows: &'a Windows<'a>,
+    config: &'a TrainConfig,
+    threads: usize,
+    progress: &'a (dyn Fn(Progress) + Sync),
+}
+
+/// What came out of it.
+struct Learned {
+    forest: Forest,
+    leaves: LeafModels,
+    global_lambda: Option<f64>,
+    leaf_lambda: Option<f64>,
+    lambdas: Vec<(f64, f64)>,
+    held_out: Option<Fit>,
+    smallest_leaf: usize,
+}
+
+/// One fit of a tree's leaves: on rows with a weight; the others test it.
+struct Member {
+    tree: usize,
+    weights: Vec<u16>,
+}
+
+impl Job<'_> {
+    fn learn(&self, p: usize) -> Learned {
+        let (config, windows) = (self.config, self.windows);
+        let design = self.design(p);
+        let linear = config.kind.is_linear();
+        let global = linear.then(|| {
+            self.say(Stage::Global, 0, 1);
+            let plain = [0.0];
+            let candidates: &[f64] =
+                if config.lambda == LambdaChoice::LeastSquares { &plain } else { &config.global_lambda };
+            global::fit(&design, candidates, self.threads)
+        });
+        if !config.kind.has_trees() {
+            let theta = global.as_ref().map_or_else(|| vec![[0.0; OUTPUTS]; p], |fit| fit.theta.clone());
+            let leaves = LeafModels {
+                regressors: p as u32,
+                theta: design.unscaled(&theta),
+                command_range: vec![self.command_range(0..windows.len())],
+            };
+            return Learned {
+                forest: Forest::single_leaf(),
+                leaves,
+                global_lambda: global.map(|fit| fit.lambda),
+                leaf_lambda: None,
+                lambdas: vec![],
+                held_out: None,
+                smallest_leaf: windows.len(),
+            };
+        }
+        let grown = self.grow(&design.labels);
+        let leaf_of = self.leaves_of(&grown.forest);
+        let (candidates, chosen): (Vec<LeafFit>, Option<LeafFit>) = match &config.lambda {
+            _ if !linear => (vec![LeafFit::LeastSquares], Some(LeafFit::LeastSquares)),
+            LambdaChoice::LeastSquares => (vec![LeafFit::LeastSquares], Some(LeafFit::LeastSquares)),
+            &LambdaChoice::Fixed(lambda) => {
+                (vec![LeafFit::Ridge { lambda }], Some(LeafFit::Ridge { lambda }))
+            }
+            LambdaChoice::HeldOut(all) => {
+                (all.iter().map(|&lambda| LeafFit::Ridge { lambda }).collect(), None)
+            }
+        };
+        let theta = global.as_ref().map_or_else(|| vec![[0.0; OUTPUTS]; p], |fit| fit.theta.clone());
+        let remainder = design.remainder(&theta);
+        let fit_leaves = |member: &Member, fits: &[LeafFit]| -> Vec<Theta> {
+            let tree = &leaf_of[member.tree];
+            let members = Members::new(&tree.leaf, tree.leaves, &member.weights);
+            if linear {
+                leaf::linear(&design, &remainder, &theta, &members, &member.weights, fits)
+            } else {
+                vec![leaf::constant(&design.labels, &members, &member.weights); fits.len()]
+            }
+        };
+
+        // Held-out error of each candidate.
+        let tests = self.members(&grown.in_bag, chosen.is_none());
+        let fitted = parallel::map(self.threads, tests.len(), |i| {
+            self.say(Stage::Leaves, i, tests.len());
+            fit_leaves(&tests[i], &candidates)
+        });
+        let spread = global::spread(&design.labels);
+        let mut held_out: Vec<(LeafFit, f64, Sums)> = vec![];
+        for (c, &candidate) in candidates.iter().enumerate().filter(|_| !tests.is_empty()) {
+            let sums = leaf::accumulate(self.threads, design.len(), |row| {
+                let mut sum = [0.0; OUTPUTS];
+                let mut count = 0.0;
+                for (member, fitted) in tests.iter().zip(&fitted).filter(|(m, _)| m.weights[row] == 0) {
+                    let leaf = leaf_of[member.tree].leaf[row] as usize;
+                    let one = design.predict(row, &fitted[c][leaf * p..][..p]);
+                    sum.iter_mut().zip(&one).for_each(|(sum, x)| *sum += x);
+                    count += 1.0;
+                }
+                (count > 0.0).then(|| std::array::from_fn(|o| design.labels[row][o] - sum[o] / count))
+            });
+            let score = global::score(&sums.1, &spread) / (sums.0.max(1) * OUTPUTS) as f64;
+            held_out.push((candidate, score, sums));
+        }
+        let best = held_out.iter().min_by(|a, b| a.1.total_cmp(&b.1));
+        let fit_used = chosen.or(best.map(|best| best.0)).unwrap_or(LeafFit::LeastSquares);
+
+        // The leaves themselves, on all rows of each tree's bag.
+        let bags: Vec<Member> = (0..grown.in_bag.len())
+            .map(|tree| Member { tree, weights: grown.in_bag[tree].clone() })
+            .collect();
+        let final_leaves = parallel::map(self.threads, bags.len(), |i| {
+            let tree = &leaf_of[bags[i].tree];
+            let members = Members::new(&tree.leaf, tree.leaves, &bags[i].weights);
+            let theta = fit_leaves(&bags[i], &[fit_used]).pop().unwrap_or_default();
+            let range = |leaf| self.command_range(members.of(leaf));
+            let smallest = (0..members.leaves()).map(|leaf| members.count(leaf)).min().unwrap_or(0);
+            (theta, (0..members.leaves()).map(range).collect::<Vec<_>>(), smallest)
+        });
+        self.say(Stage::Leaves, tests.len(), tests.len());
+        let mut leaves = LeafModels { regressors: p as u32, theta: vec![], command_range: vec![] };
+        let mut smallest_leaf = usize::MAX;
+        for (theta, ranges, smallest) in final_leaves {
+            leaves.theta.extend(design.unscaled(&theta));
+            leaves.command_range.extend(ranges);
+            smallest_leaf = smallest_leaf.min(smallest);
+        }
+        let lambda_of = |fit: LeafFit| match fit {
+            LeafFit::Ridge { lambda } => Some(lambda),
+            LeafFit::LeastSquares => None,
+        };
+        let labels = leaf::accumulate(self.threads, design.len(), |i| Some(design.labels[i]));
+        Learned {
+            forest: grown.forest,
+            leaves,
+            global_lambda: global.map(|fit| fit.lambda),
+            leaf_lambda: linear.then(|| lambda_of(fit_used)).flatten(),
+            lambdas: held_out.iter().filter_map(|(c, score, _)| lambda_of(*c).map(|l| (l, *score))).collect(),
+            held_out: held_out.iter().find(|(c, ..)| *c == fit_used).map(|(_, _, sums)| fit(*sums, labels)),
+            smallest_leaf,
+        }
+    }
+
+    fn say(&self, stage: Stage, done: usize, total: usize) {
+        (self.progress)(Progress { stage, done, total });
+    }
+
+    /// Regressors and labels of all samples.
+    fn design(&self, p: usize) -> Design {
+        let windows = self.windows;
+        let labels = (0..windows.len()).map(|i| windows.label(i)).collect();
+        let mut z = Vec::with_capacity(windows.len() * p);
+        let mut features = vec![0.0; OUTPUTS * windows.window() + ROAD];
+        for i in 0..windows.len() {
+            if self.config.kind.is_linear() {
+                windows.features(i, &mut features);
+                self.config.regressors.write(&features, windows.commands(i), &mut z);
+            } else {
+                z.push(1.0);
+            }
+        }
+        Design::new(p, z, labels)
+    }
+
+    fn grow(&self, labels: &[[f64; OUTPUTS]]) -> forest::GrownForest {
+        let config = self.config;
+        let forest = config.kind.is_forest();
+        let features = config.tree_features.indices(config.window);
+        let trees = if forest { config.trees } else { 1 };
+        self.say(Stage::Trees, 0, trees);
+        let growth = ForestConfig {
+            trees,
+            depth: config.depth,
+            min_leaf: config.min_leaf,
+            features_per_split: if forest { config.features_per_split } else { usize::MAX },
+            bootstrap: forest.then_some(config.bootstrap_block),
+            resolution: config.resolution,
+            seed: config.seed,
+            threads: self.threads,
+        };
+        forest::grow(self.windows, &features, labels, &growth, &|done| self.say(Stage::Trees, done, trees))
+    }
+
+    /// For each tree the leaf of each row, from 0 within the tree.
+    fn leaves_of(&self, forest: &Forest) -> Vec<TreeLeaves> {
+        let rows = self.windows.len();
+        let chunks = parallel::chunks(rows, 2048);
+        let found = parallel::map(self.threads, chunks.len(), |chunk| {
+            let mut features = vec![0.0; OUTPUTS * self.windows.window() + ROAD];
+            let mut leaves = vec![Vec::with_capacity(chunks[chunk].len()); forest.trees()];
+            for row in chunks[chunk].clone() {
+                self.windows.features(row, &mut features);
+                forest.look_up(&features, |tree, leaf| leaves[tree].push(leaf as u32));
+            }
+            leaves
+        });
+        let first = forest.first_leaves();
+        (0..forest.trees())
+            .map(|tree| TreeLeaves {
+                leaf: found
+                    .iter()
+                    .flat_map(|chunk| chunk[tree].iter().map(|leaf| leaf - first[tree]))
+                    .collect(),
+                leaves: (first[tree + 1] - first[tree]) as usize,
+            })
+            .collect()
+    }
+
+    /// What is fitted to test candidates: each tree on its bag; a single tree once without each fold.
+    fn members(&self, in_bag: &[Vec<u16>], choice: bool) -> Vec<Member> {
+        if self.config.kind.is_forest() {
+            return in_bag
+                .iter()
+                .cloned()
+                .enumerate()
+                .map(|(tree, weights)| Member { tree, weights })
+                .collect();
+        }
+        let n = self.windows.len();
+        let folds = if choice { global::FOLDS } else { 0 };
+        (0..folds)
+            .map(|fold| {
+                let weights = (0..n).map(|row| u16::from(global::fold(row, n) != fold)).collect();
+                Member { tree: 0, weights }
+            })
+            .collect()
+    }
+
+    fn command_range(&self, rows: impl IntoIterator<Item = usize>) -> [f64; 2] {
+        let commands = rows.into_iter().flat_map(|row| self.windows.commands(row));
+        commands.fold([f64::INFINITY, f64::NEG_INFINITY], |[min, max], &u| [min.min(u), max.max(u)])
+    }
+}
+
+/// Leaf of each row in one tree.
+struct TreeLeaves {
+    leaf: Vec<u32>,
+    leaves: usize,
+}
