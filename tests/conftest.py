@@ -28,6 +28,7 @@ def paths() -> Path:
 
 @pytest.fixture(scope="session")
 def rfl() -> Path:
-    """The program, built as users build it."""
-    subprocess.run(["cargo", "build", "--release", "--quiet", "--bin", "rfl"], cwd=ROOT, check=True)
-    return ROOT / "target" / "release" / "rfl"
+    """The program, in the profile that RFL_PROFILE names."""
+    profile = os.environ.get("RFL_PROFILE", "release")
+    subprocess.run(["cargo", "build", "--profile", profile, "--quiet", "--bin", "rfl"], cwd=ROOT, check=True)
+    return ROOT / "target" / ("debug" if profile == "dev" else profile) / "rfl"

@@ -110,8 +110,8 @@ def test_double_lane_change(car):
 
 @pytest.mark.parametrize("car", CARS)
 def test_steady_circles(car):
-    """Understeer gradient: slope of (steer - L yaw_rate / v) over lateral acceleration, to 4 m/s2, mean of left and right
-    turns (ISO 4138). CommonRoad's car differs between them by up to 12 % for the one-sided terms of its tyre."""
+    """Understeer gradient: slope of (steer - L yaw_rate / v) over lateral acceleration, to 4 m/s2, mean of left and
+    right turns (ISO 4138). CommonRoad's car differs between them by up to 12 % for the one-sided terms of its tyre."""
     p = setup_vehicle_parameters(CARS[car])
     time = np.arange(0, 8, 0.02)
     gradient = {"ours": 0.0, "theirs": 0.0}
@@ -133,8 +133,8 @@ def test_steady_circles(car):
             assert ours[1] == pytest.approx(theirs[1], rel=0.05), "yaw rate"
             assert ours[2] == pytest.approx(theirs[2], rel=0.15), "roll"
         for name, rows in points.items():
-            rows = np.array(rows)
-            gradient[name] += 0.5 * np.polyfit(rows[:, 0], rows[:, 3], 1)[0]
+            column = np.array(rows).T
+            gradient[name] += 0.5 * np.polyfit(column[0], column[3], 1)[0]
     ratio = gradient["ours"] / gradient["theirs"]
     print(
         f"{car} understeer gradient: {gradient['ours']:.6f} against {gradient['theirs']:.6f} rad/(m/s2), "
