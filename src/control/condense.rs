@@ -1,40 +1,124 @@
-//! Condensing: from a linear model over the horizon to `y = free + G U`.
+//! Condensing: from an affine model over the horizon to `y = free + G U`.
 //!
-//! With `x_{j+1} = A x_j + B u_j + w_j` and outputs `y_j = C x_j`, j = 1..N:
+//! The model is linear with known inputs and, if a residual is learned, effects of a window of W commands:
 //!
 //! ```text
-//! free_j = C (A^j x_0 + sum_{m<j} A^{j-1-m} w_m),     G_{j,m} = C A^{j-1-m} B   (m < j)
+//! x_{j+1} = A x_j + B u_j + w_j + c_j + sum_{i=1..W} beta_{j,i} u_{j-W+i}          j = 0..N-1
 //! ```
 //!
-//! The model is constant over the horizon, so `G` is block Toeplitz: N products with a vector give all of it.
+//! Commands before the first step are known, the others are decisions. Two ways to add the residual:
+//!
+//! - *propagated* (default): as written, so that the residual of step `j` acts on all later states through `A`. With
+//!   one-step labels this is what the model means; it agrees with simulation to rounding.
+//! - *direct*: `x^_{j+1}` is the nominal prediction plus the residual of step `j` alone, as Zhao et al. (ITSC 2024)
+//!   print it in eq. (9). For comparison.
 
 use super::tracking_qp::TrackingQp;
+use crate::enumeration;
 use nalgebra::{SMatrix, SVector};
+
+enumeration! {
+    /// How a learned residual enters the prediction.
+    pub enum Propagation {
+        Propagated = 0 "propagated", "A step's residual acts on all later states";
+        Direct = 1 "direct", "A step's residual acts on the state after it only, as printed by Zhao et al., eq. (9)";
+    }
+}
+
+/// The affine part of the prediction over a horizon, preallocated.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Affine<const N: usize> {
+    /// Known inputs `w_j` of each step: the road, a disturbance.
+    pub known: Vec<SVector<f64, N>>,
+    /// Constant part `c_j` of the residual of each step.
+    pub constant: Vec<SVector<f64, N>>,
+    /// `beta_{j,i}`, `window` vectors for each step, oldest command first; empty without a residual.
+    pub command: Vec<SVector<f64, N>>,
+    /// Commands of a window; 0 without a residual.
+    pub window: usize,
+    /// Effects of the decisions on the newest state, one vector for each step of the horizon.
+    effects: Vec<SVector<f64, N>>,
+}
+
+impl<const N: usize> Affine<N> {
+    /// Room for a horizon and a window.
+    #[must_use]
+    pub fn new(horizon: usize, window: usize) -> Self {
+        Self {
+            known: vec![SVector::zeros(); horizon],
+            constant: vec![SVector::zeros(); horizon],
+            command: vec![SVector::zeros(); horizon * window],
+            window,
+            effects: vec![SVector::zeros(); horizon],
+        }
+    }
+
+    /// Effects of the window's commands at a step, oldest first.
+    #[must_use]
+    pub fn commands_of(&self, step: usize) -> &[SVector<f64, N>] {
+        &self.command[step * self.window..(step + 1) * self.window]
+    }
+}
+
+/// The linear model of a horizon: `x_{j+1} = a x_j + b u_j + ..`.
+#[derive(Debug, Clone, Copy)]
+#[allow(missing_docs)]
+pub struct Linear<'a, const N: usize> {
+    pub a: &'a SMatrix<f64, N, N>,
+    pub b: &'a SVector<f64, N>,
+}
 
 /// Writes `free` and `gain` of a one-input problem whose outputs are the states named in `tracked`.
 ///
-/// `disturbance(j)` is `w_j`.
+/// `past` holds the `window - 1` commands before the first decision, oldest first.
 pub fn condense<const N: usize>(
-    a: &SMatrix<f64, N, N>,
-    b: &SVector<f64, N>,
+    Linear { a, b }: Linear<'_, N>,
     start: &SVector<f64, N>,
-    disturbance: impl Fn(usize) -> SVector<f64, N>,
+    affine: &mut Affine<N>,
+    past: &[f64],
+    propagation: Propagation,
     tracked: &[usize],
     problem: &mut TrackingQp,
 ) {
-    let (horizon, outputs) = (problem.shape.horizon, tracked.len());
+    let (horizon, outputs, window) = (problem.shape.horizon, tracked.len(), affine.window);
     debug_assert_eq!((problem.shape.outputs, problem.shape.inputs), (outputs, 1));
+    debug_assert_eq!(past.len(), window.saturating_sub(1));
     let mut x = *start;
-    let mut impulse = *b;
+    let mut effects = std::mem::take(&mut affine.effects);
     for j in 0..horizon {
-        x = a * x + disturbance(j);
-        for (i, &state) in tracked.iter().enumerate() {
-            problem.free[j * outputs + i] = x[state];
-            // The impulse response after j steps fills one block diagonal.
-            for m in 0..horizon - j {
-                problem.gain[((m + j) * outputs + i) * horizon + m] = impulse[state];
+        let mut residual = affine.constant[j];
+        let commands = affine.commands_of(j);
+        // The window of step j begins with what is left of the past commands.
+        for (effect, command) in commands.iter().zip(past.iter().skip(j)) {
+            residual += effect * *command;
+        }
+        // Its newest command is u_j; the decision p stands j - p places before it.
+        let effect_of = |p: usize| (window + p).checked_sub(j + 1).map(|i| commands[i]);
+        x = a * x + affine.known[j];
+        for effect in &mut effects[..j] {
+            *effect = a * *effect;
+        }
+        effects[j] = *b;
+        let propagated = window > 0 && propagation == Propagation::Propagated;
+        if propagated {
+            x += residual;
+            for (p, effect) in effects[..=j].iter_mut().enumerate() {
+                if let Some(more) = effect_of(p) {
+                    *effect += more;
+                }
             }
         }
-        impulse = a * impulse;
+        let direct = window > 0 && !propagated;
+        for (i, &state) in tracked.iter().enumerate() {
+            let row = j * outputs + i;
+            problem.free[row] = x[state] + if direct { residual[state] } else { 0.0 };
+            for (p, (entry, effect)) in
+                problem.gain[row * horizon..][..=j].iter_mut().zip(&effects).enumerate()
+            {
+                let more = if direct { effect_of(p).map_or(0.0, |more| more[state]) } else { 0.0 };
+                *entry = effect[state] + more;
+            }
+        }
     }
+    affine.effects = effects;
 }

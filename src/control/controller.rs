@@ -3,7 +3,9 @@
 //! A step never leaves the vehicle without a command. If the solver misses its deadline or fails, the last plan
 //! goes on; when that is used up, steering is held and the vehicle brakes.
 
-use super::lateral::{LateralError, LateralMpc, SpeedAhead};
+use super::history::History;
+use super::lateral::{LateralError, LateralInput, LateralMpc, Residual, SpeedAhead};
+use super::observer::Observer;
 use super::parameters::ControllerParameters;
 use super::speed::track_speed;
 use super::status::ControlStatus;
@@ -43,6 +45,8 @@ pub struct StepReport {
     pub station: f64,
     pub curvature: f64,
     pub speed_ref: f64,
+    /// Share of the horizon where the learned residual was asked outside its training and faded out, 0 to 1.
+    pub residual_outside: f64,
     /// Iterations of the QP solver; 0 if it did not run to an end.
     pub iterations: u32,
     /// Wall-clock time of the step, s: the only value that is not reproducible.
@@ -78,6 +82,8 @@ pub struct ControllerState {
     plan: Vec<f64>,
     /// Steps since the plan was made.
     plan_age: usize,
+    history: History,
+    observer: Observer,
     /// Station of the last step.
     station: Option<f64>,
     /// Distance driven along the path.
@@ -115,6 +121,18 @@ impl Controller {
     /// # Errors
     /// A parameter out of range.
     pub fn new(parameters: ControllerParameters, path: Arc<Path>) -> Result<Self, ControllerError> {
+        Self::with_residual(parameters, path, None)
+    }
+
+    /// Sets a controller up that predicts with a learned residual.
+    ///
+    /// # Errors
+    /// A parameter out of range; a residual that was learned for another vehicle or sample time.
+    pub fn with_residual(
+        parameters: ControllerParameters,
+        path: Arc<Path>,
+        residual: Option<Residual>,
+    ) -> Result<Self, ControllerError> {
         parameters.vehicle.check()?;
         parameters.mpc.check()?;
         parameters.speed.check()?;
@@ -126,11 +144,13 @@ impl Controller {
             speed: speed.limit,
         };
         let plan = SpeedPlan::between(&path, &limits, None, true);
-        let lateral = LateralMpc::new(parameters.vehicle.single_track(), parameters.mpc)?;
+        let lateral = LateralMpc::new(parameters.vehicle.single_track(), parameters.mpc, residual)?;
         let state = ControllerState {
             steer_cmd: None,
             plan: vec![0.0; parameters.mpc.horizon],
             plan_age: parameters.mpc.horizon,
+            history: History::new(lateral.window()),
+            observer: Observer::default(),
             station: None,
             travelled: 0.0,
             speed_integral: 0.0,
@@ -177,7 +197,26 @@ impl Controller {
             deadline if deadline > 0.0 => (deadline - begin.elapsed().as_secs_f64()).max(0.0),
             _ => f64::INFINITY,
         };
-        let solved = self.lateral.step(&e, report.station, ahead, previous, &self.path, time_limit);
+        let measured = Vector4::new(report.e1, report.e1_rate, report.e2, report.e2_rate);
+        let state = &mut self.state;
+        state.history.observe(&measured, previous);
+        if far {
+            state.observer.reset();
+        } else {
+            state.observer.observe(&measured, p.mpc.observer_gain);
+        }
+        let solved = self.lateral.step(&LateralInput {
+            state: &e,
+            history: &state.history,
+            last_plan: state.plan.get(state.plan_age + 1..).unwrap_or_default(),
+            station: report.station,
+            ahead,
+            previous,
+            path: &self.path,
+            disturbance: state.observer.disturbance(),
+            use_residual: !far,
+            time_limit,
+        });
         match solved {
             Ok(qp) => {
                 self.state.plan.copy_from_slice(self.lateral.plan());
@@ -214,6 +253,13 @@ impl Controller {
         let (limit, rate) = (p.mpc.steer_max, p.mpc.steer_rate_max * sample_time);
         report.steer_cmd = report.steer_cmd.clamp(previous - rate, previous + rate).clamp(-limit, limit);
         self.state.steer_cmd = Some(report.steer_cmd);
+        if p.mpc.observer_gain > 0.0 && !far {
+            let next = self.lateral.next_state(&measured, self.state.history.commands(), report.steer_cmd);
+            if let Some(next) = next {
+                self.state.observer.expect(next);
+            }
+        }
+        report.residual_outside = self.lateral.outside_training();
         report.finished = self.state.finished;
         report.compute_time = begin.elapsed().as_secs_f64();
         self.state.last = report;
@@ -300,9 +346,10 @@ impl Controller {
     }
 
     /// Continues from a state of a controller with the same parameters and path. Gives the state back if its plan
-    /// has another horizon.
+    /// has another horizon or its history another window.
     pub fn restore(&mut self, state: ControllerState) -> Option<ControllerState> {
-        if state.plan.len() != self.state.plan.len() {
+        let window = |state: &ControllerState| state.history.states().len();
+        if state.plan.len() != self.state.plan.len() || window(&state) != window(&self.state) {
             return Some(state);
         }
         self.state = state;

@@ -4,7 +4,9 @@
 //! |---|---|
 //! | `parameters.rs` | every weight, bound and gain, declared once |
 //! | `tracking_qp.rs` | the quadratic program of one step, and what a solver is |
-//! | `condense.rs` | from a linear model over the horizon to that program |
+//! | `condense.rs` | from an affine model over the horizon to that program |
+//! | `history.rs` | the window of states and commands that a learned residual looks at |
+//! | `observer.rs` | offset-free tracking: what the prediction misses on average |
 //! | `clarabel_solver.rs` | its solution by an interior-point method, updated in place |
 //! | `lateral.rs` | the MPC: model at the current speed, curvature ahead, cost, bounds |
 //! | `speed.rs` | speed tracking |
@@ -15,7 +17,9 @@
 mod clarabel_solver;
 mod condense;
 mod controller;
+mod history;
 mod lateral;
+mod observer;
 mod parameters;
 mod sampler;
 mod speed;
@@ -23,9 +27,11 @@ mod status;
 mod tracking_qp;
 
 pub use clarabel_solver::{BuildError, ClarabelSolver};
-pub use condense::condense;
+pub use condense::{Affine, Linear, Propagation, condense};
 pub use controller::{Controller, ControllerError, ControllerState, Measurement, StepError, StepReport};
-pub use lateral::{LateralError, LateralMpc, SpeedAhead};
+pub use history::History;
+pub use lateral::{LateralError, LateralInput, LateralMpc, Residual, RollOut, SpeedAhead};
+pub use observer::Observer;
 pub use parameters::{ControllerParameters, MpcParameters, NominalVehicle, SHOWN_HORIZON, SpeedParameters};
 pub use sampler::Sampler;
 pub use speed::{SpeedCommand, track_speed};

@@ -1,0 +1,83 @@
+//! What the controller has seen and commanded lately: the window that a learned residual looks at.
+
+use crate::nominal::ErrorState;
+use serde::{Deserialize, Serialize};
+
+/// The last `W` measured error states and the last `W - 1` commands, oldest first.
+///
+/// Before there are as many, the window is filled with what is known: the first state, and the command in force. "No
+/// residual until the window is full" would leave a vehicle with a slow actuator to the nominal model for W steps.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct History {
+    states: Vec<ErrorState>,
+    commands: Vec<f64>,
+    filled: bool,
+}
+
+impl History {
+    /// A window of `window` steps; 0 for none.
+    #[must_use]
+    pub fn new(window: usize) -> Self {
+        Self {
+            states: vec![ErrorState::zeros(); window],
+            commands: vec![0.0; window.saturating_sub(1)],
+            filled: false,
+        }
+    }
+
+    /// Takes the state of this step, with the command in force before it.
+    pub fn observe(&mut self, state: &ErrorState, command: f64) {
+        if !self.filled {
+            self.states.fill(*state);
+            self.commands.fill(command);
+            self.filled = true;
+            return;
+        }
+        shift(&mut self.states, *state);
+        shift(&mut self.commands, command);
+    }
+
+    /// Error states, oldest first; the last is this step's.
+    #[must_use]
+    pub fn states(&self) -> &[ErrorState] {
+        &self.states
+    }
+
+    /// Commands before this step, oldest first.
+    #[must_use]
+    pub fn commands(&self) -> &[f64] {
+        &self.commands
+    }
+}
+
+fn shift<T: Copy>(values: &mut [T], newest: T) {
+    if values.is_empty() {
+        return;
+    }
+    values.rotate_left(1);
+    values[values.len() - 1] = newest;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_is_filled_at_once_and_then_moves() {
+        let mut history = History::new(3);
+        let state = |e1: f64| ErrorState::new(e1, 0.0, 0.0, 0.0);
+        history.observe(&state(1.0), 0.1);
+        assert_eq!((history.states()[0][0], history.commands()), (1.0, &[0.1, 0.1][..]));
+        history.observe(&state(2.0), 0.2);
+        history.observe(&state(3.0), 0.3);
+        assert_eq!(history.states().iter().map(|x| x[0]).collect::<Vec<_>>(), [1.0, 2.0, 3.0]);
+        assert_eq!(history.commands(), [0.2, 0.3]);
+    }
+
+    #[test]
+    fn no_window_is_no_history() {
+        let mut history = History::new(0);
+        history.observe(&ErrorState::zeros(), 0.1);
+        assert!(history.states().is_empty() && history.commands().is_empty());
+    }
+}
