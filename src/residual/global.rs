@@ -60,7 +60,7 @@ pub(super) fn fit(design: &Design, candidates: &[f64], threads: usize) -> Global
     GlobalFit { theta: all(&folds, FOLDS).solve(lambda), lambda }
 }
 
-/// Variance of each output about zero mean removed; 1 for a constant one.
+/// Variance of each output; 1 for a constant one.
 pub(super) fn spread(labels: &[[f64; OUTPUTS]]) -> [f64; OUTPUTS] {
     let n = labels.len() as f64;
     std::array::from_fn(|o| {
