@@ -14,7 +14,7 @@
 //!
 //! where `A, B, D` is a linear single-track model in path errors and `r` is what that model misses. A random
 //! forest chooses a *linear* `r` in each regime, so the problem stays one quadratic program (Zhao et al., ITSC
-//! 2024). Today `r = 0`: the nominal controller, and the vehicle it drives.
+//! 2024). Without a learned `r` it is the nominal controller.
 //!
 //! ## Map
 //!

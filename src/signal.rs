@@ -65,6 +65,8 @@ units! {
     METRE = "m" [kg 0 m 1 s 0 rad 0];
     /// Curvature of a path, and its like.
     PER_METRE = "1/m" [kg 0 m -1 s 0 rad 0];
+    /// Change of a curvature along a path.
+    PER_METRE2 = "1/m2" [kg 0 m -2 s 0 rad 0];
     /// Time.
     SECOND = "s" [kg 0 m 0 s 1 rad 0] display "ms" 1e3;
     /// Speed.
@@ -156,6 +158,7 @@ signals! {
     E2_RATE = "e2_rate" RADIAN_PER_SECOND "AngularVelocity" nominal 0.1 in -20.0, 20.0; "Rate of the yaw error"
     STATION = "station" METRE "Length" nominal 100.0 in -1e7, 1e7; "Arc length along the path of the point nearest to the CG"
     CURVATURE = "curvature" PER_METRE "Curvature" nominal 0.01 in -10.0, 10.0; "Curvature of the path at the station, positive in left turns"
+    CURVATURE_RATE = "curvature_rate" PER_METRE2 "CurvatureRate" nominal 0.001 in -10.0, 10.0; "Change of the curvature along the path at the station"
 }
 
 /// Looks a signal up by name.

@@ -153,12 +153,16 @@ fn the_host_s_parameters_win_over_the_vehicle_file() {
 #[test]
 fn files_that_cannot_be_used_are_named_with_a_remedy() {
     let folder = tempfile::tempdir().unwrap();
+    let foreign = folder.path().join("foreign.rflm");
+    std::fs::write(&foreign, "not a model").unwrap();
     let nan = folder.path().join("nan.csv");
     std::fs::write(&nan, "x,y\n0,0\n1,0\n2,nan\n3,0\n").unwrap();
     for (name, value, words) in [
         ("path_file", "nowhere.csv", &["nowhere.csv", "path_file"][..]),
         ("path_file", nan.to_str().unwrap(), &["nan.csv", "4"]),
         ("vehicle_file", "nowhere.toml", &["nowhere.toml", "c_class"]),
+        ("residual.file", "nowhere.rflm", &["nowhere.rflm"]),
+        ("residual.file", foreign.to_str().unwrap(), &["foreign.rflm"]),
     ] {
         let mut unit = Unit::new();
         unit.set(name, Value::String(value.into()));

@@ -1,13 +1,14 @@
 //! `rfl drive`: the closed loop in native code, on any road, with any car.
 
-use crate::control::{Controller, ControllerParameters};
+use super::progress_bar;
+use crate::control::{Controller, ControllerParameters, Propagation, Residual, RollOut};
 use crate::parameter::ParameterGroup;
 use crate::path::sudoku::Route;
 use crate::path::{Options, Path, RoadClass, to_csv};
+use crate::residual::ResidualModel;
 use crate::simulate::{ClosedLoop, Drive};
 use crate::vehicle::{BUILTIN, Car, CarParameters, Effects, builtin};
 use clap::Args;
-use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 use std::error::Error;
 use std::path::PathBuf;
@@ -42,19 +43,65 @@ pub struct DriveArgs {
     /// File for the results (JSON)
     #[arg(long)]
     json: Option<PathBuf>,
+    /// Learned residual to predict with (from rfl train)
+    #[arg(long, value_name = "FILE")]
+    residual: Option<PathBuf>,
+    /// Add the residual without propagating it, as printed by Zhao et al., eq. (9)
+    #[arg(long, requires = "residual")]
+    direct: bool,
     /// No progress bar
     #[arg(long)]
     quiet: bool,
 }
 
-/// The parameters that `--set` reaches.
-struct Settings {
-    controller: ControllerParameters,
-    car: CarParameters,
-    effects: Effects,
+/// A road, and the parameters of car and controller that `--set` reaches.
+pub(super) struct Setup {
+    pub path: Arc<Path>,
+    pub controller: ControllerParameters,
+    pub car: CarParameters,
+    pub effects: Effects,
 }
 
-impl Settings {
+/// A car by built-in name or file.
+pub(super) fn car_named(name: &str) -> Result<CarParameters, Box<dyn Error>> {
+    Ok(if BUILTIN.contains(&name) { builtin(name)? } else { CarParameters::read(name.as_ref())? })
+}
+
+impl Setup {
+    /// Reads road and car and applies the settings.
+    pub fn new(
+        path: Option<&std::path::Path>,
+        course: Route,
+        vehicle: &str,
+        settings: &[String],
+    ) -> Result<Self, Box<dyn Error>> {
+        let path = Arc::new(match path {
+            Some(file) => Path::read(file)?,
+            None => {
+                // Through the text of its file, so that the numbers are those of the file's rounding.
+                let text = to_csv(&course.samples());
+                Path::from_csv(text.as_bytes(), course.name().as_ref(), &Options::default())?
+            }
+        });
+        for note in path.notes() {
+            eprintln!("note: {note}");
+        }
+        let car = car_named(vehicle)?;
+        let controller = ControllerParameters::for_car(&car);
+        let mut setup = Self { path, controller, car, effects: Effects::default() };
+        settings.iter().try_for_each(|text| setup.apply(text))?;
+        Ok(setup)
+    }
+
+    /// The controller, and the car where the road begins, as fast as is planned there.
+    pub fn build(self, residual: Option<Residual>) -> Result<(Controller, Car), Box<dyn Error>> {
+        let controller = Controller::with_residual(self.controller, self.path.clone(), residual)?;
+        let mut car = Car::new(&self.car, &self.effects, Some(self.path.clone()))?;
+        let start = self.path.at(0.0);
+        car.place(start.x, start.y, start.yaw, controller.speed_plan().speed(0.0));
+        Ok((controller, car))
+    }
+
     fn apply(&mut self, text: &str) -> Result<(), Box<dyn Error>> {
         let (full_name, value) =
             text.split_once('=').ok_or_else(|| format!("--set {text}: write it as NAME=VALUE"))?;
@@ -105,33 +152,18 @@ pub fn run(args: &DriveArgs) -> Result<(), Box<dyn Error>> {
     if !(args.step > 0.0 && args.duration > 0.0) {
         return Err("--step and --duration must be positive".into());
     }
-    let path = Arc::new(match &args.path {
-        Some(file) => Path::read(file)?,
-        None => {
-            // Through the text of its file, so that the numbers are those of the file's rounding.
-            let text = to_csv(&Route::SudokuTest.samples());
-            Path::from_csv(text.as_bytes(), "sudoku_test.csv".as_ref(), &Options::default())?
-        }
-    });
-    for note in path.notes() {
-        eprintln!("note: {note}");
-    }
-    let car = match args.vehicle.as_str() {
-        name if BUILTIN.contains(&name) => builtin(name)?,
-        file => CarParameters::read(std::path::Path::new(file))?,
+    let setup = Setup::new(args.path.as_deref(), Route::SudokuTest, &args.vehicle, &args.settings)?;
+    let residual = match &args.residual {
+        Some(file) => Some(Residual {
+            model: Arc::new(ResidualModel::read(file)?),
+            propagation: if args.direct { Propagation::Direct } else { Propagation::Propagated },
+            roll_out: RollOut::Corrected,
+        }),
+        None => None,
     };
-    let mut settings =
-        Settings { controller: ControllerParameters::for_car(&car), car, effects: Effects::default() };
-    for text in &args.settings {
-        settings.apply(text)?;
-    }
-
-    let controller = Controller::new(settings.controller, path.clone())?;
-    let mut car = Car::new(&settings.car, &settings.effects, Some(path.clone()))?;
-    let start = path.at(0.0);
-    car.place(start.x, start.y, start.yaw, controller.speed_plan().speed(0.0));
-    let sample_time = controller.parameters().mpc.sample_time;
-    let bar = if args.quiet { ProgressBar::hidden() } else { progress_bar(path.length()) };
+    let sample_time = setup.controller.mpc.sample_time;
+    let (controller, car) = setup.build(residual)?;
+    let bar = progress_bar("driving", controller.path().length(), args.quiet);
     let mut closed = ClosedLoop::new(controller, car, args.step);
     let begin = std::time::Instant::now();
     let drive = closed.drive(args.duration, |row| {
@@ -147,13 +179,6 @@ pub fn run(args: &DriveArgs) -> Result<(), Box<dyn Error>> {
         )?;
     }
     report(&drive, sample_time, wall, args)
-}
-
-fn progress_bar(length: f64) -> ProgressBar {
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-    let bar = ProgressBar::new(length as u64);
-    let style = ProgressStyle::with_template("driving {bar:40} {pos}/{len} m, {eta} left");
-    style.map_or(bar.clone(), |style| bar.with_style(style))
 }
 
 fn report(drive: &Drive, sample_time: f64, wall: f64, args: &DriveArgs) -> Result<(), Box<dyn Error>> {

@@ -3,12 +3,15 @@
 //! A command is its arguments and a `run`. Whatever goes wrong is one line on standard error that says what, where
 //! and what to do. Exit status: 0 done, 1 bad input or a failure, 2 wrong usage.
 
+pub mod collect;
 pub mod course;
 pub mod drive;
 pub mod parameters;
 pub mod path;
+pub mod train;
 
 use clap::{Parser, Subcommand};
+use indicatif::{ProgressBar, ProgressStyle};
 use std::error::Error;
 use std::process::ExitCode;
 
@@ -20,6 +23,8 @@ use std::process::ExitCode;
     after_help = "Examples:
   rfl path road.csv           check a road before driving it
   rfl drive --path road.csv   drive it
+  rfl collect                 drive to learn from
+  rfl train LOG...            learn what the nominal model misses
   rfl parameters              what --set can change
   rfl course                  write our own courses to paths/
 
@@ -34,6 +39,8 @@ pub struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     Drive(drive::DriveArgs),
+    Collect(collect::CollectArgs),
+    Train(train::TrainArgs),
     Path(path::PathArgs),
     Parameters(parameters::ParametersArgs),
     Course(course::CourseArgs),
@@ -47,6 +54,8 @@ impl Cli {
     pub fn run(&self) -> Result<(), Box<dyn Error>> {
         match &self.command {
             Command::Drive(args) => drive::run(args),
+            Command::Collect(args) => collect::run(args),
+            Command::Train(args) => train::run(args),
             Command::Path(args) => path::run(args),
             Command::Parameters(args) => parameters::run(args),
             Command::Course(args) => course::run(args),
@@ -70,4 +79,15 @@ pub fn main() -> ExitCode {
 
 fn is_broken_pipe(error: &(dyn Error + 'static)) -> bool {
     error.downcast_ref::<std::io::Error>().is_some_and(|error| error.kind() == std::io::ErrorKind::BrokenPipe)
+}
+
+/// A bar of `length` parts with a title; hidden where nobody wants it.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+fn progress_bar(title: &str, length: f64, quiet: bool) -> ProgressBar {
+    if quiet {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::new(length.max(1.0) as u64).with_message(title.to_string());
+    let style = ProgressStyle::with_template("{msg} {bar:40} {pos}/{len}, {eta} left");
+    style.map_or(bar.clone(), |style| bar.with_style(style))
 }

@@ -12,6 +12,7 @@ use super::status::ControlStatus;
 use super::tracking_qp::{QpEnd, QpError, TrackingQp};
 use crate::parameter::{OutOfRange, ParameterGroup};
 use crate::path::{Path, SpeedLimits, SpeedPlan};
+use crate::residual::Random;
 use nalgebra::Vector4;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -44,6 +45,7 @@ pub struct StepReport {
     pub e2_rate: f64,
     pub station: f64,
     pub curvature: f64,
+    pub curvature_rate: f64,
     pub speed_ref: f64,
     /// Share of the horizon where the learned residual was asked outside its training and faded out, 0 to 1.
     pub residual_outside: f64,
@@ -90,8 +92,13 @@ pub struct ControllerState {
     travelled: f64,
     speed_integral: f64,
     finished: bool,
+    /// Steps made.
+    steps: u64,
     last: StepReport,
 }
+
+/// Steps for which a value of the dither is held: 0.1 s at Ts = 0.02 s, within the bandwidth of a steering actuator.
+const DITHER_HOLD: u64 = 5;
 
 /// Lateral error beyond which something is wrong, and speed is the first thing to give up: a lane's width, m.
 const FAR_E1: f64 = 3.5;
@@ -155,6 +162,7 @@ impl Controller {
             travelled: 0.0,
             speed_integral: 0.0,
             finished: false,
+            steps: 0,
             last: StepReport::default(),
         };
         Ok(Self { parameters, path, plan, lateral, state })
@@ -249,6 +257,13 @@ impl Controller {
             report.steer_cmd = previous;
             report.accel_cmd = -p.speed.safe_decel;
         }
+        if p.mpc.dither > 0.0 && report.status == ControlStatus::Optimal {
+            let draw = self.state.steps / DITHER_HOLD;
+            #[allow(clippy::cast_possible_truncation)]
+            let mut random = Random::new(draw.wrapping_mul(1 << 20).wrapping_add(p.mpc.dither_seed as u64));
+            report.steer_cmd += p.mpc.dither * (2.0 * random.uniform() - 1.0);
+        }
+        self.state.steps += 1;
         // The plan respects the limits to the solver's tolerance; the command does exactly.
         let (limit, rate) = (p.mpc.steer_max, p.mpc.steer_rate_max * sample_time);
         report.steer_cmd = report.steer_cmd.clamp(previous - rate, previous + rate).clamp(-limit, limit);
@@ -299,6 +314,7 @@ impl Controller {
             e2_rate: yaw_rate - at.curvature * station_rate,
             station: at.station,
             curvature: at.curvature,
+            curvature_rate: self.path.curvature_rate(at.station),
             ..StepReport::default()
         }
     }

@@ -6,7 +6,7 @@
 use super::{failed, vehicle_file_parameter, vehicle_named};
 use crate::control::{
     ControlStatus, Controller, ControllerParameters, ControllerState, Measurement, NominalVehicle,
-    SHOWN_HORIZON, Sampler,
+    Propagation, Residual, RollOut, SHOWN_HORIZON, Sampler,
 };
 use crate::fmi::{
     Context, Declaration, DefaultExperiment, Kind, Log, LogCategory, Model, ModelError, Severity, Values,
@@ -14,6 +14,7 @@ use crate::fmi::{
 };
 use crate::parameter::{Parameter, ParameterGroup};
 use crate::path::Path;
+use crate::residual::ResidualModel;
 use crate::signal::{self, Signal, Unit};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -41,6 +42,8 @@ struct Variables {
     e2_rate: Vr,
     station: Vr,
     curvature: Vr,
+    curvature_rate: Vr,
+    residual_outside: Vr,
     speed_ref: Vr,
     status: Vr,
     iterations: Vr,
@@ -51,6 +54,9 @@ struct Variables {
     predicted: Vec<[Vr; 3]>,
     path_file: Vr,
     vehicle_file: Vr,
+    residual_file: Vr,
+    propagation: Vr,
+    roll_out: Vr,
     /// First of the numeric parameters of each group: vehicle, mpc, speed.
     groups: [Vr; 3],
 }
@@ -110,6 +116,7 @@ fn declare() -> (Declaration, Variables) {
     let (e1, e1_rate) = (output(&signal::E1), output(&signal::E1_RATE));
     let (e2, e2_rate) = (output(&signal::E2), output(&signal::E2_RATE));
     let (station, curvature) = (output(&signal::STATION), output(&signal::CURVATURE));
+    let curvature_rate = output(&signal::CURVATURE_RATE);
     let mut real = |name: String, unit, meaning: String| d.add(Variable::real_output(name, unit, meaning));
     let speed_ref = real(
         "speed_ref".into(),
@@ -120,6 +127,11 @@ fn declare() -> (Declaration, Variables) {
         "compute_time".into(),
         Unit::SECOND,
         "Wall-clock time of the newest control step; the only output that is not reproducible".into(),
+    );
+    let residual_outside = real(
+        "residual.outside".into(),
+        Unit::ONE,
+        "Share of the horizon where the learned residual was asked outside its training and faded out".into(),
     );
     let path_length = real("path.length".into(), Unit::METRE, "Length of the path".into());
     let start =
@@ -157,6 +169,23 @@ fn declare() -> (Declaration, Variables) {
         "Path to follow: a CSV file, absolute or in the FMU's resources",
     ));
     let vehicle_file = d.add(vehicle_file_parameter());
+    let residual_file = d.add(Variable::parameter_of(
+        Kind::String { start: "".into() },
+        "residual.file",
+        "Learned residual (from rfl train), absolute or in the FMU's resources; empty: the nominal controller",
+    ));
+    let propagation = Kind::Enumeration { type_name: "Propagation", items: Propagation::ITEMS, start: 0 };
+    let propagation = d.add(Variable::parameter_of(
+        propagation,
+        "residual.propagation",
+        "How the learned residual enters the prediction",
+    ));
+    let roll_out = Kind::Enumeration { type_name: "RollOut", items: RollOut::ITEMS, start: 1 };
+    let roll_out = d.add(Variable::parameter_of(
+        roll_out,
+        "residual.roll_out",
+        "With which model the states are predicted at which the residual is asked",
+    ));
     let groups = [
         add_group::<NominalVehicle>(d),
         add_group::<crate::control::MpcParameters>(d),
@@ -172,6 +201,8 @@ fn declare() -> (Declaration, Variables) {
         e2_rate,
         station,
         curvature,
+        curvature_rate,
+        residual_outside,
         speed_ref,
         status,
         iterations,
@@ -182,6 +213,9 @@ fn declare() -> (Declaration, Variables) {
         predicted,
         path_file,
         vehicle_file,
+        residual_file,
+        propagation,
+        roll_out,
         groups,
     };
     (declaration, variables)
@@ -239,7 +273,19 @@ impl Model for RflMpc {
         for note in path.notes() {
             log.log(Severity::Warning, "path", &format!("{}: {note}", file.display()));
         }
-        let controller = Controller::new(parameters, Arc::new(path)).map_err(failed)?;
+        let residual = match values.string(v.residual_file) {
+            "" => None,
+            file => {
+                let of =
+                    |items: usize, vr: Vr| usize::try_from(values.integer(vr)).unwrap_or(0).min(items - 1);
+                Some(Residual {
+                    model: Arc::new(ResidualModel::read(&context.locate(file)).map_err(failed)?),
+                    propagation: Propagation::ALL[of(Propagation::ALL.len(), v.propagation)],
+                    roll_out: RollOut::ALL[of(RollOut::ALL.len(), v.roll_out)],
+                })
+            }
+        };
+        let controller = Controller::with_residual(parameters, Arc::new(path), residual).map_err(failed)?;
 
         let path = controller.path();
         values.set_real(v.path_length, path.length());
@@ -322,6 +368,8 @@ fn write_outputs(v: &Variables, values: &mut Values, controller: &Controller) {
         (v.e2_rate, report.e2_rate),
         (v.station, report.station),
         (v.curvature, report.curvature),
+        (v.curvature_rate, report.curvature_rate),
+        (v.residual_outside, report.residual_outside),
         (v.speed_ref, report.speed_ref),
         (v.compute_time, report.compute_time),
     ] {

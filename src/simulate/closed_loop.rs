@@ -12,7 +12,7 @@ use crate::vehicle::{Car, CarInput};
 use std::io::Write;
 
 /// Columns of a drive log of the closed loop, in order.
-pub const COLUMNS: [Signal; 19] = [
+pub const COLUMNS: [Signal; 20] = [
     signal::TIME,
     signal::STEER_CMD,
     signal::ACCEL_CMD,
@@ -32,6 +32,7 @@ pub const COLUMNS: [Signal; 19] = [
     signal::E2_RATE,
     signal::STATION,
     signal::CURVATURE,
+    signal::CURVATURE_RATE,
 ];
 
 /// One communication point: the car as it is there, and what the controller decided on it.
@@ -117,6 +118,7 @@ impl ClosedLoop {
             report.e2_rate,
             report.station,
             report.curvature,
+            report.curvature_rate,
         ];
         self.car.step(&input, self.step).map_err(|source| DriveError::Car { time, source })?;
         self.count += 1;

@@ -1,0 +1,88 @@
+//! `rfl collect`: drives to learn from, made by the nominal controller in the native loop.
+
+use super::drive::Setup;
+use super::progress_bar;
+use crate::path::sudoku::Route;
+use crate::simulate::ClosedLoop;
+use clap::Args;
+use std::error::Error;
+use std::path::PathBuf;
+
+/// Weights of a collecting controller. The default ones ring on a car with a slow actuator, and a model that has
+/// learned ringing, with its saturated commands, makes the loop diverge (measured: RFL+S on lag 0.1 s and dead time
+/// 0.06 s, from 34 mm mean lateral error to 767 mm with the default weights, to 12 mm with these).
+const CALM: [&str; 3] = ["mpc.r_rate=0.3", "mpc.q_e1_rate=1", "mpc.q_e2=2"];
+
+/// Drives the nominal MPC along the training route, with a little steering dither, and records drive logs
+#[derive(Debug, Args)]
+#[command(
+    after_help = "The controller's weights are calmer than for driving: --set mpc.r_rate=..., mpc.q_e1_rate=..., mpc.q_e2=... override.
+
+Examples:
+  rfl collect                                        three drives of the training route to out/collect/
+  rfl collect --vehicle my_car.toml --runs 5
+  rfl collect --set effect.steer_lag=0.1 --set effect.steer_delay=0.06     a car with a slow actuator"
+)]
+pub struct CollectArgs {
+    /// Road to drive: a CSV file with columns x, y [default: the Sudoku training route]
+    #[arg(long)]
+    path: Option<PathBuf>,
+    /// Car: a vehicle file (TOML) or a built-in name
+    #[arg(long, default_value = crate::vehicle::BUILTIN[0])]
+    vehicle: String,
+    /// A parameter, NAME=VALUE, of whoever has it; `car.` or `controller.` before the name means one of them only
+    #[arg(long = "set", value_name = "NAME=VALUE")]
+    settings: Vec<String>,
+    /// Number of drives, each with a dither of its own
+    #[arg(long, default_value_t = 3)]
+    runs: usize,
+    /// Amplitude of the dither in rad
+    #[arg(long, default_value_t = 0.005)]
+    dither: f64,
+    /// Seed of the first drive's dither
+    #[arg(long, default_value_t = 1)]
+    seed: usize,
+    /// Folder for the logs
+    #[arg(long, default_value = "out/collect")]
+    out: PathBuf,
+    /// No progress bar
+    #[arg(long)]
+    quiet: bool,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// What was wrong, where, and what to do.
+pub fn run(args: &CollectArgs) -> Result<(), Box<dyn Error>> {
+    std::fs::create_dir_all(&args.out).map_err(|error| format!("{}: {error}", args.out.display()))?;
+    for run in 0..args.runs {
+        let mut settings = CALM.map(String::from).to_vec();
+        settings.extend_from_slice(&args.settings);
+        let mut setup = Setup::new(args.path.as_deref(), Route::SudokuTrain, &args.vehicle, &settings)?;
+        setup.controller.mpc.dither = args.dither;
+        setup.controller.mpc.dither_seed = args.seed + run;
+        let sample_time = setup.controller.mpc.sample_time;
+        let (controller, car) = setup.build(None)?;
+        let bar = progress_bar("collecting", controller.path().length(), args.quiet);
+        let mut closed = ClosedLoop::new(controller, car, sample_time);
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        let drive = closed.drive(1800.0, |row| bar.set_position(row[17].max(0.0) as u64))?;
+        bar.finish_and_clear();
+        let file = args.out.join(format!("drive_{}.csv", run + 1));
+        drive.write_csv(
+            std::fs::File::create(&file).map_err(|error| format!("{}: {error}", file.display()))?,
+        )?;
+        let tracking = drive.tracking();
+        println!(
+            "{}: {:.0} s, lateral error mean {:.4} m, max {:.4} m{}",
+            file.display(),
+            drive.rows.last().map_or(0.0, |row| row[0]),
+            tracking.mae,
+            tracking.max,
+            if drive.finished { "" } else { "; the road's end was NOT reached" }
+        );
+    }
+    println!("next: rfl train {}/*.csv --vehicle {}", args.out.display(), args.vehicle);
+    Ok(())
+}
