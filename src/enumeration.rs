@@ -9,8 +9,8 @@ macro_rules! enumeration {
         $first:ident = $first_number:literal $first_text:literal, $first_meaning:literal;
         $($value:ident = $number:literal $text:literal, $meaning:literal;)*
     }) => {
-        $(#[$attribute])*
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+        $(#[$attribute])*
         #[repr(i32)]
         $visibility enum $name {
             #[doc = $first_meaning]

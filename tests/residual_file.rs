@@ -43,7 +43,7 @@ fn parts() -> (Vec<u8>, Vec<u8>) {
 fn every_kind_comes_back_bit_for_bit() {
     let folder = tempfile::tempdir().unwrap();
     let none = ResidualModel::none(&car(), 0.02, 1.5, 16);
-    for (kind, model) in Kind::ALL.map(|kind| (kind, model(kind))).into_iter().chain([(Kind::None, none)]) {
+    for (kind, model) in Kind::ALL.iter().map(|&kind| (kind, model(kind))).chain([(Kind::None, none)]) {
         let path = folder.path().join(format!("{kind:?}.rfl"));
         model.write(&path).unwrap();
         let read = ResidualModel::read(&path).unwrap();

@@ -42,7 +42,7 @@ fn the_number_of_threads_changes_no_bit() {
 
     let plant = Plant { lag: 0.1, noise: 1.0, ..Plant::exact() };
     let samples = data(&plant, &[6.0, 10.0, 14.0], 1500, 1);
-    for kind in Kind::ALL {
+    for &kind in Kind::ALL {
         let bytes = [1, 2, 5].map(|threads| {
             let config = TrainConfig { trees: 6, depth: 4, threads, ..TrainConfig::new(kind) };
             let trained = train(&samples, Some(&samples), &config, &|_| ()).unwrap();

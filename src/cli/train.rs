@@ -4,7 +4,8 @@ use super::drive::car_named;
 use super::progress_bar;
 use crate::control::ControllerParameters;
 use crate::residual::{DataConfig, DataSet, Drive, Fit, Kind, TrainConfig, train};
-use clap::{Args, ValueEnum};
+use clap::Args;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde_json::{Value, json};
 use std::error::Error;
 use std::path::{Path, PathBuf};
@@ -28,8 +29,8 @@ pub struct TrainArgs {
     #[arg(long, default_value = crate::vehicle::BUILTIN[0])]
     vehicle: String,
     /// Kind of residual
-    #[arg(long, value_enum, default_value_t = KindArg::RflS)]
-    kind: KindArg,
+    #[arg(long, default_value = "rfl_s", value_parser = kind_parser())]
+    kind: Kind,
     /// Window of commands in steps: it should cover the actuator's delay and four of its time constants
     #[arg(long, default_value_t = 28)]
     window: usize,
@@ -47,30 +48,10 @@ pub struct TrainArgs {
     quiet: bool,
 }
 
-/// The kinds on the command line.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-#[value(rename_all = "snake_case")]
-#[allow(missing_docs)]
-pub enum KindArg {
-    Linear,
-    Rt,
-    Rf,
-    Rtl,
-    Rfl,
-    RflS,
-}
-
-impl From<KindArg> for Kind {
-    fn from(kind: KindArg) -> Self {
-        match kind {
-            KindArg::Linear => Self::Linear,
-            KindArg::Rt => Self::Rt,
-            KindArg::Rf => Self::Rf,
-            KindArg::Rtl => Self::Rtl,
-            KindArg::Rfl => Self::Rfl,
-            KindArg::RflS => Self::RflS,
-        }
-    }
+fn kind_parser() -> impl TypedValueParser<Value = Kind> {
+    let learned = || Kind::ALL.iter().copied().filter(|&kind| kind != Kind::None);
+    PossibleValuesParser::new(learned().map(|kind| PossibleValue::new(kind.name()).help(kind.meaning())))
+        .try_map(move |name| learned().find(|kind| kind.name() == name).ok_or("no such kind"))
 }
 
 /// Reads the columns of a drive log that learning needs.
@@ -143,7 +124,7 @@ pub fn run(args: &TrainArgs) -> Result<(), Box<dyn Error>> {
         );
     }
 
-    let mut config = TrainConfig::new(args.kind.into());
+    let mut config = TrainConfig::new(args.kind);
     config.seed = args.seed;
     config.window = args.window;
     let bar = progress_bar("training", 1.0, args.quiet);

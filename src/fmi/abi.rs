@@ -615,7 +615,7 @@ unsupported! {
 
 /// Exports a [`Model`] as the C functions of FMI 2.0: the whole content of an FMU's library.
 ///
-/// ```ignore
+/// ```text
 /// rfl_mpc::export_fmi2!(rfl_mpc::fmu::PassengerCar, include_str!("../../../modelDescription/PassengerCar.xml"));
 /// ```
 ///

@@ -15,34 +15,25 @@ use super::forest::Forest;
 use super::leaf::LeafModels;
 use super::least_squares::Theta;
 use super::{OUTPUTS, ROAD};
+use crate::enumeration;
 use crate::vehicle::SingleTrack;
 use serde::{Deserialize, Serialize};
 
-/// Kinds of residual.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Kind {
-    /// No residual: the nominal controller.
-    None,
-    /// One linear model for all.
-    Linear,
-    /// A tree with constant leaves.
-    Rt,
-    /// A forest with constant leaves.
-    Rf,
-    /// A tree with linear leaves.
-    Rtl,
-    /// A forest with linear leaves.
-    Rfl,
-    /// A forest that splits on speed and road only, its leaves linear in commands and road.
-    RflS,
+enumeration! {
+    /// Kinds of residual.
+    #[serde(rename_all = "snake_case")]
+    pub enum Kind {
+        None = 0 "none", "No residual: the nominal controller";
+        Linear = 1 "linear", "One linear model for all";
+        Rt = 2 "rt", "A tree with constant leaves";
+        Rf = 3 "rf", "A forest with constant leaves";
+        Rtl = 4 "rtl", "A tree with linear leaves";
+        Rfl = 5 "rfl", "A forest with linear leaves";
+        RflS = 6 "rfl_s", "A forest that splits on speed and road only, its leaves linear in commands and road";
+    }
 }
 
 impl Kind {
-    /// All kinds, in the order in which an enumeration lists them.
-    pub const ALL: [Self; 7] =
-        [Self::None, Self::Linear, Self::Rt, Self::Rf, Self::Rtl, Self::Rfl, Self::RflS];
-
     /// Whether leaves are linear (else constant).
     #[must_use]
     pub fn is_linear(self) -> bool {
