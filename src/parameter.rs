@@ -96,11 +96,9 @@ impl Number for f64 {
 
 impl Number for usize {
     const INTEGER: bool = true;
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     fn from_f64(value: f64) -> Self {
         value as usize
     }
-    #[allow(clippy::cast_precision_loss)]
     fn to_f64(self) -> f64 {
         self as f64
     }

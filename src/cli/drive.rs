@@ -167,7 +167,6 @@ pub fn run(args: &DriveArgs) -> Result<(), Box<dyn Error>> {
     let mut closed = ClosedLoop::new(controller, car, args.step);
     let begin = std::time::Instant::now();
     let drive = closed.drive(args.duration, |row| {
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         bar.set_position(row[17].max(0.0) as u64);
     })?;
     let wall = begin.elapsed().as_secs_f64();
@@ -185,7 +184,6 @@ fn report(drive: &Drive, sample_time: f64, wall: f64, args: &DriveArgs) -> Resul
     let (all, times) = (drive.tracking(), drive.times(sample_time));
     let driven = drive.rows.last().map_or(0.0, |row| row[0]);
     println!("{:<16} {:>9} {:>9} {:>9} {:>8}", "lateral error", "mean m", "RMS m", "max m", "share %");
-    #[allow(clippy::cast_precision_loss)]
     let line = |name: &str, metrics: &crate::simulate::TrackingMetrics| {
         let share = 100.0 * metrics.count as f64 / all.count.max(1) as f64;
         println!("{name:<16} {:>9.4} {:>9.4} {:>9.4} {share:>8.1}", metrics.mae, metrics.rmse, metrics.max);

@@ -82,7 +82,6 @@ fn is_broken_pipe(error: &(dyn Error + 'static)) -> bool {
 }
 
 /// A bar of `length` parts with a title; hidden where nobody wants it.
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
 fn progress_bar(title: &str, length: f64, quiet: bool) -> ProgressBar {
     if quiet {
         return ProgressBar::hidden();

@@ -94,7 +94,6 @@ impl Clock {
         Self { begin: Instant::now(), stop: Arc::new(AtomicU64::new(u64::MAX)) }
     }
 
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     fn start(&self, time_limit: f64) {
         let stop = if time_limit.is_finite() {
             self.begin.elapsed().as_nanos() as u64 + (time_limit.max(0.0) * 1e9) as u64
@@ -104,7 +103,6 @@ impl Clock {
         self.stop.store(stop, Ordering::Relaxed);
     }
 
-    #[allow(clippy::cast_possible_truncation)]
     fn is_over(&self) -> bool {
         let stop = self.stop.load(Ordering::Relaxed);
         stop != u64::MAX && self.begin.elapsed().as_nanos() as u64 >= stop

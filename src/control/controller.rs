@@ -9,7 +9,8 @@ use super::observer::Observer;
 use super::parameters::ControllerParameters;
 use super::speed::track_speed;
 use super::status::ControlStatus;
-use super::tracking_qp::{QpEnd, QpError, TrackingQp};
+use super::tracking_qp::{QpEnd, QpError, QpReport, TrackingQp};
+use crate::nominal::ErrorState;
 use crate::parameter::{OutOfRange, ParameterGroup};
 use crate::path::{Path, SpeedLimits, SpeedPlan};
 use crate::residual::Random;
@@ -177,54 +178,91 @@ impl Controller {
         check(measurement)?;
         let mut report = self.locate(measurement);
         let far = report.e1.abs() > FAR_E1 || report.e2.abs() > FAR_E2;
+        let previous = self.state.steer_cmd.unwrap_or(measurement.steer);
+        self.command_speed(measurement.vx, far, &mut report);
 
-        let p = &self.parameters;
-        let sample_time = p.mpc.sample_time;
+        let state = Vector4::new(report.e1, report.e1_rate, report.e2, report.e2_rate);
+        self.state.history.observe(&state, previous);
+        if far {
+            self.state.observer.reset();
+        } else {
+            self.state.observer.observe(&state, self.parameters.mpc.observer_gain);
+        }
+        let solved = self.solve(&state, measurement.vx, previous, far, &report, begin);
+        self.command_steering(solved, previous, far, &mut report);
+        if self.parameters.mpc.observer_gain > 0.0 && !far {
+            let past = self.state.history.commands();
+            if let Some(next) = self.lateral.next_state(&state, past, report.steer_cmd) {
+                self.state.observer.expect(next);
+            }
+        }
+
+        self.state.steer_cmd = Some(report.steer_cmd);
+        self.state.steps += 1;
+        report.residual_outside = self.lateral.outside_training();
+        report.finished = self.state.finished;
+        report.compute_time = begin.elapsed().as_secs_f64();
+        self.state.last = report;
+        Ok(&self.state.last)
+    }
+
+    /// Tracks the speed plan; slowly, where the vehicle is far from the path.
+    fn command_speed(&mut self, speed: f64, far: bool, report: &mut StepReport) {
         let mut target = (self.plan.speed(report.station), self.plan.accel(report.station));
         if far && target.0 > APPROACH_SPEED {
             target = (APPROACH_SPEED, 0.0);
         }
-        report.speed_ref = target.0;
-        let speed = track_speed(&p.speed, target, measurement.vx, self.state.speed_integral, sample_time);
-        self.state.speed_integral = speed.integral;
-        report.accel_cmd = speed.accel_cmd;
+        let p = &self.parameters;
+        let command = track_speed(&p.speed, target, speed, self.state.speed_integral, p.mpc.sample_time);
+        self.state.speed_integral = command.integral;
+        (report.speed_ref, report.accel_cmd) = (target.0, command.accel_cmd);
+    }
 
+    /// Solves the lateral MPC for a measured state.
+    fn solve(
+        &mut self,
+        state: &ErrorState,
+        speed: f64,
+        previous: f64,
+        far: bool,
+        report: &StepReport,
+        begin: Instant,
+    ) -> Result<QpReport, QpError> {
+        let p = &self.parameters.mpc;
         // The model does not depend on e1: to bound it is to follow a parallel path that comes closer with the
         // vehicle. Without that, a large error is answered by a turn across the path that the horizon, 0.3 s, is too
         // short to see the end of.
-        let bound = (APPROACH_TIME * measurement.vx.abs()).max(APPROACH_E1).min(p.mpc.e1_max);
-        let e = Vector4::new(
-            report.e1.clamp(-bound, bound),
-            report.e1_rate,
-            report.e2.clamp(-FAR_E2, FAR_E2),
-            report.e2_rate,
-        );
-        let ahead = SpeedAhead { speed: measurement.vx, accel: speed.accel_cmd };
-        let previous = self.state.steer_cmd.unwrap_or(measurement.steer);
-        let time_limit = match p.mpc.deadline {
+        let bound = (APPROACH_TIME * speed.abs()).max(APPROACH_E1).min(p.e1_max);
+        let aim =
+            Vector4::new(state[0].clamp(-bound, bound), state[1], state[2].clamp(-FAR_E2, FAR_E2), state[3]);
+        let time_limit = match p.deadline {
             deadline if deadline > 0.0 => (deadline - begin.elapsed().as_secs_f64()).max(0.0),
             _ => f64::INFINITY,
         };
-        let measured = Vector4::new(report.e1, report.e1_rate, report.e2, report.e2_rate);
-        let state = &mut self.state;
-        state.history.observe(&measured, previous);
-        if far {
-            state.observer.reset();
-        } else {
-            state.observer.observe(&measured, p.mpc.observer_gain);
-        }
-        let solved = self.lateral.step(&LateralInput {
-            state: &e,
-            history: &state.history,
-            last_plan: state.plan.get(state.plan_age + 1..).unwrap_or_default(),
+        let memory = &self.state;
+        self.lateral.step(&LateralInput {
+            state: &aim,
+            history: &memory.history,
+            last_plan: memory.plan.get(memory.plan_age + 1..).unwrap_or_default(),
             station: report.station,
-            ahead,
+            ahead: SpeedAhead { speed, accel: report.accel_cmd },
             previous,
             path: &self.path,
-            disturbance: state.observer.disturbance(),
+            disturbance: memory.observer.disturbance(),
             use_residual: !far,
             time_limit,
-        });
+        })
+    }
+
+    /// The steering command: of the new plan, or else of the last one, or else held.
+    fn command_steering(
+        &mut self,
+        solved: Result<QpReport, QpError>,
+        previous: f64,
+        far: bool,
+        report: &mut StepReport,
+    ) {
+        let p = &self.parameters;
         match solved {
             Ok(qp) => {
                 self.state.plan.copy_from_slice(self.lateral.plan());
@@ -244,41 +282,35 @@ impl Controller {
                 };
             }
         }
-        match self.state.plan.get(self.state.plan_age) {
-            Some(&steer) => report.steer_cmd = steer,
-            None => {
-                report.status = ControlStatus::SafeHold;
-                report.steer_cmd = previous;
-                report.accel_cmd = -p.speed.safe_decel;
-            }
+        let planned = self.state.plan.get(self.state.plan_age).copied();
+        if planned.is_none() {
+            report.status = ControlStatus::SafeHold;
         }
         if self.state.finished && !self.path.is_periodic() {
             report.status = ControlStatus::Finished;
+        }
+        report.steer_cmd = planned.unwrap_or(previous);
+        if matches!(report.status, ControlStatus::SafeHold | ControlStatus::Finished) {
             report.steer_cmd = previous;
             report.accel_cmd = -p.speed.safe_decel;
         }
-        if p.mpc.dither > 0.0 && report.status == ControlStatus::Optimal {
-            let draw = self.state.steps / DITHER_HOLD;
-            #[allow(clippy::cast_possible_truncation)]
-            let mut random = Random::new(draw.wrapping_mul(1 << 20).wrapping_add(p.mpc.dither_seed as u64));
-            report.steer_cmd += p.mpc.dither * (2.0 * random.uniform() - 1.0);
+        if report.status == ControlStatus::Optimal {
+            report.steer_cmd += self.dither();
         }
-        self.state.steps += 1;
         // The plan respects the limits to the solver's tolerance; the command does exactly.
-        let (limit, rate) = (p.mpc.steer_max, p.mpc.steer_rate_max * sample_time);
+        let (limit, rate) = (p.mpc.steer_max, p.mpc.steer_rate_max * p.mpc.sample_time);
         report.steer_cmd = report.steer_cmd.clamp(previous - rate, previous + rate).clamp(-limit, limit);
-        self.state.steer_cmd = Some(report.steer_cmd);
-        if p.mpc.observer_gain > 0.0 && !far {
-            let next = self.lateral.next_state(&measured, self.state.history.commands(), report.steer_cmd);
-            if let Some(next) = next {
-                self.state.observer.expect(next);
-            }
+    }
+
+    /// Random steering for collecting drives to learn from, rad; 0 unless asked for.
+    fn dither(&self) -> f64 {
+        let p = &self.parameters.mpc;
+        if p.dither == 0.0 {
+            return 0.0;
         }
-        report.residual_outside = self.lateral.outside_training();
-        report.finished = self.state.finished;
-        report.compute_time = begin.elapsed().as_secs_f64();
-        self.state.last = report;
-        Ok(&self.state.last)
+        let draw = self.state.steps / DITHER_HOLD;
+        let mut random = Random::new(draw.wrapping_mul(1 << 20).wrapping_add(p.dither_seed as u64));
+        p.dither * (2.0 * random.uniform() - 1.0)
     }
 
     /// Projects the vehicle onto the path and keeps count of the way.

@@ -412,7 +412,6 @@ impl Learned {
             }
             self.states[j + window] = next;
         }
-        #[allow(clippy::cast_precision_loss)]
         let share = outside / horizon as f64;
         share
     }

@@ -18,7 +18,6 @@ impl Sampler {
 
     /// Whether a sample is due at `time`. If so, the next one is the first instant after `time`: a host whose steps
     /// are longer than Ts gets one sample a step.
-    #[allow(clippy::cast_precision_loss, clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     pub fn due(&mut self, time: f64, sample_time: f64) -> bool {
         let tolerance = 1e-6 * sample_time + 4.0 * f64::EPSILON * time.abs();
         if time < self.start + self.next as f64 * sample_time - tolerance {

@@ -69,7 +69,6 @@ fn add_group<G: ParameterGroup>(declaration: &mut Declaration) -> Vr {
     let first = declaration.variables.len();
     for Parameter { name, unit, default, min, max, integer, meaning } in G::table().iter().copied() {
         let variable = if integer {
-            #[allow(clippy::cast_possible_truncation)]
             let kind = Kind::Integer { start: default as i32, min: Some(min as i32), max: Some(max as i32) };
             Variable::parameter_of(kind, name, meaning)
         } else {

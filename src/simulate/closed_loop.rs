@@ -132,7 +132,6 @@ impl ClosedLoop {
     pub fn drive(&mut self, duration: f64, mut progress: impl FnMut(&Row)) -> Result<Drive, DriveError> {
         let mut drive =
             Drive { rows: Vec::new(), classes: Vec::new(), step_times: Vec::new(), finished: false };
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         let steps = (duration / self.step).round().max(0.0) as u64;
         for _ in 0..steps {
             let (row, computed) = self.advance()?;

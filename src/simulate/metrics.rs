@@ -28,7 +28,6 @@ impl TrackingMetrics {
         if count == 0 {
             return Self::default();
         }
-        #[allow(clippy::cast_precision_loss)]
         let n = count as f64;
         Self { mae: sum / n, rmse: (square / n).sqrt(), max, count }
     }
@@ -53,7 +52,6 @@ impl TimeMetrics {
             return Self::default();
         }
         times.sort_by(f64::total_cmp);
-        #[allow(clippy::cast_precision_loss)]
         let mean_s = times.iter().sum::<f64>() / times.len() as f64;
         Self {
             mean_s,
