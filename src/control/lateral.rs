@@ -412,8 +412,7 @@ impl Learned {
             }
             self.states[j + window] = next;
         }
-        let share = outside / horizon as f64;
-        share
+        outside / horizon as f64
     }
 }
 
