@@ -36,3 +36,27 @@ def test_native_loop_equals_fmpy_bit_for_bit(rfl, fmus, paths, tmp_path, road, c
         assert len(native[name]) == len(ours[name])
         different = np.flatnonzero(native[name] != ours[name])
         assert not len(different), f"{name} differs first at row {different[0]}"
+
+
+def test_learned_residual_equals_fmpy_bit_for_bit(rfl, fmus, paths, tmp_path):
+    """Collect, train, drive: the model that `rfl train` wrote drives in the FMU as it does natively, and better."""
+    slow = {"effect.steer_lag": 0.1, "effect.steer_delay": 0.06}
+    settings = [text for name, value in slow.items() for text in ("--set", f"{name}={value}")]
+    model, log, road = tmp_path / "residual.rflm", tmp_path / "native.csv", paths / "sudoku_turns.csv"
+    for command in (
+        ["collect", "--quiet", "--runs", "1", "--out", tmp_path, *settings],
+        ["train", tmp_path / "drive_1.csv", "--quiet", "--out", model],
+        ["drive", "--quiet", "--path", road, "--residual", model, "--log", log, *settings],
+    ):
+        result = subprocess.run([str(c) for c in [rfl, *command]], capture_output=True, text=True, check=False)
+        assert result.returncode == 0, result.stdout + result.stderr
+    with open(log, newline="") as file:
+        header, *rows = csv.reader(file)
+    native = dict(zip(header, np.array(rows, dtype=float).T))
+
+    units = {"controller_fmu": fmus / "RflMpc.fmu", "car_fmu": fmus / "PassengerCar.fmu"}
+    learned = drive(road, settings=slow | {"residual.file": str(model)}, **units).columns
+    nominal = drive(road, settings=slow, **units).columns
+    for name in set(native) & set(learned) - {CLOCKED}:
+        assert np.array_equal(native[name], learned[name]), name
+    assert np.abs(learned["e1"]).mean() < 0.7 * np.abs(nominal["e1"]).mean()
