@@ -2,7 +2,7 @@
 
 /// Declares an enum with, for each value, its number, its name for users and its meaning.
 ///
-/// It gets `ITEMS` (number, name, meaning), `ALL`, and `name()`. The first value is the default.
+/// It gets `ITEMS` (number, name, meaning), `ALL`, `from_number()`, `name()` and `meaning()`. The first value is the default.
 #[macro_export]
 macro_rules! enumeration {
     ($(#[$attribute:meta])* $visibility:vis enum $name:ident {
@@ -26,6 +26,12 @@ macro_rules! enumeration {
 
             /// All values, in the order of their numbers.
             pub const ALL: &'static [Self] = &[Self::$first, $(Self::$value),*];
+
+            /// The value of a number, if there is one.
+            #[must_use]
+            pub fn from_number(number: i32) -> Option<Self> {
+                Self::ALL.iter().copied().find(|value| *value as i32 == number)
+            }
 
             /// The name that users see.
             #[must_use]

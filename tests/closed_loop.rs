@@ -18,10 +18,7 @@ fn closed_loop(route: Route, car: &str, effects: &Effects, step: f64) -> ClosedL
     let path = course(route);
     let parameters = builtin(car).unwrap();
     let controller = Controller::new(ControllerParameters::for_car(&parameters), path.clone()).unwrap();
-    let mut car = Car::new(&parameters, effects, Some(path.clone())).unwrap();
-    let start = path.at(0.0);
-    car.place(start.x, start.y, start.yaw, controller.speed_plan().speed(0.0));
-    ClosedLoop::new(controller, car, step)
+    ClosedLoop::at_start(controller, &parameters, effects, step).unwrap()
 }
 
 fn drive(route: Route, car: &str, effects: &Effects) -> Drive {
@@ -85,7 +82,7 @@ fn closed_roads_are_driven_for_a_lap() {
     let drive = drive(Route::HairpinCircuit, "c_class", &Effects::default());
     assert!(drive.finished);
     let length = course(Route::HairpinCircuit).length();
-    let speed = column(&drive, "vx").iter().sum::<f64>() * 0.02;
+    let speed = drive.column("vx").iter().sum::<f64>() * 0.02;
     assert!((speed - length).abs() < 0.01 * length, "{speed} m driven on a lap of {length} m");
 }
 
@@ -100,7 +97,7 @@ fn it_starts_from_standstill_and_beside_the_path() {
     let (sin, cos) = start.yaw.sin_cos();
     car.place(start.x - 3.0 * sin, start.y + 3.0 * cos, start.yaw + 0.35, 0.0);
     let drive = ClosedLoop::new(controller, car, 0.02).drive(20.0, |_| ()).unwrap();
-    let error = column(&drive, "e1");
+    let error = drive.column("e1");
     assert!((error[0] - 3.0).abs() < 0.05, "{}", error[0]);
     assert!(error.iter().all(|e1| (-0.1..3.2).contains(e1)), "it comes back without crossing the path");
     assert!(error[error.len() - 100..].iter().all(|e1| e1.abs() < 0.1), "it is on the path in the end");
@@ -118,11 +115,6 @@ fn the_communication_step_hardly_matters() {
         let other = &fine.rows[4 * k];
         assert!((row[3] - other[3]).abs() < 1e-6 && (row[4] - other[4]).abs() < 1e-6, "at {} s", row[0]);
     }
-}
-
-fn column(drive: &Drive, name: &str) -> Vec<f64> {
-    let index = COLUMNS.iter().position(|signal| signal.name == name).unwrap();
-    drive.rows.iter().map(|row| row[index]).collect()
 }
 
 struct Silent;
@@ -196,10 +188,8 @@ fn the_fmi_units_drive_as_the_native_loop_bit_for_bit() {
     let path = Arc::new(Path::read(&file).unwrap());
     let parameters = builtin("bmw_320i").unwrap();
     let controller = Controller::new(ControllerParameters::for_car(&parameters), path.clone()).unwrap();
-    let mut car = Car::new(&parameters, &Effects::default(), Some(path.clone())).unwrap();
-    let start = path.at(0.0);
-    car.place(start.x, start.y, start.yaw, controller.speed_plan().speed(0.0));
-    let native = ClosedLoop::new(controller, car, 0.02).drive(20.0, |_| ()).unwrap();
+    let mut closed = ClosedLoop::at_start(controller, &parameters, &Effects::default(), 0.02).unwrap();
+    let native = closed.drive(20.0, |_| ()).unwrap();
     let units = drive_units(file.to_str().unwrap(), "bmw_320i", 1000);
     assert_eq!(native.rows.len(), units.len());
     for (row, other) in native.rows.iter().zip(&units) {

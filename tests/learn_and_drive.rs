@@ -5,7 +5,7 @@ use rfl_mpc::path::sudoku::Route;
 use rfl_mpc::path::{Closure, Path};
 use rfl_mpc::residual::{DataConfig, DataSet, Drive as Log, Kind, ResidualModel, TrainConfig, train};
 use rfl_mpc::simulate::{ClosedLoop, Drive};
-use rfl_mpc::vehicle::{Car, Effects, builtin};
+use rfl_mpc::vehicle::{Effects, builtin};
 use std::sync::Arc;
 
 /// A steering actuator slower than the controller thinks.
@@ -16,10 +16,8 @@ fn slow() -> Effects {
 fn drive(route: Route, parameters: ControllerParameters, residual: Option<Residual>) -> Drive {
     let path = Arc::new(Path::from_samples(route.samples(), Closure::Detect).unwrap());
     let controller = Controller::with_residual(parameters, path.clone(), residual).unwrap();
-    let mut car = Car::new(&builtin("c_class").unwrap(), &slow(), Some(path.clone())).unwrap();
-    let start = path.at(0.0);
-    car.place(start.x, start.y, start.yaw, controller.speed_plan().speed(0.0));
-    ClosedLoop::new(controller, car, 0.02).drive(400.0, |_| ()).unwrap()
+    let car = builtin("c_class").unwrap();
+    ClosedLoop::at_start(controller, &car, &slow(), 0.02).unwrap().drive(400.0, |_| ()).unwrap()
 }
 
 fn parameters() -> ControllerParameters {
@@ -27,21 +25,17 @@ fn parameters() -> ControllerParameters {
 }
 
 fn as_log(drive: &Drive) -> Log {
-    let column = |name: &str| {
-        let index = rfl_mpc::simulate::COLUMNS.iter().position(|signal| signal.name == name).unwrap();
-        drive.rows.iter().map(|row| row[index]).collect()
-    };
     Log {
         name: "collected".to_string(),
-        time: column("time"),
-        steer_cmd: column("steer_cmd"),
-        e1: column("e1"),
-        e1_rate: column("e1_rate"),
-        e2: column("e2"),
-        e2_rate: column("e2_rate"),
-        vx: column("vx"),
-        curvature: column("curvature"),
-        curvature_rate: column("curvature_rate"),
+        time: drive.column("time"),
+        steer_cmd: drive.column("steer_cmd"),
+        e1: drive.column("e1"),
+        e1_rate: drive.column("e1_rate"),
+        e2: drive.column("e2"),
+        e2_rate: drive.column("e2_rate"),
+        vx: drive.column("vx"),
+        curvature: drive.column("curvature"),
+        curvature_rate: drive.column("curvature_rate"),
     }
 }
 

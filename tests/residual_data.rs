@@ -14,20 +14,6 @@ fn made(drive: &Drive) -> Result<DataSet, DataError> {
     DataSet::new(std::slice::from_ref(drive), &car(), CONFIG)
 }
 
-fn columns(drive: &mut Drive) -> [&mut Vec<f64>; 9] {
-    [
-        &mut drive.time,
-        &mut drive.steer_cmd,
-        &mut drive.e1,
-        &mut drive.e1_rate,
-        &mut drive.e2,
-        &mut drive.e2_rate,
-        &mut drive.vx,
-        &mut drive.curvature,
-        &mut drive.curvature_rate,
-    ]
-}
-
 #[test]
 fn labels_are_what_the_nominal_model_missed() {
     let log = lagging();
@@ -60,7 +46,7 @@ fn an_exact_car_on_a_clothoid_leaves_only_what_the_held_disturbance_misses() {
         let command = 0.02 * residual_plant::normal(&mut random);
         let slope = 1e-4;
         let rows = [k as f64 * 0.02, command, x[0], x[1], x[2], x[3], v, slope * s, slope];
-        columns(&mut log).into_iter().zip(rows).for_each(|(column, value)| column.push(value));
+        log.columns_mut().into_iter().zip(rows).for_each(|(column, value)| column.push(value));
         // The car itself, in 200 fine steps with the disturbance of the moment and the model of the step's start.
         let fine = ContinuousErrorModel::new(&car(), v).unwrap().discretise(1e-4);
         for _ in 0..200 {
@@ -141,7 +127,7 @@ fn faster_logs_are_thinned_at_the_controllers_steps() {
         let (k, part) = (i / 5, (i % 5) as f64 / 5.0);
         let next = (k + 1).min(599);
         let mut slow = slow.clone();
-        for (c, (from, to)) in columns(&mut slow).into_iter().zip(columns(&mut fast)).enumerate() {
+        for (c, (from, to)) in slow.columns_mut().into_iter().zip(fast.columns_mut()).enumerate() {
             // Commands are held, the rest moves on.
             let value = if c == 1 { from[k] } else { from[k] + part * (from[next] - from[k]) };
             to.push(if c == 0 { i as f64 * 0.004 } else { value });

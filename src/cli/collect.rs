@@ -3,7 +3,7 @@
 use super::drive::Setup;
 use super::progress_bar;
 use crate::path::sudoku::Route;
-use crate::simulate::ClosedLoop;
+use crate::simulate::STATION;
 use clap::Args;
 use std::error::Error;
 use std::path::PathBuf;
@@ -64,10 +64,9 @@ pub fn run(args: &CollectArgs) -> Result<(), Box<dyn Error>> {
         setup.controller.mpc.dither = args.dither;
         setup.controller.mpc.dither_seed = args.seed + run;
         let sample_time = setup.controller.mpc.sample_time;
-        let (controller, car) = setup.build(None)?;
-        let bar = progress_bar("collecting", controller.path().length(), args.quiet);
-        let mut closed = ClosedLoop::new(controller, car, sample_time);
-        let drive = closed.drive(1800.0, |row| bar.set_position(row[17].max(0.0) as u64))?;
+        let bar = progress_bar("collecting", setup.path.length(), args.quiet);
+        let mut closed = setup.connect(None, sample_time)?;
+        let drive = closed.drive(1800.0, |row| bar.set_position(row[STATION].max(0.0) as u64))?;
         bar.finish_and_clear();
         let file = args.out.join(format!("drive_{}.csv", run + 1));
         drive.write_csv(
@@ -77,7 +76,7 @@ pub fn run(args: &CollectArgs) -> Result<(), Box<dyn Error>> {
         println!(
             "{}: {:.0} s, lateral error mean {:.4} m, max {:.4} m{}",
             file.display(),
-            drive.rows.last().map_or(0.0, |row| row[0]),
+            drive.duration(),
             tracking.mae,
             tracking.max,
             if drive.finished { "" } else { "; the road's end was NOT reached" }

@@ -6,8 +6,8 @@ use crate::parameter::ParameterGroup;
 use crate::path::sudoku::Route;
 use crate::path::{Options, Path, RoadClass, to_csv};
 use crate::residual::ResidualModel;
-use crate::simulate::{ClosedLoop, Drive};
-use crate::vehicle::{BUILTIN, Car, CarParameters, Effects, builtin};
+use crate::simulate::{ClosedLoop, Drive, STATION};
+use crate::vehicle::{BUILTIN, CarParameters, Effects, builtin};
 use clap::Args;
 use serde_json::json;
 use std::error::Error;
@@ -93,13 +93,10 @@ impl Setup {
         Ok(setup)
     }
 
-    /// The controller, and the car where the road begins, as fast as is planned there.
-    pub fn build(self, residual: Option<Residual>) -> Result<(Controller, Car), Box<dyn Error>> {
-        let controller = Controller::with_residual(self.controller, self.path.clone(), residual)?;
-        let mut car = Car::new(&self.car, &self.effects, Some(self.path.clone()))?;
-        let start = self.path.at(0.0);
-        car.place(start.x, start.y, start.yaw, controller.speed_plan().speed(0.0));
-        Ok((controller, car))
+    /// Connects controller and car at the road's beginning, with a communication step in s.
+    pub fn connect(self, residual: Option<Residual>, step: f64) -> Result<ClosedLoop, Box<dyn Error>> {
+        let controller = Controller::with_residual(self.controller, self.path, residual)?;
+        Ok(ClosedLoop::at_start(controller, &self.car, &self.effects, step)?)
     }
 
     fn apply(&mut self, text: &str) -> Result<(), Box<dyn Error>> {
@@ -162,12 +159,11 @@ pub fn run(args: &DriveArgs) -> Result<(), Box<dyn Error>> {
         None => None,
     };
     let sample_time = setup.controller.mpc.sample_time;
-    let (controller, car) = setup.build(residual)?;
-    let bar = progress_bar("driving", controller.path().length(), args.quiet);
-    let mut closed = ClosedLoop::new(controller, car, args.step);
+    let bar = progress_bar("driving", setup.path.length(), args.quiet);
+    let mut closed = setup.connect(residual, args.step)?;
     let begin = std::time::Instant::now();
     let drive = closed.drive(args.duration, |row| {
-        bar.set_position(row[17].max(0.0) as u64);
+        bar.set_position(row[STATION].max(0.0) as u64);
     })?;
     let wall = begin.elapsed().as_secs_f64();
     bar.finish_and_clear();
@@ -182,7 +178,7 @@ pub fn run(args: &DriveArgs) -> Result<(), Box<dyn Error>> {
 
 fn report(drive: &Drive, sample_time: f64, wall: f64, args: &DriveArgs) -> Result<(), Box<dyn Error>> {
     let (all, times) = (drive.tracking(), drive.times(sample_time));
-    let driven = drive.rows.last().map_or(0.0, |row| row[0]);
+    let driven = drive.duration();
     println!("{:<16} {:>9} {:>9} {:>9} {:>8}", "lateral error", "mean m", "RMS m", "max m", "share %");
     let line = |name: &str, metrics: &crate::simulate::TrackingMetrics| {
         let share = 100.0 * metrics.count as f64 / all.count.max(1) as f64;

@@ -81,18 +81,7 @@ fn read_log(file: &Path) -> Result<Drive, Box<dyn Error>> {
                 })?
             };
         }
-        let columns = [
-            &mut drive.time,
-            &mut drive.steer_cmd,
-            &mut drive.e1,
-            &mut drive.e1_rate,
-            &mut drive.e2,
-            &mut drive.e2_rate,
-            &mut drive.vx,
-            &mut drive.curvature,
-            &mut drive.curvature_rate,
-        ];
-        columns.into_iter().zip(row).for_each(|(column, value)| column.push(value));
+        drive.columns_mut().into_iter().zip(row).for_each(|(column, value)| column.push(value));
     }
     Ok(drive)
 }

@@ -308,7 +308,7 @@ impl Model for PassengerCar {
         match (&mut self.car, bytes.split_first()) {
             (None, None) => Ok(()),
             (Some(car), Some((&status, state))) => {
-                let status = CarStatus::ALL.get(usize::from(status)).copied().ok_or_else(|| {
+                let status = CarStatus::from_number(i32::from(status)).ok_or_else(|| {
                     ModelError::Failed(format!("a saved car cannot have status {status}; the state is of another FMU"))
                 })?;
                 car.restore(state).map_err(failed)?;

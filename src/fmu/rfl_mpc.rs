@@ -275,12 +275,11 @@ impl Model for RflMpc {
         let residual = match values.string(v.residual_file) {
             "" => None,
             file => {
-                let of =
-                    |items: usize, vr: Vr| usize::try_from(values.integer(vr)).unwrap_or(0).min(items - 1);
                 Some(Residual {
                     model: Arc::new(ResidualModel::read(&context.locate(file)).map_err(failed)?),
-                    propagation: Propagation::ALL[of(Propagation::ALL.len(), v.propagation)],
-                    roll_out: RollOut::ALL[of(RollOut::ALL.len(), v.roll_out)],
+                    // The FMI layer admits no other numbers than the declared ones.
+                    propagation: Propagation::from_number(values.integer(v.propagation)).unwrap_or_default(),
+                    roll_out: RollOut::from_number(values.integer(v.roll_out)).unwrap_or_default(),
                 })
             }
         };

@@ -61,6 +61,21 @@ impl Drive {
         ]
     }
 
+    /// The columns, in the order of [`columns`](Self::columns), to be filled.
+    pub fn columns_mut(&mut self) -> [&mut Vec<f64>; 9] {
+        [
+            &mut self.time,
+            &mut self.steer_cmd,
+            &mut self.e1,
+            &mut self.e1_rate,
+            &mut self.e2,
+            &mut self.e2_rate,
+            &mut self.vx,
+            &mut self.curvature,
+            &mut self.curvature_rate,
+        ]
+    }
+
     pub(super) fn row(&self, i: usize) -> Row {
         Row {
             command: self.steer_cmd[i],

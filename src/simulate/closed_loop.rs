@@ -8,7 +8,8 @@ use super::metrics::{TimeMetrics, TrackingMetrics};
 use crate::control::{Controller, Measurement, Sampler, StepError};
 use crate::path::RoadClass;
 use crate::signal::{self, Signal};
-use crate::vehicle::{Car, CarInput};
+use crate::vehicle::car::CarError;
+use crate::vehicle::{Car, CarInput, CarParameters, Effects};
 use std::io::Write;
 
 /// Columns of a drive log of the closed loop, in order.
@@ -34,6 +35,12 @@ pub const COLUMNS: [Signal; 20] = [
     signal::CURVATURE,
     signal::CURVATURE_RATE,
 ];
+
+/// Places of columns that are asked for at each step.
+const TIME: usize = 0;
+const E1: usize = 13;
+/// Place of the station in a [`Row`].
+pub const STATION: usize = 17;
 
 /// One communication point: the car as it is there, and what the controller decided on it.
 pub type Row = [f64; COLUMNS.len()];
@@ -62,6 +69,24 @@ impl ClosedLoop {
     #[must_use]
     pub fn new(controller: Controller, car: Car, step: f64) -> Self {
         Self { controller, car, sampler: Sampler::new(0.0), step, count: 0 }
+    }
+
+    /// Connects a controller with a car that stands where the controller's path begins, as fast as is planned there,
+    /// on the road that the path describes.
+    ///
+    /// # Errors
+    /// Parameters or effects of the car out of range.
+    pub fn at_start(
+        controller: Controller,
+        car: &CarParameters,
+        effects: &Effects,
+        step: f64,
+    ) -> Result<Self, CarError> {
+        let path = controller.path();
+        let mut car = Car::new(car, effects, Some(path.clone()))?;
+        let start = path.at(0.0);
+        car.place(start.x, start.y, start.yaw, controller.speed_plan().speed(0.0));
+        Ok(Self::new(controller, car, step))
     }
 
     /// The controller.
@@ -135,7 +160,7 @@ impl ClosedLoop {
         let steps = (duration / self.step).round().max(0.0) as u64;
         for _ in 0..steps {
             let (row, computed) = self.advance()?;
-            drive.classes.push(self.controller.path().at(row[17]).class);
+            drive.classes.push(self.controller.path().at(row[STATION]).class);
             drive.rows.push(row);
             drive.step_times.extend(computed);
             progress(&row);
@@ -162,6 +187,21 @@ pub struct Drive {
 }
 
 impl Drive {
+    /// A column of the log; empty if it has none of that name.
+    #[must_use]
+    pub fn column(&self, name: &str) -> Vec<f64> {
+        match COLUMNS.iter().position(|signal| signal.name == name) {
+            Some(place) => self.rows.iter().map(|row| row[place]).collect(),
+            None => Vec::new(),
+        }
+    }
+
+    /// Time of the last row, s; 0 for an empty drive.
+    #[must_use]
+    pub fn duration(&self) -> f64 {
+        self.rows.last().map_or(0.0, |row| row[TIME])
+    }
+
     /// Lateral tracking error over the whole drive.
     #[must_use]
     pub fn tracking(&self) -> TrackingMetrics {
@@ -177,7 +217,7 @@ impl Drive {
     }
 
     fn lateral_errors(&self) -> impl Iterator<Item = (f64, Option<RoadClass>)> {
-        self.rows.iter().zip(&self.classes).map(|(row, class)| (row[13], *class))
+        self.rows.iter().zip(&self.classes).map(|(row, class)| (row[E1], *class))
     }
 
     /// Wall-clock times of the control steps.
@@ -198,5 +238,16 @@ impl Drive {
         }
         csv.flush()?;
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_are_those_of_their_columns() {
+        let names = [TIME, E1, STATION].map(|place| COLUMNS[place].name);
+        assert_eq!(names, ["time", "e1", "station"]);
     }
 }

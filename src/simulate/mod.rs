@@ -8,5 +8,5 @@
 mod closed_loop;
 mod metrics;
 
-pub use closed_loop::{COLUMNS, ClosedLoop, Drive, DriveError, Row};
+pub use closed_loop::{COLUMNS, ClosedLoop, Drive, DriveError, Row, STATION};
 pub use metrics::{TimeMetrics, TrackingMetrics};
