@@ -4,12 +4,14 @@
 //! goes on; when that is used up, steering is held and the vehicle brakes.
 
 use super::history::History;
-use super::lateral::{LateralError, LateralInput, LateralMpc, Residual, SpeedAhead};
+use super::lateral::{LateralError, LateralInput, LateralMpc};
 use super::observer::Observer;
 use super::parameters::ControllerParameters;
+use super::preview::SpeedAhead;
 use super::speed::track_speed;
 use super::status::ControlStatus;
 use super::tracking_qp::{QpEnd, QpError, QpReport, TrackingQp};
+use super::variant::PredictionModel;
 use crate::nominal::ErrorState;
 use crate::parameter::{OutOfRange, ParameterGroup};
 use crate::path::{Path, SpeedLimits, SpeedPlan};
@@ -129,17 +131,17 @@ impl Controller {
     /// # Errors
     /// A parameter out of range.
     pub fn new(parameters: ControllerParameters, path: Arc<Path>) -> Result<Self, ControllerError> {
-        Self::with_residual(parameters, path, None)
+        Self::predicting_with(parameters, path, PredictionModel::Nominal)
     }
 
-    /// Sets a controller up that predicts with a learned residual.
+    /// Sets a controller up that predicts with a model of choice.
     ///
     /// # Errors
     /// A parameter out of range; a residual that was learned for another vehicle or sample time.
-    pub fn with_residual(
+    pub fn predicting_with(
         parameters: ControllerParameters,
         path: Arc<Path>,
-        residual: Option<Residual>,
+        model: PredictionModel,
     ) -> Result<Self, ControllerError> {
         parameters.vehicle.check()?;
         parameters.mpc.check()?;
@@ -152,7 +154,7 @@ impl Controller {
             speed: speed.limit,
         };
         let plan = SpeedPlan::between(&path, &limits, None, true);
-        let lateral = LateralMpc::new(parameters.vehicle.single_track(), parameters.mpc, residual)?;
+        let lateral = LateralMpc::new(parameters.vehicle.single_track(), parameters.mpc, model)?;
         let state = ControllerState {
             steer_cmd: None,
             plan: vec![0.0; parameters.mpc.horizon],

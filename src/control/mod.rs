@@ -8,7 +8,9 @@
 //! | `history.rs` | the window of states and commands that a learned residual looks at |
 //! | `observer.rs` | offset-free tracking: what the prediction misses on average |
 //! | `clarabel_solver.rs` | its solution by an interior-point method, updated in place |
-//! | `lateral.rs` | the MPC: model at the current speed, curvature ahead, cost, bounds |
+//! | `preview.rs` | the road over the horizon |
+//! | `lateral.rs` | the MPC: road ahead, cost, bounds |
+//! | `variant/` | what it predicts with: nominal, learned residual, known actuator |
 //! | `speed.rs` | speed tracking |
 //! | `controller.rs` | one step from measurement to commands; fallback |
 //! | `sampler.rs` | when a step is due |
@@ -21,19 +23,23 @@ mod history;
 mod lateral;
 mod observer;
 mod parameters;
+mod preview;
 mod sampler;
 mod speed;
 mod status;
 mod tracking_qp;
+mod variant;
 
 pub use clarabel_solver::{BuildError, ClarabelSolver};
 pub use condense::{Affine, Linear, Propagation, condense};
 pub use controller::{Controller, ControllerError, ControllerState, Measurement, StepError, StepReport};
 pub use history::History;
-pub use lateral::{LateralError, LateralInput, LateralMpc, Residual, RollOut, SpeedAhead};
+pub use lateral::{LateralError, LateralInput, LateralMpc};
 pub use observer::Observer;
 pub use parameters::{ControllerParameters, MpcParameters, NominalVehicle, SHOWN_HORIZON, SpeedParameters};
+pub use preview::SpeedAhead;
 pub use sampler::Sampler;
 pub use speed::{SpeedCommand, track_speed};
 pub use status::ControlStatus;
 pub use tracking_qp::{QpEnd, QpError, QpReport, QpShape, QpSolver, SoftBound, TrackingQp};
+pub use variant::{PredictionModel, Residual, RollOut, Timing};

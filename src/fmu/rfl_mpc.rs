@@ -283,7 +283,8 @@ impl Model for RflMpc {
                 })
             }
         };
-        let controller = Controller::with_residual(parameters, Arc::new(path), residual).map_err(failed)?;
+        let controller =
+            Controller::predicting_with(parameters, Arc::new(path), residual.into()).map_err(failed)?;
 
         let path = controller.path();
         values.set_real(v.path_length, path.length());
