@@ -12,8 +12,9 @@
 //!
 //! Source of the residual's part: Zhao et al., ITSC 2024, Algorithm 1.
 
-use super::clarabel_solver::{BuildError, ClarabelSolver};
+use super::clarabel_solver::BuildError;
 use super::condense::{Affine, Linear, Propagation, condense};
+use super::fast_solver::build_solver;
 use super::history::History;
 use super::parameters::MpcParameters;
 use super::tracking_qp::{QpError, QpReport, QpShape, QpSolver, SoftBound, TrackingQp};
@@ -193,12 +194,12 @@ impl LateralMpc {
         if let Some(learned) = &learned {
             affine = Affine::new(p.horizon, learned.window());
         }
-        let solver = ClarabelSolver::new(&problem, p.max_iterations as u32)?;
+        let solver = build_solver(p.solver, &problem, p.max_iterations as u32)?;
         Ok(Self {
             vehicle,
             tracked,
             problem,
-            solver: Box::new(solver),
+            solver,
             preview: Preview::new(p.horizon),
             learned,
             affine,

@@ -5,18 +5,25 @@
 //! | `parameters.rs` | every weight, bound and gain, declared once |
 //! | `tracking_qp.rs` | the quadratic program of one step, and what a solver is |
 //! | `condense.rs` | from an affine model over the horizon to that program |
+//! | `condensed_cost.rs` | that program's cost over the inputs alone |
+//! | `active_set.rs`, `cholesky.rs` | its solution by a dual active-set method: fast where few bounds are active |
+//! | `clarabel_solver.rs` | its solution by an interior-point method, updated in place: always works |
+//! | `fast_solver.rs` | the first, and where it fails the second |
 //! | `history.rs` | the window of states and commands that a learned residual looks at |
 //! | `observer.rs` | offset-free tracking: what the prediction misses on average |
-//! | `clarabel_solver.rs` | its solution by an interior-point method, updated in place |
 //! | `lateral.rs` | the MPC: model at the current speed, curvature ahead, cost, bounds |
 //! | `speed.rs` | speed tracking |
 //! | `controller.rs` | one step from measurement to commands; fallback |
 //! | `sampler.rs` | when a step is due |
 //! | `status.rs` | what a step did, in words |
 
+mod active_set;
+mod cholesky;
 mod clarabel_solver;
 mod condense;
+mod condensed_cost;
 mod controller;
+mod fast_solver;
 mod history;
 mod lateral;
 mod observer;
@@ -26,9 +33,11 @@ mod speed;
 mod status;
 mod tracking_qp;
 
+pub use active_set::ActiveSetSolver;
 pub use clarabel_solver::{BuildError, ClarabelSolver};
 pub use condense::{Affine, Linear, Propagation, condense};
 pub use controller::{Controller, ControllerError, ControllerState, Measurement, StepError, StepReport};
+pub use fast_solver::{FastSolver, build_solver};
 pub use history::History;
 pub use lateral::{LateralError, LateralInput, LateralMpc, Residual, RollOut, SpeedAhead};
 pub use observer::Observer;
