@@ -493,7 +493,7 @@ impl ActiveSetSolver {
         self.gram.solve_lower(&mut self.solved[..size], 0);
         let diagonal = member.row.dot(problem, self.column(member.slot)) + member.compliance(shape);
         let pivot = diagonal - dot(&self.solved[..size], &self.solved[..size]);
-        if !(pivot > DEPENDENT * diagonal) {
+        if pivot.is_nan() || pivot <= DEPENDENT * diagonal {
             return Err(self.numerical());
         }
         self.gram.append(&self.solved[..size], pivot);
@@ -567,15 +567,17 @@ impl ActiveSetSolver {
         }
     }
 
-    /// Cost at the solution, with that of the slacks.
+    /// Cost at the solution, with that of the slacks: what the outputs exceed, for a multiplier is a small difference
+    /// from the linear penalty there.
     fn objective(&self, problem: &TrackingQp) -> f64 {
         let shape = &problem.shape;
         let slack: f64 = self
             .working
             .iter()
+            .filter(|member| member.yields)
             .filter_map(|member| {
                 let (linear, compliance) = member.row.penalty(shape)?;
-                let slack = member.slack(shape);
+                let slack = member.row.excess(problem, &self.inputs, &self.outputs);
                 Some(slack * (linear + 0.5 * slack / compliance))
             })
             .sum();

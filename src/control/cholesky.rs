@@ -76,7 +76,7 @@ impl Cholesky {
             let diagonal = row[i];
             let pivot = diagonal - dot(&row[..i], row);
             // A pivot below rounding's share of the diagonal has no correct digit; NaN fails, too.
-            if !(pivot > 1e-14 * diagonal) {
+            if pivot.is_nan() || pivot <= 1e-14 * diagonal {
                 return false;
             }
             row[i] = pivot.sqrt();
@@ -181,7 +181,7 @@ mod tests {
         let a = example(n);
         let mut factor = Cholesky::with_capacity(n);
         let mut kept: Vec<usize> = Vec::new();
-        let mut enter = |factor: &mut Cholesky, kept: &mut Vec<usize>, i: usize| {
+        let enter = |factor: &mut Cholesky, kept: &mut Vec<usize>, i: usize| {
             let mut row: Vec<f64> = kept.iter().map(|&j| a[(i, j)]).collect();
             factor.solve_lower(&mut row, 0);
             factor.append(&row, a[(i, i)] - dot(&row, &row));
