@@ -6,7 +6,7 @@
 //! | `tracking_qp.rs` | the quadratic program of one step, and what a solver is |
 //! | `condense.rs` | from an affine model over the horizon to that program |
 //! | `condensed_cost.rs` | that program's cost over the inputs alone |
-//! | `active_set.rs`, `cholesky.rs` | its solution by a dual active-set method: fast where few bounds are active |
+//! | `active_set/`, `cholesky.rs` | its solution by a dual active-set method: fast where few bounds are active |
 //! | `clarabel_solver.rs` | its solution by an interior-point method, updated in place: always works |
 //! | `fast_solver.rs` | the first, and where it fails the second |
 //! | `history.rs` | the window of states and commands that a learned residual looks at |

@@ -37,9 +37,12 @@
 //! begins from nothing, so that its bits depend on the problem alone. The time of an iteration is `O(n^2)` for `n`
 //! inputs over the horizon.
 
+mod rows;
+
 use super::cholesky::{Cholesky, add, begin, dot};
 use super::condensed_cost::condense_cost;
 use super::tracking_qp::{QpEnd, QpError, QpReport, QpShape, QpSolver, TrackingQp};
+use rows::{Family, Member, Row, input_width, soft_width};
 use std::time::Instant;
 
 /// Violation that is none, in widths of the input's or output's range.
@@ -52,34 +55,6 @@ const STATIONARY: f64 = 1e-11;
 const DEPENDENT: f64 = 1e-12;
 /// Refinements of a solution before it is given up.
 const REFINEMENTS: u32 = 3;
-
-/// A family of rows; each row has an upper side (sign +1) and a lower one (sign -1).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Family {
-    Rate,
-    Bound,
-    Soft,
-}
-
-/// One side of one row.
-#[derive(Debug, Clone, Copy)]
-struct Row {
-    family: Family,
-    /// Column of the input, or number of the soft row, `step * soft bounds + bound`.
-    index: usize,
-    sign: f64,
-}
-
-/// A row of the working set.
-#[derive(Debug, Clone, Copy)]
-struct Member {
-    row: Row,
-    /// Where its column `H^-1 a` stands.
-    slot: usize,
-    multiplier: f64,
-    /// Whether it is soft and exceeded.
-    yields: bool,
-}
 
 /// What ends a step along a multiplier.
 #[derive(Debug, Clone, Copy)]
@@ -140,17 +115,6 @@ impl Watch {
     }
 }
 
-/// Width of the range of an input, the measure for what violates its bounds.
-fn input_width(shape: &QpShape, i: usize) -> f64 {
-    shape.input_max[i] - shape.input_min[i]
-}
-
-/// Width of the range of a softly bounded output.
-fn soft_width(shape: &QpShape, bound: usize) -> f64 {
-    let width = shape.soft[bound].max - shape.soft[bound].min;
-    if width > 0.0 { width } else { 1.0 }
-}
-
 /// Whether the method can serve a shape: it measures by the widths of ranges and divides by quadratic penalties.
 fn is_usable(shape: &QpShape) -> bool {
     let finite = |x: f64| x.is_finite();
@@ -162,131 +126,6 @@ fn is_usable(shape: &QpShape) -> bool {
                 && finite(soft.quadratic)
                 && soft.quadratic > 0.0
         })
-}
-
-impl Row {
-    /// Place among all rows.
-    fn place(&self, inputs: usize) -> usize {
-        self.index
-            + match self.family {
-                Family::Rate => 0,
-                Family::Bound => inputs,
-                Family::Soft => 2 * inputs,
-            }
-    }
-
-    /// Step and number of the bound of a soft row.
-    fn soft(&self, shape: &QpShape) -> (usize, usize) {
-        (self.index / shape.soft.len(), self.index % shape.soft.len())
-    }
-
-    /// Row of the gain of a soft row, as far as it reaches.
-    fn gain<'a>(&self, problem: &'a TrackingQp) -> &'a [f64] {
-        let shape = &problem.shape;
-        let (step, bound) = self.soft(shape);
-        let row = step * shape.outputs + shape.soft[bound].output;
-        &problem.gain[row * problem.columns()..][..(step + 1) * shape.inputs]
-    }
-
-    /// `a'x`.
-    fn dot(&self, problem: &TrackingQp, x: &[f64]) -> f64 {
-        let value = match self.family {
-            Family::Rate => {
-                let before = self.index.checked_sub(problem.shape.inputs).map_or(0.0, |before| x[before]);
-                x[self.index] - before
-            }
-            Family::Bound => x[self.index],
-            Family::Soft => dot(self.gain(problem), x),
-        };
-        self.sign * value
-    }
-
-    /// `y += factor a`.
-    fn add(&self, problem: &TrackingQp, factor: f64, y: &mut [f64]) {
-        let factor = factor * self.sign;
-        match self.family {
-            Family::Soft => add(y, factor, self.gain(problem)),
-            Family::Bound => y[self.index] += factor,
-            Family::Rate => {
-                y[self.index] += factor;
-                if let Some(before) = self.index.checked_sub(problem.shape.inputs) {
-                    y[before] -= factor;
-                }
-            }
-        }
-    }
-
-    /// Entries of `a` before the first that is not zero.
-    fn zeros(&self, shape: &QpShape) -> usize {
-        match self.family {
-            Family::Rate => self.index.saturating_sub(shape.inputs),
-            Family::Bound => self.index,
-            Family::Soft => 0,
-        }
-    }
-
-    /// `a'U - b`.
-    fn excess(&self, problem: &TrackingQp, inputs: &[f64], outputs: &[f64]) -> f64 {
-        let shape = &problem.shape;
-        let sided = |value: f64, min: f64, max: f64| if self.sign > 0.0 { value - max } else { min - value };
-        match self.family {
-            Family::Rate => {
-                let i = self.index % shape.inputs;
-                let before =
-                    self.index.checked_sub(shape.inputs).map_or(problem.previous[i], |before| inputs[before]);
-                sided(inputs[self.index] - before, -shape.rate_max[i], shape.rate_max[i])
-            }
-            Family::Bound => {
-                let i = self.index % shape.inputs;
-                sided(inputs[self.index], shape.input_min[i], shape.input_max[i])
-            }
-            Family::Soft => {
-                let (step, bound) = self.soft(shape);
-                let soft = &shape.soft[bound];
-                sided(outputs[step * shape.outputs + soft.output], soft.min, soft.max)
-            }
-        }
-    }
-
-    /// The measure for its excess.
-    fn width(&self, shape: &QpShape) -> f64 {
-        match self.family {
-            Family::Rate | Family::Bound => input_width(shape, self.index % shape.inputs),
-            Family::Soft => soft_width(shape, self.soft(shape).1),
-        }
-    }
-
-    /// Linear penalty and compliance `1/q` of a soft row.
-    fn penalty(&self, shape: &QpShape) -> Option<(f64, f64)> {
-        (self.family == Family::Soft).then(|| {
-            let soft = &shape.soft[self.soft(shape).1];
-            (soft.linear, 1.0 / soft.quadratic)
-        })
-    }
-}
-
-impl Member {
-    /// Its entry of `C`.
-    fn compliance(&self, shape: &QpShape) -> f64 {
-        self.row.penalty(shape).filter(|_| self.yields).map_or(0.0, |(_, compliance)| compliance)
-    }
-
-    /// Its slack as its multiplier says.
-    fn slack(&self, shape: &QpShape) -> f64 {
-        self.row
-            .penalty(shape)
-            .filter(|_| self.yields)
-            .map_or(0.0, |(linear, compliance)| (self.multiplier - linear) * compliance)
-    }
-
-    /// How far its multiplier is from where its state has it.
-    fn dual_violation(&self, shape: &QpShape) -> f64 {
-        match (self.row.penalty(shape), self.yields) {
-            (Some((linear, _)), true) => linear - self.multiplier,
-            (Some((linear, _)), false) => (-self.multiplier).max(self.multiplier - linear),
-            (None, _) => -self.multiplier,
-        }
-    }
 }
 
 impl ActiveSetSolver {
