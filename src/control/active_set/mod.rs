@@ -33,7 +33,7 @@
 //! working set comes twice; an iteration bound guards against rounding.
 //!
 //! An answer is accepted only if its KKT residuals are small, computed afresh from `G`, not from what the method
-//! accumulated; if they are not, one or two steps of refinement on the KKT system may make them so. Each solve
+//! accumulated; if they are not, a few steps of refinement on the KKT system may make them so. Each solve
 //! begins from nothing, so that its bits depend on the problem alone. The time of an iteration is `O(n^2)` for `n`
 //! inputs over the horizon.
 
