@@ -38,7 +38,7 @@ pub struct CollectArgs {
     #[arg(long, default_value_t = 3)]
     runs: usize,
     /// Amplitude of the dither in rad
-    #[arg(long, default_value_t = 0.005)]
+    #[arg(long, default_value_t = 0.01)]
     dither: f64,
     /// Seed of the first drive's dither
     #[arg(long, default_value_t = 1)]

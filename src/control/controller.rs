@@ -100,8 +100,9 @@ pub struct ControllerState {
     last: StepReport,
 }
 
-/// Steps for which a value of the dither is held: 0.1 s at Ts = 0.02 s, within the bandwidth of a steering actuator.
-const DITHER_HOLD: u64 = 5;
+/// Steps for which a value of the dither is held: 40 ms at Ts = 0.02 s. Held for 0.1 s it says nothing of commands above
+/// 5 Hz, and a model learned from it is wrong where a tight controller then acts.
+const DITHER_HOLD: u64 = 2;
 
 /// Lateral error beyond which something is wrong, and speed is the first thing to give up: a lane's width, m.
 const FAR_E1: f64 = 3.5;
