@@ -3,6 +3,7 @@
 
     scripts/foreign_vehicle                     all of it: drives, models, tables, plot; some minutes
     scripts/foreign_vehicle --quick             a short form
+    scripts/foreign_vehicle --drive road.csv --log drive.csv [--calm] [--set residual.file=model.rflm]      one drive
 
 Three steps, which are those for any vehicle of one's own (a simulator, a test car):
 
@@ -26,6 +27,7 @@ import time
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
@@ -37,7 +39,7 @@ VEHICLE = "bmw_320i"
 ACTUATORS = {"fast": Actuator(lag=0.01, delay=0), "slow": Actuator(lag=0.1, delay=3)}
 # Weights of a collecting controller, those of `rfl collect`: calm, for a model that has learned ringing rings.
 CALM = {"mpc.r_rate": 0.3, "mpc.q_e1_rate": 1.0, "mpc.q_e2": 2.0}
-DITHER = 0.005  # rad
+DITHER = {"mpc.dither": 0.005}  # rad
 KINDS = ("linear", "rfl", "rfl_s")
 # Gain of the disturbance observer where a row has one.
 OBSERVER = {"mpc.observer_gain": 0.05}
@@ -85,6 +87,9 @@ def drive(road: Path, actuator: Actuator, settings: dict[str, object], fmus: Pat
         controller.set("vehicle_file", VEHICLE)
         controller.set("path_file", str(Path(road).resolve()))
         for name, value in settings.items():
+            if name not in controller.variables:
+                near = get_close_matches(name, controller.names("parameter"), cutoff=0.5)
+                raise ValueError(f"no parameter '{name}'" + (f"; there is {', '.join(near)}" if near else ""))
             controller.set(name, value)
         controller.initialize()
         read, write = controller.reader([*ANSWERS, OUTSIDE, "finished"]), controller.writer(MEASURED)
@@ -130,7 +135,7 @@ def tracking(result: Drive) -> dict[str, float | bool]:
 def collect(job: tuple) -> Path:
     """A drive to learn from, written as a log."""
     road, actuator, seed, out, fmus = job
-    result = drive(road, actuator, CALM | {"mpc.dither": DITHER, "mpc.dither_seed": seed}, fmus)
+    result = drive(road, actuator, CALM | DITHER | {"mpc.dither_seed": seed}, fmus)
     if not result.finished:
         raise RuntimeError(f"the collecting drive did not reach the road's end: {'; '.join(result.messages)}")
     out.parent.mkdir(parents=True, exist_ok=True)
@@ -274,15 +279,28 @@ def plot(result: dict, out: Path, file: Path) -> None:
     plt.close(figure)
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=ROOT / "out" / "foreign_vehicle", help="folder for results")
-    parser.add_argument("--fmus", type=Path, default=FMUS, help="folder of the FMUs (default: %(default)s)")
-    parser.add_argument("--rfl", type=Path, default=ROOT / "target" / "release" / "rfl", help="the program")
-    parser.add_argument("--jobs", type=int, default=2, help="processes (default: %(default)s)")
-    parser.add_argument("--quick", action="store_true", help="shorter roads, one drive to learn from")
-    options = parser.parse_args()
+def drive_once(options: argparse.Namespace) -> None:
+    """One drive, written as a log."""
+    settings: dict[str, object] = CALM | DITHER if options.calm else {}
+    for text in options.set:
+        name, separator, value = text.partition("=")
+        if not separator:
+            raise ValueError(f"--set wants NAME=VALUE, not '{text}'")
+        settings[name] = str(Path(value).resolve()) if Path(value).is_file() else value
+    result = drive(options.drive, ACTUATORS[options.actuator], settings, options.fmus)
+    options.log.parent.mkdir(parents=True, exist_ok=True)
+    result.write_csv(options.log)
+    for message in result.messages:
+        print(message, file=sys.stderr)
+    figures = tracking(result)
+    print(
+        f"{options.log}: {result.columns['time'][-1]:.1f} s, lateral error: mean {figures['mae']:.4f} m, "
+        f"max {figures['max']:.4f} m{'' if result.finished else '; the road did NOT end'}"
+    )
 
+
+def run_study(options: argparse.Namespace) -> None:
+    """All drives, models, tables and the plot."""
     roads, out = ROOT / "paths", options.out
     length, drives = (800.0, 1) if options.quick else (2400.0, 2)
     begin = time.perf_counter()
@@ -294,25 +312,42 @@ def main() -> int:
         tests.append(Course("hairpin_circuit", circuit, {"speed.limit": 13.0}))
         # Up to 20 m/s, where the training road ends at 13.9: what a model is worth beyond what it has seen.
         tests.append(Course("hairpin_circuit_faster_than_trained", circuit))
-    try:
-        result = study(
-            ACTUATORS,
-            training,
-            tests,
-            out,
-            options.rfl,
-            drives=drives,
-            fmus=options.fmus,
-            jobs=options.jobs,
-            say=lambda text: print(text, file=sys.stderr, flush=True),
-        )
-    except (RuntimeError, ValueError, OSError) as error:
-        print(f"foreign_vehicle: {error}", file=sys.stderr)
-        return 1
+    result = study(
+        ACTUATORS,
+        training,
+        tests,
+        out,
+        options.rfl,
+        drives=drives,
+        fmus=options.fmus,
+        jobs=options.jobs,
+        say=lambda text: print(text, file=sys.stderr, flush=True),
+    )
     print(table(result))
     (out / "results.json").write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
     plot(result, out, out / "lateral_error.png")
     print(f"\n{time.perf_counter() - begin:.0f} s; results.json, lateral_error.png and logs in {out}")
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, default=ROOT / "out" / "foreign_vehicle", help="folder for results")
+    parser.add_argument("--fmus", type=Path, default=FMUS, help="folder of the FMUs (default: %(default)s)")
+    parser.add_argument("--rfl", type=Path, default=ROOT / "target" / "release" / "rfl", help="the program")
+    parser.add_argument("--jobs", type=int, default=2, help="processes (default: %(default)s)")
+    parser.add_argument("--quick", action="store_true", help="shorter roads, one drive to learn from")
+    one = parser.add_argument_group("one drive")
+    one.add_argument("--drive", type=Path, metavar="ROAD", help="drive this road only, a CSV with x and y")
+    one.add_argument("--log", type=Path, default=Path("drive.csv"), help="file for its log (default: %(default)s)")
+    one.add_argument("--actuator", choices=ACTUATORS, default="slow", help="the car's steering (default: %(default)s)")
+    one.add_argument("--calm", action="store_true", help="calm weights and dither: a drive to learn from")
+    one.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="a parameter; repeatable")
+    options = parser.parse_args()
+    try:
+        drive_once(options) if options.drive else run_study(options)
+    except (RuntimeError, ValueError, OSError) as error:
+        print(f"foreign_vehicle: {error}", file=sys.stderr)
+        return 1
     return 0
 
 

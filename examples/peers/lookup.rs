@@ -1,16 +1,13 @@
 //! A residual's coefficients for a horizon of 60 rows: leaves found, their linear models averaged.
 
+use crate::learned::collect;
 use crate::{Outcome, median_time, write_table};
-use rfl_mpc::control::{Controller, ControllerParameters};
-use rfl_mpc::path::sudoku::Route;
-use rfl_mpc::path::{Closure, Path};
-use rfl_mpc::residual::{DataConfig, DataSet, Drive, Kind, TrainConfig, train};
-use rfl_mpc::simulate::ClosedLoop;
-use rfl_mpc::vehicle::{Effects, builtin};
+use rfl_mpc::residual::{Kind, TrainConfig, train};
 use serde_json::json;
 use std::hint::black_box;
-use std::sync::Arc;
 
+/// Seconds of driving that are learned from.
+const COLLECTED: f64 = 400.0;
 /// Rows that a horizon asks for.
 const ROWS: usize = 60;
 const REPEATS: usize = 2001;
@@ -18,19 +15,7 @@ const REPEATS: usize = 2001;
 /// Drives a car with a slow actuator, trains RFL (T = 20, depth 6, W = 16) and times it. Writes the features and labels
 /// of the training, for another program's forest; its last 60 rows are those that are looked up.
 pub fn run(features_file: &std::path::Path, labels_file: &std::path::Path) -> Outcome {
-    let car = builtin("c_class")?;
-    let mut parameters = ControllerParameters::for_car(&car);
-    (parameters.mpc.r_rate, parameters.mpc.q_e1_rate, parameters.mpc.q_e2) = (0.3, 1.0, 2.0);
-    parameters.mpc.dither = 0.005;
-    let path = Arc::new(Path::from_samples(Route::SudokuTrain.samples(), Closure::Detect)?);
-    let controller = Controller::new(parameters, path)?;
-    let effects = Effects { steer_lag: 0.1, ..Effects::default() };
-    let driven = ClosedLoop::at_start(controller, &car, &effects, 0.02)?.drive(400.0, |_| ())?;
-    let mut log = Drive { name: "collected".into(), ..Drive::default() };
-    let names = log.columns().map(|(name, _)| name);
-    log.columns_mut().into_iter().zip(names).for_each(|(column, name)| *column = driven.column(name));
-
-    let data = DataSet::new(&[log], &parameters.vehicle.single_track(), DataConfig::default())?;
+    let data = collect(COLLECTED)?;
     let config = TrainConfig { window: 16, threads: 2, ..TrainConfig::new(Kind::Rfl) };
     let model = train(&data, None, &config, &|_| ())?.model;
 

@@ -9,6 +9,7 @@
 //! Tables are files of little-endian `f64`, row by row. What was measured is printed as JSON.
 
 mod forest;
+mod learned;
 mod lookup;
 mod problems;
 

@@ -1,14 +1,18 @@
 //! Quadratic programs of closed-loop drives, with our solutions and their times.
 //!
 //! Ordinary drives have few active bounds. The others here are driven into theirs: a car that starts beside its path,
-//! steering that may hardly turn, an actuator that makes the nominal controller ring, tight soft bounds.
+//! steering that may hardly turn, an actuator that makes the nominal controller ring, tight soft bounds. One has a learned
+//! residual, which perturbs the prediction in every step.
 
 use crate::Outcome;
+use crate::learned::{CAR, SLOW, collect};
 use rfl_mpc::control::{
-    ClarabelSolver, Controller, ControllerParameters, MpcParameters, QpSolver, TrackingQp,
+    ClarabelSolver, Controller, ControllerParameters, MpcParameters, Propagation, QpSolver, Residual,
+    RollOut, TrackingQp,
 };
 use rfl_mpc::path::sudoku::Route;
 use rfl_mpc::path::{Closure, Path};
+use rfl_mpc::residual::{Kind, TrainConfig, train};
 use rfl_mpc::simulate::ClosedLoop;
 use rfl_mpc::vehicle::{Car, Effects, builtin};
 use serde_json::{Value, json};
@@ -16,7 +20,6 @@ use std::error::Error;
 use std::sync::Arc;
 use std::time::Instant;
 
-const CAR: &str = "c_class";
 /// Steps from one of the problems that are spread over the drive to the next.
 const SPREAD: usize = 40;
 const REPEATS: usize = 9;
@@ -28,30 +31,51 @@ struct Case {
     beside: f64,
     /// Time constant of the steering, s.
     lag: f64,
+    /// Whether the controller has a learned residual.
+    learned: bool,
     change: fn(&mut MpcParameters),
 }
 
-const CASES: [Case; 5] = [
-    Case { name: "ordinary", beside: 0.0, lag: 0.0, change: |_| () },
-    Case { name: "beside the path", beside: 1.5, lag: 0.0, change: |p| p.steer_rate_max = 0.2 },
-    Case { name: "little steering", beside: 0.0, lag: 0.0, change: |p| p.steer_max = 0.12 },
-    Case { name: "ringing", beside: 0.3, lag: 0.15, change: |p| p.r_rate = 0.01 },
+const ORDINARY: Case = Case { name: "ordinary", beside: 0.0, lag: 0.0, learned: false, change: |_| () };
+
+const CASES: [Case; 6] = [
+    ORDINARY,
+    Case { name: "beside the path", beside: 1.5, change: |p| p.steer_rate_max = 0.2, ..ORDINARY },
+    Case { name: "little steering", change: |p| p.steer_max = 0.12, ..ORDINARY },
+    Case { name: "ringing", beside: 0.3, lag: 0.15, change: |p| p.r_rate = 0.01, ..ORDINARY },
     Case {
         name: "tight soft bounds",
         beside: 0.1,
-        lag: 0.1,
+        lag: SLOW,
         change: |p| (p.e1_max, p.slack_linear) = (0.01, 10.0),
+        ..ORDINARY
     },
+    Case { name: "learned residual", beside: 0.5, lag: SLOW, learned: true, ..ORDINARY },
 ];
 
-fn drive(case: &Case, horizon: usize, count: usize) -> Result<Vec<TrackingQp>, Box<dyn Error>> {
+/// Seconds of driving that are learned from.
+const COLLECTED: f64 = 120.0;
+
+fn learn() -> Result<Residual, Box<dyn Error>> {
+    let config = TrainConfig { window: 28, ..TrainConfig::new(Kind::RflS) };
+    let model = Arc::new(train(&collect(COLLECTED)?, None, &config, &|_| ())?.model);
+    Ok(Residual { model, propagation: Propagation::Propagated, roll_out: RollOut::Corrected })
+}
+
+fn drive(
+    case: &Case,
+    residual: &Residual,
+    horizon: usize,
+    count: usize,
+) -> Result<Vec<TrackingQp>, Box<dyn Error>> {
     let path = Arc::new(Path::from_samples(Route::SudokuTest.samples(), Closure::Detect)?);
     let car = builtin(CAR)?;
     let mut parameters = ControllerParameters::for_car(&car);
     parameters.mpc.horizon = horizon;
     (case.change)(&mut parameters.mpc);
     let sample_time = parameters.mpc.sample_time;
-    let controller = Controller::new(parameters, path.clone())?;
+    let controller =
+        Controller::with_residual(parameters, path.clone(), case.learned.then(|| residual.clone()))?;
     let effects = Effects { steer_lag: case.lag, ..Effects::default() };
     let mut car = Car::new(&car, &effects, None)?;
     let start = path.at(0.0);
@@ -102,10 +126,11 @@ fn solve(problems: Vec<TrackingQp>) -> Result<Vec<Solved>, Box<dyn Error>> {
 
 /// Writes `count` problems of each case for N = 16 and N = 60.
 pub fn run(count: usize, file: &std::path::Path) -> Outcome {
+    let residual = learn()?;
     let mut records: Vec<Value> = vec![];
     for horizon in [16, 60] {
         for case in &CASES {
-            let solved = drive(case, horizon, count).and_then(solve);
+            let solved = drive(case, &residual, horizon, count).and_then(solve);
             let solved = solved.map_err(|error| format!("{}, N = {horizon}: {error}", case.name))?;
             records.extend(solved.into_iter().map(|Solved { problem, inputs, iterations, mut seconds }| {
                 seconds.sort_by(f64::total_cmp);
