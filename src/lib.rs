@@ -27,7 +27,7 @@
 //! | [`enumeration`] | named values: declared once |
 //! | [`path`] | reference paths: splines, projection, readers, speed plan, the Sudoku course |
 //! | [`vehicle`] | the plants: parameters, tyres, steering chain, effects, the two-track car |
-//! | [`nominal`] | linear prediction models and their discretisation |
+//! | [`nominal`] | prediction models: linear and nonlinear single track, discretisation |
 //! | [`residual`] | what the nominal model misses, learned: trees, linear leaves, model files |
 //! | [`control`] | condensing, the QP, the MPC, speed control, status and fallback |
 //! | [`simulate`] | the closed loop in native code, and its metrics |
