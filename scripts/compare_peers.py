@@ -39,10 +39,10 @@ def report(result: dict) -> str:
         lines += [
             f"\nTraining, {part['rows']} x {part['columns']}, 20 trees of depth 6, 8 features a split, 4 outputs, "
             f"{part['threads']} threads",
-            f"{'':<24}{'time s':>10}{'test RMSE':>12}",
-            f"{'ours':<24}{part['ours_s']:>10.2f}{part['ours_test_rmse']:>12.4f}",
-            f"{'scikit-learn':<24}{part['sklearn_s']:>10.2f}{part['sklearn_test_rmse']:>12.4f}   "
-            f"{part['ratio']:.1f} times ours",
+            f"{'':<24}{'time s':>10}{'CPU s':>10}{'test RMSE':>12}",
+            f"{'ours':<24}{part['ours_s']:>10.2f}{part['ours_cpu_s']:>10.2f}{part['ours_test_rmse']:>12.4f}",
+            f"{'scikit-learn':<24}{part['sklearn_s']:>10.2f}{part['sklearn_cpu_s']:>10.2f}"
+            f"{part['sklearn_test_rmse']:>12.4f}   {part['ratio']:.1f} times ours, {part['cpu_ratio']:.1f} in CPU time",
         ]
     if part := result.get("lookup"):
         lines += [
@@ -59,18 +59,18 @@ def report(result: dict) -> str:
             f"{part['with_active_bounds']} with active bounds (up to {part['most_active_bounds']})",
             f"{'':<24}{'median us':>10}{'p99 us':>10}{'difference':>12}",
         ]
-        for name in ("ours", "daqp", "clarabel"):
+        for name in peer_qp.SOLVERS:
             ratio = "" if name == "ours" else f"   {part[f'{name}_us'] / part['ours_us']:.2f} times ours"
             lines.append(
-                f"{name:<24}{part[f'{name}_us']:>10.1f}{part[f'{name}_p99_us']:>10.1f}"
+                f"{name.replace('_', ', '):<24}{part[f'{name}_us']:>10.1f}{part[f'{name}_p99_us']:>10.1f}"
                 f"{part[f'{name}_difference']:>12.1e}{ratio}"
             )
     if "qp" in result:
         lines.append(
             "difference: largest of an input, relative to the inputs' bound, to a solution whose KKT residual is at "
             f"most {max(part['daqp_kkt_residual'] for part in result['qp'].values()):.0e}\n"
-            "ours: from gains to inputs, the cost's Hessian included, after the problem before it in the drive;\n"
-            "daqp and clarabel: Hessian given, set up anew for each problem"
+            "ours, and ours with Clarabel alone: from gains to inputs, the cost's Hessian included, after the problem "
+            "before\nit in the drive; daqp and clarabel: Hessian given, set up anew for each problem"
         )
     return "\n".join(lines)
 

@@ -42,7 +42,7 @@ CALM = {"mpc.r_rate": 0.3, "mpc.q_e1_rate": 1.0, "mpc.q_e2": 2.0}
 DITHER = {"mpc.dither": 0.005}  # rad
 KINDS = ("linear", "rfl", "rfl_s")
 # Gain of the disturbance observer where a row has one.
-OBSERVER = {"mpc.observer_gain": 0.05}
+OBSERVER = {"observer.gain": 0.05}
 NOMINALS: dict[str, dict[str, object]] = {"nominal": {}, "nominal, calm": CALM, "nominal, observer": OBSERVER}
 # What a log holds: measured, commanded, and the errors to the path as the controller sees them.
 MEASURED = ["x", "y", "yaw", "vx", "vy", "yaw_rate", "steer"]

@@ -20,6 +20,10 @@ UNBOUNDED = 1e30
 SOFT = 8  # daqp's mark of a soft constraint
 
 
+# Ours; Clarabel as we drive it, updated in place; and the packages of PyPI.
+SOLVERS = ("ours", "ours_clarabel", "daqp", "clarabel")
+
+
 @dataclass(frozen=True)
 class DenseQp:
     """`min 1/2 z'Hz + f'z` with bounds on `z` first, then on the rows of `A`."""
@@ -187,8 +191,9 @@ def compare(program: Path, folder: Path, count: int = 100, say=print) -> dict:
             exact = z[: qp.inputs]
             daqp_u, daqp_s = time_daqp(qp, problem["shape"]["soft"][0])
             clarabel_u, clarabel_s = time_clarabel(qp)
-            differences = [difference(problem, np.array(u), exact) for u in (record["inputs"], daqp_u, clarabel_u)]
-            times = [record["seconds"], daqp_s, clarabel_s]
+            found = (record["inputs"], record["clarabel_inputs"], daqp_u, clarabel_u)
+            differences = [difference(problem, np.array(u), exact) for u in found]
+            times = [record["seconds"], record["clarabel_seconds"], daqp_s, clarabel_s]
             rows.append([active_bounds(qp, z), stationarity(qp, z, multipliers), *times, *differences])
         active, certificate, *columns = np.array(rows).T
         result[str(horizon)] = {
@@ -197,7 +202,7 @@ def compare(program: Path, folder: Path, count: int = 100, say=print) -> dict:
             "most_active_bounds": int(active.max()),
             "daqp_kkt_residual": float(certificate.max()),
         }
-        for name, seconds, off in zip(("ours", "daqp", "clarabel"), columns[:3], columns[3:]):
+        for name, seconds, off in zip(SOLVERS, columns[:4], columns[4:]):
             result[str(horizon)] |= {
                 f"{name}_us": 1e6 * float(np.median(seconds)),
                 f"{name}_p99_us": 1e6 * float(np.percentile(seconds, 99)),

@@ -59,5 +59,7 @@ pub fn run(table: &Path, rows: usize, tests: usize, fits: &Path) -> Outcome {
         });
     }
     write_table(fits, &predicted)?;
-    Ok(json!({ "train_s": seconds, "trees": config.trees, "depth": config.depth, "leaves": forest.leaves() }))
+    Ok(
+        json!({ "train_s": seconds, "repeats": REPEATS, "trees": config.trees, "depth": config.depth, "leaves": forest.leaves() }),
+    )
 }

@@ -7,8 +7,8 @@
 use crate::Outcome;
 use crate::learned::{CAR, SLOW, collect};
 use rfl_mpc::control::{
-    ClarabelSolver, Controller, ControllerParameters, MpcParameters, Propagation, QpSolver, Residual,
-    RollOut, TrackingQp,
+    Controller, ControllerParameters, MpcParameters, PredictionModel, Propagation, Residual, RollOut,
+    TrackingQp, build_solver,
 };
 use rfl_mpc::path::sudoku::Route;
 use rfl_mpc::path::{Closure, Path};
@@ -73,9 +73,9 @@ fn drive(
     let mut parameters = ControllerParameters::for_car(&car);
     parameters.mpc.horizon = horizon;
     (case.change)(&mut parameters.mpc);
+    let model = PredictionModel::from(case.learned.then(|| residual.clone()));
     let sample_time = parameters.mpc.sample_time;
-    let controller =
-        Controller::with_residual(parameters, path.clone(), case.learned.then(|| residual.clone()))?;
+    let controller = Controller::predicting_with(parameters, path.clone(), model)?;
     let effects = Effects { steer_lag: case.lag, ..Effects::default() };
     let mut car = Car::new(&car, &effects, None)?;
     let start = path.at(0.0);
@@ -94,35 +94,38 @@ fn drive(
     Ok(problems)
 }
 
-/// A recorded problem with our solution.
+/// A solution, and how long it took.
 struct Solved {
-    problem: TrackingQp,
     inputs: Vec<f64>,
     iterations: u32,
-    seconds: Vec<f64>,
+    seconds: f64,
 }
 
-/// Solves in the order of the drive, as a controller does: what a solver keeps is from the problem before.
-fn solve(problems: Vec<TrackingQp>) -> Result<Vec<Solved>, Box<dyn Error>> {
-    let mut solver = ClarabelSolver::new(problems.first().ok_or("no problems were recorded")?, 50)?;
-    let unsolved = |problem: TrackingQp| Solved {
-        inputs: vec![0.0; problem.columns()],
-        iterations: 0,
-        seconds: vec![],
-        problem,
-    };
-    let mut all: Vec<Solved> = problems.into_iter().map(unsolved).collect();
+/// Solves in the order of the drive, as a controller does: what a solver keeps is from the problem before. `solver` is as
+/// `mpc.solver` numbers them.
+fn solve(problems: &[TrackingQp], solver: usize) -> Result<Vec<Solved>, Box<dyn Error>> {
+    let mut solver = build_solver(solver, problems.first().ok_or("no problems were recorded")?, 50)?;
+    let mut times = vec![vec![]; problems.len()];
+    let mut solved = vec![];
     for _ in 0..REPEATS {
-        for Solved { problem, inputs, iterations, seconds } in &mut all {
-            let mut outputs = vec![0.0; problem.free.len()];
+        solved.clear();
+        for (problem, times) in problems.iter().zip(&mut times) {
+            let (mut inputs, mut outputs) = (vec![0.0; problem.columns()], vec![0.0; problem.free.len()]);
             let begin = Instant::now();
-            let report = solver.solve(problem, f64::INFINITY, inputs, &mut outputs)?;
-            seconds.push(begin.elapsed().as_secs_f64());
-            *iterations = report.iterations;
+            let report = solver.solve(problem, f64::INFINITY, &mut inputs, &mut outputs)?;
+            times.push(begin.elapsed().as_secs_f64());
+            solved.push(Solved { inputs, iterations: report.iterations, seconds: 0.0 });
         }
     }
-    Ok(all)
+    for (solved, mut times) in solved.iter_mut().zip(times) {
+        times.sort_by(f64::total_cmp);
+        solved.seconds = times[times.len() / 2];
+    }
+    Ok(solved)
 }
+
+/// The solver that controllers have by default, and Clarabel alone.
+const SOLVERS: [usize; 2] = [0, 1];
 
 /// Writes `count` problems of each case for N = 16 and N = 60.
 pub fn run(count: usize, file: &std::path::Path) -> Outcome {
@@ -130,14 +133,17 @@ pub fn run(count: usize, file: &std::path::Path) -> Outcome {
     let mut records: Vec<Value> = vec![];
     for horizon in [16, 60] {
         for case in &CASES {
-            let solved = drive(case, &residual, horizon, count).and_then(solve);
-            let solved = solved.map_err(|error| format!("{}, N = {horizon}: {error}", case.name))?;
-            records.extend(solved.into_iter().map(|Solved { problem, inputs, iterations, mut seconds }| {
-                seconds.sort_by(f64::total_cmp);
-                let seconds = seconds[seconds.len() / 2];
-                let case = case.name;
-                json!({"case": case, "problem": problem, "inputs": inputs, "seconds": seconds, "iterations": iterations})
-            }));
+            let failed = |error| format!("{}, N = {horizon}: {error}", case.name);
+            let problems = drive(case, &residual, horizon, count).map_err(failed)?;
+            let [default, clarabel] = SOLVERS.map(|solver| solve(&problems, solver));
+            let (default, clarabel) = (default.map_err(failed)?, clarabel.map_err(failed)?);
+            for ((problem, ours), clarabel) in problems.iter().zip(default).zip(clarabel) {
+                records.push(json!({
+                    "case": case.name, "problem": problem,
+                    "inputs": ours.inputs, "seconds": ours.seconds, "iterations": ours.iterations,
+                    "clarabel_inputs": clarabel.inputs, "clarabel_seconds": clarabel.seconds,
+                }));
+            }
         }
     }
     let out = std::io::BufWriter::new(std::fs::File::create(file)?);
