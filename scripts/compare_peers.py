@@ -70,7 +70,7 @@ def report(result: dict) -> str:
             "difference: largest of an input, relative to the inputs' bound, to a solution whose KKT residual is at "
             f"most {max(part['daqp_kkt_residual'] for part in result['qp'].values()):.0e}\n"
             "ours, and ours with Clarabel alone: from gains to inputs, the cost's Hessian included, after the problem "
-            "before\nit in the drive; daqp and clarabel: Hessian given, set up anew for each problem"
+            "before\nit in the drive; daqp and clarabel: Hessian given, set up anew for each problem, best of 3"
         )
     return "\n".join(lines)
 
