@@ -1,5 +1,6 @@
 //! The FMUs and the system that we ship. An FMU is added here, in `src/fmu/` and as a crate beside this one.
 
+use crate::added::Added;
 use crate::fmu::{Fmu, Resource};
 use crate::system::{SettingError, System};
 use rfl_mpc::fmi::{Context, Declaration, Log, Model, ModelError, Severity, Value, Values};
@@ -51,21 +52,31 @@ pub fn closed_loop(project: &Path, settings: &[String]) -> Result<System, System
 /// Where the path begins, as the controller itself says: x, y, yaw, speed.
 fn start_of_path(project: &Path, system: &System) -> Result<[f64; 4], ModelError> {
     let declaration = RflMpc::declaration();
+    let settings = system.settings_of(declaration.name);
+    // What is packed is not there yet, and the path begins at the same place with any variant.
+    let settings = settings.filter(|(name, _)| !["variant", "residual.file"].contains(name));
+    let values = try_controller(project, settings.map(|(name, value)| (name, value.clone())))?;
+    let of = |name: &str| declaration.find(name).map_or(0.0, |vr| values.real(vr));
+    Ok(["start.x", "start.y", "start.yaw", "start.speed"].map(of))
+}
+
+/// Initialises the controller as its FMU would be, with these parameters; gives its variables.
+pub(crate) fn try_controller<'a>(
+    project: &Path,
+    parameters: impl Iterator<Item = (&'a str, Value)>,
+) -> Result<Values, ModelError> {
+    let declaration = RflMpc::declaration();
     let mut values = Values::starting_from(&declaration.variables);
-    let set = |values: &mut Values, name: &str, value: Value| {
+    // The project stands for the FMU's resources, in which the path has another name.
+    let path = ("path_file", Value::String(PATH.from.to_owned()));
+    for (name, value) in std::iter::once(path).chain(parameters) {
         if let Some(vr) = declaration.find(name) {
             values.set_by_host(vr, value);
         }
-    };
-    // The project stands for the FMU's resources, in which the path has another name.
-    set(&mut values, "path_file", Value::String(PATH.from.to_owned()));
-    for (name, value) in system.settings_of(declaration.name) {
-        set(&mut values, name, value.clone());
     }
     let context = Context { resources: Some(project.to_owned()), instance_name: SYSTEM.to_owned() };
     RflMpc::new().initialize(&mut values, 0.0, &context, &mut Unheard)?;
-    let of = |name: &str| declaration.find(name).map_or(0.0, |vr| values.real(vr));
-    Ok(["start.x", "start.y", "start.yaw", "start.speed"].map(of))
+    Ok(values)
 }
 
 /// What the controller says here, it says again to the host.
@@ -83,5 +94,6 @@ const VEHICLES_AND_PATH: &[Resource] = &[VEHICLES[0], PATH];
 
 fn fmu(declaration: Declaration, package: &'static str, resources: &'static [Resource]) -> Fmu {
     let description = format!("modelDescription/{}.xml", declaration.name);
-    Fmu { declaration, description, package, selection: vec!["-p", package], resources }
+    let added = Added::default();
+    Fmu { declaration, description, package, selection: vec!["-p", package], resources, added }
 }

@@ -5,6 +5,7 @@
 #[allow(dead_code)]
 mod toy;
 
+use fmu_build::added::Added;
 use fmu_build::cargo::Builder;
 use fmu_build::fmu::{Fmu, FmuError, Options, Resource};
 use fmu_build::library::{FMI2_FUNCTIONS, Library, LibraryError};
@@ -24,6 +25,7 @@ fn toy() -> Fmu {
         package: "fmu-passenger-car",
         selection: vec!["-p", "fmu-build", "--example", "toy_fmu"],
         resources: LICENSE,
+        added: Added::default(),
     }
 }
 

@@ -11,11 +11,13 @@
 //! | `preview.rs` | the road over the horizon |
 //! | `lateral.rs` | the MPC: road ahead, cost, bounds |
 //! | `variant/` | what it predicts with: nominal, learned residual, known actuator |
+//! | `choice.rs` | which variant: from a user's word, parameters and files |
 //! | `speed.rs` | speed tracking |
 //! | `controller.rs` | one step from measurement to commands; fallback |
 //! | `sampler.rs` | when a step is due |
 //! | `status.rs` | what a step did, in words |
 
+mod choice;
 mod clarabel_solver;
 mod condense;
 mod controller;
@@ -30,13 +32,16 @@ mod status;
 mod tracking_qp;
 mod variant;
 
+pub use choice::{Choice, ChoiceError, ControlVariant, MODEL_EXTENSION};
 pub use clarabel_solver::{BuildError, ClarabelSolver};
 pub use condense::{Affine, Linear, Propagation, condense};
 pub use controller::{Controller, ControllerError, ControllerState, Measurement, StepError, StepReport};
 pub use history::History;
 pub use lateral::{LateralError, LateralInput, LateralMpc};
 pub use observer::Observer;
-pub use parameters::{ControllerParameters, MpcParameters, NominalVehicle, SHOWN_HORIZON, SpeedParameters};
+pub use parameters::{
+    ActuatorParameters, ControllerParameters, MpcParameters, NominalVehicle, SHOWN_HORIZON, SpeedParameters,
+};
 pub use preview::SpeedAhead;
 pub use sampler::Sampler;
 pub use speed::{SpeedCommand, track_speed};
