@@ -183,16 +183,18 @@ impl Controller {
 
         let state = Vector4::new(report.e1, report.e1_rate, report.e2, report.e2_rate);
         self.state.history.observe(&state, previous);
+        let observer = self.parameters.observer;
+        let mut estimate = state;
         if far {
             self.state.observer.reset();
-        } else {
-            self.state.observer.observe(&state, self.parameters.mpc.observer_gain);
+        } else if observer.is_on() {
+            estimate = self.state.observer.observe(&state, &observer, self.parameters.mpc.sample_time);
         }
-        let solved = self.solve(&state, measurement.vx, previous, far, &report, begin);
+        let solved = self.solve(&estimate, measurement.vx, previous, far, &report, begin);
         self.command_steering(solved, previous, far, &mut report);
-        if self.parameters.mpc.observer_gain > 0.0 && !far {
+        if observer.is_on() && !far {
             let past = self.state.history.commands();
-            if let Some(next) = self.lateral.next_state(&state, past, report.steer_cmd) {
+            if let Some(next) = self.lateral.next_state(&estimate, past, report.steer_cmd) {
                 self.state.observer.expect(next);
             }
         }
@@ -218,7 +220,7 @@ impl Controller {
         (report.speed_ref, report.accel_cmd) = (target.0, command.accel_cmd);
     }
 
-    /// Solves the lateral MPC for a measured state.
+    /// Solves the lateral MPC for a measured or estimated state.
     fn solve(
         &mut self,
         state: &ErrorState,

@@ -16,7 +16,7 @@ use super::history::History;
 use super::parameters::MpcParameters;
 use super::preview::{Preview, SpeedAhead};
 use super::tracking_qp::{QpError, QpReport, QpShape, SoftBound, TrackingQp};
-use super::variant::{Actuated, NominalWithResidual, PredictionModel, Qp, Timing, Variant};
+use super::variant::{Actuated, Expected, NominalWithResidual, PredictionModel, Qp, Timing, Variant};
 use crate::nominal::{ContinuousErrorModel, ErrorState, SingleTrackError};
 use crate::path::Path;
 use crate::residual::Misfit;
@@ -148,7 +148,7 @@ impl LateralMpc {
     /// The state after this step if `steer` is issued, with everything that the newest prediction knew; `past` are the
     /// commands before it.
     #[must_use]
-    pub fn next_state(&self, state: &ErrorState, past: &[f64], steer: f64) -> Option<ErrorState> {
+    pub fn next_state(&self, state: &ErrorState, past: &[f64], steer: f64) -> Option<Expected> {
         self.variant.next_state(state, past, steer)
     }
 

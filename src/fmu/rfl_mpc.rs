@@ -6,8 +6,8 @@
 use super::{failed, vehicle_file_parameter, vehicle_named};
 use crate::control::{
     ActuatorParameters, Choice, ControlStatus, ControlVariant, Controller, ControllerParameters,
-    ControllerState, Measurement, MpcParameters, NominalVehicle, Propagation, RollOut, SHOWN_HORIZON,
-    Sampler, SpeedParameters,
+    ControllerState, Measurement, MpcParameters, NominalVehicle, ObserverParameters, Propagation, RollOut,
+    SHOWN_HORIZON, Sampler, SpeedParameters,
 };
 use crate::fmi::{
     Context, Declaration, DefaultExperiment, Kind, Log, LogCategory, Model, ModelError, Severity, Values,
@@ -62,8 +62,8 @@ struct Variables {
     residual_file: Vr,
     propagation: Vr,
     roll_out: Vr,
-    /// First of the numeric parameters of each group: vehicle, mpc, speed, actuator.
-    groups: [Vr; 4],
+    /// First of the numeric parameters of each group: vehicle, mpc, speed, observer, actuator.
+    groups: [Vr; 5],
 }
 
 /// The signals that the controller is told, in the order of [`Measurement`].
@@ -221,6 +221,7 @@ fn declare() -> (Declaration, Variables) {
         add_group::<NominalVehicle>(d),
         add_group::<MpcParameters>(d),
         add_group::<SpeedParameters>(d),
+        add_group::<ObserverParameters>(d),
         add_group::<ActuatorParameters>(d),
     ];
     let variables = Variables {
@@ -294,7 +295,8 @@ impl Model for RflMpc {
         read_group(&mut parameters.vehicle, v.groups[0], values);
         read_group(&mut parameters.mpc, v.groups[1], values);
         read_group(&mut parameters.speed, v.groups[2], values);
-        read_group(&mut parameters.actuator, v.groups[3], values);
+        read_group(&mut parameters.observer, v.groups[3], values);
+        read_group(&mut parameters.actuator, v.groups[4], values);
         write_group(&parameters.vehicle, v.groups[0], values);
         write_group(&parameters.mpc, v.groups[1], values);
 
