@@ -85,6 +85,7 @@ fn errors_of(drive: &mut Drive) -> [&mut Vec<f64>; 5] {
 /// Fills errors and road of a drive from its poses.
 fn project(log: &DriveLog, road: &Path, file: &std::path::Path, drive: &mut Drive) -> Result<(), LogError> {
     let poses = POSE.map(|name| log.column(name).unwrap_or_default());
+    check_turn(log, &drive.time, poses[2], poses[5])?;
     let (mut last, mut rows, mut far, mut astray) = (None, 0_usize, 0_usize, 0_usize);
     for row in 0..drive.time.len() {
         let [x, y, yaw, vx, vy, yaw_rate] = poses.map(|column| column[row]);
@@ -116,6 +117,34 @@ fn project(log: &DriveLog, road: &Path, file: &std::path::Path, drive: &mut Driv
         return Err(LogError::Heading { file: log.file.clone(), limit: ASTRAY, share: share(astray) });
     }
     Ok(())
+}
+
+/// A larger change of yaw from row to row is its wrapping.
+const WRAP: f64 = 3.0;
+
+/// Yaw and yaw rate must tell the same, or one of them has another unit or sign.
+fn check_turn(log: &DriveLog, time: &[f64], yaw: &[f64], yaw_rate: &[f64]) -> Result<(), LogError> {
+    let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
+    for i in 1..time.len() {
+        let asked = 0.5 * (yaw_rate[i - 1] + yaw_rate[i]) * (time[i] - time[i - 1]);
+        let turned = yaw[i] - yaw[i - 1];
+        // Not a number compares as neither.
+        if turned.abs() < WRAP && asked.is_finite() {
+            (xx, xy, yy) = (xx + asked * asked, xy + asked * turned, yy + turned * turned);
+        }
+    }
+    // Where the two hardly have to do with each other, the vehicle hardly turns.
+    if xy * xy < 0.5 * xx * yy || xx == 0.0 {
+        return Ok(());
+    }
+    let factor = xy / xx;
+    let hint = match factor {
+        factor if factor < 0.0 => "one of them has its sign turned: both are counter-clockwise",
+        factor if factor > 10.0 => "yaw may be in degrees: give radians",
+        factor if factor < 0.1 => "yaw_rate may be in degrees per second: give radians per second",
+        _ => return Ok(()),
+    };
+    Err(LogError::Turn { file: log.file.clone(), factor, hint })
 }
 
 /// Rows on each side over which the change of curvature is taken: a difference of two rows would be mostly rounding.

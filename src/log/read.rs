@@ -32,11 +32,13 @@ pub enum LogError {
     )]
     FarFromRoad { file: PathBuf, road: PathBuf, limit: f64, share: f64 },
     #[error(
-        "{}: the heading is more than {limit} rad off the road's in {share:.0} % of the rows: yaw may be in degrees, \
-         clockwise or from north; give radians, counter-clockwise from the x axis. Or was the road driven the other way?",
+        "{}: the heading is more than {limit} rad off the road's in {share:.0} % of the rows: yaw may be from north; \
+         give it from the x axis, counter-clockwise, in radians. Or was the road driven the other way?",
         file.display()
     )]
     Heading { file: PathBuf, limit: f64, share: f64 },
+    #[error("{}: yaw changes {factor:.3} times as fast as yaw_rate says; {hint}", file.display())]
+    Turn { file: PathBuf, factor: f64, hint: &'static str },
 }
 
 fn listed(columns: &[&str]) -> String {
