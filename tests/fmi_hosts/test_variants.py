@@ -128,7 +128,7 @@ def refused(unit: Instance, *words: str) -> None:
         assert word.lower() in unit.said.lower(), f"'{word}' is not in: {unit.said}"
 
 
-@pytest.mark.parametrize("number,variant", enumerate(KINDS, start=1))
+@pytest.mark.parametrize(("number", "variant"), list(enumerate(KINDS, start=1)))
 def test_missing_model(unit, number, variant):
     assert unit.set_integers({"variant": number}) == OK
     refused(unit, f"residual/{variant}.rflm", f"--kind {variant}", "fmu-build --residual", "residual.file")
