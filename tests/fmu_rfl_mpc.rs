@@ -198,7 +198,7 @@ fn the_known_actuator_is_a_variant() {
     let variant = ("variant", Value::Integer(7));
     let nominal = steered(&[]).0;
     // Without dead time and lag it is the nominal controller.
-    assert!((steered(&[variant.clone()]).0 - nominal).abs() < 1e-9);
+    assert!((steered(std::slice::from_ref(&variant)).0 - nominal).abs() < 1e-9);
     let slow = steered(&[
         variant,
         ("actuator.dead_time", Value::Real(0.06)),
