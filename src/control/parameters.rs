@@ -39,7 +39,8 @@ parameters! {
         dither: f64 = 0.0, RADIAN in 0.0, 0.1; "mpc.dither", "Amplitude of a random steering dither, for collecting drives to learn from"
         dither_seed: usize = 1, ONE in 0.0, 1e6; "mpc.dither_seed", "Seed of the dither"
         min_model_speed: f64 = 1.5, METRE_PER_SECOND in 0.3, 10.0; "mpc.min_model_speed", "Speed below which the prediction model is held, for it is stiff at standstill"
-        max_iterations: usize = 50, ONE in 1.0, 1000.0; "mpc.max_iterations", "Iterations after which the solver gives up"
+        solver: usize = 0, ONE in 0.0, 1.0; "mpc.solver", "Solver of the QP: 0 for the active-set method, and Clarabel where it does not get through; 1 for Clarabel alone"
+        max_iterations: usize = 50, ONE in 1.0, 1000.0; "mpc.max_iterations", "Iterations after which Clarabel gives up (the active-set method has a bound of its own)"
         deadline: f64 = 0.0, SECOND in 0.0, 10.0; "mpc.deadline", "Wall-clock time after which the solver gives up and the last plan goes on; 0 for none (results then depend on nothing but inputs)"
     }
 }
