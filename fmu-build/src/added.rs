@@ -5,7 +5,7 @@
 use crate::fmu::Fmu;
 use crate::shipped::try_controller;
 use rfl_mpc::control::MODEL_EXTENSION;
-use rfl_mpc::fmi::{Model, ModelError, Value};
+use rfl_mpc::fmi::{Model, ModelError, StartError};
 use rfl_mpc::fmu::{MODELS, RflMpc};
 use rfl_mpc::residual::{FileError, Kind, ResidualModel};
 use rfl_mpc::vehicle::{BUILTIN, CarParameters, VehicleError};
@@ -32,11 +32,15 @@ pub enum AddError {
     #[error("{} holds no residual (kind none): there is nothing to pack", file.display())]
     Nothing { file: PathBuf },
     #[error(
-        "{} cannot drive the controller that is packed: {source}. Its car is {car} (--vehicle), its other parameters \
-         are the defaults",
+        "{} cannot drive the controller that is packed: {source}. Its car is {car}; --vehicle names another, and \
+         --start gives other parameters a value",
         file.display()
     )]
     Misfit { file: PathBuf, car: String, source: ModelError },
+    #[error("`{0}` is no start value: write FMU.PARAMETER=VALUE, e.g. RflMpc.mpc.sample_time=0.01")]
+    Form(String),
+    #[error(transparent)]
+    Start(#[from] StartError),
     #[error(transparent)]
     Vehicle(#[from] VehicleError),
     #[error(
@@ -83,6 +87,20 @@ pub fn add_vehicle(fmus: &mut [Fmu], vehicle: &str) -> Result<(), AddError> {
     Ok(())
 }
 
+/// Gives a parameter of an FMU another start value: `FMU.PARAMETER=VALUE`.
+///
+/// # Errors
+/// No such parameter; a text that is no value of it.
+pub fn add_start(fmus: &mut [Fmu], text: &str) -> Result<(), AddError> {
+    let form = || AddError::Form(text.to_owned());
+    let (name, value) = text.split_once('=').ok_or_else(form)?;
+    let (unit, parameter) = name.trim().split_once('.').ok_or_else(form)?;
+    let fmu = fmus.iter_mut().find(|fmu| fmu.declaration.name == unit).ok_or_else(form)?;
+    fmu.declaration.clone().start_with(parameter, value.trim())?;
+    fmu.added.start.insert(parameter.to_owned(), value.trim().to_owned());
+    Ok(())
+}
+
 /// Packs learned models into the controller's FMU, which then drives with the first of them unless its host chooses
 /// otherwise. Each is tried in the controller with its car. Gives their kinds.
 ///
@@ -109,9 +127,11 @@ pub fn add_models(fmus: &mut [Fmu], project: &Path, files: &[PathBuf]) -> Result
         let car =
             added.files.get(packed).map_or(packed.to_owned(), |file| file.to_string_lossy().into_owned());
         let file = absolute(file);
-        let text = |file: &Path| Value::String(file.to_string_lossy().into_owned());
-        let parameters = [(VEHICLE_FILE, Value::String(car.clone())), ("residual.file", text(&file))];
-        if let Err(source) = try_controller(project, parameters.into_iter()) {
+        let mut start = added.start.clone();
+        start.insert(VEHICLE_FILE.to_owned(), car.clone());
+        start.insert("variant".to_owned(), kind.name().to_owned());
+        start.insert("residual.file".to_owned(), file.to_string_lossy().into_owned());
+        if let Err(source) = try_controller(project, &start) {
             return Err(AddError::Misfit { file, car, source });
         }
         added.files.insert(entry, file);

@@ -44,6 +44,9 @@ struct Arguments {
     /// The car that the FMUs are for: a built-in name or a vehicle file (TOML), packed with its tyres
     #[arg(long, value_name = "CAR")]
     vehicle: Option<String>,
+    /// Give a parameter of an FMU another start value (may be repeated)
+    #[arg(long, value_name = "FMU.PARAMETER=VALUE")]
+    start: Vec<String>,
     /// Set a parameter in the system (may be repeated)
     #[arg(long, value_name = "COMPONENT.PARAMETER=VALUE")]
     set: Vec<String>,
@@ -59,6 +62,7 @@ const EXAMPLES: &str = "Examples:
   fmu-build --residual out/residual/rfl_s.rflm   a controller that drives with what `rfl train` learned
   fmu-build --residual out/residual/*.rflm    with all that it learned, to choose by the parameter variant
   fmu-build --vehicle my_car.toml --residual out/residual/rfl_s.rflm     the same for a car of yours
+  fmu-build --residual fast.rflm --start RflMpc.mpc.sample_time=0.01     a model of another controller
   fmu-build --set RflMpc.path_file=road.csv   a system with a parameter set
   fmu-build --describe                        after a change of variables: the descriptions, to be committed";
 
@@ -110,6 +114,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     if let Some(vehicle) = &arguments.vehicle {
         added::add_vehicle(&mut all, vehicle)?;
     }
+    arguments.start.iter().try_for_each(|text| added::add_start(&mut all, text))?;
     for kind in added::add_models(&mut all, &options.project, &arguments.residual)? {
         println!("RflMpc is packed with a learned model of kind {}", kind.name());
     }

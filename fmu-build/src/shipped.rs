@@ -5,6 +5,7 @@ use crate::fmu::{Fmu, Resource};
 use crate::system::{SettingError, System};
 use rfl_mpc::fmi::{Context, Declaration, Log, Model, ModelError, Severity, Value, Values};
 use rfl_mpc::fmu::{DEFAULT_PATH, PassengerCar, RflMpc};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// All FMUs, in the order in which a system steps them: the plant before its controller.
@@ -55,28 +56,42 @@ fn start_of_path(project: &Path, system: &System) -> Result<[f64; 4], ModelError
     let settings = system.settings_of(declaration.name);
     // What is packed is not there yet, and the path begins at the same place with any variant.
     let settings = settings.filter(|(name, _)| !["variant", "residual.file"].contains(name));
-    let values = try_controller(project, settings.map(|(name, value)| (name, value.clone())))?;
+    let mut values = Values::starting_from(&declaration.variables);
+    for (name, value) in settings {
+        set(&declaration, &mut values, name, value.clone());
+    }
+    initialise(project, &declaration, &mut values)?;
     let of = |name: &str| declaration.find(name).map_or(0.0, |vr| values.real(vr));
     Ok(["start.x", "start.y", "start.yaw", "start.speed"].map(of))
 }
 
-/// Initialises the controller as its FMU would be, with these parameters; gives its variables.
-pub(crate) fn try_controller<'a>(
-    project: &Path,
-    parameters: impl Iterator<Item = (&'a str, Value)>,
-) -> Result<Values, ModelError> {
+/// Initialises the controller as its FMU would be, with these values of parameters, as text.
+pub(crate) fn try_controller(project: &Path, start: &BTreeMap<String, String>) -> Result<(), ModelError> {
     let declaration = RflMpc::declaration();
     let mut values = Values::starting_from(&declaration.variables);
-    // The project stands for the FMU's resources, in which the path has another name.
-    let path = ("path_file", Value::String(PATH.from.to_owned()));
-    for (name, value) in std::iter::once(path).chain(parameters) {
-        if let Some(vr) = declaration.find(name) {
-            values.set_by_host(vr, value);
+    for (name, text) in start {
+        let value = declaration.find(name).map(|vr| declaration.variables[vr].value_of(text));
+        if let Some(Ok(value)) = value {
+            set(&declaration, &mut values, name, value);
         }
     }
+    initialise(project, &declaration, &mut values)
+}
+
+fn set(declaration: &Declaration, values: &mut Values, name: &str, value: Value) {
+    if let Some(vr) = declaration.find(name) {
+        values.set_by_host(vr, value);
+    }
+}
+
+fn initialise(project: &Path, declaration: &Declaration, values: &mut Values) -> Result<(), ModelError> {
+    // The project stands for the FMU's resources, in which the path has another name.
+    let path = declaration.find("path_file").filter(|vr| !values.is_set_by_host(*vr));
+    if let Some(vr) = path {
+        values.set_by_host(vr, Value::String(PATH.from.to_owned()));
+    }
     let context = Context { resources: Some(project.to_owned()), instance_name: SYSTEM.to_owned() };
-    RflMpc::new().initialize(&mut values, 0.0, &context, &mut Unheard)?;
-    Ok(values)
+    RflMpc::new().initialize(values, 0.0, &context, &mut Unheard)
 }
 
 /// What the controller says here, it says again to the host.

@@ -1,6 +1,6 @@
 //! Learned models and a car packed into FMUs: what is added, what the FMU starts with, and what is refused.
 
-use fmu_build::added::{AddError, add_models, add_vehicle};
+use fmu_build::added::{AddError, add_models, add_start, add_vehicle};
 use fmu_build::description::{describe, describe_for};
 use fmu_build::fmu::Fmu;
 use fmu_build::shipped;
@@ -83,7 +83,7 @@ fn models_that_cannot_drive_are_refused_with_the_reason() {
     std::fs::write(at("foreign.rflm"), "x,y\n0,0\n").unwrap();
     for (files, words) in [
         (vec![good.clone(), again], &["good.rflm", "again.rflm", "both of kind linear"][..]),
-        (vec![slow], &["slow.rflm", "0.04 s", "0.02 s"]),
+        (vec![slow.clone()], &["slow.rflm", "0.04 s", "0.02 s", "--start"]),
         (vec![bmw.clone()], &["bmw.rflm", "mass", "c_class", "--vehicle"]),
         (vec![at("half.rflm")], &["half.rflm", "cut"]),
         (vec![at("foreign.rflm")], &["foreign.rflm", "rfl train"]),
@@ -92,7 +92,20 @@ fn models_that_cannot_drive_are_refused_with_the_reason() {
         let error = add_models(&mut shipped::fmus(), &project(), &files).unwrap_err().to_string();
         assert!(words.iter().all(|word| error.contains(word)), "{error}");
     }
-    // With its car it fits.
+    // With its sample time it fits, and with its car.
+    let mut fmus = shipped::fmus();
+    add_start(&mut fmus, "RflMpc.mpc.sample_time=0.04").unwrap();
+    add_models(&mut fmus, &project(), &[slow]).unwrap();
+    assert_eq!(of(&fmus, "RflMpc").added.start["mpc.sample_time"], "0.04");
+    for (text, words) in [
+        ("mpc.sample_time=0.04", "RflMpc.mpc.sample_time"),
+        ("RflMpc.mpc.sample_time", "FMU.PARAMETER=VALUE"),
+        ("RflMpc.mpc.sample_time=fast", "a number in"),
+        ("RflMpc.steer_cmd=0", "no parameter `steer_cmd`"),
+    ] {
+        let error = add_start(&mut fmus, text).unwrap_err().to_string();
+        assert!(error.contains(words), "{error}");
+    }
     let mut fmus = shipped::fmus();
     add_vehicle(&mut fmus, "bmw_320i").unwrap();
     add_models(&mut fmus, &project(), &[bmw]).unwrap();

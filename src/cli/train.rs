@@ -8,6 +8,7 @@ use crate::path;
 use crate::residual::{
     DataConfig, DataReport, DataSet, Fit, Kind, LambdaChoice, TrainConfig, TrainReport, TreeFeatures, train,
 };
+use crate::vehicle::BUILTIN;
 use clap::Args;
 use serde_json::{Value, json};
 use std::error::Error;
@@ -36,7 +37,7 @@ pub struct TrainArgs {
     #[arg(long)]
     path: Option<PathBuf>,
     /// Car whose nominal model is corrected: a vehicle file (TOML) or a built-in name
-    #[arg(long, default_value = crate::vehicle::BUILTIN[0])]
+    #[arg(long, default_value = BUILTIN[0])]
     vehicle: String,
     /// A parameter of the controller that is to use the model, NAME=VALUE: mpc.sample_time, vehicle.mass, ...
     #[arg(long = "set", value_name = "NAME=VALUE")]
@@ -228,6 +229,9 @@ pub fn run(args: &TrainArgs) -> Result<(), Box<dyn Error>> {
             "test": trained.report.test.as_ref().map(as_json),
         }));
     }
+    let files: Vec<String> = jobs(args).into_iter().map(|(_, file)| file.display().to_string()).collect();
+    let car = if args.vehicle == BUILTIN[0] { String::new() } else { format!(" --vehicle {}", args.vehicle) };
+    println!("next: rfl drive --residual {}{car}, fmu-build --residual {}{car}", files[0], files.join(" "));
     if let Some(file) = &args.json {
         let report = data.report();
         let value = json!({

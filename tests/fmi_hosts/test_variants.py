@@ -100,6 +100,21 @@ def test_packed_default_drives_unless_the_host_chooses(fmus, models, controller,
     assert_same(file, in_fmpy(controller, fmus, road, variant="linear"))
 
 
+def test_packed_numbers_and_files_are_in_force(fmus, models, tmp_path):
+    start = 'variant = "none"\nvehicle_file = "bmw_320i"\n"vehicle.mass" = "1234.5"\n"mpc.sample_time" = "0.04"\n'
+    for name, inertia in (("RflMpc", "vehicle.yaw_inertia"), ("PassengerCar", "axle.front.wheel_inertia")):
+        lines = start if name == "RflMpc" else "\n".join(start.splitlines()[1:3])
+        shutil.copy(fmus / f"{name}.fmu", tmp_path)
+        with zipfile.ZipFile(tmp_path / f"{name}.fmu", "a") as archive:
+            archive.writestr("resources/start.toml", lines)
+        unit = Instance(Library(tmp_path / f"{name}.fmu", tmp_path / name))
+        assert unit.initialize() <= WARNING, unit.said
+        mass, other = unit.get_reals(["vehicle.mass", inertia])
+        assert mass == 1234.5
+        assert other != float(unit.library.variables[inertia].start)
+        unit.free()
+
+
 def test_log_of_a_host_can_be_learned_from(rfl, fmus, paths, tmp_path):
     units = {"controller_fmu": fmus / "RflMpc.fmu", "car_fmu": fmus / "PassengerCar.fmu"}
     dither = {"mpc.dither": 0.005, "mpc.r_rate": 0.3, "mpc.q_e1_rate": 1.0, "mpc.q_e2": 2.0}
