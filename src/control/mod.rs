@@ -14,12 +14,14 @@
 //! | `preview.rs` | the road over the horizon |
 //! | `lateral.rs` | the MPC: road ahead, cost, bounds |
 //! | `variant/` | what it predicts with: nominal, learned residual, known actuator |
+//! | `choice.rs` | which variant: from a user's word, parameters and files |
 //! | `speed.rs` | speed tracking |
 //! | `controller.rs` | one step from measurement to commands; fallback |
 //! | `sampler.rs` | when a step is due |
 //! | `status.rs` | what a step did, in words |
 
 mod active_set;
+mod choice;
 mod cholesky;
 mod clarabel_solver;
 mod condense;
@@ -38,6 +40,7 @@ mod tracking_qp;
 mod variant;
 
 pub use active_set::ActiveSetSolver;
+pub use choice::{Choice, ChoiceError, ControlVariant, MODEL_EXTENSION};
 pub use clarabel_solver::{BuildError, ClarabelSolver};
 pub use condense::{Affine, Linear, Propagation, condense};
 pub use controller::{Controller, ControllerError, ControllerState, Measurement, StepError, StepReport};
@@ -45,7 +48,9 @@ pub use fast_solver::{FastSolver, build_solver};
 pub use history::History;
 pub use lateral::{LateralError, LateralInput, LateralMpc};
 pub use observer::{Observer, ObserverParameters};
-pub use parameters::{ControllerParameters, MpcParameters, NominalVehicle, SHOWN_HORIZON, SpeedParameters};
+pub use parameters::{
+    ActuatorParameters, ControllerParameters, MpcParameters, NominalVehicle, SHOWN_HORIZON, SpeedParameters,
+};
 pub use preview::SpeedAhead;
 pub use sampler::Sampler;
 pub use speed::{SpeedCommand, track_speed};

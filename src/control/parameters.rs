@@ -1,6 +1,7 @@
 //! The controller's parameters: one table for code, FMU variables, `--set` and documentation.
 
 use super::observer::ObserverParameters;
+use crate::parameter::{OutOfRange, ParameterGroup};
 use crate::parameters;
 use crate::vehicle::{CarParameters, SingleTrack};
 
@@ -59,6 +60,14 @@ parameters! {
     }
 }
 
+parameters! {
+    /// The steering actuator that the variant `actuator` knows.
+    pub struct ActuatorParameters {
+        dead_time: f64 = 0.0, SECOND in 0.0, 1.0; "actuator.dead_time", "Dead time of the steering actuator that the variant actuator predicts with"
+        time_constant: f64 = 0.0, SECOND in 0.0, 2.0; "actuator.time_constant", "Time constant of the first-order lag of the steering actuator that the variant actuator predicts with"
+    }
+}
+
 /// All of it.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[allow(missing_docs)]
@@ -67,6 +76,7 @@ pub struct ControllerParameters {
     pub mpc: MpcParameters,
     pub observer: ObserverParameters,
     pub speed: SpeedParameters,
+    pub actuator: ActuatorParameters,
 }
 
 impl ControllerParameters {
@@ -79,6 +89,39 @@ impl ControllerParameters {
         parameters.mpc.steer_rate_max = parameters.mpc.steer_rate_max.min(car.steering.rate_limit);
         parameters
     }
+
+    /// Sets the parameter of a name; says whether there is one.
+    ///
+    /// # Errors
+    /// A value out of its range; nothing has changed then.
+    pub fn set(&mut self, name: &str, value: f64) -> Result<bool, OutOfRange> {
+        Ok(set(&mut self.vehicle, name, value)?
+            || set(&mut self.mpc, name, value)?
+            || set(&mut self.observer, name, value)?
+            || set(&mut self.speed, name, value)?
+            || set(&mut self.actuator, name, value)?)
+    }
+
+    /// Checks all values against their ranges.
+    ///
+    /// # Errors
+    /// The first value out of range.
+    pub fn check(&self) -> Result<(), OutOfRange> {
+        self.vehicle.check()?;
+        self.mpc.check()?;
+        self.observer.check()?;
+        self.speed.check()?;
+        self.actuator.check()
+    }
+}
+
+fn set<G: ParameterGroup>(group: &mut G, name: &str, value: f64) -> Result<bool, OutOfRange> {
+    let Some(index) = G::table().iter().position(|parameter| parameter.name == name) else {
+        return Ok(false);
+    };
+    G::table()[index].check(value)?;
+    group.set(index, value);
+    Ok(true)
 }
 
 impl NominalVehicle {
