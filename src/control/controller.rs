@@ -190,7 +190,7 @@ impl Controller {
         } else {
             self.state.observer.observe(&state, self.parameters.mpc.observer_gain);
         }
-        let solved = self.solve(&state, measurement.vx, previous, far, &report, begin);
+        let solved = self.solve(&state, measurement, previous, far, &report, begin);
         self.command_steering(solved, previous, far, &mut report);
         if self.parameters.mpc.observer_gain > 0.0 && !far {
             let past = self.state.history.commands();
@@ -224,13 +224,14 @@ impl Controller {
     fn solve(
         &mut self,
         state: &ErrorState,
-        speed: f64,
+        measurement: &Measurement,
         previous: f64,
         far: bool,
         report: &StepReport,
         begin: Instant,
     ) -> Result<QpReport, QpError> {
         let p = &self.parameters.mpc;
+        let Measurement { vx: speed, vy, yaw_rate, .. } = *measurement;
         // The model does not depend on e1: to bound it is to follow a parallel path that comes closer with the
         // vehicle. Without that, a large error is answered by a turn across the path that the horizon, 0.3 s, is too
         // short to see the end of.
@@ -244,6 +245,8 @@ impl Controller {
         let memory = &self.state;
         self.lateral.step(&LateralInput {
             state: &aim,
+            vy,
+            yaw_rate,
             history: &memory.history,
             last_plan: memory.plan.get(memory.plan_age + 1..).unwrap_or_default(),
             station: report.station,

@@ -10,7 +10,7 @@
 //! | `clarabel_solver.rs` | its solution by an interior-point method, updated in place |
 //! | `preview.rs` | the road over the horizon |
 //! | `lateral.rs` | the MPC: road ahead, cost, bounds |
-//! | `variant/` | what it predicts with: nominal, learned residual, known actuator |
+//! | `variant/` | what it predicts with: nominal, learned residual, known actuator, nonlinear |
 //! | `speed.rs` | speed tracking |
 //! | `controller.rs` | one step from measurement to commands; fallback |
 //! | `sampler.rs` | when a step is due |
@@ -42,4 +42,4 @@ pub use sampler::Sampler;
 pub use speed::{SpeedCommand, track_speed};
 pub use status::ControlStatus;
 pub use tracking_qp::{QpEnd, QpError, QpReport, QpShape, QpSolver, SoftBound, TrackingQp};
-pub use variant::{PredictionModel, Residual, RollOut, Timing};
+pub use variant::{BicycleModel, BicycleRollOut, PredictionModel, Residual, RollOut, Timing};
