@@ -1,0 +1,62 @@
+//! A nonlinear MPC on the right and left turn of the Sudoku course.
+
+#![allow(dead_code)]
+
+use rfl_mpc::control::{
+    BicycleModel, Controller, ControllerParameters, Measurement, MpcParameters, PredictionModel,
+};
+use rfl_mpc::path::sudoku::Route;
+use rfl_mpc::path::{Closure, Path};
+use rfl_mpc::simulate::{ClosedLoop, Drive};
+use rfl_mpc::vehicle::{Effects, builtin};
+use std::sync::Arc;
+
+/// The default car's controller with changed parameters.
+pub fn controller(change: impl Fn(&mut MpcParameters)) -> Controller {
+    with_model(change, PredictionModel::Bicycle(BicycleModel::default()))
+}
+
+/// The same with another prediction.
+pub fn with_model(change: impl Fn(&mut MpcParameters), model: PredictionModel) -> Controller {
+    let path = Arc::new(Path::from_samples(Route::SudokuTurns.samples(), Closure::Detect).unwrap());
+    let mut parameters = ControllerParameters::for_car(&builtin("c_class").unwrap());
+    change(&mut parameters.mpc);
+    Controller::predicting_with(parameters, path, model).unwrap()
+}
+
+/// A car beside the path, in a bend.
+pub fn measure(controller: &Controller, e1: f64) -> Measurement {
+    let path = controller.path();
+    let station = (0..1000)
+        .map(|k| path.length() * f64::from(k) / 1000.0)
+        .max_by(|a, b| path.curvature(*a).abs().total_cmp(&path.curvature(*b).abs()))
+        .unwrap();
+    let at = path.at(station);
+    let (sin, cos) = at.yaw.sin_cos();
+    Measurement {
+        x: at.x - e1 * sin,
+        y: at.y + e1 * cos,
+        yaw: at.yaw,
+        vx: controller.speed_plan().speed(station),
+        ..Measurement::default()
+    }
+}
+
+/// Drives the default car to the end; `watch` sees the controller after each step.
+pub fn drive(controller: Controller, effects: &Effects, mut watch: impl FnMut(usize, &Controller)) -> Drive {
+    let car = builtin("c_class").unwrap();
+    let sample_time = controller.parameters().mpc.sample_time;
+    let mut closed = ClosedLoop::at_start(controller, &car, effects, sample_time).unwrap();
+    let mut drive = Drive { rows: vec![], classes: vec![], step_times: vec![], finished: false };
+    for k in 0..30_000 {
+        let (row, _) = closed.advance().unwrap();
+        drive.rows.push(row);
+        drive.classes.push(None);
+        watch(k, closed.controller());
+        if closed.controller().report().finished {
+            drive.finished = true;
+            break;
+        }
+    }
+    drive
+}
