@@ -1,7 +1,7 @@
 //! The derivatives that nonlinear MPC linearises with are those of its prediction.
 
 use rfl_mpc::control::BicycleRollOut;
-use rfl_mpc::nominal::BicycleState;
+use rfl_mpc::nominal::{BicycleState, ErrorState, errors_of};
 use rfl_mpc::path::sudoku::Route;
 use rfl_mpc::path::{Closure, Path};
 use rfl_mpc::vehicle::builtin;
@@ -68,18 +68,31 @@ fn the_next_state_is_that_of_the_prediction_and_its_derivatives() {
     let mut roll_out = roll_out(1.0, 6.0);
     roll_out.start = BicycleState::new(690.0, 0.1, -0.1, 0.1, 0.2);
     roll_out.follow(&path, &plan());
-    let mut state = rfl_mpc::nominal::ErrorState::new(0.1, 0.0, -0.1, 0.0);
-    assert_eq!(roll_out.first_step(&state, plan()[0]), *roll_out.errors(0));
-    // Another place beside the path and another command.
-    let linear = roll_out.clone();
-    state[0] += 1e-3;
-    let guess = linear.first_step(&state, plan()[0] + 1e-3);
-    roll_out.start[1] += 1e-3;
-    let mut other = plan();
-    other[0] += 1e-3;
-    roll_out.follow(&path, &other);
-    assert!((guess - linear.errors(0)).norm() > 1e-3, "they differ");
-    assert!((guess - roll_out.errors(0)).norm() < 1e-5, "{guess} {}", roll_out.errors(0));
+    let same = roll_out.first_step(&ErrorState::zeros(), plan()[0]);
+    assert_eq!(same.state, *roll_out.errors(0));
+    // Other errors at the same station, and another command.
+    let before = roll_out.clone();
+    let at_start = |state: &BicycleState| {
+        let station = state[0];
+        let curvature = [path.curvature(station), path.curvature_rate(station)];
+        errors_of(state, before.speed[0][0], curvature).errors
+    };
+    for (i, by) in [(1, 1e-3), (2, 1e-3), (3, 1e-3), (4, 1e-3), (0, 0.0)] {
+        roll_out.start = before.start;
+        roll_out.start[i] += by;
+        let mut other = plan();
+        other[0] += if i == 0 { 1e-3 } else { 0.0 };
+        roll_out.follow(&path, &other);
+        let moved = at_start(&roll_out.start) - at_start(&before.start);
+        let expected = before.first_step(&moved, other[0]).state;
+        let change = (roll_out.errors(0) - before.errors(0)).norm();
+        assert!(change > 1e-4, "{i}: {change}");
+        assert!(
+            (expected - roll_out.errors(0)).norm() < 0.02 * change,
+            "{i}: {expected} {}",
+            roll_out.errors(0)
+        );
+    }
 }
 
 #[test]

@@ -57,7 +57,7 @@ fn without_time_the_last_plan_goes_on() {
     let car = measure(&with_time, 0.1);
     with_time.step(&car).unwrap();
     let plan = with_time.lateral().plan().to_vec();
-    let mut without = controller(|mpc| mpc.deadline = 1e-9);
+    let mut without = controller(|p| p.mpc.deadline = 1e-9);
     assert!(without.restore(with_time.state().clone()).is_none());
     let report = *without.step(&car).unwrap();
     assert_eq!(report.status, ControlStatus::DeadlineMissed);
@@ -66,7 +66,7 @@ fn without_time_the_last_plan_goes_on() {
 
 #[test]
 fn it_goes_on_with_the_same_bits_after_a_restore() {
-    let observing = || controller(|mpc| mpc.observer_gain = 0.05);
+    let observing = || controller(|p| (p.observer.gain, p.observer.prediction_noise) = (0.05, 0.01));
     let (mut first, mut second) = (observing(), observing());
     let at = |k: u32| measure(&observing(), 0.2 * (0.05 * f64::from(k)).sin());
     for k in 0..20 {

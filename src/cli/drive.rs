@@ -113,6 +113,7 @@ impl Setup {
         if controller {
             found |= set(&mut self.controller.vehicle, name, value)?;
             found |= set(&mut self.controller.mpc, name, value)?;
+            found |= set(&mut self.controller.observer, name, value)?;
             found |= set(&mut self.controller.speed, name, value)?;
         }
         if car {

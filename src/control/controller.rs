@@ -12,7 +12,7 @@ use super::speed::track_speed;
 use super::status::ControlStatus;
 use super::tracking_qp::{QpEnd, QpError, QpReport, TrackingQp};
 use super::variant::PredictionModel;
-use crate::nominal::ErrorState;
+use crate::nominal::{ErrorState, body_change};
 use crate::parameter::{OutOfRange, ParameterGroup};
 use crate::path::{Path, SpeedLimits, SpeedPlan};
 use crate::residual::Random;
@@ -145,6 +145,7 @@ impl Controller {
     ) -> Result<Self, ControllerError> {
         parameters.vehicle.check()?;
         parameters.mpc.check()?;
+        parameters.observer.check()?;
         parameters.speed.check()?;
         let speed = &parameters.speed;
         let limits = SpeedLimits {
@@ -185,16 +186,21 @@ impl Controller {
 
         let state = Vector4::new(report.e1, report.e1_rate, report.e2, report.e2_rate);
         self.state.history.observe(&state, previous);
+        let observer = self.parameters.observer;
+        let mut estimate = state;
         if far {
             self.state.observer.reset();
-        } else {
-            self.state.observer.observe(&state, self.parameters.mpc.observer_gain);
+        } else if observer.is_on() {
+            estimate = self.state.observer.observe(&state, &observer, self.parameters.mpc.sample_time);
         }
-        let solved = self.solve(&state, measurement, previous, far, &report, begin);
+        // What the filter moves of the errors, it moves of the body's own velocities.
+        let moved = body_change(&(estimate - state), measurement.vx);
+        let body = [measurement.vy + moved[0], measurement.yaw_rate + moved[1]];
+        let solved = self.solve(&estimate, body, measurement.vx, previous, far, &report, begin);
         self.command_steering(solved, previous, far, &mut report);
-        if self.parameters.mpc.observer_gain > 0.0 && !far {
+        if observer.is_on() && !far {
             let past = self.state.history.commands();
-            if let Some(next) = self.lateral.next_state(&state, past, report.steer_cmd) {
+            if let Some(next) = self.lateral.next_state(&estimate, past, report.steer_cmd) {
                 self.state.observer.expect(next);
             }
         }
@@ -220,18 +226,18 @@ impl Controller {
         (report.speed_ref, report.accel_cmd) = (target.0, command.accel_cmd);
     }
 
-    /// Solves the lateral MPC for a measured state.
+    /// Solves the lateral MPC for a measured or estimated state.
     fn solve(
         &mut self,
         state: &ErrorState,
-        measurement: &Measurement,
+        [vy, yaw_rate]: [f64; 2],
+        speed: f64,
         previous: f64,
         far: bool,
         report: &StepReport,
         begin: Instant,
     ) -> Result<QpReport, QpError> {
         let p = &self.parameters.mpc;
-        let Measurement { vx: speed, vy, yaw_rate, .. } = *measurement;
         // The model does not depend on e1: to bound it is to follow a parallel path that comes closer with the
         // vehicle. Without that, a large error is answered by a turn across the path that the horizon, 0.3 s, is too
         // short to see the end of.

@@ -17,7 +17,7 @@ use super::parameters::MpcParameters;
 use super::preview::{Preview, SpeedAhead};
 use super::tracking_qp::{QpError, QpReport, QpShape, SoftBound, TrackingQp};
 use super::variant::{
-    Actuated, BicycleMpc, BicycleRollOut, NominalWithResidual, PredictionModel, Qp, Timing, Variant,
+    Actuated, BicycleMpc, BicycleRollOut, Expected, NominalWithResidual, PredictionModel, Qp, Timing, Variant,
 };
 use crate::nominal::{ContinuousErrorModel, ErrorState, SingleTrackError};
 use crate::path::Path;
@@ -157,7 +157,7 @@ impl LateralMpc {
     /// The state after this step if `steer` is issued, with everything that the newest prediction knew; `past` are the
     /// commands before it.
     #[must_use]
-    pub fn next_state(&self, state: &ErrorState, past: &[f64], steer: f64) -> Option<ErrorState> {
+    pub fn next_state(&self, state: &ErrorState, past: &[f64], steer: f64) -> Option<Expected> {
         self.variant.next_state(state, past, steer)
     }
 

@@ -6,7 +6,7 @@
 //! | `tracking_qp.rs` | the quadratic program of one step, and what a solver is |
 //! | `condense.rs` | from an affine model over the horizon to that program |
 //! | `history.rs` | the window of states and commands that a learned residual looks at |
-//! | `observer.rs` | offset-free tracking: what the prediction misses on average |
+//! | `observer.rs` | state and disturbance from noisy measurements: offset-free tracking |
 //! | `clarabel_solver.rs` | its solution by an interior-point method, updated in place |
 //! | `preview.rs` | the road over the horizon |
 //! | `lateral.rs` | the MPC: road ahead, cost, bounds |
@@ -35,11 +35,11 @@ pub use condense::{Affine, Linear, Propagation, condense};
 pub use controller::{Controller, ControllerError, ControllerState, Measurement, StepError, StepReport};
 pub use history::History;
 pub use lateral::{LateralError, LateralInput, LateralMpc};
-pub use observer::Observer;
+pub use observer::{Observer, ObserverParameters};
 pub use parameters::{ControllerParameters, MpcParameters, NominalVehicle, SHOWN_HORIZON, SpeedParameters};
 pub use preview::SpeedAhead;
 pub use sampler::Sampler;
 pub use speed::{SpeedCommand, track_speed};
 pub use status::ControlStatus;
 pub use tracking_qp::{QpEnd, QpError, QpReport, QpShape, QpSolver, SoftBound, TrackingQp};
-pub use variant::{BicycleModel, BicycleRollOut, PredictionModel, Residual, RollOut, Timing};
+pub use variant::{BicycleModel, BicycleRollOut, Expected, PredictionModel, Residual, RollOut, Timing};

@@ -91,6 +91,12 @@ pub fn errors_of(state: &BicycleState, vx: f64, curvature: Curvature) -> Bicycle
     BicycleErrors { errors, by_state }
 }
 
+/// Change of `[vy, yaw_rate]` that belongs to a small change of the errors, at a small yaw error.
+#[must_use]
+pub fn body_change(errors: &ErrorState, vx: f64) -> [f64; 2] {
+    [errors[1] - vx * errors[2], errors[3]]
+}
+
 impl Bicycle {
     /// One control step along a path with speed and steering held: Runge-Kutta of 4th order on the state and on its
     /// derivatives, in as many parts as the speed needs. `road` gives the curvature at a station.

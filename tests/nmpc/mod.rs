@@ -2,25 +2,23 @@
 
 #![allow(dead_code)]
 
-use rfl_mpc::control::{
-    BicycleModel, Controller, ControllerParameters, Measurement, MpcParameters, PredictionModel,
-};
+use rfl_mpc::control::{BicycleModel, Controller, ControllerParameters, Measurement, PredictionModel};
 use rfl_mpc::path::sudoku::Route;
 use rfl_mpc::path::{Closure, Path};
-use rfl_mpc::simulate::{ClosedLoop, Drive};
+use rfl_mpc::simulate::{ClosedLoop, TrackingMetrics};
 use rfl_mpc::vehicle::{Effects, builtin};
 use std::sync::Arc;
 
 /// The default car's controller with changed parameters.
-pub fn controller(change: impl Fn(&mut MpcParameters)) -> Controller {
+pub fn controller(change: impl Fn(&mut ControllerParameters)) -> Controller {
     with_model(change, PredictionModel::Bicycle(BicycleModel::default()))
 }
 
 /// The same with another prediction.
-pub fn with_model(change: impl Fn(&mut MpcParameters), model: PredictionModel) -> Controller {
+pub fn with_model(change: impl Fn(&mut ControllerParameters), model: PredictionModel) -> Controller {
     let path = Arc::new(Path::from_samples(Route::SudokuTurns.samples(), Closure::Detect).unwrap());
     let mut parameters = ControllerParameters::for_car(&builtin("c_class").unwrap());
-    change(&mut parameters.mpc);
+    change(&mut parameters);
     Controller::predicting_with(parameters, path, model).unwrap()
 }
 
@@ -42,21 +40,23 @@ pub fn measure(controller: &Controller, e1: f64) -> Measurement {
     }
 }
 
-/// Drives the default car to the end; `watch` sees the controller after each step.
-pub fn drive(controller: Controller, effects: &Effects, mut watch: impl FnMut(usize, &Controller)) -> Drive {
+/// Drives the default car to the end; `watch` sees the controller after each step. Gives the lateral tracking error.
+pub fn drive(
+    controller: Controller,
+    effects: &Effects,
+    mut watch: impl FnMut(usize, &Controller),
+) -> TrackingMetrics {
     let car = builtin("c_class").unwrap();
     let sample_time = controller.parameters().mpc.sample_time;
     let mut closed = ClosedLoop::at_start(controller, &car, effects, sample_time).unwrap();
-    let mut drive = Drive { rows: vec![], classes: vec![], step_times: vec![], finished: false };
+    let mut errors = Vec::new();
     for k in 0..30_000 {
-        let (row, _) = closed.advance().unwrap();
-        drive.rows.push(row);
-        drive.classes.push(None);
+        closed.advance().unwrap();
+        errors.push(closed.controller().report().e1);
         watch(k, closed.controller());
         if closed.controller().report().finished {
-            drive.finished = true;
-            break;
+            return TrackingMetrics::of(errors);
         }
     }
-    drive
+    panic!("the end of the road is not reached");
 }

@@ -3,7 +3,7 @@
 //!
 //! The angle at the road wheels is not measured: the actuator is run over the issued commands.
 
-use super::{Qp, Variant};
+use super::{Expected, Qp, Variant};
 use crate::control::condense::{Affine, Linear, Propagation, condense};
 use crate::control::lateral::LateralInput;
 use crate::control::parameters::MpcParameters;
@@ -92,14 +92,17 @@ impl Variant for Actuated {
         qp.solve(input.time_limit)
     }
 
-    fn next_state(&self, state: &ErrorState, past: &[f64], steer: f64) -> Option<ErrorState> {
+    fn next_state(&self, state: &ErrorState, past: &[f64], steer: f64) -> Option<Expected> {
         let model = self.model.as_ref()?;
         let back = |steps: usize| if steps == 0 { steer } else { past[past.len() - steps] };
         let next = model.a * extended(state, model.angle(past))
             + model.newer * back(model.delay)
             + model.older * back(model.delay + 1)
             + self.affine.known[0];
-        Some(next.fixed_rows::<4>(0).into_owned())
+        Some(Expected {
+            state: next.fixed_rows::<4>(0).into_owned(),
+            transition: model.a.fixed_view::<4, 4>(0, 0).into_owned(),
+        })
     }
 
     fn window(&self) -> usize {

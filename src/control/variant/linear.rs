@@ -5,7 +5,7 @@
 //!
 //! Source: Zhao et al., ITSC 2024, Algorithm 1.
 
-use super::{Qp, Variant};
+use super::{Expected, Qp, Variant};
 use crate::control::condense::{Affine, Linear, Propagation, condense};
 use crate::control::lateral::LateralInput;
 use crate::control::parameters::MpcParameters;
@@ -13,7 +13,7 @@ use crate::control::preview::Preview;
 use crate::control::tracking_qp::{QpError, QpReport};
 use crate::enumeration;
 use crate::nominal::{ContinuousErrorModel, DiscreteErrorModel, ErrorState, steady_yaw_error};
-use crate::residual::{Coefficients, Expected, Misfit, ResidualModel};
+use crate::residual::{self, Coefficients, Misfit, ResidualModel};
 use crate::vehicle::SingleTrack;
 use nalgebra::{Matrix4, Vector4};
 use std::sync::Arc;
@@ -153,7 +153,7 @@ impl Variant for NominalWithResidual {
         qp.solve(input.time_limit)
     }
 
-    fn next_state(&self, state: &ErrorState, past: &[f64], steer: f64) -> Option<ErrorState> {
+    fn next_state(&self, state: &ErrorState, past: &[f64], steer: f64) -> Option<Expected> {
         let model = self.model.as_ref()?;
         let mut next = model.a * state + model.b * steer + self.affine.known[0];
         if self.affine.window > 0 {
@@ -162,7 +162,7 @@ impl Variant for NominalWithResidual {
                 next += effect * *command;
             }
         }
-        Some(next)
+        Some(Expected { state: next, transition: model.a })
     }
 
     fn window(&self) -> usize {
@@ -177,7 +177,7 @@ impl Variant for NominalWithResidual {
 impl Learned {
     fn new(residual: Residual, vehicle: &SingleTrack, p: &MpcParameters) -> Result<Self, Misfit> {
         let model = &residual.model;
-        model.check_fits(&Expected {
+        model.check_fits(&residual::Expected {
             vehicle: *vehicle,
             sample_time: p.sample_time,
             min_model_speed: p.min_model_speed,

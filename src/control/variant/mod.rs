@@ -22,6 +22,8 @@ use super::lateral::LateralInput;
 use super::preview::Preview;
 use super::tracking_qp::{QpError, QpReport, QpSolver, TrackingQp};
 use crate::nominal::{Actuator, ErrorState};
+use nalgebra::Matrix4;
+use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
 /// What the controller predicts with.
@@ -89,6 +91,15 @@ impl Qp {
     }
 }
 
+/// The state one step ahead.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Expected {
+    /// The state.
+    pub state: ErrorState,
+    /// How it depends on the state before: `A` of the model.
+    pub transition: Matrix4<f64>,
+}
+
 /// A variant of the lateral MPC.
 pub(super) trait Variant: Send {
     /// Predicts, sets the QP up and solves it; `previous` is the command in force, within its limits.
@@ -102,7 +113,7 @@ pub(super) trait Variant: Send {
 
     /// The state after this step if `steer` is issued, with everything that the newest prediction knew; `past` are the
     /// commands before it. None before the first prediction.
-    fn next_state(&self, state: &ErrorState, past: &[f64], steer: f64) -> Option<ErrorState>;
+    fn next_state(&self, state: &ErrorState, past: &[f64], steer: f64) -> Option<Expected>;
 
     /// The newest nonlinear prediction, if it makes one.
     fn roll_out(&self) -> Option<&BicycleRollOut> {

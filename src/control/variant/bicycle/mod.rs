@@ -21,12 +21,12 @@ mod roll_out;
 
 pub use roll_out::BicycleRollOut;
 
-use super::{Qp, Variant};
+use super::{Expected, Qp, Variant};
 use crate::control::lateral::LateralInput;
 use crate::control::parameters::MpcParameters;
 use crate::control::preview::Preview;
 use crate::control::tracking_qp::{QpEnd, QpError, QpReport};
-use crate::nominal::{BicycleState, ErrorState, SingleTrackError};
+use crate::nominal::{BicycleState, ErrorState, SingleTrackError, body_change};
 use crate::path::Path;
 use crate::vehicle::SingleTrack;
 use std::time::Instant;
@@ -64,6 +64,8 @@ pub struct BicycleMpc {
     plan: Vec<f64>,
     trial: Vec<f64>,
     outputs: Vec<f64>,
+    /// Errors that the newest prediction started from.
+    start: ErrorState,
     planned: bool,
 }
 
@@ -93,6 +95,7 @@ impl BicycleMpc {
             plan: vec![0.0; p.horizon],
             trial: vec![0.0; p.horizon],
             outputs: Vec::new(),
+            start: ErrorState::zeros(),
             planned: false,
         })
     }
@@ -106,10 +109,9 @@ impl BicycleMpc {
         for (speed, planned) in roll_out.speed.iter_mut().zip(&preview.speed) {
             *speed = planned.map(|speed| speed.max(self.min_model_speed));
         }
-        // A disturbance of e1' is one of vy, less what a disturbance of e2 turns of the speed; one of e2' is one of
-        // the yaw rate.
-        let across = disturbance[1] - input.ahead.speed.max(self.min_model_speed) * disturbance[2];
-        roll_out.disturbance = BicycleState::new(0.0, disturbance[0], disturbance[2], across, disturbance[3]);
+        let [vy, yaw_rate] = body_change(disturbance, input.ahead.speed.max(self.min_model_speed));
+        roll_out.disturbance = BicycleState::new(0.0, disturbance[0], disturbance[2], vy, yaw_rate);
+        self.start = *errors;
         self.planned = true;
     }
 
@@ -215,8 +217,8 @@ impl Variant for BicycleMpc {
         Ok(QpReport { end, iterations, objective })
     }
 
-    fn next_state(&self, state: &ErrorState, _past: &[f64], steer: f64) -> Option<ErrorState> {
-        self.planned.then(|| self.roll_out.first_step(state, steer))
+    fn next_state(&self, state: &ErrorState, _past: &[f64], steer: f64) -> Option<Expected> {
+        self.planned.then(|| self.roll_out.first_step(&(state - self.start), steer))
     }
 
     fn roll_out(&self) -> Option<&BicycleRollOut> {

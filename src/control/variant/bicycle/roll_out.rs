@@ -1,5 +1,6 @@
 //! The nonlinear prediction over a horizon, with derivatives: from a plan of the steering to the errors ahead.
 
+use crate::control::variant::Expected;
 use crate::nominal::{
     Bicycle, BicycleErrors, BicycleState, BicycleStep, Curvature, ErrorState, SingleTrackError, errors_of,
 };
@@ -19,6 +20,7 @@ pub struct BicycleRollOut {
     /// Added to the state after each step.
     pub disturbance: BicycleState,
     steps: Vec<Predicted>,
+    start_errors: BicycleErrors,
     /// Command of the first step that was predicted.
     first_command: f64,
     /// Effects of the plan's commands on the newest state, for `gain`.
@@ -61,6 +63,7 @@ impl BicycleRollOut {
             speed: vec![[1.0; 2]; horizon],
             disturbance: BicycleState::zeros(),
             steps: vec![Predicted { step, end }; horizon],
+            start_errors: end,
             first_command: 0.0,
             effects: vec![BicycleState::zeros(); horizon],
         })
@@ -75,6 +78,9 @@ impl BicycleRollOut {
     /// Predicts under a plan, one steering command for each step.
     pub fn follow(&mut self, path: &Path, plan: &[f64]) {
         let mut state = self.start;
+        // The speed at the beginning is nearly the mean one: the errors' dependence on it is not asked for here.
+        let [mean_speed, _] = self.speed[0];
+        self.start_errors = errors_of(&state, mean_speed, road(path)(state[0]));
         self.first_command = plan[0];
         for (j, steer) in plan.iter().enumerate() {
             let [_, end_speed] = self.speed[j];
@@ -99,15 +105,18 @@ impl BicycleRollOut {
         step
     }
 
-    /// Errors to the path at the end of the first step from other errors and with another command, to first order: exact
-    /// for those that were predicted with.
+    /// What is expected after the first step from errors that differ by `moved` and with another command, to first order:
+    /// exact for those that were predicted with.
     #[must_use]
-    pub fn first_step(&self, errors: &ErrorState, steer: f64) -> ErrorState {
+    pub fn first_step(&self, moved: &ErrorState, steer: f64) -> Expected {
         let Predicted { step, end } = &self.steps[0];
-        let mut moved = BicycleState::zeros();
-        moved[1] = errors[0] - self.start[1];
-        moved[2] = errors[2] - self.start[2];
-        end.errors + end.by_state * (step.by_state * moved + step.by_steer * (steer - self.first_command))
+        // How the state depends on the errors, at the same station.
+        let of_errors = self.start_errors.by_state.fixed_columns::<4>(1).try_inverse().unwrap_or_default();
+        let by_state = end.by_state * step.by_state;
+        let transition = by_state.fixed_columns::<4>(1) * of_errors;
+        let command = steer - self.first_command;
+        let state = end.errors + transition * moved + end.by_state * step.by_steer * command;
+        Expected { state, transition }
     }
 
     /// Predicted errors at the end of step `j`.
