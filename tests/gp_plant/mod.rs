@@ -65,7 +65,11 @@ pub fn drive(plant: &Plant, rows: usize, seed: u64) -> Drive {
         // The errors are integrated coarsely: what is learned from is each row's vy and yaw rate.
         e1 += TS * rates[0];
         e2 += TS * rates[1];
-        steer = if plant.lag > 0.0 { steer + (command - steer) * (1.0 - (-TS / plant.lag).exp()) } else { command };
+        steer = if plant.lag > 0.0 {
+            steer + (command - steer) * (1.0 - (-TS / plant.lag).exp())
+        } else {
+            command
+        };
         [vy, yaw_rate] = truth.step(vy, yaw_rate, vx, steer, TS).value;
     }
     log

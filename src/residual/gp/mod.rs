@@ -27,6 +27,7 @@
 //! | `sparse.rs` | the process through a dictionary, from all samples |
 //! | `dot.rs` | mean and gradient, fast |
 //! | `samples.rs` | inputs and labels from drives |
+//! | `smoothing.rs` | how much noise to take from recorded states (program only) |
 //! | `train.rs` | from drives to a model and a report of its fit (program only) |
 //! | `model.rs`, `file.rs` | what the controller calls, and its file |
 
@@ -40,6 +41,8 @@ mod fit;
 mod kernel;
 mod model;
 mod samples;
+#[cfg(feature = "cli")]
+mod smoothing;
 mod sparse;
 #[cfg(feature = "cli")]
 mod train;
@@ -51,6 +54,8 @@ pub use fit::{FitConfig, Fitted, fit};
 pub use kernel::Kernel;
 pub use model::{GpModel, GpOutput, GpResidual, GpSchema, GpTraining};
 pub use samples::{GP_OUTPUTS, INPUTS, Samples};
+#[cfg(feature = "cli")]
+pub use smoothing::{STEPS, Smoothing};
 pub use sparse::{MAX_POINTS, Sparse};
 #[cfg(feature = "cli")]
 pub use train::{GpConfig, GpFit, GpReport, GpTrainError, GpTrained, train};

@@ -43,6 +43,8 @@ pub struct GpTraining {
     pub samples: usize,
     /// Samples that the hyperparameters were fitted on.
     pub hyperparameter_samples: usize,
+    /// Rows on each side over which recorded states were smoothed.
+    pub smoothing: usize,
     /// The seed.
     pub seed: u64,
 }

@@ -1,7 +1,6 @@
 //! From drives to what a Gaussian process learns: states of a bicycle model and what that model missed.
 //!
-//! The drives' errors and rates give the vehicle's lateral velocity and yaw rate (method of measurement as in
-//! [`super`]): with `e1' = vx sin e2 + vy cos e2` and `e2' = r - kappa s'`,
+//! The drives' errors and rates give the vehicle's lateral velocity and yaw rate : with `e1' = vx sin e2 + vy cos e2` and `e2' = r - kappa s'`,
 //!
 //! ```text
 //! vy = (e1' - vx sin e2) / cos e2,   s' = (vx cos e2 - vy sin e2) / (1 - kappa e1),   r = e2' + kappa s'
@@ -23,6 +22,10 @@ pub struct Samples {
     pub inputs: Vec<[f64; INPUTS]>,
     /// Labels: m/s, rad/s.
     pub labels: Vec<[f64; GP_OUTPUTS]>,
+    /// States as recorded: m/s, rad/s.
+    recorded: Vec<[f64; GP_OUTPUTS]>,
+    /// Samples before this one in its uninterrupted run.
+    before: Vec<usize>,
     /// Steps left out because the vehicle stood across the path or at its centre of curvature.
     pub left_out: usize,
 }
@@ -45,16 +48,21 @@ fn motion(row: &Row) -> Option<[f64; GP_OUTPUTS]> {
 }
 
 impl Samples {
-    /// The samples of all drives, for a nominal model on the data's vehicle.
+    /// The samples of all drives, for a nominal model on the data's vehicle, with velocity and yaw rate smoothed over
+    /// `smoothing` rows on each side.
     #[must_use]
-    pub fn new(data: &DataSet, nominal: &Bicycle) -> Self {
+    pub fn new(data: &DataSet, nominal: &Bicycle, smoothing: usize) -> Self {
         let mut samples = Self::default();
         let sample_time = data.config.sample_time;
         for stretch in data.stretches() {
+            let raw: Vec<Option<[f64; GP_OUTPUTS]>> = stretch.iter().map(motion).collect();
+            let mut run = 0;
             for i in 0..stretch.len().saturating_sub(1) {
-                let (Some([vy, yaw_rate]), Some(next)) = (motion(&stretch[i]), motion(&stretch[i + 1]))
+                let (Some([vy, yaw_rate]), Some(next)) =
+                    (smooth(&raw, i, smoothing), smooth(&raw, i + 1, smoothing))
                 else {
                     samples.left_out += 1;
+                    run = 0;
                     continue;
                 };
                 let (vx, steer) = (stretch[i].road[0], stretch[i].command);
@@ -63,10 +71,61 @@ impl Samples {
                 let accel = dataset::acceleration(&stretch, i, sample_time);
                 samples.inputs.push([vx, vy, yaw_rate, steer, accel]);
                 samples.labels.push(std::array::from_fn(|o| next[o] - predicted[o]));
+                samples.recorded.push(raw[i].unwrap_or([vy, yaw_rate]));
+                samples.before.push(run);
+                run += 1;
             }
         }
         samples
     }
+
+    /// Root mean square error of the states predicted freely over `steps` steps, with recorded speeds and commands, from
+    /// each `steps / 2`-th sample on, against what was recorded. Not a number if no run is that long.
+    #[cfg(feature = "cli")]
+    pub(super) fn rollout(
+        &self,
+        data: &DataSet,
+        nominal: &Bicycle,
+        steps: usize,
+        residual: impl Fn(&[f64; INPUTS]) -> [f64; GP_OUTPUTS],
+    ) -> [f64; GP_OUTPUTS] {
+        let (mut squares, mut count) = ([0.0; GP_OUTPUTS], 0.0);
+        for end in (steps..self.inputs.len()).step_by((steps / 2).max(1)) {
+            if self.before[end] < steps {
+                continue;
+            }
+            let mut state = [self.inputs[end - steps][1], self.inputs[end - steps][2]];
+            for &[vx, _, _, steer, accel] in &self.inputs[end - steps..end] {
+                let [vy, yaw_rate] = state;
+                let held = vx.max(data.config.min_model_speed);
+                let believed = nominal.step(vy, yaw_rate, held, steer, data.config.sample_time).value;
+                let missed = residual(&[vx, vy, yaw_rate, steer, accel]);
+                state = std::array::from_fn(|o| believed[o] + missed[o]);
+            }
+            (0..GP_OUTPUTS).for_each(|o| squares[o] += (state[o] - self.recorded[end][o]).powi(2));
+            count += 1.0;
+        }
+        squares.map(|square| (square / count).sqrt())
+    }
+}
+
+/// The value at row `i` of the cubic that fits `reach` rows on each side best (Savitzky and Golay 1964), of fewer where a
+/// row is missing.
+fn smooth(raw: &[Option<[f64; GP_OUTPUTS]>], i: usize, reach: usize) -> Option<[f64; GP_OUTPUTS]> {
+    let here = raw[i]?;
+    let known = |m: &usize| *m <= i && i + m < raw.len() && raw[i - m].is_some() && raw[i + m].is_some();
+    let m = (1..=reach).take_while(known).last().unwrap_or(0);
+    if m < 2 {
+        return Some(here);
+    }
+    let f = m as f64;
+    let norm = (2.0 * f - 1.0) * (2.0 * f + 1.0) * (2.0 * f + 3.0);
+    let mut sum = [0.0; GP_OUTPUTS];
+    for (j, value) in (-(m as isize)..).zip(&raw[i - m..=i + m]) {
+        let weight = 3.0 * (3.0 * f * f + 3.0 * f - 1.0 - 5.0 * (j * j) as f64) / norm;
+        sum.iter_mut().zip((*value)?).for_each(|(sum, value)| *sum += weight * value);
+    }
+    Some(sum)
 }
 
 /// Names of the inputs.

@@ -1,5 +1,6 @@
 //! Training: from drives to a process, and how well it fits.
 //!
+//! 0. How much to smooth the recorded states, by trial.
 //! 1. Hyperparameters by maximum likelihood on some hundred samples drawn at random.
 //! 2. A dictionary for each output, by posterior variance, from some thousand samples drawn at random.
 //! 3. Weights from all samples.
@@ -10,6 +11,7 @@ use super::dictionary::choose;
 use super::fit::{FitConfig, Fitted, fit};
 use super::model::{GpModel, GpOutput, GpSchema, GpTraining};
 use super::samples::{OUTPUT_NAMES, Samples, input_names};
+use super::smoothing::{self, Smoothing};
 use super::sparse::{MAX_POINTS, Sparse};
 use super::{GP_OUTPUTS, INPUTS};
 use crate::nominal::{Bicycle, SingleTrackError};
@@ -27,6 +29,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 pub struct GpConfig {
     /// Friction coefficient of the nominal bicycle model; not learned, as it cannot be observed in calm driving.
     pub friction: f64,
+    /// How recorded states are smoothed.
+    pub smoothing: Smoothing,
     /// Most points of the dictionary of an output.
     pub points: usize,
     /// Samples that hyperparameters are fitted on: time grows with their cube.
@@ -47,6 +51,7 @@ impl Default for GpConfig {
     fn default() -> Self {
         Self {
             friction: 1.0,
+            smoothing: Smoothing::Choose(vec![0, 2, 3, 4, 6]),
             points: 300,
             hyperparameter_samples: 400,
             candidates: 8000,
@@ -74,7 +79,15 @@ impl GpConfig {
             ("starts", self.starts, 1, 100),
             ("iterations", self.iterations, 1, 10_000),
         ];
-        match ranges.into_iter().find(|(_, value, min, max)| !(min..=max).contains(&value)) {
+        let reaches = match &self.smoothing {
+            Smoothing::Fixed(reach) => std::slice::from_ref(reach),
+            Smoothing::Choose(reaches) => reaches,
+        };
+        if reaches.is_empty() {
+            return Err(ConfigError::NoCandidate { name: "smoothing" });
+        }
+        let reaches = reaches.iter().map(|&reach| ("smoothing", reach, 0, 50));
+        match reaches.chain(ranges).find(|(_, value, min, max)| !(min..=max).contains(&value)) {
             Some((name, value, min, max)) => Err(ConfigError::Range { name, value, min, max }),
             None => Ok(()),
         }
@@ -140,7 +153,7 @@ pub struct GpFit {
     pub nominal_rmse: [f64; GP_OUTPUTS],
 }
 
-/// How training went. Hyperparameters and likelihoods stand in the model's schema.
+/// How training went, measured against what was recorded, not smoothed. Hyperparameters and likelihoods stand in the model's schema.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GpReport {
     /// On the samples learned from.
@@ -149,6 +162,9 @@ pub struct GpReport {
     pub test: Option<GpFit>,
     /// Steps left out because the motion cannot be told from the errors.
     pub left_out: usize,
+    /// Candidates for the smoothing of states, in rows on each side, and the mean square of small processes' errors over
+    /// [`STEPS`](super::STEPS) steps, in units of the nominal model's.
+    pub smoothing_scores: Vec<(usize, f64)>,
     /// Evaluations of the likelihood, for each output.
     pub evaluations: [usize; GP_OUTPUTS],
 }
@@ -179,19 +195,22 @@ pub fn train(
         return Err(GpTrainError::TestData);
     }
     let nominal = Bicycle::new(&data.vehicle, config.friction)?;
-    let samples = Samples::new(data, &nominal);
-    if samples.inputs.len() < FEWEST {
+    let recorded = Samples::new(data, &nominal, 0);
+    if recorded.inputs.len() < FEWEST {
         let found = data.report();
         return Err(GpTrainError::TooFewSamples {
-            samples: samples.inputs.len(),
+            samples: recorded.inputs.len(),
             needed: FEWEST,
             rows: found.rows,
             left_out: found.not_finite + found.implausible,
             gaps: found.gaps,
-            turned: samples.left_out,
+            turned: recorded.left_out,
         });
     }
     let threads = parallel::threads(config.threads);
+    let (smoothing, smoothing_scores) =
+        smoothing::reach(&config.smoothing, data, &nominal, config.seed, threads);
+    let samples = Samples::new(data, &nominal, smoothing);
     let fitted = hyperparameters(&samples, config, threads, progress);
     let say = |done| progress(Progress { stage: Stage::Weights, done, total: GP_OUTPUTS });
     say(0);
@@ -210,6 +229,7 @@ pub fn train(
                 data_hash: format!("{:016x}", data.hash()),
                 samples: samples.inputs.len(),
                 hyperparameter_samples: config.hyperparameter_samples.min(samples.inputs.len()),
+                smoothing,
                 seed: config.seed,
             },
             inputs: ranges(&samples),
@@ -219,9 +239,10 @@ pub fn train(
     };
     progress(Progress { stage: Stage::Report, done: 0, total: 1 });
     let report = GpReport {
-        train: measure(&model, &samples, threads),
-        test: test.map(|test| measure(&model, &Samples::new(test, &nominal), threads)),
-        left_out: samples.left_out,
+        train: measure(&model, &recorded, threads),
+        test: test.map(|test| measure(&model, &Samples::new(test, &nominal, 0), threads)),
+        left_out: recorded.left_out,
+        smoothing_scores,
         evaluations: [fitted[0].evaluations, fitted[1].evaluations],
     };
     progress(Progress { stage: Stage::Report, done: 1, total: 1 });
@@ -235,19 +256,25 @@ impl GpModel {
     /// A nominal model that cannot be made; none that a trained process has.
     pub fn measure(&self, data: &DataSet) -> Result<GpFit, SingleTrackError> {
         let nominal = Bicycle::new(&self.schema.vehicle, self.schema.friction)?;
-        Ok(measure(self, &Samples::new(data, &nominal), parallel::threads(0)))
+        Ok(measure(self, &Samples::new(data, &nominal, 0), parallel::threads(0)))
     }
-}
 
-/// `count` of the numbers below `rows`, or all of them, each once and in random order.
-fn draw(rows: usize, count: usize, random: &mut Random) -> Vec<usize> {
-    let mut all: Vec<usize> = (0..rows).collect();
-    let count = count.min(rows);
-    for i in 0..count {
-        all.swap(i, i + random.below((rows - i) as u32) as usize);
+    /// Root mean square error of `[vy m/s, yaw rate rad/s]` predicted freely over `steps` steps on other data of the same
+    /// vehicle and sample time, with the recorded speeds and commands; and that of the nominal model alone. Not a number
+    /// if no drive has so many steps without interruption.
+    ///
+    /// # Errors
+    /// A nominal model that cannot be made; none that a trained process has.
+    pub fn measure_steps(
+        &self,
+        data: &DataSet,
+        steps: usize,
+    ) -> Result<[[f64; GP_OUTPUTS]; 2], SingleTrackError> {
+        let nominal = Bicycle::new(&self.schema.vehicle, self.schema.friction)?;
+        let samples = Samples::new(data, &nominal, 0);
+        let with = samples.rollout(data, &nominal, steps, |input| self.residual(input).mean);
+        Ok([with, samples.rollout(data, &nominal, steps, |_| [0.0; GP_OUTPUTS])])
     }
-    all.truncate(count);
-    all
 }
 
 fn hyperparameters(
@@ -257,7 +284,7 @@ fn hyperparameters(
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Vec<Fitted<INPUTS>> {
     let mut random = Random::stream(config.seed, 0);
-    let rows = draw(samples.inputs.len(), config.hyperparameter_samples, &mut random);
+    let rows = random.draw(samples.inputs.len(), config.hyperparameter_samples);
     let inputs: Vec<_> = rows.iter().map(|&row| samples.inputs[row]).collect();
     let labels: [Vec<f64>; GP_OUTPUTS] =
         std::array::from_fn(|o| rows.iter().map(|&row| samples.labels[row][o]).collect());
@@ -280,7 +307,7 @@ fn output(
     threads: usize,
 ) -> Result<Sparse<INPUTS>, GpTrainError> {
     let kernel = fitted.kernel;
-    let rows = draw(samples.inputs.len(), config.candidates, &mut Random::stream(config.seed, 1));
+    let rows = Random::stream(config.seed, 1).draw(samples.inputs.len(), config.candidates);
     let candidates: Vec<_> = rows.iter().map(|&row| samples.inputs[row]).collect();
     let taken = choose(&kernel, &candidates, config.points, LEAST_VARIANCE);
     let dictionary = taken.iter().map(|&i| candidates[i]).collect();
