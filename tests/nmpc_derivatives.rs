@@ -1,6 +1,6 @@
 //! The derivatives that nonlinear MPC linearises with are those of its prediction.
 
-use rfl_mpc::control::BicycleRollOut;
+use rfl_mpc::control::{BicycleRollOut, StepSpeed};
 use rfl_mpc::nominal::{BicycleState, ErrorState, errors_of};
 use rfl_mpc::path::sudoku::Route;
 use rfl_mpc::path::{Closure, Path};
@@ -10,11 +10,12 @@ const HORIZON: usize = 24;
 
 fn roll_out(friction: f64, speed: f64) -> BicycleRollOut {
     let car = builtin("c_class").unwrap().single_track();
-    let mut roll_out = BicycleRollOut::new(&car, friction, 0.02, HORIZON).unwrap();
+    let mut roll_out = BicycleRollOut::new(&car, friction, None, 0.02, HORIZON).unwrap();
     for (j, speeds) in roll_out.speed.iter_mut().enumerate() {
         // Braking, so that no two steps are alike.
         let at = |j: f64| speed * (1.0 - 0.01 * j);
-        *speeds = [at(j as f64 + 0.5), at(j as f64 + 1.0)];
+        let j = j as f64;
+        *speeds = StepSpeed { speed: [at(j), at(j + 0.5), at(j + 1.0)], ..StepSpeed::held(speed) };
     }
     roll_out.disturbance = BicycleState::new(0.0, 1e-3, -5e-4, 2e-3, 1e-3);
     roll_out
@@ -75,7 +76,7 @@ fn the_next_state_is_that_of_the_prediction_and_its_derivatives() {
     let at_start = |state: &BicycleState| {
         let station = state[0];
         let curvature = [path.curvature(station), path.curvature_rate(station)];
-        errors_of(state, before.speed[0][0], curvature).errors
+        errors_of(state, before.speed[0].speed[1], curvature).errors
     };
     for (i, by) in [(1, 1e-3), (2, 1e-3), (3, 1e-3), (4, 1e-3), (0, 0.0)] {
         roll_out.start = before.start;
@@ -103,7 +104,7 @@ fn the_steady_yaw_error_stays_under_a_disturbance() {
     });
     let path = Path::from_samples(circle.collect(), Closure::Closed).unwrap();
     let mut roll_out = roll_out(1.0, 8.0);
-    roll_out.speed.fill([8.0, 8.0]);
+    roll_out.speed.fill(StepSpeed::held(8.0));
     let curvature = path.curvature(0.0);
     let yaw_error = roll_out.steady_yaw_error(0, curvature);
     // Find the steady state by Newton on differences of the prediction alone.

@@ -195,8 +195,8 @@ impl Controller {
         }
         // What the filter moves of the errors, it moves of the body's own velocities.
         let moved = body_change(&(estimate - state), measurement.vx);
-        let body = [measurement.vy + moved[0], measurement.yaw_rate + moved[1]];
-        let solved = self.solve(&estimate, body, measurement.vx, previous, far, &report, begin);
+        let motion = [measurement.vx, measurement.vy + moved[0], measurement.yaw_rate + moved[1]];
+        let solved = self.solve(&estimate, motion, previous, far, &report, begin);
         self.command_steering(solved, previous, far, &mut report);
         if observer.is_on() && !far {
             let past = self.state.history.commands();
@@ -230,8 +230,7 @@ impl Controller {
     fn solve(
         &mut self,
         state: &ErrorState,
-        [vy, yaw_rate]: [f64; 2],
-        speed: f64,
+        [speed, vy, yaw_rate]: [f64; 3],
         previous: f64,
         far: bool,
         report: &StepReport,

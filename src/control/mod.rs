@@ -42,4 +42,6 @@ pub use sampler::Sampler;
 pub use speed::{SpeedCommand, track_speed};
 pub use status::ControlStatus;
 pub use tracking_qp::{QpEnd, QpError, QpReport, QpShape, QpSolver, SoftBound, TrackingQp};
-pub use variant::{BicycleModel, BicycleRollOut, Expected, PredictionModel, Residual, RollOut, Timing};
+pub use variant::{
+    BicycleModel, BicycleRollOut, Expected, PredictionModel, Residual, RollOut, StepSpeed, Timing,
+};

@@ -133,6 +133,14 @@ impl Bicycle {
         yaw_error
     }
 
+    /// Steering angle of steady cornering, rad, by the linear tyres: a good first guess.
+    #[must_use]
+    pub fn steady_steer(&self, vx: f64, curvature: f64) -> f64 {
+        let SingleTrack { mass, lf, lr, cf, cr, .. } = self.vehicle;
+        let understeer = mass / (lf + lr) * (lr / cf - lf / cr);
+        ((lf + lr) * curvature).atan() + understeer * vx * vx * curvature
+    }
+
     /// Steps of Runge-Kutta that a control step needs at a speed: the model is stiff as `vx` goes to 0.
     #[must_use]
     pub fn substeps(&self, vx: f64, sample_time: f64) -> usize {

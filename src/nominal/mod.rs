@@ -17,7 +17,9 @@ mod single_track;
 pub use actuator::{ActuatedModel, ActuatedState, Actuator};
 pub use bicycle::{Bicycle, Lateral};
 pub use discretise::zero_order_hold;
-pub use path_bicycle::{BicycleErrors, BicycleState, BicycleStep, Curvature, body_change, errors_of};
+pub use path_bicycle::{
+    BicycleErrors, BicycleState, BicycleStep, Curvature, HeldSpeed, body_change, errors_of,
+};
 pub use single_track::{
     ContinuousErrorModel, DiscreteErrorModel, ErrorState, SingleTrackError, steady_yaw_error,
 };

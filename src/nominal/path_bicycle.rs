@@ -17,6 +17,15 @@ pub type BicycleState = SVector<f64, 5>;
 /// Curvature, 1/m, and its rate along the path, 1/m2.
 pub type Curvature = [f64; 2];
 
+/// Speed held within a step, m/s.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HeldSpeed {
+    /// For the motion along and across the path: the mean is best.
+    pub path: f64,
+    /// For the tyres and the turning body; positive.
+    pub body: f64,
+}
+
 /// A state after a step, with its derivatives by the state and the steering before it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[allow(missing_docs)]
@@ -99,17 +108,18 @@ pub fn body_change(errors: &ErrorState, vx: f64) -> [f64; 2] {
 
 impl Bicycle {
     /// One control step along a path with speed and steering held: Runge-Kutta of 4th order on the state and on its
-    /// derivatives, in as many parts as the speed needs. `road` gives the curvature at a station.
+    /// derivatives, in as many parts as the speed needs. `road` gives the curvature at a station. Of the two speeds one
+    /// moves the vehicle along the path, one its body.
     pub fn step_along(
         &self,
         road: impl Fn(f64) -> Curvature,
         state: &BicycleState,
-        vx: f64,
+        vx: HeldSpeed,
         steer: f64,
         sample_time: f64,
     ) -> BicycleStep {
         let slope = |at: &Sensed| self.slope(&road, at, vx, steer);
-        let count = self.substeps(vx, sample_time);
+        let count = self.substeps(vx.body, sample_time);
         let h = sample_time / count as f64;
         let mut at = Sensed { value: *state, by: SMatrix::identity() };
         for _ in 0..count {
@@ -130,11 +140,11 @@ impl Bicycle {
         }
     }
 
-    fn slope(&self, road: &impl Fn(f64) -> Curvature, at: &Sensed, vx: f64, steer: f64) -> Sensed {
+    fn slope(&self, road: &impl Fn(f64) -> Curvature, at: &Sensed, vx: HeldSpeed, steer: f64) -> Sensed {
         let x = &at.value;
         let curvature = road(x[0]);
-        let on_path = motion(x, vx, curvature);
-        let body = self.rates(x[3], x[4], vx, steer);
+        let on_path = motion(x, vx.path, curvature);
+        let body = self.rates(x[3], x[4], vx.body, steer);
         let yaw_rate = x[4] - curvature[0] * on_path.station_rate;
         let value = [on_path.station_rate, on_path.lateral_rate, yaw_rate, body.value[0], body.value[1]];
         let mut by = SMatrix::<f64, 5, 6>::zeros();

@@ -6,7 +6,7 @@
 //! |---|---|
 //! | `linear.rs` | the nominal linear model, with or without a learned residual |
 //! | `actuator.rs` | the nominal linear model behind a known steering actuator |
-//! | `bicycle/` | the nonlinear bicycle, by sequential quadratic programming |
+//! | `bicycle/` | the nonlinear bicycle, with or without a Gaussian process, by sequential quadratic programming |
 
 mod actuator;
 mod bicycle;
@@ -14,7 +14,7 @@ mod linear;
 
 pub(super) use actuator::Actuated;
 pub(super) use bicycle::BicycleMpc;
-pub use bicycle::{BicycleModel, BicycleRollOut};
+pub use bicycle::{BicycleModel, BicycleRollOut, StepSpeed};
 pub(super) use linear::NominalWithResidual;
 pub use linear::{Residual, RollOut};
 
@@ -36,7 +36,7 @@ pub enum PredictionModel {
     Residual(Residual),
     /// The linear single track behind a steering actuator with known dead time and lag.
     Actuator(Actuator),
-    /// The nonlinear bicycle: nonlinear MPC.
+    /// The nonlinear bicycle, with or without a learned Gaussian process: nonlinear MPC.
     Bicycle(BicycleModel),
 }
 

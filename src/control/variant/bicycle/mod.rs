@@ -12,23 +12,27 @@
 //! them: every iterate can be driven. The errors are small beside the curvature of `y`, so Gauss-Newton converges
 //! within a few iterations.
 //!
+//! With a Gaussian process (GP-NMPC) its mean and gradient correct `vy` and the yaw rate after each step.
+//!
 //! The information is that of the linear MPC: measured state, path, planned speeds, command in force, disturbance.
 //!
-//! Source: Bock and Plitt 1984; Diehl et al., Real-time optimization and nonlinear model predictive control, J. Process
+//! Source: Kabzan et al., Learning-Based MPC for Autonomous Racing, RA-L 2019; Bock and Plitt 1984; Diehl et al., Real-time optimization and nonlinear model predictive control, J. Process
 //! Control 2002; line search on a convex composite: Burke 1985.
 
 mod roll_out;
 
-pub use roll_out::BicycleRollOut;
+pub use roll_out::{BicycleRollOut, StepSpeed};
 
 use super::{Expected, Qp, Variant};
-use crate::control::lateral::LateralInput;
+use crate::control::lateral::{LateralError, LateralInput};
 use crate::control::parameters::MpcParameters;
 use crate::control::preview::Preview;
 use crate::control::tracking_qp::{QpEnd, QpError, QpReport};
-use crate::nominal::{BicycleState, ErrorState, SingleTrackError, body_change};
+use crate::nominal::{BicycleState, ErrorState, body_change};
 use crate::path::Path;
+use crate::residual::{self, gp::GpModel};
 use crate::vehicle::SingleTrack;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// How the nonlinear MPC predicts and iterates.
@@ -38,11 +42,13 @@ pub struct BicycleModel {
     pub friction: f64,
     /// Most QPs of a step.
     pub max_iterations: usize,
+    /// What the bicycle misses of `vy` and the yaw rate in a step, learned: GP-NMPC.
+    pub gp: Option<Arc<GpModel>>,
 }
 
 impl Default for BicycleModel {
     fn default() -> Self {
-        Self { friction: 1.0, max_iterations: 30 }
+        Self { friction: 1.0, max_iterations: 30, gp: None }
     }
 }
 
@@ -80,15 +86,22 @@ enum Search {
 
 impl BicycleMpc {
     /// # Errors
-    /// A parameter of the vehicle or a friction that is not positive.
-    pub fn new(
-        vehicle: SingleTrack,
-        p: &MpcParameters,
-        model: BicycleModel,
-    ) -> Result<Self, SingleTrackError> {
+    /// A parameter of the vehicle or a friction that is not positive; a Gaussian process that was learned for another
+    /// controller.
+    pub fn new(vehicle: SingleTrack, p: &MpcParameters, model: BicycleModel) -> Result<Self, LateralError> {
+        let BicycleModel { friction, max_iterations, gp } = model;
+        if let Some(gp) = &gp {
+            let expected = residual::Expected {
+                vehicle,
+                sample_time: p.sample_time,
+                min_model_speed: p.min_model_speed,
+                window: None,
+            };
+            gp.check_fits(&expected, friction)?;
+        }
         Ok(Self {
-            roll_out: BicycleRollOut::new(&vehicle, model.friction, p.sample_time, p.horizon)?,
-            max_iterations: model.max_iterations.max(1),
+            roll_out: BicycleRollOut::new(&vehicle, friction, gp, p.sample_time, p.horizon)?,
+            max_iterations: max_iterations.max(1),
             min_model_speed: p.min_model_speed,
             steer_max: p.steer_max,
             steer_change: p.steer_rate_max * p.sample_time,
@@ -106,8 +119,13 @@ impl BicycleMpc {
         let roll_out = &mut self.roll_out;
         roll_out.start = BicycleState::new(input.station, errors[0], errors[2], input.vy, input.yaw_rate);
         // The model is stiff at standstill: it never drives slower than this, neither its tyres nor along the path.
-        for (speed, planned) in roll_out.speed.iter_mut().zip(&preview.speed) {
-            *speed = planned.map(|speed| speed.max(self.min_model_speed));
+        for (j, speed) in roll_out.speed.iter_mut().enumerate() {
+            let ([begin, ..], [mean, end]) = (preview.road[j], preview.speed[j]);
+            *speed = StepSpeed {
+                speed: [begin, mean, end].map(|speed| speed.max(self.min_model_speed)),
+                planned: begin,
+                accel: input.ahead.accel,
+            };
         }
         let [vy, yaw_rate] = body_change(disturbance, input.ahead.speed.max(self.min_model_speed));
         roll_out.disturbance = BicycleState::new(0.0, disturbance[0], disturbance[2], vy, yaw_rate);
@@ -147,7 +165,8 @@ impl BicycleMpc {
             for ((trial, from), to) in self.trial.iter_mut().zip(&self.plan).zip(&qp.inputs) {
                 *trial = from + alpha * (to - from);
             }
-            let reached = predict(&mut self.roll_out, path, &self.trial, qp, &mut self.outputs);
+            self.roll_out.follow(path, &self.trial);
+            let reached = assess(&self.roll_out, &self.trial, qp, &mut self.outputs);
             if reached <= *objective - ARMIJO * alpha * promised {
                 std::mem::swap(&mut self.plan, &mut self.trial);
                 *objective = reached;
@@ -155,14 +174,14 @@ impl BicycleMpc {
             }
             alpha *= 0.5;
         }
-        predict(&mut self.roll_out, path, &self.plan, qp, &mut self.outputs);
+        self.roll_out.follow(path, &self.plan);
+        assess(&self.roll_out, &self.plan, qp, &mut self.outputs);
         Search::Stuck
     }
 }
 
-/// Predicts under a plan, writes its outputs and gives the true objective.
-fn predict(roll_out: &mut BicycleRollOut, path: &Path, plan: &[f64], qp: &Qp, outputs: &mut [f64]) -> f64 {
-    roll_out.follow(path, plan);
+/// Writes the outputs of what was predicted under a plan and gives the true objective.
+fn assess(roll_out: &BicycleRollOut, plan: &[f64], qp: &Qp, outputs: &mut [f64]) -> f64 {
     for (j, of_step) in outputs.chunks_exact_mut(qp.tracked.len()).enumerate() {
         for (output, &state) in of_step.iter_mut().zip(&qp.tracked) {
             *output = roll_out.errors(j)[state];
@@ -181,10 +200,11 @@ impl Variant for BicycleMpc {
     ) -> Result<QpReport, QpError> {
         let begin = Instant::now();
         self.set_up(input, preview);
-        qp.refer(|j| self.roll_out.steady_yaw_error(j, preview.curvature[j]));
         self.warm_start(input.last_plan, previous);
+        self.roll_out.follow_anew(input.path, &self.plan, input.use_residual);
+        qp.refer(|j| self.roll_out.steady_yaw_error(j, preview.curvature[j]));
         self.outputs.resize(qp.outputs.len(), 0.0);
-        let mut objective = predict(&mut self.roll_out, input.path, &self.plan, qp, &mut self.outputs);
+        let mut objective = assess(&self.roll_out, &self.plan, qp, &mut self.outputs);
         if !objective.is_finite() {
             return Err(QpError::Numerical { iterations: 0 });
         }
@@ -219,6 +239,10 @@ impl Variant for BicycleMpc {
 
     fn next_state(&self, state: &ErrorState, _past: &[f64], steer: f64) -> Option<Expected> {
         self.planned.then(|| self.roll_out.first_step(&(state - self.start), steer))
+    }
+
+    fn outside_training(&self) -> f64 {
+        self.roll_out.outside_training()
     }
 
     fn roll_out(&self) -> Option<&BicycleRollOut> {

@@ -2,11 +2,40 @@
 
 use crate::control::variant::Expected;
 use crate::nominal::{
-    Bicycle, BicycleErrors, BicycleState, BicycleStep, Curvature, ErrorState, SingleTrackError, errors_of,
+    Bicycle, BicycleErrors, BicycleState, BicycleStep, Curvature, ErrorState, HeldSpeed, SingleTrackError,
+    errors_of,
 };
 use crate::path::Path;
+use crate::residual::gp::{GpModel, GpResidual, INPUTS};
 use crate::vehicle::SingleTrack;
-use nalgebra::{Matrix4, SMatrix, Vector4};
+use nalgebra::{Matrix4, SMatrix};
+use std::sync::Arc;
+
+/// Planned motion in one step of the horizon.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StepSpeed {
+    /// At the beginning, in the middle and at the end, m/s: the bicycle's, positive.
+    pub speed: [f64; 3],
+    /// At the beginning as planned, m/s, maybe 0: what a Gaussian process is asked at.
+    pub planned: f64,
+    /// Acceleration, m/s2.
+    pub accel: f64,
+}
+
+impl StepSpeed {
+    /// A held speed.
+    #[must_use]
+    pub fn held(speed: f64) -> Self {
+        Self { speed: [speed; 3], planned: speed, accel: 0.0 }
+    }
+
+    /// What the bicycle holds within the step: the mean speed. A Gaussian process has learned what a body misses that
+    /// holds the speed at the beginning.
+    fn bicycle(&self, corrected: bool) -> HeldSpeed {
+        let [begin, mean, _] = self.speed;
+        HeldSpeed { path: mean, body: if corrected { begin } else { mean } }
+    }
+}
 
 /// The prediction with everything it depends on but the road and the plan.
 #[derive(Debug, Clone)]
@@ -15,10 +44,13 @@ pub struct BicycleRollOut {
     sample_time: f64,
     /// State at the beginning.
     pub start: BicycleState,
-    /// Mean speed of each step and speed at its end, m/s; positive.
-    pub speed: Vec<[f64; 2]>,
+    /// Speeds of each step.
+    pub speed: Vec<StepSpeed>,
     /// Added to the state after each step.
     pub disturbance: BicycleState,
+    gp: Option<Arc<GpModel>>,
+    /// How far the process is believed at each step, 0 to 1.
+    trust: Vec<f64>,
     steps: Vec<Predicted>,
     start_errors: BicycleErrors,
     /// Command of the first step that was predicted.
@@ -46,6 +78,7 @@ impl BicycleRollOut {
     pub fn new(
         vehicle: &SingleTrack,
         friction: f64,
+        gp: Option<Arc<GpModel>>,
         sample_time: f64,
         horizon: usize,
     ) -> Result<Self, SingleTrackError> {
@@ -60,8 +93,10 @@ impl BicycleRollOut {
             bicycle,
             sample_time,
             start: BicycleState::zeros(),
-            speed: vec![[1.0; 2]; horizon],
+            speed: vec![StepSpeed::held(1.0); horizon],
             disturbance: BicycleState::zeros(),
+            gp,
+            trust: vec![0.0; horizon],
             steps: vec![Predicted { step, end }; horizon],
             start_errors: end,
             first_command: 0.0,
@@ -77,15 +112,30 @@ impl BicycleRollOut {
 
     /// Predicts under a plan, one steering command for each step.
     pub fn follow(&mut self, path: &Path, plan: &[f64]) {
+        self.predict(path, plan, None);
+    }
+
+    /// Predicts under a plan, and sets how far the Gaussian process is believed on the way, or not at all: outside its
+    /// training it fades, half a range's width further there is the bicycle alone. Later plans keep to that: what they
+    /// are compared by is one smooth problem.
+    pub fn follow_anew(&mut self, path: &Path, plan: &[f64], use_process: bool) {
+        self.predict(path, plan, Some(use_process));
+    }
+
+    fn predict(&mut self, path: &Path, plan: &[f64], use_process: Option<bool>) {
         let mut state = self.start;
         // The speed at the beginning is nearly the mean one: the errors' dependence on it is not asked for here.
-        let [mean_speed, _] = self.speed[0];
+        let [_, mean_speed, _] = self.speed[0].speed;
         self.start_errors = errors_of(&state, mean_speed, road(path)(state[0]));
         self.first_command = plan[0];
         for (j, steer) in plan.iter().enumerate() {
-            let [_, end_speed] = self.speed[j];
+            if let (Some(use_process), Some(gp)) = (use_process, &self.gp) {
+                let excess = gp.excess(&self.input(&state, j, *steer));
+                self.trust[j] = if use_process { (1.0 - 2.0 * excess).clamp(0.0, 1.0) } else { 0.0 };
+            }
             let step = self.step(road(path), &state, j, *steer);
             state = step.state;
+            let [_, _, end_speed] = self.speed[j].speed;
             let end = errors_of(&state, end_speed, road(path)(state[0]));
             self.steps[j] = Predicted { step, end };
         }
@@ -99,10 +149,31 @@ impl BicycleRollOut {
         j: usize,
         steer: f64,
     ) -> BicycleStep {
-        let [mean_speed, _] = self.speed[j];
-        let mut step = self.bicycle.step_along(road, state, mean_speed, steer, self.sample_time);
+        let speed = self.speed[j].bicycle(self.trust[j] > 0.0);
+        let mut step = self.bicycle.step_along(road, state, speed, steer, self.sample_time);
         step.state += self.disturbance;
+        if let Some(gp) = self.gp.as_ref().filter(|_| self.trust[j] > 0.0) {
+            let GpResidual { mean, gradient } = gp.residual(&self.input(state, j, steer));
+            for (o, (mean, [_, by_vy, by_yaw_rate, by_steer, _])) in mean.iter().zip(gradient).enumerate() {
+                step.state[3 + o] += self.trust[j] * mean;
+                step.by_state[(3 + o, 3)] += self.trust[j] * by_vy;
+                step.by_state[(3 + o, 4)] += self.trust[j] * by_yaw_rate;
+                step.by_steer[3 + o] += self.trust[j] * by_steer;
+            }
+        }
         step
+    }
+
+    /// What the Gaussian process is asked at.
+    fn input(&self, state: &BicycleState, j: usize, steer: f64) -> [f64; INPUTS] {
+        [self.speed[j].planned, state[3], state[4], steer, self.speed[j].accel]
+    }
+
+    /// Share of the horizon where the Gaussian process was asked outside its training, 0 to 1.
+    #[must_use]
+    pub fn outside_training(&self) -> f64 {
+        let outside = self.trust.iter().filter(|trust| **trust < 1.0).count();
+        if self.gp.is_some() { outside as f64 / self.trust.len() as f64 } else { 0.0 }
     }
 
     /// What is expected after the first step from errors that differ by `moved` and with another command, to first order:
@@ -149,36 +220,32 @@ impl BicycleRollOut {
         }
     }
 
-    /// Yaw error at which the vehicle stays on a path of this curvature with a constant command and the speed at the
-    /// end of step `j`: that of steady cornering, and where something acts beside the bicycle, with that.
+    /// Yaw error at which the vehicle stays on a path of this curvature with a constant command and the speed of step `j`:
+    /// that of steady cornering, and where something acts beside the bicycle, with that.
     #[must_use]
     pub fn steady_yaw_error(&self, j: usize, curvature: f64) -> f64 {
-        let [_, speed] = self.speed[j];
+        let [_, _, speed] = self.speed[j].speed;
         let yaw_error = self.bicycle.steady_yaw_error(speed, curvature);
-        if self.disturbance == BicycleState::zeros() {
+        if self.disturbance == BicycleState::zeros() && self.trust[j] == 0.0 {
             return yaw_error;
         }
-        self.steady_with_disturbance(j, curvature, yaw_error).unwrap_or(yaw_error)
+        self.corrected_yaw_error(j, curvature, yaw_error).unwrap_or(yaw_error)
     }
 
-    /// Newton on `step(x) = x` for `e2`, `vy`, `yaw_rate` and the command, with `e1 = 0`.
-    fn steady_with_disturbance(&self, j: usize, curvature: f64, yaw_error: f64) -> Option<f64> {
-        let [speed, _] = self.speed[j];
-        let yaw_rate = curvature * speed;
-        let wheelbase = self.bicycle.vehicle().lf + self.bicycle.vehicle().lr;
-        let mut x = Vector4::new(yaw_error, -speed * yaw_error.tan(), yaw_rate, wheelbase * curvature);
-        for _ in 0..2 {
-            let state = BicycleState::new(0.0, 0.0, x[0], x[1], x[2]);
-            let step = self.step(|_| [curvature, 0.0], &state, j, x[3]);
-            let gap = (step.state - state).fixed_rows::<4>(1).into_owned();
-            let mut by = Matrix4::zeros();
-            by.fixed_view_mut::<4, 3>(0, 0).copy_from(&step.by_state.fixed_view::<4, 3>(1, 2));
-            by.fixed_view_mut::<4, 1>(0, 3).copy_from(&step.by_steer.fixed_rows::<4>(1));
-            for i in 0..3 {
-                by[(i + 1, i)] -= 1.0;
-            }
-            x -= by.lu().solve(&gap)?;
+    /// A step of Newton on `step(x) = x` for `e2`, `vy`, `yaw_rate` and the command, with `e1 = 0`.
+    fn corrected_yaw_error(&self, j: usize, curvature: f64, yaw_error: f64) -> Option<f64> {
+        let [speed, ..] = self.speed[j].speed;
+        let steer = self.bicycle.steady_steer(speed, curvature);
+        let (vy, yaw_rate) = (-speed * yaw_error.tan(), curvature * speed / yaw_error.cos());
+        let state = BicycleState::new(0.0, 0.0, yaw_error, vy, yaw_rate);
+        let step = self.step(|_| [curvature, 0.0], &state, j, steer);
+        let gap = (step.state - state).fixed_rows::<4>(1).into_owned();
+        let mut by = Matrix4::zeros();
+        by.fixed_view_mut::<4, 3>(0, 0).copy_from(&step.by_state.fixed_view::<4, 3>(1, 2));
+        by.fixed_view_mut::<4, 1>(0, 3).copy_from(&step.by_steer.fixed_rows::<4>(1));
+        for i in 0..3 {
+            by[(i + 1, i)] -= 1.0;
         }
-        Some(x[0])
+        by.lu().solve(&gap).map(|change| yaw_error - change[0])
     }
 }
