@@ -3,6 +3,7 @@
 #![allow(dead_code)]
 
 use rfl_mpc::control::{BicycleModel, Controller, ControllerParameters, Measurement, PredictionModel};
+use rfl_mpc::nominal::Bicycle;
 use rfl_mpc::path::sudoku::Route;
 use rfl_mpc::path::{Closure, Path};
 use rfl_mpc::simulate::{ClosedLoop, TrackingMetrics};
@@ -56,6 +57,38 @@ pub fn drive(
         watch(k, closed.controller());
         if closed.controller().report().finished {
             return TrackingMetrics::of(errors);
+        }
+    }
+    panic!("the end of the road is not reached");
+}
+
+/// Drives a plant that is a bicycle to the end of the road, integrated at 1 ms. `watch` sees the controller after each
+/// step. Gives the lateral tracking error.
+pub fn drive_bicycle(
+    mut controller: Controller,
+    plant: &Bicycle,
+    mut watch: impl FnMut(f64, &Controller),
+) -> TrackingMetrics {
+    let start = controller.path().at(0.0);
+    let mut car = Measurement { x: start.x, y: start.y, yaw: start.yaw, vx: 2.0, ..Measurement::default() };
+    let mut errors = Vec::new();
+    for k in 0..30_000 {
+        let report = *controller.step(&car).unwrap();
+        errors.push(report.e1);
+        watch(0.02 * f64::from(k), &controller);
+        if report.finished {
+            return TrackingMetrics::of(errors);
+        }
+        let dt = 1e-3;
+        for _ in 0..20 {
+            let [vy, yaw_rate] = plant.step(car.vy, car.yaw_rate, car.vx, report.steer_cmd, dt).value;
+            let (sin, cos) = (car.yaw + 0.5 * dt * yaw_rate).sin_cos();
+            let across = 0.5 * (car.vy + vy);
+            car.x += dt * (car.vx * cos - across * sin);
+            car.y += dt * (car.vx * sin + across * cos);
+            car.yaw += dt * 0.5 * (car.yaw_rate + yaw_rate);
+            car.vx = (car.vx + dt * report.accel_cmd).max(0.5);
+            (car.vy, car.yaw_rate, car.steer) = (vy, yaw_rate, report.steer_cmd);
         }
     }
     panic!("the end of the road is not reached");
