@@ -1,5 +1,5 @@
 //! What the residual costs: at run time, 60 rows looked up and their leaves averaged (T = 20, depth 6, W = 16, four
-//! outputs); and the training of a forest on 100 000 x 64, as `scikit-learn`'s `RandomForestRegressor` is timed.
+//! outputs); of a Gaussian process, 60 rows with gradients (two outputs, 300 points each); and the training of a forest on 100 000 x 64, as `scikit-learn`'s `RandomForestRegressor` is timed.
 //!
 //! The table is made of SplitMix64 numbers, so that another language can make the same one:
 //! `x[i] = (mix(1 + (i + 1) 0x9e3779b97f4a7c15) >> 11) / 2^53`, row after row of 64, then one more number a row.
@@ -9,6 +9,7 @@ mod residual_plant;
 
 use criterion::{Criterion, SamplingMode, criterion_group, criterion_main};
 use residual_plant::{Plant, data};
+use rfl_mpc::residual::gp::{Exact, Kernel, Sparse};
 use rfl_mpc::residual::{
     Block, Dense, Forest, ForestConfig, GrownForest, Kind, Random, Resolution, TrainConfig, grow, train,
 };
@@ -124,5 +125,40 @@ fn run_time(criterion: &mut Criterion) {
     }
 }
 
-criterion_group!(benches, run_time, training);
+/// What GP-NMPC asks for at each of its iterations.
+fn gaussian_process(criterion: &mut Criterion) {
+    const POINTS: usize = 300;
+    let kernel = Kernel { length_scales: [5.0, 0.4, 0.3, 0.1, 2.0], signal: 0.05, noise: 0.01 };
+    let mut random = Random::new(1);
+    let inputs: Vec<[f64; 5]> = (0..2000)
+        .map(|_| std::array::from_fn(|d| 3.0 * kernel.length_scales[d] * random.uniform()))
+        .collect();
+    let labels: Vec<f64> = inputs.iter().map(|x| 0.05 * (3.0 * x[1]).sin() + 0.1 * x[2] * x[3]).collect();
+    let output = || Sparse::new(kernel, inputs[..POINTS].to_vec(), &inputs, &labels, 0).unwrap();
+    let outputs = [output(), output()];
+    criterion.bench_function("gp/mean_and_gradient/60_rows_x_2_x_300", |b| {
+        b.iter(|| {
+            for row in &inputs[..60] {
+                for output in &outputs {
+                    black_box(output.mean(black_box(row)));
+                }
+            }
+        });
+    });
+    let mut room = vec![];
+    criterion.bench_function("gp/variance/1_row_x_300", |b| {
+        b.iter(|| outputs[0].variance(black_box(&inputs[7]), &mut room));
+    });
+    let chosen = 400;
+    let exact = Exact::new(kernel, &inputs[..chosen], &labels[..chosen]).unwrap();
+    let mut group = criterion.benchmark_group("gp/likelihood/400_samples");
+    group.sample_size(10).sampling_mode(SamplingMode::Flat);
+    group.bench_function("value", |b| {
+        b.iter(|| Exact::new(kernel, &inputs[..chosen], &labels[..chosen]).unwrap().log_likelihood());
+    });
+    group.bench_function("gradient", |b| b.iter(|| exact.gradient()));
+    group.finish();
+}
+
+criterion_group!(benches, run_time, gaussian_process, training);
 criterion_main!(benches);

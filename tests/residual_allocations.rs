@@ -5,6 +5,7 @@ mod residual_plant;
 
 use counting::allocated;
 use residual_plant::{Plant, data};
+use rfl_mpc::residual::gp::{self, GpConfig, Smoothing};
 use rfl_mpc::residual::{Kind, Regressors, TrainConfig, train};
 
 #[test]
@@ -26,4 +27,27 @@ fn coefficients_allocate_nothing() {
         });
         assert_eq!(count, 0, "{kind:?}");
     }
+}
+
+#[test]
+fn the_gaussian_process_allocates_nothing() {
+    let samples = data(&Plant { lag: 0.1, ..Plant::exact() }, &[6.0, 10.0], 300, 1);
+    let config = GpConfig {
+        smoothing: Smoothing::Fixed(0),
+        points: 30,
+        hyperparameter_samples: 80,
+        iterations: 5,
+        ..GpConfig::default()
+    };
+    let model = gp::train(&samples, None, &config, &|_| ()).unwrap().model;
+    let mut room = vec![];
+    model.variance(&[0.0; 5], &mut room);
+    let (count, _) = allocated(|| {
+        for step in 0..100 {
+            let input = [6.0, 0.01 * f64::from(step), 0.1, 0.05, 0.0];
+            std::hint::black_box((model.residual(&input), model.excess(&input)));
+            std::hint::black_box(model.variance(&input, &mut room));
+        }
+    });
+    assert_eq!(count, 0);
 }

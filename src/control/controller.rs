@@ -12,7 +12,7 @@ use super::speed::track_speed;
 use super::status::ControlStatus;
 use super::tracking_qp::{QpEnd, QpError, QpReport, TrackingQp};
 use super::variant::PredictionModel;
-use crate::nominal::ErrorState;
+use crate::nominal::{ErrorState, body_change};
 use crate::parameter::OutOfRange;
 use crate::path::{Path, SpeedLimits, SpeedPlan};
 use crate::residual::Random;
@@ -191,7 +191,10 @@ impl Controller {
         } else if observer.is_on() {
             estimate = self.state.observer.observe(&state, &observer, self.parameters.mpc.sample_time);
         }
-        let solved = self.solve(&estimate, measurement.vx, previous, far, &report, begin);
+        // What the filter moves of the errors, it moves of the body's own velocities.
+        let moved = body_change(&(estimate - state), measurement.vx);
+        let motion = [measurement.vx, measurement.vy + moved[0], measurement.yaw_rate + moved[1]];
+        let solved = self.solve(&estimate, motion, previous, far, &report, begin);
         self.command_steering(solved, previous, far, &mut report);
         if observer.is_on() && !far {
             let past = self.state.history.commands();
@@ -225,7 +228,7 @@ impl Controller {
     fn solve(
         &mut self,
         state: &ErrorState,
-        speed: f64,
+        [speed, vy, yaw_rate]: [f64; 3],
         previous: f64,
         far: bool,
         report: &StepReport,
@@ -245,6 +248,8 @@ impl Controller {
         let memory = &self.state;
         self.lateral.step(&LateralInput {
             state: &aim,
+            vy,
+            yaw_rate,
             history: &memory.history,
             last_plan: memory.plan.get(memory.plan_age + 1..).unwrap_or_default(),
             station: report.station,

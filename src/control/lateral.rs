@@ -17,7 +17,9 @@ use super::history::History;
 use super::parameters::MpcParameters;
 use super::preview::{Preview, SpeedAhead};
 use super::tracking_qp::{QpError, QpReport, QpShape, SoftBound, TrackingQp};
-use super::variant::{Actuated, Expected, NominalWithResidual, PredictionModel, Qp, Timing, Variant};
+use super::variant::{
+    Actuated, BicycleMpc, BicycleRollOut, Expected, NominalWithResidual, PredictionModel, Qp, Timing, Variant,
+};
 use crate::nominal::{ContinuousErrorModel, ErrorState, SingleTrackError};
 use crate::path::Path;
 use crate::residual::Misfit;
@@ -41,6 +43,10 @@ pub enum LateralError {
 pub struct LateralInput<'a> {
     /// Errors to the path that the MPC is to bring to zero.
     pub state: &'a ErrorState,
+    /// Lateral velocity of the vehicle, m/s.
+    pub vy: f64,
+    /// Yaw rate of the vehicle, rad/s.
+    pub yaw_rate: f64,
     /// The window of measured states and issued commands.
     pub history: &'a History,
     /// Last plan of the steering, beginning with this step; may be shorter than the horizon.
@@ -120,6 +126,7 @@ impl LateralMpc {
                 Box::new(NominalWithResidual::new(vehicle, p, Some(residual))?)
             }
             PredictionModel::Actuator(actuator) => Box::new(Actuated::new(vehicle, p, actuator)),
+            PredictionModel::Bicycle(bicycle) => Box::new(BicycleMpc::new(vehicle, p, bicycle)?),
         };
         let qp = Qp {
             inputs: vec![0.0; p.horizon],
@@ -128,6 +135,7 @@ impl LateralMpc {
             problem,
             solver,
             timing: Timing::default(),
+            solved: 0,
         };
         Ok(Self { variant, preview: Preview::new(p.horizon), qp, parameters })
     }
@@ -143,6 +151,7 @@ impl LateralMpc {
         self.preview.look(input.path, input.station, input.ahead, p.sample_time);
         self.qp.problem.previous[0] = previous;
         self.qp.timing = Timing::default();
+        self.qp.solved = 0;
         self.variant.plan(input, &self.preview, previous, &mut self.qp)
     }
 
@@ -187,6 +196,18 @@ impl LateralMpc {
     #[must_use]
     pub fn problem(&self) -> &TrackingQp {
         &self.qp.problem
+    }
+
+    /// The newest nonlinear prediction; none for a linear model.
+    #[must_use]
+    pub fn roll_out(&self) -> Option<&BicycleRollOut> {
+        self.variant.roll_out()
+    }
+
+    /// QPs that the newest step solved: more than 1 only for a nonlinear model.
+    #[must_use]
+    pub fn qps(&self) -> u32 {
+        self.qp.solved
     }
 
     /// What the parts of the newest step took.

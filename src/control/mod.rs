@@ -13,7 +13,7 @@
 //! | `observer.rs` | state and disturbance from noisy measurements: offset-free tracking |
 //! | `preview.rs` | the road over the horizon |
 //! | `lateral.rs` | the MPC: road ahead, cost, bounds |
-//! | `variant/` | what it predicts with: nominal, learned residual, known actuator |
+//! | `variant/` | what it predicts with: nominal, learned residual, known actuator, nonlinear |
 //! | `choice.rs` | which variant: from a user's word, parameters and files |
 //! | `speed.rs` | speed tracking |
 //! | `controller.rs` | one step from measurement to commands; fallback |
@@ -56,4 +56,6 @@ pub use sampler::Sampler;
 pub use speed::{SpeedCommand, track_speed};
 pub use status::ControlStatus;
 pub use tracking_qp::{QpEnd, QpError, QpReport, QpShape, QpSolver, SoftBound, TrackingQp};
-pub use variant::{Expected, PredictionModel, Residual, RollOut, Timing};
+pub use variant::{
+    BicycleModel, BicycleRollOut, Expected, PredictionModel, Residual, RollOut, StepSpeed, Timing,
+};

@@ -16,6 +16,8 @@ pub struct SpeedAhead {
 pub struct Preview {
     /// Station at the end of each step, m.
     pub station: Vec<f64>,
+    /// Mean speed of each step and speed at its end, m/s.
+    pub speed: Vec<[f64; 2]>,
     /// Heading rate of the path, `v kappa`, at the middle of each step, rad/s.
     pub heading_rate: Vec<f64>,
     /// Heading acceleration of the path, `v^2 kappa' + a kappa`, there, rad/s2.
@@ -32,6 +34,7 @@ impl Preview {
     pub fn new(horizon: usize) -> Self {
         Self {
             station: vec![0.0; horizon],
+            speed: vec![[0.0; 2]; horizon],
             heading_rate: vec![0.0; horizon],
             heading_accel: vec![0.0; horizon],
             curvature: vec![0.0; horizon],
@@ -47,6 +50,7 @@ impl Preview {
             let next = (v + ahead.accel * sample_time).max(0.0);
             let mean = 0.5 * (v + next);
             self.road[j] = [v, path.curvature(s), path.curvature_rate(s)];
+            self.speed[j] = [mean, next];
             let middle = s + 0.5 * mean * sample_time;
             let curvature = path.curvature(middle);
             self.heading_rate[j] = mean * curvature;

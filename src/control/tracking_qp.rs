@@ -148,6 +148,31 @@ impl TrackingQp {
         }
     }
 
+    /// The objective of inputs and the outputs that belong to them, with the slacks that are then best; whole, also its
+    /// part that no input changes.
+    #[must_use]
+    pub fn objective(&self, inputs: &[f64], outputs: &[f64]) -> f64 {
+        let shape = &self.shape;
+        let mut sum = 0.0;
+        for (j, (of_step, references)) in
+            outputs.chunks_exact(shape.outputs).zip(self.reference.chunks_exact(shape.outputs)).enumerate()
+        {
+            for (i, (output, reference)) in of_step.iter().zip(references).enumerate() {
+                sum += 0.5 * shape.weight(j, i) * (output - reference).powi(2);
+            }
+            for soft in &shape.soft {
+                let output = of_step[soft.output];
+                let excess = (output - soft.max).max(soft.min - output).max(0.0);
+                sum += (0.5 * soft.quadratic * excess + soft.linear) * excess;
+            }
+        }
+        let before = self.previous.iter().chain(inputs);
+        for (k, (input, before)) in inputs.iter().zip(before).enumerate() {
+            sum += 0.5 * shape.rate_weight[k % shape.inputs] * (input - before).powi(2);
+        }
+        sum
+    }
+
     /// Number of columns of the gain.
     #[must_use]
     pub fn columns(&self) -> usize {

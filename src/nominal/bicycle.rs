@@ -116,6 +116,31 @@ impl Bicycle {
         }
     }
 
+    /// Yaw error in steady cornering with no lateral error, rad, from the force that the rear axle then carries. A bend
+    /// that the rear tyres cannot hold is answered with the yaw error near their peak.
+    #[must_use]
+    pub fn steady_yaw_error(&self, vx: f64, curvature: f64) -> f64 {
+        let SingleTrack { mass, lf, lr, .. } = self.vehicle;
+        let mut yaw_error = 0.0_f64;
+        // The body's own direction lengthens its way a little: a fixed point that contracts by e2.
+        for _ in 0..3 {
+            let yaw_rate = curvature * vx / yaw_error.cos();
+            let share = mass * vx * yaw_rate * lf / ((lf + lr) * self.rear.peak);
+            let slip_angle = (share.clamp(-0.99, 0.99).asin() / SHAPE).tan() / self.rear.slope;
+            let vy = lr * yaw_rate - vx * slip_angle.tan();
+            yaw_error = -(vy / vx).atan();
+        }
+        yaw_error
+    }
+
+    /// Steering angle of steady cornering, rad, by the linear tyres: a good first guess.
+    #[must_use]
+    pub fn steady_steer(&self, vx: f64, curvature: f64) -> f64 {
+        let SingleTrack { mass, lf, lr, cf, cr, .. } = self.vehicle;
+        let understeer = mass / (lf + lr) * (lr / cf - lf / cr);
+        ((lf + lr) * curvature).atan() + understeer * vx * vx * curvature
+    }
+
     /// Steps of Runge-Kutta that a control step needs at a speed: the model is stiff as `vx` goes to 0.
     #[must_use]
     pub fn substeps(&self, vx: f64, sample_time: f64) -> usize {
@@ -203,6 +228,25 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn steady_cornering_is_an_equilibrium_and_at_small_slip_the_linear_one() {
+        let bicycle = Bicycle::new(&car(), 0.8).unwrap();
+        for (vx, curvature) in [(4.0, 0.12), (15.0, 0.01), (15.0, -0.02), (15.0, 0.03)] {
+            let e2 = bicycle.steady_yaw_error(vx, curvature);
+            let (vy, yaw_rate) = (-vx * e2.tan(), curvature * vx / e2.cos());
+            // The steering that balances the yaw moment balances the forces as well.
+            let mut steer = 0.0;
+            for _ in 0..50 {
+                let rates = bicycle.rates(vy, yaw_rate, vx, steer);
+                steer -= rates.value[1] / rates.jacobian[1][2];
+            }
+            let rates = bicycle.rates(vy, yaw_rate, vx, steer).value;
+            assert!(rates[0].abs() < 1e-3 && rates[1].abs() < 1e-9, "{rates:?} at {vx} {curvature}");
+        }
+        let linear = crate::nominal::steady_yaw_error(&car(), 15.0) * 1e-4;
+        assert!((bicycle.steady_yaw_error(15.0, 1e-4) - linear).abs() < 1e-4 * linear.abs());
     }
 
     #[test]

@@ -233,6 +233,16 @@ impl DataSet {
         }
     }
 
+    /// The rows again, stretch by stretch.
+    pub(super) fn stretches(&self) -> impl Iterator<Item = Vec<Row>> {
+        let row = |i: usize| Row { command: self.commands[i], state: self.states[i], road: self.road[i] };
+        let starts = (0..self.before.len()).filter(|&i| self.before[i] == 0);
+        starts.map(move |start| {
+            let end = (start + 1..self.before.len()).find(|&i| self.before[i] == 0);
+            (start..end.unwrap_or(self.before.len())).map(row).collect()
+        })
+    }
+
     /// What was found in the drives.
     #[must_use]
     pub fn report(&self) -> &DataReport {
@@ -250,7 +260,7 @@ impl DataSet {
 const ACCELERATION_ROWS: usize = 5;
 
 /// Longitudinal acceleration near row `i` of a stretch, m/s2.
-fn acceleration(stretch: &[Row], i: usize, sample_time: f64) -> f64 {
+pub(super) fn acceleration(stretch: &[Row], i: usize, sample_time: f64) -> f64 {
     let (from, to) =
         (i.saturating_sub(ACCELERATION_ROWS), (i + 1 + ACCELERATION_ROWS).min(stretch.len() - 1));
     (stretch[to].road[0] - stretch[from].road[0]) / ((to - from) as f64 * sample_time)

@@ -10,23 +10,59 @@
 //!
 //! The head is TOML because the FMUs read TOML anyway, and because `head -40 model.rfl` then tells what a model is.
 //! Trees and leaves are some 100 000 numbers that nobody reads: postcard stores them bit for bit and ten times
-//! smaller and faster than text.
+//! smaller and faster than text. Gaussian processes have files made alike, with a magic word of their own.
 
-use super::forest::Forest;
 use super::hash::fnv;
-use super::leaf::LeafModels;
 use super::model::{Kind, ResidualModel, Schema};
 use super::tree::MAX_DEPTH;
 use super::{MAX_WINDOW, OUTPUTS};
 use crate::nominal::ContinuousErrorModel;
 use crate::vehicle::SingleTrack;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
 /// The format that this library writes, and the only one it reads.
 pub const FORMAT: u32 = 1;
 
-const MAGIC: &str = "rfl-residual";
+/// What a model's file holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FileKind {
+    /// A [`ResidualModel`].
+    Residual,
+    /// A [`GpModel`](super::gp::GpModel).
+    Gp,
+}
+
+impl FileKind {
+    const ALL: [Self; 2] = [Self::Residual, Self::Gp];
+
+    /// The word that the file begins with.
+    const fn magic(self) -> &'static str {
+        match self {
+            Self::Residual => "rfl-residual",
+            Self::Gp => "rfl-gp",
+        }
+    }
+
+    /// What the bytes of a file hold, by their first word.
+    #[must_use]
+    pub fn of(bytes: &[u8]) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| {
+            let rest = bytes.strip_prefix(kind.magic().as_bytes());
+            rest.is_some_and(|rest| rest.first().is_none_or(|&byte| byte == b' '))
+        })
+    }
+}
+
+impl std::fmt::Display for FileKind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Residual => "a residual of the linear model (trees, leaves)",
+            Self::Gp => "a Gaussian process on the nonlinear bicycle model",
+        })
+    }
+}
 
 /// Longest first line.
 const FIRST_LINE: usize = 120;
@@ -46,8 +82,21 @@ pub enum FileError {
     #[error("cannot be read or written: {0}; check the name and the permission")]
     Io(#[from] std::io::Error),
     /// It is something else.
-    #[error("is no residual model: it does not begin with `{MAGIC}`; give a file that `rfl train` wrote")]
+    #[error(
+        "is no residual model: it begins neither with `{}` nor with `{}`; give a file that `rfl train` wrote",
+        FileKind::Residual.magic(), FileKind::Gp.magic()
+    )]
     NotAModel,
+    /// A model, but of the other kind.
+    #[error(
+        "holds {found}, and {wanted} is needed; train that kind, or choose the controller that takes this one"
+    )]
+    OtherKind {
+        /// What the file holds.
+        found: FileKind,
+        /// What was asked for.
+        wanted: FileKind,
+    },
     /// The first line is damaged.
     #[error("its first line is damaged: `{line}`; copy the file again, or train anew")]
     FirstLine {
@@ -93,9 +142,9 @@ pub enum FileError {
 }
 
 #[derive(Serialize, Deserialize)]
-struct Head {
+struct Head<S> {
     vehicle_hash: String,
-    schema: Schema,
+    schema: S,
 }
 
 impl ResidualModel {
@@ -104,16 +153,7 @@ impl ResidualModel {
     /// # Errors
     /// A model that cannot be written; none that training makes.
     pub fn to_bytes(&self) -> Result<Vec<u8>, FileError> {
-        let head = Head { vehicle_hash: vehicle_hash(&self.schema.vehicle), schema: self.schema.clone() };
-        let mut body =
-            toml::to_string(&head).map_err(|error| FileError::Head(error.to_string()))?.into_bytes();
-        let head_length = body.len();
-        body.extend(postcard::to_allocvec(&(&self.forest, &self.leaves))?);
-        let numbers = body.len() - head_length;
-        let mut bytes =
-            format!("{MAGIC} {FORMAT} {head_length} {numbers} {:016x}\n", fnv(&body)).into_bytes();
-        bytes.extend(body);
-        Ok(bytes)
+        seal(FileKind::Residual, &self.schema.vehicle, &self.schema, &(&self.forest, &self.leaves))
     }
 
     /// A model from the bytes of its file.
@@ -121,45 +161,8 @@ impl ResidualModel {
     /// # Errors
     /// Bytes that are no model, whole and consistent; never a panic.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, FileError> {
-        if !bytes.starts_with(MAGIC.as_bytes()) {
-            return Err(FileError::NotAModel);
-        }
-        let start = &bytes[..bytes.len().min(FIRST_LINE)];
-        let line = start.split(|&b| b == b'\n').next().unwrap_or_default();
-        let text = String::from_utf8_lossy(line);
-        let damaged = || FileError::FirstLine { line: text.escape_default().to_string() };
-        let words: Vec<&str> = text.split(' ').collect();
-        let format: u32 = words.get(1).and_then(|word| word.parse().ok()).ok_or_else(damaged)?;
-        if format != FORMAT {
-            return Err(FileError::Format { found: format });
-        }
-        let [_, _, head, numbers, checksum] = words[..] else { return Err(damaged()) };
-        let (Ok(head), Ok(numbers)) = (head.parse::<u32>(), numbers.parse::<u32>()) else {
-            return Err(damaged());
-        };
-        let expected = u64::from_str_radix(checksum, 16).map_err(|_| damaged())?;
-        let body = bytes.get(line.len() + 1..).unwrap_or_default();
-        let (found, length) = (body.len() as u64, u64::from(head) + u64::from(numbers));
-        if found != length {
-            return Err(FileError::Length { found, expected: length });
-        }
-        let found = fnv(body);
-        if found != expected {
-            return Err(FileError::Checksum { found, expected });
-        }
-        let (head, numbers) = body.split_at(head as usize);
-        let head = std::str::from_utf8(head).map_err(|error| FileError::Head(error.to_string()))?;
-        let head: Head = toml::from_str(head).map_err(|error| FileError::Head(error.to_string()))?;
-        let ((forest, leaves), rest): ((Forest, LeafModels), _) = postcard::take_from_bytes(numbers)?;
-        if !rest.is_empty() {
-            return Err(FileError::Invalid { what: "there are more numbers than the model has" });
-        }
-        if head.vehicle_hash != vehicle_hash(&head.schema.vehicle) {
-            return Err(FileError::Invalid {
-                what: "the vehicle's parameters do not have the vehicle's hash",
-            });
-        }
-        let model = Self { schema: head.schema, forest, leaves };
+        let (schema, (forest, leaves)) = open(FileKind::Residual, bytes, |schema: &Schema| &schema.vehicle)?;
+        let model = Self { schema, forest, leaves };
         model.check().map_err(|what| FileError::Invalid { what })?;
         Ok(model)
     }
@@ -169,8 +172,7 @@ impl ResidualModel {
     /// # Errors
     /// A file that cannot be read or is no model.
     pub fn read(file: &Path) -> Result<Self, FileError> {
-        let read = || Self::from_bytes(&std::fs::read(file)?);
-        read().map_err(|cause| FileError::In { file: file.to_owned(), cause: Box::new(cause) })
+        in_file(file, || Self::from_bytes(&std::fs::read(file)?))
     }
 
     /// Writes the model's file.
@@ -178,8 +180,7 @@ impl ResidualModel {
     /// # Errors
     /// A file that cannot be written.
     pub fn write(&self, file: &Path) -> Result<(), FileError> {
-        let write = || Ok(std::fs::write(file, self.to_bytes()?)?);
-        write().map_err(|cause| FileError::In { file: file.to_owned(), cause: Box::new(cause) })
+        in_file(file, || Ok(std::fs::write(file, self.to_bytes()?)?))
     }
 
     /// Whether look-ups can rely on the model, whoever wrote it.
@@ -229,6 +230,73 @@ impl ResidualModel {
         let finite = leaves.theta.as_flattened().iter().chain(leaves.command_range.as_flattened());
         ensure(finite.into_iter().all(|x| x.is_finite()), "a coefficient is not a finite number")
     }
+}
+
+/// The bytes of a file: first line, head, numbers.
+pub(super) fn seal(
+    kind: FileKind,
+    vehicle: &SingleTrack,
+    schema: &impl Serialize,
+    numbers: &impl Serialize,
+) -> Result<Vec<u8>, FileError> {
+    let head = Head { vehicle_hash: vehicle_hash(vehicle), schema };
+    let mut body = toml::to_string(&head).map_err(|error| FileError::Head(error.to_string()))?.into_bytes();
+    let head_length = body.len();
+    body.extend(postcard::to_allocvec(numbers)?);
+    let numbers = body.len() - head_length;
+    let line = format!("{} {FORMAT} {head_length} {numbers} {:016x}\n", kind.magic(), fnv(&body));
+    Ok([line.as_bytes(), &body].concat())
+}
+
+/// Schema and numbers of a file that is whole, undamaged and of the kind `wanted`.
+pub(super) fn open<S: DeserializeOwned, N: DeserializeOwned>(
+    wanted: FileKind,
+    bytes: &[u8],
+    vehicle: impl Fn(&S) -> &SingleTrack,
+) -> Result<(S, N), FileError> {
+    let found = FileKind::of(bytes).ok_or(FileError::NotAModel)?;
+    if found != wanted {
+        return Err(FileError::OtherKind { found, wanted });
+    }
+    let start = &bytes[..bytes.len().min(FIRST_LINE)];
+    let line = start.split(|&b| b == b'\n').next().unwrap_or_default();
+    let text = String::from_utf8_lossy(line);
+    let damaged = || FileError::FirstLine { line: text.escape_default().to_string() };
+    let words: Vec<&str> = text.split(' ').collect();
+    let format: u32 = words.get(1).and_then(|word| word.parse().ok()).ok_or_else(damaged)?;
+    if format != FORMAT {
+        return Err(FileError::Format { found: format });
+    }
+    let [_, _, head, numbers, checksum] = words[..] else { return Err(damaged()) };
+    let (Ok(head), Ok(numbers)) = (head.parse::<u32>(), numbers.parse::<u32>()) else {
+        return Err(damaged());
+    };
+    let expected = u64::from_str_radix(checksum, 16).map_err(|_| damaged())?;
+    let body = bytes.get(line.len() + 1..).unwrap_or_default();
+    let (found, length) = (body.len() as u64, u64::from(head) + u64::from(numbers));
+    if found != length {
+        return Err(FileError::Length { found, expected: length });
+    }
+    let found = fnv(body);
+    if found != expected {
+        return Err(FileError::Checksum { found, expected });
+    }
+    let (head, numbers) = body.split_at(head as usize);
+    let head = std::str::from_utf8(head).map_err(|error| FileError::Head(error.to_string()))?;
+    let head: Head<S> = toml::from_str(head).map_err(|error| FileError::Head(error.to_string()))?;
+    let (numbers, rest) = postcard::take_from_bytes(numbers)?;
+    if !rest.is_empty() {
+        return Err(FileError::Invalid { what: "there are more numbers than the model has" });
+    }
+    if head.vehicle_hash != vehicle_hash(vehicle(&head.schema)) {
+        return Err(FileError::Invalid { what: "the vehicle's parameters do not have the vehicle's hash" });
+    }
+    Ok((head.schema, numbers))
+}
+
+/// Names the file in what went wrong with it.
+pub(super) fn in_file<T>(file: &Path, work: impl FnOnce() -> Result<T, FileError>) -> Result<T, FileError> {
+    work().map_err(|cause| FileError::In { file: file.to_owned(), cause: Box::new(cause) })
 }
 
 /// Identifies a nominal vehicle: FNV-1a of its parameters' bits.

@@ -55,6 +55,7 @@
 //! | `train_config.rs`, `train.rs` | from a data set to a model and a report of its fit |
 //! | `model.rs` | what the controller calls |
 //! | `file.rs` | the model's file |
+//! | `gp/` | the Gaussian process of GP-NMPC |
 //! | `random.rs`, `parallel.rs`, `hash.rs` | the same bits for the same seed, on any number of threads |
 
 mod checks;
@@ -62,6 +63,7 @@ mod dataset;
 mod file;
 mod forest;
 mod global;
+pub mod gp;
 mod hash;
 mod leaf;
 mod least_squares;
@@ -75,7 +77,7 @@ mod tree;
 
 pub use checks::DataError;
 pub use dataset::{DataConfig, DataReport, DataSet, Drive, Windows};
-pub use file::{FORMAT, FileError};
+pub use file::{FORMAT, FileError, FileKind};
 pub use forest::{Block, Forest, ForestConfig, GrownForest, grow};
 pub use leaf::{LeafFit, LeafModels};
 pub use least_squares::{Decomposed, Gram, Theta, Triangle};

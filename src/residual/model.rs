@@ -128,7 +128,7 @@ pub struct Range {
 
 impl Range {
     /// How far a value lies outside, in widths of the range; 0 inside.
-    fn excess(&self, value: f64) -> f64 {
+    pub(super) fn excess(&self, value: f64) -> f64 {
         let width = (self.max - self.min).max(f64::MIN_POSITIVE);
         // Not a number compares as neither: it is as far outside as can be.
         if value >= self.min && value <= self.max {
@@ -194,6 +194,38 @@ pub struct Expected {
     pub window: Option<usize>,
 }
 
+impl Expected {
+    /// Compares with what a model was learned for, but for the window.
+    pub(super) fn check(
+        &self,
+        vehicle: &SingleTrack,
+        sample_time: f64,
+        min_model_speed: f64,
+    ) -> Result<(), Misfit> {
+        let (mine, theirs) = (vehicle, &self.vehicle);
+        let parameters = [
+            ("mass", mine.mass, theirs.mass),
+            ("yaw_inertia", mine.yaw_inertia, theirs.yaw_inertia),
+            ("lf", mine.lf, theirs.lf),
+            ("lr", mine.lr, theirs.lr),
+            ("front cornering stiffness", mine.cf, theirs.cf),
+            ("rear cornering stiffness", mine.cr, theirs.cr),
+        ];
+        if let Some(&(parameter, model, controller)) = parameters.iter().find(|(_, a, b)| !same(*a, *b)) {
+            return Err(Misfit::Vehicle { parameter, model, controller });
+        }
+        let (model, controller) = (sample_time, self.sample_time);
+        if !same(model, controller) {
+            return Err(Misfit::SampleTime { model, controller });
+        }
+        let (model, controller) = (min_model_speed, self.min_model_speed);
+        if !same(model, controller) {
+            return Err(Misfit::MinModelSpeed { model, controller });
+        }
+        Ok(())
+    }
+}
+
 /// Why a model does not fit a controller.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Misfit {
@@ -229,6 +261,16 @@ pub enum Misfit {
         /// The controller's, m/s.
         controller: f64,
     },
+    /// Learned against a nominal model on another road.
+    #[error(
+        "the residual was learned for a nominal friction of {model}, the controller's bicycle model has {controller}; set it to {model}, or train anew"
+    )]
+    Friction {
+        /// The model's.
+        model: f64,
+        /// The controller's.
+        controller: f64,
+    },
     /// The windows differ.
     #[error("the residual needs a window of {model} commands, the controller keeps {controller}")]
     Window {
@@ -241,6 +283,11 @@ pub enum Misfit {
 
 /// Relative difference of parameters that still counts as rounding of a file.
 const SAME: f64 = 1e-9;
+
+/// Whether two parameters are the same but for rounding.
+pub(super) fn same(a: f64, b: f64) -> bool {
+    (a - b).abs() <= SAME * a.abs().max(b.abs())
+}
 
 /// A learned residual.
 #[derive(Debug, Clone, PartialEq)]
@@ -437,31 +484,10 @@ impl ResidualModel {
     /// # Errors
     /// The first difference that matters.
     pub fn check_fits(&self, expected: &Expected) -> Result<(), Misfit> {
-        let same = |a: f64, b: f64| (a - b).abs() <= SAME * a.abs().max(b.abs());
-        let (mine, theirs) = (&self.schema.vehicle, &expected.vehicle);
-        let parameters = [
-            ("mass", mine.mass, theirs.mass),
-            ("yaw_inertia", mine.yaw_inertia, theirs.yaw_inertia),
-            ("lf", mine.lf, theirs.lf),
-            ("lr", mine.lr, theirs.lr),
-            ("front cornering stiffness", mine.cf, theirs.cf),
-            ("rear cornering stiffness", mine.cr, theirs.cr),
-        ];
-        if let Some(&(parameter, model, controller)) = parameters.iter().find(|(_, a, b)| !same(*a, *b)) {
-            return Err(Misfit::Vehicle { parameter, model, controller });
-        }
-        let (model, controller) = (self.schema.sample_time, expected.sample_time);
-        if !same(model, controller) {
-            return Err(Misfit::SampleTime { model, controller });
-        }
-        let (model, controller) = (self.schema.min_model_speed, expected.min_model_speed);
-        if !same(model, controller) {
-            return Err(Misfit::MinModelSpeed { model, controller });
-        }
+        let Schema { vehicle, sample_time, min_model_speed, window, .. } = self.schema;
+        expected.check(&vehicle, sample_time, min_model_speed)?;
         match expected.window {
-            Some(controller) if controller != self.schema.window => {
-                Err(Misfit::Window { model: self.schema.window, controller })
-            }
+            Some(controller) if controller != window => Err(Misfit::Window { model: window, controller }),
             _ => Ok(()),
         }
     }

@@ -50,6 +50,18 @@ impl Random {
         }
     }
 
+    /// `count` of the numbers below `all`, or all of them: each once, in random order.
+    #[cfg(feature = "cli")]
+    pub(super) fn draw(&mut self, all: usize, count: usize) -> Vec<usize> {
+        let mut numbers: Vec<usize> = (0..all).collect();
+        let count = count.min(all);
+        for i in 0..count {
+            numbers.swap(i, i + self.below((all - i) as u32) as usize);
+        }
+        numbers.truncate(count);
+        numbers
+    }
+
     /// Uniform in `[0, 1)`.
     pub fn uniform(&mut self) -> f64 {
         (self.bits() >> 11) as f64 * (1.0 / (1_u64 << 53) as f64)

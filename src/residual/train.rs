@@ -62,6 +62,10 @@ pub enum Stage {
     Trees,
     /// Fitting leaves.
     Leaves,
+    /// Fitting the hyperparameters of a Gaussian process.
+    Hyperparameters,
+    /// Its dictionary and weights.
+    Weights,
     /// Measuring the fit.
     Report,
 }

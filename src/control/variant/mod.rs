@@ -6,11 +6,15 @@
 //! |---|---|
 //! | `linear.rs` | the nominal linear model, with or without a learned residual |
 //! | `actuator.rs` | the nominal linear model behind a known steering actuator |
+//! | `bicycle/` | the nonlinear bicycle, with or without a Gaussian process, by sequential quadratic programming |
 
 mod actuator;
+mod bicycle;
 mod linear;
 
 pub(super) use actuator::Actuated;
+pub(super) use bicycle::BicycleMpc;
+pub use bicycle::{BicycleModel, BicycleRollOut, StepSpeed};
 pub(super) use linear::NominalWithResidual;
 pub use linear::{Residual, RollOut};
 
@@ -32,6 +36,8 @@ pub enum PredictionModel {
     Residual(Residual),
     /// The linear single track behind a steering actuator with known dead time and lag.
     Actuator(Actuator),
+    /// The nonlinear bicycle, with or without a learned Gaussian process: nonlinear MPC.
+    Bicycle(BicycleModel),
 }
 
 impl From<Option<Residual>> for PredictionModel {
@@ -60,6 +66,8 @@ pub(super) struct Qp {
     pub inputs: Vec<f64>,
     pub outputs: Vec<f64>,
     pub timing: Timing,
+    /// QPs solved in this step.
+    pub solved: u32,
 }
 
 impl Qp {
@@ -68,6 +76,7 @@ impl Qp {
         let begin = Instant::now();
         let solved = self.solver.solve(&self.problem, time_limit, &mut self.inputs, &mut self.outputs);
         self.timing.solve += begin.elapsed().as_secs_f64();
+        self.solved += 1;
         solved
     }
 
@@ -105,6 +114,11 @@ pub(super) trait Variant: Send {
     /// The state after this step if `steer` is issued, with everything that the newest prediction knew; `past` are the
     /// commands before it. None before the first prediction.
     fn next_state(&self, state: &ErrorState, past: &[f64], steer: f64) -> Option<Expected>;
+
+    /// The newest nonlinear prediction, if it makes one.
+    fn roll_out(&self) -> Option<&BicycleRollOut> {
+        None
+    }
 
     /// Steps of states and commands that it looks back at; 0 for none.
     fn window(&self) -> usize {

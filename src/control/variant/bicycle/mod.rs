@@ -1,0 +1,251 @@
+//! Nonlinear MPC: the nonlinear bicycle, by Gauss-Newton sequential quadratic programming.
+//!
+//! With the plan `U` and the predicted errors `y(U)`, the problem is the tracking problem of all variants with
+//! `y = y(U)` in place of `free + G U`. Each iteration linearises,
+//!
+//! ```text
+//! G = dy/dU,   free = y(U) - G U,   solve the QP: U*,   U <- U + alpha (U* - U)
+//! ```
+//!
+//! with `alpha` found by halving until the true objective, soft bounds and all, falls by a share of what the QP
+//! promises (Armijo). The bounds of the commands are linear and the first plan, the last one shifted, is cut to
+//! them: every iterate can be driven. The errors are small beside the curvature of `y`, so Gauss-Newton converges
+//! within a few iterations.
+//!
+//! With a Gaussian process (GP-NMPC) its mean and gradient correct `vy` and the yaw rate after each step.
+//!
+//! The information is that of the linear MPC: measured state, path, planned speeds, command in force, disturbance.
+//!
+//! Source: Kabzan et al., Learning-Based MPC for Autonomous Racing, RA-L 2019; Bock and Plitt 1984; Diehl et al., Real-time optimization and nonlinear model predictive control, J. Process
+//! Control 2002; line search on a convex composite: Burke 1985.
+
+mod roll_out;
+
+pub use roll_out::{BicycleRollOut, StepSpeed};
+
+use super::{Expected, Qp, Variant};
+use crate::control::lateral::{LateralError, LateralInput};
+use crate::control::parameters::MpcParameters;
+use crate::control::preview::Preview;
+use crate::control::tracking_qp::{QpEnd, QpError, QpReport};
+use crate::nominal::{BicycleState, ErrorState, body_change};
+use crate::path::Path;
+use crate::residual::{self, gp::GpModel};
+use crate::vehicle::SingleTrack;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// How the nonlinear MPC predicts and iterates.
+#[derive(Debug, Clone)]
+pub struct BicycleModel {
+    /// Friction coefficient of the tyres. Given, not learned: in ordinary driving the peak cannot be observed.
+    pub friction: f64,
+    /// Most QPs of a step.
+    pub max_iterations: usize,
+    /// What the bicycle misses of `vy` and the yaw rate in a step, learned: GP-NMPC.
+    pub gp: Option<Arc<GpModel>>,
+}
+
+impl Default for BicycleModel {
+    fn default() -> Self {
+        Self { friction: 1.0, max_iterations: 30, gp: None }
+    }
+}
+
+/// A step of the plan smaller than this ends the iterations, rad: Gauss-Newton contracts, what is left is smaller.
+const STEP_TOLERANCE: f64 = 1e-5;
+/// Share of the promised decrease that a step must bring.
+const ARMIJO: f64 = 1e-4;
+/// Shortest step is `2^-HALVINGS`.
+const HALVINGS: u32 = 12;
+
+/// The variant.
+pub struct BicycleMpc {
+    roll_out: BicycleRollOut,
+    max_iterations: usize,
+    min_model_speed: f64,
+    steer_max: f64,
+    /// Largest change of the command in a step, rad.
+    steer_change: f64,
+    plan: Vec<f64>,
+    trial: Vec<f64>,
+    outputs: Vec<f64>,
+    /// Errors that the newest prediction started from.
+    start: ErrorState,
+    planned: bool,
+}
+
+/// How a line search ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Search {
+    /// The plan has moved to a better one.
+    Better,
+    /// No step of the direction is better.
+    Stuck,
+}
+
+impl BicycleMpc {
+    /// # Errors
+    /// A parameter of the vehicle or a friction that is not positive; a Gaussian process that was learned for another
+    /// controller.
+    pub fn new(vehicle: SingleTrack, p: &MpcParameters, model: BicycleModel) -> Result<Self, LateralError> {
+        let BicycleModel { friction, max_iterations, gp } = model;
+        if let Some(gp) = &gp {
+            let expected = residual::Expected {
+                vehicle,
+                sample_time: p.sample_time,
+                min_model_speed: p.min_model_speed,
+                window: None,
+            };
+            gp.check_fits(&expected, friction)?;
+        }
+        Ok(Self {
+            roll_out: BicycleRollOut::new(&vehicle, friction, gp, p.sample_time, p.horizon)?,
+            max_iterations: max_iterations.max(1),
+            min_model_speed: p.min_model_speed,
+            steer_max: p.steer_max,
+            steer_change: p.steer_rate_max * p.sample_time,
+            plan: vec![0.0; p.horizon],
+            trial: vec![0.0; p.horizon],
+            outputs: Vec::new(),
+            start: ErrorState::zeros(),
+            planned: false,
+        })
+    }
+
+    /// Where the prediction starts, and what it is made with.
+    fn set_up(&mut self, input: &LateralInput<'_>, preview: &Preview) {
+        let (errors, disturbance) = (input.state, input.disturbance);
+        let roll_out = &mut self.roll_out;
+        roll_out.start = BicycleState::new(input.station, errors[0], errors[2], input.vy, input.yaw_rate);
+        // The model is stiff at standstill: it never drives slower than this, neither its tyres nor along the path.
+        for (j, speed) in roll_out.speed.iter_mut().enumerate() {
+            let ([begin, ..], [mean, end]) = (preview.road[j], preview.speed[j]);
+            *speed = StepSpeed {
+                speed: [begin, mean, end].map(|speed| speed.max(self.min_model_speed)),
+                planned: begin,
+                accel: input.ahead.accel,
+            };
+        }
+        let [vy, yaw_rate] = body_change(disturbance, input.ahead.speed.max(self.min_model_speed));
+        roll_out.disturbance = BicycleState::new(0.0, disturbance[0], disturbance[2], vy, yaw_rate);
+        self.start = *errors;
+        self.planned = true;
+    }
+
+    /// The first plan: the last one, its end held, cut to the bounds.
+    fn warm_start(&mut self, last_plan: &[f64], previous: f64) {
+        let end = last_plan.last().copied().unwrap_or(previous);
+        let planned = last_plan.iter().copied().chain(std::iter::repeat(end));
+        let mut before = previous;
+        for (command, planned) in self.plan.iter_mut().zip(planned) {
+            *command = planned
+                .clamp(before - self.steer_change, before + self.steer_change)
+                .clamp(-self.steer_max, self.steer_max);
+            before = *command;
+        }
+    }
+
+    /// Linearises the outputs around the plan that was predicted last.
+    fn linearise(&mut self, qp: &mut Qp) {
+        let problem = &mut qp.problem;
+        self.roll_out.write_gain(&qp.tracked, &mut problem.gain);
+        let (horizon, outputs) = (problem.shape.horizon, problem.shape.outputs);
+        for (row, (free, output)) in problem.free.iter_mut().zip(&self.outputs).enumerate() {
+            let gain = &problem.gain[row * horizon..][..=row / outputs];
+            let forced: f64 = gain.iter().zip(&self.plan).map(|(gain, command)| gain * command).sum();
+            *free = output - forced;
+        }
+    }
+
+    /// From the plan towards the QP's, as far as the true objective follows the QP's promise.
+    fn search(&mut self, path: &Path, qp: &Qp, objective: &mut f64, promised: f64) -> Search {
+        let mut alpha = 1.0;
+        for _ in 0..=HALVINGS {
+            for ((trial, from), to) in self.trial.iter_mut().zip(&self.plan).zip(&qp.inputs) {
+                *trial = from + alpha * (to - from);
+            }
+            self.roll_out.follow(path, &self.trial);
+            let reached = assess(&self.roll_out, &self.trial, qp, &mut self.outputs);
+            if reached <= *objective - ARMIJO * alpha * promised {
+                std::mem::swap(&mut self.plan, &mut self.trial);
+                *objective = reached;
+                return Search::Better;
+            }
+            alpha *= 0.5;
+        }
+        self.roll_out.follow(path, &self.plan);
+        assess(&self.roll_out, &self.plan, qp, &mut self.outputs);
+        Search::Stuck
+    }
+}
+
+/// Writes the outputs of what was predicted under a plan and gives the true objective.
+fn assess(roll_out: &BicycleRollOut, plan: &[f64], qp: &Qp, outputs: &mut [f64]) -> f64 {
+    for (j, of_step) in outputs.chunks_exact_mut(qp.tracked.len()).enumerate() {
+        for (output, &state) in of_step.iter_mut().zip(&qp.tracked) {
+            *output = roll_out.errors(j)[state];
+        }
+    }
+    qp.problem.objective(plan, outputs)
+}
+
+impl Variant for BicycleMpc {
+    fn plan(
+        &mut self,
+        input: &LateralInput<'_>,
+        preview: &Preview,
+        previous: f64,
+        qp: &mut Qp,
+    ) -> Result<QpReport, QpError> {
+        let begin = Instant::now();
+        self.set_up(input, preview);
+        self.warm_start(input.last_plan, previous);
+        self.roll_out.follow_anew(input.path, &self.plan, input.use_residual);
+        qp.refer(|j| self.roll_out.steady_yaw_error(j, preview.curvature[j]));
+        self.outputs.resize(qp.outputs.len(), 0.0);
+        let mut objective = assess(&self.roll_out, &self.plan, qp, &mut self.outputs);
+        if !objective.is_finite() {
+            return Err(QpError::Numerical { iterations: 0 });
+        }
+        let (mut end, mut iterations) = (QpEnd::ReducedAccuracy, 0);
+        for iteration in 0..self.max_iterations {
+            self.linearise(qp);
+            let left = (input.time_limit - begin.elapsed().as_secs_f64()).max(0.0);
+            let report = match qp.solve(left) {
+                Ok(report) => report,
+                Err(error) if iteration == 0 => return Err(error),
+                // What the iterations before have reached can be driven and is better than the last plan.
+                Err(_) => break,
+            };
+            iterations += report.iterations;
+            let size =
+                qp.inputs.iter().zip(&self.plan).map(|(to, from)| (to - from).abs()).fold(0.0, f64::max);
+            let promised = objective - qp.problem.objective(&qp.inputs, &qp.outputs);
+            let search = self.search(input.path, qp, &mut objective, promised.max(0.0));
+            if size <= STEP_TOLERANCE {
+                end = report.end;
+                break;
+            }
+            if search == Search::Stuck {
+                break;
+            }
+        }
+        qp.inputs.copy_from_slice(&self.plan);
+        qp.outputs.copy_from_slice(&self.outputs);
+        qp.timing.condense = begin.elapsed().as_secs_f64() - qp.timing.solve;
+        Ok(QpReport { end, iterations, objective })
+    }
+
+    fn next_state(&self, state: &ErrorState, _past: &[f64], steer: f64) -> Option<Expected> {
+        self.planned.then(|| self.roll_out.first_step(&(state - self.start), steer))
+    }
+
+    fn outside_training(&self) -> f64 {
+        self.roll_out.outside_training()
+    }
+
+    fn roll_out(&self) -> Option<&BicycleRollOut> {
+        Some(&self.roll_out)
+    }
+}

@@ -1,0 +1,251 @@
+//! The nonlinear prediction over a horizon, with derivatives: from a plan of the steering to the errors ahead.
+
+use crate::control::variant::Expected;
+use crate::nominal::{
+    Bicycle, BicycleErrors, BicycleState, BicycleStep, Curvature, ErrorState, HeldSpeed, SingleTrackError,
+    errors_of,
+};
+use crate::path::Path;
+use crate::residual::gp::{GpModel, GpResidual, INPUTS};
+use crate::vehicle::SingleTrack;
+use nalgebra::{Matrix4, SMatrix};
+use std::sync::Arc;
+
+/// Planned motion in one step of the horizon.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StepSpeed {
+    /// At the beginning, in the middle and at the end, m/s: the bicycle's, positive.
+    pub speed: [f64; 3],
+    /// At the beginning as planned, m/s, maybe 0: what a Gaussian process is asked at.
+    pub planned: f64,
+    /// Acceleration, m/s2.
+    pub accel: f64,
+}
+
+impl StepSpeed {
+    /// A held speed.
+    #[must_use]
+    pub fn held(speed: f64) -> Self {
+        Self { speed: [speed; 3], planned: speed, accel: 0.0 }
+    }
+
+    /// What the bicycle holds within the step: the mean speed. A Gaussian process has learned what a body misses that
+    /// holds the speed at the beginning.
+    fn bicycle(&self, corrected: bool) -> HeldSpeed {
+        let [begin, mean, _] = self.speed;
+        HeldSpeed { path: mean, body: if corrected { begin } else { mean } }
+    }
+}
+
+/// The prediction with everything it depends on but the road and the plan.
+#[derive(Debug, Clone)]
+pub struct BicycleRollOut {
+    bicycle: Bicycle,
+    sample_time: f64,
+    /// State at the beginning.
+    pub start: BicycleState,
+    /// Speeds of each step.
+    pub speed: Vec<StepSpeed>,
+    /// Added to the state after each step.
+    pub disturbance: BicycleState,
+    gp: Option<Arc<GpModel>>,
+    /// How far the process is believed at each step, 0 to 1.
+    trust: Vec<f64>,
+    steps: Vec<Predicted>,
+    start_errors: BicycleErrors,
+    /// Command of the first step that was predicted.
+    first_command: f64,
+    /// Effects of the plan's commands on the newest state, for `gain`.
+    effects: Vec<BicycleState>,
+}
+
+/// One step of the prediction.
+#[derive(Debug, Clone, Copy)]
+struct Predicted {
+    step: BicycleStep,
+    end: BicycleErrors,
+}
+
+fn road(path: &Path) -> impl Fn(f64) -> Curvature {
+    |station| [path.curvature(station), path.curvature_rate(station)]
+}
+
+impl BicycleRollOut {
+    /// Room for a horizon.
+    ///
+    /// # Errors
+    /// A parameter of the vehicle or a friction that is not positive.
+    pub fn new(
+        vehicle: &SingleTrack,
+        friction: f64,
+        gp: Option<Arc<GpModel>>,
+        sample_time: f64,
+        horizon: usize,
+    ) -> Result<Self, SingleTrackError> {
+        let bicycle = Bicycle::new(vehicle, friction)?;
+        let step = BicycleStep {
+            state: BicycleState::zeros(),
+            by_state: SMatrix::zeros(),
+            by_steer: BicycleState::zeros(),
+        };
+        let end = BicycleErrors { errors: ErrorState::zeros(), by_state: SMatrix::zeros() };
+        Ok(Self {
+            bicycle,
+            sample_time,
+            start: BicycleState::zeros(),
+            speed: vec![StepSpeed::held(1.0); horizon],
+            disturbance: BicycleState::zeros(),
+            gp,
+            trust: vec![0.0; horizon],
+            steps: vec![Predicted { step, end }; horizon],
+            start_errors: end,
+            first_command: 0.0,
+            effects: vec![BicycleState::zeros(); horizon],
+        })
+    }
+
+    /// The vehicle model.
+    #[must_use]
+    pub fn bicycle(&self) -> &Bicycle {
+        &self.bicycle
+    }
+
+    /// Predicts under a plan, one steering command for each step.
+    pub fn follow(&mut self, path: &Path, plan: &[f64]) {
+        self.predict(path, plan, None);
+    }
+
+    /// Predicts under a plan, and sets how far the Gaussian process is believed on the way, or not at all: outside its
+    /// training it fades, half a range's width further there is the bicycle alone. Later plans keep to that: what they
+    /// are compared by is one smooth problem.
+    pub fn follow_anew(&mut self, path: &Path, plan: &[f64], use_process: bool) {
+        self.predict(path, plan, Some(use_process));
+    }
+
+    fn predict(&mut self, path: &Path, plan: &[f64], use_process: Option<bool>) {
+        let mut state = self.start;
+        // The speed at the beginning is nearly the mean one: the errors' dependence on it is not asked for here.
+        let [_, mean_speed, _] = self.speed[0].speed;
+        self.start_errors = errors_of(&state, mean_speed, road(path)(state[0]));
+        self.first_command = plan[0];
+        for (j, steer) in plan.iter().enumerate() {
+            if let (Some(use_process), Some(gp)) = (use_process, &self.gp) {
+                let excess = gp.excess(&self.input(&state, j, *steer));
+                self.trust[j] = if use_process { (1.0 - 2.0 * excess).clamp(0.0, 1.0) } else { 0.0 };
+            }
+            let step = self.step(road(path), &state, j, *steer);
+            state = step.state;
+            let [_, _, end_speed] = self.speed[j].speed;
+            let end = errors_of(&state, end_speed, road(path)(state[0]));
+            self.steps[j] = Predicted { step, end };
+        }
+    }
+
+    /// Step `j` of the horizon from a state.
+    fn step(
+        &self,
+        road: impl Fn(f64) -> Curvature,
+        state: &BicycleState,
+        j: usize,
+        steer: f64,
+    ) -> BicycleStep {
+        let speed = self.speed[j].bicycle(self.trust[j] > 0.0);
+        let mut step = self.bicycle.step_along(road, state, speed, steer, self.sample_time);
+        step.state += self.disturbance;
+        if let Some(gp) = self.gp.as_ref().filter(|_| self.trust[j] > 0.0) {
+            let GpResidual { mean, gradient } = gp.residual(&self.input(state, j, steer));
+            for (o, (mean, [_, by_vy, by_yaw_rate, by_steer, _])) in mean.iter().zip(gradient).enumerate() {
+                step.state[3 + o] += self.trust[j] * mean;
+                step.by_state[(3 + o, 3)] += self.trust[j] * by_vy;
+                step.by_state[(3 + o, 4)] += self.trust[j] * by_yaw_rate;
+                step.by_steer[3 + o] += self.trust[j] * by_steer;
+            }
+        }
+        step
+    }
+
+    /// What the Gaussian process is asked at.
+    fn input(&self, state: &BicycleState, j: usize, steer: f64) -> [f64; INPUTS] {
+        [self.speed[j].planned, state[3], state[4], steer, self.speed[j].accel]
+    }
+
+    /// Share of the horizon where the Gaussian process was asked outside its training, 0 to 1.
+    #[must_use]
+    pub fn outside_training(&self) -> f64 {
+        let outside = self.trust.iter().filter(|trust| **trust < 1.0).count();
+        if self.gp.is_some() { outside as f64 / self.trust.len() as f64 } else { 0.0 }
+    }
+
+    /// What is expected after the first step from errors that differ by `moved` and with another command, to first order:
+    /// exact for those that were predicted with.
+    #[must_use]
+    pub fn first_step(&self, moved: &ErrorState, steer: f64) -> Expected {
+        let Predicted { step, end } = &self.steps[0];
+        // How the state depends on the errors, at the same station.
+        let of_errors = self.start_errors.by_state.fixed_columns::<4>(1).try_inverse().unwrap_or_default();
+        let by_state = end.by_state * step.by_state;
+        let transition = by_state.fixed_columns::<4>(1) * of_errors;
+        let command = steer - self.first_command;
+        let state = end.errors + transition * moved + end.by_state * step.by_steer * command;
+        Expected { state, transition }
+    }
+
+    /// Predicted errors at the end of step `j`.
+    #[must_use]
+    pub fn errors(&self, j: usize) -> &ErrorState {
+        &self.steps[j].end.errors
+    }
+
+    /// Predicted state at the end of step `j`.
+    #[must_use]
+    pub fn state(&self, j: usize) -> &BicycleState {
+        &self.steps[j].step.state
+    }
+
+    /// Writes the derivatives of the tracked errors by the plan, row-major; the upper triangle is left as it is.
+    pub fn write_gain(&mut self, tracked: &[usize], gain: &mut [f64]) {
+        let horizon = self.steps.len();
+        for (j, Predicted { step, end }) in self.steps.iter().enumerate() {
+            for effect in &mut self.effects[..j] {
+                *effect = step.by_state * *effect;
+            }
+            self.effects[j] = step.by_steer;
+            for (i, &output) in tracked.iter().enumerate() {
+                let by = end.by_state.row(output);
+                let row = &mut gain[(j * tracked.len() + i) * horizon..][..=j];
+                for (entry, effect) in row.iter_mut().zip(&self.effects) {
+                    *entry = (by * effect)[0];
+                }
+            }
+        }
+    }
+
+    /// Yaw error at which the vehicle stays on a path of this curvature with a constant command and the speed of step `j`:
+    /// that of steady cornering, and where something acts beside the bicycle, with that.
+    #[must_use]
+    pub fn steady_yaw_error(&self, j: usize, curvature: f64) -> f64 {
+        let [_, _, speed] = self.speed[j].speed;
+        let yaw_error = self.bicycle.steady_yaw_error(speed, curvature);
+        if self.disturbance == BicycleState::zeros() && self.trust[j] == 0.0 {
+            return yaw_error;
+        }
+        self.corrected_yaw_error(j, curvature, yaw_error).unwrap_or(yaw_error)
+    }
+
+    /// A step of Newton on `step(x) = x` for `e2`, `vy`, `yaw_rate` and the command, with `e1 = 0`.
+    fn corrected_yaw_error(&self, j: usize, curvature: f64, yaw_error: f64) -> Option<f64> {
+        let [speed, ..] = self.speed[j].speed;
+        let steer = self.bicycle.steady_steer(speed, curvature);
+        let (vy, yaw_rate) = (-speed * yaw_error.tan(), curvature * speed / yaw_error.cos());
+        let state = BicycleState::new(0.0, 0.0, yaw_error, vy, yaw_rate);
+        let step = self.step(|_| [curvature, 0.0], &state, j, steer);
+        let gap = (step.state - state).fixed_rows::<4>(1).into_owned();
+        let mut by = Matrix4::zeros();
+        by.fixed_view_mut::<4, 3>(0, 0).copy_from(&step.by_state.fixed_view::<4, 3>(1, 2));
+        by.fixed_view_mut::<4, 1>(0, 3).copy_from(&step.by_steer.fixed_rows::<4>(1));
+        for i in 0..3 {
+            by[(i + 1, i)] -= 1.0;
+        }
+        by.lu().solve(&gap).map(|change| yaw_error - change[0])
+    }
+}

@@ -1,0 +1,61 @@
+//! A Gaussian process on what a nonlinear bicycle model misses: the learned model of GP-NMPC.
+//!
+//! Over one control step, with the process's inputs `z = [vx, vy, r, steer_cmd, accel]`,
+//!
+//! ```text
+//! [vy, r]_{k+1} = bicycle([vy, r]_k, vx_k, steer_k, Ts) + d(z_k),    d_o ~ GP(0, k_o)
+//! k_o(a, b)     = sf^2 exp(-1/2 sum_d ((a_d - b_d) / l_d)^2),         labels with noise sn^2
+//! ```
+//!
+//! one process for each output, with length scales, signal and noise of its own. The residual of vx, which the sources
+//! learn too, is not needed: the speed is planned and held by the speed controller, and the MPC takes it as given.
+//!
+//! (Kabzan, Hewing, Liniger, Zeilinger, Learning-Based Model Predictive Control for Autonomous Racing, RA-L 2019, sec. IV.)
+//!
+//! ```text
+//! drives -> DataSet -> Samples -> fit (hyperparameters) -> choose (dictionary) -> Sparse (weights from all samples)
+//!                                                                                   |
+//!                                        controller <- residual(): mean, gradient - GpModel <-> file
+//! ```
+//!
+//! | file | idea |
+//! |---|---|
+//! | `kernel.rs`, `exp.rs` | the covariance |
+//! | `exact.rs` | the process without approximation, its likelihood and the gradient of that |
+//! | `fit.rs` | hyperparameters by maximum likelihood (program only: it links an optimiser) |
+//! | `dictionary.rs` | which points to keep |
+//! | `sparse.rs` | the process through a dictionary, from all samples |
+//! | `dot.rs` | mean and gradient, fast |
+//! | `samples.rs` | inputs and labels from drives |
+//! | `smoothing.rs` | how much noise to take from recorded states (program only) |
+//! | `train.rs` | from drives to a model and a report of its fit (program only) |
+//! | `model.rs`, `file.rs` | what the controller calls, and its file |
+
+mod dictionary;
+mod dot;
+mod exact;
+mod exp;
+mod file;
+#[cfg(feature = "cli")]
+mod fit;
+mod kernel;
+mod model;
+mod samples;
+#[cfg(feature = "cli")]
+mod smoothing;
+mod sparse;
+#[cfg(feature = "cli")]
+mod train;
+
+pub use dictionary::choose;
+pub use exact::{Exact, LikelihoodGradient};
+#[cfg(feature = "cli")]
+pub use fit::{FitConfig, Fitted, fit};
+pub use kernel::Kernel;
+pub use model::{GpModel, GpOutput, GpResidual, GpSchema, GpTraining};
+pub use samples::{GP_OUTPUTS, INPUTS, Samples};
+#[cfg(feature = "cli")]
+pub use smoothing::{STEPS, Smoothing};
+pub use sparse::{MAX_POINTS, Sparse};
+#[cfg(feature = "cli")]
+pub use train::{GpConfig, GpFit, GpReport, GpTrainError, GpTrained, train};

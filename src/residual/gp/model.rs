@@ -1,0 +1,131 @@
+//! The learned process as the controller uses it.
+//!
+//! At each step of the horizon the nonlinear controller predicts with
+//!
+//! ```text
+//! [vy, r]_{k+1} = bicycle([vy, r]_k, vx_k, steer_k, Ts) + mean(vx, vy, r, steer, accel)_k
+//! ```
+//!
+//! and asks for the mean and its derivatives by the inputs. Nothing is allocated. Far from all data the mean is zero:
+//! the nominal model.
+
+use super::sparse::Sparse;
+use super::{GP_OUTPUTS, INPUTS};
+use crate::residual::model::{Expected, Misfit, Range, same};
+use crate::vehicle::SingleTrack;
+use serde::{Deserialize, Serialize};
+
+/// What was learned of one output: the readable part.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct GpOutput {
+    /// The signal's name.
+    pub name: String,
+    /// Its unit, and that of `signal` and `noise`.
+    pub unit: String,
+    /// Length scale of each input, in the input's unit.
+    pub length_scales: Vec<f64>,
+    /// Standard deviation of the residual.
+    pub signal: f64,
+    /// Standard deviation of the noise on labels.
+    pub noise: f64,
+    /// Points of the dictionary.
+    pub points: usize,
+    /// Logarithm of the likelihood of the samples that the hyperparameters were fitted on.
+    pub log_likelihood: f64,
+}
+
+/// From what a process was learned.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct GpTraining {
+    /// Identifies the drives' values.
+    pub data_hash: String,
+    /// Samples learned from.
+    pub samples: usize,
+    /// Samples that the hyperparameters were fitted on.
+    pub hyperparameter_samples: usize,
+    /// Rows on each side over which recorded states were smoothed.
+    pub smoothing: usize,
+    /// The seed.
+    pub seed: u64,
+}
+
+/// What a process is, apart from its numbers: the readable head of its file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct GpSchema {
+    /// Time between control steps, s.
+    pub sample_time: f64,
+    /// Speed below which the nominal model was held, m/s.
+    pub min_model_speed: f64,
+    /// Friction coefficient of the nominal bicycle model.
+    pub friction: f64,
+    /// The vehicle of the nominal bicycle model.
+    pub vehicle: SingleTrack,
+    /// From what the process was learned.
+    pub training: GpTraining,
+    /// Ranges of the inputs in training.
+    pub inputs: Vec<Range>,
+    /// What was learned of vy and of the yaw rate.
+    pub outputs: Vec<GpOutput>,
+}
+
+/// What the nominal model misses over one step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GpResidual {
+    /// Of vy, m/s, and yaw rate, rad/s.
+    pub mean: [f64; GP_OUTPUTS],
+    /// Derivatives of each by vx, vy, yaw rate, steering command, longitudinal acceleration.
+    pub gradient: [[f64; INPUTS]; GP_OUTPUTS],
+}
+
+/// A learned Gaussian process.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GpModel {
+    pub(super) schema: GpSchema,
+    pub(super) outputs: [Sparse<INPUTS>; GP_OUTPUTS],
+}
+
+impl GpModel {
+    /// What the process is.
+    #[must_use]
+    pub fn schema(&self) -> &GpSchema {
+        &self.schema
+    }
+
+    /// The process of each output: vy, yaw rate.
+    #[must_use]
+    pub fn outputs(&self) -> &[Sparse<INPUTS>; GP_OUTPUTS] {
+        &self.outputs
+    }
+
+    /// The residual at vx, m/s, vy, m/s, yaw rate, rad/s, steering command, rad, longitudinal acceleration, m/s2.
+    #[must_use]
+    pub fn residual(&self, input: &[f64; INPUTS]) -> GpResidual {
+        let found = self.outputs.each_ref().map(|output| output.mean(input));
+        GpResidual { mean: found.map(|(mean, _)| mean), gradient: found.map(|(_, gradient)| gradient) }
+    }
+
+    /// Variance of each noise-free residual. `room` is made once, as an empty vector; it grows at the first call.
+    pub fn variance(&self, input: &[f64; INPUTS], room: &mut Vec<f64>) -> [f64; GP_OUTPUTS] {
+        self.outputs.each_ref().map(|output| output.variance(input, room))
+    }
+
+    /// How far the worst input lies outside its range in training, in widths of that range; 0 inside.
+    #[must_use]
+    pub fn excess(&self, input: &[f64; INPUTS]) -> f64 {
+        self.schema.inputs.iter().zip(input).map(|(range, &x)| range.excess(x)).fold(0.0, f64::max)
+    }
+
+    /// Whether the process was learned for such a controller, whose bicycle model has this friction coefficient. A window
+    /// does not matter: there is none.
+    ///
+    /// # Errors
+    /// The first difference that matters.
+    pub fn check_fits(&self, expected: &Expected, friction: f64) -> Result<(), Misfit> {
+        let GpSchema { vehicle, sample_time, min_model_speed, friction: model, .. } = self.schema;
+        expected.check(&vehicle, sample_time, min_model_speed)?;
+        if !same(model, friction) {
+            return Err(Misfit::Friction { model, controller: friction });
+        }
+        Ok(())
+    }
+}

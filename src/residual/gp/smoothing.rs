@@ -1,0 +1,84 @@
+//! How strongly recorded states are smoothed before anything is learned from them.
+//!
+//! The state stands in the inputs *and* in the labels, so noise on it teaches the process to answer to noise: with the
+//! errors of ordinary sensors it then predicts twice as badly as it could. Offline, the states can be smoothed without
+//! delay; too much of it takes away what is to be learned. What is right depends on noise and plant, so it is measured:
+//! small processes are trained at each candidate, and that is taken whose free prediction over [`STEPS`] steps, which is
+//! what the controller needs, comes closest to what was *recorded*. The noise of that record is the same for all
+//! candidates and independent of their inputs.
+
+use super::dictionary::choose;
+use super::fit::{FitConfig, fit};
+use super::samples::Samples;
+use super::sparse::Sparse;
+use super::{GP_OUTPUTS, INPUTS};
+use crate::nominal::Bicycle;
+use crate::residual::dataset::DataSet;
+use crate::residual::parallel;
+use crate::residual::random::Random;
+
+/// How to smooth lateral velocity and yaw rate: a cubic fitted to so many rows on each side.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Smoothing {
+    /// Over this many rows; 0 and 1 for not at all.
+    Fixed(usize),
+    /// The candidate whose free prediction is best.
+    Choose(Vec<usize>),
+}
+
+/// Steps of the free prediction: the horizon of the paper's controller.
+pub const STEPS: usize = 16;
+/// Smoothing of the states from which all candidates' predictions start.
+const START: usize = 2;
+/// Size of the small processes.
+const HYPERPARAMETER_SAMPLES: usize = 150;
+const POINTS: usize = 60;
+const ROWS: usize = 4000;
+const ITERATIONS: u64 = 30;
+
+/// The smoothing to learn with, and the score of each candidate: mean square error of the free prediction in units of
+/// the nominal model's, mean over outputs.
+pub(super) fn reach(
+    smoothing: &Smoothing,
+    data: &DataSet,
+    nominal: &Bicycle,
+    seed: u64,
+    threads: usize,
+) -> (usize, Vec<(usize, f64)>) {
+    let candidates = match smoothing {
+        Smoothing::Fixed(reach) => return (*reach, vec![]),
+        Smoothing::Choose(candidates) => candidates,
+    };
+    let judge = Samples::new(data, nominal, START);
+    let without = judge.rollout(data, nominal, STEPS, |_| [0.0; GP_OUTPUTS]);
+    let scores = parallel::map(threads, candidates.len(), |c| {
+        let samples = Samples::new(data, nominal, candidates[c]);
+        let error = small(&samples, seed)
+            .map(|outputs| {
+                judge.rollout(data, nominal, STEPS, |input| outputs.each_ref().map(|o| o.mean(input).0))
+            })
+            .unwrap_or([f64::INFINITY; GP_OUTPUTS]);
+        let score: f64 = (0..GP_OUTPUTS).map(|o| (error[o] / without[o]).powi(2)).sum();
+        (candidates[c], score / GP_OUTPUTS as f64)
+    });
+    // The first of the best; drives too short to be judged on give no numbers, and the first candidate.
+    let best = scores.iter().min_by(|a, b| a.1.total_cmp(&b.1));
+    (best.or(scores.first()).map_or(0, |&(reach, _)| reach), scores)
+}
+
+/// A process of some points, made fast.
+fn small(samples: &Samples, seed: u64) -> Option<[Sparse<INPUTS>; GP_OUTPUTS]> {
+    let rows = Random::stream(seed, 2).draw(samples.inputs.len(), ROWS);
+    let inputs: Vec<_> = rows.iter().map(|&row| samples.inputs[row]).collect();
+    let labels: [Vec<f64>; GP_OUTPUTS] =
+        std::array::from_fn(|o| rows.iter().map(|&row| samples.labels[row][o]).collect());
+    let few = inputs.len().min(HYPERPARAMETER_SAMPLES);
+    let config = FitConfig { starts: 1, iterations: ITERATIONS, seed, threads: 1 };
+    let fitted = fit(&inputs[..few], &labels.each_ref().map(|y| y[..few].to_vec()), &config, &|| ());
+    let output = |o: usize| {
+        let kernel = fitted[o].kernel;
+        let taken = choose(&kernel, &inputs[..inputs.len().min(1000)], POINTS, 1e-8);
+        Sparse::new(kernel, taken.iter().map(|&i| inputs[i]).collect(), &inputs, &labels[o], 1)
+    };
+    Some([output(0)?, output(1)?])
+}
