@@ -6,6 +6,7 @@
 pub mod collect;
 pub mod course;
 pub mod drive;
+pub mod evaluate;
 pub mod parameters;
 pub mod path;
 pub mod train;
@@ -26,6 +27,7 @@ use std::process::ExitCode;
   rfl drive --path road.csv   drive it
   rfl collect                 drive to learn from
   rfl train LOG...            learn what the nominal model misses
+  rfl evaluate --quick        all variants, compared
   rfl parameters              what --set can change
   rfl course                  write our own courses to paths/
 
@@ -42,6 +44,7 @@ enum Command {
     Drive(drive::DriveArgs),
     Collect(collect::CollectArgs),
     Train(train::TrainArgs),
+    Evaluate(evaluate::EvaluateArgs),
     Path(path::PathArgs),
     Parameters(parameters::ParametersArgs),
     Course(course::CourseArgs),
@@ -57,6 +60,7 @@ impl Cli {
             Command::Drive(args) => drive::run(args),
             Command::Collect(args) => collect::run(args),
             Command::Train(args) => train::run(args),
+            Command::Evaluate(args) => evaluate::run(args),
             Command::Path(args) => path::run(args),
             Command::Parameters(args) => parameters::run(args),
             Command::Course(args) => course::run(args),

@@ -8,7 +8,7 @@ use super::metrics::{InputMetrics, TimeMetrics, TrackingMetrics};
 use super::noise::SensorNoise;
 use crate::control::{ControlStatus, Controller, Measurement, Sampler, StepError, Timing};
 use crate::path::RoadClass;
-use crate::residual::Random;
+use crate::residual::{self, Random};
 use crate::signal::{self, Signal};
 use crate::vehicle::car::CarError;
 use crate::vehicle::{Car, CarInput, CarParameters, Effects};
@@ -244,6 +244,17 @@ impl Drive {
             Some(place) => self.rows.iter().map(|row| row[place]).collect(),
             None => Vec::new(),
         }
+    }
+
+    /// What a residual is learned from, of this drive.
+    #[must_use]
+    pub fn to_learn_from(&self) -> residual::Drive {
+        let mut log = residual::Drive::default();
+        let names = log.columns().map(|(name, _)| name);
+        for (column, name) in log.columns_mut().into_iter().zip(names) {
+            *column = self.column(name);
+        }
+        log
     }
 
     /// Time of the last row, s; 0 for an empty drive.

@@ -8,6 +8,7 @@
 //! | `metrics.rs` | tracking error, roughness of the steering and step time in a few numbers |
 
 mod closed_loop;
+#[cfg(feature = "cli")]
 pub mod experiment;
 mod metrics;
 mod noise;

@@ -16,7 +16,9 @@ enumeration! {
         RflS = 7 "RFL+S", "A forest on speed and road, leaves linear in the command window and the road";
         RflSObserver = 8 "RFL+S+observer", "RFL+S with the disturbance observer";
         MpcObserver = 9 "MPC+observer", "The nominal MPC with the disturbance observer";
-        Oracle = 10 "oracle", "The nominal MPC that knows the steering actuator exactly";
+        Nmpc = 10 "NMPC", "Nonlinear MPC on the bicycle model";
+        GpNmpc = 11 "GP-NMPC", "Nonlinear MPC with Gaussian processes for what the bicycle misses";
+        Oracle = 12 "oracle", "The nominal MPC that knows the steering actuator exactly";
     }
 }
 
@@ -25,7 +27,7 @@ impl Row {
     #[must_use]
     pub fn training(self) -> Option<TrainConfig> {
         let kind = match self {
-            Self::Mpc | Self::MpcObserver | Self::Oracle => return None,
+            Self::Mpc | Self::MpcObserver | Self::Nmpc | Self::GpNmpc | Self::Oracle => return None,
             Self::Rt => Kind::Rt,
             Self::Rtl => Kind::Rtl,
             Self::Rf => Kind::Rf,
@@ -39,6 +41,12 @@ impl Row {
             config.regressors = Regressors { road: true, states: 0 };
         }
         Some(config)
+    }
+
+    /// Whether something is learned from drives.
+    #[must_use]
+    pub fn learns(self) -> bool {
+        self == Self::GpNmpc || self.training().is_some()
     }
 
     /// Whether the disturbance observer runs.

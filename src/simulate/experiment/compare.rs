@@ -1,0 +1,436 @@
+//! The comparison on one plant, with or without noise: collect, learn, tune, drive.
+//!
+//! 1. For each seed the nominal MPC, calm and with dither, drives the training route; from that each row learns.
+//! 2. Each row searches its weights on pieces of the training route (`weights.rs`), the nominal MPC first: no other
+//!    may steer more roughly than it does at its best.
+//! 3. Two protocols on the test route: *own best*, each row at the weights that it found, and *frozen*, all at the
+//!    weights that the nominal found.
+//!
+//! Nothing of the test route is used before it is driven.
+
+use super::fit::{FitMetrics, steps_ahead};
+use super::plant::Plant;
+use super::row::Row;
+use super::trial::{Trial, TrialError};
+use super::weights::{Weights, search};
+use crate::control::{
+    BicycleModel, ControllerParameters, PredictionModel, Propagation, Residual, RollOut, Timing,
+};
+use crate::path::sudoku::Route;
+use crate::path::{Closure, Options, Path, PathError, RoadClass, to_csv};
+use crate::residual::gp::{self, GpConfig, GpTrainError};
+use crate::residual::{
+    DataConfig, DataError, DataSet, ResidualModel, TrainConfig, TrainError, parallel, train,
+};
+use crate::simulate::{Drive, InputMetrics, SensorNoise, TimeMetrics, TrackingMetrics};
+use crate::vehicle::CarParameters;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Why there is no comparison.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum CompareError {
+    #[error(transparent)]
+    Trial(#[from] TrialError),
+    #[error(transparent)]
+    Path(#[from] PathError),
+    #[error(transparent)]
+    Data(#[from] DataError),
+    #[error(transparent)]
+    Train(#[from] TrainError),
+    #[error(transparent)]
+    Gp(#[from] GpTrainError),
+    #[error(
+        "while collecting, the nominal MPC lost the car on the plant {plant}: there is nothing to learn from"
+    )]
+    Lost { plant: &'static str },
+}
+
+/// How much is done.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Effort {
+    /// Seeds: each has drives, models and noise of its own.
+    pub seeds: usize,
+    /// Drives of the training route from which a seed's models are learned.
+    pub drives: usize,
+    /// Candidates of each row's search.
+    pub budget: usize,
+    /// Threads; the results do not depend on it.
+    pub threads: usize,
+}
+
+impl Default for Effort {
+    fn default() -> Self {
+        Self { seeds: 5, drives: 2, budget: 24, threads: 0 }
+    }
+}
+
+/// One drive of the test route in numbers.
+#[derive(Debug, Clone, Serialize)]
+#[allow(missing_docs)]
+pub struct Outcome {
+    pub tracking: TrackingMetrics,
+    pub classes: BTreeMap<&'static str, TrackingMetrics>,
+    pub steering: InputMetrics,
+    /// The car left the path: the loop diverged. The other numbers are then those until there.
+    pub lost: bool,
+}
+
+impl From<&Drive> for Outcome {
+    fn from(drive: &Drive) -> Self {
+        let classes = RoadClass::ALL
+            .iter()
+            .map(|class| (class.name(), drive.tracking_on(*class)))
+            .filter(|(_, metrics)| metrics.count > 0)
+            .collect();
+        Self {
+            tracking: drive.tracking(),
+            classes,
+            steering: drive.steering(),
+            lost: drive.lost || !drive.finished,
+        }
+    }
+}
+
+/// What a row's residual predicts, for one seed.
+#[derive(Debug, Clone, Serialize)]
+#[allow(missing_docs)]
+pub struct RowFit {
+    pub train: FitMetrics,
+    pub test: FitMetrics,
+    /// After a horizon of 16 steps, on the test route.
+    pub test_16_steps: FitMetrics,
+}
+
+/// Wall-clock times of a row's control steps.
+#[derive(Debug, Clone, Serialize)]
+#[allow(missing_docs)]
+pub struct RowTime {
+    pub step: TimeMetrics,
+    pub look_up: TimeMetrics,
+    pub condense: TimeMetrics,
+    pub solve: TimeMetrics,
+}
+
+/// One row of the comparison.
+#[derive(Debug, Clone, Serialize)]
+#[allow(missing_docs)]
+pub struct RowResult {
+    pub row: &'static str,
+    pub weights: Weights,
+    /// Score of the weights on the training pieces, m.
+    pub score: f64,
+    /// Every candidate's weights and score.
+    pub tried: Vec<(Weights, f64)>,
+    /// One for each seed; one only where no seed plays a part.
+    pub own_best: Vec<Outcome>,
+    pub frozen: Vec<Outcome>,
+    pub fit: Vec<RowFit>,
+    pub time: Option<RowTime>,
+}
+
+/// A plant, with or without noise.
+#[derive(Debug, Clone, Serialize)]
+#[allow(missing_docs)]
+pub struct Condition {
+    pub plant: &'static str,
+    pub noise: bool,
+    pub vehicle: String,
+    pub effort: Effort,
+    pub rows: Vec<RowResult>,
+}
+
+/// Roads of the comparison.
+pub struct Roads {
+    /// All of the training route.
+    pub train: Arc<Path>,
+    /// Pieces of it on which weights are tuned: turns, a U-turn, a sweeper, cross-country.
+    pub pieces: Vec<Arc<Path>>,
+    /// The test route.
+    pub test: Arc<Path>,
+}
+
+/// Pieces of the training route, m.
+const PIECES: [(usize, usize); 2] = [(650, 1360), (4420, 5300)];
+
+impl Roads {
+    /// Draws them.
+    ///
+    /// # Errors
+    /// None for our own courses, unless they were changed.
+    pub fn new() -> Result<Self, PathError> {
+        let samples = Route::SudokuTrain.samples();
+        let length = Self::course(Route::SudokuTrain)?.length();
+        let index = |station: usize| station * samples.len() / length as usize;
+        let piece = |&(from, to): &(usize, usize)| {
+            Path::from_samples(samples[index(from)..index(to)].to_vec(), Closure::Open).map(Arc::new)
+        };
+        Ok(Self {
+            train: Self::course(Route::SudokuTrain)?,
+            pieces: PIECES.iter().map(piece).collect::<Result<_, _>>()?,
+            test: Self::course(Route::SudokuTest)?,
+        })
+    }
+
+    /// A course as its file has it.
+    ///
+    /// # Errors
+    /// None, unless the course was changed.
+    pub fn course(route: Route) -> Result<Arc<Path>, PathError> {
+        let text = to_csv(&route.samples());
+        Ok(Arc::new(Path::from_csv(text.as_bytes(), route.name().as_ref(), &Options::default())?))
+    }
+}
+
+/// Weights with which the drives to learn from are made: see `rfl collect`.
+pub const CALM: Weights = Weights {
+    q_e1_rate: 1.0,
+    q_e2: 2.0,
+    q_e2_rate: 0.0,
+    r_rate: 0.3,
+    observer_gain: 0.0,
+    prediction_noise: 0.0,
+};
+/// Amplitude of the dither of those drives, rad.
+pub const DITHER: f64 = 0.01;
+
+/// Streams of random numbers that must not meet.
+const TUNING_NOISE: u64 = 900;
+
+/// One plant with its data.
+pub struct Comparison<'a> {
+    /// The car.
+    pub car: &'a CarParameters,
+    /// What it has beyond its nominal model.
+    pub plant: Plant,
+    /// Noise of its sensors.
+    pub noise: Option<SensorNoise>,
+    /// The roads.
+    pub roads: &'a Roads,
+    /// How much is done.
+    pub effort: Effort,
+    data: Vec<DataSet>,
+    test_data: Vec<DataSet>,
+}
+
+impl<'a> Comparison<'a> {
+    /// Collects the drives to learn from.
+    ///
+    /// # Errors
+    /// The car is lost; parameters out of range.
+    pub fn collect(
+        car: &'a CarParameters,
+        plant: Plant,
+        noise: Option<SensorNoise>,
+        roads: &'a Roads,
+        effort: Effort,
+    ) -> Result<Self, CompareError> {
+        let mut comparison =
+            Self { car, plant, noise, roads, effort, data: Vec::new(), test_data: Vec::new() };
+        let Effort { seeds, drives, threads, .. } = comparison.effort;
+        let logs = parallel::map(parallel::threads(threads), seeds * (drives + 1), |i| {
+            // The last of each seed's drives is one of the test route, to measure predictions on.
+            let to_learn = i % (drives + 1) < drives;
+            let path = if to_learn { &comparison.roads.train } else { &comparison.roads.test };
+            Trial {
+                dither: Some((DITHER, 1 + i)),
+                noise: comparison.noise.map(|noise| (noise, 1000 + i as u64)),
+                ..comparison.trial(path, PredictionModel::Nominal, CALM, 0)
+            }
+            .drive()
+        });
+        let parameters = ControllerParameters::for_car(car);
+        let config = DataConfig {
+            sample_time: parameters.mpc.sample_time,
+            min_model_speed: parameters.mpc.min_model_speed,
+        };
+        let vehicle = parameters.vehicle.single_track();
+        let logs = logs.into_iter().collect::<Result<Vec<_>, _>>()?;
+        if logs.iter().any(|drive| drive.lost) {
+            return Err(CompareError::Lost { plant: plant.name() });
+        }
+        for seed in logs.chunks(drives + 1) {
+            let logs: Vec<_> = seed.iter().map(Drive::to_learn_from).collect();
+            comparison.data.push(DataSet::new(&logs[..drives], &vehicle, config)?);
+            comparison.test_data.push(DataSet::new(&logs[drives..], &vehicle, config)?);
+        }
+        Ok(comparison)
+    }
+
+    fn trial(&self, path: &Arc<Path>, model: PredictionModel, weights: Weights, seed: u64) -> Trial<'a> {
+        Trial {
+            car: self.car,
+            plant: self.plant,
+            path: path.clone(),
+            model,
+            weights,
+            noise: self.noise.map(|noise| (noise, seed)),
+            dither: None,
+        }
+    }
+
+    /// Trains a residual on a seed's drives.
+    ///
+    /// # Errors
+    /// Too little data.
+    pub fn train(&self, config: &TrainConfig, seed: usize) -> Result<ResidualModel, CompareError> {
+        let config = TrainConfig { seed: seed as u64 + 1, threads: self.effort.threads, ..config.clone() };
+        Ok(train(&self.data[seed], None, &config, &|_| ())?.model)
+    }
+
+    /// How well a residual predicts.
+    #[must_use]
+    pub fn fit(&self, model: &ResidualModel, seed: usize) -> RowFit {
+        RowFit {
+            train: model.measure(&self.data[seed]).into(),
+            test: model.measure(&self.test_data[seed]).into(),
+            test_16_steps: steps_ahead(model, &self.test_data[seed], 16),
+        }
+    }
+
+    /// What a row predicts with, learned from a seed's drives.
+    fn model(&self, row: Row, seed: usize) -> Result<(PredictionModel, Option<RowFit>), CompareError> {
+        if let Some(config) = row.training() {
+            let model = self.train(&config, seed)?;
+            let fit = self.fit(&model, seed);
+            return Ok((propagated(model), Some(fit)));
+        }
+        let model = match row {
+            Row::Oracle => PredictionModel::Actuator(self.plant.actuator(self.car)),
+            Row::Nmpc => PredictionModel::Bicycle(BicycleModel::default()),
+            Row::GpNmpc => {
+                let config =
+                    GpConfig { seed: seed as u64 + 1, threads: self.effort.threads, ..GpConfig::default() };
+                let trained = gp::train(&self.data[seed], None, &config, &|_| ())?;
+                PredictionModel::Bicycle(BicycleModel {
+                    gp: Some(Arc::new(trained.model)),
+                    ..BicycleModel::default()
+                })
+            }
+            _ => PredictionModel::Nominal,
+        };
+        Ok((model, None))
+    }
+
+    /// Compares the rows; the nominal MPC is the first, whether asked for or not.
+    ///
+    /// # Errors
+    /// See [`CompareError`].
+    pub fn run(&self, rows: &[Row], progress: &dyn Fn(&str)) -> Result<Condition, CompareError> {
+        let threads = parallel::threads(self.effort.threads);
+        let mut results: Vec<RowResult> = Vec::new();
+        let (mut limit, mut frozen) = (f64::INFINITY, Weights::default_of(false));
+        for &row in std::iter::once(&Row::Mpc).chain(rows.iter().filter(|row| **row != Row::Mpc)) {
+            progress(&format!("{}: learning", row.name()));
+            let seeds = if row.learns() || self.noise.is_some() { self.effort.seeds } else { 1 };
+            let learned = if row.learns() { seeds } else { 1 };
+            let (models, fits): (Vec<_>, Vec<_>) = (0..learned)
+                .map(|seed| self.model(row, seed))
+                .collect::<Result<Vec<_>, _>>()?
+                .into_iter()
+                .unzip();
+            progress(&format!("{}: tuning", row.name()));
+            let found = search(self.effort.budget, 1, row.observes(), threads, |weights| {
+                self.score(&models[0], weights, limit).unwrap_or(f64::INFINITY)
+            });
+            if row == Row::Mpc {
+                frozen = found.weights;
+                limit = self.pieces(&models[0], &frozen)?.1;
+            }
+            progress(&format!("{}: driving", row.name()));
+            let same = Weights {
+                observer_gain: found.weights.observer_gain,
+                prediction_noise: found.weights.prediction_noise,
+                ..frozen
+            };
+            let outcomes = parallel::map(threads, 2 * seeds, |i| {
+                let (weights, seed) = if i < seeds { (found.weights, i) } else { (same, i - seeds) };
+                let model = models[seed.min(learned - 1)].clone();
+                let drive = self.trial(&self.roads.test, model, weights, 1 + seed as u64).drive()?;
+                Ok::<_, TrialError>(Outcome::from(&drive))
+            });
+            let mut own_best = outcomes.into_iter().collect::<Result<Vec<_>, _>>()?;
+            let frozen_outcomes = own_best.split_off(seeds);
+            results.push(RowResult {
+                row: row.name(),
+                weights: found.weights,
+                score: found.score,
+                tried: found.tried,
+                own_best,
+                frozen: frozen_outcomes,
+                fit: fits.into_iter().flatten().collect(),
+                time: None,
+            });
+        }
+        Ok(Condition {
+            plant: self.plant.name(),
+            noise: self.noise.is_some(),
+            vehicle: self.car.name.clone(),
+            effort: self.effort.clone(),
+            rows: results,
+        })
+    }
+
+    /// Tracking error and steering roughness (RMS rate) on the pieces of the training route; the car must not be lost.
+    fn pieces(&self, model: &PredictionModel, weights: &Weights) -> Result<(f64, f64), CompareError> {
+        let (mut error, mut rates, mut count) = (0.0, 0.0, 0.0);
+        for path in &self.roads.pieces {
+            let drive = self.trial(path, model.clone(), *weights, TUNING_NOISE).drive()?;
+            if drive.lost || !drive.finished {
+                return Ok((f64::INFINITY, f64::INFINITY));
+            }
+            let (tracking, rows) = (drive.tracking(), drive.rows.len() as f64);
+            error += rows * (tracking.mae + tracking.rmse + 0.1 * tracking.max);
+            rates += rows * drive.steering().rate_rms.powi(2);
+            count += rows;
+        }
+        Ok((error / count, (rates / count).sqrt()))
+    }
+
+    /// What the search minimises: the tracking error, m, of candidates that steer no more roughly than the nominal MPC
+    /// at its best; others only among themselves.
+    fn score(&self, model: &PredictionModel, weights: &Weights, limit: f64) -> Result<f64, CompareError> {
+        let (error, roughness) = self.pieces(model, weights)?;
+        Ok(if roughness > limit { 100.0 * roughness / limit } else { error })
+    }
+
+    /// Times the control steps of a row at its best, one drive at a time, and gives that drive.
+    ///
+    /// # Errors
+    /// See [`CompareError`].
+    pub fn time(&self, row: Row, weights: &Weights) -> Result<(RowTime, Drive), CompareError> {
+        let (model, _) = self.model(row, 0)?;
+        let drive = self.trial(&self.roads.test, model, *weights, 1).drive()?;
+        let sample_time = ControllerParameters::default().mpc.sample_time;
+        let part = |of: fn(&Timing) -> f64| {
+            TimeMetrics::of(&mut drive.timings.iter().map(of).collect::<Vec<_>>(), sample_time)
+        };
+        let time = RowTime {
+            step: drive.times(sample_time),
+            look_up: part(|timing| timing.look_up),
+            condense: part(|timing| timing.condense),
+            solve: part(|timing| timing.solve),
+        };
+        Ok((time, drive))
+    }
+
+    /// Drives a road with a residual of one's own choice, for ablations.
+    ///
+    /// # Errors
+    /// See [`CompareError`].
+    pub fn drive_with(&self, residual: Residual, weights: &Weights) -> Result<Outcome, CompareError> {
+        let model = PredictionModel::Residual(residual);
+        Ok(Outcome::from(&self.trial(&self.roads.test, model, *weights, 1).drive()?))
+    }
+}
+
+/// A residual as it is used by default.
+fn propagated(model: ResidualModel) -> PredictionModel {
+    PredictionModel::Residual(Residual {
+        model: Arc::new(model),
+        propagation: Propagation::Propagated,
+        roll_out: RollOut::Corrected,
+    })
+}
