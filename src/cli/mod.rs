@@ -9,6 +9,7 @@ pub mod drive;
 pub mod parameters;
 pub mod path;
 pub mod train;
+mod train_gp;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Parser, Subcommand};
