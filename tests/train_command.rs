@@ -152,6 +152,8 @@ fn all_kinds_are_trained_each_to_its_file() {
         "errors_and_road",
         "--points",
         "40",
+        "--hyperparameter-samples",
+        "80",
         "--json",
         "fit.json",
     ];

@@ -110,6 +110,9 @@ struct Tuning {
     /// Most points of a Gaussian process (gp_nmpc)
     #[arg(long, value_name = "N", default_value_t = 300)]
     points: usize,
+    /// Samples that the hyperparameters of a Gaussian process are fitted on: time grows with their cube (gp_nmpc)
+    #[arg(long, value_name = "N", default_value_t = 400)]
+    hyperparameter_samples: usize,
     /// Seed of all that is random
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -215,9 +218,6 @@ pub fn run(args: &TrainArgs) -> Result<(), Box<dyn Error>> {
 
     let mut models = Vec::new();
     for (variant, file) in jobs(args) {
-        if let Some(folder) = file.parent() {
-            std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
-        }
         let bar = progress_bar(&format!("training {}", variant.name()), 1.0, args.quiet);
         let (test, first) = (test.as_ref(), models.is_empty());
         models.push(match variant.residual() {
@@ -226,9 +226,16 @@ pub fn run(args: &TrainArgs) -> Result<(), Box<dyn Error>> {
                 learn(&data, test, &config, &file, &bar, first)?
             }
             None => {
-                let Tuning { points, seed, threads, .. } = args.tuning;
+                let Tuning { points, hyperparameter_samples, seed, threads, .. } = args.tuning;
                 let friction = parameters.nmpc.friction;
-                let config = GpConfig { friction, points, seed, threads, ..GpConfig::default() };
+                let config = GpConfig {
+                    friction,
+                    points,
+                    hyperparameter_samples,
+                    seed,
+                    threads,
+                    ..GpConfig::default()
+                };
                 train_gp::learn(&data, test, &config, &file, &bar)?
             }
         });
@@ -252,6 +259,16 @@ pub fn run(args: &TrainArgs) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
+/// Makes the folder of a file that is about to be written.
+pub(super) fn make_folder_of(file: &Path) -> Result<(), Box<dyn Error>> {
+    match file.parent() {
+        Some(folder) => {
+            std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()).into())
+        }
+        None => Ok(()),
+    }
+}
+
 /// A listener that shows progress on a bar.
 pub(super) fn followed_by(bar: &ProgressBar) -> impl Fn(Progress) + Sync {
     |progress| {
@@ -273,6 +290,7 @@ fn learn(
     let trained =
         train(data, test, config, &followed_by(bar)).map_err(|error| format!("{}: {error}", kind.name()))?;
     bar.finish_and_clear();
+    make_folder_of(file)?;
     trained.model.write(file)?;
     let (schema, report) = (trained.model.schema(), &trained.report);
     show(kind, report, first);

@@ -1,6 +1,6 @@
 //! `rfl train --kind gp_nmpc`: Gaussian processes on what the nonlinear bicycle misses.
 
-use super::train::followed_by;
+use super::train::{followed_by, make_folder_of};
 use crate::residual::DataSet;
 use crate::residual::gp::{GpConfig, GpFit, train};
 use indicatif::ProgressBar;
@@ -22,6 +22,7 @@ pub fn learn(
     let trained =
         train(data, test, config, &followed_by(bar)).map_err(|error| format!("gp_nmpc: {error}"))?;
     bar.finish_and_clear();
+    make_folder_of(file)?;
     trained.model.write(file)?;
     let report = &trained.report;
     println!("{:<28} {:>10} {:>10}", "RMS of one step", "vy m/s", "r rad/s");

@@ -37,7 +37,8 @@ def models(rfl, paths, tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("models")
     run(rfl, "collect", "--quiet", "--runs", 1, "--path", paths / "sudoku_turns.csv", "--out", folder, *settings(SLOW))
     log = folder / "drive_1.csv"
-    run(rfl, "train", log, "--quiet", "--window", 20, "--trees", 3, "--depth", 3, "--points", 40, "--all", folder)
+    small = ["--window", 20, "--trees", 3, "--depth", 3, "--points", 40, "--hyperparameter-samples", 80]
+    run(rfl, "train", log, "--quiet", *small, "--all", folder)
     return folder
 
 
