@@ -143,13 +143,25 @@ fn a_log_gives_a_model_that_fits_and_drives_better() {
 fn all_kinds_are_trained_each_to_its_file() {
     let folder = tempfile::tempdir().unwrap();
     // What rfl_s cannot have is left to the others.
-    let more =
-        ["--all", "models", "--window", "16", "--tree-features", "errors_and_road", "--json", "fit.json"];
+    let more = [
+        "--all",
+        "models",
+        "--window",
+        "16",
+        "--tree-features",
+        "errors_and_road",
+        "--points",
+        "40",
+        "--hyperparameter-samples",
+        "80",
+        "--json",
+        "fit.json",
+    ];
     let said = done(&train(folder.path(), &Table::collected(), &more));
     let fit = json(&folder.path().join("fit.json"));
     let kinds: Vec<&str> =
         fit["models"].as_array().unwrap().iter().map(|m| m["kind"].as_str().unwrap()).collect();
-    assert_eq!(kinds, ["linear", "rt", "rf", "rtl", "rfl", "rfl_s"]);
+    assert_eq!(kinds, ["linear", "rt", "rf", "rtl", "rfl", "rfl_s", "gp_nmpc"]);
     for kind in kinds {
         assert!(folder.path().join(format!("models/{kind}.rflm")).is_file() && said.contains(kind), "{said}");
     }

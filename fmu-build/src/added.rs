@@ -4,10 +4,10 @@
 
 use crate::fmu::Fmu;
 use crate::shipped::try_controller;
-use rfl_mpc::control::MODEL_EXTENSION;
+use rfl_mpc::control::{ControlVariant, LearnedModel, MODEL_EXTENSION};
 use rfl_mpc::fmi::{Model, ModelError, StartError};
 use rfl_mpc::fmu::{MODELS, RflMpc};
-use rfl_mpc::residual::{FileError, Kind, ResidualModel};
+use rfl_mpc::residual::FileError;
 use rfl_mpc::vehicle::{BUILTIN, CarParameters, VehicleError};
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
@@ -106,7 +106,11 @@ pub fn add_start(fmus: &mut [Fmu], text: &str) -> Result<(), AddError> {
 ///
 /// # Errors
 /// A file that is no model, does not fit, or is of the same kind as another.
-pub fn add_models(fmus: &mut [Fmu], project: &Path, files: &[PathBuf]) -> Result<Vec<Kind>, AddError> {
+pub fn add_models(
+    fmus: &mut [Fmu],
+    project: &Path,
+    files: &[PathBuf],
+) -> Result<Vec<ControlVariant>, AddError> {
     let name = RflMpc::declaration().name;
     let Some(controller) = fmus.iter_mut().find(|fmu| fmu.declaration.name == name) else {
         return Ok(Vec::new());
@@ -114,8 +118,8 @@ pub fn add_models(fmus: &mut [Fmu], project: &Path, files: &[PathBuf]) -> Result
     let added = &mut controller.added;
     let mut kinds = Vec::new();
     for file in files {
-        let kind = ResidualModel::read(file)?.schema().kind;
-        if kind == Kind::None {
+        let kind = LearnedModel::read(file)?.variant();
+        if kind == ControlVariant::None {
             return Err(AddError::Nothing { file: file.clone() });
         }
         let entry = format!("{MODELS}/{}.{MODEL_EXTENSION}", kind.name());

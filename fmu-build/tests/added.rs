@@ -4,6 +4,7 @@ use fmu_build::added::{AddError, add_models, add_start, add_vehicle};
 use fmu_build::description::{describe, describe_for};
 use fmu_build::fmu::Fmu;
 use fmu_build::shipped;
+use rfl_mpc::control::ControlVariant;
 use rfl_mpc::fmi::abi::guid_of;
 use rfl_mpc::residual::{DataConfig, DataSet, Drive, Kind, Random, TrainConfig, train};
 use rfl_mpc::vehicle::{CarParameters, builtin};
@@ -48,7 +49,10 @@ fn models_are_packed_by_kind_and_the_first_drives() {
         model(folder.path(), "a.rflm", Kind::Linear, &car, 0.02),
     ];
     let mut fmus = shipped::fmus();
-    assert_eq!(add_models(&mut fmus, &project(), &files).unwrap(), [Kind::RflS, Kind::Linear]);
+    assert_eq!(
+        add_models(&mut fmus, &project(), &files).unwrap(),
+        [ControlVariant::RflS, ControlVariant::Linear]
+    );
     let controller = of(&fmus, "RflMpc");
     let packed: Vec<_> = controller.added.files.iter().map(|(entry, file)| (entry.as_str(), file)).collect();
     assert_eq!(packed, [("residual/linear.rflm", &files[1]), ("residual/rfl_s.rflm", &files[0])]);

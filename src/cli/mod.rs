@@ -10,6 +10,7 @@ pub mod evaluate;
 pub mod parameters;
 pub mod path;
 pub mod train;
+mod train_gp;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Parser, Subcommand};

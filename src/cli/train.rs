@@ -1,15 +1,18 @@
 //! `rfl train`: residual models from drive logs.
 
 use super::drive::{MODELS, car_named, setting};
-use super::{named, progress_bar};
-use crate::control::{ControllerParameters, MODEL_EXTENSION};
+use super::{named, progress_bar, train_gp};
+use crate::control::{ControlVariant, ControllerParameters, MODEL_EXTENSION};
 use crate::log::{DriveLog, drive_of};
 use crate::path;
+use crate::residual::gp::GpConfig;
 use crate::residual::{
-    DataConfig, DataReport, DataSet, Fit, Kind, LambdaChoice, TrainConfig, TrainReport, TreeFeatures, train,
+    DataConfig, DataReport, DataSet, Fit, Kind, LambdaChoice, Progress, TrainConfig, TrainReport,
+    TreeFeatures, train,
 };
 use crate::vehicle::BUILTIN;
 use clap::Args;
+use indicatif::ProgressBar;
 use serde_json::{Value, json};
 use std::error::Error;
 use std::path::{Path, PathBuf};
@@ -42,9 +45,9 @@ pub struct TrainArgs {
     /// A parameter of the controller that is to use the model, NAME=VALUE: mpc.sample_time, vehicle.mass, ...
     #[arg(long = "set", value_name = "NAME=VALUE")]
     settings: Vec<String>,
-    /// Kind of residual
-    #[arg(long, default_value = "rfl_s", hide_possible_values = true, value_parser = named(LEARNED, Kind::name, Kind::meaning))]
-    kind: Kind,
+    /// What to learn, by the controller's variant
+    #[arg(long, default_value = "rfl_s", hide_possible_values = true, value_parser = named(LEARNED, ControlVariant::name, ControlVariant::meaning))]
+    kind: ControlVariant,
     /// Train every kind, to DIR/KIND.rflm
     #[arg(long, value_name = "DIR", conflicts_with_all = ["kind", "out"])]
     all: Option<PathBuf>,
@@ -61,8 +64,16 @@ pub struct TrainArgs {
     quiet: bool,
 }
 
-/// Kinds that can be learned.
-const LEARNED: &[Kind] = Kind::ALL.split_at(1).1;
+/// Variants that are learned.
+const LEARNED: &[ControlVariant] = &[
+    ControlVariant::Linear,
+    ControlVariant::Rt,
+    ControlVariant::Rf,
+    ControlVariant::Rtl,
+    ControlVariant::Rfl,
+    ControlVariant::RflS,
+    ControlVariant::GpNmpc,
+];
 
 /// How a model is learned; what is not given is the kind's default.
 #[derive(Debug, Args)]
@@ -96,7 +107,13 @@ struct Tuning {
     /// So many of the newest error states in linear leaves, too: they fit better, and suffer from sensor noise
     #[arg(long, value_name = "N", default_value_t = 0)]
     state_regressors: usize,
-    /// Seed of the forest
+    /// Most points of a Gaussian process (gp_nmpc)
+    #[arg(long, value_name = "N", default_value_t = 300)]
+    points: usize,
+    /// Samples that the hyperparameters of a Gaussian process are fitted on: time grows with their cube (gp_nmpc)
+    #[arg(long, value_name = "N", default_value_t = 400)]
+    hyperparameter_samples: usize,
+    /// Seed of all that is random
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Threads; 0 for all there are. The model does not depend on it
@@ -148,8 +165,9 @@ impl Tuning {
 }
 
 /// Kinds to train, and the file of each.
-fn jobs(args: &TrainArgs) -> Vec<(Kind, PathBuf)> {
-    let in_folder = |folder: &Path, kind: Kind| folder.join(kind.name()).with_extension(MODEL_EXTENSION);
+fn jobs(args: &TrainArgs) -> Vec<(ControlVariant, PathBuf)> {
+    let in_folder =
+        |folder: &Path, kind: ControlVariant| folder.join(kind.name()).with_extension(MODEL_EXTENSION);
     match (&args.all, &args.out) {
         (Some(folder), _) => LEARNED.iter().map(|&kind| (kind, in_folder(folder, kind))).collect(),
         (None, Some(file)) => vec![(args.kind, file.clone())],
@@ -199,35 +217,29 @@ pub fn run(args: &TrainArgs) -> Result<(), Box<dyn Error>> {
     notes.iter().for_each(|note| println!("note: {note}"));
 
     let mut models = Vec::new();
-    for (kind, file) in jobs(args) {
-        let config = args.tuning.config(kind, args.all.is_some());
-        let bar = progress_bar(&format!("training {}", kind.name()), 1.0, args.quiet);
-        let trained = train(&data, test.as_ref(), &config, &|progress| {
-            bar.set_length(progress.total as u64);
-            bar.set_position(progress.done as u64);
-        })
-        .map_err(|error| format!("{}: {error}", kind.name()))?;
-        bar.finish_and_clear();
-        if let Some(folder) = file.parent() {
-            std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
-        }
-        trained.model.write(&file)?;
-        show(kind, &trained.report, models.is_empty());
+    for (variant, file) in jobs(args) {
+        let bar = progress_bar(&format!("training {}", variant.name()), 1.0, args.quiet);
+        let (test, first) = (test.as_ref(), models.is_empty());
+        models.push(match variant.residual() {
+            Some(kind) => {
+                let config = args.tuning.config(kind, args.all.is_some());
+                learn(&data, test, &config, &file, &bar, first)?
+            }
+            None => {
+                let Tuning { points, hyperparameter_samples, seed, threads, .. } = args.tuning;
+                let friction = parameters.nmpc.friction;
+                let config = GpConfig {
+                    friction,
+                    points,
+                    hyperparameter_samples,
+                    seed,
+                    threads,
+                    ..GpConfig::default()
+                };
+                train_gp::learn(&data, test, &config, &file, &bar)?
+            }
+        });
         println!("model: {}", file.display());
-        let schema = trained.model.schema();
-        models.push(json!({
-            "kind": kind.name(),
-            "file": file.display().to_string(),
-            "window": schema.window,
-            "samples": schema.training.samples,
-            "global_lambda": schema.training.global_lambda,
-            "leaf_lambda": schema.training.leaf_lambda,
-            "leaves": trained.report.leaves,
-            "smallest_leaf": trained.report.smallest_leaf,
-            "train": as_json(&trained.report.train),
-            "held_out": trained.report.held_out.as_ref().map(as_json),
-            "test": trained.report.test.as_ref().map(as_json),
-        }));
     }
     let files: Vec<String> = jobs(args).into_iter().map(|(_, file)| file.display().to_string()).collect();
     let car = if args.vehicle == BUILTIN[0] { String::new() } else { format!(" --vehicle {}", args.vehicle) };
@@ -245,6 +257,56 @@ pub fn run(args: &TrainArgs) -> Result<(), Box<dyn Error>> {
             .map_err(|error| format!("{}: {error}", file.display()))?;
     }
     Ok(())
+}
+
+/// Makes the folder of a file that is about to be written.
+pub(super) fn make_folder_of(file: &Path) -> Result<(), Box<dyn Error>> {
+    match file.parent() {
+        Some(folder) => {
+            std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()).into())
+        }
+        None => Ok(()),
+    }
+}
+
+/// A listener that shows progress on a bar.
+pub(super) fn followed_by(bar: &ProgressBar) -> impl Fn(Progress) + Sync {
+    |progress| {
+        bar.set_length(progress.total as u64);
+        bar.set_position(progress.done as u64);
+    }
+}
+
+/// Trains a residual, writes it to a file and prints its fit, under a header if it is the first; gives it as JSON.
+fn learn(
+    data: &DataSet,
+    test: Option<&DataSet>,
+    config: &TrainConfig,
+    file: &Path,
+    bar: &ProgressBar,
+    first: bool,
+) -> Result<Value, Box<dyn Error>> {
+    let kind = config.kind;
+    let trained =
+        train(data, test, config, &followed_by(bar)).map_err(|error| format!("{}: {error}", kind.name()))?;
+    bar.finish_and_clear();
+    make_folder_of(file)?;
+    trained.model.write(file)?;
+    let (schema, report) = (trained.model.schema(), &trained.report);
+    show(kind, report, first);
+    Ok(json!({
+        "kind": kind.name(),
+        "file": file.display().to_string(),
+        "window": schema.window,
+        "samples": schema.training.samples,
+        "global_lambda": schema.training.global_lambda,
+        "leaf_lambda": schema.training.leaf_lambda,
+        "leaves": report.leaves,
+        "smallest_leaf": report.smallest_leaf,
+        "train": as_json(&report.train),
+        "held_out": report.held_out.as_ref().map(as_json),
+        "test": report.test.as_ref().map(as_json),
+    }))
 }
 
 /// What was found in the logs and done about it, in sentences.

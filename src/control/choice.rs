@@ -4,12 +4,13 @@
 //! when something is missing.
 
 use super::condense::Propagation;
-use super::parameters::ControllerParameters;
-use super::variant::{PredictionModel, Residual, RollOut};
+use super::parameters::{ControllerParameters, NmpcParameters};
+use super::variant::{BicycleModel, PredictionModel, Residual, RollOut};
 use crate::enumeration;
 use crate::nominal::Actuator;
-use crate::residual::{FileError, Kind, ResidualModel};
-use std::path::PathBuf;
+use crate::residual::gp::GpModel;
+use crate::residual::{FileError, FileKind, Kind, ResidualModel};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 enumeration! {
@@ -23,8 +24,8 @@ enumeration! {
         Rfl = 5 "rfl", "With a learned residual: a forest with linear leaves";
         RflS = 6 "rfl_s", "With a learned residual: a forest that splits on speed and road only, its leaves linear in commands and road";
         Actuator = 7 "actuator", "The nominal model behind a steering actuator with known dead time and lag (actuator.*)";
-        Nmpc = 8 "nmpc", "Nonlinear MPC on a bicycle model";
-        GpNmpc = 9 "gp_nmpc", "Nonlinear MPC with Gaussian processes for what its model misses";
+        Nmpc = 8 "nmpc", "Nonlinear MPC on a bicycle model (nmpc.*)";
+        GpNmpc = 9 "gp_nmpc", "Nonlinear MPC with a learned model: Gaussian processes for what the bicycle misses";
     }
 }
 
@@ -40,6 +41,12 @@ impl ControlVariant {
     #[must_use]
     pub fn residual(self) -> Option<Kind> {
         Kind::from_number(self as i32)
+    }
+
+    /// Whether it needs a learned model.
+    #[must_use]
+    pub fn is_learned(self) -> bool {
+        !matches!(self, Self::None | Self::Actuator | Self::Nmpc)
     }
 }
 
@@ -81,66 +88,101 @@ pub enum ChoiceError {
     )]
     OtherKind { file: PathBuf, found: &'static str, variant: &'static str },
     #[error(
-        "the variant {variant} has no learned residual, but the file {} was given: leave the file out, or choose the \
+        "the variant {variant} has no learned model, but the file {} was given: leave the file out, or choose the \
          variant none (then the file decides)",
         file.display()
     )]
     FileNotUsed { variant: &'static str, file: PathBuf },
-    #[error("the variant {variant} is not in this version; there are {}", available().join(", "))]
-    NotBuiltIn { variant: &'static str },
 }
 
-/// Names of the variants that can be chosen.
-fn available() -> Vec<&'static str> {
-    let there =
-        |variant: &&ControlVariant| variant.residual().is_some() || **variant == ControlVariant::Actuator;
-    ControlVariant::ALL.iter().filter(there).map(|variant| variant.name()).collect()
+/// A learned model of any kind.
+#[derive(Debug, Clone)]
+pub enum LearnedModel {
+    /// What the linear model misses.
+    Residual(Arc<ResidualModel>),
+    /// What the nonlinear bicycle misses.
+    Gp(Arc<GpModel>),
+}
+
+impl LearnedModel {
+    /// Reads a model's file.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or is no model.
+    pub fn read(file: &Path) -> Result<Self, FileError> {
+        let begin = std::fs::read(file).unwrap_or_default();
+        match FileKind::of(&begin) {
+            Some(FileKind::Gp) => Ok(Self::Gp(Arc::new(GpModel::read(file)?))),
+            // What is neither is refused in the words of the ordinary one.
+            _ => Ok(Self::Residual(Arc::new(ResidualModel::read(file)?))),
+        }
+    }
+
+    /// The variant that it is for.
+    #[must_use]
+    pub fn variant(&self) -> ControlVariant {
+        match self {
+            Self::Residual(model) => ControlVariant::of_residual(model.schema().kind),
+            Self::Gp(_) => ControlVariant::GpNmpc,
+        }
+    }
 }
 
 impl Choice {
     /// What the controller predicts with, and the variant that this is.
     ///
     /// # Errors
-    /// A model that is missing, damaged or of another kind; a variant that is not in this version.
+    /// A model that is missing, damaged or of another kind.
     pub fn prediction_model(
         &self,
         parameters: &ControllerParameters,
     ) -> Result<(ControlVariant, PredictionModel), ChoiceError> {
         let variant = self.variant;
-        match (variant.residual(), &self.file) {
-            (Some(Kind::None), None) => Ok((variant, PredictionModel::Nominal)),
-            (Some(_), Some(file)) => {
-                let model = ResidualModel::read(file)?;
-                let found = ControlVariant::of_residual(model.schema().kind);
-                if variant != ControlVariant::None && variant != found {
-                    let (found, variant) = (found.name(), variant.name());
-                    return Err(ChoiceError::OtherKind { file: file.clone(), found, variant });
-                }
-                Ok((found, self.with_residual(model)))
+        let actuator = &parameters.actuator;
+        let (dead_time, time_constant) = (actuator.dead_time, actuator.time_constant);
+        let file = match &self.file {
+            Some(file) => file.clone(),
+            None if variant.is_learned() => self.packed()?,
+            None => {
+                let model = match variant {
+                    ControlVariant::Actuator => {
+                        PredictionModel::Actuator(Actuator { dead_time, time_constant })
+                    }
+                    ControlVariant::Nmpc => bicycle(parameters, None),
+                    _ => PredictionModel::Nominal,
+                };
+                return Ok((variant, model));
             }
-            (Some(_), None) => {
-                let file = self.folder.join(variant.name()).with_extension(MODEL_EXTENSION);
-                if !file.exists() {
-                    return Err(ChoiceError::NoModel { variant: variant.name(), file });
-                }
-                Self { file: Some(file), ..self.clone() }.prediction_model(parameters)
-            }
-            (None, Some(file)) => {
-                Err(ChoiceError::FileNotUsed { variant: variant.name(), file: file.clone() })
-            }
-            (None, None) if variant == ControlVariant::Actuator => {
-                let actuator = &parameters.actuator;
-                let (dead_time, time_constant) = (actuator.dead_time, actuator.time_constant);
-                Ok((variant, PredictionModel::Actuator(Actuator { dead_time, time_constant })))
-            }
-            (None, None) => Err(ChoiceError::NotBuiltIn { variant: variant.name() }),
+        };
+        if matches!(variant, ControlVariant::Actuator | ControlVariant::Nmpc) {
+            return Err(ChoiceError::FileNotUsed { variant: variant.name(), file });
         }
+        let model = LearnedModel::read(&file)?;
+        let found = model.variant();
+        if variant != ControlVariant::None && variant != found {
+            return Err(ChoiceError::OtherKind { file, found: found.name(), variant: variant.name() });
+        }
+        let (propagation, roll_out) = (self.propagation, self.roll_out);
+        let model = match model {
+            LearnedModel::Residual(model) => {
+                PredictionModel::Residual(Residual { model, propagation, roll_out })
+            }
+            LearnedModel::Gp(model) => bicycle(parameters, Some(model)),
+        };
+        Ok((found, model))
     }
 
-    fn with_residual(&self, model: ResidualModel) -> PredictionModel {
-        let (propagation, roll_out) = (self.propagation, self.roll_out);
-        PredictionModel::Residual(Residual { model: Arc::new(model), propagation, roll_out })
+    /// The file of the variant's model in the folder.
+    fn packed(&self) -> Result<PathBuf, ChoiceError> {
+        let variant = self.variant.name();
+        let file = self.folder.join(variant).with_extension(MODEL_EXTENSION);
+        if file.exists() { Ok(file) } else { Err(ChoiceError::NoModel { variant, file }) }
     }
+}
+
+fn bicycle(parameters: &ControllerParameters, gp: Option<Arc<GpModel>>) -> PredictionModel {
+    let NmpcParameters { friction, max_iterations } = parameters.nmpc;
+    PredictionModel::Bicycle(BicycleModel { friction, max_iterations, gp })
 }
 
 #[cfg(test)]

@@ -40,7 +40,7 @@ mod tracking_qp;
 mod variant;
 
 pub use active_set::ActiveSetSolver;
-pub use choice::{Choice, ChoiceError, ControlVariant, MODEL_EXTENSION};
+pub use choice::{Choice, ChoiceError, ControlVariant, LearnedModel, MODEL_EXTENSION};
 pub use clarabel_solver::{BuildError, ClarabelSolver};
 pub use condense::{Affine, Linear, Propagation, condense};
 pub use controller::{Controller, ControllerError, ControllerState, Measurement, StepError, StepReport};
@@ -49,7 +49,8 @@ pub use history::History;
 pub use lateral::{LateralError, LateralInput, LateralMpc};
 pub use observer::{Observer, ObserverParameters};
 pub use parameters::{
-    ActuatorParameters, ControllerParameters, MpcParameters, NominalVehicle, SHOWN_HORIZON, SpeedParameters,
+    ActuatorParameters, ControllerParameters, MpcParameters, NmpcParameters, NominalVehicle, SHOWN_HORIZON,
+    SpeedParameters,
 };
 pub use preview::SpeedAhead;
 pub use sampler::Sampler;

@@ -68,6 +68,14 @@ parameters! {
     }
 }
 
+parameters! {
+    /// The nonlinear MPC of the variants `nmpc` and `gp_nmpc`.
+    pub struct NmpcParameters {
+        friction: f64 = 1.0, ONE in 0.1, 2.0; "nmpc.friction", "Friction coefficient of the tyres that the variants nmpc and gp_nmpc predict with: given, for ordinary driving does not show it"
+        max_iterations: usize = 30, ONE in 1.0, 200.0; "nmpc.max_iterations", "Most quadratic programs of a step of the variants nmpc and gp_nmpc"
+    }
+}
+
 /// All of it.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[allow(missing_docs)]
@@ -77,6 +85,7 @@ pub struct ControllerParameters {
     pub observer: ObserverParameters,
     pub speed: SpeedParameters,
     pub actuator: ActuatorParameters,
+    pub nmpc: NmpcParameters,
 }
 
 impl ControllerParameters {
@@ -99,7 +108,8 @@ impl ControllerParameters {
             || set(&mut self.mpc, name, value)?
             || set(&mut self.observer, name, value)?
             || set(&mut self.speed, name, value)?
-            || set(&mut self.actuator, name, value)?)
+            || set(&mut self.actuator, name, value)?
+            || set(&mut self.nmpc, name, value)?)
     }
 
     /// Checks all values against their ranges.
@@ -111,7 +121,8 @@ impl ControllerParameters {
         self.mpc.check()?;
         self.observer.check()?;
         self.speed.check()?;
-        self.actuator.check()
+        self.actuator.check()?;
+        self.nmpc.check()
     }
 }
 

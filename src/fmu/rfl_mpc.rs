@@ -6,8 +6,8 @@
 use super::{failed, vehicle_file_parameter, vehicle_named};
 use crate::control::{
     ActuatorParameters, Choice, ControlStatus, ControlVariant, Controller, ControllerParameters,
-    ControllerState, Measurement, MpcParameters, NominalVehicle, ObserverParameters, Propagation, RollOut,
-    SHOWN_HORIZON, Sampler, SpeedParameters,
+    ControllerState, Measurement, MpcParameters, NmpcParameters, NominalVehicle, ObserverParameters,
+    Propagation, RollOut, SHOWN_HORIZON, Sampler, SpeedParameters,
 };
 use crate::fmi::{
     Context, Declaration, DefaultExperiment, Kind, Log, LogCategory, Model, ModelError, Severity, Values,
@@ -62,8 +62,8 @@ struct Variables {
     residual_file: Vr,
     propagation: Vr,
     roll_out: Vr,
-    /// First of the numeric parameters of each group: vehicle, mpc, speed, observer, actuator.
-    groups: [Vr; 5],
+    /// First of the numeric parameters of each group: vehicle, mpc, speed, observer, actuator, nmpc.
+    groups: [Vr; 6],
 }
 
 /// The signals that the controller is told, in the order of [`Measurement`].
@@ -223,6 +223,7 @@ fn declare() -> (Declaration, Variables) {
         add_group::<SpeedParameters>(d),
         add_group::<ObserverParameters>(d),
         add_group::<ActuatorParameters>(d),
+        add_group::<NmpcParameters>(d),
     ];
     let variables = Variables {
         inputs,
@@ -297,6 +298,7 @@ impl Model for RflMpc {
         read_group(&mut parameters.speed, v.groups[2], values);
         read_group(&mut parameters.observer, v.groups[3], values);
         read_group(&mut parameters.actuator, v.groups[4], values);
+        read_group(&mut parameters.nmpc, v.groups[5], values);
         write_group(&parameters.vehicle, v.groups[0], values);
         write_group(&parameters.mpc, v.groups[1], values);
 
