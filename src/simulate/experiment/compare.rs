@@ -11,7 +11,7 @@
 use super::fit::{FitMetrics, steps_ahead};
 use super::plant::Plant;
 use super::row::Row;
-use super::trial::{Trial, TrialError};
+use super::trial::{LOST, Trial, TrialError};
 use super::weights::{Weights, search};
 use crate::control::{
     BicycleModel, ControllerParameters, PredictionModel, Propagation, Residual, RollOut, Timing,
@@ -196,6 +196,8 @@ pub const CALM: Weights = Weights {
 /// Amplitude of the dither of those drives, rad.
 pub const DITHER: f64 = 0.01;
 
+/// Lateral error at which a candidate's drive is given up, m: no row's best comes near.
+const HOPELESS: f64 = 0.5;
 /// Streams of random numbers that must not meet.
 const TUNING_NOISE: u64 = 900;
 
@@ -267,6 +269,7 @@ impl<'a> Comparison<'a> {
             model,
             weights,
             noise: self.noise.map(|noise| (noise, seed)),
+            give_up: LOST,
             dither: None,
         }
     }
@@ -377,7 +380,9 @@ impl<'a> Comparison<'a> {
     fn pieces(&self, model: &PredictionModel, weights: &Weights) -> Result<(f64, f64), CompareError> {
         let (mut error, mut rates, mut count) = (0.0, 0.0, 0.0);
         for path in &self.roads.pieces {
-            let drive = self.trial(path, model.clone(), *weights, TUNING_NOISE).drive()?;
+            let drive =
+                Trial { give_up: HOPELESS, ..self.trial(path, model.clone(), *weights, TUNING_NOISE) }
+                    .drive()?;
             if drive.lost || !drive.finished {
                 return Ok((f64::INFINITY, f64::INFINITY));
             }

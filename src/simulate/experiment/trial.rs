@@ -32,12 +32,14 @@ pub struct Trial<'a> {
     pub weights: Weights,
     /// Noise of the sensors and its seed.
     pub noise: Option<(SensorNoise, u64)>,
+    /// Lateral error at which the drive is given up, m.
+    pub give_up: f64,
     /// Steering dither, rad, and its seed: for collecting.
     pub dither: Option<(f64, usize)>,
 }
 
-/// Lateral error at which a drive is given up, m: the controller gives up tracking at 3.5 m.
-const LOST: f64 = 3.5;
+/// Lateral error at which a drive is given up, m: the controller gives up tracking there.
+pub const LOST: f64 = 3.5;
 
 impl Trial<'_> {
     /// Drives until the road's end, or until the car is lost.
@@ -58,6 +60,6 @@ impl Trial<'_> {
         }
         // Twice the time that the plan takes.
         let duration = 60.0 + 0.5 * self.path.length();
-        Ok(closed.drive_while(duration, |_, error| error.abs() < LOST)?)
+        Ok(closed.drive_while(duration, |_, error| error.abs() < self.give_up)?)
     }
 }

@@ -1,9 +1,9 @@
 //! The weights that each row may choose, and the search that chooses them: the same budget for every row.
 //!
-//! The cost is homogeneous, so the lateral error's weight stays 1 and the others are searched, over decades. The first
-//! half of the budget is spread over the whole range (a Halton sequence, the same points for every row), the second
-//! refines the best point with random steps that shrink. Nothing but the drives' scores is looked at, and all batches
-//! have a fixed size: the result is the same on any number of threads.
+//! The cost is homogeneous, so the lateral error's weight stays 1 and the others are searched, over decades. The search
+//! begins with the same few designs for every row, from the default to very tight ones, spread over the gains where a
+//! row has an observer; then it refines the best point with random steps that shrink. Nothing but the drives' scores is
+//! looked at, and all batches have a fixed size: the result is the same on any number of threads.
 
 use crate::control::{ControllerParameters, MpcParameters};
 use crate::residual::{Random, parallel};
@@ -72,6 +72,21 @@ impl Weights {
     }
 }
 
+/// Designs that every search begins with: `q_e1_rate`, `q_e2`, `q_e2_rate`, `r_rate`. The default first, then from
+/// damped to tight.
+const BEGINNING: [[f64; 4]; 8] = [
+    [0.4, 1.0, 1e-4, 0.03],
+    [1.0, 2.0, 1e-4, 0.3],
+    [0.2, 0.1, 0.5, 0.02],
+    [0.1, 0.5, 0.02, 3e-3],
+    [0.1, 0.015, 0.5, 1e-3],
+    [0.02, 0.2, 1e-3, 1e-3],
+    [0.01, 0.05, 1e-3, 1e-4],
+    [3e-3, 0.5, 0.1, 5e-3],
+];
+/// Gains of the observer to go with them: `observer_gain`, `prediction_noise`.
+const GAINS: [[f64; 2]; 4] = [[0.01, 0.03], [0.05, 0.1], [3e-3, 0.01], [0.02, 0.03]];
+
 /// What a search found.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Found {
@@ -83,7 +98,7 @@ pub struct Found {
     pub tried: Vec<(Weights, f64)>,
 }
 
-/// Searches weights with the least score among `budget` candidates, the default weights first.
+/// Searches weights with the least score among `budget` candidates.
 pub fn search(
     budget: usize,
     seed: u64,
@@ -94,28 +109,29 @@ pub fn search(
     let mut random = Random::new(seed);
     let mut tried: Vec<(Weights, f64)> = Vec::with_capacity(budget);
     let mut best: ([f64; AXES], f64) = ([0.5; AXES], f64::INFINITY);
-    let spread = budget / 2;
     while tried.len() < budget {
         let batch = BATCH.min(budget - tried.len());
         let candidates: Vec<([f64; AXES], Weights)> = (0..batch)
             .map(|i| {
                 let number = tried.len() + i;
-                if number == 0 {
-                    return ([f64::NAN; AXES], Weights::default_of(observes));
-                }
-                let point = if number < spread || best.1 == f64::INFINITY {
-                    std::array::from_fn(|axis| halton(number, [2, 3, 5, 7, 11, 13][axis]))
-                } else {
-                    let share = (number - spread) as f64 / (budget - spread).max(1) as f64;
-                    let width = 0.25 * (1.0 - share) + 0.04;
-                    best.0.map(|x| (x + width * (2.0 * random.uniform() - 1.0)).clamp(0.0, 1.0))
+                let point = match BEGINNING.get(number) {
+                    Some(design) => {
+                        let gains = GAINS[number % GAINS.len()];
+                        let values = [design[0], design[1], design[2], design[3], gains[0], gains[1]];
+                        std::array::from_fn(|axis| place(axis, values[axis]))
+                    }
+                    None => {
+                        let share = (number - BEGINNING.len()) as f64 / (budget - BEGINNING.len()) as f64;
+                        let width = 0.2 * (1.0 - share) + 0.03;
+                        best.0.map(|x| (x + width * (2.0 * random.uniform() - 1.0)).clamp(0.0, 1.0))
+                    }
                 };
                 (point, Weights::at(point, observes))
             })
             .collect();
         let scores = parallel::map(threads, batch, |i| score(&candidates[i].1));
         for ((point, weights), score) in candidates.into_iter().zip(scores) {
-            if score < best.1 && !point[0].is_nan() {
+            if score < best.1 {
                 best = (point, score);
             }
             tried.push((weights, score));
@@ -129,13 +145,22 @@ pub fn search(
     Found { weights, score, tried }
 }
 
-/// The `index`-th number of the Halton sequence of a base, in 0..1.
-fn halton(mut index: usize, base: usize) -> f64 {
-    let (mut value, mut share) = (0.0, 1.0);
-    while index > 0 {
-        share /= base as f64;
-        value += share * (index % base) as f64;
-        index /= base;
+/// Where a value stands in its range, 0 to 1.
+fn place(axis: usize, value: f64) -> f64 {
+    let (low, high) = RANGES[axis];
+    ((value / low).ln() / (high / low).ln()).clamp(0.0, 1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_finds_a_valley_and_gives_the_same_on_any_number_of_threads() {
+        let valley = |w: &Weights| (w.q_e1_rate.ln() - 0.03_f64.ln()).powi(2) + (w.r_rate.ln() + 7.0).powi(2);
+        let found = search(40, 1, false, 1, valley);
+        assert!(found.score < 0.3 * found.tried[..8].iter().map(|t| t.1).fold(f64::INFINITY, f64::min));
+        assert_eq!(found, search(40, 1, false, 2, valley));
+        assert_eq!(found.tried.len(), 40);
     }
-    value
 }
