@@ -100,15 +100,19 @@ class Unit:
         return [n for n, v in self.variables.items() if v.causality == causality and kind in (None, v.type)]
 
     def set(self, name: str, value: float | int | bool | str) -> None:
-        """Sets one variable of any type; text is converted to the variable's type."""
+        """Sets one variable of any type; text is converted to the variable's type, an enumeration's by name."""
         variable = self.variables[name]
         kind = "Integer" if variable.type == "Enumeration" else variable.type
+        if variable.type == "Enumeration":
+            named = {item.name: int(item.value) for item in variable.declaredType.items}
+            value = named.get(value, value)
         if kind == "Boolean" and isinstance(value, str):
             value = value.lower() in ("1", "true", "yes", "on")
         try:
             value = {"Real": float, "Integer": int, "Boolean": bool, "String": str}[kind](value)
         except ValueError as error:
-            raise ValueError(f"{name} is a {kind.lower()}: '{value}' cannot be set") from error
+            wanted = f"one of {', '.join(named)}" if variable.type == "Enumeration" else f"a {kind.lower()}"
+            raise ValueError(f"{name} is {wanted}: '{value}' cannot be set") from error
         self._checked(lambda: getattr(self.fmu, f"set{kind}")([variable.valueReference], [value]), f"setting {name}")
 
     def get(self, name: str) -> float | int | bool | str:

@@ -29,6 +29,7 @@
 //! | [`vehicle`] | the plants: parameters, tyres, steering chain, effects, the two-track car |
 //! | [`nominal`] | prediction models: linear and nonlinear single track, discretisation |
 //! | [`residual`] | what the nominal model misses, learned: trees, linear leaves, model files |
+//! | [`log`] | drive logs: reading, and making what they lack |
 //! | [`control`] | condensing, the QP, the MPC, speed control, status and fallback |
 //! | [`simulate`] | the closed loop in native code, and its metrics |
 //! | [`fmi`] | FMI 2.0: the C ABI, instances, descriptions; knows no model |
@@ -40,6 +41,7 @@ pub mod control;
 pub mod enumeration;
 pub mod fmi;
 pub mod fmu;
+pub mod log;
 pub mod nominal;
 pub mod parameter;
 pub mod path;

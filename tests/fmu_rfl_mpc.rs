@@ -170,3 +170,40 @@ fn files_that_cannot_be_used_are_named_with_a_remedy() {
         assert!(words.iter().all(|word| message.contains(word)), "{message}");
     }
 }
+
+#[test]
+fn a_variant_without_its_model_says_what_is_missing_and_how_to_make_it() {
+    let mut unit = Unit::new();
+    unit.set("variant", Value::Integer(6));
+    let resources = tempfile::tempdir().unwrap();
+    let context = Context { resources: Some(resources.path().to_owned()), ..Context::default() };
+    let error =
+        unit.model.initialize(&mut unit.values, 0.0, &context, &mut unit.log).unwrap_err().to_string();
+    let file = resources.path().join("residual/rfl_s.rflm");
+    for words in [file.to_str().unwrap(), "rfl collect", "rfl train", "fmu-build --residual", "residual.file"]
+    {
+        assert!(error.contains(words), "{error}");
+    }
+}
+
+#[test]
+fn the_known_actuator_is_a_variant() {
+    let steered = |parameters: &[(&str, Value)]| {
+        let mut unit = Unit::new();
+        parameters.iter().for_each(|(name, value)| unit.set(name, value.clone()));
+        unit.initialize().unwrap();
+        (0..20).for_each(|k| unit.step(k, 0.02));
+        (unit.real("steer_cmd"), unit.real("actuator.dead_time"))
+    };
+    let variant = ("variant", Value::Integer(7));
+    let nominal = steered(&[]).0;
+    // Without dead time and lag it is the nominal controller.
+    assert!((steered(std::slice::from_ref(&variant)).0 - nominal).abs() < 1e-9);
+    let slow = steered(&[
+        variant,
+        ("actuator.dead_time", Value::Real(0.06)),
+        ("actuator.time_constant", Value::Real(0.1)),
+    ]);
+    assert_eq!(slow.1, 0.06);
+    assert!((slow.0 - nominal).abs() > 1e-4, "{} {nominal}", slow.0);
+}

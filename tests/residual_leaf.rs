@@ -99,7 +99,7 @@ fn lag() -> DataSet {
 }
 
 fn with(kind: Kind, lambda: LambdaChoice) -> TrainConfig {
-    TrainConfig { trees: 5, depth: 3, lambda, ..TrainConfig::new(kind) }
+    TrainConfig { trees: 5, depth: 3, lambda, prefilter: 0.0, ..TrainConfig::new(kind) }
 }
 
 fn trained(data: &DataSet, config: &TrainConfig) -> Trained {
@@ -179,7 +179,7 @@ fn constant_leaves_are_means() {
 fn the_shrinkage_is_the_candidate_with_the_least_held_out_error() {
     let samples = lag();
     for kind in [Kind::Rtl, Kind::Rfl, Kind::RflS] {
-        let config = TrainConfig { trees: 8, depth: 4, ..TrainConfig::new(kind) };
+        let config = TrainConfig { trees: 8, depth: 4, prefilter: 0.0, ..TrainConfig::new(kind) };
         let Trained { model, report } = trained(&samples, &config);
         let chosen = model.schema().training.leaf_lambda.unwrap();
         let (least, _) = report.lambdas.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1)).unwrap();

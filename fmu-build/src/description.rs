@@ -4,6 +4,7 @@
 //! change another one.
 
 use crate::xml::{Attributes, Xml};
+use rfl_mpc::fmi::abi::guid_of;
 use rfl_mpc::fmi::logger::STANDARD_CATEGORIES;
 use rfl_mpc::fmi::{Causality, Declaration, Initial, Kind, Variability, Variable};
 use rfl_mpc::signal::{self, Signal, Unit};
@@ -16,6 +17,13 @@ pub fn describe(declaration: &Declaration) -> String {
     let without = document(declaration, "");
     let guid = Uuid::new_v5(&Uuid::NAMESPACE_OID, without.as_bytes());
     document(declaration, &guid.braced().to_string())
+}
+
+/// The document of an FMU whose library is another declaration's, that differs in start values only: with the
+/// library's GUID.
+#[must_use]
+pub fn describe_for(library: &Declaration, declaration: &Declaration) -> String {
+    document(declaration, guid_of(&describe(library)).unwrap_or_default())
 }
 
 fn document(declaration: &Declaration, guid: &str) -> String {

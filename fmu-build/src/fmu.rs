@@ -1,12 +1,13 @@
 //! The steps from a model to an FMU, and the list of those that we ship.
 
+use crate::added::Added;
 use crate::cargo::{self, Builder, CargoError};
-use crate::description::describe;
+use crate::description::{describe, describe_for};
 use crate::documentation;
 use crate::library::{self, Library, LibraryError};
 use crate::package::{Package, PackageError};
-use rfl_mpc::fmi::Declaration;
 use rfl_mpc::fmi::abi::guid_of;
+use rfl_mpc::fmi::{Declaration, START_FILE, StartError, start_file};
 use std::path::{Path, PathBuf};
 
 /// Why an FMU could not be made.
@@ -19,6 +20,8 @@ pub enum FmuError {
     Library(#[from] LibraryError),
     #[error(transparent)]
     Package(#[from] PackageError),
+    #[error(transparent)]
+    Start(#[from] StartError),
     #[error("cannot read {path}: {source}")]
     Read { path: PathBuf, source: std::io::Error },
     #[error(
@@ -56,6 +59,8 @@ pub struct Fmu {
     pub selection: Vec<&'static str>,
     /// What goes into `resources/`.
     pub resources: &'static [Resource],
+    /// What a user adds.
+    pub added: Added,
 }
 
 /// How FMUs are made.
@@ -117,8 +122,16 @@ impl Fmu {
         }
         let linked = cargo::dependencies(&options.project, self.package)?;
         let license = options.project.join("LICENSE");
-        documentation::document(&mut package, &self.declaration, &library.requirements(), &license, &linked)?;
-        package.add("modelDescription.xml", xml.as_str())?;
+        let mut declaration = self.declaration.clone();
+        for (entry, file) in &self.added.files {
+            package.add_file(format!("resources/{entry}"), file)?;
+        }
+        if !self.added.start.is_empty() {
+            self.added.start.iter().try_for_each(|(name, value)| declaration.start_with(name, value))?;
+            package.add(format!("resources/{START_FILE}"), start_file(&self.added.start))?;
+        }
+        documentation::document(&mut package, &declaration, &library.requirements(), &license, &linked)?;
+        package.add("modelDescription.xml", describe_for(&self.declaration, &declaration))?;
         let merged = self.merge(options, &mut package, &xml)?;
 
         let out = options.out.join(format!("{name}.fmu"));

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `shipped.rs` | the FMUs and the system that we ship |
 //! | `fmu.rs` | the steps from a model to an FMU |
+//! | `added.rs` | what a user has packed in: learned models, a car |
 //! | `system.rs` | FMUs connected, as an SSP archive |
 //! | `description.rs` | `modelDescription.xml` from a declaration |
 //! | `documentation.rs` | what an FMU says of itself to people |
@@ -12,6 +13,7 @@
 //! | `package.rs` | the archive, reproducible |
 //! | `xml.rs` | elements and attributes |
 
+pub mod added;
 pub mod cargo;
 pub mod description;
 pub mod documentation;

@@ -1,6 +1,7 @@
 //! The program `fmu-build`; see `fmu-build --help`.
 
 use clap::{Parser, ValueEnum};
+use fmu_build::added;
 use fmu_build::cargo::{Builder, ZIG_TARGET};
 use fmu_build::description::describe;
 use fmu_build::fmu::{Fmu, Options};
@@ -37,6 +38,15 @@ struct Arguments {
     /// Add libraries of other platforms out of an FMU of the same name (may be repeated)
     #[arg(long, value_name = "FMU")]
     merge: Vec<PathBuf>,
+    /// Pack learned models into RflMpc.fmu, which then drives with the first (host's parameter variant: with another)
+    #[arg(long, value_name = "FILE", num_args = 1..)]
+    residual: Vec<PathBuf>,
+    /// The car that the FMUs are for: a built-in name or a vehicle file (TOML), packed with its tyres
+    #[arg(long, value_name = "CAR")]
+    vehicle: Option<String>,
+    /// Give a parameter of an FMU another start value (may be repeated)
+    #[arg(long, value_name = "FMU.PARAMETER=VALUE")]
+    start: Vec<String>,
     /// Set a parameter in the system (may be repeated)
     #[arg(long, value_name = "COMPONENT.PARAMETER=VALUE")]
     set: Vec<String>,
@@ -49,6 +59,10 @@ const EXAMPLES: &str = "Examples:
   fmu-build                                   all FMUs and the system, into target/fmu/
   fmu-build --only PassengerCar --out /tmp    one FMU
   fmu-build --binaries from-ci/               with win64 and darwin64 libraries built elsewhere
+  fmu-build --residual out/residual/rfl_s.rflm   a controller that drives with what `rfl train` learned
+  fmu-build --residual out/residual/*.rflm    with all that it learned, to choose by the parameter variant
+  fmu-build --vehicle my_car.toml --residual out/residual/rfl_s.rflm     the same for a car of yours
+  fmu-build --residual fast.rflm --start RflMpc.mpc.sample_time=0.01     a model of another controller
   fmu-build --set RflMpc.path_file=road.csv   a system with a parameter set
   fmu-build --describe                        after a change of variables: the descriptions, to be committed";
 
@@ -74,7 +88,7 @@ fn main() -> ExitCode {
 
 fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let project = fmu_build::cargo::project()?;
-    let all = shipped::fmus();
+    let mut all = shipped::fmus();
     if arguments.describe {
         return write_descriptions(&project, &all);
     }
@@ -96,7 +110,14 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
             println!("libraries are built by cargo, and need this machine's glibc or a newer one")
         }
     }
-    // Settings are checked first: a build takes minutes.
+    // What the user gives is checked first: a build takes minutes.
+    if let Some(vehicle) = &arguments.vehicle {
+        added::add_vehicle(&mut all, vehicle)?;
+    }
+    arguments.start.iter().try_for_each(|text| added::add_start(&mut all, text))?;
+    for kind in added::add_models(&mut all, &options.project, &arguments.residual)? {
+        println!("RflMpc is packed with a learned model of kind {}", kind.name());
+    }
     let system = shipped::closed_loop(&options.project, &arguments.set)?;
     let chosen = choose(&all, &arguments.only)?;
     for (i, fmu) in chosen.iter().enumerate() {

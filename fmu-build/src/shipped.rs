@@ -1,9 +1,11 @@
 //! The FMUs and the system that we ship. An FMU is added here, in `src/fmu/` and as a crate beside this one.
 
+use crate::added::Added;
 use crate::fmu::{Fmu, Resource};
 use crate::system::{SettingError, System};
 use rfl_mpc::fmi::{Context, Declaration, Log, Model, ModelError, Severity, Value, Values};
 use rfl_mpc::fmu::{DEFAULT_PATH, PassengerCar, RflMpc};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// All FMUs, in the order in which a system steps them: the plant before its controller.
@@ -51,21 +53,45 @@ pub fn closed_loop(project: &Path, settings: &[String]) -> Result<System, System
 /// Where the path begins, as the controller itself says: x, y, yaw, speed.
 fn start_of_path(project: &Path, system: &System) -> Result<[f64; 4], ModelError> {
     let declaration = RflMpc::declaration();
+    let settings = system.settings_of(declaration.name);
+    // What is packed is not there yet, and the path begins at the same place with any variant.
+    let settings = settings.filter(|(name, _)| !["variant", "residual.file"].contains(name));
     let mut values = Values::starting_from(&declaration.variables);
-    let set = |values: &mut Values, name: &str, value: Value| {
-        if let Some(vr) = declaration.find(name) {
-            values.set_by_host(vr, value);
-        }
-    };
-    // The project stands for the FMU's resources, in which the path has another name.
-    set(&mut values, "path_file", Value::String(PATH.from.to_owned()));
-    for (name, value) in system.settings_of(declaration.name) {
-        set(&mut values, name, value.clone());
+    for (name, value) in settings {
+        set(&declaration, &mut values, name, value.clone());
     }
-    let context = Context { resources: Some(project.to_owned()), instance_name: SYSTEM.to_owned() };
-    RflMpc::new().initialize(&mut values, 0.0, &context, &mut Unheard)?;
+    initialise(project, &declaration, &mut values)?;
     let of = |name: &str| declaration.find(name).map_or(0.0, |vr| values.real(vr));
     Ok(["start.x", "start.y", "start.yaw", "start.speed"].map(of))
+}
+
+/// Initialises the controller as its FMU would be, with these values of parameters, as text.
+pub(crate) fn try_controller(project: &Path, start: &BTreeMap<String, String>) -> Result<(), ModelError> {
+    let declaration = RflMpc::declaration();
+    let mut values = Values::starting_from(&declaration.variables);
+    for (name, text) in start {
+        let value = declaration.find(name).map(|vr| declaration.variables[vr].value_of(text));
+        if let Some(Ok(value)) = value {
+            set(&declaration, &mut values, name, value);
+        }
+    }
+    initialise(project, &declaration, &mut values)
+}
+
+fn set(declaration: &Declaration, values: &mut Values, name: &str, value: Value) {
+    if let Some(vr) = declaration.find(name) {
+        values.set_by_host(vr, value);
+    }
+}
+
+fn initialise(project: &Path, declaration: &Declaration, values: &mut Values) -> Result<(), ModelError> {
+    // The project stands for the FMU's resources, in which the path has another name.
+    let path = declaration.find("path_file").filter(|vr| !values.is_set_by_host(*vr));
+    if let Some(vr) = path {
+        values.set_by_host(vr, Value::String(PATH.from.to_owned()));
+    }
+    let context = Context { resources: Some(project.to_owned()), instance_name: SYSTEM.to_owned() };
+    RflMpc::new().initialize(values, 0.0, &context, &mut Unheard)
 }
 
 /// What the controller says here, it says again to the host.
@@ -83,5 +109,6 @@ const VEHICLES_AND_PATH: &[Resource] = &[VEHICLES[0], PATH];
 
 fn fmu(declaration: Declaration, package: &'static str, resources: &'static [Resource]) -> Fmu {
     let description = format!("modelDescription/{}.xml", declaration.name);
-    Fmu { declaration, description, package, selection: vec!["-p", package], resources }
+    let added = Added::default();
+    Fmu { declaration, description, package, selection: vec!["-p", package], resources, added }
 }

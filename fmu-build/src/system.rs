@@ -85,7 +85,7 @@ impl System {
             let components: Vec<_> = self.components.iter().map(|component| component.name).collect();
             SettingError::Unknown { name: name.to_owned(), components: components.join(", ") }
         })?;
-        let value = typed(variable, value).map_err(|wanted| SettingError::Value {
+        let value = variable.value_of(value).map_err(|wanted| SettingError::Value {
             name: name.to_owned(),
             value: value.to_owned(),
             wanted,
@@ -267,30 +267,4 @@ fn parameter_set<'a>(xml: &mut Xml, name: &str, settings: impl Iterator<Item = (
     }
     xml.close();
     xml.close();
-}
-
-/// The value that a text is for a variable; or what was wanted.
-fn typed(variable: &Variable, text: &str) -> Result<Value, String> {
-    match &variable.kind {
-        Kind::Real { min, max, .. } => {
-            let (low, high) = (min.unwrap_or(f64::NEG_INFINITY), max.unwrap_or(f64::INFINITY));
-            let value =
-                text.parse::<f64>().ok().filter(|value| value.is_finite() && (low..=high).contains(value));
-            value.map(Value::Real).ok_or(format!("a number in [{low}, {high}]"))
-        }
-        Kind::Integer { min, max, .. } => {
-            let (low, high) = (min.unwrap_or(i32::MIN), max.unwrap_or(i32::MAX));
-            let value = text.parse::<i32>().ok().filter(|value| (low..=high).contains(value));
-            value.map(Value::Integer).ok_or(format!("an integer in [{low}, {high}]"))
-        }
-        Kind::Boolean { .. } => {
-            text.parse::<bool>().map(Value::Boolean).map_err(|_| "true or false".to_owned())
-        }
-        Kind::String { .. } => Ok(Value::String(text.to_owned())),
-        Kind::Enumeration { items, .. } => {
-            let found = items.iter().find(|(value, name, _)| *name == text || value.to_string() == text);
-            let names: Vec<_> = items.iter().map(|item| item.1).collect();
-            found.map(|item| Value::Integer(item.0)).ok_or(format!("one of {}", names.join(", ")))
-        }
-    }
 }

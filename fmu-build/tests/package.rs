@@ -5,6 +5,7 @@
 #[allow(dead_code)]
 mod toy;
 
+use fmu_build::added::Added;
 use fmu_build::cargo::Builder;
 use fmu_build::fmu::{Fmu, FmuError, Options, Resource};
 use fmu_build::library::{FMI2_FUNCTIONS, Library, LibraryError};
@@ -24,6 +25,7 @@ fn toy() -> Fmu {
         package: "fmu-passenger-car",
         selection: vec!["-p", "fmu-build", "--example", "toy_fmu"],
         resources: LICENSE,
+        added: Added::default(),
     }
 }
 
@@ -87,6 +89,27 @@ fn an_fmu_has_all_that_the_standard_and_people_want() {
     let bytes = std::fs::read(&made.path).unwrap();
     toy().make(&options, |_| {}).unwrap();
     assert!(std::fs::read(&made.path).unwrap() == bytes);
+}
+
+/// Files and start values of a user go into the same library's FMU.
+#[test]
+fn what_a_user_adds_is_packed() {
+    let mut fmu = toy();
+    fmu.added.files.insert("added/license.txt".to_owned(), options("").project.join("LICENSE"));
+    fmu.added.start.insert("actuator.tau".to_owned(), "0.25".to_owned());
+    let made = fmu.make(&options("added"), |_| {}).unwrap();
+    assert_eq!(entry(&made.path, "resources/start.toml"), b"\"actuator.tau\" = \"0.25\"\n");
+    assert!(entries(&made.path).contains(&"resources/added/license.txt".to_owned()));
+    let text = |name: &str| String::from_utf8(entry(&made.path, name)).unwrap();
+    let xml = text("modelDescription.xml");
+    assert!(xml.contains(r#"start="0.25""#), "{xml}");
+    let committed = include_str!("../../tests/common/SteeringLag.xml");
+    assert_eq!(rfl_mpc::fmi::abi::guid_of(&xml), rfl_mpc::fmi::abi::guid_of(committed));
+    assert!(text("documentation/index.html").contains("0.25"));
+
+    fmu.added.start.insert("actuator.tau".to_owned(), "-1".to_owned());
+    let error = fmu.make(&options("added"), |_| {}).unwrap_err();
+    assert!(matches!(error, FmuError::Start(_)), "{error}");
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 use super::drive::Setup;
 use super::progress_bar;
+use crate::control::PredictionModel;
 use crate::path::sudoku::Route;
 use crate::simulate::STATION;
 use clap::Args;
@@ -38,7 +39,7 @@ pub struct CollectArgs {
     #[arg(long, default_value_t = 3)]
     runs: usize,
     /// Amplitude of the dither in rad
-    #[arg(long, default_value_t = 0.005)]
+    #[arg(long, default_value_t = 0.01)]
     dither: f64,
     /// Seed of the first drive's dither
     #[arg(long, default_value_t = 1)]
@@ -65,7 +66,7 @@ pub fn run(args: &CollectArgs) -> Result<(), Box<dyn Error>> {
         setup.controller.mpc.dither_seed = args.seed + run;
         let sample_time = setup.controller.mpc.sample_time;
         let bar = progress_bar("collecting", setup.path.length(), args.quiet);
-        let mut closed = setup.connect(None, sample_time)?;
+        let mut closed = setup.connect(PredictionModel::Nominal, sample_time)?;
         let drive = closed.drive(1800.0, |row| bar.set_position(row[STATION].max(0.0) as u64))?;
         bar.finish_and_clear();
         let file = args.out.join(format!("drive_{}.csv", run + 1));

@@ -1,11 +1,11 @@
 //! `rfl drive`: the closed loop in native code, on any road, with any car.
 
-use super::progress_bar;
-use crate::control::{Controller, ControllerParameters, Propagation, Residual, RollOut};
-use crate::parameter::ParameterGroup;
+use super::{named, progress_bar};
+use crate::control::{
+    Choice, ControlVariant, Controller, ControllerParameters, PredictionModel, Propagation, RollOut,
+};
 use crate::path::sudoku::Route;
 use crate::path::{Options, Path, RoadClass, to_csv};
-use crate::residual::ResidualModel;
 use crate::simulate::{ClosedLoop, Drive, STATION};
 use crate::vehicle::{BUILTIN, CarParameters, Effects, builtin};
 use clap::Args;
@@ -20,7 +20,10 @@ use std::sync::Arc;
   rfl drive                                            the Sudoku test route, the C-class car
   rfl drive --path road.csv --vehicle my_car.toml --log out/drive.csv
   rfl drive --set mpc.q_e2=1 --set effect.steer_delay=0.06
-  rfl drive --set car.vehicle.mass=1600                the car's mass, not the controller's")]
+  rfl drive --set car.vehicle.mass=1600                the car's mass, not the controller's
+  rfl drive --residual out/residual/rfl_s.rflm         with what rfl train learned
+  rfl drive --variant rfl_s                            the same: models are looked for in out/residual
+  rfl drive --variant actuator --set actuator.dead_time=0.06 --set actuator.time_constant=0.1")]
 pub struct DriveArgs {
     /// Road to follow: a CSV file with columns x, y [default: the Sudoku test route]
     #[arg(long)]
@@ -43,15 +46,48 @@ pub struct DriveArgs {
     /// File for the results (JSON)
     #[arg(long)]
     json: Option<PathBuf>,
-    /// Learned residual to predict with (from rfl train)
-    #[arg(long, value_name = "FILE")]
-    residual: Option<PathBuf>,
-    /// Add the residual without propagating it, as printed by Zhao et al., eq. (9)
-    #[arg(long, requires = "residual")]
-    direct: bool,
+    #[command(flatten)]
+    model: ModelArgs,
     /// No progress bar
     #[arg(long)]
     quiet: bool,
+}
+
+/// What the controller predicts with: the same words as the FMU's.
+#[derive(Debug, Args)]
+pub(super) struct ModelArgs {
+    /// What the controller predicts with; none with --residual: what the file is for
+    #[arg(long, default_value = "none", hide_possible_values = true, value_parser = named(ControlVariant::ALL, ControlVariant::name, ControlVariant::meaning))]
+    variant: ControlVariant,
+    /// Learned model to predict with (from rfl train) [default: VARIANT.rflm in --models]
+    #[arg(long, value_name = "FILE")]
+    residual: Option<PathBuf>,
+    /// Folder with a learned model for each variant
+    #[arg(long, value_name = "DIR", default_value = MODELS)]
+    models: PathBuf,
+    /// Add the residual without propagating it, as printed by Zhao et al., eq. (9)
+    #[arg(long)]
+    direct: bool,
+}
+
+/// Where `rfl train` puts models, and `rfl drive` looks for them.
+pub(super) const MODELS: &str = "out/residual";
+
+impl ModelArgs {
+    /// The variant and its model for a controller with these parameters.
+    pub fn choose(
+        &self,
+        parameters: &ControllerParameters,
+    ) -> Result<(ControlVariant, PredictionModel), Box<dyn Error>> {
+        let choice = Choice {
+            variant: self.variant,
+            file: self.residual.clone(),
+            folder: self.models.clone(),
+            propagation: if self.direct { Propagation::Direct } else { Propagation::Propagated },
+            roll_out: RollOut::Corrected,
+        };
+        Ok(choice.prediction_model(parameters)?)
+    }
 }
 
 /// A road, and the parameters of car and controller that `--set` reaches.
@@ -94,27 +130,21 @@ impl Setup {
     }
 
     /// Connects controller and car at the road's beginning, with a communication step in s.
-    pub fn connect(self, residual: Option<Residual>, step: f64) -> Result<ClosedLoop, Box<dyn Error>> {
-        let controller = Controller::predicting_with(self.controller, self.path, residual.into())?;
+    pub fn connect(self, model: PredictionModel, step: f64) -> Result<ClosedLoop, Box<dyn Error>> {
+        let controller = Controller::predicting_with(self.controller, self.path, model)?;
         Ok(ClosedLoop::at_start(controller, &self.car, &self.effects, step)?)
     }
 
     fn apply(&mut self, text: &str) -> Result<(), Box<dyn Error>> {
-        let (full_name, value) =
-            text.split_once('=').ok_or_else(|| format!("--set {text}: write it as NAME=VALUE"))?;
-        let value: f64 =
-            value.trim().parse().map_err(|_| format!("--set {text}: '{value}' is not a number"))?;
-        let (controller, car, name) = match full_name.trim().split_once('.') {
+        let (full_name, value) = setting(text)?;
+        let (controller, car, name) = match full_name.split_once('.') {
             Some(("car", name)) => (false, true, name),
             Some(("controller", name)) => (true, false, name),
-            _ => (true, true, full_name.trim()),
+            _ => (true, true, full_name),
         };
         let mut found = false;
         if controller {
-            found |= set(&mut self.controller.vehicle, name, value)?;
-            found |= set(&mut self.controller.mpc, name, value)?;
-            found |= set(&mut self.controller.observer, name, value)?;
-            found |= set(&mut self.controller.speed, name, value)?;
+            found |= self.controller.set(name, value)?;
         }
         if car {
             if let Some(parameter) = CarParameters::TABLE.iter().find(|parameter| parameter.name == name) {
@@ -133,13 +163,12 @@ impl Setup {
     }
 }
 
-fn set<G: ParameterGroup>(group: &mut G, name: &str, value: f64) -> Result<bool, Box<dyn Error>> {
-    let Some(index) = G::table().iter().position(|parameter| parameter.name == name) else {
-        return Ok(false);
-    };
-    G::table()[index].check(value)?;
-    group.set(index, value);
-    Ok(true)
+/// Name and value of a setting `NAME=VALUE`.
+pub(super) fn setting(text: &str) -> Result<(&str, f64), Box<dyn Error>> {
+    let (name, value) =
+        text.split_once('=').ok_or_else(|| format!("--set {text}: write it as NAME=VALUE"))?;
+    let value = value.trim().parse().map_err(|_| format!("--set {text}: '{value}' is not a number"))?;
+    Ok((name.trim(), value))
 }
 
 /// Runs the command.
@@ -151,17 +180,10 @@ pub fn run(args: &DriveArgs) -> Result<(), Box<dyn Error>> {
         return Err("--step and --duration must be positive".into());
     }
     let setup = Setup::new(args.path.as_deref(), Route::SudokuTest, &args.vehicle, &args.settings)?;
-    let residual = match &args.residual {
-        Some(file) => Some(Residual {
-            model: Arc::new(ResidualModel::read(file)?),
-            propagation: if args.direct { Propagation::Direct } else { Propagation::Propagated },
-            roll_out: RollOut::Corrected,
-        }),
-        None => None,
-    };
+    let (variant, model) = args.model.choose(&setup.controller)?;
     let sample_time = setup.controller.mpc.sample_time;
     let bar = progress_bar("driving", setup.path.length(), args.quiet);
-    let mut closed = setup.connect(residual, args.step)?;
+    let mut closed = setup.connect(model, args.step)?;
     let begin = std::time::Instant::now();
     let drive = closed.drive(args.duration, |row| {
         bar.set_position(row[STATION].max(0.0) as u64);
@@ -174,10 +196,16 @@ pub fn run(args: &DriveArgs) -> Result<(), Box<dyn Error>> {
             std::fs::File::create(file).map_err(|error| format!("{}: {error}", file.display()))?,
         )?;
     }
-    report(&drive, sample_time, wall, args)
+    report(&drive, variant, sample_time, wall, args)
 }
 
-fn report(drive: &Drive, sample_time: f64, wall: f64, args: &DriveArgs) -> Result<(), Box<dyn Error>> {
+fn report(
+    drive: &Drive,
+    variant: ControlVariant,
+    sample_time: f64,
+    wall: f64,
+    args: &DriveArgs,
+) -> Result<(), Box<dyn Error>> {
     let (all, times) = (drive.tracking(), drive.times(sample_time));
     let driven = drive.duration();
     println!("{:<16} {:>9} {:>9} {:>9} {:>8}", "lateral error", "mean m", "RMS m", "max m", "share %");
@@ -205,7 +233,7 @@ fn report(drive: &Drive, sample_time: f64, wall: f64, args: &DriveArgs) -> Resul
     println!("{driven:.2} s driven in {wall:.2} s ({:.0} times real time), {end}", driven / wall);
     if let Some(file) = &args.json {
         let value = json!({
-            "tracking": all, "classes": classes, "step": times, "duration": driven, "finished": drive.finished,
+            "variant": variant.name(), "tracking": all, "classes": classes, "step": times, "duration": driven, "finished": drive.finished,
             "real_time_factor": driven / wall,
         });
         std::fs::write(file, serde_json::to_string_pretty(&value)?)?;

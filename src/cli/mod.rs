@@ -10,6 +10,7 @@ pub mod parameters;
 pub mod path;
 pub mod train;
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::error::Error;
@@ -79,6 +80,17 @@ pub fn main() -> ExitCode {
 
 fn is_broken_pipe(error: &(dyn Error + 'static)) -> bool {
     error.downcast_ref::<std::io::Error>().is_some_and(|error| error.kind() == std::io::ErrorKind::BrokenPipe)
+}
+
+/// Reads one of some named values, whose names and meanings the help shows.
+fn named<T: Copy + Send + Sync + 'static>(
+    values: &'static [T],
+    name: fn(T) -> &'static str,
+    meaning: fn(T) -> &'static str,
+) -> impl TypedValueParser<Value = T> {
+    let shown = values.iter().map(move |&value| PossibleValue::new(name(value)).help(meaning(value)));
+    PossibleValuesParser::new(shown)
+        .try_map(move |text| values.iter().copied().find(|&value| name(value) == text).ok_or("no such value"))
 }
 
 /// A bar of `length` parts with a title; hidden where nobody wants it.

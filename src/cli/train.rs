@@ -1,11 +1,15 @@
-//! `rfl train`: a residual model from drive logs.
+//! `rfl train`: residual models from drive logs.
 
-use super::drive::car_named;
-use super::progress_bar;
-use crate::control::ControllerParameters;
-use crate::residual::{DataConfig, DataSet, Drive, Fit, Kind, TrainConfig, train};
+use super::drive::{MODELS, car_named, setting};
+use super::{named, progress_bar};
+use crate::control::{ControllerParameters, MODEL_EXTENSION};
+use crate::log::{DriveLog, drive_of};
+use crate::path;
+use crate::residual::{
+    DataConfig, DataReport, DataSet, Fit, Kind, LambdaChoice, TrainConfig, TrainReport, TreeFeatures, train,
+};
+use crate::vehicle::BUILTIN;
 use clap::Args;
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde_json::{Value, json};
 use std::error::Error;
 use std::path::{Path, PathBuf};
@@ -13,11 +17,15 @@ use std::path::{Path, PathBuf};
 /// Learns what the nominal model misses from drive logs
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
-  rfl train out/collect/*.csv                         RFL+S for the C-class car, to out/residual.rflm
+  rfl train out/collect/*.csv                         RFL+S for the C-class car, to out/residual/rfl_s.rflm
   rfl train drives/*.csv --vehicle my_car.toml --kind rfl --test other_day.csv
-  rfl drive --residual out/residual.rflm              drive with it
+  rfl train drives/*.csv --path road.csv              logs with poses only: errors by projection onto the road
+  rfl train drives/*.csv --all out/residual           every kind, to compare them
+  rfl drive --residual out/residual/rfl_s.rflm        drive with it
+  fmu-build --residual out/residual/rfl_s.rflm        pack it into the controller's FMU
 
-A log needs the columns time, steer_cmd, vx, e1, e1_rate, e2, e2_rate, curvature, curvature_rate.")]
+A log is a CSV file with the columns time, steer_cmd, vx, e1, e1_rate, e2, e2_rate, curvature, curvature_rate (a log of
+rfl or of the FMU in any host), or with x, y, yaw, vx, vy, yaw_rate beside time and steer_cmd, and --path. SI units.")]
 pub struct TrainArgs {
     /// Drive logs (CSV)
     #[arg(required = true)]
@@ -25,21 +33,26 @@ pub struct TrainArgs {
     /// Logs to measure the fit on, not learned from
     #[arg(long)]
     test: Vec<PathBuf>,
+    /// Road that was driven: for logs that lack errors or curvature
+    #[arg(long)]
+    path: Option<PathBuf>,
     /// Car whose nominal model is corrected: a vehicle file (TOML) or a built-in name
-    #[arg(long, default_value = crate::vehicle::BUILTIN[0])]
+    #[arg(long, default_value = BUILTIN[0])]
     vehicle: String,
+    /// A parameter of the controller that is to use the model, NAME=VALUE: mpc.sample_time, vehicle.mass, ...
+    #[arg(long = "set", value_name = "NAME=VALUE")]
+    settings: Vec<String>,
     /// Kind of residual
-    #[arg(long, default_value = "rfl_s", value_parser = kind_parser())]
+    #[arg(long, default_value = "rfl_s", hide_possible_values = true, value_parser = named(LEARNED, Kind::name, Kind::meaning))]
     kind: Kind,
-    /// Window of commands in steps: it should cover the actuator's delay and four of its time constants
-    #[arg(long, default_value_t = 28)]
-    window: usize,
-    /// Seed of the forest
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
-    /// File for the model
-    #[arg(long, default_value = "out/residual.rflm")]
-    out: PathBuf,
+    /// Train every kind, to DIR/KIND.rflm
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["kind", "out"])]
+    all: Option<PathBuf>,
+    #[command(flatten)]
+    tuning: Tuning,
+    /// File for the model [default: out/residual/KIND.rflm]
+    #[arg(long)]
+    out: Option<PathBuf>,
     /// File for the fit (JSON)
     #[arg(long)]
     json: Option<PathBuf>,
@@ -48,42 +61,113 @@ pub struct TrainArgs {
     quiet: bool,
 }
 
-fn kind_parser() -> impl TypedValueParser<Value = Kind> {
-    let learned = || Kind::ALL.iter().copied().filter(|&kind| kind != Kind::None);
-    PossibleValuesParser::new(learned().map(|kind| PossibleValue::new(kind.name()).help(kind.meaning())))
-        .try_map(move |name| learned().find(|kind| kind.name() == name).ok_or("no such kind"))
+/// Kinds that can be learned.
+const LEARNED: &[Kind] = Kind::ALL.split_at(1).1;
+
+/// How a model is learned; what is not given is the kind's default.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Tuning")]
+struct Tuning {
+    /// Window of commands in steps: it should cover the actuator's delay and four of its time constants
+    #[arg(long, default_value_t = 28)]
+    window: usize,
+    /// Trees of a forest [default: 20]
+    #[arg(long)]
+    trees: Option<usize>,
+    /// Depth of the trees [default: 6]
+    #[arg(long)]
+    depth: Option<usize>,
+    /// Features tried at each split of a forest [default: 8; rfl_s: 3, all that it has]
+    #[arg(long, value_name = "N")]
+    features_per_split: Option<usize>,
+    /// Fewest samples in a leaf [default: 100 with linear leaves, 20 with constant ones]
+    #[arg(long, value_name = "N")]
+    min_leaf: Option<usize>,
+    /// How strongly linear leaves are shrunk to the global fit: a number, held-out (the number with the least error on
+    /// samples that a tree has not seen) or least-squares (not at all: the paper's)
+    #[arg(long, default_value = "held-out", value_parser = lambda)]
+    lambda: Lambda,
+    /// What trees split on [default: errors; rfl_s: road]
+    #[arg(long, value_name = "WHAT", hide_possible_values = true, value_parser = named(TreeFeatures::ALL, TreeFeatures::name, TreeFeatures::meaning))]
+    tree_features: Option<TreeFeatures>,
+    /// Curvature, its rate and curvature times speed squared in linear leaves, too [rfl_s: always]
+    #[arg(long)]
+    road_regressors: bool,
+    /// So many of the newest error states in linear leaves, too: they fit better, and suffer from sensor noise
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    state_regressors: usize,
+    /// Seed of the forest
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Threads; 0 for all there are. The model does not depend on it
+    #[arg(long, default_value_t = 0)]
+    threads: usize,
 }
 
-/// Reads the columns of a drive log that learning needs.
-fn read_log(file: &Path) -> Result<Drive, Box<dyn Error>> {
-    let name = file.display().to_string();
-    let mut reader = csv::Reader::from_path(file).map_err(|error| format!("{name}: {error}"))?;
-    let header = reader.headers().map_err(|error| format!("{name}: {error}"))?.clone();
-    let mut drive = Drive { name: name.clone(), ..Drive::default() };
-    let wanted = drive.columns().map(|(column, _)| column);
-    let mut places = [0; 9];
-    for (place, column) in places.iter_mut().zip(wanted) {
-        *place = header.iter().position(|name| name.trim() == column).ok_or_else(|| {
-            format!("{name}: column '{column}' is missing; a log to learn from needs {}", wanted.join(", "))
-        })?;
+/// Shrinkage, as a user writes it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Lambda {
+    HeldOut,
+    LeastSquares,
+    Fixed(f64),
+}
+
+fn lambda(text: &str) -> Result<Lambda, String> {
+    match text {
+        "held-out" => Ok(Lambda::HeldOut),
+        "least-squares" => Ok(Lambda::LeastSquares),
+        number => match number.parse::<f64>() {
+            Ok(value) if value >= 0.0 => Ok(Lambda::Fixed(value)),
+            _ => Err("give a number from 0, held-out or least-squares".to_owned()),
+        },
     }
-    for (index, record) in reader.records().enumerate() {
-        let record = record.map_err(|error| format!("{name}: {error}"))?;
-        let mut row = [0.0; 9];
-        for ((value, place), column) in row.iter_mut().zip(places).zip(wanted) {
-            let text = record.get(place).unwrap_or_default().trim();
-            // An empty field is a gap, which the data set leaves out and counts.
-            *value = if text.is_empty() {
-                f64::NAN
-            } else {
-                text.parse().map_err(|_| {
-                    format!("{name}, line {}, column {column}: '{text}' is not a number", index + 2)
-                })?
-            };
+}
+
+impl Tuning {
+    /// The configuration for a kind; where all are trained, what only some can have is left to them.
+    fn config(&self, kind: Kind, all: bool) -> TrainConfig {
+        let mut config = TrainConfig::new(kind);
+        config.window = self.window;
+        config.trees = self.trees.unwrap_or(config.trees);
+        config.depth = self.depth.unwrap_or(config.depth);
+        config.features_per_split = self.features_per_split.unwrap_or(config.features_per_split);
+        config.min_leaf = self.min_leaf.unwrap_or(config.min_leaf);
+        if !(all && kind == Kind::RflS) {
+            config.tree_features = self.tree_features.unwrap_or(config.tree_features);
         }
-        drive.columns_mut().into_iter().zip(row).for_each(|(column, value)| column.push(value));
+        config.regressors.road |= self.road_regressors;
+        config.regressors.states = self.state_regressors;
+        match self.lambda {
+            Lambda::HeldOut => {}
+            Lambda::LeastSquares => config.lambda = LambdaChoice::LeastSquares,
+            Lambda::Fixed(lambda) => config.lambda = LambdaChoice::Fixed(lambda),
+        }
+        (config.seed, config.threads) = (self.seed, self.threads);
+        config
     }
-    Ok(drive)
+}
+
+/// Kinds to train, and the file of each.
+fn jobs(args: &TrainArgs) -> Vec<(Kind, PathBuf)> {
+    let in_folder = |folder: &Path, kind: Kind| folder.join(kind.name()).with_extension(MODEL_EXTENSION);
+    match (&args.all, &args.out) {
+        (Some(folder), _) => LEARNED.iter().map(|&kind| (kind, in_folder(folder, kind))).collect(),
+        (None, Some(file)) => vec![(args.kind, file.clone())],
+        (None, None) => vec![(args.kind, in_folder(MODELS.as_ref(), args.kind))],
+    }
+}
+
+/// The nominal controller whose model is corrected.
+fn controller(args: &TrainArgs) -> Result<ControllerParameters, Box<dyn Error>> {
+    let mut parameters = ControllerParameters::for_car(&car_named(&args.vehicle)?);
+    for text in &args.settings {
+        let (name, value) = setting(text)?;
+        if !parameters.set(name.strip_prefix("controller.").unwrap_or(name), value)? {
+            let lists = "'rfl parameters' lists those of the controller";
+            return Err(format!("--set {text}: the controller has no number '{name}'; {lists}").into());
+        }
+    }
+    Ok(parameters)
 }
 
 /// Runs the command.
@@ -91,71 +175,123 @@ fn read_log(file: &Path) -> Result<Drive, Box<dyn Error>> {
 /// # Errors
 /// What was wrong, where, and what to do.
 pub fn run(args: &TrainArgs) -> Result<(), Box<dyn Error>> {
-    let parameters = ControllerParameters::for_car(&car_named(&args.vehicle)?);
+    let parameters = controller(args)?;
     let vehicle = parameters.vehicle.single_track();
     let data_config = DataConfig {
         sample_time: parameters.mpc.sample_time,
         min_model_speed: parameters.mpc.min_model_speed,
     };
-    let read = |files: &[PathBuf]| -> Result<DataSet, Box<dyn Error>> {
-        let drives = files.iter().map(|file| read_log(file)).collect::<Result<Vec<_>, _>>()?;
+    let road =
+        args.path.as_deref().map(|file| path::Path::read(file).map(|road| (road, file))).transpose()?;
+    let mut notes = Vec::new();
+    let mut read = |files: &[PathBuf]| -> Result<DataSet, Box<dyn Error>> {
+        let mut drives = Vec::new();
+        for file in files {
+            let road = road.as_ref().map(|(road, file)| (road, *file));
+            drives.push(drive_of(&DriveLog::read(file)?, road, &mut |note| notes.push(note))?);
+        }
         Ok(DataSet::new(&drives, &vehicle, data_config)?)
     };
     let data = read(&args.logs)?;
     let test = if args.test.is_empty() { None } else { Some(read(&args.test)?) };
-    let found = data.report();
-    println!("{} rows, {} samples; {} gaps", found.rows, found.labels, found.gaps);
-    let left_out = found.not_finite + found.implausible;
-    if left_out > 0 {
-        println!(
-            "left out: {} rows that are not numbers, {} that cannot be",
-            found.not_finite, found.implausible
-        );
-    }
+    notes.extend(found(data.report()));
+    println!("{} rows, {} samples", data.report().rows, data.report().labels);
+    notes.iter().for_each(|note| println!("note: {note}"));
 
-    let mut config = TrainConfig::new(args.kind);
-    config.seed = args.seed;
-    config.window = args.window;
-    let bar = progress_bar("training", 1.0, args.quiet);
-    let trained = train(&data, test.as_ref(), &config, &|progress| {
-        bar.set_length(progress.total as u64);
-        bar.set_position(progress.done as u64);
-    })?;
-    bar.finish_and_clear();
-
-    if let Some(folder) = args.out.parent() {
-        std::fs::create_dir_all(folder)?;
+    let mut models = Vec::new();
+    for (kind, file) in jobs(args) {
+        let config = args.tuning.config(kind, args.all.is_some());
+        let bar = progress_bar(&format!("training {}", kind.name()), 1.0, args.quiet);
+        let trained = train(&data, test.as_ref(), &config, &|progress| {
+            bar.set_length(progress.total as u64);
+            bar.set_position(progress.done as u64);
+        })
+        .map_err(|error| format!("{}: {error}", kind.name()))?;
+        bar.finish_and_clear();
+        if let Some(folder) = file.parent() {
+            std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+        }
+        trained.model.write(&file)?;
+        show(kind, &trained.report, models.is_empty());
+        println!("model: {}", file.display());
+        let schema = trained.model.schema();
+        models.push(json!({
+            "kind": kind.name(),
+            "file": file.display().to_string(),
+            "window": schema.window,
+            "samples": schema.training.samples,
+            "global_lambda": schema.training.global_lambda,
+            "leaf_lambda": schema.training.leaf_lambda,
+            "leaves": trained.report.leaves,
+            "smallest_leaf": trained.report.smallest_leaf,
+            "train": as_json(&trained.report.train),
+            "held_out": trained.report.held_out.as_ref().map(as_json),
+            "test": trained.report.test.as_ref().map(as_json),
+        }));
     }
-    trained.model.write(&args.out)?;
-    let report = &trained.report;
-    println!(
-        "{:<24} {:>10} {:>10} {:>10} {:>10}",
-        "RMS of one step", "e1 m", "e1' m/s", "e2 rad", "e2' rad/s"
-    );
-    let line = |name: &str, values: [f64; 4]| {
-        let [a, b, c, d] = values;
-        println!("{name:<24} {a:>10.2e} {b:>10.2e} {c:>10.2e} {d:>10.2e}");
-    };
-    line("nominal, training", report.train.nominal_rmse);
-    line("with residual, training", report.train.rmse);
-    if let Some(fit) = &report.held_out {
-        line("with residual, held out", fit.rmse);
-    }
-    if let Some(fit) = &report.test {
-        line("nominal, test", fit.nominal_rmse);
-        line("with residual, test", fit.rmse);
-    }
-    println!("model: {}", args.out.display());
+    let files: Vec<String> = jobs(args).into_iter().map(|(_, file)| file.display().to_string()).collect();
+    let car = if args.vehicle == BUILTIN[0] { String::new() } else { format!(" --vehicle {}", args.vehicle) };
+    println!("next: rfl drive --residual {}{car}, fmu-build --residual {}{car}", files[0], files.join(" "));
     if let Some(file) = &args.json {
+        let report = data.report();
         let value = json!({
-            "train": as_json(&report.train),
-            "held_out": report.held_out.as_ref().map(as_json),
-            "test": report.test.as_ref().map(as_json),
-            "leaves": report.leaves,
+            "data": {
+                "rows": report.rows, "labels": report.labels, "gaps": report.gaps, "not_finite": report.not_finite,
+                "implausible": report.implausible, "hash": format!("{:016x}", data.hash()), "notes": notes,
+            },
+            "models": models,
         });
-        std::fs::write(file, serde_json::to_string_pretty(&value)?)?;
+        std::fs::write(file, serde_json::to_string_pretty(&value)?)
+            .map_err(|error| format!("{}: {error}", file.display()))?;
     }
     Ok(())
+}
+
+/// What was found in the logs and done about it, in sentences.
+fn found(report: &DataReport) -> Vec<String> {
+    let mut notes = Vec::new();
+    let mut note = |count: usize, text: &str| {
+        if count > 0 {
+            notes.push(format!("{count} {text}"));
+        }
+    };
+    note(report.not_finite, "rows left out: a value is missing or not a number");
+    note(report.implausible, "rows left out: a value cannot be");
+    note(report.gaps, "gaps: no window reaches over them");
+    let thinned = report.thinned.iter().map(|(drive, factor)| {
+        format!("{drive}: recorded {factor} times as fast as the controller steps, and thinned")
+    });
+    notes.extend(thinned);
+    let constant = report.constant.iter();
+    notes.extend(constant.map(|column| format!("{column} never changes: its effect cannot be learned")));
+    notes
+}
+
+/// Prints the fit of a model, under a header if it is the first.
+fn show(kind: Kind, report: &TrainReport, first: bool) {
+    if first {
+        println!(
+            "{:<28} {:>10} {:>10} {:>10} {:>10}",
+            "RMS of one step", "e1 m", "e1' m/s", "e2 rad", "e2' rad/s"
+        );
+    }
+    let line = |name: &str, values: [f64; 4]| {
+        let [a, b, c, d] = values;
+        println!("{name:<28} {a:>10.2e} {b:>10.2e} {c:>10.2e} {d:>10.2e}");
+    };
+    if first {
+        line("nominal, training", report.train.nominal_rmse);
+        if let Some(fit) = &report.test {
+            line("nominal, test", fit.nominal_rmse);
+        }
+    }
+    line(&format!("{}, training", kind.name()), report.train.rmse);
+    if let Some(fit) = &report.held_out {
+        line(&format!("{}, held out", kind.name()), fit.rmse);
+    }
+    if let Some(fit) = &report.test {
+        line(&format!("{}, test", kind.name()), fit.rmse);
+    }
 }
 
 fn as_json(fit: &Fit) -> Value {

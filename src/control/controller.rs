@@ -13,7 +13,7 @@ use super::status::ControlStatus;
 use super::tracking_qp::{QpEnd, QpError, QpReport, TrackingQp};
 use super::variant::PredictionModel;
 use crate::nominal::{ErrorState, body_change};
-use crate::parameter::{OutOfRange, ParameterGroup};
+use crate::parameter::OutOfRange;
 use crate::path::{Path, SpeedLimits, SpeedPlan};
 use crate::residual::Random;
 use nalgebra::Vector4;
@@ -100,8 +100,9 @@ pub struct ControllerState {
     last: StepReport,
 }
 
-/// Steps for which a value of the dither is held: 0.1 s at Ts = 0.02 s, within the bandwidth of a steering actuator.
-const DITHER_HOLD: u64 = 5;
+/// Steps for which a value of the dither is held: 40 ms at Ts = 0.02 s. Held for 0.1 s it says nothing of commands above
+/// 5 Hz, and a model learned from it is wrong where a tight controller then acts.
+const DITHER_HOLD: u64 = 2;
 
 /// Lateral error beyond which something is wrong, and speed is the first thing to give up: a lane's width, m.
 const FAR_E1: f64 = 3.5;
@@ -143,10 +144,7 @@ impl Controller {
         path: Arc<Path>,
         model: PredictionModel,
     ) -> Result<Self, ControllerError> {
-        parameters.vehicle.check()?;
-        parameters.mpc.check()?;
-        parameters.observer.check()?;
-        parameters.speed.check()?;
+        parameters.check()?;
         let speed = &parameters.speed;
         let limits = SpeedLimits {
             lateral_accel: speed.lateral_accel,
@@ -345,15 +343,12 @@ impl Controller {
         } else {
             at.station >= length - END_DISTANCE
         };
-        let (sin, cos) = at.e2.sin_cos();
-        // A point beyond the centre of curvature has no foot on the path: bounded, not inverted.
-        let stretch = (1.0 - at.curvature * at.e1).max(0.1);
-        let station_rate = (vx * cos - vy * sin) / stretch;
+        let (e1_rate, e2_rate) = at.error_rates(vx, vy, yaw_rate);
         StepReport {
             e1: at.e1,
-            e1_rate: vx * sin + vy * cos,
+            e1_rate,
             e2: at.e2,
-            e2_rate: yaw_rate - at.curvature * station_rate,
+            e2_rate,
             station: at.station,
             curvature: at.curvature,
             curvature_rate: self.path.curvature_rate(at.station),

@@ -10,8 +10,9 @@
 //! where `e2_steady` is the yaw error of steady cornering (its sideslip): a reference of zero would pull the car
 //! off the path in every bend.
 
-use super::clarabel_solver::{BuildError, ClarabelSolver};
+use super::clarabel_solver::BuildError;
 use super::condense::{Affine, Linear, Propagation, condense};
+use super::fast_solver::build_solver;
 use super::history::History;
 use super::parameters::MpcParameters;
 use super::preview::{Preview, SpeedAhead};
@@ -118,7 +119,7 @@ impl LateralMpc {
         let mut affine = Affine::new(p.horizon, 0);
         let linear = Linear { a: &typical.a, b: &typical.b };
         condense(linear, &start, &mut affine, &[], Propagation::default(), &tracked, &mut problem);
-        let solver = ClarabelSolver::new(&problem, p.max_iterations as u32)?;
+        let solver = build_solver(p.solver, &problem, p.max_iterations as u32)?;
         let variant: Box<dyn Variant> = match model {
             PredictionModel::Nominal => Box::new(NominalWithResidual::new(vehicle, p, None)?),
             PredictionModel::Residual(residual) => {
@@ -132,7 +133,7 @@ impl LateralMpc {
             outputs: vec![0.0; rows],
             tracked,
             problem,
-            solver: Box::new(solver),
+            solver,
             timing: Timing::default(),
             solved: 0,
         };

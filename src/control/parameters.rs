@@ -1,6 +1,7 @@
 //! The controller's parameters: one table for code, FMU variables, `--set` and documentation.
 
 use super::observer::ObserverParameters;
+use crate::parameter::{OutOfRange, ParameterGroup};
 use crate::parameters;
 use crate::vehicle::{CarParameters, SingleTrack};
 
@@ -38,7 +39,8 @@ parameters! {
         dither: f64 = 0.0, RADIAN in 0.0, 0.1; "mpc.dither", "Amplitude of a random steering dither, for collecting drives to learn from"
         dither_seed: usize = 1, ONE in 0.0, 1e6; "mpc.dither_seed", "Seed of the dither"
         min_model_speed: f64 = 1.5, METRE_PER_SECOND in 0.3, 10.0; "mpc.min_model_speed", "Speed below which the prediction model is held, for it is stiff at standstill"
-        max_iterations: usize = 50, ONE in 1.0, 1000.0; "mpc.max_iterations", "Iterations after which the solver gives up"
+        solver: usize = 0, ONE in 0.0, 1.0; "mpc.solver", "Solver of the QP: 0 for the active-set method, and Clarabel where it does not get through; 1 for Clarabel alone"
+        max_iterations: usize = 50, ONE in 1.0, 1000.0; "mpc.max_iterations", "Iterations after which Clarabel gives up (the active-set method has a bound of its own)"
         deadline: f64 = 0.0, SECOND in 0.0, 10.0; "mpc.deadline", "Wall-clock time after which the solver gives up and the last plan goes on; 0 for none (results then depend on nothing but inputs)"
     }
 }
@@ -58,6 +60,14 @@ parameters! {
     }
 }
 
+parameters! {
+    /// The steering actuator that the variant `actuator` knows.
+    pub struct ActuatorParameters {
+        dead_time: f64 = 0.0, SECOND in 0.0, 1.0; "actuator.dead_time", "Dead time of the steering actuator that the variant actuator predicts with"
+        time_constant: f64 = 0.0, SECOND in 0.0, 2.0; "actuator.time_constant", "Time constant of the first-order lag of the steering actuator that the variant actuator predicts with"
+    }
+}
+
 /// All of it.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[allow(missing_docs)]
@@ -66,6 +76,7 @@ pub struct ControllerParameters {
     pub mpc: MpcParameters,
     pub observer: ObserverParameters,
     pub speed: SpeedParameters,
+    pub actuator: ActuatorParameters,
 }
 
 impl ControllerParameters {
@@ -78,6 +89,39 @@ impl ControllerParameters {
         parameters.mpc.steer_rate_max = parameters.mpc.steer_rate_max.min(car.steering.rate_limit);
         parameters
     }
+
+    /// Sets the parameter of a name; says whether there is one.
+    ///
+    /// # Errors
+    /// A value out of its range; nothing has changed then.
+    pub fn set(&mut self, name: &str, value: f64) -> Result<bool, OutOfRange> {
+        Ok(set(&mut self.vehicle, name, value)?
+            || set(&mut self.mpc, name, value)?
+            || set(&mut self.observer, name, value)?
+            || set(&mut self.speed, name, value)?
+            || set(&mut self.actuator, name, value)?)
+    }
+
+    /// Checks all values against their ranges.
+    ///
+    /// # Errors
+    /// The first value out of range.
+    pub fn check(&self) -> Result<(), OutOfRange> {
+        self.vehicle.check()?;
+        self.mpc.check()?;
+        self.observer.check()?;
+        self.speed.check()?;
+        self.actuator.check()
+    }
+}
+
+fn set<G: ParameterGroup>(group: &mut G, name: &str, value: f64) -> Result<bool, OutOfRange> {
+    let Some(index) = G::table().iter().position(|parameter| parameter.name == name) else {
+        return Ok(false);
+    };
+    G::table()[index].check(value)?;
+    group.set(index, value);
+    Ok(true)
 }
 
 impl NominalVehicle {

@@ -25,6 +25,7 @@ use super::logger::{Logger, status_category};
 use super::model::{Context, Model};
 use super::refusal::Refusal;
 use super::resource;
+use super::start::StartError;
 use std::cell::UnsafeCell;
 use std::ffi::{CStr, c_char, c_int, c_uint, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -272,19 +273,20 @@ pub unsafe fn fmi2Instantiate<M: Model>(
     };
     let context = Context { resources, instance_name: name.to_string_lossy().into_owned() };
     let made = catch_unwind(AssertUnwindSafe(|| {
-        let mut instance = Instance::<M>::new(own, name, callbacks, context);
+        let mut instance = Instance::<M>::new(own, name, callbacks, context)?;
         if logging_on != 0 {
             instance.logger.enable(vec!["logAll"]);
         }
-        Handle {
+        Ok(Handle {
             mark: AtomicU64::new(ALIVE),
             busy: AtomicBool::new(false),
             logger: logger.clone(),
             instance: UnsafeCell::new(instance),
-        }
+        })
     }));
     match made {
-        Ok(handle) => Box::into_raw(Box::new(handle)).cast(),
+        Ok(Ok(handle)) => Box::into_raw(Box::new(handle)).cast(),
+        Ok(Err::<_, StartError>(error)) => refuse(&error.to_string()),
         Err(_) => refuse("internal error while the model was made. Please report it."),
     }
 }

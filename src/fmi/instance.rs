@@ -22,6 +22,7 @@ use super::logger::{Logger, Messages, STANDARD_CATEGORIES, status_category};
 use super::model::{Context, Declaration, Model, ModelError};
 use super::refusal::Refusal;
 use super::snapshot::Snapshot;
+use super::start::StartError;
 use super::value::{Value, Values};
 use super::variable::{Causality, Initial, Kind, Variability, Variable, Vr};
 use std::collections::BTreeMap;
@@ -67,10 +68,21 @@ type Outcome = Result<Status, Refusal>;
 
 impl<M: Model> Instance<M> {
     /// A fresh instance.
-    pub fn new(guid: &'static str, name: &CStr, callbacks: CallbackFunctions, context: Context) -> Self {
-        let declaration = M::declaration();
+    ///
+    /// # Errors
+    /// Start values in its resources that cannot be used.
+    pub fn new(
+        guid: &'static str,
+        name: &CStr,
+        callbacks: CallbackFunctions,
+        context: Context,
+    ) -> Result<Self, StartError> {
+        let mut declaration = M::declaration();
+        if let Some(resources) = &context.resources {
+            declaration.start_as_packed(resources)?;
+        }
         let values = Values::starting_from(&declaration.variables);
-        Self {
+        Ok(Self {
             guid,
             context,
             logger: Logger::new(callbacks, name),
@@ -85,7 +97,7 @@ impl<M: Model> Instance<M> {
             strings: Vec::new(),
             snapshots: BTreeMap::new(),
             declaration,
-        }
+        })
     }
 
     /// Makes one call: checks that it is allowed now, stops panics, tells the host what was wrong.

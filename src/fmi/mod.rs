@@ -15,6 +15,7 @@
 //! | `snapshot.rs` | FMU states, and their form as bytes |
 //! | `logger.rs` | messages to the host |
 //! | `resource.rs` | the `resources/` folder from what hosts pass |
+//! | `start.rs` | start values that an FMU was packed with |
 //! | `abi.rs` | the C functions, and the macro that exports them |
 
 pub mod abi;
@@ -25,9 +26,11 @@ mod model;
 pub mod refusal;
 pub mod resource;
 mod snapshot;
+mod start;
 mod value;
 mod variable;
 
 pub use model::{Context, Declaration, DefaultExperiment, Log, LogCategory, Model, ModelError, Severity};
+pub use start::{START_FILE, StartError, start_file};
 pub use value::{Value, Values};
 pub use variable::{Causality, Initial, Kind, Variability, Variable, Vr};

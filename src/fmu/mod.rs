@@ -9,7 +9,7 @@ mod passenger_car;
 mod rfl_mpc;
 
 pub use passenger_car::PassengerCar;
-pub use rfl_mpc::{DEFAULT_PATH, RflMpc};
+pub use rfl_mpc::{DEFAULT_PATH, MODELS, RflMpc};
 
 use crate::fmi::{Context, Kind, ModelError, Variable};
 use crate::vehicle::{BUILTIN, CarParameters, builtin};

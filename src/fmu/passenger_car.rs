@@ -184,9 +184,11 @@ impl PassengerCar {
         let at = &self.references;
         let mut parameters = vehicle_named(values.string(at.vehicle_file), context)?;
         log.log(Severity::Info, LOG, &format!("the car is '{}'", parameters.name));
+        let default = builtin(BUILTIN[0]).map_err(failed)?;
         for (index, parameter) in CarParameters::TABLE.iter().enumerate() {
-            let vr = at.parameters + index;
-            if values.is_set_by_host(vr) {
+            let (vr, default) = (at.parameters + index, parameter.get(&default));
+            // Another start value than the declaration's: the FMU was packed with it.
+            if values.is_set_by_host(vr) || values.real(vr) != default {
                 parameter.set(&mut parameters, values.real(vr));
             }
         }

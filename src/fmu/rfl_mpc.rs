@@ -5,8 +5,9 @@
 
 use super::{failed, vehicle_file_parameter, vehicle_named};
 use crate::control::{
-    ControlStatus, Controller, ControllerParameters, ControllerState, Measurement, NominalVehicle,
-    Propagation, Residual, RollOut, SHOWN_HORIZON, Sampler,
+    ActuatorParameters, Choice, ControlStatus, ControlVariant, Controller, ControllerParameters,
+    ControllerState, Measurement, MpcParameters, NominalVehicle, ObserverParameters, Propagation, RollOut,
+    SHOWN_HORIZON, Sampler, SpeedParameters,
 };
 use crate::fmi::{
     Context, Declaration, DefaultExperiment, Kind, Log, LogCategory, Model, ModelError, Severity, Values,
@@ -14,13 +15,15 @@ use crate::fmi::{
 };
 use crate::parameter::{Parameter, ParameterGroup};
 use crate::path::Path;
-use crate::residual::ResidualModel;
 use crate::signal::{self, Signal, Unit};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Path that the FMU follows when none is named: packed into its `resources/`.
 pub const DEFAULT_PATH: &str = "path.csv";
+
+/// Folder in the FMU's `resources/` with a learned model for each variant: `VARIANT.rflm`.
+pub const MODELS: &str = "residual";
 
 /// Log categories of the controller.
 const CATEGORIES: &[LogCategory] = &[
@@ -29,6 +32,7 @@ const CATEGORIES: &[LogCategory] = &[
         name: "path",
         description: "The path that was read, and what was noticed or repaired in it",
     },
+    LogCategory { name: "variant", description: "What the controller predicts with" },
 ];
 
 /// References of the declared variables.
@@ -54,11 +58,12 @@ struct Variables {
     predicted: Vec<[Vr; 3]>,
     path_file: Vr,
     vehicle_file: Vr,
+    variant: Vr,
     residual_file: Vr,
     propagation: Vr,
     roll_out: Vr,
-    /// First of the numeric parameters of each group: vehicle, mpc, speed, observer.
-    groups: [Vr; 4],
+    /// First of the numeric parameters of each group: vehicle, mpc, speed, observer, actuator.
+    groups: [Vr; 5],
 }
 
 /// The signals that the controller is told, in the order of [`Measurement`].
@@ -79,12 +84,13 @@ fn add_group<G: ParameterGroup>(declaration: &mut Declaration) -> Vr {
     first
 }
 
-/// Takes over the values that the host has set; the others stay as the vehicle file has them.
+/// Takes over the values that the host has set, or that the FMU was packed with; the others stay as the vehicle file
+/// has them.
 fn read_group<G: ParameterGroup>(group: &mut G, first: Vr, values: &Values) {
     for (index, parameter) in G::table().iter().enumerate() {
         let vr = first + index;
-        if values.is_set_by_host(vr) {
-            let value = if parameter.integer { f64::from(values.integer(vr)) } else { values.real(vr) };
+        let value = if parameter.integer { f64::from(values.integer(vr)) } else { values.real(vr) };
+        if values.is_set_by_host(vr) || value != parameter.default {
             group.set(index, value);
         }
     }
@@ -96,6 +102,25 @@ fn write_group<G: ParameterGroup>(group: &G, first: Vr, values: &mut Values) {
         if !parameter.integer {
             values.set_real(first + index, group.get(index));
         }
+    }
+}
+
+/// What the host chose to predict with.
+fn chosen(v: &Variables, values: &Values, context: &Context) -> Choice {
+    let file = match values.string(v.residual_file) {
+        "" => None,
+        file => Some(context.locate(file)),
+    };
+    // A host that names a file and no variant means the file, not the variant that is packed as default.
+    let by_file = file.is_some() && !values.is_set_by_host(v.variant);
+    // The FMI layer admits no other numbers than the declared ones.
+    let variant = ControlVariant::from_number(values.integer(v.variant)).unwrap_or_default();
+    Choice {
+        variant: if by_file { ControlVariant::None } else { variant },
+        file,
+        folder: context.resources.as_ref().map_or_else(|| MODELS.into(), |folder| folder.join(MODELS)),
+        propagation: Propagation::from_number(values.integer(v.propagation)).unwrap_or_default(),
+        roll_out: RollOut::from_number(values.integer(v.roll_out)).unwrap_or_default(),
     }
 }
 
@@ -168,10 +193,17 @@ fn declare() -> (Declaration, Variables) {
         "Path to follow: a CSV file, absolute or in the FMU's resources",
     ));
     let vehicle_file = d.add(vehicle_file_parameter());
+    let variant = Kind::Enumeration { type_name: "Variant", items: ControlVariant::ITEMS, start: 0 };
+    let variant = d.add(Variable::parameter_of(
+        variant,
+        "variant",
+        "What the controller predicts with. Its learned model is resources/residual/VARIANT.rflm, or residual.file",
+    ));
     let residual_file = d.add(Variable::parameter_of(
         Kind::String { start: "".into() },
         "residual.file",
-        "Learned residual (from rfl train), absolute or in the FMU's resources; empty: the nominal controller",
+        "Learned model (from rfl train), absolute or in the FMU's resources. With variant none, or not set, the kind of \
+         model in the file decides; else it must be the variant's. Empty: the model packed for the variant",
     ));
     let propagation = Kind::Enumeration { type_name: "Propagation", items: Propagation::ITEMS, start: 0 };
     let propagation = d.add(Variable::parameter_of(
@@ -187,9 +219,10 @@ fn declare() -> (Declaration, Variables) {
     ));
     let groups = [
         add_group::<NominalVehicle>(d),
-        add_group::<crate::control::MpcParameters>(d),
-        add_group::<crate::control::SpeedParameters>(d),
-        add_group::<crate::control::ObserverParameters>(d),
+        add_group::<MpcParameters>(d),
+        add_group::<SpeedParameters>(d),
+        add_group::<ObserverParameters>(d),
+        add_group::<ActuatorParameters>(d),
     ];
     let variables = Variables {
         inputs,
@@ -213,6 +246,7 @@ fn declare() -> (Declaration, Variables) {
         predicted,
         path_file,
         vehicle_file,
+        variant,
         residual_file,
         propagation,
         roll_out,
@@ -262,6 +296,7 @@ impl Model for RflMpc {
         read_group(&mut parameters.mpc, v.groups[1], values);
         read_group(&mut parameters.speed, v.groups[2], values);
         read_group(&mut parameters.observer, v.groups[3], values);
+        read_group(&mut parameters.actuator, v.groups[4], values);
         write_group(&parameters.vehicle, v.groups[0], values);
         write_group(&parameters.mpc, v.groups[1], values);
 
@@ -274,19 +309,12 @@ impl Model for RflMpc {
         for note in path.notes() {
             log.log(Severity::Warning, "path", &format!("{}: {note}", file.display()));
         }
-        let residual = match values.string(v.residual_file) {
-            "" => None,
-            file => {
-                Some(Residual {
-                    model: Arc::new(ResidualModel::read(&context.locate(file)).map_err(failed)?),
-                    // The FMI layer admits no other numbers than the declared ones.
-                    propagation: Propagation::from_number(values.integer(v.propagation)).unwrap_or_default(),
-                    roll_out: RollOut::from_number(values.integer(v.roll_out)).unwrap_or_default(),
-                })
-            }
-        };
-        let controller =
-            Controller::predicting_with(parameters, Arc::new(path), residual.into()).map_err(failed)?;
+        let (variant, model) = chosen(v, values, context).prediction_model(&parameters).map_err(failed)?;
+        let controller = Controller::predicting_with(parameters, Arc::new(path), model).map_err(failed)?;
+        if !values.is_set_by_host(v.variant) {
+            values.set_integer(v.variant, variant as i32);
+        }
+        log.log(Severity::Info, "variant", &format!("variant {}: {}", variant.name(), variant.meaning()));
 
         let path = controller.path();
         values.set_real(v.path_length, path.length());

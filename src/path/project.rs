@@ -46,6 +46,24 @@ pub struct Projection {
     pub place: Where,
 }
 
+impl Projection {
+    /// Rates of `e1` and `e2` (m/s, rad/s) of a vehicle with this velocity in body axes (m/s) and yaw rate (rad/s):
+    ///
+    /// ```text
+    /// e1' = vx sin e2 + vy cos e2,    e2' = r - curvature s',    s' = (vx cos e2 - vy sin e2) / (1 - curvature e1)
+    /// ```
+    ///
+    /// Source: Rajamani, Vehicle Dynamics and Control, ch. 2.5, without its small angles.
+    #[must_use]
+    pub fn error_rates(&self, vx: f64, vy: f64, yaw_rate: f64) -> (f64, f64) {
+        let (sin, cos) = self.e2.sin_cos();
+        // A point beyond the centre of curvature has no foot on the path: bounded, not inverted.
+        let stretch = (1.0 - self.curvature * self.e1).max(0.1);
+        let station_rate = (vx * cos - vy * sin) / stretch;
+        (vx * sin + vy * cos, yaw_rate - self.curvature * station_rate)
+    }
+}
+
 impl Path {
     /// Projects a pose (m, m, rad) onto the path. `hint` is a station near the foot, usually the last one; without
     /// it, the whole road is searched (about ten microseconds per kilometre) and the heading counts. A pose that is

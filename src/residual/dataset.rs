@@ -293,6 +293,12 @@ impl Windows<'_> {
         self.window
     }
 
+    /// Whether a sample's step is the one after that of the sample before.
+    #[must_use]
+    pub fn follows(&self, sample: usize) -> bool {
+        sample > 0 && self.rows[sample] == self.rows[sample - 1] + 1
+    }
+
     fn range(&self, sample: usize) -> std::ops::Range<usize> {
         let newest = self.rows[sample] as usize;
         newest + 1 - self.window..newest + 1

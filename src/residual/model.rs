@@ -53,16 +53,14 @@ impl Kind {
     }
 }
 
-/// What trees split on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum TreeFeatures {
-    /// Error states of the whole window: the paper's.
-    Errors,
-    /// The same, with speed, curvature and curvature rate of the newest row.
-    ErrorsAndRoad,
-    /// Speed, curvature and curvature rate of the newest row.
-    Road,
+enumeration! {
+    /// What trees split on.
+    #[serde(rename_all = "snake_case")]
+    pub enum TreeFeatures {
+        Errors = 0 "errors", "Error states of the whole window: the paper's";
+        ErrorsAndRoad = 1 "errors_and_road", "The same, with speed, curvature and curvature rate of the newest row";
+        Road = 2 "road", "Speed, curvature and curvature rate of the newest row";
+    }
 }
 
 impl TreeFeatures {

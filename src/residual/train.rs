@@ -229,6 +229,19 @@ fn fit((samples, squares, max): Sums, (labels, label_squares, _): Sums) -> Fit {
     Fit { samples, rmse: root(squares, samples), max, nominal_rmse: root(label_squares, labels) }
 }
 
+/// Filters regressors and labels alike, `x_k += memory x_{k-1}` along each stretch. What is linear stays linear with
+/// the same coefficients, but the noise that one-step labels have from measured states, `e_{k+1} - A e_k`, loses its
+/// high frequencies, which carry no information (Ljung, System Identification, ch. 7.4 and 13.7).
+fn prefilter(windows: &Windows, memory: f64, z: &mut [f64], labels: &mut [[f64; OUTPUTS]]) {
+    let p = z.len() / labels.len().max(1);
+    for i in (1..windows.len()).filter(|&i| memory > 0.0 && windows.follows(i)) {
+        let (before, now) = z.split_at_mut(i * p);
+        now[..p].iter_mut().zip(&before[(i - 1) * p..]).for_each(|(z, before)| *z += memory * before);
+        let before = labels[i - 1];
+        labels[i].iter_mut().zip(before).for_each(|(label, before)| *label += memory * before);
+    }
+}
+
 /// Ranges of features and commands, in the order that [`Schema::ranges`] names.
 fn ranges(windows: &Windows) -> Vec<Range> {
     let names = ["e1", "e1_rate", "e2", "e2_rate", "vx", "curvature", "curvature_rate", "steer_cmd"];
@@ -404,7 +417,7 @@ impl Job<'_> {
     /// Regressors and labels of all samples.
     fn design(&self, p: usize) -> Design {
         let windows = self.windows;
-        let labels = (0..windows.len()).map(|i| windows.label(i)).collect();
+        let mut labels: Vec<[f64; OUTPUTS]> = (0..windows.len()).map(|i| windows.label(i)).collect();
         let mut z = Vec::with_capacity(windows.len() * p);
         let mut features = vec![0.0; OUTPUTS * windows.window() + ROAD];
         for i in 0..windows.len() {
@@ -414,6 +427,9 @@ impl Job<'_> {
             } else {
                 z.push(1.0);
             }
+        }
+        if self.config.kind.is_linear() {
+            prefilter(windows, self.config.prefilter, &mut z, &mut labels);
         }
         Design::new(p, z, labels)
     }

@@ -40,6 +40,9 @@ pub struct TrainConfig {
     pub tree_features: TreeFeatures,
     /// What linear leaves have besides constant and commands.
     pub regressors: Regressors,
+    /// Memory of the filter that regressors and labels of linear leaves go through before the fit, 0 to less than 1; 0
+    /// for none, the paper's way. With noisy measurements, one-step labels are mostly noise of high frequency.
+    pub prefilter: f64,
     /// Shrinkage of linear leaves.
     pub lambda: LambdaChoice,
     /// Candidates for the shrinkage of the global fit towards zero.
@@ -66,6 +69,7 @@ impl TrainConfig {
             resolution: Resolution::Histogram(255),
             tree_features: if speed_and_road { TreeFeatures::Road } else { TreeFeatures::Errors },
             regressors: Regressors { road: speed_and_road, states: 0 },
+            prefilter: 0.8,
             lambda: LambdaChoice::HeldOut(vec![1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0, f64::INFINITY]),
             global_lambda: vec![0.0, 1e-12, 1e-10, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2],
             seed: 1,
@@ -95,6 +99,9 @@ impl TrainConfig {
             if let Resolution::Histogram(bins) = self.resolution {
                 within("bins", usize::from(bins), 2, 256)?;
             }
+        }
+        if !(0.0..1.0).contains(&self.prefilter) {
+            return Err(ConfigError::Prefilter { value: self.prefilter });
         }
         within("regressors.states", self.regressors.states, 0, self.window)?;
         if self.kind == Kind::RflS && (self.tree_features != TreeFeatures::Road || !self.regressors.road) {
@@ -131,6 +138,12 @@ pub enum ConfigError {
         min: usize,
         /// Largest allowed.
         max: usize,
+    },
+    /// A filter that is none.
+    #[error("prefilter = {value} must be at least 0 and less than 1")]
+    Prefilter {
+        /// Its value.
+        value: f64,
     },
     /// RFL+S defined otherwise.
     #[error(

@@ -74,6 +74,11 @@ class Instance:
         buffer = (c_double * len(values))(*values.values())
         return self.call("fmi2SetReal", self.references(list(values)), c_size_t(len(values)), buffer)
 
+    def set_integers(self, values: dict[str, int]) -> int:
+        """Integers and enumerations."""
+        buffer = (c_int * len(values))(*values.values())
+        return self.call("fmi2SetInteger", self.references(list(values)), c_size_t(len(values)), buffer)
+
     def get_reals(self, names) -> list[float]:
         buffer = (c_double * len(names))()
         status = self.call("fmi2GetReal", self.references(names), c_size_t(len(names)), buffer)

@@ -1,0 +1,68 @@
+//! Our side of `scripts/compare_peers`, which compares with other people's software on the same problems:
+//!
+//! ```text
+//! peers forest TABLE ROWS TESTS FITS      trains on ROWS rows of a table, writes what it predicts for TESTS more
+//! peers lookup FEATURES LABELS            trains a residual on a drive, times its coefficients, writes its training table
+//! peers problems COUNT FILE               drives, writes quadratic programs with our solutions
+//! ```
+//!
+//! Tables are files of little-endian `f64`, row by row. What was measured is printed as JSON.
+
+mod forest;
+mod learned;
+mod lookup;
+mod problems;
+
+use std::error::Error;
+use std::path::Path;
+use std::time::Instant;
+
+/// What a part of the comparison gives, or why not.
+type Outcome = Result<serde_json::Value, Box<dyn Error>>;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let measured = match arguments[..] {
+        ["forest", table, rows, tests, fits] => {
+            forest::run(Path::new(table), rows.parse()?, tests.parse()?, Path::new(fits))
+        }
+        ["lookup", features, labels] => lookup::run(Path::new(features), Path::new(labels)),
+        ["problems", count, file] => problems::run(count.parse()?, Path::new(file)),
+        _ => {
+            Err("usage: peers forest TABLE ROWS TESTS FITS | lookup FEATURES LABELS | problems COUNT FILE"
+                .into())
+        }
+    }?;
+    println!("{measured}");
+    Ok(())
+}
+
+fn read_table(file: &Path) -> Result<Vec<f64>, Box<dyn Error>> {
+    let bytes = std::fs::read(file).map_err(|error| format!("{}: {error}", file.display()))?;
+    let (values, rest) = bytes.as_chunks::<8>();
+    if !rest.is_empty() {
+        return Err(
+            format!("{}: not a table of f64, {} bytes are left over", file.display(), rest.len()).into()
+        );
+    }
+    Ok(values.iter().map(|&bytes| f64::from_le_bytes(bytes)).collect())
+}
+
+fn write_table(file: &Path, values: &[f64]) -> Result<(), Box<dyn Error>> {
+    let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
+    std::fs::write(file, bytes).map_err(|error| format!("{}: {error}", file.display()).into())
+}
+
+/// Seconds of one call, the median of several.
+fn median_time(repeats: usize, mut call: impl FnMut()) -> f64 {
+    let mut times: Vec<f64> = (0..repeats)
+        .map(|_| {
+            let begin = Instant::now();
+            call();
+            begin.elapsed().as_secs_f64()
+        })
+        .collect();
+    times.sort_by(f64::total_cmp);
+    times[repeats / 2]
+}

@@ -1,0 +1,146 @@
+//! What a user has packed in: learned models for the controller, a car for all FMUs.
+//!
+//! The FMU's start values then say that they are used (`resources/start.toml`); its library stays the same.
+
+use crate::fmu::Fmu;
+use crate::shipped::try_controller;
+use rfl_mpc::control::MODEL_EXTENSION;
+use rfl_mpc::fmi::{Model, ModelError, StartError};
+use rfl_mpc::fmu::{MODELS, RflMpc};
+use rfl_mpc::residual::{FileError, Kind, ResidualModel};
+use rfl_mpc::vehicle::{BUILTIN, CarParameters, VehicleError};
+use std::collections::BTreeMap;
+use std::path::{Component, Path, PathBuf};
+
+/// What a user gives an FMU beyond what we ship.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Added {
+    /// Files by their path below `resources/`.
+    pub files: BTreeMap<String, PathBuf>,
+    /// Start values other than the declaration's, by parameter.
+    pub start: BTreeMap<String, String>,
+}
+
+/// Why something cannot be packed in.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum AddError {
+    #[error(transparent)]
+    File(#[from] FileError),
+    #[error("{} and {} are both of kind {kind}: give one of them", first.display(), second.display())]
+    Twice { kind: &'static str, first: PathBuf, second: PathBuf },
+    #[error("{} holds no residual (kind none): there is nothing to pack", file.display())]
+    Nothing { file: PathBuf },
+    #[error(
+        "{} cannot drive the controller that is packed: {source}. Its car is {car}; --vehicle names another, and \
+         --start gives other parameters a value",
+        file.display()
+    )]
+    Misfit { file: PathBuf, car: String, source: ModelError },
+    #[error("`{0}` is no start value: write FMU.PARAMETER=VALUE, e.g. RflMpc.mpc.sample_time=0.01")]
+    Form(String),
+    #[error(transparent)]
+    Start(#[from] StartError),
+    #[error(transparent)]
+    Vehicle(#[from] VehicleError),
+    #[error(
+        "the vehicle file {} names the tyre file `{tyre}`, which does not lie beside or below it: copy it there",
+        file.display()
+    )]
+    Tyre { file: PathBuf, tyre: String },
+}
+
+/// Folder in `resources/` of a user's car.
+const CAR: &str = "car";
+const VEHICLE_FILE: &str = "vehicle_file";
+
+/// Makes a car, by built-in name or file, the one that all FMUs start with.
+///
+/// # Errors
+/// A file that is no car, or whose tyres lie elsewhere.
+pub fn add_vehicle(fmus: &mut [Fmu], vehicle: &str) -> Result<(), AddError> {
+    let (mut files, mut start) = (BTreeMap::new(), vehicle.to_owned());
+    if !BUILTIN.contains(&vehicle) {
+        let file = absolute(Path::new(vehicle));
+        let car = CarParameters::read(&file)?;
+        let folder = file.parent().unwrap_or(Path::new(""));
+        for tyre in [&car.tyre.front.file, &car.tyre.rear.file] {
+            // A tyre that is not there is a built-in one: the file was read.
+            if !folder.join(tyre).exists() {
+                continue;
+            }
+            if !Path::new(tyre)
+                .components()
+                .all(|part| matches!(part, Component::Normal(_) | Component::CurDir))
+            {
+                return Err(AddError::Tyre { file, tyre: tyre.clone() });
+            }
+            files.insert(format!("{CAR}/{tyre}"), folder.join(tyre));
+        }
+        start = format!("{CAR}/{}", file.file_name().unwrap_or_default().to_string_lossy());
+        files.insert(start.clone(), file);
+    }
+    for fmu in fmus.iter_mut().filter(|fmu| fmu.declaration.find(VEHICLE_FILE).is_some()) {
+        fmu.added.files.extend(files.clone());
+        fmu.added.start.insert(VEHICLE_FILE.to_owned(), start.clone());
+    }
+    Ok(())
+}
+
+/// Gives a parameter of an FMU another start value: `FMU.PARAMETER=VALUE`.
+///
+/// # Errors
+/// No such parameter; a text that is no value of it.
+pub fn add_start(fmus: &mut [Fmu], text: &str) -> Result<(), AddError> {
+    let form = || AddError::Form(text.to_owned());
+    let (name, value) = text.split_once('=').ok_or_else(form)?;
+    let (unit, parameter) = name.trim().split_once('.').ok_or_else(form)?;
+    let fmu = fmus.iter_mut().find(|fmu| fmu.declaration.name == unit).ok_or_else(form)?;
+    fmu.declaration.clone().start_with(parameter, value.trim())?;
+    fmu.added.start.insert(parameter.to_owned(), value.trim().to_owned());
+    Ok(())
+}
+
+/// Packs learned models into the controller's FMU, which then drives with the first of them unless its host chooses
+/// otherwise. Each is tried in the controller with its car. Gives their kinds.
+///
+/// # Errors
+/// A file that is no model, does not fit, or is of the same kind as another.
+pub fn add_models(fmus: &mut [Fmu], project: &Path, files: &[PathBuf]) -> Result<Vec<Kind>, AddError> {
+    let name = RflMpc::declaration().name;
+    let Some(controller) = fmus.iter_mut().find(|fmu| fmu.declaration.name == name) else {
+        return Ok(Vec::new());
+    };
+    let added = &mut controller.added;
+    let mut kinds = Vec::new();
+    for file in files {
+        let kind = ResidualModel::read(file)?.schema().kind;
+        if kind == Kind::None {
+            return Err(AddError::Nothing { file: file.clone() });
+        }
+        let entry = format!("{MODELS}/{}.{MODEL_EXTENSION}", kind.name());
+        if let Some(first) = added.files.get(&entry) {
+            let (first, second) = (first.clone(), file.clone());
+            return Err(AddError::Twice { kind: kind.name(), first, second });
+        }
+        let packed = added.start.get(VEHICLE_FILE).map_or(BUILTIN[0], String::as_str);
+        let car =
+            added.files.get(packed).map_or(packed.to_owned(), |file| file.to_string_lossy().into_owned());
+        let file = absolute(file);
+        let mut start = added.start.clone();
+        start.insert(VEHICLE_FILE.to_owned(), car.clone());
+        start.insert("variant".to_owned(), kind.name().to_owned());
+        start.insert("residual.file".to_owned(), file.to_string_lossy().into_owned());
+        if let Err(source) = try_controller(project, &start) {
+            return Err(AddError::Misfit { file, car, source });
+        }
+        added.files.insert(entry, file);
+        added.start.entry("variant".to_owned()).or_insert_with(|| kind.name().to_owned());
+        kinds.push(kind);
+    }
+    Ok(kinds)
+}
+
+fn absolute(file: &Path) -> PathBuf {
+    std::path::absolute(file).unwrap_or_else(|_| file.to_owned())
+}

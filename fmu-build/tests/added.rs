@@ -1,0 +1,139 @@
+//! Learned models and a car packed into FMUs: what is added, what the FMU starts with, and what is refused.
+
+use fmu_build::added::{AddError, add_models, add_start, add_vehicle};
+use fmu_build::description::{describe, describe_for};
+use fmu_build::fmu::Fmu;
+use fmu_build::shipped;
+use rfl_mpc::fmi::abi::guid_of;
+use rfl_mpc::residual::{DataConfig, DataSet, Drive, Kind, Random, TrainConfig, train};
+use rfl_mpc::vehicle::{CarParameters, builtin};
+use std::path::{Path, PathBuf};
+
+fn project() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// A model learned from noise, for a car and a sample time.
+fn model(folder: &Path, name: &str, kind: Kind, car: &CarParameters, sample_time: f64) -> PathBuf {
+    let mut random = Random::new(1);
+    let mut log = Drive { name: "noise".into(), ..Drive::default() };
+    for k in 0..800 {
+        log.time.push(sample_time * f64::from(k));
+        log.vx.push(10.0 + random.uniform());
+        for column in [&mut log.curvature, &mut log.curvature_rate, &mut log.steer_cmd] {
+            column.push(0.01 * random.uniform());
+        }
+        for column in [&mut log.e1, &mut log.e1_rate, &mut log.e2, &mut log.e2_rate] {
+            column.push(0.01 * random.uniform());
+        }
+    }
+    let data = DataConfig { sample_time, ..DataConfig::default() };
+    let data = DataSet::new(&[log], &car.single_track(), data).unwrap();
+    let config = TrainConfig { trees: 2, depth: 2, threads: 1, ..TrainConfig::new(kind) };
+    let file = folder.join(name);
+    train(&data, None, &config, &|_| ()).unwrap().model.write(&file).unwrap();
+    file
+}
+
+fn of<'a>(fmus: &'a [Fmu], name: &str) -> &'a Fmu {
+    fmus.iter().find(|fmu| fmu.declaration.name == name).unwrap()
+}
+
+#[test]
+fn models_are_packed_by_kind_and_the_first_drives() {
+    let folder = tempfile::tempdir().unwrap();
+    let car = builtin("c_class").unwrap();
+    let files = [
+        model(folder.path(), "b.rflm", Kind::RflS, &car, 0.02),
+        model(folder.path(), "a.rflm", Kind::Linear, &car, 0.02),
+    ];
+    let mut fmus = shipped::fmus();
+    assert_eq!(add_models(&mut fmus, &project(), &files).unwrap(), [Kind::RflS, Kind::Linear]);
+    let controller = of(&fmus, "RflMpc");
+    let packed: Vec<_> = controller.added.files.iter().map(|(entry, file)| (entry.as_str(), file)).collect();
+    assert_eq!(packed, [("residual/linear.rflm", &files[1]), ("residual/rfl_s.rflm", &files[0])]);
+    assert_eq!(
+        controller.added.start.iter().collect::<Vec<_>>(),
+        [(&"variant".to_owned(), &"rfl_s".to_owned())]
+    );
+    assert!(of(&fmus, "PassengerCar").added.start.is_empty());
+
+    // A host sees the start value, and the library knows the GUID.
+    let mut declaration = controller.declaration.clone();
+    declaration.start_with("variant", "rfl_s").unwrap();
+    let (plain, xml) =
+        (describe(&controller.declaration), describe_for(&controller.declaration, &declaration));
+    assert!(plain.contains(r#"<Enumeration declaredType="Variant" start="0"/>"#));
+    assert!(xml.contains(r#"<Enumeration declaredType="Variant" start="6"/>"#));
+    assert_eq!(guid_of(&plain), guid_of(&xml));
+    assert!(guid_of(&describe(&declaration)) != guid_of(&plain));
+}
+
+#[test]
+fn models_that_cannot_drive_are_refused_with_the_reason() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let car = builtin("c_class").unwrap();
+    let good = model(folder.path(), "good.rflm", Kind::Linear, &car, 0.02);
+    let again = model(folder.path(), "again.rflm", Kind::Linear, &car, 0.02);
+    let slow = model(folder.path(), "slow.rflm", Kind::Linear, &car, 0.04);
+    let bmw = model(folder.path(), "bmw.rflm", Kind::Linear, &builtin("bmw_320i").unwrap(), 0.02);
+    let bytes = std::fs::read(&good).unwrap();
+    std::fs::write(at("half.rflm"), &bytes[..bytes.len() / 2]).unwrap();
+    std::fs::write(at("foreign.rflm"), "x,y\n0,0\n").unwrap();
+    for (files, words) in [
+        (vec![good.clone(), again], &["good.rflm", "again.rflm", "both of kind linear"][..]),
+        (vec![slow.clone()], &["slow.rflm", "0.04 s", "0.02 s", "--start"]),
+        (vec![bmw.clone()], &["bmw.rflm", "mass", "c_class", "--vehicle"]),
+        (vec![at("half.rflm")], &["half.rflm", "cut"]),
+        (vec![at("foreign.rflm")], &["foreign.rflm", "rfl train"]),
+        (vec![at("nowhere.rflm")], &["nowhere.rflm"]),
+    ] {
+        let error = add_models(&mut shipped::fmus(), &project(), &files).unwrap_err().to_string();
+        assert!(words.iter().all(|word| error.contains(word)), "{error}");
+    }
+    // With its sample time it fits, and with its car.
+    let mut fmus = shipped::fmus();
+    add_start(&mut fmus, "RflMpc.mpc.sample_time=0.04").unwrap();
+    add_models(&mut fmus, &project(), &[slow]).unwrap();
+    assert_eq!(of(&fmus, "RflMpc").added.start["mpc.sample_time"], "0.04");
+    for (text, words) in [
+        ("mpc.sample_time=0.04", "RflMpc.mpc.sample_time"),
+        ("RflMpc.mpc.sample_time", "FMU.PARAMETER=VALUE"),
+        ("RflMpc.mpc.sample_time=fast", "a number in"),
+        ("RflMpc.steer_cmd=0", "no parameter `steer_cmd`"),
+    ] {
+        let error = add_start(&mut fmus, text).unwrap_err().to_string();
+        assert!(error.contains(words), "{error}");
+    }
+    let mut fmus = shipped::fmus();
+    add_vehicle(&mut fmus, "bmw_320i").unwrap();
+    add_models(&mut fmus, &project(), &[bmw]).unwrap();
+    assert_eq!(of(&fmus, "PassengerCar").added.start["vehicle_file"], "bmw_320i");
+}
+
+#[test]
+fn a_car_is_packed_with_its_tyres() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let text = std::fs::read_to_string(project().join("vehicles/bmw_320i.toml")).unwrap();
+    std::fs::create_dir(at("tyres")).unwrap();
+    std::fs::copy(project().join("vehicles/tyres/commonroad.tir"), at("tyres/mine.tir")).unwrap();
+    std::fs::write(at("mine.toml"), text.replace("commonroad.tir", "mine.tir").replace("1093.295", "1200"))
+        .unwrap();
+    let mut fmus = shipped::fmus();
+    add_vehicle(&mut fmus, at("mine.toml").to_str().unwrap()).unwrap();
+    for fmu in &fmus {
+        assert_eq!(fmu.added.start["vehicle_file"], "car/mine.toml");
+        assert_eq!(fmu.added.files.keys().collect::<Vec<_>>(), ["car/mine.toml", "car/tyres/mine.tir"]);
+    }
+    let mine = CarParameters::read(&at("mine.toml")).unwrap();
+    let learned = model(folder.path(), "mine.rflm", Kind::Linear, &mine, 0.02);
+    add_models(&mut fmus, &project(), &[learned]).unwrap();
+
+    std::fs::create_dir(at("below")).unwrap();
+    std::fs::write(at("below/far.toml"), text.replace("tyres/commonroad.tir", "../tyres/mine.tir")).unwrap();
+    let error = add_vehicle(&mut fmus, at("below/far.toml").to_str().unwrap()).unwrap_err();
+    assert!(matches!(&error, AddError::Tyre { tyre, .. } if tyre == "../tyres/mine.tir"), "{error}");
+    assert!(add_vehicle(&mut fmus, "batmobile").unwrap_err().to_string().contains("c_class"));
+}

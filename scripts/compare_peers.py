@@ -1,0 +1,107 @@
+#!/usr/bin/env python3
+"""Our forest and QP beside other people's software, on the same problems, in one run.
+
+    scripts/compare_peers                       all parts, to out/peers.json
+    scripts/compare_peers --only qp             one part
+
+Ratios matter; absolute times drift with the machine. What each time contains is said below its table.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import sys
+import tempfile
+from pathlib import Path
+
+import peer_forest
+import peer_qp
+
+ROOT = Path(__file__).resolve().parent.parent
+# Each part: the program of our side, a folder for files, whether in short; gives figures. NMPC beside CasADi and IPOPT
+# is a part to come here.
+PARTS = {
+    "forest": lambda program, folder, quick, say: peer_forest.compare_training(
+        program, folder, 5_000 if quick else 100_000, say
+    ),
+    "lookup": lambda program, folder, quick, say: peer_forest.compare_lookup(program, folder, say),
+    "qp": lambda program, folder, quick, say: peer_qp.compare(program, folder, 20 if quick else 100, say),
+}
+
+
+def report(result: dict) -> str:
+    """The figures as text."""
+    lines = []
+    if part := result.get("forest"):
+        lines += [
+            f"\nTraining, {part['rows']} x {part['columns']}, 20 trees of depth 6, 8 features a split, 4 outputs, "
+            f"{part['threads']} threads",
+            f"{'':<24}{'time s':>10}{'CPU s':>10}{'test RMSE':>12}",
+            f"{'ours':<24}{part['ours_s']:>10.2f}{part['ours_cpu_s']:>10.2f}{part['ours_test_rmse']:>12.4f}",
+            f"{'scikit-learn':<24}{part['sklearn_s']:>10.2f}{part['sklearn_cpu_s']:>10.2f}"
+            f"{part['sklearn_test_rmse']:>12.4f}   {part['ratio']:.1f} times ours, {part['cpu_ratio']:.1f} in CPU time",
+        ]
+    if part := result.get("lookup"):
+        lines += [
+            f"\n{part['rows']} rows looked up in 20 trees of depth 6, leaves' 17 x 4 coefficients averaged, 1 thread",
+            f"{'':<24}{'time us':>10}",
+            f"{'ours':<24}{part['ours_us']:>10.1f}",
+            f"{'scikit-learn, apply':<24}{part['sklearn_apply_and_average_us']:>10.1f}   "
+            f"{part['ratio']:.0f} times ours",
+            f"{'scikit-learn, predict':<24}{part['sklearn_predict_us']:>10.1f}   constant leaves",
+        ]
+    for horizon, part in result.get("qp", {}).items():
+        lines += [
+            f"\nQP, N = {horizon}: {part['problems']} problems of closed-loop drives, "
+            f"{part['with_active_bounds']} with active bounds (up to {part['most_active_bounds']})",
+            f"{'':<24}{'median us':>10}{'p99 us':>10}{'difference':>12}",
+        ]
+        for name in peer_qp.SOLVERS:
+            ratio = "" if name == "ours" else f"   {part[f'{name}_us'] / part['ours_us']:.2f} times ours"
+            lines.append(
+                f"{name.replace('_', ', '):<24}{part[f'{name}_us']:>10.1f}{part[f'{name}_p99_us']:>10.1f}"
+                f"{part[f'{name}_difference']:>12.1e}{ratio}"
+            )
+    if "qp" in result:
+        lines.append(
+            "difference: largest of an input, relative to the inputs' bound, to a solution whose KKT residual is at "
+            f"most {max(part['daqp_kkt_residual'] for part in result['qp'].values()):.0e}\n"
+            "ours, and ours with Clarabel alone: from gains to inputs, the cost's Hessian included, after the problem "
+            "before\nit in the drive; daqp and clarabel: Hessian given, set up anew for each problem, best of 3"
+        )
+    return "\n".join(lines)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", choices=PARTS, action="append", help="a part of it; repeatable")
+    parser.add_argument("--quick", action="store_true", help="smaller tables, fewer problems")
+    parser.add_argument("--out", type=Path, default=ROOT / "out" / "peers.json", help="file for the figures")
+    parser.add_argument(
+        "--program", type=Path, default=ROOT / "target" / "release" / "examples" / "peers", help="our side of it"
+    )
+    options = parser.parse_args()
+
+    def say(text: str) -> None:
+        print(text, file=sys.stderr, flush=True)
+
+    result: dict = {"machine": {"cores": os.cpu_count(), "processor": platform.machine()}}
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            for name in options.only or PARTS:
+                result[name] = PARTS[name](options.program, Path(folder), options.quick, say)
+    except (RuntimeError, OSError, ImportError) as error:
+        print(f"compare_peers: {error}", file=sys.stderr)
+        return 1
+    print(report(result))
+    options.out.parent.mkdir(parents=True, exist_ok=True)
+    options.out.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+    print(f"\n{options.out}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,157 @@
+//! Start values that an FMU was packed with, instead of the declaration's: `resources/start.toml`.
+//!
+//! ```text
+//! variant = "rfl_s"
+//! "vehicle.mass" = "1500"
+//! ```
+//!
+//! The `modelDescription.xml` beside it shows the same values, so that what a host sees, gets before an
+//! initialisation, and drives with is one. The library, and with it the GUID, stays what it was: an FMU can be given a
+//! learned model without a compiler.
+
+use super::model::Declaration;
+use super::value::Value;
+use super::variable::{Causality, Kind, Variable};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Name of the file in `resources/`.
+pub const START_FILE: &str = "start.toml";
+
+/// Why start values cannot be used.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum StartError {
+    #[error("{}: {message}", file.display())]
+    File { file: PathBuf, message: String },
+    #[error("there is no parameter `{name}`")]
+    Unknown { name: String },
+    #[error("`{name}` is {wanted}, which `{value}` is not")]
+    Value { name: String, value: String, wanted: String },
+}
+
+impl Variable {
+    /// The value that a text is for this variable.
+    ///
+    /// # Errors
+    /// What was wanted instead.
+    pub fn value_of(&self, text: &str) -> Result<Value, String> {
+        match &self.kind {
+            Kind::Real { min, max, .. } => {
+                let (low, high) = (min.unwrap_or(f64::NEG_INFINITY), max.unwrap_or(f64::INFINITY));
+                let value = text.parse::<f64>().ok();
+                let value = value.filter(|value| value.is_finite() && (low..=high).contains(value));
+                value.map(Value::Real).ok_or(format!("a number in [{low}, {high}]"))
+            }
+            Kind::Integer { min, max, .. } => {
+                let (low, high) = (min.unwrap_or(i32::MIN), max.unwrap_or(i32::MAX));
+                let value = text.parse::<i32>().ok().filter(|value| (low..=high).contains(value));
+                value.map(Value::Integer).ok_or(format!("an integer in [{low}, {high}]"))
+            }
+            Kind::Boolean { .. } => text.parse().map(Value::Boolean).map_err(|_| "true or false".to_owned()),
+            Kind::String { .. } => Ok(Value::String(text.to_owned())),
+            Kind::Enumeration { items, .. } => {
+                let found = items.iter().find(|(value, name, _)| *name == text || value.to_string() == text);
+                let names: Vec<_> = items.iter().map(|item| item.1).collect();
+                found.map(|item| Value::Integer(item.0)).ok_or(format!("one of {}", names.join(", ")))
+            }
+        }
+    }
+
+    fn start_with(&mut self, value: Value) {
+        match (&mut self.kind, value) {
+            (Kind::Real { start, .. }, Value::Real(value)) => *start = value,
+            (Kind::Integer { start, .. } | Kind::Enumeration { start, .. }, Value::Integer(value)) => {
+                *start = value
+            }
+            (Kind::Boolean { start }, Value::Boolean(value)) => *start = value,
+            (Kind::String { start }, Value::String(value)) => *start = value.into(),
+            _ => debug_assert!(false, "a value of another type than {}", self.name),
+        }
+    }
+}
+
+impl Declaration {
+    /// Gives a parameter another start value, written as text (an enumeration's by name).
+    ///
+    /// # Errors
+    /// No such parameter; a text that is no value of it.
+    pub fn start_with(&mut self, name: &str, text: &str) -> Result<(), StartError> {
+        let parameter =
+            |variable: &&mut Variable| variable.causality == Causality::Parameter && variable.name == name;
+        let variable = self.variables.iter_mut().find(parameter);
+        let variable = variable.ok_or_else(|| StartError::Unknown { name: name.to_owned() })?;
+        let wrong = |wanted| StartError::Value { name: name.to_owned(), value: text.to_owned(), wanted };
+        variable.start_with(variable.value_of(text).map_err(wrong)?);
+        Ok(())
+    }
+
+    /// Takes over the start values of a `resources/` folder, if it has any.
+    ///
+    /// # Errors
+    /// A file that is damaged, or of another FMU.
+    pub(super) fn start_as_packed(&mut self, resources: &Path) -> Result<(), StartError> {
+        let file = resources.join(START_FILE);
+        if !file.exists() {
+            return Ok(());
+        }
+        let failed = |message: String| StartError::File {
+            file: file.clone(),
+            message: format!("{message}; unpack the FMU anew, or make it again with fmu-build"),
+        };
+        let text = std::fs::read_to_string(&file).map_err(|error| failed(error.to_string()))?;
+        let values: BTreeMap<String, String> =
+            toml::from_str(&text).map_err(|error| failed(error.to_string()))?;
+        values.iter().try_for_each(|(name, value)| {
+            self.start_with(name, value).map_err(|error| failed(error.to_string()))
+        })
+    }
+}
+
+/// The content of a [`START_FILE`].
+#[must_use]
+pub fn start_file(values: &BTreeMap<String, String>) -> String {
+    toml::to_string(values).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fmi::Model;
+    use crate::fmu::RflMpc;
+
+    fn declared_in(text: &str) -> Result<Declaration, StartError> {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join(START_FILE), text).unwrap();
+        let mut declaration = RflMpc::declaration();
+        declaration.start_as_packed(folder.path()).map(|()| declaration)
+    }
+
+    #[test]
+    fn packed_start_values_are_taken_over() {
+        let values =
+            [("variant", "rfl_s"), ("mpc.horizon", "20"), ("path_file", "a \"b\".csv"), ("mpc.q_e1", "2.5")];
+        let values = values.map(|(name, value)| (name.to_owned(), value.to_owned()));
+        let declaration = declared_in(&start_file(&values.into())).unwrap();
+        let kind = |name: &str| declaration.variables[declaration.find(name).unwrap()].kind.clone();
+        assert!(matches!(kind("variant"), Kind::Enumeration { start: 6, .. }));
+        assert!(matches!(kind("mpc.horizon"), Kind::Integer { start: 20, .. }));
+        assert!(matches!(kind("path_file"), Kind::String { start } if start == "a \"b\".csv"));
+        assert!(matches!(kind("mpc.q_e1"), Kind::Real { start, .. } if start == 2.5));
+        assert_eq!(declared_in("").unwrap(), RflMpc::declaration());
+    }
+
+    #[test]
+    fn damaged_start_values_are_refused_with_the_reason() {
+        for (text, words) in [
+            ("variant = ", "start.toml"),
+            ("variant = \"rfl_x\"", "one of none, linear"),
+            ("e1 = \"0\"", "no parameter `e1`"),
+            ("nothing = \"0\"", "no parameter `nothing`"),
+            ("\"mpc.q_e1\" = \"nan\"", "a number in"),
+        ] {
+            let error = declared_in(text).unwrap_err().to_string();
+            assert!(error.contains(words) && error.contains("fmu-build"), "{error}");
+        }
+    }
+}

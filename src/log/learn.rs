@@ -1,0 +1,178 @@
+//! What a residual is learned from: nine columns of a log, those that it lacks made from others.
+//!
+//! A controller takes errors and road from the projection of the pose onto the path; a log without them is given
+//! them in the same way.
+
+use super::read::{DriveLog, LogError};
+use crate::path::Path;
+use crate::residual::Drive;
+
+const NEEDED: &str = "time, steer_cmd (or steer), vx, and e1, e1_rate, e2, e2_rate, curvature, or else x, y, yaw, vy, \
+                      yaw_rate and the road";
+
+/// Columns that need the road.
+const ERRORS: [&str; 5] = ["e1", "e1_rate", "e2", "e2_rate", "curvature"];
+/// What they are computed from.
+const POSE: [&str; 6] = ["x", "y", "yaw", "vx", "vy", "yaw_rate"];
+
+/// Farther from the road it is another road, m.
+const FAR: f64 = 10.0;
+/// A heading that is wrong by more is in another unit, rad.
+const ASTRAY: f64 = 1.0;
+/// A vehicle as far away as this is looked for on the whole road again, m: where a controller does, too.
+const LOST: f64 = 14.0;
+
+/// A log as a drive to learn from; what had to be made is told to `note`. `road` is the road driven and its file.
+///
+/// # Errors
+/// A column that is missing and cannot be made; a road that is another one.
+pub fn drive_of(
+    log: &DriveLog,
+    road: Option<(&Path, &std::path::Path)>,
+    note: &mut dyn FnMut(String),
+) -> Result<Drive, LogError> {
+    let name = log.file.display().to_string();
+    let missing = |column| LogError::Missing { file: log.file.clone(), column, needed: NEEDED };
+    let column = |name: &'static str| log.column(name).map(<[f64]>::to_vec).ok_or_else(|| missing(name));
+    let mut drive = Drive { name, time: column("time")?, vx: column("vx")?, ..Drive::default() };
+    drive.steer_cmd = match log.column("steer_cmd") {
+        Some(command) => command.to_vec(),
+        None => {
+            let steer = log.column("steer").ok_or_else(|| missing("steer_cmd"))?;
+            note(format!(
+                "{}: there is no steer_cmd: the measured angle steer stands in, and delay and lag before it cannot be \
+                 learned",
+                drive.name
+            ));
+            steer.to_vec()
+        }
+    };
+    let absent = log.without(&ERRORS);
+    let pose = log.without(&POSE);
+    let all = [&absent[..], &log.without(&["curvature_rate"])].concat();
+    match road {
+        Some((road, file)) if !all.is_empty() && pose.is_empty() => {
+            project(log, road, file, &mut drive)?;
+            note(format!("{}: {} made by projection onto {}", drive.name, all.join(", "), file.display()));
+        }
+        _ if !absent.is_empty() => {
+            return Err(LogError::NoErrors { file: log.file.clone(), columns: absent, pose });
+        }
+        _ => {
+            for (name, place) in ERRORS.into_iter().zip(errors_of(&mut drive)) {
+                *place = column(name)?;
+            }
+            drive.curvature_rate = match log.column("curvature_rate") {
+                Some(rate) => rate.to_vec(),
+                None => {
+                    let along =
+                        if log.column("station").is_some() { "station" } else { "the way driven (vx)" };
+                    note(format!("{}: curvature_rate made from curvature along {along}", drive.name));
+                    curvature_rate(&drive, log.column("station"))
+                }
+            };
+        }
+    }
+    Ok(drive)
+}
+
+/// The columns of [`ERRORS`].
+fn errors_of(drive: &mut Drive) -> [&mut Vec<f64>; 5] {
+    let Drive { e1, e1_rate, e2, e2_rate, curvature, .. } = drive;
+    [e1, e1_rate, e2, e2_rate, curvature]
+}
+
+/// Fills errors and road of a drive from its poses.
+fn project(log: &DriveLog, road: &Path, file: &std::path::Path, drive: &mut Drive) -> Result<(), LogError> {
+    let poses = POSE.map(|name| log.column(name).unwrap_or_default());
+    check_turn(log, &drive.time, poses[2], poses[5])?;
+    let (mut last, mut rows, mut far, mut astray) = (None, 0_usize, 0_usize, 0_usize);
+    for row in 0..drive.time.len() {
+        let [x, y, yaw, vx, vy, yaw_rate] = poses.map(|column| column[row]);
+        if ![x, y, yaw, vx, vy, yaw_rate].into_iter().all(f64::is_finite) {
+            errors_of(drive).into_iter().for_each(|column| column.push(f64::NAN));
+            drive.curvature_rate.push(f64::NAN);
+            continue;
+        }
+        let mut at = road.project(x, y, yaw, last);
+        if last.is_some() && at.e1.abs() > LOST {
+            at = road.project(x, y, yaw, None);
+        }
+        last = Some(at.station);
+        rows += 1;
+        far += usize::from(at.e1.abs() > FAR);
+        // A vehicle that stands or rolls back says nothing about directions.
+        astray += usize::from(at.e2.abs() > ASTRAY && vx > 1.0);
+        let (e1_rate, e2_rate) = at.error_rates(vx, vy, yaw_rate);
+        let values = [at.e1, e1_rate, at.e2, e2_rate, at.curvature];
+        errors_of(drive).into_iter().zip(values).for_each(|(column, value)| column.push(value));
+        drive.curvature_rate.push(at.curvature_rate);
+    }
+    let share = |count: usize| 100.0 * count as f64 / rows.max(1) as f64;
+    if 2 * far > rows {
+        let (file, road) = (log.file.clone(), file.to_owned());
+        return Err(LogError::FarFromRoad { file, road, limit: FAR, share: share(far) });
+    }
+    if 3 * astray > rows {
+        return Err(LogError::Heading { file: log.file.clone(), limit: ASTRAY, share: share(astray) });
+    }
+    Ok(())
+}
+
+/// A larger change of yaw from row to row is its wrapping.
+const WRAP: f64 = 3.0;
+
+/// Yaw and yaw rate must tell the same, or one of them has another unit or sign.
+fn check_turn(log: &DriveLog, time: &[f64], yaw: &[f64], yaw_rate: &[f64]) -> Result<(), LogError> {
+    let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
+    for i in 1..time.len() {
+        let asked = 0.5 * (yaw_rate[i - 1] + yaw_rate[i]) * (time[i] - time[i - 1]);
+        let turned = yaw[i] - yaw[i - 1];
+        // Not a number compares as neither.
+        if turned.abs() < WRAP && asked.is_finite() {
+            (xx, xy, yy) = (xx + asked * asked, xy + asked * turned, yy + turned * turned);
+        }
+    }
+    // Where the two hardly have to do with each other, the vehicle hardly turns.
+    if xy * xy < 0.5 * xx * yy || xx == 0.0 {
+        return Ok(());
+    }
+    let factor = xy / xx;
+    let hint = match factor {
+        factor if factor < 0.0 => "one of them has its sign turned: both are counter-clockwise",
+        factor if factor > 10.0 => "yaw may be in degrees: give radians",
+        factor if factor < 0.1 => "yaw_rate may be in degrees per second: give radians per second",
+        _ => return Ok(()),
+    };
+    Err(LogError::Turn { file: log.file.clone(), factor, hint })
+}
+
+/// Rows on each side over which the change of curvature is taken: a difference of two rows would be mostly rounding.
+const RATE_ROWS: usize = 3;
+/// Least way for a change along it, m.
+const LEAST_WAY: f64 = 1e-3;
+
+/// Change of a drive's curvature along the way, 1/m2; 0 where the vehicle stands.
+fn curvature_rate(drive: &Drive, station: Option<&[f64]>) -> Vec<f64> {
+    let rows = drive.time.len();
+    let driven = |i: usize| 0.5 * (drive.vx[i] + drive.vx[i + 1]) * (drive.time[i + 1] - drive.time[i]);
+    // The station jumps at the end of a lap: there the way driven counts.
+    let step = |i: usize| match station.map(|station| station[i + 1] - station[i]) {
+        Some(step) if (step - driven(i)).abs() < 1.0 => step,
+        _ => driven(i),
+    };
+    let mut way = vec![0.0; rows];
+    for i in 1..rows {
+        // A row that is not a number is left out later; the way goes on after it.
+        let step = step(i - 1);
+        way[i] = way[i - 1] + if step.is_finite() { step } else { 0.0 };
+    }
+    (0..rows)
+        .map(|i| {
+            let (from, to) = (i.saturating_sub(RATE_ROWS), (i + RATE_ROWS).min(rows - 1));
+            let along = way[to] - way[from];
+            let change = drive.curvature[to] - drive.curvature[from];
+            if along.abs() < LEAST_WAY || !change.is_finite() { 0.0 } else { change / along }
+        })
+        .collect()
+}

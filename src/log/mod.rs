@@ -1,0 +1,21 @@
+//! Drive logs: what a vehicle did, recorded by us, by an FMI host, or on a foreign vehicle.
+//!
+//! A log is a CSV file with a header and the names of the [vocabulary](crate::signal), in any order; other columns are
+//! left alone. What is missing is made from what is there, and said:
+//!
+//! | missing | made from |
+//! |---|---|
+//! | `steer_cmd` | `steer`, the measured angle; delays before it can then not be learned |
+//! | `curvature_rate` | `curvature` along `station`, or along the way driven with `vx` |
+//! | `e1`, `e1_rate`, `e2`, `e2_rate`, `curvature` | pose and velocities, projected onto the road that is given |
+//!
+//! | file | idea |
+//! |---|---|
+//! | `read.rs` | a CSV file's columns |
+//! | `learn.rs` | what a residual is learned from, completed |
+
+mod learn;
+mod read;
+
+pub use learn::drive_of;
+pub use read::{DriveLog, LogError};

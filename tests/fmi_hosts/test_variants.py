@@ -1,0 +1,196 @@
+"""The controller's variants in the FMU: each drives as natively, with its model packed or named.
+
+What is missing or wrong is said.
+"""
+
+from __future__ import annotations
+
+import csv
+import shutil
+import subprocess
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from closed_loop import drive
+from instance import CLOCKED, ERROR, OK, WARNING, Instance, Library
+
+KINDS = ["linear", "rt", "rf", "rtl", "rfl", "rfl_s"]
+SLOW = {"effect.steer_lag": 0.1, "effect.steer_delay": 0.06}
+ACTUATOR = {"actuator.dead_time": 0.06, "actuator.time_constant": 0.1}
+ROAD, SECONDS = "hairpin_circuit.csv", 12.0
+
+
+def run(rfl: Path, *arguments) -> None:
+    result = subprocess.run([str(a) for a in (rfl, *arguments)], capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stdout + result.stderr
+
+
+def settings(values: dict[str, float]) -> list[str]:
+    return [text for name, value in values.items() for text in ("--set", f"{name}={value}")]
+
+
+@pytest.fixture(scope="module")
+def models(rfl, paths, tmp_path_factory) -> Path:
+    """Folder with a small model of each kind, learned from a short drive."""
+    folder = tmp_path_factory.mktemp("models")
+    run(rfl, "collect", "--quiet", "--runs", 1, "--path", paths / "sudoku_turns.csv", "--out", folder, *settings(SLOW))
+    log = folder / "drive_1.csv"
+    run(rfl, "train", log, "--quiet", "--window", 20, "--trees", 3, "--depth", 3, "--all", folder)
+    return folder
+
+
+def packed(fmus: Path, folder: Path, models: Path, start: str) -> Path:
+    """The controller's FMU with the models in its resources, and this start file."""
+    fmu = folder / "RflMpc.fmu"
+    shutil.copy(fmus / "RflMpc.fmu", fmu)
+    with zipfile.ZipFile(fmu, "a") as archive:
+        for kind in KINDS:
+            archive.write(models / f"{kind}.rflm", f"resources/residual/{kind}.rflm")
+        archive.writestr("resources/start.toml", start)
+    return fmu
+
+
+@pytest.fixture(scope="module")
+def controller(fmus, models, tmp_path_factory) -> Path:
+    """An FMU that drives with rfl_s, as `fmu-build --residual` makes it."""
+    return packed(fmus, tmp_path_factory.mktemp("packed"), models, 'variant = "rfl_s"\n')
+
+
+def natively(rfl, road: Path, log: Path, *arguments) -> dict[str, np.ndarray]:
+    command = ["drive", "--quiet", "--path", road, "--duration", SECONDS, "--log", log, *settings(SLOW), *arguments]
+    run(rfl, *command)
+    with open(log, newline="") as file:
+        header, *rows = csv.reader(file)
+    return dict(zip(header, np.array(rows, dtype=float).T))
+
+
+def in_fmpy(controller: Path, fmus: Path, road: Path, **parameters) -> dict[str, np.ndarray]:
+    values = SLOW | {name.replace("__", "."): value for name, value in parameters.items()}
+    car = fmus / "PassengerCar.fmu"
+    return drive(road, duration=SECONDS, settings=values, controller_fmu=controller, car_fmu=car).columns
+
+
+def assert_same(a: dict[str, np.ndarray], b: dict[str, np.ndarray]) -> None:
+    shared = set(a) & set(b) - {CLOCKED}
+    assert {"steer_cmd", "x", "e1", "station"} <= shared
+    for name in shared:
+        assert np.array_equal(a[name], b[name]), name
+
+
+@pytest.mark.parametrize("variant", ["none", *KINDS, "actuator"])
+def test_variant_drives_in_fmpy_as_natively(rfl, fmus, models, controller, paths, tmp_path, variant):
+    known = ACTUATOR if variant == "actuator" else {}
+    native = natively(
+        rfl, paths / ROAD, tmp_path / "log.csv", "--variant", variant, "--models", models, *settings(known)
+    )
+    assert_same(native, in_fmpy(controller, fmus, paths / ROAD, **{"controller.variant": variant}, **known))
+
+
+def test_packed_default_drives_unless_the_host_chooses(fmus, models, controller, paths):
+    road = paths / ROAD
+    default = in_fmpy(controller, fmus, road)
+    chosen = in_fmpy(controller, fmus, road, variant="rfl_s")
+    assert_same(default, chosen)
+    nominal = in_fmpy(controller, fmus, road, variant="none")
+    assert not np.array_equal(default["steer_cmd"], nominal["steer_cmd"])
+    # A file wins over the packed default, and its kind decides.
+    file = in_fmpy(controller, fmus, road, residual__file=str(models / "linear.rflm"))
+    assert_same(file, in_fmpy(controller, fmus, road, variant="linear"))
+
+
+def test_packed_numbers_and_files_are_in_force(fmus, models, tmp_path):
+    start = 'variant = "none"\nvehicle_file = "bmw_320i"\n"vehicle.mass" = "1234.5"\n"mpc.sample_time" = "0.04"\n'
+    for name, inertia in (("RflMpc", "vehicle.yaw_inertia"), ("PassengerCar", "axle.front.wheel_inertia")):
+        lines = start if name == "RflMpc" else "\n".join(start.splitlines()[1:3])
+        shutil.copy(fmus / f"{name}.fmu", tmp_path)
+        with zipfile.ZipFile(tmp_path / f"{name}.fmu", "a") as archive:
+            archive.writestr("resources/start.toml", lines)
+        unit = Instance(Library(tmp_path / f"{name}.fmu", tmp_path / name))
+        assert unit.initialize() <= WARNING, unit.said
+        mass, other = unit.get_reals(["vehicle.mass", inertia])
+        assert mass == 1234.5
+        assert other != float(unit.library.variables[inertia].start)
+        unit.free()
+
+
+def test_log_of_a_host_can_be_learned_from(rfl, fmus, paths, tmp_path):
+    units = {"controller_fmu": fmus / "RflMpc.fmu", "car_fmu": fmus / "PassengerCar.fmu"}
+    dither = {"mpc.dither": 0.005, "mpc.r_rate": 0.3, "mpc.q_e1_rate": 1.0, "mpc.q_e2": 2.0}
+    drive(paths / "sudoku_turns.csv", settings=SLOW | dither, **units).write_csv(tmp_path / "host.csv")
+    log = tmp_path / "native.csv"
+    run(rfl, "drive", "--quiet", "--path", paths / "sudoku_turns.csv", "--log", log, *settings(SLOW | dither))
+    for name in ("host", "native"):
+        model = tmp_path / f"{name}.rflm"
+        run(rfl, "train", tmp_path / f"{name}.csv", "--quiet", "--trees", 3, "--depth", 3, "--out", model)
+    assert (tmp_path / "host.rflm").read_bytes() == (tmp_path / "native.rflm").read_bytes()
+
+
+# --- what is missing or wrong
+
+
+@pytest.fixture
+def unit(libraries):
+    instance = Instance(libraries["RflMpc"])
+    yield instance
+    instance.free()
+
+
+def refused(unit: Instance, *words: str) -> None:
+    assert unit.initialize() == ERROR
+    for word in words:
+        assert word.lower() in unit.said.lower(), f"'{word}' is not in: {unit.said}"
+
+
+@pytest.mark.parametrize(("number", "variant"), list(enumerate(KINDS, start=1)))
+def test_missing_model(unit, number, variant):
+    assert unit.set_integers({"variant": number}) == OK
+    refused(unit, f"residual/{variant}.rflm", f"--kind {variant}", "fmu-build --residual", "residual.file")
+    # Not the end: reset, and the nominal controller drives.
+    assert unit.reset() == OK
+    assert unit.initialize() <= WARNING, unit.said
+
+
+def test_no_such_variant(unit):
+    assert unit.set_integers({"variant": 99}) != OK
+    assert unit.initialize() <= WARNING, unit.said
+
+
+WRONG = {
+    "another car": ({"vehicle_file": "bmw_320i"}, {}, ["mass", "train"]),
+    "another sample time": ({}, {"mpc.sample_time": 0.01}, ["sample time", "0.01"]),
+    "another speed limit of the model": ({}, {"mpc.min_model_speed": 2.0}, ["mpc.min_model_speed"]),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_model_of_another_controller(unit, models, case):
+    strings, reals, words = WRONG[case]
+    assert unit.set_string("residual.file", models / "linear.rflm") == OK
+    for name, value in strings.items():
+        assert unit.set_string(name, value) == OK
+    assert unit.set_reals(reals) == OK
+    refused(unit, *words)
+
+
+def test_model_of_another_kind(unit, models):
+    assert unit.set_string("residual.file", models / "rfl.rflm") == OK
+    assert unit.set_integers({"variant": 6}) == OK
+    refused(unit, "rfl.rflm", "kind rfl,", "variant is rfl_s")
+
+
+@pytest.mark.parametrize("share", [0.0, 0.01, 0.5, 0.999])
+def test_truncated_model(unit, models, tmp_path, share):
+    data = (models / "rfl_s.rflm").read_bytes()
+    file = tmp_path / "cut.rflm"
+    file.write_bytes(data[: int(share * len(data))])
+    assert unit.set_string("residual.file", file) == OK
+    refused(unit, "cut.rflm")
+
+
+def test_damaged_start_file(fmus, models, tmp_path):
+    library = Library(packed(fmus, tmp_path, models, 'variant = "rfl_x"\n'), tmp_path / "unpacked")
+    instance = Instance(library)
+    assert not instance.handle
+    assert "start.toml" in instance.said and "rfl_s" in instance.said

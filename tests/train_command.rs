@@ -1,0 +1,354 @@
+//! `rfl train`: what it learns from logs of any kind, what it says of bad ones, and that the model is the same bits
+//! on any number of threads.
+#![cfg(feature = "cli")]
+
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::LazyLock;
+
+/// A folder with a drive of the nominal controller on a short road, `drive_1.csv`.
+static COLLECTED: LazyLock<tempfile::TempDir> = LazyLock::new(|| {
+    let folder = tempfile::tempdir().unwrap();
+    let road = road();
+    let slow = ["--set", "effect.steer_lag=0.1", "--set", "effect.steer_delay=0.06"];
+    let arguments = ["collect", "--quiet", "--runs", "1", "--out", ".", "--path", &road];
+    done(&rfl(folder.path(), &[&arguments[..], &slow].concat()));
+    folder
+});
+
+fn road() -> String {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("paths/sudoku_turns.csv");
+    path.to_str().unwrap().to_owned()
+}
+
+fn rfl(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_rfl")).args(arguments).current_dir(folder).output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).unwrap()
+}
+
+/// What a command printed that must succeed.
+fn done(output: &Output) -> String {
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    text(&output.stdout)
+}
+
+/// What a command said that must fail.
+fn refused(output: &Output) -> String {
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output.stdout));
+    let error = text(&output.stderr);
+    assert!(error.starts_with("error: "), "{error}");
+    error
+}
+
+/// The collected log as a table that tests change.
+#[derive(Clone)]
+struct Table {
+    header: Vec<String>,
+    rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    fn collected() -> Self {
+        let text = std::fs::read_to_string(COLLECTED.path().join("drive_1.csv")).unwrap();
+        let mut lines = text.lines().map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
+        Self { header: lines.next().unwrap(), rows: lines.collect() }
+    }
+
+    fn place(&self, column: &str) -> usize {
+        self.header.iter().position(|name| name == column).unwrap()
+    }
+
+    fn without(mut self, columns: &[&str]) -> Self {
+        for column in columns {
+            let place = self.place(column);
+            self.header.remove(place);
+            self.rows.iter_mut().for_each(|row| drop(row.remove(place)));
+        }
+        self
+    }
+
+    fn map(mut self, column: &str, change: impl Fn(f64) -> f64) -> Self {
+        let place = self.place(column);
+        for row in &mut self.rows {
+            row[place] = change(row[place].parse().unwrap()).to_string();
+        }
+        self
+    }
+
+    fn set(mut self, row: usize, column: &str, text: &str) -> Self {
+        let place = self.place(column);
+        self.rows[row][place] = text.to_owned();
+        self
+    }
+
+    fn rows(mut self, rows: impl Fn(Vec<Vec<String>>) -> Vec<Vec<String>>) -> Self {
+        self.rows = rows(self.rows);
+        self
+    }
+
+    fn write(&self, folder: &Path) -> PathBuf {
+        let lines = std::iter::once(&self.header).chain(&self.rows).map(|row| row.join(","));
+        let file = folder.join("log.csv");
+        std::fs::write(&file, lines.collect::<Vec<_>>().join("\n")).unwrap();
+        file
+    }
+}
+
+/// A quick training of a table, with more arguments.
+fn train(folder: &Path, table: &Table, more: &[&str]) -> Output {
+    table.write(folder);
+    rfl(folder, &[&["train", "log.csv", "--quiet", "--trees", "3", "--depth", "3"], more].concat())
+}
+
+fn model(folder: &Path) -> Vec<u8> {
+    std::fs::read(folder.join("out/residual/rfl_s.rflm")).unwrap()
+}
+
+fn json(file: &Path) -> Value {
+    serde_json::from_slice(&std::fs::read(file).unwrap()).unwrap()
+}
+
+#[test]
+fn a_log_gives_a_model_that_fits_and_drives_better() {
+    let folder = tempfile::tempdir().unwrap();
+    let said = done(&train(folder.path(), &Table::collected(), &["--json", "fit.json"]));
+    assert!(said.contains("out/residual/rfl_s.rflm") && !said.contains("note"), "{said}");
+    let fit = json(&folder.path().join("fit.json"));
+    let (data, model) = (&fit["data"], &fit["models"][0]);
+    assert_eq!((&data["gaps"], &data["not_finite"]), (&Value::from(0), &Value::from(0)));
+    assert_eq!((model["kind"].as_str(), model["window"].as_u64()), (Some("rfl_s"), Some(28)));
+    for output in 0..4 {
+        let rmse = |of: &str| model["train"][of][output].as_f64().unwrap();
+        assert!(rmse("rmse") < 0.2 * rmse("nominal_rmse"), "{model}");
+    }
+    let road = road();
+    let mean = |more: &[&str]| {
+        let slow =
+            ["--set", "effect.steer_lag=0.1", "--set", "effect.steer_delay=0.06", "--json", "drive.json"];
+        done(&rfl(folder.path(), &[&["drive", "--quiet", "--path", &road], &slow[..], more].concat()));
+        json(&folder.path().join("drive.json"))["tracking"]["mae"].as_f64().unwrap()
+    };
+    let (nominal, learned) = (mean(&[]), mean(&["--variant", "rfl_s"]));
+    assert!(learned < 0.8 * nominal, "{learned} m, nominal {nominal} m");
+    let actuator =
+        ["--variant", "actuator", "--set", "actuator.dead_time=0.06", "--set", "actuator.time_constant=0.1"];
+    assert!(mean(&actuator) < 0.9 * nominal);
+}
+
+#[test]
+fn all_kinds_are_trained_each_to_its_file() {
+    let folder = tempfile::tempdir().unwrap();
+    // What rfl_s cannot have is left to the others.
+    let more =
+        ["--all", "models", "--window", "16", "--tree-features", "errors_and_road", "--json", "fit.json"];
+    let said = done(&train(folder.path(), &Table::collected(), &more));
+    let fit = json(&folder.path().join("fit.json"));
+    let kinds: Vec<&str> =
+        fit["models"].as_array().unwrap().iter().map(|m| m["kind"].as_str().unwrap()).collect();
+    assert_eq!(kinds, ["linear", "rt", "rf", "rtl", "rfl", "rfl_s"]);
+    for kind in kinds {
+        assert!(folder.path().join(format!("models/{kind}.rflm")).is_file() && said.contains(kind), "{said}");
+    }
+}
+
+#[test]
+fn one_and_two_threads_give_the_same_bytes_and_another_seed_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = Table::collected();
+    let mut models = Vec::new();
+    for more in [["--threads", "1"], ["--threads", "2"], ["--seed", "7"]] {
+        done(&train(folder.path(), &log, &more));
+        models.push(model(folder.path()));
+    }
+    assert!(models[0] == models[1]);
+    assert!(models[0] != models[2]);
+}
+
+#[test]
+fn options_reach_the_model() {
+    let folder = tempfile::tempdir().unwrap();
+    let more = [
+        ["--kind", "rfl"],
+        ["--window", "12"],
+        ["--lambda", "0.01"],
+        ["--tree-features", "errors_and_road"],
+        ["--state-regressors", "2"],
+        ["--min-leaf", "150"],
+        ["--features-per-split", "5"],
+        ["--set", "mpc.sample_time=0.04"],
+        ["--set", "vehicle.mass=1500"],
+        ["--set", "mpc.min_model_speed=2"],
+        ["--out", "a/model.rflm"],
+        ["--json", "fit.json"],
+    ];
+    let more = [&more.concat()[..], &["--road-regressors"]].concat();
+    let said = done(&train(folder.path(), &Table::collected(), &more));
+    assert!(said.contains("2 times as fast as the controller steps, and thinned"), "{said}");
+    let file = std::fs::read(folder.path().join("a/model.rflm")).unwrap();
+    let file = String::from_utf8_lossy(&file);
+    for words in [
+        "kind = \"rfl\"",
+        "window = 12",
+        "leaf_lambda = 0.01",
+        "tree_features = \"errors_and_road\"",
+        "states = 2",
+        "road = true",
+        "sample_time = 0.04",
+        "mass = 1500",
+        "min_model_speed = 2",
+    ] {
+        assert!(file.contains(words), "no `{words}` in {}", &file[..2000]);
+    }
+    let model = &json(&folder.path().join("fit.json"))["models"][0];
+    assert!(
+        model["leaves"].as_u64().unwrap() <= 3 * 8 && model["smallest_leaf"].as_u64().unwrap() >= 75,
+        "{model}"
+    );
+}
+
+#[test]
+fn a_log_of_poses_gives_with_the_road_the_model_of_the_whole_log() {
+    let folder = tempfile::tempdir().unwrap();
+    done(&train(folder.path(), &Table::collected(), &[]));
+    let whole = model(folder.path());
+    let poses = Table::collected().without(&[
+        "e1",
+        "e1_rate",
+        "e2",
+        "e2_rate",
+        "station",
+        "curvature",
+        "curvature_rate",
+        "ay",
+        "accel_cmd",
+    ]);
+    let said = done(&train(folder.path(), &poses, &["--path", &road()]));
+    assert!(said.contains("made by projection onto"), "{said}");
+    assert!(model(folder.path()) == whole);
+
+    let error = refused(&train(folder.path(), &poses, &[]));
+    assert!(
+        error.contains("columns e1, e1_rate, e2, e2_rate, curvature are missing") && error.contains("--path"),
+        "{error}"
+    );
+    let error = refused(&train(folder.path(), &poses.clone().without(&["vy"]), &["--path", &road()]));
+    assert!(error.contains("of these, column 'vy' is also missing"), "{error}");
+    let other = road().replace("sudoku_turns", "hairpin_circuit");
+    let error = refused(&train(folder.path(), &poses, &["--path", &other]));
+    assert!(error.contains("hairpin_circuit.csv the road that was driven"), "{error}");
+    for (table, words) in [
+        (poses.clone().map("yaw", f64::to_degrees), "yaw may be in degrees"),
+        (poses.clone().map("yaw_rate", f64::to_degrees), "yaw_rate may be in degrees"),
+        (poses.clone().map("yaw", |yaw| -yaw), "sign"),
+        (poses.map("yaw", |yaw| yaw + 1.57), "from north"),
+    ] {
+        let error = refused(&train(folder.path(), &table, &["--path", &road()]));
+        assert!(error.contains(words), "{error}");
+    }
+}
+
+#[test]
+fn what_a_log_lacks_is_made_and_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let fit = |table: &Table| {
+        let said = done(&train(folder.path(), table, &["--json", "fit.json"]));
+        let rmse = json(&folder.path().join("fit.json"))["models"][0]["train"]["rmse"][2].as_f64().unwrap();
+        (said, rmse)
+    };
+    let whole = fit(&Table::collected()).1;
+    let lacking = Table::collected().without(&["curvature_rate"]);
+    for (table, words) in [
+        (lacking.clone(), "curvature_rate made from curvature along station"),
+        (lacking.without(&["station"]), "curvature_rate made from curvature along the way driven"),
+    ] {
+        let (said, rmse) = fit(&table);
+        assert!(said.contains(words), "{said}");
+        assert!((rmse / whole - 1.0).abs() < 0.2, "{rmse} {whole}");
+    }
+    let (said, _) = fit(&Table::collected().without(&["steer_cmd"]));
+    assert!(said.contains("the measured angle steer stands in"), "{said}");
+    let holes = Table::collected()
+        .set(100, "e1", "")
+        .set(200, "vx", "nan")
+        .set(300, "e2", "20")
+        .rows(|rows| [&rows[..500], &rows[600..]].concat());
+    let (said, _) = fit(&holes);
+    for words in ["2 rows left out: a value is missing", "1 rows left out: a value cannot be", "4 gaps"] {
+        assert!(said.contains(words), "{said}");
+    }
+}
+
+#[test]
+fn bad_logs_are_refused_with_the_reason() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = Table::collected;
+    let cases: Vec<(&str, Table, &[&str])> = vec![
+        ("steer_cmd in degrees", log().map("steer_cmd", f64::to_degrees), &["steer_cmd", "degrees"]),
+        ("steering wheel", log().map("steer_cmd", |x| 16.0 * x), &["steer_cmd", "steering-wheel"]),
+        ("right-handed", log().map("steer_cmd", |x| -x), &["steer_cmd", "sign"]),
+        ("e2 in degrees", log().map("e2", f64::to_degrees), &["`e2`", "degrees"]),
+        ("e2_rate in degrees", log().map("e2_rate", f64::to_degrees), &["`e2_rate`", "degrees"]),
+        ("another rate", log().map("time", |t| 1.5 * t), &["log.csv", "every 0.03", "0.02"]),
+        ("time in ms", log().map("time", |t| 1e3 * t), &["every 20", "0.02 s"]),
+        ("two drives in one", log().rows(|rows| [&rows[..], &rows].concat()), &["row 2", "must increase"]),
+        ("time stands", log().map("time", |_| 3.0), &["must increase"]),
+        ("a stuck sensor", log().map("e1", |_| 0.1), &["`e1` is 0.1 in every row", "stuck"]),
+        ("no steering", log().map("steer_cmd", |_| 0.0), &["`steer_cmd` is 0", "dither"]),
+        ("too short", log().rows(|rows| rows[..150].to_vec()), &["rfl_s: ", "150 rows", "drive longer"]),
+        ("no rows", log().rows(|_| vec![]), &["0 rows"]),
+        ("text", log().set(10, "vx", "fast"), &["log.csv, line 12, column vx", "'fast'"]),
+        ("no speed", log().without(&["vx"]), &["'vx' is missing"]),
+        ("no steering angle", log().without(&["steer", "steer_cmd"]), &["'steer_cmd' is missing"]),
+        (
+            "cut in mid-row",
+            log().rows(|mut rows| {
+                rows.last_mut().unwrap().truncate(3);
+                rows
+            }),
+            &["log.csv", "same number of columns"],
+        ),
+    ];
+    for (case, table, words) in cases {
+        let error = refused(&train(folder.path(), &table, &[]));
+        assert!(words.iter().all(|word| error.contains(word)), "{case}: {error}");
+        assert!(!folder.path().join("out").exists(), "{case}: a model was written");
+    }
+    for (arguments, words) in [
+        (&["train", "nowhere.csv"][..], "nowhere.csv"),
+        (&["train", "log.csv", "--set", "effect.steer_lag=0.1"], "no number 'effect.steer_lag'"),
+        (&["train", "log.csv", "--set", "vehicle.mass=1"], "vehicle.mass = 1 kg is outside"),
+        (&["train", "log.csv", "--set", "vehicle.mass"], "NAME=VALUE"),
+        (&["train", "log.csv", "--vehicle", "batmobile"], "batmobile"),
+        (&["train", "log.csv", "--path", "no_road.csv"], "no_road.csv"),
+    ] {
+        log().write(folder.path());
+        let error = refused(&rfl(folder.path(), arguments));
+        assert!(error.contains(words), "{error}");
+    }
+}
+
+#[test]
+fn what_is_no_model_for_the_car_does_not_drive() {
+    let folder = tempfile::tempdir().unwrap();
+    done(&train(folder.path(), &Table::collected(), &[]));
+    let bytes = model(folder.path());
+    std::fs::write(folder.path().join("half.rflm"), &bytes[..bytes.len() / 2]).unwrap();
+    let good = "out/residual/rfl_s.rflm";
+    for (arguments, words) in [
+        (&["--residual", good, "--vehicle", "bmw_320i"][..], "mass"),
+        (&["--residual", good, "--set", "mpc.sample_time=0.01"], "sample time of 0.02 s"),
+        (&["--residual", good, "--variant", "rfl"], "kind rfl_s, and the variant is rfl"),
+        (&["--residual", good, "--variant", "actuator"], "leave the file out"),
+        (&["--residual", "half.rflm"], "half.rflm"),
+        (&["--residual", "nowhere.rflm"], "nowhere.rflm"),
+        (&["--variant", "rtl"], "rfl train out/collect/*.csv --kind rtl"),
+        (&["--variant", "rtl", "--models", "."], "./rtl.rflm"),
+    ] {
+        let error = refused(&rfl(folder.path(), &[&["drive", "--quiet"], arguments].concat()));
+        assert!(error.contains(words), "{arguments:?}: {error}");
+    }
+}
