@@ -69,7 +69,9 @@ class Peer:
             },
         }
         self.solver = ca.nlpsol("solver", "ipopt", nlp, options)
-        self.roll_out = ca.Function("roll_out", [start, speeds, u, road], [self._roll_out(step, curvature, start, speeds, u)])
+        self.roll_out = ca.Function(
+            "roll_out", [start, speeds, u, road], [self._roll_out(step, curvature, start, speeds, u)]
+        )
         inf, rate = np.inf, self.shape["rate_max"][0]
         self.lbg = np.r_[np.zeros(STATES * horizon), np.tile([-inf, bound["min"]], horizon), np.full(horizon, -rate)]
         self.ubg = np.r_[np.zeros(STATES * horizon), np.tile([bound["max"], inf], horizon), np.full(horizon, rate)]
