@@ -5,7 +5,10 @@
 //! controller is judged by its slow steps.
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
-use rfl_mpc::control::{ClarabelSolver, Controller, ControllerParameters, Measurement, QpSolver, TrackingQp};
+use rfl_mpc::control::{
+    ActiveSetSolver, ClarabelSolver, Controller, ControllerParameters, FastSolver, Measurement, QpSolver,
+    TrackingQp,
+};
 use rfl_mpc::path::Path;
 use rfl_mpc::simulate::ClosedLoop;
 use rfl_mpc::vehicle::{Car, Effects, builtin};
@@ -55,6 +58,46 @@ fn record(horizon: usize) -> Recording {
     recording
 }
 
+/// The problems of `recording`'s shape in which the active-set method has most to do: 3 m beside the road.
+fn hard_problems(horizon: usize) -> Vec<TrackingQp> {
+    let controller = controller(horizon);
+    let start = controller.path().at(30.0);
+    let mut car = Car::new(&builtin("c_class").unwrap(), &Effects::default(), None).expect("the default car");
+    let (sin, cos) = start.yaw.sin_cos();
+    car.place(start.x - 3.0 * sin, start.y + 3.0 * cos, start.yaw + 0.35, 0.0);
+    let mut closed = ClosedLoop::new(controller, car, 0.02);
+    let problems = (0..500).map(|_| {
+        closed.advance().expect("the drive goes on");
+        closed.controller().problem().clone()
+    });
+    let mut solver = None;
+    problems
+        .filter(|problem| {
+            let solver = solver.get_or_insert_with(|| ActiveSetSolver::new(&problem.shape));
+            let (mut inputs, mut outputs) = (vec![0.0; horizon], vec![0.0; problem.free.len()]);
+            solver
+                .solve(problem, f64::INFINITY, &mut inputs, &mut outputs)
+                .is_ok_and(|report| report.iterations > 5)
+        })
+        .collect()
+}
+
+/// Solves problems in turn, in an order that no cache or branch predictor knows from the drive.
+fn bench_qp(criterion: &mut Criterion, name: &str, solver: &mut dyn QpSolver, problems: &[TrackingQp]) {
+    let (mut inputs, mut outputs) = (vec![0.0; problems[0].columns()], vec![0.0; problems[0].free.len()]);
+    let mut at = 0;
+    criterion.bench_function(name, |bencher| {
+        bencher.iter_batched(
+            || {
+                at = (at + 37) % problems.len();
+                &problems[at]
+            },
+            |problem| solver.solve(problem, f64::INFINITY, &mut inputs, &mut outputs),
+            BatchSize::SmallInput,
+        );
+    });
+}
+
 fn steps(criterion: &mut Criterion) {
     for horizon in [16, 60] {
         let mut recording = record(horizon);
@@ -67,19 +110,14 @@ fn steps(criterion: &mut Criterion) {
                 black_box(report)
             });
         });
-        let mut solver = ClarabelSolver::new(&recording.problems[0], 50).unwrap();
-        let (mut inputs, mut outputs) = (vec![0.0; horizon], vec![0.0; recording.problems[0].free.len()]);
-        criterion.bench_function(&format!("qp_clarabel_{horizon}"), |bencher| {
-            let mut at = 0;
-            bencher.iter_batched(
-                || {
-                    at = (at + 37) % recording.problems.len();
-                    &recording.problems[at]
-                },
-                |problem| solver.solve(problem, f64::INFINITY, &mut inputs, &mut outputs),
-                BatchSize::SmallInput,
-            );
-        });
+        let typical = &recording.problems[0];
+        let mut clarabel = ClarabelSolver::new(typical, 50).unwrap();
+        let mut fast = FastSolver::new(typical, 50).unwrap();
+        let hard = hard_problems(horizon);
+        bench_qp(criterion, &format!("qp_clarabel_{horizon}"), &mut clarabel, &recording.problems);
+        bench_qp(criterion, &format!("qp_fast_{horizon}"), &mut fast, &recording.problems);
+        bench_qp(criterion, &format!("qp_clarabel_hard_{horizon}"), &mut clarabel, &hard);
+        bench_qp(criterion, &format!("qp_fast_hard_{horizon}"), &mut fast, &hard);
         let times = &mut recording.times;
         times.sort_by(f64::total_cmp);
         let at = |share: f64| 1e6 * times[((times.len() - 1) as f64 * share) as usize];

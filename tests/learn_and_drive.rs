@@ -15,7 +15,7 @@ fn slow() -> Effects {
 
 fn drive(route: Route, parameters: ControllerParameters, residual: Option<Residual>) -> Drive {
     let path = Arc::new(Path::from_samples(route.samples(), Closure::Detect).unwrap());
-    let controller = Controller::with_residual(parameters, path.clone(), residual).unwrap();
+    let controller = Controller::predicting_with(parameters, path.clone(), residual.into()).unwrap();
     let car = builtin("c_class").unwrap();
     ClosedLoop::at_start(controller, &car, &slow(), 0.02).unwrap().drive(400.0, |_| ()).unwrap()
 }
@@ -78,6 +78,6 @@ fn a_residual_of_another_car_is_refused_with_the_reason() {
     let model = learn(Kind::Linear);
     let path = Arc::new(Path::from_samples(Route::SudokuTurns.samples(), Closure::Detect).unwrap());
     let other = ControllerParameters::for_car(&builtin("bmw_320i").unwrap());
-    let error = Controller::with_residual(other, path, with(&model)).err().unwrap().to_string();
+    let error = Controller::predicting_with(other, path, with(&model).into()).err().unwrap().to_string();
     assert!(error.contains("mass"), "{error}");
 }

@@ -12,7 +12,8 @@
 use nalgebra::{DMatrix, DVector, Vector4};
 use proptest::prelude::*;
 use rfl_mpc::control::{
-    Affine, ClarabelSolver, Linear, Propagation, QpError, QpShape, QpSolver, SoftBound, TrackingQp, condense,
+    ActiveSetSolver, Affine, ClarabelSolver, Linear, Propagation, QpError, QpShape, QpSolver, SoftBound,
+    TrackingQp, condense,
 };
 use rfl_mpc::nominal::ContinuousErrorModel;
 use rfl_mpc::vehicle::SingleTrack;
@@ -131,7 +132,7 @@ fn suboptimality(problem: &TrackingQp, u: &[f64]) -> (f64, f64) {
     (gap / scale, -slack.min())
 }
 
-fn solve(solver: &mut ClarabelSolver, problem: &TrackingQp) -> Result<Vec<f64>, QpError> {
+fn solve(solver: &mut dyn QpSolver, problem: &TrackingQp) -> Result<Vec<f64>, QpError> {
     let (mut inputs, mut outputs) = (vec![0.0; problem.columns()], vec![0.0; problem.free.len()]);
     solver.solve(problem, f64::INFINITY, &mut inputs, &mut outputs)?;
     let n = inputs.len();
@@ -154,10 +155,13 @@ proptest! {
         let typical = problem(16, [0.1, 0.0, 0.05, 0.0], 0.0, 10.0, 0.0);
         let mut solver = ClarabelSolver::new(&typical, 50).unwrap();
         let problem = problem(16, [e1, e1_rate, e2, e2_rate], curvature, speed, previous);
-        let inputs = solve(&mut solver, &problem).unwrap();
-        let (gap, violation) = suboptimality(&problem, &inputs);
-        prop_assert!(violation < 1e-7, "bounds are violated by {violation}");
-        prop_assert!(gap < 1e-7, "the inputs may cost {gap} more than the optimum, relative to the cost");
+        let mut active_set = ActiveSetSolver::new(&problem.shape);
+        for solver in [&mut solver as &mut dyn QpSolver, &mut active_set] {
+            let inputs = solve(solver, &problem).unwrap();
+            let (gap, violation) = suboptimality(&problem, &inputs);
+            prop_assert!(violation < 1e-7, "bounds are violated by {violation}");
+            prop_assert!(gap < 1e-7, "the inputs may cost {gap} more than the optimum, relative to the cost");
+        }
     }
 }
 

@@ -95,7 +95,7 @@ impl Setup {
 
     /// Connects controller and car at the road's beginning, with a communication step in s.
     pub fn connect(self, residual: Option<Residual>, step: f64) -> Result<ClosedLoop, Box<dyn Error>> {
-        let controller = Controller::with_residual(self.controller, self.path, residual)?;
+        let controller = Controller::predicting_with(self.controller, self.path, residual.into())?;
         Ok(ClosedLoop::at_start(controller, &self.car, &self.effects, step)?)
     }
 
@@ -113,6 +113,7 @@ impl Setup {
         if controller {
             found |= set(&mut self.controller.vehicle, name, value)?;
             found |= set(&mut self.controller.mpc, name, value)?;
+            found |= set(&mut self.controller.observer, name, value)?;
             found |= set(&mut self.controller.speed, name, value)?;
         }
         if car {

@@ -1,20 +1,17 @@
 //! The tracking problem for the interior-point solver Clarabel (Goulart and Chen 2024).
 //!
-//! Variables are `z = [U, y, s]`. The cost of all outputs is condensed onto the inputs,
-//!
-//! ```text
-//! H = sum_i w_i g_i g_i' + r D'D,    f = sum_i w_i g_i (free_i - ref_i) - r D' [u_{-1}; 0; ..]
-//! ```
-//!
-//! with `g_i` a row of `G` and `D` the differences. Only softly bounded outputs appear as variables,
+//! Variables are `z = [U, y, s]`. The cost of all outputs is condensed onto the inputs. Only softly bounded outputs appear as variables,
 //! `y = free + G U`, so that a dense row stands once for its two bounds; rates are bidiagonal rows and bounds unit
 //! rows. The solver is built once, on a typical instance, and its data
 //! are overwritten in place: half the time of a new solver, at a 117th of the allocations (`facts.md` of the
 //! project). Its equilibration is then that of the typical instance; it affects speed, not the solution.
 
+use super::condensed_cost::condense_cost;
 use super::tracking_qp::{QpEnd, QpError, QpReport, QpShape, QpSolver, TrackingQp};
 use clarabel::algebra::CscMatrix;
-use clarabel::solver::{DefaultSettingsBuilder, DefaultSolver, IPSolver, SolverStatus, SupportedConeT};
+use clarabel::solver::{
+    DefaultSettings, DefaultSettingsBuilder, DefaultSolver, IPSolver, SolverStatus, SupportedConeT,
+};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
@@ -31,8 +28,10 @@ pub enum BuildError {
 pub struct ClarabelSolver {
     solver: DefaultSolver<f64>,
     shape: QpShape,
-    /// Non-zeros of the cost's upper triangle, and of those the dense block `H`, column by column.
+    /// Non-zeros of the cost's upper triangle.
     cost: Vec<f64>,
+    /// `H`, a packed lower triangle by rows (its upper one by columns), and where its entries stand in `cost`.
+    hessian: Vec<f64>,
     cost_places: Vec<usize>,
     /// Non-zeros of the constraint matrix.
     matrix: Vec<f64>,
@@ -148,6 +147,28 @@ impl ClarabelSolver {
     /// # Errors
     /// Data that Clarabel refuses.
     pub fn new(typical: &TrackingQp, max_iterations: u32) -> Result<Self, BuildError> {
+        Self::with_settings(typical, settings(max_iterations))
+    }
+
+    /// Builds a slow and exact solver to hold others against: tolerances of 1e-13 with iterative refinement.
+    ///
+    /// # Errors
+    /// Data that Clarabel refuses.
+    pub fn exact(typical: &TrackingQp) -> Result<Self, BuildError> {
+        const TOLERANCE: f64 = 1e-13;
+        let settings = DefaultSettings {
+            tol_gap_abs: TOLERANCE,
+            tol_gap_rel: TOLERANCE,
+            tol_feas: TOLERANCE,
+            iterative_refinement_enable: true,
+            iterative_refinement_reltol: 1e-15,
+            iterative_refinement_abstol: 1e-15,
+            ..settings(500)
+        };
+        Self::with_settings(typical, settings)
+    }
+
+    fn with_settings(typical: &TrackingQp, settings: DefaultSettings<f64>) -> Result<Self, BuildError> {
         let shape = typical.shape.clone();
         let layout = Layout::of(&shape);
         let (n_u, n_b) = (layout.inputs, layout.bounded);
@@ -211,18 +232,13 @@ impl ClarabelSolver {
             rhs[layout.soft() + k] = soft.max;
             rhs[layout.soft() + n_b + k] = -soft.min;
         }
-        write_cost(typical, &cost_places, &mut p.nzval, &mut linear);
+        let mut hessian = vec![0.0; cost_places.len()];
+        condense_cost(typical, &mut hessian, &mut linear[..n_u]);
+        for (&place, &entry) in cost_places.iter().zip(&hessian) {
+            p.nzval[place] = entry;
+        }
         write_rhs(typical, &mut rhs);
 
-        let settings = DefaultSettingsBuilder::default()
-            .verbose(false)
-            .max_iter(max_iterations)
-            .presolve_enable(false)
-            .iterative_refinement_enable(false)
-            .direct_solve_method("qdldl".to_string())
-            .max_threads(1)
-            .build()
-            .expect("the settings are constants within their ranges");
         let cones = [SupportedConeT::ZeroConeT(n_b), SupportedConeT::NonnegativeConeT(layout.rows() - n_b)];
         let mut solver = DefaultSolver::new(&p, &linear, &a, &rhs, &cones, settings)?;
         let clock = Clock::new();
@@ -232,6 +248,7 @@ impl ClarabelSolver {
             solver,
             shape,
             cost: p.nzval,
+            hessian,
             cost_places,
             matrix: a.nzval,
             gain_places,
@@ -242,44 +259,16 @@ impl ClarabelSolver {
     }
 }
 
-/// Condenses the cost of outputs and rates onto the inputs.
-fn write_cost(problem: &TrackingQp, places: &[usize], cost: &mut [f64], linear: &mut [f64]) {
-    let shape = &problem.shape;
-    let (n_u, inputs) = (problem.columns(), shape.inputs);
-    for &place in places {
-        cost[place] = 0.0;
-    }
-    linear[..n_u].fill(0.0);
-    // Column c of the upper triangle begins after 1 + 2 + .. + c entries.
-    let begin = |column: usize| column * (column + 1) / 2;
-    for (row, gain) in problem.gain.chunks_exact(n_u).enumerate() {
-        let (j, i) = (row / shape.outputs, row % shape.outputs);
-        let weight = shape.weight(j, i);
-        if weight == 0.0 {
-            continue;
-        }
-        let error = weight * (problem.free[row] - problem.reference[row]);
-        let reach = &gain[..(j + 1) * inputs];
-        for (column, &right) in reach.iter().enumerate() {
-            let factor = weight * right;
-            let places = &places[begin(column)..=begin(column) + column];
-            for (&place, &left) in places.iter().zip(reach) {
-                cost[place] += factor * left;
-            }
-            linear[column] += error * right;
-        }
-    }
-    for column in 0..n_u {
-        // r (u_j - u_{j-1})^2 summed: 2 r on the diagonal but for the last step, -r beside it.
-        let weight = shape.rate_weight[column % inputs];
-        let last = column + inputs >= n_u;
-        cost[places[begin(column) + column]] += if last { weight } else { 2.0 * weight };
-        if column >= inputs {
-            cost[places[begin(column) + column - inputs]] -= weight;
-        } else {
-            linear[column] -= weight * problem.previous[column];
-        }
-    }
+fn settings(max_iterations: u32) -> DefaultSettings<f64> {
+    DefaultSettingsBuilder::default()
+        .verbose(false)
+        .max_iter(max_iterations)
+        .presolve_enable(false)
+        .iterative_refinement_enable(false)
+        .direct_solve_method("qdldl".to_string())
+        .max_threads(1)
+        .build()
+        .expect("the settings are constants within their ranges")
 }
 
 /// Writes what changes from step to step into the right-hand side.
@@ -310,7 +299,10 @@ impl QpSolver for ClarabelSolver {
         for &(place, at) in &self.gain_places {
             self.matrix[place] = -problem.gain[at];
         }
-        write_cost(problem, &self.cost_places, &mut self.cost, &mut self.linear);
+        condense_cost(problem, &mut self.hessian, &mut self.linear[..problem.columns()]);
+        for (&place, &entry) in self.cost_places.iter().zip(&self.hessian) {
+            self.cost[place] = entry;
+        }
         write_rhs(problem, &mut self.rhs);
         let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
         if !(finite(&self.cost) && finite(&self.matrix) && finite(&self.linear) && finite(&self.rhs)) {
@@ -343,13 +335,7 @@ impl QpSolver for ClarabelSolver {
             _ => return Err(QpError::Numerical { iterations }),
         };
         inputs.copy_from_slice(&solution.x[..inputs.len()]);
-        for ((row, output), gain) in
-            outputs.iter_mut().enumerate().zip(problem.gain.chunks_exact(inputs.len()))
-        {
-            let reach = (row / self.shape.outputs + 1) * self.shape.inputs;
-            let forced: f64 = gain[..reach].iter().zip(&*inputs).map(|(g, u)| g * u).sum();
-            *output = problem.free[row] + forced;
-        }
+        problem.predict(inputs, outputs);
         Ok(QpReport { end, iterations, objective: solution.obj_val })
     }
 }

@@ -95,10 +95,17 @@ pub fn condense<const N: usize>(
         // Its newest command is u_j; the decision p stands j - p places before it.
         let effect_of = |p: usize| (window + p).checked_sub(j + 1).map(|i| commands[i]);
         x = a * x + affine.known[j];
-        for effect in &mut effects[..j] {
-            *effect = a * *effect;
+        if j == 0 || window > 0 {
+            for effect in &mut effects[..j] {
+                *effect = a * *effect;
+            }
+            effects[j] = *b;
+        } else {
+            // Without a residual a decision acts as the one before it did a step ago.
+            let oldest = a * effects[0];
+            effects.copy_within(..j, 1);
+            effects[0] = oldest;
         }
-        effects[j] = *b;
         let propagated = window > 0 && propagation == Propagation::Propagated;
         if propagated {
             x += residual;

@@ -4,12 +4,14 @@
 //! goes on; when that is used up, steering is held and the vehicle brakes.
 
 use super::history::History;
-use super::lateral::{LateralError, LateralInput, LateralMpc, Residual, SpeedAhead};
+use super::lateral::{LateralError, LateralInput, LateralMpc};
 use super::observer::Observer;
 use super::parameters::ControllerParameters;
+use super::preview::SpeedAhead;
 use super::speed::track_speed;
 use super::status::ControlStatus;
 use super::tracking_qp::{QpEnd, QpError, QpReport, TrackingQp};
+use super::variant::PredictionModel;
 use crate::nominal::ErrorState;
 use crate::parameter::{OutOfRange, ParameterGroup};
 use crate::path::{Path, SpeedLimits, SpeedPlan};
@@ -129,20 +131,21 @@ impl Controller {
     /// # Errors
     /// A parameter out of range.
     pub fn new(parameters: ControllerParameters, path: Arc<Path>) -> Result<Self, ControllerError> {
-        Self::with_residual(parameters, path, None)
+        Self::predicting_with(parameters, path, PredictionModel::Nominal)
     }
 
-    /// Sets a controller up that predicts with a learned residual.
+    /// Sets a controller up that predicts with a model of choice.
     ///
     /// # Errors
     /// A parameter out of range; a residual that was learned for another vehicle or sample time.
-    pub fn with_residual(
+    pub fn predicting_with(
         parameters: ControllerParameters,
         path: Arc<Path>,
-        residual: Option<Residual>,
+        model: PredictionModel,
     ) -> Result<Self, ControllerError> {
         parameters.vehicle.check()?;
         parameters.mpc.check()?;
+        parameters.observer.check()?;
         parameters.speed.check()?;
         let speed = &parameters.speed;
         let limits = SpeedLimits {
@@ -152,7 +155,7 @@ impl Controller {
             speed: speed.limit,
         };
         let plan = SpeedPlan::between(&path, &limits, None, true);
-        let lateral = LateralMpc::new(parameters.vehicle.single_track(), parameters.mpc, residual)?;
+        let lateral = LateralMpc::new(parameters.vehicle.single_track(), parameters.mpc, model)?;
         let state = ControllerState {
             steer_cmd: None,
             plan: vec![0.0; parameters.mpc.horizon],
@@ -183,16 +186,18 @@ impl Controller {
 
         let state = Vector4::new(report.e1, report.e1_rate, report.e2, report.e2_rate);
         self.state.history.observe(&state, previous);
+        let observer = self.parameters.observer;
+        let mut estimate = state;
         if far {
             self.state.observer.reset();
-        } else {
-            self.state.observer.observe(&state, self.parameters.mpc.observer_gain);
+        } else if observer.is_on() {
+            estimate = self.state.observer.observe(&state, &observer, self.parameters.mpc.sample_time);
         }
-        let solved = self.solve(&state, measurement.vx, previous, far, &report, begin);
+        let solved = self.solve(&estimate, measurement.vx, previous, far, &report, begin);
         self.command_steering(solved, previous, far, &mut report);
-        if self.parameters.mpc.observer_gain > 0.0 && !far {
+        if observer.is_on() && !far {
             let past = self.state.history.commands();
-            if let Some(next) = self.lateral.next_state(&state, past, report.steer_cmd) {
+            if let Some(next) = self.lateral.next_state(&estimate, past, report.steer_cmd) {
                 self.state.observer.expect(next);
             }
         }
@@ -218,7 +223,7 @@ impl Controller {
         (report.speed_ref, report.accel_cmd) = (target.0, command.accel_cmd);
     }
 
-    /// Solves the lateral MPC for a measured state.
+    /// Solves the lateral MPC for a measured or estimated state.
     fn solve(
         &mut self,
         state: &ErrorState,

@@ -5,35 +5,50 @@
 //! | `parameters.rs` | every weight, bound and gain, declared once |
 //! | `tracking_qp.rs` | the quadratic program of one step, and what a solver is |
 //! | `condense.rs` | from an affine model over the horizon to that program |
+//! | `condensed_cost.rs` | that program's cost over the inputs alone |
+//! | `active_set/`, `cholesky.rs` | its solution by a dual active-set method: fast where few bounds are active |
+//! | `clarabel_solver.rs` | its solution by an interior-point method, updated in place: always works |
+//! | `fast_solver.rs` | the first, and where it fails the second |
 //! | `history.rs` | the window of states and commands that a learned residual looks at |
-//! | `observer.rs` | offset-free tracking: what the prediction misses on average |
-//! | `clarabel_solver.rs` | its solution by an interior-point method, updated in place |
-//! | `lateral.rs` | the MPC: model at the current speed, curvature ahead, cost, bounds |
+//! | `observer.rs` | state and disturbance from noisy measurements: offset-free tracking |
+//! | `preview.rs` | the road over the horizon |
+//! | `lateral.rs` | the MPC: road ahead, cost, bounds |
+//! | `variant/` | what it predicts with: nominal, learned residual, known actuator |
 //! | `speed.rs` | speed tracking |
 //! | `controller.rs` | one step from measurement to commands; fallback |
 //! | `sampler.rs` | when a step is due |
 //! | `status.rs` | what a step did, in words |
 
+mod active_set;
+mod cholesky;
 mod clarabel_solver;
 mod condense;
+mod condensed_cost;
 mod controller;
+mod fast_solver;
 mod history;
 mod lateral;
 mod observer;
 mod parameters;
+mod preview;
 mod sampler;
 mod speed;
 mod status;
 mod tracking_qp;
+mod variant;
 
+pub use active_set::ActiveSetSolver;
 pub use clarabel_solver::{BuildError, ClarabelSolver};
 pub use condense::{Affine, Linear, Propagation, condense};
 pub use controller::{Controller, ControllerError, ControllerState, Measurement, StepError, StepReport};
+pub use fast_solver::{FastSolver, build_solver};
 pub use history::History;
-pub use lateral::{LateralError, LateralInput, LateralMpc, Residual, RollOut, SpeedAhead};
-pub use observer::Observer;
+pub use lateral::{LateralError, LateralInput, LateralMpc};
+pub use observer::{Observer, ObserverParameters};
 pub use parameters::{ControllerParameters, MpcParameters, NominalVehicle, SHOWN_HORIZON, SpeedParameters};
+pub use preview::SpeedAhead;
 pub use sampler::Sampler;
 pub use speed::{SpeedCommand, track_speed};
 pub use status::ControlStatus;
 pub use tracking_qp::{QpEnd, QpError, QpReport, QpShape, QpSolver, SoftBound, TrackingQp};
+pub use variant::{Expected, PredictionModel, Residual, RollOut, Timing};

@@ -1,5 +1,6 @@
 //! The controller's parameters: one table for code, FMU variables, `--set` and documentation.
 
+use super::observer::ObserverParameters;
 use crate::parameters;
 use crate::vehicle::{CarParameters, SingleTrack};
 
@@ -36,9 +37,9 @@ parameters! {
         slack_linear: f64 = 1.0, ONE in 0.0, 1e9; "mpc.slack_linear", "Weight of the excess over the soft bound, per m"
         dither: f64 = 0.0, RADIAN in 0.0, 0.1; "mpc.dither", "Amplitude of a random steering dither, for collecting drives to learn from"
         dither_seed: usize = 1, ONE in 0.0, 1e6; "mpc.dither_seed", "Seed of the dither"
-        observer_gain: f64 = 0.0, ONE in 0.0, 1.0; "mpc.observer_gain", "Gain L of the disturbance observer for one step; 0 switches it off"
         min_model_speed: f64 = 1.5, METRE_PER_SECOND in 0.3, 10.0; "mpc.min_model_speed", "Speed below which the prediction model is held, for it is stiff at standstill"
-        max_iterations: usize = 50, ONE in 1.0, 1000.0; "mpc.max_iterations", "Iterations after which the solver gives up"
+        solver: usize = 0, ONE in 0.0, 1.0; "mpc.solver", "Solver of the QP: 0 for the active-set method, and Clarabel where it does not get through; 1 for Clarabel alone"
+        max_iterations: usize = 50, ONE in 1.0, 1000.0; "mpc.max_iterations", "Iterations after which Clarabel gives up (the active-set method has a bound of its own)"
         deadline: f64 = 0.0, SECOND in 0.0, 10.0; "mpc.deadline", "Wall-clock time after which the solver gives up and the last plan goes on; 0 for none (results then depend on nothing but inputs)"
     }
 }
@@ -64,6 +65,7 @@ parameters! {
 pub struct ControllerParameters {
     pub vehicle: NominalVehicle,
     pub mpc: MpcParameters,
+    pub observer: ObserverParameters,
     pub speed: SpeedParameters,
 }
 

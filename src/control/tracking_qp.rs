@@ -14,6 +14,7 @@
 //! switch the bound off for all others. The problem always has a solution as long as `u_{-1}` is within reach of
 //! its bounds.
 
+use super::cholesky::dot;
 use serde::{Deserialize, Serialize};
 
 /// A softly bounded output, at every step of the horizon.
@@ -151,5 +152,14 @@ impl TrackingQp {
     #[must_use]
     pub fn columns(&self) -> usize {
         self.shape.horizon * self.shape.inputs
+    }
+
+    /// Writes the outputs that inputs cause, `free + G U`.
+    pub fn predict(&self, inputs: &[f64], outputs: &mut [f64]) {
+        for (row, (output, gain)) in outputs.iter_mut().zip(self.gain.chunks_exact(inputs.len())).enumerate()
+        {
+            let reach = (row / self.shape.outputs + 1) * self.shape.inputs;
+            *output = self.free[row] + dot(&gain[..reach], inputs);
+        }
     }
 }

@@ -57,8 +57,8 @@ struct Variables {
     residual_file: Vr,
     propagation: Vr,
     roll_out: Vr,
-    /// First of the numeric parameters of each group: vehicle, mpc, speed.
-    groups: [Vr; 3],
+    /// First of the numeric parameters of each group: vehicle, mpc, speed, observer.
+    groups: [Vr; 4],
 }
 
 /// The signals that the controller is told, in the order of [`Measurement`].
@@ -189,6 +189,7 @@ fn declare() -> (Declaration, Variables) {
         add_group::<NominalVehicle>(d),
         add_group::<crate::control::MpcParameters>(d),
         add_group::<crate::control::SpeedParameters>(d),
+        add_group::<crate::control::ObserverParameters>(d),
     ];
     let variables = Variables {
         inputs,
@@ -260,6 +261,7 @@ impl Model for RflMpc {
         read_group(&mut parameters.vehicle, v.groups[0], values);
         read_group(&mut parameters.mpc, v.groups[1], values);
         read_group(&mut parameters.speed, v.groups[2], values);
+        read_group(&mut parameters.observer, v.groups[3], values);
         write_group(&parameters.vehicle, v.groups[0], values);
         write_group(&parameters.mpc, v.groups[1], values);
 
@@ -283,7 +285,8 @@ impl Model for RflMpc {
                 })
             }
         };
-        let controller = Controller::with_residual(parameters, Arc::new(path), residual).map_err(failed)?;
+        let controller =
+            Controller::predicting_with(parameters, Arc::new(path), residual.into()).map_err(failed)?;
 
         let path = controller.path();
         values.set_real(v.path_length, path.length());

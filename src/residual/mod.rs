@@ -68,7 +68,7 @@ mod hash;
 mod leaf;
 mod least_squares;
 mod model;
-mod parallel;
+pub(crate) mod parallel;
 mod random;
 mod table;
 mod train;

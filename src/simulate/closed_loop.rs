@@ -4,9 +4,11 @@
 //! point `t_k = k h` the controller reads the car's outputs and steps, the car takes its commands and steps
 //! (Gauss-Seidel, controller first: no step of delay between them).
 
-use super::metrics::{TimeMetrics, TrackingMetrics};
-use crate::control::{Controller, Measurement, Sampler, StepError};
+use super::metrics::{InputMetrics, TimeMetrics, TrackingMetrics};
+use super::noise::SensorNoise;
+use crate::control::{ControlStatus, Controller, Measurement, Sampler, StepError, Timing};
 use crate::path::RoadClass;
+use crate::residual::Random;
 use crate::signal::{self, Signal};
 use crate::vehicle::car::CarError;
 use crate::vehicle::{Car, CarInput, CarParameters, Effects};
@@ -38,7 +40,7 @@ pub const COLUMNS: [Signal; 20] = [
 
 /// Places of columns that are asked for at each step.
 const TIME: usize = 0;
-const E1: usize = 13;
+const STEER_CMD: usize = 1;
 /// Place of the station in a [`Row`].
 pub const STATION: usize = 17;
 
@@ -62,13 +64,16 @@ pub struct ClosedLoop {
     sampler: Sampler,
     step: f64,
     count: u32,
+    noise: Option<(SensorNoise, Random)>,
+    /// True lateral error at the newest row.
+    lateral_error: f64,
 }
 
 impl ClosedLoop {
     /// Connects the two with a communication step in s. The car stands where it was placed.
     #[must_use]
     pub fn new(controller: Controller, car: Car, step: f64) -> Self {
-        Self { controller, car, sampler: Sampler::new(0.0), step, count: 0 }
+        Self { controller, car, sampler: Sampler::new(0.0), step, count: 0, noise: None, lateral_error: 0.0 }
     }
 
     /// Connects a controller with a car that stands where the controller's path begins, as fast as is planned there,
@@ -89,10 +94,22 @@ impl ClosedLoop {
         Ok(Self::new(controller, car, step))
     }
 
+    /// Lets the controller be told noisy measurements; the log holds what it is told.
+    #[must_use]
+    pub fn with_noise(self, noise: SensorNoise, seed: u64) -> Self {
+        Self { noise: Some((noise, Random::new(seed))), ..self }
+    }
+
     /// The controller.
     #[must_use]
     pub fn controller(&self) -> &Controller {
         &self.controller
+    }
+
+    /// True lateral error at the newest row, m: that of the car, not that which a noisy measurement shows.
+    #[must_use]
+    pub fn lateral_error(&self) -> f64 {
+        self.lateral_error
     }
 
     /// Makes one communication step and gives the row of its beginning, with the wall-clock time of the control
@@ -105,34 +122,39 @@ impl ClosedLoop {
         let car = *self.car.output();
         let sample_time = self.controller.parameters().mpc.sample_time;
         let mut computed = None;
+        let mut seen = Measurement {
+            x: car.x,
+            y: car.y,
+            yaw: car.yaw,
+            vx: car.vx,
+            vy: car.vy,
+            yaw_rate: car.yaw_rate,
+            steer: car.steer,
+        };
+        if let Some((noise, random)) = &mut self.noise {
+            noise.disturb(&mut seen, random);
+        }
         if self.sampler.due(time, sample_time) {
-            let measurement = Measurement {
-                x: car.x,
-                y: car.y,
-                yaw: car.yaw,
-                vx: car.vx,
-                vy: car.vy,
-                yaw_rate: car.yaw_rate,
-                steer: car.steer,
-            };
-            let report = self
-                .controller
-                .step(&measurement)
-                .map_err(|source| DriveError::Controller { time, source })?;
+            let report =
+                self.controller.step(&seen).map_err(|source| DriveError::Controller { time, source })?;
             computed = Some(report.compute_time);
         }
         let report = self.controller.report();
+        self.lateral_error = match self.noise {
+            Some(_) => self.controller.path().project(car.x, car.y, car.yaw, Some(report.station)).e1,
+            None => report.e1,
+        };
         let input = CarInput { steer_cmd: report.steer_cmd, accel_cmd: report.accel_cmd };
         let row = [
             time,
             report.steer_cmd,
             report.accel_cmd,
-            car.x,
-            car.y,
-            car.yaw,
-            car.vx,
-            car.vy,
-            car.yaw_rate,
+            seen.x,
+            seen.y,
+            seen.yaw,
+            seen.vx,
+            seen.vy,
+            seen.yaw_rate,
             car.ax,
             car.ay,
             car.steer,
@@ -155,17 +177,39 @@ impl ClosedLoop {
     /// # Errors
     /// Controller or car cannot go on.
     pub fn drive(&mut self, duration: f64, mut progress: impl FnMut(&Row)) -> Result<Drive, DriveError> {
-        let mut drive =
-            Drive { rows: Vec::new(), classes: Vec::new(), step_times: Vec::new(), finished: false };
+        self.drive_while(duration, |row, _| {
+            progress(row);
+            true
+        })
+    }
+
+    /// The same, as long as `go_on` says so of a row and the true lateral error in m.
+    ///
+    /// # Errors
+    /// Controller or car cannot go on.
+    pub fn drive_while(
+        &mut self,
+        duration: f64,
+        mut go_on: impl FnMut(&Row, f64) -> bool,
+    ) -> Result<Drive, DriveError> {
+        let mut drive = Drive::default();
         let steps = (duration / self.step).round().max(0.0) as u64;
         for _ in 0..steps {
             let (row, computed) = self.advance()?;
             drive.classes.push(self.controller.path().at(row[STATION]).class);
             drive.rows.push(row);
-            drive.step_times.extend(computed);
-            progress(&row);
-            if self.controller.report().finished {
+            drive.lateral_errors.push(self.lateral_error);
+            if let Some(time) = computed {
+                drive.step_times.push(time);
+                drive.timings.push(self.controller.lateral().timing());
+            }
+            let goes_on = go_on(&row, self.lateral_error);
+            let report = self.controller.report();
+            drive.lost |= report.status == ControlStatus::FarFromPath || !goes_on;
+            if report.finished {
                 drive.finished = true;
+            }
+            if drive.finished || !goes_on {
                 break;
             }
         }
@@ -174,14 +218,20 @@ impl ClosedLoop {
 }
 
 /// A recorded drive.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Drive {
     /// One row for each communication step.
     pub rows: Vec<Row>,
     /// Road class at each row, where the path has classes.
     pub classes: Vec<Option<RoadClass>>,
+    /// True lateral error at each row, m.
+    pub lateral_errors: Vec<f64>,
     /// Wall-clock time of each control step, s.
     pub step_times: Vec<f64>,
+    /// Where that time went.
+    pub timings: Vec<Timing>,
+    /// Whether the car was ever so far from the path that the controller gave up tracking: the loop has diverged.
+    pub lost: bool,
     /// Whether the path's end, or a full lap, was reached.
     pub finished: bool,
 }
@@ -205,19 +255,21 @@ impl Drive {
     /// Lateral tracking error over the whole drive.
     #[must_use]
     pub fn tracking(&self) -> TrackingMetrics {
-        TrackingMetrics::of(self.lateral_errors().map(|(error, _)| error))
+        TrackingMetrics::of(self.lateral_errors.iter().copied())
     }
 
     /// Lateral tracking error on one class of road.
     #[must_use]
     pub fn tracking_on(&self, class: RoadClass) -> TrackingMetrics {
-        TrackingMetrics::of(
-            self.lateral_errors().filter(|(_, at)| *at == Some(class)).map(|(error, _)| error),
-        )
+        let errors = self.lateral_errors.iter().zip(&self.classes);
+        TrackingMetrics::of(errors.filter(|(_, at)| **at == Some(class)).map(|(error, _)| *error))
     }
 
-    fn lateral_errors(&self) -> impl Iterator<Item = (f64, Option<RoadClass>)> {
-        self.rows.iter().zip(&self.classes).map(|(row, class)| (row[E1], *class))
+    /// How rough the steering was. Rows are taken as control steps.
+    #[must_use]
+    pub fn steering(&self) -> InputMetrics {
+        let commands = self.rows.iter().map(|row| (row[TIME], row[STEER_CMD]));
+        InputMetrics::of(commands)
     }
 
     /// Wall-clock times of the control steps.
@@ -247,7 +299,7 @@ mod tests {
 
     #[test]
     fn places_are_those_of_their_columns() {
-        let names = [TIME, E1, STATION].map(|place| COLUMNS[place].name);
-        assert_eq!(names, ["time", "e1", "station"]);
+        let names = [TIME, STEER_CMD, STATION].map(|place| COLUMNS[place].name);
+        assert_eq!(names, ["time", "steer_cmd", "station"]);
     }
 }

@@ -33,6 +33,36 @@ impl TrackingMetrics {
     }
 }
 
+/// How rough a steering command is.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct InputMetrics {
+    /// Root mean square of the command's rate, rad/s.
+    pub rate_rms: f64,
+    /// Root mean square of the change of that rate from step to step, rad/s: chatter.
+    pub chatter_rms: f64,
+}
+
+impl InputMetrics {
+    /// Over times in s and commands in rad, one for each control step. Zeros for fewer than two.
+    pub fn of(commands: impl IntoIterator<Item = (f64, f64)>) -> Self {
+        let mut last: Option<(f64, f64)> = None;
+        let mut rate_before = None;
+        let (mut rates, mut changes, mut count) = (0.0, 0.0, 0_usize);
+        for (time, command) in commands {
+            if let Some((time_before, before)) = last {
+                let rate = (command - before) / (time - time_before);
+                rates += rate * rate;
+                changes += rate_before.map_or(0.0, |before: f64| (rate - before) * (rate - before));
+                rate_before = Some(rate);
+                count += 1;
+            }
+            last = Some((time, command));
+        }
+        let n = count.max(1) as f64;
+        Self { rate_rms: (rates / n).sqrt(), chatter_rms: (changes / n).sqrt() }
+    }
+}
+
 /// Wall-clock times of control steps, in s.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 #[allow(missing_docs)]
@@ -71,6 +101,15 @@ mod tests {
         let metrics = TrackingMetrics::of([3.0, -4.0, 0.0, 0.0]);
         assert_eq!(metrics, TrackingMetrics { mae: 1.75, rmse: 2.5, max: 4.0, count: 4 });
         assert_eq!(TrackingMetrics::of([]), TrackingMetrics::default());
+    }
+
+    #[test]
+    fn roughness_of_a_known_command() {
+        let commands = [0.0, 0.1, 0.0, 0.1].iter().enumerate().map(|(k, &u)| (k as f64, u));
+        let metrics = InputMetrics::of(commands);
+        assert!((metrics.rate_rms - 0.1).abs() < 1e-15);
+        assert!((metrics.chatter_rms - (2.0 * 0.04 / 3.0_f64).sqrt()).abs() < 1e-15);
+        assert_eq!(InputMetrics::of([]), InputMetrics::default());
     }
 
     #[test]

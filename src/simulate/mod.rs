@@ -3,10 +3,15 @@
 //! | file | problem |
 //! |---|---|
 //! | `closed_loop.rs` | controller and car, step by step; the drive log |
-//! | `metrics.rs` | tracking error and step time in a few numbers |
+//! | `experiment/` | the comparison of all variants on several plants |
+//! | `noise.rs` | noise on what the controller is told |
+//! | `metrics.rs` | tracking error, roughness of the steering and step time in a few numbers |
 
 mod closed_loop;
+pub mod experiment;
 mod metrics;
+mod noise;
 
 pub use closed_loop::{COLUMNS, ClosedLoop, Drive, DriveError, Row, STATION};
-pub use metrics::{TimeMetrics, TrackingMetrics};
+pub use metrics::{InputMetrics, TimeMetrics, TrackingMetrics};
+pub use noise::SensorNoise;

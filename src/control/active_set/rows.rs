@@ -1,0 +1,168 @@
+//! The rows `a'U <= b` of the tracking problem, and those of them in the working set.
+
+use crate::control::cholesky::{add, dot};
+use crate::control::tracking_qp::{QpShape, TrackingQp};
+
+/// A family of rows; each row has an upper side (sign +1) and a lower one (sign -1).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Family {
+    Rate,
+    Bound,
+    Soft,
+}
+
+/// One side of one row.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Row {
+    pub(super) family: Family,
+    /// Column of the input, or number of the soft row, `step * soft bounds + bound`.
+    pub(super) index: usize,
+    pub(super) sign: f64,
+}
+
+/// A row of the working set.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Member {
+    pub(super) row: Row,
+    /// Where its column `H^-1 a` stands.
+    pub(super) slot: usize,
+    pub(super) multiplier: f64,
+    /// Whether it is soft and exceeded.
+    pub(super) yields: bool,
+}
+
+impl Row {
+    /// Place among all rows.
+    pub(super) fn place(&self, inputs: usize) -> usize {
+        self.index
+            + match self.family {
+                Family::Rate => 0,
+                Family::Bound => inputs,
+                Family::Soft => 2 * inputs,
+            }
+    }
+
+    /// Step and number of the bound of a soft row.
+    pub(super) fn soft(&self, shape: &QpShape) -> (usize, usize) {
+        (self.index / shape.soft.len(), self.index % shape.soft.len())
+    }
+
+    /// Row of the gain of a soft row, as far as it reaches.
+    pub(super) fn gain<'a>(&self, problem: &'a TrackingQp) -> &'a [f64] {
+        let shape = &problem.shape;
+        let (step, bound) = self.soft(shape);
+        let row = step * shape.outputs + shape.soft[bound].output;
+        &problem.gain[row * problem.columns()..][..(step + 1) * shape.inputs]
+    }
+
+    /// `a'x`.
+    pub(super) fn dot(&self, problem: &TrackingQp, x: &[f64]) -> f64 {
+        let value = match self.family {
+            Family::Rate => {
+                let before = self.index.checked_sub(problem.shape.inputs).map_or(0.0, |before| x[before]);
+                x[self.index] - before
+            }
+            Family::Bound => x[self.index],
+            Family::Soft => dot(self.gain(problem), x),
+        };
+        self.sign * value
+    }
+
+    /// `y += factor a`.
+    pub(super) fn add(&self, problem: &TrackingQp, factor: f64, y: &mut [f64]) {
+        let factor = factor * self.sign;
+        match self.family {
+            Family::Soft => add(y, factor, self.gain(problem)),
+            Family::Bound => y[self.index] += factor,
+            Family::Rate => {
+                y[self.index] += factor;
+                if let Some(before) = self.index.checked_sub(problem.shape.inputs) {
+                    y[before] -= factor;
+                }
+            }
+        }
+    }
+
+    /// Entries of `a` before the first that is not zero.
+    pub(super) fn zeros(&self, shape: &QpShape) -> usize {
+        match self.family {
+            Family::Rate => self.index.saturating_sub(shape.inputs),
+            Family::Bound => self.index,
+            Family::Soft => 0,
+        }
+    }
+
+    /// `a'U - b`.
+    pub(super) fn excess(&self, problem: &TrackingQp, inputs: &[f64], outputs: &[f64]) -> f64 {
+        let shape = &problem.shape;
+        let sided = |value: f64, min: f64, max: f64| if self.sign > 0.0 { value - max } else { min - value };
+        match self.family {
+            Family::Rate => {
+                let i = self.index % shape.inputs;
+                let before =
+                    self.index.checked_sub(shape.inputs).map_or(problem.previous[i], |before| inputs[before]);
+                sided(inputs[self.index] - before, -shape.rate_max[i], shape.rate_max[i])
+            }
+            Family::Bound => {
+                let i = self.index % shape.inputs;
+                sided(inputs[self.index], shape.input_min[i], shape.input_max[i])
+            }
+            Family::Soft => {
+                let (step, bound) = self.soft(shape);
+                let soft = &shape.soft[bound];
+                sided(outputs[step * shape.outputs + soft.output], soft.min, soft.max)
+            }
+        }
+    }
+
+    /// The measure for its excess.
+    pub(super) fn width(&self, shape: &QpShape) -> f64 {
+        match self.family {
+            Family::Rate | Family::Bound => input_width(shape, self.index % shape.inputs),
+            Family::Soft => soft_width(shape, self.soft(shape).1),
+        }
+    }
+
+    /// Linear penalty and compliance `1/q` of a soft row.
+    pub(super) fn penalty(&self, shape: &QpShape) -> Option<(f64, f64)> {
+        (self.family == Family::Soft).then(|| {
+            let soft = &shape.soft[self.soft(shape).1];
+            (soft.linear, 1.0 / soft.quadratic)
+        })
+    }
+}
+
+impl Member {
+    /// Its entry of `C`.
+    pub(super) fn compliance(&self, shape: &QpShape) -> f64 {
+        self.row.penalty(shape).filter(|_| self.yields).map_or(0.0, |(_, compliance)| compliance)
+    }
+
+    /// Its slack as its multiplier says.
+    pub(super) fn slack(&self, shape: &QpShape) -> f64 {
+        self.row
+            .penalty(shape)
+            .filter(|_| self.yields)
+            .map_or(0.0, |(linear, compliance)| (self.multiplier - linear) * compliance)
+    }
+
+    /// How far its multiplier is from where its state has it.
+    pub(super) fn dual_violation(&self, shape: &QpShape) -> f64 {
+        match (self.row.penalty(shape), self.yields) {
+            (Some((linear, _)), true) => linear - self.multiplier,
+            (Some((linear, _)), false) => (-self.multiplier).max(self.multiplier - linear),
+            (None, _) => -self.multiplier,
+        }
+    }
+}
+
+/// Width of the range of an input, the measure for what violates its bounds.
+pub(super) fn input_width(shape: &QpShape, i: usize) -> f64 {
+    shape.input_max[i] - shape.input_min[i]
+}
+
+/// Width of the range of a softly bounded output.
+pub(super) fn soft_width(shape: &QpShape, bound: usize) -> f64 {
+    let width = shape.soft[bound].max - shape.soft[bound].min;
+    if width > 0.0 { width } else { 1.0 }
+}

@@ -1,0 +1,60 @@
+//! The road over the horizon, as the speed plan will drive it.
+
+use crate::path::Path;
+use crate::residual::ROAD;
+
+/// Speed over the horizon, as the speed plan has it.
+#[derive(Debug, Clone, Copy)]
+#[allow(missing_docs)]
+pub struct SpeedAhead {
+    pub speed: f64,
+    pub accel: f64,
+}
+
+/// The road ahead at each step of the horizon.
+#[derive(Debug, Clone, Default)]
+pub struct Preview {
+    /// Station at the end of each step, m.
+    pub station: Vec<f64>,
+    /// Heading rate of the path, `v kappa`, at the middle of each step, rad/s.
+    pub heading_rate: Vec<f64>,
+    /// Heading acceleration of the path, `v^2 kappa' + a kappa`, there, rad/s2.
+    pub heading_accel: Vec<f64>,
+    /// Curvature at the end of each step, 1/m.
+    pub curvature: Vec<f64>,
+    /// Speed, curvature and curvature rate at the beginning of each step; m/s, 1/m, 1/m2.
+    pub road: Vec<[f64; ROAD]>,
+}
+
+impl Preview {
+    /// Room for a horizon.
+    #[must_use]
+    pub fn new(horizon: usize) -> Self {
+        Self {
+            station: vec![0.0; horizon],
+            heading_rate: vec![0.0; horizon],
+            heading_accel: vec![0.0; horizon],
+            curvature: vec![0.0; horizon],
+            road: vec![[0.0; ROAD]; horizon],
+        }
+    }
+
+    /// Reads the road over the horizon: at the middle of each step for what drives the model, at its end for what is
+    /// compared with the state there.
+    pub fn look(&mut self, path: &Path, station: f64, ahead: SpeedAhead, sample_time: f64) {
+        let (mut s, mut v) = (station, ahead.speed);
+        for j in 0..self.station.len() {
+            let next = (v + ahead.accel * sample_time).max(0.0);
+            let mean = 0.5 * (v + next);
+            self.road[j] = [v, path.curvature(s), path.curvature_rate(s)];
+            let middle = s + 0.5 * mean * sample_time;
+            let curvature = path.curvature(middle);
+            self.heading_rate[j] = mean * curvature;
+            self.heading_accel[j] = mean * mean * path.curvature_rate(middle) + ahead.accel * curvature;
+            s += mean * sample_time;
+            self.station[j] = s;
+            self.curvature[j] = path.curvature(s);
+            v = next;
+        }
+    }
+}

@@ -1,0 +1,111 @@
+//! The nominal linear model behind a steering actuator with dead time and lag: the engineer who knows the actuator, and
+//! with its true constants the oracle.
+//!
+//! The angle at the road wheels is not measured: the actuator is run over the issued commands.
+
+use super::{Expected, Qp, Variant};
+use crate::control::condense::{Affine, Linear, Propagation, condense};
+use crate::control::lateral::LateralInput;
+use crate::control::parameters::MpcParameters;
+use crate::control::preview::Preview;
+use crate::control::tracking_qp::{QpError, QpReport};
+use crate::nominal::{
+    ActuatedModel, ActuatedState, Actuator, ContinuousErrorModel, ErrorState, steady_yaw_error,
+};
+use crate::vehicle::SingleTrack;
+use std::time::Instant;
+
+/// So many time constants of the lag are looked back: what was before them counts e^-10.
+const MEMORY: f64 = 10.0;
+
+/// The variant.
+pub struct Actuated {
+    vehicle: SingleTrack,
+    actuator: Actuator,
+    sample_time: f64,
+    min_model_speed: f64,
+    affine: Affine<5>,
+    window: usize,
+    model: Option<ActuatedModel>,
+}
+
+impl Actuated {
+    pub fn new(vehicle: SingleTrack, p: &MpcParameters, actuator: Actuator) -> Self {
+        // The newest command, those of the dead time, and one more for a dead time that is no whole number of steps.
+        let commands = actuator.delay(p.sample_time).0 + 2;
+        let memory = (MEMORY * actuator.time_constant / p.sample_time).ceil() as usize;
+        Self {
+            vehicle,
+            actuator,
+            sample_time: p.sample_time,
+            min_model_speed: p.min_model_speed,
+            affine: Affine::new(p.horizon, commands),
+            window: commands + memory,
+            model: None,
+        }
+    }
+}
+
+fn extended(state: &ErrorState, angle: f64) -> ActuatedState {
+    ActuatedState::new(state[0], state[1], state[2], state[3], angle)
+}
+
+impl Variant for Actuated {
+    fn plan(
+        &mut self,
+        input: &LateralInput<'_>,
+        preview: &Preview,
+        _previous: f64,
+        qp: &mut Qp,
+    ) -> Result<QpReport, QpError> {
+        let begin = Instant::now();
+        let speed = input.ahead.speed.max(self.min_model_speed);
+        let Ok(model) = ContinuousErrorModel::new(&self.vehicle, speed) else {
+            return Err(QpError::Numerical { iterations: 0 });
+        };
+        let model = self.actuator.discretise(&model, self.sample_time);
+        let disturbance = extended(input.disturbance, 0.0);
+        let window = self.affine.window;
+        for (j, known) in self.affine.known.iter_mut().enumerate() {
+            *known = model.d * preview.heading_rate[j] + model.e * preview.heading_accel[j] + disturbance;
+        }
+        for commands in self.affine.command.chunks_exact_mut(window) {
+            (commands[0], commands[1]) = (model.older, model.newer);
+        }
+        let all = input.history.commands();
+        let past = &all[all.len() + 1 - window..];
+        let start = extended(input.state, model.angle(all));
+        let linear = Linear { a: &model.a, b: &ActuatedState::zeros() };
+        condense(
+            linear,
+            &start,
+            &mut self.affine,
+            past,
+            Propagation::Propagated,
+            &qp.tracked,
+            &mut qp.problem,
+        );
+        let yaw_error = steady_yaw_error(&self.vehicle, input.ahead.speed);
+        qp.refer(|j| yaw_error * preview.curvature[j]);
+        qp.timing.condense = begin.elapsed().as_secs_f64();
+        self.model = Some(model);
+        qp.solve(input.time_limit)
+    }
+
+    fn next_state(&self, state: &ErrorState, past: &[f64], steer: f64) -> Option<Expected> {
+        let model = self.model.as_ref()?;
+        let back = |steps: usize| if steps == 0 { steer } else { past[past.len() - steps] };
+        let next = model.a * extended(state, model.angle(past))
+            + model.newer * back(model.delay)
+            + model.older * back(model.delay + 1)
+            + self.affine.known[0];
+        Some(Expected {
+            state: next.fixed_rows::<4>(0).into_owned(),
+            transition: model.a.fixed_view::<4, 4>(0, 0).into_owned(),
+        })
+    }
+
+    fn window(&self) -> usize {
+        self.window
+    }
+}
