@@ -308,6 +308,7 @@ mod tests {
             timing: Timing::default(),
             solved: 0,
         };
+        qp.problem.previous[0] = 0.2;
         let circle = (0..100).map(|k| {
             let angle = f64::from(k) * std::f64::consts::TAU / 100.0;
             Sample::at(12.0 * angle.cos(), 12.0 * angle.sin())
