@@ -24,10 +24,9 @@ fn solve(mut a: Vec<Vec<f64>>, mut b: Vec<f64>) -> (Vec<f64>, f64) {
         log_determinant += a[c][c].abs().ln();
         for i in 0..n {
             if i != c {
-                let factor = a[i][c] / a[c][c];
-                for j in c..n {
-                    a[i][j] -= factor * a[c][j];
-                }
+                let pivot = a[c].clone();
+                let factor = a[i][c] / pivot[c];
+                a[i].iter_mut().zip(&pivot).for_each(|(value, pivot)| *value -= factor * pivot);
                 b[i] -= factor * b[c];
             }
         }

@@ -9,6 +9,7 @@ use rfl_mpc::residual::{ConfigError, DataConfig, DataSet, Progress, Stage};
 use rfl_mpc::vehicle::SingleTrack;
 use std::sync::Mutex;
 
+/// A fast one; as to smoothing, the default.
 fn small() -> GpConfig {
     GpConfig { points: 80, hyperparameter_samples: 150, candidates: 1500, starts: 2, ..GpConfig::default() }
 }
@@ -70,7 +71,14 @@ fn noise_is_averaged_out() {
 #[test]
 fn the_same_seed_gives_the_same_bits_on_any_number_of_threads() {
     let data = data(&Plant { lag: 0.1, noise: 1.0 }, 3, 500, 1);
-    let config = GpConfig { points: 40, hyperparameter_samples: 80, iterations: 15, threads: 1, ..small() };
+    let config = GpConfig {
+        smoothing: Smoothing::Choose(vec![0, 3]),
+        points: 40,
+        hyperparameter_samples: 80,
+        iterations: 15,
+        threads: 1,
+        ..small()
+    };
     let one = train(&data, None, &config, &|_| ()).unwrap();
     let bytes = one.model.to_bytes().unwrap();
     for threads in [2, 3] {
@@ -86,8 +94,13 @@ fn the_same_seed_gives_the_same_bits_on_any_number_of_threads() {
 fn it_says_how_far_it_is_and_ends_complete() {
     let data = data(&Plant::default(), 2, 300, 1);
     let seen = Mutex::new(vec![]);
-    train(&data, None, &GpConfig { points: 20, iterations: 5, ..small() }, &|p| seen.lock().unwrap().push(p))
-        .unwrap();
+    train(
+        &data,
+        None,
+        &GpConfig { smoothing: Smoothing::Fixed(0), points: 20, iterations: 5, ..small() },
+        &|p| seen.lock().unwrap().push(p),
+    )
+    .unwrap();
     let seen = seen.into_inner().unwrap();
     for (stage, total) in [(Stage::Hyperparameters, 4), (Stage::Weights, 2), (Stage::Report, 1)] {
         assert!(seen.contains(&Progress { stage, done: 0, total }), "{seen:?}");
@@ -98,7 +111,8 @@ fn it_says_how_far_it_is_and_ends_complete() {
 #[test]
 fn outside_the_training_range_it_says_so_and_falls_back_to_nominal() {
     let data = data(&Plant::default(), 4, 400, 1);
-    let model = train(&data, None, &small(), &|_| ()).unwrap().model;
+    let model =
+        train(&data, None, &GpConfig { smoothing: Smoothing::Fixed(0), ..small() }, &|_| ()).unwrap().model;
     let samples = Samples::new(&data, &Bicycle::new(&car(), 1.0).unwrap(), 0);
     let mut room = vec![];
     let prior: Vec<f64> = model.schema().outputs.iter().map(|o| o.signal * o.signal).collect();

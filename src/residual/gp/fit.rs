@@ -55,7 +55,7 @@ const NOISE: [f64; 2] = [1e-4, 3.0];
 /// Corrections that L-BFGS keeps: as many as there are unknowns, or more.
 const MEMORY: usize = 8;
 /// Change of the mean log likelihood of a sample below which the search ends.
-const TOLERANCE: f64 = 1e-8;
+const TOLERANCE: f64 = 1e-7;
 
 /// Searches the hyperparameters of one output or of several, on the same inputs. `labels[o]` are those of output `o`;
 /// `done` is called after each start of each output.

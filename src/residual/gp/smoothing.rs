@@ -31,8 +31,8 @@ pub const STEPS: usize = 16;
 /// Smoothing of the states from which all candidates' predictions start.
 const START: usize = 2;
 /// Size of the small processes.
-const HYPERPARAMETER_SAMPLES: usize = 150;
-const POINTS: usize = 60;
+const HYPERPARAMETER_SAMPLES: usize = 250;
+const POINTS: usize = 100;
 const ROWS: usize = 4000;
 const ITERATIONS: u64 = 30;
 

@@ -249,3 +249,105 @@ impl Variant for BicycleMpc {
         Some(&self.roll_out)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::history::History;
+    use crate::control::preview::SpeedAhead;
+    use crate::control::tracking_qp::{QpShape, QpSolver, SoftBound, TrackingQp};
+    use crate::control::variant::Timing;
+    use crate::control::{ActiveSetSolver, ControllerParameters};
+    use crate::path::{Closure, Sample};
+    use nalgebra::Vector4;
+
+    /// A solver that is out of time after some QPs.
+    struct OutOfTime {
+        solver: ActiveSetSolver,
+        left: u32,
+    }
+
+    impl QpSolver for OutOfTime {
+        fn solve(
+            &mut self,
+            problem: &TrackingQp,
+            time_limit: f64,
+            inputs: &mut [f64],
+            outputs: &mut [f64],
+        ) -> Result<QpReport, QpError> {
+            if self.left == 0 {
+                inputs.fill(f64::NAN);
+                return Err(QpError::TimeLimit { iterations: 3 });
+            }
+            self.left -= 1;
+            self.solver.solve(problem, time_limit, inputs, outputs)
+        }
+    }
+
+    fn plan(qps: u32) -> (Result<QpReport, QpError>, Vec<f64>) {
+        let p = ControllerParameters::default();
+        let horizon = p.mpc.horizon;
+        let shape = QpShape {
+            horizon,
+            outputs: 3,
+            inputs: 1,
+            output_weight: vec![1.0, 0.4, 1.0],
+            terminal_factor: 1.0,
+            rate_weight: vec![75.0],
+            input_min: vec![-0.6],
+            input_max: vec![0.6],
+            rate_max: vec![0.016],
+            soft: vec![SoftBound { output: 0, min: -0.5, max: 0.5, quadratic: 100.0, linear: 1.0 }],
+        };
+        let mut qp = Qp {
+            tracked: vec![0, 1, 2],
+            solver: Box::new(OutOfTime { solver: ActiveSetSolver::new(&shape), left: qps }),
+            problem: TrackingQp::new(shape),
+            inputs: vec![0.0; horizon],
+            outputs: vec![0.0; 3 * horizon],
+            timing: Timing::default(),
+            solved: 0,
+        };
+        qp.problem.previous[0] = 0.2;
+        let circle = (0..100).map(|k| {
+            let angle = f64::from(k) * std::f64::consts::TAU / 100.0;
+            Sample::at(12.0 * angle.cos(), 12.0 * angle.sin())
+        });
+        let path = Path::from_samples(circle.collect(), Closure::Closed).unwrap();
+        let ahead = SpeedAhead { speed: 5.0, accel: 0.0 };
+        let mut preview = Preview::new(horizon);
+        preview.look(&path, 10.0, ahead, 0.02);
+        let input = LateralInput {
+            state: &Vector4::new(0.4, 0.5, 0.1, 0.0),
+            vy: 0.0,
+            yaw_rate: 5.0 * path.curvature(10.0),
+            history: &History::new(0),
+            last_plan: &[],
+            station: 10.0,
+            ahead,
+            previous: 0.2,
+            path: &path,
+            disturbance: &ErrorState::zeros(),
+            use_residual: true,
+            time_limit: f64::INFINITY,
+        };
+        let mut mpc = BicycleMpc::new(p.vehicle.single_track(), &p.mpc, BicycleModel::default()).unwrap();
+        let report = mpc.plan(&input, &preview, 0.2, &mut qp);
+        (report, qp.inputs)
+    }
+
+    #[test]
+    fn what_a_stopped_iteration_has_reached_is_a_plan() {
+        assert_eq!(plan(0).0, Err(QpError::TimeLimit { iterations: 3 }));
+        let ((full, converged), (stopped, reached)) = (plan(30), plan(1));
+        let (full, stopped) = (full.unwrap(), stopped.unwrap());
+        assert_eq!((full.end, stopped.end), (QpEnd::Solved, QpEnd::ReducedAccuracy));
+        assert!(full.objective <= stopped.objective && stopped.objective < 1.01 * full.objective);
+        let mut before = 0.2;
+        for command in &reached {
+            assert!((command - before).abs() < 0.016 + 1e-9 && command.abs() < 0.6 + 1e-9);
+            before = *command;
+        }
+        assert_ne!(reached, converged, "one QP is not all");
+    }
+}
