@@ -242,8 +242,8 @@ fn print(condition: &Condition) {
     let noise = if condition.noise { "with" } else { "without" };
     println!("\nplant {}, {noise} sensor noise, {} seeds", condition.plant, condition.effort.seeds);
     println!("lateral error in mm, PE in % of the nominal MPC's mean; roughness: RMS steering rate in rad/s");
-    let protocols: [(&str, fn(&RowResult) -> &[Outcome]); 2] =
-        [("own best", |row| &row.own_best), ("frozen", |row| &row.frozen)];
+    let protocols: [(&str, fn(&RowResult) -> &[Outcome]); 3] =
+        [("own best", |row| &row.own_best), ("frozen", |row| &row.frozen), ("default", |row| &row.default)];
     for (protocol, of) in protocols {
         println!(
             "{protocol:<18} {:>15} {:>8} {:>8} {:>8} {:>10}",

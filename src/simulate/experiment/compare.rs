@@ -3,8 +3,8 @@
 //! 1. For each seed the nominal MPC, calm and with dither, drives the training route; from that each row learns.
 //! 2. Each row searches its weights on pieces of the training route (`weights.rs`), the nominal MPC first: no other
 //!    may steer more roughly than it does at its best.
-//! 3. Two protocols on the test route: *own best*, each row at the weights that it found, and *frozen*, all at the
-//!    weights that the nominal found.
+//! 3. Three protocols on the test route: *own best*, each row at the weights that it found, *frozen*, all at the
+//!    weights that the nominal found, and *default*, all at the weights that users get.
 //!
 //! Nothing of the test route is used before it is driven.
 
@@ -127,6 +127,7 @@ pub struct RowResult {
     /// One for each seed; one only where no seed plays a part.
     pub own_best: Vec<Outcome>,
     pub frozen: Vec<Outcome>,
+    pub default: Vec<Outcome>,
     pub fit: Vec<RowFit>,
     pub time: Option<RowTime>,
 }
@@ -343,19 +344,21 @@ impl<'a> Comparison<'a> {
                 limit = self.pieces(&models[0], &frozen)?.1;
             }
             progress(&format!("{}: driving", row.name()));
-            let same = Weights {
+            let observing = |weights: Weights| Weights {
                 observer_gain: found.weights.observer_gain,
                 prediction_noise: found.weights.prediction_noise,
-                ..frozen
+                ..weights
             };
-            let outcomes = parallel::map(threads, 2 * seeds, |i| {
-                let (weights, seed) = if i < seeds { (found.weights, i) } else { (same, i - seeds) };
+            let protocols = [found.weights, observing(frozen), observing(Weights::default_of(false))];
+            let outcomes = parallel::map(threads, protocols.len() * seeds, |i| {
+                let (weights, seed) = (protocols[i / seeds], i % seeds);
                 let model = models[seed.min(learned - 1)].clone();
                 let drive = self.trial(&self.roads.test, model, weights, 1 + seed as u64).drive()?;
                 Ok::<_, TrialError>(Outcome::from(&drive))
             });
             let mut own_best = outcomes.into_iter().collect::<Result<Vec<_>, _>>()?;
-            let frozen_outcomes = own_best.split_off(seeds);
+            let mut frozen_outcomes = own_best.split_off(seeds);
+            let default = frozen_outcomes.split_off(seeds);
             results.push(RowResult {
                 row: row.name(),
                 weights: found.weights,
@@ -363,6 +366,7 @@ impl<'a> Comparison<'a> {
                 tried: found.tried,
                 own_best,
                 frozen: frozen_outcomes,
+                default,
                 fit: fits.into_iter().flatten().collect(),
                 time: None,
             });

@@ -28,7 +28,7 @@ const AXES: usize = 6;
 
 /// Ranges of the search.
 const RANGES: [(f64, f64); AXES] =
-    [(1e-3, 3.0), (1e-2, 30.0), (1e-4, 1.0), (1e-5, 1.0), (1e-3, 0.1), (3e-4, 0.1)];
+    [(1e-3, 3.0), (1e-2, 30.0), (1e-4, 1.0), (1e-5, 1.0), (1e-3, 0.5), (1e-3, 1.0)];
 /// Candidates that are tried at once.
 const BATCH: usize = 4;
 
@@ -85,7 +85,7 @@ const BEGINNING: [[f64; 4]; 8] = [
     [3e-3, 0.5, 0.1, 5e-3],
 ];
 /// Gains of the observer to go with them: `observer_gain`, `prediction_noise`.
-const GAINS: [[f64; 2]; 4] = [[0.01, 0.03], [0.05, 0.1], [3e-3, 0.01], [0.02, 0.03]];
+const GAINS: [[f64; 2]; 4] = [[0.01, 0.03], [0.1, 1.0], [3e-3, 0.03], [0.03, 0.3]];
 
 /// What a search found.
 #[derive(Debug, Clone, PartialEq)]
