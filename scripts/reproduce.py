@@ -56,13 +56,13 @@ PAPER = {
 
 
 ABOUT = """\
-Written by `scripts/reproduce`; the same numbers as JSON in [passenger-car.json](passenger-car.json). Car `{vehicle}`,
-N = 16, Ts = 0.02 s, Sudoku test route, disjoint from the training route. {seeds} seeds (drives, models, noise),
-{drives} training drives a seed, {budget} candidates a row in the search for weights, on pieces of the training route. Errors
-are the true ones, not those that noisy sensors show. ± is the standard deviation over the seeds; 0 where no seed plays a
-part. PE is the cut against the nominal MPC under the same protocol. Roughness is the RMS rate of the steering command;
-a row's own best may be no rougher than the nominal's best on the training pieces. A diverged drive counts until the car
-was lost."""
+Written by `scripts/reproduce`; the same numbers as JSON in [passenger-car.json](passenger-car.json). Car
+`{vehicle}`, N = 16, Ts = 0.02 s, Sudoku test route, disjoint from the training route. {seeds} seeds (drives,
+models, noise), {drives} training drives a seed, {budget} candidates a row in the search for weights, on pieces
+of the training route. Errors are the true ones, not those that noisy sensors show. ± is the standard deviation
+over the seeds; 0 where no seed plays a part. PE is the cut against the nominal MPC under the same protocol.
+Roughness is the RMS rate of the steering command; a row's own best may be no rougher than the nominal's best on
+the training pieces. A diverged drive counts until the car was lost."""
 ON_FROZEN_WEIGHTS = """\
 The paper's own tables are Zhao et al., ITSC 2024, Tables II to IV; its row NMPC+GP (MAE above RMSE) cannot be and is no
 target. At one frozen weight set a ranking can be made either way: weights that let the nominal MPC survive a delay (a
