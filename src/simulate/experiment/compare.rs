@@ -132,6 +132,14 @@ pub struct RowResult {
     pub time: Option<RowTime>,
 }
 
+impl RowResult {
+    /// Outcomes of each protocol.
+    #[must_use]
+    pub fn protocols(&self) -> [(&'static str, &[Outcome]); 3] {
+        [("own best", &self.own_best), ("frozen", &self.frozen), ("default", &self.default)]
+    }
+}
+
 /// A plant, with or without noise.
 #[derive(Debug, Clone, Serialize)]
 #[allow(missing_docs)]
