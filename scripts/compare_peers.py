@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Our forest and QP beside other people's software, on the same problems, in one run.
+"""Our forest, QP and nonlinear MPC beside other people's software, on the same problems, in one run.
 
     scripts/compare_peers                       all parts, to out/peers.json
     scripts/compare_peers --only qp             one part
@@ -21,14 +21,23 @@ import peer_forest
 import peer_qp
 
 ROOT = Path(__file__).resolve().parent.parent
-# Each part: the program of our side, a folder for files, whether in short; gives figures. NMPC beside CasADi and IPOPT
-# is a part to come here.
+
+
+def compare_nmpc(programs: Path, quick: bool, say) -> dict:
+    # CasADi is needed here only: the other parts run where there is none.
+    import peer_nmpc
+
+    return peer_nmpc.compare(programs / "dump_nmpc", 10 if quick else 50, say)
+
+
+# Each part: the folder of our side's programs, a folder for files, whether in short; gives figures.
 PARTS = {
-    "forest": lambda program, folder, quick, say: peer_forest.compare_training(
-        program, folder, 5_000 if quick else 100_000, say
+    "forest": lambda programs, folder, quick, say: peer_forest.compare_training(
+        programs / "peers", folder, 5_000 if quick else 100_000, say
     ),
-    "lookup": lambda program, folder, quick, say: peer_forest.compare_lookup(program, folder, say),
-    "qp": lambda program, folder, quick, say: peer_qp.compare(program, folder, 20 if quick else 100, say),
+    "lookup": lambda programs, folder, quick, say: peer_forest.compare_lookup(programs / "peers", folder, say),
+    "qp": lambda programs, folder, quick, say: peer_qp.compare(programs / "peers", folder, 20 if quick else 100, say),
+    "nmpc": lambda programs, folder, quick, say: compare_nmpc(programs, quick, say),
 }
 
 
@@ -72,6 +81,21 @@ def report(result: dict) -> str:
             "ours, and ours with Clarabel alone: from gains to inputs, the cost's Hessian included, after the problem "
             "before\nit in the drive; daqp and clarabel: Hessian given, set up anew for each problem, best of 3"
         )
+    for horizon, part in result.get("nmpc", {}).items():
+        lines += [
+            f"\nNMPC, N = {horizon}: {part['problems']} problems of a closed-loop drive; objective above IPOPT's by at "
+            f"most {part['largest_relative_excess']:.0e} of it, inputs apart by at most "
+            f"{part['largest_input_difference_rad']:.0e} rad",
+            f"{'':<24}{'median us':>10}{'p99 us':>10}",
+            f"{'ours':<24}{part['ours_us']:>10.0f}{part['ours_p99_us']:>10.0f}",
+            f"{'CasADi, IPOPT':<24}{part['ipopt_us']:>10.0f}{part['ipopt_p99_us']:>10.0f}   "
+            f"{part['ratio']:.0f} times ours",
+        ]
+    if "nmpc" in result:
+        lines.append(
+            "both from the same plan, that of the step before; ours stops as in the drive, IPOPT at 1e-9; IPOPT's time "
+            "is\nwith the road as one cubic, in its favour, and agreement is judged on the road as it is"
+        )
     return "\n".join(lines)
 
 
@@ -81,7 +105,10 @@ def main() -> int:
     parser.add_argument("--quick", action="store_true", help="smaller tables, fewer problems")
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "peers.json", help="file for the figures")
     parser.add_argument(
-        "--program", type=Path, default=ROOT / "target" / "release" / "examples" / "peers", help="our side of it"
+        "--programs",
+        type=Path,
+        default=ROOT / "target" / "release" / "examples",
+        help="folder of our side of it: the examples peers and dump_nmpc",
     )
     options = parser.parse_args()
 
@@ -92,7 +119,7 @@ def main() -> int:
     try:
         with tempfile.TemporaryDirectory() as folder:
             for name in options.only or PARTS:
-                result[name] = PARTS[name](options.program, Path(folder), options.quick, say)
+                result[name] = PARTS[name](options.programs, Path(folder), options.quick, say)
     except (RuntimeError, OSError, ImportError) as error:
         print(f"compare_peers: {error}", file=sys.stderr)
         return 1

@@ -39,7 +39,7 @@ VEHICLE = "bmw_320i"
 ACTUATORS = {"fast": Actuator(lag=0.01, delay=0), "slow": Actuator(lag=0.1, delay=3)}
 # Weights of a collecting controller, those of `rfl collect`: calm, for a model that has learned ringing rings.
 CALM = {"mpc.r_rate": 0.3, "mpc.q_e1_rate": 1.0, "mpc.q_e2": 2.0}
-DITHER = {"mpc.dither": 0.005}  # rad
+DITHER = {"mpc.dither": 0.01}  # rad
 KINDS = ("linear", "rfl", "rfl_s")
 # Gain of the disturbance observer where a row has one.
 OBSERVER = {"observer.gain": 0.05}

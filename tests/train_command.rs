@@ -223,6 +223,25 @@ fn options_reach_the_model() {
 }
 
 #[test]
+fn the_prefilter_is_on_but_for_the_papers_least_squares() {
+    let folder = tempfile::tempdir().unwrap();
+    let learned = |more: &[&str]| {
+        done(&train(folder.path(), &Table::collected(), more));
+        model(folder.path())
+    };
+    let paper = ["--lambda", "least-squares"];
+    let [plain, none, some] = [&[][..], &["--prefilter", "0"], &["--prefilter", "0.8"]]
+        .map(|more| [learned(more), learned(&[&paper[..], more].concat())]);
+    assert!(plain[0] == some[0] && plain[0] != none[0]);
+    assert!(plain[1] == none[1] && plain[1] != some[1]);
+    for wrong in ["1", "-0.1", "nan"] {
+        let wrong = format!("--prefilter={wrong}");
+        let error = refused(&train(folder.path(), &Table::collected(), &[&wrong]));
+        assert!(error.contains("rfl_s: prefilter = ") && error.contains("less than 1"), "{error}");
+    }
+}
+
+#[test]
 fn a_log_of_poses_gives_with_the_road_the_model_of_the_whole_log() {
     let folder = tempfile::tempdir().unwrap();
     done(&train(folder.path(), &Table::collected(), &[]));

@@ -98,6 +98,11 @@ struct Tuning {
     /// samples that a tree has not seen) or least-squares (not at all: the paper's)
     #[arg(long, default_value = "held-out", value_parser = lambda)]
     lambda: Lambda,
+    /// Memory of the filter that linear leaves' samples go through before the fit, 0 (none) to less than 1: measured
+    /// states are noisy, and the noise of one-step labels is mostly of high frequency, where it hides the response to
+    /// commands [default: 0.8; with --lambda least-squares 0, the paper's way]
+    #[arg(long, value_name = "MEMORY")]
+    prefilter: Option<f64>,
     /// What trees split on [default: errors; rfl_s: road]
     #[arg(long, value_name = "WHAT", hide_possible_values = true, value_parser = named(TreeFeatures::ALL, TreeFeatures::name, TreeFeatures::meaning))]
     tree_features: Option<TreeFeatures>,
@@ -156,9 +161,13 @@ impl Tuning {
         config.regressors.states = self.state_regressors;
         match self.lambda {
             Lambda::HeldOut => {}
-            Lambda::LeastSquares => config.lambda = LambdaChoice::LeastSquares,
+            Lambda::LeastSquares => {
+                config.lambda = LambdaChoice::LeastSquares;
+                config.prefilter = 0.0;
+            }
             Lambda::Fixed(lambda) => config.lambda = LambdaChoice::Fixed(lambda),
         }
+        config.prefilter = self.prefilter.unwrap_or(config.prefilter);
         (config.seed, config.threads) = (self.seed, self.threads);
         config
     }

@@ -21,6 +21,7 @@ use crate::vehicle::SingleTrack;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// The format that this library writes, and the only one it reads.
 pub const FORMAT: u32 = 1;
@@ -153,7 +154,7 @@ impl ResidualModel {
     /// # Errors
     /// A model that cannot be written; none that training makes.
     pub fn to_bytes(&self) -> Result<Vec<u8>, FileError> {
-        seal(FileKind::Residual, &self.schema.vehicle, &self.schema, &(&self.forest, &self.leaves))
+        seal(FileKind::Residual, &self.schema.vehicle, &self.schema, &(&self.forest, &*self.leaves))
     }
 
     /// A model from the bytes of its file.
@@ -162,7 +163,7 @@ impl ResidualModel {
     /// Bytes that are no model, whole and consistent; never a panic.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, FileError> {
         let (schema, (forest, leaves)) = open(FileKind::Residual, bytes, |schema: &Schema| &schema.vehicle)?;
-        let model = Self { schema, forest, leaves };
+        let model = Self { schema, forest, leaves: Arc::new(leaves) };
         model.check().map_err(|what| FileError::Invalid { what })?;
         Ok(model)
     }

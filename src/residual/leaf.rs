@@ -37,6 +37,41 @@ impl LeafModels {
     pub fn theta(&self, leaf: usize) -> &[[f64; OUTPUTS]] {
         &self.theta[leaf * self.regressors()..][..self.regressors()]
     }
+
+    /// Mean coefficients of these leaves, one of each tree.
+    pub(super) fn average(&self, leaves: &[u32], mean: &mut [[f64; OUTPUTS]]) {
+        let of = |&leaf: &u32| self.theta(leaf as usize).as_flattened();
+        let mean = mean.as_flattened_mut();
+        mean.fill(0.0);
+        let mut fours = leaves.chunks_exact(4);
+        for four in &mut fours {
+            add_four(mean, [of(&four[0]), of(&four[1]), of(&four[2]), of(&four[3])]);
+        }
+        for leaf in fours.remainder() {
+            mean.iter_mut().zip(of(leaf)).for_each(|(sum, value)| *sum += value);
+        }
+        let share = 1.0 / leaves.len().max(1) as f64;
+        mean.iter_mut().for_each(|sum| *sum *= share);
+    }
+
+    /// Share of these leaves that never saw a command as small, or as large, as one of these.
+    pub(super) fn strange(&self, leaves: &[u32], commands: &[f64]) -> f64 {
+        let lowest = commands.iter().copied().fold(f64::INFINITY, f64::min);
+        let highest = commands.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let mut strange = 0_u32;
+        for &leaf in leaves {
+            let [min, max] = self.command_range[leaf as usize];
+            strange += u32::from(lowest < min) | u32::from(highest > max);
+        }
+        f64::from(strange) * (1.0 / leaves.len().max(1) as f64)
+    }
+}
+
+/// Adds four rows at once: the sum is then loaded and stored once, not four times.
+fn add_four(sum: &mut [f64], [a, b, c, d]: [&[f64]; 4]) {
+    for ((((sum, a), b), c), d) in sum.iter_mut().zip(a).zip(b).zip(c).zip(d) {
+        *sum += (a + b) + (c + d);
+    }
 }
 
 /// How linear leaves are fitted.

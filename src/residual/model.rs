@@ -10,6 +10,9 @@
 //! with `u_i` the commands of the window, oldest first, the last one in force over the step, and `x_s` the newest
 //! error states, oldest first, where the leaves have them (else there are no such terms). Terms in the road are
 //! known when the problem is set up and stand in the constant. Nothing is allocated.
+//!
+//! Steps that follow each other mostly fall into the same leaves: their mean is kept in the caller's room, and read
+//! again, 1 kB, instead of every tree's leaf.
 
 use super::forest::Forest;
 use super::leaf::LeafModels;
@@ -18,6 +21,7 @@ use super::{OUTPUTS, ROAD};
 use crate::enumeration;
 use crate::vehicle::SingleTrack;
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 enumeration! {
     /// Kinds of residual.
@@ -294,7 +298,8 @@ pub(super) fn same(a: f64, b: f64) -> bool {
 pub struct ResidualModel {
     pub(super) schema: Schema,
     pub(super) forest: Forest,
-    pub(super) leaves: LeafModels,
+    /// Shared with the rooms made for it, which know their model by it.
+    pub(super) leaves: Arc<LeafModels>,
 }
 
 /// The linear residual at one step of the horizon; made once, filled at each call.
@@ -305,6 +310,12 @@ pub struct Coefficients {
     window: usize,
     /// Where the road's terms begin.
     road: usize,
+    /// The leaves of whose model these are.
+    model: Arc<LeafModels>,
+    /// The leaf of each tree at the last call; at first none.
+    leaves: Vec<u32>,
+    /// Their mean coefficients as they are in the model: without the road's values, not scaled.
+    mean: Theta,
     /// How far the worst feature lies outside its range in training, in widths of that range; 0 inside.
     pub excess: f64,
     /// Share of the leaves that never saw commands like those given, 0 to 1.
@@ -375,7 +386,7 @@ impl ResidualModel {
             ranges: vec![],
         };
         let leaves = LeafModels { regressors: 1, theta: vec![[0.0; OUTPUTS]], command_range: vec![[0.0; 2]] };
-        Self { schema, forest: Forest::single_leaf(), leaves }
+        Self { schema, forest: Forest::single_leaf(), leaves: Arc::new(leaves) }
     }
 
     /// What the model is.
@@ -411,6 +422,9 @@ impl ResidualModel {
             values: vec![[0.0; OUTPUTS]; count],
             window,
             road: count - if regressors.road { ROAD_TERMS } else { 0 },
+            model: Arc::clone(&self.leaves),
+            leaves: vec![u32::MAX; self.forest.trees()],
+            mean: vec![[0.0; OUTPUTS]; self.leaves.regressors()],
             excess: 0.0,
             strange_leaves: 0.0,
         }
@@ -425,32 +439,21 @@ impl ResidualModel {
     /// calling code, not of data.
     pub fn coefficients(&self, features: &[f64], commands: &[f64], out: &mut Coefficients) {
         assert_eq!(features.len(), self.features(), "features");
+        assert!(Arc::ptr_eq(&self.leaves, &out.model), "room of another model");
         let schema = &self.schema;
-        let p = self.leaves.regressors();
-        assert_eq!(out.values.len(), schema.regressors.count(schema.window), "room of another model");
-        out.values.fill([0.0; OUTPUTS]);
-        let lowest = commands.iter().copied().fold(f64::INFINITY, f64::min);
-        let highest = commands.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let mut strange = 0_u32;
-        // Constant leaves have only the first of the coefficients.
-        let sum = out.values[..p].as_flattened_mut();
-        let theta = self.leaves.theta.as_flattened();
-        self.forest.look_up_together(features, |_, leaves| {
-            let of = |leaf: u32| &theta[leaf as usize * p * OUTPUTS..][..p * OUTPUTS];
-            let mut fours = leaves.chunks_exact(4);
-            for four in &mut fours {
-                add_four(sum, [of(four[0]), of(four[1]), of(four[2]), of(four[3])]);
-            }
-            for &leaf in fours.remainder() {
-                sum.iter_mut().zip(of(leaf)).for_each(|(sum, value)| *sum += value);
-            }
-            for &leaf in leaves {
-                let [min, max] = self.leaves.command_range[leaf as usize];
-                strange += u32::from(lowest < min) | u32::from(highest > max);
-            }
+        let mut same = true;
+        self.forest.look_up_together(features, |first, leaves| {
+            let last = &mut out.leaves[first..][..leaves.len()];
+            same &= last == leaves;
+            last.copy_from_slice(leaves);
         });
-        let share = 1.0 / f64::from(self.forest.trees.max(1));
-        out.values.as_flattened_mut().iter_mut().for_each(|value| *value *= share);
+        if !same {
+            self.leaves.average(&out.leaves, &mut out.mean);
+        }
+        // Constant leaves have only the first of the coefficients.
+        let (known, rest) = out.values.split_at_mut(out.mean.len());
+        known.copy_from_slice(&out.mean);
+        rest.fill([0.0; OUTPUTS]);
         if schema.regressors.road {
             let road = road_terms(&features[features.len() - ROAD..]);
             for (i, term) in road.iter().enumerate() {
@@ -459,7 +462,8 @@ impl ResidualModel {
                 }
             }
         }
-        out.strange_leaves = if schema.kind == Kind::None { 0.0 } else { f64::from(strange) * share };
+        out.strange_leaves =
+            if schema.kind == Kind::None { 0.0 } else { self.leaves.strange(&out.leaves, commands) };
         out.excess = self.excess(features);
     }
 
@@ -490,12 +494,5 @@ impl ResidualModel {
             Some(controller) if controller != window => Err(Misfit::Window { model: window, controller }),
             _ => Ok(()),
         }
-    }
-}
-
-/// Adds four rows at once: the sum is then loaded and stored once, not four times.
-fn add_four(sum: &mut [f64], [a, b, c, d]: [&[f64]; 4]) {
-    for ((((sum, a), b), c), d) in sum.iter_mut().zip(a).zip(b).zip(c).zip(d) {
-        *sum += (a + b) + (c + d);
     }
 }

@@ -17,6 +17,7 @@ use super::model::{Kind, Range, Regressors, ResidualModel, Schema, Training};
 use super::train_config::{ConfigError, LambdaChoice, TrainConfig};
 use super::{OUTPUTS, ROAD, parallel};
 use crate::signal;
+use std::sync::Arc;
 
 /// Why no model was trained.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -177,7 +178,7 @@ pub fn train(
             ranges: if config.kind == Kind::None { vec![] } else { ranges(&windows) },
         },
         forest: learned.forest,
-        leaves: learned.leaves,
+        leaves: Arc::new(learned.leaves),
     };
     let report = TrainReport {
         train: measure(&model, &windows, job.threads),
