@@ -126,16 +126,23 @@ def fits(condition: dict) -> dict:
     return rows
 
 
-def times(condition: dict) -> dict:
-    return {
-        row["row"]: row["time"]["step"] | {part: row["time"][part] for part in ("look_up", "condense", "solve")}
-        for row in condition["rows"]
-        if row["time"]
-    }
+KINDS = {
+    "RT": "rt",
+    "RTL": "rtl",
+    "RF": "rf",
+    "RFL": "rfl",
+    "linear": "linear",
+    "RFL+S": "rfl_s",
+    "NMPC": "nmpc",
+    "GP-NMPC": "gp_nmpc",
+    "oracle": "actuator",
+    "RFL+S+observer": "rfl_s",
+}
+SOLVERS = {"active_set": 0, "clarabel": 1}
 
 
-def time_of_solvers(weights: dict) -> dict:
-    """Step times of the nominal MPC and RFL with either QP solver, one after the other in this run."""
+def measure_times(weights: dict) -> dict:
+    """Step times of each row, at its own best, with either QP solver: drives of the test route, one after the other."""
     rfl = ROOT / "target/release/rfl"
     found = {}
     with tempfile.TemporaryDirectory() as folder:
@@ -145,21 +152,23 @@ def time_of_solvers(weights: dict) -> dict:
             subprocess.run([rfl, *arguments], check=True, cwd=folder, capture_output=True)
 
         run("collect", "--runs", "1", *slow)
-        for kind in ("rtl", "rfl", "rfl_s"):
-            log = str(Path(folder) / "out/collect/drive_1.csv")
-            run("train", log, "--kind", kind, "--out", f"{kind}.rflm", "--quiet")
-        for solver, name in ((0, "active_set"), (1, "clarabel")):
-            for row, residual in (
-                ("MPC", []),
-                ("RTL", ["--residual", "rtl.rflm"]),
-                ("RFL", ["--residual", "rfl.rflm"]),
-                ("RFL+S", ["--residual", "rfl_s.rflm"]),
-            ):
-                settings = [f"mpc.{key}={value}" for key, value in weights[row].items() if key.startswith(("q_", "r_"))]
-                settings.append(f"mpc.solver={solver}")
-                sets = [part for setting in settings for part in ("--set", setting)]
-                run("drive", *slow, *sets, *residual, "--json", "step.json")
-                found.setdefault(name, {})[row] = json.loads((Path(folder) / "step.json").read_text())["step"]
+        log = str(Path(folder) / "out/collect/drive_1.csv")
+        for kind in sorted({KINDS[row] for row in weights if row in KINDS} - {"nmpc", "actuator"}):
+            run("train", log, "--kind", kind, "--quiet")
+        for solver, number in SOLVERS.items():
+            for row in weights:
+                if row != "MPC" and row not in KINDS:
+                    continue
+                settings = {f"mpc.{key}": value for key, value in weights[row].items() if key.startswith(("q_", "r_"))}
+                settings["observer.gain"] = weights[row]["observer_gain"]
+                settings["observer.prediction_noise"] = weights[row]["prediction_noise"]
+                settings["mpc.solver"] = number
+                if row == "oracle":
+                    settings |= {"actuator.dead_time": 0.06, "actuator.time_constant": 0.15}
+                sets = [part for name, value in settings.items() for part in ("--set", f"{name}={value}")]
+                run("drive", *slow, *sets, "--variant", KINDS.get(row, "none"), "--json", "step.json")
+                drive = json.loads((Path(folder) / "step.json").read_text())
+                found.setdefault(solver, {})[row] = drive["step"] | drive["parts"]
     return found
 
 
@@ -231,6 +240,10 @@ def time_markdown(rows: dict) -> str:
         cells = [number(1e6 * entry[key], 1) for key in ("mean_s", "p99_s", "max_s")]
         body.append([name, *cells, str(entry["missed"]), *parts, str(printed["mean_s"]) if printed else ""])
     return markdown_table(head, body)
+
+
+def ratio_text(rows: dict, row: str) -> str:
+    return f"{1e6 * rows[row]['mean_s']:.1f} ({rows[row]['mean_s'] / rows['MPC']['mean_s']:.2f} x)"
 
 
 def ablation_markdown(entries: list[dict]) -> str:
@@ -439,25 +452,15 @@ def write_markdown(results: dict, raw: dict, out: Path) -> None:
         time_markdown(results["time"]),
         "",
     ]
-    if "time_of_solvers" in results:
-        both = results["time_of_solvers"]
-        body = [
-            [
-                row,
-                *(
-                    f"{1e6 * both[s][row]['mean_s']:.1f} ({both[s][row]['mean_s'] / both[s]['MPC']['mean_s']:.2f} x)"
-                    for s in both
-                ),
-            ]
-            for row in next(iter(both.values()))
-        ]
-        text += [
-            "Mean step in µs with the default QP solver and with the interior-point method alone (`mpc.solver=1`); "
-            "in brackets against the nominal MPC with the same solver:",
-            "",
-            markdown_table(["row", "active set (default)", "Clarabel alone"], body),
-            "",
-        ]
+    both = results["time_of_solvers"]
+    body = [[row, *(ratio_text(both[solver], row) for solver in both)] for row in next(iter(both.values()))]
+    text += [
+        "Mean step in µs with the default QP solver and with the interior-point method alone (`mpc.solver=1`); "
+        "in brackets against the nominal MPC with the same solver:",
+        "",
+        markdown_table(["row", "active set (default)", "Clarabel alone"], body),
+        "",
+    ]
     if results["ablations"]:
         text += [
             "## What matters",
@@ -505,7 +508,6 @@ def main() -> None:
         "effort": head["effort"],
         "tracking": table(head, "own_best"),
         "fit": fits(head),
-        "time": times(head),
         "conditions": {name: {p: table(c, p) for p in PROTOCOLS} for name, c in raw.items()},
         "ablations": head["ablations"],
         "paper": PAPER,
@@ -513,8 +515,8 @@ def main() -> None:
     if f"{HEADLINE}_noise" in raw:
         results["tracking_noise"] = table(raw[f"{HEADLINE}_noise"], "own_best")
     weights = {row["row"]: row["weights"] for row in head["rows"]}
-    if {"MPC", "RTL", "RFL", "RFL+S"} <= weights.keys():
-        results["time_of_solvers"] = time_of_solvers(weights)
+    results["time_of_solvers"] = measure_times(weights)
+    results["time"] = results["time_of_solvers"]["active_set"]
     arguments.out.mkdir(parents=True, exist_ok=True)
     folder = arguments.raw / f"drives_{HEADLINE}"
     drives = {name: read_drive(folder / f"{name}.csv") for name in SHOWN if (folder / f"{name}.csv").exists()}

@@ -2,11 +2,11 @@
 
 use super::{named, progress_bar};
 use crate::control::{
-    Choice, ControlVariant, Controller, ControllerParameters, PredictionModel, Propagation, RollOut,
+    Choice, ControlVariant, Controller, ControllerParameters, PredictionModel, Propagation, RollOut, Timing,
 };
 use crate::path::sudoku::Route;
 use crate::path::{Options, Path, RoadClass, to_csv};
-use crate::simulate::{ClosedLoop, Drive, STATION};
+use crate::simulate::{ClosedLoop, Drive, STATION, TimeMetrics};
 use crate::vehicle::{BUILTIN, CarParameters, Effects, builtin};
 use clap::Args;
 use serde_json::json;
@@ -231,9 +231,17 @@ fn report(
     );
     let end = if drive.finished { "road finished" } else { "stopped before the road's end" };
     println!("{driven:.2} s driven in {wall:.2} s ({:.0} times real time), {end}", driven / wall);
+    let part = |of: fn(&Timing) -> f64| {
+        TimeMetrics::of(&mut drive.timings.iter().map(of).collect::<Vec<_>>(), sample_time)
+    };
+    let parts = json!({
+        "look_up": part(|timing| timing.look_up),
+        "condense": part(|timing| timing.condense),
+        "solve": part(|timing| timing.solve),
+    });
     if let Some(file) = &args.json {
         let value = json!({
-            "variant": variant.name(), "tracking": all, "classes": classes, "step": times, "duration": driven, "finished": drive.finished,
+            "variant": variant.name(), "tracking": all, "classes": classes, "step": times, "parts": parts, "duration": driven, "finished": drive.finished,
             "real_time_factor": driven / wall,
         });
         std::fs::write(file, serde_json::to_string_pretty(&value)?)?;
