@@ -198,7 +198,8 @@ fn changes() -> Vec<(&'static str, TrainConfig, Propagation, RollOut)> {
         ("direct, as printed in eq. (9)", base(), Propagation::Direct, corrected),
         ("roll-out with the nominal model", base(), propagated, RollOut::Nominal),
     ];
-    let trained: [(&'static str, fn(&mut TrainConfig)); 12] = [
+    type Change = (&'static str, fn(&mut TrainConfig));
+    let trained: [Change; 12] = [
         ("window 8", |c| c.window = 8),
         ("window 16", |c| c.window = 16),
         ("window 40", |c| c.window = 40),
@@ -242,16 +243,15 @@ fn print(condition: &Condition) {
     let noise = if condition.noise { "with" } else { "without" };
     println!("\nplant {}, {noise} sensor noise, {} seeds", condition.plant, condition.effort.seeds);
     println!("lateral error in mm, PE in % of the nominal MPC's mean; roughness: RMS steering rate in rad/s");
-    let protocols: [(&str, fn(&RowResult) -> &[Outcome]); 3] =
-        [("own best", |row| &row.own_best), ("frozen", |row| &row.frozen), ("default", |row| &row.default)];
-    for (protocol, of) in protocols {
+    let Some(nominal) = condition.rows.first() else { return };
+    for (place, (protocol, base)) in nominal.protocols().into_iter().enumerate() {
+        let base = spread(base.iter().map(|outcome| outcome.tracking.mae)).0;
         println!(
             "{protocol:<18} {:>15} {:>8} {:>8} {:>8} {:>10}",
             "MAE (sd)", "RMSE", "max", "PE", "roughness"
         );
-        let base = condition.rows.first().map_or(0.0, |row| spread(of(row).iter().map(|o| o.tracking.mae)).0);
         for row in &condition.rows {
-            let outcomes = of(row);
+            let (_, outcomes) = row.protocols()[place];
             let mean = |value: fn(&Outcome) -> f64| spread(outcomes.iter().map(value)).0;
             let (mae, sd) = spread(outcomes.iter().map(|outcome| outcome.tracking.mae));
             let lost = outcomes.iter().filter(|outcome| outcome.lost).count();

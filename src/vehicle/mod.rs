@@ -12,6 +12,7 @@
 //! | `builtin.rs` | cars and tyres that need no file |
 //! | `effects.rs` | what separates a real vehicle from its model, each a switch |
 //! | `steering.rs` | from the command to the road wheels, exact in time |
+//! | `trigonometry.rs` | arc tangent, sine and cosine of several numbers at once |
 //! | `tyre/` | Magic Formula 5.2, `.tir` files |
 //! | `car/` | the two-track car |
 
@@ -20,6 +21,7 @@ pub mod car;
 mod effects;
 mod parameters;
 mod steering;
+pub mod trigonometry;
 pub mod tyre;
 
 pub use builtin::{BUILTIN, builtin};

@@ -22,7 +22,7 @@ use crate::residual::gp::{self, GpConfig, GpTrainError};
 use crate::residual::{
     DataConfig, DataError, DataSet, ResidualModel, TrainConfig, TrainError, parallel, train,
 };
-use crate::simulate::{Drive, InputMetrics, SensorNoise, TimeMetrics, TrackingMetrics};
+use crate::simulate::{Drive, InputMetrics, STATION, SensorNoise, TimeMetrics, TrackingMetrics};
 use crate::vehicle::CarParameters;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -132,6 +132,14 @@ pub struct RowResult {
     pub time: Option<RowTime>,
 }
 
+impl RowResult {
+    /// Outcomes of each protocol.
+    #[must_use]
+    pub fn protocols(&self) -> [(&'static str, &[Outcome]); 3] {
+        [("own best", &self.own_best), ("frozen", &self.frozen), ("default", &self.default)]
+    }
+}
+
 /// A plant, with or without noise.
 #[derive(Debug, Clone, Serialize)]
 #[allow(missing_docs)]
@@ -153,8 +161,8 @@ pub struct Roads {
     pub test: Arc<Path>,
 }
 
-/// Pieces of the training route, m.
-const PIECES: [(usize, usize); 2] = [(650, 1360), (4420, 5300)];
+/// Pieces of the training route, m; each begins on a straight.
+const PIECES: [(usize, usize); 2] = [(650, 1360), (4300, 5300)];
 
 impl Roads {
     /// Draws them.
@@ -198,7 +206,9 @@ pub const CALM: Weights = Weights {
 pub const DITHER: f64 = 0.01;
 
 /// Lateral error at which a candidate's drive is given up, m: no row's best comes near.
-const HOPELESS: f64 = 0.5;
+const HOPELESS: f64 = 1.0;
+/// What a piece of road that was not driven to its end costs, m.
+const COST_OF_LOSS: f64 = 1e3;
 /// Streams of random numbers that must not meet.
 const TUNING_NOISE: u64 = 900;
 
@@ -388,7 +398,9 @@ impl<'a> Comparison<'a> {
                 Trial { give_up: HOPELESS, ..self.trial(path, model.clone(), *weights, TUNING_NOISE) }
                     .drive()?;
             if drive.lost || !drive.finished {
-                return Ok((f64::INFINITY, f64::INFINITY));
+                // The further it came, the better: a search that sees no difference goes nowhere.
+                let driven = drive.rows.last().map_or(0.0, |row| row[STATION]);
+                return Ok((COST_OF_LOSS * (2.0 - driven / path.length()), 0.0));
             }
             let (tracking, rows) = (drive.tracking(), drive.rows.len() as f64);
             error += rows * (tracking.mae + tracking.rmse + 0.1 * tracking.max);

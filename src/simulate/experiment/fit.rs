@@ -39,7 +39,7 @@ pub fn steps_ahead(model: &ResidualModel, data: &DataSet, steps: usize) -> FitMe
         states[..window].copy_from_slice(windows.states(i));
         let mut nominal = ErrorState::from(states[window - 1]);
         for j in 0..steps {
-            let (measured, next) = (newest(&windows.states(i + j)), newest(&windows.states(i + j + 1)));
+            let (measured, next) = (newest(windows.states(i + j)), newest(windows.states(i + j + 1)));
             let [speed, ..] = windows.road(i + j);
             let Ok(a) = ContinuousErrorModel::new(&schema.vehicle, speed.max(schema.min_model_speed)) else {
                 continue;
@@ -58,7 +58,7 @@ pub fn steps_ahead(model: &ResidualModel, data: &DataSet, steps: usize) -> FitMe
             let residual = ErrorState::from(room.residual(windows.commands(i + j), known));
             states[window + j] = (from_measured + a * (ours - measured) + residual).into();
         }
-        let truth = newest(&windows.states(i + steps));
+        let truth = newest(windows.states(i + steps));
         let mine = ErrorState::from(states[window + steps - 1]) - truth;
         for o in 0..OUTPUTS {
             sums[0][o] += mine[o] * mine[o];

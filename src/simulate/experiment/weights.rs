@@ -85,7 +85,16 @@ const BEGINNING: [[f64; 4]; 8] = [
     [3e-3, 0.5, 0.1, 5e-3],
 ];
 /// Gains of the observer to go with them: `observer_gain`, `prediction_noise`.
-const GAINS: [[f64; 2]; 4] = [[0.01, 0.03], [0.1, 1.0], [3e-3, 0.03], [0.03, 0.3]];
+const GAINS: [[f64; 2]; 8] = [
+    [0.01, 0.03],
+    [0.02, 0.1],
+    [3e-3, 0.03],
+    [0.03, 0.3],
+    [0.01, 0.03],
+    [3e-3, 0.03],
+    [0.1, 1.0],
+    [0.03, 0.3],
+];
 
 /// What a search found.
 #[derive(Debug, Clone, PartialEq)]
@@ -116,7 +125,7 @@ pub fn search(
                 let number = tried.len() + i;
                 let point = match BEGINNING.get(number) {
                     Some(design) => {
-                        let gains = GAINS[number % GAINS.len()];
+                        let gains = GAINS[number];
                         let values = [design[0], design[1], design[2], design[3], gains[0], gains[1]];
                         std::array::from_fn(|axis| place(axis, values[axis]))
                     }

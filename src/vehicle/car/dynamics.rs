@@ -23,8 +23,10 @@ use super::state::{
     HEAVE, HEAVE_RATE, LIFT, LIFT_RATE, PER_WHEEL, PITCH, PITCH_RATE, ROLL, ROLL_RATE, STATES, VX, VY,
     WHEELS, X, Y, YAW, YAW_RATE,
 };
-use super::wheel::{WheelFlow, WheelMotion};
+use super::wheel::{Slip, WheelFlow, WheelMotion};
 use crate::vehicle::parameters::GRAVITY;
+use crate::vehicle::trigonometry::{Of, atan, each, sin_or_cos};
+use crate::vehicle::tyre::{Coefficients, Contact};
 
 /// What steering and drive give at an instant.
 #[derive(Debug, Clone, Copy)]
@@ -92,15 +94,38 @@ impl Plant {
         let (drive, brake) = self.drive_and_brake(stage.accel, vx);
         flow.drive_force = drive - brake;
 
-        let mut axles = [AxleFlow::default(); 2];
-        for (index, axle) in self.axles.iter().enumerate() {
-            let friction = environment.friction_at(index);
-            axles[index] = axle.flow(index, y, stage.steer, drive, brake, friction, rates, flow);
+        // All wheels at once: their arc tangents and sines are most of the work.
+        let steer = [0, 1].map(|axle| self.axles[axle].wheel_angle(y, stage.steer));
+        let angles = [steer[0], steer[0], steer[1], steer[1], y[YAW], y[YAW]];
+        let [sin_front, cos_front, sin_rear, cos_rear, sin_yaw, cos_yaw] =
+            sin_or_cos([Of::Sin, Of::Cos, Of::Sin, Of::Cos, Of::Sin, Of::Cos], angles);
+        let steer = [(sin_front, cos_front), (sin_rear, cos_rear)];
+        let front = self.axles[0].suspension(0, y, steer[0], drive, brake);
+        let rear = self.axles[1].suspension(1, y, steer[1], drive, brake);
+        let mut axles = [front.0, rear.0];
+        let motions = [front.1[0], front.1[1], rear.1[0], rear.1[1]];
+        let at = |wheel: usize| WHEELS + wheel * PER_WHEEL..WHEELS + (wheel + 1) * PER_WHEEL;
+        let slips: [Slip; 4] = each(|i| self.axles[i / 2].slip(&y[at(i)], &motions[i], &mut rates[at(i)]));
+        let alphas: [f64; 4] = atan(each(|i| slips[i].tangent));
+        let contacts: [Contact; 4] = each(|i| Contact {
+            kappa: slips[i].kappa,
+            alpha: motions[i].side * alphas[i],
+            gamma: motions[i].side * motions[i].gamma,
+            load: slips[i].load,
+            friction: environment.friction_at(i / 2),
+        });
+        let (front_tyre, rear_tyre) = (&self.axles[0].tyre, &self.axles[1].tyre);
+        let forces = Coefficients::forces_of([front_tyre, front_tyre, rear_tyre, rear_tyre], &contacts);
+        for i in 0..4 {
+            flow.wheels[i] =
+                self.axles[i / 2].wheel(&y[at(i)], &motions[i], &contacts[i], forces[i], &mut rates[at(i)]);
+        }
+        for (index, given) in axles.iter_mut().enumerate() {
+            self.axles[index].gather(&flow.wheels[2 * index..2 * index + 2], steer[index], given);
         }
         let [front, rear] = &axles;
 
         // Air.
-        let (sin_yaw, cos_yaw) = y[YAW].sin_cos();
         let air_x = vx - (self.effects.wind_x * cos_yaw + self.effects.wind_y * sin_yaw);
         let air_y = vy - (self.effects.wind_y * cos_yaw - self.effects.wind_x * sin_yaw);
         let airspeed = (air_x * air_x + air_y * air_y).sqrt();
@@ -183,20 +208,23 @@ impl Plant {
 }
 
 impl AxlePlant {
-    #[allow(clippy::too_many_arguments)]
-    fn flow(
+    /// Angle of the wheels to the body, rad.
+    #[inline]
+    fn wheel_angle(&self, y: &[f64; STATES], steer: f64) -> f64 {
+        self.steered * steer + self.roll_steer * y[ROLL]
+    }
+
+    /// The suspension's forces on the body, and the motion of both wheels, whose angle has the sine and cosine.
+    #[inline(always)]
+    fn suspension(
         &self,
         index: usize,
         y: &[f64; STATES],
-        steer: f64,
+        (sin, cos): (f64, f64),
         drive: f64,
         brake: f64,
-        friction: f64,
-        rates: &mut [f64; STATES],
-        flow: &mut Flow,
-    ) -> AxleFlow {
+    ) -> (AxleFlow, [WheelMotion; 2]) {
         let mut given = AxleFlow::default();
-        let (sin, cos) = (self.steered * steer + self.roll_steer * y[ROLL]).sin_cos();
         let vy = y[VY] + self.x * y[YAW_RATE] + self.sway * y[ROLL_RATE];
 
         // Springs: how far the body stands over each wheel, beyond rest.
@@ -214,35 +242,38 @@ impl AxlePlant {
         given.left = -self.spring * rebound[0] - self.damper * rebound_rate[0] - bar;
         given.right = -self.spring * rebound[1] - self.damper * rebound_rate[1] + bar;
 
-        let mut forces = [(0.0, 0.0, 0.0, 0.0, 0.0); 2];
-        for (side, sign) in [(0, 1.0), (1, -1.0)] {
-            let at = left + side * PER_WHEEL;
+        let motion = |side: usize, sign: f64| {
             let vx = y[VX] - sign * self.half_track * y[YAW_RATE];
-            let motion = WheelMotion {
+            WheelMotion {
                 vx: vx * cos + vy * sin,
                 vy: vy * cos - vx * sin,
                 gamma: y[ROLL] + sign * self.camber_gain * rebound[side],
                 side: sign,
                 drive: drive * self.drive_share * self.radius,
                 brake: brake * self.brake_share * self.radius,
-            };
-            let wheel = self.wheel(&y[at..at + PER_WHEEL], &motion, friction, &mut rates[at..at + PER_WHEEL]);
+            }
+        };
+        (given, [motion(0, 1.0), motion(1, -1.0)])
+    }
+
+    /// What both wheels give to the body.
+    #[inline(always)]
+    fn gather(&self, wheels: &[WheelFlow], (sin, cos): (f64, f64), given: &mut AxleFlow) {
+        let given_by = |wheel: &WheelFlow| {
             let force = &wheel.forces;
-            forces[side] = (
+            (
                 force.fx * cos - force.fy * sin,
                 force.fx * sin + force.fy * cos,
                 force.mz,
                 force.mx + self.lateral_compliance * wheel.load * force.fy,
                 (wheel.torque - self.radius * force.fx) * cos,
-            );
-            flow.wheels[2 * index + side] = wheel;
-        }
-        let [l, r] = forces;
+            )
+        };
+        let (l, r) = (given_by(&wheels[0]), given_by(&wheels[1]));
         given.fx = l.0 + r.0;
         given.fy = l.1 + r.1;
         given.moment = self.x * given.fy - self.half_track * (l.0 - r.0) + (l.2 + r.2);
         given.overturning = l.3 + r.3;
         given.reaction = l.4 + r.4;
-        given
     }
 }

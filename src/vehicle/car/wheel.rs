@@ -32,6 +32,7 @@ const BRAKE_RELAXATION: f64 = 500.0;
 const ROLLING_FROM: f64 = 0.1;
 
 /// Motion of the wheel's contact in axes of the wheel, and what acts on the wheel.
+#[derive(Clone, Copy)]
 pub(super) struct WheelMotion {
     /// Velocity of the contact point, m/s.
     pub vx: f64,
@@ -43,6 +44,14 @@ pub(super) struct WheelMotion {
     /// Drive torque and greatest brake torque, N m.
     pub drive: f64,
     pub brake: f64,
+}
+
+/// Load and transient slip of a wheel, the lateral one by its tangent in axes of the wheel.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Slip {
+    pub load: f64,
+    pub kappa: f64,
+    pub tangent: f64,
 }
 
 /// What a wheel does at an instant.
@@ -66,9 +75,9 @@ impl AxlePlant {
         if elastic <= 0.0 { 0.0 } else { (elastic - damping).max(0.0) }
     }
 
-    /// Forces on one wheel, and the rates of its spin, deflections and brake.
-    #[inline]
-    pub fn wheel(&self, wheel: &[f64], motion: &WheelMotion, friction: f64, rates: &mut [f64]) -> WheelFlow {
+    /// The slip of one wheel, and the rates of its deflections.
+    #[inline(always)]
+    pub fn slip(&self, wheel: &[f64], motion: &WheelMotion, rates: &mut [f64]) -> Slip {
         let load = self.load(wheel);
         let spin = wheel[SPIN];
         let slip_x = motion.vx - spin * self.radius;
@@ -84,15 +93,25 @@ impl AxlePlant {
         let (u, v) = (wheel[DEFLECTION_X], wheel[DEFLECTION_Y]);
         let du = -slip_x - speed * u / relax_x;
         let dv = slip_y - speed * v / relax_y;
+        rates[DEFLECTION_X] = du;
+        rates[DEFLECTION_Y] = dv;
         // The tyre's own damping matters only near rest, where the deflections are springs.
         let rest = (1.0 - speed / DAMPED_BELOW).max(0.0);
         let damping = DAMPING_AT_REST * rest * rest;
-        let kappa = u / relax_x + damping * du;
-        let alpha = (v / relax_y + damping * dv).atan();
+        Slip { load, kappa: u / relax_x + damping * du, tangent: v / relax_y + damping * dv }
+    }
 
-        let contact =
-            Contact { kappa, alpha: motion.side * alpha, gamma: motion.side * motion.gamma, load, friction };
-        let mut forces = self.tyre.forces(&contact);
+    /// What a wheel does with the forces on its contact, and the rates of its spin and brake.
+    #[inline(always)]
+    pub fn wheel(
+        &self,
+        wheel: &[f64],
+        motion: &WheelMotion,
+        contact: &Contact,
+        mut forces: TyreForces,
+        rates: &mut [f64],
+    ) -> WheelFlow {
+        let (spin, load) = (wheel[SPIN], contact.load);
         forces.fy *= motion.side;
         forces.mx *= motion.side;
         forces.mz *= motion.side;
@@ -102,10 +121,8 @@ impl AxlePlant {
             * (spin * self.radius / ROLLING_FROM).clamp(-1.0, 1.0);
         let torque = motion.drive - brake.0;
         rates[SPIN] = (torque - forces.fx * self.radius - rolling) / self.wheel_inertia;
-        rates[DEFLECTION_X] = du;
-        rates[DEFLECTION_Y] = dv;
         rates[WIND_UP] = brake.1;
-        WheelFlow { load, forces, kappa, alpha, torque }
+        WheelFlow { load, forces, kappa: contact.kappa, alpha: motion.side * contact.alpha, torque }
     }
 
     /// Brake torque against the spin, and the rate of the wind-up: dry friction with a stiff spring before it slips

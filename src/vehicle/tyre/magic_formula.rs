@@ -1,9 +1,10 @@
 //! The Magic Formula 5.2: forces and moments of one wheel in its contact patch.
 
 use super::coefficients::Coefficients;
+use crate::vehicle::trigonometry::{Of, atan, each, sin_or_cos};
 
-/// How a tyre meets the road.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// How a tyre meets the road. The default is a wheel in the air.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Contact {
     /// Longitudinal slip `(omega R - Vx) / |Vx|`, positive when driving.
     pub kappa: f64,
@@ -33,20 +34,38 @@ pub struct TyreForces {
 /// Loads under this carry no force: the wheel has left the road.
 const LIFTED: f64 = 1e-3;
 
-/// `sin(C atan(B x - E (B x - atan(B x))))`.
-#[inline]
-fn curve_sin(x: f64, b: f64, c: f64, e: f64) -> f64 {
-    let bx = b * x;
-    let inner = if e == 0.0 { bx } else { bx - e * (bx - bx.atan()) };
-    (c * inner.atan()).sin()
+/// The arguments of `sin(C atan(B x - E (B x - atan(B x))))`, or of its cosine.
+#[derive(Clone, Copy, Default)]
+struct Curve {
+    x: f64,
+    b: f64,
+    c: f64,
+    e: f64,
 }
 
-/// `cos(C atan(B x - E (B x - atan(B x))))`.
-#[inline]
-fn curve_cos(x: f64, b: f64, c: f64, e: f64) -> f64 {
-    let bx = b * x;
-    let inner = if e == 0.0 { bx } else { bx - e * (bx - bx.atan()) };
-    (c * inner.atan()).cos()
+impl Curve {
+    /// Sine or cosine of several curves at once.
+    #[inline(always)]
+    fn values<const N: usize>(of: Of, curves: [Self; N]) -> [f64; N] {
+        let bx: [f64; N] = each(|i| curves[i].b * curves[i].x);
+        let inner = if curves.iter().all(|curve| curve.e == 0.0) {
+            bx
+        } else {
+            let atan: [f64; N] = atan(bx);
+            each(|i| {
+                let e = curves[i].e;
+                if e == 0.0 { bx[i] } else { bx[i] - e * (bx[i] - atan[i]) }
+            })
+        };
+        let outer = atan(inner);
+        sin_or_cos::<N>([of; N], each(|i| curves[i].c * outer[i]))
+    }
+
+    #[inline]
+    fn cos(self) -> f64 {
+        let [cos] = Self::values(Of::Cos, [self]);
+        cos
+    }
 }
 
 /// `cos(atan(x))` without a call to either.
@@ -73,15 +92,57 @@ fn sign(x: f64) -> f64 {
     }
 }
 
-/// Pure lateral slip: the force and what the combined force and the moment need of it.
+/// Pure longitudinal slip but for the sine of its curve.
+#[derive(Clone, Copy, Default)]
+struct Longitudinal {
+    curve: Curve,
+    peak: f64,
+    stiffness: f64,
+    shift_v: f64,
+}
+
+/// Pure lateral slip but for the sine of its curve: what forces and moment need of it.
+#[derive(Clone, Copy, Default)]
 struct Lateral {
-    force: f64,
+    curve: Curve,
     peak: f64,
     friction: f64,
     stiffness: f64,
     b_times_c: f64,
     shift_h: f64,
     shift_v: f64,
+}
+
+/// One wheel before its curves are known.
+#[derive(Clone, Copy, Default)]
+struct Wheel {
+    contact: Contact,
+    /// The load at which the formula is taken, its factor and its relative deviation.
+    load: f64,
+    factor: f64,
+    dfz: f64,
+    longitudinal: Longitudinal,
+    lateral: Lateral,
+}
+
+/// Forces in the plane of the road; `induced` is the lateral force that longitudinal slip induces.
+#[derive(Clone, Copy, Default)]
+struct Planar {
+    fx: f64,
+    fy: f64,
+    induced: f64,
+}
+
+/// `sign(alpha) sqrt(tan^2(alpha) + slip^2)`: the tangent of the slip angle that acts on trail and residual moment.
+#[inline(always)]
+fn equivalent<const N: usize>(alpha: [f64; N], slip: [f64; N]) -> [f64; N] {
+    let within: [f64; N] = each(|i| alpha[i].clamp(-1.5, 1.5));
+    let (sin, cos): ([f64; N], [f64; N]) =
+        (sin_or_cos([Of::Sin; N], within), sin_or_cos([Of::Cos; N], within));
+    each(|i| {
+        let t = sin[i] / cos[i];
+        sign(alpha[i]) * (t * t + slip[i] * slip[i]).sqrt()
+    })
 }
 
 impl Coefficients {
@@ -177,9 +238,8 @@ impl Coefficients {
             * (1.0 - self.pky3 * (gamma * self.lgay).abs())
     }
 
-    /// Pure longitudinal slip: force, peak and stiffness.
-    #[inline]
-    fn pure_longitudinal(&self, contact: &Contact, load: f64, dfz: f64) -> (f64, f64, f64) {
+    #[inline(always)]
+    fn pure_longitudinal(&self, contact: &Contact, load: f64, dfz: f64) -> Longitudinal {
         let gamma = contact.gamma * self.lgax;
         let shift_h = (self.phx1 + self.phx2 * dfz) * self.lhx;
         let kappa = contact.kappa + shift_h;
@@ -191,10 +251,11 @@ impl Coefficients {
             * self.lex;
         let k = self.longitudinal_stiffness(load, dfz);
         let shift_v = load * (self.pvx1 + self.pvx2 * dfz) * self.lvx * friction;
-        (d * curve_sin(kappa, k / (c * d), c, e.min(1.0)) + shift_v, d, k)
+        let curve = Curve { x: kappa, b: k / (c * d), c, e: e.min(1.0) };
+        Longitudinal { curve, peak: d, stiffness: k, shift_v }
     }
 
-    #[inline]
+    #[inline(always)]
     fn pure_lateral(&self, contact: &Contact, load: f64, dfz: f64) -> Lateral {
         let gamma = contact.gamma * self.lgay;
         let friction = self.lmuy * contact.friction;
@@ -209,87 +270,141 @@ impl Coefficients {
         let e =
             (self.pey1 + self.pey2 * dfz) * (1.0 - (self.pey3 + self.pey4 * gamma) * sign(alpha)) * self.ley;
         let b = k / (c * d);
-        let force = d * curve_sin(alpha, b, c, e.min(1.0)) + shift_v;
-        Lateral { force, peak: d, friction: mu, stiffness: k, b_times_c: b * c, shift_h, shift_v }
+        let curve = Curve { x: alpha, b, c, e: e.min(1.0) };
+        Lateral { curve, peak: d, friction: mu, stiffness: k, b_times_c: b * c, shift_h, shift_v }
     }
 
     /// Forces and moments at steady slip. All zero for a wheel in the air. Finite for finite input.
     #[must_use]
     pub fn forces(&self, contact: &Contact) -> TyreForces {
-        if contact.load <= LIFTED {
-            return TyreForces::default();
+        let [forces] = Self::forces_of([self], &[*contact]);
+        forces
+    }
+
+    /// [`forces`](Self::forces) of several wheels at once, each with its tyre: much faster than one by one.
+    #[must_use]
+    pub fn forces_of<const N: usize>(tyres: [&Self; N], contacts: &[Contact; N]) -> [TyreForces; N] {
+        let wheels: [Wheel; N] = each(|i| tyres[i].wheel(&contacts[i]));
+        let sin_x: [f64; N] = Curve::values(Of::Sin, each(|i| wheels[i].longitudinal.curve));
+        let sin_y: [f64; N] = Curve::values(Of::Sin, each(|i| wheels[i].lateral.curve));
+        let pure_x: [f64; N] = each(|i| {
+            let pure = &wheels[i].longitudinal;
+            pure.peak * sin_x[i] + pure.shift_v
+        });
+        let pure_y: [f64; N] = each(|i| {
+            let pure = &wheels[i].lateral;
+            pure.peak * sin_y[i] + pure.shift_v
+        });
+
+        let (mut weight_x, mut weight_y) = ([1.0; N], [1.0; N]);
+        if tyres.iter().any(|tyre| tyre.has_weights()) {
+            let weights: [[Curve; 2]; N] = each(|i| tyres[i].weights(&wheels[i]));
+            weight_x = Curve::values::<N>(Of::Cos, each(|i| weights[i][0]));
+            weight_y = Curve::values::<N>(Of::Cos, each(|i| weights[i][1]));
         }
+        let planar: [Planar; N] = each(|i| {
+            if tyres[i].has_weights() {
+                tyres[i].combined(&wheels[i], [pure_x[i], pure_y[i]], [weight_x[i], weight_y[i]])
+            } else {
+                tyres[i].friction_ellipse(&wheels[i], pure_x[i], pure_y[i])
+            }
+        });
+        let mz = Self::aligning_moments(tyres, &wheels, &planar);
+        each(|i| {
+            if contacts[i].load <= LIFTED {
+                return TyreForces::default();
+            }
+            let (tyre, Wheel { contact, load, factor, .. }, Planar { fx, fy, .. }) =
+                (tyres[i], wheels[i], planar[i]);
+            let mx = tyre.r0
+                * load
+                * (tyre.qsx1 * tyre.lvmx
+                    + (-tyre.qsx2 * contact.gamma + tyre.qsx3 * fy / tyre.fz0) * tyre.lmx);
+            TyreForces { fx: factor * fx, fy: factor * fy, mx: factor * mx, mz: factor * mz[i] }
+        })
+    }
+
+    /// Pure slip of a wheel.
+    #[inline(always)]
+    fn wheel(&self, contact: &Contact) -> Wheel {
         let (load, factor) = self.range_of_load(contact.load);
         let contact = Contact { gamma: contact.gamma.clamp(self.cammin, self.cammax), ..*contact };
         let dfz = self.dfz(load);
-        let (fx0, peak_x, stiffness_x) = self.pure_longitudinal(&contact, load, dfz);
+        let longitudinal = self.pure_longitudinal(&contact, load, dfz);
         let lateral = self.pure_lateral(&contact, load, dfz);
-        let (fx, fy, induced) = if self.rbx1 != 0.0 && self.rby1 != 0.0 {
-            self.combined(&contact, load, dfz, fx0, &lateral)
-        } else {
-            let (fx, fy) = self.friction_ellipse(&contact, dfz, fx0, peak_x, &lateral);
-            (fx, fy, 0.0)
-        };
-        let mz = self.aligning_moment(&contact, load, dfz, fx, fy, induced, stiffness_x, &lateral);
-        let mx = self.r0
-            * load
-            * (self.qsx1 * self.lvmx + (-self.qsx2 * contact.gamma + self.qsx3 * fy / self.fz0) * self.lmx);
-        TyreForces { fx: factor * fx, fy: factor * fy, mx: factor * mx, mz: factor * mz }
+        Wheel { contact, load, factor, dfz, longitudinal, lateral }
     }
 
-    /// Combined slip by weighting functions: `(Fx, Fy, SVyk)`.
+    /// Whether the file has the coefficients of combined slip.
     #[inline]
-    fn combined(
-        &self,
-        contact: &Contact,
-        load: f64,
-        dfz: f64,
-        fx0: f64,
-        lateral: &Lateral,
-    ) -> (f64, f64, f64) {
-        let (kappa, alpha) = (contact.kappa, contact.alpha);
-        let bx = self.rbx1 * cos_atan(self.rbx2 * kappa) * self.lxal;
-        let ex = (self.rex1 + self.rex2 * dfz).min(1.0);
-        let neutral_x = if self.rhx1 == 0.0 { 1.0 } else { curve_cos(self.rhx1, bx, self.rcx1, ex) };
-        let weight_x = curve_cos(alpha + self.rhx1, bx, self.rcx1, ex) / neutral_x;
+    fn has_weights(&self) -> bool {
+        self.rbx1 != 0.0 && self.rby1 != 0.0
+    }
 
-        let by = self.rby1 * cos_atan(self.rby2 * (alpha - self.rby3)) * self.lyka;
-        let ey = (self.rey1 + self.rey2 * dfz).min(1.0);
+    /// Combined slip: the curves whose cosines weight the longitudinal and the lateral force.
+    #[inline(always)]
+    fn weights(&self, wheel: &Wheel) -> [Curve; 2] {
+        let Wheel { contact: Contact { kappa, alpha, .. }, dfz, .. } = *wheel;
+        [
+            Curve {
+                x: alpha + self.rhx1,
+                b: self.rbx1 * cos_atan(self.rbx2 * kappa) * self.lxal,
+                c: self.rcx1,
+                e: (self.rex1 + self.rex2 * dfz).min(1.0),
+            },
+            Curve {
+                x: kappa + (self.rhy1 + self.rhy2 * dfz),
+                b: self.rby1 * cos_atan(self.rby2 * (alpha - self.rby3)) * self.lyka,
+                c: self.rcy1,
+                e: (self.rey1 + self.rey2 * dfz).min(1.0),
+            },
+        ]
+    }
+
+    /// Combined slip by weighting functions, from the pure forces and the cosines of the weights' curves.
+    #[inline(always)]
+    fn combined(&self, wheel: &Wheel, pure: [f64; 2], cosines: [f64; 2]) -> Planar {
+        let Wheel { contact, load, dfz, lateral, .. } = wheel;
+        let (kappa, alpha) = (contact.kappa, contact.alpha);
         let shift = self.rhy1 + self.rhy2 * dfz;
-        let neutral_y = if shift == 0.0 { 1.0 } else { curve_cos(shift, by, self.rcy1, ey) };
-        let weight_y = curve_cos(kappa + shift, by, self.rcy1, ey) / neutral_y;
+        let (mut weight_x, mut weight_y) = (cosines[0], cosines[1]);
+        if self.rhx1 != 0.0 {
+            weight_x /= Curve { x: self.rhx1, ..self.weights(wheel)[0] }.cos();
+        }
+        if shift != 0.0 {
+            weight_y /= Curve { x: shift, ..self.weights(wheel)[1] }.cos();
+        }
         let induced = if self.rvy1 == 0.0 && self.rvy2 == 0.0 && self.rvy3 == 0.0 {
             0.0
         } else {
+            let [inner] = atan([self.rvy6 * kappa]);
+            let [sin] = sin_or_cos([Of::Sin], [self.rvy5 * inner]);
             lateral.friction
                 * load
                 * (self.rvy1 + self.rvy2 * dfz + self.rvy3 * contact.gamma)
                 * cos_atan(self.rvy4 * alpha)
-                * (self.rvy5 * (self.rvy6 * kappa).atan()).sin()
+                * sin
                 * self.lvyka
         };
-        (fx0 * weight_x, lateral.force * weight_y + induced, induced)
+        Planar { fx: pure[0] * weight_x, fy: pure[1] * weight_y + induced, induced }
     }
 
     /// Combined slip for files without combined coefficients: the friction ellipse, as `PAC2002` has it.
     #[inline]
-    fn friction_ellipse(
-        &self,
-        contact: &Contact,
-        dfz: f64,
-        fx0: f64,
-        peak_x: f64,
-        lateral: &Lateral,
-    ) -> (f64, f64) {
+    fn friction_ellipse(&self, wheel: &Wheel, fx0: f64, fy: f64) -> Planar {
+        let Wheel { contact, dfz, longitudinal, lateral, .. } = wheel;
         let kappa = (contact.kappa + (self.phx1 + self.phx2 * dfz) * self.lhx).abs();
-        let alpha = (contact.alpha + lateral.shift_h + lateral.shift_v / lateral.stiffness).sin().abs();
+        let angle = contact.alpha + lateral.shift_h + lateral.shift_v / lateral.stiffness;
+        let [sin] = sin_or_cos([Of::Sin], [angle]);
+        let alpha = sin.abs();
         if kappa == 0.0 || alpha == 0.0 {
-            return (fx0, lateral.force);
+            return Planar { fx: fx0, fy, induced: 0.0 };
         }
-        let fy0 = lateral.force - lateral.shift_v;
+        let fy0 = fy - lateral.shift_v;
         let slope = alpha / kappa;
-        let (x, y) = (fx0 * slope / lateral.peak, fy0 / (peak_x * slope));
-        (fx0 / (1.0 + x * x).sqrt(), fy0 / (1.0 + y * y).sqrt() + lateral.shift_v)
+        let (x, y) = (fx0 * slope / lateral.peak, fy0 / (longitudinal.peak * slope));
+        let fy = fy0 / (1.0 + y * y).sqrt() + lateral.shift_v;
+        Planar { fx: fx0 / (1.0 + x * x).sqrt(), fy, induced: 0.0 }
     }
 
     /// Whether the file has a moment at all; most of the cost of one is saved without.
@@ -303,63 +418,85 @@ impl Coefficients {
         .any(|value| *value != 0.0)
     }
 
-    /// Self-aligning moment from pneumatic trail, residual torque and the arm of the longitudinal force.
-    #[allow(clippy::too_many_arguments)]
-    #[inline]
-    fn aligning_moment(
-        &self,
-        contact: &Contact,
-        load: f64,
-        dfz: f64,
-        fx: f64,
-        fy: f64,
-        induced: f64,
-        stiffness_x: f64,
-        lateral: &Lateral,
-    ) -> f64 {
-        if !self.has_aligning_moment() {
-            return 0.0;
+    /// Self-aligning moments from pneumatic trail, residual torque and the arm of the longitudinal force.
+    #[inline(always)]
+    fn aligning_moments<const N: usize>(
+        tyres: [&Self; N],
+        wheels: &[Wheel; N],
+        planar: &[Planar; N],
+    ) -> [f64; N] {
+        if !tyres.iter().any(|tyre| tyre.has_aligning_moment()) {
+            return [0.0; N];
         }
+        let slip: [f64; N] = each(|i| {
+            // Longitudinal slip acts on the trail like slip angle.
+            wheels[i].longitudinal.stiffness / wheels[i].lateral.stiffness * wheels[i].contact.kappa
+        });
+        let shifted: [f64; N] = each(|i| {
+            let (tyre, Wheel { contact, dfz, .. }) = (tyres[i], &wheels[i]);
+            let gamma = contact.gamma * tyre.lgaz;
+            contact.alpha + (tyre.qhz1 + tyre.qhz2 * dfz + (tyre.qhz3 + tyre.qhz4 * dfz) * gamma)
+        });
+        let alpha_t: [f64; N] = atan(equivalent(shifted, slip));
+        let curves: [Curve; N] = each(|i| tyres[i].trail_curve(&wheels[i], alpha_t[i]));
+        let cos: [f64; N] = Curve::values(Of::Cos, curves);
+        let cos_alpha: [f64; N] = sin_or_cos([Of::Cos; N], each(|i| wheels[i].contact.alpha));
+        each(|i| {
+            if !tyres[i].has_aligning_moment() {
+                return 0.0;
+            }
+            let (tyre, Wheel { contact, load, dfz, .. }, forces) = (tyres[i], &wheels[i], &planar[i]);
+            let gamma = contact.gamma * tyre.lgaz;
+            let dt = load
+                * (tyre.qdz1 + tyre.qdz2 * dfz)
+                * (1.0 + tyre.qdz3 * gamma + tyre.qdz4 * gamma * gamma)
+                * (tyre.r0 / tyre.fz0)
+                * tyre.ltr;
+            let trail = dt * cos[i] * cos_alpha[i];
+            let residual = tyre.residual_moment(&wheels[i], slip[i]) * cos_alpha[i];
+            let arm = (tyre.ssz1
+                + tyre.ssz2 * forces.fy / tyre.fz0
+                + (tyre.ssz3 + tyre.ssz4 * dfz) * contact.gamma)
+                * tyre.r0
+                * tyre.ls;
+            -trail * (forces.fy - forces.induced) + residual + arm * forces.fx
+        })
+    }
+
+    /// The curve whose cosine is the pneumatic trail's.
+    #[inline(always)]
+    fn trail_curve(&self, wheel: &Wheel, alpha_t: f64) -> Curve {
+        let Wheel { contact, dfz, .. } = wheel;
         let gamma = contact.gamma * self.lgaz;
         let friction = self.lmuy * contact.friction;
-        let shift_t = self.qhz1 + self.qhz2 * dfz + (self.qhz3 + self.qhz4 * dfz) * gamma;
-        // Longitudinal slip acts on the trail like slip angle.
-        let slip = stiffness_x / lateral.stiffness * contact.kappa;
-        let equivalent = |alpha: f64| {
-            let t = alpha.clamp(-1.5, 1.5).tan();
-            sign(alpha) * (t * t + slip * slip).sqrt().atan()
-        };
-        let alpha_t = equivalent(contact.alpha + shift_t);
-        let cos_alpha = contact.alpha.cos();
-        let bt = (self.qbz1 + self.qbz2 * dfz + self.qbz3 * dfz * dfz)
+        let b = (self.qbz1 + self.qbz2 * dfz + self.qbz3 * dfz * dfz)
             * (1.0 + self.qbz4 * gamma + self.qbz5 * gamma.abs())
             * self.lky
             / friction;
-        let dt = load
-            * (self.qdz1 + self.qdz2 * dfz)
-            * (1.0 + self.qdz3 * gamma + self.qdz4 * gamma * gamma)
-            * (self.r0 / self.fz0)
-            * self.ltr;
-        let et = (self.qez1 + self.qez2 * dfz + self.qez3 * dfz * dfz)
-            * (1.0
-                + (self.qez4 + self.qez5 * gamma)
-                    * std::f64::consts::FRAC_2_PI
-                    * (bt * self.qcz1 * alpha_t).atan());
-        let trail = dt * curve_cos(alpha_t, bt, self.qcz1, et.min(1.0)) * cos_alpha;
-        let residual = if self.qdz6 == 0.0 && self.qdz7 == 0.0 && self.qdz8 == 0.0 && self.qdz9 == 0.0 {
-            0.0
-        } else {
-            let shift_f = lateral.shift_h + lateral.shift_v / lateral.stiffness;
-            let br = self.qbz9 * self.lky / friction + self.qbz10 * lateral.b_times_c;
-            let dr = load
-                * ((self.qdz6 + self.qdz7 * dfz) * self.lres + (self.qdz8 + self.qdz9 * dfz) * gamma)
-                * self.r0
-                * friction;
-            dr * cos_atan(br * equivalent(contact.alpha + shift_f)) * cos_alpha
-        };
-        let arm = (self.ssz1 + self.ssz2 * fy / self.fz0 + (self.ssz3 + self.ssz4 * dfz) * contact.gamma)
+        let mut e = self.qez1 + self.qez2 * dfz + self.qez3 * dfz * dfz;
+        if self.qez4 != 0.0 || self.qez5 != 0.0 {
+            let [angle] = atan([b * self.qcz1 * alpha_t]);
+            e *= 1.0 + (self.qez4 + self.qez5 * gamma) * std::f64::consts::FRAC_2_PI * angle;
+        }
+        Curve { x: alpha_t, b, c: self.qcz1, e: e.min(1.0) }
+    }
+
+    /// Residual moment at zero slip angle's cosine of 1, N m.
+    #[inline]
+    fn residual_moment(&self, wheel: &Wheel, slip: f64) -> f64 {
+        if self.qdz6 == 0.0 && self.qdz7 == 0.0 && self.qdz8 == 0.0 && self.qdz9 == 0.0 {
+            return 0.0;
+        }
+        let Wheel { contact, load, dfz, lateral, .. } = wheel;
+        let gamma = contact.gamma * self.lgaz;
+        let friction = self.lmuy * contact.friction;
+        let shift_f = lateral.shift_h + lateral.shift_v / lateral.stiffness;
+        let br = self.qbz9 * self.lky / friction + self.qbz10 * lateral.b_times_c;
+        let dr = load
+            * ((self.qdz6 + self.qdz7 * dfz) * self.lres + (self.qdz8 + self.qdz9 * dfz) * gamma)
             * self.r0
-            * self.ls;
-        -trail * (fy - induced) + residual + arm * fx
+            * friction;
+        let [angle] = atan(equivalent([contact.alpha + shift_f], [slip]));
+        dr * cos_atan(br * angle)
     }
 }
