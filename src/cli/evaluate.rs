@@ -184,8 +184,11 @@ fn time(comparison: &Comparison<'_>, rows: &mut [RowResult], folder: &Path) -> R
     Ok(())
 }
 
+/// A change: its name, what is learned, how it predicts.
+type Change = (&'static str, TrainConfig, Propagation, RollOut);
+
 /// What is changed in turn.
-fn changes() -> Vec<(&'static str, TrainConfig, Propagation, RollOut)> {
+fn changes() -> Vec<Change> {
     let base = || Row::RflS.training().unwrap_or_else(|| TrainConfig::new(crate::residual::Kind::RflS));
     let with = |change: fn(&mut TrainConfig)| {
         let mut config = base();
@@ -198,8 +201,8 @@ fn changes() -> Vec<(&'static str, TrainConfig, Propagation, RollOut)> {
         ("direct, as printed in eq. (9)", base(), Propagation::Direct, corrected),
         ("roll-out with the nominal model", base(), propagated, RollOut::Nominal),
     ];
-    type Change = (&'static str, fn(&mut TrainConfig));
-    let trained: [Change; 12] = [
+    type Training = (&'static str, fn(&mut TrainConfig));
+    let trained: [Training; 12] = [
         ("window 8", |c| c.window = 8),
         ("window 16", |c| c.window = 16),
         ("window 40", |c| c.window = 40),
@@ -219,7 +222,7 @@ fn changes() -> Vec<(&'static str, TrainConfig, Propagation, RollOut)> {
 
 fn ablate(comparison: &Comparison<'_>, rows: &[RowResult]) -> Result<Vec<Ablation>, Box<dyn Error>> {
     let Some(result) = rows.iter().find(|result| result.row == Row::RflS.name()) else { return Ok(vec![]) };
-    let ablate_one = |(name, config, propagation, roll_out): (&str, TrainConfig, _, _)| {
+    let ablate_one = |(name, config, propagation, roll_out): Change| {
         let model = comparison.train(&config, 0)?;
         let fit = comparison.fit(&model, 0);
         let residual = Residual { model: Arc::new(model), propagation, roll_out };
