@@ -2,7 +2,8 @@
 //!
 //! 1. For each seed the nominal MPC, calm and with dither, drives the training route; from that each row learns.
 //! 2. Each row searches its weights on pieces of the training route (`weights.rs`), the nominal MPC first: no other
-//!    may steer more roughly than it does at its best.
+//!    may steer more roughly than it does at its best. The best few then drive the whole training route with a model
+//!    of another seed, and the best of that is taken: weights at the edge of divergence do not pass.
 //! 3. Three protocols on the test route: *own best*, each row at the weights that it found, *frozen*, all at the
 //!    weights that the nominal found, and *default*, all at the weights that users get.
 //!
@@ -12,7 +13,7 @@ use super::fit::{FitMetrics, steps_ahead};
 use super::plant::Plant;
 use super::row::Row;
 use super::trial::{LOST, Trial, TrialError};
-use super::weights::{Weights, search};
+use super::weights::{Found, Weights, search};
 use crate::control::{
     BicycleModel, ControllerParameters, PredictionModel, Propagation, Residual, RollOut, Timing,
 };
@@ -207,6 +208,8 @@ pub const DITHER: f64 = 0.01;
 
 /// Lateral error at which a candidate's drive is given up, m: no row's best comes near.
 const HOPELESS: f64 = 1.0;
+/// Candidates of a search that are tried on the whole training route.
+const VALIDATED: usize = 6;
 /// What a piece of road that was not driven to its end costs, m.
 const COST_OF_LOSS: f64 = 1e3;
 /// Streams of random numbers that must not meet.
@@ -349,17 +352,18 @@ impl<'a> Comparison<'a> {
             let found = search(self.effort.budget, 1, row.observes(), threads, |weights| {
                 self.score(&models[0], weights, limit).unwrap_or(f64::INFINITY)
             });
+            let own = self.validate(&models[learned.min(2) - 1], &found)?;
             if row == Row::Mpc {
-                frozen = found.weights;
+                frozen = own;
                 limit = self.pieces(&models[0], &frozen)?.1;
             }
             progress(&format!("{}: driving", row.name()));
             let observing = |weights: Weights| Weights {
-                observer_gain: found.weights.observer_gain,
-                prediction_noise: found.weights.prediction_noise,
+                observer_gain: own.observer_gain,
+                prediction_noise: own.prediction_noise,
                 ..weights
             };
-            let protocols = [found.weights, observing(frozen), observing(Weights::default_of(false))];
+            let protocols = [own, observing(frozen), observing(Weights::default_of(false))];
             let outcomes = parallel::map(threads, protocols.len() * seeds, |i| {
                 let (weights, seed) = (protocols[i / seeds], i % seeds);
                 let model = models[seed.min(learned - 1)].clone();
@@ -371,7 +375,7 @@ impl<'a> Comparison<'a> {
             let default = frozen_outcomes.split_off(seeds);
             results.push(RowResult {
                 row: row.name(),
-                weights: found.weights,
+                weights: own,
                 score: found.score,
                 tried: found.tried,
                 own_best,
@@ -408,6 +412,31 @@ impl<'a> Comparison<'a> {
             count += rows;
         }
         Ok((error / count, (rates / count).sqrt()))
+    }
+
+    /// The best of the few best candidates on the whole training route.
+    fn validate(&self, model: &PredictionModel, found: &Found) -> Result<Weights, CompareError> {
+        let mut best = found.tried.clone();
+        best.sort_by(|a, b| a.1.total_cmp(&b.1));
+        best.truncate(VALIDATED);
+        let threads = parallel::threads(self.effort.threads);
+        let scores = parallel::map(threads, best.len(), |i| {
+            let drive = Trial {
+                give_up: HOPELESS,
+                ..self.trial(&self.roads.train, model.clone(), best[i].0, TUNING_NOISE + 1)
+            }
+            .drive()?;
+            let driven = drive.rows.last().map_or(0.0, |row| row[STATION]);
+            let tracking = drive.tracking();
+            Ok::<_, TrialError>(if drive.lost || !drive.finished {
+                COST_OF_LOSS * (2.0 - driven / self.roads.train.length())
+            } else {
+                tracking.mae + tracking.rmse + 0.1 * tracking.max
+            })
+        });
+        let scores = scores.into_iter().collect::<Result<Vec<_>, _>>()?;
+        let least = (0..best.len()).min_by(|&a, &b| scores[a].total_cmp(&scores[b]));
+        Ok(least.map_or(found.weights, |i| best[i].0))
     }
 
     /// What the search minimises: the tracking error, m, of candidates that steer no more roughly than the nominal MPC
