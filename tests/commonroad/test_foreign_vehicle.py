@@ -20,7 +20,8 @@ LEAST_CUT = 15.0  # %
 
 @pytest.mark.parametrize("actuator", ACTUATORS)
 def test_learned_residual_cuts_the_error_on_an_unseen_road(actuator, fmus, paths, rfl, tmp_path):
-    training = cut(paths / "sudoku_train.csv", 0.0, 700.0, tmp_path / "train.csv")
+    # 700 m are enough without the prefilter (PE 66 %); with it, the default, they gave PE 37 % and a larger max.
+    training = cut(paths / "sudoku_train.csv", 0.0, 1100.0, tmp_path / "train.csv")
     unseen = Course("unseen", cut(paths / "sudoku_test.csv", 0.0, 300.0, tmp_path / "test.csv"))
     result = study(
         {actuator: ACTUATORS[actuator]}, training, [unseen], tmp_path, rfl, kinds=("rfl_s",), drives=1, fmus=fmus
