@@ -89,7 +89,7 @@ fn drive(noise: Option<(SensorNoise, u64)>, give_up: f64) -> Drive {
         plant: Plant::AsIs,
         path,
         model: PredictionModel::Nominal,
-        weights: Weights::default_of(false),
+        weights: Weights::default(),
         noise,
         give_up,
         dither: None,

@@ -5,15 +5,10 @@ use super::progress_bar;
 use crate::control::PredictionModel;
 use crate::path::sudoku::Route;
 use crate::simulate::STATION;
+use crate::simulate::experiment::{CALM, DITHER};
 use clap::Args;
 use std::error::Error;
 use std::path::PathBuf;
-
-/// Weights of a collecting controller. The default ones ring on a car with a slow actuator, and a model that has
-/// learned ringing, with its saturated commands, makes the loop diverge. Measured on lag 0.1 s and dead time 0.06 s,
-/// RFL+S with a window of 16, mean lateral error on the test route: nominal 34 mm, learned from drives with the
-/// default weights 767 mm, with these 16 mm.
-const CALM: [&str; 3] = ["mpc.r_rate=0.3", "mpc.q_e1_rate=1", "mpc.q_e2=2"];
 
 /// Drives the nominal MPC along the training route, with a little steering dither, and records drive logs
 #[derive(Debug, Args)]
@@ -39,7 +34,7 @@ pub struct CollectArgs {
     #[arg(long, default_value_t = 3)]
     runs: usize,
     /// Amplitude of the dither in rad
-    #[arg(long, default_value_t = 0.01)]
+    #[arg(long, default_value_t = DITHER)]
     dither: f64,
     /// Seed of the first drive's dither
     #[arg(long, default_value_t = 1)]
@@ -59,7 +54,11 @@ pub struct CollectArgs {
 pub fn run(args: &CollectArgs) -> Result<(), Box<dyn Error>> {
     std::fs::create_dir_all(&args.out).map_err(|error| format!("{}: {error}", args.out.display()))?;
     for run in 0..args.runs {
-        let mut settings = CALM.map(String::from).to_vec();
+        let mut settings = vec![
+            format!("mpc.r_rate={}", CALM.r_rate),
+            format!("mpc.q_e1_rate={}", CALM.q_e1_rate),
+            format!("mpc.q_e2={}", CALM.q_e2),
+        ];
         settings.extend_from_slice(&args.settings);
         let mut setup = Setup::new(args.path.as_deref(), Route::SudokuTrain, &args.vehicle, &settings)?;
         setup.controller.mpc.dither = args.dither;

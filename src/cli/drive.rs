@@ -2,11 +2,11 @@
 
 use super::{named, progress_bar};
 use crate::control::{
-    Choice, ControlVariant, Controller, ControllerParameters, PredictionModel, Propagation, RollOut, Timing,
+    Choice, ControlVariant, Controller, ControllerParameters, PredictionModel, Propagation, RollOut,
 };
 use crate::path::sudoku::Route;
-use crate::path::{Options, Path, RoadClass, to_csv};
-use crate::simulate::{ClosedLoop, Drive, STATION, TimeMetrics};
+use crate::path::{Path, RoadClass};
+use crate::simulate::{ClosedLoop, Drive, STATION, StepTimes};
 use crate::vehicle::{BUILTIN, CarParameters, Effects, builtin};
 use clap::Args;
 use serde_json::json;
@@ -113,11 +113,7 @@ impl Setup {
     ) -> Result<Self, Box<dyn Error>> {
         let path = Arc::new(match path {
             Some(file) => Path::read(file)?,
-            None => {
-                // Through the text of its file, so that the numbers are those of the file's rounding.
-                let text = to_csv(&course.samples());
-                Path::from_csv(text.as_bytes(), course.name().as_ref(), &Options::default())?
-            }
+            None => course.path()?,
         });
         for note in path.notes() {
             eprintln!("note: {note}");
@@ -206,7 +202,8 @@ fn report(
     wall: f64,
     args: &DriveArgs,
 ) -> Result<(), Box<dyn Error>> {
-    let (all, times) = (drive.tracking(), drive.times(sample_time));
+    let all = drive.tracking();
+    let StepTimes { step, look_up, condense, solve } = drive.times(sample_time);
     let driven = drive.duration();
     println!("{:<16} {:>9} {:>9} {:>9} {:>8}", "lateral error", "mean m", "RMS m", "max m", "share %");
     let line = |name: &str, metrics: &crate::simulate::TrackingMetrics| {
@@ -224,25 +221,18 @@ fn report(
     }
     println!(
         "step time: mean {:.0} us, p99 {:.0} us, max {:.0} us, {} over Ts",
-        1e6 * times.mean_s,
-        1e6 * times.p99_s,
-        1e6 * times.max_s,
-        times.missed
+        1e6 * step.mean_s,
+        1e6 * step.p99_s,
+        1e6 * step.max_s,
+        step.missed
     );
     let end = if drive.finished { "road finished" } else { "stopped before the road's end" };
     println!("{driven:.2} s driven in {wall:.2} s ({:.0} times real time), {end}", driven / wall);
-    let part = |of: fn(&Timing) -> f64| {
-        TimeMetrics::of(&mut drive.timings.iter().map(of).collect::<Vec<_>>(), sample_time)
-    };
-    let parts = json!({
-        "look_up": part(|timing| timing.look_up),
-        "condense": part(|timing| timing.condense),
-        "solve": part(|timing| timing.solve),
-    });
     if let Some(file) = &args.json {
         let value = json!({
-            "variant": variant.name(), "tracking": all, "classes": classes, "step": times, "parts": parts, "duration": driven, "finished": drive.finished,
-            "real_time_factor": driven / wall,
+            "variant": variant.name(), "tracking": all, "classes": classes, "duration": driven,
+            "finished": drive.finished, "real_time_factor": driven / wall,
+            "step": step, "parts": { "look_up": look_up, "condense": condense, "solve": solve },
         });
         std::fs::write(file, serde_json::to_string_pretty(&value)?)?;
     }

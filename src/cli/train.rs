@@ -7,8 +7,7 @@ use crate::log::{DriveLog, drive_of};
 use crate::path;
 use crate::residual::gp::GpConfig;
 use crate::residual::{
-    DataConfig, DataReport, DataSet, Fit, Kind, LambdaChoice, Progress, TrainConfig, TrainReport,
-    TreeFeatures, train,
+    DataReport, DataSet, Fit, Kind, LambdaChoice, Progress, TrainConfig, TrainReport, TreeFeatures, train,
 };
 use crate::vehicle::BUILTIN;
 use clap::Args;
@@ -204,10 +203,7 @@ fn controller(args: &TrainArgs) -> Result<ControllerParameters, Box<dyn Error>> 
 pub fn run(args: &TrainArgs) -> Result<(), Box<dyn Error>> {
     let parameters = controller(args)?;
     let vehicle = parameters.vehicle.single_track();
-    let data_config = DataConfig {
-        sample_time: parameters.mpc.sample_time,
-        min_model_speed: parameters.mpc.min_model_speed,
-    };
+    let data_config = parameters.mpc.data_config();
     let road =
         args.path.as_deref().map(|file| path::Path::read(file).map(|road| (road, file))).transpose()?;
     let mut notes = Vec::new();

@@ -3,6 +3,7 @@
 use super::observer::ObserverParameters;
 use crate::parameter::{OutOfRange, ParameterGroup};
 use crate::parameters;
+use crate::residual::DataConfig;
 use crate::vehicle::{CarParameters, SingleTrack};
 
 /// Steps of the prediction that the FMU shows as outputs; longer horizons are allowed.
@@ -133,6 +134,14 @@ fn set<G: ParameterGroup>(group: &mut G, name: &str, value: f64) -> Result<bool,
     G::table()[index].check(value)?;
     group.set(index, value);
     Ok(true)
+}
+
+impl MpcParameters {
+    /// How drives are labelled for a residual of this controller.
+    #[must_use]
+    pub fn data_config(&self) -> DataConfig {
+        DataConfig { sample_time: self.sample_time, min_model_speed: self.min_model_speed }
+    }
 }
 
 impl NominalVehicle {

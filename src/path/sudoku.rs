@@ -19,6 +19,7 @@ use super::pen::{Pen, Rounding, corner_tangent};
 use super::sample::{RoadClass, Sample};
 use super::segment::{Course, Pose};
 use super::splitmix::SplitMix64;
+use super::{Options, Path, PathError, to_csv};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Length of a block in m.
@@ -153,6 +154,14 @@ impl Route {
             Self::HairpinCircuit => hairpin_circuit(),
             Self::OffRoad => off_road(7),
         }
+    }
+
+    /// The course as its file has it: through the file's text, so that the numbers have its rounding.
+    ///
+    /// # Errors
+    /// None, unless a course was changed so that it is no path any more.
+    pub fn path(self) -> Result<Path, PathError> {
+        Path::from_csv(to_csv(&self.samples()).as_bytes(), self.name().as_ref(), &Options::default())
     }
 
     /// The course as points at most 1 m apart.

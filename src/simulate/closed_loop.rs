@@ -4,7 +4,7 @@
 //! point `t_k = k h` the controller reads the car's outputs and steps, the car takes its commands and steps
 //! (Gauss-Seidel, controller first: no step of delay between them).
 
-use super::metrics::{InputMetrics, TimeMetrics, TrackingMetrics};
+use super::metrics::{InputMetrics, StepTimes, TimeMetrics, TrackingMetrics};
 use super::noise::SensorNoise;
 use crate::control::{ControlStatus, Controller, Measurement, Sampler, StepError, Timing};
 use crate::path::RoadClass;
@@ -283,10 +283,18 @@ impl Drive {
         InputMetrics::of(commands)
     }
 
-    /// Wall-clock times of the control steps.
+    /// Wall-clock times of the control steps, whole and in parts.
     #[must_use]
-    pub fn times(&self, sample_time: f64) -> TimeMetrics {
-        TimeMetrics::of(&mut self.step_times.clone(), sample_time)
+    pub fn times(&self, sample_time: f64) -> StepTimes {
+        let part = |of: fn(&Timing) -> f64| {
+            TimeMetrics::of(&mut self.timings.iter().map(of).collect::<Vec<_>>(), sample_time)
+        };
+        StepTimes {
+            step: TimeMetrics::of(&mut self.step_times.clone(), sample_time),
+            look_up: part(|timing| timing.look_up),
+            condense: part(|timing| timing.condense),
+            solve: part(|timing| timing.solve),
+        }
     }
 
     /// Writes the drive as a drive log, a CSV file. Numbers keep all their bits.

@@ -74,6 +74,16 @@ pub struct TimeMetrics {
     pub missed: usize,
 }
 
+/// Wall-clock times of a drive's control steps, whole and in parts.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+#[allow(missing_docs)]
+pub struct StepTimes {
+    pub step: TimeMetrics,
+    pub look_up: TimeMetrics,
+    pub condense: TimeMetrics,
+    pub solve: TimeMetrics,
+}
+
 impl TimeMetrics {
     /// Over the times of all steps; `times` is sorted in place. Zeros for no step.
     #[must_use]

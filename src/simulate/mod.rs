@@ -14,5 +14,5 @@ mod metrics;
 mod noise;
 
 pub use closed_loop::{COLUMNS, ClosedLoop, Drive, DriveError, Row, STATION};
-pub use metrics::{InputMetrics, TimeMetrics, TrackingMetrics};
+pub use metrics::{InputMetrics, StepTimes, TimeMetrics, TrackingMetrics};
 pub use noise::SensorNoise;

@@ -3,15 +3,13 @@
 //!
 //! The angle at the road wheels is not measured: the actuator is run over the issued commands.
 
-use super::{Expected, Qp, Variant};
+use super::{Expected, Nominal, Qp, Variant};
 use crate::control::condense::{Affine, Linear, Propagation, condense};
 use crate::control::lateral::LateralInput;
 use crate::control::parameters::MpcParameters;
 use crate::control::preview::Preview;
 use crate::control::tracking_qp::{QpError, QpReport};
-use crate::nominal::{
-    ActuatedModel, ActuatedState, Actuator, ContinuousErrorModel, ErrorState, steady_yaw_error,
-};
+use crate::nominal::{ActuatedModel, ActuatedState, Actuator, ErrorState, steady_yaw_error};
 use crate::vehicle::SingleTrack;
 use std::time::Instant;
 
@@ -20,10 +18,8 @@ const MEMORY: f64 = 10.0;
 
 /// The variant.
 pub struct Actuated {
-    vehicle: SingleTrack,
+    nominal: Nominal,
     actuator: Actuator,
-    sample_time: f64,
-    min_model_speed: f64,
     affine: Affine<5>,
     window: usize,
     model: Option<ActuatedModel>,
@@ -35,10 +31,8 @@ impl Actuated {
         let commands = actuator.delay(p.sample_time).0 + 2;
         let memory = (MEMORY * actuator.time_constant / p.sample_time).ceil() as usize;
         Self {
-            vehicle,
+            nominal: Nominal::new(vehicle, p),
             actuator,
-            sample_time: p.sample_time,
-            min_model_speed: p.min_model_speed,
             affine: Affine::new(p.horizon, commands),
             window: commands + memory,
             model: None,
@@ -59,11 +53,8 @@ impl Variant for Actuated {
         qp: &mut Qp,
     ) -> Result<QpReport, QpError> {
         let begin = Instant::now();
-        let speed = input.ahead.speed.max(self.min_model_speed);
-        let Ok(model) = ContinuousErrorModel::new(&self.vehicle, speed) else {
-            return Err(QpError::Numerical { iterations: 0 });
-        };
-        let model = self.actuator.discretise(&model, self.sample_time);
+        let model = self.nominal.at(input.ahead.speed)?;
+        let model = self.actuator.discretise(&model, self.nominal.sample_time);
         let disturbance = extended(input.disturbance, 0.0);
         let window = self.affine.window;
         for (j, known) in self.affine.known.iter_mut().enumerate() {
@@ -85,7 +76,7 @@ impl Variant for Actuated {
             &qp.tracked,
             &mut qp.problem,
         );
-        let yaw_error = steady_yaw_error(&self.vehicle, input.ahead.speed);
+        let yaw_error = steady_yaw_error(&self.nominal.vehicle, input.ahead.speed);
         qp.refer(|j| yaw_error * preview.curvature[j]);
         qp.timing.condense = begin.elapsed().as_secs_f64();
         self.model = Some(model);

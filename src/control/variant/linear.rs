@@ -5,14 +5,14 @@
 //!
 //! Source: Zhao et al., ITSC 2024, Algorithm 1.
 
-use super::{Expected, Qp, Variant};
+use super::{Expected, Nominal, Qp, Variant};
 use crate::control::condense::{Affine, Linear, Propagation, condense};
 use crate::control::lateral::LateralInput;
 use crate::control::parameters::MpcParameters;
 use crate::control::preview::Preview;
 use crate::control::tracking_qp::{QpError, QpReport};
 use crate::enumeration;
-use crate::nominal::{ContinuousErrorModel, DiscreteErrorModel, ErrorState, steady_yaw_error};
+use crate::nominal::{DiscreteErrorModel, ErrorState, steady_yaw_error};
 use crate::residual::{self, Coefficients, Misfit, ResidualModel};
 use crate::vehicle::SingleTrack;
 use nalgebra::{Matrix4, Vector4};
@@ -49,9 +49,7 @@ struct Learned {
 
 /// The variant.
 pub struct NominalWithResidual {
-    vehicle: SingleTrack,
-    sample_time: f64,
-    min_model_speed: f64,
+    nominal: Nominal,
     learned: Option<Learned>,
     affine: Affine<4>,
     /// What the newest prediction was made with.
@@ -66,9 +64,7 @@ impl NominalWithResidual {
         let learned = residual.map(|residual| Learned::new(residual, &vehicle, p)).transpose()?;
         let window = learned.as_ref().map_or(0, Learned::window);
         Ok(Self {
-            vehicle,
-            sample_time: p.sample_time,
-            min_model_speed: p.min_model_speed,
+            nominal: Nominal::new(vehicle, p),
             learned,
             affine: Affine::new(p.horizon, window),
             model: None,
@@ -106,7 +102,7 @@ impl NominalWithResidual {
         preview: &Preview,
         qp: &mut Qp,
     ) {
-        let yaw_error = steady_yaw_error(&self.vehicle, input.ahead.speed);
+        let yaw_error = steady_yaw_error(&self.nominal.vehicle, input.ahead.speed);
         let corrected = self.affine.window > 0 || *input.disturbance != Vector4::zeros();
         qp.refer(|j| {
             let target = if corrected { self.steady_target(model, j) } else { None };
@@ -134,11 +130,8 @@ impl Variant for NominalWithResidual {
         qp: &mut Qp,
     ) -> Result<QpReport, QpError> {
         let begin = Instant::now();
-        let speed = input.ahead.speed.max(self.min_model_speed);
-        let Ok(model) = ContinuousErrorModel::new(&self.vehicle, speed) else {
-            return Err(QpError::Numerical { iterations: 0 });
-        };
-        let model = model.discretise(self.sample_time);
+        let model = self.nominal.at(input.ahead.speed)?;
+        let model = model.discretise(self.nominal.sample_time);
         self.predict(&model, input, preview, previous);
         qp.timing.look_up = begin.elapsed().as_secs_f64();
 

@@ -19,9 +19,11 @@ pub(super) use linear::NominalWithResidual;
 pub use linear::{Residual, RollOut};
 
 use super::lateral::LateralInput;
+use super::parameters::MpcParameters;
 use super::preview::Preview;
 use super::tracking_qp::{QpError, QpReport, QpSolver, TrackingQp};
-use crate::nominal::{Actuator, ErrorState};
+use crate::nominal::{Actuator, ContinuousErrorModel, ErrorState};
+use crate::vehicle::SingleTrack;
 use nalgebra::Matrix4;
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
@@ -98,6 +100,26 @@ pub struct Expected {
     pub state: ErrorState,
     /// How it depends on the state before: `A` of the model.
     pub transition: Matrix4<f64>,
+}
+
+/// The nominal linear model that the linear variants build on.
+#[derive(Debug, Clone, Copy)]
+struct Nominal {
+    vehicle: SingleTrack,
+    sample_time: f64,
+    min_model_speed: f64,
+}
+
+impl Nominal {
+    fn new(vehicle: SingleTrack, p: &MpcParameters) -> Self {
+        Self { vehicle, sample_time: p.sample_time, min_model_speed: p.min_model_speed }
+    }
+
+    /// The model at a speed, held where it would be stiff.
+    fn at(&self, speed: f64) -> Result<ContinuousErrorModel, QpError> {
+        ContinuousErrorModel::new(&self.vehicle, speed.max(self.min_model_speed))
+            .map_err(|_| QpError::Numerical { iterations: 0 })
+    }
 }
 
 /// A variant of the lateral MPC.

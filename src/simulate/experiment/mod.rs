@@ -17,7 +17,7 @@ mod trial;
 mod weights;
 
 pub use compare::{
-    CALM, CompareError, Comparison, Condition, DITHER, Effort, Outcome, Roads, RowFit, RowResult, RowTime,
+    CALM, CompareError, Comparison, Condition, DITHER, Effort, Outcome, Roads, RowFit, RowResult,
 };
 pub use fit::{FitMetrics, steps_ahead};
 pub use plant::Plant;

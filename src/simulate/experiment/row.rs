@@ -49,6 +49,16 @@ impl Row {
         self == Self::GpNmpc || self.training().is_some()
     }
 
+    /// The row without an observer that predicts with the same.
+    #[must_use]
+    pub fn predicts_as(self) -> Self {
+        match self {
+            Self::RflSObserver => Self::RflS,
+            Self::MpcObserver => Self::Mpc,
+            row => row,
+        }
+    }
+
     /// Whether the disturbance observer runs.
     #[must_use]
     pub fn observes(self) -> bool {

@@ -32,21 +32,22 @@ const RANGES: [(f64, f64); AXES] =
 /// Candidates that are tried at once.
 const BATCH: usize = 4;
 
-impl Weights {
-    /// The controller's default weights.
-    #[must_use]
-    pub fn default_of(observes: bool) -> Self {
+impl Default for Weights {
+    /// The controller's default weights, without an observer.
+    fn default() -> Self {
         let p = MpcParameters::default();
         Self {
             q_e1_rate: p.q_e1_rate,
             q_e2: p.q_e2,
             q_e2_rate: p.q_e2_rate,
             r_rate: p.r_rate,
-            observer_gain: if observes { 0.02 } else { 0.0 },
-            prediction_noise: if observes { 0.01 } else { 0.0 },
+            observer_gain: 0.0,
+            prediction_noise: 0.0,
         }
     }
+}
 
+impl Weights {
     /// Takes the weights over into parameters.
     pub fn apply(&self, parameters: &mut ControllerParameters) {
         let ControllerParameters { mpc, observer, .. } = parameters;
@@ -150,7 +151,7 @@ pub fn search(
         .iter()
         .copied()
         .min_by(|a, b| a.1.total_cmp(&b.1))
-        .unwrap_or((Weights::default_of(observes), f64::INFINITY));
+        .unwrap_or((Weights::default(), f64::INFINITY));
     Found { weights, score, tried }
 }
 
