@@ -41,8 +41,8 @@ ACTUATORS = {"fast": Actuator(lag=0.01, delay=0), "slow": Actuator(lag=0.1, dela
 CALM = {"mpc.r_rate": 0.3, "mpc.q_e1_rate": 1.0, "mpc.q_e2": 2.0}
 DITHER = {"mpc.dither": 0.01}  # rad
 KINDS = ("linear", "rfl", "rfl_s")
-# Gain of the disturbance observer where a row has one.
-OBSERVER = {"observer.gain": 0.05}
+# How fast the disturbance of the observer wanders, where a row has one.
+OBSERVER = {"observer.disturbance_noise": 0.01}
 NOMINALS: dict[str, dict[str, object]] = {"nominal": {}, "nominal, calm": CALM, "nominal, observer": OBSERVER}
 # What a log holds: measured, commanded, and the errors to the path as the controller sees them.
 MEASURED = ["x", "y", "yaw", "vx", "vy", "yaw_rate", "steer"]

@@ -160,7 +160,7 @@ def measure_times(weights: dict) -> dict:
                 if row != "MPC" and row not in KINDS:
                     continue
                 settings = {f"mpc.{key}": value for key, value in weights[row].items() if key.startswith(("q_", "r_"))}
-                settings["observer.gain"] = weights[row]["observer_gain"]
+                settings["observer.disturbance_noise"] = weights[row]["disturbance_noise"]
                 settings["observer.prediction_noise"] = weights[row]["prediction_noise"]
                 settings["mpc.solver"] = number
                 if row == "oracle":

@@ -66,7 +66,8 @@ fn without_time_the_last_plan_goes_on() {
 
 #[test]
 fn it_goes_on_with_the_same_bits_after_a_restore() {
-    let observing = || controller(|p| (p.observer.gain, p.observer.prediction_noise) = (0.05, 0.01));
+    let observing =
+        || controller(|p| (p.observer.disturbance_noise, p.observer.prediction_noise) = (0.05, 0.01));
     let (mut first, mut second) = (observing(), observing());
     let at = |k: u32| measure(&observing(), 0.2 * (0.05 * f64::from(k)).sin());
     for k in 0..20 {

@@ -160,7 +160,7 @@ fn a_process_of_another_controller_is_refused() {
 
 #[test]
 fn it_goes_on_with_the_same_bits_after_a_restore() {
-    let new = || with_model(|p| p.observer.gain = 0.02, model(process()));
+    let new = || with_model(|p| p.observer.disturbance_noise = 0.02, model(process()));
     let (mut first, mut second) = (new(), new());
     let at = |k: u32| measure(&first_road(), 0.1 * (0.05 * f64::from(k)).sin());
     for k in 0..10 {

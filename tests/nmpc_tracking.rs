@@ -45,7 +45,7 @@ fn on_the_default_car_it_is_as_good_as_the_linear_mpc() {
 fn the_observer_takes_a_steady_gap_away() {
     let offset = Effects { steer_offset: 0.01, ..Effects::default() };
     let without = drive(controller(|_| ()), &offset, |_, _| ());
-    let with = drive(controller(|p| p.observer.gain = 0.05), &offset, |_, _| ());
+    let with = drive(controller(|p| p.observer.disturbance_noise = 0.05), &offset, |_, _| ());
     assert!(with.mae < 0.4 * without.mae, "{with:?} {without:?}");
 }
 

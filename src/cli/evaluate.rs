@@ -41,7 +41,7 @@ pub struct EvaluateArgs {
     #[arg(long, default_value_t = 5)]
     seeds: usize,
     /// Candidates of each row's search for weights
-    #[arg(long, default_value_t = 24)]
+    #[arg(long, default_value_t = 48)]
     budget: usize,
     /// One seed and a small budget
     #[arg(long)]
@@ -212,7 +212,9 @@ fn changes() -> Vec<Change> {
         ("5 trees", |c| c.trees = 5),
         ("40 trees", |c| c.trees = 40),
         ("two newest states in the leaves", |c| c.regressors = Regressors { road: true, states: 2 }),
-        ("plain least squares in the leaves (the paper's)", |c| c.lambda = LambdaChoice::LeastSquares),
+        ("plain least squares in the leaves, no prefilter (the paper's)", |c| {
+            (c.lambda, c.prefilter) = (LambdaChoice::LeastSquares, 0.0);
+        }),
         ("leaves shrunk wholly to the global fit", |c| c.lambda = LambdaChoice::Fixed(f64::INFINITY)),
         ("no prefilter", |c| c.prefilter = 0.0),
     ];

@@ -189,7 +189,12 @@ impl Controller {
         if far {
             self.state.observer.reset();
         } else if observer.is_on() {
-            estimate = self.state.observer.observe(&state, &observer, self.parameters.mpc.sample_time);
+            estimate = self.state.observer.observe(
+                &state,
+                measurement.vx,
+                &observer,
+                self.parameters.mpc.sample_time,
+            );
         }
         // What the filter moves of the errors, it moves of the body's own velocities.
         let moved = body_change(&(estimate - state), measurement.vx);
@@ -246,6 +251,7 @@ impl Controller {
             _ => f64::INFINITY,
         };
         let memory = &self.state;
+        let disturbance = memory.observer.disturbance(p.sample_time);
         self.lateral.step(&LateralInput {
             state: &aim,
             vy,
@@ -256,7 +262,7 @@ impl Controller {
             ahead: SpeedAhead { speed, accel: report.accel_cmd },
             previous,
             path: &self.path,
-            disturbance: memory.observer.disturbance(),
+            disturbance: &disturbance,
             use_residual: !far,
             time_limit,
         })

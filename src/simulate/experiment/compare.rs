@@ -1,9 +1,10 @@
 //! The comparison on one plant, with or without noise: collect, learn, tune, drive.
 //!
 //! 1. For each seed the nominal MPC, calm and with dither, drives the training route; from that each row learns.
-//! 2. Each row searches its weights on pieces of the training route (`weights.rs`), the nominal MPC first: no other
-//!    may steer more roughly than it does at its best. The best few then drive the whole training route with a model
-//!    of another seed, and the best of that is taken: weights at the edge of divergence do not pass.
+//! 2. Each row searches its weights on pieces of the training route (`weights.rs`), each piece with another seed's
+//!    model and noise, the nominal MPC first: no other may steer more roughly than it does at its best. The best few
+//!    then drive the whole training route with the models of two other seeds, and the best of these that is lost with
+//!    no seed's model is taken: weights at the edge of divergence do not pass.
 //! 3. Three protocols on the test route: *own best*, each row at the weights that it found, *frozen*, all at the
 //!    weights that the nominal found, and *default*, all at the weights that users get.
 //!
@@ -60,7 +61,7 @@ pub struct Effort {
 
 impl Default for Effort {
     fn default() -> Self {
-        Self { seeds: 5, drives: 2, budget: 24, threads: 0 }
+        Self { seeds: 5, drives: 2, budget: 48, threads: 0 }
     }
 }
 
@@ -181,16 +182,18 @@ pub const CALM: Weights = Weights {
     q_e2: 2.0,
     q_e2_rate: 0.0,
     r_rate: 0.3,
-    observer_gain: 0.0,
+    disturbance_noise: 0.0,
     prediction_noise: 0.0,
 };
 /// Amplitude of the dither of those drives, rad.
 pub const DITHER: f64 = 0.01;
 
 /// Lateral error at which a candidate's drive is given up, m: no row's best comes near.
-const HOPELESS: f64 = 1.0;
+const HOPELESS: f64 = 0.6;
 /// Candidates of a search that are tried on the whole training route.
-const VALIDATED: usize = 6;
+const VALIDATED: usize = 3;
+/// Seeds whose models try them, of those there are: others than those that the pieces were driven with.
+const VALIDATING: [usize; 2] = [2, 3];
 /// What a piece of road that was not driven to its end costs, m.
 const COST_OF_LOSS: f64 = 1e3;
 /// Streams of random numbers that must not meet.
@@ -333,119 +336,177 @@ impl<'a> Comparison<'a> {
         Ok((model, None))
     }
 
-    /// Compares the rows; the nominal MPC is the first, whether asked for or not.
+    /// Compares the rows; the nominal MPC is the first, whether asked for or not. `progress` is called from the threads
+    /// that work.
     ///
     /// # Errors
     /// See [`CompareError`].
-    pub fn run(&self, rows: &[Row], progress: &dyn Fn(&str)) -> Result<Condition, CompareError> {
+    pub fn run(&self, rows: &[Row], progress: &(dyn Fn(&str) + Sync)) -> Result<Condition, CompareError> {
         let threads = parallel::threads(self.effort.threads);
-        let mut results: Vec<RowResult> = Vec::new();
-        let (mut limit, mut frozen) = (f64::INFINITY, Weights::default());
-        for &row in std::iter::once(&Row::Mpc).chain(rows.iter().filter(|row| **row != Row::Mpc)) {
-            progress(&format!("{}: learning", row.name()));
-            let seeds = if row.learns() || self.noise.is_some() { self.effort.seeds } else { 1 };
-            let learned = if row.learns() { seeds } else { 1 };
-            let (models, fits): (Vec<_>, Vec<_>) = (0..learned)
-                .map(|seed| self.model(row, seed))
-                .collect::<Result<Vec<_>, _>>()?
-                .into_iter()
-                .unzip();
-            progress(&format!("{}: tuning", row.name()));
-            let found = search(self.effort.budget, 1, row.observes(), threads, |weights| {
-                self.score(&models[0], weights, limit).unwrap_or(f64::INFINITY)
-            });
-            let own = self.validate(&models[learned.min(2) - 1], &found)?;
-            if row == Row::Mpc {
-                frozen = own;
-                limit = self.pieces(&models[0], &frozen)?.1;
-            }
-            progress(&format!("{}: driving", row.name()));
-            let observing = |weights: Weights| Weights {
-                observer_gain: own.observer_gain,
-                prediction_noise: own.prediction_noise,
-                ..weights
-            };
-            let protocols = [own, observing(frozen), observing(Weights::default())];
-            let outcomes = parallel::map(threads, protocols.len() * seeds, |i| {
-                let (weights, seed) = (protocols[i / seeds], i % seeds);
-                let model = models[seed.min(learned - 1)].clone();
-                let drive = self.trial(&self.roads.test, model, weights, 1 + seed as u64).drive()?;
-                Ok::<_, TrialError>(Outcome::from(&drive))
-            });
-            let mut own_best = outcomes.into_iter().collect::<Result<Vec<_>, _>>()?;
-            let mut frozen_outcomes = own_best.split_off(seeds);
-            let default = frozen_outcomes.split_off(seeds);
-            results.push(RowResult {
-                row: row.name(),
-                weights: own,
-                score: found.score,
-                tried: found.tried,
-                own_best,
-                frozen: frozen_outcomes,
-                default,
-                fit: fits.into_iter().flatten().collect(),
-                time: None,
-            });
-        }
+        let (nominal, limit) = self.row(Row::Mpc, None, threads, progress)?;
+        let measure = (nominal.weights, limit);
+        let others: Vec<Row> = rows.iter().copied().filter(|row| *row != Row::Mpc).collect();
+        // Rows side by side, each on one thread.
+        let others = parallel::map(threads, others.len(), |i| {
+            self.row(others[i], Some(measure), 1, progress).map(|(result, _)| result)
+        });
+        let others = others.into_iter().collect::<Result<Vec<_>, _>>()?;
         Ok(Condition {
             plant: self.plant.name(),
             noise: self.noise.is_some(),
             vehicle: self.car.name.clone(),
             effort: self.effort.clone(),
-            rows: results,
+            rows: std::iter::once(nominal).chain(others).collect(),
         })
     }
 
-    /// Tracking error and steering roughness (RMS rate) on the pieces of the training route; the car must not be lost.
-    fn pieces(&self, model: &PredictionModel, weights: &Weights) -> Result<(f64, f64), CompareError> {
-        let (mut error, mut rates, mut count) = (0.0, 0.0, 0.0);
-        for path in &self.roads.pieces {
-            let drive =
-                Trial { give_up: HOPELESS, ..self.trial(path, model.clone(), *weights, TUNING_NOISE) }
-                    .drive()?;
-            if drive.lost || !drive.finished {
-                // The further it came, the better: a search that sees no difference goes nowhere.
-                let driven = drive.rows.last().map_or(0.0, |row| row[STATION]);
-                return Ok((COST_OF_LOSS * (2.0 - driven / path.length()), 0.0));
-            }
-            let (tracking, rows) = (drive.tracking(), drive.rows.len() as f64);
-            error += rows * (tracking.mae + tracking.rmse + 0.1 * tracking.max);
-            rates += rows * drive.steering().rate_rms.powi(2);
-            count += rows;
-        }
-        Ok((error / count, (rates / count).sqrt()))
+    /// One row, measured by the nominal MPC's weights and roughness; that one's own if there are none. The row's
+    /// roughness on the pieces beside it.
+    fn row(
+        &self,
+        row: Row,
+        nominal: Option<(Weights, f64)>,
+        threads: usize,
+        progress: &dyn Fn(&str),
+    ) -> Result<(RowResult, f64), CompareError> {
+        progress(&format!("{}: learning", row.name()));
+        let seeds = if row.learns() || self.noise.is_some() { self.effort.seeds } else { 1 };
+        let learned = if row.learns() { seeds } else { 1 };
+        let (models, fits): (Vec<_>, Vec<_>) = (0..learned)
+            .map(|seed| self.model(row, seed))
+            .collect::<Result<Vec<_>, _>>()?
+            .into_iter()
+            .unzip();
+        progress(&format!("{}: tuning", row.name()));
+        let limit = nominal.map_or(f64::INFINITY, |(_, limit)| limit);
+        let known = nominal.map(|(weights, _)| weights);
+        let found = search(self.effort.budget, 1, row.observes(), known, |weights| {
+            self.score(&models, weights, limit, threads).unwrap_or(f64::INFINITY)
+        });
+        let own = self.validate(&models, &found, threads)?;
+        let frozen = known.unwrap_or(own);
+        progress(&format!("{}: driving", row.name()));
+        let observing = |weights: Weights| Weights {
+            disturbance_noise: own.disturbance_noise,
+            prediction_noise: own.prediction_noise,
+            ..weights
+        };
+        let protocols = [own, observing(frozen), observing(Weights::default())];
+        let outcomes = parallel::map(threads, protocols.len() * seeds, |i| {
+            let (weights, seed) = (protocols[i / seeds], i % seeds);
+            let model = models[seed.min(learned - 1)].clone();
+            let drive = self.trial(&self.roads.test, model, weights, 1 + seed as u64).drive()?;
+            Ok::<_, TrialError>(Outcome::from(&drive))
+        });
+        let mut own_best = outcomes.into_iter().collect::<Result<Vec<_>, _>>()?;
+        let mut frozen = own_best.split_off(seeds);
+        let default = frozen.split_off(seeds);
+        let roughness = self.pieces(&models, &own, threads)?.1;
+        let result = RowResult {
+            row: row.name(),
+            weights: own,
+            score: found.score,
+            tried: found.tried,
+            own_best,
+            frozen,
+            default,
+            fit: fits.into_iter().flatten().collect(),
+            time: None,
+        };
+        Ok((result, roughness))
     }
 
-    /// The best of the few best candidates on the whole training route.
-    fn validate(&self, model: &PredictionModel, found: &Found) -> Result<Weights, CompareError> {
+    /// A candidate's drive: its drive, and what is minimised, m. If the car is lost: the further it came, the better; a
+    /// search that sees no difference goes nowhere.
+    fn candidate(
+        &self,
+        path: &Arc<Path>,
+        models: &[PredictionModel],
+        weights: &Weights,
+        seed: usize,
+    ) -> Result<(Drive, f64), TrialError> {
+        let model = models[seed % models.len()].clone();
+        let drive =
+            Trial { give_up: HOPELESS, ..self.trial(path, model, *weights, TUNING_NOISE + seed as u64) }
+                .drive()?;
+        let tracking = drive.tracking();
+        let error = if drive.lost || !drive.finished {
+            let driven = drive.rows.last().map_or(0.0, |row| row[STATION]);
+            COST_OF_LOSS * (2.0 - driven / path.length())
+        } else {
+            tracking.mae + tracking.rmse + 0.1 * tracking.max
+        };
+        Ok((drive, error))
+    }
+
+    /// Tracking error and steering roughness (RMS rate) on the pieces of the training route.
+    fn pieces(
+        &self,
+        models: &[PredictionModel],
+        weights: &Weights,
+        threads: usize,
+    ) -> Result<(f64, f64), CompareError> {
+        let pieces = &self.roads.pieces;
+        let drives = parallel::map(threads, pieces.len(), |i| self.candidate(&pieces[i], models, weights, i));
+        let (mut error, mut length, mut rates, mut count) = (0.0, 0.0, 0.0, 0.0);
+        for (drive, piece) in drives.into_iter().zip(pieces) {
+            let (drive, missed) = drive?;
+            error += piece.length() * missed;
+            length += piece.length();
+            rates += drive.rows.len() as f64 * drive.steering().rate_rms.powi(2);
+            count += drive.rows.len() as f64;
+        }
+        Ok((error / length, (rates / count).sqrt()))
+    }
+
+    /// The best of the few best candidates on the whole training route; the car must not be lost with any model.
+    fn validate(
+        &self,
+        models: &[PredictionModel],
+        found: &Found,
+        threads: usize,
+    ) -> Result<Weights, CompareError> {
         let mut best = found.tried.clone();
         best.sort_by(|a, b| a.1.total_cmp(&b.1));
+        best.dedup();
         best.truncate(VALIDATED);
-        let threads = parallel::threads(self.effort.threads);
-        let scores = parallel::map(threads, best.len(), |i| {
-            let drive = Trial {
-                give_up: HOPELESS,
-                ..self.trial(&self.roads.train, model.clone(), best[i].0, TUNING_NOISE + 1)
+        let alone = models.len() == 1 && self.noise.is_none();
+        let validating = if alone { &VALIDATING[..1] } else { &VALIDATING };
+        let errors = |candidates: &[Weights], seeds: &[usize]| {
+            let all = parallel::map(threads, candidates.len() * seeds.len(), |i| {
+                let (weights, seed) = (&candidates[i / seeds.len()], seeds[i % seeds.len()]);
+                Ok::<_, CompareError>(self.candidate(&self.roads.train, models, weights, seed)?.1)
+            });
+            all.into_iter().collect::<Result<Vec<_>, _>>()
+        };
+        let candidates: Vec<Weights> = best.iter().map(|(weights, _)| *weights).collect();
+        let scores = errors(&candidates, validating)?;
+        let mut order: Vec<(f64, Weights)> = scores
+            .chunks(validating.len())
+            .zip(candidates)
+            .map(|(scores, weights)| (scores.iter().sum(), weights))
+            .collect();
+        order.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let others: Vec<usize> = (0..models.len()).filter(|seed| !VALIDATING.contains(seed)).collect();
+        for (_, weights) in &order {
+            if errors(&[*weights], &others)?.iter().all(|&error| error < COST_OF_LOSS) {
+                return Ok(*weights);
             }
-            .drive()?;
-            let driven = drive.rows.last().map_or(0.0, |row| row[STATION]);
-            let tracking = drive.tracking();
-            Ok::<_, TrialError>(if drive.lost || !drive.finished {
-                COST_OF_LOSS * (2.0 - driven / self.roads.train.length())
-            } else {
-                tracking.mae + tracking.rmse + 0.1 * tracking.max
-            })
-        });
-        let scores = scores.into_iter().collect::<Result<Vec<_>, _>>()?;
-        let least = (0..best.len()).min_by(|&a, &b| scores[a].total_cmp(&scores[b]));
-        Ok(least.map_or(found.weights, |i| best[i].0))
+        }
+        Ok(order.first().map_or(found.weights, |best| best.1))
     }
 
     /// What the search minimises: the tracking error, m, of candidates that steer no more roughly than the nominal MPC
     /// at its best; others only among themselves.
-    fn score(&self, model: &PredictionModel, weights: &Weights, limit: f64) -> Result<f64, CompareError> {
-        let (error, roughness) = self.pieces(model, weights)?;
-        Ok(if roughness > limit { 100.0 * roughness / limit } else { error })
+    fn score(
+        &self,
+        models: &[PredictionModel],
+        weights: &Weights,
+        limit: f64,
+        threads: usize,
+    ) -> Result<f64, CompareError> {
+        let (error, roughness) = self.pieces(models, weights, threads)?;
+        Ok(if error < COST_OF_LOSS / 4.0 && roughness > limit { 100.0 * roughness / limit } else { error })
     }
 
     /// Times the control steps of a row at its best, one drive at a time, and gives that drive.

@@ -39,6 +39,9 @@ impl Row {
         config.window = WINDOW;
         if self == Self::LinearCurvature {
             config.regressors = Regressors { road: true, states: 0 };
+            // The filter worsens this row: steering and road, nearly collinear, differ in what it takes away. Measured
+            // at the same weights, mean lateral error without and with noise: 7.2 and 2.3 mm, filtered 13.6 and 4.4 mm.
+            config.prefilter = 0.0;
         }
         Some(config)
     }
