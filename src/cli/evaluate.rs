@@ -41,7 +41,7 @@ pub struct EvaluateArgs {
     #[arg(long, default_value_t = 5)]
     seeds: usize,
     /// Candidates of each row's search for weights
-    #[arg(long, default_value_t = 48)]
+    #[arg(long, default_value_t = 64)]
     budget: usize,
     /// One seed and a small budget
     #[arg(long)]

@@ -21,6 +21,13 @@ impl SensorNoise {
     /// A good inertial navigation system with differential satellite positioning.
     pub const TYPICAL: Self = Self { position: 0.005, velocity: 0.010, yaw: 0.0015, yaw_rate: 0.004 };
 
+    /// So many times as much.
+    #[must_use]
+    pub fn scaled(&self, by: f64) -> Self {
+        let Self { position, velocity, yaw, yaw_rate } = *self;
+        Self { position: by * position, velocity: by * velocity, yaw: by * yaw, yaw_rate: by * yaw_rate }
+    }
+
     /// Adds noise to a measurement.
     pub fn disturb(&self, measurement: &mut Measurement, random: &mut Random) {
         let Measurement { x, y, yaw, vx, vy, yaw_rate, .. } = measurement;
