@@ -198,6 +198,8 @@ pub const DITHER: f64 = 0.01;
 const HOPELESS: f64 = 0.6;
 /// Candidates of a search that are compared on the whole training route.
 const VALIDATED: usize = 2;
+/// Candidates that are shaken, to find those.
+const TRIED: usize = 12;
 /// The seed whose model compares them: another than those that the pieces were driven with.
 const VALIDATING: usize = 2;
 /// What steering more roughly than the nominal MPC costs at least, m.
@@ -356,11 +358,11 @@ impl<'a> Comparison<'a> {
         let (nominal, limit) = self.row(Row::Mpc, None, threads, progress)?;
         let measure = (nominal.weights, limit);
         let others: Vec<Row> = rows.iter().copied().filter(|row| *row != Row::Mpc).collect();
-        // Rows side by side, each on one thread.
+        // Rows side by side, each on one thread; the slowest, at the tables' ends, first.
         let others = parallel::map(threads, others.len(), |i| {
-            self.row(others[i], Some(measure), 1, progress).map(|(result, _)| result)
+            self.row(others[others.len() - 1 - i], Some(measure), 1, progress).map(|(result, _)| result)
         });
-        let others = others.into_iter().collect::<Result<Vec<_>, _>>()?;
+        let others = others.into_iter().rev().collect::<Result<Vec<_>, _>>()?;
         Ok(Condition {
             plant: self.plant.name(),
             noise: self.noise.is_some(),
@@ -492,14 +494,24 @@ impl<'a> Comparison<'a> {
             self.candidate(&self.roads.train, models, weights, noise, seed).map(|(_, error)| error)
         };
         let mut standing: Vec<(f64, Weights)> = vec![];
-        for (weights, _) in best.iter().filter(|candidate| candidate.1 < COST_OF_ROUGHNESS) {
+        for (weights, _) in best.iter().filter(|candidate| candidate.1 < COST_OF_ROUGHNESS).take(TRIED) {
             if standing.len() == VALIDATED {
                 break;
             }
-            let shaken =
-                parallel::map(threads, models.len(), |seed| error(weights, Some(self.shaking()), seed));
-            let shaken = shaken.into_iter().collect::<Result<Vec<_>, _>>()?;
-            if shaken.iter().all(|&error| error < COST_OF_LOSS) {
+            let shaken = (0..models.len()).step_by(threads).map(|first| {
+                let seeds = threads.min(models.len() - first);
+                let errors =
+                    parallel::map(threads, seeds, |i| error(weights, Some(self.shaking()), first + i));
+                errors.into_iter().collect::<Result<Vec<_>, _>>()
+            });
+            let mut stands = true;
+            for errors in shaken {
+                stands &= errors?.iter().all(|&error| error < COST_OF_LOSS);
+                if !stands {
+                    break;
+                }
+            }
+            if stands {
                 standing.push((error(weights, self.noise, VALIDATING)?, *weights));
             }
         }
