@@ -20,7 +20,7 @@ const MEMORY: f64 = 10.0;
 pub struct Actuated {
     nominal: Nominal,
     actuator: Actuator,
-    affine: Affine<5>,
+    affine: Affine<ActuatedState>,
     window: usize,
     model: Option<ActuatedModel>,
 }
@@ -41,7 +41,7 @@ impl Actuated {
 }
 
 fn extended(state: &ErrorState, angle: f64) -> ActuatedState {
-    ActuatedState::new(state[0], state[1], state[2], state[3], angle)
+    ActuatedState { vehicle: *state, angle }
 }
 
 impl Variant for Actuated {
@@ -86,14 +86,11 @@ impl Variant for Actuated {
     fn next_state(&self, state: &ErrorState, past: &[f64], steer: f64) -> Option<Expected> {
         let model = self.model.as_ref()?;
         let back = |steps: usize| if steps == 0 { steer } else { past[past.len() - steps] };
-        let next = model.a * extended(state, model.angle(past))
+        let next = &model.a * &extended(state, model.angle(past))
             + model.newer * back(model.delay)
             + model.older * back(model.delay + 1)
             + self.affine.known[0];
-        Some(Expected {
-            state: next.fixed_rows::<4>(0).into_owned(),
-            transition: model.a.fixed_view::<4, 4>(0, 0).into_owned(),
-        })
+        Some(Expected { state: next.vehicle, transition: model.a.vehicle })
     }
 
     fn window(&self) -> usize {
