@@ -305,10 +305,9 @@ fn it_is_driven_and_its_articulation_bounded() {
     let nominal = closed_loop(Model::Nominal, 0.5);
     let oracle = Actuator { dead_time: DEAD_SAMPLES as f64 * TS, ..Actuator::default() };
     let known = closed_loop(Model::Actuator(oracle), 0.5);
-    assert!(
-        free[0] < 0.15 && free[0] < nominal[0] && known[0] < nominal[0],
-        "{free:?} {known:?} {nominal:?}"
-    );
+    // What was learned drives as one does who knows the dead time; the nominal model does not.
+    let away = |rms: f64| (rms / known[0] - 1.0).abs();
+    assert!(away(free[0]) < 0.01 && away(nominal[0]) > 0.05, "{free:?} {known:?} {nominal:?}");
     let bound = 0.5 * free[1];
     let bounded = with(bound);
     assert!(bounded[1] < 1.1 * bound, "articulation {} with a bound of {bound}", bounded[1]);
