@@ -1,6 +1,9 @@
 //! Learning and control know no number of states: a linear toy vehicle with a swinging trailer goes the whole way from
 //! drives to a forest, a file, a condensed horizon and a drive with the controller.
 
+mod counting;
+
+use counting::allocated;
 use nalgebra::{Matrix6, SVector, Vector6};
 use rfl_mpc::control::{
     Bound, Choice, ChoiceError, ControlVariant, ControlledVehicle, ControllerFor, ControllerParametersFor,
@@ -314,6 +317,22 @@ fn it_is_driven_and_its_articulation_bounded() {
 }
 
 #[test]
+fn a_control_step_allocates_nothing() {
+    let learned = Model::Residual(residual(learn(Kind::Rfl)));
+    for model in [learned, Model::Actuator(Actuator { dead_time: 0.07, ..Actuator::default() })] {
+        let mut parameters = *controller(Model::Nominal, 0.3).parameters();
+        (parameters.observer.gain, parameters.observer.prediction_noise) = (0.02, 0.01);
+        let mut controller = ControllerFor::predicting_with(parameters, straight(), model).unwrap();
+        for k in 0..100 {
+            let e1 = 0.02 * (0.3 * f64::from(k)).sin();
+            let at = measured(&Vector6::new(e1, 0.0, 0.0, 0.0, 0.01, 0.0), 40.0 + 0.16 * f64::from(k));
+            let allocations = allocated(|| assert!(controller.step(&at).is_ok())).0;
+            assert!(k == 0 || allocations == 0, "step {k}: {allocations}");
+        }
+    }
+}
+
+#[test]
 fn a_file_is_for_its_vehicle_alone() {
     let model = learn(Kind::Linear);
     let bytes = model.to_bytes().unwrap();
@@ -344,7 +363,7 @@ fn a_drive_without_the_vehicles_states_is_refused() {
     let mut log = drive(1);
     log.articulation.clear();
     let error = DataSet::new(&[log], &NOMINAL, DataConfig::default()).unwrap_err();
-    assert!(matches!(error, DataError::ColumnLength { column: "articulation", .. }), "{error}");
+    assert!(matches!(error, DataError::NoColumn { column: "articulation", .. }), "{error}");
 }
 
 #[test]

@@ -24,6 +24,14 @@ pub enum DataError {
         /// Rows given.
         rows: usize,
     },
+    /// A state of the vehicle was not recorded.
+    #[error("drive {drive}: there is no column `{column}`, and it is a state of this vehicle; record it")]
+    NoColumn {
+        /// The drive.
+        drive: String,
+        /// The column.
+        column: &'static str,
+    },
     /// Columns differ in length.
     #[error(
         "drive {drive}: column `{column}` has {found} rows where `time` has {expected}; all columns need the same"
@@ -135,6 +143,9 @@ pub(super) fn stretches<const S: usize>(
     for &(column, values) in &drive.columns {
         if values.len() != expected {
             let drive = drive.name.to_owned();
+            if values.is_empty() {
+                return Err(DataError::NoColumn { drive, column });
+            }
             return Err(DataError::ColumnLength { drive, column, found: values.len(), expected });
         }
     }

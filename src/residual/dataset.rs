@@ -197,6 +197,7 @@ impl<V: LateralVehicle<S>, const S: usize> DataSet<V, S> {
     /// # Errors
     /// Drives that cannot be repaired: see [`DataError`].
     pub fn new(drives: &[Drive], vehicle: &V, config: DataConfig) -> Result<Self, DataError> {
+        const { assert!(S >= ERRORS, "a state begins with the errors to the path") };
         vehicle.model_at(config.min_model_speed)?;
         let mut report = DataReport::default();
         let mut hash = Fnv::new();
