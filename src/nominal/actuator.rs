@@ -16,12 +16,78 @@
 //! Source: Franklin, Powell and Workman, Digital Control of Dynamic Systems, ch. 4.3.4 (dead time that is no whole
 //! number of samples).
 
-use super::{ContinuousErrorModel, zero_order_hold};
-use nalgebra::{SMatrix, SVector};
+use super::{Chain, ContinuousErrorModel, ERRORS};
+use nalgebra::{Matrix1, SMatrix, SVector};
 use serde::{Deserialize, Serialize};
+use std::ops::{Add, AddAssign, Mul, Sub};
 
-/// `[e1, e1', e2, e2', delta]`.
-pub type ActuatedState = SVector<f64, 5>;
+/// The vehicle's state and the angle at the road wheels, rad.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(missing_docs)]
+pub struct ActuatedState<const S: usize = ERRORS> {
+    pub vehicle: SVector<f64, S>,
+    pub angle: f64,
+}
+
+/// How a state with its actuator acts on the next one: `A` in blocks.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ActuatedTransition<const S: usize = ERRORS> {
+    /// Of the vehicle's state on itself.
+    pub vehicle: SMatrix<f64, S, S>,
+    /// Of the angle on the vehicle's state.
+    pub by_angle: SVector<f64, S>,
+    /// Of the angle on itself.
+    pub angle: f64,
+}
+
+impl<const S: usize> Mul<&ActuatedState<S>> for &ActuatedTransition<S> {
+    type Output = ActuatedState<S>;
+
+    fn mul(self, x: &ActuatedState<S>) -> ActuatedState<S> {
+        ActuatedState {
+            vehicle: self.vehicle * x.vehicle + self.by_angle * x.angle,
+            angle: self.angle * x.angle,
+        }
+    }
+}
+
+impl<const S: usize> Add for ActuatedState<S> {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self { vehicle: self.vehicle + other.vehicle, angle: self.angle + other.angle }
+    }
+}
+
+impl<const S: usize> AddAssign for ActuatedState<S> {
+    fn add_assign(&mut self, other: Self) {
+        *self = *self + other;
+    }
+}
+
+impl<const S: usize> Sub for ActuatedState<S> {
+    type Output = Self;
+
+    fn sub(self, other: Self) -> Self {
+        Self { vehicle: self.vehicle - other.vehicle, angle: self.angle - other.angle }
+    }
+}
+
+impl<const S: usize> Mul<f64> for ActuatedState<S> {
+    type Output = Self;
+
+    fn mul(self, factor: f64) -> Self {
+        Self { vehicle: self.vehicle * factor, angle: self.angle * factor }
+    }
+}
+
+impl<const S: usize> ActuatedState<S> {
+    /// All zero.
+    #[must_use]
+    pub fn zeros() -> Self {
+        Self { vehicle: SVector::zeros(), angle: 0.0 }
+    }
+}
 
 /// A steering actuator.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
@@ -38,14 +104,14 @@ const NO_LAG: f64 = 1e-4;
 /// The sampled model.
 #[derive(Debug, Clone, PartialEq)]
 #[allow(missing_docs)]
-pub struct ActuatedModel {
-    pub a: SMatrix<f64, 5, 5>,
+pub struct ActuatedModel<const S: usize = ERRORS> {
+    pub a: ActuatedTransition<S>,
     /// Effect of the command `delay` steps ago.
-    pub newer: ActuatedState,
+    pub newer: ActuatedState<S>,
     /// Effect of the command a step earlier.
-    pub older: ActuatedState,
-    pub d: ActuatedState,
-    pub e: ActuatedState,
+    pub older: ActuatedState<S>,
+    pub d: ActuatedState<S>,
+    pub e: ActuatedState<S>,
     /// Whole steps of dead time.
     pub delay: usize,
 }
@@ -62,40 +128,56 @@ impl Actuator {
 
     /// Samples a vehicle model with this actuator before it.
     #[must_use]
-    pub fn discretise(&self, model: &ContinuousErrorModel, sample_time: f64) -> ActuatedModel {
-        let mut a = SMatrix::<f64, 5, 5>::zeros();
-        a.fixed_view_mut::<4, 4>(0, 0).copy_from(&model.a);
-        let mut command = ActuatedState::zeros();
-        if self.time_constant > NO_LAG {
-            a.fixed_view_mut::<4, 1>(0, 4).copy_from(&model.b);
-            a[(4, 4)] = -1.0 / self.time_constant;
-            command[4] = 1.0 / self.time_constant;
-        } else {
-            command.fixed_rows_mut::<4>(0).copy_from(&model.b);
-        }
-        let padded = |x: &SVector<f64, 4>| ActuatedState::from_fn(|i, _| if i < 4 { x[i] } else { 0.0 });
-        let inputs = SMatrix::<f64, 5, 3>::from_columns(&[command, padded(&model.d), padded(&model.e)]);
-        let (a_step, inputs) = zero_order_hold::<5, 3, 8>(&a, &inputs, sample_time);
-        let whole: ActuatedState = inputs.column(0).into_owned();
+    pub fn discretise<const S: usize>(
+        &self,
+        model: &ContinuousErrorModel<S>,
+        sample_time: f64,
+    ) -> ActuatedModel<S> {
+        let lags = self.time_constant > NO_LAG;
+        let rate = if lags { 1.0 / self.time_constant } else { 0.0 };
+        // Without a lag the command acts on the vehicle itself, and the angle on nothing.
+        let (by_angle, by_command) =
+            if lags { (model.b, SVector::zeros()) } else { (SVector::zeros(), model.b) };
+        let chain = Chain {
+            x_by_x: model.a,
+            x_by_z: by_angle,
+            z_by_z: Matrix1::new(-rate),
+            x_by_input: SMatrix::<f64, S, 3>::from_columns(&[by_command, model.d, model.e]),
+            z_by_input: SMatrix::<f64, 1, 3>::new(rate, 0.0, 0.0),
+        };
+        let step = chain.zero_order_hold(sample_time);
+        let effect = |input: usize| ActuatedState {
+            vehicle: step.x_by_input.column(input).into_owned(),
+            angle: step.z_by_input[input],
+        };
+        let whole = effect(0);
         let (delay, fraction) = self.delay(sample_time);
         let newer = if fraction > 1e-9 {
             let rest = (1.0 - fraction) * sample_time;
-            zero_order_hold::<5, 1, 6>(&a, &SMatrix::from_columns(&[command]), rest).1.column(0).into_owned()
+            let command = Chain {
+                x_by_x: chain.x_by_x,
+                x_by_z: chain.x_by_z,
+                z_by_z: chain.z_by_z,
+                x_by_input: by_command,
+                z_by_input: Matrix1::new(rate),
+            };
+            let part = command.zero_order_hold(rest);
+            ActuatedState { vehicle: part.x_by_input, angle: part.z_by_input[0] }
         } else {
             whole
         };
         ActuatedModel {
-            a: a_step,
+            a: ActuatedTransition { vehicle: step.x_by_x, by_angle: step.x_by_z, angle: step.z_by_z[0] },
             newer,
             older: whole - newer,
-            d: inputs.column(1).into_owned(),
-            e: inputs.column(2).into_owned(),
+            d: effect(1),
+            e: effect(2),
             delay,
         }
     }
 }
 
-impl ActuatedModel {
+impl<const S: usize> ActuatedModel<S> {
     /// The angle at the road wheels now, from the commands issued before now, oldest first: the actuator run over
     /// them. Exact but for what was before the oldest.
     #[must_use]
@@ -104,7 +186,9 @@ impl ActuatedModel {
         // Input of a step that ends at a command's instant: the command `delay` and `delay + 1` before it.
         let at = |k: usize, back: usize| k.checked_sub(back).map_or(oldest, |i| commands[i]);
         (0..commands.len()).fold(oldest, |angle, k| {
-            self.a[(4, 4)] * angle + self.newer[4] * at(k, self.delay) + self.older[4] * at(k, self.delay + 1)
+            self.a.angle * angle
+                + self.newer.angle * at(k, self.delay)
+                + self.older.angle * at(k, self.delay + 1)
         })
     }
 }
@@ -124,9 +208,9 @@ mod tests {
         let plain = continuous().discretise(0.02);
         let model = Actuator::default().discretise(&continuous(), 0.02);
         assert_eq!(model.delay, 0);
-        assert!((model.newer.fixed_rows::<4>(0) - plain.b).norm() < 1e-14);
-        assert!((model.a.fixed_view::<4, 4>(0, 0) - plain.a).norm() < 1e-14);
-        assert_eq!(model.older.norm(), 0.0);
+        assert!((model.newer.vehicle - plain.b).norm() < 1e-14);
+        assert!((model.a.vehicle - plain.a).norm() < 1e-14);
+        assert_eq!(model.older, ActuatedState::zeros());
     }
 
     #[test]
@@ -139,12 +223,13 @@ mod tests {
         let command = |k: i64| if k < 0 { 0.0 } else { (0.3 * k as f64).sin() };
         let (mut x, mut y) = (ActuatedState::zeros(), ActuatedState::zeros());
         for k in 0..40 {
-            x = coarse.a * x + coarse.newer * command(k - 2) + coarse.older * command(k - 3);
+            x = &coarse.a * &x + coarse.newer * command(k - 2) + coarse.older * command(k - 3);
             for i in 0..10 {
-                y = fine.a * y + fine.newer * command((10 * k + i - 25).div_euclid(10));
+                y = &fine.a * &y + fine.newer * command((10 * k + i - 25).div_euclid(10));
             }
         }
-        assert!((x - y).norm() < 1e-9 * y.norm(), "{x} {y}");
+        assert!((x.vehicle - y.vehicle).norm() < 1e-9 * y.vehicle.norm(), "{x:?} {y:?}");
+        assert!((x.angle - y.angle).abs() < 1e-9 * y.angle.abs(), "{x:?} {y:?}");
     }
 
     #[test]
@@ -155,7 +240,7 @@ mod tests {
         let mut angle = commands[0];
         let at = |i: i64| commands[i.max(0) as usize];
         for k in 0..60_i64 {
-            angle = model.a[(4, 4)] * angle + model.newer[4] * at(k - 1) + model.older[4] * at(k - 2);
+            angle = model.a.angle * angle + model.newer.angle * at(k - 1) + model.older.angle * at(k - 2);
         }
         assert!((model.angle(&commands) - angle).abs() < 1e-12);
     }
