@@ -145,9 +145,11 @@ impl Choice {
             None if variant.is_learned() => self.packed()?,
             None => {
                 let model = match variant {
-                    ControlVariant::Actuator => {
-                        PredictionModel::Actuator(Actuator { dead_time, time_constant })
-                    }
+                    ControlVariant::Actuator => PredictionModel::Actuator(Actuator {
+                        dead_time,
+                        time_constant,
+                        ..Actuator::default()
+                    }),
                     ControlVariant::Nmpc => bicycle(parameters, None),
                     _ => PredictionModel::Nominal,
                 };

@@ -14,7 +14,7 @@
 
 use super::zero_order_hold;
 use crate::vehicle::SingleTrack;
-use nalgebra::{Matrix4, SMatrix, Vector4};
+use nalgebra::{Matrix4, SMatrix, SVector, Vector4};
 
 /// `[e1 m, e1' m/s, e2 rad, e2' rad/s]`.
 pub type ErrorState = Vector4<f64>;
@@ -30,26 +30,34 @@ pub enum SingleTrackError {
         /// Its value.
         value: f64,
     },
+    /// A parameter that may have either sign is no number.
+    #[error("{name} = {value} must be a finite number; check the vehicle file")]
+    NotFinite {
+        /// The parameter's name.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+    },
 }
 
-/// `x' = A x + B u + D psi_des' + E psi_des''` at one speed.
+/// `x' = A x + B u + D psi_des' + E psi_des''` at one speed, of a vehicle with `S` states: the car's, unless said.
 #[derive(Debug, Clone, PartialEq)]
 #[allow(missing_docs)]
-pub struct ContinuousErrorModel {
-    pub a: Matrix4<f64>,
-    pub b: Vector4<f64>,
-    pub d: Vector4<f64>,
-    pub e: Vector4<f64>,
+pub struct ContinuousErrorModel<const S: usize = 4> {
+    pub a: SMatrix<f64, S, S>,
+    pub b: SVector<f64, S>,
+    pub d: SVector<f64, S>,
+    pub e: SVector<f64, S>,
 }
 
 /// `x_{k+1} = A x_k + B u_k + D psi_des' + E psi_des''` over one sample at one speed.
 #[derive(Debug, Clone, PartialEq)]
 #[allow(missing_docs)]
-pub struct DiscreteErrorModel {
-    pub a: Matrix4<f64>,
-    pub b: Vector4<f64>,
-    pub d: Vector4<f64>,
-    pub e: Vector4<f64>,
+pub struct DiscreteErrorModel<const S: usize = 4> {
+    pub a: SMatrix<f64, S, S>,
+    pub b: SVector<f64, S>,
+    pub d: SVector<f64, S>,
+    pub e: SVector<f64, S>,
 }
 
 impl ContinuousErrorModel {
@@ -90,12 +98,14 @@ impl ContinuousErrorModel {
             e: Vector4::new(0.0, 0.0, 0.0, -1.0),
         })
     }
+}
 
+impl<const S: usize> ContinuousErrorModel<S> {
     /// Exact discretisation over `sample_time` seconds with inputs held.
     #[must_use]
-    pub fn discretise(&self, sample_time: f64) -> DiscreteErrorModel {
-        let inputs = SMatrix::<f64, 4, 3>::from_columns(&[self.b, self.d, self.e]);
-        let (a, inputs) = zero_order_hold::<4, 3, 7>(&self.a, &inputs, sample_time);
+    pub fn discretise(&self, sample_time: f64) -> DiscreteErrorModel<S> {
+        let inputs = SMatrix::<f64, S, 3>::from_columns(&[self.b, self.d, self.e]);
+        let (a, inputs) = zero_order_hold(&self.a, &inputs, sample_time);
         DiscreteErrorModel {
             a,
             b: inputs.column(0).into_owned(),
@@ -105,10 +115,16 @@ impl ContinuousErrorModel {
     }
 }
 
-impl DiscreteErrorModel {
+impl<const S: usize> DiscreteErrorModel<S> {
     /// One step ahead.
     #[must_use]
-    pub fn step(&self, x: &ErrorState, steer: f64, heading_rate: f64, heading_accel: f64) -> ErrorState {
+    pub fn step(
+        &self,
+        x: &SVector<f64, S>,
+        steer: f64,
+        heading_rate: f64,
+        heading_accel: f64,
+    ) -> SVector<f64, S> {
         self.a * x + self.b * steer + self.d * heading_rate + self.e * heading_accel
     }
 }

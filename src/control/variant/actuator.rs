@@ -1,7 +1,8 @@
-//! The nominal linear model behind a steering actuator with dead time and lag: the engineer who knows the actuator, and
-//! with its true constants the oracle.
+//! The nominal linear model behind a steering actuator: the engineer who knows the actuator, and with its true constants
+//! the oracle.
 //!
-//! The angle at the road wheels is not measured: the actuator is run over the issued commands.
+//! Lag, dead time and their approximants are one form (`nominal/actuator.rs`). The actuator's states are not measured:
+//! the actuator is run over the issued commands.
 
 use super::{Expected, Nominal, Qp, Variant};
 use crate::control::condense::{Affine, Linear, Propagation, condense};
@@ -9,27 +10,30 @@ use crate::control::lateral::LateralInput;
 use crate::control::parameters::MpcParameters;
 use crate::control::preview::Preview;
 use crate::control::tracking_qp::{QpError, QpReport};
-use crate::nominal::{ActuatedModel, ActuatedState, Actuator, ErrorState, steady_yaw_error};
+use crate::nominal::{ACTUATOR_STATES, ActuatedModel, Actuator, ErrorState, steady_yaw_error};
 use crate::vehicle::SingleTrack;
+use nalgebra::SVector;
 use std::time::Instant;
 
-/// So many time constants of the lag are looked back: what was before them counts e^-10.
-const MEMORY: f64 = 10.0;
+/// States of the car.
+const CAR: usize = 4;
+/// States of the car and its actuator.
+const ALL: usize = CAR + ACTUATOR_STATES;
 
 /// The variant.
 pub struct Actuated {
     nominal: Nominal,
     actuator: Actuator,
-    affine: Affine<5>,
+    affine: Affine<ALL>,
     window: usize,
-    model: Option<ActuatedModel>,
+    model: Option<ActuatedModel<CAR, ALL>>,
 }
 
 impl Actuated {
     pub fn new(vehicle: SingleTrack, p: &MpcParameters, actuator: Actuator) -> Self {
         // The newest command, those of the dead time, and one more for a dead time that is no whole number of steps.
         let commands = actuator.delay(p.sample_time).0 + 2;
-        let memory = (MEMORY * actuator.time_constant / p.sample_time).ceil() as usize;
+        let memory = (actuator.memory() / p.sample_time).ceil() as usize;
         Self {
             nominal: Nominal::new(vehicle, p),
             actuator,
@@ -38,10 +42,6 @@ impl Actuated {
             model: None,
         }
     }
-}
-
-fn extended(state: &ErrorState, angle: f64) -> ActuatedState {
-    ActuatedState::new(state[0], state[1], state[2], state[3], angle)
 }
 
 impl Variant for Actuated {
@@ -54,8 +54,8 @@ impl Variant for Actuated {
     ) -> Result<QpReport, QpError> {
         let begin = Instant::now();
         let model = self.nominal.at(input.ahead.speed)?;
-        let model = self.actuator.discretise(&model, self.nominal.sample_time);
-        let disturbance = extended(input.disturbance, 0.0);
+        let model: ActuatedModel<CAR, ALL> = self.actuator.discretise(&model, self.nominal.sample_time);
+        let disturbance = ActuatedModel::<CAR, ALL>::extend(input.disturbance);
         let window = self.affine.window;
         for (j, known) in self.affine.known.iter_mut().enumerate() {
             *known = model.d * preview.heading_rate[j] + model.e * preview.heading_accel[j] + disturbance;
@@ -65,8 +65,8 @@ impl Variant for Actuated {
         }
         let all = input.history.commands();
         let past = &all[all.len() + 1 - window..];
-        let start = extended(input.state, model.angle(all));
-        let linear = Linear { a: &model.a, b: &ActuatedState::zeros() };
+        let start = model.state(input.state, all);
+        let linear = Linear { a: &model.a, b: &SVector::zeros() };
         condense(
             linear,
             &start,
@@ -86,13 +86,13 @@ impl Variant for Actuated {
     fn next_state(&self, state: &ErrorState, past: &[f64], steer: f64) -> Option<Expected> {
         let model = self.model.as_ref()?;
         let back = |steps: usize| if steps == 0 { steer } else { past[past.len() - steps] };
-        let next = model.a * extended(state, model.angle(past))
+        let next = model.a * model.state(state, past)
             + model.newer * back(model.delay)
             + model.older * back(model.delay + 1)
             + self.affine.known[0];
         Some(Expected {
-            state: next.fixed_rows::<4>(0).into_owned(),
-            transition: model.a.fixed_view::<4, 4>(0, 0).into_owned(),
+            state: next.fixed_rows::<CAR>(0).into_owned(),
+            transition: model.a.fixed_view::<CAR, CAR>(0, 0).into_owned(),
         })
     }
 
