@@ -122,7 +122,8 @@ fn each_approximant_finds_its_own_constant() {
         let sampled = truth.sample(TS);
         let response: Vec<f64> =
             (0..300).map(|k| if k == 0 { command[0] } else { sampled.angle(&command[..k]) }).collect();
-        let found = SteeringRecord::new(&time, &command, &response).unwrap().identify(model).unwrap();
+        let record = SteeringRecord::new(&time, &command, &response).unwrap().with_gain(1.0);
+        let found = record.identify(model).unwrap();
         assert!((found.actuator.dead_time - truth.dead_time).abs() < 1e-4, "{found:?}");
         assert!((found.actuator.time_constant - truth.time_constant).abs() < 1e-4, "{found:?}");
         assert!(found.rmse < 1e-6, "{found:?}");
@@ -187,6 +188,9 @@ fn what_is_wrong_is_said() {
     assert!(matches!(refuse(&time[..9], &command[..9], &response[..9]), IdentifyError::TooShort { .. }));
     assert_eq!(refuse(&time, &[0.1; 150], &response), IdentifyError::NoExcitation);
     assert!(matches!(refuse(&time, &command, &[f64::NAN; 150]), IdentifyError::Gaps { found: 0, .. }));
+    let mut late = response.clone();
+    late[..30].fill(f64::NAN);
+    assert_eq!(refuse(&time, &command, &late), IdentifyError::NoRest { row: 25 });
     let silent = SteeringRecord::new(&time, &command, &[0.3; 150]).unwrap().identify(DelayModel::FirstOrder);
     assert!(matches!(silent, Err(IdentifyError::NoResponse { .. })), "{silent:?}");
     command[7] = f64::NAN;

@@ -3,13 +3,15 @@
 //! Given the commands `u_k`, held from their instants on, and a response `y_k` measured just before each,
 //!
 //! ```text
-//! min over T, tau, gain, offset   sum_k (y_k - offset - gain y^_k(T, tau))^2
+//! min over T, tau, gain   sum_k (y_k - offset - gain y^_k(T, tau))^2
 //! ```
 //!
 //! where `y^` is the response of the model actuator, alone or behind it a vehicle's yaw rate, to `u - u_0` from rest.
-//! Gain and offset (a steering ratio, a sensor's zero) are nuisances: they are linear, so that for each `(T, tau)` they
-//! are known, and the search is over one or two numbers. It is nested and of golden sections, each within the best
-//! interval of a grid: a valley along `T + tau = const` does no harm, nothing is random and no start has to be guessed.
+//! The offset (a sensor's zero) is what is measured before the command first changes. The gain (a steering ratio, a
+//! stiffness) is linear: for each `(T, tau)` it is known, and the search is over one or two numbers. It is nested and
+//! of golden sections, each within the best interval of a grid: a valley along `T + tau = const` does no harm, nothing
+//! is random and no start has to be guessed. The gain of all models is that of dead time and lag: a Pade approximant,
+//! which answers a step at once, would buy a better beginning with a wrong end.
 //!
 //! The drive has to begin steady and to contain a change that settles: a step of the command is best. Through a
 //! vehicle model the constants take up what that model gets wrong, too: measure the road-wheel angle if you can.
@@ -69,6 +71,10 @@ pub enum IdentifyError {
     NoExcitation,
     #[error("the response does not follow the command: the best fit explains {:.0} % of it; is it the right column?", 100.0 * share)]
     NoResponse { share: f64 },
+    #[error(
+        "no response is measured before the command first changes, in row {row}: begin the record half a second earlier"
+    )]
+    NoRest { row: usize },
     #[error("{found} usable responses are too few: at least {least} rows need one")]
     Gaps { found: usize, least: usize },
 }
@@ -79,7 +85,10 @@ pub struct SteeringRecord {
     sample_time: f64,
     /// Commands less the first one.
     commands: Vec<f64>,
+    /// Responses less that at rest; not a number in gaps.
     responses: Vec<f64>,
+    offset: f64,
+    gain: Option<f64>,
 }
 
 /// An actuator as a record shows it.
@@ -152,10 +161,26 @@ impl SteeringRecord {
             return Err(IdentifyError::Gaps { found, least: LEAST_ROWS });
         }
         let commands: Vec<f64> = command.iter().map(|value| value - command[0]).collect();
-        if commands.iter().all(|&value| value == 0.0) {
+        let Some(change) = commands.iter().position(|&value| value != 0.0) else {
             return Err(IdentifyError::NoExcitation);
+        };
+        // The row of the change is measured before it.
+        let (sum, count) = response[..=change]
+            .iter()
+            .filter(|value| value.is_finite())
+            .fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
+        if count == 0.0 {
+            return Err(IdentifyError::NoRest { row: change });
         }
-        Ok(Self { sample_time, commands, responses: response.to_vec() })
+        let offset = sum / count;
+        let responses = response.iter().map(|value| value - offset).collect();
+        Ok(Self { sample_time, commands, responses, offset, gain: None })
+    }
+
+    /// With a gain that is known, and not to be fitted.
+    #[must_use]
+    pub fn with_gain(self, gain: f64) -> Self {
+        Self { gain: Some(gain), ..self }
     }
 
     /// Time between rows, s.
@@ -216,10 +241,10 @@ impl SteeringRecord {
         predict: impl Fn(&Actuator, &mut [f64]),
     ) -> Result<IdentifiedActuator, IdentifyError> {
         let mut prediction = vec![0.0; self.commands.len()];
-        let mut judge = |dead_time: f64, time_constant: f64| {
+        let mut judge = |model: DelayModel, dead_time: f64, time_constant: f64, gain: Option<f64>| {
             let actuator = model.actuator(dead_time, time_constant);
             predict(&actuator, &mut prediction);
-            self.judge(actuator, &prediction)
+            self.judge(actuator, gain, &prediction)
         };
         let span = 0.5 * self.sample_time * (self.commands.len() - 1) as f64;
         let longest = LONGEST_DEAD_TIME.min(span);
@@ -231,14 +256,21 @@ impl SteeringRecord {
             time_constants.push(next);
             next *= GRID_RATIO;
         }
-        let mse = |fit: &IdentifiedActuator| fit.rmse;
-        let best = match model {
-            DelayModel::DeadTimeLag => {
-                let mut lag_of = |dead_time| least(&time_constants, |tau| judge(dead_time, tau), mse);
-                least(&dead_times, &mut lag_of, mse)
+        let rmse = |fit: &IdentifiedActuator| fit.rmse;
+        let mut dead_time_and_lag = |gain| {
+            let lag_of = |dead_time| {
+                least(&time_constants, |tau| judge(DelayModel::DeadTimeLag, dead_time, tau, gain), rmse)
+            };
+            least(&dead_times, lag_of, rmse)
+        };
+        let best = if model == DelayModel::DeadTimeLag {
+            dead_time_and_lag(self.gain)
+        } else {
+            let gain = Some(self.gain.unwrap_or_else(|| dead_time_and_lag(None).gain));
+            match model {
+                DelayModel::FirstOrder => least(&time_constants, |tau| judge(model, 0.0, tau, gain), rmse),
+                _ => least(&dead_times, |dead_time| judge(model, dead_time, 0.0, gain), rmse),
             }
-            DelayModel::FirstOrder => least(&time_constants, |tau| judge(0.0, tau), mse),
-            DelayModel::Pade11 | DelayModel::Pade22 => least(&dead_times, |t| judge(t, 0.0), mse),
         };
         // A negated comparison: a share that is no number is not enough.
         if !(best.explained >= LEAST_SHARE) {
@@ -247,27 +279,26 @@ impl SteeringRecord {
         Ok(best)
     }
 
-    /// Gain and offset of a prediction, and how good it is then.
-    fn judge(&self, actuator: Actuator, prediction: &[f64]) -> IdentifiedActuator {
+    /// How good a prediction is with a gain, or with its best one.
+    fn judge(&self, actuator: Actuator, gain: Option<f64>, prediction: &[f64]) -> IdentifiedActuator {
         let rows = || prediction.iter().zip(&self.responses).filter(|(_, y)| y.is_finite());
-        let count = rows().count() as f64;
-        let (sum_p, sum_y) = rows().fold((0.0, 0.0), |(a, b), (p, y)| (a + p, b + y));
-        let (mean_p, mean_y) = (sum_p / count, sum_y / count);
-        let (mut pp, mut py, mut yy) = (0.0, 0.0, 0.0);
+        let (mut pp, mut py, mut yy, mut sum, mut count) = (0.0, 0.0, 0.0, 0.0, 0.0);
         for (p, y) in rows() {
-            let (p, y) = (p - mean_p, y - mean_y);
             pp += p * p;
             py += p * y;
             yy += y * y;
+            sum += y;
+            count += 1.0;
         }
-        let gain = if pp > 0.0 { py / pp } else { 0.0 };
-        let rest = rows().map(|(p, y)| (y - mean_y - gain * (p - mean_p)).powi(2)).sum::<f64>();
+        let gain = gain.unwrap_or(if pp > 0.0 { py / pp } else { 0.0 });
+        let rest = rows().map(|(p, y)| (y - gain * p).powi(2)).sum::<f64>();
+        let variance = yy - sum * sum / count;
         IdentifiedActuator {
             actuator,
             gain,
-            offset: mean_y - gain * mean_p,
+            offset: self.offset,
             rmse: (rest / count).sqrt(),
-            explained: if yy > 0.0 { 1.0 - rest / yy } else { 0.0 },
+            explained: if variance > 0.0 { 1.0 - rest / variance } else { 0.0 },
         }
     }
 }
