@@ -16,6 +16,7 @@
 //! | `variant/` | what it predicts with: nominal, learned residual, known actuator, nonlinear |
 //! | `choice.rs` | which variant: from a user's word, parameters and files |
 //! | `speed.rs` | speed tracking |
+//! | `longitudinal.rs` | speed and lag error by MPC |
 //! | `controller.rs` | one step from measurement to commands; fallback |
 //! | `sampler.rs` | when a step is due |
 //! | `status.rs` | what a step did, in words |
@@ -30,6 +31,7 @@ mod controller;
 mod fast_solver;
 mod history;
 mod lateral;
+mod longitudinal;
 mod observer;
 mod parameters;
 mod preview;
@@ -47,6 +49,9 @@ pub use controller::{Controller, ControllerError, ControllerState, Measurement, 
 pub use fast_solver::{FastSolver, build_solver};
 pub use history::History;
 pub use lateral::{LateralError, LateralInput, LateralMpc};
+pub use longitudinal::{
+    LongitudinalInput, LongitudinalMpc, LongitudinalParameters, LongitudinalState, LongitudinalStep,
+};
 pub use observer::{Observer, ObserverParameters};
 pub use parameters::{
     ActuatorParameters, ControllerParameters, MpcParameters, NmpcParameters, NominalVehicle, SHOWN_HORIZON,
