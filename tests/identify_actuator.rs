@@ -162,7 +162,7 @@ fn the_yaw_rate_serves_where_the_angle_is_not_measured() {
         }
     }
     let record = SteeringRecord::new(&time, &command, &response).unwrap();
-    let found = record.identify_by_yaw_rate::<4, 7>(DelayModel::DeadTimeLag, &vehicle).unwrap();
+    let found = record.identify_by_yaw_rate(DelayModel::DeadTimeLag, &vehicle).unwrap();
     assert!((found.actuator.dead_time - 0.113).abs() < 0.1 * TS, "{found:?}");
     assert!((found.actuator.time_constant - 0.09).abs() < 0.1 * TS, "{found:?}");
 }

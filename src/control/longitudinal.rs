@@ -129,7 +129,7 @@ pub struct LongitudinalMpc {
     transition: Matrix3<f64>,
     command: Vector3<f64>,
     disturbed: Vector3<f64>,
-    affine: Affine<3>,
+    affine: Affine<Vector3<f64>>,
     problem: TrackingQp,
     solver: Box<dyn QpSolver>,
     inputs: Vec<f64>,

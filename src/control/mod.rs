@@ -44,7 +44,7 @@ mod variant;
 pub use active_set::ActiveSetSolver;
 pub use choice::{Choice, ChoiceError, ControlVariant, LearnedModel, MODEL_EXTENSION};
 pub use clarabel_solver::{BuildError, ClarabelSolver};
-pub use condense::{Affine, Linear, Propagation, condense};
+pub use condense::{Affine, HorizonState, Linear, Propagation, condense};
 pub use controller::{Controller, ControllerError, ControllerState, Measurement, StepError, StepReport};
 pub use fast_solver::{FastSolver, build_solver};
 pub use history::History;

@@ -17,11 +17,11 @@
 //!
 //! (Pade(2,2) is `z1' = z2, z2' = -12/T^2 z1 - 6/T z2 + u, w = u - 12/T z2` with states of the command's size.) A Pade
 //! approximant passes part of the command on at once, the wrong way for an odd order; a lag behind it makes it strictly
-//! proper. Before the vehicle `x' = A x + B delta + ..` the state is `[x; z]`, sampled exactly: within a step the delayed
-//! command changes once, `T` being no whole number of steps, so that
+//! proper. Before the vehicle `x' = A x + B delta + ..` the state is `X = [x; z]`, sampled exactly: within a step the
+//! delayed command changes once, `T` being no whole number of steps, so that
 //!
 //! ```text
-//! X_{k+1} = A_X X_k + G_1 u_{k-m} + G_2 u_{k-m-1} + D psi_des' + E psi_des'',     m = floor(T / Ts)
+//! X_{k+1} = A X_k + G_1 u_{k-m} + G_2 u_{k-m-1} + D psi_des' + E psi_des'',     m = floor(T / Ts)
 //! ```
 //!
 //! `z` is not measured: it is what the issued commands have made of it. With the vehicle's true constants the exact
@@ -31,10 +31,11 @@
 //! Source: Franklin, Powell and Workman, Digital Control of Dynamic Systems, ch. 4.3.4 (dead time that is no whole
 //! number of samples); Golub and Van Loan, Matrix Computations, ch. 9.3.1 (Pade approximants).
 
-use super::{ContinuousErrorModel, zero_order_hold};
+use super::{Chain, ContinuousErrorModel, ERRORS, zero_order_hold};
 use crate::enumeration;
 use nalgebra::{Matrix3, RowVector3, SMatrix, SVector, Vector3};
 use serde::{Deserialize, Serialize};
+use std::ops::{Add, AddAssign, Mul, Sub};
 
 enumeration! {
     /// How a model represents a dead time.
@@ -88,21 +89,96 @@ pub struct SampledActuator {
     delay: usize,
 }
 
-/// A vehicle model of `S` states behind an actuator, sampled; `P = S + ACTUATOR_STATES`. The vehicle's states stand first.
+/// The vehicle's state and the actuator's.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(missing_docs)]
+pub struct ActuatedState<const S: usize = ERRORS> {
+    pub vehicle: SVector<f64, S>,
+    pub actuator: Vector3<f64>,
+}
+
+/// How a state with its actuator acts on the next one: `A` in blocks.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ActuatedTransition<const S: usize = ERRORS> {
+    /// Of the vehicle's state on itself.
+    pub vehicle: SMatrix<f64, S, S>,
+    /// Of the actuator's state on the vehicle's.
+    pub by_actuator: SMatrix<f64, S, ACTUATOR_STATES>,
+    /// Of the actuator's state on itself.
+    pub actuator: Matrix3<f64>,
+}
+
+/// A vehicle model behind an actuator, sampled.
 #[derive(Debug, Clone, PartialEq)]
 #[allow(missing_docs)]
-pub struct ActuatedModel<const S: usize, const P: usize> {
-    pub a: SMatrix<f64, P, P>,
+pub struct ActuatedModel<const S: usize = ERRORS> {
+    pub a: ActuatedTransition<S>,
     /// Effect of the command `delay` steps ago.
-    pub newer: SVector<f64, P>,
+    pub newer: ActuatedState<S>,
     /// Effect of the command a step earlier.
-    pub older: SVector<f64, P>,
-    pub d: SVector<f64, P>,
-    pub e: SVector<f64, P>,
+    pub older: ActuatedState<S>,
+    pub d: ActuatedState<S>,
+    pub e: ActuatedState<S>,
     /// Whole steps of dead time.
     pub delay: usize,
     /// The actuator alone.
     pub actuator: SampledActuator,
+}
+
+impl<const S: usize> ActuatedState<S> {
+    /// All zero.
+    #[must_use]
+    pub fn zeros() -> Self {
+        Self { vehicle: SVector::zeros(), actuator: Vector3::zeros() }
+    }
+}
+
+impl<const S: usize> From<SVector<f64, S>> for ActuatedState<S> {
+    /// A state of the vehicle with none of the actuator.
+    fn from(vehicle: SVector<f64, S>) -> Self {
+        Self { vehicle, actuator: Vector3::zeros() }
+    }
+}
+
+impl<const S: usize> Mul<&ActuatedState<S>> for &ActuatedTransition<S> {
+    type Output = ActuatedState<S>;
+
+    fn mul(self, x: &ActuatedState<S>) -> ActuatedState<S> {
+        ActuatedState {
+            vehicle: self.vehicle * x.vehicle + self.by_actuator * x.actuator,
+            actuator: self.actuator * x.actuator,
+        }
+    }
+}
+
+impl<const S: usize> Add for ActuatedState<S> {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self { vehicle: self.vehicle + other.vehicle, actuator: self.actuator + other.actuator }
+    }
+}
+
+impl<const S: usize> AddAssign for ActuatedState<S> {
+    fn add_assign(&mut self, other: Self) {
+        *self = *self + other;
+    }
+}
+
+impl<const S: usize> Sub for ActuatedState<S> {
+    type Output = Self;
+
+    fn sub(self, other: Self) -> Self {
+        Self { vehicle: self.vehicle - other.vehicle, actuator: self.actuator - other.actuator }
+    }
+}
+
+impl<const S: usize> Mul<f64> for ActuatedState<S> {
+    type Output = Self;
+
+    fn mul(self, factor: f64) -> Self {
+        Self { vehicle: self.vehicle * factor, actuator: self.actuator * factor }
+    }
 }
 
 impl Actuator {
@@ -162,54 +238,60 @@ impl Actuator {
     #[must_use]
     pub fn sample(&self, sample_time: f64) -> SampledActuator {
         let LinearPart { a, b, c, d, steady } = self.linear_part();
-        let delay = self.delay(sample_time);
-        let (a, newer, older) = hold_delayed(&a, &b, sample_time, delay.1);
-        SampledActuator { a, newer, older, c, d, steady, delay: delay.0 }
+        let (delay, fraction) = self.delay(sample_time);
+        let (a_step, whole) = zero_order_hold(&a, &b, sample_time);
+        let newer = match fraction {
+            0.0 => whole,
+            _ => zero_order_hold(&a, &b, (1.0 - fraction) * sample_time).1,
+        };
+        SampledActuator { a: a_step, newer, older: whole - newer, c, d, steady, delay }
     }
 
     /// Samples a vehicle model with this actuator before it.
     #[must_use]
-    pub fn discretise<const S: usize, const P: usize>(
+    pub fn discretise<const S: usize>(
         &self,
         model: &ContinuousErrorModel<S>,
         sample_time: f64,
-    ) -> ActuatedModel<S, P> {
-        const { assert!(P == S + ACTUATOR_STATES, "the state is the vehicle's and the actuator's") };
+    ) -> ActuatedModel<S> {
         let part = self.linear_part();
-        let mut a = SMatrix::<f64, P, P>::zeros();
-        a.fixed_view_mut::<S, S>(0, 0).copy_from(&model.a);
-        a.fixed_view_mut::<S, ACTUATOR_STATES>(0, S).copy_from(&(model.b * part.c));
-        a.fixed_view_mut::<ACTUATOR_STATES, ACTUATOR_STATES>(S, S).copy_from(&part.a);
-        let stacked = |x: &SVector<f64, S>| SVector::<f64, P>::from_fn(|i, _| if i < S { x[i] } else { 0.0 });
-        let mut command = stacked(&(model.b * part.d));
-        command.fixed_rows_mut::<ACTUATOR_STATES>(S).copy_from(&part.b);
-        let road = SMatrix::<f64, P, 2>::from_columns(&[stacked(&model.d), stacked(&model.e)]);
-        let road = zero_order_hold(&a, &road, sample_time).1;
         let (delay, fraction) = self.delay(sample_time);
-        let (a, newer, older) = hold_delayed(&a, &command, sample_time, fraction);
+        let chain = Chain {
+            x_by_x: model.a,
+            x_by_z: model.b * part.c,
+            z_by_z: part.a,
+            x_by_input: SMatrix::<f64, S, 3>::from_columns(&[model.b * part.d, model.d, model.e]),
+            z_by_input: Matrix3::from_columns(&[part.b, Vector3::zeros(), Vector3::zeros()]),
+        };
+        let step = chain.zero_order_hold(sample_time);
+        let effect = |input: usize| ActuatedState {
+            vehicle: step.x_by_input.column(input).into_owned(),
+            actuator: step.z_by_input.column(input).into_owned(),
+        };
+        let whole = effect(0);
+        let newer = if fraction > 0.0 {
+            let command = Chain {
+                x_by_x: chain.x_by_x,
+                x_by_z: chain.x_by_z,
+                z_by_z: chain.z_by_z,
+                x_by_input: model.b * part.d,
+                z_by_input: part.b,
+            };
+            let rest = command.zero_order_hold((1.0 - fraction) * sample_time);
+            ActuatedState { vehicle: rest.x_by_input, actuator: rest.z_by_input }
+        } else {
+            whole
+        };
         ActuatedModel {
-            a,
+            a: ActuatedTransition { vehicle: step.x_by_x, by_actuator: step.x_by_z, actuator: step.z_by_z },
             newer,
-            older,
-            d: road.column(0).into_owned(),
-            e: road.column(1).into_owned(),
+            older: whole - newer,
+            d: effect(1),
+            e: effect(2),
             delay,
             actuator: self.sample(sample_time),
         }
     }
-}
-
-/// Zero-order hold with an input that changes the given fraction of a step after its begin: the transition, and the
-/// effects of the input after and before that.
-fn hold_delayed<const N: usize>(
-    a: &SMatrix<f64, N, N>,
-    b: &SVector<f64, N>,
-    sample_time: f64,
-    fraction: f64,
-) -> (SMatrix<f64, N, N>, SVector<f64, N>, SVector<f64, N>) {
-    let (transition, whole) = zero_order_hold(a, b, sample_time);
-    let newer = if fraction > 0.0 { zero_order_hold(a, b, (1.0 - fraction) * sample_time).1 } else { whole };
-    (transition, newer, whole - newer)
 }
 
 impl SampledActuator {
@@ -255,19 +337,11 @@ impl SampledActuator {
     }
 }
 
-impl<const S: usize, const P: usize> ActuatedModel<S, P> {
+impl<const S: usize> ActuatedModel<S> {
     /// The state of vehicle and actuator, from the vehicle's and the commands issued before now.
     #[must_use]
-    pub fn state(&self, vehicle: &SVector<f64, S>, commands: &[f64]) -> SVector<f64, P> {
-        let mut state = Self::extend(vehicle);
-        state.fixed_rows_mut::<ACTUATOR_STATES>(S).copy_from(&self.actuator.state(commands));
-        state
-    }
-
-    /// A vector of the vehicle's states with none of the actuator's.
-    #[must_use]
-    pub fn extend(vehicle: &SVector<f64, S>) -> SVector<f64, P> {
-        SVector::from_fn(|i, _| if i < S { vehicle[i] } else { 0.0 })
+    pub fn state(&self, vehicle: &SVector<f64, S>, commands: &[f64]) -> ActuatedState<S> {
+        ActuatedState { vehicle: *vehicle, actuator: self.actuator.state(commands) }
     }
 }
 
@@ -276,8 +350,6 @@ mod tests {
     use super::*;
     use crate::vehicle::SingleTrack;
     use nalgebra::Complex;
-
-    type Model = ActuatedModel<4, 7>;
 
     fn continuous() -> ContinuousErrorModel {
         let car = SingleTrack { mass: 1400.0, yaw_inertia: 2300.0, lf: 1.1, lr: 1.6, cf: 120e3, cr: 140e3 };
@@ -306,11 +378,11 @@ mod tests {
         let none =
             DeadTimeModel::ALL.iter().map(|&form| Actuator { dead_time_model: form, ..exact(0.0, 0.0) });
         for actuator in none {
-            let model: Model = actuator.discretise(&continuous(), 0.02);
+            let model = actuator.discretise(&continuous(), 0.02);
             assert_eq!(model.delay, 0);
-            assert!((model.newer.fixed_rows::<4>(0) - plain.b).norm() < 1e-14);
-            assert!((model.a.fixed_view::<4, 4>(0, 0) - plain.a).norm() < 1e-14);
-            assert_eq!(model.older.norm(), 0.0);
+            assert!((model.newer.vehicle - plain.b).norm() < 1e-14);
+            assert!((model.a.vehicle - plain.a).norm() < 1e-14);
+            assert_eq!(model.older, ActuatedState::zeros());
             assert_eq!(model.actuator.angle(&[0.1, 0.2]), 0.2);
         }
     }
@@ -319,35 +391,39 @@ mod tests {
     fn a_fractional_dead_time_and_a_lag_are_sampled_exactly() {
         // 50 ms at Ts = 20 ms: two and a half steps. Reference: ten times finer steps, where it is whole.
         for actuator in all() {
-            let coarse: Model = actuator.discretise(&continuous(), 0.02);
-            let fine: Model = actuator.discretise(&continuous(), 0.002);
+            let coarse = actuator.discretise(&continuous(), 0.02);
+            let fine = actuator.discretise(&continuous(), 0.002);
             let command = |k: i64| if k < 0 { 0.0 } else { (0.3 * k as f64).sin() };
-            let (mut x, mut y) = (SVector::<f64, 7>::zeros(), SVector::<f64, 7>::zeros());
+            let (mut x, mut y) = (ActuatedState::zeros(), ActuatedState::zeros());
             for k in 0..40 {
                 let delay = coarse.delay as i64;
-                x = coarse.a * x + coarse.newer * command(k - delay) + coarse.older * command(k - delay - 1);
+                x = &coarse.a * &x
+                    + coarse.newer * command(k - delay)
+                    + coarse.older * command(k - delay - 1);
                 for i in 0..10 {
-                    y = fine.a * y + fine.newer * command((10 * k + i - fine.delay as i64).div_euclid(10));
+                    y = &fine.a * &y + fine.newer * command((10 * k + i - fine.delay as i64).div_euclid(10));
                 }
             }
-            assert!((x - y).norm() < 1e-9 * y.norm(), "{actuator:?}: {x} {y}");
+            let off = x - y;
+            assert!(off.vehicle.norm() < 1e-9 * y.vehicle.norm(), "{actuator:?}: {x:?} {y:?}");
+            assert!(off.actuator.norm() <= 1e-9 * y.actuator.norm(), "{actuator:?}: {x:?} {y:?}");
         }
     }
 
     #[test]
     fn the_state_follows_from_the_commands() {
         for actuator in all() {
-            let model: Model = actuator.discretise(&continuous(), 0.02);
+            let model = actuator.discretise(&continuous(), 0.02);
             let commands: Vec<f64> = (0..60).map(|k| (0.2 * f64::from(k)).cos()).collect();
             let at = |i: i64| commands[i.max(0) as usize];
-            let mut state = Model::extend(&SVector::zeros());
-            state.fixed_rows_mut::<3>(4).copy_from(&model.actuator.steady(commands[0]));
+            let mut state = ActuatedState::from(SVector::zeros());
+            state.actuator = model.actuator.steady(commands[0]);
             let delay = model.delay as i64;
             for k in 0..60_i64 {
-                state = model.a * state + model.newer * at(k - delay) + model.older * at(k - delay - 1);
+                state = &model.a * &state + model.newer * at(k - delay) + model.older * at(k - delay - 1);
             }
             let found = model.state(&SVector::zeros(), &commands);
-            assert!((found - state).fixed_rows::<3>(4).norm() < 1e-12, "{actuator:?}: {found} {state}");
+            assert!((found - state).actuator.norm() < 1e-12, "{actuator:?}: {found:?} {state:?}");
         }
     }
 

@@ -17,7 +17,8 @@
 //! Source: method of the project, section 3; the form is that of Luijten, Lateral Dynamic Behaviour of Articulated
 //! Commercial Vehicles, TU Eindhoven 2010.
 
-use super::{ContinuousErrorModel, SingleTrackError};
+use super::{ContinuousErrorModel, LateralVehicle, SingleTrackError};
+use crate::signal::{ARTICULATION, ARTICULATION_RATE, E1, E1_RATE, E2, E2_RATE, Signal};
 use crate::vehicle::Articulated;
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
@@ -41,14 +42,13 @@ fn levers(truck: &Articulated) -> Matrix3<f64> {
     Matrix3::new(1.0, 1.0, 1.0, a1, -b1, -(c1 + a2 + b2), 0.0, 0.0, a2 + b2)
 }
 
-impl ContinuousErrorModel<6> {
-    /// The truck's model at speed `v` in m/s. The model is stiff as `v` goes to 0: the caller clamps `v` from below.
-    ///
-    /// # Errors
-    /// A parameter or a speed that is not positive.
-    pub fn articulated(truck: &Articulated, v: f64) -> Result<Self, SingleTrackError> {
-        let Articulated { mass1: m1, mass2: m2, yaw_inertia1: i1, yaw_inertia2: i2, .. } = *truck;
-        let Articulated { a1, b1, c1, a2, b2, stiffness: [cf, cr, ct], .. } = *truck;
+impl LateralVehicle<6> for Articulated {
+    const KIND: &'static str = "truck";
+    const STATES: [Signal; 6] = [E1, E1_RATE, E2, E2_RATE, ARTICULATION, ARTICULATION_RATE];
+
+    fn model_at(&self, v: f64) -> Result<ContinuousErrorModel<6>, SingleTrackError> {
+        let Self { mass1: m1, mass2: m2, yaw_inertia1: i1, yaw_inertia2: i2, .. } = *self;
+        let Self { a1, b1, c1, a2, b2, stiffness: [cf, cr, ct], .. } = *self;
         let positive = [
             ("mass1", m1),
             ("mass2", m2),
@@ -58,9 +58,9 @@ impl ContinuousErrorModel<6> {
             ("b1", b1),
             ("a2", a2),
             ("b2", b2),
-            ("stiffness of axle 1", cf),
-            ("stiffness of axle 2", cr),
-            ("stiffness of axle 3", ct),
+            ("cornering stiffness of axle 1", cf),
+            ("cornering stiffness of axle 2", cr),
+            ("cornering stiffness of axle 3", ct),
             ("speed", v),
         ];
         if let Some(&(name, value)) = positive.iter().find(|(_, value)| !(*value > 0.0 && value.is_finite()))
@@ -79,7 +79,7 @@ impl ContinuousErrorModel<6> {
             -m2 * h, i1 + i2 + m2 * h * h,  coupling,
             m2 * a2, coupling,              i2 + m2 * a2 * a2,
         );
-        let levers = levers(truck);
+        let levers = levers(self);
         let forces = levers * Matrix3::from_diagonal(&Vector3::new(cf, cr, ct));
         // Positive definite for positive masses and inertias; rounding alone could say otherwise.
         let accelerations = inertia
@@ -88,7 +88,7 @@ impl ContinuousErrorModel<6> {
             .solve(&forces);
         let damping = accelerations * levers.transpose() / v;
         let by_yaw_error = accelerations * Vector3::repeat(1.0);
-        let mut model = Self {
+        let mut model = ContinuousErrorModel {
             a: SMatrix::zeros(),
             b: ArticulatedState::zeros(),
             d: ArticulatedState::zeros(),
@@ -108,6 +108,33 @@ impl ContinuousErrorModel<6> {
         model.d[1] -= v;
         model.e[3] = -1.0;
         Ok(model)
+    }
+
+    fn steady_state(&self, speed: f64) -> ArticulatedState {
+        let SteadyCornering { yaw_error, articulation, .. } = steady_cornering(self, speed);
+        ArticulatedState::from([0.0, 0.0, yaw_error, 0.0, articulation, 0.0])
+    }
+
+    fn parameters(&self) -> Vec<(&'static str, f64)> {
+        let Self { mass1, mass2, yaw_inertia1, yaw_inertia2, a1, b1, c1, a2, b2, stiffness } = *self;
+        vec![
+            ("mass1", mass1),
+            ("mass2", mass2),
+            ("yaw_inertia1", yaw_inertia1),
+            ("yaw_inertia2", yaw_inertia2),
+            ("a1", a1),
+            ("b1", b1),
+            ("c1", c1),
+            ("a2", a2),
+            ("b2", b2),
+            ("cornering stiffness of axle 1", stiffness[0]),
+            ("cornering stiffness of axle 2", stiffness[1]),
+            ("cornering stiffness of axle 3", stiffness[2]),
+        ]
+    }
+
+    fn wheelbase(&self) -> f64 {
+        self.a1 + self.b1
     }
 }
 
@@ -167,8 +194,8 @@ mod tests {
             cr: truck.stiffness[1],
         };
         for v in [2.0, 10.0, 25.0] {
-            let model = ContinuousErrorModel::articulated(&truck, v).unwrap();
-            let reference = ContinuousErrorModel::<4>::new(&car, v).unwrap();
+            let model = ContinuousErrorModel::new(&truck, v).unwrap();
+            let reference = ContinuousErrorModel::new(&car, v).unwrap();
             let close = |x: f64, y: f64| (x - y).abs() < 1e-7 * (1.0 + y.abs());
             for i in 0..4 {
                 assert!((0..4).all(|j| close(model.a[(i, j)], reference.a[(i, j)])), "{}", model.a);
@@ -187,15 +214,8 @@ mod tests {
         for v in [1.5, 8.0, 20.0] {
             let curvature = 1.0 / 50.0;
             let steady = steady_cornering(&truck(), v);
-            let x = ArticulatedState::from([
-                0.0,
-                0.0,
-                steady.yaw_error * curvature,
-                0.0,
-                steady.articulation * curvature,
-                0.0,
-            ]);
-            let model = ContinuousErrorModel::articulated(&truck(), v).unwrap();
+            let x = truck().steady_state(v) * curvature;
+            let model = ContinuousErrorModel::new(&truck(), v).unwrap();
             let rate = model.a * x + model.b * (steady.steer * curvature) + model.d * (v * curvature);
             assert!(rate.norm() < 1e-12, "{rate}");
             let next = model.discretise(0.02).step(&x, steady.steer * curvature, v * curvature, 0.0);
@@ -217,7 +237,7 @@ mod tests {
 
     #[test]
     fn damping_at_20_m_per_s() {
-        let model = ContinuousErrorModel::articulated(&truck(), 20.0).unwrap();
+        let model = ContinuousErrorModel::new(&truck(), 20.0).unwrap();
         let poles = model.a.complex_eigenvalues();
         let swinging = poles.iter().filter(|p| p.im > 1e-3).max_by(|p, q| p.re.total_cmp(&q.re)).unwrap();
         assert!((swinging.re + 1.36).abs() < 0.01 && (swinging.im - 2.32).abs() < 0.01, "{poles}");
@@ -271,7 +291,7 @@ mod tests {
             let u = vary(12.0);
             let x = ArticulatedState::from_fn(|_, _| draw(0.1));
             let (steer, turn, turn_rate) = (draw(0.1), draw(0.2), draw(0.1));
-            let model = ContinuousErrorModel::articulated(&truck, u).unwrap();
+            let model = ContinuousErrorModel::new(&truck, u).unwrap();
             let rate = model.a * x + model.b * steer + model.d * turn + model.e * turn_rate;
 
             let (vy, r1) = (x[1] - u * x[2], x[3] + turn);
@@ -290,8 +310,7 @@ mod tests {
 
     #[test]
     fn names_the_parameter_that_is_wrong() {
-        let name =
-            |truck: &Articulated, v| ContinuousErrorModel::articulated(truck, v).unwrap_err().to_string();
+        let name = |truck: &Articulated, v| ContinuousErrorModel::new(truck, v).unwrap_err().to_string();
         assert!(name(&Articulated { b2: 0.0, ..truck() }, 10.0).contains("b2"));
         assert!(name(&Articulated { c1: f64::NAN, ..truck() }, 10.0).contains("c1"));
         assert!(name(&truck(), f64::NAN).contains("speed"));

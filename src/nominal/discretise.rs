@@ -1,41 +1,112 @@
 //! Exact discretisation under piecewise constant inputs.
 //!
 //! `x' = A x + B w` with `w` constant over `h` has the solution `x(h) = Phi x + Gamma w`, where
-//! `exp([A B; 0 0] h) = [Phi Gamma; 0 I]` (Van Loan 1978). The exponential is computed on the two blocks that are not
-//! trivial, so that any number of states and inputs is served.
+//! `exp([A B; 0 0] h) = [Phi Gamma; 0 I]` (Van Loan 1978). The matrix is block triangular and stays so in every product:
+//! only the blocks that change are computed. A chain, such as a vehicle behind its actuator, has a row of blocks more:
+//!
+//! ```text
+//! x' = A x + C z + B w          exp([A C B]     [Phi_xx Phi_xz Gamma_x]
+//! z' =       F z + G w              [0 F G] h) = [0      Phi_zz Gamma_z]
+//!                                   [0 0 0]      [0      0      I      ]
+//! ```
 
 use nalgebra::SMatrix;
 
-/// Degree of the Taylor polynomial: with a scaled norm of at most 1/2 its remainder is below 1e-17.
-const TAYLOR_DEGREE: u32 = 13;
+/// A chain of two linear systems with common inputs, in continuous time or over a step: `x` of `N` states is driven by
+/// `z` of `K` states.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(missing_docs)]
+pub struct Chain<const N: usize, const K: usize, const W: usize> {
+    pub x_by_x: SMatrix<f64, N, N>,
+    pub x_by_z: SMatrix<f64, N, K>,
+    pub z_by_z: SMatrix<f64, K, K>,
+    pub x_by_input: SMatrix<f64, N, W>,
+    pub z_by_input: SMatrix<f64, K, W>,
+}
 
 /// Zero-order hold of `x' = A x + B w` over `h` seconds: `(Phi, Gamma)` with `x(h) = Phi x + Gamma w`.
-///
-/// Scaling and squaring of a Taylor polynomial: needs no linear solve and no allocation; for the small, moderately
-/// stiff matrices here it is as accurate as a Pade approximant.
 #[must_use]
 pub fn zero_order_hold<const N: usize, const W: usize>(
     a: &SMatrix<f64, N, N>,
     b: &SMatrix<f64, N, W>,
     h: f64,
 ) -> (SMatrix<f64, N, N>, SMatrix<f64, N, W>) {
-    let columns = a.column_iter().map(|column| column.lp_norm(1));
-    let norm = columns.chain(b.column_iter().map(|column| column.lp_norm(1))).fold(0.0, f64::max) * h;
-    let squarings = if norm > 0.5 { (norm / 0.5).log2().ceil() as u32 } else { 0 };
-    let scale = h / f64::from(2_u32.saturating_pow(squarings.min(31)));
-    let (a, b) = (a * scale, b * scale);
-    let mut phi = SMatrix::<f64, N, N>::identity();
-    let mut gamma = SMatrix::<f64, N, W>::zeros();
-    for k in (1..=TAYLOR_DEGREE).rev() {
-        // Horner, X = [A B; 0 0]: I + X (I + X/2 (I + X/3 (...))).
-        gamma = (a * gamma + b) / f64::from(k);
-        phi = SMatrix::identity() + a * phi / f64::from(k);
+    let plain = Chain::<N, 0, W> {
+        x_by_x: *a,
+        x_by_z: SMatrix::zeros(),
+        z_by_z: SMatrix::zeros(),
+        x_by_input: *b,
+        z_by_input: SMatrix::zeros(),
+    };
+    let step = plain.zero_order_hold(h);
+    (step.x_by_x, step.x_by_input)
+}
+
+/// Degree of the Taylor polynomial: with a scaled norm of at most 1/2 its remainder is below 1e-17.
+const TAYLOR_DEGREE: u32 = 13;
+
+impl<const N: usize, const K: usize, const W: usize> Chain<N, K, W> {
+    /// The chain over `h` seconds with inputs self.
+    ///
+    /// The matrix exponential by scaling and squaring of a Taylor polynomial. It needs no linear solve and no
+    /// allocation; for the small, moderately stiff matrices here it is as accurate as a Pade approximant.
+    #[must_use]
+    pub fn zero_order_hold(&self, h: f64) -> Self {
+        let whole = self.map(|entry| entry * h);
+        let norm = whole.norm();
+        let squarings = if norm > 0.5 { (norm / 0.5).log2().ceil() as u32 } else { 0 };
+        let parts = f64::from(2_u32.saturating_pow(squarings.min(31)));
+        let scaled = whole.map(|entry| entry / parts);
+        let mut sum = Self {
+            x_by_x: SMatrix::identity(),
+            x_by_z: SMatrix::zeros(),
+            z_by_z: SMatrix::identity(),
+            x_by_input: SMatrix::zeros(),
+            z_by_input: SMatrix::zeros(),
+        };
+        for k in (1..=TAYLOR_DEGREE).rev() {
+            // Horner: I + X (I + X/2 (I + X/3 (...))).
+            sum = scaled.times(&sum).map(|entry| entry / f64::from(k));
+            sum.x_by_x += SMatrix::<f64, N, N>::identity();
+            sum.z_by_z += SMatrix::<f64, K, K>::identity();
+        }
+        for _ in 0..squarings {
+            sum = sum.times(&sum);
+        }
+        sum
     }
-    for _ in 0..squarings {
-        gamma += phi * gamma;
-        phi *= phi;
+
+    /// Product of the block matrices, where the last block of the diagonal of `right` is the identity.
+    fn times(&self, right: &Self) -> Self {
+        Self {
+            x_by_x: self.x_by_x * right.x_by_x,
+            x_by_z: self.x_by_x * right.x_by_z + self.x_by_z * right.z_by_z,
+            z_by_z: self.z_by_z * right.z_by_z,
+            x_by_input: self.x_by_x * right.x_by_input + self.x_by_z * right.z_by_input + self.x_by_input,
+            z_by_input: self.z_by_z * right.z_by_input + self.z_by_input,
+        }
     }
-    (phi, gamma)
+
+    fn map(&self, change: impl Fn(f64) -> f64 + Copy) -> Self {
+        Self {
+            x_by_x: self.x_by_x.map(change),
+            x_by_z: self.x_by_z.map(change),
+            z_by_z: self.z_by_z.map(change),
+            x_by_input: self.x_by_input.map(change),
+            z_by_input: self.z_by_input.map(change),
+        }
+    }
+
+    /// Largest sum of magnitudes of a column.
+    fn norm(&self) -> f64 {
+        let sum = |column: &[f64]| column.iter().map(|entry| entry.abs()).sum::<f64>();
+        let of_x = (0..N).map(|j| sum(self.x_by_x.column(j).as_slice()));
+        let of_z =
+            (0..K).map(|j| sum(self.x_by_z.column(j).as_slice()) + sum(self.z_by_z.column(j).as_slice()));
+        let of_inputs = (0..W)
+            .map(|j| sum(self.x_by_input.column(j).as_slice()) + sum(self.z_by_input.column(j).as_slice()));
+        of_x.chain(of_z).chain(of_inputs).fold(0.0, f64::max)
+    }
 }
 
 #[cfg(test)]
@@ -59,16 +130,30 @@ mod tests {
         assert!((gamma[0] - (1.0 - (-3.0_f64).exp())).abs() < 1e-15);
     }
 
+    /// A chain as one matrix.
+    fn augmented(chain: &Chain<4, 2, 3>, corner: f64) -> SMatrix<f64, 9, 9> {
+        let mut matrix = SMatrix::<f64, 9, 9>::zeros();
+        matrix.fixed_view_mut::<4, 4>(0, 0).copy_from(&chain.x_by_x);
+        matrix.fixed_view_mut::<4, 2>(0, 4).copy_from(&chain.x_by_z);
+        matrix.fixed_view_mut::<4, 3>(0, 6).copy_from(&chain.x_by_input);
+        matrix.fixed_view_mut::<2, 2>(4, 4).copy_from(&chain.z_by_z);
+        matrix.fixed_view_mut::<2, 3>(4, 6).copy_from(&chain.z_by_input);
+        matrix.fixed_view_mut::<3, 3>(6, 6).fill_diagonal(corner);
+        matrix
+    }
+
     #[test]
-    fn agrees_with_nalgebra() {
-        let a = SMatrix::<f64, 5, 5>::from_fn(|i, j| ((i * 7 + j * 3) as f64 * 0.9).sin() * 2.0);
-        let b = SMatrix::<f64, 5, 2>::from_fn(|i, j| ((i * 3 + j * 5) as f64 * 1.3).cos() * 30.0);
-        let mut augmented = SMatrix::<f64, 7, 7>::zeros();
-        augmented.fixed_view_mut::<5, 5>(0, 0).copy_from(&a);
-        augmented.fixed_view_mut::<5, 2>(0, 5).copy_from(&b);
-        let reference = (augmented * 0.3).exp();
-        let (phi, gamma) = zero_order_hold(&a, &b, 0.3);
-        assert!((phi - reference.fixed_view::<5, 5>(0, 0)).norm() < 1e-12 * reference.norm());
-        assert!((gamma - reference.fixed_view::<5, 2>(0, 5)).norm() < 1e-12 * reference.norm());
+    fn a_chain_agrees_with_nalgebra() {
+        let draw = |i: usize, j: usize, k: usize| ((i * 7 + j * 3 + k) as f64 * 0.9).sin() * 40.0;
+        let chain = Chain::<4, 2, 3> {
+            x_by_x: SMatrix::from_fn(|i, j| draw(i, j, 0)),
+            x_by_z: SMatrix::from_fn(|i, j| draw(i, j, 1)),
+            z_by_z: SMatrix::from_fn(|i, j| draw(i, j, 2)),
+            x_by_input: SMatrix::from_fn(|i, j| draw(i, j, 3)),
+            z_by_input: SMatrix::from_fn(|i, j| draw(i, j, 4)),
+        };
+        let reference = (augmented(&chain, 0.0) * 0.05).exp();
+        let step = augmented(&chain.zero_order_hold(0.05), 1.0);
+        assert!((step - reference).norm() < 1e-12 * reference.norm());
     }
 }

@@ -19,9 +19,8 @@
 //! Source: Golub and Pereyra, Separable nonlinear least squares, Inverse Problems 2003; Ljung, System Identification,
 //! ch. 7.
 
-use super::{ActuatedModel, Actuator, ContinuousErrorModel, DeadTimeModel};
+use super::{ActuatedState, Actuator, ContinuousErrorModel, DeadTimeModel};
 use crate::enumeration;
-use nalgebra::SVector;
 
 enumeration! {
     /// Which model of the actuator is fitted.
@@ -211,18 +210,18 @@ impl SteeringRecord {
     ///
     /// # Errors
     /// A response that does not follow the command.
-    pub fn identify_by_yaw_rate<const S: usize, const P: usize>(
+    pub fn identify_by_yaw_rate<const S: usize>(
         &self,
         model: DelayModel,
         vehicle: &ContinuousErrorModel<S>,
     ) -> Result<IdentifiedActuator, IdentifyError> {
         self.fit(model, |actuator, prediction| {
-            let sampled: ActuatedModel<S, P> = actuator.discretise(vehicle, self.sample_time);
-            let mut state = SVector::<f64, P>::zeros();
+            let sampled = actuator.discretise(vehicle, self.sample_time);
+            let mut state = ActuatedState::zeros();
             for (k, prediction) in prediction.iter_mut().enumerate() {
                 // Errors to a straight path: the rate of the yaw error is the yaw rate.
-                *prediction = state[3];
-                state = sampled.a * state
+                *prediction = state.vehicle[3];
+                state = &sampled.a * &state
                     + sampled.newer * self.command(k, sampled.delay)
                     + sampled.older * self.command(k, sampled.delay + 1);
             }

@@ -12,61 +12,17 @@
 //!
 //! Source: Rajamani, Vehicle Dynamics and Control, ch. 2.5; Zhao et al., ITSC 2024, eq. (2).
 
-use super::zero_order_hold;
+use super::{ContinuousErrorModel, LateralVehicle, SingleTrackError};
+use crate::signal::{E1, E1_RATE, E2, E2_RATE, Signal};
 use crate::vehicle::SingleTrack;
-use nalgebra::{Matrix4, SMatrix, SVector, Vector4};
+use nalgebra::{Matrix4, Vector4};
 
-/// `[e1 m, e1' m/s, e2 rad, e2' rad/s]`.
-pub type ErrorState = Vector4<f64>;
+impl LateralVehicle<4> for SingleTrack {
+    const KIND: &'static str = "car";
+    const STATES: [Signal; 4] = [E1, E1_RATE, E2, E2_RATE];
 
-/// Why a single-track model cannot be made.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum SingleTrackError {
-    /// A parameter that must be positive is not.
-    #[error("{name} = {value} must be a positive number; check the vehicle file")]
-    NotPositive {
-        /// The parameter's name.
-        name: &'static str,
-        /// Its value.
-        value: f64,
-    },
-    /// A parameter that may have either sign is no number.
-    #[error("{name} = {value} must be a finite number; check the vehicle file")]
-    NotFinite {
-        /// The parameter's name.
-        name: &'static str,
-        /// Its value.
-        value: f64,
-    },
-}
-
-/// `x' = A x + B u + D psi_des' + E psi_des''` at one speed, of a vehicle with `S` states: the car's, unless said.
-#[derive(Debug, Clone, PartialEq)]
-#[allow(missing_docs)]
-pub struct ContinuousErrorModel<const S: usize = 4> {
-    pub a: SMatrix<f64, S, S>,
-    pub b: SVector<f64, S>,
-    pub d: SVector<f64, S>,
-    pub e: SVector<f64, S>,
-}
-
-/// `x_{k+1} = A x_k + B u_k + D psi_des' + E psi_des''` over one sample at one speed.
-#[derive(Debug, Clone, PartialEq)]
-#[allow(missing_docs)]
-pub struct DiscreteErrorModel<const S: usize = 4> {
-    pub a: SMatrix<f64, S, S>,
-    pub b: SVector<f64, S>,
-    pub d: SVector<f64, S>,
-    pub e: SVector<f64, S>,
-}
-
-impl ContinuousErrorModel {
-    /// The model at speed `v` in m/s. The model is stiff as `v` goes to 0: the caller clamps `v` from below.
-    ///
-    /// # Errors
-    /// A parameter or a speed that is not positive.
-    pub fn new(vehicle: &SingleTrack, v: f64) -> Result<Self, SingleTrackError> {
-        let SingleTrack { mass: m, yaw_inertia: iz, lf, lr, cf, cr } = *vehicle;
+    fn model_at(&self, v: f64) -> Result<ContinuousErrorModel, SingleTrackError> {
+        let SingleTrack { mass: m, yaw_inertia: iz, lf, lr, cf, cr } = *self;
         let positive = [
             ("vehicle.mass", m),
             ("vehicle.yaw_inertia", iz),
@@ -91,41 +47,32 @@ impl ContinuousErrorModel {
             0.0, 0.0,                0.0,          1.0,
             0.0, moment / (iz * v),  -moment / iz, -damping / (iz * v),
         );
-        Ok(Self {
+        Ok(ContinuousErrorModel {
             a,
             b: Vector4::new(0.0, cf / m, 0.0, cf * lf / iz),
             d: Vector4::new(0.0, moment / (m * v) - v, 0.0, -damping / (iz * v)),
             e: Vector4::new(0.0, 0.0, 0.0, -1.0),
         })
     }
-}
 
-impl<const S: usize> ContinuousErrorModel<S> {
-    /// Exact discretisation over `sample_time` seconds with inputs held.
-    #[must_use]
-    pub fn discretise(&self, sample_time: f64) -> DiscreteErrorModel<S> {
-        let inputs = SMatrix::<f64, S, 3>::from_columns(&[self.b, self.d, self.e]);
-        let (a, inputs) = zero_order_hold(&self.a, &inputs, sample_time);
-        DiscreteErrorModel {
-            a,
-            b: inputs.column(0).into_owned(),
-            d: inputs.column(1).into_owned(),
-            e: inputs.column(2).into_owned(),
-        }
+    fn steady_state(&self, speed: f64) -> Vector4<f64> {
+        Vector4::new(0.0, 0.0, steady_yaw_error(self, speed), 0.0)
     }
-}
 
-impl<const S: usize> DiscreteErrorModel<S> {
-    /// One step ahead.
-    #[must_use]
-    pub fn step(
-        &self,
-        x: &SVector<f64, S>,
-        steer: f64,
-        heading_rate: f64,
-        heading_accel: f64,
-    ) -> SVector<f64, S> {
-        self.a * x + self.b * steer + self.d * heading_rate + self.e * heading_accel
+    fn parameters(&self) -> Vec<(&'static str, f64)> {
+        let Self { mass, yaw_inertia, lf, lr, cf, cr } = *self;
+        vec![
+            ("mass", mass),
+            ("yaw_inertia", yaw_inertia),
+            ("lf", lf),
+            ("lr", lr),
+            ("front cornering stiffness", cf),
+            ("rear cornering stiffness", cr),
+        ]
+    }
+
+    fn wheelbase(&self) -> f64 {
+        self.lf + self.lr
     }
 }
 

@@ -9,7 +9,7 @@
 //! | file | idea |
 //! |---|---|
 //! | `parameters.rs` | a car's parameters and their file |
-//! | `articulated.rs` | what a linear model knows of a tractor with a semi-trailer |
+//! | `articulated.rs` | the linear model of a tractor with a semi-trailer |
 //! | `builtin.rs` | cars and tyres that need no file |
 //! | `effects.rs` | what separates a real vehicle from its model, each a switch |
 //! | `steering.rs` | from the command to the road wheels, exact in time |

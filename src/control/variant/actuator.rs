@@ -10,23 +10,17 @@ use crate::control::lateral::LateralInput;
 use crate::control::parameters::MpcParameters;
 use crate::control::preview::Preview;
 use crate::control::tracking_qp::{QpError, QpReport};
-use crate::nominal::{ACTUATOR_STATES, ActuatedModel, Actuator, ErrorState, steady_yaw_error};
+use crate::nominal::{ActuatedModel, ActuatedState, Actuator, ErrorState, steady_yaw_error};
 use crate::vehicle::SingleTrack;
-use nalgebra::SVector;
 use std::time::Instant;
-
-/// States of the car.
-const CAR: usize = 4;
-/// States of the car and its actuator.
-const ALL: usize = CAR + ACTUATOR_STATES;
 
 /// The variant.
 pub struct Actuated {
     nominal: Nominal,
     actuator: Actuator,
-    affine: Affine<ALL>,
+    affine: Affine<ActuatedState>,
     window: usize,
-    model: Option<ActuatedModel<CAR, ALL>>,
+    model: Option<ActuatedModel>,
 }
 
 impl Actuated {
@@ -54,8 +48,8 @@ impl Variant for Actuated {
     ) -> Result<QpReport, QpError> {
         let begin = Instant::now();
         let model = self.nominal.at(input.ahead.speed)?;
-        let model: ActuatedModel<CAR, ALL> = self.actuator.discretise(&model, self.nominal.sample_time);
-        let disturbance = ActuatedModel::<CAR, ALL>::extend(input.disturbance);
+        let model = self.actuator.discretise(&model, self.nominal.sample_time);
+        let disturbance = ActuatedState::from(*input.disturbance);
         let window = self.affine.window;
         for (j, known) in self.affine.known.iter_mut().enumerate() {
             *known = model.d * preview.heading_rate[j] + model.e * preview.heading_accel[j] + disturbance;
@@ -66,7 +60,7 @@ impl Variant for Actuated {
         let all = input.history.commands();
         let past = &all[all.len() + 1 - window..];
         let start = model.state(input.state, all);
-        let linear = Linear { a: &model.a, b: &SVector::zeros() };
+        let linear = Linear { a: &model.a, b: &ActuatedState::zeros() };
         condense(
             linear,
             &start,
@@ -86,14 +80,11 @@ impl Variant for Actuated {
     fn next_state(&self, state: &ErrorState, past: &[f64], steer: f64) -> Option<Expected> {
         let model = self.model.as_ref()?;
         let back = |steps: usize| if steps == 0 { steer } else { past[past.len() - steps] };
-        let next = model.a * model.state(state, past)
+        let next = &model.a * &model.state(state, past)
             + model.newer * back(model.delay)
             + model.older * back(model.delay + 1)
             + self.affine.known[0];
-        Some(Expected {
-            state: next.fixed_rows::<CAR>(0).into_owned(),
-            transition: model.a.fixed_view::<CAR, CAR>(0, 0).into_owned(),
-        })
+        Some(Expected { state: next.vehicle, transition: model.a.vehicle })
     }
 
     fn window(&self) -> usize {

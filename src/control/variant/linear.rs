@@ -51,7 +51,7 @@ struct Learned {
 pub struct NominalWithResidual {
     nominal: Nominal,
     learned: Option<Learned>,
-    affine: Affine<4>,
+    affine: Affine<ErrorState>,
     /// What the newest prediction was made with.
     model: Option<DiscreteErrorModel>,
     outside: f64,
@@ -198,7 +198,7 @@ impl Learned {
         input: &LateralInput<'_>,
         previous: f64,
         preview: &Preview,
-        affine: &mut Affine<4>,
+        affine: &mut Affine<ErrorState>,
     ) -> f64 {
         let window = self.window();
         let horizon = affine.known.len();
