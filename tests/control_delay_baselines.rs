@@ -43,26 +43,26 @@ fn the_angle_and_the_yaw_rate_tell_the_actuator() {
     let truth = truth();
     let by_angle = SteeringRecord::new(&time, &command, &angle).unwrap();
     let by_angle = by_angle.identify(DelayModel::DeadTimeLag).unwrap();
-    println!("{truth:?} {by_angle:?}");
-    // Two lags in series are no lag of their sum: to a fifth of a sample.
-    assert!((by_angle.actuator.dead_time - truth.dead_time).abs() < 0.2 * TS, "{by_angle:?}");
-    assert!((by_angle.actuator.time_constant - truth.time_constant).abs() < 0.2 * TS, "{by_angle:?}");
+    assert!((by_angle.actuator.dead_time - truth.dead_time).abs() < 0.01 * TS, "{by_angle:?}");
+    assert!((by_angle.actuator.time_constant - truth.time_constant).abs() < 0.01 * TS, "{by_angle:?}");
 
-    // Through the linear model, without relaxation of tyres or roll, the delays of those count as the actuator's.
+    // The linear model knows neither relaxation nor roll: what they delay is shared out between the two constants, and
+    // only the sum is to be believed.
     let vehicle = builtin("c_class").unwrap().single_track();
     let model = ContinuousErrorModel::new(&vehicle, 10.0).unwrap();
     let by_yaw_rate = SteeringRecord::new(&time, &command, &yaw_rate).unwrap();
     let by_yaw_rate = by_yaw_rate.identify_by_yaw_rate(DelayModel::DeadTimeLag, &model).unwrap();
-    println!("{by_yaw_rate:?}");
     let whole = |actuator: Actuator| actuator.dead_time + actuator.time_constant;
     let more = whole(by_yaw_rate.actuator) - whole(truth);
-    assert!((-0.5 * TS..4.0 * TS).contains(&more), "{by_yaw_rate:?}");
+    assert!(more.abs() < TS, "{by_yaw_rate:?}");
 }
 
 fn drive(model: PredictionModel) -> (TrackingMetrics, bool) {
     let path = Arc::new(Path::from_samples(Route::OffRoad.samples(), Closure::Detect).unwrap());
     let car = builtin("c_class").unwrap();
-    let parameters = ControllerParameters::for_car(&car);
+    let mut parameters = ControllerParameters::for_car(&car);
+    // Beyond the delay: within it an approximant's answer of the wrong sign is all that is seen.
+    parameters.mpc.horizon = 60;
     let controller = Controller::predicting_with(parameters, path, model).unwrap();
     let mut closed = ClosedLoop::at_start(controller, &car, &slow(), TS).unwrap();
     let drive = closed.drive_while(60.0, |_, error| error.abs() < 3.5).unwrap();
@@ -76,16 +76,13 @@ fn who_knows_the_delay_better_drives_better() {
     let with = |model: DelayModel| {
         let actuator = record.identify(model).unwrap().actuator;
         let (tracking, lost) = drive(PredictionModel::Actuator(actuator));
-        println!("{model:?} {actuator:?}: {tracking:?} {lost}");
         assert!(!lost, "{actuator:?}");
         tracking.rmse
     };
     let [exact, first_order, pade11, pade22] =
         [DelayModel::DeadTimeLag, DelayModel::FirstOrder, DelayModel::Pade11, DelayModel::Pade22].map(with);
     let (nominal, lost) = drive(PredictionModel::Nominal);
-    println!("nominal: {nominal:?} {lost}");
     let (oracle, _) = drive(PredictionModel::Actuator(truth()));
-    println!("oracle: {oracle:?}");
     assert!(lost || nominal.rmse > 2.0 * exact, "{nominal:?} {exact}");
     assert!(
         [first_order, pade11, pade22].iter().all(|&rmse| rmse > exact),
