@@ -271,9 +271,10 @@ impl SteeringRecord {
                 _ => least(&dead_times, |dead_time| judge(model, dead_time, 0.0, gain), rmse),
             }
         };
-        // A negated comparison: a share that is no number is not enough.
-        if !(best.explained >= LEAST_SHARE) {
-            return Err(IdentifyError::NoResponse { share: best.explained.max(0.0) });
+        // Of a share that is no number this makes zero.
+        let share = best.explained.max(0.0);
+        if share < LEAST_SHARE {
+            return Err(IdentifyError::NoResponse { share });
         }
         Ok(best)
     }
