@@ -5,18 +5,19 @@
 
 use super::history::History;
 use super::lateral::{LateralError, LateralInput, LateralMpc};
-use super::observer::Observer;
-use super::parameters::ControllerParameters;
+use super::observer::{Noise, Observer};
+use super::parameters::{ControllerParametersFor, NominalVehicle};
 use super::preview::SpeedAhead;
 use super::speed::track_speed;
 use super::status::ControlStatus;
 use super::tracking_qp::{QpEnd, QpError, QpReport, TrackingQp};
-use super::variant::PredictionModel;
-use crate::nominal::{ErrorState, body_change};
+use super::variant::PredictionModelFor;
+use super::vehicle::{ControlledVehicle, VehicleParameters};
+use crate::nominal::{ERRORS, ErrorState, body_change};
 use crate::parameter::OutOfRange;
 use crate::path::{Path, SpeedLimits, SpeedPlan};
 use crate::residual::Random;
-use nalgebra::Vector4;
+use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::time::Instant;
@@ -33,6 +34,10 @@ pub struct Measurement {
     pub yaw_rate: f64,
     /// Road-wheel angle: where the steering command starts from at the first step.
     pub steer: f64,
+    /// Articulation angle, rad; 0 for a vehicle without one.
+    pub articulation: f64,
+    /// Its rate, rad/s.
+    pub articulation_rate: f64,
 }
 
 /// What a step decided, and on which grounds.
@@ -80,15 +85,15 @@ pub enum StepError {
 
 /// Everything that steps change: what a saved state holds.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct ControllerState {
+pub struct ControllerState<const S: usize = ERRORS> {
     /// Steering command in force; none before the first step.
     steer_cmd: Option<f64>,
     /// Newest plan of the steering.
     plan: Vec<f64>,
     /// Steps since the plan was made.
     plan_age: usize,
-    history: History,
-    observer: Observer,
+    history: History<S>,
+    observer: Observer<S>,
     /// Station of the last step.
     station: Option<f64>,
     /// Distance driven along the path.
@@ -117,22 +122,26 @@ const APPROACH_SPEED: f64 = 3.0;
 /// The path's end counts as reached this far before it, m.
 const END_DISTANCE: f64 = 0.5;
 
-/// The controller of the car.
-pub struct Controller {
-    parameters: ControllerParameters,
+/// The controller of a car.
+pub type Controller = ControllerFor<NominalVehicle, ERRORS>;
+
+/// The controller of a kind of vehicle with parameters `G` of its own and `S` states.
+pub struct ControllerFor<G, const S: usize> {
+    parameters: ControllerParametersFor<G>,
     path: Arc<Path>,
     plan: SpeedPlan,
-    lateral: LateralMpc,
-    state: ControllerState,
+    lateral: LateralMpc<S>,
+    noise: Noise<S>,
+    state: ControllerState<S>,
 }
 
-impl Controller {
+impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
     /// Sets the controller up for a path.
     ///
     /// # Errors
     /// A parameter out of range.
-    pub fn new(parameters: ControllerParameters, path: Arc<Path>) -> Result<Self, ControllerError> {
-        Self::predicting_with(parameters, path, PredictionModel::Nominal)
+    pub fn new(parameters: ControllerParametersFor<G>, path: Arc<Path>) -> Result<Self, ControllerError> {
+        Self::predicting_with(parameters, path, PredictionModelFor::Nominal)
     }
 
     /// Sets a controller up that predicts with a model of choice.
@@ -140,10 +149,11 @@ impl Controller {
     /// # Errors
     /// A parameter out of range; a residual that was learned for another vehicle or sample time.
     pub fn predicting_with(
-        parameters: ControllerParameters,
+        parameters: ControllerParametersFor<G>,
         path: Arc<Path>,
-        model: PredictionModel,
+        model: PredictionModelFor<G::Vehicle, S>,
     ) -> Result<Self, ControllerError> {
+        const { assert!(S >= ERRORS, "a state begins with the errors to the path") };
         parameters.check()?;
         let speed = &parameters.speed;
         let limits = SpeedLimits {
@@ -153,7 +163,9 @@ impl Controller {
             speed: speed.limit,
         };
         let plan = SpeedPlan::between(&path, &limits, None, true);
-        let lateral = LateralMpc::new(parameters.vehicle.single_track(), parameters.mpc, model)?;
+        let further = parameters.vehicle.further_states();
+        let noise = Noise::new(&parameters.observer, &further, parameters.mpc.sample_time);
+        let lateral = LateralMpc::new(parameters.vehicle.nominal(), parameters.mpc, &further, model)?;
         let state = ControllerState {
             steer_cmd: None,
             plan: vec![0.0; parameters.mpc.horizon],
@@ -167,7 +179,7 @@ impl Controller {
             steps: 0,
             last: StepReport::default(),
         };
-        Ok(Self { parameters, path, plan, lateral, state })
+        Ok(Self { parameters, path, plan, lateral, noise, state })
     }
 
     /// One control step. The commands hold until the next one, `mpc.sample_time` later.
@@ -182,17 +194,18 @@ impl Controller {
         let previous = self.state.steer_cmd.unwrap_or(measurement.steer);
         self.command_speed(measurement.vx, far, &mut report);
 
-        let state = Vector4::new(report.e1, report.e1_rate, report.e2, report.e2_rate);
+        let errors = ErrorState::new(report.e1, report.e1_rate, report.e2, report.e2_rate);
+        let state = G::Vehicle::state(&errors, measurement);
         self.state.history.observe(&state, previous);
         let observer = self.parameters.observer;
         let mut estimate = state;
         if far {
             self.state.observer.reset();
         } else if observer.is_on() {
-            estimate = self.state.observer.observe(&state, &observer, self.parameters.mpc.sample_time);
+            estimate = self.state.observer.observe(&state, &observer, &self.noise);
         }
         // What the filter moves of the errors, it moves of the body's own velocities.
-        let moved = body_change(&(estimate - state), measurement.vx);
+        let moved = body_change(&(estimate - state).fixed_rows::<ERRORS>(0).into_owned(), measurement.vx);
         let motion = [measurement.vx, measurement.vy + moved[0], measurement.yaw_rate + moved[1]];
         let solved = self.solve(&estimate, motion, previous, far, &report, begin);
         self.command_steering(solved, previous, far, &mut report);
@@ -227,7 +240,7 @@ impl Controller {
     /// Solves the lateral MPC for a measured or estimated state.
     fn solve(
         &mut self,
-        state: &ErrorState,
+        state: &SVector<f64, S>,
         [speed, vy, yaw_rate]: [f64; 3],
         previous: f64,
         far: bool,
@@ -239,8 +252,9 @@ impl Controller {
         // vehicle. Without that, a large error is answered by a turn across the path that the horizon, 0.3 s, is too
         // short to see the end of.
         let bound = (APPROACH_TIME * speed.abs()).max(APPROACH_E1).min(p.e1_max);
-        let aim =
-            Vector4::new(state[0].clamp(-bound, bound), state[1], state[2].clamp(-FAR_E2, FAR_E2), state[3]);
+        let mut aim = *state;
+        aim[0] = state[0].clamp(-bound, bound);
+        aim[2] = state[2].clamp(-FAR_E2, FAR_E2);
         let time_limit = match p.deadline {
             deadline if deadline > 0.0 => (deadline - begin.elapsed().as_secs_f64()).max(0.0),
             _ => f64::INFINITY,
@@ -364,7 +378,7 @@ impl Controller {
 
     /// The lateral MPC with its newest problem and prediction.
     #[must_use]
-    pub fn lateral(&self) -> &LateralMpc {
+    pub fn lateral(&self) -> &LateralMpc<S> {
         &self.lateral
     }
 
@@ -388,20 +402,20 @@ impl Controller {
 
     /// The parameters in force.
     #[must_use]
-    pub fn parameters(&self) -> &ControllerParameters {
+    pub fn parameters(&self) -> &ControllerParametersFor<G> {
         &self.parameters
     }
 
     /// Everything that steps have changed.
     #[must_use]
-    pub fn state(&self) -> &ControllerState {
+    pub fn state(&self) -> &ControllerState<S> {
         &self.state
     }
 
     /// Continues from a state of a controller with the same parameters and path. Gives the state back if its plan
     /// has another horizon or its history another window.
-    pub fn restore(&mut self, state: ControllerState) -> Option<ControllerState> {
-        let window = |state: &ControllerState| state.history.states().len();
+    pub fn restore(&mut self, state: ControllerState<S>) -> Option<ControllerState<S>> {
+        let window = |state: &ControllerState<S>| state.history.states().len();
         if state.plan.len() != self.state.plan.len() || window(&state) != window(&self.state) {
             return Some(state);
         }
@@ -411,9 +425,18 @@ impl Controller {
 }
 
 fn check(measurement: &Measurement) -> Result<(), StepError> {
-    let Measurement { x, y, yaw, vx, vy, yaw_rate, steer } = *measurement;
-    let signals =
-        [("x", x), ("y", y), ("yaw", yaw), ("vx", vx), ("vy", vy), ("yaw_rate", yaw_rate), ("steer", steer)];
+    let Measurement { x, y, yaw, vx, vy, yaw_rate, steer, articulation, articulation_rate } = *measurement;
+    let signals = [
+        ("x", x),
+        ("y", y),
+        ("yaw", yaw),
+        ("vx", vx),
+        ("vy", vy),
+        ("yaw_rate", yaw_rate),
+        ("steer", steer),
+        ("articulation", articulation),
+        ("articulation_rate", articulation_rate),
+    ];
     match signals.into_iter().find(|(_, value)| !value.is_finite()) {
         Some((signal, value)) => Err(StepError::NotFinite { signal, value }),
         None => Ok(()),

@@ -14,9 +14,10 @@
 //! Source: Maeder, Borrelli and Morari, Linear offset-free model predictive control, Automatica 2009; Kalman 1960.
 
 use super::variant::Expected;
-use crate::nominal::ErrorState;
+use super::vehicle::FurtherState;
+use crate::nominal::ERRORS;
 use crate::parameters;
-use nalgebra::{Matrix4, Vector4};
+use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
 parameters! {
@@ -33,55 +34,88 @@ parameters! {
 
 /// The observer's state.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Observer {
-    disturbance: ErrorState,
-    expected: Option<Expected>,
+pub struct Observer<const S: usize = ERRORS> {
+    disturbance: SVector<f64, S>,
+    expected: Option<Expected<S>>,
     /// Covariance of the estimate.
-    covariance: Matrix4<f64>,
+    covariance: SMatrix<f64, S, S>,
 }
 
 /// Largest disturbance for one step that is believed: [m, m/s, rad, rad/s]. More is a jump in a measurement, not a gap.
-const LARGEST: [f64; 4] = [0.05, 0.2, 0.02, 0.1];
+const LARGEST: [f64; ERRORS] = [0.05, 0.2, 0.02, 0.1];
 /// What a prediction misses in the yaw rate for each m/s that it misses in the lateral velocity, rad/m: both come from
 /// the axles' forces.
 const YAW_SHARE: f64 = 0.5;
 
-impl Default for Observer {
+impl<const S: usize> Default for Observer<S> {
     fn default() -> Self {
-        Self { disturbance: ErrorState::zeros(), expected: None, covariance: Matrix4::zeros() }
+        Self { disturbance: SVector::zeros(), expected: None, covariance: SMatrix::zeros() }
     }
 }
 
-impl Observer {
+/// What is noise to the observer, state by state.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Noise<const S: usize = ERRORS> {
+    /// Of the measurement (standard deviation).
+    measured: SVector<f64, S>,
+    /// What a prediction misses in a step for each m/s that it misses of the lateral velocity.
+    missed: SVector<f64, S>,
+    /// Largest disturbance for one step that is believed.
+    largest: SVector<f64, S>,
+}
+
+impl<const S: usize> Noise<S> {
+    /// The noise of the errors to the path by the parameters, and that of the states behind them.
+    #[must_use]
+    pub fn new(p: &ObserverParameters, further: &[FurtherState], sample_time: f64) -> Self {
+        let errors = [p.noise_e1, p.noise_e1_rate, p.noise_e2, p.noise_e2_rate];
+        let missed = [0.5 * sample_time, 1.0, 0.5 * sample_time * YAW_SHARE, YAW_SHARE];
+        let of = |errors: [f64; ERRORS], further: Vec<f64>| {
+            let mut all = errors.into_iter().chain(further);
+            SVector::from_fn(|_, _| all.next().unwrap_or(0.0))
+        };
+        Self {
+            measured: of(errors, further.iter().map(|state| state.noise).collect()),
+            missed: of(missed, further.iter().map(|state| state.missed).collect()),
+            largest: of(LARGEST, further.iter().map(|state| state.largest_disturbance).collect()),
+        }
+    }
+}
+
+impl<const S: usize> Observer<S> {
     /// Takes a measured state; gives the estimated one.
-    pub fn observe(&mut self, measured: &ErrorState, p: &ObserverParameters, sample_time: f64) -> ErrorState {
-        let noise = Vector4::new(p.noise_e1, p.noise_e1_rate, p.noise_e2, p.noise_e2_rate);
-        let noise = Matrix4::from_diagonal(&noise.component_mul(&noise));
+    pub fn observe(
+        &mut self,
+        measured: &SVector<f64, S>,
+        p: &ObserverParameters,
+        noise: &Noise<S>,
+    ) -> SVector<f64, S> {
+        let Noise { measured: deviation, missed, largest } = noise;
+        let noise = SMatrix::from_diagonal(&deviation.component_mul(deviation));
         let Some(Expected { state, transition }) = self.expected.take() else {
             self.covariance = noise;
             return *measured;
         };
         let innovation = measured - state;
         self.disturbance += innovation * p.gain;
-        for (value, largest) in self.disturbance.iter_mut().zip(LARGEST) {
-            *value = value.clamp(-largest, largest);
+        for (value, largest) in self.disturbance.iter_mut().zip(largest) {
+            *value = value.clamp(-largest, *largest);
         }
         if p.prediction_noise == 0.0 {
             return *measured;
         }
-        let missed = p.prediction_noise
-            * Vector4::new(0.5 * sample_time, 1.0, 0.5 * sample_time * YAW_SHARE, YAW_SHARE);
+        let missed = missed * p.prediction_noise;
         let predicted = transition * self.covariance * transition.transpose()
-            + Matrix4::from_diagonal(&missed.component_mul(&missed));
+            + SMatrix::from_diagonal(&missed.component_mul(&missed));
         let Some(inverse) = (predicted + noise).try_inverse() else { return *measured };
         let gain = predicted * inverse;
         let covariance = predicted - gain * predicted;
-        self.covariance = 0.5 * (covariance + covariance.transpose());
+        self.covariance = (covariance + covariance.transpose()) * 0.5;
         state + gain * innovation
     }
 
     /// Keeps what is expected of the next state, with the disturbance in it.
-    pub fn expect(&mut self, expected: Expected) {
+    pub fn expect(&mut self, expected: Expected<S>) {
         self.expected = Some(expected);
     }
 
@@ -92,7 +126,7 @@ impl Observer {
 
     /// Disturbance of a step.
     #[must_use]
-    pub fn disturbance(&self) -> &ErrorState {
+    pub fn disturbance(&self) -> &SVector<f64, S> {
         &self.disturbance
     }
 }
@@ -108,7 +142,9 @@ impl ObserverParameters {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::nominal::ErrorState;
     use crate::residual::Random;
+    use nalgebra::Matrix4;
 
     fn drift() -> Matrix4<f64> {
         // Constant velocities, 0.02 s.
@@ -119,9 +155,10 @@ mod tests {
     fn it_finds_a_steady_gap() {
         let mut observer = Observer::default();
         let parameters = ObserverParameters { gain: 0.05, ..Default::default() };
+        let noise = Noise::new(&parameters, &[], 0.02);
         let gap = ErrorState::new(0.0, 0.01, 0.0, -0.002);
         for _ in 0..400 {
-            observer.observe(&gap, &parameters, 0.02);
+            observer.observe(&gap, &parameters, &noise);
             observer.expect(Expected { state: *observer.disturbance(), transition: Matrix4::zeros() });
         }
         assert!((observer.disturbance() - gap).norm() < 1e-8);
@@ -130,6 +167,7 @@ mod tests {
     #[test]
     fn it_sees_through_noise() {
         let parameters = ObserverParameters { prediction_noise: 1e-3, ..Default::default() };
+        let model = Noise::new(&parameters, &[], 0.02);
         let mut observer = Observer::default();
         let mut random = Random::new(3);
         let mut draw = |deviation: f64| deviation * 12.0_f64.sqrt() * (random.uniform() - 0.5);
@@ -138,7 +176,7 @@ mod tests {
         for k in 0..2000 {
             let noise = ErrorState::new(draw(0.005), draw(0.015), draw(0.0015), draw(0.004));
             let measured = truth + noise;
-            let estimate = observer.observe(&measured, &parameters, 0.02);
+            let estimate = observer.observe(&measured, &parameters, &model);
             if k > 100 {
                 raw += (measured - truth)[0].powi(2);
                 filtered += (estimate - truth)[0].powi(2);

@@ -1,6 +1,7 @@
 //! The controller's parameters: one table for code, FMU variables, `--set` and documentation.
 
 use super::observer::ObserverParameters;
+use super::vehicle::VehicleParameters;
 use crate::parameter::{OutOfRange, ParameterGroup};
 use crate::parameters;
 use crate::residual::DataConfig;
@@ -77,11 +78,14 @@ parameters! {
     }
 }
 
-/// All of it.
+/// All of it for a car.
+pub type ControllerParameters = ControllerParametersFor<NominalVehicle>;
+
+/// All of it for a kind of vehicle with parameters `G` of its own.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[allow(missing_docs)]
-pub struct ControllerParameters {
-    pub vehicle: NominalVehicle,
+pub struct ControllerParametersFor<G> {
+    pub vehicle: G,
     pub mpc: MpcParameters,
     pub observer: ObserverParameters,
     pub speed: SpeedParameters,
@@ -99,13 +103,18 @@ impl ControllerParameters {
         parameters.mpc.steer_rate_max = parameters.mpc.steer_rate_max.min(car.steering.rate_limit);
         parameters
     }
+}
 
+impl<G> ControllerParametersFor<G> {
     /// Sets the parameter of a name; says whether there is one.
     ///
     /// # Errors
     /// A value out of its range; nothing has changed then.
-    pub fn set(&mut self, name: &str, value: f64) -> Result<bool, OutOfRange> {
-        Ok(set(&mut self.vehicle, name, value)?
+    pub fn set<const S: usize>(&mut self, name: &str, value: f64) -> Result<bool, OutOfRange>
+    where
+        G: VehicleParameters<S>,
+    {
+        Ok(self.vehicle.set_by_name(name, value)?
             || set(&mut self.mpc, name, value)?
             || set(&mut self.observer, name, value)?
             || set(&mut self.speed, name, value)?
@@ -117,8 +126,11 @@ impl ControllerParameters {
     ///
     /// # Errors
     /// The first value out of range.
-    pub fn check(&self) -> Result<(), OutOfRange> {
-        self.vehicle.check()?;
+    pub fn check<const S: usize>(&self) -> Result<(), OutOfRange>
+    where
+        G: VehicleParameters<S>,
+    {
+        self.vehicle.check_all()?;
         self.mpc.check()?;
         self.observer.check()?;
         self.speed.check()?;
@@ -127,7 +139,8 @@ impl ControllerParameters {
     }
 }
 
-fn set<G: ParameterGroup>(group: &mut G, name: &str, value: f64) -> Result<bool, OutOfRange> {
+/// Sets the parameter of a name in a group; says whether there is one.
+pub(super) fn set<G: ParameterGroup>(group: &mut G, name: &str, value: f64) -> Result<bool, OutOfRange> {
     let Some(index) = G::table().iter().position(|parameter| parameter.name == name) else {
         return Ok(false);
     };

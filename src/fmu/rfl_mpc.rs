@@ -66,7 +66,7 @@ struct Variables {
     groups: [Vr; 6],
 }
 
-/// The signals that the controller is told, in the order of [`Measurement`].
+/// The signals that the controller is told, in the order of [`Measurement`]; a car has no articulation.
 const INPUTS: [Signal; 7] =
     [signal::X, signal::Y, signal::YAW, signal::VX, signal::VY, signal::YAW_RATE, signal::STEER];
 
@@ -348,7 +348,7 @@ impl Model for RflMpc {
         let [x, y, yaw, vx, vy, yaw_rate, steer] = v.inputs.map(|vr| values.real(vr));
         let before = controller.report().status;
         let report = controller
-            .step(&Measurement { x, y, yaw, vx, vy, yaw_rate, steer })
+            .step(&Measurement { x, y, yaw, vx, vy, yaw_rate, steer, ..Measurement::default() })
             .map_err(|error| ModelError::Discard(error.to_string()))?;
         let status = report.status;
         if status != before {

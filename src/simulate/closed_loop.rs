@@ -130,6 +130,7 @@ impl ClosedLoop {
             vy: car.vy,
             yaw_rate: car.yaw_rate,
             steer: car.steer,
+            ..Measurement::default()
         };
         if let Some((noise, random)) = &mut self.noise {
             noise.disturb(&mut seen, random);

@@ -10,21 +10,21 @@ use crate::control::lateral::LateralInput;
 use crate::control::parameters::MpcParameters;
 use crate::control::preview::Preview;
 use crate::control::tracking_qp::{QpError, QpReport};
-use crate::nominal::{ActuatedModel, ActuatedState, Actuator, ErrorState, steady_yaw_error};
-use crate::vehicle::SingleTrack;
+use crate::nominal::{ActuatedModel, ActuatedState, Actuator, LateralVehicle};
+use nalgebra::SVector;
 use std::time::Instant;
 
 /// The variant.
-pub struct Actuated {
-    nominal: Nominal,
+pub struct Actuated<V, const S: usize> {
+    nominal: Nominal<V>,
     actuator: Actuator,
-    affine: Affine<ActuatedState>,
+    affine: Affine<ActuatedState<S>>,
     window: usize,
-    model: Option<ActuatedModel>,
+    model: Option<ActuatedModel<S>>,
 }
 
-impl Actuated {
-    pub fn new(vehicle: SingleTrack, p: &MpcParameters, actuator: Actuator) -> Self {
+impl<V: LateralVehicle<S>, const S: usize> Actuated<V, S> {
+    pub fn new(vehicle: V, p: &MpcParameters, actuator: Actuator) -> Self {
         // The newest command, those of the dead time, and one more for a dead time that is no whole number of steps.
         let commands = actuator.delay(p.sample_time).0 + 2;
         let memory = (actuator.memory() / p.sample_time).ceil() as usize;
@@ -38,10 +38,10 @@ impl Actuated {
     }
 }
 
-impl Variant for Actuated {
+impl<V: LateralVehicle<S>, const S: usize> Variant<S> for Actuated<V, S> {
     fn plan(
         &mut self,
-        input: &LateralInput<'_>,
+        input: &LateralInput<'_, S>,
         preview: &Preview,
         _previous: f64,
         qp: &mut Qp,
@@ -70,14 +70,14 @@ impl Variant for Actuated {
             &qp.tracked,
             &mut qp.problem,
         );
-        let yaw_error = steady_yaw_error(&self.nominal.vehicle, input.ahead.speed);
-        qp.refer(|j| yaw_error * preview.curvature[j]);
+        let steady = self.nominal.vehicle.steady_state(input.ahead.speed);
+        qp.refer(|j| steady * preview.curvature[j]);
         qp.timing.condense = begin.elapsed().as_secs_f64();
         self.model = Some(model);
         qp.solve(input.time_limit)
     }
 
-    fn next_state(&self, state: &ErrorState, past: &[f64], steer: f64) -> Option<Expected> {
+    fn next_state(&self, state: &SVector<f64, S>, past: &[f64], steer: f64) -> Option<Expected<S>> {
         let model = self.model.as_ref()?;
         let back = |steps: usize| if steps == 0 { steer } else { past[past.len() - steps] };
         let next = &model.a * &model.state(state, past)
