@@ -155,9 +155,11 @@ impl Choice {
             None if variant.is_learned() => self.packed()?,
             None => {
                 let model = match variant {
-                    ControlVariant::Actuator => {
-                        PredictionModelFor::Actuator(Actuator { dead_time, time_constant })
-                    }
+                    ControlVariant::Actuator => PredictionModelFor::Actuator(Actuator {
+                        dead_time,
+                        time_constant,
+                        ..Actuator::default()
+                    }),
                     ControlVariant::Nmpc => nonlinear(variant, parameters, None)?,
                     _ => PredictionModelFor::Nominal,
                 };

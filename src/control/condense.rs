@@ -51,7 +51,7 @@ impl<const S: usize> HorizonState for ActuatedState<S> {
     }
 
     fn component(&self, i: usize) -> f64 {
-        if i < S { self.vehicle[i] } else { self.angle }
+        if i < S { self.vehicle[i] } else { self.actuator[i - S] }
     }
 }
 

@@ -17,6 +17,7 @@
 //! | `variant/` | what it predicts with: nominal, learned residual, known actuator, nonlinear |
 //! | `choice.rs` | which variant: from a user's word, parameters and files |
 //! | `speed.rs` | speed tracking |
+//! | `longitudinal.rs` | speed and lag error by MPC |
 //! | `controller.rs` | one step from measurement to commands; fallback |
 //! | `vehicle.rs` | what differs from vehicle to vehicle |
 //! | `sampler.rs` | when a step is due |
@@ -32,6 +33,7 @@ mod controller;
 mod fast_solver;
 mod history;
 mod lateral;
+mod longitudinal;
 mod observer;
 mod parameters;
 mod preview;
@@ -53,6 +55,9 @@ pub use controller::{
 pub use fast_solver::{FastSolver, build_solver};
 pub use history::History;
 pub use lateral::{LateralError, LateralInput, LateralMpc};
+pub use longitudinal::{
+    LongitudinalInput, LongitudinalMpc, LongitudinalParameters, LongitudinalState, LongitudinalStep,
+};
 pub use observer::{Noise, Observer, ObserverParameters};
 pub use parameters::{
     ActuatorParameters, ControllerParameters, ControllerParametersFor, MpcParameters, NmpcParameters,

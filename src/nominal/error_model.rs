@@ -32,6 +32,14 @@ pub enum SingleTrackError {
         /// Its value.
         value: f64,
     },
+    /// A parameter that may have either sign is no number.
+    #[error("{name} = {value} must be a finite number; check the vehicle file")]
+    NotFinite {
+        /// The parameter's name.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+    },
 }
 
 /// A vehicle by the parameters of its linear model with `S` states.
