@@ -9,6 +9,7 @@
 //! | file | idea |
 //! |---|---|
 //! | `parameters.rs` | a car's parameters and their file |
+//! | `articulated.rs` | the linear model of a tractor with a semi-trailer |
 //! | `builtin.rs` | cars and tyres that need no file |
 //! | `effects.rs` | what separates a real vehicle from its model, each a switch |
 //! | `steering.rs` | from the command to the road wheels, exact in time |
@@ -16,6 +17,7 @@
 //! | `tyre/` | Magic Formula 5.2, `.tir` files |
 //! | `car/` | the two-track car |
 
+mod articulated;
 mod builtin;
 pub mod car;
 mod effects;
@@ -24,6 +26,7 @@ mod steering;
 pub mod trigonometry;
 pub mod tyre;
 
+pub use articulated::Articulated;
 pub use builtin::{BUILTIN, builtin};
 pub use car::{Car, CarInput, CarOutput, CarStatus, StepError, WheelOutput};
 pub use effects::{Effect, EffectOutOfRange, Effects, NO_RATE_LIMIT, Stage};
