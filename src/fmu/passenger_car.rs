@@ -289,7 +289,7 @@ impl Model for PassengerCar {
             StepError::InputNotFinite { .. } | StepError::StepLength { .. } => {
                 ModelError::Discard(error.to_string())
             }
-            StepError::RolledOver { .. } | StepError::NotFinite { .. } => {
+            StepError::RolledOver { .. } | StepError::JackKnifed { .. } | StepError::NotFinite { .. } => {
                 ModelError::Failed(error.to_string())
             }
         })?;
