@@ -49,12 +49,54 @@ macro_rules! table {
 }
 pub(super) use table;
 
+/// The kinds of vehicles.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[allow(missing_docs)]
+pub enum VehicleKind {
+    Car,
+    Truck,
+}
+
+impl VehicleKind {
+    /// The kind of a built-in vehicle, or of that in a file; a car where neither can be told, so that reading it as a
+    /// car says what is wrong.
+    #[must_use]
+    pub fn of(vehicle: &str) -> Self {
+        let has_tractor =
+            |text: String| text.parse::<toml::Table>().is_ok_and(|vehicle| vehicle.contains_key("tractor"));
+        if builtin::BUILTIN_TRUCKS.contains(&vehicle)
+            || !builtin::BUILTIN.contains(&vehicle) && std::fs::read_to_string(vehicle).is_ok_and(has_tractor)
+        {
+            Self::Truck
+        } else {
+            Self::Car
+        }
+    }
+}
+
 /// Parameters of a kind of vehicle, as a file gives them.
 pub trait VehicleParameters: DeserializeOwned + 'static {
     /// Every number with name, unit, range and meaning.
     const TABLE: &'static [Parameter<Self>];
     /// Names of the built-in vehicles of this kind; the first is the default.
     const BUILTIN: &'static [&'static str];
+
+    /// What people call the vehicle.
+    fn name(&self) -> &str;
+
+    /// A built-in vehicle by name.
+    ///
+    /// # Errors
+    /// [`VehicleError::UnknownBuiltin`].
+    fn builtin(name: &str) -> Result<Self, VehicleError>;
+
+    /// Reads a vehicle file and the tyre files that it names.
+    ///
+    /// # Errors
+    /// See [`VehicleError`]: file, line, key and remedy.
+    fn of_file(file: &Path) -> Result<Self, VehicleError> {
+        read(file)
+    }
 
     /// The tyres with the key of their file.
     fn tyres(&mut self) -> Vec<(&'static str, &mut Tyre)>;

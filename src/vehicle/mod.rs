@@ -48,7 +48,7 @@ pub use articulated::Articulated;
 pub use builtin::{BUILTIN, BUILTIN_TRUCKS, builtin, builtin_truck};
 pub use car::{Car, CarError, CarInput, CarOutput, CarStatus};
 pub use effects::{Effect, EffectOutOfRange, Effects, NO_RATE_LIMIT, Stage, TrailerEffects, TruckEffects};
-pub use file::{Parameter, VehicleError, VehicleParameters};
+pub use file::{Parameter, VehicleError, VehicleKind, VehicleParameters};
 pub use parameters::{
     Air, Axle, Body, Brake, CarParameters, Drive, GRAVITY, Pair, SingleTrack, Steering, Tyre,
 };

@@ -234,6 +234,14 @@ impl VehicleParameters for CarParameters {
     const TABLE: &'static [Parameter<Self>] = Self::TABLE;
     const BUILTIN: &'static [&'static str] = builtin::BUILTIN;
 
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn builtin(name: &str) -> Result<Self, VehicleError> {
+        builtin::builtin(name)
+    }
+
     fn tyres(&mut self) -> Vec<(&'static str, &mut Tyre)> {
         vec![("tyre.front.file", &mut self.tyre.front), ("tyre.rear.file", &mut self.tyre.rear)]
     }

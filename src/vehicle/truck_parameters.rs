@@ -202,6 +202,14 @@ impl VehicleParameters for TruckParameters {
     const TABLE: &'static [Parameter<Self>] = Self::TABLE;
     const BUILTIN: &'static [&'static str] = builtin::BUILTIN_TRUCKS;
 
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn builtin(name: &str) -> Result<Self, VehicleError> {
+        builtin::builtin_truck(name)
+    }
+
     fn tyres(&mut self) -> Vec<(&'static str, &mut Tyre)> {
         vec![
             ("tyre.front.file", &mut self.tyre.front),

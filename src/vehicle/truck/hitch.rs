@@ -49,6 +49,12 @@ impl Pin {
         self.sway * body[ROLL]
     }
 
+    /// Puts the hitch into the plane of CG and roll axis.
+    #[cfg(test)]
+    pub fn level(&mut self) {
+        (self.over, self.sway) = (0.0, 0.0);
+    }
+
     /// Velocity of the hitch in axes of the unit, m/s, less that of the unit's CG.
     pub fn relative_velocity(&self, body: &[f64; BODY]) -> [f64; 2] {
         [-self.offset(body) * body[YAW_RATE], self.x * body[YAW_RATE] + self.sway * body[ROLL_RATE]]

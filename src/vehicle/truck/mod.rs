@@ -11,7 +11,10 @@
 //! | `hitch.rs` | the fifth wheel: the force that keeps both units together |
 //! | `dynamics.rs` | the equations of motion: two units (`unit/`), the hitch, the air |
 //! | `output.rs` | what is measured |
+//! | `conservation.rs` | tests: what hitch and equations must keep |
 
+#[cfg(test)]
+mod conservation;
 mod dynamics;
 mod hitch;
 mod output;
