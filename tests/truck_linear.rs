@@ -1,6 +1,6 @@
 //! The truck against closed forms: what the linear tractor and semi-trailer do.
 
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use nalgebra::{Complex, DMatrix, DVector, Matrix3, Vector3};
 use rfl_mpc::vehicle::{
     Articulated, BUILTIN_TRUCKS, Truck, TruckEffects, TruckInput, TruckOutput, TruckParameters, builtin_truck,
 };
@@ -37,22 +37,26 @@ fn plain(name: &str) -> TruckParameters {
     truck
 }
 
+/// The linear model's inertia matrix, of `[v', r', phi'']`.
+fn inertia(p: &Articulated) -> Matrix3<f64> {
+    let h = p.c1 + p.a2;
+    let coupling = p.yaw_inertia2 + p.mass2 * p.a2 * h;
+    Matrix3::from_rows(&[
+        [p.mass1 + p.mass2, -p.mass2 * h, p.mass2 * p.a2].into(),
+        [-p.mass2 * h, p.yaw_inertia1 + p.yaw_inertia2 + p.mass2 * h * h, -coupling].into(),
+        [p.mass2 * p.a2, -coupling, p.yaw_inertia2 + p.mass2 * p.a2 * p.a2].into(),
+    ])
+}
+
+/// From forces of the axle groups to generalised forces.
+fn geometry(p: &Articulated) -> Matrix3<f64> {
+    let (h, l2) = (p.c1 + p.a2, p.a2 + p.b2);
+    Matrix3::new(1.0, 1.0, 1.0, p.a1, -p.b1, -(h + p.b2), 0.0, 0.0, l2)
+}
+
 /// The linear model's state matrix for `[v, r, phi', phi]` at a speed, and its input column.
 fn linear(p: &Articulated, u: f64) -> (DMatrix<f64>, DVector<f64>) {
-    let (h, l2) = (p.c1 + p.a2, p.a2 + p.b2);
-    let coupling = p.yaw_inertia2 + p.mass2 * p.a2 * h;
-    let inertia = Matrix3::new(
-        p.mass1 + p.mass2,
-        -p.mass2 * h,
-        p.mass2 * p.a2,
-        -p.mass2 * h,
-        p.yaw_inertia1 + p.yaw_inertia2 + p.mass2 * h * h,
-        -coupling,
-        p.mass2 * p.a2,
-        -coupling,
-        p.yaw_inertia2 + p.mass2 * p.a2 * p.a2,
-    );
-    let g = Matrix3::new(1.0, 1.0, 1.0, p.a1, -p.b1, -(h + p.b2), 0.0, 0.0, l2);
+    let (inertia, g) = (inertia(p), geometry(p));
     let force = inertia.try_inverse().unwrap() * g * Matrix3::from_diagonal(&Vector3::from(p.stiffness));
     let (rates, angle, steer) = (-force * g.transpose() / u, -force.column(2), force.column(0));
     let mut a = DMatrix::zeros(4, 4);
@@ -125,11 +129,90 @@ fn a_fast_circle_is_that_of_the_linear_model() {
     }
 }
 
+/// The least damped pair of what a truck does freely after a small push of its steering at a speed: the eigenvalues of
+/// the map from `[vy, r, phi', phi]` to the same a moment later, by least squares.
+fn least_damped(p: &TruckParameters, effects: &TruckEffects, speed: f64) -> Complex<f64> {
+    const STEP: f64 = 0.02;
+    let mut truck = Truck::new(p, effects, None).unwrap();
+    truck.place(0.0, 0.0, 0.0, speed);
+    let mut rows = Vec::new();
+    for k in 0..250 {
+        let steer_cmd = if k < 10 { 1e-4 } else { 0.0 };
+        truck.step(&TruckInput { steer_cmd, accel_cmd: 0.0 }, STEP).unwrap();
+        let o = truck.output();
+        rows.push([o.vy, o.yaw_rate, o.articulation_rate, o.articulation]);
+    }
+    // When what tyres and bodies add has died out.
+    let free = &rows[30..];
+    let matrix = |rows: &[[f64; 4]]| DMatrix::from_fn(rows.len(), 4, |i, j| rows[i][j] * 1e4);
+    let (now, next) = (matrix(&free[..free.len() - 1]), matrix(&free[1..]));
+    let map = now.svd(true, true).solve(&next, 1e-12).unwrap().transpose();
+    let modes = map.complex_eigenvalues().map(|value| value.ln() / STEP);
+    modes.iter().copied().max_by(|x, y| x.re.total_cmp(&y.re)).unwrap()
+}
+
+/// The linear model's least damped mode; with tyres whose forces come a relaxation length (m) late, if it is not 0.
+fn least_damped_linear(p: &Articulated, speed: f64, relaxation: f64) -> Complex<f64> {
+    let (a, _) = linear(p, speed);
+    let modes = if relaxation > 0.0 {
+        // Forces relax to what the state asks for: F' = (u / relaxation) (K x - F), x' = N F + P x.
+        let g = geometry(p);
+        let stiffness = Matrix3::from_diagonal(&Vector3::from(p.stiffness));
+        let force = inertia(p).try_inverse().unwrap() * g;
+        let rate = speed / relaxation;
+        let mut full = DMatrix::zeros(7, 7);
+        full.view_mut((0, 4), (3, 3)).copy_from(&force);
+        full[(0, 1)] -= speed;
+        full[(3, 2)] = 1.0;
+        let asked = -(stiffness * g.transpose() / speed) * rate;
+        full.view_mut((4, 0), (3, 3)).copy_from(&asked);
+        full[(6, 3)] -= p.stiffness[2] * rate;
+        for i in 4..7 {
+            full[(i, i)] -= rate;
+        }
+        full.complex_eigenvalues()
+    } else {
+        a.complex_eigenvalues()
+    };
+    modes.iter().copied().max_by(|x, y| x.re.total_cmp(&y.re)).unwrap()
+}
+
+fn close(found: Complex<f64>, expected: Complex<f64>, relative: f64, what: &str) {
+    let expected = Complex::new(expected.re, expected.im.abs());
+    let found = Complex::new(found.re, found.im.abs());
+    eprintln!("{what}: {found}, expected {expected}");
+    assert!((found - expected).norm() <= relative * expected.norm(), "{what}: {found}, expected {expected}");
+}
+
 #[test]
 fn the_linear_model_has_the_known_eigenvalues() {
-    let p = builtin_truck("truck_simulation").unwrap();
-    let (a, _) = linear(&p.articulated(), 20.0);
-    let least = a.complex_eigenvalues().iter().copied().max_by(|x, y| x.re.total_cmp(&y.re)).unwrap();
-    eprintln!("least damped: {least}");
-    assert!((least.re + 1.36).abs() < 0.01 && (least.im.abs() - 2.32).abs() < 0.01, "{least}");
+    let p = builtin_truck("truck_simulation").unwrap().articulated();
+    close(least_damped_linear(&p, 20.0, 0.0), Complex::new(-1.36, 2.32), 2e-3, "linear model at 20 m/s");
+}
+
+#[test]
+fn small_motions_are_those_of_the_linear_model() {
+    for name in BUILTIN_TRUCKS {
+        // A truck that hardly rolls, with known relaxation lengths.
+        let mut p = plain(name);
+        for axle in [&mut p.axle.front, &mut p.axle.rear, &mut p.axle.trailer] {
+            axle.roll_centre_height = 0.55;
+            axle.anti_roll_bar = 8e6;
+        }
+        (p.tractor.cg_height, p.trailer.cg_height, p.hitch.height) = (0.55, 0.55, 0.55);
+        for (speed, relaxation) in [(10.0, 0.35), (20.0, 0.1), (20.0, 0.35), (28.0, 0.35)] {
+            let mut effects = TruckEffects::default();
+            effects.vehicle.tyre_relaxation = relaxation;
+            let found = least_damped(&p, &effects, speed);
+            let expected = least_damped_linear(&p.articulated(), speed, relaxation);
+            close(found, expected, 0.01, &format!("{name} at {speed} m/s, relaxation {relaxation} m"));
+        }
+    }
+}
+
+#[test]
+fn the_whole_truck_swings_nearly_as_the_linear_model_does() {
+    // Roll and relaxation move the pair a little.
+    let found = least_damped(&plain("truck_simulation"), &TruckEffects::default(), 20.0);
+    close(found, Complex::new(-1.36, 2.32), 0.15, "all of the truck at 20 m/s");
 }
