@@ -117,6 +117,7 @@ fn steps_do_not_allocate() {
 #[test]
 fn the_road_banks_and_ices_the_truck() {
     let mut truck = new("truck_simulation", &TruckEffects::default(), Some(road()));
+    truck.place(0.0, 0.0, 0.0, 20.0);
     let mut trailer_on_ice = false;
     for _ in 0..500 {
         truck.step(&TruckInput { steer_cmd: 0.0, accel_cmd: -3.0 }, 0.01).unwrap();
@@ -138,7 +139,7 @@ fn the_road_banks_and_ices_the_truck() {
     };
     assert_eq!(level(None), 0.0);
     assert!(level(Some(road())) < -1e-3, "it drifts to the low side");
-    assert!(trailer_on_ice || truck.output().x < 40.0);
+    assert!(trailer_on_ice, "the trailer's axles came there");
 }
 
 proptest! {
