@@ -52,8 +52,6 @@ pub enum AddError {
     Tyre { file: PathBuf, tyre: String },
 }
 
-/// Folder in `resources/` of a user's vehicle.
-const VEHICLE: &str = "car";
 const VEHICLE_FILE: &str = "vehicle_file";
 
 /// Makes a vehicle, by built-in name or file, the one that all FMUs of its kind start with.
@@ -63,8 +61,8 @@ const VEHICLE_FILE: &str = "vehicle_file";
 pub fn add_vehicle(fmus: &mut [Fmu], vehicle: &str) -> Result<(), AddError> {
     let kind = VehicleKind::of(vehicle);
     let (files, start) = match kind {
-        VehicleKind::Car => vehicle_files::<CarParameters>(vehicle)?,
-        VehicleKind::Truck => vehicle_files::<TruckParameters>(vehicle)?,
+        VehicleKind::Car => vehicle_files::<CarParameters>(vehicle, "car")?,
+        VehicleKind::Truck => vehicle_files::<TruckParameters>(vehicle, "truck")?,
     };
     let takes = |fmu: &&mut Fmu| fmu.vehicle == kind && fmu.declaration.find(VEHICLE_FILE).is_some();
     for fmu in fmus.iter_mut().filter(takes) {
@@ -74,9 +72,10 @@ pub fn add_vehicle(fmus: &mut [Fmu], vehicle: &str) -> Result<(), AddError> {
     Ok(())
 }
 
-/// The files of a vehicle by their path in `resources/`, and what `vehicle_file` is then.
+/// The files of a vehicle by their path in `resources/`, below a folder, and what `vehicle_file` is then.
 fn vehicle_files<V: VehicleParameters>(
     vehicle: &str,
+    below: &str,
 ) -> Result<(BTreeMap<String, PathBuf>, String), AddError> {
     let mut files = BTreeMap::new();
     if V::BUILTIN.contains(&vehicle) {
@@ -94,9 +93,9 @@ fn vehicle_files<V: VehicleParameters>(
         {
             return Err(AddError::Tyre { file, tyre: tyre.clone() });
         }
-        files.insert(format!("{VEHICLE}/{tyre}"), folder.join(tyre));
+        files.insert(format!("{below}/{tyre}"), folder.join(tyre));
     }
-    let start = format!("{VEHICLE}/{}", file.file_name().unwrap_or_default().to_string_lossy());
+    let start = format!("{below}/{}", file.file_name().unwrap_or_default().to_string_lossy());
     files.insert(start.clone(), file);
     Ok((files, start))
 }

@@ -13,7 +13,7 @@ mod rfl_mpc;
 mod semi_trailer_truck;
 
 pub use passenger_car::PassengerCar;
-pub use plant::{More, PlantFmu, PlantUnit};
+pub use plant::{Known, More, PlantFmu, PlantUnit};
 pub use rfl_mpc::{DEFAULT_PATH, MODELS, RflMpc};
 pub use semi_trailer_truck::SemiTrailerTruck;
 

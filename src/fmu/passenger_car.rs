@@ -1,7 +1,7 @@
 //! `PassengerCar`: the nonlinear car as an FMU.
 
-use super::plant::{More, PlantFmu, PlantUnit, delegate};
-use crate::signal::{self, Signal, Unit};
+use super::plant::{Known, More, PlantFmu, PlantUnit, delegate};
+use crate::signal::{self, Unit};
 use crate::vehicle::{Car, CarOutput, CarParameters, CarStatus, Effect, Effects};
 
 /// The FMU's model.
@@ -13,7 +13,7 @@ impl PlantUnit for Car {
                                        steering chain, unmodelled effects; integrated at 1000 Hz";
     const WHAT: &'static str = "car";
 
-    const SIGNALS: &'static [(&'static Signal, fn(&CarOutput) -> f64)] = &[
+    const SIGNALS: &'static [Known<CarOutput>] = &[
         (&signal::X, |car| car.x),
         (&signal::Y, |car| car.y),
         (&signal::YAW, |car| car.yaw),

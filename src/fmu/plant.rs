@@ -29,6 +29,8 @@ const OF_WHEELS: &[(&str, Unit, &str, OfWheel)] = &[
     ("speed", Unit::RADIAN_PER_SECOND, "Spin", |wheel| wheel.speed),
 ];
 
+/// An output that is a signal of the vocabulary, and its value.
+pub type Known<O> = (&'static Signal, fn(&O) -> f64);
 /// An output beyond the vocabulary: name, unit, meaning, value.
 pub type More<O> = (&'static str, Unit, &'static str, fn(&O) -> f64);
 
@@ -41,7 +43,7 @@ pub trait PlantUnit: Send + Sized + 'static {
     /// What people call such a vehicle.
     const WHAT: &'static str;
     /// The outputs that are signals of the vocabulary.
-    const SIGNALS: &'static [(&'static Signal, fn(&Self::Output) -> f64)];
+    const SIGNALS: &'static [Known<Self::Output>];
     /// Outputs beyond the vocabulary.
     const MORE: &'static [More<Self::Output>];
     /// The wheels: name and place.

@@ -1,7 +1,7 @@
 //! `SemiTrailerTruck`: the nonlinear tractor and semi-trailer as an FMU.
 
-use super::plant::{More, PlantFmu, PlantUnit, delegate};
-use crate::signal::{self, Signal, Unit};
+use super::plant::{Known, More, PlantFmu, PlantUnit, delegate};
+use crate::signal::{self, Unit};
 use crate::vehicle::{Effect, Truck, TruckEffects, TruckOutput, TruckParameters, TruckStatus};
 
 /// The FMU's model.
@@ -14,7 +14,7 @@ impl PlantUnit for Truck {
                                        effects; integrated at 1000 Hz";
     const WHAT: &'static str = "truck";
 
-    const SIGNALS: &'static [(&'static Signal, fn(&TruckOutput) -> f64)] = &[
+    const SIGNALS: &'static [Known<TruckOutput>] = &[
         (&signal::X, |truck| truck.x),
         (&signal::Y, |truck| truck.y),
         (&signal::YAW, |truck| truck.yaw),

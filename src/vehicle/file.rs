@@ -124,14 +124,14 @@ pub enum VehicleError {
     /// A value that no vehicle can have.
     #[error(
         "vehicle file {file}, line {line}: {name} = {value} {} is outside {} ... {} ({meaning})",
-        unit.symbol, range.0, range.1
+        unit, range.0, range.1
     )]
     Range {
         file: PathBuf,
         line: usize,
         name: &'static str,
         value: f64,
-        unit: Unit,
+        unit: &'static str,
         range: (f64, f64),
         meaning: &'static str,
     },
@@ -209,7 +209,7 @@ pub(super) fn check<V: VehicleParameters>(
         let value = parameter.get(vehicle);
         let &Parameter { name, unit, range, meaning, .. } = parameter;
         if !(value >= range.0 && value <= range.1) {
-            let (file, line) = (file.to_path_buf(), line(name));
+            let (file, line, unit) = (file.to_path_buf(), line(name), unit.symbol);
             return Err(VehicleError::Range { file, line, name, value, unit, range, meaning });
         }
     }
