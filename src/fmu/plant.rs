@@ -11,7 +11,6 @@ use crate::fmi::{
 use crate::path::Path;
 use crate::signal::{self, Signal, Unit};
 use crate::vehicle::{Effect, RestoreError, StepError, VehicleInput, VehicleParameters, WheelOutput};
-use std::marker::PhantomData;
 use std::sync::Arc;
 
 const LOG: &str = "logPlant";
@@ -201,7 +200,6 @@ pub struct PlantFmu<P> {
     references: References,
     vehicle: Option<P>,
     status: i32,
-    of: PhantomData<P>,
 }
 
 impl<P: PlantUnit> PlantFmu<P> {
@@ -270,7 +268,7 @@ impl<P: PlantUnit> Model for PlantFmu<P> {
     }
 
     fn new() -> Self {
-        Self { references: declare::<P>().1, vehicle: None, status: 0, of: PhantomData }
+        Self { references: declare::<P>().1, vehicle: None, status: 0 }
     }
 
     fn initialize(

@@ -1,4 +1,4 @@
-//! The tractor with its semi-trailer: 18 degrees of freedom beside the wheels' spins, transient tyres on three axle
+//! The tractor with its semi-trailer: 16 degrees of freedom beside the wheels' spins, transient tyres on three axle
 //! groups, fifth wheel, drive, brakes and air.
 //!
 //! State (57 numbers): pose and velocities of the tractor in the plane of the road (6), roll, pitch and heave of its
