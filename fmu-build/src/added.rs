@@ -8,7 +8,9 @@ use rfl_mpc::control::{ControlVariant, LearnedModel, MODEL_EXTENSION};
 use rfl_mpc::fmi::{Model, ModelError, StartError};
 use rfl_mpc::fmu::{MODELS, RflMpc};
 use rfl_mpc::residual::FileError;
-use rfl_mpc::vehicle::{BUILTIN, CarParameters, VehicleError};
+use rfl_mpc::vehicle::{
+    BUILTIN, CarParameters, TruckParameters, VehicleError, VehicleKind, VehicleParameters,
+};
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 
@@ -50,41 +52,52 @@ pub enum AddError {
     Tyre { file: PathBuf, tyre: String },
 }
 
-/// Folder in `resources/` of a user's car.
-const CAR: &str = "car";
 const VEHICLE_FILE: &str = "vehicle_file";
 
-/// Makes a car, by built-in name or file, the one that all FMUs start with.
+/// Makes a vehicle, by built-in name or file, the one that all FMUs of its kind start with.
 ///
 /// # Errors
-/// A file that is no car, or whose tyres lie elsewhere.
+/// A file that is no vehicle, or whose tyres lie elsewhere.
 pub fn add_vehicle(fmus: &mut [Fmu], vehicle: &str) -> Result<(), AddError> {
-    let (mut files, mut start) = (BTreeMap::new(), vehicle.to_owned());
-    if !BUILTIN.contains(&vehicle) {
-        let file = absolute(Path::new(vehicle));
-        let car = CarParameters::read(&file)?;
-        let folder = file.parent().unwrap_or(Path::new(""));
-        for tyre in [&car.tyre.front.file, &car.tyre.rear.file] {
-            // A tyre that is not there is a built-in one: the file was read.
-            if !folder.join(tyre).exists() {
-                continue;
-            }
-            if !Path::new(tyre)
-                .components()
-                .all(|part| matches!(part, Component::Normal(_) | Component::CurDir))
-            {
-                return Err(AddError::Tyre { file, tyre: tyre.clone() });
-            }
-            files.insert(format!("{CAR}/{tyre}"), folder.join(tyre));
-        }
-        start = format!("{CAR}/{}", file.file_name().unwrap_or_default().to_string_lossy());
-        files.insert(start.clone(), file);
-    }
-    for fmu in fmus.iter_mut().filter(|fmu| fmu.declaration.find(VEHICLE_FILE).is_some()) {
+    let kind = VehicleKind::of(vehicle);
+    let (files, start) = match kind {
+        VehicleKind::Car => vehicle_files::<CarParameters>(vehicle, "car")?,
+        VehicleKind::Truck => vehicle_files::<TruckParameters>(vehicle, "truck")?,
+    };
+    let takes = |fmu: &&mut Fmu| fmu.vehicle == kind && fmu.declaration.find(VEHICLE_FILE).is_some();
+    for fmu in fmus.iter_mut().filter(takes) {
         fmu.added.files.extend(files.clone());
         fmu.added.start.insert(VEHICLE_FILE.to_owned(), start.clone());
     }
     Ok(())
+}
+
+/// The files of a vehicle by their path in `resources/`, below a folder, and what `vehicle_file` is then.
+fn vehicle_files<V: VehicleParameters>(
+    vehicle: &str,
+    below: &str,
+) -> Result<(BTreeMap<String, PathBuf>, String), AddError> {
+    let mut files = BTreeMap::new();
+    if V::BUILTIN.contains(&vehicle) {
+        return Ok((files, vehicle.to_owned()));
+    }
+    let file = absolute(Path::new(vehicle));
+    let folder = file.parent().unwrap_or(Path::new("")).to_path_buf();
+    for (_, tyre) in V::of_file(&file)?.tyres() {
+        let tyre = &tyre.file;
+        // A tyre that is not there is a built-in one: the file was read.
+        if !folder.join(tyre).exists() {
+            continue;
+        }
+        if !Path::new(tyre).components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir))
+        {
+            return Err(AddError::Tyre { file, tyre: tyre.clone() });
+        }
+        files.insert(format!("{below}/{tyre}"), folder.join(tyre));
+    }
+    let start = format!("{below}/{}", file.file_name().unwrap_or_default().to_string_lossy());
+    files.insert(start.clone(), file);
+    Ok((files, start))
 }
 
 /// Gives a parameter of an FMU another start value: `FMU.PARAMETER=VALUE`.

@@ -41,9 +41,10 @@ struct Arguments {
     /// Pack learned models into RflMpc.fmu, which then drives with the first (host's parameter variant: with another)
     #[arg(long, value_name = "FILE", num_args = 1..)]
     residual: Vec<PathBuf>,
-    /// The car that the FMUs are for: a built-in name or a vehicle file (TOML), packed with its tyres
-    #[arg(long, value_name = "CAR")]
-    vehicle: Option<String>,
+    /// The vehicle that the car's or the truck's FMUs are for: a built-in name or a vehicle file (TOML), packed with its
+    /// tyres (may be repeated)
+    #[arg(long, value_name = "VEHICLE")]
+    vehicle: Vec<String>,
     /// Give a parameter of an FMU another start value (may be repeated)
     #[arg(long, value_name = "FMU.PARAMETER=VALUE")]
     start: Vec<String>,
@@ -111,7 +112,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         }
     }
     // What the user gives is checked first: a build takes minutes.
-    if let Some(vehicle) = &arguments.vehicle {
+    for vehicle in &arguments.vehicle {
         added::add_vehicle(&mut all, vehicle)?;
     }
     arguments.start.iter().try_for_each(|text| added::add_start(&mut all, text))?;
@@ -168,6 +169,7 @@ fn make(fmu: &Fmu, options: &Options, title: &str) -> Result<(), Box<dyn Error>>
 /// Packs the system out of the FMUs that lie in the output folder.
 fn connect(system: &System, all: &[Fmu], out: &Path) -> Result<(), Box<dyn Error>> {
     let path = |fmu: &Fmu| out.join(format!("{}.fmu", fmu.declaration.name));
+    let all: Vec<_> = all.iter().filter(|fmu| shipped::in_system(fmu)).collect();
     let missing: Vec<_> =
         all.iter().filter(|fmu| !path(fmu).is_file()).map(|fmu| fmu.declaration.name).collect();
     if !missing.is_empty() || all.len() < 2 {
@@ -179,7 +181,7 @@ fn connect(system: &System, all: &[Fmu], out: &Path) -> Result<(), Box<dyn Error
     if let Some(parameters) = system.parameters() {
         package.add(format!("resources/{}.ssv", shipped::SYSTEM), parameters)?;
     }
-    for fmu in all {
+    for fmu in &all {
         package.add_file(format!("resources/{}.fmu", fmu.declaration.name), &path(fmu))?;
     }
     let ssp = out.join(format!("{}.ssp", shipped::SYSTEM));

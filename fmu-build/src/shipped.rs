@@ -1,24 +1,39 @@
-//! The FMUs and the system that we ship. An FMU is added here, in `src/fmu/` and as a crate beside this one.
+//! The FMUs and the car's system that we ship. An FMU is added here, in `src/fmu/` and as a crate beside this one.
 
 use crate::added::Added;
 use crate::fmu::{Fmu, Resource};
 use crate::system::{SettingError, System};
 use rfl_mpc::fmi::{Context, Declaration, Log, Model, ModelError, Severity, Value, Values};
-use rfl_mpc::fmu::{DEFAULT_PATH, PassengerCar, RflMpc};
+use rfl_mpc::fmu::{DEFAULT_PATH, PassengerCar, RflMpc, SemiTrailerTruck};
+use rfl_mpc::vehicle::VehicleKind;
 use std::collections::BTreeMap;
 use std::path::Path;
 
 /// All FMUs, in the order in which a system steps them: the plant before its controller.
 #[must_use]
 pub fn fmus() -> Vec<Fmu> {
+    use VehicleKind::{Car, Truck};
     vec![
-        fmu(PassengerCar::declaration(), "fmu-passenger-car", VEHICLES),
-        fmu(RflMpc::declaration(), "fmu-rfl-mpc", VEHICLES_AND_PATH),
+        fmu(PassengerCar::declaration(), Car, "fmu-passenger-car", VEHICLES),
+        fmu(RflMpc::declaration(), Car, "fmu-rfl-mpc", VEHICLES_AND_PATH),
+        fmu(SemiTrailerTruck::declaration(), Truck, "fmu-semi-trailer-truck", VEHICLES),
     ]
 }
 
-/// The system of them all.
+/// The car's system.
 pub const SYSTEM: &str = "ClosedLoop";
+
+/// The FMUs of the system.
+#[must_use]
+pub fn components() -> Vec<Declaration> {
+    fmus().into_iter().filter(in_system).map(|fmu| fmu.declaration).collect()
+}
+
+/// Whether an FMU is one of the system.
+#[must_use]
+pub fn in_system(fmu: &Fmu) -> bool {
+    fmu.vehicle == VehicleKind::Car
+}
 
 /// Why the system cannot be made.
 #[derive(Debug, thiserror::Error)]
@@ -36,7 +51,7 @@ pub enum SystemError {
 /// # Errors
 /// A setting that is none, or one with which the controller cannot be initialised.
 pub fn closed_loop(project: &Path, settings: &[String]) -> Result<System, SystemError> {
-    let mut system = System::new(SYSTEM, fmus().into_iter().map(|fmu| fmu.declaration).collect());
+    let mut system = System::new(SYSTEM, components());
     for setting in settings {
         system.set(setting)?;
     }
@@ -107,8 +122,13 @@ const PATH: Resource = Resource { from: "paths/sudoku_test.csv", to: DEFAULT_PAT
 const VEHICLES: &[Resource] = &[Resource { from: "vehicles", to: "vehicles" }];
 const VEHICLES_AND_PATH: &[Resource] = &[VEHICLES[0], PATH];
 
-fn fmu(declaration: Declaration, package: &'static str, resources: &'static [Resource]) -> Fmu {
+fn fmu(
+    declaration: Declaration,
+    vehicle: VehicleKind,
+    package: &'static str,
+    resources: &'static [Resource],
+) -> Fmu {
     let description = format!("modelDescription/{}.xml", declaration.name);
     let added = Added::default();
-    Fmu { declaration, description, package, selection: vec!["-p", package], resources, added }
+    Fmu { declaration, vehicle, description, package, selection: vec!["-p", package], resources, added }
 }

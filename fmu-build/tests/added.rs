@@ -7,7 +7,7 @@ use fmu_build::shipped;
 use rfl_mpc::control::ControlVariant;
 use rfl_mpc::fmi::abi::guid_of;
 use rfl_mpc::residual::{DataConfig, DataSet, Drive, Kind, Random, TrainConfig, train};
-use rfl_mpc::vehicle::{CarParameters, builtin};
+use rfl_mpc::vehicle::{CarParameters, VehicleKind, builtin};
 use std::path::{Path, PathBuf};
 
 fn project() -> PathBuf {
@@ -127,10 +127,11 @@ fn a_car_is_packed_with_its_tyres() {
         .unwrap();
     let mut fmus = shipped::fmus();
     add_vehicle(&mut fmus, at("mine.toml").to_str().unwrap()).unwrap();
-    for fmu in &fmus {
+    for fmu in fmus.iter().filter(|fmu| fmu.vehicle == VehicleKind::Car) {
         assert_eq!(fmu.added.start["vehicle_file"], "car/mine.toml");
         assert_eq!(fmu.added.files.keys().collect::<Vec<_>>(), ["car/mine.toml", "car/tyres/mine.tir"]);
     }
+    assert!(of(&fmus, "SemiTrailerTruck").added.start.is_empty(), "a car is nothing to a truck");
     let mine = CarParameters::read(&at("mine.toml")).unwrap();
     let learned = model(folder.path(), "mine.rflm", Kind::Linear, &mine, 0.02);
     add_models(&mut fmus, &project(), &[learned]).unwrap();
@@ -140,4 +141,20 @@ fn a_car_is_packed_with_its_tyres() {
     let error = add_vehicle(&mut fmus, at("below/far.toml").to_str().unwrap()).unwrap_err();
     assert!(matches!(&error, AddError::Tyre { tyre, .. } if tyre == "../tyres/mine.tir"), "{error}");
     assert!(add_vehicle(&mut fmus, "batmobile").unwrap_err().to_string().contains("c_class"));
+}
+
+#[test]
+fn a_truck_is_packed_into_the_trucks_fmus_only() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("mine.toml");
+    std::fs::copy(project().join("vehicles/truck_real.toml"), &file).unwrap();
+    let mut fmus = shipped::fmus();
+    add_vehicle(&mut fmus, file.to_str().unwrap()).unwrap();
+    add_vehicle(&mut fmus, "bmw_320i").unwrap();
+    // Its tyre is a built-in one.
+    assert_eq!(of(&fmus, "SemiTrailerTruck").added.files.keys().collect::<Vec<_>>(), ["truck/mine.toml"]);
+    assert_eq!(of(&fmus, "SemiTrailerTruck").added.start["vehicle_file"], "truck/mine.toml");
+    assert_eq!(of(&fmus, "PassengerCar").added.start["vehicle_file"], "bmw_320i");
+    add_vehicle(&mut fmus, "truck_real").unwrap();
+    assert_eq!(of(&fmus, "SemiTrailerTruck").added.start["vehicle_file"], "truck_real");
 }

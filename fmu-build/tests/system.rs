@@ -8,7 +8,7 @@ use rfl_mpc::path::Path;
 use std::collections::BTreeSet;
 
 fn closed_loop() -> System {
-    System::new(shipped::SYSTEM, shipped::fmus().into_iter().map(|fmu| fmu.declaration).collect())
+    System::new(shipped::SYSTEM, shipped::components())
 }
 
 /// Whatever the controller measures comes from the car, whatever the car is told comes from the controller.
@@ -24,13 +24,11 @@ fn every_input_is_connected() {
             connection.input.name.to_string()
         })
         .collect();
-    for fmu in shipped::fmus() {
-        for input in
-            fmu.declaration.variables.iter().filter(|variable| variable.causality == Causality::Input)
-        {
+    for declaration in shipped::components() {
+        for input in declaration.variables.iter().filter(|variable| variable.causality == Causality::Input) {
             // Wind and the like are the user's.
             let command = ["steer_cmd", "accel_cmd"].contains(&&*input.name);
-            let measured = fmu.declaration.name == "RflMpc";
+            let measured = declaration.name == "RflMpc";
             assert!(
                 !(command || measured) || found.contains(&*input.name),
                 "{} is not connected",

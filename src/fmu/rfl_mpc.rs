@@ -16,6 +16,7 @@ use crate::fmi::{
 use crate::parameter::{Parameter, ParameterGroup};
 use crate::path::Path;
 use crate::signal::{self, Signal, Unit};
+use crate::vehicle::CarParameters;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -192,7 +193,7 @@ fn declare() -> (Declaration, Variables) {
         "path_file",
         "Path to follow: a CSV file, absolute or in the FMU's resources",
     ));
-    let vehicle_file = d.add(vehicle_file_parameter());
+    let vehicle_file = d.add(vehicle_file_parameter::<CarParameters>("car"));
     let variant = Kind::Enumeration { type_name: "Variant", items: ControlVariant::ITEMS, start: 0 };
     let variant = d.add(Variable::parameter_of(
         variant,

@@ -14,6 +14,8 @@ import fmpy
 import fmpy.fmi2
 from closed_loop import callbacks_into
 
+# All FMUs.
+UNITS = ["RflMpc", "PassengerCar", "SemiTrailerTruck"]
 OK, WARNING, DISCARD, ERROR, FATAL = range(5)
 STEP = 0.02
 CLOCKED = "compute_time"  # the only variable that may differ between two equal runs
@@ -212,6 +214,6 @@ class ClosedLoop:
 
 
 def unpack(fmus: Path, folder: Path) -> dict[str, Library]:
-    """Both FMUs, unpacked beside each other."""
+    """All FMUs, unpacked beside each other."""
     shutil.rmtree(folder, ignore_errors=True)
-    return {name: Library(fmus / f"{name}.fmu", folder / name) for name in ("RflMpc", "PassengerCar")}
+    return {name: Library(fmus / f"{name}.fmu", folder / name) for name in UNITS}

@@ -10,7 +10,7 @@ import os
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
-from instance import OK, WARNING, ClosedLoop, Instance
+from instance import OK, UNITS, WARNING, ClosedLoop, Instance
 
 BEFORE, AFTER = 500, 500  # steps before and after the event under test
 
@@ -125,7 +125,7 @@ def resident_kib() -> int:
 
 
 @pytest.mark.skipif(not os.path.exists("/proc/self/statm"), reason="resident memory is read from Linux's /proc")
-@pytest.mark.parametrize("name", ["RflMpc", "PassengerCar"])
+@pytest.mark.parametrize("name", UNITS)
 def test_two_thousand_instances_leave_no_memory_behind(libraries, name):
     def lives(count: int) -> None:
         for k in range(count):
