@@ -5,16 +5,19 @@
 //! | `plant.rs` | what the vehicles' FMUs have in common |
 //! | `passenger_car.rs` | `PassengerCar`: the nonlinear car |
 //! | `semi_trailer_truck.rs` | `SemiTrailerTruck`: the nonlinear tractor and semi-trailer |
+//! | `controller.rs` | what the vehicles' controllers have in common |
 //! | `rfl_mpc.rs` | `RflMpc`: the car's controller |
 
+mod controller;
 mod passenger_car;
 mod plant;
 mod rfl_mpc;
 mod semi_trailer_truck;
 
+pub use controller::{ControllerFmu, ControllerUnit, DEFAULT_PATH, Group, MODELS, Told};
 pub use passenger_car::PassengerCar;
 pub use plant::{Known, More, PlantFmu, PlantUnit};
-pub use rfl_mpc::{DEFAULT_PATH, MODELS, RflMpc};
+pub use rfl_mpc::RflMpc;
 pub use semi_trailer_truck::SemiTrailerTruck;
 
 use crate::fmi::{Context, Kind, ModelError, Variable};
