@@ -216,6 +216,7 @@ fn controller(model: Model, articulation_max: f64) -> ControllerFor<Toy, 6> {
         mpc: Default::default(),
         observer: Default::default(),
         speed: Default::default(),
+        longitudinal: Default::default(),
         actuator: Default::default(),
         nmpc: Default::default(),
     };

@@ -3,10 +3,12 @@
 //! A step never leaves the vehicle without a command. If the solver misses its deadline or fails, the last plan
 //! goes on; when that is used up, steering is held and the vehicle brakes.
 
+use super::clarabel_solver::BuildError;
 use super::history::History;
 use super::lateral::{LateralError, LateralInput, LateralMpc};
+use super::longitudinal::{LongitudinalInput, LongitudinalMpc, LongitudinalState};
 use super::observer::{Noise, Observer};
-use super::parameters::{ControllerParametersFor, NominalVehicle};
+use super::parameters::{ControllerParametersFor, NominalVehicle, SpeedController};
 use super::preview::SpeedAhead;
 use super::speed::track_speed;
 use super::status::ControlStatus;
@@ -55,6 +57,8 @@ pub struct StepReport {
     pub curvature: f64,
     pub curvature_rate: f64,
     pub speed_ref: f64,
+    /// Distance along the path from the vehicle to the point that the speed controller follows, m; 0 where it follows none.
+    pub lag_error: f64,
     /// Share of the horizon where the learned residual was asked outside its training and faded out, 0 to 1.
     pub residual_outside: f64,
     /// Iterations of the QP solver; 0 if it did not run to an end.
@@ -73,6 +77,8 @@ pub enum ControllerError {
     Parameter(#[from] OutOfRange),
     #[error(transparent)]
     Lateral(#[from] LateralError),
+    #[error("the longitudinal MPC: {0}")]
+    Longitudinal(#[from] BuildError),
 }
 
 /// Why a step cannot be computed.
@@ -99,6 +105,8 @@ pub struct ControllerState<const S: usize = ERRORS> {
     /// Distance driven along the path.
     travelled: f64,
     speed_integral: f64,
+    /// None where the speed is not tracked by MPC.
+    longitudinal: Option<LongitudinalState>,
     finished: bool,
     /// Steps made.
     steps: u64,
@@ -131,6 +139,7 @@ pub struct ControllerFor<G, const S: usize> {
     path: Arc<Path>,
     plan: SpeedPlan,
     lateral: LateralMpc<S>,
+    longitudinal: Option<LongitudinalMpc>,
     noise: Noise<S>,
     state: ControllerState<S>,
 }
@@ -166,6 +175,12 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
         let further = parameters.vehicle.further_states();
         let noise = Noise::new(&parameters.observer, &further, parameters.mpc.sample_time);
         let lateral = LateralMpc::new(parameters.vehicle.nominal(), parameters.mpc, &further, model)?;
+        let longitudinal = match speed.tracked_by() {
+            SpeedController::Pi => None,
+            SpeedController::Mpc => {
+                Some(LongitudinalMpc::new(parameters.longitudinal, speed, &parameters.mpc)?)
+            }
+        };
         let state = ControllerState {
             steer_cmd: None,
             plan: vec![0.0; parameters.mpc.horizon],
@@ -175,11 +190,12 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
             station: None,
             travelled: 0.0,
             speed_integral: 0.0,
+            longitudinal: longitudinal.as_ref().map(LongitudinalMpc::state),
             finished: false,
             steps: 0,
             last: StepReport::default(),
         };
-        Ok(Self { parameters, path, plan, lateral, noise, state })
+        Ok(Self { parameters, path, plan, lateral, longitudinal, noise, state })
     }
 
     /// One control step. The commands hold until the next one, `mpc.sample_time` later.
@@ -192,7 +208,7 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
         let mut report = self.locate(measurement);
         let far = report.e1.abs() > FAR_E1 || report.e2.abs() > FAR_E2;
         let previous = self.state.steer_cmd.unwrap_or(measurement.steer);
-        self.command_speed(measurement.vx, far, &mut report);
+        self.command_speed(measurement.vx, far, &mut report, begin);
 
         let errors = ErrorState::new(report.e1, report.e1_rate, report.e2, report.e2_rate);
         let state = G::Vehicle::state(&errors, measurement);
@@ -216,6 +232,11 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
             }
         }
 
+        if let Some(longitudinal) = &mut self.longitudinal {
+            // A safe hold has brought a command of its own.
+            longitudinal.override_command(report.accel_cmd);
+            self.state.longitudinal = Some(longitudinal.state());
+        }
         self.state.steer_cmd = Some(report.steer_cmd);
         self.state.steps += 1;
         report.residual_outside = self.lateral.outside_training();
@@ -226,7 +247,21 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
     }
 
     /// Tracks the speed plan; slowly, where the vehicle is far from the path.
-    fn command_speed(&mut self, speed: f64, far: bool, report: &mut StepReport) {
+    fn command_speed(&mut self, speed: f64, far: bool, report: &mut StepReport, begin: Instant) {
+        let time_limit = self.time_left(begin);
+        if let Some(longitudinal) = &mut self.longitudinal {
+            let step = longitudinal.step(&LongitudinalInput {
+                station: report.station,
+                speed,
+                plan: &self.plan,
+                path: &self.path,
+                speed_limit: if far { APPROACH_SPEED } else { f64::INFINITY },
+                time_limit,
+            });
+            (report.speed_ref, report.lag_error) = (step.speed_ref, step.lag_error);
+            report.accel_cmd = step.accel_cmd;
+            return;
+        }
         let mut target = (self.plan.speed(report.station), self.plan.accel(report.station));
         if far && target.0 > APPROACH_SPEED {
             target = (APPROACH_SPEED, 0.0);
@@ -235,6 +270,14 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
         let command = track_speed(&p.speed, target, speed, self.state.speed_integral, p.mpc.sample_time);
         self.state.speed_integral = command.integral;
         (report.speed_ref, report.accel_cmd) = (target.0, command.accel_cmd);
+    }
+
+    /// Seconds that are left to a solver in a step that began then.
+    fn time_left(&self, begin: Instant) -> f64 {
+        match self.parameters.mpc.deadline {
+            deadline if deadline > 0.0 => (deadline - begin.elapsed().as_secs_f64()).max(0.0),
+            _ => f64::INFINITY,
+        }
     }
 
     /// Solves the lateral MPC for a measured or estimated state.
@@ -255,10 +298,8 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
         let mut aim = *state;
         aim[0] = state[0].clamp(-bound, bound);
         aim[2] = state[2].clamp(-FAR_E2, FAR_E2);
-        let time_limit = match p.deadline {
-            deadline if deadline > 0.0 => (deadline - begin.elapsed().as_secs_f64()).max(0.0),
-            _ => f64::INFINITY,
-        };
+        let time_limit = self.time_left(begin);
+        let predicted = self.longitudinal.as_ref().map_or(&[][..], LongitudinalMpc::predicted_speeds);
         let memory = &self.state;
         let disturbance = memory.observer.disturbance(&self.noise);
         self.lateral.step(&LateralInput {
@@ -268,7 +309,7 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
             history: &memory.history,
             last_plan: memory.plan.get(memory.plan_age + 1..).unwrap_or_default(),
             station: report.station,
-            ahead: SpeedAhead { speed, accel: report.accel_cmd },
+            ahead: SpeedAhead { speed, accel: report.accel_cmd, predicted },
             previous,
             path: &self.path,
             disturbance: &disturbance,
@@ -383,6 +424,12 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
         &self.lateral
     }
 
+    /// The longitudinal MPC, where the speed is tracked by one.
+    #[must_use]
+    pub fn longitudinal(&self) -> Option<&LongitudinalMpc> {
+        self.longitudinal.as_ref()
+    }
+
     /// The newest QP.
     #[must_use]
     pub fn problem(&self) -> &TrackingQp {
@@ -414,11 +461,15 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
     }
 
     /// Continues from a state of a controller with the same parameters and path. Gives the state back if its plan
-    /// has another horizon or its history another window.
+    /// has another horizon, its history another window, or its speed was tracked in another way.
     pub fn restore(&mut self, state: ControllerState<S>) -> Option<ControllerState<S>> {
         let window = |state: &ControllerState<S>| state.history.states().len();
-        if state.plan.len() != self.state.plan.len() || window(&state) != window(&self.state) {
+        let other_speed = state.longitudinal.is_some() != self.longitudinal.is_some();
+        if state.plan.len() != self.state.plan.len() || window(&state) != window(&self.state) || other_speed {
             return Some(state);
+        }
+        if let (Some(longitudinal), Some(of_speed)) = (&mut self.longitudinal, state.longitudinal) {
+            longitudinal.restore(of_speed);
         }
         self.state = state;
         None

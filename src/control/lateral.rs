@@ -54,7 +54,7 @@ pub struct LateralInput<'a, const S: usize = ERRORS> {
     /// Station of the vehicle, m.
     pub station: f64,
     /// Speed, and how it will change.
-    pub ahead: SpeedAhead,
+    pub ahead: SpeedAhead<'a>,
     /// Steering command in force, rad.
     pub previous: f64,
     /// The road.

@@ -136,6 +136,8 @@ pub struct LongitudinalMpc {
     outputs: Vec<f64>,
     /// Speed of the reference at the end of each step.
     reference_speed: Vec<f64>,
+    /// Speed at the end of each step of the newest prediction; empty if there is none.
+    predicted: Vec<f64>,
     state: LongitudinalState,
 }
 
@@ -212,6 +214,7 @@ impl LongitudinalMpc {
             inputs: vec![0.0; horizon],
             outputs: vec![0.0; problem.free.len()],
             reference_speed: vec![0.0; horizon],
+            predicted: Vec::with_capacity(horizon),
             problem,
             state: LongitudinalState::default(),
         })
@@ -240,6 +243,12 @@ impl LongitudinalMpc {
         let previous = self.state.accel_cmd.clamp(low, high);
         self.problem.previous[0] = previous;
         let solved = self.solver.solve(&self.problem, input.time_limit, &mut self.inputs, &mut self.outputs);
+        self.predicted.clear();
+        if solved.is_ok() {
+            let deviations = self.outputs.chunks_exact(TRACKED.len()).map(|of_step| of_step[1]);
+            self.predicted
+                .extend(deviations.zip(&self.reference_speed).map(|(deviation, speed)| deviation + speed));
+        }
         let wanted = if solved.is_ok() {
             self.inputs[0]
         } else {
@@ -323,6 +332,12 @@ impl LongitudinalMpc {
         if let Some(expected) = &mut self.state.expected_speed {
             *expected += self.command[1] * more;
         }
+    }
+
+    /// Speed at the end of each step of the newest prediction, m/s; empty if the newest step found no plan.
+    #[must_use]
+    pub fn predicted_speeds(&self) -> &[f64] {
+        &self.predicted
     }
 
     /// Speed at the end of step `j` of the newest prediction, m/s.

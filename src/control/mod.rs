@@ -20,6 +20,7 @@
 //! | `longitudinal.rs` | speed and lag error by MPC |
 //! | `controller.rs` | one step from measurement to commands; fallback |
 //! | `vehicle.rs` | what differs from vehicle to vehicle |
+//! | `truck.rs` | what does for a truck, and its defaults |
 //! | `sampler.rs` | when a step is due |
 //! | `status.rs` | what a step did, in words |
 
@@ -42,6 +43,7 @@ mod solve;
 mod speed;
 mod status;
 mod tracking_qp;
+mod truck;
 mod variant;
 mod vehicle;
 
@@ -61,13 +63,14 @@ pub use longitudinal::{
 pub use observer::{Noise, Observer, ObserverParameters};
 pub use parameters::{
     ActuatorParameters, ControllerParameters, ControllerParametersFor, MpcParameters, NmpcParameters,
-    NominalVehicle, SHOWN_HORIZON, SpeedParameters,
+    NominalVehicle, SHOWN_HORIZON, SpeedController, SpeedParameters,
 };
 pub use preview::SpeedAhead;
 pub use sampler::Sampler;
 pub use speed::{SpeedCommand, track_speed};
 pub use status::ControlStatus;
 pub use tracking_qp::{QpEnd, QpError, QpReport, QpShape, QpSolver, SoftBound, TrackingQp};
+pub use truck::{NominalTruck, TRUCK_STATES, TruckController, TruckControllerParameters};
 pub use variant::{
     BicycleModel, BicycleRollOut, Expected, PredictionModel, PredictionModelFor, Residual, RollOut,
     StepSpeed, Timing,

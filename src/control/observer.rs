@@ -138,8 +138,7 @@ impl<const S: usize> Observer<S> {
             + g * self.of_disturbance * g.transpose()
             + SMatrix::from_diagonal(&missed.component_mul(&missed));
         let of_both = a * self.of_both + g * self.of_disturbance;
-        let of_disturbance =
-            self.of_disturbance + SMatrix::from_diagonal(&wandered.component_mul(&wandered));
+        let of_disturbance = self.of_disturbance + SMatrix::from_diagonal(&wandered.component_mul(&wandered));
         let Some(inverse) = (of_state + of_measured).try_inverse() else { return *measured };
         let (gain, gain_of_disturbance) = (of_state * inverse, of_both.transpose() * inverse);
         self.disturbance += gain_of_disturbance * innovation;

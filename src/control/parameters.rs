@@ -1,7 +1,9 @@
 //! The controller's parameters: one table for code, FMU variables, `--set` and documentation.
 
+use super::longitudinal::LongitudinalParameters;
 use super::observer::ObserverParameters;
 use super::vehicle::VehicleParameters;
+use crate::enumeration;
 use crate::parameter::{OutOfRange, ParameterGroup};
 use crate::parameters;
 use crate::residual::DataConfig;
@@ -47,6 +49,14 @@ parameters! {
     }
 }
 
+enumeration! {
+    /// How the speed plan is tracked.
+    pub enum SpeedController {
+        Pi = 0 "pi", "Feedforward of the plan and a PI on the speed error (speed.gain, speed.integral)";
+        Mpc = 1 "mpc", "MPC of speed and lag error (longitudinal.*)";
+    }
+}
+
 parameters! {
     /// Speed plan and speed control.
     pub struct SpeedParameters {
@@ -54,6 +64,7 @@ parameters! {
         lateral_accel: f64 = 2.25, METRE_PER_SECOND2 in 0.1, 15.0; "speed.lateral_accel", "Lateral acceleration that the speed plan allows"
         accel: f64 = 1.5, METRE_PER_SECOND2 in 0.1, 10.0; "speed.accel", "Acceleration that the speed plan allows"
         decel: f64 = 2.0, METRE_PER_SECOND2 in 0.1, 12.0; "speed.decel", "Deceleration that the speed plan allows"
+        controller: usize = 0, ONE in 0.0, 1.0; "speed.controller", "How the speed plan is tracked: 0 by feedforward and PI; 1 by MPC of speed and lag error (longitudinal.*)"
         gain: f64 = 1.0, ONE in 0.0, 20.0; "speed.gain", "Proportional gain from the speed error to the acceleration, 1/s"
         integral: f64 = 0.2, ONE in 0.0, 20.0; "speed.integral", "Integral gain of the speed error, 1/s2"
         accel_cmd_max: f64 = 3.0, METRE_PER_SECOND2 in 0.1, 15.0; "speed.accel_cmd_max", "Largest acceleration that is commanded"
@@ -89,6 +100,7 @@ pub struct ControllerParametersFor<G> {
     pub mpc: MpcParameters,
     pub observer: ObserverParameters,
     pub speed: SpeedParameters,
+    pub longitudinal: LongitudinalParameters,
     pub actuator: ActuatorParameters,
     pub nmpc: NmpcParameters,
 }
@@ -118,6 +130,7 @@ impl<G> ControllerParametersFor<G> {
             || set(&mut self.mpc, name, value)?
             || set(&mut self.observer, name, value)?
             || set(&mut self.speed, name, value)?
+            || set(&mut self.longitudinal, name, value)?
             || set(&mut self.actuator, name, value)?
             || set(&mut self.nmpc, name, value)?)
     }
@@ -134,6 +147,7 @@ impl<G> ControllerParametersFor<G> {
         self.mpc.check()?;
         self.observer.check()?;
         self.speed.check()?;
+        self.longitudinal.check()?;
         self.actuator.check()?;
         self.nmpc.check()
     }
@@ -147,6 +161,15 @@ pub(super) fn set<G: ParameterGroup>(group: &mut G, name: &str, value: f64) -> R
     G::table()[index].check(value)?;
     group.set(index, value);
     Ok(true)
+}
+
+impl SpeedParameters {
+    /// How the speed plan is tracked.
+    #[must_use]
+    pub fn tracked_by(&self) -> SpeedController {
+        // The range admits no other numbers.
+        SpeedController::from_number(self.controller as i32).unwrap_or_default()
+    }
 }
 
 impl MpcParameters {

@@ -326,7 +326,7 @@ mod tests {
             Sample::at(12.0 * angle.cos(), 12.0 * angle.sin())
         });
         let path = Path::from_samples(circle.collect(), Closure::Closed).unwrap();
-        let ahead = SpeedAhead { speed: 5.0, accel: 0.0 };
+        let ahead = SpeedAhead { speed: 5.0, accel: 0.0, predicted: &[] };
         let mut preview = Preview::new(horizon);
         preview.look(&path, 10.0, ahead, 0.02);
         let input = LateralInput {
