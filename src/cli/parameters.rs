@@ -1,12 +1,12 @@
 //! `rfl parameters`: every parameter of the FMUs and of `--set`, with unit, default, range and meaning.
 
 use crate::fmi::{Causality, Declaration, Kind, Model, Variable};
-use crate::fmu::{PassengerCar, RflMpc, SemiTrailerTruck};
+use crate::fmu::{PassengerCar, RflMpc, SemiTrailerTruck, TruckRflMpc};
 use clap::Args;
 use serde_json::{Value, json};
 use std::error::Error;
 
-/// Lists the parameters of car, truck and controller
+/// Lists the parameters of car, truck and their controllers
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   rfl parameters                 all
@@ -30,6 +30,7 @@ pub fn run(args: &ParametersArgs) -> Result<(), Box<dyn Error>> {
         ("controller", RflMpc::declaration()),
         ("car", PassengerCar::declaration()),
         ("truck", SemiTrailerTruck::declaration()),
+        ("truck controller", TruckRflMpc::declaration()),
     ];
     let found: Vec<(&str, &Variable)> = units
         .iter()
@@ -45,11 +46,11 @@ pub fn run(args: &ParametersArgs) -> Result<(), Box<dyn Error>> {
         println!("{}", serde_json::to_string_pretty(&all)?);
         return Ok(());
     }
-    println!("{:<10} {:<34} {:>12} {:<9} {:<20} meaning", "of", "name", "default", "unit", "range");
+    println!("{:<16} {:<34} {:>12} {:<9} {:<20} meaning", "of", "name", "default", "unit", "range");
     for (unit, variable) in found {
         let (default, symbol, range) = columns(&variable.kind);
         println!(
-            "{unit:<10} {:<34} {default:>12} {symbol:<9} {range:<20} {}",
+            "{unit:<16} {:<34} {default:>12} {symbol:<9} {range:<20} {}",
             variable.name, variable.description
         );
     }

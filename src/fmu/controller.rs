@@ -114,6 +114,7 @@ struct Variables {
     curvature_rate: Vr,
     residual_outside: Vr,
     speed_ref: Vr,
+    lag_error: Vr,
     status: Vr,
     iterations: Vr,
     compute_time: Vr,
@@ -224,6 +225,12 @@ fn declare<U: ControllerUnit<S>, const S: usize>() -> (Declaration, Variables) {
         Unit::METRE_PER_SECOND,
         "Speed that the plan asks for at the station".into(),
     );
+    let lag_error = real(
+        "lag_error".into(),
+        Unit::METRE,
+        "Distance along the path from the vehicle to the point that the speed's MPC follows; 0 without one"
+            .into(),
+    );
     let compute_time = real(
         "compute_time".into(),
         Unit::SECOND,
@@ -308,6 +315,7 @@ fn declare<U: ControllerUnit<S>, const S: usize>() -> (Declaration, Variables) {
         curvature_rate,
         residual_outside,
         speed_ref,
+        lag_error,
         status,
         iterations,
         compute_time,
@@ -447,7 +455,9 @@ impl<U: ControllerUnit<S>, const S: usize> Model for ControllerFmu<U, S> {
         let saved: Saved<S> = postcard::from_bytes(bytes)
             .map_err(|error| failed(format!("the saved controller state cannot be read: {error}")))?;
         if running.controller.restore(saved.controller).is_some() {
-            return Err(failed("the saved controller state has another horizon than mpc.horizon"));
+            return Err(failed(
+                "the saved controller state is of a controller with another mpc.horizon, variant or speed.controller",
+            ));
         }
         running.sampler = saved.sampler;
         Ok(())
@@ -472,6 +482,7 @@ fn write_outputs<U: ControllerUnit<S>, const S: usize>(
         (v.curvature_rate, report.curvature_rate),
         (v.residual_outside, report.residual_outside),
         (v.speed_ref, report.speed_ref),
+        (v.lag_error, report.lag_error),
         (v.compute_time, report.compute_time),
     ] {
         values.set_real(vr, value);

@@ -7,18 +7,21 @@
 //! | `semi_trailer_truck.rs` | `SemiTrailerTruck`: the nonlinear tractor and semi-trailer |
 //! | `controller.rs` | what the vehicles' controllers have in common |
 //! | `rfl_mpc.rs` | `RflMpc`: the car's controller |
+//! | `truck_rfl_mpc.rs` | `TruckRflMpc`: the truck's controller |
 
 mod controller;
 mod passenger_car;
 mod plant;
 mod rfl_mpc;
 mod semi_trailer_truck;
+mod truck_rfl_mpc;
 
 pub use controller::{ControllerFmu, ControllerUnit, DEFAULT_PATH, Group, MODELS, Told};
 pub use passenger_car::PassengerCar;
 pub use plant::{Known, More, PlantFmu, PlantUnit};
 pub use rfl_mpc::RflMpc;
 pub use semi_trailer_truck::SemiTrailerTruck;
+pub use truck_rfl_mpc::TruckRflMpc;
 
 use crate::fmi::{Context, Kind, ModelError, Variable};
 use crate::vehicle::VehicleParameters;

@@ -29,7 +29,7 @@ impl ControllerUnit<ERRORS> for NominalVehicle {
     }
 
     fn groups(parameters: &mut ControllerParameters) -> Vec<&mut dyn Group> {
-        let ControllerParameters { vehicle, mpc, speed, observer, actuator, nmpc } = parameters;
-        vec![vehicle, mpc, speed, observer, actuator, nmpc]
+        let ControllerParameters { vehicle, mpc, speed, longitudinal, observer, actuator, nmpc } = parameters;
+        vec![vehicle, mpc, speed, longitudinal, observer, actuator, nmpc]
     }
 }

@@ -149,6 +149,18 @@ pub enum FileError {
     },
 }
 
+impl FileError {
+    /// Whether the file is a sound model of another kind of vehicle.
+    #[must_use]
+    pub fn is_of_another_vehicle(&self) -> bool {
+        match self {
+            Self::In { cause, .. } => cause.is_of_another_vehicle(),
+            Self::OtherVehicle { .. } => true,
+            _ => false,
+        }
+    }
+}
+
 #[derive(Serialize, Deserialize)]
 struct Head<S> {
     vehicle_hash: String,
