@@ -148,6 +148,10 @@ impl Choice {
         parameters: &ControllerParametersFor<G>,
     ) -> Result<(ControlVariant, PredictionModelFor<G::Vehicle, S>), ChoiceError> {
         let variant = self.variant;
+        if matches!(variant, ControlVariant::Nmpc | ControlVariant::GpNmpc) {
+            // A vehicle without a nonlinear model needs no file for one.
+            nonlinear(variant, parameters, None)?;
+        }
         let actuator = &parameters.actuator;
         let (dead_time, time_constant) = (actuator.dead_time, actuator.time_constant);
         let file = match &self.file {

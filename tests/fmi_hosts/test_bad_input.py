@@ -62,7 +62,12 @@ def test_one_bad_value_among_good_ones_changes_none(running):
 
 @pytest.mark.parametrize(
     ("unit", "name"),
-    [("RflMpc", "mpc.q_e1"), ("PassengerCar", "vehicle.mass"), ("SemiTrailerTruck", "tractor.mass")],
+    [
+        ("RflMpc", "mpc.q_e1"),
+        ("TruckRflMpc", "mpc.q_e1"),
+        ("PassengerCar", "vehicle.mass"),
+        ("SemiTrailerTruck", "tractor.mass"),
+    ],
     indirect=["unit"],
 )
 def test_parameter_out_of_its_range(unit, name):
@@ -228,7 +233,7 @@ ROADS = {
 
 
 @pytest.mark.parametrize("case", ROADS)
-@pytest.mark.parametrize("unit", ["RflMpc"], indirect=True)
+@pytest.mark.parametrize("unit", ["RflMpc", "TruckRflMpc"], indirect=True)
 def test_road_that_is_none(unit, tmp_path, case):
     content, words = ROADS[case]
     file = tmp_path / "road.csv"
@@ -253,6 +258,7 @@ def test_repeated_points_are_dropped_and_said(unit, tmp_path):
 # Units with a vehicle that is built in for them, and the first section of its file.
 VEHICLES = [
     ("RflMpc", "bmw_320i", "vehicle"),
+    ("TruckRflMpc", "truck_real", "tractor"),
     ("PassengerCar", "bmw_320i", "vehicle"),
     ("SemiTrailerTruck", "truck_real", "tractor"),
 ]
@@ -296,7 +302,9 @@ class TestVehicleFile:
         says(unit, "mine.toml", f"line {at + 1}", f"{section}.mass", "-3", "outside")
 
 
-@pytest.mark.parametrize(("unit", "vehicle"), [vehicle[:2] for vehicle in VEHICLES[1:]], indirect=["unit"])
+@pytest.mark.parametrize(
+    ("unit", "vehicle"), [vehicle[:2] for vehicle in VEHICLES if "Mpc" not in vehicle[0]], indirect=["unit"]
+)
 def test_tyre_file_truncated(unit, vehicle, tmp_path, text):
     vehicles = Path(__file__).parents[2] / "vehicles"
     tyre = next(vehicles.glob("tyres/*.tir"))
