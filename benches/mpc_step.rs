@@ -51,6 +51,7 @@ fn record(horizon: usize) -> Recording {
             vy: row[7],
             yaw_rate: row[8],
             steer: row[11],
+            ..Measurement::default()
         });
         recording.problems.push(closed.controller().problem().clone());
         recording.times.extend(time);

@@ -82,6 +82,7 @@ fn steps(criterion: &mut Criterion) {
                     vy: row[7],
                     yaw_rate: row[8],
                     steer: row[11],
+                    ..Measurement::default()
                 });
                 times.extend(time);
                 qps[closed.controller().lateral().qps() as usize] += 1;

@@ -1,19 +1,20 @@
 #!/usr/bin/env python3
-"""Drives a car FMU with a controller FMU in fmpy: the co-simulation master to copy and change.
+"""Drives a vehicle's FMU with its controller's in fmpy: the co-simulation master to copy and change.
 
     scripts/closed_loop.py --path road.csv --vehicle car.toml --duration 60 --log drive.csv
+    scripts/closed_loop.py --vehicle truck_simulation
 
 Master algorithm, with a fixed communication step h and t_k = k h. Gauss-Seidel (default): the controller steps
-first, and the car gets its answer at the same communication point:
+first, and the vehicle gets its answer at the same communication point:
 
-    read the car's state x_k
+    read the vehicle's state x_k
     controller: set x_k, step from t_k to t_k + h, read the command u_k
-    car:        set u_k, step from t_k to t_k + h
+    vehicle:    set u_k, step from t_k to t_k + h
 
 so the loop has no delay beyond the controller's sampling. Jacobi (`--jacobi`), what most tools do: both step on the
-other's outputs at t_k, so the car gets u_{k-1}, one communication step late.
+other's outputs at t_k, so the vehicle gets u_{k-1}, one communication step late.
 
-A row of the log is what is true at t_k: the car's state, and the command that holds from t_k to t_k + h.
+A row of the log is what is true at t_k: the vehicle's state, and the command that holds from t_k to t_k + h.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ import argparse
 import csv
 import ctypes
 import itertools
+import re
 import shutil
 import sys
 import time
@@ -36,7 +38,9 @@ import fmpy.logging
 import numpy as np
 from fmpy.fmi1 import FMICallException, printLogMessage
 
-FMUS = Path(__file__).resolve().parent.parent / "target" / "fmu"
+PROJECT = Path(__file__).resolve().parent.parent
+FMUS = PROJECT / "target" / "fmu"
+KINDS = {"car": ("RflMpc", "PassengerCar"), "truck": ("TruckRflMpc", "SemiTrailerTruck")}  # controller, vehicle
 STEP = 0.02  # s, the controller's sampling time
 LIMIT = 1800.0  # s, a drive that has not finished by then is given up
 
@@ -221,6 +225,17 @@ def columns_of(unit: Unit) -> list[str]:
     ]
 
 
+def kind_of(vehicle: Path | str | None) -> str:
+    """`car` or `truck`: the kind of a vehicle file or of a built-in vehicle; a car where neither can be told."""
+    file = PROJECT / "vehicles" / f"{vehicle}.toml"
+    if vehicle is not None and Path(vehicle).is_file():
+        file = Path(vehicle)
+    try:
+        return "truck" if re.search(r"^\s*\[tractor", file.read_text(encoding="utf-8"), re.MULTILINE) else "car"
+    except (OSError, ValueError):  # the FMU says what is wrong with it
+        return "car"
+
+
 def drive(
     path: Path | str | None = None,
     vehicle: Path | str | None = None,
@@ -229,23 +244,28 @@ def drive(
     step: float = STEP,
     jacobi: bool = False,
     settings: dict[str, object] | None = None,
-    controller_fmu: Path = FMUS / "RflMpc.fmu",
-    car_fmu: Path = FMUS / "PassengerCar.fmu",
+    fmus: Path = FMUS,
+    controller_fmu: Path | None = None,
+    vehicle_fmu: Path | None = None,
     progress=lambda share, row: None,
 ) -> Drive:
     """Drives along `path` until it is finished, or for `duration` seconds, from the start that the controller names.
 
     Without `path` and `vehicle` the FMUs take those that they carry; `vehicle` may be a built-in name, too.
-    `settings` are parameters by name, for each FMU that has them (`car.NAME`, `controller.NAME`: for one only).
+    Of `fmus` those are taken that the kind of vehicle needs, unless others are named.
+    `settings` are parameters by name, for each FMU that has them (`controller.NAME`, `car.NAME` or `truck.NAME`: for
+    one only).
     `progress(share of the drive, row of the log by names)` is called twice in a simulated second.
     """
+    kind = kind_of(vehicle)
+    files = [fmus / f"{name}.fmu" for name in KINDS[kind]]
     with ExitStack() as stack:
-        controller = stack.enter_context(closing(Unit(controller_fmu, "controller")))
-        car = stack.enter_context(closing(Unit(car_fmu, "car")))
-        units = {"controller": controller, "car": car}
+        controller = stack.enter_context(closing(Unit(controller_fmu or files[0], "controller")))
+        plant = stack.enter_context(closing(Unit(vehicle_fmu or files[1], kind)))
+        units = {"controller": controller, kind: plant}
         parameters: dict[str, object] = {}
         if path is not None:
-            parameters |= dict.fromkeys(("controller.path_file", "car.road_file"), str(Path(path).resolve()))
+            parameters |= dict.fromkeys(("controller.path_file", f"{kind}.road_file"), str(Path(path).resolve()))
         if vehicle is not None:
             parameters["vehicle_file"] = str(Path(vehicle).resolve() if Path(vehicle).is_file() else vehicle)
         given = []
@@ -263,23 +283,25 @@ def drive(
         controller.initialize()
         for name, start in {"x": "x", "y": "y", "yaw": "yaw", "vx": "speed"}.items():
             if f"initial.{name}" not in given:
-                car.set(f"initial.{name}", controller.get(f"start.{start}"))
-        car.initialize()
-        return _loop(controller, car, duration, step, jacobi, progress)
+                plant.set(f"initial.{name}", controller.get(f"start.{start}"))
+        plant.initialize()
+        return _loop(controller, plant, duration, step, jacobi, progress)
 
 
-def _loop(controller: Unit, car: Unit, duration: float | None, step: float, jacobi: bool, progress) -> Drive:
-    car_names, controller_names = columns_of(car), columns_of(controller)
-    to_controller = [name for name in controller.names("input") if name in car_names]
-    to_car = [name for name in car.names("input") if name in controller_names]
-    answers = to_car + [name for name in controller_names if name not in to_car]
-    # A name that both have (`status`) is the controller's; the car's gets its owner's name.
-    names = ["time", *to_car, *(f"car.{n}" if n in answers else n for n in car_names), *answers[len(to_car) :]]
+def _loop(controller: Unit, plant: Unit, duration: float | None, step: float, jacobi: bool, progress) -> Drive:
+    plant_names, controller_names = columns_of(plant), columns_of(controller)
+    to_controller = [name for name in controller.names("input") if name in plant_names]
+    to_plant = [name for name in plant.names("input") if name in controller_names]
+    answers = to_plant + [name for name in controller_names if name not in to_plant]
+    # A name that both have (`status`) is the controller's; the vehicle's gets its owner's name.
+    owner = plant.fmu.instanceName
+    states = [f"{owner}.{name}" if name in answers else name for name in plant_names]
+    names = ["time", *to_plant, *states, *answers[len(to_plant) :]]
 
-    read_car, read_controller = car.reader(car_names), controller.reader(answers)
-    write_car, write_controller = car.writer(to_car), controller.writer(to_controller)
-    measured = [car_names.index(name) for name in to_controller]
-    commands = len(to_car)
+    read_plant, read_controller = plant.reader(plant_names), controller.reader(answers)
+    write_plant, write_controller = plant.writer(to_plant), controller.writer(to_controller)
+    measured = [plant_names.index(name) for name in to_controller]
+    commands = len(to_plant)
     finished_at, station_at = answers.index("finished"), answers.index("station")
     length = controller.get("path.length")
 
@@ -289,7 +311,7 @@ def _loop(controller: Unit, car: Unit, duration: float | None, step: float, jaco
     begin = time.perf_counter()
     for k in range(count):
         now = k * step
-        state = read_car()
+        state = read_plant()
         answer = read_controller() if jacobi else None
         write_controller(state[measured])
         if not jacobi:
@@ -303,12 +325,12 @@ def _loop(controller: Unit, car: Unit, duration: float | None, step: float, jaco
             progress(max(now / duration if duration else 0.0, answer[station_at] / length), dict(zip(names, rows[k])))
         if answer[finished_at]:
             break
-        write_car(answer[:commands])
+        write_plant(answer[:commands])
         if jacobi:
             controller.step(now, step)
-        car.step(now, step)
+        plant.step(now, step)
     wall = time.perf_counter() - begin
-    messages = [f"{unit.fmu.instanceName}: {text}" for unit in (controller, car) for _, _, text in unit.messages]
+    messages = [f"{unit.fmu.instanceName}: {text}" for unit in (controller, plant) for _, _, text in unit.messages]
     return Drive(dict(zip(names, rows[: k + 1].T.copy())), step, wall, bool(answer[finished_at]), messages)
 
 
@@ -339,7 +361,7 @@ class Progress:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--path", type=Path, help="road to drive, a CSV with x and y (default: the FMUs' own)")
-    parser.add_argument("--vehicle", help="car to drive, a TOML file or a built-in name (default: the FMUs' own)")
+    parser.add_argument("--vehicle", help="car or truck to drive, a TOML file or a built-in name (default: a car)")
     parser.add_argument("--duration", type=float, help="seconds to drive (default: until the road is finished)")
     parser.add_argument("--step", type=float, default=STEP, help="communication step in seconds (default: %(default)s)")
     parser.add_argument("--log", type=Path, help="file for the drive log, a CSV")
@@ -359,8 +381,7 @@ def main() -> int:
             step=options.step,
             jacobi=options.jacobi,
             settings=dict(text.split("=", 1) for text in options.set),
-            controller_fmu=options.fmus / "RflMpc.fmu",
-            car_fmu=options.fmus / "PassengerCar.fmu",
+            fmus=options.fmus,
             progress=progress,
         )
     except (RuntimeError, ValueError, OSError) as error:

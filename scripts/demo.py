@@ -127,8 +127,7 @@ def main() -> int:
                 file,
                 options.vehicle,
                 duration=options.duration,
-                controller_fmu=options.fmus / "RflMpc.fmu",
-                car_fmu=options.fmus / "PassengerCar.fmu",
+                fmus=options.fmus,
                 progress=progress,
             )
         except (RuntimeError, ValueError, OSError) as error:

@@ -15,8 +15,17 @@ fn controller(deadline: f64) -> Controller {
     Controller::new(parameters, straight()).unwrap()
 }
 
-const AT: Measurement =
-    Measurement { x: 20.0, y: 0.3, yaw: 0.0, vx: 8.0, vy: 0.0, yaw_rate: 0.0, steer: 0.0 };
+const AT: Measurement = Measurement {
+    x: 20.0,
+    y: 0.3,
+    yaw: 0.0,
+    vx: 8.0,
+    vy: 0.0,
+    yaw_rate: 0.0,
+    steer: 0.0,
+    articulation: 0.0,
+    articulation_rate: 0.0,
+};
 
 #[test]
 fn without_a_plan_steering_is_held_and_the_vehicle_brakes() {

@@ -25,7 +25,7 @@ struct Case {
     a: Matrix4<f64>,
     b: Vector4<f64>,
     start: Vector4<f64>,
-    affine: Affine<4>,
+    affine: Affine<Vector4<f64>>,
     past: Vec<f64>,
     decisions: Vec<f64>,
 }

@@ -1,8 +1,49 @@
-//! The controller as an FMI unit: parameters and files, sampling, saved states, errors.
+//! The controllers as FMI units: parameters and files, sampling, saved states, errors; the car's and the truck's.
 
-use rfl_mpc::fmi::{Context, Log, Model, ModelError, Severity, Value, Values};
-use rfl_mpc::fmu::RflMpc;
+use rfl_mpc::control::{ControlVariant, NominalTruck};
+use rfl_mpc::fmi::{Causality, Context, Log, Model, ModelError, Severity, Value, Values};
+use rfl_mpc::fmu::{RflMpc, TruckRflMpc};
 use std::path::{Path, PathBuf};
+
+/// A controller with a road for it, and a vehicle that is built in for it.
+trait Controller: Model {
+    const ROAD: &'static str;
+    const VEHICLE: &'static str;
+}
+
+impl Controller for RflMpc {
+    const ROAD: &'static str = "paths/sudoku_test.csv";
+    const VEHICLE: &'static str = "c_class";
+}
+
+impl Controller for TruckRflMpc {
+    const ROAD: &'static str = "paths/off_road.csv";
+    const VEHICLE: &'static str = "truck_real";
+}
+
+/// Makes of each check a test of each controller.
+macro_rules! of_each_controller {
+    ($($check:ident)*) => {
+        mod car {
+            $(#[test] fn $check() { super::$check::<super::RflMpc>(); })*
+        }
+
+        mod truck {
+            $(#[test] fn $check() { super::$check::<super::TruckRflMpc>(); })*
+        }
+    };
+}
+
+of_each_controller! {
+    it_steers_towards_the_path
+    it_computes_at_its_sample_time_and_holds_between
+    a_saved_state_continues_bit_for_bit
+    a_truncated_state_is_refused_and_changes_nothing
+    files_that_cannot_be_used_are_named_with_a_remedy
+    a_variant_without_its_model_says_what_is_missing_and_how_to_make_it
+    the_known_actuator_is_a_variant
+    measurements_that_are_no_numbers_change_nothing
+}
 
 #[derive(Default)]
 struct Messages(Vec<(Severity, String)>);
@@ -13,30 +54,30 @@ impl Log for Messages {
     }
 }
 
-struct Unit {
-    model: RflMpc,
+struct Unit<M> {
+    model: M,
     values: Values,
     log: Messages,
 }
 
-fn course() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("paths/sudoku_test.csv")
+fn road<M: Controller>() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(M::ROAD)
 }
 
-impl Unit {
+impl<M: Controller> Unit<M> {
     fn new() -> Self {
-        let declaration = RflMpc::declaration();
+        let declaration = M::declaration();
         let mut unit = Self {
-            model: RflMpc::new(),
+            model: M::new(),
             values: Values::starting_from(&declaration.variables),
             log: Messages::default(),
         };
-        unit.set("path_file", Value::String(course().to_string_lossy().into_owned()));
+        unit.set("path_file", Value::String(road::<M>().to_string_lossy().into_owned()));
         unit
     }
 
     fn vr(name: &str) -> usize {
-        RflMpc::declaration().find(name).unwrap_or_else(|| panic!("there is no variable {name}"))
+        M::declaration().find(name).unwrap_or_else(|| panic!("there is no variable {name}"))
     }
 
     fn set(&mut self, name: &str, value: Value) {
@@ -69,28 +110,26 @@ impl Unit {
     /// All outputs but the wall clock's.
     fn outputs(&self) -> Vec<Value> {
         let clock = Self::vr("compute_time");
-        (0..RflMpc::declaration().variables.len())
+        (0..M::declaration().variables.len())
             .filter(|&vr| vr != clock)
             .map(|vr| self.values.get(vr).unwrap().clone())
             .collect()
     }
 }
 
-#[test]
-fn it_steers_towards_the_path() {
-    let mut unit = Unit::new();
+fn it_steers_towards_the_path<M: Controller>() {
+    let mut unit = Unit::<M>::new();
     unit.initialize().unwrap();
     assert_eq!(unit.real("steer_cmd"), 0.0);
     unit.step(0, 0.02);
     assert!((unit.real("e1") - 0.2).abs() < 1e-3, "{}", unit.real("e1"));
     assert!(unit.real("steer_cmd") < 0.0);
-    assert_eq!(unit.values.integer(Unit::vr("status")), 1);
+    assert_eq!(unit.values.integer(Unit::<M>::vr("status")), 1);
     assert!((unit.real("predicted.e1[16]") - unit.real("e1")).abs() < 0.2);
 }
 
-#[test]
-fn it_computes_at_its_sample_time_and_holds_between() {
-    let mut unit = Unit::new();
+fn it_computes_at_its_sample_time_and_holds_between<M: Controller>() {
+    let mut unit = Unit::<M>::new();
     unit.initialize().unwrap();
     let mut changes = 0;
     let mut before = unit.real("station");
@@ -102,16 +141,15 @@ fn it_computes_at_its_sample_time_and_holds_between() {
     assert_eq!(changes, 10);
 }
 
-#[test]
-fn a_saved_state_continues_bit_for_bit() {
-    let mut unit = Unit::new();
+fn a_saved_state_continues_bit_for_bit<M: Controller>() {
+    let mut unit = Unit::<M>::new();
     unit.initialize().unwrap();
     for k in 0..50 {
         unit.step(k, 0.01);
     }
     let (mut bytes, values) = (Vec::new(), unit.values.clone());
     unit.model.save(&mut bytes);
-    let mut other = Unit::new();
+    let mut other = Unit::<M>::new();
     other.initialize().unwrap();
     other.step(0, 0.02);
     other.model.restore(&bytes).unwrap();
@@ -123,9 +161,8 @@ fn a_saved_state_continues_bit_for_bit() {
     }
 }
 
-#[test]
-fn a_truncated_state_is_refused_and_changes_nothing() {
-    let mut unit = Unit::new();
+fn a_truncated_state_is_refused_and_changes_nothing<M: Controller>() {
+    let mut unit = Unit::<M>::new();
     unit.initialize().unwrap();
     unit.step(0, 0.02);
     let mut bytes = Vec::new();
@@ -140,7 +177,7 @@ fn a_truncated_state_is_refused_and_changes_nothing() {
 
 #[test]
 fn the_host_s_parameters_win_over_the_vehicle_file() {
-    let mut unit = Unit::new();
+    let mut unit = Unit::<RflMpc>::new();
     unit.set("vehicle_file", Value::String("bmw_320i".into()));
     unit.set("vehicle.mass", Value::Real(1234.0));
     unit.initialize().unwrap();
@@ -150,8 +187,7 @@ fn the_host_s_parameters_win_over_the_vehicle_file() {
     assert_eq!(unit.real("tyre.front.stiffness"), bmw.cf);
 }
 
-#[test]
-fn files_that_cannot_be_used_are_named_with_a_remedy() {
+fn files_that_cannot_be_used_are_named_with_a_remedy<M: Controller>() {
     let folder = tempfile::tempdir().unwrap();
     let foreign = folder.path().join("foreign.rflm");
     std::fs::write(&foreign, "not a model").unwrap();
@@ -160,20 +196,19 @@ fn files_that_cannot_be_used_are_named_with_a_remedy() {
     for (name, value, words) in [
         ("path_file", "nowhere.csv", &["nowhere.csv", "path_file"][..]),
         ("path_file", nan.to_str().unwrap(), &["nan.csv", "4"]),
-        ("vehicle_file", "nowhere.toml", &["nowhere.toml", "c_class"]),
+        ("vehicle_file", "nowhere.toml", &["nowhere.toml", M::VEHICLE]),
         ("residual.file", "nowhere.rflm", &["nowhere.rflm"]),
         ("residual.file", foreign.to_str().unwrap(), &["foreign.rflm"]),
     ] {
-        let mut unit = Unit::new();
+        let mut unit = Unit::<M>::new();
         unit.set(name, Value::String(value.into()));
         let message = unit.initialize().unwrap_err().to_string();
         assert!(words.iter().all(|word| message.contains(word)), "{message}");
     }
 }
 
-#[test]
-fn a_variant_without_its_model_says_what_is_missing_and_how_to_make_it() {
-    let mut unit = Unit::new();
+fn a_variant_without_its_model_says_what_is_missing_and_how_to_make_it<M: Controller>() {
+    let mut unit = Unit::<M>::new();
     unit.set("variant", Value::Integer(6));
     let resources = tempfile::tempdir().unwrap();
     let context = Context { resources: Some(resources.path().to_owned()), ..Context::default() };
@@ -186,10 +221,9 @@ fn a_variant_without_its_model_says_what_is_missing_and_how_to_make_it() {
     }
 }
 
-#[test]
-fn the_known_actuator_is_a_variant() {
+fn the_known_actuator_is_a_variant<M: Controller>() {
     let steered = |parameters: &[(&str, Value)]| {
-        let mut unit = Unit::new();
+        let mut unit = Unit::<M>::new();
         parameters.iter().for_each(|(name, value)| unit.set(name, value.clone()));
         unit.initialize().unwrap();
         (0..20).for_each(|k| unit.step(k, 0.02));
@@ -206,4 +240,74 @@ fn the_known_actuator_is_a_variant() {
     ]);
     assert_eq!(slow.1, 0.06);
     assert!((slow.0 - nominal).abs() > 1e-4, "{} {nominal}", slow.0);
+}
+
+fn measurements_that_are_no_numbers_change_nothing<M: Controller>() {
+    let (mut unit, mut other) = (Unit::<M>::new(), Unit::<M>::new());
+    for unit in [&mut unit, &mut other] {
+        unit.initialize().unwrap();
+        unit.step(0, 0.02);
+    }
+    let values = unit.values.clone();
+    let declaration = M::declaration();
+    let inputs = declaration.variables.iter().filter(|variable| variable.causality == Causality::Input);
+    let mut time = 0.0;
+    for input in inputs {
+        time += 0.02;
+        unit.set(&input.name, Value::Real(f64::NAN));
+        let error = unit.model.step(&mut unit.values, time, 0.02, &mut unit.log).unwrap_err();
+        let named = |text: &str| text.contains(&format!(" {} ", input.name));
+        assert!(matches!(&error, ModelError::Discard(text) if named(text)), "{error}");
+        unit.values = values.clone();
+    }
+    unit.step(50, 0.02);
+    other.step(50, 0.02);
+    assert_eq!(unit.outputs(), other.outputs());
+}
+
+#[test]
+fn the_truck_s_host_parameters_win_over_the_vehicle_file_and_its_defaults_are_a_truck_s() {
+    let mut unit = Unit::<TruckRflMpc>::new();
+    let default = NominalTruck::default();
+    assert_eq!(unit.real("trailer.mass"), default.mass2);
+    assert_eq!(unit.values.integer(Unit::<TruckRflMpc>::vr("mpc.horizon")), 60);
+    unit.set("vehicle_file", Value::String("truck_real".into()));
+    unit.set("tractor.mass", Value::Real(7000.0));
+    unit.set("mpc.r_rate", Value::Real(0.5));
+    unit.initialize().unwrap();
+    let real = rfl_mpc::vehicle::builtin_truck("truck_real").unwrap().articulated();
+    assert_eq!((unit.real("tractor.mass"), unit.real("mpc.r_rate")), (7000.0, 0.5));
+    assert_eq!(unit.real("trailer.mass"), real.mass2);
+    assert_eq!(unit.real("tyre.trailer.stiffness"), real.stiffness[2]);
+    assert!(real.mass2 != default.mass2);
+}
+
+#[test]
+fn the_articulation_steers_too() {
+    let steered = |articulation: f64, rate: f64| {
+        let mut unit = Unit::<TruckRflMpc>::new();
+        unit.initialize().unwrap();
+        unit.set("articulation", Value::Real(articulation));
+        unit.set("articulation_rate", Value::Real(rate));
+        (0..3).for_each(|k| unit.step(k, 0.02));
+        unit.real("steer_cmd")
+    };
+    let straight = steered(0.0, 0.0);
+    assert!((steered(0.2, 0.0) - straight).abs() > 1e-6, "{straight}");
+    assert!((steered(0.0, 0.2) - straight).abs() > 1e-6, "{straight}");
+}
+
+#[test]
+fn the_truck_has_no_nonlinear_variant_and_says_so() {
+    let declaration = TruckRflMpc::declaration();
+    let variant = &declaration.variables[Unit::<TruckRflMpc>::vr("variant")];
+    let error = variant.value_of("nmpc").unwrap_err();
+    assert!(error.contains("actuator") && !error.contains("nmpc"), "{error}");
+    assert!(declaration.variables.iter().all(|variable| !variable.name.starts_with("nmpc.")));
+    for nonlinear in [ControlVariant::Nmpc, ControlVariant::GpNmpc] {
+        let mut unit = Unit::<TruckRflMpc>::new();
+        unit.set("variant", Value::Integer(nonlinear as i32));
+        let error = unit.initialize().unwrap_err().to_string();
+        assert!(error.contains(nonlinear.name()) && error.contains("none of a truck"), "{error}");
+    }
 }

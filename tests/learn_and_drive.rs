@@ -36,6 +36,7 @@ fn as_log(drive: &Drive) -> Log {
         vx: drive.column("vx"),
         curvature: drive.column("curvature"),
         curvature_rate: drive.column("curvature_rate"),
+        ..Log::default()
     }
 }
 

@@ -46,7 +46,7 @@ fn a_friction_that_is_none_is_named() {
         let model = PredictionModel::Bicycle(BicycleModel { friction, ..BicycleModel::default() });
         let error = Controller::predicting_with(ControllerParameters::default(), path, model).err().unwrap();
         let ControllerError::Lateral(LateralError::Model(error)) = error else { panic!("{error}") };
-        let SingleTrackError::NotPositive { name, .. } = error;
+        let SingleTrackError::NotPositive { name, .. } = error else { panic!("{error}") };
         assert_eq!(name, "friction");
     }
 }

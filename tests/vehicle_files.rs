@@ -1,6 +1,9 @@
 //! Reading vehicle files: what is read, and what is said of those that cannot be.
 
-use rfl_mpc::vehicle::{BUILTIN, Car, CarParameters, Effects, VehicleError, builtin};
+use rfl_mpc::vehicle::{
+    BUILTIN, BUILTIN_TRUCKS, Car, CarParameters, Effects, TruckParameters, VehicleError, VehicleKind,
+    builtin, builtin_truck,
+};
 use std::path::{Path, PathBuf};
 
 fn vehicles() -> PathBuf {
@@ -8,14 +11,18 @@ fn vehicles() -> PathBuf {
 }
 
 #[test]
-fn built_in_cars_are_the_files() {
+fn built_in_vehicles_are_the_files() {
     for name in BUILTIN {
         let read = CarParameters::read(&vehicles().join(format!("{name}.toml"))).unwrap();
         assert_eq!(read, builtin(name).unwrap(), "{name}");
     }
     let files = std::fs::read_dir(vehicles()).unwrap().filter_map(Result::ok);
     let count = files.filter(|entry| entry.path().extension().is_some_and(|end| end == "toml")).count();
-    assert_eq!(count, BUILTIN.len(), "every car of vehicles/ is built in");
+    for name in BUILTIN_TRUCKS {
+        let read = TruckParameters::read(&vehicles().join(format!("{name}.toml"))).unwrap();
+        assert_eq!(read, builtin_truck(name).unwrap(), "{name}");
+    }
+    assert_eq!(count, BUILTIN.len() + BUILTIN_TRUCKS.len(), "every vehicle of vehicles/ is built in");
     let message = builtin("trabant").unwrap_err().to_string();
     assert!(message.contains("trabant") && message.contains("bmw_320i"), "{message}");
 }
@@ -91,4 +98,44 @@ fn a_car_without_its_tyres_is_refused() {
     car.tyre.rear.coefficients = None;
     assert!(matches!(car.check(), Err(VehicleError::NoTyres { .. })));
     assert!(Car::new(&car, &Effects::default(), None).is_err());
+}
+
+#[test]
+fn what_is_wrong_with_a_truck_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("mine.toml");
+    let sound = std::fs::read_to_string(vehicles().join("truck_real.toml")).unwrap();
+    for (from, to, parts) in [
+        ("cg_to_hitch = 4.426", "cg_to_hitch = -1", vec!["trailer.cg_to_hitch", "outside", "line"]),
+        ("trailer_share = 0.34", "trailer_share = 0.8", vec!["brake.front_share", "brake.trailer_share"]),
+        ("unsprung_mass = 1500.0", "unsprung_mass = 7900.0", vec!["trailer.mass", "unsprung"]),
+        ("[hitch]", "[coupling]", vec!["coupling", "line"]),
+        ("tyres/truck.tir", "tyres/none.tir", vec!["tyre.front.file", "none.tir"]),
+    ] {
+        assert!(sound.contains(from), "{from}");
+        std::fs::write(&file, sound.replacen(from, to, 1)).unwrap();
+        let message = TruckParameters::read(&file).unwrap_err().to_string();
+        for part in parts.into_iter().chain(["mine.toml"]) {
+            assert!(message.contains(part), "'{part}' is not in: {message}");
+        }
+    }
+    let message = builtin_truck("c_class").unwrap_err().to_string();
+    assert!(message.contains("truck_simulation"), "{message}");
+    for parameter in TruckParameters::TABLE {
+        let same = TruckParameters::TABLE.iter().filter(|other| other.name == parameter.name).count();
+        assert_eq!(same, 1, "{}", parameter.name);
+    }
+}
+
+#[test]
+fn a_files_kind_is_told() {
+    for (name, kind) in [
+        ("c_class", VehicleKind::Car),
+        ("truck_real", VehicleKind::Truck),
+        ("no_such_vehicle", VehicleKind::Car),
+        (vehicles().join("genesis.toml").to_str().unwrap(), VehicleKind::Car),
+        (vehicles().join("truck_simulation.toml").to_str().unwrap(), VehicleKind::Truck),
+    ] {
+        assert_eq!(VehicleKind::of(name), kind, "{name}");
+    }
 }

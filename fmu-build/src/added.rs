@@ -1,14 +1,16 @@
-//! What a user has packed in: learned models for the controller, a car for all FMUs.
+//! What a user has packed in: learned models for the controllers, a vehicle for all FMUs of its kind.
 //!
 //! The FMU's start values then say that they are used (`resources/start.toml`); its library stays the same.
 
 use crate::fmu::Fmu;
-use crate::shipped::try_controller;
-use rfl_mpc::control::{ControlVariant, LearnedModel, MODEL_EXTENSION};
-use rfl_mpc::fmi::{Model, ModelError, StartError};
-use rfl_mpc::fmu::{MODELS, RflMpc};
+use crate::shipped::ClosedLoop;
+use rfl_mpc::control::{ControlVariant, LearnedModel, LearnedModelFor, MODEL_EXTENSION, TRUCK_STATES};
+use rfl_mpc::fmi::{Kind, ModelError, StartError};
+use rfl_mpc::fmu::MODELS;
 use rfl_mpc::residual::FileError;
-use rfl_mpc::vehicle::{BUILTIN, CarParameters, VehicleError};
+use rfl_mpc::vehicle::{
+    Articulated, CarParameters, TruckParameters, VehicleError, VehicleKind, VehicleParameters,
+};
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 
@@ -32,11 +34,11 @@ pub enum AddError {
     #[error("{} holds no residual (kind none): there is nothing to pack", file.display())]
     Nothing { file: PathBuf },
     #[error(
-        "{} cannot drive the controller that is packed: {source}. Its car is {car}; --vehicle names another, and \
-         --start gives other parameters a value",
+        "{} cannot drive the controller that is packed: {source}. Its vehicle is {vehicle}; --vehicle names another, \
+         and --start gives other parameters a value",
         file.display()
     )]
-    Misfit { file: PathBuf, car: String, source: ModelError },
+    Misfit { file: PathBuf, vehicle: String, source: ModelError },
     #[error("`{0}` is no start value: write FMU.PARAMETER=VALUE, e.g. RflMpc.mpc.sample_time=0.01")]
     Form(String),
     #[error(transparent)]
@@ -50,41 +52,52 @@ pub enum AddError {
     Tyre { file: PathBuf, tyre: String },
 }
 
-/// Folder in `resources/` of a user's car.
-const CAR: &str = "car";
 const VEHICLE_FILE: &str = "vehicle_file";
 
-/// Makes a car, by built-in name or file, the one that all FMUs start with.
+/// Makes a vehicle, by built-in name or file, the one that all FMUs of its kind start with.
 ///
 /// # Errors
-/// A file that is no car, or whose tyres lie elsewhere.
+/// A file that is no vehicle, or whose tyres lie elsewhere.
 pub fn add_vehicle(fmus: &mut [Fmu], vehicle: &str) -> Result<(), AddError> {
-    let (mut files, mut start) = (BTreeMap::new(), vehicle.to_owned());
-    if !BUILTIN.contains(&vehicle) {
-        let file = absolute(Path::new(vehicle));
-        let car = CarParameters::read(&file)?;
-        let folder = file.parent().unwrap_or(Path::new(""));
-        for tyre in [&car.tyre.front.file, &car.tyre.rear.file] {
-            // A tyre that is not there is a built-in one: the file was read.
-            if !folder.join(tyre).exists() {
-                continue;
-            }
-            if !Path::new(tyre)
-                .components()
-                .all(|part| matches!(part, Component::Normal(_) | Component::CurDir))
-            {
-                return Err(AddError::Tyre { file, tyre: tyre.clone() });
-            }
-            files.insert(format!("{CAR}/{tyre}"), folder.join(tyre));
-        }
-        start = format!("{CAR}/{}", file.file_name().unwrap_or_default().to_string_lossy());
-        files.insert(start.clone(), file);
-    }
-    for fmu in fmus.iter_mut().filter(|fmu| fmu.declaration.find(VEHICLE_FILE).is_some()) {
+    let kind = VehicleKind::of(vehicle);
+    let (files, start) = match kind {
+        VehicleKind::Car => vehicle_files::<CarParameters>(vehicle, "car")?,
+        VehicleKind::Truck => vehicle_files::<TruckParameters>(vehicle, "truck")?,
+    };
+    let takes = |fmu: &&mut Fmu| fmu.vehicle == kind && fmu.declaration.find(VEHICLE_FILE).is_some();
+    for fmu in fmus.iter_mut().filter(takes) {
         fmu.added.files.extend(files.clone());
         fmu.added.start.insert(VEHICLE_FILE.to_owned(), start.clone());
     }
     Ok(())
+}
+
+/// The files of a vehicle by their path in `resources/`, below a folder, and what `vehicle_file` is then.
+fn vehicle_files<V: VehicleParameters>(
+    vehicle: &str,
+    below: &str,
+) -> Result<(BTreeMap<String, PathBuf>, String), AddError> {
+    let mut files = BTreeMap::new();
+    if V::BUILTIN.contains(&vehicle) {
+        return Ok((files, vehicle.to_owned()));
+    }
+    let file = absolute(Path::new(vehicle));
+    let folder = file.parent().unwrap_or(Path::new("")).to_path_buf();
+    for (_, tyre) in V::of_file(&file)?.tyres() {
+        let tyre = &tyre.file;
+        // A tyre that is not there is a built-in one: the file was read.
+        if !folder.join(tyre).exists() {
+            continue;
+        }
+        if !Path::new(tyre).components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir))
+        {
+            return Err(AddError::Tyre { file, tyre: tyre.clone() });
+        }
+        files.insert(format!("{below}/{tyre}"), folder.join(tyre));
+    }
+    let start = format!("{below}/{}", file.file_name().unwrap_or_default().to_string_lossy());
+    files.insert(start.clone(), file);
+    Ok((files, start))
 }
 
 /// Gives a parameter of an FMU another start value: `FMU.PARAMETER=VALUE`.
@@ -101,8 +114,8 @@ pub fn add_start(fmus: &mut [Fmu], text: &str) -> Result<(), AddError> {
     Ok(())
 }
 
-/// Packs learned models into the controller's FMU, which then drives with the first of them unless its host chooses
-/// otherwise. Each is tried in the controller with its car. Gives their kinds.
+/// Packs learned models into the FMUs of the controllers that they are for; a controller then drives with its first
+/// unless its host chooses otherwise. Each is tried in the controller with its vehicle. Gives controllers and variants.
 ///
 /// # Errors
 /// A file that is no model, does not fit, or is of the same kind as another.
@@ -110,39 +123,61 @@ pub fn add_models(
     fmus: &mut [Fmu],
     project: &Path,
     files: &[PathBuf],
-) -> Result<Vec<ControlVariant>, AddError> {
-    let name = RflMpc::declaration().name;
-    let Some(controller) = fmus.iter_mut().find(|fmu| fmu.declaration.name == name) else {
-        return Ok(Vec::new());
-    };
-    let added = &mut controller.added;
-    let mut kinds = Vec::new();
+) -> Result<Vec<(&'static str, ControlVariant)>, AddError> {
+    let mut packed = Vec::new();
     for file in files {
-        let kind = LearnedModel::read(file)?.variant();
+        let (vehicle, kind) = vehicle_and_variant(file)?;
+        let system = ClosedLoop::of(vehicle);
+        let Some(controller) = fmus.iter_mut().find(|fmu| fmu.declaration.name == system.controller) else {
+            continue;
+        };
         if kind == ControlVariant::None {
             return Err(AddError::Nothing { file: file.clone() });
         }
         let entry = format!("{MODELS}/{}.{MODEL_EXTENSION}", kind.name());
-        if let Some(first) = added.files.get(&entry) {
+        if let Some(first) = controller.added.files.get(&entry) {
             let (first, second) = (first.clone(), file.clone());
             return Err(AddError::Twice { kind: kind.name(), first, second });
         }
-        let packed = added.start.get(VEHICLE_FILE).map_or(BUILTIN[0], String::as_str);
-        let car =
-            added.files.get(packed).map_or(packed.to_owned(), |file| file.to_string_lossy().into_owned());
+        let vehicle = vehicle_of(controller);
+        let added = &mut controller.added;
         let file = absolute(file);
         let mut start = added.start.clone();
-        start.insert(VEHICLE_FILE.to_owned(), car.clone());
+        start.insert(VEHICLE_FILE.to_owned(), vehicle.clone());
         start.insert("variant".to_owned(), kind.name().to_owned());
         start.insert("residual.file".to_owned(), file.to_string_lossy().into_owned());
-        if let Err(source) = try_controller(project, &start) {
-            return Err(AddError::Misfit { file, car, source });
+        if let Err(source) = system.try_controller(project, &start) {
+            return Err(AddError::Misfit { file, vehicle, source });
         }
         added.files.insert(entry, file);
         added.start.entry("variant".to_owned()).or_insert_with(|| kind.name().to_owned());
-        kinds.push(kind);
+        packed.push((system.controller, kind));
     }
-    Ok(kinds)
+    Ok(packed)
+}
+
+/// For which vehicles a model is, and for which variant.
+fn vehicle_and_variant(file: &Path) -> Result<(VehicleKind, ControlVariant), FileError> {
+    match LearnedModel::read(file) {
+        Ok(model) => Ok((VehicleKind::Car, model.variant())),
+        Err(error) if error.is_of_another_vehicle() => {
+            let model = LearnedModelFor::<Articulated, TRUCK_STATES>::read(file)?;
+            Ok((VehicleKind::Truck, model.variant()))
+        }
+        Err(error) => Err(error),
+    }
+}
+
+/// The vehicle that a controller starts with: a built-in name or a file.
+fn vehicle_of(controller: &Fmu) -> String {
+    let Fmu { declaration, added, .. } = controller;
+    let default = declaration.find(VEHICLE_FILE).map(|vr| &declaration.variables[vr].kind);
+    let name = match (added.start.get(VEHICLE_FILE), default) {
+        (Some(name), _) => name.clone(),
+        (None, Some(Kind::String { start })) => start.to_string(),
+        (None, _) => String::new(),
+    };
+    added.files.get(&name).map_or(name, |file| file.to_string_lossy().into_owned())
 }
 
 fn absolute(file: &Path) -> PathBuf {

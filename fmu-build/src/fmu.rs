@@ -8,6 +8,7 @@ use crate::library::{self, Library, LibraryError};
 use crate::package::{Package, PackageError};
 use rfl_mpc::fmi::abi::guid_of;
 use rfl_mpc::fmi::{Declaration, START_FILE, StartError, start_file};
+use rfl_mpc::vehicle::VehicleKind;
 use std::path::{Path, PathBuf};
 
 /// Why an FMU could not be made.
@@ -51,6 +52,8 @@ pub struct Resource {
 pub struct Fmu {
     /// What it is; its name is the FMU's.
     pub declaration: Declaration,
+    /// The vehicles that it is for.
+    pub vehicle: VehicleKind,
     /// The committed `modelDescription.xml`, in the project.
     pub description: String,
     /// The package whose dependencies are linked in.

@@ -2,9 +2,9 @@
 //!
 //! | file | idea |
 //! |---|---|
-//! | `shipped.rs` | the FMUs and the system that we ship |
+//! | `shipped.rs` | the FMUs and systems that we ship |
 //! | `fmu.rs` | the steps from a model to an FMU |
-//! | `added.rs` | what a user has packed in: learned models, a car |
+//! | `added.rs` | what a user has packed in: learned models, a vehicle |
 //! | `system.rs` | FMUs connected, as an SSP archive |
 //! | `description.rs` | `modelDescription.xml` from a declaration |
 //! | `documentation.rs` | what an FMU says of itself to people |

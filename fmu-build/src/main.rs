@@ -13,17 +13,17 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
-/// Makes the FMUs (FMI 2.0 co-simulation) and the SSP system that connects them.
+/// Makes the FMUs (FMI 2.0 co-simulation) and the SSP systems that connect them.
 ///
 /// Without options, everything is built into target/fmu/. Where cargo-zigbuild is installed, the libraries run on
 /// glibc 2.17 and later; otherwise they need this machine's, and the report says which.
 #[derive(Debug, Parser)]
 #[command(version, after_help = EXAMPLES)]
 struct Arguments {
-    /// Write FMUs and the system here
+    /// Write FMUs and systems here
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Make only this FMU (may be repeated); the system is made when all its FMUs are there
+    /// Make only this FMU (may be repeated); a system is made when all its FMUs are there
     #[arg(long, value_name = "NAME")]
     only: Vec<String>,
     /// How the libraries are built
@@ -38,16 +38,18 @@ struct Arguments {
     /// Add libraries of other platforms out of an FMU of the same name (may be repeated)
     #[arg(long, value_name = "FMU")]
     merge: Vec<PathBuf>,
-    /// Pack learned models into RflMpc.fmu, which then drives with the first (host's parameter variant: with another)
+    /// Pack learned models into the controller that they are for (RflMpc.fmu, TruckRflMpc.fmu), which then drives with
+    /// the first (host's parameter variant: with another)
     #[arg(long, value_name = "FILE", num_args = 1..)]
     residual: Vec<PathBuf>,
-    /// The car that the FMUs are for: a built-in name or a vehicle file (TOML), packed with its tyres
-    #[arg(long, value_name = "CAR")]
-    vehicle: Option<String>,
+    /// The vehicle that the car's or the truck's FMUs are for: a built-in name or a vehicle file (TOML), packed with its
+    /// tyres (may be repeated)
+    #[arg(long, value_name = "VEHICLE")]
+    vehicle: Vec<String>,
     /// Give a parameter of an FMU another start value (may be repeated)
     #[arg(long, value_name = "FMU.PARAMETER=VALUE")]
     start: Vec<String>,
-    /// Set a parameter in the system (may be repeated)
+    /// Set a parameter in a system (may be repeated)
     #[arg(long, value_name = "COMPONENT.PARAMETER=VALUE")]
     set: Vec<String>,
     /// Only write modelDescription/*.xml from the declarations
@@ -56,7 +58,7 @@ struct Arguments {
 }
 
 const EXAMPLES: &str = "Examples:
-  fmu-build                                   all FMUs and the system, into target/fmu/
+  fmu-build                                   all FMUs and systems, into target/fmu/
   fmu-build --only PassengerCar --out /tmp    one FMU
   fmu-build --binaries from-ci/               with win64 and darwin64 libraries built elsewhere
   fmu-build --residual out/residual/rfl_s.rflm   a controller that drives with what `rfl train` learned
@@ -111,19 +113,19 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         }
     }
     // What the user gives is checked first: a build takes minutes.
-    if let Some(vehicle) = &arguments.vehicle {
+    for vehicle in &arguments.vehicle {
         added::add_vehicle(&mut all, vehicle)?;
     }
     arguments.start.iter().try_for_each(|text| added::add_start(&mut all, text))?;
-    for kind in added::add_models(&mut all, &options.project, &arguments.residual)? {
-        println!("RflMpc is packed with a learned model of kind {}", kind.name());
+    for (controller, kind) in added::add_models(&mut all, &options.project, &arguments.residual)? {
+        println!("{controller} is packed with a learned model of kind {}", kind.name());
     }
-    let system = shipped::closed_loop(&options.project, &arguments.set)?;
+    let systems = shipped::systems(&options.project, &arguments.set)?;
     let chosen = choose(&all, &arguments.only)?;
     for (i, fmu) in chosen.iter().enumerate() {
         make(fmu, &options, &format!("[{}/{}] {}", i + 1, chosen.len(), fmu.declaration.name))?;
     }
-    connect(&system, &all, &options.out)
+    systems.iter().try_for_each(|system| connect(system, &options.out))
 }
 
 fn write_descriptions(project: &Path, all: &[Fmu]) -> Result<(), Box<dyn Error>> {
@@ -166,23 +168,23 @@ fn make(fmu: &Fmu, options: &Options, title: &str) -> Result<(), Box<dyn Error>>
 }
 
 /// Packs the system out of the FMUs that lie in the output folder.
-fn connect(system: &System, all: &[Fmu], out: &Path) -> Result<(), Box<dyn Error>> {
-    let path = |fmu: &Fmu| out.join(format!("{}.fmu", fmu.declaration.name));
-    let missing: Vec<_> =
-        all.iter().filter(|fmu| !path(fmu).is_file()).map(|fmu| fmu.declaration.name).collect();
-    if !missing.is_empty() || all.len() < 2 {
-        println!("{}.ssp is not made: {} not in {}", shipped::SYSTEM, missing.join(", "), out.display());
+fn connect(system: &System, out: &Path) -> Result<(), Box<dyn Error>> {
+    let path = |name: &str| out.join(format!("{name}.fmu"));
+    let all: Vec<_> = system.components().map(|component| component.name).collect();
+    let missing: Vec<_> = all.iter().copied().filter(|name| !path(name).is_file()).collect();
+    if !missing.is_empty() {
+        println!("{}.ssp is not made: {} not in {}", system.name(), missing.join(", "), out.display());
         return Ok(());
     }
     let mut package = Package::default();
     package.add("SystemStructure.ssd", system.structure())?;
     if let Some(parameters) = system.parameters() {
-        package.add(format!("resources/{}.ssv", shipped::SYSTEM), parameters)?;
+        package.add(format!("resources/{}.ssv", system.name()), parameters)?;
     }
-    for fmu in all {
-        package.add_file(format!("resources/{}.fmu", fmu.declaration.name), &path(fmu))?;
+    for name in all {
+        package.add_file(format!("resources/{name}.fmu"), &path(name))?;
     }
-    let ssp = out.join(format!("{}.ssp", shipped::SYSTEM));
+    let ssp = out.join(format!("{}.ssp", system.name()));
     let size = package.write(&ssp)?;
     println!("{} ({} kB, {} connections)", ssp.display(), size / 1000, system.connections().len());
     Ok(())

@@ -1,24 +1,68 @@
-//! The FMUs and the system that we ship. An FMU is added here, in `src/fmu/` and as a crate beside this one.
+//! The FMUs and systems that we ship. An FMU is added here, in `src/fmu/` and as a crate beside this one.
 
 use crate::added::Added;
 use crate::fmu::{Fmu, Resource};
 use crate::system::{SettingError, System};
 use rfl_mpc::fmi::{Context, Declaration, Log, Model, ModelError, Severity, Value, Values};
-use rfl_mpc::fmu::{DEFAULT_PATH, PassengerCar, RflMpc};
+use rfl_mpc::fmu::{DEFAULT_PATH, PassengerCar, RflMpc, SemiTrailerTruck, TruckRflMpc};
+use rfl_mpc::vehicle::VehicleKind;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// All FMUs, in the order in which a system steps them: the plant before its controller.
+/// All FMUs, in the order in which systems step them: the plant before its controller.
 #[must_use]
 pub fn fmus() -> Vec<Fmu> {
+    use VehicleKind::{Car, Truck};
     vec![
-        fmu(PassengerCar::declaration(), "fmu-passenger-car", VEHICLES),
-        fmu(RflMpc::declaration(), "fmu-rfl-mpc", VEHICLES_AND_PATH),
+        fmu(PassengerCar::declaration(), Car, "fmu-passenger-car", VEHICLES),
+        fmu(RflMpc::declaration(), Car, "fmu-rfl-mpc", CAR_CONTROLLER),
+        fmu(SemiTrailerTruck::declaration(), Truck, "fmu-semi-trailer-truck", VEHICLES),
+        fmu(TruckRflMpc::declaration(), Truck, "fmu-truck-rfl-mpc", TRUCK_CONTROLLER),
     ]
 }
 
-/// The system of them all.
-pub const SYSTEM: &str = "ClosedLoop";
+/// A vehicle and its controller, connected: a system that we ship.
+#[derive(Debug, Clone, Copy)]
+pub struct ClosedLoop {
+    /// Its name, and that of its file.
+    pub name: &'static str,
+    /// The kind of vehicle: all FMUs of this kind belong to the system.
+    pub vehicle: VehicleKind,
+    /// The vehicle's FMU.
+    pub plant: &'static str,
+    /// The controller's.
+    pub controller: &'static str,
+    declare: fn() -> Declaration,
+    initialize: fn(&mut Values, &Context) -> Result<(), ModelError>,
+    /// The path that the controller carries.
+    path: Resource,
+}
+
+/// The systems.
+pub const SYSTEMS: [ClosedLoop; 2] = [
+    ClosedLoop {
+        name: "ClosedLoop",
+        vehicle: VehicleKind::Car,
+        plant: "PassengerCar",
+        controller: "RflMpc",
+        declare: RflMpc::declaration,
+        initialize: initialize::<RflMpc>,
+        path: CAR_CONTROLLER[1],
+    },
+    ClosedLoop {
+        name: "TruckLoop",
+        vehicle: VehicleKind::Truck,
+        plant: "SemiTrailerTruck",
+        controller: "TruckRflMpc",
+        declare: TruckRflMpc::declaration,
+        initialize: initialize::<TruckRflMpc>,
+        path: TRUCK_CONTROLLER[1],
+    },
+];
+
+fn initialize<M: Model>(values: &mut Values, context: &Context) -> Result<(), ModelError> {
+    M::new().initialize(values, 0.0, context, &mut Unheard)
+}
 
 /// Why the system cannot be made.
 #[derive(Debug, thiserror::Error)]
@@ -30,68 +74,119 @@ pub enum SystemError {
     Controller(#[from] ModelError),
 }
 
-/// Car and controller, connected, with the user's settings (`COMPONENT.PARAMETER=VALUE`). The car starts where the
-/// controller's path does and as fast as it is planned there, unless the user says otherwise.
+/// All systems, with the user's settings (`COMPONENT.PARAMETER=VALUE`). A vehicle starts where its controller's path
+/// does and as fast as it is planned there, unless the user says otherwise.
 ///
 /// # Errors
-/// A setting that is none, or one with which the controller cannot be initialised.
-pub fn closed_loop(project: &Path, settings: &[String]) -> Result<System, SystemError> {
-    let mut system = System::new(SYSTEM, fmus().into_iter().map(|fmu| fmu.declaration).collect());
+/// A setting that is none, or one with which a controller cannot be initialised.
+pub fn systems(project: &Path, settings: &[String]) -> Result<Vec<System>, SystemError> {
+    let component = |setting: &str| setting.trim().split('.').next().unwrap_or_default().to_owned();
     for setting in settings {
-        system.set(setting)?;
-    }
-    let begin = start_of_path(project, &system)?;
-    let set: Vec<String> = system.settings_of("PassengerCar").map(|(name, _)| name.to_owned()).collect();
-    for (name, value) in ["initial.x", "initial.y", "initial.yaw", "initial.vx"].iter().zip(begin) {
-        if !set.iter().any(|set| set == name) {
-            system.set(&format!("PassengerCar.{name}={value}"))?;
+        let (name, _) = setting.split_once('=').ok_or_else(|| SettingError::Form(setting.clone()))?;
+        if SYSTEMS.iter().all(|system| !system.has(&component(name))) {
+            let components: Vec<_> =
+                SYSTEMS.iter().flat_map(|system| [system.plant, system.controller]).collect();
+            let (name, components) = (name.trim().to_owned(), components.join(", "));
+            return Err(SettingError::Unknown { name, components }.into());
         }
     }
-    Ok(system)
+    let of = |system: &ClosedLoop| -> Vec<String> {
+        settings.iter().filter(|setting| system.has(&component(setting))).cloned().collect()
+    };
+    SYSTEMS.iter().map(|system| system.with(project, &of(system))).collect()
 }
 
-/// Where the path begins, as the controller itself says: x, y, yaw, speed.
-fn start_of_path(project: &Path, system: &System) -> Result<[f64; 4], ModelError> {
-    let declaration = RflMpc::declaration();
-    let settings = system.settings_of(declaration.name);
-    // What is packed is not there yet, and the path begins at the same place with any variant.
-    let settings = settings.filter(|(name, _)| !["variant", "residual.file"].contains(name));
-    let mut values = Values::starting_from(&declaration.variables);
-    for (name, value) in settings {
-        set(&declaration, &mut values, name, value.clone());
-    }
-    initialise(project, &declaration, &mut values)?;
-    let of = |name: &str| declaration.find(name).map_or(0.0, |vr| values.real(vr));
-    Ok(["start.x", "start.y", "start.yaw", "start.speed"].map(of))
-}
-
-/// Initialises the controller as its FMU would be, with these values of parameters, as text.
-pub(crate) fn try_controller(project: &Path, start: &BTreeMap<String, String>) -> Result<(), ModelError> {
-    let declaration = RflMpc::declaration();
-    let mut values = Values::starting_from(&declaration.variables);
-    for (name, text) in start {
-        let value = declaration.find(name).map(|vr| declaration.variables[vr].value_of(text));
-        if let Some(Ok(value)) = value {
-            set(&declaration, &mut values, name, value);
+impl ClosedLoop {
+    /// The system for a kind of vehicle.
+    #[must_use]
+    pub fn of(vehicle: VehicleKind) -> &'static Self {
+        match vehicle {
+            VehicleKind::Car => &SYSTEMS[0],
+            VehicleKind::Truck => &SYSTEMS[1],
         }
     }
-    initialise(project, &declaration, &mut values)
+
+    fn has(&self, component: &str) -> bool {
+        [self.plant, self.controller].contains(&component)
+    }
+
+    /// Its FMUs, in the order in which they step.
+    #[must_use]
+    pub fn components(&self) -> Vec<Declaration> {
+        fmus().into_iter().filter(|fmu| fmu.vehicle == self.vehicle).map(|fmu| fmu.declaration).collect()
+    }
+
+    /// The system with settings of its components.
+    ///
+    /// # Errors
+    /// As [`systems`].
+    pub fn with(&self, project: &Path, settings: &[String]) -> Result<System, SystemError> {
+        let mut system = System::new(self.name, self.components());
+        for setting in settings {
+            system.set(setting)?;
+        }
+        let begin = self.start_of_path(project, &system)?;
+        let set: Vec<String> = system.settings_of(self.plant).map(|(name, _)| name.to_owned()).collect();
+        for (name, value) in ["initial.x", "initial.y", "initial.yaw", "initial.vx"].iter().zip(begin) {
+            if !set.iter().any(|set| set == name) {
+                system.set(&format!("{}.{name}={value}", self.plant))?;
+            }
+        }
+        Ok(system)
+    }
+
+    /// Where the path begins, as the controller itself says: x, y, yaw, speed.
+    fn start_of_path(&self, project: &Path, system: &System) -> Result<[f64; 4], ModelError> {
+        let declaration = (self.declare)();
+        let settings = system.settings_of(self.controller);
+        // What is packed is not there yet, and the path begins at the same place with any variant.
+        let settings = settings.filter(|(name, _)| !["variant", "residual.file"].contains(name));
+        let mut values = Values::starting_from(&declaration.variables);
+        for (name, value) in settings {
+            set(&declaration, &mut values, name, value.clone());
+        }
+        self.initialise(project, &declaration, &mut values)?;
+        let of = |name: &str| declaration.find(name).map_or(0.0, |vr| values.real(vr));
+        Ok(["start.x", "start.y", "start.yaw", "start.speed"].map(of))
+    }
+
+    /// Initialises the controller as its FMU would be, with these values of parameters, as text.
+    pub(crate) fn try_controller(
+        &self,
+        project: &Path,
+        start: &BTreeMap<String, String>,
+    ) -> Result<(), ModelError> {
+        let declaration = (self.declare)();
+        let mut values = Values::starting_from(&declaration.variables);
+        for (name, text) in start {
+            let value = declaration.find(name).map(|vr| declaration.variables[vr].value_of(text));
+            if let Some(Ok(value)) = value {
+                set(&declaration, &mut values, name, value);
+            }
+        }
+        self.initialise(project, &declaration, &mut values)
+    }
+
+    fn initialise(
+        &self,
+        project: &Path,
+        declaration: &Declaration,
+        values: &mut Values,
+    ) -> Result<(), ModelError> {
+        // The project stands for the FMU's resources, in which the path has another name.
+        let path = declaration.find("path_file").filter(|vr| !values.is_set_by_host(*vr));
+        if let Some(vr) = path {
+            values.set_by_host(vr, Value::String(self.path.from.to_owned()));
+        }
+        let context = Context { resources: Some(project.to_owned()), instance_name: self.name.to_owned() };
+        (self.initialize)(values, &context)
+    }
 }
 
 fn set(declaration: &Declaration, values: &mut Values, name: &str, value: Value) {
     if let Some(vr) = declaration.find(name) {
         values.set_by_host(vr, value);
     }
-}
-
-fn initialise(project: &Path, declaration: &Declaration, values: &mut Values) -> Result<(), ModelError> {
-    // The project stands for the FMU's resources, in which the path has another name.
-    let path = declaration.find("path_file").filter(|vr| !values.is_set_by_host(*vr));
-    if let Some(vr) = path {
-        values.set_by_host(vr, Value::String(PATH.from.to_owned()));
-    }
-    let context = Context { resources: Some(project.to_owned()), instance_name: SYSTEM.to_owned() };
-    RflMpc::new().initialize(values, 0.0, &context, &mut Unheard)
 }
 
 /// What the controller says here, it says again to the host.
@@ -101,14 +196,21 @@ impl Log for Unheard {
     fn log(&mut self, _severity: Severity, _category: &'static str, _message: &str) {}
 }
 
-/// The path that the controller carries.
-const PATH: Resource = Resource { from: "paths/sudoku_test.csv", to: DEFAULT_PATH };
 /// Vehicle files with their tyres.
 const VEHICLES: &[Resource] = &[Resource { from: "vehicles", to: "vehicles" }];
-const VEHICLES_AND_PATH: &[Resource] = &[VEHICLES[0], PATH];
+/// A controller carries a path, too.
+const CAR_CONTROLLER: &[Resource] =
+    &[VEHICLES[0], Resource { from: "paths/sudoku_test.csv", to: DEFAULT_PATH }];
+const TRUCK_CONTROLLER: &[Resource] =
+    &[VEHICLES[0], Resource { from: "paths/off_road.csv", to: DEFAULT_PATH }];
 
-fn fmu(declaration: Declaration, package: &'static str, resources: &'static [Resource]) -> Fmu {
+fn fmu(
+    declaration: Declaration,
+    vehicle: VehicleKind,
+    package: &'static str,
+    resources: &'static [Resource],
+) -> Fmu {
     let description = format!("modelDescription/{}.xml", declaration.name);
     let added = Added::default();
-    Fmu { declaration, description, package, selection: vec!["-p", package], resources, added }
+    Fmu { declaration, vehicle, description, package, selection: vec!["-p", package], resources, added }
 }

@@ -69,6 +69,17 @@ impl System {
         Self { name: name.to_owned(), components, settings: Vec::new() }
     }
 
+    /// Its name.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Its components, in the order in which they step.
+    pub fn components(&self) -> impl Iterator<Item = &Declaration> {
+        self.components.iter()
+    }
+
     /// Sets a parameter, as `COMPONENT.PARAMETER=VALUE`.
     ///
     /// # Errors

@@ -6,8 +6,9 @@ use fmu_build::fmu::Fmu;
 use fmu_build::shipped;
 use rfl_mpc::control::ControlVariant;
 use rfl_mpc::fmi::abi::guid_of;
+use rfl_mpc::nominal::LateralVehicle;
 use rfl_mpc::residual::{DataConfig, DataSet, Drive, Kind, Random, TrainConfig, train};
-use rfl_mpc::vehicle::{CarParameters, builtin};
+use rfl_mpc::vehicle::{CarParameters, VehicleKind, builtin, builtin_truck};
 use std::path::{Path, PathBuf};
 
 fn project() -> PathBuf {
@@ -16,6 +17,17 @@ fn project() -> PathBuf {
 
 /// A model learned from noise, for a car and a sample time.
 fn model(folder: &Path, name: &str, kind: Kind, car: &CarParameters, sample_time: f64) -> PathBuf {
+    model_of(folder, name, kind, &car.single_track(), sample_time)
+}
+
+/// The same for any vehicle.
+fn model_of<V: LateralVehicle<S>, const S: usize>(
+    folder: &Path,
+    name: &str,
+    kind: Kind,
+    vehicle: &V,
+    sample_time: f64,
+) -> PathBuf {
     let mut random = Random::new(1);
     let mut log = Drive { name: "noise".into(), ..Drive::default() };
     for k in 0..800 {
@@ -27,9 +39,12 @@ fn model(folder: &Path, name: &str, kind: Kind, car: &CarParameters, sample_time
         for column in [&mut log.e1, &mut log.e1_rate, &mut log.e2, &mut log.e2_rate] {
             column.push(0.01 * random.uniform());
         }
+        for column in [&mut log.articulation, &mut log.articulation_rate] {
+            column.push(0.01 * random.uniform());
+        }
     }
     let data = DataConfig { sample_time, ..DataConfig::default() };
-    let data = DataSet::new(&[log], &car.single_track(), data).unwrap();
+    let data = DataSet::new(&[log], vehicle, data).unwrap();
     let config = TrainConfig { trees: 2, depth: 2, threads: 1, ..TrainConfig::new(kind) };
     let file = folder.join(name);
     train(&data, None, &config, &|_| ()).unwrap().model.write(&file).unwrap();
@@ -51,7 +66,7 @@ fn models_are_packed_by_kind_and_the_first_drives() {
     let mut fmus = shipped::fmus();
     assert_eq!(
         add_models(&mut fmus, &project(), &files).unwrap(),
-        [ControlVariant::RflS, ControlVariant::Linear]
+        [("RflMpc", ControlVariant::RflS), ("RflMpc", ControlVariant::Linear)]
     );
     let controller = of(&fmus, "RflMpc");
     let packed: Vec<_> = controller.added.files.iter().map(|(entry, file)| (entry.as_str(), file)).collect();
@@ -127,10 +142,11 @@ fn a_car_is_packed_with_its_tyres() {
         .unwrap();
     let mut fmus = shipped::fmus();
     add_vehicle(&mut fmus, at("mine.toml").to_str().unwrap()).unwrap();
-    for fmu in &fmus {
+    for fmu in fmus.iter().filter(|fmu| fmu.vehicle == VehicleKind::Car) {
         assert_eq!(fmu.added.start["vehicle_file"], "car/mine.toml");
         assert_eq!(fmu.added.files.keys().collect::<Vec<_>>(), ["car/mine.toml", "car/tyres/mine.tir"]);
     }
+    assert!(of(&fmus, "SemiTrailerTruck").added.start.is_empty(), "a car is nothing to a truck");
     let mine = CarParameters::read(&at("mine.toml")).unwrap();
     let learned = model(folder.path(), "mine.rflm", Kind::Linear, &mine, 0.02);
     add_models(&mut fmus, &project(), &[learned]).unwrap();
@@ -140,4 +156,49 @@ fn a_car_is_packed_with_its_tyres() {
     let error = add_vehicle(&mut fmus, at("below/far.toml").to_str().unwrap()).unwrap_err();
     assert!(matches!(&error, AddError::Tyre { tyre, .. } if tyre == "../tyres/mine.tir"), "{error}");
     assert!(add_vehicle(&mut fmus, "batmobile").unwrap_err().to_string().contains("c_class"));
+}
+
+#[test]
+fn a_truck_is_packed_into_the_trucks_fmus_only() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("mine.toml");
+    std::fs::copy(project().join("vehicles/truck_real.toml"), &file).unwrap();
+    let mut fmus = shipped::fmus();
+    add_vehicle(&mut fmus, file.to_str().unwrap()).unwrap();
+    add_vehicle(&mut fmus, "bmw_320i").unwrap();
+    assert_eq!(of(&fmus, "TruckRflMpc").added.start["vehicle_file"], "truck/mine.toml");
+    // Its tyre is a built-in one.
+    assert_eq!(of(&fmus, "SemiTrailerTruck").added.files.keys().collect::<Vec<_>>(), ["truck/mine.toml"]);
+    assert_eq!(of(&fmus, "SemiTrailerTruck").added.start["vehicle_file"], "truck/mine.toml");
+    assert_eq!(of(&fmus, "PassengerCar").added.start["vehicle_file"], "bmw_320i");
+    add_vehicle(&mut fmus, "truck_real").unwrap();
+    assert_eq!(of(&fmus, "SemiTrailerTruck").added.start["vehicle_file"], "truck_real");
+}
+
+#[test]
+fn models_go_into_the_controller_that_they_are_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let car = model(folder.path(), "car.rflm", Kind::Linear, &builtin("c_class").unwrap(), 0.02);
+    let truck = |name: &str, vehicle: &str, kind| {
+        let vehicle = builtin_truck(vehicle).unwrap().articulated();
+        model_of(folder.path(), name, kind, &vehicle, 0.02)
+    };
+    let files = [truck("truck.rflm", "truck_simulation", Kind::Rfl), car];
+    let mut fmus = shipped::fmus();
+    let packed = add_models(&mut fmus, &project(), &files).unwrap();
+    assert_eq!(packed, [("TruckRflMpc", ControlVariant::Rfl), ("RflMpc", ControlVariant::Linear)]);
+    assert_eq!(of(&fmus, "TruckRflMpc").added.files["residual/rfl.rflm"], files[0]);
+    assert_eq!(of(&fmus, "TruckRflMpc").added.start["variant"], "rfl");
+    assert_eq!(of(&fmus, "RflMpc").added.files["residual/linear.rflm"], files[1]);
+
+    let real = [truck("real.rflm", "truck_real", Kind::Linear)];
+    let error = add_models(&mut shipped::fmus(), &project(), &real).unwrap_err().to_string();
+    assert!(
+        ["real.rflm", "truck_simulation", "--vehicle"].iter().all(|word| error.contains(word)),
+        "{error}"
+    );
+    let mut fmus = shipped::fmus();
+    add_vehicle(&mut fmus, "truck_real").unwrap();
+    add_models(&mut fmus, &project(), &real).unwrap();
+    assert_eq!(of(&fmus, "TruckRflMpc").added.start["vehicle_file"], "truck_real");
 }

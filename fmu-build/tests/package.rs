@@ -11,6 +11,7 @@ use fmu_build::fmu::{Fmu, FmuError, Options, Resource};
 use fmu_build::library::{FMI2_FUNCTIONS, Library, LibraryError};
 use fmu_build::package::{Package, PackageError};
 use rfl_mpc::fmi::Model;
+use rfl_mpc::vehicle::VehicleKind;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -20,6 +21,7 @@ const LICENSE: &[Resource] = &[Resource { from: "LICENSE", to: "folder/text.txt"
 fn toy() -> Fmu {
     Fmu {
         declaration: toy::SteeringLag::declaration(),
+        vehicle: VehicleKind::Car,
         description: "tests/common/SteeringLag.xml".to_owned(),
         // It links what this one links.
         package: "fmu-passenger-car",

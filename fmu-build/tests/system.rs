@@ -1,45 +1,56 @@
-//! The system: every signal that controller and car share is connected, settings are typed, and what hosts read
+//! The systems: every signal that controller and vehicle share is connected, settings are typed, and what hosts read
 //! stands where they read it.
 
-use fmu_build::shipped;
+use fmu_build::shipped::{self, ClosedLoop, SYSTEMS};
 use fmu_build::system::{SettingError, System};
 use rfl_mpc::fmi::{Causality, Value};
 use rfl_mpc::path::Path;
+use rfl_mpc::vehicle::VehicleKind;
 use std::collections::BTreeSet;
 
 fn closed_loop() -> System {
-    System::new(shipped::SYSTEM, shipped::fmus().into_iter().map(|fmu| fmu.declaration).collect())
+    system(VehicleKind::Car)
 }
 
-/// Whatever the controller measures comes from the car, whatever the car is told comes from the controller.
+fn system(vehicle: VehicleKind) -> System {
+    let system = ClosedLoop::of(vehicle);
+    System::new(system.name, system.components())
+}
+
+/// Whatever the controller measures comes from the vehicle, whatever the vehicle is told comes from the controller.
 #[test]
 fn every_input_is_connected() {
-    let system = closed_loop();
-    let found: BTreeSet<String> = system
-        .connections()
-        .iter()
-        .map(|connection| {
-            assert_eq!(connection.output.name, connection.input.name);
-            assert_eq!(connection.output.kind, connection.input.kind, "{}", connection.input.name);
-            connection.input.name.to_string()
-        })
-        .collect();
-    for fmu in shipped::fmus() {
-        for input in
-            fmu.declaration.variables.iter().filter(|variable| variable.causality == Causality::Input)
-        {
-            // Wind and the like are the user's.
-            let command = ["steer_cmd", "accel_cmd"].contains(&&*input.name);
-            let measured = fmu.declaration.name == "RflMpc";
-            assert!(
-                !(command || measured) || found.contains(&*input.name),
-                "{} is not connected",
-                input.name
-            );
+    for shipped in SYSTEMS {
+        let found: BTreeSet<String> = system(shipped.vehicle)
+            .connections()
+            .iter()
+            .map(|connection| {
+                assert_eq!(connection.output.name, connection.input.name);
+                assert_eq!(connection.output.kind, connection.input.kind, "{}", connection.input.name);
+                connection.input.name.to_string()
+            })
+            .collect();
+        let components = shipped.components();
+        assert_eq!(
+            components.iter().map(|one| one.name).collect::<Vec<_>>(),
+            [shipped.plant, shipped.controller]
+        );
+        for declaration in components {
+            let inputs =
+                declaration.variables.iter().filter(|variable| variable.causality == Causality::Input);
+            for input in inputs {
+                // Wind and the like are the user's.
+                let command = ["steer_cmd", "accel_cmd"].contains(&&*input.name);
+                let measured = declaration.name == shipped.controller;
+                let connected = found.contains(&*input.name);
+                assert!(!(command || measured) || connected, "{} is not connected", input.name);
+            }
         }
-    }
-    for wanted in ["x", "y", "yaw", "vx", "vy", "yaw_rate", "steer", "steer_cmd", "accel_cmd"] {
-        assert!(found.contains(wanted), "{wanted} is not connected: {found:?}");
+        for wanted in ["x", "y", "yaw", "vx", "vy", "yaw_rate", "steer", "steer_cmd", "accel_cmd"] {
+            assert!(found.contains(wanted), "{wanted} is not connected: {found:?}");
+        }
+        let truck = shipped.vehicle == VehicleKind::Truck;
+        assert_eq!(found.contains("articulation") && found.contains("articulation_rate"), truck);
     }
 }
 
@@ -91,31 +102,47 @@ fn settings_that_cannot_be_are_refused() {
     }
 }
 
-/// The car starts on the controller's path, at its speed, unless the user places it.
+/// A vehicle starts on its controller's path, at its speed, unless the user places it.
 #[test]
-fn the_car_starts_on_the_path() {
+fn vehicles_start_on_the_path() {
     let project = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-    let begin = |settings: &[&str]| {
+    let begin = |vehicle: VehicleKind, settings: &[&str]| {
         let settings: Vec<String> = settings.iter().map(ToString::to_string).collect();
-        let system = shipped::closed_loop(&project, &settings).unwrap();
+        let systems = shipped::systems(&project, &settings).unwrap();
+        let shipped = ClosedLoop::of(vehicle);
+        let system = systems.iter().find(|system| system.name() == shipped.name).unwrap();
         ["initial.x", "initial.y", "initial.yaw", "initial.vx"].map(|name| {
-            let (_, value) = system.settings_of("PassengerCar").find(|(set, _)| *set == name).unwrap();
+            let (_, value) = system.settings_of(shipped.plant).find(|(set, _)| *set == name).unwrap();
             let Value::Real(value) = value else { panic!("{value:?}") };
             *value
         })
     };
-    for file in ["paths/sudoku_test.csv", "paths/hairpin_circuit.csv"] {
-        let path = Path::read(&project.join(file)).unwrap();
-        let at = path.at(0.0);
-        let [x, y, yaw, vx] = begin(&[&format!("RflMpc.path_file={file}")]);
-        assert_eq!((x, y, yaw), (at.x, at.y, at.yaw));
+    let at = |file: &str| Path::read(&project.join(file)).unwrap().at(0.0);
+    for (vehicle, file) in [
+        (VehicleKind::Car, "paths/sudoku_test.csv"),
+        (VehicleKind::Car, "paths/hairpin_circuit.csv"),
+        (VehicleKind::Truck, "paths/off_road.csv"),
+        (VehicleKind::Truck, "paths/sudoku_test.csv"),
+    ] {
+        let controller = ClosedLoop::of(vehicle).controller;
+        let [x, y, yaw, vx] = begin(vehicle, &[&format!("{controller}.path_file={file}")]);
+        assert_eq!((x, y, yaw), (at(file).x, at(file).y, at(file).yaw));
         assert!(vx > 1.0, "{vx}");
     }
-    let sudoku = Path::read(&project.join("paths/sudoku_test.csv")).unwrap().at(0.0);
-    let [x, y, _, vx] = begin(&["PassengerCar.initial.vx=3", "PassengerCar.initial.y=7"]);
-    assert_eq!((x, y, vx), (sudoku.x, 7.0, 3.0));
+    let [x, y, _, vx] = begin(VehicleKind::Car, &["PassengerCar.initial.vx=3", "PassengerCar.initial.y=7"]);
+    assert_eq!((x, y, vx), (at("paths/sudoku_test.csv").x, 7.0, 3.0));
+    // What is set for one system is nothing to the other.
+    let [x, y, ..] = begin(VehicleKind::Truck, &["PassengerCar.initial.y=7", "RflMpc.mpc.horizon=5"]);
+    assert_eq!((x, y), (at("paths/off_road.csv").x, at("paths/off_road.csv").y));
 
-    let settings = ["RflMpc.path_file=no/such/road.csv".to_owned()];
-    let error = shipped::closed_loop(&project, &settings).unwrap_err().to_string();
-    assert!(error.contains("no/such/road.csv"), "{error}");
+    for (setting, words) in [
+        ("RflMpc.path_file=no/such/road.csv", &["no/such/road.csv"][..]),
+        ("TruckRflMpc.path_file=no/such/road.csv", &["no/such/road.csv"]),
+        ("Truck.mass=1", &["Truck.mass", "PassengerCar", "TruckRflMpc"]),
+        ("SemiTrailerTruck.no_such=1", &["SemiTrailerTruck.no_such"]),
+        ("nonsense", &["COMPONENT.PARAMETER=VALUE"]),
+    ] {
+        let error = shipped::systems(&project, &[setting.to_owned()]).unwrap_err().to_string();
+        assert!(words.iter().all(|word| error.contains(word)), "{error}");
+    }
 }

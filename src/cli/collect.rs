@@ -2,10 +2,10 @@
 
 use super::drive::Setup;
 use super::progress_bar;
-use crate::control::PredictionModel;
-use crate::path::sudoku::Route;
+use super::vehicle::{Commanded, by_kind};
+use crate::control::PredictionModelFor;
 use crate::simulate::STATION;
-use crate::simulate::experiment::{CALM, DITHER};
+use crate::simulate::experiment::DITHER;
 use clap::Args;
 use std::error::Error;
 use std::path::PathBuf;
@@ -18,16 +18,17 @@ use std::path::PathBuf;
 Examples:
   rfl collect                                        three drives of the training route to out/collect/
   rfl collect --vehicle my_car.toml --runs 5
-  rfl collect --set effect.steer_lag=0.1 --set effect.steer_delay=0.06     a car with a slow actuator"
+  rfl collect --set effect.steer_lag=0.1 --set effect.steer_delay=0.06     a car with a slow actuator
+  rfl collect --vehicle truck_simulation --set effect.steer_lag=0.2 --set effect.steer_delay=0.3"
 )]
 pub struct CollectArgs {
-    /// Road to drive: a CSV file with columns x, y [default: the Sudoku training route]
+    /// Road to drive: a CSV file with columns x, y [default: the vehicle's training route]
     #[arg(long)]
     path: Option<PathBuf>,
-    /// Car: a vehicle file (TOML) or a built-in name
+    /// Car or truck: a vehicle file (TOML) or a built-in name
     #[arg(long, default_value = crate::vehicle::BUILTIN[0])]
     vehicle: String,
-    /// A parameter, NAME=VALUE, of whoever has it; `car.` or `controller.` before the name means one of them only
+    /// A parameter, NAME=VALUE, of whoever has it; `car.` (`truck.`) or `controller.` before the name means one of them only
     #[arg(long = "set", value_name = "NAME=VALUE")]
     settings: Vec<String>,
     /// Number of drives, each with a dither of its own
@@ -52,20 +53,23 @@ pub struct CollectArgs {
 /// # Errors
 /// What was wrong, where, and what to do.
 pub fn run(args: &CollectArgs) -> Result<(), Box<dyn Error>> {
+    by_kind!(&args.vehicle, collect(args))
+}
+
+fn collect<P: Commanded<S, C>, const S: usize, const C: usize>(
+    args: &CollectArgs,
+) -> Result<(), Box<dyn Error>> {
     std::fs::create_dir_all(&args.out).map_err(|error| format!("{}: {error}", args.out.display()))?;
     for run in 0..args.runs {
-        let mut settings = vec![
-            format!("mpc.r_rate={}", CALM.r_rate),
-            format!("mpc.q_e1_rate={}", CALM.q_e1_rate),
-            format!("mpc.q_e2={}", CALM.q_e2),
-        ];
+        let mut settings: Vec<String> =
+            P::calm().into_iter().map(|(name, value)| format!("{name}={value}")).collect();
         settings.extend_from_slice(&args.settings);
-        let mut setup = Setup::new(args.path.as_deref(), Route::SudokuTrain, &args.vehicle, &settings)?;
+        let mut setup = Setup::<P, S, C>::new(args.path.as_deref(), P::TRAINING, &args.vehicle, &settings)?;
         setup.controller.mpc.dither = args.dither;
         setup.controller.mpc.dither_seed = args.seed + run;
         let sample_time = setup.controller.mpc.sample_time;
         let bar = progress_bar("collecting", setup.path.length(), args.quiet);
-        let mut closed = setup.connect(PredictionModel::Nominal, sample_time)?;
+        let mut closed = setup.connect(PredictionModelFor::Nominal, sample_time)?;
         let drive = closed.drive(1800.0, |row| bar.set_position(row[STATION].max(0.0) as u64))?;
         bar.finish_and_clear();
         let file = args.out.join(format!("drive_{}.csv", run + 1));

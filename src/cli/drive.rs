@@ -1,34 +1,37 @@
-//! `rfl drive`: the closed loop in native code, on any road, with any car.
+//! `rfl drive`: the closed loop in native code, on any road, with any car or truck.
 
+use super::vehicle::{Commanded, Linear, by_kind, vehicle_named};
 use super::{named, progress_bar};
 use crate::control::{
-    Choice, ControlVariant, Controller, ControllerParameters, PredictionModel, Propagation, RollOut,
+    Choice, ControlVariant, ControllerFor, ControllerParametersFor, PredictionModelFor, Propagation, RollOut,
+    VehicleParameters,
 };
 use crate::path::sudoku::Route;
 use crate::path::{Path, RoadClass};
-use crate::simulate::{ClosedLoop, Drive, STATION, StepTimes};
-use crate::vehicle::{BUILTIN, CarParameters, Effects, builtin};
+use crate::simulate::{ClosedLoopFor, DriveFor, STATION, SimulatedVehicle, StepTimes};
+use crate::vehicle::{BUILTIN, VehicleParameters as VehicleFile};
 use clap::Args;
 use serde_json::json;
 use std::error::Error;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Drives a car along a road with the MPC, natively, and says how well it tracked.
+/// Drives a car or a truck along a road with the MPC, natively, and says how well it tracked.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   rfl drive                                            the Sudoku test route, the C-class car
   rfl drive --path road.csv --vehicle my_car.toml --log out/drive.csv
   rfl drive --set mpc.q_e2=1 --set effect.steer_delay=0.06
   rfl drive --set car.vehicle.mass=1600                the car's mass, not the controller's
+  rfl drive --vehicle truck_simulation                 the truck's test route, the truck paper's truck
   rfl drive --residual out/residual/rfl_s.rflm         with what rfl train learned
   rfl drive --variant rfl_s                            the same: models are looked for in out/residual
   rfl drive --variant actuator --set actuator.dead_time=0.06 --set actuator.time_constant=0.1")]
 pub struct DriveArgs {
-    /// Road to follow: a CSV file with columns x, y [default: the Sudoku test route]
+    /// Road to follow: a CSV file with columns x, y [default: the vehicle's test route]
     #[arg(long)]
     path: Option<PathBuf>,
-    /// Car: a vehicle file (TOML) or a built-in name
+    /// Car or truck: a vehicle file (TOML) or a built-in name
     #[arg(long, default_value = BUILTIN[0])]
     vehicle: String,
     /// Longest drive in s of simulated time
@@ -37,7 +40,7 @@ pub struct DriveArgs {
     /// Communication step in s
     #[arg(long, default_value_t = 0.02)]
     step: f64,
-    /// A parameter, NAME=VALUE, of whoever has it; `car.` or `controller.` before the name means one of them only
+    /// A parameter, NAME=VALUE, of whoever has it; `car.` (`truck.`) or `controller.` before the name means one of them only
     #[arg(long = "set", value_name = "NAME=VALUE")]
     settings: Vec<String>,
     /// File for the drive log (CSV)
@@ -75,10 +78,10 @@ pub(super) const MODELS: &str = "out/residual";
 
 impl ModelArgs {
     /// The variant and its model for a controller with these parameters.
-    pub fn choose(
+    pub fn choose<G: VehicleParameters<S>, const S: usize>(
         &self,
-        parameters: &ControllerParameters,
-    ) -> Result<(ControlVariant, PredictionModel), Box<dyn Error>> {
+        parameters: &ControllerParametersFor<G>,
+    ) -> Result<(ControlVariant, PredictionModelFor<G::Vehicle, S>), Box<dyn Error>> {
         let choice = Choice {
             variant: self.variant,
             file: self.residual.clone(),
@@ -90,21 +93,16 @@ impl ModelArgs {
     }
 }
 
-/// A road, and the parameters of car and controller that `--set` reaches.
-pub(super) struct Setup {
+/// A road, and the parameters of vehicle and controller that `--set` reaches.
+pub(super) struct Setup<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> {
     pub path: Arc<Path>,
-    pub controller: ControllerParameters,
-    pub car: CarParameters,
-    pub effects: Effects,
+    pub controller: ControllerParametersFor<P::Nominal>,
+    pub vehicle: P::Parameters,
+    pub effects: P::Effects,
 }
 
-/// A car by built-in name or file.
-pub(super) fn car_named(name: &str) -> Result<CarParameters, Box<dyn Error>> {
-    Ok(if BUILTIN.contains(&name) { builtin(name)? } else { CarParameters::read(name.as_ref())? })
-}
-
-impl Setup {
-    /// Reads road and car and applies the settings.
+impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> Setup<P, S, C> {
+    /// Reads road and vehicle and applies the settings.
     pub fn new(
         path: Option<&std::path::Path>,
         course: Route,
@@ -118,36 +116,41 @@ impl Setup {
         for note in path.notes() {
             eprintln!("note: {note}");
         }
-        let car = car_named(vehicle)?;
-        let controller = ControllerParameters::for_car(&car);
-        let mut setup = Self { path, controller, car, effects: Effects::default() };
+        let vehicle = vehicle_named(vehicle)?;
+        let controller = P::controller(&vehicle);
+        let mut setup = Self { path, controller, vehicle, effects: P::Effects::default() };
         settings.iter().try_for_each(|text| setup.apply(text))?;
         Ok(setup)
     }
 
-    /// Connects controller and car at the road's beginning, with a communication step in s.
-    pub fn connect(self, model: PredictionModel, step: f64) -> Result<ClosedLoop, Box<dyn Error>> {
-        let controller = Controller::predicting_with(self.controller, self.path, model)?;
-        Ok(ClosedLoop::at_start(controller, &self.car, &self.effects, step)?)
+    /// Connects controller and vehicle at the road's beginning, with a communication step in s.
+    pub fn connect(
+        self,
+        model: PredictionModelFor<Linear<P, S, C>, S>,
+        step: f64,
+    ) -> Result<ClosedLoopFor<P, S, C>, Box<dyn Error>> {
+        let controller = ControllerFor::predicting_with(self.controller, self.path, model)?;
+        Ok(ClosedLoopFor::at_start(controller, &self.vehicle, &self.effects, step)?)
     }
 
     fn apply(&mut self, text: &str) -> Result<(), Box<dyn Error>> {
         let (full_name, value) = setting(text)?;
-        let (controller, car, name) = match full_name.split_once('.') {
-            Some(("car", name)) => (false, true, name),
+        let (controller, vehicle, name) = match full_name.split_once('.') {
+            Some((kind, name)) if kind == P::KIND => (false, true, name),
             Some(("controller", name)) => (true, false, name),
             _ => (true, true, full_name),
         };
         let mut found = false;
         if controller {
-            found |= self.controller.set(name, value)?;
+            found |= self.controller.set::<S>(name, value)?;
         }
-        if car {
-            if let Some(parameter) = CarParameters::TABLE.iter().find(|parameter| parameter.name == name) {
-                parameter.set(&mut self.car, value);
+        if vehicle {
+            if let Some(parameter) = P::Parameters::TABLE.iter().find(|parameter| parameter.name == name) {
+                parameter.set(&mut self.vehicle, value);
                 found = true;
             }
-            if let Some(effect) = name.strip_prefix("effect.").and_then(|id| self.effects.get_mut(id)) {
+            let effect = name.strip_prefix("effect.").and_then(|id| P::effect(&mut self.effects, id));
+            if let Some(effect) = effect {
                 *effect = value;
                 found = true;
             }
@@ -175,7 +178,11 @@ pub fn run(args: &DriveArgs) -> Result<(), Box<dyn Error>> {
     if !(args.step > 0.0 && args.duration > 0.0) {
         return Err("--step and --duration must be positive".into());
     }
-    let setup = Setup::new(args.path.as_deref(), Route::SudokuTest, &args.vehicle, &args.settings)?;
+    by_kind!(&args.vehicle, drive(args))
+}
+
+fn drive<P: Commanded<S, C>, const S: usize, const C: usize>(args: &DriveArgs) -> Result<(), Box<dyn Error>> {
+    let setup = Setup::<P, S, C>::new(args.path.as_deref(), P::TEST, &args.vehicle, &args.settings)?;
     let (variant, model) = args.model.choose(&setup.controller)?;
     let sample_time = setup.controller.mpc.sample_time;
     let bar = progress_bar("driving", setup.path.length(), args.quiet);
@@ -195,8 +202,8 @@ pub fn run(args: &DriveArgs) -> Result<(), Box<dyn Error>> {
     report(&drive, variant, sample_time, wall, args)
 }
 
-fn report(
-    drive: &Drive,
+fn report<const C: usize>(
+    drive: &DriveFor<C>,
     variant: ControlVariant,
     sample_time: f64,
     wall: f64,

@@ -1,7 +1,7 @@
 //! `rfl evaluate`: all variants on several plants: fit, tracking and time.
 
-use super::drive::car_named;
 use super::progress_bar;
+use super::vehicle::vehicle_named;
 use crate::control::{Propagation, Residual, RollOut};
 use crate::residual::{LambdaChoice, Regressors, TrainConfig};
 use crate::simulate::SensorNoise;
@@ -125,7 +125,7 @@ pub fn run(args: &EvaluateArgs) -> Result<(), Box<dyn Error>> {
         return Err("--seeds and --budget must be positive".into());
     }
     std::fs::create_dir_all(&args.out).map_err(|error| format!("{}: {error}", args.out.display()))?;
-    let car = car_named(&args.vehicle)?;
+    let car = vehicle_named(&args.vehicle)?;
     let roads = Roads::new()?;
     let noises: &[bool] = match args.noise {
         Noise::Off => &[false],

@@ -11,6 +11,7 @@ pub mod parameters;
 pub mod path;
 pub mod train;
 mod train_gp;
+mod vehicle;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Parser, Subcommand};
@@ -18,7 +19,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use std::error::Error;
 use std::process::ExitCode;
 
-/// Path-tracking MPC for cars, its vehicles and its roads, natively and without an FMI host.
+/// Path-tracking MPC for cars and trucks, its vehicles and its roads, natively and without an FMI host.
 #[derive(Debug, Parser)]
 #[command(
     name = "rfl",

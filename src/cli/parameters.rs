@@ -1,12 +1,12 @@
 //! `rfl parameters`: every parameter of the FMUs and of `--set`, with unit, default, range and meaning.
 
 use crate::fmi::{Causality, Declaration, Kind, Model, Variable};
-use crate::fmu::{PassengerCar, RflMpc};
+use crate::fmu::{PassengerCar, RflMpc, SemiTrailerTruck, TruckRflMpc};
 use clap::Args;
 use serde_json::{Value, json};
 use std::error::Error;
 
-/// Lists the parameters of car and controller
+/// Lists the parameters of car, truck and their controllers
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   rfl parameters                 all
@@ -26,7 +26,12 @@ pub struct ParametersArgs {
 /// Nothing contains the text.
 pub fn run(args: &ParametersArgs) -> Result<(), Box<dyn Error>> {
     let text = args.text.as_deref().unwrap_or_default().to_lowercase();
-    let units = [("controller", RflMpc::declaration()), ("car", PassengerCar::declaration())];
+    let units = [
+        ("controller", RflMpc::declaration()),
+        ("car", PassengerCar::declaration()),
+        ("truck", SemiTrailerTruck::declaration()),
+        ("truck controller", TruckRflMpc::declaration()),
+    ];
     let found: Vec<(&str, &Variable)> = units
         .iter()
         .flat_map(|(unit, declaration)| matching(declaration, &text).map(move |variable| (*unit, variable)))
@@ -41,11 +46,11 @@ pub fn run(args: &ParametersArgs) -> Result<(), Box<dyn Error>> {
         println!("{}", serde_json::to_string_pretty(&all)?);
         return Ok(());
     }
-    println!("{:<10} {:<34} {:>12} {:<9} {:<20} meaning", "of", "name", "default", "unit", "range");
+    println!("{:<16} {:<34} {:>12} {:<9} {:<20} meaning", "of", "name", "default", "unit", "range");
     for (unit, variable) in found {
         let (default, symbol, range) = columns(&variable.kind);
         println!(
-            "{unit:<10} {:<34} {default:>12} {symbol:<9} {range:<20} {}",
+            "{unit:<16} {:<34} {default:>12} {symbol:<9} {range:<20} {}",
             variable.name, variable.description
         );
     }

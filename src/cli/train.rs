@@ -1,9 +1,11 @@
 //! `rfl train`: residual models from drive logs.
 
-use super::drive::{MODELS, car_named, setting};
-use super::{named, progress_bar, train_gp};
-use crate::control::{ControlVariant, ControllerParameters, MODEL_EXTENSION};
+use super::drive::{MODELS, setting};
+use super::vehicle::{Commanded, Linear, by_kind, vehicle_named};
+use super::{named, progress_bar};
+use crate::control::{ControlVariant, ControllerParametersFor, MODEL_EXTENSION, VehicleParameters};
 use crate::log::{DriveLog, drive_of};
+use crate::nominal::LateralVehicle;
 use crate::path;
 use crate::residual::gp::GpConfig;
 use crate::residual::{
@@ -23,6 +25,7 @@ use std::path::{Path, PathBuf};
   rfl train drives/*.csv --vehicle my_car.toml --kind rfl --test other_day.csv
   rfl train drives/*.csv --path road.csv              logs with poses only: errors by projection onto the road
   rfl train drives/*.csv --all out/residual           every kind, to compare them
+  rfl train out/collect/*.csv --vehicle truck_simulation   for the truck, whose logs have articulation and articulation_rate
   rfl drive --residual out/residual/rfl_s.rflm        drive with it
   fmu-build --residual out/residual/rfl_s.rflm        pack it into the controller's FMU
 
@@ -38,7 +41,7 @@ pub struct TrainArgs {
     /// Road that was driven: for logs that lack errors or curvature
     #[arg(long)]
     path: Option<PathBuf>,
-    /// Car whose nominal model is corrected: a vehicle file (TOML) or a built-in name
+    /// Car or truck whose nominal model is corrected: a vehicle file (TOML) or a built-in name
     #[arg(long, default_value = BUILTIN[0])]
     vehicle: String,
     /// A parameter of the controller that is to use the model, NAME=VALUE: mpc.sample_time, vehicle.mass, ...
@@ -78,9 +81,10 @@ const LEARNED: &[ControlVariant] = &[
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Tuning")]
 struct Tuning {
-    /// Window of commands in steps: it should cover the actuator's delay and four of its time constants
-    #[arg(long, default_value_t = 28)]
-    window: usize,
+    /// Window of commands in steps: it should cover the actuator's delay and four of its time constants [default: 28;
+    /// of a truck 60]
+    #[arg(long)]
+    window: Option<usize>,
     /// Trees of a forest [default: 20]
     #[arg(long)]
     trees: Option<usize>,
@@ -146,9 +150,9 @@ fn lambda(text: &str) -> Result<Lambda, String> {
 
 impl Tuning {
     /// The configuration for a kind; where all are trained, what only some can have is left to them.
-    fn config(&self, kind: Kind, all: bool) -> TrainConfig {
+    fn config(&self, kind: Kind, all: bool, window: usize) -> TrainConfig {
         let mut config = TrainConfig::new(kind);
-        config.window = self.window;
+        config.window = self.window.unwrap_or(window);
         config.trees = self.trees.unwrap_or(config.trees);
         config.depth = self.depth.unwrap_or(config.depth);
         config.features_per_split = self.features_per_split.unwrap_or(config.features_per_split);
@@ -172,23 +176,28 @@ impl Tuning {
     }
 }
 
-/// Kinds to train, and the file of each.
-fn jobs(args: &TrainArgs) -> Vec<(ControlVariant, PathBuf)> {
+/// Kinds to train, and the file of each; `nonlinear` says whether the vehicle has a nonlinear model to learn for.
+fn jobs(args: &TrainArgs, nonlinear: bool) -> Vec<(ControlVariant, PathBuf)> {
     let in_folder =
         |folder: &Path, kind: ControlVariant| folder.join(kind.name()).with_extension(MODEL_EXTENSION);
     match (&args.all, &args.out) {
-        (Some(folder), _) => LEARNED.iter().map(|&kind| (kind, in_folder(folder, kind))).collect(),
+        (Some(folder), _) => {
+            let kinds = LEARNED.iter().filter(|kind| nonlinear || kind.residual().is_some());
+            kinds.map(|&kind| (kind, in_folder(folder, kind))).collect()
+        }
         (None, Some(file)) => vec![(args.kind, file.clone())],
         (None, None) => vec![(args.kind, in_folder(MODELS.as_ref(), args.kind))],
     }
 }
 
 /// The nominal controller whose model is corrected.
-fn controller(args: &TrainArgs) -> Result<ControllerParameters, Box<dyn Error>> {
-    let mut parameters = ControllerParameters::for_car(&car_named(&args.vehicle)?);
+fn controller<P: Commanded<S, C>, const S: usize, const C: usize>(
+    args: &TrainArgs,
+) -> Result<ControllerParametersFor<P::Nominal>, Box<dyn Error>> {
+    let mut parameters = P::controller(&vehicle_named(&args.vehicle)?);
     for text in &args.settings {
         let (name, value) = setting(text)?;
-        if !parameters.set(name.strip_prefix("controller.").unwrap_or(name), value)? {
+        if !parameters.set::<S>(name.strip_prefix("controller.").unwrap_or(name), value)? {
             let lists = "'rfl parameters' lists those of the controller";
             return Err(format!("--set {text}: the controller has no number '{name}'; {lists}").into());
         }
@@ -201,13 +210,19 @@ fn controller(args: &TrainArgs) -> Result<ControllerParameters, Box<dyn Error>> 
 /// # Errors
 /// What was wrong, where, and what to do.
 pub fn run(args: &TrainArgs) -> Result<(), Box<dyn Error>> {
-    let parameters = controller(args)?;
-    let vehicle = parameters.vehicle.single_track();
+    by_kind!(&args.vehicle, learn_all(args))
+}
+
+fn learn_all<P: Commanded<S, C>, const S: usize, const C: usize>(
+    args: &TrainArgs,
+) -> Result<(), Box<dyn Error>> {
+    let parameters = controller::<P, S, C>(args)?;
+    let vehicle = parameters.vehicle.nominal();
     let data_config = parameters.mpc.data_config();
     let road =
         args.path.as_deref().map(|file| path::Path::read(file).map(|road| (road, file))).transpose()?;
     let mut notes = Vec::new();
-    let mut read = |files: &[PathBuf]| -> Result<DataSet, Box<dyn Error>> {
+    let mut read = |files: &[PathBuf]| -> Result<DataSet<Linear<P, S, C>, S>, Box<dyn Error>> {
         let mut drives = Vec::new();
         for file in files {
             let road = road.as_ref().map(|(road, file)| (road, *file));
@@ -222,12 +237,12 @@ pub fn run(args: &TrainArgs) -> Result<(), Box<dyn Error>> {
     notes.iter().for_each(|note| println!("note: {note}"));
 
     let mut models = Vec::new();
-    for (variant, file) in jobs(args) {
+    for (variant, file) in jobs(args, P::NONLINEAR) {
         let bar = progress_bar(&format!("training {}", variant.name()), 1.0, args.quiet);
         let (test, first) = (test.as_ref(), models.is_empty());
         models.push(match variant.residual() {
             Some(kind) => {
-                let config = args.tuning.config(kind, args.all.is_some());
+                let config = args.tuning.config(kind, args.all.is_some(), P::WINDOW);
                 learn(&data, test, &config, &file, &bar, first)?
             }
             None => {
@@ -241,12 +256,13 @@ pub fn run(args: &TrainArgs) -> Result<(), Box<dyn Error>> {
                     threads,
                     ..GpConfig::default()
                 };
-                train_gp::learn(&data, test, &config, &file, &bar)?
+                P::learn_gp(&data, test, &config, &file, &bar)?
             }
         });
         println!("model: {}", file.display());
     }
-    let files: Vec<String> = jobs(args).into_iter().map(|(_, file)| file.display().to_string()).collect();
+    let files: Vec<String> =
+        jobs(args, P::NONLINEAR).into_iter().map(|(_, file)| file.display().to_string()).collect();
     let car = if args.vehicle == BUILTIN[0] { String::new() } else { format!(" --vehicle {}", args.vehicle) };
     println!("next: rfl drive --residual {}{car}, fmu-build --residual {}{car}", files[0], files.join(" "));
     if let Some(file) = &args.json {
@@ -283,9 +299,9 @@ pub(super) fn followed_by(bar: &ProgressBar) -> impl Fn(Progress) + Sync {
 }
 
 /// Trains a residual, writes it to a file and prints its fit, under a header if it is the first; gives it as JSON.
-fn learn(
-    data: &DataSet,
-    test: Option<&DataSet>,
+fn learn<V: LateralVehicle<S>, const S: usize>(
+    data: &DataSet<V, S>,
+    test: Option<&DataSet<V, S>>,
     config: &TrainConfig,
     file: &Path,
     bar: &ProgressBar,
@@ -334,17 +350,20 @@ fn found(report: &DataReport) -> Vec<String> {
     notes
 }
 
+/// States of any vehicle that we know, with their units.
+const HEADINGS: [&str; 6] = ["e1 m", "e1' m/s", "e2 rad", "e2' rad/s", "phi rad", "phi' rad/s"];
+
+fn right(text: &(impl AsRef<str> + ?Sized)) -> String {
+    format!(" {:>10}", text.as_ref())
+}
+
 /// Prints the fit of a model, under a header if it is the first.
-fn show(kind: Kind, report: &TrainReport, first: bool) {
+fn show<const S: usize>(kind: Kind, report: &TrainReport<S>, first: bool) {
     if first {
-        println!(
-            "{:<28} {:>10} {:>10} {:>10} {:>10}",
-            "RMS of one step", "e1 m", "e1' m/s", "e2 rad", "e2' rad/s"
-        );
+        println!("{:<28}{}", "RMS of one step", HEADINGS[..S].iter().map(right).collect::<String>());
     }
-    let line = |name: &str, values: [f64; 4]| {
-        let [a, b, c, d] = values;
-        println!("{name:<28} {a:>10.2e} {b:>10.2e} {c:>10.2e} {d:>10.2e}");
+    let line = |name: &str, values: [f64; S]| {
+        println!("{name:<28}{}", values.map(|value| right(&format!("{value:.2e}"))).concat());
     };
     if first {
         line("nominal, training", report.train.nominal_rmse);
@@ -361,6 +380,8 @@ fn show(kind: Kind, report: &TrainReport, first: bool) {
     }
 }
 
-fn as_json(fit: &Fit) -> Value {
-    json!({"samples": fit.samples, "rmse": fit.rmse, "max": fit.max, "nominal_rmse": fit.nominal_rmse})
+fn as_json<const S: usize>(fit: &Fit<S>) -> Value {
+    json!({
+        "samples": fit.samples, "rmse": fit.rmse[..], "max": fit.max[..], "nominal_rmse": fit.nominal_rmse[..],
+    })
 }

@@ -4,12 +4,14 @@
 //! when something is missing.
 
 use super::condense::Propagation;
-use super::parameters::{ControllerParameters, NmpcParameters};
-use super::variant::{BicycleModel, PredictionModel, Residual, RollOut};
+use super::parameters::ControllerParametersFor;
+use super::variant::{PredictionModelFor, Residual, RollOut};
+use super::vehicle::{ControlledVehicle, VehicleParameters};
 use crate::enumeration;
-use crate::nominal::Actuator;
+use crate::nominal::{Actuator, ERRORS, LateralVehicle};
 use crate::residual::gp::GpModel;
-use crate::residual::{FileError, FileKind, Kind, ResidualModel};
+use crate::residual::{FileError, FileKind, Kind, ResidualModelFor};
+use crate::vehicle::SingleTrack;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -93,18 +95,26 @@ pub enum ChoiceError {
         file.display()
     )]
     FileNotUsed { variant: &'static str, file: PathBuf },
+    #[error(
+        "the variant {variant} has a nonlinear model, and there is none of a {vehicle}: choose a variant with a linear \
+         model"
+    )]
+    NoNonlinear { variant: &'static str, vehicle: &'static str },
 }
 
-/// A learned model of any kind.
+/// A learned model of any kind for a car.
+pub type LearnedModel = LearnedModelFor<SingleTrack, ERRORS>;
+
+/// A learned model of any kind for a kind of vehicle with `S` states.
 #[derive(Debug, Clone)]
-pub enum LearnedModel {
+pub enum LearnedModelFor<V, const S: usize> {
     /// What the linear model misses.
-    Residual(Arc<ResidualModel>),
+    Residual(Arc<ResidualModelFor<V, S>>),
     /// What the nonlinear bicycle misses.
     Gp(Arc<GpModel>),
 }
 
-impl LearnedModel {
+impl<V: LateralVehicle<S>, const S: usize> LearnedModelFor<V, S> {
     /// Reads a model's file.
     ///
     /// # Errors
@@ -114,7 +124,7 @@ impl LearnedModel {
         match FileKind::of(&begin) {
             Some(FileKind::Gp) => Ok(Self::Gp(Arc::new(GpModel::read(file)?))),
             // What is neither is refused in the words of the ordinary one.
-            _ => Ok(Self::Residual(Arc::new(ResidualModel::read(file)?))),
+            _ => Ok(Self::Residual(Arc::new(ResidualModelFor::read(file)?))),
         }
     }
 
@@ -133,11 +143,15 @@ impl Choice {
     ///
     /// # Errors
     /// A model that is missing, damaged or of another kind.
-    pub fn prediction_model(
+    pub fn prediction_model<G: VehicleParameters<S>, const S: usize>(
         &self,
-        parameters: &ControllerParameters,
-    ) -> Result<(ControlVariant, PredictionModel), ChoiceError> {
+        parameters: &ControllerParametersFor<G>,
+    ) -> Result<(ControlVariant, PredictionModelFor<G::Vehicle, S>), ChoiceError> {
         let variant = self.variant;
+        if matches!(variant, ControlVariant::Nmpc | ControlVariant::GpNmpc) {
+            // A vehicle without a nonlinear model needs no file for one.
+            nonlinear(variant, parameters, None)?;
+        }
         let actuator = &parameters.actuator;
         let (dead_time, time_constant) = (actuator.dead_time, actuator.time_constant);
         let file = match &self.file {
@@ -145,11 +159,13 @@ impl Choice {
             None if variant.is_learned() => self.packed()?,
             None => {
                 let model = match variant {
-                    ControlVariant::Actuator => {
-                        PredictionModel::Actuator(Actuator { dead_time, time_constant })
-                    }
-                    ControlVariant::Nmpc => bicycle(parameters, None),
-                    _ => PredictionModel::Nominal,
+                    ControlVariant::Actuator => PredictionModelFor::Actuator(Actuator {
+                        dead_time,
+                        time_constant,
+                        ..Actuator::default()
+                    }),
+                    ControlVariant::Nmpc => nonlinear(variant, parameters, None)?,
+                    _ => PredictionModelFor::Nominal,
                 };
                 return Ok((variant, model));
             }
@@ -157,17 +173,17 @@ impl Choice {
         if matches!(variant, ControlVariant::Actuator | ControlVariant::Nmpc) {
             return Err(ChoiceError::FileNotUsed { variant: variant.name(), file });
         }
-        let model = LearnedModel::read(&file)?;
+        let model = LearnedModelFor::<G::Vehicle, S>::read(&file)?;
         let found = model.variant();
         if variant != ControlVariant::None && variant != found {
             return Err(ChoiceError::OtherKind { file, found: found.name(), variant: variant.name() });
         }
         let (propagation, roll_out) = (self.propagation, self.roll_out);
         let model = match model {
-            LearnedModel::Residual(model) => {
-                PredictionModel::Residual(Residual { model, propagation, roll_out })
+            LearnedModelFor::Residual(model) => {
+                PredictionModelFor::Residual(Residual { model, propagation, roll_out })
             }
-            LearnedModel::Gp(model) => bicycle(parameters, Some(model)),
+            LearnedModelFor::Gp(model) => nonlinear(found, parameters, Some(model))?,
         };
         Ok((found, model))
     }
@@ -180,9 +196,14 @@ impl Choice {
     }
 }
 
-fn bicycle(parameters: &ControllerParameters, gp: Option<Arc<GpModel>>) -> PredictionModel {
-    let NmpcParameters { friction, max_iterations } = parameters.nmpc;
-    PredictionModel::Bicycle(BicycleModel { friction, max_iterations, gp })
+fn nonlinear<G: VehicleParameters<S>, const S: usize>(
+    variant: ControlVariant,
+    parameters: &ControllerParametersFor<G>,
+    gp: Option<Arc<GpModel>>,
+) -> Result<PredictionModelFor<G::Vehicle, S>, ChoiceError> {
+    let model = G::Vehicle::nonlinear(&parameters.nmpc, gp);
+    let none = || ChoiceError::NoNonlinear { variant: variant.name(), vehicle: G::Vehicle::KIND };
+    model.map(PredictionModelFor::Bicycle).ok_or_else(none)
 }
 
 #[cfg(test)]

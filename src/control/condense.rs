@@ -15,7 +15,9 @@
 
 use super::tracking_qp::TrackingQp;
 use crate::enumeration;
-use nalgebra::{SMatrix, SVector};
+use crate::nominal::ActuatedState;
+use nalgebra::SVector;
+use std::ops::{Add, AddAssign, Mul};
 
 enumeration! {
     /// How a learned residual enters the prediction.
@@ -25,37 +27,65 @@ enumeration! {
     }
 }
 
+/// A state that a prediction is made of: a vector, or one in blocks.
+pub trait HorizonState: Copy + Add<Output = Self> + AddAssign + Mul<f64, Output = Self> {
+    /// All zero.
+    fn zero() -> Self;
+    /// A component by its number.
+    fn component(&self, i: usize) -> f64;
+}
+
+impl<const S: usize> HorizonState for SVector<f64, S> {
+    fn zero() -> Self {
+        Self::zeros()
+    }
+
+    fn component(&self, i: usize) -> f64 {
+        self[i]
+    }
+}
+
+impl<const S: usize> HorizonState for ActuatedState<S> {
+    fn zero() -> Self {
+        Self::zeros()
+    }
+
+    fn component(&self, i: usize) -> f64 {
+        if i < S { self.vehicle[i] } else { self.actuator[i - S] }
+    }
+}
+
 /// The affine part of the prediction over a horizon, preallocated.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Affine<const N: usize> {
+pub struct Affine<X> {
     /// Known inputs `w_j` of each step: the road, a disturbance.
-    pub known: Vec<SVector<f64, N>>,
+    pub known: Vec<X>,
     /// Constant part `c_j` of the residual of each step.
-    pub constant: Vec<SVector<f64, N>>,
+    pub constant: Vec<X>,
     /// `beta_{j,i}`, `window` vectors for each step, oldest command first; empty without a residual.
-    pub command: Vec<SVector<f64, N>>,
+    pub command: Vec<X>,
     /// Commands of a window; 0 without a residual.
     pub window: usize,
     /// Effects of the decisions on the newest state, one vector for each step of the horizon.
-    effects: Vec<SVector<f64, N>>,
+    effects: Vec<X>,
 }
 
-impl<const N: usize> Affine<N> {
+impl<X: HorizonState> Affine<X> {
     /// Room for a horizon and a window.
     #[must_use]
     pub fn new(horizon: usize, window: usize) -> Self {
         Self {
-            known: vec![SVector::zeros(); horizon],
-            constant: vec![SVector::zeros(); horizon],
-            command: vec![SVector::zeros(); horizon * window],
+            known: vec![X::zero(); horizon],
+            constant: vec![X::zero(); horizon],
+            command: vec![X::zero(); horizon * window],
             window,
-            effects: vec![SVector::zeros(); horizon],
+            effects: vec![X::zero(); horizon],
         }
     }
 
     /// Effects of the window's commands at a step, oldest first.
     #[must_use]
-    pub fn commands_of(&self, step: usize) -> &[SVector<f64, N>] {
+    pub fn commands_of(&self, step: usize) -> &[X] {
         &self.command[step * self.window..(step + 1) * self.window]
     }
 }
@@ -63,23 +93,25 @@ impl<const N: usize> Affine<N> {
 /// The linear model of a horizon: `x_{j+1} = a x_j + b u_j + ..`.
 #[derive(Debug, Clone, Copy)]
 #[allow(missing_docs)]
-pub struct Linear<'a, const N: usize> {
-    pub a: &'a SMatrix<f64, N, N>,
-    pub b: &'a SVector<f64, N>,
+pub struct Linear<'a, A, X> {
+    pub a: &'a A,
+    pub b: &'a X,
 }
 
 /// Writes `free` and `gain` of a one-input problem whose outputs are the states named in `tracked`.
 ///
 /// `past` holds the `window - 1` commands before the first decision, oldest first.
-pub fn condense<const N: usize>(
-    Linear { a, b }: Linear<'_, N>,
-    start: &SVector<f64, N>,
-    affine: &mut Affine<N>,
+pub fn condense<A, X: HorizonState>(
+    Linear { a, b }: Linear<'_, A, X>,
+    start: &X,
+    affine: &mut Affine<X>,
     past: &[f64],
     propagation: Propagation,
     tracked: &[usize],
     problem: &mut TrackingQp,
-) {
+) where
+    for<'x> &'x A: Mul<&'x X, Output = X>,
+{
     let (horizon, outputs, window) = (problem.shape.horizon, tracked.len(), affine.window);
     debug_assert_eq!((problem.shape.outputs, problem.shape.inputs), (outputs, 1));
     debug_assert_eq!(past.len(), window.saturating_sub(1));
@@ -90,19 +122,19 @@ pub fn condense<const N: usize>(
         let commands = affine.commands_of(j);
         // The window of step j begins with what is left of the past commands.
         for (effect, command) in commands.iter().zip(past.iter().skip(j)) {
-            residual += effect * *command;
+            residual += *effect * *command;
         }
         // Its newest command is u_j; the decision p stands j - p places before it.
         let effect_of = |p: usize| (window + p).checked_sub(j + 1).map(|i| commands[i]);
-        x = a * x + affine.known[j];
+        x = a * &x + affine.known[j];
         if j == 0 || window > 0 {
             for effect in &mut effects[..j] {
-                *effect = a * *effect;
+                *effect = a * &*effect;
             }
             effects[j] = *b;
         } else {
             // Without a residual a decision acts as the one before it did a step ago.
-            let oldest = a * effects[0];
+            let oldest = a * &effects[0];
             effects.copy_within(..j, 1);
             effects[0] = oldest;
         }
@@ -118,12 +150,12 @@ pub fn condense<const N: usize>(
         let direct = window > 0 && !propagated;
         for (i, &state) in tracked.iter().enumerate() {
             let row = j * outputs + i;
-            problem.free[row] = x[state] + if direct { residual[state] } else { 0.0 };
+            problem.free[row] = x.component(state) + if direct { residual.component(state) } else { 0.0 };
             for (p, (entry, effect)) in
                 problem.gain[row * horizon..][..=j].iter_mut().zip(&effects).enumerate()
             {
-                let more = if direct { effect_of(p).map_or(0.0, |more| more[state]) } else { 0.0 };
-                *entry = effect[state] + more;
+                let more = if direct { effect_of(p).map_or(0.0, |more| more.component(state)) } else { 0.0 };
+                *entry = effect.component(state) + more;
             }
         }
     }

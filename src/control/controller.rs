@@ -3,20 +3,23 @@
 //! A step never leaves the vehicle without a command. If the solver misses its deadline or fails, the last plan
 //! goes on; when that is used up, steering is held and the vehicle brakes.
 
+use super::clarabel_solver::BuildError;
 use super::history::History;
 use super::lateral::{LateralError, LateralInput, LateralMpc};
-use super::observer::Observer;
-use super::parameters::ControllerParameters;
+use super::longitudinal::{LongitudinalInput, LongitudinalMpc, LongitudinalState};
+use super::observer::{Noise, Observer};
+use super::parameters::{ControllerParametersFor, NominalVehicle, SpeedController};
 use super::preview::SpeedAhead;
 use super::speed::track_speed;
 use super::status::ControlStatus;
 use super::tracking_qp::{QpEnd, QpError, QpReport, TrackingQp};
-use super::variant::PredictionModel;
-use crate::nominal::{ErrorState, body_change};
+use super::variant::PredictionModelFor;
+use super::vehicle::{ControlledVehicle, VehicleParameters};
+use crate::nominal::{ERRORS, ErrorState, body_change};
 use crate::parameter::OutOfRange;
 use crate::path::{Path, SpeedLimits, SpeedPlan};
 use crate::residual::Random;
-use nalgebra::Vector4;
+use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::time::Instant;
@@ -33,6 +36,10 @@ pub struct Measurement {
     pub yaw_rate: f64,
     /// Road-wheel angle: where the steering command starts from at the first step.
     pub steer: f64,
+    /// Articulation angle, rad; 0 for a vehicle without one.
+    pub articulation: f64,
+    /// Its rate, rad/s.
+    pub articulation_rate: f64,
 }
 
 /// What a step decided, and on which grounds.
@@ -50,6 +57,8 @@ pub struct StepReport {
     pub curvature: f64,
     pub curvature_rate: f64,
     pub speed_ref: f64,
+    /// Distance along the path from the vehicle to the point that the speed controller follows, m; 0 where it follows none.
+    pub lag_error: f64,
     /// Share of the horizon where the learned residual was asked outside its training and faded out, 0 to 1.
     pub residual_outside: f64,
     /// Iterations of the QP solver; 0 if it did not run to an end.
@@ -68,6 +77,8 @@ pub enum ControllerError {
     Parameter(#[from] OutOfRange),
     #[error(transparent)]
     Lateral(#[from] LateralError),
+    #[error("the longitudinal MPC: {0}")]
+    Longitudinal(#[from] BuildError),
 }
 
 /// Why a step cannot be computed.
@@ -80,20 +91,22 @@ pub enum StepError {
 
 /// Everything that steps change: what a saved state holds.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct ControllerState {
+pub struct ControllerState<const S: usize = ERRORS> {
     /// Steering command in force; none before the first step.
     steer_cmd: Option<f64>,
     /// Newest plan of the steering.
     plan: Vec<f64>,
     /// Steps since the plan was made.
     plan_age: usize,
-    history: History,
-    observer: Observer,
+    history: History<S>,
+    observer: Observer<S>,
     /// Station of the last step.
     station: Option<f64>,
     /// Distance driven along the path.
     travelled: f64,
     speed_integral: f64,
+    /// None where the speed is not tracked by MPC.
+    longitudinal: Option<LongitudinalState>,
     finished: bool,
     /// Steps made.
     steps: u64,
@@ -117,22 +130,27 @@ const APPROACH_SPEED: f64 = 3.0;
 /// The path's end counts as reached this far before it, m.
 const END_DISTANCE: f64 = 0.5;
 
-/// The controller of the car.
-pub struct Controller {
-    parameters: ControllerParameters,
+/// The controller of a car.
+pub type Controller = ControllerFor<NominalVehicle, ERRORS>;
+
+/// The controller of a kind of vehicle with parameters `G` of its own and `S` states.
+pub struct ControllerFor<G, const S: usize> {
+    parameters: ControllerParametersFor<G>,
     path: Arc<Path>,
     plan: SpeedPlan,
-    lateral: LateralMpc,
-    state: ControllerState,
+    lateral: LateralMpc<S>,
+    longitudinal: Option<LongitudinalMpc>,
+    noise: Noise<S>,
+    state: ControllerState<S>,
 }
 
-impl Controller {
+impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
     /// Sets the controller up for a path.
     ///
     /// # Errors
     /// A parameter out of range.
-    pub fn new(parameters: ControllerParameters, path: Arc<Path>) -> Result<Self, ControllerError> {
-        Self::predicting_with(parameters, path, PredictionModel::Nominal)
+    pub fn new(parameters: ControllerParametersFor<G>, path: Arc<Path>) -> Result<Self, ControllerError> {
+        Self::predicting_with(parameters, path, PredictionModelFor::Nominal)
     }
 
     /// Sets a controller up that predicts with a model of choice.
@@ -140,10 +158,11 @@ impl Controller {
     /// # Errors
     /// A parameter out of range; a residual that was learned for another vehicle or sample time.
     pub fn predicting_with(
-        parameters: ControllerParameters,
+        parameters: ControllerParametersFor<G>,
         path: Arc<Path>,
-        model: PredictionModel,
+        model: PredictionModelFor<G::Vehicle, S>,
     ) -> Result<Self, ControllerError> {
+        const { assert!(S >= ERRORS, "a state begins with the errors to the path") };
         parameters.check()?;
         let speed = &parameters.speed;
         let limits = SpeedLimits {
@@ -153,7 +172,15 @@ impl Controller {
             speed: speed.limit,
         };
         let plan = SpeedPlan::between(&path, &limits, None, true);
-        let lateral = LateralMpc::new(parameters.vehicle.single_track(), parameters.mpc, model)?;
+        let further = parameters.vehicle.further_states();
+        let noise = Noise::new(&parameters.observer, &further, parameters.mpc.sample_time);
+        let lateral = LateralMpc::new(parameters.vehicle.nominal(), parameters.mpc, &further, model)?;
+        let longitudinal = match speed.tracked_by() {
+            SpeedController::Pi => None,
+            SpeedController::Mpc => {
+                Some(LongitudinalMpc::new(parameters.longitudinal, speed, &parameters.mpc)?)
+            }
+        };
         let state = ControllerState {
             steer_cmd: None,
             plan: vec![0.0; parameters.mpc.horizon],
@@ -163,11 +190,12 @@ impl Controller {
             station: None,
             travelled: 0.0,
             speed_integral: 0.0,
+            longitudinal: longitudinal.as_ref().map(LongitudinalMpc::state),
             finished: false,
             steps: 0,
             last: StepReport::default(),
         };
-        Ok(Self { parameters, path, plan, lateral, state })
+        Ok(Self { parameters, path, plan, lateral, longitudinal, noise, state })
     }
 
     /// One control step. The commands hold until the next one, `mpc.sample_time` later.
@@ -180,24 +208,20 @@ impl Controller {
         let mut report = self.locate(measurement);
         let far = report.e1.abs() > FAR_E1 || report.e2.abs() > FAR_E2;
         let previous = self.state.steer_cmd.unwrap_or(measurement.steer);
-        self.command_speed(measurement.vx, far, &mut report);
+        self.command_speed(measurement.vx, far, &mut report, begin);
 
-        let state = Vector4::new(report.e1, report.e1_rate, report.e2, report.e2_rate);
+        let errors = ErrorState::new(report.e1, report.e1_rate, report.e2, report.e2_rate);
+        let state = G::Vehicle::state(&errors, measurement);
         self.state.history.observe(&state, previous);
         let observer = self.parameters.observer;
         let mut estimate = state;
         if far {
             self.state.observer.reset();
         } else if observer.is_on() {
-            estimate = self.state.observer.observe(
-                &state,
-                measurement.vx,
-                &observer,
-                self.parameters.mpc.sample_time,
-            );
+            estimate = self.state.observer.observe(&state, measurement.vx, &self.noise);
         }
         // What the filter moves of the errors, it moves of the body's own velocities.
-        let moved = body_change(&(estimate - state), measurement.vx);
+        let moved = body_change(&(estimate - state).fixed_rows::<ERRORS>(0).into_owned(), measurement.vx);
         let motion = [measurement.vx, measurement.vy + moved[0], measurement.yaw_rate + moved[1]];
         let solved = self.solve(&estimate, motion, previous, far, &report, begin);
         self.command_steering(solved, previous, far, &mut report);
@@ -208,6 +232,11 @@ impl Controller {
             }
         }
 
+        if let Some(longitudinal) = &mut self.longitudinal {
+            // A safe hold has brought a command of its own.
+            longitudinal.override_command(report.accel_cmd);
+            self.state.longitudinal = Some(longitudinal.state());
+        }
         self.state.steer_cmd = Some(report.steer_cmd);
         self.state.steps += 1;
         report.residual_outside = self.lateral.outside_training();
@@ -218,7 +247,21 @@ impl Controller {
     }
 
     /// Tracks the speed plan; slowly, where the vehicle is far from the path.
-    fn command_speed(&mut self, speed: f64, far: bool, report: &mut StepReport) {
+    fn command_speed(&mut self, speed: f64, far: bool, report: &mut StepReport, begin: Instant) {
+        let time_limit = self.time_left(begin);
+        if let Some(longitudinal) = &mut self.longitudinal {
+            let step = longitudinal.step(&LongitudinalInput {
+                station: report.station,
+                speed,
+                plan: &self.plan,
+                path: &self.path,
+                speed_limit: if far { APPROACH_SPEED } else { f64::INFINITY },
+                time_limit,
+            });
+            (report.speed_ref, report.lag_error) = (step.speed_ref, step.lag_error);
+            report.accel_cmd = step.accel_cmd;
+            return;
+        }
         let mut target = (self.plan.speed(report.station), self.plan.accel(report.station));
         if far && target.0 > APPROACH_SPEED {
             target = (APPROACH_SPEED, 0.0);
@@ -229,10 +272,18 @@ impl Controller {
         (report.speed_ref, report.accel_cmd) = (target.0, command.accel_cmd);
     }
 
+    /// Seconds that are left to a solver in a step that began then.
+    fn time_left(&self, begin: Instant) -> f64 {
+        match self.parameters.mpc.deadline {
+            deadline if deadline > 0.0 => (deadline - begin.elapsed().as_secs_f64()).max(0.0),
+            _ => f64::INFINITY,
+        }
+    }
+
     /// Solves the lateral MPC for a measured or estimated state.
     fn solve(
         &mut self,
-        state: &ErrorState,
+        state: &SVector<f64, S>,
         [speed, vy, yaw_rate]: [f64; 3],
         previous: f64,
         far: bool,
@@ -244,14 +295,13 @@ impl Controller {
         // vehicle. Without that, a large error is answered by a turn across the path that the horizon, 0.3 s, is too
         // short to see the end of.
         let bound = (APPROACH_TIME * speed.abs()).max(APPROACH_E1).min(p.e1_max);
-        let aim =
-            Vector4::new(state[0].clamp(-bound, bound), state[1], state[2].clamp(-FAR_E2, FAR_E2), state[3]);
-        let time_limit = match p.deadline {
-            deadline if deadline > 0.0 => (deadline - begin.elapsed().as_secs_f64()).max(0.0),
-            _ => f64::INFINITY,
-        };
+        let mut aim = *state;
+        aim[0] = state[0].clamp(-bound, bound);
+        aim[2] = state[2].clamp(-FAR_E2, FAR_E2);
+        let time_limit = self.time_left(begin);
+        let predicted = self.longitudinal.as_ref().map_or(&[][..], LongitudinalMpc::predicted_speeds);
         let memory = &self.state;
-        let disturbance = memory.observer.disturbance(p.sample_time);
+        let disturbance = memory.observer.disturbance(&self.noise);
         self.lateral.step(&LateralInput {
             state: &aim,
             vy,
@@ -259,7 +309,7 @@ impl Controller {
             history: &memory.history,
             last_plan: memory.plan.get(memory.plan_age + 1..).unwrap_or_default(),
             station: report.station,
-            ahead: SpeedAhead { speed, accel: report.accel_cmd },
+            ahead: SpeedAhead { speed, accel: report.accel_cmd, predicted },
             previous,
             path: &self.path,
             disturbance: &disturbance,
@@ -370,8 +420,14 @@ impl Controller {
 
     /// The lateral MPC with its newest problem and prediction.
     #[must_use]
-    pub fn lateral(&self) -> &LateralMpc {
+    pub fn lateral(&self) -> &LateralMpc<S> {
         &self.lateral
+    }
+
+    /// The longitudinal MPC, where the speed is tracked by one.
+    #[must_use]
+    pub fn longitudinal(&self) -> Option<&LongitudinalMpc> {
+        self.longitudinal.as_ref()
     }
 
     /// The newest QP.
@@ -394,22 +450,26 @@ impl Controller {
 
     /// The parameters in force.
     #[must_use]
-    pub fn parameters(&self) -> &ControllerParameters {
+    pub fn parameters(&self) -> &ControllerParametersFor<G> {
         &self.parameters
     }
 
     /// Everything that steps have changed.
     #[must_use]
-    pub fn state(&self) -> &ControllerState {
+    pub fn state(&self) -> &ControllerState<S> {
         &self.state
     }
 
     /// Continues from a state of a controller with the same parameters and path. Gives the state back if its plan
-    /// has another horizon or its history another window.
-    pub fn restore(&mut self, state: ControllerState) -> Option<ControllerState> {
-        let window = |state: &ControllerState| state.history.states().len();
-        if state.plan.len() != self.state.plan.len() || window(&state) != window(&self.state) {
+    /// has another horizon, its history another window, or its speed was tracked in another way.
+    pub fn restore(&mut self, state: ControllerState<S>) -> Option<ControllerState<S>> {
+        let window = |state: &ControllerState<S>| state.history.states().len();
+        let other_speed = state.longitudinal.is_some() != self.longitudinal.is_some();
+        if state.plan.len() != self.state.plan.len() || window(&state) != window(&self.state) || other_speed {
             return Some(state);
+        }
+        if let (Some(longitudinal), Some(of_speed)) = (&mut self.longitudinal, state.longitudinal) {
+            longitudinal.restore(of_speed);
         }
         self.state = state;
         None
@@ -417,9 +477,18 @@ impl Controller {
 }
 
 fn check(measurement: &Measurement) -> Result<(), StepError> {
-    let Measurement { x, y, yaw, vx, vy, yaw_rate, steer } = *measurement;
-    let signals =
-        [("x", x), ("y", y), ("yaw", yaw), ("vx", vx), ("vy", vy), ("yaw_rate", yaw_rate), ("steer", steer)];
+    let Measurement { x, y, yaw, vx, vy, yaw_rate, steer, articulation, articulation_rate } = *measurement;
+    let signals = [
+        ("x", x),
+        ("y", y),
+        ("yaw", yaw),
+        ("vx", vx),
+        ("vy", vy),
+        ("yaw_rate", yaw_rate),
+        ("steer", steer),
+        ("articulation", articulation),
+        ("articulation_rate", articulation_rate),
+    ];
     match signals.into_iter().find(|(_, value)| !value.is_finite()) {
         Some((signal, value)) => Err(StepError::NotFinite { signal, value }),
         None => Ok(()),

@@ -1,32 +1,33 @@
 //! What the controller has seen and commanded lately: the window that a learned residual looks at.
 
-use crate::nominal::ErrorState;
+use crate::nominal::ERRORS;
+use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
 
-/// The last `W` measured error states and the last `W - 1` commands, oldest first.
+/// The last `W` measured states and the last `W - 1` commands, oldest first.
 ///
 /// Before there are as many, the window is filled with what is known: the first state, and the command in force. "No
 /// residual until the window is full" would leave a vehicle with a slow actuator to the nominal model for W steps.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct History {
-    states: Vec<ErrorState>,
+pub struct History<const S: usize = ERRORS> {
+    states: Vec<SVector<f64, S>>,
     commands: Vec<f64>,
     filled: bool,
 }
 
-impl History {
+impl<const S: usize> History<S> {
     /// A window of `window` steps; 0 for none.
     #[must_use]
     pub fn new(window: usize) -> Self {
         Self {
-            states: vec![ErrorState::zeros(); window],
+            states: vec![SVector::zeros(); window],
             commands: vec![0.0; window.saturating_sub(1)],
             filled: false,
         }
     }
 
     /// Takes the state of this step, with the command in force before it.
-    pub fn observe(&mut self, state: &ErrorState, command: f64) {
+    pub fn observe(&mut self, state: &SVector<f64, S>, command: f64) {
         if !self.filled {
             self.states.fill(*state);
             self.commands.fill(command);
@@ -37,9 +38,9 @@ impl History {
         shift(&mut self.commands, command);
     }
 
-    /// Error states, oldest first; the last is this step's.
+    /// States, oldest first; the last is this step's.
     #[must_use]
-    pub fn states(&self) -> &[ErrorState] {
+    pub fn states(&self) -> &[SVector<f64, S>] {
         &self.states
     }
 
@@ -61,6 +62,7 @@ fn shift<T: Copy>(values: &mut [T], newest: T) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::nominal::ErrorState;
 
     #[test]
     fn it_is_filled_at_once_and_then_moves() {

@@ -18,13 +18,13 @@ use super::parameters::MpcParameters;
 use super::preview::{Preview, SpeedAhead};
 use super::tracking_qp::{QpError, QpReport, QpShape, SoftBound, TrackingQp};
 use super::variant::{
-    Actuated, BicycleMpc, BicycleRollOut, Expected, NominalWithResidual, PredictionModel, Qp, Timing, Variant,
+    Actuated, BicycleRollOut, Expected, NominalWithResidual, PredictionModelFor, Qp, Timing, Variant,
 };
-use crate::nominal::{ContinuousErrorModel, ErrorState, SingleTrackError};
+use super::vehicle::{Bound, ControlledVehicle, FurtherState, Nonlinear};
+use crate::nominal::{ERRORS, SingleTrackError};
 use crate::path::Path;
 use crate::residual::Misfit;
-use crate::vehicle::SingleTrack;
-use nalgebra::Vector4;
+use nalgebra::SVector;
 
 /// Why the MPC cannot be set up.
 #[derive(Debug, thiserror::Error)]
@@ -40,27 +40,27 @@ pub enum LateralError {
 
 /// What one step of the lateral MPC is told.
 #[derive(Debug, Clone, Copy)]
-pub struct LateralInput<'a> {
-    /// Errors to the path that the MPC is to bring to zero.
-    pub state: &'a ErrorState,
+pub struct LateralInput<'a, const S: usize = ERRORS> {
+    /// The state, first the errors to the path that the MPC is to bring to zero.
+    pub state: &'a SVector<f64, S>,
     /// Lateral velocity of the vehicle, m/s.
     pub vy: f64,
     /// Yaw rate of the vehicle, rad/s.
     pub yaw_rate: f64,
     /// The window of measured states and issued commands.
-    pub history: &'a History,
+    pub history: &'a History<S>,
     /// Last plan of the steering, beginning with this step; may be shorter than the horizon.
     pub last_plan: &'a [f64],
     /// Station of the vehicle, m.
     pub station: f64,
     /// Speed, and how it will change.
-    pub ahead: SpeedAhead,
+    pub ahead: SpeedAhead<'a>,
     /// Steering command in force, rad.
     pub previous: f64,
     /// The road.
     pub path: &'a Path,
     /// Disturbance of each step.
-    pub disturbance: &'a ErrorState,
+    pub disturbance: &'a SVector<f64, S>,
     /// Whether the learned residual is to be used.
     pub use_residual: bool,
     /// Seconds for the solver; infinite for no limit.
@@ -68,31 +68,51 @@ pub struct LateralInput<'a> {
 }
 
 /// The MPC with its preallocated problem.
-pub struct LateralMpc {
+pub struct LateralMpc<const S: usize = ERRORS> {
     parameters: MpcParameters,
-    variant: Box<dyn Variant>,
+    variant: Box<dyn Variant<S>>,
     preview: Preview,
     qp: Qp,
 }
 
 /// Speed at which the QP that scales the solver is linearised, m/s.
 const TYPICAL_SPEED: f64 = 10.0;
+/// Largest reference of the yaw error, rad. Far from straight driving the linear steady state means nothing.
+const LARGEST_YAW_REFERENCE: f64 = 0.3;
 
-impl LateralMpc {
-    /// Sets the problem up.
+impl<const S: usize> LateralMpc<S> {
+    /// Sets the problem up; `further` are the states behind the errors to the path.
     ///
     /// # Errors
     /// Vehicle parameters that are not positive; weights that the solver refuses; a residual that was learned for
     /// another controller.
-    pub fn new(
-        vehicle: SingleTrack,
+    pub fn new<V: ControlledVehicle<S>>(
+        vehicle: V,
         parameters: MpcParameters,
-        model: PredictionModel,
+        further: &[FurtherState],
+        model: PredictionModelFor<V, S>,
     ) -> Result<Self, LateralError> {
         let p = &parameters;
-        let weights = [p.q_e1, p.q_e1_rate, p.q_e2, p.q_e2_rate];
-        // e1 is always an output, because of its bound; the others only where they cost something.
-        let tracked: Vec<usize> = (0..4).filter(|&i| i == 0 || weights[i] > 0.0).collect();
+        let errors = [p.q_e1, p.q_e1_rate, p.q_e2, p.q_e2_rate];
+        let mut weights = errors.into_iter().chain(further.iter().map(|state| state.weight));
+        let weights: [f64; S] = std::array::from_fn(|_| weights.next().unwrap_or(0.0));
+        let of_e1 = Bound { max: p.e1_max, quadratic: p.slack_quadratic, linear: p.slack_linear };
+        let bounds = further.iter().enumerate().map(|(i, state)| (ERRORS + i, state.bound));
+        let bounds: Vec<(usize, Bound)> = bounds.filter_map(|(i, bound)| Some((i, bound?))).collect();
+        // e1 is always an output, because of its bound; the others only where they cost something or have a bound.
+        let bounded = |i: usize| i == 0 || bounds.iter().any(|&(state, _)| state == i);
+        let tracked: Vec<usize> = (0..S).filter(|&i| bounded(i) || weights[i] > 0.0).collect();
+        let soft = |(state, bound): (usize, Bound)| SoftBound {
+            output: tracked.iter().position(|&i| i == state).unwrap_or(0),
+            min: -bound.max,
+            max: bound.max,
+            quadratic: bound.quadratic,
+            linear: bound.linear,
+        };
+        let largest_reference = |&i: &usize| match i {
+            2 => LARGEST_YAW_REFERENCE,
+            _ => i.checked_sub(ERRORS).map_or(0.0, |i| further[i].largest_reference),
+        };
         let shape = QpShape {
             horizon: p.horizon,
             outputs: tracked.len(),
@@ -103,32 +123,27 @@ impl LateralMpc {
             input_min: vec![-p.steer_max],
             input_max: vec![p.steer_max],
             rate_max: vec![p.steer_rate_max * p.sample_time],
-            soft: vec![SoftBound {
-                output: 0,
-                min: -p.e1_max,
-                max: p.e1_max,
-                quadratic: p.slack_quadratic,
-                linear: p.slack_linear,
-            }],
+            soft: [(0, of_e1)].into_iter().chain(bounds.iter().copied()).map(soft).collect(),
         };
         let rows = shape.horizon * shape.outputs;
         let mut problem = TrackingQp::new(shape);
-        let typical = ContinuousErrorModel::new(&vehicle, TYPICAL_SPEED)?.discretise(p.sample_time);
-        let start = Vector4::new(0.1, 0.0, 0.05, 0.0);
+        let typical = vehicle.model_at(TYPICAL_SPEED)?.discretise(p.sample_time);
+        let start = SVector::from_fn(|i, _| [0.1, 0.0, 0.05].get(i).copied().unwrap_or(0.0));
         // The typical problem that scales the solver is the nominal one.
         let mut affine = Affine::new(p.horizon, 0);
         let linear = Linear { a: &typical.a, b: &typical.b };
         condense(linear, &start, &mut affine, &[], Propagation::default(), &tracked, &mut problem);
         let solver = build_solver(p.solver, &problem, p.max_iterations as u32)?;
-        let variant: Box<dyn Variant> = match model {
-            PredictionModel::Nominal => Box::new(NominalWithResidual::new(vehicle, p, None)?),
-            PredictionModel::Residual(residual) => {
+        let variant: Box<dyn Variant<S>> = match model {
+            PredictionModelFor::Nominal => Box::new(NominalWithResidual::new(vehicle, p, None)?),
+            PredictionModelFor::Residual(residual) => {
                 Box::new(NominalWithResidual::new(vehicle, p, Some(residual))?)
             }
-            PredictionModel::Actuator(actuator) => Box::new(Actuated::new(vehicle, p, actuator)),
-            PredictionModel::Bicycle(bicycle) => Box::new(BicycleMpc::new(vehicle, p, bicycle)?),
+            PredictionModelFor::Actuator(actuator) => Box::new(Actuated::new(vehicle, p, actuator)),
+            PredictionModelFor::Bicycle(nonlinear) => nonlinear.variant(vehicle, p)?,
         };
         let qp = Qp {
+            largest_reference: tracked.iter().map(largest_reference).collect(),
             inputs: vec![0.0; p.horizon],
             outputs: vec![0.0; rows],
             tracked,
@@ -144,7 +159,7 @@ impl LateralMpc {
     ///
     /// # Errors
     /// The solver found no plan.
-    pub fn step(&mut self, input: &LateralInput<'_>) -> Result<QpReport, QpError> {
+    pub fn step(&mut self, input: &LateralInput<'_, S>) -> Result<QpReport, QpError> {
         let p = &self.parameters;
         // Between the limits the steering can come back; a command outside them would make the QP infeasible.
         let previous = input.previous.clamp(-p.steer_max, p.steer_max);
@@ -158,7 +173,7 @@ impl LateralMpc {
     /// The state after this step if `steer` is issued, with everything that the newest prediction knew; `past` are the
     /// commands before it.
     #[must_use]
-    pub fn next_state(&self, state: &ErrorState, past: &[f64], steer: f64) -> Option<Expected> {
+    pub fn next_state(&self, state: &SVector<f64, S>, past: &[f64], steer: f64) -> Option<Expected<S>> {
         self.variant.next_state(state, past, steer)
     }
 

@@ -9,6 +9,7 @@
 //! | `active_set/`, `cholesky.rs` | its solution by a dual active-set method: fast where few bounds are active |
 //! | `clarabel_solver.rs` | its solution by an interior-point method, updated in place: always works |
 //! | `fast_solver.rs` | the first, and where it fails the second |
+//! | `solve.rs` | a linear system of a few equations |
 //! | `history.rs` | the window of states and commands that a learned residual looks at |
 //! | `observer.rs` | state and disturbance from noisy measurements: offset-free tracking |
 //! | `preview.rs` | the road over the horizon |
@@ -16,7 +17,10 @@
 //! | `variant/` | what it predicts with: nominal, learned residual, known actuator, nonlinear |
 //! | `choice.rs` | which variant: from a user's word, parameters and files |
 //! | `speed.rs` | speed tracking |
+//! | `longitudinal.rs` | speed and lag error by MPC |
 //! | `controller.rs` | one step from measurement to commands; fallback |
+//! | `vehicle.rs` | what differs from vehicle to vehicle |
+//! | `truck.rs` | what does for a truck, and its defaults |
 //! | `sampler.rs` | when a step is due |
 //! | `status.rs` | what a step did, in words |
 
@@ -30,33 +34,45 @@ mod controller;
 mod fast_solver;
 mod history;
 mod lateral;
+mod longitudinal;
 mod observer;
 mod parameters;
 mod preview;
 mod sampler;
+mod solve;
 mod speed;
 mod status;
 mod tracking_qp;
+mod truck;
 mod variant;
+mod vehicle;
 
 pub use active_set::ActiveSetSolver;
-pub use choice::{Choice, ChoiceError, ControlVariant, LearnedModel, MODEL_EXTENSION};
+pub use choice::{Choice, ChoiceError, ControlVariant, LearnedModel, LearnedModelFor, MODEL_EXTENSION};
 pub use clarabel_solver::{BuildError, ClarabelSolver};
-pub use condense::{Affine, Linear, Propagation, condense};
-pub use controller::{Controller, ControllerError, ControllerState, Measurement, StepError, StepReport};
+pub use condense::{Affine, HorizonState, Linear, Propagation, condense};
+pub use controller::{
+    Controller, ControllerError, ControllerFor, ControllerState, Measurement, StepError, StepReport,
+};
 pub use fast_solver::{FastSolver, build_solver};
 pub use history::History;
 pub use lateral::{LateralError, LateralInput, LateralMpc};
-pub use observer::{Observer, ObserverParameters};
+pub use longitudinal::{
+    LongitudinalInput, LongitudinalMpc, LongitudinalParameters, LongitudinalState, LongitudinalStep,
+};
+pub use observer::{Noise, Observer, ObserverParameters};
 pub use parameters::{
-    ActuatorParameters, ControllerParameters, MpcParameters, NmpcParameters, NominalVehicle, SHOWN_HORIZON,
-    SpeedParameters,
+    ActuatorParameters, ControllerParameters, ControllerParametersFor, MpcParameters, NmpcParameters,
+    NominalVehicle, SHOWN_HORIZON, SpeedController, SpeedParameters,
 };
 pub use preview::SpeedAhead;
 pub use sampler::Sampler;
 pub use speed::{SpeedCommand, track_speed};
 pub use status::ControlStatus;
 pub use tracking_qp::{QpEnd, QpError, QpReport, QpShape, QpSolver, SoftBound, TrackingQp};
+pub use truck::{NominalTruck, TRUCK_STATES, TruckController, TruckControllerParameters};
 pub use variant::{
-    BicycleModel, BicycleRollOut, Expected, PredictionModel, Residual, RollOut, StepSpeed, Timing,
+    BicycleModel, BicycleRollOut, Expected, PredictionModel, PredictionModelFor, Residual, RollOut,
+    StepSpeed, Timing,
 };
+pub use vehicle::{Bound, ControlledVehicle, FurtherState, Nonlinear, VehicleParameters};

@@ -15,9 +15,10 @@
 //! Source: Maeder, Borrelli and Morari, Linear offset-free model predictive control, Automatica 2009; Kalman 1960.
 
 use super::variant::Expected;
-use crate::nominal::ErrorState;
+use super::vehicle::FurtherState;
+use crate::nominal::ERRORS;
 use crate::parameters;
-use nalgebra::{Matrix2, Matrix4, Matrix4x2, Vector2, Vector4};
+use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
 parameters! {
@@ -32,83 +33,128 @@ parameters! {
     }
 }
 
-/// Disturbing accelerations, lateral m/s2 and yaw rad/s2.
-type Disturbance = Vector2<f64>;
-
 /// The observer's state.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Observer {
-    disturbance: Disturbance,
-    expected: Option<Expected>,
+pub struct Observer<const S: usize = ERRORS> {
+    /// Disturbing accelerations, at the places of the rates that they change.
+    disturbance: SVector<f64, S>,
+    expected: Option<Expected<S>>,
     /// Covariance of the estimated state.
-    of_state: Matrix4<f64>,
+    of_state: SMatrix<f64, S, S>,
     /// Covariance of the disturbance.
-    of_disturbance: Matrix2<f64>,
+    of_disturbance: SMatrix<f64, S, S>,
     /// Covariance of the two.
-    of_both: Matrix4x2<f64>,
+    of_both: SMatrix<f64, S, S>,
 }
 
-/// Largest disturbance that is believed, m/s2 and rad/s2. More is a jump in a measurement, not a gap.
-const LARGEST: [f64; 2] = [5.0, 3.0];
+/// Largest disturbing accelerations that are believed, lateral m/s2 and yaw rad/s2. More is a jump in a measurement, not a
+/// gap.
+const LARGEST: [f64; ERRORS] = [0.0, 5.0, 0.0, 3.0];
 /// What a prediction misses in the yaw rate for each m/s that it misses in the lateral velocity, rad/m: both come from
 /// the axles' forces.
 const YAW_SHARE: f64 = 0.5;
 
-impl Default for Observer {
+impl<const S: usize> Default for Observer<S> {
     fn default() -> Self {
         Self {
-            disturbance: Disturbance::zeros(),
+            disturbance: SVector::zeros(),
             expected: None,
-            of_state: Matrix4::zeros(),
-            of_disturbance: Matrix2::zeros(),
-            of_both: Matrix4x2::zeros(),
+            of_state: SMatrix::zeros(),
+            of_disturbance: SMatrix::zeros(),
+            of_both: SMatrix::zeros(),
         }
     }
 }
 
-impl Observer {
+/// What the observer knows of noise, state by state.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Noise<const S: usize = ERRORS> {
+    parameters: ObserverParameters,
+    /// Of the measured states behind the errors to the path (standard deviation); zero for the errors.
+    further: SVector<f64, S>,
+    /// What accelerations, held over a step, add to the state.
+    effect: SMatrix<f64, S, S>,
+    /// What a prediction misses of each rate, for each m/s that it misses of the lateral velocity.
+    shares: SVector<f64, S>,
+    /// Largest disturbance that is believed.
+    largest: SVector<f64, S>,
+}
+
+impl<const S: usize> Noise<S> {
+    /// The noise of the errors to the path by the parameters, and that of the states behind them: each a value and then
+    /// its rate, as the errors.
+    #[must_use]
+    pub fn new(p: &ObserverParameters, further: &[FurtherState], sample_time: f64) -> Self {
+        let of = |errors: [f64; ERRORS], of_further: fn(&FurtherState) -> f64| {
+            let mut all = errors.into_iter().chain(further.iter().map(of_further));
+            SVector::from_fn(|_, _| all.next().unwrap_or(0.0))
+        };
+        let mut effect = SMatrix::zeros();
+        for rate in (1..S).step_by(2) {
+            effect[(rate - 1, rate)] = 0.5 * sample_time * sample_time;
+            effect[(rate, rate)] = sample_time;
+        }
+        Self {
+            parameters: *p,
+            further: of([0.0; ERRORS], |state| state.noise),
+            effect,
+            shares: of([0.0, 1.0, 0.0, YAW_SHARE], |state| state.missed),
+            largest: of(LARGEST, |state| state.largest_disturbance),
+        }
+    }
+
+    /// Covariance of a measured state at a speed, m/s: noise of the yaw angle turns the velocity too.
+    fn measured(&self, speed: f64) -> SMatrix<f64, S, S> {
+        let p = &self.parameters;
+        let square = |deviation: f64| deviation * deviation;
+        let yaw = square(p.noise_yaw);
+        let mut noise = SMatrix::from_diagonal(&self.further.component_mul(&self.further));
+        noise[(0, 0)] = square(p.noise_position);
+        noise[(1, 1)] = square(p.noise_velocity) + square(speed) * yaw;
+        noise[(2, 2)] = yaw;
+        noise[(3, 3)] = square(p.noise_yaw_rate);
+        noise[(1, 2)] = speed * yaw;
+        noise[(2, 1)] = speed * yaw;
+        noise
+    }
+}
+
+impl<const S: usize> Observer<S> {
     /// Takes a state measured at a speed, m/s; gives the estimated one.
-    pub fn observe(
-        &mut self,
-        measured: &ErrorState,
-        speed: f64,
-        p: &ObserverParameters,
-        sample_time: f64,
-    ) -> ErrorState {
-        let noise = p.noise(speed);
+    pub fn observe(&mut self, measured: &SVector<f64, S>, speed: f64, noise: &Noise<S>) -> SVector<f64, S> {
+        let of_measured = noise.measured(speed);
         let Some(Expected { state, transition: a }) = self.expected.take() else {
-            self.of_state = noise;
+            self.of_state = of_measured;
             return *measured;
         };
         let innovation = measured - state;
-        let g = effect(sample_time);
-        let shares = Vector2::new(1.0, YAW_SHARE);
-        let (missed, wandered) =
-            (g * shares * (p.prediction_noise / sample_time), shares * p.disturbance_noise);
+        let g = &noise.effect;
+        let missed = g * noise.shares * (noise.parameters.prediction_noise / g[(1, 1)]);
+        let wandered = noise.shares * noise.parameters.disturbance_noise;
         let across = a * self.of_both * g.transpose();
         let of_state = a * self.of_state * a.transpose()
             + across
             + across.transpose()
             + g * self.of_disturbance * g.transpose()
-            + Matrix4::from_diagonal(&missed.component_mul(&missed));
+            + SMatrix::from_diagonal(&missed.component_mul(&missed));
         let of_both = a * self.of_both + g * self.of_disturbance;
-        let of_disturbance = self.of_disturbance + Matrix2::from_diagonal(&wandered.component_mul(&wandered));
-        let Some(inverse) = (of_state + noise).try_inverse() else { return *measured };
+        let of_disturbance = self.of_disturbance + SMatrix::from_diagonal(&wandered.component_mul(&wandered));
+        let Some(inverse) = (of_state + of_measured).try_inverse() else { return *measured };
         let (gain, gain_of_disturbance) = (of_state * inverse, of_both.transpose() * inverse);
         self.disturbance += gain_of_disturbance * innovation;
-        for (value, largest) in self.disturbance.iter_mut().zip(LARGEST) {
-            *value = value.clamp(-largest, largest);
+        for (value, largest) in self.disturbance.iter_mut().zip(&noise.largest) {
+            *value = value.clamp(-largest, *largest);
         }
         let updated = of_state - gain * of_state;
-        self.of_state = 0.5 * (updated + updated.transpose());
+        self.of_state = (updated + updated.transpose()) * 0.5;
         let updated = of_disturbance - gain_of_disturbance * of_both;
-        self.of_disturbance = 0.5 * (updated + updated.transpose());
+        self.of_disturbance = (updated + updated.transpose()) * 0.5;
         self.of_both = of_both - gain * of_both;
         state + gain * innovation
     }
 
     /// Keeps what is expected of the next state, with the disturbance in it.
-    pub fn expect(&mut self, expected: Expected) {
+    pub fn expect(&mut self, expected: Expected<S>) {
         self.expected = Some(expected);
     }
 
@@ -119,15 +165,9 @@ impl Observer {
 
     /// What the disturbance adds to the state in a step.
     #[must_use]
-    pub fn disturbance(&self, sample_time: f64) -> ErrorState {
-        effect(sample_time) * self.disturbance
+    pub fn disturbance(&self, noise: &Noise<S>) -> SVector<f64, S> {
+        noise.effect * self.disturbance
     }
-}
-
-/// What accelerations, held over a step, add to the state.
-fn effect(sample_time: f64) -> Matrix4x2<f64> {
-    let (rate, angle) = (sample_time, 0.5 * sample_time * sample_time);
-    Matrix4x2::new(angle, 0.0, rate, 0.0, 0.0, angle, 0.0, rate)
 }
 
 impl ObserverParameters {
@@ -136,27 +176,14 @@ impl ObserverParameters {
     pub fn is_on(&self) -> bool {
         self.disturbance_noise > 0.0
     }
-
-    /// Covariance of the measured errors at a speed, m/s: noise of the yaw angle turns the velocity too.
-    fn noise(&self, speed: f64) -> Matrix4<f64> {
-        let square = |deviation: f64| deviation * deviation;
-        let yaw = square(self.noise_yaw);
-        let mut noise = Matrix4::from_diagonal(&Vector4::new(
-            square(self.noise_position),
-            square(self.noise_velocity) + square(speed) * yaw,
-            yaw,
-            square(self.noise_yaw_rate),
-        ));
-        noise[(1, 2)] = speed * yaw;
-        noise[(2, 1)] = speed * yaw;
-        noise
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::nominal::ErrorState;
     use crate::residual::Random;
+    use nalgebra::Matrix4;
 
     fn drift() -> Matrix4<f64> {
         // Constant velocities, 0.02 s.
@@ -167,14 +194,15 @@ mod tests {
     fn it_finds_a_steady_gap() {
         let mut observer = Observer::default();
         let parameters = ObserverParameters { disturbance_noise: 0.1, ..Default::default() };
-        let gap = Disturbance::new(0.5, -0.1);
+        let noise = Noise::new(&parameters, &[], 0.02);
+        let gap = ErrorState::new(0.0, 0.5, 0.0, -0.1);
         let mut truth = ErrorState::zeros();
         let mut estimate = truth;
         for _ in 0..400 {
-            estimate = observer.observe(&truth, 10.0, &parameters, 0.02);
-            let state = drift() * estimate + observer.disturbance(0.02);
+            estimate = observer.observe(&truth, 10.0, &noise);
+            let state = drift() * estimate + observer.disturbance(&noise);
             observer.expect(Expected { state, transition: drift() });
-            truth = drift() * truth + effect(0.02) * gap;
+            truth = drift() * truth + noise.effect * gap;
         }
         assert!((observer.disturbance - gap).norm() < 1e-6, "{}", observer.disturbance);
         assert!((estimate[1] / truth[1] - 1.0).abs() < 0.01);
@@ -184,6 +212,7 @@ mod tests {
     fn it_sees_through_noise() {
         let parameters =
             ObserverParameters { prediction_noise: 1e-3, disturbance_noise: 1e-6, ..Default::default() };
+        let of = Noise::new(&parameters, &[], 0.02);
         let mut observer = Observer::default();
         let mut random = Random::new(3);
         let mut draw = |deviation: f64| deviation * 12.0_f64.sqrt() * (random.uniform() - 0.5);
@@ -193,7 +222,7 @@ mod tests {
             let yaw = draw(0.0015);
             let noise = ErrorState::new(draw(0.005), draw(0.01) + 10.0 * yaw, yaw, draw(0.004));
             let measured = truth + noise;
-            let estimate = observer.observe(&measured, 10.0, &parameters, 0.02);
+            let estimate = observer.observe(&measured, 10.0, &of);
             if k > 100 {
                 raw += (measured - truth)[0].powi(2);
                 filtered += (estimate - truth)[0].powi(2);

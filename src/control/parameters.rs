@@ -1,6 +1,9 @@
 //! The controller's parameters: one table for code, FMU variables, `--set` and documentation.
 
+use super::longitudinal::LongitudinalParameters;
 use super::observer::ObserverParameters;
+use super::vehicle::VehicleParameters;
+use crate::enumeration;
 use crate::parameter::{OutOfRange, ParameterGroup};
 use crate::parameters;
 use crate::residual::DataConfig;
@@ -46,6 +49,14 @@ parameters! {
     }
 }
 
+enumeration! {
+    /// How the speed plan is tracked.
+    pub enum SpeedController {
+        Pi = 0 "pi", "Feedforward of the plan and a PI on the speed error (speed.gain, speed.integral)";
+        Mpc = 1 "mpc", "MPC of speed and lag error (longitudinal.*)";
+    }
+}
+
 parameters! {
     /// Speed plan and speed control.
     pub struct SpeedParameters {
@@ -53,6 +64,7 @@ parameters! {
         lateral_accel: f64 = 2.25, METRE_PER_SECOND2 in 0.1, 15.0; "speed.lateral_accel", "Lateral acceleration that the speed plan allows"
         accel: f64 = 1.5, METRE_PER_SECOND2 in 0.1, 10.0; "speed.accel", "Acceleration that the speed plan allows"
         decel: f64 = 2.0, METRE_PER_SECOND2 in 0.1, 12.0; "speed.decel", "Deceleration that the speed plan allows"
+        controller: usize = 0, ONE in 0.0, 1.0; "speed.controller", "How the speed plan is tracked: 0 by feedforward and PI; 1 by MPC of speed and lag error (longitudinal.*)"
         gain: f64 = 1.0, ONE in 0.0, 20.0; "speed.gain", "Proportional gain from the speed error to the acceleration, 1/s"
         integral: f64 = 0.2, ONE in 0.0, 20.0; "speed.integral", "Integral gain of the speed error, 1/s2"
         accel_cmd_max: f64 = 3.0, METRE_PER_SECOND2 in 0.1, 15.0; "speed.accel_cmd_max", "Largest acceleration that is commanded"
@@ -77,14 +89,18 @@ parameters! {
     }
 }
 
-/// All of it.
+/// All of it for a car.
+pub type ControllerParameters = ControllerParametersFor<NominalVehicle>;
+
+/// All of it for a kind of vehicle with parameters `G` of its own.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[allow(missing_docs)]
-pub struct ControllerParameters {
-    pub vehicle: NominalVehicle,
+pub struct ControllerParametersFor<G> {
+    pub vehicle: G,
     pub mpc: MpcParameters,
     pub observer: ObserverParameters,
     pub speed: SpeedParameters,
+    pub longitudinal: LongitudinalParameters,
     pub actuator: ActuatorParameters,
     pub nmpc: NmpcParameters,
 }
@@ -99,16 +115,22 @@ impl ControllerParameters {
         parameters.mpc.steer_rate_max = parameters.mpc.steer_rate_max.min(car.steering.rate_limit);
         parameters
     }
+}
 
+impl<G> ControllerParametersFor<G> {
     /// Sets the parameter of a name; says whether there is one.
     ///
     /// # Errors
     /// A value out of its range; nothing has changed then.
-    pub fn set(&mut self, name: &str, value: f64) -> Result<bool, OutOfRange> {
-        Ok(set(&mut self.vehicle, name, value)?
+    pub fn set<const S: usize>(&mut self, name: &str, value: f64) -> Result<bool, OutOfRange>
+    where
+        G: VehicleParameters<S>,
+    {
+        Ok(self.vehicle.set_by_name(name, value)?
             || set(&mut self.mpc, name, value)?
             || set(&mut self.observer, name, value)?
             || set(&mut self.speed, name, value)?
+            || set(&mut self.longitudinal, name, value)?
             || set(&mut self.actuator, name, value)?
             || set(&mut self.nmpc, name, value)?)
     }
@@ -117,23 +139,37 @@ impl ControllerParameters {
     ///
     /// # Errors
     /// The first value out of range.
-    pub fn check(&self) -> Result<(), OutOfRange> {
-        self.vehicle.check()?;
+    pub fn check<const S: usize>(&self) -> Result<(), OutOfRange>
+    where
+        G: VehicleParameters<S>,
+    {
+        self.vehicle.check_all()?;
         self.mpc.check()?;
         self.observer.check()?;
         self.speed.check()?;
+        self.longitudinal.check()?;
         self.actuator.check()?;
         self.nmpc.check()
     }
 }
 
-fn set<G: ParameterGroup>(group: &mut G, name: &str, value: f64) -> Result<bool, OutOfRange> {
+/// Sets the parameter of a name in a group; says whether there is one.
+pub(super) fn set<G: ParameterGroup>(group: &mut G, name: &str, value: f64) -> Result<bool, OutOfRange> {
     let Some(index) = G::table().iter().position(|parameter| parameter.name == name) else {
         return Ok(false);
     };
     G::table()[index].check(value)?;
     group.set(index, value);
     Ok(true)
+}
+
+impl SpeedParameters {
+    /// How the speed plan is tracked.
+    #[must_use]
+    pub fn tracked_by(&self) -> SpeedController {
+        // The range admits no other numbers.
+        SpeedController::from_number(self.controller as i32).unwrap_or_default()
+    }
 }
 
 impl MpcParameters {

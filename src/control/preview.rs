@@ -3,12 +3,14 @@
 use crate::path::Path;
 use crate::residual::ROAD;
 
-/// Speed over the horizon, as the speed plan has it.
+/// Speed over the horizon, as the speed controller means to drive it.
 #[derive(Debug, Clone, Copy)]
 #[allow(missing_docs)]
-pub struct SpeedAhead {
+pub struct SpeedAhead<'a> {
     pub speed: f64,
     pub accel: f64,
+    /// Predicted speed at the end of each step, m/s; beyond its end the acceleration goes on.
+    pub predicted: &'a [f64],
 }
 
 /// The road ahead at each step of the horizon.
@@ -44,17 +46,20 @@ impl Preview {
 
     /// Reads the road over the horizon: at the middle of each step for what drives the model, at its end for what is
     /// compared with the state there.
-    pub fn look(&mut self, path: &Path, station: f64, ahead: SpeedAhead, sample_time: f64) {
+    pub fn look(&mut self, path: &Path, station: f64, ahead: SpeedAhead<'_>, sample_time: f64) {
         let (mut s, mut v) = (station, ahead.speed);
         for j in 0..self.station.len() {
-            let next = (v + ahead.accel * sample_time).max(0.0);
+            let (next, accel) = match ahead.predicted.get(j) {
+                Some(&next) => (next.max(0.0), (next.max(0.0) - v) / sample_time),
+                None => ((v + ahead.accel * sample_time).max(0.0), ahead.accel),
+            };
             let mean = 0.5 * (v + next);
             self.road[j] = [v, path.curvature(s), path.curvature_rate(s)];
             self.speed[j] = [mean, next];
             let middle = s + 0.5 * mean * sample_time;
             let curvature = path.curvature(middle);
             self.heading_rate[j] = mean * curvature;
-            self.heading_accel[j] = mean * mean * path.curvature_rate(middle) + ahead.accel * curvature;
+            self.heading_accel[j] = mean * mean * path.curvature_rate(middle) + accel * curvature;
             s += mean * sample_time;
             self.station[j] = s;
             self.curvature[j] = path.curvature(s);

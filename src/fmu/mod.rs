@@ -2,34 +2,46 @@
 //!
 //! | file | FMU |
 //! |---|---|
+//! | `plant.rs` | what the vehicles' FMUs have in common |
 //! | `passenger_car.rs` | `PassengerCar`: the nonlinear car |
+//! | `semi_trailer_truck.rs` | `SemiTrailerTruck`: the nonlinear tractor and semi-trailer |
+//! | `controller.rs` | what the vehicles' controllers have in common |
 //! | `rfl_mpc.rs` | `RflMpc`: the car's controller |
+//! | `truck_rfl_mpc.rs` | `TruckRflMpc`: the truck's controller |
 
+mod controller;
 mod passenger_car;
+mod plant;
 mod rfl_mpc;
+mod semi_trailer_truck;
+mod truck_rfl_mpc;
 
+pub use controller::{ControllerFmu, ControllerUnit, DEFAULT_PATH, Group, MODELS, Told};
 pub use passenger_car::PassengerCar;
-pub use rfl_mpc::{DEFAULT_PATH, MODELS, RflMpc};
+pub use plant::{Known, More, PlantFmu, PlantUnit};
+pub use rfl_mpc::RflMpc;
+pub use semi_trailer_truck::SemiTrailerTruck;
+pub use truck_rfl_mpc::TruckRflMpc;
 
 use crate::fmi::{Context, Kind, ModelError, Variable};
-use crate::vehicle::{BUILTIN, CarParameters, builtin};
+use crate::vehicle::VehicleParameters;
 
-/// The parameter by which both FMUs are told the car.
-fn vehicle_file_parameter() -> Variable {
+/// The parameter by which plant and controller are told the vehicle; `what` people call it.
+fn vehicle_file_parameter<V: VehicleParameters>(what: &str) -> Variable {
     Variable::parameter_of(
-        Kind::String { start: BUILTIN[0].into() },
+        Kind::String { start: V::BUILTIN[0].into() },
         "vehicle_file",
         format!(
-            "The car: a vehicle file (TOML), absolute or in the FMU's resources, or a built-in car ({}). Parameters \
-             that the host sets itself win over the file",
-            BUILTIN.join(", ")
+            "The {what}: a vehicle file (TOML), absolute or in the FMU's resources, or a built-in {what} ({}). \
+             Parameters that the host sets itself win over the file",
+            V::BUILTIN.join(", ")
         ),
     )
 }
 
-/// The car that `vehicle_file` names.
-fn vehicle_named(name: &str, context: &Context) -> Result<CarParameters, ModelError> {
-    if BUILTIN.contains(&name) { builtin(name) } else { CarParameters::read(&context.locate(name)) }
+/// The vehicle that `vehicle_file` names.
+fn vehicle_named<V: VehicleParameters>(name: &str, context: &Context) -> Result<V, ModelError> {
+    if V::BUILTIN.contains(&name) { V::builtin(name) } else { V::of_file(&context.locate(name)) }
         .map_err(failed)
 }
 

@@ -47,6 +47,9 @@ pub fn drive_of(
             steer.to_vec()
         }
     };
+    let further = |name| log.column(name).map(<[f64]>::to_vec).unwrap_or_default();
+    drive.articulation = further("articulation");
+    drive.articulation_rate = further("articulation_rate");
     let absent = log.without(&ERRORS);
     let pose = log.without(&POSE);
     let all = [&absent[..], &log.without(&["curvature_rate"])].concat();

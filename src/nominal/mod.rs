@@ -2,24 +2,36 @@
 //!
 //! | file | problem |
 //! |---|---|
-//! | `single_track.rs` | the car's error dynamics `x' = A x + B u + D psi_des' + E psi_des''` (method 1) |
-//! | `actuator.rs` | the same behind a steering actuator with dead time and lag |
+//! | `error_model.rs` | error dynamics `x' = A x + B u + D psi_des' + E psi_des''` with any number of states |
+//! | `single_track.rs` | those of the car (method 1) |
+//! | `articulated.rs` | those of a tractor with a semi-trailer (method 3) |
+//! | `actuator.rs` | any of these behind a steering actuator: lag, dead time, Pade approximants |
+//! | `identify.rs` | the actuator's constants from a recorded drive |
 //! | `bicycle.rs` | the nonlinear single track with saturating tyres, for nonlinear MPC |
 //! | `path_bicycle.rs` | the same in errors to a path |
 //! | `discretise.rs` | exact zero-order hold by the matrix exponential |
 
 mod actuator;
+mod articulated;
 mod bicycle;
 mod discretise;
+mod error_model;
+mod identify;
 mod path_bicycle;
 mod single_track;
 
-pub use actuator::{ActuatedModel, ActuatedState, Actuator};
+pub use actuator::{
+    ACTUATOR_STATES, ActuatedModel, ActuatedState, ActuatedTransition, Actuator, DeadTimeModel,
+    SampledActuator,
+};
+pub use articulated::{ArticulatedState, SteadyCornering, steady_cornering};
 pub use bicycle::{Bicycle, Lateral};
-pub use discretise::zero_order_hold;
+pub use discretise::{Chain, zero_order_hold};
+pub use error_model::{
+    ContinuousErrorModel, DiscreteErrorModel, ERRORS, ErrorState, LateralVehicle, SingleTrackError,
+};
+pub use identify::{DelayModel, IdentifiedActuator, IdentifyError, SteeringRecord};
 pub use path_bicycle::{
     BicycleErrors, BicycleState, BicycleStep, Curvature, HeldSpeed, body_change, errors_of,
 };
-pub use single_track::{
-    ContinuousErrorModel, DiscreteErrorModel, ErrorState, SingleTrackError, steady_yaw_error,
-};
+pub use single_track::steady_yaw_error;

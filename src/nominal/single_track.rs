@@ -12,53 +12,17 @@
 //!
 //! Source: Rajamani, Vehicle Dynamics and Control, ch. 2.5; Zhao et al., ITSC 2024, eq. (2).
 
-use super::zero_order_hold;
+use super::{ContinuousErrorModel, LateralVehicle, SingleTrackError};
+use crate::signal::{E1, E1_RATE, E2, E2_RATE, Signal};
 use crate::vehicle::SingleTrack;
-use nalgebra::{Matrix4, SMatrix, Vector4};
+use nalgebra::{Matrix4, Vector4};
 
-/// `[e1 m, e1' m/s, e2 rad, e2' rad/s]`.
-pub type ErrorState = Vector4<f64>;
+impl LateralVehicle<4> for SingleTrack {
+    const KIND: &'static str = "car";
+    const STATES: [Signal; 4] = [E1, E1_RATE, E2, E2_RATE];
 
-/// Why a single-track model cannot be made.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum SingleTrackError {
-    /// A parameter that must be positive is not.
-    #[error("{name} = {value} must be a positive number; check the vehicle file")]
-    NotPositive {
-        /// The parameter's name.
-        name: &'static str,
-        /// Its value.
-        value: f64,
-    },
-}
-
-/// `x' = A x + B u + D psi_des' + E psi_des''` at one speed.
-#[derive(Debug, Clone, PartialEq)]
-#[allow(missing_docs)]
-pub struct ContinuousErrorModel {
-    pub a: Matrix4<f64>,
-    pub b: Vector4<f64>,
-    pub d: Vector4<f64>,
-    pub e: Vector4<f64>,
-}
-
-/// `x_{k+1} = A x_k + B u_k + D psi_des' + E psi_des''` over one sample at one speed.
-#[derive(Debug, Clone, PartialEq)]
-#[allow(missing_docs)]
-pub struct DiscreteErrorModel {
-    pub a: Matrix4<f64>,
-    pub b: Vector4<f64>,
-    pub d: Vector4<f64>,
-    pub e: Vector4<f64>,
-}
-
-impl ContinuousErrorModel {
-    /// The model at speed `v` in m/s. The model is stiff as `v` goes to 0: the caller clamps `v` from below.
-    ///
-    /// # Errors
-    /// A parameter or a speed that is not positive.
-    pub fn new(vehicle: &SingleTrack, v: f64) -> Result<Self, SingleTrackError> {
-        let SingleTrack { mass: m, yaw_inertia: iz, lf, lr, cf, cr } = *vehicle;
+    fn model_at(&self, v: f64) -> Result<ContinuousErrorModel, SingleTrackError> {
+        let SingleTrack { mass: m, yaw_inertia: iz, lf, lr, cf, cr } = *self;
         let positive = [
             ("vehicle.mass", m),
             ("vehicle.yaw_inertia", iz),
@@ -83,7 +47,7 @@ impl ContinuousErrorModel {
             0.0, 0.0,                0.0,          1.0,
             0.0, moment / (iz * v),  -moment / iz, -damping / (iz * v),
         );
-        Ok(Self {
+        Ok(ContinuousErrorModel {
             a,
             b: Vector4::new(0.0, cf / m, 0.0, cf * lf / iz),
             d: Vector4::new(0.0, moment / (m * v) - v, 0.0, -damping / (iz * v)),
@@ -91,25 +55,24 @@ impl ContinuousErrorModel {
         })
     }
 
-    /// Exact discretisation over `sample_time` seconds with inputs held.
-    #[must_use]
-    pub fn discretise(&self, sample_time: f64) -> DiscreteErrorModel {
-        let inputs = SMatrix::<f64, 4, 3>::from_columns(&[self.b, self.d, self.e]);
-        let (a, inputs) = zero_order_hold::<4, 3, 7>(&self.a, &inputs, sample_time);
-        DiscreteErrorModel {
-            a,
-            b: inputs.column(0).into_owned(),
-            d: inputs.column(1).into_owned(),
-            e: inputs.column(2).into_owned(),
-        }
+    fn steady_state(&self, speed: f64) -> Vector4<f64> {
+        Vector4::new(0.0, 0.0, steady_yaw_error(self, speed), 0.0)
     }
-}
 
-impl DiscreteErrorModel {
-    /// One step ahead.
-    #[must_use]
-    pub fn step(&self, x: &ErrorState, steer: f64, heading_rate: f64, heading_accel: f64) -> ErrorState {
-        self.a * x + self.b * steer + self.d * heading_rate + self.e * heading_accel
+    fn parameters(&self) -> Vec<(&'static str, f64)> {
+        let Self { mass, yaw_inertia, lf, lr, cf, cr } = *self;
+        vec![
+            ("mass", mass),
+            ("yaw_inertia", yaw_inertia),
+            ("lf", lf),
+            ("lr", lr),
+            ("front cornering stiffness", cf),
+            ("rear cornering stiffness", cr),
+        ]
+    }
+
+    fn wheelbase(&self) -> f64 {
+        self.lf + self.lr
     }
 }
 

@@ -40,7 +40,7 @@
 //! | `speed.rs` | how fast: a plan within lateral and longitudinal limits |
 //! | `read.rs`, `write.rs` | files |
 //! | `segment.rs`, `pen.rs` | roads drawn exactly from straights, arcs and clothoids |
-//! | `sudoku.rs`, `splitmix.rs` | our own courses |
+//! | `sudoku.rs`, `truck_course.rs`, `splitmix.rs` | our own courses |
 //! | `error.rs` | what can be wrong |
 
 mod banded;
@@ -58,6 +58,7 @@ mod speed;
 mod spline;
 mod splitmix;
 pub mod sudoku;
+mod truck_course;
 mod write;
 
 pub use error::{PathError, Place};

@@ -19,7 +19,7 @@ use super::pen::{Pen, Rounding, corner_tangent};
 use super::sample::{RoadClass, Sample};
 use super::segment::{Course, Pose};
 use super::splitmix::SplitMix64;
-use super::{Options, Path, PathError, to_csv};
+use super::{Options, Path, PathError, to_csv, truck_course};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Length of a block in m.
@@ -42,13 +42,21 @@ pub enum Route {
     HairpinCircuit,
     /// An unseen off-road path.
     OffRoad,
+    /// Training a truck: about 6 km with every element.
+    TruckTrain,
+    /// Testing a truck: other streets, radii and unevenness.
+    TruckTest,
+    /// An unseen off-road path for a truck (the truck paper's Fig. 5).
+    TruckOffRoad,
+    /// A U-turn for a truck (the truck paper's Fig. 11).
+    TruckUTurn,
 }
 
 use Move::{Left, Right, Straight, SweepLeft, SweepRight, UTurn};
 
 /// What a route does at a crossing; radii in m.
 #[derive(Debug, Clone, Copy)]
-enum Move {
+pub(super) enum Move {
     Straight,
     Right(f64),
     Left(f64),
@@ -56,6 +64,17 @@ enum Move {
     SweepLeft(f64),
     UTurn(f64),
 }
+
+/// Lengths of the clothoids into the turns of a kind of vehicle, m.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Style {
+    pub right: f64,
+    pub left: f64,
+    pub u_turn: f64,
+}
+
+/// A car's.
+const CAR: Style = Style { right: 7.0, left: 10.0, u_turn: 8.0 };
 
 /// Training: from crossing (2, 0) northwards.
 const TRAIN: [Move; 32] = [
@@ -111,8 +130,17 @@ const TEST: [Move; 12] = [
 
 impl Route {
     /// All courses.
-    pub const ALL: [Route; 5] =
-        [Self::SudokuTrain, Self::SudokuTest, Self::SudokuTurns, Self::HairpinCircuit, Self::OffRoad];
+    pub const ALL: [Route; 9] = [
+        Self::SudokuTrain,
+        Self::SudokuTest,
+        Self::SudokuTurns,
+        Self::HairpinCircuit,
+        Self::OffRoad,
+        Self::TruckTrain,
+        Self::TruckTest,
+        Self::TruckOffRoad,
+        Self::TruckUTurn,
+    ];
 
     /// The course's name, and the stem of its file.
     #[must_use]
@@ -123,6 +151,10 @@ impl Route {
             Self::SudokuTurns => "sudoku_turns",
             Self::HairpinCircuit => "hairpin_circuit",
             Self::OffRoad => "off_road",
+            Self::TruckTrain => "truck_train",
+            Self::TruckTest => "truck_test",
+            Self::TruckOffRoad => "truck_off_road",
+            Self::TruckUTurn => "truck_u_turn",
         }
     }
 
@@ -135,6 +167,10 @@ impl Route {
             Self::SudokuTurns => "a right turn and a left turn between straights",
             Self::HairpinCircuit => "closed circuit with a hairpin of 10 m radius",
             Self::OffRoad => "off-road path that is on no other route",
+            Self::TruckTrain => "truck: training route, every element with turns that it can take",
+            Self::TruckTest => "truck: test route, other lanes, radii and unevenness than the training route",
+            Self::TruckOffRoad => "truck: off-road path that is on no other route",
+            Self::TruckUTurn => "truck: a U-turn of 12.5 m radius between straights",
         }
     }
 
@@ -153,6 +189,10 @@ impl Route {
             Self::SudokuTurns => turns(),
             Self::HairpinCircuit => hairpin_circuit(),
             Self::OffRoad => off_road(7),
+            Self::TruckTrain => truck_course::train(),
+            Self::TruckTest => truck_course::test(),
+            Self::TruckOffRoad => truck_course::off_road(),
+            Self::TruckUTurn => truck_course::u_turn_course(),
         }
     }
 
@@ -179,24 +219,24 @@ fn kmh(speed: f64) -> f64 {
 /// Speed limits of the streets, one after the other, in km/h.
 const STREETS: [f64; 5] = [45.0, 40.0, 50.0, 42.5, 47.5];
 
-fn street(index: usize) -> (RoadClass, f64) {
+pub(super) fn street(index: usize) -> (RoadClass, f64) {
     (RoadClass::Straight, kmh(STREETS[index % STREETS.len()]))
 }
 
-fn right_turn(radius: f64) -> Rounding {
-    Rounding { radius, transition: 7.0, class: RoadClass::RightTurn, speed: kmh(15.0) }
+fn right_turn(radius: f64, style: Style) -> Rounding {
+    Rounding { radius, transition: style.right, class: RoadClass::RightTurn, speed: kmh(15.0) }
 }
 
-fn left_turn(radius: f64) -> Rounding {
-    Rounding { radius, transition: 10.0, class: RoadClass::LeftTurn, speed: kmh(20.0) }
+fn left_turn(radius: f64, style: Style) -> Rounding {
+    Rounding { radius, transition: style.left, class: RoadClass::LeftTurn, speed: kmh(20.0) }
 }
 
 fn sweeper(radius: f64) -> Rounding {
     Rounding { radius, transition: 0.4 * radius, class: RoadClass::Sweeper, speed: kmh(35.0) }
 }
 
-fn u_turn(radius: f64) -> Rounding {
-    Rounding { radius, transition: 8.0, class: RoadClass::UTurn, speed: kmh(10.0) }
+pub(super) fn u_turn(radius: f64, style: Style) -> Rounding {
+    Rounding { radius, transition: style.u_turn, class: RoadClass::UTurn, speed: kmh(10.0) }
 }
 
 /// Unit vector of a heading in quarter turns from east.
@@ -211,7 +251,7 @@ fn lane(crossing: [f64; 2], quarters: i32) -> [f64; 2] {
 }
 
 /// Drives through the grid; gives the pen at the last crossing, heading off the grid.
-fn drive(start: [f64; 2], heading: i32, moves: &[Move]) -> Pen {
+pub(super) fn drive(start: [f64; 2], heading: i32, moves: &[Move], style: Style) -> Pen {
     let mut crossing = start.map(|index| index * BLOCK);
     let mut quarters = heading;
     let at = lane(crossing, quarters);
@@ -221,11 +261,11 @@ fn drive(start: [f64; 2], heading: i32, moves: &[Move]) -> Pen {
         crossing = [0, 1].map(|k| crossing[k] + BLOCK * ahead[k]);
         let (turn, rounding) = match action {
             Straight => continue,
-            Right(radius) => (-1, right_turn(radius)),
-            Left(radius) => (1, left_turn(radius)),
+            Right(radius) => (-1, right_turn(radius, style)),
+            Left(radius) => (1, left_turn(radius, style)),
             SweepRight(radius) => (-1, sweeper(radius)),
             SweepLeft(radius) => (1, sweeper(radius)),
-            UTurn(radius) => (2, u_turn(radius)),
+            UTurn(radius) => (2, u_turn(radius, style)),
         };
         if turn == 2 {
             // It begins before the crossing and swings out on it.
@@ -257,15 +297,15 @@ fn distance_ahead(pen: &Pen, point: [f64; 2]) -> f64 {
 }
 
 /// How an off-road track winds.
-struct Winding {
-    length: f64,
+pub(super) struct Winding {
+    pub length: f64,
     /// Greatest distance of a vertex from the middle line in m.
-    amplitude: f64,
-    seed: u64,
+    pub amplitude: f64,
+    pub seed: u64,
 }
 
 /// Draws a winding track that ends on the pen's line.
-fn cross_country(pen: &mut Pen, winding: &Winding) {
+pub(super) fn cross_country(pen: &mut Pen, winding: &Winding) {
     let base = pen.pose();
     let (sin, cos) = base.yaw.sin_cos();
     let mut random = SplitMix64(winding.seed);
@@ -312,11 +352,11 @@ fn cross_country(pen: &mut Pen, winding: &Winding) {
 
 /// A turning place off the grid, to the right, on the same ground.
 fn turning_place(pen: &mut Pen, radius: f64) {
-    pen.u_turn(-11.0, u_turn(radius));
+    pen.u_turn(-11.0, u_turn(radius, CAR));
 }
 
 fn train() -> Course {
-    let mut pen = drive([2.0, 0.0], 1, &TRAIN);
+    let mut pen = drive([2.0, 0.0], 1, &TRAIN, CAR);
     pen.straight(60.0);
     let from = pen.length();
     cross_country(&mut pen, &Winding { length: 400.0, amplitude: 2.6, seed: 1 });
@@ -327,7 +367,7 @@ fn train() -> Course {
 }
 
 fn test() -> Course {
-    let mut pen = drive([0.0, 1.0], 0, &TEST);
+    let mut pen = drive([0.0, 1.0], 0, &TEST, CAR);
     pen.straight(60.0);
     let from = pen.length();
     cross_country(&mut pen, &Winding { length: 400.0, amplitude: 4.0, seed: 3 });
@@ -339,9 +379,9 @@ fn test() -> Course {
 
 fn turns() -> Course {
     let mut pen = Pen::new(Pose { x: 0.0, y: 0.0, yaw: 0.0 }, street(0));
-    pen.corner([90.0, 0.0], -FRAC_PI_2, right_turn(11.2));
+    pen.corner([90.0, 0.0], -FRAC_PI_2, right_turn(11.2, CAR));
     pen.straight = street(1);
-    pen.corner([90.0, -110.0], 0.0, left_turn(18.2));
+    pen.corner([90.0, -110.0], 0.0, left_turn(18.2, CAR));
     pen.straight = street(3);
     pen.straight(90.0);
     pen.finish(false)
@@ -350,11 +390,16 @@ fn turns() -> Course {
 /// The off-road path of a seed: another seed is another path.
 #[must_use]
 pub fn off_road(seed: u64) -> Course {
+    off_road_of(&Winding { length: 500.0, amplitude: 5.0, seed })
+}
+
+/// An off-road path between two short straights.
+pub(super) fn off_road_of(winding: &Winding) -> Course {
     let mut pen = Pen::new(Pose { x: 0.0, y: 0.0, yaw: PI / 6.0 }, street(1));
     pen.straight(40.0);
     let from = pen.length();
-    cross_country(&mut pen, &Winding { length: 500.0, amplitude: 5.0, seed });
-    pen.roughen(from, seed.wrapping_add(100));
+    cross_country(&mut pen, winding);
+    pen.roughen(from, winding.seed.wrapping_add(100));
     pen.straight = street(1);
     pen.straight(40.0);
     pen.finish(false)

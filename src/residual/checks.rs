@@ -1,9 +1,8 @@
 //! What is wrong with recorded drives: rates, gaps, units, stuck columns.
 
-use super::dataset::{DataReport, Drive, Row};
+use super::dataset::{DataReport, ROAD_NAMES, Recorded, Row};
 use crate::nominal::SingleTrackError;
-use crate::signal;
-use crate::vehicle::SingleTrack;
+use crate::signal::{self, Signal};
 
 /// Why drives cannot be learned from.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -24,6 +23,14 @@ pub enum DataError {
     Empty {
         /// Rows given.
         rows: usize,
+    },
+    /// A state of the vehicle was not recorded.
+    #[error("drive {drive}: there is no column `{column}`, and it is a state of this vehicle; record it")]
+    NoColumn {
+        /// The drive.
+        drive: String,
+        /// The column.
+        column: &'static str,
     },
     /// Columns differ in length.
     #[error(
@@ -123,18 +130,22 @@ const RATE: f64 = 0.02;
 const GLITCHES: f64 = 0.01;
 
 /// The uninterrupted stretches of a drive, at the sample time.
-pub(super) fn stretches(
-    drive: &Drive,
+pub(super) fn stretches<const S: usize>(
+    drive: &Recorded<'_, S>,
     sample_time: f64,
     report: &mut DataReport,
-) -> Result<Vec<Vec<Row>>, DataError> {
+) -> Result<Vec<Vec<Row<S>>>, DataError> {
     if !(sample_time > 0.0 && sample_time.is_finite()) {
         return Err(DataError::SampleTime { value: sample_time });
     }
-    let expected = drive.time.len();
-    for (column, values) in drive.columns() {
+    let time = drive.time();
+    let expected = time.len();
+    for &(column, values) in &drive.columns {
         if values.len() != expected {
-            let drive = drive.name.clone();
+            let drive = drive.name.to_owned();
+            if values.is_empty() {
+                return Err(DataError::NoColumn { drive, column });
+            }
             return Err(DataError::ColumnLength { drive, column, found: values.len(), expected });
         }
     }
@@ -142,9 +153,9 @@ pub(super) fn stretches(
     let kept = plausible(drive, report)?;
     let mut steps = Vec::with_capacity(kept.len());
     for pair in kept.windows(2) {
-        let (before, after) = (drive.time[pair[0]], drive.time[pair[1]]);
+        let (before, after) = (time[pair[0]], time[pair[1]]);
         if after <= before {
-            return Err(DataError::TimeOrder { drive: drive.name.clone(), row: pair[1], before, after });
+            return Err(DataError::TimeOrder { drive: drive.name.to_owned(), row: pair[1], before, after });
         }
         steps.push(after - before);
     }
@@ -156,10 +167,10 @@ pub(super) fn stretches(
     let ratio = sample_time / step;
     let factor = ratio.round().max(1.0);
     if (ratio / factor - 1.0).abs() > RATE {
-        return Err(DataError::Rate { drive: drive.name.clone(), found: step, wanted: sample_time });
+        return Err(DataError::Rate { drive: drive.name.to_owned(), found: step, wanted: sample_time });
     }
     if factor > 1.0 {
-        report.thinned.push((drive.name.clone(), factor as usize));
+        report.thinned.push((drive.name.to_owned(), factor as usize));
     }
     let mut stretches = vec![vec![drive.row(kept[0])]];
     for (&row, found) in kept[1..].iter().zip(steps) {
@@ -175,9 +186,12 @@ pub(super) fn stretches(
 }
 
 /// Rows whose values are numbers and can be.
-fn plausible(drive: &Drive, report: &mut DataReport) -> Result<Vec<usize>, DataError> {
-    let rows = drive.time.len();
-    let columns = drive.columns();
+fn plausible<const S: usize>(
+    drive: &Recorded<'_, S>,
+    report: &mut DataReport,
+) -> Result<Vec<usize>, DataError> {
+    let rows = drive.time().len();
+    let columns = &drive.columns;
     let finite: Vec<usize> = (0..rows).filter(|&i| columns.iter().all(|(_, c)| c[i].is_finite())).collect();
     report.not_finite += rows - finite.len();
     let mut impossible = vec![false; rows];
@@ -189,7 +203,7 @@ fn plausible(drive: &Drive, report: &mut DataReport) -> Result<Vec<usize>, DataE
         outside.iter().for_each(|&i| impossible[i] = true);
         if outside.len() as f64 > GLITCHES * finite.len() as f64 {
             return Err(DataError::OutOfRange {
-                drive: drive.name.clone(),
+                drive: drive.name.to_owned(),
                 column,
                 min,
                 max,
@@ -215,7 +229,7 @@ fn plausible(drive: &Drive, report: &mut DataReport) -> Result<Vec<usize>, DataE
 
 /// Every `factor`-th row, from the one on at which commands change: a command that the controller held over its step
 /// is then found unchanged. The command of a step is the mean of those recorded in it.
-fn thin(stretch: &[Row], factor: usize) -> Vec<Row> {
+fn thin<const S: usize>(stretch: &[Row<S>], factor: usize) -> Vec<Row<S>> {
     if factor == 1 {
         return stretch.to_vec();
     }
@@ -225,7 +239,7 @@ fn thin(stretch: &[Row], factor: usize) -> Vec<Row> {
     }
     // The first of the phases with most changes.
     let phase = (0..factor).rev().max_by_key(|&phase| changes[phase]).unwrap_or(0);
-    let held = |rows: &[Row]| {
+    let held = |rows: &[Row<S>]| {
         let first = rows[0].command;
         let change: f64 = rows.iter().map(|row| row.command - first).sum();
         Row { command: first + change / rows.len() as f64, ..rows[0] }
@@ -258,25 +272,25 @@ impl Slope {
 const DEGREES: f64 = 180.0 / std::f64::consts::PI;
 
 /// Compares columns with one another: units that are wrong by a factor show in how the vehicle moves.
-pub(super) fn units(
-    stretches: &[Vec<Row>],
-    vehicle: &SingleTrack,
+pub(super) fn units<const S: usize>(
+    stretches: &[Vec<Row<S>>],
+    wheelbase: f64,
     sample_time: f64,
 ) -> Result<(), DataError> {
-    let wheelbase = vehicle.lf + vehicle.lr;
     let (mut steer, mut heading, mut lateral) = (Slope::default(), Slope::default(), Slope::default());
     for stretch in stretches {
         for pair in stretch.windows(2) {
-            let ([_, e1_rate, e2, e2_rate], v) = (pair[0].state, pair[0].road[0]);
+            let (now, next) = (pair[0].state, pair[1].state);
+            let (e1_rate, e2, e2_rate, v) = (now[1], now[2], now[3], pair[0].road[0]);
             if v < 1.0 {
                 continue;
             }
-            heading.add(0.5 * (e2_rate + pair[1].state[3]), (pair[1].state[2] - e2) / sample_time);
+            heading.add(0.5 * (e2_rate + next[3]), (next[2] - e2) / sample_time);
             lateral.add(v * e2, e1_rate);
         }
         // Means over half a second: within it, delays and inertia may even turn the sign.
         for block in stretch.chunks((0.5 / sample_time).ceil() as usize) {
-            let mean = |value: fn(&Row) -> f64| block.iter().map(value).sum::<f64>() / block.len() as f64;
+            let mean = |value: fn(&Row<S>) -> f64| block.iter().map(value).sum::<f64>() / block.len() as f64;
             let asked = mean(|row| row.road[0] * row.command) / wheelbase;
             steer.add(asked, mean(|row| row.state[3] + row.road[0] * row.road[1]));
         }
@@ -312,25 +326,26 @@ pub(super) fn units(
 }
 
 /// Columns that never change: an error where nothing can be learned without them, else noted.
-pub(super) fn variation(stretches: &[Vec<Row>], report: &mut DataReport) -> Result<(), DataError> {
+pub(super) fn variation<const S: usize>(
+    stretches: &[Vec<Row<S>>],
+    states: &[Signal; S],
+    report: &mut DataReport,
+) -> Result<(), DataError> {
     let mut rows = stretches.iter().flatten();
     let Some(first) = rows.next() else { return Err(DataError::Empty { rows: report.rows }) };
-    let values = |row: &Row| {
-        let ([e1, e1_rate, e2, e2_rate], [v, curvature, curvature_rate]) = (row.state, row.road);
-        [row.command, e1, e1_rate, e2, e2_rate, v, curvature, curvature_rate]
-    };
+    // Command and states, without which nothing can be learned; then the road.
+    let names = states.iter().map(|signal| signal.name);
+    let names: Vec<&'static str> = ["steer_cmd"].into_iter().chain(names).chain(ROAD_NAMES).collect();
+    let values =
+        |row: &Row<S>| -> Vec<f64> { [row.command].into_iter().chain(row.state).chain(row.road).collect() };
     let reference = values(first);
-    let mut constant = [true; 8];
+    let mut constant = vec![true; names.len()];
     for row in rows {
-        values(row)
-            .iter()
-            .zip(&reference)
-            .zip(&mut constant)
-            .for_each(|((x, first), constant)| *constant &= x == first);
+        let same = values(row).into_iter().zip(&reference).map(|(x, first)| x == *first);
+        constant.iter_mut().zip(same).for_each(|(constant, same)| *constant &= same);
     }
-    let names = ["steer_cmd", "e1", "e1_rate", "e2", "e2_rate", "vx", "curvature", "curvature_rate"];
-    for (i, column) in names.into_iter().enumerate().filter(|&(i, _)| constant[i]) {
-        if i >= 5 {
+    for (i, &column) in names.iter().enumerate().filter(|&(i, _)| constant[i]) {
+        if i > S {
             report.constant.push(column);
             continue;
         }

@@ -12,12 +12,14 @@
 //! and curvature rate of row `k`, and the *commands* `u_{k-W+1}, .., u_k`, the last one being in force over the step.
 //! No window reaches over a gap or from one drive into the next.
 
+use super::ROAD;
 use super::checks::{self, DataError};
 use super::hash::Fnv;
 use super::table::Columns;
-use super::{OUTPUTS, ROAD};
-use crate::nominal::{ContinuousErrorModel, DiscreteErrorModel, ErrorState};
+use crate::nominal::{DiscreteErrorModel, ERRORS, LateralVehicle};
+use crate::signal::Signal;
 use crate::vehicle::SingleTrack;
+use nalgebra::SVector;
 
 /// One drive in columns of equal length.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -42,10 +44,14 @@ pub struct Drive {
     pub curvature: Vec<f64>,
     /// Change of the curvature along the path, 1/m2.
     pub curvature_rate: Vec<f64>,
+    /// Articulation angle, rad; empty for a vehicle without one.
+    pub articulation: Vec<f64>,
+    /// Its rate, rad/s.
+    pub articulation_rate: Vec<f64>,
 }
 
 impl Drive {
-    /// Names and columns, in order.
+    /// Names and columns that every drive has, in order.
     #[must_use]
     pub fn columns(&self) -> [(&'static str, &[f64]); 9] {
         [
@@ -76,20 +82,53 @@ impl Drive {
         ]
     }
 
-    pub(super) fn row(&self, i: usize) -> Row {
+    /// The column of a name; empty if drives have none of that name.
+    #[must_use]
+    pub fn column(&self, name: &str) -> &[f64] {
+        let further: [(&str, &[f64]); 2] =
+            [("articulation", &self.articulation), ("articulation_rate", &self.articulation_rate)];
+        let mut all = self.columns().into_iter().chain(further);
+        all.find(|(known, _)| *known == name).map_or(&[], |(_, column)| column)
+    }
+}
+
+/// What a vehicle with these states is learned from.
+pub(super) struct Recorded<'a, const S: usize> {
+    /// The drive's name.
+    pub name: &'a str,
+    /// Time, command, states, road.
+    pub columns: Vec<(&'static str, &'a [f64])>,
+}
+
+impl<'a, const S: usize> Recorded<'a, S> {
+    fn new(drive: &'a Drive, states: &[Signal; S]) -> Self {
+        let states = states.iter().map(|signal| signal.name);
+        let names = ["time", "steer_cmd"].into_iter().chain(states).chain(ROAD_NAMES);
+        Self { name: &drive.name, columns: names.map(|name| (name, drive.column(name))).collect() }
+    }
+
+    pub fn time(&self) -> &'a [f64] {
+        self.columns[0].1
+    }
+
+    pub fn row(&self, i: usize) -> Row<S> {
+        let at = |column: usize| self.columns[column].1[i];
         Row {
-            command: self.steer_cmd[i],
-            state: [self.e1[i], self.e1_rate[i], self.e2[i], self.e2_rate[i]],
-            road: [self.vx[i], self.curvature[i], self.curvature_rate[i]],
+            command: at(1),
+            state: std::array::from_fn(|s| at(2 + s)),
+            road: std::array::from_fn(|r| at(2 + S + r)),
         }
     }
 }
 
+/// Features of the road and speed by name.
+pub(super) const ROAD_NAMES: [&str; ROAD] = ["vx", "curvature", "curvature_rate"];
+
 /// One row of a drive.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Row {
+pub(super) struct Row<const S: usize> {
     pub command: f64,
-    pub state: [f64; OUTPUTS],
+    pub state: [f64; S],
     /// Speed, curvature, curvature rate.
     pub road: [f64; ROAD],
 }
@@ -128,22 +167,28 @@ pub struct DataReport {
     pub labels: usize,
 }
 
-/// Rows at the sample time and their labels.
+/// Rows at the sample time and their labels, for a vehicle with `S` states.
 #[derive(Debug, Clone, PartialEq)]
-pub struct DataSet {
+pub struct DataSet<V = SingleTrack, const S: usize = ERRORS> {
     pub(super) config: DataConfig,
-    pub(super) vehicle: SingleTrack,
-    states: Vec<[f64; OUTPUTS]>,
-    commands: Vec<f64>,
-    road: Vec<[f64; ROAD]>,
-    labels: Vec<Option<[f64; OUTPUTS]>>,
-    /// Rows before this one in its uninterrupted stretch.
-    before: Vec<u32>,
+    pub(super) vehicle: V,
+    rows: Rows<S>,
     hash: u64,
     report: DataReport,
 }
 
-impl DataSet {
+/// The rows.
+#[derive(Debug, Clone, PartialEq)]
+struct Rows<const S: usize> {
+    states: Vec<[f64; S]>,
+    commands: Vec<f64>,
+    road: Vec<[f64; ROAD]>,
+    labels: Vec<Option<[f64; S]>>,
+    /// Rows before this one in its uninterrupted stretch.
+    before: Vec<u32>,
+}
+
+impl<V: LateralVehicle<S>, const S: usize> DataSet<V, S> {
     /// Checks drives, repairs what can be repaired and labels each step.
     ///
     /// Repairs, all counted in the [`DataReport`]: rows that are not numbers or cannot be are left out; gaps are not
@@ -151,95 +196,86 @@ impl DataSet {
     ///
     /// # Errors
     /// Drives that cannot be repaired: see [`DataError`].
-    pub fn new(drives: &[Drive], vehicle: &SingleTrack, config: DataConfig) -> Result<Self, DataError> {
-        ContinuousErrorModel::new(vehicle, config.min_model_speed)?;
+    pub fn new(drives: &[Drive], vehicle: &V, config: DataConfig) -> Result<Self, DataError> {
+        const { assert!(S >= ERRORS, "a state begins with the errors to the path") };
+        vehicle.model_at(config.min_model_speed)?;
         let mut report = DataReport::default();
         let mut hash = Fnv::new();
-        let mut stretches: Vec<Vec<Row>> = Vec::new();
+        let mut stretches: Vec<Vec<Row<S>>> = Vec::new();
         for drive in drives {
-            drive
-                .columns()
-                .iter()
-                .flat_map(|(_, column)| *column)
-                .for_each(|x| hash.add(&x.to_bits().to_le_bytes()));
-            stretches.extend(checks::stretches(drive, config.sample_time, &mut report)?);
+            let recorded = Recorded::new(drive, &V::STATES);
+            let values = recorded.columns.iter().flat_map(|(_, column)| *column);
+            values.for_each(|x| hash.add(&x.to_bits().to_le_bytes()));
+            stretches.extend(checks::stretches(&recorded, config.sample_time, &mut report)?);
         }
-        checks::units(&stretches, vehicle, config.sample_time)?;
-        checks::variation(&stretches, &mut report)?;
-        let mut data = Self {
-            config,
-            vehicle: *vehicle,
-            states: vec![],
-            commands: vec![],
-            road: vec![],
-            labels: vec![],
-            before: vec![],
-            hash: hash.value(),
-            report,
-        };
+        checks::units(&stretches, vehicle.wheelbase(), config.sample_time)?;
+        checks::variation(&stretches, &V::STATES, &mut report)?;
+        let mut rows =
+            Rows { states: vec![], commands: vec![], road: vec![], labels: vec![], before: vec![] };
         let mut model = None;
         for stretch in &stretches {
             for (i, row) in stretch.iter().enumerate() {
-                data.states.push(row.state);
-                data.commands.push(row.command);
-                data.road.push(row.road);
-                data.before.push(i as u32);
-                let label =
-                    (i + 1 < stretch.len()).then(|| data.label(stretch, i, &mut model)).transpose()?;
-                data.report.labels += usize::from(label.is_some());
-                data.labels.push(label);
+                rows.states.push(row.state);
+                rows.commands.push(row.command);
+                rows.road.push(row.road);
+                rows.before.push(i as u32);
+                let label = (i + 1 < stretch.len())
+                    .then(|| label(vehicle, config, stretch, i, &mut model))
+                    .transpose()?;
+                report.labels += usize::from(label.is_some());
+                rows.labels.push(label);
             }
         }
-        Ok(data)
+        Ok(Self { config, vehicle: *vehicle, rows, hash: hash.value(), report })
     }
+}
 
-    /// The residual over the step that begins at row `i` of a stretch. `model` is kept while the speed stays.
-    fn label(
-        &self,
-        stretch: &[Row],
-        i: usize,
-        model: &mut Option<(f64, DiscreteErrorModel)>,
-    ) -> Result<[f64; OUTPUTS], DataError> {
-        let (now, next) = (&stretch[i], &stretch[i + 1]);
-        let speed = now.road[0].max(self.config.min_model_speed);
-        let (_, model) = match model {
-            Some(kept) if kept.0 == speed => kept,
-            _ => {
-                let fresh =
-                    ContinuousErrorModel::new(&self.vehicle, speed)?.discretise(self.config.sample_time);
-                model.insert((speed, fresh))
-            }
-        };
-        let middle: [f64; ROAD] = std::array::from_fn(|r| 0.5 * (now.road[r] + next.road[r]));
-        let [v, curvature, curvature_rate] = middle;
-        let accel = acceleration(stretch, i, self.config.sample_time);
-        let predicted = model.step(
-            &ErrorState::from(now.state),
-            now.command,
-            v * curvature,
-            v * v * curvature_rate + accel * curvature,
-        );
-        Ok(std::array::from_fn(|o| next.state[o] - predicted[o]))
-    }
+/// The residual over the step that begins at row `i` of a stretch. `model` is kept while the speed stays.
+fn label<V: LateralVehicle<S>, const S: usize>(
+    vehicle: &V,
+    config: DataConfig,
+    stretch: &[Row<S>],
+    i: usize,
+    model: &mut Option<(f64, DiscreteErrorModel<S>)>,
+) -> Result<[f64; S], DataError> {
+    let (now, next) = (&stretch[i], &stretch[i + 1]);
+    let speed = now.road[0].max(config.min_model_speed);
+    let (_, model) = match model {
+        Some(kept) if kept.0 == speed => kept,
+        _ => {
+            let fresh = vehicle.model_at(speed)?.discretise(config.sample_time);
+            model.insert((speed, fresh))
+        }
+    };
+    let middle: [f64; ROAD] = std::array::from_fn(|r| 0.5 * (now.road[r] + next.road[r]));
+    let [v, curvature, curvature_rate] = middle;
+    let accel = acceleration(stretch, i, config.sample_time);
+    let predicted = model.step(
+        &SVector::from(now.state),
+        now.command,
+        v * curvature,
+        v * v * curvature_rate + accel * curvature,
+    );
+    Ok(std::array::from_fn(|o| next.state[o] - predicted[o]))
+}
 
+impl<V, const S: usize> DataSet<V, S> {
     /// Samples with a full window of `window` rows.
     #[must_use]
-    pub fn windows(&self, window: usize) -> Windows<'_> {
-        let full = |&row: &usize| self.before[row] as usize + 1 >= window && self.labels[row].is_some();
-        Windows {
-            data: self,
-            window,
-            rows: (0..self.states.len()).filter(full).map(|row| row as u32).collect(),
-        }
+    pub fn windows(&self, window: usize) -> Windows<'_, S> {
+        let data = &self.rows;
+        let full = |&row: &usize| data.before[row] as usize + 1 >= window && data.labels[row].is_some();
+        Windows { data, window, rows: (0..data.states.len()).filter(full).map(|row| row as u32).collect() }
     }
 
     /// The rows again, stretch by stretch.
-    pub(super) fn stretches(&self) -> impl Iterator<Item = Vec<Row>> {
-        let row = |i: usize| Row { command: self.commands[i], state: self.states[i], road: self.road[i] };
-        let starts = (0..self.before.len()).filter(|&i| self.before[i] == 0);
+    pub(super) fn stretches(&self) -> impl Iterator<Item = Vec<Row<S>>> {
+        let data = &self.rows;
+        let row = |i: usize| Row { command: data.commands[i], state: data.states[i], road: data.road[i] };
+        let starts = (0..data.before.len()).filter(|&i| data.before[i] == 0);
         starts.map(move |start| {
-            let end = (start + 1..self.before.len()).find(|&i| self.before[i] == 0);
-            (start..end.unwrap_or(self.before.len())).map(row).collect()
+            let end = (start + 1..data.before.len()).find(|&i| data.before[i] == 0);
+            (start..end.unwrap_or(data.before.len())).map(row).collect()
         })
     }
 
@@ -260,7 +296,7 @@ impl DataSet {
 const ACCELERATION_ROWS: usize = 5;
 
 /// Longitudinal acceleration near row `i` of a stretch, m/s2.
-pub(super) fn acceleration(stretch: &[Row], i: usize, sample_time: f64) -> f64 {
+pub(super) fn acceleration<const S: usize>(stretch: &[Row<S>], i: usize, sample_time: f64) -> f64 {
     let (from, to) =
         (i.saturating_sub(ACCELERATION_ROWS), (i + 1 + ACCELERATION_ROWS).min(stretch.len() - 1));
     (stretch[to].road[0] - stretch[from].road[0]) / ((to - from) as f64 * sample_time)
@@ -268,13 +304,13 @@ pub(super) fn acceleration(stretch: &[Row], i: usize, sample_time: f64) -> f64 {
 
 /// The samples of a [`DataSet`] for one window.
 #[derive(Debug, Clone)]
-pub struct Windows<'a> {
-    data: &'a DataSet,
+pub struct Windows<'a, const S: usize = ERRORS> {
+    data: &'a Rows<S>,
     window: usize,
     rows: Vec<u32>,
 }
 
-impl Windows<'_> {
+impl<const S: usize> Windows<'_, S> {
     /// Number of samples.
     #[must_use]
     pub fn len(&self) -> usize {
@@ -306,7 +342,7 @@ impl Windows<'_> {
 
     /// Error states of the window, oldest first; rad, m, s.
     #[must_use]
-    pub fn states(&self, sample: usize) -> &[[f64; OUTPUTS]] {
+    pub fn states(&self, sample: usize) -> &[[f64; S]] {
         &self.data.states[self.range(sample)]
     }
 
@@ -324,30 +360,30 @@ impl Windows<'_> {
 
     /// What the nominal model missed over the step.
     #[must_use]
-    pub fn label(&self, sample: usize) -> [f64; OUTPUTS] {
-        self.data.labels[self.rows[sample] as usize].unwrap_or([f64::NAN; OUTPUTS])
+    pub fn label(&self, sample: usize) -> [f64; S] {
+        self.data.labels[self.rows[sample] as usize].unwrap_or([f64::NAN; S])
     }
 
-    /// Writes the features of a sample, `4 W + 3` of them, as [`crate::residual::ResidualModel::coefficients`] takes
+    /// Writes the features of a sample, `S W + 3` of them, as [`crate::residual::ResidualModel::coefficients`] takes
     /// them.
     pub fn features(&self, sample: usize, out: &mut [f64]) {
-        let (states, road) = out.split_at_mut(OUTPUTS * self.window);
+        let (states, road) = out.split_at_mut(S * self.window);
         states.copy_from_slice(self.states(sample).as_flattened());
         road.copy_from_slice(&self.road(sample));
     }
 }
 
-impl Columns for Windows<'_> {
+impl<const S: usize> Columns for Windows<'_, S> {
     fn rows(&self) -> usize {
         self.len()
     }
     fn columns(&self) -> usize {
-        OUTPUTS * self.window + ROAD
+        S * self.window + ROAD
     }
     fn value(&self, row: usize, column: usize) -> f64 {
-        match column.checked_sub(OUTPUTS * self.window) {
+        match column.checked_sub(S * self.window) {
             Some(road) => self.road(row)[road],
-            None => self.states(row)[column / OUTPUTS][column % OUTPUTS],
+            None => self.states(row)[column / S][column % S],
         }
     }
 }

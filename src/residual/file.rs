@@ -13,11 +13,10 @@
 //! smaller and faster than text. Gaussian processes have files made alike, with a magic word of their own.
 
 use super::hash::fnv;
-use super::model::{Kind, ResidualModel, Schema};
+use super::model::{Kind, ResidualModelFor, Schema};
 use super::tree::MAX_DEPTH;
-use super::{MAX_WINDOW, OUTPUTS};
-use crate::nominal::ContinuousErrorModel;
-use crate::vehicle::SingleTrack;
+use super::{MAX_WINDOW, ROAD};
+use crate::nominal::LateralVehicle;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -98,6 +97,14 @@ pub enum FileError {
         /// What was asked for.
         wanted: FileKind,
     },
+    /// A model, but for another kind of vehicle.
+    #[error("holds a model for a {found}, and one for a {wanted} is needed; train a model for this vehicle")]
+    OtherVehicle {
+        /// Whose model the file holds.
+        found: String,
+        /// Whose was asked for.
+        wanted: &'static str,
+    },
     /// The first line is damaged.
     #[error("its first line is damaged: `{line}`; copy the file again, or train anew")]
     FirstLine {
@@ -142,19 +149,44 @@ pub enum FileError {
     },
 }
 
+impl FileError {
+    /// Whether the file is a sound model of another kind of vehicle.
+    #[must_use]
+    pub fn is_of_another_vehicle(&self) -> bool {
+        match self {
+            Self::In { cause, .. } => cause.is_of_another_vehicle(),
+            Self::OtherVehicle { .. } => true,
+            _ => false,
+        }
+    }
+}
+
 #[derive(Serialize, Deserialize)]
 struct Head<S> {
     vehicle_hash: String,
+    /// None stands for a car: files were the car's alone at first.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    vehicle_kind: Option<String>,
     schema: S,
 }
 
-impl ResidualModel {
+/// The head without what differs from kind to kind.
+#[derive(Deserialize)]
+struct HeadKind {
+    vehicle_kind: Option<String>,
+}
+
+/// The kind of vehicle that a head without one is for.
+const FIRST_KIND: &str = "car";
+
+impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
     /// The model as the bytes of its file.
     ///
     /// # Errors
     /// A model that cannot be written; none that training makes.
     pub fn to_bytes(&self) -> Result<Vec<u8>, FileError> {
-        seal(FileKind::Residual, &self.schema.vehicle, &self.schema, &(&self.forest, &*self.leaves))
+        let vehicle = &self.schema.vehicle;
+        seal(FileKind::Residual, vehicle, &self.schema, &(&self.forest, &*self.leaves))
     }
 
     /// A model from the bytes of its file.
@@ -162,7 +194,8 @@ impl ResidualModel {
     /// # Errors
     /// Bytes that are no model, whole and consistent; never a panic.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, FileError> {
-        let (schema, (forest, leaves)) = open(FileKind::Residual, bytes, |schema: &Schema| &schema.vehicle)?;
+        let (schema, (forest, leaves)) =
+            open(FileKind::Residual, bytes, |schema: &Schema<V>| &schema.vehicle)?;
         let model = Self { schema, forest, leaves: Arc::new(leaves) };
         model.check().map_err(|what| FileError::Invalid { what })?;
         Ok(model)
@@ -193,11 +226,11 @@ impl ResidualModel {
         let positive = |x: f64| x > 0.0 && x.is_finite();
         ensure(positive(schema.sample_time), "its sample time is no positive number")?;
         ensure(
-            ContinuousErrorModel::new(&schema.vehicle, schema.min_model_speed).is_ok(),
+            schema.vehicle.model_at(schema.min_model_speed).is_ok(),
             "a parameter of its vehicle, or its minimum model speed, is no positive number",
         )?;
-        let ranges = if schema.kind == Kind::None { 0 } else { 2 * OUTPUTS };
-        ensure(schema.ranges.len() == ranges, "its ranges are not those of 7 features and the command")?;
+        let ranges = if schema.kind == Kind::None { 0 } else { S + ROAD + 1 };
+        ensure(schema.ranges.len() == ranges, "its ranges are not those of its features and the command")?;
         let ordered = schema.ranges.iter().all(|r| r.min <= r.max && r.min.is_finite() && r.max.is_finite());
         ensure(ordered, "a range is none")?;
 
@@ -221,7 +254,7 @@ impl ResidualModel {
         ensure(forest.leaf.iter().all(|&leaf| leaf < forest.leaves), "a tree ends in an unknown leaf")?;
 
         let count = forest.leaves();
-        let p = if schema.kind.is_linear() { schema.regressors.count(schema.window) } else { 1 };
+        let p = if schema.kind.is_linear() { schema.regressors.count(S, schema.window) } else { 1 };
         ensure(leaves.regressors() == p, "its leaves have other regressors than its head says")?;
         ensure(
             Some(leaves.theta.len()) == count.checked_mul(p),
@@ -234,13 +267,14 @@ impl ResidualModel {
 }
 
 /// The bytes of a file: first line, head, numbers.
-pub(super) fn seal(
+pub(super) fn seal<V: LateralVehicle<S>, const S: usize>(
     kind: FileKind,
-    vehicle: &SingleTrack,
+    vehicle: &V,
     schema: &impl Serialize,
     numbers: &impl Serialize,
 ) -> Result<Vec<u8>, FileError> {
-    let head = Head { vehicle_hash: vehicle_hash(vehicle), schema };
+    let vehicle_kind = (V::KIND != FIRST_KIND).then(|| V::KIND.to_owned());
+    let head = Head { vehicle_hash: vehicle_hash(vehicle), vehicle_kind, schema };
     let mut body = toml::to_string(&head).map_err(|error| FileError::Head(error.to_string()))?.into_bytes();
     let head_length = body.len();
     body.extend(postcard::to_allocvec(numbers)?);
@@ -249,12 +283,12 @@ pub(super) fn seal(
     Ok([line.as_bytes(), &body].concat())
 }
 
-/// Schema and numbers of a file that is whole, undamaged and of the kind `wanted`.
-pub(super) fn open<S: DeserializeOwned, N: DeserializeOwned>(
+/// Schema and numbers of a file that is whole, undamaged, of the kind `wanted` and for such a vehicle.
+pub(super) fn open<H: DeserializeOwned, N: DeserializeOwned, V: LateralVehicle<S>, const S: usize>(
     wanted: FileKind,
     bytes: &[u8],
-    vehicle: impl Fn(&S) -> &SingleTrack,
-) -> Result<(S, N), FileError> {
+    vehicle: impl Fn(&H) -> &V,
+) -> Result<(H, N), FileError> {
     let found = FileKind::of(bytes).ok_or(FileError::NotAModel)?;
     if found != wanted {
         return Err(FileError::OtherKind { found, wanted });
@@ -284,7 +318,13 @@ pub(super) fn open<S: DeserializeOwned, N: DeserializeOwned>(
     }
     let (head, numbers) = body.split_at(head as usize);
     let head = std::str::from_utf8(head).map_err(|error| FileError::Head(error.to_string()))?;
-    let head: Head<S> = toml::from_str(head).map_err(|error| FileError::Head(error.to_string()))?;
+    let understood = |error: toml::de::Error| FileError::Head(error.to_string());
+    let HeadKind { vehicle_kind } = toml::from_str(head).map_err(understood)?;
+    let found = vehicle_kind.unwrap_or_else(|| FIRST_KIND.to_owned());
+    if found != V::KIND {
+        return Err(FileError::OtherVehicle { found, wanted: V::KIND });
+    }
+    let head: Head<H> = toml::from_str(head).map_err(understood)?;
     let (numbers, rest) = postcard::take_from_bytes(numbers)?;
     if !rest.is_empty() {
         return Err(FileError::Invalid { what: "there are more numbers than the model has" });
@@ -301,8 +341,8 @@ pub(super) fn in_file<T>(file: &Path, work: impl FnOnce() -> Result<T, FileError
 }
 
 /// Identifies a nominal vehicle: FNV-1a of its parameters' bits.
-fn vehicle_hash(car: &SingleTrack) -> String {
-    let parameters = [car.mass, car.yaw_inertia, car.lf, car.lr, car.cf, car.cr];
-    let bytes: Vec<u8> = parameters.iter().flat_map(|x| x.to_bits().to_le_bytes()).collect();
+fn vehicle_hash<V: LateralVehicle<S>, const S: usize>(vehicle: &V) -> String {
+    let parameters = vehicle.parameters();
+    let bytes: Vec<u8> = parameters.iter().flat_map(|(_, x)| x.to_bits().to_le_bytes()).collect();
     format!("{:016x}", fnv(&bytes))
 }

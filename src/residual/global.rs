@@ -3,7 +3,6 @@
 //! Ridge with `lambda` from cross-validation. Folds are made of blocks of consecutive samples: neighbours share most
 //! of their window, so a random split would test on what it trained on.
 
-use super::OUTPUTS;
 use super::leaf::Design;
 use super::least_squares::{Theta, Triangle};
 use super::parallel;
@@ -21,24 +20,24 @@ pub(super) fn fold(sample: usize, samples: usize) -> usize {
 
 /// The fit, and the error of each candidate.
 #[derive(Debug, Clone)]
-pub(super) struct GlobalFit {
+pub(super) struct GlobalFit<const S: usize> {
     /// For scaled columns.
-    pub theta: Theta,
+    pub theta: Theta<S>,
     /// The `lambda` chosen.
     pub lambda: f64,
 }
 
 /// Fits by the `lambda` of `candidates` whose cross-validated error, summed over standardised outputs, is least.
-pub(super) fn fit(design: &Design, candidates: &[f64], threads: usize) -> GlobalFit {
+pub(super) fn fit<const S: usize>(design: &Design<S>, candidates: &[f64], threads: usize) -> GlobalFit<S> {
     let n = design.len();
     let mut folds = parallel::map(threads, FOLDS, |f| {
-        let mut triangle = Triangle::new(design.regressors);
+        let mut triangle = Triangle::<S>::new(design.regressors);
         for i in (0..n).filter(|&i| fold(i, n) == f) {
             triangle.add(design.row(i), &design.labels[i], 1.0);
         }
         triangle
     });
-    let all = |folds: &[Triangle], without: usize| {
+    let all = |folds: &[Triangle<S>], without: usize| {
         let mut sum = Triangle::new(design.regressors);
         folds.iter().enumerate().filter(|&(f, _)| f != without).for_each(|(_, fold)| sum.merge(fold));
         sum.decompose()
@@ -61,7 +60,7 @@ pub(super) fn fit(design: &Design, candidates: &[f64], threads: usize) -> Global
 }
 
 /// Variance of each output; 1 for a constant one.
-pub(super) fn spread(labels: &[[f64; OUTPUTS]]) -> [f64; OUTPUTS] {
+pub(super) fn spread<const S: usize>(labels: &[[f64; S]]) -> [f64; S] {
     let n = labels.len() as f64;
     std::array::from_fn(|o| {
         let mean = labels.iter().map(|y| y[o]).sum::<f64>() / n;
@@ -71,6 +70,6 @@ pub(super) fn spread(labels: &[[f64; OUTPUTS]]) -> [f64; OUTPUTS] {
 }
 
 /// Squared errors in units of the outputs' spread.
-pub(super) fn score(squares: &[f64; OUTPUTS], spread: &[f64; OUTPUTS]) -> f64 {
+pub(super) fn score<const S: usize>(squares: &[f64; S], spread: &[f64; S]) -> f64 {
     squares.iter().zip(spread).map(|(square, spread)| square / spread).sum()
 }

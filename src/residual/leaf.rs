@@ -11,21 +11,23 @@
 //! way, [`LeafFit::LeastSquares`].
 
 use super::least_squares::{Gram, Theta, Triangle};
-use super::{OUTPUTS, parallel};
+use super::parallel;
+use crate::nominal::ERRORS;
 use serde::{Deserialize, Serialize};
 
 /// The leaves' coefficients, one leaf behind the other.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct LeafModels {
+pub struct LeafModels<const S: usize = ERRORS> {
     /// Regressors of a leaf; the first is the constant 1.
     pub(super) regressors: u32,
     /// For each leaf and regressor its effect on each output.
-    pub(super) theta: Theta,
+    #[serde(with = "super::rows")]
+    pub(super) theta: Theta<S>,
     /// Smallest and largest command in the windows of each leaf's samples, rad.
     pub(super) command_range: Vec<[f64; 2]>,
 }
 
-impl LeafModels {
+impl<const S: usize> LeafModels<S> {
     /// Number of regressors, the constant among them.
     #[must_use]
     pub fn regressors(&self) -> usize {
@@ -34,12 +36,12 @@ impl LeafModels {
 
     /// Coefficients of a leaf.
     #[must_use]
-    pub fn theta(&self, leaf: usize) -> &[[f64; OUTPUTS]] {
+    pub fn theta(&self, leaf: usize) -> &[[f64; S]] {
         &self.theta[leaf * self.regressors()..][..self.regressors()]
     }
 
     /// Mean coefficients of these leaves, one of each tree.
-    pub(super) fn average(&self, leaves: &[u32], mean: &mut [[f64; OUTPUTS]]) {
+    pub(super) fn average(&self, leaves: &[u32], mean: &mut [[f64; S]]) {
         let of = |&leaf: &u32| self.theta(leaf as usize).as_flattened();
         let mean = mean.as_flattened_mut();
         mean.fill(0.0);
@@ -88,18 +90,18 @@ pub enum LeafFit {
 
 /// Regressors and labels of all samples.
 #[derive(Debug, Clone)]
-pub(super) struct Design {
+pub(super) struct Design<const S: usize> {
     pub regressors: usize,
     /// Row by row, each column divided by its scale.
     pub z: Vec<f64>,
-    pub labels: Vec<[f64; OUTPUTS]>,
+    pub labels: Vec<[f64; S]>,
     /// Root mean square of each column before scaling; 1 for a column of zeros.
     pub scale: Vec<f64>,
 }
 
-impl Design {
+impl<const S: usize> Design<S> {
     /// Scales the columns of `z`.
-    pub fn new(regressors: usize, mut z: Vec<f64>, labels: Vec<[f64; OUTPUTS]>) -> Self {
+    pub fn new(regressors: usize, mut z: Vec<f64>, labels: Vec<[f64; S]>) -> Self {
         let mut scale = vec![0.0; regressors];
         for row in z.chunks_exact(regressors) {
             scale.iter_mut().zip(row).for_each(|(sum, z)| *sum += z * z);
@@ -122,8 +124,8 @@ impl Design {
     }
 
     /// `theta' z_i`.
-    pub fn predict(&self, i: usize, theta: &[[f64; OUTPUTS]]) -> [f64; OUTPUTS] {
-        let mut sum = [0.0; OUTPUTS];
+    pub fn predict(&self, i: usize, theta: &[[f64; S]]) -> [f64; S] {
+        let mut sum = [0.0; S];
         for (z, theta) in self.row(i).iter().zip(theta) {
             sum.iter_mut().zip(theta).for_each(|(sum, t)| *sum += z * t);
         }
@@ -131,13 +133,13 @@ impl Design {
     }
 
     /// Coefficients for columns that are not scaled.
-    pub fn unscaled(&self, theta: &[[f64; OUTPUTS]]) -> Theta {
+    pub fn unscaled(&self, theta: &[[f64; S]]) -> Theta<S> {
         let scales = self.scale.iter().cycle();
         theta.iter().zip(scales).map(|(theta, scale)| theta.map(|t| t / scale)).collect()
     }
 
     /// What `theta` leaves of the labels.
-    pub fn remainder(&self, theta: &[[f64; OUTPUTS]]) -> Vec<[f64; OUTPUTS]> {
+    pub fn remainder(&self, theta: &[[f64; S]]) -> Vec<[f64; S]> {
         (0..self.len())
             .map(|i| {
                 let fit = self.predict(i, theta);
@@ -184,10 +186,10 @@ impl Members {
 }
 
 /// Means of the labels in each leaf.
-pub(super) fn constant(labels: &[[f64; OUTPUTS]], members: &Members, weights: &[u16]) -> Theta {
+pub(super) fn constant<const S: usize>(labels: &[[f64; S]], members: &Members, weights: &[u16]) -> Theta<S> {
     (0..members.leaves())
         .map(|leaf| {
-            let mut sum = [0.0; OUTPUTS];
+            let mut sum = [0.0; S];
             let mut total = 0.0;
             for row in members.of(leaf) {
                 let w = f64::from(weights[row]);
@@ -202,16 +204,16 @@ pub(super) fn constant(labels: &[[f64; OUTPUTS]], members: &Members, weights: &[
 /// Linear leaves of one tree, leaf behind leaf, once for each fit of `fits`.
 ///
 /// `remainder` is what the global fit `global` leaves of the labels.
-pub(super) fn linear(
-    design: &Design,
-    remainder: &[[f64; OUTPUTS]],
-    global: &[[f64; OUTPUTS]],
+pub(super) fn linear<const S: usize>(
+    design: &Design<S>,
+    remainder: &[[f64; S]],
+    global: &[[f64; S]],
     members: &Members,
     weights: &[u16],
     fits: &[LeafFit],
-) -> Vec<Theta> {
+) -> Vec<Theta<S>> {
     let p = design.regressors;
-    let mut result = vec![Theta::with_capacity(members.leaves() * p); fits.len()];
+    let mut result = vec![Theta::<S>::with_capacity(members.leaves() * p); fits.len()];
     let plain = fits.contains(&LeafFit::LeastSquares);
     for leaf in 0..members.leaves() {
         let mut gram = Gram::new(p);
@@ -230,9 +232,9 @@ pub(super) fn linear(
                 (LeafFit::LeastSquares, None) => result.extend(global),
                 (LeafFit::Ridge { lambda }, _) => {
                     // A leaf whose equations cannot be solved keeps the global fit.
-                    let change = gram.ridge(*lambda).unwrap_or_else(|| vec![[0.0; OUTPUTS]; p]);
+                    let change = gram.ridge(*lambda).unwrap_or_else(|| vec![[0.0; S]; p]);
                     result.extend(change.iter().zip(global).map(|(change, global)| {
-                        let theta: [f64; OUTPUTS] = std::array::from_fn(|o| global[o] + change[o]);
+                        let theta: [f64; S] = std::array::from_fn(|o| global[o] + change[o]);
                         theta
                     }));
                 }
@@ -246,24 +248,24 @@ pub(super) fn linear(
 const CHUNK: usize = 2048;
 
 /// Sum of squares and largest magnitude of `error(i)`, for each output; samples without an error are left out.
-pub(super) fn accumulate(
+pub(super) fn accumulate<const S: usize>(
     threads: usize,
     samples: usize,
-    error: impl Fn(usize) -> Option<[f64; OUTPUTS]> + Sync,
-) -> (usize, [f64; OUTPUTS], [f64; OUTPUTS]) {
+    error: impl Fn(usize) -> Option<[f64; S]> + Sync,
+) -> (usize, [f64; S], [f64; S]) {
     let chunks = parallel::chunks(samples, CHUNK);
     let parts = parallel::map(threads, chunks.len(), |chunk| {
-        let (mut count, mut squares, mut largest) = (0, [0.0; OUTPUTS], [0.0_f64; OUTPUTS]);
+        let (mut count, mut squares, mut largest) = (0, [0.0; S], [0.0_f64; S]);
         for error in chunks[chunk].clone().filter_map(&error) {
             count += 1;
-            for o in 0..OUTPUTS {
+            for o in 0..S {
                 squares[o] += error[o] * error[o];
                 largest[o] = largest[o].max(error[o].abs());
             }
         }
         (count, squares, largest)
     });
-    parts.into_iter().fold((0, [0.0; OUTPUTS], [0.0; OUTPUTS]), |sum, part| {
+    parts.into_iter().fold((0, [0.0; S], [0.0; S]), |sum, part| {
         (
             sum.0 + part.0,
             std::array::from_fn(|o| sum.1[o] + part.1[o]),

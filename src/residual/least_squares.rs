@@ -9,34 +9,30 @@
 //! norm where columns depend on one another. [`Gram`] is `Z'Z`: quicker, and good enough once `lambda` bounds the
 //! condition number.
 
-use super::OUTPUTS;
+use crate::nominal::ERRORS;
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 /// Coefficients: for each regressor, its effect on each output.
-pub type Theta = Vec<[f64; OUTPUTS]>;
+pub type Theta<const S: usize = ERRORS> = Vec<[f64; S]>;
 
 /// `Z'Z`, `Z'Y` and the number of rows.
 #[derive(Debug, Clone)]
-pub struct Gram {
+pub struct Gram<const S: usize = ERRORS> {
     /// Lower triangle, row by row.
     zz: Vec<f64>,
-    zy: Theta,
+    zy: Theta<S>,
     weight: f64,
 }
 
-impl Gram {
+impl<const S: usize> Gram<S> {
     /// Of no rows, for `regressors` columns.
     #[must_use]
     pub fn new(regressors: usize) -> Self {
-        Self {
-            zz: vec![0.0; regressors * (regressors + 1) / 2],
-            zy: vec![[0.0; OUTPUTS]; regressors],
-            weight: 0.0,
-        }
+        Self { zz: vec![0.0; regressors * (regressors + 1) / 2], zy: vec![[0.0; S]; regressors], weight: 0.0 }
     }
 
     /// Adds a row `weight` times.
-    pub fn add(&mut self, z: &[f64], y: &[f64; OUTPUTS], weight: f64) {
+    pub fn add(&mut self, z: &[f64], y: &[f64; S], weight: f64) {
         debug_assert_eq!(z.len(), self.zy.len());
         let mut rest = self.zz.as_mut_slice();
         for (i, (&zi, zy)) in z.iter().zip(&mut self.zy).enumerate() {
@@ -52,17 +48,17 @@ impl Gram {
     /// `(Z'Z + lambda n I)^-1 Z'Y`; zero for an infinite `lambda` or no rows; `None` if `Z'Z` is singular and
     /// `lambda` too small to mend it.
     #[must_use]
-    pub fn ridge(&self, lambda: f64) -> Option<Theta> {
+    pub fn ridge(&self, lambda: f64) -> Option<Theta<S>> {
         let p = self.zy.len();
         if lambda == f64::INFINITY || self.weight == 0.0 {
-            return Some(vec![[0.0; OUTPUTS]; p]);
+            return Some(vec![[0.0; S]; p]);
         }
         let mut matrix =
             DMatrix::from_fn(p, p, |i, j| if j <= i { self.zz[i * (i + 1) / 2 + j] } else { 0.0 });
         for i in 0..p {
             matrix[(i, i)] += lambda * self.weight;
         }
-        let right = DMatrix::from_fn(p, OUTPUTS, |i, o| self.zy[i][o]);
+        let right = DMatrix::from_fn(p, S, |i, o| self.zy[i][o]);
         // Cholesky reads the lower triangle only.
         let solution = Cholesky::new(matrix)?.solve(&right);
         let theta = rows(&solution);
@@ -72,7 +68,7 @@ impl Gram {
 
 /// The triangle `R` of `[Z Y] = Q R`, built up row by row.
 #[derive(Debug, Clone)]
-pub struct Triangle {
+pub struct Triangle<const S: usize = ERRORS> {
     regressors: usize,
     /// The triangle so far in the first rows, then rows not yet worked in.
     block: DMatrix<f64>,
@@ -83,16 +79,16 @@ pub struct Triangle {
 /// Rows that are worked in at once.
 const BLOCK: usize = 256;
 
-impl Triangle {
+impl<const S: usize> Triangle<S> {
     /// Of no rows, for `regressors` columns.
     #[must_use]
     pub fn new(regressors: usize) -> Self {
-        let width = regressors + OUTPUTS;
+        let width = regressors + S;
         Self { regressors, block: DMatrix::zeros(width + BLOCK, width), filled: 0, weight: 0.0 }
     }
 
     /// Adds a row `weight` times.
-    pub fn add(&mut self, z: &[f64], y: &[f64; OUTPUTS], weight: f64) {
+    pub fn add(&mut self, z: &[f64], y: &[f64; S], weight: f64) {
         if self.filled == self.block.nrows() {
             self.reduce();
         }
@@ -108,7 +104,7 @@ impl Triangle {
     /// Adds the rows that another triangle has seen.
     pub fn merge(&mut self, other: &Self) {
         let weight = self.weight + other.weight;
-        let mut y = [0.0; OUTPUTS];
+        let mut y = [0.0; S];
         for row in other.block.row_iter().take(other.filled) {
             let row: Vec<f64> = row.iter().copied().collect();
             let (z, outputs) = row.split_at(self.regressors);
@@ -135,8 +131,8 @@ impl Triangle {
 
     /// Sum of the squared errors of `theta` on the rows, for each output.
     #[must_use]
-    pub fn squared_error(&self, theta: &[[f64; OUTPUTS]]) -> [f64; OUTPUTS] {
-        let mut sum = [0.0; OUTPUTS];
+    pub fn squared_error(&self, theta: &[[f64; S]]) -> [f64; S] {
+        let mut sum = [0.0; S];
         for row in self.block.row_iter().take(self.filled) {
             for (o, sum) in sum.iter_mut().enumerate() {
                 let fit: f64 = theta.iter().zip(row.iter()).map(|(t, z)| t[o] * z).sum();
@@ -148,12 +144,12 @@ impl Triangle {
 
     /// Prepares the solutions for all `lambda`.
     #[must_use]
-    pub fn decompose(mut self) -> Decomposed {
+    pub fn decompose(mut self) -> Decomposed<S> {
         self.reduce();
         let p = self.regressors;
         // Fewer rows than regressors leave rows of zeros below: they change nothing.
         let svd = self.block.view((0, 0), (p, p)).into_owned().svd(true, true);
-        let right = self.block.view((0, p), (p, OUTPUTS));
+        let right = self.block.view((0, p), (p, S));
         let (u, v_t) =
             (svd.u.unwrap_or_else(|| DMatrix::zeros(p, p)), svd.v_t.unwrap_or_else(|| DMatrix::zeros(p, p)));
         Decomposed {
@@ -167,18 +163,18 @@ impl Triangle {
 
 /// The singular value decomposition of `Z`: from it the solution for any `lambda` is one product.
 #[derive(Debug, Clone)]
-pub struct Decomposed {
+pub struct Decomposed<const S: usize = ERRORS> {
     singular: DVector<f64>,
     v_t: DMatrix<f64>,
     projected: DMatrix<f64>,
     weight: f64,
 }
 
-impl Decomposed {
+impl<const S: usize> Decomposed<S> {
     /// The solution. For `lambda = 0` plain least squares, the one of least norm if there are many: singular values
     /// below `n eps` of the largest count as zero.
     #[must_use]
-    pub fn solve(&self, lambda: f64) -> Theta {
+    pub fn solve(&self, lambda: f64) -> Theta<S> {
         let largest = self.singular.max();
         let cutoff = largest * f64::EPSILON * self.weight.max(self.singular.len() as f64);
         let mut filtered = self.projected.clone();
@@ -194,6 +190,6 @@ impl Decomposed {
     }
 }
 
-fn rows(matrix: &DMatrix<f64>) -> Theta {
+fn rows<const S: usize>(matrix: &DMatrix<f64>) -> Theta<S> {
     matrix.row_iter().map(|row| std::array::from_fn(|o| row[o])).collect()
 }

@@ -54,7 +54,7 @@
 //! | `global.rs`, `leaf.rs` | one linear model for all; models in leaves |
 //! | `train_config.rs`, `train.rs` | from a data set to a model and a report of its fit |
 //! | `model.rs` | what the controller calls |
-//! | `file.rs` | the model's file |
+//! | `file.rs`, `rows.rs` | the model's file |
 //! | `gp/` | the Gaussian process of GP-NMPC |
 //! | `random.rs`, `parallel.rs`, `hash.rs` | the same bits for the same seed, on any number of threads |
 
@@ -70,6 +70,7 @@ mod least_squares;
 mod model;
 pub(crate) mod parallel;
 mod random;
+mod rows;
 mod table;
 mod train;
 mod train_config;
@@ -82,7 +83,8 @@ pub use forest::{Block, Forest, ForestConfig, GrownForest, grow};
 pub use leaf::{LeafFit, LeafModels};
 pub use least_squares::{Decomposed, Gram, Theta, Triangle};
 pub use model::{
-    Coefficients, Expected, Kind, Misfit, Range, Regressors, ResidualModel, Schema, Training, TreeFeatures,
+    Coefficients, Expected, Kind, Misfit, Range, Regressors, ResidualModel, ResidualModelFor, Schema,
+    Training, TreeFeatures,
 };
 pub use random::Random;
 pub use table::{Columns, Dense, Resolution};
@@ -90,8 +92,8 @@ pub use train::{Fit, Progress, Stage, TrainError, TrainReport, Trained, train};
 pub use train_config::{ConfigError, LambdaChoice, TrainConfig};
 pub use tree::MAX_DEPTH;
 
-/// Components of the state and so of the residual: e1, e1', e2, e2'.
-pub const OUTPUTS: usize = 4;
+/// Components of a car's state and so of its residual: e1, e1', e2, e2'.
+pub const OUTPUTS: usize = crate::nominal::ERRORS;
 
 /// Features of the road and speed: vx, curvature, curvature rate.
 pub const ROAD: usize = 3;

@@ -14,11 +14,12 @@
 //! Steps that follow each other mostly fall into the same leaves: their mean is kept in the caller's room, and read
 //! again, 1 kB, instead of every tree's leaf.
 
+use super::ROAD;
 use super::forest::Forest;
 use super::leaf::LeafModels;
 use super::least_squares::Theta;
-use super::{OUTPUTS, ROAD};
 use crate::enumeration;
+use crate::nominal::{ERRORS, LateralVehicle};
 use crate::vehicle::SingleTrack;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -68,10 +69,10 @@ enumeration! {
 }
 
 impl TreeFeatures {
-    /// Their numbers among the features of a look-up.
+    /// Their numbers among the features of a look-up; `states` is the number of states of a row.
     #[must_use]
-    pub fn indices(self, window: usize) -> Vec<u16> {
-        let road = OUTPUTS * window;
+    pub fn indices(self, states: usize, window: usize) -> Vec<u16> {
+        let road = states * window;
         let all = match self {
             Self::Errors => 0..road,
             Self::ErrorsAndRoad => 0..road + ROAD,
@@ -94,18 +95,18 @@ pub struct Regressors {
 pub(super) const ROAD_TERMS: usize = 3;
 
 impl Regressors {
-    /// Number of regressors, with the constant.
+    /// Number of regressors, with the constant; `states` is the number of states of a row.
     #[must_use]
-    pub fn count(self, window: usize) -> usize {
-        1 + window + OUTPUTS * self.states + if self.road { ROAD_TERMS } else { 0 }
+    pub fn count(self, states: usize, window: usize) -> usize {
+        1 + window + states * self.states + if self.road { ROAD_TERMS } else { 0 }
     }
 
     /// Writes the regressors: constant, commands, states, road.
-    pub(super) fn write(self, features: &[f64], commands: &[f64], out: &mut Vec<f64>) {
+    pub(super) fn write<const S: usize>(self, features: &[f64], commands: &[f64], out: &mut Vec<f64>) {
         let (states, road) = features.split_at(features.len() - ROAD);
         out.push(1.0);
         out.extend(commands);
-        out.extend(&states[states.len() - OUTPUTS * self.states..]);
+        out.extend(&states[states.len() - S * self.states..]);
         if self.road {
             out.extend(road_terms(road));
         }
@@ -164,7 +165,7 @@ pub struct Training {
 
 /// What a model is, apart from its numbers: the readable head of its file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Schema {
+pub struct Schema<V = SingleTrack> {
     /// Kind of residual.
     pub kind: Kind,
     /// Time between control steps, s.
@@ -178,18 +179,18 @@ pub struct Schema {
     /// What linear leaves have besides commands.
     pub regressors: Regressors,
     /// The nominal vehicle whose prediction the residual corrects.
-    pub vehicle: SingleTrack,
+    pub vehicle: V,
     /// From what the model was made.
     pub training: Training,
-    /// Ranges in training: e1, e1', e2, e2', vx, curvature, curvature rate, command.
+    /// Ranges in training: states, vx, curvature, curvature rate, command.
     pub ranges: Vec<Range>,
 }
 
 /// What a controller expects of a model.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Expected {
+pub struct Expected<V = SingleTrack> {
     /// The controller's nominal vehicle.
-    pub vehicle: SingleTrack,
+    pub vehicle: V,
     /// Its sample time, s.
     pub sample_time: f64,
     /// The speed below which it holds its prediction model, m/s.
@@ -198,25 +199,23 @@ pub struct Expected {
     pub window: Option<usize>,
 }
 
-impl Expected {
+impl<V> Expected<V> {
     /// Compares with what a model was learned for, but for the window.
-    pub(super) fn check(
+    pub(super) fn check<const S: usize>(
         &self,
-        vehicle: &SingleTrack,
+        vehicle: &V,
         sample_time: f64,
         min_model_speed: f64,
-    ) -> Result<(), Misfit> {
-        let (mine, theirs) = (vehicle, &self.vehicle);
-        let parameters = [
-            ("mass", mine.mass, theirs.mass),
-            ("yaw_inertia", mine.yaw_inertia, theirs.yaw_inertia),
-            ("lf", mine.lf, theirs.lf),
-            ("lr", mine.lr, theirs.lr),
-            ("front cornering stiffness", mine.cf, theirs.cf),
-            ("rear cornering stiffness", mine.cr, theirs.cr),
-        ];
-        if let Some(&(parameter, model, controller)) = parameters.iter().find(|(_, a, b)| !same(*a, *b)) {
-            return Err(Misfit::Vehicle { parameter, model, controller });
+    ) -> Result<(), Misfit>
+    where
+        V: LateralVehicle<S>,
+    {
+        for ((parameter, model), (_, controller)) in
+            vehicle.parameters().into_iter().zip(self.vehicle.parameters())
+        {
+            if !same(model, controller) {
+                return Err(Misfit::Vehicle { parameter, model, controller });
+            }
         }
         let (model, controller) = (sample_time, self.sample_time);
         if !same(model, controller) {
@@ -293,51 +292,54 @@ pub(super) fn same(a: f64, b: f64) -> bool {
     (a - b).abs() <= SAME * a.abs().max(b.abs())
 }
 
-/// A learned residual.
+/// A learned residual of a car.
+pub type ResidualModel = ResidualModelFor<SingleTrack, ERRORS>;
+
+/// A learned residual of a kind of vehicle with `S` states.
 #[derive(Debug, Clone, PartialEq)]
-pub struct ResidualModel {
-    pub(super) schema: Schema,
+pub struct ResidualModelFor<V, const S: usize> {
+    pub(super) schema: Schema<V>,
     pub(super) forest: Forest,
     /// Shared with the rooms made for it, which know their model by it.
-    pub(super) leaves: Arc<LeafModels>,
+    pub(super) leaves: Arc<LeafModels<S>>,
 }
 
 /// The linear residual at one step of the horizon; made once, filled at each call.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Coefficients {
+pub struct Coefficients<const S: usize = ERRORS> {
     /// Constant, commands, states; then the road's terms, which are added to the constant.
-    values: Theta,
+    values: Theta<S>,
     window: usize,
     /// Where the road's terms begin.
     road: usize,
     /// The leaves of whose model these are.
-    model: Arc<LeafModels>,
+    model: Arc<LeafModels<S>>,
     /// The leaf of each tree at the last call; at first none.
     leaves: Vec<u32>,
     /// Their mean coefficients as they are in the model: without the road's values, not scaled.
-    mean: Theta,
+    mean: Theta<S>,
     /// How far the worst feature lies outside its range in training, in widths of that range; 0 inside.
     pub excess: f64,
     /// Share of the leaves that never saw commands like those given, 0 to 1.
     pub strange_leaves: f64,
 }
 
-impl Coefficients {
-    /// Effect on `[e1, e1', e2, e2']` of what is known.
+impl<const S: usize> Coefficients<S> {
+    /// Effect on the states of what is known.
     #[must_use]
-    pub fn constant(&self) -> [f64; OUTPUTS] {
+    pub fn constant(&self) -> [f64; S] {
         self.values[0]
     }
 
     /// Effect of each command of the window, oldest first, per rad.
     #[must_use]
-    pub fn command(&self) -> &[[f64; OUTPUTS]] {
+    pub fn command(&self) -> &[[f64; S]] {
         &self.values[1..=self.window]
     }
 
     /// Effect of the newest error states, oldest first; empty if the leaves have none.
     #[must_use]
-    pub fn state(&self) -> &[[f64; OUTPUTS]] {
+    pub fn state(&self) -> &[[f64; S]] {
         &self.values[1 + self.window..self.road]
     }
 
@@ -354,7 +356,7 @@ impl Coefficients {
 
     /// The residual for these commands and newest states (both oldest first).
     #[must_use]
-    pub fn residual(&self, commands: &[f64], states: &[f64]) -> [f64; OUTPUTS] {
+    pub fn residual(&self, commands: &[f64], states: &[f64]) -> [f64; S] {
         let mut sum = self.values[0];
         let known = commands.iter().zip(self.command()).chain(states.iter().zip(self.state()));
         for (value, effect) in known {
@@ -364,10 +366,10 @@ impl Coefficients {
     }
 }
 
-impl ResidualModel {
+impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
     /// No residual: coefficients are zero.
     #[must_use]
-    pub fn none(vehicle: &SingleTrack, sample_time: f64, min_model_speed: f64, window: usize) -> Self {
+    pub fn none(vehicle: &V, sample_time: f64, min_model_speed: f64, window: usize) -> Self {
         let schema = Schema {
             kind: Kind::None,
             sample_time,
@@ -385,13 +387,13 @@ impl ResidualModel {
             },
             ranges: vec![],
         };
-        let leaves = LeafModels { regressors: 1, theta: vec![[0.0; OUTPUTS]], command_range: vec![[0.0; 2]] };
+        let leaves = LeafModels { regressors: 1, theta: vec![[0.0; S]], command_range: vec![[0.0; 2]] };
         Self { schema, forest: Forest::single_leaf(), leaves: Arc::new(leaves) }
     }
 
     /// What the model is.
     #[must_use]
-    pub fn schema(&self) -> &Schema {
+    pub fn schema(&self) -> &Schema<V> {
         &self.schema
     }
 
@@ -403,41 +405,41 @@ impl ResidualModel {
 
     /// Its leaves.
     #[must_use]
-    pub fn leaves(&self) -> &LeafModels {
+    pub fn leaves(&self) -> &LeafModels<S> {
         &self.leaves
     }
 
-    /// Number of features that [`coefficients`](Self::coefficients) takes: `4 W + 3`.
+    /// Number of features that [`coefficients`](Self::coefficients) takes: `S W + 3`.
     #[must_use]
     pub fn features(&self) -> usize {
-        OUTPUTS * self.schema.window + ROAD
+        S * self.schema.window + ROAD
     }
 
     /// Room for the coefficients of one step.
     #[must_use]
-    pub fn room(&self) -> Coefficients {
+    pub fn room(&self) -> Coefficients<S> {
         let Schema { window, regressors, .. } = self.schema;
-        let count = regressors.count(window);
+        let count = regressors.count(S, window);
         Coefficients {
-            values: vec![[0.0; OUTPUTS]; count],
+            values: vec![[0.0; S]; count],
             window,
             road: count - if regressors.road { ROAD_TERMS } else { 0 },
             model: Arc::clone(&self.leaves),
             leaves: vec![u32::MAX; self.forest.trees()],
-            mean: vec![[0.0; OUTPUTS]; self.leaves.regressors()],
+            mean: vec![[0.0; S]; self.leaves.regressors()],
             excess: 0.0,
             strange_leaves: 0.0,
         }
     }
 
-    /// The linear residual where the features are `features`: `W` error states, oldest first, then speed, curvature
+    /// The linear residual where the features are `features`: `W` states, oldest first, then speed, curvature
     /// and curvature rate of the newest row. `commands` is the window of commands as far as known or planned, to see
     /// whether leaves know the like; it may be empty.
     ///
     /// # Panics
     /// If `features` has not [`features`](Self::features) values, or if `out` is of another model: a mistake of the
     /// calling code, not of data.
-    pub fn coefficients(&self, features: &[f64], commands: &[f64], out: &mut Coefficients) {
+    pub fn coefficients(&self, features: &[f64], commands: &[f64], out: &mut Coefficients<S>) {
         assert_eq!(features.len(), self.features(), "features");
         assert!(Arc::ptr_eq(&self.leaves, &out.model), "room of another model");
         let schema = &self.schema;
@@ -453,11 +455,11 @@ impl ResidualModel {
         // Constant leaves have only the first of the coefficients.
         let (known, rest) = out.values.split_at_mut(out.mean.len());
         known.copy_from_slice(&out.mean);
-        rest.fill([0.0; OUTPUTS]);
+        rest.fill([0.0; S]);
         if schema.regressors.road {
             let road = road_terms(&features[features.len() - ROAD..]);
             for (i, term) in road.iter().enumerate() {
-                for o in 0..OUTPUTS {
+                for o in 0..S {
                     out.values[0][o] += term * out.values[out.road + i][o];
                 }
             }
@@ -476,8 +478,8 @@ impl ResidualModel {
             (trees && schema.tree_features != TreeFeatures::Road) || (leaves && schema.regressors.states > 0);
         let road =
             (trees && schema.tree_features != TreeFeatures::Errors) || (leaves && schema.regressors.road);
-        let newest = &features[features.len() - ROAD - OUTPUTS..];
-        let used = if errors { 0 } else { OUTPUTS }..if road { OUTPUTS + ROAD } else { OUTPUTS };
+        let newest = &features[features.len() - ROAD - S..];
+        let used = if errors { 0 } else { S }..if road { S + ROAD } else { S };
         schema.ranges.get(used.clone()).map_or(0.0, |ranges| {
             ranges.iter().zip(&newest[used]).map(|(range, &x)| range.excess(x)).fold(0.0, f64::max)
         })
@@ -487,7 +489,7 @@ impl ResidualModel {
     ///
     /// # Errors
     /// The first difference that matters.
-    pub fn check_fits(&self, expected: &Expected) -> Result<(), Misfit> {
+    pub fn check_fits(&self, expected: &Expected<V>) -> Result<(), Misfit> {
         let Schema { vehicle, sample_time, min_model_speed, window, .. } = self.schema;
         expected.check(&vehicle, sample_time, min_model_speed)?;
         match expected.window {

@@ -8,15 +8,17 @@
 //!
 //! The same data, configuration and seed give the same bits on any number of threads.
 
-use super::dataset::{DataSet, Windows};
+use super::dataset::{DataSet, ROAD_NAMES, Windows};
 use super::forest::{self, Forest, ForestConfig};
 use super::global;
 use super::leaf::{self, Design, LeafFit, LeafModels, Members};
 use super::least_squares::Theta;
-use super::model::{Kind, Range, Regressors, ResidualModel, Schema, Training};
+use super::model::{Kind, Range, Regressors, ResidualModelFor, Schema, Training};
 use super::train_config::{ConfigError, LambdaChoice, TrainConfig};
-use super::{OUTPUTS, ROAD, parallel};
+use super::{ROAD, parallel};
+use crate::nominal::{ERRORS, LateralVehicle};
 use crate::signal;
+use crate::vehicle::SingleTrack;
 use std::sync::Arc;
 
 /// Why no model was trained.
@@ -82,29 +84,29 @@ pub struct Progress {
     pub total: usize,
 }
 
-/// Errors of one-step predictions of `[e1 m, e1' m/s, e2 rad, e2' rad/s]`.
+/// Errors of one-step predictions of the states, `[e1 m, e1' m/s, e2 rad, e2' rad/s, ..]`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Fit {
+pub struct Fit<const S: usize = ERRORS> {
     /// Samples measured.
     pub samples: usize,
     /// Root mean square error.
-    pub rmse: [f64; OUTPUTS],
+    pub rmse: [f64; S],
     /// Largest magnitude.
-    pub max: [f64; OUTPUTS],
+    pub max: [f64; S],
     /// Root mean square of the label itself: the nominal model's error.
-    pub nominal_rmse: [f64; OUTPUTS],
+    pub nominal_rmse: [f64; S],
 }
 
 /// How training went.
 #[derive(Debug, Clone, PartialEq)]
-pub struct TrainReport {
+pub struct TrainReport<const S: usize = ERRORS> {
     /// On the samples learned from.
-    pub train: Fit,
+    pub train: Fit<S>,
     /// On samples that the trees concerned did not see; for a single tree: its leaves. With `lambda` chosen on the
     /// same samples. None for kinds without trees, and where a single tree has nothing to choose.
-    pub held_out: Option<Fit>,
+    pub held_out: Option<Fit<S>>,
     /// On the test data, if there are any.
-    pub test: Option<Fit>,
+    pub test: Option<Fit<S>>,
     /// Candidates for the leaves' `lambda` and their held-out error (mean square in units of the labels' variance,
     /// mean over outputs).
     pub lambdas: Vec<(f64, f64)>,
@@ -116,11 +118,11 @@ pub struct TrainReport {
 
 /// A model and how well it fits.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Trained {
+pub struct Trained<V = SingleTrack, const S: usize = ERRORS> {
     /// The model.
-    pub model: ResidualModel,
+    pub model: ResidualModelFor<V, S>,
     /// How well it fits.
-    pub report: TrainReport,
+    pub report: TrainReport<S>,
 }
 
 /// Trains a model on `data`, and measures it on `test` too.
@@ -129,18 +131,18 @@ pub struct Trained {
 ///
 /// # Errors
 /// A setting that cannot be; too few samples; test data of another vehicle.
-pub fn train(
-    data: &DataSet,
-    test: Option<&DataSet>,
+pub fn train<V: LateralVehicle<S>, const S: usize>(
+    data: &DataSet<V, S>,
+    test: Option<&DataSet<V, S>>,
     config: &TrainConfig,
     progress: &(dyn Fn(Progress) + Sync),
-) -> Result<Trained, TrainError> {
+) -> Result<Trained<V, S>, TrainError> {
     config.check()?;
     if test.is_some_and(|test| test.config != data.config || test.vehicle != data.vehicle) {
         return Err(TrainError::TestData);
     }
     let windows = data.windows(config.window);
-    let p = if config.kind.is_linear() { config.regressors.count(config.window) } else { 1 };
+    let p = if config.kind.is_linear() { config.regressors.count(S, config.window) } else { 1 };
     let min_leaf = if config.kind.has_trees() { config.min_leaf } else { 1 };
     let needed = (2 * min_leaf).max(10 * p);
     if windows.len() < needed {
@@ -159,7 +161,7 @@ pub fn train(
     let job = Job { windows: &windows, config, threads: parallel::threads(config.threads), progress };
     let learned = job.learn(p);
     progress(Progress { stage: Stage::Report, done: 0, total: 1 });
-    let model = ResidualModel {
+    let model = ResidualModelFor {
         schema: Schema {
             kind: config.kind,
             sample_time: data.config.sample_time,
@@ -175,7 +177,7 @@ pub fn train(
                 global_lambda: learned.global_lambda,
                 leaf_lambda: learned.leaf_lambda,
             },
-            ranges: if config.kind == Kind::None { vec![] } else { ranges(&windows) },
+            ranges: if config.kind == Kind::None { vec![] } else { ranges::<V, S>(&windows) },
         },
         forest: learned.forest,
         leaves: Arc::new(learned.leaves),
@@ -192,29 +194,33 @@ pub fn train(
     Ok(Trained { model, report })
 }
 
-impl ResidualModel {
+impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
     /// The model's one-step errors on other data, labelled for the same vehicle and sample time.
     #[must_use]
-    pub fn measure(&self, data: &DataSet) -> Fit {
+    pub fn measure(&self, data: &DataSet<V, S>) -> Fit<S> {
         measure(self, &data.windows(self.schema.window), parallel::threads(0))
     }
 }
 
-fn measure(model: &ResidualModel, windows: &Windows, threads: usize) -> Fit {
+fn measure<V: LateralVehicle<S>, const S: usize>(
+    model: &ResidualModelFor<V, S>,
+    windows: &Windows<S>,
+    threads: usize,
+) -> Fit<S> {
     // Looking up wants room of its own on each thread: a chunk of samples at a time.
     let chunks = parallel::chunks(windows.len(), 2048);
     let errors = parallel::map(threads, chunks.len(), |chunk| {
         let mut features = vec![0.0; model.features()];
         let mut room = model.room();
-        let states = OUTPUTS * model.schema.regressors.states;
+        let states = S * model.schema.regressors.states;
         let error = |i| {
             windows.features(i, &mut features);
             model.coefficients(&features, &[], &mut room);
-            let newest = &windows.states(i).as_flattened()[OUTPUTS * windows.window() - states..];
+            let newest = &windows.states(i).as_flattened()[S * windows.window() - states..];
             let (label, fit) = (windows.label(i), room.residual(windows.commands(i), newest));
             std::array::from_fn(|o| label[o] - fit[o])
         };
-        chunks[chunk].clone().map(error).collect::<Vec<[f64; OUTPUTS]>>()
+        chunks[chunk].clone().map(error).collect::<Vec<[f64; S]>>()
     });
     let errors = errors.concat();
     fit(
@@ -223,17 +229,17 @@ fn measure(model: &ResidualModel, windows: &Windows, threads: usize) -> Fit {
     )
 }
 
-type Sums = (usize, [f64; OUTPUTS], [f64; OUTPUTS]);
+type Sums<const S: usize> = (usize, [f64; S], [f64; S]);
 
-fn fit((samples, squares, max): Sums, (labels, label_squares, _): Sums) -> Fit {
-    let root = |squares: [f64; OUTPUTS], n: usize| squares.map(|s| (s / n.max(1) as f64).sqrt());
+fn fit<const S: usize>((samples, squares, max): Sums<S>, (labels, label_squares, _): Sums<S>) -> Fit<S> {
+    let root = |squares: [f64; S], n: usize| squares.map(|s| (s / n.max(1) as f64).sqrt());
     Fit { samples, rmse: root(squares, samples), max, nominal_rmse: root(label_squares, labels) }
 }
 
 /// Filters regressors and labels alike, `x_k += memory x_{k-1}` along each stretch. What is linear stays linear with
 /// the same coefficients, but the noise that one-step labels have from measured states, `e_{k+1} - A e_k`, loses its
 /// high frequencies, which carry no information (Ljung, System Identification, ch. 7.4 and 13.7).
-fn prefilter(windows: &Windows, memory: f64, z: &mut [f64], labels: &mut [[f64; OUTPUTS]]) {
+fn prefilter<const S: usize>(windows: &Windows<S>, memory: f64, z: &mut [f64], labels: &mut [[f64; S]]) {
     let p = z.len() / labels.len().max(1);
     for i in (1..windows.len()).filter(|&i| memory > 0.0 && windows.follows(i)) {
         let (before, now) = z.split_at_mut(i * p);
@@ -244,11 +250,13 @@ fn prefilter(windows: &Windows, memory: f64, z: &mut [f64], labels: &mut [[f64; 
 }
 
 /// Ranges of features and commands, in the order that [`Schema::ranges`] names.
-fn ranges(windows: &Windows) -> Vec<Range> {
-    let names = ["e1", "e1_rate", "e2", "e2_rate", "vx", "curvature", "curvature_rate", "steer_cmd"];
-    let mut ranges: Vec<Range> = names
-        .iter()
-        .map(|&name| Range {
+fn ranges<V: LateralVehicle<S>, const S: usize>(windows: &Windows<S>) -> Vec<Range> {
+    let states = V::STATES.map(|signal| signal.name);
+    let mut ranges: Vec<Range> = states
+        .into_iter()
+        .chain(ROAD_NAMES)
+        .chain(["steer_cmd"])
+        .map(|name| Range {
             name: name.to_owned(),
             // The rate of change of curvature along the path is no signal of a log.
             unit: signal::find(name).map_or("1/m2", |signal| signal.unit.symbol).to_owned(),
@@ -265,28 +273,28 @@ fn ranges(windows: &Windows) -> Vec<Range> {
             .states(sample)
             .iter()
             .for_each(|state| state.iter().enumerate().for_each(|(i, &x)| see(i, x)));
-        windows.road(sample).iter().enumerate().for_each(|(i, &x)| see(OUTPUTS + i, x));
-        windows.commands(sample).iter().for_each(|&u| see(OUTPUTS + ROAD, u));
+        windows.road(sample).iter().enumerate().for_each(|(i, &x)| see(S + i, x));
+        windows.commands(sample).iter().for_each(|&u| see(S + ROAD, u));
     }
     ranges
 }
 
 /// What the parts of training share.
-struct Job<'a> {
-    windows: &'a Windows<'a>,
+struct Job<'a, const S: usize> {
+    windows: &'a Windows<'a, S>,
     config: &'a TrainConfig,
     threads: usize,
     progress: &'a (dyn Fn(Progress) + Sync),
 }
 
 /// What came out of it.
-struct Learned {
+struct Learned<const S: usize> {
     forest: Forest,
-    leaves: LeafModels,
+    leaves: LeafModels<S>,
     global_lambda: Option<f64>,
     leaf_lambda: Option<f64>,
     lambdas: Vec<(f64, f64)>,
-    held_out: Option<Fit>,
+    held_out: Option<Fit<S>>,
     smallest_leaf: usize,
 }
 
@@ -296,8 +304,8 @@ struct Member {
     weights: Vec<u16>,
 }
 
-impl Job<'_> {
-    fn learn(&self, p: usize) -> Learned {
+impl<const S: usize> Job<'_, S> {
+    fn learn(&self, p: usize) -> Learned<S> {
         let (config, windows) = (self.config, self.windows);
         let design = self.design(p);
         let linear = config.kind.is_linear();
@@ -309,7 +317,7 @@ impl Job<'_> {
             global::fit(&design, candidates, self.threads)
         });
         if !config.kind.has_trees() {
-            let theta = global.as_ref().map_or_else(|| vec![[0.0; OUTPUTS]; p], |fit| fit.theta.clone());
+            let theta = global.as_ref().map_or_else(|| vec![[0.0; S]; p], |fit| fit.theta.clone());
             let leaves = LeafModels {
                 regressors: p as u32,
                 theta: design.unscaled(&theta),
@@ -337,9 +345,9 @@ impl Job<'_> {
                 (all.iter().map(|&lambda| LeafFit::Ridge { lambda }).collect(), None)
             }
         };
-        let theta = global.as_ref().map_or_else(|| vec![[0.0; OUTPUTS]; p], |fit| fit.theta.clone());
+        let theta = global.as_ref().map_or_else(|| vec![[0.0; S]; p], |fit| fit.theta.clone());
         let remainder = design.remainder(&theta);
-        let fit_leaves = |member: &Member, fits: &[LeafFit]| -> Vec<Theta> {
+        let fit_leaves = |member: &Member, fits: &[LeafFit]| -> Vec<Theta<S>> {
             let tree = &leaf_of[member.tree];
             let members = Members::new(&tree.leaf, tree.leaves, &member.weights);
             if linear {
@@ -356,10 +364,10 @@ impl Job<'_> {
             fit_leaves(&tests[i], &candidates)
         });
         let spread = global::spread(&design.labels);
-        let mut held_out: Vec<(LeafFit, f64, Sums)> = vec![];
+        let mut held_out: Vec<(LeafFit, f64, Sums<S>)> = vec![];
         for (c, &candidate) in candidates.iter().enumerate().filter(|_| !tests.is_empty()) {
             let sums = leaf::accumulate(self.threads, design.len(), |row| {
-                let mut sum = [0.0; OUTPUTS];
+                let mut sum = [0.0; S];
                 let mut count = 0.0;
                 for (member, fitted) in tests.iter().zip(&fitted).filter(|(m, _)| m.weights[row] == 0) {
                     let leaf = leaf_of[member.tree].leaf[row] as usize;
@@ -369,7 +377,7 @@ impl Job<'_> {
                 }
                 (count > 0.0).then(|| std::array::from_fn(|o| design.labels[row][o] - sum[o] / count))
             });
-            let score = global::score(&sums.1, &spread) / (sums.0.max(1) * OUTPUTS) as f64;
+            let score = global::score(&sums.1, &spread) / (sums.0.max(1) * S) as f64;
             held_out.push((candidate, score, sums));
         }
         let best = held_out.iter().min_by(|a, b| a.1.total_cmp(&b.1));
@@ -416,15 +424,15 @@ impl Job<'_> {
     }
 
     /// Regressors and labels of all samples.
-    fn design(&self, p: usize) -> Design {
+    fn design(&self, p: usize) -> Design<S> {
         let windows = self.windows;
-        let mut labels: Vec<[f64; OUTPUTS]> = (0..windows.len()).map(|i| windows.label(i)).collect();
+        let mut labels: Vec<[f64; S]> = (0..windows.len()).map(|i| windows.label(i)).collect();
         let mut z = Vec::with_capacity(windows.len() * p);
-        let mut features = vec![0.0; OUTPUTS * windows.window() + ROAD];
+        let mut features = vec![0.0; S * windows.window() + ROAD];
         for i in 0..windows.len() {
             if self.config.kind.is_linear() {
                 windows.features(i, &mut features);
-                self.config.regressors.write(&features, windows.commands(i), &mut z);
+                self.config.regressors.write::<S>(&features, windows.commands(i), &mut z);
             } else {
                 z.push(1.0);
             }
@@ -435,10 +443,10 @@ impl Job<'_> {
         Design::new(p, z, labels)
     }
 
-    fn grow(&self, labels: &[[f64; OUTPUTS]]) -> forest::GrownForest {
+    fn grow(&self, labels: &[[f64; S]]) -> forest::GrownForest {
         let config = self.config;
         let forest = config.kind.is_forest();
-        let features = config.tree_features.indices(config.window);
+        let features = config.tree_features.indices(S, config.window);
         let trees = if forest { config.trees } else { 1 };
         self.say(Stage::Trees, 0, trees);
         let growth = ForestConfig {
@@ -459,7 +467,7 @@ impl Job<'_> {
         let rows = self.windows.len();
         let chunks = parallel::chunks(rows, 2048);
         let found = parallel::map(self.threads, chunks.len(), |chunk| {
-            let mut features = vec![0.0; OUTPUTS * self.windows.window() + ROAD];
+            let mut features = vec![0.0; S * self.windows.window() + ROAD];
             let mut leaves = vec![Vec::with_capacity(chunks[chunk].len()); forest.trees()];
             for row in chunks[chunk].clone() {
                 self.windows.features(row, &mut features);

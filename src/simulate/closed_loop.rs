@@ -1,20 +1,21 @@
-//! The closed loop in native code: the controller's and the car's own step functions, no host between them.
+//! The closed loop in native code: the controller's and the vehicle's own step functions, no host between them.
 //!
 //! Master algorithm (the same as `scripts/closed_loop.py`, so that both give the same bits): at each communication
-//! point `t_k = k h` the controller reads the car's outputs and steps, the car takes its commands and steps
+//! point `t_k = k h` the controller reads the vehicle's outputs and steps, the vehicle takes its commands and steps
 //! (Gauss-Seidel, controller first: no step of delay between them).
 
 use super::metrics::{InputMetrics, StepTimes, TimeMetrics, TrackingMetrics};
 use super::noise::SensorNoise;
-use crate::control::{ControlStatus, Controller, Measurement, Sampler, StepError, Timing};
+use super::vehicle::{CAR_COLUMNS, SimulatedVehicle, TRUCK_COLUMNS};
+use crate::control::{ControlStatus, ControllerFor, Sampler, StepError, TRUCK_STATES, Timing};
+use crate::nominal::ERRORS;
 use crate::path::RoadClass;
 use crate::residual::{self, Random};
 use crate::signal::{self, Signal};
-use crate::vehicle::car::CarError;
-use crate::vehicle::{Car, CarInput, CarParameters, Effects};
+use crate::vehicle::{Car, Truck, VehicleInput};
 use std::io::Write;
 
-/// Columns of a drive log of the closed loop, in order.
+/// Columns of every drive log of the closed loop, in order; those of a kind of vehicle follow.
 pub const COLUMNS: [Signal; 20] = [
     signal::TIME,
     signal::STEER_CMD,
@@ -44,8 +45,12 @@ const STEER_CMD: usize = 1;
 /// Place of the station in a [`Row`].
 pub const STATION: usize = 17;
 
-/// One communication point: the car as it is there, and what the controller decided on it.
-pub type Row = [f64; COLUMNS.len()];
+/// What is recorded of every vehicle at one communication point: the vehicle as it is there, and what the controller
+/// decided on it.
+pub type Common = [f64; COLUMNS.len()];
+
+/// One communication point of a car.
+pub type Row = [f64; CAR_COLUMNS];
 
 /// Why a drive ended before its time.
 #[derive(Debug, thiserror::Error)]
@@ -53,14 +58,20 @@ pub type Row = [f64; COLUMNS.len()];
 pub enum DriveError {
     #[error("at t = {time} s the controller: {source}")]
     Controller { time: f64, source: StepError },
-    #[error("at t = {time} s the car: {source}")]
-    Car { time: f64, source: crate::vehicle::StepError },
+    #[error("at t = {time} s the {vehicle}: {source}")]
+    Vehicle { time: f64, vehicle: &'static str, source: crate::vehicle::StepError },
 }
 
 /// A controller and a car, connected.
-pub struct ClosedLoop {
-    controller: Controller,
-    car: Car,
+pub type ClosedLoop = ClosedLoopFor<Car, ERRORS, CAR_COLUMNS>;
+
+/// A controller and a truck, connected.
+pub type TruckClosedLoop = ClosedLoopFor<Truck, TRUCK_STATES, TRUCK_COLUMNS>;
+
+/// A controller and a vehicle, connected.
+pub struct ClosedLoopFor<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> {
+    controller: ControllerFor<P::Nominal, S>,
+    vehicle: P,
     sampler: Sampler,
     step: f64,
     count: u32,
@@ -69,29 +80,37 @@ pub struct ClosedLoop {
     lateral_error: f64,
 }
 
-impl ClosedLoop {
-    /// Connects the two with a communication step in s. The car stands where it was placed.
+impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P, S, C> {
+    /// Connects the two with a communication step in s. The vehicle stands where it was placed.
     #[must_use]
-    pub fn new(controller: Controller, car: Car, step: f64) -> Self {
-        Self { controller, car, sampler: Sampler::new(0.0), step, count: 0, noise: None, lateral_error: 0.0 }
+    pub fn new(controller: ControllerFor<P::Nominal, S>, vehicle: P, step: f64) -> Self {
+        Self {
+            controller,
+            vehicle,
+            sampler: Sampler::new(0.0),
+            step,
+            count: 0,
+            noise: None,
+            lateral_error: 0.0,
+        }
     }
 
-    /// Connects a controller with a car that stands where the controller's path begins, as fast as is planned there,
+    /// Connects a controller with a vehicle that stands where the controller's path begins, as fast as is planned there,
     /// on the road that the path describes.
     ///
     /// # Errors
-    /// Parameters or effects of the car out of range.
+    /// Parameters or effects of the vehicle out of range.
     pub fn at_start(
-        controller: Controller,
-        car: &CarParameters,
-        effects: &Effects,
+        controller: ControllerFor<P::Nominal, S>,
+        vehicle: &P::Parameters,
+        effects: &P::Effects,
         step: f64,
-    ) -> Result<Self, CarError> {
+    ) -> Result<Self, P::Error> {
         let path = controller.path();
-        let mut car = Car::new(car, effects, Some(path.clone()))?;
+        let mut vehicle = P::make(vehicle, effects, Some(path.clone()))?;
         let start = path.at(0.0);
-        car.place(start.x, start.y, start.yaw, controller.speed_plan().speed(0.0));
-        Ok(Self::new(controller, car, step))
+        vehicle.place(start.x, start.y, start.yaw, controller.speed_plan().speed(0.0));
+        Ok(Self::new(controller, vehicle, step))
     }
 
     /// Lets the controller be told noisy measurements; the log holds what it is told.
@@ -102,11 +121,17 @@ impl ClosedLoop {
 
     /// The controller.
     #[must_use]
-    pub fn controller(&self) -> &Controller {
+    pub fn controller(&self) -> &ControllerFor<P::Nominal, S> {
         &self.controller
     }
 
-    /// True lateral error at the newest row, m: that of the car, not that which a noisy measurement shows.
+    /// The vehicle.
+    #[must_use]
+    pub fn vehicle(&self) -> &P {
+        &self.vehicle
+    }
+
+    /// True lateral error at the newest row, m: that of the vehicle, not that which a noisy measurement shows.
     #[must_use]
     pub fn lateral_error(&self) -> f64 {
         self.lateral_error
@@ -116,21 +141,14 @@ impl ClosedLoop {
     /// step if one was due.
     ///
     /// # Errors
-    /// Controller or car cannot go on.
-    pub fn advance(&mut self) -> Result<(Row, Option<f64>), DriveError> {
+    /// Controller or vehicle cannot go on.
+    pub fn advance(&mut self) -> Result<([f64; C], Option<f64>), DriveError> {
         let time = f64::from(self.count) * self.step;
-        let car = *self.car.output();
+        let truth = self.vehicle.measured();
+        let [ax, ay, roll] = self.vehicle.recorded();
         let sample_time = self.controller.parameters().mpc.sample_time;
         let mut computed = None;
-        let mut seen = Measurement {
-            x: car.x,
-            y: car.y,
-            yaw: car.yaw,
-            vx: car.vx,
-            vy: car.vy,
-            yaw_rate: car.yaw_rate,
-            steer: car.steer,
-        };
+        let mut seen = truth;
         if let Some((noise, random)) = &mut self.noise {
             noise.disturb(&mut seen, random);
         }
@@ -141,11 +159,11 @@ impl ClosedLoop {
         }
         let report = self.controller.report();
         self.lateral_error = match self.noise {
-            Some(_) => self.controller.path().project(car.x, car.y, car.yaw, Some(report.station)).e1,
+            Some(_) => self.controller.path().project(truth.x, truth.y, truth.yaw, Some(report.station)).e1,
             None => report.e1,
         };
-        let input = CarInput { steer_cmd: report.steer_cmd, accel_cmd: report.accel_cmd };
-        let row = [
+        let input = VehicleInput { steer_cmd: report.steer_cmd, accel_cmd: report.accel_cmd };
+        let common = [
             time,
             report.steer_cmd,
             report.accel_cmd,
@@ -155,10 +173,10 @@ impl ClosedLoop {
             seen.vx,
             seen.vy,
             seen.yaw_rate,
-            car.ax,
-            car.ay,
-            car.steer,
-            car.roll,
+            ax,
+            ay,
+            truth.steer,
+            roll,
             report.e1,
             report.e1_rate,
             report.e2,
@@ -167,16 +185,24 @@ impl ClosedLoop {
             report.curvature,
             report.curvature_rate,
         ];
-        self.car.step(&input, self.step).map_err(|source| DriveError::Car { time, source })?;
+        self.vehicle.advance(&input, self.step).map_err(|source| DriveError::Vehicle {
+            time,
+            vehicle: P::KIND,
+            source,
+        })?;
         self.count += 1;
-        Ok((row, computed))
+        Ok((P::row(&common, &seen), computed))
     }
 
     /// Drives until the controller has finished the path, or for `duration` seconds at most.
     ///
     /// # Errors
-    /// Controller or car cannot go on.
-    pub fn drive(&mut self, duration: f64, mut progress: impl FnMut(&Row)) -> Result<Drive, DriveError> {
+    /// Controller or vehicle cannot go on.
+    pub fn drive(
+        &mut self,
+        duration: f64,
+        mut progress: impl FnMut(&[f64; C]),
+    ) -> Result<DriveFor<C>, DriveError> {
         self.drive_while(duration, |row, _| {
             progress(row);
             true
@@ -186,13 +212,13 @@ impl ClosedLoop {
     /// The same, as long as `go_on` says so of a row and the true lateral error in m.
     ///
     /// # Errors
-    /// Controller or car cannot go on.
+    /// Controller or vehicle cannot go on.
     pub fn drive_while(
         &mut self,
         duration: f64,
-        mut go_on: impl FnMut(&Row, f64) -> bool,
-    ) -> Result<Drive, DriveError> {
-        let mut drive = Drive::default();
+        mut go_on: impl FnMut(&[f64; C], f64) -> bool,
+    ) -> Result<DriveFor<C>, DriveError> {
+        let mut drive = DriveFor { columns: P::SIGNALS, ..DriveFor::default() };
         let steps = (duration / self.step).round().max(0.0) as u64;
         for _ in 0..steps {
             let (row, computed) = self.advance()?;
@@ -217,11 +243,19 @@ impl ClosedLoop {
     }
 }
 
-/// A recorded drive.
+/// A recorded drive of a car.
+pub type Drive = DriveFor<CAR_COLUMNS>;
+
+/// A recorded drive of a truck.
+pub type TruckDrive = DriveFor<TRUCK_COLUMNS>;
+
+/// A recorded drive, with `C` columns.
 #[derive(Debug, Clone, Default)]
-pub struct Drive {
+pub struct DriveFor<const C: usize> {
+    /// What the columns are.
+    pub columns: &'static [Signal],
     /// One row for each communication step.
-    pub rows: Vec<Row>,
+    pub rows: Vec<[f64; C]>,
     /// Road class at each row, where the path has classes.
     pub classes: Vec<Option<RoadClass>>,
     /// True lateral error at each row, m.
@@ -230,17 +264,17 @@ pub struct Drive {
     pub step_times: Vec<f64>,
     /// Where that time went.
     pub timings: Vec<Timing>,
-    /// Whether the car was ever so far from the path that the controller gave up tracking: the loop has diverged.
+    /// Whether the vehicle was ever so far from the path that the controller gave up tracking: the loop has diverged.
     pub lost: bool,
     /// Whether the path's end, or a full lap, was reached.
     pub finished: bool,
 }
 
-impl Drive {
+impl<const C: usize> DriveFor<C> {
     /// A column of the log; empty if it has none of that name.
     #[must_use]
     pub fn column(&self, name: &str) -> Vec<f64> {
-        match COLUMNS.iter().position(|signal| signal.name == name) {
+        match self.columns.iter().position(|signal| signal.name == name) {
             Some(place) => self.rows.iter().map(|row| row[place]).collect(),
             None => Vec::new(),
         }
@@ -254,6 +288,9 @@ impl Drive {
         for (column, name) in log.columns_mut().into_iter().zip(names) {
             *column = self.column(name);
         }
+        // Empty for a vehicle without.
+        log.articulation = self.column(signal::ARTICULATION.name);
+        log.articulation_rate = self.column(signal::ARTICULATION_RATE.name);
         log
     }
 
@@ -303,7 +340,7 @@ impl Drive {
     /// The writer's.
     pub fn write_csv(&self, writer: impl Write) -> Result<(), csv::Error> {
         let mut csv = csv::Writer::from_writer(writer);
-        csv.write_record(COLUMNS.map(|signal| signal.name))?;
+        csv.write_record(self.columns.iter().map(|signal| signal.name))?;
         for row in &self.rows {
             csv.write_record(row.map(|value| value.to_string()))?;
         }

@@ -2,7 +2,8 @@
 //!
 //! | file | problem |
 //! |---|---|
-//! | `closed_loop.rs` | controller and car, step by step; the drive log |
+//! | `closed_loop.rs` | controller and vehicle, step by step; the drive log |
+//! | `vehicle.rs` | what must be known of a kind of vehicle: car, truck |
 //! | `experiment/` | the comparison of all variants on several plants |
 //! | `noise.rs` | noise on what the controller is told |
 //! | `metrics.rs` | tracking error, roughness of the steering and step time in a few numbers |
@@ -12,7 +13,12 @@ mod closed_loop;
 pub mod experiment;
 mod metrics;
 mod noise;
+mod vehicle;
 
-pub use closed_loop::{COLUMNS, ClosedLoop, Drive, DriveError, Row, STATION};
+pub use closed_loop::{
+    COLUMNS, ClosedLoop, ClosedLoopFor, Common, Drive, DriveError, DriveFor, Row, STATION, TruckClosedLoop,
+    TruckDrive,
+};
 pub use metrics::{InputMetrics, StepTimes, TimeMetrics, TrackingMetrics};
 pub use noise::SensorNoise;
+pub use vehicle::{CAR_COLUMNS, SimulatedVehicle, TRUCK_COLUMNS};

@@ -1,4 +1,4 @@
-//! Measurement noise: what the controller is told is not quite what the car does.
+//! Measurement noise: what the controller is told is not quite what the vehicle does.
 
 use crate::control::Measurement;
 use crate::residual::Random;
@@ -15,11 +15,25 @@ pub struct SensorNoise {
     pub yaw: f64,
     /// Of `yaw_rate`, rad/s.
     pub yaw_rate: f64,
+    /// Of `articulation`, rad.
+    pub articulation: f64,
+    /// Of `articulation_rate`, rad/s.
+    pub articulation_rate: f64,
 }
 
 impl SensorNoise {
     /// A good inertial navigation system with differential satellite positioning.
-    pub const TYPICAL: Self = Self { position: 0.005, velocity: 0.010, yaw: 0.0015, yaw_rate: 0.004 };
+    pub const TYPICAL: Self = Self {
+        position: 0.005,
+        velocity: 0.010,
+        yaw: 0.0015,
+        yaw_rate: 0.004,
+        articulation: 0.0,
+        articulation_rate: 0.0,
+    };
+
+    /// The same in a truck, with an angle sensor at the fifth wheel.
+    pub const TYPICAL_TRUCK: Self = Self { articulation: 0.002, articulation_rate: 0.005, ..Self::TYPICAL };
 
     /// So many times as much.
     #[must_use]
@@ -40,6 +54,14 @@ impl SensorNoise {
             (yaw_rate, self.yaw_rate),
         ];
         for (value, deviation) in deviations {
+            *value += deviation * normal(random);
+        }
+        // Nothing is drawn for a vehicle without articulation.
+        let further = [
+            (&mut measurement.articulation, self.articulation),
+            (&mut measurement.articulation_rate, self.articulation_rate),
+        ];
+        for (value, deviation) in further.into_iter().filter(|(_, deviation)| *deviation > 0.0) {
             *value += deviation * normal(random);
         }
     }

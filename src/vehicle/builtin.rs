@@ -1,6 +1,8 @@
-//! The cars and tyres that come with the program, embedded so that an FMU needs no files.
+//! The vehicles and tyres that come with the program, embedded so that an FMU needs no files.
 
-use super::parameters::{CarParameters, VehicleError};
+use super::file::{self, VehicleError, VehicleParameters};
+use super::parameters::CarParameters;
+use super::truck_parameters::TruckParameters;
 use super::tyre::{Coefficients, TirError};
 use std::path::{Path, PathBuf};
 
@@ -13,20 +15,37 @@ macro_rules! embedded {
 const CARS: &[(&str, &str)] =
     embedded!("" ".toml": "c_class" "bmw_320i" "ford_escort" "vw_vanagon" "genesis");
 
-const TYRES: &[(&str, &str)] = embedded!("tyres/" ".tir": "c_class" "commonroad" "genesis");
+const TRUCKS: &[(&str, &str)] = embedded!("" ".toml": "truck_simulation" "truck_real");
+
+const TYRES: &[(&str, &str)] = embedded!("tyres/" ".tir": "c_class" "commonroad" "genesis" "truck");
 
 /// Names of the built-in cars; the first is the default.
 pub const BUILTIN: &[&str] = &["c_class", "bmw_320i", "ford_escort", "vw_vanagon", "genesis"];
+
+/// Names of the built-in trucks; the first is the default.
+pub const BUILTIN_TRUCKS: &[&str] = &["truck_simulation", "truck_real"];
 
 /// A built-in car by name.
 ///
 /// # Errors
 /// [`VehicleError::UnknownBuiltin`].
 pub fn builtin(name: &str) -> Result<CarParameters, VehicleError> {
-    let Some((_, text)) = CARS.iter().find(|(car, _)| *car == name) else {
-        return Err(VehicleError::UnknownBuiltin { name: name.to_string() });
+    embedded_of(CARS, name)
+}
+
+/// A built-in truck by name.
+///
+/// # Errors
+/// [`VehicleError::UnknownBuiltin`].
+pub fn builtin_truck(name: &str) -> Result<TruckParameters, VehicleError> {
+    embedded_of(TRUCKS, name)
+}
+
+fn embedded_of<V: VehicleParameters>(texts: &[(&str, &str)], name: &str) -> Result<V, VehicleError> {
+    let Some((_, text)) = texts.iter().find(|(vehicle, _)| *vehicle == name) else {
+        return Err(VehicleError::UnknownBuiltin { name: name.to_string(), builtin: V::BUILTIN });
     };
-    CarParameters::parse(text, Path::new(&format!("{name}.toml")), |file| match tyre(file) {
+    file::parse(text, Path::new(&format!("{name}.toml")), |file| match tyre(file) {
         Some(text) => Coefficients::parse(text, Path::new(file)),
         None => Err(TirError::Unreadable {
             file: PathBuf::from(file),
@@ -46,7 +65,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_name_has_its_car() {
+    fn every_name_has_its_vehicle() {
         assert_eq!(CARS.iter().map(|car| car.0).collect::<Vec<_>>(), BUILTIN);
+        assert_eq!(TRUCKS.iter().map(|truck| truck.0).collect::<Vec<_>>(), BUILTIN_TRUCKS);
     }
 }

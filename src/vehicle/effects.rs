@@ -69,19 +69,19 @@ pub struct EffectOutOfRange {
 }
 
 macro_rules! effects {
-    ($($id:ident $unit:ident neutral $neutral:expr, in $min:expr, $max:expr; $stage:ident; $meaning:literal)*) => {
-        /// The value of every effect; [`Default`] is neutral.
+    ($(#[$attribute:meta])* $group:ident: $($id:ident $unit:ident neutral $neutral:expr, in $min:expr, $max:expr; $stage:ident; $meaning:literal)*) => {
+        $(#[$attribute])*
         #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
         #[serde(deny_unknown_fields, default)]
-        pub struct Effects { $(#[doc = $meaning] pub $id: f64,)* }
+        pub struct $group { $(#[doc = $meaning] pub $id: f64,)* }
 
-        impl Default for Effects {
+        impl Default for $group {
             fn default() -> Self {
                 Self { $($id: $neutral),* }
             }
         }
 
-        impl Effects {
+        impl $group {
             /// The declarations, in the order of the FMU's parameters.
             pub const ALL: &'static [Effect] = &[$(Effect {
                 id: stringify!($id), unit: Unit::$unit, neutral: $neutral, range: ($min, $max),
@@ -99,11 +99,33 @@ macro_rules! effects {
             pub fn get_mut(&mut self, id: &str) -> Option<&mut f64> {
                 match id { $(stringify!($id) => Some(&mut self.$id),)* _ => None }
             }
+
+            /// Looks a declaration up by id.
+            #[must_use]
+            pub fn find(id: &str) -> Option<&'static Effect> {
+                Self::ALL.iter().find(|effect| effect.id == id)
+            }
+
+            /// Checks every value against its range.
+            ///
+            /// # Errors
+            /// The first effect out of range.
+            pub fn check(&self) -> Result<(), EffectOutOfRange> {
+                for effect in Self::ALL {
+                    let value = self.get(effect.id).unwrap_or(f64::NAN);
+                    if !(value >= effect.range.0 && value <= effect.range.1) {
+                        return Err(EffectOutOfRange { id: effect.id, value, effect });
+                    }
+                }
+                Ok(())
+            }
         }
     };
 }
 
 effects! {
+    /// The value of every effect that cars and trucks have; [`Default`] is neutral.
+    Effects:
     steer_delay SECOND neutral 0.0, in 0.0, 2.0; Command; "Dead time added to the steering command"
     steer_lag SECOND neutral 0.0, in 0.0, 5.0; Actuator; "First-order time constant added to the steering actuator"
     steer_rate_limit RADIAN_PER_SECOND neutral NO_RATE_LIMIT, in 1e-3, NO_RATE_LIMIT; Actuator; "Limit of the road-wheel steering rate; 1e6 and more: none beyond the vehicle's own"
@@ -135,11 +157,43 @@ effects! {
     heading_misalignment RADIAN neutral 0.0, in -0.5, 0.5; Sensor; "Mounting angle of the inertial unit to the left: yaw is measured too great, body axes turn with it"
 }
 
-impl Effects {
-    /// Looks a declaration up by id.
+effects! {
+    /// The value of every effect of a trailer and its hitch; [`Default`] is neutral.
+    TrailerEffects:
+    trailer_payload KILOGRAM neutral 0.0, in 0.0, 40000.0; Body; "Mass loaded on the trailer at its CG"
+    trailer_stiffness ONE neutral 1.0, in 0.1, 5.0; Tyre; "Factor on the trailer tyres' cornering stiffness"
+    hitch_offset METRE neutral 0.0, in -1.0, 1.0; Body; "Shift of the hitch on the tractor against the file, forward positive"
+    articulation_friction NEWTON_METRE neutral 0.0, in 0.0, 50000.0; Body; "Dry friction moment of the fifth wheel against articulation, added"
+    articulation_bias RADIAN neutral 0.0, in -0.5, 0.5; Sensor; "Bias of the measured articulation angle"
+}
+
+/// The effects of a truck: those that cars have too act on the tractor (`payload`, `cg_shift`, `yaw_inertia`, sensors)
+/// or on all of it (`road_*`, `wind_*`, `drag`, `drive_*`, `tyre_relaxation`, `roll_stiffness`).
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TruckEffects {
+    /// Those that cars have too.
+    pub vehicle: Effects,
+    /// Those of trailer and hitch.
+    pub trailer: TrailerEffects,
+}
+
+impl TruckEffects {
+    /// All declarations, in the order of the FMU's parameters.
+    pub fn all() -> impl Iterator<Item = &'static Effect> {
+        Effects::ALL.iter().chain(TrailerEffects::ALL)
+    }
+
+    /// The value of the effect with this id.
     #[must_use]
-    pub fn find(id: &str) -> Option<&'static Effect> {
-        Self::ALL.iter().find(|effect| effect.id == id)
+    pub fn get(&self, id: &str) -> Option<f64> {
+        self.vehicle.get(id).or_else(|| self.trailer.get(id))
+    }
+
+    /// Where the value of the effect with this id stands.
+    #[must_use]
+    pub fn get_mut(&mut self, id: &str) -> Option<&mut f64> {
+        self.vehicle.get_mut(id).or_else(|| self.trailer.get_mut(id))
     }
 
     /// Checks every value against its range.
@@ -147,12 +201,7 @@ impl Effects {
     /// # Errors
     /// The first effect out of range.
     pub fn check(&self) -> Result<(), EffectOutOfRange> {
-        for effect in Self::ALL {
-            let value = self.get(effect.id).unwrap_or(f64::NAN);
-            if !(value >= effect.range.0 && value <= effect.range.1) {
-                return Err(EffectOutOfRange { id: effect.id, value, effect });
-            }
-        }
-        Ok(())
+        self.vehicle.check()?;
+        self.trailer.check()
     }
 }

@@ -8,27 +8,52 @@
 //!
 //! | file | idea |
 //! |---|---|
-//! | `parameters.rs` | a car's parameters and their file |
-//! | `builtin.rs` | cars and tyres that need no file |
+//! | `parameters.rs`, `truck_parameters.rs` | parameters of a car, of a truck |
+//! | `file.rs` | their files |
+//! | `articulated.rs` | the linear model of a tractor with a semi-trailer |
+//! | `builtin.rs` | vehicles and tyres that need no file |
 //! | `effects.rs` | what separates a real vehicle from its model, each a switch |
 //! | `steering.rs` | from the command to the road wheels, exact in time |
+//! | `drive.rs` | from the command to the force of drive and brakes |
+//! | `air.rs` | air and a dragging brake |
+//! | `sensors.rs`, `status.rs` | what is measured, and told from the wheels |
+//! | `stepper.rs` | steps of a vehicle: integration, errors, saved states |
+//! | `array.rs` | arrays of any length in saved states |
 //! | `trigonometry.rs` | arc tangent, sine and cosine of several numbers at once |
 //! | `tyre/` | Magic Formula 5.2, `.tir` files |
+//! | `unit/` | a body on axles with wheels: what all vehicles consist of |
 //! | `car/` | the two-track car |
+//! | `truck/` | the tractor with its semi-trailer |
 
+mod air;
+mod array;
+mod articulated;
 mod builtin;
 pub mod car;
+mod drive;
 mod effects;
+mod file;
 mod parameters;
+mod sensors;
+mod status;
 mod steering;
+mod stepper;
 pub mod trigonometry;
+pub mod truck;
+mod truck_parameters;
 pub mod tyre;
+mod unit;
 
-pub use builtin::{BUILTIN, builtin};
-pub use car::{Car, CarInput, CarOutput, CarStatus, StepError, WheelOutput};
-pub use effects::{Effect, EffectOutOfRange, Effects, NO_RATE_LIMIT, Stage};
+pub use articulated::Articulated;
+pub use builtin::{BUILTIN, BUILTIN_TRUCKS, builtin, builtin_truck};
+pub use car::{Car, CarError, CarInput, CarOutput, CarStatus};
+pub use effects::{Effect, EffectOutOfRange, Effects, NO_RATE_LIMIT, Stage, TrailerEffects, TruckEffects};
+pub use file::{Parameter, VehicleError, VehicleKind, VehicleParameters};
 pub use parameters::{
-    Air, Axle, Body, Brake, CarParameters, Drive, GRAVITY, Pair, Parameter, SingleTrack, Steering, Tyre,
-    VehicleError,
+    Air, Axle, Body, Brake, CarParameters, Drive, GRAVITY, Pair, SingleTrack, Steering, Tyre,
 };
 pub use steering::{SteeringChain, SteeringState};
+pub use stepper::{LONGEST_STEP, LONGEST_SUBSTEP, ROLLED_OVER, RestoreError, StepError, VehicleInput};
+pub use truck::{TrailerOutput, Truck, TruckError, TruckInput, TruckOutput, TruckStatus};
+pub use truck_parameters::{Hitch, Trailer, Triple, TruckAir, TruckBrake, TruckDrive, TruckParameters};
+pub use unit::WheelOutput;

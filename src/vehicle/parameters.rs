@@ -5,10 +5,10 @@
 //! documentation come from it.
 
 use super::builtin;
-use super::tyre::{Coefficients, Contact, TirError};
-use crate::signal::Unit;
+use super::file::{Parameter, VehicleError, VehicleParameters, check_body, reading, table};
+use super::tyre::{Coefficients, Contact};
 use serde::{Deserialize, Serialize};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Acceleration of free fall, m/s2.
 pub const GRAVITY: f64 = 9.81;
@@ -155,50 +155,9 @@ fn one() -> f64 {
     1.0
 }
 
-/// The declaration of one number among a car's parameters.
-#[derive(Debug, Clone, Copy)]
-pub struct Parameter {
-    /// Section and key in the file, and the FMU parameter's name.
-    pub name: &'static str,
-    /// Unit of the value.
-    pub unit: Unit,
-    /// Least and greatest value that a vehicle can have.
-    pub range: (f64, f64),
-    /// What it is, in one sentence.
-    pub meaning: &'static str,
-    get: fn(&CarParameters) -> f64,
-    set: fn(&mut CarParameters, f64),
-}
-
-impl Parameter {
-    /// The parameter's value.
-    #[must_use]
-    pub fn get(&self, car: &CarParameters) -> f64 {
-        (self.get)(car)
-    }
-
-    /// Sets the parameter; [`CarParameters::check`] looks at the range.
-    pub fn set(&self, car: &mut CarParameters, value: f64) {
-        (self.set)(car, value);
-    }
-}
-
-macro_rules! table {
-    ($($first:ident $(. $rest:ident)* : $unit:ident in $min:expr, $max:expr; $meaning:literal)*) => {
-        &[$(Parameter {
-            name: concat!(stringify!($first) $(, ".", stringify!($rest))*),
-            unit: Unit::$unit,
-            range: ($min, $max),
-            meaning: $meaning,
-            get: |car| car.$first$(.$rest)*,
-            set: |car, value| car.$first$(.$rest)* = value,
-        }),*]
-    };
-}
-
 impl CarParameters {
     /// Every number of a car with name, unit, range and meaning.
-    pub const TABLE: &'static [Parameter] = table! {
+    pub const TABLE: &'static [Parameter<Self>] = table! {
         vehicle.mass: KILOGRAM in 100.0, 1e5; "Mass of the whole car"
         vehicle.yaw_inertia: KILOGRAM_METRE2 in 10.0, 1e6; "Yaw inertia of the whole car about its CG"
         vehicle.roll_inertia: KILOGRAM_METRE2 in 5.0, 1e6; "Roll inertia of the sprung mass about its CG"
@@ -254,39 +213,6 @@ impl CarParameters {
     };
 }
 
-/// Why a vehicle file could not be used.
-#[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)]
-pub enum VehicleError {
-    /// The file cannot be opened.
-    #[error("vehicle file {file}: cannot be read ({source}); check the name, or use a built-in car: {}", builtin::BUILTIN.join(", "))]
-    Unreadable { file: PathBuf, source: std::io::Error },
-    /// No built-in car has this name.
-    #[error("there is no built-in car '{name}'; there are: {}", builtin::BUILTIN.join(", "))]
-    UnknownBuiltin { name: String },
-    /// Not TOML, or a key that is missing, unknown or of the wrong type.
-    #[error("vehicle file {file}, line {line}: {message}; compare with the files in vehicles/")]
-    Syntax { file: PathBuf, line: usize, message: String },
-    /// A value that no vehicle can have.
-    #[error(
-        "vehicle file {file}, line {line}: {} = {value} {} is outside {} ... {} ({})",
-        parameter.name, parameter.unit.symbol, parameter.range.0, parameter.range.1, parameter.meaning
-    )]
-    Range { file: PathBuf, line: usize, value: f64, parameter: &'static Parameter },
-    /// The unsprung masses leave nothing, or too little, for the body.
-    #[error(
-        "vehicle file {file}: the unsprung masses ({unsprung} kg) must leave at least a tenth of vehicle.mass \
-         ({mass} kg) to the body; correct axle.front.unsprung_mass or axle.rear.unsprung_mass"
-    )]
-    NoBody { file: PathBuf, mass: f64, unsprung: f64 },
-    /// The parameters were not read by [`CarParameters::read`] or [`CarParameters::parse`], which read the tyres too.
-    #[error("vehicle file {file}: its tyres have not been read; use CarParameters::read")]
-    NoTyres { file: PathBuf },
-    /// The tyre file that the vehicle names cannot be used.
-    #[error("vehicle file {file}, {key}: {source}")]
-    Tyre { file: PathBuf, key: &'static str, source: Box<TirError> },
-}
-
 /// A linear single-track model: what a careful engineer takes as the nominal model of a car.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SingleTrack {
@@ -304,81 +230,34 @@ pub struct SingleTrack {
     pub cr: f64,
 }
 
-impl CarParameters {
-    /// Reads a vehicle file and the tyre files that it names.
-    ///
-    /// # Errors
-    /// See [`VehicleError`]: file, line, key and remedy.
-    pub fn read(file: &Path) -> Result<Self, VehicleError> {
-        let text = std::fs::read_to_string(file)
-            .map_err(|source| VehicleError::Unreadable { file: file.to_path_buf(), source })?;
-        let folder = file.parent().unwrap_or(Path::new("")).to_path_buf();
-        Self::parse(&text, file, |name| {
-            let beside = folder.join(name);
-            // A copied vehicle file still finds the tyres that come with the program.
-            match builtin::tyre(name) {
-                Some(text) if !beside.exists() => Coefficients::parse(text, Path::new(name)),
-                _ => Coefficients::read(&beside),
-            }
-        })
+impl VehicleParameters for CarParameters {
+    const TABLE: &'static [Parameter<Self>] = Self::TABLE;
+    const BUILTIN: &'static [&'static str] = builtin::BUILTIN;
+
+    fn name(&self) -> &str {
+        &self.name
     }
 
-    /// Reads the text of a vehicle file; `tyre` gives the tyre of a name, `file` is for messages.
-    ///
-    /// # Errors
-    /// See [`VehicleError`].
-    pub fn parse(
-        text: &str,
-        file: &Path,
-        tyre: impl Fn(&str) -> Result<Coefficients, TirError>,
-    ) -> Result<Self, VehicleError> {
-        let mut car: Self = toml::from_str(text).map_err(|error| VehicleError::Syntax {
-            file: file.to_path_buf(),
-            line: error.span().map_or(1, |span| line_at(text, span.start)),
-            message: error.message().replace('\n', " "),
-        })?;
-        for (key, axle) in [("tyre.front.file", &mut car.tyre.front), ("tyre.rear.file", &mut car.tyre.rear)]
-        {
-            let coefficients = tyre(&axle.file).map_err(|source| VehicleError::Tyre {
-                file: file.to_path_buf(),
-                key,
-                source: Box::new(source),
-            })?;
-            if axle.vertical_stiffness == 0.0 {
-                axle.vertical_stiffness = coefficients.vertical_stiffness;
-            }
-            axle.coefficients = Some(coefficients);
-        }
-        car.check_in(file, |name| line_of(text, name))?;
-        Ok(car)
+    fn builtin(name: &str) -> Result<Self, VehicleError> {
+        builtin::builtin(name)
     }
 
-    /// Checks every value against what a vehicle can have.
-    ///
-    /// # Errors
-    /// [`VehicleError::Range`] or [`VehicleError::NoBody`].
-    pub fn check(&self) -> Result<(), VehicleError> {
-        self.check_in(Path::new(&self.name), |_| 0)
+    fn tyres(&mut self) -> Vec<(&'static str, &mut Tyre)> {
+        vec![("tyre.front.file", &mut self.tyre.front), ("tyre.rear.file", &mut self.tyre.rear)]
     }
 
-    fn check_in(&self, file: &Path, line: impl Fn(&str) -> usize) -> Result<(), VehicleError> {
-        for parameter in Self::TABLE {
-            let value = parameter.get(self);
-            if !(value >= parameter.range.0 && value <= parameter.range.1) {
-                let (file, line) = (file.to_path_buf(), line(parameter.name));
-                return Err(VehicleError::Range { file, line, value, parameter });
-            }
-        }
+    fn check_parts(&self, file: &Path) -> Result<(), VehicleError> {
         if self.tyre.front.coefficients.is_none() || self.tyre.rear.coefficients.is_none() {
             return Err(VehicleError::NoTyres { file: file.to_path_buf() });
         }
         let unsprung = self.axle.front.unsprung_mass + self.axle.rear.unsprung_mass;
-        if unsprung > 0.9 * self.vehicle.mass {
-            return Err(VehicleError::NoBody { file: file.to_path_buf(), mass: self.vehicle.mass, unsprung });
-        }
-        Ok(())
+        check_body(file, "vehicle.mass", self.vehicle.mass, unsprung)
     }
+}
 
+reading!(CarParameters);
+
+impl CarParameters {
     /// Wheelbase, m.
     #[must_use]
     pub fn wheelbase(&self) -> f64 {
@@ -402,8 +281,8 @@ impl CarParameters {
             yaw_inertia: self.vehicle.yaw_inertia,
             lf: self.vehicle.cg_to_front_axle,
             lr: self.vehicle.cg_to_rear_axle,
-            cf: self.tyre.front.axle_stiffness(front),
-            cr: self.tyre.rear.axle_stiffness(rear),
+            cf: self.tyre.front.axle_stiffness(front, 1.0),
+            cr: self.tyre.rear.axle_stiffness(rear, 1.0),
         }
     }
 }
@@ -423,35 +302,17 @@ impl Tyre {
         tyre
     }
 
-    /// Slope of the lateral force of both wheels of an axle over slip angle, N/rad; `load` of the axle in N.
-    fn axle_stiffness(&self, load: f64) -> f64 {
+    /// Slope of the lateral force of an axle over slip angle, N/rad; `load` of the axle in N, carried by this many
+    /// tyres on each side.
+    pub(super) fn axle_stiffness(&self, load: f64, per_side: f64) -> f64 {
         const STEP: f64 = 1e-4;
         let tyre = self.scaled();
         let at = |alpha| {
-            let contact = Contact { kappa: 0.0, alpha, gamma: 0.0, load: 0.5 * load, friction: 1.0 };
+            let contact =
+                Contact { kappa: 0.0, alpha, gamma: 0.0, load: 0.5 * load / per_side, friction: 1.0 };
             tyre.forces(&contact).fy
         };
         // The right wheel carries the mirror image of the left wheel's tyre: Fy_right(alpha) = -Fy_left(-alpha).
-        2.0 * (at(-STEP) - at(STEP)) / (2.0 * STEP)
+        per_side * 2.0 * (at(-STEP) - at(STEP)) / (2.0 * STEP)
     }
-}
-
-/// Line (from 1) of a byte of a text.
-fn line_at(text: &str, byte: usize) -> usize {
-    text.bytes().take(byte).filter(|byte| *byte == b'\n').count() + 1
-}
-
-/// Line (from 1) of the key `section.key` in a TOML text as ours are written; 0 if it does not stand there.
-fn line_of(text: &str, name: &str) -> usize {
-    let Some((section, key)) = name.rsplit_once('.') else { return 0 };
-    let mut current = "";
-    for (index, raw) in text.lines().enumerate() {
-        let line = raw.split('#').next().unwrap_or_default().trim();
-        if let Some(header) = line.strip_prefix('[') {
-            current = header.trim_end_matches(']').trim();
-        } else if current == section && line.split('=').next().is_some_and(|found| found.trim() == key) {
-            return index + 1;
-        }
-    }
-    0
 }

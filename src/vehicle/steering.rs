@@ -8,6 +8,8 @@
 //! Commands are steps in time, so that every stage has a closed form between them: the chain is exact for any step.
 //! The sensor sits before the linkage: gain and offset are not seen in the measured angle.
 
+use super::effects::{Effects, NO_RATE_LIMIT};
+use super::parameters::Steering;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
@@ -28,6 +30,23 @@ pub struct SteeringChain {
     pub gain: f64,
     /// rad
     pub offset: f64,
+}
+
+impl SteeringChain {
+    /// A vehicle's chain with the effects on it.
+    #[must_use]
+    pub fn new(steering: &Steering, effects: &Effects) -> Self {
+        let unlimited = |limit: f64| if limit >= NO_RATE_LIMIT { f64::MAX } else { limit };
+        Self {
+            dead_time: steering.dead_time + effects.steer_delay,
+            lag: steering.lag + effects.steer_lag,
+            rate_limit: unlimited(steering.rate_limit.min(effects.steer_rate_limit)),
+            angle_limit: steering.angle_limit,
+            backlash: steering.backlash + effects.steer_backlash,
+            gain: steering.gain * effects.steer_gain,
+            offset: steering.offset + effects.steer_offset,
+        }
+    }
 }
 
 /// How many changes of the command can be under way. When more are, the newest takes the place of the last.
@@ -127,7 +146,7 @@ impl SteeringState {
             let moving = needed.min(left);
             self.actuator += chain.rate_limit * moving * gap.signum();
             left -= moving;
-            self.limited |= duration > 0.0 && chain.rate_limit < super::effects::NO_RATE_LIMIT;
+            self.limited |= duration > 0.0 && chain.rate_limit < NO_RATE_LIMIT;
             if left > 0.0 && near == 0.0 {
                 self.actuator = target;
             }

@@ -11,7 +11,7 @@ CARS = ["c_class", "bmw_320i", "ford_escort", "vw_vanagon", "genesis"]
 
 def drive_on(fmus, paths, road, **options):
     file = road if hasattr(road, "suffix") else paths / f"{road}.csv"
-    return drive(file, controller_fmu=fmus / "RflMpc.fmu", car_fmu=fmus / "PassengerCar.fmu", **options)
+    return drive(file, fmus=fmus, **options)
 
 
 def test_sudoku_test_route_within_five_centimetres(fmus, paths):

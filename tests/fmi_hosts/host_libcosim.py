@@ -10,7 +10,7 @@ from libcosimpy.CosimExecution import CosimExecution
 from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
 from libcosimpy.CosimObserver import CosimObserver
 from libcosimpy.CosimSlave import CosimLocalSlave
-from wiring import CAR, CONTROLLER, Loop, options
+from wiring import Loop, options
 
 NANOSECONDS = 1_000_000_000
 SUCCESS = 0
@@ -23,7 +23,7 @@ def main() -> None:
     step = round(given.step * NANOSECONDS)
     if given.ssp:
         execution = CosimExecution.from_ssp_file(str(given.ssp), step)
-        index = {name: execution.slave_index_from_instance_name(name) for name in (CONTROLLER, CAR)}
+        index = {name: execution.slave_index_from_instance_name(name) for name in loop.files}
     else:
         execution = CosimExecution.from_step_size(step)
         slaves = {name: CosimLocalSlave(str(file), name) for name, file in loop.files.items()}
@@ -44,7 +44,7 @@ def main() -> None:
     columns = {f"{unit}.{name}": [] for unit, name in loop.recorded}
     for _ in range(given.steps):
         assert execution.step(), "libcosim could not make a step"
-        for unit in (CAR, CONTROLLER):
+        for unit in (loop.vehicle, loop.controller):
             names = [name for owner, name in loop.recorded if owner == unit]
             values = observer.last_real_values(index[unit], [loop.references[unit][name] for name in names])
             for name, value in zip(names, values):

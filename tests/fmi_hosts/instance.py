@@ -13,7 +13,10 @@ from pathlib import Path
 import fmpy
 import fmpy.fmi2
 from closed_loop import callbacks_into
+from wiring import SYSTEMS
 
+# All FMUs.
+UNITS = ["RflMpc", "PassengerCar", "TruckRflMpc", "SemiTrailerTruck"]
 OK, WARNING, DISCARD, ERROR, FATAL = range(5)
 STEP = 0.02
 CLOCKED = "compute_time"  # the only variable that may differ between two equal runs
@@ -153,38 +156,39 @@ class Instance:
 
 
 class ClosedLoop:
-    """Controller and car, stepped in Gauss-Seidel order; `drive` gives every output at every step."""
+    """Controller and vehicle, stepped in Gauss-Seidel order; `drive` gives every output at every step."""
 
-    def __init__(self, libraries: dict[str, Library], path: Path | None = None) -> None:
+    def __init__(self, libraries: dict[str, Library], path: Path | None = None, system="ClosedLoop") -> None:
         self.path = path
-        self.controller = Instance(libraries["RflMpc"], "controller")
-        self.car = Instance(libraries["PassengerCar"], "car")
-        assert self.controller.handle and self.car.handle
-        self.to_controller = [n for n in self.controller.library.inputs if n in self.car.library.outputs]
-        self.to_car = [n for n in self.car.library.inputs if n in self.controller.library.outputs]
+        controller, vehicle = SYSTEMS[system]
+        self.controller = Instance(libraries[controller], "controller")
+        self.vehicle = Instance(libraries[vehicle], "vehicle")
+        assert self.controller.handle and self.vehicle.handle
+        self.to_controller = [n for n in self.controller.library.inputs if n in self.vehicle.library.outputs]
+        self.to_vehicle = [n for n in self.vehicle.library.inputs if n in self.controller.library.outputs]
         self.start()
 
     def start(self) -> None:
         """From instantiated or reset to the first communication point."""
         if self.path:
             assert self.controller.set_string("path_file", self.path) == OK
-            assert self.car.set_string("road_file", self.path) == OK
+            assert self.vehicle.set_string("road_file", self.path) == OK
         assert self.controller.initialize() <= WARNING, self.controller.said
         start = self.controller.get_reals(["start.x", "start.y", "start.yaw", "start.speed"])
-        assert self.car.set_reals(dict(zip(["initial.x", "initial.y", "initial.yaw", "initial.vx"], start))) == OK
-        assert self.car.initialize() <= WARNING, self.car.said
+        assert self.vehicle.set_reals(dict(zip(["initial.x", "initial.y", "initial.yaw", "initial.vx"], start))) == OK
+        assert self.vehicle.initialize() <= WARNING, self.vehicle.said
         self.k = 0
 
     def drive(self, steps: int, outputs=True) -> list[list[float]]:
         rows = []
         for _ in range(steps):
             at = self.k * STEP
-            state = dict(zip(self.to_controller, self.car.get_reals(self.to_controller)))
+            state = dict(zip(self.to_controller, self.vehicle.get_reals(self.to_controller)))
             assert self.controller.set_reals(state) == OK, self.controller.said
             assert self.controller.step(at) <= WARNING, self.controller.said
-            command = dict(zip(self.to_car, self.controller.get_reals(self.to_car)))
-            assert self.car.set_reals(command) == OK, self.car.said
-            assert self.car.step(at) <= WARNING, self.car.said
+            command = dict(zip(self.to_vehicle, self.controller.get_reals(self.to_vehicle)))
+            assert self.vehicle.set_reals(command) == OK, self.vehicle.said
+            assert self.vehicle.step(at) <= WARNING, self.vehicle.said
             self.k += 1
             if outputs:
                 rows.append([v for unit in self.units for v in unit.get_reals(unit.library.outputs)])
@@ -192,7 +196,7 @@ class ClosedLoop:
 
     @property
     def units(self) -> tuple[Instance, Instance]:
-        return self.controller, self.car
+        return self.controller, self.vehicle
 
     def save(self):
         return self.k, [unit.save() for unit in self.units]
@@ -212,6 +216,6 @@ class ClosedLoop:
 
 
 def unpack(fmus: Path, folder: Path) -> dict[str, Library]:
-    """Both FMUs, unpacked beside each other."""
+    """All FMUs, unpacked beside each other."""
     shutil.rmtree(folder, ignore_errors=True)
-    return {name: Library(fmus / f"{name}.fmu", folder / name) for name in ("RflMpc", "PassengerCar")}
+    return {name: Library(fmus / f"{name}.fmu", folder / name) for name in UNITS}

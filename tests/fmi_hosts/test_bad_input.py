@@ -9,9 +9,8 @@ import math
 from pathlib import Path
 
 import pytest
-from instance import DISCARD, ERROR, OK, WARNING, Instance
+from instance import DISCARD, ERROR, OK, UNITS, WARNING, Instance
 
-UNITS = ["RflMpc", "PassengerCar"]
 GOOD_ROAD = "x,y\n" + "".join(f"{x},0\n" for x in range(0, 100, 2))
 
 
@@ -62,7 +61,14 @@ def test_one_bad_value_among_good_ones_changes_none(running):
 
 
 @pytest.mark.parametrize(
-    ("unit", "name"), [("RflMpc", "mpc.q_e1"), ("PassengerCar", "vehicle.mass")], indirect=["unit"]
+    ("unit", "name"),
+    [
+        ("RflMpc", "mpc.q_e1"),
+        ("TruckRflMpc", "mpc.q_e1"),
+        ("PassengerCar", "vehicle.mass"),
+        ("SemiTrailerTruck", "tractor.mass"),
+    ],
+    indirect=["unit"],
 )
 def test_parameter_out_of_its_range(unit, name):
     before = float(unit.library.variables[name].start)
@@ -227,7 +233,7 @@ ROADS = {
 
 
 @pytest.mark.parametrize("case", ROADS)
-@pytest.mark.parametrize("unit", ["RflMpc"], indirect=True)
+@pytest.mark.parametrize("unit", ["RflMpc", "TruckRflMpc"], indirect=True)
 def test_road_that_is_none(unit, tmp_path, case):
     content, words = ROADS[case]
     file = tmp_path / "road.csv"
@@ -249,57 +255,84 @@ def test_repeated_points_are_dropped_and_said(unit, tmp_path):
     assert unit.get_reals(["path.length"]) == [pytest.approx(98.0)]
 
 
-CAR_PARAMETER = [("RflMpc", "vehicle_file"), ("PassengerCar", "vehicle_file")]
+# Units with a vehicle that is built in for them, and the first section of its file.
+VEHICLES = [
+    ("RflMpc", "bmw_320i", "vehicle"),
+    ("TruckRflMpc", "truck_real", "tractor"),
+    ("PassengerCar", "bmw_320i", "vehicle"),
+    ("SemiTrailerTruck", "truck_real", "tractor"),
+]
 
 
 @pytest.fixture
-def car_text() -> str:
-    return (Path(__file__).parents[2] / "vehicles" / "bmw_320i.toml").read_text(encoding="utf-8")
+def text(vehicle) -> str:
+    """The file of a vehicle."""
+    return (Path(__file__).parents[2] / "vehicles" / f"{vehicle}.toml").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize(("unit", "parameter"), CAR_PARAMETER, indirect=["unit"])
+@pytest.mark.parametrize(("unit", "vehicle", "section"), VEHICLES, indirect=["unit"])
 class TestVehicleFile:
-    def test_missing(self, unit, parameter, tmp_path):
-        assert with_file(unit, parameter, tmp_path / "car.toml") == ERROR
-        says(unit, "car.toml", "cannot be read", "bmw_320i")
+    def test_missing(self, unit, vehicle, section, tmp_path):
+        assert with_file(unit, "vehicle_file", tmp_path / "mine.toml") == ERROR
+        says(unit, "mine.toml", "cannot be read", vehicle)
 
-    def test_unknown_name(self, unit, parameter):
-        assert with_file(unit, parameter, Path("batmobile")) == ERROR
-        says(unit, "batmobile", "bmw_320i")
+    def test_unknown_name(self, unit, vehicle, section):
+        assert with_file(unit, "vehicle_file", Path("batmobile")) == ERROR
+        says(unit, "batmobile", vehicle)
 
-    def test_truncated(self, unit, parameter, tmp_path, car_text):
-        file = tmp_path / "car.toml"
-        file.write_text(car_text[: len(car_text) // 2])
-        assert with_file(unit, parameter, file) == ERROR
-        says(unit, "car.toml", "line", "compare with")
+    def test_truncated(self, unit, vehicle, section, tmp_path, text):
+        file = tmp_path / "mine.toml"
+        file.write_text(text[: len(text) // 2])
+        assert with_file(unit, "vehicle_file", file) == ERROR
+        says(unit, "mine.toml", "line", "compare with")
 
-    def test_foreign(self, unit, parameter, tmp_path):
-        file = tmp_path / "car.toml"
+    def test_foreign(self, unit, vehicle, section, tmp_path):
+        file = tmp_path / "mine.toml"
         file.write_bytes(bytes(range(256)) * 4)
-        assert with_file(unit, parameter, file) == ERROR
-        says(unit, "car.toml")
+        assert with_file(unit, "vehicle_file", file) == ERROR
+        says(unit, "mine.toml")
 
-    def test_value_that_no_car_has(self, unit, parameter, tmp_path, car_text):
-        lines = car_text.splitlines()
+    def test_value_that_no_vehicle_has(self, unit, vehicle, section, tmp_path, text):
+        lines = text.splitlines()
         at = next(i for i, line in enumerate(lines) if line.startswith("mass"))
         lines[at] = "mass = -3.0"
-        file = tmp_path / "car.toml"
+        file = tmp_path / "mine.toml"
         file.write_text("\n".join(lines))
-        assert with_file(unit, parameter, file) == ERROR
-        says(unit, "car.toml", f"line {at + 1}", "vehicle.mass", "-3", "outside")
+        assert with_file(unit, "vehicle_file", file) == ERROR
+        says(unit, "mine.toml", f"line {at + 1}", f"{section}.mass", "-3", "outside")
 
 
-@pytest.mark.parametrize("unit", ["PassengerCar"], indirect=True)
-def test_tyre_file_truncated(unit, tmp_path, car_text):
+@pytest.mark.parametrize(
+    ("unit", "vehicle"), [vehicle[:2] for vehicle in VEHICLES if "Mpc" not in vehicle[0]], indirect=["unit"]
+)
+def test_tyre_file_truncated(unit, vehicle, tmp_path, text):
     vehicles = Path(__file__).parents[2] / "vehicles"
     tyre = next(vehicles.glob("tyres/*.tir"))
-    text = tyre.read_text(encoding="utf-8")
-    lines = text.splitlines()
+    lines = tyre.read_text(encoding="utf-8").splitlines()
     (tmp_path / "half.tir").write_text("\n".join(lines[: len(lines) // 2]))
-    lines = [f'file = "{tmp_path / "half.tir"}"' if line.startswith("file") else line for line in car_text.splitlines()]
-    (tmp_path / "car.toml").write_text("\n".join(lines))
-    assert with_file(unit, "vehicle_file", tmp_path / "car.toml") == ERROR
-    says(unit, "car.toml", "half.tir", "tyre.front", "missing")
+    lines = [f'file = "{tmp_path / "half.tir"}"' if line.startswith("file") else line for line in text.splitlines()]
+    (tmp_path / "mine.toml").write_text("\n".join(lines))
+    assert with_file(unit, "vehicle_file", tmp_path / "mine.toml") == ERROR
+    says(unit, "mine.toml", "half.tir", "tyre.front", "missing")
+
+
+@pytest.mark.parametrize("running", ["SemiTrailerTruck"], indirect=True)
+def test_jack_knife_ends_the_instance_until_it_is_reset(running):
+    """Locked drive wheels in a wet turn: an error with a message, and after a reset a sound instance."""
+    assert running.reset() == OK
+    wet = {"initial.vx": 22.0, "brake.front_share": 0.0, "brake.trailer_share": 0.0, "effect.road_friction": 0.35}
+    assert running.set_reals(wet) == OK
+    assert running.initialize() <= WARNING, running.said
+    status, k = OK, 0
+    while status <= WARNING and k < 3000:
+        assert running.set_reals({"steer_cmd": 0.08, "accel_cmd": 0.0 if k < 25 else -5.0}) == OK
+        status, k = running.step(0.02 * k), k + 1
+    assert status == ERROR
+    says(running, "jack-knifed", "hitch.articulation_limit")
+    assert all(map(math.isfinite, running.get_reals(running.library.outputs)))
+    assert running.reset() == OK
+    assert running.initialize() <= WARNING, running.said
+    assert running.step(0.0) <= WARNING
 
 
 # --- FMU states

@@ -1,6 +1,6 @@
 """Instances do not know of each other, and every way back leads to the same bits.
 
-Compared are all real outputs of controller and car over the closed loop, except the wall-clock `compute_time`.
+Compared are all real outputs of controller and vehicle over the closed loop, except the wall-clock `compute_time`.
 """
 
 from __future__ import annotations
@@ -10,28 +10,36 @@ import os
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
-from instance import OK, WARNING, ClosedLoop, Instance
+from instance import OK, UNITS, WARNING, ClosedLoop, Instance
 
 BEFORE, AFTER = 500, 500  # steps before and after the event under test
 
 
-@pytest.fixture(scope="module")
-def road(paths):
-    return paths / "sudoku_test.csv"
+ROADS = {"ClosedLoop": "sudoku_test", "TruckLoop": "off_road"}
+
+
+@pytest.fixture(scope="module", params=ROADS)
+def start(request, libraries, paths):
+    """Starts a loop of a system, on its road unless another is named."""
+
+    def start(road: str = ROADS[request.param]) -> ClosedLoop:
+        return ClosedLoop(libraries, paths / f"{road}.csv", request.param)
+
+    return start
 
 
 @pytest.fixture(scope="module")
-def reference(libraries, road) -> list[list[float]]:
+def reference(start) -> list[list[float]]:
     """An undisturbed drive."""
-    loop = ClosedLoop(libraries, road)
+    loop = start()
     rows = loop.drive(BEFORE + AFTER)
     loop.free()
     assert rows[-1] != rows[0]
     return rows
 
 
-def test_reset_starts_anew(libraries, road, reference):
-    loop = ClosedLoop(libraries, road)
+def test_reset_starts_anew(start, reference):
+    loop = start()
     loop.drive(137, outputs=False)
     for unit in loop.units:
         assert unit.reset() == OK, unit.said
@@ -40,8 +48,9 @@ def test_reset_starts_anew(libraries, road, reference):
     loop.free()
 
 
-def test_reset_forgets_parameters(libraries):
-    controller = Instance(libraries["RflMpc"])
+@pytest.mark.parametrize("name", ["RflMpc", "TruckRflMpc"])
+def test_reset_forgets_parameters(libraries, name):
+    controller = Instance(libraries[name])
     before = controller.library.variables["mpc.q_e1"].start
     assert controller.set_reals({"mpc.q_e1": 2 * float(before)}) == OK
     assert controller.reset() == OK
@@ -50,8 +59,8 @@ def test_reset_forgets_parameters(libraries):
     controller.free()
 
 
-def test_interleaved_second_loop_changes_nothing(libraries, paths, road, reference):
-    loop, other = ClosedLoop(libraries, road), ClosedLoop(libraries, paths / "hairpin_circuit.csv")
+def test_interleaved_second_loop_changes_nothing(start, reference):
+    loop, other = start(), start("hairpin_circuit")
     rows = []
     for k in range(BEFORE + AFTER):
         rows += loop.drive(1)
@@ -62,8 +71,8 @@ def test_interleaved_second_loop_changes_nothing(libraries, paths, road, referen
     other.free()
 
 
-def test_save_and_restore_in_mid_run(libraries, road, reference):
-    loop = ClosedLoop(libraries, road)
+def test_save_and_restore_in_mid_run(start, reference):
+    loop = start()
     assert loop.drive(BEFORE) == reference[:BEFORE]
     saved = loop.save()
     assert loop.drive(AFTER) == reference[BEFORE:]
@@ -74,15 +83,15 @@ def test_save_and_restore_in_mid_run(libraries, road, reference):
     loop.free()
 
 
-def test_serialised_state_continues_in_another_instance(libraries, road, reference):
-    loop = ClosedLoop(libraries, road)
+def test_serialised_state_continues_in_another_instance(start, reference):
+    loop = start()
     loop.drive(BEFORE, outputs=False)
     saved = loop.save()
     data = [unit.serialize(state) for unit, state in zip(loop.units, saved[1])]
     loop.free_saved(saved)
     loop.free()
 
-    other = ClosedLoop(libraries, road)
+    other = start()
     other.drive(11, outputs=False)
     states = []
     for unit, content in zip(other.units, data):
@@ -95,10 +104,10 @@ def test_serialised_state_continues_in_another_instance(libraries, road, referen
     other.free()
 
 
-def test_sixteen_loops_on_eight_threads(libraries, road, reference):
+def test_sixteen_loops_on_eight_threads(start, reference):
     # ctypes lets go of Python's lock in each call, so the FMUs do run at the same time.
     def one(_):
-        loop = ClosedLoop(libraries, road)
+        loop = start()
         rows = loop.drive(BEFORE)
         loop.free()
         return rows == reference[:BEFORE]
@@ -107,8 +116,8 @@ def test_sixteen_loops_on_eight_threads(libraries, road, reference):
         assert list(pool.map(one, range(16))) == [True] * 16
 
 
-def test_loops_move_between_threads(libraries, road, reference):
-    loops = [ClosedLoop(libraries, road) for _ in range(4)]
+def test_loops_move_between_threads(start, reference):
+    loops = [start() for _ in range(4)]
     rows = [[] for _ in loops]
     with ThreadPoolExecutor(8) as pool:
         for _ in range(10):
@@ -125,7 +134,7 @@ def resident_kib() -> int:
 
 
 @pytest.mark.skipif(not os.path.exists("/proc/self/statm"), reason="resident memory is read from Linux's /proc")
-@pytest.mark.parametrize("name", ["RflMpc", "PassengerCar"])
+@pytest.mark.parametrize("name", UNITS)
 def test_two_thousand_instances_leave_no_memory_behind(libraries, name):
     def lives(count: int) -> None:
         for k in range(count):
@@ -146,8 +155,8 @@ def test_two_thousand_instances_leave_no_memory_behind(libraries, name):
     assert growth < 3000, f"{growth} KiB more after 2000 instances"
 
 
-def test_states_leave_no_memory_behind(libraries, road):
-    loop = ClosedLoop(libraries, road)
+def test_states_leave_no_memory_behind(start):
+    loop = start()
     loop.drive(50, outputs=False)
 
     def cycles(count: int) -> None:

@@ -1,4 +1,4 @@
-"""The loop in Rust (`rfl drive`) and the FMUs in fmpy are the same controller and car: equal to the last bit."""
+"""The loop in Rust (`rfl drive`) and the FMUs in fmpy are the same controller and vehicle: equal to the last bit."""
 
 from __future__ import annotations
 
@@ -10,15 +10,17 @@ import pytest
 from closed_loop import drive
 from instance import CLOCKED
 
-ROADS = ["sudoku_test", "hairpin_circuit"]
-CARS = ["c_class", "bmw_320i", "vw_vanagon"]
+DRIVES = [
+    *((road, car) for road in ("sudoku_test", "hairpin_circuit") for car in ("c_class", "bmw_320i", "vw_vanagon")),
+    *((road, truck) for road in ("off_road", "sudoku_turns") for truck in ("truck_simulation", "truck_real")),
+]
+NEEDED = {"time", "steer_cmd", "accel_cmd", "x", "y", "yaw", "vx", "vy", "yaw_rate", "e1", "e2", "station"}
 
 
-@pytest.mark.parametrize("car", CARS)
-@pytest.mark.parametrize("road", ROADS)
-def test_native_loop_equals_fmpy_bit_for_bit(rfl, fmus, paths, tmp_path, road, car):
+@pytest.mark.parametrize(("road", "name"), DRIVES)
+def test_native_loop_equals_fmpy_bit_for_bit(rfl, fmus, paths, tmp_path, road, name):
     path, log = paths / f"{road}.csv", tmp_path / "native.csv"
-    vehicle = paths.parent / "vehicles" / f"{car}.toml"
+    vehicle = paths.parent / "vehicles" / f"{name}.toml"
     command = [rfl, "drive", "--path", path, "--vehicle", vehicle, "--duration", "60", "--log", log]
     result = subprocess.run([str(c) for c in command], capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stdout + result.stderr
@@ -26,11 +28,9 @@ def test_native_loop_equals_fmpy_bit_for_bit(rfl, fmus, paths, tmp_path, road, c
         header, *rows = csv.reader(file)
     native = dict(zip(header, np.array(rows, dtype=float).T))
 
-    ours = drive(
-        path, vehicle, duration=60.0, controller_fmu=fmus / "RflMpc.fmu", car_fmu=fmus / "PassengerCar.fmu"
-    ).columns
+    ours = drive(path, vehicle, duration=60.0, fmus=fmus).columns
     shared = [name for name in native if name in ours and name != CLOCKED]
-    needed = {"time", "steer_cmd", "accel_cmd", "x", "y", "yaw", "vx", "vy", "yaw_rate", "e1", "e2", "station"}
+    needed = NEEDED | ({"articulation", "articulation_rate"} if name.startswith("truck") else set())
     assert needed <= set(shared), f"columns are missing: {needed - set(shared)}"
     for name in shared:
         assert len(native[name]) == len(ours[name])
@@ -54,9 +54,8 @@ def test_learned_residual_equals_fmpy_bit_for_bit(rfl, fmus, paths, tmp_path):
         header, *rows = csv.reader(file)
     native = dict(zip(header, np.array(rows, dtype=float).T))
 
-    units = {"controller_fmu": fmus / "RflMpc.fmu", "car_fmu": fmus / "PassengerCar.fmu"}
-    learned = drive(road, settings=slow | {"residual.file": str(model)}, **units).columns
-    nominal = drive(road, settings=slow, **units).columns
+    learned = drive(road, settings=slow | {"residual.file": str(model)}, fmus=fmus).columns
+    nominal = drive(road, settings=slow, fmus=fmus).columns
     for name in set(native) & set(learned) - {CLOCKED}:
         assert np.array_equal(native[name], learned[name]), name
     assert np.abs(learned["e1"]).mean() < 0.7 * np.abs(nominal["e1"]).mean()

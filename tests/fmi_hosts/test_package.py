@@ -12,8 +12,8 @@ from pathlib import Path
 import fmpy
 import fmpy.validation
 import pytest
+from instance import UNITS as FMUS
 
-FMUS = ["RflMpc", "PassengerCar"]
 GLIBC = (2, 17)  # what the README promises where the cross linker was used
 
 # All functions of the standard's header, of which fmpy has a copy; those for model exchange, too, because some hosts

@@ -25,13 +25,13 @@ import pytest
 from closed_loop import STEP, Unit, drive
 from fmpy.ssp.simulation import simulate_ssp
 from fmpy.ssp.ssd import read_ssv
-from wiring import CAR, COMMANDS, CONTROLLER, RECORDED
+from wiring import COMMANDS, RECORDED, SYSTEMS, recorded
 
 HERE = Path(__file__).resolve().parent
 STEPS = 3000  # one minute
 ROADS = ["sudoku_test", "hairpin_circuit"]
 PACKAGES = {"libcosim": "libcosimpy", "ecos": "ecospy"}
-COLUMNS = [(CAR, name) for name in RECORDED] + [(CONTROLLER, name) for name in COMMANDS]
+CONTROLLER, CAR = SYSTEMS["ClosedLoop"]
 
 Columns = dict[str, np.ndarray]
 
@@ -46,39 +46,40 @@ def libcosim_lengths() -> list[float]:
     return [end - begin for begin, end in pairwise(instants)]
 
 
-def jacobi(fmus: Path, road: Path | None, lengths: list[float], zeros_first=False) -> Columns:
+def jacobi(fmus: Path, road: Path | None, lengths: list[float], zeros_first=False, system="ClosedLoop") -> Columns:
     """The loop in Jacobi order; a row holds what is true after a step."""
+    controller_name, vehicle_name = SYSTEMS[system]
     with ExitStack() as stack:
-        controller = stack.enter_context(closing(Unit(fmus / "RflMpc.fmu", "controller")))
-        car = stack.enter_context(closing(Unit(fmus / "PassengerCar.fmu", "car")))
+        controller = stack.enter_context(closing(Unit(fmus / f"{controller_name}.fmu", "controller")))
+        vehicle = stack.enter_context(closing(Unit(fmus / f"{vehicle_name}.fmu", "vehicle")))
         if road:
             controller.set("path_file", str(road))
-            car.set("road_file", str(road))
+            vehicle.set("road_file", str(road))
         controller.initialize()
         for name, start in {"x": "x", "y": "y", "yaw": "yaw", "vx": "speed"}.items():
-            car.set(f"initial.{name}", controller.get(f"start.{start}"))
-        car.initialize()
+            vehicle.set(f"initial.{name}", controller.get(f"start.{start}"))
+        vehicle.initialize()
         measured = controller.names("input")
-        read_state, write_state = car.reader(measured), controller.writer(measured)
-        read_command, write_command = controller.reader(COMMANDS), car.writer(COMMANDS)
-        read_row = car.reader(RECORDED)
+        read_state, write_state = vehicle.reader(measured), controller.writer(measured)
+        read_command, write_command = controller.reader(COMMANDS), vehicle.writer(COMMANDS)
+        read_row = vehicle.reader(RECORDED)
         rows = []
         for k, length in enumerate(lengths):
             state, command = read_state(), read_command()
             write_state(0 * state if zeros_first and k == 0 else state)
             write_command(0 * command if zeros_first and k == 0 else command)
             controller.step(k * STEP, length)
-            car.step(k * STEP, length)
+            vehicle.step(k * STEP, length)
             rows.append([*read_row(), *read_command()])
-    return {f"{unit}.{name}": column for (unit, name), column in zip(COLUMNS, np.array(rows).T)}
+    return {f"{unit}.{name}": column for (unit, name), column in zip(recorded(system), np.array(rows).T)}
 
 
-def in_host(host: str, fmus: Path, out: Path, parameters=None, ssp=None) -> Columns:
+def in_host(host: str, fmus: Path, out: Path, parameters=None, system="ClosedLoop", ssp=None) -> Columns:
     """Runs a host in a process of its own."""
     if importlib.util.find_spec(PACKAGES[host]) is None:
         pytest.skip(f"{PACKAGES[host]} is not installed on this platform")
     command = [sys.executable, HERE / f"host_{host}.py", "--fmus", fmus, "--steps", str(STEPS), "--out", out]
-    command += ["--step", str(STEP), "--parameters", json.dumps(parameters or {})]
+    command += ["--system", system, "--step", str(STEP), "--parameters", json.dumps(parameters or {})]
     command += ["--ssp", ssp] if ssp else []
     # Ecos' library looks for TBB, which pip puts into the environment's lib folder.
     libraries = os.pathsep.join(filter(None, [str(Path(sys.prefix) / "lib"), os.environ.get("LD_LIBRARY_PATH")]))
@@ -89,14 +90,15 @@ def in_host(host: str, fmus: Path, out: Path, parameters=None, ssp=None) -> Colu
 
 
 def in_fmpy_ssp(ssp: Path) -> Columns:
-    parameters = read_ssv(str(ssp), "resources/ClosedLoop.ssv")
+    parameters = read_ssv(str(ssp), f"resources/{ssp.stem}.ssv")
     # Half a step less: fmpy adds up the time, and must not make one step more for a rounding error.
     result = simulate_ssp(str(ssp), stop_time=(STEPS - 0.5) * STEP, step_size=STEP, parameter_set=parameters)
-    return {f"{unit}.{name}": result[f"{unit}.{name}"] for unit, name in COLUMNS}
+    return {f"{unit}.{name}": result[f"{unit}.{name}"] for unit, name in recorded(ssp.stem)}
 
 
 def assert_same_drive(theirs: Columns, ours: Columns) -> None:
-    assert np.ptp(ours[f"{CAR}.x"]) + np.ptp(ours[f"{CAR}.y"]) > 100.0, "the car did not drive"
+    driven = sum(np.ptp(column) for name, column in ours.items() if name.endswith((".x", ".y")))
+    assert driven > 100.0, "the vehicle did not drive"
     for name, column in ours.items():
         assert len(theirs[name]) == len(column) == STEPS
         different = np.flatnonzero(theirs[name] != column)
@@ -121,15 +123,17 @@ def test_two_fmus(fmus, road, tmp_path, host, lengths):
     assert_same_drive(theirs, ours)
 
 
+@pytest.mark.parametrize("system", SYSTEMS)
 @pytest.mark.parametrize(("host", "lengths"), [("libcosim", libcosim_lengths), ("ecos", exact_lengths)])
-def test_ssp(fmus, tmp_path, host, lengths):
-    theirs = in_host(host, fmus, tmp_path / "drive.json", ssp=fmus / "ClosedLoop.ssp")
-    assert_same_drive(theirs, jacobi(fmus, None, lengths()))
+def test_ssp(fmus, tmp_path, host, lengths, system):
+    theirs = in_host(host, fmus, tmp_path / "drive.json", system=system, ssp=fmus / f"{system}.ssp")
+    assert_same_drive(theirs, jacobi(fmus, None, lengths(), system=system))
 
 
-def test_ssp_in_fmpy(fmus):
-    theirs = in_fmpy_ssp(fmus / "ClosedLoop.ssp")
-    assert_same_drive(theirs, jacobi(fmus, None, exact_lengths(), zeros_first=True))
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_ssp_in_fmpy(fmus, system):
+    theirs = in_fmpy_ssp(fmus / f"{system}.ssp")
+    assert_same_drive(theirs, jacobi(fmus, None, exact_lengths(), zeros_first=True, system=system))
 
 
 def test_rounding_of_a_step_is_all_that_parts_libcosim_from_ecos(fmus, road):
@@ -139,8 +143,7 @@ def test_rounding_of_a_step_is_all_that_parts_libcosim_from_ecos(fmus, road):
 
 
 def gauss_seidel(fmus, road, **options) -> Columns:
-    units = {"controller_fmu": fmus / "RflMpc.fmu", "car_fmu": fmus / "PassengerCar.fmu"}
-    return drive(road, duration=STEPS * STEP, **units, **options).columns
+    return drive(road, duration=STEPS * STEP, fmus=fmus, **options).columns
 
 
 def test_script_to_copy_has_the_same_jacobi(fmus, road):

@@ -70,7 +70,7 @@ def natively(rfl, road: Path, log: Path, *arguments) -> dict[str, np.ndarray]:
 def in_fmpy(controller: Path, fmus: Path, road: Path, **parameters) -> dict[str, np.ndarray]:
     values = SLOW | {name.replace("__", "."): value for name, value in parameters.items()}
     car = fmus / "PassengerCar.fmu"
-    return drive(road, duration=SECONDS, settings=values, controller_fmu=controller, car_fmu=car).columns
+    return drive(road, duration=SECONDS, settings=values, controller_fmu=controller, vehicle_fmu=car).columns
 
 
 def assert_same(a: dict[str, np.ndarray], b: dict[str, np.ndarray]) -> None:
@@ -117,9 +117,8 @@ def test_packed_numbers_and_files_are_in_force(fmus, models, tmp_path):
 
 
 def test_log_of_a_host_can_be_learned_from(rfl, fmus, paths, tmp_path):
-    units = {"controller_fmu": fmus / "RflMpc.fmu", "car_fmu": fmus / "PassengerCar.fmu"}
     dither = {"mpc.dither": 0.005, "mpc.r_rate": 0.3, "mpc.q_e1_rate": 1.0, "mpc.q_e2": 2.0}
-    drive(paths / "sudoku_turns.csv", settings=SLOW | dither, **units).write_csv(tmp_path / "host.csv")
+    drive(paths / "sudoku_turns.csv", settings=SLOW | dither, fmus=fmus).write_csv(tmp_path / "host.csv")
     log = tmp_path / "native.csv"
     run(rfl, "drive", "--quiet", "--path", paths / "sudoku_turns.csv", "--log", log, *settings(SLOW | dither))
     for name in ("host", "native"):

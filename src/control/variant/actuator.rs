@@ -1,7 +1,8 @@
-//! The nominal linear model behind a steering actuator with dead time and lag: the engineer who knows the actuator, and
-//! with its true constants the oracle.
+//! The nominal linear model behind a steering actuator: the engineer who knows the actuator, and with its true constants
+//! the oracle.
 //!
-//! The angle at the road wheels is not measured: the actuator is run over the issued commands.
+//! Lag, dead time and their approximants are one form (`nominal/actuator.rs`). The actuator's states are not measured:
+//! the actuator is run over the issued commands.
 
 use super::{Expected, Nominal, Qp, Variant};
 use crate::control::condense::{Affine, Linear, Propagation, condense};
@@ -9,27 +10,24 @@ use crate::control::lateral::LateralInput;
 use crate::control::parameters::MpcParameters;
 use crate::control::preview::Preview;
 use crate::control::tracking_qp::{QpError, QpReport};
-use crate::nominal::{ActuatedModel, ActuatedState, Actuator, ErrorState, steady_yaw_error};
-use crate::vehicle::SingleTrack;
+use crate::nominal::{ActuatedModel, ActuatedState, Actuator, LateralVehicle};
+use nalgebra::SVector;
 use std::time::Instant;
 
-/// So many time constants of the lag are looked back: what was before them counts e^-10.
-const MEMORY: f64 = 10.0;
-
 /// The variant.
-pub struct Actuated {
-    nominal: Nominal,
+pub struct Actuated<V, const S: usize> {
+    nominal: Nominal<V>,
     actuator: Actuator,
-    affine: Affine<5>,
+    affine: Affine<ActuatedState<S>>,
     window: usize,
-    model: Option<ActuatedModel>,
+    model: Option<ActuatedModel<S>>,
 }
 
-impl Actuated {
-    pub fn new(vehicle: SingleTrack, p: &MpcParameters, actuator: Actuator) -> Self {
+impl<V: LateralVehicle<S>, const S: usize> Actuated<V, S> {
+    pub fn new(vehicle: V, p: &MpcParameters, actuator: Actuator) -> Self {
         // The newest command, those of the dead time, and one more for a dead time that is no whole number of steps.
         let commands = actuator.delay(p.sample_time).0 + 2;
-        let memory = (MEMORY * actuator.time_constant / p.sample_time).ceil() as usize;
+        let memory = (actuator.memory() / p.sample_time).ceil() as usize;
         Self {
             nominal: Nominal::new(vehicle, p),
             actuator,
@@ -40,14 +38,10 @@ impl Actuated {
     }
 }
 
-fn extended(state: &ErrorState, angle: f64) -> ActuatedState {
-    ActuatedState::new(state[0], state[1], state[2], state[3], angle)
-}
-
-impl Variant for Actuated {
+impl<V: LateralVehicle<S>, const S: usize> Variant<S> for Actuated<V, S> {
     fn plan(
         &mut self,
-        input: &LateralInput<'_>,
+        input: &LateralInput<'_, S>,
         preview: &Preview,
         _previous: f64,
         qp: &mut Qp,
@@ -55,7 +49,7 @@ impl Variant for Actuated {
         let begin = Instant::now();
         let model = self.nominal.at(input.ahead.speed)?;
         let model = self.actuator.discretise(&model, self.nominal.sample_time);
-        let disturbance = extended(input.disturbance, 0.0);
+        let disturbance = ActuatedState::from(*input.disturbance);
         let window = self.affine.window;
         for (j, known) in self.affine.known.iter_mut().enumerate() {
             *known = model.d * preview.heading_rate[j] + model.e * preview.heading_accel[j] + disturbance;
@@ -65,7 +59,7 @@ impl Variant for Actuated {
         }
         let all = input.history.commands();
         let past = &all[all.len() + 1 - window..];
-        let start = extended(input.state, model.angle(all));
+        let start = model.state(input.state, all);
         let linear = Linear { a: &model.a, b: &ActuatedState::zeros() };
         condense(
             linear,
@@ -76,24 +70,21 @@ impl Variant for Actuated {
             &qp.tracked,
             &mut qp.problem,
         );
-        let yaw_error = steady_yaw_error(&self.nominal.vehicle, input.ahead.speed);
-        qp.refer(|j| yaw_error * preview.curvature[j]);
+        let steady = self.nominal.vehicle.steady_state(input.ahead.speed);
+        qp.refer(|j| steady * preview.curvature[j]);
         qp.timing.condense = begin.elapsed().as_secs_f64();
         self.model = Some(model);
         qp.solve(input.time_limit)
     }
 
-    fn next_state(&self, state: &ErrorState, past: &[f64], steer: f64) -> Option<Expected> {
+    fn next_state(&self, state: &SVector<f64, S>, past: &[f64], steer: f64) -> Option<Expected<S>> {
         let model = self.model.as_ref()?;
         let back = |steps: usize| if steps == 0 { steer } else { past[past.len() - steps] };
-        let next = model.a * extended(state, model.angle(past))
+        let next = &model.a * &model.state(state, past)
             + model.newer * back(model.delay)
             + model.older * back(model.delay + 1)
             + self.affine.known[0];
-        Some(Expected {
-            state: next.fixed_rows::<4>(0).into_owned(),
-            transition: model.a.fixed_view::<4, 4>(0, 0).into_owned(),
-        })
+        Some(Expected { state: next.vehicle, transition: model.a.vehicle })
     }
 
     fn window(&self) -> usize {

@@ -10,12 +10,13 @@ use crate::control::condense::{Affine, Linear, Propagation, condense};
 use crate::control::lateral::LateralInput;
 use crate::control::parameters::MpcParameters;
 use crate::control::preview::Preview;
+use crate::control::solve::solve;
 use crate::control::tracking_qp::{QpError, QpReport};
 use crate::enumeration;
-use crate::nominal::{DiscreteErrorModel, ErrorState, steady_yaw_error};
-use crate::residual::{self, Coefficients, Misfit, ResidualModel};
+use crate::nominal::{DiscreteErrorModel, ERRORS, LateralVehicle};
+use crate::residual::{self, Coefficients, Misfit, ResidualModelFor};
 use crate::vehicle::SingleTrack;
-use nalgebra::{Matrix4, Vector4};
+use nalgebra::{SMatrix, SVector};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -30,37 +31,37 @@ enumeration! {
 /// A learned residual and how it is used.
 #[derive(Debug, Clone)]
 #[allow(missing_docs)]
-pub struct Residual {
-    pub model: Arc<ResidualModel>,
+pub struct Residual<V = SingleTrack, const S: usize = ERRORS> {
+    pub model: Arc<ResidualModelFor<V, S>>,
     pub propagation: Propagation,
     pub roll_out: RollOut,
 }
 
 /// The learned residual with room for its use.
-struct Learned {
-    residual: Residual,
-    room: Coefficients,
+struct Learned<V, const S: usize> {
+    residual: Residual<V, S>,
+    room: Coefficients<S>,
     features: Vec<f64>,
     /// Measured states and then predicted ones, oldest first.
-    states: Vec<ErrorState>,
+    states: Vec<SVector<f64, S>>,
     /// Issued commands and then planned ones, oldest first.
     commands: Vec<f64>,
 }
 
 /// The variant.
-pub struct NominalWithResidual {
-    nominal: Nominal,
-    learned: Option<Learned>,
-    affine: Affine<4>,
+pub struct NominalWithResidual<V, const S: usize> {
+    nominal: Nominal<V>,
+    learned: Option<Learned<V, S>>,
+    affine: Affine<SVector<f64, S>>,
     /// What the newest prediction was made with.
-    model: Option<DiscreteErrorModel>,
+    model: Option<DiscreteErrorModel<S>>,
     outside: f64,
 }
 
-impl NominalWithResidual {
+impl<V: LateralVehicle<S>, const S: usize> NominalWithResidual<V, S> {
     /// # Errors
     /// A residual that was learned for another controller.
-    pub fn new(vehicle: SingleTrack, p: &MpcParameters, residual: Option<Residual>) -> Result<Self, Misfit> {
+    pub fn new(vehicle: V, p: &MpcParameters, residual: Option<Residual<V, S>>) -> Result<Self, Misfit> {
         let learned = residual.map(|residual| Learned::new(residual, &vehicle, p)).transpose()?;
         let window = learned.as_ref().map_or(0, Learned::window);
         Ok(Self {
@@ -75,8 +76,8 @@ impl NominalWithResidual {
     /// Fills the affine part of the prediction: the road, the disturbance, the residual at each step of a roll-out.
     fn predict(
         &mut self,
-        model: &DiscreteErrorModel,
-        input: &LateralInput<'_>,
+        model: &DiscreteErrorModel<S>,
+        input: &LateralInput<'_, S>,
         preview: &Preview,
         previous: f64,
     ) {
@@ -87,44 +88,45 @@ impl NominalWithResidual {
         self.outside = 0.0;
         let Some(learned) = &mut self.learned else { return };
         if !input.use_residual {
-            self.affine.constant.fill(Vector4::zeros());
-            self.affine.command.fill(Vector4::zeros());
+            self.affine.constant.fill(SVector::zeros());
+            self.affine.command.fill(SVector::zeros());
             return;
         }
         self.outside = learned.roll_out(model, input, previous, preview, &mut self.affine);
     }
 
-    /// The yaw error to be reached: that of steady cornering, by the corrected model where there is a correction.
+    /// The state to be reached: that of steady cornering, by the corrected model where there is a correction.
     fn write_references(
         &self,
-        model: &DiscreteErrorModel,
-        input: &LateralInput<'_>,
+        model: &DiscreteErrorModel<S>,
+        input: &LateralInput<'_, S>,
         preview: &Preview,
         qp: &mut Qp,
     ) {
-        let yaw_error = steady_yaw_error(&self.nominal.vehicle, input.ahead.speed);
-        let corrected = self.affine.window > 0 || *input.disturbance != Vector4::zeros();
+        let steady = self.nominal.vehicle.steady_state(input.ahead.speed);
+        let corrected = self.affine.window > 0 || *input.disturbance != SVector::<f64, S>::zeros();
         qp.refer(|j| {
             let target = if corrected { self.steady_target(model, j) } else { None };
-            target.unwrap_or(yaw_error * preview.curvature[j])
+            target.unwrap_or(steady * preview.curvature[j])
         });
     }
 
-    /// Yaw error at which the corrected model of step `j` stays on the path with a constant command:
-    /// `x = A x + B u + w + c + sum beta u` with `e1 = 0`, four equations for `e1'`, `e2`, `e2'` and `u`.
-    fn steady_target(&self, model: &DiscreteErrorModel, j: usize) -> Option<f64> {
-        let input: Vector4<f64> = model.b + self.affine.commands_of(j).iter().sum::<Vector4<f64>>();
-        let mut matrix = Matrix4::identity() - model.a;
+    /// State at which the corrected model of step `j` stays on the path with a constant command:
+    /// `x = A x + B u + w + c + sum beta u` with `e1 = 0`, an equation for each other state and for `u`.
+    fn steady_target(&self, model: &DiscreteErrorModel<S>, j: usize) -> Option<SVector<f64, S>> {
+        let input: SVector<f64, S> = model.b + self.affine.commands_of(j).iter().sum::<SVector<f64, S>>();
+        let mut matrix = SMatrix::identity() - model.a;
+        // In the place of e1 stands u.
         matrix.set_column(0, &-input);
         let known = self.affine.known[j] + self.affine.constant[j];
-        matrix.lu().solve(&known).map(|solution| solution[2])
+        solve(matrix, known)
     }
 }
 
-impl Variant for NominalWithResidual {
+impl<V: LateralVehicle<S>, const S: usize> Variant<S> for NominalWithResidual<V, S> {
     fn plan(
         &mut self,
-        input: &LateralInput<'_>,
+        input: &LateralInput<'_, S>,
         preview: &Preview,
         previous: f64,
         qp: &mut Qp,
@@ -146,7 +148,7 @@ impl Variant for NominalWithResidual {
         qp.solve(input.time_limit)
     }
 
-    fn next_state(&self, state: &ErrorState, past: &[f64], steer: f64) -> Option<Expected> {
+    fn next_state(&self, state: &SVector<f64, S>, past: &[f64], steer: f64) -> Option<Expected<S>> {
         let model = self.model.as_ref()?;
         let mut next = model.a * state + model.b * steer + self.affine.known[0];
         if self.affine.window > 0 {
@@ -167,8 +169,8 @@ impl Variant for NominalWithResidual {
     }
 }
 
-impl Learned {
-    fn new(residual: Residual, vehicle: &SingleTrack, p: &MpcParameters) -> Result<Self, Misfit> {
+impl<V: LateralVehicle<S>, const S: usize> Learned<V, S> {
+    fn new(residual: Residual<V, S>, vehicle: &V, p: &MpcParameters) -> Result<Self, Misfit> {
         let model = &residual.model;
         model.check_fits(&residual::Expected {
             vehicle: *vehicle,
@@ -180,7 +182,7 @@ impl Learned {
         Ok(Self {
             room: model.room(),
             features: vec![0.0; model.features()],
-            states: vec![ErrorState::zeros(); window + p.horizon],
+            states: vec![SVector::zeros(); window + p.horizon],
             commands: vec![0.0; window - 1 + p.horizon],
             residual,
         })
@@ -194,11 +196,11 @@ impl Learned {
     /// of steps at which it was asked outside its training.
     fn roll_out(
         &mut self,
-        model: &DiscreteErrorModel,
-        input: &LateralInput<'_>,
+        model: &DiscreteErrorModel<S>,
+        input: &LateralInput<'_, S>,
         previous: f64,
         preview: &Preview,
-        affine: &mut Affine<4>,
+        affine: &mut Affine<SVector<f64, S>>,
     ) -> f64 {
         let window = self.window();
         let horizon = affine.known.len();
@@ -214,8 +216,8 @@ impl Learned {
         for j in 0..horizon {
             let states = &self.states[j..j + window];
             let commands = &self.commands[j..j + window];
-            let (errors, road) = self.features.split_at_mut(4 * window);
-            for (feature, state) in errors.chunks_exact_mut(4).zip(states) {
+            let (errors, road) = self.features.split_at_mut(S * window);
+            for (feature, state) in errors.chunks_exact_mut(S).zip(states) {
                 feature.copy_from_slice(state.as_slice());
             }
             road.copy_from_slice(&preview.road[j]);
@@ -226,16 +228,16 @@ impl Learned {
                 self.room.scale(trust);
                 outside += 1.0;
             }
-            let newest = &states[window - self.room.state().len() / 4..];
+            let newest = &states[window - self.room.state().len() / S..];
             let known = newest.iter().flat_map(|state| state.iter()).zip(self.room.state());
-            let mut constant = Vector4::from(self.room.constant());
+            let mut constant = SVector::from(self.room.constant());
             for (value, effect) in known {
-                constant += Vector4::from(*effect) * *value;
+                constant += SVector::from(*effect) * *value;
             }
             affine.constant[j] = constant;
             let effects = &mut affine.command[j * window..(j + 1) * window];
             for (effect, command) in effects.iter_mut().zip(self.room.command()) {
-                *effect = Vector4::from(*command);
+                *effect = SVector::from(*command);
             }
             let mut next = model.a * states[window - 1] + model.b * commands[window - 1] + affine.known[j];
             if self.residual.roll_out == RollOut::Corrected {

@@ -13,7 +13,6 @@ mod bicycle;
 mod linear;
 
 pub(super) use actuator::Actuated;
-pub(super) use bicycle::BicycleMpc;
 pub use bicycle::{BicycleModel, BicycleRollOut, StepSpeed};
 pub(super) use linear::NominalWithResidual;
 pub use linear::{Residual, RollOut};
@@ -22,28 +21,32 @@ use super::lateral::LateralInput;
 use super::parameters::MpcParameters;
 use super::preview::Preview;
 use super::tracking_qp::{QpError, QpReport, QpSolver, TrackingQp};
-use crate::nominal::{Actuator, ContinuousErrorModel, ErrorState};
+use super::vehicle::ControlledVehicle;
+use crate::nominal::{Actuator, ContinuousErrorModel, ERRORS, LateralVehicle};
 use crate::vehicle::SingleTrack;
-use nalgebra::Matrix4;
+use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
-/// What the controller predicts with.
+/// What the controller of a car predicts with.
+pub type PredictionModel = PredictionModelFor<SingleTrack, ERRORS>;
+
+/// What the controller of a kind of vehicle with `S` states predicts with.
 #[derive(Debug, Clone, Default)]
-pub enum PredictionModel {
+pub enum PredictionModelFor<V: ControlledVehicle<S>, const S: usize> {
     /// The linear single track.
     #[default]
     Nominal,
     /// The linear single track with a learned residual.
-    Residual(Residual),
+    Residual(Residual<V, S>),
     /// The linear single track behind a steering actuator with known dead time and lag.
     Actuator(Actuator),
-    /// The nonlinear bicycle, with or without a learned Gaussian process: nonlinear MPC.
-    Bicycle(BicycleModel),
+    /// The nonlinear model, of a car the bicycle with or without a learned Gaussian process: nonlinear MPC.
+    Bicycle(V::Nonlinear),
 }
 
-impl From<Option<Residual>> for PredictionModel {
-    fn from(residual: Option<Residual>) -> Self {
+impl<V: ControlledVehicle<S>, const S: usize> From<Option<Residual<V, S>>> for PredictionModelFor<V, S> {
+    fn from(residual: Option<Residual<V, S>>) -> Self {
         residual.map_or(Self::Nominal, Self::Residual)
     }
 }
@@ -60,9 +63,11 @@ pub struct Timing {
 }
 
 /// The QP of a step with its solver and solution.
-pub(super) struct Qp {
+pub struct Qp {
     /// States of the model that are outputs of the QP; the first is e1.
     pub tracked: Vec<usize>,
+    /// Largest magnitude of each output's reference; 0 where it is always zero.
+    pub largest_reference: Vec<f64>,
     pub problem: TrackingQp,
     pub solver: Box<dyn QpSolver>,
     pub inputs: Vec<f64>,
@@ -82,52 +87,62 @@ impl Qp {
         solved
     }
 
-    /// Writes the references of the outputs: zero, but for the yaw error, whose reference `yaw` gives for each step.
-    /// Far from straight driving the linear steady state means nothing: it is bounded.
-    pub fn refer(&mut self, mut yaw: impl FnMut(usize) -> f64) {
+    /// Writes the references of the outputs: of those that have one the state that `target` gives for each step, cut
+    /// to the largest.
+    pub fn refer<const S: usize>(&mut self, mut target: impl FnMut(usize) -> SVector<f64, S>) {
+        if self.largest_reference.iter().all(|&largest| largest == 0.0) {
+            return;
+        }
         let outputs = self.tracked.len();
-        let Some(place) = self.tracked.iter().position(|&state| state == 2) else { return };
         for (j, references) in self.problem.reference.chunks_exact_mut(outputs).enumerate() {
-            references[place] = yaw(j).clamp(-0.3, 0.3);
+            let target = target(j);
+            let places = self.tracked.iter().zip(&self.largest_reference).zip(references);
+            for ((&state, &largest), reference) in places.filter(|((_, largest), _)| **largest > 0.0) {
+                *reference = target[state].clamp(-largest, largest);
+            }
         }
     }
 }
 
 /// The state one step ahead.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Expected {
+pub struct Expected<const S: usize = ERRORS> {
     /// The state.
-    pub state: ErrorState,
+    pub state: SVector<f64, S>,
     /// How it depends on the state before: `A` of the model.
-    pub transition: Matrix4<f64>,
+    pub transition: SMatrix<f64, S, S>,
 }
 
 /// The nominal linear model that the linear variants build on.
 #[derive(Debug, Clone, Copy)]
-struct Nominal {
-    vehicle: SingleTrack,
+struct Nominal<V> {
+    vehicle: V,
     sample_time: f64,
     min_model_speed: f64,
 }
 
-impl Nominal {
-    fn new(vehicle: SingleTrack, p: &MpcParameters) -> Self {
+impl<V> Nominal<V> {
+    fn new(vehicle: V, p: &MpcParameters) -> Self {
         Self { vehicle, sample_time: p.sample_time, min_model_speed: p.min_model_speed }
     }
 
     /// The model at a speed, held where it would be stiff.
-    fn at(&self, speed: f64) -> Result<ContinuousErrorModel, QpError> {
-        ContinuousErrorModel::new(&self.vehicle, speed.max(self.min_model_speed))
+    fn at<const S: usize>(&self, speed: f64) -> Result<ContinuousErrorModel<S>, QpError>
+    where
+        V: LateralVehicle<S>,
+    {
+        self.vehicle
+            .model_at(speed.max(self.min_model_speed))
             .map_err(|_| QpError::Numerical { iterations: 0 })
     }
 }
 
 /// A variant of the lateral MPC.
-pub(super) trait Variant: Send {
+pub trait Variant<const S: usize>: Send {
     /// Predicts, sets the QP up and solves it; `previous` is the command in force, within its limits.
     fn plan(
         &mut self,
-        input: &LateralInput<'_>,
+        input: &LateralInput<'_, S>,
         preview: &Preview,
         previous: f64,
         qp: &mut Qp,
@@ -135,7 +150,7 @@ pub(super) trait Variant: Send {
 
     /// The state after this step if `steer` is issued, with everything that the newest prediction knew; `past` are the
     /// commands before it. None before the first prediction.
-    fn next_state(&self, state: &ErrorState, past: &[f64], steer: f64) -> Option<Expected>;
+    fn next_state(&self, state: &SVector<f64, S>, past: &[f64], steer: f64) -> Option<Expected<S>>;
 
     /// The newest nonlinear prediction, if it makes one.
     fn roll_out(&self) -> Option<&BicycleRollOut> {

@@ -7,7 +7,7 @@
 //! label_k = [vy, r]_{k+1} - bicycle([vy, r]_k, vx_k, steer_k, Ts)
 //! ```
 
-use crate::nominal::Bicycle;
+use crate::nominal::{Bicycle, ERRORS};
 use crate::residual::dataset::{self, DataSet, Row};
 
 /// Inputs of the process: vx, vy, yaw rate, steering command, longitudinal acceleration.
@@ -35,7 +35,7 @@ pub struct Samples {
 const LEAST: f64 = 0.2;
 
 /// Lateral velocity, m/s, and yaw rate, rad/s, of a row.
-fn motion(row: &Row) -> Option<[f64; GP_OUTPUTS]> {
+fn motion(row: &Row<ERRORS>) -> Option<[f64; GP_OUTPUTS]> {
     let ([e1, e1_rate, e2, e2_rate], [vx, curvature, _]) = (row.state, row.road);
     let (sin, cos) = e2.sin_cos();
     let radius = 1.0 - curvature * e1;

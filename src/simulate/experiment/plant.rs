@@ -36,6 +36,7 @@ impl Plant {
         Actuator {
             dead_time: car.steering.dead_time + effects.steer_delay,
             time_constant: car.steering.lag + effects.steer_lag,
+            ..Actuator::default()
         }
     }
 }

@@ -28,7 +28,8 @@ use crate::control::lateral::{LateralError, LateralInput};
 use crate::control::parameters::MpcParameters;
 use crate::control::preview::Preview;
 use crate::control::tracking_qp::{QpEnd, QpError, QpReport};
-use crate::nominal::{BicycleState, ErrorState, body_change};
+use crate::control::vehicle::Nonlinear;
+use crate::nominal::{BicycleState, ERRORS, ErrorState, body_change};
 use crate::path::Path;
 use crate::residual::{self, gp::GpModel};
 use crate::vehicle::SingleTrack;
@@ -49,6 +50,16 @@ pub struct BicycleModel {
 impl Default for BicycleModel {
     fn default() -> Self {
         Self { friction: 1.0, max_iterations: 30, gp: None }
+    }
+}
+
+impl Nonlinear<SingleTrack, ERRORS> for BicycleModel {
+    fn variant(
+        self,
+        vehicle: SingleTrack,
+        parameters: &MpcParameters,
+    ) -> Result<Box<dyn Variant<ERRORS>>, LateralError> {
+        Ok(Box::new(BicycleMpc::new(vehicle, parameters, self)?))
     }
 }
 
@@ -190,7 +201,7 @@ fn assess(roll_out: &BicycleRollOut, plan: &[f64], qp: &Qp, outputs: &mut [f64])
     qp.problem.objective(plan, outputs)
 }
 
-impl Variant for BicycleMpc {
+impl Variant<ERRORS> for BicycleMpc {
     fn plan(
         &mut self,
         input: &LateralInput<'_>,
@@ -202,7 +213,7 @@ impl Variant for BicycleMpc {
         self.set_up(input, preview);
         self.warm_start(input.last_plan, previous);
         self.roll_out.follow_anew(input.path, &self.plan, input.use_residual);
-        qp.refer(|j| self.roll_out.steady_yaw_error(j, preview.curvature[j]));
+        qp.refer(|j| ErrorState::new(0.0, 0.0, self.roll_out.steady_yaw_error(j, preview.curvature[j]), 0.0));
         self.outputs.resize(qp.outputs.len(), 0.0);
         let mut objective = assess(&self.roll_out, &self.plan, qp, &mut self.outputs);
         if !objective.is_finite() {
@@ -301,6 +312,7 @@ mod tests {
         };
         let mut qp = Qp {
             tracked: vec![0, 1, 2],
+            largest_reference: vec![0.0, 0.0, 0.3],
             solver: Box::new(OutOfTime { solver: ActiveSetSolver::new(&shape), left: qps }),
             problem: TrackingQp::new(shape),
             inputs: vec![0.0; horizon],
@@ -314,7 +326,7 @@ mod tests {
             Sample::at(12.0 * angle.cos(), 12.0 * angle.sin())
         });
         let path = Path::from_samples(circle.collect(), Closure::Closed).unwrap();
-        let ahead = SpeedAhead { speed: 5.0, accel: 0.0 };
+        let ahead = SpeedAhead { speed: 5.0, accel: 0.0, predicted: &[] };
         let mut preview = Preview::new(horizon);
         preview.look(&path, 10.0, ahead, 0.02);
         let input = LateralInput {

@@ -10,10 +10,11 @@
 //! a braked car holds on a slope (Pacejka, section 8.6). `V` is the rolling speed, and no less than a share of the
 //! slip velocity, which bounds the slip of a spinning or sideways wheel.
 
-use super::dynamics::Environment;
-use super::plant::AxlePlant;
-use super::state::{DEFLECTION_X, DEFLECTION_Y, LIFT, LIFT_RATE, SPIN, WIND_UP};
-use crate::vehicle::tyre::{Contact, TyreForces};
+use super::axle::Axle;
+use super::dry_friction::DryFriction;
+use super::{DEFLECTION_X, DEFLECTION_Y, LIFT, LIFT_RATE, PER_WHEEL, SPIN, WIND_UP};
+use crate::vehicle::trigonometry::{atan, each};
+use crate::vehicle::tyre::{Coefficients, Contact, TyreForces};
 
 /// Shortest relaxation length, m: that of a file without one, and of a wheel that lifts.
 const SHORTEST_RELAXATION: f64 = 0.1;
@@ -33,7 +34,7 @@ const ROLLING_FROM: f64 = 0.1;
 
 /// Motion of the wheel's contact in axes of the wheel, and what acts on the wheel.
 #[derive(Clone, Copy)]
-pub(super) struct WheelMotion {
+pub(in crate::vehicle) struct WheelMotion {
     /// Velocity of the contact point, m/s.
     pub vx: f64,
     pub vy: f64,
@@ -48,15 +49,15 @@ pub(super) struct WheelMotion {
 
 /// Load and transient slip of a wheel, the lateral one by its tangent in axes of the wheel.
 #[derive(Clone, Copy, Default)]
-pub(super) struct Slip {
-    pub load: f64,
-    pub kappa: f64,
-    pub tangent: f64,
+struct Slip {
+    load: f64,
+    kappa: f64,
+    tangent: f64,
 }
 
 /// What a wheel does at an instant.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct WheelFlow {
+pub(in crate::vehicle) struct WheelFlow {
     pub load: f64,
     pub forces: TyreForces,
     pub kappa: f64,
@@ -65,29 +66,85 @@ pub(super) struct WheelFlow {
     pub torque: f64,
 }
 
-impl AxlePlant {
+/// All wheels of a vehicle at once (their arc tangents and sines are most of the work): what they do, and the rates of
+/// their spins, deflections and brakes. States of the wheels follow each other, left and right of each axle.
+#[inline(always)]
+pub(in crate::vehicle) fn roll<const W: usize>(
+    axles: [&Axle; W],
+    states: &[f64],
+    motions: &[WheelMotion; W],
+    friction: [f64; W],
+    rates: &mut [f64],
+) -> [WheelFlow; W] {
+    let at = |wheel: usize| wheel * PER_WHEEL..(wheel + 1) * PER_WHEEL;
+    let slips: [Slip; W] = each(|i| axles[i].slip(&states[at(i)], &motions[i], &mut rates[at(i)]));
+    let alphas: [f64; W] = atan(each(|i| slips[i].tangent));
+    let contacts: [Contact; W] = each(|i| Contact {
+        kappa: slips[i].kappa,
+        alpha: motions[i].side * alphas[i],
+        gamma: motions[i].side * motions[i].gamma,
+        load: slips[i].load / axles[i].tyres,
+        friction: friction[i],
+    });
+    let forces = Coefficients::forces_of(axles.map(|axle| &axle.tyre), &contacts);
+    each(|i| axles[i].wheel(&states[at(i)], &motions[i], &contacts[i], forces[i], &mut rates[at(i)]))
+}
+
+/// One wheel, as outputs.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct WheelOutput {
+    /// Load, N.
+    pub load: f64,
+    /// Longitudinal slip, positive when driving.
+    pub slip: f64,
+    /// Slip angle, rad, positive when the contact slips to the left.
+    pub slip_angle: f64,
+    /// Spin, rad/s.
+    pub speed: f64,
+    /// Forces in the contact in axes of the wheel, N.
+    pub fx: f64,
+    /// See `fx`.
+    pub fy: f64,
+}
+
+impl WheelFlow {
+    /// As outputs; the spin in rad/s.
+    pub fn output(&self, spin: f64) -> WheelOutput {
+        WheelOutput {
+            load: self.load,
+            slip: self.kappa,
+            slip_angle: self.alpha,
+            speed: spin,
+            fx: self.forces.fx,
+            fy: self.forces.fy,
+        }
+    }
+}
+
+impl Axle {
     /// Load of a wheel from its height over rest, N; a tyre does not pull.
     #[inline]
-    pub fn load(&self, wheel: &[f64]) -> f64 {
-        let stiffness = self.tyre.vertical_stiffness * wheel[LIFT];
-        let damping = self.tyre.vertical_damping * wheel[LIFT_RATE];
+    fn load(&self, wheel: &[f64]) -> f64 {
+        let stiffness = self.tyres * self.tyre.vertical_stiffness * wheel[LIFT];
+        let damping = self.tyres * self.tyre.vertical_damping * wheel[LIFT_RATE];
         let elastic = self.static_load - stiffness;
         if elastic <= 0.0 { 0.0 } else { (elastic - damping).max(0.0) }
     }
 
     /// The slip of one wheel, and the rates of its deflections.
     #[inline(always)]
-    pub fn slip(&self, wheel: &[f64], motion: &WheelMotion, rates: &mut [f64]) -> Slip {
+    fn slip(&self, wheel: &[f64], motion: &WheelMotion, rates: &mut [f64]) -> Slip {
         let load = self.load(wheel);
         let spin = wheel[SPIN];
         let slip_x = motion.vx - spin * self.radius;
         let slip_y = motion.vy;
         let speed = motion.vx.abs().max(slip_x.abs() / GREATEST_SLIP).max(slip_y.abs() / GREATEST_TANGENT);
-        let relax_x = self.tyre.longitudinal_relaxation(load).max(SHORTEST_RELAXATION);
+        let each = load / self.tyres;
+        let relax_x = self.tyre.longitudinal_relaxation(each).max(SHORTEST_RELAXATION);
         let relax_y = if self.relaxation > 0.0 {
             self.relaxation
         } else {
-            self.tyre.lateral_relaxation(load, motion.gamma)
+            self.tyre.lateral_relaxation(each, motion.gamma)
         }
         .max(SHORTEST_RELAXATION);
         let (u, v) = (wheel[DEFLECTION_X], wheel[DEFLECTION_Y]);
@@ -101,9 +158,10 @@ impl AxlePlant {
         Slip { load, kappa: u / relax_x + damping * du, tangent: v / relax_y + damping * dv }
     }
 
-    /// What a wheel does with the forces on its contact, and the rates of its spin and brake.
+    /// What a wheel does with the forces on its contact, and the rates of its spin and brake; contact and forces are
+    /// those of each of its tyres.
     #[inline(always)]
-    pub fn wheel(
+    fn wheel(
         &self,
         wheel: &[f64],
         motion: &WheelMotion,
@@ -111,39 +169,31 @@ impl AxlePlant {
         mut forces: TyreForces,
         rates: &mut [f64],
     ) -> WheelFlow {
-        let (spin, load) = (wheel[SPIN], contact.load);
-        forces.fy *= motion.side;
-        forces.mx *= motion.side;
-        forces.mz *= motion.side;
+        let spin = wheel[SPIN];
+        let rolling = self.tyres
+            * self.tyre.rolling_resistance(contact.load, forces.fx, motion.vx)
+            * (spin * self.radius / ROLLING_FROM).clamp(-1.0, 1.0);
+        forces.fx *= self.tyres;
+        forces.fy *= self.tyres * motion.side;
+        forces.mx *= self.tyres * motion.side;
+        forces.mz *= self.tyres * motion.side;
 
         let brake = self.brake(spin, wheel[WIND_UP], motion.brake);
-        let rolling = self.tyre.rolling_resistance(load, forces.fx, motion.vx)
-            * (spin * self.radius / ROLLING_FROM).clamp(-1.0, 1.0);
         let torque = motion.drive - brake.0;
         rates[SPIN] = (torque - forces.fx * self.radius - rolling) / self.wheel_inertia;
         rates[WIND_UP] = brake.1;
+        let load = self.tyres * contact.load;
         WheelFlow { load, forces, kappa: contact.kappa, alpha: motion.side * contact.alpha, torque }
     }
 
-    /// Brake torque against the spin, and the rate of the wind-up: dry friction with a stiff spring before it slips
-    /// (Dahl), so that a held wheel stands and is not pushed backwards.
+    /// Brake torque against the spin, and the rate of the wind-up.
     #[inline]
     fn brake(&self, spin: f64, wind_up: f64, capacity: f64) -> (f64, f64) {
-        let stiffness = self.wheel_inertia * BRAKE_FREQUENCY * BRAKE_FREQUENCY;
-        let damping = 2.0 * BRAKE_DAMPING * BRAKE_FREQUENCY * self.wheel_inertia;
-        let yielding = spin.abs() * stiffness;
-        // Slow slip relaxes the wind-up at spin * stiffness / capacity; at speed this would be needlessly stiff.
-        let rate =
-            if yielding >= BRAKE_RELAXATION * capacity { BRAKE_RELAXATION } else { yielding / capacity };
-        let torque = (stiffness * wind_up + damping * spin).clamp(-capacity, capacity);
-        (torque, spin - rate * wind_up)
-    }
-}
-
-impl Environment {
-    /// Friction under an axle.
-    #[inline]
-    pub fn friction_at(&self, axle: usize) -> f64 {
-        self.friction[axle]
+        DryFriction {
+            stiffness: self.wheel_inertia * BRAKE_FREQUENCY * BRAKE_FREQUENCY,
+            damping: 2.0 * BRAKE_DAMPING * BRAKE_FREQUENCY * self.wheel_inertia,
+            fastest: BRAKE_RELAXATION,
+        }
+        .torque(spin, wind_up, capacity)
     }
 }

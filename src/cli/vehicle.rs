@@ -1,0 +1,115 @@
+//! What the commands do for each kind of vehicle: the same words, other courses and defaults.
+
+use super::train_gp;
+use crate::control::{TRUCK_STATES, VehicleParameters};
+use crate::nominal::ERRORS;
+use crate::path::sudoku::Route;
+use crate::residual::DataSet;
+use crate::residual::gp::GpConfig;
+use crate::simulate::experiment::CALM;
+use crate::simulate::{CAR_COLUMNS, SimulatedVehicle, TRUCK_COLUMNS};
+use crate::vehicle::{Articulated, Car, Truck, VehicleParameters as VehicleFile};
+use indicatif::ProgressBar;
+use serde_json::Value;
+use std::error::Error;
+use std::path::Path;
+
+/// The linear model that the controller of a vehicle has of it.
+pub(super) type Linear<P, const S: usize, const C: usize> =
+    <<P as SimulatedVehicle<S, C>>::Nominal as VehicleParameters<S>>::Vehicle;
+
+/// A vehicle that the commands know.
+pub(super) trait Commanded<const S: usize, const C: usize>: SimulatedVehicle<S, C> {
+    /// The road to learn on.
+    const TRAINING: Route;
+    /// The road to be measured on.
+    const TEST: Route;
+    /// Steps of commands that a residual looks back at.
+    const WINDOW: usize;
+    /// Whether there is a nonlinear model to learn for.
+    const NONLINEAR: bool;
+    /// Settings of a controller that collects drives to learn from: calmer than for driving.
+    fn calm() -> Vec<(&'static str, f64)>;
+
+    /// Learns what a nonlinear model misses.
+    ///
+    /// # Errors
+    /// A vehicle without such a model; too little data; a file that cannot be written.
+    fn learn_gp(
+        data: &DataSet<Linear<Self, S, C>, S>,
+        test: Option<&DataSet<Linear<Self, S, C>, S>>,
+        config: &GpConfig,
+        file: &Path,
+        bar: &ProgressBar,
+    ) -> Result<Value, Box<dyn Error>>;
+}
+
+impl Commanded<ERRORS, CAR_COLUMNS> for Car {
+    const TRAINING: Route = Route::SudokuTrain;
+    const TEST: Route = Route::SudokuTest;
+    const WINDOW: usize = 28;
+    const NONLINEAR: bool = true;
+
+    fn calm() -> Vec<(&'static str, f64)> {
+        vec![("mpc.r_rate", CALM.r_rate), ("mpc.q_e1_rate", CALM.q_e1_rate), ("mpc.q_e2", CALM.q_e2)]
+    }
+
+    fn learn_gp(
+        data: &DataSet,
+        test: Option<&DataSet>,
+        config: &GpConfig,
+        file: &Path,
+        bar: &ProgressBar,
+    ) -> Result<Value, Box<dyn Error>> {
+        train_gp::learn(data, test, config, file, bar)
+    }
+}
+
+impl Commanded<TRUCK_STATES, TRUCK_COLUMNS> for Truck {
+    const TRAINING: Route = Route::TruckTrain;
+    const TEST: Route = Route::TruckTest;
+    // 1.2 s: a dead time of 0.3 s and four time constants of 0.2 s.
+    const WINDOW: usize = 60;
+    const NONLINEAR: bool = false;
+
+    fn calm() -> Vec<(&'static str, f64)> {
+        TRUCK_CALM.to_vec()
+    }
+
+    fn learn_gp(
+        _: &DataSet<Articulated, TRUCK_STATES>,
+        _: Option<&DataSet<Articulated, TRUCK_STATES>>,
+        _: &GpConfig,
+        _: &Path,
+        _: &ProgressBar,
+    ) -> Result<Value, Box<dyn Error>> {
+        Err("gp_nmpc corrects a nonlinear model, and there is none of a truck: choose a kind with a linear model".into())
+    }
+}
+
+/// Weights of a truck's collecting controller: it stays calm behind a dead time of 0.3 s and a lag of 0.2 s.
+const TRUCK_CALM: [(&str, f64); 3] = [("mpc.r_rate", 100.0), ("mpc.q_e1_rate", 1.0), ("mpc.q_e2", 0.0)];
+
+/// A vehicle by built-in name or file.
+pub(super) fn vehicle_named<F: VehicleFile>(name: &str) -> Result<F, Box<dyn Error>> {
+    Ok(if F::BUILTIN.contains(&name) { F::builtin(name)? } else { F::of_file(name.as_ref())? })
+}
+
+/// Calls a command's function for the kind of a vehicle, by built-in name or file.
+macro_rules! by_kind {
+    ($vehicle:expr, $function:ident($($argument:expr),*)) => {
+        match $crate::vehicle::VehicleKind::of($vehicle) {
+            $crate::vehicle::VehicleKind::Car => $function::<
+                $crate::vehicle::Car,
+                { $crate::nominal::ERRORS },
+                { $crate::simulate::CAR_COLUMNS },
+            >($($argument),*),
+            $crate::vehicle::VehicleKind::Truck => $function::<
+                $crate::vehicle::Truck,
+                { $crate::control::TRUCK_STATES },
+                { $crate::simulate::TRUCK_COLUMNS },
+            >($($argument),*),
+        }
+    };
+}
+pub(super) use by_kind;

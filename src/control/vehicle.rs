@@ -1,0 +1,133 @@
+//! What the controller must know of a kind of vehicle: a car has its errors to the path alone, a truck its trailer too.
+//!
+//! Everything in this module is written for `S` states. What differs from vehicle to vehicle stands here: how the state
+//! is measured, what the further states cost, and which nonlinear model there is, if any.
+
+use super::controller::Measurement;
+use super::lateral::LateralError;
+use super::parameters::{MpcParameters, NmpcParameters, NominalVehicle};
+use super::variant::{BicycleModel, Variant};
+use crate::nominal::{ERRORS, ErrorState, LateralVehicle};
+use crate::parameter::{OutOfRange, ParameterGroup};
+use crate::residual::gp::GpModel;
+use crate::vehicle::SingleTrack;
+use nalgebra::SVector;
+use std::convert::Infallible;
+use std::sync::Arc;
+
+/// A vehicle that the controller can drive.
+pub trait ControlledVehicle<const S: usize>: LateralVehicle<S> {
+    /// What the nonlinear variants predict with; [`Infallible`], which nobody can make, for a vehicle without them.
+    type Nonlinear: Nonlinear<Self, S>;
+
+    /// The model's state from the errors to the path and the measurement that they are of.
+    fn state(errors: &ErrorState, measurement: &Measurement) -> SVector<f64, S>;
+
+    /// The nonlinear model by its parameters, with a learned Gaussian process or without; none for a vehicle that has
+    /// no such model.
+    #[must_use]
+    fn nonlinear(parameters: &NmpcParameters, gp: Option<Arc<GpModel>>) -> Option<Self::Nonlinear> {
+        let _ = (parameters, gp);
+        None
+    }
+}
+
+/// A nonlinear model that a variant predicts with.
+pub trait Nonlinear<V, const S: usize>: std::fmt::Debug + Clone + Send + Sync {
+    /// The variant for a vehicle.
+    ///
+    /// # Errors
+    /// A parameter that is not positive; something learned that does not fit.
+    fn variant(self, vehicle: V, parameters: &MpcParameters) -> Result<Box<dyn Variant<S>>, LateralError>;
+}
+
+impl<V, const S: usize> Nonlinear<V, S> for Infallible {
+    fn variant(self, _: V, _: &MpcParameters) -> Result<Box<dyn Variant<S>>, LateralError> {
+        match self {}
+    }
+}
+
+/// The parameters of a kind of vehicle that a user sets: those of its model, and what its further states cost.
+pub trait VehicleParameters<const S: usize>: std::fmt::Debug + Copy + PartialEq {
+    /// The vehicle that they are of.
+    type Vehicle: ControlledVehicle<S>;
+
+    /// The nominal model's vehicle.
+    fn nominal(&self) -> Self::Vehicle;
+
+    /// The states behind the four errors to the path, `S - 4` of them.
+    fn further_states(&self) -> Vec<FurtherState>;
+
+    /// Sets the parameter of a name; says whether there is one.
+    ///
+    /// # Errors
+    /// A value out of its range; nothing has changed then.
+    fn set_by_name(&mut self, name: &str, value: f64) -> Result<bool, OutOfRange>;
+
+    /// Checks all values against their ranges.
+    ///
+    /// # Errors
+    /// The first value out of range.
+    fn check_all(&self) -> Result<(), OutOfRange>;
+}
+
+/// What the controller does about a state behind the errors to the path. Units are those of the state.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FurtherState {
+    /// Weight of its squared deviation from that of steady cornering.
+    pub weight: f64,
+    /// Soft bound of its magnitude, if it has one.
+    pub bound: Option<Bound>,
+    /// Largest magnitude of the reference that steady cornering gives; 0 for a reference of zero.
+    pub largest_reference: f64,
+    /// Noise of its measurement (standard deviation).
+    pub noise: f64,
+    /// What a prediction misses of it in a step for each m/s that it misses of the lateral velocity.
+    pub missed: f64,
+    /// Largest disturbing acceleration that is believed, if it is a rate.
+    pub largest_disturbance: f64,
+}
+
+/// A soft bound.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bound {
+    /// Largest magnitude.
+    pub max: f64,
+    /// Weight of the squared excess.
+    pub quadratic: f64,
+    /// Weight of the excess.
+    pub linear: f64,
+}
+
+impl ControlledVehicle<ERRORS> for SingleTrack {
+    type Nonlinear = BicycleModel;
+
+    fn state(errors: &ErrorState, _: &Measurement) -> ErrorState {
+        *errors
+    }
+
+    fn nonlinear(parameters: &NmpcParameters, gp: Option<Arc<GpModel>>) -> Option<BicycleModel> {
+        let NmpcParameters { friction, max_iterations } = *parameters;
+        Some(BicycleModel { friction, max_iterations, gp })
+    }
+}
+
+impl VehicleParameters<ERRORS> for NominalVehicle {
+    type Vehicle = SingleTrack;
+
+    fn nominal(&self) -> SingleTrack {
+        self.single_track()
+    }
+
+    fn further_states(&self) -> Vec<FurtherState> {
+        Vec::new()
+    }
+
+    fn set_by_name(&mut self, name: &str, value: f64) -> Result<bool, OutOfRange> {
+        super::parameters::set(self, name, value)
+    }
+
+    fn check_all(&self) -> Result<(), OutOfRange> {
+        ParameterGroup::check(self)
+    }
+}

@@ -1,0 +1,417 @@
+//! A nonlinear vehicle as an FMU: what cars and trucks have in common.
+//!
+//! Parameters come from a vehicle file or a built-in vehicle (`vehicle_file`); a value that the host sets itself wins,
+//! and afterwards all values are those in effect. Every effect is a parameter `effect.<id>`.
+
+use super::{failed, vehicle_file_parameter, vehicle_named};
+use crate::fmi::{
+    Context, Declaration, DefaultExperiment, Kind, Log, LogCategory, Model, ModelError, Severity, Values,
+    Variable, Vr,
+};
+use crate::path::Path;
+use crate::signal::{self, Signal, Unit};
+use crate::vehicle::{Effect, RestoreError, StepError, VehicleInput, VehicleParameters, WheelOutput};
+use std::sync::Arc;
+
+const LOG: &str = "logPlant";
+const LOG_CATEGORIES: &[LogCategory] =
+    &[LogCategory { name: LOG, description: "The vehicle: files read, values in effect, status changes" }];
+
+type OfWheel = fn(&WheelOutput) -> f64;
+
+const OF_WHEELS: &[(&str, Unit, &str, OfWheel)] = &[
+    ("load", Unit::NEWTON, "Load", |wheel| wheel.load),
+    ("slip", Unit::ONE, "Longitudinal slip, positive when driving", |wheel| wheel.slip),
+    ("slip_angle", Unit::RADIAN, "Slip angle, positive when the contact slips to the left", |wheel| {
+        wheel.slip_angle
+    }),
+    ("speed", Unit::RADIAN_PER_SECOND, "Spin", |wheel| wheel.speed),
+];
+
+/// An output that is a signal of the vocabulary, and its value.
+pub type Known<O> = (&'static Signal, fn(&O) -> f64);
+/// An output beyond the vocabulary: name, unit, meaning, value.
+pub type More<O> = (&'static str, Unit, &'static str, fn(&O) -> f64);
+
+/// A kind of vehicle, as its FMU needs it.
+pub trait PlantUnit: Send + Sized + 'static {
+    /// FMI `modelName`.
+    const NAME: &'static str;
+    /// One sentence.
+    const DESCRIPTION: &'static str;
+    /// What people call such a vehicle.
+    const WHAT: &'static str;
+    /// The outputs that are signals of the vocabulary.
+    const SIGNALS: &'static [Known<Self::Output>];
+    /// Outputs beyond the vocabulary.
+    const MORE: &'static [More<Self::Output>];
+    /// The wheels: name and place.
+    const WHEELS: &'static [(&'static str, &'static str)];
+    /// Type and values of the status.
+    const STATUS: (&'static str, &'static [(i32, &'static str, &'static str)]);
+
+    /// What its file says.
+    type Parameters: VehicleParameters;
+    /// Its effects.
+    type Effects: Default;
+    /// What is measured.
+    type Output: Copy;
+
+    /// All effects, in order.
+    fn all_effects() -> impl Iterator<Item = &'static Effect>;
+    /// Where the value of an effect stands.
+    fn effect<'a>(effects: &'a mut Self::Effects, id: &str) -> Option<&'a mut f64>;
+    /// The vehicle.
+    ///
+    /// # Errors
+    /// Parameters or effects out of range or without sense, as text.
+    fn make(
+        parameters: &Self::Parameters,
+        effects: &Self::Effects,
+        road: Option<Arc<Path>>,
+    ) -> Result<Self, String>;
+    /// Puts it somewhere: m, m, rad, m/s.
+    fn place(&mut self, x: f64, y: f64, yaw: f64, vx: f64);
+    /// Advances by a time in s.
+    ///
+    /// # Errors
+    /// See [`StepError`].
+    fn step(&mut self, input: &VehicleInput, step: f64) -> Result<(), StepError>;
+    /// What is measured.
+    fn output(&self) -> &Self::Output;
+    /// The wheels, in the order of their names.
+    fn wheels(output: &Self::Output) -> &[WheelOutput];
+    /// The number of the status.
+    fn status(output: &Self::Output) -> i32;
+    /// Appends its state.
+    fn save(&self, bytes: &mut Vec<u8>);
+    /// Takes a saved state.
+    ///
+    /// # Errors
+    /// Bytes of something else.
+    fn restore(&mut self, bytes: &[u8]) -> Result<(), RestoreError>;
+}
+
+/// References of all variables.
+#[derive(Debug, Clone, PartialEq)]
+struct References {
+    steer_cmd: Vr,
+    accel_cmd: Vr,
+    /// The first of the signals, of the others, and of the wheels' outputs; each group is contiguous.
+    signals: Vr,
+    more: Vr,
+    wheels: Vr,
+    status: Vr,
+    vehicle_file: Vr,
+    road_file: Vr,
+    initial: Vr,
+    /// The first of the vehicle's parameters and of the effects.
+    parameters: Vr,
+    effects: Vr,
+}
+
+/// The default vehicle, whose values are the start values, so that a host shows what is in effect.
+fn default_of<P: PlantUnit>() -> P::Parameters {
+    P::Parameters::builtin(P::Parameters::BUILTIN[0]).expect("the built-in vehicles are read in a test")
+}
+
+fn declare<P: PlantUnit>() -> (Declaration, References) {
+    let mut declaration = Declaration {
+        name: P::NAME,
+        description: P::DESCRIPTION,
+        variables: Vec::new(),
+        experiment: DefaultExperiment { start_time: 0.0, stop_time: 60.0, tolerance: 1e-6, step_size: 0.01 },
+        log_categories: LOG_CATEGORIES,
+    };
+    let d = &mut declaration;
+    let steer_cmd = d.add(Variable::input(&signal::STEER_CMD));
+    let accel_cmd = d.add(Variable::input(&signal::ACCEL_CMD));
+
+    let signals = d.variables.len();
+    for (signal, _) in P::SIGNALS {
+        d.add(Variable::output(signal));
+    }
+    let more = d.variables.len();
+    for (name, unit, meaning, _) in P::MORE {
+        d.add(Variable::real_output(*name, *unit, *meaning));
+    }
+    let wheels = d.variables.len();
+    for (wheel, place) in P::WHEELS {
+        for (name, unit, meaning, _) in OF_WHEELS {
+            d.add(Variable::real_output(
+                format!("wheel.{wheel}.{name}"),
+                *unit,
+                format!("{meaning}, {place} wheel"),
+            ));
+        }
+    }
+    let status = Kind::Enumeration { type_name: P::STATUS.0, items: P::STATUS.1, start: 0 };
+    let status =
+        d.add(Variable::output_of(status, "status", format!("What the {} does, in one word", P::WHAT)));
+
+    let vehicle_file = d.add(vehicle_file_parameter::<P::Parameters>(P::WHAT));
+    let road_file = d.add(Variable::parameter_of(
+        Kind::String { start: "".into() },
+        "road_file",
+        "Road with bank, grade and friction (path CSV), absolute or in resources/; empty: level road",
+    ));
+    let initial = d.add(Variable::parameter("initial.x", Unit::METRE, 0.0, "East position at the start"));
+    d.add(Variable::parameter("initial.y", Unit::METRE, 0.0, "North position at the start"));
+    d.add(Variable::parameter("initial.yaw", Unit::RADIAN, 0.0, "Yaw angle at the start"));
+    d.add(
+        Variable::parameter("initial.vx", Unit::METRE_PER_SECOND, 0.0, "Speed at the start")
+            .range(-60.0, 60.0),
+    );
+
+    let default = default_of::<P>();
+    let parameters = d.variables.len();
+    for parameter in P::Parameters::TABLE {
+        let (low, high) = parameter.range;
+        let start = parameter.get(&default);
+        d.add(Variable::parameter(parameter.name, parameter.unit, start, parameter.meaning).range(low, high));
+    }
+    let effects = d.variables.len();
+    for effect in P::all_effects() {
+        let description =
+            format!("{} ({}; neutral: {})", effect.meaning, effect.stage.name(), effect.neutral);
+        d.add(
+            Variable::parameter(format!("effect.{}", effect.id), effect.unit, effect.neutral, description)
+                .range(effect.range.0, effect.range.1),
+        );
+    }
+    let references = References {
+        steer_cmd,
+        accel_cmd,
+        signals,
+        more,
+        wheels,
+        status,
+        vehicle_file,
+        road_file,
+        initial,
+        parameters,
+        effects,
+    };
+    (declaration, references)
+}
+
+/// The FMU's model.
+pub struct PlantFmu<P> {
+    references: References,
+    vehicle: Option<P>,
+    status: i32,
+}
+
+impl<P: PlantUnit> PlantFmu<P> {
+    fn parameters(
+        &self,
+        values: &Values,
+        context: &Context,
+        log: &mut dyn Log,
+    ) -> Result<P::Parameters, ModelError> {
+        let at = &self.references;
+        let mut parameters: P::Parameters = vehicle_named(values.string(at.vehicle_file), context)?;
+        log.log(Severity::Info, LOG, &format!("the {} is '{}'", P::WHAT, parameters.name()));
+        let default = default_of::<P>();
+        for (index, parameter) in P::Parameters::TABLE.iter().enumerate() {
+            let (vr, default) = (at.parameters + index, parameter.get(&default));
+            // Another start value than the declaration's: the FMU was packed with it.
+            if values.is_set_by_host(vr) || values.real(vr) != default {
+                parameter.set(&mut parameters, values.real(vr));
+            }
+        }
+        Ok(parameters)
+    }
+
+    fn effects(&self, values: &Values) -> P::Effects {
+        let mut effects = P::Effects::default();
+        for (index, effect) in P::all_effects().enumerate() {
+            if let Some(value) = P::effect(&mut effects, effect.id) {
+                *value = values.real(self.references.effects + index);
+            }
+        }
+        effects
+    }
+
+    fn write_outputs(references: &References, output: &P::Output, values: &mut Values) {
+        for (index, (_, of)) in P::SIGNALS.iter().enumerate() {
+            values.set_real(references.signals + index, of(output));
+        }
+        for (index, (.., of)) in P::MORE.iter().enumerate() {
+            values.set_real(references.more + index, of(output));
+        }
+        let mut vr = references.wheels;
+        for wheel in P::wheels(output) {
+            for (.., of) in OF_WHEELS {
+                values.set_real(vr, of(wheel));
+                vr += 1;
+            }
+        }
+        values.set_integer(references.status, P::status(output));
+    }
+
+    /// Tells the host when the vehicle starts to do something that a user should know.
+    fn tell(&mut self, status: i32, time: f64, log: &mut dyn Log) {
+        if status == self.status {
+            return;
+        }
+        self.status = status;
+        if let Some((_, name, meaning)) = P::STATUS.1.iter().find(|item| item.0 == status) {
+            log.log(Severity::Info, LOG, &format!("{time} s: {name}: {meaning}"));
+        }
+    }
+}
+
+impl<P: PlantUnit> Model for PlantFmu<P> {
+    fn declaration() -> Declaration {
+        declare::<P>().0
+    }
+
+    fn new() -> Self {
+        Self { references: declare::<P>().1, vehicle: None, status: 0 }
+    }
+
+    fn initialize(
+        &mut self,
+        values: &mut Values,
+        _start_time: f64,
+        context: &Context,
+        log: &mut dyn Log,
+    ) -> Result<(), ModelError> {
+        self.vehicle = None;
+        let parameters = self.parameters(values, context, log)?;
+        let effects = self.effects(values);
+        let at = &self.references;
+        let road: Option<Arc<Path>> = match values.string(at.road_file) {
+            "" => None,
+            name => {
+                let road = Path::read(&context.locate(name)).map_err(failed)?;
+                for note in road.notes() {
+                    log.log(Severity::Info, LOG, &format!("road_file {name}: {note}"));
+                }
+                Some(Arc::new(road))
+            }
+        };
+        let mut vehicle = P::make(&parameters, &effects, road).map_err(failed)?;
+        let initial = |index| values.real(at.initial + index);
+        vehicle.place(initial(0), initial(1), initial(2), initial(3));
+        for (index, parameter) in P::Parameters::TABLE.iter().enumerate() {
+            values.set_real(at.parameters + index, parameter.get(&parameters));
+        }
+        Self::write_outputs(at, vehicle.output(), values);
+        self.status = P::status(vehicle.output());
+        self.vehicle = Some(vehicle);
+        Ok(())
+    }
+
+    fn step(
+        &mut self,
+        values: &mut Values,
+        time: f64,
+        step: f64,
+        log: &mut dyn Log,
+    ) -> Result<(), ModelError> {
+        let at = &self.references;
+        let input =
+            VehicleInput { steer_cmd: values.real(at.steer_cmd), accel_cmd: values.real(at.accel_cmd) };
+        let Some(vehicle) = &mut self.vehicle else {
+            return Err(ModelError::Failed(format!("the {} is not initialised", P::WHAT)));
+        };
+        vehicle.step(&input, step).map_err(|error| match error {
+            StepError::InputNotFinite { .. } | StepError::StepLength { .. } => {
+                ModelError::Discard(error.to_string())
+            }
+            StepError::RolledOver { .. } | StepError::JackKnifed { .. } | StepError::NotFinite { .. } => {
+                ModelError::Failed(error.to_string())
+            }
+        })?;
+        let output = *vehicle.output();
+        Self::write_outputs(at, &output, values);
+        self.tell(P::status(&output), time + step, log);
+        Ok(())
+    }
+
+    fn save(&self, bytes: &mut Vec<u8>) {
+        if let Some(vehicle) = &self.vehicle {
+            bytes.push(self.status as u8);
+            vehicle.save(bytes);
+        }
+    }
+
+    fn restore(&mut self, bytes: &[u8]) -> Result<(), ModelError> {
+        match (&mut self.vehicle, bytes.split_first()) {
+            (None, None) => Ok(()),
+            (Some(vehicle), Some((&status, state))) => {
+                let status = i32::from(status);
+                if P::STATUS.1.iter().all(|item| item.0 != status) {
+                    return Err(ModelError::Failed(format!(
+                        "a saved {} cannot have status {status}; the state is of another FMU",
+                        P::WHAT
+                    )));
+                }
+                vehicle.restore(state).map_err(failed)?;
+                self.status = status;
+                Ok(())
+            }
+            (Some(_), None) | (None, Some(_)) => Err(ModelError::Failed(
+                "the saved state is of another stage of the instance's life; initialise the instance first, as the \
+                 saved one was"
+                    .to_string(),
+            )),
+        }
+    }
+}
+
+/// Passes the calls of [`PlantUnit`] that any vehicle answers on to it.
+macro_rules! delegate {
+    ($parameters:ty, $effects:ty, $output:ty) => {
+        type Parameters = $parameters;
+        type Effects = $effects;
+        type Output = $output;
+
+        fn effect<'a>(effects: &'a mut $effects, id: &str) -> Option<&'a mut f64> {
+            effects.get_mut(id)
+        }
+
+        fn make(
+            parameters: &$parameters,
+            effects: &$effects,
+            road: Option<std::sync::Arc<crate::path::Path>>,
+        ) -> Result<Self, String> {
+            Self::new(parameters, effects, road).map_err(|error| error.to_string())
+        }
+
+        fn place(&mut self, x: f64, y: f64, yaw: f64, vx: f64) {
+            self.place(x, y, yaw, vx);
+        }
+
+        fn step(
+            &mut self,
+            input: &crate::vehicle::VehicleInput,
+            step: f64,
+        ) -> Result<(), crate::vehicle::StepError> {
+            self.step(input, step)
+        }
+
+        fn output(&self) -> &$output {
+            self.output()
+        }
+
+        fn wheels(output: &$output) -> &[crate::vehicle::WheelOutput] {
+            &output.wheels
+        }
+
+        fn status(output: &$output) -> i32 {
+            output.status as i32
+        }
+
+        fn save(&self, bytes: &mut Vec<u8>) {
+            self.save(bytes);
+        }
+
+        fn restore(&mut self, bytes: &[u8]) -> Result<(), crate::vehicle::RestoreError> {
+            self.restore(bytes)
+        }
+    };
+}
+pub(super) use delegate;

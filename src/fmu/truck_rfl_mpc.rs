@@ -1,0 +1,55 @@
+//! `TruckRflMpc`: the truck's controller as an FMU.
+
+use super::controller::{ControllerFmu, ControllerUnit, Group, TOLD_OF_A_BODY, Told};
+use crate::control::{ControlVariant, NominalTruck, TRUCK_STATES, TruckControllerParameters};
+use crate::signal;
+use crate::vehicle::{TruckParameters, VehicleParameters};
+
+/// The FMU's model.
+pub type TruckRflMpc = ControllerFmu<NominalTruck, TRUCK_STATES>;
+
+/// What the controller is told of the body, and of the articulation.
+const TOLD: [Told; TOLD_OF_A_BODY.len() + 2] = {
+    let [x, y, yaw, vx, vy, yaw_rate, steer] = TOLD_OF_A_BODY;
+    [
+        x,
+        y,
+        yaw,
+        vx,
+        vy,
+        yaw_rate,
+        steer,
+        (&signal::ARTICULATION, |measured| &mut measured.articulation),
+        (&signal::ARTICULATION_RATE, |measured| &mut measured.articulation_rate),
+    ]
+};
+
+impl ControllerUnit<TRUCK_STATES> for NominalTruck {
+    const NAME: &'static str = "TruckRflMpc";
+    const DESCRIPTION: &'static str = "Path-tracking model predictive controller of a tractor with a semi-trailer: \
+                                       steering by an error-state MPC with curvature preview and a bound on the \
+                                       articulation, speed and lag error by an MPC of their own";
+    const WHAT: &'static str = "truck";
+    const INPUTS: &'static [Told] = &TOLD;
+    // There is no nonlinear model of a truck.
+    const VARIANTS: &'static [(i32, &'static str, &'static str)] =
+        ControlVariant::ITEMS.split_at(ControlVariant::Nmpc as usize).0;
+    const SHOWN: usize = 60;
+
+    type File = TruckParameters;
+
+    fn defaults() -> TruckControllerParameters {
+        let truck = TruckParameters::builtin(TruckParameters::BUILTIN[0]);
+        Self::of_file(&truck.expect("the built-in vehicles are read in a test"))
+    }
+
+    fn of_file(truck: &TruckParameters) -> TruckControllerParameters {
+        TruckControllerParameters::for_truck(truck)
+    }
+
+    fn groups(parameters: &mut TruckControllerParameters) -> Vec<&mut dyn Group> {
+        let TruckControllerParameters { vehicle, mpc, speed, longitudinal, observer, actuator, nmpc: _ } =
+            parameters;
+        vec![vehicle, mpc, speed, longitudinal, observer, actuator]
+    }
+}

@@ -1,0 +1,125 @@
+//! Linear lateral models in errors to a path, whatever the vehicle.
+//!
+//! ```text
+//! x' = A x + B u + D psi_des' + E psi_des''       x = [e1, e1', e2, e2', ..]
+//! ```
+//!
+//! with the steering angle as `u` and the road's heading rate `psi_des' = v kappa` and heading acceleration as known
+//! disturbances. A car has these four states; a vehicle with a trailer has more behind them. Learning and control know
+//! a vehicle by [`LateralVehicle`] alone: they are written once, for any number of states `S`.
+
+use super::zero_order_hold;
+use crate::signal::Signal;
+use nalgebra::{SMatrix, SVector, Vector4};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+/// Errors of the CG to the path, `[e1 m, e1' m/s, e2 rad, e2' rad/s]`: the state of a car, and the first states of every
+/// vehicle.
+pub type ErrorState = Vector4<f64>;
+
+/// Number of the errors to the path.
+pub const ERRORS: usize = 4;
+
+/// Why a nominal model cannot be made.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SingleTrackError {
+    /// A parameter that must be positive is not.
+    #[error("{name} = {value} must be a positive number; check the vehicle file")]
+    NotPositive {
+        /// The parameter's name.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+    },
+    /// A parameter that may have either sign is no number.
+    #[error("{name} = {value} must be a finite number; check the vehicle file")]
+    NotFinite {
+        /// The parameter's name.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+    },
+}
+
+/// A vehicle by the parameters of its linear model with `S` states.
+pub trait LateralVehicle<const S: usize>:
+    std::fmt::Debug + Copy + PartialEq + Send + Sync + Serialize + DeserializeOwned + 'static
+{
+    /// What files and messages call such a vehicle, e.g. `car`.
+    const KIND: &'static str;
+    /// What the states are, in order: the four errors to the path, then the vehicle's own.
+    const STATES: [Signal; S];
+
+    /// The model at a speed in m/s. It is stiff as the speed goes to 0: the caller clamps it from below.
+    ///
+    /// # Errors
+    /// A parameter or a speed that is not positive.
+    fn model_at(&self, speed: f64) -> Result<ContinuousErrorModel<S>, SingleTrackError>;
+
+    /// The state of steady cornering with no lateral error, for each 1/m of curvature.
+    fn steady_state(&self, speed: f64) -> SVector<f64, S>;
+
+    /// The parameters with their names, in the order of the vehicle's hash in files.
+    fn parameters(&self) -> Vec<(&'static str, f64)>;
+
+    /// Distance between the axles that steering turns the vehicle about, m.
+    fn wheelbase(&self) -> f64;
+}
+
+/// `x' = A x + B u + D psi_des' + E psi_des''` at one speed.
+#[derive(Debug, Clone, PartialEq)]
+#[allow(missing_docs)]
+pub struct ContinuousErrorModel<const S: usize = ERRORS> {
+    pub a: SMatrix<f64, S, S>,
+    pub b: SVector<f64, S>,
+    pub d: SVector<f64, S>,
+    pub e: SVector<f64, S>,
+}
+
+/// `x_{k+1} = A x_k + B u_k + D psi_des' + E psi_des''` over one sample at one speed.
+#[derive(Debug, Clone, PartialEq)]
+#[allow(missing_docs)]
+pub struct DiscreteErrorModel<const S: usize = ERRORS> {
+    pub a: SMatrix<f64, S, S>,
+    pub b: SVector<f64, S>,
+    pub d: SVector<f64, S>,
+    pub e: SVector<f64, S>,
+}
+
+impl<const S: usize> ContinuousErrorModel<S> {
+    /// The model of a vehicle at speed `v` in m/s: [`LateralVehicle::model_at`].
+    ///
+    /// # Errors
+    /// A parameter or a speed that is not positive.
+    pub fn new(vehicle: &impl LateralVehicle<S>, v: f64) -> Result<Self, SingleTrackError> {
+        vehicle.model_at(v)
+    }
+
+    /// Exact discretisation over `sample_time` seconds with inputs held.
+    #[must_use]
+    pub fn discretise(&self, sample_time: f64) -> DiscreteErrorModel<S> {
+        let inputs = SMatrix::<f64, S, 3>::from_columns(&[self.b, self.d, self.e]);
+        let (a, inputs) = zero_order_hold(&self.a, &inputs, sample_time);
+        DiscreteErrorModel {
+            a,
+            b: inputs.column(0).into_owned(),
+            d: inputs.column(1).into_owned(),
+            e: inputs.column(2).into_owned(),
+        }
+    }
+}
+
+impl<const S: usize> DiscreteErrorModel<S> {
+    /// One step ahead.
+    #[must_use]
+    pub fn step(
+        &self,
+        x: &SVector<f64, S>,
+        steer: f64,
+        heading_rate: f64,
+        heading_accel: f64,
+    ) -> SVector<f64, S> {
+        self.a * x + self.b * steer + self.d * heading_rate + self.e * heading_accel
+    }
+}

@@ -1,0 +1,53 @@
+//! Rows of a fixed number of values in files: a sequence of tuples, as serde writes `Vec<[f64; 4]>`; of its own accord it
+//! knows arrays of a few lengths only, not of any.
+
+use serde::de::{Deserialize, Deserializer, Error, SeqAccess, Visitor};
+use serde::ser::{Serialize, SerializeTuple, Serializer};
+
+struct Row<T>(T);
+
+impl<const S: usize> Serialize for Row<&[f64; S]> {
+    fn serialize<Z: Serializer>(&self, serializer: Z) -> Result<Z::Ok, Z::Error> {
+        let mut tuple = serializer.serialize_tuple(S)?;
+        self.0.iter().try_for_each(|value| tuple.serialize_element(value))?;
+        tuple.end()
+    }
+}
+
+impl<'de, const S: usize> Deserialize<'de> for Row<[f64; S]> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Values<const S: usize>;
+
+        impl<'de, const S: usize> Visitor<'de> for Values<S> {
+            type Value = [f64; S];
+
+            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                write!(f, "{S} numbers")
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, mut values: A) -> Result<[f64; S], A::Error> {
+                let mut row = [0.0; S];
+                for (i, value) in row.iter_mut().enumerate() {
+                    *value = values.next_element()?.ok_or_else(|| A::Error::invalid_length(i, &self))?;
+                }
+                Ok(row)
+            }
+        }
+
+        deserializer.deserialize_tuple(S, Values::<S>).map(Row)
+    }
+}
+
+pub(super) fn serialize<Z: Serializer, const S: usize>(
+    rows: &[[f64; S]],
+    serializer: Z,
+) -> Result<Z::Ok, Z::Error> {
+    serializer.collect_seq(rows.iter().map(Row))
+}
+
+pub(super) fn deserialize<'de, D: Deserializer<'de>, const S: usize>(
+    deserializer: D,
+) -> Result<Vec<[f64; S]>, D::Error> {
+    let rows: Vec<Row<[f64; S]>> = Vec::deserialize(deserializer)?;
+    Ok(rows.into_iter().map(|Row(row)| row).collect())
+}

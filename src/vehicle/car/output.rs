@@ -1,0 +1,98 @@
+//! What is measured of a car.
+
+use super::dynamics::Flow;
+use super::plant::{CarPlant, STATES};
+use crate::enumeration;
+use crate::vehicle::sensors::{self, BODY_SIGNALS};
+use crate::vehicle::status;
+use crate::vehicle::stepper::State;
+use crate::vehicle::unit::{VX, VY, WheelOutput};
+
+enumeration! {
+    /// What the car does, in words.
+    pub enum CarStatus {
+        Driving = 0 "driving", "The car drives within the grip of its tyres";
+        Standstill = 1 "standstill", "The car stands";
+        SteeringLimited = 2 "steering_limited", "The angle or rate limit of the steering holds the actuator back";
+        WheelSlip = 3 "wheel_slip", "A wheel is locked or spinning";
+        Sliding = 4 "sliding", "An axle slides sideways";
+        WheelLifted = 5 "wheel_lifted", "A wheel has left the road";
+    }
+}
+
+/// Everything that is measured, with effects of the sensors. Units as in `signal`.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[allow(missing_docs)]
+pub struct CarOutput {
+    pub x: f64,
+    pub y: f64,
+    pub yaw: f64,
+    pub vx: f64,
+    pub vy: f64,
+    pub yaw_rate: f64,
+    pub ax: f64,
+    pub ay: f64,
+    /// Road-wheel angle at the sensor, before gain and offset of the linkage.
+    pub steer: f64,
+    pub roll: f64,
+    pub pitch: f64,
+    pub roll_rate: f64,
+    /// Real angle of the road wheels, rad.
+    pub road_wheel_angle: f64,
+    /// Front left, front right, rear left, rear right.
+    pub wheels: [WheelOutput; 4],
+    /// Force that drive (positive) or brakes (negative, at most) are set to, N.
+    pub drive_force: f64,
+    /// Arc length on the road, m; 0 without a road.
+    pub station: f64,
+    pub status: CarStatus,
+}
+
+/// Motion signals.
+pub(super) const SIGNALS: usize = BODY_SIGNALS;
+
+/// The output from the (delayed) motion, and what has no latency.
+pub(super) fn measure(
+    plant: &CarPlant,
+    state: &State<STATES, SIGNALS>,
+    flow: &Flow,
+    delayed: &[f64; SIGNALS],
+) -> CarOutput {
+    let [x, y, yaw, vx, vy, yaw_rate, ax, ay, roll, pitch, roll_rate] =
+        sensors::measured(&plant.effects, delayed);
+    CarOutput {
+        x,
+        y,
+        yaw,
+        vx,
+        vy,
+        yaw_rate,
+        ax,
+        ay,
+        steer: state.steering.measured(),
+        roll,
+        pitch,
+        roll_rate,
+        road_wheel_angle: state.steering.road_wheel(&plant.steering),
+        wheels: flow.outputs,
+        drive_force: flow.drive_force,
+        station: state.station,
+        status: status(state, &flow.outputs),
+    }
+}
+
+fn status(state: &State<STATES, SIGNALS>, wheels: &[WheelOutput; 4]) -> CarStatus {
+    if status::lifted(wheels) {
+        CarStatus::WheelLifted
+    } else if status::stands(state.y[VX].hypot(state.y[VY]), wheels) {
+        CarStatus::Standstill
+    } else if status::slides(wheels) {
+        CarStatus::Sliding
+    } else if status::slips(wheels) {
+        CarStatus::WheelSlip
+    } else if state.steering.is_limited() {
+        CarStatus::SteeringLimited
+    } else {
+        CarStatus::Driving
+    }
+}

@@ -1,0 +1,286 @@
+//! Reading vehicle files: what cars and trucks have in common.
+
+use super::builtin;
+use super::parameters::Tyre;
+use super::tyre::{Coefficients, TirError};
+use crate::signal::Unit;
+use serde::de::DeserializeOwned;
+use std::path::{Path, PathBuf};
+
+/// The declaration of one number among a vehicle's parameters.
+#[derive(Debug)]
+pub struct Parameter<V> {
+    /// Section and key in the file, and the FMU parameter's name.
+    pub name: &'static str,
+    /// Unit of the value.
+    pub unit: Unit,
+    /// Least and greatest value that a vehicle can have.
+    pub range: (f64, f64),
+    /// What it is, in one sentence.
+    pub meaning: &'static str,
+    pub(super) get: fn(&V) -> f64,
+    pub(super) set: fn(&mut V, f64),
+}
+
+impl<V> Parameter<V> {
+    /// The parameter's value.
+    #[must_use]
+    pub fn get(&self, vehicle: &V) -> f64 {
+        (self.get)(vehicle)
+    }
+
+    /// Sets the parameter; the vehicle's `check` looks at the range.
+    pub fn set(&self, vehicle: &mut V, value: f64) {
+        (self.set)(vehicle, value);
+    }
+}
+
+macro_rules! table {
+    ($($first:ident $(. $rest:ident)* : $unit:ident in $min:expr, $max:expr; $meaning:literal)*) => {
+        &[$(Parameter {
+            name: concat!(stringify!($first) $(, ".", stringify!($rest))*),
+            unit: crate::signal::Unit::$unit,
+            range: ($min, $max),
+            meaning: $meaning,
+            get: |vehicle| vehicle.$first$(.$rest)*,
+            set: |vehicle, value| vehicle.$first$(.$rest)* = value,
+        }),*]
+    };
+}
+pub(super) use table;
+
+/// The kinds of vehicles.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[allow(missing_docs)]
+pub enum VehicleKind {
+    Car,
+    Truck,
+}
+
+impl VehicleKind {
+    /// The kind of a built-in vehicle, or of that in a file; a car where neither can be told, so that reading it as a
+    /// car says what is wrong.
+    #[must_use]
+    pub fn of(vehicle: &str) -> Self {
+        let has_tractor =
+            |text: String| text.parse::<toml::Table>().is_ok_and(|vehicle| vehicle.contains_key("tractor"));
+        if builtin::BUILTIN_TRUCKS.contains(&vehicle)
+            || !builtin::BUILTIN.contains(&vehicle) && std::fs::read_to_string(vehicle).is_ok_and(has_tractor)
+        {
+            Self::Truck
+        } else {
+            Self::Car
+        }
+    }
+}
+
+/// Parameters of a kind of vehicle, as a file gives them.
+pub trait VehicleParameters: DeserializeOwned + 'static {
+    /// Every number with name, unit, range and meaning.
+    const TABLE: &'static [Parameter<Self>];
+    /// Names of the built-in vehicles of this kind; the first is the default.
+    const BUILTIN: &'static [&'static str];
+
+    /// What people call the vehicle.
+    fn name(&self) -> &str;
+
+    /// A built-in vehicle by name.
+    ///
+    /// # Errors
+    /// [`VehicleError::UnknownBuiltin`].
+    fn builtin(name: &str) -> Result<Self, VehicleError>;
+
+    /// Reads a vehicle file and the tyre files that it names.
+    ///
+    /// # Errors
+    /// See [`VehicleError`]: file, line, key and remedy.
+    fn of_file(file: &Path) -> Result<Self, VehicleError> {
+        read(file)
+    }
+
+    /// The tyres with the key of their file.
+    fn tyres(&mut self) -> Vec<(&'static str, &mut Tyre)>;
+
+    /// Checks what concerns more than one number.
+    ///
+    /// # Errors
+    /// See [`VehicleError`].
+    fn check_parts(&self, file: &Path) -> Result<(), VehicleError>;
+}
+
+/// Why a vehicle file could not be used.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum VehicleError {
+    /// The file cannot be opened.
+    #[error("vehicle file {file}: cannot be read ({source}); check the name, or use a built-in one: {}", builtin.join(", "))]
+    Unreadable { file: PathBuf, source: std::io::Error, builtin: &'static [&'static str] },
+    /// No built-in vehicle has this name.
+    #[error("there is no built-in vehicle '{name}'; there are: {}", builtin.join(", "))]
+    UnknownBuiltin { name: String, builtin: &'static [&'static str] },
+    /// Not TOML, or a key that is missing, unknown or of the wrong type.
+    #[error("vehicle file {file}, line {line}: {message}; compare with the files in vehicles/")]
+    Syntax { file: PathBuf, line: usize, message: String },
+    /// A value that no vehicle can have.
+    #[error(
+        "vehicle file {file}, line {line}: {name} = {value} {} is outside {} ... {} ({meaning})",
+        unit, range.0, range.1
+    )]
+    Range {
+        file: PathBuf,
+        line: usize,
+        name: &'static str,
+        value: f64,
+        unit: &'static str,
+        range: (f64, f64),
+        meaning: &'static str,
+    },
+    /// The unsprung masses leave nothing, or too little, for the body.
+    #[error(
+        "vehicle file {file}: the unsprung masses ({unsprung} kg) must leave at least a tenth of {name} ({mass} kg) to \
+         the body; correct unsprung_mass in its [axle...] sections"
+    )]
+    NoBody { file: PathBuf, name: &'static str, mass: f64, unsprung: f64 },
+    /// Shares of the brake force that leave less than nothing to the last axle.
+    #[error(
+        "vehicle file {file}: brake.front_share {front} and brake.trailer_share {trailer} are together more than 1; \
+         the rear axle has the rest"
+    )]
+    BrakeShares { file: PathBuf, front: f64, trailer: f64 },
+    /// The parameters were not read by `read` or `parse`, which read the tyres too.
+    #[error("vehicle file {file}: its tyres have not been read; use `read` of the vehicle's parameters")]
+    NoTyres { file: PathBuf },
+    /// The tyre file that the vehicle names cannot be used.
+    #[error("vehicle file {file}, {key}: {source}")]
+    Tyre { file: PathBuf, key: &'static str, source: Box<TirError> },
+}
+
+/// Reads a vehicle file and the tyre files that it names.
+pub(super) fn read<V: VehicleParameters>(file: &Path) -> Result<V, VehicleError> {
+    let text = std::fs::read_to_string(file).map_err(|source| VehicleError::Unreadable {
+        file: file.to_path_buf(),
+        source,
+        builtin: V::BUILTIN,
+    })?;
+    let folder = file.parent().unwrap_or(Path::new("")).to_path_buf();
+    parse(&text, file, |name| {
+        let beside = folder.join(name);
+        // A copied vehicle file still finds the tyres that come with the program.
+        match builtin::tyre(name) {
+            Some(text) if !beside.exists() => Coefficients::parse(text, Path::new(name)),
+            _ => Coefficients::read(&beside),
+        }
+    })
+}
+
+/// Reads the text of a vehicle file; `tyre` gives the tyre of a name, `file` is for messages.
+pub(super) fn parse<V: VehicleParameters>(
+    text: &str,
+    file: &Path,
+    tyre: impl Fn(&str) -> Result<Coefficients, TirError>,
+) -> Result<V, VehicleError> {
+    let mut vehicle: V = toml::from_str(text).map_err(|error| VehicleError::Syntax {
+        file: file.to_path_buf(),
+        line: error.span().map_or(1, |span| line_at(text, span.start)),
+        message: error.message().replace('\n', " "),
+    })?;
+    for (key, axle) in vehicle.tyres() {
+        let coefficients = tyre(&axle.file).map_err(|source| VehicleError::Tyre {
+            file: file.to_path_buf(),
+            key,
+            source: Box::new(source),
+        })?;
+        if axle.vertical_stiffness == 0.0 {
+            axle.vertical_stiffness = coefficients.vertical_stiffness;
+        }
+        axle.coefficients = Some(coefficients);
+    }
+    check(&vehicle, file, |name| line_of(text, name))?;
+    Ok(vehicle)
+}
+
+/// Checks every value against what a vehicle can have.
+pub(super) fn check<V: VehicleParameters>(
+    vehicle: &V,
+    file: &Path,
+    line: impl Fn(&str) -> usize,
+) -> Result<(), VehicleError> {
+    for parameter in V::TABLE {
+        let value = parameter.get(vehicle);
+        let &Parameter { name, unit, range, meaning, .. } = parameter;
+        if !(value >= range.0 && value <= range.1) {
+            let (file, line, unit) = (file.to_path_buf(), line(name), unit.symbol);
+            return Err(VehicleError::Range { file, line, name, value, unit, range, meaning });
+        }
+    }
+    vehicle.check_parts(file)
+}
+
+/// Whether the unsprung masses (kg) leave a body.
+pub(super) fn check_body(
+    file: &Path,
+    name: &'static str,
+    mass: f64,
+    unsprung: f64,
+) -> Result<(), VehicleError> {
+    if unsprung > 0.9 * mass {
+        return Err(VehicleError::NoBody { file: file.to_path_buf(), name, mass, unsprung });
+    }
+    Ok(())
+}
+
+/// Gives a kind of parameters its `read`, `parse` and `check`.
+macro_rules! reading {
+    ($parameters:ty) => {
+        impl $parameters {
+            /// Reads a vehicle file and the tyre files that it names.
+            ///
+            /// # Errors
+            /// See [`VehicleError`]: file, line, key and remedy.
+            pub fn read(file: &std::path::Path) -> Result<Self, VehicleError> {
+                super::file::read(file)
+            }
+
+            /// Reads the text of a vehicle file; `tyre` gives the tyre of a name, `file` is for messages.
+            ///
+            /// # Errors
+            /// See [`VehicleError`].
+            pub fn parse(
+                text: &str,
+                file: &std::path::Path,
+                tyre: impl Fn(&str) -> Result<super::tyre::Coefficients, super::tyre::TirError>,
+            ) -> Result<Self, VehicleError> {
+                super::file::parse(text, file, tyre)
+            }
+
+            /// Checks every value against what a vehicle can have.
+            ///
+            /// # Errors
+            /// See [`VehicleError`]: a value out of range, or parts that do not fit together.
+            pub fn check(&self) -> Result<(), VehicleError> {
+                super::file::check(self, std::path::Path::new(&self.name), |_| 0)
+            }
+        }
+    };
+}
+pub(super) use reading;
+
+/// Line (from 1) of a byte of a text.
+fn line_at(text: &str, byte: usize) -> usize {
+    text.bytes().take(byte).filter(|byte| *byte == b'\n').count() + 1
+}
+
+/// Line (from 1) of the key `section.key` in a TOML text as ours are written; 0 if it does not stand there.
+fn line_of(text: &str, name: &str) -> usize {
+    let Some((section, key)) = name.rsplit_once('.') else { return 0 };
+    let mut current = "";
+    for (index, raw) in text.lines().enumerate() {
+        let line = raw.split('#').next().unwrap_or_default().trim();
+        if let Some(header) = line.strip_prefix('[') {
+            current = header.trim_end_matches(']').trim();
+        } else if current == section && line.split('=').next().is_some_and(|found| found.trim() == key) {
+            return index + 1;
+        }
+    }
+    0
+}

@@ -1,0 +1,393 @@
+//! A vehicle under way: its state, its steps, what is measured after them.
+//!
+//! The plant gives the equations of motion `y' = f(y, steering, drive, road)`; they are integrated by the classic
+//! Runge-Kutta method at 1000 Hz whatever step is asked for. Steering chain and drive are exact in time.
+
+use super::array;
+use super::drive::DriveLine;
+use super::effects::Effects;
+use super::sensors::Latency;
+use super::steering::{SteeringChain, SteeringState};
+use super::unit::{X, Y, YAW};
+use crate::path::Path;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// The longest step of the integration, s.
+pub const LONGEST_SUBSTEP: f64 = 1e-3;
+/// The longest step that may be asked for, s.
+pub const LONGEST_STEP: f64 = 3600.0;
+/// Roll and pitch angles beyond which a vehicle counts as rolled over, rad.
+pub const ROLLED_OVER: f64 = 0.9;
+
+/// What the driver, or a controller, asks of a vehicle; held over a step.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct VehicleInput {
+    /// Road-wheel angle asked of the steering actuator, rad.
+    pub steer_cmd: f64,
+    /// Longitudinal acceleration asked of drive and brakes, m/s2.
+    pub accel_cmd: f64,
+}
+
+/// Why a step could not be made. The vehicle is as it was before the step.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum StepError {
+    #[error("{name} = {value} at {time} s: not a finite number; the step was not made")]
+    InputNotFinite { name: &'static str, value: f64, time: f64 },
+    #[error("a step of {step} s at {time} s: must be greater than 0 and at most {LONGEST_STEP} s")]
+    StepLength { step: f64, time: f64 },
+    /// The body lies beyond what springs and this model describe.
+    #[error(
+        "the vehicle rolled over at {time} s (roll {roll} rad, pitch {pitch} rad); drive slower or start anew"
+    )]
+    RolledOver { time: f64, roll: f64, pitch: f64 },
+    /// Trailer and cab would touch.
+    #[error(
+        "the truck jack-knifed at {time} s: articulation {articulation} rad, beyond hitch.articulation_limit = {limit} \
+         rad, where trailer and cab touch; drive slower, steer less, or start anew"
+    )]
+    JackKnifed { time: f64, articulation: f64, limit: f64 },
+    #[error(
+        "the state became infinite or not a number at {time} s; check the parameters, and report the case"
+    )]
+    NotFinite { time: f64 },
+}
+
+/// Why a saved state could not be restored.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error(
+    "this is no saved state of this vehicle ({reason}); use one that the same vehicle with the same parameters saved"
+)]
+pub struct RestoreError {
+    reason: String,
+}
+
+/// What steering and drive give at an instant.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Stage {
+    /// Angle of the road wheels, rad.
+    pub steer: f64,
+    /// Acceleration of drive and brakes, m/s2.
+    pub accel: f64,
+}
+
+/// The motion at an instant: signals that may come late, and what is known at once.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Motion<F, const S: usize> {
+    pub signals: [f64; S],
+    pub flow: F,
+}
+
+/// The equations of a vehicle with `N` states, `S` signals of its motion.
+pub(super) trait Plant<const N: usize, const S: usize> {
+    /// What road and earth give at a place.
+    type Environment: Copy;
+    /// Forces at an instant, for outputs.
+    type Flow: Copy + Default;
+    /// What is measured.
+    type Output: Copy + Default;
+
+    fn steering(&self) -> &SteeringChain;
+    fn drive(&self) -> &DriveLine;
+    fn effects(&self) -> &Effects;
+    /// States with the reference point somewhere (m, m, rad), wheels rolling at a speed (m/s).
+    fn placed(&self, x: f64, y: f64, yaw: f64, vx: f64) -> [f64; N];
+    fn environment(&self, y: &[f64; N], road: Option<&Path>, station: f64) -> Self::Environment;
+    /// Rates of all states at an instant. No allocation.
+    fn derivative(
+        &self,
+        y: &[f64; N],
+        stage: &Stage,
+        environment: &Self::Environment,
+        rates: &mut [f64; N],
+        flow: &mut Self::Flow,
+    );
+    /// Whether the model still describes what the vehicle does.
+    fn check(&self, y: &[f64; N], time: f64) -> Result<(), StepError>;
+    /// The true signals; what the flow lacks for outputs is put there.
+    fn signals(&self, y: &[f64; N], rates: &[f64; N], flow: &mut Self::Flow) -> [f64; S];
+    /// The output from the (delayed) signals, and what has no latency.
+    fn measure(&self, state: &State<N, S>, flow: &Self::Flow, delayed: &[f64; S]) -> Self::Output;
+}
+
+/// Everything that steps change.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(super) struct State<const N: usize, const S: usize> {
+    /// Since the vehicle was placed, s.
+    pub time: f64,
+    #[serde(with = "array")]
+    pub y: [f64; N],
+    pub steering: SteeringState,
+    /// Acceleration that drive and brakes give, m/s2.
+    pub drive: f64,
+    /// Arc length on the road, m.
+    pub station: f64,
+    pub sensors: Latency<S>,
+}
+
+impl<const N: usize, const S: usize> State<N, S> {
+    fn placed<P: Plant<N, S>>(plant: &P, x: f64, y: f64, yaw: f64, vx: f64) -> Self {
+        Self {
+            time: 0.0,
+            y: plant.placed(x, y, yaw, vx),
+            steering: SteeringState::at_rest(plant.steering(), 0.0),
+            drive: 0.0,
+            station: 0.0,
+            sensors: Latency::new(plant.effects().sensor_delay),
+        }
+    }
+
+    fn copy_from(&mut self, other: &Self) {
+        self.time = other.time;
+        self.y = other.y;
+        self.steering.copy_from(&other.steering);
+        self.drive = other.drive;
+        self.station = other.station;
+        self.sensors.copy_from(&other.sensors);
+    }
+
+    /// Room for all that may be under way.
+    fn reserve<P: Plant<N, S>>(&mut self, plant: &P) {
+        self.steering.reserve(plant.steering());
+        self.sensors.reserve(plant.effects().sensor_delay);
+    }
+
+    fn is_sound(&self) -> bool {
+        self.time.is_finite()
+            && self.drive.is_finite()
+            && self.station.is_finite()
+            && self.steering.measured().is_finite()
+            && self.y.iter().all(|value| value.is_finite())
+    }
+}
+
+/// A vehicle under way.
+pub(super) struct Stepper<P: Plant<N, S>, const N: usize, const S: usize> {
+    pub plant: P,
+    road: Option<Arc<Path>>,
+    state: State<N, S>,
+    /// The state before the step under way, for errors.
+    before: State<N, S>,
+    output: P::Output,
+}
+
+impl<P: Plant<N, S>, const N: usize, const S: usize> Stepper<P, N, S> {
+    /// At rest at the origin, heading east.
+    pub fn new(plant: P, road: Option<Arc<Path>>) -> Self {
+        let state = State::placed(&plant, 0.0, 0.0, 0.0, 0.0);
+        let mut stepper = Self { before: state.clone(), output: P::Output::default(), plant, road, state };
+        stepper.before.reserve(&stepper.plant);
+        stepper.place(0.0, 0.0, 0.0, 0.0);
+        stepper
+    }
+
+    pub fn place(&mut self, x: f64, y: f64, yaw: f64, vx: f64) {
+        self.state = State::placed(&self.plant, x, y, yaw, vx);
+        self.state.station = self.road.as_ref().map_or(0.0, |road| road.project(x, y, yaw, None).station);
+        let motion = self.observe();
+        self.state.sensors.start(self.plant.effects().sensor_delay, motion.signals);
+        self.sense(motion);
+        self.before.copy_from(&self.state);
+    }
+
+    pub fn step(&mut self, input: &VehicleInput, step: f64) -> Result<(), StepError> {
+        let time = self.state.time;
+        for (name, value) in [("steer_cmd", input.steer_cmd), ("accel_cmd", input.accel_cmd)] {
+            if !value.is_finite() {
+                return Err(StepError::InputNotFinite { name, value, time });
+            }
+        }
+        if !(step > 0.0 && step <= LONGEST_STEP) {
+            return Err(StepError::StepLength { step, time });
+        }
+        self.before.copy_from(&self.state);
+        let result = self.advance(input, step);
+        match result {
+            Ok(motion) => self.sense(motion),
+            Err(_) => self.state.copy_from(&self.before),
+        }
+        result.map(|_| ())
+    }
+
+    fn advance(&mut self, input: &VehicleInput, step: f64) -> Result<Motion<P::Flow, S>, StepError> {
+        let start = self.state.time;
+        self.state.steering.command(self.plant.steering(), start, input.steer_cmd);
+        let asked = input.accel_cmd * self.plant.drive().gain;
+        let delay = self.plant.effects().sensor_delay;
+        // A step of 0.01 s is ten substeps though 0.01 / 0.001 is a little more than ten.
+        let substeps = (step / LONGEST_SUBSTEP - 1e-9).ceil().max(1.0);
+        let h = step / substeps;
+        let mut motion = None;
+        let mut done = 0.0;
+        while done < substeps {
+            self.substep(asked, h);
+            done += 1.0;
+            self.state.time = start + done * h;
+            self.check()?;
+            if self.state.sensors.wants(delay, self.state.time) {
+                let now = self.observe();
+                self.state.sensors.push(self.state.time, now.signals);
+                motion = (done == substeps).then_some(now);
+            }
+        }
+        Ok(motion.unwrap_or_else(|| self.observe()))
+    }
+
+    /// One step of the classic Runge-Kutta method.
+    fn substep(&mut self, asked: f64, h: f64) {
+        let environment = self.environment();
+        let Self { plant, state, .. } = self;
+        let chain = *plant.steering();
+        let time = state.time;
+        let stage =
+            |state: &State<N, S>| Stage { steer: state.steering.road_wheel(&chain), accel: state.drive };
+        let begin = stage(state);
+        state.steering.advance(&chain, time, 0.5 * h);
+        state.drive = plant.drive().follow(state.drive, asked, 0.5 * h);
+        let middle = stage(state);
+        state.steering.advance(&chain, time + 0.5 * h, 0.5 * h);
+        state.drive = plant.drive().follow(state.drive, asked, 0.5 * h);
+        let end = stage(state);
+
+        let y = state.y;
+        let (mut k, mut sum, mut at) = ([0.0; N], [0.0; N], [0.0; N]);
+        let mut flow = P::Flow::default();
+        plant.derivative(&y, &begin, &environment, &mut k, &mut flow);
+        for i in 0..N {
+            sum[i] = k[i];
+            at[i] = y[i] + 0.5 * h * k[i];
+        }
+        plant.derivative(&at, &middle, &environment, &mut k, &mut flow);
+        for i in 0..N {
+            sum[i] += 2.0 * k[i];
+            at[i] = y[i] + 0.5 * h * k[i];
+        }
+        plant.derivative(&at, &middle, &environment, &mut k, &mut flow);
+        for i in 0..N {
+            sum[i] += 2.0 * k[i];
+            at[i] = y[i] + h * k[i];
+        }
+        plant.derivative(&at, &end, &environment, &mut k, &mut flow);
+        for i in 0..N {
+            state.y[i] = y[i] + h / 6.0 * (sum[i] + k[i]);
+        }
+        if let Some(road) = &self.road {
+            let (x, y, yaw) = (self.state.y[X], self.state.y[Y], self.state.y[YAW]);
+            self.state.station = road.project(x, y, yaw, Some(self.state.station)).station;
+        }
+    }
+
+    fn environment(&self) -> P::Environment {
+        self.plant.environment(&self.state.y, self.road.as_deref(), self.state.station)
+    }
+
+    fn check(&self) -> Result<(), StepError> {
+        let (y, time) = (&self.state.y, self.state.time);
+        if !y.iter().all(|value| value.is_finite()) {
+            return Err(StepError::NotFinite { time });
+        }
+        self.plant.check(y, time)
+    }
+
+    /// The true motion now.
+    fn observe(&self) -> Motion<P::Flow, S> {
+        let steer = self.state.steering.road_wheel(self.plant.steering());
+        let stage = Stage { steer, accel: self.state.drive };
+        let (mut rates, mut flow) = ([0.0; N], P::Flow::default());
+        self.plant.derivative(&self.state.y, &stage, &self.environment(), &mut rates, &mut flow);
+        Motion { signals: self.plant.signals(&self.state.y, &rates, &mut flow), flow }
+    }
+
+    /// Sets the output from what the sensors make of the motion.
+    fn sense(&mut self, motion: Motion<P::Flow, S>) {
+        let Self { plant, state, output, .. } = self;
+        let delayed = state.sensors.read(plant.effects().sensor_delay, state.time, &motion.signals);
+        *output = plant.measure(state, &motion.flow, &delayed);
+    }
+
+    pub fn output(&self) -> &P::Output {
+        &self.output
+    }
+
+    pub fn time(&self) -> f64 {
+        self.state.time
+    }
+
+    pub fn save(&self, bytes: &mut Vec<u8>) {
+        let saved = postcard::to_allocvec(&self.state).unwrap_or_default();
+        bytes.extend_from_slice(&saved);
+    }
+
+    pub fn restore(&mut self, bytes: &[u8]) -> Result<(), RestoreError> {
+        let refuse = |reason: String| RestoreError { reason };
+        let (mut state, rest) =
+            postcard::take_from_bytes::<State<N, S>>(bytes).map_err(|error| refuse(error.to_string()))?;
+        if !rest.is_empty() {
+            return Err(refuse(format!("{} bytes too many", rest.len())));
+        }
+        if !state.is_sound() {
+            return Err(refuse("it holds numbers that are not finite".to_string()));
+        }
+        state.reserve(&self.plant);
+        self.state = state;
+        let motion = self.observe();
+        self.sense(motion);
+        Ok(())
+    }
+}
+
+/// Rolled over, of one body.
+pub(super) fn check_upright(roll: f64, pitch: f64, time: f64) -> Result<(), StepError> {
+    if roll.abs() > ROLLED_OVER || pitch.abs() > ROLLED_OVER {
+        return Err(StepError::RolledOver { time, roll, pitch });
+    }
+    Ok(())
+}
+
+/// The steps of a vehicle that has a `stepper`, declared once for all of them.
+macro_rules! vehicle {
+    ($vehicle:ty, $output:ty) => {
+        impl $vehicle {
+            /// Puts the vehicle somewhere: position of its reference point in m, yaw in rad, speed in m/s; wheels
+            /// rolling, steering straight, time 0, nothing under way.
+            pub fn place(&mut self, x: f64, y: f64, yaw: f64, vx: f64) {
+                self.stepper.place(x, y, yaw, vx);
+            }
+
+            /// Advances by `step` seconds with the input held. No allocation, no lock.
+            ///
+            /// # Errors
+            /// See [`StepError`]; the vehicle and its output are then as they were.
+            pub fn step(&mut self, input: &VehicleInput, step: f64) -> Result<(), StepError> {
+                self.stepper.step(input, step)
+            }
+
+            /// What is measured at the end of the last step.
+            #[must_use]
+            pub fn output(&self) -> &$output {
+                self.stepper.output()
+            }
+
+            /// Time since the vehicle was placed, s.
+            #[must_use]
+            pub fn time(&self) -> f64 {
+                self.stepper.time()
+            }
+
+            /// Appends everything that steps change to `bytes`.
+            pub fn save(&self, bytes: &mut Vec<u8>) {
+                self.stepper.save(bytes);
+            }
+
+            /// Restores what [`save`](Self::save) wrote; the vehicle then goes on bit for bit.
+            ///
+            /// # Errors
+            /// Bytes that are cut off, too many, or of something else. The vehicle is then as it was.
+            pub fn restore(&mut self, bytes: &[u8]) -> Result<(), RestoreError> {
+                self.stepper.restore(bytes)
+            }
+        }
+    };
+}
+pub(super) use vehicle;

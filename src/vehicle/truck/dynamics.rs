@@ -1,0 +1,285 @@
+//! The equations of motion of tractor and semi-trailer: two units, the hitch between them, the air around them.
+
+use super::hitch::to_trailer;
+use super::output::{self, SIGNALS, TruckOutput};
+use super::plant::{STATES, TRAILER, TRAILER_STATES, TruckPlant, WHEELS, WIND_UP};
+use crate::path::Path;
+use crate::vehicle::air;
+use crate::vehicle::drive::DriveLine;
+use crate::vehicle::effects::Effects;
+use crate::vehicle::sensors::{BODY_SIGNALS, body_signals};
+use crate::vehicle::steering::SteeringChain;
+use crate::vehicle::stepper::{Plant, Stage, State, StepError, check_upright};
+use crate::vehicle::trigonometry::{Of, sin_or_cos};
+use crate::vehicle::unit::{
+    BODY, Gravity, HEAVE, HEAVE_RATE, PER_WHEEL, PITCH, PITCH_RATE, ROLL, ROLL_RATE, SPIN, Unit, VX, VY,
+    WheelFlow, WheelOutput, X, Y, YAW, YAW_RATE, gravity, roll,
+};
+
+/// Place of a state of the semi-trailer's body among the truck's states.
+const TRAILER_BODY: [(usize, usize); TRAILER_STATES] = [
+    (YAW, TRAILER),
+    (YAW_RATE, TRAILER + 1),
+    (ROLL, TRAILER + 2),
+    (ROLL_RATE, TRAILER + 3),
+    (PITCH, TRAILER + 4),
+    (PITCH_RATE, TRAILER + 5),
+    (HEAVE, TRAILER + 6),
+    (HEAVE_RATE, TRAILER + 7),
+];
+/// The first state of the semi-trailer's wheels among those of all wheels.
+const TRAILER_WHEELS: usize = 4 * PER_WHEEL;
+
+/// What road and earth give.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Environment {
+    /// Under the tractor and under the semi-trailer, in axes of each.
+    pub gravity: [Gravity; 2],
+    /// Friction factors under the axle groups.
+    pub friction: [f64; 3],
+}
+
+/// Forces and accelerations at an instant, for outputs.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Flow {
+    wheels: [WheelFlow; 6],
+    /// As outputs, once observed.
+    pub outputs: [WheelOutput; 6],
+    /// Specific force at the tractor's CG in the plane of the road and out of it, m/s2.
+    specific: [f64; 3],
+    /// Force of the semi-trailer on the tractor in the tractor's axes; the vertical one downwards, N.
+    pub hitch: [f64; 3],
+    /// Drive force asked of the wheels (brakes negative), N.
+    pub drive_force: f64,
+}
+
+impl TruckPlant {
+    /// The semi-trailer's body, its place left out, from all states and the sine and cosine of the articulation.
+    pub(super) fn trailer_body(&self, y: &[f64; STATES], turn: (f64, f64)) -> [f64; BODY] {
+        let mut body = [0.0; BODY];
+        for (of_body, of_truck) in TRAILER_BODY {
+            body[of_body] = y[of_truck];
+        }
+        let [vx, vy] = self.hitch.trailer_velocity(split(y).0, &body, turn);
+        (body[VX], body[VY]) = (vx, vy);
+        body
+    }
+
+    /// rad
+    pub(super) fn articulation(&self, y: &[f64; STATES]) -> f64 {
+        y[YAW] - y[TRAILER]
+    }
+
+    /// The semi-trailer's body with its place.
+    pub(super) fn trailer_placed(&self, y: &[f64; STATES]) -> [f64; BODY] {
+        let mut body = self.trailer_body(y, self.articulation(y).sin_cos());
+        let tractor = split(y).0;
+        let [low, high] = &self.hitch.pins;
+        let (own, other) = (tractor[YAW].sin_cos(), body[YAW].sin_cos());
+        let (along, aside) = (low.x, low.offset(tractor));
+        let (back, astray) = (high.x, high.offset(&body));
+        body[X] = tractor[X] + along * own.1 - aside * own.0 - (back * other.1 - astray * other.0);
+        body[Y] = tractor[Y] + along * own.0 + aside * own.1 - (back * other.0 + astray * other.1);
+        body
+    }
+}
+
+impl Plant<STATES, SIGNALS> for TruckPlant {
+    type Environment = Environment;
+    type Flow = Flow;
+    type Output = TruckOutput;
+
+    fn steering(&self) -> &SteeringChain {
+        &self.steering
+    }
+
+    fn drive(&self) -> &DriveLine {
+        &self.drive
+    }
+
+    fn effects(&self) -> &Effects {
+        &self.effects.vehicle
+    }
+
+    fn placed(&self, x: f64, y: f64, yaw: f64, vx: f64) -> [f64; STATES] {
+        let mut states = [0.0; STATES];
+        let (sin, cos) = yaw.sin_cos();
+        states[X] = x - self.tractor.reference_x * cos;
+        states[Y] = y - self.tractor.reference_x * sin;
+        states[YAW] = yaw;
+        states[VX] = vx;
+        states[TRAILER] = yaw;
+        let axles = self.tractor.axles.iter().chain(&self.trailer.axles);
+        for (index, axle) in axles.enumerate() {
+            for wheel in [2 * index, 2 * index + 1] {
+                states[WHEELS + wheel * PER_WHEEL + SPIN] = vx / axle.radius;
+            }
+        }
+        states
+    }
+
+    /// Gravity and friction where the units are; the road's own length stands for that of the bent truck.
+    fn environment(&self, y: &[f64; STATES], road: Option<&Path>, station: f64) -> Environment {
+        let effects = &self.effects.vehicle;
+        let (gravity, friction) = match road {
+            None => ([gravity(effects, 0.0, 0.0, 0.0), gravity(effects, 0.0, 0.0, 0.0)], [1.0; 3]),
+            Some(road) => {
+                let [low, high] = &self.hitch.pins;
+                let behind = low.x - high.x;
+                let under = |yaw: f64, ahead: f64| {
+                    let here = road.at(station + ahead);
+                    gravity(effects, yaw - here.yaw, here.bank, here.grade)
+                };
+                let axles =
+                    [self.tractor.axles[0].x, self.tractor.axles[1].x, behind + self.trailer.axles[0].x];
+                (
+                    [under(y[YAW], 0.0), under(y[TRAILER], behind)],
+                    axles.map(|ahead| road.at(station + ahead).friction),
+                )
+            }
+        };
+        Environment { gravity, friction: friction.map(|friction| friction * effects.road_friction) }
+    }
+
+    fn derivative(
+        &self,
+        y: &[f64; STATES],
+        stage: &Stage,
+        environment: &Environment,
+        rates: &mut [f64; STATES],
+        flow: &mut Flow,
+    ) {
+        let effects = &self.effects.vehicle;
+        let (tractor, wheels) = split(y);
+        let (rates, wheel_rates) = rates.split_at_mut(WHEELS);
+        let forces = self.drive.forces(stage.accel, tractor[VX]);
+        flow.drive_force = forces.0 - forces.1;
+
+        // Arc tangents and sines of all wheels at once: they are most of the work.
+        let [front, rear] = &self.tractor.axles;
+        let [group] = &self.trailer.axles;
+        let angles = [
+            front.wheel_angle(tractor[ROLL], stage.steer),
+            rear.wheel_angle(tractor[ROLL], stage.steer),
+            group.wheel_angle(y[TRAILER + 2], stage.steer),
+            y[YAW],
+            self.articulation(y),
+        ];
+        let mut twice = [0.0; 10];
+        let mut of = [Of::Sin; 10];
+        for (i, angle) in angles.iter().enumerate() {
+            (twice[2 * i], twice[2 * i + 1]) = (*angle, *angle);
+            of[2 * i + 1] = Of::Cos;
+        }
+        let turned = sin_or_cos(of, twice);
+        let pair = |i: usize| (turned[2 * i], turned[2 * i + 1]);
+        let (steer, yaw, turn) = ([pair(0), pair(1), pair(2)], pair(3), pair(4));
+        let yaw_behind = (yaw.0 * turn.1 - yaw.1 * turn.0, yaw.1 * turn.1 + yaw.0 * turn.0);
+
+        let trailer = &self.trailer_body(y, turn);
+        let at = |axle: usize| &wheels[2 * axle * PER_WHEEL..];
+        let (mut on_front, front_motion) = front.suspension(tractor, at(0), steer[0], forces);
+        let (mut on_rear, rear_motion) = rear.suspension(tractor, at(1), steer[1], forces);
+        let (mut on_group, group_motion) = group.suspension(trailer, at(2), steer[2], forces);
+        let motions = [
+            front_motion[0],
+            front_motion[1],
+            rear_motion[0],
+            rear_motion[1],
+            group_motion[0],
+            group_motion[1],
+        ];
+        let [a, b, c] = environment.friction;
+        let axles = [front, front, rear, rear, group, group];
+        flow.wheels = roll(axles, wheels, &motions, [a, a, b, b, c, c], wheel_rates);
+        front.gather(&flow.wheels[0..2], steer[0], &mut on_front);
+        rear.gather(&flow.wheels[2..4], steer[1], &mut on_rear);
+        group.gather(&flow.wheels[4..6], steer[2], &mut on_group);
+        let (on_tractor, on_trailer) = ([on_front, on_rear], [on_group]);
+
+        // All that acts on each unit but the force in the hitch.
+        let gravity = &environment.gravity;
+        let mut pushes = [
+            self.tractor.push(tractor, &on_tractor, &gravity[0]),
+            self.trailer.push(trailer, &on_trailer, &gravity[1]),
+        ];
+        let (drag, side) = air::forces(effects, (self.drag, self.side[0]), (tractor[VX], tractor[VY]), yaw);
+        pushes[0].longitudinal += drag;
+        pushes[0].lateral += side;
+        pushes[0].yawing += side * self.pressure_centre[0] + air::brake_pull(effects, tractor[VX]);
+        let (_, side) = air::forces(effects, (0.0, self.side[1]), (trailer[VX], trailer[VY]), yaw_behind);
+        pushes[1].lateral += side;
+        pushes[1].yawing += side * self.pressure_centre[1];
+        let bodies = [tractor, trailer];
+        let hitch = self.hitch.flow(bodies, turn, y[WIND_UP]);
+        self.hitch.add(&hitch, bodies, turn, &mut pushes);
+
+        // The force in the hitch.
+        let force = self.hitch.force((&self.tractor, &self.trailer), bodies, &pushes, gravity, turn);
+        let behind = to_trailer([-force[0], -force[1]], turn);
+        let [low, high] = &self.hitch.pins;
+        pushes[0].add(&low.push(tractor, force));
+        pushes[1].add(&high.push(trailer, behind));
+
+        let accel = self.tractor.acceleration(&pushes[0]);
+        Unit::<2>::plane(tractor, &accel, &gravity[0], yaw, rates);
+        let (own, other) = wheel_rates.split_at_mut(TRAILER_WHEELS);
+        let first = (&wheels[..TRAILER_WHEELS], &flow.wheels[..4]);
+        self.tractor.vertical(tractor, &on_tractor, &accel, &gravity[0], first, (rates, own));
+        self.tractor.lift(low.pitching(force[0], -hitch.more), -hitch.more, rates);
+        flow.specific = [accel.specific_x, pushes[0].lateral / self.tractor.mass, gravity[0].z];
+        flow.hitch = [force[0], force[1], hitch.load];
+
+        let accel = self.trailer.acceleration(&pushes[1]);
+        let mut body_rates = [0.0; BODY];
+        Unit::<1>::plane(trailer, &accel, &gravity[1], yaw_behind, &mut body_rates);
+        let last = (&wheels[TRAILER_WHEELS..], &flow.wheels[4..]);
+        self.trailer.vertical(trailer, &on_trailer, &accel, &gravity[1], last, (&mut body_rates, other));
+        let pitching = high.pitching(behind[0], hitch.more) + hitch.rolling * turn.0;
+        self.trailer.lift(pitching, hitch.more, &mut body_rates);
+        for (of_body, of_truck) in TRAILER_BODY {
+            rates[of_truck] = body_rates[of_body];
+        }
+        rates[WIND_UP] = hitch.wind_up_rate;
+    }
+
+    fn check(&self, y: &[f64; STATES], time: f64) -> Result<(), StepError> {
+        check_upright(y[ROLL], y[PITCH], time)?;
+        check_upright(y[TRAILER + 2], y[TRAILER + 4], time)?;
+        let (articulation, limit) = (self.articulation(y), self.hitch.articulation_limit);
+        if articulation.abs() > limit {
+            return Err(StepError::JackKnifed { time, articulation, limit });
+        }
+        Ok(())
+    }
+
+    fn signals(&self, y: &[f64; STATES], rates: &[f64; STATES], flow: &mut Flow) -> [f64; SIGNALS] {
+        for (wheel, output) in flow.outputs.iter_mut().enumerate() {
+            *output = flow.wheels[wheel].output(y[WHEELS + wheel * PER_WHEEL + SPIN]);
+        }
+        let arm = self.tractor.reference_x;
+        let own = body_signals(&self.effects.vehicle, split(y).0, arm, flow.specific, rates[YAW_RATE]);
+        let trailer = self.trailer_placed(y);
+        let more = [
+            self.articulation(y),
+            y[YAW_RATE] - y[TRAILER + 1],
+            trailer[X],
+            trailer[Y],
+            trailer[YAW],
+            trailer[VX],
+            trailer[VY],
+            trailer[YAW_RATE],
+            trailer[ROLL],
+        ];
+        std::array::from_fn(|i| if i < BODY_SIGNALS { own[i] } else { more[i - BODY_SIGNALS] })
+    }
+
+    fn measure(&self, state: &State<STATES, SIGNALS>, flow: &Flow, delayed: &[f64; SIGNALS]) -> TruckOutput {
+        output::measure(self, state, flow, delayed)
+    }
+}
+
+/// The tractor's body, and all wheels.
+fn split(y: &[f64; STATES]) -> (&[f64; BODY], &[f64]) {
+    (y.first_chunk().expect("there are more states than a body's"), &y[WHEELS..])
+}

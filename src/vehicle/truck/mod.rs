@@ -1,0 +1,73 @@
+//! The tractor with its semi-trailer: 16 degrees of freedom beside the wheels' spins, transient tyres on three axle
+//! groups, fifth wheel, drive, brakes and air.
+//!
+//! State (57 numbers): pose and velocities of the tractor in the plane of the road (6), roll, pitch and heave of its
+//! body (6); yaw, roll, pitch and heave of the semi-trailer (8), whose place and velocities follow from the hitch; the
+//! wind-up of the fifth wheel's friction; and for each side of an axle group the six states of a wheel.
+//!
+//! | file | idea |
+//! |---|---|
+//! | `plant.rs` | the constants of one truck with its effects |
+//! | `hitch.rs` | the fifth wheel: the force that keeps both units together |
+//! | `dynamics.rs` | the equations of motion: two units (`unit/`), the hitch, the air |
+//! | `output.rs` | what is measured |
+//! | `conservation.rs` | tests: what hitch and equations must keep |
+
+#[cfg(test)]
+mod conservation;
+mod dynamics;
+mod hitch;
+mod output;
+mod plant;
+
+use super::effects::{EffectOutOfRange, TruckEffects};
+use super::file::VehicleError;
+use super::stepper::{RestoreError, StepError, Stepper, VehicleInput, vehicle};
+use super::truck_parameters::TruckParameters;
+use crate::path::Path;
+use output::SIGNALS;
+pub use output::{TrailerOutput, TruckOutput, TruckStatus};
+use plant::{STATES, TruckPlant};
+use std::sync::Arc;
+
+/// What the driver, or a controller, asks of the truck.
+pub type TruckInput = VehicleInput;
+
+/// Why a truck could not be made.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum TruckError {
+    #[error(transparent)]
+    Parameters(#[from] VehicleError),
+    #[error(transparent)]
+    Effects(#[from] EffectOutOfRange),
+    /// Places of CG, load and hitch that leave an axle group without load.
+    #[error(
+        "the {axle} axle would carry {load} N at rest; change hitch.cg_to_hitch, effect.hitch_offset, effect.payload_x, \
+         effect.payload or effect.cg_shift"
+    )]
+    AxleLifted { axle: &'static str, load: f64 },
+}
+
+/// The truck.
+pub struct Truck {
+    stepper: Stepper<TruckPlant, STATES, SIGNALS>,
+}
+
+impl Truck {
+    /// A truck at rest at the origin, heading east, the semi-trailer straight behind.
+    ///
+    /// # Errors
+    /// Parameters or effects out of range, an axle without load.
+    pub fn new(
+        parameters: &TruckParameters,
+        effects: &TruckEffects,
+        road: Option<Arc<Path>>,
+    ) -> Result<Self, TruckError> {
+        parameters.check()?;
+        effects.check()?;
+        Ok(Self { stepper: Stepper::new(TruckPlant::new(parameters, effects)?, road) })
+    }
+}
+
+vehicle!(Truck, TruckOutput);

@@ -1,0 +1,127 @@
+//! The constants of one truck: its parameters with the effects applied.
+
+use super::TruckError;
+use super::hitch::{HitchPlant, Pin};
+use crate::vehicle::drive::DriveLine;
+use crate::vehicle::effects::TruckEffects;
+use crate::vehicle::parameters::{Axle, Body, Tyre};
+use crate::vehicle::steering::SteeringChain;
+use crate::vehicle::truck_parameters::{RestLoads, TruckParameters};
+use crate::vehicle::unit::{AxleParts, BODY, Laden, Load, Masses, PER_WHEEL, Unit};
+
+/// Where the semi-trailer's states begin: those of a body from its yaw on, without velocities in the plane.
+pub(super) const TRAILER: usize = BODY;
+/// How many they are.
+pub(super) const TRAILER_STATES: usize = 8;
+/// The wind-up of the fifth wheel's friction, rad.
+pub(super) const WIND_UP: usize = TRAILER + TRAILER_STATES;
+/// The first wheel's states; wheels are front, rear and trailer, left and right each.
+pub(super) const WHEELS: usize = WIND_UP + 1;
+/// All states.
+pub(super) const STATES: usize = WHEELS + 6 * PER_WHEEL;
+
+/// The constants of one truck.
+pub(super) struct TruckPlant {
+    pub tractor: Unit<2>,
+    pub trailer: Unit<1>,
+    pub hitch: HitchPlant,
+    pub steering: SteeringChain,
+    pub drive: DriveLine,
+    /// Half the air's density times the areas, kg/m: drag, side of the tractor, side of the semi-trailer.
+    pub drag: f64,
+    pub side: [f64; 2],
+    /// Where the side forces act, forward of the unit's CG, m.
+    pub pressure_centre: [f64; 2],
+    pub effects: TruckEffects,
+}
+
+impl TruckPlant {
+    pub fn new(truck: &TruckParameters, effects: &TruckEffects) -> Result<Self, TruckError> {
+        let (common, of_trailer) = (&effects.vehicle, &effects.trailer);
+        let Body { mass, yaw_inertia, roll_inertia, pitch_inertia, cg_height, .. } = truck.tractor;
+        let masses = Masses { mass, yaw_inertia, roll_inertia, pitch_inertia, cg_height };
+        let tractor = Laden::new(masses, Load::of(common));
+        let body = &truck.trailer;
+        let masses = Masses {
+            mass: body.mass,
+            yaw_inertia: body.yaw_inertia,
+            roll_inertia: body.roll_inertia,
+            pitch_inertia: body.pitch_inertia,
+            cg_height: body.cg_height,
+        };
+        let at_cg = Load { mass: of_trailer.trailer_payload, x: 0.0, shift: 0.0, yaw_inertia: 1.0 };
+        let trailer = Laden::new(masses, at_cg);
+
+        // Places forward of the laden CGs.
+        let cg = tractor.cg;
+        let (x_front, x_rear) = (truck.tractor.cg_to_front_axle - cg, -truck.tractor.cg_to_rear_axle - cg);
+        let x_hitch = -truck.hitch.cg_to_hitch + of_trailer.hitch_offset - cg;
+        let (x_pin, x_trailer) = (body.cg_to_hitch, -body.cg_to_axle);
+        let loads =
+            RestLoads::new([tractor.mass, trailer.mass], [x_front, x_rear, x_hitch], [x_pin, x_trailer]);
+        for (axle, load) in [("front", loads.front), ("rear", loads.rear)] {
+            if load <= 0.0 {
+                return Err(TruckError::AxleLifted { axle, load });
+            }
+        }
+
+        let parts = |axle, tyre, x: f64, load: f64, tyres: f64| -> AxleParts<'_> {
+            let (axle, tyre): (&Axle, &Tyre) = (axle, tyre);
+            let (static_load, stiffness) = (0.5 * load, 1.0);
+            let (steered, drive_share, brake_share) = (false, 0.0, 0.0);
+            AxleParts { axle, tyre, x, static_load, tyres, steered, stiffness, drive_share, brake_share }
+        };
+        let (axle, tyre, per_side) = (&truck.axle, &truck.tyre, &truck.tyres_per_side);
+        let brake = &truck.brake;
+        let front = AxleParts {
+            steered: true,
+            stiffness: common.tyre_stiffness_front,
+            brake_share: brake.front_share,
+            ..parts(&axle.front, &tyre.front, x_front, loads.front, per_side.front)
+        };
+        let rear = AxleParts {
+            stiffness: common.tyre_stiffness_rear,
+            drive_share: 1.0,
+            brake_share: 1.0 - brake.front_share - brake.trailer_share,
+            ..parts(&axle.rear, &tyre.rear, x_rear, loads.rear, per_side.rear)
+        };
+        let group = AxleParts {
+            stiffness: of_trailer.trailer_stiffness,
+            brake_share: brake.trailer_share,
+            ..parts(&axle.trailer, &tyre.trailer, x_trailer, loads.trailer, per_side.trailer)
+        };
+        // The tractor rolls about the axis through both roll centres, the semi-trailer about a level one.
+        let (front_centre, rear_centre) = (axle.front.roll_centre_height, axle.rear.roll_centre_height);
+        let slope = (front_centre - rear_centre) / (x_front - x_rear);
+        let tractor_axis = |x: f64| rear_centre + slope * (x - x_rear);
+        let trailer_axis = |_: f64| axle.trailer.roll_centre_height;
+        let tractor = Unit::new(&tractor, &[front, rear], common, tractor_axis);
+        let trailer = Unit::new(&trailer, &[group], common, trailer_axis);
+        let height = truck.hitch.height;
+        let pins = [
+            Pin::new(&tractor, x_hitch, height, tractor_axis(x_hitch)),
+            Pin::new(&trailer, x_pin, height, trailer_axis(x_pin)),
+        ];
+        let friction = truck.hitch.friction + of_trailer.articulation_friction;
+        let inertias = [truck.tractor.yaw_inertia, truck.trailer.yaw_inertia];
+        let air = &truck.air;
+        Ok(Self {
+            hitch: HitchPlant::new(&truck.hitch, pins, loads.hitch, friction, inertias),
+            tractor,
+            trailer,
+            steering: SteeringChain::new(&truck.steering, common),
+            drive: DriveLine {
+                lag: truck.drive.lag + common.drive_lag,
+                gain: common.drive_gain,
+                nominal_mass: truck.tractor.mass + truck.trailer.mass,
+                max_force: truck.drive.max_force,
+                max_power: truck.drive.max_power,
+                max_brake_force: truck.brake.max_force,
+            },
+            drag: 0.5 * air.density * air.drag_area * common.drag,
+            side: [air.tractor_side_area, air.trailer_side_area].map(|area| 0.5 * air.density * area),
+            pressure_centre: [air.tractor_pressure_centre - cg, air.trailer_pressure_centre],
+            effects: *effects,
+        })
+    }
+}
