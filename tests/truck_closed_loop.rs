@@ -34,7 +34,7 @@ fn effects([dead_time, lag]: [f64; 2]) -> TruckEffects {
 /// Calm enough for a delay that the model does not know.
 fn calm() -> TruckControllerParameters {
     let mut parameters = TruckControllerParameters::for_truck(&TRUCK);
-    (parameters.mpc.r_rate, parameters.mpc.q_e1_rate) = (100.0, 1.0);
+    (parameters.mpc.r_rate, parameters.mpc.q_e1_rate, parameters.mpc.q_e2) = (30.0, 1.0, 300.0);
     parameters
 }
 
