@@ -111,7 +111,7 @@ fn courses_have_no_jump() {
 
 #[test]
 fn the_sudoku_lies_on_its_grid() {
-    for route in [Route::SudokuTrain, Route::SudokuTest] {
+    for route in [Route::SudokuTrain, Route::SudokuTest, Route::TruckTrain, Route::TruckTest] {
         let course = route.course();
         let mut on_grid = 0;
         for sample in route.samples().iter().filter(|sample| sample.class == Some(RoadClass::Straight)) {
@@ -129,7 +129,30 @@ fn the_sudoku_lies_on_its_grid() {
         let length = course.length();
         println!("{}: {length:.0} m", route.name());
     }
-    assert!((5_400.0..6_400.0).contains(&Route::SudokuTrain.course().length()));
+    for route in [Route::SudokuTrain, Route::TruckTrain] {
+        assert!((5_400.0..6_800.0).contains(&route.course().length()));
+    }
+}
+
+#[test]
+fn a_truck_can_take_the_turns_of_its_courses() {
+    use RoadClass::{CrossCountry, LeftTurn, RightTurn, Sweeper, UTurn};
+    let of = |route: Route, class| radii(&route.course(), class);
+    for route in [Route::TruckTrain, Route::TruckTest, Route::TruckOffRoad, Route::TruckUTurn] {
+        for class in [RightTurn, LeftTurn, Sweeper] {
+            assert!(of(route, class).iter().all(|radius| radius.abs() >= 15.0), "{}", route.name());
+        }
+        // A U-turn's swerves have 20 m, its turn 12.5 to 15.
+        let turns = of(route, UTurn).into_iter().map(f64::abs).filter(|radius| *radius < 19.9);
+        assert!(turns.into_iter().all(|radius| (12.5 - 1e-9..=15.0 + 1e-9).contains(&radius)));
+        let samples = route.samples();
+        let rough = samples.iter().filter(|sample| sample.class == Some(CrossCountry));
+        assert!(rough.into_iter().all(|sample| sample.curvature.unwrap().abs() <= 0.05));
+    }
+    for class in [Sweeper, UTurn, CrossCountry] {
+        let radii = of(Route::TruckTrain, class);
+        assert!(radii.iter().any(|r| *r > 0.0) && radii.iter().any(|r| *r < 0.0), "{radii:?}");
+    }
 }
 
 #[test]
@@ -198,7 +221,11 @@ fn every_element_has_the_radii_and_speeds_of_the_method() {
 
 #[test]
 fn the_test_route_is_disjoint_from_the_training_route() {
-    let (train, test) = (Route::SudokuTrain, Route::SudokuTest);
+    disjoint(Route::SudokuTrain, Route::SudokuTest);
+    disjoint(Route::TruckTrain, Route::TruckTest);
+}
+
+fn disjoint(train: Route, test: Route) {
     for class in [RoadClass::RightTurn, RoadClass::LeftTurn, RoadClass::Sweeper] {
         let (a, b) = (radii(&train.course(), class), radii(&test.course(), class));
         assert!(!a.is_empty() && !b.is_empty());

@@ -202,7 +202,7 @@ const VEHICLES: &[Resource] = &[Resource { from: "vehicles", to: "vehicles" }];
 const CAR_CONTROLLER: &[Resource] =
     &[VEHICLES[0], Resource { from: "paths/sudoku_test.csv", to: DEFAULT_PATH }];
 const TRUCK_CONTROLLER: &[Resource] =
-    &[VEHICLES[0], Resource { from: "paths/off_road.csv", to: DEFAULT_PATH }];
+    &[VEHICLES[0], Resource { from: "paths/truck_off_road.csv", to: DEFAULT_PATH }];
 
 fn fmu(
     declaration: Declaration,

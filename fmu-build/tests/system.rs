@@ -121,7 +121,7 @@ fn vehicles_start_on_the_path() {
     for (vehicle, file) in [
         (VehicleKind::Car, "paths/sudoku_test.csv"),
         (VehicleKind::Car, "paths/hairpin_circuit.csv"),
-        (VehicleKind::Truck, "paths/off_road.csv"),
+        (VehicleKind::Truck, "paths/truck_off_road.csv"),
         (VehicleKind::Truck, "paths/sudoku_test.csv"),
     ] {
         let controller = ClosedLoop::of(vehicle).controller;
@@ -133,7 +133,7 @@ fn vehicles_start_on_the_path() {
     assert_eq!((x, y, vx), (at("paths/sudoku_test.csv").x, 7.0, 3.0));
     // What is set for one system is nothing to the other.
     let [x, y, ..] = begin(VehicleKind::Truck, &["PassengerCar.initial.y=7", "RflMpc.mpc.horizon=5"]);
-    assert_eq!((x, y), (at("paths/off_road.csv").x, at("paths/off_road.csv").y));
+    assert_eq!((x, y), (at("paths/truck_off_road.csv").x, at("paths/truck_off_road.csv").y));
 
     for (setting, words) in [
         ("RflMpc.path_file=no/such/road.csv", &["no/such/road.csv"][..]),

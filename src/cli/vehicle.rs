@@ -88,7 +88,7 @@ impl Commanded<TRUCK_STATES, TRUCK_COLUMNS> for Truck {
 }
 
 /// Weights of a truck's collecting controller: it stays calm behind a dead time of 0.3 s and a lag of 0.2 s.
-const TRUCK_CALM: [(&str, f64); 3] = [("mpc.r_rate", 100.0), ("mpc.q_e1_rate", 1.0), ("mpc.q_e2", 0.0)];
+const TRUCK_CALM: [(&str, f64); 3] = [("mpc.r_rate", 30.0), ("mpc.q_e1_rate", 1.0), ("mpc.q_e2", 300.0)];
 
 /// A vehicle by built-in name or file.
 pub(super) fn vehicle_named<F: VehicleFile>(name: &str) -> Result<F, Box<dyn Error>> {

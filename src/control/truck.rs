@@ -159,7 +159,7 @@ impl TruckControllerParameters {
             horizon: 60,
             q_e1_rate: 0.4,
             q_e2: 0.0,
-            r_rate: 1.0,
+            r_rate: 0.1,
             steer_max: truck.steering.angle_limit.min(0.6),
             steer_rate_max: truck.steering.rate_limit.min(0.6),
             ..MpcParameters::default()
