@@ -76,12 +76,16 @@ pub(super) struct ModelArgs {
 /// Where `rfl train` puts models, and `rfl drive` looks for them.
 pub(super) const MODELS: &str = "out/residual";
 
+/// A variant and what it predicts with.
+type Chosen<G, const S: usize> =
+    (ControlVariant, PredictionModelFor<<G as VehicleParameters<S>>::Vehicle, S>);
+
 impl ModelArgs {
     /// The variant and its model for a controller with these parameters.
     pub fn choose<G: VehicleParameters<S>, const S: usize>(
         &self,
         parameters: &ControllerParametersFor<G>,
-    ) -> Result<(ControlVariant, PredictionModelFor<G::Vehicle, S>), Box<dyn Error>> {
+    ) -> Result<Chosen<G, S>, Box<dyn Error>> {
         let choice = Choice {
             variant: self.variant,
             file: self.residual.clone(),

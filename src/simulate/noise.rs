@@ -38,8 +38,15 @@ impl SensorNoise {
     /// So many times as much.
     #[must_use]
     pub fn scaled(&self, by: f64) -> Self {
-        let Self { position, velocity, yaw, yaw_rate } = *self;
-        Self { position: by * position, velocity: by * velocity, yaw: by * yaw, yaw_rate: by * yaw_rate }
+        let Self { position, velocity, yaw, yaw_rate, articulation, articulation_rate } = *self;
+        Self {
+            position: by * position,
+            velocity: by * velocity,
+            yaw: by * yaw,
+            yaw_rate: by * yaw_rate,
+            articulation: by * articulation,
+            articulation_rate: by * articulation_rate,
+        }
     }
 
     /// Adds noise to a measurement.
