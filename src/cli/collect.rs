@@ -19,7 +19,7 @@ Examples:
   rfl collect                                        three drives of the training route to out/collect/
   rfl collect --vehicle my_car.toml --runs 5
   rfl collect --set effect.steer_lag=0.1 --set effect.steer_delay=0.06     a car with a slow actuator
-  rfl collect --vehicle truck_simulation --set effect.steer_lag=0.2 --set effect.steer_delay=0.3"
+  rfl collect --vehicle truck_simulation --set effect.steer_lag=0.2 --set effect.steer_delay=0.3 --set speed.limit=8"
 )]
 pub struct CollectArgs {
     /// Road to drive: a CSV file with columns x, y [default: the vehicle's training route]
