@@ -98,13 +98,14 @@ fn the_speed_follows_its_plan_by_mpc_or_pi() {
 
 #[test]
 fn a_known_dead_time_and_lag_is_worth_much() {
+    // Each at weights that suit it: calm ones let the nominal survive, tight ones are for who knows the delay.
     let nominal = drive(Route::TruckUTurn, HIGH, calm(), Model::Nominal, 300.0);
     let [dead_time, time_constant] = HIGH;
     let known = Model::Actuator(Actuator { dead_time, time_constant, ..Actuator::default() });
-    let known = drive(Route::TruckUTurn, HIGH, calm(), known, 300.0);
+    let known = drive(Route::TruckUTurn, HIGH, default(), known, 300.0);
     assert!(known.finished);
     let (known, nominal) = (known.tracking().mae, nominal.tracking().mae);
-    assert!(known < 0.7 * nominal, "mean lateral error {known} m, nominal {nominal} m");
+    assert!(known < 0.5 * nominal, "mean lateral error {known} m, nominal {nominal} m");
 }
 
 fn learn(kind: Kind, delay: [f64; 2]) -> Residual<Articulated, TRUCK_STATES> {
