@@ -74,8 +74,10 @@ pub struct Noise<const S: usize = ERRORS> {
     further: SVector<f64, S>,
     /// What accelerations, held over a step, add to the state.
     effect: SMatrix<f64, S, S>,
-    /// What a prediction misses of each rate, for each m/s that it misses of the lateral velocity.
-    shares: SVector<f64, S>,
+    /// Covariance of what the prediction of a step misses.
+    missed: SMatrix<f64, S, S>,
+    /// Covariance of how far the disturbance wanders in a step.
+    wandered: SMatrix<f64, S, S>,
     /// Largest disturbance that is believed.
     largest: SVector<f64, S>,
 }
@@ -94,11 +96,16 @@ impl<const S: usize> Noise<S> {
             effect[(rate - 1, rate)] = 0.5 * sample_time * sample_time;
             effect[(rate, rate)] = sample_time;
         }
+        // What a prediction misses of each rate, for each m/s that it misses of the lateral velocity.
+        let shares = of([0.0, 1.0, 0.0, YAW_SHARE], |state| state.missed);
+        let missed = effect * shares * (p.prediction_noise / sample_time);
+        let wandered = shares * p.disturbance_noise;
         Self {
             parameters: *p,
             further: of([0.0; ERRORS], |state| state.noise),
             effect,
-            shares: of([0.0, 1.0, 0.0, YAW_SHARE], |state| state.missed),
+            missed: SMatrix::from_diagonal(&missed.component_mul(&missed)),
+            wandered: SMatrix::from_diagonal(&wandered.component_mul(&wandered)),
             largest: of(LARGEST, |state| state.largest_disturbance),
         }
     }
@@ -129,16 +136,14 @@ impl<const S: usize> Observer<S> {
         };
         let innovation = measured - state;
         let g = &noise.effect;
-        let missed = g * noise.shares * (noise.parameters.prediction_noise / g[(1, 1)]);
-        let wandered = noise.shares * noise.parameters.disturbance_noise;
         let across = a * self.of_both * g.transpose();
         let of_state = a * self.of_state * a.transpose()
             + across
             + across.transpose()
             + g * self.of_disturbance * g.transpose()
-            + SMatrix::from_diagonal(&missed.component_mul(&missed));
+            + noise.missed;
         let of_both = a * self.of_both + g * self.of_disturbance;
-        let of_disturbance = self.of_disturbance + SMatrix::from_diagonal(&wandered.component_mul(&wandered));
+        let of_disturbance = self.of_disturbance + noise.wandered;
         let Some(inverse) = (of_state + of_measured).try_inverse() else { return *measured };
         let (gain, gain_of_disturbance) = (of_state * inverse, of_both.transpose() * inverse);
         self.disturbance += gain_of_disturbance * innovation;

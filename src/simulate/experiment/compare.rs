@@ -395,7 +395,7 @@ impl<'a> Comparison<'a> {
         let found = search(self.effort.budget, 1, row.observes(), known, |weights| {
             self.score(&models, weights, limit, threads).unwrap_or(f64::INFINITY)
         });
-        let own = self.validate(&models, &found, threads)?;
+        let own = self.validate(&models, &found)?;
         let frozen = known.unwrap_or(own);
         progress(&format!("{}: driving", row.name()));
         let observing = |weights: Weights| Weights {
@@ -481,12 +481,7 @@ impl<'a> Comparison<'a> {
 
     /// The better, on the whole training route, of the two best candidates that stand it shaken with every seed's model;
     /// the best candidate if none does.
-    fn validate(
-        &self,
-        models: &[PredictionModel],
-        found: &Found,
-        threads: usize,
-    ) -> Result<Weights, CompareError> {
+    fn validate(&self, models: &[PredictionModel], found: &Found) -> Result<Weights, CompareError> {
         let mut best = found.tried.clone();
         best.sort_by(|a, b| a.1.total_cmp(&b.1));
         best.dedup();
@@ -498,15 +493,9 @@ impl<'a> Comparison<'a> {
             if standing.len() == VALIDATED {
                 break;
             }
-            let shaken = (0..models.len()).step_by(threads).map(|first| {
-                let seeds = threads.min(models.len() - first);
-                let errors =
-                    parallel::map(threads, seeds, |i| error(weights, Some(self.shaking()), first + i));
-                errors.into_iter().collect::<Result<Vec<_>, _>>()
-            });
             let mut stands = true;
-            for errors in shaken {
-                stands &= errors?.iter().all(|&error| error < COST_OF_LOSS);
+            for seed in 0..models.len() {
+                stands = error(weights, Some(self.shaking()), seed)? < COST_OF_LOSS;
                 if !stands {
                     break;
                 }
