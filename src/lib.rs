@@ -32,12 +32,14 @@
 //! | [`log`] | drive logs: reading, and making what they lack |
 //! | [`control`] | condensing, the QP, the MPC, speed control, status and fallback |
 //! | [`simulate`] | the closed loop in native code, and its metrics |
+//! | [`diagnose`] | why a simulator and a vehicle disagree |
 //! | [`fmi`] | FMI 2.0: the C ABI, instances, descriptions; knows no model |
 //! | [`fmu`] | our models as FMI units: their variables and steps |
 
 #[cfg(feature = "cli")]
 pub mod cli;
 pub mod control;
+pub mod diagnose;
 pub mod enumeration;
 pub mod fmi;
 pub mod fmu;

@@ -1,0 +1,260 @@
+//! The answer of a diagnosis: what `report.json` holds, and the series that its plots need.
+//!
+//! Field names are the contract with users' scripts; values are SI units and radians.
+
+use crate::vehicle::Stage;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// The whole answer.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Report {
+    /// What is the matter.
+    pub verdict: Verdict,
+    /// All candidates, the best first.
+    pub candidates: Vec<Candidate>,
+    /// How far the gap shrinks.
+    pub shrink: Shrink,
+    /// Where the gap lies, the greatest share first.
+    #[serde(rename = "where")]
+    pub places: Vec<Place>,
+    /// The stage at which the gap enters, if there is one.
+    pub stage: Option<Stage>,
+    /// What this log can show and what it cannot.
+    pub observability: Vec<Observability>,
+    /// What to drive next to tell the first candidates apart.
+    pub next_manoeuvre: Option<Manoeuvre>,
+    /// What the simulator needs besides the named effect to drive like the log, each within its tolerance.
+    pub recalibration: Vec<Adjustment>,
+    /// What was found wrong, missing or mended in the log, in words, the gravest first.
+    pub findings: Vec<Finding>,
+    /// What the diagnosis was made from.
+    pub inputs: Inputs,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// Version of this program.
+    pub version: String,
+}
+
+/// What is the matter.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Verdict {
+    /// An effect, nothing, something that the library does not have, or a log that does not tell.
+    pub kind: VerdictKind,
+    /// Calibrated probability that the verdict (for an effect: its class) is right.
+    pub probability: f64,
+    /// The effects named; one, or two for a pair.
+    pub effects: Vec<NamedEffect>,
+    /// The verdict in at most three sentences.
+    pub words: String,
+}
+
+/// Kinds of verdicts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[allow(missing_docs)]
+pub enum VerdictKind {
+    Effect,
+    None,
+    NotInLibrary,
+    CannotTell,
+}
+
+/// An effect that was named.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct NamedEffect {
+    /// Its id, as in the plant's parameter `effect.<id>`.
+    pub id: String,
+    /// Its value with an interval of 95 %, in `unit`.
+    pub value: f64,
+    /// Lower end of the interval.
+    pub low: f64,
+    /// Upper end of the interval.
+    pub high: f64,
+    /// Symbol of the unit.
+    pub unit: String,
+    /// Effects that this log cannot tell from it, itself among them.
+    pub class: Vec<String>,
+    /// What would tell them apart, in words; empty where the class is the effect alone.
+    pub separated_by: String,
+    /// Where on the way from command to measurement it acts.
+    pub stage: Stage,
+    /// Gap that the effect makes over the gap of the background.
+    pub dominance: f64,
+}
+
+/// A cause that was tried.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Candidate {
+    /// One effect, or a pair.
+    pub effects: Vec<String>,
+    /// Their values, SI units.
+    pub values: Vec<f64>,
+    /// `J_none - J` of the candidate: how much better it explains the log than the background alone.
+    pub evidence: f64,
+    /// Why it stands where it does, in words.
+    pub why: String,
+}
+
+/// How far the gap shrinks.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+pub struct Shrink {
+    /// For each signal, over the whole of the held-out parts.
+    pub open_loop: BTreeMap<String, Gap>,
+    /// For each horizon (`0.5`, `1`, `2` s) and signal: the simulator starts anew from the log every horizon.
+    pub horizons: BTreeMap<String, BTreeMap<String, Gap>>,
+    /// For each path error, if a path and a controller were given.
+    pub closed_loop: Option<BTreeMap<String, Gap>>,
+}
+
+/// A gap (RMS, in the signal's unit) on held-out parts, and what is left of it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Gap {
+    /// Of the simulator as it was given.
+    pub before: f64,
+    /// With the named effect.
+    pub effect: f64,
+    /// With the effect, and all else within its tolerance.
+    pub recalibrated: f64,
+    /// What a model learned from past commands still removes from that: the rest after it.
+    pub learnable: f64,
+    /// What noise alone leaves.
+    pub noise: f64,
+}
+
+/// A place where the gap lies.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Place {
+    /// The signal.
+    pub signal: String,
+    /// What is divided into regimes: `speed`, `lateral_accel`, `curvature`, `steer_rate`, `side`, `time`, `station`, `frequency`.
+    pub regime: String,
+    /// Beginning of the regime, in the unit of what is divided.
+    pub from: f64,
+    /// Its end.
+    pub to: f64,
+    /// Samples in it.
+    pub count: usize,
+    /// RMS of the gap there, in the signal's unit.
+    pub rms: f64,
+    /// Its share of the signal's whole squared gap.
+    pub share: f64,
+    /// How unlikely as much is by noise and an even spread, in standard deviations.
+    pub significance: f64,
+}
+
+/// Whether a log can show an effect.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Observability {
+    /// The effect's id.
+    pub effect: String,
+    /// Whether the log can show it at all.
+    pub observable: bool,
+    /// Least value (as a distance from the neutral one) that would be seen, if any.
+    pub least: Option<f64>,
+    /// The reason, in words, with numbers ("34 % of grip reached").
+    pub why: String,
+}
+
+/// What to drive next.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Manoeuvre {
+    /// Its name, e.g. `speed sweep`.
+    pub name: String,
+    /// How it is driven, in words.
+    pub how: String,
+    /// The candidates that it tells apart.
+    pub separates: Vec<String>,
+    /// Evidence that it is expected to give for one against the other, if the first is true.
+    pub expected_evidence: f64,
+}
+
+/// A number of the simulator that is adjusted.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Adjustment {
+    /// `effect.<id>` or a vehicle's parameter, e.g. `vehicle.mass`.
+    pub parameter: String,
+    /// Its value in the simulator as it was given.
+    pub given: f64,
+    /// Its adjusted value.
+    pub value: f64,
+    /// Its tolerance: standard deviation before the log was seen.
+    pub tolerance: f64,
+    /// Standard deviation after.
+    pub deviation: f64,
+    /// Symbol of the unit.
+    pub unit: String,
+}
+
+/// How grave a finding is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Gravity {
+    /// Worth knowing.
+    Note,
+    /// Mended or left out, and the answer may be weaker for it.
+    Warning,
+    /// Probably wrong in the log: the answer is not to be trusted before it is cleared up.
+    Suspicion,
+}
+
+/// What was found in a log.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Finding {
+    /// How grave it is.
+    pub gravity: Gravity,
+    /// The column, if it is about one.
+    pub signal: Option<String>,
+    /// What is the matter and what to do, in words.
+    pub words: String,
+}
+
+/// What a diagnosis was made from.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+pub struct Inputs {
+    /// Each file with its hash, by what it is (`log`, `reference`, `vehicle`, `path`, `controller`).
+    pub files: BTreeMap<String, InputFile>,
+    /// The vehicle's name.
+    pub vehicle: String,
+    /// Tolerances (standard deviations) of the background, by parameter, SI units.
+    pub tolerances: BTreeMap<String, f64>,
+    /// Signals that were compared.
+    pub signals: Vec<String>,
+    /// Length of the log that was used, s.
+    pub duration: f64,
+    /// Its samples per second.
+    pub rate: f64,
+}
+
+/// A file that was read.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct InputFile {
+    /// As it was named.
+    pub file: String,
+    /// Hash of its content, hexadecimal.
+    pub hash: String,
+}
+
+/// What plots are drawn from: every column is as long as `time`.
+#[derive(Debug, Clone, Default)]
+pub struct Series {
+    /// Time, s, on the log's own clock.
+    pub time: Vec<f64>,
+    /// Columns of the log, by signal, repaired, on an even clock.
+    pub log: BTreeMap<String, Vec<f64>>,
+    /// What the simulator says as it was given, for each signal compared.
+    pub simulated: BTreeMap<String, Vec<f64>>,
+    /// What it says with the named effect.
+    pub with_effect: BTreeMap<String, Vec<f64>>,
+    /// What it says with effect and recalibration.
+    pub corrected: BTreeMap<String, Vec<f64>>,
+}
+
+/// All that a diagnosis gives.
+#[derive(Debug, Clone)]
+pub struct Diagnosis {
+    /// The answer.
+    pub report: Report,
+    /// What its plots are drawn from.
+    pub series: Series,
+}
