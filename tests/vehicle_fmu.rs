@@ -1,9 +1,9 @@
-//! The car as the FMI layer sees it.
+//! Cars and trucks as the FMI layer sees them.
 
 use rfl_mpc::fmi::{Context, Kind, Log, Model, ModelError, Severity, Value, Values};
-use rfl_mpc::fmu::PassengerCar;
+use rfl_mpc::fmu::{PlantFmu, PlantUnit};
 use rfl_mpc::signal;
-use rfl_mpc::vehicle::{BUILTIN, Car, CarInput, CarParameters, CarStatus, Effects, builtin};
+use rfl_mpc::vehicle::{Car, Truck, VehicleInput, VehicleParameters};
 
 #[derive(Default)]
 struct Messages(Vec<String>);
@@ -14,26 +14,41 @@ impl Log for Messages {
     }
 }
 
-struct Instance {
-    model: PassengerCar,
+struct Instance<P: PlantUnit> {
+    model: PlantFmu<P>,
     values: Values,
     messages: Messages,
     time: f64,
 }
 
-impl Instance {
+impl<P: PlantUnit> Instance<P> {
     fn new() -> Self {
-        let values = Values::starting_from(&PassengerCar::declaration().variables);
-        Self { model: PassengerCar::new(), values, messages: Messages::default(), time: 0.0 }
+        let values = Values::starting_from(&PlantFmu::<P>::declaration().variables);
+        Self { model: PlantFmu::new(), values, messages: Messages::default(), time: 0.0 }
+    }
+
+    /// With some parameters set.
+    fn with(parameters: &[(&str, f64)]) -> Self {
+        let mut instance = Self::new();
+        for (name, value) in parameters {
+            instance.set(name, Value::Real(*value));
+        }
+        instance
     }
 
     fn set(&mut self, name: &str, value: Value) {
-        let vr = PassengerCar::declaration().find(name).unwrap_or_else(|| panic!("no variable {name}"));
+        let vr = PlantFmu::<P>::declaration().find(name).unwrap_or_else(|| panic!("no variable {name}"));
         self.values.set_by_host(vr, value);
     }
 
     fn real(&self, name: &str) -> f64 {
-        self.values.real(PassengerCar::declaration().find(name).unwrap())
+        self.values.real(PlantFmu::<P>::declaration().find(name).unwrap())
+    }
+
+    /// The name of the status.
+    fn status(&self) -> &'static str {
+        let number = self.values.integer(PlantFmu::<P>::declaration().find("status").unwrap());
+        P::STATUS.1.iter().find(|item| item.0 == number).unwrap().1
     }
 
     fn initialize(&mut self) -> Result<(), ModelError> {
@@ -49,112 +64,138 @@ impl Instance {
     }
 }
 
-#[test]
-fn it_declares_the_signals_all_parameters_and_all_effects() {
-    let declaration = PassengerCar::declaration();
-    for signal in [
-        &signal::STEER_CMD,
-        &signal::ACCEL_CMD,
-        &signal::X,
-        &signal::Y,
-        &signal::YAW,
-        &signal::VX,
-        &signal::VY,
-        &signal::YAW_RATE,
-        &signal::AX,
-        &signal::AY,
-        &signal::STEER,
-        &signal::ROLL,
-    ] {
-        let variable = &declaration.variables[declaration.find(signal.name).unwrap()];
-        assert!(matches!(variable.kind, Kind::Real { unit, .. } if unit == signal.unit), "{}", signal.name);
+/// What differs between the vehicles.
+trait Case: PlantUnit {
+    /// A built-in vehicle, its file, and a parameter of the file: name, line, another line.
+    const BUILTIN: &'static str;
+    const FILE: &'static str;
+    const MASS: (&'static str, &'static str, &'static str);
+    /// A parameter that the host sets, and its value.
+    const INERTIA: (&'static str, f64);
+    /// Effects that are switched on.
+    const EFFECTS: &'static [(&'static str, f64)];
+    /// A payload where no vehicle can carry it: kg, m.
+    const TOO_MUCH: (f64, f64);
+}
+
+impl Case for Car {
+    const BUILTIN: &'static str = "genesis";
+    const FILE: &'static str = include_str!("../vehicles/genesis.toml");
+    const MASS: (&'static str, &'static str, &'static str) =
+        ("vehicle.mass", "mass = 2303.1", "mass = 2000.0");
+    const INERTIA: (&'static str, f64) = ("vehicle.yaw_inertia", 5000.0);
+    const EFFECTS: &'static [(&'static str, f64)] = &[("steer_delay", 0.05)];
+    const TOO_MUCH: (f64, f64) = (9000.0, -5.0);
+}
+
+impl Case for Truck {
+    const BUILTIN: &'static str = "truck_real";
+    const FILE: &'static str = include_str!("../vehicles/truck_real.toml");
+    const MASS: (&'static str, &'static str, &'static str) =
+        ("trailer.mass", "mass = 8000.0", "mass = 2000.0");
+    const INERTIA: (&'static str, f64) = ("tractor.yaw_inertia", 25000.0);
+    const EFFECTS: &'static [(&'static str, f64)] = &[("steer_delay", 0.3), ("articulation_bias", 0.01)];
+    const TOO_MUCH: (f64, f64) = (15000.0, -6.0);
+}
+
+fn declares_the_signals_all_parameters_and_all_effects<P: Case>() {
+    let declaration = PlantFmu::<P>::declaration();
+    let variable =
+        |name: &str| &declaration.variables[declaration.find(name).unwrap_or_else(|| panic!("{name}"))];
+    let known = P::SIGNALS.iter().map(|(signal, _)| *signal);
+    for signal in [&signal::STEER_CMD, &signal::ACCEL_CMD].into_iter().chain(known) {
+        let kind = &variable(signal.name).kind;
+        assert!(matches!(kind, Kind::Real { unit, .. } if *unit == signal.unit), "{}", signal.name);
     }
-    for parameter in CarParameters::TABLE {
-        assert!(declaration.find(parameter.name).is_some(), "{}", parameter.name);
+    for signal in ["x", "y", "yaw", "vx", "vy", "yaw_rate", "ax", "ay", "steer", "roll"] {
+        variable(signal);
     }
-    for effect in Effects::ALL {
-        let variable = &declaration.variables[declaration.find(&format!("effect.{}", effect.id)).unwrap()];
-        let neutral = matches!(variable.kind, Kind::Real { start, .. } if start == effect.neutral);
+    for parameter in P::Parameters::TABLE {
+        variable(parameter.name);
+    }
+    for effect in P::all_effects() {
+        let kind = &variable(&format!("effect.{}", effect.id)).kind;
+        let neutral = matches!(kind, Kind::Real { start, .. } if *start == effect.neutral);
         assert!(neutral, "{} is not neutral at the start", effect.id);
     }
-    let vehicle = &declaration.variables[declaration.find("vehicle_file").unwrap()];
-    for name in BUILTIN {
-        assert!(vehicle.description.contains(name), "{name} is not offered: {}", vehicle.description);
+    for name in P::Parameters::BUILTIN {
+        let description = &variable("vehicle_file").description;
+        assert!(description.contains(name), "{name} is not offered: {description}");
     }
-    let status = &declaration.variables[declaration.find("status").unwrap()];
-    let Kind::Enumeration { items, .. } = &status.kind else { panic!("an enumeration") };
-    assert_eq!(*items, CarStatus::ITEMS);
+    let Kind::Enumeration { items, .. } = &variable("status").kind else { panic!("an enumeration") };
+    assert_eq!(*items, P::STATUS.1);
     for name in &declaration.variables {
         let same = declaration.variables.iter().filter(|other| other.name == name.name).count();
         assert_eq!(same, 1, "{}", name.name);
     }
 }
 
-#[test]
-fn it_is_the_native_car_bit_for_bit() {
-    let mut instance = Instance::new();
-    instance.set("vehicle_file", Value::String("bmw_320i".to_string()));
-    instance.set("initial.vx", Value::Real(15.0));
-    instance.set("initial.yaw", Value::Real(0.3));
-    instance.set("effect.steer_delay", Value::Real(0.05));
+fn is_the_native_vehicle_bit_for_bit<P: Case>() {
+    let mut instance = Instance::<P>::with(&[("initial.vx", 15.0), ("initial.yaw", 0.3)]);
+    instance.set("vehicle_file", Value::String(P::BUILTIN.to_string()));
+    let mut effects = P::Effects::default();
+    for (id, value) in P::EFFECTS {
+        instance.set(&format!("effect.{id}"), Value::Real(*value));
+        *P::effect(&mut effects, id).unwrap() = *value;
+    }
     instance.initialize().unwrap();
-    let effects = Effects { steer_delay: 0.05, ..Effects::default() };
-    let mut car = Car::new(&builtin("bmw_320i").unwrap(), &effects, None).unwrap();
-    car.place(0.0, 0.0, 0.3, 15.0);
-    assert_eq!(instance.real("vehicle.mass"), builtin("bmw_320i").unwrap().vehicle.mass);
+    let mut native = P::make(&P::Parameters::builtin(P::BUILTIN).unwrap(), &effects, None).unwrap();
+    native.place(0.0, 0.0, 0.3, 15.0);
     for k in 0..200 {
-        let (steer, accel) = (0.04 * (0.03 * f64::from(k)).sin(), 0.5);
-        instance.step(steer, accel, 0.01).unwrap();
-        car.step(&CarInput { steer_cmd: steer, accel_cmd: accel }, 0.01).unwrap();
-        let out = car.output();
-        for (name, value) in [("x", out.x), ("yaw_rate", out.yaw_rate), ("ay", out.ay), ("steer", out.steer)]
-        {
-            assert_eq!(instance.real(name), value, "{name}");
+        let (steer_cmd, accel_cmd) = (0.04 * (0.03 * f64::from(k)).sin(), 0.5);
+        instance.step(steer_cmd, accel_cmd, 0.01).unwrap();
+        native.step(&VehicleInput { steer_cmd, accel_cmd }, 0.01).unwrap();
+        let out = native.output();
+        for (signal, value) in P::SIGNALS {
+            assert_eq!(instance.real(signal.name), value(out), "{}", signal.name);
         }
-        assert_eq!(instance.real("wheel.rear_right.load"), out.wheels[3].load);
+        for (name, _, _, value) in P::MORE {
+            assert_eq!(instance.real(name), value(out), "{name}");
+        }
+        for ((name, _), wheel) in P::WHEELS.iter().zip(P::wheels(out)) {
+            assert_eq!(instance.real(&format!("wheel.{name}.load")), wheel.load);
+        }
     }
 }
 
-#[test]
-fn what_the_host_sets_wins_over_the_file_and_the_rest_is_shown() {
+fn what_the_host_sets_wins_over_the_file_and_the_rest_is_shown<P: Case>() {
+    let (mass, line, other) = P::MASS;
+    assert!(P::FILE.contains(line));
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("mine.toml");
-    let text = include_str!("../vehicles/genesis.toml").replace("mass = 2303.1", "mass = 2000.0");
-    std::fs::write(&file, text).unwrap();
-    let mut instance = Instance::new();
+    std::fs::write(&file, P::FILE.replace(line, other)).unwrap();
+    let mut instance = Instance::<P>::with(&[P::INERTIA]);
     instance.set("vehicle_file", Value::String(file.display().to_string()));
-    instance.set("vehicle.yaw_inertia", Value::Real(5000.0));
     instance.initialize().unwrap();
-    assert_eq!(instance.real("vehicle.mass"), 2000.0);
-    assert_eq!(instance.real("vehicle.yaw_inertia"), 5000.0);
-    assert_eq!(instance.real("steering.lag"), 0.1);
-    assert!(instance.messages.0.iter().any(|message| message.contains("Hyundai Genesis")));
-    // Initialised again after a reset with another car: values of the file do not stay.
-    let mut again = Instance { values: Instance::new().values, ..instance };
+    assert_eq!(instance.real(mass), 2000.0);
+    assert_eq!(instance.real(P::INERTIA.0), P::INERTIA.1);
+    let named = P::Parameters::builtin(P::BUILTIN).unwrap();
+    let told = |message: &String| message.contains(named.name());
+    assert!(instance.messages.0.iter().any(told), "{:?}", instance.messages.0);
+    // Initialised again after a reset with another vehicle: values of the file do not stay.
+    let mut again = Instance { values: Instance::<P>::new().values, ..instance };
     again.initialize().unwrap();
-    assert_eq!(again.real("vehicle.mass"), 1400.0);
+    let default = P::Parameters::builtin(P::Parameters::BUILTIN[0]).unwrap();
+    let parameter = P::Parameters::TABLE.iter().find(|parameter| parameter.name == mass).unwrap();
+    assert_eq!(again.real(mass), parameter.get(&default));
 }
 
-#[test]
-fn files_that_cannot_be_used_are_named() {
+fn files_that_cannot_be_used_are_named<P: Case>() {
     for (parameter, name) in [("vehicle_file", "no_such.toml"), ("road_file", "no_such.csv")] {
-        let mut instance = Instance::new();
+        let mut instance = Instance::<P>::new();
         instance.set(parameter, Value::String(name.to_string()));
         let message = instance.initialize().unwrap_err().to_string();
         assert!(message.contains(name), "{message}");
         assert!(instance.step(0.0, 0.0, 0.01).is_err(), "it is not initialised");
     }
-    let mut instance = Instance::new();
-    instance.set("effect.payload", Value::Real(9000.0));
-    instance.set("effect.payload_x", Value::Real(-5.0));
+    let (payload, place) = P::TOO_MUCH;
+    let mut instance = Instance::<P>::with(&[("effect.payload", payload), ("effect.payload_x", place)]);
     let message = instance.initialize().unwrap_err().to_string();
     assert!(message.contains("effect.payload"), "{message}");
 }
 
-#[test]
-fn states_restore_and_foreign_ones_are_refused() {
-    let mut instance = Instance::new();
-    instance.set("effect.sensor_delay", Value::Real(0.1));
+fn states_restore_and_foreign_ones_are_refused<P: Case>() {
+    let mut instance = Instance::<P>::with(&[("effect.sensor_delay", 0.1)]);
     instance.initialize().unwrap();
     for k in 0..100 {
         instance.step(0.01 * f64::from(k % 7), 2.0, 0.01).unwrap();
@@ -162,7 +203,7 @@ fn states_restore_and_foreign_ones_are_refused() {
     let mut bytes = Vec::new();
     instance.model.save(&mut bytes);
     let values = instance.values.clone();
-    let drive = |instance: &mut Instance| -> Vec<f64> {
+    let drive = |instance: &mut Instance<P>| -> Vec<f64> {
         (0..50)
             .map(|k| {
                 instance.step(0.02, f64::from(k % 3), 0.013).unwrap();
@@ -181,19 +222,47 @@ fn states_restore_and_foreign_ones_are_refused() {
     instance.step(0.0, 0.0, 0.01).unwrap();
 }
 
-#[test]
-fn the_status_says_what_the_car_does() {
-    let mut instance = Instance::new();
+fn the_status_says_what_it_does<P: Case>() {
+    let mut instance = Instance::<P>::new();
     instance.initialize().unwrap();
-    let status = |instance: &Instance| {
-        CarStatus::ALL[instance.values.integer(PassengerCar::declaration().find("status").unwrap()) as usize]
-    };
-    assert_eq!(status(&instance), CarStatus::Standstill);
+    assert_eq!(instance.status(), "standstill");
     for _ in 0..300 {
-        instance.step(0.0, 3.0, 0.01).unwrap();
+        instance.step(0.0, 1.0, 0.01).unwrap();
     }
-    assert_eq!(status(&instance), CarStatus::Driving);
-    instance.step(0.7, 0.0, 0.01).unwrap();
-    assert_eq!(status(&instance), CarStatus::SteeringLimited);
+    assert_eq!(instance.status(), "driving");
+    instance.step(0.8, 0.0, 0.01).unwrap();
+    assert_eq!(instance.status(), "steering_limited");
     assert!(instance.messages.0.iter().any(|message| message.contains("steering_limited")));
+}
+
+/// Each behaviour for each vehicle.
+macro_rules! for_each_vehicle {
+    ($($behaviour:ident)*) => {
+        mod car { $(#[test] fn $behaviour() { super::$behaviour::<super::Car>() })* }
+        mod truck { $(#[test] fn $behaviour() { super::$behaviour::<super::Truck>() })* }
+    };
+}
+
+for_each_vehicle! {
+    declares_the_signals_all_parameters_and_all_effects
+    is_the_native_vehicle_bit_for_bit
+    what_the_host_sets_wins_over_the_file_and_the_rest_is_shown
+    files_that_cannot_be_used_are_named
+    states_restore_and_foreign_ones_are_refused
+    the_status_says_what_it_does
+}
+
+#[test]
+fn a_jack_knife_ends_the_instance_with_a_message() {
+    let mut instance = Instance::<Truck>::with(&[
+        ("initial.vx", 22.0),
+        ("brake.front_share", 0.0),
+        ("brake.trailer_share", 0.0),
+        ("effect.road_friction", 0.35),
+    ]);
+    instance.initialize().unwrap();
+    let error = (0..3000).find_map(|k| instance.step(0.08, if k < 50 { 0.0 } else { -5.0 }, 0.01).err());
+    let Some(ModelError::Failed(message)) = error else { panic!("it jack-knifes: {error:?}") };
+    assert!(message.contains("jack-knifed") && message.contains("hitch.articulation_limit"), "{message}");
+    assert!(instance.messages.0.iter().any(|message| message.contains("jack_knifing")));
 }
