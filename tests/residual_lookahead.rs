@@ -6,7 +6,7 @@ mod residual_plant;
 use counting::allocated;
 use residual_plant::{Plant, data};
 use rfl_mpc::residual::{
-    Coefficients, DataSet, Kind, LambdaChoice, LookedUp, Lookahead, Random, Regressors, ResidualModel,
+    Coefficients, DataSet, Kind, LambdaChoice, Lookahead, LookedUp, Random, Regressors, ResidualModel,
     TrainConfig, TreeFeatures, train,
 };
 
@@ -58,7 +58,9 @@ fn assert_same(row: &LookedUp<'_, 4>, fresh: &Coefficients, what: &str) {
     {
         match of_row.is_empty() {
             true => assert!(of_fresh.iter().flatten().all(|&x| x == 0.0), "{what}: {name}"),
-            false => assert_eq!(bits(of_row.iter().flatten()), bits(of_fresh.iter().flatten()), "{what}: {name}"),
+            false => {
+                assert_eq!(bits(of_row.iter().flatten()), bits(of_fresh.iter().flatten()), "{what}: {name}")
+            }
         }
     }
 }
@@ -168,8 +170,7 @@ fn rows_allocate_nothing() {
 #[should_panic(expected = "room of another model")]
 fn rows_of_another_model_are_refused() {
     let samples = samples();
-    let [(_, mine), (_, other)] = [Kind::Rfl, Kind::Rfl].map(|kind| {
-        (kind, model(&samples, kind, Regressors::default(), TreeFeatures::Errors))
-    });
+    let [(_, mine), (_, other)] = [Kind::Rfl, Kind::Rfl]
+        .map(|kind| (kind, model(&samples, kind, Regressors::default(), TreeFeatures::Errors)));
     mine.row(&mut other.lookahead(HORIZON), 0, &[8.0, 0.0, 0.0]);
 }

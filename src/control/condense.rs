@@ -69,6 +69,8 @@ pub struct Affine<X> {
     /// Step 0 stands at this place of `command`, the others behind it, and behind the last place comes the first: what
     /// stays the same need not move when the horizon does.
     pub first: usize,
+    /// Effect of a command that is held over the whole window, at the same places, for whoever fills it in.
+    pub held: Vec<X>,
     /// What each step's residual is without decisions: its constant part and that of past commands.
     pub settled: Vec<X>,
     /// Effects of the decisions on the newest state, one vector for each step of the horizon.
@@ -85,6 +87,7 @@ impl<X: HorizonState> Affine<X> {
             command: vec![X::zero(); horizon * window],
             window,
             first: 0,
+            held: vec![X::zero(); horizon],
             settled: vec![X::zero(); horizon],
             effects: vec![X::zero(); horizon],
         }
@@ -93,10 +96,18 @@ impl<X: HorizonState> Affine<X> {
     /// Effects of the window's commands at a step, oldest first.
     #[must_use]
     pub fn commands_of(&self, step: usize) -> &[X] {
-        let place = self.first + step;
-        let horizon = self.known.len();
-        let place = if place < horizon { place } else { place - horizon };
-        &self.command[place * self.window..][..self.window]
+        &self.command[self.place(step) * self.window..][..self.window]
+    }
+
+    /// Effect at a step of a command that is held over the whole window.
+    #[must_use]
+    pub fn held_at(&self, step: usize) -> X {
+        self.held[self.place(step)]
+    }
+
+    fn place(&self, step: usize) -> usize {
+        let (place, horizon) = (self.first + step, self.known.len());
+        if place < horizon { place } else { place - horizon }
     }
 
     /// Adds the past commands, the `window - 1` before the first decision, oldest first, to the constant part.
@@ -168,16 +179,18 @@ pub(super) fn condense_settled<A, X: HorizonState>(
             effects.copy_within(..j, 1);
             effects[0] = oldest;
         } else {
-            for effect in &mut effects[..j] {
+            let (old, decisions) = effects[..j].split_at_mut(if propagated { begin } else { j });
+            for effect in old {
                 *effect = a * &*effect;
+            }
+            for (effect, more) in decisions.iter_mut().zip(decided) {
+                *effect = a * &*effect + *more;
             }
             effects[j] = *b;
         }
         if propagated {
             x += affine.settled[j];
-            for (effect, more) in effects[begin..=j].iter_mut().zip(decided) {
-                *effect += *more;
-            }
+            effects[j] += decided[j - begin];
         }
         for (i, &state) in tracked.iter().enumerate() {
             let row = j * outputs + i;

@@ -18,7 +18,7 @@
 
 use super::ROAD;
 use super::forest::Forest;
-use super::leaf::LeafModels;
+use super::leaf::{FourSums, LeafModels};
 use super::least_squares::Theta;
 use std::sync::Arc;
 
@@ -69,6 +69,7 @@ pub struct Lookahead<const S: usize> {
     rows: Rows,
     /// Mean coefficients of the rows' leaves.
     mean: Theta<S>,
+    sums: FourSums<S>,
     features: Vec<f64>,
     /// Thresholds that may still be passed in this step; beyond, rows are looked up in every tree.
     budget: usize,
@@ -195,6 +196,7 @@ impl<const S: usize> Lookahead<S> {
                 pending: vec![Pending::All; horizon],
             },
             mean: vec![[0.0; S]; horizon * model.regressors()],
+            sums: FourSums::new(trees, model.regressors()),
             features: vec![0.0; S * window + ROAD],
             budget: 0,
         }
@@ -288,7 +290,8 @@ impl<const S: usize> Lookahead<S> {
         let Rows { trees, end, leaf, marked, .. } = &mut self.rows;
         let of_row = slot * *trees..(slot + 1) * *trees;
         let (states, road) = (&self.states[S * row..][..S * self.window], &self.road[slot]);
-        let value = |feature: usize| states.get(feature).copied().unwrap_or_else(|| road[feature - states.len()]);
+        let value =
+            |feature: usize| states.get(feature).copied().unwrap_or_else(|| road[feature - states.len()]);
         let places = end[of_row.clone()].iter_mut().zip(&mut leaf[of_row.clone()]);
         let mut renewed = false;
         for (tree, ((end, leaf), marked)) in places.zip(&mut marked[of_row]).enumerate() {
@@ -328,7 +331,7 @@ impl<const S: usize> Lookahead<S> {
         {
             self.mean.copy_within(before * count..(before + 1) * count, slot * count);
         } else {
-            self.model.average(leaves(slot), &mut self.mean[slot * count..][..count]);
+            self.model.average(leaves(slot), &mut self.sums, &mut self.mean[slot * count..][..count]);
         }
     }
 

@@ -83,8 +83,8 @@ pub use dataset::{DataConfig, DataReport, DataSet, Drive, Windows};
 pub use file::{FORMAT, FileError, FileKind};
 pub use forest::{Block, Forest, ForestConfig, GrownForest, grow};
 pub use leaf::{LeafFit, LeafModels};
-pub use lookahead::{LookedUp, Lookahead};
 pub use least_squares::{Decomposed, Gram, Theta, Triangle};
+pub use lookahead::{Lookahead, LookedUp};
 pub use model::{
     Coefficients, Expected, Kind, Misfit, Range, Regressors, ResidualModel, ResidualModelFor, Schema,
     Training, TreeFeatures,

@@ -17,9 +17,9 @@
 
 use super::ROAD;
 use super::forest::Forest;
-use super::leaf::LeafModels;
+use super::leaf::{FourSums, LeafModels};
 use super::least_squares::Theta;
-use super::lookahead::{LookedUp, Lookahead};
+use super::lookahead::{Lookahead, LookedUp};
 use crate::enumeration;
 use crate::nominal::{ERRORS, LateralVehicle};
 use crate::vehicle::SingleTrack;
@@ -320,6 +320,7 @@ pub struct Coefficients<const S: usize = ERRORS> {
     leaves: Vec<u32>,
     /// Their mean coefficients as they are in the model: without the road's values, not scaled.
     mean: Theta<S>,
+    sums: FourSums<S>,
     /// How far the worst feature lies outside its range in training, in widths of that range; 0 inside.
     pub excess: f64,
     /// Share of the leaves that never saw commands like those given, 0 to 1.
@@ -429,6 +430,7 @@ impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
             model: Arc::clone(&self.leaves),
             leaves: vec![u32::MAX; self.forest.trees()],
             mean: vec![[0.0; S]; self.leaves.regressors()],
+            sums: FourSums::new(self.forest.trees(), self.leaves.regressors()),
             excess: 0.0,
             strange_leaves: 0.0,
         }
@@ -452,7 +454,7 @@ impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
             last.copy_from_slice(leaves);
         });
         if !same {
-            self.leaves.average(&out.leaves, &mut out.mean);
+            self.leaves.average(&out.leaves, &mut out.sums, &mut out.mean);
         }
         // Constant leaves have only the first of the coefficients.
         let (known, rest) = out.values.split_at_mut(out.mean.len());
@@ -488,12 +490,7 @@ impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
     ///
     /// # Panics
     /// If `rows` is of another model, or has no such row: a mistake of the calling code, not of data.
-    pub fn row<'a>(
-        &self,
-        rows: &'a mut Lookahead<S>,
-        row: usize,
-        road: &[f64; ROAD],
-    ) -> LookedUp<'a, S> {
+    pub fn row<'a>(&self, rows: &'a mut Lookahead<S>, row: usize, road: &[f64; ROAD]) -> LookedUp<'a, S> {
         assert!(rows.is_of(&self.leaves), "room of another model");
         let Schema { window, regressors, .. } = self.schema;
         let (slot, renewed) = rows.look_up(&self.forest, row, road);

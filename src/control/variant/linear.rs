@@ -90,6 +90,7 @@ impl<V: LateralVehicle<S>, const S: usize> NominalWithResidual<V, S> {
             self.affine.constant.fill(SVector::zeros());
             self.affine.settled.fill(SVector::zeros());
             self.affine.command.fill(SVector::zeros());
+            self.affine.held.fill(SVector::zeros());
             learned.written.fill(f64::NAN);
             return;
         }
@@ -108,11 +109,9 @@ impl<V: LateralVehicle<S>, const S: usize> NominalWithResidual<V, S> {
         let corrected = self.affine.window > 0 || *input.disturbance != SVector::<f64, S>::zeros();
         // Where a step's model `x = A x + B u + w + c + sum beta u` stays on the path with a constant command: `e1 = 0`
         // leaves an equation for each other state and for u, which stands in the place of e1.
-        let equations =
-            if corrected { Equations::new(&(SMatrix::identity() - model.a)) } else { None };
+        let equations = if corrected { Equations::new(&(SMatrix::identity() - model.a)) } else { None };
         let target = |j: usize| {
-            let effects = self.affine.commands_of(j).iter();
-            let steer = effects.fold(SVector::zeros(), |sum: SVector<f64, S>, effect| sum + effect) + model.b;
+            let steer = model.b + self.affine.held_at(j);
             equations.as_ref()?.solve(&-steer, &(self.affine.known[j] + self.affine.constant[j]))
         };
         qp.refer(|j| target(j).unwrap_or_else(|| steady * preview.curvature[j]));
@@ -228,18 +227,23 @@ impl<V: LateralVehicle<S>, const S: usize> Learned<V, S> {
             let effects = &mut affine.command[row.slot * window..][..window];
             if row.renewed || self.written[row.slot] != trust {
                 self.written[row.slot] = trust;
-                effects.fill(SVector::zeros());
-                for (effect, command) in effects.iter_mut().zip(row.command) {
-                    effect.data.0[0] = scaled(command);
+                let mut held = [0.0; S];
+                match row.command {
+                    [] => effects.fill(SVector::zeros()),
+                    commands => {
+                        for (effect, command) in effects.iter_mut().zip(commands) {
+                            effect.data.0[0] = scaled(command);
+                            add(&mut held, &effect.data.0[0], 1.0);
+                        }
+                    }
                 }
+                affine.held[row.slot] = SVector::from(held);
             }
             // Past commands, which are known, apart from planned ones.
             let commands = &self.commands[j..][..window];
             let past = (window - 1).saturating_sub(j);
             let mut residual = constant;
-            for (effect, command) in effects[..past].iter().zip(commands) {
-                add(&mut residual, &effect.data.0[0], *command);
-            }
+            add_all(&mut residual, &effects[..past], &commands[..past]);
             affine.constant[j] = SVector::from(constant);
             affine.settled[j] = SVector::from(residual);
             if j + 1 == horizon {
@@ -247,15 +251,28 @@ impl<V: LateralVehicle<S>, const S: usize> Learned<V, S> {
             }
             state = model.a * state + model.b * commands[window - 1] + affine.known[j];
             if self.residual.roll_out == RollOut::Corrected {
-                for (effect, command) in effects[past..].iter().zip(&commands[past..]) {
-                    add(&mut residual, &effect.data.0[0], *command);
-                }
+                add_all(&mut residual, &effects[past..], &commands[past..]);
                 state += SVector::from(residual);
             }
             self.rows.set_state(j + window, &state.data.0[0]);
         }
         outside / horizon as f64
     }
+}
+
+/// Adds the effects of commands. In two sums, each of which need not wait for the other.
+fn add_all<const S: usize>(sum: &mut [f64; S], effects: &[SVector<f64, S>], commands: &[f64]) {
+    let (pairs, last) = effects.as_chunks::<2>();
+    let (commands, last_command) = commands.as_chunks::<2>();
+    let mut other = [0.0; S];
+    for (pair, commands) in pairs.iter().zip(commands) {
+        add(sum, &pair[0].data.0[0], commands[0]);
+        add(&mut other, &pair[1].data.0[0], commands[1]);
+    }
+    for (effect, command) in last.iter().zip(last_command) {
+        add(sum, &effect.data.0[0], *command);
+    }
+    add(sum, &other, 1.0);
 }
 
 /// `sum += effect value`.
