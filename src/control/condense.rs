@@ -66,6 +66,13 @@ pub struct Affine<X> {
     pub command: Vec<X>,
     /// Commands of a window; 0 without a residual.
     pub window: usize,
+    /// Step 0 stands at this place of `command`, the others behind it, and behind the last place comes the first: what
+    /// stays the same need not move when the horizon does.
+    pub first: usize,
+    /// Effect of a command that is held over the whole window, at the same places, for whoever fills it in.
+    pub held: Vec<X>,
+    /// What each step's residual is without decisions: its constant part and that of past commands.
+    pub settled: Vec<X>,
     /// Effects of the decisions on the newest state, one vector for each step of the horizon.
     effects: Vec<X>,
 }
@@ -79,6 +86,9 @@ impl<X: HorizonState> Affine<X> {
             constant: vec![X::zero(); horizon],
             command: vec![X::zero(); horizon * window],
             window,
+            first: 0,
+            held: vec![X::zero(); horizon],
+            settled: vec![X::zero(); horizon],
             effects: vec![X::zero(); horizon],
         }
     }
@@ -86,7 +96,30 @@ impl<X: HorizonState> Affine<X> {
     /// Effects of the window's commands at a step, oldest first.
     #[must_use]
     pub fn commands_of(&self, step: usize) -> &[X] {
-        &self.command[step * self.window..(step + 1) * self.window]
+        &self.command[self.place(step) * self.window..][..self.window]
+    }
+
+    /// Effect at a step of a command that is held over the whole window.
+    #[must_use]
+    pub fn held_at(&self, step: usize) -> X {
+        self.held[self.place(step)]
+    }
+
+    fn place(&self, step: usize) -> usize {
+        let (place, horizon) = (self.first + step, self.known.len());
+        if place < horizon { place } else { place - horizon }
+    }
+
+    /// Adds the past commands, the `window - 1` before the first decision, oldest first, to the constant part.
+    fn settle(&mut self, past: &[f64]) {
+        for j in 0..self.known.len() {
+            let mut settled = self.constant[j];
+            // The window of step j begins with what is left of the past commands.
+            for (effect, command) in self.commands_of(j).iter().zip(past.get(j..).unwrap_or_default()) {
+                settled += *effect * *command;
+            }
+            self.settled[j] = settled;
+        }
     }
 }
 
@@ -102,7 +135,7 @@ pub struct Linear<'a, A, X> {
 ///
 /// `past` holds the `window - 1` commands before the first decision, oldest first.
 pub fn condense<A, X: HorizonState>(
-    Linear { a, b }: Linear<'_, A, X>,
+    linear: Linear<'_, A, X>,
     start: &X,
     affine: &mut Affine<X>,
     past: &[f64],
@@ -112,50 +145,65 @@ pub fn condense<A, X: HorizonState>(
 ) where
     for<'x> &'x A: Mul<&'x X, Output = X>,
 {
+    debug_assert_eq!(past.len(), affine.window.saturating_sub(1));
+    affine.settle(past);
+    condense_settled(linear, start, affine, propagation, tracked, problem);
+}
+
+/// The same with `settled` as it stands.
+pub(super) fn condense_settled<A, X: HorizonState>(
+    Linear { a, b }: Linear<'_, A, X>,
+    start: &X,
+    affine: &mut Affine<X>,
+    propagation: Propagation,
+    tracked: &[usize],
+    problem: &mut TrackingQp,
+) where
+    for<'x> &'x A: Mul<&'x X, Output = X>,
+{
     let (horizon, outputs, window) = (problem.shape.horizon, tracked.len(), affine.window);
     debug_assert_eq!((problem.shape.outputs, problem.shape.inputs), (outputs, 1));
-    debug_assert_eq!(past.len(), window.saturating_sub(1));
+    let propagated = window > 0 && propagation == Propagation::Propagated;
+    let direct = window > 0 && !propagated;
     let mut x = *start;
     let mut effects = std::mem::take(&mut affine.effects);
     for j in 0..horizon {
-        let mut residual = affine.constant[j];
-        let commands = affine.commands_of(j);
-        // The window of step j begins with what is left of the past commands.
-        for (effect, command) in commands.iter().zip(past.iter().skip(j)) {
-            residual += *effect * *command;
-        }
-        // Its newest command is u_j; the decision p stands j - p places before it.
-        let effect_of = |p: usize| (window + p).checked_sub(j + 1).map(|i| commands[i]);
+        // The newest command of a step's window is u_j: the window begins at this decision, or so many commands before
+        // the first.
+        let (begin, before) = ((j + 1).saturating_sub(window), window.saturating_sub(j + 1));
+        let decided = &affine.commands_of(j)[before..];
         x = a * &x + affine.known[j];
-        if j == 0 || window > 0 {
-            for effect in &mut effects[..j] {
-                *effect = a * &*effect;
-            }
-            effects[j] = *b;
-        } else {
+        if window == 0 && j > 0 {
             // Without a residual a decision acts as the one before it did a step ago.
             let oldest = a * &effects[0];
             effects.copy_within(..j, 1);
             effects[0] = oldest;
-        }
-        let propagated = window > 0 && propagation == Propagation::Propagated;
-        if propagated {
-            x += residual;
-            for (p, effect) in effects[..=j].iter_mut().enumerate() {
-                if let Some(more) = effect_of(p) {
-                    *effect += more;
-                }
+        } else {
+            let (old, decisions) = effects[..j].split_at_mut(if propagated { begin } else { j });
+            for effect in old {
+                *effect = a * &*effect;
             }
+            for (effect, more) in decisions.iter_mut().zip(decided) {
+                *effect = a * &*effect + *more;
+            }
+            effects[j] = *b;
         }
-        let direct = window > 0 && !propagated;
+        if propagated {
+            x += affine.settled[j];
+            effects[j] += decided[j - begin];
+        }
         for (i, &state) in tracked.iter().enumerate() {
             let row = j * outputs + i;
-            problem.free[row] = x.component(state) + if direct { residual.component(state) } else { 0.0 };
-            for (p, (entry, effect)) in
-                problem.gain[row * horizon..][..=j].iter_mut().zip(&effects).enumerate()
-            {
-                let more = if direct { effect_of(p).map_or(0.0, |more| more.component(state)) } else { 0.0 };
-                *entry = effect.component(state) + more;
+            problem.free[row] = x.component(state);
+            let entries = &mut problem.gain[row * horizon..][..=j];
+            for (entry, effect) in entries.iter_mut().zip(&effects) {
+                *entry = effect.component(state);
+            }
+            if direct {
+                problem.free[row] += affine.settled[j].component(state);
+                for (entry, more) in entries[begin..].iter_mut().zip(decided) {
+                    *entry += more.component(state);
+                }
             }
         }
     }

@@ -5,10 +5,19 @@
 //! ```
 //!
 //! with `W` the outputs' weights, `D` the differences from step to step and `R` their weights. The rows of `G` that
-//! belong to one step reach equally far, so each entry of `H` is loaded and stored once a step, not once a row.
+//! belong to one step reach equally far: up to three are taken at once, and two columns of `H`, so that an entry is
+//! loaded and stored once for all of them. Rows of weight zero, of outputs that are only bounded, are left out.
 
-use super::cholesky::{add, begin};
+use super::cholesky::begin;
 use super::tracking_qp::TrackingQp;
+
+/// A weighted row of `G`, as far as it reaches, and the error there with zero inputs.
+#[derive(Clone, Copy)]
+struct Row<'a> {
+    weight: f64,
+    gain: &'a [f64],
+    error: f64,
+}
 
 /// Writes `H`, a packed lower triangle by rows, and `f`.
 pub(super) fn condense_cost(problem: &TrackingQp, hessian: &mut [f64], linear: &mut [f64]) {
@@ -20,34 +29,25 @@ pub(super) fn condense_cost(problem: &TrackingQp, hessian: &mut [f64], linear: &
         let reach = (j + 1) * inputs;
         let mut i = 0;
         while i < outputs {
-            let of = |i: usize| {
-                let row = j * outputs + i;
-                (
-                    shape.weight(j, i),
-                    &problem.gain[row * n..][..reach],
-                    problem.free[row] - problem.reference[row],
-                )
-            };
+            let mut rows = [Row { weight: 0.0, gain: &[], error: 0.0 }; 3];
+            let mut count = 0;
             // Three rows at once, as the car has them; what is left singly.
-            if i + 3 <= outputs {
-                let ((wa, a, ea), (wb, b, eb), (wc, c, ec)) = (of(i), of(i + 1), of(i + 2));
-                for column in 0..reach {
-                    let (fa, fb, fc) = (wa * a[column], wb * b[column], wc * c[column]);
-                    let entries = &mut hessian[begin(column)..=begin(column) + column];
-                    for (((entry, a), b), c) in entries.iter_mut().zip(a).zip(b).zip(c) {
-                        *entry += fa * a + (fb * b + fc * c);
-                    }
-                    linear[column] += fa * ea + (fb * eb + fc * ec);
+            let together = if i + 3 <= outputs { 3 } else { 1 };
+            for i in i..i + together {
+                let (row, weight) = (j * outputs + i, shape.weight(j, i));
+                if weight != 0.0 {
+                    let error = problem.free[row] - problem.reference[row];
+                    rows[count] = Row { weight, gain: &problem.gain[row * n..][..reach], error };
+                    count += 1;
                 }
-                i += 3;
-                continue;
             }
-            let (weight, gain, error) = of(i);
-            i += 1;
-            for (column, right) in gain.iter().enumerate() {
-                let factor = weight * right;
-                add(&mut hessian[begin(column)..=begin(column) + column], factor, gain);
-                linear[column] += factor * error;
+            i += together;
+            let [a, b, c] = rows;
+            match count {
+                3 => add(hessian, linear, [a, b, c], |[a, b, c]| a + (b + c)),
+                2 => add(hessian, linear, [a, b], |[a, b]| a + b),
+                1 => add(hessian, linear, [a], |[a]| a),
+                _ => (),
             }
         }
     }
@@ -61,5 +61,43 @@ pub(super) fn condense_cost(problem: &TrackingQp, hessian: &mut [f64], linear: &
         } else {
             linear[column] -= weight * problem.previous[column];
         }
+    }
+}
+
+/// Adds rows to `H` and `f`; `sum` is the sum of a term of each.
+#[inline(always)]
+fn add<const K: usize>(
+    hessian: &mut [f64],
+    linear: &mut [f64],
+    rows: [Row<'_>; K],
+    sum: impl Fn([f64; K]) -> f64,
+) {
+    let reach = rows[0].gain.len();
+    let factors = |column: usize| rows.map(|row| row.weight * row.gain[column]);
+    let term = |factors: &[f64; K], gains: &[&[f64]; K], i: usize| {
+        sum(std::array::from_fn(|k| factors[k] * gains[k][i]))
+    };
+    for column in (0..reach).step_by(2) {
+        let left = factors(column);
+        linear[column] += sum(std::array::from_fn(|k| left[k] * rows[k].error));
+        // Entries that both columns have.
+        let both = column + 1;
+        let gains = rows.map(|row| &row.gain[..both]);
+        if both == reach {
+            let entries = &mut hessian[begin(column)..][..both];
+            for (i, entry) in entries.iter_mut().enumerate() {
+                *entry += term(&left, &gains, i);
+            }
+            return;
+        }
+        let right = factors(both);
+        linear[both] += sum(std::array::from_fn(|k| right[k] * rows[k].error));
+        let (of_left, of_right) = hessian[begin(column)..][..2 * both + 1].split_at_mut(both);
+        let (of_right, corner) = of_right.split_at_mut(both);
+        for (i, (entry, other)) in of_left.iter_mut().zip(of_right).enumerate() {
+            *entry += term(&left, &gains, i);
+            *other += term(&right, &gains, i);
+        }
+        corner[0] += sum(std::array::from_fn(|k| right[k] * rows[k].gain[both]));
     }
 }

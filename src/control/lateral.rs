@@ -110,6 +110,8 @@ impl<const S: usize> LateralMpc<S> {
             linear: bound.linear,
         };
         let largest_reference = |&i: &usize| match i {
+            // What costs nothing needs no reference.
+            _ if weights[i] == 0.0 => 0.0,
             2 => LARGEST_YAW_REFERENCE,
             _ => i.checked_sub(ERRORS).map_or(0.0, |i| further[i].largest_reference),
         };

@@ -134,6 +134,12 @@ impl Forest {
     /// The same, several trees at once: the first of them, and their leaves.
     #[inline]
     pub(super) fn look_up_together(&self, features: &[f64], mut found: impl FnMut(usize, &[u32])) {
+        self.ends_together(features, |first, _, leaves| found(first, leaves));
+    }
+
+    /// The same with the ends, counted in each tree from the left, at which the leaves were found.
+    #[inline]
+    pub(super) fn ends_together(&self, features: &[f64], mut found: impl FnMut(usize, &[usize], &[u32])) {
         let nodes = (1_usize << self.depth) - 1;
         for first in (0..self.trees()).step_by(LANES) {
             let lanes = LANES.min(self.trees() - first);
@@ -146,11 +152,25 @@ impl Forest {
                 }
             }
             let mut leaves = [0_u32; LANES];
-            for (lane, leaf) in leaves[..lanes].iter_mut().enumerate() {
-                *leaf = self.leaf[(first + lane) * (nodes + 1) + node[lane] - nodes];
+            for (lane, (node, leaf)) in node[..lanes].iter_mut().zip(&mut leaves).enumerate() {
+                *node -= nodes;
+                *leaf = self.leaf[(first + lane) * (nodes + 1) + *node];
             }
-            found(first, &leaves[..lanes]);
+            found(first, &node[..lanes], &leaves[..lanes]);
         }
+    }
+
+    /// End and leaf of one tree where a feature has the value `value(feature)`.
+    pub(super) fn descend(&self, tree: usize, value: impl Fn(usize) -> f64) -> (usize, u32) {
+        let nodes = (1_usize << self.depth) - 1;
+        let features = &self.feature[tree * nodes..][..nodes];
+        let thresholds = &self.threshold[tree * nodes..][..nodes];
+        let mut node = 0;
+        for _ in 0..self.depth {
+            let right = value(usize::from(features[node])) > thresholds[node];
+            node = 2 * node + 1 + usize::from(right);
+        }
+        (node - nodes, self.leaf[tree * (nodes + 1) + node - nodes])
     }
 }
 

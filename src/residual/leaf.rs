@@ -40,20 +40,34 @@ impl<const S: usize> LeafModels<S> {
         &self.theta[leaf * self.regressors()..][..self.regressors()]
     }
 
-    /// Mean coefficients of these leaves, one of each tree.
-    pub(super) fn average(&self, leaves: &[u32], mean: &mut [[f64; S]]) {
+    /// Mean coefficients of these leaves, one of each tree. Sums of four leaves that were among the last ones are not
+    /// made again.
+    pub(super) fn average(&self, leaves: &[u32], sums: &mut FourSums<S>, mean: &mut [[f64; S]]) {
         let of = |&leaf: &u32| self.theta(leaf as usize).as_flattened();
         let mean = mean.as_flattened_mut();
-        mean.fill(0.0);
-        let mut fours = leaves.chunks_exact(4);
-        for four in &mut fours {
-            add_four(mean, [of(&four[0]), of(&four[1]), of(&four[2]), of(&four[3])]);
+        let fours = leaves.as_chunks::<4>();
+        let last = sums.leaves.as_chunks_mut::<4>().0;
+        for ((four, last), sum) in fours.0.iter().zip(last).zip(sums.sums.chunks_exact_mut(self.regressors()))
+        {
+            if four != last {
+                *last = *four;
+                add_four(sum.as_flattened_mut(), [of(&four[0]), of(&four[1]), of(&four[2]), of(&four[3])]);
+            }
         }
-        for leaf in fours.remainder() {
-            mean.iter_mut().zip(of(leaf)).for_each(|(sum, value)| *sum += value);
+        let (count, share) = (mean.len(), 1.0 / leaves.len().max(1) as f64);
+        let all = || {
+            let sums = sums.sums.as_flattened().chunks_exact(count).take(fours.0.len());
+            sums.chain(fours.1.iter().map(of))
+        };
+        // Some entries at a time, so that what is summed up stays in registers.
+        let (chunks, rest) = mean.as_chunks_mut::<ENTRIES>();
+        for (i, mean) in chunks.iter_mut().enumerate() {
+            *mean = total(all(), ENTRIES * i).map(|total| total * share);
         }
-        let share = 1.0 / leaves.len().max(1) as f64;
-        mean.iter_mut().for_each(|sum| *sum *= share);
+        for (i, mean) in rest.iter_mut().enumerate() {
+            let [total] = total(all(), count / ENTRIES * ENTRIES + i);
+            *mean = total * share;
+        }
     }
 
     /// Share of these leaves that never saw a command as small, or as large, as one of these.
@@ -69,10 +83,38 @@ impl<const S: usize> LeafModels<S> {
     }
 }
 
-/// Adds four rows at once: the sum is then loaded and stored once, not four times.
+/// Coefficients that are averaged at once.
+const ENTRIES: usize = 4;
+
+/// Sums of the entries from `place` on.
+fn total<'a, const E: usize>(rows: impl Iterator<Item = &'a [f64]>, place: usize) -> [f64; E] {
+    let mut total = [0.0; E];
+    for values in rows.filter_map(|row| row[place..].first_chunk::<E>()) {
+        for (total, value) in total.iter_mut().zip(values) {
+            *total += value;
+        }
+    }
+    total
+}
+
+/// Sums of four leaves each, as they were last averaged.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct FourSums<const S: usize> {
+    leaves: Vec<u32>,
+    sums: Theta<S>,
+}
+
+impl<const S: usize> FourSums<S> {
+    /// Room for a leaf of each of so many trees.
+    pub fn new(trees: usize, regressors: usize) -> Self {
+        Self { leaves: vec![u32::MAX; trees], sums: vec![[0.0; S]; trees / 4 * regressors] }
+    }
+}
+
+/// Adds four rows up.
 fn add_four(sum: &mut [f64], [a, b, c, d]: [&[f64]; 4]) {
     for ((((sum, a), b), c), d) in sum.iter_mut().zip(a).zip(b).zip(c).zip(d) {
-        *sum += (a + b) + (c + d);
+        *sum = (a + b) + (c + d);
     }
 }
 

@@ -53,7 +53,8 @@
 //! | `least_squares.rs` | QR and normal equations, ridge |
 //! | `global.rs`, `leaf.rs` | one linear model for all; models in leaves |
 //! | `train_config.rs`, `train.rs` | from a data set to a model and a report of its fit |
-//! | `model.rs` | what the controller calls |
+//! | `model.rs` | the model: what it is, and its coefficients at any features |
+//! | `lookahead.rs` | the same over a horizon that moves on, as the controller asks |
 //! | `file.rs`, `rows.rs` | the model's file |
 //! | `gp/` | the Gaussian process of GP-NMPC |
 //! | `random.rs`, `parallel.rs`, `hash.rs` | the same bits for the same seed, on any number of threads |
@@ -67,6 +68,7 @@ pub mod gp;
 mod hash;
 mod leaf;
 mod least_squares;
+mod lookahead;
 mod model;
 pub(crate) mod parallel;
 mod random;
@@ -82,6 +84,7 @@ pub use file::{FORMAT, FileError, FileKind};
 pub use forest::{Block, Forest, ForestConfig, GrownForest, grow};
 pub use leaf::{LeafFit, LeafModels};
 pub use least_squares::{Decomposed, Gram, Theta, Triangle};
+pub use lookahead::{Lookahead, LookedUp};
 pub use model::{
     Coefficients, Expected, Kind, Misfit, Range, Regressors, ResidualModel, ResidualModelFor, Schema,
     Training, TreeFeatures,

@@ -12,12 +12,14 @@
 //! known when the problem is set up and stand in the constant. Nothing is allocated.
 //!
 //! Steps that follow each other mostly fall into the same leaves: their mean is kept in the caller's room, and read
-//! again, 1 kB, instead of every tree's leaf.
+//! again, 1 kB, instead of every tree's leaf. The controller, which asks a whole horizon again and again, has rows that
+//! keep more ([`ResidualModelFor::row`]).
 
 use super::ROAD;
 use super::forest::Forest;
-use super::leaf::LeafModels;
+use super::leaf::{FourSums, LeafModels};
 use super::least_squares::Theta;
+use super::lookahead::{Lookahead, LookedUp};
 use crate::enumeration;
 use crate::nominal::{ERRORS, LateralVehicle};
 use crate::vehicle::SingleTrack;
@@ -318,6 +320,7 @@ pub struct Coefficients<const S: usize = ERRORS> {
     leaves: Vec<u32>,
     /// Their mean coefficients as they are in the model: without the road's values, not scaled.
     mean: Theta<S>,
+    sums: FourSums<S>,
     /// How far the worst feature lies outside its range in training, in widths of that range; 0 inside.
     pub excess: f64,
     /// Share of the leaves that never saw commands like those given, 0 to 1.
@@ -427,6 +430,7 @@ impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
             model: Arc::clone(&self.leaves),
             leaves: vec![u32::MAX; self.forest.trees()],
             mean: vec![[0.0; S]; self.leaves.regressors()],
+            sums: FourSums::new(self.forest.trees(), self.leaves.regressors()),
             excess: 0.0,
             strange_leaves: 0.0,
         }
@@ -450,7 +454,7 @@ impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
             last.copy_from_slice(leaves);
         });
         if !same {
-            self.leaves.average(&out.leaves, &mut out.mean);
+            self.leaves.average(&out.leaves, &mut out.sums, &mut out.mean);
         }
         // Constant leaves have only the first of the coefficients.
         let (known, rest) = out.values.split_at_mut(out.mean.len());
@@ -466,23 +470,68 @@ impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
         }
         out.strange_leaves =
             if schema.kind == Kind::None { 0.0 } else { self.leaves.strange(&out.leaves, commands) };
-        out.excess = self.excess(features);
+        let (states, road) = features.split_at(features.len() - ROAD);
+        out.excess = self.excess(&states[states.len() - S..], road);
+    }
+
+    /// Room for the rows of a horizon that moves on step by step.
+    ///
+    /// # Panics
+    /// If the horizon has no row.
+    #[must_use]
+    pub fn lookahead(&self, horizon: usize) -> Lookahead<S> {
+        assert!(horizon > 0, "horizon");
+        Lookahead::new(&self.forest, &self.leaves, self.schema.window, horizon)
+    }
+
+    /// The linear residual of a row of the horizon: what [`coefficients`](Self::coefficients) gives for the window of
+    /// states that `rows` was told, and this speed, curvature and curvature rate; but it costs little where little has
+    /// changed since the row was last asked.
+    ///
+    /// # Panics
+    /// If `rows` is of another model, or has no such row: a mistake of the calling code, not of data.
+    pub fn row<'a>(&self, rows: &'a mut Lookahead<S>, row: usize, road: &[f64; ROAD]) -> LookedUp<'a, S> {
+        assert!(rows.is_of(&self.leaves), "room of another model");
+        let Schema { window, regressors, .. } = self.schema;
+        let (slot, renewed) = rows.look_up(&self.forest, row, road);
+        let mean = rows.mean(slot);
+        let mut constant = mean[0];
+        // Constant leaves have only the first of the coefficients.
+        let linear = mean.len() > 1;
+        if regressors.road {
+            for (i, term) in road_terms(road).iter().enumerate() {
+                let effect = if linear { mean[mean.len() - ROAD_TERMS + i] } else { [0.0; S] };
+                for o in 0..S {
+                    constant[o] += term * effect[o];
+                }
+            }
+        }
+        let states = if linear { 1 + window..1 + window + S * regressors.states } else { 0..0 };
+        LookedUp {
+            slot,
+            renewed,
+            constant,
+            command: if linear { &mean[1..=window] } else { &[] },
+            state: &mean[states],
+            newest: rows.newest(row, regressors.states),
+            excess: self.excess(rows.newest(row, 1), road),
+        }
     }
 
     /// How far the newest features that the model uses lie outside their ranges; older ones were the newest before.
-    fn excess(&self, features: &[f64]) -> f64 {
+    fn excess(&self, errors: &[f64], road: &[f64]) -> f64 {
         let schema = &self.schema;
         let trees = schema.kind.has_trees();
         let leaves = schema.kind.is_linear();
-        let errors =
+        let by_errors =
             (trees && schema.tree_features != TreeFeatures::Road) || (leaves && schema.regressors.states > 0);
-        let road =
+        let by_road =
             (trees && schema.tree_features != TreeFeatures::Errors) || (leaves && schema.regressors.road);
-        let newest = &features[features.len() - ROAD - S..];
-        let used = if errors { 0 } else { S }..if road { S + ROAD } else { S };
-        schema.ranges.get(used.clone()).map_or(0.0, |ranges| {
-            ranges.iter().zip(&newest[used]).map(|(range, &x)| range.excess(x)).fold(0.0, f64::max)
-        })
+        let worst = |asked: bool, ranges: std::ops::Range<usize>, values: &[f64]| {
+            let ranges = schema.ranges.get(ranges).filter(|_| asked).unwrap_or_default();
+            ranges.iter().zip(values).map(|(range, &x)| range.excess(x)).fold(0.0, f64::max)
+        };
+        worst(by_errors, 0..S, errors).max(worst(by_road, S..S + ROAD, road))
     }
 
     /// Whether the model was learned for such a controller.

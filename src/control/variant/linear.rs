@@ -6,15 +6,15 @@
 //! Source: Zhao et al., ITSC 2024, Algorithm 1.
 
 use super::{Expected, Nominal, Qp, Variant};
-use crate::control::condense::{Affine, Linear, Propagation, condense};
+use crate::control::condense::{Affine, Linear, Propagation, condense_settled};
 use crate::control::lateral::LateralInput;
 use crate::control::parameters::MpcParameters;
 use crate::control::preview::Preview;
-use crate::control::solve::solve;
+use crate::control::solve::Equations;
 use crate::control::tracking_qp::{QpError, QpReport};
 use crate::enumeration;
 use crate::nominal::{DiscreteErrorModel, ERRORS, LateralVehicle};
-use crate::residual::{self, Coefficients, Misfit, ResidualModelFor};
+use crate::residual::{self, Lookahead, Misfit, ResidualModelFor};
 use crate::vehicle::SingleTrack;
 use nalgebra::{SMatrix, SVector};
 use std::sync::Arc;
@@ -40,10 +40,9 @@ pub struct Residual<V = SingleTrack, const S: usize = ERRORS> {
 /// The learned residual with room for its use.
 struct Learned<V, const S: usize> {
     residual: Residual<V, S>,
-    room: Coefficients<S>,
-    features: Vec<f64>,
-    /// Measured states and then predicted ones, oldest first.
-    states: Vec<SVector<f64, S>>,
+    rows: Lookahead<S>,
+    /// The trust with which the effects of each row's commands were written down; not a number if they were not.
+    written: Vec<f64>,
     /// Issued commands and then planned ones, oldest first.
     commands: Vec<f64>,
 }
@@ -89,7 +88,10 @@ impl<V: LateralVehicle<S>, const S: usize> NominalWithResidual<V, S> {
         let Some(learned) = &mut self.learned else { return };
         if !input.use_residual {
             self.affine.constant.fill(SVector::zeros());
+            self.affine.settled.fill(SVector::zeros());
             self.affine.command.fill(SVector::zeros());
+            self.affine.held.fill(SVector::zeros());
+            learned.written.fill(f64::NAN);
             return;
         }
         self.outside = learned.roll_out(model, input, previous, preview, &mut self.affine);
@@ -105,21 +107,14 @@ impl<V: LateralVehicle<S>, const S: usize> NominalWithResidual<V, S> {
     ) {
         let steady = self.nominal.vehicle.steady_state(input.ahead.speed);
         let corrected = self.affine.window > 0 || *input.disturbance != SVector::<f64, S>::zeros();
-        qp.refer(|j| {
-            let target = if corrected { self.steady_target(model, j) } else { None };
-            target.unwrap_or(steady * preview.curvature[j])
-        });
-    }
-
-    /// State at which the corrected model of step `j` stays on the path with a constant command:
-    /// `x = A x + B u + w + c + sum beta u` with `e1 = 0`, an equation for each other state and for `u`.
-    fn steady_target(&self, model: &DiscreteErrorModel<S>, j: usize) -> Option<SVector<f64, S>> {
-        let input: SVector<f64, S> = model.b + self.affine.commands_of(j).iter().sum::<SVector<f64, S>>();
-        let mut matrix = SMatrix::identity() - model.a;
-        // In the place of e1 stands u.
-        matrix.set_column(0, &-input);
-        let known = self.affine.known[j] + self.affine.constant[j];
-        solve(matrix, known)
+        // Where a step's model `x = A x + B u + w + c + sum beta u` stays on the path with a constant command: `e1 = 0`
+        // leaves an equation for each other state and for u, which stands in the place of e1.
+        let equations = if corrected { Equations::new(&(SMatrix::identity() - model.a)) } else { None };
+        let target = |j: usize| {
+            let steer = model.b + self.affine.held_at(j);
+            equations.as_ref()?.solve(&-steer, &(self.affine.known[j] + self.affine.constant[j]))
+        };
+        qp.refer(|j| target(j).unwrap_or_else(|| steady * preview.curvature[j]));
     }
 }
 
@@ -137,11 +132,10 @@ impl<V: LateralVehicle<S>, const S: usize> Variant<S> for NominalWithResidual<V,
         self.predict(&model, input, preview, previous);
         qp.timing.look_up = begin.elapsed().as_secs_f64();
 
-        let past = if self.affine.window == 0 { &[] } else { input.history.commands() };
         let propagation =
             self.learned.as_ref().map_or(Propagation::default(), |learned| learned.residual.propagation);
         let linear = Linear { a: &model.a, b: &model.b };
-        condense(linear, input.state, &mut self.affine, past, propagation, &qp.tracked, &mut qp.problem);
+        condense_settled(linear, input.state, &mut self.affine, propagation, &qp.tracked, &mut qp.problem);
         self.write_references(&model, input, preview, qp);
         qp.timing.condense = begin.elapsed().as_secs_f64() - qp.timing.look_up;
         self.model = Some(model);
@@ -180,9 +174,8 @@ impl<V: LateralVehicle<S>, const S: usize> Learned<V, S> {
         })?;
         let window = model.schema().window;
         Ok(Self {
-            room: model.room(),
-            features: vec![0.0; model.features()],
-            states: vec![SVector::zeros(); window + p.horizon],
+            rows: model.lookahead(p.horizon),
+            written: vec![f64::NAN; p.horizon],
             commands: vec![0.0; window - 1 + p.horizon],
             residual,
         })
@@ -204,50 +197,87 @@ impl<V: LateralVehicle<S>, const S: usize> Learned<V, S> {
     ) -> f64 {
         let window = self.window();
         let horizon = affine.known.len();
-        self.states[..window].copy_from_slice(input.history.states());
         self.commands[..window - 1].copy_from_slice(input.history.commands());
         // The last plan, its end held.
         let end = input.last_plan.last().copied().unwrap_or(previous);
-        let planned = input.last_plan.iter().copied().chain(std::iter::repeat(end));
-        for (command, planned) in self.commands[window - 1..].iter_mut().zip(planned) {
-            *command = planned;
+        let (given, held) = self.commands[window - 1..].split_at_mut(input.last_plan.len().min(horizon));
+        given.copy_from_slice(&input.last_plan[..given.len()]);
+        held.fill(end);
+
+        self.rows.advance();
+        affine.first = self.rows.first();
+        let mut state = SVector::zeros();
+        for (place, measured) in input.history.states().iter().enumerate() {
+            state = *measured;
+            self.rows.set_state(place, &state.data.0[0]);
         }
         let mut outside = 0.0;
         for j in 0..horizon {
-            let states = &self.states[j..j + window];
-            let commands = &self.commands[j..j + window];
-            let (errors, road) = self.features.split_at_mut(S * window);
-            for (feature, state) in errors.chunks_exact_mut(S).zip(states) {
-                feature.copy_from_slice(state.as_slice());
-            }
-            road.copy_from_slice(&preview.road[j]);
-            self.residual.model.coefficients(&self.features, commands, &mut self.room);
+            let row = self.residual.model.row(&mut self.rows, j, &preview.road[j]);
             // Outside its training the residual fades: half a range's width further there is the nominal model.
-            let trust = (1.0 - 2.0 * self.room.excess).clamp(0.0, 1.0);
+            let trust = (1.0 - 2.0 * row.excess).clamp(0.0, 1.0);
+            let scaled = |effect: &[f64; S]| if trust < 1.0 { effect.map(|x| x * trust) } else { *effect };
             if trust < 1.0 {
-                self.room.scale(trust);
                 outside += 1.0;
             }
-            let newest = &states[window - self.room.state().len() / S..];
-            let known = newest.iter().flat_map(|state| state.iter()).zip(self.room.state());
-            let mut constant = SVector::from(self.room.constant());
-            for (value, effect) in known {
-                constant += SVector::from(*effect) * *value;
+            let mut constant = scaled(&row.constant);
+            for (value, effect) in row.newest.iter().zip(row.state) {
+                add(&mut constant, &scaled(effect), *value);
             }
-            affine.constant[j] = constant;
-            let effects = &mut affine.command[j * window..(j + 1) * window];
-            for (effect, command) in effects.iter_mut().zip(self.room.command()) {
-                *effect = SVector::from(*command);
-            }
-            let mut next = model.a * states[window - 1] + model.b * commands[window - 1] + affine.known[j];
-            if self.residual.roll_out == RollOut::Corrected {
-                next += constant;
-                for (effect, command) in effects.iter().zip(commands) {
-                    next += *effect * *command;
+            let effects = &mut affine.command[row.slot * window..][..window];
+            if row.renewed || self.written[row.slot] != trust {
+                self.written[row.slot] = trust;
+                let mut held = [0.0; S];
+                match row.command {
+                    [] => effects.fill(SVector::zeros()),
+                    commands => {
+                        for (effect, command) in effects.iter_mut().zip(commands) {
+                            effect.data.0[0] = scaled(command);
+                            add(&mut held, &effect.data.0[0], 1.0);
+                        }
+                    }
                 }
+                affine.held[row.slot] = SVector::from(held);
             }
-            self.states[j + window] = next;
+            // Past commands, which are known, apart from planned ones.
+            let commands = &self.commands[j..][..window];
+            let past = (window - 1).saturating_sub(j);
+            let mut residual = constant;
+            add_all(&mut residual, &effects[..past], &commands[..past]);
+            affine.constant[j] = SVector::from(constant);
+            affine.settled[j] = SVector::from(residual);
+            if j + 1 == horizon {
+                break;
+            }
+            state = model.a * state + model.b * commands[window - 1] + affine.known[j];
+            if self.residual.roll_out == RollOut::Corrected {
+                add_all(&mut residual, &effects[past..], &commands[past..]);
+                state += SVector::from(residual);
+            }
+            self.rows.set_state(j + window, &state.data.0[0]);
         }
         outside / horizon as f64
+    }
+}
+
+/// Adds the effects of commands. In two sums, each of which need not wait for the other.
+fn add_all<const S: usize>(sum: &mut [f64; S], effects: &[SVector<f64, S>], commands: &[f64]) {
+    let (pairs, last) = effects.as_chunks::<2>();
+    let (commands, last_command) = commands.as_chunks::<2>();
+    let mut other = [0.0; S];
+    for (pair, commands) in pairs.iter().zip(commands) {
+        add(sum, &pair[0].data.0[0], commands[0]);
+        add(&mut other, &pair[1].data.0[0], commands[1]);
+    }
+    for (effect, command) in last.iter().zip(last_command) {
+        add(sum, &effect.data.0[0], *command);
+    }
+    add(sum, &other, 1.0);
+}
+
+/// `sum += effect value`.
+fn add<const S: usize>(sum: &mut [f64; S], effect: &[f64; S], value: f64) {
+    for o in 0..S {
+        sum[o] += effect[o] * value;
     }
 }

@@ -1,0 +1,349 @@
+//! Look-ups over a horizon that moves on by a step at a time.
+//!
+//! Row `j` of the horizon asks the trees at the window of states `x_j .. x_{j+W-1}` and at the road of its step. A step
+//! later the same row is asked again, one place earlier, and its window differs by what the last prediction missed:
+//! hardly a tree gives another leaf. So each row's leaves and their mean coefficients are kept, and only what a changed
+//! value decides anew is looked up anew:
+//!
+//! ```text
+//! thresholds of one quantity, of all nodes, sorted:   t_0 <= t_1 <= .. <= t_p < value <= t_{p+1} <= ..
+//! ```
+//!
+//! A value that moves passes the thresholds between its old place and its new one. Each belongs to one node of one tree,
+//! which asks at one place of the window and so in one row; if it lies on the way to that row's leaf, that tree is
+//! looked up again there. The newest row, and rows after a jump of many thresholds, are looked up in every tree.
+//!
+//! What is kept is where values and leaves stood, never a difference: answers are those of
+//! [`ResidualModelFor::coefficients`](super::ResidualModelFor::coefficients) to the bit, whatever was asked before.
+
+use super::ROAD;
+use super::forest::Forest;
+use super::leaf::{FourSums, LeafModels};
+use super::least_squares::Theta;
+use std::sync::Arc;
+
+/// A node that asks for a quantity.
+#[derive(Debug, Clone, Copy)]
+struct Question {
+    /// At which place of the window it asks; 0 of the road.
+    place: u16,
+    tree: u16,
+    /// Its number, counted from 1 level by level, and how far above the ends it stands: `(end + ends) >> above` is the
+    /// number of the node on the way to an end.
+    number: u16,
+    above: u16,
+}
+
+/// All nodes that ask for one quantity, in order of their thresholds.
+#[derive(Debug, Clone, Default)]
+struct Quantity {
+    thresholds: Vec<f64>,
+    questions: Vec<Question>,
+}
+
+/// What has to be looked up of a row.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Pending {
+    Nothing,
+    /// The trees that are marked.
+    Marked,
+    All,
+}
+
+/// The rows of a horizon with what was looked up last; made once, filled at each step.
+#[derive(Debug, Clone)]
+pub struct Lookahead<const S: usize> {
+    model: Arc<LeafModels<S>>,
+    window: usize,
+    horizon: usize,
+    /// Components of the states, then the road's.
+    quantities: Vec<Quantity>,
+    /// States of the window and the horizon, one behind the other, and the number of thresholds below each value.
+    states: Vec<f64>,
+    state_places: Vec<u32>,
+    /// The road of each row, likewise.
+    road: Vec<[f64; ROAD]>,
+    road_places: Vec<[u32; ROAD]>,
+    /// Where row 0 stands: rows stay where they are when the horizon moves on.
+    first: usize,
+    rows: Rows,
+    /// Mean coefficients of the rows' leaves.
+    mean: Theta<S>,
+    sums: FourSums<S>,
+    features: Vec<f64>,
+    /// Thresholds that may still be passed in this step; beyond, rows are looked up in every tree.
+    budget: usize,
+}
+
+/// The leaves of each row.
+#[derive(Debug, Clone)]
+struct Rows {
+    trees: usize,
+    /// Ends of a tree.
+    ends: usize,
+    /// For each row and tree the end reached, the leaf there, and whether it has to be looked up again.
+    end: Vec<u16>,
+    leaf: Vec<u32>,
+    marked: Vec<bool>,
+    pending: Vec<Pending>,
+}
+
+/// The linear residual of a row, as [`Coefficients`](super::Coefficients) has it.
+#[derive(Debug, Clone, Copy)]
+pub struct LookedUp<'a, const S: usize> {
+    /// Where the row is kept: the same place as long as it is within the horizon.
+    pub slot: usize,
+    /// Whether its leaves are others than when it was last asked.
+    pub renewed: bool,
+    /// Effect of what is known.
+    pub constant: [f64; S],
+    /// Effect of each command of the window, oldest first; empty for leaves that are constant.
+    pub command: &'a [[f64; S]],
+    /// Effect of the newest states, oldest first; empty if the leaves have none.
+    pub state: &'a [[f64; S]],
+    /// These states.
+    pub newest: &'a [f64],
+    /// How far the worst feature lies outside its range in training, in widths of that range; 0 inside.
+    pub excess: f64,
+}
+
+impl Rows {
+    /// Marks the tree of a question in a row, if the question lies on the way to its leaf there.
+    fn mark(&mut self, slot: usize, question: &Question) {
+        let at = slot * self.trees + usize::from(question.tree);
+        let on_the_way = (usize::from(self.end[at]) + self.ends) >> question.above;
+        if on_the_way == usize::from(question.number) {
+            self.marked[at] = true;
+            if self.pending[slot] == Pending::Nothing {
+                self.pending[slot] = Pending::Marked;
+            }
+        }
+    }
+}
+
+impl Quantity {
+    /// Moves a value's place to where the value is now, with a call for each node whose threshold it passes. False if
+    /// there were more than `budget`, and not all were named.
+    fn pass(&self, place: &mut u32, x: f64, budget: &mut usize, mut passed: impl FnMut(&Question)) -> bool {
+        let count = self.thresholds.len();
+        let mut at = *place as usize;
+        // Not a number is above no threshold: such a feature goes to the left.
+        let above = |i: usize| x > self.thresholds[i];
+        while at < count && above(at) {
+            if *budget == 0 {
+                *place = self.thresholds.partition_point(|&threshold| x > threshold) as u32;
+                return false;
+            }
+            *budget -= 1;
+            passed(&self.questions[at]);
+            at += 1;
+        }
+        while at > 0 && !above(at - 1) {
+            if *budget == 0 {
+                *place = self.thresholds.partition_point(|&threshold| x > threshold) as u32;
+                return false;
+            }
+            *budget -= 1;
+            at -= 1;
+            passed(&self.questions[at]);
+        }
+        *place = at as u32;
+        true
+    }
+}
+
+impl<const S: usize> Lookahead<S> {
+    /// Room for a horizon, with nothing looked up.
+    pub(super) fn new(forest: &Forest, model: &Arc<LeafModels<S>>, window: usize, horizon: usize) -> Self {
+        let (trees, depth) = (forest.trees(), usize::from(forest.depth));
+        let mut asked: Vec<Vec<(f64, Question)>> = vec![vec![]; S + ROAD];
+        for tree in 0..trees {
+            for (node, split) in forest.splits(tree).enumerate() {
+                let Some((feature, threshold)) = split else { continue };
+                let feature = usize::from(feature);
+                let (quantity, place) = match feature.checked_sub(S * window) {
+                    Some(road) => (S + road, 0),
+                    None => (feature % S, feature / S),
+                };
+                let above = depth - (node + 1).ilog2() as usize;
+                let [place, tree, number, above] = [place, tree, node + 1, above].map(|x| x as u16);
+                asked[quantity].push((threshold, Question { place, tree, number, above }));
+            }
+        }
+        let quantities = asked.into_iter().map(|mut asked| {
+            asked.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let (thresholds, questions) = asked.into_iter().unzip();
+            Quantity { thresholds, questions }
+        });
+        let states = S * (window + horizon - 1);
+        Self {
+            model: Arc::clone(model),
+            window,
+            horizon,
+            quantities: quantities.collect(),
+            // Not a number is above no threshold, and is no value that comes.
+            states: vec![f64::NAN; states],
+            state_places: vec![0; states],
+            road: vec![[f64::NAN; ROAD]; horizon],
+            road_places: vec![[0; ROAD]; horizon],
+            first: 0,
+            rows: Rows {
+                trees,
+                ends: 1 << depth,
+                end: vec![0; horizon * trees],
+                leaf: vec![u32::MAX; horizon * trees],
+                marked: vec![false; horizon * trees],
+                pending: vec![Pending::All; horizon],
+            },
+            mean: vec![[0.0; S]; horizon * model.regressors()],
+            sums: FourSums::new(trees, model.regressors()),
+            features: vec![0.0; S * window + ROAD],
+            budget: 0,
+        }
+    }
+
+    /// Whether it was made for these leaves.
+    pub(super) fn is_of(&self, model: &Arc<LeafModels<S>>) -> bool {
+        Arc::ptr_eq(&self.model, model)
+    }
+
+    /// Where row 0 is kept; the others follow, and behind the last place comes the first.
+    #[must_use]
+    pub fn first(&self) -> usize {
+        self.first
+    }
+
+    fn slot(&self, row: usize) -> usize {
+        let slot = self.first + row;
+        if slot < self.horizon { slot } else { slot - self.horizon }
+    }
+
+    /// Moves on by a step: what was row `j + 1` is row `j`. Better before each step, but no answer depends on it.
+    pub fn advance(&mut self) {
+        self.states.copy_within(S.., 0);
+        self.state_places.copy_within(S.., 0);
+        self.first = if self.first + 1 == self.horizon { 0 } else { self.first + 1 };
+        let last = self.slot(self.horizon - 1);
+        let before = self.slot(self.horizon.saturating_sub(2));
+        self.rows.pending[last] = Pending::All;
+        (self.road[last], self.road_places[last]) = (self.road[before], self.road_places[before]);
+        // Half of what it takes to look all rows up in every tree.
+        self.budget = (self.rows.trees * self.rows.ends.ilog2() as usize * self.horizon / 2).max(64);
+    }
+
+    /// Takes the state at a place of window and horizon: row `j` ends with the state at `j + W - 1`.
+    pub fn set_state(&mut self, at: usize, state: &[f64; S]) {
+        let values = &mut self.states[S * at..][..S];
+        let places = &mut self.state_places[S * at..][..S];
+        let quantities = &self.quantities[..S];
+        for c in 0..S {
+            let x = state[c];
+            let old = std::mem::replace(&mut values[c], x);
+            if old == x {
+                continue;
+            }
+            let (rows, first, horizon) = (&mut self.rows, self.first, self.horizon);
+            let slot = |row: usize| if first + row < horizon { first + row } else { first + row - horizon };
+            let all = quantities[c].pass(&mut places[c], x, &mut self.budget, |question| {
+                if let Some(row) = at.checked_sub(usize::from(question.place))
+                    && row < horizon
+                {
+                    rows.mark(slot(row), question);
+                }
+            });
+            if !all {
+                for row in (at + 1).saturating_sub(self.window)..horizon.min(at + 1) {
+                    rows.pending[slot(row)] = Pending::All;
+                }
+            }
+        }
+    }
+
+    /// Looks a row up: its slot, and whether its leaves are others than before.
+    pub(super) fn look_up(&mut self, forest: &Forest, row: usize, road: &[f64; ROAD]) -> (usize, bool) {
+        let slot = self.slot(row);
+        for r in 0..ROAD {
+            let old = std::mem::replace(&mut self.road[slot][r], road[r]);
+            if old == road[r] {
+                continue;
+            }
+            let (rows, place) = (&mut self.rows, &mut self.road_places[slot][r]);
+            if !self.quantities[S + r].pass(place, road[r], &mut self.budget, |question| {
+                rows.mark(slot, question);
+            }) {
+                rows.pending[slot] = Pending::All;
+            }
+        }
+        let renewed = match self.rows.pending[slot] {
+            Pending::Nothing => false,
+            Pending::Marked => self.look_up_marked(forest, row, slot),
+            Pending::All => self.look_up_all(forest, row, slot),
+        };
+        self.rows.pending[slot] = Pending::Nothing;
+        if renewed {
+            self.average(row, slot);
+        }
+        (slot, renewed)
+    }
+
+    fn look_up_marked(&mut self, forest: &Forest, row: usize, slot: usize) -> bool {
+        let Rows { trees, end, leaf, marked, .. } = &mut self.rows;
+        let of_row = slot * *trees..(slot + 1) * *trees;
+        let (states, road) = (&self.states[S * row..][..S * self.window], &self.road[slot]);
+        let value =
+            |feature: usize| states.get(feature).copied().unwrap_or_else(|| road[feature - states.len()]);
+        let places = end[of_row.clone()].iter_mut().zip(&mut leaf[of_row.clone()]);
+        let mut renewed = false;
+        for (tree, ((end, leaf), marked)) in places.zip(&mut marked[of_row]).enumerate() {
+            if std::mem::take(marked) {
+                let (new_end, new_leaf) = forest.descend(tree, value);
+                renewed |= *leaf != new_leaf;
+                (*end, *leaf) = (new_end as u16, new_leaf);
+            }
+        }
+        renewed
+    }
+
+    fn look_up_all(&mut self, forest: &Forest, row: usize, slot: usize) -> bool {
+        let (errors, of_road) = self.features.split_at_mut(S * self.window);
+        errors.copy_from_slice(&self.states[S * row..][..S * self.window]);
+        of_road.copy_from_slice(&self.road[slot]);
+        let Rows { trees, end, leaf, marked, .. } = &mut self.rows;
+        let begin = slot * *trees;
+        marked[begin..begin + *trees].fill(false);
+        let mut renewed = false;
+        forest.ends_together(&self.features, |first, ends, leaves| {
+            for (i, (&new_end, &new_leaf)) in ends.iter().zip(leaves).enumerate() {
+                let at = begin + first + i;
+                renewed |= leaf[at] != new_leaf;
+                (end[at], leaf[at]) = (new_end as u16, new_leaf);
+            }
+        });
+        renewed
+    }
+
+    /// Mean coefficients of a row's leaves. They are often those of the row before.
+    fn average(&mut self, row: usize, slot: usize) {
+        let (trees, count) = (self.rows.trees, self.model.regressors());
+        let leaves = |slot: usize| &self.rows.leaf[slot * trees..][..trees];
+        if let Some(before) = row.checked_sub(1).map(|row| self.slot(row))
+            && leaves(before) == leaves(slot)
+        {
+            self.mean.copy_within(before * count..(before + 1) * count, slot * count);
+        } else {
+            self.model.average(leaves(slot), &mut self.sums, &mut self.mean[slot * count..][..count]);
+        }
+    }
+
+    /// Mean coefficients of the row in a slot: constant, commands, states, road.
+    pub(super) fn mean(&self, slot: usize) -> &[[f64; S]] {
+        let count = self.model.regressors();
+        &self.mean[slot * count..][..count]
+    }
+
+    /// The last `count` states of a row's window.
+    pub(super) fn newest(&self, row: usize, count: usize) -> &[f64] {
+        let end = S * (row + self.window);
+        &self.states[end - S * count..end]
+    }
+}
