@@ -240,6 +240,19 @@ fn the_known_actuator_is_a_variant<M: Controller>() {
     ]);
     assert_eq!(slow.1, 0.06);
     assert!((slow.0 - nominal).abs() > 1e-4, "{} {nominal}", slow.0);
+    // How the dead time is represented: exact, the approximants, not at all.
+    let represented = [0, 1, 2, 3].map(|model| {
+        let dead_time = [
+            ("variant", Value::Integer(7)),
+            ("actuator.dead_time", Value::Real(0.06)),
+            ("actuator.dead_time_model", Value::Integer(model)),
+        ];
+        steered(&dead_time).0
+    });
+    assert!((represented[3] - nominal).abs() < 1e-9, "{represented:?} {nominal}");
+    for (i, one) in represented.iter().enumerate() {
+        assert!(represented[i + 1..].iter().all(|other| (one - other).abs() > 1e-6), "{represented:?}");
+    }
 }
 
 fn measurements_that_are_no_numbers_change_nothing<M: Controller>() {

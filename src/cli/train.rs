@@ -1,6 +1,6 @@
 //! `rfl train`: residual models from drive logs.
 
-use super::drive::{MODELS, setting};
+use super::drive::{MODELS, number, setting};
 use super::vehicle::{Commanded, Linear, by_kind, vehicle_named};
 use super::{named, progress_bar};
 use crate::control::{ControlVariant, ControllerParametersFor, MODEL_EXTENSION, VehicleParameters};
@@ -197,7 +197,9 @@ fn controller<P: Commanded<S, C>, const S: usize, const C: usize>(
     let mut parameters = P::controller(&vehicle_named(&args.vehicle)?);
     for text in &args.settings {
         let (name, value) = setting(text)?;
-        if !parameters.set::<S>(name.strip_prefix("controller.").unwrap_or(name), value)? {
+        let name = name.strip_prefix("controller.").unwrap_or(name);
+        let value = number(text, ControllerParametersFor::<P::Nominal>::declared(name), value)?;
+        if !parameters.set::<S>(name, value)? {
             let lists = "'rfl parameters' lists those of the controller";
             return Err(format!("--set {text}: the controller has no number '{name}'; {lists}").into());
         }

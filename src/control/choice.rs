@@ -8,7 +8,7 @@ use super::parameters::ControllerParametersFor;
 use super::variant::{PredictionModelFor, Residual, RollOut};
 use super::vehicle::{ControlledVehicle, VehicleParameters};
 use crate::enumeration;
-use crate::nominal::{Actuator, ERRORS, LateralVehicle};
+use crate::nominal::{ERRORS, LateralVehicle};
 use crate::residual::gp::GpModel;
 use crate::residual::{FileError, FileKind, Kind, ResidualModelFor};
 use crate::vehicle::SingleTrack;
@@ -152,18 +152,12 @@ impl Choice {
             // A vehicle without a nonlinear model needs no file for one.
             nonlinear(variant, parameters, None)?;
         }
-        let actuator = &parameters.actuator;
-        let (dead_time, time_constant) = (actuator.dead_time, actuator.time_constant);
         let file = match &self.file {
             Some(file) => file.clone(),
             None if variant.is_learned() => self.packed()?,
             None => {
                 let model = match variant {
-                    ControlVariant::Actuator => PredictionModelFor::Actuator(Actuator {
-                        dead_time,
-                        time_constant,
-                        ..Actuator::default()
-                    }),
+                    ControlVariant::Actuator => PredictionModelFor::Actuator(parameters.actuator.actuator()),
                     ControlVariant::Nmpc => nonlinear(variant, parameters, None)?,
                     _ => PredictionModelFor::Nominal,
                 };
