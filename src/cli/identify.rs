@@ -169,9 +169,11 @@ fn read(file: &Path, args: &IdentifyArgs) -> Result<Step, Box<dyn Error>> {
     let (time, command, response) = (column(TIME.name)?, column(STEER_CMD.name)?, column(response)?);
     let speed = if args.by_yaw_rate { column(VX.name)? } else { &[] };
     // A time that is no number stays in, to be refused with its line.
-    let begin =
-        time.iter().position(|time| args.from.is_none_or(|from| !(*time < from))).unwrap_or(time.len());
-    let end = time.iter().rposition(|time| args.until.is_none_or(|until| !(*time > until)));
+    let begin = time
+        .iter()
+        .position(|time| args.from.is_none_or(|from| time.is_nan() || *time >= from))
+        .unwrap_or(time.len());
+    let end = time.iter().rposition(|time| args.until.is_none_or(|until| time.is_nan() || *time <= until));
     let end = end.map_or(begin, |last| (last + 1).max(begin));
     if begin == end {
         return Err(

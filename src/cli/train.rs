@@ -239,7 +239,7 @@ fn learn_all<P: Commanded<S, C>, const S: usize, const C: usize>(
     notes.iter().for_each(|note| println!("note: {note}"));
 
     let mut models = Vec::new();
-    for (variant, file) in jobs(args, P::NONLINEAR) {
+    for (variant, file) in jobs(args, P::LEARNS_GP) {
         let bar = progress_bar(&format!("training {}", variant.name()), 1.0, args.quiet);
         let (test, first) = (test.as_ref(), models.is_empty());
         models.push(match variant.residual() {
@@ -264,7 +264,7 @@ fn learn_all<P: Commanded<S, C>, const S: usize, const C: usize>(
         println!("model: {}", file.display());
     }
     let files: Vec<String> =
-        jobs(args, P::NONLINEAR).into_iter().map(|(_, file)| file.display().to_string()).collect();
+        jobs(args, P::LEARNS_GP).into_iter().map(|(_, file)| file.display().to_string()).collect();
     let car = if args.vehicle == BUILTIN[0] { String::new() } else { format!(" --vehicle {}", args.vehicle) };
     println!("next: rfl drive --residual {}{car}, fmu-build --residual {}{car}", files[0], files.join(" "));
     if let Some(file) = &args.json {

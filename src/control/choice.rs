@@ -26,7 +26,7 @@ enumeration! {
         Rfl = 5 "rfl", "With a learned residual: a forest with linear leaves";
         RflS = 6 "rfl_s", "With a learned residual: a forest that splits on speed and road only, its leaves linear in commands and road";
         Actuator = 7 "actuator", "The nominal model behind a steering actuator with known dead time and lag (actuator.*)";
-        Nmpc = 8 "nmpc", "Nonlinear MPC on a bicycle model (nmpc.*)";
+        Nmpc = 8 "nmpc", "Nonlinear MPC on a single-track model with saturating tyres (nmpc.*)";
         GpNmpc = 9 "gp_nmpc", "Nonlinear MPC with a learned model: Gaussian processes for what the bicycle misses";
     }
 }
@@ -100,6 +100,11 @@ pub enum ChoiceError {
          model"
     )]
     NoNonlinear { variant: &'static str, vehicle: &'static str },
+    #[error(
+        "the variant gp_nmpc corrects the nonlinear model by Gaussian processes, and there are none of a {vehicle}: choose \
+         nmpc, or a learned variant with a linear model"
+    )]
+    NoGp { vehicle: &'static str },
 }
 
 /// A learned model of any kind for a car.
@@ -152,6 +157,9 @@ impl Choice {
             // A vehicle without a nonlinear model needs no file for one.
             nonlinear(variant, parameters, None)?;
         }
+        if variant == ControlVariant::GpNmpc && !G::Vehicle::LEARNS_GP {
+            return Err(ChoiceError::NoGp { vehicle: G::Vehicle::KIND });
+        }
         let file = match &self.file {
             Some(file) => file.clone(),
             None if variant.is_learned() => self.packed()?,
@@ -195,8 +203,13 @@ fn nonlinear<G: VehicleParameters<S>, const S: usize>(
     parameters: &ControllerParametersFor<G>,
     gp: Option<Arc<GpModel>>,
 ) -> Result<PredictionModelFor<G::Vehicle, S>, ChoiceError> {
+    let learned = gp.is_some();
     let model = G::Vehicle::nonlinear(&parameters.nmpc, gp);
-    let none = || ChoiceError::NoNonlinear { variant: variant.name(), vehicle: G::Vehicle::KIND };
+    let vehicle = G::Vehicle::KIND;
+    let none = || match learned && !G::Vehicle::LEARNS_GP {
+        true => ChoiceError::NoGp { vehicle },
+        false => ChoiceError::NoNonlinear { variant: variant.name(), vehicle },
+    };
     model.map(PredictionModelFor::Bicycle).ok_or_else(none)
 }
 

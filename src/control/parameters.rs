@@ -78,7 +78,7 @@ parameters! {
     /// The steering actuator that the variant `actuator` knows.
     pub struct ActuatorParameters {
         dead_time: f64 = 0.0, SECOND in 0.0, 1.0; "actuator.dead_time", "Dead time of the steering actuator that the variant actuator predicts with"
-        dead_time_model: DeadTimeModel = 0, ONE in 0.0, 3.0; "actuator.dead_time_model", "How that dead time is represented"
+        dead_time_model: DeadTimeModel = 0, ONE in 0.0, 3.0; "actuator.dead_time_model", "How the variant actuator predicts with that dead time"
         time_constant: f64 = 0.0, SECOND in 0.0, 2.0; "actuator.time_constant", "Time constant of the first-order lag of the steering actuator that the variant actuator predicts with"
     }
 }
