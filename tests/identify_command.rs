@@ -158,7 +158,7 @@ fn what_holds_no_step_is_refused_with_the_reason() {
         HEADER,
         &changed(|k, row| {
             if k > 70 {
-                row[0] = format!("{}", 9 * k)
+                row[0] = format!("{:.2}", 5.0 + 0.02 * k as f64)
             }
         }),
         &[],

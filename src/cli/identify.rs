@@ -110,7 +110,8 @@ fn identify<P: Commanded<S, C>, const S: usize, const C: usize>(
     };
     let record = SteeringRecord::new(&step.time, &step.command, &step.response).map_err(&wrong)?;
     let through = if args.by_yaw_rate {
-        let speed = constant_speed(&step.speed, slowest)?;
+        let of = place.map_or(args.vehicle.clone(), |file| file.display().to_string());
+        let speed = constant_speed(&step.speed, slowest).map_err(|error| format!("{of}: {error}"))?;
         Some(vehicle.model_at(speed)?)
     } else {
         None
