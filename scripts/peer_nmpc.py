@@ -4,7 +4,7 @@
     peer_nmpc.py PROBLEMS.json          problems of `cargo run --release --example dump_nmpc -- 16 50`
 
 The problem is written out here anew, from its equations: the nonlinear bicycle along a path
-(`src/nominal/bicycle.rs`, `path_bicycle.rs`), Runge-Kutta of 4th order with the speed of a step held, the tracking cost
+(`src/nominal/bicycle.rs`, `path_model.rs`), Runge-Kutta of 4th order with the speed of a step held, the tracking cost
 (`src/control/tracking_qp.rs`), by direct multiple shooting with exact Hessians.
 
 Agreement is judged on the road as it is, a chain of parabolas of curvature. Times are taken on another problem, in

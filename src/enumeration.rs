@@ -2,7 +2,8 @@
 
 /// Declares an enum with, for each value, its number, its name for users and its meaning.
 ///
-/// It gets `ITEMS` (number, name, meaning), `ALL`, `from_number()`, `name()` and `meaning()`. The first value is the default.
+/// It gets `ITEMS` (number, name, meaning), `ALL`, `from_number()`, `name()` and `meaning()`, and can be a parameter. The
+/// first value is the default.
 #[macro_export]
 macro_rules! enumeration {
     ($(#[$attribute:meta])* $visibility:vis enum $name:ident {
@@ -49,6 +50,21 @@ macro_rules! enumeration {
                     Self::$first => $first_meaning,
                     $(Self::$value => $meaning,)*
                 }
+            }
+        }
+
+        impl $crate::parameter::Number for $name {
+            const INTEGER: bool = true;
+            const CHOICES: Option<$crate::parameter::Choices> =
+                Some($crate::parameter::Choices { type_name: stringify!($name), items: Self::ITEMS });
+
+            fn from_f64(value: f64) -> Self {
+                // A parameter's range admits no other numbers.
+                Self::from_number(value as i32).unwrap_or_default()
+            }
+
+            fn to_f64(self) -> f64 {
+                f64::from(self as i32)
             }
         }
     };

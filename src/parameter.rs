@@ -17,7 +17,40 @@ pub struct Parameter {
     pub max: f64,
     /// Whole numbers only.
     pub integer: bool,
+    /// The named values, if it is one of a few; `integer` then, too.
+    pub choices: Option<Choices>,
     pub meaning: &'static str,
+}
+
+/// The values of a parameter that is one of a few named ones.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Choices {
+    /// Name of their type.
+    pub type_name: &'static str,
+    /// Number, name and meaning of each.
+    pub items: &'static [(i32, &'static str, &'static str)],
+}
+
+/// A word that is no value of a parameter.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum NoValue {
+    #[error("'{text}' is not a number")]
+    NotANumber { text: String },
+    #[error("'{text}' is no value of {name}: write {}", choices.words())]
+    NoSuchName { text: String, name: &'static str, choices: Choices },
+}
+
+impl Choices {
+    /// The names, as a sentence lists them.
+    fn words(&self) -> String {
+        let names: Vec<&str> = self.items.iter().map(|item| item.1).collect();
+        match names.split_last() {
+            Some((last, [])) => (*last).to_owned(),
+            Some((last, others)) => format!("{} or {last}", others.join(", ")),
+            None => String::new(),
+        }
+    }
 }
 
 /// A parameter that is out of its range or not a number.
@@ -36,6 +69,22 @@ pub struct OutOfRange {
 }
 
 impl Parameter {
+    /// The value that a user wrote: a number or, where values have names, a name.
+    ///
+    /// # Errors
+    /// A word that is neither.
+    pub fn read(&self, text: &str) -> Result<f64, NoValue> {
+        let text = text.trim();
+        let of_name = |choices: &Choices| {
+            choices.items.iter().find(|item| item.1 == text).map(|item| f64::from(item.0))
+        };
+        let value = text.parse().ok().or_else(|| self.choices.as_ref().and_then(of_name));
+        value.ok_or_else(|| match self.choices {
+            Some(choices) => NoValue::NoSuchName { text: text.to_owned(), name: self.name, choices },
+            None => NoValue::NotANumber { text: text.to_owned() },
+        })
+    }
+
     /// Checks a value.
     ///
     /// # Errors
@@ -74,10 +123,12 @@ pub trait ParameterGroup {
     }
 }
 
-/// A number that a parameter can be: `f64` or `usize`.
+/// What a parameter can be: `f64`, `usize` or an enumeration by [`enumeration!`](crate::enumeration).
 pub trait Number: Copy {
     /// Whether only whole numbers are meant.
     const INTEGER: bool;
+    /// The named values of an enumeration.
+    const CHOICES: Option<Choices> = None;
     /// From the common representation.
     fn from_f64(value: f64) -> Self;
     /// To the common representation.
@@ -104,7 +155,7 @@ impl Number for usize {
     }
 }
 
-/// Declares a struct of numeric parameters; see [`crate::parameter`].
+/// Declares a struct of numeric parameters; see [`crate::parameter`]. An enumeration's default and range are numbers.
 #[macro_export]
 macro_rules! parameters {
     ($(#[$attribute:meta])* $visibility:vis struct $group:ident {
@@ -118,7 +169,7 @@ macro_rules! parameters {
 
         impl Default for $group {
             fn default() -> Self {
-                Self { $($field: $default,)* }
+                Self { $($field: $crate::parameter::Number::from_f64($default as f64),)* }
             }
         }
 
@@ -131,6 +182,7 @@ macro_rules! parameters {
                     min: $min,
                     max: $max,
                     integer: <$type as $crate::parameter::Number>::INTEGER,
+                    choices: <$type as $crate::parameter::Number>::CHOICES,
                     meaning: $meaning,
                 },)*];
                 TABLE
@@ -146,4 +198,47 @@ macro_rules! parameters {
             }
         }
     };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    crate::enumeration! {
+        enum Colour {
+            Red = 0 "red", "Like blood";
+            Blue = 1 "blue", "Like the sky";
+            Green = 2 "green", "Like grass";
+        }
+    }
+
+    parameters! {
+        struct Paint {
+            colour: Colour = 2, ONE in 0.0, 2.0; "paint.colour", "Colour of the paint"
+            layers: usize = 3, ONE in 1.0, 9.0; "paint.layers", "Layers of the paint"
+            density: f64 = 1.5, ONE in 0.5, 2.0; "paint.density", "Density of the paint"
+        }
+    }
+
+    #[test]
+    fn an_enumeration_is_a_parameter_by_number_and_by_name() {
+        let mut paint = Paint::default();
+        assert_eq!((paint.colour, paint.layers, paint.density), (Colour::Green, 3, 1.5));
+        let colour = Paint::table()[0];
+        assert_eq!(
+            (Colour::ALL.len(), Colour::Red.name(), Colour::Blue.meaning()),
+            (3, "red", "Like the sky")
+        );
+        assert!(colour.integer && colour.default == 2.0);
+        for (text, number) in [("red", 0.0), (" blue ", 1.0), ("2", 2.0)] {
+            assert_eq!(colour.read(text), Ok(number));
+        }
+        paint.set(0, colour.read("blue").unwrap());
+        assert_eq!((paint.colour, paint.get(0)), (Colour::Blue, 1.0));
+        assert!(colour.check(0.5).is_err() && colour.check(3.0).is_err());
+        let error = colour.read("pink").unwrap_err().to_string();
+        assert_eq!(error, "'pink' is no value of paint.colour: write red, blue or green");
+        let error = Paint::table()[2].read("thick").unwrap_err().to_string();
+        assert_eq!(error, "'thick' is not a number");
+    }
 }

@@ -1,7 +1,9 @@
 //! Delay baselines from a recorded step to the drive: identify on the plant, predict with what was found.
 
-use rfl_mpc::control::{Controller, ControllerParameters, PredictionModel};
-use rfl_mpc::nominal::{Actuator, ContinuousErrorModel, DelayModel, SteeringRecord};
+use rfl_mpc::control::{
+    Choice, ControlVariant, Controller, ControllerParameters, PredictionModel, Propagation, RollOut,
+};
+use rfl_mpc::nominal::{Actuator, ContinuousErrorModel, DeadTimeModel, DelayModel, SteeringRecord};
 use rfl_mpc::path::sudoku::Route;
 use rfl_mpc::path::{Closure, Path};
 use rfl_mpc::simulate::{ClosedLoop, TrackingMetrics};
@@ -55,6 +57,35 @@ fn the_angle_and_the_yaw_rate_tell_the_actuator() {
     let whole = |actuator: Actuator| actuator.dead_time + actuator.time_constant;
     let more = whole(by_yaw_rate.actuator) - whole(truth);
     assert!(more.abs() < TS, "{by_yaw_rate:?}");
+}
+
+#[test]
+fn the_delay_s_model_is_chosen_by_name() {
+    let choice = Choice {
+        variant: ControlVariant::Actuator,
+        file: None,
+        folder: "none".into(),
+        propagation: Propagation::Propagated,
+        roll_out: RollOut::Corrected,
+    };
+    for &dead_time_model in DeadTimeModel::ALL {
+        let mut parameters = ControllerParameters::default();
+        let declared = ControllerParameters::declared("actuator.dead_time_model").unwrap();
+        for (name, value) in [
+            ("actuator.dead_time", 0.16),
+            ("actuator.time_constant", 0.1),
+            (declared.name, declared.read(dead_time_model.name()).unwrap()),
+        ] {
+            assert!(parameters.set(name, value).unwrap());
+        }
+        let (_, model) = choice.prediction_model(&parameters).unwrap();
+        let PredictionModel::Actuator(actuator) = model else { panic!("{model:?}") };
+        assert_eq!(actuator, Actuator { dead_time: 0.16, time_constant: 0.1, dead_time_model });
+        // Only the exact one looks back at commands; the first order has none of the dead time.
+        assert_eq!(actuator.delay(TS).0, if dead_time_model == DeadTimeModel::Exact { 8 } else { 0 });
+        let lag = Actuator { dead_time: 0.0, ..actuator };
+        assert_eq!(actuator.sample(TS) == lag.sample(TS), dead_time_model == DeadTimeModel::FirstOrder);
+    }
 }
 
 fn drive(model: PredictionModel) -> (TrackingMetrics, bool) {

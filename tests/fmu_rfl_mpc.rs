@@ -240,6 +240,19 @@ fn the_known_actuator_is_a_variant<M: Controller>() {
     ]);
     assert_eq!(slow.1, 0.06);
     assert!((slow.0 - nominal).abs() > 1e-4, "{} {nominal}", slow.0);
+    // How the dead time is represented: exact, the approximants, not at all.
+    let represented = [0, 1, 2, 3].map(|model| {
+        let dead_time = [
+            ("variant", Value::Integer(7)),
+            ("actuator.dead_time", Value::Real(0.06)),
+            ("actuator.dead_time_model", Value::Integer(model)),
+        ];
+        steered(&dead_time).0
+    });
+    assert!((represented[3] - nominal).abs() < 1e-9, "{represented:?} {nominal}");
+    for (i, one) in represented.iter().enumerate() {
+        assert!(represented[i + 1..].iter().all(|other| (one - other).abs() > 1e-6), "{represented:?}");
+    }
 }
 
 fn measurements_that_are_no_numbers_change_nothing<M: Controller>() {
@@ -298,16 +311,26 @@ fn the_articulation_steers_too() {
 }
 
 #[test]
-fn the_truck_has_no_nonlinear_variant_and_says_so() {
+fn the_truck_has_nonlinear_mpc_and_says_that_no_process_is_learned_of_it() {
     let declaration = TruckRflMpc::declaration();
     let variant = &declaration.variables[Unit::<TruckRflMpc>::vr("variant")];
-    let error = variant.value_of("nmpc").unwrap_err();
-    assert!(error.contains("actuator") && !error.contains("nmpc"), "{error}");
-    assert!(declaration.variables.iter().all(|variable| !variable.name.starts_with("nmpc.")));
-    for nonlinear in [ControlVariant::Nmpc, ControlVariant::GpNmpc] {
+    assert_eq!(variant.value_of("nmpc"), Ok(Value::Integer(8)));
+    let error = variant.value_of("gp_nmpc").unwrap_err();
+    assert!(error.contains("nmpc") && !error.contains("gp_nmpc"), "{error}");
+    let steered = |parameters: &[(&str, Value)]| {
         let mut unit = Unit::<TruckRflMpc>::new();
-        unit.set("variant", Value::Integer(nonlinear as i32));
-        let error = unit.initialize().unwrap_err().to_string();
-        assert!(error.contains(nonlinear.name()) && error.contains("none of a truck"), "{error}");
-    }
+        parameters.iter().for_each(|(name, value)| unit.set(name, value.clone()));
+        unit.initialize().unwrap();
+        (0..20).for_each(|k| unit.step(k, 0.02));
+        unit.real("steer_cmd")
+    };
+    let nmpc = ("variant", Value::Integer(8));
+    let slippery = [nmpc.clone(), ("nmpc.friction", Value::Real(0.2))];
+    let (linear, nonlinear, slippery) = (steered(&[]), steered(&[nmpc]), steered(&slippery));
+    assert!((nonlinear - linear).abs() < 0.05 && nonlinear != linear, "{nonlinear} {linear}");
+    assert_ne!(slippery, nonlinear, "the friction counts");
+    let mut unit = Unit::<TruckRflMpc>::new();
+    unit.set("variant", Value::Integer(ControlVariant::GpNmpc as i32));
+    let error = unit.initialize().unwrap_err().to_string();
+    assert!(error.contains("gp_nmpc") && error.contains("none of a truck"), "{error}");
 }

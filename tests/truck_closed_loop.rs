@@ -2,8 +2,8 @@
 //! learning gain, that it does so again, and how a jack-knife ends it.
 
 use rfl_mpc::control::{
-    PredictionModelFor, Propagation, Residual, RollOut, SpeedController, TRUCK_STATES, TruckController,
-    TruckControllerParameters,
+    ArticulatedModel, PredictionModelFor, Propagation, Residual, RollOut, SpeedController, TRUCK_STATES,
+    TruckController, TruckControllerParameters,
 };
 use rfl_mpc::nominal::Actuator;
 use rfl_mpc::path::Path;
@@ -106,6 +106,21 @@ fn a_known_dead_time_and_lag_is_worth_much() {
     assert!(known.finished);
     let (known, nominal) = (known.tracking().mae, nominal.tracking().mae);
     assert!(known < 0.5 * nominal, "mean lateral error {known} m, nominal {nominal} m");
+}
+
+#[test]
+fn nonlinear_mpc_tracks_as_well_as_the_linear_one() {
+    // What both miss, the delay, is the same; `tests/truck_nmpc.rs` shows what the model alone is worth.
+    let nmpc = || Model::Bicycle(ArticulatedModel::default());
+    let nominal = drive(Route::TruckTest, LOW, default(), Model::Nominal, 60.0).tracking();
+    let nonlinear = drive(Route::TruckTest, LOW, default(), nmpc(), 60.0).tracking();
+    assert!(
+        nonlinear.mae < 1.2 * nominal.mae && nonlinear.max < 1.3 * nominal.max,
+        "{nonlinear:?} {nominal:?}"
+    );
+    let turned = drive(Route::TruckUTurn, LOW, default(), nmpc(), 300.0);
+    assert!(turned.finished && !turned.lost);
+    assert!(turned.tracking().max < 0.3, "{:?}", turned.tracking());
 }
 
 fn learn(kind: Kind, delay: [f64; 2]) -> Residual<Articulated, TRUCK_STATES> {

@@ -6,6 +6,7 @@ use crate::control::{
     Choice, ControlVariant, ControllerFor, ControllerParametersFor, PredictionModelFor, Propagation, RollOut,
     VehicleParameters,
 };
+use crate::parameter::{NoValue, Parameter};
 use crate::path::sudoku::Route;
 use crate::path::{Path, RoadClass};
 use crate::simulate::{ClosedLoopFor, DriveFor, STATION, SimulatedVehicle, StepTimes};
@@ -26,7 +27,8 @@ use std::sync::Arc;
   rfl drive --vehicle truck_simulation                 the truck's test route, the truck paper's truck
   rfl drive --residual out/residual/rfl_s.rflm         with what rfl train learned
   rfl drive --variant rfl_s                            the same: models are looked for in out/residual
-  rfl drive --variant actuator --set actuator.dead_time=0.06 --set actuator.time_constant=0.1")]
+  rfl drive --variant actuator --set actuator.dead_time=0.06 --set actuator.time_constant=0.1
+  rfl drive --variant actuator --set actuator.dead_time=0.12 --set actuator.dead_time_model=pade_2_2")]
 pub struct DriveArgs {
     /// Road to follow: a CSV file with columns x, y [default: the vehicle's test route]
     #[arg(long)]
@@ -144,6 +146,8 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> Setup<P, S, C> {
             Some(("controller", name)) => (true, false, name),
             _ => (true, true, full_name),
         };
+        let declared = ControllerParametersFor::<P::Nominal>::declared(name).filter(|_| controller);
+        let value = number(text, declared, value)?;
         let mut found = false;
         if controller {
             found |= self.controller.set::<S>(name, value)?;
@@ -167,11 +171,19 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> Setup<P, S, C> {
 }
 
 /// Name and value of a setting `NAME=VALUE`.
-pub(super) fn setting(text: &str) -> Result<(&str, f64), Box<dyn Error>> {
+pub(super) fn setting(text: &str) -> Result<(&str, &str), Box<dyn Error>> {
     let (name, value) =
         text.split_once('=').ok_or_else(|| format!("--set {text}: write it as NAME=VALUE"))?;
-    let value = value.trim().parse().map_err(|_| format!("--set {text}: '{value}' is not a number"))?;
-    Ok((name.trim(), value))
+    Ok((name.trim(), value.trim()))
+}
+
+/// The number of a setting's value: a number or, of a declared parameter whose values have names, a name.
+pub(super) fn number(text: &str, declared: Option<&Parameter>, value: &str) -> Result<f64, Box<dyn Error>> {
+    let number = match declared {
+        Some(parameter) => parameter.read(value),
+        None => value.parse().map_err(|_| NoValue::NotANumber { text: value.to_owned() }),
+    };
+    number.map_err(|error| format!("--set {text}: {error}").into())
 }
 
 /// Runs the command.

@@ -7,6 +7,7 @@ pub mod collect;
 pub mod course;
 pub mod drive;
 pub mod evaluate;
+pub mod identify;
 pub mod parameters;
 pub mod path;
 pub mod train;
@@ -29,6 +30,7 @@ use std::process::ExitCode;
   rfl drive --path road.csv   drive it
   rfl collect                 drive to learn from
   rfl train LOG...            learn what the nominal model misses
+  rfl identify step.csv       the steering's delay from a recorded step
   rfl evaluate --quick        all variants, compared
   rfl parameters              what --set can change
   rfl course                  write our own courses to paths/
@@ -47,6 +49,7 @@ enum Command {
     Collect(collect::CollectArgs),
     Train(train::TrainArgs),
     Evaluate(evaluate::EvaluateArgs),
+    Identify(identify::IdentifyArgs),
     Path(path::PathArgs),
     Parameters(parameters::ParametersArgs),
     Course(course::CourseArgs),
@@ -63,6 +66,7 @@ impl Cli {
             Command::Collect(args) => collect::run(args),
             Command::Train(args) => train::run(args),
             Command::Evaluate(args) => evaluate::run(args),
+            Command::Identify(args) => identify::run(args),
             Command::Path(args) => path::run(args),
             Command::Parameters(args) => parameters::run(args),
             Command::Course(args) => course::run(args),

@@ -1,6 +1,6 @@
 //! `rfl train`: residual models from drive logs.
 
-use super::drive::{MODELS, setting};
+use super::drive::{MODELS, number, setting};
 use super::vehicle::{Commanded, Linear, by_kind, vehicle_named};
 use super::{named, progress_bar};
 use crate::control::{ControlVariant, ControllerParametersFor, MODEL_EXTENSION, VehicleParameters};
@@ -197,7 +197,9 @@ fn controller<P: Commanded<S, C>, const S: usize, const C: usize>(
     let mut parameters = P::controller(&vehicle_named(&args.vehicle)?);
     for text in &args.settings {
         let (name, value) = setting(text)?;
-        if !parameters.set::<S>(name.strip_prefix("controller.").unwrap_or(name), value)? {
+        let name = name.strip_prefix("controller.").unwrap_or(name);
+        let value = number(text, ControllerParametersFor::<P::Nominal>::declared(name), value)?;
+        if !parameters.set::<S>(name, value)? {
             let lists = "'rfl parameters' lists those of the controller";
             return Err(format!("--set {text}: the controller has no number '{name}'; {lists}").into());
         }
@@ -237,7 +239,7 @@ fn learn_all<P: Commanded<S, C>, const S: usize, const C: usize>(
     notes.iter().for_each(|note| println!("note: {note}"));
 
     let mut models = Vec::new();
-    for (variant, file) in jobs(args, P::NONLINEAR) {
+    for (variant, file) in jobs(args, P::LEARNS_GP) {
         let bar = progress_bar(&format!("training {}", variant.name()), 1.0, args.quiet);
         let (test, first) = (test.as_ref(), models.is_empty());
         models.push(match variant.residual() {
@@ -262,7 +264,7 @@ fn learn_all<P: Commanded<S, C>, const S: usize, const C: usize>(
         println!("model: {}", file.display());
     }
     let files: Vec<String> =
-        jobs(args, P::NONLINEAR).into_iter().map(|(_, file)| file.display().to_string()).collect();
+        jobs(args, P::LEARNS_GP).into_iter().map(|(_, file)| file.display().to_string()).collect();
     let car = if args.vehicle == BUILTIN[0] { String::new() } else { format!(" --vehicle {}", args.vehicle) };
     println!("next: rfl drive --residual {}{car}, fmu-build --residual {}{car}", files[0], files.join(" "));
     if let Some(file) = &args.json {

@@ -1,7 +1,7 @@
 //! What the commands do for each kind of vehicle: the same words, other courses and defaults.
 
 use super::train_gp;
-use crate::control::{TRUCK_STATES, VehicleParameters};
+use crate::control::{ControlledVehicle, TRUCK_STATES, VehicleParameters};
 use crate::nominal::ERRORS;
 use crate::path::sudoku::Route;
 use crate::residual::DataSet;
@@ -26,15 +26,15 @@ pub(super) trait Commanded<const S: usize, const C: usize>: SimulatedVehicle<S, 
     const TEST: Route;
     /// Steps of commands that a residual looks back at.
     const WINDOW: usize;
-    /// Whether there is a nonlinear model to learn for.
-    const NONLINEAR: bool;
+    /// Whether Gaussian processes are learned of what a nonlinear model misses.
+    const LEARNS_GP: bool = <Linear<Self, S, C> as ControlledVehicle<S>>::LEARNS_GP;
     /// Settings of a controller that collects drives to learn from: calmer than for driving.
     fn calm() -> Vec<(&'static str, f64)>;
 
     /// Learns what a nonlinear model misses.
     ///
     /// # Errors
-    /// A vehicle without such a model; too little data; a file that cannot be written.
+    /// A vehicle of which none are learned; too little data; a file that cannot be written.
     fn learn_gp(
         data: &DataSet<Linear<Self, S, C>, S>,
         test: Option<&DataSet<Linear<Self, S, C>, S>>,
@@ -48,7 +48,6 @@ impl Commanded<ERRORS, CAR_COLUMNS> for Car {
     const TRAINING: Route = Route::SudokuTrain;
     const TEST: Route = Route::SudokuTest;
     const WINDOW: usize = 28;
-    const NONLINEAR: bool = true;
 
     fn calm() -> Vec<(&'static str, f64)> {
         vec![("mpc.r_rate", CALM.r_rate), ("mpc.q_e1_rate", CALM.q_e1_rate), ("mpc.q_e2", CALM.q_e2)]
@@ -70,7 +69,6 @@ impl Commanded<TRUCK_STATES, TRUCK_COLUMNS> for Truck {
     const TEST: Route = Route::TruckTest;
     // 1.2 s: a dead time of 0.3 s and four time constants of 0.2 s.
     const WINDOW: usize = 60;
-    const NONLINEAR: bool = false;
 
     fn calm() -> Vec<(&'static str, f64)> {
         TRUCK_CALM.to_vec()
@@ -83,7 +81,7 @@ impl Commanded<TRUCK_STATES, TRUCK_COLUMNS> for Truck {
         _: &Path,
         _: &ProgressBar,
     ) -> Result<Value, Box<dyn Error>> {
-        Err("gp_nmpc corrects a nonlinear model, and there is none of a truck: choose a kind with a linear model".into())
+        Err("gp_nmpc corrects the bicycle of a car, and is not learned of a truck: choose a kind with a linear model".into())
     }
 }
 

@@ -8,7 +8,7 @@ use super::parameters::ControllerParametersFor;
 use super::variant::{PredictionModelFor, Residual, RollOut};
 use super::vehicle::{ControlledVehicle, VehicleParameters};
 use crate::enumeration;
-use crate::nominal::{Actuator, ERRORS, LateralVehicle};
+use crate::nominal::{ERRORS, LateralVehicle};
 use crate::residual::gp::GpModel;
 use crate::residual::{FileError, FileKind, Kind, ResidualModelFor};
 use crate::vehicle::SingleTrack;
@@ -26,7 +26,7 @@ enumeration! {
         Rfl = 5 "rfl", "With a learned residual: a forest with linear leaves";
         RflS = 6 "rfl_s", "With a learned residual: a forest that splits on speed and road only, its leaves linear in commands and road";
         Actuator = 7 "actuator", "The nominal model behind a steering actuator with known dead time and lag (actuator.*)";
-        Nmpc = 8 "nmpc", "Nonlinear MPC on a bicycle model (nmpc.*)";
+        Nmpc = 8 "nmpc", "Nonlinear MPC on a single-track model with saturating tyres (nmpc.*)";
         GpNmpc = 9 "gp_nmpc", "Nonlinear MPC with a learned model: Gaussian processes for what the bicycle misses";
     }
 }
@@ -100,6 +100,11 @@ pub enum ChoiceError {
          model"
     )]
     NoNonlinear { variant: &'static str, vehicle: &'static str },
+    #[error(
+        "the variant gp_nmpc corrects the nonlinear model by Gaussian processes, and there are none of a {vehicle}: choose \
+         nmpc, or a learned variant with a linear model"
+    )]
+    NoGp { vehicle: &'static str },
 }
 
 /// A learned model of any kind for a car.
@@ -152,18 +157,15 @@ impl Choice {
             // A vehicle without a nonlinear model needs no file for one.
             nonlinear(variant, parameters, None)?;
         }
-        let actuator = &parameters.actuator;
-        let (dead_time, time_constant) = (actuator.dead_time, actuator.time_constant);
+        if variant == ControlVariant::GpNmpc && !G::Vehicle::LEARNS_GP {
+            return Err(ChoiceError::NoGp { vehicle: G::Vehicle::KIND });
+        }
         let file = match &self.file {
             Some(file) => file.clone(),
             None if variant.is_learned() => self.packed()?,
             None => {
                 let model = match variant {
-                    ControlVariant::Actuator => PredictionModelFor::Actuator(Actuator {
-                        dead_time,
-                        time_constant,
-                        ..Actuator::default()
-                    }),
+                    ControlVariant::Actuator => PredictionModelFor::Actuator(parameters.actuator.actuator()),
                     ControlVariant::Nmpc => nonlinear(variant, parameters, None)?,
                     _ => PredictionModelFor::Nominal,
                 };
@@ -201,8 +203,13 @@ fn nonlinear<G: VehicleParameters<S>, const S: usize>(
     parameters: &ControllerParametersFor<G>,
     gp: Option<Arc<GpModel>>,
 ) -> Result<PredictionModelFor<G::Vehicle, S>, ChoiceError> {
+    let learned = gp.is_some();
     let model = G::Vehicle::nonlinear(&parameters.nmpc, gp);
-    let none = || ChoiceError::NoNonlinear { variant: variant.name(), vehicle: G::Vehicle::KIND };
+    let vehicle = G::Vehicle::KIND;
+    let none = || match learned && !G::Vehicle::LEARNS_GP {
+        true => ChoiceError::NoGp { vehicle },
+        false => ChoiceError::NoNonlinear { variant: variant.name(), vehicle },
+    };
     model.map(PredictionModelFor::Bicycle).ok_or_else(none)
 }
 

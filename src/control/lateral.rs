@@ -215,10 +215,10 @@ impl<const S: usize> LateralMpc<S> {
         &self.qp.problem
     }
 
-    /// The newest nonlinear prediction; none for a linear model.
+    /// The newest nonlinear prediction of a car; none for a linear model or another vehicle.
     #[must_use]
     pub fn roll_out(&self) -> Option<&BicycleRollOut> {
-        self.variant.roll_out()
+        self.variant.roll_out()?.downcast_ref()
     }
 
     /// QPs that the newest step solved: more than 1 only for a nonlinear model.

@@ -4,7 +4,8 @@ use super::longitudinal::LongitudinalParameters;
 use super::observer::ObserverParameters;
 use super::vehicle::VehicleParameters;
 use crate::enumeration;
-use crate::parameter::{OutOfRange, ParameterGroup};
+use crate::nominal::{Actuator, DeadTimeModel};
+use crate::parameter::{OutOfRange, Parameter, ParameterGroup};
 use crate::parameters;
 use crate::residual::DataConfig;
 use crate::vehicle::{CarParameters, SingleTrack};
@@ -77,6 +78,7 @@ parameters! {
     /// The steering actuator that the variant `actuator` knows.
     pub struct ActuatorParameters {
         dead_time: f64 = 0.0, SECOND in 0.0, 1.0; "actuator.dead_time", "Dead time of the steering actuator that the variant actuator predicts with"
+        dead_time_model: DeadTimeModel = 0, ONE in 0.0, 3.0; "actuator.dead_time_model", "How the variant actuator predicts with that dead time"
         time_constant: f64 = 0.0, SECOND in 0.0, 2.0; "actuator.time_constant", "Time constant of the first-order lag of the steering actuator that the variant actuator predicts with"
     }
 }
@@ -135,6 +137,20 @@ impl<G> ControllerParametersFor<G> {
             || set(&mut self.nmpc, name, value)?)
     }
 
+    /// The declaration of a parameter that every vehicle's controller has, if it is one.
+    #[must_use]
+    pub fn declared(name: &str) -> Option<&'static Parameter> {
+        let tables = [
+            MpcParameters::table(),
+            ObserverParameters::table(),
+            SpeedParameters::table(),
+            LongitudinalParameters::table(),
+            ActuatorParameters::table(),
+            NmpcParameters::table(),
+        ];
+        tables.into_iter().flatten().find(|parameter| parameter.name == name)
+    }
+
     /// Checks all values against their ranges.
     ///
     /// # Errors
@@ -161,6 +177,15 @@ pub(super) fn set<G: ParameterGroup>(group: &mut G, name: &str, value: f64) -> R
     G::table()[index].check(value)?;
     group.set(index, value);
     Ok(true)
+}
+
+impl ActuatorParameters {
+    /// The actuator that the variant predicts with.
+    #[must_use]
+    pub fn actuator(&self) -> Actuator {
+        let Self { dead_time, dead_time_model, time_constant } = *self;
+        Actuator { dead_time, time_constant, dead_time_model }
+    }
 }
 
 impl SpeedParameters {

@@ -20,11 +20,14 @@ pub trait ControlledVehicle<const S: usize>: LateralVehicle<S> {
     /// What the nonlinear variants predict with; [`Infallible`], which nobody can make, for a vehicle without them.
     type Nonlinear: Nonlinear<Self, S>;
 
+    /// Whether a Gaussian process can correct the nonlinear model.
+    const LEARNS_GP: bool = false;
+
     /// The model's state from the errors to the path and the measurement that they are of.
     fn state(errors: &ErrorState, measurement: &Measurement) -> SVector<f64, S>;
 
     /// The nonlinear model by its parameters, with a learned Gaussian process or without; none for a vehicle that has
-    /// no such model.
+    /// no such model, or none with a process.
     #[must_use]
     fn nonlinear(parameters: &NmpcParameters, gp: Option<Arc<GpModel>>) -> Option<Self::Nonlinear> {
         let _ = (parameters, gp);
@@ -101,6 +104,7 @@ pub struct Bound {
 
 impl ControlledVehicle<ERRORS> for SingleTrack {
     type Nonlinear = BicycleModel;
+    const LEARNS_GP: bool = true;
 
     fn state(errors: &ErrorState, _: &Measurement) -> ErrorState {
         *errors

@@ -12,7 +12,7 @@ use crate::fmi::{
     Context, Declaration, DefaultExperiment, Kind, Log, LogCategory, Model, ModelError, Severity, Values,
     Variable, Vr,
 };
-use crate::parameter::{Parameter, ParameterGroup};
+use crate::parameter::{Choices, Parameter, ParameterGroup};
 use crate::path::Path;
 use crate::signal::{self, Signal, Unit};
 use crate::vehicle;
@@ -137,9 +137,12 @@ fn add_groups(declaration: &mut Declaration, groups: &[&mut dyn Group]) -> Vr {
     let first = declaration.variables.len();
     for group in groups {
         for (index, parameter) in group.table().iter().enumerate() {
-            let Parameter { name, unit, min, max, integer, meaning, .. } = *parameter;
+            let Parameter { name, unit, min, max, integer, choices, meaning, .. } = *parameter;
             let start = group.get(index);
-            declaration.add(if integer {
+            declaration.add(if let Some(Choices { type_name, items }) = choices {
+                let start = start as i32;
+                Variable::parameter_of(Kind::Enumeration { type_name, items, start }, name, meaning)
+            } else if integer {
                 let (start, min, max) = (start as i32, Some(min as i32), Some(max as i32));
                 Variable::parameter_of(Kind::Integer { start, min, max }, name, meaning)
             } else {

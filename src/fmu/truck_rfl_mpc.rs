@@ -31,9 +31,9 @@ impl ControllerUnit<TRUCK_STATES> for NominalTruck {
                                        articulation, speed and lag error by an MPC of their own";
     const WHAT: &'static str = "truck";
     const INPUTS: &'static [Told] = &TOLD;
-    // There is no nonlinear model of a truck.
+    // No Gaussian process is learned of a truck.
     const VARIANTS: &'static [(i32, &'static str, &'static str)] =
-        ControlVariant::ITEMS.split_at(ControlVariant::Nmpc as usize).0;
+        ControlVariant::ITEMS.split_at(ControlVariant::GpNmpc as usize).0;
     const SHOWN: usize = 60;
 
     type File = TruckParameters;
@@ -48,8 +48,8 @@ impl ControllerUnit<TRUCK_STATES> for NominalTruck {
     }
 
     fn groups(parameters: &mut TruckControllerParameters) -> Vec<&mut dyn Group> {
-        let TruckControllerParameters { vehicle, mpc, speed, longitudinal, observer, actuator, nmpc: _ } =
+        let TruckControllerParameters { vehicle, mpc, speed, longitudinal, observer, actuator, nmpc } =
             parameters;
-        vec![vehicle, mpc, speed, longitudinal, observer, actuator]
+        vec![vehicle, mpc, speed, longitudinal, observer, actuator, nmpc]
     }
 }

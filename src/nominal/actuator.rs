@@ -43,11 +43,12 @@ enumeration! {
         Exact = 0 "exact", "As it is: whole steps and a fraction of one";
         Pade11 = 1 "pade_1_1", "Pade approximant of order (1, 1)";
         Pade22 = 2 "pade_2_2", "Pade approximant of order (2, 2)";
+        FirstOrder = 3 "first_order", "Not at all: a first-order inertia, whose time constant makes up for it";
     }
 }
 
-/// A steering actuator as a model has it: dead time, then a first-order lag. Without a dead time it is the first-order
-/// inertia; without either it is none.
+/// A steering actuator as a model has it: dead time, then a first-order lag. With its dead time left out it is the
+/// first-order inertia; without either it is none.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Actuator {
     /// Dead time, s.
@@ -199,7 +200,7 @@ impl Actuator {
     #[must_use]
     pub fn memory(&self) -> f64 {
         let slowest = match self.dead_time_model {
-            DeadTimeModel::Exact => 0.0,
+            DeadTimeModel::Exact | DeadTimeModel::FirstOrder => 0.0,
             // Real parts of the poles: -2/T and -3/T.
             DeadTimeModel::Pade11 => self.dead_time / 2.0,
             DeadTimeModel::Pade22 => self.dead_time / 3.0,

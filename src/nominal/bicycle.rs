@@ -18,13 +18,13 @@ use crate::vehicle::SingleTrack;
 /// Shape factor `C` of the lateral tyre force: the usual value of a car tyre.
 const SHAPE: f64 = 1.3;
 /// Gravity, m/s2.
-const GRAVITY: f64 = 9.81;
+pub(super) const GRAVITY: f64 = 9.81;
 /// Largest product of the fastest pole and a step of Runge-Kutta: well within its stability limit of 2.8.
-const STEP_LIMIT: f64 = 1.0;
+pub(super) const STEP_LIMIT: f64 = 1.0;
 
 /// One axle.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Axle {
+pub(super) struct Axle {
     /// Force at the peak, N.
     peak: f64,
     /// `B`, 1/rad.
@@ -32,8 +32,18 @@ struct Axle {
 }
 
 impl Axle {
+    /// An axle with a force at the peak, N, and a cornering stiffness, N/rad.
+    pub(super) fn new(peak: f64, stiffness: f64) -> Self {
+        Self { peak, slope: stiffness / (SHAPE * peak) }
+    }
+
+    /// The slip angle, rad, of a share of the peak force; near the peak for what the axle cannot hold.
+    pub(super) fn slip_angle(&self, share: f64) -> f64 {
+        (share.clamp(-0.99, 0.99).asin() / SHAPE).tan() / self.slope
+    }
+
     /// Lateral force, N, and its derivative, N/rad.
-    fn force(&self, slip_angle: f64) -> (f64, f64) {
+    pub(super) fn force(&self, slip_angle: f64) -> (f64, f64) {
         let x = self.slope * slip_angle;
         let (sin, cos) = (SHAPE * x.atan()).sin_cos();
         (self.peak * sin, self.peak * cos * SHAPE * self.slope / (1.0 + x * x))
@@ -79,7 +89,7 @@ impl Bicycle {
         }
         let axle = |stiffness: f64, lever: f64| {
             let peak = friction * mass * GRAVITY * lever / (lf + lr);
-            Axle { peak, slope: stiffness / (SHAPE * peak) }
+            Axle::new(peak, stiffness)
         };
         Ok(Self { vehicle: *vehicle, front: axle(cf, lr), rear: axle(cr, lf) })
     }
@@ -126,8 +136,7 @@ impl Bicycle {
         for _ in 0..3 {
             let yaw_rate = curvature * vx / yaw_error.cos();
             let share = mass * vx * yaw_rate * lf / ((lf + lr) * self.rear.peak);
-            let slip_angle = (share.clamp(-0.99, 0.99).asin() / SHAPE).tan() / self.rear.slope;
-            let vy = lr * yaw_rate - vx * slip_angle.tan();
+            let vy = lr * yaw_rate - vx * self.rear.slip_angle(share).tan();
             yaw_error = -(vy / vx).atan();
         }
         yaw_error

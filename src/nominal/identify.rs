@@ -38,7 +38,7 @@ impl DelayModel {
     pub fn actuator(self, dead_time: f64, time_constant: f64) -> Actuator {
         let (dead_time, time_constant, dead_time_model) = match self {
             Self::DeadTimeLag => (dead_time, time_constant, DeadTimeModel::Exact),
-            Self::FirstOrder => (0.0, time_constant, DeadTimeModel::Exact),
+            Self::FirstOrder => (0.0, time_constant, DeadTimeModel::FirstOrder),
             Self::Pade11 => (dead_time, 0.0, DeadTimeModel::Pade11),
             Self::Pade22 => (dead_time, 0.0, DeadTimeModel::Pade22),
         };

@@ -8,16 +8,21 @@
 //! | `actuator.rs` | any of these behind a steering actuator: lag, dead time, Pade approximants |
 //! | `identify.rs` | the actuator's constants from a recorded drive |
 //! | `bicycle.rs` | the nonlinear single track with saturating tyres, for nonlinear MPC |
-//! | `path_bicycle.rs` | the same in errors to a path |
+//! | `articulated_single_track.rs` | that of a tractor with a semi-trailer |
+//! | `path_model.rs` | a nonlinear model in errors to a path, whatever the vehicle |
+//! | `path_bicycle.rs`, `path_articulated.rs` | the two nonlinear models as such |
 //! | `discretise.rs` | exact zero-order hold by the matrix exponential |
 
 mod actuator;
 mod articulated;
+mod articulated_single_track;
 mod bicycle;
 mod discretise;
 mod error_model;
 mod identify;
+mod path_articulated;
 mod path_bicycle;
+mod path_model;
 mod single_track;
 
 pub use actuator::{
@@ -25,13 +30,14 @@ pub use actuator::{
     SampledActuator,
 };
 pub use articulated::{ArticulatedState, SteadyCornering, steady_cornering};
+pub use articulated_single_track::{ArticulatedRates, ArticulatedSingleTrack, SteadyTurn};
 pub use bicycle::{Bicycle, Lateral};
 pub use discretise::{Chain, zero_order_hold};
 pub use error_model::{
     ContinuousErrorModel, DiscreteErrorModel, ERRORS, ErrorState, LateralVehicle, SingleTrackError,
 };
 pub use identify::{DelayModel, IdentifiedActuator, IdentifyError, SteeringRecord};
-pub use path_bicycle::{
-    BicycleErrors, BicycleState, BicycleStep, Curvature, HeldSpeed, body_change, errors_of,
-};
+pub use path_articulated::{ARTICULATED_PATH_STATES, ArticulatedPathState};
+pub use path_bicycle::{BICYCLE_STATES, BicycleState, body_change, errors_of};
+pub use path_model::{Curvature, HeldSpeed, PathErrors, PathModel, PathStep};
 pub use single_track::steady_yaw_error;

@@ -27,7 +27,7 @@ def run(rfl: Path, *arguments) -> None:
     assert result.returncode == 0, result.stdout + result.stderr
 
 
-def settings(values: dict[str, float]) -> list[str]:
+def settings(values: dict[str, object]) -> list[str]:
     return [text for name, value in values.items() for text in ("--set", f"{name}={value}")]
 
 
@@ -87,6 +87,13 @@ def test_variant_drives_in_fmpy_as_natively(rfl, fmus, models, controller, paths
         rfl, paths / ROAD, tmp_path / "log.csv", "--variant", variant, "--models", models, *settings(known)
     )
     assert_same(native, in_fmpy(controller, fmus, paths / ROAD, **{"controller.variant": variant}, **known))
+
+
+@pytest.mark.parametrize("model", ["pade_1_1", "pade_2_2", "first_order"])
+def test_delay_model_by_name_drives_in_fmpy_as_natively(rfl, fmus, controller, paths, tmp_path, model):
+    known = ACTUATOR | {"actuator.dead_time_model": model}
+    native = natively(rfl, paths / ROAD, tmp_path / "log.csv", "--variant", "actuator", *settings(known))
+    assert_same(native, in_fmpy(controller, fmus, paths / ROAD, **{"controller.variant": "actuator"}, **known))
 
 
 def test_packed_default_drives_unless_the_host_chooses(fmus, models, controller, paths):

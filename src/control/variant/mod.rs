@@ -6,16 +6,16 @@
 //! |---|---|
 //! | `linear.rs` | the nominal linear model, with or without a learned residual |
 //! | `actuator.rs` | the nominal linear model behind a known steering actuator |
-//! | `bicycle/` | the nonlinear bicycle, with or without a Gaussian process, by sequential quadratic programming |
+//! | `nonlinear/` | a nonlinear model, of a car with or without a Gaussian process, by sequential quadratic programming |
 
 mod actuator;
-mod bicycle;
 mod linear;
+mod nonlinear;
 
 pub(super) use actuator::Actuated;
-pub use bicycle::{BicycleModel, BicycleRollOut, StepSpeed};
 pub(super) use linear::NominalWithResidual;
 pub use linear::{Residual, RollOut};
+pub use nonlinear::{ArticulatedModel, BicycleModel, BicycleRollOut, NonlinearRollOut, StepSpeed};
 
 use super::lateral::LateralInput;
 use super::parameters::MpcParameters;
@@ -26,6 +26,7 @@ use crate::nominal::{Actuator, ContinuousErrorModel, ERRORS, LateralVehicle};
 use crate::vehicle::SingleTrack;
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
+use std::any::Any;
 use std::time::Instant;
 
 /// What the controller of a car predicts with.
@@ -41,7 +42,8 @@ pub enum PredictionModelFor<V: ControlledVehicle<S>, const S: usize> {
     Residual(Residual<V, S>),
     /// The linear single track behind a steering actuator with known dead time and lag.
     Actuator(Actuator),
-    /// The nonlinear model, of a car the bicycle with or without a learned Gaussian process: nonlinear MPC.
+    /// The nonlinear model: nonlinear MPC. Of a car the bicycle, with or without a learned Gaussian process; of a truck the
+    /// single track of tractor and semi-trailer.
     Bicycle(V::Nonlinear),
 }
 
@@ -152,8 +154,8 @@ pub trait Variant<const S: usize>: Send {
     /// commands before it. None before the first prediction.
     fn next_state(&self, state: &SVector<f64, S>, past: &[f64], steer: f64) -> Option<Expected<S>>;
 
-    /// The newest nonlinear prediction, if it makes one.
-    fn roll_out(&self) -> Option<&BicycleRollOut> {
+    /// The newest nonlinear prediction, if it makes one: a [`NonlinearRollOut`].
+    fn roll_out(&self) -> Option<&dyn Any> {
         None
     }
 

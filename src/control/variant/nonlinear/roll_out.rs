@@ -2,19 +2,18 @@
 
 use crate::control::variant::Expected;
 use crate::nominal::{
-    Bicycle, BicycleErrors, BicycleState, BicycleStep, Curvature, ErrorState, HeldSpeed, SingleTrackError,
-    errors_of,
+    BICYCLE_STATES, Bicycle, Curvature, ERRORS, HeldSpeed, PathErrors, PathModel, PathStep, SingleTrackError,
 };
 use crate::path::Path;
 use crate::residual::gp::{GpModel, GpResidual, INPUTS};
 use crate::vehicle::SingleTrack;
-use nalgebra::{Matrix4, SMatrix};
+use nalgebra::{SMatrix, SVector};
 use std::sync::Arc;
 
 /// Planned motion in one step of the horizon.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StepSpeed {
-    /// At the beginning, in the middle and at the end, m/s: the bicycle's, positive.
+    /// At the beginning, in the middle and at the end, m/s: the model's, positive.
     pub speed: [f64; 3],
     /// At the beginning as planned, m/s, maybe 0: what a Gaussian process is asked at.
     pub planned: f64,
@@ -29,41 +28,45 @@ impl StepSpeed {
         Self { speed: [speed; 3], planned: speed, accel: 0.0 }
     }
 
-    /// What the bicycle holds within the step: the mean speed. A Gaussian process has learned what a body misses that
+    /// What the model holds within the step: the mean speed. A Gaussian process has learned what a body misses that
     /// holds the speed at the beginning.
-    fn bicycle(&self, corrected: bool) -> HeldSpeed {
+    fn held_within(&self, corrected: bool) -> HeldSpeed {
         let [begin, mean, _] = self.speed;
         HeldSpeed { path: mean, body: if corrected { begin } else { mean } }
     }
 }
 
-/// The prediction with everything it depends on but the road and the plan.
+/// The prediction of a car.
+pub type BicycleRollOut = NonlinearRollOut<Bicycle, ERRORS, BICYCLE_STATES>;
+
+/// The prediction with everything it depends on but the road and the plan, of a model with `N` states and `S` errors to the
+/// path.
 #[derive(Debug, Clone)]
-pub struct BicycleRollOut {
-    bicycle: Bicycle,
+pub struct NonlinearRollOut<M, const S: usize, const N: usize> {
+    model: M,
     sample_time: f64,
     /// State at the beginning.
-    pub start: BicycleState,
+    pub start: SVector<f64, N>,
     /// Speeds of each step.
     pub speed: Vec<StepSpeed>,
     /// Added to the state after each step.
-    pub disturbance: BicycleState,
+    pub disturbance: SVector<f64, N>,
     gp: Option<Arc<GpModel>>,
     /// How far the process is believed at each step, 0 to 1.
     trust: Vec<f64>,
-    steps: Vec<Predicted>,
-    start_errors: BicycleErrors,
+    steps: Vec<Predicted<S, N>>,
+    start_errors: PathErrors<S, N>,
     /// Command of the first step that was predicted.
     first_command: f64,
     /// Effects of the plan's commands on the newest state, for `gain`.
-    effects: Vec<BicycleState>,
+    effects: Vec<SVector<f64, N>>,
 }
 
 /// One step of the prediction.
 #[derive(Debug, Clone, Copy)]
-struct Predicted {
-    step: BicycleStep,
-    end: BicycleErrors,
+struct Predicted<const S: usize, const N: usize> {
+    step: PathStep<N>,
+    end: PathErrors<S, N>,
 }
 
 fn road(path: &Path) -> impl Fn(f64) -> Curvature {
@@ -82,32 +85,42 @@ impl BicycleRollOut {
         sample_time: f64,
         horizon: usize,
     ) -> Result<Self, SingleTrackError> {
-        let bicycle = Bicycle::new(vehicle, friction)?;
-        let step = BicycleStep {
-            state: BicycleState::zeros(),
-            by_state: SMatrix::zeros(),
-            by_steer: BicycleState::zeros(),
-        };
-        let end = BicycleErrors { errors: ErrorState::zeros(), by_state: SMatrix::zeros() };
-        Ok(Self {
-            bicycle,
-            sample_time,
-            start: BicycleState::zeros(),
-            speed: vec![StepSpeed::held(1.0); horizon],
-            disturbance: BicycleState::zeros(),
-            gp,
-            trust: vec![0.0; horizon],
-            steps: vec![Predicted { step, end }; horizon],
-            start_errors: end,
-            first_command: 0.0,
-            effects: vec![BicycleState::zeros(); horizon],
-        })
+        Ok(Self::of_model(Bicycle::new(vehicle, friction)?, gp, sample_time, horizon))
     }
 
     /// The vehicle model.
     #[must_use]
     pub fn bicycle(&self) -> &Bicycle {
-        &self.bicycle
+        &self.model
+    }
+
+    /// Yaw error at which the vehicle stays on a path of this curvature: see [`steady`](Self::steady).
+    #[must_use]
+    pub fn steady_yaw_error(&self, j: usize, curvature: f64) -> f64 {
+        self.steady(j, curvature)[2]
+    }
+}
+
+impl<M: PathModel<S, N>, const S: usize, const N: usize> NonlinearRollOut<M, S, N> {
+    /// Room for a horizon; a Gaussian process corrects `vy` and the yaw rate.
+    #[must_use]
+    pub fn of_model(model: M, gp: Option<Arc<GpModel>>, sample_time: f64, horizon: usize) -> Self {
+        let zero = SVector::zeros();
+        let step = PathStep { state: zero, by_state: SMatrix::zeros(), by_steer: zero };
+        let end = PathErrors { errors: SVector::zeros(), by_state: SMatrix::zeros() };
+        Self {
+            model,
+            sample_time,
+            start: zero,
+            speed: vec![StepSpeed::held(1.0); horizon],
+            disturbance: zero,
+            gp,
+            trust: vec![0.0; horizon],
+            steps: vec![Predicted { step, end }; horizon],
+            start_errors: end,
+            first_command: 0.0,
+            effects: vec![zero; horizon],
+        }
     }
 
     /// Predicts under a plan, one steering command for each step.
@@ -116,7 +129,7 @@ impl BicycleRollOut {
     }
 
     /// Predicts under a plan, and sets how far the Gaussian process is believed on the way, or not at all: outside its
-    /// training it fades, half a range's width further there is the bicycle alone. Later plans keep to that: what they
+    /// training it fades, half a range's width further there is the model alone. Later plans keep to that: what they
     /// are compared by is one smooth problem.
     pub fn follow_anew(&mut self, path: &Path, plan: &[f64], use_process: bool) {
         self.predict(path, plan, Some(use_process));
@@ -126,7 +139,7 @@ impl BicycleRollOut {
         let mut state = self.start;
         // The speed at the beginning is nearly the mean one: the errors' dependence on it is not asked for here.
         let [_, mean_speed, _] = self.speed[0].speed;
-        self.start_errors = errors_of(&state, mean_speed, road(path)(state[0]));
+        self.start_errors = M::errors_of(&state, mean_speed, road(path)(state[0]));
         self.first_command = plan[0];
         for (j, steer) in plan.iter().enumerate() {
             if let (Some(use_process), Some(gp)) = (use_process, &self.gp) {
@@ -136,7 +149,7 @@ impl BicycleRollOut {
             let step = self.step(road(path), &state, j, *steer);
             state = step.state;
             let [_, _, end_speed] = self.speed[j].speed;
-            let end = errors_of(&state, end_speed, road(path)(state[0]));
+            let end = M::errors_of(&state, end_speed, road(path)(state[0]));
             self.steps[j] = Predicted { step, end };
         }
     }
@@ -145,12 +158,12 @@ impl BicycleRollOut {
     fn step(
         &self,
         road: impl Fn(f64) -> Curvature,
-        state: &BicycleState,
+        state: &SVector<f64, N>,
         j: usize,
         steer: f64,
-    ) -> BicycleStep {
-        let speed = self.speed[j].bicycle(self.trust[j] > 0.0);
-        let mut step = self.bicycle.step_along(road, state, speed, steer, self.sample_time);
+    ) -> PathStep<N> {
+        let speed = self.speed[j].held_within(self.trust[j] > 0.0);
+        let mut step = self.model.step_along(road, state, speed, steer, self.sample_time);
         step.state += self.disturbance;
         if let Some(gp) = self.gp.as_ref().filter(|_| self.trust[j] > 0.0) {
             let GpResidual { mean, gradient } = gp.residual(&self.input(state, j, steer));
@@ -165,7 +178,7 @@ impl BicycleRollOut {
     }
 
     /// What the Gaussian process is asked at.
-    fn input(&self, state: &BicycleState, j: usize, steer: f64) -> [f64; INPUTS] {
+    fn input(&self, state: &SVector<f64, N>, j: usize, steer: f64) -> [f64; INPUTS] {
         [self.speed[j].planned, state[3], state[4], steer, self.speed[j].accel]
     }
 
@@ -179,12 +192,13 @@ impl BicycleRollOut {
     /// What is expected after the first step from errors that differ by `moved` and with another command, to first order:
     /// exact for those that were predicted with.
     #[must_use]
-    pub fn first_step(&self, moved: &ErrorState, steer: f64) -> Expected {
+    pub fn first_step(&self, moved: &SVector<f64, S>, steer: f64) -> Expected<S> {
         let Predicted { step, end } = &self.steps[0];
         // How the state depends on the errors, at the same station.
-        let of_errors = self.start_errors.by_state.fixed_columns::<4>(1).try_inverse().unwrap_or_default();
+        let of_errors =
+            self.start_errors.by_state.fixed_columns::<S>(1).try_inverse().unwrap_or_else(SMatrix::zeros);
         let by_state = end.by_state * step.by_state;
-        let transition = by_state.fixed_columns::<4>(1) * of_errors;
+        let transition = by_state.fixed_columns::<S>(1) * of_errors;
         let command = steer - self.first_command;
         let state = end.errors + transition * moved + end.by_state * step.by_steer * command;
         Expected { state, transition }
@@ -192,13 +206,13 @@ impl BicycleRollOut {
 
     /// Predicted errors at the end of step `j`.
     #[must_use]
-    pub fn errors(&self, j: usize) -> &ErrorState {
+    pub fn errors(&self, j: usize) -> &SVector<f64, S> {
         &self.steps[j].end.errors
     }
 
     /// Predicted state at the end of step `j`.
     #[must_use]
-    pub fn state(&self, j: usize) -> &BicycleState {
+    pub fn state(&self, j: usize) -> &SVector<f64, N> {
         &self.steps[j].step.state
     }
 
@@ -220,32 +234,18 @@ impl BicycleRollOut {
         }
     }
 
-    /// Yaw error at which the vehicle stays on a path of this curvature with a constant command and the speed of step `j`:
-    /// that of steady cornering, and where something acts beside the bicycle, with that.
+    /// Errors at which the vehicle stays on a path of this curvature with a constant command and the speed of step `j`: those
+    /// of steady cornering, and where something acts beside the model, with that.
     #[must_use]
-    pub fn steady_yaw_error(&self, j: usize, curvature: f64) -> f64 {
+    pub fn steady(&self, j: usize, curvature: f64) -> SVector<f64, S> {
         let [_, _, speed] = self.speed[j].speed;
-        let yaw_error = self.bicycle.steady_yaw_error(speed, curvature);
-        if self.disturbance == BicycleState::zeros() && self.trust[j] == 0.0 {
-            return yaw_error;
+        let errors = self.model.steady_errors(speed, curvature);
+        if self.disturbance == SVector::<f64, N>::zeros() && self.trust[j] == 0.0 {
+            return errors;
         }
-        self.corrected_yaw_error(j, curvature, yaw_error).unwrap_or(yaw_error)
-    }
-
-    /// A step of Newton on `step(x) = x` for `e2`, `vy`, `yaw_rate` and the command, with `e1 = 0`.
-    fn corrected_yaw_error(&self, j: usize, curvature: f64, yaw_error: f64) -> Option<f64> {
         let [speed, ..] = self.speed[j].speed;
-        let steer = self.bicycle.steady_steer(speed, curvature);
-        let (vy, yaw_rate) = (-speed * yaw_error.tan(), curvature * speed / yaw_error.cos());
-        let state = BicycleState::new(0.0, 0.0, yaw_error, vy, yaw_rate);
+        let (state, steer) = self.model.steady_state(speed, curvature, &errors);
         let step = self.step(|_| [curvature, 0.0], &state, j, steer);
-        let gap = (step.state - state).fixed_rows::<4>(1).into_owned();
-        let mut by = Matrix4::zeros();
-        by.fixed_view_mut::<4, 3>(0, 0).copy_from(&step.by_state.fixed_view::<4, 3>(1, 2));
-        by.fixed_view_mut::<4, 1>(0, 3).copy_from(&step.by_steer.fixed_rows::<4>(1));
-        for i in 0..3 {
-            by[(i + 1, i)] -= 1.0;
-        }
-        by.lu().solve(&gap).map(|change| yaw_error - change[0])
+        M::steadier(&errors, &state, &step).unwrap_or(errors)
     }
 }

@@ -1,4 +1,4 @@
-//! Nonlinear MPC: the nonlinear bicycle, by Gauss-Newton sequential quadratic programming.
+//! Nonlinear MPC: a nonlinear model along the path, by Gauss-Newton sequential quadratic programming.
 //!
 //! With the plan `U` and the predicted errors `y(U)`, the problem is the tracking problem of all variants with
 //! `y = y(U)` in place of `free + G U`. Each iteration linearises,
@@ -12,7 +12,8 @@
 //! them: every iterate can be driven. The errors are small beside the curvature of `y`, so Gauss-Newton converges
 //! within a few iterations.
 //!
-//! With a Gaussian process (GP-NMPC) its mean and gradient correct `vy` and the yaw rate after each step.
+//! It is written for any [`PathModel`]: the bicycle of a car, the tractor with semi-trailer of a truck. With a Gaussian
+//! process (GP-NMPC, of a car) its mean and gradient correct `vy` and the yaw rate after each step.
 //!
 //! The information is that of the linear MPC: measured state, path, planned speeds, command in force, disturbance.
 //!
@@ -21,22 +22,25 @@
 
 mod roll_out;
 
-pub use roll_out::{BicycleRollOut, StepSpeed};
+pub use roll_out::{BicycleRollOut, NonlinearRollOut, StepSpeed};
 
 use super::{Expected, Qp, Variant};
 use crate::control::lateral::{LateralError, LateralInput};
 use crate::control::parameters::MpcParameters;
 use crate::control::preview::Preview;
 use crate::control::tracking_qp::{QpEnd, QpError, QpReport};
+use crate::control::truck::TRUCK_STATES;
 use crate::control::vehicle::Nonlinear;
-use crate::nominal::{BicycleState, ERRORS, ErrorState, body_change};
+use crate::nominal::{ArticulatedSingleTrack, Bicycle, ERRORS, PathModel};
 use crate::path::Path;
 use crate::residual::{self, gp::GpModel};
-use crate::vehicle::SingleTrack;
+use crate::vehicle::{Articulated, SingleTrack};
+use nalgebra::SVector;
+use std::any::Any;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// How the nonlinear MPC predicts and iterates.
+/// How the nonlinear MPC of a car predicts and iterates.
 #[derive(Debug, Clone)]
 pub struct BicycleModel {
     /// Friction coefficient of the tyres. Given, not learned: in ordinary driving the peak cannot be observed.
@@ -59,7 +63,44 @@ impl Nonlinear<SingleTrack, ERRORS> for BicycleModel {
         vehicle: SingleTrack,
         parameters: &MpcParameters,
     ) -> Result<Box<dyn Variant<ERRORS>>, LateralError> {
-        Ok(Box::new(BicycleMpc::new(vehicle, parameters, self)?))
+        let Self { friction, max_iterations, gp } = self;
+        if let Some(gp) = &gp {
+            let expected = residual::Expected {
+                vehicle,
+                sample_time: parameters.sample_time,
+                min_model_speed: parameters.min_model_speed,
+                window: None,
+            };
+            gp.check_fits(&expected, friction)?;
+        }
+        let model = Bicycle::new(&vehicle, friction)?;
+        Ok(Box::new(NonlinearMpc::new(model, gp, parameters, max_iterations)))
+    }
+}
+
+/// How the nonlinear MPC of a truck predicts and iterates.
+#[derive(Debug, Clone)]
+pub struct ArticulatedModel {
+    /// Friction coefficient of the tyres. Given, as a car's.
+    pub friction: f64,
+    /// Most QPs of a step.
+    pub max_iterations: usize,
+}
+
+impl Default for ArticulatedModel {
+    fn default() -> Self {
+        Self { friction: 1.0, max_iterations: 30 }
+    }
+}
+
+impl Nonlinear<Articulated, TRUCK_STATES> for ArticulatedModel {
+    fn variant(
+        self,
+        vehicle: Articulated,
+        parameters: &MpcParameters,
+    ) -> Result<Box<dyn Variant<TRUCK_STATES>>, LateralError> {
+        let model = ArticulatedSingleTrack::new(&vehicle, self.friction)?;
+        Ok(Box::new(NonlinearMpc::new(model, None, parameters, self.max_iterations)))
     }
 }
 
@@ -71,8 +112,8 @@ const ARMIJO: f64 = 1e-4;
 const HALVINGS: u32 = 12;
 
 /// The variant.
-pub struct BicycleMpc {
-    roll_out: BicycleRollOut,
+pub struct NonlinearMpc<M, const S: usize, const N: usize> {
+    roll_out: NonlinearRollOut<M, S, N>,
     max_iterations: usize,
     min_model_speed: f64,
     steer_max: f64,
@@ -82,7 +123,7 @@ pub struct BicycleMpc {
     trial: Vec<f64>,
     outputs: Vec<f64>,
     /// Errors that the newest prediction started from.
-    start: ErrorState,
+    start: SVector<f64, S>,
     planned: bool,
 }
 
@@ -95,23 +136,10 @@ enum Search {
     Stuck,
 }
 
-impl BicycleMpc {
-    /// # Errors
-    /// A parameter of the vehicle or a friction that is not positive; a Gaussian process that was learned for another
-    /// controller.
-    pub fn new(vehicle: SingleTrack, p: &MpcParameters, model: BicycleModel) -> Result<Self, LateralError> {
-        let BicycleModel { friction, max_iterations, gp } = model;
-        if let Some(gp) = &gp {
-            let expected = residual::Expected {
-                vehicle,
-                sample_time: p.sample_time,
-                min_model_speed: p.min_model_speed,
-                window: None,
-            };
-            gp.check_fits(&expected, friction)?;
-        }
-        Ok(Self {
-            roll_out: BicycleRollOut::new(&vehicle, friction, gp, p.sample_time, p.horizon)?,
+impl<M: PathModel<S, N>, const S: usize, const N: usize> NonlinearMpc<M, S, N> {
+    fn new(model: M, gp: Option<Arc<GpModel>>, p: &MpcParameters, max_iterations: usize) -> Self {
+        Self {
+            roll_out: NonlinearRollOut::of_model(model, gp, p.sample_time, p.horizon),
             max_iterations: max_iterations.max(1),
             min_model_speed: p.min_model_speed,
             steer_max: p.steer_max,
@@ -119,16 +147,16 @@ impl BicycleMpc {
             plan: vec![0.0; p.horizon],
             trial: vec![0.0; p.horizon],
             outputs: Vec::new(),
-            start: ErrorState::zeros(),
+            start: SVector::zeros(),
             planned: false,
-        })
+        }
     }
 
     /// Where the prediction starts, and what it is made with.
-    fn set_up(&mut self, input: &LateralInput<'_>, preview: &Preview) {
+    fn set_up(&mut self, input: &LateralInput<'_, S>, preview: &Preview) {
         let (errors, disturbance) = (input.state, input.disturbance);
         let roll_out = &mut self.roll_out;
-        roll_out.start = BicycleState::new(input.station, errors[0], errors[2], input.vy, input.yaw_rate);
+        roll_out.start = M::state_of(input.station, errors, input.vy, input.yaw_rate);
         // The model is stiff at standstill: it never drives slower than this, neither its tyres nor along the path.
         for (j, speed) in roll_out.speed.iter_mut().enumerate() {
             let ([begin, ..], [mean, end]) = (preview.road[j], preview.speed[j]);
@@ -138,8 +166,7 @@ impl BicycleMpc {
                 accel: input.ahead.accel,
             };
         }
-        let [vy, yaw_rate] = body_change(disturbance, input.ahead.speed.max(self.min_model_speed));
-        roll_out.disturbance = BicycleState::new(0.0, disturbance[0], disturbance[2], vy, yaw_rate);
+        roll_out.disturbance = M::change_of(disturbance, input.ahead.speed.max(self.min_model_speed));
         self.start = *errors;
         self.planned = true;
     }
@@ -192,7 +219,12 @@ impl BicycleMpc {
 }
 
 /// Writes the outputs of what was predicted under a plan and gives the true objective.
-fn assess(roll_out: &BicycleRollOut, plan: &[f64], qp: &Qp, outputs: &mut [f64]) -> f64 {
+fn assess<M: PathModel<S, N>, const S: usize, const N: usize>(
+    roll_out: &NonlinearRollOut<M, S, N>,
+    plan: &[f64],
+    qp: &Qp,
+    outputs: &mut [f64],
+) -> f64 {
     for (j, of_step) in outputs.chunks_exact_mut(qp.tracked.len()).enumerate() {
         for (output, &state) in of_step.iter_mut().zip(&qp.tracked) {
             *output = roll_out.errors(j)[state];
@@ -201,10 +233,10 @@ fn assess(roll_out: &BicycleRollOut, plan: &[f64], qp: &Qp, outputs: &mut [f64])
     qp.problem.objective(plan, outputs)
 }
 
-impl Variant<ERRORS> for BicycleMpc {
+impl<M: PathModel<S, N>, const S: usize, const N: usize> Variant<S> for NonlinearMpc<M, S, N> {
     fn plan(
         &mut self,
-        input: &LateralInput<'_>,
+        input: &LateralInput<'_, S>,
         preview: &Preview,
         previous: f64,
         qp: &mut Qp,
@@ -213,7 +245,7 @@ impl Variant<ERRORS> for BicycleMpc {
         self.set_up(input, preview);
         self.warm_start(input.last_plan, previous);
         self.roll_out.follow_anew(input.path, &self.plan, input.use_residual);
-        qp.refer(|j| ErrorState::new(0.0, 0.0, self.roll_out.steady_yaw_error(j, preview.curvature[j]), 0.0));
+        qp.refer(|j| self.roll_out.steady(j, preview.curvature[j]));
         self.outputs.resize(qp.outputs.len(), 0.0);
         let mut objective = assess(&self.roll_out, &self.plan, qp, &mut self.outputs);
         if !objective.is_finite() {
@@ -248,7 +280,7 @@ impl Variant<ERRORS> for BicycleMpc {
         Ok(QpReport { end, iterations, objective })
     }
 
-    fn next_state(&self, state: &ErrorState, _past: &[f64], steer: f64) -> Option<Expected> {
+    fn next_state(&self, state: &SVector<f64, S>, _past: &[f64], steer: f64) -> Option<Expected<S>> {
         self.planned.then(|| self.roll_out.first_step(&(state - self.start), steer))
     }
 
@@ -256,7 +288,7 @@ impl Variant<ERRORS> for BicycleMpc {
         self.roll_out.outside_training()
     }
 
-    fn roll_out(&self) -> Option<&BicycleRollOut> {
+    fn roll_out(&self) -> Option<&dyn Any> {
         Some(&self.roll_out)
     }
 }
@@ -269,6 +301,7 @@ mod tests {
     use crate::control::tracking_qp::{QpShape, QpSolver, SoftBound, TrackingQp};
     use crate::control::variant::Timing;
     use crate::control::{ActiveSetSolver, ControllerParameters};
+    use crate::nominal::ErrorState;
     use crate::path::{Closure, Sample};
     use nalgebra::Vector4;
 
@@ -343,7 +376,7 @@ mod tests {
             use_residual: true,
             time_limit: f64::INFINITY,
         };
-        let mut mpc = BicycleMpc::new(p.vehicle.single_track(), &p.mpc, BicycleModel::default()).unwrap();
+        let mut mpc = BicycleModel::default().variant(p.vehicle.single_track(), &p.mpc).unwrap();
         let report = mpc.plan(&input, &preview, 0.2, &mut qp);
         (report, qp.inputs)
     }

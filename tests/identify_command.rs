@@ -1,0 +1,180 @@
+//! `rfl identify`: what it finds in a step, driven or recorded, that the next command can use it, and what it says of a
+//! log that holds no step.
+#![cfg(feature = "cli")]
+
+use serde_json::Value;
+use std::path::Path;
+use std::process::{Command, Output};
+
+const DEAD_TIME: f64 = 0.16;
+const LAG: f64 = 0.1;
+
+fn rfl(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_rfl")).args(arguments).current_dir(folder).output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).unwrap()
+}
+
+fn done(output: &Output) -> String {
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    text(&output.stdout)
+}
+
+fn refused(output: &Output) -> String {
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output.stdout));
+    let error = text(&output.stderr);
+    assert!(error.starts_with("error: "), "{error}");
+    error
+}
+
+/// The model of a name in the results.
+fn model(file: &Path, name: &str) -> Value {
+    let found: Value = serde_json::from_str(&std::fs::read_to_string(file).unwrap()).unwrap();
+    let models = found["models"].as_array().unwrap();
+    models.iter().find(|model| model["model"] == name).unwrap_or_else(|| panic!("{name} in {found}")).clone()
+}
+
+fn number(model: &Value, name: &str) -> f64 {
+    model[name].as_f64().unwrap()
+}
+
+/// A step of the truck's steering with a delay that its controller does not know.
+const DRIVEN: [&str; 8] = [
+    "identify",
+    "--vehicle",
+    "truck_simulation",
+    "--set",
+    "effect.steer_delay=0.16",
+    "--set",
+    "effect.steer_lag=0.1",
+    "--json=found.json",
+];
+
+#[test]
+fn a_driven_step_and_its_record_give_the_actuator_and_the_drive_can_use_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let found = folder.path().join("found.json");
+    let said = done(&rfl(folder.path(), &[&DRIVEN[..], &["--record", "step.csv"]].concat()));
+    let exact = model(&found, "dead_time_lag");
+    assert!((number(&exact, "dead_time") - DEAD_TIME).abs() < 1e-3, "{exact}");
+    assert!((number(&exact, "time_constant") - LAG).abs() < 1e-3, "{exact}");
+    for name in ["first_order", "pade_1_1", "pade_2_2"] {
+        assert!(number(&model(&found, name), "rmse") > 10.0 * number(&exact, "rmse"), "{said}");
+    }
+    assert_eq!(number(&model(&found, "first_order"), "dead_time"), 0.0);
+    assert_eq!(number(&model(&found, "pade_2_2"), "time_constant"), 0.0);
+
+    let again = done(&rfl(folder.path(), &["identify", "step.csv", "--json=again.json"]));
+    assert_eq!(model(&folder.path().join("again.json"), "dead_time_lag"), exact);
+    assert_eq!(again, said);
+
+    // The line that it prints is one that the drive takes.
+    let line =
+        said.lines().find(|line| line.trim_start().starts_with("pade_2_2  ") && line.contains("--set"));
+    let settings: Vec<&str> = line.unwrap().split_whitespace().skip(1).collect();
+    assert!(settings.contains(&"actuator.dead_time_model=pade_2_2"), "{settings:?}");
+    let drive =
+        ["drive", "--quiet", "--vehicle", "truck_simulation", "--duration", "2", "--variant", "actuator"];
+    done(&rfl(folder.path(), &[&drive[..], &settings].concat()));
+    let wrong = ["--set", "actuator.dead_time_model=pade_3_3"];
+    let error = refused(&rfl(folder.path(), &[&drive[..], &wrong].concat()));
+    assert!(error.contains("pade_3_3") && error.contains("pade_1_1, pade_2_2 or first_order"), "{error}");
+}
+
+#[test]
+fn the_yaw_rate_tells_it_nearly_as_well() {
+    let folder = tempfile::tempdir().unwrap();
+    done(&rfl(folder.path(), &[&DRIVEN[..], &["--by-yaw-rate"]].concat()));
+    let found = model(&folder.path().join("found.json"), "dead_time_lag");
+    // What the linear model does not know is shared out between the two: only the sum is to be believed.
+    let whole = number(&found, "dead_time") + number(&found, "time_constant");
+    assert!((whole - DEAD_TIME - LAG).abs() < 0.1, "{found}");
+}
+
+/// A record of lag 0.1 s behind dead time 0.2 s as a table of text, with a step after half a second.
+fn table(rows: usize) -> Vec<[String; 3]> {
+    let row = |k: usize| {
+        let time = 0.02 * k as f64;
+        let since = time - 0.7;
+        let angle = if since < 0.0 { 0.0 } else { 0.05 * (1.0 - (-since / 0.1).exp()) };
+        [time, if k < 25 { 0.0 } else { 0.05 }, angle].map(|value| format!("{value:.9}"))
+    };
+    (0..rows).map(row).collect()
+}
+
+fn written(folder: &Path, header: &str, table: &[[String; 3]]) {
+    let lines: Vec<String> = table.iter().map(|row| row.join(",")).collect();
+    std::fs::write(folder.join("log.csv"), format!("{header}\n{}\n", lines.join("\n"))).unwrap();
+}
+
+const HEADER: &str = "time,steer_cmd,steer";
+
+#[test]
+fn a_part_of_a_log_is_enough() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut log = table(150);
+    // Before and after, the log holds what is no step.
+    log[3][1] = "0.2".into();
+    log[140][2] = "nan".into();
+    written(folder.path(), HEADER, &log);
+    let part = ["identify", "log.csv", "--from", "0.1", "--until", "2.5", "--json", "found.json"];
+    done(&rfl(folder.path(), &part));
+    let found = model(&folder.path().join("found.json"), "dead_time_lag");
+    assert!((number(&found, "dead_time") - 0.2).abs() < 1e-4, "{found}");
+    assert!((number(&found, "time_constant") - 0.1).abs() < 1e-4, "{found}");
+    let error = refused(&rfl(folder.path(), &["identify", "log.csv", "--from", "50"]));
+    assert!(error.contains("--from"), "{error}");
+}
+
+#[test]
+fn what_holds_no_step_is_refused_with_the_reason() {
+    let folder = tempfile::tempdir().unwrap();
+    let said = |header: &str, log: &[[String; 3]], more: &[&str]| {
+        written(folder.path(), header, log);
+        refused(&rfl(folder.path(), &[&["identify", "log.csv"], more].concat()))
+    };
+    let changed = |change: fn(usize, &mut [String; 3])| {
+        let mut log = table(150);
+        log.iter_mut().enumerate().for_each(|(k, row)| change(k, row));
+        log
+    };
+    let constant = changed(|_, row| row[1] = "0.05".into());
+    assert!(said(HEADER, &constant, &[]).contains("record a step"));
+    let deaf = changed(|k, row| row[2] = format!("{:.3}", (k as f64).sin()));
+    assert!(said(HEADER, &deaf, &[]).contains("does not follow"));
+    let error = said(
+        HEADER,
+        &changed(|k, row| {
+            if k == 70 {
+                row[1] = "nan".into()
+            }
+        }),
+        &[],
+    );
+    assert!(error.contains("log.csv, line 72") && error.contains("command"), "{error}");
+    let error = said(
+        HEADER,
+        &changed(|k, row| {
+            if k > 70 {
+                row[0] = format!("{:.2}", 5.0 + 0.02 * k as f64)
+            }
+        }),
+        &[],
+    );
+    assert!(error.contains("line 73") && error.contains("resample"), "{error}");
+    let error = said("time,steer_cmd,handwheel", &table(150), &[]);
+    assert!(error.contains("'steer' is missing") && error.contains("--by-yaw-rate"), "{error}");
+    let error = said("time,steer_cmd,steer", &table(150), &["--by-yaw-rate"]);
+    assert!(error.contains("'yaw_rate' is missing"), "{error}");
+    assert!(said(HEADER, &table(10), &[]).contains("only 10 rows"));
+    assert!(refused(&rfl(folder.path(), &["identify", "none.csv"])).contains("none.csv"));
+
+    // Through the linear model, the speed matters.
+    let slow = "time,steer_cmd,yaw_rate,vx\n".to_owned()
+        + &table(150).iter().map(|row| format!("{},0.3\n", row.join(","))).collect::<String>();
+    std::fs::write(folder.path().join("slow.csv"), slow).unwrap();
+    let error = refused(&rfl(folder.path(), &["identify", "slow.csv", "--by-yaw-rate"]));
+    assert!(error.contains("0.3 m/s") && error.contains("faster"), "{error}");
+}
