@@ -6,7 +6,7 @@ use crate::nominal::ERRORS;
 use crate::path::sudoku::Route;
 use crate::residual::DataSet;
 use crate::residual::gp::GpConfig;
-use crate::simulate::experiment::CALM;
+use crate::simulate::experiment::{CALM, TRUCK_CALM, Weights};
 use crate::simulate::{CAR_COLUMNS, SimulatedVehicle, TRUCK_COLUMNS};
 use crate::vehicle::{Articulated, Car, Truck, VehicleParameters as VehicleFile};
 use indicatif::ProgressBar;
@@ -51,7 +51,7 @@ impl Commanded<ERRORS, CAR_COLUMNS> for Car {
     const NONLINEAR: bool = true;
 
     fn calm() -> Vec<(&'static str, f64)> {
-        vec![("mpc.r_rate", CALM.r_rate), ("mpc.q_e1_rate", CALM.q_e1_rate), ("mpc.q_e2", CALM.q_e2)]
+        settings_of(&CALM)
     }
 
     fn learn_gp(
@@ -73,7 +73,7 @@ impl Commanded<TRUCK_STATES, TRUCK_COLUMNS> for Truck {
     const NONLINEAR: bool = false;
 
     fn calm() -> Vec<(&'static str, f64)> {
-        TRUCK_CALM.to_vec()
+        settings_of(&TRUCK_CALM)
     }
 
     fn learn_gp(
@@ -87,9 +87,11 @@ impl Commanded<TRUCK_STATES, TRUCK_COLUMNS> for Truck {
     }
 }
 
-/// Weights of a truck's collecting controller. With `speed.limit` 8 m/s and a dither of 0.01 rad it stays on the training route
-/// behind a dead time of 0.3 s and a lag of 0.2 s (mean lateral error 0.45 m, at most 1.6 m); tighter ones were lost there.
-const TRUCK_CALM: [(&str, f64); 3] = [("mpc.r_rate", 300.0), ("mpc.q_e1_rate", 3.0), ("mpc.q_e2", 1000.0)];
+/// Weights as settings of a controller.
+fn settings_of(weights: &Weights) -> Vec<(&'static str, f64)> {
+    let Weights { q_e1_rate, q_e2, r_rate, .. } = *weights;
+    vec![("mpc.r_rate", r_rate), ("mpc.q_e1_rate", q_e1_rate), ("mpc.q_e2", q_e2)]
+}
 
 /// A vehicle by built-in name or file.
 pub(super) fn vehicle_named<F: VehicleFile>(name: &str) -> Result<F, Box<dyn Error>> {
