@@ -6,7 +6,7 @@ use crate::nominal::ERRORS;
 use crate::path::sudoku::Route;
 use crate::residual::DataSet;
 use crate::residual::gp::GpConfig;
-use crate::simulate::experiment::{CALM, TRUCK_CALM, Weights};
+use crate::simulate::experiment::{Compared, Weights};
 use crate::simulate::{CAR_COLUMNS, SimulatedVehicle, TRUCK_COLUMNS};
 use crate::vehicle::{Articulated, Car, Truck, VehicleParameters as VehicleFile};
 use indicatif::ProgressBar;
@@ -19,17 +19,16 @@ pub(super) type Linear<P, const S: usize, const C: usize> =
     <<P as SimulatedVehicle<S, C>>::Nominal as VehicleParameters<S>>::Vehicle;
 
 /// A vehicle that the commands know.
-pub(super) trait Commanded<const S: usize, const C: usize>: SimulatedVehicle<S, C> {
-    /// The road to learn on.
-    const TRAINING: Route;
+pub(super) trait Commanded<const S: usize, const C: usize>: Compared<S, C> {
     /// The road to be measured on.
     const TEST: Route;
-    /// Steps of commands that a residual looks back at.
-    const WINDOW: usize;
     /// Whether there is a nonlinear model to learn for.
     const NONLINEAR: bool;
     /// Settings of a controller that collects drives to learn from: calmer than for driving.
-    fn calm() -> Vec<(&'static str, f64)>;
+    fn calm() -> Vec<(&'static str, f64)> {
+        let Weights { q_e1_rate, q_e2, r_rate, .. } = Self::SETTING.calm;
+        vec![("mpc.r_rate", r_rate), ("mpc.q_e1_rate", q_e1_rate), ("mpc.q_e2", q_e2)]
+    }
 
     /// Learns what a nonlinear model misses.
     ///
@@ -45,14 +44,8 @@ pub(super) trait Commanded<const S: usize, const C: usize>: SimulatedVehicle<S, 
 }
 
 impl Commanded<ERRORS, CAR_COLUMNS> for Car {
-    const TRAINING: Route = Route::SudokuTrain;
     const TEST: Route = Route::SudokuTest;
-    const WINDOW: usize = 28;
     const NONLINEAR: bool = true;
-
-    fn calm() -> Vec<(&'static str, f64)> {
-        settings_of(&CALM)
-    }
 
     fn learn_gp(
         data: &DataSet,
@@ -66,15 +59,8 @@ impl Commanded<ERRORS, CAR_COLUMNS> for Car {
 }
 
 impl Commanded<TRUCK_STATES, TRUCK_COLUMNS> for Truck {
-    const TRAINING: Route = Route::TruckTrain;
     const TEST: Route = Route::TruckTest;
-    // 1.2 s: a dead time of 0.3 s and four time constants of 0.2 s.
-    const WINDOW: usize = 60;
     const NONLINEAR: bool = false;
-
-    fn calm() -> Vec<(&'static str, f64)> {
-        settings_of(&TRUCK_CALM)
-    }
 
     fn learn_gp(
         _: &DataSet<Articulated, TRUCK_STATES>,
@@ -85,12 +71,6 @@ impl Commanded<TRUCK_STATES, TRUCK_COLUMNS> for Truck {
     ) -> Result<Value, Box<dyn Error>> {
         Err("gp_nmpc corrects a nonlinear model, and there is none of a truck: choose a kind with a linear model".into())
     }
-}
-
-/// Weights as settings of a controller.
-fn settings_of(weights: &Weights) -> Vec<(&'static str, f64)> {
-    let Weights { q_e1_rate, q_e2, r_rate, .. } = *weights;
-    vec![("mpc.r_rate", r_rate), ("mpc.q_e1_rate", q_e1_rate), ("mpc.q_e2", q_e2)]
 }
 
 /// A vehicle by built-in name or file.

@@ -56,6 +56,9 @@ pub enum CompareError {
 /// One plant of a car with its data.
 pub type Comparison<'a> = ComparisonFor<'a, Car, ERRORS, CAR_COLUMNS>;
 
+/// Amplitudes of the dither that are tried until the collecting MPC stands one, each half the one before.
+const DITHERS: usize = 3;
+
 /// Data sets, one for each seed.
 type Data<P, const S: usize, const C: usize> = Vec<DataSet<NominalOf<P, S, C>, S>>;
 
@@ -73,6 +76,8 @@ pub struct ComparisonFor<'a, P: Compared<S, C>, const S: usize, const C: usize> 
     pub effort: Effort,
     pub(super) data: Data<P, S, C>,
     pub(super) test_data: Data<P, S, C>,
+    /// Amplitudes of the drives' dither, rad, if some did not stand that of the setting.
+    weaker_dithers: Vec<f64>,
     /// The step that delay models are identified from.
     pub(super) step: Option<SteeringStep>,
     /// What rows have learned, for each seed: some rows share it, and all are asked for it again.
@@ -99,6 +104,7 @@ impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P,
             effort,
             data: Vec::new(),
             test_data: Vec::new(),
+            weaker_dithers: Vec::new(),
             step: None,
             learned: Mutex::default(),
         };
@@ -112,18 +118,14 @@ impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P,
             // The last of each seed's drives is one of the test route, to measure predictions on.
             let to_learn = i % (drives + 1) < drives;
             let path = if to_learn { &comparison.roads.train } else { &comparison.roads.test };
-            TrialFor {
-                dither: Some((P::SETTING.dither, 1 + i)),
-                noise: comparison.noise.map(|noise| (noise, 1000 + i as u64)),
-                ..comparison.trial(path, PredictionModelFor::Nominal, P::SETTING.calm, 0)
-            }
-            .drive()
+            comparison.drive_to_learn_from(path, i)
         });
         let config = parameters.mpc.data_config();
         let nominal = parameters.vehicle.nominal();
-        let logs = logs.into_iter().collect::<Result<Vec<_>, _>>()?;
-        if logs.iter().any(|drive| drive.lost) {
-            return Err(CompareError::Lost { vehicle: P::KIND, plant: plant.name.to_string() });
+        let (logs, dithers): (Vec<_>, Vec<_>) =
+            logs.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
+        if dithers.iter().any(|&dither| dither != P::SETTING.dither) {
+            comparison.weaker_dithers = dithers;
         }
         for seed in logs.chunks(drives + 1) {
             let logs: Vec<_> = seed.iter().map(DriveFor::to_learn_from).collect();
@@ -131,6 +133,24 @@ impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P,
             comparison.test_data.push(DataSet::new(&logs[drives..], &nominal, config)?);
         }
         Ok(comparison)
+    }
+
+    /// A drive by the calm nominal MPC, with the dither that it stands: half as much each time that it loses the vehicle.
+    fn drive_to_learn_from(&self, path: &Arc<Path>, i: usize) -> Result<(DriveFor<C>, f64), CompareError> {
+        let mut dither = P::SETTING.dither;
+        for _ in 0..DITHERS {
+            let trial = TrialFor {
+                dither: Some((dither, 1 + i)),
+                noise: self.noise.map(|noise| (noise, 1000 + i as u64)),
+                ..self.trial(path, PredictionModelFor::Nominal, P::SETTING.calm, 0)
+            };
+            let drive = trial.drive()?;
+            if !drive.lost {
+                return Ok((drive, dither));
+            }
+            dither *= 0.5;
+        }
+        Err(CompareError::Lost { vehicle: P::KIND, plant: self.plant.name.to_string() })
     }
 
     pub(super) fn trial(
@@ -176,6 +196,7 @@ impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P,
             effort: self.effort.clone(),
             rows: std::iter::once(nominal).chain(others).collect(),
             left_out: left_out.into_iter().map(Row::name).collect(),
+            weaker_dithers: self.weaker_dithers.clone(),
             articulation_bound: further.first().and_then(|state| state.bound).map(|bound| bound.max),
             step: self.step.clone(),
             identified: self.identified()?,

@@ -110,7 +110,7 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
             threads: self.effort.threads,
             ..GpConfig::default()
         };
-        Ok(P::learn_gp(&self.data[seed], &config)?.map(Arc::new))
+        Ok(P::gp_of(&self.data[seed], &config)?.map(Arc::new))
     }
 
     /// The steering actuator as it really is: what the oracle is told.

@@ -43,5 +43,5 @@ pub use row::{CAR_ROWS, Predictor, Row, TRUCK_ROWS};
 pub use step::{Identified, SteeringStep};
 pub use sweep::{SweepPoint, SweepSetting, sweep};
 pub use trial::{LOST, Trial, TrialError, TrialFor};
-pub use vehicle::{CALM, Compared, DITHER, NominalOf, Setting, TRUCK_CALM};
+pub use vehicle::{CALM, Compared, DITHER, NominalOf, Setting, TRUCK_CALM, TRUCK_DITHER};
 pub use weights::{Found, Space, Weights, search};

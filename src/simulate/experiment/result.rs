@@ -108,6 +108,9 @@ pub struct Condition {
     /// Rows that were asked for and that this vehicle cannot have.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub left_out: Vec<String>,
+    /// Amplitudes of the dither of the collecting drives, rad, where some did not stand the usual one.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub weaker_dithers: Vec<f64>,
     /// Soft bound of the articulation, rad, of a vehicle that has one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub articulation_bound: Option<f64>,
