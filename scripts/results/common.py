@@ -95,17 +95,19 @@ def number(value: float, digits: int) -> str:
 
 
 def tracking_markdown(rows: dict, paper: dict | None = None) -> str:
-    """A tracking table, with what the paper printed (`mae` in m and a PE) beside it."""
+    """A tracking table, with what the paper printed (`mae` in m and a PE) beside it; no PE of or against divergence."""
     head = ["row", "MAE mm", "RMSE mm", "max mm", "PE MAE %", "PE RMSE %", "roughness rad/s"]
     if paper is not None:
         head.append("paper: MAE mm, PE %")
     body = []
+    lost = any(entry["diverged"] for entry in list(rows.values())[:1])
     for name, entry in rows.items():
         cells = [name]
         for key, digits in (("mae", 2), ("rmse", 2), ("max", 1)):
             cells.append(f"{number(1e3 * entry[key], digits)} ± {number(1e3 * entry[f'{key}_sd'], digits)}")
         for key in ("pe_mae", "pe_rmse"):
-            cells.append(f"{number(entry[key], 1)} ± {number(entry[f'{key}_sd'], 1)}")
+            of_means = f"{number(entry[key], 1)} ± {number(entry[f'{key}_sd'], 1)}"
+            cells.append("-" if lost or entry["diverged"] else of_means)
         cells.append(number(entry["roughness"], 3))
         if entry["diverged"]:
             cells[0] += f" (diverged in {entry['diverged']} of {entry['seeds']})"

@@ -20,7 +20,7 @@ pub struct Edge {
     /// Share of the way from the nominal MPC's best weights to the default ones.
     pub share: f64,
     pub weights: Weights,
-    /// Rows without observer on the plant's test road with the first seed's model, by name.
+    /// The nominal MPC and rows without observer on the plant's test road with the first seed's model, by name.
     pub rows: Vec<(String, Outcome)>,
 }
 
@@ -48,7 +48,8 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
             (stands, falls) = if lost { (stands, middle) } else { (middle, falls) };
         }
         let weights = at(stands);
-        let rows: Vec<Row> = rows.iter().copied().filter(|row| !row.observes && self.has(*row)).collect();
+        let others = rows.iter().copied().filter(|row| *row != Row::NOMINAL && !row.observes && self.has(*row));
+        let rows: Vec<Row> = std::iter::once(Row::NOMINAL).chain(others).collect();
         let threads = parallel::threads(self.effort.threads);
         let outcomes = parallel::map(threads, rows.len(), |i| outcome(rows[i], &weights));
         let rows = rows.iter().zip(outcomes).map(|(row, outcome)| Ok((row.name(), outcome?)));
