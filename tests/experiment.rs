@@ -4,11 +4,11 @@
 mod residual_plant;
 
 use residual_plant::{Plant as Linear, TS, car, data};
-use rfl_mpc::control::PredictionModel;
+use rfl_mpc::control::{ControllerParameters, PredictionModel};
 use rfl_mpc::path::sudoku::Route;
 use rfl_mpc::path::{Closure, Path};
 use rfl_mpc::residual::{DataSet, Kind, ResidualModel, TrainConfig, train};
-use rfl_mpc::simulate::experiment::{Plant, Trial, Weights, steps_ahead};
+use rfl_mpc::simulate::experiment::{CAR_PLANTS, Trial, Weights, steps_ahead};
 use rfl_mpc::simulate::{Drive, SensorNoise};
 use rfl_mpc::vehicle::builtin;
 use std::sync::Arc;
@@ -85,11 +85,11 @@ fn drive(noise: Option<(SensorNoise, u64)>, give_up: f64) -> Drive {
     let car = builtin("c_class").unwrap();
     let path = Arc::new(Path::from_samples(Route::SudokuTurns.samples(), Closure::Detect).unwrap());
     let trial = Trial {
-        car: &car,
-        plant: Plant::AsIs,
+        vehicle: &car,
+        plant: &CAR_PLANTS[0],
         path,
         model: PredictionModel::Nominal,
-        weights: Weights::default(),
+        weights: Weights::of(&ControllerParameters::default().mpc),
         noise,
         give_up,
         dither: None,

@@ -51,7 +51,7 @@ fn steered_on_the_measurement(noise: f64, first_seed: u64) -> DataSet {
 }
 
 /// Without and with the filter: errors after a horizon, on drives without noise: nothing but the response counts.
-fn horizon_errors(learn_from: &DataSet, kind: Kind) -> [[f64; 4]; 2] {
+fn horizon_errors(learn_from: &DataSet, kind: Kind) -> [Vec<f64>; 2] {
     let truth = data(&lag(), &[SPEED; 2], 1500, 90);
     [0.0, 0.8].map(|prefilter| steps_ahead(&learned(learn_from, kind, prefilter), &truth, 16).rmse)
 }

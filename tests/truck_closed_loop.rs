@@ -158,11 +158,16 @@ fn a_jack_knife_ends_the_drive_with_a_message() {
     let mut parameters = default();
     (parameters.speed.lateral_accel, parameters.speed.decel) = (4.0, 6.0);
     parameters.speed.decel_cmd_max = 8.0;
-    let controller = TruckController::new(parameters, road(Route::TruckTest)).unwrap();
-    let mut closed = TruckClosedLoop::at_start(controller, &truck, &slippery, 0.02).unwrap();
-    let error = closed.drive(300.0, |_| ()).unwrap_err();
+    let connected = || {
+        let controller = TruckController::new(parameters, road(Route::TruckTest)).unwrap();
+        TruckClosedLoop::at_start(controller, &truck, &slippery, 0.02).unwrap()
+    };
+    let error = connected().drive(300.0, |_| ()).unwrap_err();
     assert!(matches!(error, DriveError::Vehicle { vehicle: "truck", .. }), "{error}");
     assert!(error.to_string().contains("the truck jack-knifed"), "{error}");
+    // Or it counts as lost, with what was driven until then.
+    let drive = connected().drive_until_lost(300.0, |_, _| true).unwrap();
+    assert!(drive.lost && !drive.finished && !drive.rows.is_empty());
 }
 
 #[test]

@@ -5,7 +5,6 @@ use super::progress_bar;
 use super::vehicle::{Commanded, by_kind};
 use crate::control::PredictionModelFor;
 use crate::simulate::STATION;
-use crate::simulate::experiment::DITHER;
 use clap::Args;
 use std::error::Error;
 use std::path::PathBuf;
@@ -34,9 +33,9 @@ pub struct CollectArgs {
     /// Number of drives, each with a dither of its own
     #[arg(long, default_value_t = 3)]
     runs: usize,
-    /// Amplitude of the dither in rad
-    #[arg(long, default_value_t = DITHER)]
-    dither: f64,
+    /// Amplitude of the dither in rad [default: 0.01; of a truck 0.005]
+    #[arg(long)]
+    dither: Option<f64>,
     /// Seed of the first drive's dither
     #[arg(long, default_value_t = 1)]
     seed: usize,
@@ -64,8 +63,8 @@ fn collect<P: Commanded<S, C>, const S: usize, const C: usize>(
         let mut settings: Vec<String> =
             P::calm().into_iter().map(|(name, value)| format!("{name}={value}")).collect();
         settings.extend_from_slice(&args.settings);
-        let mut setup = Setup::<P, S, C>::new(args.path.as_deref(), P::TRAINING, &args.vehicle, &settings)?;
-        setup.controller.mpc.dither = args.dither;
+        let mut setup = Setup::<P, S, C>::new(args.path.as_deref(), P::SETTING.training, &args.vehicle, &settings)?;
+        setup.controller.mpc.dither = args.dither.unwrap_or(P::SETTING.dither);
         setup.controller.mpc.dither_seed = args.seed + run;
         let sample_time = setup.controller.mpc.sample_time;
         let bar = progress_bar("collecting", setup.path.length(), args.quiet);

@@ -1,12 +1,12 @@
 //! `rfl evaluate`: all variants on several plants: fit, tracking and time.
 
 use super::progress_bar;
-use super::vehicle::vehicle_named;
+use super::vehicle::{by_kind, vehicle_named};
 use crate::control::{Propagation, Residual, RollOut};
 use crate::residual::{LambdaChoice, Regressors, TrainConfig};
-use crate::simulate::SensorNoise;
 use crate::simulate::experiment::{
-    Comparison, Condition, Effort, FitMetrics, Outcome, Plant, Roads, Row, RowResult,
+    Compared, ComparisonFor, Condition, Effort, FitMetrics, Outcome, Plant, Predictor, Roads, Row, RowFit,
+    RowResult, SweepPoint, sweep,
 };
 use clap::Args;
 use serde::Serialize;
@@ -21,9 +21,12 @@ use std::sync::Arc;
   rfl evaluate --quick                                     a first impression in a few minutes
   rfl evaluate --plants lag_and_dead_time --noise off      one table of the comparison
   rfl evaluate                                             all of it: an hour on two cores; goes on where it stopped
+  rfl evaluate --vehicle truck_simulation --noise off --sweep      the truck, with the sweep over dead time
 
-Plants: as_is, lag, lag_and_dead_time, payload_low_friction. Rows: MPC, RT, RTL, RF, RFL, linear, linear_curvature,
-RFL+S, RFL+S+observer, MPC+observer, NMPC, GP-NMPC, oracle.")]
+Plants of a car: as_is, lag, lag_and_dead_time, payload_low_friction. Rows: MPC, RT, RTL, RF, RFL, linear,
+linear_curvature, RFL+S, RFL+S+observer, MPC+observer, NMPC, GP-NMPC, oracle.
+Plants of a truck: low_delay, high_delay. Rows: MPC, first_order, pade_1_1, pade_2_2, identified, oracle, RT, RF, linear,
+RTL, RFL, RFL+S, NMPC, GP-NMPC, and most with +observer.")]
 pub struct EvaluateArgs {
     /// Plants to drive, separated by commas [default: all]
     #[arg(long, value_delimiter = ',')]
@@ -34,27 +37,31 @@ pub struct EvaluateArgs {
     /// Without sensor noise, with it, or both
     #[arg(long, value_enum, default_value_t = Noise::Both)]
     noise: Noise,
-    /// Car: a vehicle file (TOML) or a built-in name
+    /// Car or truck: a vehicle file (TOML) or a built-in name
     #[arg(long, default_value = crate::vehicle::BUILTIN[0])]
     vehicle: String,
-    /// Seeds: each has drives, models and noise of its own
-    #[arg(long, default_value_t = 5)]
-    seeds: usize,
-    /// Candidates of each row's search for weights
-    #[arg(long, default_value_t = 64)]
-    budget: usize,
+    /// Seeds: each has drives, models and noise of its own [default: 5; of a truck 3]
+    #[arg(long)]
+    seeds: Option<usize>,
+    /// Candidates of each row's search for weights [default: 64; of a truck 24]
+    #[arg(long)]
+    budget: Option<usize>,
     /// One seed and a small budget
     #[arg(long)]
     quick: bool,
     /// Add ablations of RFL+S on the plants without noise
     #[arg(long)]
     ablations: bool,
+    /// Add the sweep over the dead time of a truck's steering
+    #[arg(long)]
+    sweep: bool,
     /// Threads; 0 for all there are
     #[arg(long, default_value_t = 0)]
     threads: usize,
-    /// Folder for the results; conditions that are there already are not repeated
-    #[arg(long, default_value = "out/evaluate")]
-    out: PathBuf,
+    /// Folder for the results; conditions that are there already are not repeated [default: out/evaluate; of another
+    /// vehicle than the default one out/evaluate_VEHICLE]
+    #[arg(long)]
+    out: Option<PathBuf>,
     /// No progress bar
     #[arg(long)]
     quiet: bool,
@@ -88,22 +95,22 @@ struct Ablation {
     test_16_steps: FitMetrics,
 }
 
-fn chosen<T: Copy>(
+fn chosen<T: Clone, N: AsRef<str> + PartialEq<String>>(
     names: &[String],
     all: &[T],
-    name: fn(T) -> &'static str,
+    name: impl Fn(&T) -> N,
     what: &str,
 ) -> Result<Vec<T>, String> {
     if names.is_empty() {
         return Ok(all.to_vec());
     }
-    let known = || all.iter().map(|&item| name(item)).collect::<Vec<_>>().join(", ");
+    let known = || all.iter().map(|item| name(item).as_ref().to_owned()).collect::<Vec<_>>().join(", ");
     names
         .iter()
         .map(|asked| {
             all.iter()
-                .copied()
-                .find(|&item| name(item) == asked)
+                .find(|item| name(item) == *asked)
+                .cloned()
                 .ok_or_else(|| format!("there is no {what} '{asked}'; there are {}", known()))
         })
         .collect()
@@ -114,48 +121,61 @@ fn chosen<T: Copy>(
 /// # Errors
 /// What was wrong, where, and what to do.
 pub fn run(args: &EvaluateArgs) -> Result<(), Box<dyn Error>> {
-    let plants = chosen(&args.plants, Plant::ALL, Plant::name, "plant")?;
-    let rows = chosen(&args.rows, Row::ALL, Row::name, "row")?;
-    let mut effort =
-        Effort { seeds: args.seeds, budget: args.budget, threads: args.threads, ..Effort::default() };
-    if args.quick {
-        (effort.seeds, effort.budget) = (1, 12);
-    }
+    by_kind!(&args.vehicle, evaluate(args))
+}
+
+fn evaluate<P: Compared<S, C>, const S: usize, const C: usize>(
+    args: &EvaluateArgs,
+) -> Result<(), Box<dyn Error>> {
+    let setting = P::SETTING;
+    let plants: Vec<Plant> = chosen(&args.plants, setting.plants, |plant| plant.name.clone(), "plant")?;
+    let rows: Vec<Row> = chosen(&args.rows, setting.rows, |row| row.name(), "row")?;
+    let effort = Effort {
+        seeds: args.seeds.unwrap_or(if args.quick { 1 } else { setting.seeds }),
+        drives: setting.drives,
+        budget: args.budget.unwrap_or(if args.quick { 12 } else { setting.budget }),
+        threads: args.threads,
+    };
     if effort.seeds == 0 || effort.budget == 0 {
         return Err("--seeds and --budget must be positive".into());
     }
-    std::fs::create_dir_all(&args.out).map_err(|error| format!("{}: {error}", args.out.display()))?;
-    let car = vehicle_named(&args.vehicle)?;
-    let roads = Roads::new()?;
+    let out = folder(args);
+    std::fs::create_dir_all(&out).map_err(|error| format!("{}: {error}", out.display()))?;
+    let vehicle: P::Parameters = vehicle_named(&args.vehicle)?;
     let noises: &[bool] = match args.noise {
         Noise::Off => &[false],
         Noise::On => &[true],
         Noise::Both => &[false, true],
     };
-    // The plants of the headline come first: lag and dead time.
-    let mut conditions: Vec<(Plant, bool)> =
-        plants.iter().flat_map(|&plant| noises.iter().map(move |&noise| (plant, noise))).collect();
-    conditions.sort_by_key(|&(plant, _)| plant != Plant::LagAndDeadTime);
+    // The plants of the headline come first.
+    let mut conditions: Vec<(&Plant, bool)> =
+        plants.iter().flat_map(|plant| noises.iter().map(move |&noise| (plant, noise))).collect();
+    conditions.sort_by_key(|(plant, _)| !plant.timed);
     for (plant, noise) in conditions {
-        let name = format!("{}{}", plant.name(), if noise { "_noise" } else { "" });
-        let file = args.out.join(format!("{name}.json"));
+        let name = format!("{}{}", plant.name, if noise { "_noise" } else { "" });
+        let file = out.join(format!("{name}.json"));
         if file.exists() {
             println!("{name}: there already ({}); delete the file to repeat it", file.display());
             continue;
         }
         let bar = progress_bar(&name, 3.0 * rows.len() as f64, args.quiet);
         bar.set_message(format!("{name}: collecting"));
-        let noise = noise.then_some(SensorNoise::TYPICAL);
-        let comparison = Comparison::collect(&car, plant, noise, &roads, effort.clone())?;
+        let noise = noise.then_some(setting.noise);
+        let roads = Roads::new(&setting, plant)?;
+        let comparison = ComparisonFor::<P, S, C>::collect(&vehicle, plant, noise, &roads, effort.clone())?;
         let mut condition = comparison.run(&rows, &|text| {
             bar.set_message(format!("{name}: {text}"));
             bar.inc(1);
         })?;
         let mut ablations = vec![];
-        if plant == Plant::LagAndDeadTime {
+        if plant.timed {
             bar.set_message(format!("{name}: timing"));
-            let drives = args.out.join(format!("drives_{name}"));
+            let drives = out.join(format!("drives_{name}"));
             time(&comparison, &mut condition.rows, &drives)?;
+        }
+        if plant.edge {
+            bar.set_message(format!("{name}: the nominal's edge"));
+            condition.edge = Some(comparison.edge(&rows, &condition.rows[0].weights)?);
         }
         if args.ablations && noise.is_none() {
             bar.set_message(format!("{name}: ablations"));
@@ -163,23 +183,62 @@ pub fn run(args: &EvaluateArgs) -> Result<(), Box<dyn Error>> {
         }
         bar.finish_and_clear();
         print(&condition);
-        let text = serde_json::to_string(&Results { condition: &condition, ablations })?;
-        std::fs::write(&file, text).map_err(|error| format!("{}: {error}", file.display()))?;
+        write(&file, &Results { condition: &condition, ablations })?;
+    }
+    if args.sweep {
+        let file = out.join("sweep.json");
+        if file.exists() {
+            println!("sweep: there already ({}); delete the file to repeat it", file.display());
+            return Ok(());
+        }
+        let steps = setting.sweep.map_or(0, |sweep| sweep.dead_times.len());
+        let bar = progress_bar("sweep", steps as f64, args.quiet);
+        let points = sweep::<P, S, C>(&vehicle, args.threads, &|text| {
+            bar.set_message(format!("sweep: {text}"));
+            bar.inc(1);
+        })?;
+        bar.finish_and_clear();
+        print_sweep(&points);
+        write(&file, &points)?;
     }
     Ok(())
 }
 
-/// Times each row and keeps the log of its drive.
-fn time(comparison: &Comparison<'_>, rows: &mut [RowResult], folder: &Path) -> Result<(), Box<dyn Error>> {
+/// The folder for results.
+fn folder(args: &EvaluateArgs) -> PathBuf {
+    let stem = || Path::new(&args.vehicle).file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    args.out.clone().unwrap_or_else(|| {
+        let of =
+            if args.vehicle == crate::vehicle::BUILTIN[0] { String::new() } else { format!("_{}", stem()) };
+        PathBuf::from(format!("out/evaluate{of}"))
+    })
+}
+
+fn write(file: &Path, results: &impl Serialize) -> Result<(), Box<dyn Error>> {
+    let text = serde_json::to_string(results)?;
+    Ok(std::fs::write(file, text).map_err(|error| format!("{}: {error}", file.display()))?)
+}
+
+/// Times each row and keeps the logs of its drives.
+fn time<P: Compared<S, C>, const S: usize, const C: usize>(
+    comparison: &ComparisonFor<'_, P, S, C>,
+    rows: &mut [RowResult],
+    folder: &Path,
+) -> Result<(), Box<dyn Error>> {
     std::fs::create_dir_all(folder)?;
     for result in rows {
-        let Some(&row) = Row::ALL.iter().find(|row| row.name() == result.row) else { continue };
+        let Some(&row) = P::SETTING.rows.iter().find(|row| row.name() == result.row) else { continue };
+        let log = |name: String| {
+            let file = folder.join(format!("{name}.csv"));
+            std::fs::File::create(&file).map_err(|error| format!("{}: {error}", file.display()))
+        };
         let (time, drive) = comparison.time(row, &result.weights)?;
         result.time = Some(time);
-        let file = folder.join(format!("{}.csv", result.row));
-        drive.write_csv(
-            std::fs::File::create(&file).map_err(|error| format!("{}: {error}", file.display()))?,
-        )?;
+        drive.write_csv(log(result.row.clone())?)?;
+        for (route, path) in &comparison.roads.further {
+            let drive = comparison.drive(row, &result.weights, path)?;
+            drive.write_csv(log(format!("{}_{}", route.name(), result.row))?)?;
+        }
     }
     Ok(())
 }
@@ -188,8 +247,9 @@ fn time(comparison: &Comparison<'_>, rows: &mut [RowResult], folder: &Path) -> R
 type Change = (&'static str, TrainConfig, Propagation, RollOut);
 
 /// What is changed in turn.
-fn changes() -> Vec<Change> {
-    let base = || Row::RflS.training().unwrap_or_else(|| TrainConfig::new(crate::residual::Kind::RflS));
+fn changes(window: usize) -> Vec<Change> {
+    let rfl_s = Predictor::RflS.training(window);
+    let base = || rfl_s.clone().unwrap_or_else(|| TrainConfig::new(crate::residual::Kind::RflS));
     let with = |change: fn(&mut TrainConfig)| {
         let mut config = base();
         change(&mut config);
@@ -222,17 +282,21 @@ fn changes() -> Vec<Change> {
     list
 }
 
-fn ablate(comparison: &Comparison<'_>, rows: &[RowResult]) -> Result<Vec<Ablation>, Box<dyn Error>> {
-    let Some(result) = rows.iter().find(|result| result.row == Row::RflS.name()) else { return Ok(vec![]) };
+fn ablate<P: Compared<S, C>, const S: usize, const C: usize>(
+    comparison: &ComparisonFor<'_, P, S, C>,
+    rows: &[RowResult],
+) -> Result<Vec<Ablation>, Box<dyn Error>> {
+    let base = Row::plain(Predictor::RflS).name();
+    let Some(result) = rows.iter().find(|result| result.row == base) else { return Ok(vec![]) };
     let ablate_one = |(name, config, propagation, roll_out): Change| {
         let model = comparison.train(&config, 0)?;
         let fit = comparison.fit(&model, 0);
         let residual = Residual { model: Arc::new(model), propagation, roll_out };
         let outcome = comparison.drive_with(residual, &result.weights)?;
-        let (train, test, test_16_steps) = (fit.train, fit.test, fit.test_16_steps);
+        let RowFit { train, test, test_16_steps, .. } = fit;
         Ok(Ablation { name: name.to_string(), outcome, test, train, test_16_steps })
     };
-    changes().into_iter().map(ablate_one).collect()
+    changes(P::SETTING.window).into_iter().map(ablate_one).collect()
 }
 
 /// Mean and standard deviation.
@@ -244,34 +308,63 @@ fn spread(values: impl Iterator<Item = f64>) -> (f64, f64) {
     (mean, variance.sqrt())
 }
 
+/// Prints a table of outcomes; `base` is the mean error that PE is measured by.
+fn print_table<'a>(title: &str, base: f64, rows: impl Iterator<Item = (&'a str, &'a [Outcome])>) {
+    println!("{title:<18} {:>15} {:>8} {:>8} {:>8} {:>10}", "MAE (sd)", "RMSE", "max", "PE", "roughness");
+    for (row, outcomes) in rows {
+        let mean = |value: fn(&Outcome) -> f64| spread(outcomes.iter().map(value)).0;
+        let (mae, sd) = spread(outcomes.iter().map(|outcome| outcome.tracking.mae));
+        let lost = outcomes.iter().filter(|outcome| outcome.lost).count();
+        let note =
+            if lost > 0 { format!("  diverged in {lost} of {}", outcomes.len()) } else { String::new() };
+        println!(
+            "{row:<18} {:>8.2} ({:>4.2}) {:>8.2} {:>8.1} {:>8.1} {:>10.3}{note}",
+            1e3 * mae,
+            1e3 * sd,
+            1e3 * mean(|o| o.tracking.rmse),
+            1e3 * mean(|o| o.tracking.max),
+            100.0 * (1.0 - mae / base),
+            mean(|o| o.steering.rate_rms),
+        );
+    }
+}
+
+fn mae_of(outcomes: &[Outcome]) -> f64 {
+    spread(outcomes.iter().map(|outcome| outcome.tracking.mae)).0
+}
+
 fn print(condition: &Condition) {
     let noise = if condition.noise { "with" } else { "without" };
     println!("\nplant {}, {noise} sensor noise, {} seeds", condition.plant, condition.effort.seeds);
     println!("lateral error in mm, PE in % of the nominal MPC's mean; roughness: RMS steering rate in rad/s");
+    if !condition.left_out.is_empty() {
+        println!("left out, for there is no nonlinear model of it: {}", condition.left_out.join(", "));
+    }
     let Some(nominal) = condition.rows.first() else { return };
     for (place, (protocol, base)) in nominal.protocols().into_iter().enumerate() {
-        let base = spread(base.iter().map(|outcome| outcome.tracking.mae)).0;
-        println!(
-            "{protocol:<18} {:>15} {:>8} {:>8} {:>8} {:>10}",
-            "MAE (sd)", "RMSE", "max", "PE", "roughness"
-        );
-        for row in &condition.rows {
-            let (_, outcomes) = row.protocols()[place];
-            let mean = |value: fn(&Outcome) -> f64| spread(outcomes.iter().map(value)).0;
-            let (mae, sd) = spread(outcomes.iter().map(|outcome| outcome.tracking.mae));
-            let lost = outcomes.iter().filter(|outcome| outcome.lost).count();
-            let note =
-                if lost > 0 { format!("  diverged in {lost} of {}", outcomes.len()) } else { String::new() };
-            println!(
-                "{:<18} {:>8.2} ({:>4.2}) {:>8.2} {:>8.1} {:>8.1} {:>10.3}{note}",
-                row.row,
-                1e3 * mae,
-                1e3 * sd,
-                1e3 * mean(|o| o.tracking.rmse),
-                1e3 * mean(|o| o.tracking.max),
-                100.0 * (1.0 - mae / base),
-                mean(|o| o.steering.rate_rms),
-            );
-        }
+        let rows = condition.rows.iter().map(|row| (row.row.as_str(), row.protocols()[place].1));
+        print_table(protocol, mae_of(base), rows);
+    }
+    for (road, base) in &nominal.further {
+        let rows = condition.rows.iter().map(|row| (row.row.as_str(), row.further[road].as_slice()));
+        print_table(road, mae_of(base), rows);
+    }
+    if let Some(edge) = &condition.edge {
+        let base = edge.rows.first().map_or(f64::NAN, |(_, nominal)| nominal.tracking.mae);
+        let rows = edge.rows.iter().map(|(row, outcome)| (row.as_str(), std::slice::from_ref(outcome)));
+        print_table("nominal's edge", base, rows);
+    }
+}
+
+fn print_sweep(points: &[SweepPoint]) {
+    println!("\nmean lateral error in mm over the dead time of the steering");
+    for point in points {
+        let SweepPoint { dead_time, weights, row, outcome, .. } = point;
+        let text = match outcome {
+            None => "nothing to learn from: the collecting MPC was lost".to_owned(),
+            Some(outcome) if outcome.lost => "diverged".to_owned(),
+            Some(outcome) => format!("{:.2}", 1e3 * outcome.tracking.mae),
+        };
+        println!("{weights:<10} {dead_time:>4.1} s {row:<14} {text}");
     }
 }

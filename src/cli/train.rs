@@ -244,7 +244,7 @@ fn learn_all<P: Commanded<S, C>, const S: usize, const C: usize>(
         let (test, first) = (test.as_ref(), models.is_empty());
         models.push(match variant.residual() {
             Some(kind) => {
-                let config = args.tuning.config(kind, args.all.is_some(), P::WINDOW);
+                let config = args.tuning.config(kind, args.all.is_some(), P::SETTING.window);
                 learn(&data, test, &config, &file, &bar, first)?
             }
             None => {

@@ -6,7 +6,7 @@ use crate::nominal::ERRORS;
 use crate::path::sudoku::Route;
 use crate::residual::DataSet;
 use crate::residual::gp::GpConfig;
-use crate::simulate::experiment::CALM;
+use crate::simulate::experiment::{Compared, Weights};
 use crate::simulate::{CAR_COLUMNS, SimulatedVehicle, TRUCK_COLUMNS};
 use crate::vehicle::{Articulated, Car, Truck, VehicleParameters as VehicleFile};
 use indicatif::ProgressBar;
@@ -19,17 +19,16 @@ pub(super) type Linear<P, const S: usize, const C: usize> =
     <<P as SimulatedVehicle<S, C>>::Nominal as VehicleParameters<S>>::Vehicle;
 
 /// A vehicle that the commands know.
-pub(super) trait Commanded<const S: usize, const C: usize>: SimulatedVehicle<S, C> {
-    /// The road to learn on.
-    const TRAINING: Route;
+pub(super) trait Commanded<const S: usize, const C: usize>: Compared<S, C> {
     /// The road to be measured on.
     const TEST: Route;
-    /// Steps of commands that a residual looks back at.
-    const WINDOW: usize;
     /// Whether Gaussian processes are learned of what a nonlinear model misses.
     const LEARNS_GP: bool = <Linear<Self, S, C> as ControlledVehicle<S>>::LEARNS_GP;
     /// Settings of a controller that collects drives to learn from: calmer than for driving.
-    fn calm() -> Vec<(&'static str, f64)>;
+    fn calm() -> Vec<(&'static str, f64)> {
+        let Weights { q_e1_rate, q_e2, r_rate, .. } = Self::SETTING.calm;
+        vec![("mpc.r_rate", r_rate), ("mpc.q_e1_rate", q_e1_rate), ("mpc.q_e2", q_e2)]
+    }
 
     /// Learns what a nonlinear model misses.
     ///
@@ -45,13 +44,7 @@ pub(super) trait Commanded<const S: usize, const C: usize>: SimulatedVehicle<S, 
 }
 
 impl Commanded<ERRORS, CAR_COLUMNS> for Car {
-    const TRAINING: Route = Route::SudokuTrain;
     const TEST: Route = Route::SudokuTest;
-    const WINDOW: usize = 28;
-
-    fn calm() -> Vec<(&'static str, f64)> {
-        vec![("mpc.r_rate", CALM.r_rate), ("mpc.q_e1_rate", CALM.q_e1_rate), ("mpc.q_e2", CALM.q_e2)]
-    }
 
     fn learn_gp(
         data: &DataSet,
@@ -65,14 +58,7 @@ impl Commanded<ERRORS, CAR_COLUMNS> for Car {
 }
 
 impl Commanded<TRUCK_STATES, TRUCK_COLUMNS> for Truck {
-    const TRAINING: Route = Route::TruckTrain;
     const TEST: Route = Route::TruckTest;
-    // 1.2 s: a dead time of 0.3 s and four time constants of 0.2 s.
-    const WINDOW: usize = 60;
-
-    fn calm() -> Vec<(&'static str, f64)> {
-        TRUCK_CALM.to_vec()
-    }
 
     fn learn_gp(
         _: &DataSet<Articulated, TRUCK_STATES>,
@@ -84,10 +70,6 @@ impl Commanded<TRUCK_STATES, TRUCK_COLUMNS> for Truck {
         Err("gp_nmpc corrects the bicycle of a car, and is not learned of a truck: choose a kind with a linear model".into())
     }
 }
-
-/// Weights of a truck's collecting controller. With `speed.limit` 8 m/s and a dither of 0.01 rad it stays on the training route
-/// behind a dead time of 0.3 s and a lag of 0.2 s (mean lateral error 0.45 m, at most 1.6 m); tighter ones were lost there.
-const TRUCK_CALM: [(&str, f64); 3] = [("mpc.r_rate", 300.0), ("mpc.q_e1_rate", 3.0), ("mpc.q_e2", 1000.0)];
 
 /// A vehicle by built-in name or file.
 pub(super) fn vehicle_named<F: VehicleFile>(name: &str) -> Result<F, Box<dyn Error>> {

@@ -216,9 +216,40 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
     pub fn drive_while(
         &mut self,
         duration: f64,
-        mut go_on: impl FnMut(&[f64; C], f64) -> bool,
+        go_on: impl FnMut(&[f64; C], f64) -> bool,
     ) -> Result<DriveFor<C>, DriveError> {
         let mut drive = DriveFor { columns: P::SIGNALS, ..DriveFor::default() };
+        self.record(&mut drive, duration, go_on)?;
+        Ok(drive)
+    }
+
+    /// The same; a vehicle that rolls over or jack-knifes is lost, and what was driven until then is given.
+    ///
+    /// # Errors
+    /// Controller or vehicle cannot go on for another reason.
+    pub fn drive_until_lost(
+        &mut self,
+        duration: f64,
+        go_on: impl FnMut(&[f64; C], f64) -> bool,
+    ) -> Result<DriveFor<C>, DriveError> {
+        let mut drive = DriveFor { columns: P::SIGNALS, ..DriveFor::default() };
+        use crate::vehicle::StepError::{JackKnifed, RolledOver};
+        match self.record(&mut drive, duration, go_on) {
+            Err(DriveError::Vehicle { source: JackKnifed { .. } | RolledOver { .. }, .. }) => {
+                drive.lost = true;
+                Ok(drive)
+            }
+            ended => ended.map(|()| drive),
+        }
+    }
+
+    /// Drives and records, to the end or to an error.
+    fn record(
+        &mut self,
+        drive: &mut DriveFor<C>,
+        duration: f64,
+        mut go_on: impl FnMut(&[f64; C], f64) -> bool,
+    ) -> Result<(), DriveError> {
         let steps = (duration / self.step).round().max(0.0) as u64;
         for _ in 0..steps {
             let (row, computed) = self.advance()?;
@@ -239,7 +270,7 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
                 break;
             }
         }
-        Ok(drive)
+        Ok(())
     }
 }
 

@@ -68,6 +68,7 @@ impl InputMetrics {
 #[allow(missing_docs)]
 pub struct TimeMetrics {
     pub mean_s: f64,
+    pub median_s: f64,
     pub p99_s: f64,
     pub max_s: f64,
     /// Steps that took longer than the sample time.
@@ -95,6 +96,7 @@ impl TimeMetrics {
         let mean_s = times.iter().sum::<f64>() / times.len() as f64;
         Self {
             mean_s,
+            median_s: times[(times.len() - 1) / 2],
             p99_s: times[(times.len() - 1) * 99 / 100],
             max_s: times[times.len() - 1],
             missed: times.iter().filter(|&&time| time > sample_time).count(),
@@ -127,5 +129,6 @@ mod tests {
         let mut times: Vec<f64> = (1..=200).rev().map(|k| f64::from(k) * 1e-4).collect();
         let metrics = TimeMetrics::of(&mut times, 0.0195);
         assert_eq!((metrics.p99_s, metrics.max_s, metrics.missed), (0.0198, 0.02, 5));
+        assert_eq!(metrics.median_s, 0.01);
     }
 }

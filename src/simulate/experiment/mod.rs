@@ -1,26 +1,47 @@
-//! The comparison of all variants: plants, rows, weights, noise, seeds.
+//! The comparison of all variants: plants, rows, weights, noise, seeds. Written once for every kind of vehicle.
 //!
 //! | file | problem |
 //! |---|---|
-//! | `plant.rs` | the cars that are really driven |
+//! | `vehicle.rs` | what differs between kinds of vehicles |
+//! | `plant.rs` | the vehicles that are really driven |
+//! | `roads.rs` | the roads |
 //! | `row.rs` | the ways to predict |
+//! | `step.rs` | a recorded step, from which delay models are identified |
+//! | `learn.rs` | what a row predicts with |
 //! | `weights.rs` | what each row may tune, with one budget |
+//! | `tune.rs` | how good weights are |
 //! | `trial.rs` | one drive |
 //! | `fit.rs` | errors of predictions, one step and a horizon ahead |
 //! | `compare.rs` | all of it on one plant: collect, learn, tune, drive |
+//! | `edge.rs` | the paper's setting: a nominal MPC at its edge |
+//! | `sweep.rs` | the error over the dead time |
+//! | `result.rs` | what is found |
 
 mod compare;
+mod edge;
 mod fit;
+mod learn;
 mod plant;
+mod result;
+mod roads;
 mod row;
+mod step;
+mod sweep;
 mod trial;
+mod tune;
+mod vehicle;
 mod weights;
 
-pub use compare::{
-    CALM, CompareError, Comparison, Condition, DITHER, Effort, Outcome, Roads, RowFit, RowResult,
-};
+pub use compare::{CompareError, Comparison, ComparisonFor};
+pub use edge::Edge;
 pub use fit::{FitMetrics, steps_ahead};
-pub use plant::Plant;
-pub use row::{Row, WINDOW};
-pub use trial::{Trial, TrialError};
-pub use weights::{Found, Weights, search};
+pub use learn::SHORT_HORIZON;
+pub use plant::{CAR_PLANTS, Plant, STEER_DELAY, STEER_LAG, TRUCK_PLANTS};
+pub use result::{Condition, Effort, Outcome, RowFit, RowResult};
+pub use roads::Roads;
+pub use row::{CAR_ROWS, Predictor, Row, TRUCK_ROWS};
+pub use step::{Identified, SteeringStep};
+pub use sweep::{SweepPoint, SweepSetting, sweep};
+pub use trial::{LOST, Trial, TrialError, TrialFor};
+pub use vehicle::{CALM, Compared, DITHER, NominalOf, Setting, TRUCK_CALM, TRUCK_DITHER};
+pub use weights::{Found, Space, Weights, search};

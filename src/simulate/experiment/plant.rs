@@ -1,42 +1,109 @@
-//! The plants of the comparison: one car, with more and more that its nominal model does not know.
+//! The plants of the comparison: a vehicle with what its nominal model does not know.
 
-use crate::enumeration;
-use crate::nominal::Actuator;
-use crate::vehicle::{CarParameters, Effects};
+use crate::path::sudoku::Route;
+use std::borrow::Cow;
 
-enumeration! {
-    /// The car that is really driven.
-    pub enum Plant {
-        AsIs = 0 "as_is", "The car of the vehicle file: tyres, suspension, its own actuator";
-        Lag = 1 "lag", "A steering lag of 0.1 s added";
-        LagAndDeadTime = 2 "lag_and_dead_time", "A steering lag of 0.1 s and a dead time of 60 ms added";
-        PayloadLowFriction = 3 "payload_low_friction", "300 kg loaded 0.8 m behind the CG, friction of all roads at 60 %";
-    }
+/// The vehicle that is really driven, and where it is measured.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plant {
+    /// What files and tables call it.
+    pub name: Cow<'static, str>,
+    /// What it is, in a sentence.
+    pub meaning: Cow<'static, str>,
+    /// Effects on top of the vehicle's file, by id.
+    pub effects: Cow<'static, [(&'static str, f64)]>,
+    /// The road that it is measured on.
+    pub test: Route,
+    /// Whether its rows' steps are timed and their drives are kept.
+    pub timed: bool,
+    /// Whether the paper's setting is made of it: see [`Edge`](super::Edge).
+    pub edge: bool,
 }
+
+/// Ids of the effects on the steering actuator.
+pub const STEER_DELAY: &str = "steer_delay";
+/// See [`STEER_DELAY`].
+pub const STEER_LAG: &str = "steer_lag";
 
 impl Plant {
-    /// The effects that make it.
+    /// A plant by name, meaning, effects and the road that it is measured on.
     #[must_use]
-    pub fn effects(self) -> Effects {
-        let none = Effects::default();
-        match self {
-            Self::AsIs => none,
-            Self::Lag => Effects { steer_lag: 0.1, ..none },
-            Self::LagAndDeadTime => Effects { steer_lag: 0.1, steer_delay: 0.06, ..none },
-            Self::PayloadLowFriction => {
-                Effects { payload: 300.0, payload_x: -0.8, road_friction: 0.6, ..none }
-            }
+    pub const fn new(
+        name: &'static str,
+        meaning: &'static str,
+        effects: &'static [(&'static str, f64)],
+        test: Route,
+    ) -> Self {
+        Self {
+            name: Cow::Borrowed(name),
+            meaning: Cow::Borrowed(meaning),
+            effects: Cow::Borrowed(effects),
+            test,
+            timed: false,
+            edge: false,
         }
     }
 
-    /// The steering actuator as it really is: what the oracle is told.
+    /// One that is timed.
     #[must_use]
-    pub fn actuator(self, car: &CarParameters) -> Actuator {
-        let effects = self.effects();
-        Actuator {
-            dead_time: car.steering.dead_time + effects.steer_delay,
-            time_constant: car.steering.lag + effects.steer_lag,
-            ..Actuator::default()
-        }
+    pub const fn timed(mut self) -> Self {
+        self.timed = true;
+        self
+    }
+
+    /// One that the paper's setting is made of.
+    #[must_use]
+    pub const fn with_edge(mut self) -> Self {
+        self.edge = true;
+        self
+    }
+
+    /// The value of an effect; 0 for one that it does not have.
+    #[must_use]
+    pub fn effect(&self, id: &str) -> f64 {
+        self.effects.iter().find(|(known, _)| *known == id).map_or(0.0, |(_, value)| *value)
     }
 }
+
+/// The cars, with more and more that the nominal model does not know.
+pub const CAR_PLANTS: &[Plant] = &[
+    Plant::new(
+        "as_is",
+        "The car of the vehicle file: tyres, suspension, its own actuator",
+        &[],
+        Route::SudokuTest,
+    ),
+    Plant::new("lag", "A steering lag of 0.1 s added", &[(STEER_LAG, 0.1)], Route::SudokuTest),
+    Plant::new(
+        "lag_and_dead_time",
+        "A steering lag of 0.1 s and a dead time of 60 ms added",
+        &[(STEER_LAG, 0.1), (STEER_DELAY, 0.06)],
+        Route::SudokuTest,
+    )
+    .timed(),
+    Plant::new(
+        "payload_low_friction",
+        "300 kg loaded 0.8 m behind the CG, friction of all roads at 60 %",
+        &[("payload", 300.0), ("payload_x", -0.8), ("road_friction", 0.6)],
+        Route::SudokuTest,
+    ),
+];
+
+/// The trucks: the two delays of the truck paper.
+pub const TRUCK_PLANTS: &[Plant] = &[
+    Plant::new(
+        "low_delay",
+        "Dead time of 2 samples and a lag of 0.05 s added to the steering; on the off-road path",
+        &[(STEER_DELAY, 0.04), (STEER_LAG, 0.05)],
+        Route::TruckOffRoad,
+    )
+    .timed(),
+    Plant::new(
+        "high_delay",
+        "Dead time of 15 samples and a lag of 0.2 s added to the steering; on the test route",
+        &[(STEER_DELAY, 0.3), (STEER_LAG, 0.2)],
+        Route::TruckTest,
+    )
+    .timed()
+    .with_edge(),
+];

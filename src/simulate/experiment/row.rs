@@ -1,11 +1,12 @@
 //! The rows of the comparison: each a way to predict, with or without the disturbance observer.
 
 use crate::enumeration;
+use crate::nominal::DelayModel;
 use crate::residual::{Kind, Regressors, TrainConfig};
 
 enumeration! {
-    /// A row of the tables.
-    pub enum Row {
+    /// Ways to predict.
+    pub enum Predictor {
         Mpc = 0 "MPC", "The nominal MPC";
         Rt = 1 "RT", "A tree with constant leaves (Zhao et al.)";
         Rtl = 2 "RTL", "A tree with linear leaves (Zhao et al.)";
@@ -14,29 +15,31 @@ enumeration! {
         Linear = 5 "linear", "One linear model in the command window";
         LinearCurvature = 6 "linear_curvature", "One linear model in the command window and the road: the regressors of RFL+S";
         RflS = 7 "RFL+S", "A forest on speed and road, leaves linear in the command window and the road";
-        RflSObserver = 8 "RFL+S+observer", "RFL+S with the disturbance observer";
-        MpcObserver = 9 "MPC+observer", "The nominal MPC with the disturbance observer";
-        Nmpc = 10 "NMPC", "Nonlinear MPC on the bicycle model";
-        GpNmpc = 11 "GP-NMPC", "Nonlinear MPC with Gaussian processes for what the bicycle misses";
-        Oracle = 12 "oracle", "The nominal MPC that knows the steering actuator exactly";
+        FirstOrder = 8 "first_order", "The nominal MPC behind a first-order inertia, identified from a recorded step";
+        Pade11 = 9 "pade_1_1", "The nominal MPC behind a Pade approximant (1, 1), identified from a recorded step";
+        Pade22 = 10 "pade_2_2", "The nominal MPC behind a Pade approximant (2, 2), identified from a recorded step";
+        Identified = 11 "identified", "The nominal MPC behind dead time and lag, identified from a recorded step";
+        Nmpc = 12 "NMPC", "Nonlinear MPC";
+        GpNmpc = 13 "GP-NMPC", "Nonlinear MPC with Gaussian processes for what its model misses";
+        Oracle = 14 "oracle", "The nominal MPC that knows the steering actuator exactly";
     }
 }
 
-impl Row {
-    /// What is learned for the row, if anything.
+impl Predictor {
+    /// What is learned for it, if anything, with a window of so many steps.
     #[must_use]
-    pub fn training(self) -> Option<TrainConfig> {
+    pub fn training(self, window: usize) -> Option<TrainConfig> {
         let kind = match self {
-            Self::Mpc | Self::MpcObserver | Self::Nmpc | Self::GpNmpc | Self::Oracle => return None,
             Self::Rt => Kind::Rt,
             Self::Rtl => Kind::Rtl,
             Self::Rf => Kind::Rf,
             Self::Rfl => Kind::Rfl,
             Self::Linear | Self::LinearCurvature => Kind::Linear,
-            Self::RflS | Self::RflSObserver => Kind::RflS,
+            Self::RflS => Kind::RflS,
+            _ => return None,
         };
         let mut config = TrainConfig::new(kind);
-        config.window = WINDOW;
+        config.window = window;
         if self == Self::LinearCurvature {
             config.regressors = Regressors { road: true, states: 0 };
             // The filter worsens this row: steering and road, nearly collinear, differ in what it takes away. Measured
@@ -49,25 +52,111 @@ impl Row {
     /// Whether something is learned from drives.
     #[must_use]
     pub fn learns(self) -> bool {
-        self == Self::GpNmpc || self.training().is_some()
+        matches!(
+            self,
+            Self::Rt
+                | Self::Rtl
+                | Self::Rf
+                | Self::Rfl
+                | Self::Linear
+                | Self::LinearCurvature
+                | Self::RflS
+                | Self::GpNmpc
+        )
     }
 
-    /// The row without an observer that predicts with the same.
+    /// The model of the actuator that a recorded step gives it.
     #[must_use]
-    pub fn predicts_as(self) -> Self {
+    pub fn delay_model(self) -> Option<DelayModel> {
         match self {
-            Self::RflSObserver => Self::RflS,
-            Self::MpcObserver => Self::Mpc,
-            row => row,
+            Self::FirstOrder => Some(DelayModel::FirstOrder),
+            Self::Pade11 => Some(DelayModel::Pade11),
+            Self::Pade22 => Some(DelayModel::Pade22),
+            Self::Identified => Some(DelayModel::DeadTimeLag),
+            _ => None,
         }
     }
 
-    /// Whether the disturbance observer runs.
+    /// Whether it has a nonlinear model.
     #[must_use]
-    pub fn observes(self) -> bool {
-        matches!(self, Self::RflSObserver | Self::MpcObserver)
+    pub fn is_nonlinear(self) -> bool {
+        matches!(self, Self::Nmpc | Self::GpNmpc)
     }
 }
 
-/// Window of all learned residuals, steps: a dead time of 60 ms and three time constants of 0.15 s.
-pub const WINDOW: usize = 28;
+/// A row of the tables.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Row {
+    /// The way to predict.
+    pub predictor: Predictor,
+    /// Whether the disturbance observer runs.
+    pub observes: bool,
+}
+
+impl Row {
+    /// The nominal MPC: every other is measured by it.
+    pub const NOMINAL: Self = Self::plain(Predictor::Mpc);
+
+    /// A row without observer.
+    #[must_use]
+    pub const fn plain(predictor: Predictor) -> Self {
+        Self { predictor, observes: false }
+    }
+
+    /// The same with the observer.
+    #[must_use]
+    pub const fn observing(predictor: Predictor) -> Self {
+        Self { predictor, observes: true }
+    }
+
+    /// What tables call it.
+    #[must_use]
+    pub fn name(self) -> String {
+        format!("{}{}", self.predictor.name(), if self.observes { "+observer" } else { "" })
+    }
+}
+
+/// The car's rows; the slowest at the end.
+pub const CAR_ROWS: &[Row] = &[
+    Row::NOMINAL,
+    Row::plain(Predictor::Rt),
+    Row::plain(Predictor::Rtl),
+    Row::plain(Predictor::Rf),
+    Row::plain(Predictor::Rfl),
+    Row::plain(Predictor::Linear),
+    Row::plain(Predictor::LinearCurvature),
+    Row::plain(Predictor::RflS),
+    Row::observing(Predictor::RflS),
+    Row::observing(Predictor::Mpc),
+    Row::plain(Predictor::Nmpc),
+    Row::plain(Predictor::GpNmpc),
+    Row::plain(Predictor::Oracle),
+];
+
+/// The truck's rows: all delay models and residuals, without and with the observer; the slowest at the end.
+pub const TRUCK_ROWS: &[Row] = &[
+    Row::NOMINAL,
+    Row::plain(Predictor::FirstOrder),
+    Row::plain(Predictor::Pade11),
+    Row::plain(Predictor::Pade22),
+    Row::plain(Predictor::Identified),
+    Row::plain(Predictor::Oracle),
+    Row::plain(Predictor::Rt),
+    Row::plain(Predictor::Rf),
+    Row::plain(Predictor::Linear),
+    Row::plain(Predictor::Rtl),
+    Row::plain(Predictor::Rfl),
+    Row::plain(Predictor::RflS),
+    Row::observing(Predictor::Mpc),
+    Row::observing(Predictor::FirstOrder),
+    Row::observing(Predictor::Pade11),
+    Row::observing(Predictor::Pade22),
+    Row::observing(Predictor::Identified),
+    Row::observing(Predictor::Oracle),
+    Row::observing(Predictor::Linear),
+    Row::observing(Predictor::Rtl),
+    Row::observing(Predictor::Rfl),
+    Row::observing(Predictor::RflS),
+    Row::plain(Predictor::Nmpc),
+    Row::plain(Predictor::GpNmpc),
+];

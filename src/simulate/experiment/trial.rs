@@ -1,12 +1,13 @@
 //! One drive of the comparison: a plant, a way to predict, weights, noise and a seed.
 
 use super::plant::Plant;
+use super::vehicle::NominalOf;
 use super::weights::Weights;
-use crate::control::{Controller, ControllerError, ControllerParameters, PredictionModel};
+use crate::control::{ControllerError, ControllerFor, PredictionModelFor};
+use crate::nominal::ERRORS;
 use crate::path::Path;
-use crate::simulate::{ClosedLoop, Drive, DriveError, SensorNoise};
-use crate::vehicle::CarParameters;
-use crate::vehicle::car::CarError;
+use crate::simulate::{CAR_COLUMNS, ClosedLoopFor, DriveError, DriveFor, SensorNoise, SimulatedVehicle};
+use crate::vehicle::Car;
 use std::sync::Arc;
 
 /// Why a drive could not be made.
@@ -15,20 +16,24 @@ use std::sync::Arc;
 pub enum TrialError {
     #[error(transparent)]
     Controller(#[from] ControllerError),
-    #[error(transparent)]
-    Car(#[from] CarError),
+    #[error("{0}")]
+    Vehicle(Box<dyn std::error::Error + Send + Sync>),
+    #[error("the plant has the effect {id}, and a {vehicle} has none of that name")]
+    NoEffect { id: &'static str, vehicle: &'static str },
     #[error(transparent)]
     Drive(#[from] DriveError),
 }
 
+/// A drive of a car to be made.
+pub type Trial<'a> = TrialFor<'a, Car, ERRORS, CAR_COLUMNS>;
+
 /// A drive to be made.
-#[derive(Clone)]
 #[allow(missing_docs)]
-pub struct Trial<'a> {
-    pub car: &'a CarParameters,
-    pub plant: Plant,
+pub struct TrialFor<'a, P: SimulatedVehicle<S, C>, const S: usize, const C: usize> {
+    pub vehicle: &'a P::Parameters,
+    pub plant: &'a Plant,
     pub path: Arc<Path>,
-    pub model: PredictionModel,
+    pub model: PredictionModelFor<NominalOf<P, S, C>, S>,
     pub weights: Weights,
     /// Noise of the sensors and its seed.
     pub noise: Option<(SensorNoise, u64)>,
@@ -41,25 +46,38 @@ pub struct Trial<'a> {
 /// Lateral error at which a drive is given up, m: the controller gives up tracking there.
 pub const LOST: f64 = 3.5;
 
-impl Trial<'_> {
-    /// Drives until the road's end, or until the car is lost.
+/// The effects that make a plant.
+pub(super) fn effects_of<P: SimulatedVehicle<S, C>, const S: usize, const C: usize>(
+    plant: &Plant,
+) -> Result<P::Effects, TrialError> {
+    let mut effects = P::Effects::default();
+    for &(id, value) in plant.effects.iter() {
+        *P::effect(&mut effects, id).ok_or(TrialError::NoEffect { id, vehicle: P::KIND })? = value;
+    }
+    Ok(effects)
+}
+
+impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> TrialFor<'_, P, S, C> {
+    /// Drives until the road's end, or until the vehicle is lost: given up, rolled over or jack-knifed.
     ///
     /// # Errors
     /// Parameters out of range, a model that does not fit.
-    pub fn drive(&self) -> Result<Drive, TrialError> {
-        let mut parameters = ControllerParameters::for_car(self.car);
+    pub fn drive(&self) -> Result<DriveFor<C>, TrialError> {
+        let mut parameters = P::controller(self.vehicle);
         self.weights.apply(&mut parameters);
         if let Some((amplitude, seed)) = self.dither {
             (parameters.mpc.dither, parameters.mpc.dither_seed) = (amplitude, seed);
         }
         let step = parameters.mpc.sample_time;
-        let controller = Controller::predicting_with(parameters, self.path.clone(), self.model.clone())?;
-        let mut closed = ClosedLoop::at_start(controller, self.car, &self.plant.effects(), step)?;
+        let controller = ControllerFor::predicting_with(parameters, self.path.clone(), self.model.clone())?;
+        let effects = effects_of::<P, S, C>(self.plant)?;
+        let mut closed = ClosedLoopFor::<P, S, C>::at_start(controller, self.vehicle, &effects, step)
+            .map_err(|error| TrialError::Vehicle(Box::new(error)))?;
         if let Some((noise, seed)) = self.noise {
             closed = closed.with_noise(noise, seed);
         }
         // Twice the time that the plan takes.
         let duration = 60.0 + 0.5 * self.path.length();
-        Ok(closed.drive_while(duration, |_, error| error.abs() < self.give_up)?)
+        Ok(closed.drive_until_lost(duration, |_, error| error.abs() < self.give_up)?)
     }
 }

@@ -7,7 +7,7 @@
 //!
 //! Source: Hansen, The CMA evolution strategy: a tutorial, 2016.
 
-use crate::control::{ControllerParameters, MpcParameters};
+use crate::control::{ControllerParametersFor, MpcParameters};
 use cmaes::{CMAESOptions, DVector};
 use serde::{Deserialize, Serialize};
 
@@ -28,18 +28,26 @@ pub struct Weights {
 /// Numbers that are searched.
 const AXES: usize = 6;
 
-/// Ranges of the search.
-const RANGES: [(f64, f64); AXES] =
-    [(1e-3, 3.0), (1e-3, 30.0), (1e-4, 3.0), (1e-6, 1.0), (1e-4, 1.0), (1e-3, 1.0)];
+/// Where a kind of vehicle's weights are searched.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Space {
+    /// Ranges, in the order of [`Weights`].
+    pub ranges: [(f64, f64); AXES],
+    /// Designs that every search begins with: `q_e1_rate`, `q_e2`, `q_e2_rate`, `r_rate`. The default first.
+    pub beginning: &'static [[f64; 4]],
+    /// Noises of the observer to go with them: `disturbance_noise`, `prediction_noise`.
+    pub noises: &'static [[f64; 2]],
+}
+
 /// First standard deviation of the evolution strategy, as a share of the ranges.
 const STEP: f64 = 0.12;
 /// What leaving the ranges costs, for each range's width.
 const OUTSIDE: f64 = 10.0;
 
-impl Default for Weights {
-    /// The controller's default weights, without an observer.
-    fn default() -> Self {
-        let p = MpcParameters::default();
+impl Weights {
+    /// A controller's, without an observer.
+    #[must_use]
+    pub fn of(p: &MpcParameters) -> Self {
         Self {
             q_e1_rate: p.q_e1_rate,
             q_e2: p.q_e2,
@@ -49,26 +57,31 @@ impl Default for Weights {
             prediction_noise: 0.0,
         }
     }
-}
 
-impl Weights {
     /// Takes the weights over into parameters.
-    pub fn apply(&self, parameters: &mut ControllerParameters) {
-        let ControllerParameters { mpc, observer, .. } = parameters;
+    pub fn apply<G>(&self, parameters: &mut ControllerParametersFor<G>) {
+        let ControllerParametersFor { mpc, observer, .. } = parameters;
         (mpc.q_e1_rate, mpc.q_e2, mpc.q_e2_rate) = (self.q_e1_rate, self.q_e2, self.q_e2_rate);
         mpc.r_rate = self.r_rate;
         (observer.disturbance_noise, observer.prediction_noise) =
             (self.disturbance_noise, self.prediction_noise);
     }
 
+    /// The weights of the cost.
+    fn of_cost(&self) -> [f64; 4] {
+        [self.q_e1_rate, self.q_e2, self.q_e2_rate, self.r_rate]
+    }
+}
+
+impl Space {
     /// From a point of the unit cube; without an observer the last two numbers are missing.
-    fn at(point: &[f64]) -> Self {
+    fn at(&self, point: &[f64]) -> Weights {
         let value = |i: usize| {
-            let (low, high) = RANGES[i];
+            let (low, high) = self.ranges[i];
             low * (high / low).powf(point[i])
         };
         let observes = point.len() == AXES;
-        Self {
+        Weights {
             q_e1_rate: value(0),
             q_e2: value(1),
             q_e2_rate: value(2),
@@ -77,33 +90,26 @@ impl Weights {
             prediction_noise: if observes { value(5) } else { 0.0 },
         }
     }
-}
 
-/// Designs that every search begins with: `q_e1_rate`, `q_e2`, `q_e2_rate`, `r_rate`. The default first, then from
-/// damped to tight.
-const BEGINNING: [[f64; 4]; 9] = [
-    [0.4, 1.0, 1e-4, 0.03],
-    [1.0, 2.0, 1e-4, 0.3],
-    [0.2, 0.1, 0.5, 0.02],
-    [0.1, 0.5, 0.02, 3e-3],
-    [0.1, 0.015, 0.5, 1e-3],
-    [0.02, 0.2, 1e-3, 1e-3],
-    [0.01, 0.05, 1e-3, 1e-4],
-    [3e-3, 0.5, 0.1, 5e-3],
-    [0.06, 0.012, 0.4, 4e-4],
-];
-/// Noises of the observer to go with them: `disturbance_noise`, `prediction_noise`.
-const NOISES: [[f64; 2]; 9] = [
-    [0.01, 0.03],
-    [0.003, 0.1],
-    [0.001, 0.1],
-    [0.03, 0.03],
-    [0.003, 0.01],
-    [0.03, 0.03],
-    [0.01, 0.01],
-    [0.1, 0.1],
-    [1e-3, 0.03],
-];
+    /// Where a value stands in its range, 0 to 1.
+    fn place(&self, axis: usize, value: f64) -> f64 {
+        let (low, high) = self.ranges[axis];
+        ((value / low).ln() / (high / low).ln()).clamp(0.0, 1.0)
+    }
+
+    /// Weights on the way from some to others, over decades, without an observer; a share of the way from 0 to 1.
+    #[must_use]
+    pub fn between(&self, from: &Weights, to: &Weights, share: f64) -> Weights {
+        let ends = [from, to].map(Weights::of_cost);
+        let point: Vec<f64> = (0..AXES - 2)
+            .map(|axis| {
+                let [from, to] = ends.map(|values| self.place(axis, values[axis]));
+                from + share * (to - from)
+            })
+            .collect();
+        self.at(&point)
+    }
+}
 
 /// What a search found.
 #[derive(Debug, Clone, PartialEq)]
@@ -118,6 +124,7 @@ pub struct Found {
 
 /// Searches weights with the least score among `budget` candidates; `known` are good for another row.
 pub fn search(
+    space: &Space,
     budget: usize,
     seed: u64,
     observes: bool,
@@ -127,11 +134,12 @@ pub fn search(
     let axes = if observes { AXES } else { AXES - 2 };
     let mut tried: Vec<(Weights, f64)> = Vec::with_capacity(budget);
     let mut best: (Vec<f64>, f64) = (vec![0.5; axes], f64::INFINITY);
-    let known = known.map(|w| ([w.q_e1_rate, w.q_e2, w.q_e2_rate, w.r_rate], NOISES[0]));
-    for (design, noises) in BEGINNING.into_iter().zip(NOISES).chain(known).take(budget) {
+    let known = known.map(|weights| (weights.of_cost(), space.noises[0]));
+    let beginning = space.beginning.iter().copied().zip(space.noises.iter().copied());
+    for (design, noises) in beginning.chain(known).take(budget) {
         let values = [design[0], design[1], design[2], design[3], noises[0], noises[1]];
-        let point: Vec<f64> = (0..axes).map(|axis| place(axis, values[axis])).collect();
-        let weights = Weights::at(&point);
+        let point: Vec<f64> = (0..axes).map(|axis| space.place(axis, values[axis])).collect();
+        let weights = space.at(&point);
         let score = score(&weights);
         if score < best.1 {
             best = (point, score);
@@ -142,7 +150,7 @@ pub fn search(
     if left > 0 {
         let ask = |point: &DVector<f64>| {
             let inside = point.map(|x| x.clamp(0.0, 1.0));
-            let weights = Weights::at(inside.as_slice());
+            let weights = space.at(inside.as_slice());
             let found = score(&weights);
             tried.push((weights, found));
             found * (1.0 + OUTSIDE * (point - inside).norm())
@@ -158,27 +166,22 @@ pub fn search(
         .iter()
         .copied()
         .min_by(|a, b| a.1.total_cmp(&b.1))
-        .unwrap_or((Weights::default(), f64::INFINITY));
+        .unwrap_or_else(|| (space.at(&vec![0.5; axes]), f64::INFINITY));
     Found { weights, score, tried }
-}
-
-/// Where a value stands in its range, 0 to 1.
-fn place(axis: usize, value: f64) -> f64 {
-    let (low, high) = RANGES[axis];
-    ((value / low).ln() / (high / low).ln()).clamp(0.0, 1.0)
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::vehicle::CAR_SPACE;
     use super::*;
 
     #[test]
     fn it_finds_a_valley_and_gives_the_same_again() {
         // Far from all designs.
         let valley = |w: &Weights| (w.q_e1_rate.ln() - 0.3_f64.ln()).powi(2) + (w.r_rate.ln() + 11.0).powi(2);
-        let found = search(64, 1, false, None, valley);
+        let found = search(&CAR_SPACE, 64, 1, false, None, valley);
         assert!(found.score < 0.3 * found.tried[..9].iter().map(|t| t.1).fold(f64::INFINITY, f64::min));
-        assert_eq!(found, search(64, 1, false, None, valley));
+        assert_eq!(found, search(&CAR_SPACE, 64, 1, false, None, valley));
         assert_eq!(found.tried.len(), 64);
     }
 }

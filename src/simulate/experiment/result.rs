@@ -1,0 +1,126 @@
+//! What a comparison finds, as files hold it.
+
+use super::edge::Edge;
+use super::fit::FitMetrics;
+use super::step::{Identified, SteeringStep};
+use super::weights::Weights;
+use crate::path::RoadClass;
+use crate::simulate::{DriveFor, InputMetrics, StepTimes, TrackingMetrics};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// How much is done.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Effort {
+    /// Seeds: each has drives, models and noise of its own.
+    pub seeds: usize,
+    /// Drives of the training route from which a seed's models are learned.
+    pub drives: usize,
+    /// Candidates of each row's search.
+    pub budget: usize,
+    /// Threads; the results do not depend on it.
+    pub threads: usize,
+}
+
+/// One drive of the test route in numbers.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[allow(missing_docs)]
+pub struct Outcome {
+    pub tracking: TrackingMetrics,
+    pub classes: BTreeMap<&'static str, TrackingMetrics>,
+    pub steering: InputMetrics,
+    /// The vehicle left the path, jack-knifed or rolled over: the loop diverged. The other numbers are then those until
+    /// there.
+    pub lost: bool,
+    /// Largest articulation, rad, of a vehicle that has one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub articulation: Option<f64>,
+}
+
+impl<const C: usize> From<&DriveFor<C>> for Outcome {
+    fn from(drive: &DriveFor<C>) -> Self {
+        let classes = RoadClass::ALL
+            .iter()
+            .map(|class| (class.name(), drive.tracking_on(*class)))
+            .filter(|(_, metrics)| metrics.count > 0)
+            .collect();
+        Self {
+            tracking: drive.tracking(),
+            classes,
+            steering: drive.steering(),
+            lost: drive.lost || !drive.finished,
+            articulation: drive.column("articulation").iter().map(|angle| angle.abs()).reduce(f64::max),
+        }
+    }
+}
+
+/// What a row's residual predicts, for one seed.
+#[derive(Debug, Clone, Serialize)]
+#[allow(missing_docs)]
+pub struct RowFit {
+    pub train: FitMetrics,
+    pub test: FitMetrics,
+    /// After a horizon of 16 steps, on the test route.
+    pub test_16_steps: FitMetrics,
+    /// After a longer horizon, where the vehicle has one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub test_horizon: Option<FitMetrics>,
+}
+
+/// One row of the comparison.
+#[derive(Debug, Clone, Serialize)]
+#[allow(missing_docs)]
+pub struct RowResult {
+    pub row: String,
+    pub weights: Weights,
+    /// Score of the weights on the training pieces, m.
+    pub score: f64,
+    /// Every candidate's weights and score.
+    pub tried: Vec<(Weights, f64)>,
+    /// One for each seed; one only where no seed plays a part.
+    pub own_best: Vec<Outcome>,
+    pub frozen: Vec<Outcome>,
+    pub default: Vec<Outcome>,
+    pub fit: Vec<RowFit>,
+    pub time: Option<StepTimes>,
+    /// On further roads by name, at the row's own best weights.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub further: BTreeMap<&'static str, Vec<Outcome>>,
+}
+
+impl RowResult {
+    /// Outcomes of each protocol.
+    #[must_use]
+    pub fn protocols(&self) -> [(&'static str, &[Outcome]); 3] {
+        [("own best", &self.own_best), ("frozen", &self.frozen), ("default", &self.default)]
+    }
+}
+
+/// A plant, with or without noise.
+#[derive(Debug, Clone, Serialize)]
+#[allow(missing_docs)]
+pub struct Condition {
+    pub plant: String,
+    pub noise: bool,
+    pub vehicle: String,
+    pub effort: Effort,
+    pub rows: Vec<RowResult>,
+    /// Rows that were asked for and that this vehicle cannot have.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub left_out: Vec<String>,
+    /// Amplitudes of the dither of the collecting drives, rad, where some did not stand the usual one.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub weaker_dithers: Vec<f64>,
+    /// Soft bound of the articulation, rad, of a vehicle that has one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub articulation_bound: Option<f64>,
+    /// The step that delay models are identified from, where there are such rows.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub step: Option<SteeringStep>,
+    /// What it says.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub identified: Vec<Identified>,
+    /// The paper's setting, if it was made.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub edge: Option<Edge>,
+}

@@ -1,0 +1,113 @@
+//! The truck's comparison: it runs, is the same on any number of threads, and calls a lost truck lost.
+#![cfg(feature = "cli")]
+
+use rfl_mpc::control::{PredictionModelFor, TRUCK_STATES, TruckControllerParameters};
+use rfl_mpc::nominal::DelayModel;
+use rfl_mpc::path::sudoku::Route;
+use rfl_mpc::path::{Closure, Path};
+use rfl_mpc::simulate::TRUCK_COLUMNS;
+use rfl_mpc::simulate::experiment::{
+    Compared, ComparisonFor, Condition, Effort, Outcome, Plant, Predictor, Roads, Row, SteeringStep,
+    TRUCK_PLANTS, TrialFor, Weights,
+};
+use rfl_mpc::vehicle::{Truck, TruckParameters, builtin_truck};
+use std::sync::{Arc, LazyLock};
+
+static TRUCK: LazyLock<TruckParameters> = LazyLock::new(|| builtin_truck("truck_simulation").unwrap());
+
+fn plant(name: &str) -> &'static Plant {
+    TRUCK_PLANTS.iter().find(|plant| plant.name == name).unwrap()
+}
+
+/// The beginning of the U-turn's road, so many metres.
+fn road(length: usize) -> Arc<Path> {
+    let samples = Route::TruckUTurn.samples();
+    Arc::new(Path::from_samples(samples[..length].to_vec(), Closure::Open).unwrap())
+}
+
+/// A short road for everything: a comparison in seconds.
+fn short() -> Roads {
+    let bend = road(170);
+    Roads {
+        train: bend.clone(),
+        pieces: vec![bend.clone()],
+        shaking: road(60),
+        validation: bend.clone(),
+        test: bend.clone(),
+        further: vec![(Route::TruckUTurn, bend)],
+    }
+}
+
+const ROWS: [Row; 3] =
+    [Row::plain(Predictor::Identified), Row::observing(Predictor::Linear), Row::plain(Predictor::Nmpc)];
+
+type TruckComparison<'a> = ComparisonFor<'a, Truck, TRUCK_STATES, TRUCK_COLUMNS>;
+
+fn collected(roads: &Roads, threads: usize) -> TruckComparison<'_> {
+    let effort = Effort { seeds: 1, drives: 1, budget: 2, threads };
+    TruckComparison::collect(&TRUCK, plant("high_delay"), None, roads, effort).unwrap()
+}
+
+#[test]
+fn the_comparison_runs_and_does_not_depend_on_threads() {
+    let roads = short();
+    let run = |comparison: &TruckComparison<'_>| {
+        let mut condition = comparison.run(&ROWS, &|_| ()).unwrap();
+        condition.effort.threads = 0;
+        condition
+    };
+    let comparison = collected(&roads, 1);
+    let condition = run(&comparison);
+    // The nonlinear row is there or said to be left out.
+    assert_eq!(condition.rows.len() + condition.left_out.len(), 1 + ROWS.len());
+    assert_eq!(condition.rows[0].row, "MPC");
+    for row in &condition.rows {
+        assert_eq!(row.tried.len(), 2, "{}", row.row);
+        let further = &row.further["truck_u_turn"][0];
+        assert!(further == &row.own_best[0] && further.articulation.unwrap() > 0.1, "{}", row.row);
+    }
+    let row = |name: &str| condition.rows.iter().find(|row| row.row == name).unwrap();
+    let fit = &row("linear+observer").fit[0];
+    assert_eq!(fit.test.rmse.len(), TRUCK_STATES);
+    let ahead = fit.test_horizon.as_ref().unwrap();
+    assert!(ahead.rmse[0] < ahead.nominal_rmse[0]);
+    // What knows the delay tracks better, each at its own best and where the nominal is at its edge.
+    let outcome = |name: &str| row(name).own_best[0].clone();
+    assert!(!outcome("identified").lost);
+    assert!(outcome("identified").tracking.mae < 0.7 * outcome("MPC").tracking.mae);
+    let edge = comparison.edge(&ROWS[..1], &condition.rows[0].weights).unwrap();
+    assert!((0.0..=1.0).contains(&edge.share) && edge.rows.iter().all(|(_, outcome)| !outcome.lost));
+
+    let text = |condition: &Condition| serde_json::to_string(condition).unwrap();
+    assert_eq!(text(&condition), text(&run(&collected(&roads, 2))));
+}
+
+#[test]
+fn a_recorded_step_tells_the_delay() {
+    for (name, dead_time, time_constant) in [("low_delay", 0.04, 0.05), ("high_delay", 0.3, 0.2)] {
+        let step = SteeringStep::record::<Truck, TRUCK_STATES, TRUCK_COLUMNS>(&TRUCK, plant(name), 0.02);
+        let found = step.unwrap().identify(DelayModel::DeadTimeLag).unwrap().actuator;
+        assert!((found.dead_time - dead_time).abs() < 0.01, "{name}: {found:?}");
+        assert!((found.time_constant - time_constant).abs() < 0.02, "{name}: {found:?}");
+    }
+}
+
+#[test]
+fn a_lost_truck_is_reported_as_lost() {
+    // Tight weights that know nothing of a long delay.
+    let weights = Weights::of(&TruckControllerParameters::for_truck(&TRUCK).mpc);
+    let trial = TrialFor::<Truck, TRUCK_STATES, TRUCK_COLUMNS> {
+        vehicle: &TRUCK,
+        plant: plant("high_delay"),
+        path: Arc::new(Route::TruckTest.path().unwrap()),
+        model: PredictionModelFor::Nominal,
+        weights: Weights { r_rate: 1e-3, ..weights },
+        noise: None,
+        give_up: f64::INFINITY,
+        dither: None,
+    };
+    let drive = trial.drive().unwrap();
+    let outcome = Outcome::from(&drive);
+    assert!(outcome.lost && !drive.finished && !drive.rows.is_empty());
+    assert_eq!(Truck::SETTING.plants.len(), 2);
+}
