@@ -75,12 +75,12 @@ def draw_sweep(tables: dict, out: Path) -> None:
     figure, axes = plt.subplots(1, len(tables), figsize=(6 * len(tables), 4.6), sharey=True, squeeze=False)
     for axis, (weights, rows) in zip(axes[0], tables.items(), strict=True):
         top = max(1e3 * entry["mae"] for entries in rows.values() for entry in entries if entry["mae"] is not None)
-        for name, entries in rows.items():
+        for place, (name, entries) in enumerate(rows.items()):
             points = [(e["dead_time"], 1e3 * e["mae"]) for e in entries if e["mae"] is not None]
             if points:
                 axis.plot(*zip(*points, strict=True), "o-", color=SHOWN[name], label=name, markersize=4)
             lost = [e["dead_time"] for e in entries if e["diverged"]]
-            axis.plot(lost, [2 * top] * len(lost), "x", color=SHOWN[name], markersize=8)
+            axis.plot(lost, [1.5 * top * 1.15**place] * len(lost), "x", color=SHOWN[name], markersize=8)
         title = f"weights: {weights} (crosses: diverged)"
         axis.set(yscale="log", xlabel="dead time in s", ylabel="MAE in mm", title=title)
         axis.legend(fontsize=8)
