@@ -49,12 +49,12 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> Plant<P, S, C> {
         let controller =
             ControllerFor::predicting_with(parameters, path, model).expect("the defaults are sound");
         let closed = ClosedLoopFor::at_start(controller, &self.parameters, &self.effects, SAMPLE_TIME);
-        closed.ok().expect("sound parameters")
+        closed.unwrap_or_else(|error| panic!("sound parameters: {error}"))
     }
 
     /// A residual learned on the training route.
     fn learn(&self, kind: Kind, window: usize) -> Model<P, S, C> {
-        let mut closed = self.connect(self.training, self.calm.clone(), PredictionModelFor::Nominal);
+        let mut closed = self.connect(self.training, self.calm, PredictionModelFor::Nominal);
         let log = closed.drive(LEARNED, |_| ()).expect("the drive goes on").to_learn_from();
         let data = DataConfig { sample_time: SAMPLE_TIME, min_model_speed: self.calm.mpc.min_model_speed };
         let data = DataSet::new(&[log], &self.calm.vehicle.nominal(), data).expect("a sound drive");
@@ -68,7 +68,7 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> Plant<P, S, C> {
     fn time(&self, group: &str, models: Vec<(&str, Model<P, S, C>)>) {
         let mut all: Vec<_> = models
             .into_iter()
-            .map(|(name, model)| (name, self.connect(self.test, self.timed.clone(), model), vec![]))
+            .map(|(name, model)| (name, self.connect(self.test, self.timed, model), vec![]))
             .collect();
         for _ in 0..(TIMED / SAMPLE_TIME) as usize {
             for (_, closed, times) in &mut all {

@@ -63,7 +63,8 @@ fn collect<P: Commanded<S, C>, const S: usize, const C: usize>(
         let mut settings: Vec<String> =
             P::calm().into_iter().map(|(name, value)| format!("{name}={value}")).collect();
         settings.extend_from_slice(&args.settings);
-        let mut setup = Setup::<P, S, C>::new(args.path.as_deref(), P::SETTING.training, &args.vehicle, &settings)?;
+        let mut setup =
+            Setup::<P, S, C>::new(args.path.as_deref(), P::SETTING.training, &args.vehicle, &settings)?;
         setup.controller.mpc.dither = args.dither.unwrap_or(P::SETTING.dither);
         setup.controller.mpc.dither_seed = args.seed + run;
         let sample_time = setup.controller.mpc.sample_time;

@@ -262,13 +262,13 @@ impl<const S: usize> Lookahead<S> {
     /// Looks a row up: its slot, and whether its leaves are others than before.
     pub(super) fn look_up(&mut self, forest: &Forest, row: usize, road: &[f64; ROAD]) -> (usize, bool) {
         let slot = self.slot(row);
-        for r in 0..ROAD {
-            let old = std::mem::replace(&mut self.road[slot][r], road[r]);
-            if old == road[r] {
+        let kept = self.road[slot].iter_mut().zip(&mut self.road_places[slot]);
+        for ((quantity, &value), (old, place)) in self.quantities[S..].iter().zip(road).zip(kept) {
+            if std::mem::replace(old, value) == value {
                 continue;
             }
-            let (rows, place) = (&mut self.rows, &mut self.road_places[slot][r]);
-            if !self.quantities[S + r].pass(place, road[r], &mut self.budget, |question| {
+            let rows = &mut self.rows;
+            if !quantity.pass(place, value, &mut self.budget, |question| {
                 rows.mark(slot, question);
             }) {
                 rows.pending[slot] = Pending::All;

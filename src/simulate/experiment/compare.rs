@@ -62,6 +62,9 @@ const DITHERS: usize = 3;
 /// Data sets, one for each seed.
 type Data<P, const S: usize, const C: usize> = Vec<DataSet<NominalOf<P, S, C>, S>>;
 
+/// Who has learned what, from which seed's drives.
+type Learned<P, const S: usize, const C: usize> = (Predictor, usize, Model<NominalOf<P, S, C>, S>);
+
 /// One plant with its data.
 pub struct ComparisonFor<'a, P: Compared<S, C>, const S: usize, const C: usize> {
     /// The vehicle.
@@ -81,7 +84,7 @@ pub struct ComparisonFor<'a, P: Compared<S, C>, const S: usize, const C: usize> 
     /// The step that delay models are identified from.
     pub(super) step: Option<SteeringStep>,
     /// What rows have learned, for each seed: some rows share it, and all are asked for it again.
-    pub(super) learned: Mutex<Vec<(Predictor, usize, Model<NominalOf<P, S, C>, S>)>>,
+    pub(super) learned: Mutex<Vec<Learned<P, S, C>>>,
 }
 
 impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P, S, C> {

@@ -48,7 +48,8 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
             (stands, falls) = if lost { (stands, middle) } else { (middle, falls) };
         }
         let weights = at(stands);
-        let others = rows.iter().copied().filter(|row| *row != Row::NOMINAL && !row.observes && self.has(*row));
+        let others =
+            rows.iter().copied().filter(|row| *row != Row::NOMINAL && !row.observes && self.has(*row));
         let rows: Vec<Row> = std::iter::once(Row::NOMINAL).chain(others).collect();
         let threads = parallel::threads(self.effort.threads);
         let outcomes = parallel::map(threads, rows.len(), |i| outcome(rows[i], &weights));

@@ -229,10 +229,7 @@ impl Compared<TRUCK_STATES, TRUCK_COLUMNS> for Truck {
         &parameters.steering
     }
 
-    fn gp_of(
-        _: &DataSet<Articulated, TRUCK_STATES>,
-        _: &GpConfig,
-    ) -> Result<Option<GpModel>, GpTrainError> {
+    fn gp_of(_: &DataSet<Articulated, TRUCK_STATES>, _: &GpConfig) -> Result<Option<GpModel>, GpTrainError> {
         Ok(None)
     }
 }
