@@ -338,7 +338,7 @@ fn print(condition: &Condition) {
     println!("\nplant {}, {noise} sensor noise, {} seeds", condition.plant, condition.effort.seeds);
     println!("lateral error in mm, PE in % of the nominal MPC's mean; roughness: RMS steering rate in rad/s");
     if !condition.left_out.is_empty() {
-        println!("left out, for there is no nonlinear model of it: {}", condition.left_out.join(", "));
+        println!("left out, for there is no such model of it: {}", condition.left_out.join(", "));
     }
     let Some(nominal) = condition.rows.first() else { return };
     for (place, (protocol, base)) in nominal.protocols().into_iter().enumerate() {
