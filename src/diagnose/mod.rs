@@ -15,10 +15,22 @@
 //! | file | problem |
 //! |---|---|
 //! | `report.rs` | the answer: what `report.json` holds |
+//! | `replay/` | the vehicle replayed from a log's commands |
+//! | `knob.rs` | what a simulator can be wrong in, and its tolerances |
+//! | `filter.rs` | low pass and clock |
+//! | `problem.rs` | the gap as a function of all knobs |
+//! | `fit.rs` | fits with the tolerances marginalised |
+//! | `simulated.rs` | logs of our own plants with an effect put in |
 //!
 //! Source: the recipe is that of the specification; marginalising over a linear Gaussian background as in Rasmussen and
 //! Williams, Gaussian Processes for Machine Learning, 2006, sec. 2.7.
 
+pub mod filter;
+pub mod fit;
+pub mod knob;
+pub mod problem;
+pub mod replay;
 mod report;
+pub mod simulated;
 
 pub use report::*;

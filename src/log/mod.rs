@@ -14,8 +14,10 @@
 //! | `read.rs` | a CSV file's columns |
 //! | `learn.rs` | what a residual is learned from, completed |
 
+mod clean;
 mod learn;
 mod read;
 
+pub use clean::CleanLog;
 pub use learn::drive_of;
 pub use read::{DriveLog, LogError};
