@@ -14,7 +14,7 @@ fn show<V: SimulatedVehicle>(vehicle: &V, conditions: &Conditions, put_in: &[(&s
     let log = drive(vehicle, &effects, &conditions).expect("an ordinary drive");
     let ready = Drive::new(&log, V::TRUCK);
     let begin = std::time::Instant::now();
-    let trace = replay(&ready, vehicle, &effects, &Correction::default()).expect("sound");
+    let trace = replay(&ready, vehicle, &effects, &Correction::default(), None).expect("sound");
     println!("{} {put_in:?}: {:.1} ms, sound {}", V::TRUCK, begin.elapsed().as_secs_f64() * 1e3, trace.sound);
     for &channel in &ready.channels {
         let (mut gap, mut own) = (Vec::new(), Vec::new());

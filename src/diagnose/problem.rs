@@ -65,7 +65,7 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
     /// A vehicle that cannot be made.
     pub fn trace(&self, x: &[f64]) -> Result<Trace, String> {
         let (vehicle, effects) = knob::at(&self.knobs, x, self.vehicle);
-        let mut trace = replay(self.drive, &vehicle, &effects, self.correction)?;
+        let mut trace = replay(self.drive, &vehicle, &effects, self.correction, None)?;
         knob::sense(&self.knobs, x, &mut trace);
         Ok(trace)
     }

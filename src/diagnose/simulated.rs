@@ -59,8 +59,6 @@ pub trait SimulatedVehicle: ReplayVehicle {
     fn drive(plant: &mut Self::Plant, input: &VehicleInput, step: f64) -> Result<(), StepError>;
     /// `x, y, yaw, vx, vy, yaw_rate, ax, ay, steer, roll, articulation, articulation_rate`.
     fn sensed(plant: &Self::Plant) -> [f64; 12];
-    /// Wheelbase, m.
-    fn length(&self) -> f64;
 }
 
 impl SimulatedVehicle for CarParameters {
@@ -79,10 +77,6 @@ impl SimulatedVehicle for CarParameters {
     fn sensed(plant: &Car) -> [f64; 12] {
         let o = plant.output();
         [o.x, o.y, o.yaw, o.vx, o.vy, o.yaw_rate, o.ax, o.ay, o.steer, o.roll, 0.0, 0.0]
-    }
-
-    fn length(&self) -> f64 {
-        self.wheelbase()
     }
 }
 
@@ -105,10 +99,6 @@ impl SimulatedVehicle for TruckParameters {
             o.x, o.y, o.yaw, o.vx, o.vy, o.yaw_rate, o.ax, o.ay, o.steer, o.roll, o.articulation,
             o.articulation_rate,
         ]
-    }
-
-    fn length(&self) -> f64 {
-        self.tractor.cg_to_front_axle + self.tractor.cg_to_rear_axle
     }
 }
 
@@ -168,10 +158,10 @@ pub fn drive<V: SimulatedVehicle>(vehicle: &V, effects: &TruckEffects, condition
         let vx = sensed[3];
         let v = vx.max(3.0);
         let yaw_rate = (1.0 - conditions.quick) * lateral * turning.at(t) / v;
-        let ideal = vehicle.length() * yaw_rate / v * (1.0 + v * v / 700.0);
-        wander += step * 0.3 * (yaw_rate - sensed[5]) * vehicle.length() / v;
-        let shake = conditions.quick * lateral * quick.at(t) * vehicle.length() / (v * v) * (1.0 + v * v / 700.0);
-        let steer_cmd = (ideal + wander + shake + 0.2 * (yaw_rate - sensed[5]) * vehicle.length() / v).clamp(-0.3, 0.3);
+        let ideal = vehicle.reach() * yaw_rate / v * (1.0 + v * v / 700.0);
+        wander += step * 0.3 * (yaw_rate - sensed[5]) * vehicle.reach() / v;
+        let shake = conditions.quick * lateral * quick.at(t) * vehicle.reach() / (v * v) * (1.0 + v * v / 700.0);
+        let steer_cmd = (ideal + wander + shake + 0.2 * (yaw_rate - sensed[5]) * vehicle.reach() / v).clamp(-0.3, 0.3);
         let accel_cmd = (0.8 * (wanted_speed(t) - vx) + 0.3 * quick.at(0.5 * t)).clamp(-3.5, 2.0);
         time.push(t);
         valid.push(true);

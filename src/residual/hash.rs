@@ -21,7 +21,7 @@ impl Fnv {
 }
 
 /// The hash of some bytes.
-pub(super) fn fnv(bytes: &[u8]) -> u64 {
+pub(crate) fn fnv(bytes: &[u8]) -> u64 {
     let mut hash = Fnv::new();
     hash.add(bytes);
     hash.value()

@@ -1,6 +1,6 @@
 //! Vehicles without their fast motions: what must be driven hundreds of times, at ten thousand times real time.
 //!
-//! The equations are the plant's own, evaluated once a step of 10 ms instead of four times a millisecond. Speed is given;
+//! The equations are the plant's own, evaluated once a step of 20 ms instead of four times a millisecond. Speed is given;
 //! the slow motions (sideways, yaw, roll) are integrated by Adams and Bashforth's second-order rule, the tyres'
 //! relaxation exactly for a slip that is linear over the step,
 //!
@@ -96,7 +96,9 @@ pub struct ReducedOutput {
 pub trait ReducedVehicle {
     /// Starts somewhere, tyres and springs settled.
     fn start(&mut self, start: &ReducedStart);
-    /// The motion now; then one step of at most about 10 ms.
+    /// Sets velocity sideways (m/s, of the reference point) and yaw rate (rad/s) under way, tyres settled.
+    fn set_motion(&mut self, vy: f64, yaw_rate: f64);
+    /// The motion now; then one step of at most about 20 ms.
     fn step(&mut self, input: &ReducedInput, step: f64) -> ReducedOutput;
 }
 
@@ -204,7 +206,9 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
             wheel.slip = h.map(|_| slip);
 
             let stiffness = axle.tyres * axle.tyre.slip_stiffness(each).max(1e3) * axle.radius;
-            let wanted = wheel.kappa + QUICK * rates[at + SPIN] * axle.wheel_inertia / stiffness;
+            // A wheel keeps pace with the vehicle: what turns it ever faster is taken from its force.
+            let lag = rates[at + SPIN] - rates[VX] / axle.radius;
+            let wanted = wheel.kappa + QUICK * lag * axle.wheel_inertia / stiffness;
             wheel.kappa = wanted.clamp(-GREATEST_SLIP, GREATEST_SLIP);
             let relaxation = axle.tyre.longitudinal_relaxation(each).max(SHORTEST_RELAXATION);
             y[at + DEFLECTION_X] = wheel.kappa * relaxation;
@@ -261,6 +265,19 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> ReducedVehicle for Reduce
             self.derivative(&stage);
             self.follow(None);
         }
+        self.before = None;
+    }
+
+    fn set_motion(&mut self, vy: f64, yaw_rate: f64) {
+        let changed = yaw_rate - self.y[YAW_RATE];
+        self.y[VY] = vy - self.plant.arm() * yaw_rate;
+        self.y[YAW_RATE] = yaw_rate;
+        if let Some([_, rate, _]) = self.plant.trailer() {
+            self.y[rate] += changed;
+        }
+        let stage = Stage { steer: self.steering.road_wheel(self.plant.steering()), accel: self.drive };
+        self.derivative(&stage);
+        self.follow(None);
         self.before = None;
     }
 

@@ -32,6 +32,8 @@ pub trait ReplayVehicle: VehicleParameters + Clone + Sync + Send {
     fn set_drive_lag(&mut self, lag: f64);
     /// Mass of the whole vehicle, kg; half the air's density times the drag area, kg/m.
     fn mass_and_drag(&self) -> (f64, f64);
+    /// Wheelbase of what is steered, m.
+    fn reach(&self) -> f64;
     /// Friction coefficient of the tyres, front.
     fn friction(&self) -> f64;
     /// Lateral relaxation length of the front tyres at rest, m.
@@ -92,6 +94,10 @@ impl ReplayVehicle for CarParameters {
         car::reduced(self, &effects.vehicle).map_err(|error| error.to_string())
     }
 
+    fn reach(&self) -> f64 {
+        self.wheelbase()
+    }
+
     fn mass_and_drag(&self) -> (f64, f64) {
         (self.vehicle.mass, 0.5 * self.air.density * self.air.drag_area)
     }
@@ -124,6 +130,10 @@ impl ReplayVehicle for TruckParameters {
 
     fn reduced(&self, effects: &TruckEffects) -> Result<Box<dyn ReducedVehicle>, String> {
         truck::reduced(self, effects).map_err(|error| error.to_string())
+    }
+
+    fn reach(&self) -> f64 {
+        self.tractor.cg_to_front_axle + self.tractor.cg_to_rear_axle
     }
 
     fn mass_and_drag(&self) -> (f64, f64) {
@@ -171,7 +181,7 @@ pub(in crate::diagnose) fn prepared<V: ReplayVehicle>(vehicle: &V, commanded: bo
 /// # Errors
 /// As [`replay`].
 pub(in crate::diagnose) fn neutral<V: ReplayVehicle>(drive: &Drive, vehicle: &V) -> Result<Correction, String> {
-    let reduced = replay(drive, vehicle, &TruckEffects::default(), &Correction::default())?;
+    let reduced = replay(drive, vehicle, &TruckEffects::default(), &Correction::default(), None)?;
     let mut plant = vehicle.clone();
     plant.set_drive_lag(0.0);
     let mut columns: Vec<Vec<f64>> = CHANNELS
