@@ -12,10 +12,16 @@
 //! | file | idea |
 //! |---|---|
 //! | `read.rs` | a CSV file's columns |
+//! | `clean.rs` | a log made ready for comparison: even clock, gaps, units, signs |
+//! | `finding.rs` | what was found in a log, in words |
 //! | `learn.rs` | what a residual is learned from, completed |
 
+mod clean;
+mod finding;
 mod learn;
 mod read;
 
+pub use clean::CleanLog;
+pub use finding::{Finding, Gravity};
 pub use learn::drive_of;
 pub use read::{DriveLog, LogError};
