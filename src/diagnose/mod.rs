@@ -15,10 +15,13 @@
 //! | file | problem |
 //! |---|---|
 //! | `report.rs` | the answer: what `report.json` holds |
+//! | `simulator.rs` | the calibrated simulator, as files |
 //!
 //! Source: the recipe is that of the specification; marginalising over a linear Gaussian background as in Rasmussen and
 //! Williams, Gaussian Processes for Machine Learning, 2006, sec. 2.7.
 
 mod report;
+#[cfg(feature = "cli")]
+pub mod simulator;
 
 pub use report::*;

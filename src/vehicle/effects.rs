@@ -5,6 +5,7 @@
 
 use crate::signal::Unit;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// Where on the way from command to measurement an effect acts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -167,15 +168,44 @@ effects! {
     articulation_bias RADIAN neutral 0.0, in -0.5, 0.5; Sensor; "Bias of the measured articulation angle"
 }
 
+/// A truck has no effect of this id.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("there is no effect '{id}' of a truck; 'rfl diagnose --explain' lists all")]
+#[allow(missing_docs)]
+pub struct UnknownEffect {
+    pub id: String,
+}
+
 /// The effects of a truck: those that cars have too act on the tractor (`payload`, `cg_shift`, `yaw_inertia`, sensors)
 /// or on all of it (`road_*`, `wind_*`, `drag`, `drive_*`, `tyre_relaxation`, `roll_stiffness`).
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[serde(try_from = "BTreeMap<String, f64>", into = "BTreeMap<String, f64>")]
 pub struct TruckEffects {
     /// Those that cars have too.
     pub vehicle: Effects,
     /// Those of trailer and hitch.
     pub trailer: TrailerEffects,
+}
+
+/// From a table of ids, as files hold it.
+impl TryFrom<BTreeMap<String, f64>> for TruckEffects {
+    type Error = UnknownEffect;
+
+    fn try_from(table: BTreeMap<String, f64>) -> Result<Self, UnknownEffect> {
+        let mut effects = Self::default();
+        for (id, value) in table {
+            let Some(place) = effects.get_mut(&id) else { return Err(UnknownEffect { id }) };
+            *place = value;
+        }
+        Ok(effects)
+    }
+}
+
+impl From<TruckEffects> for BTreeMap<String, f64> {
+    fn from(effects: TruckEffects) -> Self {
+        let value = |effect: &Effect| effects.get(effect.id).unwrap_or(effect.neutral);
+        TruckEffects::all().map(|effect| (effect.id.to_owned(), value(effect))).collect()
+    }
 }
 
 impl TruckEffects {
