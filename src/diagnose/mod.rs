@@ -15,11 +15,19 @@
 //! | file | problem |
 //! |---|---|
 //! | `report.rs` | the answer: what `report.json` holds |
+//! | `headline.rs` | the verdict in one line |
+//! | `page/` | the answer as one HTML page |
+//! | `closed_loop.rs` | what the gap does to tracking |
 //! | `simulator.rs` | the calibrated simulator, as files |
 //!
 //! Source: the recipe is that of the specification; marginalising over a linear Gaussian background as in Rasmussen and
 //! Williams, Gaussian Processes for Machine Learning, 2006, sec. 2.7.
 
+#[cfg(feature = "cli")]
+pub mod closed_loop;
+mod headline;
+#[cfg(feature = "cli")]
+pub mod page;
 mod report;
 #[cfg(feature = "cli")]
 pub mod simulator;

@@ -5,7 +5,7 @@ use super::finding::{Finding, Gravity};
 use super::statistics::median;
 
 /// Fewest samples a second in which steering can be seen.
-const SLOWEST: f64 = 4.0;
+const SLOWEST: f64 = 6.0;
 /// From here on more samples a second are better.
 const SLOW: f64 = 20.0;
 /// More are not needed: the rows are brought down to these.

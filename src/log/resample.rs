@@ -82,10 +82,11 @@ mod tests {
 
     #[test]
     fn fast_samples_are_averaged() {
+        // Nine to eleven samples in each window, by rounding.
         let time: Vec<f64> = (0..1000).map(|i| 1e-3 * f64::from(i)).collect();
         let values: Vec<f64> = (0..1000).map(|i| f64::from(i % 2)).collect();
         let on = resample(&time, &values, (0.0, 0.01, 90), Between::Line).unwrap();
-        assert!(on.values[1..].iter().all(|value| (value - 0.5).abs() < 0.051));
+        assert!(on.values[1..].iter().all(|value| (value - 0.5).abs() < 0.06));
         assert!(resample(&time, &[f64::NAN; 1000], (0.0, 0.01, 90), Between::Line).is_none());
     }
 }
