@@ -19,6 +19,7 @@
 //! | `air.rs` | air and a dragging brake |
 //! | `sensors.rs`, `status.rs` | what is measured, and told from the wheels |
 //! | `stepper.rs` | steps of a vehicle: integration, errors, saved states |
+//! | `reduced.rs` | the same vehicles without their fast motions: ten thousand times real time |
 //! | `array.rs` | arrays of any length in saved states |
 //! | `trigonometry.rs` | arc tangent, sine and cosine of several numbers at once |
 //! | `tyre/` | Magic Formula 5.2, `.tir` files |
@@ -36,6 +37,7 @@ mod effects;
 mod explain;
 mod file;
 mod parameters;
+mod reduced;
 mod sensors;
 mod status;
 mod steering;
@@ -57,6 +59,7 @@ pub use file::{Parameter, VehicleError, VehicleKind, VehicleParameters};
 pub use parameters::{
     Air, Axle, Body, Brake, CarParameters, Drive, GRAVITY, Pair, SingleTrack, Steering, Tyre,
 };
+pub use reduced::{ReducedInput, ReducedOutput, ReducedStart, ReducedSteer, ReducedVehicle};
 pub use steering::{SteeringChain, SteeringState};
 pub use stepper::{LONGEST_STEP, LONGEST_SUBSTEP, ROLLED_OVER, RestoreError, StepError, VehicleInput};
 pub use truck::{TrailerOutput, Truck, TruckError, TruckInput, TruckOutput, TruckStatus};
