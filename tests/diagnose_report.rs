@@ -121,8 +121,5 @@ fn report_json_is_the_contract_and_comes_back() {
     assert!(json["shrink"]["open_loop"]["yaw_rate"]["before"].as_f64().unwrap() > 0.0);
     assert!(json["shrink"]["closed_loop"]["e1"]["recalibrated"].is_number());
     let report: Report = serde_json::from_value(json).unwrap();
-    assert_eq!(
-        report.verdict.headline(),
-        "effect: steer_delay = 0.1180 s (0.1110 to 0.1260), probability 0.93"
-    );
+    assert_eq!(report.verdict.headline(), "effect: steer_delay = 0.118 s (0.111 to 0.126), probability 0.93");
 }

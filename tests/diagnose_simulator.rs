@@ -84,6 +84,19 @@ fn effects_out_of_range_are_kept_within_and_unknown_ones_refused() {
 }
 
 #[test]
+fn what_was_found_comes_on_top_of_what_the_file_knows() {
+    let mut given = builtin("c_class").unwrap();
+    (given.effect.steer_delay, given.effect.steer_gain) = (0.05, 1.1);
+    let found =
+        BTreeMap::from([("effect.steer_delay".to_owned(), 0.03), ("effect.steer_gain".to_owned(), 1.1)]);
+    let whole = calibrated(&given, &found).unwrap();
+    assert!(
+        (whole.effect.steer_delay - 0.08).abs() < 1e-12 && (whole.effect.steer_gain - 1.21).abs() < 1e-12
+    );
+    assert_eq!(calibrated(&given, &BTreeMap::new()).unwrap(), given);
+}
+
+#[test]
 fn a_file_with_an_effect_out_of_range_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("mine.toml");
@@ -111,9 +124,9 @@ fn the_parameter_set_holds_the_differences() {
     loop {
         match reader.read_event().unwrap() {
             Event::Eof => break,
-            Event::Start(element) if element.name().as_ref() == b"ssv:Parameter" => {
+            Event::Start(element) if element.name().as_ref() == "ssv:Parameter" => {
                 let name = element.try_get_attribute("name").unwrap().unwrap();
-                names.push(String::from_utf8(name.value.to_vec()).unwrap());
+                names.push(name.value.to_string());
             }
             Event::Empty(_) => values += 1,
             _ => {}

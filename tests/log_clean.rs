@@ -73,7 +73,9 @@ impl Table {
     fn without(mut self, name: &str) -> Self {
         let place = self.place(name);
         self.names.remove(place);
-        self.rows.iter_mut().for_each(|row| drop(row.remove(place)));
+        for row in &mut self.rows {
+            row.remove(place);
+        }
         self
     }
 

@@ -61,12 +61,9 @@ mod tests {
             stage: Stage::Command,
             dominance: 1.0,
         };
-        assert_eq!(
-            super::value(&effect(0.1203, 0.111, 0.129, "s")),
-            "an_effect = 0.1203 s (0.1110 to 0.1290)"
-        );
+        assert_eq!(super::value(&effect(0.1203, 0.111, 0.129, "s")), "an_effect = 0.120 s (0.111 to 0.129)");
         assert_eq!(super::value(&effect(312.4, 250.0, 370.0, "kg")), "an_effect = 312 kg (250 to 370)");
-        assert_eq!(super::value(&effect(0.6, 0.55, 0.65, "1")), "an_effect = 0.60 (0.55 to 0.65)");
+        assert_eq!(super::value(&effect(0.6, 0.54, 0.66, "1")), "an_effect = 0.60 (0.54 to 0.66)");
         assert!(super::value(&effect(0.0, 0.0, 0.0, "s")).contains("0.000"));
     }
 }

@@ -53,23 +53,34 @@ pub fn calibrated<V: VehicleParameters>(
     changes: &BTreeMap<String, f64>,
 ) -> Result<V, CalibratedError> {
     let mut vehicle = vehicle.clone();
+    let (mut known, mut found) = (TruckEffects::default(), TruckEffects::default());
+    for effect in TruckEffects::all() {
+        if let (Some(place), Some(value)) = (known.get_mut(effect.id), vehicle.effect_mut(effect.id)) {
+            *place = *value;
+        }
+    }
     for (name, value) in changes.iter().filter(|(name, _)| !name.starts_with("sensor.")) {
         let id = name.strip_prefix("effect.").unwrap_or_default();
-        let declared = TruckEffects::all().find(|effect| effect.id == id);
-        if let (Some(effect), Some(place)) = (declared, vehicle.effect_mut(id)) {
-            *place = value.clamp(effect.range.0, effect.range.1);
-            // Quicker than the file says: less of what the file has.
-            let own = QUICKER.iter().find(|(slower, _)| *slower == id && *value < 0.0);
-            if let Some(own) =
-                own.and_then(|(_, own)| V::TABLE.iter().find(|parameter| parameter.name == *own))
-            {
-                let shorter = (own.get(&vehicle) + value).max(0.0);
-                own.set(&mut vehicle, shorter);
-            }
+        if let (true, Some(place)) = (vehicle.effect_mut(id).is_some(), found.get_mut(id)) {
+            *place = *value;
         } else if let Some(parameter) = V::TABLE.iter().find(|parameter| parameter.name == name) {
             parameter.set(&mut vehicle, value.clamp(parameter.range.0, parameter.range.1));
         } else {
             return Err(CalibratedError::Unknown { parameter: name.clone() });
+        }
+    }
+    // What was found comes on top of what the file knows already.
+    let both = found.on_top_of(&known);
+    for effect in TruckEffects::all() {
+        let (Some(value), Some(place)) = (both.get(effect.id), vehicle.effect_mut(effect.id)) else {
+            continue;
+        };
+        *place = value.clamp(effect.range.0, effect.range.1);
+        // Quicker than the file says: less of what the file has.
+        let own = QUICKER.iter().find(|(slower, _)| *slower == effect.id && value < 0.0);
+        if let Some(own) = own.and_then(|(_, own)| V::TABLE.iter().find(|parameter| parameter.name == *own)) {
+            let shorter = (own.get(&vehicle) + value).max(0.0);
+            own.set(&mut vehicle, shorter);
         }
     }
     Ok(vehicle)

@@ -56,6 +56,11 @@ pub(super) fn near(factor: f64, unit: f64) -> bool {
     (factor / unit - 1.0).abs() < 0.15
 }
 
+/// Lateral acceleration up to which tyres are linear, m/s2.
+const MILD: f64 = 3.0;
+/// Steering over what is needed that an effect can explain.
+const PLAUSIBLE: std::ops::Range<f64> = 0.62..1.6;
+
 /// Length of the stretches that are compared, s: longer than any delay, shorter than a bend.
 const BLOCK: f64 = 0.5;
 
@@ -142,7 +147,9 @@ fn course(log: &CleanLog) -> Option<(Slope, f64)> {
 /// How a steering column follows what steady cornering needs.
 fn steered(log: &CleanLog, column: &str, steering: &dyn Fn(f64) -> f64) -> Option<Slope> {
     let (steer, vx, rate) = (log.columns.get(column)?, log.columns.get("vx")?, log.columns.get("yaw_rate")?);
-    let needed = blocks(log, vx).zip(blocks(log, rate)).map(|(v, rate)| steering(v) * rate / v);
+    // Close to the limit of grip any vehicle needs more.
+    let mild = |v: f64, rate: f64| if (v * rate).abs() < MILD { steering(v) * rate / v } else { f64::NAN };
+    let needed = blocks(log, vx).zip(blocks(log, rate)).map(|(v, rate)| mild(v, rate));
     slope(needed.zip(blocks(log, steer)))
 }
 
@@ -185,7 +192,7 @@ pub(super) fn check(log: &mut CleanLog, steering: &dyn Fn(f64) -> f64) -> Result
         match factor {
             Some(factor) if factor > 400.0 => return Err(CleanError::SteeringWheel { column, ratio: factor * DEGREE, degrees: true }),
             Some(factor) if factor > 6.0 => return Err(CleanError::SteeringWheel { column, ratio: factor, degrees: false }),
-            Some(factor) if !(0.55..1.8).contains(&factor) && (log.commanded || column == "steer") => log.find(
+            Some(factor) if !PLAUSIBLE.contains(&factor) && (log.commanded || column == "steer") => log.find(
                 Gravity::Suspicion,
                 column,
                 format!(

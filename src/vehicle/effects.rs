@@ -226,6 +226,35 @@ impl TruckEffects {
         self.vehicle.get_mut(id).or_else(|| self.trailer.get_mut(id))
     }
 
+    /// Both sets of effects together: what adds up is added, factors are multiplied, the narrower rate limit counts. A
+    /// relaxation length replaces that of `base`.
+    #[must_use]
+    pub fn on_top_of(&self, base: &Self) -> Self {
+        let mut both = *self;
+        for effect in Self::all() {
+            let (Some(value), Some(base)) = (both.get_mut(effect.id), base.get(effect.id)) else { continue };
+            *value = match effect.id {
+                "steer_rate_limit" => value.min(base),
+                "tyre_relaxation" => {
+                    if *value == effect.neutral {
+                        base
+                    } else {
+                        *value
+                    }
+                }
+                _ if effect.neutral == 1.0 => *value * base,
+                _ => *value + base,
+            };
+        }
+        let (load, below) = (self.vehicle.payload, base.vehicle.payload);
+        if load + below > 0.0 {
+            // The place of both loads together.
+            let moment = load * self.vehicle.payload_x + below * base.vehicle.payload_x;
+            both.vehicle.payload_x = moment / (load + below);
+        }
+        both
+    }
+
     /// Checks every value against its range.
     ///
     /// # Errors
@@ -233,5 +262,30 @@ impl TruckEffects {
     pub fn check(&self) -> Result<(), EffectOutOfRange> {
         self.vehicle.check()?;
         self.trailer.check()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn effects_come_on_top_of_each_other() {
+        let mut base = TruckEffects::default();
+        (base.vehicle.steer_delay, base.vehicle.steer_gain, base.vehicle.payload) = (0.05, 1.1, 100.0);
+        let mut more = TruckEffects::default();
+        (more.vehicle.steer_delay, more.vehicle.steer_gain, more.vehicle.steer_rate_limit) = (0.02, 0.5, 0.4);
+        (more.vehicle.payload, more.vehicle.payload_x, more.trailer.trailer_payload) = (300.0, -1.0, 7.0);
+        let both = more.on_top_of(&base);
+        assert!(
+            (both.vehicle.steer_delay - 0.07).abs() < 1e-15 && (both.vehicle.steer_gain - 0.55).abs() < 1e-15
+        );
+        assert_eq!(
+            (both.vehicle.steer_rate_limit, both.vehicle.payload, both.vehicle.payload_x),
+            (0.4, 400.0, -0.75)
+        );
+        assert_eq!(both.trailer.trailer_payload, 7.0);
+        assert_eq!(more.on_top_of(&TruckEffects::default()), more);
+        assert_eq!(TruckEffects::default().on_top_of(&base), base);
     }
 }

@@ -12,7 +12,7 @@ use rfl_mpc::simulate::ClosedLoop;
 use rfl_mpc::vehicle::{Car, CarParameters, Effects, Stage, VehicleInput, builtin};
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 pub const STEP: f64 = 0.02;
 
@@ -51,10 +51,15 @@ fn replay(log: &CleanLog, car: &CarParameters, effects: &Effects) -> BTreeMap<St
     columns
 }
 
-/// The log and its diagnosis.
+/// The log and its diagnosis, driven once.
 pub fn diagnosed() -> (CleanLog, Diagnosis) {
+    static ONCE: LazyLock<(CleanLog, Diagnosis)> = LazyLock::new(drive_and_diagnose);
+    ONCE.clone()
+}
+
+fn drive_and_diagnose() -> (CleanLog, Diagnosis) {
     let effects = Effects { steer_delay: 0.12, yaw_rate_bias: 0.003, ..Effects::default() };
-    let clean = CleanLog::of(&log_of(&effects, 60.0), &steering).unwrap();
+    let clean = CleanLog::of(&log_of(&effects, 40.0), &steering).unwrap();
     let car = builtin("c_class").unwrap();
     let nearly = Effects { steer_delay: 0.115, ..Effects::default() };
     let series = Series {
@@ -158,7 +163,7 @@ pub fn diagnosed() -> (CleanLog, Diagnosis) {
             vehicle: "C-class \"car\"".into(),
             tolerances: BTreeMap::from([("vehicle.mass".into(), 42.0)]),
             signals: vec!["yaw_rate".into(), "ay".into()],
-            duration: 60.0,
+            duration: 40.0,
             rate: 50.0,
         },
         seed: 1,

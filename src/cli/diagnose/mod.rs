@@ -19,7 +19,7 @@ use crate::diagnose::simulator::{
     Calibration, calibrated, changes, differences, parameter_set, write_vehicle,
 };
 use crate::diagnose::{Diagnosis, Gap, InputFile, Options, Report, VerdictKind, diagnose};
-use crate::log::{CleanLog, DriveLog};
+use crate::log::{CleanLog, DriveLog, Finding, Gravity};
 use crate::nominal::LateralVehicle;
 use crate::path::Path as Road;
 use crate::residual::fnv;
@@ -151,7 +151,12 @@ where
     let given: P::Parameters = vehicle_named(name)?;
     let nominal = P::controller(&given).vehicle.nominal();
     let steering = |speed: f64| steady_steering(&nominal, speed);
-    let clean = CleanLog::of(log, &steering)?;
+    let mut clean = CleanLog::of(log, &steering)?;
+    if log.column("articulation").is_some() && P::KIND != "truck" {
+        let words = "the log has an articulation angle, and the simulator is a car: choose the truck with --vehicle or --unit truck";
+        let (gravity, signal) = (Gravity::Suspicion, Some("articulation".to_owned()));
+        clean.findings.insert(0, Finding { gravity, signal, words: words.to_owned() });
+    }
     let reference = match &args.reference {
         Some(file) => Some(CleanLog::of(&DriveLog::read(file)?, &steering)?),
         None => None,
@@ -239,9 +244,7 @@ fn inputs(args: &DiagnoseArgs, vehicle: &str) -> Result<BTreeMap<String, InputFi
 
 /// Nothing is named from a log in which something is probably wrong.
 fn distrust(report: &mut Report) {
-    let Some(suspicion) =
-        report.findings.iter().find(|finding| finding.gravity == crate::diagnose::Gravity::Suspicion)
-    else {
+    let Some(suspicion) = report.findings.iter().find(|finding| finding.gravity == Gravity::Suspicion) else {
         return;
     };
     if report.verdict.kind != VerdictKind::CannotTell {

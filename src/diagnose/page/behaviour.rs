@@ -7,6 +7,8 @@ use super::plot::{Colour, Curve, Plot};
 
 /// Yaw accelerations up to this are steady cornering, rad/s2.
 const STEADY: f64 = 0.15;
+/// Steering rates up to this, rad/s.
+const STEADY_ANGLE: f64 = 0.1;
 /// Angles below this tell nothing of a gain, rad.
 const LEAST_ANGLE: f64 = 5e-3;
 /// Fewest rows for a point of a curve.
@@ -72,7 +74,10 @@ pub(super) fn yaw_gain(view: &View) -> String {
     let mean = view.mean_of_valid(steer);
     let curve = |colour: Colour, rate: &[f64]| {
         let offset = view.mean_of_valid(rate);
-        let rows = (0..rate.len()).filter(|&i| view.valid[i] && (steer[i] - mean).abs() > LEAST_ANGLE);
+        let steady = |i: usize| (rate[i] - rate[i - 1]).abs() < STEADY * view.step;
+        let held = |i: usize| (steer[i] - steer[i - 1]).abs() < STEADY_ANGLE * view.step;
+        let rows = (1..rate.len())
+            .filter(|&i| view.valid[i] && (steer[i] - mean).abs() > LEAST_ANGLE && steady(i) && held(i));
         Curve::line(colour, slopes(rows.map(|i| (vx[i], steer[i] - mean, rate[i] - offset)), 1.0))
     };
     let curves = view.each("yaw_rate", curve);
@@ -140,7 +145,7 @@ pub(super) fn frequency(view: &View) -> String {
         };
         let curves = responses.iter().map(curve).collect();
         let plot = Plot {
-            size: (420, 250),
+            size: (290, 240),
             logarithmic: true,
             y_range: range,
             ..Plot::new(title, "frequency (Hz)", y, curves)

@@ -16,7 +16,7 @@ pub(super) fn escaped(text: &str) -> String {
     safe
 }
 
-/// A number with three significant digits.
+/// A number with at most three significant digits.
 pub(super) fn number(value: f64) -> String {
     if !value.is_finite() {
         return "–".into();
@@ -27,7 +27,8 @@ pub(super) fn number(value: f64) -> String {
     let digits = 2 - value.abs().log10().floor() as i32;
     if (-4..=6).contains(&digits) {
         let text = format!("{value:.*}", digits.max(0) as usize);
-        return if value < 0.0 { text.replacen('-', "−", 1) } else { text };
+        let text = if digits > 0 { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
+        return if value < 0.0 { text.replacen('-', "−", 1) } else { text.to_owned() };
     }
     format!("{value:.2e}")
 }
@@ -87,8 +88,15 @@ mod tests {
 
     #[test]
     fn numbers_have_three_digits() {
-        let cases =
-            [(0.0123456, "0.0123"), (-12.3456, "−12.3"), (1234.5, "1234"), (1e9, "1.00e9"), (f64::NAN, "–")];
+        let cases = [
+            (0.0123456, "0.0123"),
+            (0.0700, "0.07"),
+            (4.0, "4"),
+            (-12.3456, "−12.3"),
+            (1234.5, "1234"),
+            (1e9, "1.00e9"),
+            (f64::NAN, "–"),
+        ];
         for (value, text) in cases {
             assert_eq!(number(value), text);
         }

@@ -70,7 +70,9 @@ pub(super) struct Curve {
 
 impl Curve {
     pub fn line(colour: Colour, points: Vec<(f64, f64)>) -> Self {
-        Self { colour, size: 1.5, dots: false, points: thinned(points) }
+        // What is real lies below, and shows on both sides of what fits it.
+        let size = if colour == Colour::Log { 4.0 } else { 1.5 };
+        Self { colour, size, dots: false, points: thinned(points) }
     }
 
     pub fn dots(colour: Colour, points: Vec<(f64, f64)>) -> Self {
@@ -183,7 +185,7 @@ impl Plot<'_> {
             .axis_style(Colour::Faint.mark().stroke_width(SCALE))
             .label_style(font(Colour::Faint))
             .axis_desc_style(font(Colour::Ink))
-            .x_labels(9)
+            .x_labels(if self.logarithmic { 25 } else { (self.size.0 / 90) as usize })
             .y_labels((self.size.1 / 45) as usize)
             .x_label_formatter(&|value| short(*value))
             .y_label_formatter(&|value| short(*value))

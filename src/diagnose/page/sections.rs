@@ -49,13 +49,9 @@ pub(super) fn verdict(report: &Report) -> String {
         tile("stage", effect.stage.name().to_owned());
         tile("gap of the effect over that of the background", number(effect.dominance));
     }
-    if let Some((name, gap)) = report
-        .shrink
-        .open_loop
-        .iter()
-        .max_by(|a, b| a.1.before.total_cmp(&b.1.before))
-        .filter(|_| verdict.kind == VerdictKind::Effect)
-    {
+    let first =
+        report.inputs.signals.iter().find_map(|name| Some((name, report.shrink.open_loop.get(name)?)));
+    if let Some((name, gap)) = first.filter(|_| verdict.kind == VerdictKind::Effect) {
         tile(&format!("gap in {name} closed"), percent(1.0 - gap.recalibrated / gap.before));
     }
     html += "</div></div>";
@@ -195,11 +191,16 @@ pub(super) fn places(report: &Report) -> String {
     for place in &report.places {
         signals.entry(&place.signal).or_default().entry(&place.regime).or_default().push(place);
     }
-    let mut html = String::new();
+    if signals.is_empty() {
+        return String::new();
+    }
+    let mut html = String::from(
+        "<p class='faint'>RMS of the gap in each regime; below it its share of the whole squared gap, and how far that is beyond chance, in standard deviations.</p>",
+    );
     for (signal, mut regimes) in signals {
         let hottest = regimes.values().flatten().map(|place| place.rms).fold(1e-300, f64::max);
         html += &format!(
-            "<h3>{} <span class='faint'>({}): RMS of the gap; below it its share of the whole, and how far beyond chance in standard deviations</span></h3><div class='scroll'><table class='heat'>",
+            "<h3>{} <span class='faint'>({})</span></h3><div class='scroll'><table class='heat'>",
             escaped(signal),
             unit_of(signal)
         );

@@ -53,6 +53,8 @@ pub fn replay<V: ReplayVehicle>(
     horizon: Option<usize>,
 ) -> Result<Trace, String> {
     let rows = drive.time.len();
+    // A vehicle file may hold effects that are known already.
+    let effects = &effects.on_top_of(&vehicle.known_effects());
     let late = effects.vehicle.sensor_delay;
     let scale = effects.vehicle.speed_scale.max(0.1);
     let twist = effects.vehicle.heading_misalignment;
