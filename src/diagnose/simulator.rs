@@ -29,16 +29,17 @@ pub enum Calibration {
     Whole,
 }
 
-/// What changes: parameter and value, those of the named effects first.
+/// What changes: parameter and value.
 #[must_use]
 pub fn changes(report: &Report, calibration: Calibration) -> BTreeMap<String, f64> {
-    let named = if report.verdict.kind == VerdictKind::Effect { &report.verdict.effects[..] } else { &[] };
-    let mut changes: BTreeMap<String, f64> =
-        named.iter().map(|effect| (format!("effect.{}", effect.id), effect.value)).collect();
+    let mut changes = BTreeMap::new();
     if calibration == Calibration::Whole {
-        for Adjustment { parameter, value, .. } in &report.recalibration {
-            changes.insert(parameter.clone(), *value);
-        }
+        changes
+            .extend(report.recalibration.iter().map(|one: &Adjustment| (one.parameter.clone(), one.value)));
+    }
+    if report.verdict.kind == VerdictKind::Effect {
+        let named = report.verdict.effects.iter();
+        changes.extend(named.map(|effect| (format!("effect.{}", effect.id), effect.value)));
     }
     changes
 }

@@ -178,17 +178,18 @@ fn mend_turning(time: &[f64], columns: &mut BTreeMap<&'static str, Vec<f64>>, fi
         }
         _ => {}
     }
-    let (mut turns, mut last) = (0.0, f64::NAN);
+    let (mut turns, mut last, mut wraps) = (0.0, f64::NAN, 0_usize);
     for yaw in columns.get_mut("yaw").into_iter().flatten().filter(|yaw| yaw.is_finite()) {
         *yaw += turns * std::f64::consts::TAU;
         let jump = ((*yaw - last) / std::f64::consts::TAU).round();
         if jump.is_finite() && jump != 0.0 {
             turns -= jump;
+            wraps += 1;
             *yaw -= jump * std::f64::consts::TAU;
         }
         last = *yaw;
     }
-    if turns != 0.0 {
+    if wraps > 0 {
         findings.push(Finding::new(Gravity::Note, Some("yaw"), "yaw wraps; it was made continuous"));
     }
 }

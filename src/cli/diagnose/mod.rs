@@ -176,7 +176,7 @@ where
     let mut diagnosis = diagnose(&clean, reference.as_ref(), &given, &options, &follow)?;
     let report = &mut diagnosis.report;
     report.inputs.files = inputs(args, name)?;
-    distrust(report);
+    report.findings.sort_by_key(|finding| std::cmp::Reverse(finding.gravity));
     if let Some(road) = &args.path {
         let gap = closed_loop::<P, S, C>(args, road, &clean, &given, report, &follow)?;
         report.shrink.closed_loop = Some(BTreeMap::from([("e1".to_owned(), gap)]));
@@ -240,21 +240,6 @@ fn inputs(args: &DiagnoseArgs, vehicle: &str) -> Result<BTreeMap<String, InputFi
         files.insert(what.to_owned(), InputFile { file: file.display().to_string(), hash });
     }
     Ok(files)
-}
-
-/// Nothing is named from a log in which something is probably wrong.
-fn distrust(report: &mut Report) {
-    let Some(suspicion) = report.findings.iter().find(|finding| finding.gravity == Gravity::Suspicion) else {
-        return;
-    };
-    if report.verdict.kind != VerdictKind::CannotTell {
-        report.verdict.words = format!(
-            "Something is probably wrong in the log: {}. Clear that up first; the candidates below explain the log as it is, and are not to be trusted.",
-            suspicion.words.trim_end_matches('.')
-        );
-        report.verdict.kind = VerdictKind::CannotTell;
-        report.verdict.effects.clear();
-    }
 }
 
 /// The gap in tracking error.
