@@ -31,7 +31,13 @@ fn main() {
     let c = Conditions { duration: 100.0, ..Conditions::default() };
     for name in ["c_class", "genesis"] {
         let car = builtin(name).expect("built in");
-        for effects in [&[][..], &[("steer_delay", 0.1)], &[("road_bank", 0.05), ("payload", 300.0)], &[("sensor_delay", 0.1)], &[("speed_scale", 1.05), ("heading_misalignment", 0.03)]] {
+        for effects in [
+            &[][..],
+            &[("steer_delay", 0.1)],
+            &[("road_bank", 0.05), ("payload", 300.0)],
+            &[("sensor_delay", 0.1)],
+            &[("speed_scale", 1.05), ("heading_misalignment", 0.03)],
+        ] {
             show(&car, &c, effects);
         }
     }

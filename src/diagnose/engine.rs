@@ -2,19 +2,19 @@
 
 use super::calibration::Calibration;
 use super::fit::{Fit, Linear, Prior};
+use super::localise;
 use super::manoeuvre;
 use super::observability::{Excitation, information, observability};
 use super::problem::Problem;
 use super::rank::{NoReplay, Ranking, rank};
 use super::replay::{Drive, ReplayVehicle, Trace, neutral, prepared};
 use super::report::{
-    Adjustment, Candidate, Diagnosis, Finding, Gravity, InputFile, Inputs, NamedEffect, Report, Series, Verdict,
-    VerdictKind,
+    Adjustment, Candidate, Diagnosis, Finding, Gravity, InputFile, Inputs, NamedEffect, Report, Series,
+    Verdict, VerdictKind,
 };
 use super::select::chosen;
 use super::shrink::{only, shrink};
 use super::words;
-use super::localise;
 use crate::log::CleanLog;
 use crate::residual::parallel;
 use std::collections::BTreeMap;
@@ -152,8 +152,7 @@ pub fn diagnose<V: ReplayVehicle>(
         return Ok(blank(&words, findings, inputs));
     }
     progress("full plant", 0.02);
-    let correction =
-        neutral(&drive, &prepared_vehicle).map_err(|reason| DiagnoseError::Replay { reason })?;
+    let correction = neutral(&drive, &prepared_vehicle).map_err(|reason| DiagnoseError::Replay { reason })?;
     let mut without = options.without.clone();
     if !drive.commanded {
         without.extend(["steer_delay", "steer_lag", "steer_rate_limit", "steer_backlash"].map(str::to_owned));
@@ -195,7 +194,9 @@ pub fn diagnose<V: ReplayVehicle>(
         _ => None,
     };
     let recalibration = (0..problem.knobs.len())
-        .filter(|&i| precision[i].is_finite() && !winner.freed.contains(&i) && problem.knobs[i].tolerance > 0.0)
+        .filter(|&i| {
+            precision[i].is_finite() && !winner.freed.contains(&i) && problem.knobs[i].tolerance > 0.0
+        })
         .map(|i| {
             let it = &problem.knobs[i];
             let (given, value) = it.adjusted(winner.x[i], vehicle);
@@ -257,8 +258,7 @@ fn posterior<V: ReplayVehicle>(
     wide.precision.iter_mut().for_each(|p| *p /= 4.0);
     let ranking = rank(&own, wide, false, &|_, _| {})?;
     let local = slopes_at(&own, &ranking, &ranking.none);
-    let covariance =
-        Linear::new(local, ranking.linear.weights.clone()).covariance(&ranking.prior.precision);
+    let covariance = Linear::new(local, ranking.linear.weights.clone()).covariance(&ranking.prior.precision);
     for (i, knob) in problem.knobs.iter().enumerate() {
         let Some(there) = own.find(knob.id) else { continue };
         if prior.precision[i].is_finite() {
@@ -350,7 +350,8 @@ fn decide<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, calibration
         };
         let classes = vec![class_of(0), class_of(1)];
         let inside = |fit: &Fit| fit.freed.iter().all(|i| classes.iter().flatten().any(|j| j == i));
-        let outside = ranking.pairs.iter().find(|rival| !inside(rival)).map_or(f64::INFINITY, |rival| rival.cost);
+        let outside =
+            ranking.pairs.iter().find(|rival| !inside(rival)).map_or(f64::INFINITY, |rival| rival.cost);
         let margin = (outside - pair.cost).min(scores.pair);
         let rival = ranking.pairs.get(1).cloned();
         return Decision {
@@ -459,20 +460,34 @@ fn candidates<V: ReplayVehicle>(
                 effects: fit.freed.iter().map(|&i| problem.knobs[i].id.to_owned()).collect(),
                 values: fit.freed.iter().map(|&i| problem.knobs[i].value(fit.x[i])).collect(),
                 evidence,
-                why: words::why(evidence, behind, pinned, fit.freed == decision.fit.freed, decision.kind, calibration),
+                why: words::why(
+                    evidence,
+                    behind,
+                    pinned,
+                    fit.freed == decision.fit.freed,
+                    decision.kind,
+                    calibration,
+                ),
             }
         })
         .collect();
     // The winner stands first, even before a pair that explains a little more.
     let name: Vec<String> = decision.fit.freed.iter().map(|&i| problem.knobs[i].id.to_owned()).collect();
     all.sort_by(|a, b| {
-        (a.effects != name).cmp(&(b.effects != name)).then(b.evidence.total_cmp(&a.evidence)).then(a.effects.cmp(&b.effects))
+        (a.effects != name)
+            .cmp(&(b.effects != name))
+            .then(b.evidence.total_cmp(&a.evidence))
+            .then(a.effects.cmp(&b.effects))
     });
     all
 }
 
 /// What plots are drawn from.
-fn series<V: ReplayVehicle>(problem: &Problem<V>, drive: &Drive, winner: &Fit) -> Result<Series, DiagnoseError> {
+fn series<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    drive: &Drive,
+    winner: &Fit,
+) -> Result<Series, DiagnoseError> {
     let run = |x: &[f64]| problem.trace(x).map_err(|reason| DiagnoseError::Replay { reason });
     let columns = |trace: &Trace| -> BTreeMap<String, Vec<f64>> {
         drive
@@ -483,7 +498,11 @@ fn series<V: ReplayVehicle>(problem: &Problem<V>, drive: &Drive, winner: &Fit) -
                 let log = drive.column(channel.name());
                 // What leaks is the difference to the log.
                 let whole = channel.leaks() && log.len() == column.len();
-                let shown = if whole { column.iter().zip(log).map(|(d, l)| d + l).collect() } else { column.to_vec() };
+                let shown = if whole {
+                    column.iter().zip(log).map(|(d, l)| d + l).collect()
+                } else {
+                    column.to_vec()
+                };
                 (channel.name().to_owned(), shown)
             })
             .collect()
@@ -493,7 +512,9 @@ fn series<V: ReplayVehicle>(problem: &Problem<V>, drive: &Drive, winner: &Fit) -
     let corrected = run(&winner.x)?;
     let mut log: BTreeMap<String, Vec<f64>> =
         drive.columns.iter().map(|(&name, column)| (name.to_owned(), column.clone())).collect();
-    for channel in drive.channels.iter().filter(|channel| !log.contains_key(channel.name())).copied().collect::<Vec<_>>() {
+    for channel in
+        drive.channels.iter().filter(|channel| !log.contains_key(channel.name())).copied().collect::<Vec<_>>()
+    {
         log.insert(channel.name().to_owned(), vec![0.0; drive.time.len()]);
     }
     Ok(Series {

@@ -23,7 +23,9 @@ impl Filter {
     #[must_use]
     pub fn new(step: f64) -> Self {
         let half = (HALF / step).round() as usize;
-        let sinc = |x: f64| if x.abs() < 1e-12 { 1.0 } else { (std::f64::consts::PI * x).sin() / (std::f64::consts::PI * x) };
+        let sinc = |x: f64| {
+            if x.abs() < 1e-12 { 1.0 } else { (std::f64::consts::PI * x).sin() / (std::f64::consts::PI * x) }
+        };
         let mut taps: Vec<f64> = (0..=2 * half)
             .map(|i| {
                 let t = (i as f64 - half as f64) * step;

@@ -226,7 +226,8 @@ pub fn fit<V: ReplayVehicle>(
     let mut columns: Vec<Vec<f64>> = Vec::new();
     for _ in 0..steps.clamp(1, STEPS) {
         columns = own.iter().map(|&i| problem.slope(&x, &gap, i)).collect();
-        let given: Vec<(usize, &[f64])> = own.iter().copied().zip(columns.iter().map(Vec::as_slice)).collect();
+        let given: Vec<(usize, &[f64])> =
+            own.iter().copied().zip(columns.iter().map(Vec::as_slice)).collect();
         let local = linear.with(&given);
         let step = prior.step(&local, &x, &gap, &precision);
         let mut length = 1.0;

@@ -130,7 +130,9 @@ pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -
         };
         let high = (effect.range.1 - effect.neutral) / unit;
         let greatest = if matches!(turns, Turns::Effect) { high.min(60.0) } else { 60.0 };
-        let least = if matches!(turns, Turns::Effect) && !matches!(id, "steer_delay" | "sensor_delay" | "steer_lag" | "drive_lag") {
+        let least = if matches!(turns, Turns::Effect)
+            && !matches!(id, "steer_delay" | "sensor_delay" | "steer_lag" | "drive_lag")
+        {
             least.max((effect.range.0 - effect.neutral) / unit)
         } else {
             least
@@ -155,7 +157,11 @@ pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -
     }
     for &(id, channel, tolerance, scale) in SENSORS {
         if drive.channels.contains(&channel) {
-            knobs.push(further(id, if scale { Turns::Scale(channel) } else { Turns::Bias(channel) }, tolerance));
+            knobs.push(further(
+                id,
+                if scale { Turns::Scale(channel) } else { Turns::Bias(channel) },
+                tolerance,
+            ));
         }
     }
     knobs
@@ -166,9 +172,10 @@ fn quickest(drive: &Drive) -> f64 {
     let over = (0.05 / drive.step).ceil().max(1.0) as usize;
     let mut rates: Vec<f64> = Vec::new();
     for &(from, to) in &drive.stretches {
-        rates.extend((from..to.saturating_sub(over)).map(|i| {
-            (drive.steer[i + over] - drive.steer[i]).abs() / (over as f64 * drive.step)
-        }));
+        rates.extend(
+            (from..to.saturating_sub(over))
+                .map(|i| (drive.steer[i + over] - drive.steer[i]).abs() / (over as f64 * drive.step)),
+        );
     }
     rates.sort_unstable_by(f64::total_cmp);
     rates.get(rates.len() * 99 / 100).copied().unwrap_or(1.0).max(0.01)
@@ -219,7 +226,8 @@ impl Knob {
                 if let Some(parameter) = V::TABLE.iter().find(|parameter| parameter.name == self.id) {
                     let before = parameter.get(vehicle);
                     let factor = matches!(self.turns, Turns::Factor);
-                    parameter.set(vehicle, if factor { before * self.value(x) } else { before + self.value(x) });
+                    parameter
+                        .set(vehicle, if factor { before * self.value(x) } else { before + self.value(x) });
                 }
             }
             Turns::Scale(_) | Turns::Bias(_) => {}

@@ -44,7 +44,15 @@ const PLANNED: [Planned; 6] = [
         speed: |_| 18.0,
         lateral: |t| {
             let phase = t % 12.0;
-            if phase < 3.0 { 3.0 } else if phase < 6.0 { 0.0 } else if phase < 9.0 { -3.0 } else { 0.0 }
+            if phase < 3.0 {
+                3.0
+            } else if phase < 6.0 {
+                0.0
+            } else if phase < 9.0 {
+                -3.0
+            } else {
+                0.0
+            }
         },
     },
     Planned {
@@ -70,7 +78,13 @@ const PLANNED: [Planned; 6] = [
         how: "from 25 m/s, brake with 4 m/s2 and accelerate again, on a straight and in a gentle turn",
         speed: |t| {
             let phase = t % 15.0;
-            if phase < 3.0 { 25.0 } else if phase < 6.0 { 25.0 - 4.0 * (phase - 3.0) } else { (13.0 + 1.5 * (phase - 6.0)).min(25.0) }
+            if phase < 3.0 {
+                25.0
+            } else if phase < 6.0 {
+                25.0 - 4.0 * (phase - 3.0)
+            } else {
+                (13.0 + 1.5 * (phase - 6.0)).min(25.0)
+            }
         },
         lateral: |t| if t < 15.0 { 0.0 } else { 1.5 },
     },
@@ -105,8 +119,19 @@ fn log_of<V: ReplayVehicle>(planned: &Planned, problem: &Problem<V>, length: f64
     let accel: Vec<f64> = (0..rows).map(|i| (vx[(i + 1).min(rows - 1)] - vx[i]) / STEP).collect();
     let zero = vec![0.0; rows];
     for (name, column) in [
-        ("steer_cmd", &steer), ("steer", &steer), ("accel_cmd", &accel), ("vx", &vx), ("vy", &zero), ("yaw_rate", &rate),
-        ("ax", &accel), ("ay", &zero), ("roll", &zero), ("x", &x), ("y", &y), ("yaw", &yaw), ("articulation", &zero),
+        ("steer_cmd", &steer),
+        ("steer", &steer),
+        ("accel_cmd", &accel),
+        ("vx", &vx),
+        ("vy", &zero),
+        ("yaw_rate", &rate),
+        ("ax", &accel),
+        ("ay", &zero),
+        ("roll", &zero),
+        ("x", &x),
+        ("y", &y),
+        ("yaw", &yaw),
+        ("articulation", &zero),
         ("articulation_rate", &zero),
     ] {
         if problem.drive.columns.contains_key(name) {
@@ -146,7 +171,11 @@ pub fn next<V: ReplayVehicle>(
             x.iter()
                 .zip(&there.knobs)
                 .zip(&problem.knobs)
-                .map(|((x, here), before)| if here.id == "steer_rate_limit" { x * here.unit / before.unit } else { *x })
+                .map(
+                    |((x, here), before)| {
+                        if here.id == "steer_rate_limit" { x * here.unit / before.unit } else { *x }
+                    },
+                )
                 .collect()
         };
         let (a, b) = (carried(&first.x), carried(&second.x));

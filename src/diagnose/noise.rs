@@ -85,7 +85,8 @@ impl Noise {
 }
 
 fn rms_of(column: &[f64], counts: &[bool]) -> f64 {
-    let kept: Vec<f64> = column.iter().zip(counts).filter(|(_, counts)| **counts).map(|(value, _)| *value).collect();
+    let kept: Vec<f64> =
+        column.iter().zip(counts).filter(|(_, counts)| **counts).map(|(value, _)| *value).collect();
     rms(&kept)
 }
 

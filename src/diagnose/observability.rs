@@ -50,7 +50,9 @@ impl Excitation {
         let steer = of(&|i| drive.steer[i]);
         let mean = steer.iter().sum::<f64>() / steer.len().max(1) as f64;
         let variance = steer.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / steer.len().max(1) as f64;
-        let mut quick = of(&|i| if i > 2 { (drive.steer[i] - drive.steer[i - 2]).abs() / (2.0 * drive.step) } else { 0.0 });
+        let mut quick = of(&|i| {
+            if i > 2 { (drive.steer[i] - drive.steer[i - 2]).abs() / (2.0 * drive.step) } else { 0.0 }
+        });
         let mut heading = 0.0_f64;
         let (mut low, mut high) = (0.0_f64, 0.0_f64);
         for &i in &rows {
@@ -126,13 +128,24 @@ pub fn observability<V: ReplayVehicle>(
         match least {
             Some(x) if x < ORDINARY => {
                 let value = it.spread(1.0, x);
-                let within =
-                    if tolerance > value { format!(", though ordinary simulators are wrong by {}", short(tolerance)) } else { String::new() };
-                all.push(entry(true, Some(value), format!("seen from {} {unit} on{within}; {reason}", short(value))));
+                let within = if tolerance > value {
+                    format!(", though ordinary simulators are wrong by {}", short(tolerance))
+                } else {
+                    String::new()
+                };
+                all.push(entry(
+                    true,
+                    Some(value),
+                    format!("seen from {} {unit} on{within}; {reason}", short(value)),
+                ));
             }
             Some(x) => {
                 let value = it.spread(1.0, x);
-                all.push(entry(false, Some(value), format!("{reason}: it would show from {} {unit} on only", short(value))));
+                all.push(entry(
+                    false,
+                    Some(value),
+                    format!("{reason}: it would show from {} {unit} on only", short(value)),
+                ));
             }
             None => all.push(entry(false, None, format!("{reason}: it changes nothing that was compared"))),
         }
@@ -154,22 +167,35 @@ pub fn short(value: f64) -> String {
 fn reason(id: &str, drive: &Drive, it: &Excitation) -> String {
     match id {
         "road_friction" => format!("{:.0} % of grip reached", 100.0 * it.grip),
-        "steer_delay" | "steer_lag" | "steer_rate_limit" | "sensor_delay" | "tyre_relaxation" | "yaw_inertia"
-        | "steer_backlash" => {
+        "steer_delay" | "steer_lag" | "steer_rate_limit" | "sensor_delay" | "tyre_relaxation"
+        | "yaw_inertia" | "steer_backlash" => {
             format!("steering up to {} rad/s, deviation {} rad", short(it.steer_rate), short(it.steer))
         }
         "drive_lag" | "drive_gain" | "drag" | "road_grade" if drive.accel_cmd.is_none() => {
             "accel_cmd was not logged".to_owned()
         }
         "drive_lag" | "drive_gain" => format!("braking up to {} m/s2", short(it.braking)),
-        "steer_gain" | "tyre_stiffness_front" | "tyre_stiffness_rear" | "cg_shift" | "payload" | "speed_scale" => {
-            format!("speeds from {:.0} to {:.0} m/s, {:.0} % of grip reached", it.speed.0, it.speed.1, 100.0 * it.grip)
+        "steer_gain"
+        | "tyre_stiffness_front"
+        | "tyre_stiffness_rear"
+        | "cg_shift"
+        | "payload"
+        | "speed_scale" => {
+            format!(
+                "speeds from {:.0} to {:.0} m/s, {:.0} % of grip reached",
+                it.speed.0,
+                it.speed.1,
+                100.0 * it.grip
+            )
         }
         "wind_x" | "wind_y" | "road_bank" | "steer_offset" | "yaw_rate_bias" | "brake_pull" => {
-            let headings = if it.turns_about { "headings all around" } else { "one direction of driving only" };
+            let headings =
+                if it.turns_about { "headings all around" } else { "one direction of driving only" };
             format!("{headings}, speeds from {:.0} to {:.0} m/s", it.speed.0, it.speed.1)
         }
-        "lateral_accel_bias" | "imu_lever_arm" if drive.column("ay").is_empty() => "ay was not logged".to_owned(),
+        "lateral_accel_bias" | "imu_lever_arm" if drive.column("ay").is_empty() => {
+            "ay was not logged".to_owned()
+        }
         "roll_stiffness" if drive.column("roll").is_empty() => "roll was not logged".to_owned(),
         _ => format!("{:.0} % of grip reached", 100.0 * it.grip),
     }

@@ -37,7 +37,12 @@ pub struct Ranking {
 pub struct NoReplay;
 
 /// Nothing freed: everything within its tolerance.
-fn fit_none<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linear, start: &[f64]) -> Option<Fit> {
+fn fit_none<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    prior: &Prior,
+    linear: &Linear,
+    start: &[f64],
+) -> Option<Fit> {
     fit(problem, prior, linear, &[], start, 2)
 }
 
@@ -77,11 +82,10 @@ pub fn rank<V: ReplayVehicle>(
     let none = fit_none(problem, &prior, &linear, &start).ok_or(NoReplay)?;
 
     progress("single effects", 0.2);
-    let candidates: Vec<usize> = (0..problem.knobs.len()).filter(|&i| problem.knobs[i].is_candidate()).collect();
-    let starts: Vec<(usize, f64)> = candidates
-        .iter()
-        .flat_map(|&i| problem.knobs[i].starts.iter().map(move |&x| (i, x)))
-        .collect();
+    let candidates: Vec<usize> =
+        (0..problem.knobs.len()).filter(|&i| problem.knobs[i].is_candidate()).collect();
+    let starts: Vec<(usize, f64)> =
+        candidates.iter().flat_map(|&i| problem.knobs[i].starts.iter().map(move |&x| (i, x))).collect();
     // Each start by one replay and a linear step; the best of each candidate is fitted.
     let tried = parallel::map(threads, starts.len(), |k| {
         let (i, at) = starts[k];
@@ -123,7 +127,8 @@ pub fn rank<V: ReplayVehicle>(
         }
         None => noise,
     };
-    let base = singles.first().filter(|best| none.cost - best.cost > 50.0).map_or(&none, |best| best).x.clone();
+    let base =
+        singles.first().filter(|best| none.cost - best.cost > 50.0).map_or(&none, |best| best).x.clone();
     let at_base = problem.residual(&base).ok_or(NoReplay)?;
     let linear = Linear::new(problem.slopes(&base, &at_base), noise.weights(problem));
     progress("single effects", 0.6);
@@ -134,9 +139,8 @@ pub fn rank<V: ReplayVehicle>(
     sort(&mut singles);
     let limit = singles.first().map_or(0.0, |best| best.cost + NEAR);
     let again = singles.iter().take(AGAIN).filter(|fit| fit.cost < limit).count();
-    let refitted = parallel::map(threads, again, |k| {
-        fit(problem, &prior, &linear, &singles[k].freed, &singles[k].x, 4)
-    });
+    let refitted =
+        parallel::map(threads, again, |k| fit(problem, &prior, &linear, &singles[k].freed, &singles[k].x, 4));
     for (single, refitted) in singles.iter_mut().zip(refitted) {
         if let Some(refitted) = refitted
             && refitted.cost < single.cost

@@ -66,7 +66,12 @@ pub fn only<V: ReplayVehicle>(problem: &Problem<V>, freed: &[usize], x: &[f64]) 
 
 /// Shrinkage of the winner; for a winner with nothing freed the effect's part is none.
 #[must_use]
-pub fn shrink<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, winner: &Fit, slopes: &[Vec<f64>]) -> Shrink {
+pub fn shrink<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    ranking: &Ranking,
+    winner: &Fit,
+    slopes: &[Vec<f64>],
+) -> Shrink {
     let mut effect = vec![0.0; ranking.neutral.len()];
     let mut recalibrated = effect.clone();
     let mut points = Vec::new();
@@ -181,7 +186,11 @@ fn at_horizon<V: ReplayVehicle>(
         let logged = drive.column(channel.name());
         let mut ends = Vec::new();
         for &(from, to) in &drive.stretches {
-            ends.extend((from + 2 * rows - 1..to).step_by(rows).filter(|&row| drive.scored[row + 1 - rows] && drive.scored[row]));
+            ends.extend(
+                (from + 2 * rows - 1..to)
+                    .step_by(rows)
+                    .filter(|&row| drive.scored[row + 1 - rows] && drive.scored[row]),
+            );
         }
         let of = |trace: &dyn Fn(usize) -> Option<f64>| {
             let all: Vec<f64> = ends.iter().filter_map(|&row| trace(row)).collect();

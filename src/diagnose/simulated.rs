@@ -7,9 +7,7 @@ use super::knob::{self, Knob};
 use super::replay::{Drive, ReplayVehicle};
 use crate::log::CleanLog;
 use crate::residual::Random;
-use crate::vehicle::{
-    Car, CarParameters, StepError, Truck, TruckEffects, TruckParameters, VehicleInput,
-};
+use crate::vehicle::{Car, CarParameters, StepError, Truck, TruckEffects, TruckParameters, VehicleInput};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
@@ -96,14 +94,35 @@ impl SimulatedVehicle for TruckParameters {
     fn sensed(plant: &Truck) -> [f64; 12] {
         let o = plant.output();
         [
-            o.x, o.y, o.yaw, o.vx, o.vy, o.yaw_rate, o.ax, o.ay, o.steer, o.roll, o.articulation,
+            o.x,
+            o.y,
+            o.yaw,
+            o.vx,
+            o.vy,
+            o.yaw_rate,
+            o.ax,
+            o.ay,
+            o.steer,
+            o.roll,
+            o.articulation,
             o.articulation_rate,
         ]
     }
 }
 
 const NAMES: [&str; 12] = [
-    "x", "y", "yaw", "vx", "vy", "yaw_rate", "ax", "ay", "steer", "roll", "articulation", "articulation_rate",
+    "x",
+    "y",
+    "yaw",
+    "vx",
+    "vy",
+    "yaw_rate",
+    "ax",
+    "ay",
+    "steer",
+    "roll",
+    "articulation",
+    "articulation_rate",
 ];
 /// Ordinary noise of one sample of each.
 const NOISE: [f64; 12] = [0.01, 0.01, 0.001, 0.01, 0.02, 0.003, 0.05, 0.05, 5e-4, 0.002, 0.002, 0.004];
@@ -135,7 +154,11 @@ impl Course {
 
 /// Drives a vehicle with effects. `None` where it cannot be made, or falls over.
 #[must_use]
-pub fn drive<V: SimulatedVehicle>(vehicle: &V, effects: &TruckEffects, conditions: &Conditions) -> Option<CleanLog> {
+pub fn drive<V: SimulatedVehicle>(
+    vehicle: &V,
+    effects: &TruckEffects,
+    conditions: &Conditions,
+) -> Option<CleanLog> {
     let Conditions { seed, duration, step, speed, lateral, .. } = *conditions;
     let mut random = Random::stream(seed, 1);
     let (turning, quick, pace) = (
@@ -160,8 +183,10 @@ pub fn drive<V: SimulatedVehicle>(vehicle: &V, effects: &TruckEffects, condition
         let yaw_rate = (1.0 - conditions.quick) * lateral * turning.at(t) / v;
         let ideal = vehicle.reach() * yaw_rate / v * (1.0 + v * v / 700.0);
         wander += step * 0.3 * (yaw_rate - sensed[5]) * vehicle.reach() / v;
-        let shake = conditions.quick * lateral * quick.at(t) * vehicle.reach() / (v * v) * (1.0 + v * v / 700.0);
-        let steer_cmd = (ideal + wander + shake + 0.2 * (yaw_rate - sensed[5]) * vehicle.reach() / v).clamp(-0.3, 0.3);
+        let shake =
+            conditions.quick * lateral * quick.at(t) * vehicle.reach() / (v * v) * (1.0 + v * v / 700.0);
+        let steer_cmd =
+            (ideal + wander + shake + 0.2 * (yaw_rate - sensed[5]) * vehicle.reach() / v).clamp(-0.3, 0.3);
         let accel_cmd = (0.8 * (wanted_speed(t) - vx) + 0.3 * quick.at(0.5 * t)).clamp(-3.5, 2.0);
         time.push(t);
         valid.push(true);
@@ -177,7 +202,11 @@ pub fn drive<V: SimulatedVehicle>(vehicle: &V, effects: &TruckEffects, condition
 }
 
 /// The vehicle and its effects with a background drawn from the tolerances.
-fn background<V: ReplayVehicle>(vehicle: &V, effects: &TruckEffects, conditions: &Conditions) -> (V, TruckEffects) {
+fn background<V: ReplayVehicle>(
+    vehicle: &V,
+    effects: &TruckEffects,
+    conditions: &Conditions,
+) -> (V, TruckEffects) {
     let log = CleanLog {
         step: 0.01,
         time: Vec::new(),
@@ -192,7 +221,10 @@ fn background<V: ReplayVehicle>(vehicle: &V, effects: &TruckEffects, conditions:
         .iter()
         .map(|knob| {
             let drawn = normal(&mut random).clamp(-2.5, 2.5);
-            let one_sided = matches!(knob.id, "steer_delay" | "sensor_delay" | "steer_lag" | "drive_lag" | "articulation_friction");
+            let one_sided = matches!(
+                knob.id,
+                "steer_delay" | "sensor_delay" | "steer_lag" | "drive_lag" | "articulation_friction"
+            );
             conditions.background * knob.tolerance * if one_sided { drawn.abs() } else { drawn }
         })
         .collect();

@@ -16,7 +16,11 @@ fn sure(probability: f64) -> &'static str {
 
 fn of_effect(effect: &NamedEffect) -> String {
     let meaning = TruckEffects::all().find(|it| it.id == effect.id).map_or("", |it| it.meaning);
-    let lower = meaning.chars().next().map(|c| c.to_lowercase().to_string() + &meaning[c.len_utf8()..]).unwrap_or_default();
+    let lower = meaning
+        .chars()
+        .next()
+        .map(|c| c.to_lowercase().to_string() + &meaning[c.len_utf8()..])
+        .unwrap_or_default();
     let unit = if effect.unit == "1" { String::new() } else { format!(" {}", effect.unit) };
     format!(
         "{} = {}{unit} ({} to {}): {lower}",
@@ -41,7 +45,8 @@ pub fn verdict(
     match kind {
         VerdictKind::Effect => {
             let named: Vec<String> = effects.iter().map(of_effect).collect();
-            let mut words = format!("The gap comes {} from {}.", sure(probability), named.join("; and from "));
+            let mut words =
+                format!("The gap comes {} from {}.", sure(probability), named.join("; and from "));
             let others: Vec<&str> = effects
                 .iter()
                 .flat_map(|effect| effect.class.iter().filter(|id| **id != effect.id).map(String::as_str))
@@ -61,7 +66,8 @@ pub fn verdict(
         }
         VerdictKind::None => {
             let mut words =
-                "Nothing worth naming: the gap is within what ordinary tolerances of the simulator explain.".to_owned();
+                "Nothing worth naming: the gap is within what ordinary tolerances of the simulator explain."
+                    .to_owned();
             if let Some(gap) = yaw {
                 words += &format!(
                     " The yaw-rate gap is {} rad/s, {} rad/s after adjusting within tolerance; noise is {} rad/s.",
@@ -73,7 +79,8 @@ pub fn verdict(
             words
         }
         VerdictKind::NotInLibrary => {
-            let mut words = "There is a gap that no effect of the library, nor any pair, explains.".to_owned();
+            let mut words =
+                "There is a gap that no effect of the library, nor any pair, explains.".to_owned();
             if let Some(gap) = yaw {
                 words += &format!(
                     " Of the yaw-rate gap of {} rad/s, {} rad/s remain after adjusting; a learned model would leave {} rad/s.",
@@ -114,13 +121,20 @@ pub fn why(
     }
     if evidence < calibration.none {
         let hidden = if pinned { "; the log would hardly show it" } else { "" };
-        return format!("explains no more than chance does in a sound log ({} of {}){hidden}", short(evidence.max(0.0)), short(calibration.none));
+        return format!(
+            "explains no more than chance does in a sound log ({} of {}){hidden}",
+            short(evidence.max(0.0)),
+            short(calibration.none)
+        );
     }
     if behind < 0.0 {
         return format!("explains {} more, too little for another effect", short(-behind));
     }
     if behind < calibration.class {
-        return format!("explains as much as the best within what this log can tell ({} less)", short(behind));
+        return format!(
+            "explains as much as the best within what this log can tell ({} less)",
+            short(behind)
+        );
     }
     format!("explains {} less than the best", short(behind))
 }

@@ -79,8 +79,8 @@ mod tree;
 pub use checks::DataError;
 pub use dataset::{DataConfig, DataReport, DataSet, Drive, Windows};
 pub use file::{FORMAT, FileError, FileKind};
-pub(crate) use hash::fnv;
 pub use forest::{Block, Forest, ForestConfig, GrownForest, grow};
+pub use hash::fnv;
 pub use leaf::{LeafFit, LeafModels};
 pub use least_squares::{Decomposed, Gram, Theta, Triangle};
 pub use model::{

@@ -13,6 +13,7 @@
 //! | `articulated.rs` | the linear model of a tractor with a semi-trailer |
 //! | `builtin.rs` | vehicles and tyres that need no file |
 //! | `effects.rs` | what separates a real vehicle from its model, each a switch |
+//! | `explain.rs`, `effects.toml` | each effect in words |
 //! | `steering.rs` | from the command to the road wheels, exact in time |
 //! | `drive.rs` | from the command to the force of drive and brakes |
 //! | `air.rs` | air and a dragging brake |
@@ -33,6 +34,7 @@ mod builtin;
 pub mod car;
 mod drive;
 mod effects;
+mod explain;
 mod file;
 mod parameters;
 mod reduced;
@@ -49,7 +51,10 @@ mod unit;
 pub use articulated::Articulated;
 pub use builtin::{BUILTIN, BUILTIN_TRUCKS, builtin, builtin_truck};
 pub use car::{Car, CarError, CarInput, CarOutput, CarStatus};
-pub use effects::{Effect, EffectOutOfRange, Effects, NO_RATE_LIMIT, Stage, TrailerEffects, TruckEffects};
+pub use effects::{
+    Effect, EffectOutOfRange, Effects, NO_RATE_LIMIT, Stage, TrailerEffects, TruckEffects, UnknownEffect,
+};
+pub use explain::{Explanation, effect_like};
 pub use file::{Parameter, VehicleError, VehicleKind, VehicleParameters};
 pub use parameters::{
     Air, Axle, Body, Brake, CarParameters, Drive, GRAVITY, Pair, SingleTrack, Steering, Tyre,

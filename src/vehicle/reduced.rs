@@ -343,8 +343,6 @@ pub(super) fn spring_stiffness<'a>(axles: impl Iterator<Item = &'a Axle>) -> (f6
 }
 
 /// Places of heave and pitch of the first body.
-pub(super) const FIRST_BODY: ([usize; 2], [usize; 2]) = (
-    [super::unit::HEAVE, super::unit::HEAVE_RATE],
-    [super::unit::PITCH, super::unit::PITCH_RATE],
-);
+pub(super) const FIRST_BODY: ([usize; 2], [usize; 2]) =
+    ([super::unit::HEAVE, super::unit::HEAVE_RATE], [super::unit::PITCH, super::unit::PITCH_RATE]);
 const _: () = assert!(BODY == 12);

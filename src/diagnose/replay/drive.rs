@@ -52,9 +52,8 @@ impl Drive {
         let column = |name: &str| log.columns.get(name).filter(|column| column.len() == rows);
         let vx = column("vx").cloned().unwrap_or_else(|| vec![0.0; rows]);
         let steer = column("steer_cmd").cloned().unwrap_or_else(|| vec![0.0; rows]);
-        let moving: Vec<bool> = (0..rows)
-            .map(|i| vx[i].is_finite() && vx[i] >= LEAST_SPEED && steer[i].is_finite())
-            .collect();
+        let moving: Vec<bool> =
+            (0..rows).map(|i| vx[i].is_finite() && vx[i] >= LEAST_SPEED && steer[i].is_finite()).collect();
         let mut stretches = Vec::new();
         let mut scored = vec![false; rows];
         let mut from = 0;
@@ -82,8 +81,12 @@ impl Drive {
             })
             .collect();
         let accel = acceleration(&vx, log.step);
-        let mut columns: BTreeMap<&'static str, Vec<f64>> =
-            log.columns.iter().filter(|(_, column)| column.len() == rows).map(|(&k, v)| (k, v.clone())).collect();
+        let mut columns: BTreeMap<&'static str, Vec<f64>> = log
+            .columns
+            .iter()
+            .filter(|(_, column)| column.len() == rows)
+            .map(|(&k, v)| (k, v.clone()))
+            .collect();
         columns.insert("vx", vx);
         Self {
             step: log.step,
@@ -141,11 +144,18 @@ fn halved(log: &CleanLog) -> CleanLog {
     CleanLog {
         step: 2.0 * log.step,
         time: kept.iter().map(|&i| log.time[i]).collect(),
-        columns: log.columns.iter().filter(|(_, c)| full(c)).map(|(&name, c)| (name, mean(name, c))).collect(),
+        columns: log
+            .columns
+            .iter()
+            .filter(|(_, c)| full(c))
+            .map(|(&name, c)| (name, mean(name, c)))
+            .collect(),
         commanded: log.commanded,
         valid: kept
             .iter()
-            .map(|&i| (i.saturating_sub(1)..=i + 1).all(|i| i >= rows || log.valid.get(i).copied().unwrap_or(false)))
+            .map(|&i| {
+                (i.saturating_sub(1)..=i + 1).all(|i| i >= rows || log.valid.get(i).copied().unwrap_or(false))
+            })
             .collect(),
         findings: Vec::new(),
     }

@@ -53,6 +53,8 @@ pub fn replay<V: ReplayVehicle>(
     horizon: Option<usize>,
 ) -> Result<Trace, String> {
     let rows = drive.time.len();
+    // A vehicle file may hold effects that are known already.
+    let effects = &effects.on_top_of(&vehicle.known_effects());
     let late = effects.vehicle.sensor_delay;
     let scale = effects.vehicle.speed_scale.max(0.1);
     let twist = effects.vehicle.heading_misalignment;
@@ -98,7 +100,8 @@ pub fn replay<V: ReplayVehicle>(
                 && row > from
                 && (row - from) % rows == 0
             {
-                let logged = |name: &str, else_at: f64| drive.columns.get(name).map_or(else_at, |column| column[row]);
+                let logged =
+                    |name: &str, else_at: f64| drive.columns.get(name).map_or(else_at, |column| column[row]);
                 model.set_motion(logged("vy", vy), logged("yaw_rate", 0.0));
                 (lag_vx, lag_yaw, lag_place) = (0.0, 0.0, [0.0; 2]);
             }

@@ -4,7 +4,7 @@ use super::channel::{CHANNELS, Channel};
 use super::drive::Drive;
 use super::run::{Correction, replay};
 use crate::vehicle::{
-    Car, CarParameters, Effects, NO_RATE_LIMIT, ReducedVehicle, Steering, Truck, TruckEffects, TruckParameters,
+    Car, CarParameters, NO_RATE_LIMIT, ReducedVehicle, Stage, Steering, Truck, TruckEffects, TruckParameters,
     VehicleInput, VehicleParameters, car, truck,
 };
 
@@ -22,6 +22,8 @@ pub trait ReplayVehicle: VehicleParameters + Clone + Sync + Send {
     /// Effects that leave no vehicle (CG outside the wheelbase), in words.
     fn reduced(&self, effects: &TruckEffects) -> Result<Box<dyn ReducedVehicle>, String>;
 
+    /// The effects of the vehicle file.
+    fn known_effects(&self) -> TruckEffects;
     /// The steering of the vehicle file.
     fn steering(&mut self) -> &mut Steering;
     /// Dead time and lag of the steering in the vehicle file, s.
@@ -39,7 +41,7 @@ pub trait ReplayVehicle: VehicleParameters + Clone + Sync + Send {
     /// Lateral relaxation length of the front tyres at rest, m.
     fn relaxation(&self) -> f64;
 
-    /// Drives the full plant, effects neutral, along a stretch of rows with commands; `columns` receives what is corrected.
+    /// Drives the full plant, with the effects of its file, along a stretch of rows with commands; `columns` receives what is corrected.
     fn full(&self, drive: &Drive, stretch: (usize, usize), columns: &mut [Vec<f64>]);
 }
 
@@ -94,6 +96,10 @@ impl ReplayVehicle for CarParameters {
         car::reduced(self, &effects.vehicle).map_err(|error| error.to_string())
     }
 
+    fn known_effects(&self) -> TruckEffects {
+        TruckEffects { vehicle: self.effect, ..TruckEffects::default() }
+    }
+
     fn reach(&self) -> f64 {
         self.wheelbase()
     }
@@ -103,7 +109,7 @@ impl ReplayVehicle for CarParameters {
     }
 
     fn full(&self, drive: &Drive, (from, to): (usize, usize), columns: &mut [Vec<f64>]) {
-        let Ok(mut car) = Car::new(self, &Effects::default(), None) else { return };
+        let Ok(mut car) = Car::new(self, &self.effect, None) else { return };
         car.place(0.0, 0.0, 0.0, drive.column("vx")[from]);
         for row in from..to {
             let o = *car.output();
@@ -132,6 +138,10 @@ impl ReplayVehicle for TruckParameters {
         truck::reduced(self, effects).map_err(|error| error.to_string())
     }
 
+    fn known_effects(&self) -> TruckEffects {
+        self.effect
+    }
+
     fn reach(&self) -> f64 {
         self.tractor.cg_to_front_axle + self.tractor.cg_to_rear_axle
     }
@@ -141,7 +151,7 @@ impl ReplayVehicle for TruckParameters {
     }
 
     fn full(&self, drive: &Drive, (from, to): (usize, usize), columns: &mut [Vec<f64>]) {
-        let Ok(mut truck) = Truck::new(self, &TruckEffects::default(), None) else { return };
+        let Ok(mut truck) = Truck::new(self, &self.effect, None) else { return };
         truck.place(0.0, 0.0, 0.0, drive.column("vx")[from]);
         for row in from..to {
             let o = *truck.output();
@@ -172,6 +182,13 @@ pub(in crate::diagnose) fn prepared<V: ReplayVehicle>(vehicle: &V, commanded: bo
         let steering = vehicle.steering();
         (steering.dead_time, steering.lag, steering.backlash) = (0.0, 0.0, 0.0);
         (steering.rate_limit, steering.angle_limit) = (NO_RATE_LIMIT, 1.4);
+        let before =
+            TruckEffects::all().filter(|effect| matches!(effect.stage, Stage::Command | Stage::Actuator));
+        for effect in before {
+            if let Some(value) = vehicle.effect_mut(effect.id) {
+                *value = effect.neutral;
+            }
+        }
     }
     vehicle
 }
@@ -180,7 +197,10 @@ pub(in crate::diagnose) fn prepared<V: ReplayVehicle>(vehicle: &V, commanded: bo
 ///
 /// # Errors
 /// As [`replay`].
-pub(in crate::diagnose) fn neutral<V: ReplayVehicle>(drive: &Drive, vehicle: &V) -> Result<Correction, String> {
+pub(in crate::diagnose) fn neutral<V: ReplayVehicle>(
+    drive: &Drive,
+    vehicle: &V,
+) -> Result<Correction, String> {
     let reduced = replay(drive, vehicle, &TruckEffects::default(), &Correction::default(), None)?;
     let mut plant = vehicle.clone();
     plant.set_drive_lag(0.0);
