@@ -29,7 +29,7 @@
 //! | [`vehicle`] | the plants: parameters, tyres, steering chain, effects, the two-track car |
 //! | [`nominal`] | prediction models: linear and nonlinear single track, discretisation |
 //! | [`residual`] | what the nominal model misses, learned: trees, linear leaves, model files |
-//! | [`log`] | drive logs: reading, and making what they lack |
+//! | [`log`] | drive logs: reading, checking and mending, making what they lack |
 //! | [`control`] | condensing, the QP, the MPC, speed control, status and fallback |
 //! | [`simulate`] | the closed loop in native code, and its metrics |
 //! | [`diagnose`] | why a simulator and a vehicle disagree |

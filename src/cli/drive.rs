@@ -122,9 +122,10 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> Setup<P, S, C> {
         for note in path.notes() {
             eprintln!("note: {note}");
         }
-        let vehicle = vehicle_named(vehicle)?;
+        let vehicle: P::Parameters = vehicle_named(vehicle)?;
         let controller = P::controller(&vehicle);
-        let mut setup = Self { path, controller, vehicle, effects: P::Effects::default() };
+        let effects = vehicle.effects().clone();
+        let mut setup = Self { path, controller, vehicle, effects };
         settings.iter().try_for_each(|text| setup.apply(text))?;
         Ok(setup)
     }

@@ -5,6 +5,7 @@
 
 pub mod collect;
 pub mod course;
+pub mod diagnose;
 pub mod drive;
 pub mod evaluate;
 pub mod identify;
@@ -32,10 +33,11 @@ use std::process::ExitCode;
   rfl train LOG...            learn what the nominal model misses
   rfl identify step.csv       the steering's delay from a recorded step
   rfl evaluate --quick        all variants, compared
+  rfl diagnose LOG            why a log and the simulator disagree
   rfl parameters              what --set can change
   rfl course                  write our own courses to paths/
 
-Exit status: 0 done, 1 bad input or a failure, 2 wrong usage."
+Exit status: 0 done, 1 bad input or a failure, 2 wrong usage; rfl diagnose has more."
 )]
 pub struct Cli {
     #[command(subcommand)]
@@ -50,27 +52,30 @@ enum Command {
     Train(train::TrainArgs),
     Evaluate(evaluate::EvaluateArgs),
     Identify(identify::IdentifyArgs),
+    Diagnose(diagnose::DiagnoseArgs),
     Path(path::PathArgs),
     Parameters(parameters::ParametersArgs),
     Course(course::CourseArgs),
 }
 
 impl Cli {
-    /// Runs the command.
+    /// Runs the command; its exit status.
     ///
     /// # Errors
     /// What was wrong, where, and what to do.
-    pub fn run(&self) -> Result<(), Box<dyn Error>> {
+    pub fn run(&self) -> Result<ExitCode, Box<dyn Error>> {
         match &self.command {
-            Command::Drive(args) => drive::run(args),
-            Command::Collect(args) => collect::run(args),
-            Command::Train(args) => train::run(args),
-            Command::Evaluate(args) => evaluate::run(args),
-            Command::Identify(args) => identify::run(args),
-            Command::Path(args) => path::run(args),
-            Command::Parameters(args) => parameters::run(args),
-            Command::Course(args) => course::run(args),
+            Command::Drive(args) => drive::run(args)?,
+            Command::Collect(args) => collect::run(args)?,
+            Command::Train(args) => train::run(args)?,
+            Command::Evaluate(args) => evaluate::run(args)?,
+            Command::Identify(args) => identify::run(args)?,
+            Command::Diagnose(args) => return diagnose::run(args),
+            Command::Path(args) => path::run(args)?,
+            Command::Parameters(args) => parameters::run(args)?,
+            Command::Course(args) => course::run(args)?,
         }
+        Ok(ExitCode::SUCCESS)
     }
 }
 
@@ -78,7 +83,7 @@ impl Cli {
 #[must_use]
 pub fn main() -> ExitCode {
     match Cli::parse().run() {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(status) => status,
         // Who reads our output has read enough (`rfl path road.csv | head -1`).
         Err(error) if is_broken_pipe(error.as_ref()) => ExitCode::SUCCESS,
         Err(error) => {

@@ -15,10 +15,54 @@
 //! | file | problem |
 //! |---|---|
 //! | `report.rs` | the answer: what `report.json` holds |
+//! | `replay/` | the vehicle replayed from a log's commands |
+//! | `knob.rs` | what a simulator can be wrong in, and its tolerances |
+//! | `filter.rs` | low pass and clock |
+//! | `problem.rs` | the gap as a function of all knobs |
+//! | `fit.rs` | fits with the tolerances marginalised |
+//! | `noise.rs` | what a gap is measured against |
+//! | `rank.rs` | candidates and their evidence |
+//! | `calibration.rs` | thresholds and probabilities, from `calibration.toml` |
+//! | `engine.rs` | from a log and a vehicle to the answer |
+//! | `observability.rs` | what a log can show and what it cannot |
+//! | `localise.rs` | where the gap lies |
+//! | `shrink.rs` | how far it shrinks on held-out parts |
+//! | `manoeuvre.rs` | what to drive next |
+//! | `select.rs` | the stretches of long logs that tell most |
+//! | `words.rs` | the answer in words |
+//! | `simulated.rs` | logs of our own plants with an effect put in |
+//! | `headline.rs` | the verdict in one line |
+//! | `page/` | the answer as one HTML page |
+//! | `closed_loop.rs` | what the gap does to tracking |
+//! | `simulator.rs` | the calibrated simulator, as files |
 //!
 //! Source: the recipe is that of the specification; marginalising over a linear Gaussian background as in Rasmussen and
 //! Williams, Gaussian Processes for Machine Learning, 2006, sec. 2.7.
 
+pub mod calibration;
+#[cfg(feature = "cli")]
+pub mod closed_loop;
+mod engine;
+pub mod filter;
+pub mod fit;
+mod headline;
+pub mod knob;
+mod localise;
+mod manoeuvre;
+pub mod noise;
+mod observability;
+#[cfg(feature = "cli")]
+pub mod page;
+pub mod problem;
+pub mod rank;
+pub mod replay;
 mod report;
+mod select;
+mod shrink;
+pub mod simulated;
+#[cfg(feature = "cli")]
+pub mod simulator;
+mod words;
 
+pub use engine::{DiagnoseError, Options, Scores, calibrated, calibration_scores, diagnose};
 pub use report::*;

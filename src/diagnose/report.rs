@@ -2,6 +2,7 @@
 //!
 //! Field names are the contract with users' scripts; values are SI units and radians.
 
+pub use crate::log::{Finding, Gravity};
 use crate::vehicle::Stage;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -184,29 +185,6 @@ pub struct Adjustment {
     pub deviation: f64,
     /// Symbol of the unit.
     pub unit: String,
-}
-
-/// How grave a finding is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Gravity {
-    /// Worth knowing.
-    Note,
-    /// Mended or left out, and the answer may be weaker for it.
-    Warning,
-    /// Probably wrong in the log: the answer is not to be trusted before it is cleared up.
-    Suspicion,
-}
-
-/// What was found in a log.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Finding {
-    /// How grave it is.
-    pub gravity: Gravity,
-    /// The column, if it is about one.
-    pub signal: Option<String>,
-    /// What is the matter and what to do, in words.
-    pub words: String,
 }
 
 /// What a diagnosis was made from.

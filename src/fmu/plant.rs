@@ -1,7 +1,7 @@
 //! A nonlinear vehicle as an FMU: what cars and trucks have in common.
 //!
 //! Parameters come from a vehicle file or a built-in vehicle (`vehicle_file`); a value that the host sets itself wins,
-//! and afterwards all values are those in effect. Every effect is a parameter `effect.<id>`.
+//! and afterwards all values are those in effect. Every effect is a parameter `effect.<id>`, and may stand in the file.
 
 use super::{failed, vehicle_file_parameter, vehicle_named};
 use crate::fmi::{
@@ -51,9 +51,9 @@ pub trait PlantUnit: Send + Sized + 'static {
     const STATUS: (&'static str, &'static [(i32, &'static str, &'static str)]);
 
     /// What its file says.
-    type Parameters: VehicleParameters;
+    type Parameters: VehicleParameters<Effects = Self::Effects>;
     /// Its effects.
-    type Effects: Default;
+    type Effects: Default + Clone;
     /// What is measured.
     type Output: Copy;
 
@@ -223,11 +223,15 @@ impl<P: PlantUnit> PlantFmu<P> {
         Ok(parameters)
     }
 
-    fn effects(&self, values: &Values) -> P::Effects {
-        let mut effects = P::Effects::default();
+    fn effects(&self, parameters: &P::Parameters, values: &mut Values) -> P::Effects {
+        let mut effects = parameters.effects().clone();
         for (index, effect) in P::all_effects().enumerate() {
+            let vr = self.references.effects + index;
             if let Some(value) = P::effect(&mut effects, effect.id) {
-                *value = values.real(self.references.effects + index);
+                if values.is_set_by_host(vr) || values.real(vr) != effect.neutral {
+                    *value = values.real(vr);
+                }
+                values.set_real(vr, *value);
             }
         }
         effects
@@ -280,7 +284,7 @@ impl<P: PlantUnit> Model for PlantFmu<P> {
     ) -> Result<(), ModelError> {
         self.vehicle = None;
         let parameters = self.parameters(values, context, log)?;
-        let effects = self.effects(values);
+        let effects = self.effects(&parameters, values);
         let at = &self.references;
         let road: Option<Arc<Path>> = match values.string(at.road_file) {
             "" => None,

@@ -3,6 +3,7 @@
 //! A controller takes errors and road from the projection of the pose onto the path; a log without them is given
 //! them in the same way.
 
+use super::agreement::turn_factor;
 use super::read::{DriveLog, LogError};
 use crate::path::Path;
 use crate::residual::Drive;
@@ -122,25 +123,9 @@ fn project(log: &DriveLog, road: &Path, file: &std::path::Path, drive: &mut Driv
     Ok(())
 }
 
-/// A larger change of yaw from row to row is its wrapping.
-const WRAP: f64 = 3.0;
-
 /// Yaw and yaw rate must tell the same, or one of them has another unit or sign.
 fn check_turn(log: &DriveLog, time: &[f64], yaw: &[f64], yaw_rate: &[f64]) -> Result<(), LogError> {
-    let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
-    for i in 1..time.len() {
-        let asked = 0.5 * (yaw_rate[i - 1] + yaw_rate[i]) * (time[i] - time[i - 1]);
-        let turned = yaw[i] - yaw[i - 1];
-        // Not a number compares as neither.
-        if turned.abs() < WRAP && asked.is_finite() {
-            (xx, xy, yy) = (xx + asked * asked, xy + asked * turned, yy + turned * turned);
-        }
-    }
-    // Where the two hardly have to do with each other, the vehicle hardly turns.
-    if xy * xy < 0.5 * xx * yy || xx == 0.0 {
-        return Ok(());
-    }
-    let factor = xy / xx;
+    let Some(factor) = turn_factor(time, yaw, yaw_rate) else { return Ok(()) };
     let hint = match factor {
         factor if factor < 0.0 => "one of them has its sign turned: both are counter-clockwise",
         factor if factor > 10.0 => "yaw may be in degrees: give radians",

@@ -12,10 +12,24 @@
 //! | file | idea |
 //! |---|---|
 //! | `read.rs` | a CSV file's columns |
+//! | `clean.rs` | a log made ready for comparison: even clock, gaps, units, signs |
+//! | `clock.rs` | its clock: unit, order, gaps, jitter |
+//! | `resample.rs` | a column on an even clock |
+//! | `agreement.rs` | what columns must tell alike, or a unit or a sign is wrong |
+//! | `statistics.rs` | median, slope |
+//! | `finding.rs` | what was found in a log, in words |
 //! | `learn.rs` | what a residual is learned from, completed |
 
+mod agreement;
+mod clean;
+mod clock;
+mod finding;
 mod learn;
 mod read;
+mod resample;
+mod statistics;
 
+pub use clean::{CleanError, CleanLog, UnusableLog};
+pub use finding::{Finding, Gravity};
 pub use learn::drive_of;
 pub use read::{DriveLog, LogError};

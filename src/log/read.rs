@@ -11,6 +11,8 @@ pub enum LogError {
     Open { file: PathBuf, source: std::io::Error },
     #[error("{}: {source}; a drive log is a CSV file with a header, commas and the same number of columns in each line", file.display())]
     Csv { file: PathBuf, source: csv::Error },
+    #[error("{}: this build reads no compressed files (feature `cli`); unpack it first", file.display())]
+    Compressed { file: PathBuf },
     #[error("{}: no column is a signal of a drive log: the header is `{header}`; give columns such as time, steer_cmd, vx", file.display())]
     NoSignal { file: PathBuf, header: String },
     #[error("{}: the column '{column}' stands twice; delete one", file.display())]
@@ -61,14 +63,25 @@ pub struct DriveLog {
 }
 
 impl DriveLog {
-    /// Reads a log. An empty field is not a number: a gap, which whoever uses the log leaves out.
+    /// Reads a log, compressed if its name ends in `.gz`. An empty field is not a number: a gap, which whoever uses the log leaves out.
     ///
     /// # Errors
     /// What is wrong, with file, line and column.
     pub fn read(file: &Path) -> Result<Self, LogError> {
         let opened = std::fs::File::open(file);
         let opened = opened.map_err(|source| LogError::Open { file: file.to_owned(), source })?;
-        Self::from_reader(opened, file)
+        let compressed = file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("gz"));
+        if compressed { Self::from_compressed(opened, file) } else { Self::from_reader(opened, file) }
+    }
+
+    #[cfg(feature = "cli")]
+    fn from_compressed(reader: impl std::io::Read, file: &Path) -> Result<Self, LogError> {
+        Self::from_reader(flate2::read::MultiGzDecoder::new(reader), file)
+    }
+
+    #[cfg(not(feature = "cli"))]
+    fn from_compressed(_: impl std::io::Read, file: &Path) -> Result<Self, LogError> {
+        Err(LogError::Compressed { file: file.to_owned() })
     }
 
     /// As [`read`](Self::read); `file` is what messages call it.
@@ -114,6 +127,11 @@ impl DriveLog {
     #[must_use]
     pub fn column(&self, name: &str) -> Option<&[f64]> {
         self.columns.iter().find(|(column, _)| *column == name).map(|(_, values)| values.as_slice())
+    }
+
+    /// All columns with their names.
+    pub fn columns(&self) -> impl Iterator<Item = (&'static str, &[f64])> {
+        self.columns.iter().map(|(name, values)| (*name, values.as_slice()))
     }
 
     /// Those of `names` that the log has not.

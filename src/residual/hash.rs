@@ -21,7 +21,8 @@ impl Fnv {
 }
 
 /// The hash of some bytes.
-pub(super) fn fnv(bytes: &[u8]) -> u64 {
+#[must_use]
+pub fn fnv(bytes: &[u8]) -> u64 {
     let mut hash = Fnv::new();
     hash.add(bytes);
     hash.value()

@@ -17,7 +17,7 @@ use std::sync::Arc;
 /// A vehicle that a controller for `S` states drives, with `C` columns in its log.
 pub trait SimulatedVehicle<const S: usize, const C: usize>: Sized {
     /// Its parameters.
-    type Parameters: crate::vehicle::VehicleParameters;
+    type Parameters: crate::vehicle::VehicleParameters<Effects = Self::Effects>;
     /// What separates it from its model.
     type Effects: Default + Clone;
     /// What its controller knows of it.

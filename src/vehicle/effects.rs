@@ -5,6 +5,7 @@
 
 use crate::signal::Unit;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// Where on the way from command to measurement an effect acts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -167,15 +168,44 @@ effects! {
     articulation_bias RADIAN neutral 0.0, in -0.5, 0.5; Sensor; "Bias of the measured articulation angle"
 }
 
+/// A truck has no effect of this id.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("there is no effect '{id}' of a truck; 'rfl diagnose --explain' lists all")]
+#[allow(missing_docs)]
+pub struct UnknownEffect {
+    pub id: String,
+}
+
 /// The effects of a truck: those that cars have too act on the tractor (`payload`, `cg_shift`, `yaw_inertia`, sensors)
 /// or on all of it (`road_*`, `wind_*`, `drag`, `drive_*`, `tyre_relaxation`, `roll_stiffness`).
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[serde(try_from = "BTreeMap<String, f64>", into = "BTreeMap<String, f64>")]
 pub struct TruckEffects {
     /// Those that cars have too.
     pub vehicle: Effects,
     /// Those of trailer and hitch.
     pub trailer: TrailerEffects,
+}
+
+/// From a table of ids, as files hold it.
+impl TryFrom<BTreeMap<String, f64>> for TruckEffects {
+    type Error = UnknownEffect;
+
+    fn try_from(table: BTreeMap<String, f64>) -> Result<Self, UnknownEffect> {
+        let mut effects = Self::default();
+        for (id, value) in table {
+            let Some(place) = effects.get_mut(&id) else { return Err(UnknownEffect { id }) };
+            *place = value;
+        }
+        Ok(effects)
+    }
+}
+
+impl From<TruckEffects> for BTreeMap<String, f64> {
+    fn from(effects: TruckEffects) -> Self {
+        let value = |effect: &Effect| effects.get(effect.id).unwrap_or(effect.neutral);
+        TruckEffects::all().map(|effect| (effect.id.to_owned(), value(effect))).collect()
+    }
 }
 
 impl TruckEffects {
@@ -196,6 +226,35 @@ impl TruckEffects {
         self.vehicle.get_mut(id).or_else(|| self.trailer.get_mut(id))
     }
 
+    /// Both sets of effects together: what adds up is added, factors are multiplied, the narrower rate limit counts. A
+    /// relaxation length replaces that of `base`.
+    #[must_use]
+    pub fn on_top_of(&self, base: &Self) -> Self {
+        let mut both = *self;
+        for effect in Self::all() {
+            let (Some(value), Some(base)) = (both.get_mut(effect.id), base.get(effect.id)) else { continue };
+            *value = match effect.id {
+                "steer_rate_limit" => value.min(base),
+                "tyre_relaxation" => {
+                    if *value == effect.neutral {
+                        base
+                    } else {
+                        *value
+                    }
+                }
+                _ if effect.neutral == 1.0 => *value * base,
+                _ => *value + base,
+            };
+        }
+        let (load, below) = (self.vehicle.payload, base.vehicle.payload);
+        if load + below > 0.0 {
+            // The place of both loads together.
+            let moment = load * self.vehicle.payload_x + below * base.vehicle.payload_x;
+            both.vehicle.payload_x = moment / (load + below);
+        }
+        both
+    }
+
     /// Checks every value against its range.
     ///
     /// # Errors
@@ -203,5 +262,30 @@ impl TruckEffects {
     pub fn check(&self) -> Result<(), EffectOutOfRange> {
         self.vehicle.check()?;
         self.trailer.check()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn effects_come_on_top_of_each_other() {
+        let mut base = TruckEffects::default();
+        (base.vehicle.steer_delay, base.vehicle.steer_gain, base.vehicle.payload) = (0.05, 1.1, 100.0);
+        let mut more = TruckEffects::default();
+        (more.vehicle.steer_delay, more.vehicle.steer_gain, more.vehicle.steer_rate_limit) = (0.02, 0.5, 0.4);
+        (more.vehicle.payload, more.vehicle.payload_x, more.trailer.trailer_payload) = (300.0, -1.0, 7.0);
+        let both = more.on_top_of(&base);
+        assert!(
+            (both.vehicle.steer_delay - 0.07).abs() < 1e-15 && (both.vehicle.steer_gain - 0.55).abs() < 1e-15
+        );
+        assert_eq!(
+            (both.vehicle.steer_rate_limit, both.vehicle.payload, both.vehicle.payload_x),
+            (0.4, 400.0, -0.75)
+        );
+        assert_eq!(both.trailer.trailer_payload, 7.0);
+        assert_eq!(more.on_top_of(&TruckEffects::default()), more);
+        assert_eq!(TruckEffects::default().on_top_of(&base), base);
     }
 }

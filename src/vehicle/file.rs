@@ -1,10 +1,11 @@
 //! Reading vehicle files: what cars and trucks have in common.
 
 use super::builtin;
+use super::effects::EffectOutOfRange;
 use super::parameters::Tyre;
 use super::tyre::{Coefficients, TirError};
 use crate::signal::Unit;
-use serde::de::DeserializeOwned;
+use serde::{Serialize, de::DeserializeOwned};
 use std::path::{Path, PathBuf};
 
 /// The declaration of one number among a vehicle's parameters.
@@ -75,14 +76,23 @@ impl VehicleKind {
 }
 
 /// Parameters of a kind of vehicle, as a file gives them.
-pub trait VehicleParameters: DeserializeOwned + 'static {
+pub trait VehicleParameters: DeserializeOwned + Serialize + Clone + 'static {
     /// Every number with name, unit, range and meaning.
     const TABLE: &'static [Parameter<Self>];
     /// Names of the built-in vehicles of this kind; the first is the default.
     const BUILTIN: &'static [&'static str];
 
+    /// What separates a real vehicle of this kind from its parameters.
+    type Effects: Default + Clone;
+
     /// What people call the vehicle.
     fn name(&self) -> &str;
+
+    /// The effects that its file tells of.
+    fn effects(&self) -> &Self::Effects;
+
+    /// Where the value of the effect with this id stands.
+    fn effect_mut(&mut self, id: &str) -> Option<&mut f64>;
 
     /// A built-in vehicle by name.
     ///
@@ -147,6 +157,9 @@ pub enum VehicleError {
          the rear axle has the rest"
     )]
     BrakeShares { file: PathBuf, front: f64, trailer: f64 },
+    /// An effect out of range.
+    #[error("vehicle file {file}: {source}")]
+    Effect { file: PathBuf, source: EffectOutOfRange },
     /// The parameters were not read by `read` or `parse`, which read the tyres too.
     #[error("vehicle file {file}: its tyres have not been read; use `read` of the vehicle's parameters")]
     NoTyres { file: PathBuf },

@@ -13,11 +13,13 @@
 //! | `articulated.rs` | the linear model of a tractor with a semi-trailer |
 //! | `builtin.rs` | vehicles and tyres that need no file |
 //! | `effects.rs` | what separates a real vehicle from its model, each a switch |
+//! | `explain.rs`, `effects.toml` | each effect in words |
 //! | `steering.rs` | from the command to the road wheels, exact in time |
 //! | `drive.rs` | from the command to the force of drive and brakes |
 //! | `air.rs` | air and a dragging brake |
 //! | `sensors.rs`, `status.rs` | what is measured, and told from the wheels |
 //! | `stepper.rs` | steps of a vehicle: integration, errors, saved states |
+//! | `reduced.rs` | the same vehicles without their fast motions: ten thousand times real time |
 //! | `array.rs` | arrays of any length in saved states |
 //! | `trigonometry.rs` | arc tangent, sine and cosine of several numbers at once |
 //! | `tyre/` | Magic Formula 5.2, `.tir` files |
@@ -32,8 +34,10 @@ mod builtin;
 pub mod car;
 mod drive;
 mod effects;
+mod explain;
 mod file;
 mod parameters;
+mod reduced;
 mod sensors;
 mod status;
 mod steering;
@@ -47,11 +51,15 @@ mod unit;
 pub use articulated::Articulated;
 pub use builtin::{BUILTIN, BUILTIN_TRUCKS, builtin, builtin_truck};
 pub use car::{Car, CarError, CarInput, CarOutput, CarStatus};
-pub use effects::{Effect, EffectOutOfRange, Effects, NO_RATE_LIMIT, Stage, TrailerEffects, TruckEffects};
+pub use effects::{
+    Effect, EffectOutOfRange, Effects, NO_RATE_LIMIT, Stage, TrailerEffects, TruckEffects, UnknownEffect,
+};
+pub use explain::{Explanation, effect_like};
 pub use file::{Parameter, VehicleError, VehicleKind, VehicleParameters};
 pub use parameters::{
     Air, Axle, Body, Brake, CarParameters, Drive, GRAVITY, Pair, SingleTrack, Steering, Tyre,
 };
+pub use reduced::{ReducedInput, ReducedOutput, ReducedStart, ReducedSteer, ReducedVehicle};
 pub use steering::{SteeringChain, SteeringState};
 pub use stepper::{LONGEST_STEP, LONGEST_SUBSTEP, ROLLED_OVER, RestoreError, StepError, VehicleInput};
 pub use truck::{TrailerOutput, Truck, TruckError, TruckInput, TruckOutput, TruckStatus};

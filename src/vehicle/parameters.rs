@@ -5,6 +5,7 @@
 //! documentation come from it.
 
 use super::builtin;
+use super::effects::Effects;
 use super::file::{Parameter, VehicleError, VehicleParameters, check_body, reading, table};
 use super::tyre::{Coefficients, Contact};
 use serde::{Deserialize, Serialize};
@@ -30,6 +31,9 @@ pub struct CarParameters {
     pub drive: Drive,
     pub brake: Brake,
     pub air: Air,
+    /// What separates the real car from the rest of the file: neutral, or found by a diagnosis.
+    #[serde(default)]
+    pub effect: Effects,
 }
 
 /// The same of the front and the rear axle.
@@ -233,6 +237,15 @@ pub struct SingleTrack {
 impl VehicleParameters for CarParameters {
     const TABLE: &'static [Parameter<Self>] = Self::TABLE;
     const BUILTIN: &'static [&'static str] = builtin::BUILTIN;
+    type Effects = Effects;
+
+    fn effects(&self) -> &Effects {
+        &self.effect
+    }
+
+    fn effect_mut(&mut self, id: &str) -> Option<&mut f64> {
+        self.effect.get_mut(id)
+    }
 
     fn name(&self) -> &str {
         &self.name
@@ -247,6 +260,7 @@ impl VehicleParameters for CarParameters {
     }
 
     fn check_parts(&self, file: &Path) -> Result<(), VehicleError> {
+        self.effect.check().map_err(|source| VehicleError::Effect { file: file.to_path_buf(), source })?;
         if self.tyre.front.coefficients.is_none() || self.tyre.rear.coefficients.is_none() {
             return Err(VehicleError::NoTyres { file: file.to_path_buf() });
         }

@@ -5,6 +5,7 @@
 
 use super::articulated::Articulated;
 use super::builtin;
+use super::effects::TruckEffects;
 use super::file::{Parameter, VehicleError, VehicleParameters, check_body, reading, table};
 use super::parameters::{Axle, Body, GRAVITY, Steering, Tyre};
 use serde::{Deserialize, Serialize};
@@ -30,6 +31,9 @@ pub struct TruckParameters {
     pub drive: TruckDrive,
     pub brake: TruckBrake,
     pub air: TruckAir,
+    /// What separates the real truck from the rest of the file: neutral, or found by a diagnosis.
+    #[serde(default)]
+    pub effect: TruckEffects,
 }
 
 /// The same of the front, the rear and the trailer's axle group.
@@ -201,6 +205,15 @@ impl TruckParameters {
 impl VehicleParameters for TruckParameters {
     const TABLE: &'static [Parameter<Self>] = Self::TABLE;
     const BUILTIN: &'static [&'static str] = builtin::BUILTIN_TRUCKS;
+    type Effects = TruckEffects;
+
+    fn effects(&self) -> &TruckEffects {
+        &self.effect
+    }
+
+    fn effect_mut(&mut self, id: &str) -> Option<&mut f64> {
+        self.effect.get_mut(id)
+    }
 
     fn name(&self) -> &str {
         &self.name
@@ -219,6 +232,7 @@ impl VehicleParameters for TruckParameters {
     }
 
     fn check_parts(&self, file: &Path) -> Result<(), VehicleError> {
+        self.effect.check().map_err(|source| VehicleError::Effect { file: file.to_path_buf(), source })?;
         let Triple { front, rear, trailer } = &self.tyre;
         if [front, rear, trailer].iter().any(|tyre| tyre.coefficients.is_none()) {
             return Err(VehicleError::NoTyres { file: file.to_path_buf() });

@@ -8,14 +8,17 @@
 //! | `plant.rs` | the constants of one car with its effects |
 //! | `dynamics.rs` | the equations of motion: one unit (`unit/`) in the air |
 //! | `output.rs` | what is measured |
+//! | `reduced.rs` | which of its motions are fast |
 
 mod dynamics;
 mod output;
 mod plant;
+mod reduced;
 
 use super::effects::{EffectOutOfRange, Effects};
 use super::file::VehicleError;
 use super::parameters::CarParameters;
+use super::reduced::{Reduced, ReducedVehicle};
 use super::stepper::{RestoreError, StepError, Stepper, VehicleInput, vehicle};
 use crate::path::Path;
 use output::SIGNALS;
@@ -64,3 +67,12 @@ impl Car {
 }
 
 vehicle!(Car, CarOutput);
+
+/// The car without its fast motions; effects need not be in range (a delay may be negative where the car has one of its
+/// own), but the sensors' latency is left to the caller.
+///
+/// # Errors
+/// A CG outside the wheelbase.
+pub fn reduced(parameters: &CarParameters, effects: &Effects) -> Result<Box<dyn ReducedVehicle>, CarError> {
+    Ok(Box::new(Reduced::new(CarPlant::new(parameters, effects)?)))
+}

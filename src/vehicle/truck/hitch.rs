@@ -169,6 +169,11 @@ impl HitchPlant {
         }
     }
 
+    /// Vertical stiffness, N/m, and the places of the hitch forward of the bodies' CGs, m.
+    pub fn vertical(&self) -> (f64, [f64; 2]) {
+        (self.vertical_stiffness, [self.pins[0].x_body, self.pins[1].x_body])
+    }
+
     /// Velocity of the semi-trailer's CG in its axes, from all else, m/s.
     pub fn trailer_velocity(
         &self,

@@ -11,6 +11,7 @@
 //! | `hitch.rs` | the fifth wheel: the force that keeps both units together |
 //! | `dynamics.rs` | the equations of motion: two units (`unit/`), the hitch, the air |
 //! | `output.rs` | what is measured |
+//! | `reduced.rs` | which of its motions are fast |
 //! | `conservation.rs` | tests: what hitch and equations must keep |
 
 #[cfg(test)]
@@ -19,9 +20,11 @@ mod dynamics;
 mod hitch;
 mod output;
 mod plant;
+mod reduced;
 
 use super::effects::{EffectOutOfRange, TruckEffects};
 use super::file::VehicleError;
+use super::reduced::{Reduced, ReducedVehicle};
 use super::stepper::{RestoreError, StepError, Stepper, VehicleInput, vehicle};
 use super::truck_parameters::TruckParameters;
 use crate::path::Path;
@@ -71,3 +74,14 @@ impl Truck {
 }
 
 vehicle!(Truck, TruckOutput);
+
+/// The truck without its fast motions; effects need not be in range, and the sensors' latency is left to the caller.
+///
+/// # Errors
+/// An axle without load.
+pub fn reduced(
+    parameters: &TruckParameters,
+    effects: &TruckEffects,
+) -> Result<Box<dyn ReducedVehicle>, TruckError> {
+    Ok(Box::new(Reduced::new(TruckPlant::new(parameters, effects)?)))
+}

@@ -17,7 +17,7 @@ use crate::vehicle::trigonometry::{atan, each};
 use crate::vehicle::tyre::{Coefficients, Contact, TyreForces};
 
 /// Shortest relaxation length, m: that of a file without one, and of a wheel that lifts.
-const SHORTEST_RELAXATION: f64 = 0.1;
+pub(in crate::vehicle) const SHORTEST_RELAXATION: f64 = 0.1;
 /// Greatest longitudinal slip and greatest tangent of the slip angle.
 const GREATEST_SLIP: f64 = 1.5;
 const GREATEST_TANGENT: f64 = 3.0;
@@ -124,7 +124,7 @@ impl WheelFlow {
 impl Axle {
     /// Load of a wheel from its height over rest, N; a tyre does not pull.
     #[inline]
-    fn load(&self, wheel: &[f64]) -> f64 {
+    pub(in crate::vehicle) fn load(&self, wheel: &[f64]) -> f64 {
         let stiffness = self.tyres * self.tyre.vertical_stiffness * wheel[LIFT];
         let damping = self.tyres * self.tyre.vertical_damping * wheel[LIFT_RATE];
         let elastic = self.static_load - stiffness;

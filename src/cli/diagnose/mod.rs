@@ -1,0 +1,350 @@
+//! `rfl diagnose`: what separates a log from a simulator, and how far the gap shrinks.
+//!
+//! | file | problem |
+//! |---|---|
+//! | `terminal.rs` | the answer on a terminal |
+//! | `explain.rs` | effects in words |
+
+mod explain;
+mod terminal;
+
+use super::drive::setting;
+use super::progress_bar;
+use super::vehicle::{Commanded, by_kind, vehicle_named};
+use crate::control::{Choice, ControlVariant, Propagation, RollOut, VehicleParameters as _};
+use crate::diagnose::closed_loop::{self, Profile};
+use crate::diagnose::page::{PageInput, page};
+use crate::diagnose::replay::ReplayVehicle;
+use crate::diagnose::simulator::{
+    Calibration, calibrated, changes, differences, parameter_set, write_vehicle,
+};
+use crate::diagnose::{Diagnosis, Gap, InputFile, Options, Report, VerdictKind, diagnose};
+use crate::log::{CleanLog, DriveLog, Finding, Gravity};
+use crate::nominal::LateralVehicle;
+use crate::path::Path as Road;
+use crate::residual::fnv;
+use crate::vehicle::{BUILTIN, BUILTIN_TRUCKS, VehicleKind, VehicleParameters};
+use clap::{Args, ValueEnum};
+use std::collections::BTreeMap;
+use std::error::Error;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+
+/// Diagnoses the gap between a log and a simulator: where it lies, which unmodelled effect causes it, how far it shrinks.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  rfl diagnose drive.csv                                     a log of the C-class car
+  rfl diagnose real.csv.gz --vehicle my_car.toml
+  rfl diagnose june.csv --reference march.csv --vehicle my_car.toml     what changed since
+  rfl diagnose drive.csv --path road.csv                     with the loop closed: what the gap does to tracking
+  rfl diagnose truck.csv --unit truck
+  rfl diagnose --explain                                     all effects; --explain steer_delay: one
+
+A log is a CSV with time, steer_cmd (or steer), vx, yaw_rate, and as many of ay, vy, x, y, yaw, ax, accel_cmd, steer, roll,
+articulation as there are. SI units, radians, to the left positive. scripts/import_log.py brings in MF4, Parquet, MATLAB
+and ROS bags.
+
+Written to --out: report.html, report.json, and the calibrated simulator: calibrated.toml (rfl drive --vehicle),
+calibrated.ssv (SSP 1.0 parameters of the vehicle's FMU), system.ssv (the same, for the SSP of vehicle and controller).
+
+The first line and the exit status are the verdict: 0 none, 3 effect, 4 not_in_library, 5 cannot_tell; 1 bad input or a
+failure, 2 wrong usage.")]
+pub struct DiagnoseArgs {
+    /// Drive log (CSV, .csv.gz)
+    #[arg(required_unless_present = "explain")]
+    log: Option<PathBuf>,
+    /// Log of the same vehicle when it was as modelled
+    #[arg(long, value_name = "LOG")]
+    reference: Option<PathBuf>,
+    /// The simulator's vehicle: a vehicle file (TOML) or a built-in name [default: c_class; of a truck truck_simulation]
+    #[arg(long)]
+    vehicle: Option<String>,
+    /// Kind of vehicle [default: that of --vehicle; without, a truck if the log has an articulation angle]
+    #[arg(long)]
+    unit: Option<Unit>,
+    /// Path that was driven: adds the closed loop
+    #[arg(long, value_name = "ROUTE")]
+    path: Option<PathBuf>,
+    /// Learned model of the controller that drove (from rfl train) [default: the nominal controller]
+    #[arg(long, value_name = "MODEL", requires = "path")]
+    controller: Option<PathBuf>,
+    /// A parameter of that controller, NAME=VALUE
+    #[arg(long = "set", value_name = "NAME=VALUE", requires = "path")]
+    settings: Vec<String>,
+    /// Folder for page, report and calibrated simulator
+    #[arg(long, value_name = "DIR", default_value = "out/diagnosis")]
+    out: PathBuf,
+    /// Seed of all that is random
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Threads; 0 for all there are. The answer does not depend on it
+    #[arg(long, default_value_t = 0)]
+    threads: usize,
+    /// An effect to leave out of the library; repeatable
+    #[arg(long, value_name = "EFFECT")]
+    without: Vec<String>,
+    /// Single effects only
+    #[arg(long)]
+    no_pairs: bool,
+    /// Print report.json instead of the text
+    #[arg(long)]
+    json: bool,
+    /// Explain an effect, or all
+    #[arg(long, value_name = "EFFECT", num_args = 0..=1, default_missing_value = "")]
+    explain: Option<String>,
+    /// No progress bar
+    #[arg(long)]
+    quiet: bool,
+}
+
+/// Kinds of vehicles, as a user writes them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Unit {
+    Car,
+    Truck,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// What was wrong, where, and what to do.
+pub fn run(args: &DiagnoseArgs) -> Result<ExitCode, Box<dyn Error>> {
+    if let Some(effect) = &args.explain {
+        explain::explain(effect)?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    let file = args.log.as_deref().ok_or("give a log")?;
+    let log = DriveLog::read(file)?;
+    let vehicle = vehicle(args, &log)?;
+    by_kind!(&vehicle, answer(args, &vehicle, &log))
+}
+
+/// The vehicle's name or file.
+fn vehicle(args: &DiagnoseArgs, log: &DriveLog) -> Result<String, Box<dyn Error>> {
+    let Some(vehicle) = &args.vehicle else {
+        let truck = match args.unit {
+            Some(unit) => unit == Unit::Truck,
+            None => log.column("articulation").is_some(),
+        };
+        return Ok(if truck { BUILTIN_TRUCKS[0] } else { BUILTIN[0] }.to_owned());
+    };
+    let found = if VehicleKind::of(vehicle) == VehicleKind::Truck { Unit::Truck } else { Unit::Car };
+    match args.unit.filter(|unit| *unit != found) {
+        Some(_) => Err(format!(
+            "--unit and --vehicle disagree: {vehicle} is a {}",
+            if found == Unit::Truck { "truck" } else { "car" }
+        )
+        .into()),
+        None => Ok(vehicle.clone()),
+    }
+}
+
+fn answer<P: Commanded<S, C>, const S: usize, const C: usize>(
+    args: &DiagnoseArgs,
+    name: &str,
+    log: &DriveLog,
+) -> Result<ExitCode, Box<dyn Error>>
+where
+    P::Parameters: ReplayVehicle,
+{
+    let given: P::Parameters = vehicle_named(name)?;
+    let nominal = P::controller(&given).vehicle.nominal();
+    let steering = |speed: f64| steady_steering(&nominal, speed);
+    let mut clean = CleanLog::of(log, &steering)?;
+    if log.column("articulation").is_some() && P::KIND != "truck" {
+        let words = "the log has an articulation angle, and the simulator is a car: choose the truck with --vehicle or --unit truck";
+        let (gravity, signal) = (Gravity::Suspicion, Some("articulation".to_owned()));
+        clean.findings.insert(0, Finding { gravity, signal, words: words.to_owned() });
+    }
+    let reference = match &args.reference {
+        Some(file) => Some(CleanLog::of(&DriveLog::read(file)?, &steering)?),
+        None => None,
+    };
+    let options = Options {
+        seed: args.seed,
+        threads: args.threads,
+        pairs: !args.no_pairs,
+        without: args.without.clone(),
+        ..Options::default()
+    };
+    let bar = progress_bar("diagnosing", 1000.0, args.quiet || args.json);
+    let follow = |what: &str, share: f64| {
+        bar.set_message(what.to_owned());
+        bar.set_position((1000.0 * share.clamp(0.0, 1.0)) as u64);
+    };
+    let mut diagnosis = diagnose(&clean, reference.as_ref(), &given, &options, &follow)?;
+    let report = &mut diagnosis.report;
+    report.inputs.files = inputs(args, name)?;
+    report.findings.sort_by_key(|finding| std::cmp::Reverse(finding.gravity));
+    if let Some(road) = &args.path {
+        let gap = closed_loop::<P, S, C>(args, road, &clean, &given, report, &follow)?;
+        report.shrink.closed_loop = Some(BTreeMap::from([("e1".to_owned(), gap)]));
+    }
+    bar.finish_and_clear();
+
+    std::fs::create_dir_all(&args.out).map_err(|error| format!("{}: {error}", args.out.display()))?;
+    let files = simulator::<P, S, C>(args, name, &given, &diagnosis.report)?;
+    write(args, &diagnosis, &clean, &nominal, &steering, &files)?;
+    let kind = diagnosis.report.verdict.kind;
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&diagnosis.report)?);
+    } else {
+        terminal::print(&diagnosis.report);
+        println!("look at: {}", args.out.join("report.html").display());
+        if !files.is_empty() {
+            let file = args.out.join(CALIBRATED).with_extension("toml");
+            println!("next: rfl drive --vehicle {0}, rfl collect --vehicle {0}", file.display());
+        }
+    }
+    Ok(ExitCode::from(status(kind)))
+}
+
+/// Exit status of a verdict.
+fn status(kind: VerdictKind) -> u8 {
+    match kind {
+        VerdictKind::None => 0,
+        VerdictKind::Effect => 3,
+        VerdictKind::NotInLibrary => 4,
+        VerdictKind::CannotTell => 5,
+    }
+}
+
+/// Road-wheel angle for each 1/m of curvature in steady cornering: the model's lateral equation at rest.
+fn steady_steering<V: LateralVehicle<S>, const S: usize>(vehicle: &V, speed: f64) -> f64 {
+    let speed = speed.max(1.0);
+    match vehicle.model_at(speed) {
+        Ok(model) => {
+            let held = (model.a.row(1) * vehicle.steady_state(speed))[0];
+            -(held + model.d[1] * speed) / model.b[1]
+        }
+        // The vehicle was read and checked; a wheelbase is a fair guess in any case.
+        Err(_) => vehicle.wheelbase(),
+    }
+}
+
+/// What the diagnosis is made from, with hashes.
+fn inputs(args: &DiagnoseArgs, vehicle: &str) -> Result<BTreeMap<String, InputFile>, Box<dyn Error>> {
+    let mut files = BTreeMap::new();
+    let vehicle_file = Some(PathBuf::from(vehicle)).filter(|file| file.is_file());
+    for (what, file) in [
+        ("log", &args.log),
+        ("reference", &args.reference),
+        ("vehicle", &vehicle_file),
+        ("path", &args.path),
+        ("controller", &args.controller),
+    ] {
+        let Some(file) = file else { continue };
+        let bytes = std::fs::read(file).map_err(|error| format!("{}: {error}", file.display()))?;
+        let hash = format!("{:016x}", fnv(&bytes));
+        files.insert(what.to_owned(), InputFile { file: file.display().to_string(), hash });
+    }
+    Ok(files)
+}
+
+/// The gap in tracking error.
+fn closed_loop<P: Commanded<S, C>, const S: usize, const C: usize>(
+    args: &DiagnoseArgs,
+    road: &Path,
+    log: &CleanLog,
+    given: &P::Parameters,
+    report: &Report,
+    progress: &dyn Fn(&str, f64),
+) -> Result<Gap, Box<dyn Error>> {
+    let path = Arc::new(Road::read(road)?);
+    let (logged, noise) = closed_loop::logged(log, &path)?;
+    let mut parameters = P::controller(given);
+    for text in &args.settings {
+        let (name, value) = setting(text)?;
+        if !parameters.set::<S>(name.strip_prefix("controller.").unwrap_or(name), value)? {
+            return Err(format!(
+                "--set {text}: the controller has no number '{name}'; 'rfl parameters' lists all"
+            )
+            .into());
+        }
+    }
+    let model = || {
+        let choice = Choice {
+            variant: ControlVariant::None,
+            file: args.controller.clone(),
+            folder: PathBuf::new(),
+            propagation: Propagation::Propagated,
+            roll_out: RollOut::Corrected,
+        };
+        choice.prediction_model(&parameters).map(|(_, model)| model)
+    };
+    let drive = |what: &str, vehicle: &P::Parameters| -> Result<Profile, Box<dyn Error>> {
+        let follow = |share| progress(what, share);
+        Ok(closed_loop::simulated::<P, S, C>(vehicle, parameters, model()?, &path, follow)?)
+    };
+    let with = |calibration| calibrated(given, &changes(report, calibration));
+    let as_given = drive("closed loop as given", given)?;
+    let effect = drive("closed loop with the effect", &with(Calibration::Effect)?)?;
+    let whole = drive("closed loop recalibrated", &with(Calibration::Whole)?)?;
+    Ok(closed_loop::gap(&logged, noise, [&as_given, &effect, &whole])?)
+}
+
+/// Name of the calibrated simulator's files.
+const CALIBRATED: &str = "calibrated";
+
+/// Writes the calibrated simulator; gives its files and what they are. None where nothing was found to calibrate.
+fn simulator<P: Commanded<S, C>, const S: usize, const C: usize>(
+    args: &DiagnoseArgs,
+    name: &str,
+    given: &P::Parameters,
+    report: &Report,
+) -> Result<Vec<(String, String)>, Box<dyn Error>> {
+    let at = |file: &str| args.out.join(file);
+    let names = ["calibrated.toml", "calibrated.ssv", "system.ssv"];
+    if !matches!(report.verdict.kind, VerdictKind::Effect | VerdictKind::None) {
+        // Those of an earlier log would be taken for this one's.
+        names.iter().for_each(|file| drop(std::fs::remove_file(at(file))));
+        return Ok(Vec::new());
+    }
+    let vehicle = calibrated(given, &changes(report, Calibration::Whole))?;
+    let log = args.log.as_deref().map_or(String::new(), |log| log.display().to_string());
+    let words = format!(
+        "{} as `rfl diagnose {}` found it.\nVerdict: {}",
+        given.name(),
+        log.escape_debug(),
+        report.verdict.headline()
+    );
+    let built_in = P::Parameters::BUILTIN.contains(&name);
+    let source = (!built_in).then(|| Path::new(name));
+    write_vehicle(&vehicle, source, &words, &at(names[0]))?;
+    let vehicle_file =
+        if built_in { name.to_owned() } else { std::fs::canonicalize(name)?.display().to_string() };
+    let changed = differences(given, &vehicle);
+    let component = if P::KIND == "truck" { "SemiTrailerTruck" } else { "PassengerCar" };
+    for (file, component) in [(names[1], None), (names[2], Some(component))] {
+        let text = parameter_set(component, &vehicle_file, &changed);
+        std::fs::write(at(file), text).map_err(|error| format!("{}: {error}", at(file).display()))?;
+    }
+    Ok(vec![
+        (
+            names[0].into(),
+            "the vehicle: rfl drive --vehicle, rfl collect and rfl train --vehicle, vehicle_file of the FMUs"
+                .into(),
+        ),
+        (names[1].into(), format!("the same as parameters (SSP 1.0) for {component}.fmu in any FMI host")),
+        (names[2].into(), "the same for the SSP of vehicle and controller, names with the component".into()),
+    ])
+}
+
+/// Writes report and page.
+fn write<V: LateralVehicle<S>, const S: usize>(
+    args: &DiagnoseArgs,
+    diagnosis: &Diagnosis,
+    log: &CleanLog,
+    nominal: &V,
+    steering: &dyn Fn(f64) -> f64,
+    files: &[(String, String)],
+) -> Result<(), Box<dyn Error>> {
+    let input = PageInput { diagnosis, log, wheelbase: nominal.wheelbase(), steering, files };
+    let json = serde_json::to_string_pretty(&diagnosis.report)? + "\n";
+    for (name, text) in [("report.json", json), ("report.html", page(&input))] {
+        let file = args.out.join(name);
+        std::fs::write(&file, text).map_err(|error| format!("{}: {error}", file.display()))?;
+    }
+    Ok(())
+}

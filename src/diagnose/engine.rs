@@ -1,0 +1,547 @@
+//! From a log and a vehicle to the answer.
+
+use super::calibration::Calibration;
+use super::fit::{Fit, Linear, Prior};
+use super::localise;
+use super::manoeuvre;
+use super::observability::{Excitation, information, observability};
+use super::problem::Problem;
+use super::rank::{NoReplay, Ranking, rank};
+use super::replay::{Drive, ReplayVehicle, Trace, neutral, prepared};
+use super::report::{
+    Adjustment, Candidate, Diagnosis, Finding, Gravity, InputFile, Inputs, NamedEffect, Report, Series,
+    Verdict, VerdictKind,
+};
+use super::select::chosen;
+use super::shrink::{only, shrink};
+use super::words;
+use crate::log::CleanLog;
+use crate::residual::parallel;
+use std::collections::BTreeMap;
+
+/// Shortest drive that is diagnosed, s of compared rows.
+const SHORTEST: f64 = 6.0;
+/// Share of its tolerance that a vehicle may change from log to log without anything being the matter.
+const DRIFT: f64 = 0.2;
+/// Steering that is no steering: deviation in rad.
+const STRAIGHT: f64 = 1e-3;
+
+/// What can be chosen.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// Seed of everything random (recorded; the engine itself draws nothing).
+    pub seed: u64,
+    /// Threads; 0: all there are. The answer does not depend on it.
+    pub threads: usize,
+    /// Whether pairs of effects are looked for.
+    pub pairs: bool,
+    /// Effects that are left out of the library, for negative controls.
+    pub without: Vec<String>,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { seed: 1, threads: 0, pairs: true, without: Vec::new() }
+    }
+}
+
+/// Why there is no answer.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum DiagnoseError {
+    #[error("the log has no {column}; a diagnosis needs time, steer_cmd (or steer), vx and yaw_rate")]
+    Missing { column: &'static str },
+    #[error("column {column} has {rows} rows and the clock {expected}; give a cleaned log")]
+    Length { column: &'static str, rows: usize, expected: usize },
+    #[error("column {column} holds {value} at {time} s: not a finite number; give a cleaned log")]
+    NotFinite { column: &'static str, value: f64, time: f64 },
+    #[error("the sample time is {step} s; it must be more than 0 and at most 0.2 s (5 Hz)")]
+    Clock { step: f64 },
+    #[error("there is no effect '{id}' to leave out")]
+    UnknownEffect { id: String },
+    #[error("the vehicle cannot be replayed: {reason}")]
+    Replay { reason: String },
+    #[error(transparent)]
+    NoReplay(#[from] NoReplay),
+}
+
+fn check(log: &CleanLog) -> Result<(), DiagnoseError> {
+    if !(log.step > 0.0 && log.step <= 0.2) {
+        return Err(DiagnoseError::Clock { step: log.step });
+    }
+    for column in ["steer_cmd", "vx", "yaw_rate"] {
+        if !log.columns.contains_key(column) {
+            return Err(DiagnoseError::Missing { column });
+        }
+    }
+    for (&column, values) in &log.columns {
+        if values.len() != log.time.len() {
+            return Err(DiagnoseError::Length { column, rows: values.len(), expected: log.time.len() });
+        }
+        if let Some(row) = values.iter().position(|value| !value.is_finite()) {
+            return Err(DiagnoseError::NotFinite { column, value: values[row], time: log.time[row] });
+        }
+    }
+    Ok(())
+}
+
+/// Diagnoses a log; with a `reference`, a log of the same vehicle when it was as modelled, what has changed since.
+///
+/// # Errors
+/// A log that is not clean, a vehicle that cannot be replayed.
+pub fn diagnose<V: ReplayVehicle>(
+    log: &CleanLog,
+    reference: Option<&CleanLog>,
+    vehicle: &V,
+    options: &Options,
+    progress: &(dyn Fn(&str, f64) + Sync),
+) -> Result<Diagnosis, DiagnoseError> {
+    check(log)?;
+    for id in &options.without {
+        if !crate::vehicle::TruckEffects::all().any(|effect| effect.id == id) {
+            return Err(DiagnoseError::UnknownEffect { id: id.clone() });
+        }
+    }
+    let threads = parallel::threads(options.threads);
+    let calibration = Calibration::built_in();
+    let mut findings = log.findings.clone();
+    let (log, left_out) = chosen(log);
+    findings.extend(left_out);
+    let drive = Drive::new(&log, V::TRUCK);
+    let prepared_vehicle = prepared(vehicle, drive.commanded);
+    let excitation = Excitation::of(&drive, vehicle);
+    let mut inputs = Inputs {
+        vehicle: vehicle.name().to_owned(),
+        signals: drive.channels.iter().map(|channel| channel.name().to_owned()).collect(),
+        duration: drive.duration(),
+        rate: 1.0 / log.step,
+        ..Inputs::default()
+    };
+    inputs.files.insert(
+        "calibration".to_owned(),
+        InputFile { file: "calibration.toml".to_owned(), hash: Calibration::hash() },
+    );
+    let blank = |reason: &str, findings: Vec<Finding>, inputs: Inputs| Diagnosis {
+        report: Report {
+            verdict: Verdict {
+                kind: VerdictKind::CannotTell,
+                probability: 1.0,
+                effects: Vec::new(),
+                words: reason.to_owned(),
+            },
+            candidates: Vec::new(),
+            shrink: super::Shrink::default(),
+            places: Vec::new(),
+            stage: None,
+            observability: Vec::new(),
+            next_manoeuvre: None,
+            recalibration: Vec::new(),
+            findings,
+            inputs,
+            seed: options.seed,
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+        },
+        series: Series::default(),
+    };
+    if drive.duration() < SHORTEST {
+        let words = format!(
+            "This log cannot tell: only {:.1} s of it are driven faster than 2 m/s without gaps. Give a longer drive \
+             (half a minute or more, turns to both sides, several speeds).",
+            drive.duration()
+        );
+        return Ok(blank(&words, findings, inputs));
+    }
+    progress("full plant", 0.02);
+    let correction = neutral(&drive, &prepared_vehicle).map_err(|reason| DiagnoseError::Replay { reason })?;
+    let mut without = options.without.clone();
+    if !drive.commanded {
+        without.extend(["steer_delay", "steer_lag", "steer_rate_limit", "steer_backlash"].map(str::to_owned));
+    }
+    let problem = Problem::new(&drive, &prepared_vehicle, &correction, &without, threads);
+    let mut prior = Prior::of(&problem);
+    for knob in problem.knobs.iter().filter(|knob| knob.tolerance > 0.0) {
+        inputs.tolerances.insert(knob.parameter(), knob.deviation(knob.tolerance, vehicle));
+    }
+    if let Some(reference) = reference {
+        check(reference)?;
+        let (reference, _) = chosen(reference);
+        posterior(&reference, &problem, &prepared_vehicle, &without, &mut prior)?;
+    }
+    let ranking = rank(&problem, prior, options.pairs, progress)?;
+    let mut decision = decide(&problem, &ranking, &calibration);
+    let suspicion = findings.iter().any(|finding| finding.gravity == Gravity::Suspicion);
+    if excitation.steer < STRAIGHT && decision.kind != VerdictKind::None || suspicion {
+        decision.kind = VerdictKind::CannotTell;
+    }
+
+    progress("held-out parts", 0.92);
+    let winner = decision.fit.clone();
+    let slopes = slopes_at(&problem, &ranking, &winner);
+    let local = Linear::new(slopes.clone(), ranking.linear.weights.clone());
+    let shrink = shrink(&problem, &ranking, &winner, &slopes);
+    let precision = ranking.prior.freed(&problem, &winner.freed);
+    let covariance = local.covariance(&precision);
+    let effects = if decision.kind == VerdictKind::Effect {
+        named(&problem, &ranking, &calibration, &decision, &covariance)?
+    } else {
+        Vec::new()
+    };
+    progress("next manoeuvre", 0.95);
+    let next_manoeuvre = match &decision.rival {
+        Some(rival) if decision.kind == VerdictKind::Effect && reference.is_none() => {
+            manoeuvre::next(&problem, &ranking, &winner, rival, &without)
+        }
+        _ => None,
+    };
+    let recalibration = (0..problem.knobs.len())
+        .filter(|&i| {
+            precision[i].is_finite() && !winner.freed.contains(&i) && problem.knobs[i].tolerance > 0.0
+        })
+        .map(|i| {
+            let it = &problem.knobs[i];
+            let (given, value) = it.adjusted(winner.x[i], vehicle);
+            Adjustment {
+                parameter: it.parameter(),
+                given,
+                value,
+                tolerance: it.deviation(it.tolerance, vehicle),
+                deviation: it.deviation(covariance[(i, i)].max(0.0).sqrt(), vehicle),
+                unit: it.symbol::<V>(),
+            }
+        })
+        .collect();
+    let series = series(&problem, &drive, &winner)?;
+    let mut effects = effects;
+    for effect in &mut effects {
+        if let Some(next) = next_manoeuvre.as_ref().filter(|_| effect.class.len() > 1) {
+            effect.separated_by = format!("{}: {}", next.name, next.how);
+        }
+    }
+    findings.sort_by(|a, b| b.gravity.cmp(&a.gravity));
+    let words = words::verdict(decision.kind, &effects, &shrink, decision.probability, &findings);
+    let report = Report {
+        verdict: Verdict { kind: decision.kind, probability: decision.probability, words, effects },
+        candidates: candidates(&problem, &ranking, &decision, &calibration),
+        places: localise::places(&problem, &ranking),
+        stage: (decision.kind == VerdictKind::Effect)
+            .then(|| winner.freed.first().and_then(|&i| problem.knobs[i].effect).map(|effect| effect.stage))
+            .flatten(),
+        observability: observability(&problem, &ranking, &calibration),
+        next_manoeuvre,
+        recalibration,
+        findings,
+        inputs,
+        shrink,
+        seed: options.seed,
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+    };
+    progress("done", 1.0);
+    Ok(Diagnosis { report, series })
+}
+
+/// What a log of the same vehicle says of its tolerances.
+fn posterior<V: ReplayVehicle>(
+    log: &CleanLog,
+    problem: &Problem<V>,
+    vehicle: &V,
+    without: &[String],
+    prior: &mut Prior,
+) -> Result<(), DiagnoseError> {
+    let drive = Drive::new(log, V::TRUCK);
+    if drive.duration() < SHORTEST || drive.commanded != problem.drive.commanded {
+        return Ok(());
+    }
+    let correction = neutral(&drive, vehicle).map_err(|reason| DiagnoseError::Replay { reason })?;
+    let own = Problem::new(&drive, vehicle, &correction, without, problem.threads());
+    // Twice as wide: what is the matter with the vehicle as it was belongs to it.
+    let mut wide = Prior::of(&own);
+    wide.precision.iter_mut().for_each(|p| *p /= 4.0);
+    let ranking = rank(&own, wide, false, &|_, _| {})?;
+    let local = slopes_at(&own, &ranking, &ranking.none);
+    let covariance = Linear::new(local, ranking.linear.weights.clone()).covariance(&ranking.prior.precision);
+    for (i, knob) in problem.knobs.iter().enumerate() {
+        let Some(there) = own.find(knob.id) else { continue };
+        if prior.precision[i].is_finite() {
+            let variance = covariance[(there, there)].max(0.0) + (DRIFT * knob.tolerance).powi(2);
+            prior.mean[i] = ranking.none.x[there];
+            prior.precision[i] = 1.0 / variance.max(1e-8);
+        }
+    }
+    Ok(())
+}
+
+/// Slopes of all knobs at a fitted point, taken anew.
+fn slopes_at<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, at: &Fit) -> Vec<Vec<f64>> {
+    if at.freed.is_empty() { ranking.linear.slopes.clone() } else { problem.slopes(&at.x, &at.gap) }
+}
+
+/// What is the matter.
+pub(super) struct Decision {
+    pub kind: VerdictKind,
+    pub probability: f64,
+    /// The winner; with nothing freed where nothing is named.
+    pub fit: Fit,
+    /// The next candidate, for the next manoeuvre.
+    pub rival: Option<Fit>,
+    /// Candidates of one class with each effect of the winner.
+    pub classes: Vec<Vec<usize>>,
+    /// What is left over noise and the model's form.
+    pub excess: f64,
+}
+
+/// Numbers that thresholds are laid on.
+#[derive(Debug, Clone, Copy)]
+pub struct Scores {
+    /// Evidence of the best single effect.
+    pub single: f64,
+    /// What the best pair adds to it.
+    pub pair: f64,
+    /// What the best of all leaves, over noise and model form.
+    pub excess: f64,
+    /// Share of the gap that the best single effect removes beyond the background.
+    pub share: f64,
+}
+
+fn scores<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking) -> Scores {
+    let best = ranking.singles.first();
+    let single = best.map_or(0.0, |best| ranking.none.cost - best.cost);
+    let pair = match (best, ranking.pairs.first()) {
+        (Some(best), Some(pair)) => best.cost - pair.cost,
+        _ => 0.0,
+    };
+    let gap = ranking.pairs.first().filter(|_| pair > 0.0).or(best).map_or(&ranking.none.gap, |fit| &fit.gap);
+    let share = best.map_or(0.0, |best| 1.0 - best.cost / ranking.linear.square(&ranking.neutral).max(1e-12));
+    Scores { single, pair, excess: ranking.noise.excess(problem, gap), share }
+}
+
+fn decide<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, calibration: &Calibration) -> Decision {
+    let scores = scores(problem, ranking);
+    let none = ranking.none.clone();
+    let unnamed = |kind, probability| Decision {
+        kind,
+        probability,
+        fit: none.clone(),
+        rival: None,
+        classes: Vec::new(),
+        excess: scores.excess,
+    };
+    let named = scores.single > calibration.none;
+    if scores.excess > calibration.outside {
+        let margin = 10.0 * (scores.excess / calibration.outside - 1.0);
+        return unnamed(VerdictKind::NotInLibrary, calibration.of_unknown(margin));
+    }
+    let Some(best) = ranking.singles.first().filter(|_| named) else {
+        let margin = calibration.none - scores.single;
+        return unnamed(VerdictKind::None, calibration.of_nothing(margin));
+    };
+    if let Some(pair) = ranking.pairs.first().filter(|_| scores.pair > calibration.pair) {
+        // Alternatives to each of the two beside the other.
+        let class_of = |of: usize| -> Vec<usize> {
+            let (own, other) = (pair.freed[of], pair.freed[1 - of]);
+            let mut class = vec![own];
+            for rival in &ranking.pairs {
+                if rival.cost - pair.cost < calibration.class && rival.freed.contains(&other) {
+                    class.extend(rival.freed.iter().copied().filter(|i| *i != other && *i != own));
+                }
+            }
+            class.sort_unstable();
+            class.dedup();
+            class
+        };
+        let classes = vec![class_of(0), class_of(1)];
+        let inside = |fit: &Fit| fit.freed.iter().all(|i| classes.iter().flatten().any(|j| j == i));
+        let outside =
+            ranking.pairs.iter().find(|rival| !inside(rival)).map_or(f64::INFINITY, |rival| rival.cost);
+        let margin = (outside - pair.cost).min(scores.pair);
+        let rival = ranking.pairs.get(1).cloned();
+        return Decision {
+            kind: VerdictKind::Effect,
+            probability: calibration.of_effect(margin),
+            fit: pair.clone(),
+            rival,
+            classes,
+            excess: scores.excess,
+        };
+    }
+    let class: Vec<usize> = ranking
+        .singles
+        .iter()
+        .filter(|rival| rival.cost - best.cost < calibration.class)
+        .map(|rival| rival.freed[0])
+        .collect();
+    let outside = ranking.singles.iter().find(|rival| !class.contains(&rival.freed[0]));
+    let margin = outside.map_or(scores.single, |rival| rival.cost - best.cost).min(scores.single);
+    Decision {
+        kind: VerdictKind::Effect,
+        probability: calibration.of_effect(margin),
+        fit: best.clone(),
+        rival: ranking.singles.get(1).cloned(),
+        classes: vec![class],
+        excess: scores.excess,
+    }
+}
+
+/// The scores of a log, for calibration.
+///
+/// # Errors
+/// As [`diagnose`].
+pub fn calibration_scores<V: ReplayVehicle>(
+    log: &CleanLog,
+    vehicle: &V,
+    options: &Options,
+) -> Result<Scores, DiagnoseError> {
+    check(log)?;
+    let drive = Drive::new(log, V::TRUCK);
+    let vehicle = prepared(vehicle, drive.commanded);
+    let correction = neutral(&drive, &vehicle).map_err(|reason| DiagnoseError::Replay { reason })?;
+    let problem =
+        Problem::new(&drive, &vehicle, &correction, &options.without, parallel::threads(options.threads));
+    let prior = Prior::of(&problem);
+    let ranking = rank(&problem, prior, options.pairs, &|_, _| {})?;
+    Ok(scores(&problem, &ranking))
+}
+
+fn named<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    ranking: &Ranking,
+    _: &Calibration,
+    decision: &Decision,
+    covariance: &nalgebra::DMatrix<f64>,
+) -> Result<Vec<NamedEffect>, DiagnoseError> {
+    let winner = &decision.fit;
+    let mut effects = Vec::new();
+    for (place, &i) in winner.freed.iter().enumerate() {
+        let it = &problem.knobs[i];
+        let Some(effect) = it.effect else { continue };
+        let deviation = covariance[(i, i)].max(0.0).sqrt();
+        let (a, b) = (it.value(winner.x[i] - 1.96 * deviation), it.value(winner.x[i] + 1.96 * deviation));
+        let (low, high) = (a.min(b).max(effect.range.0), a.max(b).min(effect.range.1));
+        let class = decision.classes.get(place).cloned().unwrap_or_default();
+        // What the effect does to the motion, against what the background does.
+        let mut without = winner.x.clone();
+        without[i] = ranking.prior.mean[i];
+        let gap = problem.residual(&without).ok_or(NoReplay)?;
+        let weights = &ranking.linear.weights;
+        let distance = |a: &[f64], b: &[f64]| {
+            a.iter().zip(b).zip(weights).map(|((a, b), w)| w * (a - b).powi(2)).sum::<f64>().sqrt()
+        };
+        let (own, background) = (distance(&gap, &winner.gap), distance(&gap, &ranking.neutral));
+        effects.push(NamedEffect {
+            id: it.id.to_owned(),
+            value: it.value(winner.x[i]).clamp(effect.range.0, effect.range.1),
+            low,
+            high,
+            unit: effect.unit.symbol.to_owned(),
+            class: class.iter().map(|&i| problem.knobs[i].id.to_owned()).collect(),
+            separated_by: String::new(),
+            stage: effect.stage,
+            dominance: own / background.max(0.05 * own).max(1e-9),
+        });
+    }
+    Ok(effects)
+}
+
+fn candidates<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    ranking: &Ranking,
+    decision: &Decision,
+    calibration: &Calibration,
+) -> Vec<Candidate> {
+    let best = decision.fit.cost;
+    let mut all: Vec<Candidate> = ranking
+        .singles
+        .iter()
+        .chain(&ranking.pairs)
+        .map(|fit| {
+            let evidence = ranking.none.cost - fit.cost;
+            let behind = fit.cost - best;
+            let pinned = fit.freed.iter().any(|&i| information(ranking, i) * 16.0 < calibration.none);
+            Candidate {
+                effects: fit.freed.iter().map(|&i| problem.knobs[i].id.to_owned()).collect(),
+                values: fit.freed.iter().map(|&i| problem.knobs[i].value(fit.x[i])).collect(),
+                evidence,
+                why: words::why(
+                    evidence,
+                    behind,
+                    pinned,
+                    fit.freed == decision.fit.freed,
+                    decision.kind,
+                    calibration,
+                ),
+            }
+        })
+        .collect();
+    // The winner stands first, even before a pair that explains a little more.
+    let name: Vec<String> = decision.fit.freed.iter().map(|&i| problem.knobs[i].id.to_owned()).collect();
+    all.sort_by(|a, b| {
+        (a.effects != name)
+            .cmp(&(b.effects != name))
+            .then(b.evidence.total_cmp(&a.evidence))
+            .then(a.effects.cmp(&b.effects))
+    });
+    all
+}
+
+/// What plots are drawn from.
+fn series<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    drive: &Drive,
+    winner: &Fit,
+) -> Result<Series, DiagnoseError> {
+    let run = |x: &[f64]| problem.trace(x).map_err(|reason| DiagnoseError::Replay { reason });
+    let columns = |trace: &Trace| -> BTreeMap<String, Vec<f64>> {
+        drive
+            .channels
+            .iter()
+            .map(|&channel| {
+                let column = trace.column(channel);
+                let log = drive.column(channel.name());
+                // What leaks is the difference to the log.
+                let whole = channel.leaks() && log.len() == column.len();
+                let shown = if whole {
+                    column.iter().zip(log).map(|(d, l)| d + l).collect()
+                } else {
+                    column.to_vec()
+                };
+                (channel.name().to_owned(), shown)
+            })
+            .collect()
+    };
+    let neutral = run(&vec![0.0; problem.knobs.len()])?;
+    let alone = run(&only(problem, &winner.freed, &winner.x))?;
+    let corrected = run(&winner.x)?;
+    let mut log: BTreeMap<String, Vec<f64>> =
+        drive.columns.iter().map(|(&name, column)| (name.to_owned(), column.clone())).collect();
+    for channel in
+        drive.channels.iter().filter(|channel| !log.contains_key(channel.name())).copied().collect::<Vec<_>>()
+    {
+        log.insert(channel.name().to_owned(), vec![0.0; drive.time.len()]);
+    }
+    Ok(Series {
+        time: drive.time.clone(),
+        log,
+        simulated: columns(&neutral),
+        with_effect: columns(&alone),
+        corrected: columns(&corrected),
+    })
+}
+
+/// The vehicle with the named effect and all else within tolerance, and its effects: the calibrated simulator.
+#[must_use]
+pub fn calibrated<V: ReplayVehicle>(report: &Report, vehicle: &V) -> (V, crate::vehicle::TruckEffects) {
+    let (mut vehicle, mut effects) = (vehicle.clone(), crate::vehicle::TruckEffects::default());
+    let named = report.verdict.effects.iter().map(|effect| (format!("effect.{}", effect.id), effect.value));
+    let adjusted = report.recalibration.iter().map(|a| (a.parameter.clone(), a.value));
+    for (name, value) in adjusted.chain(named) {
+        if let Some(id) = name.strip_prefix("effect.") {
+            if let (Some(place), Some(effect)) =
+                (effects.get_mut(id), crate::vehicle::TruckEffects::all().find(|effect| effect.id == id))
+            {
+                *place = value.clamp(effect.range.0, effect.range.1);
+            }
+        } else if let Some(parameter) = V::TABLE.iter().find(|parameter| parameter.name == name) {
+            parameter.set(&mut vehicle, value.clamp(parameter.range.0, parameter.range.1));
+        }
+    }
+    (vehicle, effects)
+}

@@ -1,0 +1,69 @@
+//! A verdict in one line.
+
+use super::report::{NamedEffect, Verdict, VerdictKind};
+
+impl VerdictKind {
+    /// As `report.json` writes it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Effect => "effect",
+            Self::None => "none",
+            Self::NotInLibrary => "not_in_library",
+            Self::CannotTell => "cannot_tell",
+        }
+    }
+}
+
+impl Verdict {
+    /// The verdict in one line, e.g. `effect: steer_delay = 0.12 s (0.11 to 0.13), probability 0.93`.
+    #[must_use]
+    pub fn headline(&self) -> String {
+        let what = match self.kind {
+            VerdictKind::Effect => self.effects.iter().map(value).collect::<Vec<_>>().join(" and "),
+            VerdictKind::None => "nothing worth naming separates the log from the simulator".into(),
+            VerdictKind::NotInLibrary => "something separates them that is no effect of the library".into(),
+            VerdictKind::CannotTell => "this log does not tell".into(),
+        };
+        format!("{}: {what}, probability {:.2}", self.kind.name(), self.probability)
+    }
+}
+
+/// An effect with its value and interval.
+fn value(effect: &NamedEffect) -> String {
+    let NamedEffect { id, value, low, high, unit, .. } = effect;
+    let width = (high - low).abs().max(1e-3 * value.abs());
+    // As many decimals as the interval is worth.
+    let decimals = if width > 0.0 && width.is_finite() {
+        (1.0 - width.log10().floor()).clamp(0.0, 9.0) as usize
+    } else {
+        3
+    };
+    let unit = if unit == "1" { String::new() } else { format!(" {unit}") };
+    format!("{id} = {value:.decimals$}{unit} ({low:.decimals$} to {high:.decimals$})")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vehicle::Stage;
+
+    #[test]
+    fn values_have_as_many_digits_as_they_are_sure() {
+        let effect = |value, low, high, unit: &str| NamedEffect {
+            id: "an_effect".into(),
+            value,
+            low,
+            high,
+            unit: unit.into(),
+            class: vec!["an_effect".into()],
+            separated_by: String::new(),
+            stage: Stage::Command,
+            dominance: 1.0,
+        };
+        assert_eq!(super::value(&effect(0.1203, 0.111, 0.129, "s")), "an_effect = 0.120 s (0.111 to 0.129)");
+        assert_eq!(super::value(&effect(312.4, 250.0, 370.0, "kg")), "an_effect = 312 kg (250 to 370)");
+        assert_eq!(super::value(&effect(0.6, 0.54, 0.66, "1")), "an_effect = 0.60 (0.54 to 0.66)");
+        assert!(super::value(&effect(0.0, 0.0, 0.0, "s")).contains("0.000"));
+    }
+}

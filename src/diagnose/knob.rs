@@ -1,0 +1,300 @@
+//! What a simulator can be wrong in: every effect, and numbers of the vehicle that are known within a tolerance only.
+//!
+//! A knob's coordinate is 0 where it is neutral and 1 at its `unit`; its tolerance is the standard deviation that ordinary
+//! simulators have. Tolerances are those of careful measurement: a weighed car (3 % with fuel and people), axle
+//! stiffnesses from a test rig (4 %), a clock (10 ms), a level road (0.25 deg).
+
+use super::replay::{Channel, Drive, ReplayVehicle, Trace};
+use crate::vehicle::{Effect, TruckEffects};
+
+/// What a knob turns.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Turns {
+    /// An effect by its id: neutral + unit * x.
+    Effect,
+    /// The rate limit: unit / x.
+    RateLimit,
+    /// The relaxation length: unit * (1 + x), or the file's at x = 0.
+    Relaxation,
+    /// A number of the vehicle by its name: times 1 + unit * x.
+    Factor,
+    /// The same: plus unit * x.
+    Shift,
+    /// A sensor's scale: times 1 + unit * x.
+    Scale(Channel),
+    /// A sensor's bias: plus unit * x.
+    Bias(Channel),
+}
+
+/// One knob.
+#[derive(Debug, Clone)]
+pub struct Knob {
+    /// The effect's id, the parameter's name, or `sensor.<what>`.
+    pub id: &'static str,
+    turns: Turns,
+    /// Value of one unit of the coordinate, in the knob's own unit.
+    pub unit: f64,
+    /// Standard deviation of the background, in units of the coordinate; 0: no background has it.
+    pub tolerance: f64,
+    /// Least coordinate.
+    pub least: f64,
+    /// Greatest coordinate.
+    pub greatest: f64,
+    /// Coordinates from which a fit starts.
+    pub starts: &'static [f64],
+    /// The declaration, if it is an effect that may be named.
+    pub effect: Option<&'static Effect>,
+}
+
+/// Effects: id, unit of the coordinate, tolerance (both in the effect's unit), least coordinate, starts.
+const EFFECTS: &[(&str, f64, f64, f64, &[f64])] = &[
+    ("steer_delay", 0.02, 0.010, -10.0, &[1.0, 4.0, 9.0]),
+    ("steer_lag", 0.03, 0.010, -10.0, &[1.0, 4.0, 9.0]),
+    ("steer_rate_limit", 0.0, 0.0, 0.0, &[1.2, 2.0, 4.0]),
+    ("steer_backlash", 0.005, 0.0, 0.0, &[0.5, 2.0, 6.0]),
+    ("steer_offset", 0.005, 0.0017, -40.0, &[0.0]),
+    ("steer_gain", 0.05, 0.010, -10.0, &[0.0]),
+    ("tyre_stiffness_front", 0.1, 0.040, -8.0, &[0.0]),
+    ("tyre_stiffness_rear", 0.1, 0.040, -8.0, &[0.0]),
+    ("road_friction", 0.1, 0.040, -8.5, &[0.0, -3.0, -5.5]),
+    ("tyre_relaxation", 0.0, 0.25, -0.85, &[0.0, 1.0]),
+    ("payload", 0.0, 0.0, 0.0, &[1.0, 4.0]),
+    ("payload_x", 0.5, 0.0, -20.0, &[0.0]),
+    ("cg_shift", 0.05, 0.020, -10.0, &[0.0]),
+    ("yaw_inertia", 0.1, 0.050, -7.0, &[0.0]),
+    ("roll_stiffness", 0.1, 0.070, -7.0, &[0.0]),
+    ("road_bank", 0.01, 0.0044, -30.0, &[0.0]),
+    ("road_grade", 0.01, 0.0044, -30.0, &[0.0]),
+    ("wind_x", 3.0, 0.7, -15.0, &[0.0, 2.5, -2.5]),
+    ("wind_y", 3.0, 0.7, -15.0, &[0.0, 2.5, -2.5]),
+    ("drag", 0.2, 0.10, -5.0, &[0.0]),
+    ("drive_lag", 0.05, 0.030, -10.0, &[1.0, 4.0]),
+    ("drive_gain", 0.05, 0.020, -15.0, &[0.0]),
+    ("brake_pull", 0.0, 0.1, -30.0, &[0.0]),
+    ("yaw_rate_bias", 0.005, 0.0012, -40.0, &[0.0]),
+    ("lateral_accel_bias", 0.1, 0.030, -30.0, &[0.0]),
+    ("sensor_delay", 0.02, 0.005, -10.0, &[1.0, 4.0]),
+    ("speed_scale", 0.02, 0.005, -20.0, &[0.0]),
+    ("imu_lever_arm", 0.2, 0.050, -20.0, &[0.0]),
+    ("heading_misalignment", 0.01, 0.003, -40.0, &[0.0]),
+    ("trailer_payload", 0.0, 0.0, 0.0, &[1.0, 4.0]),
+    ("trailer_stiffness", 0.1, 0.040, -8.0, &[0.0]),
+    ("hitch_offset", 0.05, 0.020, -15.0, &[0.0]),
+    ("articulation_friction", 2000.0, 300.0, 0.0, &[1.0, 4.0]),
+    ("articulation_bias", 0.005, 0.002, -40.0, &[0.0]),
+];
+
+/// Numbers of the vehicle: name in cars, in trucks; tolerance as a factor, or as a shift.
+const PARAMETERS: &[(&str, &str, f64, bool)] = &[
+    ("vehicle.mass", "tractor.mass", 0.03, true),
+    ("", "trailer.mass", 0.03, true),
+    ("", "trailer.yaw_inertia", 0.05, true),
+    ("vehicle.cg_height", "tractor.cg_height", 0.05, true),
+    ("tyre.rear.friction_scale", "tyre.rear.friction_scale", 0.03, true),
+    ("axle.front.roll_steer", "axle.front.roll_steer", 0.015, false),
+    ("axle.rear.roll_steer", "axle.rear.roll_steer", 0.015, false),
+    ("axle.front.spring_rate", "axle.front.spring_rate", 0.10, true),
+];
+
+/// Sensors: name, channel, tolerance, whether it is a scale.
+const SENSORS: &[(&str, Channel, f64, bool)] = &[
+    ("sensor.yaw_rate_scale", Channel::YawRate, 0.004, true),
+    ("sensor.ay_scale", Channel::Ay, 0.008, true),
+    ("sensor.ax_bias", Channel::Ax, 0.05, false),
+    ("sensor.roll_bias", Channel::Roll, 0.003, false),
+];
+
+/// Standard deviation of the payload's place when a payload is fitted, in units of its coordinate (0.5 m).
+pub const PAYLOAD_PLACE: f64 = 1.6;
+/// Share of the vehicle's mass that is one unit of payload.
+const PAYLOAD_UNIT: f64 = 0.05;
+
+/// All knobs of a vehicle on a drive; `without`: effects that are left out.
+#[must_use]
+pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -> Vec<Knob> {
+    let (mass, _) = vehicle.mass_and_drag();
+    let mut knobs = Vec::new();
+    for &(id, unit, tolerance, least, starts) in EFFECTS {
+        let Some(effect) = TruckEffects::all().find(|effect| effect.id == id) else { continue };
+        let of_trailer = crate::vehicle::Effects::find(id).is_none();
+        if of_trailer && !V::TRUCK || without.iter().any(|left_out| left_out == id) {
+            continue;
+        }
+        let (turns, unit, tolerance) = match id {
+            "steer_rate_limit" => (Turns::RateLimit, quickest(drive), 0.0),
+            "tyre_relaxation" => (Turns::Relaxation, vehicle.relaxation(), tolerance),
+            "payload" | "trailer_payload" => (Turns::Effect, PAYLOAD_UNIT * mass, 0.0),
+            // As much as one wheel's rolling resistance; a dragging brake gives many times of it.
+            "brake_pull" => (Turns::Effect, 0.03 * mass, tolerance),
+            _ => (Turns::Effect, unit, tolerance / unit),
+        };
+        let high = (effect.range.1 - effect.neutral) / unit;
+        let greatest = if matches!(turns, Turns::Effect) { high.min(60.0) } else { 60.0 };
+        let least = if matches!(turns, Turns::Effect)
+            && !matches!(id, "steer_delay" | "sensor_delay" | "steer_lag" | "drive_lag")
+        {
+            least.max((effect.range.0 - effect.neutral) / unit)
+        } else {
+            least
+        };
+        knobs.push(Knob { id, turns, unit, tolerance, least, greatest, starts, effect: Some(effect) });
+    }
+    let further = |id, turns, unit| Knob {
+        id,
+        turns,
+        unit,
+        tolerance: 1.0,
+        least: -10.0,
+        greatest: 10.0,
+        starts: &[],
+        effect: None,
+    };
+    for &(car, truck, tolerance, factor) in PARAMETERS {
+        let id = if V::TRUCK { truck } else { car };
+        if !id.is_empty() {
+            knobs.push(further(id, if factor { Turns::Factor } else { Turns::Shift }, tolerance));
+        }
+    }
+    for &(id, channel, tolerance, scale) in SENSORS {
+        if drive.channels.contains(&channel) {
+            knobs.push(further(
+                id,
+                if scale { Turns::Scale(channel) } else { Turns::Bias(channel) },
+                tolerance,
+            ));
+        }
+    }
+    knobs
+}
+
+/// Rate of the command that is hardly exceeded, rad/s.
+fn quickest(drive: &Drive) -> f64 {
+    let over = (0.05 / drive.step).ceil().max(1.0) as usize;
+    let mut rates: Vec<f64> = Vec::new();
+    for &(from, to) in &drive.stretches {
+        rates.extend(
+            (from..to.saturating_sub(over))
+                .map(|i| (drive.steer[i + over] - drive.steer[i]).abs() / (over as f64 * drive.step)),
+        );
+    }
+    rates.sort_unstable_by(f64::total_cmp);
+    rates.get(rates.len() * 99 / 100).copied().unwrap_or(1.0).max(0.01)
+}
+
+impl Knob {
+    /// Whether it may be named.
+    #[must_use]
+    pub fn is_candidate(&self) -> bool {
+        self.effect.is_some() && self.id != "payload_x"
+    }
+
+    /// Its value at a coordinate, in its own unit; factors and shifts of the vehicle as such.
+    #[must_use]
+    pub fn value(&self, x: f64) -> f64 {
+        match self.turns {
+            Turns::Effect => self.effect.map_or(0.0, |effect| effect.neutral) + self.unit * x,
+            Turns::RateLimit if x <= 0.0 => crate::vehicle::NO_RATE_LIMIT,
+            Turns::RateLimit => self.unit / x,
+            Turns::Relaxation if x == 0.0 => 0.0,
+            Turns::Relaxation => self.unit * (1.0 + x),
+            Turns::Factor | Turns::Scale(_) => 1.0 + self.unit * x,
+            Turns::Shift | Turns::Bias(_) => self.unit * x,
+        }
+    }
+
+    /// Standard deviation in its own unit for one of the coordinate.
+    #[must_use]
+    pub fn spread(&self, x: f64, deviation: f64) -> f64 {
+        match self.turns {
+            Turns::RateLimit => self.unit / x.max(0.1).powi(2) * deviation,
+            _ => self.unit * deviation,
+        }
+    }
+
+    /// Puts a value on the vehicle or its effects.
+    fn put<V: ReplayVehicle>(&self, x: f64, vehicle: &mut V, effects: &mut TruckEffects) {
+        if x == 0.0 {
+            return;
+        }
+        match self.turns {
+            Turns::Effect | Turns::RateLimit | Turns::Relaxation => {
+                if let Some(place) = effects.get_mut(self.id) {
+                    *place = self.value(x);
+                }
+            }
+            Turns::Factor | Turns::Shift => {
+                if let Some(parameter) = V::TABLE.iter().find(|parameter| parameter.name == self.id) {
+                    let before = parameter.get(vehicle);
+                    let factor = matches!(self.turns, Turns::Factor);
+                    parameter
+                        .set(vehicle, if factor { before * self.value(x) } else { before + self.value(x) });
+                }
+            }
+            Turns::Scale(_) | Turns::Bias(_) => {}
+        }
+    }
+
+    /// What a sensor's knob does to a replay.
+    fn sense(&self, x: f64, trace: &mut Trace) {
+        let (channel, factor, shift) = match self.turns {
+            Turns::Scale(channel) => (channel, self.value(x), 0.0),
+            Turns::Bias(channel) => (channel, 1.0, self.value(x)),
+            _ => return,
+        };
+        trace.columns[channel as usize].iter_mut().for_each(|value| *value = factor * *value + shift);
+    }
+
+    /// The parameter's name in a vehicle file or of a plant, for a recalibration: with what it is given as.
+    #[must_use]
+    pub fn parameter(&self) -> String {
+        if self.effect.is_some() { format!("effect.{}", self.id) } else { self.id.to_owned() }
+    }
+
+    /// Values of the knob before and at a coordinate, as the vehicle file or the plant has them.
+    #[must_use]
+    pub fn adjusted<V: ReplayVehicle>(&self, x: f64, vehicle: &V) -> (f64, f64) {
+        match V::TABLE.iter().find(|parameter| parameter.name == self.id) {
+            Some(parameter) => {
+                let given = parameter.get(vehicle);
+                let factor = matches!(self.turns, Turns::Factor);
+                (given, if factor { given * self.value(x) } else { given + self.value(x) })
+            }
+            None => (self.value(0.0), self.value(x)),
+        }
+    }
+
+    /// Symbol of its unit.
+    #[must_use]
+    pub fn symbol<V: ReplayVehicle>(&self) -> String {
+        let parameter = V::TABLE.iter().find(|parameter| parameter.name == self.id).map(|p| p.unit.symbol);
+        self.effect.map(|effect| effect.unit.symbol).or(parameter).unwrap_or("1").to_owned()
+    }
+
+    /// A standard deviation as the vehicle file or the plant has it.
+    #[must_use]
+    pub fn deviation<V: ReplayVehicle>(&self, deviation: f64, vehicle: &V) -> f64 {
+        let (given, _) = self.adjusted(0.0, vehicle);
+        let of_factor = matches!(self.turns, Turns::Factor) && self.effect.is_none();
+        let factor = if of_factor { given.abs().max(1e-12) } else { 1.0 };
+        self.spread(1.0, deviation) * factor
+    }
+}
+
+/// The vehicle and its effects at coordinates.
+#[must_use]
+pub fn at<V: ReplayVehicle>(knobs: &[Knob], x: &[f64], vehicle: &V) -> (V, TruckEffects) {
+    let (mut vehicle, mut effects) = (vehicle.clone(), TruckEffects::default());
+    for (knob, &x) in knobs.iter().zip(x) {
+        knob.put(x, &mut vehicle, &mut effects);
+    }
+    (vehicle, effects)
+}
+
+/// What the sensors' knobs do to a replay.
+pub fn sense(knobs: &[Knob], x: &[f64], trace: &mut Trace) {
+    for (knob, &x) in knobs.iter().zip(x) {
+        if x != 0.0 {
+            knob.sense(x, trace);
+        }
+    }
+}

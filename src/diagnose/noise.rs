@@ -1,0 +1,108 @@
+//! What noise is in a log, and what the model's form leaves: what a gap is measured against.
+//!
+//! White noise is what second differences of the gap say, `sigma = median |r- - 2 r + r+| / (0.6745 sqrt 6)`, brought
+//! through the low pass. A gap that the best candidate still leaves is neither noise nor told by any candidate: it is added,
+//! and its correlation over time makes many samples worth few.
+
+use super::problem::{Problem, rms};
+use super::replay::{ReplayVehicle, Trace};
+
+/// Errors of the model's form that every simulator has, as a share of the signal.
+const FORM: f64 = 0.004;
+/// Longest correlation that is looked at, samples, and the greatest loss by it.
+const CORRELATED: usize = 20;
+const GREATEST_LOSS: f64 = 6.0;
+
+/// Noise of each channel, in its own unit, after the low pass.
+#[derive(Debug, Clone)]
+pub struct Noise {
+    /// Standard deviation by noise alone.
+    pub white: Vec<f64>,
+    /// With the model's form.
+    pub floor: Vec<f64>,
+    /// What gaps are weighed with.
+    pub effective: Vec<f64>,
+}
+
+impl Noise {
+    /// From the neutral replay.
+    #[must_use]
+    pub fn of<V: ReplayVehicle>(problem: &Problem<V>, trace: &Trace) -> Self {
+        let drive = problem.drive;
+        let mut white = Vec::new();
+        let mut floor = Vec::new();
+        for (channel, _) in &problem.blocks {
+            let simulated = trace.column(*channel);
+            let logged = drive.column(channel.name());
+            let gap = |i: usize| if channel.leaks() { -simulated[i] } else { logged[i] - simulated[i] };
+            let mut bends: Vec<f64> = (1..simulated.len().saturating_sub(1))
+                .filter(|&i| drive.scored[i - 1] && drive.scored[i] && drive.scored[i + 1])
+                .map(|i| (gap(i - 1) - 2.0 * gap(i) + gap(i + 1)).abs())
+                .collect();
+            bends.sort_unstable_by(f64::total_cmp);
+            let median = bends.get(bends.len() / 2).copied().unwrap_or(0.0);
+            let sample = (median / (0.6745 * 6.0_f64.sqrt())).max(channel.least_noise());
+            let size = if channel.leaks() { 0.0 } else { rms_of(logged, &drive.scored) };
+            white.push(sample * problem.filter.gain());
+            floor.push((sample * problem.filter.gain()).hypot(FORM * size));
+        }
+        Self { effective: floor.clone(), white, floor }
+    }
+
+    /// With what a fit left.
+    #[must_use]
+    pub fn with_left<V>(&self, problem: &Problem<V>, left: &[f64]) -> Self {
+        let mut noise = self.clone();
+        for (i, (_, block)) in problem.blocks.iter().enumerate() {
+            let part = &left[block.clone()];
+            let loss = correlation(part).clamp(1.0, GREATEST_LOSS);
+            noise.effective[i] = self.floor[i].max(rms(part)) * loss.sqrt();
+        }
+        noise
+    }
+
+    /// Weights of all residuals.
+    #[must_use]
+    pub fn weights<V>(&self, problem: &Problem<V>) -> Vec<f64> {
+        let mut weights = Vec::new();
+        for ((_, block), &deviation) in problem.blocks.iter().zip(&self.effective) {
+            weights.resize(weights.len() + block.len(), deviation.powi(-2));
+        }
+        weights
+    }
+
+    /// How much more a gap is than noise and the model's form: 1 where it is no more.
+    #[must_use]
+    pub fn excess<V>(&self, problem: &Problem<V>, gap: &[f64]) -> f64 {
+        let squares: Vec<f64> = problem
+            .blocks
+            .iter()
+            .zip(&self.floor)
+            .map(|((_, block), floor)| (rms(&gap[block.clone()]) / floor).powi(2))
+            .collect();
+        (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
+    }
+}
+
+fn rms_of(column: &[f64], counts: &[bool]) -> f64 {
+    let kept: Vec<f64> =
+        column.iter().zip(counts).filter(|(_, counts)| **counts).map(|(value, _)| *value).collect();
+    rms(&kept)
+}
+
+/// `1 + 2 sum rho_k`: how many samples are worth one.
+fn correlation(values: &[f64]) -> f64 {
+    let power: f64 = values.iter().map(|value| value * value).sum();
+    if power <= 0.0 || values.len() < 2 * CORRELATED {
+        return 1.0;
+    }
+    let mut sum = 1.0;
+    for k in 1..=CORRELATED {
+        let product: f64 = values.iter().zip(&values[k..]).map(|(a, b)| a * b).sum();
+        if product <= 0.0 {
+            break;
+        }
+        sum += 2.0 * product / power;
+    }
+    sum
+}

@@ -1,0 +1,202 @@
+//! What a log can show and what it cannot.
+//!
+//! The least visible value of an effect is where its evidence reaches the threshold: `x^2 s' (W^-1 + U U')^-1 s = T`, its
+//! slope `s` less all that the background imitates.
+
+use super::calibration::Calibration;
+use super::fit::Linear;
+use super::problem::Problem;
+use super::rank::Ranking;
+use super::replay::{Drive, ReplayVehicle};
+use super::report::Observability;
+use crate::vehicle::{GRAVITY, Stage, TruckEffects};
+
+/// Coordinate beyond which an effect is no longer ordinary: what is seen only then counts as not observable.
+const ORDINARY: f64 = 10.0;
+
+/// How far a log reaches into what makes effects visible.
+#[derive(Debug, Clone, Copy)]
+pub struct Excitation {
+    /// Greatest share of the tyres' grip.
+    pub grip: f64,
+    /// Slowest and fastest speed, m/s (5 % and 95 %).
+    pub speed: (f64, f64),
+    /// Greatest braking, m/s2.
+    pub braking: f64,
+    /// Deviation of the steering, rad, and quickest rate, rad/s.
+    pub steer: f64,
+    #[allow(missing_docs)]
+    pub steer_rate: f64,
+    /// Whether headings of more than half a turn are driven.
+    pub turns_about: bool,
+}
+
+fn percentile(values: &mut [f64], share: f64) -> f64 {
+    values.sort_unstable_by(f64::total_cmp);
+    values.get(((values.len().max(1) - 1) as f64 * share) as usize).copied().unwrap_or(0.0)
+}
+
+impl Excitation {
+    /// Of a drive.
+    #[must_use]
+    pub fn of<V: ReplayVehicle>(drive: &Drive, vehicle: &V) -> Self {
+        let rows: Vec<usize> = (0..drive.time.len()).filter(|&i| drive.scored[i]).collect();
+        let of = |get: &dyn Fn(usize) -> f64| rows.iter().map(|&i| get(i)).collect::<Vec<f64>>();
+        let (vx, rate) = (drive.column("vx"), drive.column("yaw_rate"));
+        let lateral = |i: usize| vx[i] * rate.get(i).copied().unwrap_or(0.0);
+        let mut grip = of(&|i| lateral(i).hypot(drive.accel[i]) / (vehicle.friction() * GRAVITY));
+        let mut speed = of(&|i| vx[i]);
+        let mut braking = of(&|i| -drive.accel[i]);
+        let steer = of(&|i| drive.steer[i]);
+        let mean = steer.iter().sum::<f64>() / steer.len().max(1) as f64;
+        let variance = steer.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / steer.len().max(1) as f64;
+        let mut quick = of(&|i| {
+            if i > 2 { (drive.steer[i] - drive.steer[i - 2]).abs() / (2.0 * drive.step) } else { 0.0 }
+        });
+        let mut heading = 0.0_f64;
+        let (mut low, mut high) = (0.0_f64, 0.0_f64);
+        for &i in &rows {
+            heading += rate.get(i).copied().unwrap_or(0.0) * drive.step;
+            (low, high) = (low.min(heading), high.max(heading));
+        }
+        Self {
+            grip: percentile(&mut grip, 0.995),
+            speed: (percentile(&mut speed, 0.05), percentile(&mut speed, 0.95)),
+            braking: percentile(&mut braking, 0.99),
+            steer: variance.sqrt(),
+            steer_rate: percentile(&mut quick, 0.99),
+            turns_about: high - low > std::f64::consts::PI,
+        }
+    }
+}
+
+/// Slopes of all candidates at their own best where the background's are taken elsewhere.
+fn slope_of<'a>(ranking: &'a Ranking, linear: &'a Linear, knob: usize) -> &'a [f64] {
+    ranking
+        .singles
+        .iter()
+        .find(|fit| fit.freed == [knob])
+        .and_then(|fit| fit.columns.first())
+        .map_or(&linear.slopes[knob], Vec::as_slice)
+}
+
+/// What of a knob's slope the background does not imitate, in evidence for one unit of its coordinate.
+#[must_use]
+pub fn information(ranking: &Ranking, knob: usize) -> f64 {
+    let mut precision = ranking.prior.precision.clone();
+    precision[knob] = f64::INFINITY;
+    let slope = slope_of(ranking, &ranking.linear, knob);
+    ranking.linear.marginal(slope, slope, &precision)
+}
+
+/// Every effect of the library.
+#[must_use]
+pub fn observability<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    ranking: &Ranking,
+    calibration: &Calibration,
+) -> Vec<Observability> {
+    let drive = problem.drive;
+    let excitation = Excitation::of(drive, problem.vehicle);
+    let mut all = Vec::new();
+    for effect in TruckEffects::all() {
+        let of_trailer = crate::vehicle::Effects::find(effect.id).is_none();
+        if of_trailer && !V::TRUCK || effect.id == "payload_x" {
+            continue;
+        }
+        let before_sensor = matches!(effect.stage, Stage::Command | Stage::Actuator);
+        let entry = |observable, least, why: String| Observability {
+            effect: effect.id.to_owned(),
+            observable,
+            least,
+            why,
+        };
+        if before_sensor && !drive.commanded {
+            let why = "the log holds the measured steering angle, not the command: what lies before the sensor is not seen";
+            all.push(entry(false, None, why.to_owned()));
+            continue;
+        }
+        let Some(knob) = problem.find(effect.id) else {
+            all.push(entry(false, None, "left out of the library for this diagnosis".to_owned()));
+            continue;
+        };
+        let information = information(ranking, knob);
+        let least = (information > 0.0).then(|| (calibration.none / information).sqrt());
+        let it = &problem.knobs[knob];
+        let (tolerance, unit) = (it.tolerance * it.unit, it.symbol::<V>());
+        let reason = reason(effect.id, drive, &excitation);
+        match least {
+            Some(x) if x < ORDINARY => {
+                let value = it.spread(1.0, x);
+                let within = if tolerance > value {
+                    format!(", though ordinary simulators are wrong by {}", short(tolerance))
+                } else {
+                    String::new()
+                };
+                all.push(entry(
+                    true,
+                    Some(value),
+                    format!("seen from {} {unit} on{within}; {reason}", short(value)),
+                ));
+            }
+            Some(x) => {
+                let value = it.spread(1.0, x);
+                all.push(entry(
+                    false,
+                    Some(value),
+                    format!("{reason}: it would show from {} {unit} on only", short(value)),
+                ));
+            }
+            None => all.push(entry(false, None, format!("{reason}: it changes nothing that was compared"))),
+        }
+    }
+    all
+}
+
+/// A number with two figures.
+#[must_use]
+pub fn short(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return format!("{value}");
+    }
+    let digits = (1 - value.abs().log10().floor() as i32).max(0) as usize;
+    format!("{value:.digits$}")
+}
+
+/// What of the excitation matters for an effect, in numbers.
+fn reason(id: &str, drive: &Drive, it: &Excitation) -> String {
+    match id {
+        "road_friction" => format!("{:.0} % of grip reached", 100.0 * it.grip),
+        "steer_delay" | "steer_lag" | "steer_rate_limit" | "sensor_delay" | "tyre_relaxation"
+        | "yaw_inertia" | "steer_backlash" => {
+            format!("steering up to {} rad/s, deviation {} rad", short(it.steer_rate), short(it.steer))
+        }
+        "drive_lag" | "drive_gain" | "drag" | "road_grade" if drive.accel_cmd.is_none() => {
+            "accel_cmd was not logged".to_owned()
+        }
+        "drive_lag" | "drive_gain" => format!("braking up to {} m/s2", short(it.braking)),
+        "steer_gain"
+        | "tyre_stiffness_front"
+        | "tyre_stiffness_rear"
+        | "cg_shift"
+        | "payload"
+        | "speed_scale" => {
+            format!(
+                "speeds from {:.0} to {:.0} m/s, {:.0} % of grip reached",
+                it.speed.0,
+                it.speed.1,
+                100.0 * it.grip
+            )
+        }
+        "wind_x" | "wind_y" | "road_bank" | "steer_offset" | "yaw_rate_bias" | "brake_pull" => {
+            let headings =
+                if it.turns_about { "headings all around" } else { "one direction of driving only" };
+            format!("{headings}, speeds from {:.0} to {:.0} m/s", it.speed.0, it.speed.1)
+        }
+        "lateral_accel_bias" | "imu_lever_arm" if drive.column("ay").is_empty() => {
+            "ay was not logged".to_owned()
+        }
+        "roll_stiffness" if drive.column("roll").is_empty() => "roll was not logged".to_owned(),
+        _ => format!("{:.0} % of grip reached", 100.0 * it.grip),
+    }
+}

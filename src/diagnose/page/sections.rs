@@ -1,0 +1,399 @@
+//! The answer in words, bars and tables.
+
+use super::html::{escaped, number, percent, table};
+use crate::diagnose::{Candidate, Gap, Gravity, NamedEffect, Place, Report, Verdict, VerdictKind};
+use crate::signal;
+use crate::vehicle::{Explanation, Stage, TruckEffects};
+use std::collections::BTreeMap;
+
+/// The verdict as a title.
+pub(super) fn headline(verdict: &Verdict) -> String {
+    match verdict.kind {
+        VerdictKind::Effect => {
+            let named: Vec<String> =
+                verdict.effects.iter().map(|effect| value(effect.value, &effect.id, &effect.unit)).collect();
+            named.join(" and ")
+        }
+        VerdictKind::None => "nothing worth naming".into(),
+        VerdictKind::NotInLibrary => "not in the library of effects".into(),
+        VerdictKind::CannotTell => "this log does not tell".into(),
+    }
+}
+
+fn value(value: f64, id: &str, unit: &str) -> String {
+    let unit = if unit == "1" { String::new() } else { format!(" {unit}") };
+    format!("{id} = {}{unit}", number(value))
+}
+
+/// Banner, tiles, and what each named effect is.
+pub(super) fn verdict(report: &Report) -> String {
+    let verdict = &report.verdict;
+    let mut html = format!(
+        "<div class='banner {}'><div class='faint'>Sim-to-real diagnosis of {} against {}</div><h1>{}</h1><p>{}</p><div class='tiles'>",
+        verdict.kind.name(),
+        escaped(report.inputs.files.get("log").map_or("a log", |file| &file.file)),
+        escaped(&report.inputs.vehicle),
+        escaped(&headline(verdict)),
+        escaped(&verdict.words)
+    );
+    let mut tile = |name: &str, text: String| {
+        html += &format!("<div><span>{}</span><b>{}</b></div>", escaped(name), escaped(&text))
+    };
+    tile("probability", percent(verdict.probability));
+    for effect in &verdict.effects {
+        let unit = if effect.unit == "1" { "" } else { &effect.unit };
+        tile(
+            &format!("{}, 95 %", effect.id),
+            format!("{} to {} {unit}", number(effect.low), number(effect.high)),
+        );
+        tile("stage", effect.stage.name().to_owned());
+        tile("gap of the effect over that of the background", number(effect.dominance));
+    }
+    let first =
+        report.inputs.signals.iter().find_map(|name| Some((name, report.shrink.open_loop.get(name)?)));
+    if let Some((name, gap)) = first.filter(|_| verdict.kind == VerdictKind::Effect) {
+        tile(&format!("gap in {name} closed"), percent(1.0 - gap.recalibrated / gap.before));
+    }
+    html += "</div></div>";
+    html + &verdict.effects.iter().map(explained).collect::<String>()
+}
+
+fn explained(effect: &NamedEffect) -> String {
+    let mut html = format!("<h3>{}</h3><p>", escaped(&effect.id));
+    if let Some(text) = Explanation::of(&effect.id) {
+        html += &format!("{} {}", escaped(&text.what), escaped(&text.shows));
+    }
+    html += "</p>";
+    let others: Vec<&str> = effect.class.iter().map(String::as_str).filter(|id| *id != effect.id).collect();
+    if !others.is_empty() {
+        html += &format!(
+            "<p><b>This log cannot tell it from {}.</b> {}</p>",
+            escaped(&others.join(", ")),
+            escaped(&effect.separated_by)
+        );
+    }
+    html
+}
+
+/// A waterfall of each signal's gap, and the horizons.
+pub(super) fn shrink(report: &Report) -> String {
+    let mut html = String::new();
+    let shrink = &report.shrink;
+    if !shrink.open_loop.is_empty() {
+        html += "<p class='faint'>RMS of real minus simulated on held-out parts of the log, the simulator replayed from the commands. The effect's share and the recalibration's stand apart.</p>";
+    }
+    for (name, gap) in &shrink.open_loop {
+        html += &format!(
+            "<h3>{} <span class='faint'>({})</span></h3>{}",
+            escaped(name),
+            unit_of(name),
+            waterfall(gap)
+        );
+    }
+    if !shrink.horizons.is_empty() {
+        let mut rows = Vec::new();
+        for (horizon, signals) in &shrink.horizons {
+            for (name, gap) in signals {
+                rows.push(gap_row(
+                    vec![format!("{} s", escaped(horizon)), format!("{} ({})", escaped(name), unit_of(name))],
+                    gap,
+                ));
+            }
+        }
+        html += "<h3>When the simulator starts anew from the log</h3>";
+        let header = ["every", "signal", "before", "effect", "recalibrated", "learnable", "noise", "closed"];
+        html += &table(&header, &rows, 2);
+    }
+    if let Some(errors) = &shrink.closed_loop {
+        html += "<h3>With the loop closed</h3><p class='faint'>The same controller drives the simulator along the path; its tracking error against that of the log, at the same stations.</p>";
+        for (name, gap) in errors {
+            html += &format!(
+                "<h3>{} <span class='faint'>({})</span></h3>{}",
+                escaped(name),
+                unit_of(name),
+                waterfall(gap)
+            );
+        }
+    }
+    html
+}
+
+fn unit_of(name: &str) -> &'static str {
+    signal::find(name).map_or("", |signal| signal.unit.symbol)
+}
+
+fn gap_row(mut cells: Vec<String>, gap: &Gap) -> Vec<String> {
+    cells.extend([gap.before, gap.effect, gap.recalibrated, gap.learnable, gap.noise].map(number));
+    cells.push(percent(1.0 - gap.recalibrated / gap.before));
+    cells
+}
+
+fn waterfall(gap: &Gap) -> String {
+    let most = [gap.before, gap.effect, gap.recalibrated, gap.noise].into_iter().fold(1e-300, f64::max);
+    let mut html = String::from("<div class='fall'>");
+    let mut bar = |name: &str, from: f64, to: f64, colour: &str, text: String| {
+        let (low, high) = (from.min(to).clamp(0.0, most) / most, from.max(to).clamp(0.0, most) / most);
+        html += &format!(
+            "<span>{name}</span><span class='bar'><i style='margin-left:{:.2}%;width:{:.2}%;background:var({colour})'></i></span><span class='v'>{text}</span>",
+            100.0 * low,
+            100.0 * (high - low)
+        );
+    };
+    let change = |from: f64, to: f64| {
+        if to <= from { format!("−{}", number(from - to)) } else { format!("+{}", number(to - from)) }
+    };
+    bar("before", 0.0, gap.before, "--simulated", number(gap.before));
+    bar("the effect", gap.effect, gap.before, "--effect", change(gap.before, gap.effect));
+    bar("recalibration", gap.recalibrated, gap.effect, "--corrected", change(gap.effect, gap.recalibrated));
+    bar(
+        "left",
+        0.0,
+        gap.recalibrated,
+        "--ink",
+        format!("{} ({})", number(gap.recalibrated), percent(gap.recalibrated / gap.before)),
+    );
+    if gap.learnable < gap.recalibrated {
+        bar(
+            "of that still learnable",
+            gap.learnable,
+            gap.recalibrated,
+            "--warn",
+            number(gap.recalibrated - gap.learnable),
+        );
+    }
+    bar("noise floor", 0.0, gap.noise, "--faint", number(gap.noise));
+    html + "</div>"
+}
+
+/// The way from command to measurement, with the stage at which the gap enters.
+pub(super) fn stages(report: &Report) -> String {
+    let all = [
+        Stage::Command,
+        Stage::Actuator,
+        Stage::Linkage,
+        Stage::Tyre,
+        Stage::Body,
+        Stage::Road,
+        Stage::Drive,
+        Stage::Sensor,
+    ];
+    let Some(stage) = report.stage else { return String::new() };
+    let chain: Vec<String> = all
+        .into_iter()
+        .map(|each| format!("<span{}>{}</span>", if each == stage { " class='on'" } else { "" }, each.name()))
+        .collect();
+    format!("<p>The gap enters here:</p><div class='chain'>{}</div>", chain.join("<em>→</em>"))
+}
+
+/// A heat map for each signal: regimes by their bins.
+pub(super) fn places(report: &Report) -> String {
+    let mut signals: BTreeMap<&str, BTreeMap<&str, Vec<&Place>>> = BTreeMap::new();
+    for place in &report.places {
+        signals.entry(&place.signal).or_default().entry(&place.regime).or_default().push(place);
+    }
+    if signals.is_empty() {
+        return String::new();
+    }
+    let mut html = String::from(
+        "<p class='faint'>RMS of the gap in each regime; below it its share of the whole squared gap, and how far that is beyond chance, in standard deviations.</p>",
+    );
+    for (signal, mut regimes) in signals {
+        let hottest = regimes.values().flatten().map(|place| place.rms).fold(1e-300, f64::max);
+        html += &format!(
+            "<h3>{} <span class='faint'>({})</span></h3><div class='scroll'><table class='heat'>",
+            escaped(signal),
+            unit_of(signal)
+        );
+        for (regime, places) in &mut regimes {
+            places.sort_by(|a, b| a.from.total_cmp(&b.from));
+            html += &format!("<tr><th>{}</th>", escaped(&regime_label(regime)));
+            for place in places.iter() {
+                html += &format!(
+                    "<td style='background:color-mix(in srgb, var(--hot) {:.0}%, transparent)' title='{} samples'>{}<br><b>{}</b><small>{}, {:.1} σ</small></td>",
+                    75.0 * place.rms / hottest,
+                    place.count,
+                    escaped(&bin(regime, place)),
+                    number(place.rms),
+                    percent(place.share),
+                    place.significance
+                );
+            }
+            html += "</tr>";
+        }
+        html += "</table></div>";
+    }
+    html
+}
+
+fn regime_label(regime: &str) -> String {
+    let unit = match regime {
+        "speed" => "m/s",
+        "lateral_accel" => "m/s2",
+        "curvature" => "1/m",
+        "steer_rate" => "rad/s",
+        "time" => "s",
+        "station" => "m",
+        "frequency" => "Hz",
+        _ => "",
+    };
+    let name = regime.replace('_', " ");
+    if unit.is_empty() { name } else { format!("{name} ({unit})") }
+}
+
+fn bin(regime: &str, place: &Place) -> String {
+    match regime {
+        "side" if place.from < 0.0 => "right".into(),
+        "side" => "left".into(),
+        _ => format!("{} to {}", number(place.from), number(place.to)),
+    }
+}
+
+/// All candidates with their evidence.
+pub(super) fn candidates(report: &Report) -> String {
+    let most = report.candidates.iter().map(|candidate| candidate.evidence).fold(1e-300, f64::max);
+    let row = |(place, candidate): (usize, &Candidate)| {
+        let values = candidate.effects.iter().zip(&candidate.values).map(|(id, number)| {
+            let unit =
+                TruckEffects::all().find(|effect| effect.id == id).map_or("", |effect| effect.unit.symbol);
+            escaped(&value(*number, id, unit))
+        });
+        let width = (100.0 * candidate.evidence / most).clamp(0.0, 100.0);
+        vec![
+            (place + 1).to_string(),
+            values.collect::<Vec<_>>().join("<br>"),
+            format!(
+                "<span class='meter'><i style='width:{width:.0}%'></i></span>{}",
+                number(candidate.evidence)
+            ),
+            escaped(&candidate.why),
+        ]
+    };
+    let rows: Vec<Vec<String>> = report.candidates.iter().enumerate().map(row).collect();
+    if rows.is_empty() {
+        String::new()
+    } else {
+        table(&["", "cause", "evidence", "why it stands here"], &rows, 4)
+    }
+}
+
+/// What the log can show.
+pub(super) fn observability(report: &Report) -> String {
+    let rows: Vec<Vec<String>> = report
+        .observability
+        .iter()
+        .map(|one| {
+            let unit = TruckEffects::all()
+                .find(|effect| effect.id == one.effect)
+                .map_or("", |effect| effect.unit.symbol);
+            let (class, word) = if one.observable { ("yes", "yes") } else { ("no", "no") };
+            let least = one.least.map_or("–".into(), |least| {
+                format!("{} {}", number(least), if unit == "1" { "" } else { unit })
+            });
+            vec![
+                escaped(&one.effect),
+                format!("<span class='{class}'>{word}</span>"),
+                least,
+                escaped(&one.why),
+            ]
+        })
+        .collect();
+    if rows.is_empty() { String::new() } else { table(&["effect", "observable", "from", "why"], &rows, 4) }
+}
+
+/// What to drive next.
+pub(super) fn manoeuvre(report: &Report) -> String {
+    let Some(next) = &report.next_manoeuvre else { return String::new() };
+    format!(
+        "<h3>{}</h3><p>{}</p><p class='faint'>It tells apart {}; expected evidence {}.</p>",
+        escaped(&next.name),
+        escaped(&next.how),
+        escaped(&next.separates.join(" and ")),
+        number(next.expected_evidence)
+    )
+}
+
+/// What was adjusted, and the files.
+pub(super) fn recalibration(report: &Report, files: &[(String, String)]) -> String {
+    let mut html = String::new();
+    if !files.is_empty() {
+        html += "<ul>";
+        for (name, what) in files {
+            html += &format!("<li><code>{}</code> {}</li>", escaped(name), escaped(what));
+        }
+        html += "</ul>";
+    }
+    let rows: Vec<Vec<String>> = report
+        .recalibration
+        .iter()
+        .map(|one| {
+            let moved = if one.tolerance > 0.0 { (one.value - one.given) / one.tolerance } else { f64::NAN };
+            vec![
+                format!("<code>{}</code>", escaped(&one.parameter)),
+                number(one.given),
+                number(one.value),
+                number(one.tolerance),
+                number(one.deviation),
+                number(moved),
+                escaped(&one.unit),
+            ]
+        })
+        .collect();
+    if !rows.is_empty() {
+        html += &table(
+            &["adjusted", "given", "now", "tolerance", "uncertainty now", "moved, in tolerances", "unit"],
+            &rows,
+            1,
+        );
+    }
+    html
+}
+
+/// What was found in the log.
+pub(super) fn findings(report: &Report) -> String {
+    let rows: Vec<Vec<String>> = report
+        .findings
+        .iter()
+        .map(|finding| {
+            let word = match finding.gravity {
+                Gravity::Note => "note",
+                Gravity::Warning => "warning",
+                Gravity::Suspicion => "suspicion",
+            };
+            let signal = finding.signal.as_deref().unwrap_or_default();
+            vec![format!("<span class='{word}'>{word}</span>"), escaped(signal), escaped(&finding.words)]
+        })
+        .collect();
+    if rows.is_empty() {
+        "<p>Nothing to remark.</p>".into()
+    } else {
+        table(&["", "column", "what was found"], &rows, 3)
+    }
+}
+
+/// Files, hashes, tolerances.
+pub(super) fn inputs(report: &Report) -> String {
+    let inputs = &report.inputs;
+    let file = |(what, file): (&String, &crate::diagnose::InputFile)| {
+        vec![escaped(what), escaped(&file.file), format!("<code>{}</code>", escaped(&file.hash))]
+    };
+    let mut html =
+        table(&["", "file", "hash (FNV-1a, 64 bits)"], &inputs.files.iter().map(file).collect::<Vec<_>>(), 3);
+    html += &format!(
+        "<p class='faint'>{:.1} s at {:.0} samples a second; compared: {}. Seed {}, rfl {}.</p>",
+        inputs.duration,
+        inputs.rate,
+        escaped(&inputs.signals.join(", ")),
+        report.seed,
+        escaped(&report.version)
+    );
+    if !inputs.tolerances.is_empty() {
+        let all: Vec<String> = inputs
+            .tolerances
+            .iter()
+            .map(|(name, value)| format!("{} {}", escaped(name), number(*value)))
+            .collect();
+        html +=
+            &format!("<p class='faint'>Tolerances (standard deviations, SI units): {}.</p>", all.join(", "));
+    }
+    html
+}

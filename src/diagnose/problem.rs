@@ -1,0 +1,134 @@
+//! The gap as a function of all knobs, and its slopes.
+
+use super::filter::Filter;
+use super::knob::{self, Knob};
+use super::replay::{Channel, Correction, Drive, ReplayVehicle, Trace, replay};
+use crate::residual::parallel;
+use std::ops::Range;
+
+/// A gap larger than this many times the signal's own size is a replay gone astray.
+const ASTRAY: f64 = 20.0;
+
+/// The gap of a log: residuals after the filter, channel after channel.
+pub struct Problem<'a, V> {
+    /// The drive replayed.
+    pub drive: &'a Drive,
+    /// The vehicle as it was given.
+    pub vehicle: &'a V,
+    /// Full plant less reduced model.
+    pub correction: &'a Correction,
+    /// What can be turned.
+    pub knobs: Vec<Knob>,
+    /// The low pass.
+    pub filter: Filter,
+    /// Rows of the log that are compared.
+    pub rows: Vec<usize>,
+    /// Each channel's part of the residuals.
+    pub blocks: Vec<(Channel, Range<usize>)>,
+    measured: Vec<f64>,
+    size: Vec<f64>,
+    threads: usize,
+}
+
+impl<'a, V: ReplayVehicle> Problem<'a, V> {
+    /// From a drive; effects in `without` cannot be named.
+    #[must_use]
+    pub fn new(
+        drive: &'a Drive,
+        vehicle: &'a V,
+        correction: &'a Correction,
+        without: &[String],
+        threads: usize,
+    ) -> Self {
+        let filter = Filter::new(drive.step);
+        let rows = filter.rows(&drive.scored);
+        let mut measured = Vec::new();
+        let (mut blocks, mut size) = (Vec::new(), Vec::new());
+        for &channel in &drive.channels {
+            let from = measured.len();
+            if channel.leaks() {
+                measured.resize(from + rows.len(), 0.0);
+                size.push(f64::INFINITY);
+            } else {
+                filter.apply(drive.column(channel.name()), &rows, &mut measured);
+                size.push(ASTRAY * rms(&measured[from..]).max(channel.least_noise() * 10.0));
+            }
+            blocks.push((channel, from..measured.len()));
+        }
+        let knobs = knob::knobs(vehicle, drive, without);
+        Self { drive, vehicle, correction, knobs, filter, rows, blocks, measured, size, threads }
+    }
+
+    /// The replay at coordinates.
+    ///
+    /// # Errors
+    /// A vehicle that cannot be made.
+    pub fn trace(&self, x: &[f64]) -> Result<Trace, String> {
+        let (vehicle, effects) = knob::at(&self.knobs, x, self.vehicle);
+        let mut trace = replay(self.drive, &vehicle, &effects, self.correction, None)?;
+        knob::sense(&self.knobs, x, &mut trace);
+        Ok(trace)
+    }
+
+    /// Log less replay, filtered. None where there is no such vehicle.
+    #[must_use]
+    pub fn residual(&self, x: &[f64]) -> Option<Vec<f64>> {
+        let trace = self.trace(x).ok()?;
+        Some(self.compare(&trace))
+    }
+
+    /// Log less a replay, filtered.
+    #[must_use]
+    pub fn compare(&self, trace: &Trace) -> Vec<f64> {
+        let mut simulated = Vec::with_capacity(self.measured.len());
+        for (channel, _) in &self.blocks {
+            self.filter.apply(trace.column(*channel), &self.rows, &mut simulated);
+        }
+        for ((_, block), &limit) in self.blocks.iter().zip(&self.size) {
+            for i in block.clone() {
+                let gap = self.measured[i] - simulated[i];
+                simulated[i] = if gap.is_finite() { gap.clamp(-limit, limit) } else { limit.min(1e6) };
+            }
+        }
+        simulated
+    }
+
+    /// Slope of the replay over one knob at coordinates where the gap is `here`.
+    #[must_use]
+    pub fn slope(&self, x: &[f64], here: &[f64], knob: usize) -> Vec<f64> {
+        let it = &self.knobs[knob];
+        let size = if it.tolerance > 0.0 { it.tolerance.clamp(0.1, 1.0) } else { 0.2 };
+        let mut there = x.to_vec();
+        // Downwards at the upper end.
+        let size = if x[knob] + size > it.greatest { -size } else { size };
+        there[knob] += size;
+        match self.residual(&there) {
+            Some(there) => here.iter().zip(&there).map(|(here, there)| (here - there) / size).collect(),
+            None => vec![0.0; here.len()],
+        }
+    }
+
+    /// Slopes over all knobs.
+    #[must_use]
+    pub fn slopes(&self, x: &[f64], here: &[f64]) -> Vec<Vec<f64>> {
+        parallel::map(self.threads, self.knobs.len(), |knob| self.slope(x, here, knob))
+    }
+
+    /// Number of threads.
+    #[must_use]
+    pub fn threads(&self) -> usize {
+        self.threads
+    }
+
+    /// Place of a knob.
+    #[must_use]
+    pub fn find(&self, id: &str) -> Option<usize> {
+        self.knobs.iter().position(|knob| knob.id == id)
+    }
+}
+
+/// Root mean square.
+#[must_use]
+pub fn rms(values: &[f64]) -> f64 {
+    (values.iter().map(|value| value * value).sum::<f64>() / values.len().max(1) as f64).sqrt()
+}

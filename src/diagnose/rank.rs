@@ -1,0 +1,222 @@
+//! Candidates and their evidence: single effects, then pairs of the best with all others.
+
+use super::fit::{Fit, Linear, Prior, fit};
+use super::noise::Noise;
+use super::problem::Problem;
+use super::replay::ReplayVehicle;
+use crate::residual::parallel;
+
+/// Singles that are fitted again with the final noise, singles that pairs are made of, pairs that are fitted.
+const AGAIN: usize = 12;
+const BEAM: usize = 8;
+const PAIRS: usize = 10;
+/// Evidence within which candidates are fitted to the end.
+const NEAR: f64 = 60.0;
+
+/// All that was fitted.
+pub struct Ranking {
+    /// With nothing freed.
+    pub none: Fit,
+    /// The best first.
+    pub singles: Vec<Fit>,
+    /// The best first; empty if pairs were not asked for.
+    pub pairs: Vec<Fit>,
+    /// Slopes and weights for the background, at `none`.
+    pub linear: Linear,
+    /// Tolerances.
+    pub prior: Prior,
+    /// What gaps were weighed with.
+    pub noise: Noise,
+    /// The neutral gap.
+    pub neutral: Vec<f64>,
+}
+
+/// Why candidates could not be ranked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("the vehicle cannot be replayed on this log")]
+pub struct NoReplay;
+
+/// Nothing freed: everything within its tolerance.
+fn fit_none<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    prior: &Prior,
+    linear: &Linear,
+    start: &[f64],
+) -> Option<Fit> {
+    fit(problem, prior, linear, &[], start, 2)
+}
+
+fn sort(fits: &mut [Fit]) {
+    fits.sort_by(|a, b| a.cost.total_cmp(&b.cost).then_with(|| a.freed.cmp(&b.freed)));
+}
+
+/// Costs and coordinates of a fit with other weights, by its own slopes.
+fn reweighed<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linear, fit: &mut Fit) {
+    let precision = prior.freed(problem, &fit.freed);
+    let penalty: f64 = (0..fit.x.len())
+        .filter(|&i| precision[i].is_finite())
+        .map(|i| precision[i] * (fit.x[i] - prior.mean[i]).powi(2))
+        .sum();
+    fit.cost = linear.square(&fit.gap) + penalty;
+}
+
+/// Ranks all candidates. `weak`: noise of another log of the same vehicle, per channel, if there is one.
+///
+/// # Errors
+/// A vehicle that cannot be replayed.
+pub fn rank<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    prior: Prior,
+    with_pairs: bool,
+    progress: &(dyn Fn(&str, f64) + Sync),
+) -> Result<Ranking, NoReplay> {
+    let threads = problem.threads();
+    let start = prior.mean.clone();
+    let zero = vec![0.0; problem.knobs.len()];
+    let trace = problem.trace(&zero).map_err(|_| NoReplay)?;
+    let neutral = problem.compare(&trace);
+    let noise = Noise::of(problem, &trace);
+    progress("sensitivities", 0.1);
+    let at_start = problem.residual(&start).ok_or(NoReplay)?;
+    let linear = Linear::new(problem.slopes(&start, &at_start), noise.weights(problem));
+    let none = fit_none(problem, &prior, &linear, &start).ok_or(NoReplay)?;
+
+    progress("single effects", 0.2);
+    let candidates: Vec<usize> =
+        (0..problem.knobs.len()).filter(|&i| problem.knobs[i].is_candidate()).collect();
+    let starts: Vec<(usize, f64)> =
+        candidates.iter().flat_map(|&i| problem.knobs[i].starts.iter().map(move |&x| (i, x))).collect();
+    // Each start by one replay and a linear step; the best of each candidate is fitted.
+    let tried = parallel::map(threads, starts.len(), |k| {
+        let (i, at) = starts[k];
+        let mut x = none.x.clone();
+        if at != 0.0 {
+            x[i] = prior.mean[i] + at;
+        }
+        let gap = if at == 0.0 { none.gap.clone() } else { problem.residual(&x)? };
+        let precision = prior.freed(problem, &[i]);
+        let cost = prior.step(&linear, &x, &gap, &precision).cost;
+        Some((cost, x))
+    });
+    let mut best: Vec<(usize, f64, Vec<f64>)> = Vec::new();
+    for (&(i, _), tried) in starts.iter().zip(tried) {
+        let Some((cost, x)) = tried else { continue };
+        match best.iter_mut().find(|(knob, ..)| *knob == i) {
+            Some(entry) if entry.1 <= cost => {}
+            Some(entry) => *entry = (i, cost, x),
+            None => best.push((i, cost, x)),
+        }
+    }
+    let mut singles: Vec<Fit> = parallel::map(threads, best.len(), |k| {
+        let (i, _, x) = &best[k];
+        fit(problem, &prior, &linear, &[*i], x, 3)
+    })
+    .into_iter()
+    .flatten()
+    .collect();
+    sort(&mut singles);
+    progress("noise", 0.5);
+
+    // What the best leaves, all else free within three tolerances, is no noise and yet told by none.
+    let noise = match singles.first() {
+        Some(best) => {
+            let precision: Vec<f64> = prior.freed(problem, &best.freed).iter().map(|p| p / 9.0).collect();
+            let step = prior.step(&linear, &best.x, &best.gap, &precision);
+            let left = predicted(&linear, &best.gap, &step.change);
+            noise.with_left(problem, &left)
+        }
+        None => noise,
+    };
+    let base =
+        singles.first().filter(|best| none.cost - best.cost > 50.0).map_or(&none, |best| best).x.clone();
+    let at_base = problem.residual(&base).ok_or(NoReplay)?;
+    let linear = Linear::new(problem.slopes(&base, &at_base), noise.weights(problem));
+    progress("single effects", 0.6);
+    let mut none = fit_none(problem, &prior, &linear, &none.x).ok_or(NoReplay)?;
+    for single in &mut singles {
+        reweighed(problem, &prior, &linear, single);
+    }
+    sort(&mut singles);
+    let limit = singles.first().map_or(0.0, |best| best.cost + NEAR);
+    let again = singles.iter().take(AGAIN).filter(|fit| fit.cost < limit).count();
+    let refitted =
+        parallel::map(threads, again, |k| fit(problem, &prior, &linear, &singles[k].freed, &singles[k].x, 4));
+    for (single, refitted) in singles.iter_mut().zip(refitted) {
+        if let Some(refitted) = refitted
+            && refitted.cost < single.cost
+        {
+            *single = refitted;
+        }
+    }
+    sort(&mut singles);
+    // A candidate with nothing freed is a bound for all of them.
+    if let Some(best) = singles.first()
+        && none.cost < best.cost
+    {
+        none.cost = none.cost.max(best.cost);
+    }
+    let mut pairs = Vec::new();
+    if with_pairs {
+        progress("pairs", 0.75);
+        pairs = pair(problem, &prior, &linear, &singles);
+    }
+    progress("pairs", 0.9);
+    Ok(Ranking { none, singles, pairs, linear, prior, noise, neutral })
+}
+
+/// The gap after a linear step.
+#[must_use]
+pub fn predicted(linear: &Linear, gap: &[f64], change: &[f64]) -> Vec<f64> {
+    let mut left = gap.to_vec();
+    for (slope, &change) in linear.slopes.iter().zip(change) {
+        if change != 0.0 {
+            left.iter_mut().zip(slope).for_each(|(left, slope)| *left -= slope * change);
+        }
+    }
+    left
+}
+
+fn pair<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linear, singles: &[Fit]) -> Vec<Fit> {
+    let threads = problem.threads();
+    let beam = singles.len().min(BEAM);
+    // Linear screening at the best point of each of the first; an effect that has no slope there takes its own best.
+    let screened = parallel::map(threads, beam, |a| {
+        let first = &singles[a];
+        let own: Vec<(usize, &[f64])> =
+            first.freed.iter().copied().zip(first.columns.iter().map(Vec::as_slice)).collect();
+        let local = linear.with(&own);
+        singles
+            .iter()
+            .enumerate()
+            .filter(|(b, second)| (*b >= beam || *b > a) && second.freed != first.freed)
+            .filter_map(|(b, second)| {
+                let columns: Vec<(usize, &[f64])> =
+                    second.freed.iter().copied().zip(second.columns.iter().map(Vec::as_slice)).collect();
+                let freed = [first.freed[0], second.freed[0]];
+                let precision = prior.freed(problem, &freed);
+                let step = prior.step(&local.with(&columns), &first.x, &first.gap, &precision);
+                step.cost.is_finite().then_some((step.cost, a, b))
+            })
+            .collect::<Vec<_>>()
+    });
+    let mut screened: Vec<(f64, usize, usize)> = screened.into_iter().flatten().collect();
+    screened.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+    screened.truncate(PAIRS);
+    let mut pairs: Vec<Fit> = parallel::map(threads, screened.len(), |k| {
+        let (_, a, b) = screened[k];
+        let (first, second) = (&singles[a], &singles[b]);
+        let freed = [first.freed[0], second.freed[0]];
+        let mut x = first.x.clone();
+        // Effects that have no slope at their neutral value start from their own best.
+        let it = &problem.knobs[freed[1]];
+        if it.starts.len() > 1 && x[freed[1]].abs() < 1e-9 {
+            x[freed[1]] = 0.5 * second.x[freed[1]];
+        }
+        fit(problem, prior, linear, &freed, &x, 4)
+    })
+    .into_iter()
+    .flatten()
+    .collect();
+    sort(&mut pairs);
+    pairs
+}

@@ -1,0 +1,188 @@
+//! A log made ready to be replayed.
+
+use super::channel::{CHANNELS, Channel};
+use crate::log::CleanLog;
+use std::collections::BTreeMap;
+
+/// Slower than this nothing is replayed, m/s: a vehicle that stands says nothing.
+pub const LEAST_SPEED: f64 = 2.0;
+/// Longest step of a replay, s.
+const LONGEST_STEP: f64 = 0.0201;
+/// Quicker logs are brought to half their clock, s.
+const QUICK: f64 = 0.0126;
+/// What a replay needs after a start before it is compared, s.
+const SETTLING: f64 = 2.5;
+/// Shortest stretch that is replayed at all, s.
+const SHORTEST: f64 = 4.0;
+
+/// A log ready to be replayed.
+#[derive(Debug, Clone)]
+pub struct Drive {
+    /// Sample time, s.
+    pub step: f64,
+    /// Steps of the replay in one sample.
+    pub substeps: usize,
+    /// Time of each row, s.
+    pub time: Vec<f64>,
+    /// The command, or what stands in for it, rad.
+    pub steer: Vec<f64>,
+    /// Whether it is the command.
+    pub commanded: bool,
+    /// Asked acceleration, m/s2, if the log has it.
+    pub accel_cmd: Option<Vec<f64>>,
+    /// What drive and brakes gave, from the speed, m/s2.
+    pub accel: Vec<f64>,
+    /// Other columns by signal.
+    pub columns: BTreeMap<&'static str, Vec<f64>>,
+    /// Stretches to replay: rows from, to.
+    pub stretches: Vec<(usize, usize)>,
+    /// Whether a row is compared.
+    pub scored: Vec<bool>,
+    /// What is compared.
+    pub channels: Vec<Channel>,
+}
+
+impl Drive {
+    /// From a clean log; `truck`: whether articulation is compared.
+    #[must_use]
+    pub fn new(log: &CleanLog, truck: bool) -> Self {
+        let halved = (log.step < QUICK && log.time.len() > 2).then(|| halved(log));
+        let log = halved.as_ref().unwrap_or(log);
+        let rows = log.time.len();
+        let column = |name: &str| log.columns.get(name).filter(|column| column.len() == rows);
+        let vx = column("vx").cloned().unwrap_or_else(|| vec![0.0; rows]);
+        let steer = column("steer_cmd").cloned().unwrap_or_else(|| vec![0.0; rows]);
+        let moving: Vec<bool> =
+            (0..rows).map(|i| vx[i].is_finite() && vx[i] >= LEAST_SPEED && steer[i].is_finite()).collect();
+        let mut stretches = Vec::new();
+        let mut scored = vec![false; rows];
+        let mut from = 0;
+        while from < rows {
+            if !moving[from] {
+                from += 1;
+                continue;
+            }
+            let to = (from..rows).find(|&i| !moving[i]).unwrap_or(rows);
+            if (to - from) as f64 * log.step >= SHORTEST {
+                stretches.push((from, to));
+                let settled = from + (SETTLING / log.step).ceil() as usize;
+                for i in settled..to {
+                    scored[i] = log.valid.get(i).copied().unwrap_or(false);
+                }
+            }
+            from = to;
+        }
+        let channels = CHANNELS
+            .into_iter()
+            .filter(|channel| {
+                channel.needs().iter().all(|name| column(name).is_some())
+                    && (log.commanded || *channel != Channel::Steer)
+                    && (truck || !matches!(channel, Channel::Articulation | Channel::ArticulationRate))
+            })
+            .collect();
+        let accel = acceleration(&vx, log.step);
+        let mut columns: BTreeMap<&'static str, Vec<f64>> = log
+            .columns
+            .iter()
+            .filter(|(_, column)| column.len() == rows)
+            .map(|(&k, v)| (k, v.clone()))
+            .collect();
+        columns.insert("vx", vx);
+        Self {
+            step: log.step,
+            substeps: (log.step / LONGEST_STEP).ceil().max(1.0) as usize,
+            time: log.time.clone(),
+            commanded: log.commanded,
+            accel_cmd: column("accel_cmd").cloned(),
+            steer,
+            accel,
+            columns,
+            stretches,
+            scored,
+            channels,
+        }
+    }
+
+    /// A column, empty if the log has it not.
+    #[must_use]
+    pub fn column(&self, name: &str) -> &[f64] {
+        self.columns.get(name).map_or(&[], Vec::as_slice)
+    }
+
+    /// The command over a row; a measured angle by its mean.
+    #[must_use]
+    pub fn held(&self, row: usize) -> f64 {
+        if self.commanded { self.steer[row] } else { at(&self.steer, row as f64 + 0.5) }
+    }
+
+    /// Seconds that are compared.
+    #[must_use]
+    pub fn duration(&self) -> f64 {
+        self.scored.iter().filter(|&&scored| scored).count() as f64 * self.step
+    }
+}
+
+/// A log on half its clock: commands by the mean of what was held, measurements by a mean about the row.
+fn halved(log: &CleanLog) -> CleanLog {
+    let rows = log.time.len();
+    let kept: Vec<usize> = (0..rows).step_by(2).collect();
+    let mean = |name: &str, column: &[f64]| -> Vec<f64> {
+        let held = name == "accel_cmd" || name == "steer_cmd" && log.commanded;
+        let at = |i: usize| column[i.min(rows - 1)];
+        let of = |&i: &usize| {
+            if held {
+                0.5 * (at(i) + at(i + 1))
+            } else if i == 0 {
+                at(0)
+            } else {
+                0.25 * (at(i - 1) + 2.0 * at(i) + at(i + 1))
+            }
+        };
+        kept.iter().map(of).collect()
+    };
+    let full = |column: &Vec<f64>| column.len() == rows;
+    CleanLog {
+        step: 2.0 * log.step,
+        time: kept.iter().map(|&i| log.time[i]).collect(),
+        columns: log
+            .columns
+            .iter()
+            .filter(|(_, c)| full(c))
+            .map(|(&name, c)| (name, mean(name, c)))
+            .collect(),
+        commanded: log.commanded,
+        valid: kept
+            .iter()
+            .map(|&i| {
+                (i.saturating_sub(1)..=i + 1).all(|i| i >= rows || log.valid.get(i).copied().unwrap_or(false))
+            })
+            .collect(),
+        findings: Vec::new(),
+    }
+}
+
+/// Rate of change of the speed over half a second, m/s2.
+fn acceleration(vx: &[f64], step: f64) -> Vec<f64> {
+    let half = (0.25 / step).ceil().max(1.0) as usize;
+    let rows = vx.len();
+    (0..rows)
+        .map(|i| {
+            let (from, to) = (i.saturating_sub(half), (i + half).min(rows - 1));
+            if to > from { (vx[to] - vx[from]) / ((to - from) as f64 * step) } else { 0.0 }
+        })
+        .collect()
+}
+
+/// A column at a fractional row, linear between rows, held beyond the ends.
+#[inline]
+#[must_use]
+pub fn at(column: &[f64], row: f64) -> f64 {
+    if row <= 0.0 {
+        return column[0];
+    }
+    let i = row as usize;
+    match column.get(i + 1) {
+        Some(next) => column[i] + (row - i as f64) * (next - column[i]),
+        None => column[column.len() - 1],
+    }
+}

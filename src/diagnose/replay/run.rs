@@ -1,0 +1,196 @@
+//! One replay.
+
+use super::channel::{CHANNELS, Channel};
+use super::drive::{Drive, LEAST_SPEED, at};
+use super::vehicle::ReplayVehicle;
+use crate::vehicle::{ReducedInput, ReducedOutput, ReducedStart, ReducedSteer, TruckEffects};
+
+/// Time over which heading, place and speed leak to the log's, s.
+pub const LEAK: f64 = 2.0;
+/// Beyond this a replay has gone astray: sideways velocity over speed; and what then stands in its place.
+const ASTRAY: f64 = 1.5;
+
+/// Columns of a replay, by channel; those that leak hold the model's less the log's. Rows outside stretches are 0.
+#[derive(Debug, Clone)]
+pub struct Trace {
+    /// One for each of [`CHANNELS`], empty where it is not compared.
+    pub columns: Vec<Vec<f64>>,
+    /// Whether the replay stayed within what the model describes.
+    pub sound: bool,
+}
+
+impl Trace {
+    /// The column of a channel.
+    #[must_use]
+    pub fn column(&self, channel: Channel) -> &[f64] {
+        &self.columns[channel as usize]
+    }
+}
+
+/// Corrections of yaw rate and sideways velocity that heading and place need: full plant less reduced model.
+#[derive(Debug, Clone, Default)]
+pub struct Correction {
+    /// One for each of [`CHANNELS`], empty where there is none.
+    pub columns: Vec<Vec<f64>>,
+}
+
+impl Correction {
+    fn at(&self, channel: Channel, row: usize) -> f64 {
+        self.columns.get(channel as usize).and_then(|column| column.get(row)).copied().unwrap_or(0.0)
+    }
+}
+
+/// Drives a vehicle with effects along a log. With a `horizon` in rows the motion starts anew from the log that often, and
+/// nothing leaks in between. `effects` need not be in range: a negative delay advances the log's command.
+///
+/// # Errors
+/// A vehicle that cannot be made with these effects (its CG outside the wheelbase).
+pub fn replay<V: ReplayVehicle>(
+    drive: &Drive,
+    vehicle: &V,
+    effects: &TruckEffects,
+    correction: &Correction,
+    horizon: Option<usize>,
+) -> Result<Trace, String> {
+    let rows = drive.time.len();
+    // A vehicle file may hold effects that are known already.
+    let effects = &effects.on_top_of(&vehicle.known_effects());
+    let late = effects.vehicle.sensor_delay;
+    let scale = effects.vehicle.speed_scale.max(0.1);
+    let twist = effects.vehicle.heading_misalignment;
+    let mut within = *effects;
+    within.vehicle.sensor_delay = 0.0;
+    // The chain holds no negative delay: what is left of it advances the command.
+    let dead_time = vehicle.dead_time() + effects.vehicle.steer_delay;
+    let advance = (-dead_time).max(0.0) / drive.step;
+    within.vehicle.steer_delay = effects.vehicle.steer_delay.max(-vehicle.dead_time());
+    within.vehicle.steer_lag = effects.vehicle.steer_lag.max(-vehicle.lag());
+    let mut model = vehicle.reduced(&within)?;
+
+    let mut trace = Trace { columns: vec![Vec::new(); CHANNELS.len()], sound: true };
+    for &channel in &drive.channels {
+        trace.columns[channel as usize] = vec![0.0; rows];
+    }
+    let log_vx = drive.column("vx");
+    let (yaw, x, y) = (drive.column("yaw"), drive.column("x"), drive.column("y"));
+    let h = drive.step / drive.substeps as f64;
+    let shift = late / drive.step;
+    let has = |channel: Channel| drive.channels.contains(&channel);
+    let (leaks_vx, leaks_yaw, leaks_place) = (has(Channel::Vx), has(Channel::Yaw), has(Channel::Along));
+
+    for &(from, to) in &drive.stretches {
+        let speed = |row: f64, vy: f64| (at(log_vx, row + shift) / scale - twist * vy).max(0.5 * LEAST_SPEED);
+        let heading = |row: f64| (!yaw.is_empty()).then(|| at(yaw, row + shift) - twist);
+        let first = |name: &str| drive.columns.get(name).map_or(0.0, |column| column[from]);
+        let f = from as f64;
+        model.start(&ReducedStart {
+            vx: speed(f, 0.0),
+            vy: first("vy"),
+            yaw_rate: first("yaw_rate"),
+            yaw: heading(f).unwrap_or(0.0),
+            steer: if drive.columns.contains_key("steer") { first("steer") } else { drive.steer[from] },
+            accel: drive.accel[from],
+            articulation: first("articulation"),
+            articulation_rate: first("articulation_rate"),
+        });
+        let (mut lag_vx, mut lag_yaw, mut lag_place) = (0.0, 0.0, [0.0; 2]);
+        let mut vy = 0.0;
+        for row in from..to {
+            if let Some(rows) = horizon
+                && row > from
+                && (row - from) % rows == 0
+            {
+                let logged =
+                    |name: &str, else_at: f64| drive.columns.get(name).map_or(else_at, |column| column[row]);
+                model.set_motion(logged("vy", vy), logged("yaw_rate", 0.0));
+                (lag_vx, lag_yaw, lag_place) = (0.0, 0.0, [0.0; 2]);
+            }
+            let mut now = ReducedOutput::default();
+            for sub in 0..drive.substeps {
+                let r = row as f64 + sub as f64 / drive.substeps as f64;
+                let steer = if drive.commanded {
+                    ReducedSteer::Commanded(at(&drive.steer, row as f64 + advance))
+                } else {
+                    ReducedSteer::Measured(at(&drive.steer, r))
+                };
+                let (accel, accel_is_given) = match &drive.accel_cmd {
+                    Some(asked) => (asked[row], false),
+                    None => (drive.accel[row], true),
+                };
+                let vx = speed(r, vy);
+                let input = ReducedInput { steer, accel, accel_is_given, vx, yaw: heading(r) };
+                let mut out = model.step(&input, h);
+                if sub == 0 {
+                    if !(out.true_vy.abs() < ASTRAY * vx && out.true_yaw_rate.abs() < 5.0) {
+                        trace.sound = false;
+                        out = ReducedOutput::default();
+                        model.start(&ReducedStart { vx, steer: drive.steer[row], ..ReducedStart::default() });
+                    }
+                    now = out;
+                    vy = out.true_vy;
+                }
+            }
+            let fix = |channel| correction.at(channel, row);
+            let mut put = |channel: Channel, value: f64| {
+                if let Some(place) = trace.columns[channel as usize].get_mut(row) {
+                    *place = value;
+                }
+            };
+            put(Channel::YawRate, now.yaw_rate + fix(Channel::YawRate));
+            put(Channel::Ay, now.ay + fix(Channel::Ay));
+            put(Channel::Vy, now.vy + fix(Channel::Vy));
+            put(Channel::Roll, now.roll + fix(Channel::Roll));
+            put(Channel::Steer, now.steer);
+            put(Channel::Ax, now.ax);
+            put(Channel::Articulation, now.articulation + fix(Channel::Articulation));
+            put(Channel::ArticulationRate, now.articulation_rate + fix(Channel::ArticulationRate));
+            // Rates of what leaks, less those of the log: over one row by differences.
+            let (here, next) = (row as f64 + shift, row as f64 + 1.0 + shift);
+            let keep = if horizon.is_some() { 1.0 } else { (-drive.step / LEAK).exp() };
+            let true_vx = speed(row as f64, now.true_vy);
+            if leaks_vx {
+                put(Channel::Vx, lag_vx * scale);
+                let driven = (at(log_vx, next) - at(log_vx, here)) / scale;
+                lag_vx = keep * (lag_vx + drive.step * now.vx_rate - driven);
+            }
+            let yaw_rate = now.true_yaw_rate + fix(Channel::YawRate);
+            if leaks_yaw {
+                put(Channel::Yaw, lag_yaw);
+                lag_yaw = keep * (lag_yaw + drive.step * yaw_rate - (at(yaw, next) - at(yaw, here)));
+            }
+            if leaks_place {
+                put(Channel::Along, lag_place[0]);
+                put(Channel::Across, lag_place[1]);
+                let (dx, dy) = (at(x, next) - at(x, here), at(y, next) - at(y, here));
+                let middle = 0.5 * (at(yaw, next) + at(yaw, here)) - twist;
+                let (sin, cos) = middle.sin_cos();
+                let moved = [cos * dx + sin * dy, cos * dy - sin * dx];
+                let vy = now.true_vy + fix(Channel::Vy);
+                let turn = drive.step * yaw_rate;
+                let [a, b] = lag_place;
+                lag_place = [
+                    keep * (a + turn * b + drive.step * true_vx - moved[0]),
+                    keep * (b - turn * a + drive.step * vy - moved[1]),
+                ];
+            }
+        }
+    }
+    if late != 0.0 {
+        for channel in CHANNELS {
+            if channel != Channel::Steer && !trace.columns[channel as usize].is_empty() {
+                delay(&mut trace.columns[channel as usize], shift, &drive.stretches);
+            }
+        }
+    }
+    Ok(trace)
+}
+
+/// Shifts a column by a fractional number of rows within each stretch.
+fn delay(column: &mut [f64], shift: f64, stretches: &[(usize, usize)]) {
+    for &(from, to) in stretches {
+        let before = column[from..to].to_vec();
+        for (i, value) in column[from..to].iter_mut().enumerate() {
+            *value = at(&before, i as f64 - shift);
+        }
+    }
+}

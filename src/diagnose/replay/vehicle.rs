@@ -1,0 +1,220 @@
+//! Vehicles that can be replayed.
+
+use super::channel::{CHANNELS, Channel};
+use super::drive::Drive;
+use super::run::{Correction, replay};
+use crate::vehicle::{
+    Car, CarParameters, NO_RATE_LIMIT, ReducedVehicle, Stage, Steering, Truck, TruckEffects, TruckParameters,
+    VehicleInput, VehicleParameters, car, truck,
+};
+
+/// Gain of the speed control of the full plant's replay, 1/s.
+const SPEED_GAIN: f64 = 4.0;
+
+/// A vehicle that can be replayed.
+pub trait ReplayVehicle: VehicleParameters + Clone + Sync + Send {
+    /// Whether it has a trailer.
+    const TRUCK: bool;
+
+    /// Without its fast motions.
+    ///
+    /// # Errors
+    /// Effects that leave no vehicle (CG outside the wheelbase), in words.
+    fn reduced(&self, effects: &TruckEffects) -> Result<Box<dyn ReducedVehicle>, String>;
+
+    /// The effects of the vehicle file.
+    fn known_effects(&self) -> TruckEffects;
+    /// The steering of the vehicle file.
+    fn steering(&mut self) -> &mut Steering;
+    /// Dead time and lag of the steering in the vehicle file, s.
+    fn dead_time(&self) -> f64;
+    #[allow(missing_docs)]
+    fn lag(&self) -> f64;
+    /// Sets the lag of drive and brakes, s.
+    fn set_drive_lag(&mut self, lag: f64);
+    /// Mass of the whole vehicle, kg; half the air's density times the drag area, kg/m.
+    fn mass_and_drag(&self) -> (f64, f64);
+    /// Wheelbase of what is steered, m.
+    fn reach(&self) -> f64;
+    /// Friction coefficient of the tyres, front.
+    fn friction(&self) -> f64;
+    /// Lateral relaxation length of the front tyres at rest, m.
+    fn relaxation(&self) -> f64;
+
+    /// Drives the full plant, with the effects of its file, along a stretch of rows with commands; `columns` receives what is corrected.
+    fn full(&self, drive: &Drive, stretch: (usize, usize), columns: &mut [Vec<f64>]);
+}
+
+fn put(columns: &mut [Vec<f64>], row: usize, values: &[(Channel, f64)]) {
+    for &(channel, value) in values {
+        if let Some(place) = columns[channel as usize].get_mut(row) {
+            *place = value;
+        }
+    }
+}
+
+/// Acceleration that keeps the full plant at the log's speed, m/s2.
+fn keep_speed<V: ReplayVehicle>(vehicle: &V, drive: &Drive, row: usize, vx: f64) -> f64 {
+    let (mass, drag) = vehicle.mass_and_drag();
+    drive.accel[row] + drag * vx * vx / mass + SPEED_GAIN * (drive.column("vx")[row] - vx)
+}
+
+macro_rules! common {
+    ($tyre:ident) => {
+        fn steering(&mut self) -> &mut Steering {
+            &mut self.steering
+        }
+
+        fn dead_time(&self) -> f64 {
+            self.steering.dead_time
+        }
+
+        fn lag(&self) -> f64 {
+            self.steering.lag
+        }
+
+        fn set_drive_lag(&mut self, lag: f64) {
+            self.drive.lag = lag;
+        }
+
+        fn friction(&self) -> f64 {
+            let tyre = self.tyre.front.scaled();
+            (tyre.pdy1 * tyre.lmuy).abs()
+        }
+
+        fn relaxation(&self) -> f64 {
+            let tyre = self.tyre.front.scaled();
+            tyre.lateral_relaxation(tyre.fz0, 0.0).max(0.1)
+        }
+    };
+}
+
+impl ReplayVehicle for CarParameters {
+    const TRUCK: bool = false;
+
+    fn reduced(&self, effects: &TruckEffects) -> Result<Box<dyn ReducedVehicle>, String> {
+        car::reduced(self, &effects.vehicle).map_err(|error| error.to_string())
+    }
+
+    fn known_effects(&self) -> TruckEffects {
+        TruckEffects { vehicle: self.effect, ..TruckEffects::default() }
+    }
+
+    fn reach(&self) -> f64 {
+        self.wheelbase()
+    }
+
+    fn mass_and_drag(&self) -> (f64, f64) {
+        (self.vehicle.mass, 0.5 * self.air.density * self.air.drag_area)
+    }
+
+    fn full(&self, drive: &Drive, (from, to): (usize, usize), columns: &mut [Vec<f64>]) {
+        let Ok(mut car) = Car::new(self, &self.effect, None) else { return };
+        car.place(0.0, 0.0, 0.0, drive.column("vx")[from]);
+        for row in from..to {
+            let o = *car.output();
+            let values = [
+                (Channel::YawRate, o.yaw_rate),
+                (Channel::Ay, o.ay),
+                (Channel::Vy, o.vy),
+                (Channel::Roll, o.roll),
+            ];
+            put(columns, row, &values);
+            let accel_cmd = keep_speed(self, drive, row, o.vx);
+            let input = VehicleInput { steer_cmd: drive.held(row), accel_cmd };
+            if car.step(&input, drive.step).is_err() {
+                return;
+            }
+        }
+    }
+
+    common!(front);
+}
+
+impl ReplayVehicle for TruckParameters {
+    const TRUCK: bool = true;
+
+    fn reduced(&self, effects: &TruckEffects) -> Result<Box<dyn ReducedVehicle>, String> {
+        truck::reduced(self, effects).map_err(|error| error.to_string())
+    }
+
+    fn known_effects(&self) -> TruckEffects {
+        self.effect
+    }
+
+    fn reach(&self) -> f64 {
+        self.tractor.cg_to_front_axle + self.tractor.cg_to_rear_axle
+    }
+
+    fn mass_and_drag(&self) -> (f64, f64) {
+        (self.tractor.mass + self.trailer.mass, 0.5 * self.air.density * self.air.drag_area)
+    }
+
+    fn full(&self, drive: &Drive, (from, to): (usize, usize), columns: &mut [Vec<f64>]) {
+        let Ok(mut truck) = Truck::new(self, &self.effect, None) else { return };
+        truck.place(0.0, 0.0, 0.0, drive.column("vx")[from]);
+        for row in from..to {
+            let o = *truck.output();
+            let values = [
+                (Channel::YawRate, o.yaw_rate),
+                (Channel::Ay, o.ay),
+                (Channel::Vy, o.vy),
+                (Channel::Roll, o.roll),
+                (Channel::Articulation, o.articulation),
+                (Channel::ArticulationRate, o.articulation_rate),
+            ];
+            put(columns, row, &values);
+            let accel_cmd = keep_speed(self, drive, row, o.vx);
+            let input = VehicleInput { steer_cmd: drive.held(row), accel_cmd };
+            if truck.step(&input, drive.step).is_err() {
+                return;
+            }
+        }
+    }
+
+    common!(front);
+}
+
+/// The vehicle as it is replayed: with a measured angle nothing before the sensor acts.
+pub(in crate::diagnose) fn prepared<V: ReplayVehicle>(vehicle: &V, commanded: bool) -> V {
+    let mut vehicle = vehicle.clone();
+    if !commanded {
+        let steering = vehicle.steering();
+        (steering.dead_time, steering.lag, steering.backlash) = (0.0, 0.0, 0.0);
+        (steering.rate_limit, steering.angle_limit) = (NO_RATE_LIMIT, 1.4);
+        let before =
+            TruckEffects::all().filter(|effect| matches!(effect.stage, Stage::Command | Stage::Actuator));
+        for effect in before {
+            if let Some(value) = vehicle.effect_mut(effect.id) {
+                *value = effect.neutral;
+            }
+        }
+    }
+    vehicle
+}
+
+/// What the full plant says beyond the reduced model, all effects neutral, on a drive: added to every replay.
+///
+/// # Errors
+/// As [`replay`].
+pub(in crate::diagnose) fn neutral<V: ReplayVehicle>(
+    drive: &Drive,
+    vehicle: &V,
+) -> Result<Correction, String> {
+    let reduced = replay(drive, vehicle, &TruckEffects::default(), &Correction::default(), None)?;
+    let mut plant = vehicle.clone();
+    plant.set_drive_lag(0.0);
+    let mut columns: Vec<Vec<f64>> = CHANNELS
+        .iter()
+        .map(|&channel| if channel.corrected() { reduced.column(channel).to_vec() } else { Vec::new() })
+        .collect();
+    for &stretch in &drive.stretches {
+        plant.full(drive, stretch, &mut columns);
+    }
+    for (column, reduced) in columns.iter_mut().zip(&reduced.columns) {
+        for (full, reduced) in column.iter_mut().zip(reduced) {
+            *full = if (*full - reduced).is_finite() { *full - reduced } else { 0.0 };
+        }
+    }
+    Ok(Correction { columns })
+}

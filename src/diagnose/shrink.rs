@@ -1,0 +1,215 @@
+//! How far the gap shrinks on parts of the log that the fit has not seen.
+//!
+//! Blocks of 8 s belong in turn to two halves; what is fitted on one is tried on the other. What a model learned from past
+//! commands removes from the rest is the ceiling of all learning: a ridge regression on lagged steering, by speed.
+
+use super::fit::{Fit, Linear};
+use super::problem::{Problem, rms};
+use super::rank::Ranking;
+use super::replay::{Channel, ReplayVehicle, Trace, replay};
+use super::report::{Gap, Shrink};
+use super::{knob, replay::Correction};
+use nalgebra::{DMatrix, DVector};
+use std::collections::BTreeMap;
+
+/// Length of a block, s.
+const BLOCK: f64 = 8.0;
+/// Lags of the ridge, samples of 10 Hz; its penalty as a share of the mean diagonal.
+const LAGS: [usize; 6] = [0, 1, 2, 4, 7, 12];
+const RIDGE: f64 = 1e-3;
+/// Horizons, s.
+const HORIZONS: [f64; 3] = [0.5, 1.0, 2.0];
+
+/// The half that a compared row belongs to.
+fn half<V: ReplayVehicle>(problem: &Problem<V>, k: usize) -> usize {
+    let row = problem.rows[k];
+    ((problem.drive.time[row] - problem.drive.time[0]) / BLOCK) as usize % 2
+}
+
+/// Coordinates of the winner fitted on one half: all, and the effect alone.
+fn fitted_on<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    ranking: &Ranking,
+    winner: &Fit,
+    slopes: &[Vec<f64>],
+    which: usize,
+) -> (Vec<f64>, Vec<f64>) {
+    let mut weights = ranking.linear.weights.clone();
+    for (_, block) in &problem.blocks {
+        for (k, i) in block.clone().enumerate() {
+            if half(problem, k) != which {
+                weights[i] = 0.0;
+            }
+        }
+    }
+    let local = Linear::new(slopes.to_vec(), weights);
+    let precision = ranking.prior.freed(problem, &winner.freed);
+    let step = ranking.prior.step(&local, &winner.x, &winner.gap, &precision);
+    let all: Vec<f64> = winner
+        .x
+        .iter()
+        .zip(&step.change)
+        .zip(&problem.knobs)
+        .map(|((x, change), knob)| (x + change).clamp(knob.least, knob.greatest))
+        .collect();
+    (only(problem, &winner.freed, &all), all)
+}
+
+/// The coordinates of the effect alone, all else neutral.
+#[must_use]
+pub fn only<V: ReplayVehicle>(problem: &Problem<V>, freed: &[usize], x: &[f64]) -> Vec<f64> {
+    let payload = freed.iter().any(|&i| problem.knobs[i].id == "payload");
+    (0..x.len())
+        .map(|i| if freed.contains(&i) || payload && problem.knobs[i].id == "payload_x" { x[i] } else { 0.0 })
+        .collect()
+}
+
+/// Shrinkage of the winner; for a winner with nothing freed the effect's part is none.
+#[must_use]
+pub fn shrink<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    ranking: &Ranking,
+    winner: &Fit,
+    slopes: &[Vec<f64>],
+) -> Shrink {
+    let mut effect = vec![0.0; ranking.neutral.len()];
+    let mut recalibrated = effect.clone();
+    let mut points = Vec::new();
+    for which in 0..2 {
+        let (alone, all) = fitted_on(problem, ranking, winner, slopes, which);
+        for (x, into) in [(&alone, &mut effect), (&all, &mut recalibrated)] {
+            let Some(gap) = problem.residual(x) else { continue };
+            for (_, block) in &problem.blocks {
+                for (k, i) in block.clone().enumerate() {
+                    if half(problem, k) != which {
+                        into[i] = gap[i];
+                    }
+                }
+            }
+        }
+        points.push((alone, all));
+    }
+    let mut shrink = Shrink::default();
+    let features = features(problem);
+    for ((channel, block), &noise) in problem.blocks.iter().zip(&ranking.noise.white) {
+        let part = |gap: &[f64]| rms(&gap[block.clone()]);
+        let rest = learnable(problem, &features, &recalibrated[block.clone()]);
+        let gap = Gap {
+            before: part(&ranking.neutral),
+            effect: part(&effect),
+            recalibrated: part(&recalibrated),
+            learnable: rest.min(part(&recalibrated)),
+            noise,
+        };
+        shrink.open_loop.insert(channel.name().to_owned(), gap);
+    }
+    for horizon in HORIZONS {
+        shrink.horizons.insert(format!("{horizon}"), at_horizon(problem, ranking, &points, horizon));
+    }
+    shrink
+}
+
+/// Lagged steering by speed for each compared row.
+fn features<V: ReplayVehicle>(problem: &Problem<V>) -> Vec<Vec<f64>> {
+    let drive = problem.drive;
+    let vx = drive.column("vx");
+    let every = problem.filter.every;
+    problem
+        .rows
+        .iter()
+        .map(|&row| {
+            let v = vx[row] / 15.0;
+            let mut all = vec![1.0, v, drive.accel[row]];
+            for lag in LAGS {
+                let steer = drive.steer[row.saturating_sub(lag * every)];
+                all.extend([steer, steer * v, steer * v * v]);
+            }
+            all
+        })
+        .collect()
+}
+
+/// What a ridge learned on one half leaves of a gap on the other, RMS.
+fn learnable<V: ReplayVehicle>(problem: &Problem<V>, features: &[Vec<f64>], gap: &[f64]) -> f64 {
+    let count = features.first().map_or(0, Vec::len);
+    let mut left = gap.to_vec();
+    for which in 0..2 {
+        let mut gram = DMatrix::<f64>::zeros(count, count);
+        let mut right = DVector::<f64>::zeros(count);
+        for (k, feature) in features.iter().enumerate().filter(|(k, _)| half(problem, *k) == which) {
+            for i in 0..count {
+                right[i] += feature[i] * gap[k];
+                for j in 0..=i {
+                    gram[(i, j)] += feature[i] * feature[j];
+                }
+            }
+        }
+        for i in 0..count {
+            for j in 0..i {
+                gram[(j, i)] = gram[(i, j)];
+            }
+        }
+        for i in 0..count {
+            gram[(i, i)] = gram[(i, i)] * (1.0 + RIDGE) + 1e-9;
+        }
+        let Some(solution) = gram.cholesky().map(|c| c.solve(&right)) else { continue };
+        for (k, feature) in features.iter().enumerate().filter(|(k, _)| half(problem, *k) != which) {
+            left[k] -= feature.iter().zip(solution.iter()).map(|(a, b)| a * b).sum::<f64>();
+        }
+    }
+    rms(&left)
+}
+
+/// Gaps at the end of a horizon, the simulator started from the log each time.
+fn at_horizon<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    ranking: &Ranking,
+    points: &[(Vec<f64>, Vec<f64>)],
+    horizon: f64,
+) -> BTreeMap<String, Gap> {
+    let drive = problem.drive;
+    let rows = (horizon / drive.step).round().max(2.0) as usize;
+    let run = |x: &[f64]| -> Option<Trace> {
+        let (vehicle, effects) = knob::at(&problem.knobs, x, problem.vehicle);
+        let correction: &Correction = problem.correction;
+        let mut trace = replay(drive, &vehicle, &effects, correction, Some(rows)).ok()?;
+        knob::sense(&problem.knobs, x, &mut trace);
+        Some(trace)
+    };
+    let neutral = run(&vec![0.0; problem.knobs.len()]);
+    let others: Vec<[Option<Trace>; 2]> = points.iter().map(|(alone, all)| [run(alone), run(all)]).collect();
+    let mut gaps = BTreeMap::new();
+    for ((channel, _), &noise) in problem.blocks.iter().zip(&ranking.noise.white) {
+        if *channel == Channel::Steer {
+            continue;
+        }
+        let logged = drive.column(channel.name());
+        let mut ends = Vec::new();
+        for &(from, to) in &drive.stretches {
+            ends.extend(
+                (from + 2 * rows - 1..to)
+                    .step_by(rows)
+                    .filter(|&row| drive.scored[row + 1 - rows] && drive.scored[row]),
+            );
+        }
+        let of = |trace: &dyn Fn(usize) -> Option<f64>| {
+            let all: Vec<f64> = ends.iter().filter_map(|&row| trace(row)).collect();
+            rms(&all)
+        };
+        let gap = |trace: &Option<Trace>, row: usize| {
+            let value = trace.as_ref()?.column(*channel)[row];
+            Some(if channel.leaks() { -value } else { logged[row] - value })
+        };
+        // What was fitted on one half is tried on the other.
+        let which = |row: usize| 1 - ((drive.time[row] - drive.time[0]) / BLOCK) as usize % 2;
+        let before = of(&|row| gap(&neutral, row));
+        let effect = of(&|row| gap(&others.get(which(row))?[0], row));
+        let recalibrated = of(&|row| gap(&others.get(which(row))?[1], row));
+        let sample = noise / problem.filter.gain();
+        gaps.insert(
+            channel.name().to_owned(),
+            Gap { before, effect, recalibrated, learnable: recalibrated, noise: sample },
+        );
+    }
+    gaps
+}

@@ -1,0 +1,180 @@
+//! The calibrated simulator: the vehicle with the effects that were named and the numbers that were adjusted, as a vehicle
+//! file, and as a parameter set of SSP 1.0 for the plant's FMU in any host.
+
+use super::report::{Adjustment, Report, VerdictKind};
+use crate::vehicle::{TruckEffects, VehicleParameters};
+use quick_xml::Writer;
+use quick_xml::events::{BytesDecl, BytesEnd, BytesStart, Event};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Why a calibrated simulator cannot be written.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum CalibratedError {
+    #[error("the diagnosis adjusted '{parameter}', which this vehicle does not have; please report this")]
+    Unknown { parameter: String },
+    #[error("{}: {source}", file.display())]
+    File { file: PathBuf, source: std::io::Error },
+    #[error("the calibrated vehicle cannot be written as TOML: {0}")]
+    Toml(#[from] toml::ser::Error),
+}
+
+/// How far a simulator is calibrated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Calibration {
+    /// The named effects only.
+    Effect,
+    /// All that was adjusted, too.
+    Whole,
+}
+
+/// What changes: parameter and value.
+#[must_use]
+pub fn changes(report: &Report, calibration: Calibration) -> BTreeMap<String, f64> {
+    let mut changes = BTreeMap::new();
+    if calibration == Calibration::Whole {
+        changes
+            .extend(report.recalibration.iter().map(|one: &Adjustment| (one.parameter.clone(), one.value)));
+    }
+    if report.verdict.kind == VerdictKind::Effect {
+        let named = report.verdict.effects.iter();
+        changes.extend(named.map(|effect| (format!("effect.{}", effect.id), effect.value)));
+    }
+    changes
+}
+
+/// The vehicle with these changes; values are kept within what a vehicle can have. What was adjusted in the sensors
+/// (`sensor.*`) is no part of a vehicle.
+///
+/// # Errors
+/// A parameter that the vehicle does not have.
+pub fn calibrated<V: VehicleParameters>(
+    vehicle: &V,
+    changes: &BTreeMap<String, f64>,
+) -> Result<V, CalibratedError> {
+    let mut vehicle = vehicle.clone();
+    let (mut known, mut found) = (TruckEffects::default(), TruckEffects::default());
+    for effect in TruckEffects::all() {
+        if let (Some(place), Some(value)) = (known.get_mut(effect.id), vehicle.effect_mut(effect.id)) {
+            *place = *value;
+        }
+    }
+    for (name, value) in changes.iter().filter(|(name, _)| !name.starts_with("sensor.")) {
+        let id = name.strip_prefix("effect.").unwrap_or_default();
+        if let (true, Some(place)) = (vehicle.effect_mut(id).is_some(), found.get_mut(id)) {
+            *place = *value;
+        } else if let Some(parameter) = V::TABLE.iter().find(|parameter| parameter.name == name) {
+            parameter.set(&mut vehicle, value.clamp(parameter.range.0, parameter.range.1));
+        } else {
+            return Err(CalibratedError::Unknown { parameter: name.clone() });
+        }
+    }
+    // What was found comes on top of what the file knows already.
+    let both = found.on_top_of(&known);
+    for effect in TruckEffects::all() {
+        let (Some(value), Some(place)) = (both.get(effect.id), vehicle.effect_mut(effect.id)) else {
+            continue;
+        };
+        *place = value.clamp(effect.range.0, effect.range.1);
+        // Quicker than the file says: less of what the file has.
+        let own = QUICKER.iter().find(|(slower, _)| *slower == effect.id && value < 0.0);
+        if let Some(own) = own.and_then(|(_, own)| V::TABLE.iter().find(|parameter| parameter.name == *own)) {
+            let shorter = (own.get(&vehicle) + value).max(0.0);
+            own.set(&mut vehicle, shorter);
+        }
+    }
+    Ok(vehicle)
+}
+
+/// Effects that add to a number of the file.
+const QUICKER: [(&str, &str); 3] =
+    [("steer_delay", "steering.dead_time"), ("steer_lag", "steering.lag"), ("drive_lag", "drive.lag")];
+
+/// What one vehicle has otherwise than another, by the FMU's parameters.
+#[must_use]
+pub fn differences<V: VehicleParameters>(from: &V, to: &V) -> BTreeMap<String, f64> {
+    let mut differences = BTreeMap::new();
+    for parameter in V::TABLE.iter().filter(|parameter| parameter.get(from) != parameter.get(to)) {
+        differences.insert(parameter.name.to_owned(), parameter.get(to));
+    }
+    let (mut from, mut to) = (from.clone(), to.clone());
+    for effect in TruckEffects::all() {
+        if let (Some(from), Some(to)) = (from.effect_mut(effect.id), to.effect_mut(effect.id))
+            && from != to
+        {
+            differences.insert(format!("effect.{}", effect.id), *to);
+        }
+    }
+    differences
+}
+
+/// Writes a vehicle file; `source` is the file that the vehicle was read from, if any, beside which its tyres lie: they are
+/// copied to the new file. `words` goes into a comment.
+///
+/// # Errors
+/// A file that cannot be written.
+pub fn write_vehicle<V: VehicleParameters>(
+    vehicle: &V,
+    source: Option<&Path>,
+    words: &str,
+    file: &Path,
+) -> Result<(), CalibratedError> {
+    let mut table = toml::Table::try_from(vehicle)?;
+    if let Some(toml::Value::Table(effects)) = table.get_mut("effect") {
+        effects.retain(|id, value| {
+            let neutral = TruckEffects::all().find(|effect| effect.id == id).map(|effect| effect.neutral);
+            value.as_float() != neutral
+        });
+    }
+    let mut text: String = words.lines().map(|line| format!("# {line}\n")).collect();
+    text += "\n";
+    text += &toml::to_string(&table)?;
+    let write = |file: &Path, bytes: &[u8]| {
+        std::fs::write(file, bytes).map_err(|source| CalibratedError::File { file: file.to_owned(), source })
+    };
+    write(file, text.as_bytes())?;
+    let (Some(from), Some(to)) = (source.and_then(Path::parent), file.parent()) else { return Ok(()) };
+    for (_, tyre) in vehicle.clone().tyres() {
+        let (from, to) = (from.join(&tyre.file), to.join(&tyre.file));
+        // A tyre that is built in needs no file, and one in its place needs no copy.
+        let (Ok(bytes), false) = (std::fs::read(&from), to.exists()) else { continue };
+        if let Some(folder) = to.parent() {
+            std::fs::create_dir_all(folder)
+                .map_err(|source| CalibratedError::File { file: folder.to_owned(), source })?;
+        }
+        write(&to, &bytes)?;
+    }
+    Ok(())
+}
+
+/// A parameter set: what `vehicle_file` names, and the changes. With a `component`, names are `COMPONENT.PARAMETER`, as
+/// for a system; without, those of the FMU.
+#[must_use]
+pub fn parameter_set(component: Option<&str>, vehicle_file: &str, changes: &BTreeMap<String, f64>) -> String {
+    let mut writer = Writer::new_with_indent(Vec::new(), b' ', 2);
+    let mut event = |event: Event<'_>| writer.write_event(event).expect("writing to memory does not fail");
+    let full =
+        |name: &str| component.map_or_else(|| name.to_owned(), |component| format!("{component}.{name}"));
+    event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)));
+    event(Event::Start(BytesStart::new("ssv:ParameterSet").with_attributes([
+        ("xmlns:ssv", "http://ssp-standard.org/SSP1/SystemStructureParameterValues"),
+        ("version", "1.0"),
+        ("name", "calibrated"),
+    ])));
+    event(Event::Start(BytesStart::new("ssv:Parameters")));
+    let mut parameter = |name: &str, element: &str, value: &str| {
+        event(Event::Start(
+            BytesStart::new("ssv:Parameter").with_attributes([("name", full(name).as_str())]),
+        ));
+        event(Event::Empty(BytesStart::new(element).with_attributes([("value", value)])));
+        event(Event::End(BytesEnd::new("ssv:Parameter")));
+    };
+    parameter("vehicle_file", "ssv:String", vehicle_file);
+    for (name, value) in changes {
+        parameter(name, "ssv:Real", &value.to_string());
+    }
+    event(Event::End(BytesEnd::new("ssv:Parameters")));
+    event(Event::End(BytesEnd::new("ssv:ParameterSet")));
+    String::from_utf8(writer.into_inner()).expect("names and numbers are UTF-8")
+}

@@ -1,0 +1,140 @@
+//! The answer in words that a test engineer understands.
+
+use super::calibration::Calibration;
+use super::observability::short;
+use super::report::{Finding, Gravity, NamedEffect, Shrink, VerdictKind};
+use crate::vehicle::TruckEffects;
+
+fn sure(probability: f64) -> &'static str {
+    match probability {
+        p if p >= 0.95 => "almost certainly",
+        p if p >= 0.8 => "very probably",
+        p if p >= 0.6 => "probably",
+        _ => "perhaps",
+    }
+}
+
+fn of_effect(effect: &NamedEffect) -> String {
+    let meaning = TruckEffects::all().find(|it| it.id == effect.id).map_or("", |it| it.meaning);
+    let lower = meaning
+        .chars()
+        .next()
+        .map(|c| c.to_lowercase().to_string() + &meaning[c.len_utf8()..])
+        .unwrap_or_default();
+    let unit = if effect.unit == "1" { String::new() } else { format!(" {}", effect.unit) };
+    format!(
+        "{} = {}{unit} ({} to {}): {lower}",
+        effect.id,
+        short(effect.value),
+        short(effect.low),
+        short(effect.high)
+    )
+}
+
+/// The verdict in at most three sentences.
+#[must_use]
+pub fn verdict(
+    kind: VerdictKind,
+    effects: &[NamedEffect],
+    shrink: &Shrink,
+    probability: f64,
+    findings: &[Finding],
+) -> String {
+    let yaw = shrink.open_loop.get("yaw_rate");
+    let percent = |now: f64, before: f64| 100.0 * (1.0 - now / before.max(1e-12));
+    match kind {
+        VerdictKind::Effect => {
+            let named: Vec<String> = effects.iter().map(of_effect).collect();
+            let mut words =
+                format!("The gap comes {} from {}.", sure(probability), named.join("; and from "));
+            let others: Vec<&str> = effects
+                .iter()
+                .flat_map(|effect| effect.class.iter().filter(|id| **id != effect.id).map(String::as_str))
+                .collect();
+            if let Some(gap) = yaw {
+                words += &format!(
+                    " On parts of the log held out, the yaw-rate gap shrinks by {:.0} % with it, and by {:.0} % with all \
+                     else adjusted within tolerance.",
+                    percent(gap.effect, gap.before),
+                    percent(gap.recalibrated, gap.before)
+                );
+            }
+            if !others.is_empty() {
+                words += &format!(" This log cannot tell it from {}.", others.join(", "));
+            }
+            words
+        }
+        VerdictKind::None => {
+            let mut words =
+                "Nothing worth naming: the gap is within what ordinary tolerances of the simulator explain."
+                    .to_owned();
+            if let Some(gap) = yaw {
+                words += &format!(
+                    " The yaw-rate gap is {} rad/s, {} rad/s after adjusting within tolerance; noise is {} rad/s.",
+                    short(gap.before),
+                    short(gap.recalibrated),
+                    short(gap.noise)
+                );
+            }
+            words
+        }
+        VerdictKind::NotInLibrary => {
+            let mut words =
+                "There is a gap that no effect of the library, nor any pair, explains.".to_owned();
+            if let Some(gap) = yaw {
+                words += &format!(
+                    " Of the yaw-rate gap of {} rad/s, {} rad/s remain after adjusting; a learned model would leave {} rad/s.",
+                    short(gap.before),
+                    short(gap.recalibrated),
+                    short(gap.learnable)
+                );
+            }
+            words + " See where it lies, and look there for what the library does not have."
+        }
+        VerdictKind::CannotTell => {
+            let grave = findings.iter().find(|finding| finding.gravity == Gravity::Suspicion);
+            match grave {
+                Some(finding) => format!(
+                    "This log cannot tell before it is cleared up: {}.",
+                    finding.words.trim_end_matches('.')
+                ),
+                None => "This log cannot tell: hardly anything is steered in it. Drive turns to both sides at several \
+                         speeds."
+                    .to_owned(),
+            }
+        }
+    }
+}
+
+/// Why a candidate stands where it does.
+#[must_use]
+pub fn why(
+    evidence: f64,
+    behind: f64,
+    pinned: bool,
+    winner: bool,
+    kind: VerdictKind,
+    calibration: &Calibration,
+) -> String {
+    if winner && kind == VerdictKind::Effect {
+        return "explains the log best".to_owned();
+    }
+    if evidence < calibration.none {
+        let hidden = if pinned { "; the log would hardly show it" } else { "" };
+        return format!(
+            "explains no more than chance does in a sound log ({} of {}){hidden}",
+            short(evidence.max(0.0)),
+            short(calibration.none)
+        );
+    }
+    if behind < 0.0 {
+        return format!("explains {} more, too little for another effect", short(-behind));
+    }
+    if behind < calibration.class {
+        return format!(
+            "explains as much as the best within what this log can tell ({} less)",
+            short(behind)
+        );
+    }
+    format!("explains {} less than the best", short(behind))
+}

@@ -1,0 +1,268 @@
+//! What the columns of a log must tell alike, whatever the vehicle: else a unit or a sign is wrong.
+//!
+//! ```text
+//!     d(yaw)/dt = yaw_rate       |d(x, y)|/dt = vx       course(x, y) = yaw + slip       ay = vx * yaw_rate + ...
+//!     steer = (l + K vx^2) * yaw_rate / vx               (steady cornering, Rajamani ch. 3.3)
+//! ```
+
+use super::clean::{CleanError, CleanLog};
+use super::finding::Gravity;
+use super::statistics::{Slope, median, quantile, slope};
+use crate::path::wrap_angle;
+use crate::vehicle::GRAVITY;
+
+/// A larger change of yaw from row to row is its wrapping.
+const WRAP: f64 = 3.0;
+const DEGREE: f64 = std::f64::consts::PI / 180.0;
+/// Lateral accelerations that no vehicle on a road reaches, m/s2.
+const IMPOSSIBLE: f64 = 40.0;
+
+/// How many times as fast yaw changes as yaw rate says; `None` where the two hardly have to do with each other: then the
+/// vehicle hardly turns.
+pub(super) fn turn_factor(time: &[f64], yaw: &[f64], yaw_rate: &[f64]) -> Option<f64> {
+    let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
+    for i in 1..time.len() {
+        let asked = 0.5 * (yaw_rate[i - 1] + yaw_rate[i]) * (time[i] - time[i - 1]);
+        let turned = yaw[i] - yaw[i - 1];
+        // Not a number compares as neither.
+        if turned.abs() < WRAP && asked.is_finite() {
+            (xx, xy, yy) = (xx + asked * asked, xy + asked * turned, yy + turned * turned);
+        }
+    }
+    if xy * xy < 0.5 * xx * yy || xx == 0.0 { None } else { Some(xy / xx) }
+}
+
+/// How far a vehicle moves over how far its speed and its clock say: the typical row of those that move.
+pub(super) fn way_factor(time: &[f64], [x, y, vx]: [&[f64]; 3]) -> Option<f64> {
+    let fast = 0.3 * quantile(vx.iter().map(|v| v.abs()).collect(), 0.95)?;
+    // Positions are rounded and may come more slowly than rows: over a hundred rows that does not matter.
+    let apart = (time.len() / 20).clamp(1, 100);
+    let factor = |from: usize, to: usize| {
+        let moved = (x[to] - x[from]).hypot(y[to] - y[from]);
+        let said = 0.5 * (vx[from] + vx[to]).abs() * (time[to] - time[from]);
+        (vx[from].abs() > fast && vx[to].abs() > fast && said > 0.0).then_some(moved / said)
+    };
+    median((apart..time.len()).step_by(1 + apart / 4).filter_map(|to| factor(to - apart, to)).collect())
+}
+
+/// Whether yaw rate must be in degrees per second: with it the vehicle would turn as none can.
+pub(super) fn impossible_yaw_rate(vx: &[f64], yaw_rate: &[f64]) -> bool {
+    let lateral = vx.iter().zip(yaw_rate).map(|(v, rate)| (v * rate).abs()).collect();
+    quantile(lateral, 0.98).is_some_and(|lateral| lateral > IMPOSSIBLE)
+}
+
+/// A factor that is, within 15 %, the one for a unit.
+pub(super) fn near(factor: f64, unit: f64) -> bool {
+    (factor / unit - 1.0).abs() < 0.15
+}
+
+/// Lateral acceleration up to which tyres are linear, m/s2.
+const MILD: f64 = 3.0;
+/// Steering over what is needed that an effect can explain.
+const PLAUSIBLE: std::ops::Range<f64> = 0.62..1.6;
+
+/// Length of the stretches that are compared, s: longer than any delay, shorter than a bend.
+const BLOCK: f64 = 0.5;
+
+/// Means of a column over blocks of rows that all count.
+fn blocks<'a>(log: &'a CleanLog, column: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+    let size = ((BLOCK / log.step).round() as usize).max(1);
+    column.chunks_exact(size).zip(log.valid.chunks_exact(size)).map(move |(values, valid)| {
+        if valid.iter().all(|valid| *valid) { values.iter().sum::<f64>() / size as f64 } else { f64::NAN }
+    })
+}
+
+/// Speed in km/h, acceleration in g: converted. To be called before all else.
+pub(super) fn mend_units(log: &mut CleanLog) {
+    let way = match (log.columns.get("x"), log.columns.get("y"), log.columns.get("vx")) {
+        (Some(x), Some(y), Some(vx)) => way_factor(&log.time, [x, y, vx]),
+        _ => None,
+    };
+    let lateral = lateral(log);
+    let kmh = match way {
+        Some(way) => near(way * 3.6, 1.0),
+        None => lateral.is_some_and(|slope| near(slope.factor * 3.6, 1.0) && slope.explained > 0.8),
+    };
+    if kmh {
+        for name in ["vx", "vy"] {
+            scale(log, name, 1.0 / 3.6);
+        }
+        let by = if way.is_some() { "x and y move" } else { "ay tells" };
+        log.find(
+            Gravity::Warning,
+            "vx",
+            format!("vx is 3.6 times as fast as {by}: taken as km/h and converted to m/s (vy with it)"),
+        );
+    } else if let Some(way) = way.filter(|way| !(0.7..1.4).contains(way)) {
+        let words = format!(
+            "x and y move {way:.3} times as fast as vx says: one of them has another unit (m and m/s are needed)"
+        );
+        log.find(Gravity::Suspicion, "vx", words);
+    }
+    if lateral.is_some_and(|slope| near(slope.factor * if kmh { 3.6 } else { 1.0 } * GRAVITY, 1.0)) {
+        for name in ["ax", "ay"] {
+            scale(log, name, GRAVITY);
+        }
+        log.find(
+            Gravity::Warning,
+            "ay",
+            "ay is a tenth of vx * yaw_rate: taken as g and converted to m/s2 (ax with it)".into(),
+        );
+    }
+}
+
+fn scale(log: &mut CleanLog, name: &str, factor: f64) {
+    if let Some(column) = log.columns.get_mut(name) {
+        column.iter_mut().for_each(|value| *value *= factor);
+    }
+}
+
+/// How `ay` follows `vx * yaw_rate`.
+fn lateral(log: &CleanLog) -> Option<Slope> {
+    let (ay, vx, rate) = (log.columns.get("ay")?, log.columns.get("vx")?, log.columns.get("yaw_rate")?);
+    let turning = blocks(log, vx).zip(blocks(log, rate)).map(|(v, rate)| v * rate);
+    slope(turning.zip(blocks(log, ay)))
+}
+
+/// How the course that x and y show follows yaw, and the angle between them.
+fn course(log: &CleanLog) -> Option<(Slope, f64)> {
+    let (x, y, yaw) = (log.columns.get("x")?, log.columns.get("y")?, log.columns.get("yaw")?);
+    let points: Vec<[f64; 3]> =
+        blocks(log, x).zip(blocks(log, y)).zip(blocks(log, yaw)).map(|((x, y), yaw)| [x, y, yaw]).collect();
+    // A course, and the heading half-way along it.
+    let courses: Vec<[f64; 2]> = points
+        .windows(2)
+        .map(|pair| {
+            let (dx, dy) = (pair[1][0] - pair[0][0], pair[1][1] - pair[0][1]);
+            let moved = dx.hypot(dy) > 0.5;
+            [if moved { dy.atan2(dx) } else { f64::NAN }, 0.5 * (pair[0][2] + pair[1][2])]
+        })
+        .collect();
+    let turned =
+        courses.windows(2).map(|pair| (pair[1][1] - pair[0][1], wrap_angle(pair[1][0] - pair[0][0])));
+    let apart = median(courses.iter().map(|[course, yaw]| wrap_angle(course - yaw)).collect())?;
+    Some((slope(turned)?, apart))
+}
+
+/// How a steering column follows what steady cornering needs.
+fn steered(log: &CleanLog, column: &str, steering: &dyn Fn(f64) -> f64) -> Option<Slope> {
+    let (steer, vx, rate) = (log.columns.get(column)?, log.columns.get("vx")?, log.columns.get("yaw_rate")?);
+    // Close to the limit of grip any vehicle needs more.
+    let mild = |v: f64, rate: f64| if (v * rate).abs() < MILD { steering(v) * rate / v } else { f64::NAN };
+    let needed = blocks(log, vx).zip(blocks(log, rate)).map(|(v, rate)| mild(v, rate));
+    slope(needed.zip(blocks(log, steer)))
+}
+
+/// Steering angles in degrees: converted. `steering` is the road-wheel angle for a unit of curvature at a speed.
+pub(super) fn mend_steering(log: &mut CleanLog, steering: &dyn Fn(f64) -> f64) {
+    for column in ["steer_cmd", "steer"] {
+        let factor = steered(log, column, steering).map_or(1.0, |slope| slope.factor.abs());
+        if (40.0..80.0).contains(&factor) {
+            scale(log, column, DEGREE);
+            let words = format!(
+                "{column} is {factor:.0} times what the turns need: taken as degrees and converted to radians"
+            );
+            log.find(Gravity::Warning, column, words);
+        }
+    }
+}
+
+/// Signs, and what no unit explains.
+///
+/// # Errors
+/// A sign that is turned; a steering-wheel angle.
+pub(super) fn check(log: &mut CleanLog, steering: &dyn Fn(f64) -> f64) -> Result<(), CleanError> {
+    let turn = match (log.columns.get("yaw"), log.columns.get("yaw_rate")) {
+        (Some(yaw), Some(rate)) => turn_factor(&log.time, yaw, rate),
+        _ => None,
+    };
+    let (course, apart) = course(log).map_or((None, 0.0), |(slope, apart)| (Some(slope.factor), apart));
+    let steered =
+        ["steer_cmd", "steer"].map(|column| steered(log, column, steering).map(|slope| slope.factor));
+    let lateral = lateral(log).map(|slope| slope.factor);
+    check_signs(&[
+        ("yaw", "yaw_rate", turn),
+        ("y", "yaw", course),
+        // Of a log without a command both are the same column.
+        ("steer_cmd", "yaw_rate", steered[0].filter(|_| log.commanded)),
+        ("steer", "yaw_rate", steered[1]),
+        ("ay", "yaw_rate", lateral),
+    ])?;
+    for (column, factor) in ["steer_cmd", "steer"].into_iter().zip(steered) {
+        match factor {
+            Some(factor) if factor > 400.0 => return Err(CleanError::SteeringWheel { column, ratio: factor * DEGREE, degrees: true }),
+            Some(factor) if factor > 6.0 => return Err(CleanError::SteeringWheel { column, ratio: factor, degrees: false }),
+            Some(factor) if !PLAUSIBLE.contains(&factor) && (log.commanded || column == "steer") => log.find(
+                Gravity::Suspicion,
+                column,
+                format!(
+                    "{column} is {factor:.2} times what this vehicle would need for the turns of the log: another vehicle, another speed unit, or a wrong steering ratio"
+                ),
+            ),
+            _ => {}
+        }
+    }
+    if let Some(factor) = turn.filter(|factor| !(0.7..1.4).contains(factor)) {
+        let words =
+            format!("yaw changes {factor:.2} times as fast as yaw_rate says: one of them has another unit");
+        log.find(Gravity::Suspicion, "yaw", words);
+    }
+    if let Some(factor) = lateral.filter(|factor| !(0.4..2.5).contains(factor)) {
+        let words = format!("ay is {factor:.2} times vx * yaw_rate: its unit, or that of vx, is another one");
+        log.find(Gravity::Suspicion, "ay", words);
+    }
+    if course.is_some() && apart.abs() > 0.3 {
+        let words = format!(
+            "the course of x, y is {apart:+.2} rad off yaw: yaw is measured from another axis; give it from the x axis, counter-clockwise"
+        );
+        log.find(Gravity::Suspicion, "yaw", words);
+    }
+    Ok(())
+}
+
+/// Looks for the column whose sign contradicts the others. A pair is two columns and the factor between them.
+fn check_signs(pairs: &[(&'static str, &'static str, Option<f64>)]) -> Result<(), CleanError> {
+    let Some(&(one, other, _)) =
+        pairs.iter().find(|(_, _, factor)| factor.is_some_and(|factor| factor < 0.0))
+    else {
+        return Ok(());
+    };
+    // Whoever contradicts more columns than it agrees with is the one.
+    let score = |column: &str| {
+        let of = pairs.iter().filter(|(a, b, _)| *a == column || *b == column);
+        of.filter_map(|(_, _, factor)| *factor).map(|factor| if factor < 0.0 { 1 } else { -1 }).sum::<i32>()
+    };
+    let (column, against) = if score(other) > score(one) { (other, one) } else { (one, other) };
+    let tied = score(one) == score(other);
+    Err(CleanError::Sign { column, against, tied })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn blamed(pairs: &[(&'static str, &'static str, Option<f64>)]) -> (&'static str, bool) {
+        match check_signs(pairs) {
+            Err(CleanError::Sign { column, tied, .. }) => (column, tied),
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn who_contradicts_the_others_is_blamed() {
+        let all = |yaw: f64, course: f64, steer: f64, ay: f64| {
+            [
+                ("yaw", "yaw_rate", Some(yaw)),
+                ("y", "yaw", Some(course)),
+                ("steer", "yaw_rate", Some(steer)),
+                ("ay", "yaw_rate", Some(ay)),
+            ]
+        };
+        assert_eq!(blamed(&all(1.0, 1.0, -1.0, 1.0)).0, "steer");
+        assert_eq!(blamed(&all(-1.0, 1.0, -1.0, -1.0)).0, "yaw_rate");
+        assert_eq!(blamed(&all(-1.0, -1.0, 1.0, 1.0)).0, "yaw");
+        assert_eq!(blamed(&all(1.0, 1.0, 1.0, -1.0)).0, "ay");
+        assert!(blamed(&[("steer", "yaw_rate", Some(-1.0))]).1);
+        assert!(check_signs(&all(1.0, 1.0, 1.0, 0.9)).is_ok());
+    }
+}

@@ -1,0 +1,347 @@
+//! A log made ready for comparison: an even clock, no gaps, units and signs checked; every repair is said.
+//!
+//! What can be mended without a doubt is mended and said (order, gaps, milliseconds, degrees, km/h, wrapped yaw). What
+//! cannot is refused, or left as it is and suspected; whoever uses the log must not trust an answer from a suspect log.
+
+use super::agreement;
+use super::clock::{self, LEAST_LENGTH};
+use super::finding::{Finding, Gravity};
+use super::read::DriveLog;
+use super::resample::{Between, resample};
+use super::statistics::quantile;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+/// Slower than this a vehicle stands, as far as its dynamics are concerned, m/s.
+const STANDING: f64 = 2.0;
+/// After a gap the simulator needs so long to be where the vehicle is, s.
+const SETTLING: f64 = 1.0;
+/// A steering that stays within this is none, rad.
+const HARDLY_STEERED: f64 = 2e-3;
+
+/// A log on an even clock, mended.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CleanLog {
+    /// Sample time, s: the log's own median step; rates above 100 Hz are brought down to 100 Hz.
+    pub step: f64,
+    /// Time of each row, s.
+    pub time: Vec<f64>,
+    /// Columns by signal; `steer_cmd` is always there: `steer` stands in if the log had none, see `commanded`.
+    pub columns: BTreeMap<&'static str, Vec<f64>>,
+    /// Whether `steer_cmd` is really the command.
+    pub commanded: bool,
+    /// False where the row was interpolated over a gap, is at standstill or must not be scored for another reason.
+    pub valid: Vec<bool>,
+    /// What was found and done, the gravest first.
+    pub findings: Vec<Finding>,
+}
+
+/// A log that nothing can be said from.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: {cause}", file.display())]
+pub struct UnusableLog {
+    /// The log.
+    pub file: PathBuf,
+    /// What is wrong with it, and what to do.
+    #[source]
+    pub cause: CleanError,
+}
+
+/// Why nothing can be said from a log.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum CleanError {
+    #[error(
+        "column '{column}' is missing; a log to diagnose needs time, steer_cmd (or steer), vx and yaw_rate"
+    )]
+    Missing { column: &'static str },
+    #[error("the log has {rows} rows with a time; a drive of at least {LEAST_LENGTH} s is needed")]
+    NoRows { rows: usize },
+    #[error("the drive is {length:.2} s long ({rows} rows); at least {least} s are needed")]
+    TooShort { length: f64, rows: usize, least: f64 },
+    #[error(
+        "{rate:.2} rows a second: steering cannot be seen below {least}; record with 20 or more, and give time in seconds"
+    )]
+    TooSlow { rate: f64, least: f64 },
+    #[error("column '{column}' holds a value in {share:.0} % of the time only; at least half is needed")]
+    Sparse { column: &'static str, share: f64 },
+    #[error(
+        "the vehicle drives faster than {STANDING} m/s for {moving:.1} s only; at least {LEAST_LENGTH} s are needed. Is vx \
+         in m/s?"
+    )]
+    Standing { moving: f64 },
+    #[error(
+        "{column} has the opposite sign of {against}{}; steering, yaw, yaw_rate and ay are all positive to the left: turn \
+         the sign of {column} (scripts/import_log.py can)",
+        if *tied { " (which of the two is wrong cannot be told from this log)" } else { ", and the other columns agree" }
+    )]
+    Sign { column: &'static str, against: &'static str, tied: bool },
+    #[error(
+        "{column} is a steering-wheel angle{}: {ratio:.1} times the road-wheel angle that the turns need; divide it by \
+         the steering ratio{} (scripts/import_log.py can)",
+        if *degrees { " in degrees" } else { "" },
+        if *degrees { " and convert it to radians" } else { "" }
+    )]
+    SteeringWheel { column: &'static str, ratio: f64, degrees: bool },
+}
+
+impl CleanLog {
+    /// Cleans a log. `steering` is the road-wheel angle, rad, that the vehicle needs for each 1/m of curvature in steady
+    /// cornering at a speed in m/s: about its wheelbase.
+    ///
+    /// # Errors
+    /// What is missing, or wrong beyond repair.
+    pub fn of(log: &DriveLog, steering: &dyn Fn(f64) -> f64) -> Result<Self, UnusableLog> {
+        clean(log, steering).map_err(|cause| UnusableLog { file: log.file.clone(), cause })
+    }
+
+    /// Notes a finding about a column.
+    pub(super) fn find(&mut self, gravity: Gravity, column: &str, words: String) {
+        self.findings.push(Finding::new(gravity, Some(column), words));
+    }
+
+    /// Whether something is probably wrong in the log, so that no answer from it is to be trusted.
+    #[must_use]
+    pub fn suspect(&self) -> Option<&Finding> {
+        self.findings.iter().find(|finding| finding.gravity == Gravity::Suspicion)
+    }
+}
+
+fn clean(log: &DriveLog, steering: &dyn Fn(f64) -> f64) -> Result<CleanLog, CleanError> {
+    let mut findings = Vec::new();
+    let stamps = log.column("time").ok_or(CleanError::Missing { column: "time" })?;
+    let mut columns: BTreeMap<&'static str, Vec<f64>> = log
+        .columns()
+        .filter(|(name, _)| *name != "time")
+        .map(|(name, values)| (name, values.to_vec()))
+        .collect();
+    for column in ["vx", "yaw_rate"] {
+        if !columns.contains_key(column) {
+            return Err(CleanError::Missing { column });
+        }
+    }
+    let commanded = columns.contains_key("steer_cmd");
+    if !commanded && !columns.contains_key("steer") {
+        return Err(CleanError::Missing { column: "steer_cmd" });
+    }
+
+    let way = way_factor(stamps, &columns);
+    let same = |a: usize, b: usize| columns.values().all(|column| column[a].to_bits() == column[b].to_bits());
+    let clock = clock::read(stamps, way, same, &mut findings)?;
+    for column in columns.values_mut() {
+        *column = clock.rows.iter().map(|&row| column[row]).collect();
+    }
+    mend_turning(&clock.time, &mut columns, &mut findings);
+
+    let mut log = on_even_clock(&clock, columns, commanded, findings)?;
+    agreement::mend_units(&mut log);
+    leave_out_standing(&mut log)?;
+    agreement::mend_steering(&mut log, steering);
+    agreement::check(&mut log, steering)?;
+    if !commanded {
+        let steer = log.columns["steer"].clone();
+        log.columns.insert("steer_cmd", steer);
+        let words = "there is no steer_cmd: the measured angle steer stands in, and nothing between command and sensor can be seen";
+        log.find(Gravity::Note, "steer_cmd", words.into());
+    }
+    describe(&mut log);
+    log.findings.sort_by_key(|finding| std::cmp::Reverse(finding.gravity));
+    Ok(log)
+}
+
+/// See [`agreement::way_factor`].
+fn way_factor(stamps: &[f64], columns: &BTreeMap<&'static str, Vec<f64>>) -> Option<f64> {
+    let column = |name: &str| columns.get(name).map(Vec::as_slice);
+    agreement::way_factor(stamps, [column("x")?, column("y")?, column("vx")?])
+}
+
+/// Yaw and yaw rate in radians, yaw continuous: before any row is interpolated.
+fn mend_turning(time: &[f64], columns: &mut BTreeMap<&'static str, Vec<f64>>, findings: &mut Vec<Finding>) {
+    const DEGREE: f64 = std::f64::consts::PI / 180.0;
+    let mut in_degrees = |columns: &mut BTreeMap<&'static str, Vec<f64>>, name: &str, why: &str| {
+        if let Some(column) = columns.get_mut(name) {
+            column.iter_mut().for_each(|value| *value *= DEGREE);
+        }
+        let words = format!("{why}: {name} was taken as degrees and converted to radians");
+        findings.push(Finding::new(Gravity::Warning, Some(name), words));
+    };
+    if agreement::impossible_yaw_rate(&columns["vx"], &columns["yaw_rate"]) {
+        in_degrees(columns, "yaw_rate", "no vehicle turns as fast as yaw_rate says");
+    }
+    let Some(yaw) = columns.get("yaw") else { return };
+    match agreement::turn_factor(time, yaw, &columns["yaw_rate"]).map(f64::abs) {
+        Some(factor) if agreement::near(factor * DEGREE, 1.0) => {
+            in_degrees(columns, "yaw", "yaw changes 57 times as fast as yaw_rate says");
+        }
+        Some(factor) if agreement::near(factor / DEGREE, 1.0) => {
+            in_degrees(columns, "yaw_rate", "yaw_rate is 57 times the change of yaw");
+        }
+        _ => {}
+    }
+    let (mut turns, mut last, mut wraps) = (0.0, f64::NAN, 0_usize);
+    for yaw in columns.get_mut("yaw").into_iter().flatten().filter(|yaw| yaw.is_finite()) {
+        *yaw += turns * std::f64::consts::TAU;
+        let jump = ((*yaw - last) / std::f64::consts::TAU).round();
+        if jump.is_finite() && jump != 0.0 {
+            turns -= jump;
+            wraps += 1;
+            *yaw -= jump * std::f64::consts::TAU;
+        }
+        last = *yaw;
+    }
+    if wraps > 0 {
+        findings.push(Finding::new(Gravity::Note, Some("yaw"), "yaw wraps; it was made continuous"));
+    }
+}
+
+/// Columns that jump: nothing lies between two of their values.
+const JUMPING: [&str; 2] = ["station", "e2"];
+/// Signals without which nothing can be compared.
+const NEEDED: [&str; 4] = ["steer_cmd", "steer", "vx", "yaw_rate"];
+/// Signals that may stay as they are all the time.
+const MAY_REST: [&str; 7] =
+    ["vx", "accel_cmd", "steer_cmd", "curvature", "curvature_rate", "articulation", "articulation_rate"];
+
+/// Interpolates all columns; leaves out those that say nothing.
+fn on_even_clock(
+    clock: &clock::Clock,
+    columns: BTreeMap<&'static str, Vec<f64>>,
+    commanded: bool,
+    findings: Vec<Finding>,
+) -> Result<CleanLog, CleanError> {
+    let (first, last) = (clock.time[0], clock.time[clock.time.len() - 1]);
+    let count = ((last - first) / clock.step + 1e-6).floor() as usize + 1;
+    let time: Vec<f64> = (0..count).map(|k| first + clock.step * k as f64).collect();
+    let mut log = CleanLog {
+        step: clock.step,
+        time,
+        columns: BTreeMap::new(),
+        commanded,
+        valid: vec![true; count],
+        findings,
+    };
+    for (name, values) in columns {
+        let needed = NEEDED.contains(&name) && (name != "steer" || !commanded);
+        let missing = values.iter().filter(|value| !value.is_finite()).count();
+        let between = if JUMPING.contains(&name) { Between::Hold } else { Between::Line };
+        let resampled = resample(&clock.time, &values, (first, clock.step, count), between);
+        let guessed =
+            resampled.as_ref().map_or(count, |column| column.guessed.iter().filter(|far| **far).count());
+        let Some(resampled) = resampled.filter(|_| 2 * guessed < count) else {
+            let share = 100.0 * (count - guessed) as f64 / count as f64;
+            if needed {
+                return Err(CleanError::Sparse { column: name, share });
+            }
+            let words = format!("{name} holds a value in {share:.0} % of the time only, and is left out");
+            log.find(Gravity::Warning, name, words);
+            continue;
+        };
+        let constant = resampled.values.iter().all(|value| *value == resampled.values[0]);
+        if constant && !needed && !MAY_REST.contains(&name) {
+            log.find(
+                Gravity::Warning,
+                name,
+                format!("{name} never changes, and is left out: is its sensor connected?"),
+            );
+            continue;
+        }
+        if missing > 0 {
+            let seconds = guessed as f64 * clock.step;
+            let gravity = if seconds > 0.0 { Gravity::Warning } else { Gravity::Note };
+            let words = format!(
+                "{missing} of {} values of {name} are missing or not finite; {seconds:.2} s lie in longer holes and are not judged",
+                values.len()
+            );
+            log.find(gravity, name, words);
+        }
+        let settling = (SETTLING / clock.step).round() as usize;
+        let mut wait = 0;
+        for (valid, far) in log.valid.iter_mut().zip(&resampled.guessed) {
+            wait = if *far { settling + 1 } else { wait.saturating_sub(1) };
+            *valid &= wait == 0;
+        }
+        log.columns.insert(name, resampled.values);
+    }
+    Ok(log)
+}
+
+/// A vehicle that stands tells nothing.
+fn leave_out_standing(log: &mut CleanLog) -> Result<(), CleanError> {
+    let vx = &log.columns["vx"];
+    let mut standing = 0_usize;
+    for (valid, vx) in log.valid.iter_mut().zip(vx) {
+        standing += usize::from(*vx < STANDING);
+        *valid &= *vx >= STANDING;
+    }
+    let moving = log.step * (vx.len() - standing) as f64;
+    let judged = log.step * log.valid.iter().filter(|valid| **valid).count() as f64;
+    if judged < LEAST_LENGTH {
+        return Err(CleanError::Standing { moving: judged.min(moving) });
+    }
+    if standing > 0 {
+        let words = format!(
+            "for {:.1} s the vehicle stands, creeps or rolls back (below {STANDING} m/s): not judged",
+            log.step * standing as f64
+        );
+        log.find(Gravity::Note, "vx", words);
+    }
+    Ok(())
+}
+
+/// What the log excites, in numbers, and how noisy it is.
+fn describe(log: &mut CleanLog) {
+    let judged = |name: &str| -> Vec<f64> {
+        let values = log.columns[name].iter().zip(&log.valid);
+        values.filter(|(_, valid)| **valid).map(|(value, _)| *value).collect()
+    };
+    let (vx, steer, rate) = (judged("vx"), judged("steer_cmd"), judged("yaw_rate"));
+    let lateral: Vec<f64> = vx.iter().zip(&rate).map(|(v, rate)| (v * rate).abs()).collect();
+    let at = |values: &[f64], share| quantile(values.to_vec(), share).unwrap_or(0.0);
+    let range = [at(&steer, 0.01), at(&steer, 0.99)];
+    let words = format!(
+        "judged: {:.1} s at {:.1} to {:.1} m/s, steering from {:.3} to {:.3} rad, lateral acceleration up to {:.1} m/s2",
+        log.step * vx.len() as f64,
+        at(&vx, 0.01),
+        at(&vx, 0.99),
+        range[0],
+        range[1],
+        at(&lateral, 0.99)
+    );
+    let noisy = noises(log);
+    let hardly = range[1] - range[0] < HARDLY_STEERED;
+    log.findings.push(Finding::new(Gravity::Note, None, words));
+    if !noisy.is_empty() {
+        log.findings.push(Finding::new(
+            Gravity::Note,
+            None,
+            format!("noise from row to row: {}", noisy.join(", ")),
+        ));
+    }
+    if hardly {
+        let words = format!(
+            "hardly steered: within {:.4} rad all the time; effects that show in turns cannot be seen",
+            range[1] - range[0]
+        );
+        log.find(Gravity::Warning, "steer_cmd", words);
+    }
+    if rate.iter().all(|value| *value == rate[0]) {
+        log.find(Gravity::Suspicion, "yaw_rate", "yaw_rate never changes: is its sensor connected?".into());
+    }
+}
+
+/// Noise of the motion signals, from third differences, which no vehicle's motion reaches; in words.
+fn noises(log: &CleanLog) -> Vec<String> {
+    let noise = |values: &[f64]| {
+        let differences = values.windows(4).map(|v| (v[3] - 3.0 * v[2] + 3.0 * v[1] - v[0]).abs()).collect();
+        // The median of a Gaussian's magnitude; the squares of 1, 3, 3, 1 sum to 20.
+        quantile(differences, 0.5).map(|middle| middle / 0.6745 / 20.0_f64.sqrt())
+    };
+    ["vx", "vy", "yaw_rate", "ay", "steer"]
+        .into_iter()
+        .filter_map(|name| {
+            let signal = crate::signal::find(name)?;
+            let noise = noise(log.columns.get(name)?).filter(|noise| *noise > 0.0)?;
+            Some(format!("{name} {noise:.1e} {}", signal.unit.symbol))
+        })
+        .collect()
+}

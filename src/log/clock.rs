@@ -1,0 +1,243 @@
+//! A log's clock: its unit, the order of its rows, and the even clock that they are brought onto.
+
+use super::clean::CleanError;
+use super::finding::{Finding, Gravity};
+use super::statistics::median;
+
+/// Fewest samples a second in which steering can be seen.
+const SLOWEST: f64 = 6.0;
+/// From here on more samples a second are better.
+const SLOW: f64 = 20.0;
+/// More are not needed: the rows are brought down to these.
+pub(super) const FASTEST: f64 = 100.0;
+/// Least length of a log, s.
+pub(super) const LEAST_LENGTH: f64 = 10.0;
+/// A longer gap ends a drive, s.
+const LONGEST_GAP: f64 = 10.0;
+/// So many steps without a row are a gap.
+const GAP_STEPS: f64 = 2.5;
+/// A clock that jumps back at most so often was set anew; more often, the rows are out of order.
+const MOST_RESTARTS: usize = 3;
+/// Stamps that lie within so many steps of an even clock came late, not the rows.
+const LATE_STEPS: f64 = 1.5;
+/// Stamps that spread by less than this share of a step are even.
+const EVEN: f64 = 0.05;
+
+/// Which rows to take, in which order, and when they were.
+pub(super) struct Clock {
+    /// Rows of the log.
+    pub rows: Vec<usize>,
+    /// Time of each, s, strictly increasing.
+    pub time: Vec<f64>,
+    /// Step of the even clock, s.
+    pub step: f64,
+}
+
+/// Reads the clock. `way` is how far a row moves over how far speed and clock say, where a log has both; `same` tells
+/// whether two rows hold the same values.
+///
+/// # Errors
+/// No row, a log that is too short or too slow.
+pub(super) fn read(
+    stamps: &[f64],
+    way: Option<f64>,
+    same: impl Fn(usize, usize) -> bool,
+    findings: &mut Vec<Finding>,
+) -> Result<Clock, CleanError> {
+    let mut found = |gravity, words: String| findings.push(Finding::new(gravity, Some("time"), words));
+    let mut rows: Vec<usize> = (0..stamps.len()).filter(|&row| stamps[row].is_finite()).collect();
+    if rows.len() < stamps.len() {
+        let count = stamps.len() - rows.len();
+        found(Gravity::Warning, format!("{count} of {} rows have no time and are left out", stamps.len()));
+    }
+    if rows.len() < 2 {
+        return Err(CleanError::NoRows { rows: stamps.len() });
+    }
+    put_in_order(stamps, &mut rows, &mut found);
+    let before = rows.len();
+    rows.dedup_by(|next, row| stamps[*next] == stamps[*row] && same(*row, *next));
+    if rows.len() < before {
+        found(Gravity::Note, format!("{} rows stand twice; one of each is left", before - rows.len()));
+    }
+    let factor = unit(stamps, &rows, way);
+    if factor < 1.0 {
+        let unit =
+            ["milliseconds", "microseconds", "nanoseconds"][(-factor.log10() / 3.0).round() as usize - 1];
+        found(Gravity::Warning, format!("the clock counts {unit}; it was converted to seconds"));
+    }
+    let mut time: Vec<f64> = rows.iter().map(|&row| stamps[row] * factor).collect();
+    spread(&mut time, &mut found);
+    longest_drive(&mut rows, &mut time, &mut found);
+    let length = time.last().unwrap_or(&0.0) - time.first().unwrap_or(&0.0);
+    let Some(typical) = typical_step(&time).filter(|_| time.len() > 2) else {
+        return Err(CleanError::TooShort { length, rows: rows.len(), least: LEAST_LENGTH });
+    };
+    if 1.0 / typical < SLOWEST {
+        return Err(CleanError::TooSlow { rate: 1.0 / typical, least: SLOWEST });
+    }
+    if length < LEAST_LENGTH {
+        return Err(CleanError::TooShort { length, rows: rows.len(), least: LEAST_LENGTH });
+    }
+    if 1.0 / typical < SLOW {
+        let rate = 1.0 / typical;
+        found(
+            Gravity::Warning,
+            format!(
+                "{rate:.1} rows a second: effects of the actuator are hard to tell apart below {SLOW:.0}"
+            ),
+        );
+    }
+    straighten(&mut time, typical, &mut found);
+    let gaps: Vec<f64> =
+        time.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > GAP_STEPS * typical).collect();
+    if !gaps.is_empty() {
+        let longest = gaps.iter().fold(0.0_f64, |a, b| a.max(*b));
+        found(
+            Gravity::Warning,
+            format!("{} gaps, the longest of {longest:.2} s: nothing is judged inside them", gaps.len()),
+        );
+    }
+    let mut step = (typical * 1e6).round() / 1e6;
+    if step < 0.999 / FASTEST {
+        found(
+            Gravity::Note,
+            format!("{:.0} rows a second are brought down to {FASTEST:.0} by averaging", 1.0 / typical),
+        );
+        step = 1.0 / FASTEST;
+    }
+    Ok(Clock { rows, time, step })
+}
+
+/// Sorts the rows by time; where the clock was set back only a few times, the longest stretch between is taken.
+fn put_in_order(stamps: &[f64], rows: &mut Vec<usize>, found: &mut impl FnMut(Gravity, String)) {
+    let back: Vec<usize> = (1..rows.len()).filter(|&i| stamps[rows[i]] < stamps[rows[i - 1]]).collect();
+    if back.is_empty() {
+        return;
+    }
+    if back.len() <= MOST_RESTARTS {
+        let edges: Vec<usize> = [0].into_iter().chain(back.iter().copied()).chain([rows.len()]).collect();
+        let longest = edges.windows(2).max_by_key(|pair| pair[1] - pair[0]);
+        if let Some(&[from, to]) = longest.filter(|pair| 3 * (pair[1] - pair[0]) > rows.len()) {
+            let taken: Vec<usize> = rows[from..to].to_vec();
+            found(
+                Gravity::Warning,
+                format!(
+                    "the clock jumps back {} times, as where logs are joined; only the longest stretch is used, rows {} to {}",
+                    back.len(),
+                    taken[0] + 1,
+                    taken[taken.len() - 1] + 1
+                ),
+            );
+            *rows = taken;
+            return;
+        }
+    }
+    rows.sort_by(|a, b| stamps[*a].total_cmp(&stamps[*b]));
+    found(Gravity::Warning, format!("{} rows were out of order in time and were sorted", back.len()));
+}
+
+/// Factor from the clock to seconds.
+fn unit(stamps: &[f64], rows: &[usize], way: Option<f64>) -> f64 {
+    let steps = rows.windows(2).map(|pair| stamps[pair[1]] - stamps[pair[0]]).filter(|step| *step > 0.0);
+    let Some(step) = median(steps.collect()) else { return 1.0 };
+    let plausible = |factor: f64| (factor * step > 1e-5 && factor * step < 2.0).then_some(factor);
+    let by_way = way.filter(|way| *way > 0.0).map(|way| (way.log10() / 3.0).round().clamp(-3.0, 0.0));
+    let by_way = by_way.and_then(|thousands| plausible(10_f64.powi(3 * thousands as i32)));
+    // Nobody records a drive with a row every few seconds.
+    let by_step = || [1.0, 1e-3, 1e-6, 1e-9].into_iter().find_map(plausible);
+    by_way.or_else(by_step).unwrap_or(1.0)
+}
+
+/// Rows with the same stamp are spread up to the next stamp.
+fn spread(time: &mut [f64], found: &mut impl FnMut(Gravity, String)) {
+    let typical = typical_step(time).unwrap_or(0.0);
+    let (mut from, mut count) = (0, 0);
+    while from < time.len() {
+        let same = time[from..].iter().take_while(|stamp| **stamp == time[from]).count();
+        if same > 1 {
+            count += same - 1;
+            let until =
+                time.get(from + same).map_or(typical, |next| (next - time[from]).min(typical * same as f64));
+            let begin = time[from];
+            for (i, stamp) in time[from..from + same].iter_mut().enumerate() {
+                *stamp = begin + until * i as f64 / same as f64;
+            }
+        }
+        from += same;
+    }
+    if count > 0 {
+        // A few in a long log are a recorder's habit.
+        let gravity = if 100 * count > time.len() { Gravity::Warning } else { Gravity::Note };
+        found(
+            gravity,
+            format!("{count} rows repeat the time of the row before; they were spread up to the next time"),
+        );
+    }
+}
+
+/// Leaves only the longest stretch without a very long gap.
+fn longest_drive(rows: &mut Vec<usize>, time: &mut Vec<f64>, found: &mut impl FnMut(Gravity, String)) {
+    let breaks = (1..time.len()).filter(|&i| time[i] - time[i - 1] > LONGEST_GAP);
+    let edges: Vec<usize> = [0].into_iter().chain(breaks).chain([time.len()]).collect();
+    let Some(&[from, to]) = edges.windows(2).max_by_key(|pair| pair[1] - pair[0]) else { return };
+    if edges.len() > 2 {
+        found(
+            Gravity::Warning,
+            format!(
+                "{} gaps of more than {LONGEST_GAP} s; only the longest drive between them is used, {:.1} s to {:.1} s",
+                edges.len() - 2,
+                time[from],
+                time[to - 1]
+            ),
+        );
+        *rows = rows[from..to].to_vec();
+        *time = time[from..to].to_vec();
+    }
+}
+
+/// The step between rows, gaps left out: the mean of what is near the median, since stamps are rounded.
+fn typical_step(time: &[f64]) -> Option<f64> {
+    let steps: Vec<f64> = time.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let middle = median(steps.iter().copied().filter(|step| *step > 0.0).collect())?;
+    let regular = steps.into_iter().filter(|step| *step < GAP_STEPS * middle);
+    let (sum, count) = regular.fold((0.0, 0_u32), |(sum, count), step| (sum + step, count + 1));
+    let mean = sum / f64::from(count);
+    Some(if (mean / middle - 1.0).abs() < 0.1 { mean } else { middle })
+}
+
+/// Takes uneven stamps for late ones where the rows themselves come evenly.
+fn straighten(time: &mut [f64], step: f64, found: &mut impl FnMut(Gravity, String)) {
+    let steps: Vec<f64> =
+        time.windows(2).map(|pair| pair[1] - pair[0]).filter(|between| *between < GAP_STEPS * step).collect();
+    let spread = (steps.iter().map(|between| (between - step).powi(2)).sum::<f64>()
+        / steps.len().max(1) as f64)
+        .sqrt();
+    // Stamps in whole milliseconds spread by half of one, and that harms nothing.
+    if spread < EVEN * step || spread < 1e-3 {
+        return;
+    }
+    let count = time.len() as f64;
+    let middle = 0.5 * (count - 1.0);
+    let mean = time.iter().sum::<f64>() / count;
+    let slope = time.iter().enumerate().map(|(i, stamp)| (i as f64 - middle) * (stamp - mean)).sum::<f64>()
+        / (count * (count * count - 1.0) / 12.0);
+    let even = |i: usize| mean + slope * (i as f64 - middle);
+    let farthest = time.iter().enumerate().map(|(i, stamp)| (stamp - even(i)).abs()).fold(0.0, f64::max);
+    let percent = 100.0 * spread / step;
+    if farthest < LATE_STEPS * step {
+        (0..time.len()).for_each(|i| time[i] = even(i));
+        found(
+            Gravity::Note,
+            format!(
+                "the stamps jitter by {percent:.0} % of a step around an even clock; the even clock was taken"
+            ),
+        );
+    } else {
+        found(
+            Gravity::Warning,
+            format!(
+                "the time between rows varies by {percent:.0} % (standard deviation); values are interpolated to an even clock, and small delays are uncertain by that"
+            ),
+        );
+    }
+}

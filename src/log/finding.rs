@@ -1,0 +1,33 @@
+//! What was found in a log, in words.
+
+use serde::{Deserialize, Serialize};
+
+/// How grave a finding is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Gravity {
+    /// Worth knowing.
+    Note,
+    /// Mended or left out, and the answer may be weaker for it.
+    Warning,
+    /// Probably wrong in the log: the answer is not to be trusted before it is cleared up.
+    Suspicion,
+}
+
+/// What was found in a log.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Finding {
+    /// How grave it is.
+    pub gravity: Gravity,
+    /// The column, if it is about one.
+    pub signal: Option<String>,
+    /// What is the matter and what to do, in words.
+    pub words: String,
+}
+
+impl Finding {
+    /// A finding about the log, or about one column.
+    pub(super) fn new(gravity: Gravity, signal: Option<&str>, words: impl Into<String>) -> Self {
+        Self { gravity, signal: signal.map(str::to_owned), words: words.into() }
+    }
+}

@@ -1,0 +1,59 @@
+//! A few numbers that describe a column.
+
+/// The median, if there is any number.
+pub(super) fn median(values: Vec<f64>) -> Option<f64> {
+    quantile(values, 0.5)
+}
+
+/// The number below which this share of the finite ones lies.
+pub(super) fn quantile(mut values: Vec<f64>, share: f64) -> Option<f64> {
+    values.retain(|value| value.is_finite());
+    let last = values.len().checked_sub(1)?;
+    let place = ((share * last as f64).round() as usize).min(last);
+    Some(*values.select_nth_unstable_by(place, f64::total_cmp).1)
+}
+
+/// How `y` follows `x`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Slope {
+    /// `y = factor * x`, in the mean of squares, both without their means.
+    pub factor: f64,
+    /// Share of the spread of `y` that this explains.
+    pub explained: f64,
+}
+
+/// How the second of each pair follows the first; `None` where they hardly have to do with each other.
+pub(super) fn slope(pairs: impl Iterator<Item = (f64, f64)>) -> Option<Slope> {
+    let (mut n, mut mx, mut my, mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+    // Not a number makes the pair count as none.
+    for (x, y) in pairs.filter(|(x, y)| x.is_finite() && y.is_finite()) {
+        n += 1.0;
+        let (dx, dy) = (x - mx, y - my);
+        mx += dx / n;
+        my += dy / n;
+        xx += dx * (x - mx);
+        xy += dx * (y - my);
+        yy += dy * (y - my);
+    }
+    let explained = xy * xy / (xx * yy);
+    (explained >= 0.5 && xx > 0.0).then_some(Slope { factor: xy / xx, explained })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_leave_gaps_out() {
+        assert_eq!(median(vec![3.0, f64::NAN, 1.0, 2.0]), Some(2.0));
+        assert_eq!(quantile(vec![f64::NAN], 0.5), None);
+    }
+
+    #[test]
+    fn a_line_is_found_and_noise_is_none() {
+        let line = slope((0..9).map(|i| (f64::from(i), 3.0 - 2.0 * f64::from(i)))).unwrap();
+        assert!((line.factor + 2.0).abs() < 1e-12 && (line.explained - 1.0).abs() < 1e-12);
+        assert_eq!(slope([(0.0, 1.0), (1.0, -1.0), (2.0, 1.0), (3.0, -1.0)].into_iter()), None);
+        assert_eq!(slope(std::iter::empty()), None);
+    }
+}

@@ -1,0 +1,40 @@
+//! Which of a car's motions are slow.
+
+use super::output::SIGNALS;
+use super::plant::{CarPlant, STATES, WHEELS};
+use crate::vehicle::reduced::{FIRST_BODY, Relaxed, SprungBody, spring_stiffness};
+use crate::vehicle::unit::{Axle, PER_WHEEL, ROLL, ROLL_RATE, VY, YAW, YAW_RATE};
+
+impl Relaxed<STATES, SIGNALS> for CarPlant {
+    const SLOW: &'static [usize] = &[VY, YAW, YAW_RATE, ROLL, ROLL_RATE];
+
+    const FIRST_WHEELS: &'static [usize] = &[WHEELS, WHEELS + 2 * PER_WHEEL];
+
+    fn axle(&self, index: usize) -> &Axle {
+        &self.unit.axles[index]
+    }
+
+    fn bodies(&self) -> Vec<SprungBody> {
+        let (heave_stiffness, pitch_stiffness) = spring_stiffness(self.unit.axles.iter());
+        vec![SprungBody {
+            heave: FIRST_BODY.0,
+            pitch: FIRST_BODY.1,
+            mass: self.unit.sprung_mass,
+            inertia: self.unit.pitch_inertia,
+            heave_stiffness,
+            pitch_stiffness,
+        }]
+    }
+
+    fn arm(&self) -> f64 {
+        self.unit.reference_x
+    }
+
+    fn trailer(&self) -> Option<[usize; 3]> {
+        None
+    }
+
+    fn articulation(&self, _: &[f64; SIGNALS]) -> (f64, f64) {
+        (0.0, 0.0)
+    }
+}

@@ -1,0 +1,348 @@
+//! Vehicles without their fast motions: what must be driven hundreds of times, at ten thousand times real time.
+//!
+//! The equations are the plant's own, evaluated once a step of 20 ms instead of four times a millisecond. Speed is given;
+//! the slow motions (sideways, yaw, roll) are integrated by Adams and Bashforth's second-order rule, the tyres'
+//! relaxation exactly for a slip that is linear over the step,
+//!
+//! ```text
+//!     x+ = x + h (3 f - f-) / 2,      v+ = e^(-a h) v + (1 - e^(-a h)) / a (3 s - s-) / 2,   v' = s - a v
+//! ```
+//!
+//! and what is faster (spin of the wheels, their height, pitch and heave of the body) follows its equilibrium by a Newton
+//! step each time. Steering chain and drive are exact. Every effect thus means what it means to the plant.
+
+use super::sensors::{BODY_SIGNALS, measured};
+use super::steering::SteeringState;
+use super::stepper::{Plant, Stage};
+use super::unit::{
+    Axle, BODY, DEFLECTION_X, DEFLECTION_Y, LIFT, LIFT_RATE, PER_WHEEL, SHORTEST_RELAXATION, SPIN, VX, VY,
+    WIND_UP, YAW, YAW_RATE,
+};
+
+/// Shares of the way to equilibrium in one step: wheels' height and spin; pitch and heave of a body on its springs.
+const QUICK: f64 = 0.6;
+const SPRINGS: f64 = 0.2;
+/// Steps of the fast motions before a start.
+const SETTLING: usize = 40;
+/// Greatest longitudinal slip, and the speed (m/s) below which wheels count as rolling at it.
+const GREATEST_SLIP: f64 = 0.5;
+const LEAST_SPEED: f64 = 1.0;
+
+/// How the steering is given.
+#[derive(Debug, Clone, Copy)]
+pub enum ReducedSteer {
+    /// As commanded; through the whole steering chain. rad
+    Commanded(f64),
+    /// As measured at the sensor; only what lies behind it acts. rad
+    Measured(f64),
+}
+
+/// What is given over a step.
+#[derive(Debug, Clone, Copy)]
+pub struct ReducedInput {
+    /// Steering, held over the step.
+    pub steer: ReducedSteer,
+    /// Acceleration asked of drive and brakes, m/s2.
+    pub accel: f64,
+    /// Whether `accel` is what drive and brakes give, without their lag.
+    pub accel_is_given: bool,
+    /// True longitudinal velocity at the begin of the step, m/s.
+    pub vx: f64,
+    /// True heading, rad, if it is known: for the wind.
+    pub yaw: Option<f64>,
+}
+
+/// Where a drive starts.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct ReducedStart {
+    /// m/s, m/s, rad/s, rad
+    pub vx: f64,
+    /// Of the reference point.
+    pub vy: f64,
+    #[allow(missing_docs)]
+    pub yaw_rate: f64,
+    #[allow(missing_docs)]
+    pub yaw: f64,
+    /// Angle of the steering at the sensor, rad.
+    pub steer: f64,
+    /// m/s2
+    pub accel: f64,
+    /// rad, rad/s
+    pub articulation: f64,
+    #[allow(missing_docs)]
+    pub articulation_rate: f64,
+}
+
+/// The motion at the begin of a step. True, and with effects of the sensors but their latency; units as in `signal`.
+#[derive(Debug, Clone, Copy, Default)]
+#[allow(missing_docs)]
+pub struct ReducedOutput {
+    /// True velocity and yaw rate of the reference point, rate of the longitudinal velocity.
+    pub true_vy: f64,
+    pub true_yaw_rate: f64,
+    pub vx_rate: f64,
+    pub vx: f64,
+    pub vy: f64,
+    pub yaw_rate: f64,
+    pub ax: f64,
+    pub ay: f64,
+    pub roll: f64,
+    pub steer: f64,
+    pub articulation: f64,
+    pub articulation_rate: f64,
+}
+
+/// A vehicle without its fast motions.
+pub trait ReducedVehicle {
+    /// Starts somewhere, tyres and springs settled.
+    fn start(&mut self, start: &ReducedStart);
+    /// Sets velocity sideways (m/s, of the reference point) and yaw rate (rad/s) under way, tyres settled.
+    fn set_motion(&mut self, vy: f64, yaw_rate: f64);
+    /// The motion now; then one step of at most about 20 ms.
+    fn step(&mut self, input: &ReducedInput, step: f64) -> ReducedOutput;
+}
+
+/// A body on springs among a plant's states: places of heave, its rate, pitch, its rate; mass and inertia; stiffnesses of
+/// the springs in heave (N/m) and pitch (N m/rad).
+pub(super) struct SprungBody {
+    pub heave: [usize; 2],
+    pub pitch: [usize; 2],
+    pub mass: f64,
+    pub inertia: f64,
+    pub heave_stiffness: f64,
+    pub pitch_stiffness: f64,
+}
+
+/// What a plant says of its fast motions.
+pub(super) trait Relaxed<const N: usize, const S: usize>: Plant<N, S> {
+    /// States that are integrated.
+    const SLOW: &'static [usize];
+    /// Place of the first wheel's states of each axle.
+    const FIRST_WHEELS: &'static [usize];
+    fn axle(&self, index: usize) -> &Axle;
+    fn bodies(&self) -> Vec<SprungBody>;
+    /// Reference point forward of the CG, m.
+    fn arm(&self) -> f64;
+    /// Places of a trailer's yaw and yaw rate, and of the wind-up of the fifth wheel's friction.
+    fn trailer(&self) -> Option<[usize; 3]>;
+    /// Articulation as measured and its rate, from the signals.
+    fn articulation(&self, signals: &[f64; S]) -> (f64, f64);
+}
+
+/// One wheel's constants and what is kept of its last step.
+struct Wheel {
+    at: usize,
+    axle: usize,
+    side: f64,
+    kappa: f64,
+    slip: Option<f64>,
+}
+
+/// A plant without its fast motions.
+pub(super) struct Reduced<P: Relaxed<N, S>, const N: usize, const S: usize> {
+    plant: P,
+    environment: P::Environment,
+    bodies: Vec<SprungBody>,
+    wheels: Vec<Wheel>,
+    y: [f64; N],
+    rates: [f64; N],
+    before: Option<[f64; N]>,
+    steering: SteeringState,
+    drive: f64,
+    time: f64,
+}
+
+impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
+    pub fn new(plant: P) -> Self {
+        let y = plant.placed(0.0, 0.0, 0.0, 0.0);
+        let wheel = |at, axle, side| Wheel { at, axle, side, kappa: 0.0, slip: None };
+        let wheels = P::FIRST_WHEELS
+            .iter()
+            .enumerate()
+            .flat_map(|(i, &at)| [wheel(at, i, 1.0), wheel(at + PER_WHEEL, i, -1.0)])
+            .collect();
+        Self {
+            environment: plant.environment(&y, None, 0.0),
+            bodies: plant.bodies(),
+            wheels,
+            y,
+            rates: [0.0; N],
+            before: None,
+            steering: SteeringState::at_rest(plant.steering(), 0.0),
+            drive: 0.0,
+            time: 0.0,
+            plant,
+        }
+    }
+
+    fn derivative(&mut self, stage: &Stage) -> P::Flow {
+        let mut flow = P::Flow::default();
+        self.plant.derivative(&self.y, stage, &self.environment, &mut self.rates, &mut flow);
+        flow
+    }
+
+    /// Fast motions follow their equilibrium; with `h`, the tyres' lateral deflections are integrated, without they settle.
+    fn follow(&mut self, h: Option<f64>) {
+        let Self { plant, y, rates, wheels, .. } = self;
+        for wheel in wheels {
+            let (at, axle) = (wheel.at, plant.axle(wheel.axle));
+            let load = axle.load(&y[at..at + PER_WHEEL]);
+            let each = load / axle.tyres;
+            let speed = y[VX].abs().max(LEAST_SPEED);
+
+            let relaxation =
+                if axle.relaxation > 0.0 { axle.relaxation } else { axle.tyre.lateral_relaxation(each, 0.0) };
+            let rate = speed / relaxation.max(SHORTEST_RELAXATION);
+            let v = y[at + DEFLECTION_Y];
+            let slip = rates[at + DEFLECTION_Y] + rate * v;
+            y[at + DEFLECTION_Y] = match h {
+                Some(h) => {
+                    let ahead = 1.5 * slip - 0.5 * wheel.slip.unwrap_or(slip);
+                    let gone = -(-rate * h).exp_m1();
+                    v + gone * (ahead / rate - v)
+                }
+                None => slip / rate,
+            };
+            wheel.slip = h.map(|_| slip);
+
+            let stiffness = axle.tyres * axle.tyre.slip_stiffness(each).max(1e3) * axle.radius;
+            // A wheel keeps pace with the vehicle: what turns it ever faster is taken from its force.
+            let lag = rates[at + SPIN] - rates[VX] / axle.radius;
+            let wanted = wheel.kappa + QUICK * lag * axle.wheel_inertia / stiffness;
+            wheel.kappa = wanted.clamp(-GREATEST_SLIP, GREATEST_SLIP);
+            let relaxation = axle.tyre.longitudinal_relaxation(each).max(SHORTEST_RELAXATION);
+            y[at + DEFLECTION_X] = wheel.kappa * relaxation;
+            let vx = (y[VX] - wheel.side * axle.half_track * y[YAW_RATE]).max(0.5 * LEAST_SPEED);
+            y[at + SPIN] = vx * (1.0 + wheel.kappa) / axle.radius;
+            // A turning wheel's brake has slipped: its wind-up is at its greatest.
+            y[at + WIND_UP] = y[at + SPIN];
+
+            let stiffness = axle.tyres * axle.tyre.vertical_stiffness + axle.spring;
+            let force = rates[at + LIFT_RATE] * 0.5 * axle.unsprung_mass;
+            y[at + LIFT] += QUICK * force / stiffness;
+        }
+        for body in &self.bodies {
+            let [heave, rate] = body.heave;
+            y[heave] += SPRINGS * rates[rate] * body.mass / body.heave_stiffness;
+            let [pitch, rate] = body.pitch;
+            y[pitch] += SPRINGS * rates[rate] * body.inertia / body.pitch_stiffness;
+        }
+    }
+
+    /// Slow motions.
+    fn integrate(&mut self, h: f64) {
+        let before = self.before.unwrap_or(self.rates);
+        for &i in P::SLOW {
+            self.y[i] += h * (1.5 * self.rates[i] - 0.5 * before[i]);
+        }
+        if let Some([_, rate, wind_up]) = self.plant.trailer() {
+            let (z, turning) = (self.y[wind_up], self.y[YAW_RATE] - self.y[rate]);
+            let back = turning - self.rates[wind_up];
+            let decay = if z == 0.0 { 0.0 } else { (back / z).max(0.0) * h };
+            let share = if decay > 1e-9 { -(-decay).exp_m1() / decay } else { 1.0 };
+            self.y[wind_up] = z * (-decay).exp() + turning * h * share;
+        }
+        self.before = Some(self.rates);
+    }
+}
+
+impl<P: Relaxed<N, S>, const N: usize, const S: usize> ReducedVehicle for Reduced<P, N, S> {
+    fn start(&mut self, start: &ReducedStart) {
+        self.y = self.plant.placed(0.0, 0.0, start.yaw, start.vx);
+        self.y[VY] = start.vy - self.plant.arm() * start.yaw_rate;
+        self.y[YAW_RATE] = start.yaw_rate;
+        if let Some([yaw, rate, _]) = self.plant.trailer() {
+            self.y[yaw] = start.yaw - start.articulation;
+            self.y[rate] = start.yaw_rate - start.articulation_rate;
+        }
+        self.steering = SteeringState::at_rest(self.plant.steering(), start.steer);
+        (self.drive, self.time) = (start.accel, 0.0);
+        for wheel in &mut self.wheels {
+            (wheel.kappa, wheel.slip) = (0.0, None);
+        }
+        let stage = Stage { steer: self.steering.road_wheel(self.plant.steering()), accel: self.drive };
+        for _ in 0..SETTLING {
+            self.derivative(&stage);
+            self.follow(None);
+        }
+        self.before = None;
+    }
+
+    fn set_motion(&mut self, vy: f64, yaw_rate: f64) {
+        let changed = yaw_rate - self.y[YAW_RATE];
+        self.y[VY] = vy - self.plant.arm() * yaw_rate;
+        self.y[YAW_RATE] = yaw_rate;
+        if let Some([_, rate, _]) = self.plant.trailer() {
+            self.y[rate] += changed;
+        }
+        let stage = Stage { steer: self.steering.road_wheel(self.plant.steering()), accel: self.drive };
+        self.derivative(&stage);
+        self.follow(None);
+        self.before = None;
+    }
+
+    fn step(&mut self, input: &ReducedInput, step: f64) -> ReducedOutput {
+        let chain = *self.plant.steering();
+        self.y[VX] = input.vx;
+        if let Some(yaw) = input.yaw {
+            let turn = yaw - self.y[YAW];
+            self.y[YAW] = yaw;
+            if let Some([trailer, ..]) = self.plant.trailer() {
+                self.y[trailer] += turn;
+            }
+        }
+        let (steer, at_sensor) = match input.steer {
+            ReducedSteer::Commanded(angle) => {
+                let now = (self.steering.road_wheel(&chain), self.steering.measured());
+                self.steering.command(&chain, self.time, angle);
+                self.steering.advance(&chain, self.time, step);
+                now
+            }
+            ReducedSteer::Measured(angle) => (chain.gain * angle + chain.offset, angle),
+        };
+        if input.accel_is_given {
+            self.drive = input.accel;
+        }
+        let mut flow = self.derivative(&Stage { steer, accel: self.drive });
+        let signals = self.plant.signals(&self.y, &self.rates, &mut flow);
+        let [_, _, _, vx, vy, yaw_rate, ax, ay, roll, ..] =
+            measured(self.plant.effects(), &signals[..BODY_SIGNALS]);
+        let (articulation, articulation_rate) = self.plant.articulation(&signals);
+        let output = ReducedOutput {
+            true_vy: signals[4],
+            true_yaw_rate: signals[5],
+            vx_rate: self.rates[VX],
+            vx,
+            vy,
+            yaw_rate,
+            ax,
+            ay,
+            roll,
+            steer: at_sensor,
+            articulation,
+            articulation_rate,
+        };
+        self.integrate(step);
+        self.follow(Some(step));
+        if !input.accel_is_given {
+            let line = self.plant.drive();
+            self.drive = line.follow(self.drive, input.accel * line.gain, step);
+        }
+        self.time += step;
+        output
+    }
+}
+
+/// Stiffness of a body's springs in heave (N/m) and pitch (N m/rad).
+pub(super) fn spring_stiffness<'a>(axles: impl Iterator<Item = &'a Axle>) -> (f64, f64) {
+    axles.fold((0.0, 0.0), |(heave, pitch), axle| {
+        let tyre = axle.tyres * axle.tyre.vertical_stiffness;
+        let side = axle.spring * tyre / (axle.spring + tyre);
+        (heave + 2.0 * side, pitch + 2.0 * side * axle.x_sprung * axle.x_sprung)
+    })
+}
+
+/// Places of heave and pitch of the first body.
+pub(super) const FIRST_BODY: ([usize; 2], [usize; 2]) =
+    ([super::unit::HEAVE, super::unit::HEAVE_RATE], [super::unit::PITCH, super::unit::PITCH_RATE]);
+const _: () = assert!(BODY == 12);

@@ -1,0 +1,55 @@
+//! Which of a truck's motions are slow.
+
+use super::output::SIGNALS;
+use super::plant::{STATES, TRAILER, TruckPlant, WHEELS, WIND_UP};
+use crate::vehicle::reduced::{FIRST_BODY, Relaxed, SprungBody, spring_stiffness};
+use crate::vehicle::sensors::BODY_SIGNALS;
+use crate::vehicle::unit::{Axle, PER_WHEEL, ROLL, ROLL_RATE, VY, YAW, YAW_RATE};
+
+impl Relaxed<STATES, SIGNALS> for TruckPlant {
+    const SLOW: &'static [usize] =
+        &[VY, YAW, YAW_RATE, ROLL, ROLL_RATE, TRAILER, TRAILER + 1, TRAILER + 2, TRAILER + 3];
+
+    const FIRST_WHEELS: &'static [usize] = &[WHEELS, WHEELS + 2 * PER_WHEEL, WHEELS + 4 * PER_WHEEL];
+
+    fn axle(&self, index: usize) -> &Axle {
+        if index < 2 { &self.tractor.axles[index] } else { &self.trailer.axles[0] }
+    }
+
+    fn bodies(&self) -> Vec<SprungBody> {
+        let (stiff, arms) = self.hitch.vertical();
+        let of_tractor = spring_stiffness(self.tractor.axles.iter());
+        let of_trailer = spring_stiffness(self.trailer.axles.iter());
+        let (tractor, trailer) = (&self.tractor, &self.trailer);
+        vec![
+            SprungBody {
+                heave: FIRST_BODY.0,
+                pitch: FIRST_BODY.1,
+                mass: tractor.sprung_mass,
+                inertia: tractor.pitch_inertia,
+                heave_stiffness: of_tractor.0 + 2.0 * stiff,
+                pitch_stiffness: of_tractor.1 + 2.0 * stiff * arms[0] * arms[0],
+            },
+            SprungBody {
+                heave: [TRAILER + 6, TRAILER + 7],
+                pitch: [TRAILER + 4, TRAILER + 5],
+                mass: trailer.sprung_mass,
+                inertia: trailer.pitch_inertia,
+                heave_stiffness: of_trailer.0 + 2.0 * stiff,
+                pitch_stiffness: of_trailer.1 + 2.0 * stiff * arms[1] * arms[1],
+            },
+        ]
+    }
+
+    fn arm(&self) -> f64 {
+        self.tractor.reference_x
+    }
+
+    fn trailer(&self) -> Option<[usize; 3]> {
+        Some([TRAILER, TRAILER + 1, WIND_UP])
+    }
+
+    fn articulation(&self, signals: &[f64; SIGNALS]) -> (f64, f64) {
+        (signals[BODY_SIGNALS] + self.effects.trailer.articulation_bias, signals[BODY_SIGNALS + 1])
+    }
+}
