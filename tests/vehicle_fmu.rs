@@ -266,3 +266,21 @@ fn a_jack_knife_ends_the_instance_with_a_message() {
     assert!(message.contains("jack-knifed") && message.contains("hitch.articulation_limit"), "{message}");
     assert!(instance.messages.0.iter().any(|message| message.contains("jack_knifing")));
 }
+
+#[test]
+fn effects_of_the_vehicle_file_are_in_effect_unless_the_host_sets_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("calibrated.toml");
+    let given = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("vehicles/c_class.toml");
+    let text =
+        std::fs::read_to_string(given).unwrap() + "\n[effect]\nsteer_delay = 0.12\nroad_friction = 0.6\n";
+    std::fs::write(&file, text).unwrap();
+    let mut instance = Instance::<Car>::new();
+    instance.set("vehicle_file", Value::String(file.to_str().unwrap().to_string()));
+    instance.set("effect.road_friction", Value::Real(1.0));
+    instance.initialize().unwrap();
+    let of = |name: &str| instance.real(&format!("effect.{name}"));
+    assert_eq!((of("steer_delay"), of("road_friction"), of("wind_x")), (0.12, 1.0, 0.0));
+    instance.step(0.05, 0.0, 0.1).unwrap();
+    assert_eq!(instance.real("steer"), 0.0, "the command is on its way");
+}

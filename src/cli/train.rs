@@ -1,7 +1,7 @@
 //! `rfl train`: residual models from drive logs.
 
-use super::drive::{MODELS, number, setting};
-use super::vehicle::{Commanded, Linear, by_kind, vehicle_named};
+use super::drive::MODELS;
+use super::vehicle::{Commanded, Linear, by_kind, controller_with, vehicle_named};
 use super::{named, progress_bar};
 use crate::control::{ControlVariant, ControllerParametersFor, MODEL_EXTENSION, VehicleParameters};
 use crate::log::{DriveLog, drive_of};
@@ -194,17 +194,7 @@ fn jobs(args: &TrainArgs, nonlinear: bool) -> Vec<(ControlVariant, PathBuf)> {
 fn controller<P: Commanded<S, C>, const S: usize, const C: usize>(
     args: &TrainArgs,
 ) -> Result<ControllerParametersFor<P::Nominal>, Box<dyn Error>> {
-    let mut parameters = P::controller(&vehicle_named(&args.vehicle)?);
-    for text in &args.settings {
-        let (name, value) = setting(text)?;
-        let name = name.strip_prefix("controller.").unwrap_or(name);
-        let value = number(text, ControllerParametersFor::<P::Nominal>::declared(name), value)?;
-        if !parameters.set::<S>(name, value)? {
-            let lists = "'rfl parameters' lists those of the controller";
-            return Err(format!("--set {text}: the controller has no number '{name}'; {lists}").into());
-        }
-    }
-    Ok(parameters)
+    controller_with::<P, S, C>(&vehicle_named(&args.vehicle)?, &args.settings)
 }
 
 /// Runs the command.

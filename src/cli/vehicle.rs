@@ -1,7 +1,8 @@
 //! What the commands do for each kind of vehicle: the same words, other courses and defaults.
 
+use super::drive::{number, setting};
 use super::train_gp;
-use crate::control::{ControlledVehicle, TRUCK_STATES, VehicleParameters};
+use crate::control::{ControlledVehicle, ControllerParametersFor, TRUCK_STATES, VehicleParameters};
 use crate::nominal::ERRORS;
 use crate::path::sudoku::Route;
 use crate::residual::DataSet;
@@ -74,6 +75,24 @@ impl Commanded<TRUCK_STATES, TRUCK_COLUMNS> for Truck {
 /// A vehicle by built-in name or file.
 pub(super) fn vehicle_named<F: VehicleFile>(name: &str) -> Result<F, Box<dyn Error>> {
     Ok(if F::BUILTIN.contains(&name) { F::builtin(name)? } else { F::of_file(name.as_ref())? })
+}
+
+/// The default controller for a vehicle, with a user's settings.
+pub(super) fn controller_with<P: Commanded<S, C>, const S: usize, const C: usize>(
+    vehicle: &P::Parameters,
+    settings: &[String],
+) -> Result<ControllerParametersFor<P::Nominal>, Box<dyn Error>> {
+    let mut parameters = P::controller(vehicle);
+    for text in settings {
+        let (name, value) = setting(text)?;
+        let name = name.strip_prefix("controller.").unwrap_or(name);
+        let value = number(text, ControllerParametersFor::<P::Nominal>::declared(name), value)?;
+        if !parameters.set::<S>(name, value)? {
+            let lists = "'rfl parameters' lists those of the controller";
+            return Err(format!("--set {text}: the controller has no number '{name}'; {lists}").into());
+        }
+    }
+    Ok(parameters)
 }
 
 /// Calls a command's function for the kind of a vehicle, by built-in name or file.

@@ -8,9 +8,8 @@
 mod explain;
 mod terminal;
 
-use super::drive::setting;
 use super::progress_bar;
-use super::vehicle::{Commanded, by_kind, vehicle_named};
+use super::vehicle::{Commanded, by_kind, controller_with, vehicle_named};
 use crate::control::{Choice, ControlVariant, Propagation, RollOut, VehicleParameters as _};
 use crate::diagnose::closed_loop::{self, Profile};
 use crate::diagnose::page::{PageInput, page};
@@ -253,16 +252,7 @@ fn closed_loop<P: Commanded<S, C>, const S: usize, const C: usize>(
 ) -> Result<Gap, Box<dyn Error>> {
     let path = Arc::new(Road::read(road)?);
     let (logged, noise) = closed_loop::logged(log, &path)?;
-    let mut parameters = P::controller(given);
-    for text in &args.settings {
-        let (name, value) = setting(text)?;
-        if !parameters.set::<S>(name.strip_prefix("controller.").unwrap_or(name), value)? {
-            return Err(format!(
-                "--set {text}: the controller has no number '{name}'; 'rfl parameters' lists all"
-            )
-            .into());
-        }
-    }
+    let parameters = controller_with::<P, S, C>(given, &args.settings)?;
     let model = || {
         let choice = Choice {
             variant: ControlVariant::None,
