@@ -39,7 +39,7 @@ fn short() -> Roads {
 }
 
 const ROWS: [Row; 3] =
-    [Row::plain(Predictor::Identified), Row::observing(Predictor::Linear), Row::plain(Predictor::Nmpc)];
+    [Row::plain(Predictor::Identified), Row::observing(Predictor::Linear), Row::plain(Predictor::GpNmpc)];
 
 type TruckComparison<'a> = ComparisonFor<'a, Truck, TRUCK_STATES, TRUCK_COLUMNS>;
 
@@ -58,7 +58,7 @@ fn the_comparison_runs_and_does_not_depend_on_threads() {
     };
     let comparison = collected(&roads, 1);
     let condition = run(&comparison);
-    // The nonlinear row is there or said to be left out.
+    // The row with a Gaussian process is there or said to be left out.
     assert_eq!(condition.rows.len() + condition.left_out.len(), 1 + ROWS.len());
     assert_eq!(condition.rows[0].row, "MPC");
     for row in &condition.rows {
