@@ -1,0 +1,32 @@
+//! Logs with an effect put in, as the tests of the diagnosis need them.
+#![allow(dead_code)]
+
+use rfl_mpc::diagnose::simulated::{Conditions, drive};
+use rfl_mpc::diagnose::{Diagnosis, Options, diagnose};
+use rfl_mpc::log::CleanLog;
+use rfl_mpc::vehicle::{CarParameters, TruckEffects, builtin};
+
+/// The default car.
+pub fn car() -> CarParameters {
+    builtin("c_class").expect("built in")
+}
+
+/// Half a minute of driving with an ordinary background.
+pub fn log(seed: u64, put_in: &[(&str, f64)]) -> CleanLog {
+    let mut effects = TruckEffects::default();
+    for &(id, value) in put_in {
+        *effects.get_mut(id).expect("an effect") = value;
+    }
+    let conditions = Conditions { seed, duration: 40.0, step: 0.02, ..Conditions::default() };
+    drive(&car(), &effects, &conditions).expect("an ordinary drive")
+}
+
+/// The diagnosis of a log of the default car.
+pub fn found(log: &CleanLog, options: &Options) -> Diagnosis {
+    diagnose(log, None, &car(), options, &|_, _| {}).expect("a clean log")
+}
+
+/// Singles only: quick.
+pub fn singles() -> Options {
+    Options { pairs: false, ..Options::default() }
+}
