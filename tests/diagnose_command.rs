@@ -2,6 +2,7 @@
 #![cfg(feature = "cli")]
 
 use rfl_mpc::diagnose::{Report, VerdictKind};
+use rfl_mpc::residual::Random;
 use rfl_mpc::vehicle::{CarParameters, TruckEffects};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -19,30 +20,67 @@ fn road() -> String {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("paths/sudoku_turns.csv").to_str().unwrap().to_owned()
 }
 
-/// A folder with `late.csv`, the drive of a car that steers 0.12 s late.
+/// Noise of a test car's sensors.
+const NOISE: [(&str, f64); 10] = [
+    ("x", 0.02),
+    ("y", 0.02),
+    ("yaw", 5e-4),
+    ("vx", 0.02),
+    ("vy", 0.02),
+    ("yaw_rate", 2e-3),
+    ("ax", 0.05),
+    ("ay", 0.05),
+    ("steer", 5e-4),
+    ("roll", 5e-4),
+];
+
+/// A folder with `late.csv`, the drive of a car that steers 0.12 s late, as a test car would record it.
 static FOLDER: LazyLock<tempfile::TempDir> = LazyLock::new(|| {
     let folder = tempfile::tempdir().unwrap();
     let road = road();
-    let late = ["--set", "effect.steer_delay=0.12", "--log", "late.csv"];
+    let late = ["--set", "effect.steer_delay=0.12", "--log", "exact.csv"];
     let output =
         rfl(folder.path(), &[&["drive", "--quiet", "--duration", "45", "--path", &road], &late[..]].concat());
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let random = std::cell::RefCell::new(Random::new(1));
+    // Twelve uniform numbers are nearly Gaussian.
+    let normal = || (0..12).map(|_| random.borrow_mut().uniform()).sum::<f64>() - 6.0;
+    // What a controller knows of the path, a test car does not record.
+    let measured = |_, column: &str, value: f64| match NOISE.iter().find(|(name, _)| *name == column) {
+        Some((_, sigma)) => Some(value + sigma * normal()),
+        None => ["time", "steer_cmd", "accel_cmd"].contains(&column).then_some(value),
+    };
+    write_changed(folder.path(), "exact.csv", "late.csv", measured);
     folder
 });
 
 /// The late car's log with a change to each row's fields, by header.
 fn changed(name: &str, change: impl Fn(usize, &str, f64) -> Option<f64>) -> PathBuf {
-    let text = std::fs::read_to_string(FOLDER.path().join("late.csv")).unwrap();
+    write_changed(FOLDER.path(), "late.csv", name, change)
+}
+
+/// A log in the folder as another one, each field changed.
+fn write_changed(
+    folder: &Path,
+    from: &str,
+    to: &str,
+    change: impl Fn(usize, &str, f64) -> Option<f64>,
+) -> PathBuf {
+    let text = std::fs::read_to_string(folder.join(from)).unwrap();
     let mut lines = text.lines();
     let header: Vec<&str> = lines.next().unwrap().split(',').collect();
     let mut out = header.join(",") + "\n";
     for (row, line) in lines.enumerate() {
         let fields = header.iter().zip(line.split(',')).map(|(column, field)| {
-            change(row, column, field.parse().unwrap()).map_or(String::new(), |value| value.to_string())
+            field
+                .parse()
+                .ok()
+                .and_then(|value| change(row, column, value))
+                .map_or(String::new(), |value| value.to_string())
         });
         out += &(fields.collect::<Vec<_>>().join(",") + "\n");
     }
-    let file = FOLDER.path().join(name);
+    let file = folder.join(to);
     std::fs::write(&file, out).unwrap();
     file
 }

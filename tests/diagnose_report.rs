@@ -40,7 +40,7 @@ fn the_page_tells_everything_and_stands_alone() {
     std::fs::write(std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("report.html"), &page).unwrap();
     for part in [
         "steer_delay = 0.118 s",
-        "93 %",
+        "93\u{a0}%",
         "cannot tell it from steer_lag",
         "recalibration",
         "noise floor",

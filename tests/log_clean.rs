@@ -238,7 +238,7 @@ fn stretches_without_a_value_are_not_judged() {
     assert_eq!(said(&infinite, "ay", "not finite"), Gravity::Note);
     assert!(infinite.valid[70]);
     // A slow receiver: one row in five has a position.
-    let slow = |row: usize, value: f64| if row % 5 == 0 { value } else { f64::NAN };
+    let slow = |row: usize, value: f64| if row.is_multiple_of(5) { value } else { f64::NAN };
     let log = sound().map("x", slow).map("y", slow).clean();
     assert!(log.valid.iter().filter(|valid| **valid).count() > 1990 && apart(&log, "x") < 0.02);
 }

@@ -17,8 +17,8 @@ pub struct Calibration {
     pub class: f64,
     /// Rest over noise and model form from which on the cause is not in the library.
     pub outside: f64,
-    /// Least share of the gap that a named cause must explain.
-    pub share: f64,
+    /// Share of the neutral gap that must be left besides.
+    pub left: f64,
     effect: [f64; 2],
     nothing: [f64; 2],
     unknown: [f64; 2],

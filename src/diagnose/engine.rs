@@ -285,8 +285,8 @@ pub(super) struct Decision {
     pub rival: Option<Fit>,
     /// Candidates of one class with each effect of the winner.
     pub classes: Vec<Vec<usize>>,
-    /// What is left over noise and the model's form.
-    pub excess: f64,
+    /// Evidence that the probability was made from.
+    pub margin: f64,
 }
 
 /// Numbers that thresholds are laid on.
@@ -298,8 +298,8 @@ pub struct Scores {
     pub pair: f64,
     /// What the best of all leaves, over noise and model form.
     pub excess: f64,
-    /// Share of the gap that the best single effect removes beyond the background.
-    pub share: f64,
+    /// Share of the neutral gap that the best of all leaves.
+    pub left: f64,
 }
 
 fn scores<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking) -> Scores {
@@ -310,29 +310,33 @@ fn scores<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking) -> Scores {
         _ => 0.0,
     };
     let gap = ranking.pairs.first().filter(|_| pair > 0.0).or(best).map_or(&ranking.none.gap, |fit| &fit.gap);
-    let share = best.map_or(0.0, |best| 1.0 - best.cost / ranking.linear.square(&ranking.neutral).max(1e-12));
-    Scores { single, pair, excess: ranking.noise.excess(problem, gap), share }
+    Scores {
+        single,
+        pair,
+        excess: ranking.noise.excess(problem, gap),
+        left: ranking.noise.remaining(problem, &ranking.neutral, gap),
+    }
 }
 
 fn decide<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, calibration: &Calibration) -> Decision {
     let scores = scores(problem, ranking);
     let none = ranking.none.clone();
-    let unnamed = |kind, probability| Decision {
+    let unnamed = |kind, probability, margin| Decision {
         kind,
         probability,
         fit: none.clone(),
         rival: None,
         classes: Vec::new(),
-        excess: scores.excess,
+        margin,
     };
     let named = scores.single > calibration.none;
-    if scores.excess > calibration.outside {
+    if scores.excess > calibration.outside && scores.left > calibration.left {
         let margin = 10.0 * (scores.excess / calibration.outside - 1.0);
-        return unnamed(VerdictKind::NotInLibrary, calibration.of_unknown(margin));
+        return unnamed(VerdictKind::NotInLibrary, calibration.of_unknown(margin), margin);
     }
     let Some(best) = ranking.singles.first().filter(|_| named) else {
         let margin = calibration.none - scores.single;
-        return unnamed(VerdictKind::None, calibration.of_nothing(margin));
+        return unnamed(VerdictKind::None, calibration.of_nothing(margin), margin);
     };
     if let Some(pair) = ranking.pairs.first().filter(|_| scores.pair > calibration.pair) {
         // Alternatives to each of the two beside the other.
@@ -360,7 +364,7 @@ fn decide<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, calibration
             fit: pair.clone(),
             rival,
             classes,
-            excess: scores.excess,
+            margin,
         };
     }
     let class: Vec<usize> = ranking
@@ -377,28 +381,58 @@ fn decide<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, calibration
         fit: best.clone(),
         rival: ranking.singles.get(1).cloned(),
         classes: vec![class],
-        excess: scores.excess,
+        margin,
     }
 }
 
-/// The scores of a log, for calibration.
+/// What calibration looks at in a case.
+#[derive(Debug, Clone)]
+pub struct Trial {
+    /// Numbers that thresholds are laid on.
+    pub scores: Scores,
+    /// What is said with the thresholds of now.
+    pub kind: VerdictKind,
+    /// The best single effect's class, then each of the best pair's.
+    pub single: Vec<String>,
+    #[allow(missing_docs)]
+    pub pair: [Vec<String>; 2],
+    /// Evidence against the next candidate outside the class.
+    pub margin: f64,
+}
+
+/// Tries a log, for calibration.
 ///
 /// # Errors
 /// As [`diagnose`].
-pub fn calibration_scores<V: ReplayVehicle>(
-    log: &CleanLog,
-    vehicle: &V,
-    options: &Options,
-) -> Result<Scores, DiagnoseError> {
+pub fn trial<V: ReplayVehicle>(log: &CleanLog, vehicle: &V, options: &Options) -> Result<Trial, DiagnoseError> {
     check(log)?;
     let drive = Drive::new(log, V::TRUCK);
     let vehicle = prepared(vehicle, drive.commanded);
     let correction = neutral(&drive, &vehicle).map_err(|reason| DiagnoseError::Replay { reason })?;
     let problem =
         Problem::new(&drive, &vehicle, &correction, &options.without, parallel::threads(options.threads));
-    let prior = Prior::of(&problem);
-    let ranking = rank(&problem, prior, options.pairs, &|_, _| {})?;
-    Ok(scores(&problem, &ranking))
+    let ranking = rank(&problem, Prior::of(&problem), options.pairs, &|_, _| {})?;
+    let calibration = Calibration::built_in();
+    let decision = decide(&problem, &ranking, &calibration);
+    let names = |class: &[usize]| class.iter().map(|&i| problem.knobs[i].id.to_owned()).collect::<Vec<_>>();
+    let best = ranking.singles.first().map_or(f64::INFINITY, |best| best.cost);
+    let single: Vec<usize> = ranking
+        .singles
+        .iter()
+        .filter(|fit| fit.cost - best < calibration.class)
+        .map(|fit| fit.freed[0])
+        .collect();
+    let pair = match decision.classes.as_slice() {
+        [a, b] => [names(a), names(b)],
+        _ => [Vec::new(), Vec::new()],
+    };
+    Ok(Trial {
+        scores: scores(&problem, &ranking),
+        kind: decision.kind,
+        single: names(&single),
+        pair,
+        margin: decision.margin,
+    })
 }
 
 fn named<V: ReplayVehicle>(

@@ -16,7 +16,7 @@ use nalgebra::{DMatrix, DVector};
 /// Standard deviation of the coordinate of what is freed: says next to nothing.
 const FREED: f64 = 12.0;
 /// Steps of Gauss and Newton.
-const STEPS: usize = 5;
+const STEPS: usize = 6;
 
 /// Slopes at a point with their weighted products.
 #[derive(Clone)]
@@ -220,7 +220,11 @@ pub fn fit<V: ReplayVehicle>(
     if freed.iter().any(|&i| problem.knobs[i].id == "payload") {
         own.extend(problem.find("payload_x"));
     }
-    let mut x = start.to_vec();
+    let within = |x: &[f64]| -> Vec<f64> {
+        let bound = |(i, x): (usize, &f64)| problem.knobs[i].within(*x, freed.contains(&i));
+        x.iter().enumerate().map(bound).collect()
+    };
+    let mut x = within(start);
     let mut gap = problem.residual(&x)?;
     let mut cost = linear.square(&gap) + prior.penalty(&x, &precision);
     let mut columns: Vec<Vec<f64>> = Vec::new();
@@ -233,12 +237,8 @@ pub fn fit<V: ReplayVehicle>(
         let mut length = 1.0;
         let mut better = None;
         for _ in 0..4 {
-            let there: Vec<f64> = x
-                .iter()
-                .zip(&step.change)
-                .zip(&problem.knobs)
-                .map(|((x, change), knob)| (x + length * change).clamp(knob.least, knob.greatest))
-                .collect();
+            let there: Vec<f64> = x.iter().zip(&step.change).map(|(x, change)| x + length * change).collect();
+            let there = within(&there);
             if let Some(new) = problem.residual(&there) {
                 let new_cost = linear.square(&new) + prior.penalty(&there, &precision);
                 if new_cost < cost {

@@ -14,7 +14,7 @@ enum Turns {
     Effect,
     /// The rate limit: unit / x.
     RateLimit,
-    /// The relaxation length: unit * (1 + x), or the file's at x = 0.
+    /// The relaxation length: the file's times 1 + x, about unit * (1 + x).
     Relaxation,
     /// A number of the vehicle by its name: times 1 + unit * x.
     Factor,
@@ -24,6 +24,8 @@ enum Turns {
     Scale(Channel),
     /// A sensor's bias: plus unit * x.
     Bias(Channel),
+    /// Place of what velocities sideways are given for: unit * x forward of the reference point.
+    Arm,
 }
 
 /// One knob.
@@ -38,6 +40,8 @@ pub struct Knob {
     pub tolerance: f64,
     /// Least coordinate.
     pub least: f64,
+    /// Least coordinate of what is named: the effect's own range.
+    pub named_least: f64,
     /// Greatest coordinate.
     pub greatest: f64,
     /// Coordinates from which a fit starts.
@@ -137,7 +141,9 @@ pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -
         } else {
             least
         };
-        knobs.push(Knob { id, turns, unit, tolerance, least, greatest, starts, effect: Some(effect) });
+        let named_least =
+            if matches!(turns, Turns::Effect) { least.max((effect.range.0 - effect.neutral) / unit) } else { least };
+        knobs.push(Knob { id, turns, unit, tolerance, least, named_least, greatest, starts, effect: Some(effect) });
     }
     let further = |id, turns, unit| Knob {
         id,
@@ -145,6 +151,7 @@ pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -
         unit,
         tolerance: 1.0,
         least: -10.0,
+        named_least: -10.0,
         greatest: 10.0,
         starts: &[],
         effect: None,
@@ -154,6 +161,9 @@ pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -
         if !id.is_empty() {
             knobs.push(further(id, if factor { Turns::Factor } else { Turns::Shift }, tolerance));
         }
+    }
+    if drive.channels.contains(&Channel::Vy) {
+        knobs.push(further("sensor.reference_x", Turns::Arm, 0.05));
     }
     for &(id, channel, tolerance, scale) in SENSORS {
         if drive.channels.contains(&channel) {
@@ -182,6 +192,12 @@ fn quickest(drive: &Drive) -> f64 {
 }
 
 impl Knob {
+    /// A coordinate within its bounds; `named`: within the effect's own range (a negative delay is a tolerance, no effect).
+    #[must_use]
+    pub fn within(&self, x: f64, named: bool) -> f64 {
+        x.clamp(if named { self.named_least } else { self.least }, self.greatest)
+    }
+
     /// Whether it may be named.
     #[must_use]
     pub fn is_candidate(&self) -> bool {
@@ -198,7 +214,7 @@ impl Knob {
             Turns::Relaxation if x == 0.0 => 0.0,
             Turns::Relaxation => self.unit * (1.0 + x),
             Turns::Factor | Turns::Scale(_) => 1.0 + self.unit * x,
-            Turns::Shift | Turns::Bias(_) => self.unit * x,
+            Turns::Shift | Turns::Bias(_) | Turns::Arm => self.unit * x,
         }
     }
 
@@ -217,7 +233,21 @@ impl Knob {
             return;
         }
         match self.turns {
-            Turns::Effect | Turns::RateLimit | Turns::Relaxation => {
+            Turns::Relaxation => {
+                let known = vehicle.known_effects().vehicle.tyre_relaxation > 0.0;
+                let mut tyres = vehicle.tyres();
+                let has = |tyre: &crate::vehicle::Tyre| {
+                    tyre.coefficients.as_ref().is_some_and(|file| file.pty1 != 0.0 && file.pty2 != 0.0)
+                };
+                if !known && tyres.iter().all(|(_, tyre)| has(tyre)) {
+                    for file in tyres.iter_mut().filter_map(|(_, tyre)| tyre.coefficients.as_mut()) {
+                        file.pty1 *= 1.0 + x;
+                    }
+                } else {
+                    effects.vehicle.tyre_relaxation = self.value(x);
+                }
+            }
+            Turns::Effect | Turns::RateLimit => {
                 if let Some(place) = effects.get_mut(self.id) {
                     *place = self.value(x);
                 }
@@ -230,7 +260,7 @@ impl Knob {
                         .set(vehicle, if factor { before * self.value(x) } else { before + self.value(x) });
                 }
             }
-            Turns::Scale(_) | Turns::Bias(_) => {}
+            Turns::Scale(_) | Turns::Bias(_) | Turns::Arm => {}
         }
     }
 
@@ -239,6 +269,12 @@ impl Knob {
         let (channel, factor, shift) = match self.turns {
             Turns::Scale(channel) => (channel, self.value(x), 0.0),
             Turns::Bias(channel) => (channel, 1.0, self.value(x)),
+            Turns::Arm => {
+                let arm = self.value(x);
+                let rate = trace.columns[Channel::YawRate as usize].clone();
+                trace.columns[Channel::Vy as usize].iter_mut().zip(rate).for_each(|(vy, rate)| *vy += arm * rate);
+                return;
+            }
             _ => return,
         };
         trace.columns[channel as usize].iter_mut().for_each(|value| *value = factor * *value + shift);

@@ -5,10 +5,11 @@
 //! and its correlation over time makes many samples worth few.
 
 use super::problem::{Problem, rms};
-use super::replay::{ReplayVehicle, Trace};
+use super::replay::{Channel, LEAK, ReplayVehicle, Trace};
 
 /// Errors of the model's form that every simulator has, as a share of the signal.
-const FORM: f64 = 0.004;
+const FORM: f64 = 0.006;
+const HEADING: f64 = 5e-4;
 /// Longest correlation that is looked at, samples, and the greatest loss by it.
 const CORRELATED: usize = 20;
 const GREATEST_LOSS: f64 = 6.0;
@@ -42,9 +43,16 @@ impl Noise {
             bends.sort_unstable_by(f64::total_cmp);
             let median = bends.get(bends.len() / 2).copied().unwrap_or(0.0);
             let sample = (median / (0.6745 * 6.0_f64.sqrt())).max(channel.least_noise());
-            let size = if channel.leaks() { 0.0 } else { rms_of(logged, &drive.scored) };
+            let of = |name: &str| rms_of(drive.column(name), &drive.scored);
+            // What leaks gathers the form's error of its rate for a while; a place that of the heading, half a milliradian.
+            let form = match channel {
+                Channel::Yaw => FORM * of("yaw_rate") * LEAK,
+                Channel::Vx => FORM * rms_of(&drive.accel, &drive.scored) * LEAK,
+                Channel::Along | Channel::Across => HEADING * of("vx") * LEAK,
+                _ => FORM * rms_of(logged, &drive.scored),
+            };
             white.push(sample * problem.filter.gain());
-            floor.push((sample * problem.filter.gain()).hypot(FORM * size));
+            floor.push((sample * problem.filter.gain()).hypot(form));
         }
         Self { effective: floor.clone(), white, floor }
     }
@@ -69,6 +77,23 @@ impl Noise {
             weights.resize(weights.len() + block.len(), deviation.powi(-2));
         }
         weights
+    }
+
+    /// Share of the neutral gap that another gap still has, noise and the model's form apart; of the motion itself.
+    #[must_use]
+    pub fn remaining<V>(&self, problem: &Problem<V>, neutral: &[f64], gap: &[f64]) -> f64 {
+        let mut squares = Vec::new();
+        for ((channel, block), floor) in problem.blocks.iter().zip(&self.floor) {
+            let told = matches!(
+                channel,
+                Channel::YawRate | Channel::Ay | Channel::Vy | Channel::Roll | Channel::Articulation
+            );
+            if told {
+                let (before, after) = (rms(&neutral[block.clone()]), rms(&gap[block.clone()]));
+                squares.push((after * after - floor * floor).max(0.0) / (before * before).max(floor * floor));
+            }
+        }
+        (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
     }
 
     /// How much more a gap is than noise and the model's form: 1 where it is no more.

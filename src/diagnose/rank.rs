@@ -12,6 +12,8 @@ const BEAM: usize = 8;
 const PAIRS: usize = 10;
 /// Evidence within which candidates are fitted to the end.
 const NEAR: f64 = 60.0;
+/// Evidence of a pair over its better half from which on the noise is taken from the pair's rest.
+const TELLING: f64 = 20.0;
 
 /// All that was fitted.
 pub struct Ranking {
@@ -44,6 +46,26 @@ fn fit_none<V: ReplayVehicle>(
     start: &[f64],
 ) -> Option<Fit> {
     fit(problem, prior, linear, &[], start, 2)
+}
+
+/// Takes a linear step from the background's best where that is better.
+fn from_none<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linear, none: &Fit, single: &mut Fit) {
+    let precision = prior.freed(problem, &single.freed);
+    let step = prior.step(linear, &none.x, &none.gap, &precision);
+    if step.cost < single.cost {
+        single.x = none
+            .x
+            .iter()
+            .zip(&step.change)
+            .enumerate()
+            .map(|(i, (x, change))| problem.knobs[i].within(x + change, single.freed.contains(&i)))
+            .collect();
+        let kept: Vec<f64> = single.x.iter().zip(&none.x).map(|(x, before)| x - before).collect();
+        single.gap = predicted(linear, &none.gap, &kept);
+        // Where a bound held the step back, only the refit knows the cost.
+        let held = single.freed.iter().any(|&i| (kept[i] - step.change[i]).abs() > 1e-9);
+        single.cost = if held { none.cost } else { step.cost };
+    }
 }
 
 fn sort(fits: &mut [Fit]) {
@@ -135,6 +157,8 @@ pub fn rank<V: ReplayVehicle>(
     let mut none = fit_none(problem, &prior, &linear, &none.x).ok_or(NoReplay)?;
     for single in &mut singles {
         reweighed(problem, &prior, &linear, single);
+        // What was not found from where it began may be found from the background's best.
+        from_none(problem, &prior, &linear, &none, single);
     }
     sort(&mut singles);
     let limit = singles.first().map_or(0.0, |best| best.cost + NEAR);
@@ -142,25 +166,47 @@ pub fn rank<V: ReplayVehicle>(
     let refitted =
         parallel::map(threads, again, |k| fit(problem, &prior, &linear, &singles[k].freed, &singles[k].x, 4));
     for (single, refitted) in singles.iter_mut().zip(refitted) {
-        if let Some(refitted) = refitted
-            && refitted.cost < single.cost
-        {
-            *single = refitted;
+        // A linear step's cost is a promise; what was replayed is kept.
+        if let Some(refitted) = refitted {
+            *single = if refitted.cost < none.cost { refitted } else { Fit { cost: none.cost, ..single.clone() } };
         }
     }
     sort(&mut singles);
-    // A candidate with nothing freed is a bound for all of them.
-    if let Some(best) = singles.first()
-        && none.cost < best.cost
-    {
-        none.cost = none.cost.max(best.cost);
-    }
     let mut pairs = Vec::new();
     if with_pairs {
         progress("pairs", 0.75);
         pairs = pair(problem, &prior, &linear, &singles);
     }
     progress("pairs", 0.9);
+    // Where a pair tells much more than a single effect, its rest is the measure.
+    let (mut linear, mut noise) = (linear, noise);
+    if let (Some(pair), Some(single)) = (pairs.first(), singles.first())
+        && single.cost - pair.cost > TELLING
+    {
+        let precision: Vec<f64> = prior.freed(problem, &pair.freed).iter().map(|p| p / 9.0).collect();
+        let step = prior.step(&linear, &pair.x, &pair.gap, &precision);
+        let left = predicted(&linear, &pair.gap, &step.change);
+        noise = noise.with_left(problem, &left);
+        let slopes = problem.slopes(&pair.x, &pair.gap);
+        linear = Linear::new(slopes, noise.weights(problem));
+        none = fit_none(problem, &prior, &linear, &none.x).ok_or(NoReplay)?;
+        for fits in [&mut singles, &mut pairs] {
+            fits.iter_mut().for_each(|fit| reweighed(problem, &prior, &linear, fit));
+            sort(fits);
+            let refitted = parallel::map(threads, fits.len().min(BEAM), |k| {
+                fit(problem, &prior, &linear, &fits[k].freed, &fits[k].x, 3)
+            });
+            for (old, new) in fits.iter_mut().zip(refitted) {
+                if let Some(new) = new
+                    && new.cost < old.cost
+                {
+                    *old = new;
+                }
+                old.cost = old.cost.min(none.cost);
+            }
+            sort(fits);
+        }
+    }
     Ok(Ranking { none, singles, pairs, linear, prior, noise, neutral })
 }
 

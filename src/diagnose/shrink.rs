@@ -49,8 +49,8 @@ fn fitted_on<V: ReplayVehicle>(
         .x
         .iter()
         .zip(&step.change)
-        .zip(&problem.knobs)
-        .map(|((x, change), knob)| (x + change).clamp(knob.least, knob.greatest))
+        .enumerate()
+        .map(|(i, (x, change))| problem.knobs[i].within(x + change, winner.freed.contains(&i)))
         .collect();
     (only(problem, &winner.freed, &all), all)
 }

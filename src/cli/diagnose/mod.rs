@@ -165,7 +165,6 @@ where
         threads: args.threads,
         pairs: !args.no_pairs,
         without: args.without.clone(),
-        ..Options::default()
     };
     let bar = progress_bar("diagnosing", 1000.0, args.quiet || args.json);
     let follow = |what: &str, share: f64| {
@@ -174,8 +173,7 @@ where
     };
     let mut diagnosis = diagnose(&clean, reference.as_ref(), &given, &options, &follow)?;
     let report = &mut diagnosis.report;
-    report.inputs.files = inputs(args, name)?;
-    report.findings.sort_by_key(|finding| std::cmp::Reverse(finding.gravity));
+    report.inputs.files.extend(inputs(args, name)?);
     if let Some(road) = &args.path {
         let gap = closed_loop::<P, S, C>(args, road, &clean, &given, report, &follow)?;
         report.shrink.closed_loop = Some(BTreeMap::from([("e1".to_owned(), gap)]));

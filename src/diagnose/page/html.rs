@@ -35,7 +35,12 @@ pub(super) fn number(value: f64) -> String {
 
 /// A share in percent.
 pub(super) fn percent(share: f64) -> String {
-    if share.is_finite() { format!("{:.0} %", 100.0 * share) } else { "–".into() }
+    if !share.is_finite() {
+        return "–".into();
+    }
+    // No break before the sign of percent, and no minus zero.
+    let whole = (100.0 * share).round();
+    format!("{}{:.0}\u{a0}%", if whole < 0.0 { "−" } else { "" }, whole.abs())
 }
 
 /// A table; cells are HTML already. `text` says how many of the first columns are text.
@@ -54,6 +59,14 @@ pub(super) fn table(header: &[&str], rows: &[Vec<String>], text: usize) -> Strin
         html += "</tr>";
     }
     html + "</tbody></table></div>"
+}
+
+/// The unit of a compared signal; `along` and `across` are the place, seen from the vehicle.
+pub(super) fn unit_of(name: &str) -> &'static str {
+    match name {
+        "along" | "across" => "m",
+        name => crate::signal::find(name).map_or("", |signal| signal.unit.symbol),
+    }
 }
 
 /// A drawing with words under it; nothing where there is no drawing. `caption` is HTML.

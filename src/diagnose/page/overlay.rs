@@ -1,16 +1,15 @@
 //! Log, simulator and corrected simulator over time, and the gap on the path.
 
 use super::View;
-use super::html::{escaped, figure, number};
+use super::html::{escaped, figure, number, unit_of};
 use super::plot::{Colour, Curve, HOTTEST, Plot};
-use crate::signal;
 
 /// Each compared signal: a stretch of it, and its gap over the whole log.
 pub(super) fn signals(view: &View) -> String {
     let mut html = String::new();
     for name in &view.report.inputs.signals {
         let Some(log) = view.log(name) else { continue };
-        let unit = signal::find(name).map_or("", |signal| signal.unit.symbol);
+        let unit = unit_of(name);
         let (over, whole_title) =
             (format!("{name}: real and simulated"), format!("{name}: gap over the whole log"));
         let window = view.window.clone();
@@ -36,7 +35,10 @@ pub(super) fn signals(view: &View) -> String {
             escaped(name),
             view.keys()
         );
-        html += &figure(&(overlay.svg() + &whole.svg()), &caption);
+        // The place is compared as a difference: the log's own is zero.
+        let alone = log.iter().all(|value| *value == 0.0);
+        let stretch = if alone { String::new() } else { overlay.svg() };
+        html += &figure(&(stretch + &whole.svg()), &caption);
     }
     html
 }
@@ -84,7 +86,7 @@ pub(super) fn on_path(view: &View) -> String {
         let plot = Plot { size: (420, 400), equal: true, ..Plot::new(&title, "x (m)", "y (m)", curves) };
         drawings += &format!("<div><div class='sub'>simulator {words}</div>{}</div>", plot.svg());
     }
-    let unit = signal::find(name).map_or("", |signal| signal.unit.symbol);
+    let unit = unit_of(name);
     let scale: String = (0..=HOTTEST)
         .map(|heat| {
             let value = highest * f64::from(heat) / f64::from(HOTTEST);

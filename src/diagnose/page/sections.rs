@@ -1,8 +1,7 @@
 //! The answer in words, bars and tables.
 
-use super::html::{escaped, number, percent, table};
+use super::html::{escaped, number, percent, table, unit_of};
 use crate::diagnose::{Candidate, Gap, Gravity, NamedEffect, Place, Report, Verdict, VerdictKind};
-use crate::signal;
 use crate::vehicle::{Explanation, Stage, TruckEffects};
 use std::collections::BTreeMap;
 
@@ -82,7 +81,8 @@ pub(super) fn shrink(report: &Report) -> String {
     if !shrink.open_loop.is_empty() {
         html += "<p class='faint'>RMS of real minus simulated on held-out parts of the log, the simulator replayed from the commands. The effect's share and the recalibration's stand apart.</p>";
     }
-    for (name, gap) in &shrink.open_loop {
+    let ordered = in_order(report, &shrink.open_loop);
+    for (name, gap) in ordered.iter().take(MAIN) {
         html += &format!(
             "<h3>{} <span class='faint'>({})</span></h3>{}",
             escaped(name),
@@ -90,19 +90,21 @@ pub(super) fn shrink(report: &Report) -> String {
             waterfall(gap)
         );
     }
-    if !shrink.horizons.is_empty() {
-        let mut rows = Vec::new();
-        for (horizon, signals) in &shrink.horizons {
-            for (name, gap) in signals {
-                rows.push(gap_row(
-                    vec![format!("{} s", escaped(horizon)), format!("{} ({})", escaped(name), unit_of(name))],
-                    gap,
-                ));
-            }
-        }
-        html += "<h3>When the simulator starts anew from the log</h3>";
-        let header = ["every", "signal", "before", "effect", "recalibrated", "learnable", "noise", "closed"];
-        html += &table(&header, &rows, 2);
+    let header = ["signal", "before", "effect", "recalibrated", "learnable", "noise", "closed"];
+    let named = |name: &str| format!("{} ({})", escaped(name), unit_of(name));
+    if ordered.len() > MAIN {
+        let rows: Vec<_> =
+            ordered[MAIN..].iter().map(|(name, gap)| gap_row(vec![named(name)], gap)).collect();
+        html += &format!("<h3>The other signals</h3>{}", table(&header, &rows, 1));
+    }
+    for (horizon, signals) in &shrink.horizons {
+        let rows: Vec<_> =
+            in_order(report, signals).iter().map(|(name, gap)| gap_row(vec![named(name)], gap)).collect();
+        html += &format!(
+            "<details><summary>When the simulator starts anew from the log every {} s</summary>{}</details>",
+            escaped(horizon),
+            table(&header, &rows, 1)
+        );
     }
     if let Some(errors) = &shrink.closed_loop {
         html += "<h3>With the loop closed</h3><p class='faint'>The same controller drives the simulator along the path; its tracking error against that of the log, at the same stations.</p>";
@@ -118,8 +120,16 @@ pub(super) fn shrink(report: &Report) -> String {
     html
 }
 
-fn unit_of(name: &str) -> &'static str {
-    signal::find(name).map_or("", |signal| signal.unit.symbol)
+/// Signals that are shown at large; the others are tables, or folded.
+const MAIN: usize = 3;
+
+/// What is said of each signal, in the order in which they were compared.
+fn in_order<'a, T>(report: &Report, of: &'a BTreeMap<String, T>) -> Vec<(&'a str, &'a T)> {
+    let place =
+        |name: &str| report.inputs.signals.iter().position(|signal| signal == name).unwrap_or(usize::MAX);
+    let mut all: Vec<(&str, &T)> = of.iter().map(|(name, value)| (name.as_str(), value)).collect();
+    all.sort_by_key(|(name, _)| place(name));
+    all
 }
 
 fn gap_row(mut cells: Vec<String>, gap: &Gap) -> Vec<String> {
@@ -187,9 +197,9 @@ pub(super) fn stages(report: &Report) -> String {
 
 /// A heat map for each signal: regimes by their bins.
 pub(super) fn places(report: &Report) -> String {
-    let mut signals: BTreeMap<&str, BTreeMap<&str, Vec<&Place>>> = BTreeMap::new();
+    let mut signals: BTreeMap<String, BTreeMap<&str, Vec<&Place>>> = BTreeMap::new();
     for place in &report.places {
-        signals.entry(&place.signal).or_default().entry(&place.regime).or_default().push(place);
+        signals.entry(place.signal.clone()).or_default().entry(&place.regime).or_default().push(place);
     }
     if signals.is_empty() {
         return String::new();
@@ -197,14 +207,18 @@ pub(super) fn places(report: &Report) -> String {
     let mut html = String::from(
         "<p class='faint'>RMS of the gap in each regime; below it its share of the whole squared gap, and how far that is beyond chance, in standard deviations.</p>",
     );
-    for (signal, mut regimes) in signals {
+    for (place, (signal, regimes)) in in_order(report, &signals).into_iter().enumerate() {
         let hottest = regimes.values().flatten().map(|place| place.rms).fold(1e-300, f64::max);
-        html += &format!(
-            "<h3>{} <span class='faint'>({})</span></h3><div class='scroll'><table class='heat'>",
-            escaped(signal),
-            unit_of(signal)
-        );
-        for (regime, places) in &mut regimes {
+        let title = format!("{} <span class='faint'>({})</span>", escaped(signal), unit_of(signal));
+        let folded = place >= MAIN;
+        html += &if folded {
+            format!("<details><summary>{title}</summary>")
+        } else {
+            format!("<h3>{title}</h3>")
+        };
+        html += "<div class='scroll'><table class='heat'>";
+        for (regime, places) in regimes {
+            let mut places = places.clone();
             places.sort_by(|a, b| a.from.total_cmp(&b.from));
             html += &format!("<tr><th>{}</th>", escaped(&regime_label(regime)));
             for place in places.iter() {
@@ -220,7 +234,7 @@ pub(super) fn places(report: &Report) -> String {
             }
             html += "</tr>";
         }
-        html += "</table></div>";
+        html += if folded { "</table></div></details>" } else { "</table></div>" };
     }
     html
 }

@@ -4,7 +4,7 @@ use super::channel::{CHANNELS, Channel};
 use super::drive::Drive;
 use super::run::{Correction, replay};
 use crate::vehicle::{
-    Car, CarParameters, NO_RATE_LIMIT, ReducedVehicle, Stage, Steering, Truck, TruckEffects, TruckParameters,
+    Car, CarParameters, NO_RATE_LIMIT, ReducedVehicle, Stage, Steering, Truck, TruckEffects, TruckParameters, Tyre,
     VehicleInput, VehicleParameters, car, truck,
 };
 
@@ -59,6 +59,11 @@ fn keep_speed<V: ReplayVehicle>(vehicle: &V, drive: &Drive, row: usize, vx: f64)
     drive.accel[row] + drag * vx * vx / mass + SPEED_GAIN * (drive.column("vx")[row] - vx)
 }
 
+/// Lateral relaxation length of a tyre at a load in N; `known`: that of the vehicle file's effect, if more than 0.
+fn relaxation(tyre: &Tyre, load: f64, known: f64) -> f64 {
+    if known > 0.0 { known } else { tyre.scaled().lateral_relaxation(load, 0.0).max(0.1) }
+}
+
 macro_rules! common {
     ($tyre:ident) => {
         fn steering(&mut self) -> &mut Steering {
@@ -81,11 +86,6 @@ macro_rules! common {
             let tyre = self.tyre.front.scaled();
             (tyre.pdy1 * tyre.lmuy).abs()
         }
-
-        fn relaxation(&self) -> f64 {
-            let tyre = self.tyre.front.scaled();
-            tyre.lateral_relaxation(tyre.fz0, 0.0).max(0.1)
-        }
     };
 }
 
@@ -102,6 +102,10 @@ impl ReplayVehicle for CarParameters {
 
     fn reach(&self) -> f64 {
         self.wheelbase()
+    }
+
+    fn relaxation(&self) -> f64 {
+        relaxation(&self.tyre.front, 0.5 * self.axle_loads().0, self.effect.tyre_relaxation)
     }
 
     fn mass_and_drag(&self) -> (f64, f64) {
@@ -144,6 +148,11 @@ impl ReplayVehicle for TruckParameters {
 
     fn reach(&self) -> f64 {
         self.tractor.cg_to_front_axle + self.tractor.cg_to_rear_axle
+    }
+
+    fn relaxation(&self) -> f64 {
+        let load = 0.5 * self.axle_loads()[0] / self.tyres_per_side.front;
+        relaxation(&self.tyre.front, load, self.effect.vehicle.tyre_relaxation)
     }
 
     fn mass_and_drag(&self) -> (f64, f64) {
