@@ -450,6 +450,8 @@ fn named<V: ReplayVehicle>(
         let deviation = covariance[(i, i)].max(0.0).sqrt();
         let (a, b) = (it.value(winner.x[i] - 1.96 * deviation), it.value(winner.x[i] + 1.96 * deviation));
         let (low, high) = (a.min(b).max(effect.range.0), a.max(b).min(effect.range.1));
+        let value = it.value(winner.x[i]).clamp(effect.range.0, effect.range.1);
+        let (low, high) = (low.min(value), high.max(value));
         let class = decision.classes.get(place).cloned().unwrap_or_default();
         // What the effect does to the motion, against what the background does.
         let mut without = winner.x.clone();
@@ -462,7 +464,7 @@ fn named<V: ReplayVehicle>(
         let (own, background) = (distance(&gap, &winner.gap), distance(&gap, &ranking.neutral));
         effects.push(NamedEffect {
             id: it.id.to_owned(),
-            value: it.value(winner.x[i]).clamp(effect.range.0, effect.range.1),
+            value,
             low,
             high,
             unit: effect.unit.symbol.to_owned(),

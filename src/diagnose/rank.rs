@@ -10,6 +10,9 @@ use crate::residual::parallel;
 const AGAIN: usize = 12;
 const BEAM: usize = 8;
 const PAIRS: usize = 10;
+/// Candidates that are polished, at most so many times in all.
+const POLISHED: usize = 3;
+const ROUNDS: usize = 5;
 /// Evidence within which candidates are fitted to the end.
 const NEAR: f64 = 60.0;
 /// Evidence of a pair over its better half from which on the noise is taken from the pair's rest.
@@ -45,7 +48,48 @@ fn fit_none<V: ReplayVehicle>(
     linear: &Linear,
     start: &[f64],
 ) -> Option<Fit> {
-    fit(problem, prior, linear, &[], start, 2)
+    fit(problem, prior, linear, &[], start, 4)
+}
+
+/// A fit with all slopes taken anew at its own best.
+fn polished<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linear, at: &Fit) -> Fit {
+    let Some(gap) = problem.residual(&at.x) else { return at.clone() };
+    let local = Linear::new(problem.slopes(&at.x, &gap), linear.weights.clone());
+    fit(problem, prior, &local, &at.freed, &at.x, 5).filter(|new| new.cost < at.cost).unwrap_or_else(|| at.clone())
+}
+
+/// Polishes the first few of sorted candidates, until those are first that were polished.
+fn polish<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linear, fits: &mut [Fit]) {
+    let mut done: Vec<Vec<usize>> = Vec::new();
+    for _ in 0..ROUNDS {
+        let best = fits.first().map_or(0.0, |fit| fit.cost);
+        let next = fits
+            .iter()
+            .take(POLISHED)
+            .position(|fit| !done.contains(&fit.freed) && (done.is_empty() || fit.cost < best + 0.25 * best.abs() + NEAR));
+        let Some(i) = next else { break };
+        done.push(fits[i].freed.clone());
+        fits[i] = polished(problem, prior, linear, &fits[i]);
+        sort(fits);
+    }
+}
+
+/// What a candidate explains with a value that is within its tolerance, the background explains too: its cost with the
+/// tolerance's penalty bounds that of nothing freed, which in turn bounds every candidate's.
+fn bound<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, none: &mut Fit, singles: &mut [Fit]) {
+    for single in singles.iter() {
+        let i = single.freed[0];
+        let off = (single.x[i] - prior.mean[i]).powi(2);
+        let freed = prior.freed(problem, &single.freed)[i];
+        let cost = single.cost + off * (prior.precision[i] - freed);
+        if cost < none.cost {
+            *none = Fit { freed: Vec::new(), columns: Vec::new(), cost, ..single.clone() };
+        }
+    }
+    for single in singles.iter_mut() {
+        single.cost = single.cost.min(none.cost);
+    }
+    sort(singles);
 }
 
 /// Takes a linear step from the background's best where that is better.
@@ -102,6 +146,8 @@ pub fn rank<V: ReplayVehicle>(
     let at_start = problem.residual(&start).ok_or(NoReplay)?;
     let linear = Linear::new(problem.slopes(&start, &at_start), noise.weights(problem));
     let none = fit_none(problem, &prior, &linear, &start).ok_or(NoReplay)?;
+    let linear = Linear::new(problem.slopes(&none.x, &none.gap), noise.weights(problem));
+    let none = fit_none(problem, &prior, &linear, &none.x).ok_or(NoReplay)?;
 
     progress("single effects", 0.2);
     let candidates: Vec<usize> =
@@ -171,11 +217,14 @@ pub fn rank<V: ReplayVehicle>(
             *single = if refitted.cost < none.cost { refitted } else { Fit { cost: none.cost, ..single.clone() } };
         }
     }
-    sort(&mut singles);
+    none = polished(problem, &prior, &linear, &none);
+    polish(problem, &prior, &linear, &mut singles);
+    bound(problem, &prior, &mut none, &mut singles);
     let mut pairs = Vec::new();
     if with_pairs {
         progress("pairs", 0.75);
         pairs = pair(problem, &prior, &linear, &singles);
+        polish(problem, &prior, &linear, &mut pairs);
     }
     progress("pairs", 0.9);
     // Where a pair tells much more than a single effect, its rest is the measure.
@@ -206,6 +255,8 @@ pub fn rank<V: ReplayVehicle>(
             }
             sort(fits);
         }
+        polish(problem, &prior, &linear, &mut singles);
+        bound(problem, &prior, &mut none, &mut singles);
     }
     Ok(Ranking { none, singles, pairs, linear, prior, noise, neutral })
 }

@@ -206,7 +206,7 @@ pub(in crate::diagnose) fn prepared<V: ReplayVehicle>(vehicle: &V, commanded: bo
 ///
 /// # Errors
 /// As [`replay`].
-pub(in crate::diagnose) fn neutral<V: ReplayVehicle>(
+pub fn neutral<V: ReplayVehicle>(
     drive: &Drive,
     vehicle: &V,
 ) -> Result<Correction, String> {
