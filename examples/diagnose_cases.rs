@@ -45,7 +45,9 @@ fn line(label: &str, truth: &[(String, f64)], found: &Diagnosis, seconds: f64) -
         let rank =
             report.candidates.iter().filter(|c| c.effects.len() == 1).position(|c| c.effects[0] == *id);
         text += &format!(" truth at {rank:?}");
-        if let Some(candidate) = report.candidates.iter().find(|c| c.effects.len() == 1 && c.effects[0] == *id) {
+        if let Some(candidate) =
+            report.candidates.iter().find(|c| c.effects.len() == 1 && c.effects[0] == *id)
+        {
             text += &format!(" {:.4} ({:.0})", candidate.values[0], candidate.evidence);
         }
     }

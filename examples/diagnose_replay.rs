@@ -1,7 +1,7 @@
 //! How near the reduced replay comes to the full plant, and how fast it is.
 
 use rfl_mpc::diagnose::problem::rms;
-use rfl_mpc::diagnose::replay::{Correction, Drive, ReplayVehicle, replay};
+use rfl_mpc::diagnose::replay::{Correction, Drive, replay};
 use rfl_mpc::diagnose::simulated::{Conditions, SimulatedVehicle, drive};
 use rfl_mpc::vehicle::{TruckEffects, builtin, builtin_truck};
 

@@ -217,7 +217,7 @@ pub fn diagnose<V: ReplayVehicle>(
             effect.separated_by = format!("{}: {}", next.name, next.how);
         }
     }
-    findings.sort_by(|a, b| b.gravity.cmp(&a.gravity));
+    findings.sort_by_key(|finding| std::cmp::Reverse(finding.gravity));
     let words = words::verdict(decision.kind, &effects, &shrink, decision.probability, &findings);
     let report = Report {
         verdict: Verdict { kind: decision.kind, probability: decision.probability, words, effects },
@@ -404,7 +404,11 @@ pub struct Trial {
 ///
 /// # Errors
 /// As [`diagnose`].
-pub fn trial<V: ReplayVehicle>(log: &CleanLog, vehicle: &V, options: &Options) -> Result<Trial, DiagnoseError> {
+pub fn trial<V: ReplayVehicle>(
+    log: &CleanLog,
+    vehicle: &V,
+    options: &Options,
+) -> Result<Trial, DiagnoseError> {
     check(log)?;
     let drive = Drive::new(log, V::TRUCK);
     let vehicle = prepared(vehicle, drive.commanded);

@@ -75,7 +75,8 @@ fn split(
 ) {
     let (low, high) =
         values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), &v| (l.min(v), h.max(v)));
-    if !(high - low > 1e-9) {
+    // Nothing to divide: a constant, or nothing at all.
+    if high <= low + 1e-9 {
         return;
     }
     let parts = if regime == "side" { 2 } else { PARTS };

@@ -66,9 +66,8 @@ impl Drive {
             if (to - from) as f64 * log.step >= SHORTEST {
                 stretches.push((from, to));
                 let settled = from + (SETTLING / log.step).ceil() as usize;
-                for i in settled..to {
-                    scored[i] = log.valid.get(i).copied().unwrap_or(false);
-                }
+                let valid = log.valid.iter().take(to).skip(settled);
+                scored.iter_mut().skip(settled).zip(valid).for_each(|(scored, valid)| *scored = *valid);
             }
             from = to;
         }
