@@ -55,7 +55,9 @@ fn fit_none<V: ReplayVehicle>(
 fn polished<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linear, at: &Fit) -> Fit {
     let Some(gap) = problem.residual(&at.x) else { return at.clone() };
     let local = Linear::new(problem.slopes(&at.x, &gap), linear.weights.clone());
-    fit(problem, prior, &local, &at.freed, &at.x, 5).filter(|new| new.cost < at.cost).unwrap_or_else(|| at.clone())
+    fit(problem, prior, &local, &at.freed, &at.x, 5)
+        .filter(|new| new.cost < at.cost)
+        .unwrap_or_else(|| at.clone())
 }
 
 /// Polishes the first few of sorted candidates, until those are first that were polished.
@@ -63,10 +65,9 @@ fn polish<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linear
     let mut done: Vec<Vec<usize>> = Vec::new();
     for _ in 0..ROUNDS {
         let best = fits.first().map_or(0.0, |fit| fit.cost);
-        let next = fits
-            .iter()
-            .take(POLISHED)
-            .position(|fit| !done.contains(&fit.freed) && (done.is_empty() || fit.cost < best + 0.25 * best.abs() + NEAR));
+        let next = fits.iter().take(POLISHED).position(|fit| {
+            !done.contains(&fit.freed) && (done.is_empty() || fit.cost < best + 0.25 * best.abs() + NEAR)
+        });
         let Some(i) = next else { break };
         done.push(fits[i].freed.clone());
         fits[i] = polished(problem, prior, linear, &fits[i]);
@@ -93,7 +94,13 @@ fn bound<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, none: &mut Fit, 
 }
 
 /// Takes a linear step from the background's best where that is better.
-fn from_none<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linear, none: &Fit, single: &mut Fit) {
+fn from_none<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    prior: &Prior,
+    linear: &Linear,
+    none: &Fit,
+    single: &mut Fit,
+) {
     let precision = prior.freed(problem, &single.freed);
     let step = prior.step(linear, &none.x, &none.gap, &precision);
     if step.cost < single.cost {
@@ -214,7 +221,8 @@ pub fn rank<V: ReplayVehicle>(
     for (single, refitted) in singles.iter_mut().zip(refitted) {
         // A linear step's cost is a promise; what was replayed is kept.
         if let Some(refitted) = refitted {
-            *single = if refitted.cost < none.cost { refitted } else { Fit { cost: none.cost, ..single.clone() } };
+            *single =
+                if refitted.cost < none.cost { refitted } else { Fit { cost: none.cost, ..single.clone() } };
         }
     }
     none = polished(problem, &prior, &linear, &none);

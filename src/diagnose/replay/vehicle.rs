@@ -4,8 +4,8 @@ use super::channel::{CHANNELS, Channel};
 use super::drive::Drive;
 use super::run::{Correction, replay};
 use crate::vehicle::{
-    Car, CarParameters, NO_RATE_LIMIT, ReducedVehicle, Stage, Steering, Truck, TruckEffects, TruckParameters, Tyre,
-    VehicleInput, VehicleParameters, car, truck,
+    Car, CarParameters, NO_RATE_LIMIT, ReducedVehicle, Stage, Steering, Truck, TruckEffects, TruckParameters,
+    Tyre, VehicleInput, VehicleParameters, car, truck,
 };
 
 /// Gain of the speed control of the full plant's replay, 1/s.
@@ -206,10 +206,7 @@ pub(in crate::diagnose) fn prepared<V: ReplayVehicle>(vehicle: &V, commanded: bo
 ///
 /// # Errors
 /// As [`replay`].
-pub fn neutral<V: ReplayVehicle>(
-    drive: &Drive,
-    vehicle: &V,
-) -> Result<Correction, String> {
+pub fn neutral<V: ReplayVehicle>(drive: &Drive, vehicle: &V) -> Result<Correction, String> {
     let reduced = replay(drive, vehicle, &TruckEffects::default(), &Correction::default(), None)?;
     let mut plant = vehicle.clone();
     plant.set_drive_lag(0.0);
