@@ -50,7 +50,13 @@ fn main() {
     for k in 0..count * 5 / 2 {
         let mut random = Random::stream(seed, k);
         let car = builtin(cars[random.below(4) as usize]).expect("built in");
-        let wanted = if k < count { 0 } else if k < 2 * count { 1 } else { 2 };
+        let wanted = if k < count {
+            0
+        } else if k < 2 * count {
+            1
+        } else {
+            2
+        };
         let mut effects = TruckEffects::default();
         let mut truth: Vec<&str> = Vec::new();
         while truth.len() < wanted {
@@ -85,7 +91,14 @@ fn main() {
         let s = tried.scores;
         println!(
             "{},{:.1},{:.1},{:.2},{:.2},{:?},{:.1},{},{right}",
-            truth.join("+"), s.single, s.pair, s.excess, s.left, tried.kind, tried.margin, tried.single.join(" ")
+            truth.join("+"),
+            s.single,
+            s.pair,
+            s.excess,
+            s.left,
+            tried.kind,
+            tried.margin,
+            tried.single.join(" ")
         );
         match wanted {
             0 => sound.push(tried),
@@ -98,7 +111,11 @@ fn main() {
     }
     let mut of = |get: &dyn Fn(&Trial) -> f64| sound.iter().map(get).collect::<Vec<f64>>();
     println!("# none = {:.1}", percentile(&mut of(&|t| t.scores.single), 0.97));
-    println!("# pair = {:.1} (sound logs: {:.1})", percentile(&mut adds, 0.95), percentile(&mut of(&|t| t.scores.pair), 0.97));
+    println!(
+        "# pair = {:.1} (sound logs: {:.1})",
+        percentile(&mut adds, 0.95),
+        percentile(&mut of(&|t| t.scores.pair), 0.97)
+    );
     println!("# excess of sound logs: {:.2}", percentile(&mut of(&|t| t.scores.excess), 0.97));
     println!("# effect = {:.2?}", logistic(&single));
 }

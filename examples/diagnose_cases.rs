@@ -32,16 +32,22 @@ fn line(label: &str, truth: &[(String, f64)], found: &Diagnosis, seconds: f64) -
     }
     let mut text = format!("{label:34} {:?} p {:.2}", report.verdict.kind, report.verdict.probability);
     for effect in &report.verdict.effects {
-        text += &format!(" | {} = {:.4} [{:.4}, {:.4}] d {:.1} {:?}", effect.id, effect.value, effect.low, effect.high, effect.dominance, effect.class);
+        text += &format!(
+            " | {} = {:.4} [{:.4}, {:.4}] d {:.1} {:?}",
+            effect.id, effect.value, effect.low, effect.high, effect.dominance, effect.class
+        );
     }
     text += " |";
     for candidate in report.candidates.iter().take(3) {
         text += &format!(" {} {:.0},", candidate.effects.join("+"), candidate.evidence);
     }
     if let Some((id, _)) = truth.first() {
-        let rank = report.candidates.iter().filter(|c| c.effects.len() == 1).position(|c| c.effects[0] == *id);
+        let rank =
+            report.candidates.iter().filter(|c| c.effects.len() == 1).position(|c| c.effects[0] == *id);
         text += &format!(" truth at {rank:?}");
-        if let Some(candidate) = report.candidates.iter().find(|c| c.effects.len() == 1 && c.effects[0] == *id) {
+        if let Some(candidate) =
+            report.candidates.iter().find(|c| c.effects.len() == 1 && c.effects[0] == *id)
+        {
             text += &format!(" {:.4} ({:.0})", candidate.values[0], candidate.evidence);
         }
     }
@@ -62,7 +68,14 @@ fn conditions(seed: u64, truck: bool) -> Conditions {
     let _ = normal(&mut random);
     let speed = if truck { (6.0, 19.0) } else { (7.0, 20.0 + 8.0 * random.uniform()) };
     let lateral = if truck { 1.5 + 1.0 * random.uniform() } else { 2.5 + 3.0 * random.uniform() };
-    Conditions { seed, duration: 60.0, speed, lateral, quick: 0.15 + 0.25 * random.uniform(), ..Conditions::default() }
+    Conditions {
+        seed,
+        duration: 60.0,
+        speed,
+        lateral,
+        quick: 0.15 + 0.25 * random.uniform(),
+        ..Conditions::default()
+    }
 }
 
 fn case<V: SimulatedVehicle>(vehicle: &V, put_in: &[(String, f64)], seed: u64) -> Option<(bool, bool)> {
@@ -94,10 +107,14 @@ fn run<V: SimulatedVehicle>(vehicle: &V, arguments: &[String]) {
     match arguments[0].as_str() {
         "none" => (0..number(1, 8)).for_each(|k| count(case(vehicle, &[], number(2, 1) + k))),
         "pairs" => {
-            let all: Vec<_> = VALUES.iter().filter(|(id, ..)| V::TRUCK || rfl_mpc::vehicle::Effects::find(id).is_some()).collect();
+            let all: Vec<_> = VALUES
+                .iter()
+                .filter(|(id, ..)| V::TRUCK || rfl_mpc::vehicle::Effects::find(id).is_some())
+                .collect();
             for k in 0..number(1, 10) {
                 let mut random = Random::stream(number(2, 1) + k, 21);
-                let (a, b) = (random.below(all.len() as u32) as usize, random.below(all.len() as u32) as usize);
+                let (a, b) =
+                    (random.below(all.len() as u32) as usize, random.below(all.len() as u32) as usize);
                 if a != b {
                     let pair = [(all[a].0.to_owned(), all[a].1), (all[b].0.to_owned(), all[b].1)];
                     count(case(vehicle, &pair, number(2, 1) + k));
@@ -125,7 +142,22 @@ fn run<V: SimulatedVehicle>(vehicle: &V, arguments: &[String]) {
 
 fn read(file: &str) -> CleanLog {
     let log = DriveLog::read(Path::new(file)).expect("a log");
-    let names = ["steer_cmd", "accel_cmd", "x", "y", "yaw", "vx", "vy", "yaw_rate", "ax", "ay", "steer", "roll", "articulation", "articulation_rate"];
+    let names = [
+        "steer_cmd",
+        "accel_cmd",
+        "x",
+        "y",
+        "yaw",
+        "vx",
+        "vy",
+        "yaw_rate",
+        "ax",
+        "ay",
+        "steer",
+        "roll",
+        "articulation",
+        "articulation_rate",
+    ];
     let time = log.column("time").expect("time").to_vec();
     let rows = (time[time.len() - 1] - time[0]) / 0.01;
     let clock: Vec<f64> = (0..rows as usize).map(|i| time[0] + 0.01 * i as f64).collect();
@@ -180,18 +212,33 @@ fn recorded<V: SimulatedVehicle>(vehicle: &V, files: &[String]) {
     line(&files[0], &[], &found, begin.elapsed().as_secs_f64());
     println!("{}", found.report.verdict.words);
     for candidate in found.report.candidates.iter().take(14) {
-        println!("  {:40} {:?} {:.1}  {}", candidate.effects.join(" + "), candidate.values, candidate.evidence, candidate.why);
+        println!(
+            "  {:40} {:?} {:.1}  {}",
+            candidate.effects.join(" + "),
+            candidate.values,
+            candidate.evidence,
+            candidate.why
+        );
     }
     for (signal, gap) in &found.report.shrink.open_loop {
-        println!("  {signal:18} {:.5} > {:.5} > {:.5}  learnable {:.5}  noise {:.5}", gap.before, gap.effect, gap.recalibrated, gap.learnable, gap.noise);
+        println!(
+            "  {signal:18} {:.5} > {:.5} > {:.5}  learnable {:.5}  noise {:.5}",
+            gap.before, gap.effect, gap.recalibrated, gap.learnable, gap.noise
+        );
     }
     for (horizon, gaps) in &found.report.shrink.horizons {
         for (signal, gap) in gaps {
-            println!("  {horizon} s {signal:14} {:.5} > {:.5} > {:.5}  noise {:.5}", gap.before, gap.effect, gap.recalibrated, gap.noise);
+            println!(
+                "  {horizon} s {signal:14} {:.5} > {:.5} > {:.5}  noise {:.5}",
+                gap.before, gap.effect, gap.recalibrated, gap.noise
+            );
         }
     }
     for it in &found.report.recalibration {
-        println!("  {:34} {:.5} -> {:.5} (tolerance {:.5}, deviation {:.5})", it.parameter, it.given, it.value, it.tolerance, it.deviation);
+        println!(
+            "  {:34} {:.5} -> {:.5} (tolerance {:.5}, deviation {:.5})",
+            it.parameter, it.given, it.value, it.tolerance, it.deviation
+        );
     }
     for it in &found.report.observability {
         println!("  {:24} {} {}", it.effect, it.observable, it.why);

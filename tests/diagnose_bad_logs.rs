@@ -28,7 +28,8 @@ fn few_rows_cannot_tell() {
 #[test]
 fn columns_that_are_missing_or_broken_are_named() {
     let log = short(&log(1, &[]), 100);
-    let fails = |log: &CleanLog| run(log, None, &car(), &Options::default(), &|_, _| {}).expect_err("a broken log");
+    let fails =
+        |log: &CleanLog| run(log, None, &car(), &Options::default(), &|_, _| {}).expect_err("a broken log");
     let mut without = log.clone();
     without.columns.remove("yaw_rate");
     assert!(matches!(fails(&without), DiagnoseError::Missing { column: "yaw_rate" }));
@@ -41,7 +42,10 @@ fn columns_that_are_missing_or_broken_are_named() {
     let slow = CleanLog { step: 1.0, ..log.clone() };
     assert!(matches!(fails(&slow), DiagnoseError::Clock { .. }));
     let options = Options { without: vec!["no_such".to_owned()], ..Options::default() };
-    assert!(matches!(run(&log, None, &car(), &options, &|_, _| {}), Err(DiagnoseError::UnknownEffect { .. })));
+    assert!(matches!(
+        run(&log, None, &car(), &options, &|_, _| {}),
+        Err(DiagnoseError::UnknownEffect { .. })
+    ));
 }
 
 #[test]
@@ -50,7 +54,14 @@ fn a_standing_vehicle_cannot_tell() {
     let columns: BTreeMap<&'static str, Vec<f64>> =
         ["steer_cmd", "vx", "yaw_rate"].into_iter().map(|name| (name, vec![0.0; rows])).collect();
     let time = (0..rows).map(|i| 0.02 * i as f64).collect();
-    let log = CleanLog { step: 0.02, time, columns, commanded: true, valid: vec![true; rows], findings: Vec::new() };
+    let log = CleanLog {
+        step: 0.02,
+        time,
+        columns,
+        commanded: true,
+        valid: vec![true; rows],
+        findings: Vec::new(),
+    };
     assert_eq!(found(&log, &singles()).report.verdict.kind, VerdictKind::CannotTell);
 }
 

@@ -20,7 +20,14 @@ fn straight(vx: f64, steer: f64) -> Drive {
         ("ay", vec![0.0; rows]),
     ]);
     let time = (0..rows).map(|i| 0.02 * i as f64).collect();
-    let log = CleanLog { step: 0.02, time, columns, commanded: true, valid: vec![true; rows], findings: Vec::new() };
+    let log = CleanLog {
+        step: 0.02,
+        time,
+        columns,
+        commanded: true,
+        valid: vec![true; rows],
+        findings: Vec::new(),
+    };
     Drive::new(&log, false)
 }
 
@@ -39,7 +46,8 @@ fn an_offset_turns_the_car_as_the_single_track_says() {
         let slope = (yaw_rate(0.002) - yaw_rate(-0.002)) / 0.004;
         // r / delta = v / (L + K v^2), K = m (lr Cr - lf Cf) / (L Cf Cr).
         let length = model.lf + model.lr;
-        let gradient = model.mass * (model.lr * model.cr - model.lf * model.cf) / (length * model.cf * model.cr);
+        let gradient =
+            model.mass * (model.lr * model.cr - model.lf * model.cf) / (length * model.cf * model.cr);
         let expected = vx / (length + gradient * vx * vx);
         // Roll steer and load transfer, which the single track has not, are a few percent.
         assert!((slope / expected - 1.0).abs() < 0.06, "{vx} m/s: {slope} and {expected}");
@@ -63,8 +71,20 @@ fn a_bank_is_felt_by_the_accelerometer_and_a_bias_is_not_by_the_car() {
 
 #[test]
 fn the_replay_is_near_the_full_plant() {
-    let conditions = Conditions { seed: 2, duration: 30.0, step: 0.02, background: 0.0, noise: 0.0, ..Conditions::default() };
-    for put_in in [&[][..], &[("steer_delay", 0.1)], &[("payload", 300.0), ("road_bank", 0.03)], &[("sensor_delay", 0.08)]] {
+    let conditions = Conditions {
+        seed: 2,
+        duration: 30.0,
+        step: 0.02,
+        background: 0.0,
+        noise: 0.0,
+        ..Conditions::default()
+    };
+    for put_in in [
+        &[][..],
+        &[("steer_delay", 0.1)],
+        &[("payload", 300.0), ("road_bank", 0.03)],
+        &[("sensor_delay", 0.08)],
+    ] {
         let mut effects = TruckEffects::default();
         for &(id, value) in put_in {
             *effects.get_mut(id).expect("an effect") = value;
@@ -74,7 +94,8 @@ fn the_replay_is_near_the_full_plant() {
         let trace = replay(&ready, &car(), &effects, &Correction::default(), None).expect("a car");
         let rows: Vec<usize> = (0..ready.time.len()).filter(|&row| ready.scored[row]).collect();
         let logged = ready.column("yaw_rate");
-        let gap: Vec<f64> = rows.iter().map(|&row| logged[row] - trace.column(Channel::YawRate)[row]).collect();
+        let gap: Vec<f64> =
+            rows.iter().map(|&row| logged[row] - trace.column(Channel::YawRate)[row]).collect();
         let own: Vec<f64> = rows.iter().map(|&row| logged[row]).collect();
         assert!(rms(&gap) < 0.02 * rms(&own), "{put_in:?}: {} of {}", rms(&gap), rms(&own));
     }

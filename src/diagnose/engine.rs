@@ -404,7 +404,11 @@ pub struct Trial {
 ///
 /// # Errors
 /// As [`diagnose`].
-pub fn trial<V: ReplayVehicle>(log: &CleanLog, vehicle: &V, options: &Options) -> Result<Trial, DiagnoseError> {
+pub fn trial<V: ReplayVehicle>(
+    log: &CleanLog,
+    vehicle: &V,
+    options: &Options,
+) -> Result<Trial, DiagnoseError> {
     check(log)?;
     let drive = Drive::new(log, V::TRUCK);
     let vehicle = prepared(vehicle, drive.commanded);

@@ -141,9 +141,22 @@ pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -
         } else {
             least
         };
-        let named_least =
-            if matches!(turns, Turns::Effect) { least.max((effect.range.0 - effect.neutral) / unit) } else { least };
-        knobs.push(Knob { id, turns, unit, tolerance, least, named_least, greatest, starts, effect: Some(effect) });
+        let named_least = if matches!(turns, Turns::Effect) {
+            least.max((effect.range.0 - effect.neutral) / unit)
+        } else {
+            least
+        };
+        knobs.push(Knob {
+            id,
+            turns,
+            unit,
+            tolerance,
+            least,
+            named_least,
+            greatest,
+            starts,
+            effect: Some(effect),
+        });
     }
     let further = |id, turns, unit| Knob {
         id,
@@ -272,7 +285,10 @@ impl Knob {
             Turns::Arm => {
                 let arm = self.value(x);
                 let rate = trace.columns[Channel::YawRate as usize].clone();
-                trace.columns[Channel::Vy as usize].iter_mut().zip(rate).for_each(|(vy, rate)| *vy += arm * rate);
+                trace.columns[Channel::Vy as usize]
+                    .iter_mut()
+                    .zip(rate)
+                    .for_each(|(vy, rate)| *vy += arm * rate);
                 return;
             }
             _ => return,

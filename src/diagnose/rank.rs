@@ -49,7 +49,13 @@ fn fit_none<V: ReplayVehicle>(
 }
 
 /// Takes a linear step from the background's best where that is better.
-fn from_none<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linear, none: &Fit, single: &mut Fit) {
+fn from_none<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    prior: &Prior,
+    linear: &Linear,
+    none: &Fit,
+    single: &mut Fit,
+) {
     let precision = prior.freed(problem, &single.freed);
     let step = prior.step(linear, &none.x, &none.gap, &precision);
     if step.cost < single.cost {
@@ -168,7 +174,8 @@ pub fn rank<V: ReplayVehicle>(
     for (single, refitted) in singles.iter_mut().zip(refitted) {
         // A linear step's cost is a promise; what was replayed is kept.
         if let Some(refitted) = refitted {
-            *single = if refitted.cost < none.cost { refitted } else { Fit { cost: none.cost, ..single.clone() } };
+            *single =
+                if refitted.cost < none.cost { refitted } else { Fit { cost: none.cost, ..single.clone() } };
         }
     }
     sort(&mut singles);

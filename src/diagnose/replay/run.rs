@@ -101,7 +101,8 @@ pub fn replay<V: ReplayVehicle>(
                 && (row - from) % rows == 0
             {
                 // What the sensors say, as the model means it.
-                let logged = |name: &str| drive.columns.get(name).map(|column| at(column, row as f64 + shift));
+                let logged =
+                    |name: &str| drive.columns.get(name).map(|column| at(column, row as f64 + shift));
                 let true_vy = logged("vy").map_or(vy, |vy| vy / scale + twist * speed(row as f64, 0.0));
                 let bias = effects.vehicle.yaw_rate_bias;
                 model.set_motion(true_vy, logged("yaw_rate").map_or(0.0, |rate| rate - bias));

@@ -4,8 +4,8 @@ use super::channel::{CHANNELS, Channel};
 use super::drive::Drive;
 use super::run::{Correction, replay};
 use crate::vehicle::{
-    Car, CarParameters, NO_RATE_LIMIT, ReducedVehicle, Stage, Steering, Truck, TruckEffects, TruckParameters, Tyre,
-    VehicleInput, VehicleParameters, car, truck,
+    Car, CarParameters, NO_RATE_LIMIT, ReducedVehicle, Stage, Steering, Truck, TruckEffects, TruckParameters,
+    Tyre, VehicleInput, VehicleParameters, car, truck,
 };
 
 /// Gain of the speed control of the full plant's replay, 1/s.
