@@ -103,7 +103,9 @@ fn a_late_steering_is_named_and_everything_is_written() {
     let gap = report.shrink.open_loop["yaw_rate"];
     assert!(gap.effect < 0.5 * gap.before, "{gap:?}");
     let tracking = report.shrink.closed_loop.unwrap()["e1"];
-    assert!(tracking.recalibrated < 0.5 * tracking.before, "{tracking:?}");
+    // Position is known to 2 cm only: what counts is the gap beyond the noise.
+    let beyond = |gap: f64| (gap * gap - tracking.noise * tracking.noise).max(0.0).sqrt();
+    assert!(tracking.noise > 0.0 && beyond(tracking.effect) < 0.5 * beyond(tracking.before), "{tracking:?}");
     let page = std::fs::read_to_string(out.join("report.html")).unwrap();
     assert!(page.contains("steer_delay") && page.contains("<svg") && page.contains("With the loop closed"));
 

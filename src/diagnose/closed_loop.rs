@@ -116,8 +116,10 @@ pub fn logged(log: &CleanLog, path: &Path) -> Result<(Profile, f64), ClosedLoopE
     // Second differences of white noise have six times its variance.
     let noise = (differences / 6.0 / samples.len().max(1) as f64).sqrt();
     let profile = Profile::of(samples.into_iter());
-    let each = rows.len() as f64 / profile.stretches.len().max(1) as f64;
-    Ok((profile, noise / each.max(1.0).sqrt()))
+    // A stretch's mean has the less noise the more samples it is made of.
+    let shares: f64 = profile.stretches.values().map(|(_, count)| 1.0 / f64::from(*count)).sum();
+    let noise = noise * (shares / profile.stretches.len().max(1) as f64).sqrt();
+    Ok((profile, noise))
 }
 
 /// The lateral error of a controller along the path in a simulator.
@@ -164,6 +166,28 @@ pub fn gap(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn noise_of_the_log_is_what_remains_where_the_simulator_is_right() {
+        let mut random = crate::residual::Random::new(5);
+        let mut noise = || 0.04 * ((0..12).map(|_| random.uniform()).sum::<f64>() - 6.0);
+        // Slow at first, fast later: few samples in each of the later stretches.
+        let station: Vec<f64> = (0..4000).map(|i| 1e-4 * f64::from(i * i) / 8.0).collect();
+        let e1: Vec<f64> = station.iter().map(|s| (0.02 * s).sin() + noise()).collect();
+        let rows = station.len();
+        let log = CleanLog {
+            step: 0.02,
+            time: (0..rows).map(|i| 0.02 * i as f64).collect(),
+            columns: BTreeMap::from([("station", station.clone()), ("e1", e1)]),
+            commanded: true,
+            valid: vec![true; rows],
+            findings: Vec::new(),
+        };
+        let (logged, noise) = logged(&log, &crate::path::sudoku::Route::SudokuTurns.path().unwrap()).unwrap();
+        let exact = Profile::of(station.iter().map(|s| (*s, (0.02 * s).sin())));
+        let (gap, _) = logged.gap(&exact);
+        assert!((gap / noise - 1.0).abs() < 0.2, "{gap} {noise}");
+    }
 
     #[test]
     fn the_gap_is_that_of_the_stretches_in_common() {
