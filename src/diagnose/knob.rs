@@ -126,7 +126,11 @@ pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -
         }
         let (turns, unit, tolerance) = match id {
             "steer_rate_limit" => (Turns::RateLimit, quickest(drive), 0.0),
-            "tyre_relaxation" => (Turns::Relaxation, vehicle.relaxation(), tolerance),
+            // A quarter, and no less than 8 cm: files without a relaxation length know nothing of it.
+            "tyre_relaxation" => {
+                let length = vehicle.relaxation();
+                (Turns::Relaxation, length, f64::max(tolerance, 0.08 / length))
+            }
             "payload" | "trailer_payload" => (Turns::Effect, PAYLOAD_UNIT * mass, 0.0),
             // As much as one wheel's rolling resistance; a dragging brake gives many times of it.
             "brake_pull" => (Turns::Effect, 0.03 * mass, tolerance),

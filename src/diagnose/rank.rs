@@ -9,7 +9,9 @@ use crate::residual::parallel;
 /// Singles that are fitted again with the final noise, singles that pairs are made of, pairs that are fitted.
 const AGAIN: usize = 12;
 const BEAM: usize = 8;
-const PAIRS: usize = 10;
+const PAIRS: usize = 14;
+/// Singles whose pairs are all fitted.
+const ALWAYS: usize = 4;
 /// Candidates that are polished, at most so many times in all.
 const POLISHED: usize = 3;
 const ROUNDS: usize = 5;
@@ -58,6 +60,44 @@ fn polished<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Line
     fit(problem, prior, &local, &at.freed, &at.x, 5)
         .filter(|new| new.cost < at.cost)
         .unwrap_or_else(|| at.clone())
+}
+
+/// Candidates to which a linear step from the background's best promises more than they have found are fitted from there.
+fn again_from_none<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    prior: &Prior,
+    linear: &Linear,
+    none: &Fit,
+    singles: &mut [Fit],
+) {
+    let mut promised: Vec<(f64, usize, Vec<f64>)> = Vec::new();
+    for (k, single) in singles.iter().enumerate() {
+        let precision = prior.freed(problem, &single.freed);
+        let columns: Vec<(usize, &[f64])> = single
+            .freed
+            .iter()
+            .filter(|&&i| problem.knobs[i].tolerance == 0.0)
+            .copied()
+            .zip(single.columns.iter().map(Vec::as_slice))
+            .collect();
+        let step = prior.step(&linear.with(&columns), &none.x, &none.gap, &precision);
+        if step.cost < single.cost - 0.5 {
+            promised.push((step.cost, k, none.x.iter().zip(&step.change).map(|(x, d)| x + d).collect()));
+        }
+    }
+    promised.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    promised.truncate(AGAIN);
+    let refitted = parallel::map(problem.threads(), promised.len(), |k| {
+        fit(problem, prior, linear, &singles[promised[k].1].freed, &promised[k].2, 4)
+    });
+    for ((_, k, _), refitted) in promised.iter().zip(refitted) {
+        if let Some(refitted) = refitted
+            && refitted.cost < singles[*k].cost
+        {
+            singles[*k] = refitted;
+        }
+    }
+    sort(singles);
 }
 
 /// Polishes the first few of sorted candidates, until those are first that were polished.
@@ -225,7 +265,9 @@ pub fn rank<V: ReplayVehicle>(
                 if refitted.cost < none.cost { refitted } else { Fit { cost: none.cost, ..single.clone() } };
         }
     }
-    none = polished(problem, &prior, &linear, &none);
+    let local = Linear::new(problem.slopes(&none.x, &none.gap), linear.weights.clone());
+    none = fit(problem, &prior, &local, &[], &none.x, 5).filter(|new| new.cost < none.cost).unwrap_or(none);
+    again_from_none(problem, &prior, &local, &none, &mut singles);
     polish(problem, &prior, &linear, &mut singles);
     bound(problem, &prior, &mut none, &mut singles);
     let mut pairs = Vec::new();
@@ -300,7 +342,13 @@ fn pair<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linear, 
                 let freed = [first.freed[0], second.freed[0]];
                 let precision = prior.freed(problem, &freed);
                 let step = prior.step(&local.with(&columns), &first.x, &first.gap, &precision);
-                step.cost.is_finite().then_some((step.cost, a, b))
+                // A promise beyond what an effect can be is none; pairs of the very first are always tried.
+                let beyond = freed.iter().any(|&i| {
+                    let to = first.x[i] + step.change[i];
+                    (problem.knobs[i].within(to, true) - to).abs() > 1e-9 || to.abs() > 20.0
+                });
+                let rank = if a < ALWAYS && b < ALWAYS { f64::MIN } else { step.cost };
+                (step.cost.is_finite() && (!beyond || rank == f64::MIN)).then_some((rank, a, b))
             })
             .collect::<Vec<_>>()
     });
