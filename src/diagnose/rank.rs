@@ -127,7 +127,15 @@ fn bound<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, none: &mut Fit, 
             *none = Fit { freed: Vec::new(), columns: Vec::new(), cost, ..single.clone() };
         }
     }
+    // And where the background strains an effect's tolerance, freeing that effect alone saves the strain's cost.
     for single in singles.iter_mut() {
+        let i = single.freed[0];
+        let strain = (none.x[i] - prior.mean[i]).powi(2);
+        let freed = none.cost - strain * (prior.precision[i] - prior.freed(problem, &single.freed)[i]);
+        let may_be = problem.knobs[i].within(none.x[i], true) == none.x[i];
+        if problem.knobs[i].tolerance > 0.0 && may_be && freed < single.cost {
+            *single = Fit { x: none.x.clone(), gap: none.gap.clone(), cost: freed, ..single.clone() };
+        }
         single.cost = single.cost.min(none.cost);
     }
     sort(singles);
