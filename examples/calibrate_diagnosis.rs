@@ -109,7 +109,7 @@ fn main() {
             _ => single.push((tried.margin, right)),
         }
     }
-    let mut of = |get: &dyn Fn(&Trial) -> f64| sound.iter().map(get).collect::<Vec<f64>>();
+    let of = |get: &dyn Fn(&Trial) -> f64| sound.iter().map(get).collect::<Vec<f64>>();
     println!("# none = {:.1}", percentile(&mut of(&|t| t.scores.single), 0.97));
     println!(
         "# pair = {:.1} (sound logs: {:.1})",
