@@ -100,7 +100,7 @@ fn every_kind_of_verdict_has_its_page_however_little_is_known() {
 fn gaps_of_nothing_and_of_no_number_are_shown() {
     let (log, mut diagnosis) = diagnosed();
     for gap in diagnosis.report.shrink.open_loop.values_mut() {
-        (gap.before, gap.effect, gap.learnable) = (0.0, f64::NAN, f64::INFINITY);
+        (gap.before, gap.effect, gap.learnable) = (0.0, f64::NAN, Some(f64::INFINITY));
     }
     for column in diagnosis.series.simulated.values_mut() {
         column.iter_mut().step_by(3).for_each(|value| *value = f64::NAN);

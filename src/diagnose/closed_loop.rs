@@ -160,7 +160,7 @@ pub fn gap(
     }
     let [before, effect, recalibrated] = gaps;
     // Nothing is learned on top here: what is left is what recalibration leaves.
-    Ok(Gap { before, effect, recalibrated, learnable: recalibrated, noise })
+    Ok(Gap { before, effect, recalibrated, learnable: None, noise })
 }
 
 #[cfg(test)]
@@ -196,7 +196,7 @@ mod tests {
         let (log, given, better) = (profile(0.3, 0), profile(0.0, 200), profile(0.25, 0));
         let gap = super::gap(&log, 0.01, [&given, &better, &log]).unwrap();
         assert!((gap.before - 0.3).abs() < 1e-12 && (gap.effect - 0.05).abs() < 1e-12);
-        assert_eq!((gap.recalibrated, gap.learnable, gap.noise), (0.0, 0.0, 0.01));
+        assert_eq!((gap.recalibrated, gap.learnable, gap.noise), (0.0, None, 0.01));
         let elsewhere = profile(0.0, 5000);
         assert!(matches!(
             super::gap(&log, 0.0, [&elsewhere; 3]),

@@ -117,8 +117,9 @@ pub struct Gap {
     pub effect: f64,
     /// With the effect, and all else within its tolerance.
     pub recalibrated: f64,
-    /// What a model learned from past commands still removes from that: the rest after it.
-    pub learnable: f64,
+    /// What a model learned from past commands still removes from that: the rest after it; none where none was learned
+    /// (horizons, closed loop).
+    pub learnable: Option<f64>,
     /// What noise alone leaves.
     pub noise: f64,
 }

@@ -98,7 +98,7 @@ pub fn shrink<V: ReplayVehicle>(
             before: part(&ranking.neutral),
             effect: part(&effect),
             recalibrated: part(&recalibrated),
-            learnable: rest.min(part(&recalibrated)),
+            learnable: Some(rest.min(part(&recalibrated))),
             noise,
         };
         shrink.open_loop.insert(channel.name().to_owned(), gap);
@@ -208,7 +208,7 @@ fn at_horizon<V: ReplayVehicle>(
         let sample = noise / problem.filter.gain();
         gaps.insert(
             channel.name().to_owned(),
-            Gap { before, effect, recalibrated, learnable: recalibrated, noise: sample },
+            Gap { before, effect, recalibrated, learnable: None, noise: sample },
         );
     }
     gaps

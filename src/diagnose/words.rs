@@ -83,11 +83,13 @@ pub fn verdict(
                 "There is a gap that no effect of the library, nor any pair, explains.".to_owned();
             if let Some(gap) = yaw {
                 words += &format!(
-                    " Of the yaw-rate gap of {} rad/s, {} rad/s remain after adjusting; a learned model would leave {} rad/s.",
+                    " Of the yaw-rate gap of {} rad/s, {} rad/s remain after adjusting.",
                     short(gap.before),
-                    short(gap.recalibrated),
-                    short(gap.learnable)
+                    short(gap.recalibrated)
                 );
+                if let Some(learnable) = gap.learnable {
+                    words += &format!(" A learned model would leave {} rad/s.", short(learnable));
+                }
             }
             words + " See where it lies, and look there for what the library does not have."
         }

@@ -77,7 +77,7 @@ fn drive_and_diagnose() -> (CleanLog, Diagnosis) {
         };
         let [before, effect, recalibrated] =
             [&series.simulated, &series.with_effect, &series.corrected].map(rms);
-        Gap { before, effect, recalibrated, learnable: 0.8 * recalibrated, noise: 0.1 * before }
+        Gap { before, effect, recalibrated, learnable: Some(0.8 * recalibrated), noise: 0.1 * before }
     };
     let gaps: BTreeMap<String, Gap> =
         ["yaw_rate", "ay"].into_iter().map(|name| (name.to_owned(), gap(name))).collect();
@@ -137,7 +137,7 @@ fn drive_and_diagnose() -> (CleanLog, Diagnosis) {
         shrink: Shrink {
             open_loop: gaps.clone(),
             horizons: BTreeMap::from([("0.5".into(), gaps.clone()), ("2".into(), gaps)]),
-            closed_loop: Some(BTreeMap::from([("e1".into(), Gap { before: 0.21, effect: 0.09, recalibrated: 0.02, learnable: 0.02, noise: 0.004 })])),
+            closed_loop: Some(BTreeMap::from([("e1".into(), Gap { before: 0.21, effect: 0.09, recalibrated: 0.02, learnable: None, noise: 0.004 })])),
         },
         places,
         stage: Some(Stage::Command),

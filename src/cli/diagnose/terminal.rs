@@ -25,8 +25,9 @@ pub(super) fn print(report: &Report) {
         );
         let closed = shrink.closed_loop.iter().flatten();
         for (name, gap) in shrink.open_loop.iter().chain(closed) {
-            let [before, effect, recalibrated, learnable, noise] =
-                [gap.before, gap.effect, gap.recalibrated, gap.learnable, gap.noise].map(short);
+            let [before, effect, recalibrated, noise] =
+                [gap.before, gap.effect, gap.recalibrated, gap.noise].map(short);
+            let learnable = gap.learnable.map_or("-".to_owned(), short);
             println!("{name:<16} {before:>10} {effect:>10} {recalibrated:>12} {learnable:>10} {noise:>10}");
         }
     }

@@ -133,7 +133,9 @@ fn in_order<'a, T>(report: &Report, of: &'a BTreeMap<String, T>) -> Vec<(&'a str
 }
 
 fn gap_row(mut cells: Vec<String>, gap: &Gap) -> Vec<String> {
-    cells.extend([gap.before, gap.effect, gap.recalibrated, gap.learnable, gap.noise].map(number));
+    cells.extend(
+        [gap.before, gap.effect, gap.recalibrated, gap.learnable.unwrap_or(f64::NAN), gap.noise].map(number),
+    );
     cells.push(percent(1.0 - gap.recalibrated / gap.before));
     cells
 }
@@ -162,13 +164,13 @@ fn waterfall(gap: &Gap) -> String {
         "--ink",
         format!("{} ({})", number(gap.recalibrated), percent(gap.recalibrated / gap.before)),
     );
-    if gap.learnable < gap.recalibrated {
+    if let Some(learnable) = gap.learnable.filter(|learnable| *learnable < gap.recalibrated) {
         bar(
             "of that still learnable",
-            gap.learnable,
+            learnable,
             gap.recalibrated,
             "--warn",
-            number(gap.recalibrated - gap.learnable),
+            number(gap.recalibrated - learnable),
         );
     }
     bar("noise floor", 0.0, gap.noise, "--faint", number(gap.noise));
