@@ -55,7 +55,11 @@ fn line(label: &str, truth: &[(String, f64)], found: &Diagnosis, seconds: f64) -
         if let Some(gap) = report.shrink.open_loop.get(signal) {
             text += &format!(
                 " | {signal} {:.4} > {:.4} > {:.4} ({:.4}; {:.4})",
-                gap.before, gap.effect, gap.recalibrated, gap.learnable, gap.noise
+                gap.before,
+                gap.effect,
+                gap.recalibrated,
+                gap.learnable.unwrap_or(f64::NAN),
+                gap.noise
             );
         }
     }
@@ -223,7 +227,11 @@ fn recorded<V: SimulatedVehicle>(vehicle: &V, files: &[String]) {
     for (signal, gap) in &found.report.shrink.open_loop {
         println!(
             "  {signal:18} {:.5} > {:.5} > {:.5}  learnable {:.5}  noise {:.5}",
-            gap.before, gap.effect, gap.recalibrated, gap.learnable, gap.noise
+            gap.before,
+            gap.effect,
+            gap.recalibrated,
+            gap.learnable.unwrap_or(f64::NAN),
+            gap.noise
         );
     }
     for (horizon, gaps) in &found.report.shrink.horizons {
