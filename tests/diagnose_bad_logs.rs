@@ -2,7 +2,7 @@
 
 mod diagnose;
 
-use diagnose::{car, found, log, singles};
+use diagnose::{car, clean, found, log, singles};
 use rfl_mpc::diagnose::{DiagnoseError, Finding, Gravity, Options, VerdictKind, diagnose as run};
 use rfl_mpc::log::CleanLog;
 use std::collections::BTreeMap;
@@ -53,16 +53,7 @@ fn a_standing_vehicle_cannot_tell() {
     let rows = 2000;
     let columns: BTreeMap<&'static str, Vec<f64>> =
         ["steer_cmd", "vx", "yaw_rate"].into_iter().map(|name| (name, vec![0.0; rows])).collect();
-    let time = (0..rows).map(|i| 0.02 * i as f64).collect();
-    let log = CleanLog {
-        step: 0.02,
-        time,
-        columns,
-        commanded: true,
-        valid: vec![true; rows],
-        findings: Vec::new(),
-    };
-    assert_eq!(found(&log, &singles()).report.verdict.kind, VerdictKind::CannotTell);
+    assert_eq!(found(&clean(columns), &singles()).report.verdict.kind, VerdictKind::CannotTell);
 }
 
 #[test]

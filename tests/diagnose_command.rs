@@ -1,24 +1,14 @@
 //! `rfl diagnose`: verdict, exit status and files for a log with something in it; honest words for bad logs.
 #![cfg(feature = "cli")]
 
+mod command;
+
+use command::{rfl, road, text};
 use rfl_mpc::diagnose::{Report, VerdictKind};
 use rfl_mpc::residual::Random;
 use rfl_mpc::vehicle::{CarParameters, TruckEffects};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
 use std::sync::LazyLock;
-
-fn rfl(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_rfl")).args(arguments).current_dir(folder).output().unwrap()
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8(bytes.to_vec()).unwrap()
-}
-
-fn road() -> String {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("paths/sudoku_turns.csv").to_str().unwrap().to_owned()
-}
 
 /// Noise of a test car's sensors.
 const NOISE: [(&str, f64); 10] = [

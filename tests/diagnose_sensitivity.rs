@@ -2,11 +2,10 @@
 
 mod diagnose;
 
-use diagnose::{car, log};
+use diagnose::{car, clean, log};
 use rfl_mpc::diagnose::problem::rms;
 use rfl_mpc::diagnose::replay::{Channel, Correction, Drive, replay};
 use rfl_mpc::diagnose::simulated::{Conditions, drive};
-use rfl_mpc::log::CleanLog;
 use rfl_mpc::vehicle::{TruckEffects, builtin};
 use std::collections::BTreeMap;
 
@@ -19,16 +18,7 @@ fn straight(vx: f64, steer: f64) -> Drive {
         ("yaw_rate", vec![0.0; rows]),
         ("ay", vec![0.0; rows]),
     ]);
-    let time = (0..rows).map(|i| 0.02 * i as f64).collect();
-    let log = CleanLog {
-        step: 0.02,
-        time,
-        columns,
-        commanded: true,
-        valid: vec![true; rows],
-        findings: Vec::new(),
-    };
-    Drive::new(&log, false)
+    Drive::new(&clean(columns), false)
 }
 
 #[test]

@@ -2,32 +2,14 @@
 //! log that holds no step.
 #![cfg(feature = "cli")]
 
+mod command;
+
+use command::{done, refused, rfl};
 use serde_json::Value;
 use std::path::Path;
-use std::process::{Command, Output};
 
 const DEAD_TIME: f64 = 0.16;
 const LAG: f64 = 0.1;
-
-fn rfl(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_rfl")).args(arguments).current_dir(folder).output().unwrap()
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8(bytes.to_vec()).unwrap()
-}
-
-fn done(output: &Output) -> String {
-    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
-    text(&output.stdout)
-}
-
-fn refused(output: &Output) -> String {
-    assert_eq!(output.status.code(), Some(1), "{}", text(&output.stdout));
-    let error = text(&output.stderr);
-    assert!(error.starts_with("error: "), "{error}");
-    error
-}
 
 /// The model of a name in the results.
 fn model(file: &Path, name: &str) -> Value {

@@ -1,16 +1,10 @@
 //! `rfl path` and `rfl course`: what they print, write and return.
 #![cfg(feature = "cli")]
 
+mod command;
+
+use command::{rfl, text};
 use std::path::Path;
-use std::process::{Command, Output};
-
-fn rfl(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_rfl")).args(arguments).current_dir(folder).output().unwrap()
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8(bytes.to_vec()).unwrap()
-}
 
 #[test]
 fn course_writes_all_courses_as_committed() {

@@ -2,9 +2,12 @@
 //! on any number of threads.
 #![cfg(feature = "cli")]
 
+mod command;
+
+use command::{done, refused, rfl, road};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Output;
 use std::sync::LazyLock;
 
 /// A folder with a drive of the nominal controller on a short road, `drive_1.csv`.
@@ -16,33 +19,6 @@ static COLLECTED: LazyLock<tempfile::TempDir> = LazyLock::new(|| {
     done(&rfl(folder.path(), &[&arguments[..], &slow].concat()));
     folder
 });
-
-fn road() -> String {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("paths/sudoku_turns.csv");
-    path.to_str().unwrap().to_owned()
-}
-
-fn rfl(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_rfl")).args(arguments).current_dir(folder).output().unwrap()
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8(bytes.to_vec()).unwrap()
-}
-
-/// What a command printed that must succeed.
-fn done(output: &Output) -> String {
-    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
-    text(&output.stdout)
-}
-
-/// What a command said that must fail.
-fn refused(output: &Output) -> String {
-    assert_eq!(output.status.code(), Some(1), "{}", text(&output.stdout));
-    let error = text(&output.stderr);
-    assert!(error.starts_with("error: "), "{error}");
-    error
-}
 
 /// The collected log as a table that tests change.
 #[derive(Clone)]

@@ -8,6 +8,7 @@ import tempfile
 from pathlib import Path
 
 from results.common import (
+    PAPER_TIME,
     PROTOCOLS,
     ROOT,
     SHOWN,
@@ -43,13 +44,7 @@ PAPER = {
         "GP-NMPC": {"mae": 0.2145, "rmse": 0.0759, "max": 0.3967},
     },
     "fit_test_rmse_permille": {"RT": 1.57, "RF": 1.48, "RTL": 0.1479, "RFL": 0.1477},
-    "time": {
-        "MPC": {"mean_s": 0.059, "max_s": 0.827},
-        "RTL": {"mean_s": 0.184, "max_s": 0.886},
-        "RFL": {"mean_s": 0.695, "max_s": 1.641},
-        "NMPC": {"mean_s": 2.308, "max_s": 4.137},
-        "GP-NMPC": {"mean_s": 15.434, "max_s": 21.692},
-    },
+    "time": PAPER_TIME,
 }
 
 

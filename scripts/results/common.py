@@ -20,6 +20,15 @@ PROTOCOLS = {
     "default": "All rows at the default weights",
 }
 
+# Time of a step (s); both papers print the same: Zhao et al., ITSC 2024, Table IV.
+PAPER_TIME = {
+    "MPC": {"mean_s": 0.059, "max_s": 0.827},
+    "RTL": {"mean_s": 0.184, "max_s": 0.886},
+    "RFL": {"mean_s": 0.695, "max_s": 1.641},
+    "NMPC": {"mean_s": 2.308, "max_s": 4.137},
+    "GP-NMPC": {"mean_s": 15.434, "max_s": 21.692},
+}
+
 
 def spread(values: list[float]) -> tuple[float, float]:
     """Mean and standard deviation; 0 for a single value: no seed plays a part in it."""

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from results import truck_plots
 from results.common import (
+    PAPER_TIME,
     PROTOCOLS,
     classes_markdown,
     draw_bars,
@@ -39,13 +40,7 @@ PAPER = {
         "pade_1_1": {"mae": 0.0307, "rmse": 0.0523, "max": 0.2377, "pe_rmse": 86.3},
         "RFL": {"mae": 0.0133, "rmse": 0.0226, "max": 0.1292, "pe_rmse": 94.1},
     },
-    "time": {
-        "MPC": {"mean_s": 0.059, "max_s": 0.827},
-        "RTL": {"mean_s": 0.184, "max_s": 0.886},
-        "RFL": {"mean_s": 0.695, "max_s": 1.641},
-        "NMPC": {"mean_s": 2.308, "max_s": 4.137},
-        "GP-NMPC": {"mean_s": 15.434, "max_s": 21.692},
-    },
+    "time": PAPER_TIME,
 }
 LEARNED = ("RT", "RF", "RTL", "RFL", "RFL+S")
 OBSERVER = "+observer"

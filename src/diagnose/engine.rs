@@ -565,23 +565,3 @@ fn series<V: ReplayVehicle>(
         corrected: columns(&corrected),
     })
 }
-
-/// The vehicle with the named effect and all else within tolerance, and its effects: the calibrated simulator.
-#[must_use]
-pub fn calibrated<V: ReplayVehicle>(report: &Report, vehicle: &V) -> (V, crate::vehicle::TruckEffects) {
-    let (mut vehicle, mut effects) = (vehicle.clone(), crate::vehicle::TruckEffects::default());
-    let named = report.verdict.effects.iter().map(|effect| (format!("effect.{}", effect.id), effect.value));
-    let adjusted = report.recalibration.iter().map(|a| (a.parameter.clone(), a.value));
-    for (name, value) in adjusted.chain(named) {
-        if let Some(id) = name.strip_prefix("effect.") {
-            if let (Some(place), Some(effect)) =
-                (effects.get_mut(id), crate::vehicle::TruckEffects::all().find(|effect| effect.id == id))
-            {
-                *place = value.clamp(effect.range.0, effect.range.1);
-            }
-        } else if let Some(parameter) = V::TABLE.iter().find(|parameter| parameter.name == name) {
-            parameter.set(&mut vehicle, value.clamp(parameter.range.0, parameter.range.1));
-        }
-    }
-    (vehicle, effects)
-}

@@ -64,5 +64,5 @@ pub mod simulated;
 pub mod simulator;
 mod words;
 
-pub use engine::{DiagnoseError, Options, Scores, Trial, calibrated, diagnose, trial};
+pub use engine::{DiagnoseError, Options, Scores, Trial, diagnose, trial};
 pub use report::*;

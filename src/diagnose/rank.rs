@@ -181,7 +181,7 @@ fn reweighed<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Lin
     fit.cost = linear.square(&fit.gap) + penalty;
 }
 
-/// Ranks all candidates. `weak`: noise of another log of the same vehicle, per channel, if there is one.
+/// Ranks all candidates; `prior` is what is known of the tolerances.
 ///
 /// # Errors
 /// A vehicle that cannot be replayed.

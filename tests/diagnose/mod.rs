@@ -5,6 +5,7 @@ use rfl_mpc::diagnose::simulated::{Conditions, drive};
 use rfl_mpc::diagnose::{Diagnosis, Options, diagnose};
 use rfl_mpc::log::CleanLog;
 use rfl_mpc::vehicle::{CarParameters, TruckEffects, builtin};
+use std::collections::BTreeMap;
 
 /// The default car.
 pub fn car() -> CarParameters {
@@ -29,4 +30,17 @@ pub fn found(log: &CleanLog, options: &Options) -> Diagnosis {
 /// Singles only: quick.
 pub fn singles() -> Options {
     Options { pairs: false, ..Options::default() }
+}
+
+/// A clean log of these columns, 50 rows a second.
+pub fn clean(columns: BTreeMap<&'static str, Vec<f64>>) -> CleanLog {
+    let rows = columns.values().next().map_or(0, Vec::len);
+    CleanLog {
+        step: 0.02,
+        time: (0..rows).map(|i| 0.02 * i as f64).collect(),
+        columns,
+        commanded: true,
+        valid: vec![true; rows],
+        findings: Vec::new(),
+    }
 }
