@@ -19,6 +19,8 @@ pub struct Calibration {
     pub outside: f64,
     /// Share of the neutral gap that must be left besides.
     pub left: f64,
+    /// Gap of an effect over that of the background below which it is not worth naming.
+    pub dominance: f64,
     effect: [f64; 2],
     nothing: [f64; 2],
     unknown: [f64; 2],

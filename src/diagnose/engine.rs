@@ -7,7 +7,7 @@ use super::manoeuvre;
 use super::observability::{Excitation, information, observability};
 use super::problem::Problem;
 use super::rank::{NoReplay, Ranking, rank};
-use super::replay::{Drive, ReplayVehicle, Trace, neutral, prepared};
+use super::replay::{Drive, ReplayVehicle, Trace, is_levelled, neutral, prepared};
 use super::report::{
     Adjustment, Candidate, Diagnosis, Finding, Gravity, InputFile, Inputs, NamedEffect, Report, Series,
     Verdict, VerdictKind,
@@ -23,6 +23,12 @@ use std::collections::BTreeMap;
 const SHORTEST: f64 = 6.0;
 /// Share of its tolerance that a vehicle may change from log to log without anything being the matter.
 const DRIFT: f64 = 0.2;
+/// What is of the day and the road, not of the vehicle: it may change by its whole tolerance.
+const ENVIRONMENT: [&str; 4] = ["wind_x", "wind_y", "road_bank", "road_grade"];
+/// Tolerances of a vehicle in its reference log, besides what is named there: as many times the ordinary ones.
+const WIDE: f64 = 2.0;
+/// Candidates that are asked whether they matter.
+const LOOKED_AT: usize = 8;
 /// Steering that is no steering: deviation in rad.
 const STRAIGHT: f64 = 1e-3;
 
@@ -107,7 +113,7 @@ pub fn diagnose<V: ReplayVehicle>(
     let mut findings = log.findings.clone();
     let (log, left_out) = chosen(log);
     findings.extend(left_out);
-    let drive = Drive::new(&log, V::TRUCK);
+    let mut drive = Drive::new(&log, V::TRUCK);
     let prepared_vehicle = prepared(vehicle, drive.commanded);
     let excitation = Excitation::of(&drive, vehicle);
     let mut inputs = Inputs {
@@ -153,6 +159,15 @@ pub fn diagnose<V: ReplayVehicle>(
     }
     progress("full plant", 0.02);
     let correction = neutral(&drive, &prepared_vehicle).map_err(|reason| DiagnoseError::Replay { reason })?;
+    drive.levelled = is_levelled(&drive, &prepared_vehicle, &correction);
+    if drive.levelled {
+        findings.push(Finding {
+            gravity: Gravity::Note,
+            signal: Some("ay".to_owned()),
+            words: "it is that of a level frame, without gravity's share by roll, and is compared so"
+                .to_owned(),
+        });
+    }
     let mut without = options.without.clone();
     if !drive.commanded {
         without.extend(["steer_delay", "steer_lag", "steer_rate_limit", "steer_backlash"].map(str::to_owned));
@@ -167,7 +182,8 @@ pub fn diagnose<V: ReplayVehicle>(
         let (reference, _) = chosen(reference);
         posterior(&reference, &problem, &prepared_vehicle, &without, &mut prior)?;
     }
-    let ranking = rank(&problem, prior, options.pairs, progress)?;
+    let mut ranking = rank(&problem, prior, options.pairs, progress)?;
+    demote(&problem, &mut ranking, &calibration);
     let mut decision = decide(&problem, &ranking, &calibration);
     let suspicion = findings.iter().any(|finding| finding.gravity == Gravity::Suspicion);
     if excitation.steer < STRAIGHT && decision.kind != VerdictKind::None || suspicion {
@@ -182,7 +198,7 @@ pub fn diagnose<V: ReplayVehicle>(
     let precision = ranking.prior.freed(&problem, &winner.freed);
     let covariance = local.covariance(&precision);
     let effects = if decision.kind == VerdictKind::Effect {
-        named(&problem, &ranking, &calibration, &decision, &covariance)?
+        named(&problem, &ranking, &decision, &covariance)
     } else {
         Vec::new()
     };
@@ -195,7 +211,7 @@ pub fn diagnose<V: ReplayVehicle>(
     };
     let recalibration = (0..problem.knobs.len())
         .filter(|&i| {
-            precision[i].is_finite() && !winner.freed.contains(&i) && problem.knobs[i].tolerance > 0.0
+            precision.free.contains(&i) && !winner.freed.contains(&i) && problem.knobs[i].tolerance > 0.0
         })
         .map(|i| {
             let it = &problem.knobs[i];
@@ -210,10 +226,12 @@ pub fn diagnose<V: ReplayVehicle>(
             }
         })
         .collect();
-    let series = series(&problem, &drive, &winner)?;
+    let series = series(&problem, &ranking.prior, &drive, &winner)?;
     let mut effects = effects;
     for effect in &mut effects {
-        if let Some(next) = next_manoeuvre.as_ref().filter(|_| effect.class.len() > 1) {
+        if let Some(next) =
+            next_manoeuvre.as_ref().filter(|_| effect.class.len() > 1 && effect.separated_by.is_empty())
+        {
             effect.separated_by = format!("{}: {}", next.name, next.how);
         }
     }
@@ -239,7 +257,7 @@ pub fn diagnose<V: ReplayVehicle>(
     Ok(Diagnosis { report, series })
 }
 
-/// What a log of the same vehicle says of its tolerances.
+/// What a log of the same vehicle says of it: whatever was the matter then belongs to the vehicle as it is known.
 fn posterior<V: ReplayVehicle>(
     log: &CleanLog,
     problem: &Problem<V>,
@@ -247,25 +265,31 @@ fn posterior<V: ReplayVehicle>(
     without: &[String],
     prior: &mut Prior,
 ) -> Result<(), DiagnoseError> {
-    let drive = Drive::new(log, V::TRUCK);
+    let drive = Drive { levelled: problem.drive.levelled, ..Drive::new(log, V::TRUCK) };
     if drive.duration() < SHORTEST || drive.commanded != problem.drive.commanded {
         return Ok(());
     }
     let correction = neutral(&drive, vehicle).map_err(|reason| DiagnoseError::Replay { reason })?;
     let own = Problem::new(&drive, vehicle, &correction, without, problem.threads());
-    // Twice as wide: what is the matter with the vehicle as it was belongs to it.
     let mut wide = Prior::of(&own);
-    wide.precision.iter_mut().for_each(|p| *p /= 4.0);
-    let ranking = rank(&own, wide, false, &|_, _| {})?;
-    let local = slopes_at(&own, &ranking, &ranking.none);
-    let covariance = Linear::new(local, ranking.linear.weights.clone()).covariance(&ranking.prior.precision);
+    wide.covariance *= WIDE * WIDE;
+    let mut ranking = rank(&own, wide, true, &|_, _| {})?;
+    let calibration = Calibration::built_in();
+    demote(&own, &mut ranking, &calibration);
+    let decision = decide(&own, &ranking, &calibration);
+    let known = &decision.fit;
+    let local = Linear::new(slopes_at(&own, &ranking, known), ranking.linear.weights.clone());
+    let covariance = local.covariance(&ranking.prior.freed(&own, &known.freed));
+    prior.form = ranking.noise.beyond(&own, &known.gap);
+    let there: Vec<Option<usize>> = problem.knobs.iter().map(|knob| own.find(knob.id)).collect();
     for (i, knob) in problem.knobs.iter().enumerate() {
-        let Some(there) = own.find(knob.id) else { continue };
-        if prior.precision[i].is_finite() {
-            let variance = covariance[(there, there)].max(0.0) + (DRIFT * knob.tolerance).powi(2);
-            prior.mean[i] = ranking.none.x[there];
-            prior.precision[i] = 1.0 / variance.max(1e-8);
+        let Some(a) = there[i] else { continue };
+        prior.mean[i] = known.x[a];
+        for (j, b) in there.iter().enumerate() {
+            prior.covariance[(i, j)] = b.map_or(0.0, |b| covariance[(a, b)]);
         }
+        let drift = if ENVIRONMENT.contains(&knob.id) { 1.0 } else { DRIFT };
+        prior.covariance[(i, i)] += (drift * knob.tolerance).powi(2);
     }
     Ok(())
 }
@@ -318,6 +342,20 @@ fn scores<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking) -> Scores {
     }
 }
 
+/// Puts candidates behind the others that hold an effect too small to matter: what explains a little of the model's form
+/// hides no cause.
+fn demote<V: ReplayVehicle>(problem: &Problem<V>, ranking: &mut Ranking, calibration: &Calibration) {
+    let notable =
+        |fit: &Fit| fit.freed.iter().all(|&i| dominance(problem, ranking, fit, i) > calibration.dominance);
+    let behind = |fits: &[Fit]| -> Vec<Fit> {
+        let (head, tail) = fits.split_at(fits.len().min(LOOKED_AT));
+        let (kept, small): (Vec<&Fit>, Vec<&Fit>) = head.iter().partition(|fit| notable(fit));
+        kept.into_iter().chain(small).chain(tail).cloned().collect()
+    };
+    let (singles, pairs) = (behind(&ranking.singles), behind(&ranking.pairs));
+    (ranking.singles, ranking.pairs) = (singles, pairs);
+}
+
 fn decide<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, calibration: &Calibration) -> Decision {
     let scores = scores(problem, ranking);
     let none = ranking.none.clone();
@@ -329,7 +367,7 @@ fn decide<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, calibration
         classes: Vec::new(),
         margin,
     };
-    let named = scores.single > calibration.none;
+    let named = scores.single > calibration.none && ranking.noise.notable(problem, &ranking.neutral);
     if scores.excess > calibration.outside && scores.left > calibration.left {
         let margin = 10.0 * (scores.excess / calibration.outside - 1.0);
         return unnamed(VerdictKind::NotInLibrary, calibration.of_unknown(margin), margin);
@@ -344,7 +382,7 @@ fn decide<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, calibration
             let (own, other) = (pair.freed[of], pair.freed[1 - of]);
             let mut class = vec![own];
             for rival in &ranking.pairs {
-                if rival.cost - pair.cost < calibration.class && rival.freed.contains(&other) {
+                if (rival.cost - pair.cost).abs() < calibration.class && rival.freed.contains(&other) {
                     class.extend(rival.freed.iter().copied().filter(|i| *i != other && *i != own));
                 }
             }
@@ -354,8 +392,11 @@ fn decide<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, calibration
         };
         let classes = vec![class_of(0), class_of(1)];
         let inside = |fit: &Fit| fit.freed.iter().all(|i| classes.iter().flatten().any(|j| j == i));
-        let outside =
-            ranking.pairs.iter().find(|rival| !inside(rival)).map_or(f64::INFINITY, |rival| rival.cost);
+        let outside = ranking
+            .pairs
+            .iter()
+            .find(|rival| rival.cost > pair.cost && !inside(rival))
+            .map_or(f64::INFINITY, |rival| rival.cost);
         let margin = (outside - pair.cost).min(scores.pair);
         let rival = ranking.pairs.get(1).cloned();
         return Decision {
@@ -370,10 +411,11 @@ fn decide<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, calibration
     let class: Vec<usize> = ranking
         .singles
         .iter()
-        .filter(|rival| rival.cost - best.cost < calibration.class)
+        .filter(|rival| (rival.cost - best.cost).abs() < calibration.class || rival.freed == best.freed)
         .map(|rival| rival.freed[0])
         .collect();
-    let outside = ranking.singles.iter().find(|rival| !class.contains(&rival.freed[0]));
+    let outside =
+        ranking.singles.iter().find(|rival| rival.cost > best.cost && !class.contains(&rival.freed[0]));
     let margin = outside.map_or(scores.single, |rival| rival.cost - best.cost).min(scores.single);
     Decision {
         kind: VerdictKind::Effect,
@@ -415,8 +457,9 @@ pub fn trial<V: ReplayVehicle>(
     let correction = neutral(&drive, &vehicle).map_err(|reason| DiagnoseError::Replay { reason })?;
     let problem =
         Problem::new(&drive, &vehicle, &correction, &options.without, parallel::threads(options.threads));
-    let ranking = rank(&problem, Prior::of(&problem), options.pairs, &|_, _| {})?;
+    let mut ranking = rank(&problem, Prior::of(&problem), options.pairs, &|_, _| {})?;
     let calibration = Calibration::built_in();
+    demote(&problem, &mut ranking, &calibration);
     let decision = decide(&problem, &ranking, &calibration);
     let names = |class: &[usize]| class.iter().map(|&i| problem.knobs[i].id.to_owned()).collect::<Vec<_>>();
     let best = ranking.singles.first().map_or(f64::INFINITY, |best| best.cost);
@@ -439,46 +482,63 @@ pub fn trial<V: ReplayVehicle>(
     })
 }
 
+/// What an effect does to the motion, over what the background does.
+fn dominance<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, at: &Fit, effect: usize) -> f64 {
+    let mut without = at.x.clone();
+    without[effect] = ranking.prior.mean[effect];
+    let Some(gap) = problem.residual(&without) else { return f64::INFINITY };
+    let weights = &ranking.linear.weights;
+    let distance = |a: &[f64], b: &[f64]| {
+        a.iter().zip(b).zip(weights).map(|((a, b), w)| w * (a - b).powi(2)).sum::<f64>().sqrt()
+    };
+    let (own, background) = (distance(&gap, &at.gap), distance(&gap, &ranking.neutral));
+    own / background.max(0.05 * own).max(1e-9)
+}
+
 fn named<V: ReplayVehicle>(
     problem: &Problem<V>,
     ranking: &Ranking,
-    _: &Calibration,
     decision: &Decision,
     covariance: &nalgebra::DMatrix<f64>,
-) -> Result<Vec<NamedEffect>, DiagnoseError> {
+) -> Vec<NamedEffect> {
     let winner = &decision.fit;
     let mut effects = Vec::new();
     for (place, &i) in winner.freed.iter().enumerate() {
         let it = &problem.knobs[i];
         let Some(effect) = it.effect else { continue };
         let deviation = covariance[(i, i)].max(0.0).sqrt();
+        let within = |value: f64| value.clamp(effect.range.0.min(it.value(it.named_least)), effect.range.1);
         let (a, b) = (it.value(winner.x[i] - 1.96 * deviation), it.value(winner.x[i] + 1.96 * deviation));
-        let (low, high) = (a.min(b).max(effect.range.0), a.max(b).min(effect.range.1));
-        let value = it.value(winner.x[i]).clamp(effect.range.0, effect.range.1);
-        let (low, high) = (low.min(value), high.max(value));
-        let class = decision.classes.get(place).cloned().unwrap_or_default();
-        // What the effect does to the motion, against what the background does.
-        let mut without = winner.x.clone();
-        without[i] = ranking.prior.mean[i];
-        let gap = problem.residual(&without).ok_or(NoReplay)?;
-        let weights = &ranking.linear.weights;
-        let distance = |a: &[f64], b: &[f64]| {
-            a.iter().zip(b).zip(weights).map(|((a, b), w)| w * (a - b).powi(2)).sum::<f64>().sqrt()
+        let total = within(it.value(winner.x[i]));
+        // What has changed since the reference; neutral without one.
+        let known = it.value(ranking.prior.mean[i]);
+        let since = |value: f64| match effect.neutral {
+            neutral if !neutral.is_finite() || known == neutral => value,
+            1.0 => value / known,
+            neutral => value - known + neutral,
         };
-        let (own, background) = (distance(&gap, &winner.gap), distance(&gap, &ranking.neutral));
+        let class = decision.classes.get(place).cloned().unwrap_or_default();
+        let mut class: Vec<String> = class.iter().map(|&i| problem.knobs[i].id.to_owned()).collect();
+        let mut separated_by = String::new();
+        if it.id == "sensor_delay" && !problem.drive.commanded {
+            // From the angle on, a later motion and a later sensor are the same.
+            class.push("steer_delay".to_owned());
+            separated_by = "log the steering command besides the angle".to_owned();
+        }
         effects.push(NamedEffect {
             id: it.id.to_owned(),
-            value,
-            low,
-            high,
+            value: since(total),
+            low: since(within(a.min(b)).min(total)),
+            high: since(within(a.max(b)).max(total)),
             unit: effect.unit.symbol.to_owned(),
-            class: class.iter().map(|&i| problem.knobs[i].id.to_owned()).collect(),
-            separated_by: String::new(),
+            class,
+            separated_by,
             stage: effect.stage,
-            dominance: own / background.max(0.05 * own).max(1e-9),
+            dominance: dominance(problem, ranking, winner, i),
+            total,
         });
     }
-    Ok(effects)
+    effects
 }
 
 fn candidates<V: ReplayVehicle>(
@@ -495,7 +555,8 @@ fn candidates<V: ReplayVehicle>(
         .map(|fit| {
             let evidence = ranking.none.cost - fit.cost;
             let behind = fit.cost - best;
-            let pinned = fit.freed.iter().any(|&i| information(ranking, i) * 16.0 < calibration.none);
+            let pinned =
+                fit.freed.iter().any(|&i| information(problem, ranking, i) * 16.0 < calibration.none);
             Candidate {
                 effects: fit.freed.iter().map(|&i| problem.knobs[i].id.to_owned()).collect(),
                 values: fit.freed.iter().map(|&i| problem.knobs[i].value(fit.x[i])).collect(),
@@ -525,6 +586,7 @@ fn candidates<V: ReplayVehicle>(
 /// What plots are drawn from.
 fn series<V: ReplayVehicle>(
     problem: &Problem<V>,
+    prior: &Prior,
     drive: &Drive,
     winner: &Fit,
 ) -> Result<Series, DiagnoseError> {
@@ -547,8 +609,8 @@ fn series<V: ReplayVehicle>(
             })
             .collect()
     };
-    let neutral = run(&vec![0.0; problem.knobs.len()])?;
-    let alone = run(&only(problem, &winner.freed, &winner.x))?;
+    let neutral = run(&prior.mean)?;
+    let alone = run(&only(problem, prior, &winner.freed, &winner.x))?;
     let corrected = run(&winner.x)?;
     let mut log: BTreeMap<String, Vec<f64>> =
         drive.columns.iter().map(|(&name, column)| (name.to_owned(), column.clone())).collect();

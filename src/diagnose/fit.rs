@@ -10,7 +10,7 @@
 //! which equals `e' (W^-1 + U U')^-1 e` with `U = S P^-1/2` at `x = 0` (Woodbury), at the price of a small matrix.
 
 use super::problem::Problem;
-use super::replay::ReplayVehicle;
+use super::replay::{Channel, ReplayVehicle};
 use nalgebra::{DMatrix, DVector};
 
 /// Standard deviation of the coordinate of what is freed: says next to nothing.
@@ -79,43 +79,43 @@ impl Linear {
         dot(gap, gap, &self.weights)
     }
 
-    /// The step from `x` with gap `gap`; `precision` over knobs (infinite: fixed).
+    /// The step from `off`, coordinates less those expected, with gap `gap`.
     #[must_use]
-    pub fn step(&self, x: &[f64], gap: &[f64], precision: &[f64]) -> Step {
-        let free: Vec<usize> = (0..x.len()).filter(|&i| precision[i].is_finite()).collect();
-        let prior: f64 = free.iter().map(|&i| precision[i] * x[i] * x[i]).sum();
-        let cost = self.square(gap) + prior;
-        let right = DVector::from_iterator(
-            free.len(),
-            free.iter().map(|&i| dot(&self.slopes[i], gap, &self.weights) - precision[i] * x[i]),
-        );
-        let mut change = vec![0.0; x.len()];
-        let Some(solved) = self.normal(&free, precision).cholesky().map(|c| c.solve(&right)) else {
+    pub fn step(&self, off: &[f64], gap: &[f64], precision: &Precision) -> Step {
+        let cost = self.square(gap) + precision.penalty(off);
+        let right = self.project(gap, precision) - &precision.matrix * precision.of(off);
+        let mut change = vec![0.0; off.len()];
+        let Some(solved) = self.normal(precision).cholesky().map(|c| c.solve(&right)) else {
             return Step { change, cost };
         };
-        for (&i, &value) in free.iter().zip(solved.iter()) {
+        for (&i, &value) in precision.free.iter().zip(solved.iter()) {
             change[i] = value;
         }
         Step { change, cost: cost - right.dot(&solved) }
     }
 
-    fn normal(&self, free: &[usize], precision: &[f64]) -> DMatrix<f64> {
+    fn project(&self, gap: &[f64], precision: &Precision) -> DVector<f64> {
+        let free = &precision.free;
+        DVector::from_iterator(free.len(), free.iter().map(|&i| dot(&self.slopes[i], gap, &self.weights)))
+    }
+
+    fn normal(&self, precision: &Precision) -> DMatrix<f64> {
+        let free = &precision.free;
         DMatrix::from_fn(free.len(), free.len(), |a, b| {
             let (i, j) = (free[a], free[b]);
             // A hair more on the diagonal keeps what the log does not show regular.
-            self.gram[(i, j)] + if a == b { precision[i] + 1e-9 * (1.0 + self.gram[(i, i)]) } else { 0.0 }
+            let hair = if a == b { 1e-9 * (1.0 + self.gram[(i, i)]) } else { 0.0 };
+            self.gram[(i, j)] + precision.matrix[(a, b)] + hair
         })
     }
 
     /// Covariance of the coordinates after the fit, of the knobs that are free.
     #[must_use]
-    pub fn covariance(&self, precision: &[f64]) -> DMatrix<f64> {
-        let count = precision.len();
-        let free: Vec<usize> = (0..count).filter(|&i| precision[i].is_finite()).collect();
-        let mut all = DMatrix::zeros(count, count);
-        if let Some(inverse) = self.normal(&free, precision).cholesky().map(|c| c.inverse()) {
-            for (a, &i) in free.iter().enumerate() {
-                for (b, &j) in free.iter().enumerate() {
+    pub fn covariance(&self, precision: &Precision) -> DMatrix<f64> {
+        let mut all = DMatrix::zeros(self.slopes.len(), self.slopes.len());
+        if let Some(inverse) = self.normal(precision).cholesky().map(|c| c.inverse()) {
+            for (a, &i) in precision.free.iter().enumerate() {
+                for (b, &j) in precision.free.iter().enumerate() {
                     all[(i, j)] = inverse[(a, b)];
                 }
             }
@@ -125,14 +125,10 @@ impl Linear {
 
     /// Products of two gaps with the background marginalised: `a' (W^-1 + U U')^-1 b`.
     #[must_use]
-    pub fn marginal(&self, a: &[f64], b: &[f64], precision: &[f64]) -> f64 {
-        let free: Vec<usize> = (0..precision.len()).filter(|&i| precision[i].is_finite()).collect();
-        let project = |gap: &[f64]| {
-            DVector::from_iterator(free.len(), free.iter().map(|&i| dot(&self.slopes[i], gap, &self.weights)))
-        };
+    pub fn marginal(&self, a: &[f64], b: &[f64], precision: &Precision) -> f64 {
         let straight = dot(a, b, &self.weights);
-        let Some(factor) = self.normal(&free, precision).cholesky() else { return straight };
-        straight - project(a).dot(&factor.solve(&project(b)))
+        let Some(factor) = self.normal(precision).cholesky() else { return straight };
+        straight - self.project(a, precision).dot(&factor.solve(&self.project(b, precision)))
     }
 }
 
@@ -151,56 +147,101 @@ pub struct Fit {
     pub columns: Vec<Vec<f64>>,
 }
 
-/// Prior over the knobs: mean and precision of each coordinate.
+/// Prior over the knobs: mean and covariance of the coordinates.
 #[derive(Debug, Clone)]
 pub struct Prior {
     /// Coordinates that are expected.
     pub mean: Vec<f64>,
-    /// One over the variance; infinite: fixed.
-    pub precision: Vec<f64>,
+    /// Their covariance; a variance of 0: fixed.
+    pub covariance: DMatrix<f64>,
+    /// Errors of the model's form that a reference log has shown, in the channels' units.
+    pub form: Vec<(Channel, f64)>,
+}
+
+/// How sure the prior is of the coordinates that are free.
+#[derive(Debug, Clone)]
+pub struct Precision {
+    /// Places of the knobs that are free.
+    pub free: Vec<usize>,
+    matrix: DMatrix<f64>,
+}
+
+impl Precision {
+    fn of(&self, off: &[f64]) -> DVector<f64> {
+        DVector::from_iterator(self.free.len(), self.free.iter().map(|&i| off[i]))
+    }
+
+    /// How unlikely coordinates are that are so far off; infinite where one is off that is fixed.
+    #[must_use]
+    pub fn penalty(&self, off: &[f64]) -> f64 {
+        if (0..off.len()).any(|i| off[i] != 0.0 && !self.free.contains(&i)) {
+            return f64::INFINITY;
+        }
+        let off = self.of(off);
+        off.dot(&(&self.matrix * &off))
+    }
+
+    /// As sure as with standard deviations so many times as large.
+    #[must_use]
+    pub fn widened(mut self, times: f64) -> Self {
+        self.matrix /= times * times;
+        self
+    }
 }
 
 impl Prior {
     /// Tolerances of the knobs.
     #[must_use]
     pub fn of<V: ReplayVehicle>(problem: &Problem<V>) -> Self {
-        let precision = problem
-            .knobs
-            .iter()
-            .map(|knob| if knob.tolerance > 0.0 { knob.tolerance.powi(-2) } else { f64::INFINITY })
-            .collect();
-        Self { mean: vec![0.0; problem.knobs.len()], precision }
+        let variances: Vec<f64> = problem.knobs.iter().map(|knob| knob.tolerance.powi(2)).collect();
+        Self {
+            mean: vec![0.0; problem.knobs.len()],
+            covariance: DMatrix::from_diagonal(&DVector::from_vec(variances)),
+            form: Vec::new(),
+        }
     }
 
     /// With some knobs freed; a payload takes its place with it.
     #[must_use]
-    pub fn freed<V: ReplayVehicle>(&self, problem: &Problem<V>, freed: &[usize]) -> Vec<f64> {
-        let mut precision = self.precision.clone();
+    pub fn freed<V: ReplayVehicle>(&self, problem: &Problem<V>, freed: &[usize]) -> Precision {
+        self.freed_but(problem, freed, None)
+    }
+
+    /// The same with one knob fixed.
+    #[must_use]
+    pub fn freed_but<V: ReplayVehicle>(
+        &self,
+        problem: &Problem<V>,
+        freed: &[usize],
+        fixed: Option<usize>,
+    ) -> Precision {
+        let mut covariance = self.covariance.clone();
         for &i in freed {
-            precision[i] = FREED.powi(-2);
+            covariance[(i, i)] += FREED.powi(2);
             if problem.knobs[i].id == "payload"
                 && let Some(place) = problem.find("payload_x")
             {
-                precision[place] = super::knob::PAYLOAD_PLACE.powi(-2);
+                covariance[(place, place)] += super::knob::PAYLOAD_PLACE.powi(2);
             }
         }
-        precision
+        let free: Vec<usize> =
+            (0..self.mean.len()).filter(|&i| covariance[(i, i)] > 0.0 && Some(i) != fixed).collect();
+        let of_free = DMatrix::from_fn(free.len(), free.len(), |a, b| covariance[(free[a], free[b])]);
+        let diagonal = DMatrix::from_diagonal(&of_free.diagonal().map(|variance| 1.0 / variance));
+        let matrix = of_free.cholesky().map_or(diagonal, |factor| factor.inverse());
+        Precision { free, matrix }
     }
 
-    fn penalty(&self, x: &[f64], precision: &[f64]) -> f64 {
-        x.iter()
-            .zip(&self.mean)
-            .zip(precision)
-            .filter(|(_, p)| p.is_finite())
-            .map(|((x, mean), p)| p * (x - mean).powi(2))
-            .sum()
+    /// Coordinates less those expected.
+    #[must_use]
+    pub fn off(&self, x: &[f64]) -> Vec<f64> {
+        x.iter().zip(&self.mean).map(|(x, mean)| x - mean).collect()
     }
 
     /// The linear step under this prior.
     #[must_use]
-    pub fn step(&self, linear: &Linear, x: &[f64], gap: &[f64], precision: &[f64]) -> Step {
-        let off: Vec<f64> = x.iter().zip(&self.mean).map(|(x, mean)| x - mean).collect();
-        linear.step(&off, gap, precision)
+    pub fn step(&self, linear: &Linear, x: &[f64], gap: &[f64], precision: &Precision) -> Step {
+        linear.step(&self.off(x), gap, precision)
     }
 }
 
@@ -226,7 +267,7 @@ pub fn fit<V: ReplayVehicle>(
     };
     let mut x = within(start);
     let mut gap = problem.residual(&x)?;
-    let mut cost = linear.square(&gap) + prior.penalty(&x, &precision);
+    let mut cost = linear.square(&gap) + precision.penalty(&prior.off(&x));
     let mut columns: Vec<Vec<f64>> = Vec::new();
     for _ in 0..steps.clamp(1, STEPS) {
         columns = own.iter().map(|&i| problem.slope(&x, &gap, i)).collect();
@@ -240,7 +281,7 @@ pub fn fit<V: ReplayVehicle>(
             let there: Vec<f64> = x.iter().zip(&step.change).map(|(x, change)| x + length * change).collect();
             let there = within(&there);
             if let Some(new) = problem.residual(&there) {
-                let new_cost = linear.square(&new) + prior.penalty(&there, &precision);
+                let new_cost = linear.square(&new) + precision.penalty(&prior.off(&there));
                 if new_cost < cost {
                     better = Some((there, new, new_cost));
                     break;

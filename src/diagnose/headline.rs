@@ -30,7 +30,7 @@ impl Verdict {
 }
 
 /// An effect with its value and interval.
-fn value(effect: &NamedEffect) -> String {
+pub(super) fn value(effect: &NamedEffect) -> String {
     let NamedEffect { id, value, low, high, unit, .. } = effect;
     let width = (high - low).abs().max(1e-3 * value.abs());
     // As many decimals as the interval is worth.
@@ -60,6 +60,7 @@ mod tests {
             separated_by: String::new(),
             stage: Stage::Command,
             dominance: 1.0,
+            total: value,
         };
         assert_eq!(super::value(&effect(0.1203, 0.111, 0.129, "s")), "an_effect = 0.120 s (0.111 to 0.129)");
         assert_eq!(super::value(&effect(312.4, 250.0, 370.0, "kg")), "an_effect = 312 kg (250 to 370)");

@@ -8,30 +8,40 @@ use super::problem::{Problem, rms};
 use super::replay::{Channel, LEAK, ReplayVehicle, Trace};
 
 /// Errors of the model's form that every simulator has, as a share of the signal.
-const FORM: f64 = 0.006;
+const FORM: f64 = 0.01;
 const HEADING: f64 = 5e-4;
+/// Gaps of so many times the form's error are worth a name.
+const NOTABLE: f64 = 4.0;
 /// Longest correlation that is looked at, samples, and the greatest loss by it.
 const CORRELATED: usize = 20;
 const GREATEST_LOSS: f64 = 6.0;
+/// Errors of the model's form come back with every turn: drives longer than this, s, tell no more about them.
+const SAME: f64 = 30.0;
 
 /// Noise of each channel, in its own unit, after the low pass.
 #[derive(Debug, Clone)]
 pub struct Noise {
     /// Standard deviation by noise alone.
     pub white: Vec<f64>,
-    /// With the model's form.
+    /// Errors of the model's form that every simulator has.
+    pub form: Vec<f64>,
+    /// Gaps beyond noise that are worth a name.
+    worth: Vec<f64>,
+    /// What a reference log has left besides.
+    left: Vec<f64>,
+    /// Noise, the model's form, and what a reference log has left.
     pub floor: Vec<f64>,
     /// What gaps are weighed with.
     pub effective: Vec<f64>,
 }
 
 impl Noise {
-    /// From the neutral replay.
+    /// From the neutral replay; `known`: what a reference log has left of each channel, the model's form.
     #[must_use]
-    pub fn of<V: ReplayVehicle>(problem: &Problem<V>, trace: &Trace) -> Self {
+    pub fn of<V: ReplayVehicle>(problem: &Problem<V>, trace: &Trace, known: &[(Channel, f64)]) -> Self {
         let drive = problem.drive;
         let mut white = Vec::new();
-        let mut floor = Vec::new();
+        let (mut floor, mut forms, mut lefts, mut worth) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for (channel, _) in &problem.blocks {
             let simulated = trace.column(*channel);
             let logged = drive.column(channel.name());
@@ -51,20 +61,32 @@ impl Noise {
                 Channel::Along | Channel::Across => HEADING * of("vx") * LEAK,
                 _ => FORM * rms_of(logged, &drive.scored),
             };
+            let left = known.iter().find(|(of, _)| of == channel).map_or(0.0, |(_, left)| *left);
             white.push(sample * problem.filter.gain());
-            floor.push((sample * problem.filter.gain()).hypot(form));
+            floor.push((sample * problem.filter.gain()).hypot(form).hypot(left));
+            forms.push(form);
+            // A direction of motion is not known better than a heading.
+            let direction = if *channel == Channel::Vy { HEADING * of("vx") } else { 0.0 };
+            worth.push(NOTABLE * form.hypot(direction));
+            lefts.push(left);
         }
-        Self { effective: floor.clone(), white, floor }
+        let again = again(problem);
+        let effective =
+            floor.iter().zip(&lefts).map(|(floor, left)| floor.hypot((again - 1.0).sqrt() * left)).collect();
+        Self { effective, white, form: forms, floor, left: lefts, worth }
     }
 
     /// With what a fit left.
     #[must_use]
-    pub fn with_left<V>(&self, problem: &Problem<V>, left: &[f64]) -> Self {
+    pub fn with_left<V: ReplayVehicle>(&self, problem: &Problem<V>, left: &[f64]) -> Self {
         let mut noise = self.clone();
+        let again = again(problem);
         for (i, (_, block)) in problem.blocks.iter().enumerate() {
             let part = &left[block.clone()];
             let loss = correlation(part).clamp(1.0, GREATEST_LOSS);
-            noise.effective[i] = self.floor[i].max(rms(part)) * loss.sqrt();
+            let base = self.white[i].powi(2) + self.form[i].powi(2);
+            let form = (rms(part).powi(2) - base).max(self.left[i].powi(2));
+            noise.effective[i] = ((base + again * form) * loss).sqrt();
         }
         noise
     }
@@ -77,6 +99,22 @@ impl Noise {
             weights.resize(weights.len() + block.len(), deviation.powi(-2));
         }
         weights
+    }
+
+    /// Whether a gap is, in any channel, several times what every simulator's form leaves: else there is nothing to explain.
+    #[must_use]
+    pub fn notable<V>(&self, problem: &Problem<V>, gap: &[f64]) -> bool {
+        let beyond = self.beyond(problem, gap);
+        beyond.iter().zip(&self.worth).any(|((_, beyond), worth)| beyond > worth)
+    }
+
+    /// What a gap is beyond white noise, channel by channel.
+    #[must_use]
+    pub fn beyond<V>(&self, problem: &Problem<V>, gap: &[f64]) -> Vec<(Channel, f64)> {
+        let of = |((channel, block), white): (&(Channel, std::ops::Range<usize>), &f64)| {
+            (*channel, (rms(&gap[block.clone()]).powi(2) - white * white).max(0.0).sqrt())
+        };
+        problem.blocks.iter().zip(&self.white).map(of).collect()
     }
 
     /// Share of the neutral gap that another gap still has, noise and the model's form apart; of the motion itself.
@@ -130,4 +168,9 @@ fn correlation(values: &[f64]) -> f64 {
         sum += 2.0 * product / power;
     }
     sum
+}
+
+/// How often the same errors of the form come back in a drive.
+fn again<V: ReplayVehicle>(problem: &Problem<V>) -> f64 {
+    (problem.drive.duration() / SAME).max(1.0)
 }

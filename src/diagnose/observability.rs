@@ -82,9 +82,8 @@ fn slope_of<'a>(ranking: &'a Ranking, linear: &'a Linear, knob: usize) -> &'a [f
 
 /// What of a knob's slope the background does not imitate, in evidence for one unit of its coordinate.
 #[must_use]
-pub fn information(ranking: &Ranking, knob: usize) -> f64 {
-    let mut precision = ranking.prior.precision.clone();
-    precision[knob] = f64::INFINITY;
+pub fn information<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, knob: usize) -> f64 {
+    let precision = ranking.prior.freed_but(problem, &[], Some(knob));
     let slope = slope_of(ranking, &ranking.linear, knob);
     ranking.linear.marginal(slope, slope, &precision)
 }
@@ -120,7 +119,7 @@ pub fn observability<V: ReplayVehicle>(
             all.push(entry(false, None, "left out of the library for this diagnosis".to_owned()));
             continue;
         };
-        let information = information(ranking, knob);
+        let information = information(problem, ranking, knob);
         let least = (information > 0.0).then(|| (calibration.none / information).sqrt());
         let it = &problem.knobs[knob];
         let (tolerance, unit) = (it.tolerance * it.unit, it.symbol::<V>());

@@ -34,7 +34,7 @@ pub struct Ranking {
     pub prior: Prior,
     /// What gaps were weighed with.
     pub noise: Noise,
-    /// The neutral gap.
+    /// The gap with all as expected: neutral, or as a reference log says.
     pub neutral: Vec<f64>,
 }
 
@@ -118,20 +118,21 @@ fn polish<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linear
 /// What a candidate explains with a value that is within its tolerance, the background explains too: its cost with the
 /// tolerance's penalty bounds that of nothing freed, which in turn bounds every candidate's.
 fn bound<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, none: &mut Fit, singles: &mut [Fit]) {
+    let of_none = prior.freed(problem, &[]);
     for single in singles.iter() {
-        let i = single.freed[0];
-        let off = (single.x[i] - prior.mean[i]).powi(2);
-        let freed = prior.freed(problem, &single.freed)[i];
-        let cost = single.cost + off * (prior.precision[i] - freed);
+        let off = prior.off(&single.x);
+        let of_single = prior.freed(problem, &single.freed);
+        let cost = single.cost - of_single.penalty(&off) + of_none.penalty(&off);
         if cost < none.cost {
             *none = Fit { freed: Vec::new(), columns: Vec::new(), cost, ..single.clone() };
         }
     }
     // And where the background strains an effect's tolerance, freeing that effect alone saves the strain's cost.
+    let off = prior.off(&none.x);
+    let left = none.cost - of_none.penalty(&off);
     for single in singles.iter_mut() {
         let i = single.freed[0];
-        let strain = (none.x[i] - prior.mean[i]).powi(2);
-        let freed = none.cost - strain * (prior.precision[i] - prior.freed(problem, &single.freed)[i]);
+        let freed = left + prior.freed(problem, &single.freed).penalty(&off);
         let may_be = problem.knobs[i].within(none.x[i], true) == none.x[i];
         if problem.knobs[i].tolerance > 0.0 && may_be && freed < single.cost {
             *single = Fit { x: none.x.clone(), gap: none.gap.clone(), cost: freed, ..single.clone() };
@@ -174,11 +175,7 @@ fn sort(fits: &mut [Fit]) {
 /// Costs and coordinates of a fit with other weights, by its own slopes.
 fn reweighed<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linear, fit: &mut Fit) {
     let precision = prior.freed(problem, &fit.freed);
-    let penalty: f64 = (0..fit.x.len())
-        .filter(|&i| precision[i].is_finite())
-        .map(|i| precision[i] * (fit.x[i] - prior.mean[i]).powi(2))
-        .sum();
-    fit.cost = linear.square(&fit.gap) + penalty;
+    fit.cost = linear.square(&fit.gap) + precision.penalty(&prior.off(&fit.x));
 }
 
 /// Ranks all candidates; `prior` is what is known of the tolerances.
@@ -193,10 +190,9 @@ pub fn rank<V: ReplayVehicle>(
 ) -> Result<Ranking, NoReplay> {
     let threads = problem.threads();
     let start = prior.mean.clone();
-    let zero = vec![0.0; problem.knobs.len()];
-    let trace = problem.trace(&zero).map_err(|_| NoReplay)?;
+    let trace = problem.trace(&start).map_err(|_| NoReplay)?;
     let neutral = problem.compare(&trace);
-    let noise = Noise::of(problem, &trace);
+    let noise = Noise::of(problem, &trace, &prior.form);
     progress("sensitivities", 0.1);
     let at_start = problem.residual(&start).ok_or(NoReplay)?;
     let linear = Linear::new(problem.slopes(&start, &at_start), noise.weights(problem));
@@ -243,7 +239,7 @@ pub fn rank<V: ReplayVehicle>(
     // What the best leaves, all else free within three tolerances, is no noise and yet told by none.
     let noise = match singles.first() {
         Some(best) => {
-            let precision: Vec<f64> = prior.freed(problem, &best.freed).iter().map(|p| p / 9.0).collect();
+            let precision = prior.freed(problem, &best.freed).widened(3.0);
             let step = prior.step(&linear, &best.x, &best.gap, &precision);
             let left = predicted(&linear, &best.gap, &step.change);
             noise.with_left(problem, &left)
@@ -290,7 +286,7 @@ pub fn rank<V: ReplayVehicle>(
     if let (Some(pair), Some(single)) = (pairs.first(), singles.first())
         && single.cost - pair.cost > TELLING
     {
-        let precision: Vec<f64> = prior.freed(problem, &pair.freed).iter().map(|p| p / 9.0).collect();
+        let precision = prior.freed(problem, &pair.freed).widened(3.0);
         let step = prior.step(&linear, &pair.x, &pair.gap, &precision);
         let left = predicted(&linear, &pair.gap, &step.change);
         noise = noise.with_left(problem, &left);

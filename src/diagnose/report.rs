@@ -66,7 +66,8 @@ pub enum VerdictKind {
 pub struct NamedEffect {
     /// Its id, as in the plant's parameter `effect.<id>`.
     pub id: String,
-    /// Its value with an interval of 95 %, in `unit`.
+    /// Its value with an interval of 95 %, in `unit`; with a reference log, what has changed since: a difference, of a
+    /// factor the quotient.
     pub value: f64,
     /// Lower end of the interval.
     pub low: f64,
@@ -82,6 +83,8 @@ pub struct NamedEffect {
     pub stage: Stage,
     /// Gap that the effect makes over the gap of the background.
     pub dominance: f64,
+    /// Its value on the nominal vehicle: what the reference log says of it, and the change.
+    pub total: f64,
 }
 
 /// A cause that was tried.

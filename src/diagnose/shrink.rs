@@ -3,7 +3,7 @@
 //! Blocks of 8 s belong in turn to two halves; what is fitted on one is tried on the other. What a model learned from past
 //! commands removes from the rest is the ceiling of all learning: a ridge regression on lagged steering, by speed.
 
-use super::fit::{Fit, Linear};
+use super::fit::{Fit, Linear, Prior};
 use super::problem::{Problem, rms};
 use super::rank::Ranking;
 use super::replay::{Channel, ReplayVehicle, Trace, replay};
@@ -45,22 +45,36 @@ fn fitted_on<V: ReplayVehicle>(
     let local = Linear::new(slopes.to_vec(), weights);
     let precision = ranking.prior.freed(problem, &winner.freed);
     let step = ranking.prior.step(&local, &winner.x, &winner.gap, &precision);
-    let all: Vec<f64> = winner
-        .x
-        .iter()
-        .zip(&step.change)
-        .enumerate()
-        .map(|(i, (x, change))| problem.knobs[i].within(x + change, winner.freed.contains(&i)))
-        .collect();
-    (only(problem, &winner.freed, &all), all)
+    let at = |length: f64| -> Vec<f64> {
+        let moved = winner.x.iter().zip(&step.change).map(|(x, change)| x + length * change);
+        moved.enumerate().map(|(i, x)| problem.knobs[i].within(x, winner.freed.contains(&i))).collect()
+    };
+    let cost = |x: &[f64]| {
+        let gap = problem.residual(x)?;
+        Some(local.square(&gap) + precision.penalty(&ranking.prior.off(x)))
+    };
+    // A linear step that makes it worse is too long.
+    let before = cost(&winner.x).unwrap_or(f64::INFINITY);
+    let all = [1.0, 0.4, 0.16]
+        .map(at)
+        .into_iter()
+        .find(|x| cost(x).is_some_and(|cost| cost < before))
+        .unwrap_or_else(|| winner.x.clone());
+    (only(problem, &ranking.prior, &winner.freed, &all), all)
 }
 
-/// The coordinates of the effect alone, all else neutral.
+/// The coordinates of the effect alone, all else as expected.
 #[must_use]
-pub fn only<V: ReplayVehicle>(problem: &Problem<V>, freed: &[usize], x: &[f64]) -> Vec<f64> {
+pub fn only<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, freed: &[usize], x: &[f64]) -> Vec<f64> {
     let payload = freed.iter().any(|&i| problem.knobs[i].id == "payload");
     (0..x.len())
-        .map(|i| if freed.contains(&i) || payload && problem.knobs[i].id == "payload_x" { x[i] } else { 0.0 })
+        .map(|i| {
+            if freed.contains(&i) || payload && problem.knobs[i].id == "payload_x" {
+                x[i]
+            } else {
+                prior.mean[i]
+            }
+        })
         .collect()
 }
 
@@ -176,7 +190,7 @@ fn at_horizon<V: ReplayVehicle>(
         knob::sense(&problem.knobs, x, &mut trace);
         Some(trace)
     };
-    let neutral = run(&vec![0.0; problem.knobs.len()]);
+    let neutral = run(&ranking.prior.mean);
     let others: Vec<[Option<Trace>; 2]> = points.iter().map(|(alone, all)| [run(alone), run(all)]).collect();
     let mut gaps = BTreeMap::new();
     for ((channel, _), &noise) in problem.blocks.iter().zip(&ranking.noise.white) {

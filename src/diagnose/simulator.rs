@@ -39,7 +39,7 @@ pub fn changes(report: &Report, calibration: Calibration) -> BTreeMap<String, f6
     }
     if report.verdict.kind == VerdictKind::Effect {
         let named = report.verdict.effects.iter();
-        changes.extend(named.map(|effect| (format!("effect.{}", effect.id), effect.value)));
+        changes.extend(named.map(|effect| (format!("effect.{}", effect.id), effect.total)));
     }
     changes
 }

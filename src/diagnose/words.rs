@@ -1,9 +1,13 @@
 //! The answer in words that a test engineer understands.
 
 use super::calibration::Calibration;
+use super::headline::value;
 use super::observability::short;
-use super::report::{Finding, Gravity, NamedEffect, Shrink, VerdictKind};
+use super::report::{Finding, Gap, Gravity, NamedEffect, Shrink, VerdictKind};
 use crate::vehicle::TruckEffects;
+
+/// Share of the yaw-rate gap from which on it speaks for the effect.
+const TELLING: f64 = 0.2;
 
 fn sure(probability: f64) -> &'static str {
     match probability {
@@ -21,14 +25,17 @@ fn of_effect(effect: &NamedEffect) -> String {
         .next()
         .map(|c| c.to_lowercase().to_string() + &meaning[c.len_utf8()..])
         .unwrap_or_default();
-    let unit = if effect.unit == "1" { String::new() } else { format!(" {}", effect.unit) };
-    format!(
-        "{} = {}{unit} ({} to {}): {lower}",
-        effect.id,
-        short(effect.value),
-        short(effect.low),
-        short(effect.high)
-    )
+    format!("{}: {lower}", value(effect))
+}
+
+/// The yaw rate where the effect tells in it, else the signal whose gap it shrinks most.
+fn told(shrink: &Shrink) -> Option<(&str, &Gap)> {
+    let share = |gap: &Gap| 1.0 - gap.effect / gap.before.max(1e-12);
+    let yaw = shrink.open_loop.get("yaw_rate").filter(|gap| share(gap) >= TELLING);
+    yaw.map(|gap| ("yaw_rate", gap)).or_else(|| {
+        let all = shrink.open_loop.iter().map(|(signal, gap)| (signal.as_str(), gap));
+        all.max_by(|a, b| share(a.1).total_cmp(&share(b.1)))
+    })
 }
 
 /// The verdict in at most three sentences.
@@ -51,9 +58,9 @@ pub fn verdict(
                 .iter()
                 .flat_map(|effect| effect.class.iter().filter(|id| **id != effect.id).map(String::as_str))
                 .collect();
-            if let Some(gap) = yaw {
+            if let Some((signal, gap)) = told(shrink) {
                 words += &format!(
-                    " On parts of the log held out, the yaw-rate gap shrinks by {:.0} % with it, and by {:.0} % with all \
+                    " On parts of the log held out, the gap of {signal} shrinks by {:.0} % with it, and by {:.0} % with all \
                      else adjusted within tolerance.",
                     percent(gap.effect, gap.before),
                     percent(gap.recalibrated, gap.before)
@@ -130,7 +137,10 @@ pub fn why(
         );
     }
     if behind < 0.0 {
-        return format!("explains {} more, too little for another effect", short(-behind));
+        return format!(
+            "explains {} more, too little for another effect, or by one too small to matter",
+            short(-behind)
+        );
     }
     if behind < calibration.class {
         return format!(

@@ -117,6 +117,7 @@ fn drive_and_diagnose() -> (CleanLog, Diagnosis) {
         separated_by: "fast steering, up to 2 Hz".into(),
         stage: Stage::Command,
         dominance: 2.4,
+        total: 0.118,
     };
     let report = Report {
         verdict: Verdict {

@@ -40,6 +40,8 @@ pub struct Drive {
     pub scored: Vec<bool>,
     /// What is compared.
     pub channels: Vec<Channel>,
+    /// Whether `ay` is that of a level frame (an inertial navigation unit), without gravity's share by roll.
+    pub levelled: bool,
 }
 
 impl Drive {
@@ -62,7 +64,9 @@ impl Drive {
                 from += 1;
                 continue;
             }
-            let to = (from..rows).find(|&i| !moving[i]).unwrap_or(rows);
+            // Blocks of a long log were put together: the motion starts anew where the clock jumps.
+            let jumps = |i: usize| i > from && (log.time[i] - log.time[i - 1]) > 1.5 * log.step;
+            let to = (from..rows).find(|&i| !moving[i] || jumps(i)).unwrap_or(rows);
             if (to - from) as f64 * log.step >= SHORTEST {
                 stretches.push((from, to));
                 let settled = from + (SETTLING / log.step).ceil() as usize;
@@ -99,6 +103,7 @@ impl Drive {
             stretches,
             scored,
             channels,
+            levelled: false,
         }
     }
 

@@ -3,7 +3,7 @@
 use super::channel::{CHANNELS, Channel};
 use super::drive::{Drive, LEAST_SPEED, at};
 use super::vehicle::ReplayVehicle;
-use crate::vehicle::{ReducedInput, ReducedOutput, ReducedStart, ReducedSteer, TruckEffects};
+use crate::vehicle::{GRAVITY, ReducedInput, ReducedOutput, ReducedStart, ReducedSteer, TruckEffects};
 
 /// Time over which heading, place and speed leak to the log's, s.
 pub const LEAK: f64 = 2.0;
@@ -140,7 +140,8 @@ pub fn replay<V: ReplayVehicle>(
                 }
             };
             put(Channel::YawRate, now.yaw_rate + fix(Channel::YawRate));
-            put(Channel::Ay, now.ay + fix(Channel::Ay));
+            let by_roll = if drive.levelled { GRAVITY * now.roll.sin() } else { 0.0 };
+            put(Channel::Ay, now.ay + fix(Channel::Ay) - by_roll);
             put(Channel::Vy, now.vy + fix(Channel::Vy));
             put(Channel::Roll, now.roll + fix(Channel::Roll));
             put(Channel::Steer, now.steer);
