@@ -27,8 +27,9 @@ const DRIFT: f64 = 0.2;
 const ENVIRONMENT: [&str; 4] = ["wind_x", "wind_y", "road_bank", "road_grade"];
 /// Tolerances of a vehicle in its reference log, besides what is named there: as many times the ordinary ones.
 const WIDE: f64 = 2.0;
-/// Candidates that are asked whether they matter.
+/// Candidates that are asked whether they matter, and evidence that is beyond the question.
 const LOOKED_AT: usize = 8;
+const PLAIN: f64 = 100.0;
 /// Steering that is no steering: deviation in rad.
 const STRAIGHT: f64 = 1e-3;
 
@@ -345,14 +346,18 @@ fn scores<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking) -> Scores {
 /// Puts candidates behind the others that hold an effect too small to matter: what explains a little of the model's form
 /// hides no cause.
 fn demote<V: ReplayVehicle>(problem: &Problem<V>, ranking: &mut Ranking, calibration: &Calibration) {
-    let notable =
-        |fit: &Fit| fit.freed.iter().all(|&i| dominance(problem, ranking, fit, i) > calibration.dominance);
-    let behind = |fits: &[Fit]| -> Vec<Fit> {
+    let notable = |fit: &Fit, without: f64| {
+        without - fit.cost > PLAIN
+            || fit.freed.iter().all(|&i| dominance(problem, ranking, fit, i) > calibration.dominance)
+    };
+    let behind = |fits: &[Fit], without: f64| -> Vec<Fit> {
         let (head, tail) = fits.split_at(fits.len().min(LOOKED_AT));
-        let (kept, small): (Vec<&Fit>, Vec<&Fit>) = head.iter().partition(|fit| notable(fit));
+        let (kept, small): (Vec<&Fit>, Vec<&Fit>) = head.iter().partition(|fit| notable(fit, without));
         kept.into_iter().chain(small).chain(tail).cloned().collect()
     };
-    let (singles, pairs) = (behind(&ranking.singles), behind(&ranking.pairs));
+    let singles = behind(&ranking.singles, ranking.none.cost);
+    let single = singles.first().map_or(ranking.none.cost, |best| best.cost);
+    let pairs = behind(&ranking.pairs, single);
     (ranking.singles, ranking.pairs) = (singles, pairs);
 }
 
