@@ -1,19 +1,17 @@
-//! Diagnoses simulated logs of our own plants, each with one effect (or a pair, or none) put in, or a recorded log.
+//! Diagnoses simulated logs of our own plants, each with one effect (or a pair, or none) put in.
 //!
 //! ```text
 //! diagnose_cases VEHICLE none COUNT SEED            sound logs
 //! diagnose_cases VEHICLE moderate|small SEED [ID..]  each effect of the library
 //! diagnose_cases VEHICLE pairs COUNT SEED           random pairs, moderate
-//! diagnose_cases VEHICLE log FILE [REFERENCE]        a recorded log as it is (clean, even clock)
 //! ```
+//!
+//! A last word `table` prints rows of a Markdown table, as in docs/results/diagnosis.md.
 
 use rfl_mpc::diagnose::simulated::{Conditions, SimulatedVehicle, drive, normal};
 use rfl_mpc::diagnose::{Diagnosis, Options, diagnose};
-use rfl_mpc::log::{CleanLog, DriveLog};
 use rfl_mpc::residual::Random;
 use rfl_mpc::vehicle::{BUILTIN_TRUCKS, TruckEffects, builtin, builtin_truck};
-use std::collections::BTreeMap;
-use std::path::Path;
 
 #[path = "diagnose_cases/values.rs"]
 mod values;
@@ -29,6 +27,10 @@ fn line(label: &str, truth: &[(String, f64)], found: &Diagnosis, seconds: f64) -
         in_class = truth.iter().all(|(id, _)| {
             report.verdict.effects.iter().any(|effect| effect.class.iter().any(|member| member == id))
         });
+    }
+    if std::env::args().next_back().is_some_and(|word| word == "table") {
+        println!("{}", row(label, truth, found, right, in_class));
+        return (right, in_class);
     }
     let mut text = format!("{label:34} {:?} p {:.2}", report.verdict.kind, report.verdict.probability);
     for effect in &report.verdict.effects {
@@ -65,6 +67,34 @@ fn line(label: &str, truth: &[(String, f64)], found: &Diagnosis, seconds: f64) -
     }
     println!("{}{} {text} {seconds:.1} s", if right { '+' } else { '-' }, if in_class { '+' } else { '-' });
     (right, in_class)
+}
+
+/// A case as a row: what was put in, what was named, error of the value, exact and in class, the gap that shrinks most.
+fn row(label: &str, truth: &[(String, f64)], found: &Diagnosis, right: bool, in_class: bool) -> String {
+    let report = &found.report;
+    let named: Vec<String> =
+        report.verdict.effects.iter().map(|effect| format!("`{}` {:.4}", effect.id, effect.value)).collect();
+    let error = truth.first().and_then(|(id, value)| {
+        let effect = report.verdict.effects.iter().find(|effect| effect.id == *id)?;
+        let neutral = TruckEffects::all().find(|it| it.id == *id).map_or(0.0, |it| it.neutral);
+        let from = if neutral.is_finite() { neutral } else { 0.0 };
+        Some(100.0 * ((effect.value - from) / (value - from) - 1.0).abs())
+    });
+    let share = |gap: &rfl_mpc::diagnose::Gap| 1.0 - gap.effect / gap.before.max(1e-12);
+    let most = report.shrink.open_loop.iter().max_by(|a, b| share(a.1).total_cmp(&share(b.1)));
+    let shrunk = most.map_or(String::new(), |(signal, gap)| {
+        let left = 100.0 * (1.0 - gap.recalibrated / gap.before.max(1e-12));
+        format!("`{signal}` {:.0} %, {left:.0} %", 100.0 * share(gap))
+    });
+    let yes = |it: bool| if it { "yes" } else { "no" };
+    format!(
+        "| {label} | {} | {} | {} | {} | {:.2} | {shrunk} |",
+        if named.is_empty() { format!("{:?}", report.verdict.kind) } else { named.join(", ") },
+        error.map_or("-".to_owned(), |error| format!("{error:.0} %")),
+        yes(right),
+        yes(in_class),
+        report.verdict.probability,
+    )
 }
 
 fn conditions(seed: u64, truck: bool) -> Conditions {
@@ -127,9 +157,10 @@ fn run<V: SimulatedVehicle>(vehicle: &V, arguments: &[String]) {
         }
         _ => {
             let seed = number(1, 1);
+            let chosen = arguments.iter().skip(2).any(|word| word != "table");
             for (k, &(id, moderate, little)) in VALUES.iter().enumerate() {
                 let known = V::TRUCK || rfl_mpc::vehicle::Effects::find(id).is_some();
-                if known && (arguments.len() < 3 || arguments[2..].iter().any(|wanted| wanted == id)) {
+                if known && (!chosen || arguments[2..].iter().any(|wanted| wanted == id)) {
                     let value = if small { little } else { moderate };
                     let value = match id {
                         "payload" if V::TRUCK => 5.0 * value,
@@ -144,123 +175,10 @@ fn run<V: SimulatedVehicle>(vehicle: &V, arguments: &[String]) {
     println!("{} cases: {} named right, {} within the class", counts.0, counts.1, counts.2);
 }
 
-fn read(file: &str) -> CleanLog {
-    let log = DriveLog::read(Path::new(file)).expect("a log");
-    let names = [
-        "steer_cmd",
-        "accel_cmd",
-        "x",
-        "y",
-        "yaw",
-        "vx",
-        "vy",
-        "yaw_rate",
-        "ax",
-        "ay",
-        "steer",
-        "roll",
-        "articulation",
-        "articulation_rate",
-    ];
-    let time = log.column("time").expect("time").to_vec();
-    let rows = (time[time.len() - 1] - time[0]) / 0.01;
-    let clock: Vec<f64> = (0..rows as usize).map(|i| time[0] + 0.01 * i as f64).collect();
-    let mut columns: BTreeMap<&'static str, Vec<f64>> = BTreeMap::new();
-    for name in names {
-        let Some(column) = log.column(name) else { continue };
-        let mut at = 0;
-        let even = clock.iter().map(|&t| {
-            while at + 2 < time.len() && time[at + 1] <= t {
-                at += 1;
-            }
-            let share = ((t - time[at]) / (time[at + 1] - time[at])).clamp(0.0, 1.0);
-            column[at] + share * (column[at + 1] - column[at])
-        });
-        columns.insert(name, even.collect());
-    }
-    let commanded = columns.contains_key("steer_cmd");
-    if !commanded {
-        let steer = columns["steer"].clone();
-        columns.insert("steer_cmd", steer);
-    }
-    let valid = vec![true; clock.len()];
-    CleanLog { step: 0.01, time: clock, columns, commanded, valid, findings: Vec::new() }
-}
-
-/// A log with something done to its steering column: `file`, or `file:shift=0.12`, `file:add=0.0175`, `file:times=1.1`.
-fn prepared(text: &str) -> CleanLog {
-    let (file, change) = text.split_once(':').unwrap_or((text, ""));
-    let mut log = read(file);
-    if let Some((what, by)) = change.split_once('=') {
-        let by: f64 = by.parse().expect("a number");
-        let steer = log.columns["steer"].clone();
-        let changed: Vec<f64> = (0..steer.len())
-            .map(|i| match what {
-                // The column shows now what the wheels do later.
-                "shift" => steer[(i + (by / log.step) as usize).min(steer.len() - 1)],
-                "add" => steer[i] + by,
-                _ => steer[i] * by,
-            })
-            .collect();
-        log.columns.insert("steer", changed.clone());
-        log.columns.insert("steer_cmd", changed);
-    }
-    log
-}
-
-fn recorded<V: SimulatedVehicle>(vehicle: &V, files: &[String]) {
-    let log = prepared(&files[0]);
-    let reference = files.get(1).map(|file| prepared(file));
-    let begin = std::time::Instant::now();
-    let found = diagnose(&log, reference.as_ref(), vehicle, &Options::default(), &|_, _| {}).expect("a log");
-    line(&files[0], &[], &found, begin.elapsed().as_secs_f64());
-    println!("{}", found.report.verdict.words);
-    for candidate in found.report.candidates.iter().take(14) {
-        println!(
-            "  {:40} {:?} {:.1}  {}",
-            candidate.effects.join(" + "),
-            candidate.values,
-            candidate.evidence,
-            candidate.why
-        );
-    }
-    for (signal, gap) in &found.report.shrink.open_loop {
-        println!(
-            "  {signal:18} {:.5} > {:.5} > {:.5}  learnable {:.5}  noise {:.5}",
-            gap.before,
-            gap.effect,
-            gap.recalibrated,
-            gap.learnable.unwrap_or(f64::NAN),
-            gap.noise
-        );
-    }
-    for (horizon, gaps) in &found.report.shrink.horizons {
-        for (signal, gap) in gaps {
-            println!(
-                "  {horizon} s {signal:14} {:.5} > {:.5} > {:.5}  noise {:.5}",
-                gap.before, gap.effect, gap.recalibrated, gap.noise
-            );
-        }
-    }
-    for it in &found.report.recalibration {
-        println!(
-            "  {:34} {:.5} -> {:.5} (tolerance {:.5}, deviation {:.5})",
-            it.parameter, it.given, it.value, it.tolerance, it.deviation
-        );
-    }
-    for it in &found.report.observability {
-        println!("  {:24} {} {}", it.effect, it.observable, it.why);
-    }
-    for place in found.report.places.iter().take(8) {
-        println!("  {place:?}");
-    }
-    println!("  {:?}", found.report.next_manoeuvre);
-}
-
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [vehicle, rest @ ..] = arguments.as_slice() else {
-        println!("usage: diagnose_cases VEHICLE none|moderate|small|pairs|log ...");
+        println!("usage: diagnose_cases VEHICLE none|moderate|small|pairs ... [table]");
         return;
     };
     if rest.is_empty() {
@@ -268,9 +186,9 @@ fn main() {
     }
     if BUILTIN_TRUCKS.contains(&vehicle.as_str()) {
         let truck = builtin_truck(vehicle).expect("built in");
-        if rest[0] == "log" { recorded(&truck, &rest[1..]) } else { run(&truck, rest) }
+        run(&truck, rest);
     } else {
         let car = builtin(vehicle).expect("built in");
-        if rest[0] == "log" { recorded(&car, &rest[1..]) } else { run(&car, rest) }
+        run(&car, rest);
     }
 }
