@@ -77,7 +77,7 @@ fn collect<P: Commanded<S, C>, const S: usize, const C: usize>(
             std::fs::File::create(&file).map_err(|error| format!("{}: {error}", file.display()))?,
         )?;
         let tracking = drive.tracking();
-        println!(
+        say!(
             "{}: {:.0} s, lateral error mean {:.4} m, max {:.4} m{}",
             file.display(),
             drive.duration(),
@@ -86,6 +86,6 @@ fn collect<P: Commanded<S, C>, const S: usize, const C: usize>(
             if drive.finished { "" } else { "; the road's end was NOT reached" }
         );
     }
-    println!("next: rfl train {}/*.csv --vehicle {}", args.out.display(), args.vehicle);
+    say!("next: rfl train {}/*.csv --vehicle {}", args.out.display(), args.vehicle);
     Ok(())
 }

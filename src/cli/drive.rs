@@ -229,10 +229,10 @@ fn report<const C: usize>(
     let all = drive.tracking();
     let StepTimes { step, look_up, condense, solve } = drive.times(sample_time);
     let driven = drive.duration();
-    println!("{:<16} {:>9} {:>9} {:>9} {:>8}", "lateral error", "mean m", "RMS m", "max m", "share %");
+    say!("{:<16} {:>9} {:>9} {:>9} {:>8}", "lateral error", "mean m", "RMS m", "max m", "share %");
     let line = |name: &str, metrics: &crate::simulate::TrackingMetrics| {
         let share = 100.0 * metrics.count as f64 / all.count.max(1) as f64;
-        println!("{name:<16} {:>9.4} {:>9.4} {:>9.4} {share:>8.1}", metrics.mae, metrics.rmse, metrics.max);
+        say!("{name:<16} {:>9.4} {:>9.4} {:>9.4} {share:>8.1}", metrics.mae, metrics.rmse, metrics.max);
     };
     line("whole drive", &all);
     let mut classes = serde_json::Map::new();
@@ -243,7 +243,7 @@ fn report<const C: usize>(
             classes.insert(class.name().to_string(), json!(metrics));
         }
     }
-    println!(
+    say!(
         "step time: mean {:.0} us, p99 {:.0} us, max {:.0} us, {} over Ts",
         1e6 * step.mean_s,
         1e6 * step.p99_s,
@@ -251,7 +251,7 @@ fn report<const C: usize>(
         step.missed
     );
     let end = if drive.finished { "road finished" } else { "stopped before the road's end" };
-    println!("{driven:.2} s driven in {wall:.2} s ({:.0} times real time), {end}", driven / wall);
+    say!("{driven:.2} s driven in {wall:.2} s ({:.0} times real time), {end}", driven / wall);
     if let Some(file) = &args.json {
         let value = json!({
             "variant": variant.name(), "tracking": all, "classes": classes, "duration": driven,

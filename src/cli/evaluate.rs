@@ -155,7 +155,7 @@ fn evaluate<P: Compared<S, C>, const S: usize, const C: usize>(
         let name = format!("{}{}", plant.name, if noise { "_noise" } else { "" });
         let file = out.join(format!("{name}.json"));
         if file.exists() {
-            println!("{name}: there already ({}); delete the file to repeat it", file.display());
+            say!("{name}: there already ({}); delete the file to repeat it", file.display());
             continue;
         }
         let bar = progress_bar(&name, 3.0 * rows.len() as f64, args.quiet);
@@ -188,7 +188,7 @@ fn evaluate<P: Compared<S, C>, const S: usize, const C: usize>(
     if args.sweep {
         let file = out.join("sweep.json");
         if file.exists() {
-            println!("sweep: there already ({}); delete the file to repeat it", file.display());
+            say!("sweep: there already ({}); delete the file to repeat it", file.display());
             return Ok(());
         }
         let steps = setting.sweep.map_or(0, |sweep| sweep.dead_times.len());
@@ -310,14 +310,14 @@ fn spread(values: impl Iterator<Item = f64>) -> (f64, f64) {
 
 /// Prints a table of outcomes; `base` is the mean error that PE is measured by.
 fn print_table<'a>(title: &str, base: f64, rows: impl Iterator<Item = (&'a str, &'a [Outcome])>) {
-    println!("{title:<18} {:>15} {:>8} {:>8} {:>8} {:>10}", "MAE (sd)", "RMSE", "max", "PE", "roughness");
+    say!("{title:<18} {:>15} {:>8} {:>8} {:>8} {:>10}", "MAE (sd)", "RMSE", "max", "PE", "roughness");
     for (row, outcomes) in rows {
         let mean = |value: fn(&Outcome) -> f64| spread(outcomes.iter().map(value)).0;
         let (mae, sd) = spread(outcomes.iter().map(|outcome| outcome.tracking.mae));
         let lost = outcomes.iter().filter(|outcome| outcome.lost).count();
         let note =
             if lost > 0 { format!("  diverged in {lost} of {}", outcomes.len()) } else { String::new() };
-        println!(
+        say!(
             "{row:<18} {:>8.2} ({:>4.2}) {:>8.2} {:>8.1} {:>8.1} {:>10.3}{note}",
             1e3 * mae,
             1e3 * sd,
@@ -335,10 +335,10 @@ fn mae_of(outcomes: &[Outcome]) -> f64 {
 
 fn print(condition: &Condition) {
     let noise = if condition.noise { "with" } else { "without" };
-    println!("\nplant {}, {noise} sensor noise, {} seeds", condition.plant, condition.effort.seeds);
-    println!("lateral error in mm, PE in % of the nominal MPC's mean; roughness: RMS steering rate in rad/s");
+    say!("\nplant {}, {noise} sensor noise, {} seeds", condition.plant, condition.effort.seeds);
+    say!("lateral error in mm, PE in % of the nominal MPC's mean; roughness: RMS steering rate in rad/s");
     if !condition.left_out.is_empty() {
-        println!("left out, for there is no such model of it: {}", condition.left_out.join(", "));
+        say!("left out, for there is no such model of it: {}", condition.left_out.join(", "));
     }
     let Some(nominal) = condition.rows.first() else { return };
     for (place, (protocol, base)) in nominal.protocols().into_iter().enumerate() {
@@ -357,7 +357,7 @@ fn print(condition: &Condition) {
 }
 
 fn print_sweep(points: &[SweepPoint]) {
-    println!("\nmean lateral error in mm over the dead time of the steering");
+    say!("\nmean lateral error in mm over the dead time of the steering");
     for point in points {
         let SweepPoint { dead_time, weights, row, outcome, .. } = point;
         let text = match outcome {
@@ -365,6 +365,6 @@ fn print_sweep(points: &[SweepPoint]) {
             Some(outcome) if outcome.lost => "diverged".to_owned(),
             Some(outcome) => format!("{:.2}", 1e3 * outcome.tracking.mae),
         };
-        println!("{weights:<10} {dead_time:>4.1} s {row:<14} {text}");
+        say!("{weights:<10} {dead_time:>4.1} s {row:<14} {text}");
     }
 }

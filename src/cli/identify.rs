@@ -280,7 +280,7 @@ fn report(
     args: &IdentifyArgs,
 ) -> Result<(), Box<dyn Error>> {
     let (what, unit) = if args.by_yaw_rate { ("yaw rate", "rad/s") } else { ("angle", "rad") };
-    println!(
+    say!(
         "{:<15} {:>11} {:>8} {:>8} {:>16} {:>12}",
         "model",
         "dead time s",
@@ -290,7 +290,7 @@ fn report(
         "explained %"
     );
     for (model, fit) in found {
-        println!(
+        say!(
             "{:<15} {:>11.4} {:>8.4} {:>8.4} {:>16.2e} {:>12.3}",
             model.name(),
             fit.actuator.dead_time,
@@ -300,10 +300,10 @@ fn report(
             100.0 * fit.explained
         );
     }
-    println!("to predict with it: rfl drive --variant actuator and");
+    say!("to predict with it: rfl drive --variant actuator and");
     for (model, fit) in found {
         let line = settings(fit).map(|(name, value)| format!("--set {name}={value}")).join(" ");
-        println!("  {:<15} {line}", model.name());
+        say!("  {:<15} {line}", model.name());
     }
     if let Some((_, best)) = found.first() {
         if !args.by_yaw_rate && (best.gain - 1.0).abs() > GAIN_ODD {

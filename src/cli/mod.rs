@@ -3,6 +3,11 @@
 //! A command is its arguments and a `run`. Whatever goes wrong is one line on standard error that says what, where
 //! and what to do. Exit status: 0 done, 1 bad input or a failure, 2 wrong usage.
 
+/// Prints a line; who has read enough of them (`rfl diagnose drive.csv | head -1`) ends the program in peace.
+macro_rules! say {
+    ($($words:tt)*) => { $crate::cli::line(format_args!($($words)*)) };
+}
+
 pub mod collect;
 pub mod course;
 pub mod diagnose;
@@ -90,6 +95,14 @@ pub fn main() -> ExitCode {
             eprintln!("error: {error}");
             ExitCode::FAILURE
         }
+    }
+}
+
+/// What `say!` does.
+fn line(words: std::fmt::Arguments) {
+    use std::io::Write;
+    if writeln!(std::io::stdout(), "{words}").is_err() {
+        std::process::exit(0);
     }
 }
 

@@ -43,15 +43,16 @@ pub fn run(args: &ParametersArgs) -> Result<(), Box<dyn Error>> {
     }
     if args.json {
         let all: Vec<Value> = found.iter().map(|(unit, variable)| as_json(unit, variable)).collect();
-        println!("{}", serde_json::to_string_pretty(&all)?);
+        say!("{}", serde_json::to_string_pretty(&all)?);
         return Ok(());
     }
-    println!("{:<16} {:<34} {:>12} {:<9} {:<20} meaning", "of", "name", "default", "unit", "range");
+    say!("{:<16} {:<34} {:>12} {:<9} {:<20} meaning", "of", "name", "default", "unit", "range");
     for (unit, variable) in found {
         let (default, symbol, range) = columns(&variable.kind);
-        println!(
+        say!(
             "{unit:<16} {:<34} {default:>12} {symbol:<9} {range:<20} {}",
-            variable.name, variable.description
+            variable.name,
+            variable.description
         );
     }
     Ok(())

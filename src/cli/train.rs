@@ -225,8 +225,8 @@ fn learn_all<P: Commanded<S, C>, const S: usize, const C: usize>(
     let data = read(&args.logs)?;
     let test = if args.test.is_empty() { None } else { Some(read(&args.test)?) };
     notes.extend(found(data.report()));
-    println!("{} rows, {} samples", data.report().rows, data.report().labels);
-    notes.iter().for_each(|note| println!("note: {note}"));
+    say!("{} rows, {} samples", data.report().rows, data.report().labels);
+    notes.iter().for_each(|note| say!("note: {note}"));
 
     let mut models = Vec::new();
     for (variant, file) in jobs(args, P::LEARNS_GP) {
@@ -251,12 +251,12 @@ fn learn_all<P: Commanded<S, C>, const S: usize, const C: usize>(
                 P::learn_gp(&data, test, &config, &file, &bar)?
             }
         });
-        println!("model: {}", file.display());
+        say!("model: {}", file.display());
     }
     let files: Vec<String> =
         jobs(args, P::LEARNS_GP).into_iter().map(|(_, file)| file.display().to_string()).collect();
     let car = if args.vehicle == BUILTIN[0] { String::new() } else { format!(" --vehicle {}", args.vehicle) };
-    println!("next: rfl drive --residual {}{car}, fmu-build --residual {}{car}", files[0], files.join(" "));
+    say!("next: rfl drive --residual {}{car}, fmu-build --residual {}{car}", files[0], files.join(" "));
     if let Some(file) = &args.json {
         let report = data.report();
         let value = json!({
@@ -352,10 +352,10 @@ fn right(text: &(impl AsRef<str> + ?Sized)) -> String {
 /// Prints the fit of a model, under a header if it is the first.
 fn show<const S: usize>(kind: Kind, report: &TrainReport<S>, first: bool) {
     if first {
-        println!("{:<28}{}", "RMS of one step", HEADINGS[..S].iter().map(right).collect::<String>());
+        say!("{:<28}{}", "RMS of one step", HEADINGS[..S].iter().map(right).collect::<String>());
     }
     let line = |name: &str, values: [f64; S]| {
-        println!("{name:<28}{}", values.map(|value| right(&format!("{value:.2e}"))).concat());
+        say!("{name:<28}{}", values.map(|value| right(&format!("{value:.2e}"))).concat());
     };
     if first {
         line("nominal, training", report.train.nominal_rmse);

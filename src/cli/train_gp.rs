@@ -25,8 +25,8 @@ pub fn learn(
     make_folder_of(file)?;
     trained.model.write(file)?;
     let report = &trained.report;
-    println!("{:<28} {:>10} {:>10}", "RMS of one step", "vy m/s", "r rad/s");
-    let line = |name: &str, [vy, r]: [f64; 2]| println!("{name:<28} {vy:>10.2e} {r:>10.2e}");
+    say!("{:<28} {:>10} {:>10}", "RMS of one step", "vy m/s", "r rad/s");
+    let line = |name: &str, [vy, r]: [f64; 2]| say!("{name:<28} {vy:>10.2e} {r:>10.2e}");
     line("nominal bicycle, training", report.train.nominal_rmse);
     line("gp_nmpc, training", report.train.rmse);
     if let Some(fit) = &report.test {

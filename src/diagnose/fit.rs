@@ -13,8 +13,8 @@ use super::problem::Problem;
 use super::replay::{Channel, ReplayVehicle};
 use nalgebra::{DMatrix, DVector};
 
-/// Standard deviation of the coordinate of what is freed: says next to nothing.
-const FREED: f64 = 12.0;
+/// Standard deviation of the coordinate of what is freed: effects of five units are ordinary.
+const FREED: f64 = 5.0;
 /// Steps of Gauss and Newton.
 const STEPS: usize = 6;
 

@@ -50,42 +50,45 @@ pub struct Knob {
     pub effect: Option<&'static Effect>,
 }
 
-/// Effects: id, unit of the coordinate, tolerance (both in the effect's unit), least coordinate, starts.
-const EFFECTS: &[(&str, f64, f64, f64, &[f64])] = &[
-    ("steer_delay", 0.02, 0.010, -10.0, &[1.0, 4.0, 9.0]),
-    ("steer_lag", 0.03, 0.010, -10.0, &[1.0, 4.0, 9.0]),
-    ("steer_rate_limit", 0.0, 0.0, 0.0, &[1.2, 2.0, 4.0]),
-    ("steer_backlash", 0.005, 0.0, 0.0, &[0.5, 2.0, 6.0]),
-    ("steer_offset", 0.005, 0.0017, -40.0, &[0.0]),
-    ("steer_gain", 0.05, 0.010, -10.0, &[0.0]),
-    ("tyre_stiffness_front", 0.1, 0.040, -8.0, &[0.0]),
-    ("tyre_stiffness_rear", 0.1, 0.040, -8.0, &[0.0]),
-    ("road_friction", 0.1, 0.040, -8.5, &[0.0, -3.0, -5.5]),
-    ("tyre_relaxation", 0.0, 0.25, -0.85, &[0.0, 1.0]),
-    ("payload", 0.0, 0.0, 0.0, &[1.0, 4.0]),
-    ("payload_x", 0.5, 0.0, -20.0, &[0.0]),
-    ("cg_shift", 0.05, 0.020, -10.0, &[0.0]),
-    ("yaw_inertia", 0.1, 0.050, -7.0, &[0.0]),
-    ("roll_stiffness", 0.1, 0.070, -7.0, &[0.0]),
-    ("road_bank", 0.01, 0.0044, -30.0, &[0.0]),
-    ("road_grade", 0.01, 0.0044, -30.0, &[0.0]),
-    ("wind_x", 3.0, 0.7, -15.0, &[0.0, 2.5, -2.5]),
-    ("wind_y", 3.0, 0.7, -15.0, &[0.0, 2.5, -2.5]),
-    ("drag", 0.2, 0.10, -5.0, &[0.0]),
-    ("drive_lag", 0.05, 0.030, -10.0, &[1.0, 4.0]),
-    ("drive_gain", 0.05, 0.020, -15.0, &[0.0]),
-    ("brake_pull", 0.0, 0.1, -30.0, &[0.0]),
-    ("yaw_rate_bias", 0.005, 0.0012, -40.0, &[0.0]),
-    ("lateral_accel_bias", 0.1, 0.030, -30.0, &[0.0]),
-    ("sensor_delay", 0.02, 0.005, -10.0, &[1.0, 4.0]),
-    ("speed_scale", 0.02, 0.005, -20.0, &[0.0]),
-    ("imu_lever_arm", 0.2, 0.050, -20.0, &[0.0]),
-    ("heading_misalignment", 0.01, 0.003, -40.0, &[0.0]),
-    ("trailer_payload", 0.0, 0.0, 0.0, &[1.0, 4.0]),
-    ("trailer_stiffness", 0.1, 0.040, -8.0, &[0.0]),
-    ("hitch_offset", 0.05, 0.020, -15.0, &[0.0]),
-    ("articulation_friction", 2000.0, 300.0, 0.0, &[1.0, 4.0]),
-    ("articulation_bias", 0.005, 0.002, -40.0, &[0.0]),
+type Row = (&'static str, f64, f64, f64, f64, &'static [f64]);
+
+/// Effects: id, unit of the coordinate, tolerance (both in the effect's unit), least and greatest coordinate, starts. No wind
+/// is stronger than a gale, no tyre is three times as stiff as its file: what needs that is another effect.
+const EFFECTS: &[Row] = &[
+    ("steer_delay", 0.02, 0.010, -10.0, 60.0, &[1.0, 4.0, 9.0]),
+    ("steer_lag", 0.03, 0.010, -10.0, 60.0, &[1.0, 4.0, 9.0]),
+    ("steer_rate_limit", 0.0, 0.0, 0.0, 60.0, &[1.2, 2.0, 4.0]),
+    ("steer_backlash", 0.005, 0.0, 0.0, 60.0, &[0.5, 2.0, 6.0]),
+    ("steer_offset", 0.005, 0.0017, -40.0, 60.0, &[0.0]),
+    ("steer_gain", 0.05, 0.010, -10.0, 60.0, &[0.0]),
+    ("tyre_stiffness_front", 0.1, 0.040, -7.0, 7.0, &[0.0]),
+    ("tyre_stiffness_rear", 0.1, 0.040, -7.0, 7.0, &[0.0]),
+    ("road_friction", 0.1, 0.040, -8.5, 4.0, &[0.0, -3.0, -5.5]),
+    ("tyre_relaxation", 0.0, 0.25, -0.85, 60.0, &[0.0, 1.0]),
+    ("payload", 0.0, 0.0, 0.0, 60.0, &[1.0, 4.0]),
+    ("payload_x", 0.5, 0.0, -20.0, 60.0, &[0.0]),
+    ("cg_shift", 0.05, 0.020, -7.0, 7.0, &[0.0]),
+    ("yaw_inertia", 0.1, 0.050, -7.0, 10.0, &[0.0]),
+    ("roll_stiffness", 0.1, 0.070, -7.0, 60.0, &[0.0]),
+    ("road_bank", 0.01, 0.0044, -30.0, 60.0, &[0.0]),
+    ("road_grade", 0.01, 0.0044, -30.0, 60.0, &[0.0]),
+    ("wind_x", 3.0, 0.7, -7.0, 7.0, &[0.0, 2.5, -2.5]),
+    ("wind_y", 3.0, 0.7, -7.0, 7.0, &[0.0, 2.5, -2.5]),
+    ("drag", 0.2, 0.10, -5.0, 60.0, &[0.0]),
+    ("drive_lag", 0.05, 0.030, -10.0, 60.0, &[1.0, 4.0]),
+    ("drive_gain", 0.05, 0.020, -15.0, 60.0, &[0.0]),
+    ("brake_pull", 0.0, 0.1, -30.0, 60.0, &[0.0]),
+    ("yaw_rate_bias", 0.005, 0.0012, -40.0, 60.0, &[0.0]),
+    ("lateral_accel_bias", 0.1, 0.030, -30.0, 60.0, &[0.0]),
+    ("sensor_delay", 0.02, 0.005, -10.0, 60.0, &[1.0, 4.0]),
+    ("speed_scale", 0.02, 0.005, -20.0, 60.0, &[0.0]),
+    ("imu_lever_arm", 0.2, 0.050, -20.0, 60.0, &[0.0]),
+    ("heading_misalignment", 0.01, 0.003, -40.0, 60.0, &[0.0]),
+    ("trailer_payload", 0.0, 0.0, 0.0, 60.0, &[1.0, 4.0]),
+    ("trailer_stiffness", 0.1, 0.040, -7.0, 7.0, &[0.0]),
+    ("hitch_offset", 0.05, 0.020, -15.0, 60.0, &[0.0]),
+    ("articulation_friction", 2000.0, 300.0, 0.0, 60.0, &[1.0, 4.0]),
+    ("articulation_bias", 0.005, 0.002, -40.0, 60.0, &[0.0]),
 ];
 
 /// Numbers of the vehicle: name in cars, in trucks; tolerance as a factor, or as a shift.
@@ -118,7 +121,7 @@ const PAYLOAD_UNIT: f64 = 0.05;
 pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -> Vec<Knob> {
     let (mass, _) = vehicle.mass_and_drag();
     let mut knobs = Vec::new();
-    for &(id, unit, tolerance, least, starts) in EFFECTS {
+    for &(id, unit, tolerance, least, most, starts) in EFFECTS {
         let Some(effect) = TruckEffects::all().find(|effect| effect.id == id) else { continue };
         let of_trailer = crate::vehicle::Effects::find(id).is_none();
         if of_trailer && !V::TRUCK || without.iter().any(|left_out| left_out == id) {
@@ -137,7 +140,7 @@ pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -
             _ => (Turns::Effect, unit, tolerance / unit),
         };
         let high = (effect.range.1 - effect.neutral) / unit;
-        let greatest = if matches!(turns, Turns::Effect) { high.min(60.0) } else { 60.0 };
+        let greatest = if matches!(turns, Turns::Effect) { high.min(most) } else { most };
         let least = if matches!(turns, Turns::Effect)
             && !matches!(id, "steer_delay" | "sensor_delay" | "steer_lag" | "drive_lag")
         {

@@ -31,16 +31,18 @@ fn print(effect: &Effect) {
     } else {
         "PassengerCar and SemiTrailerTruck"
     };
-    println!("{id}   {meaning}");
-    println!("  stage           {}", stage.name());
+    say!("{id}   {meaning}");
+    say!("  stage           {}", stage.name());
     if let Some(text) = Explanation::of(id) {
-        println!("  what it is      {}", text.what);
-        println!("  in a log        {}", text.shows);
-        println!("  confused with   {}", text.confused.join(", "));
-        println!("  what separates  {}", text.separates);
+        say!("  what it is      {}", text.what);
+        say!("  in a log        {}", text.shows);
+        say!("  confused with   {}", text.confused.join(", "));
+        say!("  what separates  {}", text.separates);
     }
-    println!(
+    say!(
         "  FMU parameter   effect.{id} of {fmu}, {} ... {} {}, neutral {neutral}\n",
-        range.0, range.1, unit.symbol
+        range.0,
+        range.1,
+        unit.symbol
     );
 }

@@ -185,13 +185,13 @@ where
     write(args, &diagnosis, &clean, &nominal, &steering, &files)?;
     let kind = diagnosis.report.verdict.kind;
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&diagnosis.report)?);
+        say!("{}", serde_json::to_string_pretty(&diagnosis.report)?);
     } else {
         terminal::print(&diagnosis.report);
-        println!("look at: {}", args.out.join("report.html").display());
+        say!("look at: {}", args.out.join("report.html").display());
         if !files.is_empty() {
             let file = args.out.join(CALIBRATED).with_extension("toml");
-            println!("next: rfl drive --vehicle {0}, rfl collect --vehicle {0}", file.display());
+            say!("next: rfl drive --vehicle {0}, rfl collect --vehicle {0}", file.display());
         }
     }
     Ok(ExitCode::from(status(kind)))

@@ -7,38 +7,43 @@ const SHOWN: usize = 5;
 
 /// Prints the answer.
 pub(super) fn print(report: &Report) {
-    println!("{}", report.verdict.headline());
-    println!("{}", report.verdict.words);
+    say!("{}", report.verdict.headline());
+    say!("{}", report.verdict.words);
     if !report.candidates.is_empty() {
-        println!("\n{:<44} {:>10}  why", "candidate", "evidence");
+        say!("\n{:<44} {:>10}  why", "candidate", "evidence");
         for candidate in report.candidates.iter().take(SHOWN) {
             let values = candidate.effects.iter().zip(&candidate.values);
             let named: Vec<String> = values.map(|(id, value)| format!("{id} = {}", short(*value))).collect();
-            println!("{:<44} {:>10.1}  {}", named.join(" and "), candidate.evidence, candidate.why);
+            say!("{:<44} {:>10.1}  {}", named.join(" and "), candidate.evidence, candidate.why);
         }
     }
     let shrink = &report.shrink;
     if !shrink.open_loop.is_empty() {
-        println!(
+        say!(
             "\n{:<16} {:>10} {:>10} {:>12} {:>10} {:>10}",
-            "RMS of the gap", "before", "effect", "recalibrated", "learnable", "noise"
+            "RMS of the gap",
+            "before",
+            "effect",
+            "recalibrated",
+            "learnable",
+            "noise"
         );
         let closed = shrink.closed_loop.iter().flatten();
         for (name, gap) in shrink.open_loop.iter().chain(closed) {
             let [before, effect, recalibrated, noise] =
                 [gap.before, gap.effect, gap.recalibrated, gap.noise].map(short);
             let learnable = gap.learnable.map_or("-".to_owned(), short);
-            println!("{name:<16} {before:>10} {effect:>10} {recalibrated:>12} {learnable:>10} {noise:>10}");
+            say!("{name:<16} {before:>10} {effect:>10} {recalibrated:>12} {learnable:>10} {noise:>10}");
         }
     }
     let grave = report.findings.iter().filter(|finding| finding.gravity > Gravity::Note);
     for finding in grave {
         let column = finding.signal.as_deref().map_or(String::new(), |signal| format!("{signal}: "));
         let word = if finding.gravity == Gravity::Suspicion { "suspicion" } else { "warning" };
-        println!("{word}: {column}{}", finding.words);
+        say!("{word}: {column}{}", finding.words);
     }
     if let Some(next) = &report.next_manoeuvre {
-        println!("next drive: {}: {}", next.name, next.how);
+        say!("next drive: {}: {}", next.name, next.how);
     }
 }
 
