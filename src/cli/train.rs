@@ -181,9 +181,7 @@ fn jobs(args: &TrainArgs) -> Vec<(ControlVariant, PathBuf)> {
     let in_folder =
         |folder: &Path, kind: ControlVariant| folder.join(kind.name()).with_extension(MODEL_EXTENSION);
     match (&args.all, &args.out) {
-        (Some(folder), _) => {
-            LEARNED.iter().map(|&kind| (kind, in_folder(folder, kind))).collect()
-        }
+        (Some(folder), _) => LEARNED.iter().map(|&kind| (kind, in_folder(folder, kind))).collect(),
         (None, Some(file)) => vec![(args.kind, file.clone())],
         (None, None) => vec![(args.kind, in_folder(MODELS.as_ref(), args.kind))],
     }
@@ -252,8 +250,7 @@ fn learn_all<P: Commanded<S, C>, const S: usize, const C: usize>(
         });
         println!("model: {}", file.display());
     }
-    let files: Vec<String> =
-        jobs(args).into_iter().map(|(_, file)| file.display().to_string()).collect();
+    let files: Vec<String> = jobs(args).into_iter().map(|(_, file)| file.display().to_string()).collect();
     let car = if args.vehicle == BUILTIN[0] { String::new() } else { format!(" --vehicle {}", args.vehicle) };
     println!("next: rfl drive --residual {}{car}, fmu-build --residual {}{car}", files[0], files.join(" "));
     if let Some(file) = &args.json {

@@ -5,9 +5,7 @@
 //! bends. A soft bound keeps it from jack-knifing.
 
 use super::controller::Measurement;
-use super::parameters::{
-    self, ControllerParametersFor, MpcParameters, SpeedController, SpeedParameters,
-};
+use super::parameters::{self, ControllerParametersFor, MpcParameters, SpeedController, SpeedParameters};
 use super::variant::ArticulatedModel;
 use super::vehicle::{Bound, ControlledVehicle, FurtherState, VehicleParameters};
 use super::{ControllerFor, LongitudinalParameters};

@@ -16,7 +16,8 @@ pub(super) use actuator::Actuated;
 pub(super) use linear::NominalWithResidual;
 pub use linear::{Residual, RollOut};
 pub use nonlinear::{
-    ArticulatedModel, ArticulatedRollOut, BicycleModel, BicycleRollOut, NonlinearModel, NonlinearRollOut, StepSpeed,
+    ArticulatedModel, ArticulatedRollOut, BicycleModel, BicycleRollOut, NonlinearModel, NonlinearRollOut,
+    StepSpeed,
 };
 
 use super::lateral::LateralInput;

@@ -66,8 +66,7 @@ impl<const D: usize, const O: usize> Samples<D, O> {
             let raw: Vec<Option<[f64; D]>> = stretch.iter().map(motion).collect();
             let mut run = 0;
             for i in 0..stretch.len().saturating_sub(1) {
-                let (Some(mut at), Some(next)) =
-                    (smooth(&raw, i, smoothing), smooth(&raw, i + 1, smoothing))
+                let (Some(mut at), Some(next)) = (smooth(&raw, i, smoothing), smooth(&raw, i + 1, smoothing))
                 else {
                     samples.left_out += 1;
                     run = 0;

@@ -54,9 +54,7 @@ pub(super) fn reach<V: GpVehicle<S, D, O>, const S: usize, const D: usize, const
         let samples = Samples::new(data, nominal, candidates[c]);
         let error = small(&samples, seed)
             .map(|outputs| {
-                judge.rollout(data, nominal, STEPS, |input| {
-                    std::array::from_fn(|o| outputs[o].mean(input).0)
-                })
+                judge.rollout(data, nominal, STEPS, |input| std::array::from_fn(|o| outputs[o].mean(input).0))
             })
             .unwrap_or([f64::INFINITY; O]);
         let score: f64 = (0..O).map(|o| (error[o] / without[o]).powi(2)).sum();

@@ -69,7 +69,8 @@ impl GpVehicle<6, TRUCK_INPUTS, TRUCK_GP_OUTPUTS> for Articulated {
     ) -> [f64; TRUCK_INPUTS] {
         const { assert!(TRUCK_INPUTS == ARTICULATED_PATH_STATES) };
         let [vx, vy, yaw_rate, articulation, articulation_rate, steer, accel] = *at;
-        let state = ArticulatedPathState::from([0.0, 0.0, 0.0, vy, yaw_rate, articulation, articulation_rate]);
+        let state =
+            ArticulatedPathState::from([0.0, 0.0, 0.0, vy, yaw_rate, articulation, articulation_rate]);
         // The body moves on any road as on a straight one.
         let held = HeldSpeed { path: speed, body: speed };
         let next = model.step_along(|_| [0.0; 2], &state, held, steer, sample_time).state;

@@ -102,7 +102,11 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
         Ok((model, None))
     }
 
-    fn learn_gp(&self, nmpc: &NmpcParameters, seed: usize) -> Result<GpOf<NominalOf<P, S, C>, S>, CompareError> {
+    fn learn_gp(
+        &self,
+        nmpc: &NmpcParameters,
+        seed: usize,
+    ) -> Result<GpOf<NominalOf<P, S, C>, S>, CompareError> {
         let config = GpConfig {
             friction: nmpc.friction,
             seed: seed as u64 + 1,

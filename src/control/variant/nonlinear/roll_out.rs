@@ -1,7 +1,7 @@
 //! The nonlinear prediction over a horizon, with derivatives: from a plan of the steering to the errors ahead.
 
-use crate::control::variant::Expected;
 use crate::control::truck::TRUCK_STATES;
+use crate::control::variant::Expected;
 use crate::nominal::{
     ARTICULATED_PATH_STATES, BICYCLE_STATES, Curvature, ERRORS, HeldSpeed, PathErrors, PathModel, PathStep,
     SingleTrackError,
