@@ -99,7 +99,8 @@ fn off_road_the_actuator_is_missed_and_not_the_nonlinearity() {
     let file = builtin_truck("truck_simulation").unwrap();
     let path = Arc::new(Route::TruckOffRoad.path().unwrap());
     let controller = TruckController::new(parameters(), path).unwrap();
-    let effects = TruckEffects { steer_delay: 0.04, steer_lag: 0.05, ..TruckEffects::default() };
+    let mut effects = TruckEffects::default();
+    (effects.vehicle.steer_delay, effects.vehicle.steer_lag) = (0.04, 0.05);
     let mut closed = TruckClosedLoop::at_start(controller, &file, &effects, 0.02).unwrap();
     let log = closed.drive(120.0, |_| ()).unwrap();
     let angle = log.column("steer");
