@@ -102,7 +102,7 @@ fn off_road_the_actuator_is_missed_and_not_the_nonlinearity() {
     let mut effects = TruckEffects::default();
     (effects.vehicle.steer_delay, effects.vehicle.steer_lag) = (0.04, 0.05);
     let mut closed = TruckClosedLoop::at_start(controller, &file, &effects, 0.02).unwrap();
-    let log = closed.drive(120.0, |_| ()).unwrap();
+    let log = closed.drive(60.0, |_| ()).unwrap();
     let angle = log.column("steer");
     let mean: Vec<f64> = angle.windows(2).map(|pair| 0.5 * (pair[0] + pair[1])).collect();
     for steps in [16, 60] {
