@@ -63,7 +63,8 @@ fn it_predicts_unseen_drives_of_a_car() {
 
 #[test]
 fn it_predicts_unseen_drives_of_a_truck() {
-    check_unseen::<Articulated, 6, _, _>(0.03);
+    // Seven inputs for as many points.
+    check_unseen::<Articulated, 6, _, _>(0.05);
 }
 
 #[test]

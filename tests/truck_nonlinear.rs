@@ -4,8 +4,8 @@
 use nalgebra::{SMatrix, SVector, Vector3};
 use rfl_mpc::control::{ArticulatedRollOut, StepSpeed};
 use rfl_mpc::nominal::{
-    ARTICULATED_PATH_STATES, ArticulatedPathState, ArticulatedSingleTrack, ArticulatedState, Bicycle,
-    ContinuousErrorModel, HeldSpeed, LateralVehicle, PathModel,
+    ArticulatedPathState, ArticulatedSingleTrack, ArticulatedState, Bicycle, ContinuousErrorModel, HeldSpeed,
+    LateralVehicle, PathModel,
 };
 use rfl_mpc::path::sudoku::Route;
 use rfl_mpc::residual::Random;
