@@ -11,6 +11,7 @@ use rfl_mpc::control::{
 use rfl_mpc::nominal::{Actuator, DeadTimeModel};
 use rfl_mpc::path::sudoku::Route;
 use rfl_mpc::path::{Closure, Path, Sample};
+use rfl_mpc::residual::gp::{self, GpConfig, Smoothing};
 use rfl_mpc::residual::{DataSet, Kind, TrainConfig, train};
 use rfl_mpc::simulate::TruckClosedLoop;
 use rfl_mpc::vehicle::{Articulated, TruckEffects, builtin_truck};
@@ -70,8 +71,8 @@ fn with_clarabel_a_control_step_allocates_at_most_once() {
     assert!(most.iter().all(|&count| count <= 1), "{most:?}");
 }
 
-/// A residual from half a minute of driving.
-fn residual() -> Residual<Articulated, TRUCK_STATES> {
+/// Half a minute of driving.
+fn collected() -> DataSet<Articulated, TRUCK_STATES> {
     let truck = builtin_truck("truck_simulation").unwrap();
     let mut parameters = TruckControllerParameters::for_truck(&truck);
     parameters.mpc.dither = 0.01;
@@ -79,10 +80,26 @@ fn residual() -> Residual<Articulated, TRUCK_STATES> {
     let controller = TruckController::new(parameters, path).unwrap();
     let mut closed = TruckClosedLoop::at_start(controller, &truck, &TruckEffects::default(), 0.02).unwrap();
     let log = closed.drive(30.0, |_| ()).unwrap().to_learn_from();
-    let data = DataSet::new(&[log], &parameters.vehicle.articulated(), parameters.mpc.data_config()).unwrap();
+    DataSet::new(&[log], &parameters.vehicle.articulated(), parameters.mpc.data_config()).unwrap()
+}
+
+fn residual(data: &DataSet<Articulated, TRUCK_STATES>) -> Residual<Articulated, TRUCK_STATES> {
     let config = TrainConfig { window: 20, trees: 3, ..TrainConfig::new(Kind::Rfl) };
-    let model = Arc::new(train(&data, None, &config, &|_| ()).unwrap().model);
+    let model = Arc::new(train(data, None, &config, &|_| ()).unwrap().model);
     Residual { model, propagation: Propagation::Propagated, roll_out: RollOut::Corrected }
+}
+
+/// A nonlinear model with a process of what it misses.
+fn corrected(data: &DataSet<Articulated, TRUCK_STATES>) -> ArticulatedModel {
+    let config = GpConfig {
+        smoothing: Smoothing::Fixed(0),
+        points: 30,
+        hyperparameter_samples: 100,
+        iterations: 5,
+        ..GpConfig::default()
+    };
+    let process = gp::train(data, None, &config, &|_| ()).unwrap().model;
+    ArticulatedModel { gp: Some(Arc::new(process)), ..ArticulatedModel::default() }
 }
 
 #[test]
@@ -91,12 +108,14 @@ fn a_truck_s_control_step_allocates_nothing_whatever_it_predicts_with() {
     let actuator = |dead_time_model| {
         PredictionModelFor::Actuator(Actuator { dead_time: 0.3, time_constant: 0.2, dead_time_model })
     };
+    let data = collected();
     let models = [
         PredictionModelFor::Nominal,
         actuator(DeadTimeModel::Exact),
         actuator(DeadTimeModel::Pade22),
-        PredictionModelFor::Residual(residual()),
+        PredictionModelFor::Residual(residual(&data)),
         PredictionModelFor::Bicycle(ArticulatedModel::default()),
+        PredictionModelFor::Bicycle(corrected(&data)),
     ];
     for model in models {
         let name = format!("{model:?}");

@@ -1,9 +1,15 @@
 //! The controllers as FMI units: parameters and files, sampling, saved states, errors; the car's and the truck's.
 
-use rfl_mpc::control::{ControlVariant, NominalTruck};
+use rfl_mpc::control::{ControlVariant, ControllerFor, NominalTruck, TruckControllerParameters};
 use rfl_mpc::fmi::{Causality, Context, Log, Model, ModelError, Severity, Value, Values};
 use rfl_mpc::fmu::{RflMpc, TruckRflMpc};
+use rfl_mpc::path::sudoku::Route;
+use rfl_mpc::residual::DataSet;
+use rfl_mpc::residual::gp::{GpConfig, Smoothing, train};
+use rfl_mpc::simulate::TruckClosedLoop;
+use rfl_mpc::vehicle::TruckEffects;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// A controller with a road for it, and a vehicle that is built in for it.
 trait Controller: Model {
@@ -310,27 +316,61 @@ fn the_articulation_steers_too() {
     assert!((steered(0.0, 0.2) - straight).abs() > 1e-6, "{straight}");
 }
 
+/// Files of a truck's and of a car's Gaussian process, learned of what their models miss in a minute of driving.
+fn processes(folder: &Path) -> [PathBuf; 2] {
+    let config = GpConfig {
+        smoothing: Smoothing::Fixed(0),
+        points: 20,
+        hyperparameter_samples: 100,
+        iterations: 5,
+        ..GpConfig::default()
+    };
+    let [truck, car] = ["truck.rflm", "car.rflm"].map(|name| folder.join(name));
+    let file = rfl_mpc::vehicle::builtin_truck("truck_simulation").unwrap();
+    let mut parameters = TruckControllerParameters::for_truck(&file);
+    parameters.mpc.dither = 0.01;
+    let path = Arc::new(Route::TruckUTurn.path().unwrap());
+    let controller = ControllerFor::new(parameters, path).unwrap();
+    let mut closed = TruckClosedLoop::at_start(controller, &file, &TruckEffects::default(), 0.02).unwrap();
+    let log = closed.drive(30.0, |_| ()).unwrap().to_learn_from();
+    let nominal = parameters.vehicle.articulated();
+    let data = DataSet::new(&[log.clone()], &nominal, parameters.mpc.data_config()).unwrap();
+    train(&data, None, &config, &|_| ()).unwrap().model.write(&truck).unwrap();
+    let nominal = rfl_mpc::vehicle::builtin("c_class").unwrap().single_track();
+    let data = DataSet::new(&[log], &nominal, parameters.mpc.data_config()).unwrap();
+    train(&data, None, &config, &|_| ()).unwrap().model.write(&car).unwrap();
+    [truck, car]
+}
+
 #[test]
-fn the_truck_has_nonlinear_mpc_and_says_that_no_process_is_learned_of_it() {
-    let declaration = TruckRflMpc::declaration();
-    let variant = &declaration.variables[Unit::<TruckRflMpc>::vr("variant")];
-    assert_eq!(variant.value_of("nmpc"), Ok(Value::Integer(8)));
-    let error = variant.value_of("gp_nmpc").unwrap_err();
-    assert!(error.contains("nmpc") && !error.contains("gp_nmpc"), "{error}");
-    let steered = |parameters: &[(&str, Value)]| {
+fn the_truck_has_nonlinear_mpc_with_and_without_a_process() {
+    let folder = tempfile::tempdir().unwrap();
+    let [truck, car] = processes(folder.path());
+    let unit = |parameters: &[(&str, Value)]| {
         let mut unit = Unit::<TruckRflMpc>::new();
         parameters.iter().for_each(|(name, value)| unit.set(name, value.clone()));
+        unit
+    };
+    let steered = |parameters: &[(&str, Value)]| {
+        let mut unit = unit(parameters);
         unit.initialize().unwrap();
         (0..20).for_each(|k| unit.step(k, 0.02));
         unit.real("steer_cmd")
     };
-    let nmpc = ("variant", Value::Integer(8));
+    let nmpc = ("variant", Value::Integer(ControlVariant::Nmpc as i32));
+    let gp_nmpc = ("variant", Value::Integer(ControlVariant::GpNmpc as i32));
+    let of = |file: &Path| ("residual.file", Value::String(file.display().to_string()));
     let slippery = [nmpc.clone(), ("nmpc.friction", Value::Real(0.2))];
     let (linear, nonlinear, slippery) = (steered(&[]), steered(&[nmpc]), steered(&slippery));
     assert!((nonlinear - linear).abs() < 0.05 && nonlinear != linear, "{nonlinear} {linear}");
     assert_ne!(slippery, nonlinear, "the friction counts");
-    let mut unit = Unit::<TruckRflMpc>::new();
-    unit.set("variant", Value::Integer(ControlVariant::GpNmpc as i32));
-    let error = unit.initialize().unwrap_err().to_string();
-    assert!(error.contains("gp_nmpc") && error.contains("none of a truck"), "{error}");
+    let learned = steered(&[gp_nmpc.clone(), of(&truck)]);
+    assert!((nonlinear - learned).abs() < 0.05 && nonlinear != learned, "{nonlinear} {learned}");
+    assert_eq!(learned, steered(&[of(&truck)]), "the file decides");
+
+    let refused = |parameters: &[(&str, Value)]| unit(parameters).initialize().unwrap_err().to_string();
+    let error = refused(&[gp_nmpc.clone()]);
+    assert!(error.contains("gp_nmpc") && error.contains("rfl train"), "{error}");
+    let error = refused(&[gp_nmpc, of(&car)]);
+    assert!(error.contains("car.rflm") && error.contains("a model for a car"), "{error}");
 }

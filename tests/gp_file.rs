@@ -2,27 +2,37 @@
 
 mod gp_plant;
 
-use gp_plant::{CONFIG, Plant, car, data};
+use gp_plant::{CONFIG, Known, Plant, car, data_of};
 use proptest::prelude::*;
-use rfl_mpc::residual::gp::{GpConfig, GpModel, INPUTS, Smoothing, train};
+use rfl_mpc::residual::gp::{
+    GpConfig, GpModel, GpModelFor, INPUTS, Smoothing, TRUCK_INPUTS, TruckGpModel, train,
+};
 use rfl_mpc::residual::{Expected, FileError, FileKind, Misfit, ResidualModel};
 use rfl_mpc::vehicle::SingleTrack;
 use std::sync::OnceLock;
 
+fn learned<V: Known<S, D, O>, const S: usize, const D: usize, const O: usize>() -> GpModelFor<V, D, O> {
+    let config = GpConfig {
+        friction: 0.9,
+        smoothing: Smoothing::Fixed(2),
+        points: 12,
+        hyperparameter_samples: 100,
+        starts: 1,
+        iterations: 10,
+        ..GpConfig::default()
+    };
+    let data = data_of::<V, S, D, O>(&Plant { lag: 0.1, noise: 1.0 }, 2, 300, 1);
+    train(&data, None, &config, &|_| ()).unwrap().model
+}
+
 fn model() -> &'static GpModel {
     static MODEL: OnceLock<GpModel> = OnceLock::new();
-    MODEL.get_or_init(|| {
-        let config = GpConfig {
-            friction: 0.9,
-            smoothing: Smoothing::Fixed(2),
-            points: 12,
-            hyperparameter_samples: 80,
-            starts: 1,
-            iterations: 10,
-            ..GpConfig::default()
-        };
-        train(&data(&Plant { lag: 0.1, noise: 1.0 }, 2, 300, 1), None, &config, &|_| ()).unwrap().model
-    })
+    MODEL.get_or_init(learned)
+}
+
+fn truck_model() -> &'static TruckGpModel {
+    static MODEL: OnceLock<TruckGpModel> = OnceLock::new();
+    MODEL.get_or_init(learned)
 }
 
 fn file() -> &'static [u8] {
@@ -61,6 +71,20 @@ fn it_comes_back_bit_for_bit() {
     let input = [9.0, 0.1, 0.2, 0.05, 0.3];
     assert_eq!(read.residual(&input), model().residual(&input));
     assert_eq!(read.variance(&input, &mut vec![]), model().variance(&input, &mut vec![]));
+
+    let bytes = truck_model().to_bytes().unwrap();
+    let read = TruckGpModel::from_bytes(&bytes).unwrap();
+    assert_eq!((&read, read.to_bytes().unwrap()), (truck_model(), bytes));
+    let input: [f64; TRUCK_INPUTS] = [9.0, 0.1, 0.2, 0.3, 0.01, 0.05, 0.3];
+    assert_eq!(read.residual(&input), truck_model().residual(&input));
+}
+
+#[test]
+fn a_process_of_another_kind_of_vehicle_is_refused() {
+    let error = TruckGpModel::from_bytes(file()).unwrap_err().to_string();
+    assert!(error.contains("a model for a car, and one for a truck is needed"), "{error}");
+    let error = GpModel::from_bytes(&truck_model().to_bytes().unwrap()).unwrap_err();
+    assert!(error.is_of_another_vehicle() && error.to_string().contains("one for a car"), "{error}");
 }
 
 #[test]
@@ -116,7 +140,11 @@ fn what_is_no_process_is_refused_with_the_reason() {
     assert!(edited("sample_time = 0.02", "sample_time = nan").contains("sample time"));
     assert!(edited("min_model_speed = 1.5", "min_model_speed = 0.0").contains("speed"));
     assert!(edited("points = 12", "points = 13").contains("dictionary"));
-    assert!(edited("name = \"accel\"", "name = \"bank\"").contains("5 inputs"));
+    assert!(edited("name = \"accel\"", "name = \"bank\"").contains("its inputs"));
+    assert!(
+        edited("name = \"yaw_rate\"\nunit = \"rad/s\"\nlength", "name = \"steer\"\nunit = \"rad/s\"\nlength")
+            .contains("outputs")
+    );
     assert!(edited("length_scales = [", "length_scales = [1.0, ").contains("length scale"));
     assert!(edited("signal = ", "signal = -").contains("hyperparameter"));
     assert!(edited("sample_time", "sampling_time").contains("sample_time"));

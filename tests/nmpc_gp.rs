@@ -1,18 +1,21 @@
-//! GP-NMPC: the prediction is the bicycle and the process, with true derivatives, and it drives better for it.
+//! GP-NMPC: the prediction is the nonlinear model and the process, with true derivatives, and it drives better for it; of a
+//! car and of a truck.
 
 mod nmpc;
 
-use nmpc::{controller, drive_bicycle, measure, with_model};
+use nalgebra::SVector;
+use nmpc::{controller, drive_articulated, drive_bicycle, measure, with_model};
 use rfl_mpc::control::{
-    BicycleModel, BicycleRollOut, Controller, ControllerError, ControllerParameters, LateralError,
-    PredictionModel, StepSpeed,
+    ArticulatedModel, BicycleModel, BicycleRollOut, Controller, ControllerError, ControllerParameters,
+    LateralError, NonlinearRollOut, PredictionModel, PredictionModelFor, StepReport, StepSpeed,
+    TruckController, TruckControllerParameters,
 };
-use rfl_mpc::nominal::{Bicycle, BicycleState};
+use rfl_mpc::nominal::{ArticulatedPathState, ArticulatedSingleTrack, Bicycle, BicycleState};
 use rfl_mpc::path::sudoku::Route;
 use rfl_mpc::path::{Closure, Path};
-use rfl_mpc::residual::gp::{GpConfig, GpModel, train};
+use rfl_mpc::residual::gp::{GpConfig, GpModel, GpModelFor, GpVehicle, TruckGpModel, train};
 use rfl_mpc::residual::{DataConfig, DataSet, Drive, Misfit};
-use rfl_mpc::vehicle::{SingleTrack, builtin};
+use rfl_mpc::vehicle::{Articulated, SingleTrack, builtin, builtin_truck};
 use std::sync::{Arc, OnceLock};
 
 fn car() -> SingleTrack {
@@ -40,30 +43,61 @@ fn process() -> Arc<GpModel> {
         .get_or_init(|| {
             let mut log = Drive { name: "collected".into(), ..Drive::default() };
             drive_bicycle(controller(|p| p.mpc.dither = 0.005), &truth(), |time, controller| {
-                let at = controller.report();
-                let row = [
-                    time,
-                    at.steer_cmd,
-                    at.e1,
-                    at.e1_rate,
-                    at.e2,
-                    at.e2_rate,
-                    controller.lateral().roll_out().unwrap().speed[0].planned,
-                    at.curvature,
-                    at.curvature_rate,
-                ];
-                log.columns_mut().into_iter().zip(row).for_each(|(column, value)| column.push(value));
+                let vx = controller.lateral().roll_out().unwrap().speed[0].planned;
+                push(&mut log, time, controller.report(), vx);
             });
-            let data =
-                DataSet::new(&[log], &car(), DataConfig { sample_time: 0.02, min_model_speed: 1.5 }).unwrap();
-            let config = GpConfig {
-                points: 150,
-                hyperparameter_samples: 200,
-                candidates: 1500,
-                starts: 2,
-                ..GpConfig::default()
-            };
-            Arc::new(train(&data, None, &config, &|_| ()).unwrap().model)
+            let data = DataSet::new(&[log], &car(), CONFIG).unwrap();
+            Arc::new(train(&data, None, &config(), &|_| ()).unwrap().model)
+        })
+        .clone()
+}
+
+const CONFIG: DataConfig = DataConfig { sample_time: 0.02, min_model_speed: 1.5 };
+
+fn config() -> GpConfig {
+    GpConfig { points: 150, hyperparameter_samples: 200, candidates: 1500, starts: 2, ..GpConfig::default() }
+}
+
+/// Adds a row to a log.
+fn push(log: &mut Drive, time: f64, at: &StepReport, vx: f64) {
+    let errors = [at.e1, at.e1_rate, at.e2, at.e2_rate];
+    let row = [[time, at.steer_cmd].as_slice(), &errors, &[vx, at.curvature, at.curvature_rate]].concat();
+    log.columns_mut().into_iter().zip(row).for_each(|(column, value)| column.push(value));
+}
+
+fn truck() -> Articulated {
+    builtin_truck("truck_simulation").unwrap().articulated()
+}
+
+/// What the truck really is: loaded, and softer in its tyres.
+fn true_truck() -> ArticulatedSingleTrack {
+    let Articulated { stiffness: [front, rear, trailer], mass2, .. } = truck();
+    let stiffness = [0.7 * front, 0.85 * rear, 0.75 * trailer];
+    ArticulatedSingleTrack::new(&Articulated { mass2: 1.3 * mass2, stiffness, ..truck() }, 0.8).unwrap()
+}
+
+/// The truck's controller on the U-turn's road.
+fn truck_controller(gp: Option<Arc<TruckGpModel>>, dither: f64) -> TruckController {
+    let mut parameters = TruckControllerParameters::for_truck(&builtin_truck("truck_simulation").unwrap());
+    parameters.mpc.dither = dither;
+    let path = Arc::new(Route::TruckUTurn.path().unwrap());
+    let model = PredictionModelFor::Bicycle(ArticulatedModel { gp, ..ArticulatedModel::default() });
+    TruckController::predicting_with(parameters, path, model).unwrap()
+}
+
+/// A process learned from a drive of the truck's nonlinear MPC with dither on the true truck.
+fn truck_process() -> Arc<TruckGpModel> {
+    static PROCESS: OnceLock<Arc<TruckGpModel>> = OnceLock::new();
+    PROCESS
+        .get_or_init(|| {
+            let mut log = Drive { name: "collected".into(), ..Drive::default() };
+            drive_articulated(truck_controller(None, 0.01), &true_truck(), |time, controller, told| {
+                push(&mut log, time, controller.report(), told.vx);
+                log.articulation.push(told.articulation);
+                log.articulation_rate.push(told.articulation_rate);
+            });
+            let data = DataSet::new(&[log], &truck(), CONFIG).unwrap();
+            Arc::new(train(&data, None, &config(), &|_| ()).unwrap().model)
         })
         .clone()
 }
@@ -89,24 +123,45 @@ fn it_drives_better_than_nonlinear_mpc_alone() {
 const HORIZON: usize = 16;
 
 #[test]
-fn a_step_is_the_bicycles_and_the_processs_with_their_derivatives() {
-    let (gp, path) = (process(), Path::from_samples(Route::SudokuTurns.samples(), Closure::Detect).unwrap());
-    let mut roll_out = BicycleRollOut::new(&car(), 1.0, Some(gp.clone()), 0.02, HORIZON).unwrap();
+fn a_truck_drives_better_than_with_nonlinear_mpc_alone() {
+    let without = drive_articulated(truck_controller(None, 0.0), &true_truck(), |_, _, _| ());
+    let mut outside = 0.0_f64;
+    let with = drive_articulated(truck_controller(Some(truck_process()), 0.0), &true_truck(), |_, at, _| {
+        outside += at.report().residual_outside;
+    });
+    assert!(with.mae < 0.5 * without.mae && with.max < 0.8 * without.max, "{with:?} {without:?}");
+    assert!(outside < 0.05 * with.count as f64, "{outside} of {} steps outside its training", with.count);
+}
+
+/// A prediction from `start` at 5 m/s, under a plan around a steering angle.
+fn check_step<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize>(
+    vehicle: &V,
+    gp: Arc<GpModelFor<V, N, O>>,
+    path: &Path,
+    start: SVector<f64, N>,
+) {
+    let mut roll_out = NonlinearRollOut::new(vehicle, 1.0, Some(gp.clone()), 0.02, HORIZON).unwrap();
     roll_out.speed.fill(StepSpeed::held(5.0));
-    roll_out.start = BicycleState::new(100.0, 0.05, -0.02, 0.05, 0.1);
+    roll_out.start = start;
     let plan: Vec<f64> = (0..HORIZON).map(|j| 0.05 + 0.02 * (0.5 * j as f64).sin()).collect();
-    roll_out.follow_anew(&path, &plan, true);
+    roll_out.follow_anew(path, &plan, true);
     assert_eq!(roll_out.outside_training(), 0.0);
-    let body = Bicycle::new(&car(), 1.0).unwrap().step(0.05, 0.1, 5.0, plan[0], 0.02).value;
-    let missed = gp.residual(&[5.0, 0.05, 0.1, plan[0], 0.0]).mean;
-    for o in 0..2 {
-        assert!((roll_out.state(0)[3 + o] - body[o] - missed[o]).abs() < 1e-12);
+    // Speed, the body's states, command, acceleration.
+    let mut input = [0.0; N];
+    input[1..N - 2].copy_from_slice(&start.as_slice()[3..]);
+    (input[0], input[N - 2]) = (5.0, plan[0]);
+    let body = V::step(&vehicle.nonlinear_model(1.0).unwrap(), &input, 5.0, 0.02);
+    let missed = gp.residual(&input).mean;
+    for place in 1..N - 2 {
+        let learned = V::OUTPUTS.iter().position(|output| *output == place).map_or(0.0, |o| missed[o]);
+        let gap = roll_out.state(0)[place + 2] - body[place] - learned;
+        assert!(gap.abs() < 1e-12, "{place}: {gap}");
     }
-    assert!(missed[0].abs() > 1e-4, "it learned something: {missed:?}");
-    let mut gain = vec![0.0; 4 * HORIZON * HORIZON];
-    roll_out.write_gain(&[0, 1, 2, 3], &mut gain);
+    assert!(missed.iter().all(|missed| missed.abs() > 1e-4), "it learned something: {missed:?}");
+    let mut gain = vec![0.0; S * HORIZON * HORIZON];
+    roll_out.write_gain(&(0..S).collect::<Vec<_>>(), &mut gain);
     let mut errors = |plan: &[f64]| -> Vec<f64> {
-        roll_out.follow(&path, plan);
+        roll_out.follow(path, plan);
         (0..HORIZON).flat_map(|j| roll_out.errors(j).iter().copied().collect::<Vec<_>>()).collect()
     };
     for column in 0..HORIZON {
@@ -116,12 +171,20 @@ fn a_step_is_the_bicycles_and_the_processs_with_their_derivatives() {
             errors(&plan)
         };
         let (up, down) = (moved(1e-5), moved(-1e-5));
-        for row in 0..4 * HORIZON {
+        for row in 0..S * HORIZON {
             let difference = (up[row] - down[row]) / 2e-5;
             let entry = gain[row * HORIZON + column];
             assert!((entry - difference).abs() < 1e-6, "row {row}, column {column}: {entry} {difference}");
         }
     }
+}
+
+#[test]
+fn a_step_is_the_models_and_the_processs_with_their_derivatives() {
+    let path = Path::from_samples(Route::SudokuTurns.samples(), Closure::Detect).unwrap();
+    check_step(&car(), process(), &path, BicycleState::new(100.0, 0.05, -0.02, 0.05, 0.1));
+    let (path, start) = (Route::TruckUTurn.path().unwrap(), [40.0, 0.05, -0.02, 0.05, 0.1, 0.1, 0.02]);
+    check_step(&truck(), truck_process(), &path, ArticulatedPathState::from(start));
 }
 
 #[test]

@@ -380,4 +380,12 @@ fn a_vehicle_without_a_nonlinear_model_says_so() {
     let error = choice.prediction_model(controller.parameters()).unwrap_err();
     assert!(matches!(error, ChoiceError::NoNonlinear { .. }), "{error}");
     assert!(error.to_string().contains("nmpc") && error.to_string().contains("toy"), "{error}");
+
+    // Nor is anything learned of one.
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("gp.rflm");
+    std::fs::write(&file, "rfl-gp 1 0 0 0\n").unwrap();
+    let choice = Choice { variant: ControlVariant::None, file: Some(file), ..choice };
+    let error = choice.prediction_model(controller.parameters()).unwrap_err();
+    assert!(matches!(error, ChoiceError::File(_)) && error.to_string().contains("toy has none"), "{error}");
 }

@@ -2,10 +2,10 @@
 //! derivatives, its steady state; and that the prediction along a path has the right derivatives.
 
 use nalgebra::{SMatrix, SVector, Vector3};
-use rfl_mpc::control::{NonlinearRollOut, StepSpeed};
+use rfl_mpc::control::{ArticulatedRollOut, StepSpeed};
 use rfl_mpc::nominal::{
-    ARTICULATED_PATH_STATES, ArticulatedPathState, ArticulatedSingleTrack, ArticulatedState, Bicycle,
-    ContinuousErrorModel, HeldSpeed, LateralVehicle, PathModel,
+    ArticulatedPathState, ArticulatedSingleTrack, ArticulatedState, Bicycle, ContinuousErrorModel, HeldSpeed,
+    LateralVehicle, PathModel,
 };
 use rfl_mpc::path::sudoku::Route;
 use rfl_mpc::residual::Random;
@@ -192,18 +192,17 @@ fn steady_cornering_is_an_equilibrium_and_at_small_angles_the_linear_one() {
 }
 
 const HORIZON: usize = 24;
-type RollOut = NonlinearRollOut<ArticulatedSingleTrack, 6, ARTICULATED_PATH_STATES>;
 
 #[test]
 fn gains_are_differences_of_the_prediction_over_the_horizon() {
     let path = Route::TruckTest.path().unwrap();
-    let errors = |roll_out: &mut RollOut, plan: &[f64]| -> Vec<f64> {
+    let errors = |roll_out: &mut ArticulatedRollOut, plan: &[f64]| -> Vec<f64> {
         roll_out.follow(&path, plan);
         (0..HORIZON).flat_map(|j| roll_out.errors(j).iter().copied().collect::<Vec<_>>()).collect()
     };
     // A slow start, where a control step is made of parts; saturating tyres; speed.
     for (friction, speed, station) in [(1.0, 1.5, 100.0), (0.3, 6.0, 200.0), (1.0, 12.0, 60.0)] {
-        let mut roll_out = RollOut::of_model(model(friction), None, 0.02, HORIZON);
+        let mut roll_out = ArticulatedRollOut::new(&truck(), friction, None, 0.02, HORIZON).unwrap();
         roll_out.speed.fill(StepSpeed::held(speed));
         roll_out.disturbance = [0.0, 1e-3, -5e-4, 2e-3, 1e-3, 0.0, 1e-3].into();
         roll_out.start = ArticulatedPathState::from([station, 0.3, -0.1, 0.1, 0.2, 0.4, -0.1]);

@@ -176,15 +176,12 @@ impl Tuning {
     }
 }
 
-/// Kinds to train, and the file of each; `nonlinear` says whether the vehicle has a nonlinear model to learn for.
-fn jobs(args: &TrainArgs, nonlinear: bool) -> Vec<(ControlVariant, PathBuf)> {
+/// Kinds to train, and the file of each.
+fn jobs(args: &TrainArgs) -> Vec<(ControlVariant, PathBuf)> {
     let in_folder =
         |folder: &Path, kind: ControlVariant| folder.join(kind.name()).with_extension(MODEL_EXTENSION);
     match (&args.all, &args.out) {
-        (Some(folder), _) => {
-            let kinds = LEARNED.iter().filter(|kind| nonlinear || kind.residual().is_some());
-            kinds.map(|&kind| (kind, in_folder(folder, kind))).collect()
-        }
+        (Some(folder), _) => LEARNED.iter().map(|&kind| (kind, in_folder(folder, kind))).collect(),
         (None, Some(file)) => vec![(args.kind, file.clone())],
         (None, None) => vec![(args.kind, in_folder(MODELS.as_ref(), args.kind))],
     }
@@ -229,7 +226,7 @@ fn learn_all<P: Commanded<S, C>, const S: usize, const C: usize>(
     notes.iter().for_each(|note| say!("note: {note}"));
 
     let mut models = Vec::new();
-    for (variant, file) in jobs(args, P::LEARNS_GP) {
+    for (variant, file) in jobs(args) {
         let bar = progress_bar(&format!("training {}", variant.name()), 1.0, args.quiet);
         let (test, first) = (test.as_ref(), models.is_empty());
         models.push(match variant.residual() {
@@ -253,8 +250,7 @@ fn learn_all<P: Commanded<S, C>, const S: usize, const C: usize>(
         });
         say!("model: {}", file.display());
     }
-    let files: Vec<String> =
-        jobs(args, P::LEARNS_GP).into_iter().map(|(_, file)| file.display().to_string()).collect();
+    let files: Vec<String> = jobs(args).into_iter().map(|(_, file)| file.display().to_string()).collect();
     let car = if args.vehicle == BUILTIN[0] { String::new() } else { format!(" --vehicle {}", args.vehicle) };
     say!("next: rfl drive --residual {}{car}, fmu-build --residual {}{car}", files[0], files.join(" "));
     if let Some(file) = &args.json {
@@ -345,7 +341,8 @@ fn found(report: &DataReport) -> Vec<String> {
 /// States of any vehicle that we know, with their units.
 const HEADINGS: [&str; 6] = ["e1 m", "e1' m/s", "e2 rad", "e2' rad/s", "phi rad", "phi' rad/s"];
 
-fn right(text: &(impl AsRef<str> + ?Sized)) -> String {
+/// In a column of a table.
+pub(super) fn right(text: &(impl AsRef<str> + ?Sized)) -> String {
     format!(" {:>10}", text.as_ref())
 }
 

@@ -1,20 +1,23 @@
-//! `rfl train --kind gp_nmpc`: Gaussian processes on what the nonlinear bicycle misses.
+//! `rfl train --kind gp_nmpc`: Gaussian processes on what a vehicle's nonlinear model misses.
 
-use super::train::{followed_by, make_folder_of};
+use super::train::{followed_by, make_folder_of, right};
 use crate::residual::DataSet;
-use crate::residual::gp::{GpConfig, GpFit, train};
+use crate::residual::gp::{GpConfig, GpFit, GpVehicle, train};
 use indicatif::ProgressBar;
 use serde_json::{Value, json};
 use std::error::Error;
 use std::path::Path;
 
+/// Outputs of any vehicle that we know, with their units.
+const HEADINGS: [&str; 3] = ["vy m/s", "r rad/s", "phi' rad/s"];
+
 /// Trains the processes, writes them to a file and prints their fit; gives it as JSON.
 ///
 /// # Errors
 /// Too little data, or a file that cannot be written.
-pub fn learn(
-    data: &DataSet,
-    test: Option<&DataSet>,
+pub fn learn<V: GpVehicle<S, D, O>, const S: usize, const D: usize, const O: usize>(
+    data: &DataSet<V, S>,
+    test: Option<&DataSet<V, S>>,
     config: &GpConfig,
     file: &Path,
     bar: &ProgressBar,
@@ -25,12 +28,14 @@ pub fn learn(
     make_folder_of(file)?;
     trained.model.write(file)?;
     let report = &trained.report;
-    say!("{:<28} {:>10} {:>10}", "RMS of one step", "vy m/s", "r rad/s");
-    let line = |name: &str, [vy, r]: [f64; 2]| say!("{name:<28} {vy:>10.2e} {r:>10.2e}");
-    line("nominal bicycle, training", report.train.nominal_rmse);
+    say!("{:<28}{}", "RMS of one step", HEADINGS[..O].iter().map(right).collect::<String>());
+    let line = |name: &str, values: [f64; O]| {
+        say!("{name:<28}{}", values.map(|value| right(&format!("{value:.2e}"))).concat());
+    };
+    line("nonlinear model, training", report.train.nominal_rmse);
     line("gp_nmpc, training", report.train.rmse);
     if let Some(fit) = &report.test {
-        line("nominal bicycle, test", fit.nominal_rmse);
+        line("nonlinear model, test", fit.nominal_rmse);
         line("gp_nmpc, test", fit.rmse);
     }
     Ok(json!({
@@ -42,6 +47,6 @@ pub fn learn(
     }))
 }
 
-fn as_json(fit: &GpFit) -> Value {
-    json!({"samples": fit.samples, "rmse": fit.rmse, "max": fit.max, "nominal_rmse": fit.nominal_rmse})
+fn as_json<const O: usize>(fit: &GpFit<O>) -> Value {
+    json!({"samples": fit.samples, "rmse": fit.rmse[..], "max": fit.max[..], "nominal_rmse": fit.nominal_rmse[..]})
 }

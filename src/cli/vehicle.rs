@@ -2,7 +2,7 @@
 
 use super::drive::{number, setting};
 use super::train_gp;
-use crate::control::{ControlledVehicle, ControllerParametersFor, TRUCK_STATES, VehicleParameters};
+use crate::control::{ControllerParametersFor, TRUCK_STATES, VehicleParameters};
 use crate::nominal::ERRORS;
 use crate::path::sudoku::Route;
 use crate::residual::DataSet;
@@ -23,8 +23,6 @@ pub(super) type Linear<P, const S: usize, const C: usize> =
 pub(super) trait Commanded<const S: usize, const C: usize>: Compared<S, C> {
     /// The road to be measured on.
     const TEST: Route;
-    /// Whether Gaussian processes are learned of what a nonlinear model misses.
-    const LEARNS_GP: bool = <Linear<Self, S, C> as ControlledVehicle<S>>::LEARNS_GP;
     /// Settings of a controller that collects drives to learn from: calmer than for driving.
     fn calm() -> Vec<(&'static str, f64)> {
         let Weights { q_e1_rate, q_e2, r_rate, .. } = Self::SETTING.calm;
@@ -34,7 +32,7 @@ pub(super) trait Commanded<const S: usize, const C: usize>: Compared<S, C> {
     /// Learns what a nonlinear model misses.
     ///
     /// # Errors
-    /// A vehicle of which none are learned; too little data; a file that cannot be written.
+    /// Too little data; a file that cannot be written.
     fn learn_gp(
         data: &DataSet<Linear<Self, S, C>, S>,
         test: Option<&DataSet<Linear<Self, S, C>, S>>,
@@ -62,13 +60,13 @@ impl Commanded<TRUCK_STATES, TRUCK_COLUMNS> for Truck {
     const TEST: Route = Route::TruckTest;
 
     fn learn_gp(
-        _: &DataSet<Articulated, TRUCK_STATES>,
-        _: Option<&DataSet<Articulated, TRUCK_STATES>>,
-        _: &GpConfig,
-        _: &Path,
-        _: &ProgressBar,
+        data: &DataSet<Articulated, TRUCK_STATES>,
+        test: Option<&DataSet<Articulated, TRUCK_STATES>>,
+        config: &GpConfig,
+        file: &Path,
+        bar: &ProgressBar,
     ) -> Result<Value, Box<dyn Error>> {
-        Err("gp_nmpc corrects the bicycle of a car, and is not learned of a truck: choose a kind with a linear model".into())
+        train_gp::learn(data, test, config, file, bar)
     }
 }
 

@@ -6,10 +6,9 @@
 use super::condense::Propagation;
 use super::parameters::ControllerParametersFor;
 use super::variant::{PredictionModelFor, Residual, RollOut};
-use super::vehicle::{ControlledVehicle, VehicleParameters};
+use super::vehicle::{ControlledVehicle, GpOf, Nonlinear, VehicleParameters};
 use crate::enumeration;
-use crate::nominal::{ERRORS, LateralVehicle};
-use crate::residual::gp::GpModel;
+use crate::nominal::{ERRORS, LateralVehicle as _};
 use crate::residual::{FileError, FileKind, Kind, ResidualModelFor};
 use crate::vehicle::SingleTrack;
 use std::path::{Path, PathBuf};
@@ -27,7 +26,7 @@ enumeration! {
         RflS = 6 "rfl_s", "With a learned residual: a forest that splits on speed and road only, its leaves linear in commands and road";
         Actuator = 7 "actuator", "The nominal model behind a steering actuator with known dead time and lag (actuator.*)";
         Nmpc = 8 "nmpc", "Nonlinear MPC on a single-track model with saturating tyres (nmpc.*)";
-        GpNmpc = 9 "gp_nmpc", "Nonlinear MPC with a learned model: Gaussian processes for what the bicycle misses";
+        GpNmpc = 9 "gp_nmpc", "Nonlinear MPC with a learned model: Gaussian processes for what the nonlinear model misses";
     }
 }
 
@@ -100,11 +99,6 @@ pub enum ChoiceError {
          model"
     )]
     NoNonlinear { variant: &'static str, vehicle: &'static str },
-    #[error(
-        "the variant gp_nmpc corrects the nonlinear model by Gaussian processes, and there are none of a {vehicle}: choose \
-         nmpc, or a learned variant with a linear model"
-    )]
-    NoGp { vehicle: &'static str },
 }
 
 /// A learned model of any kind for a car.
@@ -112,14 +106,14 @@ pub type LearnedModel = LearnedModelFor<SingleTrack, ERRORS>;
 
 /// A learned model of any kind for a kind of vehicle with `S` states.
 #[derive(Debug, Clone)]
-pub enum LearnedModelFor<V, const S: usize> {
+pub enum LearnedModelFor<V: ControlledVehicle<S>, const S: usize> {
     /// What the linear model misses.
     Residual(Arc<ResidualModelFor<V, S>>),
-    /// What the nonlinear bicycle misses.
-    Gp(Arc<GpModel>),
+    /// What the nonlinear model misses.
+    Gp(Arc<GpOf<V, S>>),
 }
 
-impl<V: LateralVehicle<S>, const S: usize> LearnedModelFor<V, S> {
+impl<V: ControlledVehicle<S>, const S: usize> LearnedModelFor<V, S> {
     /// Reads a model's file.
     ///
     /// # Errors
@@ -127,7 +121,7 @@ impl<V: LateralVehicle<S>, const S: usize> LearnedModelFor<V, S> {
     pub fn read(file: &Path) -> Result<Self, FileError> {
         let begin = std::fs::read(file).unwrap_or_default();
         match FileKind::of(&begin) {
-            Some(FileKind::Gp) => Ok(Self::Gp(Arc::new(GpModel::read(file)?))),
+            Some(FileKind::Gp) => Ok(Self::Gp(Arc::new(V::Nonlinear::read_gp(file)?))),
             // What is neither is refused in the words of the ordinary one.
             _ => Ok(Self::Residual(Arc::new(ResidualModelFor::read(file)?))),
         }
@@ -156,9 +150,6 @@ impl Choice {
         if matches!(variant, ControlVariant::Nmpc | ControlVariant::GpNmpc) {
             // A vehicle without a nonlinear model needs no file for one.
             nonlinear(variant, parameters, None)?;
-        }
-        if variant == ControlVariant::GpNmpc && !G::Vehicle::LEARNS_GP {
-            return Err(ChoiceError::NoGp { vehicle: G::Vehicle::KIND });
         }
         let file = match &self.file {
             Some(file) => file.clone(),
@@ -201,16 +192,10 @@ impl Choice {
 fn nonlinear<G: VehicleParameters<S>, const S: usize>(
     variant: ControlVariant,
     parameters: &ControllerParametersFor<G>,
-    gp: Option<Arc<GpModel>>,
+    gp: Option<Arc<GpOf<G::Vehicle, S>>>,
 ) -> Result<PredictionModelFor<G::Vehicle, S>, ChoiceError> {
-    let learned = gp.is_some();
-    let model = G::Vehicle::nonlinear(&parameters.nmpc, gp);
-    let vehicle = G::Vehicle::KIND;
-    let none = || match learned && !G::Vehicle::LEARNS_GP {
-        true => ChoiceError::NoGp { vehicle },
-        false => ChoiceError::NoNonlinear { variant: variant.name(), vehicle },
-    };
-    model.map(PredictionModelFor::Bicycle).ok_or_else(none)
+    let model = Nonlinear::of(&parameters.nmpc, gp).map(PredictionModelFor::Bicycle);
+    model.ok_or(ChoiceError::NoNonlinear { variant: variant.name(), vehicle: G::Vehicle::KIND })
 }
 
 #[cfg(test)]

@@ -72,7 +72,7 @@ pub use status::ControlStatus;
 pub use tracking_qp::{QpEnd, QpError, QpReport, QpShape, QpSolver, SoftBound, TrackingQp};
 pub use truck::{NominalTruck, TRUCK_STATES, TruckController, TruckControllerParameters};
 pub use variant::{
-    ArticulatedModel, BicycleModel, BicycleRollOut, Expected, NonlinearRollOut, PredictionModel,
-    PredictionModelFor, Residual, RollOut, StepSpeed, Timing,
+    ArticulatedModel, ArticulatedRollOut, BicycleModel, BicycleRollOut, Expected, NonlinearModel,
+    NonlinearRollOut, PredictionModel, PredictionModelFor, Residual, RollOut, StepSpeed, Timing,
 };
-pub use vehicle::{Bound, ControlledVehicle, FurtherState, Nonlinear, VehicleParameters};
+pub use vehicle::{Bound, ControlledVehicle, FurtherState, GpOf, Nonlinear, VehicleParameters};

@@ -5,18 +5,14 @@
 //! bends. A soft bound keeps it from jack-knifing.
 
 use super::controller::Measurement;
-use super::parameters::{
-    self, ControllerParametersFor, MpcParameters, NmpcParameters, SpeedController, SpeedParameters,
-};
+use super::parameters::{self, ControllerParametersFor, MpcParameters, SpeedController, SpeedParameters};
 use super::variant::ArticulatedModel;
 use super::vehicle::{Bound, ControlledVehicle, FurtherState, VehicleParameters};
 use super::{ControllerFor, LongitudinalParameters};
 use crate::nominal::{ArticulatedState, ErrorState};
 use crate::parameter::{OutOfRange, ParameterGroup};
 use crate::parameters;
-use crate::residual::gp::GpModel;
 use crate::vehicle::{Articulated, TruckParameters};
-use std::sync::Arc;
 
 /// States of a truck: its errors to the path, the articulation and its rate.
 pub const TRUCK_STATES: usize = 6;
@@ -34,12 +30,6 @@ impl ControlledVehicle<TRUCK_STATES> for Articulated {
         let Measurement { articulation, articulation_rate, .. } = *measurement;
         let [e1, e1_rate, e2, e2_rate] = (*errors).into();
         ArticulatedState::from([e1, e1_rate, e2, e2_rate, articulation, articulation_rate])
-    }
-
-    fn nonlinear(parameters: &NmpcParameters, gp: Option<Arc<GpModel>>) -> Option<ArticulatedModel> {
-        let NmpcParameters { friction, max_iterations } = *parameters;
-        // Gaussian processes are learned of a car: they know no articulation.
-        gp.is_none().then_some(ArticulatedModel { friction, max_iterations })
     }
 }
 

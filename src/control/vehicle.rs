@@ -9,10 +9,11 @@ use super::parameters::{MpcParameters, NmpcParameters, NominalVehicle};
 use super::variant::{BicycleModel, Variant};
 use crate::nominal::{ERRORS, ErrorState, LateralVehicle};
 use crate::parameter::{OutOfRange, ParameterGroup};
-use crate::residual::gp::GpModel;
+use crate::residual::{FileError, FileKind};
 use crate::vehicle::SingleTrack;
 use nalgebra::SVector;
 use std::convert::Infallible;
+use std::path::Path;
 use std::sync::Arc;
 
 /// A vehicle that the controller can drive.
@@ -20,23 +21,28 @@ pub trait ControlledVehicle<const S: usize>: LateralVehicle<S> {
     /// What the nonlinear variants predict with; [`Infallible`], which nobody can make, for a vehicle without them.
     type Nonlinear: Nonlinear<Self, S>;
 
-    /// Whether a Gaussian process can correct the nonlinear model.
-    const LEARNS_GP: bool = false;
-
     /// The model's state from the errors to the path and the measurement that they are of.
     fn state(errors: &ErrorState, measurement: &Measurement) -> SVector<f64, S>;
-
-    /// The nonlinear model by its parameters, with a learned Gaussian process or without; none for a vehicle that has
-    /// no such model, or none with a process.
-    #[must_use]
-    fn nonlinear(parameters: &NmpcParameters, gp: Option<Arc<GpModel>>) -> Option<Self::Nonlinear> {
-        let _ = (parameters, gp);
-        None
-    }
 }
+
+/// What is learned of what a vehicle's nonlinear model misses.
+pub type GpOf<V, const S: usize> = <<V as ControlledVehicle<S>>::Nonlinear as Nonlinear<V, S>>::Gp;
 
 /// A nonlinear model that a variant predicts with.
 pub trait Nonlinear<V, const S: usize>: std::fmt::Debug + Clone + Send + Sync {
+    /// The Gaussian process that corrects it; [`Infallible`] where there is none.
+    type Gp: std::fmt::Debug + Clone + Send + Sync;
+
+    /// The model by its parameters, with a learned process or without; none for a vehicle without nonlinear models.
+    #[must_use]
+    fn of(parameters: &NmpcParameters, gp: Option<Arc<Self::Gp>>) -> Option<Self>;
+
+    /// Reads a process's file.
+    ///
+    /// # Errors
+    /// A file that cannot be read or is no process of such a vehicle.
+    fn read_gp(file: &Path) -> Result<Self::Gp, FileError>;
+
     /// The variant for a vehicle.
     ///
     /// # Errors
@@ -44,7 +50,17 @@ pub trait Nonlinear<V, const S: usize>: std::fmt::Debug + Clone + Send + Sync {
     fn variant(self, vehicle: V, parameters: &MpcParameters) -> Result<Box<dyn Variant<S>>, LateralError>;
 }
 
-impl<V, const S: usize> Nonlinear<V, S> for Infallible {
+impl<V: LateralVehicle<S>, const S: usize> Nonlinear<V, S> for Infallible {
+    type Gp = Infallible;
+
+    fn of(_: &NmpcParameters, _: Option<Arc<Infallible>>) -> Option<Self> {
+        None
+    }
+
+    fn read_gp(_: &Path) -> Result<Infallible, FileError> {
+        Err(FileError::NoneOfVehicle { found: FileKind::Gp, vehicle: V::KIND })
+    }
+
     fn variant(self, _: V, _: &MpcParameters) -> Result<Box<dyn Variant<S>>, LateralError> {
         match self {}
     }
@@ -104,15 +120,9 @@ pub struct Bound {
 
 impl ControlledVehicle<ERRORS> for SingleTrack {
     type Nonlinear = BicycleModel;
-    const LEARNS_GP: bool = true;
 
     fn state(errors: &ErrorState, _: &Measurement) -> ErrorState {
         *errors
-    }
-
-    fn nonlinear(parameters: &NmpcParameters, gp: Option<Arc<GpModel>>) -> Option<BicycleModel> {
-        let NmpcParameters { friction, max_iterations } = *parameters;
-        Some(BicycleModel { friction, max_iterations, gp })
     }
 }
 

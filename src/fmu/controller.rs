@@ -83,8 +83,6 @@ pub trait ControllerUnit<const S: usize>: VehicleParameters<S> + Send + 'static 
     const WHAT: &'static str;
     /// What the controller is told.
     const INPUTS: &'static [Told];
-    /// The variants that there are: number, name, meaning.
-    const VARIANTS: &'static [(i32, &'static str, &'static str)];
     /// Steps of the prediction that are outputs; longer horizons are allowed.
     const SHOWN: usize;
 
@@ -280,7 +278,7 @@ fn declare<U: ControllerUnit<S>, const S: usize>() -> (Declaration, Variables) {
         "Path to follow: a CSV file, absolute or in the FMU's resources",
     ));
     let vehicle_file = d.add(vehicle_file_parameter::<U::File>(U::WHAT));
-    let variant = Kind::Enumeration { type_name: "Variant", items: U::VARIANTS, start: 0 };
+    let variant = Kind::Enumeration { type_name: "Variant", items: ControlVariant::ITEMS, start: 0 };
     let variant = d.add(Variable::parameter_of(
         variant,
         "variant",

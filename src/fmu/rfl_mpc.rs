@@ -1,7 +1,7 @@
 //! `RflMpc`: the car's controller as an FMU.
 
 use super::controller::{ControllerFmu, ControllerUnit, Group, TOLD_OF_A_BODY, Told};
-use crate::control::{ControlVariant, ControllerParameters, NominalVehicle, SHOWN_HORIZON};
+use crate::control::{ControllerParameters, NominalVehicle, SHOWN_HORIZON};
 use crate::nominal::ERRORS;
 use crate::vehicle::CarParameters;
 
@@ -15,7 +15,6 @@ impl ControllerUnit<ERRORS> for NominalVehicle {
                                        limits";
     const WHAT: &'static str = "car";
     const INPUTS: &'static [Told] = &TOLD_OF_A_BODY;
-    const VARIANTS: &'static [(i32, &'static str, &'static str)] = ControlVariant::ITEMS;
     const SHOWN: usize = SHOWN_HORIZON;
 
     type File = CarParameters;

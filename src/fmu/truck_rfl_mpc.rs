@@ -1,7 +1,7 @@
 //! `TruckRflMpc`: the truck's controller as an FMU.
 
 use super::controller::{ControllerFmu, ControllerUnit, Group, TOLD_OF_A_BODY, Told};
-use crate::control::{ControlVariant, NominalTruck, TRUCK_STATES, TruckControllerParameters};
+use crate::control::{NominalTruck, TRUCK_STATES, TruckControllerParameters};
 use crate::signal;
 use crate::vehicle::{TruckParameters, VehicleParameters};
 
@@ -31,9 +31,6 @@ impl ControllerUnit<TRUCK_STATES> for NominalTruck {
                                        articulation, speed and lag error by an MPC of their own";
     const WHAT: &'static str = "truck";
     const INPUTS: &'static [Told] = &TOLD;
-    // No Gaussian process is learned of a truck.
-    const VARIANTS: &'static [(i32, &'static str, &'static str)] =
-        ControlVariant::ITEMS.split_at(ControlVariant::GpNmpc as usize).0;
     const SHOWN: usize = 60;
 
     type File = TruckParameters;

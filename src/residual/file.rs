@@ -59,7 +59,7 @@ impl std::fmt::Display for FileKind {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
             Self::Residual => "a residual of the linear model (trees, leaves)",
-            Self::Gp => "a Gaussian process on the nonlinear bicycle model",
+            Self::Gp => "a Gaussian process on a nonlinear model",
         })
     }
 }
@@ -104,6 +104,14 @@ pub enum FileError {
         found: String,
         /// Whose was asked for.
         wanted: &'static str,
+    },
+    /// A model of a kind that this vehicle has none of.
+    #[error("holds {found}, and a {vehicle} has none: train a residual of its linear model")]
+    NoneOfVehicle {
+        /// What the file holds.
+        found: FileKind,
+        /// The vehicle.
+        vehicle: &'static str,
     },
     /// The first line is damaged.
     #[error("its first line is damaged: `{line}`; copy the file again, or train anew")]

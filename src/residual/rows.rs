@@ -3,10 +3,12 @@
 
 use serde::de::{Deserialize, Deserializer, Error, SeqAccess, Visitor};
 use serde::ser::{Serialize, SerializeTuple, Serializer};
+use std::marker::PhantomData;
 
-struct Row<T>(T);
+/// One row: an array, or a borrowed one.
+pub(super) struct Row<R>(pub R);
 
-impl<const S: usize> Serialize for Row<&[f64; S]> {
+impl<T: Serialize, const S: usize> Serialize for Row<&[T; S]> {
     fn serialize<Z: Serializer>(&self, serializer: Z) -> Result<Z::Ok, Z::Error> {
         let mut tuple = serializer.serialize_tuple(S)?;
         self.0.iter().try_for_each(|value| tuple.serialize_element(value))?;
@@ -14,19 +16,19 @@ impl<const S: usize> Serialize for Row<&[f64; S]> {
     }
 }
 
-impl<'de, const S: usize> Deserialize<'de> for Row<[f64; S]> {
+impl<'de, T: Deserialize<'de> + Default, const S: usize> Deserialize<'de> for Row<[T; S]> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Values<const S: usize>;
+        struct Values<T, const S: usize>(PhantomData<T>);
 
-        impl<'de, const S: usize> Visitor<'de> for Values<S> {
-            type Value = [f64; S];
+        impl<'de, T: Deserialize<'de> + Default, const S: usize> Visitor<'de> for Values<T, S> {
+            type Value = [T; S];
 
             fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-                write!(f, "{S} numbers")
+                write!(f, "{S} values")
             }
 
-            fn visit_seq<A: SeqAccess<'de>>(self, mut values: A) -> Result<[f64; S], A::Error> {
-                let mut row = [0.0; S];
+            fn visit_seq<A: SeqAccess<'de>>(self, mut values: A) -> Result<[T; S], A::Error> {
+                let mut row: [T; S] = std::array::from_fn(|_| T::default());
                 for (i, value) in row.iter_mut().enumerate() {
                     *value = values.next_element()?.ok_or_else(|| A::Error::invalid_length(i, &self))?;
                 }
@@ -34,7 +36,7 @@ impl<'de, const S: usize> Deserialize<'de> for Row<[f64; S]> {
             }
         }
 
-        deserializer.deserialize_tuple(S, Values::<S>).map(Row)
+        deserializer.deserialize_tuple(S, Values(PhantomData)).map(Row)
     }
 }
 

@@ -5,30 +5,20 @@ What is missing or wrong is said.
 
 from __future__ import annotations
 
-import csv
 import shutil
-import subprocess
 import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 from closed_loop import drive
-from instance import CLOCKED, ERROR, OK, WARNING, Instance, Library
+from instance import ERROR, OK, WARNING, Instance, Library
+from native import assert_same, read_log, run, settings
 
 KINDS = {"linear": 1, "rt": 2, "rf": 3, "rtl": 4, "rfl": 5, "rfl_s": 6, "gp_nmpc": 9}
 SLOW = {"effect.steer_lag": 0.1, "effect.steer_delay": 0.06}
 ACTUATOR = {"actuator.dead_time": 0.06, "actuator.time_constant": 0.1}
 ROAD, SECONDS = "hairpin_circuit.csv", 12.0
-
-
-def run(rfl: Path, *arguments) -> None:
-    result = subprocess.run([str(a) for a in (rfl, *arguments)], capture_output=True, text=True, check=False)
-    assert result.returncode == 0, result.stdout + result.stderr
-
-
-def settings(values: dict[str, object]) -> list[str]:
-    return [text for name, value in values.items() for text in ("--set", f"{name}={value}")]
 
 
 @pytest.fixture(scope="module")
@@ -62,22 +52,13 @@ def controller(fmus, models, tmp_path_factory) -> Path:
 def natively(rfl, road: Path, log: Path, *arguments) -> dict[str, np.ndarray]:
     command = ["drive", "--quiet", "--path", road, "--duration", SECONDS, "--log", log, *settings(SLOW), *arguments]
     run(rfl, *command)
-    with open(log, newline="") as file:
-        header, *rows = csv.reader(file)
-    return dict(zip(header, np.array(rows, dtype=float).T))
+    return read_log(log)
 
 
 def in_fmpy(controller: Path, fmus: Path, road: Path, **parameters) -> dict[str, np.ndarray]:
     values = SLOW | {name.replace("__", "."): value for name, value in parameters.items()}
     car = fmus / "PassengerCar.fmu"
     return drive(road, duration=SECONDS, settings=values, controller_fmu=controller, vehicle_fmu=car).columns
-
-
-def assert_same(a: dict[str, np.ndarray], b: dict[str, np.ndarray]) -> None:
-    shared = set(a) & set(b) - {CLOCKED}
-    assert {"steer_cmd", "x", "e1", "station"} <= shared
-    for name in shared:
-        assert np.array_equal(a[name], b[name]), name
 
 
 @pytest.mark.parametrize("variant", ["none", *KINDS, "actuator", "nmpc"])

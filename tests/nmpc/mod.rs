@@ -1,9 +1,11 @@
-//! A nonlinear MPC on the right and left turn of the Sudoku course.
+//! A nonlinear MPC on the right and left turn of the Sudoku course, and a truck that is the nonlinear model itself.
 
 #![allow(dead_code)]
 
-use rfl_mpc::control::{BicycleModel, Controller, ControllerParameters, Measurement, PredictionModel};
-use rfl_mpc::nominal::Bicycle;
+use rfl_mpc::control::{
+    BicycleModel, Controller, ControllerParameters, Measurement, PredictionModel, TruckController,
+};
+use rfl_mpc::nominal::{ArticulatedPathState, ArticulatedSingleTrack, Bicycle, HeldSpeed, PathModel};
 use rfl_mpc::path::sudoku::Route;
 use rfl_mpc::path::{Closure, Path};
 use rfl_mpc::simulate::{ClosedLoop, TrackingMetrics};
@@ -90,6 +92,47 @@ pub fn drive_bicycle(
             car.vx = (car.vx + dt * report.accel_cmd).max(0.5);
             (car.vy, car.yaw_rate, car.steer) = (vy, yaw_rate, report.steer_cmd);
         }
+    }
+    panic!("the end of the road is not reached");
+}
+
+/// Drives a truck that is the nonlinear model itself to the end of the road. `watch` sees the controller, and what it was told,
+/// after each step. Gives the lateral tracking error.
+pub fn drive_articulated(
+    mut controller: TruckController,
+    plant: &ArticulatedSingleTrack,
+    mut watch: impl FnMut(f64, &TruckController, &Measurement),
+) -> TrackingMetrics {
+    let path = controller.path().clone();
+    let (mut state, mut vx) = (ArticulatedPathState::zeros(), 2.0);
+    let (mut errors, mut steer) = (Vec::new(), 0.0);
+    for k in 0..10_000 {
+        let [station, e1, e2, vy, yaw_rate, articulation, articulation_rate] = state.into();
+        let at = path.at(station);
+        let (sin, cos) = at.yaw.sin_cos();
+        let measurement = Measurement {
+            x: at.x - e1 * sin,
+            y: at.y + e1 * cos,
+            yaw: at.yaw + e2,
+            vx,
+            vy,
+            yaw_rate,
+            steer,
+            articulation,
+            articulation_rate,
+        };
+        let report = *controller.step(&measurement).unwrap();
+        errors.push(report.e1);
+        watch(0.02 * f64::from(k), &controller, &measurement);
+        if report.finished {
+            return TrackingMetrics::of(errors);
+        }
+        steer = report.steer_cmd;
+        let next = (vx + 0.02 * report.accel_cmd).max(0.5);
+        let held = HeldSpeed { path: 0.5 * (vx + next), body: 0.5 * (vx + next) };
+        let road = |station: f64| [path.curvature(station), path.curvature_rate(station)];
+        state = plant.step_along(road, &state, held, steer, 0.02).state;
+        vx = next;
     }
     panic!("the end of the road is not reached");
 }

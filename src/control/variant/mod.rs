@@ -6,7 +6,7 @@
 //! |---|---|
 //! | `linear.rs` | the nominal linear model, with or without a learned residual |
 //! | `actuator.rs` | the nominal linear model behind a known steering actuator |
-//! | `nonlinear/` | a nonlinear model, of a car with or without a Gaussian process, by sequential quadratic programming |
+//! | `nonlinear/` | a nonlinear model, with or without a Gaussian process, by sequential quadratic programming |
 
 mod actuator;
 mod linear;
@@ -15,7 +15,10 @@ mod nonlinear;
 pub(super) use actuator::Actuated;
 pub(super) use linear::NominalWithResidual;
 pub use linear::{Residual, RollOut};
-pub use nonlinear::{ArticulatedModel, BicycleModel, BicycleRollOut, NonlinearRollOut, StepSpeed};
+pub use nonlinear::{
+    ArticulatedModel, ArticulatedRollOut, BicycleModel, BicycleRollOut, NonlinearModel, NonlinearRollOut,
+    StepSpeed,
+};
 
 use super::lateral::LateralInput;
 use super::parameters::MpcParameters;
@@ -42,7 +45,7 @@ pub enum PredictionModelFor<V: ControlledVehicle<S>, const S: usize> {
     Residual(Residual<V, S>),
     /// The linear single track behind a steering actuator with known dead time and lag.
     Actuator(Actuator),
-    /// The nonlinear model: nonlinear MPC. Of a car the bicycle, with or without a learned Gaussian process; of a truck the
+    /// The nonlinear model, with or without a learned Gaussian process: nonlinear MPC. Of a car the bicycle, of a truck the
     /// single track of tractor and semi-trailer.
     Bicycle(V::Nonlinear),
 }

@@ -1,10 +1,16 @@
-//! A Gaussian process on what a nonlinear bicycle model misses: the learned model of GP-NMPC.
+//! A Gaussian process on what a nonlinear model misses: the learned model of GP-NMPC.
 //!
-//! Over one control step, with the process's inputs `z = [vx, vy, r, steer_cmd, accel]`,
+//! Over one control step of a car, with the process's inputs `z = [vx, vy, r, steer_cmd, accel]`,
 //!
 //! ```text
 //! [vy, r]_{k+1} = bicycle([vy, r]_k, vx_k, steer_k, Ts) + d(z_k),    d_o ~ GP(0, k_o)
 //! k_o(a, b)     = sf^2 exp(-1/2 sum_d ((a_d - b_d) / l_d)^2),         labels with noise sn^2
+//! ```
+//!
+//! and of a truck, with the articulation `phi` between tractor and semi-trailer, `z = [vx, vy, r, phi, phi', steer_cmd, accel]`,
+//!
+//! ```text
+//! [vy, r, phi']_{k+1} = articulated([vy, r, phi, phi']_k, vx_k, steer_k, Ts) + d(z_k)
 //! ```
 //!
 //! one process for each output, with length scales, signal and noise of its own. The residual of vx, which the sources
@@ -26,6 +32,7 @@
 //! | `dictionary.rs` | which points to keep |
 //! | `sparse.rs` | the process through a dictionary, from all samples |
 //! | `dot.rs` | mean and gradient, fast |
+//! | `vehicle.rs` | which vehicles, and what is learned of each |
 //! | `samples.rs` | inputs and labels from drives |
 //! | `smoothing.rs` | how much noise to take from recorded states (program only) |
 //! | `train.rs` | from drives to a model and a report of its fit (program only) |
@@ -46,16 +53,27 @@ mod smoothing;
 mod sparse;
 #[cfg(feature = "cli")]
 mod train;
+mod vehicle;
+
+/// Inputs of a car's process: vx, vy, yaw rate, steering command, longitudinal acceleration.
+pub const INPUTS: usize = 5;
+/// Its outputs: what the bicycle misses of vy and of the yaw rate over one control step.
+pub const GP_OUTPUTS: usize = 2;
+/// Inputs of a truck's: those of a car, with the articulation and its rate behind the yaw rate.
+pub const TRUCK_INPUTS: usize = 7;
+/// Its outputs: those of a car, and the rate of the articulation.
+pub const TRUCK_GP_OUTPUTS: usize = 3;
 
 pub use dictionary::choose;
 pub use exact::{Exact, LikelihoodGradient};
 #[cfg(feature = "cli")]
 pub use fit::{FitConfig, Fitted, fit};
 pub use kernel::Kernel;
-pub use model::{GpModel, GpOutput, GpResidual, GpSchema, GpTraining};
-pub use samples::{GP_OUTPUTS, INPUTS, Samples};
+pub use model::{GpModel, GpModelFor, GpOutput, GpResidual, GpSchema, GpTraining, TruckGpModel};
+pub use samples::Samples;
 #[cfg(feature = "cli")]
 pub use smoothing::{STEPS, Smoothing};
 pub use sparse::{MAX_POINTS, Sparse};
 #[cfg(feature = "cli")]
 pub use train::{GpConfig, GpFit, GpReport, GpTrainError, GpTrained, train};
+pub use vehicle::GpVehicle;

@@ -3,16 +3,17 @@
 //! At each step of the horizon the nonlinear controller predicts with
 //!
 //! ```text
-//! [vy, r]_{k+1} = bicycle([vy, r]_k, vx_k, steer_k, Ts) + mean(vx, vy, r, steer, accel)_k
+//! [vy, r, ..]_{k+1} = model([vy, r, ..]_k, vx_k, steer_k, Ts) + mean(vx, vy, r, .., steer, accel)_k
 //! ```
 //!
 //! and asks for the mean and its derivatives by the inputs. Nothing is allocated. Far from all data the mean is zero:
 //! the nominal model.
 
 use super::sparse::Sparse;
-use super::{GP_OUTPUTS, INPUTS};
+use super::{GP_OUTPUTS, INPUTS, TRUCK_GP_OUTPUTS, TRUCK_INPUTS};
+use crate::nominal::LateralVehicle;
 use crate::residual::model::{Expected, Misfit, Range, same};
-use crate::vehicle::SingleTrack;
+use crate::vehicle::{Articulated, SingleTrack};
 use serde::{Deserialize, Serialize};
 
 /// What was learned of one output: the readable part.
@@ -51,78 +52,91 @@ pub struct GpTraining {
 
 /// What a process is, apart from its numbers: the readable head of its file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct GpSchema {
+pub struct GpSchema<V = SingleTrack> {
     /// Time between control steps, s.
     pub sample_time: f64,
     /// Speed below which the nominal model was held, m/s.
     pub min_model_speed: f64,
-    /// Friction coefficient of the nominal bicycle model.
+    /// Friction coefficient of the nonlinear nominal model.
     pub friction: f64,
-    /// The vehicle of the nominal bicycle model.
-    pub vehicle: SingleTrack,
+    /// The vehicle of the nonlinear nominal model.
+    pub vehicle: V,
     /// From what the process was learned.
     pub training: GpTraining,
     /// Ranges of the inputs in training.
     pub inputs: Vec<Range>,
-    /// What was learned of vy and of the yaw rate.
+    /// What was learned of each output.
     pub outputs: Vec<GpOutput>,
 }
 
 /// What the nominal model misses over one step.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct GpResidual {
-    /// Of vy, m/s, and yaw rate, rad/s.
-    pub mean: [f64; GP_OUTPUTS],
-    /// Derivatives of each by vx, vy, yaw rate, steering command, longitudinal acceleration.
-    pub gradient: [[f64; INPUTS]; GP_OUTPUTS],
+pub struct GpResidual<const D: usize = INPUTS, const O: usize = GP_OUTPUTS> {
+    /// Of vy, m/s, and yaw rate, rad/s, and what else the vehicle's process corrects.
+    pub mean: [f64; O],
+    /// Derivatives of each by the inputs.
+    pub gradient: [[f64; D]; O],
 }
 
-/// A learned Gaussian process.
+/// A process learned of a car: inputs `[vx, vy, yaw_rate, steer_cmd, accel]`, outputs `[vy, yaw_rate]`.
+pub type GpModel = GpModelFor<SingleTrack, INPUTS, GP_OUTPUTS>;
+
+/// A process learned of a truck: inputs `[vx, vy, yaw_rate, articulation, articulation_rate, steer_cmd, accel]`, outputs
+/// `[vy, yaw_rate, articulation_rate]`.
+pub type TruckGpModel = GpModelFor<Articulated, TRUCK_INPUTS, TRUCK_GP_OUTPUTS>;
+
+/// A learned Gaussian process with `D` inputs and `O` outputs.
 #[derive(Debug, Clone, PartialEq)]
-pub struct GpModel {
-    pub(super) schema: GpSchema,
-    pub(super) outputs: [Sparse<INPUTS>; GP_OUTPUTS],
+pub struct GpModelFor<V, const D: usize, const O: usize> {
+    pub(super) schema: GpSchema<V>,
+    /// `O` of them.
+    pub(super) outputs: Vec<Sparse<D>>,
 }
 
-impl GpModel {
+impl<V, const D: usize, const O: usize> GpModelFor<V, D, O> {
     /// What the process is.
     #[must_use]
-    pub fn schema(&self) -> &GpSchema {
+    pub fn schema(&self) -> &GpSchema<V> {
         &self.schema
     }
 
-    /// The process of each output: vy, yaw rate.
+    /// The process of each output.
     #[must_use]
-    pub fn outputs(&self) -> &[Sparse<INPUTS>; GP_OUTPUTS] {
+    pub fn outputs(&self) -> &[Sparse<D>] {
         &self.outputs
     }
 
-    /// The residual at vx, m/s, vy, m/s, yaw rate, rad/s, steering command, rad, longitudinal acceleration, m/s2.
+    /// The residual at vx, m/s, vy, m/s, yaw rate, rad/s, the body's further states, steering command, rad, longitudinal
+    /// acceleration, m/s2.
     #[must_use]
-    pub fn residual(&self, input: &[f64; INPUTS]) -> GpResidual {
-        let found = self.outputs.each_ref().map(|output| output.mean(input));
+    pub fn residual(&self, input: &[f64; D]) -> GpResidual<D, O> {
+        let found: [(f64, [f64; D]); O] = std::array::from_fn(|o| self.outputs[o].mean(input));
         GpResidual { mean: found.map(|(mean, _)| mean), gradient: found.map(|(_, gradient)| gradient) }
     }
 
     /// Variance of each noise-free residual. `room` is made once, as an empty vector; it grows at the first call.
-    pub fn variance(&self, input: &[f64; INPUTS], room: &mut Vec<f64>) -> [f64; GP_OUTPUTS] {
-        self.outputs.each_ref().map(|output| output.variance(input, room))
+    pub fn variance(&self, input: &[f64; D], room: &mut Vec<f64>) -> [f64; O] {
+        std::array::from_fn(|o| self.outputs[o].variance(input, room))
     }
 
     /// How far the worst input lies outside its range in training, in widths of that range; 0 inside.
     #[must_use]
-    pub fn excess(&self, input: &[f64; INPUTS]) -> f64 {
+    pub fn excess(&self, input: &[f64; D]) -> f64 {
         self.schema.inputs.iter().zip(input).map(|(range, &x)| range.excess(x)).fold(0.0, f64::max)
     }
 
-    /// Whether the process was learned for such a controller, whose bicycle model has this friction coefficient. A window
+    /// Whether the process was learned for such a controller, whose nonlinear model has this friction coefficient. A window
     /// does not matter: there is none.
     ///
     /// # Errors
     /// The first difference that matters.
-    pub fn check_fits(&self, expected: &Expected, friction: f64) -> Result<(), Misfit> {
-        let GpSchema { vehicle, sample_time, min_model_speed, friction: model, .. } = self.schema;
-        expected.check(&vehicle, sample_time, min_model_speed)?;
+    pub fn check_fits<const S: usize>(&self, expected: &Expected<V>, friction: f64) -> Result<(), Misfit>
+    where
+        V: LateralVehicle<S>,
+    {
+        let GpSchema { vehicle, sample_time, min_model_speed, friction: model, .. } = &self.schema;
+        let model = *model;
+        expected.check(vehicle, *sample_time, *min_model_speed)?;
         if !same(model, friction) {
             return Err(Misfit::Friction { model, controller: friction });
         }

@@ -1,29 +1,27 @@
-//! From drives to what a Gaussian process learns: states of a bicycle model and what that model missed.
+//! From drives to what a Gaussian process learns: states of a nonlinear model and what that model missed.
 //!
 //! The drives' errors and rates give the vehicle's lateral velocity and yaw rate : with `e1' = vx sin e2 + vy cos e2` and `e2' = r - kappa s'`,
 //!
 //! ```text
 //! vy = (e1' - vx sin e2) / cos e2,   s' = (vx cos e2 - vy sin e2) / (1 - kappa e1),   r = e2' + kappa s'
-//! label_k = [vy, r]_{k+1} - bicycle([vy, r]_k, vx_k, steer_k, Ts)
+//! label_k = [vy, r, ..]_{k+1} - model([vy, r, ..]_k, vx_k, steer_k, Ts)
 //! ```
+//!
+//! What a vehicle has behind its errors to the path is recorded as it is.
 
-use crate::nominal::{Bicycle, ERRORS};
+use super::vehicle::GpVehicle;
+use crate::nominal::ERRORS;
 use crate::residual::dataset::{self, DataSet, Row};
 
-/// Inputs of the process: vx, vy, yaw rate, steering command, longitudinal acceleration.
-pub const INPUTS: usize = 5;
-/// Its outputs: what the bicycle model misses of vy and of the yaw rate over one control step.
-pub const GP_OUTPUTS: usize = 2;
-
 /// Inputs and labels, and how many steps gave none.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Samples {
-    /// Inputs: m/s, m/s, rad/s, rad, m/s2.
-    pub inputs: Vec<[f64; INPUTS]>,
-    /// Labels: m/s, rad/s.
-    pub labels: Vec<[f64; GP_OUTPUTS]>,
-    /// States as recorded: m/s, rad/s.
-    recorded: Vec<[f64; GP_OUTPUTS]>,
+#[derive(Debug, Clone, PartialEq)]
+pub struct Samples<const D: usize, const O: usize> {
+    /// Inputs: m/s, m/s, rad/s, then the vehicle's own, then rad, m/s2.
+    pub inputs: Vec<[f64; D]>,
+    /// Labels, in the units of the outputs.
+    pub labels: Vec<[f64; O]>,
+    /// Outputs as recorded at the beginning of the step.
+    recorded: Vec<[f64; O]>,
     /// Samples before this one in its uninterrupted run.
     before: Vec<usize>,
     /// Steps left out because the vehicle stood across the path or at its centre of curvature.
@@ -34,9 +32,10 @@ pub struct Samples {
 /// errors.
 const LEAST: f64 = 0.2;
 
-/// Lateral velocity, m/s, and yaw rate, rad/s, of a row.
-fn motion(row: &Row<ERRORS>) -> Option<[f64; GP_OUTPUTS]> {
-    let ([e1, e1_rate, e2, e2_rate], [vx, curvature, _]) = (row.state, row.road);
+/// The body's states of a row, in their places among the inputs; the others are 0.
+fn motion<const S: usize, const D: usize>(row: &Row<S>) -> Option<[f64; D]> {
+    let (state, [vx, curvature, _]) = (&row.state, row.road);
+    let (e1, e1_rate, e2, e2_rate) = (state[0], state[1], state[2], state[3]);
     let (sin, cos) = e2.sin_cos();
     let radius = 1.0 - curvature * e1;
     if cos < LEAST || radius < LEAST {
@@ -44,22 +43,30 @@ fn motion(row: &Row<ERRORS>) -> Option<[f64; GP_OUTPUTS]> {
     }
     let vy = (e1_rate - vx * sin) / cos;
     let speed = (vx * cos - vy * sin) / radius;
-    Some([vy, e2_rate + curvature * speed])
+    let mut at = [0.0; D];
+    (at[1], at[2]) = (vy, e2_rate + curvature * speed);
+    at[3..S - 1].copy_from_slice(&state[ERRORS..]);
+    Some(at)
 }
 
-impl Samples {
-    /// The samples of all drives, for a nominal model on the data's vehicle, with velocity and yaw rate smoothed over
+impl<const D: usize, const O: usize> Samples<D, O> {
+    /// The samples of all drives, for a nominal model of the data's vehicle, with the body's states smoothed over
     /// `smoothing` rows on each side.
     #[must_use]
-    pub fn new(data: &DataSet, nominal: &Bicycle, smoothing: usize) -> Self {
-        let mut samples = Self::default();
+    pub fn new<V: GpVehicle<S, D, O>, const S: usize>(
+        data: &DataSet<V, S>,
+        nominal: &V::Model,
+        smoothing: usize,
+    ) -> Self {
+        const { assert!(D == S + 1, "speed, body, command, acceleration") };
+        let mut samples =
+            Self { inputs: vec![], labels: vec![], recorded: vec![], before: vec![], left_out: 0 };
         let sample_time = data.config.sample_time;
         for stretch in data.stretches() {
-            let raw: Vec<Option<[f64; GP_OUTPUTS]>> = stretch.iter().map(motion).collect();
+            let raw: Vec<Option<[f64; D]>> = stretch.iter().map(motion).collect();
             let mut run = 0;
             for i in 0..stretch.len().saturating_sub(1) {
-                let (Some([vy, yaw_rate]), Some(next)) =
-                    (smooth(&raw, i, smoothing), smooth(&raw, i + 1, smoothing))
+                let (Some(mut at), Some(next)) = (smooth(&raw, i, smoothing), smooth(&raw, i + 1, smoothing))
                 else {
                     samples.left_out += 1;
                     run = 0;
@@ -67,11 +74,12 @@ impl Samples {
                 };
                 let (vx, steer) = (stretch[i].road[0], stretch[i].command);
                 let held = vx.max(data.config.min_model_speed);
-                let predicted = nominal.step(vy, yaw_rate, held, steer, sample_time).value;
                 let accel = dataset::acceleration(&stretch, i, sample_time);
-                samples.inputs.push([vx, vy, yaw_rate, steer, accel]);
-                samples.labels.push(std::array::from_fn(|o| next[o] - predicted[o]));
-                samples.recorded.push(raw[i].unwrap_or([vy, yaw_rate]));
+                (at[0], at[D - 2], at[D - 1]) = (vx, steer, accel);
+                let predicted = V::step(nominal, &at, held, sample_time);
+                samples.inputs.push(at);
+                samples.labels.push(V::OUTPUTS.map(|place| next[place] - predicted[place]));
+                samples.recorded.push(V::OUTPUTS.map(|place| raw[i].unwrap_or(at)[place]));
                 samples.before.push(run);
                 run += 1;
             }
@@ -79,30 +87,32 @@ impl Samples {
         samples
     }
 
-    /// Root mean square error of the states predicted freely over `steps` steps, with recorded speeds and commands, from
+    /// Root mean square error of the outputs predicted freely over `steps` steps, with recorded speeds and commands, from
     /// each `steps / 2`-th sample on, against what was recorded. Not a number if no run is that long.
     #[cfg(feature = "cli")]
-    pub(super) fn rollout(
+    pub(super) fn rollout<V: GpVehicle<S, D, O>, const S: usize>(
         &self,
-        data: &DataSet,
-        nominal: &Bicycle,
+        data: &DataSet<V, S>,
+        nominal: &V::Model,
         steps: usize,
-        residual: impl Fn(&[f64; INPUTS]) -> [f64; GP_OUTPUTS],
-    ) -> [f64; GP_OUTPUTS] {
-        let (mut squares, mut count) = ([0.0; GP_OUTPUTS], 0.0);
+        residual: impl Fn(&[f64; D]) -> [f64; O],
+    ) -> [f64; O] {
+        let (mut squares, mut count) = ([0.0; O], 0.0);
         for end in (steps..self.inputs.len()).step_by((steps / 2).max(1)) {
             if self.before[end] < steps {
                 continue;
             }
-            let mut state = [self.inputs[end - steps][1], self.inputs[end - steps][2]];
-            for &[vx, _, _, steer, accel] in &self.inputs[end - steps..end] {
-                let [vy, yaw_rate] = state;
-                let held = vx.max(data.config.min_model_speed);
-                let believed = nominal.step(vy, yaw_rate, held, steer, data.config.sample_time).value;
-                let missed = residual(&[vx, vy, yaw_rate, steer, accel]);
-                state = std::array::from_fn(|o| believed[o] + missed[o]);
+            let mut at = self.inputs[end - steps];
+            for driven in &self.inputs[end - steps..end] {
+                (at[0], at[D - 2], at[D - 1]) = (driven[0], driven[D - 2], driven[D - 1]);
+                let held = at[0].max(data.config.min_model_speed);
+                let missed = residual(&at);
+                at = V::step(nominal, &at, held, data.config.sample_time);
+                V::OUTPUTS.into_iter().zip(missed).for_each(|(place, missed)| at[place] += missed);
             }
-            (0..GP_OUTPUTS).for_each(|o| squares[o] += (state[o] - self.recorded[end][o]).powi(2));
+            for (o, place) in V::OUTPUTS.into_iter().enumerate() {
+                squares[o] += (at[place] - self.recorded[end][o]).powi(2);
+            }
             count += 1.0;
         }
         squares.map(|square| (square / count).sqrt())
@@ -111,7 +121,7 @@ impl Samples {
 
 /// The value at row `i` of the cubic that fits `reach` rows on each side best (Savitzky and Golay 1964), of fewer where a
 /// row is missing.
-fn smooth(raw: &[Option<[f64; GP_OUTPUTS]>], i: usize, reach: usize) -> Option<[f64; GP_OUTPUTS]> {
+fn smooth<const D: usize>(raw: &[Option<[f64; D]>], i: usize, reach: usize) -> Option<[f64; D]> {
     let here = raw[i]?;
     let known = |m: &usize| *m <= i && i + m < raw.len() && raw[i - m].is_some() && raw[i + m].is_some();
     let m = (1..=reach).take_while(known).last().unwrap_or(0);
@@ -120,18 +130,10 @@ fn smooth(raw: &[Option<[f64; GP_OUTPUTS]>], i: usize, reach: usize) -> Option<[
     }
     let f = m as f64;
     let norm = (2.0 * f - 1.0) * (2.0 * f + 1.0) * (2.0 * f + 3.0);
-    let mut sum = [0.0; GP_OUTPUTS];
+    let mut sum = [0.0; D];
     for (j, value) in (-(m as isize)..).zip(&raw[i - m..=i + m]) {
         let weight = 3.0 * (3.0 * f * f + 3.0 * f - 1.0 - 5.0 * (j * j) as f64) / norm;
         sum.iter_mut().zip((*value)?).for_each(|(sum, value)| *sum += weight * value);
     }
     Some(sum)
 }
-
-/// Names of the inputs.
-pub(super) fn input_names() -> impl Iterator<Item = &'static str> {
-    ["vx", "vy", "yaw_rate", "steer_cmd", "accel"].into_iter()
-}
-
-/// Names of the outputs.
-pub(super) const OUTPUT_NAMES: [&str; GP_OUTPUTS] = ["vy", "yaw_rate"];

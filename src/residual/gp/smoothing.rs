@@ -11,13 +11,12 @@ use super::dictionary::choose;
 use super::fit::{FitConfig, fit};
 use super::samples::Samples;
 use super::sparse::Sparse;
-use super::{GP_OUTPUTS, INPUTS};
-use crate::nominal::Bicycle;
+use super::vehicle::GpVehicle;
 use crate::residual::dataset::DataSet;
 use crate::residual::parallel;
 use crate::residual::random::Random;
 
-/// How to smooth lateral velocity and yaw rate: a cubic fitted to so many rows on each side.
+/// How to smooth the body's states: a cubic fitted to so many rows on each side.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Smoothing {
     /// Over this many rows; 0 and 1 for not at all.
@@ -38,10 +37,10 @@ const ITERATIONS: u64 = 30;
 
 /// The smoothing to learn with, and the score of each candidate: mean square error of the free prediction in units of
 /// the nominal model's, mean over outputs.
-pub(super) fn reach(
+pub(super) fn reach<V: GpVehicle<S, D, O>, const S: usize, const D: usize, const O: usize>(
     smoothing: &Smoothing,
-    data: &DataSet,
-    nominal: &Bicycle,
+    data: &DataSet<V, S>,
+    nominal: &V::Model,
     seed: u64,
     threads: usize,
 ) -> (usize, Vec<(usize, f64)>) {
@@ -50,16 +49,16 @@ pub(super) fn reach(
         Smoothing::Choose(candidates) => candidates,
     };
     let judge = Samples::new(data, nominal, START);
-    let without = judge.rollout(data, nominal, STEPS, |_| [0.0; GP_OUTPUTS]);
+    let without = judge.rollout(data, nominal, STEPS, |_| [0.0; O]);
     let scores = parallel::map(threads, candidates.len(), |c| {
         let samples = Samples::new(data, nominal, candidates[c]);
         let error = small(&samples, seed)
             .map(|outputs| {
-                judge.rollout(data, nominal, STEPS, |input| outputs.each_ref().map(|o| o.mean(input).0))
+                judge.rollout(data, nominal, STEPS, |input| std::array::from_fn(|o| outputs[o].mean(input).0))
             })
-            .unwrap_or([f64::INFINITY; GP_OUTPUTS]);
-        let score: f64 = (0..GP_OUTPUTS).map(|o| (error[o] / without[o]).powi(2)).sum();
-        (candidates[c], score / GP_OUTPUTS as f64)
+            .unwrap_or([f64::INFINITY; O]);
+        let score: f64 = (0..O).map(|o| (error[o] / without[o]).powi(2)).sum();
+        (candidates[c], score / O as f64)
     });
     // The first of the best; drives too short to be judged on give no numbers, and the first candidate.
     let best = scores.iter().min_by(|a, b| a.1.total_cmp(&b.1));
@@ -67,10 +66,10 @@ pub(super) fn reach(
 }
 
 /// A process of some points, made fast.
-fn small(samples: &Samples, seed: u64) -> Option<[Sparse<INPUTS>; GP_OUTPUTS]> {
+fn small<const D: usize, const O: usize>(samples: &Samples<D, O>, seed: u64) -> Option<Vec<Sparse<D>>> {
     let rows = Random::stream(seed, 2).draw(samples.inputs.len(), ROWS);
     let inputs: Vec<_> = rows.iter().map(|&row| samples.inputs[row]).collect();
-    let labels: [Vec<f64>; GP_OUTPUTS] =
+    let labels: [Vec<f64>; O] =
         std::array::from_fn(|o| rows.iter().map(|&row| samples.labels[row][o]).collect());
     let few = inputs.len().min(HYPERPARAMETER_SAMPLES);
     let config = FitConfig { starts: 1, iterations: ITERATIONS, seed, threads: 1 };
@@ -80,5 +79,5 @@ fn small(samples: &Samples, seed: u64) -> Option<[Sparse<INPUTS>; GP_OUTPUTS]> {
         let taken = choose(&kernel, &inputs[..inputs.len().min(1000)], POINTS, 1e-8);
         Sparse::new(kernel, taken.iter().map(|&i| inputs[i]).collect(), &inputs, &labels[o], 1)
     };
-    Some([output(0)?, output(1)?])
+    (0..O).map(output).collect()
 }

@@ -9,12 +9,13 @@
 
 use super::dictionary::choose;
 use super::fit::{FitConfig, Fitted, fit};
-use super::model::{GpModel, GpOutput, GpSchema, GpTraining};
-use super::samples::{OUTPUT_NAMES, Samples, input_names};
+use super::model::{GpModelFor, GpOutput, GpSchema, GpTraining};
+use super::samples::Samples;
 use super::smoothing::{self, Smoothing};
 use super::sparse::{MAX_POINTS, Sparse};
+use super::vehicle::{GpVehicle, input_names, output_names};
 use super::{GP_OUTPUTS, INPUTS};
-use crate::nominal::{Bicycle, SingleTrackError};
+use crate::nominal::SingleTrackError;
 use crate::residual::dataset::DataSet;
 use crate::residual::model::Range;
 use crate::residual::parallel;
@@ -22,12 +23,13 @@ use crate::residual::random::Random;
 use crate::residual::train::{Progress, Stage};
 use crate::residual::train_config::ConfigError;
 use crate::signal;
+use crate::vehicle::SingleTrack;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// What to train.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GpConfig {
-    /// Friction coefficient of the nominal bicycle model; not learned, as it cannot be observed in calm driving.
+    /// Friction coefficient of the nonlinear nominal model; not learned, as it cannot be observed in calm driving.
     pub friction: f64,
     /// How recorded states are smoothed.
     pub smoothing: Smoothing,
@@ -63,18 +65,20 @@ impl Default for GpConfig {
     }
 }
 
-/// Fewest samples: ten for each hyperparameter.
-const FEWEST: usize = 10 * (INPUTS + 2);
+/// Fewest samples of a process with so many inputs: ten for each hyperparameter.
+const fn fewest(inputs: usize) -> usize {
+    10 * (inputs + 2)
+}
 
 /// Share of the prior variance below which no further point is taken: what it would add is below a ten-thousandth of the
 /// signal.
 const LEAST_VARIANCE: f64 = 1e-8;
 
 impl GpConfig {
-    fn check(&self) -> Result<(), ConfigError> {
+    fn check(&self, inputs: usize) -> Result<(), ConfigError> {
         let ranges = [
             ("points", self.points, 1, MAX_POINTS),
-            ("hyperparameter_samples", self.hyperparameter_samples, FEWEST, 5000),
+            ("hyperparameter_samples", self.hyperparameter_samples, fewest(inputs), 5000),
             ("candidates", self.candidates, 1, 1_000_000),
             ("starts", self.starts, 1, 100),
             ("iterations", self.iterations, 1, 10_000),
@@ -140,42 +144,42 @@ pub enum GpTrainError {
     },
 }
 
-/// Errors of one-step predictions of `[vy m/s, yaw rate rad/s]`.
+/// Errors of one-step predictions of the outputs: of a car `[vy m/s, yaw rate rad/s]`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct GpFit {
+pub struct GpFit<const O: usize = GP_OUTPUTS> {
     /// Steps measured.
     pub samples: usize,
     /// Root mean square error.
-    pub rmse: [f64; GP_OUTPUTS],
+    pub rmse: [f64; O],
     /// Largest magnitude.
-    pub max: [f64; GP_OUTPUTS],
-    /// Root mean square of the label itself: the nominal bicycle model's error.
-    pub nominal_rmse: [f64; GP_OUTPUTS],
+    pub max: [f64; O],
+    /// Root mean square of the label itself: the nominal model's error.
+    pub nominal_rmse: [f64; O],
 }
 
 /// How training went, measured against what was recorded, not smoothed. Hyperparameters and likelihoods stand in the model's schema.
 #[derive(Debug, Clone, PartialEq)]
-pub struct GpReport {
+pub struct GpReport<const O: usize = GP_OUTPUTS> {
     /// On the samples learned from.
-    pub train: GpFit,
+    pub train: GpFit<O>,
     /// On the test data, if there are any.
-    pub test: Option<GpFit>,
+    pub test: Option<GpFit<O>>,
     /// Steps left out because the motion cannot be told from the errors.
     pub left_out: usize,
     /// Candidates for the smoothing of states, in rows on each side, and the mean square of small processes' errors over
     /// [`STEPS`](super::STEPS) steps, in units of the nominal model's.
     pub smoothing_scores: Vec<(usize, f64)>,
     /// Evaluations of the likelihood, for each output.
-    pub evaluations: [usize; GP_OUTPUTS],
+    pub evaluations: [usize; O],
 }
 
 /// A process and how well it fits.
 #[derive(Debug, Clone, PartialEq)]
-pub struct GpTrained {
+pub struct GpTrained<V = SingleTrack, const D: usize = INPUTS, const O: usize = GP_OUTPUTS> {
     /// The process.
-    pub model: GpModel,
+    pub model: GpModelFor<V, D, O>,
     /// How well it fits.
-    pub report: GpReport,
+    pub report: GpReport<O>,
 }
 
 /// Trains a process on `data`, and measures it on `test` too.
@@ -184,23 +188,23 @@ pub struct GpTrained {
 ///
 /// # Errors
 /// A setting that cannot be; too few samples; test data of another vehicle.
-pub fn train(
-    data: &DataSet,
-    test: Option<&DataSet>,
+pub fn train<V: GpVehicle<S, D, O>, const S: usize, const D: usize, const O: usize>(
+    data: &DataSet<V, S>,
+    test: Option<&DataSet<V, S>>,
     config: &GpConfig,
     progress: &(dyn Fn(Progress) + Sync),
-) -> Result<GpTrained, GpTrainError> {
-    config.check()?;
+) -> Result<GpTrained<V, D, O>, GpTrainError> {
+    config.check(D)?;
     if test.is_some_and(|test| test.config != data.config || test.vehicle != data.vehicle) {
         return Err(GpTrainError::TestData);
     }
-    let nominal = Bicycle::new(&data.vehicle, config.friction)?;
+    let nominal = data.vehicle.nonlinear_model(config.friction)?;
     let recorded = Samples::new(data, &nominal, 0);
-    if recorded.inputs.len() < FEWEST {
+    if recorded.inputs.len() < fewest(D) {
         let found = data.report();
         return Err(GpTrainError::TooFewSamples {
             samples: recorded.inputs.len(),
-            needed: FEWEST,
+            needed: fewest(D),
             rows: found.rows,
             left_out: found.not_finite + found.implausible,
             gaps: found.gaps,
@@ -212,14 +216,15 @@ pub fn train(
         smoothing::reach(&config.smoothing, data, &nominal, config.seed, threads);
     let samples = Samples::new(data, &nominal, smoothing);
     let fitted = hyperparameters(&samples, config, threads, progress);
-    let say = |done| progress(Progress { stage: Stage::Weights, done, total: GP_OUTPUTS });
+    let say = |done| progress(Progress { stage: Stage::Weights, done, total: O });
+    let names = output_names::<V, S, D, O>();
     say(0);
-    let vy = output(&samples, 0, &fitted[0], config, threads)?;
-    say(1);
-    let yaw_rate = output(&samples, 1, &fitted[1], config, threads)?;
-    say(2);
-    let outputs = [vy, yaw_rate];
-    let model = GpModel {
+    let mut outputs = Vec::with_capacity(O);
+    for o in 0..O {
+        outputs.push(output(&samples, (o, names[o]), &fitted[o], config, threads)?);
+        say(o + 1);
+    }
+    let model = GpModelFor {
         schema: GpSchema {
             sample_time: data.config.sample_time,
             min_model_speed: data.config.min_model_speed,
@@ -232,8 +237,8 @@ pub fn train(
                 smoothing,
                 seed: config.seed,
             },
-            inputs: ranges(&samples),
-            outputs: (0..GP_OUTPUTS).map(|o| describe(o, &outputs[o], &fitted[o])).collect(),
+            inputs: ranges(&samples, input_names::<V, S, D>()),
+            outputs: (0..O).map(|o| describe(names[o], &outputs[o], &fitted[o])).collect(),
         },
         outputs,
     };
@@ -243,52 +248,58 @@ pub fn train(
         test: test.map(|test| measure(&model, &Samples::new(test, &nominal, 0), threads)),
         left_out: recorded.left_out,
         smoothing_scores,
-        evaluations: [fitted[0].evaluations, fitted[1].evaluations],
+        evaluations: std::array::from_fn(|o| fitted[o].evaluations),
     };
     progress(Progress { stage: Stage::Report, done: 1, total: 1 });
     Ok(GpTrained { model, report })
 }
 
-impl GpModel {
+impl<V, const D: usize, const O: usize> GpModelFor<V, D, O> {
     /// The process's one-step errors on other data of the same vehicle and sample time.
     ///
     /// # Errors
     /// A nominal model that cannot be made; none that a trained process has.
-    pub fn measure(&self, data: &DataSet) -> Result<GpFit, SingleTrackError> {
-        let nominal = Bicycle::new(&self.schema.vehicle, self.schema.friction)?;
+    pub fn measure<const S: usize>(&self, data: &DataSet<V, S>) -> Result<GpFit<O>, SingleTrackError>
+    where
+        V: GpVehicle<S, D, O>,
+    {
+        let nominal = self.schema.vehicle.nonlinear_model(self.schema.friction)?;
         Ok(measure(self, &Samples::new(data, &nominal, 0), parallel::threads(0)))
     }
 
-    /// Root mean square error of `[vy m/s, yaw rate rad/s]` predicted freely over `steps` steps on other data of the same
+    /// Root mean square error of the outputs, of a car `[vy m/s, yaw rate rad/s]`, predicted freely over `steps` steps on other data of the same
     /// vehicle and sample time, with the recorded speeds and commands; and that of the nominal model alone. Not a number
     /// if no drive has so many steps without interruption.
     ///
     /// # Errors
     /// A nominal model that cannot be made; none that a trained process has.
-    pub fn measure_steps(
+    pub fn measure_steps<const S: usize>(
         &self,
-        data: &DataSet,
+        data: &DataSet<V, S>,
         steps: usize,
-    ) -> Result<[[f64; GP_OUTPUTS]; 2], SingleTrackError> {
-        let nominal = Bicycle::new(&self.schema.vehicle, self.schema.friction)?;
+    ) -> Result<[[f64; O]; 2], SingleTrackError>
+    where
+        V: GpVehicle<S, D, O>,
+    {
+        let nominal = self.schema.vehicle.nonlinear_model(self.schema.friction)?;
         let samples = Samples::new(data, &nominal, 0);
         let with = samples.rollout(data, &nominal, steps, |input| self.residual(input).mean);
-        Ok([with, samples.rollout(data, &nominal, steps, |_| [0.0; GP_OUTPUTS])])
+        Ok([with, samples.rollout(data, &nominal, steps, |_| [0.0; O])])
     }
 }
 
-fn hyperparameters(
-    samples: &Samples,
+fn hyperparameters<const D: usize, const O: usize>(
+    samples: &Samples<D, O>,
     config: &GpConfig,
     threads: usize,
     progress: &(dyn Fn(Progress) + Sync),
-) -> Vec<Fitted<INPUTS>> {
+) -> Vec<Fitted<D>> {
     let mut random = Random::stream(config.seed, 0);
     let rows = random.draw(samples.inputs.len(), config.hyperparameter_samples);
     let inputs: Vec<_> = rows.iter().map(|&row| samples.inputs[row]).collect();
-    let labels: [Vec<f64>; GP_OUTPUTS] =
+    let labels: [Vec<f64>; O] =
         std::array::from_fn(|o| rows.iter().map(|&row| samples.labels[row][o]).collect());
-    let total = GP_OUTPUTS * config.starts;
+    let total = O * config.starts;
     let done = AtomicUsize::new(0);
     let search =
         FitConfig { starts: config.starts, iterations: config.iterations as u64, seed: config.seed, threads };
@@ -299,13 +310,13 @@ fn hyperparameters(
     })
 }
 
-fn output(
-    samples: &Samples,
-    o: usize,
-    fitted: &Fitted<INPUTS>,
+fn output<const D: usize, const O: usize>(
+    samples: &Samples<D, O>,
+    (o, name): (usize, &'static str),
+    fitted: &Fitted<D>,
     config: &GpConfig,
     threads: usize,
-) -> Result<Sparse<INPUTS>, GpTrainError> {
+) -> Result<Sparse<D>, GpTrainError> {
     let kernel = fitted.kernel;
     let rows = Random::stream(config.seed, 1).draw(samples.inputs.len(), config.candidates);
     let candidates: Vec<_> = rows.iter().map(|&row| samples.inputs[row]).collect();
@@ -313,7 +324,7 @@ fn output(
     let dictionary = taken.iter().map(|&i| candidates[i]).collect();
     let labels: Vec<f64> = samples.labels.iter().map(|label| label[o]).collect();
     Sparse::new(kernel, dictionary, &samples.inputs, &labels, threads).ok_or(GpTrainError::Singular {
-        output: OUTPUT_NAMES[o],
+        output: name,
         signal: kernel.signal,
         noise: kernel.noise,
     })
@@ -324,11 +335,11 @@ fn unit(name: &str) -> String {
     signal::find(name).map_or("m/s2", |signal| signal.unit.symbol).to_owned()
 }
 
-fn describe(o: usize, output: &Sparse<INPUTS>, fitted: &Fitted<INPUTS>) -> GpOutput {
+fn describe<const D: usize>(name: &str, output: &Sparse<D>, fitted: &Fitted<D>) -> GpOutput {
     let kernel = output.kernel();
     GpOutput {
-        name: OUTPUT_NAMES[o].to_owned(),
-        unit: unit(OUTPUT_NAMES[o]),
+        name: name.to_owned(),
+        unit: unit(name),
         length_scales: kernel.length_scales.to_vec(),
         signal: kernel.signal,
         noise: kernel.noise,
@@ -337,7 +348,7 @@ fn describe(o: usize, output: &Sparse<INPUTS>, fitted: &Fitted<INPUTS>) -> GpOut
     }
 }
 
-fn ranges(samples: &Samples) -> Vec<Range> {
+fn ranges<const D: usize, const O: usize>(samples: &Samples<D, O>, names: [&str; D]) -> Vec<Range> {
     let range = |(d, name): (usize, &str)| {
         let column = samples.inputs.iter().map(|input| input[d]);
         Range {
@@ -347,21 +358,25 @@ fn ranges(samples: &Samples) -> Vec<Range> {
             max: column.fold(f64::NEG_INFINITY, f64::max),
         }
     };
-    input_names().enumerate().map(range).collect()
+    names.into_iter().enumerate().map(range).collect()
 }
 
-fn measure(model: &GpModel, samples: &Samples, threads: usize) -> GpFit {
+fn measure<V: Sync, const D: usize, const O: usize>(
+    model: &GpModelFor<V, D, O>,
+    samples: &Samples<D, O>,
+    threads: usize,
+) -> GpFit<O> {
     let chunks = parallel::chunks(samples.inputs.len(), 2048);
     let found = parallel::map(threads, chunks.len(), |chunk| {
         let error = |row: usize| {
             let mean = model.residual(&samples.inputs[row]).mean;
             std::array::from_fn(|o| samples.labels[row][o] - mean[o])
         };
-        chunks[chunk].clone().map(error).collect::<Vec<[f64; GP_OUTPUTS]>>()
+        chunks[chunk].clone().map(error).collect::<Vec<[f64; O]>>()
     });
     let errors = found.concat();
     let n = errors.len().max(1) as f64;
-    let root = |of: &[[f64; GP_OUTPUTS]]| -> [f64; GP_OUTPUTS] {
+    let root = |of: &[[f64; O]]| -> [f64; O] {
         std::array::from_fn(|o| (of.iter().map(|x| x[o] * x[o]).sum::<f64>() / n).sqrt())
     };
     GpFit {

@@ -7,9 +7,11 @@ use super::result::RowFit;
 use super::row::{Predictor, Row};
 use super::step::Identified;
 use super::vehicle::{Compared, NominalOf};
-use crate::control::{ControlledVehicle, NmpcParameters, PredictionModelFor, Propagation, Residual, RollOut};
+use crate::control::{
+    ControlledVehicle, GpOf, NmpcParameters, Nonlinear, PredictionModelFor, Propagation, Residual, RollOut,
+};
 use crate::nominal::{Actuator, LateralVehicle};
-use crate::residual::gp::{GpConfig, GpModel};
+use crate::residual::gp::GpConfig;
 use crate::residual::{ResidualModelFor, TrainConfig, train};
 use std::sync::{Arc, PoisonError};
 
@@ -24,17 +26,15 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
     #[must_use]
     pub fn has(&self, row: Row) -> bool {
         let nmpc = P::controller(self.vehicle).nmpc;
-        let needs_gp = row.predictor == Predictor::GpNmpc;
-        !row.predictor.is_nonlinear()
-            || self.nonlinear(&nmpc, None).is_some() && (P::SETTING.learns_gp || !needs_gp)
+        !row.predictor.is_nonlinear() || self.nonlinear(&nmpc, None).is_some()
     }
 
     fn nonlinear(
         &self,
         nmpc: &NmpcParameters,
-        gp: Option<Arc<GpModel>>,
+        gp: Option<Arc<GpOf<NominalOf<P, S, C>, S>>>,
     ) -> Option<PredictionModelFor<NominalOf<P, S, C>, S>> {
-        NominalOf::<P, S, C>::nonlinear(nmpc, gp).map(PredictionModelFor::Bicycle)
+        Nonlinear::of(nmpc, gp).map(PredictionModelFor::Bicycle)
     }
 
     /// Trains a residual on a seed's drives.
@@ -88,10 +88,9 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
             Predictor::Nmpc | Predictor::GpNmpc => {
                 let nmpc = P::controller(self.vehicle).nmpc;
                 let none = || CompareError::NoModel { row: of.name(), vehicle: NominalOf::<P, S, C>::KIND };
-                let gp = if of == Predictor::GpNmpc {
-                    Some(self.learn_gp(&nmpc, seed)?.ok_or_else(none)?)
-                } else {
-                    None
+                let gp = match of {
+                    Predictor::GpNmpc => Some(Arc::new(self.learn_gp(&nmpc, seed)?)),
+                    _ => None,
                 };
                 self.nonlinear(&nmpc, gp).ok_or_else(none)?
             }
@@ -103,14 +102,18 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
         Ok((model, None))
     }
 
-    fn learn_gp(&self, nmpc: &NmpcParameters, seed: usize) -> Result<Option<Arc<GpModel>>, CompareError> {
+    fn learn_gp(
+        &self,
+        nmpc: &NmpcParameters,
+        seed: usize,
+    ) -> Result<GpOf<NominalOf<P, S, C>, S>, CompareError> {
         let config = GpConfig {
             friction: nmpc.friction,
             seed: seed as u64 + 1,
             threads: self.effort.threads,
             ..GpConfig::default()
         };
-        Ok(P::gp_of(&self.data[seed], &config)?.map(Arc::new))
+        Ok(P::gp_of(&self.data[seed], &config)?)
     }
 
     /// The steering actuator as it really is: what the oracle is told.

@@ -6,11 +6,11 @@ use super::plant::{CAR_PLANTS, Plant, TRUCK_PLANTS};
 use super::row::{CAR_ROWS, Row, TRUCK_ROWS};
 use super::sweep::SweepSetting;
 use super::weights::{Space, Weights};
-use crate::control::{TRUCK_STATES, VehicleParameters};
+use crate::control::{GpOf, TRUCK_STATES, VehicleParameters};
 use crate::nominal::ERRORS;
 use crate::path::sudoku::Route;
 use crate::residual::DataSet;
-use crate::residual::gp::{self, GpConfig, GpModel, GpTrainError};
+use crate::residual::gp::{self, GpConfig, GpModel, GpTrainError, TruckGpModel};
 use crate::simulate::{CAR_COLUMNS, SensorNoise, SimulatedVehicle, TRUCK_COLUMNS};
 use crate::vehicle::{Articulated, Car, CarParameters, Steering, Truck, TruckParameters};
 
@@ -58,8 +58,6 @@ pub struct Setting {
     pub drives: usize,
     /// See [`seeds`](Self::seeds).
     pub budget: usize,
-    /// Whether a Gaussian process can be learned for its nonlinear model.
-    pub learns_gp: bool,
     /// The sweep over dead time, if there is one.
     pub sweep: Option<SweepSetting>,
 }
@@ -72,14 +70,14 @@ pub trait Compared<const S: usize, const C: usize>: SimulatedVehicle<S, C, Param
     /// The steering actuator of a vehicle's file.
     fn steering(parameters: &Self::Parameters) -> &Steering;
 
-    /// Learns what the nonlinear model misses; none for a vehicle for which that cannot be learned.
+    /// Learns what the nonlinear model misses.
     ///
     /// # Errors
     /// Too little data.
     fn gp_of(
         data: &DataSet<NominalOf<Self, S, C>, S>,
         config: &GpConfig,
-    ) -> Result<Option<GpModel>, GpTrainError>;
+    ) -> Result<GpOf<NominalOf<Self, S, C>, S>, GpTrainError>;
 }
 
 /// Weights of a car's collecting controller. The default ones ring on a car with a slow actuator, and a model that has
@@ -184,7 +182,6 @@ impl Compared<ERRORS, CAR_COLUMNS> for Car {
         seeds: 5,
         drives: 2,
         budget: 64,
-        learns_gp: true,
         sweep: None,
     };
 
@@ -192,8 +189,8 @@ impl Compared<ERRORS, CAR_COLUMNS> for Car {
         &parameters.steering
     }
 
-    fn gp_of(data: &DataSet, config: &GpConfig) -> Result<Option<GpModel>, GpTrainError> {
-        Ok(Some(gp::train(data, None, config, &|_| ())?.model))
+    fn gp_of(data: &DataSet, config: &GpConfig) -> Result<GpModel, GpTrainError> {
+        Ok(gp::train(data, None, config, &|_| ())?.model)
     }
 }
 
@@ -221,7 +218,6 @@ impl Compared<TRUCK_STATES, TRUCK_COLUMNS> for Truck {
         seeds: 3,
         drives: 1,
         budget: 24,
-        learns_gp: false,
         sweep: Some(SweepSetting::TRUCK),
     };
 
@@ -229,7 +225,10 @@ impl Compared<TRUCK_STATES, TRUCK_COLUMNS> for Truck {
         &parameters.steering
     }
 
-    fn gp_of(_: &DataSet<Articulated, TRUCK_STATES>, _: &GpConfig) -> Result<Option<GpModel>, GpTrainError> {
-        Ok(None)
+    fn gp_of(
+        data: &DataSet<Articulated, TRUCK_STATES>,
+        config: &GpConfig,
+    ) -> Result<TruckGpModel, GpTrainError> {
+        Ok(gp::train(data, None, config, &|_| ())?.model)
     }
 }

@@ -13,7 +13,7 @@
 //! within a few iterations.
 //!
 //! It is written for any [`PathModel`]: the bicycle of a car, the tractor with semi-trailer of a truck. With a Gaussian
-//! process (GP-NMPC, of a car) its mean and gradient correct `vy` and the yaw rate after each step.
+//! process (GP-NMPC) its mean and gradient correct `vy`, the yaw rate and that of the articulation after each step.
 //!
 //! The information is that of the linear MPC: measured state, path, planned speeds, command in force, disturbance.
 //!
@@ -22,47 +22,62 @@
 
 mod roll_out;
 
-pub use roll_out::{BicycleRollOut, NonlinearRollOut, StepSpeed};
+pub use roll_out::{ArticulatedRollOut, BicycleRollOut, NonlinearRollOut, StepSpeed};
 
 use super::{Expected, Qp, Variant};
+use crate::control::NmpcParameters;
 use crate::control::lateral::{LateralError, LateralInput};
 use crate::control::parameters::MpcParameters;
 use crate::control::preview::Preview;
 use crate::control::tracking_qp::{QpEnd, QpError, QpReport};
-use crate::control::truck::TRUCK_STATES;
 use crate::control::vehicle::Nonlinear;
-use crate::nominal::{ArticulatedSingleTrack, Bicycle, ERRORS, PathModel};
+use crate::nominal::PathModel;
 use crate::path::Path;
-use crate::residual::{self, gp::GpModel};
-use crate::vehicle::{Articulated, SingleTrack};
+use crate::residual::gp::{GpModel, GpModelFor, GpVehicle, TruckGpModel};
+use crate::residual::{self, FileError};
 use nalgebra::SVector;
 use std::any::Any;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// How the nonlinear MPC of a car predicts and iterates.
+/// How a nonlinear MPC predicts and iterates; `G` is what can be learned of what its model misses.
 #[derive(Debug, Clone)]
-pub struct BicycleModel {
+pub struct NonlinearModel<G> {
     /// Friction coefficient of the tyres. Given, not learned: in ordinary driving the peak cannot be observed.
     pub friction: f64,
     /// Most QPs of a step.
     pub max_iterations: usize,
-    /// What the bicycle misses of `vy` and the yaw rate in a step, learned: GP-NMPC.
-    pub gp: Option<Arc<GpModel>>,
+    /// What the model misses in a step, learned: GP-NMPC.
+    pub gp: Option<Arc<G>>,
 }
 
-impl Default for BicycleModel {
+/// That of a car: the bicycle.
+pub type BicycleModel = NonlinearModel<GpModel>;
+
+/// That of a truck: tractor and semi-trailer.
+pub type ArticulatedModel = NonlinearModel<TruckGpModel>;
+
+impl<G> Default for NonlinearModel<G> {
     fn default() -> Self {
         Self { friction: 1.0, max_iterations: 30, gp: None }
     }
 }
 
-impl Nonlinear<SingleTrack, ERRORS> for BicycleModel {
-    fn variant(
-        self,
-        vehicle: SingleTrack,
-        parameters: &MpcParameters,
-    ) -> Result<Box<dyn Variant<ERRORS>>, LateralError> {
+impl<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize> Nonlinear<V, S>
+    for NonlinearModel<GpModelFor<V, N, O>>
+{
+    type Gp = GpModelFor<V, N, O>;
+
+    fn of(parameters: &NmpcParameters, gp: Option<Arc<Self::Gp>>) -> Option<Self> {
+        let NmpcParameters { friction, max_iterations } = *parameters;
+        Some(Self { friction, max_iterations, gp })
+    }
+
+    fn read_gp(file: &std::path::Path) -> Result<Self::Gp, FileError> {
+        GpModelFor::read(file)
+    }
+
+    fn variant(self, vehicle: V, parameters: &MpcParameters) -> Result<Box<dyn Variant<S>>, LateralError> {
         let Self { friction, max_iterations, gp } = self;
         if let Some(gp) = &gp {
             let expected = residual::Expected {
@@ -73,34 +88,9 @@ impl Nonlinear<SingleTrack, ERRORS> for BicycleModel {
             };
             gp.check_fits(&expected, friction)?;
         }
-        let model = Bicycle::new(&vehicle, friction)?;
-        Ok(Box::new(NonlinearMpc::new(model, gp, parameters, max_iterations)))
-    }
-}
-
-/// How the nonlinear MPC of a truck predicts and iterates.
-#[derive(Debug, Clone)]
-pub struct ArticulatedModel {
-    /// Friction coefficient of the tyres. Given, as a car's.
-    pub friction: f64,
-    /// Most QPs of a step.
-    pub max_iterations: usize,
-}
-
-impl Default for ArticulatedModel {
-    fn default() -> Self {
-        Self { friction: 1.0, max_iterations: 30 }
-    }
-}
-
-impl Nonlinear<Articulated, TRUCK_STATES> for ArticulatedModel {
-    fn variant(
-        self,
-        vehicle: Articulated,
-        parameters: &MpcParameters,
-    ) -> Result<Box<dyn Variant<TRUCK_STATES>>, LateralError> {
-        let model = ArticulatedSingleTrack::new(&vehicle, self.friction)?;
-        Ok(Box::new(NonlinearMpc::new(model, None, parameters, self.max_iterations)))
+        let MpcParameters { sample_time, horizon, .. } = *parameters;
+        let roll_out = NonlinearRollOut::new(&vehicle, friction, gp, sample_time, horizon)?;
+        Ok(Box::new(NonlinearMpc::new(roll_out, parameters, max_iterations)))
     }
 }
 
@@ -112,8 +102,8 @@ const ARMIJO: f64 = 1e-4;
 const HALVINGS: u32 = 12;
 
 /// The variant.
-pub struct NonlinearMpc<M, const S: usize, const N: usize> {
-    roll_out: NonlinearRollOut<M, S, N>,
+pub struct NonlinearMpc<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize> {
+    roll_out: NonlinearRollOut<V, S, N, O>,
     max_iterations: usize,
     min_model_speed: f64,
     steer_max: f64,
@@ -136,10 +126,10 @@ enum Search {
     Stuck,
 }
 
-impl<M: PathModel<S, N>, const S: usize, const N: usize> NonlinearMpc<M, S, N> {
-    fn new(model: M, gp: Option<Arc<GpModel>>, p: &MpcParameters, max_iterations: usize) -> Self {
+impl<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize> NonlinearMpc<V, S, N, O> {
+    fn new(roll_out: NonlinearRollOut<V, S, N, O>, p: &MpcParameters, max_iterations: usize) -> Self {
         Self {
-            roll_out: NonlinearRollOut::of_model(model, gp, p.sample_time, p.horizon),
+            roll_out,
             max_iterations: max_iterations.max(1),
             min_model_speed: p.min_model_speed,
             steer_max: p.steer_max,
@@ -156,7 +146,7 @@ impl<M: PathModel<S, N>, const S: usize, const N: usize> NonlinearMpc<M, S, N> {
     fn set_up(&mut self, input: &LateralInput<'_, S>, preview: &Preview) {
         let (errors, disturbance) = (input.state, input.disturbance);
         let roll_out = &mut self.roll_out;
-        roll_out.start = M::state_of(input.station, errors, input.vy, input.yaw_rate);
+        roll_out.start = V::Model::state_of(input.station, errors, input.vy, input.yaw_rate);
         // The model is stiff at standstill: it never drives slower than this, neither its tyres nor along the path.
         for (j, speed) in roll_out.speed.iter_mut().enumerate() {
             let ([begin, ..], [mean, end]) = (preview.road[j], preview.speed[j]);
@@ -166,7 +156,7 @@ impl<M: PathModel<S, N>, const S: usize, const N: usize> NonlinearMpc<M, S, N> {
                 accel: input.ahead.accel,
             };
         }
-        roll_out.disturbance = M::change_of(disturbance, input.ahead.speed.max(self.min_model_speed));
+        roll_out.disturbance = V::Model::change_of(disturbance, input.ahead.speed.max(self.min_model_speed));
         self.start = *errors;
         self.planned = true;
     }
@@ -219,8 +209,8 @@ impl<M: PathModel<S, N>, const S: usize, const N: usize> NonlinearMpc<M, S, N> {
 }
 
 /// Writes the outputs of what was predicted under a plan and gives the true objective.
-fn assess<M: PathModel<S, N>, const S: usize, const N: usize>(
-    roll_out: &NonlinearRollOut<M, S, N>,
+fn assess<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize>(
+    roll_out: &NonlinearRollOut<V, S, N, O>,
     plan: &[f64],
     qp: &Qp,
     outputs: &mut [f64],
@@ -233,7 +223,9 @@ fn assess<M: PathModel<S, N>, const S: usize, const N: usize>(
     qp.problem.objective(plan, outputs)
 }
 
-impl<M: PathModel<S, N>, const S: usize, const N: usize> Variant<S> for NonlinearMpc<M, S, N> {
+impl<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize> Variant<S>
+    for NonlinearMpc<V, S, N, O>
+{
     fn plan(
         &mut self,
         input: &LateralInput<'_, S>,

@@ -1,12 +1,14 @@
 //! The nonlinear prediction over a horizon, with derivatives: from a plan of the steering to the errors ahead.
 
+use crate::control::truck::TRUCK_STATES;
 use crate::control::variant::Expected;
 use crate::nominal::{
-    BICYCLE_STATES, Bicycle, Curvature, ERRORS, HeldSpeed, PathErrors, PathModel, PathStep, SingleTrackError,
+    ARTICULATED_PATH_STATES, BICYCLE_STATES, Curvature, ERRORS, HeldSpeed, PathErrors, PathModel, PathStep,
+    SingleTrackError,
 };
 use crate::path::Path;
-use crate::residual::gp::{GpModel, GpResidual, INPUTS};
-use crate::vehicle::SingleTrack;
+use crate::residual::gp::{GP_OUTPUTS, GpModelFor, GpResidual, GpVehicle, TRUCK_GP_OUTPUTS};
+use crate::vehicle::{Articulated, SingleTrack};
 use nalgebra::{SMatrix, SVector};
 use std::sync::Arc;
 
@@ -37,13 +39,17 @@ impl StepSpeed {
 }
 
 /// The prediction of a car.
-pub type BicycleRollOut = NonlinearRollOut<Bicycle, ERRORS, BICYCLE_STATES>;
+pub type BicycleRollOut = NonlinearRollOut<SingleTrack, ERRORS, BICYCLE_STATES, GP_OUTPUTS>;
 
-/// The prediction with everything it depends on but the road and the plan, of a model with `N` states and `S` errors to the
-/// path.
+/// The prediction of a truck.
+pub type ArticulatedRollOut =
+    NonlinearRollOut<Articulated, TRUCK_STATES, ARTICULATED_PATH_STATES, TRUCK_GP_OUTPUTS>;
+
+/// The prediction with everything it depends on but the road and the plan, of a vehicle whose model has `N` states and `S`
+/// errors to the path; a Gaussian process corrects `O` of the states.
 #[derive(Debug, Clone)]
-pub struct NonlinearRollOut<M, const S: usize, const N: usize> {
-    model: M,
+pub struct NonlinearRollOut<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize> {
+    model: V::Model,
     sample_time: f64,
     /// State at the beginning.
     pub start: SVector<f64, N>,
@@ -51,7 +57,7 @@ pub struct NonlinearRollOut<M, const S: usize, const N: usize> {
     pub speed: Vec<StepSpeed>,
     /// Added to the state after each step.
     pub disturbance: SVector<f64, N>,
-    gp: Option<Arc<GpModel>>,
+    gp: Option<Arc<GpModelFor<V, N, O>>>,
     /// How far the process is believed at each step, 0 to 1.
     trust: Vec<f64>,
     steps: Vec<Predicted<S, N>>,
@@ -73,27 +79,10 @@ fn road(path: &Path) -> impl Fn(f64) -> Curvature {
     |station| [path.curvature(station), path.curvature_rate(station)]
 }
 
+/// Where the body's states begin: behind station and errors.
+const BODY: usize = 3;
+
 impl BicycleRollOut {
-    /// Room for a horizon.
-    ///
-    /// # Errors
-    /// A parameter of the vehicle or a friction that is not positive.
-    pub fn new(
-        vehicle: &SingleTrack,
-        friction: f64,
-        gp: Option<Arc<GpModel>>,
-        sample_time: f64,
-        horizon: usize,
-    ) -> Result<Self, SingleTrackError> {
-        Ok(Self::of_model(Bicycle::new(vehicle, friction)?, gp, sample_time, horizon))
-    }
-
-    /// The vehicle model.
-    #[must_use]
-    pub fn bicycle(&self) -> &Bicycle {
-        &self.model
-    }
-
     /// Yaw error at which the vehicle stays on a path of this curvature: see [`steady`](Self::steady).
     #[must_use]
     pub fn steady_yaw_error(&self, j: usize, curvature: f64) -> f64 {
@@ -101,14 +90,23 @@ impl BicycleRollOut {
     }
 }
 
-impl<M: PathModel<S, N>, const S: usize, const N: usize> NonlinearRollOut<M, S, N> {
-    /// Room for a horizon; a Gaussian process corrects `vy` and the yaw rate.
-    #[must_use]
-    pub fn of_model(model: M, gp: Option<Arc<GpModel>>, sample_time: f64, horizon: usize) -> Self {
+impl<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize> NonlinearRollOut<V, S, N, O> {
+    /// Room for a horizon.
+    ///
+    /// # Errors
+    /// A parameter of the vehicle or a friction that is not positive.
+    pub fn new(
+        vehicle: &V,
+        friction: f64,
+        gp: Option<Arc<GpModelFor<V, N, O>>>,
+        sample_time: f64,
+        horizon: usize,
+    ) -> Result<Self, SingleTrackError> {
+        let model = vehicle.nonlinear_model(friction)?;
         let zero = SVector::zeros();
         let step = PathStep { state: zero, by_state: SMatrix::zeros(), by_steer: zero };
         let end = PathErrors { errors: SVector::zeros(), by_state: SMatrix::zeros() };
-        Self {
+        Ok(Self {
             model,
             sample_time,
             start: zero,
@@ -120,7 +118,13 @@ impl<M: PathModel<S, N>, const S: usize, const N: usize> NonlinearRollOut<M, S, 
             start_errors: end,
             first_command: 0.0,
             effects: vec![zero; horizon],
-        }
+        })
+    }
+
+    /// The vehicle model.
+    #[must_use]
+    pub fn model(&self) -> &V::Model {
+        &self.model
     }
 
     /// Predicts under a plan, one steering command for each step.
@@ -139,7 +143,7 @@ impl<M: PathModel<S, N>, const S: usize, const N: usize> NonlinearRollOut<M, S, 
         let mut state = self.start;
         // The speed at the beginning is nearly the mean one: the errors' dependence on it is not asked for here.
         let [_, mean_speed, _] = self.speed[0].speed;
-        self.start_errors = M::errors_of(&state, mean_speed, road(path)(state[0]));
+        self.start_errors = V::Model::errors_of(&state, mean_speed, road(path)(state[0]));
         self.first_command = plan[0];
         for (j, steer) in plan.iter().enumerate() {
             if let (Some(use_process), Some(gp)) = (use_process, &self.gp) {
@@ -149,7 +153,7 @@ impl<M: PathModel<S, N>, const S: usize, const N: usize> NonlinearRollOut<M, S, 
             let step = self.step(road(path), &state, j, *steer);
             state = step.state;
             let [_, _, end_speed] = self.speed[j].speed;
-            let end = M::errors_of(&state, end_speed, road(path)(state[0]));
+            let end = V::Model::errors_of(&state, end_speed, road(path)(state[0]));
             self.steps[j] = Predicted { step, end };
         }
     }
@@ -167,19 +171,26 @@ impl<M: PathModel<S, N>, const S: usize, const N: usize> NonlinearRollOut<M, S, 
         step.state += self.disturbance;
         if let Some(gp) = self.gp.as_ref().filter(|_| self.trust[j] > 0.0) {
             let GpResidual { mean, gradient } = gp.residual(&self.input(state, j, steer));
-            for (o, (mean, [_, by_vy, by_yaw_rate, by_steer, _])) in mean.iter().zip(gradient).enumerate() {
-                step.state[3 + o] += self.trust[j] * mean;
-                step.by_state[(3 + o, 3)] += self.trust[j] * by_vy;
-                step.by_state[(3 + o, 4)] += self.trust[j] * by_yaw_rate;
-                step.by_steer[3 + o] += self.trust[j] * by_steer;
+            for ((place, mean), by) in V::OUTPUTS.into_iter().zip(mean).zip(gradient) {
+                // The inputs are the speed, the body's states, command and acceleration.
+                let row = place - 1 + BODY;
+                step.state[row] += self.trust[j] * mean;
+                for column in BODY..N {
+                    step.by_state[(row, column)] += self.trust[j] * by[column - BODY + 1];
+                }
+                step.by_steer[row] += self.trust[j] * by[N - 2];
             }
         }
         step
     }
 
     /// What the Gaussian process is asked at.
-    fn input(&self, state: &SVector<f64, N>, j: usize, steer: f64) -> [f64; INPUTS] {
-        [self.speed[j].planned, state[3], state[4], steer, self.speed[j].accel]
+    fn input(&self, state: &SVector<f64, N>, j: usize, steer: f64) -> [f64; N] {
+        let StepSpeed { planned, accel, .. } = self.speed[j];
+        let mut input = [0.0; N];
+        (input[0], input[N - 2], input[N - 1]) = (planned, steer, accel);
+        input[1..N - 2].copy_from_slice(&state.as_slice()[BODY..]);
+        input
     }
 
     /// Share of the horizon where the Gaussian process was asked outside its training, 0 to 1.
@@ -246,6 +257,6 @@ impl<M: PathModel<S, N>, const S: usize, const N: usize> NonlinearRollOut<M, S, 
         let [speed, ..] = self.speed[j].speed;
         let (state, steer) = self.model.steady_state(speed, curvature, &errors);
         let step = self.step(|_| [curvature, 0.0], &state, j, steer);
-        M::steadier(&errors, &state, &step).unwrap_or(errors)
+        V::Model::steadier(&errors, &state, &step).unwrap_or(errors)
     }
 }
