@@ -14,7 +14,7 @@ from closed_loop import drive
 from native import assert_same, read_log, run, settings
 
 VEHICLE = "truck_simulation"
-ROAD, SECONDS = "truck_u_turn.csv", 12.0
+ROAD, SECONDS = "truck_off_road.csv", 20.0  # a straight, then bends
 PLANTS = {
     "low_delay": {"effect.steer_delay": 0.04, "effect.steer_lag": 0.05},
     "high_delay": {"effect.steer_delay": 0.3, "effect.steer_lag": 0.2},
