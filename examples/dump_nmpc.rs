@@ -59,11 +59,8 @@ fn problem(controller: &Controller, guess: &[f64]) -> Result<Option<Value>, Stri
     let Some(roll_out) = lateral.roll_out() else { return Ok(None) };
     let (qp, plan) = (lateral.problem(), lateral.plan());
     let mpc = controller.parameters().mpc;
-    let substeps: Vec<usize> = roll_out
-        .speed
-        .iter()
-        .map(|step| roll_out.bicycle().substeps(step.speed[1], mpc.sample_time))
-        .collect();
+    let substeps: Vec<usize> =
+        roll_out.speed.iter().map(|step| roll_out.model().substeps(step.speed[1], mpc.sample_time)).collect();
     let ahead: f64 = roll_out.speed.iter().map(|step| step.speed[1] * mpc.sample_time).sum();
     let (from, to) = (roll_out.start[0] - 0.1, roll_out.start[0] + 1.1 * ahead + 0.5);
     // One number of substeps for all steps keeps the other side simple.

@@ -334,7 +334,7 @@ fn processes(folder: &Path) -> [PathBuf; 2] {
     let mut closed = TruckClosedLoop::at_start(controller, &file, &TruckEffects::default(), 0.02).unwrap();
     let log = closed.drive(30.0, |_| ()).unwrap().to_learn_from();
     let nominal = parameters.vehicle.articulated();
-    let data = DataSet::new(&[log.clone()], &nominal, parameters.mpc.data_config()).unwrap();
+    let data = DataSet::new(std::slice::from_ref(&log), &nominal, parameters.mpc.data_config()).unwrap();
     train(&data, None, &config, &|_| ()).unwrap().model.write(&truck).unwrap();
     let nominal = rfl_mpc::vehicle::builtin("c_class").unwrap().single_track();
     let data = DataSet::new(&[log], &nominal, parameters.mpc.data_config()).unwrap();
@@ -369,7 +369,7 @@ fn the_truck_has_nonlinear_mpc_with_and_without_a_process() {
     assert_eq!(learned, steered(&[of(&truck)]), "the file decides");
 
     let refused = |parameters: &[(&str, Value)]| unit(parameters).initialize().unwrap_err().to_string();
-    let error = refused(&[gp_nmpc.clone()]);
+    let error = refused(std::slice::from_ref(&gp_nmpc));
     assert!(error.contains("gp_nmpc") && error.contains("rfl train"), "{error}");
     let error = refused(&[gp_nmpc, of(&car)]);
     assert!(error.contains("car.rflm") && error.contains("a model for a car"), "{error}");

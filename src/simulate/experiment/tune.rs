@@ -12,8 +12,6 @@ use std::sync::Arc;
 
 /// Candidates of a search that are compared on a longer road.
 const VALIDATED: usize = 2;
-/// Candidates that are shaken, to find those.
-const TRIED: usize = 12;
 /// The seed whose model compares them: another than those that the pieces were driven with.
 const VALIDATING: usize = 2;
 /// What steering more roughly than is allowed costs at least, m.
@@ -91,7 +89,9 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
             self.candidate(&self.roads.validation, models, weights, noise, seed).map(|(_, error)| error)
         };
         let mut standing: Vec<(f64, Weights)> = vec![];
-        for (weights, _) in best.iter().filter(|candidate| candidate.1 < COST_OF_ROUGHNESS).take(TRIED) {
+        for (weights, _) in
+            best.iter().filter(|candidate| candidate.1 < COST_OF_ROUGHNESS).take(P::SETTING.shaken)
+        {
             if standing.len() == VALIDATED {
                 break;
             }

@@ -58,6 +58,8 @@ pub struct Setting {
     pub drives: usize,
     /// See [`seeds`](Self::seeds).
     pub budget: usize,
+    /// The best candidates of a search that are shaken on the road for validation until two stand it.
+    pub shaken: usize,
     /// The sweep over dead time, if there is one.
     pub sweep: Option<SweepSetting>,
 }
@@ -182,6 +184,7 @@ impl Compared<ERRORS, CAR_COLUMNS> for Car {
         seeds: 5,
         drives: 2,
         budget: 64,
+        shaken: 12,
         sweep: None,
     };
 
@@ -218,6 +221,8 @@ impl Compared<TRUCK_STATES, TRUCK_COLUMNS> for Truck {
         seeds: 3,
         drives: 1,
         budget: 24,
+        // Behind a long delay none of the best dozen stands it: a loop at its edge.
+        shaken: 24,
         sweep: Some(SweepSetting::TRUCK),
     };
 
