@@ -87,6 +87,44 @@ def drive(
 
 
 @njit(cache=True)
+def locate(mind, x, y, road):
+    """Moves the driver's place on the road (`mind[0]`) to the nearest one ahead; gives the distance left of it, m."""
+    best, last = 1e18, int(mind[0])
+    at = last
+    for i in range(max(last - 4, 0), min(last + 60, len(road[0]))):
+        gap = (road[0][i] - x) ** 2 + (road[1][i] - y) ** 2
+        if gap < best:
+            best, at = gap, i
+    mind[0] = at
+    return -(x - road[0][at]) * math.sin(road[2][at]) + (y - road[1][at]) * math.cos(road[2][at])
+
+
+@njit(cache=True)
+def hands(mind, left, x, y, yaw, vx, road, driver, unrest, jerk, sample, answer):
+    """A preview driver's steering angle and acceleration.
+
+    The arc through a point of the road ahead, at the vehicle's own understeer; an integral against steady offsets;
+    unrest; a slow hand. `mind` holds the place on the road, the integral, the unrest and the hand.
+    """
+    road_x, road_y, road_yaw, speed, aim = road[0], road[1], road[2], road[3], road[4]
+    at = int(mind[0])
+    ahead = min(at + int(max(driver[_PREVIEW] * vx, 6.0) / SPACING), len(road_x) - 1)
+    tx = road_x[ahead] - aim[ahead] * math.sin(road_yaw[ahead]) - x
+    ty = road_y[ahead] + aim[ahead] * math.cos(road_yaw[ahead]) - y
+    side = -tx * math.sin(yaw) + ty * math.cos(yaw)
+    lead = driver[_BASE] + driver[_UNDER] * vx * vx
+    mind[1] += sample * min(max(aim[at] - left, -1.0), 1.0)
+    keep = math.exp(-sample / driver[_NTIME])
+    mind[2] = keep * mind[2] + math.sqrt(1.0 - keep * keep) * unrest
+    wanted = lead * (2.0 * side / max(tx * tx + ty * ty, 25.0) + driver[_INTEGRAL] * mind[1])
+    wanted += lead * driver[_NOISE] * mind[2] / max(vx * vx, 36.0)
+    mind[3] = wanted + math.exp(-sample / driver[_DLAG]) * (mind[3] - wanted)
+    near = min(at + int(0.6 * vx / SPACING), len(road_x) - 1)
+    push = driver[_SPEEDGAIN] * (speed[near] - vx) + driver[_SPEEDNOISE] * jerk
+    answer[0], answer[1] = mind[3], min(max(push, -driver[_BRAKE]), driver[_PUSH])
+
+
+@njit(cache=True)
 def _rate(kind, y, steer, accel, around, p, f, flow):
     if kind == 0:
         car.rate(y, steer, accel, around, p, f, flow)
@@ -100,54 +138,33 @@ def _loop(
     steer_cmd, accel_cmd, signals, angle, places,
 ):  # fmt: skip
     """Gives the number of samples driven."""
-    road_x, road_y, road_yaw, speed, aim, friction, bank = road
+    friction, bank = road[5], road[6]
     samples, n = len(steer_cmd), len(y)
     k1, k2, k3, k4, z = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
     flow, out = np.zeros(4), np.zeros(11)
     sample = per * h
-    at, sum_e, unrest, hand, held = 0, 0.0, 0.0, 0.0, 0.0
+    held, mind, answer = 0.0, np.zeros(4), np.zeros(2)
     actuator, geared, geared_rate, free, given = 0.0, 0.0, 0.0, 0.0, 0.0
     bank0, friction0, wind_x0, wind_y0 = around[0], around[2], around[3], around[4]
-    keep_unrest = math.exp(-sample / driver[_NTIME])
-    keep_hand = math.exp(-sample / driver[_DLAG])
     keep_lag = math.exp(-h / chain[_LAG]) if chain[_LAG] > 0.0 else 0.0
     keep_drive = math.exp(-h / chain[_DRIVELAG]) if chain[_DRIVELAG] > 0.0 else 0.0
     most = chain[_RATE] * h
     for k in range(samples):
         vx = y[3]
         yaw = y[4]
-        # Nearest place of the road, looked for ahead of the last.
-        best = 1e18
-        for i in range(max(at - 4, 0), min(at + 60, len(road_x))):
-            gap = (road_x[i] - y[0]) ** 2 + (road_y[i] - y[1]) ** 2
-            if gap < best:
-                best, at = gap, i
-        left = -(y[0] - road_x[at]) * math.sin(road_yaw[at]) + (y[1] - road_y[at]) * math.cos(road_yaw[at])
+        left = locate(mind, y[0], y[1], road)
+        at = int(mind[0])
         places[k, 0], places[k, 1] = at * SPACING, left
         if not replay:
             if abs(left) > LOST or not math.isfinite(vx) or vx < 2.0:
                 return k
-            # A preview driver: the arc through a point ahead, at the car's own understeer; an integral against steady
-            # offsets; unrest; a slow hand.
-            ahead = min(at + int(max(driver[_PREVIEW] * vx, 6.0) / SPACING), len(road_x) - 1)
-            tx = road_x[ahead] - aim[ahead] * math.sin(road_yaw[ahead]) - y[0]
-            ty = road_y[ahead] + aim[ahead] * math.cos(road_yaw[ahead]) - y[1]
-            side = -tx * math.sin(yaw) + ty * math.cos(yaw)
-            away = tx * tx + ty * ty
-            lead = driver[_BASE] + driver[_UNDER] * vx * vx
-            sum_e += sample * min(max(aim[at] - left, -1.0), 1.0)
-            unrest = keep_unrest * unrest + math.sqrt(1.0 - keep_unrest**2) * noise[k, 0]
-            wanted = lead * (2.0 * side / max(away, 25.0) + driver[_INTEGRAL] * sum_e)
-            wanted += lead * driver[_NOISE] * unrest / max(vx * vx, 36.0)
-            hand = wanted + keep_hand * (hand - wanted)
-            steer_cmd[k] = min(max(hand, -chain[_LIMIT]), chain[_LIMIT])
-            near = min(at + int(0.6 * vx / SPACING), len(road_x) - 1)
-            push = driver[_SPEEDGAIN] * (speed[near] - vx) + driver[_SPEEDNOISE] * noise[k, 1]
-            accel_cmd[k] = min(max(push, -driver[_BRAKE]), driver[_PUSH])
+            hands(mind, left, y[0], y[1], yaw, vx, road, driver, noise[k, 0], noise[k, 1], sample, answer)
+            steer_cmd[k] = min(max(answer[0], -chain[_LIMIT]), chain[_LIMIT])
+            accel_cmd[k] = answer[1]
         around[0] = bank0 + bank[at]
         around[2] = friction0 * friction[at]
         around[3], around[4] = wind_x0 + events[k, 0], wind_y0 + events[k, 1]
-        dead = int(round((chain[_DEAD] + events[k, 2]) / h))
+        dead = math.floor((chain[_DEAD] + events[k, 2]) / h + 0.5)
         for j in range(per):
             step = k * per + j
             # The command that arrives now.

@@ -75,8 +75,11 @@ def rate(y, steer, accel, around, p, f, flow):
     bend = yaw2 - yaw  # the trailer in the tractor's axes
     sin_b, cos_b, sin_d, cos_d = math.sin(bend), math.cos(bend), math.sin(steer), math.cos(steer)
     # The trailer's velocity in its own axes.
-    ux, uy = vx, vy - p[_HX] * r1
-    wx, wy = ux * cos_b + uy * sin_b, -ux * sin_b + uy * cos_b - p[_LX] * r2
+    high1, high2, pin1, pin2 = _above(p)
+    sin_1, cos_1, sin_2, cos_2 = math.sin(phi1), math.cos(phi1), math.sin(phi2), math.cos(phi2)
+    ux, uy = vx + pin1 * sin_1 * r1, vy - p[_HX] * r1 - pin1 * cos_1 * p1
+    wx = ux * cos_b + uy * sin_b - pin2 * sin_2 * r2
+    wy = -ux * sin_b + uy * cos_b - p[_LX] * r2 + pin2 * cos_2 * p2
 
     # Forces along: drive at the rear axle, brakes at all.
     asked = p[_MD] * accel
@@ -155,19 +158,18 @@ def rate(y, steer, accel, around, p, f, flow):
     tx, ty = other_x + grade2, other_y + bank2
     back_x, back_y = tx * cos_b - ty * sin_b, tx * sin_b + ty * cos_b
     ms1, ms2 = p[_M1] - p[_MU1], p[_M2] - p[_MU2]
-    high1, high2 = _above(p)
     q = np.empty(6)
     q[0] = own_x + grade1 + back_x
     q[1] = own_y + bank1 + back_y
-    q[2] = own_n - p[_HX] * back_y - rub
-    q[3] = -(p[_DF] + p[_DR]) * p1 - damp - ms1 * high1 * math.cos(phi1) * bank
-    q[4] = other_n - p[_LX] * ty + rub
-    q[5] = -p[_DT] * p2 + damp - ms2 * high2 * math.cos(phi2) * bank
+    q[2] = own_n - p[_HX] * back_y + pin1 * sin_1 * back_x - rub
+    q[3] = -(p[_DF] + p[_DR]) * p1 - damp - ms1 * high1 * cos_1 * bank - pin1 * cos_1 * back_y
+    q[4] = other_n - p[_LX] * ty - pin2 * sin_2 * tx + rub
+    q[5] = -p[_DT] * p2 + damp - ms2 * high2 * cos_2 * bank + pin2 * cos_2 * ty
 
     m, bias = np.empty((6, 6)), np.empty(6)
     mass_and_bias(
         bend, phi1, phi2, vx, vy, r1, p1, r2, p2, p[_MU1], ms1, p[_IZ1], p[_IX1], high1, p[_KF] + p[_KR],
-        p[_MU2], ms2, p[_IZ2], p[_IX2], high2, p[_KT], p[_HK], p[_HX], p[_LX], GRAVITY, m, bias,
+        p[_MU2], ms2, p[_IZ2], p[_IX2], high2, p[_KT], p[_HK], p[_HX], p[_LX], pin1, pin2, GRAVITY, m, bias,
     )  # fmt: skip
     for i in range(6):
         q[i] -= bias[i]
@@ -178,17 +180,18 @@ def rate(y, steer, accel, around, p, f, flow):
     f[4], f[5], f[6], f[7] = r1, q[2], p1, q[3]
     f[8], f[9], f[11], f[12] = r2, q[4], p2, q[5]
     # Felt: motion of the CG without gravity; the sprung mass sways.
-    sway = -high1 * math.cos(phi1) * q[3] * ms1 / p[_M1]
+    sway = -high1 * cos_1 * q[3] * ms1 / p[_M1]
     flow[0], flow[1], flow[2] = q[0] - slope, q[1] + sway - bank, q[2]
 
 
 @njit(cache=True, inline="always")
 def _above(p):
-    """Heights of the sprung CGs above the roll axes, m."""
+    """Heights above the roll axes of the sprung CGs, and of the pin, m: tractor, trailer, tractor, trailer."""
     axis1 = p[_RR] + (p[_RF] - p[_RR]) * p[_B] / (p[_A] + p[_B])
     sprung1 = (p[_M1] * p[_H1] - p[_MU1] * WHEEL) / (p[_M1] - p[_MU1])
     sprung2 = (p[_M2] * p[_H2] - p[_MU2] * WHEEL) / (p[_M2] - p[_MU2])
-    return sprung1 - axis1, sprung2 - p[_RT]
+    axis_at_pin = p[_RR] + (p[_RF] - p[_RR]) * (p[_B] - p[_HX]) / (p[_A] + p[_B])
+    return sprung1 - axis1, sprung2 - p[_RT], p[_HH] - axis_at_pin, p[_HH] - p[_RT]
 
 
 @njit(cache=True)

@@ -17,15 +17,17 @@ with potential forces in b. Positive roll: right side down. Needs sympy; the wri
 from __future__ import annotations
 
 from pathlib import Path
+from textwrap import fill
 
 import sympy as sp
 
 PLACE = Path(__file__).with_name("truck_equations.py")
 ARGUMENTS = [
     "psi2", "phi1", "phi2", "u", "v", "r1", "p1", "r2", "p2", "mu1", "ms1", "iz1", "ix1", "hs1", "k1", "mu2",
-    "ms2", "iz2", "ix2", "hs2", "k2", "kh", "hx", "lx", "g",
+    "ms2", "iz2", "ix2", "hs2", "k2", "kh", "hx", "lx", "z1", "z2", "g",
 ]  # fmt: skip
-HEAD = '''# ruff: noqa: E501, E741
+INDENT = "    "
+HEAD = '''# ruff: noqa: E501
 # fmt: off
 """Mass matrix and bias of the blind truck; written by truck_derive.py, not by hand."""
 
@@ -35,7 +37,9 @@ from numba import njit
 
 
 @njit(cache=True)
-def mass_and_bias({arguments}, m, b):
+def mass_and_bias(
+{arguments}, m, b,
+):
     """Writes the mass matrix (6, 6) and the bias (6,) in axes along the tractor; see truck_derive.py."""
 '''
 
@@ -55,7 +59,8 @@ def equations() -> tuple[sp.Matrix, sp.Matrix]:
         )
 
     foot1 = sp.Matrix([x, y])
-    foot2 = foot1 - turned(psi1, of["hx"], 0) - turned(psi2, of["lx"], 0)
+    # The pin sways with the tractor's body, and with the semi-trailer's.
+    foot2 = foot1 + turned(psi1, -of["hx"], -of["z1"] * sp.sin(phi1)) - turned(psi2, of["lx"], -of["z2"] * sp.sin(phi2))
     kinetic = 0
     for foot, psi, phi, n in ((foot1, psi1, phi1, "1"), (foot2, psi2, phi2, "2")):
         high = of["hs" + n]
@@ -88,7 +93,11 @@ def code() -> str:
             lines.append(f"    m[{i}, {j}]{other} = {sp.pycode(next(results))}")
     lines += [f"    b[{i}] = {sp.pycode(next(results))}" for i in range(6)]
     text = "\n".join(lines).replace("math.", "")
-    return HEAD.format(arguments=", ".join(ARGUMENTS)) + text + "\n"
+    return (
+        HEAD.format(arguments=fill(", ".join(ARGUMENTS), 100, initial_indent=INDENT, subsequent_indent=INDENT))
+        + text
+        + "\n"
+    )
 
 
 if __name__ == "__main__":

@@ -20,6 +20,7 @@ TEMPLATE = ROOT / "vehicles" / "truck_simulation.toml"
 # Stiffness factor of the project's truck tyre, per radian of the load: 8 sin(2 atan(load / (2.5 FNOMIN))) FNOMIN /
 # load.
 SLOPE, FALL = -8.0, 2.5
+SOFTER = 1.06
 
 
 def stiffness_per_load(load: float) -> float:
@@ -70,6 +71,8 @@ def design(rng: np.random.Generator | None) -> Design:
     low, high = stiffness_per_load(15000.0), stiffness_per_load(30000.0)
     p["c1"] = (low - high) / 0.75
     p["c0"] = low + p["c1"] * 0.75
+    # A brush softens from the first slip on: its slope at nothing is such that a fifth of the grip gives the file's.
+    p["c0"], p["c1"] = SOFTER * p["c0"], SOFTER * p["c1"]
     p["mu0"], p["mu1t"] = 0.80, 0.08
     p["base"] = p["a"] + p["b"]
     p["understeer"] = _understeer(p)

@@ -1,4 +1,4 @@
-# ruff: noqa: E501, E741
+# ruff: noqa: E501
 # fmt: off
 """Mass matrix and bias of the blind truck; written by truck_derive.py, not by hand."""
 
@@ -8,7 +8,10 @@ from numba import njit
 
 
 @njit(cache=True)
-def mass_and_bias(psi2, phi1, phi2, u, v, r1, p1, r2, p2, mu1, ms1, iz1, ix1, hs1, k1, mu2, ms2, iz2, ix2, hs2, k2, kh, hx, lx, g, m, b):
+def mass_and_bias(
+    psi2, phi1, phi2, u, v, r1, p1, r2, p2, mu1, ms1, iz1, ix1, hs1, k1, mu2, ms2, iz2, ix2, hs2,
+    k2, kh, hx, lx, g, m, b,
+):
     """Writes the mass matrix (6, 6) and the bias (6,) in axes along the tractor; see truck_derive.py."""
     x0 = ms2 + mu2
     x1 = ms1 + mu1 + x0
