@@ -222,7 +222,7 @@ def score(labels: list[dict], reports: list[dict]) -> dict:
     right = [in_class(a, b) for a, b in answered]
     singles = [(a, b) for a, b in zip(labels, reports) if a["kind"] == "single"]
     named_ones = [b for a, b in zip(labels, reports) if a["kind"] in ("single", "pair") and in_class(a, b)]
-    seconds = sorted(b["seconds"] for b in reports)
+    seconds, used = ([b.get(key, b["seconds"]) for b in reports] for key in ("seconds", "cpu_seconds"))
     return {
         "cases": len(labels),
         "moderate_exact": of(("single",), exact, moderate),
@@ -254,5 +254,7 @@ def score(labels: list[dict], reports: list[dict]) -> dict:
         "by_dominance": bands(labels, [in_class(a, b) for a, b in zip(labels, reports)]),
         "confusion": confusion(labels, reports),
         "seconds_median": median(seconds),
-        "seconds_most": seconds[-1] if seconds else None,
+        "seconds_most": max(seconds, default=None),
+        "cpu_seconds_median": median(used),
+        "cpu_seconds_most": max(used, default=None),
     }

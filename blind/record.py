@@ -75,6 +75,7 @@ def lines(result: dict) -> list[tuple[str, str, str]]:
         ("own log, held out: yaw-rate gap closed by the effect", percent(result["own_log_effect"]), ""),
         ("... and with recalibration", percent(result["own_log_recalibrated"]), ""),
         ("time a case, median and longest", f"{result['seconds_median']:.1f} s, {result['seconds_most']:.1f} s", ""),
+        ("... of processor", f"{result['cpu_seconds_median']:.1f} s, {result['cpu_seconds_most']:.1f} s", ""),
     ]
     for key, text in (("open", "other route, open loop"), ("closed", "other route, closed loop")):
         for who in ("effect", "calibrated", "runner_up", "oracle"):
@@ -201,22 +202,34 @@ def plots(result: dict, out: Path) -> None:
 
 
 def add(run: dict, folder: Path, plots_in: Path) -> None:
-    """Adds a scoring run to the record: all runs stay, the newest has the plots."""
+    """Adds a scoring run to the record: all runs stay, each with a file of all its cases; the newest has the plots."""
     folder.mkdir(parents=True, exist_ok=True)
     place = folder / "blind.json"
     runs = json.loads(place.read_text(encoding="utf-8"))["runs"] if place.exists() else []
-    runs.append(run)
-    place.write_text(json.dumps({"runs": runs}, indent=None) + "\n", encoding="utf-8")
+    runs.append({key: value for key, value in run.items() if key != "cases"})
+    place.write_text(json.dumps({"runs": rounded(runs)}, indent=1) + "\n", encoding="utf-8")
+    lines_of_cases = ",\n".join(json.dumps(rounded(row)) for row in run["cases"])
+    (folder / f"blind-run-{len(runs)}.json").write_text(f"[{lines_of_cases}]\n", encoding="utf-8")
     for name in ("blind.png", "blind-confusion.png"):
         shutil.copy(plots_in / name, folder / name)
-    (folder / "blind.md").write_text(page(runs), encoding="utf-8")
+    (folder / "blind.md").write_text(page(runs, run["cases"]), encoding="utf-8")
 
 
-def page(runs: list[dict]) -> str:
-    """blind.md from all runs, the newest first in detail."""
+def rounded(of):
+    """The same with five digits a number."""
+    if isinstance(of, float):
+        return float(f"{of:.5g}")
+    if isinstance(of, dict):
+        return {key: rounded(value) for key, value in of.items()}
+    return [rounded(value) for value in of] if isinstance(of, list | tuple) else of
+
+
+def page(runs: list[dict], newest_cases: list[dict]) -> str:
+    """blind.md: a line for each run, and the newest with all its cases."""
     newest = runs[-1]
     text = ["# The blind check: the record", ""]
-    text += ["Made by `blind/score`; what it does stands in `blind/README.md`. Every scoring run is here.", ""]
+    text += ["Made by `blind/score`; what it does stands in `blind/README.md`. Every scoring run is here;"]
+    text += ["all cases of each are in `blind-run-N.json`.", ""]
     text += ["| run | cases | moderate | small | pairs, both | false alarms | outside found | ECE | labels' hash |"]
     text += ["|---|---|---|---|---|---|---|---|---|"]
     for number, run in enumerate(runs, 1):
@@ -237,7 +250,7 @@ def page(runs: list[dict]) -> str:
         "All cases of the newest run (`+` exact, `o` in class, `-` wrong):",
         "",
         "```",
-        listing(newest["cases"]),
+        listing(newest_cases),
         "```",
     ]
     return "\n".join(text) + "\n"

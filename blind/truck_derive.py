@@ -84,7 +84,7 @@ def code() -> str:
     """The text of truck_equations.py."""
     mass, bias = equations()
     wanted = [mass[i, j] for i in range(6) for j in range(i + 1)] + list(bias)
-    shared, results = sp.cse([sp.expand(sp.trigsimp(e)) for e in wanted], optimizations="basic")
+    shared, results = sp.cse(wanted)
     lines = [f"    {name} = {sp.pycode(value)}" for name, value in shared]
     results = iter(results)
     for i in range(6):

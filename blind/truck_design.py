@@ -61,6 +61,7 @@ def design(rng: np.random.Generator | None) -> Design:
         springs = 0.5 * one["spring_rate"] * one["track"] ** 2 + one["anti_roll_bar"]
         tyres = 0.5 * vertical * count * one["track"] ** 2
         # Springs, and tyres in series; the damper sees the springs' share only.
+        p["springs_" + key], p["tyres_" + key] = springs, tyres
         p["k" + key] = springs * tyres / (springs + tyres)
         p["d" + key] = 0.5 * one["damping"] * one["track"] ** 2 * (tyres / (springs + tyres)) ** 2
         p["stiff_" + key] = about(tyre[which]["stiffness_scale"], 0.08)
@@ -103,8 +104,9 @@ def build(design: Design, values: dict[str, float]) -> Unit:
     p["iz2"] *= of("trailer_yaw_inertia", 1.0)
     p["h1"] *= of("cg_height", 1.0)
     for key in "frt":
-        p["k" + key] *= of("roll_stiffness", 1.0)
-    p["kf"] *= 1.0 + 0.8 * (of("spring_front", 1.0) - 1.0)
+        springs, tyres = p["springs_" + key] * of("roll_stiffness", 1.0), p["tyres_" + key]
+        springs *= of("spring_front", 1.0) if key == "f" else 1.0
+        p["k" + key] = springs * tyres / (springs + tyres)
     shift, load = of("cg_shift", 0.0), of("payload", 0.0)
     if load > 0.0:
         place = of("payload_x", 0.0)
