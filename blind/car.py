@@ -71,6 +71,9 @@ def at_speed(p: dict[str, float], x: float, y: float, yaw: float, speed: float) 
     front = p["m_s"] * GRAVITY * p["b"] / (p["a"] + p["b"]) + p["m_uf"] * GRAVITY
     rear = p["m_s"] * GRAVITY * p["a"] / (p["a"] + p["b"]) + p["m_ur"] * GRAVITY
     s[16], s[21] = front / (2.0 * p["K_zt"]), rear / (2.0 * p["K_zt"])
+    # CommonRoad's `init_mb` leaves the body where its springs push it up; here they just carry it.
+    s[8] = (s[21] - s[16]) / (p["a"] + p["b"])
+    s[11] = s[16] + p["a"] * s[8]
     s[23:27] = speed / p["R_w"]
     return s
 

@@ -20,7 +20,7 @@ import sys
 import time
 from pathlib import Path
 
-from . import baselines, controls, diagnose, measures, record, route, seal
+from . import baselines, controls, diagnose, manoeuvres, measures, record, route, seal
 from .cases import Set
 from .make import folder_of, make_set
 from .vehicles import ROOT
@@ -87,6 +87,8 @@ def main(arguments: list[str] | None = None) -> int:
         result["routes"] = route.measure(cases, labels, reports, out, options.routes, say)
     if options.controls:
         result["controls"] = controls.measure(cases, labels, reports, out, rfl, options.controls, options.jobs, say)
+        further = manoeuvres.measure(cases, labels, reports, out, rfl, options.controls, options.jobs, say)
+        result["controls"] |= further
     if options.baselines:
         train = options.baselines
         result["baselines"] = baselines.measure(cases, labels, out, train, options.jobs, say)
