@@ -36,7 +36,7 @@ NAMES = [
     _BASE, _UNDER,
 ) = range(len(NAMES))  # fmt: skip
 FNOMIN = 20000.0  # N
-WIND_UP = 0.004  # rad, at which dry friction is whole
+WIND_UP = 0.0005  # rad, at which dry friction is whole: it sticks before
 WHEEL = 0.53  # m
 
 
