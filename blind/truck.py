@@ -36,7 +36,7 @@ NAMES = [
     _BASE, _UNDER,
 ) = range(len(NAMES))  # fmt: skip
 FNOMIN = 20000.0  # N
-WIND_UP = 0.0005  # rad, at which dry friction is whole: it sticks before
+WIND_UP = 0.0002  # rad, at which dry friction is whole: it sticks before
 WHEEL = 0.53  # m
 
 
