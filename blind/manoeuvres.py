@@ -1,0 +1,118 @@
+"""Whether the proposed next manoeuvre resolves what remained confused: driven by the same unit, diagnosed anew.
+
+The manoeuvres are built from the words of the report ("how it is driven"), as roads with a speed; the blind driver
+drives them as a person would, not the exact commands. Trucks drive them slower and gentler.
+"""
+
+from __future__ import annotations
+
+import math
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from . import diagnose, measures, sensors
+from .cases import Case, Set, combined, draw_conditions, start_and_drive
+from .controls import again
+from .make import folder_of
+from .road import SPACING, Road
+from .vehicles import build
+
+DURATION, STEP = 30.0, 0.02  # s
+TRUCK_SPEED, TRUCK_LATERAL = 0.75, 0.4
+
+
+def _sweep(t: float) -> float:
+    rate = math.log(2.5 / 0.2) / DURATION
+    return math.sin(2.0 * math.pi * 0.2 * (math.exp(rate * t) - 1.0) / rate)
+
+
+def _step(t: float) -> float:
+    return (3.0, 0.0, -3.0, 0.0)[int(t % 12.0) // 3]
+
+
+def _brake(t: float) -> float:
+    phase = t % 15.0
+    if phase < 3.0:
+        return 25.0
+    return 25.0 - 4.0 * (phase - 3.0) if phase < 6.0 else min(13.0 + 1.5 * (phase - 6.0), 25.0)
+
+
+# Name: speed in m/s and lateral acceleration in m/s2 over time.
+PLANS: dict[str, tuple[Callable[[float], float], Callable[[float], float]]] = {
+    "speed sweep": (lambda t: 6.0 + 20.0 * t / DURATION, lambda t: 2.0 * math.sin(2.0 * math.pi * 0.25 * t)),
+    "step steer": (lambda t: 18.0, _step),
+    "sine sweep": (lambda t: 20.0, lambda t: 2.5 * _sweep(t)),
+    "there and back": (lambda t: 15.0, lambda t: 5.0 if 10.0 <= t < 19.4 else 0.0),
+    "limit circle": (lambda t: 14.0, lambda t: 8.0 * t / 15.0 if t < 15.0 else -8.0 * (t - 15.0) / 15.0),
+    "braking": (_brake, lambda t: 0.0 if t < 15.0 else 1.5),
+}
+
+
+def road_of(name: str, is_truck: bool) -> Road:
+    """The road on which a manoeuvre is driven; raises KeyError for one that this module does not know."""
+    speed_at, lateral_at = PLANS[name]
+    quick, hard = (TRUCK_SPEED, TRUCK_LATERAL) if is_truck else (1.0, 1.0)
+    time = np.arange(0.0, DURATION + 5.0, STEP)
+    speed = np.array([quick * speed_at(min(t, DURATION)) for t in time])
+    curvature = np.array([hard * lateral_at(t) if t < DURATION else 0.0 for t in time]) / speed**2
+    station = np.concatenate([[0.0], np.cumsum(speed[:-1] * STEP)])
+    s = np.arange(0.0, station[-1], SPACING)
+    curvature, speed = np.interp(s, station, curvature), np.interp(s, station, speed)
+    yaw = np.concatenate([[0.0], np.cumsum(curvature[:-1]) * SPACING])
+    x = np.concatenate([[0.0], np.cumsum(np.cos(yaw[:-1])) * SPACING])
+    y = np.concatenate([[0.0], np.cumsum(np.sin(yaw[:-1])) * SPACING])
+    return Road(x, y, yaw, curvature, speed, 0.0 * s, np.ones(len(s)), 0.0 * s)
+
+
+def drive(cases: Set, case: Case, name: str) -> dict[str, np.ndarray] | None:
+    """A log of the case's unit in a manoeuvre; None if it left the road."""
+    rng = cases.rng(5, case.number)
+    conditions = draw_conditions(rng, case.design, case.suite, DURATION)
+    samples = round(DURATION / conditions.sample)
+    conditions = replace(
+        conditions,
+        road=road_of(name, case.design.is_truck),
+        duration=DURATION,
+        noise=rng.normal(size=(samples, 2)),
+    )
+    whole = combined(case.background, case.values)
+    truth = start_and_drive(build(case.design, whole), conditions)
+    return sensors.log(truth, whole, replace(case.suite, seed=case.suite.seed + 29)) if truth.arrived else None
+
+
+def measure(
+    cases: Set,
+    labels: list[dict],
+    reports: list[dict],
+    out: Path,
+    rfl: Path,
+    most: int,
+    jobs: int,
+    say=lambda text: None,
+) -> dict:
+    """Of single effects that were not named exactly: how many are, from the manoeuvre that the report proposed."""
+    folders, of, lost = [], [], 0
+    for label, report in zip(labels, reports):
+        proposed = (report.get("next_manoeuvre") or {}).get("name")
+        wanted = label["kind"] == "single" and not measures.exact(label, report) and proposed
+        if not wanted or len(folders) >= most:
+            continue
+        log = drive(cases, again(cases, label), proposed) if proposed in PLANS else None
+        if log is None:
+            lost += 1
+            say(f"case {label['case']}: '{proposed}' could not be driven")
+            continue
+        own, folder = folder_of(out, label["case"]), out / f"next_{label['case']:03d}"
+        shutil.copytree(own, folder, ignore=shutil.ignore_patterns("answer*", "without", "log.csv.gz"))
+        sensors.write(log, folder / "log.csv.gz")
+        folders.append(folder)
+        of.append(label)
+    answers = diagnose.diagnose_all(rfl, folders, jobs, say=say)
+    return {
+        "next manoeuvre names it, in class": measures.share(measures.in_class(a, b) for a, b in zip(of, answers)),
+        "next manoeuvre not drivable": lost,
+    }

@@ -1,0 +1,256 @@
+"""Tables, plots and the record of all scoring runs: docs/results/blind.json and blind.md."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+from . import measures
+
+# Goals of the specification: measure, text, limit, whether more is better.
+GOALS = (
+    ("moderate", "moderate single, exact or class", 0.90, True),
+    ("small", "small single, exact or class", 0.75, True),
+    ("pair_both", "pairs, both", 0.80, True),
+    ("pair_one", "pairs, at least one", 0.97, True),
+    ("false_alarms", "none: false alarms", 0.05, False),
+    ("outside_found", "out of library: found", 0.75, True),
+    ("false_flags", "false flags of 'not in library'", 0.05, False),
+)
+FURTHER = (
+    ("moderate_exact", "moderate single, exact"),
+    ("small_exact", "small single, exact"),
+    ("single_top3", "single, among the first three"),
+    ("cars", "single, cars"),
+    ("trucks", "single, trucks"),
+    ("with_reference", "single, with a reference log"),
+    ("without_reference", "single, without"),
+    ("pair_top3", "pairs, among the first three pairs"),
+    ("stage", "stage at which the gap enters"),
+    ("interval_covers", "95 % intervals hold the true value"),
+    ("cannot_tell", "verdict 'cannot tell'"),
+    ("errors", "no report"),
+)
+
+
+def percent(value: float | None) -> str:
+    """A share as text."""
+    return "-" if value is None else f"{100.0 * value:.0f} %"
+
+
+def _share(of: dict) -> str:
+    if not of["count"]:
+        return "no case"
+    interval = f"{100.0 * of['low']:.0f} to {100.0 * of['high']:.0f}"
+    return f"{percent(of['share'])} ({of['hits']} of {of['count']}; {interval})"
+
+
+def lines(result: dict) -> list[tuple[str, str, str]]:
+    """Measure, value with its 95 % interval, goal."""
+    found = []
+    for key, text, limit, more in GOALS:
+        met = ""
+        if result[key]["count"]:
+            ok = result[key]["share"] >= limit if more else result[key]["share"] <= limit
+            met = ", met" if ok else ", missed"
+        found.append((text, _share(result[key]), f"{'>=' if more else '<='} {percent(limit)}{met}"))
+    numbers = [
+        ("calibration error (ECE)", result["ece"], "<= 0.08", 0.08),
+        ("parameter error, median", result["value_error"], "<= 0.10", 0.10),
+    ]
+    for text, value, goal, limit in numbers:
+        met = "" if value is None else (", met" if value <= limit else ", missed")
+        found.append((text, "-" if value is None else f"{value:.3f}", goal + met))
+    route = result.get("routes", {})
+    if route.get("closed_loop_calibrated") is not None:
+        value = route["closed_loop_calibrated"]
+        met = "met" if value >= 0.9 else "missed"
+        found.append(("other route, closed loop: gap closed, median", percent(value), f">= 90 %, {met}"))
+    found += [(text, _share(result[key]), "") for key, text in FURTHER]
+    credit, f1 = result["single_credit"], result["pair_f1"]
+    found += [
+        ("single, penalised by the class's size", "-" if credit is None else f"{credit:.2f}", ""),
+        ("pairs, F1", "-" if f1 != f1 else f"{f1:.2f}", ""),
+        ("own log, held out: yaw-rate gap closed by the effect", percent(result["own_log_effect"]), ""),
+        ("... and with recalibration", percent(result["own_log_recalibrated"]), ""),
+        ("time a case, median and longest", f"{result['seconds_median']:.1f} s, {result['seconds_most']:.1f} s", ""),
+        ("... of processor", f"{result['cpu_seconds_median']:.1f} s, {result['cpu_seconds_most']:.1f} s", ""),
+    ]
+    for key, text in (("open", "other route, open loop"), ("closed", "other route, closed loop")):
+        for who in ("effect", "calibrated", "runner_up", "oracle"):
+            value = route.get(f"{key}_loop_{who}")
+            if value is not None and (key, who) != ("closed", "calibrated"):
+                found.append((f"{text}: {who.replace('_', '-')}", percent(value), f"{route['cases']} cases"))
+    for text, value in result.get("controls", {}).items():
+        shown = _share(value) if isinstance(value, dict) else str(value)
+        found.append((f"control: {text}", shown, ""))
+    for text, value in result.get("baselines", {}).items():
+        alarms = _share(value["false_alarms"])
+        found.append((f"baseline {text}: single, right", _share(value["single"]), f"false alarms {alarms}"))
+    return found
+
+
+def table(result: dict) -> str:
+    """The score as text."""
+    rows = [("measure", "value (95 % interval)", "goal"), *lines(result)]
+    width = [max(len(row[i]) for row in rows) for i in range(2)]
+    return "\n".join(f"{a:<{width[0]}}  {b:<{width[1]}}  {c}".rstrip() for a, b, c in rows)
+
+
+def rows(labels: list[dict], reports: list[dict]) -> list[dict]:
+    """One row a case: the truth, the answer, whether it was right."""
+    found = []
+    for label, report in zip(labels, reports):
+        verdict = report.get("verdict", {})
+        found.append(
+            {
+                "case": label["case"],
+                "vehicle": label["vehicle"],
+                "kind": label["kind"],
+                "causes": label["causes"],
+                "values": label["values"],
+                "dominance": label["dominance"].get(""),
+                "reference": label["reference"],
+                "duration": label["duration"],
+                "verdict": measures.kind(report),
+                "probability": verdict.get("probability"),
+                "named": [
+                    {key: effect[key] for key in ("id", "value", "low", "high", "class", "dominance")}
+                    for effect in verdict.get("effects", [])
+                ],
+                "first": [
+                    {key: c[key] for key in ("effects", "values", "evidence")} for c in report.get("candidates", [])[:3]
+                ],
+                "error": report.get("error"),
+                "exact": measures.exact(label, report),
+                "in_class": measures.in_class(label, report),
+                "seconds": report["seconds"],
+            }
+        )
+    return found
+
+
+def listing(of: list[dict]) -> str:
+    """The cases as text."""
+    found = []
+    for row in of:
+        truth = " + ".join(f"{cause} {row['values'].get(cause, 0.0):.3g}" for cause in row["causes"]) or "none"
+        answer = " + ".join(
+            f"{e['id']} {e['value']:.3g}" + (f" {{{', '.join(e['class'])}}}" if len(e["class"]) > 1 else "")
+            for e in row["named"]
+        )
+        mark = "+" if row["exact"] else ("o" if row["in_class"] else "-")
+        dominance = f"{row['dominance']:.2f}" if row["dominance"] is not None else "    "
+        reference = " ref" if row["reference"] else ""
+        if not row["exact"] and row["first"]:
+            answer += " | first: " + ", ".join(f"{'+'.join(c['effects'])} {c['evidence']:.0f}" for c in row["first"])
+        found.append(
+            f"{mark} {row['case']:3d} {row['vehicle']:8s}{row['kind']:8s}{dominance} {truth}{reference} -> "
+            f"{row['verdict']} {answer or row['error'] or ''}"
+        )
+    return "\n".join(found)
+
+
+def plots(result: dict, out: Path) -> None:
+    """Reliability diagram, accuracy over dominance, confusion matrix."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+    import numpy as np
+
+    figure, axes = plt.subplots(1, 2, figsize=(10, 4))
+    axes[0].plot([0, 1], [0, 1], color="grey", linewidth=1)
+    for confidence, accuracy, count in result["reliability"]:
+        axes[0].scatter(confidence, accuracy, s=12 + 3 * count, color="tab:blue")
+        axes[0].annotate(str(count), (confidence, accuracy), textcoords="offset points", xytext=(6, -4), fontsize=8)
+    axes[0].set(xlabel="probability given", ylabel="share right", xlim=(0, 1), ylim=(-0.02, 1.02))
+    axes[0].set_title(f"reliability, ECE {result['ece']:.3f}", fontsize=10)
+    bands = [band for band in result["by_dominance"] if band["count"]]
+    middle = [(band["from"] * band["to"]) ** 0.5 for band in bands]
+    value = np.array([band["share"] for band in bands])
+    low = value - np.array([band["low"] for band in bands])
+    high = np.array([band["high"] for band in bands]) - value
+    if bands:
+        axes[1].errorbar(middle, value, yerr=[np.maximum(low, 0), np.maximum(high, 0)], marker="o", capsize=3)
+        for x, y, band in zip(middle, value, bands):
+            axes[1].annotate(str(band["count"]), (x, y), textcoords="offset points", xytext=(6, -4), fontsize=8)
+    axes[1].set(xscale="log", xlabel="dominance", ylabel="share in class", ylim=(-0.02, 1.02))
+    axes[1].set_title("single effects over dominance, 95 % intervals", fontsize=10)
+    figure.tight_layout()
+    figure.savefig(out / "blind.png", dpi=110)
+    plt.close(figure)
+
+    confusion = result["confusion"]
+    truths = list(confusion)
+    answers = sorted({a if "+" not in a else "a pair" for row in confusion.values() for a in row})
+    counts = np.zeros((len(truths), len(answers)))
+    for i, truth in enumerate(truths):
+        for answer, count in confusion[truth].items():
+            counts[i, answers.index(answer if "+" not in answer else "a pair")] += count
+    figure, axis = plt.subplots(figsize=(3 + 0.3 * len(answers), 2 + 0.26 * len(truths)))
+    axis.imshow(counts, cmap="Blues", aspect="auto")
+    for i, j in zip(*np.nonzero(counts)):
+        axis.text(j, i, f"{counts[i, j]:.0f}", ha="center", va="center", fontsize=7)
+    axis.set_xticks(range(len(answers)), answers, rotation=90, fontsize=7)
+    axis.set_yticks(range(len(truths)), truths, fontsize=7)
+    axis.set(xlabel="answer", ylabel="truth")
+    figure.tight_layout()
+    figure.savefig(out / "blind-confusion.png", dpi=110)
+    plt.close(figure)
+
+
+def add(run: dict, folder: Path, plots_in: Path) -> None:
+    """Adds a scoring run to the record: all runs stay, each with a file of all its cases; the newest has the plots."""
+    folder.mkdir(parents=True, exist_ok=True)
+    place = folder / "blind.json"
+    runs = json.loads(place.read_text(encoding="utf-8"))["runs"] if place.exists() else []
+    runs.append({key: value for key, value in run.items() if key != "cases"})
+    place.write_text(json.dumps({"runs": rounded(runs)}, indent=1) + "\n", encoding="utf-8")
+    lines_of_cases = ",\n".join(json.dumps(rounded(row)) for row in run["cases"])
+    (folder / f"blind-run-{len(runs)}.json").write_text(f"[{lines_of_cases}]\n", encoding="utf-8")
+    for name in ("blind.png", "blind-confusion.png"):
+        shutil.copy(plots_in / name, folder / name)
+    (folder / "blind.md").write_text(page(runs, run["cases"]), encoding="utf-8")
+
+
+def rounded(of):
+    """The same with five digits a number."""
+    if isinstance(of, float):
+        return float(f"{of:.5g}")
+    if isinstance(of, dict):
+        return {key: rounded(value) for key, value in of.items()}
+    return [rounded(value) for value in of] if isinstance(of, list | tuple) else of
+
+
+def page(runs: list[dict], newest_cases: list[dict]) -> str:
+    """blind.md: a line for each run, and the newest with all its cases."""
+    newest = runs[-1]
+    text = ["# The blind check: the record", ""]
+    text += ["Made by `blind/score`; what it does stands in `blind/README.md`. Every scoring run is here;"]
+    text += ["all cases of each are in `blind-run-N.json`.", ""]
+    text += ["| run | cases | moderate | small | pairs, both | false alarms | outside found | ECE | labels' hash |"]
+    text += ["|---|---|---|---|---|---|---|---|---|"]
+    for number, run in enumerate(runs, 1):
+        r, c = run["result"], run["commitment"]
+        cells = [
+            percent(r[key]["share"]) for key in ("moderate", "small", "pair_both", "false_alarms", "outside_found")
+        ]
+        text.append(
+            f"| {number}, {c['written']} | {r['cases']} | {' | '.join(cells)} | {r['ece']:.3f} | `{c['labels'][:16]}` |"
+        )
+    text += ["", "## The newest run", "", "| measure | value (95 % interval) | goal |", "|---|---|---|"]
+    text += [f"| {a} | {b} | {c} |" for a, b, c in lines(newest["result"])]
+    text += ["", "![reliability and dominance](blind.png)", "", "![confusion](blind-confusion.png)", ""]
+    text += ["Hashes, written before the diagnosis ran:", ""]
+    text += [f"- {key}: `{value}`" for key, value in newest["commitment"].items()]
+    text += [
+        "",
+        "All cases of the newest run (`+` exact, `o` in class, `-` wrong):",
+        "",
+        "```",
+        listing(newest_cases),
+        "```",
+    ]
+    return "\n".join(text) + "\n"
