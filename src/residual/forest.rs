@@ -126,18 +126,13 @@ impl Forest {
     /// features fall. A feature that is not a number goes to the left.
     #[inline]
     pub fn look_up(&self, features: &[f64], mut found: impl FnMut(usize, usize)) {
-        self.look_up_together(features, |first, leaves| {
+        self.ends_together(features, |first, _, leaves| {
             leaves.iter().enumerate().for_each(|(lane, &leaf)| found(first + lane, leaf as usize));
         });
     }
 
-    /// The same, several trees at once: the first of them, and their leaves.
-    #[inline]
-    pub(super) fn look_up_together(&self, features: &[f64], mut found: impl FnMut(usize, &[u32])) {
-        self.ends_together(features, |first, _, leaves| found(first, leaves));
-    }
-
-    /// The same with the ends, counted in each tree from the left, at which the leaves were found.
+    /// The same, several trees at once: the first of them, the ends, counted in each tree from the left, and the leaves
+    /// there.
     #[inline]
     pub(super) fn ends_together(&self, features: &[f64], mut found: impl FnMut(usize, &[usize], &[u32])) {
         let nodes = (1_usize << self.depth) - 1;
