@@ -60,7 +60,7 @@ impl<const S: usize> LeafModels<S> {
 /// a multiple of a unit of its column that lets the sum of any T of them be exact:
 ///
 /// ```text
-/// |share| <= 2^b unit,    T 2^b <= 2^53              b = 48 for 20 trees: 14 digits of the largest in the column
+/// |share| <= 2^b unit,    (T + 1) 2^b <= 2^53        b = 48 for 20 trees: 14 digits of the largest in the column
 /// ```
 ///
 /// Then a mean in which one leaf takes another's place is the mean made anew, to the bit.
@@ -114,13 +114,13 @@ impl<const S: usize> Shares<S> {
     }
 }
 
-/// Rounds every `stride`-th value so that sums of `count` of them are exact, in whatever order.
+/// Rounds every `stride`-th value so that sums of `count` of them are exact, in whatever order, and differences of two.
 fn round_for_sums(values: &mut [f64], stride: usize, count: usize) {
     let largest = values.iter().step_by(stride).fold(0.0_f64, |largest, x| largest.max(x.abs()));
     // The next power of two, by carrying the fraction into the exponent.
     const FRACTION: u64 = (1 << (f64::MANTISSA_DIGITS - 1)) - 1;
     let power = f64::from_bits((largest.to_bits() + FRACTION) & !FRACTION);
-    let multiples = (1_u64 << f64::MANTISSA_DIGITS) / count.next_power_of_two() as u64;
+    let multiples = (1_u64 << f64::MANTISSA_DIGITS) / (count + 1).next_power_of_two() as u64;
     let unit = (power / multiples as f64).max(f64::MIN_POSITIVE);
     for value in values.iter_mut().step_by(stride) {
         *value = (*value / unit).round_ties_even() * unit;

@@ -111,9 +111,9 @@ impl Rows {
     fn mark(&mut self, slot: usize, question: &Question) {
         let at = slot * self.trees + usize::from(question.tree);
         let on_the_way = (usize::from(self.end[at]) + self.ends) >> question.above;
-        if on_the_way == usize::from(question.number) {
-            self.marked[slot * self.words + usize::from(question.tree / WORD)] |= 1 << (question.tree % WORD);
-        }
+        // Without a branch: nobody could foretell it.
+        let mark = u64::from(on_the_way == usize::from(question.number)) << (question.tree % WORD);
+        self.marked[slot * self.words + usize::from(question.tree / WORD)] |= mark;
     }
 }
 
@@ -230,6 +230,10 @@ impl<const S: usize> Lookahead<S> {
     /// Takes the state at a place of window and horizon: row `j` ends with the state at `j + W - 1`.
     pub fn set_state(&mut self, at: usize, state: &[f64; S]) {
         let values = &mut self.states[S * at..][..S];
+        // Most are known: what was measured before.
+        if values == state {
+            return;
+        }
         let places = &mut self.state_places[S * at..][..S];
         let quantities = &self.quantities[..S];
         for c in 0..S {

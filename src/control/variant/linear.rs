@@ -238,13 +238,13 @@ impl<V: LateralVehicle<S>, const S: usize> Learned<V, S> {
             let same = !row.renewed && self.written[row.slot] == trust;
             if !same {
                 self.written[row.slot] = trust;
-                match row.command {
-                    [] => effects.fill(SVector::zeros()),
-                    commands => {
-                        for (effect, command) in effects.iter_mut().zip(commands) {
-                            effect.data.0[0] = scaled(command);
-                        }
-                    }
+                // Constant leaves have none.
+                effects[row.command.len()..].fill(SVector::zeros());
+                for (effect, command) in effects.iter_mut().zip(row.command) {
+                    effect.data.0[0] = *command;
+                }
+                if trust < 1.0 {
+                    effects.iter_mut().for_each(|effect| *effect *= trust);
                 }
                 affine.held[row.slot] = SVector::from(scaled(&row.held));
             }
