@@ -57,6 +57,11 @@ def summary(raw: dict) -> dict:
     return result
 
 
+def _by_size(row: dict) -> dict:
+    """A table's entries in the order of their sizes."""
+    return dict(sorted(row.items(), key=lambda entry: float(entry[0])))
+
+
 def _verdict(holds: bool) -> str:
     return "yes" if holds else "**no**"
 
@@ -122,13 +127,14 @@ def _steps(raw: dict) -> list[str]:
         "| controller | median, us | p99, us | 10th percentile, us | against nominal | goal: median, p99 | reached |",
         "|---|---|---|---|---|---|---|",
     ]
-    for name, step in speed["step"].items():
+    for name, title in STEPS.items():
+        step = speed["step"][name]
         nominal = speed["step"]["truck_nominal_60" if name.startswith("truck") else "nominal_16"]
         goal, reached = GOALS.get(name), ""
         if goal:
             reached = _verdict(step["median_us"] <= goal[0] and step["p99_us"] <= goal[1])
         lines.append(
-            f"| {STEPS[name]} | {step['median_us']:.1f} | {step['p99_us']:.1f} | {step['p10_us']:.1f} | "
+            f"| {title} | {step['median_us']:.1f} | {step['p99_us']:.1f} | {step['p10_us']:.1f} | "
             f"{step['median_us'] / nominal['median_us']:.2f} | {f'{goal[0]}, {goal[1]}' if goal else ''} | {reached} |"
         )
     factor = speed["closed_loop_x_real_time"]
@@ -147,14 +153,14 @@ def _growth(raw: dict) -> list[str]:
     growth = raw["growth"]
     lines = ["## How cost grows", "", "Median of a control step, us; the entries of a row took turns in one run.", ""]
     for key, (title, _) in GROWTH.items():
-        row = growth["steps"][key]
+        row = _by_size(growth["steps"][key])
         lines += [
             f"| {title} | " + " | ".join(row) + " |",
             "|---" * (len(row) + 1) + "|",
             "| us | " + " | ".join(f"{value:.1f}" for value in row.values()) + " |",
             "",
         ]
-    row = growth["log_ms"]
+    row = _by_size(growth["log_ms"])
     lines += [
         "| log, s of driving | " + " | ".join(row) + " |",
         "|---" * (len(row) + 1) + "|",
@@ -166,7 +172,7 @@ def _growth(raw: dict) -> list[str]:
         "| controllers | step, us | two threads, us | memory each, KiB |",
         "|---|---|---|---|",
     ]
-    for count, row in growth["instances"].items():
+    for count, row in _by_size(growth["instances"]).items():
         memory = "" if row["kib"] is None else f"{row['kib']:.0f}"
         lines.append(f"| {count} | {row['step_us']:.1f} | {row['step_us_2_threads']:.1f} | {memory} |")
     return [*lines, ""]
@@ -205,7 +211,7 @@ def _plot(raw: dict, file: Path) -> None:
     left.set(yscale="log", ylabel="median of a problem, us", title="the quadratic program")
     left.legend()
     for key, label in (("horizon_nominal_us", "nominal"), ("horizon_rfl_us", "RFL, W = 28")):
-        row = raw.get("growth", {}).get("steps", {}).get(key, {})
+        row = _by_size(raw.get("growth", {}).get("steps", {}).get(key, {}))
         right.loglog([int(n) for n in row], list(row.values()), "o-", label=label)
     right.set(xlabel="horizon N, steps", ylabel="median of a control step, us", title="the whole step")
     right.grid(which="both", alpha=0.3)

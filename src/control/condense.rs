@@ -142,11 +142,14 @@ impl<const S: usize> Mul<&SVector<f64, S>> for &ErrorTransition<'_, S> {
     #[inline]
     fn mul(self, x: &SVector<f64, S>) -> SVector<f64, S> {
         debug_assert!(self.0.column(0).iter().enumerate().all(|(i, &a)| a == f64::from(u8::from(i == 0))));
+        let (a, x) = (&self.0.data.0, &x.data.0[0]);
         let mut product = [0.0; S];
         product[0] = x[0];
-        for (column, x) in self.0.data.0.iter().zip(&x.data.0[0]).skip(1) {
+        // By numbers, which the compiler unrolls.
+        #[allow(clippy::needless_range_loop)]
+        for k in 1..S {
             for i in 0..S {
-                product[i] += column[i] * x;
+                product[i] += a[k][i] * x[k];
             }
         }
         SVector::from(product)

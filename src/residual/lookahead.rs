@@ -64,7 +64,6 @@ pub struct Lookahead<const S: usize> {
     rows: Rows,
     /// Mean coefficients of the rows' leaves, each with the effect of a held command behind them.
     mean: Theta<S>,
-    features: Vec<f64>,
     /// Thresholds that may still be passed in this step; beyond, rows are looked up in every tree.
     budget: usize,
 }
@@ -78,9 +77,11 @@ struct Rows {
     /// For each row and tree the end reached and the leaf there.
     end: Vec<u16>,
     leaf: Vec<u32>,
-    /// Which trees have to be looked up again in each row: a bit for each, in so many words a row.
+    /// Which trees have to be looked up again in each row: a bit for each, in so many words a row. And from how many
+    /// levels above the ends on: the way to there is as it was.
     marked: Vec<u64>,
     words: usize,
+    above: Vec<u16>,
     /// Rows that have to be looked up in every tree.
     anew: Vec<bool>,
 }
@@ -112,8 +113,10 @@ impl Rows {
         let at = slot * self.trees + usize::from(question.tree);
         let on_the_way = (usize::from(self.end[at]) + self.ends) >> question.above;
         // Without a branch: nobody could foretell it.
-        let mark = u64::from(on_the_way == usize::from(question.number)) << (question.tree % WORD);
-        self.marked[slot * self.words + usize::from(question.tree / WORD)] |= mark;
+        let mark = on_the_way == usize::from(question.number);
+        self.above[at] = self.above[at].max(u16::from(mark) * question.above);
+        let word = &mut self.marked[slot * self.words + usize::from(question.tree / WORD)];
+        *word |= u64::from(mark) << (question.tree % WORD);
     }
 }
 
@@ -146,6 +149,11 @@ impl Quantity {
         *place = at as u32;
         true
     }
+}
+
+/// A feature by its number, in a window of states and at a road.
+fn feature(states: &[f64], road: &[f64; ROAD]) -> impl Fn(usize) -> f64 {
+    move |feature| states.get(feature).copied().unwrap_or_else(|| road[feature - states.len()])
 }
 
 impl<const S: usize> Lookahead<S> {
@@ -190,10 +198,10 @@ impl<const S: usize> Lookahead<S> {
                 leaf: vec![shares.none(); horizon * trees],
                 marked: vec![0; horizon * trees.div_ceil(WORD.into())],
                 words: trees.div_ceil(WORD.into()),
+                above: vec![0; horizon * trees],
                 anew: vec![true; horizon],
             },
             mean: vec![[0.0; S]; horizon * shares.entries()],
-            features: vec![0.0; S * window + ROAD],
             budget: 0,
         }
     }
@@ -284,20 +292,20 @@ impl<const S: usize> Lookahead<S> {
     }
 
     fn look_up_marked(&mut self, forest: &Forest, row: usize, slot: usize) -> bool {
-        let Rows { trees, end, leaf, marked, words, .. } = &mut self.rows;
-        let (states, road) = (&self.states[S * row..][..S * self.window], &self.road[slot]);
-        let value =
-            |feature: usize| states.get(feature).copied().unwrap_or_else(|| road[feature - states.len()]);
+        let value = feature(&self.states[S * row..][..S * self.window], &self.road[slot]);
         let mean = &mut self.mean[slot * self.shares.entries()..][..self.shares.entries()];
+        let Rows { trees, ends, end, leaf, marked, words, above, .. } = &mut self.rows;
         let mut renewed = false;
         for (i, word) in marked[slot * *words..][..*words].iter_mut().enumerate() {
             while *word != 0 {
                 let tree = i * usize::from(WORD) + word.trailing_zeros() as usize;
                 // Its lowest bit.
                 *word &= *word - 1;
-                let (new_end, new_leaf) = forest.descend(tree, value);
                 let at = slot * *trees + tree;
-                end[at] = new_end as u16;
+                let above = std::mem::take(&mut above[at]);
+                let node = (usize::from(end[at]) + *ends) >> above;
+                let (new_end, new_leaf) = forest.descend(tree, node, above, &value);
+                end[at] = new_end;
                 let old_leaf = std::mem::replace(&mut leaf[at], new_leaf);
                 if old_leaf != new_leaf {
                     self.shares.exchange(mean, old_leaf, new_leaf);
@@ -314,23 +322,21 @@ impl<const S: usize> Lookahead<S> {
             self.rows.leaf.copy_within(before * trees..(before + 1) * trees, slot * trees);
             self.mean.copy_within(before * entries..(before + 1) * entries, slot * entries);
         }
-        let (errors, of_road) = self.features.split_at_mut(S * self.window);
-        errors.copy_from_slice(&self.states[S * row..][..S * self.window]);
-        of_road.copy_from_slice(&self.road[slot]);
-        let Rows { end, leaf, marked, words, .. } = &mut self.rows;
-        let begin = slot * trees;
-        marked[slot * *words..][..*words].fill(0);
+        let value = feature(&self.states[S * row..][..S * self.window], &self.road[slot]);
         let mean = &mut self.mean[slot * entries..][..entries];
-        forest.ends_together(&self.features, |first, ends, leaves| {
-            for (i, (&new_end, &new_leaf)) in ends.iter().zip(leaves).enumerate() {
-                let at = begin + first + i;
-                end[at] = new_end as u16;
-                let old_leaf = std::mem::replace(&mut leaf[at], new_leaf);
-                if old_leaf != new_leaf {
-                    self.shares.exchange(mean, old_leaf, new_leaf);
-                }
+        let Rows { end, leaf, marked, words, above, .. } = &mut self.rows;
+        marked[slot * *words..][..*words].fill(0);
+        let of_row = slot * trees..(slot + 1) * trees;
+        above[of_row.clone()].fill(0);
+        let places = end[of_row.clone()].iter_mut().zip(&mut leaf[of_row]);
+        for (tree, (end, leaf)) in places.enumerate() {
+            let (new_end, new_leaf) = forest.descend(tree, 1, forest.depth.into(), &value);
+            *end = new_end;
+            let old_leaf = std::mem::replace(leaf, new_leaf);
+            if old_leaf != new_leaf {
+                self.shares.exchange(mean, old_leaf, new_leaf);
             }
-        });
+        }
     }
 
     /// Mean coefficients of the row in a slot: constant, commands, states, road, held command.
