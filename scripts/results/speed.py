@@ -143,6 +143,8 @@ def _steps(raw: dict) -> list[str]:
         f"Closed loop of car and nominal MPC in native code: {factor:.0f} x real time (500 wanted: "
         f"{_verdict(factor >= 500)}).",
     ]
+    if factor := speed.get("closed_loop_x_real_time_cpu"):
+        lines.append(f"By processor time, which other programs do not take from it: {factor:.0f} x.")
     if "fmpy" in raw:
         factor = raw["fmpy"]["x_real_time"]
         lines.append(f"The same in fmpy: {factor:.0f} x real time (80 wanted: {_verdict(factor >= 80)}).")
@@ -236,6 +238,8 @@ def write(raw: dict, folder: Path) -> None:
         "![Solvers side by side; the step over the horizon](speed.png)",
         "",
     ]
+    if notes := raw.get("notes"):
+        lines += [notes, ""]
     parts = {"qp": _qp, "agreement": _agreement, "speed": _steps, "growth": _growth, "training": _training}
     for name, section in parts.items():
         if name in raw:

@@ -28,26 +28,27 @@ def prepared(tmp_path_factory):
     if not shutil.which("valgrind"):
         pytest.skip("NO INSTRUCTIONS ARE COUNTED: valgrind is missing (Debian, Ubuntu: apt-get install valgrind)")
     profile = os.environ.get("RFL_PROFILE", "release")
-    if profile not in json.loads(EXPECTED.read_text(encoding="utf-8")):
-        pytest.skip(f"instructions are counted of the profile that tests are built with, not of '{profile}'")
     subprocess.run(["cargo", "build", "--profile", profile, "--quiet", "--example", "peers"], cwd=ROOT, check=True)
     program = ROOT / "target" / ("debug" if profile == "dev" else profile) / "examples" / "peers"
     folder = tmp_path_factory.mktemp("steps")
     steps = call(program, "prepare", folder)["steps"]
-    return program, folder, steps, json.loads(EXPECTED.read_text(encoding="utf-8"))[profile]
+    return program, folder, steps, profile
 
 
 @pytest.mark.parametrize("name", ["nominal", "rfl"])
 def test_a_step_takes_no_more_instructions_than_it_did(prepared, name):
-    program, folder, steps, expected = prepared
+    program, folder, steps, profile = prepared
+    expected = json.loads(EXPECTED.read_text(encoding="utf-8")).get(profile)
     out = folder / f"{name}.callgrind"
     command = ["valgrind", "--tool=callgrind", f"--callgrind-out-file={out}", "--collect-atstart=no"]
     command += ["--toggle-collect=*counted_step*", str(program), "counted", str(folder), name]
     subprocess.run(command, check=True, capture_output=True, timeout=600)
     counted = int(re.search(r"^(?:totals|summary): (\d+)", out.read_text(encoding="utf-8"), re.MULTILINE)[1]) / steps
+    assert counted > 1000, "the step was not found"
+    if expected is None:
+        pytest.skip(f"NOTHING IS COMPARED: {EXPECTED.name} has no count for '{profile}'; {name} takes {counted:.0f}")
     share = counted / expected[name] - 1
     print(f"{name}: {counted:.0f} instructions a step, {share:+.1%} against {expected[name]}")
-    assert counted > 1000, "the step was not found"
     assert share <= MARGIN, (
         f"a step takes {counted:.0f} instructions, {share:.0%} more than the {expected[name]} in {EXPECTED.name} (made "
         f"with {expected['compiler']}); make it faster, or say there why it has to be so"
