@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Our forest, QP and nonlinear MPC beside other people's software, on the same problems, in one run.
 
-    scripts/compare_peers                       all parts, to out/peers.json
-    scripts/compare_peers --only qp             one part
+    scripts/compare_peers                       all parts: out/peers.json, docs/results/speed.md, .json and .png
+    scripts/compare_peers --only qp             one part; the others stay as they were last measured
 
 Ratios matter; absolute times drift with the machine. What each time contains is said below its table.
 """
@@ -19,8 +19,19 @@ from pathlib import Path
 
 import peer_forest
 import peer_qp
+from results import speed
 
 ROOT = Path(__file__).resolve().parent.parent
+
+
+def processor() -> str:
+    """What the system calls the processor."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.machine()
 
 
 def compare_nmpc(programs: Path, quick: bool, say) -> dict:
@@ -28,6 +39,32 @@ def compare_nmpc(programs: Path, quick: bool, say) -> dict:
     import peer_nmpc
 
     return peer_nmpc.compare(programs / "dump_nmpc", 10 if quick else 50, say)
+
+
+def compare_agreement(programs: Path, quick: bool, say) -> dict:
+    say("agreement: solving every problem twice")
+    return peer_forest.call(programs / "peers", "agreement", 20 if quick else 700)
+
+
+def measure_training(programs: Path, quick: bool, say) -> dict:
+    """Each size in a process of its own, for its memory."""
+    result = {}
+    for rows in (10_000, 100_000) if quick else (10_000, 100_000, 1_000_000):
+        say(f"training: {rows} rows")
+        result[str(rows)] = peer_forest.call(programs / "peers", "training", rows)
+    return result
+
+
+def measure_fmpy(fmus: Path, quick: bool, say) -> dict:
+    """Car and controller in fmpy, the median of some drives; none where the FMUs are not built."""
+    import closed_loop
+
+    if not (fmus / "RflMpc.fmu").is_file():
+        raise RuntimeError(f"{fmus} holds no FMUs; run scripts/build-fmus, or leave out the part 'fmpy'")
+    say("fmpy: driving")
+    duration, factors = (10.0, 3) if quick else (60.0, 5)
+    factors = sorted(duration / closed_loop.drive(duration=duration, fmus=fmus).wall for _ in range(factors))
+    return {"x_real_time": factors[len(factors) // 2], "duration_s": duration}
 
 
 # Each part: the folder of our side's programs, a folder for files, whether in short; gives figures.
@@ -38,6 +75,11 @@ PARTS = {
     "lookup": lambda programs, folder, quick, say: peer_forest.compare_lookup(programs / "peers", folder, say),
     "qp": lambda programs, folder, quick, say: peer_qp.compare(programs / "peers", folder, 20 if quick else 100, say),
     "nmpc": lambda programs, folder, quick, say: compare_nmpc(programs, quick, say),
+    "agreement": lambda programs, folder, quick, say: compare_agreement(programs, quick, say),
+    "speed": lambda programs, folder, quick, say: peer_forest.call(programs / "peers", "steps"),
+    "growth": lambda programs, folder, quick, say: peer_forest.call(programs / "peers", "growth"),
+    "training": lambda programs, folder, quick, say: measure_training(programs, quick, say),
+    "fmpy": lambda programs, folder, quick, say: measure_fmpy(ROOT / "target" / "fmu", quick, say),
 }
 
 
@@ -68,7 +110,7 @@ def report(result: dict) -> str:
             f"{part['with_active_bounds']} with active bounds (up to {part['most_active_bounds']})",
             f"{'':<24}{'median us':>10}{'p99 us':>10}{'difference':>12}",
         ]
-        for name in peer_qp.SOLVERS:
+        for name in part["solvers"]:
             ratio = "" if name == "ours" else f"   {part[f'{name}_us'] / part['ours_us']:.2f} times ours"
             lines.append(
                 f"{name.replace('_', ', '):<24}{part[f'{name}_us']:>10.1f}{part[f'{name}_p99_us']:>10.1f}"
@@ -79,7 +121,7 @@ def report(result: dict) -> str:
             "difference: largest of an input, relative to the inputs' bound, to a solution whose KKT residual is at "
             f"most {max(part['daqp_kkt_residual'] for part in result['qp'].values()):.0e}\n"
             "ours, and ours with Clarabel alone: from gains to inputs, the cost's Hessian included, after the problem "
-            "before\nit in the drive; daqp and clarabel: Hessian given, set up anew for each problem, best of 3"
+            "before\nit in the drive; the others: Hessian given, set up anew for each problem, best of 3"
         )
     for horizon, part in result.get("nmpc", {}).items():
         lines += [
@@ -103,6 +145,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", choices=PARTS, action="append", help="a part of it; repeatable")
     parser.add_argument("--quick", action="store_true", help="smaller tables, fewer problems")
+    parser.add_argument("--results", type=Path, default=ROOT / "docs" / "results", help="folder for speed.md")
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "peers.json", help="file for the figures")
     parser.add_argument(
         "--programs",
@@ -115,7 +158,10 @@ def main() -> int:
     def say(text: str) -> None:
         print(text, file=sys.stderr, flush=True)
 
-    result: dict = {"machine": {"cores": os.cpu_count(), "processor": platform.machine()}}
+    result: dict = {"machine": {"cores": os.cpu_count(), "processor": processor()}}
+    # Parts that are not measured now stay as they were.
+    if options.only and options.out.is_file():
+        result = json.loads(options.out.read_text(encoding="utf-8")) | result
     try:
         with tempfile.TemporaryDirectory() as folder:
             for name in options.only or PARTS:
@@ -127,6 +173,9 @@ def main() -> int:
     options.out.parent.mkdir(parents=True, exist_ok=True)
     options.out.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
     print(f"\n{options.out}")
+    if not options.quick:
+        speed.write(result, options.results)
+        print(options.results / "speed.md")
     return 0
 
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import peer_qp_more
 from peer_forest import call
 
 UNBOUNDED = 1e30
@@ -21,7 +22,7 @@ REPEATS = 3  # of each problem with a peer; the best counts
 SOFT = 8  # daqp's mark of a soft constraint
 
 
-# Ours; Clarabel as we drive it, updated in place; and the packages of PyPI.
+# Ours; Clarabel as we drive it, updated in place; and the packages of PyPI that are always there.
 SOLVERS = ("ours", "ours_clarabel", "daqp", "clarabel")
 
 
@@ -187,6 +188,8 @@ def compare(program: Path, folder: Path, count: int = 100, say=print) -> dict:
     records = json.loads(file.read_text(encoding="utf-8"))
     file.unlink()
     result = {}
+    more = peer_qp_more.installed()
+    names = (*SOLVERS, *more)
     for horizon in sorted({record["problem"]["shape"]["horizon"] for record in records}):
         say(f"qp: N = {horizon}")
         of_horizon = [record for record in records if record["problem"]["shape"]["horizon"] == horizon]
@@ -198,9 +201,10 @@ def compare(program: Path, folder: Path, count: int = 100, say=print) -> dict:
             exact = z[: qp.inputs]
             daqp_u, daqp_s = time_daqp(qp, problem["shape"]["soft"][0])
             clarabel_u, clarabel_s = time_clarabel(qp)
-            found = (record["inputs"], record["clarabel_inputs"], daqp_u, clarabel_u)
+            further = [timed(qp, REPEATS) for timed in more.values()]
+            found = (record["inputs"], record["clarabel_inputs"], daqp_u, clarabel_u, *(u for u, _ in further))
             differences = [difference(problem, np.array(u), exact) for u in found]
-            times = [record["seconds"], record["clarabel_seconds"], daqp_s, clarabel_s]
+            times = [record["seconds"], record["clarabel_seconds"], daqp_s, clarabel_s, *(s for _, s in further)]
             rows.append([active_bounds(qp, z), stationarity(qp, z, multipliers), *times, *differences])
         active, certificate, *columns = np.array(rows).T
         result[str(horizon)] = {
@@ -208,8 +212,9 @@ def compare(program: Path, folder: Path, count: int = 100, say=print) -> dict:
             "with_active_bounds": int((active > 0).sum()),
             "most_active_bounds": int(active.max()),
             "daqp_kkt_residual": float(certificate.max()),
+            "solvers": names,
         }
-        for name, seconds, off in zip(SOLVERS, columns[:4], columns[4:]):
+        for name, seconds, off in zip(names, columns[: len(names)], columns[len(names) :], strict=True):
             result[str(horizon)] |= {
                 f"{name}_us": 1e6 * float(np.median(seconds)),
                 f"{name}_p99_us": 1e6 * float(np.percentile(seconds, 99)),

@@ -4,14 +4,25 @@
 //! peers forest TABLE ROWS TESTS FITS      trains on ROWS rows of a table, writes what it predicts for TESTS more
 //! peers lookup FEATURES LABELS            trains a residual on a drive, times its coefficients, writes its training table
 //! peers problems COUNT FILE               drives, writes quadratic programs with our solutions
+//! peers agreement COUNT                   drives, compares each solution with Clarabel's: COUNT problems a case
+//! peers steps                             whole control steps, and the closed loop against real time
+//! peers growth                            cost against horizon, window, trees, depth, log, number of controllers
+//! peers prepare FOLDER                    records the steps that the next one makes
+//! peers counted FOLDER nominal|rfl        makes control steps whose instructions are counted
+//! peers training ROWS                     seconds and memory of training on ROWS rows of 64 columns
 //! ```
 //!
 //! Tables are files of little-endian `f64`, row by row. What was measured is printed as JSON.
 
+mod agreement;
+mod counted;
 mod forest;
+mod growth;
 mod learned;
 mod lookup;
 mod problems;
+mod speed;
+mod steps;
 
 use std::error::Error;
 use std::path::Path;
@@ -29,10 +40,13 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
         ["lookup", features, labels] => lookup::run(Path::new(features), Path::new(labels)),
         ["problems", count, file] => problems::run(count.parse()?, Path::new(file)),
-        _ => {
-            Err("usage: peers forest TABLE ROWS TESTS FITS | lookup FEATURES LABELS | problems COUNT FILE"
-                .into())
-        }
+        ["agreement", count] => agreement::run(count.parse()?),
+        ["steps"] => speed::run(),
+        ["growth"] => growth::run(),
+        ["prepare", folder] => counted::prepare(Path::new(folder)),
+        ["counted", folder, name] => counted::run(Path::new(folder), name),
+        ["training", rows] => growth::training(rows.parse()?),
+        _ => Err("unknown arguments; what there is stands at the head of examples/peers/main.rs".into()),
     }?;
     println!("{measured}");
     Ok(())

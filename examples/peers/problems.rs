@@ -25,8 +25,8 @@ const SPREAD: usize = 40;
 const REPEATS: usize = 9;
 
 /// How a drive differs from the default.
-struct Case {
-    name: &'static str,
+pub struct Case {
+    pub name: &'static str,
     /// Metres to the left of the path at the start.
     beside: f64,
     /// Time constant of the steering, s.
@@ -38,7 +38,7 @@ struct Case {
 
 const ORDINARY: Case = Case { name: "ordinary", beside: 0.0, lag: 0.0, learned: false, change: |_| () };
 
-const CASES: [Case; 6] = [
+pub const CASES: [Case; 9] = [
     ORDINARY,
     Case { name: "beside the path", beside: 1.5, change: |p| p.steer_rate_max = 0.2, ..ORDINARY },
     Case { name: "little steering", change: |p| p.steer_max = 0.12, ..ORDINARY },
@@ -50,24 +50,31 @@ const CASES: [Case; 6] = [
         change: |p| (p.e1_max, p.slack_linear) = (0.01, 10.0),
         ..ORDINARY
     },
+    // Far outside its soft bound, which no steering can hold.
+    Case {
+        name: "infeasible but softened",
+        beside: 2.0,
+        change: |p| (p.e1_max, p.steer_rate_max) = (0.2, 0.3),
+        ..ORDINARY
+    },
+    Case { name: "all rate bounds", beside: 3.0, change: |p| p.steer_rate_max = 0.05, ..ORDINARY },
+    // Hardly a cost on commands: its Hessian is nearly that of the outputs alone, which is singular.
+    Case { name: "nearly singular", beside: 0.2, change: |p| p.r_rate = 1e-6, ..ORDINARY },
     Case { name: "learned residual", beside: 0.5, lag: SLOW, learned: true, ..ORDINARY },
 ];
 
 /// Seconds of driving that are learned from.
 const COLLECTED: f64 = 120.0;
 
-fn learn() -> Result<Residual, Box<dyn Error>> {
+/// The residual of the case that has one.
+pub fn learn() -> Result<Residual, Box<dyn Error>> {
     let config = TrainConfig { window: 28, ..TrainConfig::new(Kind::RflS) };
     let model = Arc::new(train(&collect(COLLECTED)?, None, &config, &|_| ())?.model);
     Ok(Residual { model, propagation: Propagation::Propagated, roll_out: RollOut::Corrected })
 }
 
-fn drive(
-    case: &Case,
-    residual: &Residual,
-    horizon: usize,
-    count: usize,
-) -> Result<Vec<TrackingQp>, Box<dyn Error>> {
+/// The case's car at the start of the test route.
+pub fn start(case: &Case, residual: &Residual, horizon: usize) -> Result<ClosedLoop, Box<dyn Error>> {
     let path = Arc::new(Path::from_samples(Route::SudokuTest.samples(), Closure::Detect)?);
     let car = builtin(CAR)?;
     let mut parameters = ControllerParameters::for_car(&car);
@@ -81,7 +88,16 @@ fn drive(
     let start = path.at(0.0);
     let (x, y) = (start.x - case.beside * start.yaw.sin(), start.y + case.beside * start.yaw.cos());
     car.place(x, y, start.yaw, controller.speed_plan().speed(0.0));
-    let mut closed = ClosedLoop::new(controller, car, sample_time);
+    Ok(ClosedLoop::new(controller, car, sample_time))
+}
+
+fn drive(
+    case: &Case,
+    residual: &Residual,
+    horizon: usize,
+    count: usize,
+) -> Result<Vec<TrackingQp>, Box<dyn Error>> {
+    let mut closed = start(case, residual, horizon)?;
     let mut problems = Vec::with_capacity(count);
     // Half of them one after the other from the start, where a car beside its path has most to do; half spread.
     let (dense, spread) = (count / 2, count - count / 2);

@@ -16,7 +16,7 @@
 use super::tracking_qp::TrackingQp;
 use crate::enumeration;
 use crate::nominal::ActuatedState;
-use nalgebra::SVector;
+use nalgebra::{SMatrix, SVector};
 use std::ops::{Add, AddAssign, Mul};
 
 enumeration! {
@@ -129,6 +129,31 @@ impl<X: HorizonState> Affine<X> {
 pub struct Linear<'a, A, X> {
     pub a: &'a A,
     pub b: &'a X,
+}
+
+/// `A` of a model in errors to a path: nothing depends on the first of them, the lateral error, but itself. So the first
+/// column of `A` is that of the identity, and a product is spared it.
+#[derive(Debug, Clone, Copy)]
+pub struct ErrorTransition<'a, const S: usize>(pub &'a SMatrix<f64, S, S>);
+
+impl<const S: usize> Mul<&SVector<f64, S>> for &ErrorTransition<'_, S> {
+    type Output = SVector<f64, S>;
+
+    #[inline]
+    fn mul(self, x: &SVector<f64, S>) -> SVector<f64, S> {
+        debug_assert!(self.0.column(0).iter().enumerate().all(|(i, &a)| a == f64::from(u8::from(i == 0))));
+        let (a, x) = (&self.0.data.0, &x.data.0[0]);
+        let mut product = [0.0; S];
+        product[0] = x[0];
+        // By numbers, which the compiler unrolls.
+        #[allow(clippy::needless_range_loop)]
+        for k in 1..S {
+            for i in 0..S {
+                product[i] += a[k][i] * x[k];
+            }
+        }
+        SVector::from(product)
+    }
 }
 
 /// Writes `free` and `gain` of a one-input problem whose outputs are the states named in `tracked`.

@@ -126,20 +126,6 @@ impl Forest {
     /// features fall. A feature that is not a number goes to the left.
     #[inline]
     pub fn look_up(&self, features: &[f64], mut found: impl FnMut(usize, usize)) {
-        self.look_up_together(features, |first, leaves| {
-            leaves.iter().enumerate().for_each(|(lane, &leaf)| found(first + lane, leaf as usize));
-        });
-    }
-
-    /// The same, several trees at once: the first of them, and their leaves.
-    #[inline]
-    pub(super) fn look_up_together(&self, features: &[f64], mut found: impl FnMut(usize, &[u32])) {
-        self.ends_together(features, |first, _, leaves| found(first, leaves));
-    }
-
-    /// The same with the ends, counted in each tree from the left, at which the leaves were found.
-    #[inline]
-    pub(super) fn ends_together(&self, features: &[f64], mut found: impl FnMut(usize, &[usize], &[u32])) {
         let nodes = (1_usize << self.depth) - 1;
         for first in (0..self.trees()).step_by(LANES) {
             let lanes = LANES.min(self.trees() - first);
@@ -151,26 +137,32 @@ impl Forest {
                     *node = 2 * *node + 1 + usize::from(right);
                 }
             }
-            let mut leaves = [0_u32; LANES];
-            for (lane, (node, leaf)) in node[..lanes].iter_mut().zip(&mut leaves).enumerate() {
-                *node -= nodes;
-                *leaf = self.leaf[(first + lane) * (nodes + 1) + *node];
+            for (lane, node) in node[..lanes].iter().enumerate() {
+                found(first + lane, self.leaf[(first + lane) * (nodes + 1) + node - nodes] as usize);
             }
-            found(first, &node[..lanes], &leaves[..lanes]);
         }
     }
 
-    /// End and leaf of one tree where a feature has the value `value(feature)`.
-    pub(super) fn descend(&self, tree: usize, value: impl Fn(usize) -> f64) -> (usize, u32) {
+    /// End and leaf of one tree below a node so many levels above the ends, where a feature has the value
+    /// `value(feature)`. Nodes are counted from 1 level by level, ends from the left.
+    #[inline]
+    pub(super) fn descend(
+        &self,
+        tree: usize,
+        node: usize,
+        above: u16,
+        value: impl Fn(usize) -> f64,
+    ) -> (u16, u32) {
         let nodes = (1_usize << self.depth) - 1;
         let features = &self.feature[tree * nodes..][..nodes];
         let thresholds = &self.threshold[tree * nodes..][..nodes];
-        let mut node = 0;
-        for _ in 0..self.depth {
-            let right = value(usize::from(features[node])) > thresholds[node];
-            node = 2 * node + 1 + usize::from(right);
+        let mut node = node;
+        for _ in 0..above {
+            let right = value(usize::from(features[node - 1])) > thresholds[node - 1];
+            node = 2 * node + usize::from(right);
         }
-        (node - nodes, self.leaf[tree * (nodes + 1) + node - nodes])
+        let end = node - nodes - 1;
+        (end as u16, self.leaf[tree * (nodes + 1) + end])
     }
 }
 

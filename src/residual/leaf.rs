@@ -40,36 +40,6 @@ impl<const S: usize> LeafModels<S> {
         &self.theta[leaf * self.regressors()..][..self.regressors()]
     }
 
-    /// Mean coefficients of these leaves, one of each tree. Sums of four leaves that were among the last ones are not
-    /// made again.
-    pub(super) fn average(&self, leaves: &[u32], sums: &mut FourSums<S>, mean: &mut [[f64; S]]) {
-        let of = |&leaf: &u32| self.theta(leaf as usize).as_flattened();
-        let mean = mean.as_flattened_mut();
-        let fours = leaves.as_chunks::<4>();
-        let last = sums.leaves.as_chunks_mut::<4>().0;
-        for ((four, last), sum) in fours.0.iter().zip(last).zip(sums.sums.chunks_exact_mut(self.regressors()))
-        {
-            if four != last {
-                *last = *four;
-                add_four(sum.as_flattened_mut(), [of(&four[0]), of(&four[1]), of(&four[2]), of(&four[3])]);
-            }
-        }
-        let (count, share) = (mean.len(), 1.0 / leaves.len().max(1) as f64);
-        let all = || {
-            let sums = sums.sums.as_flattened().chunks_exact(count).take(fours.0.len());
-            sums.chain(fours.1.iter().map(of))
-        };
-        // Some entries at a time, so that what is summed up stays in registers.
-        let (chunks, rest) = mean.as_chunks_mut::<ENTRIES>();
-        for (i, mean) in chunks.iter_mut().enumerate() {
-            *mean = total(all(), ENTRIES * i).map(|total| total * share);
-        }
-        for (i, mean) in rest.iter_mut().enumerate() {
-            let [total] = total(all(), count / ENTRIES * ENTRIES + i);
-            *mean = total * share;
-        }
-    }
-
     /// Share of these leaves that never saw a command as small, or as large, as one of these.
     pub(super) fn strange(&self, leaves: &[u32], commands: &[f64]) -> f64 {
         let lowest = commands.iter().copied().fold(f64::INFINITY, f64::min);
@@ -83,38 +53,77 @@ impl<const S: usize> LeafModels<S> {
     }
 }
 
-/// Coefficients that are averaged at once.
-const ENTRIES: usize = 4;
+/// What each leaf adds to the mean over the trees: its coefficients divided by the number of trees, and behind them the
+/// effect of a command that is held over the whole window.
+///
+/// The controller asks for means again and again, with hardly a leaf another than before. So shares are rounded, each to
+/// a multiple of a unit of its column that lets the sum of any T of them be exact:
+///
+/// ```text
+/// |share| <= 2^b unit,    (T + 1) 2^b <= 2^53        b = 48 for 20 trees: 14 digits of the largest in the column
+/// ```
+///
+/// Then a mean in which one leaf takes another's place is the mean made anew, to the bit.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Shares<const S: usize> {
+    /// Of a leaf: its regressors and the held command.
+    entries: usize,
+    /// Leaf behind leaf, and at the end a leaf of zeros.
+    values: Theta<S>,
+}
 
-/// Sums of the entries from `place` on.
-fn total<'a, const E: usize>(rows: impl Iterator<Item = &'a [f64]>, place: usize) -> [f64; E] {
-    let mut total = [0.0; E];
-    for values in rows.filter_map(|row| row[place..].first_chunk::<E>()) {
-        for (total, value) in total.iter_mut().zip(values) {
-            *total += value;
+impl<const S: usize> Shares<S> {
+    /// Shares of leaves of so many trees, whose window has so many commands.
+    pub fn new(leaves: &LeafModels<S>, trees: usize, window: usize) -> Self {
+        let share = 1.0 / trees as f64;
+        let entries = leaves.regressors() + 1;
+        let mut values = Theta::with_capacity((leaves.command_range.len() + 1) * entries);
+        for theta in leaves.theta.chunks_exact(leaves.regressors()) {
+            let mut held = [0.0; S];
+            // Constant leaves have no effects of commands.
+            for effect in theta.get(1..=window).unwrap_or_default() {
+                held.iter_mut().zip(effect).for_each(|(held, effect)| *held += effect);
+            }
+            values.extend(theta.iter().chain([&held]).map(|theta| theta.map(|x| x * share)));
+        }
+        values.extend(std::iter::repeat_n([0.0; S], entries));
+        let columns = entries * S;
+        for column in 0..columns {
+            round_for_sums(&mut values.as_flattened_mut()[column..], columns, trees);
+        }
+        Self { entries, values }
+    }
+
+    /// Entries of a leaf, and so of a mean.
+    pub fn entries(&self) -> usize {
+        self.entries
+    }
+
+    /// The leaf that adds nothing: that of a tree in a mean that is yet to be made.
+    pub fn none(&self) -> u32 {
+        (self.values.len() / self.entries - 1) as u32
+    }
+
+    /// Puts a leaf in the place of another in a mean.
+    #[inline]
+    pub fn exchange(&self, mean: &mut [[f64; S]], old: u32, new: u32) {
+        let of = |leaf: u32| self.values[leaf as usize * self.entries..][..self.entries].as_flattened();
+        for ((mean, new), old) in mean.as_flattened_mut().iter_mut().zip(of(new)).zip(of(old)) {
+            *mean += new - old;
         }
     }
-    total
 }
 
-/// Sums of four leaves each, as they were last averaged.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct FourSums<const S: usize> {
-    leaves: Vec<u32>,
-    sums: Theta<S>,
-}
-
-impl<const S: usize> FourSums<S> {
-    /// Room for a leaf of each of so many trees.
-    pub fn new(trees: usize, regressors: usize) -> Self {
-        Self { leaves: vec![u32::MAX; trees], sums: vec![[0.0; S]; trees / 4 * regressors] }
-    }
-}
-
-/// Adds four rows up.
-fn add_four(sum: &mut [f64], [a, b, c, d]: [&[f64]; 4]) {
-    for ((((sum, a), b), c), d) in sum.iter_mut().zip(a).zip(b).zip(c).zip(d) {
-        *sum = (a + b) + (c + d);
+/// Rounds every `stride`-th value so that sums of `count` of them are exact, in whatever order, and differences of two.
+fn round_for_sums(values: &mut [f64], stride: usize, count: usize) {
+    let largest = values.iter().step_by(stride).fold(0.0_f64, |largest, x| largest.max(x.abs()));
+    // The next power of two, by carrying the fraction into the exponent.
+    const FRACTION: u64 = (1 << (f64::MANTISSA_DIGITS - 1)) - 1;
+    let power = f64::from_bits((largest.to_bits() + FRACTION) & !FRACTION);
+    let multiples = (1_u64 << f64::MANTISSA_DIGITS) / (count + 1).next_power_of_two() as u64;
+    let unit = (power / multiples as f64).max(f64::MIN_POSITIVE);
+    for value in values.iter_mut().step_by(stride) {
+        *value = (*value / unit).round_ties_even() * unit;
     }
 }
 

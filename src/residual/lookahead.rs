@@ -13,12 +13,13 @@
 //! which asks at one place of the window and so in one row; if it lies on the way to that row's leaf, that tree is
 //! looked up again there. The newest row, and rows after a jump of many thresholds, are looked up in every tree.
 //!
-//! What is kept is where values and leaves stood, never a difference: answers are those of
+//! Where a leaf is another, it takes the old one's place in the row's mean; a row that is looked up in every tree begins
+//! with the leaves of the row before it. Such sums are exact ([`Shares`]): answers are those of
 //! [`ResidualModelFor::coefficients`](super::ResidualModelFor::coefficients) to the bit, whatever was asked before.
 
 use super::ROAD;
 use super::forest::Forest;
-use super::leaf::{FourSums, LeafModels};
+use super::leaf::Shares;
 use super::least_squares::Theta;
 use std::sync::Arc;
 
@@ -34,6 +35,9 @@ struct Question {
     above: u16,
 }
 
+/// Trees that are marked in a word.
+const WORD: u16 = u64::BITS as u16;
+
 /// All nodes that ask for one quantity, in order of their thresholds.
 #[derive(Debug, Clone, Default)]
 struct Quantity {
@@ -41,19 +45,10 @@ struct Quantity {
     questions: Vec<Question>,
 }
 
-/// What has to be looked up of a row.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Pending {
-    Nothing,
-    /// The trees that are marked.
-    Marked,
-    All,
-}
-
 /// The rows of a horizon with what was looked up last; made once, filled at each step.
 #[derive(Debug, Clone)]
 pub struct Lookahead<const S: usize> {
-    model: Arc<LeafModels<S>>,
+    shares: Arc<Shares<S>>,
     window: usize,
     horizon: usize,
     /// Components of the states, then the road's.
@@ -67,10 +62,8 @@ pub struct Lookahead<const S: usize> {
     /// Where row 0 stands: rows stay where they are when the horizon moves on.
     first: usize,
     rows: Rows,
-    /// Mean coefficients of the rows' leaves.
+    /// Mean coefficients of the rows' leaves, each with the effect of a held command behind them.
     mean: Theta<S>,
-    sums: FourSums<S>,
-    features: Vec<f64>,
     /// Thresholds that may still be passed in this step; beyond, rows are looked up in every tree.
     budget: usize,
 }
@@ -81,11 +74,16 @@ struct Rows {
     trees: usize,
     /// Ends of a tree.
     ends: usize,
-    /// For each row and tree the end reached, the leaf there, and whether it has to be looked up again.
+    /// For each row and tree the end reached and the leaf there.
     end: Vec<u16>,
     leaf: Vec<u32>,
-    marked: Vec<bool>,
-    pending: Vec<Pending>,
+    /// Which trees have to be looked up again in each row: a bit for each, in so many words a row. And from how many
+    /// levels above the ends on: the way to there is as it was.
+    marked: Vec<u64>,
+    words: usize,
+    above: Vec<u16>,
+    /// Rows that have to be looked up in every tree.
+    anew: Vec<bool>,
 }
 
 /// The linear residual of a row, as [`Coefficients`](super::Coefficients) has it.
@@ -93,12 +91,14 @@ struct Rows {
 pub struct LookedUp<'a, const S: usize> {
     /// Where the row is kept: the same place as long as it is within the horizon.
     pub slot: usize,
-    /// Whether its leaves are others than when it was last asked.
+    /// Whether its leaves may be others than when it was last asked.
     pub renewed: bool,
     /// Effect of what is known.
     pub constant: [f64; S],
     /// Effect of each command of the window, oldest first; empty for leaves that are constant.
     pub command: &'a [[f64; S]],
+    /// Effect of a command that is held over the whole window.
+    pub held: [f64; S],
     /// Effect of the newest states, oldest first; empty if the leaves have none.
     pub state: &'a [[f64; S]],
     /// These states.
@@ -112,12 +112,11 @@ impl Rows {
     fn mark(&mut self, slot: usize, question: &Question) {
         let at = slot * self.trees + usize::from(question.tree);
         let on_the_way = (usize::from(self.end[at]) + self.ends) >> question.above;
-        if on_the_way == usize::from(question.number) {
-            self.marked[at] = true;
-            if self.pending[slot] == Pending::Nothing {
-                self.pending[slot] = Pending::Marked;
-            }
-        }
+        // Without a branch: nobody could foretell it.
+        let mark = on_the_way == usize::from(question.number);
+        self.above[at] = self.above[at].max(u16::from(mark) * question.above);
+        let word = &mut self.marked[slot * self.words + usize::from(question.tree / WORD)];
+        *word |= u64::from(mark) << (question.tree % WORD);
     }
 }
 
@@ -152,9 +151,14 @@ impl Quantity {
     }
 }
 
+/// A feature by its number, in a window of states and at a road.
+fn feature(states: &[f64], road: &[f64; ROAD]) -> impl Fn(usize) -> f64 {
+    move |feature| states.get(feature).copied().unwrap_or_else(|| road[feature - states.len()])
+}
+
 impl<const S: usize> Lookahead<S> {
     /// Room for a horizon, with nothing looked up.
-    pub(super) fn new(forest: &Forest, model: &Arc<LeafModels<S>>, window: usize, horizon: usize) -> Self {
+    pub(super) fn new(forest: &Forest, shares: &Arc<Shares<S>>, window: usize, horizon: usize) -> Self {
         let (trees, depth) = (forest.trees(), usize::from(forest.depth));
         let mut asked: Vec<Vec<(f64, Question)>> = vec![vec![]; S + ROAD];
         for tree in 0..trees {
@@ -177,7 +181,7 @@ impl<const S: usize> Lookahead<S> {
         });
         let states = S * (window + horizon - 1);
         Self {
-            model: Arc::clone(model),
+            shares: Arc::clone(shares),
             window,
             horizon,
             quantities: quantities.collect(),
@@ -191,20 +195,20 @@ impl<const S: usize> Lookahead<S> {
                 trees,
                 ends: 1 << depth,
                 end: vec![0; horizon * trees],
-                leaf: vec![u32::MAX; horizon * trees],
-                marked: vec![false; horizon * trees],
-                pending: vec![Pending::All; horizon],
+                leaf: vec![shares.none(); horizon * trees],
+                marked: vec![0; horizon * trees.div_ceil(WORD.into())],
+                words: trees.div_ceil(WORD.into()),
+                above: vec![0; horizon * trees],
+                anew: vec![true; horizon],
             },
-            mean: vec![[0.0; S]; horizon * model.regressors()],
-            sums: FourSums::new(trees, model.regressors()),
-            features: vec![0.0; S * window + ROAD],
+            mean: vec![[0.0; S]; horizon * shares.entries()],
             budget: 0,
         }
     }
 
     /// Whether it was made for these leaves.
-    pub(super) fn is_of(&self, model: &Arc<LeafModels<S>>) -> bool {
-        Arc::ptr_eq(&self.model, model)
+    pub(super) fn is_of(&self, shares: &Arc<Shares<S>>) -> bool {
+        Arc::ptr_eq(&self.shares, shares)
     }
 
     /// Where row 0 is kept; the others follow, and behind the last place comes the first.
@@ -225,7 +229,7 @@ impl<const S: usize> Lookahead<S> {
         self.first = if self.first + 1 == self.horizon { 0 } else { self.first + 1 };
         let last = self.slot(self.horizon - 1);
         let before = self.slot(self.horizon.saturating_sub(2));
-        self.rows.pending[last] = Pending::All;
+        self.rows.anew[last] = true;
         (self.road[last], self.road_places[last]) = (self.road[before], self.road_places[before]);
         // Half of what it takes to look all rows up in every tree.
         self.budget = (self.rows.trees * self.rows.ends.ilog2() as usize * self.horizon / 2).max(64);
@@ -234,6 +238,10 @@ impl<const S: usize> Lookahead<S> {
     /// Takes the state at a place of window and horizon: row `j` ends with the state at `j + W - 1`.
     pub fn set_state(&mut self, at: usize, state: &[f64; S]) {
         let values = &mut self.states[S * at..][..S];
+        // Most are known: what was measured before.
+        if values == state {
+            return;
+        }
         let places = &mut self.state_places[S * at..][..S];
         let quantities = &self.quantities[..S];
         for c in 0..S {
@@ -253,7 +261,7 @@ impl<const S: usize> Lookahead<S> {
             });
             if !all {
                 for row in (at + 1).saturating_sub(self.window)..horizon.min(at + 1) {
-                    rows.pending[slot(row)] = Pending::All;
+                    rows.anew[slot(row)] = true;
                 }
             }
         }
@@ -271,74 +279,70 @@ impl<const S: usize> Lookahead<S> {
             if !quantity.pass(place, value, &mut self.budget, |question| {
                 rows.mark(slot, question);
             }) {
-                rows.pending[slot] = Pending::All;
+                rows.anew[slot] = true;
             }
         }
-        let renewed = match self.rows.pending[slot] {
-            Pending::Nothing => false,
-            Pending::Marked => self.look_up_marked(forest, row, slot),
-            Pending::All => self.look_up_all(forest, row, slot),
+        let renewed = if std::mem::take(&mut self.rows.anew[slot]) {
+            self.look_up_all(forest, row, slot);
+            true
+        } else {
+            self.look_up_marked(forest, row, slot)
         };
-        self.rows.pending[slot] = Pending::Nothing;
-        if renewed {
-            self.average(row, slot);
-        }
         (slot, renewed)
     }
 
     fn look_up_marked(&mut self, forest: &Forest, row: usize, slot: usize) -> bool {
-        let Rows { trees, end, leaf, marked, .. } = &mut self.rows;
-        let of_row = slot * *trees..(slot + 1) * *trees;
-        let (states, road) = (&self.states[S * row..][..S * self.window], &self.road[slot]);
-        let value =
-            |feature: usize| states.get(feature).copied().unwrap_or_else(|| road[feature - states.len()]);
-        let places = end[of_row.clone()].iter_mut().zip(&mut leaf[of_row.clone()]);
+        let value = feature(&self.states[S * row..][..S * self.window], &self.road[slot]);
+        let mean = &mut self.mean[slot * self.shares.entries()..][..self.shares.entries()];
+        let Rows { trees, ends, end, leaf, marked, words, above, .. } = &mut self.rows;
         let mut renewed = false;
-        for (tree, ((end, leaf), marked)) in places.zip(&mut marked[of_row]).enumerate() {
-            if std::mem::take(marked) {
-                let (new_end, new_leaf) = forest.descend(tree, value);
-                renewed |= *leaf != new_leaf;
-                (*end, *leaf) = (new_end as u16, new_leaf);
+        for (i, word) in marked[slot * *words..][..*words].iter_mut().enumerate() {
+            while *word != 0 {
+                let tree = i * usize::from(WORD) + word.trailing_zeros() as usize;
+                // Its lowest bit.
+                *word &= *word - 1;
+                let at = slot * *trees + tree;
+                let above = std::mem::take(&mut above[at]);
+                let node = (usize::from(end[at]) + *ends) >> above;
+                let (new_end, new_leaf) = forest.descend(tree, node, above, &value);
+                end[at] = new_end;
+                let old_leaf = std::mem::replace(&mut leaf[at], new_leaf);
+                if old_leaf != new_leaf {
+                    self.shares.exchange(mean, old_leaf, new_leaf);
+                    renewed = true;
+                }
             }
         }
         renewed
     }
 
-    fn look_up_all(&mut self, forest: &Forest, row: usize, slot: usize) -> bool {
-        let (errors, of_road) = self.features.split_at_mut(S * self.window);
-        errors.copy_from_slice(&self.states[S * row..][..S * self.window]);
-        of_road.copy_from_slice(&self.road[slot]);
-        let Rows { trees, end, leaf, marked, .. } = &mut self.rows;
-        let begin = slot * *trees;
-        marked[begin..begin + *trees].fill(false);
-        let mut renewed = false;
-        forest.ends_together(&self.features, |first, ends, leaves| {
-            for (i, (&new_end, &new_leaf)) in ends.iter().zip(leaves).enumerate() {
-                let at = begin + first + i;
-                renewed |= leaf[at] != new_leaf;
-                (end[at], leaf[at]) = (new_end as u16, new_leaf);
+    fn look_up_all(&mut self, forest: &Forest, row: usize, slot: usize) {
+        let (trees, entries) = (self.rows.trees, self.shares.entries());
+        if let Some(before) = row.checked_sub(1).map(|row| self.slot(row)) {
+            self.rows.leaf.copy_within(before * trees..(before + 1) * trees, slot * trees);
+            self.mean.copy_within(before * entries..(before + 1) * entries, slot * entries);
+        }
+        let value = feature(&self.states[S * row..][..S * self.window], &self.road[slot]);
+        let mean = &mut self.mean[slot * entries..][..entries];
+        let Rows { end, leaf, marked, words, above, .. } = &mut self.rows;
+        marked[slot * *words..][..*words].fill(0);
+        let of_row = slot * trees..(slot + 1) * trees;
+        above[of_row.clone()].fill(0);
+        let places = end[of_row.clone()].iter_mut().zip(&mut leaf[of_row]);
+        for (tree, (end, leaf)) in places.enumerate() {
+            let (new_end, new_leaf) = forest.descend(tree, 1, forest.depth.into(), &value);
+            *end = new_end;
+            let old_leaf = std::mem::replace(leaf, new_leaf);
+            if old_leaf != new_leaf {
+                self.shares.exchange(mean, old_leaf, new_leaf);
             }
-        });
-        renewed
-    }
-
-    /// Mean coefficients of a row's leaves. They are often those of the row before.
-    fn average(&mut self, row: usize, slot: usize) {
-        let (trees, count) = (self.rows.trees, self.model.regressors());
-        let leaves = |slot: usize| &self.rows.leaf[slot * trees..][..trees];
-        if let Some(before) = row.checked_sub(1).map(|row| self.slot(row))
-            && leaves(before) == leaves(slot)
-        {
-            self.mean.copy_within(before * count..(before + 1) * count, slot * count);
-        } else {
-            self.model.average(leaves(slot), &mut self.sums, &mut self.mean[slot * count..][..count]);
         }
     }
 
-    /// Mean coefficients of the row in a slot: constant, commands, states, road.
+    /// Mean coefficients of the row in a slot: constant, commands, states, road, held command.
     pub(super) fn mean(&self, slot: usize) -> &[[f64; S]] {
-        let count = self.model.regressors();
-        &self.mean[slot * count..][..count]
+        let entries = self.shares.entries();
+        &self.mean[slot * entries..][..entries]
     }
 
     /// The last `count` states of a row's window.

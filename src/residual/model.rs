@@ -11,13 +11,13 @@
 //! error states, oldest first, where the leaves have them (else there are no such terms). Terms in the road are
 //! known when the problem is set up and stand in the constant. Nothing is allocated.
 //!
-//! Steps that follow each other mostly fall into the same leaves: their mean is kept in the caller's room, and read
-//! again, 1 kB, instead of every tree's leaf. The controller, which asks a whole horizon again and again, has rows that
-//! keep more ([`ResidualModelFor::row`]).
+//! Steps that follow each other mostly fall into the same leaves: their mean is kept in the caller's room, and only
+//! leaves that are others take the old ones' place in it. The controller, which asks a whole horizon again and again, has
+//! rows that keep more ([`ResidualModelFor::row`]).
 
 use super::ROAD;
 use super::forest::Forest;
-use super::leaf::{FourSums, LeafModels};
+use super::leaf::{LeafModels, Shares};
 use super::least_squares::Theta;
 use super::lookahead::{Lookahead, LookedUp};
 use crate::enumeration;
@@ -302,8 +302,9 @@ pub type ResidualModel = ResidualModelFor<SingleTrack, ERRORS>;
 pub struct ResidualModelFor<V, const S: usize> {
     pub(super) schema: Schema<V>,
     pub(super) forest: Forest,
+    pub(super) leaves: LeafModels<S>,
     /// Shared with the rooms made for it, which know their model by it.
-    pub(super) leaves: Arc<LeafModels<S>>,
+    shares: Arc<Shares<S>>,
 }
 
 /// The linear residual at one step of the horizon; made once, filled at each call.
@@ -314,13 +315,12 @@ pub struct Coefficients<const S: usize = ERRORS> {
     window: usize,
     /// Where the road's terms begin.
     road: usize,
-    /// The leaves of whose model these are.
-    model: Arc<LeafModels<S>>,
+    /// The shares of whose model these are.
+    model: Arc<Shares<S>>,
     /// The leaf of each tree at the last call; at first none.
     leaves: Vec<u32>,
     /// Their mean coefficients as they are in the model: without the road's values, not scaled.
     mean: Theta<S>,
-    sums: FourSums<S>,
     /// How far the worst feature lies outside its range in training, in widths of that range; 0 inside.
     pub excess: f64,
     /// Share of the leaves that never saw commands like those given, 0 to 1.
@@ -391,7 +391,13 @@ impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
             ranges: vec![],
         };
         let leaves = LeafModels { regressors: 1, theta: vec![[0.0; S]], command_range: vec![[0.0; 2]] };
-        Self { schema, forest: Forest::single_leaf(), leaves: Arc::new(leaves) }
+        Self::new(schema, Forest::single_leaf(), leaves)
+    }
+
+    /// A model of consistent parts.
+    pub(super) fn new(schema: Schema<V>, forest: Forest, leaves: LeafModels<S>) -> Self {
+        let shares = Arc::new(Shares::new(&leaves, forest.trees(), schema.window));
+        Self { schema, forest, leaves, shares }
     }
 
     /// What the model is.
@@ -427,10 +433,9 @@ impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
             values: vec![[0.0; S]; count],
             window,
             road: count - if regressors.road { ROAD_TERMS } else { 0 },
-            model: Arc::clone(&self.leaves),
-            leaves: vec![u32::MAX; self.forest.trees()],
-            mean: vec![[0.0; S]; self.leaves.regressors()],
-            sums: FourSums::new(self.forest.trees(), self.leaves.regressors()),
+            model: Arc::clone(&self.shares),
+            leaves: vec![self.shares.none(); self.forest.trees()],
+            mean: vec![[0.0; S]; self.shares.entries()],
             excess: 0.0,
             strange_leaves: 0.0,
         }
@@ -445,20 +450,17 @@ impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
     /// calling code, not of data.
     pub fn coefficients(&self, features: &[f64], commands: &[f64], out: &mut Coefficients<S>) {
         assert_eq!(features.len(), self.features(), "features");
-        assert!(Arc::ptr_eq(&self.leaves, &out.model), "room of another model");
+        assert!(Arc::ptr_eq(&self.shares, &out.model), "room of another model");
         let schema = &self.schema;
-        let mut same = true;
-        self.forest.look_up_together(features, |first, leaves| {
-            let last = &mut out.leaves[first..][..leaves.len()];
-            same &= last == leaves;
-            last.copy_from_slice(leaves);
+        self.forest.look_up(features, |tree, leaf| {
+            let last = std::mem::replace(&mut out.leaves[tree], leaf as u32);
+            if last != leaf as u32 {
+                self.shares.exchange(&mut out.mean, last, leaf as u32);
+            }
         });
-        if !same {
-            self.leaves.average(&out.leaves, &mut out.sums, &mut out.mean);
-        }
         // Constant leaves have only the first of the coefficients.
-        let (known, rest) = out.values.split_at_mut(out.mean.len());
-        known.copy_from_slice(&out.mean);
+        let (known, rest) = out.values.split_at_mut(self.leaves.regressors());
+        known.copy_from_slice(&out.mean[..known.len()]);
         rest.fill([0.0; S]);
         if schema.regressors.road {
             let road = road_terms(&features[features.len() - ROAD..]);
@@ -481,7 +483,7 @@ impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
     #[must_use]
     pub fn lookahead(&self, horizon: usize) -> Lookahead<S> {
         assert!(horizon > 0, "horizon");
-        Lookahead::new(&self.forest, &self.leaves, self.schema.window, horizon)
+        Lookahead::new(&self.forest, &self.shares, self.schema.window, horizon)
     }
 
     /// The linear residual of a row of the horizon: what [`coefficients`](Self::coefficients) gives for the window of
@@ -491,10 +493,10 @@ impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
     /// # Panics
     /// If `rows` is of another model, or has no such row: a mistake of the calling code, not of data.
     pub fn row<'a>(&self, rows: &'a mut Lookahead<S>, row: usize, road: &[f64; ROAD]) -> LookedUp<'a, S> {
-        assert!(rows.is_of(&self.leaves), "room of another model");
+        assert!(rows.is_of(&self.shares), "room of another model");
         let Schema { window, regressors, .. } = self.schema;
         let (slot, renewed) = rows.look_up(&self.forest, row, road);
-        let mean = rows.mean(slot);
+        let (held, mean) = rows.mean(slot).split_last().unwrap_or((&[0.0; S], &[]));
         let mut constant = mean[0];
         // Constant leaves have only the first of the coefficients.
         let linear = mean.len() > 1;
@@ -512,6 +514,7 @@ impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
             renewed,
             constant,
             command: if linear { &mean[1..=window] } else { &[] },
+            held: *held,
             state: &mean[states],
             newest: rows.newest(row, regressors.states),
             excess: self.excess(rows.newest(row, 1), road),
@@ -529,7 +532,9 @@ impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
             (trees && schema.tree_features != TreeFeatures::Errors) || (leaves && schema.regressors.road);
         let worst = |asked: bool, ranges: std::ops::Range<usize>, values: &[f64]| {
             let ranges = schema.ranges.get(ranges).filter(|_| asked).unwrap_or_default();
-            ranges.iter().zip(values).map(|(range, &x)| range.excess(x)).fold(0.0, f64::max)
+            let outside =
+                ranges.iter().zip(values).filter(|(range, x)| !(range.min..=range.max).contains(*x));
+            outside.map(|(range, &x)| range.excess(x)).fold(0.0, f64::max)
         };
         worst(by_errors, 0..S, errors).max(worst(by_road, S..S + ROAD, road))
     }

@@ -19,7 +19,6 @@ use super::{ROAD, parallel};
 use crate::nominal::{ERRORS, LateralVehicle};
 use crate::signal;
 use crate::vehicle::SingleTrack;
-use std::sync::Arc;
 
 /// Why no model was trained.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -161,27 +160,24 @@ pub fn train<V: LateralVehicle<S>, const S: usize>(
     let job = Job { windows: &windows, config, threads: parallel::threads(config.threads), progress };
     let learned = job.learn(p);
     progress(Progress { stage: Stage::Report, done: 0, total: 1 });
-    let model = ResidualModelFor {
-        schema: Schema {
-            kind: config.kind,
-            sample_time: data.config.sample_time,
-            window: config.window,
-            min_model_speed: data.config.min_model_speed,
-            tree_features: config.tree_features,
-            regressors: if config.kind.is_linear() { config.regressors } else { Regressors::default() },
-            vehicle: data.vehicle,
-            training: Training {
-                data_hash: format!("{:016x}", data.hash()),
-                samples: windows.len(),
-                seed: config.seed,
-                global_lambda: learned.global_lambda,
-                leaf_lambda: learned.leaf_lambda,
-            },
-            ranges: if config.kind == Kind::None { vec![] } else { ranges::<V, S>(&windows) },
+    let schema = Schema {
+        kind: config.kind,
+        sample_time: data.config.sample_time,
+        window: config.window,
+        min_model_speed: data.config.min_model_speed,
+        tree_features: config.tree_features,
+        regressors: if config.kind.is_linear() { config.regressors } else { Regressors::default() },
+        vehicle: data.vehicle,
+        training: Training {
+            data_hash: format!("{:016x}", data.hash()),
+            samples: windows.len(),
+            seed: config.seed,
+            global_lambda: learned.global_lambda,
+            leaf_lambda: learned.leaf_lambda,
         },
-        forest: learned.forest,
-        leaves: Arc::new(learned.leaves),
+        ranges: if config.kind == Kind::None { vec![] } else { ranges::<V, S>(&windows) },
     };
+    let model = ResidualModelFor::new(schema, learned.forest, learned.leaves);
     let report = TrainReport {
         train: measure(&model, &windows, job.threads),
         held_out: learned.held_out,

@@ -6,7 +6,7 @@
 //! Source: Zhao et al., ITSC 2024, Algorithm 1.
 
 use super::{Expected, Nominal, Qp, Variant};
-use crate::control::condense::{Affine, Linear, Propagation, condense_settled};
+use crate::control::condense::{Affine, ErrorTransition, Linear, Propagation, condense_settled};
 use crate::control::lateral::LateralInput;
 use crate::control::parameters::MpcParameters;
 use crate::control::preview::Preview;
@@ -45,6 +45,8 @@ struct Learned<V, const S: usize> {
     written: Vec<f64>,
     /// Issued commands and then planned ones, oldest first.
     commands: Vec<f64>,
+    /// Effect of the issued commands in each row.
+    issued: Vec<[f64; S]>,
 }
 
 /// The variant.
@@ -134,7 +136,7 @@ impl<V: LateralVehicle<S>, const S: usize> Variant<S> for NominalWithResidual<V,
 
         let propagation =
             self.learned.as_ref().map_or(Propagation::default(), |learned| learned.residual.propagation);
-        let linear = Linear { a: &model.a, b: &model.b };
+        let linear = Linear { a: &ErrorTransition(&model.a), b: &model.b };
         condense_settled(linear, input.state, &mut self.affine, propagation, &qp.tracked, &mut qp.problem);
         self.write_references(&model, input, preview, qp);
         qp.timing.condense = begin.elapsed().as_secs_f64() - qp.timing.look_up;
@@ -177,6 +179,7 @@ impl<V: LateralVehicle<S>, const S: usize> Learned<V, S> {
             rows: model.lookahead(p.horizon),
             written: vec![f64::NAN; p.horizon],
             commands: vec![0.0; window - 1 + p.horizon],
+            issued: vec![[0.0; S]; p.horizon],
             residual,
         })
     }
@@ -197,7 +200,11 @@ impl<V: LateralVehicle<S>, const S: usize> Learned<V, S> {
     ) -> f64 {
         let window = self.window();
         let horizon = affine.known.len();
-        self.commands[..window - 1].copy_from_slice(input.history.commands());
+        // A step later a row has the commands that it had, and the newest behind them.
+        let past = input.history.commands();
+        let (newest, before) = past.split_last().map_or((0.0, past), |(&newest, before)| (newest, before));
+        let goes_on = self.commands.get(1..window - 1).is_some_and(|last| last == before);
+        self.commands[..window - 1].copy_from_slice(past);
         // The last plan, its end held.
         let end = input.last_plan.last().copied().unwrap_or(previous);
         let (given, held) = self.commands[window - 1..].split_at_mut(input.last_plan.len().min(horizon));
@@ -225,25 +232,33 @@ impl<V: LateralVehicle<S>, const S: usize> Learned<V, S> {
                 add(&mut constant, &scaled(effect), *value);
             }
             let effects = &mut affine.command[row.slot * window..][..window];
-            if row.renewed || self.written[row.slot] != trust {
-                self.written[row.slot] = trust;
-                let mut held = [0.0; S];
-                match row.command {
-                    [] => effects.fill(SVector::zeros()),
-                    commands => {
-                        for (effect, command) in effects.iter_mut().zip(commands) {
-                            effect.data.0[0] = scaled(command);
-                            add(&mut held, &effect.data.0[0], 1.0);
-                        }
-                    }
-                }
-                affine.held[row.slot] = SVector::from(held);
-            }
-            // Past commands, which are known, apart from planned ones.
+            let issued = &mut self.issued[row.slot];
             let commands = &self.commands[j..][..window];
             let past = (window - 1).saturating_sub(j);
+            let same = !row.renewed && self.written[row.slot] == trust;
+            if !same {
+                self.written[row.slot] = trust;
+                // Constant leaves have none.
+                effects[row.command.len()..].fill(SVector::zeros());
+                for (effect, command) in effects.iter_mut().zip(row.command) {
+                    effect.data.0[0] = *command;
+                }
+                if trust < 1.0 {
+                    effects.iter_mut().for_each(|effect| *effect *= trust);
+                }
+                affine.held[row.slot] = SVector::from(scaled(&row.held));
+            }
+            // Issued commands, which are known, apart from planned ones. Oldest first: as a sum that goes on.
+            if !(same && goes_on) {
+                *issued = [0.0; S];
+                for (effect, command) in effects.iter().zip(&commands[..past]) {
+                    add(issued, &effect.data.0[0], *command);
+                }
+            } else if past > 0 {
+                add(issued, &effects[past - 1].data.0[0], newest);
+            }
             let mut residual = constant;
-            add_all(&mut residual, &effects[..past], &commands[..past]);
+            add(&mut residual, issued, 1.0);
             affine.constant[j] = SVector::from(constant);
             affine.settled[j] = SVector::from(residual);
             if j + 1 == horizon {
