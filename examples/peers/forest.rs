@@ -9,6 +9,20 @@ const COLUMNS: usize = 64;
 const OUTPUTS: usize = 4;
 const REPEATS: usize = 3;
 
+/// The forest that is compared and grown: 20 trees, depth 6.
+pub fn config() -> ForestConfig {
+    ForestConfig {
+        trees: 20,
+        depth: 6,
+        min_leaf: 20,
+        features_per_split: 8,
+        bootstrap: Some(Block(1)),
+        resolution: Resolution::Histogram(255),
+        seed: 1,
+        threads: 2,
+    }
+}
+
 /// Trains on the first `rows` rows (64 features and 4 outputs each) and predicts the `tests` rows after them.
 pub fn run(table: &Path, rows: usize, tests: usize, fits: &Path) -> Outcome {
     let values = read_table(table)?;
@@ -22,16 +36,7 @@ pub fn run(table: &Path, rows: usize, tests: usize, fits: &Path) -> Outcome {
         features.extend(&row[..COLUMNS]);
         labels.push(std::array::from_fn::<f64, OUTPUTS, _>(|o| row[COLUMNS + o]));
     }
-    let config = ForestConfig {
-        trees: 20,
-        depth: 6,
-        min_leaf: 20,
-        features_per_split: 8,
-        bootstrap: Some(Block(1)),
-        resolution: Resolution::Histogram(255),
-        seed: 1,
-        threads: 2,
-    };
+    let config = config();
     let columns: Vec<u16> = (0..COLUMNS as u16).collect();
     let learned = &features[..rows * COLUMNS];
     let mut grown = None;

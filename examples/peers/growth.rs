@@ -7,10 +7,7 @@ use crate::steps::{Model, SAMPLE_TIME, car, percentile};
 use crate::{Outcome, median_time};
 use rfl_mpc::control::{Measurement, PredictionModelFor, Propagation, Residual, RollOut};
 use rfl_mpc::path::sudoku::Route;
-use rfl_mpc::residual::{
-    Block, DataConfig, DataSet, Dense, ForestConfig, Kind, LambdaChoice, Random, Resolution, TrainConfig,
-    grow, train,
-};
+use rfl_mpc::residual::{DataConfig, DataSet, Dense, Kind, LambdaChoice, Random, TrainConfig, grow, train};
 use rfl_mpc::simulate::{CAR_COLUMNS, ClosedLoop};
 use rfl_mpc::vehicle::Car;
 use serde_json::{Value, json};
@@ -107,16 +104,7 @@ pub fn training(rows: usize) -> Outcome {
             [step + x[1] * x[2], (4.0 * x[3]).sin() * step, x[4] * x[4] + x[0], x[5] - x[1]]
         })
         .collect();
-    let config = ForestConfig {
-        trees: 20,
-        depth: 6,
-        min_leaf: 20,
-        features_per_split: 8,
-        bootstrap: Some(Block(1)),
-        resolution: Resolution::Histogram(255),
-        seed: 1,
-        threads: 2,
-    };
+    let config = crate::forest::config();
     let columns: Vec<u16> = (0..COLUMNS as u16).collect();
     let begin = Instant::now();
     let grown = grow(&Dense::new(&values, COLUMNS), &columns, &labels, &config, &|_| ());
