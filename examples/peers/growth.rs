@@ -8,8 +8,8 @@ use crate::{Outcome, median_time};
 use rfl_mpc::control::{Measurement, PredictionModelFor, Propagation, Residual, RollOut};
 use rfl_mpc::path::sudoku::Route;
 use rfl_mpc::residual::{
-    Block, DataConfig, DataSet, Dense, ForestConfig, Kind, LambdaChoice, Random, Resolution,
-    TrainConfig, grow, train,
+    Block, DataConfig, DataSet, Dense, ForestConfig, Kind, LambdaChoice, Random, Resolution, TrainConfig,
+    grow, train,
 };
 use rfl_mpc::simulate::{CAR_COLUMNS, ClosedLoop};
 use rfl_mpc::vehicle::Car;
