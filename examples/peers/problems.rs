@@ -50,9 +50,9 @@ pub const CASES: [Case; 9] = [
         change: |p| (p.e1_max, p.slack_linear) = (0.01, 10.0),
         ..ORDINARY
     },
-    // Far outside its soft bound, which no steering can hold.
+    // Far beside narrow soft bounds. The controller aims at a parallel path within them, so that none has to yield.
     Case {
-        name: "infeasible but softened",
+        name: "narrow soft bounds",
         beside: 2.0,
         change: |p| (p.e1_max, p.steer_rate_max) = (0.2, 0.3),
         ..ORDINARY

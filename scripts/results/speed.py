@@ -175,7 +175,8 @@ def _growth(raw: dict) -> list[str]:
         "|---|---|---|---|",
     ]
     for count, row in _by_size(growth["instances"]).items():
-        memory = "" if row["kib"] is None else f"{row['kib']:.0f}"
+        # Few fit into memory that the process had before.
+        memory = f"{row['kib']:.0f}" if row["kib"] else ""
         lines.append(f"| {count} | {row['step_us']:.1f} | {row['step_us_2_threads']:.1f} | {memory} |")
     return [*lines, ""]
 
