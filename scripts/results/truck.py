@@ -257,7 +257,7 @@ def write_markdown(results: dict, conditions: dict, out: Path) -> None:
         "",
     ]
     for row in results["left_out"]:
-        text += [f"Left out, for there is no such model of the truck: {row}.", ""]
+        text += [f"Not in this run: {row}.", ""]
     for name, tables in results["conditions"].items():
         noise = ", with sensor noise" if name.endswith("_noise") else ""
         plant = name.removesuffix("_noise")
