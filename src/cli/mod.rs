@@ -98,10 +98,14 @@ pub fn main() -> ExitCode {
     }
 }
 
-/// What `say!` does.
+/// What `say!` does. A full disk is a failure, a reader that has gone is none.
 fn line(words: std::fmt::Arguments) {
     use std::io::Write;
-    if writeln!(std::io::stdout(), "{words}").is_err() {
+    if let Err(error) = writeln!(std::io::stdout(), "{words}") {
+        if !is_broken_pipe(&error) {
+            eprintln!("error: standard output: {error}");
+            std::process::exit(1);
+        }
         std::process::exit(0);
     }
 }

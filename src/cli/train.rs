@@ -341,19 +341,25 @@ fn found(report: &DataReport) -> Vec<String> {
 /// States of any vehicle that we know, with their units.
 const HEADINGS: [&str; 6] = ["e1 m", "e1' m/s", "e2 rad", "e2' rad/s", "phi rad", "phi' rad/s"];
 
-/// In a column of a table.
-pub(super) fn right(text: &(impl AsRef<str> + ?Sized)) -> String {
+fn right(text: &(impl AsRef<str> + ?Sized)) -> String {
     format!(" {:>10}", text.as_ref())
+}
+
+/// Head of a table of fits.
+pub(super) fn head(headings: &[&str]) {
+    say!("{:<28}{}", "RMS of one step", headings.iter().map(right).collect::<String>());
+}
+
+/// A line of it.
+pub(super) fn line<const N: usize>(name: &str, values: [f64; N]) {
+    say!("{name:<28}{}", values.map(|value| right(&format!("{value:.2e}"))).concat());
 }
 
 /// Prints the fit of a model, under a header if it is the first.
 fn show<const S: usize>(kind: Kind, report: &TrainReport<S>, first: bool) {
     if first {
-        say!("{:<28}{}", "RMS of one step", HEADINGS[..S].iter().map(right).collect::<String>());
+        head(&HEADINGS[..S]);
     }
-    let line = |name: &str, values: [f64; S]| {
-        say!("{name:<28}{}", values.map(|value| right(&format!("{value:.2e}"))).concat());
-    };
     if first {
         line("nominal, training", report.train.nominal_rmse);
         if let Some(fit) = &report.test {

@@ -1,6 +1,6 @@
 //! `rfl train --kind gp_nmpc`: Gaussian processes on what a vehicle's nonlinear model misses.
 
-use super::train::{followed_by, make_folder_of, right};
+use super::train::{followed_by, head, line, make_folder_of};
 use crate::residual::DataSet;
 use crate::residual::gp::{GpConfig, GpFit, GpVehicle, train};
 use indicatif::ProgressBar;
@@ -28,10 +28,7 @@ pub fn learn<V: GpVehicle<S, D, O>, const S: usize, const D: usize, const O: usi
     make_folder_of(file)?;
     trained.model.write(file)?;
     let report = &trained.report;
-    say!("{:<28}{}", "RMS of one step", HEADINGS[..O].iter().map(right).collect::<String>());
-    let line = |name: &str, values: [f64; O]| {
-        say!("{name:<28}{}", values.map(|value| right(&format!("{value:.2e}"))).concat());
-    };
+    head(&HEADINGS[..O]);
     line("nonlinear model, training", report.train.nominal_rmse);
     line("gp_nmpc, training", report.train.rmse);
     if let Some(fit) = &report.test {

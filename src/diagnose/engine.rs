@@ -181,10 +181,9 @@ pub fn diagnose<V: ReplayVehicle>(
     if let Some(reference) = reference {
         check(reference)?;
         let (reference, _) = chosen(reference);
-        posterior(&reference, &problem, &prepared_vehicle, &without, &mut prior)?;
+        posterior(&reference, &problem, &prepared_vehicle, &without, &calibration, &mut prior)?;
     }
-    let mut ranking = rank(&problem, prior, options.pairs, progress)?;
-    demote(&problem, &mut ranking, &calibration);
+    let ranking = ranked(&problem, prior, options.pairs, &calibration, progress)?;
     let mut decision = decide(&problem, &ranking, &calibration);
     let suspicion = findings.iter().any(|finding| finding.gravity == Gravity::Suspicion);
     if excitation.steer < STRAIGHT && decision.kind != VerdictKind::None || suspicion {
@@ -264,6 +263,7 @@ fn posterior<V: ReplayVehicle>(
     problem: &Problem<V>,
     vehicle: &V,
     without: &[String],
+    calibration: &Calibration,
     prior: &mut Prior,
 ) -> Result<(), DiagnoseError> {
     let drive = Drive { levelled: problem.drive.levelled, ..Drive::new(log, V::TRUCK) };
@@ -274,10 +274,8 @@ fn posterior<V: ReplayVehicle>(
     let own = Problem::new(&drive, vehicle, &correction, without, problem.threads());
     let mut wide = Prior::of(&own);
     wide.covariance *= WIDE * WIDE;
-    let mut ranking = rank(&own, wide, true, &|_, _| {})?;
-    let calibration = Calibration::built_in();
-    demote(&own, &mut ranking, &calibration);
-    let decision = decide(&own, &ranking, &calibration);
+    let ranking = ranked(&own, wide, true, calibration, &|_, _| {})?;
+    let decision = decide(&own, &ranking, calibration);
     let known = &decision.fit;
     let local = Linear::new(slopes_at(&own, &ranking, known), ranking.linear.weights.clone());
     let covariance = local.covariance(&ranking.prior.freed(&own, &known.freed));
@@ -343,12 +341,19 @@ fn scores<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking) -> Scores {
     }
 }
 
-/// Puts candidates behind the others that hold an effect too small to matter: what explains a little of the model's form
-/// hides no cause.
-fn demote<V: ReplayVehicle>(problem: &Problem<V>, ranking: &mut Ranking, calibration: &Calibration) {
+/// Ranks all candidates, those behind the others that hold an effect too small to matter: what explains a little of the
+/// model's form hides no cause.
+fn ranked<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    prior: Prior,
+    pairs: bool,
+    calibration: &Calibration,
+    progress: &(dyn Fn(&str, f64) + Sync),
+) -> Result<Ranking, NoReplay> {
+    let ranking = rank(problem, prior, pairs, progress)?;
     let notable = |fit: &Fit, without: f64| {
         without - fit.cost > PLAIN
-            || fit.freed.iter().all(|&i| dominance(problem, ranking, fit, i) > calibration.dominance)
+            || fit.freed.iter().all(|&i| dominance(problem, &ranking, fit, i) > calibration.dominance)
     };
     let behind = |fits: &[Fit], without: f64| -> Vec<Fit> {
         let (head, tail) = fits.split_at(fits.len().min(LOOKED_AT));
@@ -358,7 +363,7 @@ fn demote<V: ReplayVehicle>(problem: &Problem<V>, ranking: &mut Ranking, calibra
     let singles = behind(&ranking.singles, ranking.none.cost);
     let single = singles.first().map_or(ranking.none.cost, |best| best.cost);
     let pairs = behind(&ranking.pairs, single);
-    (ranking.singles, ranking.pairs) = (singles, pairs);
+    Ok(Ranking { singles, pairs, ..ranking })
 }
 
 fn decide<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, calibration: &Calibration) -> Decision {
@@ -462,9 +467,8 @@ pub fn trial<V: ReplayVehicle>(
     let correction = neutral(&drive, &vehicle).map_err(|reason| DiagnoseError::Replay { reason })?;
     let problem =
         Problem::new(&drive, &vehicle, &correction, &options.without, parallel::threads(options.threads));
-    let mut ranking = rank(&problem, Prior::of(&problem), options.pairs, &|_, _| {})?;
     let calibration = Calibration::built_in();
-    demote(&problem, &mut ranking, &calibration);
+    let ranking = ranked(&problem, Prior::of(&problem), options.pairs, &calibration, &|_, _| {})?;
     let decision = decide(&problem, &ranking, &calibration);
     let names = |class: &[usize]| class.iter().map(|&i| problem.knobs[i].id.to_owned()).collect::<Vec<_>>();
     let best = ranking.singles.first().map_or(f64::INFINITY, |best| best.cost);
