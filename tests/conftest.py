@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
-import subprocess
 from pathlib import Path
 
+import programs
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -29,6 +29,4 @@ def paths() -> Path:
 @pytest.fixture(scope="session")
 def rfl() -> Path:
     """The program, in the profile that RFL_PROFILE names."""
-    profile = os.environ.get("RFL_PROFILE", "release")
-    subprocess.run(["cargo", "build", "--profile", profile, "--quiet", "--bin", "rfl"], cwd=ROOT, check=True)
-    return ROOT / "target" / ("debug" if profile == "dev" else profile) / "rfl"
+    return programs.program("rfl")

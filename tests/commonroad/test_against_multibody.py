@@ -6,11 +6,10 @@ and lateral acceleration within 5 %, roll within 15 %, understeer gradient withi
 
 import functools
 import io
-import json
-import pathlib
 import subprocess
 
 import numpy as np
+import programs
 import pytest
 
 pytest.importorskip("vehiclemodels", reason="needs the PyPI package commonroad-vehicle-models")
@@ -19,7 +18,6 @@ from vehiclemodels.init_mb import init_mb
 from vehiclemodels.vehicle_dynamics_mb import vehicle_dynamics_mb
 from vehiclemodels.vehicle_parameters import setup_vehicle_parameters
 
-ROOT = pathlib.Path(__file__).parents[2]
 CARS = {"bmw_320i": 2, "ford_escort": 1, "vw_vanagon": 3}
 GRAVITY = 9.81
 SPEED = 15.0
@@ -29,12 +27,8 @@ SPEED_GAIN = 2.0
 
 @functools.cache
 def program():
-    """Builds the example that drives our car from a CSV file, and gives its place."""
-    subprocess.run(["cargo", "build", "--release", "--example", "drive_car"], cwd=ROOT, check=True)
-    metadata = subprocess.run(
-        ["cargo", "metadata", "--format-version", "1", "--no-deps"], cwd=ROOT, check=True, capture_output=True
-    )
-    return pathlib.Path(json.loads(metadata.stdout)["target_directory"]) / "release" / "examples" / "drive_car"
+    """The example that drives our car from a CSV file."""
+    return programs.example("drive_car")
 
 
 def drive_ours(car, time, steer, *arguments):

@@ -8,16 +8,15 @@ was used.
 from __future__ import annotations
 
 import json
-import os
 import re
 import shutil
 import subprocess
 from pathlib import Path
 
+import programs
 import pytest
 from peer_forest import call
 
-ROOT = Path(__file__).parents[2]
 EXPECTED = Path(__file__).with_name("instructions.json")
 MARGIN = 0.10
 
@@ -27,18 +26,16 @@ def prepared(tmp_path_factory):
     """Our program, and the folder with the steps that it makes."""
     if not shutil.which("valgrind"):
         pytest.skip("NO INSTRUCTIONS ARE COUNTED: valgrind is missing (Debian, Ubuntu: apt-get install valgrind)")
-    profile = os.environ.get("RFL_PROFILE", "release")
-    subprocess.run(["cargo", "build", "--profile", profile, "--quiet", "--example", "peers"], cwd=ROOT, check=True)
-    program = ROOT / "target" / ("debug" if profile == "dev" else profile) / "examples" / "peers"
+    program = programs.example("peers")
     folder = tmp_path_factory.mktemp("steps")
     steps = call(program, "prepare", folder)["steps"]
-    return program, folder, steps, profile
+    return program, folder, steps
 
 
 @pytest.mark.parametrize("name", ["nominal", "rfl"])
 def test_a_step_takes_no_more_instructions_than_it_did(prepared, name):
-    program, folder, steps, profile = prepared
-    expected = json.loads(EXPECTED.read_text(encoding="utf-8")).get(profile)
+    program, folder, steps = prepared
+    expected = json.loads(EXPECTED.read_text(encoding="utf-8")).get(programs.PROFILE)
     out = folder / f"{name}.callgrind"
     command = ["valgrind", "--tool=callgrind", f"--callgrind-out-file={out}", "--collect-atstart=no"]
     command += ["--toggle-collect=*counted_step*", str(program), "counted", str(folder), name]
@@ -46,7 +43,9 @@ def test_a_step_takes_no_more_instructions_than_it_did(prepared, name):
     counted = int(re.search(r"^(?:totals|summary): (\d+)", out.read_text(encoding="utf-8"), re.MULTILINE)[1]) / steps
     assert counted > 1000, "the step was not found"
     if expected is None:
-        pytest.skip(f"NOTHING IS COMPARED: {EXPECTED.name} has no count for '{profile}'; {name} takes {counted:.0f}")
+        pytest.skip(
+            f"NOTHING IS COMPARED: {EXPECTED.name} has no count for '{programs.PROFILE}'; {name} takes {counted:.0f}"
+        )
     share = counted / expected[name] - 1
     print(f"{name}: {counted:.0f} instructions a step, {share:+.1%} against {expected[name]}")
     assert share <= MARGIN, (

@@ -6,11 +6,9 @@ The problems are written out in dense form from their definition (`scripts/peer_
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-from pathlib import Path
 
 import numpy as np
+import programs
 import pytest
 
 pytest.importorskip("daqp", reason="needs the PyPI package daqp")
@@ -18,18 +16,14 @@ pytest.importorskip("daqp", reason="needs the PyPI package daqp")
 from peer_forest import call
 from peer_qp import active_bounds, dense, difference, solve_daqp, stationarity, time_daqp
 
-ROOT = Path(__file__).parents[2]
 AGREEMENT = 1e-6  # of the inputs' bound
 
 
 @pytest.fixture(scope="module")
 def records(tmp_path_factory):
     """Recorded problems with our solutions."""
-    profile = os.environ.get("RFL_PROFILE", "release")
-    subprocess.run(["cargo", "build", "--profile", profile, "--quiet", "--example", "peers"], cwd=ROOT, check=True)
-    program = ROOT / "target" / ("debug" if profile == "dev" else profile) / "examples" / "peers"
     file = tmp_path_factory.mktemp("peers") / "problems.json"
-    call(program, "problems", 30, file)
+    call(programs.example("peers"), "problems", 30, file)
     return json.loads(file.read_text(encoding="utf-8"))
 
 
