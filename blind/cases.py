@@ -49,6 +49,8 @@ class Set:
     trucks: bool = True
     #: Longest drive, s.
     longest: float = DURATION[1]
+    #: This kind of cases only.
+    kind: str | None = None
 
     def rng(self, *of: int) -> np.random.Generator:
         return np.random.default_rng([int(self.development), self.seed, *of])
@@ -68,8 +70,9 @@ class Set:
         plans = []
         for is_truck, count in ((False, self.count - of_trucks), (True, of_trucks)):
             own = [name for name, design in zip(names, designs) if design.is_truck == is_truck]
-            counts = {kind: round(share * count) for kind, share in KINDS.items()}
-            counts["single"] += count - sum(counts.values())
+            shares = {self.kind: 1.0} if self.kind else KINDS
+            counts = {kind: round(share * count) for kind, share in shares.items()}
+            counts[next(iter(counts))] += count - sum(counts.values())
             pool = _endless(rng, effects.ids(is_truck))
             outside = _endless(rng, list(effects.OUTSIDE_OF_TRUCKS if is_truck else effects.OUTSIDE))
             vehicles = _endless(rng, own) if own else None

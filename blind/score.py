@@ -21,7 +21,7 @@ import time
 from pathlib import Path
 
 from . import baselines, controls, diagnose, manoeuvres, measures, record, route, seal
-from .cases import Set
+from .cases import KINDS, Set
 from .make import folder_of, make_set
 from .vehicles import ROOT
 
@@ -50,7 +50,13 @@ def main(arguments: list[str] | None = None) -> int:
         print(text, file=sys.stderr, flush=True)
 
     cases = Set(
-        seed, options.development, options.count, not options.trucks_only, not options.cars_only, options.longest
+        seed,
+        options.development,
+        options.count,
+        not options.trucks_only,
+        not options.cars_only,
+        options.longest,
+        options.kind,
     )
     begin = time.perf_counter()
     only = list(range(*options.only)) if options.only else None
@@ -70,6 +76,9 @@ def main(arguments: list[str] | None = None) -> int:
     }
     (out / "commitment.json").write_text(json.dumps(commitment, indent=2) + "\n", encoding="utf-8")
     say("before the diagnosis: " + json.dumps(commitment))
+    if options.development:
+        # Nothing to hide here: blind/calibrate.py reads them.
+        (out / "labels.json").write_text(json.dumps(labels) + "\n", encoding="utf-8")
     numbers = [label["case"] for label in labels]
     del labels
 
@@ -98,7 +107,7 @@ def main(arguments: list[str] | None = None) -> int:
     record.plots(result, out)
     print(record.table(result))
     print(record.listing(run["cases"]))
-    if not options.development and not options.only:
+    if not options.development and not options.only and not options.kind:
         record.add(run, ROOT / "docs" / "results", out)
     return 0
 
@@ -115,6 +124,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--cars-only", action="store_true", help="no trucks")
     parser.add_argument("--trucks-only", action="store_true", help="no cars")
+    parser.add_argument("--kind", choices=sorted(KINDS), help="cases of this kind only; not recorded")
     parser.add_argument("--longest", type=float, default=120.0, help="longest drive in s (default: %(default)s)")
     parser.add_argument("--rfl", type=Path, default=ROOT / "target" / "release" / "rfl", help="the program")
     parser.add_argument("--jobs", type=int, default=2, help="processes (default: %(default)s)")

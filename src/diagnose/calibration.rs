@@ -1,6 +1,9 @@
 //! Thresholds and probabilities, from one file.
 
+use super::form::Kind;
+use super::replay::Channel;
 use crate::residual::fnv;
+use crate::vehicle::Stage;
 use serde::Deserialize;
 
 const TEXT: &str = include_str!("calibration.toml");
@@ -11,6 +14,10 @@ const TEXT: &str = include_str!("calibration.toml");
 pub struct Calibration {
     /// Evidence below which nothing is named.
     pub none: f64,
+    /// The same of tyres and body.
+    #[serde(skip)]
+    structural: f64,
+    alone: Alone,
     /// Evidence that a second effect must add.
     pub pair: f64,
     /// Evidence within which candidates are one class.
@@ -21,9 +28,65 @@ pub struct Calibration {
     pub left: f64,
     /// Gap of an effect over that of the background below which it is not worth naming.
     pub dominance: f64,
-    effect: [f64; 2],
+    /// Errors of the model's form.
+    pub form: Form,
+    /// Factor on the standard deviations of named values: what the form of the model adds beyond the fit's own.
+    pub interval: f64,
+    effect: [f64; 3],
     nothing: [f64; 2],
     unknown: [f64; 2],
+}
+
+/// Thresholds without a reference log.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Alone {
+    car: Thresholds,
+    truck: Thresholds,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Thresholds {
+    /// Of tyres and body.
+    structural: f64,
+    other: f64,
+}
+
+/// Standard deviations of the errors of the model's form: of size, lateness in s, change with speed and with lateral
+/// acceleration, as `form.rs` has them.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Form {
+    yaw_rate: [f64; 4],
+    ay: [f64; 4],
+    vy: [f64; 4],
+    roll: [f64; 4],
+    articulation: [f64; 4],
+    ax: [f64; 4],
+    /// Of the tyres' curve: shape factor, as a share, and curvature factor.
+    pub tyre: [f64; 2],
+    /// Factor on all tolerances, of cars and of trucks: what another formulation makes of the same numbers.
+    pub wider: f64,
+    #[allow(missing_docs)]
+    pub wider_of_trucks: f64,
+}
+
+impl Form {
+    /// Of a channel.
+    #[must_use]
+    pub fn of(&self, channel: Channel, kind: Kind) -> f64 {
+        let sizes = match channel {
+            Channel::YawRate => self.yaw_rate,
+            Channel::Ay => self.ay,
+            Channel::Vy => self.vy,
+            Channel::Roll => self.roll,
+            Channel::Articulation => self.articulation,
+            Channel::Ax => self.ax,
+            _ => [0.0; 4],
+        };
+        sizes[kind as usize]
+    }
 }
 
 impl Calibration {
@@ -36,16 +99,37 @@ impl Calibration {
         toml::from_str(TEXT).expect("the calibration that comes with the program is sound")
     }
 
+    /// That for cars or trucks, with or without a reference log: with one the form of the model is known, and thresholds
+    /// are the least.
+    ///
+    /// # Panics
+    /// Never, as [`built_in`](Self::built_in).
+    #[must_use]
+    pub fn of(truck: bool, reference: bool) -> Self {
+        let all = Self::built_in();
+        let alone = if truck { &all.alone.truck } else { &all.alone.car };
+        let [structural, none] = if reference { [all.none; 2] } else { [alone.structural, alone.other] };
+        Self { none, structural, ..all }
+    }
+
+    /// Evidence that an effect needs to be named: what the model's form can look like, tyres and body, needs most.
+    #[must_use]
+    pub fn threshold(&self, stage: Option<Stage>) -> f64 {
+        if matches!(stage, Some(Stage::Tyre | Stage::Body)) { self.structural } else { self.none }
+    }
+
     /// Its hash, hexadecimal.
     #[must_use]
     pub fn hash() -> String {
         format!("{:016x}", fnv(TEXT.as_bytes()))
     }
 
-    /// Probability that a named effect is right, by the evidence against the next candidate outside its class.
+    /// Probability that a named effect is right, by the evidence against the next candidate outside its class, and the share
+    /// of the gap that is left.
     #[must_use]
-    pub fn of_effect(&self, margin: f64) -> f64 {
-        logistic(self.effect, margin)
+    pub fn of_effect(&self, margin: f64, left: f64) -> f64 {
+        let [a, b, c] = self.effect;
+        logistic([a + c * left, b], margin)
     }
 
     /// That there is nothing, by the evidence that is missing to name something.

@@ -9,11 +9,11 @@ use super::problem::Problem;
 use super::rank::{NoReplay, Ranking, rank};
 use super::replay::{Drive, ReplayVehicle, Trace, is_levelled, neutral, prepared};
 use super::report::{
-    Adjustment, Candidate, Diagnosis, Finding, Gravity, InputFile, Inputs, NamedEffect, Report, Series,
-    Verdict, VerdictKind,
+    Adjustment, Candidate, Diagnosis, Finding, Gravity, InputFile, Inputs, NamedEffect, Report, Scores,
+    Series, Verdict, VerdictKind,
 };
 use super::select::chosen;
-use super::shrink::{only, shrink};
+use super::shrink::{formless, only, shrink};
 use super::words;
 use crate::log::CleanLog;
 use crate::residual::parallel;
@@ -110,7 +110,7 @@ pub fn diagnose<V: ReplayVehicle>(
         }
     }
     let threads = parallel::threads(options.threads);
-    let calibration = Calibration::built_in();
+    let calibration = Calibration::of(V::TRUCK, reference.is_some());
     let mut findings = log.findings.clone();
     let (log, left_out) = chosen(log);
     findings.extend(left_out);
@@ -143,6 +143,7 @@ pub fn diagnose<V: ReplayVehicle>(
             observability: Vec::new(),
             next_manoeuvre: None,
             recalibration: Vec::new(),
+            scores: None,
             findings,
             inputs,
             seed: options.seed,
@@ -181,7 +182,8 @@ pub fn diagnose<V: ReplayVehicle>(
     if let Some(reference) = reference {
         check(reference)?;
         let (reference, _) = chosen(reference);
-        posterior(&reference, &problem, &prepared_vehicle, &without, &calibration, &mut prior)?;
+        let alone = Calibration::of(V::TRUCK, false);
+        posterior(&reference, &problem, &prepared_vehicle, &without, &alone, &mut prior)?;
     }
     let ranking = ranked(&problem, prior, options.pairs, &calibration, progress)?;
     let mut decision = decide(&problem, &ranking, &calibration);
@@ -198,7 +200,7 @@ pub fn diagnose<V: ReplayVehicle>(
     let precision = ranking.prior.freed(&problem, &winner.freed);
     let covariance = local.covariance(&precision);
     let effects = if decision.kind == VerdictKind::Effect {
-        named(&problem, &ranking, &decision, &covariance)
+        named(&problem, &ranking, &decision, &covariance, calibration.interval)
     } else {
         Vec::new()
     };
@@ -211,7 +213,8 @@ pub fn diagnose<V: ReplayVehicle>(
     };
     let recalibration = (0..problem.knobs.len())
         .filter(|&i| {
-            precision.free.contains(&i) && !winner.freed.contains(&i) && problem.knobs[i].tolerance > 0.0
+            let it = &problem.knobs[i];
+            precision.free.contains(&i) && !winner.freed.contains(&i) && it.tolerance > 0.0 && !it.is_form()
         })
         .map(|i| {
             let it = &problem.knobs[i];
@@ -247,6 +250,7 @@ pub fn diagnose<V: ReplayVehicle>(
         observability: observability(&problem, &ranking, &calibration),
         next_manoeuvre,
         recalibration,
+        scores: Some(Scores { margin: decision.margin, ..scores(&problem, &ranking) }),
         findings,
         inputs,
         shrink,
@@ -273,6 +277,7 @@ fn posterior<V: ReplayVehicle>(
     let correction = neutral(&drive, vehicle).map_err(|reason| DiagnoseError::Replay { reason })?;
     let own = Problem::new(&drive, vehicle, &correction, without, problem.threads());
     let mut wide = Prior::of(&own);
+    let drifts = &prior.covariance * DRIFT.powi(2);
     wide.covariance *= WIDE * WIDE;
     let ranking = ranked(&own, wide, true, calibration, &|_, _| {})?;
     let decision = decide(&own, &ranking, calibration);
@@ -282,13 +287,20 @@ fn posterior<V: ReplayVehicle>(
     prior.form = ranking.noise.beyond(&own, &known.gap);
     let there: Vec<Option<usize>> = problem.knobs.iter().map(|knob| own.find(knob.id)).collect();
     for (i, knob) in problem.knobs.iter().enumerate() {
-        let Some(a) = there[i] else { continue };
-        prior.mean[i] = known.x[a];
-        for (j, b) in there.iter().enumerate() {
-            prior.covariance[(i, j)] = b.map_or(0.0, |b| covariance[(a, b)]);
+        for (j, &b) in there.iter().enumerate() {
+            // What the reference cannot show stays as it was, and is off together with nothing that it has shown.
+            prior.covariance[(i, j)] = match (there[i], b) {
+                (Some(a), Some(b)) => covariance[(a, b)] + drifts[(i, j)],
+                _ if i == j => prior.covariance[(i, i)],
+                _ => drifts[(i, j)],
+            };
         }
-        let drift = if ENVIRONMENT.contains(&knob.id) { 1.0 } else { DRIFT };
-        prior.covariance[(i, i)] += (drift * knob.tolerance).powi(2);
+        if let Some(a) = there[i] {
+            prior.mean[i] = known.x[a];
+            if ENVIRONMENT.contains(&knob.id) {
+                prior.covariance[(i, i)] += knob.tolerance.powi(2);
+            }
+        }
     }
     Ok(())
 }
@@ -312,19 +324,6 @@ pub(super) struct Decision {
     pub margin: f64,
 }
 
-/// Numbers that thresholds are laid on.
-#[derive(Debug, Clone, Copy)]
-pub struct Scores {
-    /// Evidence of the best single effect.
-    pub single: f64,
-    /// What the best pair adds to it.
-    pub pair: f64,
-    /// What the best of all leaves, over noise and model form.
-    pub excess: f64,
-    /// Share of the neutral gap that the best of all leaves.
-    pub left: f64,
-}
-
 fn scores<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking) -> Scores {
     let best = ranking.singles.first();
     let single = best.map_or(0.0, |best| ranking.none.cost - best.cost);
@@ -338,6 +337,7 @@ fn scores<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking) -> Scores {
         pair,
         excess: ranking.noise.excess(problem, gap),
         left: ranking.noise.remaining(problem, &ranking.neutral, gap),
+        margin: 0.0,
     }
 }
 
@@ -377,16 +377,26 @@ fn decide<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, calibration
         classes: Vec::new(),
         margin,
     };
-    let named = scores.single > calibration.none && ranking.noise.notable(problem, &ranking.neutral);
+    let worth = scores.single > PLAIN || ranking.noise.notable(problem, &ranking.neutral);
+    let needed = |i: usize| calibration.threshold(problem.knobs[i].stage());
+    let evidence = |fit: &Fit| ranking.none.cost - fit.cost;
     if scores.excess > calibration.outside && scores.left > calibration.left {
         let margin = 10.0 * (scores.excess / calibration.outside - 1.0);
         return unnamed(VerdictKind::NotInLibrary, calibration.of_unknown(margin), margin);
     }
-    let Some(best) = ranking.singles.first().filter(|_| named) else {
-        let margin = calibration.none - scores.single;
+    let Some(best) = ranking.singles.iter().find(|fit| worth && evidence(fit) > needed(fit.freed[0])) else {
+        let nearest =
+            ranking.singles.iter().map(|fit| evidence(fit) / needed(fit.freed[0])).fold(0.0, f64::max);
+        let margin = calibration.none * (1.0 - nearest).max(0.0);
         return unnamed(VerdictKind::None, calibration.of_nothing(margin), margin);
     };
-    if let Some(pair) = ranking.pairs.first().filter(|_| scores.pair > calibration.pair) {
+    // A second effect has to add what it would need alone; a pair without the best single effect what both would need.
+    let adds = |pair: &&Fit| {
+        let others = pair.freed.iter().filter(|i| !best.freed.contains(i));
+        let least = others.map(|&i| needed(i)).fold(calibration.pair, f64::max);
+        best.cost - pair.cost > least
+    };
+    if let Some(pair) = ranking.pairs.iter().find(adds) {
         // Alternatives to each of the two beside the other.
         let class_of = |of: usize| -> Vec<usize> {
             let (own, other) = (pair.freed[of], pair.freed[1 - of]);
@@ -407,11 +417,11 @@ fn decide<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, calibration
             .iter()
             .find(|rival| rival.cost > pair.cost && !inside(rival))
             .map_or(f64::INFINITY, |rival| rival.cost);
-        let margin = (outside - pair.cost).min(scores.pair);
-        let rival = ranking.pairs.get(1).cloned();
+        let margin = (outside - pair.cost).min(best.cost - pair.cost);
+        let rival = ranking.pairs.iter().find(|rival| rival.freed != pair.freed).cloned();
         return Decision {
             kind: VerdictKind::Effect,
-            probability: calibration.of_effect(margin),
+            probability: calibration.of_effect(margin, scores.left),
             fit: pair.clone(),
             rival,
             classes,
@@ -426,69 +436,15 @@ fn decide<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, calibration
         .collect();
     let outside =
         ranking.singles.iter().find(|rival| rival.cost > best.cost && !class.contains(&rival.freed[0]));
-    let margin = outside.map_or(scores.single, |rival| rival.cost - best.cost).min(scores.single);
+    let margin = outside.map_or(f64::INFINITY, |rival| rival.cost - best.cost).min(evidence(best));
     Decision {
         kind: VerdictKind::Effect,
-        probability: calibration.of_effect(margin),
+        probability: calibration.of_effect(margin, scores.left),
         fit: best.clone(),
-        rival: ranking.singles.get(1).cloned(),
+        rival: ranking.singles.iter().find(|rival| rival.freed != best.freed).cloned(),
         classes: vec![class],
         margin,
     }
-}
-
-/// What calibration looks at in a case.
-#[derive(Debug, Clone)]
-pub struct Trial {
-    /// Numbers that thresholds are laid on.
-    pub scores: Scores,
-    /// What is said with the thresholds of now.
-    pub kind: VerdictKind,
-    /// The best single effect's class, then each of the best pair's.
-    pub single: Vec<String>,
-    #[allow(missing_docs)]
-    pub pair: [Vec<String>; 2],
-    /// Evidence against the next candidate outside the class.
-    pub margin: f64,
-}
-
-/// Tries a log, for calibration.
-///
-/// # Errors
-/// As [`diagnose`].
-pub fn trial<V: ReplayVehicle>(
-    log: &CleanLog,
-    vehicle: &V,
-    options: &Options,
-) -> Result<Trial, DiagnoseError> {
-    check(log)?;
-    let drive = Drive::new(log, V::TRUCK);
-    let vehicle = prepared(vehicle, drive.commanded);
-    let correction = neutral(&drive, &vehicle).map_err(|reason| DiagnoseError::Replay { reason })?;
-    let problem =
-        Problem::new(&drive, &vehicle, &correction, &options.without, parallel::threads(options.threads));
-    let calibration = Calibration::built_in();
-    let ranking = ranked(&problem, Prior::of(&problem), options.pairs, &calibration, &|_, _| {})?;
-    let decision = decide(&problem, &ranking, &calibration);
-    let names = |class: &[usize]| class.iter().map(|&i| problem.knobs[i].id.to_owned()).collect::<Vec<_>>();
-    let best = ranking.singles.first().map_or(f64::INFINITY, |best| best.cost);
-    let single: Vec<usize> = ranking
-        .singles
-        .iter()
-        .filter(|fit| fit.cost - best < calibration.class)
-        .map(|fit| fit.freed[0])
-        .collect();
-    let pair = match decision.classes.as_slice() {
-        [a, b] => [names(a), names(b)],
-        _ => [Vec::new(), Vec::new()],
-    };
-    Ok(Trial {
-        scores: scores(&problem, &ranking),
-        kind: decision.kind,
-        single: names(&single),
-        pair,
-        margin: decision.margin,
-    })
 }
 
 /// What an effect does to the motion, over what the background does.
@@ -509,13 +465,14 @@ fn named<V: ReplayVehicle>(
     ranking: &Ranking,
     decision: &Decision,
     covariance: &nalgebra::DMatrix<f64>,
+    wider: f64,
 ) -> Vec<NamedEffect> {
     let winner = &decision.fit;
     let mut effects = Vec::new();
     for (place, &i) in winner.freed.iter().enumerate() {
         let it = &problem.knobs[i];
         let Some(effect) = it.effect else { continue };
-        let deviation = covariance[(i, i)].max(0.0).sqrt();
+        let deviation = wider * covariance[(i, i)].max(0.0).sqrt();
         let within = |value: f64| value.clamp(effect.range.0.min(it.value(it.named_least)), effect.range.1);
         let (a, b) = (it.value(winner.x[i] - 1.96 * deviation), it.value(winner.x[i] + 1.96 * deviation));
         let total = within(it.value(winner.x[i]));
@@ -566,12 +523,15 @@ fn candidates<V: ReplayVehicle>(
             let behind = fit.cost - best;
             let pinned =
                 fit.freed.iter().any(|&i| information(problem, ranking, i) * 16.0 < calibration.none);
+            let stages = fit.freed.iter().map(|&i| calibration.threshold(problem.knobs[i].stage()));
+            let needed = stages.fold(0.0, f64::max);
             Candidate {
                 effects: fit.freed.iter().map(|&i| problem.knobs[i].id.to_owned()).collect(),
                 values: fit.freed.iter().map(|&i| problem.knobs[i].value(fit.x[i])).collect(),
                 evidence,
                 why: words::why(
                     evidence,
+                    needed,
                     behind,
                     pinned,
                     fit.freed == decision.fit.freed,
@@ -620,7 +580,7 @@ fn series<V: ReplayVehicle>(
     };
     let neutral = run(&prior.mean)?;
     let alone = run(&only(problem, prior, &winner.freed, &winner.x))?;
-    let corrected = run(&winner.x)?;
+    let corrected = run(&formless(problem, prior, &winner.x))?;
     let mut log: BTreeMap<String, Vec<f64>> =
         drive.columns.iter().map(|(&name, column)| (name.to_owned(), column.clone())).collect();
     for channel in

@@ -9,6 +9,8 @@
 //!
 //! which equals `e' (W^-1 + U U')^-1 e` with `U = S P^-1/2` at `x = 0` (Woodbury), at the price of a small matrix.
 
+use super::calibration::Calibration;
+use super::knob::Knob;
 use super::problem::Problem;
 use super::replay::{Channel, ReplayVehicle};
 use nalgebra::{DMatrix, DVector};
@@ -190,10 +192,13 @@ impl Precision {
 }
 
 impl Prior {
-    /// Tolerances of the knobs.
+    /// Tolerances of the knobs, widened by what another formulation makes of the same numbers.
     #[must_use]
     pub fn of<V: ReplayVehicle>(problem: &Problem<V>) -> Self {
-        let variances: Vec<f64> = problem.knobs.iter().map(|knob| knob.tolerance.powi(2)).collect();
+        let form = Calibration::built_in().form;
+        let wider = if V::TRUCK { form.wider_of_trucks } else { form.wider };
+        let of = |knob: &Knob| (if knob.is_structural() { wider } else { 1.0 } * knob.tolerance).powi(2);
+        let variances: Vec<f64> = problem.knobs.iter().map(of).collect();
         Self {
             mean: vec![0.0; problem.knobs.len()],
             covariance: DMatrix::from_diagonal(&DVector::from_vec(variances)),

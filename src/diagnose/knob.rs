@@ -4,8 +4,10 @@
 //! simulators have. Tolerances are those of careful measurement: a weighed car (3 % with fuel and people), axle
 //! stiffnesses from a test rig (4 %), a clock (10 ms), a level road (0.25 deg).
 
+use super::calibration::Calibration;
+use super::form::FORMS;
 use super::replay::{Channel, Drive, ReplayVehicle, Trace};
-use crate::vehicle::{Effect, TruckEffects};
+use crate::vehicle::{Effect, Stage, TruckEffects};
 
 /// What a knob turns.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -16,7 +18,7 @@ enum Turns {
     RateLimit,
     /// The relaxation length: the file's times 1 + x, about unit * (1 + x).
     Relaxation,
-    /// A number of the vehicle by its name: times 1 + unit * x.
+    /// A number of the vehicle by its name: times exp(unit * x), so that none changes its sign.
     Factor,
     /// The same: plus unit * x.
     Shift,
@@ -26,6 +28,11 @@ enum Turns {
     Bias(Channel),
     /// Place of what velocities sideways are given for: unit * x forward of the reference point.
     Arm,
+    /// An error of the model's form, by its place in [`FORMS`]: unit * x of its shape.
+    Form(usize),
+    /// Curve of all tyres between slope and peak: shape factor times exp(unit * x); curvature factor plus unit * x.
+    TyreShape,
+    TyreCurvature,
 }
 
 /// One knob.
@@ -111,6 +118,11 @@ const SENSORS: &[(&str, Channel, f64, bool)] = &[
     ("sensor.roll_bias", Channel::Roll, 0.003, false),
 ];
 
+/// Coordinates of what is no effect are kept within this; a bound inside what the prior allows would hold fits back.
+const FARTHEST: f64 = 40.0;
+const TYRE_SHAPE: &str = "form.tyre.shape";
+const TYRE_CURVATURE: &str = "form.tyre.curvature";
+
 /// Standard deviation of the payload's place when a payload is fitted, in units of its coordinate (0.5 m).
 pub const PAYLOAD_PLACE: f64 = 1.6;
 /// Share of the vehicle's mass that is one unit of payload.
@@ -173,9 +185,9 @@ pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -
         turns,
         unit,
         tolerance: 1.0,
-        least: -10.0,
-        named_least: -10.0,
-        greatest: 10.0,
+        least: -FARTHEST,
+        named_least: -FARTHEST,
+        greatest: FARTHEST,
         starts: &[],
         effect: None,
     };
@@ -187,6 +199,25 @@ pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -
     }
     if drive.channels.contains(&Channel::Vy) {
         knobs.push(further("sensor.reference_x", Turns::Arm, 0.05));
+    }
+    let form = Calibration::built_in().form;
+    for (id, turns, size) in
+        [(TYRE_SHAPE, Turns::TyreShape, form.tyre[0]), (TYRE_CURVATURE, Turns::TyreCurvature, form.tyre[1])]
+    {
+        if size > 0.0 {
+            knobs.push(further(id, turns, size));
+        }
+    }
+    for (place, (id, channel, kind)) in FORMS.iter().enumerate() {
+        let size = form.of(*channel, *kind);
+        let seen = match channel {
+            Channel::Vy => &[Channel::Vy, Channel::Across][..],
+            Channel::Ax => &[Channel::Ax, Channel::Vx],
+            other => std::slice::from_ref(other),
+        };
+        if size > 0.0 && seen.iter().any(|channel| drive.channels.contains(channel)) {
+            knobs.push(further(id, Turns::Form(place), size));
+        }
     }
     for &(id, channel, tolerance, scale) in SENSORS {
         if drive.channels.contains(&channel) {
@@ -227,6 +258,33 @@ impl Knob {
         self.effect.is_some() && self.id != "payload_x"
     }
 
+    /// Where it acts, if it is an effect.
+    #[must_use]
+    pub fn stage(&self) -> Option<Stage> {
+        self.effect.map(|effect| effect.stage)
+    }
+
+    /// Whether another formulation of the same numbers looks like it: tyres, body, and what a vehicle file says of them.
+    #[must_use]
+    pub fn is_structural(&self) -> bool {
+        match self.stage() {
+            Some(stage) => matches!(stage, Stage::Tyre | Stage::Body),
+            None => matches!(self.turns, Turns::Factor | Turns::Shift),
+        }
+    }
+
+    /// Whether it is an error of the model's form: no number of the vehicle, and nothing that a simulator can be given.
+    #[must_use]
+    pub fn is_form(&self) -> bool {
+        matches!(self.turns, Turns::Form(_) | Turns::TyreShape | Turns::TyreCurvature)
+    }
+
+    /// Its row in [`FORMS`], if it is an error that is added to the replay.
+    #[must_use]
+    pub fn form(&self) -> Option<&'static super::form::Row> {
+        if let Turns::Form(place) = self.turns { FORMS.get(place) } else { None }
+    }
+
     /// Its value at a coordinate, in its own unit; factors and shifts of the vehicle as such.
     #[must_use]
     pub fn value(&self, x: f64) -> f64 {
@@ -236,8 +294,11 @@ impl Knob {
             Turns::RateLimit => self.unit / x,
             Turns::Relaxation if x == 0.0 => 0.0,
             Turns::Relaxation => self.unit * (1.0 + x),
-            Turns::Factor | Turns::Scale(_) => 1.0 + self.unit * x,
-            Turns::Shift | Turns::Bias(_) | Turns::Arm => self.unit * x,
+            Turns::Factor | Turns::TyreShape => (self.unit * x).exp(),
+            Turns::Scale(_) => 1.0 + self.unit * x,
+            Turns::Shift | Turns::Bias(_) | Turns::Arm | Turns::Form(_) | Turns::TyreCurvature => {
+                self.unit * x
+            }
         }
     }
 
@@ -283,7 +344,16 @@ impl Knob {
                         .set(vehicle, if factor { before * self.value(x) } else { before + self.value(x) });
                 }
             }
-            Turns::Scale(_) | Turns::Bias(_) | Turns::Arm => {}
+            Turns::TyreShape | Turns::TyreCurvature => {
+                for file in vehicle.tyres().into_iter().filter_map(|(_, tyre)| tyre.coefficients.as_mut()) {
+                    if self.turns == Turns::TyreShape {
+                        file.pcy1 = (file.pcy1 * self.value(x)).clamp(0.9, 1.9);
+                    } else {
+                        file.pey1 = (file.pey1 + self.value(x)).clamp(-10.0, 1.0);
+                    }
+                }
+            }
+            Turns::Scale(_) | Turns::Bias(_) | Turns::Arm | Turns::Form(_) => {}
         }
     }
 

@@ -20,6 +20,7 @@
 //! | `filter.rs` | low pass and clock |
 //! | `problem.rs` | the gap as a function of all knobs |
 //! | `fit.rs` | fits with the tolerances marginalised |
+//! | `form.rs` | what another formulation does otherwise |
 //! | `noise.rs` | what a gap is measured against |
 //! | `rank.rs` | candidates and their evidence |
 //! | `calibration.rs` | thresholds and probabilities, from `calibration.toml` |
@@ -45,6 +46,7 @@ pub mod closed_loop;
 mod engine;
 pub mod filter;
 pub mod fit;
+pub mod form;
 mod headline;
 pub mod knob;
 mod localise;
@@ -64,5 +66,5 @@ pub mod simulated;
 pub mod simulator;
 mod words;
 
-pub use engine::{DiagnoseError, Options, Scores, Trial, diagnose, trial};
+pub use engine::{DiagnoseError, Options, diagnose};
 pub use report::*;

@@ -120,7 +120,8 @@ pub fn observability<V: ReplayVehicle>(
             continue;
         };
         let information = information(problem, ranking, knob);
-        let least = (information > 0.0).then(|| (calibration.none / information).sqrt());
+        let least =
+            (information > 0.0).then(|| (calibration.threshold(Some(effect.stage)) / information).sqrt());
         let it = &problem.knobs[knob];
         let (tolerance, unit) = (it.tolerance * it.unit, it.symbol::<V>());
         let reason = reason(effect.id, drive, &excitation);
@@ -165,7 +166,10 @@ pub fn short(value: f64) -> String {
 /// What of the excitation matters for an effect, in numbers.
 fn reason(id: &str, drive: &Drive, it: &Excitation) -> String {
     match id {
-        "road_friction" => format!("{:.0} % of grip reached", 100.0 * it.grip),
+        "road_friction" => format!(
+            "{:.0} % of grip reached, and below about a third less grip is like another curve of the tyre",
+            100.0 * it.grip
+        ),
         "steer_delay" | "steer_lag" | "steer_rate_limit" | "sensor_delay" | "tyre_relaxation"
         | "yaw_inertia" | "steer_backlash" => {
             format!("steering up to {} rad/s, deviation {} rad", short(it.steer_rate), short(it.steer))

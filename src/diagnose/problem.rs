@@ -1,10 +1,14 @@
 //! The gap as a function of all knobs, and its slopes.
 
 use super::filter::Filter;
+use super::form;
 use super::knob::{self, Knob};
-use super::replay::{Channel, Correction, Drive, ReplayVehicle, Trace, replay};
+use super::replay::{CHANNELS, Channel, Correction, Drive, ReplayVehicle, Trace, replay};
 use crate::residual::parallel;
+use crate::vehicle::TruckEffects;
+use std::borrow::Cow;
 use std::ops::Range;
+use std::sync::OnceLock;
 
 /// A gap larger than this many times the signal's own size is a replay gone astray.
 const ASTRAY: f64 = 20.0;
@@ -27,6 +31,10 @@ pub struct Problem<'a, V> {
     pub blocks: Vec<(Channel, Range<usize>)>,
     measured: Vec<f64>,
     size: Vec<f64>,
+    /// What the errors of the form add: knob, channel, shape.
+    forms: Vec<(usize, Channel, Vec<f64>)>,
+    /// Slopes of the errors of the form: they hardly change.
+    of_forms: Vec<OnceLock<Vec<f64>>>,
     threads: usize,
 }
 
@@ -56,7 +64,36 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
             blocks.push((channel, from..measured.len()));
         }
         let knobs = knob::knobs(vehicle, drive, without);
-        Self { drive, vehicle, correction, knobs, filter, rows, blocks, measured, size, threads }
+        let forms = forms(drive, vehicle, correction, &knobs);
+        let of_forms = vec![OnceLock::new(); knobs.len()];
+        Self {
+            drive,
+            vehicle,
+            correction,
+            knobs,
+            filter,
+            rows,
+            blocks,
+            measured,
+            size,
+            forms,
+            of_forms,
+            threads,
+        }
+    }
+
+    /// The correction with the errors of the form at coordinates.
+    fn corrected(&self, x: &[f64]) -> Cow<'_, Correction> {
+        let mut all = Cow::Borrowed(self.correction);
+        for (knob, channel, shape) in self.forms.iter().filter(|(knob, ..)| x[*knob] != 0.0) {
+            let columns = &mut all.to_mut().columns;
+            columns.resize(CHANNELS.len(), Vec::new());
+            let column = &mut columns[*channel as usize];
+            column.resize(shape.len(), 0.0);
+            let size = self.knobs[*knob].unit * x[*knob];
+            column.iter_mut().zip(shape).for_each(|(value, shape)| *value += size * shape);
+        }
+        all
     }
 
     /// The replay at coordinates.
@@ -65,7 +102,7 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
     /// A vehicle that cannot be made.
     pub fn trace(&self, x: &[f64]) -> Result<Trace, String> {
         let (vehicle, effects) = knob::at(&self.knobs, x, self.vehicle);
-        let mut trace = replay(self.drive, &vehicle, &effects, self.correction, None)?;
+        let mut trace = replay(self.drive, &vehicle, &effects, &self.corrected(x), None)?;
         knob::sense(&self.knobs, x, &mut trace);
         Ok(trace)
     }
@@ -96,6 +133,13 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
     /// Slope of the replay over one knob at coordinates where the gap is `here`.
     #[must_use]
     pub fn slope(&self, x: &[f64], here: &[f64], knob: usize) -> Vec<f64> {
+        if self.knobs[knob].form().is_some() {
+            return self.of_forms[knob].get_or_init(|| self.slope_anew(x, here, knob)).clone();
+        }
+        self.slope_anew(x, here, knob)
+    }
+
+    fn slope_anew(&self, x: &[f64], here: &[f64], knob: usize) -> Vec<f64> {
         let it = &self.knobs[knob];
         let size = if it.tolerance > 0.0 { it.tolerance.clamp(0.1, 1.0) } else { 0.2 };
         let mut there = x.to_vec();
@@ -125,6 +169,24 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
     pub fn find(&self, id: &str) -> Option<usize> {
         self.knobs.iter().position(|knob| knob.id == id)
     }
+}
+
+/// What the errors of the form add, from the neutral replay.
+fn forms<V: ReplayVehicle>(
+    drive: &Drive,
+    vehicle: &V,
+    correction: &Correction,
+    knobs: &[Knob],
+) -> Vec<(usize, Channel, Vec<f64>)> {
+    let mut all = Vec::new();
+    let Ok(neutral) = replay(drive, vehicle, &TruckEffects::default(), correction, None) else { return all };
+    for (i, knob) in knobs.iter().enumerate() {
+        if let Some(row) = knob.form() {
+            let shapes = form::shapes(drive, &neutral, row);
+            all.extend(shapes.into_iter().map(|(channel, shape)| (i, channel, shape)));
+        }
+    }
+    all
 }
 
 /// Root mean square.

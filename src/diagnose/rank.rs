@@ -163,7 +163,7 @@ fn from_none<V: ReplayVehicle>(
         let kept: Vec<f64> = single.x.iter().zip(&none.x).map(|(x, before)| x - before).collect();
         single.gap = predicted(linear, &none.gap, &kept);
         // Where a bound held the step back, only the refit knows the cost.
-        let held = single.freed.iter().any(|&i| (kept[i] - step.change[i]).abs() > 1e-9);
+        let held = kept.iter().zip(&step.change).any(|(kept, change)| (kept - change).abs() > 1e-9);
         single.cost = if held { none.cost } else { step.cost };
     }
 }

@@ -27,6 +27,9 @@ pub struct Report {
     pub next_manoeuvre: Option<Manoeuvre>,
     /// What the simulator needs besides the named effect to drive like the log, each within its tolerance.
     pub recalibration: Vec<Adjustment>,
+    /// Numbers that the verdict was made from.
+    #[serde(default)]
+    pub scores: Option<Scores>,
     /// What was found wrong, missing or mended in the log, in words, the gravest first.
     pub findings: Vec<Finding>,
     /// What the diagnosis was made from.
@@ -35,6 +38,21 @@ pub struct Report {
     pub seed: u64,
     /// Version of this program.
     pub version: String,
+}
+
+/// Numbers that thresholds are laid on, and probabilities made from.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+pub struct Scores {
+    /// Evidence of the best single effect.
+    pub single: f64,
+    /// What the best pair adds to it.
+    pub pair: f64,
+    /// What the best of all leaves, over noise and model form.
+    pub excess: f64,
+    /// Share of the neutral gap that the best of all leaves.
+    pub left: f64,
+    /// What the verdict has before the next: evidence against what else might be named, or missing to name something.
+    pub margin: f64,
 }
 
 /// What is the matter.

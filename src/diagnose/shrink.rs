@@ -60,7 +60,13 @@ fn fitted_on<V: ReplayVehicle>(
         .into_iter()
         .find(|x| cost(x).is_some_and(|cost| cost < before))
         .unwrap_or_else(|| winner.x.clone());
-    (only(problem, &ranking.prior, &winner.freed, &all), all)
+    (only(problem, &ranking.prior, &winner.freed, &all), formless(problem, &ranking.prior, &all))
+}
+
+/// Coordinates without what errors of the model's form explain: no simulator can be given those.
+#[must_use]
+pub fn formless<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, x: &[f64]) -> Vec<f64> {
+    (0..x.len()).map(|i| if problem.knobs[i].is_form() { prior.mean[i] } else { x[i] }).collect()
 }
 
 /// The coordinates of the effect alone, all else as expected.

@@ -119,6 +119,7 @@ pub fn verdict(
 #[must_use]
 pub fn why(
     evidence: f64,
+    needed: f64,
     behind: f64,
     pinned: bool,
     winner: bool,
@@ -128,12 +129,12 @@ pub fn why(
     if winner && kind == VerdictKind::Effect {
         return "explains the log best".to_owned();
     }
-    if evidence < calibration.none {
+    if evidence < needed {
         let hidden = if pinned { "; the log would hardly show it" } else { "" };
         return format!(
-            "explains no more than chance does in a sound log ({} of {}){hidden}",
+            "explains no more than chance or the model's form do in a sound log ({} of {}){hidden}",
             short(evidence.max(0.0)),
-            short(calibration.none)
+            short(needed)
         );
     }
     if behind < 0.0 {

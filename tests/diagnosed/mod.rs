@@ -120,6 +120,7 @@ fn drive_and_diagnose() -> (CleanLog, Diagnosis) {
         total: 0.118,
     };
     let report = Report {
+        scores: None,
         verdict: Verdict {
             kind: VerdictKind::Effect,
             probability: 0.93,

@@ -145,7 +145,7 @@ pub fn replay<V: ReplayVehicle>(
             put(Channel::Vy, now.vy + fix(Channel::Vy));
             put(Channel::Roll, now.roll + fix(Channel::Roll));
             put(Channel::Steer, now.steer);
-            put(Channel::Ax, now.ax);
+            put(Channel::Ax, now.ax + fix(Channel::Ax));
             put(Channel::Articulation, now.articulation + fix(Channel::Articulation));
             put(Channel::ArticulationRate, now.articulation_rate + fix(Channel::ArticulationRate));
             // Rates of what leaks, less those of the log: over one row by differences.
@@ -155,7 +155,7 @@ pub fn replay<V: ReplayVehicle>(
             if leaks_vx {
                 put(Channel::Vx, lag_vx * scale);
                 let driven = (at(log_vx, next) - at(log_vx, here)) / scale;
-                lag_vx = keep * (lag_vx + drive.step * now.vx_rate - driven);
+                lag_vx = keep * (lag_vx + drive.step * (now.vx_rate + fix(Channel::Ax)) - driven);
             }
             let yaw_rate = now.true_yaw_rate + fix(Channel::YawRate);
             if leaks_yaw {

@@ -1,0 +1,121 @@
+"""What development sets say of the calibration of the diagnosis.
+
+What it prints goes into src/diagnose/calibration.toml by hand: a change of thresholds is a decision.
+
+    blind/score --development --kind none --count 40 --out out/blind/sound
+    blind/score --development --count 60
+    blind/.venv/bin/python -m blind.calibrate out/blind/sound out/blind/development
+
+- thresholds: what 95 % of the sound logs stay under, for tyres and body and for the rest, with and without a reference;
+- what second effects add to logs with one, and rests of what is in the library and what is not;
+- the factor that brings the intervals of named values to 95 %;
+- probabilities: logistic in the margin, of effects also in the share of the gap that is left.
+
+All are a handful of scalars. More of the generator must not come into the diagnosis: a covariance of all tolerances,
+learned from sound logs, was tried and left out for that (docs/results/diagnosis.md).
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from . import measures
+from .make import folder_of
+
+STRUCTURAL = {*measures.STAGES["tyre"], *measures.STAGES["body"]}
+KINDS = (
+    ("effect", "effect", [-1.0, 0.9, 0.0]),
+    ("none", "nothing", [1.0, 0.5]),
+    ("not_in_library", "unknown", [0.0, 0.5]),
+)
+
+
+def logistic(features: np.ndarray, right: np.ndarray, at: np.ndarray, pull: float = 1.0) -> np.ndarray:
+    """Coefficients of a logistic regression, drawn towards `at` with precision `pull`."""
+    b = at.astype(float).copy()
+    for _ in range(100):
+        p = 1.0 / (1.0 + np.exp(-features @ b))
+        slope = features.T @ (right - p) - pull * (b - at)
+        curve = features.T @ (features * (p * (1.0 - p))[:, None]) + pull * np.eye(len(b))
+        b += np.clip(np.linalg.solve(curve, slope), -1.0, 1.0)
+    return b
+
+
+def read_answers(folders: list[Path], answer: str) -> list[tuple[dict, dict]]:
+    """Labels and reports of development sets."""
+    found = []
+    for folder in folders:
+        for label in json.loads((folder / "labels.json").read_text(encoding="utf-8")):
+            report = folder_of(folder, label["case"]) / answer / "report.json"
+            if report.exists():
+                found.append((label, json.loads(report.read_text(encoding="utf-8"))))
+    return found
+
+
+def greatest(report: dict, structural: bool) -> float:
+    """Greatest evidence of a single effect, of tyres and body or of the rest."""
+    of = [c for c in report["candidates"] if len(c["effects"]) == 1 and (c["effects"][0] in STRUCTURAL) == structural]
+    return max((c["evidence"] for c in of), default=0.0)
+
+
+def line(name: str, values: list[float], share: float) -> str:
+    """A quantile beside the largest values."""
+    if not values:
+        return f"# {name}: none\n"
+    return f"# {name}: {np.quantile(values, share):.1f}; {len(values)}, the largest {np.sort(values)[-5:].round(1)}\n"
+
+
+def calibration(cases: list[tuple[dict, dict]], share: float = 0.95) -> str:
+    """All that was found, as comments and lines of TOML."""
+    text = f"# {len(cases)} cases\n"
+    sound = [(label, r) for label, r in cases if label["kind"] == "none"]
+    for truck in (False, True):
+        for reference in (False, True):
+            own = [r for label, r in sound if label["truck"] == truck and label["reference"] == reference]
+            name = ("truck" if truck else "car") + (" with reference" if reference else "")
+            for structural in (True, False):
+                what = "structural" if structural else "other"
+                text += line(f"{name}, {what}", [greatest(r, structural) for r in own], share)
+    single = [r for label, r in cases if label["kind"] == "single" and measures.named(r)]
+    text += line("second effects", [r["scores"]["pair"] for r in single], share)
+    inside = [r for label, r in cases if label["kind"] != "outside" and r["scores"]["left"] > 0.4]
+    outside = [r for label, r in cases if label["kind"] == "outside" and r["scores"]["left"] > 0.4]
+    text += line("rest, in the library", [r["scores"]["excess"] for r in inside], share)
+    text += line("rest, outside", [r["scores"]["excess"] for r in outside], 0.5)
+    off = []
+    for label, report in cases:
+        for effect in report["verdict"]["effects"]:
+            if effect["id"] in label["causes"] and label["kind"] in ("single", "pair"):
+                half = max(effect["high"] - effect["low"], 1e-12) / 2.0
+                off.append(abs(label["values"][effect["id"]] - (effect["high"] + effect["low"]) / 2.0) / half)
+    text += line("off by half widths", off, share)
+    for kind, name, at in KINDS:
+        own = [(label, r) for label, r in cases if measures.kind(r) == kind]
+        if own:
+            scores = [r["scores"] for _, r in own]
+            columns = [[1.0, np.log1p(max(s["margin"], 0.0)), s["left"]][: len(at)] for s in scores]
+            right = np.array([measures.in_class(label, r) for label, r in own], float)
+            fitted = logistic(np.array(columns), right, np.array(at))
+            text += f"{name} = {fitted.round(2).tolist()} # {int(right.sum())} of {len(own)} right\n"
+    return text
+
+
+def main() -> int:
+    """The command."""
+    parser = argparse.ArgumentParser(
+        prog="python -m blind.calibrate", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("sets", type=Path, nargs="+", help="folders of development sets")
+    parser.add_argument("--answer", default="answer", help="folder of the answers within the cases")
+    options = parser.parse_args()
+    print(calibration(read_answers(options.sets, options.answer)))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
