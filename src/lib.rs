@@ -43,6 +43,7 @@ pub mod diagnose;
 pub mod enumeration;
 pub mod fmi;
 pub mod fmu;
+mod lanes;
 pub mod log;
 pub mod nominal;
 pub mod parameter;

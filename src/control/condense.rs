@@ -15,7 +15,8 @@
 
 use super::tracking_qp::TrackingQp;
 use crate::enumeration;
-use crate::nominal::ActuatedState;
+use crate::lanes::{FOUR, Lanes, Work, compute};
+use crate::nominal::{ACTUATOR_STATES, ActuatedState, ActuatedTransition};
 use nalgebra::{SMatrix, SVector};
 use std::ops::{Add, AddAssign, Mul};
 
@@ -29,13 +30,19 @@ enumeration! {
 
 /// A state that a prediction is made of: a vector, or one in blocks.
 pub trait HorizonState: Copy + Add<Output = Self> + AddAssign + Mul<f64, Output = Self> {
+    /// Number of components.
+    const COMPONENTS: usize;
     /// All zero.
     fn zero() -> Self;
     /// A component by its number.
     fn component(&self, i: usize) -> f64;
+    /// The same, to be changed.
+    fn component_mut(&mut self, i: usize) -> &mut f64;
 }
 
 impl<const S: usize> HorizonState for SVector<f64, S> {
+    const COMPONENTS: usize = S;
+
     fn zero() -> Self {
         Self::zeros()
     }
@@ -43,15 +50,71 @@ impl<const S: usize> HorizonState for SVector<f64, S> {
     fn component(&self, i: usize) -> f64 {
         self[i]
     }
+
+    fn component_mut(&mut self, i: usize) -> &mut f64 {
+        &mut self[i]
+    }
 }
 
 impl<const S: usize> HorizonState for ActuatedState<S> {
+    const COMPONENTS: usize = S + ACTUATOR_STATES;
+
     fn zero() -> Self {
         Self::zeros()
     }
 
     fn component(&self, i: usize) -> f64 {
         if i < S { self.vehicle[i] } else { self.actuator[i - S] }
+    }
+
+    fn component_mut(&mut self, i: usize) -> &mut f64 {
+        if i < S { &mut self.vehicle[i] } else { &mut self.actuator[i - S] }
+    }
+}
+
+/// How a state acts on the next one.
+pub trait Transition<X: HorizonState> {
+    /// `A x`.
+    fn apply(&self, x: &X) -> X;
+
+    /// Moves the first `count` effects on by a step: `A x`, and what the last of them have more. Component `i` of effect
+    /// `k` stands at `i stride + k`, and a stride is a multiple of [`BLOCK`]. Effects behind may be changed, too.
+    fn advance(&self, effects: &mut [f64], stride: usize, count: usize, more: &[X]) {
+        for k in 0..count {
+            let more = (k + more.len()).checked_sub(count).map_or(X::zero(), |k| more[k]);
+            write(&(self.apply(&read(effects, stride, k)) + more), effects, stride, k);
+        }
+    }
+}
+
+/// Effects that are computed at once.
+const BLOCK: usize = FOUR;
+
+/// The effect `k` of those that stand component by component.
+fn read<X: HorizonState>(effects: &[f64], stride: usize, k: usize) -> X {
+    let mut x = X::zero();
+    for i in 0..X::COMPONENTS {
+        *x.component_mut(i) = effects[i * stride + k];
+    }
+    x
+}
+
+/// Puts the effect `k` among them.
+fn write<X: HorizonState>(x: &X, effects: &mut [f64], stride: usize, k: usize) {
+    for i in 0..X::COMPONENTS {
+        effects[i * stride + k] = x.component(i);
+    }
+}
+
+impl<const S: usize> Transition<SVector<f64, S>> for SMatrix<f64, S, S> {
+    fn apply(&self, x: &SVector<f64, S>) -> SVector<f64, S> {
+        self * x
+    }
+}
+
+impl<const S: usize> Transition<ActuatedState<S>> for ActuatedTransition<S> {
+    fn apply(&self, x: &ActuatedState<S>) -> ActuatedState<S> {
+        self * x
     }
 }
 
@@ -73,8 +136,8 @@ pub struct Affine<X> {
     pub held: Vec<X>,
     /// What each step's residual is without decisions: its constant part and that of past commands.
     pub settled: Vec<X>,
-    /// Effects of the decisions on the newest state, one vector for each step of the horizon.
-    effects: Vec<X>,
+    /// Effects of the decisions on the newest state, component by component.
+    effects: Vec<f64>,
 }
 
 impl<X: HorizonState> Affine<X> {
@@ -89,7 +152,7 @@ impl<X: HorizonState> Affine<X> {
             first: 0,
             held: vec![X::zero(); horizon],
             settled: vec![X::zero(); horizon],
-            effects: vec![X::zero(); horizon],
+            effects: vec![0.0; horizon.next_multiple_of(BLOCK) * X::COMPONENTS],
         }
     }
 
@@ -136,30 +199,75 @@ pub struct Linear<'a, A, X> {
 #[derive(Debug, Clone, Copy)]
 pub struct ErrorTransition<'a, const S: usize>(pub &'a SMatrix<f64, S, S>);
 
-impl<const S: usize> Mul<&SVector<f64, S>> for &ErrorTransition<'_, S> {
-    type Output = SVector<f64, S>;
-
+impl<const S: usize> Transition<SVector<f64, S>> for ErrorTransition<'_, S> {
     #[inline]
-    fn mul(self, x: &SVector<f64, S>) -> SVector<f64, S> {
-        debug_assert!(self.0.column(0).iter().enumerate().all(|(i, &a)| a == f64::from(u8::from(i == 0))));
-        let (a, x) = (&self.0.data.0, &x.data.0[0]);
-        let mut product = [0.0; S];
-        product[0] = x[0];
-        // By numbers, which the compiler unrolls.
-        #[allow(clippy::needless_range_loop)]
-        for k in 1..S {
+    fn apply(&self, x: &SVector<f64, S>) -> SVector<f64, S> {
+        SVector::from(times(&self.0.data.0, &x.data.0[0]))
+    }
+
+    fn advance(&self, effects: &mut [f64], stride: usize, count: usize, more: &[SVector<f64, S>]) {
+        compute(Advance { a: &self.0.data.0, effects, stride, count, more });
+    }
+}
+
+/// See [`Transition::advance`].
+struct Advance<'a, const S: usize> {
+    /// By columns.
+    a: &'a [[f64; S]; S],
+    effects: &'a mut [f64],
+    stride: usize,
+    count: usize,
+    more: &'a [SVector<f64, S>],
+}
+
+impl<const S: usize> Work for Advance<'_, S> {
+    type Given = ();
+
+    #[inline(always)]
+    fn with<L: Lanes<Stored = [f64; BLOCK]>>(self) {
+        let Self { a, effects, stride, count, more } = self;
+        let blocks = effects.as_chunks_mut::<BLOCK>().0;
+        let stride = stride / BLOCK;
+        let first = count - more.len();
+        let nothing = SVector::<f64, S>::zeros();
+        for block in 0..count.div_ceil(BLOCK) {
+            let mut x = [L::splat(0.0); S];
             for i in 0..S {
-                product[i] += a[k][i] * x[k];
+                x[i] = L::load(&blocks[i * stride + block]);
+            }
+            let mut next = times(a, &x);
+            let begin = block * BLOCK;
+            // What the effects of a block have more; the last block may reach beyond.
+            let of = |k: usize| (begin + k).checked_sub(first).and_then(|k| more.get(k)).unwrap_or(&nothing);
+            let [b, c, d, e] = [of(0), of(1), of(2), of(3)];
+            for i in 0..S {
+                next[i] = next[i] + L::load(&[b[i], c[i], d[i], e[i]]);
+                blocks[i * stride + block] = next[i].store();
             }
         }
-        SVector::from(product)
     }
+}
+
+/// `A x` for an `A` by columns whose first is that of the identity.
+#[inline(always)]
+fn times<L: Lanes, const S: usize>(a: &[[f64; S]; S], x: &[L; S]) -> [L; S] {
+    debug_assert!(a[0].iter().enumerate().all(|(i, &a)| a == f64::from(u8::from(i == 0))));
+    let mut product = [L::splat(0.0); S];
+    product[0] = x[0];
+    // By numbers, which the compiler unrolls.
+    #[allow(clippy::needless_range_loop)]
+    for k in 1..S {
+        for i in 0..S {
+            product[i] = product[i] + L::splat(a[k][i]) * x[k];
+        }
+    }
+    product
 }
 
 /// Writes `free` and `gain` of a one-input problem whose outputs are the states named in `tracked`.
 ///
 /// `past` holds the `window - 1` commands before the first decision, oldest first.
-pub fn condense<A, X: HorizonState>(
+pub fn condense<A: Transition<X>, X: HorizonState>(
     linear: Linear<'_, A, X>,
     start: &X,
     affine: &mut Affine<X>,
@@ -167,63 +275,53 @@ pub fn condense<A, X: HorizonState>(
     propagation: Propagation,
     tracked: &[usize],
     problem: &mut TrackingQp,
-) where
-    for<'x> &'x A: Mul<&'x X, Output = X>,
-{
+) {
     debug_assert_eq!(past.len(), affine.window.saturating_sub(1));
     affine.settle(past);
     condense_settled(linear, start, affine, propagation, tracked, problem);
 }
 
 /// The same with `settled` as it stands.
-pub(super) fn condense_settled<A, X: HorizonState>(
+pub(super) fn condense_settled<A: Transition<X>, X: HorizonState>(
     Linear { a, b }: Linear<'_, A, X>,
     start: &X,
     affine: &mut Affine<X>,
     propagation: Propagation,
     tracked: &[usize],
     problem: &mut TrackingQp,
-) where
-    for<'x> &'x A: Mul<&'x X, Output = X>,
-{
+) {
     let (horizon, outputs, window) = (problem.shape.horizon, tracked.len(), affine.window);
     debug_assert_eq!((problem.shape.outputs, problem.shape.inputs), (outputs, 1));
     let propagated = window > 0 && propagation == Propagation::Propagated;
     let direct = window > 0 && !propagated;
     let mut x = *start;
     let mut effects = std::mem::take(&mut affine.effects);
+    let stride = horizon.next_multiple_of(BLOCK);
     for j in 0..horizon {
         // The newest command of a step's window is u_j: the window begins at this decision, or so many commands before
         // the first.
         let (begin, before) = ((j + 1).saturating_sub(window), window.saturating_sub(j + 1));
         let decided = &affine.commands_of(j)[before..];
-        x = a * &x + affine.known[j];
-        if window == 0 && j > 0 {
-            // Without a residual a decision acts as the one before it did a step ago.
-            let oldest = a * &effects[0];
-            effects.copy_within(..j, 1);
-            effects[0] = oldest;
+        x = a.apply(&x) + affine.known[j];
+        // Without a residual a decision acts as the one before it did a step ago: effects stand at the end, and one more
+        // comes before them.
+        let oldest = if window == 0 { horizon - 1 - j } else { 0 };
+        if window == 0 {
+            let effect = if j == 0 { *b } else { a.apply(&read(&effects, stride, oldest + 1)) };
+            write(&effect, &mut effects, stride, oldest);
         } else {
-            let (old, decisions) = effects[..j].split_at_mut(if propagated { begin } else { j });
-            for effect in old {
-                *effect = a * &*effect;
-            }
-            for (effect, more) in decisions.iter_mut().zip(decided) {
-                *effect = a * &*effect + *more;
-            }
-            effects[j] = *b;
+            a.advance(&mut effects, stride, j, if propagated { &decided[..j - begin] } else { &[] });
+            let newest = if propagated { *b + decided[j - begin] } else { *b };
+            write(&newest, &mut effects, stride, j);
         }
         if propagated {
             x += affine.settled[j];
-            effects[j] += decided[j - begin];
         }
         for (i, &state) in tracked.iter().enumerate() {
             let row = j * outputs + i;
             problem.free[row] = x.component(state);
             let entries = &mut problem.gain[row * horizon..][..=j];
-            for (entry, effect) in entries.iter_mut().zip(&effects) {
-                *entry = effect.component(state);
-            }
+            entries.copy_from_slice(&effects[state * stride + oldest..][..=j]);
             if direct {
                 problem.free[row] += affine.settled[j].component(state);
                 for (entry, more) in entries[begin..].iter_mut().zip(decided) {

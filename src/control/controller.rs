@@ -137,7 +137,7 @@ pub type Controller = ControllerFor<NominalVehicle, ERRORS>;
 pub struct ControllerFor<G, const S: usize> {
     parameters: ControllerParametersFor<G>,
     path: Arc<Path>,
-    plan: SpeedPlan,
+    plan: Arc<SpeedPlan>,
     lateral: LateralMpc<S>,
     longitudinal: Option<LongitudinalMpc>,
     noise: Noise<S>,
@@ -171,7 +171,7 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
             decel: speed.decel,
             speed: speed.limit,
         };
-        let plan = SpeedPlan::between(&path, &limits, None, true);
+        let plan = path.plan_to_the_end(&limits);
         let further = parameters.vehicle.further_states();
         let noise = Noise::new(&parameters.observer, &further, parameters.mpc.sample_time);
         let lateral = LateralMpc::new(parameters.vehicle.nominal(), parameters.mpc, &further, model)?;

@@ -69,6 +69,7 @@ pub use speed::{SpeedLimits, SpeedPlan};
 pub use write::{to_csv, write_csv};
 
 use grid::{Cell, Grid, yaw_at};
+use speed::SharedPlans;
 use spline::evaluate;
 use std::f64::consts::{PI, TAU};
 
@@ -92,6 +93,7 @@ pub struct Path {
     speed: Channel,
     classes: Vec<Option<RoadClass>>,
     notes: Vec<String>,
+    plans: SharedPlans,
 }
 
 /// A path at one station.
@@ -222,6 +224,7 @@ impl Path {
             classes,
             notes,
             cells: grid.cells,
+            plans: SharedPlans::default(),
         }
     }
 
@@ -286,6 +289,23 @@ impl Path {
     pub fn curvature_rate(&self, station: f64) -> f64 {
         let spot = self.locate(station);
         if spot.beyond != 0.0 { 0.0 } else { yaw_at(&self.cells[spot.cell].yaw, spot.offset)[2] }
+    }
+
+    /// Friction factor at a station; 1 where not given.
+    #[must_use]
+    #[inline]
+    pub fn friction(&self, station: f64) -> f64 {
+        if self.friction.nodes.is_empty() {
+            return self.friction.default;
+        }
+        self.friction.at(&self.locate(station), self.inverse_step)
+    }
+
+    /// Whether the path has neither bank nor grade anywhere.
+    #[must_use]
+    #[inline]
+    pub fn is_level(&self) -> bool {
+        self.bank.nodes.is_empty() && self.grade.nodes.is_empty()
     }
 
     /// The cell of a station. A station that is not finite counts as the start.

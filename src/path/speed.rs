@@ -10,6 +10,7 @@
 //! limits, no steeper, and with an acceleration that does not jump.
 
 use super::Path;
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 /// Share of the ellipse's longitudinal half-axis that is always left, so that a plan can still change speed in a
 /// bend that is driven at the limit.
@@ -37,6 +38,33 @@ impl Default for SpeedLimits {
     /// A calm driver: 2.25 m/s2 sideways, 1.2 forward, 1.8 braking, 50 m/s.
     fn default() -> Self {
         Self { lateral_accel: 2.25, accel: 1.2, decel: 1.8, speed: 50.0 }
+    }
+}
+
+/// The plans of a path that somebody drives by: controllers on one road share one. Locked while they are set up, never
+/// while they step.
+#[derive(Debug, Default)]
+pub(super) struct SharedPlans(Mutex<Vec<(SpeedLimits, Weak<SpeedPlan>)>>);
+
+impl Clone for SharedPlans {
+    /// Plans are made anew.
+    fn clone(&self) -> Self {
+        Self::default()
+    }
+}
+
+impl Path {
+    /// The speed plan along the path that comes to a stop at the end of an open one; the same for all who ask.
+    #[must_use]
+    pub fn plan_to_the_end(&self, limits: &SpeedLimits) -> Arc<SpeedPlan> {
+        let mut plans = self.plans.0.lock().unwrap_or_else(PoisonError::into_inner);
+        plans.retain(|(_, plan)| plan.strong_count() > 0);
+        let known = plans.iter().find(|(of, _)| of == limits).and_then(|(_, plan)| plan.upgrade());
+        known.unwrap_or_else(|| {
+            let plan = Arc::new(SpeedPlan::between(self, limits, None, true));
+            plans.push((*limits, Arc::downgrade(&plan)));
+            plan
+        })
     }
 }
 

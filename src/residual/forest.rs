@@ -64,7 +64,7 @@ pub struct GrownForest {
 }
 
 /// Trees that are looked up at once: their loads overlap.
-const LANES: usize = 8;
+const LANES: usize = 4;
 
 impl Forest {
     /// The forest of these trees, all of one depth.
@@ -126,21 +126,40 @@ impl Forest {
     /// features fall. A feature that is not a number goes to the left.
     #[inline]
     pub fn look_up(&self, features: &[f64], mut found: impl FnMut(usize, usize)) {
-        let nodes = (1_usize << self.depth) - 1;
-        for first in (0..self.trees()).step_by(LANES) {
-            let lanes = LANES.min(self.trees() - first);
-            let mut node = [0_usize; LANES];
-            for _ in 0..self.depth {
-                for (lane, node) in node[..lanes].iter_mut().enumerate() {
-                    let at = (first + lane) * nodes + *node;
-                    let right = features[usize::from(self.feature[at])] > self.threshold[at];
-                    *node = 2 * *node + 1 + usize::from(right);
-                }
-            }
-            for (lane, node) in node[..lanes].iter().enumerate() {
-                found(first + lane, self.leaf[(first + lane) * (nodes + 1) + node - nodes] as usize);
+        self.reach(features, |tree, _, leaf| found(tree, leaf as usize));
+    }
+
+    /// The same with the end between tree and leaf, counted in each tree from the left.
+    #[inline]
+    pub(super) fn reach(&self, features: &[f64], mut found: impl FnMut(usize, usize, u32)) {
+        let ends = 1_usize << self.depth;
+        let whole = self.trees() - self.trees() % LANES;
+        for first in (0..whole).step_by(LANES) {
+            for (lane, end) in self.ends_of::<LANES>(first, features).into_iter().enumerate() {
+                found(first + lane, end, self.leaf[(first + lane) * ends + end]);
             }
         }
+        for tree in whole..self.trees() {
+            let [end] = self.ends_of::<1>(tree, features);
+            found(tree, end, self.leaf[tree * ends + end]);
+        }
+    }
+
+    /// The ends of so many trees from a first one on.
+    #[inline]
+    fn ends_of<const L: usize>(&self, first: usize, features: &[f64]) -> [usize; L] {
+        let nodes = (1_usize << self.depth) - 1;
+        let asked = &self.feature[first * nodes..][..L * nodes];
+        let thresholds = &self.threshold[first * nodes..][..L * nodes];
+        // Counted on over the trees: the children of a tree's node `i` are `2 i + 1` and `2 i + 2`.
+        let mut at: [usize; L] = std::array::from_fn(|lane| lane * nodes);
+        for _ in 0..self.depth {
+            for (lane, at) in at.iter_mut().enumerate() {
+                let right = features[usize::from(asked[*at])] > thresholds[*at];
+                *at = 2 * *at + 1 - lane * nodes + usize::from(right);
+            }
+        }
+        std::array::from_fn(|lane| at[lane] - (lane + 1) * nodes)
     }
 
     /// End and leaf of one tree below a node so many levels above the ends, where a feature has the value

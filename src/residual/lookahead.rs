@@ -24,7 +24,7 @@ use super::least_squares::Theta;
 use std::sync::Arc;
 
 /// A node that asks for a quantity.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 struct Question {
     /// At which place of the window it asks; 0 of the road.
     place: u16,
@@ -39,23 +39,30 @@ struct Question {
 const WORD: u16 = u64::BITS as u16;
 
 /// All nodes that ask for one quantity, in order of their thresholds.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, PartialEq)]
 struct Quantity {
-    thresholds: Vec<f64>,
+    /// The thresholds, between minus infinity and infinity.
+    bounds: Vec<f64>,
     questions: Vec<Question>,
+}
+
+/// What the trees ask, by quantity: components of the states, and the road's. Controllers share it.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Questions<const S: usize> {
+    of_states: [Quantity; S],
+    of_road: [Quantity; ROAD],
 }
 
 /// The rows of a horizon with what was looked up last; made once, filled at each step.
 #[derive(Debug, Clone)]
 pub struct Lookahead<const S: usize> {
     shares: Arc<Shares<S>>,
+    questions: Arc<Questions<S>>,
     window: usize,
     horizon: usize,
-    /// Components of the states, then the road's.
-    quantities: Vec<Quantity>,
     /// States of the window and the horizon, one behind the other, and the number of thresholds below each value.
-    states: Vec<f64>,
-    state_places: Vec<u32>,
+    states: Vec<[f64; S]>,
+    state_places: Vec<[u32; S]>,
     /// The road of each row, likewise.
     road: Vec<[f64; ROAD]>,
     road_places: Vec<[u32; ROAD]>,
@@ -64,6 +71,8 @@ pub struct Lookahead<const S: usize> {
     rows: Rows,
     /// Mean coefficients of the rows' leaves, each with the effect of a held command behind them.
     mean: Theta<S>,
+    /// Features of a row that is looked up in every tree.
+    features: Vec<f64>,
     /// Thresholds that may still be passed in this step; beyond, rows are looked up in every tree.
     budget: usize,
 }
@@ -120,17 +129,61 @@ impl Rows {
     }
 }
 
+impl<const S: usize> Questions<S> {
+    /// Those of a forest with a window.
+    pub fn new(forest: &Forest, window: usize) -> Self {
+        let (trees, depth) = (forest.trees(), usize::from(forest.depth));
+        let mut asked: Vec<Vec<(f64, Question)>> = vec![vec![]; S + ROAD];
+        for tree in 0..trees {
+            for (node, split) in forest.splits(tree).enumerate() {
+                let Some((feature, threshold)) = split else { continue };
+                let feature = usize::from(feature);
+                let (quantity, place) = match feature.checked_sub(S * window) {
+                    Some(road) => (S + road, 0),
+                    None => (feature % S, feature / S),
+                };
+                let above = depth - (node + 1).ilog2() as usize;
+                let [place, tree, number, above] = [place, tree, node + 1, above].map(|x| x as u16);
+                asked[quantity].push((threshold, Question { place, tree, number, above }));
+            }
+        }
+        let mut quantity = |number: usize| {
+            let mut asked = std::mem::take(&mut asked[number]);
+            asked.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let (thresholds, questions): (Vec<f64>, _) = asked.into_iter().unzip();
+            let bounds = [f64::NEG_INFINITY].into_iter().chain(thresholds).chain([f64::INFINITY]);
+            Quantity { bounds: bounds.collect(), questions }
+        };
+        Self {
+            of_states: std::array::from_fn(&mut quantity),
+            of_road: std::array::from_fn(|i| quantity(S + i)),
+        }
+    }
+}
+
 impl Quantity {
+    /// Whether a value at a place is certainly still there: between the thresholds about it.
+    #[inline]
+    fn stays(&self, place: u32, x: f64) -> bool {
+        let about = self.bounds.get(place as usize..).and_then(|bounds| bounds.first_chunk::<2>());
+        about.is_some_and(|&[below, above]| x > below && x <= above)
+    }
+
+    /// Number of thresholds below a value.
+    fn place(&self, x: f64) -> u32 {
+        self.bounds[1..=self.questions.len()].partition_point(|&threshold| x > threshold) as u32
+    }
+
     /// Moves a value's place to where the value is now, with a call for each node whose threshold it passes. False if
     /// there were more than `budget`, and not all were named.
     fn pass(&self, place: &mut u32, x: f64, budget: &mut usize, mut passed: impl FnMut(&Question)) -> bool {
-        let count = self.thresholds.len();
+        let count = self.questions.len();
         let mut at = *place as usize;
         // Not a number is above no threshold: such a feature goes to the left.
-        let above = |i: usize| x > self.thresholds[i];
+        let above = |i: usize| x > self.bounds[i + 1];
         while at < count && above(at) {
             if *budget == 0 {
-                *place = self.thresholds.partition_point(|&threshold| x > threshold) as u32;
+                *place = self.place(x);
                 return false;
             }
             *budget -= 1;
@@ -139,7 +192,7 @@ impl Quantity {
         }
         while at > 0 && !above(at - 1) {
             if *budget == 0 {
-                *place = self.thresholds.partition_point(|&threshold| x > threshold) as u32;
+                *place = self.place(x);
                 return false;
             }
             *budget -= 1;
@@ -158,36 +211,23 @@ fn feature(states: &[f64], road: &[f64; ROAD]) -> impl Fn(usize) -> f64 {
 
 impl<const S: usize> Lookahead<S> {
     /// Room for a horizon, with nothing looked up.
-    pub(super) fn new(forest: &Forest, shares: &Arc<Shares<S>>, window: usize, horizon: usize) -> Self {
+    pub(super) fn new(
+        forest: &Forest,
+        shares: &Arc<Shares<S>>,
+        questions: &Arc<Questions<S>>,
+        window: usize,
+        horizon: usize,
+    ) -> Self {
         let (trees, depth) = (forest.trees(), usize::from(forest.depth));
-        let mut asked: Vec<Vec<(f64, Question)>> = vec![vec![]; S + ROAD];
-        for tree in 0..trees {
-            for (node, split) in forest.splits(tree).enumerate() {
-                let Some((feature, threshold)) = split else { continue };
-                let feature = usize::from(feature);
-                let (quantity, place) = match feature.checked_sub(S * window) {
-                    Some(road) => (S + road, 0),
-                    None => (feature % S, feature / S),
-                };
-                let above = depth - (node + 1).ilog2() as usize;
-                let [place, tree, number, above] = [place, tree, node + 1, above].map(|x| x as u16);
-                asked[quantity].push((threshold, Question { place, tree, number, above }));
-            }
-        }
-        let quantities = asked.into_iter().map(|mut asked| {
-            asked.sort_by(|a, b| a.0.total_cmp(&b.0));
-            let (thresholds, questions) = asked.into_iter().unzip();
-            Quantity { thresholds, questions }
-        });
-        let states = S * (window + horizon - 1);
+        let states = window + horizon - 1;
         Self {
             shares: Arc::clone(shares),
+            questions: Arc::clone(questions),
             window,
             horizon,
-            quantities: quantities.collect(),
             // Not a number is above no threshold, and is no value that comes.
-            states: vec![f64::NAN; states],
-            state_places: vec![0; states],
+            states: vec![[f64::NAN; S]; states],
+            state_places: vec![[0; S]; states],
             road: vec![[f64::NAN; ROAD]; horizon],
             road_places: vec![[0; ROAD]; horizon],
             first: 0,
@@ -202,6 +242,7 @@ impl<const S: usize> Lookahead<S> {
                 anew: vec![true; horizon],
             },
             mean: vec![[0.0; S]; horizon * shares.entries()],
+            features: vec![0.0; S * window + ROAD],
             budget: 0,
         }
     }
@@ -224,8 +265,8 @@ impl<const S: usize> Lookahead<S> {
 
     /// Moves on by a step: what was row `j + 1` is row `j`. Better before each step, but no answer depends on it.
     pub fn advance(&mut self) {
-        self.states.copy_within(S.., 0);
-        self.state_places.copy_within(S.., 0);
+        self.states.copy_within(1.., 0);
+        self.state_places.copy_within(1.., 0);
         self.first = if self.first + 1 == self.horizon { 0 } else { self.first + 1 };
         let last = self.slot(self.horizon - 1);
         let before = self.slot(self.horizon.saturating_sub(2));
@@ -235,34 +276,50 @@ impl<const S: usize> Lookahead<S> {
         self.budget = (self.rows.trees * self.rows.ends.ilog2() as usize * self.horizon / 2).max(64);
     }
 
+    /// Takes states from a place of window and horizon on.
+    pub fn set_states<'a>(&mut self, from: usize, states: impl Iterator<Item = &'a [f64; S]>) {
+        for (at, state) in (from..).zip(states) {
+            self.set_state(at, state);
+        }
+    }
+
     /// Takes the state at a place of window and horizon: row `j` ends with the state at `j + W - 1`.
+    #[inline(always)]
     pub fn set_state(&mut self, at: usize, state: &[f64; S]) {
-        let values = &mut self.states[S * at..][..S];
-        // Most are known: what was measured before.
-        if values == state {
+        // Most are known: what was measured before. Without a branch for each component, so that they are compared at once.
+        let kept = &mut self.states[at];
+        let mut differs = 0;
+        for c in 0..S {
+            differs |= kept[c].to_bits() ^ state[c].to_bits();
+        }
+        if differs == 0 {
             return;
         }
-        let places = &mut self.state_places[S * at..][..S];
-        let quantities = &self.quantities[..S];
+        *kept = *state;
+        let places = self.state_places[at];
         for c in 0..S {
-            let x = state[c];
-            let old = std::mem::replace(&mut values[c], x);
-            if old == x {
-                continue;
+            if !self.questions.of_states[c].stays(places[c], state[c]) {
+                self.pass(at, c);
             }
-            let (rows, first, horizon) = (&mut self.rows, self.first, self.horizon);
-            let slot = |row: usize| if first + row < horizon { first + row } else { first + row - horizon };
-            let all = quantities[c].pass(&mut places[c], x, &mut self.budget, |question| {
-                if let Some(row) = at.checked_sub(usize::from(question.place))
-                    && row < horizon
-                {
-                    rows.mark(slot(row), question);
-                }
-            });
-            if !all {
-                for row in (at + 1).saturating_sub(self.window)..horizon.min(at + 1) {
-                    rows.anew[slot(row)] = true;
-                }
+        }
+    }
+
+    /// Marks what a value that passed thresholds decides anew.
+    #[inline(never)]
+    fn pass(&mut self, at: usize, c: usize) {
+        let (rows, first, horizon) = (&mut self.rows, self.first, self.horizon);
+        let slot = |row: usize| if first + row < horizon { first + row } else { first + row - horizon };
+        let (place, x) = (&mut self.state_places[at][c], self.states[at][c]);
+        let all = self.questions.of_states[c].pass(place, x, &mut self.budget, |question| {
+            if let Some(row) = at.checked_sub(usize::from(question.place))
+                && row < horizon
+            {
+                rows.mark(slot(row), question);
+            }
+        });
+        if !all {
+            for row in (at + 1).saturating_sub(self.window)..horizon.min(at + 1) {
+                rows.anew[slot(row)] = true;
             }
         }
     }
@@ -270,29 +327,37 @@ impl<const S: usize> Lookahead<S> {
     /// Looks a row up: its slot, and whether its leaves are others than before.
     pub(super) fn look_up(&mut self, forest: &Forest, row: usize, road: &[f64; ROAD]) -> (usize, bool) {
         let slot = self.slot(row);
-        let kept = self.road[slot].iter_mut().zip(&mut self.road_places[slot]);
-        for ((quantity, &value), (old, place)) in self.quantities[S..].iter().zip(road).zip(kept) {
-            if std::mem::replace(old, value) == value {
-                continue;
-            }
-            let rows = &mut self.rows;
-            if !quantity.pass(place, value, &mut self.budget, |question| {
-                rows.mark(slot, question);
-            }) {
-                rows.anew[slot] = true;
+        self.road[slot] = *road;
+        let places = self.road_places[slot];
+        for c in 0..ROAD {
+            if !self.questions.of_road[c].stays(places[c], road[c]) {
+                self.pass_on_road(slot, c);
             }
         }
-        let renewed = if std::mem::take(&mut self.rows.anew[slot]) {
+        let marked = &self.rows.marked[slot * self.rows.words..][..self.rows.words];
+        let renewed = if self.rows.anew[slot] {
             self.look_up_all(forest, row, slot);
             true
         } else {
-            self.look_up_marked(forest, row, slot)
+            marked.iter().any(|&word| word != 0) && self.look_up_marked(forest, row, slot)
         };
         (slot, renewed)
     }
 
+    /// Marks what a value of the road that passed thresholds decides anew.
+    #[inline(never)]
+    fn pass_on_road(&mut self, slot: usize, c: usize) {
+        let (rows, place) = (&mut self.rows, &mut self.road_places[slot][c]);
+        let value = self.road[slot][c];
+        if !self.questions.of_road[c].pass(place, value, &mut self.budget, |question| {
+            rows.mark(slot, question);
+        }) {
+            rows.anew[slot] = true;
+        }
+    }
+
     fn look_up_marked(&mut self, forest: &Forest, row: usize, slot: usize) -> bool {
-        let value = feature(&self.states[S * row..][..S * self.window], &self.road[slot]);
+        let value = feature(self.states[row..][..self.window].as_flattened(), &self.road[slot]);
         let mean = &mut self.mean[slot * self.shares.entries()..][..self.shares.entries()];
         let Rows { trees, ends, end, leaf, marked, words, above, .. } = &mut self.rows;
         let mut renewed = false;
@@ -322,21 +387,23 @@ impl<const S: usize> Lookahead<S> {
             self.rows.leaf.copy_within(before * trees..(before + 1) * trees, slot * trees);
             self.mean.copy_within(before * entries..(before + 1) * entries, slot * entries);
         }
-        let value = feature(&self.states[S * row..][..S * self.window], &self.road[slot]);
+        let (states, asked_road) = self.features.split_at_mut(S * self.window);
+        states.copy_from_slice(self.states[row..][..self.window].as_flattened());
+        asked_road.copy_from_slice(&self.road[slot]);
         let mean = &mut self.mean[slot * entries..][..entries];
-        let Rows { end, leaf, marked, words, above, .. } = &mut self.rows;
+        let Rows { end, leaf, marked, words, above, anew, .. } = &mut self.rows;
+        anew[slot] = false;
         marked[slot * *words..][..*words].fill(0);
         let of_row = slot * trees..(slot + 1) * trees;
         above[of_row.clone()].fill(0);
-        let places = end[of_row.clone()].iter_mut().zip(&mut leaf[of_row]);
-        for (tree, (end, leaf)) in places.enumerate() {
-            let (new_end, new_leaf) = forest.descend(tree, 1, forest.depth.into(), &value);
-            *end = new_end;
-            let old_leaf = std::mem::replace(leaf, new_leaf);
+        let (ends, leaves) = (&mut end[of_row.clone()], &mut leaf[of_row]);
+        forest.reach(&self.features, |tree, new_end, new_leaf| {
+            ends[tree] = new_end as u16;
+            let old_leaf = std::mem::replace(&mut leaves[tree], new_leaf);
             if old_leaf != new_leaf {
                 self.shares.exchange(mean, old_leaf, new_leaf);
             }
-        }
+        });
     }
 
     /// Mean coefficients of the row in a slot: constant, commands, states, road, held command.
@@ -345,9 +412,14 @@ impl<const S: usize> Lookahead<S> {
         &self.mean[slot * entries..][..entries]
     }
 
+    /// The state at a place of window and horizon.
+    pub(super) fn state(&self, at: usize) -> &[f64; S] {
+        &self.states[at]
+    }
+
     /// The last `count` states of a row's window.
     pub(super) fn newest(&self, row: usize, count: usize) -> &[f64] {
-        let end = S * (row + self.window);
-        &self.states[end - S * count..end]
+        let end = row + self.window;
+        self.states[end - count..end].as_flattened()
     }
 }

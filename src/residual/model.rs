@@ -19,7 +19,7 @@ use super::ROAD;
 use super::forest::Forest;
 use super::leaf::{LeafModels, Shares};
 use super::least_squares::Theta;
-use super::lookahead::{Lookahead, LookedUp};
+use super::lookahead::{Lookahead, LookedUp, Questions};
 use crate::enumeration;
 use crate::nominal::{ERRORS, LateralVehicle};
 use crate::vehicle::SingleTrack;
@@ -305,6 +305,9 @@ pub struct ResidualModelFor<V, const S: usize> {
     pub(super) leaves: LeafModels<S>,
     /// Shared with the rooms made for it, which know their model by it.
     shares: Arc<Shares<S>>,
+    questions: Arc<Questions<S>>,
+    /// Ranges in training of states and road, endless where the model does not use a value.
+    used: ([[f64; 2]; S], [[f64; 2]; ROAD]),
 }
 
 /// The linear residual at one step of the horizon; made once, filled at each call.
@@ -369,6 +372,21 @@ impl<const S: usize> Coefficients<S> {
     }
 }
 
+/// Ranges in training of the newest state and of the road, endless for what a model does not use.
+fn used_ranges<V, const S: usize>(schema: &Schema<V>) -> ([[f64; 2]; S], [[f64; 2]; ROAD]) {
+    let trees = schema.kind.has_trees();
+    let leaves = schema.kind.is_linear();
+    let by_errors =
+        (trees && schema.tree_features != TreeFeatures::Road) || (leaves && schema.regressors.states > 0);
+    let by_road =
+        (trees && schema.tree_features != TreeFeatures::Errors) || (leaves && schema.regressors.road);
+    let range = |asked: bool, i: usize| {
+        let range = schema.ranges.get(i).filter(|_| asked);
+        range.map_or([f64::NEG_INFINITY, f64::INFINITY], |range| [range.min, range.max])
+    };
+    (std::array::from_fn(|i| range(by_errors, i)), std::array::from_fn(|i| range(by_road, S + i)))
+}
+
 impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
     /// No residual: coefficients are zero.
     #[must_use]
@@ -397,7 +415,9 @@ impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
     /// A model of consistent parts.
     pub(super) fn new(schema: Schema<V>, forest: Forest, leaves: LeafModels<S>) -> Self {
         let shares = Arc::new(Shares::new(&leaves, forest.trees(), schema.window));
-        Self { schema, forest, leaves, shares }
+        let used = used_ranges(&schema);
+        let questions = Arc::new(Questions::new(&forest, schema.window));
+        Self { schema, forest, leaves, shares, questions, used }
     }
 
     /// What the model is.
@@ -473,7 +493,8 @@ impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
         out.strange_leaves =
             if schema.kind == Kind::None { 0.0 } else { self.leaves.strange(&out.leaves, commands) };
         let (states, road) = features.split_at(features.len() - ROAD);
-        out.excess = self.excess(&states[states.len() - S..], road);
+        let newest = states.last_chunk::<S>().zip(road.first_chunk::<ROAD>());
+        out.excess = newest.map_or(0.0, |(errors, road)| self.excess(errors, road));
     }
 
     /// Room for the rows of a horizon that moves on step by step.
@@ -483,7 +504,7 @@ impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
     #[must_use]
     pub fn lookahead(&self, horizon: usize) -> Lookahead<S> {
         assert!(horizon > 0, "horizon");
-        Lookahead::new(&self.forest, &self.shares, self.schema.window, horizon)
+        Lookahead::new(&self.forest, &self.shares, &self.questions, self.schema.window, horizon)
     }
 
     /// The linear residual of a row of the horizon: what [`coefficients`](Self::coefficients) gives for the window of
@@ -500,9 +521,8 @@ impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
         let mut constant = mean[0];
         // Constant leaves have only the first of the coefficients.
         let linear = mean.len() > 1;
-        if regressors.road {
-            for (i, term) in road_terms(road).iter().enumerate() {
-                let effect = if linear { mean[mean.len() - ROAD_TERMS + i] } else { [0.0; S] };
+        if regressors.road && linear {
+            for (term, effect) in road_terms(road).iter().zip(&mean[mean.len() - ROAD_TERMS..]) {
                 for o in 0..S {
                     constant[o] += term * effect[o];
                 }
@@ -517,26 +537,31 @@ impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
             held: *held,
             state: &mean[states],
             newest: rows.newest(row, regressors.states),
-            excess: self.excess(rows.newest(row, 1), road),
+            excess: self.excess(rows.state(row + window - 1), road),
         }
     }
 
     /// How far the newest features that the model uses lie outside their ranges; older ones were the newest before.
-    fn excess(&self, errors: &[f64], road: &[f64]) -> f64 {
-        let schema = &self.schema;
-        let trees = schema.kind.has_trees();
-        let leaves = schema.kind.is_linear();
-        let by_errors =
-            (trees && schema.tree_features != TreeFeatures::Road) || (leaves && schema.regressors.states > 0);
-        let by_road =
-            (trees && schema.tree_features != TreeFeatures::Errors) || (leaves && schema.regressors.road);
-        let worst = |asked: bool, ranges: std::ops::Range<usize>, values: &[f64]| {
-            let ranges = schema.ranges.get(ranges).filter(|_| asked).unwrap_or_default();
-            let outside =
-                ranges.iter().zip(values).filter(|(range, x)| !(range.min..=range.max).contains(*x));
-            outside.map(|(range, &x)| range.excess(x)).fold(0.0, f64::max)
-        };
-        worst(by_errors, 0..S, errors).max(worst(by_road, S..S + ROAD, road))
+    #[inline]
+    fn excess(&self, errors: &[f64; S], road: &[f64; ROAD]) -> f64 {
+        let (of_errors, of_road) = &self.used;
+        let mut inside = true;
+        for c in 0..S {
+            inside &= (errors[c] >= of_errors[c][0]) & (errors[c] <= of_errors[c][1]);
+        }
+        for c in 0..ROAD {
+            inside &= (road[c] >= of_road[c][0]) & (road[c] <= of_road[c][1]);
+        }
+        if inside { 0.0 } else { self.excess_outside(errors, road) }
+    }
+
+    #[cold]
+    fn excess_outside(&self, errors: &[f64; S], road: &[f64; ROAD]) -> f64 {
+        let used = self.used.0.iter().chain(&self.used.1);
+        let all = used.zip(&self.schema.ranges).zip(errors.iter().chain(road));
+        // What is endless may be no number, too.
+        let outside = all.filter(|(([min, max], _), x)| min.is_finite() && !(min..=max).contains(x));
+        outside.map(|((_, range), &x)| range.excess(x)).fold(0.0, f64::max)
     }
 
     /// Whether the model was learned for such a controller.

@@ -17,6 +17,7 @@ pub(super) struct DriveLine {
 
 impl DriveLine {
     /// Drive force and greatest brake force at all wheels together, N, both positive.
+    #[inline]
     pub fn forces(&self, accel: f64, vx: f64) -> (f64, f64) {
         let force = self.nominal_mass * accel;
         if force >= 0.0 {

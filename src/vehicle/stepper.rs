@@ -251,26 +251,19 @@ impl<P: Plant<N, S>, const N: usize, const S: usize> Stepper<P, N, S> {
         let end = stage(state);
 
         let y = state.y;
-        let (mut k, mut sum, mut at) = ([0.0; N], [0.0; N], [0.0; N]);
+        let (mut k, mut sum, mut at) = ([0.0; N], [0.0; N], y);
         let mut flow = P::Flow::default();
-        plant.derivative(&y, &begin, &environment, &mut k, &mut flow);
-        for i in 0..N {
-            sum[i] = k[i];
-            at[i] = y[i] + 0.5 * h * k[i];
+        // One call for all four: the equations are long, and instructions want room in a cache, too.
+        let stages = [(begin, 0.5 * h, 1.0), (middle, 0.5 * h, 2.0), (middle, h, 2.0), (end, h, 1.0)];
+        for (stage, ahead, weight) in stages {
+            plant.derivative(&at, &stage, &environment, &mut k, &mut flow);
+            for i in 0..N {
+                sum[i] += weight * k[i];
+                at[i] = y[i] + ahead * k[i];
+            }
         }
-        plant.derivative(&at, &middle, &environment, &mut k, &mut flow);
         for i in 0..N {
-            sum[i] += 2.0 * k[i];
-            at[i] = y[i] + 0.5 * h * k[i];
-        }
-        plant.derivative(&at, &middle, &environment, &mut k, &mut flow);
-        for i in 0..N {
-            sum[i] += 2.0 * k[i];
-            at[i] = y[i] + h * k[i];
-        }
-        plant.derivative(&at, &end, &environment, &mut k, &mut flow);
-        for i in 0..N {
-            state.y[i] = y[i] + h / 6.0 * (sum[i] + k[i]);
+            state.y[i] = y[i] + h / 6.0 * sum[i];
         }
         if let Some(road) = &self.road {
             let (x, y, yaw) = (self.state.y[X], self.state.y[Y], self.state.y[YAW]);

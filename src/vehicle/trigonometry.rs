@@ -1,8 +1,8 @@
 //! Arc tangent, sine and cosine of several numbers at once: most of what a step of the car computes.
 //!
 //! The functions of the system's library take one number at a time and differ in their last bits from processor to
-//! processor. These use plain additions, multiplications and divisions without branches, so that the compiler makes
-//! vector code of them and every processor gives the same bits.
+//! processor. These use plain additions, multiplications and divisions without branches, for all numbers of
+//! [`Lanes`] alike, and every processor gives the same bits.
 //!
 //! ```text
 //!     atan x = c + atan t,       t = (x - tan c) / (1 + x tan c),   c in {0, pi/4, pi/2},    |t| <= tan(pi/8)
@@ -14,6 +14,7 @@
 //! nodes in `t^2`; their relative errors are 7e-18 and 4e-17. With rounding the relative error of `atan` and the
 //! absolute error of `sin` and `cos` are below 5e-16 (`tests/vehicle_trigonometry.rs`).
 
+use crate::lanes::Lanes;
 use std::f64::consts::{FRAC_1_PI, FRAC_PI_2, FRAC_PI_4};
 
 const TAN_PI_8: f64 = 0.414_213_562_373_095;
@@ -55,83 +56,77 @@ const SIN: [f64; 8] = [
     2.731_449_766_885_94e-15,
 ];
 
-/// Which function of an angle.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Of {
-    /// Its sine.
-    Sin,
-    /// Its cosine.
-    Cos,
-}
-
+/// Arc tangent, rad.
 #[inline(always)]
-fn atan_one(x: f64) -> f64 {
+pub(super) fn atan_of<L: Lanes>(x: L) -> L {
+    let number = L::splat;
+    let (zero, one) = (number(0.0), number(1.0));
     let a = x.abs();
-    let (below, middle) = (a <= TAN_PI_8, a < TAN_3_PI_8);
-    let above = if middle { a - 1.0 } else { -1.0 };
-    let under = if middle { a + 1.0 } else { a };
-    let (high, low) = if middle { (FRAC_PI_4, REST_OF_PI_4) } else { (FRAC_PI_2, REST_OF_PI_2) };
-    let (above, under) = if below { (a, 1.0) } else { (above, under) };
-    let (high, low) = if below { (0.0, 0.0) } else { (high, low) };
+    let (below, middle) = (a.up_to(number(TAN_PI_8)), a.below(number(TAN_3_PI_8)));
+    let above = L::choose(middle, a - one, number(-1.0));
+    let under = L::choose(middle, a + one, a);
+    let high = L::choose(middle, number(FRAC_PI_4), number(FRAC_PI_2));
+    let low = L::choose(middle, number(REST_OF_PI_4), number(REST_OF_PI_2));
+    let (above, under) = (L::choose(below, a, above), L::choose(below, one, under));
+    let (high, low) = (L::choose(below, zero, high), L::choose(below, zero, low));
     let t = above / under;
     let z = t * t;
     let z2 = z * z;
     let z4 = z2 * z2;
-    let pair = |i: usize| ATAN[i] + ATAN[i + 1] * z;
-    let p = (pair(0) + pair(2) * z2) + ((pair(4) + pair(6) * z2) + (pair(8) + ATAN[10] * z2) * z4) * z4;
+    let pair = |i: usize| number(ATAN[i]) + number(ATAN[i + 1]) * z;
+    let p =
+        (pair(0) + pair(2) * z2) + ((pair(4) + pair(6) * z2) + (pair(8) + number(ATAN[10]) * z2) * z4) * z4;
     (high + (t + (t * (z * p) + low))).copysign(x)
 }
 
-/// `half` is 0 for the sine, 1/2 for the cosine; `|x| <= GREATEST`.
+/// Sine of `x` for `half` 0, the cosine's negative for 1/2; `|x| <= GREATEST`.
 #[inline(always)]
-fn sin_one(x: f64, half: f64) -> f64 {
-    // Half turns may round either way: so the cosine is even to the bit.
-    let x = if half == 0.0 { x } else { x.abs() };
-    let shifted = (x * FRAC_1_PI - half) + ROUND;
-    let n = (shifted - ROUND) + half;
-    let r = (x - n * PI_HIGH) - n * PI_LOW;
+fn turned<L: Lanes>(x: L, half: L) -> L {
+    let number = L::splat;
+    let shifted = (x * number(FRAC_1_PI) - half) + number(ROUND);
+    let n = (shifted - number(ROUND)) + half;
+    let r = (x - n * number(PI_HIGH)) - n * number(PI_LOW);
     let z = r * r;
     let z2 = z * z;
     let z4 = z2 * z2;
-    let pair = |i: usize| SIN[i] + SIN[i + 1] * z;
+    let pair = |i: usize| number(SIN[i]) + number(SIN[i + 1]) * z;
     let p = (pair(0) + pair(2) * z2) + (pair(4) + pair(6) * z2) * z4;
-    let sin = r + r * (z * p);
     // The cosine has the opposite sign: the second half of the period comes first.
-    let sign = ((shifted.to_bits() << 63) ^ ((half + half).to_bits() << 2)) & (1 << 63);
-    f64::from_bits(sin.to_bits() ^ sign)
+    (r + r * (z * p)).negated_if_odd(shifted)
 }
 
-/// An array made element by element. Unlike `std::array::from_fn` it is always inlined, which the loops need to become
-/// vector code.
+/// The cosine; `|x| <= GREATEST`. Half turns may round either way: it is even to the bit.
 #[inline(always)]
-pub(crate) fn each<T: Copy + Default, const N: usize>(mut make: impl FnMut(usize) -> T) -> [T; N] {
-    let mut made = [T::default(); N];
-    for (i, element) in made.iter_mut().enumerate() {
-        *element = make(i);
-    }
-    made
+fn turned_cos<L: Lanes>(x: L) -> L {
+    -turned(x.abs(), L::splat(0.5))
 }
 
-/// Arc tangents, rad. As the library's for zeros, infinities and NaN.
-// Not inlined: on its own the compiler finds the vector code, within a large function it does not.
-#[must_use]
-#[inline(never)]
-pub fn atan<const N: usize>(x: [f64; N]) -> [f64; N] {
-    each(|i| atan_one(x[i]))
-}
-
-/// Sines or cosines of angles in rad.
-#[must_use]
+/// Sine of an angle in rad.
 #[inline(always)]
-pub fn sin_or_cos<const N: usize>(of: [Of; N], x: [f64; N]) -> [f64; N] {
-    shifted_sin(x, each(|i| if of[i] == Of::Cos { 0.5 } else { 0.0 }))
+pub(super) fn sin_of<L: Lanes>(x: L) -> L {
+    if L::all(x.abs().up_to(L::splat(GREATEST))) { turned(x, L::splat(0.0)) } else { x.each(f64::sin) }
 }
 
-#[inline(never)]
-fn shifted_sin<const N: usize>(x: [f64; N], half: [f64; N]) -> [f64; N] {
-    if x.iter().all(|x| x.abs() <= GREATEST) {
-        each(|i| sin_one(x[i], half[i]))
-    } else {
-        each(|i| if half[i] == 0.0 { x[i].sin() } else { x[i].cos() })
-    }
+/// Cosine of an angle in rad.
+#[inline(always)]
+pub(super) fn cos_of<L: Lanes>(x: L) -> L {
+    if L::all(x.abs().up_to(L::splat(GREATEST))) { turned_cos(x) } else { x.each(f64::cos) }
+}
+
+/// Arc tangent, rad. As the library's for zeros, infinities and NaN.
+#[must_use]
+pub fn atan(x: f64) -> f64 {
+    atan_of(x)
+}
+
+/// Sine of an angle in rad.
+#[must_use]
+pub fn sin(x: f64) -> f64 {
+    sin_of(x)
+}
+
+/// Cosine of an angle in rad.
+#[must_use]
+pub fn cos(x: f64) -> f64 {
+    cos_of(x)
 }

@@ -213,11 +213,9 @@ impl<V: LateralVehicle<S>, const S: usize> Learned<V, S> {
 
         self.rows.advance();
         affine.first = self.rows.first();
-        let mut state = SVector::zeros();
-        for (place, measured) in input.history.states().iter().enumerate() {
-            state = *measured;
-            self.rows.set_state(place, &state.data.0[0]);
-        }
+        let measured = input.history.states();
+        let mut state = measured.last().copied().unwrap_or_else(SVector::zeros);
+        self.rows.set_states(0, measured.iter().map(|state| &state.data.0[0]));
         let mut outside = 0.0;
         for j in 0..horizon {
             let row = self.residual.model.row(&mut self.rows, j, &preview.road[j]);

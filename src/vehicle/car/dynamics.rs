@@ -2,6 +2,7 @@
 
 use super::output::{self, CarOutput, SIGNALS};
 use super::plant::{CarPlant, STATES, WHEELS};
+use crate::lanes::{FOUR, Lanes, Work, compute};
 use crate::path::Path;
 use crate::vehicle::air;
 use crate::vehicle::drive::DriveLine;
@@ -9,7 +10,7 @@ use crate::vehicle::effects::Effects;
 use crate::vehicle::sensors::body_signals;
 use crate::vehicle::steering::SteeringChain;
 use crate::vehicle::stepper::{Plant, Stage, State, StepError, check_upright};
-use crate::vehicle::trigonometry::{Of, sin_or_cos};
+use crate::vehicle::trigonometry::{cos_of, sin_of};
 use crate::vehicle::unit::{
     BODY, Gravity, PER_WHEEL, PITCH, ROLL, SPIN, Unit, VX, VY, WheelFlow, WheelOutput, X, Y, YAW, YAW_RATE,
     gravity, roll,
@@ -67,14 +68,9 @@ impl Plant<STATES, SIGNALS> for CarPlant {
 
     /// Gravity and friction where the car is.
     fn environment(&self, y: &[f64; STATES], road: Option<&Path>, station: f64) -> Environment {
-        let (gravity, friction) = match road {
-            None => (gravity(&self.effects, 0.0, 0.0, 0.0), [1.0, 1.0]),
-            Some(road) => {
-                let here = road.at(station);
-                let friction = [0, 1].map(|axle| road.at(station + self.unit.axles[axle].x).friction);
-                (gravity(&self.effects, y[YAW] - here.yaw, here.bank, here.grade), friction)
-            }
-        };
+        let gravity = gravity(&self.effects, y[YAW], road, station);
+        let friction =
+            [0, 1].map(|axle| road.map_or(1.0, |road| road.friction(station + self.unit.axles[axle].x)));
         Environment { gravity, friction: friction.map(|friction| friction * self.effects.road_friction) }
     }
 
@@ -86,42 +82,7 @@ impl Plant<STATES, SIGNALS> for CarPlant {
         rates: &mut [f64; STATES],
         flow: &mut Flow,
     ) {
-        let Self { unit, effects, .. } = self;
-        let (body, wheels): (&[f64; BODY], &[f64]) = split(y);
-        let (body_rates, wheel_rates) = rates.split_at_mut(BODY);
-        let forces = self.drive.forces(stage.accel, body[VX]);
-        flow.drive_force = forces.0 - forces.1;
-
-        // Arc tangents and sines of all wheels at once: they are most of the work.
-        let steer = [0, 1].map(|axle| unit.axles[axle].wheel_angle(body[ROLL], stage.steer));
-        let angles = [steer[0], steer[0], steer[1], steer[1], y[YAW], y[YAW]];
-        let [sin_front, cos_front, sin_rear, cos_rear, sin_yaw, cos_yaw] =
-            sin_or_cos([Of::Sin, Of::Cos, Of::Sin, Of::Cos, Of::Sin, Of::Cos], angles);
-        let steer = [(sin_front, cos_front), (sin_rear, cos_rear)];
-        let front = unit.axles[0].suspension(body, &wheels[..2 * PER_WHEEL], steer[0], forces);
-        let rear = unit.axles[1].suspension(body, &wheels[2 * PER_WHEEL..], steer[1], forces);
-        let mut axles = [front.0, rear.0];
-        let motions = [front.1[0], front.1[1], rear.1[0], rear.1[1]];
-        let [front, rear] = &unit.axles;
-        let friction = environment.friction;
-        let friction = [friction[0], friction[0], friction[1], friction[1]];
-        flow.wheels = roll([front, front, rear, rear], wheels, &motions, friction, wheel_rates);
-        for (index, given) in axles.iter_mut().enumerate() {
-            unit.axles[index].gather(&flow.wheels[2 * index..2 * index + 2], steer[index], given);
-        }
-
-        let (drag, side) =
-            air::forces(effects, (self.drag, self.side), (body[VX], body[VY]), (sin_yaw, cos_yaw));
-        let gravity = &environment.gravity;
-        let mut push = unit.push(body, &axles, gravity);
-        push.longitudinal += drag;
-        push.lateral += side;
-        push.yawing = push.yawing + side * self.pressure_centre + air::brake_pull(effects, body[VX]);
-        let accel = unit.acceleration(&push);
-        Unit::<2>::plane(body, &accel, gravity, (sin_yaw, cos_yaw), body_rates);
-        unit.vertical(body, &axles, &accel, gravity, (wheels, &flow.wheels), (body_rates, wheel_rates));
-        // What an accelerometer at the CG feels: the body's sway over the wheels belongs to it.
-        flow.specific = [accel.specific_x, push.lateral / unit.mass, gravity.z];
+        compute(Evaluation { plant: self, y, stage, environment, rates, flow });
     }
 
     fn check(&self, y: &[f64; STATES], time: f64) -> Result<(), StepError> {
@@ -140,7 +101,105 @@ impl Plant<STATES, SIGNALS> for CarPlant {
     }
 }
 
+/// The equations at an instant.
+struct Evaluation<'a> {
+    plant: &'a CarPlant,
+    y: &'a [f64; STATES],
+    stage: &'a Stage,
+    environment: &'a Environment,
+    rates: &'a mut [f64; STATES],
+    flow: &'a mut Flow,
+}
+
+impl Work for Evaluation<'_> {
+    type Given = ();
+
+    #[inline(always)]
+    fn with<L: Lanes<Stored = [f64; FOUR]>>(self) {
+        let Self { plant, y, stage, environment, rates, flow } = self;
+        let CarPlant { unit, effects, .. } = plant;
+        let (body, wheels): (&[f64; BODY], &[f64]) = split(y);
+        let (body_rates, wheel_rates) = rates.split_at_mut(BODY);
+        let forces = plant.drive.forces(stage.accel, body[VX]);
+        flow.drive_force = forces.0 - forces.1;
+
+        let [front, rear] = &unit.axles;
+        let steer = [front.wheel_angle(body[ROLL], stage.steer), rear.wheel_angle(body[ROLL], stage.steer)];
+        let angles = L::load(&[steer[0], steer[1], y[YAW], 0.0]);
+        let [sin_front, sin_rear, sin_yaw, _] = sin_of(angles).store();
+        let [cos_front, cos_rear, cos_yaw, _] = cos_of(angles).store();
+        let steer = [(sin_front, cos_front), (sin_rear, cos_rear)];
+        let front = front.suspension(body, &wheels[..2 * PER_WHEEL], steer[0], forces);
+        let rear = rear.suspension(body, &wheels[2 * PER_WHEEL..], steer[1], forces);
+        let mut axles = [front.0, rear.0];
+        let motions = [front.1[0], front.1[1], rear.1[0], rear.1[1]];
+        let friction = environment.friction;
+        let friction = [friction[0], friction[0], friction[1], friction[1]];
+        flow.wheels = roll::<L, 4>(&plant.wheels, wheels, &motions, friction, wheel_rates);
+        for (index, given) in axles.iter_mut().enumerate() {
+            unit.axles[index].gather(&flow.wheels[2 * index..2 * index + 2], steer[index], given);
+        }
+
+        let (drag, side) =
+            air::forces(effects, (plant.drag, plant.side), (body[VX], body[VY]), (sin_yaw, cos_yaw));
+        let gravity = &environment.gravity;
+        let mut push = unit.push(body, &axles, gravity);
+        push.longitudinal += drag;
+        push.lateral += side;
+        push.yawing = push.yawing + side * plant.pressure_centre + air::brake_pull(effects, body[VX]);
+        let accel = unit.acceleration(&push);
+        Unit::<2>::plane(body, &accel, gravity, (sin_yaw, cos_yaw), body_rates);
+        unit.vertical(body, &axles, &accel, gravity, (wheels, &flow.wheels), (body_rates, wheel_rates));
+        // What an accelerometer at the CG feels: the body's sway over the wheels belongs to it.
+        flow.specific = [accel.specific_x, push.lateral / unit.mass, gravity.z];
+    }
+}
+
 /// Body and wheels.
 fn split(y: &[f64; STATES]) -> (&[f64; BODY], &[f64]) {
     y.split_first_chunk().expect("there are more states than a body's")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lanes::compute_portably;
+    use crate::residual::Random;
+    use crate::vehicle::builtin;
+
+    #[test]
+    fn every_processor_gives_the_same_bits() {
+        let effects = Effects { wind_y: 3.0, road_bank: 0.02, tyre_relaxation: 0.0, ..Effects::default() };
+        for name in crate::vehicle::BUILTIN {
+            let plant = CarPlant::new(&builtin(name).unwrap(), &effects).unwrap();
+            let mut random = Random::new(7);
+            for _ in 0..300 {
+                let mut draw = |greatest: f64| greatest * (2.0 * random.uniform() - 1.0);
+                let mut y = plant.placed(draw(100.0), draw(100.0), draw(4.0), draw(30.0));
+                for state in &mut y[VY..] {
+                    *state += draw(0.05) * (1.0 + state.abs());
+                }
+                let (stage, environment) =
+                    (Stage { steer: draw(0.5), accel: draw(8.0) }, plant.environment(&y, None, 0.0));
+                let evaluate = |portably: bool| {
+                    let (mut rates, mut flow) = ([0.0; STATES], Flow::default());
+                    let evaluation = Evaluation {
+                        plant: &plant,
+                        y: &y,
+                        stage: &stage,
+                        environment: &environment,
+                        rates: &mut rates,
+                        flow: &mut flow,
+                    };
+                    if portably {
+                        compute_portably(evaluation)
+                    } else {
+                        compute(evaluation)
+                    }
+                    (rates.map(f64::to_bits), flow.specific.map(f64::to_bits))
+                };
+                assert_eq!(evaluate(false), evaluate(true), "{name}");
+            }
+        }
+    }
 }

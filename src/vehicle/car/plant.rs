@@ -5,7 +5,7 @@ use crate::vehicle::drive::DriveLine;
 use crate::vehicle::effects::Effects;
 use crate::vehicle::parameters::{CarParameters, GRAVITY};
 use crate::vehicle::steering::SteeringChain;
-use crate::vehicle::unit::{AxleParts, BODY, Laden, Load, Masses, PER_WHEEL, Unit};
+use crate::vehicle::unit::{AxleParts, BODY, Laden, Load, Masses, PER_WHEEL, Unit, Wheels};
 
 /// The first wheel's states; wheels are front left, front right, rear left, rear right.
 pub(super) const WHEELS: usize = BODY;
@@ -15,6 +15,7 @@ pub(super) const STATES: usize = WHEELS + 4 * PER_WHEEL;
 /// The constants of one car.
 pub(super) struct CarPlant {
     pub unit: Unit<2>,
+    pub wheels: [Wheels; 1],
     pub steering: SteeringChain,
     pub drive: DriveLine,
     /// Half the air's density times the areas, kg/m.
@@ -69,8 +70,10 @@ impl CarPlant {
         // The roll axis goes through both roll centres.
         let slope = (front.roll_centre_height - rear.roll_centre_height) / wheelbase;
         let roll_axis = |x: f64| rear.roll_centre_height + slope * (x - x_rear);
+        let unit = Unit::new(&laden, &[front_parts, rear_parts], effects, roll_axis);
         Ok(Self {
-            unit: Unit::new(&laden, &[front_parts, rear_parts], effects, roll_axis),
+            wheels: [Wheels::new(unit.axles.each_ref())],
+            unit,
             steering: SteeringChain::new(&car.steering, effects),
             drive: DriveLine {
                 lag: car.drive.lag + effects.drive_lag,

@@ -45,6 +45,7 @@ impl Pin {
     }
 
     /// Shift to the left by the body's roll, m.
+    #[inline]
     pub fn offset(&self, body: &[f64; BODY]) -> f64 {
         self.sway * body[ROLL]
     }
@@ -56,16 +57,19 @@ impl Pin {
     }
 
     /// Velocity of the hitch in axes of the unit, m/s, less that of the unit's CG.
+    #[inline]
     pub fn relative_velocity(&self, body: &[f64; BODY]) -> [f64; 2] {
         [-self.offset(body) * body[YAW_RATE], self.x * body[YAW_RATE] + self.sway * body[ROLL_RATE]]
     }
 
     /// Height of the hitch over rest, m, and its rate, m/s.
+    #[inline]
     fn lift(&self, body: &[f64; BODY]) -> (f64, f64) {
         (body[HEAVE] - self.x_body * body[PITCH], body[HEAVE_RATE] - self.x_body * body[PITCH_RATE])
     }
 
     /// What of the hitch's acceleration comes from accelerations of the unit.
+    #[inline]
     fn linear(&self, offset: f64, accel: &Acceleration) -> [f64; 2] {
         [
             accel.specific_x - offset * accel.yaw,
@@ -74,6 +78,7 @@ impl Pin {
     }
 
     /// The hitch's acceleration, m/s2.
+    #[inline]
     fn acceleration(&self, body: &[f64; BODY], accel: &Acceleration, gravity: &Gravity) -> [f64; 2] {
         let (offset, r) = (self.offset(body), body[YAW_RATE]);
         let [x, y] = self.linear(offset, accel);
@@ -84,6 +89,7 @@ impl Pin {
     }
 
     /// What a force in the hitch in axes of the unit, N, does to it.
+    #[inline]
     pub fn push(&self, body: &[f64; BODY], [fx, fy]: [f64; 2]) -> Push {
         Push {
             longitudinal: fx,
@@ -94,12 +100,14 @@ impl Pin {
     }
 
     /// Acceleration of the hitch for a force of 1 N along either axis, by columns.
+    #[inline]
     fn compliance<const A: usize>(&self, unit: &Unit<A>, body: &[f64; BODY]) -> [[f64; 2]; 2] {
         [[1.0, 0.0], [0.0, 1.0]]
             .map(|force| self.linear(self.offset(body), &unit.acceleration(&self.push(body, force))))
     }
 
     /// Moment about the body's y axis, N m, of a force in the hitch: longitudinal, and vertical beyond that at rest.
+    #[inline]
     pub fn pitching(&self, fx: f64, fz: f64) -> f64 {
         self.over * fx - self.x_body * fz
     }
@@ -136,11 +144,13 @@ pub(super) struct HitchFlow {
 }
 
 /// From axes of the tractor to those of the semi-trailer, by the sine and cosine of the articulation.
+#[inline]
 pub(super) fn to_trailer([x, y]: [f64; 2], (sin, cos): (f64, f64)) -> [f64; 2] {
     [cos * x - sin * y, sin * x + cos * y]
 }
 
 /// And back.
+#[inline]
 fn to_tractor(vector: [f64; 2], (sin, cos): (f64, f64)) -> [f64; 2] {
     to_trailer(vector, (-sin, cos))
 }
@@ -175,6 +185,7 @@ impl HitchPlant {
     }
 
     /// Velocity of the semi-trailer's CG in its axes, from all else, m/s.
+    #[inline]
     pub fn trailer_velocity(
         &self,
         tractor: &[f64; BODY],
@@ -188,6 +199,7 @@ impl HitchPlant {
     }
 
     /// Springs and friction of the hitch.
+    #[inline]
     pub fn flow(&self, [tractor, trailer]: Bodies, (sin, cos): (f64, f64), wind_up: f64) -> HitchFlow {
         let (low, high) = (self.pins[0].lift(tractor), self.pins[1].lift(trailer));
         let more = self.vertical_stiffness * (low.0 - high.0) + self.vertical_damping * (low.1 - high.1);
@@ -206,6 +218,7 @@ impl HitchPlant {
     }
 
     /// Adds what springs and friction do in the plane and in roll to the pushes of both units.
+    #[inline]
     pub fn add(
         &self,
         flow: &HitchFlow,
@@ -222,6 +235,7 @@ impl HitchPlant {
     }
 
     /// The force in the plane that holds the units together: on the tractor, in its axes, N.
+    #[inline]
     pub fn force(
         &self,
         (tractor, trailer): (&Unit<2>, &Unit<1>),

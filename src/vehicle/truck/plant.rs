@@ -7,7 +7,7 @@ use crate::vehicle::effects::TruckEffects;
 use crate::vehicle::parameters::{Axle, Body, Tyre};
 use crate::vehicle::steering::SteeringChain;
 use crate::vehicle::truck_parameters::{RestLoads, TruckParameters};
-use crate::vehicle::unit::{AxleParts, BODY, Laden, Load, Masses, PER_WHEEL, Unit};
+use crate::vehicle::unit::{AxleParts, BODY, Laden, Load, Masses, PER_WHEEL, Unit, Wheels};
 
 /// Where the semi-trailer's states begin: those of a body from its yaw on, without velocities in the plane.
 pub(super) const TRAILER: usize = BODY;
@@ -24,6 +24,8 @@ pub(super) const STATES: usize = WHEELS + 6 * PER_WHEEL;
 pub(super) struct TruckPlant {
     pub tractor: Unit<2>,
     pub trailer: Unit<1>,
+    /// Of the tractor, of the semi-trailer.
+    pub wheels: [Wheels; 2],
     pub hitch: HitchPlant,
     pub steering: SteeringChain,
     pub drive: DriveLine,
@@ -107,6 +109,7 @@ impl TruckPlant {
         let air = &truck.air;
         Ok(Self {
             hitch: HitchPlant::new(&truck.hitch, pins, loads.hitch, friction, inertias),
+            wheels: [Wheels::new(tractor.axles.each_ref()), Wheels::new([&trailer.axles[0]; 2])],
             tractor,
             trailer,
             steering: SteeringChain::new(&truck.steering, common),

@@ -13,12 +13,17 @@ pub(super) enum Missing {
 
 macro_rules! coefficients {
     ($($(#[$doc:meta])* $field:ident $key:literal $missing:expr;)*) => {
-        /// Coefficients of one tyre. Fields are the keys of a `.tir` file in lower case; see Pacejka for each.
+        /// Coefficients of one tyre, or of several side by side. Fields are the keys of a `.tir` file in lower case; see Pacejka for each.
         #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
         #[allow(missing_docs)]
-        pub struct Coefficients { $($(#[$doc])* pub $field: f64,)* }
+        pub struct Coefficients<T = f64> { $($(#[$doc])* pub $field: T,)* }
 
         impl Coefficients {
+            /// Those of several tyres, side by side.
+            pub(in crate::vehicle) fn beside<const N: usize>(tyres: [&Self; N]) -> Coefficients<[f64; N]> {
+                Coefficients { $($field: tyres.map(|tyre| tyre.$field),)* }
+            }
+
             /// Makes the coefficients from a look-up by key.
             ///
             /// # Errors

@@ -1,170 +1,162 @@
-//! The Magic Formula 5.2: forces and moments of one wheel in its contact patch.
+//! The Magic Formula 5.2: forces and moments in the contact patch, of one wheel or of several side by side.
 
 use super::coefficients::Coefficients;
-use crate::vehicle::trigonometry::{Of, atan, each, sin_or_cos};
+use crate::lanes::Lanes;
+use crate::vehicle::trigonometry::{atan_of, cos_of, sin_of};
 
 /// How a tyre meets the road. The default is a wheel in the air.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Contact {
+pub struct Contact<T = f64> {
     /// Longitudinal slip `(omega R - Vx) / |Vx|`, positive when driving.
-    pub kappa: f64,
+    pub kappa: T,
     /// Slip angle `atan(Vsy / |Vx|)` in rad, positive when the contact patch slips to the left.
-    pub alpha: f64,
+    pub alpha: T,
     /// Inclination to the road in rad, positive with the wheel's top to the right.
-    pub gamma: f64,
+    pub gamma: T,
     /// Load in N.
-    pub load: f64,
+    pub load: T,
     /// Factor on the road's friction; 1 as the tyre was measured.
-    pub friction: f64,
+    pub friction: T,
 }
 
 /// Forces on the wheel in the contact patch, ISO axes of the wheel.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct TyreForces {
+pub struct TyreForces<T = f64> {
     /// Longitudinal force, N.
-    pub fx: f64,
+    pub fx: T,
     /// Lateral force, N.
-    pub fy: f64,
+    pub fy: T,
     /// Overturning moment, N m.
-    pub mx: f64,
+    pub mx: T,
     /// Self-aligning moment, N m.
-    pub mz: f64,
+    pub mz: T,
 }
 
+/// Slip angle beyond which its tangent grows no more, rad.
+const GREATEST_ANGLE: f64 = 1.5;
 /// Loads under this carry no force: the wheel has left the road.
 const LIFTED: f64 = 1e-3;
 
-/// The arguments of `sin(C atan(B x - E (B x - atan(B x))))`, or of its cosine.
-#[derive(Clone, Copy, Default)]
-struct Curve {
-    x: f64,
-    b: f64,
-    c: f64,
-    e: f64,
+/// Takes coefficients out of memory.
+macro_rules! take {
+    ($tyre:expr; $($name:ident)*) => { $(let $name = L::load(&$tyre.$name);)* };
 }
 
-impl Curve {
-    /// Sine or cosine of several curves at once.
+/// The arguments of `sin(C atan(B x - E (B x - atan(B x))))`, or of its cosine.
+#[derive(Clone, Copy)]
+struct Curve<L> {
+    x: L,
+    b: L,
+    c: L,
+    e: L,
+}
+
+impl<L: Lanes> Curve<L> {
+    /// `C atan(...)`.
     #[inline(always)]
-    fn values<const N: usize>(of: Of, curves: [Self; N]) -> [f64; N] {
-        let bx: [f64; N] = each(|i| curves[i].b * curves[i].x);
-        let inner = if curves.iter().all(|curve| curve.e == 0.0) {
+    fn angle(self) -> L {
+        let bx = self.b * self.x;
+        let inner = if self.e.is_zero() {
             bx
         } else {
-            let atan: [f64; N] = atan(bx);
-            each(|i| {
-                let e = curves[i].e;
-                if e == 0.0 { bx[i] } else { bx[i] - e * (bx[i] - atan[i]) }
-            })
+            let bent = bx - self.e * (bx - atan_of(bx));
+            // Without a factor an infinite argument stays it.
+            L::choose(self.e.equals(L::splat(0.0)), bx, bent)
         };
-        let outer = atan(inner);
-        sin_or_cos::<N>([of; N], each(|i| curves[i].c * outer[i]))
+        self.c * atan_of(inner)
     }
 
-    #[inline]
-    fn cos(self) -> f64 {
-        let [cos] = Self::values(Of::Cos, [self]);
-        cos
+    #[inline(always)]
+    fn sin(self) -> L {
+        sin_of(self.angle())
+    }
+
+    #[inline(always)]
+    fn cos(self) -> L {
+        cos_of(self.angle())
     }
 }
 
 /// `cos(atan(x))` without a call to either.
-#[inline]
-fn cos_atan(x: f64) -> f64 {
-    1.0 / (1.0 + x * x).sqrt()
+#[inline(always)]
+fn cos_atan<L: Lanes>(x: L) -> L {
+    let one = L::splat(1.0);
+    one / (one + x * x).sqrt()
 }
 
 /// `sin(2 atan(x))` without a call to either.
-#[inline]
-fn sin_2atan(x: f64) -> f64 {
-    2.0 * x / (1.0 + x * x)
+#[inline(always)]
+fn sin_2atan<L: Lanes>(x: L) -> L {
+    L::splat(2.0) * x / (L::splat(1.0) + x * x)
 }
 
-/// The sign of `x`, 0 at 0.
-#[inline]
-fn sign(x: f64) -> f64 {
-    if x > 0.0 {
-        1.0
-    } else if x < 0.0 {
-        -1.0
-    } else {
-        0.0
-    }
+/// `exp(factor x)`; 1 without a factor, as most tyres have none.
+#[inline(always)]
+fn growth<L: Lanes>(factor: L, x: L) -> L {
+    if factor.is_zero() { L::splat(1.0) } else { (factor * x).each(f64::exp) }
 }
 
 /// Pure longitudinal slip but for the sine of its curve.
-#[derive(Clone, Copy, Default)]
-struct Longitudinal {
-    curve: Curve,
-    peak: f64,
-    stiffness: f64,
-    shift_v: f64,
+#[derive(Clone, Copy)]
+struct Longitudinal<L> {
+    curve: Curve<L>,
+    peak: L,
+    stiffness: L,
+    shift_v: L,
 }
 
 /// Pure lateral slip but for the sine of its curve: what forces and moment need of it.
-#[derive(Clone, Copy, Default)]
-struct Lateral {
-    curve: Curve,
-    peak: f64,
-    friction: f64,
-    stiffness: f64,
-    b_times_c: f64,
-    shift_h: f64,
-    shift_v: f64,
+#[derive(Clone, Copy)]
+struct Lateral<L> {
+    curve: Curve<L>,
+    peak: L,
+    friction: L,
+    stiffness: L,
+    b_times_c: L,
+    shift_h: L,
+    shift_v: L,
 }
 
-/// One wheel before its curves are known.
-#[derive(Clone, Copy, Default)]
-struct Wheel {
-    contact: Contact,
+/// A wheel before its curves are known.
+#[derive(Clone, Copy)]
+struct Wheel<L> {
+    contact: Contact<L>,
     /// The load at which the formula is taken, its factor and its relative deviation.
-    load: f64,
-    factor: f64,
-    dfz: f64,
-    longitudinal: Longitudinal,
-    lateral: Lateral,
+    load: L,
+    factor: L,
+    dfz: L,
+    longitudinal: Longitudinal<L>,
+    lateral: Lateral<L>,
 }
 
 /// Forces in the plane of the road; `induced` is the lateral force that longitudinal slip induces.
-#[derive(Clone, Copy, Default)]
-struct Planar {
-    fx: f64,
-    fy: f64,
-    induced: f64,
+#[derive(Clone, Copy)]
+struct Planar<L> {
+    fx: L,
+    fy: L,
+    induced: L,
 }
 
 /// `sign(alpha) sqrt(tan^2(alpha) + slip^2)`: the tangent of the slip angle that acts on trail and residual moment.
 #[inline(always)]
-fn equivalent<const N: usize>(alpha: [f64; N], slip: [f64; N]) -> [f64; N] {
-    let within: [f64; N] = each(|i| alpha[i].clamp(-1.5, 1.5));
-    let (sin, cos): ([f64; N], [f64; N]) =
-        (sin_or_cos([Of::Sin; N], within), sin_or_cos([Of::Cos; N], within));
-    each(|i| {
-        let t = sin[i] / cos[i];
-        sign(alpha[i]) * (t * t + slip[i] * slip[i]).sqrt()
-    })
+fn equivalent<L: Lanes>(alpha: L, slip: L) -> L {
+    with_slip(alpha, tan(alpha), slip)
+}
+
+/// Tangent of a slip angle.
+#[inline(always)]
+fn tan<L: Lanes>(alpha: L) -> L {
+    let within = Lanes::clamp(alpha, L::splat(-GREATEST_ANGLE), L::splat(GREATEST_ANGLE));
+    sin_of(within) / cos_of(within)
+}
+
+/// The same where the tangent is known.
+#[inline(always)]
+fn with_slip<L: Lanes>(alpha: L, tangent: L, slip: L) -> L {
+    alpha.sign() * (tangent * tangent + slip * slip).sqrt()
 }
 
 impl Coefficients {
-    /// Nominal load with its scaling factor, N.
-    #[inline]
-    fn nominal(&self) -> f64 {
-        self.fz0 * self.lfzo
-    }
-
-    /// Relative deviation from the nominal load.
-    #[inline]
-    fn dfz(&self, load: f64) -> f64 {
-        (load - self.nominal()) / self.nominal()
-    }
-
-    /// The load at which the formula is taken, and the factor from its force to the force at the real load:
-    /// above the file's range it is clamped, below it forces vanish in proportion to the load.
-    #[inline]
-    fn range_of_load(&self, load: f64) -> (f64, f64) {
-        if load < self.fzmin { (self.fzmin, load / self.fzmin) } else { (load.min(self.fzmax), 1.0) }
-    }
-
     /// Effective rolling radius at the nominal load, m.
     #[must_use]
     pub fn rolling_radius(&self) -> f64 {
@@ -188,315 +180,332 @@ impl Coefficients {
 
     /// Relaxation length of the lateral slip, m; 0 where the file has none.
     #[must_use]
-    #[inline]
     pub fn lateral_relaxation(&self, load: f64, gamma: f64) -> f64 {
-        if self.pty1 == 0.0 || self.pty2 == 0.0 {
-            return 0.0;
-        }
-        self.pty1
-            * sin_2atan(load / (self.pty2 * self.nominal()))
-            * (1.0 - self.pky3 * (gamma * self.lgay).abs())
-            * self.r0
-            * self.lfzo
-            * self.lsgal
+        self.relaxation_y(load, gamma)
     }
 
     /// Relaxation length of the longitudinal slip, m; 0 where the file has none.
     #[must_use]
-    #[inline]
     pub fn longitudinal_relaxation(&self, load: f64) -> f64 {
-        if self.ptx1 == 0.0 {
-            return 0.0;
-        }
-        let dfz = self.dfz(load);
-        let decay = if self.ptx3 == 0.0 { 1.0 } else { (-self.ptx3 * dfz).exp() };
-        load * (self.ptx1 + self.ptx2 * dfz) * decay * (self.r0 / self.fz0) * self.lsgkp
+        self.relaxation_x(load)
     }
 
     /// Rolling resistance moment, N m, positive, for a load in N, a longitudinal force in N and a speed in m/s.
     #[must_use]
-    #[inline]
     pub fn rolling_resistance(&self, load: f64, fx: f64, speed: f64) -> f64 {
-        let v = (speed / self.longvl).abs();
-        let share = self.qsy1 + self.qsy2 * fx / self.fz0 + self.qsy3 * v + self.qsy4 * (v * v) * (v * v);
-        self.r0 * load * share * self.lmy
-    }
-
-    #[inline]
-    fn longitudinal_stiffness(&self, load: f64, dfz: f64) -> f64 {
-        let growth = if self.pkx3 == 0.0 { 1.0 } else { (self.pkx3 * dfz).exp() };
-        load * (self.pkx1 + self.pkx2 * dfz) * growth * self.lkx
-    }
-
-    #[inline]
-    fn lateral_stiffness(&self, load: f64, gamma: f64) -> f64 {
-        let fz0 = self.nominal();
-        self.pky1
-            * fz0
-            * sin_2atan(load / (self.pky2 * fz0))
-            * self.lky
-            * (1.0 - self.pky3 * (gamma * self.lgay).abs())
-    }
-
-    #[inline(always)]
-    fn pure_longitudinal(&self, contact: &Contact, load: f64, dfz: f64) -> Longitudinal {
-        let gamma = contact.gamma * self.lgax;
-        let shift_h = (self.phx1 + self.phx2 * dfz) * self.lhx;
-        let kappa = contact.kappa + shift_h;
-        let friction = self.lmux * contact.friction;
-        let mu = (self.pdx1 + self.pdx2 * dfz) * (1.0 - self.pdx3 * gamma * gamma) * friction;
-        let (c, d) = (self.pcx1 * self.lcx, mu * load);
-        let e = (self.pex1 + self.pex2 * dfz + self.pex3 * dfz * dfz)
-            * (1.0 - self.pex4 * sign(kappa))
-            * self.lex;
-        let k = self.longitudinal_stiffness(load, dfz);
-        let shift_v = load * (self.pvx1 + self.pvx2 * dfz) * self.lvx * friction;
-        let curve = Curve { x: kappa, b: k / (c * d), c, e: e.min(1.0) };
-        Longitudinal { curve, peak: d, stiffness: k, shift_v }
-    }
-
-    #[inline(always)]
-    fn pure_lateral(&self, contact: &Contact, load: f64, dfz: f64) -> Lateral {
-        let gamma = contact.gamma * self.lgay;
-        let friction = self.lmuy * contact.friction;
-        let mu = (self.pdy1 + self.pdy2 * dfz) * (1.0 - self.pdy3 * gamma * gamma) * friction;
-        let (c, d) = (self.pcy1 * self.lcy, mu * load);
-        let k = self.lateral_stiffness(load, contact.gamma);
-        let shift_h = (self.phy1 + self.phy2 * dfz) * self.lhy + self.phy3 * gamma;
-        let shift_v = load
-            * ((self.pvy1 + self.pvy2 * dfz) * self.lvy + (self.pvy3 + self.pvy4 * dfz) * gamma)
-            * friction;
-        let alpha = contact.alpha + shift_h;
-        let e =
-            (self.pey1 + self.pey2 * dfz) * (1.0 - (self.pey3 + self.pey4 * gamma) * sign(alpha)) * self.ley;
-        let b = k / (c * d);
-        let curve = Curve { x: alpha, b, c, e: e.min(1.0) };
-        Lateral { curve, peak: d, friction: mu, stiffness: k, b_times_c: b * c, shift_h, shift_v }
+        self.resistance(load, fx, speed)
     }
 
     /// Forces and moments at steady slip. All zero for a wheel in the air. Finite for finite input.
     #[must_use]
     pub fn forces(&self, contact: &Contact) -> TyreForces {
-        let [forces] = Self::forces_of([self], &[*contact]);
-        forces
+        self.forces_at(*contact, tan(contact.alpha))
+    }
+}
+
+/// The same of several tyres side by side.
+impl<T: Copy> Coefficients<T> {
+    /// Nominal load with its scaling factor, N.
+    #[inline(always)]
+    fn nominal<L: Lanes<Stored = T>>(&self) -> L {
+        take!(self; fz0 lfzo);
+        fz0 * lfzo
     }
 
-    /// [`forces`](Self::forces) of several wheels at once, each with its tyre: much faster than one by one.
-    #[must_use]
-    pub fn forces_of<const N: usize>(tyres: [&Self; N], contacts: &[Contact; N]) -> [TyreForces; N] {
-        let wheels: [Wheel; N] = each(|i| tyres[i].wheel(&contacts[i]));
-        let sin_x: [f64; N] = Curve::values(Of::Sin, each(|i| wheels[i].longitudinal.curve));
-        let sin_y: [f64; N] = Curve::values(Of::Sin, each(|i| wheels[i].lateral.curve));
-        let pure_x: [f64; N] = each(|i| {
-            let pure = &wheels[i].longitudinal;
-            pure.peak * sin_x[i] + pure.shift_v
-        });
-        let pure_y: [f64; N] = each(|i| {
-            let pure = &wheels[i].lateral;
-            pure.peak * sin_y[i] + pure.shift_v
-        });
+    /// Relative deviation from the nominal load.
+    #[inline(always)]
+    fn dfz<L: Lanes<Stored = T>>(&self, load: L) -> L {
+        (load - self.nominal()) / self.nominal()
+    }
 
-        let (mut weight_x, mut weight_y) = ([1.0; N], [1.0; N]);
-        if tyres.iter().any(|tyre| tyre.has_weights()) {
-            let weights: [[Curve; 2]; N] = each(|i| tyres[i].weights(&wheels[i]));
-            weight_x = Curve::values::<N>(Of::Cos, each(|i| weights[i][0]));
-            weight_y = Curve::values::<N>(Of::Cos, each(|i| weights[i][1]));
-        }
-        let planar: [Planar; N] = each(|i| {
-            if tyres[i].has_weights() {
-                tyres[i].combined(&wheels[i], [pure_x[i], pure_y[i]], [weight_x[i], weight_y[i]])
-            } else {
-                tyres[i].friction_ellipse(&wheels[i], pure_x[i], pure_y[i])
-            }
-        });
-        let mz = Self::aligning_moments(tyres, &wheels, &planar);
-        each(|i| {
-            if contacts[i].load <= LIFTED {
-                return TyreForces::default();
-            }
-            let (tyre, Wheel { contact, load, factor, .. }, Planar { fx, fy, .. }) =
-                (tyres[i], wheels[i], planar[i]);
-            let mx = tyre.r0
-                * load
-                * (tyre.qsx1 * tyre.lvmx
-                    + (-tyre.qsx2 * contact.gamma + tyre.qsx3 * fy / tyre.fz0) * tyre.lmx);
-            TyreForces { fx: factor * fx, fy: factor * fy, mx: factor * mx, mz: factor * mz[i] }
-        })
+    /// The load at which the formula is taken, and the factor from its force to the force at the real load:
+    /// above the file's range it is clamped, below it forces vanish in proportion to the load.
+    #[inline(always)]
+    fn range_of_load<L: Lanes<Stored = T>>(&self, load: L) -> (L, L) {
+        take!(self; fzmin fzmax);
+        let below = load.below(fzmin);
+        (L::choose(below, fzmin, load.min(fzmax)), L::choose(below, load / fzmin, L::splat(1.0)))
+    }
+
+    /// See [`Coefficients::lateral_relaxation`].
+    #[inline(always)]
+    pub(in crate::vehicle) fn relaxation_y<L: Lanes<Stored = T>>(&self, load: L, gamma: L) -> L {
+        take!(self; pty1 pty2 pky3 lgay r0 lfzo lsgal);
+        let zero = L::splat(0.0);
+        let length = pty1
+            * sin_2atan(load / (pty2 * self.nominal()))
+            * (L::splat(1.0) - pky3 * (gamma * lgay).abs())
+            * r0
+            * lfzo
+            * lsgal;
+        L::choose(pty1.abs().min(pty2.abs()).equals(zero), zero, length)
+    }
+
+    /// See [`Coefficients::longitudinal_relaxation`].
+    #[inline(always)]
+    pub(in crate::vehicle) fn relaxation_x<L: Lanes<Stored = T>>(&self, load: L) -> L {
+        take!(self; ptx1 ptx2 ptx3 r0 fz0 lsgkp);
+        let zero = L::splat(0.0);
+        let dfz = self.dfz(load);
+        let length = load * (ptx1 + ptx2 * dfz) * growth(-ptx3, dfz) * (r0 / fz0) * lsgkp;
+        L::choose(ptx1.equals(zero), zero, length)
+    }
+
+    /// See [`Coefficients::rolling_resistance`].
+    #[inline(always)]
+    pub(in crate::vehicle) fn resistance<L: Lanes<Stored = T>>(&self, load: L, fx: L, speed: L) -> L {
+        take!(self; longvl qsy1 qsy2 qsy3 qsy4 fz0 r0 lmy);
+        let v = (speed / longvl).abs();
+        let share = qsy1 + qsy2 * fx / fz0 + qsy3 * v + qsy4 * (v * v) * (v * v);
+        r0 * load * share * lmy
+    }
+
+    #[inline(always)]
+    fn longitudinal_stiffness<L: Lanes<Stored = T>>(&self, load: L, dfz: L) -> L {
+        take!(self; pkx1 pkx2 pkx3 lkx);
+        load * (pkx1 + pkx2 * dfz) * growth(pkx3, dfz) * lkx
+    }
+
+    #[inline(always)]
+    fn lateral_stiffness<L: Lanes<Stored = T>>(&self, load: L, gamma: L) -> L {
+        take!(self; pky1 pky2 pky3 lky lgay);
+        let fz0 = self.nominal();
+        pky1 * fz0 * sin_2atan(load / (pky2 * fz0)) * lky * (L::splat(1.0) - pky3 * (gamma * lgay).abs())
+    }
+
+    #[inline(always)]
+    fn pure_longitudinal<L: Lanes<Stored = T>>(
+        &self,
+        contact: &Contact<L>,
+        load: L,
+        dfz: L,
+    ) -> Longitudinal<L> {
+        take!(self; lgax phx1 phx2 lhx lmux pdx1 pdx2 pdx3 pcx1 lcx pex1 pex2 pex3 pex4 lex pvx1 pvx2 lvx);
+        let one = L::splat(1.0);
+        let gamma = contact.gamma * lgax;
+        let shift_h = (phx1 + phx2 * dfz) * lhx;
+        let kappa = contact.kappa + shift_h;
+        let friction = lmux * contact.friction;
+        let mu = (pdx1 + pdx2 * dfz) * (one - pdx3 * gamma * gamma) * friction;
+        let (c, d) = (pcx1 * lcx, mu * load);
+        let e = (pex1 + pex2 * dfz + pex3 * dfz * dfz) * (one - pex4 * kappa.sign()) * lex;
+        let k = self.longitudinal_stiffness(load, dfz);
+        let shift_v = load * (pvx1 + pvx2 * dfz) * lvx * friction;
+        let curve = Curve { x: kappa, b: k / (c * d), c, e: e.min(one) };
+        Longitudinal { curve, peak: d, stiffness: k, shift_v }
+    }
+
+    #[inline(always)]
+    fn pure_lateral<L: Lanes<Stored = T>>(&self, contact: &Contact<L>, load: L, dfz: L) -> Lateral<L> {
+        take!(self; lgay lmuy pdy1 pdy2 pdy3 pcy1 lcy phy1 phy2 lhy phy3 pvy1 pvy2 lvy pvy3 pvy4 pey1 pey2 pey3 pey4 ley);
+        let one = L::splat(1.0);
+        let gamma = contact.gamma * lgay;
+        let friction = lmuy * contact.friction;
+        let mu = (pdy1 + pdy2 * dfz) * (one - pdy3 * gamma * gamma) * friction;
+        let (c, d) = (pcy1 * lcy, mu * load);
+        let k = self.lateral_stiffness(load, contact.gamma);
+        let shift_h = (phy1 + phy2 * dfz) * lhy + phy3 * gamma;
+        let shift_v = load * ((pvy1 + pvy2 * dfz) * lvy + (pvy3 + pvy4 * dfz) * gamma) * friction;
+        let alpha = contact.alpha + shift_h;
+        let e = (pey1 + pey2 * dfz) * (one - (pey3 + pey4 * gamma) * alpha.sign()) * ley;
+        let b = k / (c * d);
+        let curve = Curve { x: alpha, b, c, e: e.min(one) };
+        Lateral { curve, peak: d, friction: mu, stiffness: k, b_times_c: b * c, shift_h, shift_v }
+    }
+
+    /// See [`Coefficients::forces`]; with the tangent of the slip angle, up to that of [`GREATEST_ANGLE`].
+    #[inline(always)]
+    pub(in crate::vehicle) fn forces_at<L: Lanes<Stored = T>>(
+        &self,
+        contact: Contact<L>,
+        tangent: L,
+    ) -> TyreForces<L> {
+        take!(self; r0 fz0 qsx1 qsx2 qsx3 lvmx lmx);
+        let wheel = &self.wheel(&contact);
+        let Wheel { longitudinal, lateral, load, factor, .. } = wheel;
+        let pure_x = longitudinal.peak * longitudinal.curve.sin() + longitudinal.shift_v;
+        let pure_y = lateral.peak * lateral.curve.sin() + lateral.shift_v;
+        let planar = self.planar(wheel, pure_x, pure_y);
+        let Planar { fx, fy, .. } = planar;
+        let mz = self.aligning_moment(wheel, tangent, &planar);
+        let mx = r0 * *load * (qsx1 * lvmx + (-qsx2 * wheel.contact.gamma + qsx3 * fy / fz0) * lmx);
+        let zero = L::splat(0.0);
+        let lifted = contact.load.up_to(L::splat(LIFTED));
+        let on_road = |force: L| L::choose(lifted, zero, *factor * force);
+        TyreForces { fx: on_road(fx), fy: on_road(fy), mx: on_road(mx), mz: on_road(mz) }
     }
 
     /// Pure slip of a wheel.
     #[inline(always)]
-    fn wheel(&self, contact: &Contact) -> Wheel {
+    fn wheel<L: Lanes<Stored = T>>(&self, contact: &Contact<L>) -> Wheel<L> {
+        take!(self; cammin cammax);
         let (load, factor) = self.range_of_load(contact.load);
-        let contact = Contact { gamma: contact.gamma.clamp(self.cammin, self.cammax), ..*contact };
+        let contact = Contact { gamma: contact.gamma.clamp(cammin, cammax), ..*contact };
         let dfz = self.dfz(load);
         let longitudinal = self.pure_longitudinal(&contact, load, dfz);
         let lateral = self.pure_lateral(&contact, load, dfz);
         Wheel { contact, load, factor, dfz, longitudinal, lateral }
     }
 
-    /// Whether the file has the coefficients of combined slip.
-    #[inline]
-    fn has_weights(&self) -> bool {
-        self.rbx1 != 0.0 && self.rby1 != 0.0
+    /// Combined slip, by weights where the file has the coefficients of them.
+    #[inline(always)]
+    fn planar<L: Lanes<Stored = T>>(&self, wheel: &Wheel<L>, pure_x: L, pure_y: L) -> Planar<L> {
+        take!(self; rbx1 rby1);
+        let without = (rbx1 * rby1).equals(L::splat(0.0));
+        if L::all(without) {
+            return self.friction_ellipse(wheel, pure_x, pure_y);
+        }
+        let weighted = self.combined(wheel, pure_x, pure_y);
+        if L::any(without) {
+            let ellipse = self.friction_ellipse(wheel, pure_x, pure_y);
+            return Planar {
+                fx: L::choose(without, ellipse.fx, weighted.fx),
+                fy: L::choose(without, ellipse.fy, weighted.fy),
+                induced: L::choose(without, ellipse.induced, weighted.induced),
+            };
+        }
+        weighted
     }
 
     /// Combined slip: the curves whose cosines weight the longitudinal and the lateral force.
     #[inline(always)]
-    fn weights(&self, wheel: &Wheel) -> [Curve; 2] {
+    fn weights<L: Lanes<Stored = T>>(&self, wheel: &Wheel<L>) -> [Curve<L>; 2] {
+        take!(self; rbx1 rbx2 lxal rcx1 rex1 rex2 rhx1 rhy1 rhy2 rby1 rby2 rby3 lyka rcy1 rey1 rey2);
+        let one = L::splat(1.0);
         let Wheel { contact: Contact { kappa, alpha, .. }, dfz, .. } = *wheel;
         [
             Curve {
-                x: alpha + self.rhx1,
-                b: self.rbx1 * cos_atan(self.rbx2 * kappa) * self.lxal,
-                c: self.rcx1,
-                e: (self.rex1 + self.rex2 * dfz).min(1.0),
+                x: alpha + rhx1,
+                b: rbx1 * cos_atan(rbx2 * kappa) * lxal,
+                c: rcx1,
+                e: (rex1 + rex2 * dfz).min(one),
             },
             Curve {
-                x: kappa + (self.rhy1 + self.rhy2 * dfz),
-                b: self.rby1 * cos_atan(self.rby2 * (alpha - self.rby3)) * self.lyka,
-                c: self.rcy1,
-                e: (self.rey1 + self.rey2 * dfz).min(1.0),
+                x: kappa + (rhy1 + rhy2 * dfz),
+                b: rby1 * cos_atan(rby2 * (alpha - rby3)) * lyka,
+                c: rcy1,
+                e: (rey1 + rey2 * dfz).min(one),
             },
         ]
     }
 
-    /// Combined slip by weighting functions, from the pure forces and the cosines of the weights' curves.
+    /// Combined slip by weighting functions.
     #[inline(always)]
-    fn combined(&self, wheel: &Wheel, pure: [f64; 2], cosines: [f64; 2]) -> Planar {
-        let Wheel { contact, load, dfz, lateral, .. } = wheel;
+    fn combined<L: Lanes<Stored = T>>(&self, wheel: &Wheel<L>, pure_x: L, pure_y: L) -> Planar<L> {
+        take!(self; rhx1 rhy1 rhy2 rvy1 rvy2 rvy3 rvy4 rvy5 rvy6 lvyka);
+        let Wheel { contact, load, dfz, lateral, .. } = *wheel;
         let (kappa, alpha) = (contact.kappa, contact.alpha);
-        let shift = self.rhy1 + self.rhy2 * dfz;
-        let (mut weight_x, mut weight_y) = (cosines[0], cosines[1]);
-        if self.rhx1 != 0.0 {
-            weight_x /= Curve { x: self.rhx1, ..self.weights(wheel)[0] }.cos();
+        let shift = rhy1 + rhy2 * dfz;
+        let [of_x, of_y] = self.weights(wheel);
+        let (mut weight_x, mut weight_y) = (of_x.cos(), of_y.cos());
+        // Without a shift the cosine is exactly 1.
+        if !rhx1.is_zero() {
+            weight_x = weight_x / Curve { x: rhx1, ..of_x }.cos();
         }
-        if shift != 0.0 {
-            weight_y /= Curve { x: shift, ..self.weights(wheel)[1] }.cos();
+        if !shift.is_zero() {
+            weight_y = weight_y / Curve { x: shift, ..of_y }.cos();
         }
-        let induced = if self.rvy1 == 0.0 && self.rvy2 == 0.0 && self.rvy3 == 0.0 {
-            0.0
-        } else {
-            let [inner] = atan([self.rvy6 * kappa]);
-            let [sin] = sin_or_cos([Of::Sin], [self.rvy5 * inner]);
-            lateral.friction
+        let mut induced = L::splat(0.0);
+        if !(rvy1.is_zero() && rvy2.is_zero() && rvy3.is_zero()) {
+            induced = lateral.friction
                 * load
-                * (self.rvy1 + self.rvy2 * dfz + self.rvy3 * contact.gamma)
-                * cos_atan(self.rvy4 * alpha)
-                * sin
-                * self.lvyka
-        };
-        Planar { fx: pure[0] * weight_x, fy: pure[1] * weight_y + induced, induced }
+                * (rvy1 + rvy2 * dfz + rvy3 * contact.gamma)
+                * cos_atan(rvy4 * alpha)
+                * sin_of(rvy5 * atan_of(rvy6 * kappa))
+                * lvyka;
+        }
+        Planar { fx: pure_x * weight_x, fy: pure_y * weight_y + induced, induced }
     }
 
     /// Combined slip for files without combined coefficients: the friction ellipse, as `PAC2002` has it.
-    #[inline]
-    fn friction_ellipse(&self, wheel: &Wheel, fx0: f64, fy: f64) -> Planar {
-        let Wheel { contact, dfz, longitudinal, lateral, .. } = wheel;
-        let kappa = (contact.kappa + (self.phx1 + self.phx2 * dfz) * self.lhx).abs();
+    #[inline(always)]
+    fn friction_ellipse<L: Lanes<Stored = T>>(&self, wheel: &Wheel<L>, fx0: L, fy: L) -> Planar<L> {
+        take!(self; phx1 phx2 lhx);
+        let (zero, one) = (L::splat(0.0), L::splat(1.0));
+        let Wheel { contact, dfz, longitudinal, lateral, .. } = *wheel;
+        let kappa = (contact.kappa + (phx1 + phx2 * dfz) * lhx).abs();
         let angle = contact.alpha + lateral.shift_h + lateral.shift_v / lateral.stiffness;
-        let [sin] = sin_or_cos([Of::Sin], [angle]);
-        let alpha = sin.abs();
-        if kappa == 0.0 || alpha == 0.0 {
-            return Planar { fx: fx0, fy, induced: 0.0 };
-        }
+        let alpha = sin_of(angle).abs();
+        let pure = kappa.min(alpha).equals(zero);
         let fy0 = fy - lateral.shift_v;
         let slope = alpha / kappa;
         let (x, y) = (fx0 * slope / lateral.peak, fy0 / (longitudinal.peak * slope));
-        let fy = fy0 / (1.0 + y * y).sqrt() + lateral.shift_v;
-        Planar { fx: fx0 / (1.0 + x * x).sqrt(), fy, induced: 0.0 }
+        Planar {
+            fx: L::choose(pure, fx0, fx0 / (one + x * x).sqrt()),
+            fy: L::choose(pure, fy, fy0 / (one + y * y).sqrt() + lateral.shift_v),
+            induced: zero,
+        }
     }
 
-    /// Whether the file has a moment at all; most of the cost of one is saved without.
-    #[inline]
-    fn has_aligning_moment(&self) -> bool {
-        [
-            self.qdz1, self.qdz2, self.qdz6, self.qdz7, self.qdz8, self.qdz9, self.ssz1, self.ssz2,
-            self.ssz3, self.ssz4,
-        ]
-        .iter()
-        .any(|value| *value != 0.0)
+    /// Whether a file has a moment at all; most of the cost of one is saved without.
+    #[inline(always)]
+    fn has_aligning_moment<L: Lanes<Stored = T>>(&self) -> bool {
+        take!(self; qdz1 qdz2 qdz6 qdz7 qdz8 qdz9 ssz1 ssz2 ssz3 ssz4);
+        let all = [qdz1, qdz2, qdz6, qdz7, qdz8, qdz9, ssz1, ssz2, ssz3, ssz4];
+        !all.iter().all(|value| value.is_zero())
     }
 
     /// Self-aligning moments from pneumatic trail, residual torque and the arm of the longitudinal force.
     #[inline(always)]
-    fn aligning_moments<const N: usize>(
-        tyres: [&Self; N],
-        wheels: &[Wheel; N],
-        planar: &[Planar; N],
-    ) -> [f64; N] {
-        if !tyres.iter().any(|tyre| tyre.has_aligning_moment()) {
-            return [0.0; N];
+    fn aligning_moment<L: Lanes<Stored = T>>(&self, wheel: &Wheel<L>, tangent: L, planar: &Planar<L>) -> L {
+        if !self.has_aligning_moment::<L>() {
+            return L::splat(0.0);
         }
-        let slip: [f64; N] = each(|i| {
-            // Longitudinal slip acts on the trail like slip angle.
-            wheels[i].longitudinal.stiffness / wheels[i].lateral.stiffness * wheels[i].contact.kappa
-        });
-        let shifted: [f64; N] = each(|i| {
-            let (tyre, Wheel { contact, dfz, .. }) = (tyres[i], &wheels[i]);
-            let gamma = contact.gamma * tyre.lgaz;
-            contact.alpha + (tyre.qhz1 + tyre.qhz2 * dfz + (tyre.qhz3 + tyre.qhz4 * dfz) * gamma)
-        });
-        let alpha_t: [f64; N] = atan(equivalent(shifted, slip));
-        let curves: [Curve; N] = each(|i| tyres[i].trail_curve(&wheels[i], alpha_t[i]));
-        let cos: [f64; N] = Curve::values(Of::Cos, curves);
-        let cos_alpha: [f64; N] = sin_or_cos([Of::Cos; N], each(|i| wheels[i].contact.alpha));
-        each(|i| {
-            if !tyres[i].has_aligning_moment() {
-                return 0.0;
-            }
-            let (tyre, Wheel { contact, load, dfz, .. }, forces) = (tyres[i], &wheels[i], &planar[i]);
-            let gamma = contact.gamma * tyre.lgaz;
-            let dt = load
-                * (tyre.qdz1 + tyre.qdz2 * dfz)
-                * (1.0 + tyre.qdz3 * gamma + tyre.qdz4 * gamma * gamma)
-                * (tyre.r0 / tyre.fz0)
-                * tyre.ltr;
-            let trail = dt * cos[i] * cos_alpha[i];
-            let residual = tyre.residual_moment(&wheels[i], slip[i]) * cos_alpha[i];
-            let arm = (tyre.ssz1
-                + tyre.ssz2 * forces.fy / tyre.fz0
-                + (tyre.ssz3 + tyre.ssz4 * dfz) * contact.gamma)
-                * tyre.r0
-                * tyre.ls;
-            -trail * (forces.fy - forces.induced) + residual + arm * forces.fx
-        })
+        take!(self; lgaz qhz1 qhz2 qhz3 qhz4 qdz1 qdz2 qdz3 qdz4 r0 fz0 ltr ssz1 ssz2 ssz3 ssz4 ls);
+        let Wheel { contact, load, dfz, longitudinal, lateral, .. } = *wheel;
+        // Longitudinal slip acts on the trail like slip angle.
+        let slip = longitudinal.stiffness / lateral.stiffness * contact.kappa;
+        let gamma = contact.gamma * lgaz;
+        let shift = qhz1 + qhz2 * dfz + (qhz3 + qhz4 * dfz) * gamma;
+        let tangent_t = if shift.is_zero() {
+            with_slip(contact.alpha, tangent, slip)
+        } else {
+            equivalent(contact.alpha + shift, slip)
+        };
+        let alpha_t = atan_of(tangent_t);
+        let cos_alpha = cos_atan(tangent);
+        let dt = load
+            * (qdz1 + qdz2 * dfz)
+            * (L::splat(1.0) + qdz3 * gamma + qdz4 * gamma * gamma)
+            * (r0 / fz0)
+            * ltr;
+        let trail = dt * self.trail_curve(wheel, alpha_t).cos() * cos_alpha;
+        let residual = self.residual_moment(wheel, slip) * cos_alpha;
+        let arm = (ssz1 + ssz2 * planar.fy / fz0 + (ssz3 + ssz4 * dfz) * contact.gamma) * r0 * ls;
+        -trail * (planar.fy - planar.induced) + residual + arm * planar.fx
     }
 
     /// The curve whose cosine is the pneumatic trail's.
     #[inline(always)]
-    fn trail_curve(&self, wheel: &Wheel, alpha_t: f64) -> Curve {
-        let Wheel { contact, dfz, .. } = wheel;
-        let gamma = contact.gamma * self.lgaz;
-        let friction = self.lmuy * contact.friction;
-        let b = (self.qbz1 + self.qbz2 * dfz + self.qbz3 * dfz * dfz)
-            * (1.0 + self.qbz4 * gamma + self.qbz5 * gamma.abs())
-            * self.lky
+    fn trail_curve<L: Lanes<Stored = T>>(&self, wheel: &Wheel<L>, alpha_t: L) -> Curve<L> {
+        take!(self; lgaz lmuy qbz1 qbz2 qbz3 qbz4 qbz5 lky qez1 qez2 qez3 qez4 qez5 qcz1);
+        let one = L::splat(1.0);
+        let Wheel { contact, dfz, .. } = *wheel;
+        let gamma = contact.gamma * lgaz;
+        let friction = lmuy * contact.friction;
+        let b = (qbz1 + qbz2 * dfz + qbz3 * dfz * dfz) * (one + qbz4 * gamma + qbz5 * gamma.abs()) * lky
             / friction;
-        let mut e = self.qez1 + self.qez2 * dfz + self.qez3 * dfz * dfz;
-        if self.qez4 != 0.0 || self.qez5 != 0.0 {
-            let [angle] = atan([b * self.qcz1 * alpha_t]);
-            e *= 1.0 + (self.qez4 + self.qez5 * gamma) * std::f64::consts::FRAC_2_PI * angle;
+        let mut e = qez1 + qez2 * dfz + qez3 * dfz * dfz;
+        if !(qez4.is_zero() && qez5.is_zero()) {
+            let angle = atan_of(b * qcz1 * alpha_t);
+            e = e * (one + (qez4 + qez5 * gamma) * L::splat(std::f64::consts::FRAC_2_PI) * angle);
         }
-        Curve { x: alpha_t, b, c: self.qcz1, e: e.min(1.0) }
+        Curve { x: alpha_t, b, c: qcz1, e: e.min(one) }
     }
 
     /// Residual moment at zero slip angle's cosine of 1, N m.
-    #[inline]
-    fn residual_moment(&self, wheel: &Wheel, slip: f64) -> f64 {
-        if self.qdz6 == 0.0 && self.qdz7 == 0.0 && self.qdz8 == 0.0 && self.qdz9 == 0.0 {
-            return 0.0;
+    #[inline(always)]
+    fn residual_moment<L: Lanes<Stored = T>>(&self, wheel: &Wheel<L>, slip: L) -> L {
+        take!(self; qdz6 qdz7 qdz8 qdz9 lgaz lmuy qbz9 qbz10 lky lres r0);
+        if qdz6.is_zero() && qdz7.is_zero() && qdz8.is_zero() && qdz9.is_zero() {
+            return L::splat(0.0);
         }
-        let Wheel { contact, load, dfz, lateral, .. } = wheel;
-        let gamma = contact.gamma * self.lgaz;
-        let friction = self.lmuy * contact.friction;
+        let Wheel { contact, load, dfz, lateral, .. } = *wheel;
+        let gamma = contact.gamma * lgaz;
+        let friction = lmuy * contact.friction;
         let shift_f = lateral.shift_h + lateral.shift_v / lateral.stiffness;
-        let br = self.qbz9 * self.lky / friction + self.qbz10 * lateral.b_times_c;
-        let dr = load
-            * ((self.qdz6 + self.qdz7 * dfz) * self.lres + (self.qdz8 + self.qdz9 * dfz) * gamma)
-            * self.r0
-            * friction;
-        let [angle] = atan(equivalent([contact.alpha + shift_f], [slip]));
-        dr * cos_atan(br * angle)
+        let br = qbz9 * lky / friction + qbz10 * lateral.b_times_c;
+        let dr = load * ((qdz6 + qdz7 * dfz) * lres + (qdz8 + qdz9 * dfz) * gamma) * r0 * friction;
+        dr * cos_atan(br * atan_of(equivalent(contact.alpha + shift_f, slip)))
     }
 }

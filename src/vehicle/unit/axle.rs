@@ -101,7 +101,6 @@ impl Axle {
                 vx: vx * cos + vy * sin,
                 vy: vy * cos - vx * sin,
                 gamma: body[ROLL] + sign * self.camber_gain * rebound[side],
-                side: sign,
                 drive: drive * self.drive_share * self.radius,
                 brake: brake * self.brake_share * self.radius,
             }

@@ -2,6 +2,7 @@
 
 use super::axle::Axle;
 use super::body::Gravity;
+use crate::path::Path;
 use crate::vehicle::effects::Effects;
 use crate::vehicle::parameters::{self, GRAVITY, Tyre};
 use nalgebra::Matrix3;
@@ -186,10 +187,19 @@ impl<const A: usize> Unit<A> {
     }
 }
 
-/// Gravity in body axes of the road plane for a unit heading `yaw` against a road with a bank and a grade (all rad).
-pub(in crate::vehicle) fn gravity(effects: &Effects, yaw: f64, bank: f64, grade: f64) -> Gravity {
-    let grade = grade + effects.road_grade;
-    let bank = bank + effects.road_bank;
+/// Gravity in body axes of the road plane for a unit heading `yaw` (rad), at a station of the road.
+pub(in crate::vehicle) fn gravity(effects: &Effects, yaw: f64, road: Option<&Path>, station: f64) -> Gravity {
+    let Effects { road_grade, road_bank, .. } = *effects;
+    let level = Gravity { x: 0.0, y: 0.0, z: GRAVITY };
+    let (yaw, bank, grade) = match road {
+        // Nearly all roads are: no angle matters then.
+        _ if road_grade == 0.0 && road_bank == 0.0 && road.is_none_or(Path::is_level) => return level,
+        None => (0.0, road_bank, road_grade),
+        Some(road) => {
+            let here = road.at(station);
+            (yaw - here.yaw, here.bank + road_bank, here.grade + road_grade)
+        }
+    };
     let along = -GRAVITY * grade.sin();
     let across = -GRAVITY * grade.cos() * bank.sin();
     let (sin, cos) = yaw.sin_cos();

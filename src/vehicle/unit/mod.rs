@@ -37,7 +37,7 @@ pub(super) use body::{Acceleration, Gravity, Push};
 pub(super) use constants::{AxleParts, Laden, Load, Masses, Unit, gravity};
 pub(super) use dry_friction::DryFriction;
 pub use wheel::WheelOutput;
-pub(super) use wheel::{SHORTEST_RELAXATION, WheelFlow, roll};
+pub(super) use wheel::{SHORTEST_RELAXATION, WheelFlow, Wheels, roll};
 
 /// Place of the CG on the road (under the CG, on the roll axis), m.
 pub(super) const X: usize = 0;

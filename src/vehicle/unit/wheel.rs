@@ -13,7 +13,8 @@
 use super::axle::Axle;
 use super::dry_friction::DryFriction;
 use super::{DEFLECTION_X, DEFLECTION_Y, LIFT, LIFT_RATE, PER_WHEEL, SPIN, WIND_UP};
-use crate::vehicle::trigonometry::{atan, each};
+use crate::lanes::{FOUR, Lanes};
+use crate::vehicle::trigonometry::atan_of;
 use crate::vehicle::tyre::{Coefficients, Contact, TyreForces};
 
 /// Shortest relaxation length, m: that of a file without one, and of a wheel that lifts.
@@ -40,19 +41,9 @@ pub(in crate::vehicle) struct WheelMotion {
     pub vy: f64,
     /// Inclination, rad.
     pub gamma: f64,
-    /// +1 on the left, -1 on the right, where the tyre is mounted mirrored.
-    pub side: f64,
     /// Drive torque and greatest brake torque, N m.
     pub drive: f64,
     pub brake: f64,
-}
-
-/// Load and transient slip of a wheel, the lateral one by its tangent in axes of the wheel.
-#[derive(Clone, Copy, Default)]
-struct Slip {
-    load: f64,
-    kappa: f64,
-    tangent: f64,
 }
 
 /// What a wheel does at an instant.
@@ -66,28 +57,143 @@ pub(in crate::vehicle) struct WheelFlow {
     pub torque: f64,
 }
 
-/// All wheels of a vehicle at once (their arc tangents and sines are most of the work): what they do, and the rates of
-/// their spins, deflections and brakes. States of the wheels follow each other, left and right of each axle.
+/// +1 on the left, -1 on the right, where the tyre is mounted mirrored.
+const SIDES: [f64; FOUR] = [1.0, -1.0, 1.0, -1.0];
+
+/// The constants of the wheels of two axles, left and right of each.
+pub(in crate::vehicle) struct Wheels {
+    tyre: Coefficients<[f64; FOUR]>,
+    tyres: [f64; FOUR],
+    static_load: [f64; FOUR],
+    radius: [f64; FOUR],
+    inertia: [f64; FOUR],
+    relaxation: [f64; FOUR],
+}
+
+impl Wheels {
+    /// Those of two axles; a last one may stand alone, and is then named twice.
+    pub fn new([first, second]: [&Axle; 2]) -> Self {
+        let axles = [first, first, second, second];
+        Self {
+            tyre: Coefficients::beside(axles.map(|axle| &axle.tyre)),
+            tyres: axles.map(|axle| axle.tyres),
+            static_load: axles.map(|axle| axle.static_load),
+            radius: axles.map(|axle| axle.radius),
+            inertia: axles.map(|axle| axle.wheel_inertia),
+            relaxation: axles.map(|axle| axle.relaxation),
+        }
+    }
+}
+
+/// All wheels of a vehicle: what they do, and the rates of their spins, deflections and brakes. States of the wheels
+/// follow each other, left and right of each axle; `groups` are four of them each.
 #[inline(always)]
-pub(in crate::vehicle) fn roll<const W: usize>(
-    axles: [&Axle; W],
+pub(in crate::vehicle) fn roll<L: Lanes<Stored = [f64; FOUR]>, const W: usize>(
+    groups: &[Wheels],
     states: &[f64],
     motions: &[WheelMotion; W],
     friction: [f64; W],
     rates: &mut [f64],
 ) -> [WheelFlow; W] {
-    let at = |wheel: usize| wheel * PER_WHEEL..(wheel + 1) * PER_WHEEL;
-    let slips: [Slip; W] = each(|i| axles[i].slip(&states[at(i)], &motions[i], &mut rates[at(i)]));
-    let alphas: [f64; W] = atan(each(|i| slips[i].tangent));
-    let contacts: [Contact; W] = each(|i| Contact {
-        kappa: slips[i].kappa,
-        alpha: motions[i].side * alphas[i],
-        gamma: motions[i].side * motions[i].gamma,
-        load: slips[i].load / axles[i].tyres,
-        friction: friction[i],
-    });
-    let forces = Coefficients::forces_of(axles.map(|axle| &axle.tyre), &contacts);
-    each(|i| axles[i].wheel(&states[at(i)], &motions[i], &contacts[i], forces[i], &mut rates[at(i)]))
+    let mut flows = [WheelFlow::default(); W];
+    for (group, wheels) in groups.iter().enumerate() {
+        let all = FOUR * group..W.min(FOUR * (group + 1));
+        let of_states = PER_WHEEL * all.start..PER_WHEEL * all.end;
+        wheels.roll::<L>(
+            &states[of_states.clone()],
+            &motions[all.clone()],
+            &friction[all.clone()],
+            &mut rates[of_states],
+            &mut flows[all],
+        );
+    }
+    flows
+}
+
+/// Numbers of four wheels.
+#[inline(always)]
+fn gather<L: Lanes<Stored = [f64; FOUR]>>([a, b, c, d]: [usize; FOUR], of: impl Fn(usize) -> f64) -> L {
+    L::load(&[of(a), of(b), of(c), of(d)])
+}
+
+impl Wheels {
+    /// Four wheels, or two and these once more.
+    #[inline(always)]
+    fn roll<L: Lanes<Stored = [f64; FOUR]>>(
+        &self,
+        states: &[f64],
+        motions: &[WheelMotion],
+        friction: &[f64],
+        rates: &mut [f64],
+        flows: &mut [WheelFlow],
+    ) {
+        // Which wheel is in a lane.
+        let lanes = if motions.len() < FOUR { [0, 1, 0, 1] } else { [0, 1, 2, 3] };
+        let (states, _) = states.as_chunks::<PER_WHEEL>();
+        let side = L::load(&SIDES);
+        let spin: L = gather(lanes, |wheel| states[wheel][SPIN]);
+        let motion = Motion {
+            vx: gather(lanes, |wheel| motions[wheel].vx),
+            vy: gather(lanes, |wheel| motions[wheel].vy),
+            gamma: gather(lanes, |wheel| motions[wheel].gamma),
+            drive: gather(lanes, |wheel| motions[wheel].drive),
+            brake: gather(lanes, |wheel| motions[wheel].brake),
+        };
+        let lift = gather(lanes, |wheel| states[wheel][LIFT]);
+        let lift_rate = gather(lanes, |wheel| states[wheel][LIFT_RATE]);
+        let u = gather(lanes, |wheel| states[wheel][DEFLECTION_X]);
+        let v = gather(lanes, |wheel| states[wheel][DEFLECTION_Y]);
+        let slip = self.slip(self.load(lift, lift_rate), spin, [u, v], &motion);
+        let contact = Contact {
+            kappa: slip.kappa,
+            alpha: side * atan_of(slip.tangent),
+            gamma: side * motion.gamma,
+            load: slip.load / L::load(&self.tyres),
+            friction: gather(lanes, |wheel| friction[wheel]),
+        };
+        let forces = self.tyre.forces_at(contact, side * slip.tangent);
+        let wind_up = gather(lanes, |wheel| states[wheel][WIND_UP]);
+        let given = self.wheel(spin, wind_up, &motion, &contact, forces);
+
+        let (du, dv) = (slip.rates[0].store(), slip.rates[1].store());
+        let (spin_rate, wind_up_rate) = (given.rates[0].store(), given.rates[1].store());
+        let (load, torque) = (given.load.store(), given.torque.store());
+        let TyreForces { fx, fy, mx, mz } = given.forces;
+        let (fx, fy, mx, mz) = (fx.store(), fy.store(), mx.store(), mz.store());
+        let (kappa, alpha) = (contact.kappa.store(), (side * contact.alpha).store());
+        let (rates, _) = rates.as_chunks_mut::<PER_WHEEL>();
+        for (i, (flow, rates)) in flows.iter_mut().zip(rates).enumerate().take(FOUR) {
+            (rates[DEFLECTION_X], rates[DEFLECTION_Y]) = (du[i], dv[i]);
+            (rates[SPIN], rates[WIND_UP]) = (spin_rate[i], wind_up_rate[i]);
+            let forces = TyreForces { fx: fx[i], fy: fy[i], mx: mx[i], mz: mz[i] };
+            *flow = WheelFlow { load: load[i], forces, kappa: kappa[i], alpha: alpha[i], torque: torque[i] };
+        }
+    }
+}
+
+/// [`WheelMotion`]s side by side.
+struct Motion<L> {
+    vx: L,
+    vy: L,
+    gamma: L,
+    drive: L,
+    brake: L,
+}
+
+/// Load and transient slip of wheels, the lateral one by its tangent in axes of the wheel; rates of the deflections.
+struct Slip<L> {
+    load: L,
+    kappa: L,
+    tangent: L,
+    rates: [L; 2],
+}
+
+/// What wheels do; rates of spin and wind-up.
+struct Given<L> {
+    load: L,
+    forces: TyreForces<L>,
+    torque: L,
+    rates: [L; 2],
 }
 
 /// One wheel, as outputs.
@@ -121,79 +227,98 @@ impl WheelFlow {
     }
 }
 
+/// Load of wheels from their heights over rest, N; a tyre does not pull.
+#[inline(always)]
+fn load_of<T: Copy, L: Lanes<Stored = T>>(
+    tyre: &Coefficients<T>,
+    tyres: L,
+    static_load: L,
+    lift: L,
+    lift_rate: L,
+) -> L {
+    let zero = L::splat(0.0);
+    let stiffness = tyres * L::load(&tyre.vertical_stiffness) * lift;
+    let damping = tyres * L::load(&tyre.vertical_damping) * lift_rate;
+    let elastic = static_load - stiffness;
+    L::choose(elastic.up_to(zero), zero, (elastic - damping).max(zero))
+}
+
 impl Axle {
     /// Load of a wheel from its height over rest, N; a tyre does not pull.
-    #[inline]
     pub(in crate::vehicle) fn load(&self, wheel: &[f64]) -> f64 {
-        let stiffness = self.tyres * self.tyre.vertical_stiffness * wheel[LIFT];
-        let damping = self.tyres * self.tyre.vertical_damping * wheel[LIFT_RATE];
-        let elastic = self.static_load - stiffness;
-        if elastic <= 0.0 { 0.0 } else { (elastic - damping).max(0.0) }
+        load_of(&self.tyre, self.tyres, self.static_load, wheel[LIFT], wheel[LIFT_RATE])
+    }
+}
+
+impl Wheels {
+    #[inline(always)]
+    fn load<L: Lanes<Stored = [f64; FOUR]>>(&self, lift: L, lift_rate: L) -> L {
+        load_of(&self.tyre, L::load(&self.tyres), L::load(&self.static_load), lift, lift_rate)
     }
 
-    /// The slip of one wheel, and the rates of its deflections.
+    /// The slip of wheels under a load, and the rates of their deflections.
     #[inline(always)]
-    fn slip(&self, wheel: &[f64], motion: &WheelMotion, rates: &mut [f64]) -> Slip {
-        let load = self.load(wheel);
-        let spin = wheel[SPIN];
-        let slip_x = motion.vx - spin * self.radius;
-        let slip_y = motion.vy;
-        let speed = motion.vx.abs().max(slip_x.abs() / GREATEST_SLIP).max(slip_y.abs() / GREATEST_TANGENT);
-        let each = load / self.tyres;
-        let relax_x = self.tyre.longitudinal_relaxation(each).max(SHORTEST_RELAXATION);
-        let relax_y = if self.relaxation > 0.0 {
-            self.relaxation
-        } else {
-            self.tyre.lateral_relaxation(each, motion.gamma)
-        }
-        .max(SHORTEST_RELAXATION);
-        let (u, v) = (wheel[DEFLECTION_X], wheel[DEFLECTION_Y]);
-        let du = -slip_x - speed * u / relax_x;
-        let dv = slip_y - speed * v / relax_y;
-        rates[DEFLECTION_X] = du;
-        rates[DEFLECTION_Y] = dv;
-        // The tyre's own damping matters only near rest, where the deflections are springs.
-        let rest = (1.0 - speed / DAMPED_BELOW).max(0.0);
-        let damping = DAMPING_AT_REST * rest * rest;
-        Slip { load, kappa: u / relax_x + damping * du, tangent: v / relax_y + damping * dv }
-    }
-
-    /// What a wheel does with the forces on its contact, and the rates of its spin and brake; contact and forces are
-    /// those of each of its tyres.
-    #[inline(always)]
-    fn wheel(
+    fn slip<L: Lanes<Stored = [f64; FOUR]>>(
         &self,
-        wheel: &[f64],
-        motion: &WheelMotion,
-        contact: &Contact,
-        mut forces: TyreForces,
-        rates: &mut [f64],
-    ) -> WheelFlow {
-        let spin = wheel[SPIN];
-        let rolling = self.tyres
-            * self.tyre.rolling_resistance(contact.load, forces.fx, motion.vx)
-            * (spin * self.radius / ROLLING_FROM).clamp(-1.0, 1.0);
-        forces.fx *= self.tyres;
-        forces.fy *= self.tyres * motion.side;
-        forces.mx *= self.tyres * motion.side;
-        forces.mz *= self.tyres * motion.side;
-
-        let brake = self.brake(spin, wheel[WIND_UP], motion.brake);
-        let torque = motion.drive - brake.0;
-        rates[SPIN] = (torque - forces.fx * self.radius - rolling) / self.wheel_inertia;
-        rates[WIND_UP] = brake.1;
-        let load = self.tyres * contact.load;
-        WheelFlow { load, forces, kappa: contact.kappa, alpha: motion.side * contact.alpha, torque }
+        load: L,
+        spin: L,
+        [u, v]: [L; 2],
+        motion: &Motion<L>,
+    ) -> Slip<L> {
+        let number = L::splat;
+        let slip_x = motion.vx - spin * L::load(&self.radius);
+        let slip_y = motion.vy;
+        let speed = (slip_y.abs() * number(1.0 / GREATEST_TANGENT))
+            .max((slip_x.abs() * number(1.0 / GREATEST_SLIP)).max(motion.vx.abs()));
+        let each = load / L::load(&self.tyres);
+        let shortest = number(SHORTEST_RELAXATION);
+        let one = number(1.0);
+        // What depends on the load alone is known early: nothing waits for a division then.
+        let relax_x = one / self.tyre.relaxation_x(each).max(shortest);
+        let given = L::load(&self.relaxation);
+        let length = L::choose(number(0.0).below(given), given, self.tyre.relaxation_y(each, motion.gamma));
+        let relax_y = one / length.max(shortest);
+        let (kappa, tangent) = (u * relax_x, v * relax_y);
+        let du = -slip_x - speed * kappa;
+        let dv = slip_y - speed * tangent;
+        // The tyre's own damping matters only near rest, where the deflections are springs.
+        let rest = (one - speed * number(1.0 / DAMPED_BELOW)).max(number(0.0));
+        let damping = number(DAMPING_AT_REST) * rest * rest;
+        Slip { load, kappa: kappa + damping * du, tangent: tangent + damping * dv, rates: [du, dv] }
     }
 
-    /// Brake torque against the spin, and the rate of the wind-up.
-    #[inline]
-    fn brake(&self, spin: f64, wind_up: f64, capacity: f64) -> (f64, f64) {
-        DryFriction {
-            stiffness: self.wheel_inertia * BRAKE_FREQUENCY * BRAKE_FREQUENCY,
-            damping: 2.0 * BRAKE_DAMPING * BRAKE_FREQUENCY * self.wheel_inertia,
-            fastest: BRAKE_RELAXATION,
+    /// What wheels do with the forces on their contacts, and the rates of spin and brake; contact and forces are those of
+    /// each of a wheel's tyres.
+    #[inline(always)]
+    fn wheel<L: Lanes<Stored = [f64; FOUR]>>(
+        &self,
+        spin: L,
+        wind_up: L,
+        motion: &Motion<L>,
+        contact: &Contact<L>,
+        forces: TyreForces<L>,
+    ) -> Given<L> {
+        let number = L::splat;
+        let (tyres, radius, inertia) = (L::load(&self.tyres), L::load(&self.radius), L::load(&self.inertia));
+        let rolling = tyres
+            * self.tyre.resistance(contact.load, forces.fx, motion.vx)
+            * (spin * radius * number(1.0 / ROLLING_FROM)).clamp(number(-1.0), number(1.0));
+        let sided = tyres * L::load(&SIDES);
+        let forces = TyreForces {
+            fx: forces.fx * tyres,
+            fy: forces.fy * sided,
+            mx: forces.mx * sided,
+            mz: forces.mz * sided,
+        };
+        // The brake against the spin, and the rate of its wind-up.
+        let brake = DryFriction {
+            stiffness: inertia * number(BRAKE_FREQUENCY) * number(BRAKE_FREQUENCY),
+            damping: number(2.0 * BRAKE_DAMPING * BRAKE_FREQUENCY) * inertia,
+            fastest: number(BRAKE_RELAXATION),
         }
-        .torque(spin, wind_up, capacity)
+        .torque(spin, wind_up, motion.brake);
+        let torque = motion.drive - brake.0;
+        let spin_rate = (torque - forces.fx * radius - rolling) / inertia;
+        Given { load: tyres * contact.load, forces, torque, rates: [spin_rate, brake.1] }
     }
 }
