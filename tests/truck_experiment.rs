@@ -32,7 +32,7 @@ fn short() -> Roads {
         train: bend.clone(),
         pieces: vec![bend.clone()],
         shaking: road(60),
-        validation: bend.clone(),
+        validation: vec![bend.clone()],
         test: bend.clone(),
         further: vec![(Route::TruckUTurn, bend)],
     }
@@ -51,7 +51,7 @@ fn collected<'a>(name: &str, roads: &'a Roads, threads: usize) -> TruckCompariso
 fn the_comparison_runs_and_does_not_depend_on_threads() {
     let roads = short();
     let run = |comparison: &TruckComparison<'_>| {
-        let mut condition = comparison.run(&ROWS, &|_| ()).unwrap();
+        let mut condition = comparison.run(&ROWS, None, &|_| ()).unwrap();
         condition.effort.threads = 0;
         condition
     };
