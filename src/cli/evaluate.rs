@@ -65,6 +65,9 @@ pub struct EvaluateArgs {
     /// vehicle than the default one out/evaluate_VEHICLE]
     #[arg(long)]
     out: Option<PathBuf>,
+    /// Put the rows of another folder's results beside those in --out, and run nothing: what was made apart
+    #[arg(long, value_name = "FOLDER")]
+    join: Option<PathBuf>,
     /// No progress bar
     #[arg(long)]
     quiet: bool,
@@ -158,6 +161,16 @@ fn evaluate<P: Compared<S, C>, const S: usize, const C: usize>(
         let name = format!("{}{}", plant.name, if noise { "_noise" } else { "" });
         let file = out.join(format!("{name}.json"));
         let there = ResultsFile::read(&file, vehicle.name(), &effort)?;
+        if let Some(folder) = &args.join {
+            let other = ResultsFile::read(&folder.join(format!("{name}.json")), vehicle.name(), &effort)?;
+            if let (Some(there), Some(other)) = (there, other) {
+                results_file::write(&file, &there.join(&other, setting.rows)?)?;
+                say!("{name}: rows of {} put into {}", folder.display(), file.display());
+            } else {
+                say!("{name}: not in both folders; left as it is");
+            }
+            continue;
+        }
         let known: Vec<&str> = there.iter().flat_map(ResultsFile::rows).collect();
         let rows: Vec<Row> =
             rows.iter().copied().filter(|row| !known.contains(&row.name().as_str())).collect();
@@ -198,7 +211,7 @@ fn evaluate<P: Compared<S, C>, const S: usize, const C: usize>(
             None => results_file::write(&file, &results)?,
         }
     }
-    if args.sweep {
+    if args.sweep && args.join.is_none() {
         let file = out.join("sweep.json");
         if file.exists() {
             say!("sweep: there already ({}); delete the file to repeat it", file.display());

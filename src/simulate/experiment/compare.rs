@@ -246,9 +246,10 @@ impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P,
         };
         let (others, left_out): (Vec<Row>, Vec<Row>) =
             rows.iter().copied().filter(|row| *row != Row::NOMINAL).partition(|row| self.has(*row));
-        // Rows side by side, each on one thread; the slowest, at the tables' ends, first.
+        // Rows side by side, the slowest, at the tables' ends, first; each on one thread unless there are more than rows.
+        let within = (threads / others.len().max(1)).max(1);
         let others = parallel::map(threads, others.len(), |i| {
-            self.row(others[others.len() - 1 - i], Some(measure), 1, progress).map(|(result, _)| result)
+            self.row(others[others.len() - 1 - i], Some(measure), within, progress).map(|(result, _)| result)
         });
         let others = others.into_iter().rev().collect::<Result<Vec<_>, _>>()?;
         let further = P::controller(self.vehicle).vehicle.further_states();

@@ -124,6 +124,7 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
     ) -> Result<GpOf<NominalOf<P, S, C>, S>, CompareError> {
         let config = GpConfig {
             friction: nmpc.friction,
+            points: P::SETTING.gp_points,
             seed: seed as u64 + 1,
             threads: self.effort.threads,
             ..GpConfig::default()
