@@ -32,6 +32,9 @@ PLANTS = {
 }
 VEHICLES = {"car": "c_class", "truck": "truck_simulation"}
 DRIVES = {"car": 2, "truck": 1}  # for each seed
+# How models of each kind are learned from drives without noise.
+RESIDUAL = {"car": [], "truck": ["--prefilter", "0"]}
+GP = {"car": [], "truck": ["--points", "100"]}
 # Variant of the controller, and how its model is learned.
 LEARNED = {
     "RT": ("rt", []),
@@ -55,6 +58,11 @@ def program(*arguments: object) -> None:
         raise RuntimeError(f"{' '.join(command)}\n{result.stdout}{result.stderr}")
 
 
+def settings(values: dict[str, object]) -> list:
+    """Parameters as options of a command."""
+    return [text for name, value in values.items() for text in ("--set", f"{name}={value!r}")]
+
+
 class Plant:
     """A condition of the raw results: its drives to learn from, made once, and what each row drives with."""
 
@@ -70,14 +78,30 @@ class Plant:
         if not self.logs:
             # Collecting controllers have no weight on the yaw error's rate.
             values = self.effects | {"mpc.q_e2_rate": 0.0}
-            more = [text for name, value in values.items() for text in ("--set", f"{name}={value!r}")]
+            more = settings(values)
             if weaker := self.condition.get("weaker_dithers"):
                 more += ["--dither", repr(weaker[0])]
-            runs = DRIVES[self.kind]
-            out = self.folder / "collect"
-            program("collect", "--quiet", "--vehicle", self.vehicle, "--runs", runs, "--out", out, *more)
-            self.logs = [out / f"drive_{run}.csv" for run in range(1, runs + 1)]
+            self.logs = self.round("collect", more)
+            # The dither of the second round, 0 where the truck stood none.
+            if dither := next(iter(self.condition.get("again_dithers", [])), 0.0):
+                model = self.folder / "first_round.rflm"
+                self.learn("linear", model, RESIDUAL[self.kind])
+                # Dithers of all seeds' drives of the first round come before.
+                first = 1 + self.condition["effort"]["seeds"] * (DRIVES[self.kind] + 1)
+                more = ["--residual", model, "--seed", first, "--dither", repr(dither)]
+                self.logs = self.logs + self.round("again", settings(values) + more)
         return self.logs
+
+    def round(self, name: str, more: list) -> list[Path]:
+        """Drives to learn from."""
+        runs, out = DRIVES[self.kind], self.folder / name
+        program("collect", "--quiet", "--vehicle", self.vehicle, "--runs", runs, "--out", out, *more)
+        return [out / f"drive_{run}.csv" for run in range(1, runs + 1)]
+
+    def learn(self, variant: str, model: Path, options: list[str]) -> None:
+        """Learns from all logs that there are."""
+        known = ["--vehicle", self.vehicle, "--kind", variant, "--out", model]
+        program("train", *self.logs, "--quiet", *known, *options)
 
     def parameters(self, row: dict) -> dict[str, object]:
         """What the FMUs of a row are told."""
@@ -89,8 +113,8 @@ class Plant:
             variant, options = LEARNED[name]
             model = self.folder / f"{name}.rflm"
             if not model.exists():
-                known = ["--vehicle", self.vehicle, "--kind", variant, "--out", model]
-                program("train", *self.collected(), "--quiet", *known, *options)
+                self.collected()
+                self.learn(variant, model, options + (GP if variant == "gp_nmpc" else RESIDUAL)[self.kind])
             return values | {"controller.variant": variant, "controller.residual.file": str(model)}
         if name in DELAYS:
             found = next(found for found in self.condition["identified"] if found["row"] == name)

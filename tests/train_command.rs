@@ -116,6 +116,32 @@ fn a_log_gives_a_model_that_fits_and_drives_better() {
 }
 
 #[test]
+fn what_was_learned_collects_again() {
+    let folder = tempfile::tempdir().unwrap();
+    done(&train(folder.path(), &Table::collected(), &["--kind", "linear", "--out", "linear.rflm"]));
+    let road = road();
+    let again = |more: &[&str]| {
+        let slow = ["--set", "effect.steer_lag=0.1", "--set", "effect.steer_delay=0.06"];
+        let known = ["collect", "--quiet", "--runs", "1", "--out", "again", "--path", &road];
+        rfl(folder.path(), &[&known[..], &slow, more].concat())
+    };
+    done(&again(&["--residual", "linear.rflm"]));
+    let log = std::fs::read_to_string(folder.path().join("again/drive_1.csv")).unwrap();
+    // Tighter weights and a model that knows the delay, the same dither: nearer to the path.
+    let mean = |rows: &[Vec<String>], column: usize| {
+        let errors = rows.iter().map(|row| row[column].parse::<f64>().unwrap().abs());
+        errors.sum::<f64>() / rows.len() as f64
+    };
+    let first = Table::collected();
+    let e1 = first.place("e1");
+    let rows: Vec<Vec<String>> =
+        log.lines().skip(1).map(|line| line.split(',').map(str::to_owned).collect()).collect();
+    let (first, second) = (mean(&first.rows, e1), mean(&rows, e1));
+    assert!(second < 0.7 * first, "{second} m, in the first round {first} m");
+    assert!(refused(&again(&["--residual", "none.rflm"])).contains("none.rflm"));
+}
+
+#[test]
 fn all_kinds_are_trained_each_to_its_file() {
     let folder = tempfile::tempdir().unwrap();
     // What rfl_s cannot have is left to the others.

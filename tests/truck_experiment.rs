@@ -32,7 +32,7 @@ fn short() -> Roads {
         train: bend.clone(),
         pieces: vec![bend.clone()],
         shaking: road(60),
-        validation: bend.clone(),
+        validation: vec![bend.clone()],
         test: bend.clone(),
         further: vec![(Route::TruckUTurn, bend)],
     }
@@ -51,7 +51,7 @@ fn collected<'a>(name: &str, roads: &'a Roads, threads: usize) -> TruckCompariso
 fn the_comparison_runs_and_does_not_depend_on_threads() {
     let roads = short();
     let run = |comparison: &TruckComparison<'_>| {
-        let mut condition = comparison.run(&ROWS, &|_| ()).unwrap();
+        let mut condition = comparison.run(&ROWS, None, &|_| ()).unwrap();
         condition.effort.threads = 0;
         condition
     };
@@ -67,6 +67,10 @@ fn the_comparison_runs_and_does_not_depend_on_threads() {
     let row = |name: &str| condition.rows.iter().find(|row| row.row == name).unwrap();
     let fit = &row("linear+observer").fit[0];
     assert_eq!(fit.test.rmse.len(), TRUCK_STATES);
+    // The second round was driven, and what was learned knows the actuator: a step at the speed of the bend.
+    assert_eq!(condition.again_dithers, [0.01]);
+    let step = &fit.steps["step_at_4"];
+    assert!(step.rmse[3] < 0.2 * step.nominal_rmse[3], "{step:?}");
     let ahead = fit.test_horizon.as_ref().unwrap();
     assert!(ahead.rmse[0] < ahead.nominal_rmse[0]);
     // What knows the delay tracks better, each at its own best and where the nominal is at its edge.

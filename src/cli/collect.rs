@@ -1,9 +1,10 @@
-//! `rfl collect`: drives to learn from, made by the nominal controller in the native loop.
+//! `rfl collect`: drives to learn from, made in the native loop by the nominal controller, or by one that has learned from
+//! such drives.
 
-use super::drive::Setup;
+use super::drive::{MODELS, Setup};
 use super::progress_bar;
 use super::vehicle::{Commanded, by_kind};
-use crate::control::PredictionModelFor;
+use crate::control::{Choice, ControlVariant, PredictionModelFor, Propagation, RollOut};
 use crate::simulate::STATION;
 use clap::Args;
 use std::error::Error;
@@ -18,7 +19,12 @@ Examples:
   rfl collect                                        three drives of the training route to out/collect/
   rfl collect --vehicle my_car.toml --runs 5
   rfl collect --set effect.steer_lag=0.1 --set effect.steer_delay=0.06     a car with a slow actuator
-  rfl collect --vehicle truck_simulation --set effect.steer_lag=0.2 --set effect.steer_delay=0.3 --set speed.limit=8"
+  rfl collect --vehicle truck_simulation --set effect.steer_lag=0.2 --set effect.steer_delay=0.3 --set speed.limit=8
+
+Where the nominal MPC must be so calm that it weaves, collect again with what was learned, and learn from both:
+  rfl train out/collect/*.csv --kind linear --out out/linear.rflm
+  rfl collect --residual out/linear.rflm --out out/again
+  rfl train out/collect/*.csv out/again/*.csv"
 )]
 pub struct CollectArgs {
     /// Road to drive: a CSV file with columns x, y [default: the vehicle's training route]
@@ -33,7 +39,10 @@ pub struct CollectArgs {
     /// Number of drives, each with a dither of its own
     #[arg(long, default_value_t = 3)]
     runs: usize,
-    /// Amplitude of the dither in rad [default: 0.01; of a truck 0.005]
+    /// Learned model (from rfl train) to drive with, at the weights for driving: a second round, near the drives to come
+    #[arg(long, value_name = "FILE")]
+    residual: Option<PathBuf>,
+    /// Amplitude of the dither in rad [default: 0.01; of a truck 0.005, with --residual 0.01]
     #[arg(long)]
     dither: Option<f64>,
     /// Seed of the first drive's dither
@@ -60,16 +69,33 @@ fn collect<P: Commanded<S, C>, const S: usize, const C: usize>(
 ) -> Result<(), Box<dyn Error>> {
     std::fs::create_dir_all(&args.out).map_err(|error| format!("{}: {error}", args.out.display()))?;
     for run in 0..args.runs {
-        let mut settings: Vec<String> =
-            P::calm().into_iter().map(|(name, value)| format!("{name}={value}")).collect();
+        let mut settings: Vec<String> = match args.residual {
+            Some(_) => vec![],
+            None => P::calm().into_iter().map(|(name, value)| format!("{name}={value}")).collect(),
+        };
         settings.extend_from_slice(&args.settings);
         let mut setup =
             Setup::<P, S, C>::new(args.path.as_deref(), P::SETTING.training, &args.vehicle, &settings)?;
-        setup.controller.mpc.dither = args.dither.unwrap_or(P::SETTING.dither);
+        let again = P::SETTING.again.filter(|_| args.residual.is_some());
+        setup.controller.mpc.dither =
+            args.dither.unwrap_or_else(|| again.map_or(P::SETTING.dither, |again| again.dither));
         setup.controller.mpc.dither_seed = args.seed + run;
         let sample_time = setup.controller.mpc.sample_time;
         let bar = progress_bar("collecting", setup.path.length(), args.quiet);
-        let mut closed = setup.connect(PredictionModelFor::Nominal, sample_time)?;
+        let model = match &args.residual {
+            None => PredictionModelFor::Nominal,
+            Some(file) => {
+                let choice = Choice {
+                    variant: ControlVariant::None,
+                    file: Some(file.clone()),
+                    folder: MODELS.into(),
+                    propagation: Propagation::Propagated,
+                    roll_out: RollOut::Corrected,
+                };
+                choice.prediction_model(&setup.controller)?.1
+            }
+        };
+        let mut closed = setup.connect(model, sample_time)?;
         let drive = closed.drive(1800.0, |row| bar.set_position(row[STATION].max(0.0) as u64))?;
         bar.finish_and_clear();
         let file = args.out.join(format!("drive_{}.csv", run + 1));

@@ -1,6 +1,7 @@
 //! `rfl evaluate`: all variants on several plants: fit, tracking and time.
 
 use super::progress_bar;
+use super::results_file::{self, ResultsFile};
 use super::vehicle::{by_kind, vehicle_named};
 use crate::control::{Propagation, Residual, RollOut};
 use crate::residual::{LambdaChoice, Regressors, TrainConfig};
@@ -8,6 +9,7 @@ use crate::simulate::experiment::{
     Compared, ComparisonFor, Condition, Effort, FitMetrics, Outcome, Plant, Predictor, Roads, Row, RowFit,
     RowResult, SweepPoint, sweep,
 };
+use crate::vehicle::VehicleParameters as _;
 use clap::Args;
 use serde::Serialize;
 use std::error::Error;
@@ -22,6 +24,7 @@ use std::sync::Arc;
   rfl evaluate --plants lag_and_dead_time --noise off      one table of the comparison
   rfl evaluate                                             all of it: an hour on two cores; goes on where it stopped
   rfl evaluate --vehicle truck_simulation --noise off --sweep      the truck, with the sweep over dead time
+  rfl evaluate --plants lag --noise off --rows NMPC,GP-NMPC        two rows more, put beside those that are there
 
 Plants of a car: as_is, lag, lag_and_dead_time, payload_low_friction. Rows: MPC, RT, RTL, RF, RFL, linear,
 linear_curvature, RFL+S, RFL+S+observer, MPC+observer, NMPC, GP-NMPC, oracle.
@@ -58,10 +61,13 @@ pub struct EvaluateArgs {
     /// Threads; 0 for all there are
     #[arg(long, default_value_t = 0)]
     threads: usize,
-    /// Folder for the results; conditions that are there already are not repeated [default: out/evaluate; of another
+    /// Folder for the results; conditions and rows that are there already are not repeated [default: out/evaluate; of another
     /// vehicle than the default one out/evaluate_VEHICLE]
     #[arg(long)]
     out: Option<PathBuf>,
+    /// Put the rows of another folder's results beside those in --out, and run nothing: what was made apart
+    #[arg(long, value_name = "FOLDER")]
+    join: Option<PathBuf>,
     /// No progress bar
     #[arg(long)]
     quiet: bool,
@@ -154,7 +160,21 @@ fn evaluate<P: Compared<S, C>, const S: usize, const C: usize>(
     for (plant, noise) in conditions {
         let name = format!("{}{}", plant.name, if noise { "_noise" } else { "" });
         let file = out.join(format!("{name}.json"));
-        if file.exists() {
+        let there = ResultsFile::read(&file, vehicle.name(), &effort)?;
+        if let Some(folder) = &args.join {
+            let other = ResultsFile::read(&folder.join(format!("{name}.json")), vehicle.name(), &effort)?;
+            if let (Some(there), Some(other)) = (there, other) {
+                results_file::write(&file, &there.join(&other, setting.rows)?)?;
+                say!("{name}: rows of {} put into {}", folder.display(), file.display());
+            } else {
+                say!("{name}: not in both folders; left as it is");
+            }
+            continue;
+        }
+        let known: Vec<&str> = there.iter().flat_map(ResultsFile::rows).collect();
+        let rows: Vec<Row> =
+            rows.iter().copied().filter(|row| !known.contains(&row.name().as_str())).collect();
+        if there.is_some() && rows.is_empty() {
             say!("{name}: there already ({}); delete the file to repeat it", file.display());
             continue;
         }
@@ -163,7 +183,8 @@ fn evaluate<P: Compared<S, C>, const S: usize, const C: usize>(
         let noise = noise.then_some(setting.noise);
         let roads = Roads::new(&setting, plant)?;
         let comparison = ComparisonFor::<P, S, C>::collect(&vehicle, plant, noise, &roads, effort.clone())?;
-        let mut condition = comparison.run(&rows, &|text| {
+        let nominal = there.as_ref().and_then(|there| there.weights(Row::NOMINAL));
+        let mut condition = comparison.run(&rows, nominal, &|text| {
             bar.set_message(format!("{name}: {text}"));
             bar.inc(1);
         })?;
@@ -175,7 +196,8 @@ fn evaluate<P: Compared<S, C>, const S: usize, const C: usize>(
         }
         if plant.edge {
             bar.set_message(format!("{name}: the nominal's edge"));
-            condition.edge = Some(comparison.edge(&rows, &condition.rows[0].weights)?);
+            let best = nominal.unwrap_or_else(|| condition.rows[0].weights);
+            condition.edge = Some(comparison.edge(&rows, &best)?);
         }
         if args.ablations && noise.is_none() {
             bar.set_message(format!("{name}: ablations"));
@@ -183,9 +205,13 @@ fn evaluate<P: Compared<S, C>, const S: usize, const C: usize>(
         }
         bar.finish_and_clear();
         print(&condition);
-        write(&file, &Results { condition: &condition, ablations })?;
+        let results = Results { condition: &condition, ablations };
+        match there {
+            Some(there) => results_file::write(&file, &there.with(&results, setting.rows)?)?,
+            None => results_file::write(&file, &results)?,
+        }
     }
-    if args.sweep {
+    if args.sweep && args.join.is_none() {
         let file = out.join("sweep.json");
         if file.exists() {
             say!("sweep: there already ({}); delete the file to repeat it", file.display());
@@ -199,7 +225,7 @@ fn evaluate<P: Compared<S, C>, const S: usize, const C: usize>(
         })?;
         bar.finish_and_clear();
         print_sweep(&points);
-        write(&file, &points)?;
+        results_file::write(&file, &points)?;
     }
     Ok(())
 }
@@ -212,11 +238,6 @@ fn folder(args: &EvaluateArgs) -> PathBuf {
             if args.vehicle == crate::vehicle::BUILTIN[0] { String::new() } else { format!("_{}", stem()) };
         PathBuf::from(format!("out/evaluate{of}"))
     })
-}
-
-fn write(file: &Path, results: &impl Serialize) -> Result<(), Box<dyn Error>> {
-    let text = serde_json::to_string(results)?;
-    Ok(std::fs::write(file, text).map_err(|error| format!("{}: {error}", file.display()))?)
 }
 
 /// Times each row and keeps the logs of its drives.
@@ -247,9 +268,8 @@ fn time<P: Compared<S, C>, const S: usize, const C: usize>(
 type Change = (&'static str, TrainConfig, Propagation, RollOut);
 
 /// What is changed in turn.
-fn changes(window: usize) -> Vec<Change> {
-    let rfl_s = Predictor::RflS.training(window);
-    let base = || rfl_s.clone().unwrap_or_else(|| TrainConfig::new(crate::residual::Kind::RflS));
+fn changes(rfl_s: &TrainConfig) -> Vec<Change> {
+    let base = || rfl_s.clone();
     let with = |change: fn(&mut TrainConfig)| {
         let mut config = base();
         change(&mut config);
@@ -296,7 +316,8 @@ fn ablate<P: Compared<S, C>, const S: usize, const C: usize>(
         let RowFit { train, test, test_16_steps, .. } = fit;
         Ok(Ablation { name: name.to_string(), outcome, test, train, test_16_steps })
     };
-    changes(P::SETTING.window).into_iter().map(ablate_one).collect()
+    let rfl_s = comparison.training(Predictor::RflS);
+    rfl_s.iter().flat_map(changes).map(ablate_one).collect()
 }
 
 /// Mean and standard deviation.
@@ -308,7 +329,7 @@ fn spread(values: impl Iterator<Item = f64>) -> (f64, f64) {
     (mean, variance.sqrt())
 }
 
-/// Prints a table of outcomes; `base` is the mean error that PE is measured by.
+/// Prints a table of outcomes; `base` is the mean error that PE is measured by, not a number if there is none.
 fn print_table<'a>(title: &str, base: f64, rows: impl Iterator<Item = (&'a str, &'a [Outcome])>) {
     say!("{title:<18} {:>15} {:>8} {:>8} {:>8} {:>10}", "MAE (sd)", "RMSE", "max", "PE", "roughness");
     for (row, outcomes) in rows {
@@ -317,13 +338,13 @@ fn print_table<'a>(title: &str, base: f64, rows: impl Iterator<Item = (&'a str, 
         let lost = outcomes.iter().filter(|outcome| outcome.lost).count();
         let note =
             if lost > 0 { format!("  diverged in {lost} of {}", outcomes.len()) } else { String::new() };
+        let cut = if base.is_nan() { "-".to_owned() } else { format!("{:.1}", 100.0 * (1.0 - mae / base)) };
         say!(
-            "{row:<18} {:>8.2} ({:>4.2}) {:>8.2} {:>8.1} {:>8.1} {:>10.3}{note}",
+            "{row:<18} {:>8.2} ({:>4.2}) {:>8.2} {:>8.1} {cut:>8} {:>10.3}{note}",
             1e3 * mae,
             1e3 * sd,
             1e3 * mean(|o| o.tracking.rmse),
             1e3 * mean(|o| o.tracking.max),
-            100.0 * (1.0 - mae / base),
             mean(|o| o.steering.rate_rms),
         );
     }
@@ -341,6 +362,8 @@ fn print(condition: &Condition) {
         say!("left out, for there is no such model of it: {}", condition.left_out.join(", "));
     }
     let Some(nominal) = condition.rows.first() else { return };
+    // Rows that are put beside others come without the nominal MPC: then there is no PE.
+    let mae_of = |outcomes| if nominal.row == Row::NOMINAL.name() { mae_of(outcomes) } else { f64::NAN };
     for (place, (protocol, base)) in nominal.protocols().into_iter().enumerate() {
         let rows = condition.rows.iter().map(|row| (row.row.as_str(), row.protocols()[place].1));
         print_table(protocol, mae_of(base), rows);

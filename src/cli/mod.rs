@@ -16,6 +16,7 @@ pub mod evaluate;
 pub mod identify;
 pub mod parameters;
 pub mod path;
+mod results_file;
 pub mod train;
 mod train_gp;
 mod vehicle;

@@ -1,7 +1,8 @@
 //! The comparison on one plant, with or without noise: collect, learn, tune, drive.
 //!
-//! 1. For each seed the nominal MPC, calm and with dither, drives the training route; from that each row learns
-//!    (`learn.rs`). Rows that model the delay are identified from a recorded step (`step.rs`).
+//! 1. For each seed the nominal MPC, calm and with dither, drives the training route; the truck's is then driven again, by an
+//!    MPC that has learned one linear model from that. From these drives each row learns (`learn.rs`). Rows that model the
+//!    delay are identified from a recorded step (`step.rs`).
 //! 2. Each row searches its weights on pieces of the training route (`weights.rs`, `tune.rs`), each piece with another
 //!    seed's model and noise, the nominal MPC first: the car's others may not steer more roughly than it does at its best.
 //!    The best two that stand the training route with every seed's model, shaken by twice the noise (typical noise on
@@ -11,14 +12,15 @@
 //!
 //! Nothing of the test route is used before it is driven.
 
-use super::learn::Model;
+use super::learn::{Model, SHORT_HORIZON};
 use super::plant::Plant;
+use super::response::Response;
 use super::result::{Condition, Effort, Outcome, RowResult};
 use super::roads::Roads;
 use super::row::{Predictor, Row};
 use super::step::SteeringStep;
 use super::trial::{LOST, TrialError, TrialFor};
-use super::vehicle::{Compared, NominalOf};
+use super::vehicle::{Again, Compared, NominalOf};
 use super::weights::{Weights, search};
 use crate::control::{PredictionModelFor, Residual, VehicleParameters};
 use crate::nominal::{ERRORS, IdentifyError};
@@ -27,7 +29,7 @@ use crate::residual::gp::GpTrainError;
 use crate::residual::{DataError, DataSet, TrainError, parallel};
 use crate::simulate::{CAR_COLUMNS, DriveFor, SensorNoise, StepTimes};
 use crate::vehicle::{Car, VehicleParameters as _};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Why there is no comparison.
 #[derive(Debug, thiserror::Error)]
@@ -81,8 +83,12 @@ pub struct ComparisonFor<'a, P: Compared<S, C>, const S: usize, const C: usize> 
     pub(super) test_data: Data<P, S, C>,
     /// Amplitudes of the drives' dither, rad, if some did not stand that of the setting.
     weaker_dithers: Vec<f64>,
+    /// Those of the second round's drives, seed by seed; 0 where each amplitude lost the vehicle.
+    again_dithers: Vec<f64>,
     /// The step that delay models are identified from.
     pub(super) step: Option<SteeringStep>,
+    /// Responses to a step of the command, that learned models are measured by.
+    pub(super) responses: Vec<Response<S>>,
     /// What rows have learned, for each seed: some rows share it, and all are asked for it again.
     pub(super) learned: Mutex<Vec<Learned<P, S, C>>>,
 }
@@ -108,7 +114,9 @@ impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P,
             data: Vec::new(),
             test_data: Vec::new(),
             weaker_dithers: Vec::new(),
+            again_dithers: Vec::new(),
             step: None,
+            responses: Vec::new(),
             learned: Mutex::default(),
         };
         let parameters = P::controller(vehicle);
@@ -116,12 +124,20 @@ impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P,
             let sample_time = parameters.mpc.sample_time;
             comparison.step = Some(SteeringStep::record::<P, S, C>(vehicle, plant, sample_time)?);
         }
+        let rows = (P::SETTING.window, P::SETTING.horizon.unwrap_or(SHORT_HORIZON));
+        for &speed in P::SETTING.step_speeds {
+            let sample_time = parameters.mpc.sample_time;
+            comparison.responses.push(Response::record::<P, C>(vehicle, plant, sample_time, speed, rows)?);
+        }
         let Effort { seeds, drives, threads, .. } = comparison.effort;
         let logs = parallel::map(parallel::threads(threads), seeds * (drives + 1), |i| {
             // The last of each seed's drives is one of the test route, to measure predictions on.
             let to_learn = i % (drives + 1) < drives;
             let path = if to_learn { &comparison.roads.train } else { &comparison.roads.test };
-            comparison.drive_to_learn_from(path, i)
+            let (weights, dither) = (P::SETTING.calm, P::SETTING.dither);
+            let driven =
+                comparison.drive_to_learn_from(path, i, PredictionModelFor::Nominal, weights, dither)?;
+            driven.ok_or_else(|| CompareError::Lost { vehicle: P::KIND, plant: plant.name.to_string() })
         });
         let config = parameters.mpc.data_config();
         let nominal = parameters.vehicle.nominal();
@@ -135,25 +151,59 @@ impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P,
             comparison.data.push(DataSet::new(&logs[..drives], &nominal, config)?);
             comparison.test_data.push(DataSet::new(&logs[drives..], &nominal, config)?);
         }
+        if let Some(again) = P::SETTING.again {
+            let further = comparison.collect_again(again)?;
+            for ((first, further), data) in logs.chunks(drives + 1).zip(&further).zip(&mut comparison.data) {
+                let all: Vec<_> =
+                    first[..drives].iter().chain(further).map(DriveFor::to_learn_from).collect();
+                *data = DataSet::new(&all, &nominal, config)?;
+            }
+        }
         Ok(comparison)
     }
 
-    /// A drive by the calm nominal MPC, with the dither that it stands: half as much each time that it loses the vehicle.
-    fn drive_to_learn_from(&self, path: &Arc<Path>, i: usize) -> Result<(DriveFor<C>, f64), CompareError> {
-        let mut dither = P::SETTING.dither;
+    /// The second round: for each seed drives of the training route by an MPC with one linear model, learned from the first.
+    /// Where that one loses the vehicle at each amplitude of the dither there are none, and the first round has to do.
+    fn collect_again(&mut self, again: Again) -> Result<Vec<Vec<DriveFor<C>>>, CompareError> {
+        let Effort { seeds, drives, threads, .. } = self.effort;
+        let this = &*self;
+        let driven = parallel::map(parallel::threads(threads), seeds * drives, |i| {
+            let (model, _) = this.model(Predictor::Linear, i / drives)?;
+            let number = seeds * (drives + 1) + i;
+            this.drive_to_learn_from(&this.roads.train, number, model, again.weights, again.dither)
+        });
+        let driven = driven.into_iter().collect::<Result<Vec<_>, CompareError>>()?;
+        self.again_dithers = driven.iter().map(|drive| drive.as_ref().map_or(0.0, |drive| drive.1)).collect();
+        // What was learned from the first round alone is not what the row has.
+        self.learned.get_mut().unwrap_or_else(PoisonError::into_inner).clear();
+        let mut driven = driven.into_iter();
+        Ok((0..seeds)
+            .map(|_| driven.by_ref().take(drives).flatten().map(|drive| drive.0).collect())
+            .collect())
+    }
+
+    /// A drive with the dither that it stands: half as much each time that the vehicle is lost; none if it never stands.
+    fn drive_to_learn_from(
+        &self,
+        path: &Arc<Path>,
+        number: usize,
+        model: PredictionModelFor<NominalOf<P, S, C>, S>,
+        weights: Weights,
+        mut dither: f64,
+    ) -> Result<Option<(DriveFor<C>, f64)>, CompareError> {
         for _ in 0..DITHERS {
             let trial = TrialFor {
-                dither: Some((dither, 1 + i)),
-                noise: self.noise.map(|noise| (noise, 1000 + i as u64)),
-                ..self.trial(path, PredictionModelFor::Nominal, P::SETTING.calm, 0)
+                dither: Some((dither, 1 + number)),
+                noise: self.noise.map(|noise| (noise, 1000 + number as u64)),
+                ..self.trial(path, model.clone(), weights, 0)
             };
             let drive = trial.drive()?;
             if !drive.lost {
-                return Ok((drive, dither));
+                return Ok(Some((drive, dither)));
             }
             dither *= 0.5;
         }
-        Err(CompareError::Lost { vehicle: P::KIND, plant: self.plant.name.to_string() })
+        Ok(None)
     }
 
     pub(super) fn trial(
@@ -175,20 +225,31 @@ impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P,
         }
     }
 
-    /// Compares the rows; the nominal MPC is the first, whether asked for or not. `progress` is called from the threads
-    /// that work.
+    /// Compares the rows; the nominal MPC is the first, whether asked for or not, unless its best weights are `known`: then
+    /// it is not among them. `progress` is called from the threads that work.
     ///
     /// # Errors
     /// See [`CompareError`].
-    pub fn run(&self, rows: &[Row], progress: &(dyn Fn(&str) + Sync)) -> Result<Condition, CompareError> {
+    pub fn run(
+        &self,
+        rows: &[Row],
+        known: Option<Weights>,
+        progress: &(dyn Fn(&str) + Sync),
+    ) -> Result<Condition, CompareError> {
         let threads = parallel::threads(self.effort.threads);
-        let (nominal, limit) = self.row(Row::NOMINAL, None, threads, progress)?;
-        let measure = (nominal.weights, limit);
+        let (nominal, measure) = if let Some(weights) = known {
+            (None, (weights, self.pieces(&[PredictionModelFor::Nominal], &weights, threads)?.1))
+        } else {
+            let (nominal, roughness) = self.row(Row::NOMINAL, None, threads, progress)?;
+            let measure = (nominal.weights, roughness);
+            (Some(nominal), measure)
+        };
         let (others, left_out): (Vec<Row>, Vec<Row>) =
             rows.iter().copied().filter(|row| *row != Row::NOMINAL).partition(|row| self.has(*row));
-        // Rows side by side, each on one thread; the slowest, at the tables' ends, first.
+        // Rows side by side, the slowest, at the tables' ends, first; each on one thread unless there are more than rows.
+        let within = (threads / others.len().max(1)).max(1);
         let others = parallel::map(threads, others.len(), |i| {
-            self.row(others[others.len() - 1 - i], Some(measure), 1, progress).map(|(result, _)| result)
+            self.row(others[others.len() - 1 - i], Some(measure), within, progress).map(|(result, _)| result)
         });
         let others = others.into_iter().rev().collect::<Result<Vec<_>, _>>()?;
         let further = P::controller(self.vehicle).vehicle.further_states();
@@ -197,9 +258,10 @@ impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P,
             noise: self.noise.is_some(),
             vehicle: self.vehicle.name().to_owned(),
             effort: self.effort.clone(),
-            rows: std::iter::once(nominal).chain(others).collect(),
+            rows: nominal.into_iter().chain(others).collect(),
             left_out: left_out.into_iter().map(Row::name).collect(),
             weaker_dithers: self.weaker_dithers.clone(),
+            again_dithers: self.again_dithers.clone(),
             articulation_bound: further.first().and_then(|state| state.bound).map(|bound| bound.max),
             step: self.step.clone(),
             identified: self.identified()?,

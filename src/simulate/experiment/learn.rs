@@ -37,6 +37,16 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
         Nonlinear::of(nmpc, gp).map(PredictionModelFor::Bicycle)
     }
 
+    /// What is learned for a row on this plant, if anything.
+    #[must_use]
+    pub fn training(&self, of: Predictor) -> Option<TrainConfig> {
+        let mut config = of.training(P::SETTING.window)?;
+        if self.noise.is_none() {
+            config.prefilter = config.prefilter.min(P::SETTING.quiet_prefilter);
+        }
+        Some(config)
+    }
+
     /// Trains a residual on a seed's drives.
     ///
     /// # Errors
@@ -59,6 +69,11 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
             test: model.measure(test).into(),
             test_16_steps: steps_ahead(model, test, SHORT_HORIZON),
             test_horizon: P::SETTING.horizon.map(|steps| steps_ahead(model, test, steps)),
+            steps: self
+                .responses
+                .iter()
+                .map(|response| (format!("step_at_{}", response.speed), response.predicted_by(model)))
+                .collect(),
         }
     }
 
@@ -78,7 +93,7 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
     }
 
     fn learn(&self, of: Predictor, seed: usize) -> Result<Model<NominalOf<P, S, C>, S>, CompareError> {
-        if let Some(config) = of.training(P::SETTING.window) {
+        if let Some(config) = self.training(of) {
             let model = self.train(&config, seed)?;
             let fit = self.fit(&model, seed);
             return Ok((propagated(model), Some(fit)));
@@ -109,6 +124,7 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
     ) -> Result<GpOf<NominalOf<P, S, C>, S>, CompareError> {
         let config = GpConfig {
             friction: nmpc.friction,
+            points: P::SETTING.gp_points,
             seed: seed as u64 + 1,
             threads: self.effort.threads,
             ..GpConfig::default()

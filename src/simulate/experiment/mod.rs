@@ -12,6 +12,7 @@
 //! | `tune.rs` | how good weights are |
 //! | `trial.rs` | one drive |
 //! | `fit.rs` | errors of predictions, one step and a horizon ahead |
+//! | `response.rs` | the response to a step of the command, recorded and predicted |
 //! | `compare.rs` | all of it on one plant: collect, learn, tune, drive |
 //! | `edge.rs` | the paper's setting: a nominal MPC at its edge |
 //! | `sweep.rs` | the error over the dead time |
@@ -22,6 +23,7 @@ mod edge;
 mod fit;
 mod learn;
 mod plant;
+mod response;
 mod result;
 mod roads;
 mod row;
@@ -43,5 +45,5 @@ pub use row::{CAR_ROWS, Predictor, Row, TRUCK_ROWS};
 pub use step::{Identified, SteeringStep};
 pub use sweep::{SweepPoint, SweepSetting, sweep};
 pub use trial::{LOST, Trial, TrialError, TrialFor};
-pub use vehicle::{CALM, Compared, DITHER, NominalOf, Setting, TRUCK_CALM, TRUCK_DITHER};
+pub use vehicle::{Again, CALM, Compared, DITHER, NominalOf, Setting, TRUCK_CALM, TRUCK_DITHER};
 pub use weights::{Found, Space, Weights, search};

@@ -65,6 +65,9 @@ pub struct RowFit {
     /// After a longer horizon, where the vehicle has one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub test_horizon: Option<FitMetrics>,
+    /// After a step of the command, `step_at_V` for a speed of V m/s, where the vehicle is asked.
+    #[serde(flatten)]
+    pub steps: BTreeMap<String, FitMetrics>,
 }
 
 /// One row of the comparison.
@@ -111,6 +114,9 @@ pub struct Condition {
     /// Amplitudes of the dither of the collecting drives, rad, where some did not stand the usual one.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub weaker_dithers: Vec<f64>,
+    /// Those of the second round's drives, where there is one; 0 where no amplitude was stood.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub again_dithers: Vec<f64>,
     /// Soft bound of the articulation, rad, of a vehicle that has one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub articulation_bound: Option<f64>,

@@ -15,7 +15,7 @@ pub struct Roads {
     /// Piece on which candidates are shaken.
     pub shaking: Arc<Path>,
     /// Where the best candidates are compared.
-    pub validation: Arc<Path>,
+    pub validation: Vec<Arc<Path>>,
     /// The road that the plant is measured on.
     pub test: Arc<Path>,
     /// Further ones, with their names.
@@ -39,7 +39,10 @@ impl Roads {
         Ok(Self {
             pieces: setting.pieces.iter().map(piece).collect::<Result<_, _>>()?,
             shaking: piece(&setting.shaking)?,
-            validation: setting.validation.as_ref().map_or_else(|| Ok(train.clone()), piece)?,
+            validation: match setting.validation {
+                [] => vec![train.clone()],
+                pieces => pieces.iter().map(piece).collect::<Result<_, _>>()?,
+            },
             train,
             test: Arc::new(plant.test.path()?),
             further: setting.further.iter().map(further).collect::<Result<_, PathError>>()?,

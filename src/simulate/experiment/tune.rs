@@ -12,8 +12,6 @@ use std::sync::Arc;
 
 /// Candidates of a search that are compared on a longer road.
 const VALIDATED: usize = 2;
-/// The seed whose model compares them: another than those that the pieces were driven with.
-const VALIDATING: usize = 2;
 /// What steering more roughly than is allowed costs at least, m.
 const COST_OF_ROUGHNESS: f64 = 100.0;
 /// The seed whose model is shaken.
@@ -79,14 +77,35 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
         Ok((error / length, (rates / count).sqrt()))
     }
 
-    /// The better, on the road for validation, of the two best candidates that stand it shaken with every seed's model;
+    /// The better, on the roads for validation, of the two best candidates that stand them shaken with every seed's model;
     /// the best candidate if none does.
     pub(super) fn validate(&self, models: &Models<P, S, C>, found: &Found) -> Result<Weights, CompareError> {
         let mut best = found.tried.clone();
         best.sort_by(|a, b| a.1.total_cmp(&b.1));
         best.dedup();
-        let error = |weights: &Weights, noise: Option<SensorNoise>, seed: usize| {
-            self.candidate(&self.roads.validation, models, weights, noise, seed).map(|(_, error)| error)
+        let roads = &self.roads.validation;
+        let error = |weights: &Weights, road: &Arc<Path>, noise: Option<SensorNoise>, seed: usize| {
+            self.candidate(road, models, weights, noise, seed).map(|(_, error)| error)
+        };
+        let stands = |weights: &Weights| -> Result<bool, TrialError> {
+            for (seed, road) in (0..models.len()).flat_map(|seed| roads.iter().map(move |road| (seed, road)))
+            {
+                if error(weights, road, Some(self.shaking()), seed)? >= COST_OF_LOSS {
+                    return Ok(false);
+                }
+            }
+            Ok(true)
+        };
+        // Seeds share a model where nothing is learned, and differ in their noise only.
+        let distinct = if self.noise.is_some() { usize::MAX } else { models.len() };
+        let seeds = || P::SETTING.validating.iter().take(distinct);
+        let mean = |weights: &Weights| -> Result<f64, TrialError> {
+            let (mut sum, mut length) = (0.0, 0.0);
+            for (&seed, road) in seeds().flat_map(|seed| roads.iter().map(move |road| (seed, road))) {
+                sum += road.length() * error(weights, road, self.noise, seed)?;
+                length += road.length();
+            }
+            Ok(sum / length)
         };
         let mut standing: Vec<(f64, Weights)> = vec![];
         for (weights, _) in
@@ -95,15 +114,8 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
             if standing.len() == VALIDATED {
                 break;
             }
-            let mut stands = true;
-            for seed in 0..models.len() {
-                stands = error(weights, Some(self.shaking()), seed)? < COST_OF_LOSS;
-                if !stands {
-                    break;
-                }
-            }
-            if stands {
-                standing.push((error(weights, self.noise, VALIDATING)?, *weights));
+            if stands(weights)? {
+                standing.push((mean(weights)?, *weights));
             }
         }
         standing.sort_by(|a, b| a.0.total_cmp(&b.0));
