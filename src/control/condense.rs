@@ -238,8 +238,15 @@ impl<const S: usize> Work for Advance<'_, S> {
             let mut next = times(a, &x);
             let begin = block * BLOCK;
             // What the effects of a block have more; the last block may reach beyond.
-            let of = |k: usize| (begin + k).checked_sub(first).and_then(|k| more.get(k)).unwrap_or(&nothing);
-            let [b, c, d, e] = [of(0), of(1), of(2), of(3)];
+            let whole = begin.checked_sub(first).and_then(|from| more.get(from..)?.first_chunk::<BLOCK>());
+            let mut part = [nothing; BLOCK];
+            if whole.is_none() {
+                for k in begin.max(first)..count.min(begin + BLOCK) {
+                    part[k - begin] = more[k - first];
+                }
+            }
+            let [b, c, d, e] = whole.unwrap_or(&part);
+            let [b, c, d, e] = [&b.data.0[0], &c.data.0[0], &d.data.0[0], &e.data.0[0]];
             for i in 0..S {
                 next[i] = next[i] + L::load(&[b[i], c[i], d[i], e[i]]);
                 blocks[i * stride + block] = next[i].store();
@@ -331,4 +338,43 @@ pub(super) fn condense_settled<A: Transition<X>, X: HorizonState>(
         }
     }
     affine.effects = effects;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lanes::compute_portably;
+    use crate::residual::Random;
+
+    #[test]
+    fn effects_move_on_by_the_same_bits_on_every_processor_and_as_they_do_singly() {
+        let mut random = Random::new(3);
+        let mut draw = || 2.0 * random.uniform() - 1.0;
+        let mut a = SMatrix::<f64, 6, 6>::from_fn(|_, _| draw());
+        a.set_column(0, &SVector::<f64, 6>::from_fn(|i, _| f64::from(u8::from(i == 0))));
+        let stride = 12;
+        for (count, have_more) in [(1, 1), (4, 4), (7, 7), (11, 5), (10, 0)] {
+            let more: Vec<_> = (0..have_more).map(|_| SVector::<f64, 6>::from_fn(|_, _| draw())).collect();
+            let before: Vec<f64> = (0..6 * stride).map(|_| draw()).collect();
+            let moved = |portably: bool| {
+                let mut effects = before.clone();
+                let work = Advance { a: &a.data.0, effects: &mut effects, stride, count, more: &more };
+                if portably {
+                    compute_portably(work)
+                } else {
+                    compute(work)
+                }
+                effects
+            };
+            let (effects, portably) = (moved(false), moved(true));
+            assert!(effects.iter().zip(&portably).all(|(a, b)| a.to_bits() == b.to_bits()));
+            for k in 0..count {
+                let mut single = a * read::<SVector<f64, 6>>(&before, stride, k);
+                if let Some(k) = (k + have_more).checked_sub(count) {
+                    single += more[k];
+                }
+                assert!((read::<SVector<f64, 6>>(&effects, stride, k) - single).norm() < 1e-14);
+            }
+        }
+    }
 }
