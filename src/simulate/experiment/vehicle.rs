@@ -249,7 +249,7 @@ impl Compared<TRUCK_STATES, TRUCK_COLUMNS> for Truck {
         further: &[Route::TruckUTurn],
         // 1.2 s: a dead time of 0.3 s and four time constants of 0.2 s.
         window: 60,
-        // A third of the time of 300, and what is missed of vy, r and phi' is 1.01, 1.02 and 1.01 times as much.
+        // What is missed of vy, r and phi' is 1.01, 1.02 and 1.01 times as much as with 300, and a drive takes 7 % less.
         gp_points: 100,
         horizon: Some(60),
         // A turn, a bend, a straight.
