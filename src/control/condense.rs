@@ -237,8 +237,10 @@ impl<const S: usize> Work for Advance<'_, S> {
                 // The last block may reach beyond, or some effects have no more.
                 None => {
                     let mut part = [SVector::zeros(); BLOCK];
-                    for k in begin.max(first)..count.min(begin + BLOCK) {
-                        part[k - begin] = more[k - first];
+                    for (k, of_effect) in (begin..).zip(&mut part) {
+                        if let Some(more) = k.checked_sub(first).and_then(|k| more.get(k)) {
+                            *of_effect = *more;
+                        }
                     }
                     advance_block::<L, S>(a, blocks, stride, block, &part);
                 }
