@@ -229,29 +229,45 @@ impl<const S: usize> Work for Advance<'_, S> {
         let blocks = effects.as_chunks_mut::<BLOCK>().0;
         let stride = stride / BLOCK;
         let first = count - more.len();
-        let nothing = SVector::<f64, S>::zeros();
         for block in 0..count.div_ceil(BLOCK) {
-            let mut x = [L::splat(0.0); S];
-            for i in 0..S {
-                x[i] = L::load(&blocks[i * stride + block]);
-            }
-            let mut next = times(a, &x);
             let begin = block * BLOCK;
-            // What the effects of a block have more; the last block may reach beyond.
             let whole = begin.checked_sub(first).and_then(|from| more.get(from..)?.first_chunk::<BLOCK>());
-            let mut part = [nothing; BLOCK];
-            if whole.is_none() {
-                for k in begin.max(first)..count.min(begin + BLOCK) {
-                    part[k - begin] = more[k - first];
+            match whole {
+                Some(more) => advance_block::<L, S>(a, blocks, stride, block, more),
+                // The last block may reach beyond, or some effects have no more.
+                None => {
+                    let mut part = [SVector::zeros(); BLOCK];
+                    for (k, of_effect) in (begin..).zip(&mut part) {
+                        if let Some(more) = k.checked_sub(first).and_then(|k| more.get(k)) {
+                            *of_effect = *more;
+                        }
+                    }
+                    advance_block::<L, S>(a, blocks, stride, block, &part);
                 }
             }
-            let [b, c, d, e] = whole.unwrap_or(&part);
-            let [b, c, d, e] = [&b.data.0[0], &c.data.0[0], &d.data.0[0], &e.data.0[0]];
-            for i in 0..S {
-                next[i] = next[i] + L::load(&[b[i], c[i], d[i], e[i]]);
-                blocks[i * stride + block] = next[i].store();
-            }
         }
+    }
+}
+
+/// Moves the effects of a block on.
+#[inline(always)]
+fn advance_block<L: Lanes<Stored = [f64; BLOCK]>, const S: usize>(
+    a: &[[f64; S]; S],
+    blocks: &mut [[f64; BLOCK]],
+    stride: usize,
+    block: usize,
+    [b, c, d, e]: &[SVector<f64, S>; BLOCK],
+) {
+    let [b, c, d, e] = [&b.data.0[0], &c.data.0[0], &d.data.0[0], &e.data.0[0]];
+    // One look whether all are there.
+    let rows = &mut blocks[block..=block + (S - 1) * stride];
+    let mut x = [L::splat(0.0); S];
+    for i in 0..S {
+        x[i] = L::load(&rows[i * stride]);
+    }
+    let next = times(a, &x);
+    for i in 0..S {
+        rows[i * stride] = (next[i] + L::load(&[b[i], c[i], d[i], e[i]])).store();
     }
 }
 
