@@ -90,10 +90,11 @@ def rate(y, steer, accel, around, p, f, flow):
 
     # Loads: at rest, and shifted by acceleration.
     ax = (drive - brake) / total
-    pin = p[_M2] * (GRAVITY * p[_DX] - ax * (p[_H2] - p[_HH])) / (p[_LX] + p[_DX])
+    # The semi-trailer's brakes take their part of its inertia; the pin has the rest.
+    pull = p[_M2] * ax + brake * p[_BT]
+    pin = (p[_M2] * (GRAVITY * p[_DX] - ax * p[_H2]) + pull * p[_HH]) / (p[_LX] + p[_DX])
     behind = p[_M2] * GRAVITY - pin
     base = p[_A] + p[_B]
-    pull = p[_M2] * ax
     front = (p[_M1] * GRAVITY * p[_B] + pin * (p[_B] - p[_HX]) - p[_M1] * ax * p[_H1] - pull * p[_HH]) / base
     rear = p[_M1] * GRAVITY + pin - front
     fx_f = -brake * p[_BF] - p[_ROLLING] * front

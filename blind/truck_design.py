@@ -57,12 +57,12 @@ def design(rng: np.random.Generator | None) -> Design:
     vertical = 950e3
     for key, which in (("f", "front"), ("r", "rear"), ("t", "trailer")):
         one, count = axle[which], t["tyres_per_side"][which]
-        p["n_" + key], p["t" + key], p["r" + key] = count, one["track"], one["roll_centre_height"]
+        p["n_" + key], p["t" + key], p["centre_" + key] = count, one["track"], one["roll_centre_height"]
         springs = 0.5 * one["spring_rate"] * one["track"] ** 2 + one["anti_roll_bar"]
         tyres = 0.5 * vertical * count * one["track"] ** 2
         # Springs, and tyres in series; the damper sees the springs' share only.
         p["springs_" + key], p["tyres_" + key] = springs, tyres
-        p["k" + key] = springs * tyres / (springs + tyres)
+        _in_series(p, key, springs, tyres)
         p["d" + key] = 0.5 * one["damping"] * one["track"] ** 2 * (tyres / (springs + tyres)) ** 2
         p["stiff_" + key] = about(tyre[which]["stiffness_scale"], 0.08)
     p["added"] = sum(2.0 * axle[which]["wheel_inertia"] for which in axle) / 0.53**2
@@ -81,6 +81,16 @@ def design(rng: np.random.Generator | None) -> Design:
     if rng is not None:
         chain |= {"dead_time": 0.004 * rng.integers(8, 15), "lag": rng.uniform(0.08, 0.15)}
     return Design("truck", TRUCK, p, chain)
+
+
+def _in_series(p: dict[str, float], key: str, springs: float, tyres: float) -> None:
+    """Roll stiffness of an axle and height of the axis about which the body rolls on it.
+
+    With side force F at the roll centre r and moment M in the springs, body and axle roll by M / springs + (M + F r) /
+    tyres: that of a body on one spring about an axis at r tyres / (springs + tyres).
+    """
+    p["k" + key] = springs * tyres / (springs + tyres)
+    p["r" + key] = p["centre_" + key] * tyres / (springs + tyres)
 
 
 def _understeer(p: dict[str, float]) -> float:
@@ -106,7 +116,7 @@ def build(design: Design, values: dict[str, float]) -> Unit:
     for key in "frt":
         springs, tyres = p["springs_" + key] * of("roll_stiffness", 1.0), p["tyres_" + key]
         springs *= of("spring_front", 1.0) if key == "f" else 1.0
-        p["k" + key] = springs * tyres / (springs + tyres)
+        _in_series(p, key, springs, tyres)
     shift, load = of("cg_shift", 0.0), of("payload", 0.0)
     if load > 0.0:
         place = of("payload_x", 0.0)

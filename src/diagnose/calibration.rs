@@ -3,7 +3,7 @@
 use super::form::Kind;
 use super::replay::Channel;
 use crate::residual::fnv;
-use crate::vehicle::Stage;
+use crate::vehicle::{Effect, Stage};
 use serde::Deserialize;
 
 const TEXT: &str = include_str!("calibration.toml");
@@ -14,9 +14,14 @@ const TEXT: &str = include_str!("calibration.toml");
 pub struct Calibration {
     /// Evidence below which nothing is named.
     pub none: f64,
-    /// The same of tyres and body.
+    /// The same of tyres and body, and of friction.
     #[serde(skip)]
     structural: f64,
+    #[serde(skip)]
+    friction: f64,
+    /// Whether a reference log has shown the errors of the model's form.
+    #[serde(skip)]
+    pub form_is_known: bool,
     alone: Alone,
     /// Evidence that a second effect must add.
     pub pair: f64,
@@ -50,6 +55,8 @@ struct Alone {
 struct Thresholds {
     /// Of tyres and body.
     structural: f64,
+    /// Of friction, which looks like another curve of the tyres.
+    friction: f64,
     other: f64,
 }
 
@@ -66,10 +73,8 @@ pub struct Form {
     ax: [f64; 4],
     /// Of the tyres' curve: shape factor, as a share, and curvature factor.
     pub tyre: [f64; 2],
-    /// Factor on all tolerances, of cars and of trucks: what another formulation makes of the same numbers.
+    /// Factor on the tolerances of tyres and body: what another formulation makes of the same numbers.
     pub wider: f64,
-    #[allow(missing_docs)]
-    pub wider_of_trucks: f64,
 }
 
 impl Form {
@@ -108,14 +113,19 @@ impl Calibration {
     pub fn of(truck: bool, reference: bool) -> Self {
         let all = Self::built_in();
         let alone = if truck { &all.alone.truck } else { &all.alone.car };
-        let [structural, none] = if reference { [all.none; 2] } else { [alone.structural, alone.other] };
-        Self { none, structural, ..all }
+        let [structural, friction, none] =
+            if reference { [all.none; 3] } else { [alone.structural, alone.friction, alone.other] };
+        Self { none, structural, friction, form_is_known: reference, ..all }
     }
 
     /// Evidence that an effect needs to be named: what the model's form can look like, tyres and body, needs most.
     #[must_use]
-    pub fn threshold(&self, stage: Option<Stage>) -> f64 {
-        if matches!(stage, Some(Stage::Tyre | Stage::Body)) { self.structural } else { self.none }
+    pub fn threshold(&self, effect: Option<&Effect>) -> f64 {
+        match effect {
+            Some(effect) if effect.id == "road_friction" => self.friction,
+            Some(effect) if matches!(effect.stage, Stage::Tyre | Stage::Body) => self.structural,
+            _ => self.none,
+        }
     }
 
     /// Its hash, hexadecimal.

@@ -27,8 +27,7 @@ const DRIFT: f64 = 0.2;
 const ENVIRONMENT: [&str; 4] = ["wind_x", "wind_y", "road_bank", "road_grade"];
 /// Tolerances of a vehicle in its reference log, besides what is named there: as many times the ordinary ones.
 const WIDE: f64 = 2.0;
-/// Candidates that are asked whether they matter, and evidence that is beyond the question.
-const LOOKED_AT: usize = 8;
+/// Evidence that is beyond the question whether an effect matters.
 const PLAIN: f64 = 100.0;
 /// Steering that is no steering: deviation in rad.
 const STRAIGHT: f64 = 1e-3;
@@ -185,7 +184,7 @@ pub fn diagnose<V: ReplayVehicle>(
         let alone = Calibration::of(V::TRUCK, false);
         posterior(&reference, &problem, &prepared_vehicle, &without, &alone, &mut prior)?;
     }
-    let ranking = ranked(&problem, prior, options.pairs, &calibration, progress)?;
+    let ranking = rank(&problem, prior, options.pairs, progress)?;
     let mut decision = decide(&problem, &ranking, &calibration);
     let suspicion = findings.iter().any(|finding| finding.gravity == Gravity::Suspicion);
     if excitation.steer < STRAIGHT && decision.kind != VerdictKind::None || suspicion {
@@ -199,7 +198,7 @@ pub fn diagnose<V: ReplayVehicle>(
     let shrink = shrink(&problem, &ranking, &winner, &slopes);
     let precision = ranking.prior.freed(&problem, &winner.freed);
     let covariance = local.covariance(&precision);
-    let effects = if decision.kind == VerdictKind::Effect {
+    let mut effects = if decision.kind == VerdictKind::Effect {
         named(&problem, &ranking, &decision, &covariance, calibration.interval)
     } else {
         Vec::new()
@@ -230,7 +229,8 @@ pub fn diagnose<V: ReplayVehicle>(
         })
         .collect();
     let series = series(&problem, &ranking.prior, &drive, &winner)?;
-    let mut effects = effects;
+    // What matters most stands first.
+    effects.sort_by(|a, b| b.dominance.total_cmp(&a.dominance));
     for effect in &mut effects {
         if let Some(next) =
             next_manoeuvre.as_ref().filter(|_| effect.class.len() > 1 && effect.separated_by.is_empty())
@@ -239,18 +239,17 @@ pub fn diagnose<V: ReplayVehicle>(
         }
     }
     findings.sort_by_key(|finding| std::cmp::Reverse(finding.gravity));
+    let stage = effects.first().map(|effect| effect.stage);
     let words = words::verdict(decision.kind, &effects, &shrink, decision.probability, &findings);
     let report = Report {
         verdict: Verdict { kind: decision.kind, probability: decision.probability, words, effects },
         candidates: candidates(&problem, &ranking, &decision, &calibration),
         places: localise::places(&problem, &ranking),
-        stage: (decision.kind == VerdictKind::Effect)
-            .then(|| winner.freed.first().and_then(|&i| problem.knobs[i].effect).map(|effect| effect.stage))
-            .flatten(),
+        stage,
         observability: observability(&problem, &ranking, &calibration),
         next_manoeuvre,
         recalibration,
-        scores: Some(Scores { margin: decision.margin, ..scores(&problem, &ranking) }),
+        scores: Some(scores(&problem, &ranking, decision.margin)),
         findings,
         inputs,
         shrink,
@@ -279,7 +278,7 @@ fn posterior<V: ReplayVehicle>(
     let mut wide = Prior::of(&own);
     let drifts = &prior.covariance * DRIFT.powi(2);
     wide.covariance *= WIDE * WIDE;
-    let ranking = ranked(&own, wide, true, calibration, &|_, _| {})?;
+    let ranking = rank(&own, wide, true, &|_, _| {})?;
     let decision = decide(&own, &ranking, calibration);
     let known = &decision.fit;
     let local = Linear::new(slopes_at(&own, &ranking, known), ranking.linear.weights.clone());
@@ -324,7 +323,7 @@ pub(super) struct Decision {
     pub margin: f64,
 }
 
-fn scores<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking) -> Scores {
+fn scores<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, margin: f64) -> Scores {
     let best = ranking.singles.first();
     let single = best.map_or(0.0, |best| ranking.none.cost - best.cost);
     let pair = match (best, ranking.pairs.first()) {
@@ -337,37 +336,13 @@ fn scores<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking) -> Scores {
         pair,
         excess: ranking.noise.excess(problem, gap),
         left: ranking.noise.remaining(problem, &ranking.neutral, gap),
-        margin: 0.0,
+        margin,
     }
 }
 
-/// Ranks all candidates, those behind the others that hold an effect too small to matter: what explains a little of the
-/// model's form hides no cause.
-fn ranked<V: ReplayVehicle>(
-    problem: &Problem<V>,
-    prior: Prior,
-    pairs: bool,
-    calibration: &Calibration,
-    progress: &(dyn Fn(&str, f64) + Sync),
-) -> Result<Ranking, NoReplay> {
-    let ranking = rank(problem, prior, pairs, progress)?;
-    let notable = |fit: &Fit, without: f64| {
-        without - fit.cost > PLAIN
-            || fit.freed.iter().all(|&i| dominance(problem, &ranking, fit, i) > calibration.dominance)
-    };
-    let behind = |fits: &[Fit], without: f64| -> Vec<Fit> {
-        let (head, tail) = fits.split_at(fits.len().min(LOOKED_AT));
-        let (kept, small): (Vec<&Fit>, Vec<&Fit>) = head.iter().partition(|fit| notable(fit, without));
-        kept.into_iter().chain(small).chain(tail).cloned().collect()
-    };
-    let singles = behind(&ranking.singles, ranking.none.cost);
-    let single = singles.first().map_or(ranking.none.cost, |best| best.cost);
-    let pairs = behind(&ranking.pairs, single);
-    Ok(Ranking { singles, pairs, ..ranking })
-}
-
+/// What is to be named. An effect too small to matter is not: what explains a little of the model's form hides no cause.
 fn decide<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, calibration: &Calibration) -> Decision {
-    let scores = scores(problem, ranking);
+    let scores = scores(problem, ranking, 0.0);
     let none = ranking.none.clone();
     let unnamed = |kind, probability, margin| Decision {
         kind,
@@ -377,72 +352,61 @@ fn decide<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, calibration
         classes: Vec::new(),
         margin,
     };
-    let worth = scores.single > PLAIN || ranking.noise.notable(problem, &ranking.neutral);
-    let needed = |i: usize| calibration.threshold(problem.knobs[i].stage());
+    let notable = ranking.noise.notable(problem, &ranking.neutral);
+    let worth = calibration.form_is_known || scores.single > PLAIN || notable;
+    let needed = |i: usize| calibration.threshold(problem.knobs[i].effect);
     let evidence = |fit: &Fit| ranking.none.cost - fit.cost;
+    let matters = |fit: &Fit, without: f64| {
+        let large = |&i: &usize| dominance(problem, ranking, fit, i) > calibration.dominance;
+        without - fit.cost > PLAIN || fit.freed.iter().all(large)
+    };
     if scores.excess > calibration.outside && scores.left > calibration.left {
         let margin = 10.0 * (scores.excess / calibration.outside - 1.0);
         return unnamed(VerdictKind::NotInLibrary, calibration.of_unknown(margin), margin);
     }
-    let Some(best) = ranking.singles.iter().find(|fit| worth && evidence(fit) > needed(fit.freed[0])) else {
+    let tells = |fit: &&Fit| evidence(fit) > needed(fit.freed[0]) && matters(fit, ranking.none.cost);
+    let Some(best) = ranking.singles.iter().find(|fit| worth && tells(fit)) else {
         let nearest =
             ranking.singles.iter().map(|fit| evidence(fit) / needed(fit.freed[0])).fold(0.0, f64::max);
         let margin = calibration.none * (1.0 - nearest).max(0.0);
         return unnamed(VerdictKind::None, calibration.of_nothing(margin), margin);
     };
-    // A second effect has to add what it would need alone; a pair without the best single effect what both would need.
-    let adds = |pair: &&Fit| {
-        let others = pair.freed.iter().filter(|i| !best.freed.contains(i));
-        let least = others.map(|&i| needed(i)).fold(calibration.pair, f64::max);
-        best.cost - pair.cost > least
-    };
-    if let Some(pair) = ranking.pairs.iter().find(adds) {
-        // Alternatives to each of the two beside the other.
-        let class_of = |of: usize| -> Vec<usize> {
-            let (own, other) = (pair.freed[of], pair.freed[1 - of]);
-            let mut class = vec![own];
-            for rival in &ranking.pairs {
-                if (rival.cost - pair.cost).abs() < calibration.class && rival.freed.contains(&other) {
-                    class.extend(rival.freed.iter().copied().filter(|i| *i != other && *i != own));
-                }
-            }
-            class.sort_unstable();
-            class.dedup();
-            class
+    // A further effect has to add what it would need alone; candidates without the best of one effect less, what all would.
+    let (mut chosen, mut without) = (best, ranking.none.cost);
+    let mut level = &ranking.singles;
+    for more in [&ranking.pairs, &ranking.threes] {
+        let adds = |fit: &&Fit| {
+            let others = fit.freed.iter().filter(|i| !chosen.freed.contains(i));
+            let least = others.map(|&i| needed(i)).fold(calibration.pair, f64::max);
+            chosen.cost - fit.cost > least && matters(fit, chosen.cost)
         };
-        let classes = vec![class_of(0), class_of(1)];
-        let inside = |fit: &Fit| fit.freed.iter().all(|i| classes.iter().flatten().any(|j| j == i));
-        let outside = ranking
-            .pairs
-            .iter()
-            .find(|rival| rival.cost > pair.cost && !inside(rival))
-            .map_or(f64::INFINITY, |rival| rival.cost);
-        let margin = (outside - pair.cost).min(best.cost - pair.cost);
-        let rival = ranking.pairs.iter().find(|rival| rival.freed != pair.freed).cloned();
-        return Decision {
-            kind: VerdictKind::Effect,
-            probability: calibration.of_effect(margin, scores.left),
-            fit: pair.clone(),
-            rival,
-            classes,
-            margin,
-        };
+        let Some(fit) = more.iter().find(adds) else { break };
+        (without, chosen, level) = (chosen.cost, fit, more);
     }
-    let class: Vec<usize> = ranking
-        .singles
+    // Alternatives to each effect beside the others.
+    let class_of = |own: usize| -> Vec<usize> {
+        let others = |fit: &&Fit| chosen.freed.iter().all(|i| *i == own || fit.freed.contains(i));
+        let near = |fit: &&Fit| (fit.cost - chosen.cost).abs() < calibration.class;
+        let rivals = level.iter().filter(others).filter(near).flat_map(|fit| fit.freed.iter().copied());
+        let mut class: Vec<usize> =
+            rivals.filter(|i| !chosen.freed.contains(i)).chain(std::iter::once(own)).collect();
+        class.sort_unstable();
+        class.dedup();
+        class
+    };
+    let classes: Vec<Vec<usize>> = chosen.freed.iter().map(|&own| class_of(own)).collect();
+    let inside = |fit: &Fit| fit.freed.iter().all(|i| classes.iter().flatten().any(|j| j == i));
+    let outside = level
         .iter()
-        .filter(|rival| (rival.cost - best.cost).abs() < calibration.class || rival.freed == best.freed)
-        .map(|rival| rival.freed[0])
-        .collect();
-    let outside =
-        ranking.singles.iter().find(|rival| rival.cost > best.cost && !class.contains(&rival.freed[0]));
-    let margin = outside.map_or(f64::INFINITY, |rival| rival.cost - best.cost).min(evidence(best));
+        .find(|rival| rival.cost > chosen.cost && !inside(rival))
+        .map_or(f64::INFINITY, |rival| rival.cost - chosen.cost);
+    let margin = outside.min(without - chosen.cost);
     Decision {
         kind: VerdictKind::Effect,
         probability: calibration.of_effect(margin, scores.left),
-        fit: best.clone(),
-        rival: ranking.singles.iter().find(|rival| rival.freed != best.freed).cloned(),
-        classes: vec![class],
+        fit: chosen.clone(),
+        rival: level.iter().find(|rival| rival.freed != chosen.freed).cloned(),
+        classes,
         margin,
     }
 }
@@ -518,12 +482,13 @@ fn candidates<V: ReplayVehicle>(
         .singles
         .iter()
         .chain(&ranking.pairs)
+        .chain(&ranking.threes)
         .map(|fit| {
             let evidence = ranking.none.cost - fit.cost;
             let behind = fit.cost - best;
             let pinned =
                 fit.freed.iter().any(|&i| information(problem, ranking, i) * 16.0 < calibration.none);
-            let stages = fit.freed.iter().map(|&i| calibration.threshold(problem.knobs[i].stage()));
+            let stages = fit.freed.iter().map(|&i| calibration.threshold(problem.knobs[i].effect));
             let needed = stages.fold(0.0, f64::max);
             Candidate {
                 effects: fit.freed.iter().map(|&i| problem.knobs[i].id.to_owned()).collect(),

@@ -195,8 +195,7 @@ impl Prior {
     /// Tolerances of the knobs, widened by what another formulation makes of the same numbers.
     #[must_use]
     pub fn of<V: ReplayVehicle>(problem: &Problem<V>) -> Self {
-        let form = Calibration::built_in().form;
-        let wider = if V::TRUCK { form.wider_of_trucks } else { form.wider };
+        let wider = Calibration::built_in().form.wider;
         let of = |knob: &Knob| (if knob.is_structural() { wider } else { 1.0 } * knob.tolerance).powi(2);
         let variances: Vec<f64> = problem.knobs.iter().map(of).collect();
         Self {

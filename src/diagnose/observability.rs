@@ -120,8 +120,7 @@ pub fn observability<V: ReplayVehicle>(
             continue;
         };
         let information = information(problem, ranking, knob);
-        let least =
-            (information > 0.0).then(|| (calibration.threshold(Some(effect.stage)) / information).sqrt());
+        let least = (information > 0.0).then(|| (calibration.threshold(Some(effect)) / information).sqrt());
         let it = &problem.knobs[knob];
         let (tolerance, unit) = (it.tolerance * it.unit, it.symbol::<V>());
         let reason = reason(effect.id, drive, &excitation);

@@ -1,4 +1,5 @@
-//! Candidates and their evidence: single effects, then pairs of the best with all others.
+//! Candidates and their evidence: single effects, pairs of the best with all others, and where a pair tells much more than
+//! one effect, threes of the best pairs with all others: a real vehicle differs in more than one thing.
 
 use super::fit::{Fit, Linear, Prior, fit};
 use super::noise::Noise;
@@ -6,12 +7,12 @@ use super::problem::Problem;
 use super::replay::ReplayVehicle;
 use crate::residual::parallel;
 
-/// Singles that are fitted again with the final noise, singles that pairs are made of, pairs that are fitted.
+/// Singles that are fitted again with the final noise.
 const AGAIN: usize = 12;
+/// How pairs are made of singles, and threes of pairs.
 const BEAM: usize = 8;
-const PAIRS: usize = 14;
-/// Singles whose pairs are all fitted.
-const ALWAYS: usize = 4;
+const OF_SINGLES: Beam = Beam { bases: BEAM, always: 4, fitted: 14 };
+const OF_PAIRS: Beam = Beam { bases: 3, always: 1, fitted: 8 };
 /// Candidates that are polished, at most so many times in all.
 const POLISHED: usize = 3;
 const ROUNDS: usize = 5;
@@ -28,6 +29,8 @@ pub struct Ranking {
     pub singles: Vec<Fit>,
     /// The best first; empty if pairs were not asked for.
     pub pairs: Vec<Fit>,
+    /// The best first; empty where the best pair tells little more than the best single effect.
+    pub threes: Vec<Fit>,
     /// Slopes and weights for the background, at `none`.
     pub linear: Linear,
     /// Tolerances.
@@ -277,12 +280,13 @@ pub fn rank<V: ReplayVehicle>(
     let mut pairs = Vec::new();
     if with_pairs {
         progress("pairs", 0.75);
-        pairs = pair(problem, &prior, &linear, &singles);
+        pairs = extended(problem, &prior, &linear, &singles, &singles, &OF_SINGLES);
         polish(problem, &prior, &linear, &mut pairs);
     }
     progress("pairs", 0.9);
     // Where a pair tells much more than a single effect, its rest is the measure.
     let (mut linear, mut noise) = (linear, noise);
+    let mut threes = Vec::new();
     if let (Some(pair), Some(single)) = (pairs.first(), singles.first())
         && single.cost - pair.cost > TELLING
     {
@@ -311,8 +315,10 @@ pub fn rank<V: ReplayVehicle>(
         }
         polish(problem, &prior, &linear, &mut singles);
         bound(problem, &prior, &mut none, &mut singles);
+        threes = extended(problem, &prior, &linear, &pairs, &singles, &OF_PAIRS);
+        polish(problem, &prior, &linear, &mut threes);
     }
-    Ok(Ranking { none, singles, pairs, linear, prior, noise, neutral })
+    Ok(Ranking { none, singles, pairs, threes, linear, prior, noise, neutral })
 }
 
 /// The gap after a linear step.
@@ -327,53 +333,77 @@ pub fn predicted(linear: &Linear, gap: &[f64], change: &[f64]) -> Vec<f64> {
     left
 }
 
-fn pair<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linear, singles: &[Fit]) -> Vec<Fit> {
+/// How candidates are made of others by one effect more.
+struct Beam {
+    /// So many of the first are bases.
+    bases: usize,
+    /// Of so many of the first, each with as many of the first effects, all are fitted.
+    always: usize,
+    /// So many are fitted.
+    fitted: usize,
+}
+
+/// Candidates of one effect more: each of the first `bases` with each of `singles`.
+fn extended<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    prior: &Prior,
+    linear: &Linear,
+    bases: &[Fit],
+    singles: &[Fit],
+    beam: &Beam,
+) -> Vec<Fit> {
+    fn columns_of(fit: &Fit) -> Vec<(usize, &[f64])> {
+        fit.freed.iter().copied().zip(fit.columns.iter().map(Vec::as_slice)).collect()
+    }
     let threads = problem.threads();
-    let beam = singles.len().min(BEAM);
     // Linear screening at the best point of each of the first; an effect that has no slope there takes its own best.
-    let screened = parallel::map(threads, beam, |a| {
-        let first = &singles[a];
-        let own: Vec<(usize, &[f64])> =
-            first.freed.iter().copied().zip(first.columns.iter().map(Vec::as_slice)).collect();
-        let local = linear.with(&own);
+    let screened = parallel::map(threads, bases.len().min(beam.bases), |a| {
+        let base = &bases[a];
+        let local = linear.with(&columns_of(base));
         singles
             .iter()
             .enumerate()
-            .filter(|(b, second)| (*b >= beam || *b > a) && second.freed != first.freed)
-            .filter_map(|(b, second)| {
-                let columns: Vec<(usize, &[f64])> =
-                    second.freed.iter().copied().zip(second.columns.iter().map(Vec::as_slice)).collect();
-                let freed = [first.freed[0], second.freed[0]];
+            .filter(|(_, single)| !base.freed.contains(&single.freed[0]))
+            .filter_map(|(b, single)| {
+                let freed = [&base.freed[..], &single.freed[..]].concat();
                 let precision = prior.freed(problem, &freed);
-                let step = prior.step(&local.with(&columns), &first.x, &first.gap, &precision);
-                // A promise beyond what an effect can be is none; pairs of the very first are always tried.
+                let step = prior.step(&local.with(&columns_of(single)), &base.x, &base.gap, &precision);
+                // A promise beyond what an effect can be is none; those of the very first are always tried.
                 let beyond = freed.iter().any(|&i| {
-                    let to = first.x[i] + step.change[i];
+                    let to = base.x[i] + step.change[i];
                     (problem.knobs[i].within(to, true) - to).abs() > 1e-9 || to.abs() > 20.0
                 });
-                let rank = if a < ALWAYS && b < ALWAYS { f64::MIN } else { step.cost };
+                let rank = if a < beam.always && b < beam.always { f64::MIN } else { step.cost };
                 (step.cost.is_finite() && (!beyond || rank == f64::MIN)).then_some((rank, a, b))
             })
             .collect::<Vec<_>>()
     });
     let mut screened: Vec<(f64, usize, usize)> = screened.into_iter().flatten().collect();
     screened.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-    screened.truncate(PAIRS);
-    let mut pairs: Vec<Fit> = parallel::map(threads, screened.len(), |k| {
+    // The same effects may come of several bases: the best promise stands for them.
+    let mut seen: Vec<Vec<usize>> = Vec::new();
+    screened.retain(|&(_, a, b)| {
+        let mut freed = [&bases[a].freed[..], &singles[b].freed[..]].concat();
+        freed.sort_unstable();
+        let new = !seen.contains(&freed);
+        seen.push(freed);
+        new
+    });
+    screened.truncate(beam.fitted);
+    let mut fits: Vec<Fit> = parallel::map(threads, screened.len(), |k| {
         let (_, a, b) = screened[k];
-        let (first, second) = (&singles[a], &singles[b]);
-        let freed = [first.freed[0], second.freed[0]];
-        let mut x = first.x.clone();
+        let (base, single) = (&bases[a], &singles[b]);
+        let further = single.freed[0];
+        let mut x = base.x.clone();
         // Effects that have no slope at their neutral value start from their own best.
-        let it = &problem.knobs[freed[1]];
-        if it.starts.len() > 1 && x[freed[1]].abs() < 1e-9 {
-            x[freed[1]] = 0.5 * second.x[freed[1]];
+        if problem.knobs[further].starts.len() > 1 && x[further].abs() < 1e-9 {
+            x[further] = 0.5 * single.x[further];
         }
-        fit(problem, prior, linear, &freed, &x, 4)
+        fit(problem, prior, linear, &[&base.freed[..], &[further]].concat(), &x, 4)
     })
     .into_iter()
     .flatten()
     .collect();
-    sort(&mut pairs);
-    pairs
+    sort(&mut fits);
+    fits
 }

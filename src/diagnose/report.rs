@@ -62,7 +62,7 @@ pub struct Verdict {
     pub kind: VerdictKind,
     /// Calibrated probability that the verdict (for an effect: its class) is right.
     pub probability: f64,
-    /// The effects named; one, or two for a pair.
+    /// The effects named: one to three.
     pub effects: Vec<NamedEffect>,
     /// The verdict in at most three sentences.
     pub words: String,
@@ -108,7 +108,7 @@ pub struct NamedEffect {
 /// A cause that was tried.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Candidate {
-    /// One effect, or a pair.
+    /// One to three effects.
     pub effects: Vec<String>,
     /// Their values, SI units.
     pub values: Vec<f64>,

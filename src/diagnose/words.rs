@@ -60,9 +60,10 @@ pub fn verdict(
                 .collect();
             if let Some((signal, gap)) = told(shrink) {
                 words += &format!(
-                    " On parts of the log held out, the gap of {signal} shrinks by {:.0} % with it, and by {:.0} % with all \
-                     else adjusted within tolerance.",
+                    " On parts of the log held out, the gap of {signal} shrinks by {:.0} % with {}, and by {:.0} % \
+                     with all else adjusted within tolerance.",
                     percent(gap.effect, gap.before),
+                    if effects.len() > 1 { "them" } else { "it" },
                     percent(gap.recalibrated, gap.before)
                 );
             }

@@ -132,7 +132,8 @@ def test_the_unmodified_vehicle_is_within_tolerance_of_its_file(which, tmp_path)
     per = round(conditions.sample / truth.h)
     limits = {"yaw_rate": 0.03, "ay": 0.04, "vx": 0.01, "vy": 0.15}
     if which == "truck":
-        limits["articulation"] = 0.04
+        # Measured up to 2.1, 1.7, 0.3, 4.6, 1.4 and 3.7 %.
+        limits = {"yaw_rate": 0.025, "ay": 0.025, "vx": 0.005, "vy": 0.08, "articulation": 0.02, "roll": 0.06}
     for name, limit in limits.items():
         own = truth.signals[::per, SIGNALS.index(name)]
         assert rms(simulated[name] - own) < limit * rms(own), name
