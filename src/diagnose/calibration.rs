@@ -5,6 +5,7 @@ use super::replay::Channel;
 use crate::residual::fnv;
 use crate::vehicle::{Effect, Stage};
 use serde::Deserialize;
+use std::sync::LazyLock;
 
 const TEXT: &str = include_str!("calibration.toml");
 
@@ -100,8 +101,11 @@ impl Calibration {
     /// # Panics
     /// Never: the file is part of the program, and a test reads it.
     #[must_use]
-    pub fn built_in() -> Self {
-        toml::from_str(TEXT).expect("the calibration that comes with the program is sound")
+    pub fn built_in() -> &'static Self {
+        static PARSED: LazyLock<Calibration> = LazyLock::new(|| {
+            toml::from_str(TEXT).expect("the calibration that comes with the program is sound")
+        });
+        &PARSED
     }
 
     /// That for cars or trucks, with or without a reference log: with one the form of the model is known, and thresholds
@@ -111,7 +115,7 @@ impl Calibration {
     /// Never, as [`built_in`](Self::built_in).
     #[must_use]
     pub fn of(truck: bool, reference: bool) -> Self {
-        let all = Self::built_in();
+        let all = Self::built_in().clone();
         let alone = if truck { &all.alone.truck } else { &all.alone.car };
         let [structural, friction, none] =
             if reference { [all.none; 3] } else { [alone.structural, alone.friction, alone.other] };

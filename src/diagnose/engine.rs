@@ -249,7 +249,7 @@ pub fn diagnose<V: ReplayVehicle>(
         observability: observability(&problem, &ranking, &calibration),
         next_manoeuvre,
         recalibration,
-        scores: Some(scores(&problem, &ranking, decision.margin)),
+        scores: Some(decision.scores),
         findings,
         inputs,
         shrink,
@@ -319,11 +319,12 @@ pub(super) struct Decision {
     pub rival: Option<Fit>,
     /// Candidates of one class with each effect of the winner.
     pub classes: Vec<Vec<usize>>,
-    /// Evidence that the probability was made from.
-    pub margin: f64,
+    /// What it was made from.
+    pub scores: Scores,
 }
 
-fn scores<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, margin: f64) -> Scores {
+/// The scores of a ranking, before anything is decided: without a margin.
+fn scores<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking) -> Scores {
     let best = ranking.singles.first();
     let single = best.map_or(0.0, |best| ranking.none.cost - best.cost);
     let pair = match (best, ranking.pairs.first()) {
@@ -336,13 +337,13 @@ fn scores<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, margin: f64
         pair,
         excess: ranking.noise.excess(problem, gap),
         left: ranking.noise.remaining(problem, &ranking.neutral, gap),
-        margin,
+        margin: 0.0,
     }
 }
 
 /// What is to be named. An effect too small to matter is not: what explains a little of the model's form hides no cause.
 fn decide<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, calibration: &Calibration) -> Decision {
-    let scores = scores(problem, ranking, 0.0);
+    let scores = scores(problem, ranking);
     let none = ranking.none.clone();
     let unnamed = |kind, probability, margin| Decision {
         kind,
@@ -350,7 +351,7 @@ fn decide<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, calibration
         fit: none.clone(),
         rival: None,
         classes: Vec::new(),
-        margin,
+        scores: Scores { margin, ..scores },
     };
     let notable = ranking.noise.notable(problem, &ranking.neutral);
     let worth = calibration.form_is_known || scores.single > PLAIN || notable;
@@ -407,7 +408,7 @@ fn decide<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, calibration
         fit: chosen.clone(),
         rival: level.iter().find(|rival| rival.freed != chosen.freed).cloned(),
         classes,
-        margin,
+        scores: Scores { margin, ..scores },
     }
 }
 

@@ -200,7 +200,7 @@ pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -
     if drive.channels.contains(&Channel::Vy) {
         knobs.push(further("sensor.reference_x", Turns::Arm, 0.05));
     }
-    let form = Calibration::built_in().form;
+    let form = &Calibration::built_in().form;
     for (id, turns, size) in
         [(TYRE_SHAPE, Turns::TyreShape, form.tyre[0]), (TYRE_CURVATURE, Turns::TyreCurvature, form.tyre[1])]
     {

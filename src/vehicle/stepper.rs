@@ -9,6 +9,7 @@ use super::effects::Effects;
 use super::sensors::Latency;
 use super::steering::{SteeringChain, SteeringState};
 use super::unit::{X, Y, YAW};
+use crate::lanes::{FOUR, Lanes, Work, compute};
 use crate::path::Path;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -94,8 +95,8 @@ pub(super) trait Plant<const N: usize, const S: usize> {
     /// States with the reference point somewhere (m, m, rad), wheels rolling at a speed (m/s).
     fn placed(&self, x: f64, y: f64, yaw: f64, vx: f64) -> [f64; N];
     fn environment(&self, y: &[f64; N], road: Option<&Path>, station: f64) -> Self::Environment;
-    /// Rates of all states at an instant. No allocation.
-    fn derivative(
+    /// Rates of all states at an instant, by lanes of a kind. No allocation. To be inlined always, as [`Work::with`].
+    fn derivative_by<L: Lanes<Stored = [f64; FOUR]>>(
         &self,
         y: &[f64; N],
         stage: &Stage,
@@ -103,12 +104,44 @@ pub(super) trait Plant<const N: usize, const S: usize> {
         rates: &mut [f64; N],
         flow: &mut Self::Flow,
     );
+    /// The same, by the widest lanes that there are.
+    fn derivative(
+        &self,
+        y: &[f64; N],
+        stage: &Stage,
+        environment: &Self::Environment,
+        rates: &mut [f64; N],
+        flow: &mut Self::Flow,
+    ) where
+        Self: Sized,
+    {
+        compute(Evaluation { plant: self, y, stage, environment, rates, flow });
+    }
     /// Whether the model still describes what the vehicle does.
     fn check(&self, y: &[f64; N], time: f64) -> Result<(), StepError>;
     /// The true signals; what the flow lacks for outputs is put there.
     fn signals(&self, y: &[f64; N], rates: &[f64; N], flow: &mut Self::Flow) -> [f64; S];
     /// The output from the (delayed) signals, and what has no latency.
     fn measure(&self, state: &State<N, S>, flow: &Self::Flow, delayed: &[f64; S]) -> Self::Output;
+}
+
+/// A plant's equations at an instant.
+pub(super) struct Evaluation<'a, P: Plant<N, S>, const N: usize, const S: usize> {
+    pub plant: &'a P,
+    pub y: &'a [f64; N],
+    pub stage: &'a Stage,
+    pub environment: &'a P::Environment,
+    pub rates: &'a mut [f64; N],
+    pub flow: &'a mut P::Flow,
+}
+
+impl<P: Plant<N, S>, const N: usize, const S: usize> Work for Evaluation<'_, P, N, S> {
+    type Given = ();
+
+    #[inline(always)]
+    fn with<L: Lanes<Stored = [f64; FOUR]>>(self) {
+        self.plant.derivative_by::<L>(self.y, self.stage, self.environment, self.rates, self.flow);
+    }
 }
 
 /// Everything that steps change.

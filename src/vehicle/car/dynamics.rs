@@ -2,7 +2,7 @@
 
 use super::output::{self, CarOutput, SIGNALS};
 use super::plant::{CarPlant, STATES, WHEELS};
-use crate::lanes::{FOUR, Lanes, Work, compute};
+use crate::lanes::{FOUR, Lanes};
 use crate::path::Path;
 use crate::vehicle::air;
 use crate::vehicle::drive::DriveLine;
@@ -74,7 +74,8 @@ impl Plant<STATES, SIGNALS> for CarPlant {
         Environment { gravity, friction: friction.map(|friction| friction * self.effects.road_friction) }
     }
 
-    fn derivative(
+    #[inline(always)]
+    fn derivative_by<L: Lanes<Stored = [f64; FOUR]>>(
         &self,
         y: &[f64; STATES],
         stage: &Stage,
@@ -82,7 +83,41 @@ impl Plant<STATES, SIGNALS> for CarPlant {
         rates: &mut [f64; STATES],
         flow: &mut Flow,
     ) {
-        compute(Evaluation { plant: self, y, stage, environment, rates, flow });
+        let Self { unit, effects, .. } = self;
+        let (body, wheels): (&[f64; BODY], &[f64]) = split(y);
+        let (body_rates, wheel_rates) = rates.split_at_mut(BODY);
+        let forces = self.drive.forces(stage.accel, body[VX]);
+        flow.drive_force = forces.0 - forces.1;
+
+        let [front, rear] = &unit.axles;
+        let steer = [front.wheel_angle(body[ROLL], stage.steer), rear.wheel_angle(body[ROLL], stage.steer)];
+        let angles = L::load(&[steer[0], steer[1], y[YAW], 0.0]);
+        let [sin_front, sin_rear, sin_yaw, _] = sin_of(angles).store();
+        let [cos_front, cos_rear, cos_yaw, _] = cos_of(angles).store();
+        let steer = [(sin_front, cos_front), (sin_rear, cos_rear)];
+        let front = front.suspension(body, &wheels[..2 * PER_WHEEL], steer[0], forces);
+        let rear = rear.suspension(body, &wheels[2 * PER_WHEEL..], steer[1], forces);
+        let mut axles = [front.0, rear.0];
+        let motions = [front.1[0], front.1[1], rear.1[0], rear.1[1]];
+        let friction = environment.friction;
+        let friction = [friction[0], friction[0], friction[1], friction[1]];
+        flow.wheels = roll::<L, 4>(&self.wheels, wheels, &motions, friction, wheel_rates);
+        for (index, given) in axles.iter_mut().enumerate() {
+            unit.axles[index].gather(&flow.wheels[2 * index..2 * index + 2], steer[index], given);
+        }
+
+        let (drag, side) =
+            air::forces(effects, (self.drag, self.side), (body[VX], body[VY]), (sin_yaw, cos_yaw));
+        let gravity = &environment.gravity;
+        let mut push = unit.push(body, &axles, gravity);
+        push.longitudinal += drag;
+        push.lateral += side;
+        push.yawing = push.yawing + side * self.pressure_centre + air::brake_pull(effects, body[VX]);
+        let accel = unit.acceleration(&push);
+        Unit::<2>::plane(body, &accel, gravity, (sin_yaw, cos_yaw), body_rates);
+        unit.vertical(body, &axles, &accel, gravity, (wheels, &flow.wheels), (body_rates, wheel_rates));
+        // What an accelerometer at the CG feels: the body's sway over the wheels belongs to it.
+        flow.specific = [accel.specific_x, push.lateral / unit.mass, gravity.z];
     }
 
     fn check(&self, y: &[f64; STATES], time: f64) -> Result<(), StepError> {
@@ -101,60 +136,6 @@ impl Plant<STATES, SIGNALS> for CarPlant {
     }
 }
 
-/// The equations at an instant.
-struct Evaluation<'a> {
-    plant: &'a CarPlant,
-    y: &'a [f64; STATES],
-    stage: &'a Stage,
-    environment: &'a Environment,
-    rates: &'a mut [f64; STATES],
-    flow: &'a mut Flow,
-}
-
-impl Work for Evaluation<'_> {
-    type Given = ();
-
-    #[inline(always)]
-    fn with<L: Lanes<Stored = [f64; FOUR]>>(self) {
-        let Self { plant, y, stage, environment, rates, flow } = self;
-        let CarPlant { unit, effects, .. } = plant;
-        let (body, wheels): (&[f64; BODY], &[f64]) = split(y);
-        let (body_rates, wheel_rates) = rates.split_at_mut(BODY);
-        let forces = plant.drive.forces(stage.accel, body[VX]);
-        flow.drive_force = forces.0 - forces.1;
-
-        let [front, rear] = &unit.axles;
-        let steer = [front.wheel_angle(body[ROLL], stage.steer), rear.wheel_angle(body[ROLL], stage.steer)];
-        let angles = L::load(&[steer[0], steer[1], y[YAW], 0.0]);
-        let [sin_front, sin_rear, sin_yaw, _] = sin_of(angles).store();
-        let [cos_front, cos_rear, cos_yaw, _] = cos_of(angles).store();
-        let steer = [(sin_front, cos_front), (sin_rear, cos_rear)];
-        let front = front.suspension(body, &wheels[..2 * PER_WHEEL], steer[0], forces);
-        let rear = rear.suspension(body, &wheels[2 * PER_WHEEL..], steer[1], forces);
-        let mut axles = [front.0, rear.0];
-        let motions = [front.1[0], front.1[1], rear.1[0], rear.1[1]];
-        let friction = environment.friction;
-        let friction = [friction[0], friction[0], friction[1], friction[1]];
-        flow.wheels = roll::<L, 4>(&plant.wheels, wheels, &motions, friction, wheel_rates);
-        for (index, given) in axles.iter_mut().enumerate() {
-            unit.axles[index].gather(&flow.wheels[2 * index..2 * index + 2], steer[index], given);
-        }
-
-        let (drag, side) =
-            air::forces(effects, (plant.drag, plant.side), (body[VX], body[VY]), (sin_yaw, cos_yaw));
-        let gravity = &environment.gravity;
-        let mut push = unit.push(body, &axles, gravity);
-        push.longitudinal += drag;
-        push.lateral += side;
-        push.yawing = push.yawing + side * plant.pressure_centre + air::brake_pull(effects, body[VX]);
-        let accel = unit.acceleration(&push);
-        Unit::<2>::plane(body, &accel, gravity, (sin_yaw, cos_yaw), body_rates);
-        unit.vertical(body, &axles, &accel, gravity, (wheels, &flow.wheels), (body_rates, wheel_rates));
-        // What an accelerometer at the CG feels: the body's sway over the wheels belongs to it.
-        flow.specific = [accel.specific_x, push.lateral / unit.mass, gravity.z];
-    }
-}
-
 /// Body and wheels.
 fn split(y: &[f64; STATES]) -> (&[f64; BODY], &[f64]) {
     y.split_first_chunk().expect("there are more states than a body's")
@@ -163,9 +144,10 @@ fn split(y: &[f64; STATES]) -> (&[f64; BODY], &[f64]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lanes::compute_portably;
+    use crate::lanes::{compute, compute_portably};
     use crate::residual::Random;
     use crate::vehicle::builtin;
+    use crate::vehicle::stepper::Evaluation;
 
     #[test]
     fn every_processor_gives_the_same_bits() {

@@ -3,7 +3,7 @@
 use super::hitch::to_trailer;
 use super::output::{self, SIGNALS, TruckOutput};
 use super::plant::{STATES, TRAILER, TRAILER_STATES, TruckPlant, WHEELS, WIND_UP};
-use crate::lanes::{FOUR, Lanes, Work, compute};
+use crate::lanes::{FOUR, Lanes};
 use crate::path::Path;
 use crate::vehicle::air;
 use crate::vehicle::drive::DriveLine;
@@ -131,7 +131,8 @@ impl Plant<STATES, SIGNALS> for TruckPlant {
         Environment { gravity, friction: friction.map(|friction| friction * effects.road_friction) }
     }
 
-    fn derivative(
+    #[inline(always)]
+    fn derivative_by<L: Lanes<Stored = [f64; FOUR]>>(
         &self,
         y: &[f64; STATES],
         stage: &Stage,
@@ -139,7 +140,91 @@ impl Plant<STATES, SIGNALS> for TruckPlant {
         rates: &mut [f64; STATES],
         flow: &mut Flow,
     ) {
-        compute(Evaluation { plant: self, y, stage, environment, rates, flow });
+        let effects = &self.effects.vehicle;
+        let (tractor, wheels) = split(y);
+        let (rates, wheel_rates) = rates.split_at_mut(WHEELS);
+        let forces = self.drive.forces(stage.accel, tractor[VX]);
+        flow.drive_force = forces.0 - forces.1;
+
+        let [front, rear] = &self.tractor.axles;
+        let [group] = &self.trailer.axles;
+        let angles = L::load(&[
+            front.wheel_angle(tractor[ROLL], stage.steer),
+            rear.wheel_angle(tractor[ROLL], stage.steer),
+            group.wheel_angle(y[TRAILER + 2], stage.steer),
+            y[YAW],
+        ]);
+        let articulation = self.articulation(y);
+        let (sin, cos) = (sin_of(angles).store(), cos_of(angles).store());
+        let pair = |i: usize| (sin[i], cos[i]);
+        let (steer, yaw) = ([pair(0), pair(1), pair(2)], pair(3));
+        let turn = (sin_of(articulation), cos_of(articulation));
+        let yaw_behind = (yaw.0 * turn.1 - yaw.1 * turn.0, yaw.1 * turn.1 + yaw.0 * turn.0);
+
+        let trailer = &self.trailer_body(y, turn);
+        let at = |axle: usize| &wheels[2 * axle * PER_WHEEL..];
+        let (mut on_front, front_motion) = front.suspension(tractor, at(0), steer[0], forces);
+        let (mut on_rear, rear_motion) = rear.suspension(tractor, at(1), steer[1], forces);
+        let (mut on_group, group_motion) = group.suspension(trailer, at(2), steer[2], forces);
+        let motions = [
+            front_motion[0],
+            front_motion[1],
+            rear_motion[0],
+            rear_motion[1],
+            group_motion[0],
+            group_motion[1],
+        ];
+        let [a, b, c] = environment.friction;
+        flow.wheels = roll::<L, 6>(&self.wheels, wheels, &motions, [a, a, b, b, c, c], wheel_rates);
+        front.gather(&flow.wheels[0..2], steer[0], &mut on_front);
+        rear.gather(&flow.wheels[2..4], steer[1], &mut on_rear);
+        group.gather(&flow.wheels[4..6], steer[2], &mut on_group);
+        let (on_tractor, on_trailer) = ([on_front, on_rear], [on_group]);
+
+        // All that acts on each unit but the force in the hitch.
+        let gravity = &environment.gravity;
+        let mut pushes = [
+            self.tractor.push(tractor, &on_tractor, &gravity[0]),
+            self.trailer.push(trailer, &on_trailer, &gravity[1]),
+        ];
+        let (drag, side) = air::forces(effects, (self.drag, self.side[0]), (tractor[VX], tractor[VY]), yaw);
+        pushes[0].longitudinal += drag;
+        pushes[0].lateral += side;
+        pushes[0].yawing += side * self.pressure_centre[0] + air::brake_pull(effects, tractor[VX]);
+        let (_, side) = air::forces(effects, (0.0, self.side[1]), (trailer[VX], trailer[VY]), yaw_behind);
+        pushes[1].lateral += side;
+        pushes[1].yawing += side * self.pressure_centre[1];
+        let bodies = [tractor, trailer];
+        let hitch = self.hitch.flow(bodies, turn, y[WIND_UP]);
+        self.hitch.add(&hitch, bodies, turn, &mut pushes);
+
+        // The force in the hitch.
+        let force = self.hitch.force((&self.tractor, &self.trailer), bodies, &pushes, gravity, turn);
+        let behind = to_trailer([-force[0], -force[1]], turn);
+        let [low, high] = &self.hitch.pins;
+        pushes[0].add(&low.push(tractor, force));
+        pushes[1].add(&high.push(trailer, behind));
+
+        let accel = self.tractor.acceleration(&pushes[0]);
+        Unit::<2>::plane(tractor, &accel, &gravity[0], yaw, rates);
+        let (own, other) = wheel_rates.split_at_mut(TRAILER_WHEELS);
+        let first = (&wheels[..TRAILER_WHEELS], &flow.wheels[..4]);
+        self.tractor.vertical(tractor, &on_tractor, &accel, &gravity[0], first, (rates, own));
+        self.tractor.lift(low.pitching(force[0], -hitch.more), -hitch.more, rates);
+        flow.specific = [accel.specific_x, pushes[0].lateral / self.tractor.mass, gravity[0].z];
+        flow.hitch = [force[0], force[1], hitch.load];
+
+        let accel = self.trailer.acceleration(&pushes[1]);
+        let mut body_rates = [0.0; BODY];
+        Unit::<1>::plane(trailer, &accel, &gravity[1], yaw_behind, &mut body_rates);
+        let last = (&wheels[TRAILER_WHEELS..], &flow.wheels[4..]);
+        self.trailer.vertical(trailer, &on_trailer, &accel, &gravity[1], last, (&mut body_rates, other));
+        let pitching = high.pitching(behind[0], hitch.more) + hitch.rolling * turn.0;
+        self.trailer.lift(pitching, hitch.more, &mut body_rates);
+        for (of_body, of_truck) in TRAILER_BODY {
+            rates[of_truck] = body_rates[of_body];
+        }
+        rates[WIND_UP] = hitch.wind_up_rate;
     }
 
     fn check(&self, y: &[f64; STATES], time: f64) -> Result<(), StepError> {
@@ -175,110 +260,6 @@ impl Plant<STATES, SIGNALS> for TruckPlant {
 
     fn measure(&self, state: &State<STATES, SIGNALS>, flow: &Flow, delayed: &[f64; SIGNALS]) -> TruckOutput {
         output::measure(self, state, flow, delayed)
-    }
-}
-
-/// The equations at an instant.
-struct Evaluation<'a> {
-    plant: &'a TruckPlant,
-    y: &'a [f64; STATES],
-    stage: &'a Stage,
-    environment: &'a Environment,
-    rates: &'a mut [f64; STATES],
-    flow: &'a mut Flow,
-}
-
-impl Work for Evaluation<'_> {
-    type Given = ();
-
-    #[inline(always)]
-    fn with<L: Lanes<Stored = [f64; FOUR]>>(self) {
-        let Self { plant, y, stage, environment, rates, flow } = self;
-        let effects = &plant.effects.vehicle;
-        let (tractor, wheels) = split(y);
-        let (rates, wheel_rates) = rates.split_at_mut(WHEELS);
-        let forces = plant.drive.forces(stage.accel, tractor[VX]);
-        flow.drive_force = forces.0 - forces.1;
-
-        let [front, rear] = &plant.tractor.axles;
-        let [group] = &plant.trailer.axles;
-        let angles = L::load(&[
-            front.wheel_angle(tractor[ROLL], stage.steer),
-            rear.wheel_angle(tractor[ROLL], stage.steer),
-            group.wheel_angle(y[TRAILER + 2], stage.steer),
-            y[YAW],
-        ]);
-        let articulation = plant.articulation(y);
-        let (sin, cos) = (sin_of(angles).store(), cos_of(angles).store());
-        let pair = |i: usize| (sin[i], cos[i]);
-        let (steer, yaw) = ([pair(0), pair(1), pair(2)], pair(3));
-        let turn = (sin_of(articulation), cos_of(articulation));
-        let yaw_behind = (yaw.0 * turn.1 - yaw.1 * turn.0, yaw.1 * turn.1 + yaw.0 * turn.0);
-
-        let trailer = &plant.trailer_body(y, turn);
-        let at = |axle: usize| &wheels[2 * axle * PER_WHEEL..];
-        let (mut on_front, front_motion) = front.suspension(tractor, at(0), steer[0], forces);
-        let (mut on_rear, rear_motion) = rear.suspension(tractor, at(1), steer[1], forces);
-        let (mut on_group, group_motion) = group.suspension(trailer, at(2), steer[2], forces);
-        let motions = [
-            front_motion[0],
-            front_motion[1],
-            rear_motion[0],
-            rear_motion[1],
-            group_motion[0],
-            group_motion[1],
-        ];
-        let [a, b, c] = environment.friction;
-        flow.wheels = roll::<L, 6>(&plant.wheels, wheels, &motions, [a, a, b, b, c, c], wheel_rates);
-        front.gather(&flow.wheels[0..2], steer[0], &mut on_front);
-        rear.gather(&flow.wheels[2..4], steer[1], &mut on_rear);
-        group.gather(&flow.wheels[4..6], steer[2], &mut on_group);
-        let (on_tractor, on_trailer) = ([on_front, on_rear], [on_group]);
-
-        // All that acts on each unit but the force in the hitch.
-        let gravity = &environment.gravity;
-        let mut pushes = [
-            plant.tractor.push(tractor, &on_tractor, &gravity[0]),
-            plant.trailer.push(trailer, &on_trailer, &gravity[1]),
-        ];
-        let (drag, side) = air::forces(effects, (plant.drag, plant.side[0]), (tractor[VX], tractor[VY]), yaw);
-        pushes[0].longitudinal += drag;
-        pushes[0].lateral += side;
-        pushes[0].yawing += side * plant.pressure_centre[0] + air::brake_pull(effects, tractor[VX]);
-        let (_, side) = air::forces(effects, (0.0, plant.side[1]), (trailer[VX], trailer[VY]), yaw_behind);
-        pushes[1].lateral += side;
-        pushes[1].yawing += side * plant.pressure_centre[1];
-        let bodies = [tractor, trailer];
-        let hitch = plant.hitch.flow(bodies, turn, y[WIND_UP]);
-        plant.hitch.add(&hitch, bodies, turn, &mut pushes);
-
-        // The force in the hitch.
-        let force = plant.hitch.force((&plant.tractor, &plant.trailer), bodies, &pushes, gravity, turn);
-        let behind = to_trailer([-force[0], -force[1]], turn);
-        let [low, high] = &plant.hitch.pins;
-        pushes[0].add(&low.push(tractor, force));
-        pushes[1].add(&high.push(trailer, behind));
-
-        let accel = plant.tractor.acceleration(&pushes[0]);
-        Unit::<2>::plane(tractor, &accel, &gravity[0], yaw, rates);
-        let (own, other) = wheel_rates.split_at_mut(TRAILER_WHEELS);
-        let first = (&wheels[..TRAILER_WHEELS], &flow.wheels[..4]);
-        plant.tractor.vertical(tractor, &on_tractor, &accel, &gravity[0], first, (rates, own));
-        plant.tractor.lift(low.pitching(force[0], -hitch.more), -hitch.more, rates);
-        flow.specific = [accel.specific_x, pushes[0].lateral / plant.tractor.mass, gravity[0].z];
-        flow.hitch = [force[0], force[1], hitch.load];
-
-        let accel = plant.trailer.acceleration(&pushes[1]);
-        let mut body_rates = [0.0; BODY];
-        Unit::<1>::plane(trailer, &accel, &gravity[1], yaw_behind, &mut body_rates);
-        let last = (&wheels[TRAILER_WHEELS..], &flow.wheels[4..]);
-        plant.trailer.vertical(trailer, &on_trailer, &accel, &gravity[1], last, (&mut body_rates, other));
-        let pitching = high.pitching(behind[0], hitch.more) + hitch.rolling * turn.0;
-        plant.trailer.lift(pitching, hitch.more, &mut body_rates);
-        for (of_body, of_truck) in TRAILER_BODY {
-            rates[of_truck] = body_rates[of_body];
-        }
-        rates[WIND_UP] = hitch.wind_up_rate;
     }
 }
 
