@@ -197,7 +197,11 @@ fn evaluate<P: Compared<S, C>, const S: usize, const C: usize>(
         if plant.edge {
             bar.set_message(format!("{name}: the nominal's edge"));
             let best = nominal.unwrap_or_else(|| condition.rows[0].weights);
-            condition.edge = Some(comparison.edge(&rows, &best)?);
+            let place = match there.as_ref().and_then(ResultsFile::edge) {
+                Some(place) => place,
+                None => comparison.edge_place(&best, &condition.rows)?,
+            };
+            condition.edge = Some(comparison.edge(&rows, place)?);
         }
         if args.ablations && noise.is_none() {
             bar.set_message(format!("{name}: ablations"));

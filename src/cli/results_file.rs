@@ -3,7 +3,7 @@
 //! Rows of a comparison may be run apart: the slow ones later, those of a changed model anew after the old ones were taken
 //! out. What is put together must be comparable: of one vehicle and one effort.
 
-use crate::simulate::experiment::{Effort, Row, Weights};
+use crate::simulate::experiment::{EdgePlace, Effort, Row, Weights};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::error::Error;
@@ -51,6 +51,11 @@ impl ResultsFile {
         Weights::deserialize(&found["weights"]).ok()
     }
 
+    /// Where the nominal MPC's edge is.
+    pub fn edge(&self) -> Option<EdgePlace> {
+        EdgePlace::deserialize(&self.0["edge"]).ok()
+    }
+
     /// What is there with further rows of the same condition, in the order of `all`.
     ///
     /// # Errors
@@ -85,7 +90,9 @@ impl ResultsFile {
         put(&mut there["rows"], &further["rows"], |row| &row["row"], place);
         if further["edge"].is_object() {
             if there["edge"].is_object() {
-                put(&mut there["edge"]["rows"], &further["edge"]["rows"], |row| &row[0], place);
+                if there["edge"]["weights"] == further["edge"]["weights"] {
+                    put(&mut there["edge"]["rows"], &further["edge"]["rows"], |row| &row[0], place);
+                }
             } else {
                 there["edge"] = further["edge"].clone();
             }
