@@ -34,11 +34,11 @@ def processor() -> str:
     return names[0] if names else platform.machine()
 
 
-def compare_nmpc(programs: Path, quick: bool, say) -> dict:
+def compare_nonlinear(programs: Path, kind: str, quick: bool, say) -> dict:
     # CasADi is needed here only: the other parts run where there is none.
     import peer_nmpc
 
-    return peer_nmpc.compare(programs / "dump_nmpc", 10 if quick else 50, say)
+    return peer_nmpc.compare(programs / "peers", kind, 10 if quick else 50, say)
 
 
 def compare_agreement(programs: Path, quick: bool, say) -> dict:
@@ -74,7 +74,8 @@ PARTS = {
     ),
     "lookup": lambda programs, folder, quick, say: peer_forest.compare_lookup(programs / "peers", folder, say),
     "qp": lambda programs, folder, quick, say: peer_qp.compare(programs / "peers", folder, 20 if quick else 100, say),
-    "nmpc": lambda programs, folder, quick, say: compare_nmpc(programs, quick, say),
+    "nmpc": lambda programs, folder, quick, say: compare_nonlinear(programs, "nmpc", quick, say),
+    "gp_nmpc": lambda programs, folder, quick, say: compare_nonlinear(programs, "gp", quick, say),
     "agreement": lambda programs, folder, quick, say: compare_agreement(programs, quick, say),
     "speed": lambda programs, folder, quick, say: peer_forest.call(programs / "peers", "steps"),
     "growth": lambda programs, folder, quick, say: peer_forest.call(programs / "peers", "growth"),
@@ -123,17 +124,22 @@ def report(result: dict) -> str:
             "ours, and ours with Clarabel alone: from gains to inputs, the cost's Hessian included, after the problem "
             "before\nit in the drive; the others: Hessian given, set up anew for each problem, best of 3"
         )
-    for horizon, part in result.get("nmpc", {}).items():
+    nonlinear = [
+        (title, horizon, part)
+        for name, title in speed.NONLINEAR.items()
+        for horizon, part in result.get(name, {}).items()
+    ]
+    for title, horizon, part in nonlinear:
         lines += [
-            f"\nNMPC, N = {horizon}: {part['problems']} problems of a closed-loop drive; objective above IPOPT's by at "
-            f"most {part['largest_relative_excess']:.0e} of it, inputs apart by at most "
+            f"\n{title}, N = {horizon}: {part['problems']} problems of a closed-loop drive; objective above IPOPT's by "
+            f"at most {part['largest_relative_excess']:.0e} of it, inputs apart by at most "
             f"{part['largest_input_difference_rad']:.0e} rad",
             f"{'':<24}{'median us':>10}{'p99 us':>10}",
             f"{'ours':<24}{part['ours_us']:>10.0f}{part['ours_p99_us']:>10.0f}",
             f"{'CasADi, IPOPT':<24}{part['ipopt_us']:>10.0f}{part['ipopt_p99_us']:>10.0f}   "
             f"{part['ratio']:.0f} times ours",
         ]
-    if "nmpc" in result:
+    if nonlinear:
         lines.append(
             "both from the same plan, that of the step before; ours stops as in the drive, IPOPT at 1e-9; IPOPT's time "
             "is\nwith the road as one cubic, in its favour, and agreement is judged on the road as it is"
@@ -151,7 +157,7 @@ def main() -> int:
         "--programs",
         type=Path,
         default=ROOT / "target" / "release" / "examples",
-        help="folder of our side of it: the examples peers and dump_nmpc",
+        help="folder of our side of it: the example peers",
     )
     options = parser.parse_args()
 

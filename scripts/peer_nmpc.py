@@ -1,11 +1,13 @@
 #!/usr/bin/env python3
 """CasADi with IPOPT on the nonlinear MPC problems that our controller solves.
 
-    peer_nmpc.py PROBLEMS.json          problems of `cargo run --release --example dump_nmpc -- 16 50`
+    peer_nmpc.py PROBLEMS.json          problems of `cargo run --release --example peers -- nonlinear 16 50 gp`
 
-The problem is written out here anew, from its equations: the nonlinear bicycle along a path
-(`src/nominal/bicycle.rs`, `path_model.rs`), Runge-Kutta of 4th order with the speed of a step held, the tracking cost
-(`src/control/tracking_qp.rs`), by direct multiple shooting with exact Hessians.
+NMPC, and GP-NMPC: the same with Gaussian processes, learned by us, for what the bicycle misses in a step. The problem is
+written out here anew, from its equations: the nonlinear bicycle along a path (`src/nominal/bicycle.rs`,
+`path_model.rs`), Runge-Kutta of 4th order with the speed of a step held, the processes' means
+(`src/residual/gp/kernel.rs`), the tracking cost (`src/control/tracking_qp.rs`), by direct multiple shooting with exact
+Hessians.
 
 Agreement is judged on the road as it is, a chain of parabolas of curvature. Times are taken on another problem, in
 CasADi's favour: the road ahead as one cubic, which it evaluates faster.
@@ -24,6 +26,9 @@ import numpy as np
 
 SHAPE, GRAVITY = 1.3, 9.81  # of the tyre model
 STATES = 5  # station, e1, e2, vy, yaw rate
+# Speeds of a step: for the motion along the path, at its end, for tyres and body, and what a process is asked at.
+MEAN, END, BODY, PLANNED = range(4)
+SPEEDS = 4
 
 
 class Peer:
@@ -32,19 +37,22 @@ class Peer:
     def __init__(self, document: dict, substeps: int, pieces: int, degree: int):
         self.shape, self.pieces, self.degree = document["shape"], pieces, degree
         horizon = self.horizon = self.shape["horizon"]
+        self.learned = document["processes"] is not None
         assert self.shape["outputs"] == 3 and self.shape["inputs"] == 1, "e1, e1', e2 are tracked"
-        speeds, references = ca.SX.sym("v", 2, horizon), ca.SX.sym("ref", 3, horizon)
+        speeds, references = ca.SX.sym("v", SPEEDS, horizon), ca.SX.sym("ref", 3, horizon)
+        accel = ca.SX.sym("accel")
         start, previous = ca.SX.sym("x0", STATES), ca.SX.sym("u_before")
         road = ca.SX.sym("road", pieces * (degree + 2))
         x, u, slack = ca.SX.sym("x", STATES, horizon), ca.SX.sym("u", horizon), ca.SX.sym("s", horizon)
         curvature = self._curvature(road)
         step, errors = self._model(document, substeps)
+        step = self._corrected(step, document["processes"], accel)
         bound = self.shape["soft"][0]
         cost, gaps, soft, rates = 0, [], [], []
         for j in range(horizon):
             before = start if j == 0 else x[:, j - 1]
-            gaps.append(step(curvature, before, speeds[0, j], u[j]) - x[:, j])
-            y = errors(curvature, x[:, j], speeds[1, j])
+            gaps.append(step(curvature, before, speeds[:, j], u[j]) - x[:, j])
+            y = errors(x[:, j], speeds[END, j])
             factor = self.shape["terminal_factor"] if j == horizon - 1 else 1.0
             for i, weight in enumerate(self.shape["output_weight"]):
                 cost += 0.5 * weight * factor * (y[i] - references[i, j]) ** 2
@@ -55,7 +63,7 @@ class Peer:
             rates.append(change)
         # Variables in the order of time: the sparse factorisation likes that.
         variables = ca.vertcat(*[ca.vertcat(u[j], x[:, j], slack[j]) for j in range(horizon)])
-        parameters = ca.vertcat(start, previous, ca.vec(speeds), ca.vec(references), road)
+        parameters = ca.vertcat(start, previous, accel, ca.vec(speeds), ca.vec(references), road)
         nlp = {"x": variables, "p": parameters, "f": cost, "g": ca.vertcat(*gaps, *soft, *rates)}
         options = {
             "print_time": False,
@@ -70,7 +78,7 @@ class Peer:
         }
         self.solver = ca.nlpsol("solver", "ipopt", nlp, options)
         self.roll_out = ca.Function(
-            "roll_out", [start, speeds, u, road], [self._roll_out(step, curvature, start, speeds, u)]
+            "roll_out", [start, accel, speeds, u, road], [self._roll_out(step, curvature, start, speeds, u)]
         )
         inf, rate = np.inf, self.shape["rate_max"][0]
         self.lbg = np.r_[np.zeros(STATES * horizon), np.tile([-inf, bound["min"]], horizon), np.full(horizon, -rate)]
@@ -110,48 +118,76 @@ class Peer:
 
         front, rear = axle(v["cf"], lr), axle(v["cr"], lf)
 
-        def rates(curvature, x, vx, steer):
+        def rates(curvature, x, speed, steer):
             e1, e2, vy, r = x[1], x[2], x[3], x[4]
             k = curvature(x[0])
+            vx = speed[MEAN]
             along = (vx * ca.cos(e2) - vy * ca.sin(e2)) / (1 - k * e1)
+            across = vx * ca.sin(e2) + vy * ca.cos(e2)
+            vx = speed[BODY]
             force_f = front(steer - ca.atan((vy + lf * r) / vx)) * ca.cos(steer)
             force_r = rear(-ca.atan((vy - lr * r) / vx))
             return ca.vertcat(
                 along,
-                vx * ca.sin(e2) + vy * ca.cos(e2),
+                across,
                 r - k * along,
                 (force_f + force_r) / mass - vx * r,
                 (lf * force_f - lr * force_r) / v["yaw_inertia"],
             )
 
-        def step(curvature, x, vx, steer):
+        def step(curvature, x, speed, steer):
             h = document["sample_time"] / substeps
             for _ in range(substeps):
-                k1 = rates(curvature, x, vx, steer)
-                k2 = rates(curvature, x + h / 2 * k1, vx, steer)
-                k3 = rates(curvature, x + h / 2 * k2, vx, steer)
-                k4 = rates(curvature, x + h * k3, vx, steer)
+                k1 = rates(curvature, x, speed, steer)
+                k2 = rates(curvature, x + h / 2 * k1, speed, steer)
+                k3 = rates(curvature, x + h / 2 * k2, speed, steer)
+                k4 = rates(curvature, x + h * k3, speed, steer)
                 x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
             return x
 
-        def errors(_curvature, x, vx):
+        def errors(x, vx):
             return [x[1], vx * ca.sin(x[2]) + x[3] * ca.cos(x[2]), x[2]]
 
         return step, errors
 
+    @staticmethod
+    def _corrected(step, processes: list[dict] | None, accel):
+        """The step with the processes' means added to lateral velocity and yaw rate."""
+        if processes is None:
+            return step
+        learned = []
+        for process in processes:
+            scales, weights = np.array(process["length_scales"]), np.array(process["weights"])
+            points = ca.DM((np.array(process["points"]) / scales).T)
+            learned.append((ca.DM(scales), points, ca.DM(process["signal"] ** 2 * weights)))
+
+        def corrected(curvature, x, speed, steer):
+            z = ca.vertcat(speed[PLANNED], x[3], x[4], steer, accel)
+            after = step(curvature, x, speed, steer)
+            means = []
+            for scales, points, weights in learned:
+                apart = points - ca.repmat(z / scales, 1, points.shape[1])
+                means.append(ca.dot(weights, ca.exp(-0.5 * ca.sum1(apart**2)).T))
+            return after + ca.vertcat(0, 0, 0, *means)
+
+        return corrected
+
     def _roll_out(self, step, curvature, start, speeds, u):
         x, states = start, []
         for j in range(self.horizon):
-            x = step(curvature, x, speeds[0, j], u[j])
+            x = step(curvature, x, speeds[:, j], u[j])
             states.append(x)
         return ca.horzcat(*states)
 
     def solve(self, problem: dict, road: np.ndarray, guess: list[float]) -> tuple[np.ndarray, float, float]:
         """Plan, objective and seconds."""
-        speeds = np.array([problem["mean_speed"], problem["end_speed"]])
+        # A process has learned what a body misses that holds the speed at the beginning of a step.
+        body = "begin_speed" if self.learned else "mean_speed"
+        speeds = np.array([problem[name] for name in ("mean_speed", "end_speed", body, "planned_speed")])
         references = np.array(problem["reference"]).reshape(self.horizon, 3)
-        parameters = np.r_[problem["start"], problem["previous"], speeds.T.ravel(), references.ravel(), road]
-        states = np.array(self.roll_out(problem["start"], speeds, guess, road))
+        accel = problem["accel"]
+        parameters = np.r_[problem["start"], problem["previous"], accel, speeds.T.ravel(), references.ravel(), road]
+        states = np.array(self.roll_out(problem["start"], accel, speeds, guess, road))
         first = np.vstack([guess, states, np.zeros(self.horizon)]).T.ravel()
         begin = time.perf_counter()
         found = self.solver(x0=first, p=parameters, lbx=self.lbx, ubx=self.ubx, lbg=self.lbg, ubg=self.ubg)
@@ -180,6 +216,7 @@ def pieces(problem: dict, count: int) -> np.ndarray:
 def compare_document(document: dict, say) -> dict:
     """Figures over the problems of one horizon."""
     problems, horizon = document["problems"], document["shape"]["horizon"]
+    name = "NMPC" if document["processes"] is None else "GP-NMPC"
     if not problems:
         raise RuntimeError(f"no problem with horizon {horizon} was recorded")
     most = max(len(problem["curvature"]) for problem in problems)
@@ -189,7 +226,7 @@ def compare_document(document: dict, say) -> dict:
     for done, problem in enumerate(problems):
         substeps = problem["substeps"]
         if substeps not in exact:
-            say(f"NMPC, N = {horizon}: CasADi problem with {substeps} substeps ({done} of {len(problems)} solved)")
+            say(f"{name}, N = {horizon}: CasADi problem with {substeps} substeps ({done} of {len(problems)} solved)")
             exact[substeps] = Peer(document, substeps, most, 2)
             simple[substeps] = Peer(document, substeps, 1, 3)
         plan, objective, piecewise_s = exact[substeps].solve(problem, pieces(problem, most), problem["guess"])
@@ -202,8 +239,10 @@ def compare_document(document: dict, say) -> dict:
     difference, excess, objective, ours, peer, peer_exact = np.array(rows).T
     # Where the vehicle is on the path already, there is nothing to compare with.
     relative = excess[objective > 1e-6] / objective[objective > 1e-6]
+    processes = document["processes"] or []
     return {
         "problems": len(problems),
+        "points": [len(process["points"]) for process in processes],
         "largest_input_difference_rad": difference.max(),
         "largest_objective_excess": excess.max(),
         "largest_relative_excess": relative.max(),
@@ -218,11 +257,13 @@ def compare_document(document: dict, say) -> dict:
     }
 
 
-def compare(program: Path, problems: int, say, horizons: tuple[int, ...] = (16, 60)) -> dict:
-    """Records problems with `program` (the example `dump_nmpc`) and compares; figures for each horizon."""
+def compare(program: Path, kind: str, problems: int, say, horizons: tuple[int, ...] = (16, 60)) -> dict:
+    """Records problems of a kind, nmpc or gp, with `program` (the example `peers`) and compares; figures by horizon."""
     result = {}
     for horizon in horizons:
-        done = subprocess.run([program, str(horizon), str(problems)], capture_output=True, text=True, check=False)
+        say(f"{kind}, N = {horizon}: recording problems")
+        command = [program, "nonlinear", str(horizon), str(problems), kind]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode != 0:
             raise RuntimeError(f"{program}: {done.stderr.strip()}")
         result[str(horizon)] = compare_document(json.loads(done.stdout), say)

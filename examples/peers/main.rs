@@ -4,6 +4,7 @@
 //! peers forest TABLE ROWS TESTS FITS      trains on ROWS rows of a table, writes what it predicts for TESTS more
 //! peers lookup FEATURES LABELS            trains a residual on a drive, times its coefficients, writes its training table
 //! peers problems COUNT FILE               drives, writes quadratic programs with our solutions
+//! peers nonlinear HORIZON COUNT nmpc|gp   drives, writes nonlinear MPC problems with our solutions
 //! peers agreement COUNT                   drives, compares each solution with Clarabel's: COUNT problems a case
 //! peers steps                             whole control steps, and the closed loop against real time
 //! peers growth                            cost against horizon, window, trees, depth, log, number of controllers
@@ -20,6 +21,7 @@ mod forest;
 mod growth;
 mod learned;
 mod lookup;
+mod nonlinear;
 mod problems;
 mod speed;
 mod steps;
@@ -40,6 +42,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
         ["lookup", features, labels] => lookup::run(Path::new(features), Path::new(labels)),
         ["problems", count, file] => problems::run(count.parse()?, Path::new(file)),
+        ["nonlinear", horizon, count, kind @ ("nmpc" | "gp")] => {
+            nonlinear::run(horizon.parse()?, count.parse()?, kind == "gp")
+        }
         ["agreement", count] => agreement::run(count.parse()?),
         ["steps"] => speed::run(),
         ["growth"] => growth::run(),

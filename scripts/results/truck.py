@@ -80,7 +80,8 @@ ON_EDGE = """\
 The paper's cut of 94 % (RMSE) arises where the nominal MPC is near the edge of its stability, and this is how to make
 it: on the ways from the nominal's best weights to the default ones and to each row's best, over decades, the tightest
 at which it still finishes the test route, found by bisection; and of these the one at which RFL or RFL+S gains most
-({share:.0f} % of the way to {towards}: {weights}). All rows at these weights, first seed. It says how far a nominal can be driven into its delay, not how much a model gains over a well-tuned nominal: for
+({share:.0f} % of the way to {towards}: {weights}). All rows at these weights, first seed. It says how far a nominal can
+be driven into its delay, not how much a model gains over a well-tuned nominal: for
 that see the table of each row at its own best."""
 
 
@@ -299,7 +300,9 @@ def write_markdown(results: dict, conditions: dict, out: Path) -> None:
             text += [f"![Errors]({file})\n" for file in truck_plots.OF_PLANT[plant]]
     if "edge" in results:
         edge = results["edge"]
-        about = ON_EDGE.format(share=100 * edge["share"], towards=edge["towards"], weights=weights_text(edge["weights"]))
+        about = ON_EDGE.format(
+            share=100 * edge["share"], towards=edge["towards"], weights=weights_text(edge["weights"])
+        )
         text += ["## The paper's setting: a nominal at its edge", "", about, ""]
         text += [tracking_markdown(edge["rows"], PAPER[HIGH]), ""]
     if "sweep" in results:

@@ -137,6 +137,12 @@ impl<const D: usize> Sparse<D> {
         &self.numbers.dictionary
     }
 
+    /// The weight of each point's covariance in the mean.
+    #[must_use]
+    pub fn weights(&self) -> &[f64] {
+        &self.numbers.weights
+    }
+
     pub(super) fn numbers(&self) -> &Numbers<D> {
         &self.numbers
     }

@@ -1,19 +1,23 @@
-//! Writes nonlinear MPC problems of a closed-loop drive, with our solutions, as JSON: `dump_nmpc HORIZON COUNT > out.json`.
+//! Nonlinear MPC problems of a closed-loop drive with our solutions: NMPC, and with Gaussian processes GP-NMPC.
 //!
 //! Each problem is complete: another solver that is given these numbers solves the same problem. The curvature of the
 //! road is a chain of parabolas in the station; for a solver that wants one formula for all of them there is also the
 //! cubic that comes nearest over the stretch ahead.
 
+use super::Outcome;
+use super::learned::{CAR, SLOW, collect};
 use nalgebra::{Matrix4, Vector4};
 use rfl_mpc::control::{BicycleModel, ControlStatus, Controller, ControllerParameters, PredictionModel};
 use rfl_mpc::path::sudoku::Route;
 use rfl_mpc::path::{Closure, Path};
+use rfl_mpc::residual::gp::{GpConfig, GpModel, train};
 use rfl_mpc::simulate::ClosedLoop;
 use rfl_mpc::vehicle::{Effects, builtin};
 use serde_json::{Value, json};
-use std::error::Error;
 use std::sync::Arc;
 
+/// Seconds of driving that the processes are learned from: several times round the training route.
+const LEARNED_FROM: f64 = 600.0;
 /// Longest cell of a path in m, and the parabola of curvature in each: see `src/path/grid.rs`.
 const CELL: f64 = 0.25;
 
@@ -63,6 +67,10 @@ fn problem(controller: &Controller, guess: &[f64]) -> Result<Option<Value>, Stri
         roll_out.speed.iter().map(|step| roll_out.model().substeps(step.speed[1], mpc.sample_time)).collect();
     let ahead: f64 = roll_out.speed.iter().map(|step| step.speed[1] * mpc.sample_time).sum();
     let (from, to) = (roll_out.start[0] - 0.1, roll_out.start[0] + 1.1 * ahead + 0.5);
+    // Where a process fades, outside its training, it is another problem at each step.
+    if roll_out.outside_training() > 0.0 {
+        return Ok(None);
+    }
     // One number of substeps for all steps keeps the other side simple.
     if substeps.iter().any(|count| *count != substeps[0]) || from < 0.0 || to > path.length() {
         return Ok(None);
@@ -77,6 +85,9 @@ fn problem(controller: &Controller, guess: &[f64]) -> Result<Option<Value>, Stri
     let roll_out = lateral.roll_out().expect("it was there");
     Ok(Some(json!({
         "start": roll_out.start.as_slice(),
+        "begin_speed": roll_out.speed.iter().map(|step| step.speed[0]).collect::<Vec<_>>(),
+        "planned_speed": roll_out.speed.iter().map(|step| step.planned).collect::<Vec<_>>(),
+        "accel": roll_out.speed[0].accel,
         "mean_speed": roll_out.speed.iter().map(|step| step.speed[1]).collect::<Vec<_>>(),
         "end_speed": roll_out.speed.iter().map(|step| step.speed[2]).collect::<Vec<_>>(),
         "substeps": substeps[0],
@@ -92,21 +103,34 @@ fn problem(controller: &Controller, guess: &[f64]) -> Result<Option<Value>, Stri
     })))
 }
 
-fn main() -> Result<(), Box<dyn Error>> {
-    let mut arguments = std::env::args().skip(1);
-    let (Some(horizon), Some(count)) = (arguments.next(), arguments.next()) else {
-        return Err("usage: dump_nmpc HORIZON COUNT > problems.json".into());
+/// The processes as numbers: `mean(z) = sum_i weight_i signal^2 exp(-1/2 |(z - point_i) / length_scales|^2)`.
+fn processes(model: &GpModel) -> Vec<Value> {
+    let process = |gp: &rfl_mpc::residual::gp::Sparse<5>| {
+        let kernel = gp.kernel();
+        json!({ "length_scales": kernel.length_scales, "signal": kernel.signal,
+            "points": gp.dictionary(), "weights": gp.weights() })
     };
-    let (horizon, count): (usize, usize) = (horizon.parse()?, count.parse()?);
-    let car = builtin("c_class")?;
+    model.outputs().iter().map(process).collect()
+}
+
+/// `peers nonlinear`: so many problems with this horizon of a drive of the test route.
+pub fn run(horizon: usize, count: usize, learned: bool) -> Outcome {
+    let car = builtin(CAR)?;
     let path = Arc::new(Path::from_samples(Route::SudokuTest.samples(), Closure::Detect)?);
     let mut parameters = ControllerParameters::for_car(&car);
     parameters.mpc.horizon = horizon;
-    let model = BicycleModel::default();
+    let gp = if learned {
+        let data = collect(LEARNED_FROM)?;
+        Some(Arc::new(train(&data, None, &GpConfig::default(), &|_| ())?.model))
+    } else {
+        None
+    };
+    let gps = gp.as_deref().map(processes);
+    let model = BicycleModel { gp, ..BicycleModel::default() };
     let friction = model.friction;
     let controller = Controller::predicting_with(parameters, path, PredictionModel::Bicycle(model))?;
     // A steering lag that the model does not know keeps the controller busy.
-    let effects = Effects { steer_lag: 0.1, ..Effects::default() };
+    let effects = Effects { steer_lag: SLOW, ..Effects::default() };
     let mut closed = ClosedLoop::at_start(controller, &car, &effects, parameters.mpc.sample_time)?;
     let (mut problems, mut k) = (Vec::new(), 0);
     let mut guess = vec![0.0; horizon];
@@ -123,16 +147,15 @@ fn main() -> Result<(), Box<dyn Error>> {
         guess[horizon - 1] = guess[horizon - 2];
     }
     let vehicle = parameters.vehicle;
-    let document = json!({
+    Ok(json!({
         "vehicle": {
             "mass": vehicle.mass, "yaw_inertia": vehicle.yaw_inertia, "lf": vehicle.lf, "lr": vehicle.lr,
             "cf": vehicle.front_stiffness, "cr": vehicle.rear_stiffness,
         },
+        "processes": gps,
         "friction": friction,
         "sample_time": parameters.mpc.sample_time,
         "shape": closed.controller().problem().shape,
         "problems": problems,
-    });
-    serde_json::to_writer(std::io::stdout().lock(), &document)?;
-    Ok(())
+    }))
 }
