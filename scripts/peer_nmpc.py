@@ -3,8 +3,8 @@
 
     peer_nmpc.py PROBLEMS.json          problems of `cargo run --release --example peers -- nonlinear 16 50 gp`
 
-NMPC, and GP-NMPC: the same with Gaussian processes, learned by us, for what the bicycle misses in a step. The problem is
-written out here anew, from its equations: the nonlinear bicycle along a path (`src/nominal/bicycle.rs`,
+NMPC, and GP-NMPC: the same with Gaussian processes, learned by us, for what the bicycle misses in a step. The problem
+is written out here anew, from its equations: the nonlinear bicycle along a path (`src/nominal/bicycle.rs`,
 `path_model.rs`), Runge-Kutta of 4th order with the speed of a step held, the processes' means
 (`src/residual/gp/kernel.rs`), the tracking cost (`src/control/tracking_qp.rs`), by direct multiple shooting with exact
 Hessians.
