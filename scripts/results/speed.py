@@ -132,8 +132,8 @@ def _nonlinear(raw: dict) -> list[str]:
         "",
         "Problems of a closed-loop drive, both from the plan of the step before. Ours is faster: "
         f"{_verdict(faster)}; its objective is above IPOPT's by at most {excess:.0e} of it, and its commands are at "
-        f"most {difference:.0e} rad apart. Ours stops as in the drive, IPOPT at 1e-9. IPOPT has exact Hessians, and for "
-        "its time the road ahead as one cubic, in its favour; agreement is judged on the road as it is, a chain of "
+        f"most {difference:.0e} rad apart. Ours stops as in the drive, IPOPT at 1e-9. IPOPT has exact Hessians, and "
+        "for its time the road ahead as one cubic, in its favour; agreement is judged on the road as it is, a chain of "
         "parabolas.",
         "",
         "| problem | points of the processes | problems | ours: median, us | p99, us | IPOPT: median, us | p99, us | "
