@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable
 import numpy as np
 from statsmodels.stats.proportion import proportion_confint
 
-from .effects import OF
+from .effects import OF, OF_TRUCKS, TOLERANCES
 
 # A class of more members names nothing.
 LARGEST_CLASS = 4
@@ -33,6 +33,23 @@ STAGES = {
     ],
 }  # fmt: skip
 STAGE_OF = {effect: stage for stage, effects in STAGES.items() for effect in effects}
+
+
+# So many tolerances off an effect is clear: no log gives more evidence against the tolerances alone than the square.
+CLEAR = 4.0
+# Effects that no ordinary vehicle has a little of, and one whose tolerance hangs on the design.
+WITHOUT_TOLERANCE = {"steer_rate_limit", "steer_backlash", "payload", "trailer_payload", "tyre_relaxation"}
+
+
+def tolerances_off(label: dict) -> float:
+    """How many tolerances the weakest cause is from neutral; infinite without a tolerance."""
+    known = TOLERANCES | (OF_TRUCKS if label["truck"] else {})
+    of = [
+        abs(label["values"][cause] - OF[cause].neutral) / known[cause]
+        for cause in label["causes"]
+        if cause not in WITHOUT_TOLERANCE
+    ]
+    return min(of, default=float("inf"))
 
 
 def wilson(hits: int, count: int) -> tuple[float, float]:
@@ -237,6 +254,8 @@ def score(labels: list[dict], reports: list[dict]) -> dict:
         "trucks": of(("single",), in_class, lambda a: a["truck"]),
         "pair_both": of(("pair",), in_class),
         "pair_one": of(("pair",), some_of_pair),
+        "clear_single": of(("single",), in_class, lambda a: tolerances_off(a) >= CLEAR),
+        "clear_pair": of(("pair",), in_class, lambda a: tolerances_off(a) >= CLEAR),
         "pair_top3": of(("pair",), in_top),
         "pair_f1": float(np.mean(all_of(("pair",), lambda a, b: [f1(a, b)]) or [np.nan])),
         "false_alarms": of(("none",), lambda a, b: kind(b) in ("effect", "not_in_library")),

@@ -26,6 +26,8 @@ FURTHER = (
     ("trucks", "single, trucks"),
     ("with_reference", "single, with a reference log"),
     ("without_reference", "single, without"),
+    ("clear_single", "single, four tolerances off or more: exact or class"),
+    ("clear_pair", "pairs, each four tolerances off or more: both"),
     ("pair_top3", "pairs, among the first three pairs"),
     ("stage", "stage at which the gap enters"),
     ("interval_covers", "95 % intervals hold the true value"),

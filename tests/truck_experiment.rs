@@ -77,7 +77,8 @@ fn the_comparison_runs_and_does_not_depend_on_threads() {
     let outcome = |name: &str| row(name).own_best[0].clone();
     assert!(!outcome("identified").lost);
     assert!(outcome("identified").tracking.mae < 0.7 * outcome("MPC").tracking.mae);
-    let edge = comparison.edge(&ROWS[..1], &condition.rows[0].weights).unwrap();
+    let best = [Row::NOMINAL, ROWS[0]].map(|of| (of, row(&of.name()).weights));
+    let edge = comparison.edge(&best).unwrap();
     assert!((0.0..=1.0).contains(&edge.share) && edge.rows.iter().all(|(_, outcome)| !outcome.lost));
 
     let text = |condition: &Condition| serde_json::to_string(condition).unwrap();

@@ -196,12 +196,14 @@ fn evaluate<P: Compared<S, C>, const S: usize, const C: usize>(
         }
         if plant.edge {
             bar.set_message(format!("{name}: the nominal's edge"));
-            let best = nominal.unwrap_or_else(|| condition.rows[0].weights);
-            let place = match there.as_ref().and_then(ResultsFile::edge) {
-                Some(place) => place,
-                None => comparison.edge_place(&best, &condition.rows)?,
+            // Of all rows, those that were there already too.
+            let of = |row: &Row| {
+                let new = condition.rows.iter().find(|result| result.row == row.name());
+                let weights = new.map(|result| result.weights).or_else(|| there.as_ref()?.weights(*row));
+                weights.map(|weights| (*row, weights))
             };
-            condition.edge = Some(comparison.edge(&rows, place)?);
+            let best: Vec<_> = setting.rows.iter().filter_map(of).collect();
+            condition.edge = Some(comparison.edge(&best)?);
         }
         if args.ablations && noise.is_none() {
             bar.set_message(format!("{name}: ablations"));

@@ -3,7 +3,7 @@
 //! Rows of a comparison may be run apart: the slow ones later, those of a changed model anew after the old ones were taken
 //! out. What is put together must be comparable: of one vehicle and one effort.
 
-use crate::simulate::experiment::{EdgePlace, Effort, Row, Weights};
+use crate::simulate::experiment::{Effort, Row, Weights};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::error::Error;
@@ -51,11 +51,6 @@ impl ResultsFile {
         Weights::deserialize(&found["weights"]).ok()
     }
 
-    /// Where the nominal MPC's edge is.
-    pub fn edge(&self) -> Option<EdgePlace> {
-        EdgePlace::deserialize(&self.0["edge"]).ok()
-    }
-
     /// What is there with further rows of the same condition, in the order of `all`.
     ///
     /// # Errors
@@ -88,14 +83,9 @@ impl ResultsFile {
         let place =
             |name: &Value| all.iter().position(|row| row.name().as_str() == name).unwrap_or(all.len());
         put(&mut there["rows"], &further["rows"], |row| &row["row"], place);
-        if further["edge"].is_object() {
-            if there["edge"].is_object() {
-                if there["edge"]["weights"] == further["edge"]["weights"] {
-                    put(&mut there["edge"]["rows"], &further["edge"]["rows"], |row| &row[0], place);
-                }
-            } else {
-                there["edge"] = further["edge"].clone();
-            }
+        // Each edge is of all rows that were known then.
+        if list(&further["edge"]["rows"]).len() >= list(&there["edge"]["rows"]).len() {
+            there["edge"] = further["edge"].clone();
         }
         let known = there["rows"].clone();
         let left_out: Vec<Value> = list(&there["left_out"])
@@ -170,10 +160,10 @@ mod tests {
         assert!(there.weights(Row::plain(Predictor::Rfl)).is_none());
         let mut further = file(&[row("GP-NMPC", 1.0), row("RFL", 1.0), row("MPC", 0.3)]);
         further["left_out"] = json!([]);
-        further["edge"]["rows"] = json!([["RFL", 2], ["MPC", 7]]);
+        further["edge"]["rows"] = json!([["MPC", 7], ["RFL", 2]]);
         let all = there.with(&further, TRUCK_ROWS).unwrap();
         assert_eq!(names(&all), ["MPC", "RFL", "NMPC", "GP-NMPC"]);
-        assert_eq!(all["edge"]["rows"], json!([["MPC", 1], ["RFL", 2]]));
+        assert_eq!(all["edge"]["rows"], json!([["MPC", 7], ["RFL", 2]]));
         assert_eq!(all["left_out"], json!([]));
     }
 

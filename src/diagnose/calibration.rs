@@ -26,6 +26,9 @@ pub struct Calibration {
     alone: Alone,
     /// Evidence that a second effect must add.
     pub pair: f64,
+    /// The same as a share of the evidence so far: what is left of a large effect that acts a little otherwise than modelled
+    /// is no effect of its own.
+    pub further: f64,
     /// Evidence within which candidates are one class.
     pub class: f64,
     /// Rest over noise and model form from which on the cause is not in the library.

@@ -378,7 +378,8 @@ fn decide<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, calibration
     for more in [&ranking.pairs, &ranking.threes] {
         let adds = |fit: &&Fit| {
             let others = fit.freed.iter().filter(|i| !chosen.freed.contains(i));
-            let least = others.map(|&i| needed(i)).fold(calibration.pair, f64::max);
+            let so_far = calibration.further * evidence(chosen);
+            let least = others.map(|&i| needed(i)).fold(calibration.pair.max(so_far), f64::max);
             chosen.cost - fit.cost > least && matters(fit, chosen.cost)
         };
         let Some(fit) = more.iter().find(adds) else { break };
@@ -412,16 +413,21 @@ fn decide<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, calibration
     }
 }
 
-/// What an effect does to the motion, over what the background does.
+/// What an effect does to the motion, over what the background does: the tolerances without any of the effects.
 fn dominance<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, at: &Fit, effect: usize) -> f64 {
-    let mut without = at.x.clone();
-    without[effect] = ranking.prior.mean[effect];
-    let Some(gap) = problem.residual(&without) else { return f64::INFINITY };
+    let without = |effects: &[usize]| {
+        let mut x = at.x.clone();
+        effects.iter().for_each(|&i| x[i] = ranking.prior.mean[i]);
+        problem.residual(&x)
+    };
+    let (Some(gap), Some(background)) = (without(&[effect]), without(&at.freed)) else {
+        return f64::INFINITY;
+    };
     let weights = &ranking.linear.weights;
     let distance = |a: &[f64], b: &[f64]| {
         a.iter().zip(b).zip(weights).map(|((a, b), w)| w * (a - b).powi(2)).sum::<f64>().sqrt()
     };
-    let (own, background) = (distance(&gap, &at.gap), distance(&gap, &ranking.neutral));
+    let (own, background) = (distance(&gap, &at.gap), distance(&background, &ranking.neutral));
     own / background.max(0.05 * own).max(1e-9)
 }
 

@@ -28,6 +28,8 @@ enum Turns {
     Bias(Channel),
     /// Place of what velocities sideways are given for: unit * x forward of the reference point.
     Arm,
+    /// Lateness by the low pass of the inertial sensors: unit * x, s.
+    InertialLag,
     /// An error of the model's form, by its place in [`FORMS`]: unit * x of its shape.
     Form(usize),
     /// Curve of all tyres between slope and peak: shape factor times exp(unit * x); curvature factor plus unit * x.
@@ -118,6 +120,11 @@ const SENSORS: &[(&str, Channel, f64, bool)] = &[
     ("sensor.roll_bias", Channel::Roll, 0.003, false),
 ];
 
+/// What goes through the low pass of the inertial sensors, and its lateness, s: of second order at 20 to 40 Hz. Place, speed
+/// and heading do not, so it is no `sensor_delay`.
+const INERTIAL: [Channel; 3] = [Channel::YawRate, Channel::Ay, Channel::Ax];
+const INERTIAL_LAG: f64 = 0.010;
+
 /// Coordinates of what is no effect are kept within this; a bound inside what the prior allows would hold fits back.
 const FARTHEST: f64 = 40.0;
 const TYRE_SHAPE: &str = "form.tyre.shape";
@@ -199,6 +206,9 @@ pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -
     }
     if drive.channels.contains(&Channel::Vy) {
         knobs.push(further("sensor.reference_x", Turns::Arm, 0.05));
+    }
+    if INERTIAL.iter().any(|channel| drive.channels.contains(channel)) {
+        knobs.push(further("sensor.inertial_lag", Turns::InertialLag, INERTIAL_LAG));
     }
     let form = &Calibration::built_in().form;
     for (id, turns, size) in
@@ -296,9 +306,12 @@ impl Knob {
             Turns::Relaxation => self.unit * (1.0 + x),
             Turns::Factor | Turns::TyreShape => (self.unit * x).exp(),
             Turns::Scale(_) => 1.0 + self.unit * x,
-            Turns::Shift | Turns::Bias(_) | Turns::Arm | Turns::Form(_) | Turns::TyreCurvature => {
-                self.unit * x
-            }
+            Turns::Shift
+            | Turns::Bias(_)
+            | Turns::Arm
+            | Turns::InertialLag
+            | Turns::Form(_)
+            | Turns::TyreCurvature => self.unit * x,
         }
     }
 
@@ -353,12 +366,12 @@ impl Knob {
                     }
                 }
             }
-            Turns::Scale(_) | Turns::Bias(_) | Turns::Arm | Turns::Form(_) => {}
+            Turns::Scale(_) | Turns::Bias(_) | Turns::Arm | Turns::InertialLag | Turns::Form(_) => {}
         }
     }
 
     /// What a sensor's knob does to a replay.
-    fn sense(&self, x: f64, trace: &mut Trace) {
+    fn sense(&self, x: f64, drive: &Drive, trace: &mut Trace) {
         let (channel, factor, shift) = match self.turns {
             Turns::Scale(channel) => (channel, self.value(x), 0.0),
             Turns::Bias(channel) => (channel, 1.0, self.value(x)),
@@ -369,6 +382,18 @@ impl Knob {
                     .iter_mut()
                     .zip(rate)
                     .for_each(|(vy, rate)| *vy += arm * rate);
+                return;
+            }
+            Turns::InertialLag => {
+                let rows = self.value(x) / drive.step;
+                for column in INERTIAL.map(|channel| channel as usize) {
+                    let column = &mut trace.columns[column];
+                    for &(from, to) in &drive.stretches {
+                        for i in (from + 1..to.min(column.len())).rev() {
+                            column[i] -= rows * (column[i] - column[i - 1]);
+                        }
+                    }
+                }
                 return;
             }
             _ => return,
@@ -423,10 +448,10 @@ pub fn at<V: ReplayVehicle>(knobs: &[Knob], x: &[f64], vehicle: &V) -> (V, Truck
 }
 
 /// What the sensors' knobs do to a replay.
-pub fn sense(knobs: &[Knob], x: &[f64], trace: &mut Trace) {
+pub fn sense(knobs: &[Knob], x: &[f64], drive: &Drive, trace: &mut Trace) {
     for (knob, &x) in knobs.iter().zip(x) {
         if x != 0.0 {
-            knob.sense(x, trace);
+            knob.sense(x, drive, trace);
         }
     }
 }

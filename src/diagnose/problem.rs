@@ -103,7 +103,7 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
     pub fn trace(&self, x: &[f64]) -> Result<Trace, String> {
         let (vehicle, effects) = knob::at(&self.knobs, x, self.vehicle);
         let mut trace = replay(self.drive, &vehicle, &effects, &self.corrected(x), None)?;
-        knob::sense(&self.knobs, x, &mut trace);
+        knob::sense(&self.knobs, x, self.drive, &mut trace);
         Ok(trace)
     }
 

@@ -145,6 +145,34 @@ fn bound<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, none: &mut Fit, 
     sort(singles);
 }
 
+/// What a candidate explains with one of its effects within its tolerance, the background explains without that effect: it
+/// bounds the cost of the candidate of the others, which may not have been found from where it began.
+fn bound_fewer<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, fewer: &mut Vec<Fit>, more: &[Fit]) {
+    for fit in more {
+        let off = prior.off(&fit.x);
+        let gap = fit.cost - prior.freed(problem, &fit.freed).penalty(&off);
+        for (place, &i) in fit.freed.iter().enumerate() {
+            if problem.knobs[i].tolerance == 0.0 || problem.knobs[i].within(fit.x[i], false) != fit.x[i] {
+                continue;
+            }
+            let mut others = fit.clone();
+            others.freed.remove(place);
+            others.columns.clear();
+            others.cost = gap + prior.freed(problem, &others.freed).penalty(&off);
+            let same = |known: &&mut Fit| {
+                known.freed.len() == others.freed.len()
+                    && known.freed.iter().all(|i| others.freed.contains(i))
+            };
+            match fewer.iter_mut().find(same) {
+                Some(known) if known.cost <= others.cost => {}
+                Some(known) => (known.x, known.gap, known.cost) = (others.x, others.gap, others.cost),
+                None => fewer.push(others),
+            }
+        }
+    }
+    sort(fewer);
+}
+
 /// Takes a linear step from the background's best where that is better.
 fn from_none<V: ReplayVehicle>(
     problem: &Problem<V>,
@@ -318,6 +346,11 @@ pub fn rank<V: ReplayVehicle>(
         threes = extended(problem, &prior, &linear, &pairs, &singles, &OF_PAIRS);
         polish(problem, &prior, &linear, &mut threes);
     }
+    bound_fewer(problem, &prior, &mut pairs, &threes);
+    polish(problem, &prior, &linear, &mut pairs);
+    bound_fewer(problem, &prior, &mut singles, &pairs);
+    polish(problem, &prior, &linear, &mut singles);
+    bound(problem, &prior, &mut none, &mut singles);
     Ok(Ranking { none, singles, pairs, threes, linear, prior, noise, neutral })
 }
 

@@ -193,7 +193,7 @@ fn at_horizon<V: ReplayVehicle>(
         let (vehicle, effects) = knob::at(&problem.knobs, x, problem.vehicle);
         let correction: &Correction = problem.correction;
         let mut trace = replay(drive, &vehicle, &effects, correction, Some(rows)).ok()?;
-        knob::sense(&problem.knobs, x, &mut trace);
+        knob::sense(&problem.knobs, x, drive, &mut trace);
         Some(trace)
     };
     let neutral = run(&ranking.prior.mean);

@@ -122,3 +122,16 @@ def test_score_counts_each_kind_by_itself():
     assert (found["pair_both"]["hits"], found["pair_one"]["hits"]) == (0, 1)
     assert found["confusion"]["drag"] == {"drag": 1, "none": 1}
     assert found["value_error"] == 0.0
+
+
+def test_how_clear_a_case_is():
+    # Tyres 4 %, offset 1.7 mrad: the weaker one counts. Backlash has no tolerance.
+    pair = label(
+        "pair", "tyre_stiffness_front", "steer_offset", values=dict(tyre_stiffness_front=0.8, steer_offset=0.017)
+    )
+    assert measures.tolerances_off(pair) == pytest.approx(5.0)
+    assert measures.tolerances_off(label("single", "steer_backlash")) == math.inf
+    score = measures.score([pair], [report("effect", ("steer_offset", 0.017, ["steer_offset"]))])
+    assert (
+        score["clear_pair"]["count"] == 1 and score["clear_pair"]["hits"] == 0 and score["clear_single"]["count"] == 0
+    )

@@ -289,7 +289,7 @@ impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P,
             .into_iter()
             .unzip();
         progress(&format!("{name}: tuning"));
-        let limit = nominal.map_or(f64::INFINITY, |(_, roughest)| roughest);
+        let limit = nominal.map_or(f64::INFINITY, |(_, roughest)| P::SETTING.roughness * roughest);
         let known = nominal.map(|(weights, _)| weights);
         let found = search(&P::SETTING.space, self.effort.budget, 1, row.observes, known, |weights| {
             self.score(&models, weights, limit, threads).unwrap_or(f64::INFINITY)

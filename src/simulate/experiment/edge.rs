@@ -8,29 +8,21 @@
 //! comparison that can be had, on purpose.
 
 use super::compare::{CompareError, ComparisonFor};
-use super::result::{Outcome, RowResult};
+use super::result::Outcome;
 use super::row::{Predictor, Row};
 use super::vehicle::Compared;
 use super::weights::Weights;
 use crate::residual::parallel;
-use serde::{Deserialize, Serialize};
-
-/// Where the edge is.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[allow(missing_docs)]
-pub struct EdgePlace {
-    /// Whose weights the way leads to, and the share of the way from the nominal MPC's best.
-    pub towards: String,
-    pub share: f64,
-    pub weights: Weights,
-}
+use serde::Serialize;
 
 /// What was found.
 #[derive(Debug, Clone, Serialize)]
 #[allow(missing_docs)]
 pub struct Edge {
-    #[serde(flatten)]
-    pub place: EdgePlace,
+    /// Whose weights the way leads to, and the share of the way from the nominal MPC's best.
+    pub towards: String,
+    pub share: f64,
+    pub weights: Weights,
     /// The nominal MPC and rows without observer on the plant's test road with the first seed's model, by name.
     pub rows: Vec<(String, Outcome)>,
 }
@@ -39,43 +31,39 @@ pub struct Edge {
 const HALVINGS: u32 = 6;
 
 impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, C> {
-    /// Looks for the nominal MPC's edge; `found` are the rows at their best, the nominal MPC's weights `best`.
+    /// Drives rows at the nominal MPC's edge; `best` are all rows' weights at their own best, the nominal MPC's first.
     ///
     /// # Errors
     /// See [`CompareError`].
-    pub fn edge_place(&self, best: &Weights, found: &[RowResult]) -> Result<EdgePlace, CompareError> {
+    ///
+    /// # Panics
+    /// If there are no weights: a mistake of the calling code.
+    pub fn edge(&self, best: &[(Row, Weights)]) -> Result<Edge, CompareError> {
+        let (_, nominal) = best[0];
         let default = ("the default weights".to_owned(), Weights::of(&P::controller(self.vehicle).mpc));
-        let others = found.iter().map(|row| (row.row.clone(), row.weights));
+        let others = best[1..].iter().map(|(row, weights)| (row.name(), *weights));
         let ends: Vec<_> = std::iter::once(default).chain(others).collect();
-        let edges = parallel::map(parallel::threads(self.effort.threads), ends.len(), |i| {
-            let (share, weights) = self.tightest(best, &ends[i].1)?;
+        let rows: Vec<Row> = best.iter().map(|(row, _)| *row).filter(|row| !row.observes).collect();
+        let threads = parallel::threads(self.effort.threads);
+        let edges = parallel::map(threads, ends.len(), |i| {
+            let (share, weights) = self.tightest(&nominal, &ends[i].1)?;
             let nominal = self.outcome(Row::NOMINAL, &weights)?;
             let mut least = f64::INFINITY;
-            for row in [Predictor::Rfl, Predictor::RflS].map(Row::plain) {
-                let outcome = self.outcome(row, &weights)?;
+            for row in rows.iter().filter(|row| matches!(row.predictor, Predictor::Rfl | Predictor::RflS)) {
+                let outcome = self.outcome(*row, &weights)?;
                 if !outcome.lost {
                     least = least.min(outcome.tracking.rmse / nominal.tracking.rmse);
                 }
             }
-            Ok::<_, CompareError>((least, EdgePlace { towards: ends[i].0.clone(), share, weights }))
+            Ok::<_, CompareError>((least, i, share, weights))
         });
         let edges = edges.into_iter().collect::<Result<Vec<_>, _>>()?;
-        Ok(edges.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).expect("there is the default's").1)
-    }
-
-    /// Drives rows at the nominal MPC's edge.
-    ///
-    /// # Errors
-    /// See [`CompareError`].
-    pub fn edge(&self, rows: &[Row], place: EdgePlace) -> Result<Edge, CompareError> {
-        let others =
-            rows.iter().copied().filter(|row| *row != Row::NOMINAL && !row.observes && self.has(*row));
-        let rows: Vec<Row> = std::iter::once(Row::NOMINAL).chain(others).collect();
-        let threads = parallel::threads(self.effort.threads);
-        let outcomes = parallel::map(threads, rows.len(), |i| self.outcome(rows[i], &place.weights));
+        let (_, end, share, weights) =
+            edges.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).expect("there is the default's");
+        let outcomes = parallel::map(threads, rows.len(), |i| self.outcome(rows[i], &weights));
         let rows = rows.iter().zip(outcomes).map(|(row, outcome)| Ok((row.name(), outcome?)));
         let rows = rows.collect::<Result<_, CompareError>>()?;
-        Ok(Edge { place, rows })
+        Ok(Edge { towards: ends[end].0.clone(), share, weights, rows })
     }
 
     /// How far the nominal MPC can go on the way between weights and still finish: share and weights.

@@ -35,7 +35,7 @@ mod vehicle;
 mod weights;
 
 pub use compare::{CompareError, Comparison, ComparisonFor};
-pub use edge::{Edge, EdgePlace};
+pub use edge::Edge;
 pub use fit::{FitMetrics, steps_ahead};
 pub use learn::SHORT_HORIZON;
 pub use plant::{CAR_PLANTS, Plant, STEER_DELAY, STEER_LAG, TRUCK_PLANTS};

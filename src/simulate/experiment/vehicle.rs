@@ -60,6 +60,9 @@ pub struct Setting {
     pub noise: SensorNoise,
     /// Lateral error at which a candidate's drive is given up, m: no row's best comes near.
     pub hopeless: f64,
+    /// How rough the steering of a row's own best may be, as a multiple of the nominal MPC's. A nominal that must be damped to
+    /// survive a delay steers less than the road asks for: there it is no measure.
+    pub roughness: f64,
     /// Seeds, drives for each, candidates of a search: by default.
     pub seeds: usize,
     /// See [`seeds`](Self::seeds).
@@ -216,6 +219,7 @@ impl Compared<ERRORS, CAR_COLUMNS> for Car {
         space: CAR_SPACE,
         noise: SensorNoise::TYPICAL,
         hopeless: 0.6,
+        roughness: 1.0,
         seeds: 5,
         drives: 2,
         budget: 64,
@@ -258,6 +262,7 @@ impl Compared<TRUCK_STATES, TRUCK_COLUMNS> for Truck {
         space: TRUCK_SPACE,
         noise: SensorNoise::TYPICAL_TRUCK,
         hopeless: 2.0,
+        roughness: f64::INFINITY,
         seeds: 3,
         drives: 1,
         budget: 24,
