@@ -58,10 +58,11 @@ noise; what is chosen has to stand further parts of that route, fast and cross-c
 No test road is on the training route. Errors are the tractor's true ones. ± is the standard deviation over the seeds; 0
 where no seed plays a part. PE is the cut against the nominal MPC under the same protocol. Roughness is the RMS rate of
 the steering command. No row's is limited, as it is in the car's tables: behind a long delay the nominal must be damped
-so far that it steers less than the road asks for. (With the nominal's as a limit the learned rows of the high delay stay
-as they are but RT and RF, which get worse, as MPC+observer and Padé (2, 2) do; `oracle+observer`, calm on the pieces of
-the search and rough on the test road, stays so.) A diverged drive, off the path, jack-knifed or rolled over, counts until
-the truck was lost: its numbers mean nothing beyond that. `+observer` is the row with the disturbance observer.
+so far that it steers less than the road asks for. (With the nominal's as a limit the learned rows of the high delay
+stay as they are but RT and RF, which get worse, as MPC+observer and Padé (2, 2) do; `oracle+observer`, calm on the
+pieces of the search and rough on the test road, stays so.) A diverged drive, off the path, jack-knifed or rolled over,
+counts until the truck was lost: its numbers mean nothing beyond that. `+observer` is the row with the disturbance
+observer.
 
 The delay models' constants are identified from one recorded step of the steering; `oracle` is told the truth."""
 ON_FROZEN = """\
