@@ -79,6 +79,7 @@ PARTS = {
     "agreement": lambda programs, folder, quick, say: compare_agreement(programs, quick, say),
     "speed": lambda programs, folder, quick, say: peer_forest.call(programs / "peers", "steps"),
     "growth": lambda programs, folder, quick, say: peer_forest.call(programs / "peers", "growth"),
+    "instances": lambda programs, folder, quick, say: peer_forest.call(programs / "peers", "instances"),
     "training": lambda programs, folder, quick, say: measure_training(programs, quick, say),
     "fmpy": lambda programs, folder, quick, say: measure_fmpy(ROOT / "target" / "fmu", quick, say),
 }

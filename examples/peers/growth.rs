@@ -1,11 +1,10 @@
-//! How cost grows: with the horizon, the window, trees and their depth, training rows, the length of a log, and the
-//! number of controllers in one process.
+//! How cost grows: with the horizon, the window, trees and their depth, training rows and the length of a log.
 //!
 //! Each table is one run in which all its entries take turns, so that a busy machine is busy for all of them.
 
 use crate::steps::{Model, SAMPLE_TIME, car, percentile};
 use crate::{Outcome, median_time};
-use rfl_mpc::control::{Measurement, PredictionModelFor, Propagation, Residual, RollOut};
+use rfl_mpc::control::{PredictionModelFor, Propagation, Residual, RollOut};
 use rfl_mpc::path::sudoku::Route;
 use rfl_mpc::residual::{DataConfig, DataSet, Dense, Kind, LambdaChoice, Random, TrainConfig, grow, train};
 use rfl_mpc::simulate::{CAR_COLUMNS, ClosedLoop};
@@ -125,14 +124,7 @@ pub fn training(rows: usize) -> Outcome {
 
 /// Most memory that this process ever had, in bytes, where the system says.
 fn highest_memory() -> Option<f64> {
-    memory("VmHWM:")
-}
-
-fn memory(name: &str) -> Option<f64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix(name))?;
-    let kib: f64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
-    Some(1024.0 * kib)
+    crate::instances::memory("VmHWM:")
 }
 
 /// Seconds to make samples of a log of so many seconds of driving, for each.
@@ -152,58 +144,12 @@ fn logs() -> Result<Value, Box<dyn Error>> {
     Ok(Value::Object(rows))
 }
 
-/// Controllers with one model and one road that step in turn in one thread, and shared out among two.
-fn instances() -> Result<Value, Box<dyn Error>> {
-    let car = car();
-    let model = learn(&data(LEARNED)?, |_| ())?;
-    let mut driver = car.connect(car.test, car.timed, model.clone());
-    let measurements: Vec<Measurement> = (0..200)
-        .map(|_| {
-            let seen = rfl_mpc::simulate::SimulatedVehicle::<4, CAR_COLUMNS>::measured(driver.vehicle());
-            driver.advance().map(|_| seen)
-        })
-        .collect::<Result<_, _>>()?;
-    let path = Arc::new(car.test.path()?);
-    let mut rows = serde_json::Map::new();
-    for count in [1, 10, 100, 1000] {
-        let before = memory("VmRSS:");
-        let mut all: Vec<_> = (0..count)
-            .map(|_| rfl_mpc::control::Controller::predicting_with(car.timed, path.clone(), model.clone()))
-            .collect::<Result<_, _>>()?;
-        // At least as many steps as tell.
-        let rounds = (2000 / count).clamp(5, measurements.len());
-        let begin = Instant::now();
-        for measurement in &measurements[..rounds] {
-            for controller in &mut all {
-                controller.step(measurement)?;
-            }
-        }
-        let alone = begin.elapsed().as_secs_f64();
-        let memory_each = before.zip(memory("VmRSS:")).map(|(before, after)| (after - before) / count as f64);
-        let begin = Instant::now();
-        std::thread::scope(|scope| {
-            for share in all.chunks_mut(count.div_ceil(2)) {
-                scope.spawn(|| {
-                    for measurement in &measurements[..rounds] {
-                        for controller in share.iter_mut() {
-                            // The same steps went well in one thread.
-                            let _ = std::hint::black_box(controller.step(measurement));
-                        }
-                    }
-                });
-            }
-        });
-        let shared = begin.elapsed().as_secs_f64();
-        let each = 1e6 / (rounds * count) as f64;
-        rows.insert(
-            count.to_string(),
-            json!({ "step_us": alone * each, "step_us_2_threads": shared * each, "kib": memory_each.map(|b| b / 1024.0) }),
-        );
-    }
-    Ok(Value::Object(rows))
+/// All but training and [`instances`], which want processes of their own for their memory.
+pub fn run() -> Outcome {
+    Ok(json!({ "steps": of_steps()?, "log_ms": logs()? }))
 }
 
-/// All but training, which wants a process of its own for its memory.
-pub fn run() -> Outcome {
-    Ok(json!({ "steps": of_steps()?, "log_ms": logs()?, "instances": instances()? }))
+/// Controllers in one process.
+pub fn instances() -> Outcome {
+    crate::instances::run(&learn(&data(LEARNED)?, |_| ())?)
 }

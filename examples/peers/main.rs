@@ -7,7 +7,8 @@
 //! peers nonlinear HORIZON COUNT nmpc|gp   drives, writes nonlinear MPC problems with our solutions
 //! peers agreement COUNT                   drives, compares each solution with Clarabel's: COUNT problems a case
 //! peers steps                             whole control steps, and the closed loop against real time
-//! peers growth                            cost against horizon, window, trees, depth, log, number of controllers
+//! peers growth                            cost against horizon, window, trees, depth, log
+//! peers instances                         cost of a step against the number of controllers in one process
 //! peers prepare FOLDER                    records the steps that the next one makes
 //! peers counted FOLDER nominal|rfl        makes control steps whose instructions are counted
 //! peers training ROWS                     seconds and memory of training on ROWS rows of 64 columns
@@ -19,6 +20,7 @@ mod agreement;
 mod counted;
 mod forest;
 mod growth;
+mod instances;
 mod learned;
 mod lookup;
 mod nonlinear;
@@ -48,6 +50,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         ["agreement", count] => agreement::run(count.parse()?),
         ["steps"] => speed::run(),
         ["growth"] => growth::run(),
+        ["instances"] => growth::instances(),
         ["prepare", folder] => counted::prepare(Path::new(folder)),
         ["counted", folder, name] => counted::run(Path::new(folder), name),
         ["training", rows] => growth::training(rows.parse()?),
