@@ -87,6 +87,7 @@ def lines(result: dict) -> list[tuple[str, str, str]]:
     for text, value in result.get("controls", {}).items():
         shown = _share(value) if isinstance(value, dict) else str(value)
         found.append((f"control: {text}", shown, ""))
+    found += [("failed", text, "") for text in result.get("failed", [])]
     for text, value in result.get("baselines", {}).items():
         alarms = _share(value["false_alarms"])
         found.append((f"baseline {text}: single, right", _share(value["single"]), f"false alarms {alarms}"))

@@ -31,8 +31,8 @@ def measure(cases: Set, labels: list[dict], reports: list[dict], out: Path, most
     for label, report in zip(labels, reports):
         if len(rows) >= most:
             break
-        moves = any(measures.STAGE_OF[cause] != "sensor" for cause in label["causes"])
-        if label["kind"] in ("single", "pair") and moves and measures.in_class(label, report):
+        named = label["kind"] in ("single", "pair") and measures.in_class(label, report)
+        if named and any(measures.STAGE_OF[cause] != "sensor" for cause in label["causes"]):
             try:
                 row = _one(cases, label, report, folder_of(out, label["case"]))
             except Exception as error:  # what a simulator cannot drive is said, not hidden

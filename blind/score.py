@@ -92,15 +92,22 @@ def main(arguments: list[str] | None = None) -> int:
     labels = seal.open_labels(out / "labels.sealed", seed, commitment["labels"])
     result = measures.score(labels, reports)
     result["made_seconds_per_case"] = made / max(len(labels), 1)
-    if options.routes:
-        result["routes"] = route.measure(cases, labels, reports, out, options.routes, say)
-    if options.controls:
-        result["controls"] = controls.measure(cases, labels, reports, out, rfl, options.controls, options.jobs, say)
-        further = manoeuvres.measure(cases, labels, reports, out, rfl, options.controls, options.jobs, say)
-        result["controls"] |= further
-    if options.baselines:
-        train = options.baselines
-        result["baselines"] = baselines.measure(cases, labels, out, train, options.jobs, say)
+
+    def add(name: str, most: int, measure) -> None:
+        """A further measure; one that fails is said, and the score is recorded all the same."""
+        if most:
+            try:
+                result[name] = result.get(name, {}) | measure(most)
+            except Exception as error:
+                say(f"{name} failed: {type(error).__name__}: {error}")
+                result.setdefault("failed", []).append(f"{name}: {type(error).__name__}: {error}")
+
+    case_files = cases, labels, reports, out
+    run_again = rfl, options.controls, options.jobs, say
+    add("routes", options.routes, lambda most: route.measure(*case_files, most, say))
+    add("controls", options.controls, lambda _: controls.measure(*case_files, *run_again))
+    add("controls", options.controls, lambda _: manoeuvres.measure(*case_files, *run_again))
+    add("baselines", options.baselines, lambda most: baselines.measure(cases, labels, out, most, options.jobs, say))
     run = {"commitment": commitment | {"salt": salt.hex(), "seed": seed}, "result": result}
     run["cases"] = record.rows(labels, reports)
     (out / "score.json").write_text(json.dumps(run, indent=1) + "\n", encoding="utf-8")
