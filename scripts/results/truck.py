@@ -371,7 +371,7 @@ def write(folder: Path, out: Path) -> None:
         "left_out": sorted({row for condition in raw.values() for row in condition.get("left_out", [])}),
         "paper": PAPER,
     }
-    if edge := next((c["edge"] for c in calm.values() if "edge" in c), None):
+    if edge := next((c["edge"] for c in calm.values() if c.get("edge")), None):
         results["edge"] = {**{key: edge[key] for key in ("towards", "share", "weights")}, "rows": edge_table(edge)}
     sweep = folder / "sweep.json"
     if sweep.exists():
