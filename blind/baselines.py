@@ -80,16 +80,19 @@ def evidence(folder: Path, is_truck: bool) -> Evidence:
             rows.append(sosfiltfilt(sos, signal)[::EVERY] / noise)
         return np.array(rows)
 
-    def simulated(values: dict[str, float]) -> np.ndarray:
-        vehicle = folder / "vehicle.toml"
-        return stacked(plant.replay(vehicle, is_truck, start, STEP, steer, accel, values))
+    def simulated(values: dict[str, float], otherwise: np.ndarray) -> np.ndarray:
+        """A replay; where the simulator cannot drive these commands (it rolls over), there is no signature."""
+        try:
+            return stacked(plant.replay(folder / "vehicle.toml", is_truck, start, STEP, steer, accel, values))
+        except RuntimeError:
+            return otherwise
 
     real = stacked({name: np.interp(time, log["time"], log[name]) for name in channels})
-    given = simulated({})
+    given = simulated({}, real)
     names, signatures = effects.ids(is_truck), []
     for name in names:
         value = LOADS[name][is_truck] if name in LOADS else PROBES[name]
-        signatures.append((simulated({name: value}) - given).ravel())
+        signatures.append((simulated({name: value}, given) - given).ravel())
     late = np.broadcast_to(np.arange(real.shape[1]) >= 0.6 * real.shape[1], real.shape).ravel()
     gap = real - given
     sizes = np.zeros(len(CHANNELS))
