@@ -183,9 +183,9 @@ def _steps(raw: dict) -> list[str]:
     return [*lines, ""]
 
 
-def _instances(instances: dict) -> list[str]:
-    """What many controllers in one process cost; older figures have no first step."""
-    rows = _by_size(instances)
+def _instances(raw: dict) -> list[str]:
+    """What many controllers in one process cost."""
+    rows = _by_size(raw["instances"])
     one = rows["1"]["step_us"]
     lines = [
         "Controllers in one process, with one model (RFL) and one road between them. Each goes along a part of its own "
@@ -200,10 +200,9 @@ def _instances(instances: dict) -> list[str]:
     for count, row in rows.items():
         # Few fit into memory that the process had before.
         memory = f"{row['kib']:.0f}" if row["kib"] and int(count) >= 100 else ""
-        first = f"{row['first_step_us']:.0f}" if "first_step_us" in row else ""
         lines.append(
             f"| {count} | {row['step_us']:.1f} | {row['step_us'] / one:.1f} | {row['step_us_2_threads']:.1f} | "
-            f"{first} | {memory} |"
+            f"{row['first_step_us']:.0f} | {memory} |"
         )
     ends = list(rows)[-2:]
     step, more = (rows[count]["step_us"] for count in ends)
@@ -236,9 +235,6 @@ def _growth(raw: dict) -> list[str]:
         "| samples made, ms | " + " | ".join(f"{value:.2f}" for value in row.values()) + " |",
         "",
     ]
-    # Once a part of this one.
-    if instances := raw.get("instances") or growth.get("instances"):
-        lines += _instances(instances)
     return lines
 
 
@@ -302,7 +298,14 @@ def write(raw: dict, folder: Path) -> None:
     ]
     if notes := raw.get("notes"):
         lines += [notes, ""]
-    parts = {"qp": _qp, "agreement": _agreement, "speed": _steps, "growth": _growth, "training": _training}
+    parts = {
+        "qp": _qp,
+        "agreement": _agreement,
+        "speed": _steps,
+        "growth": _growth,
+        "instances": _instances,
+        "training": _training,
+    }
     for name, section in parts.items():
         if name in raw:
             lines += section(raw)
