@@ -15,13 +15,15 @@ ANSWERS = (0, 3, 4, 5)  # exit codes that come with a report
 LONGEST = 900.0  # s
 
 
-def diagnose(rfl: Path, folder: Path, name: str, threads: int, more: tuple[str, ...] = ()) -> dict:
+def diagnose(
+    rfl: Path, folder: Path, name: str, threads: int, more: tuple[str, ...] = (), log: str = "log.csv.gz"
+) -> dict:
     """The report of a case with its times in s, `seconds` and `cpu_seconds`; `error` where there is no report.
 
     `name` is the folder of the answer within the case; `more` goes on to the program.
     """
     out = folder / name
-    command = [str(rfl.resolve()), "diagnose", "log.csv.gz", "--vehicle", "vehicle.toml", "--out", name, "--quiet"]
+    command = [str(rfl.resolve()), "diagnose", log, "--vehicle", "vehicle.toml", "--out", name, "--quiet"]
     command += ["--threads", str(threads), *more]
     if (folder / "reference.csv.gz").exists():
         command += ["--reference", "reference.csv.gz"]
@@ -47,13 +49,19 @@ def diagnose(rfl: Path, folder: Path, name: str, threads: int, more: tuple[str, 
 
 
 def diagnose_all(
-    rfl: Path, folders: list[Path], jobs: int, name: str = "answer", more=lambda folder: (), say=lambda text: None
+    rfl: Path,
+    folders: list[Path],
+    jobs: int,
+    name: str = "answer",
+    more=lambda folder: (),
+    say=lambda text: None,
+    log: str = "log.csv.gz",
 ) -> list[dict]:
     """Reports of all cases, in their order; each run has one thread when several run at a time."""
     threads = 0 if jobs == 1 else 1
     reports = []
     with ThreadPoolExecutor(jobs) as pool:
-        runs = pool.map(lambda folder: diagnose(rfl, folder, name, threads, more(folder)), folders)
+        runs = pool.map(lambda folder: diagnose(rfl, folder, name, threads, more(folder), log), folders)
         for done, report in enumerate(runs, 1):
             reports.append(report)
             verdict = report.get("verdict", {}).get("kind", report.get("error", "?"))

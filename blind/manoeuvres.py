@@ -23,6 +23,8 @@ from .vehicles import build
 
 DURATION, STEP = 30.0, 0.02  # s
 TRUCK_SPEED, TRUCK_LATERAL = 0.75, 0.4
+# Cosine from which on two effects count as collinear.
+COLLINEAR = 0.9
 
 
 def _sweep(t: float) -> float:
@@ -84,6 +86,26 @@ def drive(cases: Set, case: Case, name: str) -> dict[str, np.ndarray] | None:
     return sensors.log(truth, whole, replace(case.suite, seed=case.suite.seed + 29)) if truth.arrived else None
 
 
+def confused(label: dict, report: dict) -> bool:
+    """Whether a single effect was taken for another, or was named in a class with others."""
+    if label["kind"] != "single" or measures.kind(report) != "effect":
+        return False
+    return not measures.exact(label, report) or any(len(group) > 1 for group in measures.classes(report))
+
+
+def clear(label: dict, report: dict) -> bool:
+    """Whether the effect, and nothing beside it, is named."""
+    return measures.exact(label, report) and all(len(group) == 1 for group in measures.classes(report))
+
+
+def alike(label: dict, report: dict) -> float | None:
+    """How collinear the report itself says that the true effect is with what it named; 1 within its class."""
+    if measures.in_class(label, report):
+        return 1.0
+    found = [c.get("collinearity") for c in report["candidates"] if set(label["causes"]) <= set(c["effects"])]
+    return max((abs(cosine) for cosine in found if cosine is not None), default=None)
+
+
 def measure(
     cases: Set,
     labels: list[dict],
@@ -94,12 +116,17 @@ def measure(
     jobs: int,
     say=lambda text: None,
 ) -> dict:
-    """Of single effects that were not named exactly: how many are, from the manoeuvre that the report proposed."""
-    folders, of, lost = [], [], 0
+    """Of confused single effects: whether the report says with what, and what the manoeuvre that it proposes tells.
+
+    The manoeuvre is diagnosed on its own, and together with the log that left the confusion.
+    """
+    folders, of, lost, undecided = [], [], 0, []
     for label, report in zip(labels, reports):
+        if not confused(label, report):
+            continue
+        undecided.append((label, report))
         proposed = (report.get("next_manoeuvre") or {}).get("name")
-        wanted = label["kind"] == "single" and not measures.exact(label, report) and proposed
-        if not wanted or len(folders) >= most:
+        if not proposed or len(folders) >= most:
             continue
         log = drive(cases, again(cases, label), proposed) if proposed in PLANS else None
         if log is None:
@@ -107,12 +134,23 @@ def measure(
             say(f"case {label['case']}: '{proposed}' could not be driven")
             continue
         own, folder = folder_of(out, label["case"]), out / f"next_{label['case']:03d}"
-        shutil.copytree(own, folder, ignore=shutil.ignore_patterns("answer*", "without", "log.csv.gz"))
-        sensors.write(log, folder / "log.csv.gz")
+        shutil.copytree(own, folder, ignore=shutil.ignore_patterns("answer*", "without"))
+        sensors.write(log, folder / "next.csv.gz")
         folders.append(folder)
         of.append(label)
-    answers = diagnose.diagnose_all(rfl, folders, jobs, say=say)
+    alone = diagnose.diagnose_all(rfl, folders, jobs, "alone", say=say, log="next.csv.gz")
+    both = diagnose.diagnose_all(rfl, folders, jobs, "both", lambda _: ("next.csv.gz",), say)
+    likeness = [alike(a, b) for a, b in undecided]
     return {
-        "next manoeuvre names it, in class": measures.share(measures.in_class(a, b) for a, b in zip(of, answers)),
+        "single effects confused or in a class": measures.share(
+            confused(a, b) for a, b in zip(labels, reports) if a["kind"] == "single"
+        ),
+        "confused: collinear by 0.9 or in the class, as the report says": measures.share(
+            cosine is not None and cosine >= COLLINEAR for cosine in likeness
+        ),
+        "next manoeuvre alone: in class": measures.share(measures.in_class(a, b) for a, b in zip(of, alone)),
+        "next manoeuvre alone: the effect and no other": measures.share(clear(a, b) for a, b in zip(of, alone)),
+        "both logs: in class": measures.share(measures.in_class(a, b) for a, b in zip(of, both)),
+        "both logs: the effect and no other": measures.share(clear(a, b) for a, b in zip(of, both)),
         "next manoeuvre not drivable": lost,
     }

@@ -113,6 +113,31 @@ fn a_late_steering_is_named_and_everything_is_written() {
 }
 
 #[test]
+fn two_drives_of_one_vehicle_are_one_log() {
+    let [early, late] = [("early.csv", 0..1200), ("rest.csv", 1200..usize::MAX)].map(|(name, rows)| {
+        changed(name, |row, _, value| rows.contains(&row).then_some(value)).to_str().unwrap().to_owned()
+    });
+    let judged = |logs: &[&str]| {
+        let more = ["--quiet", "--no-pairs", "--out", "two", "--json"];
+        let output = rfl(FOLDER.path(), &[&["diagnose"], logs, &more].concat());
+        assert_eq!(output.status.code(), Some(3), "{}", text(&output.stderr));
+        let report: Report = serde_json::from_slice(&output.stdout).unwrap();
+        let named = &report.verdict.effects[0];
+        assert!(named.id == "steer_delay" && (named.value - 0.12).abs() < 0.02, "{named:?}");
+        let rival = &report.candidates[1];
+        assert!(rival.collinearity.is_some_and(|cosine| cosine.abs() <= 1.0), "{rival:?}");
+        assert_eq!(report.inputs.files.contains_key("log 2"), logs.len() == 2);
+        report.inputs.duration
+    };
+    let (apart, both) = (judged(&[&early]) + judged(&[&late]), judged(&[&early, &late]));
+    assert!((both - apart).abs() < 0.1, "{both} s of both, {apart} s of each");
+    let output =
+        rfl(FOLDER.path(), &["diagnose", &early, &late, "--quiet", "--path", &road(), "--out", "refused"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text(&output.stderr).contains("--path is for one log"), "{}", text(&output.stderr));
+}
+
+#[test]
 fn a_suspect_log_is_never_given_a_name() {
     let other = changed("other.csv", |_, column, value| {
         Some(if column.starts_with("steer") { 2.5 * value } else { value })

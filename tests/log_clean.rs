@@ -3,7 +3,7 @@
 //! The log is that of a vehicle that steers as in steady cornering with a short lag: every sign and unit in it is known.
 
 use proptest::prelude::*;
-use rfl_mpc::log::{CleanError, CleanLog, DriveLog, Gravity, UnusableLog};
+use rfl_mpc::log::{CleanError, CleanLog, DriveLog, Gravity, JoinError, UnusableLog};
 use std::fmt::Write;
 use std::path::Path;
 
@@ -444,4 +444,41 @@ proptest! {
         table.rows.drain(cut.min(990)..(cut + 30).min(1000));
         read(table.text().as_bytes());
     }
+}
+
+fn joined(tables: &[Table]) -> Result<CleanLog, JoinError> {
+    let named = tables.iter().enumerate().map(|(i, table)| (format!("{i}.csv"), table.clean()));
+    Ok(CleanLog::joined(named.collect())?.unwrap())
+}
+
+#[test]
+fn logs_are_joined_on_the_slowest_clock_and_the_columns_of_all() {
+    let log = joined(&[drive(40.0, 50.0), drive(20.0, 100.0).without("vy"), drive(30.0, 50.0)]).unwrap();
+    assert_eq!((log.step, log.time.len(), log.valid.len()), (0.02, 1000 + 2000 + 1500, 4500));
+    assert!(log.columns.values().all(|column| column.len() == 4500));
+    assert!(!log.columns.contains_key("vy") && said(&log, "vy", "1.csv") == Gravity::Warning);
+    assert!(log.findings.iter().any(|finding| finding.words.contains("3 logs are taken as one")));
+    let jumps: Vec<usize> = (1..4500).filter(|&i| log.time[i] - log.time[i - 1] > 1.0).collect();
+    assert_eq!(jumps, [2000, 3000]);
+    // The second one, 100 rows a second, is on the clock of the others what it is on its own.
+    let alone = drive(20.0, 50.0).clean();
+    for name in ["steer_cmd", "vx", "yaw_rate"] {
+        let pairs = log.columns[name][2000..3000].iter().zip(&alone.columns[name]);
+        let off = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(off < 0.02, "{name} {off}");
+    }
+    let one = joined(&[sound()]).unwrap();
+    assert_eq!(one, sound().clean());
+    assert_eq!(CleanLog::joined(Vec::new()), Ok(None));
+}
+
+#[test]
+fn a_log_with_the_command_and_one_without_are_not_joined() {
+    let refused = joined(&[sound(), sound().without("steer_cmd")]).unwrap_err();
+    assert_eq!(refused, JoinError::Commanded { with: "0.csv".into(), without: "1.csv".into() });
+    let words = refused.to_string();
+    assert!(
+        words.contains("0.csv has steer_cmd") && words.contains("take the column steer_cmd out"),
+        "{words}"
+    );
 }

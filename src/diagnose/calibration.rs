@@ -77,8 +77,6 @@ pub struct Form {
     ax: [f64; 4],
     /// Of the tyres' curve: shape factor, as a share, and curvature factor.
     pub tyre: [f64; 2],
-    /// Factor on the tolerances of tyres and body: what another formulation makes of the same numbers.
-    pub wider: f64,
 }
 
 impl Form {

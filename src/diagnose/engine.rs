@@ -4,7 +4,7 @@ use super::calibration::Calibration;
 use super::fit::{Fit, Linear, Prior};
 use super::localise;
 use super::manoeuvre;
-use super::observability::{Excitation, information, observability};
+use super::observability::{Excitation, collinearity, information, observability};
 use super::problem::Problem;
 use super::rank::{NoReplay, Ranking, rank};
 use super::replay::{Drive, ReplayVehicle, Trace, is_levelled, neutral, prepared};
@@ -29,6 +29,8 @@ const ENVIRONMENT: [&str; 4] = ["wind_x", "wind_y", "road_bank", "road_grade"];
 const WIDE: f64 = 2.0;
 /// Evidence that is beyond the question whether an effect matters.
 const PLAIN: f64 = 100.0;
+/// So many of the first candidates are compared with the winner.
+const COMPARED: usize = 12;
 /// Steering that is no steering: deviation in rad.
 const STRAIGHT: f64 = 1e-3;
 
@@ -501,6 +503,7 @@ fn candidates<V: ReplayVehicle>(
                 effects: fit.freed.iter().map(|&i| problem.knobs[i].id.to_owned()).collect(),
                 values: fit.freed.iter().map(|&i| problem.knobs[i].value(fit.x[i])).collect(),
                 evidence,
+                collinearity: None,
                 why: words::why(
                     evidence,
                     needed,
@@ -521,7 +524,28 @@ fn candidates<V: ReplayVehicle>(
             .then(b.evidence.total_cmp(&a.evidence))
             .then(a.effects.cmp(&b.effects))
     });
+    if decision.kind == VerdictKind::Effect {
+        for candidate in all.iter_mut().take(COMPARED) {
+            candidate.collinearity = likeness(problem, ranking, &decision.fit.freed, &candidate.effects);
+            candidate.why += &words::likeness(candidate.collinearity);
+        }
+    }
     all
+}
+
+/// How alike a candidate is to the winner where they differ in one effect.
+fn likeness<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    ranking: &Ranking,
+    winner: &[usize],
+    candidate: &[String],
+) -> Option<f64> {
+    let own: Vec<usize> = candidate.iter().filter_map(|id| problem.find(id)).collect();
+    let (both, others): (Vec<usize>, Vec<usize>) = own.iter().partition(|&i| winner.contains(i));
+    let [other] = others[..] else { return None };
+    let mut lost = winner.iter().filter(|i| !both.contains(i));
+    let (Some(&named), None) = (lost.next(), lost.next()) else { return None };
+    Some(collinearity(problem, ranking, &both, [named, other]))
 }
 
 /// What plots are drawn from.

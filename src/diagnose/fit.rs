@@ -9,8 +9,6 @@
 //!
 //! which equals `e' (W^-1 + U U')^-1 e` with `U = S P^-1/2` at `x = 0` (Woodbury), at the price of a small matrix.
 
-use super::calibration::Calibration;
-use super::knob::Knob;
 use super::problem::Problem;
 use super::replay::{Channel, ReplayVehicle};
 use nalgebra::{DMatrix, DVector};
@@ -192,12 +190,10 @@ impl Precision {
 }
 
 impl Prior {
-    /// Tolerances of the knobs, widened by what another formulation makes of the same numbers.
+    /// Tolerances of the knobs.
     #[must_use]
     pub fn of<V: ReplayVehicle>(problem: &Problem<V>) -> Self {
-        let wider = Calibration::built_in().form.wider;
-        let of = |knob: &Knob| (if knob.is_structural() { wider } else { 1.0 } * knob.tolerance).powi(2);
-        let variances: Vec<f64> = problem.knobs.iter().map(of).collect();
+        let variances: Vec<f64> = problem.knobs.iter().map(|knob| knob.tolerance.powi(2)).collect();
         Self {
             mean: vec![0.0; problem.knobs.len()],
             covariance: DMatrix::from_diagonal(&DVector::from_vec(variances)),
@@ -208,16 +204,16 @@ impl Prior {
     /// With some knobs freed; a payload takes its place with it.
     #[must_use]
     pub fn freed<V: ReplayVehicle>(&self, problem: &Problem<V>, freed: &[usize]) -> Precision {
-        self.freed_but(problem, freed, None)
+        self.freed_but(problem, freed, &[])
     }
 
-    /// The same with one knob fixed.
+    /// The same with some knobs fixed.
     #[must_use]
     pub fn freed_but<V: ReplayVehicle>(
         &self,
         problem: &Problem<V>,
         freed: &[usize],
-        fixed: Option<usize>,
+        fixed: &[usize],
     ) -> Precision {
         let mut covariance = self.covariance.clone();
         for &i in freed {
@@ -229,7 +225,7 @@ impl Prior {
             }
         }
         let free: Vec<usize> =
-            (0..self.mean.len()).filter(|&i| covariance[(i, i)] > 0.0 && Some(i) != fixed).collect();
+            (0..self.mean.len()).filter(|&i| covariance[(i, i)] > 0.0 && !fixed.contains(&i)).collect();
         let of_free = DMatrix::from_fn(free.len(), free.len(), |a, b| covariance[(free[a], free[b])]);
         let diagonal = DMatrix::from_diagonal(&of_free.diagonal().map(|variance| 1.0 / variance));
         let matrix = of_free.cholesky().map_or(diagonal, |factor| factor.inverse());

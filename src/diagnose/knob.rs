@@ -7,7 +7,7 @@
 use super::calibration::Calibration;
 use super::form::FORMS;
 use super::replay::{Channel, Drive, ReplayVehicle, Trace};
-use crate::vehicle::{Effect, Stage, TruckEffects};
+use crate::vehicle::{Effect, TruckEffects};
 
 /// What a knob turns.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,6 +30,8 @@ enum Turns {
     Arm,
     /// Lateness by the low pass of the inertial sensors: unit * x, s.
     InertialLag,
+    /// Height of the accelerometer over the vehicle's CG: unit * x, m.
+    ImuHeight,
     /// An error of the model's form, by its place in [`FORMS`]: unit * x of its shape.
     Form(usize),
     /// Curve of all tyres between slope and peak: shape factor times exp(unit * x); curvature factor plus unit * x.
@@ -125,6 +127,10 @@ const SENSORS: &[(&str, Channel, f64, bool)] = &[
 const INERTIAL: [Channel; 3] = [Channel::YawRate, Channel::Ay, Channel::Ax];
 const INERTIAL_LAG: f64 = 0.010;
 
+/// An accelerometer sits in the body, at a height that no vehicle file knows, m: `z` over the CG it feels `-z` times the roll
+/// acceleration besides.
+const IMU_HEIGHT: f64 = 0.15;
+
 /// Coordinates of what is no effect are kept within this; a bound inside what the prior allows would hold fits back.
 const FARTHEST: f64 = 40.0;
 const TYRE_SHAPE: &str = "form.tyre.shape";
@@ -210,6 +216,9 @@ pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -
     if INERTIAL.iter().any(|channel| drive.channels.contains(channel)) {
         knobs.push(further("sensor.inertial_lag", Turns::InertialLag, INERTIAL_LAG));
     }
+    if drive.channels.contains(&Channel::Ay) {
+        knobs.push(further("sensor.imu_height", Turns::ImuHeight, IMU_HEIGHT));
+    }
     let form = &Calibration::built_in().form;
     for (id, turns, size) in
         [(TYRE_SHAPE, Turns::TyreShape, form.tyre[0]), (TYRE_CURVATURE, Turns::TyreCurvature, form.tyre[1])]
@@ -268,21 +277,6 @@ impl Knob {
         self.effect.is_some() && self.id != "payload_x"
     }
 
-    /// Where it acts, if it is an effect.
-    #[must_use]
-    pub fn stage(&self) -> Option<Stage> {
-        self.effect.map(|effect| effect.stage)
-    }
-
-    /// Whether another formulation of the same numbers looks like it: tyres, body, and what a vehicle file says of them.
-    #[must_use]
-    pub fn is_structural(&self) -> bool {
-        match self.stage() {
-            Some(stage) => matches!(stage, Stage::Tyre | Stage::Body),
-            None => matches!(self.turns, Turns::Factor | Turns::Shift),
-        }
-    }
-
     /// Whether it is an error of the model's form: no number of the vehicle, and nothing that a simulator can be given.
     #[must_use]
     pub fn is_form(&self) -> bool {
@@ -310,6 +304,7 @@ impl Knob {
             | Turns::Bias(_)
             | Turns::Arm
             | Turns::InertialLag
+            | Turns::ImuHeight
             | Turns::Form(_)
             | Turns::TyreCurvature => self.unit * x,
         }
@@ -366,7 +361,12 @@ impl Knob {
                     }
                 }
             }
-            Turns::Scale(_) | Turns::Bias(_) | Turns::Arm | Turns::InertialLag | Turns::Form(_) => {}
+            Turns::Scale(_)
+            | Turns::Bias(_)
+            | Turns::Arm
+            | Turns::InertialLag
+            | Turns::ImuHeight
+            | Turns::Form(_) => {}
         }
     }
 
@@ -396,6 +396,17 @@ impl Knob {
                 }
                 return;
             }
+            Turns::ImuHeight => {
+                let feels = -self.value(x) / drive.step.powi(2);
+                let roll = &trace.roll;
+                let ay = &mut trace.columns[Channel::Ay as usize];
+                for &(from, to) in &drive.stretches {
+                    for i in from + 1..to.min(ay.len()).saturating_sub(1) {
+                        ay[i] += feels * (roll[i - 1] - 2.0 * roll[i] + roll[i + 1]);
+                    }
+                }
+                return;
+            }
             _ => return,
         };
         trace.columns[channel as usize].iter_mut().for_each(|value| *value = factor * *value + shift);
@@ -416,6 +427,8 @@ impl Knob {
                 let factor = matches!(self.turns, Turns::Factor);
                 (given, if factor { given * self.value(x) } else { given + self.value(x) })
             }
+            // The file's length; the effect's own neutral value, 0, only stands for it.
+            None if matches!(self.turns, Turns::Relaxation) => (self.unit, self.unit * (1.0 + x)),
             None => (self.value(0.0), self.value(x)),
         }
     }

@@ -83,9 +83,29 @@ fn slope_of<'a>(ranking: &'a Ranking, linear: &'a Linear, knob: usize) -> &'a [f
 /// What of a knob's slope the background does not imitate, in evidence for one unit of its coordinate.
 #[must_use]
 pub fn information<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, knob: usize) -> f64 {
-    let precision = ranking.prior.freed_but(problem, &[], Some(knob));
+    let precision = ranking.prior.freed_but(problem, &[], &[knob]);
     let slope = slope_of(ranking, &ranking.linear, knob);
     ranking.linear.marginal(slope, slope, &precision)
+}
+
+/// How alike two effects are on this log beside others, `beside`, and the background: the cosine of their slopes less all
+/// that these imitate,
+///
+/// ```text
+///     cos(a, b) = m(a, b) / sqrt(m(a, a) m(b, b)),        m(a, b) = s_a' (W^-1 + U U')^-1 s_b
+/// ```
+#[must_use]
+pub fn collinearity<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    ranking: &Ranking,
+    beside: &[usize],
+    [a, b]: [usize; 2],
+) -> f64 {
+    let precision = ranking.prior.freed_but(problem, beside, &[a, b]);
+    let [s_a, s_b] = [a, b].map(|knob| slope_of(ranking, &ranking.linear, knob));
+    let of = |a, b| ranking.linear.marginal(a, b, &precision);
+    let size = (of(s_a, s_a) * of(s_b, s_b)).sqrt();
+    if size > 0.0 { (of(s_a, s_b) / size).clamp(-1.0, 1.0) } else { 0.0 }
 }
 
 /// Every effect of the library.

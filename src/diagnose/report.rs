@@ -114,6 +114,10 @@ pub struct Candidate {
     pub values: Vec<f64>,
     /// `J_none - J` of the candidate: how much better it explains the log than the background alone.
     pub evidence: f64,
+    /// Where it has another effect than the verdict in one place: how alike the two are on this log, the cosine of their
+    /// sensitivities less what the tolerances imitate. Of the first few candidates.
+    #[serde(default)]
+    pub collinearity: Option<f64>,
     /// Why it stands where it does, in words.
     pub why: String,
 }

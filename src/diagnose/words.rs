@@ -8,6 +8,8 @@ use crate::vehicle::TruckEffects;
 
 /// Share of the yaw-rate gap from which on it speaks for the effect.
 const TELLING: f64 = 0.2;
+/// Cosine from which on two effects are hardly told apart.
+const ALIKE: f64 = 0.9;
 
 fn sure(probability: f64) -> &'static str {
     match probability {
@@ -113,6 +115,17 @@ pub fn verdict(
                     .to_owned(),
             }
         }
+    }
+}
+
+/// What a candidate's likeness to the winner means, if it is great.
+#[must_use]
+pub fn likeness(cosine: Option<f64>) -> String {
+    match cosine {
+        Some(cosine) if cosine.abs() >= ALIKE => {
+            format!("; hard to tell from the best on this log (collinear by {:.2})", cosine.abs())
+        }
+        _ => String::new(),
     }
 }
 

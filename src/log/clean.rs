@@ -196,6 +196,11 @@ fn mend_turning(time: &[f64], columns: &mut BTreeMap<&'static str, Vec<f64>>, fi
 
 /// Columns that jump: nothing lies between two of their values.
 const JUMPING: [&str; 2] = ["station", "e2"];
+/// How values of a column between its samples are made.
+pub(super) fn between(column: &str) -> Between {
+    if JUMPING.contains(&column) { Between::Hold } else { Between::Line }
+}
+
 /// Signals without which nothing can be compared.
 const NEEDED: [&str; 4] = ["steer_cmd", "steer", "vx", "yaw_rate"];
 /// Signals that may stay as they are all the time.
@@ -223,8 +228,7 @@ fn on_even_clock(
     for (name, values) in columns {
         let needed = NEEDED.contains(&name) && (name != "steer" || !commanded);
         let missing = values.iter().filter(|value| !value.is_finite()).count();
-        let between = if JUMPING.contains(&name) { Between::Hold } else { Between::Line };
-        let resampled = resample(&clock.time, &values, (first, clock.step, count), between);
+        let resampled = resample(&clock.time, &values, (first, clock.step, count), between(name));
         let guessed =
             resampled.as_ref().map_or(count, |column| column.guessed.iter().filter(|far| **far).count());
         let Some(resampled) = resampled.filter(|_| 2 * guessed < count) else {

@@ -17,6 +17,7 @@
 //! | `resample.rs` | a column on an even clock |
 //! | `agreement.rs` | what columns must tell alike, or a unit or a sign is wrong |
 //! | `statistics.rs` | median, slope |
+//! | `join.rs` | several logs of one vehicle as one |
 //! | `finding.rs` | what was found in a log, in words |
 //! | `learn.rs` | what a residual is learned from, completed |
 
@@ -24,6 +25,7 @@ mod agreement;
 mod clean;
 mod clock;
 mod finding;
+mod join;
 mod learn;
 mod read;
 mod resample;
@@ -31,5 +33,6 @@ mod statistics;
 
 pub use clean::{CleanError, CleanLog, UnusableLog};
 pub use finding::{Finding, Gravity};
+pub use join::JoinError;
 pub use learn::drive_of;
 pub use read::{DriveLog, LogError};

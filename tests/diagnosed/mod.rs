@@ -133,6 +133,7 @@ fn drive_and_diagnose() -> (CleanLog, Diagnosis) {
                 effects: vec![id.into()],
                 values: vec![value],
                 evidence,
+                collinearity: None,
                 why: if evidence > 200.0 { "explains the log best".into() } else { format!("{:.0} behind the best & more", 215.0 - evidence) },
             })
             .collect(),

@@ -36,6 +36,7 @@ use std::sync::Arc;
   rfl diagnose drive.csv                                     a log of the C-class car
   rfl diagnose real.csv.gz --vehicle my_car.toml
   rfl diagnose june.csv --reference march.csv --vehicle my_car.toml     what changed since
+  rfl diagnose drive.csv sweep.csv --vehicle my_car.toml     both drives together: what the next manoeuvre adds
   rfl diagnose drive.csv --path road.csv                     with the loop closed: what the gap does to tracking
   rfl diagnose truck.csv --unit truck
   rfl diagnose --explain                                     all effects; --explain steer_delay: one
@@ -50,9 +51,9 @@ calibrated.ssv (SSP 1.0 parameters of the vehicle's FMU), system.ssv (the same, 
 The first line and the exit status are the verdict: 0 none, 3 effect, 4 not_in_library, 5 cannot_tell; 1 bad input or a
 failure, 2 wrong usage.")]
 pub struct DiagnoseArgs {
-    /// Drive log (CSV, .csv.gz)
-    #[arg(required_unless_present = "explain")]
-    log: Option<PathBuf>,
+    /// Drive log (CSV, .csv.gz); several of one vehicle, on one day, are diagnosed together
+    #[arg(required_unless_present = "explain", value_name = "LOG")]
+    logs: Vec<PathBuf>,
     /// Log of the same vehicle when it was as modelled
     #[arg(long, value_name = "LOG")]
     reference: Option<PathBuf>,
@@ -113,18 +114,20 @@ pub fn run(args: &DiagnoseArgs) -> Result<ExitCode, Box<dyn Error>> {
         explain::explain(effect)?;
         return Ok(ExitCode::SUCCESS);
     }
-    let file = args.log.as_deref().ok_or("give a log")?;
-    let log = DriveLog::read(file)?;
-    let vehicle = vehicle(args, &log)?;
-    by_kind!(&vehicle, answer(args, &vehicle, &log))
+    if args.logs.len() > 1 && args.path.is_some() {
+        return Err("--path is for one log: the loop is closed along one drive; leave out the others".into());
+    }
+    let logs = args.logs.iter().map(|file| DriveLog::read(file)).collect::<Result<Vec<_>, _>>()?;
+    let vehicle = vehicle(args, &logs)?;
+    by_kind!(&vehicle, answer(args, &vehicle, &logs))
 }
 
 /// The vehicle's name or file.
-fn vehicle(args: &DiagnoseArgs, log: &DriveLog) -> Result<String, Box<dyn Error>> {
+fn vehicle(args: &DiagnoseArgs, logs: &[DriveLog]) -> Result<String, Box<dyn Error>> {
     let Some(vehicle) = &args.vehicle else {
         let truck = match args.unit {
             Some(unit) => unit == Unit::Truck,
-            None => log.column("articulation").is_some(),
+            None => articulated(logs),
         };
         return Ok(if truck { BUILTIN_TRUCKS[0] } else { BUILTIN[0] }.to_owned());
     };
@@ -139,10 +142,15 @@ fn vehicle(args: &DiagnoseArgs, log: &DriveLog) -> Result<String, Box<dyn Error>
     }
 }
 
+/// Whether it is a truck that was logged.
+fn articulated(logs: &[DriveLog]) -> bool {
+    logs.iter().any(|log| log.column("articulation").is_some())
+}
+
 fn answer<P: Commanded<S, C>, const S: usize, const C: usize>(
     args: &DiagnoseArgs,
     name: &str,
-    log: &DriveLog,
+    logs: &[DriveLog],
 ) -> Result<ExitCode, Box<dyn Error>>
 where
     P::Parameters: ReplayVehicle,
@@ -150,8 +158,10 @@ where
     let given: P::Parameters = vehicle_named(name)?;
     let nominal = P::controller(&given).vehicle.nominal();
     let steering = |speed: f64| steady_steering(&nominal, speed);
-    let mut clean = CleanLog::of(log, &steering)?;
-    if log.column("articulation").is_some() && P::KIND != "truck" {
+    let cleaned = |log: &DriveLog| Ok((log.file.display().to_string(), CleanLog::of(log, &steering)?));
+    let cleaned = logs.iter().map(cleaned).collect::<Result<Vec<_>, Box<dyn Error>>>()?;
+    let mut clean = CleanLog::joined(cleaned)?.ok_or("give a log")?;
+    if articulated(logs) && P::KIND != "truck" {
         let words = "the log has an articulation angle, and the simulator is a car: choose the truck with --vehicle or --unit truck";
         let (gravity, signal) = (Gravity::Suspicion, Some("articulation".to_owned()));
         clean.findings.insert(0, Finding { gravity, signal, words: words.to_owned() });
@@ -224,17 +234,21 @@ fn steady_steering<V: LateralVehicle<S>, const S: usize>(vehicle: &V, speed: f64
 fn inputs(args: &DiagnoseArgs, vehicle: &str) -> Result<BTreeMap<String, InputFile>, Box<dyn Error>> {
     let mut files = BTreeMap::new();
     let vehicle_file = Some(PathBuf::from(vehicle)).filter(|file| file.is_file());
-    for (what, file) in [
-        ("log", &args.log),
-        ("reference", &args.reference),
-        ("vehicle", &vehicle_file),
-        ("path", &args.path),
-        ("controller", &args.controller),
-    ] {
-        let Some(file) = file else { continue };
-        let bytes = std::fs::read(file).map_err(|error| format!("{}: {error}", file.display()))?;
+    let one = |what: &str, file: &Option<PathBuf>| file.clone().map(|file| (what.to_owned(), file));
+    let logs = args.logs.iter().enumerate().map(|(i, file)| {
+        let what = if i == 0 { "log".to_owned() } else { format!("log {}", i + 1) };
+        (what, file.clone())
+    });
+    let others = [
+        one("reference", &args.reference),
+        one("vehicle", &vehicle_file),
+        one("path", &args.path),
+        one("controller", &args.controller),
+    ];
+    for (what, file) in logs.chain(others.into_iter().flatten()) {
+        let bytes = std::fs::read(&file).map_err(|error| format!("{}: {error}", file.display()))?;
         let hash = format!("{:016x}", fnv(&bytes));
-        files.insert(what.to_owned(), InputFile { file: file.display().to_string(), hash });
+        files.insert(what, InputFile { file: file.display().to_string(), hash });
     }
     Ok(files)
 }
@@ -290,11 +304,11 @@ fn simulator<P: Commanded<S, C>, const S: usize, const C: usize>(
         return Ok(Vec::new());
     }
     let vehicle = calibrated(given, &changes(report, Calibration::Whole))?;
-    let log = args.log.as_deref().map_or(String::new(), |log| log.display().to_string());
+    let logs: Vec<String> = args.logs.iter().map(|log| log.display().to_string()).collect();
     let words = format!(
         "{} as `rfl diagnose {}` found it.\nVerdict: {}",
         given.name(),
-        log.escape_debug(),
+        logs.join(" ").escape_debug(),
         report.verdict.headline()
     );
     let built_in = P::Parameters::BUILTIN.contains(&name);

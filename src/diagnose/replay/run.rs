@@ -15,6 +15,8 @@ const ASTRAY: f64 = 1.5;
 pub struct Trace {
     /// One for each of [`CHANNELS`], empty where it is not compared.
     pub columns: Vec<Vec<f64>>,
+    /// Roll angle of every row, rad, whether it is compared or not.
+    pub roll: Vec<f64>,
     /// Whether the replay stayed within what the model describes.
     pub sound: bool,
 }
@@ -67,7 +69,7 @@ pub fn replay<V: ReplayVehicle>(
     within.vehicle.steer_lag = effects.vehicle.steer_lag.max(-vehicle.lag());
     let mut model = vehicle.reduced(&within)?;
 
-    let mut trace = Trace { columns: vec![Vec::new(); CHANNELS.len()], sound: true };
+    let mut trace = Trace { columns: vec![Vec::new(); CHANNELS.len()], roll: vec![0.0; rows], sound: true };
     for &channel in &drive.channels {
         trace.columns[channel as usize] = vec![0.0; rows];
     }
@@ -143,7 +145,8 @@ pub fn replay<V: ReplayVehicle>(
             let by_roll = if drive.levelled { GRAVITY * now.roll.sin() } else { 0.0 };
             put(Channel::Ay, now.ay + fix(Channel::Ay) - by_roll);
             put(Channel::Vy, now.vy + fix(Channel::Vy));
-            put(Channel::Roll, now.roll + fix(Channel::Roll));
+            let roll = now.roll + fix(Channel::Roll);
+            put(Channel::Roll, roll);
             put(Channel::Steer, now.steer);
             put(Channel::Ax, now.ax + fix(Channel::Ax));
             put(Channel::Articulation, now.articulation + fix(Channel::Articulation));
@@ -157,6 +160,7 @@ pub fn replay<V: ReplayVehicle>(
                 let driven = (at(log_vx, next) - at(log_vx, here)) / scale;
                 lag_vx = keep * (lag_vx + drive.step * (now.vx_rate + fix(Channel::Ax)) - driven);
             }
+            trace.roll[row] = roll;
             let yaw_rate = now.true_yaw_rate + fix(Channel::YawRate);
             if leaks_yaw {
                 put(Channel::Yaw, lag_yaw);
