@@ -6,6 +6,7 @@
 use super::clean::{CleanLog, between};
 use super::finding::{Finding, Gravity};
 use super::resample::resample;
+use std::collections::BTreeSet;
 
 /// The clock jumps by so much between two logs, s: a replay starts anew after a jump.
 const JUMP: f64 = 10.0;
@@ -44,17 +45,13 @@ impl CleanLog {
             valid: Vec::new(),
             findings: vec![together(&logs)],
         };
-        for (file, log) in &logs {
-            let missing = whole.columns.keys().filter(|name| !log.columns.contains_key(*name));
-            let more = log.columns.keys().filter(|name| !whole.columns.contains_key(*name));
-            let dropped: Vec<&'static str> = missing.chain(more).copied().collect();
-            for name in dropped {
+        let names: BTreeSet<&'static str> =
+            logs.iter().flat_map(|(_, log)| log.columns.keys().copied()).collect();
+        for name in names {
+            if let Some((file, _)) = logs.iter().find(|(_, log)| !log.columns.contains_key(name)) {
                 whole.columns.remove(name);
-                let known = whole.findings.iter().any(|finding| finding.signal.as_deref() == Some(name));
-                if !known {
-                    let words = format!("{name} is not in every log ({file}), and is left out");
-                    whole.find(Gravity::Warning, name, words);
-                }
+                let words = format!("{name} is not in {file}, and is left out of all logs");
+                whole.find(Gravity::Warning, name, words);
             }
         }
         for (file, log) in logs {

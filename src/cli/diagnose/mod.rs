@@ -234,19 +234,19 @@ fn steady_steering<V: LateralVehicle<S>, const S: usize>(vehicle: &V, speed: f64
 fn inputs(args: &DiagnoseArgs, vehicle: &str) -> Result<BTreeMap<String, InputFile>, Box<dyn Error>> {
     let mut files = BTreeMap::new();
     let vehicle_file = Some(PathBuf::from(vehicle)).filter(|file| file.is_file());
-    let one = |what: &str, file: &Option<PathBuf>| file.clone().map(|file| (what.to_owned(), file));
     let logs = args.logs.iter().enumerate().map(|(i, file)| {
         let what = if i == 0 { "log".to_owned() } else { format!("log {}", i + 1) };
-        (what, file.clone())
+        (what, file)
     });
     let others = [
-        one("reference", &args.reference),
-        one("vehicle", &vehicle_file),
-        one("path", &args.path),
-        one("controller", &args.controller),
+        ("reference", &args.reference),
+        ("vehicle", &vehicle_file),
+        ("path", &args.path),
+        ("controller", &args.controller),
     ];
-    for (what, file) in logs.chain(others.into_iter().flatten()) {
-        let bytes = std::fs::read(&file).map_err(|error| format!("{}: {error}", file.display()))?;
+    let others = others.into_iter().filter_map(|(what, file)| Some((what.to_owned(), file.as_ref()?)));
+    for (what, file) in logs.chain(others) {
+        let bytes = std::fs::read(file).map_err(|error| format!("{}: {error}", file.display()))?;
         let hash = format!("{:016x}", fnv(&bytes));
         files.insert(what, InputFile { file: file.display().to_string(), hash });
     }
