@@ -54,6 +54,18 @@ fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
+/// The most by which inputs leave their bounds and rates.
+fn largest_violation(problem: &TrackingQp, inputs: &[f64]) -> f64 {
+    let shape = &problem.shape;
+    let before = problem.previous.iter().chain(inputs);
+    inputs.iter().zip(before).enumerate().fold(0.0, |most: f64, (column, (&input, &before))| {
+        let i = column % shape.inputs;
+        most.max((input - before).abs() - shape.rate_max[i])
+            .max(input - shape.input_max[i])
+            .max(shape.input_min[i] - input)
+    })
+}
+
 /// Holds the active-set method to Clarabel on problems of one shape. Gives the share of problems in which it changed
 /// the working set, and the most iterations.
 fn agree(name: &str, problems: &[TrackingQp]) -> (f64, u32) {
@@ -64,11 +76,13 @@ fn agree(name: &str, problems: &[TrackingQp]) -> (f64, u32) {
         let expected = solve(&mut oracle, problem).unwrap();
         assert_eq!(expected.report.end, QpEnd::Solved, "{name}: Clarabel at problem {k}");
         let found = solve(&mut ours, problem).unwrap_or_else(|error| panic!("{name}: problem {k}: {error}"));
-        let off = largest_difference(&found.inputs, &expected.inputs);
-        assert!(off <= 1e-7, "{name}: inputs of problem {k} differ by {off}");
-        let off = largest_difference(&found.outputs, &expected.outputs);
-        assert!(off <= 1e-7, "{name}: outputs of problem {k} differ by {off}");
         let (cost, least) = (found.report.objective, expected.report.objective);
+        let off = largest_difference(&found.inputs, &expected.inputs)
+            .max(largest_difference(&found.outputs, &expected.outputs));
+        // Where a bound is met with hardly any force, Clarabel's gap of 1e-13 leaves it up to 5e-7 from the minimiser (41 of
+        // 200,000 random problems). Of two feasible inputs the cheaper one is nearer.
+        let nearer = || largest_violation(problem, &found.inputs) <= 1e-12 && cost < least;
+        assert!(off <= 1e-7 || nearer(), "{name}: inputs or outputs of problem {k} differ by {off}");
         assert!(
             (cost - least).abs() <= 1e-10 * (1.0 + least.abs()),
             "{name}: problem {k} costs {cost}, not {least}"
