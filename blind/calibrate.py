@@ -9,7 +9,7 @@ What it prints goes into src/diagnose/calibration.toml by hand: a change of thre
 - thresholds: what 95 % of the sound logs stay under, for tyres and body and for the rest, with and without a reference;
 - what second effects add to logs with one, and rests of what is in the library and what is not;
 - the factor that brings the intervals of named values to 95 %;
-- probabilities: logistic in the margin, of effects also in the share of the gap that is left.
+- probabilities: logistic in the margin, of effects also in the share of the gap that is left, for a scoring set's mix of kinds.
 
 All are a handful of scalars. More of the generator must not come into the diagnosis: a covariance of all tolerances,
 learned from sound logs, was tried and left out for that (docs/results/diagnosis.md).
@@ -20,28 +20,30 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
 
 from . import measures
+from .cases import KINDS
 from .make import folder_of
 
 STRUCTURAL = {*measures.STAGES["tyre"], *measures.STAGES["body"]}
-KINDS = (
+VERDICTS = (
     ("effect", "effect", [-1.0, 0.9, 0.0]),
     ("none", "nothing", [1.0, 0.5]),
     ("not_in_library", "unknown", [0.0, 0.5]),
 )
 
 
-def logistic(features: np.ndarray, right: np.ndarray, at: np.ndarray, pull: float = 1.0) -> np.ndarray:
-    """Coefficients of a logistic regression, drawn towards `at` with precision `pull`."""
+def logistic(features: np.ndarray, right: np.ndarray, weights: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Coefficients of a logistic regression of weighted cases, drawn towards `at` as if by a case."""
     b = at.astype(float).copy()
     for _ in range(100):
         p = 1.0 / (1.0 + np.exp(-features @ b))
-        slope = features.T @ (right - p) - pull * (b - at)
-        curve = features.T @ (features * (p * (1.0 - p))[:, None]) + pull * np.eye(len(b))
+        slope = features.T @ (weights * (right - p)) - (b - at)
+        curve = features.T @ (features * (weights * p * (1.0 - p))[:, None]) + np.eye(len(b))
         b += np.clip(np.linalg.solve(curve, slope), -1.0, 1.0)
     return b
 
@@ -87,6 +89,9 @@ def calibration(cases: list[tuple[dict, dict]], share: float = 0.95) -> str:
     outside = [r for label, r in cases if label["kind"] == "outside" and r["scores"]["left"] > 0.4]
     text += line("rest, in the library", [r["scores"]["excess"] for r in inside], share)
     text += line("rest, outside", [r["scores"]["excess"] for r in outside], 0.5)
+    # A development set has as many of a kind as one likes; probabilities are for the mix of a scoring set.
+    count = Counter(label["kind"] for label, _ in cases)
+    weight = {kind: KINDS[kind] / share * len(cases) for kind, share in count.items()}
     off = []
     for label, report in cases:
         for effect in report["verdict"]["effects"]:
@@ -94,14 +99,16 @@ def calibration(cases: list[tuple[dict, dict]], share: float = 0.95) -> str:
                 half = max(effect["high"] - effect["low"], 1e-12) / 2.0
                 off.append(abs(label["values"][effect["id"]] - (effect["high"] + effect["low"]) / 2.0) / half)
     text += line("off by half widths", off, share)
-    for kind, name, at in KINDS:
+    for kind, name, at in VERDICTS:
         own = [(label, r) for label, r in cases if measures.kind(r) == kind]
         if own:
             scores = [r["scores"] for _, r in own]
             columns = [[1.0, np.log1p(max(s["margin"], 0.0)), s["left"]][: len(at)] for s in scores]
             right = np.array([measures.in_class(label, r) for label, r in own], float)
-            fitted = logistic(np.array(columns), right, np.array(at))
-            text += f"{name} = {fitted.round(2).tolist()} # {int(right.sum())} of {len(own)} right\n"
+            weights = np.array([weight[label["kind"]] for label, _ in own])
+            fitted = logistic(np.array(columns), right, weights, np.array(at))
+            share = right @ weights / weights.sum()
+            text += f"{name} = {fitted.round(2).tolist()} # {int(right.sum())} of {len(own)} right, weighted {share:.2f}\n"
     return text
 
 

@@ -1,77 +1,72 @@
-//! Many controllers in one process, with one model and one road between them: what a step costs, and memory.
+//! Many vehicles in one process, with one model and one road between them: what a step costs, and memory. Each has a
+//! controller of its own, or one controller serves them all, with a state of each.
 //!
-//! Each controller is at a place of its own of one recorded drive, so that all the road and all the model are asked, and all
+//! Each vehicle is at a place of its own of one recorded drive, so that all the road and all the model are asked, and all
 //! step in turn, so that between two steps of one everything else of the process was needed. Vehicles are not simulated.
 
 use crate::Outcome;
 use crate::steps::{Model, SAMPLE_TIME, TIMED, car};
-use rfl_mpc::control::{Controller, Measurement};
-use rfl_mpc::path::Path;
+use rfl_mpc::control::{Controller, ControllerError, Measurement, StepError};
 use rfl_mpc::simulate::{CAR_COLUMNS, SimulatedVehicle};
 use rfl_mpc::vehicle::Car;
 use serde_json::json;
 use std::error::Error;
+use std::hint::black_box;
 use std::sync::Arc;
 use std::time::Instant;
 
 type CarModel = Model<Car, 4, CAR_COLUMNS>;
 
 const COUNTS: [usize; 5] = [1, 10, 100, 1000, 3000];
-/// Steps of each controller before any is timed: the first one looks everything up and touches its memory first, and a
+/// Steps of each vehicle before any is timed: the first one looks everything up and touches its memory first, and a
 /// window fills.
 const BEFORE: usize = 40;
-/// Steps of each controller that are timed, at least.
+/// Steps of each vehicle that are timed, at least.
 const LEAST: usize = 20;
-/// Numbers of controllers take turns so many times.
+/// Numbers of vehicles take turns so many times.
 const REPEATS: usize = 5;
 
-/// Controllers, and where in the drive each of them is.
-struct Fleet<'a> {
-    drive: &'a [Measurement],
-    all: Vec<(Controller, usize)>,
+/// Vehicles that are controlled: what each has of its own, and where in the drive it is.
+type Fleet<T> = [(T, usize)];
+
+/// Spread over a drive, each with room for so many steps.
+fn spread<T>(
+    count: usize,
+    room: usize,
+    each: impl Fn() -> Result<T, ControllerError>,
+) -> Result<Vec<(T, usize)>, ControllerError> {
+    (0..count).map(|k| Ok((each()?, k * room / (count - 1).max(1)))).collect()
 }
 
-impl<'a> Fleet<'a> {
-    /// Controllers that are spread over a drive, each with room for so many steps.
-    fn new(
-        count: usize,
-        steps: usize,
-        drive: &'a [Measurement],
-        path: &Arc<Path>,
-        model: &CarModel,
-    ) -> Result<Self, Box<dyn Error>> {
-        let parameters = car().timed;
-        let last = drive.len() - steps;
-        let all = (0..count).map(|k| {
-            let controller = Controller::predicting_with(parameters, path.clone(), model.clone())?;
-            Ok((controller, k * last / (count - 1).max(1)))
-        });
-        Ok(Self { drive, all: all.collect::<Result<_, Box<dyn Error>>>()? })
-    }
-
-    /// So many steps of each, one of each in turn: seconds of a step.
-    fn go(&mut self, steps: usize, threads: usize) -> f64 {
-        let drive = self.drive;
-        let share = self.all.len().div_ceil(threads);
-        let count = steps * self.all.len();
-        let go = |all: &mut [(Controller, usize)]| {
-            for _ in 0..steps {
-                for (controller, at) in all.iter_mut() {
-                    controller.step(&drive[*at]).expect("what was measured is finite");
-                    *at += 1;
-                }
+/// So many steps of each vehicle, one of each in turn, shared out among threads with a worker each: seconds of a step.
+fn go<W: Send, T: Send>(
+    drive: &[Measurement],
+    workers: &mut [W],
+    fleet: &mut Fleet<T>,
+    steps: usize,
+    step: impl Fn(&mut W, &mut T, &Measurement) -> Result<f64, StepError> + Sync,
+) -> f64 {
+    let share = fleet.len().div_ceil(workers.len());
+    let count = steps * fleet.len();
+    let go = |worker: &mut W, fleet: &mut Fleet<T>| {
+        for _ in 0..steps {
+            for (own, at) in fleet.iter_mut() {
+                black_box(step(worker, own, &drive[*at]).expect("what was measured is finite"));
+                *at += 1;
             }
-        };
-        let begin = Instant::now();
-        if threads == 1 {
-            go(&mut self.all);
-        } else {
-            std::thread::scope(|scope| {
-                self.all.chunks_mut(share).for_each(|all| _ = scope.spawn(move || go(all)));
-            });
         }
-        begin.elapsed().as_secs_f64() / count as f64
+    };
+    let begin = Instant::now();
+    if let [worker] = workers {
+        go(worker, fleet);
+    } else {
+        std::thread::scope(|scope| {
+            for (fleet, worker) in fleet.chunks_mut(share).zip(workers) {
+                scope.spawn(|| go(worker, fleet));
+            }
+        });
     }
+    begin.elapsed().as_secs_f64() / count as f64
 }
 
 /// What the vehicle measures on the test route under a controller with the model.
@@ -93,38 +88,78 @@ pub fn memory(name: &str) -> Option<f64> {
     Some(1024.0 * kib)
 }
 
-/// Controllers that step in turn in one thread, and shared out among two.
+/// What was measured of so many vehicles, repeat by repeat.
+#[derive(Default)]
+struct Measured {
+    first: Vec<f64>,
+    alone: Vec<f64>,
+    shared: Vec<f64>,
+    kib: Vec<f64>,
+}
+
+impl Measured {
+    /// The first step of each, then steps in one thread, then in two.
+    fn add<W: Send, T: Send>(
+        &mut self,
+        drive: &[Measurement],
+        workers: &mut [W; 2],
+        fleet: &mut Fleet<T>,
+        steps: usize,
+        step: impl Fn(&mut W, &mut T, &Measurement) -> Result<f64, StepError> + Sync,
+    ) {
+        self.first.push(go(drive, &mut workers[..1], fleet, 1, &step));
+        go(drive, &mut workers[..1], fleet, BEFORE - 1, &step);
+        self.alone.push(go(drive, &mut workers[..1], fleet, steps, &step));
+        self.shared.push(go(drive, workers, fleet, steps, &step));
+    }
+
+    fn row(mut self) -> serde_json::Value {
+        let middle = |values: &mut Vec<f64>| {
+            values.sort_by(f64::total_cmp);
+            values.get(values.len() / 2).map(|seconds| 1e6 * seconds)
+        };
+        json!({
+            "first_step_us": middle(&mut self.first),
+            "step_us": middle(&mut self.alone),
+            "step_us_2_threads": middle(&mut self.shared),
+            // Later, there is memory from before.
+            "kib": self.kib.first(),
+        })
+    }
+}
+
+/// Vehicles with a controller each, and vehicles that one controller of each thread serves; in one thread and in two.
 pub fn run(model: &CarModel) -> Outcome {
     let drive = record(model)?;
     let path = Arc::new(car().test.path()?);
-    let mut measured = COUNTS.map(|count| (count, vec![], vec![], vec![], vec![]));
+    let new = || Controller::predicting_with(car().timed, path.clone(), model.clone());
+    let mut of_each = COUNTS.map(|_| Measured::default());
+    let mut of_one = COUNTS.map(|_| Measured::default());
     for _ in 0..REPEATS {
-        for (count, first, alone, shared, kib) in &mut measured {
-            let steps = ((drive.len() - BEFORE) / *count / 2).max(LEAST);
+        for ((count, each), one) in COUNTS.into_iter().zip(&mut of_each).zip(&mut of_one) {
+            let steps = ((drive.len() - BEFORE) / count / 2).max(LEAST);
+            let room = drive.len() - BEFORE - 2 * steps;
+            let mut served = [new()?, new()?];
             let before = memory("VmRSS:");
-            let mut fleet = Fleet::new(*count, BEFORE + 2 * steps, &drive, &path, model)?;
-            first.push(fleet.go(1, 1));
-            fleet.go(BEFORE - 1, 1);
-            alone.push(fleet.go(steps, 1));
-            shared.push(fleet.go(steps, 2));
-            let each = |(before, after): (f64, f64)| (after - before) / (1024.0 * *count as f64);
-            kib.extend(before.zip(memory("VmRSS:")).map(each));
+            let mut states = spread(count, room, || Ok(served[0].state().clone()))?;
+            let kib = |before: Option<f64>| {
+                before.zip(memory("VmRSS:")).map(|(before, after)| (after - before) / (1024.0 * count as f64))
+            };
+            one.add(&drive, &mut served, &mut states, steps, |controller, state, seen| {
+                Ok(controller.step_for(state, seen)?.steer_cmd)
+            });
+            one.kib.extend(kib(before));
+            let before = memory("VmRSS:");
+            let mut controllers = spread(count, room, new)?;
+            each.add(&drive, &mut [(), ()], &mut controllers, steps, |(), controller, seen| {
+                Ok(controller.step(seen)?.steer_cmd)
+            });
+            each.kib.extend(kib(before));
         }
     }
-    let middle = |values: &mut Vec<f64>| {
-        values.sort_by(f64::total_cmp);
-        values.get(values.len() / 2).copied()
+    let rows = |measured: [Measured; COUNTS.len()]| -> serde_json::Value {
+        let rows = COUNTS.into_iter().zip(measured).map(|(count, of)| (count.to_string(), of.row()));
+        serde_json::Value::Object(rows.collect())
     };
-    let rows = measured.map(|(count, mut first, mut alone, mut shared, kib)| {
-        let us = |values| middle(values).map(|seconds| 1e6 * seconds);
-        let row = json!({
-            "first_step_us": us(&mut first),
-            "step_us": us(&mut alone),
-            "step_us_2_threads": us(&mut shared),
-            // Later, there is memory from before.
-            "kib": kib.first(),
-        });
-        (count.to_string(), row)
-    });
-    Ok(serde_json::Value::Object(rows.into_iter().collect()))
+    Ok(json!({ "each": rows(of_each), "one": rows(of_one) }))
 }

@@ -184,35 +184,35 @@ def _steps(raw: dict) -> list[str]:
 
 
 def _instances(raw: dict) -> list[str]:
-    """What many controllers in one process cost."""
-    rows = _by_size(raw["instances"])
-    one = rows["1"]["step_us"]
+    """What many vehicles in one process cost."""
     lines = [
-        "Controllers in one process, with one model (RFL) and one road between them. Each goes along a part of its own "
-        "of one recorded drive, and all step in turn; vehicles are not simulated. `two threads` is the wall time of a "
-        "step when two threads share them, each for itself. Nothing is locked: what is shared is read only. Each "
-        "number is the middle one of five means; numbers of controllers took turns. The first step of a controller, "
-        "which looks everything up and is the first to touch its memory, stands apart.",
+        "Vehicles in one process, with one model (RFL) and one road between them: served by one controller, which is given "
+        "the state of each (`step_for`), or by a controller each. Each goes along a part of its own of one recorded "
+        "drive, and all step in turn; vehicles are not simulated. `two threads` is the wall time of a step when two "
+        "threads share them, each for itself. Nothing is locked: what is shared is read only. Each number is the middle "
+        "one of five means; numbers of vehicles took turns. The first step of a controller, which looks everything up and "
+        "is the first to touch its memory, stands apart.",
         "",
-        "| controllers | step, us | against one | two threads, us | first step, us | memory each, KiB |",
-        "|---|---|---|---|---|---|",
+        "| controllers | vehicles | step, us | against one | two threads, us | first step, us | memory each, KiB |",
+        "|---|---|---|---|---|---|---|",
     ]
-    for count, row in rows.items():
-        # Few fit into memory that the process had before.
-        memory = f"{row['kib']:.0f}" if row["kib"] and int(count) >= 100 else ""
-        lines.append(
-            f"| {count} | {row['step_us']:.1f} | {row['step_us'] / one:.1f} | {row['step_us_2_threads']:.1f} | "
-            f"{row['first_step_us']:.0f} | {memory} |"
-        )
-    ends = list(rows)[-2:]
-    step, more = (rows[count]["step_us"] for count in ends)
+    for key, name in (("one", "one"), ("each", "one each")):
+        rows = _by_size(raw["instances"][key])
+        alone = rows["1"]["step_us"]
+        for count, row in rows.items():
+            # Few fit into memory that the process had before.
+            memory = f"{row['kib']:.1f}" if row["kib"] and int(count) >= 100 else ""
+            lines.append(
+                f"| {name} | {count} | {row['step_us']:.1f} | {row['step_us'] / alone:.1f} | "
+                f"{row['step_us_2_threads']:.1f} | {row['first_step_us']:.0f} | {memory} |"
+            )
     return [
         *lines,
         "",
-        "Where the caches hold what all steps touch, a step costs what that of one controller costs; where they do "
-        "not, each step brings its controller's lines from memory. From there on time is to be proportional to the "
-        f"number: from {ends[0]} to {ends[1]} controllers a step takes {more / step:.2f} times as long. Most of a "
-        "controller's memory is that of Clarabel, the fallback, which hardly a step touches.",
+        "One controller's working memory stays in the caches, and only what a vehicle has of its own comes from further "
+        "away. Of controllers, 100 stay there; with more each step brings its own controller's lines from memory, and time is "
+        "proportional to the number from there on. Most of a controller's memory is that of Clarabel, the fallback, "
+        "which hardly a step touches.",
         "",
     ]
 

@@ -87,6 +87,8 @@ pub enum ControllerError {
 pub enum StepError {
     #[error("the measured {signal} is {value}: every measurement must be a finite number")]
     NotFinite { signal: &'static str, value: f64 },
+    #[error("the state is of a controller with another horizon, window or speed control")]
+    ForeignState,
 }
 
 /// Everything that steps change: what a saved state holds.
@@ -460,19 +462,43 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
         &self.state
     }
 
+    /// One control step of another vehicle, whose state is kept outside: `state` is what its steps have made of a copy of
+    /// [`state`](Self::state) from before the first step. So one controller serves any number of vehicles on its path,
+    /// with one working memory, which stays in the processor's caches; a state takes a few kilobytes.
+    ///
+    /// # Errors
+    /// As [`step`](Self::step); a state that [`restore`](Self::restore) would give back. Nothing has changed then.
+    pub fn step_for(
+        &mut self,
+        state: &mut ControllerState<S>,
+        measurement: &Measurement,
+    ) -> Result<StepReport, StepError> {
+        if !self.exchange(state) {
+            return Err(StepError::ForeignState);
+        }
+        let report = self.step(measurement).copied();
+        self.exchange(state);
+        report
+    }
+
     /// Continues from a state of a controller with the same parameters and path. Gives the state back if its plan
     /// has another horizon, its history another window, or its speed was tracked in another way.
-    pub fn restore(&mut self, state: ControllerState<S>) -> Option<ControllerState<S>> {
+    pub fn restore(&mut self, mut state: ControllerState<S>) -> Option<ControllerState<S>> {
+        (!self.exchange(&mut state)).then_some(state)
+    }
+
+    /// Puts a state in the place of its own, which comes out, if it fits.
+    fn exchange(&mut self, state: &mut ControllerState<S>) -> bool {
         let window = |state: &ControllerState<S>| state.history.states().len();
         let other_speed = state.longitudinal.is_some() != self.longitudinal.is_some();
-        if state.plan.len() != self.state.plan.len() || window(&state) != window(&self.state) || other_speed {
-            return Some(state);
+        if state.plan.len() != self.state.plan.len() || window(state) != window(&self.state) || other_speed {
+            return false;
         }
-        if let (Some(longitudinal), Some(of_speed)) = (&mut self.longitudinal, state.longitudinal) {
+        std::mem::swap(&mut self.state, state);
+        if let (Some(longitudinal), Some(of_speed)) = (&mut self.longitudinal, self.state.longitudinal) {
             longitudinal.restore(of_speed);
         }
-        self.state = state;
-        None
+        true
     }
 }
 

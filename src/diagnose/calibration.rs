@@ -25,7 +25,9 @@ pub struct Calibration {
     pub form_is_known: bool,
     alone: Alone,
     /// Evidence that a second effect must add.
+    #[serde(skip)]
     pub pair: f64,
+    second: Second,
     /// The same as a share of the evidence so far: what is left of a large effect that acts a little otherwise than modelled
     /// is no effect of its own.
     pub further: f64,
@@ -46,6 +48,14 @@ pub struct Calibration {
     unknown: [f64; 2],
 }
 
+/// Evidence that a second effect must add in a kind of vehicle.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Second {
+    car: f64,
+    truck: f64,
+}
+
 /// Thresholds without a reference log.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -64,17 +74,17 @@ struct Thresholds {
     other: f64,
 }
 
-/// Standard deviations of the errors of the model's form: of size, lateness in s, change with speed and with lateral
-/// acceleration, as `form.rs` has them.
+/// Standard deviations of the errors of the model's form: of size, lateness in s, change with speed, with lateral and with
+/// longitudinal acceleration, as `form.rs` has them.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Form {
-    yaw_rate: [f64; 4],
-    ay: [f64; 4],
-    vy: [f64; 4],
-    roll: [f64; 4],
-    articulation: [f64; 4],
-    ax: [f64; 4],
+    yaw_rate: [f64; 5],
+    ay: [f64; 5],
+    vy: [f64; 5],
+    roll: [f64; 5],
+    articulation: [f64; 5],
+    ax: [f64; 5],
     /// Of the tyres' curve: shape factor, as a share, and curvature factor.
     pub tyre: [f64; 2],
 }
@@ -90,7 +100,7 @@ impl Form {
             Channel::Roll => self.roll,
             Channel::Articulation => self.articulation,
             Channel::Ax => self.ax,
-            _ => [0.0; 4],
+            _ => [0.0; 5],
         };
         sizes[kind as usize]
     }
@@ -120,7 +130,8 @@ impl Calibration {
         let alone = if truck { &all.alone.truck } else { &all.alone.car };
         let [structural, friction, none] =
             if reference { [all.none; 3] } else { [alone.structural, alone.friction, alone.other] };
-        Self { none, structural, friction, form_is_known: reference, ..all }
+        let pair = if truck { all.second.truck } else { all.second.car };
+        Self { none, structural, friction, pair, form_is_known: reference, ..all }
     }
 
     /// Evidence that an effect needs to be named: what the model's form can look like, tyres and body, needs most.

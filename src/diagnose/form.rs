@@ -1,10 +1,11 @@
 //! What a vehicle of another formulation does otherwise, though all its numbers are right: errors of the model's form.
 //!
-//! They are no white noise. They follow the motion: a signal `s` comes out a little too large, too early, or so at speed or
-//! at much lateral acceleration `a` only,
+//! They are no white noise. They follow the motion: a signal `s` comes out a little too large, too early, or so at speed,
+//! at much lateral acceleration `a`, or when driven (`a_x > 0`) and not when braked: shares of brakes and of load are each
+//! formulation's own;
 //!
 //! ```text
-//!     d(t) = x_1 s + x_2 (-ds/dt) + x_3 s (v - 15 m/s) / 10 m/s + x_4 s |a| / 3 m/s2
+//!     d(t) = x_1 s + x_2 (-ds/dt) + x_3 s (v - 15 m/s) / 10 m/s + x_4 s |a| / 3 m/s2 + x_5 s a_x / 2 m/s2
 //! ```
 //!
 //! with `x` of the order of a hundredth (`form` in `calibration.toml`). Each `x` is a tolerance like all others and is
@@ -28,6 +29,8 @@ pub enum Kind {
     Speed,
     /// Larger with lateral acceleration.
     Grip,
+    /// Larger when driven, smaller when braked.
+    Drive,
 }
 
 /// Error of the model's form: id, channel, kind.
@@ -39,22 +42,27 @@ pub const FORMS: &[Row] = &[
     ("form.yaw_rate.late", Channel::YawRate, Kind::Late),
     ("form.yaw_rate.speed", Channel::YawRate, Kind::Speed),
     ("form.yaw_rate.grip", Channel::YawRate, Kind::Grip),
+    ("form.yaw_rate.drive", Channel::YawRate, Kind::Drive),
     ("form.ay.size", Channel::Ay, Kind::Size),
     ("form.ay.late", Channel::Ay, Kind::Late),
     ("form.ay.speed", Channel::Ay, Kind::Speed),
     ("form.ay.grip", Channel::Ay, Kind::Grip),
+    ("form.ay.drive", Channel::Ay, Kind::Drive),
     ("form.vy.size", Channel::Vy, Kind::Size),
     ("form.vy.late", Channel::Vy, Kind::Late),
     ("form.vy.speed", Channel::Vy, Kind::Speed),
     ("form.vy.grip", Channel::Vy, Kind::Grip),
+    ("form.vy.drive", Channel::Vy, Kind::Drive),
     ("form.roll.size", Channel::Roll, Kind::Size),
     ("form.roll.late", Channel::Roll, Kind::Late),
     ("form.roll.speed", Channel::Roll, Kind::Speed),
     ("form.roll.grip", Channel::Roll, Kind::Grip),
+    ("form.roll.drive", Channel::Roll, Kind::Drive),
     ("form.articulation.size", Channel::Articulation, Kind::Size),
     ("form.articulation.late", Channel::Articulation, Kind::Late),
     ("form.articulation.speed", Channel::Articulation, Kind::Speed),
     ("form.articulation.grip", Channel::Articulation, Kind::Grip),
+    ("form.articulation.drive", Channel::Articulation, Kind::Drive),
     ("form.ax.size", Channel::Ax, Kind::Size),
     ("form.ax.late", Channel::Ax, Kind::Late),
     ("form.ax.grip", Channel::Ax, Kind::Grip),
@@ -90,6 +98,7 @@ pub fn shapes(drive: &Drive, neutral: &Trace, row: &Row) -> Vec<(Channel, Vec<f6
         Kind::Late => slope(&signal).iter().map(|slope| -slope).collect(),
         Kind::Speed => signal.iter().zip(vx).map(|(s, vx)| s * (vx - 15.0) / 10.0).collect(),
         Kind::Grip => signal.iter().enumerate().map(|(i, s)| s * lateral(i).abs() / 3.0).collect(),
+        Kind::Drive => signal.iter().zip(&drive.accel).map(|(s, accel)| s * accel / 2.0).collect(),
     };
     if channel == Channel::Articulation {
         let rate = slope(&shape);

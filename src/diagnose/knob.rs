@@ -131,8 +131,9 @@ const INERTIAL_LAG: f64 = 0.010;
 /// acceleration besides.
 const IMU_HEIGHT: f64 = 0.15;
 
-/// Coordinates of what is no effect are kept within this; a bound inside what the prior allows would hold fits back.
-const FARTHEST: f64 = 40.0;
+/// Coordinates of what is no effect are kept within this: six standard deviations of the widest prior. A fit that went
+/// further was lost, in a minimum of its own with a spring eleven times as stiff.
+const FARTHEST: f64 = 12.0;
 const TYRE_SHAPE: &str = "form.tyre.shape";
 const TYRE_CURVATURE: &str = "form.tyre.curvature";
 
