@@ -3,7 +3,7 @@
 //! Each table is one run in which all its entries take turns, so that a busy machine is busy for all of them.
 
 use crate::steps::{Model, SAMPLE_TIME, car, percentile};
-use crate::{Outcome, median_time};
+use crate::{Outcome, median_time, memory};
 use rfl_mpc::control::{PredictionModelFor, Propagation, Residual, RollOut};
 use rfl_mpc::path::sudoku::Route;
 use rfl_mpc::residual::{DataConfig, DataSet, Dense, Kind, LambdaChoice, Random, TrainConfig, grow, train};
@@ -118,13 +118,8 @@ pub fn training(rows: usize) -> Outcome {
     let table = (size_of_val(&values[..]) + size_of_val(&labels[..])) as f64;
     Ok(json!({
         "train_s": seconds, "row_us": 1e6 * look_up / 100.0, "leaves": grown.forest.leaves(),
-        "memory_over_data": highest_memory().map(|bytes| bytes / table),
+        "memory_over_data": memory("VmHWM:").map(|bytes| bytes / table),
     }))
-}
-
-/// Most memory that this process ever had, in bytes, where the system says.
-fn highest_memory() -> Option<f64> {
-    crate::instances::memory("VmHWM:")
 }
 
 /// Seconds to make samples of a log of so many seconds of driving, for each.
@@ -144,12 +139,12 @@ fn logs() -> Result<Value, Box<dyn Error>> {
     Ok(Value::Object(rows))
 }
 
-/// All but training and [`instances`], which want processes of their own for their memory.
+/// All but training, which wants a process of its own for its memory.
 pub fn run() -> Outcome {
     Ok(json!({ "steps": of_steps()?, "log_ms": logs()? }))
 }
 
-/// Controllers in one process.
-pub fn instances() -> Outcome {
-    crate::instances::run(&learn(&data(LEARNED)?, |_| ())?)
+/// The model that the others are compared with.
+pub fn learned() -> Result<CarModel, Box<dyn Error>> {
+    learn(&data(LEARNED)?, |_| ())
 }

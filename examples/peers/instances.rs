@@ -4,8 +4,8 @@
 //! Each vehicle is at a place of its own of one recorded drive, so that all the road and all the model are asked, and all
 //! step in turn, so that between two steps of one everything else of the process was needed. Vehicles are not simulated.
 
-use crate::Outcome;
 use crate::steps::{Model, SAMPLE_TIME, TIMED, car};
+use crate::{Outcome, memory};
 use rfl_mpc::control::{Controller, ControllerError, Measurement, StepError};
 use rfl_mpc::simulate::{CAR_COLUMNS, SimulatedVehicle};
 use rfl_mpc::vehicle::Car;
@@ -80,14 +80,6 @@ fn record(model: &CarModel) -> Result<Vec<Measurement>, Box<dyn Error>> {
     Ok(drive.collect::<Result<_, _>>()?)
 }
 
-/// Memory of this process that is in use, in bytes, where the system says.
-pub fn memory(name: &str) -> Option<f64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix(name))?;
-    let kib: f64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
-    Some(1024.0 * kib)
-}
-
 /// What was measured of so many vehicles, repeat by repeat.
 #[derive(Default)]
 struct Measured {
@@ -129,7 +121,8 @@ impl Measured {
 }
 
 /// Vehicles with a controller each, and vehicles that one controller of each thread serves; in one thread and in two.
-pub fn run(model: &CarModel) -> Outcome {
+pub fn run() -> Outcome {
+    let model = &crate::growth::learned()?;
     let drive = record(model)?;
     let path = Arc::new(car().test.path()?);
     let new = || Controller::predicting_with(car().timed, path.clone(), model.clone());

@@ -50,7 +50,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         ["agreement", count] => agreement::run(count.parse()?),
         ["steps"] => speed::run(),
         ["growth"] => growth::run(),
-        ["instances"] => growth::instances(),
+        ["instances"] => instances::run(),
         ["prepare", folder] => counted::prepare(Path::new(folder)),
         ["counted", folder, name] => counted::run(Path::new(folder), name),
         ["training", rows] => growth::training(rows.parse()?),
@@ -74,6 +74,14 @@ fn read_table(file: &Path) -> Result<Vec<f64>, Box<dyn Error>> {
 fn write_table(file: &Path, values: &[f64]) -> Result<(), Box<dyn Error>> {
     let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
     std::fs::write(file, bytes).map_err(|error| format!("{}: {error}", file.display()).into())
+}
+
+/// Memory of this process, in bytes, where the system says: what is in use (`VmRSS:`), or the most it ever had (`VmHWM:`).
+fn memory(name: &str) -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix(name))?;
+    let kib: f64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(1024.0 * kib)
 }
 
 /// Seconds of one call, the median of several.
