@@ -9,7 +9,8 @@ What it prints goes into src/diagnose/calibration.toml by hand: a change of thre
 - thresholds: what 95 % of the sound logs stay under, for tyres and body and for the rest, with and without a reference;
 - what second effects add to logs with one, and rests of what is in the library and what is not;
 - the factor that brings the intervals of named values to 95 %;
-- probabilities: logistic in the margin, of effects also in the share of the gap that is left, for a scoring set's mix of kinds.
+- probabilities: logistic in the margin, of effects also in the share of the gap that is left, for a scoring set's mix
+  of kinds.
 
 All are a handful of scalars. More of the generator must not come into the diagnosis: a covariance of all tolerances,
 learned from sound logs, was tried and left out for that (docs/results/diagnosis.md).
@@ -108,7 +109,8 @@ def calibration(cases: list[tuple[dict, dict]], share: float = 0.95) -> str:
             weights = np.array([weight[label["kind"]] for label, _ in own])
             fitted = logistic(np.array(columns), right, weights, np.array(at))
             share = right @ weights / weights.sum()
-            text += f"{name} = {fitted.round(2).tolist()} # {int(right.sum())} of {len(own)} right, weighted {share:.2f}\n"
+            of_all = f"{int(right.sum())} of {len(own)} right, weighted {share:.2f}"
+            text += f"{name} = {fitted.round(2).tolist()} # {of_all}\n"
     return text
 
 

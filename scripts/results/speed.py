@@ -186,12 +186,12 @@ def _steps(raw: dict) -> list[str]:
 def _instances(raw: dict) -> list[str]:
     """What many vehicles in one process cost."""
     lines = [
-        "Vehicles in one process, with one model (RFL) and one road between them: served by one controller, which is given "
-        "the state of each (`step_for`), or by a controller each. Each goes along a part of its own of one recorded "
-        "drive, and all step in turn; vehicles are not simulated. `two threads` is the wall time of a step when two "
-        "threads share them, each for itself. Nothing is locked: what is shared is read only. Each number is the middle "
-        "one of five means; numbers of vehicles took turns. The first step of a controller, which looks everything up and "
-        "is the first to touch its memory, stands apart.",
+        "Vehicles in one process, with one model (RFL) and one road between them: served by one controller, which is "
+        "given the state of each (`step_for`), or by a controller each. Each goes along a part of its own of one "
+        "recorded drive, and all step in turn; vehicles are not simulated. `two threads` is the wall time of a step "
+        "when two threads share them, each for itself. Nothing is locked: what is shared is read only. Each number is "
+        "the middle one of five means; numbers of vehicles took turns. The first step of a controller, which looks "
+        "everything up and is the first to touch its memory, stands apart.",
         "",
         "| controllers | vehicles | step, us | against one | two threads, us | first step, us | memory each, KiB |",
         "|---|---|---|---|---|---|---|",
@@ -209,10 +209,10 @@ def _instances(raw: dict) -> list[str]:
     return [
         *lines,
         "",
-        "One controller's working memory stays in the caches, and only what a vehicle has of its own comes from further "
-        "away. Of controllers, 100 stay there; with more each step brings its own controller's lines from memory, and time is "
-        "proportional to the number from there on. Most of a controller's memory is that of Clarabel, the fallback, "
-        "which hardly a step touches.",
+        "One controller's working memory stays in the caches, and only what a vehicle has of its own comes from "
+        "further away. Of controllers, 100 stay there; with more each step brings its own controller's lines from "
+        "memory, and time is proportional to the number from there on. Most of a controller's memory is that of "
+        "Clarabel, the fallback, which hardly a step touches.",
         "",
     ]
 
