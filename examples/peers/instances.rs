@@ -25,6 +25,11 @@ const BEFORE: usize = 40;
 const LEAST: usize = 20;
 /// Numbers of vehicles take turns so many times.
 const REPEATS: usize = 5;
+/// Neighbours in the turn are far apart on the road: what one has just looked up is not what the next one needs.
+const STRIDE: usize = 7919;
+/// Steps of one controller before each of which the caches are emptied, by numbers that are more than they hold.
+const COLD: usize = 200;
+const EMPTYING: usize = 1 << 25;
 
 /// Vehicles that are controlled: what each has of its own, and where in the drive it is.
 type Fleet<T> = [(T, usize)];
@@ -35,7 +40,7 @@ fn spread<T>(
     room: usize,
     each: impl Fn() -> Result<T, ControllerError>,
 ) -> Result<Vec<(T, usize)>, ControllerError> {
-    (0..count).map(|k| Ok((each()?, k * room / (count - 1).max(1)))).collect()
+    (0..count).map(|k| Ok((each()?, k * STRIDE % count * room / (count - 1).max(1)))).collect()
 }
 
 /// So many steps of each vehicle, one of each in turn, shared out among threads with a worker each: seconds of a step.
@@ -120,6 +125,25 @@ impl Measured {
     }
 }
 
+/// A step of one controller that finds nothing in the caches, in us: what one costs where others work between its steps.
+fn cold(drive: &[Measurement], controller: &mut Controller) -> f64 {
+    let mut numbers = vec![0_u64; EMPTYING];
+    let mut times: Vec<f64> = drive
+        .iter()
+        .take(BEFORE + COLD)
+        .map(|seen| {
+            numbers.iter_mut().for_each(|number| *number += 1);
+            black_box(&mut numbers);
+            let begin = Instant::now();
+            black_box(controller.step(seen).expect("what was measured is finite"));
+            1e6 * begin.elapsed().as_secs_f64()
+        })
+        .skip(BEFORE)
+        .collect();
+    times.sort_by(f64::total_cmp);
+    times[times.len() / 2]
+}
+
 /// Vehicles with a controller each, and vehicles that one controller of each thread serves; in one thread and in two.
 pub fn run() -> Outcome {
     let model = &crate::growth::learned()?;
@@ -154,5 +178,5 @@ pub fn run() -> Outcome {
         let rows = COUNTS.into_iter().zip(measured).map(|(count, of)| (count.to_string(), of.row()));
         serde_json::Value::Object(rows.collect())
     };
-    Ok(json!({ "each": rows(of_each), "one": rows(of_one) }))
+    Ok(json!({ "cold_us": cold(&drive, &mut new()?), "each": rows(of_each), "one": rows(of_one) }))
 }
