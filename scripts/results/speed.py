@@ -212,12 +212,12 @@ def _instances(raw: dict) -> list[str]:
     return [
         *lines,
         "",
-        "A step of one controller alone is the fastest there is: all that it touches is in the caches, and most of what "
-        f"it looked up a step ago still holds. With the caches emptied before each step it takes {cold:.1f} us; of "
-        f"{ends[0]} controllers in turn each takes {many:.1f} us, of {ends[1]} {most:.1f} us: time is proportional to "
-        "their number at that price. One controller for all keeps its working memory in the caches and needs no more "
-        "than a state of each vehicle, but looks everything up anew for each. Most of a controller's memory is that of "
-        "Clarabel, the fallback, which hardly a step touches.",
+        "A step of one controller alone is the fastest there is: all that it touches is in the caches, and most of "
+        f"what it looked up a step ago still holds. With the caches emptied before each step it takes {cold:.1f} "
+        f"us; of {ends[0]} controllers in turn each takes {many:.1f} us, of {ends[1]} {most:.1f} us: time is "
+        "proportional to their number at that price. One controller for all keeps its working memory in the caches "
+        "and needs no more than a state of each vehicle, but looks everything up anew for each. Most of a "
+        "controller's memory is that of Clarabel, the fallback, which hardly a step touches.",
         "",
     ]
 
