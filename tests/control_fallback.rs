@@ -77,7 +77,7 @@ fn a_measurement_that_is_not_finite_is_named_and_changes_nothing() {
         (Measurement { x: f64::INFINITY, ..AT }, "x"),
     ] {
         let error = controller.step(&bad).unwrap_err();
-        let StepError::NotFinite { signal: named, .. } = error;
+        let StepError::NotFinite { signal: named, .. } = error else { panic!("{error}") };
         assert_eq!(named, signal);
         assert_eq!(controller.state(), &before);
     }

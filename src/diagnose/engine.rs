@@ -135,6 +135,7 @@ pub fn diagnose<V: ReplayVehicle>(
                 kind: VerdictKind::CannotTell,
                 probability: 1.0,
                 effects: Vec::new(),
+                nearest: Vec::new(),
                 words: reason.to_owned(),
             },
             candidates: Vec::new(),
@@ -191,6 +192,9 @@ pub fn diagnose<V: ReplayVehicle>(
     let suspicion = findings.iter().any(|finding| finding.gravity == Gravity::Suspicion);
     if excitation.steer < STRAIGHT && decision.kind != VerdictKind::None || suspicion {
         decision.kind = VerdictKind::CannotTell;
+    } else if let Some(nearest) = decision.nearest.take() {
+        // No cause, but the simulator is nearer with it.
+        decision.fit = nearest;
     }
 
     progress("held-out parts", 0.92);
@@ -200,11 +204,7 @@ pub fn diagnose<V: ReplayVehicle>(
     let shrink = shrink(&problem, &ranking, &winner, &slopes);
     let precision = ranking.prior.freed(&problem, &winner.freed);
     let covariance = local.covariance(&precision);
-    let mut effects = if decision.kind == VerdictKind::Effect {
-        named(&problem, &ranking, &decision, &covariance, calibration.interval)
-    } else {
-        Vec::new()
-    };
+    let mut effects = named(&problem, &ranking, &decision, &covariance, calibration.interval);
     progress("next manoeuvre", 0.95);
     let next_manoeuvre = match &decision.rival {
         Some(rival) if decision.kind == VerdictKind::Effect && reference.is_none() => {
@@ -241,10 +241,14 @@ pub fn diagnose<V: ReplayVehicle>(
         }
     }
     findings.sort_by_key(|finding| std::cmp::Reverse(finding.gravity));
-    let stage = effects.first().map(|effect| effect.stage);
     let words = words::verdict(decision.kind, &effects, &shrink, decision.probability, &findings);
+    let (effects, nearest) = match decision.kind {
+        VerdictKind::Effect => (effects, Vec::new()),
+        _ => (Vec::new(), effects),
+    };
+    let stage = effects.first().map(|effect| effect.stage);
     let report = Report {
-        verdict: Verdict { kind: decision.kind, probability: decision.probability, words, effects },
+        verdict: Verdict { kind: decision.kind, probability: decision.probability, effects, nearest, words },
         candidates: candidates(&problem, &ranking, &decision, &calibration),
         places: localise::places(&problem, &ranking),
         stage,
@@ -317,6 +321,8 @@ pub(super) struct Decision {
     pub probability: f64,
     /// The winner; with nothing freed where nothing is named.
     pub fit: Fit,
+    /// What of the library comes nearest where the cause is not in it.
+    pub nearest: Option<Fit>,
     /// The next candidate, for the next manoeuvre.
     pub rival: Option<Fit>,
     /// Candidates of one class with each effect of the winner.
@@ -351,6 +357,7 @@ fn decide<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, calibration
         kind,
         probability,
         fit: none.clone(),
+        nearest: None,
         rival: None,
         classes: Vec::new(),
         scores: Scores { margin, ..scores },
@@ -363,15 +370,19 @@ fn decide<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, calibration
         let large = |&i: &usize| dominance(problem, ranking, fit, i) > calibration.dominance;
         without - fit.cost > PLAIN || fit.freed.iter().all(large)
     };
-    if scores.excess > calibration.outside && scores.left > calibration.left {
+    let is_outside = scores.excess > calibration.outside && scores.left > calibration.left;
+    let of_outside = |nearest: Option<Fit>| {
         let margin = 10.0 * (scores.excess / calibration.outside - 1.0);
-        return unnamed(VerdictKind::NotInLibrary, calibration.of_unknown(margin), margin);
-    }
+        let unnamed = unnamed(VerdictKind::NotInLibrary, calibration.of_unknown(margin), margin);
+        Decision { nearest, ..unnamed }
+    };
     let tells = |fit: &&Fit| evidence(fit) > needed(fit.freed[0]) && matters(fit, ranking.none.cost);
     let Some(best) = ranking.singles.iter().find(|fit| worth && tells(fit)) else {
-        let nearest =
-            ranking.singles.iter().map(|fit| evidence(fit) / needed(fit.freed[0])).fold(0.0, f64::max);
-        let margin = calibration.none * (1.0 - nearest).max(0.0);
+        if is_outside {
+            return of_outside(None);
+        }
+        let most = ranking.singles.iter().map(|fit| evidence(fit) / needed(fit.freed[0])).fold(0.0, f64::max);
+        let margin = calibration.none * (1.0 - most).max(0.0);
         return unnamed(VerdictKind::None, calibration.of_nothing(margin), margin);
     };
     // A further effect has to add what it would need alone; candidates without the best of one effect less, what all would.
@@ -386,6 +397,9 @@ fn decide<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, calibration
         };
         let Some(fit) = more.iter().find(adds) else { break };
         (without, chosen, level) = (chosen.cost, fit, more);
+    }
+    if is_outside {
+        return of_outside(Some(chosen.clone()));
     }
     // Alternatives to each effect beside the others.
     let class_of = |own: usize| -> Vec<usize> {
@@ -409,6 +423,7 @@ fn decide<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, calibration
         kind: VerdictKind::Effect,
         probability: calibration.of_effect(margin, scores.left),
         fit: chosen.clone(),
+        nearest: None,
         rival: level.iter().find(|rival| rival.freed != chosen.freed).cloned(),
         classes,
         scores: Scores { margin, ..scores },

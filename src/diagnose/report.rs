@@ -64,6 +64,9 @@ pub struct Verdict {
     pub probability: f64,
     /// The effects named: one to three.
     pub effects: Vec<NamedEffect>,
+    /// Where the cause is not in the library: its effects that come nearest. The calibrated simulator has them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub nearest: Vec<NamedEffect>,
     /// The verdict in at most three sentences.
     pub words: String,
 }

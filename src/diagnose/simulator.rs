@@ -1,7 +1,7 @@
 //! The calibrated simulator: the vehicle with the effects that were named and the numbers that were adjusted, as a vehicle
 //! file, and as a parameter set of SSP 1.0 for the plant's FMU in any host.
 
-use super::report::{Adjustment, Report, VerdictKind};
+use super::report::{Adjustment, Report};
 use crate::vehicle::{TruckEffects, VehicleParameters};
 use quick_xml::Writer;
 use quick_xml::events::{BytesDecl, BytesEnd, BytesStart, Event};
@@ -37,10 +37,8 @@ pub fn changes(report: &Report, calibration: Calibration) -> BTreeMap<String, f6
         changes
             .extend(report.recalibration.iter().map(|one: &Adjustment| (one.parameter.clone(), one.value)));
     }
-    if report.verdict.kind == VerdictKind::Effect {
-        let named = report.verdict.effects.iter();
-        changes.extend(named.map(|effect| (format!("effect.{}", effect.id), effect.total)));
-    }
+    let found = report.verdict.effects.iter().chain(&report.verdict.nearest);
+    changes.extend(found.map(|effect| (format!("effect.{}", effect.id), effect.total)));
     changes
 }
 

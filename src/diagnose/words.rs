@@ -40,7 +40,7 @@ fn told(shrink: &Shrink) -> Option<(&str, &Gap)> {
     })
 }
 
-/// The verdict in at most three sentences.
+/// The verdict in a few sentences; `effects` are those named, or those that come nearest.
 #[must_use]
 pub fn verdict(
     kind: VerdictKind,
@@ -90,12 +90,17 @@ pub fn verdict(
         }
         VerdictKind::NotInLibrary => {
             let mut words =
-                "There is a gap that no effect of the library, nor any pair, explains.".to_owned();
+                "No effect of the library explains the gap whole, nor do two or three together.".to_owned();
+            let nearest: Vec<String> = effects.iter().map(value).collect();
+            if !nearest.is_empty() {
+                words += &format!(" Nearest come {}.", nearest.join(", "));
+            }
             if let Some(gap) = yaw {
                 words += &format!(
-                    " Of the yaw-rate gap of {} rad/s, {} rad/s remain after adjusting.",
+                    " Of the yaw-rate gap of {} rad/s, {} rad/s remain after adjusting{}.",
                     short(gap.before),
-                    short(gap.recalibrated)
+                    short(gap.recalibrated),
+                    if nearest.is_empty() { "" } else { " with them" }
                 );
                 if let Some(learnable) = gap.learnable {
                     words += &format!(" A learned model would leave {} rad/s.", short(learnable));
