@@ -157,21 +157,19 @@ pub fn run() -> Outcome {
             let steps = ((drive.len() - BEFORE) / count / 2).max(LEAST);
             let room = drive.len() - BEFORE - 2 * steps;
             let mut served = [new()?, new()?];
-            let before = memory("VmRSS:");
             let mut states = spread(count, room, || Ok(served[0].state().clone()))?;
-            let kib = |before: Option<f64>| {
-                before.zip(memory("VmRSS:")).map(|(before, after)| (after - before) / (1024.0 * count as f64))
-            };
             one.add(&drive, &mut served, &mut states, steps, |controller, state, seen| {
                 Ok(controller.step_for(state, seen)?.steer_cmd)
             });
-            one.kib.extend(kib(before));
+            one.kib.push(postcard::to_allocvec(&states[0].0)?.len() as f64 / 1024.0);
             let before = memory("VmRSS:");
             let mut controllers = spread(count, room, new)?;
             each.add(&drive, &mut [(), ()], &mut controllers, steps, |(), controller, seen| {
                 Ok(controller.step(seen)?.steer_cmd)
             });
-            each.kib.extend(kib(before));
+            let after = memory("VmRSS:");
+            each.kib
+                .extend(before.zip(after).map(|(before, after)| (after - before) / (1024.0 * count as f64)));
         }
     }
     let rows = |measured: [Measured; COUNTS.len()]| -> serde_json::Value {
