@@ -244,7 +244,8 @@ pub fn diagnose<V: ReplayVehicle>(
     let words = words::verdict(decision.kind, &effects, &shrink, decision.probability, &findings);
     let (effects, nearest) = match decision.kind {
         VerdictKind::Effect => (effects, Vec::new()),
-        _ => (Vec::new(), effects),
+        VerdictKind::NotInLibrary => (Vec::new(), effects),
+        VerdictKind::None | VerdictKind::CannotTell => (Vec::new(), Vec::new()),
     };
     let stage = effects.first().map(|effect| effect.stage);
     let report = Report {
