@@ -92,7 +92,7 @@ def calibration(cases: list[tuple[dict, dict]], share: float = 0.95) -> str:
     text += line("rest, outside", [r["scores"]["excess"] for r in outside], 0.5)
     # A development set has as many of a kind as one likes; probabilities are for the mix of a scoring set.
     count = Counter(label["kind"] for label, _ in cases)
-    weight = {kind: KINDS[kind] / share * len(cases) for kind, share in count.items()}
+    weight = {kind: KINDS[kind] / number * len(cases) for kind, number in count.items()}
     off = []
     for label, report in cases:
         for effect in report["verdict"]["effects"]:
@@ -108,8 +108,8 @@ def calibration(cases: list[tuple[dict, dict]], share: float = 0.95) -> str:
             right = np.array([measures.in_class(label, r) for label, r in own], float)
             weights = np.array([weight[label["kind"]] for label, _ in own])
             fitted = logistic(np.array(columns), right, weights, np.array(at))
-            share = right @ weights / weights.sum()
-            of_all = f"{int(right.sum())} of {len(own)} right, weighted {share:.2f}"
+            weighted = np.average(right, weights=weights)
+            of_all = f"{int(right.sum())} of {len(own)} right, weighted {weighted:.2f}"
             text += f"{name} = {fitted.round(2).tolist()} # {of_all}\n"
     return text
 
