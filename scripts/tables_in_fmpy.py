@@ -31,7 +31,6 @@ PLANTS = {
     "high_delay": ({"steer_delay": 0.3, "steer_lag": 0.2}, "truck_test"),
 }
 VEHICLES = {"car": "c_class", "truck": "truck_simulation"}
-DRIVES = {"car": 2, "truck": 1}  # for each seed
 # How models of each kind are learned from drives without noise.
 RESIDUAL = {"car": [], "truck": ["--prefilter", "0"]}
 GP = {"car": [], "truck": ["--points", "100"]}
@@ -87,14 +86,15 @@ class Plant:
                 model = self.folder / "first_round.rflm"
                 self.learn("linear", model, RESIDUAL[self.kind])
                 # Dithers of all seeds' drives of the first round come before.
-                first = 1 + self.condition["effort"]["seeds"] * (DRIVES[self.kind] + 1)
+                effort = self.condition["effort"]
+                first = 1 + effort["seeds"] * (effort["drives"] + 1)
                 more = ["--residual", model, "--seed", first, "--dither", repr(dither)]
                 self.logs = self.logs + self.round("again", settings(values) + more)
         return self.logs
 
     def round(self, name: str, more: list) -> list[Path]:
         """Drives to learn from."""
-        runs, out = DRIVES[self.kind], self.folder / name
+        runs, out = self.condition["effort"]["drives"], self.folder / name
         program("collect", "--quiet", "--vehicle", self.vehicle, "--runs", runs, "--out", out, *more)
         return [out / f"drive_{run}.csv" for run in range(1, runs + 1)]
 

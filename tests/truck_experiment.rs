@@ -78,8 +78,13 @@ fn the_comparison_runs_and_does_not_depend_on_threads() {
     assert!(!outcome("identified").lost);
     assert!(outcome("identified").tracking.mae < 0.7 * outcome("MPC").tracking.mae);
     let best = [Row::NOMINAL, ROWS[0]].map(|of| (of, row(&of.name()).weights));
-    let edge = comparison.edge(&best).unwrap();
-    assert!((0.0..=1.0).contains(&edge.share) && edge.rows.iter().all(|(_, outcome)| !outcome.lost));
+    let edges =
+        [comparison.edge_of_weights(&best).unwrap(), comparison.edge_of_delay(&best).unwrap().unwrap()];
+    for edge in &edges {
+        assert!((0.0..=1.0).contains(&edge.share) && edge.rows.iter().all(|(_, outcome)| !outcome.lost));
+    }
+    assert!((edges[0].dead_time - 0.3).abs() < 1e-12, "{:?}", edges[0]);
+    assert!((edges[1].dead_time - 0.3 * edges[1].share).abs() < 1e-12, "{:?}", edges[1]);
 
     let text = |condition: &Condition| serde_json::to_string(condition).unwrap();
     assert_eq!(text(&condition), text(&run(&collected("high_delay", &roads, 2))));

@@ -46,6 +46,9 @@ pub struct EvaluateArgs {
     /// Seeds: each has drives, models and noise of its own [default: 5; of a truck 3]
     #[arg(long)]
     seeds: Option<usize>,
+    /// Drives of the training route that each seed learns from, before any second round [default: 2; of a truck 1]
+    #[arg(long)]
+    drives: Option<usize>,
     /// Candidates of each row's search for weights [default: 64; of a truck 24]
     #[arg(long)]
     budget: Option<usize>,
@@ -138,12 +141,12 @@ fn evaluate<P: Compared<S, C>, const S: usize, const C: usize>(
     let rows: Vec<Row> = chosen(&args.rows, setting.rows, |row| row.name(), "row")?;
     let effort = Effort {
         seeds: args.seeds.unwrap_or(if args.quick { 1 } else { setting.seeds }),
-        drives: setting.drives,
+        drives: args.drives.unwrap_or(setting.drives),
         budget: args.budget.unwrap_or(if args.quick { 12 } else { setting.budget }),
         threads: args.threads,
     };
-    if effort.seeds == 0 || effort.budget == 0 {
-        return Err("--seeds and --budget must be positive".into());
+    if effort.seeds == 0 || effort.drives == 0 || effort.budget == 0 {
+        return Err("--seeds, --drives and --budget must be positive".into());
     }
     let out = folder(args);
     std::fs::create_dir_all(&out).map_err(|error| format!("{}: {error}", out.display()))?;
@@ -203,7 +206,8 @@ fn evaluate<P: Compared<S, C>, const S: usize, const C: usize>(
                 weights.map(|weights| (*row, weights))
             };
             let best: Vec<_> = setting.rows.iter().filter_map(of).collect();
-            condition.edge = Some(comparison.edge(&best)?);
+            condition.edges = vec![comparison.edge_of_weights(&best)?];
+            condition.edges.extend(comparison.edge_of_delay(&best)?);
         }
         if args.ablations && noise.is_none() {
             bar.set_message(format!("{name}: ablations"));
@@ -378,10 +382,12 @@ fn print(condition: &Condition) {
         let rows = condition.rows.iter().map(|row| (row.row.as_str(), row.further[road].as_slice()));
         print_table(road, mae_of(base), rows);
     }
-    if let Some(edge) = &condition.edge {
+    for edge in &condition.edges {
         let base = edge.rows.first().map_or(f64::NAN, |(_, nominal)| nominal.tracking.mae);
         let rows = edge.rows.iter().map(|(row, outcome)| (row.as_str(), std::slice::from_ref(outcome)));
         print_table("nominal's edge", base, rows);
+        let (percent, delay) = (100.0 * edge.share, edge.dead_time);
+        say!("  ({percent:.0} % of the way to {}; dead time {delay:.3} s)", edge.towards);
     }
 }
 

@@ -84,8 +84,9 @@ impl ResultsFile {
             |name: &Value| all.iter().position(|row| row.name().as_str() == name).unwrap_or(all.len());
         put(&mut there["rows"], &further["rows"], |row| &row["row"], place);
         // Each edge is of all rows that were known then.
-        if list(&further["edge"]["rows"]).len() >= list(&there["edge"]["rows"]).len() {
-            there["edge"] = further["edge"].clone();
+        let driven = |results: &Value| list(&results["edges"][0]["rows"]).len();
+        if driven(further) >= driven(there) {
+            there["edges"] = further["edges"].clone();
         }
         let known = there["rows"].clone();
         let left_out: Vec<Value> = list(&there["left_out"])
@@ -145,7 +146,7 @@ mod tests {
 
     fn file(rows: &[Value]) -> Value {
         json!({ "vehicle": "truck", "effort": effort(24), "rows": rows, "left_out": ["GP-NMPC"],
-            "edge": { "rows": [["MPC", 1]] } })
+            "edges": [{ "rows": [["MPC", 1]] }] })
     }
 
     fn names(value: &Value) -> Vec<&str> {
@@ -160,10 +161,10 @@ mod tests {
         assert!(there.weights(Row::plain(Predictor::Rfl)).is_none());
         let mut further = file(&[row("GP-NMPC", 1.0), row("RFL", 1.0), row("MPC", 0.3)]);
         further["left_out"] = json!([]);
-        further["edge"]["rows"] = json!([["MPC", 7], ["RFL", 2]]);
+        further["edges"][0]["rows"] = json!([["MPC", 7], ["RFL", 2]]);
         let all = there.with(&further, TRUCK_ROWS).unwrap();
         assert_eq!(names(&all), ["MPC", "RFL", "NMPC", "GP-NMPC"]);
-        assert_eq!(all["edge"]["rows"], json!([["MPC", 7], ["RFL", 2]]));
+        assert_eq!(all["edges"][0]["rows"], json!([["MPC", 7], ["RFL", 2]]));
         assert_eq!(all["left_out"], json!([]));
     }
 

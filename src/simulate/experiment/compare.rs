@@ -265,7 +265,7 @@ impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P,
             articulation_bound: further.first().and_then(|state| state.bound).map(|bound| bound.max),
             step: self.step.clone(),
             identified: self.identified()?,
-            edge: None,
+            edges: vec![],
         })
     }
 

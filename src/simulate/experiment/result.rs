@@ -126,7 +126,7 @@ pub struct Condition {
     /// What it says.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub identified: Vec<Identified>,
-    /// The paper's setting, if it was made.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub edge: Option<Edge>,
+    /// The paper's setting, if it was made, in one way and the other.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub edges: Vec<Edge>,
 }
