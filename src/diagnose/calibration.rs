@@ -28,15 +28,14 @@ pub struct Calibration {
     #[serde(skip)]
     pub pair: f64,
     second: Second,
-    /// The same as a share of the evidence so far: what is left of a large effect that acts a little otherwise than modelled
-    /// is no effect of its own.
-    pub further: f64,
     /// Evidence within which candidates are one class.
     pub class: f64,
     /// Rest over noise and model form from which on the cause is not in the library.
     pub outside: f64,
     /// Share of the neutral gap that must be left besides.
     pub left: f64,
+    /// Evidence that the value of an effect varies from which on the cause is not in the library.
+    pub varying: f64,
     /// Gap of an effect over that of the background below which it is not worth naming.
     pub dominance: f64,
     /// Errors of the model's form.

@@ -1,6 +1,7 @@
 //! From a log and a vehicle to the answer.
 
 use super::calibration::Calibration;
+use super::constancy::{self, Variation};
 use super::fit::{Fit, Linear, Prior};
 use super::localise;
 use super::manoeuvre;
@@ -10,13 +11,14 @@ use super::rank::{NoReplay, Ranking, rank};
 use super::replay::{Drive, ReplayVehicle, Trace, is_levelled, neutral, prepared};
 use super::report::{
     Adjustment, Candidate, Diagnosis, Finding, Gravity, InputFile, Inputs, NamedEffect, Report, Scores,
-    Series, Verdict, VerdictKind,
+    Series, Varies, Verdict, VerdictKind,
 };
 use super::select::chosen;
 use super::shrink::{formless, only, shrink};
 use super::words;
 use crate::log::CleanLog;
 use crate::residual::parallel;
+use crate::vehicle::Stage;
 use std::collections::BTreeMap;
 
 /// Shortest drive that is diagnosed, s of compared rows.
@@ -136,6 +138,7 @@ pub fn diagnose<V: ReplayVehicle>(
                 probability: 1.0,
                 effects: Vec::new(),
                 nearest: Vec::new(),
+                varying: None,
                 words: reason.to_owned(),
             },
             candidates: Vec::new(),
@@ -188,7 +191,8 @@ pub fn diagnose<V: ReplayVehicle>(
         posterior(&reference, &problem, &prepared_vehicle, &without, &alone, &mut prior)?;
     }
     let ranking = rank(&problem, prior, options.pairs, progress)?;
-    let mut decision = decide(&problem, &ranking, &calibration);
+    progress("constancy", 0.91);
+    let mut decision = decide(&problem, &ranking, &calibration, &constancy::causes(&problem));
     let suspicion = findings.iter().any(|finding| finding.gravity == Gravity::Suspicion);
     if excitation.steer < STRAIGHT && decision.kind != VerdictKind::None || suspicion {
         decision.kind = VerdictKind::CannotTell;
@@ -241,7 +245,13 @@ pub fn diagnose<V: ReplayVehicle>(
         }
     }
     findings.sort_by_key(|finding| std::cmp::Reverse(finding.gravity));
-    let words = words::verdict(decision.kind, &effects, &shrink, decision.probability, &findings);
+    let varying = decision.varying.map(|it| Varies {
+        id: problem.knobs[it.effect].id.to_owned(),
+        with: it.with,
+        evidence: it.gain,
+    });
+    let words =
+        words::verdict(decision.kind, &effects, varying.as_ref(), &shrink, decision.probability, &findings);
     let (effects, nearest) = match decision.kind {
         VerdictKind::Effect => (effects, Vec::new()),
         VerdictKind::NotInLibrary => (Vec::new(), effects),
@@ -249,7 +259,14 @@ pub fn diagnose<V: ReplayVehicle>(
     };
     let stage = effects.first().map(|effect| effect.stage);
     let report = Report {
-        verdict: Verdict { kind: decision.kind, probability: decision.probability, effects, nearest, words },
+        verdict: Verdict {
+            kind: decision.kind,
+            probability: decision.probability,
+            effects,
+            nearest,
+            varying,
+            words,
+        },
         candidates: candidates(&problem, &ranking, &decision, &calibration),
         places: localise::places(&problem, &ranking),
         stage,
@@ -286,7 +303,7 @@ fn posterior<V: ReplayVehicle>(
     let drifts = &prior.covariance * DRIFT.powi(2);
     wide.covariance *= WIDE * WIDE;
     let ranking = rank(&own, wide, true, &|_, _| {})?;
-    let decision = decide(&own, &ranking, calibration);
+    let decision = decide(&own, &ranking, calibration, &[]);
     let known = &decision.fit;
     let local = Linear::new(slopes_at(&own, &ranking, known), ranking.linear.weights.clone());
     let covariance = local.covariance(&ranking.prior.freed(&own, &known.freed));
@@ -324,6 +341,8 @@ pub(super) struct Decision {
     pub fit: Fit,
     /// What of the library comes nearest where the cause is not in it.
     pub nearest: Option<Fit>,
+    /// How it varies, if that is what gives it away.
+    pub varying: Option<Variation>,
     /// The next candidate, for the next manoeuvre.
     pub rival: Option<Fit>,
     /// Candidates of one class with each effect of the winner.
@@ -346,23 +365,54 @@ fn scores<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking) -> Scores {
         pair,
         excess: ranking.noise.excess(problem, gap),
         left: ranking.noise.remaining(problem, &ranking.neutral, gap),
+        varying: 0.0,
         margin: 0.0,
     }
 }
 
-/// What is to be named. An effect too small to matter is not: what explains a little of the model's form hides no cause.
-fn decide<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, calibration: &Calibration) -> Decision {
-    let scores = scores(problem, ranking);
-    let none = ranking.none.clone();
-    let unnamed = |kind, probability, margin| Decision {
-        kind,
-        probability,
-        fit: none.clone(),
-        nearest: None,
-        rival: None,
-        classes: Vec::new(),
-        scores: Scores { margin, ..scores },
+/// Evidence that a value is not one, and what of the library comes nearest then.
+struct Varying {
+    fit: Fit,
+    variation: Variation,
+    evidence: f64,
+}
+
+/// What gives most evidence of a value that varies: one of the effects to be named, beside the others; or a single effect
+/// that then explains more than all that are to be named. What is of the vehicle's body or its sensors does not vary.
+fn varying<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    ranking: &Ranking,
+    chosen: Option<&Fit>,
+    causes: &[constancy::Columns],
+) -> Option<Varying> {
+    let may_vary = |it: &Variation| {
+        let effect = problem.knobs[it.effect].effect;
+        effect.is_some_and(|effect| !matches!(effect.stage, Stage::Body | Stage::Sensor))
     };
+    let explained = ranking.none.cost - chosen.map_or(ranking.none.cost, |fit| fit.cost);
+    let single = constancy::best_single(problem, ranking, causes, may_vary).map(|(place, variation)| {
+        let fit = ranking.singles[place].clone();
+        let more = variation.gain + ranking.none.cost - fit.cost - explained;
+        Varying { fit, variation, evidence: variation.gain.min(more) }
+    });
+    let own = chosen.and_then(|fit| {
+        let local = Linear::new(slopes_at(problem, ranking, fit), ranking.linear.weights.clone());
+        let all = constancy::variations(problem, ranking, causes, &local, fit);
+        let best = all.into_iter().filter(may_vary).max_by(|a, b| a.gain.total_cmp(&b.gain))?;
+        Some(Varying { fit: fit.clone(), variation: best, evidence: best.gain })
+    });
+    single.into_iter().chain(own).max_by(|a, b| a.evidence.total_cmp(&b.evidence))
+}
+
+/// What is to be named. An effect too small to matter is not: what explains a little of the model's form hides no cause.
+/// With no `causes` for values to vary with, all are taken to be constant.
+fn decide<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    ranking: &Ranking,
+    calibration: &Calibration,
+    causes: &[constancy::Columns],
+) -> Decision {
+    let mut scores = scores(problem, ranking);
     let notable = ranking.noise.notable(problem, &ranking.neutral);
     let worth = calibration.form_is_known || scores.single > PLAIN || notable;
     let needed = |i: usize| calibration.threshold(problem.knobs[i].effect);
@@ -371,37 +421,52 @@ fn decide<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, calibration
         let large = |&i: &usize| dominance(problem, ranking, fit, i) > calibration.dominance;
         without - fit.cost > PLAIN || fit.freed.iter().all(large)
     };
-    let is_outside = scores.excess > calibration.outside && scores.left > calibration.left;
-    let of_outside = |nearest: Option<Fit>| {
-        let margin = 10.0 * (scores.excess / calibration.outside - 1.0);
-        let unnamed = unnamed(VerdictKind::NotInLibrary, calibration.of_unknown(margin), margin);
-        Decision { nearest, ..unnamed }
-    };
     let tells = |fit: &&Fit| evidence(fit) > needed(fit.freed[0]) && matters(fit, ranking.none.cost);
-    let Some(best) = ranking.singles.iter().find(|fit| worth && tells(fit)) else {
-        if is_outside {
-            return of_outside(None);
-        }
-        let most = ranking.singles.iter().map(|fit| evidence(fit) / needed(fit.freed[0])).fold(0.0, f64::max);
-        let margin = calibration.none * (1.0 - most).max(0.0);
-        return unnamed(VerdictKind::None, calibration.of_nothing(margin), margin);
-    };
+    let best = ranking.singles.iter().find(|fit| worth && tells(fit));
     // A further effect has to add what it would need alone; candidates without the best of one effect less, what all would.
     let (mut chosen, mut without) = (best, ranking.none.cost);
     let mut level = &ranking.singles;
     for more in [&ranking.pairs, &ranking.threes] {
+        let Some(so_far) = chosen else { break };
         let adds = |fit: &&Fit| {
-            let others = fit.freed.iter().filter(|i| !chosen.freed.contains(i));
-            let so_far = calibration.further * evidence(chosen);
-            let least = others.map(|&i| needed(i)).fold(calibration.pair.max(so_far), f64::max);
-            chosen.cost - fit.cost > least && matters(fit, chosen.cost)
+            let others = fit.freed.iter().filter(|i| !so_far.freed.contains(i));
+            let least = others.map(|&i| needed(i)).fold(calibration.pair, f64::max);
+            so_far.cost - fit.cost > least && matters(fit, so_far.cost)
         };
         let Some(fit) = more.iter().find(adds) else { break };
-        (without, chosen, level) = (chosen.cost, fit, more);
+        (without, chosen, level) = (so_far.cost, Some(fit), more);
     }
-    if is_outside {
-        return of_outside(Some(chosen.clone()));
+    // Not in the library: much is left that is neither noise nor form, or the value that it needs is not one.
+    let varying = varying(problem, ranking, chosen, causes);
+    scores.varying = varying.as_ref().map_or(0.0, |it| it.evidence);
+    let rest = scores.excess / calibration.outside - 1.0;
+    let rest = if scores.left > calibration.left { rest } else { -1.0 };
+    let varies = scores.varying / calibration.varying - 1.0;
+    let unnamed = |kind, probability, margin| Decision {
+        kind,
+        probability,
+        fit: ranking.none.clone(),
+        nearest: None,
+        varying: None,
+        rival: None,
+        classes: Vec::new(),
+        scores: Scores { margin, ..scores },
+    };
+    if rest.max(varies) > 0.0 {
+        let margin = 10.0 * rest.max(varies);
+        let varying = varying.filter(|_| varies > 0.0);
+        let nearest = chosen.or(varying.as_ref().map(|it| &it.fit)).cloned();
+        return Decision {
+            nearest,
+            varying: varying.map(|it| it.variation),
+            ..unnamed(VerdictKind::NotInLibrary, calibration.of_unknown(margin), margin)
+        };
     }
+    let Some(chosen) = chosen else {
+        let most = ranking.singles.iter().map(|fit| evidence(fit) / needed(fit.freed[0])).fold(0.0, f64::max);
+        let margin = calibration.none * (1.0 - most).max(0.0);
+        return unnamed(VerdictKind::None, calibration.of_nothing(margin), margin);
+    };
     // Alternatives to each effect beside the others.
     let class_of = |own: usize| -> Vec<usize> {
         let others = |fit: &&Fit| chosen.freed.iter().all(|i| *i == own || fit.freed.contains(i));
@@ -425,6 +490,7 @@ fn decide<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, calibration
         probability: calibration.of_effect(margin, scores.left),
         fit: chosen.clone(),
         nearest: None,
+        varying: None,
         rival: level.iter().find(|rival| rival.freed != chosen.freed).cloned(),
         classes,
         scores: Scores { margin, ..scores },

@@ -11,7 +11,7 @@
 
 use super::problem::Problem;
 use super::replay::{Channel, ReplayVehicle};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// Standard deviation of the coordinate of what is freed: effects of five units are ordinary.
 const FREED: f64 = 5.0;
@@ -127,8 +127,48 @@ impl Linear {
     #[must_use]
     pub fn marginal(&self, a: &[f64], b: &[f64], precision: &Precision) -> f64 {
         let straight = dot(a, b, &self.weights);
-        let Some(factor) = self.normal(precision).cholesky() else { return straight };
-        straight - self.project(a, precision).dot(&factor.solve(&self.project(b, precision)))
+        let Some(known) = self.marginalised(precision) else { return straight };
+        straight - known.seen(a).dot(&known.seen(b))
+    }
+
+    /// What such products share, worked out once. None where slopes are no numbers.
+    #[must_use]
+    pub fn marginalised<'a>(&'a self, precision: &'a Precision) -> Option<Marginalised<'a>> {
+        let factor = self.normal(precision).cholesky()?;
+        Some(Marginalised { linear: self, precision, factor })
+    }
+}
+
+/// The background of a linear problem, marginalised.
+pub struct Marginalised<'a> {
+    linear: &'a Linear,
+    precision: &'a Precision,
+    factor: Cholesky<f64, Dyn>,
+}
+
+/// A gap with what the background can imitate of it.
+pub struct Reduced {
+    gap: Vec<f64>,
+    imitated: DVector<f64>,
+}
+
+impl Marginalised<'_> {
+    /// What the background can imitate of a gap, `L^-1 S' W a`.
+    fn seen(&self, gap: &[f64]) -> DVector<f64> {
+        let right = self.linear.project(gap, self.precision);
+        self.factor.l_dirty().solve_lower_triangular(&right).unwrap_or(right)
+    }
+
+    /// A gap, ready for products.
+    #[must_use]
+    pub fn reduced(&self, gap: Vec<f64>) -> Reduced {
+        Reduced { imitated: self.seen(&gap), gap }
+    }
+
+    /// `a' (W^-1 + U U')^-1 b`.
+    #[must_use]
+    pub fn product(&self, a: &Reduced, b: &Reduced) -> f64 {
+        dot(&a.gap, &b.gap, &self.linear.weights) - a.imitated.dot(&b.imitated)
     }
 }
 

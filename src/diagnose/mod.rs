@@ -24,6 +24,7 @@
 //! | `noise.rs` | what a gap is measured against |
 //! | `rank.rs` | candidates and their evidence |
 //! | `calibration.rs` | thresholds and probabilities, from `calibration.toml` |
+//! | `constancy.rs` | whether an effect acts with one value throughout |
 //! | `engine.rs` | from a log and a vehicle to the answer |
 //! | `observability.rs` | what a log can show and what it cannot |
 //! | `localise.rs` | where the gap lies |
@@ -43,6 +44,7 @@
 pub mod calibration;
 #[cfg(feature = "cli")]
 pub mod closed_loop;
+mod constancy;
 mod engine;
 pub mod filter;
 pub mod fit;

@@ -2,6 +2,7 @@
 //!
 //! Field names are the contract with users' scripts; values are SI units and radians.
 
+pub use super::constancy::Cause;
 pub use crate::log::{Finding, Gravity};
 use crate::vehicle::Stage;
 use serde::{Deserialize, Serialize};
@@ -51,6 +52,9 @@ pub struct Scores {
     pub excess: f64,
     /// Share of the neutral gap that the best of all leaves.
     pub left: f64,
+    /// Evidence that the best of all, or a single effect that then explains more, has a value that varies.
+    #[serde(default)]
+    pub varying: f64,
     /// What the verdict has before the next: evidence against what else might be named, or missing to name something.
     pub margin: f64,
 }
@@ -67,8 +71,22 @@ pub struct Verdict {
     /// Where the cause is not in the library: its effects that come nearest. The calibrated simulator has them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub nearest: Vec<NamedEffect>,
+    /// Where the cause is not in the library because an effect of it would have to change its value: how.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub varying: Option<Varies>,
     /// The verdict in at most three sentences.
     pub words: String,
+}
+
+/// An effect whose value is not one.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Varies {
+    /// Its id.
+    pub id: String,
+    /// What its value changes with.
+    pub with: Cause,
+    /// Evidence that it does: how much better it explains the log than with one value.
+    pub evidence: f64,
 }
 
 /// Kinds of verdicts.

@@ -3,7 +3,7 @@
 use super::calibration::Calibration;
 use super::headline::value;
 use super::observability::short;
-use super::report::{Finding, Gap, Gravity, NamedEffect, Shrink, VerdictKind};
+use super::report::{Finding, Gap, Gravity, NamedEffect, Shrink, Varies, VerdictKind};
 use crate::vehicle::TruckEffects;
 
 /// Share of the yaw-rate gap from which on it speaks for the effect.
@@ -45,6 +45,7 @@ fn told(shrink: &Shrink) -> Option<(&str, &Gap)> {
 pub fn verdict(
     kind: VerdictKind,
     effects: &[NamedEffect],
+    varying: Option<&Varies>,
     shrink: &Shrink,
     probability: f64,
     findings: &[Finding],
@@ -89,8 +90,15 @@ pub fn verdict(
             words
         }
         VerdictKind::NotInLibrary => {
-            let mut words =
-                "No effect of the library explains the gap whole, nor do two or three together.".to_owned();
+            let mut words = match varying {
+                Some(it) => format!(
+                    "Something acts like {}, but its value changes {}: the library has no such effect.",
+                    it.id,
+                    it.with.words()
+                ),
+                None => "No effect of the library explains the gap whole, nor do two or three together."
+                    .to_owned(),
+            };
             let nearest: Vec<String> = effects.iter().map(value).collect();
             if !nearest.is_empty() {
                 words += &format!(" Nearest come {}.", nearest.join(", "));
@@ -123,6 +131,16 @@ pub fn verdict(
     }
 }
 
+/// Evidence, or a difference of it: a chance of `exp(evidence / 2)` to one, of which tenths say nothing beyond ten.
+#[must_use]
+pub fn weight(evidence: f64) -> String {
+    match evidence.abs() {
+        size if size < 0.05 => "0".to_owned(),
+        size if size < 9.95 => format!("{evidence:.1}"),
+        _ => format!("{evidence:.0}"),
+    }
+}
+
 /// What a candidate's likeness to the winner means, if it is great.
 #[must_use]
 pub fn likeness(cosine: Option<f64>) -> String {
@@ -152,21 +170,21 @@ pub fn why(
         let hidden = if pinned { "; the log would hardly show it" } else { "" };
         return format!(
             "explains no more than chance or the model's form do in a sound log ({} of {}){hidden}",
-            short(evidence.max(0.0)),
-            short(needed)
+            weight(evidence.max(0.0)),
+            weight(needed)
         );
     }
     if behind < 0.0 {
         return format!(
             "explains {} more, too little for another effect, or by one too small to matter",
-            short(-behind)
+            weight(-behind)
         );
     }
     if behind < calibration.class {
         return format!(
             "explains as much as the best within what this log can tell ({} less)",
-            short(behind)
+            weight(behind)
         );
     }
-    format!("explains {} less than the best", short(behind))
+    format!("explains {} less than the best", weight(behind))
 }

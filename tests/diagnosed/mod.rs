@@ -126,6 +126,7 @@ fn drive_and_diagnose() -> (CleanLog, Diagnosis) {
             probability: 0.93,
             effects: vec![named],
             nearest: vec![],
+            varying: None,
             words: "The steering command takes effect 0.118 s late. With it the yaw-rate gap shrinks by 81 %. This log cannot tell it from steer_lag.".into(),
         },
         candidates: [("steer_delay", 0.118, 215.0), ("steer_lag", 0.13, 188.0), ("sensor_delay", 0.11, 120.0), ("steer_offset", 0.004, 4.1)]

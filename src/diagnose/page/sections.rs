@@ -1,8 +1,9 @@
 //! The answer in words, bars and tables.
 
 use super::html::{escaped, number, percent, table, unit_of};
+use crate::diagnose::words::weight;
 use crate::diagnose::{Candidate, Gap, Gravity, NamedEffect, Place, Report, Verdict, VerdictKind};
-use crate::vehicle::{Explanation, Stage, TruckEffects};
+use crate::vehicle::{Explanation, NO_RATE_LIMIT, Stage, TruckEffects};
 use std::collections::BTreeMap;
 
 /// The verdict as a title.
@@ -21,6 +22,9 @@ pub(super) fn headline(verdict: &Verdict) -> String {
 
 fn value(value: f64, id: &str, unit: &str) -> String {
     let unit = if unit == "1" { String::new() } else { format!(" {unit}") };
+    if value >= NO_RATE_LIMIT {
+        return format!("{id}: no limit");
+    }
     format!("{id} = {}{unit}", number(value))
 }
 
@@ -279,7 +283,7 @@ pub(super) fn candidates(report: &Report) -> String {
             values.collect::<Vec<_>>().join("<br>"),
             format!(
                 "<span class='meter'><i style='width:{width:.0}%'></i></span>{}",
-                number(candidate.evidence)
+                weight(candidate.evidence)
             ),
             escaped(&candidate.why),
         ]
@@ -324,7 +328,7 @@ pub(super) fn manoeuvre(report: &Report) -> String {
         escaped(&next.name),
         escaped(&next.how),
         escaped(&next.separates.join(" and ")),
-        number(next.expected_evidence)
+        weight(next.expected_evidence)
     )
 }
 

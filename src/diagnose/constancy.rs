@@ -1,0 +1,188 @@
+//! Whether an effect acts with one value throughout: what is of the library does; what only looks like it does not.
+//!
+//! A ratio that varies with the angle looks like a ratio error, a gust like wind, a patch like friction: with a value that
+//! follows the angle, the time. So an effect `i` of a fit, off by `d_i` and with slopes `s_i`, is let vary with what the
+//! drive does, `z_k`, standardised,
+//!
+//! ```text
+//!     e(t) - s_i(t) d_i sum_k c_k z_k(t),      c_k ~ N(0, VARY^2),
+//! ```
+//!
+//! and what that explains more, all tolerances marginalised and the effect's own mean free as ever, is evidence that the
+//! value is not one. With `D` the columns `s_i d_i z_k`, `e_0` the gap at the expected tolerances, as the slopes give it, and
+//! `<a, b> = a' (W^-1 + U U')^-1 b`,
+//!
+//! ```text
+//!     gain = b' (G + 1 / VARY^2)^-1 b,      b_k = <D_k, e_0>,  G_kl = <D_k, D_l>.
+//! ```
+//!
+//! Source: the Lagrange multiplier test of constancy of parameters, e.g. Nyblom, Testing for the constancy of parameters
+//! over time, J. Am. Stat. Assoc. 84 (1989).
+
+use super::fit::{Fit, Linear};
+use super::problem::Problem;
+use super::rank::{Ranking, predicted};
+use super::replay::ReplayVehicle;
+use crate::residual::parallel;
+use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
+
+/// Standard deviation of an effect's relative change with one standard deviation of what it varies with.
+const VARY: f64 = 0.5;
+/// Shortest part of a log that may have a value of its own, s, and most of them.
+const PART: f64 = 8.0;
+const PARTS: usize = 10;
+/// Lateral acceleration that is surely of one side, m/s2.
+const SIDE: f64 = 0.5;
+
+/// What a value may follow.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[allow(missing_docs)]
+pub enum Cause {
+    SteeringAngle,
+    Side,
+    LateralAcceleration,
+    Speed,
+    Acceleration,
+    /// Time, and so the place on the road.
+    Time,
+}
+
+impl Cause {
+    /// As it stands behind "changes".
+    #[must_use]
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::SteeringAngle => "with the steering angle",
+            Self::Side => "from left to right",
+            Self::LateralAcceleration => "with the lateral acceleration",
+            Self::Speed => "with the speed",
+            Self::Acceleration => "between driving and braking",
+            Self::Time => "with time or place",
+        }
+    }
+}
+
+/// How the value of one effect of a fit varies.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Variation {
+    /// The effect's knob.
+    pub effect: usize,
+    /// With what.
+    pub with: Cause,
+    /// Evidence that it does.
+    pub gain: f64,
+}
+
+/// A cause with one or more columns over the rows that are compared.
+pub type Columns = (Cause, Vec<Vec<f64>>);
+
+/// What values may follow on a drive.
+#[must_use]
+pub fn causes<V: ReplayVehicle>(problem: &Problem<V>) -> Vec<Columns> {
+    let drive = problem.drive;
+    let (vx, rate) = (drive.column("vx"), drive.column("yaw_rate"));
+    let lateral: Vec<f64> = vx.iter().zip(rate).map(|(vx, rate)| vx * rate).collect();
+    let signals = [
+        (Cause::SteeringAngle, drive.steer.iter().map(|steer| steer.abs()).collect()),
+        (Cause::Side, lateral.iter().map(|a| (a / SIDE).tanh()).collect()),
+        (Cause::LateralAcceleration, lateral.iter().map(|a| a.abs()).collect()),
+        (Cause::Speed, vx.to_vec()),
+        (Cause::Acceleration, drive.accel.clone()),
+    ];
+    let mut all: Vec<Columns> = Vec::new();
+    for (cause, signal) in signals {
+        let mut smooth = Vec::new();
+        problem.filter.apply(&signal, &problem.rows, &mut smooth);
+        all.extend(standardised(smooth).map(|column| (cause, vec![column])));
+    }
+    let count = problem.rows.len();
+    let length = count as f64 * problem.filter.every as f64 * drive.step;
+    let parts = ((length / PART) as usize).min(PARTS);
+    if parts >= 2 {
+        let share = 1.0 / parts as f64;
+        let inside = |i: usize, part: usize| f64::from(u8::from(i * parts / count == part));
+        let column = |part: usize| (0..count).map(|i| inside(i, part) - share).collect();
+        all.push((Cause::Time, (0..parts).map(column).collect()));
+    }
+    all
+}
+
+/// Less its mean, over its standard deviation; none of what hardly moves.
+fn standardised(mut column: Vec<f64>) -> Option<Vec<f64>> {
+    let count = column.len().max(1) as f64;
+    let mean = column.iter().sum::<f64>() / count;
+    column.iter_mut().for_each(|value| *value -= mean);
+    let deviation = (column.iter().map(|value| value * value).sum::<f64>() / count).sqrt();
+    if deviation.is_nan() || deviation < 1e-3 {
+        return None;
+    }
+    column.iter_mut().for_each(|value| *value /= deviation);
+    Some(column)
+}
+
+/// What is explained more where each freed effect of a fit may vary with each cause; `linear` holds slopes at the fit.
+#[must_use]
+pub fn variations<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    ranking: &Ranking,
+    causes: &[Columns],
+    linear: &Linear,
+    fit: &Fit,
+) -> Vec<Variation> {
+    if causes.is_empty() {
+        return Vec::new();
+    }
+    let off = ranking.prior.off(&fit.x);
+    let precision = ranking.prior.freed(problem, &fit.freed);
+    let Some(background) = linear.marginalised(&precision) else { return Vec::new() };
+    let back: Vec<f64> = off.iter().map(|off| -off).collect();
+    let expected = background.reduced(predicted(linear, &fit.gap, &back));
+    let mut all = Vec::new();
+    for &effect in &fit.freed {
+        for (with, columns) in causes {
+            let varied = columns.iter().map(|column| {
+                let mut varied = linear.slopes[effect].clone();
+                for (_, block) in &problem.blocks {
+                    varied[block.clone()].iter_mut().zip(column).for_each(|(v, z)| *v *= off[effect] * z);
+                }
+                background.reduced(varied)
+            });
+            let varied: Vec<_> = varied.collect();
+            let right = DVector::from_iterator(
+                varied.len(),
+                varied.iter().map(|column| background.product(column, &expected)),
+            );
+            let gram = DMatrix::from_fn(varied.len(), varied.len(), |k, l| {
+                background.product(&varied[k], &varied[l]) + if k == l { VARY.powi(-2) } else { 0.0 }
+            });
+            if let Some(factor) = gram.cholesky() {
+                all.push(Variation { effect, with: *with, gain: right.dot(&factor.solve(&right)) });
+            }
+        }
+    }
+    all
+}
+
+/// The single effect that explains most with a value that varies, of those that may: its place among the singles, and how.
+#[must_use]
+pub fn best_single<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    ranking: &Ranking,
+    causes: &[Columns],
+    may_vary: impl Fn(&Variation) -> bool,
+) -> Option<(usize, Variation)> {
+    let of_each = parallel::map(problem.threads(), ranking.singles.len(), |place| {
+        let fit = &ranking.singles[place];
+        let given: Vec<(usize, &[f64])> =
+            fit.freed.iter().copied().zip(fit.columns.iter().map(Vec::as_slice)).collect();
+        variations(problem, ranking, causes, &ranking.linear.with(&given), fit)
+    });
+    let all =
+        of_each.into_iter().enumerate().flat_map(|(place, all)| all.into_iter().map(move |it| (place, it)));
+    all.filter(|(_, it)| may_vary(it)).max_by(|a, b| {
+        let total = |(place, it): &(usize, Variation)| it.gain - ranking.singles[*place].cost;
+        total(a).total_cmp(&total(b)).then(b.0.cmp(&a.0))
+    })
+}
