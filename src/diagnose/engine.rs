@@ -195,7 +195,7 @@ pub fn diagnose<V: ReplayVehicle>(
     let mut decision = decide(&problem, &ranking, &calibration, &constancy::causes(&problem));
     let suspicion = findings.iter().any(|finding| finding.gravity == Gravity::Suspicion);
     if excitation.steer < STRAIGHT && decision.kind != VerdictKind::None || suspicion {
-        decision.kind = VerdictKind::CannotTell;
+        (decision.kind, decision.varying) = (VerdictKind::CannotTell, None);
     } else if let Some(nearest) = decision.nearest.take() {
         // No cause, but the simulator is nearer with it.
         decision.fit = nearest;
