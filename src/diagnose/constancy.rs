@@ -131,9 +131,6 @@ pub fn variations<V: ReplayVehicle>(
     linear: &Linear,
     fit: &Fit,
 ) -> Vec<Variation> {
-    if causes.is_empty() {
-        return Vec::new();
-    }
     let off = ranking.prior.off(&fit.x);
     let precision = ranking.prior.freed(problem, &fit.freed);
     let Some(background) = linear.marginalised(&precision) else { return Vec::new() };
@@ -175,9 +172,7 @@ pub fn best_single<V: ReplayVehicle>(
 ) -> Option<(usize, Variation)> {
     let of_each = parallel::map(problem.threads(), ranking.singles.len(), |place| {
         let fit = &ranking.singles[place];
-        let given: Vec<(usize, &[f64])> =
-            fit.freed.iter().copied().zip(fit.columns.iter().map(Vec::as_slice)).collect();
-        variations(problem, ranking, causes, &ranking.linear.with(&given), fit)
+        variations(problem, ranking, causes, &ranking.linear.with(&fit.of_freed()), fit)
     });
     let all =
         of_each.into_iter().enumerate().flat_map(|(place, all)| all.into_iter().map(move |it| (place, it)));

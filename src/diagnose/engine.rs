@@ -385,6 +385,9 @@ fn varying<V: ReplayVehicle>(
     chosen: Option<&Fit>,
     causes: &[constancy::Columns],
 ) -> Option<Varying> {
+    if causes.is_empty() {
+        return None;
+    }
     let may_vary = |it: &Variation| {
         let effect = problem.knobs[it.effect].effect;
         effect.is_some_and(|effect| !matches!(effect.stage, Stage::Body | Stage::Sensor))

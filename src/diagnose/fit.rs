@@ -187,6 +187,14 @@ pub struct Fit {
     pub columns: Vec<Vec<f64>>,
 }
 
+impl Fit {
+    /// The slopes over what was freed, each with its place, as [`Linear::with`] takes them.
+    #[must_use]
+    pub fn of_freed(&self) -> Vec<(usize, &[f64])> {
+        self.freed.iter().copied().zip(self.columns.iter().map(Vec::as_slice)).collect()
+    }
+}
+
 /// Prior over the knobs: mean and covariance of the coordinates.
 #[derive(Debug, Clone)]
 pub struct Prior {

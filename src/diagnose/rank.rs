@@ -385,14 +385,11 @@ fn extended<V: ReplayVehicle>(
     singles: &[Fit],
     beam: &Beam,
 ) -> Vec<Fit> {
-    fn columns_of(fit: &Fit) -> Vec<(usize, &[f64])> {
-        fit.freed.iter().copied().zip(fit.columns.iter().map(Vec::as_slice)).collect()
-    }
     let threads = problem.threads();
     // Linear screening at the best point of each of the first; an effect that has no slope there takes its own best.
     let screened = parallel::map(threads, bases.len().min(beam.bases), |a| {
         let base = &bases[a];
-        let local = linear.with(&columns_of(base));
+        let local = linear.with(&base.of_freed());
         singles
             .iter()
             .enumerate()
@@ -400,7 +397,7 @@ fn extended<V: ReplayVehicle>(
             .filter_map(|(b, single)| {
                 let freed = [&base.freed[..], &single.freed[..]].concat();
                 let precision = prior.freed(problem, &freed);
-                let step = prior.step(&local.with(&columns_of(single)), &base.x, &base.gap, &precision);
+                let step = prior.step(&local.with(&single.of_freed()), &base.x, &base.gap, &precision);
                 // A promise beyond what an effect can be is none; those of the very first are always tried.
                 let beyond = freed.iter().any(|&i| {
                     let to = base.x[i] + step.change[i];

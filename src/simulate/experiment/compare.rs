@@ -302,7 +302,7 @@ impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P,
             prediction_noise: own.prediction_noise,
             ..weights
         };
-        let default = Weights::of(&P::controller(self.vehicle).mpc);
+        let default = self.default_weights();
         let drive = |path: &Arc<Path>, weights: Weights, seed: usize| {
             let model = models[seed.min(learned - 1)].clone();
             let drive = self.trial(path, model, weights, 1 + seed as u64).drive()?;
@@ -334,6 +334,11 @@ impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P,
             further,
         };
         Ok((result, roughness))
+    }
+
+    /// The weights that users get.
+    pub(super) fn default_weights(&self) -> Weights {
+        Weights::of(&P::controller(self.vehicle).mpc)
     }
 
     /// Times the control steps of a row at its best on the test road, one drive at a time, and gives that drive.

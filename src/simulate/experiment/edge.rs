@@ -122,10 +122,6 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
         Ok(Edge { towards, share, dead_time: self.plant.effect(STEER_DELAY), weights, rows })
     }
 
-    fn default_weights(&self) -> Weights {
-        Weights::of(&P::controller(self.vehicle).mpc)
-    }
-
     /// A drive of the test road with the first seed's model.
     fn outcome(&self, row: Row, weights: &Weights) -> Result<Outcome, CompareError> {
         Ok(Outcome::from(&self.drive(row, weights, &self.roads.test)?))
