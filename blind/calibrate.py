@@ -90,6 +90,9 @@ def calibration(cases: list[tuple[dict, dict]], share: float = 0.95) -> str:
     outside = [r for label, r in cases if label["kind"] == "outside" and r["scores"]["left"] > 0.4]
     text += line("rest, in the library", [r["scores"]["excess"] for r in inside], share)
     text += line("rest, outside", [r["scores"]["excess"] for r in outside], 0.5)
+    for which in ("in the library", "outside"):
+        own = [r for label, r in cases if (label["kind"] == "outside") == (which == "outside")]
+        text += line(f"varying, {which}", [r["scores"]["varying"] for r in own], share)
     # A development set has as many of a kind as one likes; probabilities are for the mix of a scoring set.
     count = Counter(label["kind"] for label, _ in cases)
     weight = {kind: KINDS[kind] / number * len(cases) for kind, number in count.items()}

@@ -54,4 +54,6 @@ fn a_ratio_that_changes_on_the_way_is_none() {
         report.verdict.words
     );
     assert_eq!(varying.with, Cause::Time, "{}", report.verdict.words);
+    // From 1 to 1.2 half way: a standard deviation of 0.1.
+    assert!((0.05..0.15).contains(&varying.deviation), "{}", report.verdict.words);
 }

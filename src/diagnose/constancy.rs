@@ -71,6 +71,8 @@ pub struct Variation {
     pub effect: usize,
     /// With what.
     pub with: Cause,
+    /// By how much: standard deviation over the drive, of the knob's coordinate.
+    pub deviation: f64,
     /// Evidence that it does.
     pub gain: f64,
 }
@@ -122,6 +124,14 @@ fn standardised(mut column: Vec<f64>) -> Option<Vec<f64>> {
     Some(column)
 }
 
+/// Of a sum of columns, each with its share.
+fn root_mean_square(columns: &[Vec<f64>], share: &DVector<f64>) -> f64 {
+    let count = columns.first().map_or(0, Vec::len);
+    let at =
+        |i: usize| columns.iter().zip(share.iter()).map(|(column, share)| share * column[i]).sum::<f64>();
+    ((0..count).map(|i| at(i).powi(2)).sum::<f64>() / count.max(1) as f64).sqrt()
+}
+
 /// What is explained more where each freed effect of a fit may vary with each cause; `linear` holds slopes at the fit.
 #[must_use]
 pub fn variations<V: ReplayVehicle>(
@@ -155,7 +165,9 @@ pub fn variations<V: ReplayVehicle>(
                 background.product(&varied[k], &varied[l]) + if k == l { VARY.powi(-2) } else { 0.0 }
             });
             if let Some(factor) = gram.cholesky() {
-                all.push(Variation { effect, with: *with, gain: right.dot(&factor.solve(&right)) });
+                let share = factor.solve(&right);
+                let deviation = off[effect].abs() * root_mean_square(columns, &share);
+                all.push(Variation { effect, with: *with, deviation, gain: right.dot(&share) });
             }
         }
     }

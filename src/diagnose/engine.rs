@@ -245,10 +245,15 @@ pub fn diagnose<V: ReplayVehicle>(
         }
     }
     findings.sort_by_key(|finding| std::cmp::Reverse(finding.gravity));
-    let varying = decision.varying.map(|it| Varies {
-        id: problem.knobs[it.effect].id.to_owned(),
-        with: it.with,
-        evidence: it.gain,
+    let varying = decision.varying.map(|it| {
+        let knob = &problem.knobs[it.effect];
+        Varies {
+            id: knob.id.to_owned(),
+            with: it.with,
+            deviation: knob.deviation(it.deviation, vehicle),
+            unit: knob.symbol::<V>(),
+            evidence: it.gain,
+        }
     });
     let words =
         words::verdict(decision.kind, &effects, varying.as_ref(), &shrink, decision.probability, &findings);

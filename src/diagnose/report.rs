@@ -85,6 +85,12 @@ pub struct Varies {
     pub id: String,
     /// What its value changes with.
     pub with: Cause,
+    /// By how much: standard deviation over the drive, in `unit`.
+    #[serde(default)]
+    pub deviation: f64,
+    /// Symbol of the unit.
+    #[serde(default)]
+    pub unit: String,
     /// Evidence that it does: how much better it explains the log than with one value.
     pub evidence: f64,
 }

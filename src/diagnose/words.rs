@@ -92,9 +92,12 @@ pub fn verdict(
         VerdictKind::NotInLibrary => {
             let mut words = match varying {
                 Some(it) => format!(
-                    "Something acts like {}, but its value changes {}: the library has no such effect.",
+                    "Something acts like {}, but its value changes {} (by {}{}, standard deviation): the library has no \
+                     such effect.",
                     it.id,
-                    it.with.words()
+                    it.with.words(),
+                    short(it.deviation),
+                    if it.unit == "1" { String::new() } else { format!(" {}", it.unit) },
                 ),
                 None => "No effect of the library explains the gap whole, nor do two or three together."
                     .to_owned(),
