@@ -284,7 +284,7 @@ def verdicts(results: dict) -> list[str]:
         ratio = time["RFL"]["median_s"] / time["MPC"]["median_s"]
         text = f"- Step at N = 60: median {1e3 * time['MPC']['median_s']:.2f} ms nominal, "
         text += f"{1e3 * time['RFL']['median_s']:.2f} ms RFL ({ratio:.2f} x), p99 {1e3 * time['RFL']['p99_s']:.2f} ms"
-        lines.append(text + "; the paper's RFL: 695 ms. Of a loaded machine; side by side: [speed.md](speed.md).")
+        lines.append(text + "; the paper's RFL: 695 ms. One drive after the other; beside peers: [speed.md](speed.md).")
     return lines
 
 
