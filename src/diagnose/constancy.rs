@@ -24,6 +24,7 @@ use super::problem::Problem;
 use super::rank::{Ranking, predicted};
 use super::replay::ReplayVehicle;
 use crate::residual::parallel;
+use crate::vehicle::Stage;
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
@@ -132,7 +133,14 @@ fn root_mean_square(columns: &[Vec<f64>], share: &DVector<f64>) -> f64 {
     ((0..count).map(|i| at(i).powi(2)).sum::<f64>() / count.max(1) as f64).sqrt()
 }
 
-/// What is explained more where each freed effect of a fit may vary with each cause; `linear` holds slopes at the fit.
+/// What is of the vehicle's body or its sensors does not vary.
+fn may_vary<V: ReplayVehicle>(problem: &Problem<V>, knob: usize) -> bool {
+    let effect = problem.knobs[knob].effect;
+    effect.is_some_and(|effect| !matches!(effect.stage, Stage::Body | Stage::Sensor))
+}
+
+/// What is explained more where each freed effect of a fit that may vary does so with each cause; `linear` holds slopes at
+/// the fit.
 #[must_use]
 pub fn variations<V: ReplayVehicle>(
     problem: &Problem<V>,
@@ -141,13 +149,17 @@ pub fn variations<V: ReplayVehicle>(
     linear: &Linear,
     fit: &Fit,
 ) -> Vec<Variation> {
+    let may_vary: Vec<usize> = fit.freed.iter().copied().filter(|&i| may_vary(problem, i)).collect();
+    if may_vary.is_empty() {
+        return Vec::new();
+    }
     let off = ranking.prior.off(&fit.x);
     let precision = ranking.prior.freed(problem, &fit.freed);
     let Some(background) = linear.marginalised(&precision) else { return Vec::new() };
     let back: Vec<f64> = off.iter().map(|off| -off).collect();
     let expected = background.reduced(predicted(linear, &fit.gap, &back));
     let mut all = Vec::new();
-    for &effect in &fit.freed {
+    for effect in may_vary {
         for (with, columns) in causes {
             let varied = columns.iter().map(|column| {
                 let mut varied = linear.slopes[effect].clone();
@@ -174,13 +186,12 @@ pub fn variations<V: ReplayVehicle>(
     all
 }
 
-/// The single effect that explains most with a value that varies, of those that may: its place among the singles, and how.
+/// The single effect that explains most with a value that varies: its place among the singles, and how.
 #[must_use]
 pub fn best_single<V: ReplayVehicle>(
     problem: &Problem<V>,
     ranking: &Ranking,
     causes: &[Columns],
-    may_vary: impl Fn(&Variation) -> bool,
 ) -> Option<(usize, Variation)> {
     let of_each = parallel::map(problem.threads(), ranking.singles.len(), |place| {
         let fit = &ranking.singles[place];
@@ -188,7 +199,7 @@ pub fn best_single<V: ReplayVehicle>(
     });
     let all =
         of_each.into_iter().enumerate().flat_map(|(place, all)| all.into_iter().map(move |it| (place, it)));
-    all.filter(|(_, it)| may_vary(it)).max_by(|a, b| {
+    all.max_by(|a, b| {
         let total = |(place, it): &(usize, Variation)| it.gain - ranking.singles[*place].cost;
         total(a).total_cmp(&total(b)).then(b.0.cmp(&a.0))
     })

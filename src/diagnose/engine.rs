@@ -18,7 +18,6 @@ use super::shrink::{formless, only, shrink};
 use super::words;
 use crate::log::CleanLog;
 use crate::residual::parallel;
-use crate::vehicle::Stage;
 use std::collections::BTreeMap;
 
 /// Shortest drive that is diagnosed, s of compared rows.
@@ -383,7 +382,7 @@ struct Varying {
 }
 
 /// What gives most evidence of a value that varies: one of the effects to be named, beside the others; or a single effect
-/// that then explains more than all that are to be named. What is of the vehicle's body or its sensors does not vary.
+/// that then explains more than all that are to be named.
 fn varying<V: ReplayVehicle>(
     problem: &Problem<V>,
     ranking: &Ranking,
@@ -393,12 +392,8 @@ fn varying<V: ReplayVehicle>(
     if causes.is_empty() {
         return None;
     }
-    let may_vary = |it: &Variation| {
-        let effect = problem.knobs[it.effect].effect;
-        effect.is_some_and(|effect| !matches!(effect.stage, Stage::Body | Stage::Sensor))
-    };
     let explained = ranking.none.cost - chosen.map_or(ranking.none.cost, |fit| fit.cost);
-    let single = constancy::best_single(problem, ranking, causes, may_vary).map(|(place, variation)| {
+    let single = constancy::best_single(problem, ranking, causes).map(|(place, variation)| {
         let fit = ranking.singles[place].clone();
         let more = variation.gain + ranking.none.cost - fit.cost - explained;
         Varying { fit, variation, evidence: variation.gain.min(more) }
@@ -406,7 +401,7 @@ fn varying<V: ReplayVehicle>(
     let own = chosen.and_then(|fit| {
         let local = Linear::new(slopes_at(problem, ranking, fit), ranking.linear.weights.clone());
         let all = constancy::variations(problem, ranking, causes, &local, fit);
-        let best = all.into_iter().filter(may_vary).max_by(|a, b| a.gain.total_cmp(&b.gain))?;
+        let best = all.into_iter().max_by(|a, b| a.gain.total_cmp(&b.gain))?;
         Some(Varying { fit: fit.clone(), variation: best, evidence: best.gain })
     });
     single.into_iter().chain(own).max_by(|a, b| a.evidence.total_cmp(&b.evidence))

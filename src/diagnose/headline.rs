@@ -29,6 +29,11 @@ impl Verdict {
     }
 }
 
+/// A unit as it stands behind a number.
+pub(super) fn behind(unit: &str) -> String {
+    if unit == "1" { String::new() } else { format!(" {unit}") }
+}
+
 /// An effect with its value and interval.
 pub(super) fn value(effect: &NamedEffect) -> String {
     let NamedEffect { id, value, low, high, unit, .. } = effect;
@@ -39,7 +44,7 @@ pub(super) fn value(effect: &NamedEffect) -> String {
     } else {
         3
     };
-    let unit = if unit == "1" { String::new() } else { format!(" {unit}") };
+    let unit = behind(unit);
     format!("{id} = {value:.decimals$}{unit} ({low:.decimals$} to {high:.decimals$})")
 }
 

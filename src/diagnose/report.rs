@@ -86,10 +86,8 @@ pub struct Varies {
     /// What its value changes with.
     pub with: Cause,
     /// By how much: standard deviation over the drive, in `unit`.
-    #[serde(default)]
     pub deviation: f64,
     /// Symbol of the unit.
-    #[serde(default)]
     pub unit: String,
     /// Evidence that it does: how much better it explains the log than with one value.
     pub evidence: f64,

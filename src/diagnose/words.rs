@@ -1,7 +1,7 @@
 //! The answer in words that a test engineer understands.
 
 use super::calibration::Calibration;
-use super::headline::value;
+use super::headline::{behind, value};
 use super::observability::short;
 use super::report::{Finding, Gap, Gravity, NamedEffect, Shrink, Varies, VerdictKind};
 use crate::vehicle::TruckEffects;
@@ -97,7 +97,7 @@ pub fn verdict(
                     it.id,
                     it.with.words(),
                     short(it.deviation),
-                    if it.unit == "1" { String::new() } else { format!(" {}", it.unit) },
+                    behind(&it.unit),
                 ),
                 None => "No effect of the library explains the gap whole, nor do two or three together."
                     .to_owned(),

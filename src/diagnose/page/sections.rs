@@ -1,6 +1,7 @@
 //! The answer in words, bars and tables.
 
 use super::html::{escaped, number, percent, table, unit_of};
+use crate::diagnose::headline::behind;
 use crate::diagnose::words::weight;
 use crate::diagnose::{Candidate, Gap, Gravity, NamedEffect, Place, Report, Verdict, VerdictKind};
 use crate::vehicle::{Explanation, NO_RATE_LIMIT, Stage, TruckEffects};
@@ -21,11 +22,10 @@ pub(super) fn headline(verdict: &Verdict) -> String {
 }
 
 fn value(value: f64, id: &str, unit: &str) -> String {
-    let unit = if unit == "1" { String::new() } else { format!(" {unit}") };
     if value >= NO_RATE_LIMIT {
         return format!("{id}: no limit");
     }
-    format!("{id} = {}{unit}", number(value))
+    format!("{id} = {}{}", number(value), behind(unit))
 }
 
 /// Banner, tiles, and what each named effect is.

@@ -3,6 +3,7 @@
 use super::channel::{CHANNELS, Channel};
 use super::drive::Drive;
 use super::run::{Correction, replay};
+use crate::control::{SpeedParameters, track_speed};
 use crate::vehicle::{
     Car, CarParameters, NO_RATE_LIMIT, ReducedVehicle, Stage, Steering, Truck, TruckEffects, TruckParameters,
     Tyre, VehicleInput, VehicleParameters, car, truck,
@@ -53,21 +54,21 @@ fn put(columns: &mut [Vec<f64>], row: usize, values: &[(Channel, f64)]) {
     }
 }
 
-/// Keeps the full plant at the log's speed: what turns cost, which no column tells, is integrated, or a plant in a bend
-/// would be slower than the log by that over the gain.
-#[derive(Default)]
-struct SpeedKeeper {
-    integral: f64,
-}
-
-impl SpeedKeeper {
-    /// Acceleration to ask for, m/s2.
-    fn accel<V: ReplayVehicle>(&mut self, vehicle: &V, drive: &Drive, row: usize, vx: f64) -> f64 {
-        let (mass, drag) = vehicle.mass_and_drag();
-        let behind = drive.column("vx")[row] - vx;
-        self.integral += 0.25 * SPEED_GAIN * SPEED_GAIN * behind * drive.step;
-        drive.accel[row] + drag * vx * vx / mass + SPEED_GAIN * behind + self.integral
-    }
+/// Acceleration that keeps the full plant at the log's speed, m/s2. What turns cost, which no column tells, is left to the
+/// integral, or a plant in a bend would be slower than the log by that over the gain.
+fn keep_speed<V: ReplayVehicle>(vehicle: &V, drive: &Drive, row: usize, vx: f64, integral: &mut f64) -> f64 {
+    let parameters = SpeedParameters {
+        gain: SPEED_GAIN,
+        integral: 0.25 * SPEED_GAIN * SPEED_GAIN,
+        accel_cmd_max: f64::INFINITY,
+        decel_cmd_max: f64::INFINITY,
+        ..SpeedParameters::default()
+    };
+    let (mass, drag) = vehicle.mass_and_drag();
+    let target = (drive.column("vx")[row], drive.accel[row] + drag * vx * vx / mass);
+    let command = track_speed(&parameters, target, vx, *integral, drive.step);
+    *integral = command.integral;
+    command.accel_cmd
 }
 
 /// Lateral relaxation length of a tyre at a load in N; `known`: that of the vehicle file's effect, if more than 0.
@@ -126,7 +127,7 @@ impl ReplayVehicle for CarParameters {
     fn full(&self, drive: &Drive, (from, to): (usize, usize), columns: &mut [Vec<f64>]) {
         let Ok(mut car) = Car::new(self, &self.effect, None) else { return };
         car.place(0.0, 0.0, 0.0, drive.column("vx")[from]);
-        let mut keeper = SpeedKeeper::default();
+        let mut integral = 0.0;
         for row in from..to {
             let o = *car.output();
             let values = [
@@ -136,7 +137,7 @@ impl ReplayVehicle for CarParameters {
                 (Channel::Roll, o.roll),
             ];
             put(columns, row, &values);
-            let accel_cmd = keeper.accel(self, drive, row, o.vx);
+            let accel_cmd = keep_speed(self, drive, row, o.vx, &mut integral);
             let input = VehicleInput { steer_cmd: drive.held(row), accel_cmd };
             if car.step(&input, drive.step).is_err() {
                 return;
@@ -174,7 +175,7 @@ impl ReplayVehicle for TruckParameters {
     fn full(&self, drive: &Drive, (from, to): (usize, usize), columns: &mut [Vec<f64>]) {
         let Ok(mut truck) = Truck::new(self, &self.effect, None) else { return };
         truck.place(0.0, 0.0, 0.0, drive.column("vx")[from]);
-        let mut keeper = SpeedKeeper::default();
+        let mut integral = 0.0;
         for row in from..to {
             let o = *truck.output();
             let values = [
@@ -186,7 +187,7 @@ impl ReplayVehicle for TruckParameters {
                 (Channel::ArticulationRate, o.articulation_rate),
             ];
             put(columns, row, &values);
-            let accel_cmd = keeper.accel(self, drive, row, o.vx);
+            let accel_cmd = keep_speed(self, drive, row, o.vx, &mut integral);
             let input = VehicleInput { steer_cmd: drive.held(row), accel_cmd };
             if truck.step(&input, drive.step).is_err() {
                 return;
