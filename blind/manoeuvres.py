@@ -1,7 +1,8 @@
 """Whether the proposed next manoeuvre resolves what remained confused: driven by the same unit, diagnosed anew.
 
 The manoeuvres are built from the words of the report ("how it is driven"), as roads with a speed; the blind driver
-drives them as a person would, not the exact commands. Trucks drive them slower and gentler.
+drives them as a person would, not the exact commands. Trucks drive them slower and gentler. As the report asks, the unit
+also drives the manoeuvre as it was before anything happened, where there is such a log: that shows the model's form.
 """
 
 from __future__ import annotations
@@ -70,9 +71,9 @@ def road_of(name: str, is_truck: bool) -> Road:
     return Road(x, y, yaw, curvature, speed, 0.0 * s, np.ones(len(s)), 0.0 * s)
 
 
-def drive(cases: Set, case: Case, name: str) -> dict[str, np.ndarray] | None:
-    """A log of the case's unit in a manoeuvre; None if it left the road."""
-    rng = cases.rng(5, case.number)
+def drive(cases: Set, case: Case, name: str, sound: bool = False) -> dict[str, np.ndarray] | None:
+    """A log of the case's unit in a manoeuvre, `sound`: before anything happened; None if it left the road."""
+    rng = cases.rng(6 if sound else 5, case.number)
     conditions = draw_conditions(rng, case.design, case.suite, DURATION)
     samples = round(DURATION / conditions.sample)
     conditions = replace(
@@ -81,9 +82,10 @@ def drive(cases: Set, case: Case, name: str) -> dict[str, np.ndarray] | None:
         duration=DURATION,
         noise=rng.normal(size=(samples, 2)),
     )
-    whole = combined(case.background, case.values)
+    whole = combined(case.background, {} if sound else case.values)
     truth = start_and_drive(build(case.design, whole), conditions)
-    return sensors.log(truth, whole, replace(case.suite, seed=case.suite.seed + 29)) if truth.arrived else None
+    suite = replace(case.suite, seed=case.suite.seed + (31 if sound else 29))
+    return sensors.log(truth, whole, suite) if truth.arrived else None
 
 
 def confused(label: dict, report: dict) -> bool:
@@ -118,7 +120,8 @@ def measure(
 ) -> dict:
     """Of confused single effects: whether the report says with what, and what the manoeuvre that it proposes tells.
 
-    The manoeuvre is diagnosed on its own, and together with the log that left the confusion.
+    The manoeuvre is diagnosed on its own, together with the log that left the confusion, and beside the same manoeuvre
+    driven before anything happened.
     """
     folders, of, lost, undecided = [], [], 0, []
     for label, report in zip(labels, reports):
@@ -128,18 +131,23 @@ def measure(
         proposed = (report.get("next_manoeuvre") or {}).get("name")
         if not proposed or len(folders) >= most:
             continue
-        log = drive(cases, again(cases, label), proposed) if proposed in PLANS else None
-        if log is None:
+        case = again(cases, label)
+        logs = [drive(cases, case, proposed, sound) if proposed in PLANS else None for sound in (False, True)]
+        if any(log is None for log in logs):
             lost += 1
             say(f"case {label['case']}: '{proposed}' could not be driven")
             continue
         own, folder = folder_of(out, label["case"]), out / f"next_{label['case']:03d}"
         shutil.copytree(own, folder, ignore=shutil.ignore_patterns("answer*", "without"))
-        sensors.write(log, folder / "next.csv.gz")
+        for log, name in zip(logs, ("next", "before")):
+            sensors.write(log, folder / f"{name}.csv.gz")
         folders.append(folder)
         of.append(label)
     alone = diagnose.diagnose_all(rfl, folders, jobs, "alone", say=say, log="next.csv.gz")
     both = diagnose.diagnose_all(rfl, folders, jobs, "both", lambda _: ("next.csv.gz",), say)
+    for folder in folders:
+        (folder / "before.csv.gz").replace(folder / "reference.csv.gz")
+    beside = diagnose.diagnose_all(rfl, folders, jobs, "beside", say=say, log="next.csv.gz")
     likeness = [alike(a, b) for a, b in undecided]
     return {
         "single effects confused or in a class": measures.share(
@@ -152,5 +160,11 @@ def measure(
         "next manoeuvre alone: the effect and no other": measures.share(clear(a, b) for a, b in zip(of, alone)),
         "both logs: in class": measures.share(measures.in_class(a, b) for a, b in zip(of, both)),
         "both logs: the effect and no other": measures.share(clear(a, b) for a, b in zip(of, both)),
+        "next manoeuvre, driven before and after: in class": measures.share(
+            measures.in_class(a, b) for a, b in zip(of, beside)
+        ),
+        "next manoeuvre, driven before and after: the effect and no other": measures.share(
+            clear(a, b) for a, b in zip(of, beside)
+        ),
         "next manoeuvre not drivable": lost,
     }

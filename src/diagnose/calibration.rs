@@ -36,6 +36,8 @@ pub struct Calibration {
     pub left: f64,
     /// Evidence that the value of an effect varies from which on the cause is not in the library.
     pub varying: f64,
+    /// Tolerances by which an effect is off that is not named, from which on the cause is not in the library.
+    pub strained: f64,
     /// Gap of an effect over that of the background below which it is not worth naming.
     pub dominance: f64,
     /// Errors of the model's form.

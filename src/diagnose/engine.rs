@@ -44,7 +44,7 @@ pub struct Options {
     pub threads: usize,
     /// Whether pairs of effects are looked for.
     pub pairs: bool,
-    /// Effects that are left out of the library, for negative controls.
+    /// Effects that are left out of the library, for negative controls; within their tolerances they stay.
     pub without: Vec<String>,
 }
 
@@ -138,6 +138,7 @@ pub fn diagnose<V: ReplayVehicle>(
                 effects: Vec::new(),
                 nearest: Vec::new(),
                 varying: None,
+                strained: None,
                 words: reason.to_owned(),
             },
             candidates: Vec::new(),
@@ -174,11 +175,8 @@ pub fn diagnose<V: ReplayVehicle>(
                 .to_owned(),
         });
     }
-    let mut without = options.without.clone();
-    if !drive.commanded {
-        without.extend(["steer_delay", "steer_lag", "steer_rate_limit", "steer_backlash"].map(str::to_owned));
-    }
-    let problem = Problem::new(&drive, &prepared_vehicle, &correction, &without, threads);
+    let without = &options.without;
+    let problem = Problem::new(&drive, &prepared_vehicle, &correction, without, threads);
     let mut prior = Prior::of(&problem);
     for knob in problem.knobs.iter().filter(|knob| knob.tolerance > 0.0) {
         inputs.tolerances.insert(knob.parameter(), knob.deviation(knob.tolerance, vehicle));
@@ -187,14 +185,14 @@ pub fn diagnose<V: ReplayVehicle>(
         check(reference)?;
         let (reference, _) = chosen(reference);
         let alone = Calibration::of(V::TRUCK, false);
-        posterior(&reference, &problem, &prepared_vehicle, &without, &alone, &mut prior)?;
+        posterior(&reference, &problem, &prepared_vehicle, without, &alone, &mut prior)?;
     }
     let ranking = rank(&problem, prior, options.pairs, progress)?;
     progress("constancy", 0.91);
     let mut decision = decide(&problem, &ranking, &calibration, &constancy::causes(&problem));
     let suspicion = findings.iter().any(|finding| finding.gravity == Gravity::Suspicion);
     if excitation.steer < STRAIGHT && decision.kind != VerdictKind::None || suspicion {
-        (decision.kind, decision.varying) = (VerdictKind::CannotTell, None);
+        (decision.kind, decision.varying, decision.strained) = (VerdictKind::CannotTell, None, None);
     } else if let Some(nearest) = decision.nearest.take() {
         // No cause, but the simulator is nearer with it.
         decision.fit = nearest;
@@ -211,28 +209,31 @@ pub fn diagnose<V: ReplayVehicle>(
     progress("next manoeuvre", 0.95);
     let next_manoeuvre = match &decision.rival {
         Some(rival) if decision.kind == VerdictKind::Effect && reference.is_none() => {
-            manoeuvre::next(&problem, &ranking, &winner, rival, &without)
+            let others: Vec<&Fit> = ranking.fewer(&winner).chain([rival]).collect();
+            manoeuvre::next(&problem, &ranking, &winner, &others, without)
         }
         _ => None,
+    };
+    let adjustment = |i: usize| {
+        let it = &problem.knobs[i];
+        let (given, value) = it.adjusted(winner.x[i], vehicle);
+        Adjustment {
+            parameter: it.parameter(),
+            given,
+            value,
+            tolerance: it.deviation(it.tolerance, vehicle),
+            deviation: it.deviation(covariance[(i, i)].max(0.0).sqrt(), vehicle),
+            unit: it.symbol::<V>(),
+        }
     };
     let recalibration = (0..problem.knobs.len())
         .filter(|&i| {
             let it = &problem.knobs[i];
             precision.free.contains(&i) && !winner.freed.contains(&i) && it.tolerance > 0.0 && !it.is_form()
         })
-        .map(|i| {
-            let it = &problem.knobs[i];
-            let (given, value) = it.adjusted(winner.x[i], vehicle);
-            Adjustment {
-                parameter: it.parameter(),
-                given,
-                value,
-                tolerance: it.deviation(it.tolerance, vehicle),
-                deviation: it.deviation(covariance[(i, i)].max(0.0).sqrt(), vehicle),
-                unit: it.symbol::<V>(),
-            }
-        })
+        .map(adjustment)
         .collect();
+    let strained = decision.strained.map(adjustment);
     let series = series(&problem, &ranking.prior, &drive, &winner)?;
     // What matters most stands first.
     effects.sort_by(|a, b| b.dominance.total_cmp(&a.dominance));
@@ -254,8 +255,8 @@ pub fn diagnose<V: ReplayVehicle>(
             evidence: it.gain,
         }
     });
-    let words =
-        words::verdict(decision.kind, &effects, varying.as_ref(), &shrink, decision.probability, &findings);
+    let why = words::Unknown { varying: varying.as_ref(), strained: strained.as_ref() };
+    let words = words::verdict(decision.kind, &effects, why, &shrink, decision.probability, &findings);
     let (effects, nearest) = match decision.kind {
         VerdictKind::Effect => (effects, Vec::new()),
         VerdictKind::NotInLibrary => (Vec::new(), effects),
@@ -269,6 +270,7 @@ pub fn diagnose<V: ReplayVehicle>(
             effects,
             nearest,
             varying,
+            strained,
             words,
         },
         candidates: candidates(&problem, &ranking, &decision, &calibration),
@@ -347,6 +349,8 @@ pub(super) struct Decision {
     pub nearest: Option<Fit>,
     /// How it varies, if that is what gives it away.
     pub varying: Option<Variation>,
+    /// What is not named and yet far off, if that is what gives it away.
+    pub strained: Option<usize>,
     /// The next candidate, for the next manoeuvre.
     pub rival: Option<Fit>,
     /// Candidates of one class with each effect of the winner.
@@ -370,8 +374,22 @@ fn scores<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking) -> Scores {
         excess: ranking.noise.excess(problem, gap),
         left: ranking.noise.remaining(problem, &ranking.neutral, gap),
         varying: 0.0,
+        strained: 0.0,
         margin: 0.0,
     }
+}
+
+/// The effect that is not named and yet most off, and by how many tolerances.
+fn strained<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, fit: &Fit) -> Option<(usize, f64)> {
+    let off = ranking.prior.off(&fit.x);
+    let is_background = |&i: &usize| {
+        let knob = &problem.knobs[i];
+        knob.effect.is_some() && knob.tolerance > 0.0 && !fit.freed.contains(&i)
+    };
+    let all = (0..problem.knobs.len()).filter(is_background);
+    // Less sure than by tolerance is what a reference log has not shown well.
+    let expected = |i: usize| problem.knobs[i].tolerance.max(ranking.prior.covariance[(i, i)].sqrt());
+    all.map(|i| (i, off[i].abs() / expected(i))).max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
 /// Evidence that a value is not one, and what of the library comes nearest then.
@@ -439,29 +457,36 @@ fn decide<V: ReplayVehicle>(
         let Some(fit) = more.iter().find(adds) else { break };
         (without, chosen, level) = (so_far.cost, Some(fit), more);
     }
-    // Not in the library: much is left that is neither noise nor form, or the value that it needs is not one.
+    // Not in the library: much is left that is neither noise nor form; or the value that it needs is not one; or it is
+    // something that may not be named, or is one thing too many.
     let varying = varying(problem, ranking, chosen, causes);
     scores.varying = varying.as_ref().map_or(0.0, |it| it.evidence);
     let rest = scores.excess / calibration.outside - 1.0;
     let rest = if scores.left > calibration.left { rest } else { -1.0 };
     let varies = scores.varying / calibration.varying - 1.0;
+    let strained = strained(problem, ranking, chosen.unwrap_or(&ranking.none));
+    scores.strained = strained.map_or(0.0, |(_, tolerances)| tolerances);
+    let strains = scores.strained / calibration.strained - 1.0;
     let unnamed = |kind, probability, margin| Decision {
         kind,
         probability,
         fit: ranking.none.clone(),
         nearest: None,
         varying: None,
+        strained: None,
         rival: None,
         classes: Vec::new(),
         scores: Scores { margin, ..scores },
     };
-    if rest.max(varies) > 0.0 {
-        let margin = 10.0 * rest.max(varies);
+    if rest.max(varies).max(strains) > 0.0 {
+        let margin = 10.0 * rest.max(varies).max(strains);
         let varying = varying.filter(|_| varies > 0.0);
+        let strained = strained.filter(|_| strains > varies.max(0.0)).map(|(effect, _)| effect);
         let nearest = chosen.or(varying.as_ref().map(|it| &it.fit)).cloned();
         return Decision {
             nearest,
             varying: varying.map(|it| it.variation),
+            strained,
             ..unnamed(VerdictKind::NotInLibrary, calibration.of_unknown(margin), margin)
         };
     }
@@ -494,6 +519,7 @@ fn decide<V: ReplayVehicle>(
         fit: chosen.clone(),
         nearest: None,
         varying: None,
+        strained: None,
         rival: level.iter().find(|rival| rival.freed != chosen.freed).cloned(),
         classes,
         scores: Scores { margin, ..scores },

@@ -57,8 +57,10 @@ pub struct Knob {
     pub greatest: f64,
     /// Coordinates from which a fit starts.
     pub starts: &'static [f64],
-    /// The declaration, if it is an effect that may be named.
+    /// The declaration, if it is an effect of the library.
     pub effect: Option<&'static Effect>,
+    /// Whether it may be named: not where the user leaves the effect out.
+    nameable: bool,
 }
 
 type Row = (&'static str, f64, f64, f64, f64, &'static [f64]);
@@ -142,7 +144,11 @@ pub const PAYLOAD_PLACE: f64 = 1.6;
 /// Share of the vehicle's mass that is one unit of payload.
 const PAYLOAD_UNIT: f64 = 0.05;
 
-/// All knobs of a vehicle on a drive; `without`: effects that are left out.
+/// What lies before the angle at the wheels: nothing of it is seen where no command was logged.
+const BEFORE_THE_ANGLE: [&str; 4] = ["steer_delay", "steer_lag", "steer_rate_limit", "steer_backlash"];
+
+/// All knobs of a vehicle on a drive; `without`: effects that may not be named. Within their tolerances they stay: a road
+/// has a little bank whether or not the library knows of banks.
 #[must_use]
 pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -> Vec<Knob> {
     let (mass, _) = vehicle.mass_and_drag();
@@ -150,7 +156,8 @@ pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -
     for &(id, unit, tolerance, least, most, starts) in EFFECTS {
         let Some(effect) = TruckEffects::all().find(|effect| effect.id == id) else { continue };
         let of_trailer = crate::vehicle::Effects::find(id).is_none();
-        if of_trailer && !V::TRUCK || without.iter().any(|left_out| left_out == id) {
+        let unseen = !drive.commanded && BEFORE_THE_ANGLE.contains(&id);
+        if of_trailer && !V::TRUCK || unseen {
             continue;
         }
         let (turns, unit, tolerance) = match id {
@@ -192,6 +199,7 @@ pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -
             greatest,
             starts,
             effect: Some(effect),
+            nameable: id != "payload_x" && without.iter().all(|left_out| left_out != id),
         });
     }
     let further = |id, turns, unit| Knob {
@@ -204,6 +212,7 @@ pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -
         greatest: FARTHEST,
         starts: &[],
         effect: None,
+        nameable: false,
     };
     for &(car, truck, tolerance, factor) in PARAMETERS {
         let id = if V::TRUCK { truck } else { car };
@@ -275,7 +284,7 @@ impl Knob {
     /// Whether it may be named.
     #[must_use]
     pub fn is_candidate(&self) -> bool {
-        self.effect.is_some() && self.id != "payload_x"
+        self.nameable
     }
 
     /// Whether it is an error of the model's form: no number of the vehicle, and nothing that a simulator can be given.

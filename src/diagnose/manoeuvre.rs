@@ -1,7 +1,8 @@
-//! What to drive next: the manoeuvre that tells the first two candidates apart best.
+//! What to drive next: the manoeuvre that tells the first candidate best from the next one, and from one effect less.
 //!
-//! Each of a small set is replayed with the first candidate's value; the evidence expected is what the second candidate,
-//! free in its value and with all tolerances besides, cannot imitate: `d' (W^-1 + U U')^-1 d`.
+//! Each of a small set is replayed with the first candidate's value; the evidence expected is what the other candidate,
+//! free in its value and with all tolerances besides, cannot imitate: `d' (W^-1 + U U')^-1 d`. The least of it counts: a
+//! drive that tells two partners apart may leave open whether there is a partner at all.
 
 use super::filter::Filter;
 use super::fit::{Fit, Linear};
@@ -13,14 +14,41 @@ use crate::log::CleanLog;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
+/// What no drive of one vehicle can tell: an effect from an error of the model's form that looks like it.
+const BESIDES: &str = "drive the same before the change, or with a vehicle that drives as modelled, where there is one, and \
+                       give that log as --reference: it shows what is the model's own error";
+
 /// Length and sample time, s.
 const DURATION: f64 = 30.0;
 const STEP: f64 = 0.02;
 
-/// A manoeuvre: name, how it is driven, and speed (m/s), wanted lateral acceleration (m/s2) and acceleration over time.
+/// What of a car's speed and lateral acceleration a truck is driven at.
+const TRUCK: Scale = Scale { speed: 0.75, lateral: 0.4 };
+const CAR: Scale = Scale { speed: 1.0, lateral: 1.0 };
+
+/// Shares of speed and lateral acceleration.
+#[derive(Clone, Copy)]
+struct Scale {
+    speed: f64,
+    lateral: f64,
+}
+
+impl Scale {
+    /// A speed in words.
+    fn v(self, speed: f64) -> String {
+        format!("{:.0} m/s", self.speed * speed)
+    }
+
+    /// A lateral acceleration in words.
+    fn a(self, lateral: f64) -> String {
+        format!("{} m/s2", (10.0 * self.lateral * lateral).round() / 10.0)
+    }
+}
+
+/// A manoeuvre: name, how it is driven, and speed (m/s) and wanted lateral acceleration (m/s2) of a car over time.
 struct Planned {
     name: &'static str,
-    how: &'static str,
+    how: fn(Scale) -> String,
     speed: fn(f64) -> f64,
     lateral: fn(f64) -> f64,
 }
@@ -34,13 +62,24 @@ fn sweep(time: f64) -> f64 {
 const PLANNED: [Planned; 6] = [
     Planned {
         name: "speed sweep",
-        how: "gentle turns to both sides (2 m/s2) while the speed rises from 6 to 26 m/s in 30 s",
+        how: |of| {
+            let (slow, quick) = (of.v(6.0), of.v(26.0));
+            format!(
+                "gentle turns to both sides ({}) while the speed rises from {slow} to {quick} in 30 s",
+                of.a(2.0)
+            )
+        },
         speed: |t| 6.0 + 20.0 * t / DURATION,
         lateral: |t| 2.0 * (TAU * 0.25 * t).sin(),
     },
     Planned {
         name: "step steer",
-        how: "at 18 m/s, steer to 3 m/s2 within 0.2 s, hold for 3 s, back, then to the other side; repeat",
+        how: |of| {
+            let (speed, lateral) = (of.v(18.0), of.a(3.0));
+            format!(
+                "at {speed}, steer to {lateral} within 0.2 s, hold for 3 s, back, then to the other side; repeat"
+            )
+        },
         speed: |_| 18.0,
         lateral: |t| {
             let phase = t % 12.0;
@@ -57,25 +96,41 @@ const PLANNED: [Planned; 6] = [
     },
     Planned {
         name: "sine sweep",
-        how: "at 20 m/s, steer a sine of 2.5 m/s2 whose frequency rises from 0.2 to 2.5 Hz in 30 s",
+        how: |of| {
+            let (speed, lateral) = (of.v(20.0), of.a(2.5));
+            format!("at {speed}, steer a sine of {lateral} whose frequency rises from 0.2 to 2.5 Hz in 30 s")
+        },
         speed: |_| 20.0,
         lateral: |t| 2.5 * sweep(t),
     },
     Planned {
         name: "there and back",
-        how: "a straight road at 15 m/s, a turn, and the same road in the opposite direction",
+        how: |of| {
+            format!("a straight road at {}, a turn, and the same road in the opposite direction", of.v(15.0))
+        },
         speed: |_| 15.0,
         lateral: |t| if (10.0..19.4).contains(&t) { 5.0 } else { 0.0 },
     },
     Planned {
         name: "limit circle",
-        how: "on a wide, free area, turn ever tighter at 14 m/s until the tyres slide, to either side",
+        how: |of| {
+            let (speed, most) = (of.v(14.0), of.a(8.0));
+            format!(
+                "on a wide, free area, turn ever tighter at {speed}, to {most} or until the tyres slide, to either side"
+            )
+        },
         speed: |_| 14.0,
         lateral: |t| if t < 15.0 { 8.0 * t / 15.0 } else { -8.0 * (t - 15.0) / 15.0 },
     },
     Planned {
         name: "braking",
-        how: "from 25 m/s, brake with 4 m/s2 and accelerate again, on a straight and in a gentle turn",
+        how: |of| {
+            let speed = of.v(25.0);
+            format!(
+                "from {speed}, brake with 4 m/s2 and accelerate again, on a straight and in a gentle turn ({})",
+                of.a(1.5)
+            )
+        },
         speed: |t| {
             let phase = t % 15.0;
             if phase < 3.0 {
@@ -91,14 +146,15 @@ const PLANNED: [Planned; 6] = [
 ];
 
 /// A log of a manoeuvre as the simulator drives it; columns as the real log has them, for the noise to be compared.
-fn log_of<V: ReplayVehicle>(planned: &Planned, problem: &Problem<V>, length: f64) -> CleanLog {
+fn log_of<V: ReplayVehicle>(planned: &Planned, scale: Scale, problem: &Problem<V>) -> CleanLog {
+    let length = problem.vehicle.reach();
     let rows = (DURATION / STEP) as usize;
     let at = |i: usize| i as f64 * STEP;
     let mut columns: BTreeMap<&'static str, Vec<f64>> = BTreeMap::new();
-    let vx: Vec<f64> = (0..rows).map(|i| (planned.speed)(at(i))).collect();
+    let vx: Vec<f64> = (0..rows).map(|i| scale.speed * (planned.speed)(at(i))).collect();
     let mut steer: Vec<f64> = (0..rows)
         .map(|i| {
-            let (v, a) = (vx[i], (planned.lateral)(at(i)));
+            let (v, a) = (vx[i], scale.lateral * (planned.lateral)(at(i)));
             a * length / (v * v) * (1.0 + v * v / 700.0)
         })
         .collect();
@@ -148,20 +204,21 @@ fn log_of<V: ReplayVehicle>(planned: &Planned, problem: &Problem<V>, length: f64
     }
 }
 
-/// The manoeuvre from which most evidence is expected for `first` against `second`, both as fitted.
+/// The manoeuvre from which most evidence is expected for `first` against whichever of `others` it tells least from it,
+/// all as fitted.
 #[must_use]
 pub fn next<V: ReplayVehicle>(
     problem: &Problem<V>,
     ranking: &Ranking,
     first: &Fit,
-    second: &Fit,
+    others: &[&Fit],
     without: &[String],
 ) -> Option<Manoeuvre> {
     let nothing = Correction::default();
-    let length = problem.vehicle.reach();
-    let mut best: Option<(f64, &Planned)> = None;
+    let scale = if V::TRUCK { TRUCK } else { CAR };
+    let mut best: Option<(f64, &Planned, &Fit)> = None;
     for planned in &PLANNED {
-        let drive = Drive::new(&log_of(planned, problem, length), V::TRUCK);
+        let drive = Drive::new(&log_of(planned, scale, problem), V::TRUCK);
         let there = Problem::new(&drive, problem.vehicle, &nothing, without, problem.threads());
         if there.knobs.len() != problem.knobs.len() || there.blocks.len() != problem.blocks.len() {
             continue;
@@ -178,27 +235,39 @@ pub fn next<V: ReplayVehicle>(
                 )
                 .collect()
         };
-        let (a, b) = (carried(&first.x), carried(&second.x));
-        let (Some(of_first), Some(of_second)) = (there.residual(&a), there.residual(&b)) else { continue };
+        let at_first = carried(&first.x);
+        let Some(of_first) = there.residual(&at_first) else { continue };
         // Noise of the log at hand, on the clock of the manoeuvre.
         let factor = Filter::new(STEP).gain() / problem.filter.gain() * (problem.drive.step / STEP).sqrt();
         let mut weights = Vec::new();
         for ((_, block), &deviation) in there.blocks.iter().zip(&ranking.noise.effective) {
             weights.resize(weights.len() + block.len(), (deviation * factor.max(0.1)).powi(-2));
         }
-        let linear = Linear::new(there.slopes(&b, &of_second), weights);
-        let difference: Vec<f64> = of_second.iter().zip(&of_first).map(|(b, a)| b - a).collect();
-        let precision = ranking.prior.freed(problem, &second.freed);
-        let evidence = linear.marginal(&difference, &difference, &precision);
-        if evidence.is_finite() && best.is_none_or(|(so_far, _)| evidence > so_far) {
-            best = Some((evidence, planned));
+        let linear = Linear::new(there.slopes(&at_first, &of_first), weights);
+        let evidence = |other: &Fit| {
+            let of_other = there.residual(&carried(&other.x))?;
+            let difference: Vec<f64> = of_other.iter().zip(&of_first).map(|(b, a)| b - a).collect();
+            let precision = ranking.prior.freed(problem, &other.freed);
+            Some(linear.marginal(&difference, &difference, &precision))
+                .filter(|evidence| evidence.is_finite())
+        };
+        let all: Option<Vec<_>> = others.iter().map(|&other| Some((evidence(other)?, other))).collect();
+        let least = all.and_then(|all| all.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)));
+        if let Some((evidence, other)) = least
+            && best.is_none_or(|(so_far, ..)| evidence > so_far)
+        {
+            best = Some((evidence, planned, other));
         }
     }
-    let (expected_evidence, planned) = best?;
-    let name = |fit: &Fit| fit.freed.iter().map(|&i| problem.knobs[i].id).collect::<Vec<_>>().join(" + ");
+    let (expected_evidence, planned, second) = best?;
+    let name = |fit: &Fit| {
+        let ids: Vec<&str> = fit.freed.iter().map(|&i| problem.knobs[i].id).collect();
+        if ids.is_empty() { "no effect".to_owned() } else { ids.join(" + ") }
+    };
     Some(Manoeuvre {
         name: planned.name.to_owned(),
-        how: planned.how.to_owned(),
+        how: (planned.how)(scale),
+        besides: BESIDES.to_owned(),
         separates: vec![name(first), name(second)],
         expected_evidence,
     })

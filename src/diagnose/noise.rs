@@ -12,6 +12,8 @@ const FORM: f64 = 0.01;
 const HEADING: f64 = 5e-4;
 /// Gaps of so many times the form's error are worth a name.
 const NOTABLE: f64 = 4.0;
+/// Share of the neutral gap that a search takes for noise at first.
+const COARSE: f64 = 0.1;
 /// Longest correlation that is looked at, samples, and the greatest loss by it.
 const CORRELATED: usize = 20;
 const GREATEST_LOSS: f64 = 6.0;
@@ -74,6 +76,17 @@ impl Noise {
         let effective =
             floor.iter().zip(&lefts).map(|(floor, left)| floor.hypot((again - 1.0).sqrt() * left)).collect();
         Self { effective, white, form: forms, floor, left: lefts, worth }
+    }
+
+    /// Coarser by a share of the neutral gap. Far from the cause, a gap of hundreds of standard deviations pulls every
+    /// tolerance to where slopes say nothing any more; a search begins with less trust.
+    #[must_use]
+    pub fn coarse<V>(&self, problem: &Problem<V>, neutral: &[f64]) -> Self {
+        let mut noise = self.clone();
+        for ((_, block), effective) in problem.blocks.iter().zip(&mut noise.effective) {
+            *effective = effective.hypot(COARSE * rms(&neutral[block.clone()]));
+        }
+        noise
     }
 
     /// With what a fit left.

@@ -135,7 +135,7 @@ pub fn observability<V: ReplayVehicle>(
             all.push(entry(false, None, why.to_owned()));
             continue;
         }
-        let Some(knob) = problem.find(effect.id) else {
+        let Some(knob) = problem.find(effect.id).filter(|&knob| problem.knobs[knob].is_candidate()) else {
             all.push(entry(false, None, "left out of the library for this diagnosis".to_owned()));
             continue;
         };

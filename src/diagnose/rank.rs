@@ -9,6 +9,8 @@ use crate::residual::parallel;
 
 /// Singles that are fitted again with the final noise.
 const AGAIN: usize = 12;
+/// Singles that are fitted with less and then with all trust.
+const REFINED: usize = 6;
 /// How pairs are made of singles, and threes of pairs.
 const BEAM: usize = 8;
 const OF_SINGLES: Beam = Beam { bases: BEAM, always: 4, fitted: 14 };
@@ -39,6 +41,15 @@ pub struct Ranking {
     pub noise: Noise,
     /// The gap with all as expected: neutral, or as a reference log says.
     pub neutral: Vec<f64>,
+}
+
+impl Ranking {
+    /// Candidates with one effect less than `fit`.
+    pub fn fewer<'a>(&'a self, fit: &'a Fit) -> impl Iterator<Item = &'a Fit> {
+        let all = std::iter::once(&self.none).chain(&self.singles).chain(&self.pairs);
+        all.filter(|less| less.freed.len() + 1 == fit.freed.len())
+            .filter(|less| less.freed.iter().all(|i| fit.freed.contains(i)))
+    }
 }
 
 /// Why candidates could not be ranked.
@@ -173,6 +184,43 @@ fn bound_fewer<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, fewer: &mu
     sort(fewer);
 }
 
+/// Fits candidates of one effect less from where the best `count` of those with one more were found: what one effect's
+/// search found of the background and of the others may lie in another valley than where theirs began.
+fn fewer_from_more<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    prior: &Prior,
+    linear: &Linear,
+    fewer: &mut Vec<Fit>,
+    more: &[Fit],
+    count: usize,
+) {
+    let starts: Vec<(Vec<usize>, Vec<f64>)> = more
+        .iter()
+        .take(count)
+        .flat_map(|fit| (0..fit.freed.len()).map(move |place| (fit, place)))
+        .map(|(fit, place)| {
+            let (mut others, mut x) = (fit.freed.clone(), fit.x.clone());
+            let i = others.remove(place);
+            x[i] = prior.mean[i];
+            (others, x)
+        })
+        .collect();
+    let found = parallel::map(problem.threads(), starts.len(), |k| {
+        fit(problem, prior, linear, &starts[k].0, &starts[k].1, 4)
+    });
+    for new in found.into_iter().flatten() {
+        let same = |known: &&mut Fit| {
+            known.freed.len() == new.freed.len() && known.freed.iter().all(|i| new.freed.contains(i))
+        };
+        match fewer.iter_mut().find(same) {
+            Some(known) if known.cost <= new.cost => {}
+            Some(known) => *known = new,
+            None => fewer.push(new),
+        }
+    }
+    sort(fewer);
+}
+
 /// Takes a linear step from the background's best where that is better.
 fn from_none<V: ReplayVehicle>(
     problem: &Problem<V>,
@@ -209,6 +257,34 @@ fn reweighed<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Lin
     fit.cost = linear.square(&fit.gap) + precision.penalty(&prior.off(&fit.x));
 }
 
+/// The best `count` fits, refitted with other weights; all costs by these.
+fn refined<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    prior: &Prior,
+    linear: &Linear,
+    fits: &mut [Fit],
+    count: usize,
+) {
+    fits.iter_mut().for_each(|fit| reweighed(problem, prior, linear, fit));
+    sort(fits);
+    let found = parallel::map(problem.threads(), fits.len().min(count), |k| {
+        fit(problem, prior, linear, &fits[k].freed, &fits[k].x, 3)
+    });
+    for (old, new) in fits.iter_mut().zip(found) {
+        if let Some(new) = new
+            && new.cost < old.cost
+        {
+            *old = new;
+        }
+    }
+    sort(fits);
+}
+
+/// Where slopes are taken: at the best single effect where it tells.
+fn based(none: &Fit, singles: &[Fit]) -> Vec<f64> {
+    singles.first().filter(|best| none.cost - best.cost > 50.0).map_or(&none.x, |best| &best.x).clone()
+}
+
 /// Ranks all candidates; `prior` is what is known of the tolerances.
 ///
 /// # Errors
@@ -223,7 +299,8 @@ pub fn rank<V: ReplayVehicle>(
     let start = prior.mean.clone();
     let trace = problem.trace(&start).map_err(|_| NoReplay)?;
     let neutral = problem.compare(&trace);
-    let noise = Noise::of(problem, &trace, &prior.form);
+    let fine = Noise::of(problem, &trace, &prior.form);
+    let noise = fine.coarse(problem, &neutral);
     progress("sensitivities", 0.1);
     let at_start = problem.residual(&start).ok_or(NoReplay)?;
     let linear = Linear::new(problem.slopes(&start, &at_start), noise.weights(problem));
@@ -265,7 +342,19 @@ pub fn rank<V: ReplayVehicle>(
     .flatten()
     .collect();
     sort(&mut singles);
+    let mut found = vec![none];
+    fewer_from_more(problem, &prior, &linear, &mut found, &singles, 3);
+    let mut none = found.swap_remove(0);
     progress("noise", 0.5);
+
+    // From there on with all trust.
+    let noise = fine;
+    let base = based(&none, &singles);
+    let at_base = problem.residual(&base).ok_or(NoReplay)?;
+    let linear = Linear::new(problem.slopes(&base, &at_base), noise.weights(problem));
+    reweighed(problem, &prior, &linear, &mut none);
+    none = fit_none(problem, &prior, &linear, &none.x).ok_or(NoReplay)?;
+    refined(problem, &prior, &linear, &mut singles, REFINED);
 
     // What the best leaves, all else free within three tolerances, is no noise and yet told by none.
     let noise = match singles.first() {
@@ -277,8 +366,7 @@ pub fn rank<V: ReplayVehicle>(
         }
         None => noise,
     };
-    let base =
-        singles.first().filter(|best| none.cost - best.cost > 50.0).map_or(&none, |best| best).x.clone();
+    let base = based(&none, &singles);
     let at_base = problem.residual(&base).ok_or(NoReplay)?;
     let linear = Linear::new(problem.slopes(&base, &at_base), noise.weights(problem));
     progress("single effects", 0.6);
@@ -326,19 +414,8 @@ pub fn rank<V: ReplayVehicle>(
         linear = Linear::new(slopes, noise.weights(problem));
         none = fit_none(problem, &prior, &linear, &none.x).ok_or(NoReplay)?;
         for fits in [&mut singles, &mut pairs] {
-            fits.iter_mut().for_each(|fit| reweighed(problem, &prior, &linear, fit));
-            sort(fits);
-            let refitted = parallel::map(threads, fits.len().min(BEAM), |k| {
-                fit(problem, &prior, &linear, &fits[k].freed, &fits[k].x, 3)
-            });
-            for (old, new) in fits.iter_mut().zip(refitted) {
-                if let Some(new) = new
-                    && new.cost < old.cost
-                {
-                    *old = new;
-                }
-                old.cost = old.cost.min(none.cost);
-            }
+            refined(problem, &prior, &linear, fits, BEAM);
+            fits.iter_mut().for_each(|fit| fit.cost = fit.cost.min(none.cost));
             sort(fits);
         }
         polish(problem, &prior, &linear, &mut singles);
@@ -347,9 +424,14 @@ pub fn rank<V: ReplayVehicle>(
         polish(problem, &prior, &linear, &mut threes);
     }
     bound_fewer(problem, &prior, &mut pairs, &threes);
+    fewer_from_more(problem, &prior, &linear, &mut pairs, &threes, 2);
     polish(problem, &prior, &linear, &mut pairs);
     bound_fewer(problem, &prior, &mut singles, &pairs);
+    fewer_from_more(problem, &prior, &linear, &mut singles, &pairs, 3);
     polish(problem, &prior, &linear, &mut singles);
+    let mut found = vec![none];
+    fewer_from_more(problem, &prior, &linear, &mut found, &singles, 2);
+    let mut none = found.swap_remove(0);
     bound(problem, &prior, &mut none, &mut singles);
     Ok(Ranking { none, singles, pairs, threes, linear, prior, noise, neutral })
 }
@@ -386,7 +468,8 @@ fn extended<V: ReplayVehicle>(
     beam: &Beam,
 ) -> Vec<Fit> {
     let threads = problem.threads();
-    // Linear screening at the best point of each of the first; an effect that has no slope there takes its own best.
+    // Linear screening at the best point of each of the first, with the slope of the further effect there or at its own
+    // best, whichever promises more: some have no slope at their neutral value, and some a best that is far off.
     let screened = parallel::map(threads, bases.len().min(beam.bases), |a| {
         let base = &bases[a];
         let local = linear.with(&base.of_freed());
@@ -397,22 +480,27 @@ fn extended<V: ReplayVehicle>(
             .filter_map(|(b, single)| {
                 let freed = [&base.freed[..], &single.freed[..]].concat();
                 let precision = prior.freed(problem, &freed);
-                let step = prior.step(&local.with(&single.of_freed()), &base.x, &base.gap, &precision);
-                // A promise beyond what an effect can be is none; those of the very first are always tried.
-                let beyond = freed.iter().any(|&i| {
-                    let to = base.x[i] + step.change[i];
-                    (problem.knobs[i].within(to, true) - to).abs() > 1e-9 || to.abs() > 20.0
-                });
-                let rank = if a < beam.always && b < beam.always { f64::MIN } else { step.cost };
-                (step.cost.is_finite() && (!beyond || rank == f64::MIN)).then_some((rank, a, b))
+                let promise = |linear: &Linear| {
+                    let step = prior.step(linear, &base.x, &base.gap, &precision);
+                    // A promise beyond what an effect can be is none.
+                    let beyond = freed.iter().any(|&i| {
+                        let to = base.x[i] + step.change[i];
+                        (problem.knobs[i].within(to, true) - to).abs() > 1e-9 || to.abs() > 20.0
+                    });
+                    if beyond || !step.cost.is_finite() { f64::INFINITY } else { step.cost }
+                };
+                let (here, own) = (promise(&local), promise(&local.with(&single.of_freed())));
+                // Those of the very first are always tried.
+                let rank = if a < beam.always && b < beam.always { f64::MIN } else { here.min(own) };
+                (rank < f64::INFINITY).then_some((rank, a, b, here < own))
             })
             .collect::<Vec<_>>()
     });
-    let mut screened: Vec<(f64, usize, usize)> = screened.into_iter().flatten().collect();
+    let mut screened: Vec<(f64, usize, usize, bool)> = screened.into_iter().flatten().collect();
     screened.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
     // The same effects may come of several bases: the best promise stands for them.
     let mut seen: Vec<Vec<usize>> = Vec::new();
-    screened.retain(|&(_, a, b)| {
+    screened.retain(|&(_, a, b, _)| {
         let mut freed = [&bases[a].freed[..], &singles[b].freed[..]].concat();
         freed.sort_unstable();
         let new = !seen.contains(&freed);
@@ -421,12 +509,12 @@ fn extended<V: ReplayVehicle>(
     });
     screened.truncate(beam.fitted);
     let mut fits: Vec<Fit> = parallel::map(threads, screened.len(), |k| {
-        let (_, a, b) = screened[k];
+        let (_, a, b, here) = screened[k];
         let (base, single) = (&bases[a], &singles[b]);
         let further = single.freed[0];
         let mut x = base.x.clone();
         // Effects that have no slope at their neutral value start from their own best.
-        if problem.knobs[further].starts.len() > 1 && x[further].abs() < 1e-9 {
+        if problem.knobs[further].starts.len() > 1 && x[further].abs() < 1e-9 && !here {
             x[further] = 0.5 * single.x[further];
         }
         fit(problem, prior, linear, &[&base.freed[..], &[further]].concat(), &x, 4)

@@ -55,6 +55,9 @@ pub struct Scores {
     /// Evidence that the best of all, or a single effect that then explains more, has a value that varies.
     #[serde(default)]
     pub varying: f64,
+    /// Tolerances by which the background is off at most in what is an effect of the library and not named.
+    #[serde(default)]
+    pub strained: f64,
     /// What the verdict has before the next: evidence against what else might be named, or missing to name something.
     pub margin: f64,
 }
@@ -74,6 +77,9 @@ pub struct Verdict {
     /// Where the cause is not in the library because an effect of it would have to change its value: how.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub varying: Option<Varies>,
+    /// Where it is not because what may not be named, or is not, would have to be far off: that, and where.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub strained: Option<Adjustment>,
     /// The verdict in at most three sentences.
     pub words: String,
 }
@@ -215,6 +221,9 @@ pub struct Manoeuvre {
     pub name: String,
     /// How it is driven, in words.
     pub how: String,
+    /// What to drive besides where the model's form may look like an effect; empty where it is known.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub besides: String,
     /// The candidates that it tells apart.
     pub separates: Vec<String>,
     /// Evidence that it is expected to give for one against the other, if the first is true.

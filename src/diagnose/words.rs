@@ -3,7 +3,7 @@
 use super::calibration::Calibration;
 use super::headline::{behind, value};
 use super::observability::short;
-use super::report::{Finding, Gap, Gravity, NamedEffect, Shrink, Varies, VerdictKind};
+use super::report::{Adjustment, Finding, Gap, Gravity, NamedEffect, Shrink, Varies, VerdictKind};
 use crate::vehicle::TruckEffects;
 
 /// Share of the yaw-rate gap from which on it speaks for the effect.
@@ -40,12 +40,21 @@ fn told(shrink: &Shrink) -> Option<(&str, &Gap)> {
     })
 }
 
+/// What gives away that a cause is not in the library, if it is not what is left of the gap.
+#[derive(Clone, Copy)]
+pub struct Unknown<'a> {
+    /// A value that is not one.
+    pub varying: Option<&'a Varies>,
+    /// What is not named and yet far off.
+    pub strained: Option<&'a Adjustment>,
+}
+
 /// The verdict in a few sentences; `effects` are those named, or those that come nearest.
 #[must_use]
 pub fn verdict(
     kind: VerdictKind,
     effects: &[NamedEffect],
-    varying: Option<&Varies>,
+    why: Unknown,
     shrink: &Shrink,
     probability: f64,
     findings: &[Finding],
@@ -90,8 +99,17 @@ pub fn verdict(
             words
         }
         VerdictKind::NotInLibrary => {
-            let mut words = match varying {
-                Some(it) => format!(
+            let mut words = match (why.strained, why.varying) {
+                (Some(it), _) => format!(
+                    "The gap is explained only with {} {:.0} tolerances off ({}{} where {} is expected), which is no \
+                     tolerance any more, and not to be named.",
+                    it.parameter,
+                    (it.value - it.given).abs() / it.tolerance,
+                    short(it.value),
+                    behind(&it.unit),
+                    short(it.given),
+                ),
+                (None, Some(it)) => format!(
                     "Something acts like {}, but its value changes {} (by {}{}, standard deviation): the library has no \
                      such effect.",
                     it.id,
@@ -99,8 +117,10 @@ pub fn verdict(
                     short(it.deviation),
                     behind(&it.unit),
                 ),
-                None => "No effect of the library explains the gap whole, nor do two or three together."
-                    .to_owned(),
+                (None, None) => {
+                    "No effect of the library explains the gap whole, nor do two or three together."
+                        .to_owned()
+                }
             };
             let nearest: Vec<String> = effects.iter().map(value).collect();
             if !nearest.is_empty() {

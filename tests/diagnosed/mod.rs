@@ -127,6 +127,7 @@ fn drive_and_diagnose() -> (CleanLog, Diagnosis) {
             effects: vec![named],
             nearest: vec![],
             varying: None,
+            strained: None,
             words: "The steering command takes effect 0.118 s late. With it the yaw-rate gap shrinks by 81 %. This log cannot tell it from steer_lag.".into(),
         },
         candidates: [("steer_delay", 0.118, 215.0), ("steer_lag", 0.13, 188.0), ("sensor_delay", 0.11, 120.0), ("steer_offset", 0.004, 4.1)]
@@ -152,7 +153,8 @@ fn drive_and_diagnose() -> (CleanLog, Diagnosis) {
         ],
         next_manoeuvre: Some(Manoeuvre {
             name: "frequency sweep".into(),
-            how: "Steer with 0.02 rad from 0.2 to 2 Hz at 15 m/s.".into(),
+            how: "Steer with 0.02 rad from 0.2 to 2 Hz at 15 m/s".into(),
+            besides: "drive the same with a sound vehicle".into(),
             separates: vec!["steer_delay".into(), "steer_lag".into()],
             expected_evidence: 60.0,
         }),

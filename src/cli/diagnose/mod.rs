@@ -81,7 +81,7 @@ pub struct DiagnoseArgs {
     /// Threads; 0 for all there are. The answer does not depend on it
     #[arg(long, default_value_t = 0)]
     threads: usize,
-    /// An effect to leave out of the library; repeatable
+    /// An effect that is not to be named (its tolerance stays); repeatable
     #[arg(long, value_name = "EFFECT")]
     without: Vec<String>,
     /// Single effects only

@@ -43,7 +43,7 @@ pub(super) fn print(report: &Report) {
         say!("{word}: {column}{}", finding.words);
     }
     if let Some(next) = &report.next_manoeuvre {
-        say!("next drive: {}: {}", next.name, next.how);
+        say!("next drive: {}: {}; {}", next.name, next.how, next.besides);
     }
 }
 

@@ -324,9 +324,10 @@ pub(super) fn observability(report: &Report) -> String {
 pub(super) fn manoeuvre(report: &Report) -> String {
     let Some(next) = &report.next_manoeuvre else { return String::new() };
     format!(
-        "<h3>{}</h3><p>{}</p><p class='faint'>It tells apart {}; expected evidence {}.</p>",
+        "<h3>{}</h3><p>{}; {}.</p><p class='faint'>It tells apart {}; expected evidence {}.</p>",
         escaped(&next.name),
         escaped(&next.how),
+        escaped(&next.besides),
         escaped(&next.separates.join(" and ")),
         weight(next.expected_evidence)
     )

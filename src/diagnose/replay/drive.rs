@@ -56,6 +56,7 @@ impl Drive {
         let steer = column("steer_cmd").cloned().unwrap_or_else(|| vec![0.0; rows]);
         let moving: Vec<bool> =
             (0..rows).map(|i| vx[i].is_finite() && vx[i] >= LEAST_SPEED && steer[i].is_finite()).collect();
+        let pieces = pieces(&log.time, log.step);
         let mut stretches = Vec::new();
         let mut scored = vec![false; rows];
         let mut from = 0;
@@ -64,9 +65,9 @@ impl Drive {
                 from += 1;
                 continue;
             }
-            // Blocks of a long log were put together: the motion starts anew where the clock jumps.
-            let jumps = |i: usize| i > from && (log.time[i] - log.time[i - 1]) > 1.5 * log.step;
-            let to = (from..rows).find(|&i| !moving[i] || jumps(i)).unwrap_or(rows);
+            // The motion starts anew where the clock jumps.
+            let end = pieces.iter().map(|piece| piece.1).find(|&end| end > from).unwrap_or(rows);
+            let to = (from..end).find(|&i| !moving[i]).unwrap_or(end);
             if (to - from) as f64 * log.step >= SHORTEST {
                 stretches.push((from, to));
                 let settled = from + (SETTLING / log.step).ceil() as usize;
@@ -83,7 +84,7 @@ impl Drive {
                     && (truck || !matches!(channel, Channel::Articulation | Channel::ArticulationRate))
             })
             .collect();
-        let accel = acceleration(&vx, log.step);
+        let accel = pieces.iter().flat_map(|&(from, to)| acceleration(&vx[from..to], log.step)).collect();
         let mut columns: BTreeMap<&'static str, Vec<f64>> = log
             .columns
             .iter()
@@ -126,18 +127,31 @@ impl Drive {
     }
 }
 
+/// Rows from, to, between which the clock does not jump: several logs, or blocks of a long one, were put together, and what
+/// one ends with says nothing of how the next begins.
+fn pieces(time: &[f64], step: f64) -> Vec<(usize, usize)> {
+    let jumps = (1..time.len()).filter(|&i| time[i] - time[i - 1] > 1.5 * step);
+    let starts: Vec<usize> = std::iter::once(0).chain(jumps).collect();
+    let ends = starts[1..].iter().copied().chain([time.len()]);
+    starts.iter().copied().zip(ends).collect()
+}
+
 /// A log on half its clock: commands by the mean of what was held, measurements by a mean about the row.
 fn halved(log: &CleanLog) -> CleanLog {
     let rows = log.time.len();
-    let kept: Vec<usize> = (0..rows).step_by(2).collect();
+    // Rows that are kept, each with the ends of its piece.
+    let kept: Vec<(usize, usize, usize)> = pieces(&log.time, log.step)
+        .into_iter()
+        .flat_map(|(from, to)| (from..to).step_by(2).map(move |i| (i, from, to)))
+        .collect();
     let mean = |name: &str, column: &[f64]| -> Vec<f64> {
         let held = name == "accel_cmd" || name == "steer_cmd" && log.commanded;
-        let at = |i: usize| column[i.min(rows - 1)];
-        let of = |&i: &usize| {
+        let of = |&(i, from, to): &(usize, usize, usize)| {
+            let at = |i: usize| column[i.min(to - 1)];
             if held {
                 0.5 * (at(i) + at(i + 1))
-            } else if i == 0 {
-                at(0)
+            } else if i == from {
+                at(i)
             } else {
                 0.25 * (at(i - 1) + 2.0 * at(i) + at(i + 1))
             }
@@ -147,7 +161,7 @@ fn halved(log: &CleanLog) -> CleanLog {
     let full = |column: &Vec<f64>| column.len() == rows;
     CleanLog {
         step: 2.0 * log.step,
-        time: kept.iter().map(|&i| log.time[i]).collect(),
+        time: kept.iter().map(|&(i, ..)| log.time[i]).collect(),
         columns: log
             .columns
             .iter()
@@ -157,7 +171,7 @@ fn halved(log: &CleanLog) -> CleanLog {
         commanded: log.commanded,
         valid: kept
             .iter()
-            .map(|&i| {
+            .map(|&(i, ..)| {
                 (i.saturating_sub(1)..=i + 1).all(|i| i >= rows || log.valid.get(i).copied().unwrap_or(false))
             })
             .collect(),
@@ -175,6 +189,13 @@ fn acceleration(vx: &[f64], step: f64) -> Vec<f64> {
             if to > from { (vx[to] - vx[from]) / ((to - from) as f64 * step) } else { 0.0 }
         })
         .collect()
+}
+
+/// A column at a fractional row of a stretch, as [`at`], held beyond the stretch's ends.
+#[inline]
+#[must_use]
+pub fn at_within(column: &[f64], row: f64, (from, to): (usize, usize)) -> f64 {
+    at(column, row.clamp(from as f64, (to - 1) as f64))
 }
 
 /// A column at a fractional row, linear between rows, held beyond the ends.

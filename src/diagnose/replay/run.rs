@@ -1,7 +1,7 @@
 //! One replay.
 
 use super::channel::{CHANNELS, Channel};
-use super::drive::{Drive, LEAST_SPEED, at};
+use super::drive::{Drive, LEAST_SPEED, at, at_within};
 use super::vehicle::ReplayVehicle;
 use crate::vehicle::{GRAVITY, ReducedInput, ReducedOutput, ReducedStart, ReducedSteer, TruckEffects};
 
@@ -81,6 +81,8 @@ pub fn replay<V: ReplayVehicle>(
     let (leaks_vx, leaks_yaw, leaks_place) = (has(Channel::Vx), has(Channel::Yaw), has(Channel::Along));
 
     for &(from, to) in &drive.stretches {
+        // What lies beyond a stretch may be another drive.
+        let at = |column: &[f64], row: f64| at_within(column, row, (from, to));
         let speed = |row: f64, vy: f64| (at(log_vx, row + shift) / scale - twist * vy).max(0.5 * LEAST_SPEED);
         let heading = |row: f64| (!yaw.is_empty()).then(|| at(yaw, row + shift) - twist);
         let first = |name: &str| drive.columns.get(name).map_or(0.0, |column| column[from]);
