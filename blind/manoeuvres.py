@@ -1,8 +1,8 @@
 """Whether the proposed next manoeuvre resolves what remained confused: driven by the same unit, diagnosed anew.
 
 The manoeuvres are built from the words of the report ("how it is driven"), as roads with a speed; the blind driver
-drives them as a person would, not the exact commands. Trucks drive them slower and gentler. As the report asks, the unit
-also drives the manoeuvre as it was before anything happened, where there is such a log: that shows the model's form.
+drives them as a person would, not the exact commands. Trucks drive them slower and gentler. As the report asks, the
+manoeuvre is also driven by the unit as it was before anything happened: that shows the model's form.
 """
 
 from __future__ import annotations
