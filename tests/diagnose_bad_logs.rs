@@ -65,11 +65,3 @@ fn a_suspicious_log_names_nothing() {
     assert_eq!(verdict.kind, VerdictKind::CannotTell);
     assert!(verdict.effects.is_empty() && verdict.words.contains("sign turned"));
 }
-
-#[test]
-fn an_effect_that_is_left_out_is_not_named() {
-    let log = log(3, &[("steer_delay", 0.12)]);
-    let options = Options { without: vec!["steer_delay".to_owned()], ..singles() };
-    let report = found(&log, &options).report;
-    assert!(report.candidates.iter().all(|candidate| !candidate.effects.contains(&"steer_delay".to_owned())));
-}

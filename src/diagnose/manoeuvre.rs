@@ -272,3 +272,23 @@ pub fn next<V: ReplayVehicle>(
         expected_evidence,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_say_what_is_driven() {
+        for scale in [CAR, TRUCK] {
+            for planned in &PLANNED {
+                let words = (planned.how)(scale);
+                let times = || (0..1500).map(|i| f64::from(i) * STEP);
+                let quickest = times().map(planned.speed).fold(0.0, f64::max);
+                assert!(words.contains(&scale.v(quickest)), "{}: {words}", planned.name);
+                let most = times().map(|time| (planned.lateral)(time).abs()).fold(0.0, f64::max);
+                let told = words.contains(&scale.a(most)) || planned.name == "there and back";
+                assert!(told, "{}: {words}", planned.name);
+            }
+        }
+    }
+}

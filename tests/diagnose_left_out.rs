@@ -1,0 +1,44 @@
+//! What may not be named keeps its tolerance, and what needs many of them is no effect of the library.
+
+mod diagnose;
+
+use diagnose::{found, log, singles};
+use rfl_mpc::diagnose::{Options, Report, VerdictKind};
+
+fn without(effect: &str, put_in: &[(&str, f64)]) -> Report {
+    found(&log(3, put_in), &Options { without: vec![effect.to_owned()], ..singles() }).report
+}
+
+#[test]
+fn an_effect_that_is_left_out_is_not_named() {
+    let report = without("steer_delay", &[("steer_delay", 0.12)]);
+    assert!(report.candidates.iter().all(|candidate| !candidate.effects.contains(&"steer_delay".to_owned())));
+    let seen = report.observability.iter().find(|it| it.effect == "steer_delay").unwrap();
+    assert!(!seen.observable && seen.why.contains("left out"), "{seen:?}");
+}
+
+#[test]
+fn a_cause_that_is_left_out_is_not_taken_for_another() {
+    for (effect, value) in [("steer_gain", 1.2), ("speed_scale", 1.1), ("yaw_rate_bias", 0.03)] {
+        let report = without(effect, &[(effect, value)]);
+        let verdict = report.verdict;
+        assert_eq!(verdict.kind, VerdictKind::NotInLibrary, "{}", verdict.words);
+        let strained = verdict.strained.expect("what is far off");
+        assert_eq!(strained.parameter, format!("effect.{effect}"), "{}", verdict.words);
+        // All tolerances bear a part of it.
+        let part = (strained.value - strained.given) / (value - strained.given);
+        assert!((0.3..1.2).contains(&part), "{part}: {}", verdict.words);
+        assert!(
+            verdict.words.contains(effect) && verdict.words.contains("tolerances off"),
+            "{}",
+            verdict.words
+        );
+    }
+}
+
+#[test]
+fn a_tolerance_is_no_cause() {
+    let report = without("steer_gain", &[("steer_gain", 1.01)]);
+    assert_eq!(report.verdict.kind, VerdictKind::None, "{}", report.verdict.words);
+    assert!(report.verdict.strained.is_none());
+}
