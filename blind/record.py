@@ -205,17 +205,32 @@ def plots(result: dict, out: Path) -> None:
 
 
 def add(run: dict, folder: Path, plots_in: Path) -> None:
-    """Adds a scoring run to the record: all runs stay, each with a file of all its cases; the newest has the plots."""
+    """Adds a scoring run to the record: all runs stay, each with a file of all its cases; the largest has the plots."""
     folder.mkdir(parents=True, exist_ok=True)
     place = folder / "blind.json"
     runs = json.loads(place.read_text(encoding="utf-8"))["runs"] if place.exists() else []
     runs.append({key: value for key, value in run.items() if key != "cases"})
-    place.write_text(json.dumps({"runs": rounded(runs)}, indent=1) + "\n", encoding="utf-8")
     lines_of_cases = ",\n".join(json.dumps(rounded(row)) for row in run["cases"])
     (folder / f"blind-run-{len(runs)}.json").write_text(f"[{lines_of_cases}]\n", encoding="utf-8")
-    for name in ("blind.png", "blind-confusion.png"):
-        shutil.copy(plots_in / name, folder / name)
-    (folder / "blind.md").write_text(page(runs, run["cases"]), encoding="utf-8")
+    if of_newest(runs)[0] == len(runs):
+        for name in ("blind.png", "blind-confusion.png"):
+            shutil.copy(plots_in / name, folder / name)
+    write(runs, folder)
+
+
+def write(runs: list[dict], folder: Path) -> None:
+    """Writes blind.json and blind.md."""
+    text = json.dumps({"runs": rounded(runs)}, indent=1) + "\n"
+    (folder / "blind.json").write_text(text, encoding="utf-8")
+    of_largest = json.loads((folder / f"blind-run-{of_newest(runs)[0]}.json").read_text(encoding="utf-8"))
+    (folder / "blind.md").write_text(page(runs, of_largest), encoding="utf-8")
+
+
+def of_newest(runs: list[dict]) -> list[int]:
+    """Numbers of the runs of the newest program, the largest first."""
+    program = runs[-1]["commitment"]["program"]
+    same = [number for number, run in enumerate(runs, 1) if run["commitment"]["program"] == program]
+    return sorted(same, key=lambda number: (-runs[number - 1]["result"]["cases"], number))
 
 
 def rounded(of):
@@ -227,9 +242,8 @@ def rounded(of):
     return [rounded(value) for value in of] if isinstance(of, list | tuple) else of
 
 
-def page(runs: list[dict], newest_cases: list[dict]) -> str:
-    """blind.md: a line for each run, and the newest with all its cases."""
-    newest = runs[-1]
+def page(runs: list[dict], cases: list[dict]) -> str:
+    """blind.md: a line for each run; the runs of the newest program beside each other, and all cases of the largest."""
     text = ["# The blind check: the record", ""]
     text += ["Made by `blind/score`; what it does stands in `blind/README.md`. Every scoring run is here;"]
     text += ["all cases of each are in `blind-run-N.json`.", ""]
@@ -243,17 +257,31 @@ def page(runs: list[dict], newest_cases: list[dict]) -> str:
         text.append(
             f"| {number}, {c['written']} | {r['cases']} | {' | '.join(cells)} | {r['ece']:.3f} | `{c['labels'][:16]}` |"
         )
-    text += ["", "## The newest run", "", "| measure | value (95 % interval) | goal |", "|---|---|---|"]
-    text += [f"| {a} | {b} | {c} |" for a, b, c in lines(newest["result"])]
-    text += ["", "![reliability and dominance](blind.png)", "", "![confusion](blind-confusion.png)", ""]
-    text += ["Hashes, written before the diagnosis ran:", ""]
-    text += [f"- {key}: `{value}`" for key, value in newest["commitment"].items()]
+    numbers = of_newest(runs)
+    newest = [runs[number - 1] for number in numbers]
+    head = [f"run {number}, {run['result']['cases']} cases" for number, run in zip(numbers, newest)]
     text += [
         "",
-        "All cases of the newest run (`+` exact, `o` in class, `-` wrong):",
+        "## The newest program",
+        "",
+        "Values with their 95 % intervals; a goal is met or missed by the first.",
+        "",
+    ]
+    text += [f"| measure | {' | '.join(head)} | goal |", f"|---|{'---|' * len(head)}---|"]
+    goals = {name: goal for run in reversed(newest) for name, _, goal in lines(run["result"])}
+    values = [{name: value for name, value, _ in lines(run["result"])} for run in newest]
+    names = dict.fromkeys(name for of_run in values for name in of_run)
+    text += [f"| {name} | {' | '.join(of.get(name, '') for of in values)} | {goals[name]} |" for name in names]
+    text += [f"\nRun {number}: {run['note']}" for number, run in zip(numbers, newest) if "note" in run]
+    text += ["", "![reliability and dominance](blind.png)", "", "![confusion](blind-confusion.png)", ""]
+    for number, run in zip(numbers, newest):
+        text += [f"Hashes of run {number}, written before the diagnosis ran:", ""]
+        text += [f"- {key}: `{value}`" for key, value in run["commitment"].items()] + [""]
+    text += [
+        f"All cases of run {numbers[0]} (`+` exact, `o` in class, `-` wrong):",
         "",
         "```",
-        listing(newest_cases),
+        listing(cases),
         "```",
     ]
     return "\n".join(text) + "\n"

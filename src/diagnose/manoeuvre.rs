@@ -282,7 +282,7 @@ mod tests {
         for scale in [CAR, TRUCK] {
             for planned in &PLANNED {
                 let words = (planned.how)(scale);
-                let times = || (0..1500).map(|i| f64::from(i) * STEP);
+                let times = || (0..=1500).map(|i| f64::from(i) * STEP);
                 let quickest = times().map(planned.speed).fold(0.0, f64::max);
                 assert!(words.contains(&scale.v(quickest)), "{}: {words}", planned.name);
                 let most = times().map(|time| (planned.lateral)(time).abs()).fold(0.0, f64::max);
