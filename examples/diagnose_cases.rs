@@ -43,6 +43,12 @@ fn line(label: &str, truth: &[(String, f64)], found: &Diagnosis, seconds: f64) -
     for candidate in report.candidates.iter().take(3) {
         text += &format!(" {} {:.0},", candidate.effects.join("+"), candidate.evidence);
     }
+    if let Some(varies) = &report.verdict.varying {
+        text += &format!(" {} varies with {:?}, evidence {:.0}", varies.id, varies.with, varies.evidence);
+    }
+    if let Some(strained) = &report.verdict.strained {
+        text += &format!(" strained: {strained:?}");
+    }
     if let Some((id, _)) = truth.first() {
         let rank =
             report.candidates.iter().filter(|c| c.effects.len() == 1).position(|c| c.effects[0] == *id);

@@ -1,49 +1,82 @@
-//! How near the reduced replay comes to the full plant, and how fast it is.
+//! How near the reduced replay comes to the full plant with each effect of the library, in shares of what the effect does.
+//!
+//! ```text
+//! diagnose_replay [VEHICLE] [SEED] [ID..]
+//! ```
+//!
+//! A row is an effect, its moderate value put into the plant and into the replay, without noise and background: for each
+//! signal the gap that is left over the gap with the effect neutral, after the neutral correction. Signals that the effect
+//! moves by less than its noise have a dash.
 
 use rfl_mpc::diagnose::problem::rms;
-use rfl_mpc::diagnose::replay::{Correction, Drive, replay};
+use rfl_mpc::diagnose::replay::{Channel, Correction, Drive, neutral, replay};
 use rfl_mpc::diagnose::simulated::{Conditions, SimulatedVehicle, drive};
-use rfl_mpc::vehicle::{TruckEffects, builtin, builtin_truck};
+use rfl_mpc::vehicle::{BUILTIN_TRUCKS, TruckEffects, builtin, builtin_truck};
 
-fn show<V: SimulatedVehicle>(vehicle: &V, conditions: &Conditions, put_in: &[(&str, f64)]) {
+#[path = "diagnose_cases/values.rs"]
+mod values;
+use values::VALUES;
+
+const SHOWN: [(Channel, f64); 6] = [
+    (Channel::YawRate, 0.0005),
+    (Channel::Ay, 0.01),
+    (Channel::Vy, 0.003),
+    (Channel::Ax, 0.01),
+    (Channel::Roll, 0.0002),
+    (Channel::ArticulationRate, 0.0005),
+];
+
+fn show<V: SimulatedVehicle>(vehicle: &V, seed: u64, id: &str, value: f64) {
     let mut effects = TruckEffects::default();
-    for &(id, value) in put_in {
-        *effects.get_mut(id).expect("an effect") = value;
-    }
-    let conditions = Conditions { background: 0.0, noise: 0.0, ..*conditions };
-    let log = drive(vehicle, &effects, &conditions).expect("an ordinary drive");
+    let Some(place) = effects.get_mut(id) else { return };
+    *place = value;
+    let ordinary = Conditions { seed, background: 0.0, noise: 0.0, ..Conditions::default() };
+    let slow = Conditions { speed: (6.0, 18.0), lateral: 2.0, ..ordinary };
+    let Some(log) = drive(vehicle, &effects, if V::TRUCK { &slow } else { &ordinary }) else {
+        println!("{id:24} not drivable");
+        return;
+    };
     let ready = Drive::new(&log, V::TRUCK);
-    let begin = std::time::Instant::now();
-    let trace = replay(&ready, vehicle, &effects, &Correction::default(), None).expect("sound");
-    println!("{} {put_in:?}: {:.1} ms, sound {}", V::TRUCK, begin.elapsed().as_secs_f64() * 1e3, trace.sound);
-    for &channel in &ready.channels {
-        let (mut gap, mut own) = (Vec::new(), Vec::new());
-        for row in (0..ready.time.len()).filter(|&row| ready.scored[row]) {
-            let log = if channel.leaks() { 0.0 } else { ready.column(channel.name())[row] };
-            gap.push(log - trace.column(channel)[row]);
-            own.push(log);
+    let correction = neutral(&ready, vehicle).unwrap_or_else(|_| Correction::default());
+    let own = replay(&ready, vehicle, &effects, &correction, None).expect("sound");
+    let without = replay(&ready, vehicle, &TruckEffects::default(), &correction, None).expect("sound");
+    let mut text = format!("{id:24}");
+    for (channel, noise) in SHOWN {
+        if !ready.channels.contains(&channel) {
+            continue;
         }
-        println!("  {:18} gap {:.5}  signal {:.4}", channel.name(), rms(&gap), rms(&own));
+        let gap = |trace: &rfl_mpc::diagnose::replay::Trace| {
+            let rows = (0..ready.time.len()).filter(|&row| ready.scored[row]);
+            rms(&rows
+                .map(|row| ready.column(channel.name())[row] - trace.column(channel)[row])
+                .collect::<Vec<_>>())
+        };
+        let (left, before) = (gap(&own), gap(&without));
+        if before < noise {
+            text += &format!("  {:>17} {:>13}", channel.name(), "-");
+        } else {
+            text += &format!("  {:>17} {left:.4}/{before:.4}", channel.name());
+        }
     }
+    println!("{text}");
 }
 
 fn main() {
-    let c = Conditions { duration: 100.0, ..Conditions::default() };
-    for name in ["c_class", "genesis"] {
-        let car = builtin(name).expect("built in");
-        for effects in [
-            &[][..],
-            &[("steer_delay", 0.1)],
-            &[("road_bank", 0.05), ("payload", 300.0)],
-            &[("sensor_delay", 0.1)],
-            &[("speed_scale", 1.05), ("heading_misalignment", 0.03)],
-        ] {
-            show(&car, &c, effects);
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let name = arguments.first().map_or("c_class", String::as_str);
+    let seed = arguments.get(1).and_then(|text| text.parse().ok()).unwrap_or(1);
+    let wanted = |id: &str| arguments.len() < 3 || arguments[2..].iter().any(|it| it == id);
+    for &(id, moderate, _) in VALUES.iter().filter(|(id, ..)| wanted(id)) {
+        let is_truck = BUILTIN_TRUCKS.contains(&name);
+        let value = match id {
+            "payload" if is_truck => 5.0 * moderate,
+            "brake_pull" if is_truck => 8.0 * moderate,
+            _ => moderate,
+        };
+        if is_truck {
+            show(&builtin_truck(name).expect("built in"), seed, id, value);
+        } else if rfl_mpc::vehicle::Effects::find(id).is_some() {
+            show(&builtin(name).expect("built in"), seed, id, value);
         }
-    }
-    let truck = builtin_truck("truck_real").expect("built in");
-    let c = Conditions { speed: (6.0, 18.0), lateral: 2.0, ..c };
-    for effects in [&[][..], &[("trailer_payload", 5000.0)], &[("articulation_friction", 20000.0)]] {
-        show(&truck, &c, effects);
     }
 }

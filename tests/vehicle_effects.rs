@@ -163,6 +163,30 @@ fn tyre_relaxation_delays_the_slip() {
 }
 
 #[test]
+fn tyre_relaxation_is_the_front_tyres_at_rest_and_others_follow_their_files() {
+    let p = parameters();
+    let own = p.relaxation().unwrap();
+    let path = |effects: Effects, p: &CarParameters| {
+        let mut car = Car::new(p, &effects, None).unwrap();
+        car.place(0.0, 0.0, 0.0, 12.0);
+        let input = |k: i32| CarInput { steer_cmd: 0.05 * (0.05 * f64::from(k)).sin(), accel_cmd: 0.0 };
+        (0..300).for_each(|k| car.step(&input(k), 0.01).unwrap());
+        *car.output()
+    };
+    let bits = |out: &CarOutput| [out.x, out.y, out.yaw_rate].map(f64::to_bits);
+    // The file's own length changes nothing; twice that is what a file of twice the length does.
+    let same = path(with!(tyre_relaxation: own), &p);
+    assert_eq!(bits(&same), bits(&path(Effects::default(), &p)));
+    let mut longer = p.clone();
+    for tyre in [&mut longer.tyre.front, &mut longer.tyre.rear] {
+        tyre.coefficients.as_mut().unwrap().pty1 *= 2.0;
+    }
+    let (effect, file) = (path(with!(tyre_relaxation: 2.0 * own), &p), path(Effects::default(), &longer));
+    near(effect.yaw_rate, file.yaw_rate, 1e-12, "twice the length");
+    assert!((effect.yaw_rate - same.yaw_rate).abs() > 1e-3, "{} {}", effect.yaw_rate, same.yaw_rate);
+}
+
+#[test]
 fn payload_and_cg_shift_load_the_axles() {
     let rest = |effects| {
         let out = last(effects, 0.0, 0.0, 3.0);

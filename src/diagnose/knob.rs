@@ -335,20 +335,7 @@ impl Knob {
             return;
         }
         match self.turns {
-            Turns::Relaxation => {
-                let known = vehicle.known_effects().vehicle.tyre_relaxation > 0.0;
-                let mut tyres = vehicle.tyres();
-                let has = |tyre: &crate::vehicle::Tyre| {
-                    tyre.coefficients.as_ref().is_some_and(|file| file.pty1 != 0.0 && file.pty2 != 0.0)
-                };
-                if !known && tyres.iter().all(|(_, tyre)| has(tyre)) {
-                    for file in tyres.iter_mut().filter_map(|(_, tyre)| tyre.coefficients.as_mut()) {
-                        file.pty1 *= 1.0 + x;
-                    }
-                } else {
-                    effects.vehicle.tyre_relaxation = self.value(x);
-                }
-            }
+            Turns::Relaxation => effects.vehicle.tyre_relaxation = self.value(x),
             Turns::Effect | Turns::RateLimit => {
                 if let Some(place) = effects.get_mut(self.id) {
                     *place = self.value(x);

@@ -136,7 +136,7 @@ effects! {
     tyre_stiffness_front ONE neutral 1.0, in 0.1, 5.0; Tyre; "Factor on the front tyres' cornering stiffness"
     tyre_stiffness_rear ONE neutral 1.0, in 0.1, 5.0; Tyre; "Factor on the rear tyres' cornering stiffness"
     road_friction ONE neutral 1.0, in 0.05, 2.0; Tyre; "Factor on the friction between tyres and road"
-    tyre_relaxation METRE neutral 0.0, in 0.0, 5.0; Tyre; "Relaxation length of the lateral slip of all tyres; 0: as the tyre file has it"
+    tyre_relaxation METRE neutral 0.0, in 0.0, 5.0; Tyre; "Relaxation length of the lateral slip: the front tyres' at rest, others and loads as in the files; 0: as the files have it"
     payload KILOGRAM neutral 0.0, in 0.0, 20000.0; Body; "Mass loaded on the body at the height of its CG"
     payload_x METRE neutral 0.0, in -10.0, 10.0; Body; "Place of the payload, forward of the unladen CG positive"
     cg_shift METRE neutral 0.0, in -1.0, 1.0; Body; "Shift of the unladen CG against the file, forward positive"

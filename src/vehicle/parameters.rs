@@ -159,6 +159,14 @@ fn one() -> f64 {
     1.0
 }
 
+/// Lateral relaxation length of the first of a vehicle's tyres under its load at rest (N), m; none if not all files say how
+/// it changes with the load.
+pub(super) fn relaxation_at_rest(load: f64, tyres: &[&Tyre]) -> Option<f64> {
+    let length = |tyre: &&Tyre| tyre.scaled().lateral_relaxation(load, 0.0);
+    let first = tyres.first().map(length)?;
+    tyres.iter().all(|tyre| length(tyre) > 0.0).then_some(first)
+}
+
 impl CarParameters {
     /// Every number of a car with name, unit, range and meaning.
     pub const TABLE: &'static [Parameter<Self>] = table! {
@@ -283,6 +291,12 @@ impl CarParameters {
     pub fn axle_loads(&self) -> (f64, f64) {
         let weight = self.vehicle.mass * GRAVITY / self.wheelbase();
         (weight * self.vehicle.cg_to_rear_axle, weight * self.vehicle.cg_to_front_axle)
+    }
+
+    /// Lateral relaxation length of the front tyres at rest, m; none if a tyre file does not say.
+    #[must_use]
+    pub fn relaxation(&self) -> Option<f64> {
+        relaxation_at_rest(0.5 * self.axle_loads().0, &[&self.tyre.front, &self.tyre.rear])
     }
 
     /// The linear single-track model of this car: axle stiffnesses are the slopes of the tyres' lateral force at

@@ -1,15 +1,29 @@
 //! Vehicles without their fast motions: what must be driven hundreds of times, at ten thousand times real time.
 //!
 //! The equations are the plant's own, evaluated once a step of 20 ms instead of four times a millisecond. Speed is given;
-//! the slow motions (sideways, yaw, roll) are integrated by Adams and Bashforth's second-order rule, the tyres'
-//! relaxation exactly for a slip that is linear over the step,
+//! the slow motions (sideways, yaw, roll) are integrated by Adams and Bashforth's rule, of third order (second for trucks:
+//! their fifth wheel's dry friction is too stiff), the tyres' relaxation exactly for the mean slip velocity by the same,
 //!
 //! ```text
-//!     x+ = x + h (3 f - f-) / 2,      v+ = e^(-a h) v + (1 - e^(-a h)) / a (3 s - s-) / 2,   v' = s - a v
+//!     <f> = (23 f - 16 f- + 5 f--) / 12,   x+ = x + h <f>,   v+ = e^(-a h) v + (1 - e^(-a h)) / a <s>,   v' = s - a v
 //! ```
 //!
-//! and what is faster (spin of the wheels, their height, pitch and heave of the body) follows its equilibrium by a Newton
-//! step each time. Steering chain and drive are exact. Every effect thus means what it means to the plant.
+//! and what is faster follows its equilibrium by a Newton step each time, without its mass: the wheels' spin, pitch and
+//! heave of the body, and the wheels' height `z` between tyre `k` and damper `d`, which is then led by one step,
+//!
+//! ```text
+//!     z = (F + k z~ + d (z~' + z- / h)) / (k + d / h),   z+ = 2 z - z-,      F: force found at z~, z~'
+//! ```
+//!
+//! Wheels that are found to turn faster than the vehicle moves give it the force for that at once, or every drive force
+//! would come two steps late:
+//!
+//! ```text
+//!     a = a~ + sum I (w' - a~ / r) / r / (m + sum I / r^2),      a~, w': acceleration and spin rate found
+//! ```
+//!
+//! Steering chain and drive are exact. Every effect thus means what it means to the plant; how nearly,
+//! `examples/diagnose_replay.rs` says.
 
 use super::sensors::{BODY_SIGNALS, measured};
 use super::steering::SteeringState;
@@ -19,11 +33,16 @@ use super::unit::{
     WIND_UP, YAW, YAW_RATE,
 };
 
-/// Shares of the way to equilibrium in one step: wheels' height and spin; pitch and heave of a body on its springs.
-const QUICK: f64 = 0.6;
-const SPRINGS: f64 = 0.2;
+/// Share of the way to equilibrium in one step of a body's pitch and heave: its springs stand on the tyres'.
+const SPRINGS: f64 = 0.7;
+/// Longest step times the frequency of the quickest motion sideways: the rule is not stable with much more.
+const LONGEST: f64 = 0.5;
+/// And most parts that a step is taken in.
+const MOST_PARTS: f64 = 4.0;
 /// Steps of the fast motions before a start.
 const SETTLING: usize = 40;
+/// Axles of the first body; others are a trailer's.
+const FIRST_AXLES: usize = 2;
 /// Greatest longitudinal slip, and the speed (m/s) below which wheels count as rolling at it.
 const GREATEST_SLIP: f64 = 0.5;
 const LEAST_SPEED: f64 = 1.0;
@@ -117,12 +136,16 @@ pub(super) struct SprungBody {
 pub(super) trait Relaxed<const N: usize, const S: usize>: Plant<N, S> {
     /// States that are integrated.
     const SLOW: &'static [usize];
+    /// Order of their integration, 2 or 3.
+    const ORDER: usize;
     /// Place of the first wheel's states of each axle.
     const FIRST_WHEELS: &'static [usize];
     fn axle(&self, index: usize) -> &Axle;
     fn bodies(&self) -> Vec<SprungBody>;
     /// Reference point forward of the CG, m.
     fn arm(&self) -> f64;
+    /// Mass of the whole vehicle, kg.
+    fn mass(&self) -> f64;
     /// Places of a trailer's yaw and yaw rate, and of the wind-up of the fifth wheel's friction.
     fn trailer(&self) -> Option<[usize; 3]>;
     /// Articulation as measured and its rate, from the signals.
@@ -135,7 +158,38 @@ struct Wheel {
     axle: usize,
     side: f64,
     kappa: f64,
-    slip: Option<f64>,
+    /// Lift at the last step, m.
+    lift: f64,
+    slip: Past<f64>,
+}
+
+/// Rates of the last two steps, as far as there were any since the start.
+#[derive(Clone, Copy)]
+struct Past<T>(Option<T>, Option<T>);
+
+impl<T: Copy> Past<T> {
+    const NONE: Self = Self(None, None);
+
+    /// Mean rate over the step ahead, by Adams and Bashforth of second or third order, or what the past allows.
+    fn ahead(&self, now: T, order: usize, of: impl Fn(&T) -> f64) -> f64 {
+        let f = of(&now);
+        match (&self.0, &self.1) {
+            (Some(last), Some(before)) if order > 2 => (23.0 * f - 16.0 * of(last) + 5.0 * of(before)) / 12.0,
+            (Some(last), _) => 1.5 * f - 0.5 * of(last),
+            _ => f,
+        }
+    }
+
+    fn then(&self, now: T) -> Self {
+        Self(Some(now), self.0)
+    }
+}
+
+/// Lateral relaxation length of an axle's tyres at a load of each in N, m.
+fn relaxation(axle: &Axle, each: f64) -> f64 {
+    let length =
+        if axle.relaxation > 0.0 { axle.relaxation } else { axle.tyre.lateral_relaxation(each, 0.0) };
+    length.max(SHORTEST_RELAXATION)
 }
 
 /// A plant without its fast motions.
@@ -146,7 +200,9 @@ pub(super) struct Reduced<P: Relaxed<N, S>, const N: usize, const S: usize> {
     wheels: Vec<Wheel>,
     y: [f64; N],
     rates: [f64; N],
-    before: Option<[f64; N]>,
+    past: Past<[f64; N]>,
+    /// Fastest natural frequency of the motion sideways on its tyres, rad/s.
+    frequency: f64,
     steering: SteeringState,
     drive: f64,
     time: f64,
@@ -155,7 +211,7 @@ pub(super) struct Reduced<P: Relaxed<N, S>, const N: usize, const S: usize> {
 impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
     pub fn new(plant: P) -> Self {
         let y = plant.placed(0.0, 0.0, 0.0, 0.0);
-        let wheel = |at, axle, side| Wheel { at, axle, side, kappa: 0.0, slip: None };
+        let wheel = |at, axle, side| Wheel { at, axle, side, kappa: 0.0, lift: 0.0, slip: Past::NONE };
         let wheels = P::FIRST_WHEELS
             .iter()
             .enumerate()
@@ -167,7 +223,8 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
             wheels,
             y,
             rates: [0.0; N],
-            before: None,
+            past: Past::NONE,
+            frequency: Self::frequency(&plant),
             steering: SteeringState::at_rest(plant.steering(), 0.0),
             drive: 0.0,
             time: 0.0,
@@ -175,10 +232,34 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
         }
     }
 
+    /// That of the mass on the tyres' side walls: whatever the speed, nothing sideways decays by more than half of it.
+    fn frequency(plant: &P) -> f64 {
+        let axles = || (0..FIRST_AXLES).map(|i| plant.axle(i));
+        let stiffness = |axle: &Axle| {
+            2.0 * axle.tyres * axle.tyre.cornering_stiffness(axle.static_load / axle.tyres, 0.0)
+        };
+        let shortest =
+            axles().map(|axle| relaxation(axle, axle.static_load / axle.tyres)).fold(f64::INFINITY, f64::min);
+        (axles().map(stiffness).sum::<f64>() / plant.mass() / shortest).sqrt()
+    }
+
     fn derivative(&mut self, stage: &Stage) -> P::Flow {
         let mut flow = P::Flow::default();
         self.plant.derivative(&self.y, stage, &self.environment, &mut self.rates, &mut flow);
         flow
+    }
+
+    /// Acceleration of the vehicle, m/s2, from what turns its wheels faster than it moves: that force they have yet to find.
+    /// A wheel that spins or is locked finds no more.
+    fn late(&self) -> f64 {
+        let (mut force, mut mass) = (0.0, self.plant.mass());
+        for wheel in self.wheels.iter().filter(|wheel| wheel.kappa.abs() < GREATEST_SLIP) {
+            let axle = self.plant.axle(wheel.axle);
+            let faster = self.rates[wheel.at + SPIN] - self.rates[VX] / axle.radius;
+            force += axle.wheel_inertia * faster / axle.radius;
+            mass += axle.wheel_inertia / (axle.radius * axle.radius);
+        }
+        force / mass
     }
 
     /// Fast motions follow their equilibrium; with `h`, the tyres' lateral deflections are integrated, without they settle.
@@ -190,25 +271,26 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
             let each = load / axle.tyres;
             let speed = y[VX].abs().max(LEAST_SPEED);
 
-            let relaxation =
-                if axle.relaxation > 0.0 { axle.relaxation } else { axle.tyre.lateral_relaxation(each, 0.0) };
-            let rate = speed / relaxation.max(SHORTEST_RELAXATION);
+            let rate = speed / relaxation(axle, each);
             let v = y[at + DEFLECTION_Y];
             let slip = rates[at + DEFLECTION_Y] + rate * v;
             y[at + DEFLECTION_Y] = match h {
                 Some(h) => {
-                    let ahead = 1.5 * slip - 0.5 * wheel.slip.unwrap_or(slip);
+                    let ahead = wheel.slip.ahead(slip, P::ORDER, |&slip| slip);
+                    wheel.slip = wheel.slip.then(slip);
                     let gone = -(-rate * h).exp_m1();
                     v + gone * (ahead / rate - v)
                 }
                 None => slip / rate,
             };
-            wheel.slip = h.map(|_| slip);
+            if h.is_none() {
+                wheel.slip = Past::NONE;
+            }
 
             let stiffness = axle.tyres * axle.tyre.slip_stiffness(each).max(1e3) * axle.radius;
             // A wheel keeps pace with the vehicle: what turns it ever faster is taken from its force.
             let lag = rates[at + SPIN] - rates[VX] / axle.radius;
-            let wanted = wheel.kappa + QUICK * lag * axle.wheel_inertia / stiffness;
+            let wanted = wheel.kappa + lag * axle.wheel_inertia / stiffness;
             wheel.kappa = wanted.clamp(-GREATEST_SLIP, GREATEST_SLIP);
             let relaxation = axle.tyre.longitudinal_relaxation(each).max(SHORTEST_RELAXATION);
             y[at + DEFLECTION_X] = wheel.kappa * relaxation;
@@ -217,9 +299,26 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
             // A turning wheel's brake has slipped: its wind-up is at its greatest.
             y[at + WIND_UP] = y[at + SPIN];
 
-            let stiffness = axle.tyres * axle.tyre.vertical_stiffness + axle.spring;
+            let bar = 0.5 * axle.anti_roll_bar / (axle.half_track * axle.half_track);
+            let stiffness = axle.tyres * axle.tyre.vertical_stiffness + axle.spring + bar;
             let force = rates[at + LIFT_RATE] * 0.5 * axle.unsprung_mass;
-            y[at + LIFT] += QUICK * force / stiffness;
+            match h {
+                Some(h) => {
+                    let (lift, rate) = (y[at + LIFT], y[at + LIFT_RATE]);
+                    let damper = axle.damper / h;
+                    let now =
+                        (force + stiffness * lift + damper * (rate * h + wheel.lift)) / (stiffness + damper);
+                    let moved = now - wheel.lift;
+                    wheel.lift = now;
+                    y[at + LIFT_RATE] = moved / h;
+                    y[at + LIFT] = now + moved;
+                }
+                None => {
+                    y[at + LIFT] += force / stiffness;
+                    y[at + LIFT_RATE] = 0.0;
+                    wheel.lift = y[at + LIFT];
+                }
+            }
         }
         for body in &self.bodies {
             let [heave, rate] = body.heave;
@@ -231,9 +330,8 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
 
     /// Slow motions.
     fn integrate(&mut self, h: f64) {
-        let before = self.before.unwrap_or(self.rates);
         for &i in P::SLOW {
-            self.y[i] += h * (1.5 * self.rates[i] - 0.5 * before[i]);
+            self.y[i] += h * self.past.ahead(self.rates, P::ORDER, |rates| rates[i]);
         }
         if let Some([_, rate, wind_up]) = self.plant.trailer() {
             let (z, turning) = (self.y[wind_up], self.y[YAW_RATE] - self.y[rate]);
@@ -242,46 +340,11 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
             let share = if decay > 1e-9 { -(-decay).exp_m1() / decay } else { 1.0 };
             self.y[wind_up] = z * (-decay).exp() + turning * h * share;
         }
-        self.before = Some(self.rates);
-    }
-}
-
-impl<P: Relaxed<N, S>, const N: usize, const S: usize> ReducedVehicle for Reduced<P, N, S> {
-    fn start(&mut self, start: &ReducedStart) {
-        self.y = self.plant.placed(0.0, 0.0, start.yaw, start.vx);
-        self.y[VY] = start.vy - self.plant.arm() * start.yaw_rate;
-        self.y[YAW_RATE] = start.yaw_rate;
-        if let Some([yaw, rate, _]) = self.plant.trailer() {
-            self.y[yaw] = start.yaw - start.articulation;
-            self.y[rate] = start.yaw_rate - start.articulation_rate;
-        }
-        self.steering = SteeringState::at_rest(self.plant.steering(), start.steer);
-        (self.drive, self.time) = (start.accel, 0.0);
-        for wheel in &mut self.wheels {
-            (wheel.kappa, wheel.slip) = (0.0, None);
-        }
-        let stage = Stage { steer: self.steering.road_wheel(self.plant.steering()), accel: self.drive };
-        for _ in 0..SETTLING {
-            self.derivative(&stage);
-            self.follow(None);
-        }
-        self.before = None;
+        self.past = self.past.then(self.rates);
     }
 
-    fn set_motion(&mut self, vy: f64, yaw_rate: f64) {
-        let changed = yaw_rate - self.y[YAW_RATE];
-        self.y[VY] = vy - self.plant.arm() * yaw_rate;
-        self.y[YAW_RATE] = yaw_rate;
-        if let Some([_, rate, _]) = self.plant.trailer() {
-            self.y[rate] += changed;
-        }
-        let stage = Stage { steer: self.steering.road_wheel(self.plant.steering()), accel: self.drive };
-        self.derivative(&stage);
-        self.follow(None);
-        self.before = None;
-    }
-
-    fn step(&mut self, input: &ReducedInput, step: f64) -> ReducedOutput {
+    /// The motion now; then one step that is short enough.
+    fn part(&mut self, input: &ReducedInput, step: f64) -> ReducedOutput {
         let chain = *self.plant.steering();
         self.y[VX] = input.vx;
         if let Some(yaw) = input.yaw {
@@ -304,10 +367,12 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> ReducedVehicle for Reduce
             self.drive = input.accel;
         }
         let mut flow = self.derivative(&Stage { steer, accel: self.drive });
+        let late = self.late();
         let signals = self.plant.signals(&self.y, &self.rates, &mut flow);
         let [_, _, _, vx, vy, yaw_rate, ax, ay, roll, ..] =
             measured(self.plant.effects(), &signals[..BODY_SIGNALS]);
         let (articulation, articulation_rate) = self.plant.articulation(&signals);
+        self.rates[VX] += late;
         let output = ReducedOutput {
             true_vy: signals[4],
             true_yaw_rate: signals[5],
@@ -315,7 +380,7 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> ReducedVehicle for Reduce
             vx,
             vy,
             yaw_rate,
-            ax,
+            ax: ax + late,
             ay,
             roll,
             steer: at_sensor,
@@ -329,6 +394,49 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> ReducedVehicle for Reduce
             self.drive = line.follow(self.drive, input.accel * line.gain, step);
         }
         self.time += step;
+        output
+    }
+}
+
+impl<P: Relaxed<N, S>, const N: usize, const S: usize> ReducedVehicle for Reduced<P, N, S> {
+    fn start(&mut self, start: &ReducedStart) {
+        self.y = self.plant.placed(0.0, 0.0, start.yaw, start.vx);
+        self.y[VY] = start.vy - self.plant.arm() * start.yaw_rate;
+        self.y[YAW_RATE] = start.yaw_rate;
+        if let Some([yaw, rate, _]) = self.plant.trailer() {
+            self.y[yaw] = start.yaw - start.articulation;
+            self.y[rate] = start.yaw_rate - start.articulation_rate;
+        }
+        self.steering = SteeringState::at_rest(self.plant.steering(), start.steer);
+        (self.drive, self.time) = (start.accel, 0.0);
+        for wheel in &mut self.wheels {
+            (wheel.kappa, wheel.slip) = (0.0, Past::NONE);
+        }
+        let stage = Stage { steer: self.steering.road_wheel(self.plant.steering()), accel: self.drive };
+        for _ in 0..SETTLING {
+            self.derivative(&stage);
+            self.follow(None);
+        }
+        self.past = Past::NONE;
+    }
+
+    fn set_motion(&mut self, vy: f64, yaw_rate: f64) {
+        let changed = yaw_rate - self.y[YAW_RATE];
+        self.y[VY] = vy - self.plant.arm() * yaw_rate;
+        self.y[YAW_RATE] = yaw_rate;
+        if let Some([_, rate, _]) = self.plant.trailer() {
+            self.y[rate] += changed;
+        }
+        let stage = Stage { steer: self.steering.road_wheel(self.plant.steering()), accel: self.drive };
+        self.derivative(&stage);
+        self.follow(None);
+        self.past = Past::NONE;
+    }
+
+    fn step(&mut self, input: &ReducedInput, step: f64) -> ReducedOutput {
+        let parts = (step * self.frequency / LONGEST).clamp(1.0, MOST_PARTS).ceil();
+        let output = self.part(input, step / parts);
+        (1..parts as usize).for_each(|_| _ = self.part(input, step / parts));
         output
     }
 }

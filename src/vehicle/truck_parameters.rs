@@ -7,7 +7,7 @@ use super::articulated::Articulated;
 use super::builtin;
 use super::effects::TruckEffects;
 use super::file::{Parameter, VehicleError, VehicleParameters, check_body, reading, table};
-use super::parameters::{Axle, Body, GRAVITY, Steering, Tyre};
+use super::parameters::{Axle, Body, GRAVITY, Steering, Tyre, relaxation_at_rest};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -287,6 +287,13 @@ impl TruckParameters {
             [self.trailer.cg_to_hitch, -self.trailer.cg_to_axle],
         );
         [loads.front, loads.rear, loads.trailer]
+    }
+
+    /// Lateral relaxation length of the front tyres at rest, m; none if a tyre file does not say.
+    #[must_use]
+    pub fn relaxation(&self) -> Option<f64> {
+        let load = 0.5 * self.axle_loads()[0] / self.tyres_per_side.front;
+        relaxation_at_rest(load, &[&self.tyre.front, &self.tyre.rear, &self.tyre.trailer])
     }
 
     /// The linear model of this truck: stiffnesses are the slopes of the tyres' lateral force at static load and

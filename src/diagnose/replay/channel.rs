@@ -86,7 +86,13 @@ impl Channel {
     pub fn corrected(self) -> bool {
         matches!(
             self,
-            Self::YawRate | Self::Ay | Self::Vy | Self::Roll | Self::Articulation | Self::ArticulationRate
+            Self::YawRate
+                | Self::Ax
+                | Self::Ay
+                | Self::Vy
+                | Self::Roll
+                | Self::Articulation
+                | Self::ArticulationRate
         )
     }
 

@@ -6,11 +6,14 @@ use super::run::{Correction, replay};
 use crate::control::{SpeedParameters, track_speed};
 use crate::vehicle::{
     Car, CarParameters, NO_RATE_LIMIT, ReducedVehicle, Stage, Steering, Truck, TruckEffects, TruckParameters,
-    Tyre, VehicleInput, VehicleParameters, car, truck,
+    VehicleInput, VehicleParameters, car, truck,
 };
 
 /// Gain of the speed control of the full plant's replay, 1/s.
 const SPEED_GAIN: f64 = 4.0;
+
+/// What stands for the relaxation length of tyres whose files have none, m.
+const SHORTEST_RELAXATION: f64 = 0.1;
 
 /// A vehicle that can be replayed.
 pub trait ReplayVehicle: VehicleParameters + Clone + Sync + Send {
@@ -42,14 +45,26 @@ pub trait ReplayVehicle: VehicleParameters + Clone + Sync + Send {
     /// Lateral relaxation length of the front tyres at rest, m.
     fn relaxation(&self) -> f64;
 
-    /// Drives the full plant, with the effects of its file, along a stretch of rows with commands; `columns` receives what is corrected.
-    fn full(&self, drive: &Drive, stretch: (usize, usize), columns: &mut [Vec<f64>]);
+    /// Drives the full plant, with the effects of its file, along a stretch of rows of a drive, at its speed, by steering
+    /// commands of the drive and accelerations of its own.
+    fn full(&self, drive: &Drive, stretch: (usize, usize), driven: &mut Driven);
 }
 
-fn put(columns: &mut [Vec<f64>], row: usize, values: &[(Channel, f64)]) {
-    for &(channel, value) in values {
-        if let Some(place) = columns[channel as usize].get_mut(row) {
-            *place = value;
+/// What the full plant does along a drive, and what it takes to keep its speed there.
+pub struct Driven {
+    /// What is corrected, by channel.
+    columns: Vec<Vec<f64>>,
+    /// Its speed, m/s, and the acceleration that drive and brakes were asked for, m/s2.
+    vx: Vec<f64>,
+    accel_cmd: Vec<f64>,
+}
+
+impl Driven {
+    fn put(&mut self, row: usize, values: &[(Channel, f64)]) {
+        for &(channel, value) in values {
+            if let Some(place) = self.columns[channel as usize].get_mut(row) {
+                *place = value;
+            }
         }
     }
 }
@@ -71,11 +86,6 @@ fn keep_speed<V: ReplayVehicle>(vehicle: &V, drive: &Drive, row: usize, vx: f64,
     command.accel_cmd
 }
 
-/// Lateral relaxation length of a tyre at a load in N; `known`: that of the vehicle file's effect, if more than 0.
-fn relaxation(tyre: &Tyre, load: f64, known: f64) -> f64 {
-    if known > 0.0 { known } else { tyre.scaled().lateral_relaxation(load, 0.0).max(0.1) }
-}
-
 macro_rules! common {
     ($tyre:ident) => {
         fn steering(&mut self) -> &mut Steering {
@@ -92,6 +102,12 @@ macro_rules! common {
 
         fn set_drive_lag(&mut self, lag: f64) {
             self.drive.lag = lag;
+        }
+
+        fn relaxation(&self) -> f64 {
+            let known = Some(self.known_effects().vehicle.tyre_relaxation).filter(|&length| length > 0.0);
+            // Without one a tyre follows at once, or nearly so.
+            known.or(Self::relaxation(self)).unwrap_or(SHORTEST_RELAXATION)
         }
 
         fn friction(&self) -> f64 {
@@ -116,15 +132,11 @@ impl ReplayVehicle for CarParameters {
         self.wheelbase()
     }
 
-    fn relaxation(&self) -> f64 {
-        relaxation(&self.tyre.front, 0.5 * self.axle_loads().0, self.effect.tyre_relaxation)
-    }
-
     fn mass_and_drag(&self) -> (f64, f64) {
         (self.vehicle.mass, 0.5 * self.air.density * self.air.drag_area)
     }
 
-    fn full(&self, drive: &Drive, (from, to): (usize, usize), columns: &mut [Vec<f64>]) {
+    fn full(&self, drive: &Drive, (from, to): (usize, usize), driven: &mut Driven) {
         let Ok(mut car) = Car::new(self, &self.effect, None) else { return };
         car.place(0.0, 0.0, 0.0, drive.column("vx")[from]);
         let mut integral = 0.0;
@@ -132,12 +144,14 @@ impl ReplayVehicle for CarParameters {
             let o = *car.output();
             let values = [
                 (Channel::YawRate, o.yaw_rate),
+                (Channel::Ax, o.ax),
                 (Channel::Ay, o.ay),
                 (Channel::Vy, o.vy),
                 (Channel::Roll, o.roll),
             ];
-            put(columns, row, &values);
+            driven.put(row, &values);
             let accel_cmd = keep_speed(self, drive, row, o.vx, &mut integral);
+            (driven.vx[row], driven.accel_cmd[row]) = (o.vx, accel_cmd);
             let input = VehicleInput { steer_cmd: drive.held(row), accel_cmd };
             if car.step(&input, drive.step).is_err() {
                 return;
@@ -163,16 +177,11 @@ impl ReplayVehicle for TruckParameters {
         self.tractor.cg_to_front_axle + self.tractor.cg_to_rear_axle
     }
 
-    fn relaxation(&self) -> f64 {
-        let load = 0.5 * self.axle_loads()[0] / self.tyres_per_side.front;
-        relaxation(&self.tyre.front, load, self.effect.vehicle.tyre_relaxation)
-    }
-
     fn mass_and_drag(&self) -> (f64, f64) {
         (self.tractor.mass + self.trailer.mass, 0.5 * self.air.density * self.air.drag_area)
     }
 
-    fn full(&self, drive: &Drive, (from, to): (usize, usize), columns: &mut [Vec<f64>]) {
+    fn full(&self, drive: &Drive, (from, to): (usize, usize), driven: &mut Driven) {
         let Ok(mut truck) = Truck::new(self, &self.effect, None) else { return };
         truck.place(0.0, 0.0, 0.0, drive.column("vx")[from]);
         let mut integral = 0.0;
@@ -180,14 +189,16 @@ impl ReplayVehicle for TruckParameters {
             let o = *truck.output();
             let values = [
                 (Channel::YawRate, o.yaw_rate),
+                (Channel::Ax, o.ax),
                 (Channel::Ay, o.ay),
                 (Channel::Vy, o.vy),
                 (Channel::Roll, o.roll),
                 (Channel::Articulation, o.articulation),
                 (Channel::ArticulationRate, o.articulation_rate),
             ];
-            put(columns, row, &values);
+            driven.put(row, &values);
             let accel_cmd = keep_speed(self, drive, row, o.vx, &mut integral);
+            (driven.vx[row], driven.accel_cmd[row]) = (o.vx, accel_cmd);
             let input = VehicleInput { steer_cmd: drive.held(row), accel_cmd };
             if truck.step(&input, drive.step).is_err() {
                 return;
@@ -219,21 +230,27 @@ pub(in crate::diagnose) fn prepared<V: ReplayVehicle>(vehicle: &V, commanded: bo
 /// Share of the gap of `ay` that may be left where it is taken for levelled.
 const LEVELLED: f64 = 0.4;
 
-/// What the full plant says beyond the reduced model, all effects neutral, on a drive: added to every replay.
+/// What the full plant says beyond the reduced model, all effects neutral, on a drive: added to every replay. Both are driven
+/// by what the plant needs to keep the log's speed: what the log's own forces do besides (a slope, a load that the plant does
+/// not have) is no error of the reduced model.
 ///
 /// # Errors
 /// As [`replay`].
 pub fn neutral<V: ReplayVehicle>(drive: &Drive, vehicle: &V) -> Result<Correction, String> {
-    let reduced = replay(drive, vehicle, &TruckEffects::default(), &Correction::default(), None)?;
     let mut plant = vehicle.clone();
     plant.set_drive_lag(0.0);
-    let mut columns: Vec<Vec<f64>> = CHANNELS
-        .iter()
-        .map(|&channel| if channel.corrected() { reduced.column(channel).to_vec() } else { Vec::new() })
-        .collect();
+    let rows = drive.time.len();
+    let own = |channel: &Channel| channel.corrected() && drive.channels.contains(channel);
+    let columns = CHANNELS.iter().map(|channel| if own(channel) { vec![f64::NAN; rows] } else { Vec::new() });
+    let mut driven =
+        Driven { columns: columns.collect(), vx: drive.column("vx").to_vec(), accel_cmd: vec![0.0; rows] };
     for &stretch in &drive.stretches {
-        plant.full(drive, stretch, &mut columns);
+        plant.full(drive, stretch, &mut driven);
     }
+    let mut same = Drive { accel_cmd: Some(driven.accel_cmd), ..drive.clone() };
+    same.columns.insert("vx", driven.vx);
+    let reduced = replay(&same, &plant, &TruckEffects::default(), &Correction::default(), None)?;
+    let mut columns = driven.columns;
     for (column, reduced) in columns.iter_mut().zip(&reduced.columns) {
         for (full, reduced) in column.iter_mut().zip(reduced) {
             *full = if (*full - reduced).is_finite() { *full - reduced } else { 0.0 };

@@ -70,7 +70,7 @@ impl CarPlant {
         // The roll axis goes through both roll centres.
         let slope = (front.roll_centre_height - rear.roll_centre_height) / wheelbase;
         let roll_axis = |x: f64| rear.roll_centre_height + slope * (x - x_rear);
-        let unit = Unit::new(&laden, &[front_parts, rear_parts], effects, roll_axis);
+        let unit = Unit::new(&laden, &[front_parts, rear_parts], effects, car.relaxation(), roll_axis);
         Ok(Self {
             wheels: [Wheels::new(unit.axles.each_ref())],
             unit,

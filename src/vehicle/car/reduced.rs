@@ -8,6 +8,8 @@ use crate::vehicle::unit::{Axle, PER_WHEEL, ROLL, ROLL_RATE, VY, YAW, YAW_RATE};
 impl Relaxed<STATES, SIGNALS> for CarPlant {
     const SLOW: &'static [usize] = &[VY, YAW, YAW_RATE, ROLL, ROLL_RATE];
 
+    const ORDER: usize = 3;
+
     const FIRST_WHEELS: &'static [usize] = &[WHEELS, WHEELS + 2 * PER_WHEEL];
 
     fn axle(&self, index: usize) -> &Axle {
@@ -28,6 +30,10 @@ impl Relaxed<STATES, SIGNALS> for CarPlant {
 
     fn arm(&self) -> f64 {
         self.unit.reference_x
+    }
+
+    fn mass(&self) -> f64 {
+        self.unit.mass
     }
 
     fn trailer(&self) -> Option<[usize; 3]> {

@@ -10,6 +10,8 @@ impl Relaxed<STATES, SIGNALS> for TruckPlant {
     const SLOW: &'static [usize] =
         &[VY, YAW, YAW_RATE, ROLL, ROLL_RATE, TRAILER, TRAILER + 1, TRAILER + 2, TRAILER + 3];
 
+    const ORDER: usize = 2;
+
     const FIRST_WHEELS: &'static [usize] = &[WHEELS, WHEELS + 2 * PER_WHEEL, WHEELS + 4 * PER_WHEEL];
 
     fn axle(&self, index: usize) -> &Axle {
@@ -43,6 +45,10 @@ impl Relaxed<STATES, SIGNALS> for TruckPlant {
 
     fn arm(&self) -> f64 {
         self.tractor.reference_x
+    }
+
+    fn mass(&self) -> f64 {
+        self.tractor.mass + self.trailer.mass
     }
 
     fn trailer(&self) -> Option<[usize; 3]> {

@@ -104,13 +104,16 @@ fn square(x: f64) -> f64 {
 }
 
 impl<const A: usize> Unit<A> {
-    /// A unit from its parts; `roll_axis` is the height of the roll axis at a place forward of the CG.
+    /// A unit from its parts; `roll_axis` is the height of the roll axis at a place forward of the CG, `relaxation` the
+    /// length (m) that `tyre_relaxation` takes the place of; none: it is that of all tyres, whatever their load.
     pub fn new(
         laden: &Laden,
         parts: &[AxleParts; A],
         effects: &Effects,
+        relaxation: Option<f64>,
         roll_axis: impl Fn(f64) -> f64,
     ) -> Self {
+        let wanted = Some(effects.tyre_relaxation).filter(|&length| length > 0.0);
         let Laden { empty, load, mass, cg, yaw_inertia } = *laden;
         let tyres = parts.each_ref().map(|parts| parts.tyre.scaled());
         let radii = tyres.each_ref().map(|tyre| tyre.rolling_radius());
@@ -133,6 +136,9 @@ impl<const A: usize> Unit<A> {
             let more = (effects.roll_stiffness - 1.0) * (springs + axle.anti_roll_bar);
             let mut coefficients = tyres[i].clone();
             coefficients.lky *= stiffness;
+            if let (Some(wanted), Some(own)) = (wanted, relaxation) {
+                coefficients.pty1 *= wanted / own;
+            }
             Axle {
                 tyre: coefficients,
                 tyres: parts[i].tyres,
@@ -152,7 +158,7 @@ impl<const A: usize> Unit<A> {
                 radius: radii[i],
                 lateral_compliance: tyre.lateral_compliance / parts[i].tyres,
                 static_load,
-                relaxation: effects.tyre_relaxation,
+                relaxation: wanted.filter(|_| relaxation.is_none()).unwrap_or(0.0),
                 drive_share: 0.5 * parts[i].drive_share,
                 brake_share: 0.5 * parts[i].brake_share,
             }
