@@ -232,7 +232,8 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
         }
     }
 
-    /// That of the mass on the tyres' side walls: whatever the speed, nothing sideways decays by more than half of it.
+    /// That of the mass on the tyres' side walls, rad/s: whatever the speed, nothing sideways decays by more than half of it
+    /// in a second.
     fn frequency(plant: &P) -> f64 {
         let axles = || (0..FIRST_AXLES).map(|i| plant.axle(i));
         let stiffness = |axle: &Axle| {
@@ -240,7 +241,7 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
         };
         let shortest =
             axles().map(|axle| relaxation(axle, axle.static_load / axle.tyres)).fold(f64::INFINITY, f64::min);
-        (axles().map(stiffness).sum::<f64>() / plant.mass() / shortest).sqrt()
+        (axles().map(stiffness).sum::<f64>() / plant.mass() / shortest).max(0.0).sqrt()
     }
 
     fn derivative(&mut self, stage: &Stage) -> P::Flow {

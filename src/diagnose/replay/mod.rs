@@ -9,7 +9,7 @@
 //! ```
 //!
 //! The model is the reduced vehicle (`vehicle/reduced.rs`), brought to the full plant by what both differ in once, with
-//! all effects neutral: `y = plant(neutral) + reduced(p) - reduced(neutral)`.
+//! all effects neutral and the same force at its wheels: `y = reduced(p) + plant(neutral) - reduced(neutral)`.
 //!
 //! | file | idea |
 //! |---|---|
