@@ -70,9 +70,9 @@ fn explained(effect: &NamedEffect) -> String {
     let others: Vec<&str> = effect.class.iter().map(String::as_str).filter(|id| *id != effect.id).collect();
     if !others.is_empty() {
         html += &format!(
-            "<p><b>This log cannot tell it from {}.</b> {}</p>",
+            "<p><b>This log cannot tell it from {}.</b> A drive that could: {}.</p>",
             escaped(&others.join(", ")),
-            escaped(&effect.separated_by)
+            escaped(effect.separated_by.trim_end_matches('.'))
         );
     }
     html
