@@ -15,7 +15,7 @@ use rfl_mpc::vehicle::{BUILTIN_TRUCKS, TruckEffects, builtin, builtin_truck};
 
 #[path = "diagnose_cases/values.rs"]
 mod values;
-use values::VALUES;
+use values::{VALUES, of_truck};
 
 fn line(label: &str, truth: &[(String, f64)], found: &Diagnosis, seconds: f64) -> (bool, bool) {
     let report = &found.report;
@@ -168,11 +168,7 @@ fn run<V: SimulatedVehicle>(vehicle: &V, arguments: &[String]) {
                 let known = V::TRUCK || rfl_mpc::vehicle::Effects::find(id).is_some();
                 if known && (!chosen || arguments[2..].iter().any(|wanted| wanted == id)) {
                     let value = if small { little } else { moderate };
-                    let value = match id {
-                        "payload" if V::TRUCK => 5.0 * value,
-                        "brake_pull" if V::TRUCK => 8.0 * value,
-                        _ => value,
-                    };
+                    let value = if V::TRUCK { of_truck(id, value) } else { value };
                     count(case(vehicle, &[(id.to_owned(), value)], 1000 * seed + k as u64));
                 }
             }

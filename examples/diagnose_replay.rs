@@ -9,13 +9,13 @@
 //! moves by less than its noise have a dash.
 
 use rfl_mpc::diagnose::problem::rms;
-use rfl_mpc::diagnose::replay::{Channel, Correction, Drive, neutral, replay};
+use rfl_mpc::diagnose::replay::{Channel, Drive, Trace, neutral, replay};
 use rfl_mpc::diagnose::simulated::{Conditions, SimulatedVehicle, drive};
 use rfl_mpc::vehicle::{BUILTIN_TRUCKS, TruckEffects, builtin, builtin_truck};
 
 #[path = "diagnose_cases/values.rs"]
 mod values;
-use values::VALUES;
+use values::{VALUES, of_truck};
 
 const SHOWN: [(Channel, f64); 6] = [
     (Channel::YawRate, 0.0005),
@@ -37,7 +37,7 @@ fn show<V: SimulatedVehicle>(vehicle: &V, seed: u64, id: &str, value: f64) {
         return;
     };
     let ready = Drive::new(&log, V::TRUCK);
-    let correction = neutral(&ready, vehicle).unwrap_or_else(|_| Correction::default());
+    let correction = neutral(&ready, vehicle).expect("sound");
     let own = replay(&ready, vehicle, &effects, &correction, None).expect("sound");
     let without = replay(&ready, vehicle, &TruckEffects::default(), &correction, None).expect("sound");
     let mut text = format!("{id:24}");
@@ -45,7 +45,7 @@ fn show<V: SimulatedVehicle>(vehicle: &V, seed: u64, id: &str, value: f64) {
         if !ready.channels.contains(&channel) {
             continue;
         }
-        let gap = |trace: &rfl_mpc::diagnose::replay::Trace| {
+        let gap = |trace: &Trace| {
             let rows = (0..ready.time.len()).filter(|&row| ready.scored[row]);
             rms(&rows
                 .map(|row| ready.column(channel.name())[row] - trace.column(channel)[row])
@@ -68,15 +68,10 @@ fn main() {
     let wanted = |id: &str| arguments.len() < 3 || arguments[2..].iter().any(|it| it == id);
     for &(id, moderate, _) in VALUES.iter().filter(|(id, ..)| wanted(id)) {
         let is_truck = BUILTIN_TRUCKS.contains(&name);
-        let value = match id {
-            "payload" if is_truck => 5.0 * moderate,
-            "brake_pull" if is_truck => 8.0 * moderate,
-            _ => moderate,
-        };
         if is_truck {
-            show(&builtin_truck(name).expect("built in"), seed, id, value);
+            show(&builtin_truck(name).expect("built in"), seed, id, of_truck(id, moderate));
         } else if rfl_mpc::vehicle::Effects::find(id).is_some() {
-            show(&builtin(name).expect("built in"), seed, id, value);
+            show(&builtin(name).expect("built in"), seed, id, moderate);
         }
     }
 }

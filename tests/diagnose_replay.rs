@@ -21,6 +21,14 @@ fn gap(drive: &Drive, trace: &Trace, channel: Channel) -> f64 {
     rms(&rows.map(|row| drive.column(channel.name())[row] - trace.column(channel)[row]).collect::<Vec<_>>())
 }
 
+/// Asserts that with each effect put into the replay as well, at most this share of the gap without it is left.
+fn replayed_within<V: SimulatedVehicle>(share: f64, vehicle: &V, all: &[(&str, f64, Channel)]) {
+    for &(id, value, channel) in all {
+        let left = left(vehicle, id, value, channel);
+        assert!(left < share, "{id} {value}: {left:.3} of the gap in {} is left", channel.name());
+    }
+}
+
 /// Gap that is left with an effect put into the replay as well, over that without.
 fn left<V: SimulatedVehicle>(vehicle: &V, id: &str, value: f64, channel: Channel) -> f64 {
     let mut effects = TruckEffects::default();
@@ -37,7 +45,7 @@ fn left<V: SimulatedVehicle>(vehicle: &V, id: &str, value: f64, channel: Channel
 #[test]
 fn a_car_with_an_effect_is_replayed_within_a_twentieth_of_what_it_does() {
     let car = builtin("c_class").unwrap();
-    for (id, value, channel) in [
+    let all = [
         ("steer_delay", 0.1, Channel::YawRate),
         ("steer_backlash", 0.02, Channel::Ay),
         ("tyre_stiffness_rear", 0.75, Channel::Vy),
@@ -51,25 +59,21 @@ fn a_car_with_an_effect_is_replayed_within_a_twentieth_of_what_it_does() {
         ("drive_lag", 0.4, Channel::Ax),
         ("wind_y", 12.0, Channel::YawRate),
         ("sensor_delay", 0.1, Channel::YawRate),
-    ] {
-        let left = left(&car, id, value, channel);
-        assert!(left < 0.05, "{id} {value}: {left:.3} of the gap in {} is left", channel.name());
-    }
+    ];
+    replayed_within(0.05, &car, &all);
 }
 
 #[test]
 fn a_truck_with_an_effect_is_replayed_within_a_tenth_of_what_it_does() {
     let truck = builtin_truck("truck_simulation").unwrap();
-    for (id, value, channel) in [
+    let all = [
         ("steer_delay", 0.1, Channel::YawRate),
         ("tyre_relaxation", 1.5, Channel::YawRate),
         ("trailer_payload", 6000.0, Channel::Ax),
         ("brake_pull", 7200.0, Channel::YawRate),
         ("articulation_friction", 15000.0, Channel::ArticulationRate),
-    ] {
-        let left = left(&truck, id, value, channel);
-        assert!(left < 0.1, "{id} {value}: {left:.3} of the gap in {} is left", channel.name());
-    }
+    ];
+    replayed_within(0.1, &truck, &all);
 }
 
 /// Forces that only the log needs (uphill, against more air) are no error of the reduced model's sideways motion.

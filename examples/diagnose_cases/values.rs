@@ -36,3 +36,12 @@ pub const VALUES: &[(&str, f64, f64)] = &[
     ("articulation_friction", 15000.0, 6000.0),
     ("articulation_bias", 0.03, 0.01),
 ];
+
+/// A value for a truck: what goes with its mass is more there.
+pub fn of_truck(id: &str, value: f64) -> f64 {
+    match id {
+        "payload" => 5.0 * value,
+        "brake_pull" => 8.0 * value,
+        _ => value,
+    }
+}

@@ -163,8 +163,8 @@ fn one() -> f64 {
 /// it changes with the load.
 pub(super) fn relaxation_at_rest(load: f64, tyres: &[&Tyre]) -> Option<f64> {
     let length = |tyre: &&Tyre| tyre.scaled().lateral_relaxation(load, 0.0);
-    let first = tyres.first().map(length)?;
-    tyres.iter().all(|tyre| length(tyre) > 0.0).then_some(first)
+    let lengths: Vec<f64> = tyres.iter().map(length).collect();
+    lengths.first().copied().filter(|_| lengths.iter().all(|&length| length > 0.0))
 }
 
 impl CarParameters {

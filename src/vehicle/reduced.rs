@@ -282,11 +282,11 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
                     let gone = -(-rate * h).exp_m1();
                     v + gone * (ahead / rate - v)
                 }
-                None => slip / rate,
+                None => {
+                    wheel.slip = Past::NONE;
+                    slip / rate
+                }
             };
-            if h.is_none() {
-                wheel.slip = Past::NONE;
-            }
 
             let stiffness = axle.tyres * axle.tyre.slip_stiffness(each).max(1e3) * axle.radius;
             // A wheel keeps pace with the vehicle: what turns it ever faster is taken from its force.

@@ -97,8 +97,9 @@ impl TruckPlant {
         let slope = (front_centre - rear_centre) / (x_front - x_rear);
         let tractor_axis = |x: f64| rear_centre + slope * (x - x_rear);
         let trailer_axis = |_: f64| axle.trailer.roll_centre_height;
-        let tractor = Unit::new(&tractor, &[front, rear], common, truck.relaxation(), tractor_axis);
-        let trailer = Unit::new(&trailer, &[group], common, truck.relaxation(), trailer_axis);
+        let relaxation = truck.relaxation();
+        let tractor = Unit::new(&tractor, &[front, rear], common, relaxation, tractor_axis);
+        let trailer = Unit::new(&trailer, &[group], common, relaxation, trailer_axis);
         let height = truck.hitch.height;
         let pins = [
             Pin::new(&tractor, x_hitch, height, tractor_axis(x_hitch)),
