@@ -28,7 +28,7 @@ const DRIFT: f64 = 0.2;
 const ENVIRONMENT: [&str; 4] = ["wind_x", "wind_y", "road_bank", "road_grade"];
 /// Tolerances of a vehicle in its reference log, besides what is named there: as many times the ordinary ones.
 const WIDE: f64 = 2.0;
-/// Evidence that is beyond the question whether an effect matters.
+/// Evidence from which on something is the matter, however small its gap.
 const PLAIN: f64 = 100.0;
 /// So many of the first candidates are compared with the winner.
 const COMPARED: usize = 12;
@@ -226,10 +226,11 @@ pub fn diagnose<V: ReplayVehicle>(
             unit: it.symbol::<V>(),
         }
     };
+    let freed = problem.with_companions(&winner.freed);
     let recalibration = (0..problem.knobs.len())
         .filter(|&i| {
             let it = &problem.knobs[i];
-            precision.free.contains(&i) && !winner.freed.contains(&i) && it.tolerance > 0.0 && !it.is_form()
+            precision.free.contains(&i) && !freed.contains(&i) && it.tolerance > 0.0 && !it.is_form()
         })
         .map(adjustment)
         .collect();
@@ -314,7 +315,10 @@ fn posterior<V: ReplayVehicle>(
     let local = Linear::new(slopes_at(&own, &ranking, known), ranking.linear.weights.clone());
     let covariance = local.covariance(&ranking.prior.freed(&own, &known.freed));
     prior.form = ranking.noise.beyond(&own, &known.gap);
-    let there: Vec<Option<usize>> = problem.knobs.iter().map(|knob| own.find(knob.id)).collect();
+    // A wind by another log's own start is none by this one's.
+    let is_shown = |id: &str| (own.drive.compass && problem.drive.compass) || !id.starts_with("wind_");
+    let there: Vec<Option<usize>> =
+        problem.knobs.iter().map(|knob| own.find(knob.id).filter(|_| is_shown(knob.id))).collect();
     for (i, knob) in problem.knobs.iter().enumerate() {
         for (j, &b) in there.iter().enumerate() {
             // What the reference cannot show stays as it was, and is off together with nothing that it has shown.
@@ -382,9 +386,10 @@ fn scores<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking) -> Scores {
 /// The effect that is not named and yet most off, and by how many tolerances.
 fn strained<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, fit: &Fit) -> Option<(usize, f64)> {
     let off = ranking.prior.off(&fit.x);
+    let freed = problem.with_companions(&fit.freed);
     let is_background = |&i: &usize| {
         let knob = &problem.knobs[i];
-        knob.effect.is_some() && knob.tolerance > 0.0 && !fit.freed.contains(&i)
+        knob.effect.is_some() && knob.tolerance > 0.0 && !freed.contains(&i)
     };
     let all = (0..problem.knobs.len()).filter(is_background);
     // Less sure than by tolerance is what a reference log has not shown well.
@@ -438,11 +443,9 @@ fn decide<V: ReplayVehicle>(
     let worth = calibration.form_is_known || scores.single > PLAIN || notable;
     let needed = |i: usize| calibration.threshold(problem.knobs[i].effect);
     let evidence = |fit: &Fit| ranking.none.cost - fit.cost;
-    let matters = |fit: &Fit, without: f64| {
-        let large = |&i: &usize| dominance(problem, ranking, fit, i) > calibration.dominance;
-        without - fit.cost > PLAIN || fit.freed.iter().all(large)
-    };
-    let tells = |fit: &&Fit| evidence(fit) > needed(fit.freed[0]) && matters(fit, ranking.none.cost);
+    let matters =
+        |fit: &Fit| fit.freed.iter().all(|&i| dominance(problem, ranking, fit, i) > calibration.dominance);
+    let tells = |fit: &&Fit| evidence(fit) > needed(fit.freed[0]) && matters(fit);
     let best = ranking.singles.iter().find(|fit| worth && tells(fit));
     // A further effect has to add what it would need alone; candidates without the best of one effect less, what all would.
     let (mut chosen, mut without) = (best, ranking.none.cost);
@@ -452,7 +455,7 @@ fn decide<V: ReplayVehicle>(
         let adds = |fit: &&Fit| {
             let others = fit.freed.iter().filter(|i| !so_far.freed.contains(i));
             let least = others.map(|&i| needed(i)).fold(calibration.pair, f64::max);
-            so_far.cost - fit.cost > least && matters(fit, so_far.cost)
+            so_far.cost - fit.cost > least && matters(fit)
         };
         let Some(fit) = more.iter().find(adds) else { break };
         (without, chosen, level) = (so_far.cost, Some(fit), more);
@@ -530,7 +533,7 @@ fn decide<V: ReplayVehicle>(
 fn dominance<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, at: &Fit, effect: usize) -> f64 {
     let without = |effects: &[usize]| {
         let mut x = at.x.clone();
-        effects.iter().for_each(|&i| x[i] = ranking.prior.mean[i]);
+        problem.with_companions(effects).into_iter().for_each(|i| x[i] = ranking.prior.mean[i]);
         problem.residual(&x)
     };
     let (Some(gap), Some(background)) = (without(&[effect]), without(&at.freed)) else {
@@ -556,10 +559,18 @@ fn named<V: ReplayVehicle>(
     for (place, &i) in winner.freed.iter().enumerate() {
         let it = &problem.knobs[i];
         let Some(effect) = it.effect else { continue };
-        let deviation = wider * covariance[(i, i)].max(0.0).sqrt();
+        let wind = wind_of(problem, winner, i);
+        let (x, variance) = match wind {
+            Some(Wind { speed, to: (sin, cos), across: j }) => {
+                let both = cos * cos * covariance[(i, i)] + sin * sin * covariance[(j, j)];
+                (speed, both + 2.0 * sin * cos * covariance[(i, j)])
+            }
+            None => (winner.x[i], covariance[(i, i)]),
+        };
+        let deviation = wider * variance.max(0.0).sqrt();
         let within = |value: f64| value.clamp(effect.range.0.min(it.value(it.named_least)), effect.range.1);
-        let (a, b) = (it.value(winner.x[i] - 1.96 * deviation), it.value(winner.x[i] + 1.96 * deviation));
-        let total = within(it.value(winner.x[i]));
+        let (a, b) = (it.value(x - 1.96 * deviation), it.value(x + 1.96 * deviation));
+        let total = within(it.value(x));
         // What has changed since the reference; neutral without one.
         let known = it.value(ranking.prior.mean[i]);
         let since = |value: f64| match effect.neutral {
@@ -575,6 +586,11 @@ fn named<V: ReplayVehicle>(
             class.push("steer_delay".to_owned());
             separated_by = "log the steering command besides the angle".to_owned();
         }
+        let direction = wind.map(|Wind { to: (sin, cos), .. }| sin.atan2(cos));
+        if direction.is_some() {
+            class.push("wind_y".to_owned());
+            separated_by = "log the heading, or the place".to_owned();
+        }
         effects.push(NamedEffect {
             id: it.id.to_owned(),
             value: since(total),
@@ -586,9 +602,28 @@ fn named<V: ReplayVehicle>(
             stage: effect.stage,
             dominance: dominance(problem, ranking, winner, i),
             total,
+            direction,
         });
     }
     effects
+}
+
+/// A wind as a log without a compass shows it.
+#[derive(Clone, Copy)]
+struct Wind {
+    /// In units of the coordinate.
+    speed: f64,
+    /// Sine and cosine of where it blows to, by the heading at the log's start.
+    to: (f64, f64),
+    /// The knob of its other component.
+    across: usize,
+}
+
+/// The wind that a knob of a fit stands for, where it is not one component alone.
+fn wind_of<V: ReplayVehicle>(problem: &Problem<V>, fit: &Fit, knob: usize) -> Option<Wind> {
+    let (across, _) = problem.companion(knob).filter(|_| problem.knobs[knob].id == "wind_x")?;
+    let (sin, cos) = fit.x[across].atan2(fit.x[knob]).sin_cos();
+    Some(Wind { speed: fit.x[across].hypot(fit.x[knob]), to: (sin, cos), across })
 }
 
 fn candidates<V: ReplayVehicle>(
@@ -610,9 +645,10 @@ fn candidates<V: ReplayVehicle>(
                 fit.freed.iter().any(|&i| information(problem, ranking, i) * 16.0 < calibration.none);
             let stages = fit.freed.iter().map(|&i| calibration.threshold(problem.knobs[i].effect));
             let needed = stages.fold(0.0, f64::max);
+            let shown = |i: usize| wind_of(problem, fit, i).map_or(fit.x[i], |wind| wind.speed);
             Candidate {
                 effects: fit.freed.iter().map(|&i| problem.knobs[i].id.to_owned()).collect(),
-                values: fit.freed.iter().map(|&i| problem.knobs[i].value(fit.x[i])).collect(),
+                values: fit.freed.iter().map(|&i| problem.knobs[i].value(shown(i))).collect(),
                 evidence,
                 collinearity: None,
                 why: words::why(

@@ -249,7 +249,7 @@ impl Prior {
         }
     }
 
-    /// With some knobs freed; a payload takes its place with it.
+    /// With some knobs freed, and what goes with them: a payload takes its place with it.
     #[must_use]
     pub fn freed<V: ReplayVehicle>(&self, problem: &Problem<V>, freed: &[usize]) -> Precision {
         self.freed_but(problem, freed, &[])
@@ -266,10 +266,8 @@ impl Prior {
         let mut covariance = self.covariance.clone();
         for &i in freed {
             covariance[(i, i)] += FREED.powi(2);
-            if problem.knobs[i].id == "payload"
-                && let Some(place) = problem.find("payload_x")
-            {
-                covariance[(place, place)] += super::knob::PAYLOAD_PLACE.powi(2);
+            if let Some((companion, deviation)) = problem.companion(i) {
+                covariance[(companion, companion)] += deviation.powi(2);
             }
         }
         let free: Vec<usize> =
@@ -305,10 +303,7 @@ pub fn fit<V: ReplayVehicle>(
     steps: usize,
 ) -> Option<Fit> {
     let precision = prior.freed(problem, freed);
-    let mut own: Vec<usize> = freed.to_vec();
-    if freed.iter().any(|&i| problem.knobs[i].id == "payload") {
-        own.extend(problem.find("payload_x"));
-    }
+    let own = problem.with_companions(freed);
     let within = |x: &[f64]| -> Vec<f64> {
         let bound = |(i, x): (usize, &f64)| problem.knobs[i].within(*x, freed.contains(&i));
         x.iter().enumerate().map(bound).collect()

@@ -59,6 +59,8 @@ pub struct Knob {
     pub starts: &'static [f64],
     /// The declaration, if it is an effect of the library.
     pub effect: Option<&'static Effect>,
+    /// What is freed with it, and how far: its standard deviation.
+    pub companion: Option<(&'static str, f64)>,
     /// Whether it may be named: not where the user leaves the effect out.
     nameable: bool,
 }
@@ -140,7 +142,9 @@ const TYRE_SHAPE: &str = "form.tyre.shape";
 const TYRE_CURVATURE: &str = "form.tyre.curvature";
 
 /// Standard deviation of the payload's place when a payload is fitted, in units of its coordinate (0.5 m).
-pub const PAYLOAD_PLACE: f64 = 1.6;
+const PAYLOAD_PLACE: f64 = 1.6;
+/// That of the wind's other component where no heading says which is which, in units of its coordinate (3 m/s).
+const WIND_ACROSS: f64 = 3.0;
 /// Share of the vehicle's mass that is one unit of payload.
 const PAYLOAD_UNIT: f64 = 0.05;
 
@@ -189,6 +193,15 @@ pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -
             least
         };
         let starts = if either_way { &[1.0, 4.0, -4.0] } else { starts };
+        // Without a compass the wind is one cause: how strong, and from where by the heading at the log's start.
+        let any_wind = !drive.compass && id == "wind_x";
+        let left_out = |id: &str| without.iter().any(|left_out| left_out == id);
+        let companion = match id {
+            "payload" => Some(("payload_x", PAYLOAD_PLACE)),
+            "wind_x" if any_wind => Some(("wind_y", WIND_ACROSS)),
+            _ => None,
+        };
+        let accompanies = id == "payload_x" || !drive.compass && id == "wind_y";
         knobs.push(Knob {
             id,
             turns,
@@ -199,7 +212,8 @@ pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -
             greatest,
             starts,
             effect: Some(effect),
-            nameable: id != "payload_x" && without.iter().all(|left_out| left_out != id),
+            companion,
+            nameable: !(accompanies || left_out(id) || any_wind && left_out("wind_y")),
         });
     }
     let further = |id, turns, unit| Knob {
@@ -212,6 +226,7 @@ pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -
         greatest: FARTHEST,
         starts: &[],
         effect: None,
+        companion: None,
         nameable: false,
     };
     for &(car, truck, tolerance, factor) in PARAMETERS {

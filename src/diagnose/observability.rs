@@ -135,6 +135,11 @@ pub fn observability<V: ReplayVehicle>(
             all.push(entry(false, None, why.to_owned()));
             continue;
         }
+        if effect.id == "wind_y" && !drive.compass {
+            let why = "without yaw, or x and y, a wind has no direction: it is named wind_x, by its speed";
+            all.push(entry(false, None, why.to_owned()));
+            continue;
+        }
         let Some(knob) = problem.find(effect.id).filter(|&knob| problem.knobs[knob].is_candidate()) else {
             all.push(entry(false, None, "left out of the library for this diagnosis".to_owned()));
             continue;

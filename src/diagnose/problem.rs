@@ -169,6 +169,20 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
     pub fn find(&self, id: &str) -> Option<usize> {
         self.knobs.iter().position(|knob| knob.id == id)
     }
+
+    /// What is freed with a knob, and its standard deviation.
+    #[must_use]
+    pub fn companion(&self, knob: usize) -> Option<(usize, f64)> {
+        let (id, deviation) = self.knobs[knob].companion?;
+        Some((self.find(id)?, deviation))
+    }
+
+    /// Knobs, and what is freed with them.
+    #[must_use]
+    pub fn with_companions(&self, knobs: &[usize]) -> Vec<usize> {
+        let companions = knobs.iter().filter_map(|&knob| Some(self.companion(knob)?.0));
+        knobs.iter().copied().chain(companions).collect()
+    }
 }
 
 /// What the errors of the form add, from the neutral replay.

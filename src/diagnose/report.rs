@@ -134,6 +134,10 @@ pub struct NamedEffect {
     pub dominance: f64,
     /// Its value on the nominal vehicle: what the reference log says of it, and the change.
     pub total: f64,
+    /// Of a wind that is named by its speed, as the log tells no heading: where it blows to, rad to the left of the heading
+    /// at the log's start.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub direction: Option<f64>,
 }
 
 /// A cause that was tried.

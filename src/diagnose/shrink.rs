@@ -72,16 +72,8 @@ pub fn formless<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, x: &[f64]
 /// The coordinates of the effect alone, all else as expected.
 #[must_use]
 pub fn only<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, freed: &[usize], x: &[f64]) -> Vec<f64> {
-    let payload = freed.iter().any(|&i| problem.knobs[i].id == "payload");
-    (0..x.len())
-        .map(|i| {
-            if freed.contains(&i) || payload && problem.knobs[i].id == "payload_x" {
-                x[i]
-            } else {
-                prior.mean[i]
-            }
-        })
-        .collect()
+    let freed = problem.with_companions(freed);
+    (0..x.len()).map(|i| if freed.contains(&i) { x[i] } else { prior.mean[i] }).collect()
 }
 
 /// Shrinkage of the winner; for a winner with nothing freed the effect's part is none.

@@ -27,7 +27,15 @@ fn of_effect(effect: &NamedEffect) -> String {
         .next()
         .map(|c| c.to_lowercase().to_string() + &meaning[c.len_utf8()..])
         .unwrap_or_default();
-    format!("{}: {lower}", value(effect))
+    match effect.direction {
+        Some(direction) => format!(
+            "{}: wind (the log tells no heading; where it starts, this wind blows to {:.0} degrees {} of ahead)",
+            value(effect),
+            direction.abs().to_degrees(),
+            if direction < 0.0 { "right" } else { "left" },
+        ),
+        None => format!("{}: {lower}", value(effect)),
+    }
 }
 
 /// The yaw rate where the effect tells in it, else the signal whose gap it shrinks most.

@@ -118,6 +118,7 @@ fn drive_and_diagnose() -> (CleanLog, Diagnosis) {
         stage: Stage::Command,
         dominance: 2.4,
         total: 0.118,
+        direction: None,
     };
     let report = Report {
         scores: None,

@@ -40,6 +40,11 @@ pub struct Drive {
     pub scored: Vec<bool>,
     /// What is compared.
     pub channels: Vec<Channel>,
+    /// Heading at each row, rad: the log's; without one what the yaw rate adds up to. Empty where nothing tells it.
+    pub heading: Vec<f64>,
+    /// Whether the heading counts from east, so that a wind fixed in the world has a direction; without a compass it counts
+    /// from where the log starts.
+    pub compass: bool,
     /// Whether `ay` is that of a level frame (an inertial navigation unit), without gravity's share by roll.
     pub levelled: bool,
 }
@@ -92,6 +97,7 @@ impl Drive {
             .map(|(&k, v)| (k, v.clone()))
             .collect();
         columns.insert("vx", vx);
+        let (heading, compass) = heading(&columns, &pieces, log.step);
         Self {
             step: log.step,
             substeps: (log.step / LONGEST_STEP).ceil().max(1.0) as usize,
@@ -104,6 +110,8 @@ impl Drive {
             stretches,
             scored,
             channels,
+            heading,
+            compass,
             levelled: false,
         }
     }
@@ -134,6 +142,41 @@ fn pieces(time: &[f64], step: f64) -> Vec<(usize, usize)> {
     let starts: Vec<usize> = std::iter::once(0).chain(jumps).collect();
     let ends = starts[1..].iter().copied().chain([time.len()]);
     starts.iter().copied().zip(ends).collect()
+}
+
+/// Heading, and whether it counts from east: `yaw`; or the sum of the yaw rate, turned to the course of `x` and `y`.
+fn heading(
+    columns: &BTreeMap<&'static str, Vec<f64>>,
+    pieces: &[(usize, usize)],
+    step: f64,
+) -> (Vec<f64>, bool) {
+    let column = |name: &str| columns.get(name).map_or(&[][..], Vec::as_slice);
+    let (yaw, yaw_rate, vx, vy) = (column("yaw"), column("yaw_rate"), column("vx"), column("vy"));
+    if !yaw.is_empty() || yaw_rate.is_empty() {
+        return (yaw.to_vec(), !yaw.is_empty());
+    }
+    let (x, y) = (column("x"), column("y"));
+    let has_place = !x.is_empty() && !y.is_empty();
+    let mut heading = vec![0.0; yaw_rate.len()];
+    for &(from, to) in pieces {
+        for i in from + 1..to {
+            heading[i] = heading[i - 1] + 0.5 * step * (yaw_rate[i - 1] + yaw_rate[i]);
+        }
+        if has_place {
+            // The mean of where it moves to, less where it points to and slides.
+            let (mut east, mut north) = (0.0, 0.0);
+            for i in from..to.saturating_sub(1) {
+                let (dx, dy) = (x[i + 1] - x[i], y[i + 1] - y[i]);
+                let slip = vy.get(i).map_or(0.0, |vy| vy.atan2(vx[i].max(LEAST_SPEED)));
+                let (sin, cos) = (heading[i] + slip).sin_cos();
+                east += cos * dx + sin * dy;
+                north += cos * dy - sin * dx;
+            }
+            let start = north.atan2(east);
+            heading[from..to].iter_mut().for_each(|heading| *heading += start);
+        }
+    }
+    (heading, has_place)
 }
 
 /// A log on half its clock: commands by the mean of what was held, measurements by a mean about the row.

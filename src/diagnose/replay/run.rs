@@ -60,6 +60,7 @@ pub fn replay<V: ReplayVehicle>(
     let late = effects.vehicle.sensor_delay;
     let scale = effects.vehicle.speed_scale.max(0.1);
     let twist = effects.vehicle.heading_misalignment;
+    let yaw_rate_bias = effects.vehicle.yaw_rate_bias;
     let mut within = *effects;
     within.vehicle.sensor_delay = 0.0;
     // The chain holds no negative delay: what is left of it advances the command.
@@ -84,7 +85,11 @@ pub fn replay<V: ReplayVehicle>(
         // What lies beyond a stretch may be another drive.
         let at = |column: &[f64], row: f64| at_within(column, row, (from, to));
         let speed = |row: f64, vy: f64| (at(log_vx, row + shift) / scale - twist * vy).max(0.5 * LEAST_SPEED);
-        let heading = |row: f64| (!yaw.is_empty()).then(|| at(yaw, row + shift) - twist);
+        // A sensor that is turned turns its heading; one summed up has gathered the bias of its rate.
+        let off =
+            |row: f64| if yaw.is_empty() { yaw_rate_bias * drive.step * (row - from as f64) } else { twist };
+        let heading =
+            |row: f64| (!drive.heading.is_empty()).then(|| at(&drive.heading, row + shift) - off(row));
         let first = |name: &str| drive.columns.get(name).map_or(0.0, |column| column[from]);
         let f = from as f64;
         model.start(&ReducedStart {
@@ -108,8 +113,7 @@ pub fn replay<V: ReplayVehicle>(
                 let logged =
                     |name: &str| drive.columns.get(name).map(|column| at(column, row as f64 + shift));
                 let true_vy = logged("vy").map_or(vy, |vy| vy / scale + twist * speed(row as f64, 0.0));
-                let bias = effects.vehicle.yaw_rate_bias;
-                model.set_motion(true_vy, logged("yaw_rate").map_or(0.0, |rate| rate - bias));
+                model.set_motion(true_vy, logged("yaw_rate").map_or(0.0, |rate| rate - yaw_rate_bias));
                 (lag_vx, lag_yaw, lag_place) = (0.0, 0.0, [0.0; 2]);
             }
             let mut now = ReducedOutput::default();
