@@ -58,7 +58,9 @@ def _one(cases: Set, label: dict, report: dict, folder: Path) -> dict | None:
     truth = start_and_drive(build(design, whole), conditions)
     if not truth.arrived:
         return None
-    verdict = {effect["id"]: effect["value"] for effect in report["verdict"]["effects"]}
+    verdict: dict[str, float] = {}
+    for effect in report["verdict"]["effects"]:
+        verdict |= {effect["id"]: effect["value"]} | effect.get("components", {})
     given = folder / "vehicle.toml"
     simulators: dict[str, tuple[Path, dict[str, float]]] = {"given": (given, {}), "effect": (given, verdict)}
     calibrated = folder / "answer" / "calibrated.toml"

@@ -586,6 +586,8 @@ fn named<V: ReplayVehicle>(
             class.push("steer_delay".to_owned());
             separated_by = "log the steering command besides the angle".to_owned();
         }
+        let of = |i: usize| (problem.knobs[i].id.to_owned(), problem.knobs[i].value(winner.x[i]));
+        let components = problem.companion(i).map_or_else(BTreeMap::new, |(j, _)| [of(i), of(j)].into());
         let direction = wind.map(|Wind { to: (sin, cos), .. }| sin.atan2(cos));
         if direction.is_some() {
             class.push("wind_y".to_owned());
@@ -603,6 +605,7 @@ fn named<V: ReplayVehicle>(
             dominance: dominance(problem, ranking, winner, i),
             total,
             direction,
+            components,
         });
     }
     effects

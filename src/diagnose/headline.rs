@@ -67,6 +67,7 @@ mod tests {
             dominance: 1.0,
             total: value,
             direction: None,
+            components: std::collections::BTreeMap::new(),
         };
         assert_eq!(super::value(&effect(0.1203, 0.111, 0.129, "s")), "an_effect = 0.120 s (0.111 to 0.129)");
         assert_eq!(super::value(&effect(312.4, 250.0, 370.0, "kg")), "an_effect = 312 kg (250 to 370)");

@@ -138,6 +138,10 @@ pub struct NamedEffect {
     /// at the log's start.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub direction: Option<f64>,
+    /// Effects of the simulator and their values where one does not say it all: a payload with its place, such a wind by its
+    /// components. Empty where the effect and `total` do.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub components: BTreeMap<String, f64>,
 }
 
 /// A cause that was tried.

@@ -38,7 +38,11 @@ pub fn changes(report: &Report, calibration: Calibration) -> BTreeMap<String, f6
             .extend(report.recalibration.iter().map(|one: &Adjustment| (one.parameter.clone(), one.value)));
     }
     let found = report.verdict.effects.iter().chain(&report.verdict.nearest);
-    changes.extend(found.map(|effect| (format!("effect.{}", effect.id), effect.total)));
+    for effect in found {
+        let whole = BTreeMap::from([(effect.id.clone(), effect.total)]);
+        let components = if effect.components.is_empty() { &whole } else { &effect.components };
+        changes.extend(components.iter().map(|(id, value)| (format!("effect.{id}"), *value)));
+    }
     changes
 }
 

@@ -119,6 +119,7 @@ fn drive_and_diagnose() -> (CleanLog, Diagnosis) {
         dominance: 2.4,
         total: 0.118,
         direction: None,
+        components: BTreeMap::new(),
     };
     let report = Report {
         scores: None,
