@@ -52,6 +52,19 @@ def tolerances_off(label: dict) -> float:
     return min(of, default=float("inf"))
 
 
+def shown(label: dict, report: dict) -> bool:
+    """Whether each cause is as large as the report's own account of the log says that it must be to be named.
+
+    Of a rate limit, which a log either meets or not, and of one that nothing is said of, it is taken for granted.
+    """
+    least = {entry["effect"]: entry.get("named_from") for entry in report.get("observability", [])}
+    return all(
+        abs(label["values"][cause] - OF[cause].neutral) >= (least.get(cause) or 0.0)
+        for cause in label["causes"]
+        if cause != "steer_rate_limit"
+    )
+
+
 def wilson(hits: int, count: int) -> tuple[float, float]:
     """The 95 % interval of a share by Wilson; (0, 1) of nothing."""
     if count == 0:
@@ -142,12 +155,18 @@ def f1(label: dict, report: dict) -> float:
     return 2.0 * len(truth & found) / (len(truth) + len(found)) if truth or found else 1.0
 
 
+def true_value(label: dict, effect: dict) -> float:
+    """What an effect that was named rightly really is; of a wind that is named by its speed alone, its speed."""
+    value = label["values"][effect["id"]]
+    return abs(value) if effect.get("direction") is not None else value
+
+
 def value_errors(label: dict, report: dict) -> list[float]:
     """|found - true| / |true - neutral| of the effects that were named rightly; of a rate limit against its value."""
     errors = []
     for effect in report["verdict"]["effects"] if kind(report) == "effect" else []:
         if effect["id"] in label["causes"]:
-            true, neutral = label["values"][effect["id"]], OF[effect["id"]].neutral
+            true, neutral = true_value(label, effect), OF[effect["id"]].neutral
             scale = abs(true) if effect["id"] == "steer_rate_limit" else abs(true - neutral)
             errors.append(abs(effect["value"] - true) / scale)
     return errors
@@ -156,7 +175,7 @@ def value_errors(label: dict, report: dict) -> list[float]:
 def covered(label: dict, report: dict) -> list[bool]:
     """Whether the 95 % intervals of what was named rightly hold the true value."""
     effects = report["verdict"]["effects"] if kind(report) == "effect" else []
-    return [e["low"] <= label["values"][e["id"]] <= e["high"] for e in effects if e["id"] in label["causes"]]
+    return [e["low"] <= true_value(label, e) <= e["high"] for e in effects if e["id"] in label["causes"]]
 
 
 def stage_right(label: dict, report: dict) -> bool:
@@ -238,6 +257,7 @@ def score(labels: list[dict], reports: list[dict]) -> dict:
     sure = [b["verdict"]["probability"] for _, b in answered]
     right = [in_class(a, b) for a, b in answered]
     singles = [(a, b) for a, b in zip(labels, reports) if a["kind"] == "single"]
+    pairs = [(a, b) for a, b in zip(labels, reports) if a["kind"] == "pair"]
     named_ones = [b for a, b in zip(labels, reports) if a["kind"] in ("single", "pair") and in_class(a, b)]
     seconds, used = ([b.get(key, b["seconds"]) for b in reports] for key in ("seconds", "cpu_seconds"))
     return {
@@ -256,6 +276,9 @@ def score(labels: list[dict], reports: list[dict]) -> dict:
         "pair_one": of(("pair",), some_of_pair),
         "clear_single": of(("single",), in_class, lambda a: tolerances_off(a) >= CLEAR),
         "clear_pair": of(("pair",), in_class, lambda a: tolerances_off(a) >= CLEAR),
+        "shown_single": share(in_class(a, b) for a, b in singles if shown(a, b)),
+        "shown_pair": share(in_class(a, b) for a, b in pairs if shown(a, b)),
+        "hidden_pair": share(in_class(a, b) for a, b in pairs if not shown(a, b)),
         "pair_top3": of(("pair",), in_top),
         "pair_f1": float(np.mean(all_of(("pair",), lambda a, b: [f1(a, b)]) or [np.nan])),
         "false_alarms": of(("none",), lambda a, b: kind(b) in ("effect", "not_in_library")),

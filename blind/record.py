@@ -28,6 +28,9 @@ FURTHER = (
     ("without_reference", "single, without"),
     ("clear_single", "single, four tolerances off or more: exact or class"),
     ("clear_pair", "pairs, each four tolerances off or more: both"),
+    ("shown_single", "single, large enough for its log to show it: exact or class"),
+    ("shown_pair", "pairs, each large enough for its log to show it: both"),
+    ("hidden_pair", "pairs, the other ones: both"),
     ("pair_top3", "pairs, among the first three pairs"),
     ("stage", "stage at which the gap enters"),
     ("interval_covers", "95 % intervals hold the true value"),
@@ -69,7 +72,8 @@ def lines(result: dict) -> list[tuple[str, str, str]]:
         value = route["closed_loop_calibrated"]
         met = "met" if value >= 0.9 else "missed"
         found.append(("other route, closed loop: gap closed, median", percent(value), f">= 90 %, {met}"))
-    found += [(text, _share(result[key]), "") for key, text in FURTHER]
+    # Runs before a measure was thought of have it not.
+    found += [(text, _share(result[key]), "") for key, text in FURTHER if key in result]
     credit, f1 = result["single_credit"], result["pair_f1"]
     found += [
         ("single, penalised by the class's size", "-" if credit is None else f"{credit:.2f}", ""),

@@ -3,8 +3,8 @@
 
 mod diagnose;
 
-use diagnose::{found, log, options};
-use rfl_mpc::diagnose::VerdictKind;
+use diagnose::{found, log};
+use rfl_mpc::diagnose::{Options, VerdictKind};
 use std::f64::consts::TAU;
 
 const WIND: f64 = 11.0;
@@ -16,7 +16,7 @@ fn without_a_heading_a_wind_has_a_speed_and_a_direction_from_the_start() {
     for name in ["yaw", "x", "y"] {
         log.columns.remove(name);
     }
-    let report = found(&log, &options()).report;
+    let report = found(&log, &Options::default()).report;
     assert_eq!(report.verdict.kind, VerdictKind::Effect, "{}", report.verdict.words);
     let [wind] = &report.verdict.effects[..] else { panic!("{}", report.verdict.words) };
     assert_eq!(wind.class, ["wind_x", "wind_y"]);
@@ -29,6 +29,9 @@ fn without_a_heading_a_wind_has_a_speed_and_a_direction_from_the_start() {
     assert!(report.verdict.words.contains("no heading"), "{}", report.verdict.words);
     let across = report.observability.iter().find(|entry| entry.effect == "wind_y").unwrap();
     assert!(!across.observable && across.why.contains("named wind_x"), "{}", across.why);
+    // A simulator that starts at heading 0 is given the components.
+    let [x, y] = ["wind_x", "wind_y"].map(|id| wind.components[id]);
+    assert!((x.hypot(y) - wind.total).abs() < 1e-9 && (y.atan2(x) - wind.direction.unwrap()).abs() < 1e-9);
     assert!(report.recalibration.iter().all(|it| it.parameter != "effect.wind_y"));
 }
 
@@ -36,7 +39,7 @@ fn without_a_heading_a_wind_has_a_speed_and_a_direction_from_the_start() {
 fn the_place_alone_tells_the_heading() {
     let mut log = log(21, &[("wind_y", WIND)]);
     log.columns.remove("yaw");
-    let report = found(&log, &options()).report;
+    let report = found(&log, &Options::default()).report;
     let [wind] = &report.verdict.effects[..] else { panic!("{}", report.verdict.words) };
     assert_eq!((wind.id.as_str(), wind.direction), ("wind_y", None));
     assert!((wind.value / WIND - 1.0).abs() < 0.1, "{}", wind.value);
@@ -48,8 +51,7 @@ fn neither_component_is_named_where_one_may_not_be() {
     for name in ["yaw", "x", "y"] {
         log.columns.remove(name);
     }
-    let mut options = options();
-    options.without = vec!["wind_y".into()];
+    let options = Options { without: vec!["wind_y".into()], ..Options::default() };
     let report = found(&log, &options).report;
     assert!(report.verdict.effects.iter().all(|effect| !effect.id.starts_with("wind_")));
 }

@@ -39,6 +39,19 @@ fn the_file_holds_what_was_found_and_is_read_again() {
 }
 
 #[test]
+fn a_payload_is_put_where_it_was_found() {
+    let (_, mut diagnosis) = diagnosed();
+    let components = BTreeMap::from([("payload".to_owned(), 300.0), ("payload_x".to_owned(), -0.8)]);
+    let found = &mut diagnosis.report.verdict.effects[0];
+    (found.id, found.total, found.components) = ("payload".to_owned(), 300.0, components);
+    for calibration in [Calibration::Effect, Calibration::Whole] {
+        let vehicle =
+            calibrated(&builtin("c_class").unwrap(), &changes(&diagnosis.report, calibration)).unwrap();
+        assert_eq!((vehicle.effect.payload, vehicle.effect.payload_x), (300.0, -0.8));
+    }
+}
+
+#[test]
 fn a_truck_has_its_trailers_effects_too() {
     let given = builtin_truck("truck_simulation").unwrap();
     let found =

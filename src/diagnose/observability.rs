@@ -124,42 +124,53 @@ pub fn observability<V: ReplayVehicle>(
             continue;
         }
         let before_sensor = matches!(effect.stage, Stage::Command | Stage::Actuator);
-        let entry = |observable, least, why: String| Observability {
+        let entry = |observable, least, named_from, why: String| Observability {
             effect: effect.id.to_owned(),
             observable,
             least,
+            named_from,
             why,
         };
         if before_sensor && !drive.commanded {
             let why = "the log holds the measured steering angle, not the command: what lies before the sensor is not seen";
-            all.push(entry(false, None, why.to_owned()));
+            all.push(entry(false, None, None, why.to_owned()));
             continue;
         }
         if effect.id == "wind_y" && !drive.compass {
             let why = "without yaw, or x and y, a wind has no direction: it is named wind_x, by its speed";
-            all.push(entry(false, None, why.to_owned()));
+            all.push(entry(false, None, None, why.to_owned()));
             continue;
         }
         let Some(knob) = problem.find(effect.id).filter(|&knob| problem.knobs[knob].is_candidate()) else {
-            all.push(entry(false, None, "left out of the library for this diagnosis".to_owned()));
+            all.push(entry(false, None, None, "left out of the library for this diagnosis".to_owned()));
             continue;
         };
         let information = information(problem, ranking, knob);
-        let least = (information > 0.0).then(|| (calibration.threshold(Some(effect)) / information).sqrt());
+        let threshold = calibration.threshold(Some(effect));
+        let least = (information > 0.0).then(|| (threshold / information).sqrt());
         let it = &problem.knobs[knob];
-        let (tolerance, unit) = (it.tolerance * it.unit, it.symbol::<V>());
+        // A value x gives evidence x^2 / (1 / information + tolerance^2); with a reference log the tolerance is what it left.
+        let tolerance = ranking.prior.covariance[(knob, knob)].max(0.0).sqrt();
+        let named_from = least.map(|least| it.spread(1.0, least.hypot(threshold.sqrt() * tolerance)));
+        let (tolerance, unit) = (it.spread(1.0, tolerance), it.symbol::<V>());
         let reason = reason(effect.id, drive, &excitation);
         match least {
             Some(x) if x < ORDINARY => {
                 let value = it.spread(1.0, x);
-                let within = if tolerance > value {
-                    format!(", though ordinary simulators are wrong by {}", short(tolerance))
-                } else {
-                    String::new()
+                let within = match named_from {
+                    Some(named) if named > 1.05 * value => {
+                        format!(
+                            " and named from {} on, as a sound vehicle may be off by {}",
+                            short(named),
+                            short(tolerance)
+                        )
+                    }
+                    _ => String::new(),
                 };
                 all.push(entry(
                     true,
                     Some(value),
+                    named_from,
                     format!("seen from {} {unit} on{within}; {reason}", short(value)),
                 ));
             }
@@ -168,10 +179,13 @@ pub fn observability<V: ReplayVehicle>(
                 all.push(entry(
                     false,
                     Some(value),
+                    named_from,
                     format!("{reason}: it would show from {} {unit} on only", short(value)),
                 ));
             }
-            None => all.push(entry(false, None, format!("{reason}: it changes nothing that was compared"))),
+            None => {
+                all.push(entry(false, None, None, format!("{reason}: it changes nothing that was compared")))
+            }
         }
     }
     all

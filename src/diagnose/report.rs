@@ -218,6 +218,9 @@ pub struct Observability {
     pub observable: bool,
     /// Least value (as a distance from the neutral one) that would be seen, if any.
     pub least: Option<f64>,
+    /// Least value that would be named: seen, and more than a sound vehicle has within tolerance.
+    #[serde(default)]
+    pub named_from: Option<f64>,
     /// The reason, in words, with numbers ("34 % of grip reached").
     pub why: String,
 }
