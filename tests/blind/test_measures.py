@@ -89,6 +89,23 @@ def test_a_value_is_judged_by_its_distance_from_neutral():
     assert measures.covered(truth, report("effect", ("steer_rate_limit", 0.25, []))) == [False]
 
 
+def test_a_wind_named_by_its_speed_is_judged_by_its_speed():
+    truth = label("single", "wind_x", values={"wind_x": -8.0})
+    found = report("effect", ("wind_x", 8.4, ["wind_x", "wind_y"]))
+    assert measures.value_errors(truth, found) == pytest.approx([2.05]) and measures.covered(truth, found) == [False]
+    found["verdict"]["effects"][0]["direction"] = 2.0
+    assert measures.value_errors(truth, found) == pytest.approx([0.05]) and measures.covered(truth, found) == [True]
+
+
+def test_what_a_log_shows_is_what_its_report_says():
+    seen = [{"effect": "drag", "named_from": 0.5}, {"effect": "steer_gain", "named_from": None}]
+    found = report("none", observability=seen)
+    for drag, shown in [(1.6, True), (1.4, False), (0.4, True)]:
+        values = {"drag": drag, "steer_gain": 1.001, "steer_rate_limit": 0.1}
+        truth = label("pair", *values, values=values)
+        assert measures.shown(truth, found) == shown
+
+
 def test_shrinkage_leaves_noise_out():
     gap = {"before": 0.05, "effect": 0.05, "recalibrated": 0.03, "noise": 0.03}
     found = report("effect", shrink={"open_loop": {"yaw_rate": gap}})
