@@ -150,8 +150,8 @@ fn drive_and_diagnose() -> (CleanLog, Diagnosis) {
         places,
         stage: Some(Stage::Command),
         observability: vec![
-            Observability { effect: "steer_delay".into(), observable: true, least: Some(0.004), why: "steering rates up to 0.4 rad/s".into() },
-            Observability { effect: "road_friction".into(), observable: false, least: None, why: "34 % of grip reached".into() },
+            Observability { effect: "steer_delay".into(), observable: true, least: Some(0.004), named_from: Some(0.03), why: "steering rates up to 0.4 rad/s".into() },
+            Observability { effect: "road_friction".into(), observable: false, least: None, named_from: None, why: "34 % of grip reached".into() },
         ],
         next_manoeuvre: Some(Manoeuvre {
             name: "frequency sweep".into(),
