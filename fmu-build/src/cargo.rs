@@ -57,9 +57,11 @@ impl Builder {
     pub fn build(self, project: &Path, profile: &str, selection: &[&str]) -> Result<PathBuf, CargoError> {
         let mut command = cargo(project);
         match self {
-            Builder::Zig => command.args(["zigbuild", "--target", ZIG_TARGET]),
-            Builder::Cargo => command.arg("build"),
-        };
+            Builder::Zig => zig_caches(project, command.args(["zigbuild", "--target", ZIG_TARGET])),
+            Builder::Cargo => {
+                command.arg("build");
+            }
+        }
         command.args(["--profile", profile, "--message-format", "json-render-diagnostics"]).args(selection);
         // A development build is shared with tests, whose flags must not change.
         if profile != "dev" {
@@ -79,6 +81,34 @@ impl Builder {
             }
         }
         library.map(PathBuf::from).ok_or(CargoError::NoLibrary { command })
+    }
+}
+
+/// Keeps what `cargo-zigbuild` and zig store in the checkout's `target/zig`, where the user says nothing else.
+///
+/// By itself `cargo-zigbuild` 0.24 puts links to its own program into the user's cache folder. One that points into a
+/// checkout since deleted stops every build of any other: "File exists (os error 17)".
+fn zig_caches(project: &Path, command: &mut Command) {
+    let zig = project.join("target").join("zig");
+    let links = zig.join("links");
+    // A checkout that was moved has such links too.
+    remove_dangling_links(&links);
+    for (variable, folder) in [("CARGO_ZIGBUILD_CACHE_DIR", links), ("ZIG_GLOBAL_CACHE_DIR", zig)] {
+        if std::env::var_os(variable).is_none() {
+            command.env(variable, folder);
+        }
+    }
+}
+
+/// Removes links to nothing from a folder and from those below it.
+fn remove_dangling_links(folder: &Path) {
+    for path in std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path()) {
+        if path.is_symlink() && !path.exists() {
+            // Failing here is no worse than leaving it: the build then says so.
+            std::fs::remove_file(&path).ok();
+        } else if path.is_dir() && !path.is_symlink() {
+            remove_dangling_links(&path);
+        }
     }
 }
 
