@@ -75,6 +75,14 @@ struct Thresholds {
     other: f64,
 }
 
+/// Standard deviations of the tyres' curve: shape factor, as a share, curvature factor, and lateral peak, as a share.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Tyre {
+    car: [f64; 3],
+    truck: [f64; 3],
+}
+
 /// Standard deviations of the errors of the model's form: of size, lateness in s, change with speed, with lateral and with
 /// longitudinal acceleration, as `form.rs` has them.
 #[derive(Debug, Clone, Deserialize)]
@@ -86,8 +94,7 @@ pub struct Form {
     roll: [f64; 5],
     articulation: [f64; 5],
     ax: [f64; 5],
-    /// Of the tyres' curve: shape factor, as a share, and curvature factor.
-    pub tyre: [f64; 2],
+    tyre: Tyre,
 }
 
 impl Form {
@@ -104,6 +111,12 @@ impl Form {
             _ => [0.0; 5],
         };
         sizes[kind as usize]
+    }
+
+    /// Of the tyres' curve: shape factor, as a share, curvature factor, and lateral peak, as a share.
+    #[must_use]
+    pub fn tyre(&self, truck: bool) -> [f64; 3] {
+        if truck { self.tyre.truck } else { self.tyre.car }
     }
 }
 

@@ -37,6 +37,8 @@ enum Turns {
     /// Curve of all tyres between slope and peak: shape factor times exp(unit * x); curvature factor plus unit * x.
     TyreShape,
     TyreCurvature,
+    /// Lateral peak of all tyres, whose slope stays: times exp(unit * x).
+    TyrePeak,
 }
 
 /// One knob.
@@ -140,6 +142,7 @@ const IMU_HEIGHT: f64 = 0.15;
 const FARTHEST: f64 = 12.0;
 const TYRE_SHAPE: &str = "form.tyre.shape";
 const TYRE_CURVATURE: &str = "form.tyre.curvature";
+const TYRE_PEAK: &str = "form.tyre.peak";
 
 /// Standard deviation of the payload's place when a payload is fitted, in units of its coordinate (0.5 m).
 const PAYLOAD_PLACE: f64 = 1.6;
@@ -245,9 +248,12 @@ pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -
         knobs.push(further("sensor.imu_height", Turns::ImuHeight, IMU_HEIGHT));
     }
     let form = &Calibration::built_in().form;
-    for (id, turns, size) in
-        [(TYRE_SHAPE, Turns::TyreShape, form.tyre[0]), (TYRE_CURVATURE, Turns::TyreCurvature, form.tyre[1])]
-    {
+    let [shape, curvature, peak] = form.tyre(V::TRUCK);
+    for (id, turns, size) in [
+        (TYRE_SHAPE, Turns::TyreShape, shape),
+        (TYRE_CURVATURE, Turns::TyreCurvature, curvature),
+        (TYRE_PEAK, Turns::TyrePeak, peak),
+    ] {
         if size > 0.0 {
             knobs.push(further(id, turns, size));
         }
@@ -305,7 +311,7 @@ impl Knob {
     /// Whether it is an error of the model's form: no number of the vehicle, and nothing that a simulator can be given.
     #[must_use]
     pub fn is_form(&self) -> bool {
-        matches!(self.turns, Turns::Form(_) | Turns::TyreShape | Turns::TyreCurvature)
+        matches!(self.turns, Turns::Form(_) | Turns::TyreShape | Turns::TyreCurvature | Turns::TyrePeak)
     }
 
     /// Its row in [`FORMS`], if it is an error that is added to the replay.
@@ -323,7 +329,7 @@ impl Knob {
             Turns::RateLimit => self.unit / x,
             Turns::Relaxation if x == 0.0 => 0.0,
             Turns::Relaxation => self.unit * (1.0 + x),
-            Turns::Factor | Turns::TyreShape => (self.unit * x).exp(),
+            Turns::Factor | Turns::TyreShape | Turns::TyrePeak => (self.unit * x).exp(),
             Turns::Scale(_) => 1.0 + self.unit * x,
             Turns::Shift
             | Turns::Bias(_)
@@ -364,12 +370,12 @@ impl Knob {
                         .set(vehicle, if factor { before * self.value(x) } else { before + self.value(x) });
                 }
             }
-            Turns::TyreShape | Turns::TyreCurvature => {
+            Turns::TyreShape | Turns::TyreCurvature | Turns::TyrePeak => {
                 for file in vehicle.tyres().into_iter().filter_map(|(_, tyre)| tyre.coefficients.as_mut()) {
-                    if self.turns == Turns::TyreShape {
-                        file.pcy1 = (file.pcy1 * self.value(x)).clamp(0.9, 1.9);
-                    } else {
-                        file.pey1 = (file.pey1 + self.value(x)).clamp(-10.0, 1.0);
+                    match self.turns {
+                        Turns::TyreShape => file.pcy1 = (file.pcy1 * self.value(x)).clamp(0.9, 1.9),
+                        Turns::TyrePeak => file.lmuy *= self.value(x),
+                        _ => file.pey1 = (file.pey1 + self.value(x)).clamp(-10.0, 1.0),
                     }
                 }
             }
