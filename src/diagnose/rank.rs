@@ -170,11 +170,7 @@ fn bound_fewer<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, fewer: &mu
             others.freed.remove(place);
             others.columns.clear();
             others.cost = gap + prior.freed(problem, &others.freed).penalty(&off);
-            let same = |known: &&mut Fit| {
-                known.freed.len() == others.freed.len()
-                    && known.freed.iter().all(|i| others.freed.contains(i))
-            };
-            match fewer.iter_mut().find(same) {
+            match fewer.iter_mut().find(|known| of_the_same(known, &others)) {
                 Some(known) if known.cost <= others.cost => {}
                 Some(known) => (known.x, known.gap, known.cost) = (others.x, others.gap, others.cost),
                 None => fewer.push(others),
@@ -208,17 +204,44 @@ fn fewer_from_more<V: ReplayVehicle>(
     let found = parallel::map(problem.threads(), starts.len(), |k| {
         fit(problem, prior, linear, &starts[k].0, &starts[k].1, 4)
     });
-    for new in found.into_iter().flatten() {
-        let same = |known: &&mut Fit| {
-            known.freed.len() == new.freed.len() && known.freed.iter().all(|i| new.freed.contains(i))
-        };
-        match fewer.iter_mut().find(same) {
-            Some(known) if known.cost <= new.cost => {}
-            Some(known) => *known = new,
-            None => fewer.push(new),
+    take(fewer, found.into_iter().flatten());
+}
+
+/// Whether both free the same effects.
+fn of_the_same(one: &Fit, other: &Fit) -> bool {
+    one.freed.len() == other.freed.len() && one.freed.iter().all(|i| other.freed.contains(i))
+}
+
+/// Adds fits to others, of the same effects the better one.
+fn take(known: &mut Vec<Fit>, more: impl IntoIterator<Item = Fit>) {
+    for new in more {
+        match known.iter_mut().find(|old| of_the_same(old, &new)) {
+            Some(old) if old.cost <= new.cost => {}
+            Some(old) => *old = new,
+            None => known.push(new),
         }
     }
-    sort(fewer);
+    sort(known);
+}
+
+/// Fits candidates of one effect more from where the best of those with one less was found, where that is ahead of them:
+/// they began in another valley.
+fn more_from_fewer<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    prior: &Prior,
+    linear: &Linear,
+    more: &mut Vec<Fit>,
+    fewer: &[Fit],
+    singles: &[Fit],
+    beam: &Beam,
+) {
+    let (Some(best), Some(behind)) = (fewer.first(), more.first()) else { return };
+    if behind.cost <= best.cost + 1.0 {
+        return;
+    }
+    let local = Linear::new(problem.slopes(&best.x, &best.gap), linear.weights.clone());
+    take(more, extended(problem, prior, &local, fewer, singles, beam));
+    polish(problem, prior, &local, more);
 }
 
 /// Takes a linear step from the background's best where that is better.
@@ -429,6 +452,11 @@ pub fn rank<V: ReplayVehicle>(
     bound_fewer(problem, &prior, &mut singles, &pairs);
     fewer_from_more(problem, &prior, &linear, &mut singles, &pairs, 3);
     polish(problem, &prior, &linear, &mut singles);
+    // And the other way round: whatever is freed besides, a candidate explains no less than without.
+    if with_pairs {
+        more_from_fewer(problem, &prior, &linear, &mut pairs, &singles, &singles, &OF_SINGLES);
+    }
+    more_from_fewer(problem, &prior, &linear, &mut threes, &pairs, &singles, &OF_PAIRS);
     let mut found = vec![none];
     fewer_from_more(problem, &prior, &linear, &mut found, &singles, 2);
     let mut none = found.swap_remove(0);
