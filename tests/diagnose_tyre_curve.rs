@@ -1,0 +1,32 @@
+//! A truck that never comes near the peak of its tyres is not called slippery because they soften otherwise than its file says.
+
+use rfl_mpc::diagnose::simulated::{Conditions, drive};
+use rfl_mpc::diagnose::{Options, VerdictKind, diagnose};
+use rfl_mpc::vehicle::{TruckEffects, VehicleParameters, builtin_truck};
+
+#[test]
+fn tyres_that_soften_early_are_no_friction() {
+    let given = builtin_truck("truck_simulation").unwrap();
+    let mut softer = given.clone();
+    for (_, tyre) in softer.tyres() {
+        // The slope at no slip stays: a lower peak is what softens them.
+        tyre.coefficients.as_mut().unwrap().lmuy *= 0.45;
+    }
+    let conditions = Conditions {
+        seed: 5,
+        duration: 60.0,
+        step: 0.02,
+        speed: (8.0, 20.0),
+        lateral: 2.0,
+        background: 0.0,
+        ..Conditions::default()
+    };
+    let log = drive(&softer, &TruckEffects::default(), &conditions).unwrap();
+    let options = Options { pairs: false, ..Options::default() };
+    let report = diagnose(&log, None, &given, &options, &|_, _| {}).unwrap().report;
+    assert_eq!(report.verdict.kind, VerdictKind::None, "{:?}", report.verdict);
+    // That such a peak is 4 standard deviations off is all that is held against it.
+    let friction = report.candidates.iter().find(|it| it.effects == ["road_friction"]).unwrap();
+    let most = (0.45f64.ln() / 0.2).powi(2);
+    assert!(friction.evidence < most, "{} of {most}", friction.evidence);
+}
