@@ -1,5 +1,7 @@
 //! Candidates and their evidence: single effects, pairs of the best with all others, and where a pair tells much more than
 //! one effect, threes of the best pairs with all others: a real vehicle differs in more than one thing.
+//!
+//! Linear steps only say where to look. Every cost that is kept is that of a replay at the fit's own coordinates.
 
 use super::fit::{Fit, Linear, Prior, fit};
 use super::noise::Noise;
@@ -7,7 +9,7 @@ use super::problem::Problem;
 use super::replay::ReplayVehicle;
 use crate::residual::parallel;
 
-/// Singles that are fitted again with the final noise.
+/// Singles that are fitted to the end with the final noise.
 const AGAIN: usize = 12;
 /// Singles that are fitted with less and then with all trust.
 const REFINED: usize = 6;
@@ -76,42 +78,51 @@ fn polished<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Line
         .unwrap_or_else(|| at.clone())
 }
 
+/// Steps of a fit: to the end for the first [`AGAIN`] by what they are or promise, in short for others.
+fn steps(place: usize) -> usize {
+    if place < AGAIN { 4 } else { 2 }
+}
+
+/// Singles fitted again with other weights, from their own best.
+fn fitted_again<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    prior: &Prior,
+    linear: &Linear,
+    singles: &mut Vec<Fit>,
+) {
+    singles.iter_mut().for_each(|single| reweighed(problem, prior, linear, single));
+    sort(singles);
+    let found = parallel::map(problem.threads(), singles.len(), |k| {
+        fit(problem, prior, linear, &singles[k].freed, &singles[k].x, steps(k))
+    });
+    take(singles, found.into_iter().flatten());
+}
+
 /// Candidates to which a linear step from the background's best promises more than they have found are fitted from there.
 fn again_from_none<V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
     linear: &Linear,
     none: &Fit,
-    singles: &mut [Fit],
+    singles: &mut Vec<Fit>,
 ) {
     let mut promised: Vec<(f64, usize, Vec<f64>)> = Vec::new();
     for (k, single) in singles.iter().enumerate() {
         let precision = prior.freed(problem, &single.freed);
-        let columns: Vec<(usize, &[f64])> = single
-            .freed
-            .iter()
-            .filter(|&&i| problem.knobs[i].tolerance == 0.0)
-            .copied()
-            .zip(single.columns.iter().map(Vec::as_slice))
-            .collect();
+        // What has no tolerance may have no slope at its neutral value, either.
+        let columns: Vec<(usize, &[f64])> =
+            single.of_freed().into_iter().filter(|&(i, _)| problem.knobs[i].tolerance == 0.0).collect();
         let step = prior.step(&linear.with(&columns), &none.x, &none.gap, &precision);
         if step.cost < single.cost - 0.5 {
             promised.push((step.cost, k, none.x.iter().zip(&step.change).map(|(x, d)| x + d).collect()));
         }
     }
     promised.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    promised.truncate(AGAIN);
-    let refitted = parallel::map(problem.threads(), promised.len(), |k| {
-        fit(problem, prior, linear, &singles[promised[k].1].freed, &promised[k].2, 4)
+    let found = parallel::map(problem.threads(), promised.len(), |place| {
+        let (_, k, x) = &promised[place];
+        fit(problem, prior, linear, &singles[*k].freed, x, steps(place))
     });
-    for ((_, k, _), refitted) in promised.iter().zip(refitted) {
-        if let Some(refitted) = refitted
-            && refitted.cost < singles[*k].cost
-        {
-            singles[*k] = refitted;
-        }
-    }
-    sort(singles);
+    take(singles, found.into_iter().flatten());
 }
 
 /// Polishes the first few of sorted candidates, until those are first that were polished.
@@ -148,10 +159,9 @@ fn bound<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, none: &mut Fit, 
         let i = single.freed[0];
         let freed = left + prior.freed(problem, &single.freed).penalty(&off);
         let may_be = problem.knobs[i].within(none.x[i], true) == none.x[i];
-        if problem.knobs[i].tolerance > 0.0 && may_be && freed < single.cost {
+        if may_be && freed < single.cost {
             *single = Fit { x: none.x.clone(), gap: none.gap.clone(), cost: freed, ..single.clone() };
         }
-        single.cost = single.cost.min(none.cost);
     }
     sort(singles);
 }
@@ -197,7 +207,10 @@ fn fewer_from_more<V: ReplayVehicle>(
         .map(|(fit, place)| {
             let (mut others, mut x) = (fit.freed.clone(), fit.x.clone());
             let i = others.remove(place);
-            x[i] = prior.mean[i];
+            // A payload's place goes with it.
+            for gone in problem.with_companions(&[i]) {
+                x[gone] = prior.mean[gone];
+            }
             (others, x)
         })
         .collect();
@@ -242,32 +255,6 @@ fn more_from_fewer<V: ReplayVehicle>(
     let local = Linear::new(problem.slopes(&best.x, &best.gap), linear.weights.clone());
     take(more, extended(problem, prior, &local, fewer, singles, beam));
     polish(problem, prior, &local, more);
-}
-
-/// Takes a linear step from the background's best where that is better.
-fn from_none<V: ReplayVehicle>(
-    problem: &Problem<V>,
-    prior: &Prior,
-    linear: &Linear,
-    none: &Fit,
-    single: &mut Fit,
-) {
-    let precision = prior.freed(problem, &single.freed);
-    let step = prior.step(linear, &none.x, &none.gap, &precision);
-    if step.cost < single.cost {
-        single.x = none
-            .x
-            .iter()
-            .zip(&step.change)
-            .enumerate()
-            .map(|(i, (x, change))| problem.knobs[i].within(x + change, single.freed.contains(&i)))
-            .collect();
-        let kept: Vec<f64> = single.x.iter().zip(&none.x).map(|(x, before)| x - before).collect();
-        single.gap = predicted(linear, &none.gap, &kept);
-        // Where a bound held the step back, only the refit knows the cost.
-        let held = kept.iter().zip(&step.change).any(|(kept, change)| (kept - change).abs() > 1e-9);
-        single.cost = if held { none.cost } else { step.cost };
-    }
 }
 
 fn sort(fits: &mut [Fit]) {
@@ -334,32 +321,10 @@ pub fn rank<V: ReplayVehicle>(
     progress("single effects", 0.2);
     let candidates: Vec<usize> =
         (0..problem.knobs.len()).filter(|&i| problem.knobs[i].is_candidate()).collect();
-    let starts: Vec<(usize, f64)> =
-        candidates.iter().flat_map(|&i| problem.knobs[i].starts.iter().map(move |&x| (i, x))).collect();
-    // Each start by one replay and a linear step; the best of each candidate is fitted.
-    let tried = parallel::map(threads, starts.len(), |k| {
-        let (i, at) = starts[k];
-        let mut x = none.x.clone();
-        if at != 0.0 {
-            x[i] = prior.mean[i] + at;
-        }
-        let gap = if at == 0.0 { none.gap.clone() } else { problem.residual(&x)? };
-        let precision = prior.freed(problem, &[i]);
-        let cost = prior.step(&linear, &x, &gap, &precision).cost;
-        Some((cost, x))
-    });
-    let mut best: Vec<(usize, f64, Vec<f64>)> = Vec::new();
-    for (&(i, _), tried) in starts.iter().zip(tried) {
-        let Some((cost, x)) = tried else { continue };
-        match best.iter_mut().find(|(knob, ..)| *knob == i) {
-            Some(entry) if entry.1 <= cost => {}
-            Some(entry) => *entry = (i, cost, x),
-            None => best.push((i, cost, x)),
-        }
-    }
-    let mut singles: Vec<Fit> = parallel::map(threads, best.len(), |k| {
-        let (i, _, x) = &best[k];
-        fit(problem, &prior, &linear, &[*i], x, 3)
+    let mut singles: Vec<Fit> = parallel::map(threads, candidates.len(), |k| {
+        let i = candidates[k];
+        let x = best_start(problem, &prior, &linear, &[i], &none.x, &none.gap, None);
+        fit(problem, &prior, &linear, &[i], &x, 3)
     })
     .into_iter()
     .flatten()
@@ -394,23 +359,7 @@ pub fn rank<V: ReplayVehicle>(
     let linear = Linear::new(problem.slopes(&base, &at_base), noise.weights(problem));
     progress("single effects", 0.6);
     let mut none = fit_none(problem, &prior, &linear, &none.x).ok_or(NoReplay)?;
-    for single in &mut singles {
-        reweighed(problem, &prior, &linear, single);
-        // What was not found from where it began may be found from the background's best.
-        from_none(problem, &prior, &linear, &none, single);
-    }
-    sort(&mut singles);
-    let limit = singles.first().map_or(0.0, |best| best.cost + NEAR);
-    let again = singles.iter().take(AGAIN).filter(|fit| fit.cost < limit).count();
-    let refitted =
-        parallel::map(threads, again, |k| fit(problem, &prior, &linear, &singles[k].freed, &singles[k].x, 4));
-    for (single, refitted) in singles.iter_mut().zip(refitted) {
-        // A linear step's cost is a promise; what was replayed is kept.
-        if let Some(refitted) = refitted {
-            *single =
-                if refitted.cost < none.cost { refitted } else { Fit { cost: none.cost, ..single.clone() } };
-        }
-    }
+    fitted_again(problem, &prior, &linear, &mut singles);
     let local = Linear::new(problem.slopes(&none.x, &none.gap), linear.weights.clone());
     none = fit(problem, &prior, &local, &[], &none.x, 5).filter(|new| new.cost < none.cost).unwrap_or(none);
     again_from_none(problem, &prior, &local, &none, &mut singles);
@@ -438,8 +387,6 @@ pub fn rank<V: ReplayVehicle>(
         none = fit_none(problem, &prior, &linear, &none.x).ok_or(NoReplay)?;
         for fits in [&mut singles, &mut pairs] {
             refined(problem, &prior, &linear, fits, BEAM);
-            fits.iter_mut().for_each(|fit| fit.cost = fit.cost.min(none.cost));
-            sort(fits);
         }
         polish(problem, &prior, &linear, &mut singles);
         bound(problem, &prior, &mut none, &mut singles);
@@ -474,6 +421,38 @@ pub fn predicted(linear: &Linear, gap: &[f64], change: &[f64]) -> Vec<f64> {
         }
     }
     left
+}
+
+/// Where a fit begins whose last effect is new to it: of its starts, and of half of `own`, what it was found to be alone,
+/// the one from which a linear step promises most. Some effects have no slope at their neutral value, and friction and wind
+/// more than one best.
+fn best_start<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    prior: &Prior,
+    linear: &Linear,
+    freed: &[usize],
+    from: &[f64],
+    gap: &[f64],
+    own: Option<f64>,
+) -> Vec<f64> {
+    let Some(&further) = freed.last() else { return from.to_vec() };
+    let precision = prior.freed(problem, freed);
+    let starts = problem.knobs[further].starts;
+    let half = own.filter(|_| starts.len() > 1).map(|own| 0.5 * own);
+    let others = starts.iter().filter(|&&start| start != 0.0).map(|start| prior.mean[further] + start);
+    // Where an effect tells nothing at its neutral value, that is no start.
+    let here = starts.contains(&0.0).then(|| from.to_vec());
+    let there = others.chain(half).map(|at| {
+        let mut x = from.to_vec();
+        x[further] = problem.knobs[further].within(at, true);
+        x
+    });
+    let promise = |x: Vec<f64>| {
+        let there = if x == from { gap.to_vec() } else { problem.residual(&x)? };
+        Some((prior.step(linear, &x, &there, &precision).cost, x))
+    };
+    let best = here.into_iter().chain(there).filter_map(promise).min_by(|a, b| a.0.total_cmp(&b.0));
+    best.map_or_else(|| from.to_vec(), |(_, x)| x)
 }
 
 /// How candidates are made of others by one effect more.
@@ -540,12 +519,13 @@ fn extended<V: ReplayVehicle>(
         let (_, a, b, here) = screened[k];
         let (base, single) = (&bases[a], &singles[b]);
         let further = single.freed[0];
-        let mut x = base.x.clone();
-        // Effects that have no slope at their neutral value start from their own best.
-        if problem.knobs[further].starts.len() > 1 && x[further].abs() < 1e-9 && !here {
-            x[further] = 0.5 * single.x[further];
-        }
-        fit(problem, prior, linear, &[&base.freed[..], &[further]].concat(), &x, 4)
+        let freed = [&base.freed[..], &[further]].concat();
+        let x = if here {
+            base.x.clone()
+        } else {
+            best_start(problem, prior, linear, &freed, &base.x, &base.gap, Some(single.x[further]))
+        };
+        fit(problem, prior, linear, &freed, &x, 4)
     })
     .into_iter()
     .flatten()
