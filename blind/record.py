@@ -6,7 +6,7 @@ import json
 import shutil
 from pathlib import Path
 
-from . import measures
+from . import measures, route
 
 # Goals of the specification: measure, text, limit, whether more is better.
 GOALS = (
@@ -67,9 +67,9 @@ def lines(result: dict) -> list[tuple[str, str, str]]:
     for text, value, goal, limit in numbers:
         met = "" if value is None else (", met" if value <= limit else ", missed")
         found.append((text, "-" if value is None else f"{value:.3f}", goal + met))
-    route = result.get("routes", {})
-    if route.get("closed_loop_calibrated") is not None:
-        value = route["closed_loop_calibrated"]
+    routes = result.get("routes", {})
+    if routes.get("closed_loop_calibrated") is not None:
+        value = routes["closed_loop_calibrated"]
         met = "met" if value >= 0.9 else "missed"
         found.append(("other route, closed loop: gap closed, median", percent(value), f">= 90 %, {met}"))
     # Runs before a measure was thought of have it not.
@@ -84,10 +84,10 @@ def lines(result: dict) -> list[tuple[str, str, str]]:
         ("... of processor", f"{result['cpu_seconds_median']:.1f} s, {result['cpu_seconds_most']:.1f} s", ""),
     ]
     for key, text in (("open", "other route, open loop"), ("closed", "other route, closed loop")):
-        for who in ("effect", "calibrated", "runner_up", "oracle"):
-            value = route.get(f"{key}_loop_{who}")
+        for who in route.SIMULATORS:
+            value = routes.get(f"{key}_loop_{who}")
             if value is not None and (key, who) != ("closed", "calibrated"):
-                found.append((f"{text}: {who.replace('_', '-')}", percent(value), f"{route['cases']} cases"))
+                found.append((f"{text}: {who.replace('_', '-')}", percent(value), f"{routes['cases']} cases"))
     for text, value in result.get("controls", {}).items():
         shown = _share(value) if isinstance(value, dict) else str(value)
         found.append((f"control: {text}", shown, ""))
@@ -250,7 +250,9 @@ def page(runs: list[dict], cases: list[dict]) -> str:
     """blind.md: a line for each run; the runs of the newest program beside each other, and all cases of the largest."""
     text = ["# The blind check: the record", ""]
     text += ["Made by `blind/score`; what it does stands in `blind/README.md`. Every scoring run is here;"]
-    text += ["all cases of each are in `blind-run-N.json`.", ""]
+    text += ["all cases of each are in `blind-run-N.json`."]
+    text += [f"Run {number}: {run['lost']}." for number, run in enumerate(runs, 1) if "lost" in run]
+    text += [""]
     text += ["| run | cases | moderate | small | pairs, both | false alarms | outside found | ECE | labels' hash |"]
     text += ["|---|---|---|---|---|---|---|---|---|"]
     for number, run in enumerate(runs, 1):

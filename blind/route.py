@@ -3,7 +3,9 @@
 The blind vehicle (with its effect) is driven along a road that no log has shown. Open loop: its commands go through the
 simulator. Closed loop: the same driver drives the simulator along the same road. The gap is the RMS difference in yaw
 rate, or in lateral offset by place on the road. Simulators: as given; with the named effect alone; calibrated; with
-the runner-up alone; an oracle with the true effect and the true tolerances.
+the runner-up alone; an oracle with the true effect and the true tolerances. Beside them the gap between blind vehicle and
+simulator of the same design, without effects and tolerances: what the other formulation alone makes of the same numbers,
+and no diagnosis can close.
 """
 
 from __future__ import annotations
@@ -18,6 +20,8 @@ from .drive import SIGNALS
 from .make import folder_of
 from .sensors import Suite
 from .vehicles import build
+
+SIMULATORS = ("effect", "calibrated", "runner_up", "oracle", "formulation")
 
 DURATION = 45.0  # s
 
@@ -43,7 +47,7 @@ def measure(cases: Set, labels: list[dict], reports: list[dict], out: Path, most
                 say(f"case {label['case']}, another route: {row}")
     found: dict = {"cases": len(rows), "rows": rows}
     for key in ("open_loop", "closed_loop"):
-        for who in ("effect", "calibrated", "runner_up", "oracle"):
+        for who in SIMULATORS:
             shares = [1.0 - row[key][who] / row[key]["given"] for row in rows if row[key].get(who) is not None]
             found[f"{key}_{who}"] = measures.median(shares)
     return found
@@ -56,7 +60,9 @@ def _one(cases: Set, label: dict, report: dict, folder: Path) -> dict | None:
     conditions = draw_conditions(rng, design, suite, DURATION)
     whole = combined(label["background"], label["values"])
     truth = start_and_drive(build(design, whole), conditions)
-    if not truth.arrived:
+    # Only what moves the vehicle: sensors and reference points are not looked at here.
+    bare = start_and_drive(build(design, {}), conditions)
+    if not (truth.arrived and bare.arrived):
         return None
     verdict: dict[str, float] = {}
     for effect in report["verdict"]["effects"]:
@@ -70,21 +76,20 @@ def _one(cases: Set, label: dict, report: dict, folder: Path) -> dict | None:
     if others:
         simulators["runner_up"] = (given, dict(zip(others[0]["effects"], others[0]["values"])))
     simulators["oracle"] = (given, oracle(design, label))
-    commands = truth.steer_cmd, truth.accel_cmd
-    per = round(conditions.sample / truth.h)
-    rate = truth.signals[::per, SIGNALS.index("yaw_rate")]
     # A sensor's error is no error of the simulator's motion: the truth here is the motion itself, and so is the
     # simulator's.
     sensors = {
         name: effects.OF[name].neutral for name in measures.STAGES["sensor"] if name in effects.ids(design.is_truck)
     }
     rows: dict = {"open_loop": {}, "closed_loop": {}}
-    for who, (vehicle, told) in simulators.items():
+    runs = [(who, truth, vehicle, told) for who, (vehicle, told) in simulators.items()]
+    for who, real, vehicle, told in [*runs, ("formulation", bare, given, {})]:
         values = {name: value for name, value in told.items() if name not in sensors} | sensors
-        replayed = plant.run(vehicle, design.is_truck, conditions, values, commands)
+        replayed = plant.run(vehicle, design.is_truck, conditions, values, (real.steer_cmd, real.accel_cmd))
+        rate = real.signals[:: round(conditions.sample / real.h), SIGNALS.index("yaw_rate")]
         rows["open_loop"][who] = float(np.sqrt(np.mean((replayed["yaw_rate"] - rate) ** 2)))
         driven = plant.run(vehicle, design.is_truck, conditions, values)
-        rows["closed_loop"][who] = _offset_gap(truth.station, truth.offset, driven["station"], driven["offset"])
+        rows["closed_loop"][who] = _offset_gap(real.station, real.offset, driven["station"], driven["offset"])
     if rows["closed_loop"]["given"] is None:
         return None
     return rows

@@ -20,6 +20,12 @@ pub struct Calibration {
     structural: f64,
     #[serde(skip)]
     friction: f64,
+    /// The same of what acts steadily, whatever the vehicle does.
+    #[serde(skip)]
+    steady: f64,
+    /// The same of the drive's gain.
+    #[serde(skip)]
+    drive: f64,
     /// Whether a reference log has shown the errors of the model's form.
     #[serde(skip)]
     pub form_is_known: bool,
@@ -72,8 +78,23 @@ struct Thresholds {
     structural: f64,
     /// Of friction, which looks like another curve of the tyres.
     friction: f64,
+    /// Of the drive's gain, which a mass looks like: a drive gives the force that its design needs, whatever the vehicle weighs.
+    drive: f64,
+    /// Of what acts steadily: errors of the form follow the motion.
+    steady: f64,
     other: f64,
 }
+
+/// What acts steadily, whatever the vehicle does.
+const STEADY: [&str; 7] = [
+    "steer_offset",
+    "road_bank",
+    "road_grade",
+    "yaw_rate_bias",
+    "lateral_accel_bias",
+    "heading_misalignment",
+    "articulation_bias",
+];
 
 /// Standard deviations of the tyres' curve: shape factor, as a share, curvature factor, and lateral peak, as a share.
 #[derive(Debug, Clone, Copy, Deserialize)]
@@ -142,10 +163,13 @@ impl Calibration {
     pub fn of(truck: bool, reference: bool) -> Self {
         let all = Self::built_in().clone();
         let alone = if truck { &all.alone.truck } else { &all.alone.car };
-        let [structural, friction, none] =
-            if reference { [all.none; 3] } else { [alone.structural, alone.friction, alone.other] };
+        let [structural, friction, steady, drive, none] = if reference {
+            [all.none; 5]
+        } else {
+            [alone.structural, alone.friction, alone.steady, alone.drive, alone.other]
+        };
         let pair = if truck { all.second.truck } else { all.second.car };
-        Self { none, structural, friction, pair, form_is_known: reference, ..all }
+        Self { none, structural, friction, steady, drive, pair, form_is_known: reference, ..all }
     }
 
     /// Evidence that an effect needs to be named: what the model's form can look like, tyres and body, needs most.
@@ -153,6 +177,8 @@ impl Calibration {
     pub fn threshold(&self, effect: Option<&Effect>) -> f64 {
         match effect {
             Some(effect) if effect.id == "road_friction" => self.friction,
+            Some(effect) if effect.id == "drive_gain" => self.drive,
+            Some(effect) if STEADY.contains(&effect.id) => self.steady,
             Some(effect) if matches!(effect.stage, Stage::Tyre | Stage::Body) => self.structural,
             _ => self.none,
         }

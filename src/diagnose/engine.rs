@@ -14,7 +14,7 @@ use super::report::{
     Series, Varies, Verdict, VerdictKind,
 };
 use super::select::chosen;
-use super::shrink::{formless, only, shrink};
+use super::shrink::{only, recalibrated, shrink};
 use super::words;
 use crate::log::CleanLog;
 use crate::residual::parallel;
@@ -205,6 +205,7 @@ pub fn diagnose<V: ReplayVehicle>(
     let shrink = shrink(&problem, &ranking, &winner, &slopes);
     let precision = ranking.prior.freed(&problem, &winner.freed);
     let covariance = local.covariance(&precision);
+    let simulator = recalibrated(&problem, &ranking.prior, &local, &winner.freed, &winner.x);
     let mut effects = named(&problem, &ranking, &decision, &covariance, calibration.interval);
     progress("next manoeuvre", 0.95);
     let next_manoeuvre = match &decision.rival {
@@ -214,9 +215,9 @@ pub fn diagnose<V: ReplayVehicle>(
         }
         _ => None,
     };
-    let adjustment = |i: usize| {
+    let adjustment = |i: usize, x: &[f64]| {
         let it = &problem.knobs[i];
-        let (given, value) = it.adjusted(winner.x[i], vehicle);
+        let (given, value) = it.adjusted(x[i], vehicle);
         Adjustment {
             parameter: it.parameter(),
             given,
@@ -232,10 +233,10 @@ pub fn diagnose<V: ReplayVehicle>(
             let it = &problem.knobs[i];
             precision.free.contains(&i) && !freed.contains(&i) && it.tolerance > 0.0 && !it.is_form()
         })
-        .map(adjustment)
+        .map(|i| adjustment(i, &simulator))
         .collect();
-    let strained = decision.strained.map(adjustment);
-    let series = series(&problem, &ranking.prior, &drive, &winner)?;
+    let strained = decision.strained.map(|i| adjustment(i, &winner.x));
+    let series = series(&problem, &ranking.prior, &drive, &winner, &simulator)?;
     // What matters most stands first.
     effects.sort_by(|a, b| b.dominance.total_cmp(&a.dominance));
     for effect in &mut effects {
@@ -432,9 +433,9 @@ fn varying<V: ReplayVehicle>(
 
 /// What is to be named. An effect too small to matter is not: what explains a little of the model's form hides no cause.
 /// With no `causes` for values to vary with, all are taken to be constant.
-fn decide<V: ReplayVehicle>(
+fn decide<'a, V: ReplayVehicle>(
     problem: &Problem<V>,
-    ranking: &Ranking,
+    ranking: &'a Ranking,
     calibration: &Calibration,
     causes: &[constancy::Columns],
 ) -> Decision {
@@ -445,19 +446,24 @@ fn decide<V: ReplayVehicle>(
     let evidence = |fit: &Fit| ranking.none.cost - fit.cost;
     let matters =
         |fit: &Fit| fit.freed.iter().all(|&i| dominance(problem, ranking, fit, i) > calibration.dominance);
-    let tells = |fit: &&Fit| evidence(fit) > needed(fit.freed[0]) && matters(fit);
-    let best = ranking.singles.iter().find(|fit| worth && tells(fit));
+    // Where what explains most is too small to matter, only what explains as much may stand in for it.
+    let first = |fits: &'a [Fit], tells: &dyn Fn(&Fit) -> bool| -> Option<&'a Fit> {
+        let most = fits.iter().find(|fit| tells(fit))?.cost;
+        fits.iter().take_while(|fit| fit.cost < most + calibration.class).find(|fit| tells(fit) && matters(fit))
+    };
+    let tells = |fit: &Fit| worth && evidence(fit) > needed(fit.freed[0]);
+    let best = first(&ranking.singles, &tells);
     // A further effect has to add what it would need alone; candidates without the best of one effect less, what all would.
     let (mut chosen, mut without) = (best, ranking.none.cost);
     let mut level = &ranking.singles;
     for more in [&ranking.pairs, &ranking.threes] {
         let Some(so_far) = chosen else { break };
-        let adds = |fit: &&Fit| {
+        let adds = |fit: &Fit| {
             let others = fit.freed.iter().filter(|i| !so_far.freed.contains(i));
             let least = others.map(|&i| needed(i)).fold(calibration.pair, f64::max);
-            so_far.cost - fit.cost > least && matters(fit)
+            so_far.cost - fit.cost > least
         };
-        let Some(fit) = more.iter().find(adds) else { break };
+        let Some(fit) = first(more, &adds) else { break };
         (without, chosen, level) = (so_far.cost, Some(fit), more);
     }
     // Not in the library: much is left that is neither noise nor form; or the value that it needs is not one; or it is
@@ -704,6 +710,7 @@ fn series<V: ReplayVehicle>(
     prior: &Prior,
     drive: &Drive,
     winner: &Fit,
+    simulator: &[f64],
 ) -> Result<Series, DiagnoseError> {
     let run = |x: &[f64]| problem.trace(x).map_err(|reason| DiagnoseError::Replay { reason });
     let columns = |trace: &Trace| -> BTreeMap<String, Vec<f64>> {
@@ -726,7 +733,7 @@ fn series<V: ReplayVehicle>(
     };
     let neutral = run(&prior.mean)?;
     let alone = run(&only(problem, prior, &winner.freed, &winner.x))?;
-    let corrected = run(&formless(problem, prior, &winner.x))?;
+    let corrected = run(simulator)?;
     let mut log: BTreeMap<String, Vec<f64>> =
         drive.columns.iter().map(|(&name, column)| (name.to_owned(), column.clone())).collect();
     for channel in

@@ -9,7 +9,6 @@
 //!
 //! which equals `e' (W^-1 + U U')^-1 e` with `U = S P^-1/2` at `x = 0` (Woodbury), at the price of a small matrix.
 
-use super::knob::drive_of_mass;
 use super::problem::Problem;
 use super::replay::{Channel, ReplayVehicle};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
@@ -239,20 +238,27 @@ impl Precision {
 }
 
 impl Prior {
-    /// Tolerances of the knobs; those of mass and drive go together ([`drive_of_mass`]).
+    /// Tolerances of the knobs.
     #[must_use]
     pub fn of<V: ReplayVehicle>(problem: &Problem<V>) -> Self {
         let variances: Vec<f64> = problem.knobs.iter().map(|knob| knob.tolerance.powi(2)).collect();
-        let mut covariance = DMatrix::from_diagonal(&DVector::from_vec(variances));
-        if let Some((drive, masses)) = drive_of_mass(&problem.knobs, problem.vehicle) {
-            for (mass, ratio) in masses {
-                let shared = ratio * covariance[(mass, mass)];
-                covariance[(drive, mass)] += shared;
-                covariance[(mass, drive)] += shared;
-                covariance[(drive, drive)] += ratio * shared;
-            }
+        Self {
+            mean: vec![0.0; problem.knobs.len()],
+            covariance: DMatrix::from_diagonal(&DVector::from_vec(variances)),
+            form: Vec::new(),
         }
-        Self { mean: vec![0.0; problem.knobs.len()], covariance, form: Vec::new() }
+    }
+
+    /// With some knobs held where they are.
+    #[must_use]
+    pub fn holding(&self, held: &[usize], x: &[f64]) -> Self {
+        let mut prior = self.clone();
+        for &i in held {
+            prior.mean[i] = x[i];
+            prior.covariance.row_mut(i).fill(0.0);
+            prior.covariance.column_mut(i).fill(0.0);
+        }
+        prior
     }
 
     /// With some knobs freed, and what goes with them: a payload takes its place with it.

@@ -314,17 +314,6 @@ impl Knob {
         matches!(self.turns, Turns::Form(_) | Turns::TyreShape | Turns::TyreCurvature | Turns::TyrePeak)
     }
 
-    /// By what share one unit of the coordinate changes the mass of the whole vehicle, if it is a mass.
-    #[must_use]
-    pub fn share_of_mass<V: ReplayVehicle>(&self, vehicle: &V) -> Option<f64> {
-        if self.turns != Turns::Factor || !self.id.ends_with(".mass") {
-            return None;
-        }
-        let (given, _) = self.adjusted(0.0, vehicle);
-        let (whole, _) = vehicle.mass_and_drag();
-        Some(self.unit * given / whole)
-    }
-
     /// Its row in [`FORMS`], if it is an error that is added to the replay.
     #[must_use]
     pub fn form(&self) -> Option<&'static super::form::Row> {
@@ -477,16 +466,6 @@ impl Knob {
         let factor = if of_factor { given.abs().max(1e-12) } else { 1.0 };
         self.spread(1.0, deviation) * factor
     }
-}
-
-/// A drive gives the force that the file's mass needs, whatever the vehicle weighs, and [`at`] gives it that of the mass which
-/// it is given: a vehicle that is lighter by a hundredth has a hundredth more of `drive_gain`. The place of `drive_gain`, and
-/// each mass with the coordinates of `drive_gain` that go with one of its own.
-#[must_use]
-pub fn drive_of_mass<V: ReplayVehicle>(knobs: &[Knob], vehicle: &V) -> Option<(usize, Vec<(usize, f64)>)> {
-    let drive = knobs.iter().position(|knob| knob.id == "drive_gain")?;
-    let share = |(i, knob): (usize, &Knob)| Some((i, -knob.share_of_mass(vehicle)? / knobs[drive].unit));
-    Some((drive, knobs.iter().enumerate().filter_map(share).collect()))
 }
 
 /// The vehicle and its effects at coordinates.

@@ -3,7 +3,7 @@
 //! Blocks of 8 s belong in turn to two halves; what is fitted on one is tried on the other. What a model learned from past
 //! commands removes from the rest is the ceiling of all learning: a ridge regression on lagged steering, by speed.
 
-use super::fit::{Fit, Linear, Prior};
+use super::fit::{Fit, Linear, Prior, fit};
 use super::problem::{Problem, rms};
 use super::rank::Ranking;
 use super::replay::{Channel, ReplayVehicle, Trace, replay};
@@ -17,6 +17,8 @@ const BLOCK: f64 = 8.0;
 /// Lags of the ridge, samples of 10 Hz; its penalty as a share of the mean diagonal.
 const LAGS: [usize; 6] = [0, 1, 2, 4, 7, 12];
 const RIDGE: f64 = 1e-3;
+/// Steps of a recalibration.
+const STEPS: usize = 3;
 /// Horizons, s.
 const HORIZONS: [f64; 3] = [0.5, 1.0, 2.0];
 
@@ -60,13 +62,29 @@ fn fitted_on<V: ReplayVehicle>(
         .into_iter()
         .find(|x| cost(x).is_some_and(|cost| cost < before))
         .unwrap_or_else(|| winner.x.clone());
-    (only(problem, &ranking.prior, &winner.freed, &all), formless(problem, &ranking.prior, &all))
+    let simulator = recalibrated(problem, &ranking.prior, &local, &winner.freed, &all);
+    (only(problem, &ranking.prior, &winner.freed, &all), simulator)
 }
 
-/// Coordinates without what errors of the model's form explain: no simulator can be given those.
+/// The simulator for coordinates: no simulator can be given errors of its form. What they explained goes to the tolerances as
+/// far as these allow it, and the effects keep their values.
 #[must_use]
-pub fn formless<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, x: &[f64]) -> Vec<f64> {
-    (0..x.len()).map(|i| if problem.knobs[i].is_form() { prior.mean[i] } else { x[i] }).collect()
+pub fn recalibrated<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    prior: &Prior,
+    linear: &Linear,
+    freed: &[usize],
+    x: &[f64],
+) -> Vec<f64> {
+    let mut start = x.to_vec();
+    let forms = (0..x.len()).filter(|&i| problem.knobs[i].is_form());
+    let mut held = problem.with_companions(freed);
+    for i in forms {
+        start[i] = 0.0;
+        held.push(i);
+    }
+    let prior = prior.holding(&held, &start);
+    fit(problem, &prior, linear, &[], &start, STEPS).map_or(start, |fit| fit.x)
 }
 
 /// The coordinates of the effect alone, all else as expected.
@@ -85,11 +103,11 @@ pub fn shrink<V: ReplayVehicle>(
     slopes: &[Vec<f64>],
 ) -> Shrink {
     let mut effect = vec![0.0; ranking.neutral.len()];
-    let mut recalibrated = effect.clone();
+    let mut whole = effect.clone();
     let mut points = Vec::new();
     for which in 0..2 {
         let (alone, all) = fitted_on(problem, ranking, winner, slopes, which);
-        for (x, into) in [(&alone, &mut effect), (&all, &mut recalibrated)] {
+        for (x, into) in [(&alone, &mut effect), (&all, &mut whole)] {
             let Some(gap) = problem.residual(x) else { continue };
             for (_, block) in &problem.blocks {
                 for (k, i) in block.clone().enumerate() {
@@ -105,12 +123,12 @@ pub fn shrink<V: ReplayVehicle>(
     let features = features(problem);
     for ((channel, block), &noise) in problem.blocks.iter().zip(&ranking.noise.white) {
         let part = |gap: &[f64]| rms(&gap[block.clone()]);
-        let rest = learnable(problem, &features, &recalibrated[block.clone()]);
+        let rest = learnable(problem, &features, &whole[block.clone()]);
         let gap = Gap {
             before: part(&ranking.neutral),
             effect: part(&effect),
-            recalibrated: part(&recalibrated),
-            learnable: Some(rest.min(part(&recalibrated))),
+            recalibrated: part(&whole),
+            learnable: Some(rest.min(part(&whole))),
             noise,
         };
         shrink.open_loop.insert(channel.name().to_owned(), gap);

@@ -228,9 +228,6 @@ fn background<V: ReplayVehicle>(
             conditions.background * knob.tolerance * if one_sided { drawn.abs() } else { drawn }
         })
         .collect();
-    if let Some((drive, masses)) = knob::drive_of_mass(&knobs, vehicle) {
-        x[drive] += masses.iter().map(|&(mass, ratio)| ratio * x[mass]).sum::<f64>();
-    }
     // An effect that is put in takes the place of its background.
     for (i, knob) in knobs.iter().enumerate() {
         if let Some(effect) = knob.effect
