@@ -26,7 +26,12 @@ fn holds(seed: u64, put_in: &[(&str, f64)]) {
         let penalty = prior.freed(&problem, &fit.freed).penalty(&prior.off(&fit.x));
         let replayed = ranking.linear.square(&gap) + penalty;
         let off = (fit.cost - replayed).abs() / replayed.max(1.0);
-        assert!(off < 1e-6, "seed {seed}: {} claims {} where a replay leaves {replayed}", name(fit), fit.cost);
+        assert!(
+            off < 1e-6,
+            "seed {seed}: {} claims {} where a replay leaves {replayed}",
+            name(fit),
+            fit.cost
+        );
     }
     let mut less = &ranking.none;
     for more in [&ranking.singles, &ranking.pairs, &ranking.threes] {

@@ -449,7 +449,9 @@ fn decide<'a, V: ReplayVehicle>(
     // Where what explains most is too small to matter, only what explains as much may stand in for it.
     let first = |fits: &'a [Fit], tells: &dyn Fn(&Fit) -> bool| -> Option<&'a Fit> {
         let most = fits.iter().find(|fit| tells(fit))?.cost;
-        fits.iter().take_while(|fit| fit.cost < most + calibration.class).find(|fit| tells(fit) && matters(fit))
+        fits.iter()
+            .take_while(|fit| fit.cost < most + calibration.class)
+            .find(|fit| tells(fit) && matters(fit))
     };
     let tells = |fit: &Fit| worth && evidence(fit) > needed(fit.freed[0]);
     let best = first(&ranking.singles, &tells);
