@@ -3,9 +3,9 @@
 The blind vehicle (with its effect) is driven along a road that no log has shown. Open loop: its commands go through the
 simulator. Closed loop: the same driver drives the simulator along the same road. The gap is the RMS difference in yaw
 rate, or in lateral offset by place on the road. Simulators: as given; with the named effect alone; calibrated; with
-the runner-up alone; an oracle with the true effect and the true tolerances. Beside them the gap between blind vehicle and
-simulator of the same design, without effects and tolerances: what the other formulation alone makes of the same numbers,
-and no diagnosis can close.
+the runner-up alone; an oracle with the true effect and the true tolerances. Beside them the gap between blind vehicle
+and simulator of the same design, without effects and tolerances: what the other formulation alone makes of the same
+numbers, and no diagnosis can close.
 """
 
 from __future__ import annotations
