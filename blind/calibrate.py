@@ -9,8 +9,11 @@ What it prints goes into src/diagnose/calibration.toml by hand: a change of thre
 - thresholds: what 95 % of the sound logs stay under, for tyres and body and for the rest, with and without a reference;
 - what second effects add to logs with one, and rests of what is in the library and what is not;
 - the factor that brings the intervals of named values to 95 %;
-- probabilities: logistic in the margin, of effects also in the share of the gap that is left, for a scoring set's mix
-  of kinds.
+- probabilities: logistic in the margin, for a scoring set's mix of kinds; of effects also in what is left, strained and
+  varying, as shares of the thresholds of these.
+
+What another effect says for one that the library does not have is best learned from answers without the true one
+(`--without`, made with `rfl diagnose --without EFFECT`): they count as half of the causes outside.
 
 All are a handful of scalars. More of the generator must not come into the diagnosis: a covariance of all tolerances,
 learned from sound logs, was tried and left out for that (docs/results/diagnosis.md).
@@ -25,26 +28,30 @@ from collections import Counter
 from pathlib import Path
 
 import numpy as np
+import tomllib
 
 from . import measures
 from .cases import KINDS
 from .make import folder_of
+from .vehicles import ROOT
 
 STRUCTURAL = {*measures.STAGES["tyre"], *measures.STAGES["body"]}
 VERDICTS = (
-    ("effect", "effect", [-1.0, 0.9, 0.0]),
+    ("effect", "effect", [-1.0, 0.9, 0.0, 0.0, 0.0]),
     ("none", "nothing", [1.0, 0.5]),
     ("not_in_library", "unknown", [0.0, 0.5]),
 )
+THRESHOLDS = tomllib.loads((ROOT / "src" / "diagnose" / "calibration.toml").read_text(encoding="utf-8"))
 
 
 def logistic(features: np.ndarray, right: np.ndarray, weights: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Coefficients of a logistic regression of weighted cases, drawn towards `at` as if by a case."""
+    """Coefficients of a logistic regression of weighted cases, drawn towards `at` as if by a case in any units."""
     b = at.astype(float).copy()
+    drawn = np.where(features.std(axis=0) > 0.0, features.var(axis=0), 1.0)
     for _ in range(100):
         p = 1.0 / (1.0 + np.exp(-features @ b))
-        slope = features.T @ (weights * (right - p)) - (b - at)
-        curve = features.T @ (features * (weights * p * (1.0 - p))[:, None]) + np.eye(len(b))
+        slope = features.T @ (weights * (right - p)) - drawn * (b - at)
+        curve = features.T @ (features * (weights * p * (1.0 - p))[:, None]) + np.diag(drawn)
         b += np.clip(np.linalg.solve(curve, slope), -1.0, 1.0)
     return b
 
@@ -73,8 +80,14 @@ def line(name: str, values: list[float], share: float) -> str:
     return f"# {name}: {np.quantile(values, share):.1f}; {len(values)}, the largest {np.sort(values)[-5:].round(1)}\n"
 
 
-def calibration(cases: list[tuple[dict, dict]], share: float = 0.95) -> str:
-    """All that was found, as comments and lines of TOML."""
+def features(scores: dict) -> list[float]:
+    """What the probability of a verdict goes by; `Calibration::of_effect` has all of them, the others the first two."""
+    shares = [max(scores[name], 0.0) / THRESHOLDS[name] for name in ("left", "strained", "varying")]
+    return [1.0, np.log1p(max(scores["margin"], 0.0)), *shares]
+
+
+def calibration(cases: list[tuple[dict, dict]], removed: list[tuple[dict, dict]], share: float = 0.95) -> str:
+    """All that was found, as comments and lines of TOML; `removed` are answers without the true effect."""
     text = f"# {len(cases)} cases\n"
     sound = [(label, r) for label, r in cases if label["kind"] == "none"]
     for truck in (False, True):
@@ -103,13 +116,19 @@ def calibration(cases: list[tuple[dict, dict]], share: float = 0.95) -> str:
                 half = max(effect["high"] - effect["low"], 1e-12) / 2.0
                 off.append(abs(label["values"][effect["id"]] - (effect["high"] + effect["low"]) / 2.0) / half)
     text += line("off by half widths", off, share)
+    weight["removed"] = weight.get("outside", 0.0) * count["outside"] / 2.0 / max(len(removed), 1)
+    if removed:
+        weight["outside"] = weight.get("outside", 0.0) / 2.0
     for kind, name, at in VERDICTS:
-        own = [(label, r) for label, r in cases if measures.kind(r) == kind]
+        own = [
+            (label["kind"], measures.in_class(label, r), r["scores"]) for label, r in cases if measures.kind(r) == kind
+        ]
+        if kind == "effect":
+            own += [("removed", False, r["scores"]) for _, r in removed if measures.kind(r) == kind]
         if own:
-            scores = [r["scores"] for _, r in own]
-            columns = [[1.0, np.log1p(max(s["margin"], 0.0)), s["left"]][: len(at)] for s in scores]
-            right = np.array([measures.in_class(label, r) for label, r in own], float)
-            weights = np.array([weight[label["kind"]] for label, _ in own])
+            columns = [features(scores)[: len(at)] for _, _, scores in own]
+            right = np.array([is_right for _, is_right, _ in own], float)
+            weights = np.array([weight[of] for of, _, _ in own])
             fitted = logistic(np.array(columns), right, weights, np.array(at))
             weighted = np.average(right, weights=weights)
             of_all = f"{int(right.sum())} of {len(own)} right, weighted {weighted:.2f}"
@@ -124,8 +143,10 @@ def main() -> int:
     )
     parser.add_argument("sets", type=Path, nargs="+", help="folders of development sets")
     parser.add_argument("--answer", default="answer", help="folder of the answers within the cases")
+    parser.add_argument("--without", help="folder of the answers without the true effect")
     options = parser.parse_args()
-    print(calibration(read_answers(options.sets, options.answer)))
+    removed = read_answers(options.sets, options.without) if options.without else []
+    print(calibration(read_answers(options.sets, options.answer), removed))
     return 0
 
 

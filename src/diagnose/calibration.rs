@@ -2,6 +2,7 @@
 
 use super::form::Kind;
 use super::replay::Channel;
+use super::report::Scores;
 use crate::residual::fnv;
 use crate::vehicle::{Effect, Stage};
 use serde::Deserialize;
@@ -30,9 +31,9 @@ pub struct Calibration {
     #[serde(skip)]
     pub form_is_known: bool,
     alone: Alone,
-    /// Evidence that a second effect must add.
+    /// Evidence that a further effect must add, if it does not act steadily.
     #[serde(skip)]
-    pub pair: f64,
+    pair: f64,
     second: Second,
     /// Evidence within which candidates are one class.
     pub class: f64,
@@ -50,12 +51,24 @@ pub struct Calibration {
     pub form: Form,
     /// Factor on the standard deviations of named values: what the form of the model adds beyond the fit's own.
     pub interval: f64,
-    effect: [f64; 3],
+    effect: OfEffect,
     nothing: [f64; 2],
     unknown: [f64; 2],
 }
 
-/// Evidence that a second effect must add in a kind of vehicle.
+/// Log odds that a named effect is right: a constant, by the logarithm of the margin, and by how near the answer is to one
+/// that is not in the library: what is left, strained and varying, as shares of the thresholds of these.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct OfEffect {
+    constant: f64,
+    margin: f64,
+    left: f64,
+    strained: f64,
+    varying: f64,
+}
+
+/// Evidence that a further effect must add in a kind of vehicle.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Second {
@@ -95,6 +108,10 @@ const STEADY: [&str; 7] = [
     "heading_misalignment",
     "articulation_bias",
 ];
+
+fn is_steady(effect: Option<&Effect>) -> bool {
+    effect.is_some_and(|effect| STEADY.contains(&effect.id))
+}
 
 /// Standard deviations of the tyres' curve: shape factor, as a share, curvature factor, and lateral peak, as a share.
 #[derive(Debug, Clone, Copy, Deserialize)]
@@ -178,10 +195,18 @@ impl Calibration {
         match effect {
             Some(effect) if effect.id == "road_friction" => self.friction,
             Some(effect) if effect.id == "drive_gain" => self.drive,
-            Some(effect) if STEADY.contains(&effect.id) => self.steady,
+            _ if is_steady(effect) => self.steady,
             Some(effect) if matches!(effect.stage, Stage::Tyre | Stage::Body) => self.structural,
             _ => self.none,
         }
+    }
+
+    /// Evidence that it must add to other effects: what these leave of the model's form follows the motion, and looks like much
+    /// that does, but not like what acts steadily.
+    #[must_use]
+    pub fn further(&self, effect: Option<&Effect>) -> f64 {
+        let alone = self.threshold(effect);
+        if is_steady(effect) { alone } else { alone.max(self.pair) }
     }
 
     /// Its hash, hexadecimal.
@@ -190,12 +215,16 @@ impl Calibration {
         format!("{:016x}", fnv(TEXT.as_bytes()))
     }
 
-    /// Probability that a named effect is right, by the evidence against the next candidate outside its class, and the share
-    /// of the gap that is left.
+    /// Probability that a named effect is right, by the evidence against the next candidate outside its class. An answer that
+    /// leaves much, strains tolerances or needs a value that varies is less sure, long before the cause is said not to be in the
+    /// library: what another effect takes for a missing one does so at the background's expense.
     #[must_use]
-    pub fn of_effect(&self, margin: f64, left: f64) -> f64 {
-        let [a, b, c] = self.effect;
-        logistic([a + c * left, b], margin)
+    pub fn of_effect(&self, scores: &Scores) -> f64 {
+        let OfEffect { constant, margin, left, strained, varying } = self.effect;
+        let off = left * scores.left / self.left
+            + strained * scores.strained / self.strained
+            + varying * scores.varying.max(0.0) / self.varying;
+        logistic([constant + off, margin], scores.margin)
     }
 
     /// That there is nothing, by the evidence that is missing to name something.

@@ -455,14 +455,14 @@ fn decide<'a, V: ReplayVehicle>(
     };
     let tells = |fit: &Fit| worth && evidence(fit) > needed(fit.freed[0]);
     let best = first(&ranking.singles, &tells);
-    // A further effect has to add what it would need alone; candidates without the best of one effect less, what all would.
+    // A further effect has to add what is asked of it; candidates without the best of one effect less, what is asked of most.
     let (mut chosen, mut without) = (best, ranking.none.cost);
     let mut level = &ranking.singles;
     for more in [&ranking.pairs, &ranking.threes] {
         let Some(so_far) = chosen else { break };
         let adds = |fit: &Fit| {
             let others = fit.freed.iter().filter(|i| !so_far.freed.contains(i));
-            let least = others.map(|&i| needed(i)).fold(calibration.pair, f64::max);
+            let least = others.map(|&i| calibration.further(problem.knobs[i].effect)).fold(0.0, f64::max);
             so_far.cost - fit.cost > least
         };
         let Some(fit) = first(more, &adds) else { break };
@@ -523,17 +523,17 @@ fn decide<'a, V: ReplayVehicle>(
         .iter()
         .find(|rival| rival.cost > chosen.cost && !inside(rival))
         .map_or(f64::INFINITY, |rival| rival.cost - chosen.cost);
-    let margin = outside.min(without - chosen.cost);
+    let scores = Scores { margin: outside.min(without - chosen.cost), ..scores };
     Decision {
         kind: VerdictKind::Effect,
-        probability: calibration.of_effect(margin, scores.left),
+        probability: calibration.of_effect(&scores),
         fit: chosen.clone(),
         nearest: None,
         varying: None,
         strained: None,
         rival: level.iter().find(|rival| rival.freed != chosen.freed).cloned(),
         classes,
-        scores: Scores { margin, ..scores },
+        scores,
     }
 }
 
