@@ -28,7 +28,7 @@ const DRIFT: f64 = 0.2;
 const ENVIRONMENT: [&str; 4] = ["wind_x", "wind_y", "road_bank", "road_grade"];
 /// Tolerances of a vehicle in its reference log, besides what is named there: as many times the ordinary ones.
 const WIDE: f64 = 2.0;
-/// Evidence from which on something is the matter, however small its gap.
+/// Evidence from which on something is the matter, however small its gap, and an effect is not too small to be named.
 const PLAIN: f64 = 100.0;
 /// So many of the first candidates are compared with the winner.
 const COMPARED: usize = 12;
@@ -444,17 +444,23 @@ fn decide<'a, V: ReplayVehicle>(
     let worth = calibration.form_is_known || scores.single > PLAIN || notable;
     let needed = |i: usize| calibration.threshold(problem.knobs[i].effect);
     let evidence = |fit: &Fit| ranking.none.cost - fit.cost;
-    let matters =
-        |fit: &Fit| fit.freed.iter().all(|&i| dominance(problem, ranking, fit, i) > calibration.dominance);
+    // What adds evidence beyond question is never too small: without it a replay may lose its vehicle, and the gap of that
+    // background is anything.
+    let matters = |fit: &Fit, others: &Fit| {
+        let plain = others.cost - fit.cost > PLAIN;
+        fit.freed.iter().all(|i| {
+            plain && !others.freed.contains(i) || dominance(problem, ranking, fit, *i) > calibration.dominance
+        })
+    };
     // Where what explains most is too small to matter, only what explains as much may stand in for it.
-    let first = |fits: &'a [Fit], tells: &dyn Fn(&Fit) -> bool| -> Option<&'a Fit> {
+    let first = |fits: &'a [Fit], others: &Fit, tells: &dyn Fn(&Fit) -> bool| -> Option<&'a Fit> {
         let most = fits.iter().find(|fit| tells(fit))?.cost;
         fits.iter()
             .take_while(|fit| fit.cost < most + calibration.class)
-            .find(|fit| tells(fit) && matters(fit))
+            .find(|fit| tells(fit) && matters(fit, others))
     };
     let tells = |fit: &Fit| worth && evidence(fit) > needed(fit.freed[0]);
-    let best = first(&ranking.singles, &tells);
+    let best = first(&ranking.singles, &ranking.none, &tells);
     // A further effect has to add what is asked of it; candidates without the best of one effect less, what is asked of most.
     let (mut chosen, mut without) = (best, ranking.none.cost);
     let mut level = &ranking.singles;
@@ -465,7 +471,7 @@ fn decide<'a, V: ReplayVehicle>(
             let least = others.map(|&i| calibration.further(problem.knobs[i].effect)).fold(0.0, f64::max);
             so_far.cost - fit.cost > least
         };
-        let Some(fit) = first(more, &adds) else { break };
+        let Some(fit) = first(more, so_far, &adds) else { break };
         (without, chosen, level) = (so_far.cost, Some(fit), more);
     }
     // Not in the library: much is left that is neither noise nor form; or the value that it needs is not one; or it is
