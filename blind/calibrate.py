@@ -32,8 +32,8 @@ import tomllib
 
 from . import measures
 from .cases import KINDS
+from .diagnose import CALIBRATION
 from .make import folder_of
-from .vehicles import ROOT
 
 STRUCTURAL = {*measures.STAGES["tyre"], *measures.STAGES["body"]}
 VERDICTS = (
@@ -41,7 +41,9 @@ VERDICTS = (
     ("none", "nothing", [1.0, 0.5]),
     ("not_in_library", "unknown", [0.0, 0.5]),
 )
-THRESHOLDS = tomllib.loads((ROOT / "src" / "diagnose" / "calibration.toml").read_text(encoding="utf-8"))
+THRESHOLDS = tomllib.loads(CALIBRATION.read_text(encoding="utf-8"))
+# What the probability of an effect goes by; those of other verdicts by the first two.
+OF_EFFECT = ("constant", "margin", "left", "strained", "varying")
 
 
 def logistic(features: np.ndarray, right: np.ndarray, weights: np.ndarray, at: np.ndarray) -> np.ndarray:
@@ -81,8 +83,8 @@ def line(name: str, values: list[float], share: float) -> str:
 
 
 def features(scores: dict) -> list[float]:
-    """What the probability of a verdict goes by; `Calibration::of_effect` has all of them, the others the first two."""
-    shares = [max(scores[name], 0.0) / THRESHOLDS[name] for name in ("left", "strained", "varying")]
+    """The values of `OF_EFFECT`, as `Calibration::of_effect` has them."""
+    shares = [max(scores[name], 0.0) / THRESHOLDS[name] for name in OF_EFFECT[2:]]
     return [1.0, np.log1p(max(scores["margin"], 0.0)), *shares]
 
 
@@ -116,9 +118,9 @@ def calibration(cases: list[tuple[dict, dict]], removed: list[tuple[dict, dict]]
                 half = max(effect["high"] - effect["low"], 1e-12) / 2.0
                 off.append(abs(label["values"][effect["id"]] - (effect["high"] + effect["low"]) / 2.0) / half)
     text += line("off by half widths", off, share)
-    weight["removed"] = weight.get("outside", 0.0) * count["outside"] / 2.0 / max(len(removed), 1)
     if removed:
         weight["outside"] = weight.get("outside", 0.0) / 2.0
+        weight["removed"] = weight["outside"] * count["outside"] / len(removed)
     for kind, name, at in VERDICTS:
         own = [
             (label["kind"], measures.in_class(label, r), r["scores"]) for label, r in cases if measures.kind(r) == kind
@@ -132,7 +134,10 @@ def calibration(cases: list[tuple[dict, dict]], removed: list[tuple[dict, dict]]
             fitted = logistic(np.array(columns), right, weights, np.array(at))
             weighted = np.average(right, weights=weights)
             of_all = f"{int(right.sum())} of {len(own)} right, weighted {weighted:.2f}"
-            text += f"{name} = {fitted.round(2).tolist()} # {of_all}\n"
+            values = fitted.round(2).tolist()
+            if kind == "effect":
+                values = "{ " + ", ".join(f"{of} = {value}" for of, value in zip(OF_EFFECT, values)) + " }"
+            text += f"{name} = {values} # {of_all}\n"
     return text
 
 

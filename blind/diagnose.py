@@ -11,6 +11,10 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+from .vehicles import ROOT
+
+# Thresholds and probabilities of the program.
+CALIBRATION = ROOT / "src" / "diagnose" / "calibration.toml"
 ANSWERS = (0, 3, 4, 5)  # exit codes that come with a report
 LONGEST = 900.0  # s
 

@@ -25,7 +25,6 @@ from .cases import KINDS, Set
 from .make import folder_of, make_set
 from .vehicles import ROOT
 
-CALIBRATION = ROOT / "src" / "diagnose" / "calibration.toml"
 # The seed of the development set, if none is given.
 DEVELOPMENT_SEED = 20261121
 
@@ -70,7 +69,7 @@ def main(arguments: list[str] | None = None) -> int:
         "cases": len(labels),
         "labels": seal.close(labels, seed, salt, out / "labels.sealed"),
         "program": seal.hash_of(rfl),
-        "thresholds": seal.hash_of(CALIBRATION),
+        "thresholds": seal.hash_of(diagnose.CALIBRATION),
         "generator": seal.hash_of_sources(ROOT / "blind"),
         "written": time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime()),
     }
