@@ -85,7 +85,7 @@ def line(name: str, values: list[float], share: float) -> str:
 def features(scores: dict) -> list[float]:
     """The values of `OF_EFFECT`, as `Calibration::of_effect` has them."""
     shares = [max(scores[name], 0.0) / THRESHOLDS[name] for name in OF_EFFECT[2:]]
-    return [1.0, np.log1p(max(scores["margin"], 0.0)), *shares]
+    return [1.0, np.log1p(np.clip(scores["margin"], 0.0, THRESHOLDS["effect"]["clear"])), *shares]
 
 
 def calibration(cases: list[tuple[dict, dict]], removed: list[tuple[dict, dict]], share: float = 0.95) -> str:
@@ -136,7 +136,8 @@ def calibration(cases: list[tuple[dict, dict]], removed: list[tuple[dict, dict]]
             of_all = f"{int(right.sum())} of {len(own)} right, weighted {weighted:.2f}"
             values = fitted.round(2).tolist()
             if kind == "effect":
-                values = "{ " + ", ".join(f"{of} = {value}" for of, value in zip(OF_EFFECT, values)) + " }"
+                named = dict(zip(OF_EFFECT, values)) | {"clear": THRESHOLDS["effect"]["clear"]}
+                values = "{ " + ", ".join(f"{of} = {value}" for of, value in named.items()) + " }"
             text += f"{name} = {values} # {of_all}\n"
     return text
 

@@ -56,13 +56,15 @@ pub struct Calibration {
     unknown: [f64; 2],
 }
 
-/// Log odds that a named effect is right: a constant, by the logarithm of the margin, and by how near the answer is to one
-/// that is not in the library: what is left, strained and varying, as shares of the thresholds of these.
+/// Log odds that a named effect is right: a constant, by the logarithm of the margin up to `clear`, and by how near the answer
+/// is to one that is not in the library: what is left, strained and varying, as shares of the thresholds of these.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct OfEffect {
     constant: f64,
     margin: f64,
+    /// Margin beyond which a candidate is clear of the others: more of it is no surer that the library has the cause.
+    clear: f64,
     left: f64,
     strained: f64,
     varying: f64,
@@ -220,11 +222,11 @@ impl Calibration {
     /// library: what another effect takes for a missing one does so at the background's expense.
     #[must_use]
     pub fn of_effect(&self, scores: &Scores) -> f64 {
-        let OfEffect { constant, margin, left, strained, varying } = self.effect;
+        let OfEffect { constant, margin, clear, left, strained, varying } = self.effect;
         let off = left * scores.left / self.left
             + strained * scores.strained / self.strained
             + varying * scores.varying.max(0.0) / self.varying;
-        logistic([constant + off, margin], scores.margin)
+        logistic([constant + off, margin], scores.margin.min(clear))
     }
 
     /// That there is nothing, by the evidence that is missing to name something.

@@ -59,7 +59,7 @@ pub(super) fn near(factor: f64, unit: f64) -> bool {
 /// Lateral acceleration up to which tyres are linear, m/s2.
 const MILD: f64 = 3.0;
 /// Steering over what is needed that an effect can explain.
-const PLAUSIBLE: std::ops::Range<f64> = 0.62..1.6;
+const PLAUSIBLE: std::ops::Range<f64> = 0.5..2.0;
 
 /// Length of the stretches that are compared, s: longer than any delay, shorter than a bend.
 const BLOCK: f64 = 0.5;
