@@ -27,6 +27,22 @@ fn slope_at_zero_is_bcd() {
 }
 
 #[test]
+fn early_softening_is_that_of_a_brush() {
+    let softer = Coefficients { softening: 1.0, ..tyre() };
+    let load = 4000.0;
+    // A brush slides from 3 times its greatest force over its slope on; the formula's friction is 1.05 at this load.
+    let slides = 3.0 * 1.05 * load / tyre().cornering_stiffness(load, 0.0);
+    for share in [0.01, 0.08, 0.2, 0.4] {
+        let contact = Contact { alpha: -share * slides, load, friction: 1.0, ..Contact::default() };
+        let ratio = softer.forces(&contact).fy / tyre().forces(&contact).fy;
+        assert!((ratio - 1.08 / (1.0 + share)).abs() < 1e-12, "{ratio} at {share}");
+        // To second order what a brush has: 1 - u + u^2 / 3.
+        let brush = 1.0 - share + share * share / 3.0;
+        assert!((ratio / 1.08 - brush).abs() < 0.7 * share * share, "{ratio} at {share}");
+    }
+}
+
+#[test]
 fn peak_is_friction_times_load() {
     for (load, dfz) in [(2000.0, -0.5), (4000.0, 0.0), (6000.0, 0.5)] {
         let mu = 1.05 - 0.12 * dfz;

@@ -115,12 +115,13 @@ fn is_steady(effect: Option<&Effect>) -> bool {
     effect.is_some_and(|effect| STEADY.contains(&effect.id))
 }
 
-/// Standard deviations of the tyres' curve: shape factor, as a share, curvature factor, and lateral peak, as a share.
+/// Standard deviations of the tyres' curve: shape factor, as a share, curvature factor, lateral peak, as a share, and early
+/// softening, in that of brushes.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Tyre {
-    car: [f64; 3],
-    truck: [f64; 3],
+    car: [f64; 4],
+    truck: [f64; 4],
 }
 
 /// Standard deviations of the errors of the model's form: of size, lateness in s, change with speed, with lateral and with
@@ -153,9 +154,9 @@ impl Form {
         sizes[kind as usize]
     }
 
-    /// Of the tyres' curve: shape factor, as a share, curvature factor, and lateral peak, as a share.
+    /// Of the tyres' curve: shape factor, as a share, curvature factor, lateral peak, as a share, and early softening.
     #[must_use]
-    pub fn tyre(&self, truck: bool) -> [f64; 3] {
+    pub fn tyre(&self, truck: bool) -> [f64; 4] {
         if truck { self.tyre.truck } else { self.tyre.car }
     }
 }

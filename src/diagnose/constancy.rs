@@ -162,7 +162,7 @@ pub fn variations<V: ReplayVehicle>(
     for effect in may_vary {
         for (with, columns) in causes {
             let varied = columns.iter().map(|column| {
-                let mut varied = linear.slopes[effect].clone();
+                let mut varied = linear.slopes[effect].to_vec();
                 for (_, block) in &problem.blocks {
                     varied[block.clone()].iter_mut().zip(column).for_each(|(v, z)| *v *= off[effect] * z);
                 }

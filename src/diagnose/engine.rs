@@ -19,6 +19,7 @@ use super::words;
 use crate::log::CleanLog;
 use crate::residual::parallel;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// Shortest drive that is diagnosed, s of compared rows.
 const SHORTEST: f64 = 6.0;
@@ -340,7 +341,7 @@ fn posterior<V: ReplayVehicle>(
 }
 
 /// Slopes of all knobs at a fitted point, taken anew.
-fn slopes_at<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, at: &Fit) -> Vec<Vec<f64>> {
+fn slopes_at<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, at: &Fit) -> Vec<Arc<Vec<f64>>> {
     if at.freed.is_empty() { ranking.linear.slopes.clone() } else { problem.slopes(&at.x, &at.gap) }
 }
 
@@ -555,7 +556,7 @@ fn dominance<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, at: &Fit
     };
     let weights = &ranking.linear.weights;
     let distance = |a: &[f64], b: &[f64]| {
-        a.iter().zip(b).zip(weights).map(|((a, b), w)| w * (a - b).powi(2)).sum::<f64>().sqrt()
+        a.iter().zip(b).zip(weights.iter()).map(|((a, b), w)| w * (a - b).powi(2)).sum::<f64>().sqrt()
     };
     let (own, background) = (distance(&gap, &at.gap), distance(&background, &ranking.neutral));
     own / background.max(0.05 * own).max(1e-9)

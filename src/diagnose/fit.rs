@@ -12,19 +12,25 @@
 use super::problem::Problem;
 use super::replay::{Channel, ReplayVehicle};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use std::sync::Arc;
 
 /// Standard deviation of the coordinate of what is freed: effects of five units are ordinary.
 const FREED: f64 = 5.0;
 /// Steps of Gauss and Newton.
 const STEPS: usize = 6;
 
+/// A gain that ends a search.
+fn enough(cost: f64) -> f64 {
+    0.05 + 1e-4 * cost
+}
+
 /// Slopes at a point with their weighted products.
 #[derive(Clone)]
 pub struct Linear {
     /// Columns, one for each knob.
-    pub slopes: Vec<Vec<f64>>,
+    pub slopes: Vec<Arc<Vec<f64>>>,
     /// Weight of each residual.
-    pub weights: Vec<f64>,
+    pub weights: Arc<Vec<f64>>,
     gram: DMatrix<f64>,
 }
 
@@ -43,8 +49,8 @@ fn dot(a: &[f64], b: &[f64], weights: &[f64]) -> f64 {
 impl Linear {
     /// From slopes and weights.
     #[must_use]
-    pub fn new(slopes: Vec<Vec<f64>>, weights: Vec<f64>) -> Self {
-        let count = slopes.len();
+    pub fn new(slopes: Vec<Arc<Vec<f64>>>, weights: impl Into<Arc<Vec<f64>>>) -> Self {
+        let (count, weights) = (slopes.len(), weights.into());
         let mut gram = DMatrix::zeros(count, count);
         for i in 0..count {
             for j in 0..=i {
@@ -61,7 +67,7 @@ impl Linear {
     pub fn with(&self, columns: &[(usize, &[f64])]) -> Self {
         let mut other = self.clone();
         for &(i, column) in columns {
-            other.slopes[i] = column.to_vec();
+            other.slopes[i] = Arc::new(column.to_vec());
         }
         for &(i, _) in columns {
             for j in 0..other.slopes.len() {
@@ -303,25 +309,54 @@ impl Prior {
     }
 }
 
+/// Where a fit begins, with the gap there if it is known.
+#[derive(Clone, Copy)]
+pub struct Start<'a> {
+    x: &'a [f64],
+    gap: Option<&'a [f64]>,
+}
+
+impl<'a> From<&'a Fit> for Start<'a> {
+    fn from(fit: &'a Fit) -> Self {
+        Self { x: &fit.x, gap: Some(&fit.gap) }
+    }
+}
+
+impl<'a> From<&'a [f64]> for Start<'a> {
+    fn from(x: &'a [f64]) -> Self {
+        Self { x, gap: None }
+    }
+}
+
+impl<'a> From<&'a Vec<f64>> for Start<'a> {
+    fn from(x: &'a Vec<f64>) -> Self {
+        Self { x, gap: None }
+    }
+}
+
 /// Fits with some knobs freed, from a point, with slopes `linear` for the background. Slopes of what is freed are taken
 /// anew at each step.
 #[must_use]
-pub fn fit<V: ReplayVehicle>(
+pub fn fit<'a, V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
     linear: &Linear,
     freed: &[usize],
-    start: &[f64],
+    start: impl Into<Start<'a>>,
     steps: usize,
 ) -> Option<Fit> {
+    let start = start.into();
     let precision = prior.freed(problem, freed);
     let own = problem.with_companions(freed);
     let within = |x: &[f64]| -> Vec<f64> {
         let bound = |(i, x): (usize, &f64)| problem.knobs[i].within(*x, freed.contains(&i));
         x.iter().enumerate().map(bound).collect()
     };
-    let mut x = within(start);
-    let mut gap = problem.residual(&x)?;
+    let mut x = within(start.x);
+    let mut gap = match start.gap {
+        Some(known) if x == start.x => known.to_vec(),
+        _ => problem.residual(&x)?,
+    };
     let mut cost = linear.square(&gap) + precision.penalty(&prior.off(&x));
     let mut columns: Vec<Vec<f64>> = Vec::new();
     for _ in 0..steps.clamp(1, STEPS) {
@@ -330,9 +365,11 @@ pub fn fit<V: ReplayVehicle>(
             own.iter().copied().zip(columns.iter().map(Vec::as_slice)).collect();
         let local = linear.with(&given);
         let step = prior.step(&local, &x, &gap, &precision);
+        // What promises no more than what ends the search is tried once.
+        let tries = if cost - step.cost < enough(cost) { 1 } else { 4 };
         let mut length = 1.0;
         let mut better = None;
-        for _ in 0..4 {
+        for _ in 0..tries {
             let there: Vec<f64> = x.iter().zip(&step.change).map(|(x, change)| x + length * change).collect();
             let there = within(&there);
             if let Some(new) = problem.residual(&there) {
@@ -347,7 +384,7 @@ pub fn fit<V: ReplayVehicle>(
         let Some((there, new, new_cost)) = better else { break };
         let gained = cost - new_cost;
         (x, gap, cost) = (there, new, new_cost);
-        if gained < 0.05 + 1e-4 * cost {
+        if gained < enough(cost) {
             break;
         }
     }

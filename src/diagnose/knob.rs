@@ -39,6 +39,8 @@ enum Turns {
     TyreCurvature,
     /// Lateral peak of all tyres, whose slope stays: times exp(unit * x).
     TyrePeak,
+    /// Early softening of all tyres, as brushes have it: plus unit * x.
+    TyreSoftening,
 }
 
 /// One knob.
@@ -143,6 +145,7 @@ const FARTHEST: f64 = 12.0;
 const TYRE_SHAPE: &str = "form.tyre.shape";
 const TYRE_CURVATURE: &str = "form.tyre.curvature";
 const TYRE_PEAK: &str = "form.tyre.peak";
+const TYRE_SOFTENING: &str = "form.tyre.softening";
 
 /// Standard deviation of the payload's place when a payload is fitted, in units of its coordinate (0.5 m).
 const PAYLOAD_PLACE: f64 = 1.6;
@@ -248,11 +251,12 @@ pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -
         knobs.push(further("sensor.imu_height", Turns::ImuHeight, IMU_HEIGHT));
     }
     let form = &Calibration::built_in().form;
-    let [shape, curvature, peak] = form.tyre(V::TRUCK);
+    let [shape, curvature, peak, softening] = form.tyre(V::TRUCK);
     for (id, turns, size) in [
         (TYRE_SHAPE, Turns::TyreShape, shape),
         (TYRE_CURVATURE, Turns::TyreCurvature, curvature),
         (TYRE_PEAK, Turns::TyrePeak, peak),
+        (TYRE_SOFTENING, Turns::TyreSoftening, softening),
     ] {
         if size > 0.0 {
             knobs.push(further(id, turns, size));
@@ -308,10 +312,22 @@ impl Knob {
         self.nameable
     }
 
+    /// Whether it turns what the sensors make of a motion, and not the motion.
+    #[must_use]
+    pub fn is_sensed(&self) -> bool {
+        matches!(
+            self.turns,
+            Turns::Scale(_) | Turns::Bias(_) | Turns::Arm | Turns::InertialLag | Turns::ImuHeight
+        )
+    }
+
     /// Whether it is an error of the model's form: no number of the vehicle, and nothing that a simulator can be given.
     #[must_use]
     pub fn is_form(&self) -> bool {
-        matches!(self.turns, Turns::Form(_) | Turns::TyreShape | Turns::TyreCurvature | Turns::TyrePeak)
+        matches!(
+            self.turns,
+            Turns::Form(_) | Turns::TyreShape | Turns::TyreCurvature | Turns::TyrePeak | Turns::TyreSoftening
+        )
     }
 
     /// Its row in [`FORMS`], if it is an error that is added to the replay.
@@ -337,7 +353,8 @@ impl Knob {
             | Turns::InertialLag
             | Turns::ImuHeight
             | Turns::Form(_)
-            | Turns::TyreCurvature => self.unit * x,
+            | Turns::TyreCurvature
+            | Turns::TyreSoftening => self.unit * x,
         }
     }
 
@@ -370,11 +387,14 @@ impl Knob {
                         .set(vehicle, if factor { before * self.value(x) } else { before + self.value(x) });
                 }
             }
-            Turns::TyreShape | Turns::TyreCurvature | Turns::TyrePeak => {
+            Turns::TyreShape | Turns::TyreCurvature | Turns::TyrePeak | Turns::TyreSoftening => {
                 for file in vehicle.tyres().into_iter().filter_map(|(_, tyre)| tyre.coefficients.as_mut()) {
                     match self.turns {
                         Turns::TyreShape => file.pcy1 = (file.pcy1 * self.value(x)).clamp(0.9, 1.9),
                         Turns::TyrePeak => file.lmuy *= self.value(x),
+                        Turns::TyreSoftening => {
+                            file.softening = (file.softening + self.value(x)).clamp(-0.5, 3.0)
+                        }
                         _ => file.pey1 = (file.pey1 + self.value(x)).clamp(-10.0, 1.0),
                     }
                 }

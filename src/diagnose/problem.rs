@@ -8,7 +8,7 @@ use crate::residual::parallel;
 use crate::vehicle::TruckEffects;
 use std::borrow::Cow;
 use std::ops::Range;
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 /// A gap larger than this many times the signal's own size is a replay gone astray.
 const ASTRAY: f64 = 20.0;
@@ -34,7 +34,7 @@ pub struct Problem<'a, V> {
     /// What the errors of the form add: knob, channel, shape.
     forms: Vec<(usize, Channel, Vec<f64>)>,
     /// Slopes of the errors of the form: they hardly change.
-    of_forms: Vec<OnceLock<Vec<f64>>>,
+    of_forms: Vec<OnceLock<Arc<Vec<f64>>>>,
     threads: usize,
 }
 
@@ -101,10 +101,15 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
     /// # Errors
     /// A vehicle that cannot be made.
     pub fn trace(&self, x: &[f64]) -> Result<Trace, String> {
-        let (vehicle, effects) = knob::at(&self.knobs, x, self.vehicle);
-        let mut trace = replay(self.drive, &vehicle, &effects, &self.corrected(x), None)?;
+        let mut trace = self.motion(x)?;
         knob::sense(&self.knobs, x, self.drive, &mut trace);
         Ok(trace)
+    }
+
+    /// The replay before what only the sensors' knobs do to it.
+    fn motion(&self, x: &[f64]) -> Result<Trace, String> {
+        let (vehicle, effects) = knob::at(&self.knobs, x, self.vehicle);
+        replay(self.drive, &vehicle, &effects, &self.corrected(x), None)
     }
 
     /// Log less replay, filtered. None where there is no such vehicle.
@@ -133,20 +138,24 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
     /// Slope of the replay over one knob at coordinates where the gap is `here`.
     #[must_use]
     pub fn slope(&self, x: &[f64], here: &[f64], knob: usize) -> Vec<f64> {
-        if self.knobs[knob].form().is_some() {
-            return self.of_forms[knob].get_or_init(|| self.slope_anew(x, here, knob)).clone();
-        }
-        self.slope_anew(x, here, knob)
+        self.slope_by(x, here, knob, |there| self.residual(there))
     }
 
-    fn slope_anew(&self, x: &[f64], here: &[f64], knob: usize) -> Vec<f64> {
+    /// The slope where `residual` gives the gap.
+    fn slope_by(
+        &self,
+        x: &[f64],
+        here: &[f64],
+        knob: usize,
+        residual: impl Fn(&[f64]) -> Option<Vec<f64>>,
+    ) -> Vec<f64> {
         let it = &self.knobs[knob];
         let size = if it.tolerance > 0.0 { it.tolerance.clamp(0.1, 1.0) } else { 0.2 };
         let mut there = x.to_vec();
         // Downwards at the upper end.
         let size = if x[knob] + size > it.greatest { -size } else { size };
         there[knob] += size;
-        match self.residual(&there) {
+        match residual(&there) {
             Some(there) => here.iter().zip(&there).map(|(here, there)| (here - there) / size).collect(),
             None => vec![0.0; here.len()],
         }
@@ -154,8 +163,25 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
 
     /// Slopes over all knobs.
     #[must_use]
-    pub fn slopes(&self, x: &[f64], here: &[f64]) -> Vec<Vec<f64>> {
-        parallel::map(self.threads, self.knobs.len(), |knob| self.slope(x, here, knob))
+    pub fn slopes(&self, x: &[f64], here: &[f64]) -> Vec<Arc<Vec<f64>>> {
+        // What the sensors' knobs turn does not move the vehicle: one replay serves them all.
+        let motion = self.motion(x).ok();
+        let sensed = |there: &[f64]| {
+            let mut trace = motion.clone()?;
+            knob::sense(&self.knobs, there, self.drive, &mut trace);
+            Some(self.compare(&trace))
+        };
+        parallel::map(self.threads, self.knobs.len(), |knob| {
+            let it = &self.knobs[knob];
+            if it.form().is_some() {
+                let slope = || Arc::new(self.slope(x, here, knob));
+                self.of_forms[knob].get_or_init(slope).clone()
+            } else if it.is_sensed() {
+                Arc::new(self.slope_by(x, here, knob, sensed))
+            } else {
+                Arc::new(self.slope(x, here, knob))
+            }
+        })
     }
 
     /// Number of threads.

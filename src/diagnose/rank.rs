@@ -3,7 +3,7 @@
 //!
 //! Linear steps only say where to look. Every cost that is kept is that of a replay at the fit's own coordinates.
 
-use super::fit::{Fit, Linear, Prior, fit};
+use super::fit::{Fit, Linear, Prior, Start, fit};
 use super::noise::Noise;
 use super::problem::Problem;
 use super::replay::ReplayVehicle;
@@ -60,22 +60,35 @@ impl Ranking {
 pub struct NoReplay;
 
 /// Nothing freed: everything within its tolerance.
-fn fit_none<V: ReplayVehicle>(
+fn fit_none<'a, V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
     linear: &Linear,
-    start: &[f64],
+    start: impl Into<Start<'a>>,
 ) -> Option<Fit> {
     fit(problem, prior, linear, &[], start, 4)
 }
 
 /// A fit with all slopes taken anew at its own best.
 fn polished<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linear, at: &Fit) -> Fit {
-    let Some(gap) = problem.residual(&at.x) else { return at.clone() };
-    let local = Linear::new(problem.slopes(&at.x, &gap), linear.weights.clone());
-    fit(problem, prior, &local, &at.freed, &at.x, 5)
+    let local = Linear::new(problem.slopes(&at.x, &at.gap), linear.weights.clone());
+    fit(problem, prior, &local, &at.freed, at, 5)
         .filter(|new| new.cost < at.cost)
         .unwrap_or_else(|| at.clone())
+}
+
+/// Polished until that tells no more: what all evidence is measured against must not be left in a valley on the way.
+fn settled<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linear, from: Fit) -> Fit {
+    let mut best = from;
+    for _ in 0..ROUNDS {
+        let next = polished(problem, prior, linear, &best);
+        let gained = best.cost - next.cost;
+        best = next;
+        if gained < 1.0 {
+            break;
+        }
+    }
+    best
 }
 
 /// Steps of a fit: to the end for the first [`AGAIN`] by what they are or promise, in short for others.
@@ -93,7 +106,7 @@ fn fitted_again<V: ReplayVehicle>(
     singles.iter_mut().for_each(|single| reweighed(problem, prior, linear, single));
     sort(singles);
     let found = parallel::map(problem.threads(), singles.len(), |k| {
-        fit(problem, prior, linear, &singles[k].freed, &singles[k].x, steps(k))
+        fit(problem, prior, linear, &singles[k].freed, &singles[k], steps(k))
     });
     take(singles, found.into_iter().flatten());
 }
@@ -278,7 +291,7 @@ fn refined<V: ReplayVehicle>(
     fits.iter_mut().for_each(|fit| reweighed(problem, prior, linear, fit));
     sort(fits);
     let found = parallel::map(problem.threads(), fits.len().min(count), |k| {
-        fit(problem, prior, linear, &fits[k].freed, &fits[k].x, 3)
+        fit(problem, prior, linear, &fits[k].freed, &fits[k], 3)
     });
     for (old, new) in fits.iter_mut().zip(found) {
         if let Some(new) = new
@@ -316,7 +329,7 @@ pub fn rank<V: ReplayVehicle>(
     let linear = Linear::new(problem.slopes(&start, &at_start), noise.weights(problem));
     let none = fit_none(problem, &prior, &linear, &start).ok_or(NoReplay)?;
     let linear = Linear::new(problem.slopes(&none.x, &none.gap), noise.weights(problem));
-    let none = fit_none(problem, &prior, &linear, &none.x).ok_or(NoReplay)?;
+    let none = fit_none(problem, &prior, &linear, &none).ok_or(NoReplay)?;
 
     progress("single effects", 0.2);
     let candidates: Vec<usize> =
@@ -341,7 +354,7 @@ pub fn rank<V: ReplayVehicle>(
     let at_base = problem.residual(&base).ok_or(NoReplay)?;
     let linear = Linear::new(problem.slopes(&base, &at_base), noise.weights(problem));
     reweighed(problem, &prior, &linear, &mut none);
-    none = fit_none(problem, &prior, &linear, &none.x).ok_or(NoReplay)?;
+    none = fit_none(problem, &prior, &linear, &none).ok_or(NoReplay)?;
     refined(problem, &prior, &linear, &mut singles, REFINED);
 
     // What the best leaves, all else free within three tolerances, is no noise and yet told by none.
@@ -358,10 +371,10 @@ pub fn rank<V: ReplayVehicle>(
     let at_base = problem.residual(&base).ok_or(NoReplay)?;
     let linear = Linear::new(problem.slopes(&base, &at_base), noise.weights(problem));
     progress("single effects", 0.6);
-    let mut none = fit_none(problem, &prior, &linear, &none.x).ok_or(NoReplay)?;
+    let mut none = fit_none(problem, &prior, &linear, &none).ok_or(NoReplay)?;
     fitted_again(problem, &prior, &linear, &mut singles);
     let local = Linear::new(problem.slopes(&none.x, &none.gap), linear.weights.clone());
-    none = fit(problem, &prior, &local, &[], &none.x, 5).filter(|new| new.cost < none.cost).unwrap_or(none);
+    none = fit(problem, &prior, &local, &[], &none, 5).filter(|new| new.cost < none.cost).unwrap_or(none);
     again_from_none(problem, &prior, &local, &none, &mut singles);
     polish(problem, &prior, &linear, &mut singles);
     bound(problem, &prior, &mut none, &mut singles);
@@ -384,7 +397,7 @@ pub fn rank<V: ReplayVehicle>(
         noise = noise.with_left(problem, &left);
         let slopes = problem.slopes(&pair.x, &pair.gap);
         linear = Linear::new(slopes, noise.weights(problem));
-        none = fit_none(problem, &prior, &linear, &none.x).ok_or(NoReplay)?;
+        none = fit_none(problem, &prior, &linear, &none).ok_or(NoReplay)?;
         for fits in [&mut singles, &mut pairs] {
             refined(problem, &prior, &linear, fits, BEAM);
         }
@@ -406,7 +419,13 @@ pub fn rank<V: ReplayVehicle>(
     more_from_fewer(problem, &prior, &linear, &mut threes, &pairs, &singles, &OF_PAIRS);
     let mut found = vec![none];
     fewer_from_more(problem, &prior, &linear, &mut found, &singles, 2);
-    let mut none = found.swap_remove(0);
+    let before = found.swap_remove(0);
+    let mut none = settled(problem, &prior, &linear, before.clone());
+    if before.cost - none.cost > 1.0 {
+        let local = Linear::new(problem.slopes(&none.x, &none.gap), linear.weights.clone());
+        again_from_none(problem, &prior, &local, &none, &mut singles);
+        polish(problem, &prior, &linear, &mut singles);
+    }
     bound(problem, &prior, &mut none, &mut singles);
     Ok(Ranking { none, singles, pairs, threes, linear, prior, noise, neutral })
 }
@@ -417,7 +436,7 @@ pub fn predicted(linear: &Linear, gap: &[f64], change: &[f64]) -> Vec<f64> {
     let mut left = gap.to_vec();
     for (slope, &change) in linear.slopes.iter().zip(change) {
         if change != 0.0 {
-            left.iter_mut().zip(slope).for_each(|(left, slope)| *left -= slope * change);
+            left.iter_mut().zip(slope.iter()).for_each(|(left, slope)| *left -= slope * change);
         }
     }
     left
@@ -520,11 +539,11 @@ fn extended<V: ReplayVehicle>(
         let (base, single) = (&bases[a], &singles[b]);
         let further = single.freed[0];
         let freed = [&base.freed[..], &[further]].concat();
-        let x = if here {
-            base.x.clone()
-        } else {
-            best_start(problem, prior, linear, &freed, &base.x, &base.gap, Some(single.x[further]))
-        };
+        if here {
+            return fit(problem, prior, linear, &freed, base, 4);
+        }
+        let own = Some(single.x[further]);
+        let x = best_start(problem, prior, linear, &freed, &base.x, &base.gap, own);
         fit(problem, prior, linear, &freed, &x, 4)
     })
     .into_iter()

@@ -11,6 +11,7 @@ use super::report::{Gap, Shrink};
 use super::{knob, replay::Correction};
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// Length of a block, s.
 const BLOCK: f64 = 8.0;
@@ -33,10 +34,10 @@ fn fitted_on<V: ReplayVehicle>(
     problem: &Problem<V>,
     ranking: &Ranking,
     winner: &Fit,
-    slopes: &[Vec<f64>],
+    slopes: &[Arc<Vec<f64>>],
     which: usize,
 ) -> (Vec<f64>, Vec<f64>) {
-    let mut weights = ranking.linear.weights.clone();
+    let mut weights = ranking.linear.weights.to_vec();
     for (_, block) in &problem.blocks {
         for (k, i) in block.clone().enumerate() {
             if half(problem, k) != which {
@@ -100,7 +101,7 @@ pub fn shrink<V: ReplayVehicle>(
     problem: &Problem<V>,
     ranking: &Ranking,
     winner: &Fit,
-    slopes: &[Vec<f64>],
+    slopes: &[Arc<Vec<f64>>],
 ) -> Shrink {
     let mut effect = vec![0.0; ranking.neutral.len()];
     let mut whole = effect.clone();

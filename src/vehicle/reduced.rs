@@ -185,6 +185,18 @@ impl<T: Copy> Past<T> {
     }
 }
 
+/// `1 - e^-z`: where `z` is ordinary by Pade's approximation of sixth order, which is off by less than 2e-9 and a third of the
+/// library's work.
+fn gone(z: f64) -> f64 {
+    if !(0.0..2.0).contains(&z) {
+        return -(-z).exp_m1();
+    }
+    let zz = z * z;
+    let odd = z * (0.5 + zz * (1.0 / 66.0 + zz / 15_840.0));
+    let even = 1.0 + zz * (5.0 / 44.0 + zz * (1.0 / 792.0 + zz / 665_280.0));
+    2.0 * odd / (even + odd)
+}
+
 /// Lateral relaxation length of an axle's tyres at a load of each in N, m.
 fn relaxation(axle: &Axle, each: f64) -> f64 {
     let length =
@@ -279,7 +291,7 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
                 Some(h) => {
                     let ahead = wheel.slip.ahead(slip, P::ORDER, |&slip| slip);
                     wheel.slip = wheel.slip.then(slip);
-                    let gone = -(-rate * h).exp_m1();
+                    let gone = gone(rate * h);
                     v + gone * (ahead / rate - v)
                 }
                 None => {
@@ -455,3 +467,17 @@ pub(super) fn spring_stiffness<'a>(axles: impl Iterator<Item = &'a Axle>) -> (f6
 pub(super) const FIRST_BODY: ([usize; 2], [usize; 2]) =
     ([super::unit::HEAVE, super::unit::HEAVE_RATE], [super::unit::PITCH, super::unit::PITCH_RATE]);
 const _: () = assert!(BODY == 12);
+
+#[cfg(test)]
+mod tests {
+    use super::gone;
+
+    #[test]
+    fn what_has_gone_is_that_of_the_exponential() {
+        for i in 0..400 {
+            let z = 0.01 * f64::from(i);
+            assert!((gone(z) + (-z).exp_m1()).abs() <= 2e-9 * z, "{} at {z}", gone(z));
+        }
+        assert!(gone(f64::NAN).is_nan());
+    }
+}

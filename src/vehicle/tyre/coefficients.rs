@@ -12,16 +12,22 @@ pub(super) enum Missing {
 }
 
 macro_rules! coefficients {
-    ($($(#[$doc:meta])* $field:ident $key:literal $missing:expr;)*) => {
+    ($($(#[$doc:meta])* $field:ident $key:literal $missing:expr;)* => $(#[$own_doc:meta])* $own:ident) => {
         /// Coefficients of one tyre, or of several side by side. Fields are the keys of a `.tir` file in lower case; see Pacejka for each.
         #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
         #[allow(missing_docs)]
-        pub struct Coefficients<T = f64> { $($(#[$doc])* pub $field: T,)* }
+        pub struct Coefficients<T = f64> {
+            $($(#[$doc])* pub $field: T,)*
+            $(#[$own_doc])* pub $own: T,
+        }
 
         impl Coefficients {
             /// Those of several tyres, side by side.
             pub(in crate::vehicle) fn beside<const N: usize>(tyres: [&Self; N]) -> Coefficients<[f64; N]> {
-                Coefficients { $($field: tyres.map(|tyre| tyre.$field),)* }
+                Coefficients {
+                    $($field: tyres.map(|tyre| tyre.$field),)*
+                    $own: tyres.map(|tyre| tyre.$own),
+                }
             }
 
             /// Makes the coefficients from a look-up by key.
@@ -34,7 +40,7 @@ macro_rules! coefficients {
                     Missing::Is(value) => value,
                     Missing::Refused => { absent.push($key); f64::NAN }
                 });)*
-                if absent.is_empty() { Ok(Self { $($field),* }) } else { Err(absent) }
+                if absent.is_empty() { Ok(Self { $($field,)* $own: 0.0 }) } else { Err(absent) }
             }
 
             /// All keys that are understood.
@@ -186,4 +192,8 @@ coefficients! {
     ssz2 "SSZ2" Is(0.0);
     ssz3 "SSZ3" Is(0.0);
     ssz4 "SSZ4" Is(0.0);
+    =>
+    /// Early softening, 0 as the Magic Formula has it, 1 as a brush does: of no file, for what other formulas do otherwise.
+    #[serde(default)]
+    softening
 }

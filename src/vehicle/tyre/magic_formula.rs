@@ -34,6 +34,8 @@ pub struct TyreForces<T = f64> {
 
 /// Slip angle beyond which its tangent grows no more, rad.
 const GREATEST_ANGLE: f64 = 1.5;
+/// Share of the slip at which a brush slides where softening changes nothing: ordinary driving, a fifth to a quarter of the grip.
+const SOFTENED_AT: f64 = 0.08;
 /// Loads under this carry no force: the wheel has left the road.
 const LIFTED: f64 = 1e-3;
 
@@ -324,7 +326,7 @@ impl<T: Copy> Coefficients<T> {
         let wheel = &self.wheel(&contact);
         let Wheel { longitudinal, lateral, load, factor, .. } = wheel;
         let pure_x = longitudinal.peak * longitudinal.curve.sin() + longitudinal.shift_v;
-        let pure_y = lateral.peak * lateral.curve.sin() + lateral.shift_v;
+        let pure_y = lateral.peak * lateral.curve.sin() * self.softened(lateral) + lateral.shift_v;
         let planar = self.planar(wheel, pure_x, pure_y);
         let Planar { fx, fy, .. } = planar;
         let mz = self.aligning_moment(wheel, tangent, &planar);
@@ -333,6 +335,19 @@ impl<T: Copy> Coefficients<T> {
         let lifted = contact.load.up_to(L::splat(LIFTED));
         let on_road = |force: L| L::choose(lifted, zero, *factor * force);
         TyreForces { fx: on_road(fx), fy: on_road(fy), mx: on_road(mx), mz: on_road(mz) }
+    }
+
+    /// What early softening leaves of the lateral force: as brushes yield from the first slip on, `1 - u` of their slope at a
+    /// share `u` of the slip at which they slide, for the same slope in between.
+    #[inline(always)]
+    fn softened<L: Lanes<Stored = T>>(&self, lateral: &Lateral<L>) -> L {
+        take!(self; softening);
+        let one = L::splat(1.0);
+        if softening.is_zero() {
+            return one;
+        }
+        let share = (lateral.b_times_c * lateral.curve.x).abs() * L::splat(1.0 / 3.0);
+        (one + softening * L::splat(SOFTENED_AT)) / (one + softening * share)
     }
 
     /// Pure slip of a wheel.
