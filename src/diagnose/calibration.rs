@@ -47,6 +47,8 @@ pub struct Calibration {
     pub strained: f64,
     /// Gap of an effect over that of the background below which it is not worth naming.
     pub dominance: f64,
+    /// Factor on the gap beyond which what is named takes the simulator farther from the log instead of nearer.
+    pub farther: f64,
     /// Errors of the model's form.
     pub form: Form,
     /// Factor on the standard deviations of named values: what the form of the model adds beyond the fit's own.

@@ -453,12 +453,19 @@ fn decide<'a, V: ReplayVehicle>(
             plain && !others.freed.contains(i) || dominance(problem, ranking, fit, *i) > calibration.dominance
         })
     };
+    // What takes the simulator farther from the log is not what parts them: its tolerances would have to undo what it does,
+    // and what is explained is an error of the form.
+    let gap_by = |fit: &Fit| {
+        let alone = only(problem, &ranking.prior, &fit.freed, &fit.x);
+        problem.residual(&alone).map_or(f64::INFINITY, |gap| ranking.noise.size(problem, &gap))
+    };
+    let nears = |fit: &Fit, others: &Fit| gap_by(fit) <= calibration.farther * gap_by(others);
     // Where what explains most is too small to matter, only what explains as much may stand in for it.
     let first = |fits: &'a [Fit], others: &Fit, tells: &dyn Fn(&Fit) -> bool| -> Option<&'a Fit> {
         let most = fits.iter().find(|fit| tells(fit))?.cost;
         fits.iter()
             .take_while(|fit| fit.cost < most + calibration.class)
-            .find(|fit| tells(fit) && matters(fit, others))
+            .find(|fit| tells(fit) && matters(fit, others) && nears(fit, others))
     };
     let tells = |fit: &Fit| worth && evidence(fit) > needed(fit.freed[0]);
     let best = first(&ranking.singles, &ranking.none, &tells);

@@ -147,6 +147,13 @@ impl Noise {
         (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
     }
 
+    /// Size of a gap, all channels together, in units of white noise.
+    #[must_use]
+    pub fn size<V>(&self, problem: &Problem<V>, gap: &[f64]) -> f64 {
+        let sizes = problem.blocks.iter().zip(&self.white);
+        sizes.map(|((_, block), white)| (rms(&gap[block.clone()]) / white).powi(2)).sum::<f64>().sqrt()
+    }
+
     /// How much more a gap is than noise and the model's form: 1 where it is no more.
     #[must_use]
     pub fn excess<V>(&self, problem: &Problem<V>, gap: &[f64]) -> f64 {
