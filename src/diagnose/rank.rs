@@ -412,11 +412,6 @@ pub fn rank<V: ReplayVehicle>(
     bound_fewer(problem, &prior, &mut singles, &pairs);
     fewer_from_more(problem, &prior, &linear, &mut singles, &pairs, 3);
     polish(problem, &prior, &linear, &mut singles);
-    // And the other way round: whatever is freed besides, a candidate explains no less than without.
-    if with_pairs {
-        more_from_fewer(problem, &prior, &linear, &mut pairs, &singles, &singles, &OF_SINGLES);
-    }
-    more_from_fewer(problem, &prior, &linear, &mut threes, &pairs, &singles, &OF_PAIRS);
     let mut found = vec![none];
     fewer_from_more(problem, &prior, &linear, &mut found, &singles, 2);
     let before = found.swap_remove(0);
@@ -427,6 +422,11 @@ pub fn rank<V: ReplayVehicle>(
         polish(problem, &prior, &linear, &mut singles);
     }
     bound(problem, &prior, &mut none, &mut singles);
+    // And the other way round: whatever is freed besides, a candidate explains no less than without.
+    if with_pairs {
+        more_from_fewer(problem, &prior, &linear, &mut pairs, &singles, &singles, &OF_SINGLES);
+    }
+    more_from_fewer(problem, &prior, &linear, &mut threes, &pairs, &singles, &OF_PAIRS);
     Ok(Ranking { none, singles, pairs, threes, linear, prior, noise, neutral })
 }
 
