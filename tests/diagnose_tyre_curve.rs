@@ -40,6 +40,6 @@ fn a_lower_peak_is_no_friction() {
 #[test]
 fn tyres_that_soften_from_the_first_slip_on_are_no_friction() {
     let evidence = evidence_for_friction(|tyre| tyre.softening = 1.0);
-    // Two standard deviations.
+    // A brush is one standard deviation off: no more than chance gives.
     assert!(evidence < 4.0, "{evidence}");
 }
