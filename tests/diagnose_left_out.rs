@@ -42,3 +42,13 @@ fn a_tolerance_is_no_cause() {
     assert_eq!(report.verdict.kind, VerdictKind::None, "{}", report.verdict.words);
     assert!(report.verdict.strained.is_none());
 }
+
+#[test]
+fn a_mass_that_is_left_out_is_no_gain_of_the_drive() {
+    let verdict = without("payload", &[("payload", 400.0)]).verdict;
+    assert_eq!(verdict.kind, VerdictKind::NotInLibrary, "{}", verdict.words);
+    assert_eq!(verdict.strained.expect("what is far off").parameter, "vehicle.mass", "{}", verdict.words);
+    // And a gain is still one.
+    let verdict = without("payload", &[("drive_gain", 0.8)]).verdict;
+    assert_eq!(verdict.effects[0].id, "drive_gain", "{}", verdict.words);
+}

@@ -34,7 +34,7 @@ pub struct Calibration {
     /// Evidence that a further effect must add, if it does not act steadily.
     #[serde(skip)]
     pair: f64,
-    second: Second,
+    second: OfVehicle,
     /// Evidence within which candidates are one class.
     pub class: f64,
     /// Rest over noise and model form from which on the cause is not in the library.
@@ -48,7 +48,9 @@ pub struct Calibration {
     /// Gap of an effect over that of the background below which it is not worth naming.
     pub dominance: f64,
     /// Factor on the gap beyond which what is named takes the simulator farther from the log instead of nearer.
-    pub farther: f64,
+    #[serde(skip)]
+    pub farthest: f64,
+    farther: OfVehicle,
     /// Errors of the model's form.
     pub form: Form,
     /// Factor on the standard deviations of named values: what the form of the model adds beyond the fit's own.
@@ -72,12 +74,18 @@ struct OfEffect {
     varying: f64,
 }
 
-/// Evidence that a further effect must add in a kind of vehicle.
+/// One number for each kind of vehicle.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Second {
+struct OfVehicle {
     car: f64,
     truck: f64,
+}
+
+impl OfVehicle {
+    fn of(self, truck: bool) -> f64 {
+        if truck { self.truck } else { self.car }
+    }
 }
 
 /// Thresholds without a reference log.
@@ -190,8 +198,8 @@ impl Calibration {
         } else {
             [alone.structural, alone.friction, alone.steady, alone.drive, alone.other]
         };
-        let pair = if truck { all.second.truck } else { all.second.car };
-        Self { none, structural, friction, steady, drive, pair, form_is_known: reference, ..all }
+        let (pair, farthest) = (all.second.of(truck), all.farther.of(truck));
+        Self { none, structural, friction, steady, drive, pair, farthest, form_is_known: reference, ..all }
     }
 
     /// Evidence that an effect needs to be named: what the model's form can look like, tyres and body, needs most.

@@ -5,6 +5,7 @@ use super::constancy::{self, Variation};
 use super::fit::{Fit, Linear, Prior};
 use super::localise;
 use super::manoeuvre;
+use super::mass;
 use super::observability::{Excitation, collinearity, information, observability};
 use super::problem::Problem;
 use super::rank::{NoReplay, Ranking, rank};
@@ -459,7 +460,7 @@ fn decide<'a, V: ReplayVehicle>(
         let alone = only(problem, &ranking.prior, &fit.freed, &fit.x);
         problem.residual(&alone).map_or(f64::INFINITY, |gap| ranking.noise.size(problem, &gap))
     };
-    let nears = |fit: &Fit, others: &Fit| gap_by(fit) <= calibration.farther * gap_by(others);
+    let nears = |fit: &Fit, others: &Fit| gap_by(fit) <= calibration.farthest * gap_by(others);
     // Where what explains most is too small to matter, only what explains as much may stand in for it.
     let first = |fits: &'a [Fit], others: &Fit, tells: &dyn Fn(&Fit) -> bool| -> Option<&'a Fit> {
         let most = fits.iter().find(|fit| tells(fit))?.cost;
@@ -520,6 +521,16 @@ fn decide<'a, V: ReplayVehicle>(
         let margin = calibration.none * (1.0 - most).max(0.0);
         return unnamed(VerdictKind::None, calibration.of_nothing(margin), margin);
     };
+    // What a mass explains better is no gain of the drive; what it explains as well may be one.
+    let mass = mass::instead(problem, ranking, chosen);
+    let ahead = mass.as_ref().map_or(f64::NEG_INFINITY, |(_, fit)| chosen.cost - fit.cost);
+    if let Some((i, fit)) = mass.filter(|_| ahead > calibration.class) {
+        return Decision {
+            nearest: Some(fit),
+            strained: Some(i),
+            ..unnamed(VerdictKind::NotInLibrary, calibration.of_unknown(ahead - calibration.class), ahead)
+        };
+    }
     // Alternatives to each effect beside the others.
     let class_of = |own: usize| -> Vec<usize> {
         let others = |fit: &&Fit| chosen.freed.iter().all(|i| *i == own || fit.freed.contains(i));
@@ -537,7 +548,8 @@ fn decide<'a, V: ReplayVehicle>(
         .iter()
         .find(|rival| rival.cost > chosen.cost && !inside(rival))
         .map_or(f64::INFINITY, |rival| rival.cost - chosen.cost);
-    let scores = Scores { margin: outside.min(without - chosen.cost), ..scores };
+    let margin = outside.min(without - chosen.cost).min((-ahead).max(0.0));
+    let scores = Scores { margin, ..scores };
     Decision {
         kind: VerdictKind::Effect,
         probability: calibration.of_effect(&scores),

@@ -15,7 +15,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use std::sync::Arc;
 
 /// Standard deviation of the coordinate of what is freed: effects of five units are ordinary.
-const FREED: f64 = 5.0;
+pub(super) const FREED: f64 = 5.0;
 /// Steps of Gauss and Newton.
 const STEPS: usize = 6;
 

@@ -53,6 +53,7 @@ mod headline;
 pub mod knob;
 mod localise;
 mod manoeuvre;
+mod mass;
 pub mod noise;
 mod observability;
 #[cfg(feature = "cli")]
