@@ -483,6 +483,21 @@ fn decide<'a, V: ReplayVehicle>(
         let Some(fit) = first(more, so_far, &adds) else { break };
         (without, chosen, level) = (so_far.cost, Some(fit), more);
     }
+    // What was passed over, and yet is too far off for a tolerance without being named, is in the library.
+    let off = |fit: &Fit| strained(problem, ranking, fit).filter(|(_, by)| *by > calibration.strained);
+    let so_far = chosen.unwrap_or(&ranking.none);
+    if let Some((i, _)) = off(so_far).filter(|_| worth) {
+        let more = [&ranking.singles, &ranking.pairs, &ranking.threes].into_iter().nth(so_far.freed.len());
+        let both = |fit: &&Fit| so_far.freed.iter().chain([&i]).all(|i| fit.freed.contains(i));
+        let effect = problem.knobs[i].effect;
+        let least = if chosen.is_some() { calibration.further(effect) } else { needed(i) };
+        let found = more.and_then(|more| Some((more, more.iter().find(both)?)));
+        if let Some((more, fit)) =
+            found.filter(|(_, fit)| so_far.cost - fit.cost > least && off(fit).is_none())
+        {
+            (without, chosen, level) = (so_far.cost, Some(fit), more);
+        }
+    }
     // Not in the library: much is left that is neither noise nor form; or the value that it needs is not one; or it is
     // something that may not be named, or is one thing too many.
     let varying = varying(problem, ranking, chosen, causes);
