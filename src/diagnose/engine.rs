@@ -472,8 +472,7 @@ fn decide<'a, V: ReplayVehicle>(
     let best = first(&ranking.singles, &ranking.none, &tells);
     // A further effect has to add what is asked of it; candidates without the best of one effect less, what is asked of most.
     let (mut chosen, mut without) = (best, ranking.none.cost);
-    let mut level = &ranking.singles;
-    for more in [&ranking.pairs, &ranking.threes] {
+    for more in [ranking.of(2), ranking.of(3)] {
         let Some(so_far) = chosen else { break };
         let adds = |fit: &Fit| {
             let others = fit.freed.iter().filter(|i| !so_far.freed.contains(i));
@@ -481,21 +480,17 @@ fn decide<'a, V: ReplayVehicle>(
             so_far.cost - fit.cost > least
         };
         let Some(fit) = first(more, so_far, &adds) else { break };
-        (without, chosen, level) = (so_far.cost, Some(fit), more);
+        (without, chosen) = (so_far.cost, Some(fit));
     }
     // What was passed over, and yet is too far off for a tolerance without being named, is in the library.
     let off = |fit: &Fit| strained(problem, ranking, fit).filter(|(_, by)| *by > calibration.strained);
     let so_far = chosen.unwrap_or(&ranking.none);
     if let Some((i, _)) = off(so_far).filter(|_| worth) {
-        let more = [&ranking.singles, &ranking.pairs, &ranking.threes].into_iter().nth(so_far.freed.len());
         let both = |fit: &&Fit| so_far.freed.iter().chain([&i]).all(|i| fit.freed.contains(i));
-        let effect = problem.knobs[i].effect;
-        let least = if chosen.is_some() { calibration.further(effect) } else { needed(i) };
-        let found = more.and_then(|more| Some((more, more.iter().find(both)?)));
-        if let Some((more, fit)) =
-            found.filter(|(_, fit)| so_far.cost - fit.cost > least && off(fit).is_none())
-        {
-            (without, chosen, level) = (so_far.cost, Some(fit), more);
+        let least = if chosen.is_some() { calibration.further(problem.knobs[i].effect) } else { needed(i) };
+        let found = ranking.of(so_far.freed.len() + 1).iter().find(both);
+        if let Some(fit) = found.filter(|fit| so_far.cost - fit.cost > least && off(fit).is_none()) {
+            (without, chosen) = (so_far.cost, Some(fit));
         }
     }
     // Not in the library: much is left that is neither noise nor form; or the value that it needs is not one; or it is
@@ -547,6 +542,7 @@ fn decide<'a, V: ReplayVehicle>(
         };
     }
     // Alternatives to each effect beside the others.
+    let level = ranking.of(chosen.freed.len());
     let class_of = |own: usize| -> Vec<usize> {
         let others = |fit: &&Fit| chosen.freed.iter().all(|i| *i == own || fit.freed.contains(i));
         let near = |fit: &&Fit| (fit.cost - chosen.cost).abs() < calibration.class;

@@ -4,7 +4,7 @@
 
 use super::fit::{FREED, Fit, Linear, fit};
 use super::problem::Problem;
-use super::rank::Ranking;
+use super::rank::{Ranking, polished};
 use super::replay::ReplayVehicle;
 
 /// Masses of a car, of a tractor, of its trailer.
@@ -25,6 +25,9 @@ pub fn instead<V: ReplayVehicle>(
     let given = |i: usize| problem.knobs[i].adjusted(0.0, problem.vehicle).0;
     let all: f64 = masses.iter().map(|&i| given(i)).sum();
     let others: Vec<usize> = named.freed.iter().copied().filter(|&i| i != gain).collect();
+    let none = &ranking.none;
+    let slopes = |x: &[f64], gap: &[f64]| Linear::new(problem.slopes(x, gap), ranking.linear.weights.clone());
+    let at_none = slopes(&none.x, &none.gap);
     let fitted = |&mass: &usize| {
         // The vehicle's file tells the drive its mass; one that the drive does not know acts as a gain besides.
         let tie = -given(mass) / all * problem.knobs[mass].unit / problem.knobs[gain].unit;
@@ -36,15 +39,10 @@ pub fn instead<V: ReplayVehicle>(
         let mut there = named.x.clone();
         there[mass] = (named.x[gain] - prior.mean[gain]) / tie + prior.mean[mass];
         there[mass] = problem.knobs[mass].within(there[mass], false);
-        let fitted_from = |start: &[f64]| {
-            let gap = problem.residual(start)?;
-            let local = Linear::new(problem.slopes(start, &gap), ranking.linear.weights.clone());
-            fit(problem, &prior, &local, &others, start, STEPS)
-        };
-        let starts = [&there, &ranking.none.x];
-        let found = starts.iter().filter_map(|x| fitted_from(x)).min_by(better)?;
-        let again = fitted_from(&found.x);
-        let best = again.into_iter().chain([found]).min_by(better)?;
+        let at_gain = problem.residual(&there).map(|gap| (&there, slopes(&there, &gap)));
+        let starts = at_gain.into_iter().chain([(&none.x, at_none.clone())]);
+        let found = starts.filter_map(|(x, local)| fit(problem, &prior, &local, &others, x, STEPS));
+        let best = polished(problem, &prior, &ranking.linear, &found.min_by(better)?);
         Some((mass, best))
     };
     masses.iter().filter_map(fitted).min_by(|a, b| better(&a.1, &b.1))

@@ -46,6 +46,17 @@ pub struct Ranking {
 }
 
 impl Ranking {
+    /// Candidates of so many effects, the best first.
+    #[must_use]
+    pub fn of(&self, effects: usize) -> &[Fit] {
+        match effects {
+            1 => &self.singles,
+            2 => &self.pairs,
+            3 => &self.threes,
+            _ => &[],
+        }
+    }
+
     /// Candidates with one effect less than `fit`.
     pub fn fewer<'a>(&'a self, fit: &'a Fit) -> impl Iterator<Item = &'a Fit> {
         let all = std::iter::once(&self.none).chain(&self.singles).chain(&self.pairs);
@@ -70,7 +81,12 @@ fn fit_none<'a, V: ReplayVehicle>(
 }
 
 /// A fit with all slopes taken anew at its own best.
-fn polished<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linear, at: &Fit) -> Fit {
+pub(super) fn polished<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    prior: &Prior,
+    linear: &Linear,
+    at: &Fit,
+) -> Fit {
     let local = Linear::new(problem.slopes(&at.x, &at.gap), linear.weights.clone());
     fit(problem, prior, &local, &at.freed, at, 5)
         .filter(|new| new.cost < at.cost)
