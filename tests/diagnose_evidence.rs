@@ -17,7 +17,7 @@ fn holds(seed: u64, put_in: &[(&str, f64)]) {
     let correction = neutral(&drive, &vehicle).unwrap();
     let problem = Problem::new(&drive, &vehicle, &correction, &[], 0);
     let prior = Prior::of(&problem);
-    let ranking = rank(&problem, prior.clone(), true, &|_, _| {}).unwrap();
+    let ranking = rank(&problem, prior.clone(), &|_, _| true, &|_, _| {}).unwrap();
     let name = |fit: &Fit| fit.freed.iter().map(|&i| problem.knobs[i].id).collect::<Vec<_>>().join("+");
 
     let all = [&ranking.singles, &ranking.pairs, &ranking.threes].into_iter().flatten();

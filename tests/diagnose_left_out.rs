@@ -52,3 +52,15 @@ fn a_mass_that_is_left_out_is_no_gain_of_the_drive() {
     let verdict = without("payload", &[("drive_gain", 0.8)]).verdict;
     assert_eq!(verdict.effects[0].id, "drive_gain", "{}", verdict.words);
 }
+
+#[test]
+fn a_gain_that_is_left_out_is_no_sure_payload() {
+    let verdict = without("drive_gain", &[("drive_gain", 0.8)]).verdict;
+    assert!(verdict.kind != VerdictKind::Effect || verdict.probability < 0.8, "{}", verdict.words);
+    if verdict.kind == VerdictKind::NotInLibrary {
+        assert_eq!(verdict.strained.expect("what is far off").parameter, "effect.drive_gain");
+    }
+    // And a payload is still one: its loads and inertia speak for it.
+    let verdict = without("drive_gain", &[("payload", 400.0)]).verdict;
+    assert_eq!(verdict.effects[0].id, "payload", "{}", verdict.words);
+}

@@ -189,7 +189,7 @@ pub fn diagnose<V: ReplayVehicle>(
         let alone = Calibration::of(V::TRUCK, false);
         posterior(&reference, &problem, &prepared_vehicle, without, &alone, &mut prior)?;
     }
-    let ranking = rank(&problem, prior, options.pairs, progress)?;
+    let ranking = rank(&problem, prior, &|_, _| options.pairs, progress)?;
     progress("constancy", 0.91);
     let mut decision = decide(&problem, &ranking, &calibration, &constancy::causes(&problem));
     let suspicion = findings.iter().any(|finding| finding.gravity == Gravity::Suspicion);
@@ -312,7 +312,10 @@ fn posterior<V: ReplayVehicle>(
     let mut wide = Prior::of(&own);
     let drifts = &prior.covariance * DRIFT.powi(2);
     wide.covariance *= WIDE * WIDE;
-    let ranking = rank(&own, wide, true, &|_, _| {})?;
+    // Where nothing is named, no two are.
+    let needed = |fit: &Fit| calibration.threshold(own.knobs[fit.freed[0]].effect);
+    let tells = |none: &Fit, singles: &[Fit]| singles.iter().any(|fit| none.cost - fit.cost > needed(fit));
+    let ranking = rank(&own, wide, &tells, &|_, _| {})?;
     let decision = decide(&own, &ranking, calibration, &[]);
     let known = &decision.fit;
     let local = Linear::new(slopes_at(&own, &ranking, known), ranking.linear.weights.clone());
@@ -461,12 +464,18 @@ fn decide<'a, V: ReplayVehicle>(
         problem.residual(&alone).map_or(f64::INFINITY, |gap| ranking.noise.size(problem, &gap))
     };
     let nears = |fit: &Fit, others: &Fit| gap_by(fit) <= calibration.farthest * gap_by(others);
+    // What was passed over, and is then too far off for a tolerance, is in the library all the same: named, it strains nothing.
+    let off = |fit: &Fit| strained(problem, ranking, fit).filter(|(_, by)| *by > calibration.strained);
+    let relieves = |fit: &Fit, others: &Fit| {
+        off(others).is_some_and(|(i, _)| fit.freed.contains(&i) && off(fit).is_none())
+    };
     // Where what explains most is too small to matter, only what explains as much may stand in for it.
     let first = |fits: &'a [Fit], others: &Fit, tells: &dyn Fn(&Fit) -> bool| -> Option<&'a Fit> {
         let most = fits.iter().find(|fit| tells(fit))?.cost;
+        let may_be = |fit: &Fit| matters(fit, others) && nears(fit, others) || relieves(fit, others);
         fits.iter()
             .take_while(|fit| fit.cost < most + calibration.class)
-            .find(|fit| tells(fit) && matters(fit, others) && nears(fit, others))
+            .find(|fit| tells(fit) && may_be(fit))
     };
     let tells = |fit: &Fit| worth && evidence(fit) > needed(fit.freed[0]);
     let best = first(&ranking.singles, &ranking.none, &tells);
@@ -481,17 +490,6 @@ fn decide<'a, V: ReplayVehicle>(
         };
         let Some(fit) = first(more, so_far, &adds) else { break };
         (without, chosen) = (so_far.cost, Some(fit));
-    }
-    // What was passed over, and yet is too far off for a tolerance without being named, is in the library.
-    let off = |fit: &Fit| strained(problem, ranking, fit).filter(|(_, by)| *by > calibration.strained);
-    let so_far = chosen.unwrap_or(&ranking.none);
-    if let Some((i, _)) = off(so_far).filter(|_| worth) {
-        let both = |fit: &&Fit| so_far.freed.iter().chain([&i]).all(|i| fit.freed.contains(i));
-        let least = if chosen.is_some() { calibration.further(problem.knobs[i].effect) } else { needed(i) };
-        let found = ranking.of(so_far.freed.len() + 1).iter().find(both);
-        if let Some(fit) = found.filter(|fit| so_far.cost - fit.cost > least && off(fit).is_none()) {
-            (without, chosen) = (so_far.cost, Some(fit));
-        }
     }
     // Not in the library: much is left that is neither noise nor form; or the value that it needs is not one; or it is
     // something that may not be named, or is one thing too many.
@@ -531,7 +529,7 @@ fn decide<'a, V: ReplayVehicle>(
         let margin = calibration.none * (1.0 - most).max(0.0);
         return unnamed(VerdictKind::None, calibration.of_nothing(margin), margin);
     };
-    // What a mass explains better is no gain of the drive; what it explains as well may be one.
+    // What a mass explains better is no gain of the drive, nor the other way round; what it explains as well may be one.
     let mass = mass::instead(problem, ranking, chosen);
     let ahead = mass.as_ref().map_or(f64::NEG_INFINITY, |(_, fit)| chosen.cost - fit.cost);
     if let Some((i, fit)) = mass.filter(|_| ahead > calibration.class) {

@@ -306,6 +306,12 @@ impl Knob {
         x.clamp(if named { self.named_least } else { self.least }, self.greatest)
     }
 
+    /// Change of the coordinate over which a slope is taken.
+    #[must_use]
+    pub fn stride(&self) -> f64 {
+        if self.tolerance > 0.0 { self.tolerance.clamp(0.1, 1.0) } else { 0.2 }
+    }
+
     /// Whether it may be named.
     #[must_use]
     pub fn is_candidate(&self) -> bool {

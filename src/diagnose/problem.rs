@@ -8,10 +8,18 @@ use crate::residual::parallel;
 use crate::vehicle::TruckEffects;
 use std::borrow::Cow;
 use std::ops::Range;
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// A gap larger than this many times the signal's own size is a replay gone astray.
 const ASTRAY: f64 = 20.0;
+
+/// Slopes that are kept, each set with its place: a search comes back to where it was.
+const KEPT: usize = 8;
+/// And how near that is, as a share of what a slope is taken over.
+const NEAR: f64 = 0.05;
+
+/// Coordinates, and the slopes over all knobs there.
+type Slopes = (Vec<f64>, Vec<Arc<Vec<f64>>>);
 
 /// The gap of a log: residuals after the filter, channel after channel.
 pub struct Problem<'a, V> {
@@ -35,6 +43,8 @@ pub struct Problem<'a, V> {
     forms: Vec<(usize, Channel, Vec<f64>)>,
     /// Slopes of the errors of the form: they hardly change.
     of_forms: Vec<OnceLock<Arc<Vec<f64>>>>,
+    /// Slopes that were taken last, the oldest first.
+    kept: Mutex<Vec<Slopes>>,
     threads: usize,
 }
 
@@ -78,6 +88,7 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
             size,
             forms,
             of_forms,
+            kept: Mutex::new(Vec::new()),
             threads,
         }
     }
@@ -150,7 +161,7 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
         residual: impl Fn(&[f64]) -> Option<Vec<f64>>,
     ) -> Vec<f64> {
         let it = &self.knobs[knob];
-        let size = if it.tolerance > 0.0 { it.tolerance.clamp(0.1, 1.0) } else { 0.2 };
+        let size = it.stride();
         let mut there = x.to_vec();
         // Downwards at the upper end.
         let size = if x[knob] + size > it.greatest { -size } else { size };
@@ -161,9 +172,28 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
         }
     }
 
-    /// Slopes over all knobs.
+    /// Slopes over all knobs at coordinates where the gap is `here`.
     #[must_use]
     pub fn slopes(&self, x: &[f64], here: &[f64]) -> Vec<Arc<Vec<f64>>> {
+        let kept = || self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let near = |(there, _): &&Slopes| {
+            let mut all = self.knobs.iter().zip(x.iter().zip(there));
+            all.all(|(knob, (x, there))| (x - there).abs() <= NEAR * knob.stride())
+        };
+        // The newest first.
+        if let Some((_, slopes)) = kept().iter().rev().find(near) {
+            return slopes.clone();
+        }
+        let slopes = self.taken(x, here);
+        let mut kept = kept();
+        if kept.len() == KEPT {
+            kept.remove(0);
+        }
+        kept.push((x.to_vec(), slopes.clone()));
+        slopes
+    }
+
+    fn taken(&self, x: &[f64], here: &[f64]) -> Vec<Arc<Vec<f64>>> {
         // What the sensors' knobs turn does not move the vehicle: one replay serves them all.
         let motion = self.motion(x).ok();
         let sensed = |there: &[f64]| {

@@ -20,6 +20,8 @@ const OF_PAIRS: Beam = Beam { bases: 3, always: 1, fitted: 8 };
 /// Candidates that are polished, at most so many times in all.
 const POLISHED: usize = 3;
 const ROUNDS: usize = 5;
+/// Tolerances by which an effect is off that freeing is sure to tell of: as many squared of evidence.
+const STRAINED: f64 = 3.0;
 /// Evidence within which candidates are fitted to the end.
 const NEAR: f64 = 60.0;
 /// Evidence of a pair over its better half from which on the noise is taken from the pair's rest.
@@ -112,7 +114,12 @@ fn steps(place: usize) -> usize {
     if place < AGAIN { 4 } else { 2 }
 }
 
-/// Singles fitted again with other weights, from their own best.
+/// Whether a cost is so near the best that a candidate is fitted to the end.
+fn is_near(cost: f64, best: f64) -> bool {
+    cost < best + 0.25 * best.abs() + NEAR
+}
+
+/// Singles fitted again with other weights, from their own best: the first [`AGAIN`], and others that promise to come near.
 fn fitted_again<V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
@@ -121,8 +128,17 @@ fn fitted_again<V: ReplayVehicle>(
 ) {
     singles.iter_mut().for_each(|single| reweighed(problem, prior, linear, single));
     sort(singles);
+    let best = singles.first().map_or(0.0, |best| best.cost);
     let found = parallel::map(problem.threads(), singles.len(), |k| {
-        fit(problem, prior, linear, &singles[k].freed, &singles[k], steps(k))
+        let single = &singles[k];
+        let promise = || {
+            let local = linear.with(&single.of_freed());
+            prior.step(&local, &single.x, &single.gap, &prior.freed(problem, &single.freed)).cost
+        };
+        if k >= AGAIN && !is_near(promise(), best) {
+            return None;
+        }
+        fit(problem, prior, linear, &single.freed, single, steps(k))
     });
     take(singles, found.into_iter().flatten());
 }
@@ -159,9 +175,10 @@ fn polish<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linear
     let mut done: Vec<Vec<usize>> = Vec::new();
     for _ in 0..ROUNDS {
         let best = fits.first().map_or(0.0, |fit| fit.cost);
-        let next = fits.iter().take(POLISHED).position(|fit| {
-            !done.contains(&fit.freed) && (done.is_empty() || fit.cost < best + 0.25 * best.abs() + NEAR)
-        });
+        let next = fits
+            .iter()
+            .take(POLISHED)
+            .position(|fit| !done.contains(&fit.freed) && (done.is_empty() || is_near(fit.cost, best)));
         let Some(i) = next else { break };
         done.push(fits[i].freed.clone());
         fits[i] = polished(problem, prior, linear, &fits[i]);
@@ -219,6 +236,32 @@ fn bound_fewer<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, fewer: &mu
     sort(fewer);
 }
 
+/// And the other way round, as [`bound`] has it of single effects: where one of the first few strains the tolerance of an effect,
+/// freeing that as well saves the strain's cost. Whether this is better than what was known to be best.
+fn bound_more<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    prior: &Prior,
+    more: &mut Vec<Fit>,
+    fewer: &[Fit],
+) -> bool {
+    let before = more.first().map_or(f64::INFINITY, |best| best.cost);
+    for fit in fewer.iter().take(POLISHED) {
+        let off = prior.off(&fit.x);
+        let gap = fit.cost - prior.freed(problem, &fit.freed).penalty(&off);
+        for (i, knob) in problem.knobs.iter().enumerate() {
+            let may_be = knob.is_candidate() && knob.within(fit.x[i], true) == fit.x[i];
+            let strains = knob.tolerance > 0.0 && off[i].abs() > STRAINED * knob.tolerance;
+            if !may_be || !strains || fit.freed.contains(&i) {
+                continue;
+            }
+            let freed = [&fit.freed[..], &[i]].concat();
+            let cost = gap + prior.freed(problem, &freed).penalty(&off);
+            take(more, [Fit { freed, columns: Vec::new(), cost, ..fit.clone() }]);
+        }
+    }
+    more.first().is_some_and(|best| best.cost < before - 1.0)
+}
+
 /// Fits candidates of one effect less from where the best `count` of those with one more were found: what one effect's
 /// search found of the background and of the others may lie in another valley than where theirs began.
 fn fewer_from_more<V: ReplayVehicle>(
@@ -266,8 +309,8 @@ fn take(known: &mut Vec<Fit>, more: impl IntoIterator<Item = Fit>) {
     sort(known);
 }
 
-/// Fits candidates of one effect more from where the best of those with one less was found, where that is ahead of them:
-/// they began in another valley.
+/// Fits candidates of one effect more from where the best of those with one less was found, where they explain hardly more than
+/// that: chance alone gives one more, so they began in another valley.
 fn more_from_fewer<V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
@@ -277,8 +320,14 @@ fn more_from_fewer<V: ReplayVehicle>(
     singles: &[Fit],
     beam: &Beam,
 ) {
+    if more.is_empty() {
+        return;
+    }
+    if bound_more(problem, prior, more, fewer) {
+        polish(problem, prior, linear, more);
+    }
     let (Some(best), Some(behind)) = (fewer.first(), more.first()) else { return };
-    if behind.cost <= best.cost + 1.0 {
+    if behind.cost <= best.cost - 1.0 {
         return;
     }
     let local = Linear::new(problem.slopes(&best.x, &best.gap), linear.weights.clone());
@@ -324,14 +373,15 @@ fn based(none: &Fit, singles: &[Fit]) -> Vec<f64> {
     singles.first().filter(|best| none.cost - best.cost > 50.0).map_or(&none.x, |best| &best.x).clone()
 }
 
-/// Ranks all candidates; `prior` is what is known of the tolerances.
+/// Ranks all candidates; `prior` is what is known of the tolerances, `pairs` tells from what nothing and single effects
+/// explain whether more than one is looked for.
 ///
 /// # Errors
 /// A vehicle that cannot be replayed.
 pub fn rank<V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: Prior,
-    with_pairs: bool,
+    pairs: &dyn Fn(&Fit, &[Fit]) -> bool,
     progress: &(dyn Fn(&str, f64) + Sync),
 ) -> Result<Ranking, NoReplay> {
     let threads = problem.threads();
@@ -394,6 +444,7 @@ pub fn rank<V: ReplayVehicle>(
     again_from_none(problem, &prior, &local, &none, &mut singles);
     polish(problem, &prior, &linear, &mut singles);
     bound(problem, &prior, &mut none, &mut singles);
+    let with_pairs = pairs(&none, &singles);
     let mut pairs = Vec::new();
     if with_pairs {
         progress("pairs", 0.75);

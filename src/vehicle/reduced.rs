@@ -349,8 +349,9 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
             let (z, turning) = (self.y[wind_up], self.y[YAW_RATE] - self.y[rate]);
             let back = turning - self.rates[wind_up];
             let decay = if z == 0.0 { 0.0 } else { (back / z).max(0.0) * h };
-            let share = if decay > 1e-9 { -(-decay).exp_m1() / decay } else { 1.0 };
-            self.y[wind_up] = z * (-decay).exp() + turning * h * share;
+            let lost = gone(decay);
+            let share = if decay > 1e-9 { lost / decay } else { 1.0 };
+            self.y[wind_up] = z * (1.0 - lost) + turning * h * share;
         }
         self.past = self.past.then(self.rates);
     }
