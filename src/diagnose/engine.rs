@@ -461,9 +461,12 @@ fn decide<'a, V: ReplayVehicle>(
     // and what is explained is an error of the form.
     let gap_by = |fit: &Fit| {
         let alone = only(problem, &ranking.prior, &fit.freed, &fit.x);
-        problem.residual(&alone).map_or(f64::INFINITY, |gap| ranking.noise.size(problem, &gap))
+        problem.residual(&alone).map_or([f64::INFINITY; 2], |gap| ranking.noise.sizes(problem, &gap))
     };
-    let nears = |fit: &Fit, others: &Fit| gap_by(fit) <= calibration.farthest * gap_by(others);
+    let nears = |fit: &Fit, others: &Fit| {
+        let mut both = gap_by(fit).into_iter().zip(gap_by(others));
+        both.any(|(gap, before)| gap <= calibration.farthest * before)
+    };
     // What was passed over, and is then too far off for a tolerance, is in the library all the same: named, it strains nothing.
     let off = |fit: &Fit| strained(problem, ranking, fit).filter(|(_, by)| *by > calibration.strained);
     let relieves = |fit: &Fit, others: &Fit| {

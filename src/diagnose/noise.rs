@@ -147,17 +147,17 @@ impl Noise {
         (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
     }
 
-    /// Size of a gap, all channels together, in units of white noise, in all but the worst tenth of the drive: a replay that slides
-    /// for a moment says nothing of the rest.
+    /// Size of a gap, all channels together, in units of white noise: in the whole drive, and in all but its worst tenth. A
+    /// replay that slides for a moment says nothing of the rest.
     #[must_use]
-    pub fn size<V>(&self, problem: &Problem<V>, gap: &[f64]) -> f64 {
+    pub fn sizes<V>(&self, problem: &Problem<V>, gap: &[f64]) -> [f64; 2] {
         let mut squares = vec![0.0; problem.rows.len()];
         for ((_, block), white) in problem.blocks.iter().zip(&self.white) {
             squares.iter_mut().zip(&gap[block.clone()]).for_each(|(sum, gap)| *sum += (gap / white).powi(2));
         }
         squares.sort_unstable_by(f64::total_cmp);
-        squares.truncate((squares.len() * 9).div_ceil(10));
-        (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
+        let mean = |squares: &[f64]| squares.iter().sum::<f64>() / squares.len().max(1) as f64;
+        [mean(&squares).sqrt(), mean(&squares[..(squares.len() * 9).div_ceil(10)]).sqrt()]
     }
 
     /// How much more a gap is than noise and the model's form: 1 where it is no more.
