@@ -313,9 +313,9 @@ fn posterior<V: ReplayVehicle>(
     let drifts = &prior.covariance * DRIFT.powi(2);
     wide.covariance *= WIDE * WIDE;
     // Where nothing is named, no two are.
-    let needed = |fit: &Fit| calibration.threshold(own.knobs[fit.freed[0]].effect);
-    let tells = |none: &Fit, singles: &[Fit]| singles.iter().any(|fit| none.cost - fit.cost > needed(fit));
-    let ranking = rank(&own, wide, &tells, &|_, _| {})?;
+    let pairs =
+        |none: &Fit, singles: &[Fit]| singles.iter().any(|single| tells(&own, calibration, none, single));
+    let ranking = rank(&own, wide, &pairs, &|_, _| {})?;
     let decision = decide(&own, &ranking, calibration, &[]);
     let known = &decision.fit;
     let local = Linear::new(slopes_at(&own, &ranking, known), ranking.linear.weights.clone());
@@ -387,6 +387,16 @@ fn scores<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking) -> Scores {
         strained: 0.0,
         margin: 0.0,
     }
+}
+
+/// Whether a single effect explains as much more than nothing as it needs to be named.
+fn tells<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    calibration: &Calibration,
+    none: &Fit,
+    single: &Fit,
+) -> bool {
+    none.cost - single.cost > calibration.threshold(problem.knobs[single.freed[0]].effect)
 }
 
 /// The effect that is not named and yet most off, and by how many tolerances.
@@ -480,7 +490,7 @@ fn decide<'a, V: ReplayVehicle>(
             .take_while(|fit| fit.cost < most + calibration.class)
             .find(|fit| tells(fit) && may_be(fit))
     };
-    let tells = |fit: &Fit| worth && evidence(fit) > needed(fit.freed[0]);
+    let tells = |fit: &Fit| worth && tells(problem, calibration, &ranking.none, fit);
     let best = first(&ranking.singles, &ranking.none, &tells);
     // A further effect has to add what is asked of it; candidates without the best of one effect less, what is asked of most.
     let (mut chosen, mut without) = (best, ranking.none.cost);

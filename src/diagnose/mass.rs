@@ -27,43 +27,50 @@ pub fn instead<V: ReplayVehicle>(
     let masses: Vec<usize> = MASSES.iter().filter_map(|id| problem.find(id)).collect();
     let given = |i: usize| problem.knobs[i].adjusted(0.0, problem.vehicle).0;
     let all: f64 = masses.iter().map(|&i| given(i)).sum();
-    // What of the gain's coordinate a change of mass by one kilogram is, and its coordinate.
+    // What of the gain's coordinate some kilograms more are.
     let of_gain = |kilograms: f64| -kilograms / all / problem.knobs[gain].unit;
-    let (none, prior) = (&ranking.none, &ranking.prior);
-    let off = |i: usize| named.x[i] - prior.mean[i];
-    let slopes = |x: &[f64], gap: &[f64]| Linear::new(problem.slopes(x, gap), ranking.linear.weights.clone());
-    let fitted = |own: usize, rival: usize, at: f64, prior: &Prior| {
-        let others: Vec<usize> = named.freed.iter().copied().filter(|&i| i != own).collect();
-        let mut there = named.x.clone();
-        there[rival] = problem.knobs[rival].within(prior.mean[rival] + at, false);
-        if own != gain {
-            problem.with_companions(&[own]).into_iter().for_each(|i| there[i] = prior.mean[i]);
-        }
-        let local = problem.residual(&there).map(|gap| (&there, slopes(&there, &gap)));
-        let starts = local.into_iter().chain([(&none.x, slopes(&none.x, &none.gap))]);
-        let found = starts.filter_map(|(x, local)| fit(problem, prior, &local, &others, x, STEPS));
-        let best = found.min_by(better)?;
-        Some((rival, polished(problem, prior, &ranking.linear, &best)))
-    };
-    let mass = |&mass: &usize| {
+    let (none, mean) = (&ranking.none, &ranking.prior.mean);
+    let off = ranking.prior.off(&named.x);
+    let mut free = ranking.prior.clone();
+    free.covariance[(gain, gain)] += FREED.powi(2);
+
+    // What stands in whose place, where its search begins, and what is known of it.
+    let mut rivals: Vec<(usize, usize, Vec<f64>, Prior)> = Vec::new();
+    for &mass in masses.iter().filter(|_| named.freed.contains(&gain)) {
         // The vehicle's file tells the drive its mass; one that the drive does not know acts as a gain besides.
         let tie = of_gain(given(mass) * problem.knobs[mass].unit);
-        let mut prior = prior.clone();
-        prior.covariance[(gain, gain)] += FREED.powi(2);
+        let mut prior = free.clone();
         prior.covariance[(mass, mass)] += (FREED / tie).powi(2);
         prior.covariance[(mass, gain)] += FREED.powi(2) / tie;
         prior.covariance[(gain, mass)] += FREED.powi(2) / tie;
-        fitted(gain, mass, off(gain) / tie, &prior)
+        let mut there = named.x.clone();
+        there[mass] = problem.knobs[mass].within(mean[mass] + off[gain] / tie, false);
+        rivals.push((gain, mass, there, prior));
+    }
+    if !problem.knobs[gain].is_candidate() {
+        let payloads = PAYLOADS.iter().filter_map(|id| problem.find(id));
+        for payload in payloads.filter(|payload| named.freed.contains(payload)) {
+            let mut there = named.x.clone();
+            let at = mean[gain] + of_gain(off[payload] * problem.knobs[payload].unit);
+            there[gain] = problem.knobs[gain].within(at, false);
+            problem.with_companions(&[payload]).into_iter().for_each(|i| there[i] = mean[i]);
+            rivals.push((payload, gain, there, free.clone()));
+        }
+    }
+    if rivals.is_empty() {
+        return None;
+    }
+    let slopes = |x: &[f64], gap: &[f64]| Linear::new(problem.slopes(x, gap), ranking.linear.weights.clone());
+    let at_none = slopes(&none.x, &none.gap);
+    let fitted = |(own, rival, there, prior): (usize, usize, Vec<f64>, Prior)| {
+        let others: Vec<usize> = named.freed.iter().copied().filter(|&i| i != own).collect();
+        let local = problem.residual(&there).map(|gap| (&there, slopes(&there, &gap)));
+        let starts = local.into_iter().chain([(&none.x, at_none.clone())]);
+        let found = starts.filter_map(|(x, local)| fit(problem, &prior, &local, &others, x, STEPS));
+        let best = found.min_by(better)?;
+        Some((rival, polished(problem, &prior, &ranking.linear, &best)))
     };
-    let may_be = |payload: &usize| named.freed.contains(payload) && !problem.knobs[gain].is_candidate();
-    let payloads = PAYLOADS.iter().filter_map(|id| problem.find(id)).filter(may_be);
-    let without = |payload: usize| {
-        let mut prior = prior.clone();
-        prior.covariance[(gain, gain)] += FREED.powi(2);
-        fitted(payload, gain, of_gain(off(payload) * problem.knobs[payload].unit), &prior)
-    };
-    let of_gain = masses.iter().filter(|_| named.freed.contains(&gain)).filter_map(mass);
-    of_gain.chain(payloads.filter_map(without)).min_by(|a, b| better(&a.1, &b.1))
+    rivals.into_iter().filter_map(fitted).min_by(|a, b| better(&a.1, &b.1))
 }
 
 fn better(a: &Fit, b: &Fit) -> std::cmp::Ordering {

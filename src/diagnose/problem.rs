@@ -193,6 +193,7 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
         slopes
     }
 
+    /// Slopes over all knobs, taken anew.
     fn taken(&self, x: &[f64], here: &[f64]) -> Vec<Arc<Vec<f64>>> {
         // What the sensors' knobs turn does not move the vehicle: one replay serves them all.
         let motion = self.motion(x).ok();

@@ -490,9 +490,7 @@ pub fn rank<V: ReplayVehicle>(
     }
     bound(problem, &prior, &mut none, &mut singles);
     // And the other way round: whatever is freed besides, a candidate explains no less than without.
-    if with_pairs {
-        more_from_fewer(problem, &prior, &linear, &mut pairs, &singles, &singles, &OF_SINGLES);
-    }
+    more_from_fewer(problem, &prior, &linear, &mut pairs, &singles, &singles, &OF_SINGLES);
     more_from_fewer(problem, &prior, &linear, &mut threes, &pairs, &singles, &OF_PAIRS);
     Ok(Ranking { none, singles, pairs, threes, linear, prior, noise, neutral })
 }
