@@ -12,12 +12,18 @@
 use super::problem::Problem;
 use super::replay::{Channel, ReplayVehicle};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use std::borrow::Cow;
 use std::sync::Arc;
 
 /// Standard deviation of the coordinate of what is freed: effects of five units are ordinary.
 pub(super) const FREED: f64 = 5.0;
 /// Steps of Gauss and Newton.
 const STEPS: usize = 6;
+/// Lengths that are tried of each; where there is no vehicle the next is so many times shorter, and no more than so much
+/// shorter by a parabola, which is rough far away.
+const TRIES: usize = 4;
+const SHORTER: f64 = 0.4;
+const SHORTEST: f64 = 0.1;
 
 /// A gain that ends a search.
 fn enough(cost: f64) -> f64 {
@@ -34,6 +40,9 @@ pub struct Linear {
     gram: DMatrix<f64>,
 }
 
+/// A slope, and the place of its knob.
+pub type Column = (usize, Arc<Vec<f64>>);
+
 /// A solution of the linear problem.
 pub struct Step {
     /// Change of the coordinates.
@@ -42,8 +51,19 @@ pub struct Step {
     pub cost: f64,
 }
 
-fn dot(a: &[f64], b: &[f64], weights: &[f64]) -> f64 {
-    a.iter().zip(b).zip(weights).map(|((a, b), w)| a * b * w).sum()
+/// Sums that [`dot`] runs side by side: one alone would wait for each addition before the next.
+const SIDE_BY_SIDE: usize = 8;
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let mut sums = [0.0; SIDE_BY_SIDE];
+    let (parts_a, parts_b) = (a.chunks_exact(SIDE_BY_SIDE), b.chunks_exact(SIDE_BY_SIDE));
+    let rest: f64 = parts_a.remainder().iter().zip(parts_b.remainder()).map(|(a, b)| a * b).sum();
+    for (a, b) in parts_a.zip(parts_b) {
+        for (sum, (a, b)) in sums.iter_mut().zip(a.iter().zip(b)) {
+            *sum += a * b;
+        }
+    }
+    sums.iter().sum::<f64>() + rest
 }
 
 impl Linear {
@@ -51,30 +71,34 @@ impl Linear {
     #[must_use]
     pub fn new(slopes: Vec<Arc<Vec<f64>>>, weights: impl Into<Arc<Vec<f64>>>) -> Self {
         let (count, weights) = (slopes.len(), weights.into());
-        let mut gram = DMatrix::zeros(count, count);
-        for i in 0..count {
-            for j in 0..=i {
-                let value = dot(&slopes[i], &slopes[j], &weights);
-                gram[(i, j)] = value;
-                gram[(j, i)] = value;
-            }
+        let mut made = Self { slopes, weights, gram: DMatrix::zeros(count, count) };
+        (0..count).for_each(|i| made.fill_gram(i, i + 1));
+        made
+    }
+
+    /// Products of a slope with the first `count`.
+    fn fill_gram(&mut self, i: usize, count: usize) {
+        let weighted = self.weighted(&self.slopes[i]);
+        for j in 0..count {
+            let value = dot(&weighted, &self.slopes[j]);
+            self.gram[(i, j)] = value;
+            self.gram[(j, i)] = value;
         }
-        Self { slopes, weights, gram }
+    }
+
+    fn weighted(&self, gap: &[f64]) -> Vec<f64> {
+        gap.iter().zip(self.weights.iter()).map(|(gap, weight)| gap * weight).collect()
     }
 
     /// The same with other slopes of some knobs.
     #[must_use]
-    pub fn with(&self, columns: &[(usize, &[f64])]) -> Self {
+    pub fn with(&self, columns: &[Column]) -> Self {
         let mut other = self.clone();
-        for &(i, column) in columns {
-            other.slopes[i] = Arc::new(column.to_vec());
+        for (i, column) in columns {
+            other.slopes[*i] = column.clone();
         }
         for &(i, _) in columns {
-            for j in 0..other.slopes.len() {
-                let value = dot(&other.slopes[i], &other.slopes[j], &self.weights);
-                other.gram[(i, j)] = value;
-                other.gram[(j, i)] = value;
-            }
+            other.fill_gram(i, other.slopes.len());
         }
         other
     }
@@ -82,7 +106,7 @@ impl Linear {
     /// The weighted square of a gap.
     #[must_use]
     pub fn square(&self, gap: &[f64]) -> f64 {
-        dot(gap, gap, &self.weights)
+        dot(gap, &self.weighted(gap))
     }
 
     /// The step from `off`, coordinates less those expected, with gap `gap`.
@@ -101,8 +125,8 @@ impl Linear {
     }
 
     fn project(&self, gap: &[f64], precision: &Precision) -> DVector<f64> {
-        let free = &precision.free;
-        DVector::from_iterator(free.len(), free.iter().map(|&i| dot(&self.slopes[i], gap, &self.weights)))
+        let (free, weighted) = (&precision.free, self.weighted(gap));
+        DVector::from_iterator(free.len(), free.iter().map(|&i| dot(&self.slopes[i], &weighted)))
     }
 
     fn normal(&self, precision: &Precision) -> DMatrix<f64> {
@@ -132,7 +156,7 @@ impl Linear {
     /// Products of two gaps with the background marginalised: `a' (W^-1 + U U')^-1 b`.
     #[must_use]
     pub fn marginal(&self, a: &[f64], b: &[f64], precision: &Precision) -> f64 {
-        let straight = dot(a, b, &self.weights);
+        let straight = dot(a, &self.weighted(b));
         let Some(known) = self.marginalised(precision) else { return straight };
         straight - known.seen(a).dot(&known.seen(b))
     }
@@ -174,7 +198,7 @@ impl Marginalised<'_> {
     /// `a' (W^-1 + U U')^-1 b`.
     #[must_use]
     pub fn product(&self, a: &Reduced, b: &Reduced) -> f64 {
-        dot(&a.gap, &b.gap, &self.linear.weights) - a.imitated.dot(&b.imitated)
+        dot(&a.gap, &self.linear.weighted(&b.gap)) - a.imitated.dot(&b.imitated)
     }
 }
 
@@ -189,15 +213,17 @@ pub struct Fit {
     pub gap: Vec<f64>,
     /// What is left: weighted square of the gap, and how unlikely the tolerances are.
     pub cost: f64,
-    /// Slopes over what was freed.
-    pub columns: Vec<Vec<f64>>,
+    /// Slopes over what was freed and what goes with it, taken last.
+    pub columns: Vec<Column>,
+    /// Where they were taken.
+    pub columns_at: Vec<f64>,
 }
 
 impl Fit {
-    /// The slopes over what was freed, each with its place, as [`Linear::with`] takes them.
+    /// The slopes over what was freed.
     #[must_use]
-    pub fn of_freed(&self) -> Vec<(usize, &[f64])> {
-        self.freed.iter().copied().zip(self.columns.iter().map(Vec::as_slice)).collect()
+    pub fn of_freed(&self) -> Vec<Column> {
+        self.columns.iter().filter(|(i, _)| self.freed.contains(i)).cloned().collect()
     }
 }
 
@@ -309,33 +335,42 @@ impl Prior {
     }
 }
 
-/// Where a fit begins, with the gap there if it is known.
-#[derive(Clone, Copy)]
+/// Where a fit begins, with what is known there.
+#[derive(Clone)]
 pub struct Start<'a> {
-    x: &'a [f64],
-    gap: Option<&'a [f64]>,
+    /// Coordinates.
+    pub x: Cow<'a, [f64]>,
+    /// The gap there.
+    pub gap: Option<Cow<'a, [f64]>>,
+    /// Some slopes, and where they were taken.
+    pub slopes: Option<(&'a [f64], Cow<'a, [Column]>)>,
 }
 
 impl<'a> From<&'a Fit> for Start<'a> {
     fn from(fit: &'a Fit) -> Self {
-        Self { x: &fit.x, gap: Some(&fit.gap) }
-    }
-}
-
-impl<'a> From<&'a [f64]> for Start<'a> {
-    fn from(x: &'a [f64]) -> Self {
-        Self { x, gap: None }
+        Self {
+            x: (&fit.x).into(),
+            gap: Some((&fit.gap).into()),
+            slopes: Some((&fit.columns_at, (&fit.columns).into())),
+        }
     }
 }
 
 impl<'a> From<&'a Vec<f64>> for Start<'a> {
     fn from(x: &'a Vec<f64>) -> Self {
-        Self { x, gap: None }
+        Self { x: x.into(), gap: None, slopes: None }
     }
 }
 
 /// Fits with some knobs freed, from a point, with slopes `linear` for the background. Slopes of what is freed are taken
 /// anew at each step.
+///
+/// Where a step of length `l` costs more than none, its cost and the gain `D` that the whole step promised make a parabola,
+/// whose least is tried next, unless that is too little, too:
+///
+/// ```text
+///     J(l) = J(0) - 2 D l + q l^2,    l* = D / q,    J(l*) = J(0) - D l*
+/// ```
 #[must_use]
 pub fn fit<'a, V: ReplayVehicle>(
     problem: &Problem<V>,
@@ -352,34 +387,48 @@ pub fn fit<'a, V: ReplayVehicle>(
         let bound = |(i, x): (usize, &f64)| problem.knobs[i].within(*x, freed.contains(&i));
         x.iter().enumerate().map(bound).collect()
     };
-    let mut x = within(start.x);
+    let mut x = within(&start.x);
     let mut gap = match start.gap {
-        Some(known) if x == start.x => known.to_vec(),
+        Some(known) if x == *start.x => known.into_owned(),
         _ => problem.residual(&x)?,
     };
     let mut cost = linear.square(&gap) + precision.penalty(&prior.off(&x));
-    let mut columns: Vec<Vec<f64>> = Vec::new();
+    let mut known = start
+        .slopes
+        .filter(|(at, _)| problem.is_near(&x, at))
+        .map_or_else(Vec::new, |(_, it)| it.into_owned());
+    let mut columns: Vec<Column> = Vec::new();
+    let mut columns_at = x.clone();
     for _ in 0..steps.clamp(1, STEPS) {
-        columns = own.iter().map(|&i| problem.slope(&x, &gap, i)).collect();
-        let given: Vec<(usize, &[f64])> =
-            own.iter().copied().zip(columns.iter().map(Vec::as_slice)).collect();
-        let local = linear.with(&given);
-        let step = prior.step(&local, &x, &gap, &precision);
-        // What promises no more than what ends the search is tried once.
-        let tries = if cost - step.cost < enough(cost) { 1 } else { 4 };
+        let column = |&i: &usize| {
+            let there = known.iter().find(|(j, _)| *j == i);
+            there.cloned().unwrap_or_else(|| (i, Arc::new(problem.slope(&x, &gap, i))))
+        };
+        columns = own.iter().map(column).collect();
+        columns_at.clone_from(&x);
+        known.clear();
+        let step = prior.step(&linear.with(&columns), &x, &gap, &precision);
+        let promised = cost - step.cost;
         let mut length = 1.0;
         let mut better = None;
-        for _ in 0..tries {
+        for _ in 0..TRIES {
             let there: Vec<f64> = x.iter().zip(&step.change).map(|(x, change)| x + length * change).collect();
             let there = within(&there);
-            if let Some(new) = problem.residual(&there) {
-                let new_cost = linear.square(&new) + precision.penalty(&prior.off(&there));
-                if new_cost < cost {
-                    better = Some((there, new, new_cost));
-                    break;
-                }
+            let Some(new) = problem.residual(&there) else {
+                length *= SHORTER;
+                continue;
+            };
+            let new_cost = linear.square(&new) + precision.penalty(&prior.off(&there));
+            if new_cost < cost {
+                better = Some((there, new, new_cost));
+                break;
             }
-            length *= 0.4;
+            let least = promised * length * length / (new_cost - cost + 2.0 * promised * length);
+            let worth = promised * least;
+            if worth.is_nan() || worth < enough(cost) {
+                break;
+            }
+            length = least.max(SHORTEST * length);
         }
         let Some((there, new, new_cost)) = better else { break };
         let gained = cost - new_cost;
@@ -388,5 +437,5 @@ pub fn fit<'a, V: ReplayVehicle>(
             break;
         }
     }
-    Some(Fit { freed: freed.to_vec(), x, gap, cost, columns })
+    Some(Fit { freed: freed.to_vec(), x, gap, cost, columns, columns_at })
 }

@@ -77,7 +77,7 @@ fn slope_of<'a>(ranking: &'a Ranking, linear: &'a Linear, knob: usize) -> &'a [f
         .iter()
         .find(|fit| fit.freed == [knob])
         .and_then(|fit| fit.columns.first())
-        .map_or(&linear.slopes[knob][..], Vec::as_slice)
+        .map_or(&linear.slopes[knob][..], |(_, column)| column)
 }
 
 /// What of a knob's slope the background does not imitate, in evidence for one unit of its coordinate.

@@ -172,16 +172,19 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
         }
     }
 
+    /// Whether slopes at one place are those at another.
+    #[must_use]
+    pub fn is_near(&self, x: &[f64], there: &[f64]) -> bool {
+        let mut all = self.knobs.iter().zip(x.iter().zip(there));
+        all.all(|(knob, (x, there))| (x - there).abs() <= NEAR * knob.stride())
+    }
+
     /// Slopes over all knobs at coordinates where the gap is `here`.
     #[must_use]
     pub fn slopes(&self, x: &[f64], here: &[f64]) -> Vec<Arc<Vec<f64>>> {
         let kept = || self.kept.lock().unwrap_or_else(PoisonError::into_inner);
-        let near = |(there, _): &&Slopes| {
-            let mut all = self.knobs.iter().zip(x.iter().zip(there));
-            all.all(|(knob, (x, there))| (x - there).abs() <= NEAR * knob.stride())
-        };
         // The newest first.
-        if let Some((_, slopes)) = kept().iter().rev().find(near) {
+        if let Some((_, slopes)) = kept().iter().rev().find(|(there, _)| self.is_near(x, there)) {
             return slopes.clone();
         }
         let slopes = self.taken(x, here);

@@ -90,7 +90,9 @@ pub(super) fn polished<V: ReplayVehicle>(
     at: &Fit,
 ) -> Fit {
     let local = Linear::new(problem.slopes(&at.x, &at.gap), linear.weights.clone());
-    fit(problem, prior, &local, &at.freed, at, 5)
+    let own = problem.with_companions(&at.freed).into_iter().map(|i| (i, local.slopes[i].clone())).collect();
+    let start = Start { slopes: Some((&at.x, own)), ..at.into() };
+    fit(problem, prior, &local, &at.freed, start, 5)
         .filter(|new| new.cost < at.cost)
         .unwrap_or_else(|| at.clone())
 }
@@ -155,8 +157,8 @@ fn again_from_none<V: ReplayVehicle>(
     for (k, single) in singles.iter().enumerate() {
         let precision = prior.freed(problem, &single.freed);
         // What has no tolerance may have no slope at its neutral value, either.
-        let columns: Vec<(usize, &[f64])> =
-            single.of_freed().into_iter().filter(|&(i, _)| problem.knobs[i].tolerance == 0.0).collect();
+        let mut columns = single.of_freed();
+        columns.retain(|(i, _)| problem.knobs[*i].tolerance == 0.0);
         let step = prior.step(&linear.with(&columns), &none.x, &none.gap, &precision);
         if step.cost < single.cost - 0.5 {
             promised.push((step.cost, k, none.x.iter().zip(&step.change).map(|(x, d)| x + d).collect()));
@@ -402,8 +404,8 @@ pub fn rank<V: ReplayVehicle>(
         (0..problem.knobs.len()).filter(|&i| problem.knobs[i].is_candidate()).collect();
     let mut singles: Vec<Fit> = parallel::map(threads, candidates.len(), |k| {
         let i = candidates[k];
-        let x = best_start(problem, &prior, &linear, &[i], &none.x, &none.gap, None);
-        fit(problem, &prior, &linear, &[i], &x, 3)
+        let start = best_start(problem, &prior, &linear, &[i], &none, None);
+        fit(problem, &prior, &linear, &[i], start, 3)
     })
     .into_iter()
     .flatten()
@@ -510,33 +512,33 @@ pub fn predicted(linear: &Linear, gap: &[f64], change: &[f64]) -> Vec<f64> {
 /// Where a fit begins whose last effect is new to it: of its starts, and of half of `own`, what it was found to be alone,
 /// the one from which a linear step promises most. Some effects have no slope at their neutral value, and friction and wind
 /// more than one best.
-fn best_start<V: ReplayVehicle>(
+fn best_start<'a, V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
     linear: &Linear,
     freed: &[usize],
-    from: &[f64],
-    gap: &[f64],
+    from: &'a Fit,
     own: Option<f64>,
-) -> Vec<f64> {
-    let Some(&further) = freed.last() else { return from.to_vec() };
+) -> Start<'a> {
+    let Some(&further) = freed.last() else { return from.into() };
     let precision = prior.freed(problem, freed);
     let starts = problem.knobs[further].starts;
     let half = own.filter(|_| starts.len() > 1).map(|own| 0.5 * own);
     let others = starts.iter().filter(|&&start| start != 0.0).map(|start| prior.mean[further] + start);
     // Where an effect tells nothing at its neutral value, that is no start.
-    let here = starts.contains(&0.0).then(|| from.to_vec());
-    let there = others.chain(half).map(|at| {
-        let mut x = from.to_vec();
+    let here = starts.contains(&0.0).then(|| Start::from(from));
+    let there = others.chain(half).filter_map(|at| {
+        let mut x = from.x.clone();
         x[further] = problem.knobs[further].within(at, true);
-        x
+        let gap = problem.residual(&x)?;
+        Some(Start { x: x.into(), gap: Some(gap.into()), slopes: None })
     });
-    let promise = |x: Vec<f64>| {
-        let there = if x == from { gap.to_vec() } else { problem.residual(&x)? };
-        Some((prior.step(linear, &x, &there, &precision).cost, x))
+    let promise = |start: Start<'a>| {
+        let gap = start.gap.as_deref()?;
+        Some((prior.step(linear, &start.x, gap, &precision).cost, start))
     };
     let best = here.into_iter().chain(there).filter_map(promise).min_by(|a, b| a.0.total_cmp(&b.0));
-    best.map_or_else(|| from.to_vec(), |(_, x)| x)
+    best.map_or_else(|| from.into(), |(_, start)| start)
 }
 
 /// How candidates are made of others by one effect more.
@@ -608,8 +610,8 @@ fn extended<V: ReplayVehicle>(
             return fit(problem, prior, linear, &freed, base, 4);
         }
         let own = Some(single.x[further]);
-        let x = best_start(problem, prior, linear, &freed, &base.x, &base.gap, own);
-        fit(problem, prior, linear, &freed, &x, 4)
+        let start = best_start(problem, prior, linear, &freed, base, own);
+        fit(problem, prior, linear, &freed, start, 4)
     })
     .into_iter()
     .flatten()

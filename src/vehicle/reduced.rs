@@ -160,28 +160,26 @@ struct Wheel {
     kappa: f64,
     /// Lift at the last step, m.
     lift: f64,
-    slip: Past<f64>,
+    slip: Past,
 }
 
-/// Rates of the last two steps, as far as there were any since the start.
+/// A rate at the last two steps, as far as there were any since the start.
 #[derive(Clone, Copy)]
-struct Past<T>(Option<T>, Option<T>);
+struct Past(Option<f64>, Option<f64>);
 
-impl<T: Copy> Past<T> {
+impl Past {
     const NONE: Self = Self(None, None);
 
-    /// Mean rate over the step ahead, by Adams and Bashforth of second or third order, or what the past allows.
-    fn ahead(&self, now: T, order: usize, of: impl Fn(&T) -> f64) -> f64 {
-        let f = of(&now);
-        match (&self.0, &self.1) {
-            (Some(last), Some(before)) if order > 2 => (23.0 * f - 16.0 * of(last) + 5.0 * of(before)) / 12.0,
-            (Some(last), _) => 1.5 * f - 0.5 * of(last),
-            _ => f,
-        }
-    }
-
-    fn then(&self, now: T) -> Self {
-        Self(Some(now), self.0)
+    /// Mean rate over the step ahead, by Adams and Bashforth of second or third order, or what the past allows. From then on
+    /// `now` is past.
+    fn ahead(&mut self, now: f64, order: usize) -> f64 {
+        let ahead = match (self.0, self.1) {
+            (Some(last), Some(before)) if order > 2 => (23.0 * now - 16.0 * last + 5.0 * before) / 12.0,
+            (Some(last), _) => 1.5 * now - 0.5 * last,
+            _ => now,
+        };
+        *self = Self(Some(now), self.0);
+        ahead
     }
 }
 
@@ -211,7 +209,8 @@ pub(super) struct Reduced<P: Relaxed<N, S>, const N: usize, const S: usize> {
     wheels: Vec<Wheel>,
     y: [f64; N],
     rates: [f64; N],
-    past: Past<[f64; N]>,
+    /// Of the slow motions, as `P::SLOW` has them.
+    past: Vec<Past>,
     /// Fastest natural frequency of the motion sideways on its tyres, rad/s.
     frequency: f64,
     steering: SteeringState,
@@ -234,7 +233,7 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
             wheels,
             y,
             rates: [0.0; N],
-            past: Past::NONE,
+            past: vec![Past::NONE; P::SLOW.len()],
             frequency: Self::frequency(&plant),
             steering: SteeringState::at_rest(plant.steering(), 0.0),
             drive: 0.0,
@@ -288,8 +287,7 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
             let slip = rates[at + DEFLECTION_Y] + rate * v;
             y[at + DEFLECTION_Y] = match h {
                 Some(h) => {
-                    let ahead = wheel.slip.ahead(slip, P::ORDER, |&slip| slip);
-                    wheel.slip = wheel.slip.then(slip);
+                    let ahead = wheel.slip.ahead(slip, P::ORDER);
                     let gone = gone(rate * h);
                     v + gone * (ahead / rate - v)
                 }
@@ -342,8 +340,8 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
 
     /// Slow motions.
     fn integrate(&mut self, h: f64) {
-        for &i in P::SLOW {
-            self.y[i] += h * self.past.ahead(self.rates, P::ORDER, |rates| rates[i]);
+        for (&i, past) in P::SLOW.iter().zip(&mut self.past) {
+            self.y[i] += h * past.ahead(self.rates[i], P::ORDER);
         }
         if let Some([_, rate, wind_up]) = self.plant.trailer() {
             let (z, turning) = (self.y[wind_up], self.y[YAW_RATE] - self.y[rate]);
@@ -353,11 +351,10 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
             let share = if decay > 1e-9 { lost / decay } else { 1.0 };
             self.y[wind_up] = z * (1.0 - lost) + turning * h * share;
         }
-        self.past = self.past.then(self.rates);
     }
 
-    /// The motion now; then one step that is short enough.
-    fn part(&mut self, input: &ReducedInput, step: f64) -> ReducedOutput {
+    /// The motion now, if it is asked for; then one step that is short enough.
+    fn part(&mut self, input: &ReducedInput, step: f64, output: Option<&mut ReducedOutput>) {
         let chain = *self.plant.steering();
         self.y[VX] = input.vx;
         if let Some(yaw) = input.yaw {
@@ -381,25 +378,27 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
         }
         let mut flow = self.derivative(&Stage { steer, accel: self.drive });
         let late = self.late();
-        let signals = self.plant.signals(&self.y, &self.rates, &mut flow);
-        let [_, _, _, vx, vy, yaw_rate, ax, ay, roll, ..] =
-            measured(self.plant.effects(), &signals[..BODY_SIGNALS]);
-        let (articulation, articulation_rate) = self.plant.articulation(&signals);
+        if let Some(output) = output {
+            let signals = self.plant.signals(&self.y, &self.rates, &mut flow);
+            let [_, _, _, vx, vy, yaw_rate, ax, ay, roll, ..] =
+                measured(self.plant.effects(), &signals[..BODY_SIGNALS]);
+            let (articulation, articulation_rate) = self.plant.articulation(&signals);
+            *output = ReducedOutput {
+                true_vy: signals[4],
+                true_yaw_rate: signals[5],
+                vx_rate: self.rates[VX] + late,
+                vx,
+                vy,
+                yaw_rate,
+                ax: ax + late,
+                ay,
+                roll,
+                steer: at_sensor,
+                articulation,
+                articulation_rate,
+            };
+        }
         self.rates[VX] += late;
-        let output = ReducedOutput {
-            true_vy: signals[4],
-            true_yaw_rate: signals[5],
-            vx_rate: self.rates[VX],
-            vx,
-            vy,
-            yaw_rate,
-            ax: ax + late,
-            ay,
-            roll,
-            steer: at_sensor,
-            articulation,
-            articulation_rate,
-        };
         self.integrate(step);
         self.follow(Some(step));
         if !input.accel_is_given {
@@ -407,7 +406,6 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
             self.drive = line.follow(self.drive, input.accel * line.gain, step);
         }
         self.time += step;
-        output
     }
 }
 
@@ -430,7 +428,7 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> ReducedVehicle for Reduce
             self.derivative(&stage);
             self.follow(None);
         }
-        self.past = Past::NONE;
+        self.past.fill(Past::NONE);
     }
 
     fn set_motion(&mut self, vy: f64, yaw_rate: f64) {
@@ -443,13 +441,14 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> ReducedVehicle for Reduce
         let stage = Stage { steer: self.steering.road_wheel(self.plant.steering()), accel: self.drive };
         self.derivative(&stage);
         self.follow(None);
-        self.past = Past::NONE;
+        self.past.fill(Past::NONE);
     }
 
     fn step(&mut self, input: &ReducedInput, step: f64) -> ReducedOutput {
         let parts = (step * self.frequency / LONGEST).clamp(1.0, MOST_PARTS).ceil();
-        let output = self.part(input, step / parts);
-        (1..parts as usize).for_each(|_| _ = self.part(input, step / parts));
+        let mut output = ReducedOutput::default();
+        self.part(input, step / parts, Some(&mut output));
+        (1..parts as usize).for_each(|_| self.part(input, step / parts, None));
         output
     }
 }
