@@ -100,6 +100,18 @@ def clear(label: dict, report: dict) -> bool:
     return measures.exact(label, report) and all(len(group) == 1 for group in measures.classes(report))
 
 
+def has_another(label: dict, report: dict) -> bool:
+    """Whether the true effect is named, with certainty, and another besides: not taken for it, but one too many."""
+    return set(label["causes"]) < set(measures.named(report)) and not measures.in_class(label, report)
+
+
+def explained(label: dict, report: dict) -> bool:
+    """Whether the report itself says why this log cannot tell the true effect from what it named: in its class, collinear,
+    or smaller than it has to be to be named."""
+    likeness = alike(label, report)
+    return (likeness is not None and likeness >= COLLINEAR) or not measures.shown(label, report)
+
+
 def alike(label: dict, report: dict) -> float | None:
     """How collinear the report itself says that the true effect is with what it named; 1 within its class."""
     if measures.in_class(label, report):
@@ -149,12 +161,22 @@ def measure(
         (folder / "before.csv.gz").replace(folder / "reference.csv.gz")
     beside = diagnose.diagnose_all(rfl, folders, jobs, "beside", say=say, log="next.csv.gz")
     likeness = [alike(a, b) for a, b in undecided]
+    taken = [(a, b) for a, b in undecided if not has_another(a, b)]
+    more = [label["case"] for label, report in undecided if has_another(label, report)]
     return {
         "single effects confused or in a class": measures.share(
             confused(a, b) for a, b in zip(labels, reports) if a["kind"] == "single"
         ),
         "confused: collinear by 0.9 or in the class, as the report says": measures.share(
             cosine is not None and cosine >= COLLINEAR for cosine in likeness
+        ),
+        "confused: taken for another, or in a class": measures.share(not has_another(a, b) for a, b in undecided),
+        "... collinear, in the class, or too small for its log, as the report says": measures.share(
+            explained(a, b) for a, b in taken
+        ),
+        "confused: named, and another besides": measures.share(has_another(a, b) for a, b in undecided),
+        "... the other gone in the next manoeuvre, driven before and after": measures.share(
+            clear(a, b) for a, b in zip(of, beside) if a["case"] in more
         ),
         "next manoeuvre alone: in class": measures.share(measures.in_class(a, b) for a, b in zip(of, alone)),
         "next manoeuvre alone: the effect and no other": measures.share(clear(a, b) for a, b in zip(of, alone)),

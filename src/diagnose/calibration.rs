@@ -31,10 +31,12 @@ pub struct Calibration {
     #[serde(skip)]
     pub form_is_known: bool,
     alone: Alone,
-    /// Evidence that a further effect must add, if it does not act steadily.
+    /// Evidence that a further effect of tyres or body must add.
     #[serde(skip)]
     pair: f64,
     second: OfVehicle,
+    /// The same of a third, whatever it is.
+    third: f64,
     /// Evidence within which candidates are one class.
     pub class: f64,
     /// Rest over noise and model form from which on the cause is not in the library.
@@ -125,6 +127,13 @@ fn is_steady(effect: Option<&Effect>) -> bool {
     effect.is_some_and(|effect| STEADY.contains(&effect.id))
 }
 
+/// Of tyres and body; friction stands apart.
+fn is_structural(effect: Option<&Effect>) -> bool {
+    effect.is_some_and(|effect| {
+        matches!(effect.stage, Stage::Tyre | Stage::Body) && effect.id != "road_friction"
+    })
+}
+
 /// Standard deviations of the tyres' curve: shape factor, as a share, curvature factor, lateral peak, as a share, and early
 /// softening, in that of brushes.
 #[derive(Debug, Clone, Copy, Deserialize)]
@@ -209,17 +218,20 @@ impl Calibration {
             Some(effect) if effect.id == "road_friction" => self.friction,
             Some(effect) if effect.id == "drive_gain" => self.drive,
             _ if is_steady(effect) => self.steady,
-            Some(effect) if matches!(effect.stage, Stage::Tyre | Stage::Body) => self.structural,
+            _ if is_structural(effect) => self.structural,
             _ => self.none,
         }
     }
 
-    /// Evidence that it must add to other effects: what these leave of the model's form follows the motion, and looks like much
-    /// that does, but not like what acts steadily.
+    /// Evidence that it must add to so many `others`: what these leave of the model's form looks like tyres and body.
     #[must_use]
-    pub fn further(&self, effect: Option<&Effect>) -> f64 {
+    pub fn further(&self, effect: Option<&Effect>, others: usize) -> f64 {
         let alone = self.threshold(effect);
-        if is_steady(effect) { alone } else { alone.max(self.pair) }
+        match others {
+            0 | 1 if is_structural(effect) => alone.max(self.pair),
+            0 | 1 => alone,
+            _ => alone.max(self.third),
+        }
     }
 
     /// Its hash, hexadecimal.

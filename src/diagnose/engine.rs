@@ -498,7 +498,8 @@ fn decide<'a, V: ReplayVehicle>(
         let Some(so_far) = chosen else { break };
         let adds = |fit: &Fit| {
             let others = fit.freed.iter().filter(|i| !so_far.freed.contains(i));
-            let least = others.map(|&i| calibration.further(problem.knobs[i].effect)).fold(0.0, f64::max);
+            let asked = |&i: &usize| calibration.further(problem.knobs[i].effect, so_far.freed.len());
+            let least = others.map(asked).fold(0.0, f64::max);
             so_far.cost - fit.cost > least
         };
         let Some(fit) = first(more, so_far, &adds) else { break };

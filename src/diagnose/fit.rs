@@ -19,8 +19,7 @@ use std::sync::Arc;
 pub(super) const FREED: f64 = 5.0;
 /// Steps of Gauss and Newton.
 const STEPS: usize = 6;
-/// Lengths that are tried of each; where there is no vehicle the next is so many times shorter, and no more than so much
-/// shorter by a parabola, which is rough far away.
+/// Lengths that are tried of each; the next is so much shorter at least, and at most: a parabola is rough far away.
 const TRIES: usize = 4;
 const SHORTER: f64 = 0.4;
 const SHORTEST: f64 = 0.1;
@@ -362,15 +361,28 @@ impl<'a> From<&'a Vec<f64>> for Start<'a> {
     }
 }
 
-/// Fits with some knobs freed, from a point, with slopes `linear` for the background. Slopes of what is freed are taken
-/// anew at each step.
-///
-/// Where a step of length `l` costs more than none, its cost and the gain `D` that the whole step promised make a parabola,
-/// whose least is tried next, unless that is too little, too:
+/// The length to try after one, with its mean rise, that costs more than none, and after one `before`; None where no length is worth
+/// it. A parabola says what is best: its slope is what the whole step `promised`, and from the second try on what both tries
+/// say, for slopes taken elsewhere promise what is not there.
 ///
 /// ```text
-///     J(l) = J(0) - 2 D l + q l^2,    l* = D / q,    J(l*) = J(0) - D l*
+///     J(l) = J(0) + p l + q l^2,    p = -2 promised,    l* = -p / 2 q,    J(l*) = J(0) + p l* / 2
 /// ```
+fn shorter(promised: f64, before: Option<(f64, f64)>, (length, rise): (f64, f64), worth: f64) -> Option<f64> {
+    let (slope, curve) = match before {
+        None => (-2.0 * promised, (rise + 2.0 * promised) / length),
+        Some((longer, of_longer)) => {
+            let curve = (of_longer - rise) / (longer - length);
+            (rise - curve * length, curve)
+        }
+    };
+    let least = -0.5 * slope / curve;
+    let gain = -0.5 * slope * least;
+    (slope < 0.0 && gain >= worth).then(|| least.clamp(SHORTEST * length, SHORTER * length))
+}
+
+/// Fits with some knobs freed, from a point, with slopes `linear` for the background. Slopes of what is freed are taken
+/// anew at each step. A step that costs more than none is made shorter.
 #[must_use]
 pub fn fit<'a, V: ReplayVehicle>(
     problem: &Problem<V>,
@@ -409,7 +421,7 @@ pub fn fit<'a, V: ReplayVehicle>(
         known.clear();
         let step = prior.step(&linear.with(&columns), &x, &gap, &precision);
         let promised = cost - step.cost;
-        let mut length = 1.0;
+        let (mut length, mut before) = (1.0, None);
         let mut better = None;
         for _ in 0..TRIES {
             let there: Vec<f64> = x.iter().zip(&step.change).map(|(x, change)| x + length * change).collect();
@@ -423,12 +435,11 @@ pub fn fit<'a, V: ReplayVehicle>(
                 better = Some((there, new, new_cost));
                 break;
             }
-            let least = promised * length * length / (new_cost - cost + 2.0 * promised * length);
-            let worth = promised * least;
-            if worth.is_nan() || worth < enough(cost) {
-                break;
+            let tried = (length, (new_cost - cost) / length);
+            match shorter(promised, before.replace(tried), tried, enough(cost)) {
+                Some(least) => length = least,
+                None => break,
             }
-            length = least.max(SHORTEST * length);
         }
         let Some((there, new, new_cost)) = better else { break };
         let gained = cost - new_cost;
@@ -438,4 +449,39 @@ pub fn fit<'a, V: ReplayVehicle>(
         }
     }
     Some(Fit { freed: freed.to_vec(), x, gap, cost, columns, columns_at })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{SHORTER, SHORTEST, shorter};
+
+    /// Mean rise of `p l + q l^2` over a length.
+    fn tried(p: f64, q: f64, length: f64) -> (f64, f64) {
+        (length, p + q * length)
+    }
+
+    #[test]
+    fn a_promise_that_is_kept_leads_to_the_least_of_the_parabola() {
+        // J = -4 l + 10 l^2 has its least, -0.4, at 0.2.
+        let found = shorter(2.0, None, tried(-4.0, 10.0, 1.0), 0.1);
+        assert!((found.unwrap() - 0.2).abs() < 1e-12);
+        assert_eq!(shorter(2.0, None, tried(-4.0, 10.0, 1.0), 0.41), None);
+    }
+
+    #[test]
+    fn two_tries_overrule_a_promise() {
+        // Down by half of what was promised, and uphill all along.
+        let (first, second) = (tried(-2.0, 20.0, 1.0), tried(-2.0, 20.0, 0.2));
+        assert!((shorter(2.0, Some(first), second, 0.01).unwrap() - 0.05).abs() < 1e-12);
+        let (first, second) = (tried(0.5, 20.0, 1.0), tried(0.5, 20.0, 0.2));
+        assert_eq!(shorter(2.0, Some(first), second, 0.01), None);
+    }
+
+    #[test]
+    fn no_try_is_much_shorter_than_the_last_nor_as_long() {
+        assert_eq!(shorter(50.0, None, tried(-100.0, 1e4, 1.0), 0.1), Some(SHORTEST));
+        assert_eq!(shorter(50.0, None, tried(-100.0, 101.0, 1.0), 0.1), Some(SHORTER));
+        assert_eq!(shorter(50.0, None, (1.0, f64::INFINITY), 0.1), None);
+        assert_eq!(shorter(f64::NAN, None, (1.0, f64::NAN), 0.1), None);
+    }
 }

@@ -1,8 +1,14 @@
 //! What to drive next: the manoeuvre that tells the first candidate best from the next one, and from one effect less.
 //!
-//! Each of a small set is replayed with the first candidate's value; the evidence expected is what the other candidate,
-//! free in its value and with all tolerances besides, cannot imitate: `d' (W^-1 + U U')^-1 d`. The least of it counts: a
-//! drive that tells two partners apart may leave open whether there is a partner at all.
+//! Each of a small set is replayed as the first candidate was fitted. The evidence expected is by how much worse the other
+//! candidate explains that drive than the first does, each free in its values and with all tolerances besides,
+//!
+//! ```text
+//!     J_b - J_a,    J = min over d  (e - S d)' W (e - S d) + (x + d)' P (x + d),    e: the first's replay less its own
+//! ```
+//!
+//! by which a tolerance that was strained on the log at hand costs what it strains. The least of it counts: a drive that tells
+//! two partners apart may leave open whether there is a partner at all.
 
 use super::filter::Filter;
 use super::fit::{Fit, Linear};
@@ -244,13 +250,15 @@ pub fn next<V: ReplayVehicle>(
             weights.resize(weights.len() + block.len(), (deviation * factor.max(0.1)).powi(-2));
         }
         let linear = Linear::new(there.slopes(&at_first, &of_first), weights);
-        let evidence = |other: &Fit| {
-            let of_other = there.residual(&carried(&other.x))?;
-            let difference: Vec<f64> = of_other.iter().zip(&of_first).map(|(b, a)| b - a).collect();
-            let precision = ranking.prior.freed(problem, &other.freed);
-            Some(linear.marginal(&difference, &difference, &precision))
-                .filter(|evidence| evidence.is_finite())
+        let explained = |fit: &Fit| {
+            let at = carried(&fit.x);
+            let of_fit = there.residual(&at)?;
+            let gap: Vec<f64> = of_fit.iter().zip(&of_first).map(|(b, a)| b - a).collect();
+            let cost = ranking.prior.step(&linear, &at, &gap, &ranking.prior.freed(problem, &fit.freed)).cost;
+            cost.is_finite().then_some(cost)
         };
+        let Some(by_first) = explained(first) else { continue };
+        let evidence = |other: &Fit| Some((explained(other)? - by_first).max(0.0));
         let all: Option<Vec<_>> = others.iter().map(|&other| Some((evidence(other)?, other))).collect();
         let least = all.and_then(|all| all.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)));
         if let Some((evidence, other)) = least

@@ -14,6 +14,11 @@ const QUICK: f64 = 0.0126;
 const SETTLING: f64 = 2.5;
 /// Shortest stretch that is replayed at all, s.
 const SHORTEST: f64 = 4.0;
+/// A truck's fifth wheel remembers by its dry friction which way it turned last, until the road bends: change of the path's
+/// curvature over some time from which on it has turned as that says, 1/m, s; and how long that is waited for at most, s.
+const BENT: f64 = 6e-4;
+const BENT_FOR: f64 = 0.5;
+const LONGEST_WAIT: f64 = 10.0;
 
 /// A log ready to be replayed.
 #[derive(Debug, Clone)]
@@ -49,6 +54,17 @@ pub struct Drive {
     pub levelled: bool,
 }
 
+/// Rows before the road bends otherwise than at the start; a bias of the yaw rate is no bend.
+fn unbent(yaw_rate: &[f64], vx: &[f64], step: f64) -> usize {
+    let rows = |time: f64| ((time / step).round() as usize).max(1);
+    let curvature: Vec<f64> = yaw_rate.iter().zip(vx).map(|(rate, vx)| rate / vx.max(LEAST_SPEED)).collect();
+    let over = rows(BENT_FOR);
+    let mut means = curvature.windows(over).map(|part| part.iter().sum::<f64>() / over as f64);
+    let Some(first) = means.next() else { return 0 };
+    let bend = means.position(|mean| (mean - first).abs() > BENT);
+    bend.map_or(usize::MAX, |row| row + over).min(rows(LONGEST_WAIT))
+}
+
 impl Drive {
     /// From a clean log; `truck`: whether articulation is compared.
     #[must_use]
@@ -75,7 +91,9 @@ impl Drive {
             let to = (from..end).find(|&i| !moving[i]).unwrap_or(end);
             if (to - from) as f64 * log.step >= SHORTEST {
                 stretches.push((from, to));
-                let settled = from + (SETTLING / log.step).ceil() as usize;
+                let rate = column("yaw_rate").filter(|_| truck).and_then(|rate| rate.get(from..to));
+                let unbent = rate.map_or(0, |rate| unbent(rate, &vx[from..to], log.step));
+                let settled = from + unbent.max((SETTLING / log.step).ceil() as usize);
                 let valid = log.valid.iter().take(to).skip(settled);
                 scored.iter_mut().skip(settled).zip(valid).for_each(|(scored, valid)| *scored = *valid);
             }
@@ -252,5 +270,45 @@ pub fn at(column: &[f64], row: f64) -> f64 {
     match column.get(i + 1) {
         Some(next) => column[i] + (row - i as f64) * (next - column[i]),
         None => column[column.len() - 1],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const STEP: f64 = 0.02;
+    const SPEED: f64 = 15.0;
+
+    /// First row that is compared of a drive that is straight, and bends from a time in s on; its yaw rate has a bias.
+    fn compared_from(bends_at: f64, bias: f64, truck: bool) -> f64 {
+        let rows = 1000;
+        let rate = |i: usize| bias + if i as f64 * STEP < bends_at { 0.0 } else { 0.05 };
+        let columns = [
+            ("vx", vec![SPEED; rows]),
+            ("steer_cmd", vec![0.0; rows]),
+            ("yaw_rate", (0..rows).map(rate).collect()),
+        ];
+        let log = CleanLog {
+            step: STEP,
+            time: (0..rows).map(|i| i as f64 * STEP).collect(),
+            columns: columns.into(),
+            commanded: true,
+            valid: vec![true; rows],
+            findings: Vec::new(),
+        };
+        let drive = Drive::new(&log, truck);
+        drive.scored.iter().position(|&scored| scored).expect("some row is compared") as f64 * STEP
+    }
+
+    #[test]
+    fn a_truck_is_compared_from_the_first_bend_on_and_a_car_at_once() {
+        for bias in [0.0, 0.03] {
+            let from = compared_from(6.0, bias, true);
+            assert!((6.0..6.0 + BENT_FOR).contains(&from), "{from}");
+            assert!((compared_from(1.0, bias, true) - SETTLING).abs() < STEP);
+            assert!((compared_from(15.0, bias, true) - LONGEST_WAIT).abs() < STEP);
+            assert!((compared_from(6.0, bias, false) - SETTLING).abs() < STEP);
+        }
     }
 }
