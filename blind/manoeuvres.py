@@ -106,8 +106,10 @@ def has_another(label: dict, report: dict) -> bool:
 
 
 def explained(label: dict, report: dict) -> bool:
-    """Whether the report itself says why this log cannot tell the true effect from what it named: in its class, collinear,
-    or smaller than it has to be to be named."""
+    """Whether the report itself says why its log does not tell the true effect from what it named.
+
+    In its class, collinear, or smaller than it has to be to be named.
+    """
     likeness = alike(label, report)
     return (likeness is not None and likeness >= COLLINEAR) or not measures.shown(label, report)
 
