@@ -102,7 +102,7 @@ def clear(label: dict, report: dict) -> bool:
 
 def has_another(label: dict, report: dict) -> bool:
     """Whether the true effect is named, with certainty, and another besides: not taken for it, but one too many."""
-    return set(label["causes"]) < set(measures.named(report)) and not measures.in_class(label, report)
+    return set(label["causes"]) < set(measures.named(report))
 
 
 def explained(label: dict, report: dict) -> bool:
@@ -110,8 +110,13 @@ def explained(label: dict, report: dict) -> bool:
 
     In its class, collinear, or smaller than it has to be to be named.
     """
+    return is_collinear(label, report) or not measures.shown(label, report)
+
+
+def is_collinear(label: dict, report: dict) -> bool:
+    """Whether the report itself says that the true effect is collinear with what it named, or in its class."""
     likeness = alike(label, report)
-    return (likeness is not None and likeness >= COLLINEAR) or not measures.shown(label, report)
+    return likeness is not None and likeness >= COLLINEAR
 
 
 def alike(label: dict, report: dict) -> float | None:
@@ -162,21 +167,19 @@ def measure(
     for folder in folders:
         (folder / "before.csv.gz").replace(folder / "reference.csv.gz")
     beside = diagnose.diagnose_all(rfl, folders, jobs, "beside", say=say, log="next.csv.gz")
-    likeness = [alike(a, b) for a, b in undecided]
-    taken = [(a, b) for a, b in undecided if not has_another(a, b)]
-    more = [label["case"] for label, report in undecided if has_another(label, report)]
+    more = {label["case"] for label, report in undecided if has_another(label, report)}
     return {
         "single effects confused or in a class": measures.share(
             confused(a, b) for a, b in zip(labels, reports) if a["kind"] == "single"
         ),
         "confused: collinear by 0.9 or in the class, as the report says": measures.share(
-            cosine is not None and cosine >= COLLINEAR for cosine in likeness
+            is_collinear(a, b) for a, b in undecided
         ),
-        "confused: taken for another, or in a class": measures.share(not has_another(a, b) for a, b in undecided),
+        "confused: taken for another, or in a class": measures.share(a["case"] not in more for a, _ in undecided),
         "... collinear, in the class, or too small for its log, as the report says": measures.share(
-            explained(a, b) for a, b in taken
+            explained(a, b) for a, b in undecided if a["case"] not in more
         ),
-        "confused: named, and another besides": measures.share(has_another(a, b) for a, b in undecided),
+        "confused: named, and another besides": measures.share(a["case"] in more for a, _ in undecided),
         "... the other gone in the next manoeuvre, driven before and after": measures.share(
             clear(a, b) for a, b in zip(of, beside) if a["case"] in more
         ),

@@ -250,15 +250,17 @@ pub fn next<V: ReplayVehicle>(
             weights.resize(weights.len() + block.len(), (deviation * factor.max(0.1)).powi(-2));
         }
         let linear = Linear::new(there.slopes(&at_first, &of_first), weights);
-        let explained = |fit: &Fit| {
-            let at = carried(&fit.x);
-            let of_fit = there.residual(&at)?;
+        let explained = |fit: &Fit, at: &[f64], of_fit: &[f64]| {
             let gap: Vec<f64> = of_fit.iter().zip(&of_first).map(|(b, a)| b - a).collect();
-            let cost = ranking.prior.step(&linear, &at, &gap, &ranking.prior.freed(problem, &fit.freed)).cost;
+            let cost = ranking.prior.step(&linear, at, &gap, &ranking.prior.freed(problem, &fit.freed)).cost;
             cost.is_finite().then_some(cost)
         };
-        let Some(by_first) = explained(first) else { continue };
-        let evidence = |other: &Fit| Some((explained(other)? - by_first).max(0.0));
+        let Some(by_first) = explained(first, &at_first, &of_first) else { continue };
+        let evidence = |other: &Fit| {
+            let at = carried(&other.x);
+            let by_other = explained(other, &at, &there.residual(&at)?)?;
+            Some((by_other - by_first).max(0.0))
+        };
         let all: Option<Vec<_>> = others.iter().map(|&other| Some((evidence(other)?, other))).collect();
         let least = all.and_then(|all| all.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)));
         if let Some((evidence, other)) = least
