@@ -21,11 +21,11 @@
 
 use super::fit::{Fit, Linear};
 use super::problem::Problem;
-use super::rank::{Ranking, predicted};
+use super::rank::{Ranking, expected};
 use super::replay::ReplayVehicle;
 use crate::residual::parallel;
 use crate::vehicle::Stage;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
 
 /// Standard deviation of an effect's relative change with one standard deviation of what it varies with.
@@ -133,6 +133,16 @@ fn root_mean_square(columns: &[Vec<f64>], share: &DVector<f64>) -> f64 {
     ((0..count).map(|i| at(i).powi(2)).sum::<f64>() / count.max(1) as f64).sqrt()
 }
 
+/// What an effect does, where that is `size` times as large as `z` in each row; `does` and the result in all channels.
+#[must_use]
+pub fn following<V>(problem: &Problem<V>, does: &[f64], z: &[f64], size: f64) -> Vec<f64> {
+    let mut varied = does.to_vec();
+    for (_, block) in &problem.blocks {
+        varied[block.clone()].iter_mut().zip(z).for_each(|(varied, z)| *varied *= size * z);
+    }
+    varied
+}
+
 /// What is of the vehicle's body or its sensors does not vary.
 fn may_vary<V: ReplayVehicle>(problem: &Problem<V>, knob: usize) -> bool {
     let effect = problem.knobs[knob].effect;
@@ -156,30 +166,14 @@ pub fn variations<V: ReplayVehicle>(
     let off = ranking.prior.off(&fit.x);
     let precision = ranking.prior.freed(problem, &fit.freed);
     let Some(background) = linear.marginalised(&precision) else { return Vec::new() };
-    let back: Vec<f64> = off.iter().map(|off| -off).collect();
-    let expected = background.reduced(predicted(linear, &fit.gap, &back));
+    let expected = background.reduced(expected(linear, &ranking.prior, fit));
     let mut all = Vec::new();
     for effect in may_vary {
         for (with, columns) in causes {
-            let varied = columns.iter().map(|column| {
-                let mut varied = linear.slopes[effect].to_vec();
-                for (_, block) in &problem.blocks {
-                    varied[block.clone()].iter_mut().zip(column).for_each(|(v, z)| *v *= off[effect] * z);
-                }
-                background.reduced(varied)
-            });
-            let varied: Vec<_> = varied.collect();
-            let right = DVector::from_iterator(
-                varied.len(),
-                varied.iter().map(|column| background.product(column, &expected)),
-            );
-            let gram = DMatrix::from_fn(varied.len(), varied.len(), |k, l| {
-                background.product(&varied[k], &varied[l]) + if k == l { VARY.powi(-2) } else { 0.0 }
-            });
-            if let Some(factor) = gram.cholesky() {
-                let share = factor.solve(&right);
+            let varied = columns.iter().map(|z| following(problem, &linear.slopes[effect], z, off[effect]));
+            if let Some((gain, share)) = background.explained(&expected, varied, VARY) {
                 let deviation = off[effect].abs() * root_mean_square(columns, &share);
-                all.push(Variation { effect, with: *with, deviation, gain: right.dot(&share) });
+                all.push(Variation { effect, with: *with, deviation, gain });
             }
         }
     }

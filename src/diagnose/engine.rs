@@ -2,6 +2,7 @@
 
 use super::calibration::Calibration;
 use super::constancy::{self, Variation};
+use super::echo::Echo;
 use super::fit::{Fit, Linear, Prior};
 use super::localise;
 use super::manoeuvre;
@@ -19,6 +20,7 @@ use super::shrink::{only, recalibrated, shrink};
 use super::words;
 use crate::log::CleanLog;
 use crate::residual::parallel;
+use std::cell::LazyCell;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -492,18 +494,21 @@ fn decide<'a, V: ReplayVehicle>(
     };
     let tells = |fit: &Fit| worth && tells(problem, calibration, &ranking.none, fit);
     let best = first(&ranking.singles, &ranking.none, &tells);
-    // A further effect has to add what is asked of it; candidates without the best of one effect less, what is asked of most.
-    let (mut chosen, mut without) = (best, ranking.none.cost);
+    // A further effect has to add what is asked of it, and not as an error of what others do; candidates without the best of one
+    // effect less, what is asked of most.
+    let (mut chosen, mut added) = (best, best.map_or(0.0, evidence));
     for more in [ranking.of(2), ranking.of(3)] {
         let Some(so_far) = chosen else { break };
+        let echo = LazyCell::new(|| Echo::of(problem, ranking, causes, so_far));
+        let beyond = |fit: &Fit| echo.evidence(problem, ranking, fit);
         let adds = |fit: &Fit| {
             let others = fit.freed.iter().filter(|i| !so_far.freed.contains(i));
             let asked = |&i: &usize| calibration.further(problem.knobs[i].effect, so_far.freed.len());
             let least = others.map(asked).fold(0.0, f64::max);
-            so_far.cost - fit.cost > least
+            so_far.cost - fit.cost > least && beyond(fit) > least
         };
         let Some(fit) = first(more, so_far, &adds) else { break };
-        (without, chosen) = (so_far.cost, Some(fit));
+        (added, chosen) = (beyond(fit).min(so_far.cost - fit.cost), Some(fit));
     }
     // Not in the library: much is left that is neither noise nor form; or the value that it needs is not one; or it is
     // something that may not be named, or is one thing too many.
@@ -571,7 +576,7 @@ fn decide<'a, V: ReplayVehicle>(
         .iter()
         .find(|rival| rival.cost > chosen.cost && !inside(rival))
         .map_or(f64::INFINITY, |rival| rival.cost - chosen.cost);
-    let margin = outside.min(without - chosen.cost).min((-ahead).max(0.0));
+    let margin = outside.min(added).min((-ahead).max(0.0));
     let scores = Scores { margin, ..scores };
     Decision {
         kind: VerdictKind::Effect,
@@ -631,7 +636,8 @@ fn named<V: ReplayVehicle>(
         // What has changed since the reference; neutral without one.
         let known = it.value(ranking.prior.mean[i]);
         let since = |value: f64| match effect.neutral {
-            neutral if !neutral.is_finite() || known == neutral => value,
+            // A rate limit or a relaxation length is not added to the file's: it stands in its place.
+            _ if matches!(it.id, "steer_rate_limit" | "tyre_relaxation") => value,
             1.0 => value / known,
             neutral => value - known + neutral,
         };

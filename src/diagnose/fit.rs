@@ -199,6 +199,24 @@ impl Marginalised<'_> {
     pub fn product(&self, a: &Reduced, b: &Reduced) -> f64 {
         dot(&a.gap, &self.linear.weighted(&b.gap)) - a.imitated.dot(&b.imitated)
     }
+
+    /// What columns `D`, each with a coordinate of standard deviation `s`, explain of a gap `e`, and these coordinates:
+    /// `b' (G + 1 / s^2)^-1 b` with `b_k = <D_k, e>`, `G_kl = <D_k, D_l>`. None where they are no numbers.
+    #[must_use]
+    pub fn explained(
+        &self,
+        gap: &Reduced,
+        columns: impl Iterator<Item = Vec<f64>>,
+        deviation: f64,
+    ) -> Option<(f64, DVector<f64>)> {
+        let all: Vec<Reduced> = columns.map(|column| self.reduced(column)).collect();
+        let right = DVector::from_iterator(all.len(), all.iter().map(|column| self.product(column, gap)));
+        let gram = DMatrix::from_fn(all.len(), all.len(), |k, l| {
+            self.product(&all[k], &all[l]) + if k == l { deviation.powi(-2) } else { 0.0 }
+        });
+        let share = gram.cholesky()?.solve(&right);
+        Some((right.dot(&share), share))
+    }
 }
 
 /// A point that was fitted.

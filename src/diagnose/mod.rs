@@ -45,6 +45,7 @@ pub mod calibration;
 #[cfg(feature = "cli")]
 pub mod closed_loop;
 mod constancy;
+mod echo;
 mod engine;
 pub mod filter;
 pub mod fit;

@@ -509,6 +509,13 @@ pub fn predicted(linear: &Linear, gap: &[f64], change: &[f64]) -> Vec<f64> {
     left
 }
 
+/// The gap of a fit with all as expected, as slopes give it.
+#[must_use]
+pub fn expected(linear: &Linear, prior: &Prior, fit: &Fit) -> Vec<f64> {
+    let back: Vec<f64> = prior.off(&fit.x).iter().map(|off| -off).collect();
+    predicted(linear, &fit.gap, &back)
+}
+
 /// Where a fit begins whose last effect is new to it: of its starts, and of half of `own`, what it was found to be alone,
 /// the one from which a linear step promises most. Some effects have no slope at their neutral value, and friction and wind
 /// more than one best.

@@ -207,7 +207,7 @@ pub fn why(
     }
     if behind < 0.0 {
         return format!(
-            "explains {} more, too little for another effect, or by one too small to matter",
+            "explains {} more: too little for another effect, or as an error of what is named would, or by one too small to matter",
             weight(-behind)
         );
     }
