@@ -96,3 +96,56 @@ fn explained<V: ReplayVehicle>(
     let gap = background.reduced(expected(&linear, &ranking.prior, fit));
     background.explained(&gap, columns.iter().cloned(), 1.0).map_or(0.0, |(explained, _)| explained)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnose::constancy::causes;
+    use crate::diagnose::fit::Prior;
+    use crate::diagnose::rank::rank;
+    use crate::diagnose::replay::{Drive, neutral};
+    use crate::diagnose::simulated::{Conditions, drive};
+    use crate::vehicle::{TruckEffects, builtin};
+
+    /// A log of a ratio, whose gap is made larger by an error of what the ratio does, and by another effect.
+    #[test]
+    fn an_error_of_what_an_effect_does_is_no_evidence_and_another_effect_is() {
+        let car = builtin("c_class").unwrap();
+        let mut effects = TruckEffects::default();
+        effects.vehicle.steer_gain = 1.2;
+        let conditions = Conditions { seed: 3, duration: 40.0, step: 0.02, ..Conditions::default() };
+        let log = drive(&car, &effects, &conditions).unwrap();
+        let drive = Drive::new(&log, false);
+        let correction = neutral(&drive, &car).unwrap();
+        let problem = Problem::new(&drive, &car, &correction, &[], 0);
+        let ranking = rank(&problem, Prior::of(&problem), &|_, _| false, &|_, _| {}).unwrap();
+        let causes = causes(&problem);
+        let gain = problem.find("steer_gain").unwrap();
+        let fit = ranking.singles.iter().find(|fit| fit.freed == [gain]).unwrap();
+        let echo = Echo::of(&problem, &ranking, &causes, fit);
+        let channels = problem.blocks.len();
+        assert_eq!(echo.columns.len(), 2 * channels + 5);
+
+        // A further effect explains so many times a column: all that it adds, and that beyond errors of the ratio.
+        let linear = ranking.linear.with(&fit.of_freed());
+        let precision = ranking.prior.freed(&problem, &fit.freed);
+        let least = |gap: &[f64]| ranking.prior.step(&linear, &fit.x, gap, &precision).cost;
+        let adds = |column: &[f64], times: f64| {
+            let gap: Vec<f64> =
+                fit.gap.iter().zip(column).map(|(gap, column)| gap + times * column).collect();
+            let before = Fit { cost: least(&gap), gap, ..fit.clone() };
+            let after = Fit { cost: least(&fit.gap), ..fit.clone() };
+            let own = explained(&problem, &ranking, &before, &echo.columns);
+            let of_before = Echo { of: &before, columns: echo.columns.clone(), own };
+            (before.cost - after.cost, of_before.evidence(&problem, &ranking, &after))
+        };
+        // Two standard deviations off cost no more than 4, and would have been evidence of more than 100.
+        let of_errors: Vec<(f64, f64)> = echo.columns.iter().map(|column| adds(column, 2.0)).collect();
+        assert!(of_errors.iter().all(|(_, beyond)| *beyond < 4.2), "{of_errors:?}");
+        assert!(of_errors.iter().any(|(all, _)| *all > 100.0), "{of_errors:?}");
+        for id in ["steer_offset", "yaw_rate_bias", "wind_y", "steer_delay"] {
+            let (all, beyond) = adds(&ranking.linear.slopes[problem.find(id).unwrap()], 3.0);
+            assert!(all > 30.0 && beyond > 0.95 * all, "{id}: {all} {beyond}");
+        }
+    }
+}

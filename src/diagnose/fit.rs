@@ -471,7 +471,31 @@ pub fn fit<'a, V: ReplayVehicle>(
 
 #[cfg(test)]
 mod tests {
-    use super::{SHORTER, SHORTEST, shorter};
+    use super::{Linear, Precision, SHORTER, SHORTEST, shorter};
+    use nalgebra::DMatrix;
+    use std::sync::Arc;
+
+    #[test]
+    fn a_column_explains_what_the_background_does_not() {
+        // One tolerance of 1 along the first row: <a, b> = a_1 b_1 / 2 + a_2 b_2.
+        let linear = Linear::new(vec![Arc::new(vec![1.0, 0.0])], vec![1.0, 1.0]);
+        let precision = Precision { free: vec![0], matrix: DMatrix::identity(1, 1) };
+        let background = linear.marginalised(&precision).unwrap();
+        let explained = |gap: [f64; 2], column: [f64; 2], deviation: f64| {
+            let gap = background.reduced(gap.to_vec());
+            let (gain, share) = background.explained(&gap, [column.to_vec()].into_iter(), deviation).unwrap();
+            (gain, share[0])
+        };
+        // b^2 / (G + 1 / s^2) and b / (G + 1 / s^2).
+        for ((gain, share), (expected, coordinate)) in [
+            (explained([0.0, 3.0], [0.0, 1.0], 2.0), (9.0 / 1.25, 3.0 / 1.25)),
+            (explained([1.0, 0.0], [1.0, 0.0], 2.0), (0.25 / 0.75, 0.5 / 0.75)),
+            (explained([1.0, 0.0], [0.0, 1.0], 2.0), (0.0, 0.0)),
+        ] {
+            assert!((gain - expected).abs() < 1e-8, "{gain} {expected}");
+            assert!((share - coordinate).abs() < 1e-8, "{share} {coordinate}");
+        }
+    }
 
     /// Mean rise of `p l + q l^2` over a length.
     fn tried(p: f64, q: f64, length: f64) -> (f64, f64) {

@@ -25,6 +25,7 @@
 //! | `rank.rs` | candidates and their evidence |
 //! | `calibration.rs` | thresholds and probabilities, from `calibration.toml` |
 //! | `constancy.rs` | whether an effect acts with one value throughout |
+//! | `echo.rs` | what a named effect does otherwise in another formulation |
 //! | `engine.rs` | from a log and a vehicle to the answer |
 //! | `observability.rs` | what a log can show and what it cannot |
 //! | `localise.rs` | where the gap lies |
