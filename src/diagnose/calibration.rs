@@ -63,7 +63,8 @@ pub struct Calibration {
 }
 
 /// Log odds that a named effect is right: a constant, by the logarithm of the margin up to `clear`, and by how near the answer
-/// is to one that is not in the library: what is left, strained and varying, as shares of the thresholds of these.
+/// is to one that is not in the library: what is left, strained and varying, as shares of the thresholds of these; and by how unsure
+/// the least sure value is.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct OfEffect {
@@ -74,6 +75,7 @@ struct OfEffect {
     left: f64,
     strained: f64,
     varying: f64,
+    unsure: f64,
 }
 
 /// One number for each kind of vehicle.
@@ -242,13 +244,17 @@ impl Calibration {
 
     /// Probability that a named effect is right, by the evidence against the next candidate outside its class. An answer that
     /// leaves much, strains tolerances or needs a value that varies is less sure, long before the cause is said not to be in the
-    /// library: what another effect takes for a missing one does so at the background's expense.
+    /// library: what another effect takes for a missing one does so at the background's expense. Less sure is also
+    /// an effect whose value is.
     #[must_use]
     pub fn of_effect(&self, scores: &Scores) -> f64 {
-        let OfEffect { constant, margin, clear, left, strained, varying } = self.effect;
-        let off = left * scores.left / self.left
+        let OfEffect { constant, margin, clear, left, strained, varying, unsure } = self.effect;
+        // What is left is nothing as long as it is no more than noise and the model's form.
+        let rest = (scores.left / self.left).clamp(0.0, 1.0) * (scores.excess / self.outside).clamp(0.0, 1.0);
+        let off = left * rest
             + strained * scores.strained / self.strained
-            + varying * scores.varying.max(0.0) / self.varying;
+            + varying * scores.varying.max(0.0) / self.varying
+            + unsure * scores.unsure;
         logistic([constant + off, margin], scores.margin.min(clear))
     }
 
@@ -267,4 +273,38 @@ impl Calibration {
 
 fn logistic([a, b]: [f64; 2], margin: f64) -> f64 {
     1.0 / (1.0 + (-(a + b * margin.max(0.0).ln_1p())).exp())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_effect_is_less_sure_with_less_margin_more_left_strained_or_varying_and_an_unsure_value() {
+        let clear = Scores {
+            single: 100.0,
+            pair: 0.0,
+            excess: 1.0,
+            left: 0.0,
+            varying: 0.0,
+            strained: 0.0,
+            unsure: 0.0,
+            margin: 30.0,
+        };
+        for truck in [false, true] {
+            let calibration = Calibration::of(truck, false);
+            let sure = calibration.of_effect(&clear);
+            assert!(sure > 0.95 && sure < 1.0, "{sure}");
+            for less in [
+                Scores { margin: 5.0, ..clear },
+                Scores { left: calibration.left, excess: calibration.outside, ..clear },
+                Scores { strained: calibration.strained, ..clear },
+                Scores { varying: calibration.varying, ..clear },
+                Scores { unsure: 0.5, ..clear },
+            ] {
+                let probability = calibration.of_effect(&less);
+                assert!(probability < sure - 0.02, "{less:?}: {probability} {sure}");
+            }
+        }
+    }
 }

@@ -42,9 +42,9 @@ impl<'a> Echo<'a> {
     ) -> Self {
         let mut columns = Vec::new();
         for &effect in &of.freed {
-            let mut x = of.x.clone();
-            problem.with_companions(&[effect]).into_iter().for_each(|i| x[i] = ranking.prior.mean[i]);
-            let Some(without) = problem.residual(&x) else { continue };
+            let Some(without) = problem.residual(&ranking.prior.without(problem, &[effect], &of.x)) else {
+                continue;
+            };
             let does: Vec<f64> = without.iter().zip(&of.gap).map(|(without, with)| without - with).collect();
             columns.extend(by_channel(problem, &does));
             let follows = causes.iter().filter(|(cause, _)| *cause != Cause::Time).flat_map(|(_, z)| z);
@@ -94,7 +94,7 @@ fn explained<V: ReplayVehicle>(
     let precision = ranking.prior.freed(problem, &fit.freed);
     let Some(background) = linear.marginalised(&precision) else { return 0.0 };
     let gap = background.reduced(expected(&linear, &ranking.prior, fit));
-    background.explained(&gap, columns.iter().cloned(), 1.0).map_or(0.0, |(explained, _)| explained)
+    background.explained(&gap, columns.iter().map(Vec::as_slice), 1.0).map_or(0.0, |(explained, _)| explained)
 }
 
 #[cfg(test)]

@@ -1,28 +1,25 @@
 //! From a log and a vehicle to the answer.
 
 use super::calibration::Calibration;
-use super::constancy::{self, Variation};
-use super::echo::Echo;
-use super::fit::{Fit, Linear, Prior};
+use super::constancy;
+use super::decision::{decide, tells};
+use super::fit::{Fit, Prior};
 use super::localise;
 use super::manoeuvre;
-use super::mass;
-use super::observability::{Excitation, collinearity, information, observability};
+use super::naming::{candidates, named};
+use super::observability::{Excitation, observability};
 use super::problem::Problem;
-use super::rank::{NoReplay, Ranking, rank};
+use super::rank::{NoReplay, rank};
 use super::replay::{Drive, ReplayVehicle, Trace, is_levelled, neutral, prepared};
 use super::report::{
-    Adjustment, Candidate, Diagnosis, Finding, Gravity, InputFile, Inputs, NamedEffect, Report, Scores,
-    Series, Varies, Verdict, VerdictKind,
+    Adjustment, Diagnosis, Finding, Gravity, InputFile, Inputs, Report, Series, Varies, Verdict, VerdictKind,
 };
 use super::select::chosen;
-use super::shrink::{only, recalibrated, shrink};
+use super::shrink::{recalibrated, shrink};
 use super::words;
 use crate::log::CleanLog;
 use crate::residual::parallel;
-use std::cell::LazyCell;
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 /// Shortest drive that is diagnosed, s of compared rows.
 const SHORTEST: f64 = 6.0;
@@ -32,10 +29,6 @@ const DRIFT: f64 = 0.2;
 const ENVIRONMENT: [&str; 4] = ["wind_x", "wind_y", "road_bank", "road_grade"];
 /// Tolerances of a vehicle in its reference log, besides what is named there: as many times the ordinary ones.
 const WIDE: f64 = 2.0;
-/// Evidence from which on something is the matter, however small its gap, and an effect is not too small to be named.
-const PLAIN: f64 = 100.0;
-/// So many of the first candidates are compared with the winner.
-const COMPARED: usize = 12;
 /// Steering that is no steering: deviation in rad.
 const STRAIGHT: f64 = 1e-3;
 
@@ -204,9 +197,8 @@ pub fn diagnose<V: ReplayVehicle>(
 
     progress("held-out parts", 0.92);
     let winner = decision.fit.clone();
-    let slopes = slopes_at(&problem, &ranking, &winner);
-    let local = Linear::new(slopes.clone(), ranking.linear.weights.clone());
-    let shrink = shrink(&problem, &ranking, &winner, &slopes);
+    let local = ranking.linear_at(&problem, &winner);
+    let shrink = shrink(&problem, &ranking, &winner, &local.slopes);
     let precision = ranking.prior.freed(&problem, &winner.freed);
     let covariance = local.covariance(&precision);
     let simulator = recalibrated(&problem, &ranking.prior, &local, &winner.freed, &winner.x);
@@ -320,8 +312,7 @@ fn posterior<V: ReplayVehicle>(
     let ranking = rank(&own, wide, &pairs, &|_, _| {})?;
     let decision = decide(&own, &ranking, calibration, &[]);
     let known = &decision.fit;
-    let local = Linear::new(slopes_at(&own, &ranking, known), ranking.linear.weights.clone());
-    let covariance = local.covariance(&ranking.prior.freed(&own, &known.freed));
+    let covariance = ranking.linear_at(&own, known).covariance(&ranking.prior.freed(&own, &known.freed));
     prior.form = ranking.noise.beyond(&own, &known.gap);
     // A wind by another log's own start is none by this one's.
     let is_shown = |id: &str| (own.drive.compass && problem.drive.compass) || !id.starts_with("wind_");
@@ -344,421 +335,6 @@ fn posterior<V: ReplayVehicle>(
         }
     }
     Ok(())
-}
-
-/// Slopes of all knobs at a fitted point, taken anew.
-fn slopes_at<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, at: &Fit) -> Vec<Arc<Vec<f64>>> {
-    if at.freed.is_empty() { ranking.linear.slopes.clone() } else { problem.slopes(&at.x, &at.gap) }
-}
-
-/// What is the matter.
-pub(super) struct Decision {
-    pub kind: VerdictKind,
-    pub probability: f64,
-    /// The winner; with nothing freed where nothing is named.
-    pub fit: Fit,
-    /// What of the library comes nearest where the cause is not in it.
-    pub nearest: Option<Fit>,
-    /// How it varies, if that is what gives it away.
-    pub varying: Option<Variation>,
-    /// What is not named and yet far off, if that is what gives it away.
-    pub strained: Option<usize>,
-    /// The next candidate, for the next manoeuvre.
-    pub rival: Option<Fit>,
-    /// Candidates of one class with each effect of the winner.
-    pub classes: Vec<Vec<usize>>,
-    /// What it was made from.
-    pub scores: Scores,
-}
-
-/// The scores of a ranking, before anything is decided: without a margin.
-fn scores<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking) -> Scores {
-    let best = ranking.singles.first();
-    let single = best.map_or(0.0, |best| ranking.none.cost - best.cost);
-    let pair = match (best, ranking.pairs.first()) {
-        (Some(best), Some(pair)) => best.cost - pair.cost,
-        _ => 0.0,
-    };
-    let gap = ranking.pairs.first().filter(|_| pair > 0.0).or(best).map_or(&ranking.none.gap, |fit| &fit.gap);
-    Scores {
-        single,
-        pair,
-        excess: ranking.noise.excess(problem, gap),
-        left: ranking.noise.remaining(problem, &ranking.neutral, gap),
-        varying: 0.0,
-        strained: 0.0,
-        margin: 0.0,
-    }
-}
-
-/// Whether a single effect explains as much more than nothing as it needs to be named.
-fn tells<V: ReplayVehicle>(
-    problem: &Problem<V>,
-    calibration: &Calibration,
-    none: &Fit,
-    single: &Fit,
-) -> bool {
-    none.cost - single.cost > calibration.threshold(problem.knobs[single.freed[0]].effect)
-}
-
-/// The effect that is not named and yet most off, and by how many tolerances.
-fn strained<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, fit: &Fit) -> Option<(usize, f64)> {
-    let off = ranking.prior.off(&fit.x);
-    let freed = problem.with_companions(&fit.freed);
-    let is_background = |&i: &usize| {
-        let knob = &problem.knobs[i];
-        knob.effect.is_some() && knob.tolerance > 0.0 && !freed.contains(&i)
-    };
-    let all = (0..problem.knobs.len()).filter(is_background);
-    // Less sure than by tolerance is what a reference log has not shown well.
-    let expected = |i: usize| problem.knobs[i].tolerance.max(ranking.prior.covariance[(i, i)].sqrt());
-    all.map(|i| (i, off[i].abs() / expected(i))).max_by(|a, b| a.1.total_cmp(&b.1))
-}
-
-/// Evidence that a value is not one, and what of the library comes nearest then.
-struct Varying {
-    fit: Fit,
-    variation: Variation,
-    evidence: f64,
-}
-
-/// What gives most evidence of a value that varies: one of the effects to be named, beside the others; or a single effect
-/// that then explains more than all that are to be named.
-fn varying<V: ReplayVehicle>(
-    problem: &Problem<V>,
-    ranking: &Ranking,
-    chosen: Option<&Fit>,
-    causes: &[constancy::Columns],
-) -> Option<Varying> {
-    if causes.is_empty() {
-        return None;
-    }
-    let explained = ranking.none.cost - chosen.map_or(ranking.none.cost, |fit| fit.cost);
-    let single = constancy::best_single(problem, ranking, causes).map(|(place, variation)| {
-        let fit = ranking.singles[place].clone();
-        let more = variation.gain + ranking.none.cost - fit.cost - explained;
-        Varying { fit, variation, evidence: variation.gain.min(more) }
-    });
-    let own = chosen.and_then(|fit| {
-        let local = Linear::new(slopes_at(problem, ranking, fit), ranking.linear.weights.clone());
-        let all = constancy::variations(problem, ranking, causes, &local, fit);
-        let best = all.into_iter().max_by(|a, b| a.gain.total_cmp(&b.gain))?;
-        Some(Varying { fit: fit.clone(), variation: best, evidence: best.gain })
-    });
-    single.into_iter().chain(own).max_by(|a, b| a.evidence.total_cmp(&b.evidence))
-}
-
-/// What is to be named. An effect too small to matter is not: what explains a little of the model's form hides no cause.
-/// With no `causes` for values to vary with, all are taken to be constant.
-fn decide<'a, V: ReplayVehicle>(
-    problem: &Problem<V>,
-    ranking: &'a Ranking,
-    calibration: &Calibration,
-    causes: &[constancy::Columns],
-) -> Decision {
-    let mut scores = scores(problem, ranking);
-    let notable = ranking.noise.notable(problem, &ranking.neutral);
-    let worth = calibration.form_is_known || scores.single > PLAIN || notable;
-    let needed = |i: usize| calibration.threshold(problem.knobs[i].effect);
-    let evidence = |fit: &Fit| ranking.none.cost - fit.cost;
-    // What adds evidence beyond question is never too small: without it a replay may lose its vehicle, and the gap of that
-    // background is anything.
-    let matters = |fit: &Fit, others: &Fit| {
-        let plain = others.cost - fit.cost > PLAIN;
-        fit.freed.iter().all(|i| {
-            plain && !others.freed.contains(i) || dominance(problem, ranking, fit, *i) > calibration.dominance
-        })
-    };
-    // What takes the simulator farther from the log is not what parts them: its tolerances would have to undo what it does,
-    // and what is explained is an error of the form.
-    let gap_by = |fit: &Fit| {
-        let alone = only(problem, &ranking.prior, &fit.freed, &fit.x);
-        problem.residual(&alone).map_or([f64::INFINITY; 2], |gap| ranking.noise.sizes(problem, &gap))
-    };
-    let nears = |fit: &Fit, others: &Fit| {
-        let mut both = gap_by(fit).into_iter().zip(gap_by(others));
-        both.any(|(gap, before)| gap <= calibration.farthest * before)
-    };
-    // What was passed over, and is then too far off for a tolerance, is in the library all the same: named, it strains nothing.
-    let off = |fit: &Fit| strained(problem, ranking, fit).filter(|(_, by)| *by > calibration.strained);
-    let relieves = |fit: &Fit, others: &Fit| {
-        off(others).is_some_and(|(i, _)| fit.freed.contains(&i) && off(fit).is_none())
-    };
-    // Where what explains most is too small to matter, only what explains as much may stand in for it.
-    let first = |fits: &'a [Fit], others: &Fit, tells: &dyn Fn(&Fit) -> bool| -> Option<&'a Fit> {
-        let most = fits.iter().find(|fit| tells(fit))?.cost;
-        let may_be = |fit: &Fit| matters(fit, others) && nears(fit, others) || relieves(fit, others);
-        fits.iter()
-            .take_while(|fit| fit.cost < most + calibration.class)
-            .find(|fit| tells(fit) && may_be(fit))
-    };
-    let tells = |fit: &Fit| worth && tells(problem, calibration, &ranking.none, fit);
-    let best = first(&ranking.singles, &ranking.none, &tells);
-    // A further effect has to add what is asked of it, and not as an error of what others do; candidates without the best of one
-    // effect less, what is asked of most.
-    let (mut chosen, mut added) = (best, best.map_or(0.0, evidence));
-    for more in [ranking.of(2), ranking.of(3)] {
-        let Some(so_far) = chosen else { break };
-        let echo = LazyCell::new(|| Echo::of(problem, ranking, causes, so_far));
-        let beyond = |fit: &Fit| echo.evidence(problem, ranking, fit);
-        let adds = |fit: &Fit| {
-            let others = fit.freed.iter().filter(|i| !so_far.freed.contains(i));
-            let asked = |&i: &usize| calibration.further(problem.knobs[i].effect, so_far.freed.len());
-            let least = others.map(asked).fold(0.0, f64::max);
-            so_far.cost - fit.cost > least && beyond(fit) > least
-        };
-        let Some(fit) = first(more, so_far, &adds) else { break };
-        (added, chosen) = (beyond(fit).min(so_far.cost - fit.cost), Some(fit));
-    }
-    // Not in the library: much is left that is neither noise nor form; or the value that it needs is not one; or it is
-    // something that may not be named, or is one thing too many.
-    let varying = varying(problem, ranking, chosen, causes);
-    scores.varying = varying.as_ref().map_or(0.0, |it| it.evidence);
-    let rest = scores.excess / calibration.outside - 1.0;
-    let rest = if scores.left > calibration.left { rest } else { -1.0 };
-    let varies = scores.varying / calibration.varying - 1.0;
-    let strained = strained(problem, ranking, chosen.unwrap_or(&ranking.none));
-    scores.strained = strained.map_or(0.0, |(_, tolerances)| tolerances);
-    let strains = scores.strained / calibration.strained - 1.0;
-    let unnamed = |kind, probability, margin| Decision {
-        kind,
-        probability,
-        fit: ranking.none.clone(),
-        nearest: None,
-        varying: None,
-        strained: None,
-        rival: None,
-        classes: Vec::new(),
-        scores: Scores { margin, ..scores },
-    };
-    if rest.max(varies).max(strains) > 0.0 {
-        let margin = 10.0 * rest.max(varies).max(strains);
-        let varying = varying.filter(|_| varies > 0.0);
-        let strained = strained.filter(|_| strains > varies.max(0.0)).map(|(effect, _)| effect);
-        let nearest = chosen.or(varying.as_ref().map(|it| &it.fit)).cloned();
-        return Decision {
-            nearest,
-            varying: varying.map(|it| it.variation),
-            strained,
-            ..unnamed(VerdictKind::NotInLibrary, calibration.of_unknown(margin), margin)
-        };
-    }
-    let Some(chosen) = chosen else {
-        let most = ranking.singles.iter().map(|fit| evidence(fit) / needed(fit.freed[0])).fold(0.0, f64::max);
-        let margin = calibration.none * (1.0 - most).max(0.0);
-        return unnamed(VerdictKind::None, calibration.of_nothing(margin), margin);
-    };
-    // What a mass explains better is no gain of the drive, nor the other way round; what it explains as well may be one.
-    let mass = mass::instead(problem, ranking, chosen);
-    let ahead = mass.as_ref().map_or(f64::NEG_INFINITY, |(_, fit)| chosen.cost - fit.cost);
-    if let Some((i, fit)) = mass.filter(|_| ahead > calibration.class) {
-        return Decision {
-            nearest: Some(fit),
-            strained: Some(i),
-            ..unnamed(VerdictKind::NotInLibrary, calibration.of_unknown(ahead - calibration.class), ahead)
-        };
-    }
-    // Alternatives to each effect beside the others.
-    let level = ranking.of(chosen.freed.len());
-    let class_of = |own: usize| -> Vec<usize> {
-        let others = |fit: &&Fit| chosen.freed.iter().all(|i| *i == own || fit.freed.contains(i));
-        let near = |fit: &&Fit| (fit.cost - chosen.cost).abs() < calibration.class;
-        let rivals = level.iter().filter(others).filter(near).flat_map(|fit| fit.freed.iter().copied());
-        let mut class: Vec<usize> =
-            rivals.filter(|i| !chosen.freed.contains(i)).chain(std::iter::once(own)).collect();
-        class.sort_unstable();
-        class.dedup();
-        class
-    };
-    let classes: Vec<Vec<usize>> = chosen.freed.iter().map(|&own| class_of(own)).collect();
-    let inside = |fit: &Fit| fit.freed.iter().all(|i| classes.iter().flatten().any(|j| j == i));
-    let outside = level
-        .iter()
-        .find(|rival| rival.cost > chosen.cost && !inside(rival))
-        .map_or(f64::INFINITY, |rival| rival.cost - chosen.cost);
-    let margin = outside.min(added).min((-ahead).max(0.0));
-    let scores = Scores { margin, ..scores };
-    Decision {
-        kind: VerdictKind::Effect,
-        probability: calibration.of_effect(&scores),
-        fit: chosen.clone(),
-        nearest: None,
-        varying: None,
-        strained: None,
-        rival: level.iter().find(|rival| rival.freed != chosen.freed).cloned(),
-        classes,
-        scores,
-    }
-}
-
-/// What an effect does to the motion, over what the background does: the tolerances without any of the effects.
-fn dominance<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, at: &Fit, effect: usize) -> f64 {
-    let without = |effects: &[usize]| {
-        let mut x = at.x.clone();
-        problem.with_companions(effects).into_iter().for_each(|i| x[i] = ranking.prior.mean[i]);
-        problem.residual(&x)
-    };
-    let (Some(gap), Some(background)) = (without(&[effect]), without(&at.freed)) else {
-        return f64::INFINITY;
-    };
-    let weights = &ranking.linear.weights;
-    let distance = |a: &[f64], b: &[f64]| {
-        a.iter().zip(b).zip(weights.iter()).map(|((a, b), w)| w * (a - b).powi(2)).sum::<f64>().sqrt()
-    };
-    let (own, background) = (distance(&gap, &at.gap), distance(&background, &ranking.neutral));
-    own / background.max(0.05 * own).max(1e-9)
-}
-
-fn named<V: ReplayVehicle>(
-    problem: &Problem<V>,
-    ranking: &Ranking,
-    decision: &Decision,
-    covariance: &nalgebra::DMatrix<f64>,
-    wider: f64,
-) -> Vec<NamedEffect> {
-    let winner = &decision.fit;
-    let mut effects = Vec::new();
-    for (place, &i) in winner.freed.iter().enumerate() {
-        let it = &problem.knobs[i];
-        let Some(effect) = it.effect else { continue };
-        let wind = wind_of(problem, winner, i);
-        let (x, variance) = match wind {
-            Some(Wind { speed, to: (sin, cos), across: j }) => {
-                let both = cos * cos * covariance[(i, i)] + sin * sin * covariance[(j, j)];
-                (speed, both + 2.0 * sin * cos * covariance[(i, j)])
-            }
-            None => (winner.x[i], covariance[(i, i)]),
-        };
-        let deviation = wider * variance.max(0.0).sqrt();
-        let within = |value: f64| value.clamp(effect.range.0.min(it.value(it.named_least)), effect.range.1);
-        let (a, b) = (it.value(x - 1.96 * deviation), it.value(x + 1.96 * deviation));
-        let total = within(it.value(x));
-        // What has changed since the reference; neutral without one.
-        let known = it.value(ranking.prior.mean[i]);
-        let since = |value: f64| match effect.neutral {
-            // A rate limit or a relaxation length is not added to the file's: it stands in its place.
-            _ if matches!(it.id, "steer_rate_limit" | "tyre_relaxation") => value,
-            1.0 => value / known,
-            neutral => value - known + neutral,
-        };
-        let class = decision.classes.get(place).cloned().unwrap_or_default();
-        let mut class: Vec<String> = class.iter().map(|&i| problem.knobs[i].id.to_owned()).collect();
-        let mut separated_by = String::new();
-        if it.id == "sensor_delay" && !problem.drive.commanded {
-            // From the angle on, a later motion and a later sensor are the same.
-            class.push("steer_delay".to_owned());
-            separated_by = "log the steering command besides the angle".to_owned();
-        }
-        let of = |i: usize| (problem.knobs[i].id.to_owned(), problem.knobs[i].value(winner.x[i]));
-        let components = problem.companion(i).map_or_else(BTreeMap::new, |(j, _)| [of(i), of(j)].into());
-        let direction = wind.map(|Wind { to: (sin, cos), .. }| sin.atan2(cos));
-        if direction.is_some() {
-            class.push("wind_y".to_owned());
-            separated_by = "log the heading, or the place".to_owned();
-        }
-        effects.push(NamedEffect {
-            id: it.id.to_owned(),
-            value: since(total),
-            low: since(within(a.min(b)).min(total)),
-            high: since(within(a.max(b)).max(total)),
-            unit: effect.unit.symbol.to_owned(),
-            class,
-            separated_by,
-            stage: effect.stage,
-            dominance: dominance(problem, ranking, winner, i),
-            total,
-            direction,
-            components,
-        });
-    }
-    effects
-}
-
-/// A wind as a log without a compass shows it.
-#[derive(Clone, Copy)]
-struct Wind {
-    /// In units of the coordinate.
-    speed: f64,
-    /// Sine and cosine of where it blows to, by the heading at the log's start.
-    to: (f64, f64),
-    /// The knob of its other component.
-    across: usize,
-}
-
-/// The wind that a knob of a fit stands for, where it is not one component alone.
-fn wind_of<V: ReplayVehicle>(problem: &Problem<V>, fit: &Fit, knob: usize) -> Option<Wind> {
-    let (across, _) = problem.companion(knob).filter(|_| problem.knobs[knob].id == "wind_x")?;
-    let (sin, cos) = fit.x[across].atan2(fit.x[knob]).sin_cos();
-    Some(Wind { speed: fit.x[across].hypot(fit.x[knob]), to: (sin, cos), across })
-}
-
-fn candidates<V: ReplayVehicle>(
-    problem: &Problem<V>,
-    ranking: &Ranking,
-    decision: &Decision,
-    calibration: &Calibration,
-) -> Vec<Candidate> {
-    let best = decision.fit.cost;
-    let mut all: Vec<Candidate> = ranking
-        .singles
-        .iter()
-        .chain(&ranking.pairs)
-        .chain(&ranking.threes)
-        .map(|fit| {
-            let evidence = ranking.none.cost - fit.cost;
-            let behind = fit.cost - best;
-            let pinned =
-                fit.freed.iter().any(|&i| information(problem, ranking, i) * 16.0 < calibration.none);
-            let stages = fit.freed.iter().map(|&i| calibration.threshold(problem.knobs[i].effect));
-            let needed = stages.fold(0.0, f64::max);
-            let shown = |i: usize| wind_of(problem, fit, i).map_or(fit.x[i], |wind| wind.speed);
-            Candidate {
-                effects: fit.freed.iter().map(|&i| problem.knobs[i].id.to_owned()).collect(),
-                values: fit.freed.iter().map(|&i| problem.knobs[i].value(shown(i))).collect(),
-                evidence,
-                collinearity: None,
-                why: words::why(
-                    evidence,
-                    needed,
-                    behind,
-                    pinned,
-                    fit.freed == decision.fit.freed,
-                    decision.kind,
-                    calibration,
-                ),
-            }
-        })
-        .collect();
-    // The winner stands first, even before a pair that explains a little more.
-    let name: Vec<String> = decision.fit.freed.iter().map(|&i| problem.knobs[i].id.to_owned()).collect();
-    all.sort_by(|a, b| {
-        (a.effects != name)
-            .cmp(&(b.effects != name))
-            .then(b.evidence.total_cmp(&a.evidence))
-            .then(a.effects.cmp(&b.effects))
-    });
-    if decision.kind == VerdictKind::Effect {
-        for candidate in all.iter_mut().take(COMPARED) {
-            candidate.collinearity = likeness(problem, ranking, &decision.fit.freed, &candidate.effects);
-            candidate.why += &words::likeness(candidate.collinearity);
-        }
-    }
-    all
-}
-
-/// How alike a candidate is to the winner where they differ in one effect.
-fn likeness<V: ReplayVehicle>(
-    problem: &Problem<V>,
-    ranking: &Ranking,
-    winner: &[usize],
-    candidate: &[String],
-) -> Option<f64> {
-    let own: Vec<usize> = candidate.iter().filter_map(|id| problem.find(id)).collect();
-    let (both, others): (Vec<usize>, Vec<usize>) = own.iter().partition(|&i| winner.contains(i));
-    let [other] = others[..] else { return None };
-    let mut lost = winner.iter().filter(|i| !both.contains(i));
-    let (Some(&named), None) = (lost.next(), lost.next()) else { return None };
-    Some(collinearity(problem, ranking, &both, [named, other]))
 }
 
 /// What plots are drawn from.
@@ -789,7 +365,7 @@ fn series<V: ReplayVehicle>(
             .collect()
     };
     let neutral = run(&prior.mean)?;
-    let alone = run(&only(problem, prior, &winner.freed, &winner.x))?;
+    let alone = run(&prior.only(problem, &winner.freed, &winner.x))?;
     let corrected = run(simulator)?;
     let mut log: BTreeMap<String, Vec<f64>> =
         drive.columns.iter().map(|(&name, column)| (name.to_owned(), column.clone())).collect();

@@ -89,6 +89,12 @@ impl Linear {
         gap.iter().zip(self.weights.iter()).map(|(gap, weight)| gap * weight).collect()
     }
 
+    /// The same weights with slopes taken anew.
+    #[must_use]
+    pub fn anew<V: ReplayVehicle>(&self, problem: &Problem<V>, x: &[f64], gap: &[f64]) -> Self {
+        Self::new(problem.slopes(x, gap), self.weights.clone())
+    }
+
     /// The same with other slopes of some knobs.
     #[must_use]
     pub fn with(&self, columns: &[Column]) -> Self {
@@ -176,8 +182,9 @@ pub struct Marginalised<'a> {
 }
 
 /// A gap with what the background can imitate of it.
-pub struct Reduced {
-    gap: Vec<f64>,
+pub struct Reduced<'a> {
+    gap: Cow<'a, [f64]>,
+    weighted: Vec<f64>,
     imitated: DVector<f64>,
 }
 
@@ -190,23 +197,24 @@ impl Marginalised<'_> {
 
     /// A gap, ready for products.
     #[must_use]
-    pub fn reduced(&self, gap: Vec<f64>) -> Reduced {
-        Reduced { imitated: self.seen(&gap), gap }
+    pub fn reduced<'a>(&self, gap: impl Into<Cow<'a, [f64]>>) -> Reduced<'a> {
+        let gap = gap.into();
+        Reduced { imitated: self.seen(&gap), weighted: self.linear.weighted(&gap), gap }
     }
 
     /// `a' (W^-1 + U U')^-1 b`.
     #[must_use]
     pub fn product(&self, a: &Reduced, b: &Reduced) -> f64 {
-        dot(&a.gap, &self.linear.weighted(&b.gap)) - a.imitated.dot(&b.imitated)
+        dot(&a.gap, &b.weighted) - a.imitated.dot(&b.imitated)
     }
 
     /// What columns `D`, each with a coordinate of standard deviation `s`, explain of a gap `e`, and these coordinates:
     /// `b' (G + 1 / s^2)^-1 b` with `b_k = <D_k, e>`, `G_kl = <D_k, D_l>`. None where they are no numbers.
     #[must_use]
-    pub fn explained(
+    pub fn explained<'a, C: Into<Cow<'a, [f64]>>>(
         &self,
         gap: &Reduced,
-        columns: impl Iterator<Item = Vec<f64>>,
+        columns: impl Iterator<Item = C>,
         deviation: f64,
     ) -> Option<(f64, DVector<f64>)> {
         let all: Vec<Reduced> = columns.map(|column| self.reduced(column)).collect();
@@ -337,6 +345,20 @@ impl Prior {
         let diagonal = DMatrix::from_diagonal(&of_free.diagonal().map(|variance| 1.0 / variance));
         let matrix = of_free.cholesky().map_or(diagonal, |factor| factor.inverse());
         Precision { free, matrix }
+    }
+
+    /// Coordinates of some effects alone, all else as expected.
+    #[must_use]
+    pub fn only<V: ReplayVehicle>(&self, problem: &Problem<V>, effects: &[usize], x: &[f64]) -> Vec<f64> {
+        let effects = problem.with_companions(effects);
+        (0..x.len()).map(|i| if effects.contains(&i) { x[i] } else { self.mean[i] }).collect()
+    }
+
+    /// Coordinates without some effects: these as expected, a payload's place with it.
+    #[must_use]
+    pub fn without<V: ReplayVehicle>(&self, problem: &Problem<V>, effects: &[usize], x: &[f64]) -> Vec<f64> {
+        let effects = problem.with_companions(effects);
+        (0..x.len()).map(|i| if effects.contains(&i) { self.mean[i] } else { x[i] }).collect()
     }
 
     /// Coordinates less those expected.

@@ -83,7 +83,7 @@ const EFFECTS: &[Row] = &[
     ("tyre_stiffness_front", 0.1, 0.040, -7.0, 7.0, &[0.0]),
     ("tyre_stiffness_rear", 0.1, 0.040, -7.0, 7.0, &[0.0]),
     ("road_friction", 0.1, 0.040, -8.5, 4.0, &[0.0, -3.0, -5.5]),
-    ("tyre_relaxation", 0.0, 0.25, -0.85, 60.0, &[0.0, 1.0]),
+    ("tyre_relaxation", 0.0, 0.25, -0.85, 60.0, &[0.0, 1.0, 4.0]),
     ("payload", 0.0, 0.0, 0.0, 60.0, &[1.0, 4.0]),
     ("payload_x", 0.5, 0.0, -20.0, 60.0, &[0.0]),
     ("cg_shift", 0.05, 0.020, -7.0, 7.0, &[0.0]),
@@ -316,6 +316,12 @@ impl Knob {
     #[must_use]
     pub fn is_candidate(&self) -> bool {
         self.nameable
+    }
+
+    /// Whether its value is not added to what is given, but stands in its place.
+    #[must_use]
+    pub fn stands_for_the_given(&self) -> bool {
+        matches!(self.turns, Turns::RateLimit | Turns::Relaxation)
     }
 
     /// Whether it turns what the sensors make of a motion, and not the motion.

@@ -3,7 +3,7 @@
 //! of the vehicle itself that is off by more than its tolerance, which is no effect of the library; and a payload with the gain
 //! where that may not be named: what a payload does besides has to speak for it.
 
-use super::fit::{FREED, Fit, Linear, Prior, fit};
+use super::fit::{FREED, Fit, Prior, fit};
 use super::problem::Problem;
 use super::rank::{Ranking, polished};
 use super::replay::ReplayVehicle;
@@ -50,17 +50,16 @@ pub fn instead<V: ReplayVehicle>(
     if !problem.knobs[gain].is_candidate() {
         let payloads = PAYLOADS.iter().filter_map(|id| problem.find(id));
         for payload in payloads.filter(|payload| named.freed.contains(payload)) {
-            let mut there = named.x.clone();
+            let mut there = ranking.prior.without(problem, &[payload], &named.x);
             let at = mean[gain] + of_gain(off[payload] * problem.knobs[payload].unit);
             there[gain] = problem.knobs[gain].within(at, false);
-            problem.with_companions(&[payload]).into_iter().for_each(|i| there[i] = mean[i]);
             rivals.push((payload, gain, there, free.clone()));
         }
     }
     if rivals.is_empty() {
         return None;
     }
-    let slopes = |x: &[f64], gap: &[f64]| Linear::new(problem.slopes(x, gap), ranking.linear.weights.clone());
+    let slopes = |x: &[f64], gap: &[f64]| ranking.linear.anew(problem, x, gap);
     let at_none = slopes(&none.x, &none.gap);
     let fitted = |(own, rival, there, prior): (usize, usize, Vec<f64>, Prior)| {
         let others: Vec<usize> = named.freed.iter().copied().filter(|&i| i != own).collect();

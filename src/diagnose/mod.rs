@@ -26,6 +26,9 @@
 //! | `calibration.rs` | thresholds and probabilities, from `calibration.toml` |
 //! | `constancy.rs` | whether an effect acts with one value throughout |
 //! | `echo.rs` | what a named effect does otherwise in another formulation |
+//! | `decision.rs` | from a ranking to what is the matter |
+//! | `estimate.rs` | the value of an effect, and how sure it is |
+//! | `naming.rs` | the decision in the user's terms |
 //! | `engine.rs` | from a log and a vehicle to the answer |
 //! | `observability.rs` | what a log can show and what it cannot |
 //! | `localise.rs` | where the gap lies |
@@ -46,8 +49,10 @@ pub mod calibration;
 #[cfg(feature = "cli")]
 pub mod closed_loop;
 mod constancy;
+mod decision;
 mod echo;
 mod engine;
+mod estimate;
 pub mod filter;
 pub mod fit;
 pub mod form;
@@ -56,6 +61,7 @@ pub mod knob;
 mod localise;
 mod manoeuvre;
 mod mass;
+mod naming;
 pub mod noise;
 mod observability;
 #[cfg(feature = "cli")]

@@ -59,6 +59,12 @@ impl Ranking {
         }
     }
 
+    /// Slopes of all knobs at a fitted point, taken anew.
+    #[must_use]
+    pub fn linear_at<V: ReplayVehicle>(&self, problem: &Problem<V>, at: &Fit) -> Linear {
+        if at.freed.is_empty() { self.linear.clone() } else { self.linear.anew(problem, &at.x, &at.gap) }
+    }
+
     /// Candidates with one effect less than `fit`.
     pub fn fewer<'a>(&'a self, fit: &'a Fit) -> impl Iterator<Item = &'a Fit> {
         let all = std::iter::once(&self.none).chain(&self.singles).chain(&self.pairs);
@@ -89,7 +95,7 @@ pub(super) fn polished<V: ReplayVehicle>(
     linear: &Linear,
     at: &Fit,
 ) -> Fit {
-    let local = Linear::new(problem.slopes(&at.x, &at.gap), linear.weights.clone());
+    let local = linear.anew(problem, &at.x, &at.gap);
     let own = problem.with_companions(&at.freed).into_iter().map(|i| (i, local.slopes[i].clone())).collect();
     let start = Start { slopes: Some((&at.x, own)), ..at.into() };
     fit(problem, prior, &local, &at.freed, start, 5)
@@ -279,13 +285,9 @@ fn fewer_from_more<V: ReplayVehicle>(
         .take(count)
         .flat_map(|fit| (0..fit.freed.len()).map(move |place| (fit, place)))
         .map(|(fit, place)| {
-            let (mut others, mut x) = (fit.freed.clone(), fit.x.clone());
-            let i = others.remove(place);
-            // A payload's place goes with it.
-            for gone in problem.with_companions(&[i]) {
-                x[gone] = prior.mean[gone];
-            }
-            (others, x)
+            let mut others = fit.freed.clone();
+            let gone = others.remove(place);
+            (others, prior.without(problem, &[gone], &fit.x))
         })
         .collect();
     let found = parallel::map(problem.threads(), starts.len(), |k| {
@@ -332,7 +334,7 @@ fn more_from_fewer<V: ReplayVehicle>(
     if behind.cost <= best.cost - 1.0 {
         return;
     }
-    let local = Linear::new(problem.slopes(&best.x, &best.gap), linear.weights.clone());
+    let local = linear.anew(problem, &best.x, &best.gap);
     take(more, extended(problem, prior, &local, fewer, singles, beam));
     polish(problem, prior, &local, more);
 }
@@ -441,7 +443,7 @@ pub fn rank<V: ReplayVehicle>(
     progress("single effects", 0.6);
     let mut none = fit_none(problem, &prior, &linear, &none).ok_or(NoReplay)?;
     fitted_again(problem, &prior, &linear, &mut singles);
-    let local = Linear::new(problem.slopes(&none.x, &none.gap), linear.weights.clone());
+    let local = linear.anew(problem, &none.x, &none.gap);
     none = fit(problem, &prior, &local, &[], &none, 5).filter(|new| new.cost < none.cost).unwrap_or(none);
     again_from_none(problem, &prior, &local, &none, &mut singles);
     polish(problem, &prior, &linear, &mut singles);
@@ -486,7 +488,7 @@ pub fn rank<V: ReplayVehicle>(
     let before = found.swap_remove(0);
     let mut none = settled(problem, &prior, &linear, before.clone());
     if before.cost - none.cost > 1.0 {
-        let local = Linear::new(problem.slopes(&none.x, &none.gap), linear.weights.clone());
+        let local = linear.anew(problem, &none.x, &none.gap);
         again_from_none(problem, &prior, &local, &none, &mut singles);
         polish(problem, &prior, &linear, &mut singles);
     }

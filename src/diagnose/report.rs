@@ -58,6 +58,10 @@ pub struct Scores {
     /// Tolerances by which the background is off at most in what is an effect of the library and not named.
     #[serde(default)]
     pub strained: f64,
+    /// Half of the interval of the least sure value that is named, over that and how far the value is from no effect: from 0.5 on
+    /// the interval holds no effect.
+    #[serde(default)]
+    pub unsure: f64,
     /// What the verdict has before the next: evidence against what else might be named, or missing to name something.
     pub margin: f64,
 }

@@ -64,7 +64,7 @@ fn fitted_on<V: ReplayVehicle>(
         .find(|x| cost(x).is_some_and(|cost| cost < before))
         .unwrap_or_else(|| winner.x.clone());
     let simulator = recalibrated(problem, &ranking.prior, &local, &winner.freed, &all);
-    (only(problem, &ranking.prior, &winner.freed, &all), simulator)
+    (ranking.prior.only(problem, &winner.freed, &all), simulator)
 }
 
 /// The simulator for coordinates: no simulator can be given errors of its form. What they explained goes to the tolerances as
@@ -86,13 +86,6 @@ pub fn recalibrated<V: ReplayVehicle>(
     }
     let prior = prior.holding(&held, &start);
     fit(problem, &prior, linear, &[], &start, STEPS).map_or(start, |fit| fit.x)
-}
-
-/// The coordinates of the effect alone, all else as expected.
-#[must_use]
-pub fn only<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, freed: &[usize], x: &[f64]) -> Vec<f64> {
-    let freed = problem.with_companions(freed);
-    (0..x.len()).map(|i| if freed.contains(&i) { x[i] } else { prior.mean[i] }).collect()
 }
 
 /// Shrinkage of the winner; for a winner with nothing freed the effect's part is none.

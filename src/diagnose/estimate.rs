@@ -1,0 +1,49 @@
+//! The value of a fitted effect, and how sure it is.
+
+use super::fit::Fit;
+use super::problem::Problem;
+use super::replay::ReplayVehicle;
+use nalgebra::DMatrix;
+
+/// A wind as a log without a compass shows it.
+#[derive(Clone, Copy)]
+pub struct Wind {
+    /// In units of the coordinate.
+    pub speed: f64,
+    /// Sine and cosine of where it blows to, by the heading at the log's start.
+    pub to: (f64, f64),
+    /// The knob of its other component.
+    pub across: usize,
+}
+
+/// The wind that a knob of a fit stands for, where it is not one component alone.
+#[must_use]
+pub fn wind_of<V: ReplayVehicle>(problem: &Problem<V>, fit: &Fit, knob: usize) -> Option<Wind> {
+    let (across, _) = problem.companion(knob).filter(|_| problem.knobs[knob].id == "wind_x")?;
+    let (sin, cos) = fit.x[across].atan2(fit.x[knob]).sin_cos();
+    Some(Wind { speed: fit.x[across].hypot(fit.x[knob]), to: (sin, cos), across })
+}
+
+/// Coordinate of a freed effect and its standard deviation, from the covariance of all; of a wind without a compass, its strength.
+#[must_use]
+pub fn estimate<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    fit: &Fit,
+    covariance: &DMatrix<f64>,
+    knob: usize,
+) -> (f64, f64) {
+    let (x, variance) = match wind_of(problem, fit, knob) {
+        Some(Wind { speed, to: (sin, cos), across }) => {
+            let both = cos * cos * covariance[(knob, knob)] + sin * sin * covariance[(across, across)];
+            (speed, both + 2.0 * sin * cos * covariance[(knob, across)])
+        }
+        None => (fit.x[knob], covariance[(knob, knob)]),
+    };
+    (x, variance.max(0.0).sqrt())
+}
+
+/// Half of a 95 % interval; `wider`: what the form of the model adds to a fit's own standard deviation.
+#[must_use]
+pub fn half_width(wider: f64, deviation: f64) -> f64 {
+    1.96 * wider * deviation
+}

@@ -1,0 +1,144 @@
+//! A decision in the user's terms: effects with values, intervals and classes, and all candidates with why they are not named.
+
+use super::calibration::Calibration;
+use super::decision::{Decision, dominance};
+use super::estimate::{Wind, estimate, half_width, wind_of};
+use super::observability::{collinearity, information};
+use super::problem::Problem;
+use super::rank::Ranking;
+use super::replay::ReplayVehicle;
+use super::report::{Candidate, NamedEffect, VerdictKind};
+use super::words;
+use std::collections::BTreeMap;
+
+/// So many of the first candidates are compared with the winner.
+const COMPARED: usize = 12;
+
+/// The effects of the winner, with their values.
+pub(super) fn named<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    ranking: &Ranking,
+    decision: &Decision,
+    covariance: &nalgebra::DMatrix<f64>,
+    wider: f64,
+) -> Vec<NamedEffect> {
+    let winner = &decision.fit;
+    let mut effects = Vec::new();
+    for (place, &i) in winner.freed.iter().enumerate() {
+        let it = &problem.knobs[i];
+        let Some(effect) = it.effect else { continue };
+        let wind = wind_of(problem, winner, i);
+        let (x, deviation) = estimate(problem, winner, covariance, i);
+        let half = half_width(wider, deviation);
+        let within = |value: f64| value.clamp(effect.range.0.min(it.value(it.named_least)), effect.range.1);
+        let (a, b) = (it.value(x - half), it.value(x + half));
+        let total = within(it.value(x));
+        // What has changed since the reference; neutral without one.
+        let known = it.value(ranking.prior.mean[i]);
+        let since = |value: f64| match effect.neutral {
+            _ if it.stands_for_the_given() => value,
+            1.0 => value / known,
+            neutral => value - known + neutral,
+        };
+        let class = decision.classes.get(place).cloned().unwrap_or_default();
+        let mut class: Vec<String> = class.iter().map(|&i| problem.knobs[i].id.to_owned()).collect();
+        let mut separated_by = String::new();
+        if it.id == "sensor_delay" && !problem.drive.commanded {
+            // From the angle on, a later motion and a later sensor are the same.
+            class.push("steer_delay".to_owned());
+            separated_by = "log the steering command besides the angle".to_owned();
+        }
+        let of = |i: usize| (problem.knobs[i].id.to_owned(), problem.knobs[i].value(winner.x[i]));
+        let components = problem.companion(i).map_or_else(BTreeMap::new, |(j, _)| [of(i), of(j)].into());
+        let direction = wind.map(|Wind { to: (sin, cos), .. }| sin.atan2(cos));
+        if direction.is_some() {
+            class.push("wind_y".to_owned());
+            separated_by = "log the heading, or the place".to_owned();
+        }
+        effects.push(NamedEffect {
+            id: it.id.to_owned(),
+            value: since(total),
+            low: since(within(a.min(b)).min(total)),
+            high: since(within(a.max(b)).max(total)),
+            unit: effect.unit.symbol.to_owned(),
+            class,
+            separated_by,
+            stage: effect.stage,
+            dominance: dominance(problem, ranking, winner, i),
+            total,
+            direction,
+            components,
+        });
+    }
+    effects
+}
+
+/// All that was fitted, the winner first.
+pub(super) fn candidates<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    ranking: &Ranking,
+    decision: &Decision,
+    calibration: &Calibration,
+) -> Vec<Candidate> {
+    let best = decision.fit.cost;
+    let mut all: Vec<Candidate> = ranking
+        .singles
+        .iter()
+        .chain(&ranking.pairs)
+        .chain(&ranking.threes)
+        .map(|fit| {
+            let evidence = ranking.none.cost - fit.cost;
+            let behind = fit.cost - best;
+            let pinned =
+                fit.freed.iter().any(|&i| information(problem, ranking, i) * 16.0 < calibration.none);
+            let stages = fit.freed.iter().map(|&i| calibration.threshold(problem.knobs[i].effect));
+            let needed = stages.fold(0.0, f64::max);
+            let shown = |i: usize| wind_of(problem, fit, i).map_or(fit.x[i], |wind| wind.speed);
+            Candidate {
+                effects: fit.freed.iter().map(|&i| problem.knobs[i].id.to_owned()).collect(),
+                values: fit.freed.iter().map(|&i| problem.knobs[i].value(shown(i))).collect(),
+                evidence,
+                collinearity: None,
+                why: words::why(
+                    evidence,
+                    needed,
+                    behind,
+                    pinned,
+                    fit.freed == decision.fit.freed,
+                    decision.kind,
+                    calibration,
+                ),
+            }
+        })
+        .collect();
+    // The winner stands first, even before a pair that explains a little more.
+    let name: Vec<String> = decision.fit.freed.iter().map(|&i| problem.knobs[i].id.to_owned()).collect();
+    all.sort_by(|a, b| {
+        (a.effects != name)
+            .cmp(&(b.effects != name))
+            .then(b.evidence.total_cmp(&a.evidence))
+            .then(a.effects.cmp(&b.effects))
+    });
+    if decision.kind == VerdictKind::Effect {
+        for candidate in all.iter_mut().take(COMPARED) {
+            candidate.collinearity = likeness(problem, ranking, &decision.fit.freed, &candidate.effects);
+            candidate.why += &words::likeness(candidate.collinearity);
+        }
+    }
+    all
+}
+
+/// How alike a candidate is to the winner where they differ in one effect.
+fn likeness<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    ranking: &Ranking,
+    winner: &[usize],
+    candidate: &[String],
+) -> Option<f64> {
+    let own: Vec<usize> = candidate.iter().filter_map(|id| problem.find(id)).collect();
+    let (both, others): (Vec<usize>, Vec<usize>) = own.iter().partition(|&i| winner.contains(i));
+    let [other] = others[..] else { return None };
+    let mut lost = winner.iter().filter(|i| !both.contains(i));
+    let (Some(&named), None) = (lost.next(), lost.next()) else { return None };
+    Some(collinearity(problem, ranking, &both, [named, other]))
+}
