@@ -293,8 +293,12 @@ mod tests {
         };
         for truck in [false, true] {
             let calibration = Calibration::of(truck, false);
-            let sure = calibration.of_effect(&clear);
-            assert!(sure > 0.95 && sure < 1.0, "{sure}");
+            let odds = |scores: &Scores| {
+                let probability = calibration.of_effect(scores);
+                probability / (1.0 - probability)
+            };
+            let sure = odds(&clear);
+            assert!(sure > 20.0 && sure.is_finite(), "{sure}");
             for less in [
                 Scores { margin: 5.0, ..clear },
                 Scores { left: calibration.left, excess: calibration.outside, ..clear },
@@ -302,8 +306,7 @@ mod tests {
                 Scores { varying: calibration.varying, ..clear },
                 Scores { unsure: 0.5, ..clear },
             ] {
-                let probability = calibration.of_effect(&less);
-                assert!(probability < sure - 0.02, "{less:?}: {probability} {sure}");
+                assert!(odds(&less) < 0.5 * sure, "{less:?}: {} {sure}", odds(&less));
             }
         }
     }
