@@ -173,8 +173,8 @@ pub(super) fn decide<'a, V: ReplayVehicle>(
         let mut rest = fits.iter();
         let most = rest.by_ref().find_map(|fit| Some((fit, adds(fit)?)))?;
         let near = rest.take_while(|fit| fit.cost < most.0.cost + calibration.class);
-        let able = std::iter::once(most).chain(near.filter_map(|fit| Some((fit, adds(fit)?))));
-        able.into_iter().find(|(fit, _)| may_be(fit))
+        let behind = near.filter_map(|fit| Some((fit, adds(fit)?)));
+        std::iter::once(most).chain(behind).find(|(fit, _)| may_be(fit))
     };
     let tells = |fit: &Fit| worth && tells(problem, calibration, &ranking.none, fit);
     let mut chosen = first(&ranking.singles, &ranking.none, &|fit| tells(fit).then(|| evidence(fit)));

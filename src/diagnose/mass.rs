@@ -59,15 +59,15 @@ pub fn instead<V: ReplayVehicle>(
     if rivals.is_empty() {
         return None;
     }
-    let slopes = |x: &[f64], gap: &[f64]| ranking.linear.anew(problem, x, gap);
-    let at_none = slopes(&none.x, &none.gap);
+    let linear = &ranking.linear;
+    let at_none = linear.anew(problem, &none.x, &none.gap);
     let fitted = |(own, rival, there, prior): (usize, usize, Vec<f64>, Prior)| {
         let others: Vec<usize> = named.freed.iter().copied().filter(|&i| i != own).collect();
-        let local = problem.residual(&there).map(|gap| (&there, slopes(&there, &gap)));
+        let local = problem.residual(&there).map(|gap| (&there, linear.anew(problem, &there, &gap)));
         let starts = local.into_iter().chain([(&none.x, at_none.clone())]);
         let found = starts.filter_map(|(x, local)| fit(problem, &prior, &local, &others, x, STEPS));
         let best = found.min_by(better)?;
-        Some((rival, polished(problem, &prior, &ranking.linear, &best)))
+        Some((rival, polished(problem, &prior, linear, &best)))
     };
     rivals.into_iter().filter_map(fitted).min_by(|a, b| better(&a.1, &b.1))
 }
