@@ -11,7 +11,7 @@ use super::estimate::{estimate, half_width};
 use super::fit::Fit;
 use super::mass;
 use super::problem::Problem;
-use super::rank::Ranking;
+use super::rank::{Ranking, predicted};
 use super::replay::ReplayVehicle;
 use super::report::{Scores, VerdictKind};
 use std::cell::LazyCell;
@@ -148,7 +148,9 @@ pub(super) fn decide<'a, V: ReplayVehicle>(
     let matters = |fit: &Fit, others: &Fit| {
         let plain = others.cost - fit.cost > PLAIN;
         fit.freed.iter().all(|i| {
-            plain && !others.freed.contains(i) || dominance(problem, ranking, fit, *i) > calibration.dominance
+            plain && !others.freed.contains(i)
+                || dominance(problem, ranking, fit, *i) > calibration.dominance
+                || dominance_by_slopes(problem, ranking, fit, *i) > calibration.dominance
         })
     };
     // What takes the simulator farther from the log is not what parts them: its tolerances would have to undo what it does,
@@ -178,10 +180,12 @@ pub(super) fn decide<'a, V: ReplayVehicle>(
     };
     let tells = |fit: &Fit| worth && tells(problem, calibration, &ranking.none, fit);
     let mut chosen = first(&ranking.singles, &ranking.none, &|fit| tells(fit).then(|| evidence(fit)));
+    // What explains most may be too small beside another cause that it leaves to the background: then two are named, or none.
+    let mut known = chosen.map(|(fit, _)| fit).or_else(|| ranking.singles.first().filter(|fit| tells(fit)));
     // A further effect has to add what is asked of it, and not as an error of what others do; candidates without the best of one
     // effect less, what is asked of most.
     for more in [ranking.of(2), ranking.of(3)] {
-        let Some((so_far, _)) = chosen else { break };
+        let Some(so_far) = known else { break };
         let echo = LazyCell::new(|| Echo::of(problem, ranking, causes, so_far));
         let adds = |fit: &Fit| {
             let others = fit.freed.iter().filter(|i| !so_far.freed.contains(i));
@@ -192,7 +196,7 @@ pub(super) fn decide<'a, V: ReplayVehicle>(
             (beyond > least).then_some(beyond.min(added))
         };
         let Some(more) = first(more, so_far, &adds) else { break };
-        chosen = Some(more);
+        (known, chosen) = (Some(more.0), Some(more));
     }
     let (chosen, added) = chosen.unzip();
     // Not in the library: much is left that is neither noise nor form; or the value that it needs is not one; or it is
@@ -287,10 +291,32 @@ pub(super) fn dominance<V: ReplayVehicle>(
     let (Some(gap), Some(background)) = (without(&[effect]), without(&at.freed)) else {
         return f64::INFINITY;
     };
-    let weights = &ranking.linear.weights;
-    let distance = |a: &[f64], b: &[f64]| {
-        a.iter().zip(b).zip(weights.iter()).map(|((a, b), w)| w * (a - b).powi(2)).sum::<f64>().sqrt()
+    ratio(distance(ranking, &gap, &at.gap), distance(ranking, &background, &ranking.neutral))
+}
+
+/// The same by slopes at the fit: without what keeps it a replay may lose its vehicle, and is then no measure of anything.
+fn dominance_by_slopes<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    ranking: &Ranking,
+    at: &Fit,
+    effect: usize,
+) -> f64 {
+    let (local, off) = (ranking.linear_at(problem, at), ranking.prior.off(&at.x));
+    let (own, all) = (problem.with_companions(&[effect]), problem.with_companions(&at.freed));
+    let nothing = vec![0.0; at.gap.len()];
+    let does = |counts: &dyn Fn(usize) -> bool| {
+        let change: Vec<f64> =
+            off.iter().enumerate().map(|(i, off)| if counts(i) { *off } else { 0.0 }).collect();
+        distance(ranking, &predicted(&local, &nothing, &change), &nothing)
     };
-    let (own, background) = (distance(&gap, &at.gap), distance(&background, &ranking.neutral));
+    ratio(does(&|i| own.contains(&i)), does(&|i| !all.contains(&i)))
+}
+
+fn distance(ranking: &Ranking, a: &[f64], b: &[f64]) -> f64 {
+    let weighed = a.iter().zip(b).zip(ranking.linear.weights.iter());
+    weighed.map(|((a, b), w)| w * (a - b).powi(2)).sum::<f64>().sqrt()
+}
+
+fn ratio(own: f64, background: f64) -> f64 {
     own / background.max(0.05 * own).max(1e-9)
 }

@@ -19,10 +19,17 @@ use std::sync::Arc;
 pub(super) const FREED: f64 = 5.0;
 /// Steps of Gauss and Newton.
 const STEPS: usize = 6;
-/// Lengths that are tried of each; the next is so much shorter at least, and at most: a parabola is rough far away.
+/// Tries of each: of its own length and a shorter one, and then held back.
 const TRIES: usize = 4;
+/// The shorter one is so much shorter at least, and at most: a parabola is rough far away.
 const SHORTER: f64 = 0.4;
 const SHORTEST: f64 = 0.1;
+
+/// How much a step is held back at first, and how many times as much at the next try; once it gains, as much less.
+const HELD: f64 = 1.0;
+const MORE: f64 = 10.0;
+/// Promise of a step held back that is worth a try, in gains that end a search.
+const WORTH: f64 = 10.0;
 
 /// A gain that ends a search.
 fn enough(cost: f64) -> f64 {
@@ -117,16 +124,27 @@ impl Linear {
     /// The step from `off`, coordinates less those expected, with gap `gap`.
     #[must_use]
     pub fn step(&self, off: &[f64], gap: &[f64], precision: &Precision) -> Step {
+        self.damped(off, gap, precision, 0.0)
+    }
+
+    /// The step held back by a `damping`, as Levenberg and Marquardt have it: with the normal matrix `A`, `(A + damping diag A) d = b`.
+    #[must_use]
+    pub fn damped(&self, off: &[f64], gap: &[f64], precision: &Precision, damping: f64) -> Step {
         let cost = self.square(gap) + precision.penalty(off);
         let right = self.project(gap, precision) - &precision.matrix * precision.of(off);
         let mut change = vec![0.0; off.len()];
-        let Some(solved) = self.normal(precision).cholesky().map(|c| c.solve(&right)) else {
+        let mut normal = self.normal(precision);
+        let held: DVector<f64> = damping * normal.diagonal();
+        (0..held.len()).for_each(|a| normal[(a, a)] += held[a]);
+        let Some(solved) = normal.cholesky().map(|c| c.solve(&right)) else {
             return Step { change, cost };
         };
         for (&i, &value) in precision.free.iter().zip(solved.iter()) {
             change[i] = value;
         }
-        Step { change, cost: cost - right.dot(&solved) }
+        // What it gains is d' (2 b - A d), and A d = b - damping diag A d.
+        let back = solved.component_mul(&held).dot(&solved);
+        Step { change, cost: cost - right.dot(&solved) - back }
     }
 
     fn project(&self, gap: &[f64], precision: &Precision) -> DVector<f64> {
@@ -401,28 +419,20 @@ impl<'a> From<&'a Vec<f64>> for Start<'a> {
     }
 }
 
-/// The length to try after one, with its mean rise, that costs more than none, and after one `before`; None where no length is worth
-/// it. A parabola says what is best: its slope is what the whole step `promised`, and from the second try on what both tries
-/// say, for slopes taken elsewhere promise what is not there.
+/// The length to try after a whole step that costs `rise` more than none; None where no length is worth it. A parabola says what
+/// is best, whose slope is what the step `promised`:
 ///
 /// ```text
-///     J(l) = J(0) + p l + q l^2,    p = -2 promised,    l* = -p / 2 q,    J(l*) = J(0) + p l* / 2
+///     J(l) = J(0) - 2 promised l + (rise + 2 promised) l^2,    l* = promised / (rise + 2 promised),    J(l*) = J(0) - promised l*
 /// ```
-fn shorter(promised: f64, before: Option<(f64, f64)>, (length, rise): (f64, f64), worth: f64) -> Option<f64> {
-    let (slope, curve) = match before {
-        None => (-2.0 * promised, (rise + 2.0 * promised) / length),
-        Some((longer, of_longer)) => {
-            let curve = (of_longer - rise) / (longer - length);
-            (rise - curve * length, curve)
-        }
-    };
-    let least = -0.5 * slope / curve;
-    let gain = -0.5 * slope * least;
-    (slope < 0.0 && gain >= worth).then(|| least.clamp(SHORTEST * length, SHORTER * length))
+fn shorter(promised: f64, rise: f64, worth: f64) -> Option<f64> {
+    let least = promised / (rise + 2.0 * promised);
+    (promised > 0.0 && promised * least >= worth).then(|| least.clamp(SHORTEST, SHORTER))
 }
 
 /// Fits with some knobs freed, from a point, with slopes `linear` for the background. Slopes of what is freed are taken
-/// anew at each step. A step that costs more than none is made shorter.
+/// anew at each step. A step that costs more than none is made shorter, and then held back more and more: where many
+/// coordinates do nearly the same, it goes far along what no slope tells, and no length of it gains anything.
 #[must_use]
 pub fn fit<'a, V: ReplayVehicle>(
     problem: &Problem<V>,
@@ -451,6 +461,7 @@ pub fn fit<'a, V: ReplayVehicle>(
         .map_or_else(Vec::new, |(_, it)| it.into_owned());
     let mut columns: Vec<Column> = Vec::new();
     let mut columns_at = x.clone();
+    let mut damping = 0.0;
     for _ in 0..steps.clamp(1, STEPS) {
         let column = |&i: &usize| {
             let there = known.iter().find(|(j, _)| *j == i);
@@ -459,28 +470,35 @@ pub fn fit<'a, V: ReplayVehicle>(
         columns = own.iter().map(column).collect();
         columns_at.clone_from(&x);
         known.clear();
-        let step = prior.step(&linear.with(&columns), &x, &gap, &precision);
-        let promised = cost - step.cost;
-        let (mut length, mut before) = (1.0, None);
+        let local = linear.with(&columns);
+        let off = prior.off(&x);
+        let step_by = |damping: f64| local.damped(&off, &gap, &precision, damping);
+        let (mut step, mut length) = (step_by(damping), 1.0);
         let mut better = None;
-        for _ in 0..TRIES {
+        for tries in 1..=TRIES {
             let there: Vec<f64> = x.iter().zip(&step.change).map(|(x, change)| x + length * change).collect();
             let there = within(&there);
-            let Some(new) = problem.residual(&there) else {
-                length *= SHORTER;
+            let mut rise = f64::INFINITY;
+            if let Some(new) = problem.residual(&there) {
+                let new_cost = linear.square(&new) + precision.penalty(&prior.off(&there));
+                if new_cost < cost {
+                    better = Some((there, new, new_cost));
+                    break;
+                }
+                rise = new_cost - cost;
+            }
+            let whole = damping == 0.0 && tries == 1;
+            if let Some(least) = shorter(cost - step.cost, rise, enough(cost)).filter(|_| whole) {
+                length = least;
                 continue;
-            };
-            let new_cost = linear.square(&new) + precision.penalty(&prior.off(&there));
-            if new_cost < cost {
-                better = Some((there, new, new_cost));
+            }
+            damping = (MORE * damping).max(HELD);
+            (step, length) = (step_by(damping), 1.0);
+            if cost - step.cost < WORTH * enough(cost) {
                 break;
             }
-            let tried = (length, (new_cost - cost) / length);
-            match shorter(promised, before.replace(tried), tried, enough(cost)) {
-                Some(least) => length = least,
-                None => break,
-            }
         }
+        damping = if damping > HELD { damping / MORE } else { 0.0 };
         let Some((there, new, new_cost)) = better else { break };
         let gained = cost - new_cost;
         (x, gap, cost) = (there, new, new_cost);
@@ -519,33 +537,45 @@ mod tests {
         }
     }
 
-    /// Mean rise of `p l + q l^2` over a length.
-    fn tried(p: f64, q: f64, length: f64) -> (f64, f64) {
-        (length, p + q * length)
-    }
-
     #[test]
-    fn a_promise_that_is_kept_leads_to_the_least_of_the_parabola() {
+    fn a_step_that_costs_more_is_made_as_short_as_a_parabola_says() {
         // J = -4 l + 10 l^2 has its least, -0.4, at 0.2.
-        let found = shorter(2.0, None, tried(-4.0, 10.0, 1.0), 0.1);
+        let found = shorter(2.0, 6.0, 0.1);
         assert!((found.unwrap() - 0.2).abs() < 1e-12);
-        assert_eq!(shorter(2.0, None, tried(-4.0, 10.0, 1.0), 0.41), None);
+        assert_eq!(shorter(2.0, 6.0, 0.41), None);
     }
 
     #[test]
-    fn two_tries_overrule_a_promise() {
-        // Down by half of what was promised, and uphill all along.
-        let (first, second) = (tried(-2.0, 20.0, 1.0), tried(-2.0, 20.0, 0.2));
-        assert!((shorter(2.0, Some(first), second, 0.01).unwrap() - 0.05).abs() < 1e-12);
-        let (first, second) = (tried(0.5, 20.0, 1.0), tried(0.5, 20.0, 0.2));
-        assert_eq!(shorter(2.0, Some(first), second, 0.01), None);
+    fn no_try_is_much_shorter_than_the_step_nor_as_long() {
+        assert_eq!(shorter(50.0, 9900.0, 0.1), Some(SHORTEST));
+        assert_eq!(shorter(50.0, 1.0, 0.1), Some(SHORTER));
+        assert_eq!(shorter(50.0, f64::INFINITY, 0.1), None);
+        assert_eq!(shorter(f64::NAN, f64::NAN, 0.1), None);
     }
 
     #[test]
-    fn no_try_is_much_shorter_than_the_last_nor_as_long() {
-        assert_eq!(shorter(50.0, None, tried(-100.0, 1e4, 1.0), 0.1), Some(SHORTEST));
-        assert_eq!(shorter(50.0, None, tried(-100.0, 101.0, 1.0), 0.1), Some(SHORTER));
-        assert_eq!(shorter(50.0, None, (1.0, f64::INFINITY), 0.1), None);
-        assert_eq!(shorter(f64::NAN, None, (1.0, f64::NAN), 0.1), None);
+    fn a_step_held_back_promises_what_it_gains_and_turns_to_the_steepest_descent() {
+        // Two rows that do nearly the same: what tells them apart is small.
+        let slopes = vec![Arc::new(vec![1.0, 0.0, 0.1]), Arc::new(vec![1.0, 0.1, 0.0])];
+        let linear = Linear::new(slopes.clone(), vec![1.0; 3]);
+        let precision = Precision { free: vec![0, 1], matrix: DMatrix::identity(2, 2) * 1e-6 };
+        let (off, gap) = ([0.5, -0.5], [3.0, 2.0, -1.0]);
+        let cost = |change: &[f64]| {
+            let off: Vec<f64> = off.iter().zip(change).map(|(off, change)| off + change).collect();
+            let left = |k: usize| gap[k] - slopes[0][k] * change[0] - slopes[1][k] * change[1];
+            (0..3).map(|k| left(k).powi(2)).sum::<f64>() + precision.penalty(&off)
+        };
+        let mut before = f64::INFINITY;
+        for damping in [0.0, 1.0, 10.0, 100.0] {
+            let step = linear.damped(&off, &gap, &precision, damping);
+            assert!((step.cost - cost(&step.change)).abs() < 1e-6, "{damping}: {}", step.cost);
+            let length = step.change[0].hypot(step.change[1]);
+            assert!(length < before, "{damping}: {length} {before}");
+            before = length;
+        }
+        // Far along what hardly tells without it, and with it both the same way, as the gradient goes.
+        let whole = linear.damped(&off, &gap, &precision, 0.0).change;
+        let held = linear.damped(&off, &gap, &precision, 100.0).change;
+        assert!(whole[0] * whole[1] < 0.0 && held[0] * held[1] > 0.0, "{whole:?} {held:?}");
     }
 }

@@ -15,8 +15,8 @@ const AGAIN: usize = 12;
 const REFINED: usize = 6;
 /// How pairs are made of singles, and threes of pairs.
 const BEAM: usize = 8;
-const OF_SINGLES: Beam = Beam { bases: BEAM, always: 4, fitted: 14 };
-const OF_PAIRS: Beam = Beam { bases: 3, always: 1, fitted: 8 };
+const OF_SINGLES: Beam = Beam { bases: BEAM, always: 4, fitted: 12 };
+const OF_PAIRS: Beam = Beam { bases: 3, always: 1, fitted: 6 };
 /// Candidates that are polished, at most so many times in all.
 const POLISHED: usize = 3;
 const ROUNDS: usize = 5;
@@ -470,7 +470,7 @@ pub fn rank<V: ReplayVehicle>(
         linear = Linear::new(slopes, noise.weights(problem));
         none = fit_none(problem, &prior, &linear, &none).ok_or(NoReplay)?;
         for fits in [&mut singles, &mut pairs] {
-            refined(problem, &prior, &linear, fits, BEAM);
+            refined(problem, &prior, &linear, fits, REFINED);
         }
         polish(problem, &prior, &linear, &mut singles);
         bound(problem, &prior, &mut none, &mut singles);
