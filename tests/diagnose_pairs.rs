@@ -25,3 +25,9 @@ fn a_pair_is_found() {
 fn three_are_found() {
     all_are_found(9, &[("lateral_accel_bias", 0.5), ("steer_delay", 0.12), ("steer_offset", 0.02)]);
 }
+
+/// Far from the vehicle as given, where slopes taken there tell little.
+#[test]
+fn a_pair_far_off_is_found() {
+    all_are_found(9, &[("payload", 300.0), ("road_friction", 0.45)]);
+}
