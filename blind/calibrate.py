@@ -10,7 +10,7 @@ What it prints goes into src/diagnose/calibration.toml by hand: a change of thre
 - what second effects add to logs with one, and rests of what is in the library and what is not;
 - the factor that brings the intervals of named values to 95 %;
 - probabilities: logistic in the margin, for a scoring set's mix of kinds; of effects also in what is left, strained and
-  varying, as shares of the thresholds of these, and in how unsure the least sure value is.
+  varying, as shares of the thresholds of these, in how unsure the least sure value is, and in how many there are.
 
 What another effect says for one that the library does not have is best learned from answers without the true one
 (`--without`, made with `rfl diagnose --without EFFECT`): they count as half of the causes outside.
@@ -37,13 +37,13 @@ from .make import folder_of
 
 STRUCTURAL = {*measures.STAGES["tyre"], *measures.STAGES["body"]}
 VERDICTS = (
-    ("effect", "effect", [-1.0, 0.9, 0.0, 0.0, 0.0, 0.0]),
+    ("effect", "effect", [-1.0, 0.9, 0.0, 0.0, 0.0, 0.0, 0.0]),
     ("none", "nothing", [1.0, 0.5]),
     ("not_in_library", "unknown", [0.0, 0.5]),
 )
 THRESHOLDS = tomllib.loads(CALIBRATION.read_text(encoding="utf-8"))
 # What the probability of an effect goes by; those of other verdicts by the first two.
-OF_EFFECT = ("constant", "margin", "left", "strained", "varying", "unsure")
+OF_EFFECT = ("constant", "margin", "left", "strained", "varying", "unsure", "further")
 
 
 def logistic(features: np.ndarray, right: np.ndarray, weights: np.ndarray, at: np.ndarray) -> np.ndarray:
@@ -82,11 +82,13 @@ def line(name: str, values: list[float], share: float) -> str:
     return f"# {name}: {np.quantile(values, share):.1f}; {len(values)}, the largest {np.sort(values)[-5:].round(1)}\n"
 
 
-def features(scores: dict) -> list[float]:
+def features(report: dict) -> list[float]:
     """The values of `OF_EFFECT`, as `Calibration::of_effect` has them."""
-    shares = {name: max(scores[name], 0.0) / THRESHOLDS.get(name, 1.0) for name in OF_EFFECT[2:]}
+    scores = report["scores"]
+    shares = {name: max(scores[name], 0.0) / THRESHOLDS.get(name, 1.0) for name in OF_EFFECT[2:-1]}
     shares["left"] = min(shares["left"], 1.0) * min(scores["excess"] / THRESHOLDS["outside"], 1.0)
-    return [1.0, np.log1p(np.clip(scores["margin"], 0.0, THRESHOLDS["effect"]["clear"])), *shares.values()]
+    margin = np.log1p(np.clip(scores["margin"], 0.0, THRESHOLDS["effect"]["clear"]))
+    return [1.0, margin, *shares.values(), max(len(report["verdict"]["effects"]) - 1, 0)]
 
 
 def calibration(cases: list[tuple[dict, dict]], removed: list[tuple[dict, dict]], share: float = 0.95) -> str:
@@ -123,13 +125,11 @@ def calibration(cases: list[tuple[dict, dict]], removed: list[tuple[dict, dict]]
         weight["outside"] = weight.get("outside", 0.0) / 2.0
         weight["removed"] = weight["outside"] * count["outside"] / len(removed)
     for kind, name, at in VERDICTS:
-        own = [
-            (label["kind"], measures.in_class(label, r), r["scores"]) for label, r in cases if measures.kind(r) == kind
-        ]
+        own = [(label["kind"], measures.in_class(label, r), r) for label, r in cases if measures.kind(r) == kind]
         if kind == "effect":
-            own += [("removed", False, r["scores"]) for _, r in removed if measures.kind(r) == kind]
+            own += [("removed", False, r) for _, r in removed if measures.kind(r) == kind]
         if own:
-            columns = [features(scores)[: len(at)] for _, _, scores in own]
+            columns = [features(report)[: len(at)] for _, _, report in own]
             right = np.array([is_right for _, is_right, _ in own], float)
             weights = np.array([weight[of] for of, _, _ in own])
             fitted = logistic(np.array(columns), right, weights, np.array(at))

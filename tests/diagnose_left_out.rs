@@ -2,8 +2,8 @@
 
 mod diagnose;
 
-use diagnose::{found, log, singles};
-use rfl_mpc::diagnose::{Options, Report, VerdictKind};
+use diagnose::{car, found, log, singles};
+use rfl_mpc::diagnose::{Options, Report, VerdictKind, diagnose as diagnosed};
 
 fn without(effect: &str, put_in: &[(&str, f64)]) -> Report {
     found(&log(3, put_in), &Options { without: vec![effect.to_owned()], ..singles() }).report
@@ -63,4 +63,16 @@ fn a_gain_that_is_left_out_is_no_sure_payload() {
     // And a payload is still one: its loads and inertia speak for it.
     let verdict = without("drive_gain", &[("payload", 400.0)]).verdict;
     assert_eq!(verdict.effects[0].id, "payload", "{}", verdict.words);
+}
+
+#[test]
+fn an_inertia_that_is_left_out_is_no_sure_load_at_the_end_of_the_vehicle() {
+    let options = Options { without: vec!["yaw_inertia".to_owned()], ..Options::default() };
+    let (sound, heavy) = (log(5, &[]), log(5, &[("yaw_inertia", 1.8)]));
+    let verdict = diagnosed(&heavy, Some(&sound), &car(), &options, &|_, _| {}).unwrap().report.verdict;
+    assert!(verdict.kind != VerdictKind::Effect || verdict.probability < 0.8, "{}", verdict.words);
+    let nearest = verdict.effects.iter().chain(&verdict.nearest);
+    for place in nearest.filter_map(|effect| effect.components.get("payload_x")) {
+        assert!(place.abs() <= car().wheelbase(), "{place}: {}", verdict.words);
+    }
 }

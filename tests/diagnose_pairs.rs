@@ -3,11 +3,15 @@
 mod diagnose;
 
 use diagnose::{found, log};
-use rfl_mpc::diagnose::{Options, VerdictKind};
+use rfl_mpc::diagnose::simulated::{Conditions, drive};
+use rfl_mpc::diagnose::{Options, Verdict, VerdictKind, diagnose as diagnosed};
+use rfl_mpc::vehicle::{TruckEffects, builtin_truck};
 
 fn all_are_found(seed: u64, put_in: &[(&str, f64)]) {
-    let log = log(seed, put_in);
-    let verdict = found(&log, &Options::default()).report.verdict;
+    are_named(put_in, &found(&log(seed, put_in), &Options::default()).report.verdict);
+}
+
+fn are_named(put_in: &[(&str, f64)], verdict: &Verdict) {
     assert_eq!(verdict.kind, VerdictKind::Effect, "{verdict:?}");
     let mut names: Vec<&str> = verdict.effects.iter().map(|effect| effect.id.as_str()).collect();
     names.sort_unstable();
@@ -30,4 +34,26 @@ fn three_are_found() {
 #[test]
 fn a_pair_far_off_is_found() {
     all_are_found(9, &[("payload", 300.0), ("road_friction", 0.45)]);
+}
+
+/// The trailer's mass takes the place of its load, as far off as no tolerance is.
+#[test]
+fn a_load_that_a_mass_hides_is_found() {
+    let truck = builtin_truck("truck_simulation").unwrap();
+    let put_in = [("steer_backlash", 0.028), ("trailer_payload", 10_000.0)];
+    let mut effects = TruckEffects::default();
+    for (id, value) in put_in {
+        *effects.get_mut(id).unwrap() = value;
+    }
+    let conditions = Conditions {
+        seed: 9,
+        duration: 40.0,
+        step: 0.02,
+        speed: (8.0, 20.0),
+        lateral: 2.0,
+        ..Conditions::default()
+    };
+    let log = drive(&truck, &effects, &conditions).unwrap();
+    let verdict = diagnosed(&log, None, &truck, &Options::default(), &|_, _| {}).unwrap().report.verdict;
+    are_named(&put_in, &verdict);
 }

@@ -63,8 +63,8 @@ pub struct Calibration {
 }
 
 /// Log odds that a named effect is right: a constant, by the logarithm of the margin up to `clear`, and by how near the answer
-/// is to one that is not in the library: what is left, strained and varying, as shares of the thresholds of these; and by how unsure
-/// the least sure value is.
+/// is to one that is not in the library: what is left, strained and varying, as shares of the thresholds of these; by how unsure
+/// the least sure value is; and for each effect that is named beyond one.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct OfEffect {
@@ -76,6 +76,7 @@ struct OfEffect {
     strained: f64,
     varying: f64,
     unsure: f64,
+    further: f64,
 }
 
 /// One number for each kind of vehicle.
@@ -245,16 +246,17 @@ impl Calibration {
     /// Probability that a named effect is right, by the evidence against the next candidate outside its class. An answer that
     /// leaves much, strains tolerances or needs a value that varies is less sure, long before the cause is said not to be in the
     /// library: what another effect takes for a missing one does so at the background's expense. Less sure is also
-    /// an effect whose value is.
+    /// an effect whose value is, and that all of several are right: two can do what a missing one does.
     #[must_use]
-    pub fn of_effect(&self, scores: &Scores) -> f64 {
-        let OfEffect { constant, margin, clear, left, strained, varying, unsure } = self.effect;
+    pub fn of_effect(&self, scores: &Scores, named: usize) -> f64 {
+        let OfEffect { constant, margin, clear, left, strained, varying, unsure, further } = self.effect;
         // What is left is nothing as long as it is no more than noise and the model's form.
         let rest = (scores.left / self.left).clamp(0.0, 1.0) * (scores.excess / self.outside).clamp(0.0, 1.0);
         let off = left * rest
             + strained * scores.strained / self.strained
             + varying * scores.varying.max(0.0) / self.varying
-            + unsure * scores.unsure;
+            + unsure * scores.unsure
+            + further * named.saturating_sub(1) as f64;
         logistic([constant + off, margin], scores.margin.min(clear))
     }
 
@@ -280,7 +282,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_effect_is_less_sure_with_less_margin_more_left_strained_or_varying_and_an_unsure_value() {
+    fn an_effect_is_less_sure_with_less_margin_more_left_strained_or_varying_an_unsure_value_and_others() {
         let clear = Scores {
             single: 100.0,
             pair: 0.0,
@@ -293,11 +295,11 @@ mod tests {
         };
         for truck in [false, true] {
             let calibration = Calibration::of(truck, false);
-            let odds = |scores: &Scores| {
-                let probability = calibration.of_effect(scores);
+            let odds = |scores: &Scores, named: usize| {
+                let probability = calibration.of_effect(scores, named);
                 probability / (1.0 - probability)
             };
-            let sure = odds(&clear);
+            let sure = odds(&clear, 1);
             assert!(sure > 20.0 && sure.is_finite(), "{sure}");
             for less in [
                 Scores { margin: 5.0, ..clear },
@@ -306,8 +308,9 @@ mod tests {
                 Scores { varying: calibration.varying, ..clear },
                 Scores { unsure: 0.5, ..clear },
             ] {
-                assert!(odds(&less) < 0.5 * sure, "{less:?}: {} {sure}", odds(&less));
+                assert!(odds(&less, 1) < 0.5 * sure, "{less:?}: {} {sure}", odds(&less, 1));
             }
+            assert!(odds(&clear, 2) < 0.8 * sure && odds(&clear, 3) < 0.8 * odds(&clear, 2));
         }
     }
 }

@@ -8,12 +8,13 @@ use super::calibration::Calibration;
 use super::constancy::{self, Variation};
 use super::echo::Echo;
 use super::estimate::{estimate, half_width};
-use super::fit::Fit;
+use super::fit::{Fit, Linear};
 use super::mass;
 use super::problem::Problem;
-use super::rank::{Ranking, predicted};
+use super::rank::Ranking;
 use super::replay::ReplayVehicle;
 use super::report::{Scores, VerdictKind};
+use nalgebra::DVector;
 use std::cell::LazyCell;
 
 /// Evidence from which on something is the matter, however small its gap, and an effect is not too small to be named.
@@ -70,25 +71,32 @@ pub(super) fn tells<V: ReplayVehicle>(
     none.cost - single.cost > calibration.threshold(problem.knobs[single.freed[0]].effect)
 }
 
-/// The effect that is not named and yet most off, and by how many tolerances.
+/// The effect that is not named and yet most off, and by how many tolerances; the place of a load that is named counts as well.
 fn strained<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, fit: &Fit) -> Option<(usize, f64)> {
     let off = ranking.prior.off(&fit.x);
-    let freed = problem.with_companions(&fit.freed);
-    let is_background = |&i: &usize| {
-        let knob = &problem.knobs[i];
-        knob.effect.is_some() && knob.tolerance > 0.0 && !freed.contains(&i)
+    let companions: Vec<(usize, f64)> = fit.freed.iter().filter_map(|&i| problem.companion(i)).collect();
+    let tolerance = |i: usize| {
+        let freed = companions.iter().find(|(companion, _)| *companion == i);
+        freed.map_or(problem.knobs[i].tolerance, |(_, deviation)| *deviation)
     };
+    let is_background =
+        |&i: &usize| problem.knobs[i].effect.is_some() && tolerance(i) > 0.0 && !fit.freed.contains(&i);
     let all = (0..problem.knobs.len()).filter(is_background);
     // Less sure than by tolerance is what a reference log has not shown well.
-    let expected = |i: usize| problem.knobs[i].tolerance.max(ranking.prior.covariance[(i, i)].sqrt());
+    let expected = |i: usize| tolerance(i).max(ranking.prior.covariance[(i, i)].sqrt());
     all.map(|i| (i, off[i].abs() / expected(i))).max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
 /// How unsure the least sure value of a fit is: half of its interval over that and how far it is off. From a half on the interval
 /// holds no effect at all.
-fn unsure<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, fit: &Fit, wider: f64) -> f64 {
-    let precision = ranking.prior.freed(problem, &fit.freed);
-    let covariance = ranking.linear_at(problem, fit).covariance(&precision);
+fn unsure<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    ranking: &Ranking,
+    slopes: &Linear,
+    fit: &Fit,
+    wider: f64,
+) -> f64 {
+    let covariance = slopes.covariance(&ranking.prior.freed(problem, &fit.freed));
     let of_each = fit.freed.iter().map(|&i| {
         let (x, deviation) = estimate(problem, fit, &covariance, i);
         let (half, off) = (half_width(wider, deviation), (x - ranking.prior.mean[i]).abs());
@@ -109,21 +117,20 @@ struct Varying {
 fn varying<V: ReplayVehicle>(
     problem: &Problem<V>,
     ranking: &Ranking,
-    chosen: Option<&Fit>,
+    chosen: Option<(&Fit, &Linear)>,
     causes: &[constancy::Columns],
 ) -> Option<Varying> {
     if causes.is_empty() {
         return None;
     }
-    let explained = ranking.none.cost - chosen.map_or(ranking.none.cost, |fit| fit.cost);
+    let explained = ranking.none.cost - chosen.map_or(ranking.none.cost, |(fit, _)| fit.cost);
     let single = constancy::best_single(problem, ranking, causes).map(|(place, variation)| {
         let fit = ranking.singles[place].clone();
         let more = variation.gain + ranking.none.cost - fit.cost - explained;
         Varying { fit, variation, evidence: variation.gain.min(more) }
     });
-    let own = chosen.and_then(|fit| {
-        let local = ranking.linear_at(problem, fit);
-        let all = constancy::variations(problem, ranking, causes, &local, fit);
+    let own = chosen.and_then(|(fit, slopes)| {
+        let all = constancy::variations(problem, ranking, causes, slopes, fit);
         let best = all.into_iter().max_by(|a, b| a.gain.total_cmp(&b.gain))?;
         Some(Varying { fit: fit.clone(), variation: best, evidence: best.gain })
     });
@@ -147,10 +154,11 @@ pub(super) fn decide<'a, V: ReplayVehicle>(
     // background is anything.
     let matters = |fit: &Fit, others: &Fit| {
         let plain = others.cost - fit.cost > PLAIN;
+        let local = LazyCell::new(|| ranking.linear_at(problem, fit));
         fit.freed.iter().all(|i| {
             plain && !others.freed.contains(i)
                 || dominance(problem, ranking, fit, *i) > calibration.dominance
-                || dominance_by_slopes(problem, ranking, fit, *i) > calibration.dominance
+                || dominance_by_slopes(problem, ranking, &local, fit, *i) > calibration.dominance
         })
     };
     // What takes the simulator farther from the log is not what parts them: its tolerances would have to undo what it does,
@@ -199,9 +207,10 @@ pub(super) fn decide<'a, V: ReplayVehicle>(
         (known, chosen) = (Some(more.0), Some(more));
     }
     let (chosen, added) = chosen.unzip();
+    let slopes = chosen.map(|fit| ranking.linear_at(problem, fit));
     // Not in the library: much is left that is neither noise nor form; or the value that it needs is not one; or it is
     // something that may not be named, or is one thing too many.
-    let varying = varying(problem, ranking, chosen, causes);
+    let varying = varying(problem, ranking, chosen.zip(slopes.as_ref()), causes);
     scores.varying = varying.as_ref().map_or(0.0, |it| it.evidence);
     let rest = scores.excess / calibration.outside - 1.0;
     let rest = if scores.left > calibration.left { rest } else { -1.0 };
@@ -232,7 +241,7 @@ pub(super) fn decide<'a, V: ReplayVehicle>(
             ..unnamed(VerdictKind::NotInLibrary, calibration.of_unknown(margin), margin)
         };
     }
-    let Some(chosen) = chosen else {
+    let Some((chosen, slopes)) = chosen.zip(slopes) else {
         let most = ranking.singles.iter().map(|fit| evidence(fit) / needed(fit.freed[0])).fold(0.0, f64::max);
         let margin = calibration.none * (1.0 - most).max(0.0);
         return unnamed(VerdictKind::None, calibration.of_nothing(margin), margin);
@@ -266,10 +275,11 @@ pub(super) fn decide<'a, V: ReplayVehicle>(
         .find(|rival| rival.cost > chosen.cost && !inside(rival))
         .map_or(f64::INFINITY, |rival| rival.cost - chosen.cost);
     let margin = outside.min(added.unwrap_or(0.0)).min((-ahead).max(0.0));
-    let scores = Scores { margin, unsure: unsure(problem, ranking, chosen, calibration.interval), ..scores };
+    let scores =
+        Scores { margin, unsure: unsure(problem, ranking, &slopes, chosen, calibration.interval), ..scores };
     Decision {
         kind: VerdictKind::Effect,
-        probability: calibration.of_effect(&scores),
+        probability: calibration.of_effect(&scores, chosen.freed.len()),
         fit: chosen.clone(),
         nearest: None,
         varying: None,
@@ -294,27 +304,26 @@ pub(super) fn dominance<V: ReplayVehicle>(
     ratio(distance(ranking, &gap, &at.gap), distance(ranking, &background, &ranking.neutral))
 }
 
-/// The same by slopes at the fit: without what keeps it a replay may lose its vehicle, and is then no measure of anything.
+/// The same by `slopes` at the fit: without what keeps it a replay may lose its vehicle, and is then no measure of anything.
 fn dominance_by_slopes<V: ReplayVehicle>(
     problem: &Problem<V>,
     ranking: &Ranking,
+    slopes: &Linear,
     at: &Fit,
     effect: usize,
 ) -> f64 {
-    let (local, off) = (ranking.linear_at(problem, at), ranking.prior.off(&at.x));
+    let off = ranking.prior.off(&at.x);
     let (own, all) = (problem.with_companions(&[effect]), problem.with_companions(&at.freed));
-    let nothing = vec![0.0; at.gap.len()];
     let does = |counts: &dyn Fn(usize) -> bool| {
-        let change: Vec<f64> =
-            off.iter().enumerate().map(|(i, off)| if counts(i) { *off } else { 0.0 }).collect();
-        distance(ranking, &predicted(&local, &nothing, &change), &nothing)
+        let change = off.iter().enumerate().map(|(i, off)| if counts(i) { *off } else { 0.0 });
+        slopes.square_of(&DVector::from_iterator(off.len(), change)).sqrt()
     };
     ratio(does(&|i| own.contains(&i)), does(&|i| !all.contains(&i)))
 }
 
 fn distance(ranking: &Ranking, a: &[f64], b: &[f64]) -> f64 {
-    let weighed = a.iter().zip(b).zip(ranking.linear.weights.iter());
-    weighed.map(|((a, b), w)| w * (a - b).powi(2)).sum::<f64>().sqrt()
+    let apart: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
+    ranking.linear.square(&apart).sqrt()
 }
 
 fn ratio(own: f64, background: f64) -> f64 {

@@ -121,6 +121,12 @@ impl Linear {
         dot(gap, &self.weighted(gap))
     }
 
+    /// That of what a change of the coordinates does to the gap.
+    #[must_use]
+    pub fn square_of(&self, change: &DVector<f64>) -> f64 {
+        change.dot(&(&self.gram * change))
+    }
+
     /// The step from `off`, coordinates less those expected, with gap `gap`.
     #[must_use]
     pub fn step(&self, off: &[f64], gap: &[f64], precision: &Precision) -> Step {
@@ -491,6 +497,9 @@ pub fn fit<'a, V: ReplayVehicle>(
             if let Some(least) = shorter(cost - step.cost, rise, enough(cost)).filter(|_| whole) {
                 length = least;
                 continue;
+            }
+            if tries == TRIES {
+                break;
             }
             damping = (MORE * damping).max(HELD);
             (step, length) = (step_by(damping), 1.0);

@@ -122,6 +122,10 @@ const PARAMETERS: &[(&str, &str, f64, bool)] = &[
     ("axle.front.spring_rate", "axle.front.spring_rate", 0.10, true),
 ];
 
+/// Masses of a car, of a tractor, of its trailer, and what is loaded on them.
+pub(super) const LOADED: [(&str, &str); 3] =
+    [("vehicle.mass", "payload"), ("tractor.mass", "payload"), ("trailer.mass", "trailer_payload")];
+
 /// Sensors: name, channel, tolerance, whether it is a scale.
 const SENSORS: &[(&str, Channel, f64, bool)] = &[
     ("sensor.yaw_rate_scale", Channel::YawRate, 0.004, true),
@@ -201,6 +205,11 @@ pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -
         let starts = if either_way { &[1.0, 4.0, -4.0] } else { starts };
         // Without a compass the wind is one cause: how strong, and from where by the heading at the log's start.
         let any_wind = !drive.compass && id == "wind_x";
+        // A load lies on the vehicle: no farther from the unladen CG than what is steered is long.
+        let (least, named_least, greatest) = match id {
+            "payload_x" => (-vehicle.reach() / unit, -vehicle.reach() / unit, vehicle.reach() / unit),
+            _ => (least, named_least, greatest),
+        };
         let left_out = |id: &str| without.iter().any(|left_out| left_out == id);
         let companion = match id {
             "payload" => Some(("payload_x", PAYLOAD_PLACE)),

@@ -4,14 +4,12 @@
 //! where that may not be named: what a payload does besides has to speak for it.
 
 use super::fit::{FREED, Fit, Prior, fit};
+use super::knob::LOADED;
 use super::problem::Problem;
 use super::rank::{Ranking, polished};
 use super::replay::ReplayVehicle;
 
 const GAIN: &str = "drive_gain";
-/// Masses of a car, of a tractor, of its trailer.
-const MASSES: [&str; 3] = ["vehicle.mass", "tractor.mass", "trailer.mass"];
-const PAYLOADS: [&str; 2] = ["payload", "trailer_payload"];
 /// Steps of a fit.
 const STEPS: usize = 5;
 
@@ -24,7 +22,7 @@ pub fn instead<V: ReplayVehicle>(
     named: &Fit,
 ) -> Option<(usize, Fit)> {
     let gain = problem.find(GAIN)?;
-    let masses: Vec<usize> = MASSES.iter().filter_map(|id| problem.find(id)).collect();
+    let masses: Vec<usize> = LOADED.iter().filter_map(|(id, _)| problem.find(id)).collect();
     let given = |i: usize| problem.knobs[i].adjusted(0.0, problem.vehicle).0;
     let all: f64 = masses.iter().map(|&i| given(i)).sum();
     // What of the gain's coordinate some kilograms more are.
@@ -48,8 +46,8 @@ pub fn instead<V: ReplayVehicle>(
         rivals.push((gain, mass, there, prior));
     }
     if !problem.knobs[gain].is_candidate() {
-        let payloads = PAYLOADS.iter().filter_map(|id| problem.find(id));
-        for payload in payloads.filter(|payload| named.freed.contains(payload)) {
+        let is_load = |i: &&usize| LOADED.iter().any(|(_, id)| problem.knobs[**i].id == *id);
+        for &payload in named.freed.iter().filter(is_load) {
             let mut there = ranking.prior.without(problem, &[payload], &named.x);
             let at = mean[gain] + of_gain(off[payload] * problem.knobs[payload].unit);
             there[gain] = problem.knobs[gain].within(at, false);

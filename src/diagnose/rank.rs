@@ -4,6 +4,7 @@
 //! Linear steps only say where to look. Every cost that is kept is that of a replay at the fit's own coordinates.
 
 use super::fit::{Fit, Linear, Prior, Start, fit};
+use super::knob::LOADED;
 use super::noise::Noise;
 use super::problem::Problem;
 use super::replay::ReplayVehicle;
@@ -20,6 +21,8 @@ const OF_PAIRS: Beam = Beam { bases: 3, always: 1, fitted: 6 };
 /// Candidates that are polished, at most so many times in all.
 const POLISHED: usize = 3;
 const ROUNDS: usize = 5;
+/// Evidence that is too little for a polish to tell: a third of the least that is asked of an effect.
+const LITTLE: f64 = 4.0;
 /// Tolerances by which an effect is off that freeing is sure to tell of: as many squared of evidence.
 const STRAINED: f64 = 3.0;
 /// Evidence within which candidates are fitted to the end.
@@ -117,21 +120,23 @@ fn settled<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linea
     best
 }
 
-/// Steps of a fit: to the end for the first [`AGAIN`] by what they are or promise, in short for others.
-fn steps(place: usize) -> usize {
-    if place < AGAIN { 4 } else { 2 }
-}
+/// Steps of a fit to the end.
+const STEPS: usize = 4;
+/// Of one of those behind that promises to come near.
+const FEW_STEPS: usize = 2;
 
 /// Whether a cost is so near the best that a candidate is fitted to the end.
 fn is_near(cost: f64, best: f64) -> bool {
     cost < best + 0.25 * best.abs() + NEAR
 }
 
-/// Singles fitted again with other weights, from their own best: the first [`AGAIN`], and others that promise to come near.
+/// Singles fitted again with other weights, from their own best: the first [`AGAIN`], and others that promise to tell anything and
+/// to come near.
 fn fitted_again<V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
     linear: &Linear,
+    none: &Fit,
     singles: &mut Vec<Fit>,
 ) {
     singles.iter_mut().for_each(|single| reweighed(problem, prior, linear, single));
@@ -143,15 +148,17 @@ fn fitted_again<V: ReplayVehicle>(
             let local = linear.with(&single.of_freed());
             prior.step(&local, &single.x, &single.gap, &prior.freed(problem, &single.freed)).cost
         };
-        if k >= AGAIN && !is_near(promise(), best) {
+        let is_worth = |cost: f64| is_near(cost, best) && cost < none.cost - LITTLE;
+        if k >= AGAIN && !is_worth(promise()) {
             return None;
         }
-        fit(problem, prior, linear, &single.freed, single, steps(k))
+        fit(problem, prior, linear, &single.freed, single, if k < AGAIN { STEPS } else { FEW_STEPS })
     });
     take(singles, found.into_iter().flatten());
 }
 
-/// Candidates to which a linear step from the background's best promises more than they have found are fitted from there.
+/// Candidates to which a linear step from the background's best promises more than they have found are fitted from there, the first
+/// [`AGAIN`] of them that promise to tell anything.
 fn again_from_none<V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
@@ -166,14 +173,14 @@ fn again_from_none<V: ReplayVehicle>(
         let mut columns = single.of_freed();
         columns.retain(|(i, _)| problem.knobs[*i].tolerance == 0.0);
         let step = prior.step(&linear.with(&columns), &none.x, &none.gap, &precision);
-        if step.cost < single.cost - 0.5 {
+        if step.cost < (single.cost - 0.5).min(none.cost - LITTLE) {
             promised.push((step.cost, k, none.x.iter().zip(&step.change).map(|(x, d)| x + d).collect()));
         }
     }
     promised.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    let found = parallel::map(problem.threads(), promised.len(), |place| {
+    let found = parallel::map(problem.threads(), promised.len().min(AGAIN), |place| {
         let (_, k, x) = &promised[place];
-        fit(problem, prior, linear, &singles[*k].freed, x, steps(place))
+        fit(problem, prior, linear, &singles[*k].freed, x, STEPS)
     });
     take(singles, found.into_iter().flatten());
 }
@@ -191,6 +198,19 @@ fn polish<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linear
         done.push(fits[i].freed.clone());
         fits[i] = polished(problem, prior, linear, &fits[i]);
         sort(fits);
+    }
+}
+
+/// The same of single effects, where one tells anything: no polish makes an effect of what does not.
+fn polish_singles<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    prior: &Prior,
+    linear: &Linear,
+    none: &Fit,
+    singles: &mut [Fit],
+) {
+    if singles.first().is_some_and(|best| best.cost < none.cost - LITTLE) {
+        polish(problem, prior, linear, singles);
     }
 }
 
@@ -270,6 +290,26 @@ fn bound_more<V: ReplayVehicle>(
     more.first().is_some_and(|best| best.cost < before - 1.0)
 }
 
+/// A mass that one of the first few strains in place of a load: no tolerance is that wide, and a load does much the same. The load
+/// is fitted from as many kilograms.
+fn loaded<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linear, fewer: &[Fit]) -> Vec<Fit> {
+    let each = fewer.iter().take(POLISHED).flat_map(|fit| LOADED.iter().map(move |it| (fit, it)));
+    let swapped = each.filter_map(|(of, (mass, load))| {
+        let (mass, load) = (problem.find(mass)?, problem.find(load)?);
+        let (knob, of_load) = (&problem.knobs[mass], &problem.knobs[load]);
+        let heavier = of.x[mass] - prior.mean[mass] > STRAINED * knob.tolerance;
+        if !heavier || !of_load.is_candidate() || of.freed.contains(&load) {
+            return None;
+        }
+        let kilograms = |x: f64| knob.adjusted(x, problem.vehicle).1;
+        let mut x = of.x.clone();
+        x[mass] = prior.mean[mass];
+        x[load] += (kilograms(of.x[mass]) - kilograms(x[mass])) / of_load.unit;
+        Some(([&of.freed[..], &[load]].concat(), x))
+    });
+    swapped.filter_map(|(freed, x)| fit(problem, prior, linear, &freed, &x, STEPS)).collect()
+}
+
 /// Fits candidates of one effect less from where the best `count` of those with one more were found: what one effect's
 /// search found of the background and of the others may lie in another valley than where theirs began.
 fn fewer_from_more<V: ReplayVehicle>(
@@ -327,6 +367,7 @@ fn more_from_fewer<V: ReplayVehicle>(
     if more.is_empty() {
         return;
     }
+    take(more, loaded(problem, prior, linear, fewer));
     if bound_more(problem, prior, more, fewer) {
         polish(problem, prior, linear, more);
     }
@@ -442,11 +483,11 @@ pub fn rank<V: ReplayVehicle>(
     let linear = Linear::new(problem.slopes(&base, &at_base), noise.weights(problem));
     progress("single effects", 0.6);
     let mut none = fit_none(problem, &prior, &linear, &none).ok_or(NoReplay)?;
-    fitted_again(problem, &prior, &linear, &mut singles);
+    fitted_again(problem, &prior, &linear, &none, &mut singles);
     let local = linear.anew(problem, &none.x, &none.gap);
     none = fit(problem, &prior, &local, &[], &none, 5).filter(|new| new.cost < none.cost).unwrap_or(none);
     again_from_none(problem, &prior, &local, &none, &mut singles);
-    polish(problem, &prior, &linear, &mut singles);
+    polish_singles(problem, &prior, &linear, &none, &mut singles);
     bound(problem, &prior, &mut none, &mut singles);
     let with_pairs = pairs(&none, &singles);
     let mut pairs = Vec::new();
@@ -472,7 +513,7 @@ pub fn rank<V: ReplayVehicle>(
         for fits in [&mut singles, &mut pairs] {
             refined(problem, &prior, &linear, fits, REFINED);
         }
-        polish(problem, &prior, &linear, &mut singles);
+        polish_singles(problem, &prior, &linear, &none, &mut singles);
         bound(problem, &prior, &mut none, &mut singles);
         threes = extended(problem, &prior, &linear, &pairs, &singles, &OF_PAIRS);
         polish(problem, &prior, &linear, &mut threes);
@@ -482,7 +523,7 @@ pub fn rank<V: ReplayVehicle>(
     polish(problem, &prior, &linear, &mut pairs);
     bound_fewer(problem, &prior, &mut singles, &pairs);
     fewer_from_more(problem, &prior, &linear, &mut singles, &pairs, 3);
-    polish(problem, &prior, &linear, &mut singles);
+    polish_singles(problem, &prior, &linear, &none, &mut singles);
     let mut found = vec![none];
     fewer_from_more(problem, &prior, &linear, &mut found, &singles, 2);
     let before = found.swap_remove(0);
@@ -490,7 +531,7 @@ pub fn rank<V: ReplayVehicle>(
     if before.cost - none.cost > 1.0 {
         let local = linear.anew(problem, &none.x, &none.gap);
         again_from_none(problem, &prior, &local, &none, &mut singles);
-        polish(problem, &prior, &linear, &mut singles);
+        polish_singles(problem, &prior, &linear, &none, &mut singles);
     }
     bound(problem, &prior, &mut none, &mut singles);
     // And the other way round: whatever is freed besides, a candidate explains no less than without.
@@ -627,4 +668,45 @@ fn extended<V: ReplayVehicle>(
     .collect();
     sort(&mut fits);
     fits
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnose::replay::{Drive, neutral};
+    use crate::diagnose::simulated::{Conditions, drive};
+    use crate::vehicle::{TruckEffects, builtin};
+
+    #[test]
+    fn a_load_is_fitted_in_place_of_a_mass_that_is_strained() {
+        let car = builtin("c_class").unwrap();
+        let mut effects = TruckEffects::default();
+        (effects.vehicle.payload, effects.vehicle.steer_offset) = (300.0, 0.02);
+        let conditions = Conditions { seed: 3, duration: 40.0, step: 0.02, ..Conditions::default() };
+        let log = drive(&car, &effects, &conditions).unwrap();
+        let drive = Drive::new(&log, false);
+        let correction = neutral(&drive, &car).unwrap();
+        let problem = Problem::new(&drive, &car, &correction, &[], 0);
+        let prior = Prior::of(&problem);
+        let [mass, load, offset] =
+            ["vehicle.mass", "payload", "steer_offset"].map(|id| problem.find(id).unwrap());
+        let start = prior.mean.clone();
+        let gap = problem.residual(&start).unwrap();
+        let noise = Noise::of(&problem, &problem.trace(&start).unwrap(), &prior.form);
+        let linear = Linear::new(problem.slopes(&start, &gap), noise.weights(&problem));
+        let with_mass_at = |x: f64| {
+            let mut at = start.clone();
+            at[mass] = x;
+            fit(&problem, &prior.holding(&[mass], &at), &linear, &[offset], &at, STEPS).unwrap()
+        };
+        let strained = with_mass_at(6.0);
+        let found = loaded(&problem, &prior, &linear, std::slice::from_ref(&strained));
+        let [of_load] = found.as_slice() else { panic!("{}", found.len()) };
+        assert_eq!(of_load.freed, [offset, load]);
+        let kilograms = of_load.x[load] * problem.knobs[load].unit;
+        assert!((kilograms - 300.0).abs() < 60.0, "{kilograms}");
+        assert!(of_load.x[mass].abs() < STRAINED, "{}", of_load.x[mass]);
+        // Within its tolerance a mass is no load.
+        assert!(loaded(&problem, &prior, &linear, &[with_mass_at(2.0)]).is_empty());
+    }
 }
