@@ -2,10 +2,10 @@
 
 mod diagnose;
 
-use diagnose::{found, log};
+use diagnose::{found, log, only};
 use rfl_mpc::diagnose::simulated::{Conditions, drive};
 use rfl_mpc::diagnose::{Options, Verdict, VerdictKind, diagnose as diagnosed};
-use rfl_mpc::vehicle::{TruckEffects, builtin_truck};
+use rfl_mpc::vehicle::builtin_truck;
 
 fn all_are_found(seed: u64, put_in: &[(&str, f64)]) {
     are_named(put_in, &found(&log(seed, put_in), &Options::default()).report.verdict);
@@ -41,10 +41,6 @@ fn a_pair_far_off_is_found() {
 fn a_load_that_a_mass_hides_is_found() {
     let truck = builtin_truck("truck_simulation").unwrap();
     let put_in = [("steer_backlash", 0.028), ("trailer_payload", 10_000.0)];
-    let mut effects = TruckEffects::default();
-    for (id, value) in put_in {
-        *effects.get_mut(id).unwrap() = value;
-    }
     let conditions = Conditions {
         seed: 9,
         duration: 40.0,
@@ -53,7 +49,7 @@ fn a_load_that_a_mass_hides_is_found() {
         lateral: 2.0,
         ..Conditions::default()
     };
-    let log = drive(&truck, &effects, &conditions).unwrap();
+    let log = drive(&truck, &only(&put_in), &conditions).unwrap();
     let verdict = diagnosed(&log, None, &truck, &Options::default(), &|_, _| {}).unwrap().report.verdict;
     are_named(&put_in, &verdict);
 }

@@ -71,7 +71,8 @@ pub(super) fn tells<V: ReplayVehicle>(
     none.cost - single.cost > calibration.threshold(problem.knobs[single.freed[0]].effect)
 }
 
-/// The effect that is not named and yet most off, and by how many tolerances; the place of a load that is named counts as well.
+/// The effect that is not named and yet most off, and by how many tolerances; what goes with a named one, as its place with a load,
+/// counts by its own deviation.
 fn strained<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, fit: &Fit) -> Option<(usize, f64)> {
     let off = ranking.prior.off(&fit.x);
     let companions: Vec<(usize, f64)> = fit.freed.iter().filter_map(|&i| problem.companion(i)).collect();

@@ -186,6 +186,9 @@ pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -
             "brake_pull" => (Turns::Effect, 0.03 * mass, tolerance),
             _ => (Turns::Effect, unit, tolerance / unit),
         };
+        // A load lies on the vehicle: no farther from the unladen CG than what is steered is long.
+        let reach = vehicle.reach() / unit;
+        let (least, most) = if id == "payload_x" { (-reach, reach) } else { (least, most) };
         let high = (effect.range.1 - effect.neutral) / unit;
         let greatest = if matches!(turns, Turns::Effect) { high.min(most) } else { most };
         let least = if matches!(turns, Turns::Effect)
@@ -205,11 +208,6 @@ pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -
         let starts = if either_way { &[1.0, 4.0, -4.0] } else { starts };
         // Without a compass the wind is one cause: how strong, and from where by the heading at the log's start.
         let any_wind = !drive.compass && id == "wind_x";
-        // A load lies on the vehicle: no farther from the unladen CG than what is steered is long.
-        let (least, named_least, greatest) = match id {
-            "payload_x" => (-vehicle.reach() / unit, -vehicle.reach() / unit, vehicle.reach() / unit),
-            _ => (least, named_least, greatest),
-        };
         let left_out = |id: &str| without.iter().any(|left_out| left_out == id);
         let companion = match id {
             "payload" => Some(("payload_x", PAYLOAD_PLACE)),

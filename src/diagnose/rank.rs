@@ -21,7 +21,11 @@ const OF_PAIRS: Beam = Beam { bases: 3, always: 1, fitted: 6 };
 /// Candidates that are polished, at most so many times in all.
 const POLISHED: usize = 3;
 const ROUNDS: usize = 5;
-/// Evidence that is too little for a polish to tell: a third of the least that is asked of an effect.
+/// Steps of a fit to the end.
+const STEPS: usize = 4;
+/// Of a single effect behind the first [`AGAIN`] that promises to come near.
+const FEW_STEPS: usize = 2;
+/// Evidence that no further search makes an effect of: a third of the least that is asked of one.
 const LITTLE: f64 = 4.0;
 /// Tolerances by which an effect is off that freeing is sure to tell of: as many squared of evidence.
 const STRAINED: f64 = 3.0;
@@ -88,7 +92,7 @@ fn fit_none<'a, V: ReplayVehicle>(
     linear: &Linear,
     start: impl Into<Start<'a>>,
 ) -> Option<Fit> {
-    fit(problem, prior, linear, &[], start, 4)
+    fit(problem, prior, linear, &[], start, STEPS)
 }
 
 /// A fit with all slopes taken anew at its own best.
@@ -120,10 +124,10 @@ fn settled<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linea
     best
 }
 
-/// Steps of a fit to the end.
-const STEPS: usize = 4;
-/// Of one of those behind that promises to come near.
-const FEW_STEPS: usize = 2;
+/// Whether a cost is so much below that of nothing that a single effect may tell anything.
+fn may_tell(cost: f64, none: &Fit) -> bool {
+    cost < none.cost - LITTLE
+}
 
 /// Whether a cost is so near the best that a candidate is fitted to the end.
 fn is_near(cost: f64, best: f64) -> bool {
@@ -148,7 +152,7 @@ fn fitted_again<V: ReplayVehicle>(
             let local = linear.with(&single.of_freed());
             prior.step(&local, &single.x, &single.gap, &prior.freed(problem, &single.freed)).cost
         };
-        let is_worth = |cost: f64| is_near(cost, best) && cost < none.cost - LITTLE;
+        let is_worth = |cost: f64| is_near(cost, best) && may_tell(cost, none);
         if k >= AGAIN && !is_worth(promise()) {
             return None;
         }
@@ -173,7 +177,7 @@ fn again_from_none<V: ReplayVehicle>(
         let mut columns = single.of_freed();
         columns.retain(|(i, _)| problem.knobs[*i].tolerance == 0.0);
         let step = prior.step(&linear.with(&columns), &none.x, &none.gap, &precision);
-        if step.cost < (single.cost - 0.5).min(none.cost - LITTLE) {
+        if step.cost < single.cost - 0.5 && may_tell(step.cost, none) {
             promised.push((step.cost, k, none.x.iter().zip(&step.change).map(|(x, d)| x + d).collect()));
         }
     }
@@ -209,7 +213,7 @@ fn polish_singles<V: ReplayVehicle>(
     none: &Fit,
     singles: &mut [Fit],
 ) {
-    if singles.first().is_some_and(|best| best.cost < none.cost - LITTLE) {
+    if singles.first().is_some_and(|best| may_tell(best.cost, none)) {
         polish(problem, prior, linear, singles);
     }
 }
@@ -331,7 +335,7 @@ fn fewer_from_more<V: ReplayVehicle>(
         })
         .collect();
     let found = parallel::map(problem.threads(), starts.len(), |k| {
-        fit(problem, prior, linear, &starts[k].0, &starts[k].1, 4)
+        fit(problem, prior, linear, &starts[k].0, &starts[k].1, STEPS)
     });
     take(fewer, found.into_iter().flatten());
 }
@@ -657,11 +661,11 @@ fn extended<V: ReplayVehicle>(
         let further = single.freed[0];
         let freed = [&base.freed[..], &[further]].concat();
         if here {
-            return fit(problem, prior, linear, &freed, base, 4);
+            return fit(problem, prior, linear, &freed, base, STEPS);
         }
         let own = Some(single.x[further]);
         let start = best_start(problem, prior, linear, &freed, base, own);
-        fit(problem, prior, linear, &freed, start, 4)
+        fit(problem, prior, linear, &freed, start, STEPS)
     })
     .into_iter()
     .flatten()

@@ -12,14 +12,19 @@ pub fn car() -> CarParameters {
     builtin("c_class").expect("built in")
 }
 
-/// Half a minute of driving with an ordinary background.
-pub fn log(seed: u64, put_in: &[(&str, f64)]) -> CleanLog {
+/// No effects but these.
+pub fn only(put_in: &[(&str, f64)]) -> TruckEffects {
     let mut effects = TruckEffects::default();
     for &(id, value) in put_in {
         *effects.get_mut(id).expect("an effect") = value;
     }
+    effects
+}
+
+/// Half a minute of driving with an ordinary background.
+pub fn log(seed: u64, put_in: &[(&str, f64)]) -> CleanLog {
     let conditions = Conditions { seed, duration: 40.0, step: 0.02, ..Conditions::default() };
-    drive(&car(), &effects, &conditions).expect("an ordinary drive")
+    drive(&car(), &only(put_in), &conditions).expect("an ordinary drive")
 }
 
 /// The diagnosis of a log of the default car.
