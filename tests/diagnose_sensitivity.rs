@@ -2,7 +2,7 @@
 
 mod diagnose;
 
-use diagnose::{car, clean, log};
+use diagnose::{car, clean, log, only};
 use rfl_mpc::diagnose::problem::rms;
 use rfl_mpc::diagnose::replay::{Channel, Correction, Drive, replay};
 use rfl_mpc::diagnose::simulated::{Conditions, drive};
@@ -53,9 +53,8 @@ fn an_offset_turns_the_car_as_the_single_track_says() {
 fn a_bank_is_felt_by_the_accelerometer_and_a_bias_is_not_by_the_car() {
     let drive = straight(15.0, 0.0);
     let of = |id: &str, value: f64| {
-        let mut effects = TruckEffects::default();
-        *effects.get_mut(id).expect("an effect") = value;
-        let trace = replay(&drive, &car(), &effects, &Correction::default(), None).expect("a car");
+        let trace =
+            replay(&drive, &car(), &only(&[(id, value)]), &Correction::default(), None).expect("a car");
         (trace.column(Channel::YawRate)[499], trace.column(Channel::Ay)[499])
     };
     let (yaw_rate, ay) = of("lateral_accel_bias", 0.3);
@@ -80,11 +79,7 @@ fn the_replay_is_near_the_full_plant() {
         &[("payload", 300.0), ("road_bank", 0.03)],
         &[("sensor_delay", 0.08)],
     ] {
-        let mut effects = TruckEffects::default();
-        for &(id, value) in put_in {
-            *effects.get_mut(id).expect("an effect") = value;
-        }
-        let log = drive(&car(), &effects, &conditions).expect("an ordinary drive");
+        let log = drive(&car(), &only(put_in), &conditions).expect("an ordinary drive");
         let ready = Drive::new(&log, false);
         let trace = replay(&ready, &car(), &effects, &Correction::default(), None).expect("a car");
         let rows: Vec<usize> = (0..ready.time.len()).filter(|&row| ready.scored[row]).collect();
