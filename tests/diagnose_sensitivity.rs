@@ -79,7 +79,8 @@ fn the_replay_is_near_the_full_plant() {
         &[("payload", 300.0), ("road_bank", 0.03)],
         &[("sensor_delay", 0.08)],
     ] {
-        let log = drive(&car(), &only(put_in), &conditions).expect("an ordinary drive");
+        let effects = only(put_in);
+        let log = drive(&car(), &effects, &conditions).expect("an ordinary drive");
         let ready = Drive::new(&log, false);
         let trace = replay(&ready, &car(), &effects, &Correction::default(), None).expect("a car");
         let rows: Vec<usize> = (0..ready.time.len()).filter(|&row| ready.scored[row]).collect();
