@@ -19,6 +19,10 @@ const CORRELATED: usize = 20;
 const GREATEST_LOSS: f64 = 6.0;
 /// Errors of the model's form come back with every turn: drives longer than this, s, tell no more about them.
 const SAME: f64 = 30.0;
+/// A replay is lost, as where a vehicle slides, while a fit leaves so many times the power that it leaves otherwise, in
+/// all but the worst tenth; a moment is so many samples to either side.
+const LOST: f64 = 10.0;
+const MOMENT: usize = 10;
 
 /// Noise of each channel, in its own unit, after the low pass.
 #[derive(Debug, Clone)]
@@ -35,6 +39,8 @@ pub struct Noise {
     pub floor: Vec<f64>,
     /// What gaps are weighed with.
     pub effective: Vec<f64>,
+    /// Variance over that, sample by sample: more than 1 where the replay is lost.
+    lost: Vec<f64>,
 }
 
 impl Noise {
@@ -75,7 +81,8 @@ impl Noise {
         let again = again(problem);
         let effective =
             floor.iter().zip(&lefts).map(|(floor, left)| floor.hypot((again - 1.0).sqrt() * left)).collect();
-        Self { effective, white, form: forms, floor, left: lefts, worth }
+        let lost = vec![1.0; problem.rows.len()];
+        Self { effective, white, form: forms, floor, left: lefts, worth, lost }
     }
 
     /// Coarser by a share of the neutral gap. Far from the cause, a gap of hundreds of standard deviations pulls every
@@ -94,8 +101,11 @@ impl Noise {
     pub fn with_left<V: ReplayVehicle>(&self, problem: &Problem<V>, left: &[f64]) -> Self {
         let mut noise = self.clone();
         let again = again(problem);
+        noise.lost = lost(problem.blocks.iter().map(|(_, block)| &left[block.clone()]), problem.rows.len());
         for (i, (_, block)) in problem.blocks.iter().enumerate() {
-            let part = &left[block.clone()];
+            let trusted = |(left, lost): (&f64, &f64)| left / lost.sqrt();
+            let part: Vec<f64> = left[block.clone()].iter().zip(&noise.lost).map(trusted).collect();
+            let part = part.as_slice();
             let loss = correlation(part).clamp(1.0, GREATEST_LOSS);
             let base = self.white[i].powi(2) + self.form[i].powi(2);
             let form = (rms(part).powi(2) - base).max(self.left[i].powi(2));
@@ -106,10 +116,10 @@ impl Noise {
 
     /// Weights of all residuals.
     #[must_use]
-    pub fn weights<V>(&self, problem: &Problem<V>) -> Vec<f64> {
+    pub fn weights(&self) -> Vec<f64> {
         let mut weights = Vec::new();
-        for ((_, block), &deviation) in problem.blocks.iter().zip(&self.effective) {
-            weights.resize(weights.len() + block.len(), deviation.powi(-2));
+        for &deviation in &self.effective {
+            weights.extend(self.lost.iter().map(|lost| (deviation * deviation * lost).recip()));
         }
         weights
     }
@@ -173,6 +183,29 @@ impl Noise {
     }
 }
 
+/// How many times its ordinary power a fit leaves in each moment of a drive, where that is so much that the replay is lost
+/// there; else 1.
+fn lost<'a>(channels: impl Iterator<Item = &'a [f64]>, rows: usize) -> Vec<f64> {
+    let mut power = vec![0.0; rows];
+    for left in channels {
+        let size = rms(left).max(f64::MIN_POSITIVE);
+        power.iter_mut().zip(left).for_each(|(power, left)| *power += (left / size).powi(2));
+    }
+    let mut before = Vec::with_capacity(rows + 1);
+    before.push(0.0);
+    power.iter().for_each(|power| before.push(before[before.len() - 1] + power));
+    let moment = |row: usize| {
+        let (from, to) = (row.saturating_sub(MOMENT), (row + MOMENT + 1).min(rows));
+        (before[to] - before[from]) / (to - from) as f64
+    };
+    let moments: Vec<f64> = (0..rows).map(moment).collect();
+    let mut sorted = moments.clone();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let ordinary = &sorted[..(rows * 9).div_ceil(10)];
+    let ordinary = ordinary.iter().sum::<f64>() / ordinary.len().max(1) as f64;
+    moments.iter().map(|moment| if *moment > LOST * ordinary { moment / ordinary } else { 1.0 }).collect()
+}
+
 fn rms_of(column: &[f64], counts: &[bool]) -> f64 {
     let kept: Vec<f64> =
         column.iter().zip(counts).filter(|(_, counts)| **counts).map(|(value, _)| *value).collect();
@@ -199,4 +232,34 @@ fn correlation(values: &[f64]) -> f64 {
 /// How often the same errors of the form come back in a drive.
 fn again<V: ReplayVehicle>(problem: &Problem<V>) -> f64 {
     (problem.drive.duration() / SAME).max(1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{MOMENT, lost};
+
+    #[test]
+    fn a_moment_in_which_a_replay_is_lost_counts_less_and_no_other() {
+        // Two channels of different sizes, alternating; one moment of 40 samples has ten times their sizes.
+        let (rows, from, to) = (1000, 400, 440);
+        let channel = |size: f64| -> Vec<f64> {
+            let of = |row: usize| if (from..to).contains(&row) { 10.0 } else { 1.0 };
+            (0..rows).map(|row| size * of(row) * if row % 2 == 0 { 1.0 } else { -1.0 }).collect()
+        };
+        let (rate, place) = (channel(0.01), channel(2.0));
+        let times = lost([&rate[..], &place].into_iter(), rows);
+        let beyond = |row: usize| row + MOMENT < from || row >= to + MOMENT;
+        assert!((0..rows).filter(|&row| beyond(row)).all(|row| times[row] == 1.0));
+        // A hundred times the ordinary power.
+        let middle = times[(from + to) / 2];
+        assert!((middle - 100.0).abs() < 1e-9, "{middle}");
+    }
+
+    #[test]
+    fn a_replay_that_is_off_all_along_is_not_lost() {
+        // Turns and straights: nine times the power in every other five seconds.
+        let left: Vec<f64> = (0..1000).map(|row| if row / 50 % 2 == 0 { 3.0 } else { 1.0 }).collect();
+        assert!(lost(std::iter::once(&left[..]), left.len()).iter().all(|times| *times == 1.0));
+        assert!(lost(std::iter::once(&[0.0; 30][..]), 30).iter().all(|times| *times == 1.0));
+    }
 }

@@ -18,8 +18,11 @@ const REFINED: usize = 6;
 const BEAM: usize = 8;
 const OF_SINGLES: Beam = Beam { bases: BEAM, always: 4, fitted: 12 };
 const OF_PAIRS: Beam = Beam { bases: 3, always: 1, fitted: 6 };
-/// Candidates that are polished, at most so many times in all.
+/// Candidates that are fitted once more from nothing's best.
+const AFRESH: usize = 2;
+/// Candidates that are polished, and most of them in all; rounds of what is polished until that tells no more.
 const POLISHED: usize = 3;
+const MOST_POLISHED: usize = 5;
 const ROUNDS: usize = 5;
 /// Steps of a fit to the end.
 const STEPS: usize = 4;
@@ -102,12 +105,25 @@ pub(super) fn polished<V: ReplayVehicle>(
     linear: &Linear,
     at: &Fit,
 ) -> Fit {
-    let local = linear.anew(problem, &at.x, &at.gap);
-    let own = problem.with_companions(&at.freed).into_iter().map(|i| (i, local.slopes[i].clone())).collect();
-    let start = Start { slopes: Some((&at.x, own)), ..at.into() };
-    fit(problem, prior, &local, &at.freed, start, 5)
-        .filter(|new| new.cost < at.cost)
-        .unwrap_or_else(|| at.clone())
+    Polish::of(problem, linear, at).end(problem, prior, at)
+}
+
+/// The slopes of a polish.
+struct Polish(Linear);
+
+impl Polish {
+    fn of<V: ReplayVehicle>(problem: &Problem<V>, linear: &Linear, at: &Fit) -> Self {
+        Self(linear.anew(problem, &at.x, &at.gap))
+    }
+
+    fn end<V: ReplayVehicle>(&self, problem: &Problem<V>, prior: &Prior, at: &Fit) -> Fit {
+        let own =
+            problem.with_companions(&at.freed).into_iter().map(|i| (i, self.0.slopes[i].clone())).collect();
+        let start = Start { slopes: Some((&at.x, own)), ..at.into() };
+        fit(problem, prior, &self.0, &at.freed, start, 5)
+            .filter(|new| new.cost < at.cost)
+            .unwrap_or_else(|| at.clone())
+    }
 }
 
 /// Polished until that tells no more: what all evidence is measured against must not be left in a valley on the way.
@@ -132,6 +148,11 @@ fn may_tell(cost: f64, none: &Fit) -> bool {
 /// Whether a cost is so near the best that a candidate is fitted to the end.
 fn is_near(cost: f64, best: f64) -> bool {
     cost < best + 0.25 * best.abs() + NEAR
+}
+
+/// Whether the best candidate of one effect more explains so much more than the best one without.
+fn is_ahead(more: &[Fit], fewer: &[Fit], by: f64) -> bool {
+    matches!((more.first(), fewer.first()), (Some(more), Some(fewer)) if fewer.cost - more.cost > by)
 }
 
 /// Singles fitted again with other weights, from their own best: the first [`AGAIN`], and others that promise to tell anything and
@@ -189,18 +210,50 @@ fn again_from_none<V: ReplayVehicle>(
     take(singles, found.into_iter().flatten());
 }
 
+/// The first few of sorted candidates, fitted once more from nothing's best with their effects as they were found, and with all
+/// slopes taken there: what a search gave to the background on its way to an effect that is far off, it may not get back.
+fn afresh<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    prior: &Prior,
+    linear: &Linear,
+    none: &Fit,
+    fits: &mut Vec<Fit>,
+) {
+    let again = |of: &Fit| {
+        let own = problem.with_companions(&of.freed);
+        let at = |(i, (found, none)): (usize, (&f64, &f64))| if own.contains(&i) { *found } else { *none };
+        let x: Vec<f64> = of.x.iter().zip(&none.x).enumerate().map(at).collect();
+        let gap = problem.residual(&x)?;
+        let local = linear.anew(problem, &x, &gap);
+        let slopes = own.iter().map(|&i| (i, local.slopes[i].clone())).collect();
+        let start = Start { x: (&x).into(), gap: Some(gap.into()), slopes: Some((&x, slopes)) };
+        let found = fit(problem, prior, &local, &of.freed, start, STEPS)?;
+        Some(polished(problem, prior, linear, &found))
+    };
+    let first = fits.iter().take(AFRESH).filter(|of| may_tell(of.cost, none));
+    let found: Vec<Fit> = first.filter_map(again).collect();
+    take(fits, found);
+}
+
 /// Polishes the first few of sorted candidates, until those are first that were polished.
 fn polish<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linear, fits: &mut [Fit]) {
     let mut done: Vec<Vec<usize>> = Vec::new();
-    for _ in 0..ROUNDS {
+    loop {
         let best = fits.first().map_or(0.0, |fit| fit.cost);
-        let next = fits
-            .iter()
-            .take(POLISHED)
-            .position(|fit| !done.contains(&fit.freed) && (done.is_empty() || is_near(fit.cost, best)));
-        let Some(i) = next else { break };
-        done.push(fits[i].freed.clone());
-        fits[i] = polished(problem, prior, linear, &fits[i]);
+        let is_next = |fit: &Fit| !done.contains(&fit.freed) && (done.is_empty() || is_near(fit.cost, best));
+        let first = fits.iter().take(POLISHED).enumerate().filter(|(_, fit)| is_next(fit)).map(|(i, _)| i);
+        let next: Vec<usize> = first.take(MOST_POLISHED - done.len()).collect();
+        if next.is_empty() {
+            break;
+        }
+        // Slopes one after the other, as each are taken by all threads.
+        let begun: Vec<Polish> = next.iter().map(|&i| Polish::of(problem, linear, &fits[i])).collect();
+        let found =
+            parallel::map(problem.threads(), next.len(), |k| begun[k].end(problem, prior, &fits[next[k]]));
+        for (i, found) in next.into_iter().zip(found) {
+            done.push(fits[i].freed.clone());
+            fits[i] = found;
+        }
         sort(fits);
     }
 }
@@ -441,9 +494,9 @@ pub fn rank<V: ReplayVehicle>(
     let noise = fine.coarse(problem, &neutral);
     progress("sensitivities", 0.1);
     let at_start = problem.residual(&start).ok_or(NoReplay)?;
-    let linear = Linear::new(problem.slopes(&start, &at_start), noise.weights(problem));
+    let linear = Linear::new(problem.slopes(&start, &at_start), noise.weights());
     let none = fit_none(problem, &prior, &linear, &start).ok_or(NoReplay)?;
-    let linear = Linear::new(problem.slopes(&none.x, &none.gap), noise.weights(problem));
+    let linear = Linear::new(problem.slopes(&none.x, &none.gap), noise.weights());
     let none = fit_none(problem, &prior, &linear, &none).ok_or(NoReplay)?;
 
     progress("single effects", 0.2);
@@ -467,7 +520,7 @@ pub fn rank<V: ReplayVehicle>(
     let noise = fine;
     let base = based(&none, &singles);
     let at_base = problem.residual(&base).ok_or(NoReplay)?;
-    let linear = Linear::new(problem.slopes(&base, &at_base), noise.weights(problem));
+    let linear = Linear::new(problem.slopes(&base, &at_base), noise.weights());
     reweighed(problem, &prior, &linear, &mut none);
     none = fit_none(problem, &prior, &linear, &none).ok_or(NoReplay)?;
     refined(problem, &prior, &linear, &mut singles, REFINED);
@@ -484,13 +537,14 @@ pub fn rank<V: ReplayVehicle>(
     };
     let base = based(&none, &singles);
     let at_base = problem.residual(&base).ok_or(NoReplay)?;
-    let linear = Linear::new(problem.slopes(&base, &at_base), noise.weights(problem));
+    let linear = Linear::new(problem.slopes(&base, &at_base), noise.weights());
     progress("single effects", 0.6);
     let mut none = fit_none(problem, &prior, &linear, &none).ok_or(NoReplay)?;
     fitted_again(problem, &prior, &linear, &none, &mut singles);
     let local = linear.anew(problem, &none.x, &none.gap);
     none = fit(problem, &prior, &local, &[], &none, 5).filter(|new| new.cost < none.cost).unwrap_or(none);
     again_from_none(problem, &prior, &local, &none, &mut singles);
+    afresh(problem, &prior, &linear, &none, &mut singles);
     polish_singles(problem, &prior, &linear, &none, &mut singles);
     bound(problem, &prior, &mut none, &mut singles);
     let with_pairs = pairs(&none, &singles);
@@ -512,19 +566,25 @@ pub fn rank<V: ReplayVehicle>(
         let left = predicted(&linear, &pair.gap, &step.change);
         noise = noise.with_left(problem, &left);
         let slopes = problem.slopes(&pair.x, &pair.gap);
-        linear = Linear::new(slopes, noise.weights(problem));
+        linear = Linear::new(slopes, noise.weights());
         none = fit_none(problem, &prior, &linear, &none).ok_or(NoReplay)?;
         for fits in [&mut singles, &mut pairs] {
             refined(problem, &prior, &linear, fits, REFINED);
         }
-        polish_singles(problem, &prior, &linear, &none, &mut singles);
+        if !is_ahead(&pairs, &singles, NEAR) {
+            polish_singles(problem, &prior, &linear, &none, &mut singles);
+        }
         bound(problem, &prior, &mut none, &mut singles);
         threes = extended(problem, &prior, &linear, &pairs, &singles, &OF_PAIRS);
-        polish(problem, &prior, &linear, &mut threes);
+        if is_ahead(&threes, &pairs, LITTLE) {
+            polish(problem, &prior, &linear, &mut threes);
+        }
     }
     bound_fewer(problem, &prior, &mut pairs, &threes);
-    fewer_from_more(problem, &prior, &linear, &mut pairs, &threes, 2);
-    polish(problem, &prior, &linear, &mut pairs);
+    if is_ahead(&threes, &pairs, LITTLE) {
+        fewer_from_more(problem, &prior, &linear, &mut pairs, &threes, 2);
+        polish(problem, &prior, &linear, &mut pairs);
+    }
     bound_fewer(problem, &prior, &mut singles, &pairs);
     fewer_from_more(problem, &prior, &linear, &mut singles, &pairs, 3);
     polish_singles(problem, &prior, &linear, &none, &mut singles);
@@ -532,7 +592,7 @@ pub fn rank<V: ReplayVehicle>(
     fewer_from_more(problem, &prior, &linear, &mut found, &singles, 2);
     let before = found.swap_remove(0);
     let mut none = settled(problem, &prior, &linear, before.clone());
-    if before.cost - none.cost > 1.0 {
+    if before.cost - none.cost > 1.0 && !is_ahead(&pairs, &singles, NEAR) {
         let local = linear.anew(problem, &none.x, &none.gap);
         again_from_none(problem, &prior, &local, &none, &mut singles);
         polish_singles(problem, &prior, &linear, &none, &mut singles);
@@ -697,7 +757,7 @@ mod tests {
         let start = prior.mean.clone();
         let gap = problem.residual(&start).unwrap();
         let noise = Noise::of(&problem, &problem.trace(&start).unwrap(), &prior.form);
-        let linear = Linear::new(problem.slopes(&start, &gap), noise.weights(&problem));
+        let linear = Linear::new(problem.slopes(&start, &gap), noise.weights());
         let with_mass_at = |x: f64| {
             let mut at = start.clone();
             at[mass] = x;
@@ -712,5 +772,38 @@ mod tests {
         assert!(of_load.x[mass].abs() < STRAINED, "{}", of_load.x[mass]);
         // Within its tolerance a mass is no load.
         assert!(loaded(&problem, &prior, &linear, &[with_mass_at(2.0)]).is_empty());
+    }
+
+    #[test]
+    fn what_a_search_gave_to_the_background_is_got_back_afresh() {
+        let car = builtin("c_class").unwrap();
+        let mut effects = TruckEffects::default();
+        effects.vehicle.steer_delay = 0.1;
+        let conditions = Conditions { seed: 3, duration: 40.0, step: 0.02, ..Conditions::default() };
+        let log = drive(&car, &effects, &conditions).unwrap();
+        let drive = Drive::new(&log, false);
+        let correction = neutral(&drive, &car).unwrap();
+        let problem = Problem::new(&drive, &car, &correction, &[], 0);
+        let prior = Prior::of(&problem);
+        let [delay, rear] = ["steer_delay", "tyre_stiffness_rear"].map(|id| problem.find(id).unwrap());
+        let start = prior.mean.clone();
+        let gap = problem.residual(&start).unwrap();
+        let noise = Noise::of(&problem, &problem.trace(&start).unwrap(), &prior.form);
+        let linear = Linear::new(problem.slopes(&start, &gap), noise.weights());
+        let none = fit_none(&problem, &prior, &linear, &start).unwrap();
+        // Found with a rear axle that is too soft by two tolerances.
+        let mut astray = start;
+        (astray[delay], astray[rear]) = (4.0, -0.8);
+        let mut found =
+            fit(&problem, &prior.holding(&[rear], &astray), &linear, &[delay], &astray, STEPS).unwrap();
+        reweighed(&problem, &prior, &linear, &mut found);
+        let before = found.cost;
+        let mut fits = vec![found];
+        afresh(&problem, &prior, &linear, &none, &mut fits);
+        let [now] = fits.as_slice() else { panic!("{}", fits.len()) };
+        assert!(now.cost < 0.5 * before, "{} {before} {}", now.cost, none.cost);
+        let seconds = problem.knobs[delay].value(now.x[delay]);
+        assert!((seconds - 0.1).abs() < 0.01, "{seconds}");
+        assert!(now.x[rear].abs() < 3.0 * problem.knobs[rear].tolerance, "{}", now.x[rear]);
     }
 }

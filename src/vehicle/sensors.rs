@@ -15,6 +15,7 @@ pub(super) const BODY_SIGNALS: usize = 11;
 
 /// The true motion signals of a body's reference point, which lies `arm` forward of the CG; specific forces at the CG
 /// in the plane of the road and out of it; yaw acceleration.
+#[inline]
 pub(super) fn body_signals(
     effects: &Effects,
     body: &[f64; BODY],
@@ -46,6 +47,7 @@ pub(super) fn body_signals(
 }
 
 /// What sensors make of (delayed) signals of a body, in the same order.
+#[inline]
 pub(super) fn measured(effects: &Effects, signals: &[f64]) -> [f64; BODY_SIGNALS] {
     let [x, y, yaw, vx, vy, yaw_rate, ax, ay, roll, pitch, roll_rate] = std::array::from_fn(|i| signals[i]);
     let angle = effects.heading_misalignment;

@@ -36,6 +36,18 @@ pub(super) struct Flow {
     pub drive_force: f64,
 }
 
+impl CarPlant {
+    /// True motion signals.
+    pub(super) fn body_signals(
+        &self,
+        y: &[f64; STATES],
+        rates: &[f64; STATES],
+        flow: &Flow,
+    ) -> [f64; SIGNALS] {
+        body_signals(&self.effects, split(y).0, self.unit.reference_x, flow.specific, rates[YAW_RATE])
+    }
+}
+
 impl Plant<STATES, SIGNALS> for CarPlant {
     type Environment = Environment;
     type Flow = Flow;
@@ -128,7 +140,7 @@ impl Plant<STATES, SIGNALS> for CarPlant {
         for (wheel, output) in flow.outputs.iter_mut().enumerate() {
             *output = flow.wheels[wheel].output(y[WHEELS + wheel * PER_WHEEL + SPIN]);
         }
-        body_signals(&self.effects, split(y).0, self.unit.reference_x, flow.specific, rates[YAW_RATE])
+        self.body_signals(y, rates, flow)
     }
 
     fn measure(&self, state: &State<STATES, SIGNALS>, flow: &Flow, delayed: &[f64; SIGNALS]) -> CarOutput {

@@ -71,6 +71,22 @@ impl TruckPlant {
         y[YAW] - y[TRAILER]
     }
 
+    /// The articulation and its rate, rad and rad/s.
+    pub(super) fn articulations(&self, y: &[f64; STATES]) -> [f64; 2] {
+        [self.articulation(y), y[YAW_RATE] - y[TRAILER + 1]]
+    }
+
+    /// True motion signals of the tractor.
+    pub(super) fn tractor_signals(
+        &self,
+        y: &[f64; STATES],
+        rates: &[f64; STATES],
+        flow: &Flow,
+    ) -> [f64; BODY_SIGNALS] {
+        let arm = self.tractor.reference_x;
+        body_signals(&self.effects.vehicle, split(y).0, arm, flow.specific, rates[YAW_RATE])
+    }
+
     /// The semi-trailer's body with its place.
     pub(super) fn trailer_placed(&self, y: &[f64; STATES]) -> [f64; BODY] {
         let mut body = self.trailer_body(y, self.articulation(y).sin_cos());
@@ -241,12 +257,12 @@ impl Plant<STATES, SIGNALS> for TruckPlant {
         for (wheel, output) in flow.outputs.iter_mut().enumerate() {
             *output = flow.wheels[wheel].output(y[WHEELS + wheel * PER_WHEEL + SPIN]);
         }
-        let arm = self.tractor.reference_x;
-        let own = body_signals(&self.effects.vehicle, split(y).0, arm, flow.specific, rates[YAW_RATE]);
+        let own = self.tractor_signals(y, rates, flow);
         let trailer = self.trailer_placed(y);
+        let [articulation, articulation_rate] = self.articulations(y);
         let more = [
-            self.articulation(y),
-            y[YAW_RATE] - y[TRAILER + 1],
+            articulation,
+            articulation_rate,
             trailer[X],
             trailer[Y],
             trailer[YAW],

@@ -1,5 +1,6 @@
 //! Which of a truck's motions are slow.
 
+use super::dynamics::Flow;
 use super::output::SIGNALS;
 use super::plant::{STATES, TRAILER, TruckPlant, WHEELS, WIND_UP};
 use crate::vehicle::reduced::{FIRST_BODY, Relaxed, SprungBody, spring_stiffness};
@@ -55,7 +56,12 @@ impl Relaxed<STATES, SIGNALS> for TruckPlant {
         Some([TRAILER, TRAILER + 1, WIND_UP])
     }
 
-    fn articulation(&self, signals: &[f64; SIGNALS]) -> (f64, f64) {
-        (signals[BODY_SIGNALS] + self.effects.trailer.articulation_bias, signals[BODY_SIGNALS + 1])
+    fn body(&self, y: &[f64; STATES], rates: &[f64; STATES], flow: &Flow) -> [f64; BODY_SIGNALS] {
+        self.tractor_signals(y, rates, flow)
+    }
+
+    fn measured_articulation(&self, y: &[f64; STATES]) -> (f64, f64) {
+        let [angle, rate] = self.articulations(y);
+        (angle + self.effects.trailer.articulation_bias, rate)
     }
 }
