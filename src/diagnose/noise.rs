@@ -2,7 +2,8 @@
 //!
 //! White noise is what second differences of the gap say, `sigma = median |r- - 2 r + r+| / (0.6745 sqrt 6)`, brought
 //! through the low pass. A gap that the best candidate still leaves is neither noise nor told by any candidate: it is added,
-//! and its correlation over time makes many samples worth few.
+//! and its correlation over time makes many samples worth few. Moments in which it leaves many times as much as otherwise, as
+//! where a vehicle slides and its replay does not, have a variance of their own, or they would drown what the rest tells.
 
 use super::problem::{Problem, rms};
 use super::replay::{Channel, LEAK, ReplayVehicle, Trace};
