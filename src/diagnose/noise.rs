@@ -106,10 +106,9 @@ impl Noise {
         for (i, (_, block)) in problem.blocks.iter().enumerate() {
             let trusted = |(left, lost): (&f64, &f64)| left / lost.sqrt();
             let part: Vec<f64> = left[block.clone()].iter().zip(&noise.lost).map(trusted).collect();
-            let part = part.as_slice();
-            let loss = correlation(part).clamp(1.0, GREATEST_LOSS);
+            let loss = correlation(&part).clamp(1.0, GREATEST_LOSS);
             let base = self.white[i].powi(2) + self.form[i].powi(2);
-            let form = (rms(part).powi(2) - base).max(self.left[i].powi(2));
+            let form = (rms(&part).powi(2) - base).max(self.left[i].powi(2));
             noise.effective[i] = ((base + again * form) * loss).sqrt();
         }
         noise
@@ -162,13 +161,11 @@ impl Noise {
     /// replay that slides for a moment says nothing of the rest.
     #[must_use]
     pub fn sizes<V>(&self, problem: &Problem<V>, gap: &[f64]) -> [f64; 2] {
-        let mut squares = vec![0.0; problem.rows.len()];
-        for ((_, block), white) in problem.blocks.iter().zip(&self.white) {
-            squares.iter_mut().zip(&gap[block.clone()]).for_each(|(sum, gap)| *sum += (gap / white).powi(2));
-        }
-        squares.sort_unstable_by(f64::total_cmp);
-        let mean = |squares: &[f64]| squares.iter().sum::<f64>() / squares.len().max(1) as f64;
-        [mean(&squares).sqrt(), mean(&squares[..(squares.len() * 9).div_ceil(10)]).sqrt()]
+        let each = problem.blocks.iter().zip(&self.white);
+        let mut power =
+            power(each.map(|((_, block), white)| (&gap[block.clone()], *white)), problem.rows.len());
+        let ordinary = ordinary(&mut power);
+        [mean(&power).sqrt(), ordinary.sqrt()]
     }
 
     /// How much more a gap is than noise and the model's form: 1 where it is no more.
@@ -184,14 +181,29 @@ impl Noise {
     }
 }
 
+/// Power of all channels together, sample by sample, each in units of a size of its own.
+fn power<'a>(channels: impl Iterator<Item = (&'a [f64], f64)>, rows: usize) -> Vec<f64> {
+    let mut power = vec![0.0; rows];
+    for (gap, size) in channels {
+        power.iter_mut().zip(gap).for_each(|(power, gap)| *power += (gap / size).powi(2));
+    }
+    power
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
+/// Mean of all but the greatest tenth of values, which are sorted.
+fn ordinary(values: &mut [f64]) -> f64 {
+    values.sort_unstable_by(f64::total_cmp);
+    mean(&values[..(values.len() * 9).div_ceil(10)])
+}
+
 /// How many times its ordinary power a fit leaves in each moment of a drive, where that is so much that the replay is lost
 /// there; else 1.
 fn lost<'a>(channels: impl Iterator<Item = &'a [f64]>, rows: usize) -> Vec<f64> {
-    let mut power = vec![0.0; rows];
-    for left in channels {
-        let size = rms(left).max(f64::MIN_POSITIVE);
-        power.iter_mut().zip(left).for_each(|(power, left)| *power += (left / size).powi(2));
-    }
+    let power = power(channels.map(|left| (left, rms(left).max(f64::MIN_POSITIVE))), rows);
     let mut before = Vec::with_capacity(rows + 1);
     before.push(0.0);
     power.iter().for_each(|power| before.push(before[before.len() - 1] + power));
@@ -200,10 +212,7 @@ fn lost<'a>(channels: impl Iterator<Item = &'a [f64]>, rows: usize) -> Vec<f64> 
         (before[to] - before[from]) / (to - from) as f64
     };
     let moments: Vec<f64> = (0..rows).map(moment).collect();
-    let mut sorted = moments.clone();
-    sorted.sort_unstable_by(f64::total_cmp);
-    let ordinary = &sorted[..(rows * 9).div_ceil(10)];
-    let ordinary = ordinary.iter().sum::<f64>() / ordinary.len().max(1) as f64;
+    let ordinary = ordinary(&mut moments.clone());
     moments.iter().map(|moment| if *moment > LOST * ordinary { moment / ordinary } else { 1.0 }).collect()
 }
 

@@ -105,25 +105,25 @@ pub(super) fn polished<V: ReplayVehicle>(
     linear: &Linear,
     at: &Fit,
 ) -> Fit {
-    Polish::of(problem, linear, at).end(problem, prior, at)
+    polished_by(problem, prior, &linear.anew(problem, &at.x, &at.gap), at)
 }
 
-/// The slopes of a polish.
-struct Polish(Linear);
+/// The same with slopes that were taken there.
+fn polished_by<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, local: &Linear, at: &Fit) -> Fit {
+    fit(problem, prior, local, &at.freed, start_at(problem, local, &at.freed, (&at.x, &at.gap)), 5)
+        .filter(|new| new.cost < at.cost)
+        .unwrap_or_else(|| at.clone())
+}
 
-impl Polish {
-    fn of<V: ReplayVehicle>(problem: &Problem<V>, linear: &Linear, at: &Fit) -> Self {
-        Self(linear.anew(problem, &at.x, &at.gap))
-    }
-
-    fn end<V: ReplayVehicle>(&self, problem: &Problem<V>, prior: &Prior, at: &Fit) -> Fit {
-        let own =
-            problem.with_companions(&at.freed).into_iter().map(|i| (i, self.0.slopes[i].clone())).collect();
-        let start = Start { slopes: Some((&at.x, own)), ..at.into() };
-        fit(problem, prior, &self.0, &at.freed, start, 5)
-            .filter(|new| new.cost < at.cost)
-            .unwrap_or_else(|| at.clone())
-    }
+/// A start with the slopes over what is freed that `local` has of there.
+fn start_at<'a, V: ReplayVehicle>(
+    problem: &Problem<V>,
+    local: &Linear,
+    freed: &[usize],
+    (x, gap): (&'a [f64], &'a [f64]),
+) -> Start<'a> {
+    let own = problem.with_companions(freed).into_iter().map(|i| (i, local.slopes[i].clone())).collect();
+    Start { x: x.into(), gap: Some(gap.into()), slopes: Some((x, own)) }
 }
 
 /// Polished until that tells no more: what all evidence is measured against must not be left in a valley on the way.
@@ -220,13 +220,11 @@ fn afresh<V: ReplayVehicle>(
     fits: &mut Vec<Fit>,
 ) {
     let again = |of: &Fit| {
-        let own = problem.with_companions(&of.freed);
-        let at = |(i, (found, none)): (usize, (&f64, &f64))| if own.contains(&i) { *found } else { *none };
-        let x: Vec<f64> = of.x.iter().zip(&none.x).enumerate().map(at).collect();
+        let mut x = none.x.clone();
+        problem.with_companions(&of.freed).into_iter().for_each(|i| x[i] = of.x[i]);
         let gap = problem.residual(&x)?;
         let local = linear.anew(problem, &x, &gap);
-        let slopes = own.iter().map(|&i| (i, local.slopes[i].clone())).collect();
-        let start = Start { x: (&x).into(), gap: Some(gap.into()), slopes: Some((&x, slopes)) };
+        let start = start_at(problem, &local, &of.freed, (&x, &gap));
         let found = fit(problem, prior, &local, &of.freed, start, STEPS)?;
         Some(polished(problem, prior, linear, &found))
     };
@@ -247,9 +245,11 @@ fn polish<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linear
             break;
         }
         // Slopes one after the other, as each are taken by all threads.
-        let begun: Vec<Polish> = next.iter().map(|&i| Polish::of(problem, linear, &fits[i])).collect();
-        let found =
-            parallel::map(problem.threads(), next.len(), |k| begun[k].end(problem, prior, &fits[next[k]]));
+        let locals: Vec<Linear> =
+            next.iter().map(|&i| linear.anew(problem, &fits[i].x, &fits[i].gap)).collect();
+        let found = parallel::map(problem.threads(), next.len(), |k| {
+            polished_by(problem, prior, &locals[k], &fits[next[k]])
+        });
         for (i, found) in next.into_iter().zip(found) {
             done.push(fits[i].freed.clone());
             fits[i] = found;
@@ -558,9 +558,7 @@ pub fn rank<V: ReplayVehicle>(
     // Where a pair tells much more than a single effect, its rest is the measure.
     let (mut linear, mut noise) = (linear, noise);
     let mut threes = Vec::new();
-    if let (Some(pair), Some(single)) = (pairs.first(), singles.first())
-        && single.cost - pair.cost > TELLING
-    {
+    if let Some(pair) = pairs.first().filter(|_| is_ahead(&pairs, &singles, TELLING)) {
         let precision = prior.freed(problem, &pair.freed).widened(3.0);
         let step = prior.step(&linear, &pair.x, &pair.gap, &precision);
         let left = predicted(&linear, &pair.gap, &step.change);

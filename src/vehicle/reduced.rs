@@ -25,7 +25,7 @@
 //! Steering chain and drive are exact. Every effect thus means what it means to the plant; how nearly,
 //! `examples/diagnose_replay.rs` says.
 
-use super::sensors::{BODY_SIGNALS, measured};
+use super::sensors::measured;
 use super::steering::SteeringState;
 use super::stepper::{Plant, Stage};
 use super::unit::{
@@ -148,8 +148,6 @@ pub(super) trait Relaxed<const N: usize, const S: usize>: Plant<N, S> {
     fn mass(&self) -> f64;
     /// Places of a trailer's yaw and yaw rate, and of the wind-up of the fifth wheel's friction.
     fn trailer(&self) -> Option<[usize; 3]>;
-    /// True motion signals of the first body.
-    fn body(&self, y: &[f64; N], rates: &[f64; N], flow: &Self::Flow) -> [f64; BODY_SIGNALS];
     /// Articulation as measured and its rate.
     fn measured_articulation(&self, y: &[f64; N]) -> (f64, f64);
 }
@@ -391,7 +389,7 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
         let flow = self.derivative(&Stage { steer, accel: self.drive });
         let late = self.late();
         if let Some(output) = output {
-            let signals = self.plant.body(&self.y, &self.rates, &flow);
+            let signals = self.plant.body_signals(&self.y, &self.rates, &flow);
             let [_, _, _, vx, vy, yaw_rate, ax, ay, roll, ..] = measured(self.plant.effects(), &signals);
             let (articulation, articulation_rate) = self.plant.measured_articulation(&self.y);
             *output = ReducedOutput {

@@ -6,7 +6,7 @@
 use super::array;
 use super::drive::DriveLine;
 use super::effects::Effects;
-use super::sensors::Latency;
+use super::sensors::{BODY_SIGNALS, Latency};
 use super::steering::{SteeringChain, SteeringState};
 use super::unit::{X, Y, YAW};
 use crate::lanes::{FOUR, Lanes, Work, compute};
@@ -119,6 +119,8 @@ pub(super) trait Plant<const N: usize, const S: usize> {
     }
     /// Whether the model still describes what the vehicle does.
     fn check(&self, y: &[f64; N], time: f64) -> Result<(), StepError>;
+    /// The true motion signals of the first body alone.
+    fn body_signals(&self, y: &[f64; N], rates: &[f64; N], flow: &Self::Flow) -> [f64; BODY_SIGNALS];
     /// The true signals; what the flow lacks for outputs is put there.
     fn signals(&self, y: &[f64; N], rates: &[f64; N], flow: &mut Self::Flow) -> [f64; S];
     /// The output from the (delayed) signals, and what has no latency.

@@ -7,7 +7,7 @@ use crate::path::Path;
 use crate::vehicle::air;
 use crate::vehicle::drive::DriveLine;
 use crate::vehicle::effects::Effects;
-use crate::vehicle::sensors::body_signals;
+use crate::vehicle::sensors::{BODY_SIGNALS, body_signals};
 use crate::vehicle::steering::SteeringChain;
 use crate::vehicle::stepper::{Plant, Stage, State, StepError, check_upright};
 use crate::vehicle::trigonometry::{cos_of, sin_of};
@@ -34,18 +34,6 @@ pub(super) struct Flow {
     specific: [f64; 3],
     /// Drive force asked of the wheels (brakes negative), N.
     pub drive_force: f64,
-}
-
-impl CarPlant {
-    /// True motion signals.
-    pub(super) fn body_signals(
-        &self,
-        y: &[f64; STATES],
-        rates: &[f64; STATES],
-        flow: &Flow,
-    ) -> [f64; SIGNALS] {
-        body_signals(&self.effects, split(y).0, self.unit.reference_x, flow.specific, rates[YAW_RATE])
-    }
 }
 
 impl Plant<STATES, SIGNALS> for CarPlant {
@@ -134,6 +122,10 @@ impl Plant<STATES, SIGNALS> for CarPlant {
 
     fn check(&self, y: &[f64; STATES], time: f64) -> Result<(), StepError> {
         check_upright(y[ROLL], y[PITCH], time)
+    }
+
+    fn body_signals(&self, y: &[f64; STATES], rates: &[f64; STATES], flow: &Flow) -> [f64; BODY_SIGNALS] {
+        body_signals(&self.effects, split(y).0, self.unit.reference_x, flow.specific, rates[YAW_RATE])
     }
 
     fn signals(&self, y: &[f64; STATES], rates: &[f64; STATES], flow: &mut Flow) -> [f64; SIGNALS] {

@@ -1,10 +1,8 @@
 //! Which of a car's motions are slow.
 
-use super::dynamics::Flow;
 use super::output::SIGNALS;
 use super::plant::{CarPlant, STATES, WHEELS};
 use crate::vehicle::reduced::{FIRST_BODY, Relaxed, SprungBody, spring_stiffness};
-use crate::vehicle::sensors::BODY_SIGNALS;
 use crate::vehicle::unit::{Axle, PER_WHEEL, ROLL, ROLL_RATE, VY, YAW, YAW_RATE};
 
 impl Relaxed<STATES, SIGNALS> for CarPlant {
@@ -40,10 +38,6 @@ impl Relaxed<STATES, SIGNALS> for CarPlant {
 
     fn trailer(&self) -> Option<[usize; 3]> {
         None
-    }
-
-    fn body(&self, y: &[f64; STATES], rates: &[f64; STATES], flow: &Flow) -> [f64; BODY_SIGNALS] {
-        self.body_signals(y, rates, flow)
     }
 
     fn measured_articulation(&self, _: &[f64; STATES]) -> (f64, f64) {

@@ -76,17 +76,6 @@ impl TruckPlant {
         [self.articulation(y), y[YAW_RATE] - y[TRAILER + 1]]
     }
 
-    /// True motion signals of the tractor.
-    pub(super) fn tractor_signals(
-        &self,
-        y: &[f64; STATES],
-        rates: &[f64; STATES],
-        flow: &Flow,
-    ) -> [f64; BODY_SIGNALS] {
-        let arm = self.tractor.reference_x;
-        body_signals(&self.effects.vehicle, split(y).0, arm, flow.specific, rates[YAW_RATE])
-    }
-
     /// The semi-trailer's body with its place.
     pub(super) fn trailer_placed(&self, y: &[f64; STATES]) -> [f64; BODY] {
         let mut body = self.trailer_body(y, self.articulation(y).sin_cos());
@@ -253,11 +242,16 @@ impl Plant<STATES, SIGNALS> for TruckPlant {
         Ok(())
     }
 
+    fn body_signals(&self, y: &[f64; STATES], rates: &[f64; STATES], flow: &Flow) -> [f64; BODY_SIGNALS] {
+        let arm = self.tractor.reference_x;
+        body_signals(&self.effects.vehicle, split(y).0, arm, flow.specific, rates[YAW_RATE])
+    }
+
     fn signals(&self, y: &[f64; STATES], rates: &[f64; STATES], flow: &mut Flow) -> [f64; SIGNALS] {
         for (wheel, output) in flow.outputs.iter_mut().enumerate() {
             *output = flow.wheels[wheel].output(y[WHEELS + wheel * PER_WHEEL + SPIN]);
         }
-        let own = self.tractor_signals(y, rates, flow);
+        let own = self.body_signals(y, rates, flow);
         let trailer = self.trailer_placed(y);
         let [articulation, articulation_rate] = self.articulations(y);
         let more = [

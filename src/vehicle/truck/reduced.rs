@@ -1,10 +1,8 @@
 //! Which of a truck's motions are slow.
 
-use super::dynamics::Flow;
 use super::output::SIGNALS;
 use super::plant::{STATES, TRAILER, TruckPlant, WHEELS, WIND_UP};
 use crate::vehicle::reduced::{FIRST_BODY, Relaxed, SprungBody, spring_stiffness};
-use crate::vehicle::sensors::BODY_SIGNALS;
 use crate::vehicle::unit::{Axle, PER_WHEEL, ROLL, ROLL_RATE, VY, YAW, YAW_RATE};
 
 impl Relaxed<STATES, SIGNALS> for TruckPlant {
@@ -54,10 +52,6 @@ impl Relaxed<STATES, SIGNALS> for TruckPlant {
 
     fn trailer(&self) -> Option<[usize; 3]> {
         Some([TRAILER, TRAILER + 1, WIND_UP])
-    }
-
-    fn body(&self, y: &[f64; STATES], rates: &[f64; STATES], flow: &Flow) -> [f64; BODY_SIGNALS] {
-        self.tractor_signals(y, rates, flow)
     }
 
     fn measured_articulation(&self, y: &[f64; STATES]) -> (f64, f64) {
