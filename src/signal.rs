@@ -73,6 +73,8 @@ units! {
     METRE_PER_SECOND = "m/s" [kg 0 m 1 s -1 rad 0] display "km/h" 3.6;
     /// Acceleration and specific force.
     METRE_PER_SECOND2 = "m/s2" [kg 0 m 1 s -2 rad 0];
+    /// Rate of an acceleration.
+    METRE_PER_SECOND3 = "m/s3" [kg 0 m 1 s -3 rad 0];
     /// Angle.
     RADIAN = "rad" [kg 0 m 0 s 0 rad 1] display "deg" DEGREES;
     /// Angular velocity.

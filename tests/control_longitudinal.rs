@@ -70,6 +70,7 @@ impl Drive {
             accel: speed.accel,
             decel: speed.decel,
             speed: speed.limit,
+            ..SpeedLimits::default()
         };
         let plan = SpeedPlan::between(&path, &limits, None, true);
         let mpc = LongitudinalMpc::new(parameters, &speed, &MpcParameters::default());

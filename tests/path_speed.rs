@@ -5,7 +5,14 @@ use rfl_mpc::path::sudoku::Route;
 use rfl_mpc::path::{Closure, Path, Sample, SpeedLimits, SpeedPlan};
 use std::f64::consts::TAU;
 
-const LIMITS: SpeedLimits = SpeedLimits { lateral_accel: 2.0, accel: 1.0, decel: 1.5, speed: 20.0 };
+const LIMITS: SpeedLimits = SpeedLimits {
+    lateral_accel: 2.0,
+    accel: 1.0,
+    decel: 1.5,
+    speed: 20.0,
+    curvature_rate: f64::INFINITY,
+    lateral_jerk: f64::INFINITY,
+};
 
 fn straight(length: usize) -> Path {
     Path::from_samples((0..=length).map(|i| Sample::at(i as f64, 0.0)).collect(), Closure::Open).unwrap()
@@ -136,7 +143,7 @@ proptest! {
         lateral_accel in 0.3..8.0f64, accel in 0.2..4.0f64, decel in 0.2..8.0f64, speed in 1.0..60.0f64,
         start in proptest::option::of(0.0..30.0f64), stop in any::<bool>(),
     ) {
-        let limits = SpeedLimits { lateral_accel, accel, decel, speed };
+        let limits = SpeedLimits { lateral_accel, accel, decel, speed, ..LIMITS };
         for route in [Route::SudokuTurns, Route::HairpinCircuit] {
             let path = course(route);
             let plan = SpeedPlan::between(&path, &limits, start, stop);

@@ -62,7 +62,7 @@ pub struct DriveArgs {
 #[derive(Debug, Args)]
 pub(super) struct ModelArgs {
     /// What the controller predicts with; none with --residual: what the file is for
-    #[arg(long, default_value = "none", hide_possible_values = true, value_parser = named(ControlVariant::ALL, ControlVariant::name, ControlVariant::meaning))]
+    #[arg(long, default_value = "adaptive", hide_possible_values = true, value_parser = named(ControlVariant::ALL, ControlVariant::name, ControlVariant::meaning))]
     variant: ControlVariant,
     /// Learned model to predict with (from rfl train) [default: VARIANT.rflm in --models]
     #[arg(long, value_name = "FILE")]

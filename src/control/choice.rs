@@ -27,6 +27,7 @@ enumeration! {
         Actuator = 7 "actuator", "The nominal model behind a steering actuator with known dead time and lag (actuator.*)";
         Nmpc = 8 "nmpc", "Nonlinear MPC on a single-track model with saturating tyres (nmpc.*)";
         GpNmpc = 9 "gp_nmpc", "Nonlinear MPC with a learned model: Gaussian processes for what the nonlinear model misses";
+        Adaptive = 10 "adaptive", "The nominal model behind the steering actuator that the drive shows, to begin with that of actuator.*; with a model file, what that file holds";
     }
 }
 
@@ -47,7 +48,7 @@ impl ControlVariant {
     /// Whether it needs a learned model.
     #[must_use]
     pub fn is_learned(self) -> bool {
-        !matches!(self, Self::None | Self::Actuator | Self::Nmpc)
+        !matches!(self, Self::None | Self::Actuator | Self::Nmpc | Self::Adaptive)
     }
 }
 
@@ -157,6 +158,7 @@ impl Choice {
             None => {
                 let model = match variant {
                     ControlVariant::Actuator => PredictionModelFor::Actuator(parameters.actuator.actuator()),
+                    ControlVariant::Adaptive => PredictionModelFor::Adaptive(parameters.actuator.actuator()),
                     ControlVariant::Nmpc => nonlinear(variant, parameters, None)?,
                     _ => PredictionModelFor::Nominal,
                 };
@@ -168,7 +170,7 @@ impl Choice {
         }
         let model = LearnedModelFor::<G::Vehicle, S>::read(&file)?;
         let found = model.variant();
-        if variant != ControlVariant::None && variant != found {
+        if !matches!(variant, ControlVariant::None | ControlVariant::Adaptive) && variant != found {
             return Err(ChoiceError::OtherKind { file, found: found.name(), variant: variant.name() });
         }
         let (propagation, roll_out) = (self.propagation, self.roll_out);

@@ -304,6 +304,66 @@ pub fn condense<A: Transition<X>, X: HorizonState>(
     condense_settled(linear, start, affine, propagation, tracked, problem);
 }
 
+/// What one command does in a horizon in which nothing but time tells the steps apart.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Response<X> {
+    /// Effects on each state component by component, the latest first: what a command does `k` steps later stands at
+    /// `horizon - k`.
+    effects: Vec<f64>,
+    horizon: usize,
+    of: std::marker::PhantomData<X>,
+}
+
+impl<X: HorizonState> Response<X> {
+    /// Room for a horizon.
+    #[must_use]
+    pub fn new(horizon: usize) -> Self {
+        Self { effects: vec![0.0; horizon * X::COMPONENTS], horizon, of: std::marker::PhantomData }
+    }
+
+    /// Computes the effects of a command that acts by `newer` after `delay` steps and by `older` a step later, and writes
+    /// `free` and `gain` of a one-input problem. `known` are the known inputs of each step, `past` is the command so many steps
+    /// before the first decision.
+    #[allow(clippy::too_many_arguments)]
+    pub fn condense<A: Transition<X>>(
+        &mut self,
+        a: &A,
+        [newer, older]: [&X; 2],
+        delay: usize,
+        start: &X,
+        known: &[X],
+        past: impl Fn(usize) -> f64,
+        tracked: &[usize],
+        problem: &mut TrackingQp,
+    ) {
+        let (horizon, outputs) = (self.horizon, tracked.len());
+        debug_assert_eq!(
+            (problem.shape.horizon, problem.shape.outputs, problem.shape.inputs),
+            (horizon, outputs, 1)
+        );
+        let (mut effect, mut x) = (X::zero(), *start);
+        for (j, known) in known.iter().enumerate() {
+            // A command of the past acts in step j by what of it arrives then.
+            let arriving = |delay: usize| if delay > j { past(delay - j) } else { 0.0 };
+            x = a.apply(&x) + *known + *newer * arriving(delay) + *older * arriving(delay + 1);
+            effect = a.apply(&effect);
+            if j == delay {
+                effect += *newer;
+            } else if j == delay + 1 {
+                effect += *older;
+            }
+            write(&effect, &mut self.effects, horizon, horizon - 1 - j);
+            for (i, &state) in tracked.iter().enumerate() {
+                let row = j * outputs + i;
+                problem.free[row] = x.component(state);
+                let entries = &mut problem.gain[row * horizon..][..=j];
+                entries.copy_from_slice(&self.effects[state * horizon..][horizon - 1 - j..horizon]);
+            }
+        }
+        problem.shift_invariant = true;
+    }
+}
+
 /// The same with `settled` as it stands.
 pub(super) fn condense_settled<A: Transition<X>, X: HorizonState>(
     Linear { a, b }: Linear<'_, A, X>,

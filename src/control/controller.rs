@@ -3,6 +3,7 @@
 //! A step never leaves the vehicle without a command. If the solver misses its deadline or fails, the last plan
 //! goes on; when that is used up, steering is held and the vehicle brakes.
 
+use super::bank::{Bank, BankState, KnownActuator};
 use super::clarabel_solver::BuildError;
 use super::history::History;
 use super::lateral::{LateralError, LateralInput, LateralMpc};
@@ -15,7 +16,7 @@ use super::status::ControlStatus;
 use super::tracking_qp::{QpEnd, QpError, QpReport, TrackingQp};
 use super::variant::PredictionModelFor;
 use super::vehicle::{ControlledVehicle, VehicleParameters};
-use crate::nominal::{ERRORS, ErrorState, body_change};
+use crate::nominal::{ERRORS, ErrorState, LateralVehicle as _, body_change};
 use crate::parameter::OutOfRange;
 use crate::path::{Path, SpeedLimits, SpeedPlan};
 use crate::residual::Random;
@@ -102,6 +103,8 @@ pub struct ControllerState<const S: usize = ERRORS> {
     plan_age: usize,
     history: History<S>,
     observer: Observer<S>,
+    /// None where the prediction has no actuator to find.
+    bank: Option<BankState>,
     /// Station of the last step.
     station: Option<f64>,
     /// Distance driven along the path.
@@ -118,6 +121,12 @@ pub struct ControllerState<const S: usize = ERRORS> {
 /// Steps for which a value of the dither is held: 40 ms at Ts = 0.02 s. Held for 0.1 s it says nothing of commands above
 /// 5 Hz, and a model learned from it is wrong where a tight controller then acts.
 const DITHER_HOLD: u64 = 2;
+
+/// Uncertainty of the actuator's delay at which the loop is half way from calm to tight, s: that a tight loop stands it three times over.
+const SURE: f64 = 0.015;
+
+/// Share of the steering's rate and of the lateral jerk that the speed plan uses: the rest is for errors.
+const PLANNED_SHARE: f64 = 0.5;
 
 /// Lateral error beyond which something is wrong, and speed is the first thing to give up: a lane's width, m.
 const FAR_E1: f64 = 3.5;
@@ -143,16 +152,19 @@ pub struct ControllerFor<G, const S: usize> {
     lateral: LateralMpc<S>,
     longitudinal: Option<LongitudinalMpc>,
     noise: Noise<S>,
+    bank: Option<Bank>,
     state: ControllerState<S>,
 }
 
 impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
-    /// Sets the controller up for a path.
+    /// Sets the controller up for a path. It predicts with the linear model behind the steering actuator of the parameters, to
+    /// begin with, and then with the one that the drive shows.
     ///
     /// # Errors
     /// A parameter out of range.
     pub fn new(parameters: ControllerParametersFor<G>, path: Arc<Path>) -> Result<Self, ControllerError> {
-        Self::predicting_with(parameters, path, PredictionModelFor::Nominal)
+        let known = parameters.actuator.actuator();
+        Self::predicting_with(parameters, path, PredictionModelFor::Adaptive(known))
     }
 
     /// Sets a controller up that predicts with a model of choice.
@@ -166,16 +178,27 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
     ) -> Result<Self, ControllerError> {
         const { assert!(S >= ERRORS, "a state begins with the errors to the path") };
         parameters.check()?;
-        let speed = &parameters.speed;
+        let (speed, mpc, vehicle) = (&parameters.speed, &parameters.mpc, parameters.vehicle.nominal());
+        let steered = |bound: f64| if mpc.follow_road == 1 { PLANNED_SHARE * bound } else { f64::INFINITY };
         let limits = SpeedLimits {
             lateral_accel: speed.lateral_accel,
             accel: speed.accel,
             decel: speed.decel,
             speed: speed.limit,
+            curvature_rate: steered(mpc.steer_rate_max / vehicle.wheelbase()),
+            lateral_jerk: steered(mpc.lateral_jerk_max),
         };
         let plan = path.plan_to_the_end(&limits);
         let further = parameters.vehicle.further_states();
         let noise = Noise::new(&parameters.observer, &further, parameters.mpc.sample_time);
+        let bank = match &model {
+            PredictionModelFor::Adaptive(known) => Some(Bank::new(*known, parameters.mpc.sample_time)),
+            // A residual holds the actuator; the road is followed ahead of it.
+            PredictionModelFor::Residual(_) if parameters.mpc.follow_road == 1 => {
+                Some(Bank::new(parameters.actuator.actuator(), parameters.mpc.sample_time))
+            }
+            _ => None,
+        };
         let lateral = LateralMpc::new(parameters.vehicle.nominal(), parameters.mpc, &further, model)?;
         let longitudinal = match speed.tracked_by() {
             SpeedController::Pi => None,
@@ -189,6 +212,7 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
             plan_age: parameters.mpc.horizon,
             history: History::new(lateral.window()),
             observer: Observer::default(),
+            bank: bank.as_ref().map(Bank::state),
             station: None,
             travelled: 0.0,
             speed_integral: 0.0,
@@ -197,7 +221,7 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
             steps: 0,
             last: StepReport::default(),
         };
-        Ok(Self { parameters, path, plan, lateral, longitudinal, noise, state })
+        Ok(Self { parameters, path, plan, lateral, longitudinal, noise, bank, state })
     }
 
     /// One control step. The commands hold until the next one, `mpc.sample_time` later.
@@ -215,6 +239,9 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
         let errors = ErrorState::new(report.e1, report.e1_rate, report.e2, report.e2_rate);
         let state = G::Vehicle::state(&errors, measurement);
         self.state.history.observe(&state, previous);
+        if let (Some(bank), Some(state)) = (&self.bank, &mut self.state.bank) {
+            bank.observe(state, measurement, previous);
+        }
         let observer = self.parameters.observer;
         let mut estimate = state;
         if far {
@@ -304,6 +331,7 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
         let predicted = self.longitudinal.as_ref().map_or(&[][..], LongitudinalMpc::predicted_speeds);
         let memory = &self.state;
         let disturbance = memory.observer.disturbance(&self.noise);
+        let known = memory.bank.as_ref().map(BankState::known);
         self.lateral.step(&LateralInput {
             state: &aim,
             vy,
@@ -317,6 +345,8 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
             disturbance: &disturbance,
             use_residual: !far,
             time_limit,
+            actuator: known.map(|known| known.actuator),
+            tightness: known.map_or(0.0, |known| tightness(&known)),
         })
     }
 
@@ -426,6 +456,12 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
         &self.lateral
     }
 
+    /// The steering actuator as the drive has shown it; none where the prediction has none to find.
+    #[must_use]
+    pub fn known_actuator(&self) -> Option<KnownActuator> {
+        self.state.bank.as_ref().map(BankState::known)
+    }
+
     /// The longitudinal MPC, where the speed is tracked by one.
     #[must_use]
     pub fn longitudinal(&self) -> Option<&LongitudinalMpc> {
@@ -490,8 +526,17 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
     /// Puts a state in the place of its own, which comes out, if it fits.
     fn exchange(&mut self, state: &mut ControllerState<S>) -> bool {
         let window = |state: &ControllerState<S>| state.history.states().len();
+        let of_bank = match (&self.bank, &state.bank) {
+            (Some(bank), Some(state)) => bank.fits(state),
+            (None, None) => true,
+            _ => false,
+        };
         let other_speed = state.longitudinal.is_some() != self.longitudinal.is_some();
-        if state.plan.len() != self.state.plan.len() || window(state) != window(&self.state) || other_speed {
+        if state.plan.len() != self.state.plan.len()
+            || window(state) != window(&self.state)
+            || other_speed
+            || !of_bank
+        {
             return false;
         }
         std::mem::swap(&mut self.state, state);
@@ -500,6 +545,12 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
         }
         true
     }
+}
+
+/// How sure the prediction is of the actuator, 0 to 1.
+fn tightness(known: &KnownActuator) -> f64 {
+    let (sure, spread) = (SURE * SURE, known.spread * known.spread);
+    sure / (sure + spread)
 }
 
 fn check(measurement: &Measurement) -> Result<(), StepError> {

@@ -10,18 +10,20 @@
 //! where `e2_steady` is the yaw error of steady cornering (its sideslip): a reference of zero would pull the car
 //! off the path in every bend.
 
+use super::bank::slowest;
 use super::clarabel_solver::BuildError;
 use super::condense::{Affine, Linear, Propagation, condense};
 use super::fast_solver::build_solver;
 use super::history::History;
 use super::parameters::MpcParameters;
 use super::preview::{Preview, SpeedAhead};
+use super::reference::RoadReference;
 use super::tracking_qp::{QpError, QpReport, QpShape, SoftBound, TrackingQp};
 use super::variant::{
     Actuated, BicycleRollOut, Expected, NominalWithResidual, PredictionModelFor, Qp, Timing, Variant,
 };
 use super::vehicle::{Bound, ControlledVehicle, FurtherState, Nonlinear};
-use crate::nominal::{ERRORS, SingleTrackError};
+use crate::nominal::{Actuator, ERRORS, SingleTrackError};
 use crate::path::Path;
 use crate::residual::Misfit;
 use nalgebra::SVector;
@@ -65,11 +67,72 @@ pub struct LateralInput<'a, const S: usize = ERRORS> {
     pub use_residual: bool,
     /// Seconds for the solver; infinite for no limit.
     pub time_limit: f64,
+    /// The steering actuator to predict with, where the drive has shown it.
+    pub actuator: Option<Actuator>,
+    /// How sure the prediction is, 0 to 1: the loop becomes the faster, `mpc.tightening`.
+    pub tightness: f64,
+}
+
+/// Writes what following the road asks for into a problem, for a kind of vehicle.
+trait FollowRoad<const S: usize>: Send {
+    fn write(
+        &mut self,
+        input: &LateralInput<'_, S>,
+        preview: &Preview,
+        actuator: Option<&Actuator>,
+        qp: &mut Qp,
+    ) -> Result<(), QpError>;
+}
+
+/// A vehicle on its road.
+struct Following<V, const S: usize> {
+    vehicle: V,
+    min_model_speed: f64,
+    reference: RoadReference<S>,
+}
+
+impl<V: ControlledVehicle<S>, const S: usize> Following<V, S> {
+    fn new(vehicle: V, p: &MpcParameters) -> Self {
+        let reference = RoadReference::new(p.horizon, p.sample_time);
+        Self { vehicle, min_model_speed: p.min_model_speed, reference }
+    }
+}
+
+impl<V: ControlledVehicle<S>, const S: usize> FollowRoad<S> for Following<V, S> {
+    fn write(
+        &mut self,
+        input: &LateralInput<'_, S>,
+        preview: &Preview,
+        actuator: Option<&Actuator>,
+        qp: &mut Qp,
+    ) -> Result<(), QpError> {
+        let speed = input.ahead.speed;
+        let model = self
+            .vehicle
+            .model_at(speed.max(self.min_model_speed))
+            .map_err(|_| QpError::Numerical { iterations: 0 })?;
+        let steady = self.vehicle.steady_state(speed);
+        self.reference.follow(&model, &steady, input.path, input.station, speed, preview);
+        self.reference.write_increments(actuator, &mut qp.problem.free_increments);
+        for (j, of_step) in qp.transient.chunks_exact_mut(qp.tracked.len()).enumerate() {
+            let transient = self.reference.transient(j);
+            for (value, &state) in of_step.iter_mut().zip(&qp.tracked) {
+                *value = transient[state];
+            }
+        }
+        Ok(())
+    }
 }
 
 /// The MPC with its preallocated problem.
 pub struct LateralMpc<const S: usize = ERRORS> {
     parameters: MpcParameters,
+    /// The actuator of the prediction, if it is given.
+    actuator: Option<Actuator>,
+    /// Weights of the outputs without tightening, and the powers of the bandwidth that they fall by.
+    weights: Vec<(f64, i32)>,
+    wheelbase: f64,
+    road: Option<Box<dyn FollowRoad<S>>>,
     variant: Box<dyn Variant<S>>,
     preview: Preview,
     qp: Qp,
@@ -77,6 +140,8 @@ pub struct LateralMpc<const S: usize = ERRORS> {
 
 /// Speed at which the QP that scales the solver is linearised, m/s.
 const TYPICAL_SPEED: f64 = 10.0;
+/// A lateral jerk by steering's rate that is none, m/s2.
+const TINY: f64 = 1e-9;
 /// Largest reference of the yaw error, rad. Far from straight driving the linear steady state means nothing.
 const LARGEST_YAW_REFERENCE: f64 = 0.3;
 
@@ -136,14 +201,30 @@ impl<const S: usize> LateralMpc<S> {
         let linear = Linear { a: &typical.a, b: &typical.b };
         condense(linear, &start, &mut affine, &[], Propagation::default(), &tracked, &mut problem);
         let solver = build_solver(p.solver, &problem, p.max_iterations as u32)?;
+        let model_is_linear = !matches!(model, PredictionModelFor::Bicycle(_));
+        let actuator = match &model {
+            PredictionModelFor::Actuator(actuator) | PredictionModelFor::Adaptive(actuator) => {
+                Some(*actuator)
+            }
+            _ => None,
+        };
         let variant: Box<dyn Variant<S>> = match model {
             PredictionModelFor::Nominal => Box::new(NominalWithResidual::new(vehicle, p, None)?),
             PredictionModelFor::Residual(residual) => {
                 Box::new(NominalWithResidual::new(vehicle, p, Some(residual))?)
             }
-            PredictionModelFor::Actuator(actuator) => Box::new(Actuated::new(vehicle, p, actuator)),
+            PredictionModelFor::Actuator(actuator) => Box::new(Actuated::new(vehicle, p, actuator, actuator)),
+            PredictionModelFor::Adaptive(actuator) => {
+                Box::new(Actuated::new(vehicle, p, actuator, slowest()))
+            }
             PredictionModelFor::Bicycle(nonlinear) => nonlinear.variant(vehicle, p)?,
         };
+        let powers = |&i: &usize| (weights[i], [0, 2, 2, 4].get(i).copied().unwrap_or(2));
+        let weights: Vec<(f64, i32)> = tracked.iter().map(powers).collect();
+        let wheelbase = vehicle.wheelbase();
+        let follows = p.follow_road == 1 && model_is_linear;
+        let road: Option<Box<dyn FollowRoad<S>>> =
+            if follows { Some(Box::new(Following::new(vehicle, p))) } else { None };
         let qp = Qp {
             largest_reference: tracked.iter().map(largest_reference).collect(),
             inputs: vec![0.0; p.horizon],
@@ -152,9 +233,19 @@ impl<const S: usize> LateralMpc<S> {
             problem,
             solver,
             timing: Timing::default(),
+            transient: if follows { vec![0.0; rows] } else { Vec::new() },
             solved: 0,
         };
-        Ok(Self { variant, preview: Preview::new(p.horizon), qp, parameters })
+        Ok(Self {
+            actuator,
+            variant,
+            preview: Preview::new(p.horizon),
+            qp,
+            parameters,
+            weights,
+            wheelbase,
+            road,
+        })
     }
 
     /// One control step.
@@ -169,7 +260,28 @@ impl<const S: usize> LateralMpc<S> {
         self.qp.problem.previous[0] = previous;
         self.qp.timing = Timing::default();
         self.qp.solved = 0;
+        self.weigh(input.ahead.speed, input.tightness);
+        if let Some(road) = &mut self.road {
+            let actuator = input.actuator.or(self.actuator);
+            road.write(input, &self.preview, actuator.as_ref(), &mut self.qp)?;
+        }
         self.variant.plan(input, &self.preview, previous, &mut self.qp)
+    }
+
+    /// Writes the weights and the bound of the rate at a speed. A loop that is `f` times as fast has time shorter by `f`: weights
+    /// of rates fall with its square, those of the second derivative with its fourth power, that of the lateral jerk, which
+    /// steering's rate is by `v^2/L`, with its sixth.
+    fn weigh(&mut self, speed: f64, tightness: f64) {
+        let p = &self.parameters;
+        let faster = p.tightening.powf(tightness);
+        let shape = &mut self.qp.problem.shape;
+        for (weight, &(calm, power)) in shape.output_weight.iter_mut().zip(&self.weights) {
+            *weight = calm * faster.powi(-power);
+        }
+        let jerk = speed * speed / self.wheelbase;
+        let rate_weight = (p.r_rate + p.r_lateral_jerk * jerk * jerk) * faster.powi(-6);
+        shape.rate_weight[0] = rate_weight / (p.sample_time * p.sample_time);
+        shape.rate_max[0] = p.steer_rate_max.min(p.lateral_jerk_max / jerk.max(TINY)) * p.sample_time;
     }
 
     /// The state after this step if `steer` is issued, with everything that the newest prediction knew; `past` are the

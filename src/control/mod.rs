@@ -10,9 +10,11 @@
 //! | `clarabel_solver.rs` | its solution by an interior-point method, updated in place: always works |
 //! | `fast_solver.rs` | the first, and where it fails the second |
 //! | `solve.rs` | a linear system of a few equations |
+//! | `bank.rs` | which steering actuator: hypotheses, scored while driving |
 //! | `history.rs` | the window of states and commands that a learned residual looks at |
 //! | `observer.rs` | state and disturbance from noisy measurements: offset-free tracking |
 //! | `preview.rs` | the road over the horizon |
+//! | `reference.rs` | states and steering that following the road asks for |
 //! | `lateral.rs` | the MPC: road ahead, cost, bounds |
 //! | `variant/` | what it predicts with: nominal, learned residual, known actuator, nonlinear |
 //! | `choice.rs` | which variant: from a user's word, parameters and files |
@@ -25,6 +27,7 @@
 //! | `status.rs` | what a step did, in words |
 
 mod active_set;
+mod bank;
 mod choice;
 mod cholesky;
 mod clarabel_solver;
@@ -38,6 +41,7 @@ mod longitudinal;
 mod observer;
 mod parameters;
 mod preview;
+mod reference;
 mod sampler;
 mod solve;
 mod speed;
@@ -48,6 +52,7 @@ mod variant;
 mod vehicle;
 
 pub use active_set::ActiveSetSolver;
+pub use bank::{Bank, BankState, KnownActuator};
 pub use choice::{Choice, ChoiceError, ControlVariant, LearnedModel, LearnedModelFor, MODEL_EXTENSION};
 pub use clarabel_solver::{BuildError, ClarabelSolver};
 pub use condense::{Affine, HorizonState, Linear, Propagation, condense};

@@ -8,7 +8,7 @@ use crate::nominal::{Actuator, DeadTimeModel};
 use crate::parameter::{OutOfRange, Parameter, ParameterGroup};
 use crate::parameters;
 use crate::residual::DataConfig;
-use crate::vehicle::{CarParameters, SingleTrack};
+use crate::vehicle::{CarParameters, SingleTrack, Steering};
 
 /// Steps of the prediction that the FMU shows as outputs; longer horizons are allowed.
 pub const SHOWN_HORIZON: usize = 30;
@@ -29,15 +29,19 @@ parameters! {
     /// The lateral MPC.
     pub struct MpcParameters {
         sample_time: f64 = 0.02, SECOND in 0.001, 0.2; "mpc.sample_time", "Time between control steps, Ts"
-        horizon: usize = 16, ONE in 2.0, 120.0; "mpc.horizon", "Steps of the prediction and control horizon, N"
+        horizon: usize = 50, ONE in 2.0, 120.0; "mpc.horizon", "Steps of the prediction and control horizon, N"
         q_e1: f64 = 1.0, ONE in 0.0, 1e6; "mpc.q_e1", "Weight of the squared lateral error, per m2"
-        q_e1_rate: f64 = 0.4, ONE in 0.0, 1e6; "mpc.q_e1_rate", "Weight of the squared rate of the lateral error, per (m/s)2"
-        q_e2: f64 = 1.0, ONE in 0.0, 1e6; "mpc.q_e2", "Weight of the squared deviation of the yaw error from that of steady cornering, per rad2"
-        q_e2_rate: f64 = 0.0, ONE in 0.0, 1e6; "mpc.q_e2_rate", "Weight of the squared rate of the yaw error, per (rad/s)2"
+        q_e1_rate: f64 = 0.015, ONE in 0.0, 1e6; "mpc.q_e1_rate", "Weight of the squared rate of the lateral error, per (m/s)2"
+        q_e2: f64 = 32.0, ONE in 0.0, 1e6; "mpc.q_e2", "Weight of the squared deviation of the yaw error from that of steady cornering, per rad2"
+        q_e2_rate: f64 = 5.0, ONE in 0.0, 1e6; "mpc.q_e2_rate", "Weight of the squared rate of the yaw error, per (rad/s)2"
         terminal_factor: f64 = 1.0, ONE in 1.0, 1e4; "mpc.terminal_factor", "Factor on the weights at the end of the horizon"
-        r_rate: f64 = 0.03, ONE in 1e-9, 1e6; "mpc.r_rate", "Weight of the squared rate of the steering command, per (rad/s)2"
+        r_rate: f64 = 0.016, ONE in 1e-9, 1e6; "mpc.r_rate", "Weight of the squared rate of the steering command, per (rad/s)2"
+        r_lateral_jerk: f64 = 0.0, ONE in 0.0, 1e6; "mpc.r_lateral_jerk", "Weight of the squared lateral jerk that the rate of the steering command asks for, v^2/L times that rate, per (m/s3)2"
+        tightening: f64 = 2.5, ONE in 1.0, 10.0; "mpc.tightening", "Factor on the loop's bandwidth once the drive has shown the steering actuator: weights of rates fall with its square, that of the steering's rate with its sixth power"
+        follow_road: usize = 1, ONE in 0.0, 1.0; "mpc.follow_road", "What the cost is on: 1 for the deviation from the steering and the motion that following the road asks for; 0 for the steering's own rate, and the deviation from steady cornering"
         steer_max: f64 = 0.6, RADIAN in 0.01, 1.4; "mpc.steer_max", "Largest road-wheel angle that is commanded"
         steer_rate_max: f64 = 0.8, RADIAN_PER_SECOND in 0.01, 20.0; "mpc.steer_rate_max", "Largest rate of the road-wheel angle that is commanded"
+        lateral_jerk_max: f64 = 15.0, METRE_PER_SECOND3 in 0.1, 1e6; "mpc.lateral_jerk_max", "Largest lateral jerk that the rate of the steering command asks for, v^2/L times that rate: the bound of the rate falls with the speed"
         e1_max: f64 = 0.5, METRE in 0.01, 100.0; "mpc.e1_max", "Soft bound of the lateral error"
         slack_quadratic: f64 = 100.0, ONE in 1e-6, 1e9; "mpc.slack_quadratic", "Weight of the squared excess over the soft bound, per m2"
         slack_linear: f64 = 1.0, ONE in 0.0, 1e9; "mpc.slack_linear", "Weight of the excess over the soft bound, per m"
@@ -113,6 +117,7 @@ impl ControllerParameters {
     pub fn for_car(car: &CarParameters) -> Self {
         let vehicle = NominalVehicle::from_single_track(&car.single_track());
         let mut parameters = Self { vehicle, ..Self::default() };
+        parameters.actuator = ActuatorParameters::of(&car.steering);
         parameters.mpc.steer_max = parameters.mpc.steer_max.min(car.steering.angle_limit);
         parameters.mpc.steer_rate_max = parameters.mpc.steer_rate_max.min(car.steering.rate_limit);
         parameters
@@ -180,11 +185,56 @@ pub(super) fn set<G: ParameterGroup>(group: &mut G, name: &str, value: f64) -> R
 }
 
 impl ActuatorParameters {
+    /// Dead time and lag of a vehicle's file.
+    #[must_use]
+    pub fn of(steering: &Steering) -> Self {
+        Self { dead_time: steering.dead_time, time_constant: steering.lag, ..Self::default() }
+    }
+
     /// The actuator that the variant predicts with.
     #[must_use]
     pub fn actuator(&self) -> Actuator {
         let Self { dead_time, dead_time_model, time_constant } = *self;
         Actuator { dead_time, time_constant, dead_time_model }
+    }
+}
+
+impl MpcParameters {
+    /// The settings of the papers' tables, which a nominal MPC that knows no actuator was tuned to: a horizon of 0.32 s for a car,
+    /// a cost on the steering's own rate, and a rate that is bounded alike at all speeds.
+    #[must_use]
+    pub fn of_the_papers(self) -> Self {
+        Self {
+            horizon: 16,
+            q_e1: 1.0,
+            q_e1_rate: 0.4,
+            q_e2: 1.0,
+            q_e2_rate: 0.0,
+            r_rate: 0.03,
+            r_lateral_jerk: 0.0,
+            tightening: 1.0,
+            follow_road: 0,
+            lateral_jerk_max: 1e6,
+            ..self
+        }
+    }
+}
+
+impl<G> ControllerParametersFor<G> {
+    /// Without what the papers' controllers do not have.
+    #[must_use]
+    pub(super) fn plain(self) -> Self {
+        let observer = ObserverParameters { disturbance_noise: 0.0, prediction_noise: 0.05, ..self.observer };
+        Self { observer, actuator: ActuatorParameters::default(), ..self }
+    }
+}
+
+impl ControllerParameters {
+    /// The settings of the car paper's tables for a car.
+    #[must_use]
+    pub fn of_the_papers(car: &CarParameters) -> Self {
+        let parameters = Self::for_car(car).plain();
+        Self { mpc: parameters.mpc.of_the_papers(), ..parameters }
     }
 }
 

@@ -4,7 +4,7 @@
 //! soft bound:
 //!
 //! ```text
-//! min  1/2 sum_i w_i (y_i - ref_i)^2 + 1/2 sum_j r (u_j - u_{j-1})^2 + sum_s (1/2 quadratic s^2 + linear s)
+//! min  1/2 sum_i w_i (y_i - ref_i)^2 + 1/2 sum_j r (u_j - u_{j-1} - d_j)^2 + sum_s (1/2 quadratic s^2 + linear s)
 //! s.t. y = free + G U
 //!      |u_j - u_{j-1}| <= rate_max,   u_min <= u_j <= u_max
 //!      min - s <= y_i <= max + s,  s >= 0     for softly bounded outputs
@@ -70,6 +70,11 @@ pub struct TrackingQp {
     pub reference: Vec<f64>,
     /// Inputs before the first step, `inputs`.
     pub previous: Vec<f64>,
+    /// Increments of the inputs that cost nothing, `d`, `N inputs`.
+    pub free_increments: Vec<f64>,
+    /// Whether an input acts as the one before it did a step earlier, `G` being constant along its diagonals: the cost is then
+    /// condensed in `O(N^2)`.
+    pub shift_invariant: bool,
 }
 
 /// How a solver ended.
@@ -125,6 +130,14 @@ pub trait QpSolver: Send {
 }
 
 impl QpShape {
+    /// Whether a solver for the other serves this one: weights and rates may differ from step to step, nothing else.
+    #[must_use]
+    pub fn is_like(&self, other: &Self) -> bool {
+        (self.horizon, self.outputs, self.inputs) == (other.horizon, other.outputs, other.inputs)
+            && (&self.input_min, &self.input_max, &self.soft)
+                == (&other.input_min, &other.input_max, &other.soft)
+    }
+
     /// Weight of output `i` at step `j` of the horizon (0 is the first predicted step).
     #[must_use]
     pub fn weight(&self, step: usize, output: usize) -> f64 {
@@ -144,6 +157,8 @@ impl TrackingQp {
             free: vec![0.0; rows],
             reference: vec![0.0; rows],
             previous: vec![0.0; shape.inputs],
+            free_increments: vec![0.0; columns],
+            shift_invariant: false,
             shape,
         }
     }
@@ -168,7 +183,8 @@ impl TrackingQp {
         }
         let before = self.previous.iter().chain(inputs);
         for (k, (input, before)) in inputs.iter().zip(before).enumerate() {
-            sum += 0.5 * shape.rate_weight[k % shape.inputs] * (input - before).powi(2);
+            let change = input - before - self.free_increments[k];
+            sum += 0.5 * shape.rate_weight[k % shape.inputs] * change.powi(2);
         }
         sum
     }

@@ -5,7 +5,9 @@
 //! bends. A soft bound keeps it from jack-knifing.
 
 use super::controller::Measurement;
-use super::parameters::{self, ControllerParametersFor, MpcParameters, SpeedController, SpeedParameters};
+use super::parameters::{
+    self, ActuatorParameters, ControllerParametersFor, MpcParameters, SpeedController, SpeedParameters,
+};
 use super::variant::ArticulatedModel;
 use super::vehicle::{Bound, ControlledVehicle, FurtherState, VehicleParameters};
 use super::{ControllerFor, LongitudinalParameters};
@@ -150,6 +152,17 @@ impl NominalTruck {
 }
 
 impl TruckControllerParameters {
+    /// The settings of the truck paper's tables for a truck.
+    #[must_use]
+    pub fn of_the_papers(truck: &TruckParameters) -> Self {
+        let parameters = Self::for_truck(truck).plain();
+        let mpc = parameters.mpc.of_the_papers();
+        Self {
+            mpc: MpcParameters { horizon: 60, q_e1_rate: 0.4, q_e2: 0.0, r_rate: 0.1, ..mpc },
+            ..parameters
+        }
+    }
+
     /// The default controller for a truck: its linear model, its limits of steering and articulation, the lag of its drive.
     #[must_use]
     pub fn for_truck(truck: &TruckParameters) -> Self {
@@ -157,9 +170,11 @@ impl TruckControllerParameters {
         vehicle.articulation_max = vehicle.articulation_max.min(SAFE_SHARE * truck.hitch.articulation_limit);
         let mpc = MpcParameters {
             horizon: 60,
-            q_e1_rate: 0.4,
-            q_e2: 0.0,
-            r_rate: 0.1,
+            q_e1_rate: 0.26,
+            q_e2: 1.6,
+            q_e2_rate: 40.0,
+            r_rate: 2.8,
+            tightening: 2.2,
             steer_max: truck.steering.angle_limit.min(0.6),
             steer_rate_max: truck.steering.rate_limit.min(0.6),
             ..MpcParameters::default()
@@ -175,6 +190,7 @@ impl TruckControllerParameters {
         };
         let longitudinal =
             LongitudinalParameters { drive_lag: truck.drive.lag, ..LongitudinalParameters::default() };
-        Self { vehicle, mpc, speed, longitudinal, ..Self::default() }
+        let actuator = ActuatorParameters::of(&truck.steering);
+        Self { vehicle, mpc, speed, longitudinal, actuator, ..Self::default() }
     }
 }

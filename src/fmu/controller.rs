@@ -116,6 +116,7 @@ struct Variables {
     status: Vr,
     iterations: Vr,
     compute_time: Vr,
+    found: [Vr; 3],
     finished: Vr,
     path_length: Vr,
     start: [Vr; 4],
@@ -193,7 +194,7 @@ fn chosen(v: &Variables, values: &Values, context: &Context) -> Choice {
     // The FMI layer admits no other numbers than the declared ones.
     let variant = ControlVariant::from_number(values.integer(v.variant)).unwrap_or_default();
     Choice {
-        variant: if by_file { ControlVariant::None } else { variant },
+        variant: if by_file { ControlVariant::Adaptive } else { variant },
         file,
         folder: context.resources.as_ref().map_or_else(|| MODELS.into(), |folder| folder.join(MODELS)),
         propagation: Propagation::from_number(values.integer(v.propagation)).unwrap_or_default(),
@@ -242,6 +243,15 @@ fn declare<U: ControllerUnit<S>, const S: usize>() -> (Declaration, Variables) {
         Unit::ONE,
         "Share of the horizon where the learned residual was asked outside its training and faded out".into(),
     );
+    let found = [
+        (
+            "dead_time",
+            "Dead time of the steering actuator as the drive has shown it; that of actuator.* before",
+        ),
+        ("time_constant", "Time constant of the steering actuator's lag as the drive has shown it"),
+        ("spread", "Standard deviation of the sum of both: how sure the controller is"),
+    ]
+    .map(|(name, meaning)| real(format!("actuator.found.{name}"), Unit::SECOND, meaning.into()));
     let path_length = real("path.length".into(), Unit::METRE, "Length of the path".into());
     let start =
         [("x", Unit::METRE), ("y", Unit::METRE), ("yaw", Unit::RADIAN), ("speed", Unit::METRE_PER_SECOND)]
@@ -278,7 +288,11 @@ fn declare<U: ControllerUnit<S>, const S: usize>() -> (Declaration, Variables) {
         "Path to follow: a CSV file, absolute or in the FMU's resources",
     ));
     let vehicle_file = d.add(vehicle_file_parameter::<U::File>(U::WHAT));
-    let variant = Kind::Enumeration { type_name: "Variant", items: ControlVariant::ITEMS, start: 0 };
+    let variant = Kind::Enumeration {
+        type_name: "Variant",
+        items: ControlVariant::ITEMS,
+        start: ControlVariant::Adaptive as i32,
+    };
     let variant = d.add(Variable::parameter_of(
         variant,
         "variant",
@@ -320,6 +334,7 @@ fn declare<U: ControllerUnit<S>, const S: usize>() -> (Declaration, Variables) {
         status,
         iterations,
         compute_time,
+        found,
         finished,
         path_length,
         start,
@@ -487,6 +502,12 @@ fn write_outputs<U: ControllerUnit<S>, const S: usize>(
         (v.compute_time, report.compute_time),
     ] {
         values.set_real(vr, value);
+    }
+    if let Some(known) = controller.known_actuator() {
+        let found = [known.actuator.dead_time, known.actuator.time_constant, known.spread];
+        for (vr, value) in v.found.iter().zip(found) {
+            values.set_real(*vr, value);
+        }
     }
     values.set_integer(v.status, report.status as i32);
     values.set_integer(v.iterations, i32::try_from(report.iterations).unwrap_or(i32::MAX));

@@ -24,7 +24,7 @@
 //! let foot = road.project(0.0, 1.0, 0.0, None);
 //! assert!((foot.e1 - 1.0).abs() < 1e-3 && foot.e2.abs() < 1e-3);
 //!
-//! let plan = SpeedPlan::new(&road, &SpeedLimits { lateral_accel: 2.0, accel: 1.0, decel: 1.0, speed: 30.0 });
+//! let plan = SpeedPlan::new(&road, &SpeedLimits { lateral_accel: 2.0, accel: 1.0, decel: 1.0, ..SpeedLimits::default() });
 //! assert!((plan.speed(0.0) - 10.0).abs() < 0.05);
 //! # Ok::<(), rfl_mpc::path::PathError>(())
 //! ```

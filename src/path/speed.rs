@@ -2,6 +2,7 @@
 //!
 //! ```text
 //!     v(s) <= min(limit of the road, limit of the user, sqrt(a_lat / |curvature|))
+//!     v |curvature'| <= curvature rate,   v^3 |curvature'| <= lateral jerk              (what steering can follow)
 //!     -decel(v) <= v dv/ds <= accel(v),   both scaled by sqrt(1 - (v^2 curvature / a_lat)^2)   (friction ellipse)
 //! ```
 //!
@@ -32,12 +33,24 @@ pub struct SpeedLimits {
     pub decel: f64,
     /// Speed in m/s.
     pub speed: f64,
+    /// Rate of the driven curvature in 1/(m s): about the steering's rate over the wheelbase; infinite for no limit.
+    pub curvature_rate: f64,
+    /// Lateral jerk in m/s3; infinite for no limit.
+    pub lateral_jerk: f64,
 }
 
 impl Default for SpeedLimits {
-    /// A calm driver: 2.25 m/s2 sideways, 1.2 forward, 1.8 braking, 50 m/s.
+    /// A calm driver: 2.25 m/s2 sideways, 1.2 forward, 1.8 braking, 50 m/s; steering that is fast enough.
     fn default() -> Self {
-        Self { lateral_accel: 2.25, accel: 1.2, decel: 1.8, speed: 50.0 }
+        let without = f64::INFINITY;
+        Self {
+            lateral_accel: 2.25,
+            accel: 1.2,
+            decel: 1.8,
+            speed: 50.0,
+            curvature_rate: without,
+            lateral_jerk: without,
+        }
     }
 }
 
@@ -102,7 +115,9 @@ impl SpeedPlan {
                 let limit = limits.lateral_accel.min(GRIP_SHARE * 9.81 * friction).max(1e-3);
                 lateral.push(limit);
                 let top = if road.is_nan() { limits.speed } else { limits.speed.min(road) };
-                (top * top).min(limit / curvature[i].max(1e-9))
+                let change = path.curvature_rate(i as f64 * step).abs().max(1e-12);
+                let steered = (limits.curvature_rate / change).min((limits.lateral_jerk / change).cbrt());
+                (top * top).min(limit / curvature[i].max(1e-9)).min(steered * steered)
             })
             .collect();
         if !path.periodic {

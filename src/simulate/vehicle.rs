@@ -33,6 +33,9 @@ pub trait SimulatedVehicle<const S: usize, const C: usize>: Sized {
     /// The default controller for it.
     fn controller(parameters: &Self::Parameters) -> ControllerParametersFor<Self::Nominal>;
 
+    /// The settings of the papers' tables for it.
+    fn controller_of_the_papers(parameters: &Self::Parameters) -> ControllerParametersFor<Self::Nominal>;
+
     /// Where the value of the effect with this id stands.
     fn effect<'a>(effects: &'a mut Self::Effects, id: &str) -> Option<&'a mut f64>;
 
@@ -112,6 +115,10 @@ impl SimulatedVehicle<ERRORS, CAR_COLUMNS> for Car {
         ControllerParameters::for_car(parameters)
     }
 
+    fn controller_of_the_papers(parameters: &CarParameters) -> ControllerParameters {
+        ControllerParameters::of_the_papers(parameters)
+    }
+
     as_itself!();
 
     fn measured(&self) -> Measurement {
@@ -152,6 +159,10 @@ impl SimulatedVehicle<TRUCK_STATES, TRUCK_COLUMNS> for Truck {
 
     fn controller(parameters: &TruckParameters) -> TruckControllerParameters {
         TruckControllerParameters::for_truck(parameters)
+    }
+
+    fn controller_of_the_papers(parameters: &TruckParameters) -> TruckControllerParameters {
+        TruckControllerParameters::of_the_papers(parameters)
     }
 
     as_itself!();

@@ -356,7 +356,7 @@ impl ActiveSetSolver {
             let before = index.checked_sub(shape.inputs);
             let change =
                 self.inputs[index] - before.map_or(problem.previous[i], |before| self.inputs[before]);
-            let force = shape.rate_weight[i] * change;
+            let force = shape.rate_weight[i] * (change - problem.free_increments[index]);
             self.gradient[index] += force;
             if let Some(before) = before {
                 self.gradient[before] -= force;

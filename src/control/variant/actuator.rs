@@ -1,11 +1,11 @@
-//! The nominal linear model behind a steering actuator: the engineer who knows the actuator, and with its true constants
-//! the oracle.
+//! The nominal linear model behind a steering actuator: one that is known, with its true constants the oracle, or one that a
+//! bank of hypotheses finds while driving.
 //!
 //! Lag, dead time and their approximants are one form (`nominal/actuator.rs`). The actuator's states are not measured:
 //! the actuator is run over the issued commands.
 
 use super::{Expected, Nominal, Qp, Variant};
-use crate::control::condense::{Affine, Linear, Propagation, condense};
+use crate::control::condense::Response;
 use crate::control::lateral::LateralInput;
 use crate::control::parameters::MpcParameters;
 use crate::control::preview::Preview;
@@ -18,21 +18,25 @@ use std::time::Instant;
 pub struct Actuated<V, const S: usize> {
     nominal: Nominal<V>,
     actuator: Actuator,
-    affine: Affine<ActuatedState<S>>,
+    response: Response<ActuatedState<S>>,
+    known: Vec<ActuatedState<S>>,
     window: usize,
     model: Option<ActuatedModel<S>>,
 }
 
 impl<V: LateralVehicle<S>, const S: usize> Actuated<V, S> {
-    pub fn new(vehicle: V, p: &MpcParameters, actuator: Actuator) -> Self {
-        // The newest command, those of the dead time, and one more for a dead time that is no whole number of steps.
-        let commands = actuator.delay(p.sample_time).0 + 2;
-        let memory = (actuator.memory() / p.sample_time).ceil() as usize;
+    /// The actuator, if a step brings no other; `slowest` is the one that looks back farthest.
+    pub fn new(vehicle: V, p: &MpcParameters, actuator: Actuator, slowest: Actuator) -> Self {
+        let window = [actuator, slowest].map(|actuator| {
+            // The newest command, those of the dead time, and one more for a dead time that is no whole number of steps.
+            actuator.delay(p.sample_time).0 + 2 + (actuator.memory() / p.sample_time).ceil() as usize
+        });
         Self {
             nominal: Nominal::new(vehicle, p),
             actuator,
-            affine: Affine::new(p.horizon, commands),
-            window: commands + memory,
+            response: Response::new(p.horizon),
+            known: vec![ActuatedState::zeros(); p.horizon],
+            window: window[0].max(window[1]),
             model: None,
         }
     }
@@ -48,25 +52,21 @@ impl<V: LateralVehicle<S>, const S: usize> Variant<S> for Actuated<V, S> {
     ) -> Result<QpReport, QpError> {
         let begin = Instant::now();
         let model = self.nominal.at(input.ahead.speed)?;
-        let model = self.actuator.discretise(&model, self.nominal.sample_time);
+        let actuator = input.actuator.unwrap_or(self.actuator);
+        let model = actuator.discretise(&model, self.nominal.sample_time);
         let disturbance = ActuatedState::from(*input.disturbance);
-        let window = self.affine.window;
-        for (j, known) in self.affine.known.iter_mut().enumerate() {
+        for (j, known) in self.known.iter_mut().enumerate() {
             *known = model.d * preview.heading_rate[j] + model.e * preview.heading_accel[j] + disturbance;
         }
-        for commands in self.affine.command.chunks_exact_mut(window) {
-            (commands[0], commands[1]) = (model.older, model.newer);
-        }
         let all = input.history.commands();
-        let past = &all[all.len() + 1 - window..];
         let start = model.state(input.state, all);
-        let linear = Linear { a: &model.a, b: &ActuatedState::zeros() };
-        condense(
-            linear,
+        self.response.condense(
+            &model.a,
+            [&model.newer, &model.older],
+            model.delay,
             &start,
-            &mut self.affine,
-            past,
-            Propagation::Propagated,
+            &self.known,
+            |back| all[all.len() - back],
             &qp.tracked,
             &mut qp.problem,
         );
@@ -83,7 +83,7 @@ impl<V: LateralVehicle<S>, const S: usize> Variant<S> for Actuated<V, S> {
         let next = &model.a * &model.state(state, past)
             + model.newer * back(model.delay)
             + model.older * back(model.delay + 1)
-            + self.affine.known[0];
+            + self.known[0];
         Some(Expected { state: next.vehicle, transition: model.a.vehicle })
     }
 

@@ -5,7 +5,7 @@
 //! | file | predicts with |
 //! |---|---|
 //! | `linear.rs` | the nominal linear model, with or without a learned residual |
-//! | `actuator.rs` | the nominal linear model behind a known steering actuator |
+//! | `actuator.rs` | the nominal linear model behind a steering actuator, known or found while driving |
 //! | `nonlinear/` | a nonlinear model, with or without a Gaussian process, by sequential quadratic programming |
 
 mod actuator;
@@ -45,6 +45,8 @@ pub enum PredictionModelFor<V: ControlledVehicle<S>, const S: usize> {
     Residual(Residual<V, S>),
     /// The linear single track behind a steering actuator with known dead time and lag.
     Actuator(Actuator),
+    /// The same with what a bank of hypotheses finds of the actuator while driving; given is what is known of it before.
+    Adaptive(Actuator),
     /// The nonlinear model, with or without a learned Gaussian process: nonlinear MPC. Of a car the bicycle, of a truck the
     /// single track of tractor and semi-trailer.
     Bicycle(V::Nonlinear),
@@ -78,6 +80,8 @@ pub struct Qp {
     pub inputs: Vec<f64>,
     pub outputs: Vec<f64>,
     pub timing: Timing,
+    /// What is added to the references, `N outputs`: the transient motion on a road that changes. Empty for none.
+    pub transient: Vec<f64>,
     /// QPs solved in this step.
     pub solved: u32,
 }
@@ -95,15 +99,20 @@ impl Qp {
     /// Writes the references of the outputs: of those that have one the state that `target` gives for each step, cut
     /// to the largest.
     pub fn refer<const S: usize>(&mut self, mut target: impl FnMut(usize) -> SVector<f64, S>) {
+        let outputs = self.tracked.len();
+        if self.transient.is_empty() {
+            self.problem.reference.fill(0.0);
+        } else {
+            self.problem.reference.copy_from_slice(&self.transient);
+        }
         if self.largest_reference.iter().all(|&largest| largest == 0.0) {
             return;
         }
-        let outputs = self.tracked.len();
         for (j, references) in self.problem.reference.chunks_exact_mut(outputs).enumerate() {
             let target = target(j);
             let places = self.tracked.iter().zip(&self.largest_reference).zip(references);
             for ((&state, &largest), reference) in places.filter(|((_, largest), _)| **largest > 0.0) {
-                *reference = target[state].clamp(-largest, largest);
+                *reference += target[state].clamp(-largest, largest);
             }
         }
     }

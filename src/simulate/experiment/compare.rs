@@ -119,7 +119,7 @@ impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P,
             responses: Vec::new(),
             learned: Mutex::default(),
         };
-        let parameters = P::controller(vehicle);
+        let parameters = P::controller_of_the_papers(vehicle);
         if P::SETTING.rows.iter().any(|row| row.predictor.delay_model().is_some()) {
             let sample_time = parameters.mpc.sample_time;
             comparison.step = Some(SteeringStep::record::<P, S, C>(vehicle, plant, sample_time)?);
@@ -252,7 +252,7 @@ impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P,
             self.row(others[others.len() - 1 - i], Some(measure), within, progress).map(|(result, _)| result)
         });
         let others = others.into_iter().rev().collect::<Result<Vec<_>, _>>()?;
-        let further = P::controller(self.vehicle).vehicle.further_states();
+        let further = P::controller_of_the_papers(self.vehicle).vehicle.further_states();
         Ok(Condition {
             plant: self.plant.name.to_string(),
             noise: self.noise.is_some(),
@@ -338,7 +338,7 @@ impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P,
 
     /// The weights that users get.
     pub(super) fn default_weights(&self) -> Weights {
-        Weights::of(&P::controller(self.vehicle).mpc)
+        Weights::of(&P::controller_of_the_papers(self.vehicle).mpc)
     }
 
     /// Times the control steps of a row at its best on the test road, one drive at a time, and gives that drive.
@@ -347,7 +347,7 @@ impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P,
     /// See [`CompareError`].
     pub fn time(&self, row: Row, weights: &Weights) -> Result<(StepTimes, DriveFor<C>), CompareError> {
         let drive = self.drive(row, weights, &self.roads.test)?;
-        Ok((drive.times(P::controller(self.vehicle).mpc.sample_time), drive))
+        Ok((drive.times(P::controller_of_the_papers(self.vehicle).mpc.sample_time), drive))
     }
 
     /// Drives a road with a row's first model.

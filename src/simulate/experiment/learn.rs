@@ -25,7 +25,7 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
     /// Whether this vehicle can have a row: there may be no nonlinear model of it.
     #[must_use]
     pub fn has(&self, row: Row) -> bool {
-        let nmpc = P::controller(self.vehicle).nmpc;
+        let nmpc = P::controller_of_the_papers(self.vehicle).nmpc;
         !row.predictor.is_nonlinear() || self.nonlinear(&nmpc, None).is_some()
     }
 
@@ -101,7 +101,7 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
         let model = match of {
             Predictor::Oracle => PredictionModelFor::Actuator(self.actuator()),
             Predictor::Nmpc | Predictor::GpNmpc => {
-                let nmpc = P::controller(self.vehicle).nmpc;
+                let nmpc = P::controller_of_the_papers(self.vehicle).nmpc;
                 let none = || CompareError::NoModel { row: of.name(), vehicle: NominalOf::<P, S, C>::KIND };
                 let gp = match of {
                     Predictor::GpNmpc => Some(Arc::new(self.learn_gp(&nmpc, seed)?)),

@@ -63,7 +63,7 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> TrialFor<'_, P, 
     /// # Errors
     /// Parameters out of range, a model that does not fit.
     pub fn drive(&self) -> Result<DriveFor<C>, TrialError> {
-        let mut parameters = P::controller(self.vehicle);
+        let mut parameters = P::controller_of_the_papers(self.vehicle);
         self.weights.apply(&mut parameters);
         if let Some((amplitude, seed)) = self.dither {
             (parameters.mpc.dither, parameters.mpc.dither_seed) = (amplitude, seed);

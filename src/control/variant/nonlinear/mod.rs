@@ -343,6 +343,7 @@ mod tests {
             inputs: vec![0.0; horizon],
             outputs: vec![0.0; 3 * horizon],
             timing: Timing::default(),
+            transient: Vec::new(),
             solved: 0,
         };
         qp.problem.previous[0] = 0.2;
@@ -367,6 +368,8 @@ mod tests {
             disturbance: &ErrorState::zeros(),
             use_residual: true,
             time_limit: f64::INFINITY,
+            actuator: None,
+            tightness: 0.0,
         };
         let mut mpc = BicycleModel::default().variant(p.vehicle.single_track(), &p.mpc).unwrap();
         let report = mpc.plan(&input, &preview, 0.2, &mut qp);

@@ -1,0 +1,423 @@
+//! A bank of hypotheses of the steering actuator, scored while driving: what the controller does not have to be told.
+//!
+//! Hypothesis `h` is a dead time `T_h` and a lag `tau_h`. Run over the issued commands it gives an angle `delta_h(k)`, and from
+//! that what is measured, each measurement by a linear regression of its own:
+//!
+//! ```text
+//! steer(k)                     = g delta_h(k) + o + e                               gain and zero of the sensor
+//! (r(k+1) - r(k)) / Ts         = b mean(delta_h) + c' [1, r/v, vy/v, ..] + e        yaw acceleration of the single track
+//! ```
+//!
+//! The yaw equation's coefficients do not depend on the speed, so no stiffness, mass or payload has to be known. With the
+//! coefficients and the noise variance integrated out, a hypothesis has the probability (Student's t)
+//!
+//! ```text
+//! log p_h = log prior_h - 1/2 sum over measurements (n + nu) log(nu s0^2 + n var_h)
+//! ```
+//!
+//! where `var_h` is the mean squared residual and `n` the number of independent samples. A sample counts by the share of its
+//! variance that the hypotheses disagree by: a straight road teaches nothing, and nothing is forgotten on it. A sensor
+//! that is not connected has the same residual under each hypothesis and says nothing.
+//!
+//! The prior is that of the vehicle's file, mixed with ignorance. The controller predicts with the mean of the hypotheses, and
+//! is the calmer the wider they spread.
+//!
+//! Source: multiple-model estimation, Magill 1965; Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking
+//! and Navigation, 2001, ch. 11.6; the integrated likelihood: Gelman and others, Bayesian Data Analysis, ch. 14.
+
+use super::controller::Measurement;
+use crate::nominal::{Actuator, DeadTimeModel};
+use serde::{Deserialize, Serialize};
+
+/// Longest dead time of a hypothesis, s, and the spacing of dead times.
+const LONGEST_DEAD_TIME: f64 = 0.36;
+const DEAD_TIME_SPACING: f64 = 0.02;
+/// Time constants of the hypotheses, s.
+const LAGS: [f64; 7] = [0.0, 0.03, 0.06, 0.1, 0.15, 0.2, 0.3];
+/// Probability, before anything is measured, that the actuator is the file's. It is what a file deserves whose dead time and
+/// lag nobody has looked up.
+const PRIOR_OF_FILE: f64 = 0.8;
+/// Noise of an angle sensor with the play of a linkage, rad, and of a yaw acceleration that single-track and sensor miss,
+/// rad/s2: what residuals are expected to be before they are seen.
+const STEER_NOISE: f64 = 1e-3;
+const YAW_NOISE: f64 = 0.2;
+/// Samples that this expectation is worth.
+const PRIOR_SAMPLES: f64 = 3.0;
+/// Time after which a residual is another one, s: what a model misses lasts.
+const CORRELATION: f64 = 0.1;
+/// Time of steering that is remembered, s.
+const MEMORY: f64 = 20.0;
+/// Speed below which the yaw rate says nothing, m/s.
+const LEAST_SPEED: f64 = 2.0;
+/// Regressors of the yaw acceleration beside the angle: 1, r/v, vy/v, and of a truck its articulation and the rate of it.
+const BESIDE: usize = 5;
+
+/// The hypothesis that looks back farthest.
+#[must_use]
+pub(super) fn slowest() -> Actuator {
+    let time_constant = LAGS[LAGS.len() - 1];
+    Actuator { dead_time: LONGEST_DEAD_TIME, time_constant, dead_time_model: DeadTimeModel::Exact }
+}
+
+/// The actuator, as far as it is known.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct KnownActuator {
+    /// Mean dead time and lag.
+    pub actuator: Actuator,
+    /// Standard deviation of the sum of dead time and lag, s.
+    pub spread: f64,
+}
+
+/// A first-order lag behind a dead time of a fraction of a step, sampled just before each command.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Lag {
+    lag: f64,
+    decay: f64,
+    newer: f64,
+    older: f64,
+}
+
+/// The hypotheses: what steps do not change.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Bank {
+    sample_time: f64,
+    lags: Vec<Lag>,
+    /// Lag, whole steps of dead time, dead time in s, logarithm of the prior.
+    hypotheses: Vec<Hypothesis>,
+    file: Actuator,
+    /// Places of each lag's past angles.
+    reach: usize,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Hypothesis {
+    lag: usize,
+    delay: usize,
+    dead_time: f64,
+    log_prior: f64,
+}
+
+/// Everything that steps change.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct BankState {
+    /// The newest and the last but one command, once there are.
+    commands: Option<[f64; 2]>,
+    /// Past angles of each lag without whole steps of dead time, a ring for each.
+    angles: Vec<f64>,
+    /// Where the newest stand.
+    newest: usize,
+    steer: Steer,
+    yaw: Yaw,
+    /// Motion of the step before.
+    before: Option<[f64; 1 + BESIDE]>,
+    known: KnownActuator,
+    log_likelihood: Vec<f64>,
+}
+
+/// Sums for the regression of the measured angle.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+struct Steer {
+    /// Weight, sum and sum of squares of the measured angle.
+    common: [f64; 3],
+    /// Of each hypothesis: sum, sum of squares and product with the measured angle.
+    each: Vec<[f64; 3]>,
+}
+
+/// Sums for the regression of the yaw acceleration.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+struct Yaw {
+    /// Products of the regressors beside the angle and, in the last row, of the yaw acceleration with them and itself.
+    common: [[f64; BESIDE + 1]; BESIDE + 1],
+    /// Of each hypothesis: products of its angle with those, and its square.
+    each: Vec<[f64; BESIDE + 2]>,
+}
+
+impl Lag {
+    /// `delta' = (u(t - f Ts) - delta) / tau`, a fraction `f` of a step late.
+    fn new(lag: f64, fraction: f64, sample_time: f64) -> Self {
+        let kept = |time: f64| if lag > 0.0 { (-time / lag).exp() } else { 0.0 };
+        let decay = kept(sample_time);
+        // The newer command acts in the last part of the step.
+        let newer =
+            if lag > 0.0 || fraction < 1.0 { 1.0 - kept((1.0 - fraction) * sample_time) } else { 0.0 };
+        Self { lag, decay, newer, older: 1.0 - decay - newer }
+    }
+}
+
+impl Bank {
+    /// The hypotheses beside the file's actuator.
+    #[must_use]
+    pub fn new(file: Actuator, sample_time: f64) -> Self {
+        let steps = |time: f64| (time / sample_time + 1e-9).floor() as usize;
+        let mut lags: Vec<Lag> = LAGS.iter().map(|&lag| Lag::new(lag, 0.0, sample_time)).collect();
+        let spacing = DEAD_TIME_SPACING.max(sample_time);
+        let mut hypotheses = Vec::new();
+        for k in 0..=(LONGEST_DEAD_TIME / spacing + 1e-9).floor() as usize {
+            let delay = (k as f64 * spacing / sample_time).round() as usize;
+            let dead_time = delay as f64 * sample_time;
+            for lag in 0..lags.len() {
+                hypotheses.push(Hypothesis { lag, delay, dead_time, log_prior: 0.0 });
+            }
+        }
+        let ignorance = ((1.0 - PRIOR_OF_FILE) / hypotheses.len() as f64).ln();
+        for hypothesis in &mut hypotheses {
+            hypothesis.log_prior = ignorance;
+        }
+        let delay = steps(file.dead_time);
+        let fraction = (file.dead_time / sample_time - delay as f64).clamp(0.0, 1.0);
+        let fraction = if fraction < 1e-6 { 0.0 } else { fraction };
+        lags.push(Lag::new(file.time_constant, fraction, sample_time));
+        let lag = lags.len() - 1;
+        hypotheses.push(Hypothesis { lag, delay, dead_time: file.dead_time, log_prior: PRIOR_OF_FILE.ln() });
+        let reach = hypotheses.iter().map(|h| h.delay).max().unwrap_or(0) + 2;
+        Self { sample_time, lags, hypotheses, file, reach }
+    }
+
+    /// The state before the first step.
+    #[must_use]
+    pub fn state(&self) -> BankState {
+        let count = self.hypotheses.len();
+        let known = KnownActuator { actuator: self.file, spread: 0.0 };
+        let mut state = BankState {
+            commands: None,
+            angles: vec![0.0; self.lags.len() * self.reach],
+            newest: 0,
+            steer: Steer { common: [0.0; 3], each: vec![[0.0; 3]; count] },
+            yaw: Yaw { common: Default::default(), each: vec![[0.0; BESIDE + 2]; count] },
+            before: None,
+            known,
+            log_likelihood: vec![0.0; count],
+        };
+        self.conclude(&mut state);
+        state
+    }
+
+    /// Whether a state is of these hypotheses.
+    #[must_use]
+    pub fn fits(&self, state: &BankState) -> bool {
+        let count = self.hypotheses.len();
+        state.angles.len() == self.lags.len() * self.reach
+            && state.newest < self.reach
+            && state.steer.each.len() == count
+            && state.yaw.each.len() == count
+            && state.log_likelihood.len() == count
+    }
+
+    /// Longest dead time that a step may have to look back, steps: commands that a prediction needs.
+    #[must_use]
+    pub fn longest_delay(&self) -> usize {
+        self.reach - 2
+    }
+
+    /// Takes a measurement with the command that was in force until then.
+    pub fn observe(&self, state: &mut BankState, measurement: &Measurement, command: f64) {
+        let [newer, older] = match state.commands {
+            Some([last, _]) => [command, last],
+            None => {
+                // At rest at the first command.
+                state.angles.fill(command);
+                [command, command]
+            }
+        };
+        state.commands = Some([newer, older]);
+        let before = state.newest;
+        state.newest = (before + 1) % self.reach;
+        for (lag, angles) in self.lags.iter().zip(state.angles.chunks_exact_mut(self.reach)) {
+            angles[state.newest] = lag.decay * angles[before] + lag.newer * newer + lag.older * older;
+        }
+        let learned = self.learn_steer(state, measurement.steer) | self.learn_yaw(state, measurement);
+        if learned {
+            self.conclude(state);
+        }
+    }
+
+    /// Angle of a hypothesis, so many steps ago.
+    fn angle(&self, state: &BankState, hypothesis: &Hypothesis, ago: usize) -> f64 {
+        let back = hypothesis.delay + ago;
+        let place = (state.newest + self.reach - back % self.reach) % self.reach;
+        state.angles[hypothesis.lag * self.reach + place]
+    }
+
+    /// Mean and variance of what the hypotheses say.
+    fn spread(&self, angle: impl Fn(&Hypothesis) -> f64) -> f64 {
+        let count = self.hypotheses.len() as f64;
+        let (sum, square) =
+            self.hypotheses.iter().map(&angle).fold((0.0, 0.0), |(sum, square), x| (sum + x, square + x * x));
+        (square / count - (sum / count).powi(2)).max(0.0)
+    }
+
+    fn learn_steer(&self, state: &mut BankState, steer: f64) -> bool {
+        let spread = self.spread(|h| self.angle(state, h, 0));
+        let share = spread / (spread + STEER_NOISE * STEER_NOISE);
+        if share < LEAST_SHARE {
+            return false;
+        }
+        let keep = 1.0 - share * (self.sample_time / MEMORY).min(1.0);
+        let mut sums = std::mem::take(&mut state.steer);
+        let [weight, sum, square] = &mut sums.common;
+        *weight = *weight * keep + share;
+        *sum = *sum * keep + share * steer;
+        *square = *square * keep + share * steer * steer;
+        for (hypothesis, [sum, square, product]) in self.hypotheses.iter().zip(&mut sums.each) {
+            let angle = self.angle(state, hypothesis, 0);
+            *sum = *sum * keep + share * angle;
+            *square = *square * keep + share * angle * angle;
+            *product = *product * keep + share * angle * steer;
+        }
+        state.steer = sums;
+        true
+    }
+
+    fn learn_yaw(&self, state: &mut BankState, now: &Measurement) -> bool {
+        let fast = now.vx.abs() > LEAST_SPEED;
+        let v = now.vx;
+        let motion =
+            [now.yaw_rate, 1.0, now.yaw_rate / v, now.vy / v, now.articulation, now.articulation_rate / v];
+        let Some(before) = state.before.replace(motion).filter(|_| fast) else {
+            if !fast {
+                state.before = None;
+            }
+            return false;
+        };
+        // The angle acts over the whole step.
+        let angle = |h: &Hypothesis| 0.5 * (self.angle(state, h, 0) + self.angle(state, h, 1));
+        let spread = self.spread(angle) * YAW_PER_ANGLE * YAW_PER_ANGLE;
+        let share = spread / (spread + YAW_NOISE * YAW_NOISE);
+        if share < LEAST_SHARE {
+            return false;
+        }
+        let accel = (now.yaw_rate - before[0]) / self.sample_time;
+        let mut row = [0.0; BESIDE + 1];
+        row[..BESIDE].copy_from_slice(&before[1..]);
+        row[BESIDE] = accel;
+        let keep = 1.0 - share * (self.sample_time / MEMORY).min(1.0);
+        let mut sums = std::mem::take(&mut state.yaw);
+        for i in 0..=BESIDE {
+            for j in 0..=BESIDE {
+                sums.common[i][j] = sums.common[i][j] * keep + share * row[i] * row[j];
+            }
+        }
+        for (hypothesis, sums) in self.hypotheses.iter().zip(&mut sums.each) {
+            let angle = 0.5 * (self.angle(state, hypothesis, 0) + self.angle(state, hypothesis, 1));
+            for (sum, value) in sums.iter_mut().zip(row.iter().chain([&angle])) {
+                *sum = *sum * keep + share * angle * value;
+            }
+        }
+        state.yaw = sums;
+        true
+    }
+
+    /// From the sums to probabilities, and to what is known.
+    fn conclude(&self, state: &mut BankState) {
+        let likelihood = |variance: f64, count: f64, noise: f64| {
+            -0.5 * (count + PRIOR_SAMPLES) * (PRIOR_SAMPLES * noise * noise + count * variance).ln()
+        };
+        let independent = (self.sample_time / CORRELATION).min(1.0);
+        let [weight, sum, square] = state.steer.common;
+        let of_rest = Rest::of(&state.yaw.common);
+        let mut best = f64::NEG_INFINITY;
+        for (k, hypothesis) in self.hypotheses.iter().enumerate() {
+            let mut value = hypothesis.log_prior;
+            if weight > 0.0 {
+                let [of_angle, of_square, product] = state.steer.each[k];
+                let mean = sum / weight;
+                let whole = (square / weight - mean * mean).max(0.0);
+                let own = (of_square / weight - (of_angle / weight).powi(2)).max(0.0);
+                let both = product / weight - mean * of_angle / weight;
+                let explained = if own > TINY { both * both / own } else { 0.0 };
+                value += likelihood((whole - explained).max(0.0), independent * weight, STEER_NOISE);
+            }
+            if let Some(rest) = &of_rest {
+                value += likelihood(rest.variance(&state.yaw.each[k]), independent * rest.weight, YAW_NOISE);
+            }
+            state.log_likelihood[k] = value;
+            best = best.max(value);
+        }
+        let (mut total, mut means) = (0.0, [0.0; 4]);
+        for (hypothesis, log) in self.hypotheses.iter().zip(&state.log_likelihood) {
+            let probability = (log - best).exp();
+            if probability < 1e-6 {
+                continue;
+            }
+            let lag = self.lags[hypothesis.lag].lag;
+            let delay = hypothesis.dead_time + lag;
+            total += probability;
+            for (mean, value) in means.iter_mut().zip([hypothesis.dead_time, lag, delay, delay * delay]) {
+                *mean += probability * value;
+            }
+        }
+        let [dead_time, time_constant, delay, square] = means.map(|mean| mean / total);
+        state.known = KnownActuator {
+            actuator: Actuator { dead_time, time_constant, dead_time_model: DeadTimeModel::Exact },
+            spread: (square - delay * delay).max(0.0).sqrt(),
+        };
+    }
+}
+
+impl BankState {
+    /// The actuator, as far as it is known.
+    #[must_use]
+    pub fn known(&self) -> KnownActuator {
+        self.known
+    }
+}
+
+/// Samples that weigh less teach nothing.
+const LEAST_SHARE: f64 = 1e-3;
+/// A variance that is none.
+const TINY: f64 = 1e-18;
+/// Yaw acceleration by steering of an ordinary vehicle, `Cf lf / Iz`, 1/s2: only how samples are weighted depends on it.
+const YAW_PER_ANGLE: f64 = 40.0;
+
+/// The regression of the yaw acceleration on all but the angle, by Cholesky factors of the ridged normal matrix.
+struct Rest {
+    weight: f64,
+    factor: [[f64; BESIDE]; BESIDE],
+    /// `L^-1` times the products with the yaw acceleration, and what is left of its square.
+    of_accel: [f64; BESIDE],
+    left: f64,
+}
+
+impl Rest {
+    fn of(common: &[[f64; BESIDE + 1]; BESIDE + 1]) -> Option<Self> {
+        let weight = common[0][0];
+        if weight <= 0.0 {
+            return None;
+        }
+        let mut factor = [[0.0; BESIDE]; BESIDE];
+        for i in 0..BESIDE {
+            for j in 0..=i {
+                let inner: f64 = (0..j).map(|k| factor[i][k] * factor[j][k]).sum();
+                let value = common[i][j] - inner;
+                factor[i][j] = if i == j {
+                    // What does not move, as a car's articulation, drops out.
+                    (value + 1e-9 * common[i][i] + 1e-9 * weight).sqrt()
+                } else {
+                    value / factor[j][j]
+                };
+            }
+        }
+        let of_accel = lower(&factor, &common[BESIDE][..BESIDE]);
+        let left = common[BESIDE][BESIDE] - of_accel.iter().map(|x| x * x).sum::<f64>();
+        Some(Self { weight, factor, of_accel, left })
+    }
+
+    /// Mean squared residual with an angle among the regressors.
+    fn variance(&self, products: &[f64; BESIDE + 2]) -> f64 {
+        let of_angle = lower(&self.factor, &products[..BESIDE]);
+        let own = products[BESIDE + 1] - of_angle.iter().map(|x| x * x).sum::<f64>();
+        let both = products[BESIDE] - of_angle.iter().zip(&self.of_accel).map(|(a, b)| a * b).sum::<f64>();
+        let explained = if own > TINY * self.weight { both * both / own } else { 0.0 };
+        ((self.left - explained) / self.weight).max(0.0)
+    }
+}
+
+/// `L^-1 x`.
+fn lower(factor: &[[f64; BESIDE]; BESIDE], x: &[f64]) -> [f64; BESIDE] {
+    let mut solved = [0.0; BESIDE];
+    for i in 0..BESIDE {
+        let inner: f64 = (0..i).map(|k| factor[i][k] * solved[k]).sum();
+        solved[i] = (x[i] - inner) / factor[i][i];
+    }
+    solved
+}

@@ -1,0 +1,184 @@
+//! What following the road asks for: the states and the steering of a vehicle that stays on it exactly.
+//!
+//! On the path `e1`, its rate and its second derivative are zero. The second row of `x' = A x + B delta + D w + E w'`, with the
+//! road's heading rate `w`, then gives the steering, and the other rows what the body does meanwhile (the zero dynamics):
+//!
+//! ```text
+//! delta = -(a_2 x + d_2 w + e_2 w') / b_2
+//! x'    = (A - B a_2/b_2) x + (D - B d_2/b_2) w + (E - B e_2/b_2) w'
+//! ```
+//!
+//! They are stable for front steering and an error measured at the CG. The command is ahead of the steering by what is known of
+//! the actuator, `u(t) = delta(t + T) + tau delta'(t + T)`.
+//!
+//! The cost of the MPC is on what deviates from this. A cost on the steering's rate itself would cut every bend, the more the
+//! calmer the loop is; like this a calm loop that knows its vehicle tracks as well as a tight one, and the weights decide only
+//! how errors are brought back.
+//!
+//! Source: Isidori, Nonlinear Control Systems, ch. 4.3 (zero dynamics, inversion); Rajamani, Vehicle Dynamics and Control,
+//! ch. 3.3 (steady cornering as feedforward).
+
+use super::preview::Preview;
+use crate::nominal::{Actuator, ContinuousErrorModel};
+use crate::path::Path;
+use nalgebra::SVector;
+
+/// Time before now at which the body's motion is begun, in steady cornering, s: long enough to be forgotten.
+const BEGIN: f64 = 0.6;
+/// Longest time beyond the horizon that a command looks ahead, s.
+const AHEAD: f64 = 0.4;
+/// Deviation of the states from steady cornering, rad and rad/s, that is believed: far from straight driving the linear model
+/// means nothing.
+const LARGEST: f64 = 0.3;
+
+/// The reference over a horizon, preallocated.
+#[derive(Debug, Clone)]
+pub(super) struct RoadReference<const S: usize> {
+    sample_time: f64,
+    /// Steps before now.
+    before: usize,
+    /// Steering at the instants `before` steps before now and on, rad.
+    steer: Vec<f64>,
+    /// States at the ends of the steps less those of steady cornering.
+    transient: Vec<SVector<f64, S>>,
+}
+
+impl<const S: usize> RoadReference<S> {
+    /// Room for a horizon.
+    #[must_use]
+    pub fn new(horizon: usize, sample_time: f64) -> Self {
+        let steps = |time: f64| (time / sample_time).ceil() as usize;
+        let before = steps(BEGIN);
+        Self {
+            sample_time,
+            before,
+            steer: vec![0.0; before + horizon + steps(AHEAD) + 1],
+            transient: vec![SVector::zeros(); horizon],
+        }
+    }
+
+    /// Drives the road from a station on: `speed` now, then as in the preview, then held.
+    pub fn follow(
+        &mut self,
+        model: &ContinuousErrorModel<S>,
+        steady: &SVector<f64, S>,
+        path: &Path,
+        station: f64,
+        speed: f64,
+        preview: &Preview,
+    ) {
+        let ContinuousErrorModel { a, b, d, e } = model;
+        let row = a.row(1) / b[1];
+        let (of_rate, of_accel) = (d[1] / b[1], e[1] / b[1]);
+        let kept = ContinuousErrorModel {
+            a: a - b * row,
+            b: SVector::zeros(),
+            d: d - b * of_rate,
+            e: e - b * of_accel,
+        };
+        let kept = kept.discretise(self.sample_time);
+        let mut s = station - speed * self.sample_time * self.before as f64;
+        let mut x = steady * path.curvature(s);
+        let mut v = speed;
+        for k in 0..self.steer.len() {
+            let ahead = k.checked_sub(self.before);
+            let (curvature, curvature_rate) = (path.curvature(s), path.curvature_rate(s));
+            let steer = -(row * x)[0] - of_rate * v * curvature - of_accel * v * v * curvature_rate;
+            self.steer[k] = steer;
+            let [mean, next] = ahead.and_then(|j| preview.speed.get(j)).copied().unwrap_or([v, v]);
+            let (rate, accel) = match ahead.filter(|&j| j < preview.heading_rate.len()) {
+                Some(j) => (preview.heading_rate[j], preview.heading_accel[j]),
+                None => {
+                    let middle = s + 0.5 * mean * self.sample_time;
+                    (mean * path.curvature(middle), mean * mean * path.curvature_rate(middle))
+                }
+            };
+            x = kept.a * x + kept.d * rate + kept.e * accel;
+            // On the path, whatever rounding says.
+            (x[0], x[1]) = (0.0, 0.0);
+            (s, v) = (s + mean * self.sample_time, next);
+            if let Some(j) = ahead.filter(|&j| j < self.transient.len()) {
+                let deviation = x - steady * preview.curvature[j];
+                self.transient[j] = deviation.map(|value| value.clamp(-LARGEST, LARGEST));
+            }
+        }
+    }
+
+    /// Deviation of the states from steady cornering at the end of a step.
+    pub fn transient(&self, step: usize) -> &SVector<f64, S> {
+        &self.transient[step]
+    }
+
+    /// Writes by how much the command changes in each step, ahead of the steering by an actuator.
+    pub fn write_increments(&self, actuator: Option<&Actuator>, increments: &mut [f64]) {
+        let (dead_time, lag) = actuator.map_or((0.0, 0.0), |known| (known.dead_time, known.time_constant));
+        let last = self.steer.len() - 1;
+        // Mean over a step in which the command is held; `after` counts steps from the one before now.
+        let command = |after: usize| {
+            let at = (self.before + after) as f64 - 0.5 + dead_time / self.sample_time;
+            let k = (at as usize).min(last - 1);
+            let (from, to) = (self.steer[k], self.steer[k + 1]);
+            from + (to - from) * (at - k as f64).min(1.0) + lag * (to - from) / self.sample_time
+        };
+        let mut newest = command(0);
+        for (j, increment) in increments.iter_mut().enumerate() {
+            let next = command(j + 1);
+            *increment = next - newest;
+            newest = next;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::SpeedAhead;
+    use crate::nominal::LateralVehicle;
+    use crate::path::{Closure, Sample};
+    use crate::vehicle::SingleTrack;
+
+    /// A road with gentle bends of both sides.
+    fn road() -> Path {
+        let mut samples = Vec::new();
+        let (mut x, mut y, mut yaw) = (0.0_f64, 0.0_f64, 0.0_f64);
+        for k in 0..1200 {
+            let s = f64::from(k) * 0.5;
+            samples.push(Sample::at(x, y));
+            yaw += 0.5 * 0.02 * (s / 12.0).sin();
+            x += 0.5 * yaw.cos();
+            y += 0.5 * yaw.sin();
+        }
+        Path::from_samples(samples, Closure::Detect).unwrap()
+    }
+
+    #[test]
+    fn the_reference_keeps_the_linear_vehicle_on_the_road() {
+        let car = SingleTrack { mass: 1400.0, yaw_inertia: 2300.0, lf: 1.1, lr: 1.6, cf: 120e3, cr: 140e3 };
+        let (path, ts, horizon) = (road(), 0.02, 200);
+        for speed in [5.0, 12.0, 25.0] {
+            let model = car.model_at(speed).unwrap();
+            let mut preview = Preview::new(horizon);
+            preview.look(&path, 100.0, SpeedAhead { speed, accel: 0.0, predicted: &[] }, ts);
+            let mut reference = RoadReference::new(horizon, ts);
+            reference.follow(&model, &car.steady_state(speed), &path, 100.0, speed, &preview);
+            let mut increments = vec![0.0; horizon];
+            reference.write_increments(None, &mut increments);
+            // Begins where the reference is; drives its commands.
+            let sampled = model.discretise(ts);
+            let mut x = SVector::<f64, 4>::zeros();
+            let first = reference.steer[reference.before];
+            let mut steer = 0.5 * (reference.steer[reference.before - 1] + first);
+            let mut begun = false;
+            for j in 0..horizon {
+                steer += increments[j];
+                if begun {
+                    x = sampled.step(&x, steer, preview.heading_rate[j], preview.heading_accel[j]);
+                    assert!(x[0].abs() < 2e-3, "{speed} m/s, step {j}: {} m off", x[0]);
+                } else {
+                    x = reference.transient(j) + car.steady_state(speed) * preview.curvature[j];
+                    begun = true;
+                }
+            }
+        }
+    }
+}
