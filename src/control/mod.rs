@@ -21,6 +21,7 @@
 //! | `controller.rs` | one step from measurement to commands; fallback |
 //! | `vehicle.rs` | what differs from vehicle to vehicle |
 //! | `truck.rs` | what does for a truck, and its defaults |
+//! | `margins.rs` | what the loop stands: gain, phase and delay margin |
 //! | `sampler.rs` | when a step is due |
 //! | `status.rs` | what a step did, in words |
 
@@ -35,6 +36,7 @@ mod fast_solver;
 mod history;
 mod lateral;
 mod longitudinal;
+mod margins;
 mod observer;
 mod parameters;
 mod preview;
@@ -60,6 +62,7 @@ pub use lateral::{LateralError, LateralInput, LateralMpc};
 pub use longitudinal::{
     LongitudinalInput, LongitudinalMpc, LongitudinalParameters, LongitudinalState, LongitudinalStep,
 };
+pub use margins::{LinearController, MarginError, Margins, SteeringLoop, Tail};
 pub use observer::{Noise, Observer, ObserverParameters};
 pub use parameters::{
     ActuatorParameters, ControllerParameters, ControllerParametersFor, MpcParameters, NmpcParameters,
