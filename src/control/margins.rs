@@ -92,7 +92,7 @@ pub struct Margins {
     /// Least phase lag that destabilises it, rad; infinite if the gain never is 1.
     pub phase: f64,
     /// Least additional dead time that destabilises it, s; infinite if the gain never is 1. Exact for whole steps; between
-    /// them within a fifth of one, for a command that changes within a step is no pure lag of the phase.
+    /// them within a fraction of one, for a command that changes within a step is no pure lag of the phase.
     pub delay: f64,
     /// Where that happens, rad/s.
     pub crossover: f64,
