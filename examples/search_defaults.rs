@@ -4,7 +4,7 @@
 //! training ensemble and on one with other seeds.
 
 use clap::Parser;
-use rfl_mpc::control::ControllerParametersFor;
+use rfl_mpc::control::{ControllerParametersFor, PredictionModelFor};
 use rfl_mpc::parameter::ParameterGroup as _;
 use rfl_mpc::simulate::experiment::Compared;
 use rfl_mpc::simulate::tune::{
@@ -178,7 +178,7 @@ fn run<P: Compared<S, C, Effects: Sync, Nominal: Sync>, const S: usize, const C:
             eprintln!("--set: {error}");
             std::process::exit(1);
         }
-        parameters
+        (parameters, PredictionModelFor::Nominal)
     };
     let goal = (arguments.delay_margin > 0.0 || arguments.gain_margin > 1.0).then_some(MarginGoal {
         delay: arguments.delay_margin,

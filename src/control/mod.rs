@@ -16,6 +16,7 @@
 //! | `lateral.rs` | the MPC: road ahead, cost, bounds |
 //! | `variant/` | what it predicts with: nominal, learned residual, known actuator, nonlinear |
 //! | `choice.rs` | which variant: from a user's word, parameters and files |
+//! | `controller_file.rs` | parameters from a file |
 //! | `speed.rs` | speed tracking |
 //! | `longitudinal.rs` | speed and lag error by MPC |
 //! | `controller.rs` | one step from measurement to commands; fallback |
@@ -32,6 +33,7 @@ mod clarabel_solver;
 mod condense;
 mod condensed_cost;
 mod controller;
+mod controller_file;
 mod fast_solver;
 mod history;
 mod lateral;
@@ -56,6 +58,7 @@ pub use condense::{Affine, HorizonState, Linear, Propagation, condense};
 pub use controller::{
     Controller, ControllerError, ControllerFor, ControllerState, Measurement, StepError, StepReport,
 };
+pub use controller_file::{ControllerFile, ControllerFileError};
 pub use fast_solver::{FastSolver, build_solver};
 pub use history::History;
 pub use lateral::{LateralError, LateralInput, LateralMpc};

@@ -8,9 +8,16 @@ use crate::control::{ControllerParametersFor, PredictionModelFor};
 use crate::nominal::Actuator;
 use crate::path::{Path, PathError, RandomRoad};
 use crate::residual::Random;
+use crate::simulate::SimulatedVehicle;
 use crate::simulate::experiment::{Compared, NominalOf};
 use crate::vehicle::VehicleParameters as _;
 use std::sync::Arc;
+
+/// A controller, and what it predicts with.
+pub type Controlled<P, const S: usize, const C: usize> = (
+    ControllerParametersFor<<P as SimulatedVehicle<S, C>>::Nominal>,
+    PredictionModelFor<NominalOf<P, S, C>, S>,
+);
 
 /// What an ensemble is for: seeds of the one are never seeds of the other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,13 +28,15 @@ pub enum Purpose {
     HeldOut,
 }
 
-/// Which actuators the vehicles have on top of their files'.
+/// Which actuators the vehicles have.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Actuators {
-    /// Least and greatest lag, s.
+    /// Least and greatest lag on top of the file's, s.
     pub lag: (f64, f64),
-    /// Least and greatest dead time, s.
+    /// Least and greatest dead time on top of the file's, s.
     pub dead_time: (f64, f64),
+    /// Least and greatest factor on the file's own lag and dead time.
+    pub own: (f64, f64),
 }
 
 /// A family of scenarios.
@@ -78,8 +87,8 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> Family<P, S, C> {
             stiffness: (0.8, 1.1),
             payloads: if truck { vec![0.0, 3000.0] } else { vec![0.0, 300.0] },
             friction: vec![1.0, 1.0, 0.6],
-            actuators: Actuators { lag: (0.0, 0.2), dead_time },
-            lateral_accel: if truck { vec![1.0, 1.0, 1.5] } else { vec![2.25, 4.0] },
+            actuators: Actuators { lag: (0.0, 0.2), dead_time, own: (1.0, 1.0) },
+            lateral_accel: if truck { vec![1.0, 1.5, 1.0] } else { vec![4.0, 2.25] },
             noise: vec![0.0, 1.0],
             roads: vec![],
             road: if truck { RandomRoad::TRUCK } else { RandomRoad::CAR },
@@ -87,7 +96,7 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> Family<P, S, C> {
         }
     }
 
-    /// The scenarios of a seed, `count` of them.
+    /// The scenarios of a seed, `count` of them. `controller` gives the controller for a vehicle and what it predicts with.
     ///
     /// # Errors
     /// A family with nothing in it.
@@ -96,18 +105,17 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> Family<P, S, C> {
         count: usize,
         seed: u64,
         purpose: Purpose,
-        controller: impl Fn(&P::Parameters) -> ControllerParametersFor<P::Nominal>,
+        controller: impl Fn(&P::Parameters) -> Controlled<P, S, C>,
     ) -> Result<Vec<Scenario<P, S, C>>, FamilyError> {
-        (0..count)
-            .map(|i| self.scenario(i, 2 * seed + u64::from(purpose == Purpose::HeldOut), &controller))
-            .collect()
+        let seed = 2 * seed + u64::from(purpose == Purpose::HeldOut);
+        (0..count).map(|i| self.scenario(i, seed, &controller)).collect()
     }
 
     fn scenario(
         &self,
         number: usize,
         seed: u64,
-        controller: impl Fn(&P::Parameters) -> ControllerParametersFor<P::Nominal>,
+        controller: impl Fn(&P::Parameters) -> Controlled<P, S, C>,
     ) -> Result<Scenario<P, S, C>, FamilyError> {
         let mut random = Random::stream(seed, number as u64);
         let mut between = |(low, high): (f64, f64)| low + (high - low) * random.uniform();
@@ -115,23 +123,37 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> Family<P, S, C> {
             values.get((number / every) % values.len().max(1)).copied().ok_or(FamilyError::Empty)
         };
         let place = number % self.vehicles.len().max(1);
-        let vehicle = self.vehicles.get(place).ok_or(FamilyError::Empty)?.clone();
+        let vehicle = self.vehicles.get(place).ok_or(FamilyError::Empty)?;
         let factors = [between(self.stiffness), between(self.stiffness)];
         let drawn = [between(self.actuators.lag), between(self.actuators.dead_time)];
         let share = |(low, high): (f64, f64), share: f64| low + (high - low) * share;
-        let [lag, dead_time] = match CORNERS.get(number % (2 * CORNERS.len()) / 2).filter(|_| number % 2 == 0)
-        {
-            Some(corner) => {
-                [share(self.actuators.lag, corner[0]), share(self.actuators.dead_time, corner[1])]
-            }
-            None => drawn,
+        // A corner does not meet the same vehicle every time round.
+        let corner = CORNERS[(number / 2 + number / (2 * CORNERS.len())) % CORNERS.len()];
+        let [lag, dead_time] = match number % 2 {
+            0 => [share(self.actuators.lag, corner[0]), share(self.actuators.dead_time, corner[1])],
+            _ => drawn,
         };
         let error = between((-1.0, 1.0));
-        // Each with a period of its own.
-        let accel = round(&self.lateral_accel, 1 + number / CORNERS.len() % 2)?;
-        let (friction, payload) = (round(&self.friction, 1)?, round(&self.payloads, 2)?);
+        // What is known of the own actuator is wrong in both parts alike, on every second drive by as much as may be.
+        let own = match number % 4 {
+            0 => self.actuators.own.1,
+            2 => self.actuators.own.0,
+            _ => between(self.actuators.own),
+        };
+        // Each with a period that has nothing to do with the others'.
+        let (accel, friction) = (round(&self.lateral_accel, 2)?, round(&self.friction, 2)?);
+        let payload = round(&self.payloads, 4)?;
         let noise = round(&self.noise, 3)?;
 
+        let (mut controller, mut model) = controller(vehicle);
+        controller.speed.lateral_accel = accel;
+        let mut vehicle = vehicle.clone();
+        for parameter in P::Parameters::TABLE {
+            if ["steering.lag", "steering.dead_time"].contains(&parameter.name) {
+                let value = own * parameter.get(&vehicle);
+                parameter.set(&mut vehicle, value);
+            }
+        }
         let mut effects = vehicle.effects().clone();
         let multiplied = [
             ("tyre_stiffness_front", factors[0]),
@@ -150,9 +172,6 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> Family<P, S, C> {
             time_constant: steering.lag + *effect::<P, S, C>(&mut effects, "steer_lag")?,
             ..Actuator::default()
         };
-        let mut controller = controller(&vehicle);
-        controller.speed.lateral_accel = accel;
-        let mut model = PredictionModelFor::<NominalOf<P, S, C>, S>::Nominal;
         if let Some(wrong) = self.told {
             let factor = 1.0 + wrong * error;
             let told = Actuator {

@@ -23,7 +23,7 @@ mod scenario;
 mod search;
 
 pub use axis::{Axis, Values, standard_axes};
-pub use family::{Actuators, Family, FamilyError, Purpose};
+pub use family::{Actuators, Controlled, Family, FamilyError, Purpose};
 pub use goal::{MarginGoal, SPEEDS, margins_over_speeds};
 pub use scenario::{LOST_AT, LOST_COST, Outcome, Scenario, ScenarioError};
 pub use search::{Candidate, Ensemble, SearchSettings, search};
