@@ -14,14 +14,17 @@
 //! | `family.rs` | ensembles of scenarios by a seed |
 //! | `goal.rs` | margins that the linear loop must have |
 //! | `axis.rs` | what is searched, over decades |
+//! | `answer.rs` | the answer to an offset, to be shown |
 //! | `search.rs` | the search: CMA-ES, stopping early whatever cannot win |
 
+mod answer;
 mod axis;
 mod family;
 mod goal;
 mod scenario;
 mod search;
 
+pub use answer::answer_to_offset;
 pub use axis::{Axis, Values, standard_axes};
 pub use family::{Actuators, Controlled, Family, FamilyError, Purpose};
 pub use goal::{MarginGoal, SPEEDS, margins_over_speeds};
