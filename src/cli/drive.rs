@@ -3,7 +3,7 @@
 use super::vehicle::{Commanded, Linear, by_kind, vehicle_named};
 use super::{named, progress_bar};
 use crate::control::{
-    Choice, ControlVariant, ControllerFor, ControllerParametersFor, PredictionModelFor, Propagation, RollOut,
+    Choice, ControlVariant, ControllerFile, ControllerFor, ControllerParametersFor, PredictionModelFor, Propagation, RollOut,
     VehicleParameters,
 };
 use crate::parameter::{NoValue, Parameter};
@@ -24,6 +24,7 @@ use std::sync::Arc;
   rfl drive --path road.csv --vehicle my_car.toml --log out/drive.csv
   rfl drive --set mpc.q_e2=1 --set effect.steer_delay=0.06
   rfl drive --set car.vehicle.mass=1600                the car's mass, not the controller's
+  rfl drive --vehicle my_car.toml --controller out/tune/controller.toml    as tuned by rfl tune
   rfl drive --vehicle truck_simulation                 the truck's test route, the truck paper's truck
   rfl drive --residual out/residual/rfl_s.rflm         with what rfl train learned
   rfl drive --variant rfl_s                            the same: models are looked for in out/residual
@@ -42,6 +43,9 @@ pub struct DriveArgs {
     /// Communication step in s
     #[arg(long, default_value_t = 0.02)]
     step: f64,
+    /// Controller file (from rfl tune); what is set beside it counts more
+    #[arg(long, value_name = "FILE")]
+    controller: Option<PathBuf>,
     /// A parameter, NAME=VALUE, of whoever has it; `car.` (`truck.`) or `controller.` before the name means one of them only
     #[arg(long = "set", value_name = "NAME=VALUE")]
     settings: Vec<String>,
@@ -59,7 +63,7 @@ pub struct DriveArgs {
 }
 
 /// What the controller predicts with: the same words as the FMU's.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub(super) struct ModelArgs {
     /// What the controller predicts with; none with --residual: what the file is for
     #[arg(long, default_value = "adaptive", hide_possible_values = true, value_parser = named(ControlVariant::ALL, ControlVariant::name, ControlVariant::meaning))]
@@ -83,6 +87,13 @@ type Chosen<G, const S: usize> =
     (ControlVariant, PredictionModelFor<<G as VehicleParameters<S>>::Vehicle, S>);
 
 impl ModelArgs {
+    /// Takes a file's variant where the command line asks for none.
+    pub fn prefer(&mut self, variant: Option<ControlVariant>) {
+        if let (ControlVariant::None, None, Some(variant)) = (self.variant, &self.residual, variant) {
+            self.variant = variant;
+        }
+    }
+
     /// The variant and its model for a controller with these parameters.
     pub fn choose<G: VehicleParameters<S>, const S: usize>(
         &self,
@@ -199,8 +210,15 @@ pub fn run(args: &DriveArgs) -> Result<(), Box<dyn Error>> {
 }
 
 fn drive<P: Commanded<S, C>, const S: usize, const C: usize>(args: &DriveArgs) -> Result<(), Box<dyn Error>> {
-    let setup = Setup::<P, S, C>::new(args.path.as_deref(), P::TEST, &args.vehicle, &args.settings)?;
-    let (variant, model) = args.model.choose(&setup.controller)?;
+    let mut setup = Setup::<P, S, C>::new(args.path.as_deref(), P::TEST, &args.vehicle, &[])?;
+    let mut model = args.model.clone();
+    if let Some(file) = &args.controller {
+        let read = ControllerFile::read(file)?;
+        read.apply::<P::Nominal, S>(&mut setup.controller, file)?;
+        model.prefer(read.variant);
+    }
+    args.settings.iter().try_for_each(|text| setup.apply(text))?;
+    let (variant, model) = model.choose(&setup.controller)?;
     let sample_time = setup.controller.mpc.sample_time;
     let bar = progress_bar("driving", setup.path.length(), args.quiet);
     let mut closed = setup.connect(model, args.step)?;

@@ -19,6 +19,7 @@ pub mod path;
 mod results_file;
 pub mod train;
 mod train_gp;
+pub mod tune;
 mod vehicle;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
@@ -37,6 +38,7 @@ use std::process::ExitCode;
   rfl drive --path road.csv   drive it
   rfl collect                 drive to learn from
   rfl train LOG...            learn what the nominal model misses
+  rfl tune --vehicle my_car.toml   weights and horizon for a vehicle
   rfl identify step.csv       the steering's delay from a recorded step
   rfl evaluate --quick        all variants, compared
   rfl diagnose LOG            why a log and the simulator disagree
@@ -56,6 +58,7 @@ enum Command {
     Drive(drive::DriveArgs),
     Collect(collect::CollectArgs),
     Train(train::TrainArgs),
+    Tune(tune::TuneArgs),
     Evaluate(evaluate::EvaluateArgs),
     Identify(identify::IdentifyArgs),
     Diagnose(diagnose::DiagnoseArgs),
@@ -74,6 +77,7 @@ impl Cli {
             Command::Drive(args) => drive::run(args)?,
             Command::Collect(args) => collect::run(args)?,
             Command::Train(args) => train::run(args)?,
+            Command::Tune(args) => tune::run(args)?,
             Command::Evaluate(args) => evaluate::run(args)?,
             Command::Identify(args) => identify::run(args)?,
             Command::Diagnose(args) => return diagnose::run(args),

@@ -18,11 +18,13 @@
 //! | `lateral.rs` | the MPC: road ahead, cost, bounds |
 //! | `variant/` | what it predicts with: nominal, learned residual, known actuator, nonlinear |
 //! | `choice.rs` | which variant: from a user's word, parameters and files |
+//! | `controller_file.rs` | parameters from a file |
 //! | `speed.rs` | speed tracking |
 //! | `longitudinal.rs` | speed and lag error by MPC |
 //! | `controller.rs` | one step from measurement to commands; fallback |
 //! | `vehicle.rs` | what differs from vehicle to vehicle |
 //! | `truck.rs` | what does for a truck, and its defaults |
+//! | `margins.rs` | what the loop stands: gain, phase and delay margin |
 //! | `sampler.rs` | when a step is due |
 //! | `status.rs` | what a step did, in words |
 
@@ -34,10 +36,12 @@ mod clarabel_solver;
 mod condense;
 mod condensed_cost;
 mod controller;
+mod controller_file;
 mod fast_solver;
 mod history;
 mod lateral;
 mod longitudinal;
+mod margins;
 mod observer;
 mod parameters;
 mod preview;
@@ -59,12 +63,14 @@ pub use condense::{Affine, HorizonState, Linear, Propagation, condense};
 pub use controller::{
     Controller, ControllerError, ControllerFor, ControllerState, Measurement, StepError, StepReport,
 };
+pub use controller_file::{ControllerFile, ControllerFileError};
 pub use fast_solver::{FastSolver, build_solver};
 pub use history::History;
 pub use lateral::{LateralError, LateralInput, LateralMpc};
 pub use longitudinal::{
     LongitudinalInput, LongitudinalMpc, LongitudinalParameters, LongitudinalState, LongitudinalStep,
 };
+pub use margins::{LinearController, MarginError, Margins, SteeringLoop, Tail};
 pub use observer::{Noise, Observer, ObserverParameters};
 pub use parameters::{
     ActuatorParameters, ControllerParameters, ControllerParametersFor, MpcParameters, NmpcParameters,

@@ -41,6 +41,7 @@
 //! | `read.rs`, `write.rs` | files |
 //! | `segment.rs`, `pen.rs` | roads drawn exactly from straights, arcs and clothoids |
 //! | `sudoku.rs`, `truck_course.rs`, `splitmix.rs` | our own courses |
+//! | `random.rs` | roads by the seed, to be searched and examined on |
 //! | `error.rs` | what can be wrong |
 
 mod banded;
@@ -50,6 +51,7 @@ mod grid;
 mod pen;
 mod project;
 mod quadrature;
+mod random;
 mod read;
 mod sample;
 mod segment;
@@ -63,6 +65,7 @@ mod write;
 
 pub use error::{PathError, Place};
 pub use project::{Projection, Where};
+pub use random::RandomRoad;
 pub use sample::{Closure, Options, RoadClass, Sample, Smoothing};
 pub use segment::{Course, Pose, Rough, Segment};
 pub use speed::{SpeedLimits, SpeedPlan};

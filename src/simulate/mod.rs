@@ -5,6 +5,7 @@
 //! | `closed_loop.rs` | controller and vehicle, step by step; the drive log |
 //! | `vehicle.rs` | what must be known of a kind of vehicle: car, truck |
 //! | `experiment/` | the comparison of all variants on several plants |
+//! | `tune/` | controllers that stand what vehicles are, searched over an ensemble |
 //! | `noise.rs` | noise on what the controller is told |
 //! | `metrics.rs` | tracking error, roughness of the steering and step time in a few numbers |
 
@@ -13,6 +14,8 @@ mod closed_loop;
 pub mod experiment;
 mod metrics;
 mod noise;
+#[cfg(feature = "cli")]
+pub mod tune;
 mod vehicle;
 
 pub use closed_loop::{

@@ -7,6 +7,7 @@
 //! | `overlay.rs` | real, simulated and corrected over time; the gap on the path |
 //! | `behaviour.rs` | understeer, yaw gain, command and angle, frequency response |
 //! | `frequency.rs` | that response |
+//! | `tuning.rs` | the page of `rfl tune`, in the same frame |
 //! | `plot.rs` | plots as SVG |
 //! | `html.rs` | text, numbers, tables |
 
@@ -16,12 +17,15 @@ mod html;
 mod overlay;
 mod plot;
 mod sections;
+mod tuning;
 
 use super::{Diagnosis, Report, Series};
 use crate::log::CleanLog;
 use html::{escaped, legend, section};
 use plot::{Colour, Curve};
 use std::ops::Range;
+
+pub use tuning::{Answer, Tuned, tuning_page};
 
 /// What a page needs besides the diagnosis.
 pub struct PageInput<'a> {

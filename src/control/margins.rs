@@ -1,0 +1,614 @@
+//! Stability margins of the steering loop, from the linear loop: how much more gain, phase lag or dead time it stands.
+//!
+//! On a straight road, with no bound active, the MPC is a linear feedback with a memory of its own commands,
+//!
+//! ```text
+//! u_k = sum_i K_i x_{k-i} + sum_{i>=1} h_i u_{k-i}
+//! ```
+//!
+//! because the rate of the command costs something, and because a known actuator is run over the issued commands. `K`
+//! and `h` are read off the MPC itself: it is asked for unit states and unit commands. Behind it the vehicle and its
+//! actuator are sampled exactly, `X_{k+1} = A X_k + G_1 u_{k-m} + G_2 u_{k-m-1}`. Broken at the command, the loop is
+//!
+//! ```text
+//! L(z) = - K(z) P(z) / (1 - h(z)),      1 + L = 0 where a pole is,      z = e^{j w Ts},  w up to Nyquist's
+//! ```
+//!
+//! and the margins of a stable loop are where `L` passes -1: a factor `1/|L|` where it is real and negative, an angle
+//! `arg L + pi` where `|L| = 1`, and that angle over `w` as time. Whether the loop is stable say its poles: the spectral
+//! radius of the closed loop, by Gelfand's formula `|A^n|^(1/n)`.
+//!
+//! Source: Franklin, Powell and Workman, Digital Control of Dynamic Systems, ch. 7 (sampled loops); Skogestad and
+//! Postlethwaite, Multivariable Feedback Control, ch. 2.4 (margins).
+
+use super::history::History;
+use super::lateral::{LateralError, LateralInput, LateralMpc};
+use super::parameters::{ControllerParametersFor, MpcParameters};
+use super::preview::SpeedAhead;
+use super::tracking_qp::QpError;
+use super::variant::PredictionModelFor;
+use super::vehicle::{Bound, FurtherState, VehicleParameters};
+use crate::nominal::{ACTUATOR_STATES, ActuatedModel, Actuator, LateralVehicle, SingleTrackError};
+use crate::path::{Closure, Path, PathError, Sample};
+use nalgebra::{Complex, DMatrix, SVector};
+use std::f64::consts::{PI, TAU};
+
+/// Why there are no margins.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum MarginError {
+    #[error(transparent)]
+    Lateral(#[from] LateralError),
+    #[error(transparent)]
+    Vehicle(#[from] SingleTrackError),
+    #[error("the MPC at {speed} m/s on a straight road: {error}")]
+    NoPlan { speed: f64, error: QpError },
+    #[error("a straight road: {0}")]
+    Road(#[from] PathError),
+}
+
+/// The MPC at one speed as a linear feedback.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LinearController<const S: usize> {
+    /// Speed, m/s.
+    pub speed: f64,
+    /// Time between steps, s.
+    pub sample_time: f64,
+    /// Gains on the states of this step, the one before, ..; only a learned residual has more than one.
+    pub state: Vec<SVector<f64, S>>,
+    /// Gains on the command before this step, the one before that, ..
+    pub command: Vec<f64>,
+    /// What goes on behind these for ever.
+    pub tail: Option<Tail>,
+}
+
+/// Gains that fall by a ratio from command to command: the memory of a lag.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tail {
+    /// Gain on the first command behind those that stand singly.
+    pub first: f64,
+    /// Ratio of a gain to the one before.
+    pub ratio: f64,
+}
+
+/// The steering loop at one speed: the controller with a vehicle and its actuator.
+#[derive(Debug, Clone)]
+pub struct SteeringLoop<V, const S: usize> {
+    controller: LinearController<S>,
+    vehicle: V,
+    actuator: Actuator,
+    /// Speed of the vehicle's model, m/s.
+    model_speed: f64,
+    plant: ActuatedModel<S>,
+}
+
+/// Margins of a stable loop.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Margins {
+    /// Factor on the loop's gain that destabilises it, above 1; infinite if none does.
+    pub gain: f64,
+    /// Factor on the loop's gain that destabilises it, below 1; 0 if none does.
+    pub gain_down: f64,
+    /// Least phase lag that destabilises it, rad; infinite if the gain never is 1.
+    pub phase: f64,
+    /// Least additional dead time that destabilises it, s; infinite if the gain never is 1. Exact for whole steps; between
+    /// them within a fraction of one, for a command that changes within a step is no pure lag of the phase.
+    pub delay: f64,
+    /// Where that happens, rad/s.
+    pub crossover: f64,
+    /// Largest `|1/(1 + L)|`: the inverse of the distance from -1.
+    pub sensitivity: f64,
+}
+
+/// States and commands that the MPC is asked for; it is linear, so the size does not matter.
+const UNIT: f64 = 1e-2;
+/// A bound that is never active.
+const NEVER: f64 = 1e6;
+/// Gains below this share of the largest are none.
+const NEGLIGIBLE: f64 = 1e-8;
+/// The plan with which a learned residual is asked is the plan itself after so many steps.
+const PLAN_STEPS: usize = 4;
+/// Frequencies of the grid.
+const FREQUENCIES: usize = 1200;
+/// The lowest of them, rad/s: a drive's slowest swing takes ten minutes.
+const LOWEST: f64 = 1e-2;
+/// Bisections of a crossing: to a double's accuracy of the step of the grid.
+const BISECTIONS: usize = 44;
+/// Bisections of a dead time by poles: to 10 ns.
+const DEAD_TIME_BISECTIONS: usize = 20;
+
+impl<const S: usize> LinearController<S> {
+    /// The controller of these parameters that predicts with this model, at each of these speeds in m/s.
+    ///
+    /// # Errors
+    /// Parameters that no MPC can be made of, or a model that does not fit.
+    pub fn at_speeds<G: VehicleParameters<S>>(
+        parameters: &ControllerParametersFor<G>,
+        model: PredictionModelFor<G::Vehicle, S>,
+        speeds: &[f64],
+    ) -> Result<Vec<Self>, MarginError> {
+        let looks_back = matches!(model, PredictionModelFor::Residual(_));
+        let mpc = MpcParameters {
+            steer_max: NEVER,
+            steer_rate_max: NEVER,
+            e1_max: NEVER,
+            dither: 0.0,
+            ..parameters.mpc
+        };
+        let unbounded = |state: FurtherState| FurtherState {
+            bound: state.bound.map(|bound| Bound { max: NEVER, ..bound }),
+            ..state
+        };
+        let further: Vec<_> = parameters.vehicle.further_states().into_iter().map(unbounded).collect();
+        let lateral = LateralMpc::new(parameters.vehicle.nominal(), mpc, &further, model)?;
+        let road = [0.0, 25.0, 50.0, 75.0, 100.0].map(|x| Sample::at(x, 0.0));
+        let road = Path::from_samples(road.to_vec(), Closure::Open)?;
+        let mut asked = Asked { lateral, road, sample_time: mpc.sample_time };
+        speeds.iter().map(|&speed| asked.at(speed, looks_back)).collect()
+    }
+
+    /// `K(z)` applied to a state, and `h(z)`.
+    fn response(&self, z_inverse: Complex<f64>, state: &[Complex<f64>; S]) -> [Complex<f64>; 2] {
+        let mut by_state = Complex::new(0.0, 0.0);
+        for gain in self.state.iter().rev() {
+            by_state *= z_inverse;
+            for (gain, state) in gain.iter().zip(state) {
+                by_state += state * *gain;
+            }
+        }
+        // Horner, from the oldest command.
+        let mut by_command = self
+            .tail
+            .map_or(Complex::new(0.0, 0.0), |tail| (1.0 - z_inverse * tail.ratio).inv() * tail.first);
+        for gain in self.command.iter().rev() {
+            by_command = by_command * z_inverse + gain;
+        }
+        [by_state, by_command * z_inverse]
+    }
+}
+
+/// An MPC without active bounds on a straight road.
+struct Asked<const S: usize> {
+    lateral: LateralMpc<S>,
+    road: Path,
+    sample_time: f64,
+}
+
+impl<const S: usize> Asked<S> {
+    fn at(&mut self, speed: f64, looks_back: bool) -> Result<LinearController<S>, MarginError> {
+        let window = self.lateral.window();
+        let states = if looks_back { window.max(1) } else { 1 };
+        let commands = window.saturating_sub(1).max(1);
+        let zero = vec![SVector::zeros(); states];
+        let rest = self.answer(speed, &zero, &vec![0.0; commands])?;
+        let mut state = Vec::with_capacity(states);
+        for back in 0..states {
+            let mut gain = SVector::zeros();
+            for i in 0..S {
+                let mut asked = zero.clone();
+                asked[back][i] = UNIT;
+                gain[i] = (self.answer(speed, &asked, &vec![0.0; commands])? - rest) / UNIT;
+            }
+            state.push(gain);
+        }
+        let mut command = Vec::with_capacity(commands);
+        for back in 0..commands {
+            let mut asked = vec![0.0; commands];
+            asked[back] = UNIT;
+            command.push((self.answer(speed, &zero, &asked)? - rest) / UNIT);
+        }
+        let size = state.iter().map(SVector::amax).fold(0.0, f64::max);
+        while state.len() > 1
+            && state.last().is_some_and(|gain: &SVector<f64, S>| gain.amax() <= NEGLIGIBLE * size)
+        {
+            state.pop();
+        }
+        let tail = cut_tail(&mut command);
+        Ok(LinearController { speed, sample_time: self.sample_time, state, command, tail })
+    }
+
+    /// The command in a situation: states and commands newest first.
+    fn answer(
+        &mut self,
+        speed: f64,
+        states: &[SVector<f64, S>],
+        commands: &[f64],
+    ) -> Result<f64, MarginError> {
+        let window = self.lateral.window();
+        let mut history = History::new(window);
+        for back in (0..window).rev() {
+            let state = states.get(back).copied().unwrap_or_else(SVector::zeros);
+            history.observe(&state, commands.get(back).copied().unwrap_or(0.0));
+        }
+        let disturbance = SVector::zeros();
+        let mut plan = Vec::new();
+        for _ in 0..if states.len() > 1 { PLAN_STEPS } else { 1 } {
+            let input = LateralInput {
+                state: &states[0],
+                vy: states[0][1] - speed * states[0][2],
+                yaw_rate: states[0][3],
+                history: &history,
+                last_plan: &plan,
+                station: 0.0,
+                ahead: SpeedAhead { speed, accel: 0.0, predicted: &[] },
+                previous: commands[0],
+                path: &self.road,
+                disturbance: &disturbance,
+                use_residual: true,
+                time_limit: f64::INFINITY,
+            };
+            self.lateral.step(&input).map_err(|error| MarginError::NoPlan { speed, error })?;
+            plan.clear();
+            plan.extend_from_slice(self.lateral.plan());
+        }
+        Ok(plan[0])
+    }
+}
+
+/// Takes gains that fall by one ratio to the end off the end. The last of them stands for all that were before it, so it
+/// is not looked at.
+fn cut_tail(gains: &mut Vec<f64>) -> Option<Tail> {
+    let size = gains.iter().fold(0.0, |size: f64, gain| size.max(gain.abs()));
+    let same = |i: usize, ratio: f64| (gains[i + 1] - ratio * gains[i]).abs() <= NEGLIGIBLE * size;
+    let last = gains.len().checked_sub(2)?;
+    let begins = (0..last).find(|&begin| {
+        let ratio = gains[begin + 1] / gains[begin];
+        last - begin >= 8 && ratio.abs() < 1.0 && (begin..last).all(|i| same(i, ratio))
+    })?;
+    let tail = Tail { first: gains[begins], ratio: gains[begins + 1] / gains[begins] };
+    gains.truncate(begins);
+    Some(tail)
+}
+
+impl<V: LateralVehicle<S>, const S: usize> SteeringLoop<V, S> {
+    /// The loop of a controller with a vehicle behind an actuator; below `min_model_speed` in m/s the vehicle's model is
+    /// held, as the controller's is.
+    ///
+    /// # Errors
+    /// A vehicle with a parameter that is not positive.
+    pub fn new(
+        controller: LinearController<S>,
+        vehicle: V,
+        actuator: Actuator,
+        min_model_speed: f64,
+    ) -> Result<Self, MarginError> {
+        let model_speed = controller.speed.max(min_model_speed);
+        let model = vehicle.model_at(model_speed)?;
+        let plant = actuator.discretise(&model, controller.sample_time);
+        Ok(Self { controller, vehicle, actuator, model_speed, plant })
+    }
+
+    /// The same loop with so much more dead time, s.
+    ///
+    /// # Errors
+    /// A vehicle with a parameter that is not positive.
+    pub fn delayed(&self, dead_time: f64) -> Result<Self, MarginError> {
+        let actuator = Actuator { dead_time: self.actuator.dead_time + dead_time, ..self.actuator };
+        Self::new(self.controller.clone(), self.vehicle, actuator, self.model_speed)
+    }
+
+    /// The same loop with the vehicle's answer to steering multiplied by a factor.
+    #[must_use]
+    pub fn amplified(&self, factor: f64) -> Self {
+        let mut amplified = self.clone();
+        amplified.plant.newer = self.plant.newer * factor;
+        amplified.plant.older = self.plant.older * factor;
+        amplified
+    }
+
+    /// The controller.
+    #[must_use]
+    pub fn controller(&self) -> &LinearController<S> {
+        &self.controller
+    }
+
+    /// `L` at a frequency in rad/s.
+    #[must_use]
+    pub fn response(&self, frequency: f64) -> Complex<f64> {
+        let z = Complex::from_polar(1.0, frequency * self.controller.sample_time);
+        let z_inverse = z.conj();
+        let plant = &self.plant;
+        let [newer, older] = [z_inverse.powi(plant.delay as i32), z_inverse.powi(plant.delay as i32 + 1)];
+        let input = |newer_effect: f64, older_effect: f64| newer * newer_effect + older * older_effect;
+        let actuator = resolve::<ACTUATOR_STATES>(
+            z,
+            |i, j| plant.a.actuator[(i, j)],
+            std::array::from_fn(|i| input(plant.newer.actuator[i], plant.older.actuator[i])),
+        );
+        let drive = std::array::from_fn(|i| {
+            let mut sum = input(plant.newer.vehicle[i], plant.older.vehicle[i]);
+            for (j, state) in actuator.iter().enumerate() {
+                sum += state * plant.a.by_actuator[(i, j)];
+            }
+            sum
+        });
+        let state = resolve::<S>(z, |i, j| plant.a.vehicle[(i, j)], drive);
+        let [by_state, by_command] = self.controller.response(z_inverse, &state);
+        -by_state / (1.0 - by_command)
+    }
+
+    /// The closed loop from step to step: `[X, commands before, tail, states before]`.
+    #[must_use]
+    pub fn closed(&self) -> DMatrix<f64> {
+        let (plant, controller) = (&self.plant, &self.controller);
+        let singly = controller.command.len();
+        let commands = singly.max(plant.delay + 1);
+        // The tail's filter holds what the commands behind the single ones weigh: its input is the last of them.
+        let begin = S + ACTUATOR_STATES;
+        let tail = begin + commands;
+        let states = tail + 1;
+        let size = states + S * (controller.state.len() - 1);
+        let mut closed = DMatrix::zeros(size, size);
+        // The command as a row.
+        let mut command = vec![0.0; size];
+        for (back, gain) in controller.state.iter().enumerate() {
+            let place = if back == 0 { 0 } else { states + S * (back - 1) };
+            command[place..place + S].copy_from_slice(gain.as_slice());
+        }
+        command[begin..begin + singly].copy_from_slice(&controller.command);
+        command[tail] = controller.tail.map_or(0.0, |tail| tail.first);
+        // u_{k-i} as a row: i = 0 the command itself.
+        let back = |i: usize| -> Vec<f64> {
+            if i == 0 {
+                return command.clone();
+            }
+            let mut row = vec![0.0; size];
+            row[begin + i - 1] = 1.0;
+            row
+        };
+        let [newer, older] = [back(plant.delay), back(plant.delay + 1)];
+        for column in 0..size {
+            for i in 0..S {
+                closed[(i, column)] =
+                    plant.newer.vehicle[i] * newer[column] + plant.older.vehicle[i] * older[column];
+            }
+            for i in 0..ACTUATOR_STATES {
+                closed[(S + i, column)] =
+                    plant.newer.actuator[i] * newer[column] + plant.older.actuator[i] * older[column];
+            }
+            closed[(begin, column)] = command[column];
+            closed[(tail, column)] = back(singly)[column];
+        }
+        for i in 0..S {
+            for j in 0..S {
+                closed[(i, j)] += plant.a.vehicle[(i, j)];
+            }
+            for j in 0..ACTUATOR_STATES {
+                closed[(i, S + j)] += plant.a.by_actuator[(i, j)];
+            }
+        }
+        for i in 0..ACTUATOR_STATES {
+            // A state that the actuator does not have stays as it is, which is no pole of the loop.
+            let has = (0..size).any(|column| closed[(S + i, column)] != 0.0)
+                || (0..ACTUATOR_STATES).any(|j| j != i && plant.a.actuator[(i, j)] != 0.0);
+            for j in (0..ACTUATOR_STATES).filter(|_| has) {
+                closed[(S + i, S + j)] += plant.a.actuator[(i, j)];
+            }
+        }
+        for i in 1..commands {
+            closed[(begin + i, begin + i - 1)] = 1.0;
+        }
+        closed[(tail, tail)] += controller.tail.map_or(0.0, |tail| tail.ratio);
+        for back in 1..controller.state.len() {
+            for i in 0..S {
+                let from = if back == 1 { 0 } else { states + S * (back - 2) };
+                closed[(states + S * (back - 1) + i, from + i)] = 1.0;
+            }
+        }
+        closed
+    }
+
+    /// Magnitude of the closed loop's largest pole: stable below 1.
+    #[must_use]
+    pub fn spectral_radius(&self) -> f64 {
+        spectral_radius(self.closed())
+    }
+
+    /// The margins; none of a loop that is not stable.
+    #[must_use]
+    pub fn margins(&self) -> Option<Margins> {
+        if self.spectral_radius() >= 1.0 {
+            return None;
+        }
+        let nyquist = PI / self.controller.sample_time;
+        let ratio = (nyquist / LOWEST).powf(1.0 / (FREQUENCIES - 1) as f64);
+        let mut margins = Margins {
+            gain: f64::INFINITY,
+            gain_down: 0.0,
+            phase: f64::INFINITY,
+            delay: f64::INFINITY,
+            crossover: f64::INFINITY,
+            sensitivity: 0.0,
+        };
+        let mut before = (LOWEST, self.response(LOWEST));
+        margins.meet_sensitivity(before.1);
+        for k in 1..FREQUENCIES {
+            let last = k == FREQUENCIES - 1;
+            let frequency = if last { nyquist } else { LOWEST * ratio.powi(k as i32) };
+            let here = (frequency, self.response(frequency));
+            margins.meet_sensitivity(here.1);
+            let crossing = |value: fn(Complex<f64>) -> f64| self.crossing(before, here, value);
+            if let Some((frequency, response)) = crossing(|l| l.norm() - 1.0) {
+                margins.meet_unit_gain(frequency, response);
+            }
+            // At Nyquist's frequency L is real.
+            match crossing(|l| l.im) {
+                Some((_, response)) => margins.meet_real(response),
+                None if last => margins.meet_real(here.1),
+                None => (),
+            }
+            before = here;
+        }
+        Some(margins)
+    }
+
+    /// Where a value changes its sign between two frequencies.
+    fn crossing(
+        &self,
+        mut low: (f64, Complex<f64>),
+        mut high: (f64, Complex<f64>),
+        value: fn(Complex<f64>) -> f64,
+    ) -> Option<(f64, Complex<f64>)> {
+        let sign = value(low.1) > 0.0;
+        if (value(high.1) > 0.0) == sign {
+            return None;
+        }
+        for _ in 0..BISECTIONS {
+            let frequency = 0.5 * (low.0 + high.0);
+            let middle = (frequency, self.response(frequency));
+            if (value(middle.1) > 0.0) == sign { low = middle } else { high = middle }
+        }
+        Some(low)
+    }
+
+    /// Least additional dead time up to `limit` that the closed loop's poles say is too much, s; none if they stand all.
+    /// Slower than [`Self::margins`], and exact for a dead time that is no whole number of steps.
+    ///
+    /// # Errors
+    /// A vehicle with a parameter that is not positive.
+    pub fn dead_time_to_instability(&self, limit: f64) -> Result<Option<f64>, MarginError> {
+        let unstable = |dead_time: f64| Ok(self.delayed(dead_time)?.spectral_radius() >= 1.0);
+        first_failure(limit, self.controller.sample_time / 2.0, unstable)
+    }
+}
+
+/// The first value up to a limit at which something fails, found in steps and then by bisection.
+fn first_failure(
+    limit: f64,
+    step: f64,
+    fails: impl Fn(f64) -> Result<bool, MarginError>,
+) -> Result<Option<f64>, MarginError> {
+    let mut low = 0.0;
+    let mut high = 0.0;
+    while !fails(high)? {
+        if high >= limit {
+            return Ok(None);
+        }
+        low = high;
+        high = (high + step).min(limit);
+    }
+    for _ in 0..DEAD_TIME_BISECTIONS {
+        let middle = 0.5 * (low + high);
+        if fails(middle)? { high = middle } else { low = middle }
+    }
+    Ok(Some(high))
+}
+
+impl Margins {
+    fn meet_sensitivity(&mut self, response: Complex<f64>) {
+        self.sensitivity = self.sensitivity.max((response + 1.0).norm().recip());
+    }
+
+    fn meet_unit_gain(&mut self, frequency: f64, response: Complex<f64>) {
+        let lag = (-response).arg().rem_euclid(TAU);
+        self.phase = self.phase.min(lag.min(TAU - lag));
+        if lag / frequency < self.delay {
+            (self.delay, self.crossover) = (lag / frequency, frequency);
+        }
+    }
+
+    fn meet_real(&mut self, response: Complex<f64>) {
+        let factor = -response.re.recip();
+        if factor > 1.0 {
+            self.gain = self.gain.min(factor);
+        } else if factor > 0.0 {
+            self.gain_down = self.gain_down.max(factor);
+        }
+    }
+
+    /// What each margin is in the worse of two loops.
+    #[must_use]
+    pub fn worse(self, other: Self) -> Self {
+        let later = self.delay <= other.delay;
+        Self {
+            gain: self.gain.min(other.gain),
+            gain_down: self.gain_down.max(other.gain_down),
+            phase: self.phase.min(other.phase),
+            delay: self.delay.min(other.delay),
+            crossover: if later { self.crossover } else { other.crossover },
+            sensitivity: self.sensitivity.max(other.sensitivity),
+        }
+    }
+}
+
+/// `(z - A)^-1 b` by elimination with pivoting.
+fn resolve<const N: usize>(
+    z: Complex<f64>,
+    a: impl Fn(usize, usize) -> f64,
+    mut b: [Complex<f64>; N],
+) -> [Complex<f64>; N] {
+    let mut m: [[Complex<f64>; N]; N] = std::array::from_fn(|i| {
+        std::array::from_fn(|j| if i == j { z - a(i, j) } else { (-a(i, j)).into() })
+    });
+    for k in 0..N {
+        let pivot =
+            (k..N).fold(k, |best, i| if m[i][k].norm_sqr() > m[best][k].norm_sqr() { i } else { best });
+        m.swap(k, pivot);
+        b.swap(k, pivot);
+        for i in k + 1..N {
+            let factor = m[i][k] / m[k][k];
+            let above = m[k];
+            for (entry, above) in m[i].iter_mut().zip(above).skip(k) {
+                *entry -= factor * above;
+            }
+            let above = b[k];
+            b[i] -= factor * above;
+        }
+    }
+    for k in (0..N).rev() {
+        for j in k + 1..N {
+            let behind = b[j];
+            b[k] -= m[k][j] * behind;
+        }
+        b[k] /= m[k][k];
+    }
+    b
+}
+
+/// Magnitude of a matrix's largest eigenvalue: `|A^n|^(1/n)` for `n = 2^48`, the powers by squaring. Unlike iterations
+/// for eigenvalues it always comes to an end, also for the shifts of a memory, which are far from normal.
+#[must_use]
+fn spectral_radius(mut power: DMatrix<f64>) -> f64 {
+    let mut logarithm = 0.0;
+    let mut share = 1.0;
+    for _ in 0..48 {
+        let size = power.norm();
+        if size == 0.0 {
+            return 0.0;
+        }
+        logarithm += share * size.ln();
+        share *= 0.5;
+        power /= size;
+        power = &power * &power;
+    }
+    logarithm.exp()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::dmatrix;
+
+    #[test]
+    fn the_spectral_radius_of_known_matrices() {
+        let rotation = dmatrix![0.6, -0.7; 0.7, 0.6];
+        assert!((spectral_radius(rotation) - 0.85_f64.sqrt()).abs() < 1e-12);
+        // A Jordan block, and a memory alone.
+        assert!((spectral_radius(dmatrix![0.9, 1.0; 0.0, 0.9]) - 0.9).abs() < 1e-12);
+        assert_eq!(spectral_radius(dmatrix![0.0, 0.0; 1.0, 0.0]), 0.0);
+        assert!((spectral_radius(dmatrix![1.2, 5.0; 0.0, 0.3]) - 1.2).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_tail_is_cut_where_it_begins() {
+        let mut gains: Vec<f64> =
+            [0.7, -0.2].into_iter().chain((0..30).map(|i| 0.5 * 0.8_f64.powi(i))).collect();
+        // What was before the oldest.
+        gains.push(1e-3);
+        let tail = cut_tail(&mut gains).unwrap();
+        assert_eq!(gains, [0.7, -0.2]);
+        assert!((tail.first - 0.5).abs() < 1e-15 && (tail.ratio - 0.8).abs() < 1e-12);
+        assert_eq!(cut_tail(&mut vec![0.4]), None);
+        assert_eq!(cut_tail(&mut vec![0.4, 0.1, 0.3, 0.7, -0.2, 0.0, 0.1, 0.2, 0.3, 0.5, 0.2]), None);
+    }
+}

@@ -1,0 +1,89 @@
+//! What is searched: named numbers of the controller, each over decades.
+
+use crate::control::{ControllerParametersFor, VehicleParameters};
+use crate::parameter::OutOfRange;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// A number that is searched.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Axis {
+    /// The parameter's name.
+    pub name: String,
+    /// Decades that stand for one unit of the search.
+    pub decades: f64,
+}
+
+/// Numbers of a controller by their names.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Values(pub BTreeMap<String, f64>);
+
+/// The weights and the horizon.
+#[must_use]
+pub fn standard_axes() -> Vec<Axis> {
+    let names = ["mpc.q_e1", "mpc.q_e1_rate", "mpc.q_e2", "mpc.q_e2_rate", "mpc.r_rate", "mpc.horizon"];
+    names.map(Axis::of).into()
+}
+
+impl Axis {
+    /// A number with its usual width: a horizon's is less than a weight's.
+    #[must_use]
+    pub fn of(name: &str) -> Self {
+        Self { name: name.to_owned(), decades: if name == "mpc.horizon" { 0.3 } else { 1.0 } }
+    }
+
+    /// The value so many units from another, within the parameter's range; 0 is taken as the least that matters.
+    #[must_use]
+    pub fn from<G>(&self, start: f64, units: f64) -> f64 {
+        let value = self.least(start) * 10.0_f64.powf(self.decades * units);
+        match ControllerParametersFor::<G>::declared(&self.name) {
+            Some(parameter) => {
+                let value = if parameter.integer { value.round() } else { value };
+                value.clamp(parameter.min, parameter.max)
+            }
+            None => value,
+        }
+    }
+
+    fn least(&self, value: f64) -> f64 {
+        value.max(LEAST)
+    }
+}
+
+/// A weight below this is as good as none.
+const LEAST: f64 = 1e-4;
+
+impl Values {
+    /// Takes the numbers over into a controller.
+    ///
+    /// # Errors
+    /// A value out of its range, or a name that no parameter has.
+    pub fn apply<G: VehicleParameters<S>, const S: usize>(
+        &self,
+        parameters: &mut ControllerParametersFor<G>,
+    ) -> Result<(), NotSet> {
+        for (name, &value) in &self.0 {
+            if !parameters.set::<S>(name, value)? {
+                return Err(NotSet::Unknown { name: name.clone() });
+            }
+        }
+        Ok(())
+    }
+
+    /// As settings, `NAME=VALUE` each.
+    #[must_use]
+    pub fn settings(&self) -> Vec<String> {
+        self.0.iter().map(|(name, value)| format!("{name}={value}")).collect()
+    }
+}
+
+/// A number that cannot be set.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum NotSet {
+    #[error(transparent)]
+    OutOfRange(#[from] OutOfRange),
+    #[error("the controller has no number '{name}'; 'rfl parameters' lists all")]
+    Unknown { name: String },
+}

@@ -1,0 +1,32 @@
+//! Controllers that stand what vehicles are: a min-max search over an ensemble of vehicles, actuators and roads.
+//!
+//! ```text
+//! min over the controller's numbers p    max_i J_i(p) + share * mean_i J_i(p) + penalty of margins that are missed
+//! ```
+//!
+//! where `J_i` is the tracking error of a closed-loop drive, the scenario `i`. A drive is a whole one: nonlinear vehicle,
+//! actuator, road, noise. Seeds of searches and of examinations are apart: the scenario `i` of the ensemble `n` has the
+//! road seed `2000 n + i` for training, and `2000 n + 1000 + i` held out.
+//!
+//! | file | problem |
+//! |---|---|
+//! | `scenario.rs` | one drive, and what it costs |
+//! | `family.rs` | ensembles of scenarios by a seed |
+//! | `goal.rs` | margins that the linear loop must have |
+//! | `axis.rs` | what is searched, over decades |
+//! | `answer.rs` | the answer to an offset, to be shown |
+//! | `search.rs` | the search: CMA-ES, stopping early whatever cannot win |
+
+mod answer;
+mod axis;
+mod family;
+mod goal;
+mod scenario;
+mod search;
+
+pub use answer::answer_to_offset;
+pub use axis::{Axis, Values, standard_axes};
+pub use family::{Actuators, Controlled, Family, FamilyError, Purpose};
+pub use goal::{MarginGoal, SPEEDS, margins_over_speeds};
+pub use scenario::{LOST_AT, LOST_COST, Outcome, Scenario, ScenarioError};
+pub use search::{Candidate, Ensemble, SearchSettings, search};

@@ -1,0 +1,194 @@
+//! Stability margins of the steering loop: closed forms, the closed loop's poles, and the nonlinear plant.
+
+use nalgebra::{DMatrix, SMatrix, SVector, Vector1};
+use rfl_mpc::control::{
+    ControllerParameters, ControllerParametersFor, LinearController, PredictionModelFor, SteeringLoop,
+    TruckControllerParameters, VehicleParameters,
+};
+use rfl_mpc::nominal::{Actuator, ContinuousErrorModel, LateralVehicle, SingleTrackError};
+use rfl_mpc::signal::{self, Signal};
+use rfl_mpc::vehicle::{builtin, builtin_truck};
+use serde::{Deserialize, Serialize};
+use std::f64::consts::FRAC_PI_2;
+
+const TS: f64 = 0.02;
+
+/// `x' = u`: a loop that can be worked out by hand.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+struct Integrator;
+
+impl LateralVehicle<1> for Integrator {
+    const KIND: &'static str = "integrator";
+    const STATES: [Signal; 1] = [signal::E1];
+
+    fn model_at(&self, _: f64) -> Result<ContinuousErrorModel<1>, SingleTrackError> {
+        let zero = Vector1::zeros();
+        Ok(ContinuousErrorModel { a: SMatrix::zeros(), b: Vector1::new(1.0), d: zero, e: zero })
+    }
+
+    fn steady_state(&self, _: f64) -> SVector<f64, 1> {
+        Vector1::zeros()
+    }
+
+    fn parameters(&self) -> Vec<(&'static str, f64)> {
+        vec![]
+    }
+
+    fn wheelbase(&self) -> f64 {
+        1.0
+    }
+}
+
+fn integrator(gain: f64, dead_time: f64) -> SteeringLoop<Integrator, 1> {
+    let controller = LinearController {
+        speed: 1.0,
+        sample_time: TS,
+        state: vec![Vector1::new(-gain)],
+        command: vec![0.0],
+        tail: None,
+    };
+    SteeringLoop::new(controller, Integrator, Actuator { dead_time, ..Actuator::default() }, 1.0).unwrap()
+}
+
+#[test]
+fn an_integrator_has_the_margins_worked_out_by_hand() {
+    // L = k Ts z^-d / (z - 1): |L| = 1 where 2 sin(w Ts/2) = k Ts, its lag there pi/2 + (d + 1/2) w Ts; real and negative
+    // where (d + 1/2) w Ts = pi/2.
+    for (gain, steps) in [(3.0, 0), (10.0, 0), (3.0, 2), (9.0, 3)] {
+        let margins = integrator(gain, steps as f64 * TS).margins().unwrap();
+        let crossover = 2.0 / TS * (0.5 * gain * TS).asin();
+        let phase = FRAC_PI_2 - (f64::from(steps) + 0.5) * crossover * TS;
+        let critical = 2.0 / TS * (FRAC_PI_2 / (2 * steps + 1) as f64).sin();
+        assert!((margins.crossover / crossover - 1.0).abs() < 1e-9, "{margins:?}");
+        assert!((margins.phase - phase).abs() < 1e-9, "{margins:?}, {phase}");
+        assert!((margins.delay - phase / crossover).abs() < 1e-9);
+        assert!((margins.gain * gain / critical - 1.0).abs() < 1e-9, "{margins:?}, {critical}");
+        assert_eq!(margins.gain_down, 0.0);
+    }
+    // Beyond the critical gain nothing is left.
+    assert_eq!(integrator(101.0, 0.0).margins(), None);
+    assert!(integrator(99.0, 0.0).margins().is_some());
+}
+
+/// A controller's design: horizon, then the weights of e1, its rate, e2, its rate and the command's rate.
+type Design = (usize, [f64; 5]);
+
+const DESIGNS: [Design; 4] = [
+    (16, [1.0, 0.4, 1.0, 0.0, 0.03]),
+    (30, [0.118, 0.0138, 30.2, 4.88, 0.015]),
+    (50, [0.247, 0.112, 0.0604, 0.393, 0.241]),
+    (60, [0.046, 0.012, 0.073, 1.83, 0.13]),
+];
+
+fn designed<G: Copy>(
+    mut parameters: ControllerParametersFor<G>,
+    (horizon, [q_e1, q_e1_rate, q_e2, q_e2_rate, r_rate]): Design,
+) -> ControllerParametersFor<G> {
+    let mpc = &mut parameters.mpc;
+    (mpc.horizon, mpc.q_e1, mpc.q_e1_rate, mpc.q_e2) = (horizon, q_e1, q_e1_rate, q_e2);
+    (mpc.q_e2_rate, mpc.r_rate) = (q_e2_rate, r_rate);
+    parameters
+}
+
+/// With the gain at which so much more dead time is just too much, the delay margin is that dead time, or a lesser one
+/// where a loop is unstable in between.
+fn whole_steps_are_exact<V: LateralVehicle<S>, const S: usize>(of: &SteeringLoop<V, S>) {
+    for steps in 1..4 {
+        let dead_time = f64::from(steps) * TS;
+        let Some(of_delayed) = of.delayed(dead_time).unwrap().margins() else { return };
+        let Some(margins) = of.amplified(of_delayed.gain).margins() else { continue };
+        assert!(margins.delay < dead_time + 1e-8, "{margins:?}, {dead_time}");
+        // A loop that is nearly unstable without more dead time is so in between, too.
+        assert!(margins.sensitivity > 4.0 || margins.delay > dead_time - 1e-8, "{margins:?}, {dead_time}");
+    }
+}
+
+/// Margins agree with the poles, for each speed and for plants behind several actuators. Gives how many loops were stable.
+fn agrees<G: VehicleParameters<S>, const S: usize>(
+    parameters: &ControllerParametersFor<G>,
+    model: &PredictionModelFor<G::Vehicle, S>,
+) -> usize {
+    let speeds = [3.0, 9.0, 20.0];
+    let controllers = LinearController::at_speeds(parameters, model.clone(), &speeds).unwrap();
+    let mut stable = 0;
+    for controller in controllers {
+        for (dead_time, time_constant) in [(0.0, 0.0), (0.06, 0.1), (0.05, 0.0)] {
+            let actuator = Actuator { dead_time, time_constant, ..Actuator::default() };
+            let of =
+                SteeringLoop::new(controller.clone(), parameters.vehicle.nominal(), actuator, 1.5).unwrap();
+            let Some(margins) = of.margins() else {
+                assert!(of.spectral_radius() >= 1.0);
+                continue;
+            };
+            stable += 1;
+            whole_steps_are_exact(&of);
+            // On either side of the critical gain the poles say the opposite.
+            let radius = |factor: f64| of.amplified(factor).spectral_radius();
+            assert!(margins.gain > 1.0 && margins.gain < 1e4, "{margins:?}");
+            let around = [radius(margins.gain * (1.0 - 1e-4)), radius(margins.gain * (1.0 + 1e-4))];
+            assert!(around[0] < 1.0 && around[1] > 1.0, "{margins:?}: {around:?}");
+            let exact = of.dead_time_to_instability(2.0).unwrap();
+            match exact {
+                // A fraction of a step acts on a held command a little otherwise than a pure lag of the phase does.
+                Some(exact) => assert!(
+                    (margins.delay - exact).abs() < 0.2 * TS,
+                    "{} m/s, {actuator:?}: {margins:?}, by poles {exact}",
+                    controller.speed
+                ),
+                None => assert!(margins.delay > 1.9, "{margins:?}"),
+            }
+        }
+    }
+    stable
+}
+
+#[test]
+fn a_car_s_margins_agree_with_the_closed_loop_s_poles() {
+    let car = builtin("c_class").unwrap();
+    let mut stable = 0;
+    for design in DESIGNS {
+        let parameters = designed(ControllerParameters::for_car(&car), design);
+        stable += agrees(&parameters, &PredictionModelFor::Nominal);
+    }
+    assert!(stable > 18, "{stable}");
+}
+
+#[test]
+fn a_truck_s_margins_agree_with_the_closed_loop_s_poles() {
+    let truck = builtin_truck("truck_simulation").unwrap();
+    let mut stable = 0;
+    for design in DESIGNS {
+        let parameters = designed(TruckControllerParameters::for_truck(&truck), design);
+        stable += agrees(&parameters, &PredictionModelFor::Nominal);
+    }
+    assert!(stable > 18, "{stable}");
+}
+
+#[test]
+fn who_knows_the_actuator_has_margins_too() {
+    let car = builtin("c_class").unwrap();
+    let parameters = designed(ControllerParameters::for_car(&car), DESIGNS[1]);
+    let actuator = Actuator { dead_time: 0.06, time_constant: 0.1, ..Actuator::default() };
+    agrees(&parameters, &PredictionModelFor::Actuator(actuator));
+    // On the actuator that it knows it has more of a margin than without.
+    let at = |model| {
+        let controller = LinearController::at_speeds(&parameters, model, &[15.0]).unwrap().remove(0);
+        SteeringLoop::new(controller, car.single_track(), actuator, 1.5).unwrap().margins()
+    };
+    let [blind, knowing] = [PredictionModelFor::Nominal, PredictionModelFor::Actuator(actuator)].map(at);
+    assert!(knowing.unwrap().sensitivity < blind.map_or(f64::INFINITY, |margins| margins.sensitivity));
+}
+
+#[test]
+fn the_poles_are_those_that_nalgebra_finds() {
+    let car = builtin("c_class").unwrap();
+    let parameters = designed(ControllerParameters::for_car(&car), DESIGNS[2]);
+    let controllers =
+        LinearController::at_speeds(&parameters, PredictionModelFor::Nominal, &[4.0, 25.0]).unwrap();
+    for controller in controllers {
+        let of = SteeringLoop::new(controller, car.single_track(), Actuator::default(), 1.5).unwrap();
+        let closed: DMatrix<f64> = of.closed();
+        let largest = closed.complex_eigenvalues().iter().map(|pole| pole.norm()).fold(0.0, f64::max);
+        assert!((of.spectral_radius() - largest).abs() < 1e-9, "{largest}");
+    }
+}
