@@ -8,7 +8,7 @@
 //!
 //! At speed this is first-order relaxation; at rest `V = 0` it is a spring, so that nothing divides by the speed and
 //! a braked car holds on a slope (Pacejka, section 8.6). `V` is the rolling speed, and no less than a share of the
-//! slip velocity, which bounds the slip of a spinning or sideways wheel.
+//! slip velocity, which bounds the slip of a spinning or sideways wheel. `s` is no less than what bounds the rate `V / s`.
 
 use super::axle::Axle;
 use super::dry_friction::DryFriction;
@@ -19,6 +19,9 @@ use crate::vehicle::tyre::{Coefficients, Contact, TyreForces};
 
 /// Shortest relaxation length, m: that of a file without one, and of a wheel that lifts.
 pub(in crate::vehicle) const SHORTEST_RELAXATION: f64 = 0.1;
+/// Fastest relaxation of a deflection, 1/s: that of a wheel that spins at more than any vehicle drives, and what a step of a
+/// millisecond still follows.
+const FASTEST_RELAXATION: f64 = 1500.0;
 /// Greatest longitudinal slip and greatest tangent of the slip angle.
 const GREATEST_SLIP: f64 = 1.5;
 const GREATEST_TANGENT: f64 = 3.0;
@@ -273,11 +276,12 @@ impl Wheels {
         let each = load / L::load(&self.tyres);
         let shortest = number(SHORTEST_RELAXATION);
         let one = number(1.0);
+        let fastest = number(FASTEST_RELAXATION) / speed;
         // What depends on the load alone is known early: nothing waits for a division then.
-        let relax_x = one / self.tyre.relaxation_x(each).max(shortest);
+        let relax_x = (one / self.tyre.relaxation_x(each).max(shortest)).min(fastest);
         let given = L::load(&self.relaxation);
         let length = L::choose(number(0.0).below(given), given, self.tyre.relaxation_y(each, motion.gamma));
-        let relax_y = one / length.max(shortest);
+        let relax_y = (one / length.max(shortest)).min(fastest);
         let (kappa, tangent) = (u * relax_x, v * relax_y);
         let du = -slip_x - speed * kappa;
         let dv = slip_y - speed * tangent;
