@@ -1,4 +1,16 @@
 //! Drive and brakes, as the road sees them: an asked acceleration becomes a force, after a lag and within limits.
+//!
+//! The engine turns the driven wheels through open differentials, which share its force `F` in a fixed proportion `s`
+//! whatever the wheels' speeds `w`. Its power is that at the wheels, not that of the vehicle's motion:
+//!
+//! ```text
+//!     P = sum T w = F v,     T = s F R,     v = sum s R w,     F <= Pmax / |v|
+//! ```
+//!
+//! So a wheel that spins takes power, and leaves little force to itself and to its fellows.
+
+/// Speed of the rims below which the power does not bound the force any more, m/s: no engine turns so slowly.
+const SLOWEST: f64 = 0.1;
 
 /// Constants of drive and brakes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -16,12 +28,13 @@ pub(super) struct DriveLine {
 }
 
 impl DriveLine {
-    /// Drive force and greatest brake force at all wheels together, N, both positive.
+    /// Drive force and greatest brake force at all wheels together, N, both positive; `rim` is the mean speed of the driven
+    /// wheels' rims by their shares in the force, m/s.
     #[inline]
-    pub fn forces(&self, accel: f64, vx: f64) -> (f64, f64) {
+    pub fn forces(&self, accel: f64, rim: f64) -> (f64, f64) {
         let force = self.nominal_mass * accel;
         if force >= 0.0 {
-            let by_power = self.max_power / vx.abs().max(0.1);
+            let by_power = self.max_power / rim.abs().max(SLOWEST);
             (force.min(self.max_force).min(by_power), 0.0)
         } else {
             (0.0, (-force).min(self.max_brake_force))

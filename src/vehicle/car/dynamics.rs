@@ -86,7 +86,7 @@ impl Plant<STATES, SIGNALS> for CarPlant {
         let Self { unit, effects, .. } = self;
         let (body, wheels): (&[f64; BODY], &[f64]) = split(y);
         let (body_rates, wheel_rates) = rates.split_at_mut(BODY);
-        let forces = self.drive.forces(stage.accel, body[VX]);
+        let forces = self.drive.forces(stage.accel, unit.rim_speed(wheels));
         flow.drive_force = forces.0 - forces.1;
 
         let [front, rear] = &unit.axles;

@@ -148,7 +148,7 @@ impl Plant<STATES, SIGNALS> for TruckPlant {
         let effects = &self.effects.vehicle;
         let (tractor, wheels) = split(y);
         let (rates, wheel_rates) = rates.split_at_mut(WHEELS);
-        let forces = self.drive.forces(stage.accel, tractor[VX]);
+        let forces = self.drive.forces(stage.accel, self.tractor.rim_speed(wheels));
         flow.drive_force = forces.0 - forces.1;
 
         let [front, rear] = &self.tractor.axles;

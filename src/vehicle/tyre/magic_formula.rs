@@ -180,6 +180,16 @@ impl Coefficients {
         factor * self.longitudinal_stiffness(at, self.dfz(at))
     }
 
+    /// Longitudinal slip and tangent of the slip angle at which a brush of this stiffness `K` and grip `D` slides on the road
+    /// that the tyre was measured on, `3 D / K` (Pacejka, section 3.2), for a load in N.
+    #[must_use]
+    pub fn sliding(&self, load: f64) -> [f64; 2] {
+        let wheel = self.wheel::<f64>(&Contact { load, friction: 1.0, ..Contact::default() });
+        let Wheel { longitudinal, lateral, .. } = wheel;
+        [3.0 * longitudinal.peak / longitudinal.stiffness, 3.0 * lateral.peak / lateral.stiffness]
+            .map(f64::abs)
+    }
+
     /// Relaxation length of the lateral slip, m; 0 where the file has none.
     #[must_use]
     pub fn lateral_relaxation(&self, load: f64, gamma: f64) -> f64 {

@@ -2,7 +2,8 @@
 
 use super::wheel::{WheelFlow, WheelMotion};
 use super::{
-    BODY, HEAVE, HEAVE_RATE, LIFT, LIFT_RATE, PER_WHEEL, PITCH, PITCH_RATE, ROLL, ROLL_RATE, VX, VY, YAW_RATE,
+    BODY, HEAVE, HEAVE_RATE, LIFT, LIFT_RATE, PER_WHEEL, PITCH, PITCH_RATE, ROLL, ROLL_RATE, SPIN, VX, VY,
+    YAW_RATE,
 };
 use crate::vehicle::tyre::Coefficients;
 
@@ -64,6 +65,12 @@ impl Axle {
     #[inline]
     pub fn wheel_angle(&self, roll: f64, steer: f64) -> f64 {
         self.steered * steer + self.roll_steer * roll
+    }
+
+    /// The axle's part in the mean speed of the driven wheels' rims, m/s; both wheels' states follow each other.
+    #[inline(always)]
+    pub fn rim_speed(&self, wheels: &[f64]) -> f64 {
+        self.drive_share * self.radius * (wheels[SPIN] + wheels[PER_WHEEL + SPIN])
     }
 
     /// The suspension's forces on the body, and the motion of both wheels (whose states follow each other), at an

@@ -45,6 +45,12 @@ impl Push {
 }
 
 impl<const A: usize> Unit<A> {
+    /// Mean speed of the driven wheels' rims by their shares in the drive force, m/s; the wheels' states follow each other.
+    #[inline(always)]
+    pub fn rim_speed(&self, wheels: &[f64]) -> f64 {
+        (0..A).map(|i| self.axles[i].rim_speed(&wheels[2 * i * PER_WHEEL..])).sum()
+    }
+
     /// What the axles and the leaning body's weight do to the unit; air and hitch come on top.
     #[inline(always)]
     pub fn push(&self, body: &[f64; BODY], axles: &[AxleFlow; A], gravity: &Gravity) -> Push {

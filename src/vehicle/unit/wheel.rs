@@ -8,7 +8,9 @@
 //!
 //! At speed this is first-order relaxation; at rest `V = 0` it is a spring, so that nothing divides by the speed and
 //! a braked car holds on a slope (Pacejka, section 8.6). `V` is the rolling speed, and no less than a share of the
-//! slip velocity, which bounds the slip of a spinning or sideways wheel.
+//! slip velocity, which bounds the slip of a spinning or sideways wheel: at speed a large one, at rest that at which the
+//! tyre slides on this road. A deflection beyond it holds no force, and would push a wheel that has slid to rest back by
+//! the whole of its relaxation length. `s` is no less than what a step of the integration can follow at `V`.
 
 use super::axle::Axle;
 use super::dry_friction::DryFriction;
@@ -19,12 +21,17 @@ use crate::vehicle::tyre::{Coefficients, Contact, TyreForces};
 
 /// Shortest relaxation length, m: that of a file without one, and of a wheel that lifts.
 pub(in crate::vehicle) const SHORTEST_RELAXATION: f64 = 0.1;
+/// Fastest relaxation of a deflection, 1/s: the classic Runge-Kutta method is stable up to 2.78 for each step, of at most a
+/// millisecond. The shortest length reaches it at 150 m/s: only a wheel that spins does.
+const FASTEST_RELAXATION: f64 = 1500.0;
 /// Greatest longitudinal slip and greatest tangent of the slip angle.
 const GREATEST_SLIP: f64 = 1.5;
 const GREATEST_TANGENT: f64 = 3.0;
 /// Damping of the deflections at rest, s/m, and the speed at which it has gone, m/s.
 const DAMPING_AT_REST: f64 = 0.15;
 const DAMPED_BELOW: f64 = 2.5;
+/// Speed below which a slide comes to rest on a road with a friction of 1, m/s.
+const SLIDES_OUT_BELOW: f64 = 4.0;
 /// The brake's wind-up is a spring: natural frequency of the wheel on it (rad/s) and damping ratio.
 const BRAKE_FREQUENCY: f64 = 300.0;
 const BRAKE_DAMPING: f64 = 0.7;
@@ -68,12 +75,15 @@ pub(in crate::vehicle) struct Wheels {
     radius: [f64; FOUR],
     inertia: [f64; FOUR],
     relaxation: [f64; FOUR],
+    /// One over the longitudinal slip, and over the tangent of the slip angle, at which tyres slide under the load at rest.
+    sliding: [[f64; FOUR]; 2],
 }
 
 impl Wheels {
     /// Those of two axles; a last one may stand alone, and is then named twice.
     pub fn new([first, second]: [&Axle; 2]) -> Self {
         let axles = [first, first, second, second];
+        let slides = axles.map(|axle| axle.tyre.sliding(axle.static_load / axle.tyres));
         Self {
             tyre: Coefficients::beside(axles.map(|axle| &axle.tyre)),
             tyres: axles.map(|axle| axle.tyres),
@@ -81,6 +91,7 @@ impl Wheels {
             radius: axles.map(|axle| axle.radius),
             inertia: axles.map(|axle| axle.wheel_inertia),
             relaxation: axles.map(|axle| axle.relaxation),
+            sliding: [0, 1].map(|way| slides.map(|slip| 1.0 / slip[way])),
         }
     }
 }
@@ -143,13 +154,14 @@ impl Wheels {
         let lift_rate = gather(lanes, |wheel| states[wheel][LIFT_RATE]);
         let u = gather(lanes, |wheel| states[wheel][DEFLECTION_X]);
         let v = gather(lanes, |wheel| states[wheel][DEFLECTION_Y]);
-        let slip = self.slip(self.load(lift, lift_rate), spin, [u, v], &motion);
+        let friction = gather(lanes, |wheel| friction[wheel]);
+        let slip = self.slip(self.load(lift, lift_rate), spin, [u, v], &motion, friction);
         let contact = Contact {
             kappa: slip.kappa,
             alpha: side * atan_of(slip.tangent),
             gamma: side * motion.gamma,
             load: slip.load / L::load(&self.tyres),
-            friction: gather(lanes, |wheel| friction[wheel]),
+            friction,
         };
         let forces = self.tyre.forces_at(contact, side * slip.tangent);
         let wind_up = gather(lanes, |wheel| states[wheel][WIND_UP]);
@@ -264,26 +276,41 @@ impl Wheels {
         spin: L,
         [u, v]: [L; 2],
         motion: &Motion<L>,
+        friction: L,
     ) -> Slip<L> {
         let number = L::splat;
+        let (zero, one) = (number(0.0), number(1.0));
         let slip_x = motion.vx - spin * L::load(&self.radius);
         let slip_y = motion.vy;
-        let speed = (slip_y.abs() * number(1.0 / GREATEST_TANGENT))
-            .max((slip_x.abs() * number(1.0 / GREATEST_SLIP)).max(motion.vx.abs()));
+        let (per_slip, per_tangent) = (number(1.0 / GREATEST_SLIP), number(1.0 / GREATEST_TANGENT));
+        let mut speed = (slip_y.abs() * per_tangent).max((slip_x.abs() * per_slip).max(motion.vx.abs()));
         let each = load / L::load(&self.tyres);
         let shortest = number(SHORTEST_RELAXATION);
-        let one = number(1.0);
         // What depends on the load alone is known early: nothing waits for a division then.
-        let relax_x = one / self.tyre.relaxation_x(each).max(shortest);
+        let mut relax_x = one / self.tyre.relaxation_x(each).max(shortest);
         let given = L::load(&self.relaxation);
-        let length = L::choose(number(0.0).below(given), given, self.tyre.relaxation_y(each, motion.gamma));
-        let relax_y = one / length.max(shortest);
+        let length = L::choose(zero.below(given), given, self.tyre.relaxation_y(each, motion.gamma));
+        let mut relax_y = one / length.max(shortest);
+        // The tyre's own damping matters only near rest, where the deflections are springs.
+        let rest = (one - speed * number(1.0 / DAMPED_BELOW)).max(zero);
+        let damping = number(DAMPING_AT_REST) * rest * rest;
+        // The less the grip, the longer a slide to rest: from a slower speed on it is long enough to relax.
+        let nearly = number(SLIDES_OUT_BELOW) * friction;
+        if L::any(speed.below(nearly)) {
+            let rest = (one - speed / nearly).max(zero);
+            let [x, y] = &self.sliding;
+            let more = |sliding: &[f64; FOUR], least: L| (L::load(sliding) / friction - least).max(zero);
+            let by_x = slip_x.abs() * (per_slip + rest * more(x, per_slip));
+            let by_y = slip_y.abs() * (per_tangent + rest * more(y, per_tangent));
+            speed = by_y.max(by_x.max(speed));
+        }
+        if L::any(number(FASTEST_RELAXATION * SHORTEST_RELAXATION).below(speed)) {
+            let fastest = number(FASTEST_RELAXATION) / speed;
+            (relax_x, relax_y) = (relax_x.min(fastest), relax_y.min(fastest));
+        }
         let (kappa, tangent) = (u * relax_x, v * relax_y);
         let du = -slip_x - speed * kappa;
         let dv = slip_y - speed * tangent;
-        // The tyre's own damping matters only near rest, where the deflections are springs.
-        let rest = (one - speed * number(1.0 / DAMPED_BELOW)).max(number(0.0));
-        let damping = number(DAMPING_AT_REST) * rest * rest;
         Slip { load, kappa: kappa + damping * du, tangent: tangent + damping * dv, rates: [du, dv] }
     }
 
