@@ -434,3 +434,22 @@ fn next(outcome: Outcome, args: &DriveArgs) -> Option<String> {
         )),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_chosen_end_on_the_road_is_a_success() {
+        let statuses = |cut, met| Outcome::ALL.iter().map(|&of| status(of, cut, met)).collect::<Vec<_>>();
+        assert_eq!(
+            Outcome::ALL.iter().map(|of| of.name()).collect::<Vec<_>>(),
+            ["timed_out", "completed", "stopped", "lost"]
+        );
+        assert_eq!(statuses(true, true), [0, 0, 3, 4]);
+        assert_eq!(statuses(false, true), [5, 0, 3, 4]);
+        // What happened to the drive says more than a figure.
+        assert_eq!(statuses(true, false), [6, 6, 3, 4]);
+        assert_eq!(statuses(false, false), [5, 6, 3, 4]);
+    }
+}

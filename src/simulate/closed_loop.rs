@@ -157,6 +157,13 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
     /// # Errors
     /// Controller or vehicle cannot go on.
     pub fn advance(&mut self) -> Result<([f64; C], Option<f64>), DriveError> {
+        let (row, computed, input) = self.decide()?;
+        self.follow(&input)?;
+        Ok((row, computed))
+    }
+
+    /// Row of the newest communication point, time of the control step if one was due, and commands.
+    fn decide(&mut self) -> Result<([f64; C], Option<f64>, VehicleInput), DriveError> {
         let time = f64::from(self.count) * self.step;
         let truth = self.vehicle.measured();
         let [ax, ay, roll] = self.vehicle.recorded();
@@ -198,13 +205,19 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
             report.curvature,
             report.curvature_rate,
         ];
-        self.vehicle.advance(&input, self.step).map_err(|source| DriveError::Vehicle {
+        Ok((P::row(&common, &seen), computed, input))
+    }
+
+    /// Lets the vehicle follow commands to the next communication point.
+    fn follow(&mut self, input: &VehicleInput) -> Result<(), DriveError> {
+        let time = f64::from(self.count) * self.step;
+        self.vehicle.advance(input, self.step).map_err(|source| DriveError::Vehicle {
             time,
             vehicle: P::KIND,
             source,
         })?;
         self.count += 1;
-        Ok((P::row(&common, &seen), computed))
+        Ok(())
     }
 
     /// Drives until the road's end or a stop, or for `duration` seconds at most.
@@ -264,8 +277,8 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
         let steps = (duration / self.step).round().max(0.0) as u64;
         let mut end = End::Duration;
         for _ in 0..steps {
-            let (row, computed) = match self.advance() {
-                Ok(done) => done,
+            let (row, computed, input) = match self.decide() {
+                Ok(decided) => decided,
                 Err(error) => {
                     end = End::Failed(error);
                     break;
@@ -280,16 +293,20 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
                 drive.step_times.push(time);
                 drive.timings.push(self.controller.lateral().timing());
             }
-            if !go_on(&row, self.place.lateral_error) {
-                end = End::GivenUp;
+            let over = if !go_on(&row, self.place.lateral_error) {
+                Some(End::GivenUp)
             } else if report.finished && self.referee.at_end() {
-                end = End::Road;
+                Some(End::Road)
             } else if self.referee.stands() {
-                end = End::Standing { status: report.status };
+                Some(End::Standing { status: report.status })
             } else {
-                continue;
+                None
+            };
+            let moved = self.follow(&input).map_err(End::Failed).err();
+            if let Some(reason) = over.or(moved) {
+                end = reason;
+                break;
             }
-            break;
         }
         drive.ending = self.referee.ending(end);
         drive.lost = drive.ending.outcome == Outcome::Lost;

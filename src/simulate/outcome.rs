@@ -4,7 +4,7 @@
 //! heading error `e2_k`. With the lane's half width `b`, the heading's bound `h` and the path's length `L`,
 //!
 //! ```text
-//! lost       |e1_k| > b or |e2_k| > h at some k, the vehicle rolled over or jack-knifed, or a step failed
+//! lost       |e1_k| > b or |e2_k| > h at some k, back beyond the start, rolled over, jack-knifed, or a step failed
 //! completed  never lost, and driven: s_k >= L of an open path, sum of (s_k - s_{k-1}) >= L of a closed one
 //! stopped    never lost, and |vx| < STANDING_SPEED for STANDING_TIME before the end
 //! timed_out  never lost, and the duration was over first
@@ -30,7 +30,8 @@ enumeration! {
 /// Speed, m/s, below which a vehicle stands, and time of it, s, after which its drive is over.
 const STANDING_SPEED: f64 = 0.05;
 const STANDING_TIME: f64 = 5.0;
-/// Distance, m, by which a controller with noisy sensors may see the road's end too early.
+/// Distance, m, by which a controller with noisy sensors may see the road's end too early, and by which a vehicle may
+/// roll back beyond the start.
 const END_TOLERANCE: f64 = 5.0;
 /// Distance from the path, m, from which on another part of it may be the right one.
 const ASTRAY: f64 = 14.0;
@@ -129,8 +130,10 @@ impl Ending {
         let left = if at.lateral_error.abs() > lateral_error {
             let side = if at.lateral_error > 0.0 { "left" } else { "right" };
             format!("{:.2} m {side} of its path, beyond the lane's {lateral_error} m", at.lateral_error.abs())
-        } else {
+        } else if at.heading_error.abs() > heading_error {
             format!("turned by {:.2} rad from its path, beyond {heading_error} rad", at.heading_error.abs())
+        } else {
+            "back beyond the start of its road".to_owned()
         };
         format!("the vehicle was {left}, at {:.2} s and station {:.0} m; later {end}", at.time, at.station)
     }
@@ -189,7 +192,8 @@ impl Referee {
         self.place = Some(place);
 
         let inside = place.lateral_error.abs() <= self.limits.lateral_error
-            && place.heading_error.abs() <= self.limits.heading_error;
+            && place.heading_error.abs() <= self.limits.heading_error
+            && self.driven >= -END_TOLERANCE;
         if inside {
             self.entered = true;
         } else if self.entered && self.departure.is_none() {
@@ -263,6 +267,13 @@ mod tests {
         let turned = driven(100, |s| [s, 0.0, if s > 60.0 { 1.2 } else { 0.0 }]).ending(End::Road);
         assert_eq!(turned.outcome, Outcome::Lost);
         assert!(turned.reason().contains("turned by 1.20 rad"), "{}", turned.reason());
+    }
+
+    #[test]
+    fn rolling_back_is_no_stop() {
+        let back = driven(10, |s| [-s, 0.0, 0.0]).ending(End::Duration);
+        assert_eq!(back.outcome, Outcome::Lost);
+        assert!(back.reason().contains("back beyond the start"), "{}", back.reason());
     }
 
     #[test]
