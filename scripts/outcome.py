@@ -18,8 +18,8 @@ COMPLETED, STOPPED, LOST, TIMED_OUT = OUTCOMES = ("completed", "stopped", "lost"
 STATUS = {COMPLETED: 0, STOPPED: 3, LOST: 4, TIMED_OUT: 5}  # exit status
 NOT_MET = 6  # exit status of a requirement that is not met
 STATUSES = (
-    "exit status: 0 completed, or on the road when the --duration given was over; 1 bad input; 2 wrong usage; 3 stopped; "
-    "4 lost; 5 timed out; 6 a requirement is not met"
+    "exit status: 0 completed, or on the road when the --duration given was over; 1 bad input; 2 wrong usage; "
+    "3 stopped; 4 lost; 5 timed out; 6 a requirement is not met"
 )
 
 LANE = 2.0  # m of lateral error beyond which a vehicle has left its lane
