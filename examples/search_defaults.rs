@@ -178,7 +178,7 @@ fn run<P: Compared<S, C, Effects: Sync, Nominal: Sync>, const S: usize, const C:
             eprintln!("--set: {error}");
             std::process::exit(1);
         }
-        (parameters, PredictionModelFor::Nominal)
+        (parameters, PredictionModelFor::Adaptive(parameters.actuator.actuator()))
     };
     let goal = (arguments.delay_margin > 0.0 || arguments.gain_margin > 1.0).then_some(MarginGoal {
         delay: arguments.delay_margin,

@@ -14,7 +14,11 @@ first, and the vehicle gets its answer at the same communication point:
 so the loop has no delay beyond the controller's sampling. Jacobi (`--jacobi`), what most tools do: both step on the
 other's outputs at t_k, so the vehicle gets u_{k-1}, one communication step late.
 
-A row of the log is what is true at t_k: the vehicle's state, and the command that holds from t_k to t_k + h.
+A row of the log is what is true at t_k: the vehicle's state, and the command that holds from t_k to t_k + h. The last
+column, `status`, is the controller's status in a word.
+
+A drive is `completed`, `stopped`, `lost` or `timed_out`, as that of `rfl drive` (`outcome.py`). Nothing stands between
+the FMUs here: the pose that the controller is given, and judges its error by, is the vehicle's own.
 """
 
 from __future__ import annotations
@@ -22,7 +26,10 @@ from __future__ import annotations
 import argparse
 import csv
 import ctypes
+import io
 import itertools
+import json
+import math
 import re
 import shutil
 import sys
@@ -37,6 +44,25 @@ import fmpy.fmi2
 import fmpy.logging
 import numpy as np
 from fmpy.fmi1 import FMICallException, printLogMessage
+from outcome import (
+    COMPLETED,
+    LANE,
+    LOST,
+    STATUSES,
+    STOPPED,
+    TIMED_OUT,
+    Check,
+    Ending,
+    Place,
+    Referee,
+    Requirement,
+    exit_status,
+    figures_help,
+    step_times,
+    tracking,
+    write_junit,
+    write_whole,
+)
 
 PROJECT = Path(__file__).resolve().parent.parent
 FMUS = PROJECT / "target" / "fmu"
@@ -126,6 +152,10 @@ class Unit:
         value = getattr(self.fmu, f"get{kind}")([variable.valueReference])[0]
         return bool(value) if kind == "Boolean" else value.decode() if kind == "String" else value
 
+    def items(self, name: str) -> dict[int, str]:
+        """The words of an enumeration by number."""
+        return {int(item.value): item.name for item in self.variables[name].declaredType.items}
+
     def initialize(self, start_time: float = 0.0) -> None:
         """From instantiated to ready for the first step."""
         for call in (
@@ -203,15 +233,52 @@ class Drive:
     columns: dict[str, np.ndarray]
     step: float  # s, communication step
     wall: float  # s, duration of the loop on the clock
-    finished: bool  # the end of the path was reached, or one lap of a closed one
+    finished: bool  # completed: the end of the path was reached, or one lap of a closed one, within the lane
     messages: list[str] = field(default_factory=list)
+    ending: Ending | None = None  # outcome, place and reason
+    words: dict[str, dict[int, str]] = field(default_factory=dict)  # words of the columns that are enumerations
+
+    @property
+    def outcome(self) -> str:
+        """The outcome in one word."""
+        return self.ending.outcome if self.ending else COMPLETED if self.finished else TIMED_OUT
 
     def write_csv(self, file: Path) -> None:
-        """Writes a drive log; numbers keep all their digits."""
-        with open(file, "w", newline="", encoding="utf-8") as out:
-            writer = csv.writer(out, lineterminator="\n")
-            writer.writerow(self.columns)
-            writer.writerows(zip(*(map(repr, column.tolist()) for column in self.columns.values())))
+        """Writes a drive log; numbers keep all their digits, enumerations are words, `status` comes last."""
+        names = sorted(self.columns, key=lambda name: name == "status")
+        texts = []
+        for name in names:
+            values, words = self.columns[name].tolist(), self.words.get(name)
+            texts.append([words.get(int(value), repr(value)) for value in values] if words else map(repr, values))
+        out = io.StringIO()
+        writer = csv.writer(out, lineterminator="\n")
+        writer.writerow(names)
+        writer.writerows(zip(*texts))
+        write_whole(file, out.getvalue())
+
+    def results(self) -> dict:
+        """Outcome and figures, as `rfl drive --json` has them."""
+        c, end = self.columns, self.ending or Ending(self.outcome, "")
+        duration = float(c["time"][-1]) if len(c["time"]) else 0.0
+        worst = int(np.argmax(np.abs(c["e1"]))) if len(c["e1"]) else None
+        largest = None
+        if worst is not None:
+            names = {"time": "time", "station": "station", "lateral_error": "e1"}
+            largest = {name: float(c[column][worst]) for name, column in names.items()}
+        return {
+            "outcome": self.outcome,
+            "reason": end.reason,
+            "end": end.place and end.place.json(),
+            "left_lane": end.departure and end.departure.json(),
+            "largest": largest,
+            "length": end.length,
+            "driven": end.driven,
+            "tracking": tracking(c),
+            "duration": duration,
+            "finished": self.finished,
+            "real_time_factor": duration / self.wall if self.wall > 0 else math.nan,
+            "step": step_times(c, STEP),
+        }
 
 
 def columns_of(unit: Unit) -> list[str]:
@@ -247,9 +314,12 @@ def drive(
     fmus: Path = FMUS,
     controller_fmu: Path | None = None,
     vehicle_fmu: Path | None = None,
+    lane: float = LANE,
     progress=lambda share, row: None,
 ) -> Drive:
-    """Drives along `path` until it is finished, or for `duration` seconds, from the start that the controller names.
+    """Drives along `path` until its end or a stop, or for `duration` seconds, from the start that the controller names.
+
+    Whatever happens on the way, the drive until then is given, and its `ending` says what; only bad input raises.
 
     Without `path` and `vehicle` the FMUs take those that they carry; `vehicle` may be a built-in name, too.
     Of `fmus` those are taken that the kind of vehicle needs, unless others are named.
@@ -285,10 +355,12 @@ def drive(
             if f"initial.{name}" not in given:
                 plant.set(f"initial.{name}", controller.get(f"start.{start}"))
         plant.initialize()
-        return _loop(controller, plant, duration, step, jacobi, progress)
+        return _loop(controller, plant, duration, step, jacobi, lane, progress)
 
 
-def _loop(controller: Unit, plant: Unit, duration: float | None, step: float, jacobi: bool, progress) -> Drive:
+def _loop(
+    controller: Unit, plant: Unit, duration: float | None, step: float, jacobi: bool, lane: float, progress
+) -> Drive:
     plant_names, controller_names = columns_of(plant), columns_of(controller)
     to_controller = [name for name in controller.names("input") if name in plant_names]
     to_plant = [name for name in plant.names("input") if name in controller_names]
@@ -302,45 +374,72 @@ def _loop(controller: Unit, plant: Unit, duration: float | None, step: float, ja
     write_plant, write_controller = plant.writer(to_plant), controller.writer(to_controller)
     measured = [plant_names.index(name) for name in to_controller]
     commands = len(to_plant)
-    finished_at, station_at = answers.index("finished"), answers.index("station")
+    finished_at, station_at, speed_at = answers.index("finished"), answers.index("station"), plant_names.index("vx")
+    place_at = [answers.index(name) for name in ("station", "e1", "e2")]
     length = controller.get("path.length")
+    referee = Referee(length, lane)
+    words = {"status": controller.items("status")}
+    words |= {state: plant.items(name) for state, name in zip(states, plant_names)
+              if plant.variables[name].type == "Enumeration"}  # fmt: skip
 
     count = max(1, round((LIMIT if duration is None else duration) / step))
     rows = np.empty((count, len(names)))
     every = max(1, round(0.5 / step))
     begin = time.perf_counter()
-    for k in range(count):
-        now = k * step
-        state = read_plant()
-        answer = read_controller() if jacobi else None
-        write_controller(state[measured])
-        if not jacobi:
-            controller.step(now, step)
-            answer = read_controller()
-        rows[k, 0] = now
-        rows[k, 1 : commands + 1] = answer[:commands]
-        rows[k, commands + 1 : -len(answer) + commands] = state
-        rows[k, -len(answer) + commands :] = answer[commands:]
-        if k % every == 0:
-            progress(max(now / duration if duration else 0.0, answer[station_at] / length), dict(zip(names, rows[k])))
-        if answer[finished_at]:
-            break
-        write_plant(answer[:commands])
-        if jacobi:
-            controller.step(now, step)
-        plant.step(now, step)
+    driven, outcome, reason = 0, TIMED_OUT, None
+    try:
+        for k in range(count):
+            now = k * step
+            state = read_plant()
+            answer = read_controller() if jacobi else None
+            write_controller(state[measured])
+            if not jacobi:
+                controller.step(now, step)
+                answer = read_controller()
+            rows[k, 0] = now
+            rows[k, 1 : commands + 1] = answer[:commands]
+            rows[k, commands + 1 : -len(answer) + commands] = state
+            rows[k, -len(answer) + commands :] = answer[commands:]
+            driven = k + 1
+            # Before its first step a Jacobi controller has not seen the vehicle.
+            if k or not jacobi:
+                referee.see(Place(now, *answer[place_at].tolist()), float(state[speed_at]))
+            if k % every == 0:
+                share = max(now / duration if duration else 0.0, answer[station_at] / length)
+                progress(share, dict(zip(names, rows[k])))
+            if answer[finished_at] and referee.at_end:
+                outcome, reason = COMPLETED, "the road was driven to its end"
+                break
+            if referee.stands:
+                word = words["status"].get(int(answer[answers.index("status")]), "unknown")
+                outcome = STOPPED
+                far = f"{referee.driven:.0f} of {length:.0f} m"
+                reason = f"the vehicle stood before the end of the road ({far}), control status {word}"
+                break
+            write_plant(answer[:commands])
+            if jacobi:
+                controller.step(now, step)
+            plant.step(now, step)
+    except RuntimeError as error:
+        outcome, reason = LOST, str(error)
     wall = time.perf_counter() - begin
+    if reason is None:
+        reason = f"the duration was over after {referee.driven:.0f} of {length:.0f} m"
+    ending = referee.ending(outcome, reason)
     messages = [f"{unit.fmu.instanceName}: {text}" for unit in (controller, plant) for _, _, text in unit.messages]
-    return Drive(dict(zip(names, rows[: k + 1].T.copy())), step, wall, bool(answer[finished_at]), messages)
+    columns = dict(zip(names, rows[:driven].T.copy()))
+    return Drive(columns, step, wall, ending.outcome == COMPLETED, messages, ending, words)
 
 
 class Progress:
-    """A bar on a terminal, a line per quarter elsewhere."""
+    """A bar on a terminal; elsewhere a line for each tenth, but not more often than every two seconds."""
 
-    def __init__(self, title: str) -> None:
-        self.title = title
-        self.live = sys.stderr.isatty()
-        self.quarters = 0
+    LEAST = 2.0  # s
+
+    def __init__(self, title: str, quiet: bool = False) -> None:
+        self.title, self.quiet = title, quiet
+        self.live = sys.stderr.isatty() and not quiet
+        self.tenths, self.time = 0, time.monotonic()
 
     def __call__(self, share: float, row: dict[str, float]) -> None:
         share = min(1.0, max(0.0, share))
@@ -348,9 +447,9 @@ class Progress:
             bar = f"[{'#' * round(30 * share):<30}] {100 * share:3.0f} %"
             text = f"{self.title:<18} {bar}  t {row['time']:6.1f} s  e1 {row['e1']:+.3f} m"
             print(f"\r{text}", end="", file=sys.stderr, flush=True)
-        elif share >= (self.quarters + 1) / 4:
-            self.quarters = int(4 * share)
-            print(f"{self.title}: {25 * self.quarters} %", file=sys.stderr, flush=True)
+        elif not self.quiet and 10 * share >= self.tenths + 1 and time.monotonic() - self.time >= self.LEAST:
+            self.tenths, self.time = int(10 * share), time.monotonic()
+            print(f"{self.title}: {10 * self.tenths} %", file=sys.stderr, flush=True)
 
     def close(self) -> None:
         """Clears the bar."""
@@ -358,21 +457,57 @@ class Progress:
             print("\r" + " " * 100 + "\r", end="", file=sys.stderr, flush=True)
 
 
+def verdict(result: Drive) -> str:
+    """Outcome of a drive in a line: the word, the reason, and how far off it came."""
+    r = result.results()
+    text = f"outcome: {r['outcome']}: {r['reason']}"
+    if at := r["largest"]:
+        text += f"; farthest from the path {abs(at['lateral_error']):.3f} m, at {at['time']:.2f} s"
+        text += f" and station {at['station']:.0f} m"
+    return text
+
+
+def checks_of(result: Drive, requirements: list[Requirement], cut: bool) -> list[Check]:
+    """The outcome as a test, and the requirements; `cut`: the user chose the duration."""
+    r = result.results()
+    outcome = Check("outcome", exit_status(r["outcome"], cut) == 0, f"{r['outcome']}: {r['reason']}")
+    return [outcome, *(requirement.check(r) for requirement in requirements)]
+
+
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__,
+        epilog=f"{figures_help()}\n\n{STATUSES}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     parser.add_argument("--path", type=Path, help="road to drive, a CSV with x and y (default: the FMUs' own)")
     parser.add_argument("--vehicle", help="car or truck to drive, a TOML file or a built-in name (default: a car)")
-    parser.add_argument("--duration", type=float, help="seconds to drive (default: until the road is finished)")
+    parser.add_argument("--duration", type=float, help="seconds to drive (default: to the road's end)")
     parser.add_argument("--step", type=float, default=STEP, help="communication step in seconds (default: %(default)s)")
     parser.add_argument("--log", type=Path, help="file for the drive log, a CSV")
+    parser.add_argument("--json", type=Path, help="file for the results, a JSON")
+    parser.add_argument("--require", action="append", default=[], metavar="FIGURE<=VALUE", help="a test; repeatable")
+    parser.add_argument("--junit", type=Path, help="file for outcome and requirements as test cases, a JUnit XML")
+    parser.add_argument(
+        "--lane",
+        type=float,
+        default=LANE,
+        help="lateral error in m beyond which a drive is lost (default: %(default)s)",
+    )
+    parser.add_argument("--quiet", action="store_true", help="no progress")
     parser.add_argument("--jacobi", action="store_true", help="one step of delay, as most tools' masters have")
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="a parameter; repeatable")
     parser.add_argument("--fmus", type=Path, default=FMUS, help="folder of the FMUs (default: %(default)s)")
     options = parser.parse_args()
     if bad := [text for text in options.set if "=" not in text]:
         parser.error(f"--set wants NAME=VALUE, not '{bad[0]}'")
+    try:
+        requirements = [Requirement(text) for text in options.require]
+    except ValueError as error:
+        parser.error(str(error))
 
-    progress = Progress(options.path.stem if options.path else "drive")
+    name = options.path.stem if options.path else "drive"
+    progress = Progress(name, options.quiet)
     try:
         result = drive(
             options.path,
@@ -382,6 +517,7 @@ def main() -> int:
             jacobi=options.jacobi,
             settings=dict(text.split("=", 1) for text in options.set),
             fmus=options.fmus,
+            lane=options.lane,
             progress=progress,
         )
     except (RuntimeError, ValueError, OSError) as error:
@@ -391,16 +527,41 @@ def main() -> int:
     progress.close()
     for message in result.messages:
         print(message, file=sys.stderr)
-    if options.log:
-        options.log.parent.mkdir(parents=True, exist_ok=True)
-        result.write_csv(options.log)
-    e1 = np.abs(result.columns["e1"])
-    end = "road finished" if result.finished else "stopped before the road's end"
+    cut = options.duration is not None
+    checks = checks_of(result, requirements, cut)
+    status = exit_status(result.outcome, cut, all(check.met for check in checks[1:]))
+    results = result.results() | {
+        "requirements": [{"requirement": c.name, "met": c.met, "words": c.words} for c in checks[1:]],
+        "exit_status": status,
+    }
+    try:
+        if options.log:
+            result.write_csv(options.log)
+        if options.json:
+            write_whole(options.json, json.dumps(known(results), indent=2) + "\n")
+        if options.junit:
+            write_junit(options.junit, "closed_loop.py", [(f"closed_loop.{name}", result.wall, checks)])
+    except OSError as error:
+        print(f"closed_loop: {error}", file=sys.stderr)
+        return 1
+    e1 = results["tracking"]
     print(
-        f"{result.columns['time'][-1]:.2f} s driven in {result.wall:.2f} s, {end}; "
-        f"lateral error: mean {e1.mean():.4f} m, max {e1.max():.4f} m"
+        f"{results['duration']:.2f} s driven in {result.wall:.2f} s; "
+        f"lateral error: mean {e1['mae']:.4f} m, max {e1['max']:.4f} m"
     )
-    return 0
+    for check in checks[1:]:
+        print(f"{'met' if check.met else 'NOT met'}: {check.words}")
+    print(verdict(result))
+    return status
+
+
+def known(value):
+    """A value for JSON, which has no number that is none."""
+    if isinstance(value, dict):
+        return {key: known(of) for key, of in value.items()}
+    if isinstance(value, list):
+        return [known(of) for of in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 if __name__ == "__main__":

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import demo_page
 import numpy as np
-from closed_loop import FMUS, STEP, Drive, Progress, drive
+from closed_loop import FMUS, STEP, Drive, Progress, checks_of, drive, known, verdict
+from outcome import COMPLETED, STATUSES, Requirement, exit_status, figures_help, write_junit, write_whole
 
 ROOT = Path(__file__).resolve().parent.parent
 ROUTES = {
@@ -32,29 +33,28 @@ class Route:
     @property
     def error(self) -> dict[str, float]:
         """Lateral error over all steps from the start: mean absolute, root mean square, largest; in metres."""
-        e1 = self.drive.columns["e1"]
-        return {
-            "mae": float(np.abs(e1).mean()),
-            "rmse": float(np.sqrt((e1**2).mean())),
-            "max": float(np.abs(e1).max()),
-        }
+        figures = self.drive.results()["tracking"]
+        return {name: figures[name] for name in ("mae", "rmse", "max")}
 
     @property
     def time(self) -> float:
         """Seconds driven."""
-        return float(self.drive.columns["time"][-1])
+        return self.drive.results()["duration"]
 
     @property
     def outcome(self) -> str:
-        """Whether the road was driven to its end."""
-        return "completed" if self.drive.finished else "not completed"
+        """The outcome in one word."""
+        return self.drive.outcome
 
 
 def results(routes: list[Route]) -> dict:
-    """The contents of results.json: figures of each route, and of all controller steps together."""
+    """The contents of results.json: outcome and figures of each route, and of all controller steps together."""
     step = np.concatenate([route.drive.columns["compute_time"] for route in routes])
     return {
-        "routes": {route.name: route.error for route in routes},
+        "routes": {
+            route.name: route.error | {"outcome": route.outcome, "reason": route.drive.ending.reason}
+            for route in routes
+        },
         "step": {
             "mean_s": float(step.mean()),
             "p99_s": float(np.percentile(step, 99)),
@@ -111,17 +111,30 @@ def choose(options: argparse.Namespace) -> dict[str, Path]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="scripts/demo", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="scripts/demo",
+        description=__doc__,
+        epilog=f"{figures_help()}\n\n{STATUSES}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     parser.add_argument("--path", type=Path, action="append", metavar="FILE", help="a road of your own; repeatable")
     parser.add_argument("--vehicle", metavar="FILE", help="a car of your own, or a built-in name (see vehicles/)")
     parser.add_argument("--duration", type=float, metavar="S", help="stop each drive after so many seconds")
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "demo", help="folder for results (out/demo)")
     parser.add_argument("--fmus", type=Path, default=FMUS, help="folder of the FMUs (target/fmu)")
+    parser.add_argument("--require", action="append", default=[], metavar="FIGURE<=VALUE", help="a test; repeatable")
+    parser.add_argument("--junit", type=Path, metavar="FILE", help="file for outcomes and requirements, a JUnit XML")
+    parser.add_argument("--quiet", action="store_true", help="no progress")
     options = parser.parse_args()
+    try:
+        requirements = [Requirement(text) for text in options.require]
+    except ValueError as error:
+        parser.error(str(error))
 
-    routes = []
+    # A road that cannot be driven keeps none of the others from its log and the page.
+    routes, refused = [], 0
     for name, file in choose(options).items():
-        progress = Progress(name)
+        progress = Progress(name, options.quiet)
         try:
             driven = drive(
                 file,
@@ -132,31 +145,49 @@ def main() -> int:
             )
         except (RuntimeError, ValueError, OSError) as error:
             print(f"\ndemo: {name}: {error}", file=sys.stderr)
-            return 1
+            refused += 1
+            continue
         finally:
             progress.close()
+        if not len(driven.columns["time"]):
+            print(f"\ndemo: {name}: {driven.ending.reason}", file=sys.stderr)
+            refused += 1
+            continue
         routes.append(Route(name, file, driven))
         for message in driven.messages[:5]:
             print(f"{name}: {message}", file=sys.stderr)
 
+    if not routes:
+        return 1
+
     result = results(routes)
     options.out.mkdir(parents=True, exist_ok=True)
-    (options.out / "results.json").write_text(json.dumps(result, indent=2) + "\n")
+    write_whole(options.out / "results.json", json.dumps(known(result), indent=2) + "\n")
     for route in routes:
         route.drive.write_csv(options.out / f"{route.name}.csv")
     page = options.out / "index.html"
-    page.write_text(demo_page.render(routes, result), encoding="utf-8")
+    write_whole(page, demo_page.render(routes, result))
 
     shown = short(options.out)
     print(f"\n{table(routes, result)}\n")
     print(f"FMUs:    {short(options.fmus)}/*.fmu and ClosedLoop.ssp")
     print(f"results: {shown}/results.json, drive logs {shown}/*.csv")
     print(f"look at: {shown}/index.html")
-    unfinished = [route.name for route in routes if not route.drive.finished]
-    if unfinished and options.duration is None:
-        print(f"demo: not driven to the end: {', '.join(unfinished)}", file=sys.stderr)
-        return 1
-    return 0
+    cut = options.duration is not None
+    cases, status = [], 1 if refused else 0
+    for route in routes:
+        checks = checks_of(route.drive, requirements, cut)
+        cases.append((f"demo.{route.name}", route.drive.wall, checks))
+        if route.outcome != COMPLETED:
+            print(f"{route.name}: {verdict(route.drive)}", file=sys.stderr)
+        for check in checks[1:]:
+            if not check.met:
+                print(f"{route.name}: NOT met: {check.words}", file=sys.stderr)
+        # The first road that went wrong gives the status.
+        status = status or exit_status(route.outcome, cut, all(check.met for check in checks[1:]))
+    if options.junit:
+        write_junit(options.junit, "demo", cases)
+    return status
 
 
 if __name__ == "__main__":

@@ -61,6 +61,13 @@ def data_of(route) -> dict:
     }
 
 
+def end_of(route) -> str:
+    """How a drive ended, in red, where it was not driven to the road's end."""
+    if route.drive.finished:
+        return ""
+    return f"<p class='bad'>{html.escape(route.outcome)}: {html.escape(route.drive.ending.reason)}</p>"
+
+
 def render(routes, result: dict) -> str:
     """The page as text."""
     cells = []
@@ -70,7 +77,7 @@ def render(routes, result: dict) -> str:
         cells.append(
             f"<tr><th>{html.escape(route.name)}</th><td>{np.ptp(route.drive.columns['station']):,.0f}</td>"
             f"<td>{route.time:,.1f}</td><td>{3.6 * v.mean():.0f}</td><td>{3.6 * v.max():.0f}</td>"
-            f"<td class='{'good' if route.drive.finished else 'bad'}'>{route.outcome}</td>"
+            f"<td class='{'good' if route.drive.finished else 'bad'}'>{html.escape(route.outcome)}</td>"
             f"<td><b>{100 * error['mae']:.2f}</b></td><td>{100 * error['rmse']:.2f}</td>"
             f"<td>{100 * error['max']:.2f}</td></tr>"
         )
@@ -83,7 +90,7 @@ def render(routes, result: dict) -> str:
         ("real-time factor", f"{result['real_time_factor']:.0f} ×"),  # noqa: RUF001
     ]
     sections = "".join(
-        f"<section><h2>{html.escape(route.name)}</h2><div class='plots'>"
+        f"<section><h2>{html.escape(route.name)}</h2>{end_of(route)}<div class='plots'>"
         f"<div class='map' id='map{i}'></div><div class='lines' id='lines{i}'></div></div></section>"
         for i, route in enumerate(routes)
     )
@@ -118,7 +125,7 @@ table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nu
 th, td { padding: 6px 12px; text-align: right; border-bottom: 1px solid var(--line); white-space: nowrap }
 thead th { color: var(--faint); font-weight: 500; font-size: 13px } th:first-child { text-align: left; padding-left: 0 }
 td:last-child, th:last-child { padding-right: 0 }
-.good { color: var(--good) } .bad { color: var(--bad); font-weight: 600 }
+.good { color: var(--good) } .bad, p.bad { color: var(--bad); font-weight: 600 }
 .tiles { display: flex; flex-wrap: wrap; gap: 12px 40px; margin: 22px 0 0 }
 .tiles span { display: block; color: var(--faint); font-size: 13px } .tiles b { font-size: 20px; font-weight: 600 }
 .plots { display: grid; grid-template-columns: minmax(0, 9fr) minmax(0, 11fr); gap: 12px }

@@ -124,7 +124,10 @@ def main() -> int:
     log = out / "drive.csv"
     record(result.columns, drawn["noise_seed"], log)
     e1 = np.abs(result.columns["e1"])
-    print(f"driven: {result.columns['time'][-1]:.0f} s, lateral error mean {e1.mean():.3f} m, max {e1.max():.3f} m")
+    print(
+        f"driven: {result.columns['time'][-1]:.0f} s, lateral error mean {e1.mean():.3f} m, max {e1.max():.3f} m; "
+        f"{result.outcome}"
+    )
 
     command = [options.rfl, "diagnose", log, "--path", options.path, "--out", out]
     begin = time.perf_counter()

@@ -33,6 +33,7 @@ from pathlib import Path
 import numpy as np
 from closed_loop import FMUS, STEP, Drive, Unit
 from multi_body_car import Actuator, Lost, MultiBodyCar
+from outcome import COMPLETED, LOST, TIMED_OUT, Ending, exit_status
 
 ROOT = Path(__file__).resolve().parent.parent
 VEHICLE = "bmw_320i"
@@ -51,7 +52,7 @@ MEASURED = ["x", "y", "yaw", "vx", "vy", "yaw_rate", "steer"]
 ANSWERS = ["steer_cmd", "accel_cmd", "e1", "e1_rate", "e2", "e2_rate", "station", "curvature", "curvature_rate"]
 OUTSIDE = "residual.outside"  # share of the horizon where the model was asked outside its training
 COLUMNS = ["time", *ANSWERS[:2], *MEASURED, *ANSWERS[2:], OUTSIDE]
-LOST = 5.0  # m of lateral error: the car is not on its road any more
+ASTRAY = 5.0  # m of lateral error: the car is not on its road any more
 
 
 @dataclass(frozen=True)
@@ -85,6 +86,7 @@ def drive(road: Path, actuator: Actuator, settings: dict[str, object], fmus: Pat
     columns: list[list[float]] = []
     messages: list[str] = []
     finished, begin = False, time.perf_counter()
+    ending = Ending(TIMED_OUT, "the time for the road was over")
     with closing(Unit(fmus / "RflMpc.fmu", "controller")) as controller:
         controller.set("vehicle_file", VEHICLE)
         controller.set("path_file", str(Path(road).resolve()))
@@ -106,17 +108,20 @@ def drive(road: Path, actuator: Actuator, settings: dict[str, object], fmus: Pat
             *answer, finished = read().tolist()
             columns.append([now, *answer[:2], *measured, *answer[2:]])
             try:
+                if abs(answer[ANSWERS.index("e1")]) > ASTRAY:
+                    raise Lost(f"the car is {ASTRAY:g} m from its road")
                 if finished:
+                    ending = Ending(COMPLETED, "the road was driven to its end")
                     break
-                if abs(answer[ANSWERS.index("e1")]) > LOST:
-                    raise Lost(f"the car is {LOST:g} m from its road")
                 car.step(*answer[:2], STEP)
             except Lost as lost:
-                messages.append(f"t = {now:.2f} s: {lost}")
+                ending = Ending(LOST, f"t = {now:.2f} s: {lost}")
+                messages.append(ending.reason)
                 break
         messages += [f"controller: {text}" for status, _, text in controller.messages if status > 0]
     rows = np.array(columns).T
-    return Drive(dict(zip(COLUMNS, rows)), STEP, time.perf_counter() - begin, bool(finished), messages)
+    wall, finished = time.perf_counter() - begin, ending.outcome == COMPLETED
+    return Drive(dict(zip(COLUMNS, rows)), STEP, wall, finished, messages, ending)
 
 
 def tracking(result: Drive) -> dict[str, float | bool]:
@@ -283,8 +288,8 @@ def plot(result: dict, out: Path, file: Path) -> None:
     plt.close(figure)
 
 
-def drive_once(options: argparse.Namespace) -> None:
-    """One drive, written as a log."""
+def drive_once(options: argparse.Namespace) -> int:
+    """One drive, written as a log; the exit status of its outcome."""
     settings: dict[str, object] = CALM | DITHER if options.calm else {}
     for text in options.set:
         name, separator, value = text.partition("=")
@@ -299,11 +304,12 @@ def drive_once(options: argparse.Namespace) -> None:
     figures = tracking(result)
     print(
         f"{options.log}: {result.columns['time'][-1]:.1f} s, lateral error: mean {figures['mae']:.4f} m, "
-        f"max {figures['max']:.4f} m{'' if result.finished else '; the road did NOT end'}"
+        f"max {figures['max']:.4f} m; {result.outcome}: {result.ending.reason}"
     )
+    return exit_status(result.outcome, cut=False)
 
 
-def run_study(options: argparse.Namespace) -> None:
+def run_study(options: argparse.Namespace) -> int:
     """All drives, models, tables and the plot."""
     roads, out = ROOT / "paths", options.out
     length, drives = (800.0, 1) if options.quick else (2400.0, 2)
@@ -331,6 +337,7 @@ def run_study(options: argparse.Namespace) -> None:
     (out / "results.json").write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
     plot(result, out, out / "lateral_error.png")
     print(f"\n{time.perf_counter() - begin:.0f} s; results.json, lateral_error.png and logs in {out}")
+    return 0
 
 
 def main() -> int:
@@ -348,11 +355,10 @@ def main() -> int:
     one.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="a parameter; repeatable")
     options = parser.parse_args()
     try:
-        drive_once(options) if options.drive else run_study(options)
+        return drive_once(options) if options.drive else run_study(options)
     except (RuntimeError, ValueError, OSError) as error:
         print(f"foreign_vehicle: {error}", file=sys.stderr)
         return 1
-    return 0
 
 
 if __name__ == "__main__":

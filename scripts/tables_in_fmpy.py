@@ -129,7 +129,8 @@ class Plant:
     def drive(self, row: dict, fmus: Path) -> dict[str, float]:
         """Errors of a row in fmpy."""
         road = PROJECT / "paths" / f"{self.road}.csv"
-        driven = drive(road, self.vehicle, settings=self.parameters(row), fmus=fmus)
+        # The lane of the comparison, `LOST` in src/simulate/experiment/trial.rs.
+        driven = drive(road, self.vehicle, settings=self.parameters(row), fmus=fmus, lane=3.5)
         e1 = np.abs(driven.columns["e1"])
         return {"mae": e1.mean(), "rmse": np.sqrt((e1 * e1).mean()), "max": e1.max(), "finished": driven.finished}
 

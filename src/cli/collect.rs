@@ -2,10 +2,11 @@
 //! such drives.
 
 use super::drive::{MODELS, Setup};
+use super::output::write_file;
 use super::progress_bar;
 use super::vehicle::{Commanded, by_kind};
 use crate::control::{Choice, ControlVariant, PredictionModelFor, Propagation, RollOut};
-use crate::simulate::STATION;
+use crate::simulate::{End, STATION};
 use clap::Args;
 use std::error::Error;
 use std::path::PathBuf;
@@ -96,21 +97,26 @@ fn collect<P: Commanded<S, C>, const S: usize, const C: usize>(
             }
         };
         let mut closed = setup.connect(model, sample_time)?;
-        let drive = closed.drive(1800.0, |row| bar.set_position(row[STATION].max(0.0) as u64))?;
+        let drive = closed.record(1800.0, |row, _| {
+            bar.set_position(row[STATION].max(0.0) as u64);
+            true
+        });
         bar.finish_and_clear();
         let file = args.out.join(format!("drive_{}.csv", run + 1));
-        drive.write_csv(
-            std::fs::File::create(&file).map_err(|error| format!("{}: {error}", file.display()))?,
-        )?;
+        write_file(&file, |to| Ok(drive.write_csv(to)?))?;
         let tracking = drive.tracking();
         say!(
-            "{}: {:.0} s, lateral error mean {:.4} m, max {:.4} m{}",
+            "{}: {:.0} s, lateral error mean {:.4} m, max {:.4} m; {}: {}",
             file.display(),
             drive.duration(),
             tracking.mae,
             tracking.max,
-            if drive.finished { "" } else { "; the road's end was NOT reached" }
+            drive.ending.outcome.name(),
+            drive.ending.reason()
         );
+        if let End::Failed(error) = drive.ending.end {
+            return Err(format!("{}: {error}; the log ends there", file.display()).into());
+        }
     }
     say!("next: rfl train {}/*.csv --vehicle {}", args.out.display(), args.vehicle);
     Ok(())

@@ -1,35 +1,33 @@
 //! `rfl drive`: the closed loop in native code, on any road, with any car or truck.
+//!
+//! A drive ends in one of four outcomes, which text, JSON and exit status agree on; log and JSON are written whatever
+//! happens.
 
+use super::output::{check_writable, write_file, write_json};
+use super::require::{Check, Figures, Requirement, figures_help, write_junit};
 use super::vehicle::{Commanded, Linear, by_kind, vehicle_named};
 use super::{named, progress_bar};
 use crate::control::{
-    Choice, ControlVariant, ControllerFile, ControllerFor, ControllerParametersFor, PredictionModelFor, Propagation, RollOut,
-    VehicleParameters,
+    Choice, ControlVariant, ControllerFile, ControllerFor, ControllerParametersFor, PredictionModelFor,
+    Propagation, RollOut, VehicleParameters,
 };
 use crate::parameter::{NoValue, Parameter};
 use crate::path::sudoku::Route;
 use crate::path::{Path, RoadClass};
-use crate::simulate::{ClosedLoopFor, DriveFor, STATION, SimulatedVehicle, StepTimes};
+use crate::simulate::{
+    ClosedLoopFor, DriveFor, LaneLimits, Outcome, Place, STATION, SimulatedVehicle, StepTimes, TIME,
+};
 use crate::vehicle::{BUILTIN, VehicleParameters as VehicleFile};
 use clap::Args;
-use serde_json::json;
+use serde_json::{Value, json};
 use std::error::Error;
 use std::path::PathBuf;
+use std::process::ExitCode;
 use std::sync::Arc;
 
 /// Drives a car or a truck along a road with the MPC, natively, and says how well it tracked.
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:
-  rfl drive                                            the Sudoku test route, the C-class car
-  rfl drive --path road.csv --vehicle my_car.toml --log out/drive.csv
-  rfl drive --set mpc.q_e2=1 --set effect.steer_delay=0.06
-  rfl drive --set car.vehicle.mass=1600                the car's mass, not the controller's
-  rfl drive --vehicle my_car.toml --controller out/tune/controller.toml    as tuned by rfl tune
-  rfl drive --vehicle truck_simulation                 the truck's test route, the truck paper's truck
-  rfl drive --residual out/residual/rfl_s.rflm         with what rfl train learned
-  rfl drive --variant rfl_s                            the same: models are looked for in out/residual
-  rfl drive --variant actuator --set actuator.dead_time=0.06 --set actuator.time_constant=0.1
-  rfl drive --variant actuator --set actuator.dead_time=0.12 --set actuator.dead_time_model=pade_2_2")]
+#[command(after_help = after_help())]
 pub struct DriveArgs {
     /// Road to follow: a CSV file with columns x, y [default: the vehicle's test route]
     #[arg(long)]
@@ -37,15 +35,18 @@ pub struct DriveArgs {
     /// Car or truck: a vehicle file (TOML) or a built-in name
     #[arg(long, default_value = BUILTIN[0])]
     vehicle: String,
-    /// Longest drive in s of simulated time
-    #[arg(long, default_value_t = 1800.0)]
-    duration: f64,
+    /// Longest drive in s of simulated time; a drive that it cuts on the road is a success [default: 1800, which is none]
+    #[arg(long)]
+    duration: Option<f64>,
     /// Communication step in s
     #[arg(long, default_value_t = 0.02)]
     step: f64,
     /// Controller file (from rfl tune); what is set beside it counts more
     #[arg(long, value_name = "FILE")]
     controller: Option<PathBuf>,
+    /// True lateral error in m beyond which the vehicle has left its lane and the drive is lost
+    #[arg(long, value_name = "M", default_value_t = LaneLimits::default().lateral_error)]
+    lane: f64,
     /// A parameter, NAME=VALUE, of whoever has it; `car.` (`truck.`) or `controller.` before the name means one of them only
     #[arg(long = "set", value_name = "NAME=VALUE")]
     settings: Vec<String>,
@@ -55,12 +56,61 @@ pub struct DriveArgs {
     /// File for the results (JSON)
     #[arg(long)]
     json: Option<PathBuf>,
+    /// A figure that must be met, FIGURE<=VALUE or FIGURE=VALUE, such as max_e1=0.5; the figures stand below
+    #[arg(long = "require", value_name = "REQUIREMENT")]
+    requirements: Vec<Requirement>,
+    /// File for the outcome and the requirements as test cases (JUnit XML)
+    #[arg(long, value_name = "FILE")]
+    junit: Option<PathBuf>,
     #[command(flatten)]
     model: ModelArgs,
-    /// No progress bar
+    /// No progress
     #[arg(long)]
     quiet: bool,
 }
+
+/// Time, s, after which a drive is given up where nobody said one.
+const LONGEST: f64 = 1800.0;
+
+/// Exit status of a requirement that is not met.
+const NOT_MET: u8 = 6;
+
+/// Exit status of an outcome; `cut`: the user chose the duration.
+fn status(outcome: Outcome, cut: bool, met: bool) -> u8 {
+    match outcome {
+        Outcome::Stopped => 3,
+        Outcome::Lost => 4,
+        Outcome::TimedOut if !cut => 5,
+        _ if !met => NOT_MET,
+        Outcome::Completed | Outcome::TimedOut => 0,
+    }
+}
+
+fn after_help() -> String {
+    format!(
+        "{EXAMPLES}
+
+{}
+
+Exit status: 0 completed, or on the road when the --duration given was over; 1 bad input or a failure; 2 wrong usage;
+3 stopped before the road's end; 4 lost: off its lane, rolled over, jack-knifed, or it could not be driven on;
+5 timed out after {LONGEST} s; 6 a requirement is not met. Log, JSON and JUnit file are written in each case from 3 on.",
+        figures_help()
+    )
+}
+
+const EXAMPLES: &str = "Examples:
+  rfl drive                                            the Sudoku test route, the C-class car
+  rfl drive --path road.csv --vehicle my_car.toml --log out/drive.csv
+  rfl drive --set mpc.q_e2=1 --set effect.steer_delay=0.06
+  rfl drive --set car.vehicle.mass=1600                the car's mass, not the controller's
+  rfl drive --vehicle my_car.toml --controller out/tune/controller.toml    as tuned by rfl tune
+  rfl drive --vehicle truck_simulation                 the truck's test route, the truck paper's truck
+  rfl drive --residual out/residual/rfl_s.rflm         with what rfl train learned
+  rfl drive --variant rfl_s                            the same: models are looked for in out/residual
+  rfl drive --variant actuator --set actuator.dead_time=0.06 --set actuator.time_constant=0.1
+  rfl drive --variant actuator --set actuator.dead_time=0.12 --set actuator.dead_time_model=pade_2_2
+  rfl drive --require 'max_e1<=0.1' --require p99_step_time=0.001 --junit out/drive.xml       a test in CI";
 
 /// What the controller predicts with: the same words as the FMU's.
 #[derive(Debug, Clone, Args)]
@@ -202,14 +252,20 @@ pub(super) fn number(text: &str, declared: Option<&Parameter>, value: &str) -> R
 ///
 /// # Errors
 /// What was wrong, where, and what to do.
-pub fn run(args: &DriveArgs) -> Result<(), Box<dyn Error>> {
-    if !(args.step > 0.0 && args.duration > 0.0) {
-        return Err("--step and --duration must be positive".into());
+pub fn run(args: &DriveArgs) -> Result<ExitCode, Box<dyn Error>> {
+    let positive = |value: f64| value.is_finite() && value > 0.0;
+    if !(positive(args.step) && args.duration.is_none_or(positive) && positive(args.lane)) {
+        return Err("--step, --duration and --lane must be positive".into());
+    }
+    for file in [&args.log, &args.json, &args.junit].into_iter().flatten() {
+        check_writable(file)?;
     }
     by_kind!(&args.vehicle, drive(args))
 }
 
-fn drive<P: Commanded<S, C>, const S: usize, const C: usize>(args: &DriveArgs) -> Result<(), Box<dyn Error>> {
+fn drive<P: Commanded<S, C>, const S: usize, const C: usize>(
+    args: &DriveArgs,
+) -> Result<ExitCode, Box<dyn Error>> {
     let mut setup = Setup::<P, S, C>::new(args.path.as_deref(), P::TEST, &args.vehicle, &[])?;
     let mut model = args.model.clone();
     if let Some(file) = &args.controller {
@@ -221,62 +277,197 @@ fn drive<P: Commanded<S, C>, const S: usize, const C: usize>(args: &DriveArgs) -
     let (variant, model) = model.choose(&setup.controller)?;
     let sample_time = setup.controller.mpc.sample_time;
     let bar = progress_bar("driving", setup.path.length(), args.quiet);
-    let mut closed = setup.connect(model, args.step)?;
+    let limits = LaneLimits { lateral_error: args.lane, ..LaneLimits::default() };
+    let mut closed = setup.connect(model, args.step)?.with_limits(limits);
     let begin = std::time::Instant::now();
-    let drive = closed.drive(args.duration, |row| {
+    let drive = closed.record(args.duration.unwrap_or(LONGEST), |row, _| {
         bar.set_position(row[STATION].max(0.0) as u64);
-    })?;
+        true
+    });
     let wall = begin.elapsed().as_secs_f64();
     bar.finish_and_clear();
-
-    if let Some(file) = &args.log {
-        drive.write_csv(
-            std::fs::File::create(file).map_err(|error| format!("{}: {error}", file.display()))?,
-        )?;
-    }
-    report(&drive, variant, sample_time, wall, args)
+    Report::of(&drive, variant, sample_time, wall, args).give(&drive, args)
 }
 
-fn report<const C: usize>(
-    drive: &DriveFor<C>,
+/// What is said of a drive.
+struct Report {
+    figures: Figures,
+    times: StepTimes,
     variant: ControlVariant,
-    sample_time: f64,
+    /// Time that the drive took on the clock, s.
     wall: f64,
-    args: &DriveArgs,
-) -> Result<(), Box<dyn Error>> {
-    let all = drive.tracking();
-    let StepTimes { step, look_up, condense, solve } = drive.times(sample_time);
-    let driven = drive.duration();
-    say!("{:<16} {:>9} {:>9} {:>9} {:>8}", "lateral error", "mean m", "RMS m", "max m", "share %");
-    let line = |name: &str, metrics: &crate::simulate::TrackingMetrics| {
-        let share = 100.0 * metrics.count as f64 / all.count.max(1) as f64;
-        say!("{name:<16} {:>9.4} {:>9.4} {:>9.4} {share:>8.1}", metrics.mae, metrics.rmse, metrics.max);
-    };
-    line("whole drive", &all);
-    let mut classes = serde_json::Map::new();
-    for class in RoadClass::ALL {
-        let metrics = drive.tracking_on(class);
-        if metrics.count > 0 {
-            line(class.name(), &metrics);
-            classes.insert(class.name().to_string(), json!(metrics));
+    /// The outcome first, then the requirements.
+    checks: Vec<Check>,
+    status: u8,
+    /// Place of the largest lateral error.
+    largest: Option<Place>,
+}
+
+impl Report {
+    fn of<const C: usize>(
+        drive: &DriveFor<C>,
+        variant: ControlVariant,
+        sample_time: f64,
+        wall: f64,
+        args: &DriveArgs,
+    ) -> Self {
+        let figures = Figures::of(drive, sample_time, wall);
+        let required: Vec<Check> = args.requirements.iter().map(|wanted| wanted.check(&figures)).collect();
+        let outcome = drive.ending.outcome;
+        let met = required.iter().all(|check| check.met);
+        let cut = args.duration.is_some();
+        let mut checks = vec![Check {
+            name: "outcome".to_owned(),
+            met: status(outcome, cut, true) == 0,
+            words: format!("{}: {}", outcome.name(), drive.ending.reason()),
+        }];
+        checks.extend(required);
+        let errors = drive.lateral_errors.iter().zip(&drive.rows);
+        let largest = errors.max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
+        Self {
+            times: drive.times(sample_time),
+            variant,
+            wall,
+            checks,
+            status: status(outcome, cut, met),
+            largest: largest.map(|(&lateral_error, row)| Place {
+                time: row[TIME],
+                station: row[STATION],
+                lateral_error,
+                ..Place::default()
+            }),
+            figures,
         }
     }
-    say!(
-        "step time: mean {:.0} us, p99 {:.0} us, max {:.0} us, {} over Ts",
-        1e6 * step.mean_s,
-        1e6 * step.p99_s,
-        1e6 * step.max_s,
-        step.missed
-    );
-    let end = if drive.finished { "road finished" } else { "stopped before the road's end" };
-    say!("{driven:.2} s driven in {wall:.2} s ({:.0} times real time), {end}", driven / wall);
-    if let Some(file) = &args.json {
-        let value = json!({
-            "variant": variant.name(), "tracking": all, "classes": classes, "duration": driven,
-            "finished": drive.finished, "real_time_factor": driven / wall,
-            "step": step, "parts": { "look_up": look_up, "condense": condense, "solve": solve },
+
+    /// Writes all files, then prints. A file that cannot be written keeps none of the others from it.
+    fn give<const C: usize>(
+        &self,
+        drive: &DriveFor<C>,
+        args: &DriveArgs,
+    ) -> Result<ExitCode, Box<dyn Error>> {
+        let log = args.log.as_ref().map(|file| write_file(file, |to| Ok(drive.write_csv(to)?)));
+        let json = args.json.as_ref().map(|file| write_json(file, &self.json(drive)));
+        let class = args.path.as_deref().and_then(std::path::Path::file_stem);
+        let class = class.map_or("test_route".into(), |stem| stem.to_string_lossy());
+        let junit = args.junit.as_ref().map(|file| {
+            write_junit(file, "rfl drive", &format!("rfl.drive.{class}"), self.wall, &self.checks)
         });
-        std::fs::write(file, serde_json::to_string_pretty(&value)?)?;
+        self.print(drive, args);
+        for written in [log, json, junit].into_iter().flatten() {
+            written?;
+        }
+        Ok(ExitCode::from(self.status))
     }
-    Ok(())
+
+    fn json<const C: usize>(&self, drive: &DriveFor<C>) -> Value {
+        let ending = &drive.ending;
+        let StepTimes { step, look_up, condense, solve } = self.times;
+        let classes: serde_json::Map<String, Value> = RoadClass::ALL
+            .into_iter()
+            .map(|class| (class, drive.tracking_on(class)))
+            .filter(|(_, metrics)| metrics.count > 0)
+            .map(|(class, metrics)| (class.name().to_owned(), json!(metrics)))
+            .collect();
+        let place =
+            |at: Place| json!({ "time": at.time, "station": at.station, "lateral_error": at.lateral_error });
+        let requirements: Vec<Value> = self.checks[1..]
+            .iter()
+            .map(|check| json!({ "requirement": check.name, "met": check.met, "words": check.words }))
+            .collect();
+        json!({
+            "outcome": ending.outcome.name(),
+            "reason": ending.reason(),
+            "end": place(ending.place),
+            "left_lane": ending.departure.map(place),
+            "largest": self.largest.map(place),
+            "length": ending.length,
+            "driven": ending.driven,
+            "variant": self.variant.name(),
+            "tracking": self.figures.tracking,
+            "classes": classes,
+            "duration": self.figures.duration,
+            "finished": drive.finished,
+            "real_time_factor": self.figures.real_time_factor,
+            "step": step,
+            "parts": { "look_up": look_up, "condense": condense, "solve": solve },
+            "requirements": requirements,
+            "exit_status": self.status,
+        })
+    }
+
+    fn print<const C: usize>(&self, drive: &DriveFor<C>, args: &DriveArgs) {
+        let all = &self.figures.tracking;
+        say!("{:<16} {:>9} {:>9} {:>9} {:>8}", "lateral error", "mean m", "RMS m", "max m", "share %");
+        let line = |name: &str, metrics: &crate::simulate::TrackingMetrics| {
+            let share = 100.0 * metrics.count as f64 / all.count.max(1) as f64;
+            say!("{name:<16} {:>9.4} {:>9.4} {:>9.4} {share:>8.1}", metrics.mae, metrics.rmse, metrics.max);
+        };
+        line("whole drive", all);
+        for class in RoadClass::ALL {
+            let metrics = drive.tracking_on(class);
+            if metrics.count > 0 {
+                line(class.name(), &metrics);
+            }
+        }
+        let step = &self.times.step;
+        say!(
+            "step time: mean {:.0} us, p99 {:.0} us, max {:.0} us, {} over Ts",
+            1e6 * step.mean_s,
+            1e6 * step.p99_s,
+            1e6 * step.max_s,
+            step.missed
+        );
+        let (driven, factor) = (self.figures.duration, self.figures.real_time_factor);
+        say!("{driven:.2} s driven in {:.2} s ({factor:.0} times real time)", self.wall);
+        for check in &self.checks[1..] {
+            say!("{}: {}", if check.met { "met" } else { "NOT met" }, check.words);
+        }
+        let at = self.largest.map_or(String::new(), |at| {
+            let error = at.lateral_error.abs();
+            format!(
+                "; farthest from the path {error:.3} m, at {:.2} s and station {:.0} m",
+                at.time, at.station
+            )
+        });
+        say!("outcome: {}{at}", self.checks[0].words);
+        if let Some(words) = next(drive.ending.outcome, args) {
+            say!("next: {words}");
+        }
+    }
+}
+
+/// What to do after an outcome.
+fn next(outcome: Outcome, args: &DriveArgs) -> Option<String> {
+    let log = args.log.as_ref().map_or("LOG".to_owned(), |log| log.display().to_string());
+    let written = if args.log.is_some() { "" } else { " (--log LOG writes it)" };
+    match outcome {
+        Outcome::Completed => None,
+        Outcome::TimedOut if args.duration.is_some() => None,
+        Outcome::TimedOut => Some("drive longer, with --duration S".to_owned()),
+        Outcome::Stopped => Some(format!("look at the columns status and vx at the end of {log}{written}")),
+        Outcome::Lost => Some(format!(
+            "look at e1, steer_cmd and status in {log}{written}; a steering that is slower than the controller knows: \
+             rfl identify {log}; slower in bends: --set speed.lateral_accel=A"
+        )),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_chosen_end_on_the_road_is_a_success() {
+        let statuses = |cut, met| Outcome::ALL.iter().map(|&of| status(of, cut, met)).collect::<Vec<_>>();
+        assert_eq!(
+            Outcome::ALL.iter().map(|of| of.name()).collect::<Vec<_>>(),
+            ["timed_out", "completed", "stopped", "lost"]
+        );
+        assert_eq!(statuses(true, true), [0, 0, 3, 4]);
+        assert_eq!(statuses(false, true), [5, 0, 3, 4]);
+        // What happened to the drive says more than a figure.
+        assert_eq!(statuses(true, false), [6, 6, 3, 4]);
+        assert_eq!(statuses(false, false), [5, 6, 3, 4]);
+    }
 }

@@ -1,7 +1,8 @@
 //! The commands of `rfl`, one file each.
 //!
 //! A command is its arguments and a `run`. Whatever goes wrong is one line on standard error that says what, where
-//! and what to do. Exit status: 0 done, 1 bad input or a failure, 2 wrong usage.
+//! and what to do. Exit status: 0 done, 1 bad input or a failure, 2 wrong usage; a drive's outcome and a diagnosis'
+//! verdict have numbers of their own.
 
 /// Prints a line; who has read enough of them (`rfl diagnose drive.csv | head -1`) ends the program in peace.
 macro_rules! say {
@@ -14,8 +15,11 @@ pub mod diagnose;
 pub mod drive;
 pub mod evaluate;
 pub mod identify;
+mod output;
 pub mod parameters;
 pub mod path;
+mod progress;
+mod require;
 mod results_file;
 pub mod train;
 mod train_gp;
@@ -24,7 +28,7 @@ mod vehicle;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Parser, Subcommand};
-use indicatif::{ProgressBar, ProgressStyle};
+use progress::progress_bar;
 use std::error::Error;
 use std::process::ExitCode;
 
@@ -45,7 +49,7 @@ use std::process::ExitCode;
   rfl parameters              what --set can change
   rfl course                  write our own courses to paths/
 
-Exit status: 0 done, 1 bad input or a failure, 2 wrong usage; rfl diagnose has more."
+Exit status: 0 done, 1 bad input or a failure, 2 wrong usage; rfl drive and rfl diagnose have more."
 )]
 pub struct Cli {
     #[command(subcommand)]
@@ -74,7 +78,7 @@ impl Cli {
     /// What was wrong, where, and what to do.
     pub fn run(&self) -> Result<ExitCode, Box<dyn Error>> {
         match &self.command {
-            Command::Drive(args) => drive::run(args)?,
+            Command::Drive(args) => return drive::run(args),
             Command::Collect(args) => collect::run(args)?,
             Command::Train(args) => train::run(args)?,
             Command::Tune(args) => tune::run(args)?,
@@ -128,14 +132,4 @@ fn named<T: Copy + Send + Sync + 'static>(
     let shown = values.iter().map(move |&value| PossibleValue::new(name(value)).help(meaning(value)));
     PossibleValuesParser::new(shown)
         .try_map(move |text| values.iter().copied().find(|&value| name(value) == text).ok_or("no such value"))
-}
-
-/// A bar of `length` parts with a title; hidden where nobody wants it.
-fn progress_bar(title: &str, length: f64, quiet: bool) -> ProgressBar {
-    if quiet {
-        return ProgressBar::hidden();
-    }
-    let bar = ProgressBar::new(length.max(1.0) as u64).with_message(title.to_string());
-    let style = ProgressStyle::with_template("{msg} {bar:40} {pos}/{len}, {eta} left");
-    style.map_or(bar.clone(), |style| bar.with_style(style))
 }

@@ -268,9 +268,7 @@ impl<const S: usize> LateralMpc<S> {
         self.variant.plan(input, &self.preview, previous, &mut self.qp)
     }
 
-    /// Writes the weights and the bound of the rate at a speed. A loop that is `f` times as fast has time shorter by `f`: weights
-    /// of rates fall with its square, those of the second derivative with its fourth power, that of the lateral jerk, which
-    /// steering's rate is by `v^2/L`, with its sixth.
+    /// Writes the weights and the bound of the rate at a speed, [tightened](MpcParameters::tightened).
     fn weigh(&mut self, speed: f64, tightness: f64) {
         let p = &self.parameters;
         let faster = p.tightening.powf(tightness);

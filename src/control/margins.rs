@@ -131,6 +131,7 @@ impl<const S: usize> LinearController<S> {
         let mpc = MpcParameters {
             steer_max: NEVER,
             steer_rate_max: NEVER,
+            lateral_jerk_max: NEVER * NEVER,
             e1_max: NEVER,
             dither: 0.0,
             ..parameters.mpc
@@ -236,6 +237,8 @@ impl<const S: usize> Asked<S> {
                 disturbance: &disturbance,
                 use_residual: true,
                 time_limit: f64::INFINITY,
+                actuator: None,
+                tightness: 0.0,
             };
             self.lateral.step(&input).map_err(|error| MarginError::NoPlan { speed, error })?;
             plan.clear();

@@ -200,6 +200,23 @@ impl ActuatorParameters {
 }
 
 impl MpcParameters {
+    /// The weights of a loop that is faster by `tightening` to the power of `tightness`, 0 to 1. In a time shorter by `f` the
+    /// weights of rates fall with the square of `f`, those of second derivatives with its fourth power, that of the lateral jerk,
+    /// which steering's rate is by `v^2/L`, with its sixth.
+    #[must_use]
+    pub fn tightened(self, tightness: f64) -> Self {
+        let faster = self.tightening.powf(tightness);
+        Self {
+            q_e1_rate: self.q_e1_rate * faster.powi(-2),
+            q_e2: self.q_e2 * faster.powi(-2),
+            q_e2_rate: self.q_e2_rate * faster.powi(-4),
+            r_rate: self.r_rate * faster.powi(-6),
+            r_lateral_jerk: self.r_lateral_jerk * faster.powi(-6),
+            tightening: 1.0,
+            ..self
+        }
+    }
+
     /// The settings of the papers' tables, which a nominal MPC that knows no actuator was tuned to: a horizon of 0.32 s for a car,
     /// a cost on the steering's own rate, and a rate that is bounded alike at all speeds.
     #[must_use]

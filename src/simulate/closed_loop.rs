@@ -6,6 +6,7 @@
 
 use super::metrics::{InputMetrics, StepTimes, TimeMetrics, TrackingMetrics};
 use super::noise::SensorNoise;
+use super::outcome::{End, Ending, LaneLimits, Outcome, Place, Referee};
 use super::vehicle::{CAR_COLUMNS, SimulatedVehicle, TRUCK_COLUMNS};
 use crate::control::{ControlStatus, ControllerFor, Sampler, StepError, TRUCK_STATES, Timing};
 use crate::nominal::ERRORS;
@@ -39,11 +40,14 @@ pub const COLUMNS: [Signal; 20] = [
     signal::CURVATURE_RATE,
 ];
 
-/// Places of columns that are asked for at each step.
-const TIME: usize = 0;
+/// Place of the time in a [`Row`].
+pub const TIME: usize = 0;
 const STEER_CMD: usize = 1;
 /// Place of the station in a [`Row`].
 pub const STATION: usize = 17;
+
+/// Last column of a drive log: text, the controller's status.
+pub const STATUS: &str = "status";
 
 /// What is recorded of every vehicle at one communication point: the vehicle as it is there, and what the controller
 /// decided on it.
@@ -52,8 +56,8 @@ pub type Common = [f64; COLUMNS.len()];
 /// One communication point of a car.
 pub type Row = [f64; CAR_COLUMNS];
 
-/// Why a drive ended before its time.
-#[derive(Debug, thiserror::Error)]
+/// Reason for which controller or vehicle cannot go on.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum DriveError {
     #[error("at t = {time} s the controller: {source}")]
@@ -76,14 +80,16 @@ pub struct ClosedLoopFor<P: SimulatedVehicle<S, C>, const S: usize, const C: usi
     step: f64,
     count: u32,
     noise: Option<(SensorNoise, Random)>,
-    /// True lateral error at the newest row.
-    lateral_error: f64,
+    /// True place at the newest row.
+    place: Place,
+    referee: Referee,
 }
 
 impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P, S, C> {
     /// Connects the two with a communication step in s. The vehicle stands where it was placed.
     #[must_use]
     pub fn new(controller: ControllerFor<P::Nominal, S>, vehicle: P, step: f64) -> Self {
+        let referee = Referee::new(controller.path(), LaneLimits::default());
         Self {
             controller,
             vehicle,
@@ -91,7 +97,8 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
             step,
             count: 0,
             noise: None,
-            lateral_error: 0.0,
+            place: Place::default(),
+            referee,
         }
     }
 
@@ -119,6 +126,13 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
         Self { noise: Some((noise, Random::new(seed))), ..self }
     }
 
+    /// Sets the limits beyond which the vehicle counts as lost. Before the first step.
+    #[must_use]
+    pub fn with_limits(self, limits: LaneLimits) -> Self {
+        let referee = Referee::new(self.controller.path(), limits);
+        Self { referee, ..self }
+    }
+
     /// The controller.
     #[must_use]
     pub fn controller(&self) -> &ControllerFor<P::Nominal, S> {
@@ -134,7 +148,7 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
     /// True lateral error at the newest row, m: that of the vehicle, not that which a noisy measurement shows.
     #[must_use]
     pub fn lateral_error(&self) -> f64 {
-        self.lateral_error
+        self.place.lateral_error
     }
 
     /// Makes one communication step and gives the row of its beginning, with the wall-clock time of the control
@@ -143,6 +157,13 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
     /// # Errors
     /// Controller or vehicle cannot go on.
     pub fn advance(&mut self) -> Result<([f64; C], Option<f64>), DriveError> {
+        let (row, computed, input) = self.decide()?;
+        self.follow(&input)?;
+        Ok((row, computed))
+    }
+
+    /// Row of the newest communication point, time of the control step if one was due, and commands.
+    fn decide(&mut self) -> Result<([f64; C], Option<f64>, VehicleInput), DriveError> {
         let time = f64::from(self.count) * self.step;
         let truth = self.vehicle.measured();
         let [ax, ay, roll] = self.vehicle.recorded();
@@ -158,10 +179,9 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
             computed = Some(report.compute_time);
         }
         let report = self.controller.report();
-        self.lateral_error = match self.noise {
-            Some(_) => self.controller.path().project(truth.x, truth.y, truth.yaw, Some(report.station)).e1,
-            None => report.e1,
-        };
+        // The controller may be told something else, or bridge what it is told.
+        self.place = self.referee.place(self.controller.path(), time, [truth.x, truth.y, truth.yaw]);
+        self.referee.see(self.place, truth.vx);
         let input = VehicleInput { steer_cmd: report.steer_cmd, accel_cmd: report.accel_cmd };
         let common = [
             time,
@@ -185,16 +205,22 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
             report.curvature,
             report.curvature_rate,
         ];
-        self.vehicle.advance(&input, self.step).map_err(|source| DriveError::Vehicle {
+        Ok((P::row(&common, &seen), computed, input))
+    }
+
+    /// Lets the vehicle follow commands to the next communication point.
+    fn follow(&mut self, input: &VehicleInput) -> Result<(), DriveError> {
+        let time = f64::from(self.count) * self.step;
+        self.vehicle.advance(input, self.step).map_err(|source| DriveError::Vehicle {
             time,
             vehicle: P::KIND,
             source,
         })?;
         self.count += 1;
-        Ok((P::row(&common, &seen), computed))
+        Ok(())
     }
 
-    /// Drives until the controller has finished the path, or for `duration` seconds at most.
+    /// Drives until the road's end or a stop, or for `duration` seconds at most.
     ///
     /// # Errors
     /// Controller or vehicle cannot go on.
@@ -218,9 +244,11 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
         duration: f64,
         go_on: impl FnMut(&[f64; C], f64) -> bool,
     ) -> Result<DriveFor<C>, DriveError> {
-        let mut drive = DriveFor { columns: P::SIGNALS, ..DriveFor::default() };
-        self.record(&mut drive, duration, go_on)?;
-        Ok(drive)
+        let drive = self.record(duration, go_on);
+        match drive.ending.end {
+            End::Failed(error) => Err(error),
+            _ => Ok(drive),
+        }
     }
 
     /// The same; a vehicle that rolls over or jack-knifes is lost, and what was driven until then is given.
@@ -232,45 +260,58 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
         duration: f64,
         go_on: impl FnMut(&[f64; C], f64) -> bool,
     ) -> Result<DriveFor<C>, DriveError> {
-        let mut drive = DriveFor { columns: P::SIGNALS, ..DriveFor::default() };
         use crate::vehicle::StepError::{JackKnifed, RolledOver};
-        match self.record(&mut drive, duration, go_on) {
-            Err(DriveError::Vehicle { source: JackKnifed { .. } | RolledOver { .. }, .. }) => {
-                drive.lost = true;
+        let drive = self.record(duration, go_on);
+        match drive.ending.end {
+            End::Failed(DriveError::Vehicle { source: JackKnifed { .. } | RolledOver { .. }, .. }) => {
                 Ok(drive)
             }
-            ended => ended.map(|()| drive),
+            End::Failed(error) => Err(error),
+            _ => Ok(drive),
         }
     }
 
-    /// Drives and records, to the end or to an error.
-    fn record(
-        &mut self,
-        drive: &mut DriveFor<C>,
-        duration: f64,
-        mut go_on: impl FnMut(&[f64; C], f64) -> bool,
-    ) -> Result<(), DriveError> {
+    /// The same; whatever happens, what was driven until then is given. `ending` says how it ended.
+    pub fn record(&mut self, duration: f64, mut go_on: impl FnMut(&[f64; C], f64) -> bool) -> DriveFor<C> {
+        let mut drive = DriveFor { columns: P::SIGNALS, ..DriveFor::default() };
         let steps = (duration / self.step).round().max(0.0) as u64;
+        let mut end = End::Duration;
         for _ in 0..steps {
-            let (row, computed) = self.advance()?;
+            let (row, computed, input) = match self.decide() {
+                Ok(decided) => decided,
+                Err(error) => {
+                    end = End::Failed(error);
+                    break;
+                }
+            };
+            let report = self.controller.report();
             drive.classes.push(self.controller.path().at(row[STATION]).class);
             drive.rows.push(row);
-            drive.lateral_errors.push(self.lateral_error);
+            drive.statuses.push(report.status);
+            drive.lateral_errors.push(self.place.lateral_error);
             if let Some(time) = computed {
                 drive.step_times.push(time);
                 drive.timings.push(self.controller.lateral().timing());
             }
-            let goes_on = go_on(&row, self.lateral_error);
-            let report = self.controller.report();
-            drive.lost |= report.status == ControlStatus::FarFromPath || !goes_on;
-            if report.finished {
-                drive.finished = true;
-            }
-            if drive.finished || !goes_on {
+            let over = if !go_on(&row, self.place.lateral_error) {
+                Some(End::GivenUp)
+            } else if report.finished && self.referee.at_end() {
+                Some(End::Road)
+            } else if self.referee.stands() {
+                Some(End::Standing { status: report.status })
+            } else {
+                None
+            };
+            let moved = self.follow(&input).map_err(End::Failed).err();
+            if let Some(reason) = over.or(moved) {
+                end = reason;
                 break;
             }
         }
-        Ok(())
+        drive.ending = self.referee.ending(end);
+        drive.lost = drive.ending.outcome == Outcome::Lost;
+        drive.finished = drive.ending.outcome == Outcome::Completed;
+        drive
     }
 }
 
@@ -289,15 +330,19 @@ pub struct DriveFor<const C: usize> {
     pub rows: Vec<[f64; C]>,
     /// Road class at each row, where the path has classes.
     pub classes: Vec<Option<RoadClass>>,
+    /// The controller's status at each row.
+    pub statuses: Vec<ControlStatus>,
     /// True lateral error at each row, m.
     pub lateral_errors: Vec<f64>,
     /// Wall-clock time of each control step, s.
     pub step_times: Vec<f64>,
     /// Where that time went.
     pub timings: Vec<Timing>,
-    /// Whether the vehicle was ever so far from the path that the controller gave up tracking: the loop has diverged.
+    /// Outcome, place and reason.
+    pub ending: Ending,
+    /// Whether the outcome is `lost`.
     pub lost: bool,
-    /// Whether the path's end, or a full lap, was reached.
+    /// Whether the outcome is `completed`: a drive off the road is not.
     pub finished: bool,
 }
 
@@ -365,15 +410,17 @@ impl<const C: usize> DriveFor<C> {
         }
     }
 
-    /// Writes the drive as a drive log, a CSV file. Numbers keep all their bits.
+    /// Writes the drive as a drive log, a CSV file. Numbers keep all their bits. The last column, [`STATUS`], is the
+    /// controller's status in a word.
     ///
     /// # Errors
     /// The writer's.
     pub fn write_csv(&self, writer: impl Write) -> Result<(), csv::Error> {
         let mut csv = csv::Writer::from_writer(writer);
-        csv.write_record(self.columns.iter().map(|signal| signal.name))?;
-        for row in &self.rows {
-            csv.write_record(row.map(|value| value.to_string()))?;
+        csv.write_record(self.columns.iter().map(|signal| signal.name).chain([STATUS]))?;
+        for (row, status) in self.rows.iter().zip(&self.statuses) {
+            let numbers = row.iter().map(f64::to_string);
+            csv.write_record(numbers.chain([status.name().to_owned()]))?;
         }
         csv.flush()?;
         Ok(())

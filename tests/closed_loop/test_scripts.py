@@ -37,7 +37,9 @@ def test_demo_writes_results(demo):
         {"sudoku_test", "hairpin_circuit"} <= set(results["routes"]) <= {"sudoku_test", "hairpin_circuit", "norisring"}
     )
     for figures in results["routes"].values():
-        assert set(figures) == {"mae", "rmse", "max"}
+        assert set(figures) == {"mae", "rmse", "max", "outcome", "reason"}
+        # Cut by --duration, on the road until then.
+        assert figures["outcome"] == "timed_out" and "duration was over" in figures["reason"]
         assert 0 < figures["mae"] <= figures["rmse"] <= figures["max"]
     step = results["step"]
     assert set(step) == {"mean_s", "p99_s", "max_s", "missed"}
@@ -85,10 +87,11 @@ def test_drive_log_has_the_vocabularys_columns(demo):
         "steer",
         "roll",
     ]
-    vocabulary += ["e1", "e1_rate", "e2", "e2_rate", "station", "curvature"]
+    vocabulary += ["e1", "e1_rate", "e2", "e2_rate", "station", "curvature", "status"]
     assert [name for name in header if name in vocabulary] == vocabulary
     assert len(rows) == 1000
     assert all(float(a[0]) < float(b[0]) for a, b in pairwise(rows))
+    assert header[-1] == "status" and "optimal" in {row[-1] for row in rows}
 
 
 def test_master_drives_and_logs(fmus, paths, tmp_path):

@@ -6,7 +6,9 @@ use super::weights::Weights;
 use crate::control::{ControllerError, ControllerFor, PredictionModelFor};
 use crate::nominal::ERRORS;
 use crate::path::Path;
-use crate::simulate::{CAR_COLUMNS, ClosedLoopFor, DriveError, DriveFor, SensorNoise, SimulatedVehicle};
+use crate::simulate::{
+    CAR_COLUMNS, ClosedLoopFor, DriveError, DriveFor, LaneLimits, SensorNoise, SimulatedVehicle,
+};
 use crate::vehicle::Car;
 use std::sync::Arc;
 
@@ -73,6 +75,8 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> TrialFor<'_, P, 
         let effects = effects_of::<P, S, C>(self.plant)?;
         let mut closed = ClosedLoopFor::<P, S, C>::at_start(controller, self.vehicle, &effects, step)
             .map_err(|error| TrialError::Vehicle(Box::new(error)))?;
+        // The comparison's own bound: far beyond the lane, what a row does on its way back still counts.
+        closed = closed.with_limits(LaneLimits { lateral_error: LOST, ..LaneLimits::default() });
         if let Some((noise, seed)) = self.noise {
             closed = closed.with_noise(noise, seed);
         }

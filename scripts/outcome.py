@@ -1,0 +1,265 @@
+"""The outcome of a drive in one word, requirements on its figures, and a JUnit file: as `rfl drive` has them.
+
+The rules are those of `src/simulate/outcome.rs`, the figures those of `src/cli/require.rs`.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import xml.etree.ElementTree as ET
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+COMPLETED, STOPPED, LOST, TIMED_OUT = OUTCOMES = ("completed", "stopped", "lost", "timed_out")
+STATUS = {COMPLETED: 0, STOPPED: 3, LOST: 4, TIMED_OUT: 5}  # exit status
+NOT_MET = 6  # exit status of a requirement that is not met
+STATUSES = (
+    "exit status: 0 completed, or on the road when the --duration given was over; 1 bad input; 2 wrong usage; "
+    "3 stopped; 4 lost; 5 timed out; 6 a requirement is not met"
+)
+
+LANE = 2.0  # m of lateral error beyond which a vehicle has left its lane
+TURNED = 1.0  # rad of heading error beyond which it is lost
+STANDING_SPEED, STANDING_TIME = 0.05, 5.0  # m/s, s: slower for so long is a stop
+END_TOLERANCE = 5.0  # m by which a controller may see the road's end too early
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a vehicle is: s, m, m (positive to the left), rad."""
+
+    time: float
+    station: float
+    lateral_error: float
+    heading_error: float
+
+    def json(self) -> dict[str, float]:
+        """As in the results of `rfl drive`."""
+        return {"time": self.time, "station": self.station, "lateral_error": self.lateral_error}
+
+
+@dataclass
+class Ending:
+    """How a drive ended: the word, the reason, and where its lane was left first."""
+
+    outcome: str
+    reason: str
+    place: Place | None = None
+    departure: Place | None = None
+    length: float = math.nan  # m, of the road
+    driven: float = math.nan  # m, along it
+
+
+@dataclass
+class Referee:
+    """Watches a drive, one place after another."""
+
+    length: float
+    lane: float = LANE
+    place: Place | None = None
+    departure: Place | None = None
+    driven: float = 0.0
+    entered: bool = False
+    standing: float | None = None
+
+    def see(self, place: Place, speed: float) -> None:
+        """Takes note of a place and the speed there in m/s."""
+        # A lap begins anew within the road's second half; an open road's station never falls by half of it.
+        if self.place is None:
+            advance = place.station if abs(place.station) < 0.5 * self.length else 0.0
+        else:
+            advance = place.station - self.place.station
+            if abs(advance) > 0.5 * self.length:
+                advance -= math.copysign(self.length, advance)
+        self.driven += advance
+        self.place = place
+        inside = abs(place.lateral_error) <= self.lane and abs(place.heading_error) <= TURNED
+        if inside:
+            self.entered = True
+        elif self.entered and self.departure is None:
+            self.departure = place
+        if abs(speed) >= STANDING_SPEED:
+            self.standing = None
+        elif self.standing is None:
+            self.standing = place.time
+
+    @property
+    def at_end(self) -> bool:
+        """Whether the road is driven to its end."""
+        return self.driven >= self.length - END_TOLERANCE
+
+    @property
+    def stands(self) -> bool:
+        """Whether the vehicle has stood long enough to be called stopped."""
+        return self.standing is not None and self.place.time - self.standing >= STANDING_TIME
+
+    def ending(self, outcome: str, reason: str) -> Ending:
+        """The ending of a drive that came to this end; one that left its lane is lost."""
+        departure = self.departure or (None if self.entered else self.place)
+        if departure is not None:
+            beyond = abs(departure.lateral_error) > self.lane
+            side = "left" if departure.lateral_error > 0 else "right"
+            left = (
+                f"{abs(departure.lateral_error):.2f} m {side} of its path, beyond the lane's {self.lane:g} m"
+                if beyond
+                else f"turned by {abs(departure.heading_error):.2f} rad from its path, beyond {TURNED:g} rad"
+            )
+            where = f"at {departure.time:.2f} s and station {departure.station:.0f} m"
+            outcome, reason = LOST, f"the vehicle was {left}, {where}; later {reason}"
+        return Ending(outcome, reason, self.place, departure, self.length, self.driven)
+
+
+def exit_status(outcome: str, cut: bool, met: bool = True) -> int:
+    """The exit status of an outcome; `cut`: the user chose the duration, `met`: all requirements are met."""
+    if outcome == TIMED_OUT and cut:
+        outcome = COMPLETED
+    return STATUS[outcome] or (0 if met else NOT_MET)
+
+
+# -- Requirements -----------------------------------------------------------------------------------------------------
+
+
+def tracking(columns: dict[str, np.ndarray]) -> dict[str, float]:
+    """Lateral errors of a drive in m; not a number where nothing was driven."""
+    e1 = np.abs(columns["e1"])
+    if not len(e1):
+        return dict.fromkeys(("mae", "rmse", "max"), math.nan) | {"count": 0}
+    return {"mae": float(e1.mean()), "rmse": float(np.sqrt((e1**2).mean())), "max": float(e1.max()), "count": len(e1)}
+
+
+def step_times(columns: dict[str, np.ndarray], sample_time: float) -> dict[str, float]:
+    """Times of the control steps in s."""
+    times = np.sort(columns.get("compute_time", np.empty(0)))
+    if not len(times):
+        return dict.fromkeys(("mean_s", "p99_s", "max_s", "missed"), math.nan)
+    return {
+        "mean_s": float(times.mean()),
+        "p99_s": float(times[(len(times) - 1) * 99 // 100]),
+        "max_s": float(times[-1]),
+        "missed": int((times > sample_time).sum()),
+    }
+
+
+# Name: unit, meaning, whether more is better, the figure of the results.
+FIGURES: dict[str, tuple[str, str, bool, Callable[[dict], float]]] = {
+    "max_e1": ("m", "largest lateral error", False, lambda r: r["tracking"]["max"]),
+    "mean_e1": ("m", "mean absolute lateral error", False, lambda r: r["tracking"]["mae"]),
+    "rms_e1": ("m", "root mean square of the lateral error", False, lambda r: r["tracking"]["rmse"]),
+    "driven": ("", "share of the road driven, 1 at its end", True, lambda r: r["driven"] / r["length"]),
+    "duration": ("s", "time driven", False, lambda r: r["duration"]),
+    "mean_step_time": ("s", "mean time of a control step", False, lambda r: r["step"]["mean_s"]),
+    "p99_step_time": ("s", "time that 99 % of the steps take at most", False, lambda r: r["step"]["p99_s"]),
+    "max_step_time": ("s", "time of the longest step", False, lambda r: r["step"]["max_s"]),
+    "missed_steps": ("", "steps that took longer than the sample time", False, lambda r: r["step"]["missed"]),
+    "real_time_factor": ("", "time driven for each second of computing", True, lambda r: r["real_time_factor"]),
+}
+
+
+def figures_help() -> str:
+    """The figures, for the help."""
+    lines = [f"  {'outcome':<17} one of {', '.join(OUTCOMES)}"]
+    for name, (unit, meaning, more, _) in FIGURES.items():
+        side = "at least" if more else "at most"
+        lines.append(f"  {name:<17} {meaning}{f' in {unit}' if unit else ''}; = means {side}")
+    return "figures of --require:\n" + "\n".join(lines)
+
+
+@dataclass
+class Check:
+    """A test and how it went."""
+
+    name: str
+    met: bool
+    words: str
+
+
+@dataclass
+class Requirement:
+    """A figure, a relation and a bound: `max_e1<=0.5`, or `max_e1=0.5` for the better side."""
+
+    text: str
+    name: str = field(init=False)
+    relation: str = field(init=False)
+    bound: float | str = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.text = "".join(self.text.split())
+        sign = next((sign for sign in ("<=", ">=", "=") if sign in self.text), None)
+        if sign is None:
+            raise ValueError(f"--require {self.text}: write it as FIGURE<=VALUE, FIGURE>=VALUE or FIGURE=VALUE")
+        self.name, value = self.text.split(sign, 1)
+        if self.name == "outcome":
+            if value not in OUTCOMES or sign != "=":
+                raise ValueError(f"--require {self.text}: write outcome= and one of {', '.join(OUTCOMES)}")
+            self.relation, self.bound = "=", value
+            return
+        if self.name not in FIGURES:
+            names = ", ".join(("outcome", *FIGURES))
+            raise ValueError(f"--require {self.text}: there is no figure '{self.name}'; there are {names}")
+        try:
+            self.bound = float(value)
+        except ValueError:
+            self.bound = math.nan
+        if not math.isfinite(self.bound):
+            raise ValueError(f"--require {self.text}: '{value}' is not a number")
+        self.relation = (">=" if FIGURES[self.name][2] else "<=") if sign == "=" else sign
+
+    def check(self, results: dict) -> Check:
+        """Checks the results of a drive."""
+        if self.name == "outcome":
+            found = results["outcome"]
+            return Check(self.text, found == self.bound, f"outcome is {found}, {self.bound} is required")
+        unit, _, _, of = FIGURES[self.name]
+        value = of(results)
+        met = value <= self.bound if self.relation == "<=" else value >= self.bound
+        found = "not known" if math.isnan(value) else f"{value:.5g}"
+        side = "at most" if self.relation == "<=" else "at least"
+        unit = f" {unit}" if unit else ""
+        return Check(self.text, bool(met), f"{self.name} is {found}, {side} {self.bound:g}{unit} is required")
+
+
+# -- Files ------------------------------------------------------------------------------------------------------------
+
+
+def write_whole(file: Path, text: str) -> None:
+    """Writes a file beside its place and renames it into it; a link, a pipe or a device is written through."""
+    file = Path(file)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    through = file.is_symlink() or (file.exists() and (not file.is_file() or file.stat().st_nlink > 1))
+    draft = file if through else file.with_name(f".{file.name}.{os.getpid()}.part")
+    try:
+        with open(draft, "w", newline="", encoding="utf-8") as out:
+            out.write(text)
+        if not through:
+            os.replace(draft, file)
+    except OSError:
+        if not through:
+            draft.unlink(missing_ok=True)
+        raise
+
+
+def write_junit(file: Path, suite: str, cases: list[tuple[str, float, list[Check]]]) -> None:
+    """Writes checks as a JUnit file: for each drive its class, its time in s, and a test case a check."""
+    every = [check for _, _, checks in cases for check in checks]
+    totals = {
+        "tests": str(len(every)),
+        "failures": str(sum(not check.met for check in every)),
+        "errors": "0",
+        "time": f"{sum(time for _, time, _ in cases):.3f}",
+    }
+    root = ET.Element("testsuites", totals)
+    group = ET.SubElement(root, "testsuite", {"name": suite} | totals)
+    for name, _, checks in cases:
+        for check in checks:
+            case = ET.SubElement(group, "testcase", classname=name, name=check.name, time="0")
+            if check.met:
+                ET.SubElement(case, "system-out").text = check.words
+            else:
+                ET.SubElement(case, "failure", type="requirement", message=check.words).text = check.words
+    ET.indent(root)
+    text = ET.tostring(root, encoding="unicode")
+    write_whole(file, f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n')

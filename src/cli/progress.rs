@@ -1,0 +1,171 @@
+//! Progress of a command: a bar on a terminal, a line now and then where the output is none.
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle, TermLike};
+use std::io::{IsTerminal, Result, Write};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Least time from one line to the next, and from the beginning to the first: what is quickly done says nothing.
+const LEAST: Duration = Duration::from_secs(2);
+/// Time after which a line comes even if little was done.
+const MOST: Duration = Duration::from_secs(30);
+/// Share, %, that is worth a line.
+const WORTH: u64 = 10;
+
+/// What is drawn for a line: the share, and the words.
+const LINE: &str = "{percent}|{msg}: {percent} %, {eta} left";
+
+/// A bar of `length` parts with a title, on standard error; lines where that is no terminal; hidden where nobody wants
+/// it.
+pub(super) fn progress_bar(title: &str, length: f64, quiet: bool) -> ProgressBar {
+    if quiet {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::new(length.max(1.0) as u64).with_message(title.to_string());
+    let template = if std::io::stderr().is_terminal() {
+        "{msg} {bar:40} {pos}/{len}, {eta} left"
+    } else {
+        bar.set_draw_target(ProgressDrawTarget::term_like(Box::new(Lines::new(std::io::stderr(), LEAST))));
+        LINE
+    };
+    // The templates are ours and right.
+    ProgressStyle::with_template(template).map_or(bar.clone(), |style| bar.with_style(style))
+}
+
+/// A terminal that is none: what is drawn on it becomes a line when enough has changed.
+struct Lines<W> {
+    state: Mutex<State<W>>,
+}
+
+struct State<W> {
+    writer: W,
+    least: Duration,
+    /// What was drawn since the last flush.
+    drawn: String,
+    /// Share of the last line, %, and when it came.
+    share: u64,
+    time: Instant,
+}
+
+impl<W: Write> Lines<W> {
+    fn new(writer: W, least: Duration) -> Self {
+        let state = State { writer, least, drawn: String::new(), share: 0, time: Instant::now() };
+        Self { state: Mutex::new(state) }
+    }
+
+    fn with<T>(&self, change: impl FnOnce(&mut State<W>) -> T) -> T {
+        change(&mut self.state.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+impl<W> std::fmt::Debug for Lines<W> {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        f.write_str("Lines")
+    }
+}
+
+impl<W: Write> State<W> {
+    /// Writes what was drawn if it is worth a line now.
+    fn flush(&mut self, now: Instant) -> Result<()> {
+        let drawn = std::mem::take(&mut self.drawn);
+        let Some((share, words)) = drawn.split_once('|') else { return Ok(()) };
+        let Ok(share) = share.trim().parse::<u64>() else { return Ok(()) };
+        let waited = now.duration_since(self.time);
+        // A bar may begin anew, for the next part of the work.
+        if waited >= MOST || (waited >= self.least && share.abs_diff(self.share) >= WORTH) {
+            (self.share, self.time) = (share, now);
+            writeln!(self.writer, "{}", words.trim())?;
+        }
+        Ok(())
+    }
+}
+
+impl<W: Write + Send> TermLike for Lines<W> {
+    fn width(&self) -> u16 {
+        200
+    }
+
+    fn move_cursor_up(&self, _: usize) -> Result<()> {
+        Ok(())
+    }
+
+    fn move_cursor_down(&self, _: usize) -> Result<()> {
+        Ok(())
+    }
+
+    fn move_cursor_right(&self, _: usize) -> Result<()> {
+        Ok(())
+    }
+
+    fn move_cursor_left(&self, _: usize) -> Result<()> {
+        Ok(())
+    }
+
+    fn write_line(&self, text: &str) -> Result<()> {
+        self.write_str(text)
+    }
+
+    fn write_str(&self, text: &str) -> Result<()> {
+        self.with(|state| state.drawn.push_str(text));
+        Ok(())
+    }
+
+    fn clear_line(&self) -> Result<()> {
+        Ok(())
+    }
+
+    fn flush(&self) -> Result<()> {
+        self.with(|state| state.flush(Instant::now()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_come_when_enough_has_changed_and_not_too_often() {
+        let lines = Lines::new(Vec::new(), LEAST);
+        let begin = Instant::now();
+        for (seconds, share) in
+            [(0, 0), (1, 50), (3, 55), (4, 80), (6, 85), (8, 86), (9, 95), (60, 95), (61, 0)]
+        {
+            lines.write_str(&format!("{share}|driving: {share} %, 1s left   ")).unwrap();
+            lines.with(|state| state.flush(begin + Duration::from_secs(seconds))).unwrap();
+        }
+        let text = lines.with(|state| String::from_utf8(state.writer.clone()).unwrap());
+        let shares: Vec<_> = text.lines().map(|line| line.split(' ').nth(1).unwrap()).collect();
+        assert_eq!(shares, ["55", "85", "95", "95"], "{text}");
+    }
+
+    #[test]
+    fn a_bar_draws_on_lines_what_they_understand() {
+        let drawn = Shared::default();
+        let lines = Lines::new(drawn.clone(), Duration::ZERO);
+        let bar = ProgressBar::with_draw_target(Some(200), ProgressDrawTarget::term_like(Box::new(lines)));
+        bar.set_style(ProgressStyle::with_template(LINE).unwrap());
+        bar.set_message("driving");
+        for position in 0..=200 {
+            bar.set_position(position);
+            bar.tick();
+        }
+        bar.finish_and_clear();
+        let text = String::from_utf8(drawn.0.lock().unwrap().clone()).unwrap();
+        let shares: Vec<_> = text.lines().map(|line| line.split(' ').nth(1).unwrap()).collect();
+        assert_eq!(shares, ["10", "20", "30", "40", "50", "60", "70", "80", "90", "100"], "{text}");
+        assert!(text.starts_with("driving: 10 %"), "{text}");
+    }
+
+    #[derive(Clone, Default)]
+    struct Shared(std::sync::Arc<Mutex<Vec<u8>>>);
+
+    impl Write for Shared {
+        fn write(&mut self, bytes: &[u8]) -> Result<usize> {
+            self.0.lock().unwrap().write(bytes)
+        }
+
+        fn flush(&mut self) -> Result<()> {
+            Ok(())
+        }
+    }
+}

@@ -1,0 +1,301 @@
+//! The outcome of a drive in one word, from the vehicle's true place: a drive off the road is no completed one.
+//!
+//! At each communication point `t_k` the true pose is projected onto the path: station `s_k`, lateral error `e1_k` and
+//! heading error `e2_k`. With the lane's half width `b`, the heading's bound `h` and the path's length `L`,
+//!
+//! ```text
+//! lost       |e1_k| > b or |e2_k| > h at some k, back beyond the start, rolled over, jack-knifed, or a step failed
+//! completed  never lost, and driven: s_k >= L of an open path, sum of (s_k - s_{k-1}) >= L of a closed one
+//! stopped    never lost, and |vx| < STANDING_SPEED for STANDING_TIME before the end
+//! timed_out  never lost, and the duration was over first
+//! ```
+//!
+//! What the controller believes decides nothing: a false sample at the road's end completes no drive.
+
+use super::closed_loop::DriveError;
+use crate::control::ControlStatus;
+use crate::enumeration;
+use crate::path::Path;
+
+enumeration! {
+    /// Outcome of a drive: the same word in text, JSON, page and exit status.
+    pub enum Outcome {
+        TimedOut = 0 "timed_out", "The duration was over before the road's end, on the road until then";
+        Completed = 1 "completed", "The road was driven to its end, within the lane all the way";
+        Stopped = 2 "stopped", "The vehicle came to a stop before the road's end, within its lane";
+        Lost = 3 "lost", "The vehicle left its lane, rolled over, jack-knifed, or could not be driven on";
+    }
+}
+
+/// Speed, m/s, below which a vehicle stands, and time of it, s, after which its drive is over.
+const STANDING_SPEED: f64 = 0.05;
+const STANDING_TIME: f64 = 5.0;
+/// Distance, m, by which a controller with noisy sensors may see the road's end too early, and by which a vehicle may
+/// roll back beyond the start.
+const END_TOLERANCE: f64 = 5.0;
+/// Distance from the path, m, from which on another part of it may be the right one.
+const ASTRAY: f64 = 14.0;
+
+/// Bounds beyond which a vehicle is lost.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LaneLimits {
+    /// Largest true lateral error, m. The default, 2, puts the vehicle's middle on the neighbouring lane.
+    pub lateral_error: f64,
+    /// Largest true heading error, rad. The default, 1, is where the controller gives up its linear model.
+    pub heading_error: f64,
+}
+
+impl Default for LaneLimits {
+    fn default() -> Self {
+        Self { lateral_error: 2.0, heading_error: 1.0 }
+    }
+}
+
+/// True place of a vehicle at one communication point.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Place {
+    /// Time, s.
+    pub time: f64,
+    /// Station, m.
+    pub station: f64,
+    /// Lateral error, m, positive to the left.
+    pub lateral_error: f64,
+    /// Heading error, rad, positive to the left.
+    pub heading_error: f64,
+}
+
+/// Reason for which a drive ended.
+#[derive(Debug, Clone, PartialEq, Default)]
+#[allow(missing_docs)]
+pub enum End {
+    /// The duration was over.
+    #[default]
+    Duration,
+    /// The end of an open road, or a full lap of a closed one.
+    Road,
+    /// The vehicle stood; with the controller's status then.
+    Standing { status: ControlStatus },
+    /// The caller had seen enough.
+    GivenUp,
+    /// Controller or vehicle could not go on.
+    Failed(DriveError),
+}
+
+/// Outcome of a drive, with place and reason.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Ending {
+    /// The word.
+    pub outcome: Outcome,
+    /// Reason for which the drive ended.
+    pub end: End,
+    /// Place of the vehicle at the end.
+    pub place: Place,
+    /// Place at which it left its lane first.
+    pub departure: Option<Place>,
+    /// Limits of the lane.
+    pub limits: LaneLimits,
+    /// Length of the road, m.
+    pub length: f64,
+    /// Distance driven along it, m.
+    pub driven: f64,
+}
+
+impl Ending {
+    /// The place that decided the outcome: of a lost drive the one at which the lane was left, else the end.
+    #[must_use]
+    pub fn decided(&self) -> Place {
+        self.departure.unwrap_or(self.place)
+    }
+
+    /// The reason in a sentence: where, when, how far off.
+    #[must_use]
+    pub fn reason(&self) -> String {
+        let end = match &self.end {
+            End::Duration => {
+                format!("the duration was over after {:.0} of {:.0} m", self.driven, self.length)
+            }
+            End::Road => "the road was driven to its end".to_owned(),
+            End::Standing { status } => format!(
+                "the vehicle stood {} m before the end of the road ({:.0} m), control status {}: {}",
+                (self.length - self.driven).max(0.0).round(),
+                self.length,
+                status.name(),
+                status.meaning()
+            ),
+            End::GivenUp => "the drive was given up".to_owned(),
+            End::Failed(error) => error.to_string(),
+        };
+        let Some(at) = self.departure else { return end };
+        let LaneLimits { lateral_error, heading_error } = self.limits;
+        let left = if at.lateral_error.abs() > lateral_error {
+            let side = if at.lateral_error > 0.0 { "left" } else { "right" };
+            format!("{:.2} m {side} of its path, beyond the lane's {lateral_error} m", at.lateral_error.abs())
+        } else if at.heading_error.abs() > heading_error {
+            format!("turned by {:.2} rad from its path, beyond {heading_error} rad", at.heading_error.abs())
+        } else {
+            "back beyond the start of its road".to_owned()
+        };
+        format!("the vehicle was {left}, at {:.2} s and station {:.0} m; later {end}", at.time, at.station)
+    }
+}
+
+/// Watches a drive: the true place at each communication point, and what follows from it.
+#[derive(Debug, Clone)]
+pub(super) struct Referee {
+    limits: LaneLimits,
+    length: f64,
+    periodic: bool,
+    /// The newest place; none before the first.
+    place: Option<Place>,
+    /// Distance along the path, m, less laps back.
+    driven: f64,
+    /// Whether the vehicle was ever within its lane: one placed beside it has to come in first.
+    entered: bool,
+    departure: Option<Place>,
+    /// Time since which the vehicle stands.
+    standing: Option<f64>,
+}
+
+impl Referee {
+    pub fn new(path: &Path, limits: LaneLimits) -> Self {
+        Self {
+            limits,
+            length: path.length(),
+            periodic: path.is_periodic(),
+            place: None,
+            driven: 0.0,
+            entered: false,
+            departure: None,
+            standing: None,
+        }
+    }
+
+    /// True place of a vehicle with this pose (m, m, rad), found from the one before.
+    pub fn place(&self, path: &Path, time: f64, [x, y, yaw]: [f64; 3]) -> Place {
+        let hint = self.place.map(|place| place.station);
+        let mut at = path.project(x, y, yaw, hint);
+        if hint.is_some() && at.e1.abs() > ASTRAY {
+            at = path.project(x, y, yaw, None);
+        }
+        Place { time, station: at.station, lateral_error: at.e1, heading_error: at.e2 }
+    }
+
+    /// Takes note of a place and the speed there, m/s.
+    pub fn see(&mut self, place: Place, speed: f64) {
+        // A lap begins where the vehicle does, an open road at its first point.
+        let first = if self.periodic { place.station } else { 0.0 };
+        let mut advance = place.station - self.place.map_or(first, |before| before.station);
+        if self.periodic {
+            advance -= self.length * (advance / self.length).round();
+        }
+        self.driven += advance;
+        self.place = Some(place);
+
+        let inside = place.lateral_error.abs() <= self.limits.lateral_error
+            && place.heading_error.abs() <= self.limits.heading_error
+            && self.driven >= -END_TOLERANCE;
+        if inside {
+            self.entered = true;
+        } else if self.entered && self.departure.is_none() {
+            self.departure = Some(place);
+        }
+        let since = self.standing.unwrap_or(place.time);
+        self.standing = (speed.abs() < STANDING_SPEED).then_some(since);
+    }
+
+    /// Whether the road is driven to its end.
+    pub fn at_end(&self) -> bool {
+        self.driven >= self.length - END_TOLERANCE
+    }
+
+    /// Whether the vehicle has stood long enough to be called stopped.
+    pub fn stands(&self) -> bool {
+        match (self.standing, self.place) {
+            (Some(since), Some(place)) => place.time - since >= STANDING_TIME,
+            _ => false,
+        }
+    }
+
+    /// Outcome of a drive that ended so.
+    pub fn ending(&self, end: End) -> Ending {
+        let place = self.place.unwrap_or_default();
+        // Never within its lane: it had left it before the first step.
+        let departure = self.departure.or(self.place.filter(|_| !self.entered));
+        let outcome = match end {
+            End::Failed(_) | End::GivenUp => Outcome::Lost,
+            _ if departure.is_some() => Outcome::Lost,
+            End::Road => Outcome::Completed,
+            End::Standing { .. } => Outcome::Stopped,
+            End::Duration => Outcome::TimedOut,
+        };
+        let Self { limits, length, driven, .. } = *self;
+        Ending { outcome, end, place, departure, limits, length, driven }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::path::{Closure, Sample};
+
+    /// A straight of 100 m along the x axis.
+    fn straight() -> Path {
+        let samples = (0..=50).map(|k| Sample { x: 2.0 * f64::from(k), y: 0.0, ..Sample::default() });
+        Path::from_samples(samples.collect(), Closure::Open).unwrap()
+    }
+
+    /// Drives at 10 m/s along poses of a station in m, 1 m apart.
+    fn driven(to: u32, pose: impl Fn(f64) -> [f64; 3]) -> Referee {
+        let path = straight();
+        let mut referee = Referee::new(&path, LaneLimits::default());
+        for k in 0..=to {
+            let place = referee.place(&path, 0.1 * f64::from(k), pose(f64::from(k)));
+            referee.see(place, 10.0);
+        }
+        referee
+    }
+
+    #[test]
+    fn a_road_driven_to_its_end_is_completed_only_within_the_lane() {
+        let on = driven(100, |s| [s, 0.5, 0.0]);
+        assert!(on.at_end());
+        assert_eq!(on.ending(End::Road).outcome, Outcome::Completed);
+        let off = driven(100, |s| [s, if s == 40.0 { -2.5 } else { 0.0 }, 0.0]).ending(End::Road);
+        assert_eq!(off.outcome, Outcome::Lost);
+        assert!((off.decided().station - 40.0).abs() < 1e-6 && off.decided().time == 4.0);
+        assert!(off.reason().contains("2.50 m right of its path"), "{}", off.reason());
+        let turned = driven(100, |s| [s, 0.0, if s > 60.0 { 1.2 } else { 0.0 }]).ending(End::Road);
+        assert_eq!(turned.outcome, Outcome::Lost);
+        assert!(turned.reason().contains("turned by 1.20 rad"), "{}", turned.reason());
+    }
+
+    #[test]
+    fn rolling_back_is_no_stop() {
+        let back = driven(10, |s| [-s, 0.0, 0.0]).ending(End::Duration);
+        assert_eq!(back.outcome, Outcome::Lost);
+        assert!(back.reason().contains("back beyond the start"), "{}", back.reason());
+    }
+
+    #[test]
+    fn a_start_beside_the_lane_has_to_come_in() {
+        let comes = driven(100, |s| [s, (3.0 - 0.1 * s).max(0.0), 0.0]);
+        assert_eq!(comes.ending(End::Duration).outcome, Outcome::TimedOut);
+        let stays = driven(100, |s| [s, 3.0, 0.0]);
+        assert_eq!(stays.ending(End::Duration).outcome, Outcome::Lost);
+    }
+
+    #[test]
+    fn half_a_road_is_no_road_and_standing_takes_seconds() {
+        let mut referee = driven(50, |s| [s, 0.0, 0.0]);
+        assert!(!referee.at_end() && !referee.stands());
+        let path = straight();
+        for k in 0..60 {
+            let place = referee.place(&path, 5.0 + 0.1 * f64::from(k), [50.0, 0.0, 0.0]);
+            referee.see(place, 0.0);
+            assert_eq!(referee.stands(), k >= 50, "{k}");
+        }
+        let ending = referee.ending(End::Standing { status: ControlStatus::SafeHold });
+        assert_eq!(ending.outcome, Outcome::Stopped);
+        assert!(ending.reason().contains("50 m before the end") && ending.reason().contains("safe_hold"));
+    }
+}

@@ -1,0 +1,198 @@
+//! The outcome of a drive: the same word in text, JSON, JUnit file and exit status; log and results are written whatever
+//! happens.
+
+mod command;
+
+use command::{refused, rfl, road, text};
+use rfl_mpc::control::{ControlStatus, Controller, ControllerParameters};
+use rfl_mpc::log::DriveLog;
+use rfl_mpc::path::{Closure, Path as Road, Sample};
+use rfl_mpc::simulate::{ClosedLoop, End, LaneLimits, Outcome, SensorNoise, TIME};
+use rfl_mpc::vehicle::{Car, Effects, builtin};
+use serde_json::Value;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Drives the turns with options, writes log, results and test cases; exit status, text and results.
+fn drive(folder: &Path, options: &[&str]) -> (Option<i32>, String, Value) {
+    let road = road();
+    let files = ["--log", "out/drive.csv", "--json", "out/drive.json", "--junit", "out/drive.xml"];
+    let path = if options.contains(&"--path") { vec![] } else { vec!["--path", &road] };
+    let output = rfl(folder, &[&["drive", "--quiet"], &path[..], &files, options].concat());
+    let said = text(&output.stdout);
+    let json =
+        std::fs::read(folder.join("out/drive.json")).unwrap_or_else(|_| panic!("{}", text(&output.stderr)));
+    (output.status.code(), said, serde_json::from_slice(&json).unwrap())
+}
+
+/// Names of the test cases of a JUnit file, and which failed.
+fn cases(file: &Path) -> Vec<(String, bool)> {
+    use quick_xml::events::Event;
+    let xml = std::fs::read_to_string(file).unwrap();
+    let mut reader = quick_xml::Reader::from_str(&xml);
+    let mut cases: Vec<(String, bool)> = Vec::new();
+    loop {
+        match reader.read_event().unwrap() {
+            Event::Eof => return cases,
+            Event::Start(element) if element.name().as_ref() == "testcase" => {
+                let name = element.try_get_attribute("name").unwrap().unwrap();
+                let name = name.normalized_value(quick_xml::XmlVersion::Implicit1_0).unwrap();
+                cases.push((name.into_owned(), true));
+            }
+            Event::Start(element) if element.name().as_ref() == "failure" => {
+                cases.last_mut().unwrap().1 = false;
+            }
+            _ => {}
+        }
+    }
+}
+
+#[test]
+fn a_road_driven_to_its_end_is_completed() {
+    let folder = tempfile::tempdir().unwrap();
+    let (status, said, json) = drive(folder.path(), &[]);
+    assert_eq!(status, Some(0), "{said}");
+    assert!(said.contains("outcome: completed: ") && !said.contains("next:"), "{said}");
+    assert_eq!((json["outcome"].as_str(), json["finished"].as_bool()), (Some("completed"), Some(true)));
+    assert!(json["left_lane"].is_null());
+    assert_eq!(
+        json["largest"]["lateral_error"].as_f64().unwrap().abs(),
+        json["tracking"]["max"].as_f64().unwrap()
+    );
+    assert_eq!(cases(&folder.path().join("out/drive.xml")), [("outcome".to_owned(), true)]);
+
+    // The last column of the log is the controller's word for each row, and no reader minds it.
+    let log = folder.path().join("out/drive.csv");
+    let lines = std::fs::read_to_string(&log).unwrap();
+    assert!(lines.lines().next().unwrap().ends_with(",status"));
+    let last = |line: &str| line.rsplit(',').next().unwrap().to_owned();
+    assert!(lines.lines().skip(1).map(last).all(|word| ControlStatus::ALL.iter().any(|s| s.name() == word)));
+    assert_eq!(last(lines.lines().last().unwrap()), "finished");
+    let read = DriveLog::read(&log).unwrap();
+    assert_eq!(read.column("time").unwrap().len(), lines.lines().count() - 1);
+    assert!(read.column("status").is_none());
+}
+
+#[test]
+fn a_drive_off_the_road_is_lost_though_it_comes_back() {
+    let folder = tempfile::tempdir().unwrap();
+    // A lane that no controller keeps to: the drive goes on to the road's end, and is lost.
+    let (status, said, json) = drive(folder.path(), &["--lane", "0.001"]);
+    assert_eq!(status, Some(4), "{said}");
+    assert!(said.contains("outcome: lost: the vehicle was 0.00 m") && said.contains("next: "), "{said}");
+    assert_eq!((json["outcome"].as_str(), json["finished"].as_bool()), (Some("lost"), Some(false)));
+    assert!(json["left_lane"]["time"].as_f64().unwrap() < json["end"]["time"].as_f64().unwrap());
+    assert!(json["reason"].as_str().unwrap().contains("later the road was driven to its end"), "{json}");
+    assert_eq!(cases(&folder.path().join("out/drive.xml")), [("outcome".to_owned(), false)]);
+
+    // A controller that is far too tight for a very late steering.
+    let late = ["effect.steer_delay=0.4", "effect.steer_lag=0.3"];
+    let tight = ["horizon=16", "q_e1=1", "q_e1_rate=0", "q_e2=0", "q_e2_rate=0", "r_rate=0.001"];
+    let tight = tight.map(|weight| format!("mpc.{weight}"));
+    let settings = late.into_iter().chain(tight.iter().map(String::as_str));
+    let late: Vec<&str> = settings.flat_map(|setting| ["--set", setting]).collect();
+    let (status, said, json) =
+        drive(folder.path(), &[&late[..], &["--variant", "none", "--duration", "60"]].concat());
+    assert_eq!((status, json["outcome"].as_str()), (Some(4), Some("lost")), "{said}");
+}
+
+#[test]
+fn a_plant_that_dies_leaves_log_and_results_with_the_reason() {
+    let folder = tempfile::tempdir().unwrap();
+    let road = format!("{}/paths/hairpin_circuit.csv", env!("CARGO_MANIFEST_DIR"));
+    // A car as high as a wardrobe rolls over in the first hairpin.
+    let high = ["--path", &road, "--set", "car.vehicle.cg_height=1.5", "--set", "speed.lateral_accel=8"];
+    let (status, said, json) = drive(folder.path(), &high);
+    assert_eq!(status, Some(4), "{said}");
+    assert_eq!(json["outcome"], "lost");
+    assert!(json["reason"].as_str().unwrap().contains("rolled over"), "{json}");
+    assert!(said.contains("outcome: lost: ") && said.contains("rolled over"), "{said}");
+    let lines = std::fs::read_to_string(folder.path().join("out/drive.csv")).unwrap();
+    let rows = lines.lines().count() - 1;
+    assert!(rows > 100 && rows as f64 * 0.02 - json["duration"].as_f64().unwrap() < 0.03, "{rows}");
+}
+
+#[test]
+fn a_vehicle_that_stands_before_the_end_has_stopped() {
+    let folder = tempfile::tempdir().unwrap();
+    let (status, said, json) = drive(folder.path(), &["--set", "car.drive.max_force=0"]);
+    assert_eq!((status, json["outcome"].as_str()), (Some(3), Some("stopped")), "{said}");
+    assert!(json["driven"].as_f64().unwrap() < json["length"].as_f64().unwrap() - 5.0);
+    assert!(json["duration"].as_f64().unwrap() < 120.0, "the drive ends soon after the stop");
+}
+
+#[test]
+fn a_duration_that_was_asked_for_is_no_failure() {
+    let folder = tempfile::tempdir().unwrap();
+    let (status, said, json) = drive(folder.path(), &["--duration", "2"]);
+    assert_eq!((status, json["outcome"].as_str()), (Some(0), Some("timed_out")), "{said}");
+    assert_eq!(json["finished"], false);
+}
+
+#[test]
+fn requirements_turn_figures_into_tests() {
+    let folder = tempfile::tempdir().unwrap();
+    let asked = ["--require", "max_e1<=1", "--require", "mean_e1 = 1e-6", "--require", "outcome=completed"];
+    let (status, said, json) = drive(folder.path(), &asked);
+    assert_eq!(status, Some(6), "{said}");
+    assert!(said.contains("NOT met: mean_e1 is ") && said.contains("met: max_e1 is "), "{said}");
+    let found: Vec<_> =
+        json["requirements"].as_array().unwrap().iter().map(|of| of["met"].as_bool()).collect();
+    assert_eq!(found, [Some(true), Some(false), Some(true)]);
+    let names =
+        [("outcome", true), ("max_e1<=1", true), ("mean_e1=1e-6", false), ("outcome=completed", true)];
+    let expected = names.map(|(name, met)| (name.to_owned(), met));
+    assert_eq!(cases(&folder.path().join("out/drive.xml")), expected);
+    let (status, said, _) = drive(folder.path(), &["--require", "max_e1=1", "--require", "driven=0.99"]);
+    assert_eq!(status, Some(0), "{said}");
+
+    let output = rfl(folder.path(), &["drive", "--require", "max_e9=1"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output.stderr).contains("there is no figure 'max_e9'; there are outcome, max_e1, "));
+    let help = text(&rfl(folder.path(), &["drive", "--help"]).stdout);
+    assert!(help.contains("p99_step_time") && help.contains("4 lost"), "{help}");
+}
+
+#[test]
+fn files_that_cannot_be_written_are_refused_before_the_drive() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("taken"), "").unwrap();
+    for file in ["taken/drive.json", "."] {
+        let error = refused(&rfl(folder.path(), &["drive", "--json", file]));
+        assert!(error.contains(file), "{error}");
+    }
+}
+
+/// A car on a straight of 100 m, whose controller is told noisy measurements.
+fn noisy(noise: SensorNoise) -> ClosedLoop {
+    let samples = (0..=50).map(|k| Sample::at(2.0 * f64::from(k), 0.0)).collect();
+    let road = Arc::new(Road::from_samples(samples, Closure::Open).unwrap());
+    let car = builtin("c_class").unwrap();
+    let controller = Controller::new(ControllerParameters::for_car(&car), road).unwrap();
+    ClosedLoop::at_start(controller, &car, &Effects::default(), 0.02).unwrap().with_noise(noise, 1)
+}
+
+#[test]
+fn the_outcome_is_that_of_the_true_place() {
+    // Half a metre of noise: beyond this narrow lane by what the controller is told, within it in truth.
+    let limits = LaneLimits { lateral_error: 1.0, ..LaneLimits::default() };
+    let noise = SensorNoise { position: 0.5, ..SensorNoise::default() };
+    let drive = noisy(noise).with_limits(limits).record(60.0, |_, _| true);
+    let told = drive.column("e1").iter().fold(0.0_f64, |most, e1| most.max(e1.abs()));
+    assert!(told > 1.0, "{told}");
+    assert_eq!(drive.ending.outcome, Outcome::Completed, "{}", drive.ending.reason());
+    assert!(drive.tracking().max < 1.0 && drive.statuses.len() == drive.rows.len());
+}
+
+#[test]
+fn a_car_placed_beside_its_lane_has_to_come_back() {
+    let samples = (0..=100).map(|k| Sample::at(2.0 * f64::from(k), 0.0)).collect();
+    let road = Arc::new(Road::from_samples(samples, Closure::Open).unwrap());
+    let parameters = builtin("c_class").unwrap();
+    let controller = Controller::new(ControllerParameters::for_car(&parameters), road).unwrap();
+    let mut car = Car::new(&parameters, &Effects::default(), None).unwrap();
+    car.place(20.0, 3.0, 0.0, 5.0);
+    let drive = ClosedLoop::new(controller, car, 0.02).record(60.0, |_, _| true);
+    assert_eq!((drive.ending.outcome, &drive.ending.end), (Outcome::Completed, &End::Road));
+    assert!(drive.rows[0][TIME] == 0.0 && drive.finished && !drive.lost);
+}
