@@ -2,7 +2,7 @@
 
 use super::axis::Values;
 use super::scenario::{Scenario, ScenarioError};
-use crate::control::{LinearController, Margins, SteeringLoop, VehicleParameters};
+use crate::control::{LinearController, Margins, PredictionModelFor, SteeringLoop, VehicleParameters};
 use crate::simulate::experiment::{Compared, NominalOf};
 
 /// Speeds at which margins are looked at, m/s.
@@ -34,10 +34,15 @@ pub fn margins_over_speeds<P: Compared<S, C>, const S: usize, const C: usize>(
     speeds: &[f64],
 ) -> Result<Vec<(SteeringLoop<NominalOf<P, S, C>, S>, Option<Margins>)>, ScenarioError> {
     let parameters = scenario.controller_with(values)?;
-    let controllers = LinearController::at_speeds(&parameters, scenario.model.clone(), speeds)?;
+    // Before the drive has shown the actuator the prediction has the file's: margins are about that one.
+    let (model, actuator) = match &scenario.model {
+        PredictionModelFor::Adaptive(known) => (PredictionModelFor::Actuator(*known), *known),
+        model => (model.clone(), scenario.actuator),
+    };
+    let controllers = LinearController::at_speeds(&parameters, model, speeds)?;
     let vehicle = parameters.vehicle.nominal();
     let loops = controllers.into_iter().map(|controller| {
-        let of = SteeringLoop::new(controller, vehicle, scenario.actuator, parameters.mpc.min_model_speed)?;
+        let of = SteeringLoop::new(controller, vehicle, actuator, parameters.mpc.min_model_speed)?;
         let margins = of.margins();
         Ok((of, margins))
     });
