@@ -19,7 +19,7 @@
 //! Source: Golub and Pereyra, Separable nonlinear least squares, Inverse Problems 2003; Ljung, System Identification,
 //! ch. 7.
 
-use super::{ActuatedState, Actuator, ContinuousErrorModel, DeadTimeModel};
+use crate::nominal::{ActuatedState, Actuator, ContinuousErrorModel, DeadTimeModel};
 use crate::enumeration;
 
 enumeration! {
