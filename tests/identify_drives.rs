@@ -44,7 +44,12 @@ fn commands(rows: usize, seed: u64, busy: f64) -> Vec<f64> {
 }
 
 /// What the chain makes of commands.
-fn measured(chain: &SteeringChain, time: &[f64], commands: &[f64], mut noise: impl FnMut() -> f64) -> Vec<f64> {
+fn measured(
+    chain: &SteeringChain,
+    time: &[f64],
+    commands: &[f64],
+    mut noise: impl FnMut() -> f64,
+) -> Vec<f64> {
     let mut state = SteeringState::at_rest(chain, commands[0]);
     let mut now = time[0];
     time.iter()
@@ -101,9 +106,16 @@ fn synthetic(dead_time: f64, lag: f64, noise: f64, seed: u64) -> IdentifiedSteer
 
 #[test]
 fn what_is_true_is_found() {
-    for (dead_time, lag) in
-        [(0.06, 0.1), (0.0, 0.1), (0.06, 0.0), (0.0, 0.0), (0.05, 0.03), (0.113, 0.15), (0.3, 0.2), (0.047, 0.0)]
-    {
+    for (dead_time, lag) in [
+        (0.06, 0.1),
+        (0.0, 0.1),
+        (0.06, 0.0),
+        (0.0, 0.0),
+        (0.05, 0.03),
+        (0.113, 0.15),
+        (0.3, 0.2),
+        (0.047, 0.0),
+    ] {
         for noise in [0.0, 1e-3] {
             let begin = std::time::Instant::now();
             let found = synthetic(dead_time, lag, noise, 7);
@@ -149,6 +161,10 @@ fn ordinary_drives_of_cars() {
         let drove = begin.elapsed().as_secs_f64();
         let found = identify_from_drives(std::slice::from_ref(&log)).unwrap();
         let truth = [car.steering.dead_time + delay, car.steering.lag + lag];
-        shown(&format!("{name} {route:?} {drove:.1} {:.2}", begin.elapsed().as_secs_f64() - drove), truth, &found);
+        shown(
+            &format!("{name} {route:?} {drove:.1} {:.2}", begin.elapsed().as_secs_f64() - drove),
+            truth,
+            &found,
+        );
     }
 }

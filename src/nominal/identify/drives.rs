@@ -14,7 +14,7 @@
 //!
 //! A dead time and a lag act alike on slow commands: if only their sum is known, that is said.
 
-use super::fit::{LONGEST_DEAD_TIME, LONGEST_LAG, Point, Problem};
+use super::fit::{LEAST_NOISE, LONGEST_DEAD_TIME, LONGEST_LAG, Point, Problem};
 use super::interval::{Along, Ends, GAUSS, Noise};
 use super::response::Response;
 use super::rows::Rows;
@@ -137,6 +137,8 @@ const OUTLYING: f64 = 8.0;
 const OUTLYING_SHARE: f64 = 0.3;
 /// Differences of residuals below this are rounding, rad or rad/s.
 const ROUNDING: f64 = 1e-5;
+/// Squares that rise by less than this share of the noise's variance are flat.
+const FLAT: f64 = 0.5;
 /// Rounds of looking for wrong rows.
 const ROUNDS: usize = 3;
 /// From this share of the greatest rate on, rows may be at a limit.
@@ -175,13 +177,14 @@ pub fn identify_from_drives(drives: &[SteeringDrive]) -> Result<IdentifiedSteeri
     let held = Problem::new(rows.clone(), Response::angle(&rows, Between::Held));
     let mut found = Found::of(held);
     found.leave_out_limited();
-    // Lines can only be better where steps leave something.
-    let mut line = found.problem.clone();
-    line.response = Response::angle(&rows, Between::Line);
-    let mut line = Found::of(line);
-    line.limit = found.limit;
-    if line.rms() < CLEARLY_BETTER * found.rms() {
-        found = line;
+    let mut line = found.clone();
+    line.problem.response = Response::angle(&rows, Between::Line);
+    // A line runs half a step behind the step before it.
+    let (half, best) = (0.5 * rows.step, found.best);
+    let near = Point { dead_time: (best.dead_time + half).min(LONGEST_DEAD_TIME), ..best };
+    line.best = line.problem.refine(&near, 2.0 * half, 4.0 * half);
+    if line.rms().max(LEAST_NOISE) < CLEARLY_BETTER * found.rms() {
+        found = line.polished();
     }
     found.identified()
 }
@@ -208,7 +211,8 @@ fn checked(drives: &[SteeringDrive], with_speed: bool) -> Result<Rows, DrivesErr
     }
     for SteeringDrive { name, time, steer_cmd, response, speed } in drives {
         let rows = time.len();
-        let speeds_fit = if with_speed { speed.len() == rows } else { speed.is_empty() || speed.len() == rows };
+        let speeds_fit =
+            if with_speed { speed.len() == rows } else { speed.is_empty() || speed.len() == rows };
         if steer_cmd.len() != rows || response.len() != rows || !speeds_fit {
             let (name, commands, responses, speeds) =
                 (name.clone(), steer_cmd.len(), response.len(), speed.len());
@@ -239,17 +243,21 @@ impl Found {
     /// The best of all, without rows that stand out.
     fn of(mut problem: Problem) -> Self {
         let best = problem.search();
-        let mut found = Self { problem, best, limit: None };
+        Self { problem, best, limit: None }.polished()
+    }
+
+    /// The best near the best, without rows that stand out.
+    fn polished(mut self) -> Self {
         for round in 0..ROUNDS {
-            let changed = found.leave_out_outliers();
+            let changed = self.leave_out_outliers();
             let (dead_times, lags) = if round == 0 { (0.02, 0.04) } else { (4e-3, 8e-3) };
-            found.best = found.problem.refine(&found.best, dead_times, lags);
+            self.best = self.problem.refine(&self.best, dead_times, lags);
             if !changed && round > 0 {
                 break;
             }
         }
-        found.best = found.problem.refine(&found.best, 3e-4, 6e-4);
-        found
+        self.best = self.problem.refine(&self.best, 3e-4, 6e-4);
+        self
     }
 
     /// Root of the mean squared residual of the rows that count.
@@ -268,12 +276,15 @@ impl Found {
             let counted: Vec<usize> = stretch.filter(|&row| rows.counts[row]).collect();
             for (i, &row) in counted.iter().enumerate() {
                 let from = i.saturating_sub(BESIDE);
-                let mut beside: Vec<f64> =
-                    counted[from..(i + BESIDE + 1).min(counted.len())].iter().map(|&row| residual[row]).collect();
+                let mut beside: Vec<f64> = counted[from..(i + BESIDE + 1).min(counted.len())]
+                    .iter()
+                    .map(|&row| residual[row])
+                    .collect();
                 off[row] = (residual[row] - median(&mut beside)).abs();
             }
         }
-        let mut typical: Vec<f64> = (0..off.len()).filter(|&row| rows.counts[row]).map(|row| off[row]).collect();
+        let mut typical: Vec<f64> =
+            (0..off.len()).filter(|&row| rows.counts[row]).map(|row| off[row]).collect();
         let limit = (OUTLYING * 1.4826 * median(&mut typical)).max(OUTLYING_SHARE * least).max(ROUNDING);
         let mut changed = false;
         for (row, off) in off.iter().enumerate() {
@@ -296,7 +307,8 @@ impl Found {
             for row in stretch.start + RATE_ROWS..stretch.end.saturating_sub(RATE_ROWS) {
                 let (from, to) = (row - RATE_ROWS, row + RATE_ROWS);
                 if rows.counts[from..=to].iter().all(|counts| *counts) {
-                    rates[row] = ((rows.response[to] - rows.response[from]) / (rows.time[to] - rows.time[from])).abs();
+                    rates[row] =
+                        ((rows.response[to] - rows.response[from]) / (rows.time[to] - rows.time[from])).abs();
                 }
             }
         }
@@ -327,14 +339,21 @@ impl Found {
         }
         let other = Self { limit: Some(greatest), ..Self::of(other) };
         let ours = self.problem.clone().rms_at(&self.best, &other.problem.rows.counts);
-        if other.rms() < CLEARLY_BETTER * ours {
+        if ours > 10.0 * LEAST_NOISE && other.rms() < CLEARLY_BETTER * ours {
             *self = other;
         }
     }
 
     fn identified(mut self) -> Result<IdentifiedSteering, DrivesError> {
         let rows = self.problem.rows.counted();
-        let variance: f64 = self.problem.rows.response.iter().zip(&self.problem.rows.counts).map(|(y, counts)| if *counts { y * y } else { 0.0 }).sum();
+        let variance: f64 = self
+            .problem
+            .rows
+            .response
+            .iter()
+            .zip(&self.problem.rows.counts)
+            .map(|(y, counts)| if *counts { y * y } else { 0.0 })
+            .sum();
         let explained = if variance > 0.0 { 1.0 - self.best.cost / variance } else { 0.0 };
         let noise = Noise::of(&mut self.problem, &self.best);
         let best = self.best;
@@ -389,7 +408,7 @@ impl Found {
         let dead_time = 0.5 * (ends.low.dead_time + ends.high.dead_time);
         let sum = self.best.dead_time + self.best.lag;
         let middle = self.problem.lag_for(dead_time, (sum - dead_time).max(0.0), 5e-3);
-        let flat = ends.closed == [true; 2] && middle.cost <= self.best.cost + 0.01 * noise.variance;
+        let flat = ends.closed == [true; 2] && middle.cost <= self.best.cost + FLAT * noise.variance;
         if flat { middle } else { self.best }
     }
 
@@ -397,8 +416,14 @@ impl Found {
     fn linear(&mut self, best: &Point, place: usize, noise: &Noise, spread: f64) -> [f64; 3] {
         self.problem.alone(best, place);
         let counts = &self.problem.rows.counts;
-        let v: Vec<f64> =
-            self.problem.residual.iter().zip(counts).filter(|(_, counts)| **counts).map(|(v, _)| *v).collect();
+        let v: Vec<f64> = self
+            .problem
+            .residual
+            .iter()
+            .zip(counts)
+            .filter(|(_, counts)| **counts)
+            .map(|(v, _)| *v)
+            .collect();
         let squares = v.iter().map(|v| v * v).sum::<f64>();
         let value = best.beta[place];
         if squares <= 1e-12 * v.len() as f64 {
@@ -419,8 +444,13 @@ impl Found {
         }
         self.problem.alone(&self.best, 0);
         let counts = &self.problem.rows.counts;
-        let squares: f64 =
-            self.problem.residual.iter().zip(counts).map(|(v, counts)| if *counts { v * v } else { 0.0 }).sum();
+        let squares: f64 = self
+            .problem
+            .residual
+            .iter()
+            .zip(counts)
+            .map(|(v, counts)| if *counts { v * v } else { 0.0 })
+            .sum();
         let seen = (squares / identified.rows.max(1) as f64).sqrt();
         if seen > identified.rmse {
             return Err(DrivesError::NoResponse { share: identified.explained.max(0.0) });

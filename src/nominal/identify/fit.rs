@@ -70,8 +70,8 @@ impl Normal {
         Self { xx: SMatrix::zeros(), xy: SVector::zeros(), yy: 0.0 }
     }
 
-    fn row(&mut self, x: &[f64; COLUMNS], y: f64) {
-        for i in 0..COLUMNS {
+    fn row(&mut self, x: &[f64; COLUMNS], columns: usize, y: f64) {
+        for i in 0..columns {
             for j in 0..=i {
                 self.xx[(i, j)] += x[i] * x[j];
             }
@@ -159,6 +159,7 @@ impl Problem {
     /// Normal equations of the columns as they are filled, for a target.
     fn normal(&self, lag: f64, target: impl Fn(&Self, usize) -> f64) -> Normal {
         let mut all = Normal::zeros();
+        let columns = self.response.columns();
         for piece in ranges(&self.rows.pieces, self.rows.time.len()) {
             let begin = self.rows.time[piece.start];
             let (mut ee, mut ex, mut ey) = (0.0, SVector::<f64, COLUMNS>::zeros(), 0.0);
@@ -168,7 +169,7 @@ impl Problem {
                     continue;
                 }
                 let (x, y) = (self.columns(row), target(self, row));
-                all.row(&x, y);
+                all.row(&x, columns, y);
                 if decaying {
                     let decay = self.decay(lag, self.rows.time[row] - begin);
                     decaying = decay > 0.0;
@@ -298,7 +299,8 @@ impl Problem {
         let high = (near.dead_time + dead_times).min(LONGEST_DEAD_TIME);
         for (from, to) in [(low, near.dead_time), (near.dead_time, high)] {
             if to > from {
-                let ends = [from, to].map(|dead_time| self.lag_for(dead_time, (sum - dead_time).max(0.0), lags));
+                let ends =
+                    [from, to].map(|dead_time| self.lag_for(dead_time, (sum - dead_time).max(0.0), lags));
                 let within = golden(from, to, 10, |dead_time| {
                     self.lag_for(dead_time, (sum - dead_time).max(0.0), lags)
                 });

@@ -17,7 +17,7 @@ mod response;
 mod rows;
 
 pub use drives::{
-    Between, DrivesError, Estimate, IdentifiedSteering, LeftOut, SteeringDrive, identify_by_yaw_rate_from_drives,
-    identify_from_drives,
+    Between, DrivesError, Estimate, IdentifiedSteering, LeftOut, SteeringDrive,
+    identify_by_yaw_rate_from_drives, identify_from_drives,
 };
 pub use record::{DelayModel, IdentifiedActuator, IdentifyError, SteeringRecord};

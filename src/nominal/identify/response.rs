@@ -50,7 +50,13 @@ struct Sampled {
 impl Response {
     /// The road-wheel angle: `gain x + offset`.
     pub fn angle(rows: &Rows, between: Between) -> Self {
-        Self { between, varies: Vec::new(), fixed: vec![vec![1.0; rows.time.len()]], free: true, vehicle: None }
+        Self {
+            between,
+            varies: Vec::new(),
+            fixed: vec![vec![1.0; rows.time.len()]],
+            free: true,
+            vehicle: None,
+        }
     }
 
     /// The yaw rate of a vehicle: a gain that varies with the speed's square, as understeer makes it, an angle's offset and

@@ -55,7 +55,8 @@ fn ordinary(values: &[f64]) -> [f64; 2] {
 
 /// Typical step of a drive's clock, s.
 fn typical_step(time: &[f64]) -> f64 {
-    let mut steps: Vec<f64> = time.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0).collect();
+    let mut steps: Vec<f64> =
+        time.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0).collect();
     steps.sort_by(f64::total_cmp);
     steps.get(steps.len() / 2).copied().unwrap_or(0.0)
 }
@@ -99,7 +100,12 @@ impl Rows {
                 continue;
             }
             if command.is_finite() && !(low..=high).contains(&command) {
-                self.left_out.push(LeftOut { drive: place, row: row as u32, signal: "steer_cmd", value: command });
+                self.left_out.push(LeftOut {
+                    drive: place,
+                    row: row as u32,
+                    signal: "steer_cmd",
+                    value: command,
+                });
                 command = f64::NAN;
             }
             if !command.is_finite() {
@@ -123,7 +129,12 @@ impl Rows {
             }
             let far = response.is_finite() && !(least..=most).contains(&response);
             if far {
-                self.left_out.push(LeftOut { drive: place, row: row as u32, signal: "response", value: response });
+                self.left_out.push(LeftOut {
+                    drive: place,
+                    row: row as u32,
+                    signal: "response",
+                    value: response,
+                });
             }
             let counts = response.is_finite() && !far;
             self.time.push(time);
@@ -139,7 +150,8 @@ impl Rows {
     fn forget_beginning(&mut self, stretch: std::ops::Range<usize>) {
         let (first, time) = (self.command[stretch.start], &self.time);
         let begin = time[stretch.start];
-        let stands = stretch.clone().take_while(|&row| self.command[row] == first).last().unwrap_or(stretch.start);
+        let stands =
+            stretch.clone().take_while(|&row| self.command[row] == first).last().unwrap_or(stretch.start);
         let length = time[stretch.end - 1] - begin;
         let forgotten = FORGOTTEN.min(0.25 * length) - (time[stands] - begin);
         for row in stretch {
