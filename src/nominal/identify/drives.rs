@@ -8,8 +8,7 @@
 //! uneven rows, wrong rows and stretches at a rate limit:
 //!
 //! - a row whose residual stands out of those beside it is wrong and left out: what a model gets wrong lasts longer;
-//! - where the angle's rate piles up at its greatest, rows at it are left out and the angle begins anew behind each, if
-//!   that explains the rest better: then it is a limit;
+//! - a limit of the angle's rate is modelled where that explains clearly more;
 //! - where commands are recorded more slowly than they are given, a line between rows may explain much more than steps.
 //!
 //! A dead time and a lag act alike on slow commands: if only their sum is known, that is said.
@@ -91,7 +90,7 @@ pub struct IdentifiedSteering {
     pub rows: usize,
     /// Values that were taken for wrong.
     pub left_out: Vec<LeftOut>,
-    /// The actuator's rate limit, rad/s, where rows at it had to be left out.
+    /// The response's rate limit, rad/s, where one had to be modelled.
     pub rate_limit: Option<f64>,
     /// What was assumed between rows.
     pub between: Between,
@@ -139,15 +138,19 @@ const OUTLYING_SHARE: f64 = 0.3;
 const ROUNDING: f64 = 1e-5;
 /// Squares that rise by less than this share of the noise's variance are flat.
 const FLAT: f64 = 0.5;
+/// Window of the last search, s.
+const FINE: f64 = 3e-4;
 /// Rounds of looking for wrong rows.
 const ROUNDS: usize = 3;
-/// From this share of the greatest rate on, rows may be at a limit.
-const AT_LIMIT: f64 = 0.9;
-/// Rows on each side over which a rate is taken, and fewest rows at a limit.
-const RATE_ROWS: usize = 2;
-const LEAST_LIMITED: usize = 10;
-/// A rate limit, or lines between rows, must lower the error to this share of it.
+/// Rate limits that are tried: so many, each this share of the one before, from the greatest rate that is seen.
+const LIMITS: i32 = 12;
+const LIMIT_RATIO: f64 = 0.82;
+/// Rounds of finding the limit and the rest in turn.
+const LIMIT_ROUNDS: usize = 5;
+/// A rate limit must lower the error to this share of it.
 const CLEARLY_BETTER: f64 = 0.7;
+/// So must lines between rows: with steps that are steps they only raise it.
+const LINE_BETTER: f64 = 0.9;
 
 impl IdentifiedSteering {
     /// The actuator to predict with.
@@ -175,15 +178,14 @@ impl IdentifiedSteering {
 pub fn identify_from_drives(drives: &[SteeringDrive]) -> Result<IdentifiedSteering, DrivesError> {
     let rows = checked(drives, false)?;
     let held = Problem::new(rows.clone(), Response::angle(&rows, Between::Held));
-    let mut found = Found::of(held);
-    found.leave_out_limited();
+    let mut found = Found::of(held).limited();
     let mut line = found.clone();
     line.problem.response = Response::angle(&rows, Between::Line);
     // A line runs half a step behind the step before it.
     let (half, best) = (0.5 * rows.step, found.best);
     let near = Point { dead_time: (best.dead_time + half).min(LONGEST_DEAD_TIME), ..best };
     line.best = line.problem.refine(&near, 2.0 * half, 4.0 * half);
-    if line.rms().max(LEAST_NOISE) < CLEARLY_BETTER * found.rms() {
+    if found.rms() > 10.0 * LEAST_NOISE && line.rms() < LINE_BETTER * found.rms() {
         found = line.polished();
     }
     found.identified()
@@ -231,7 +233,6 @@ fn checked(drives: &[SteeringDrive], with_speed: bool) -> Result<Rows, DrivesErr
 struct Found {
     problem: Problem,
     best: Point,
-    limit: Option<f64>,
 }
 
 fn median(values: &mut [f64]) -> f64 {
@@ -243,20 +244,33 @@ impl Found {
     /// The best of all, without rows that stand out.
     fn of(mut problem: Problem) -> Self {
         let best = problem.search();
-        Self { problem, best, limit: None }.polished()
+        Self { problem, best }.polished()
     }
 
     /// The best near the best, without rows that stand out.
     fn polished(mut self) -> Self {
+        // Each round judges all rows anew: a rough fit is no judge for good.
+        let (counts, left_out) = (self.problem.rows.counts.clone(), self.problem.rows.left_out.len());
         for round in 0..ROUNDS {
-            let changed = self.leave_out_outliers();
+            let before = self.problem.rows.counts.clone();
+            self.problem.rows.left_out.truncate(left_out);
+            self.leave_out_outliers(&counts);
+            let changed = before != self.problem.rows.counts;
             let (dead_times, lags) = if round == 0 { (0.02, 0.04) } else { (4e-3, 8e-3) };
             self.best = self.problem.refine(&self.best, dead_times, lags);
             if !changed && round > 0 {
                 break;
             }
         }
-        self.best = self.problem.refine(&self.best, 3e-4, 6e-4);
+        for _ in 0..ROUNDS {
+            let before = self.best;
+            self.best = self.problem.refine(&before, FINE, 2.0 * FINE);
+            if (self.best.dead_time - before.dead_time).abs().max((self.best.lag - before.lag).abs())
+                < 0.5 * FINE
+            {
+                break;
+            }
+        }
         self
     }
 
@@ -265,11 +279,12 @@ impl Found {
         (self.best.cost / self.problem.rows.counted().max(1) as f64).sqrt()
     }
 
-    /// Takes out rows whose residual stands out; says whether there were any.
-    fn leave_out_outliers(&mut self) -> bool {
+    /// Takes out those of some rows whose residual stands out.
+    fn leave_out_outliers(&mut self, all: &[bool]) {
         let least = self.rms();
         self.problem.residuals(&self.best);
         let Problem { rows, residual, .. } = &mut self.problem;
+        rows.counts.copy_from_slice(all);
         let stretches: Vec<_> = rows.stretches().collect();
         let mut off = vec![0.0; rows.time.len()];
         for stretch in stretches {
@@ -286,62 +301,62 @@ impl Found {
         let mut typical: Vec<f64> =
             (0..off.len()).filter(|&row| rows.counts[row]).map(|row| off[row]).collect();
         let limit = (OUTLYING * 1.4826 * median(&mut typical)).max(OUTLYING_SHARE * least).max(ROUNDING);
-        let mut changed = false;
         for (row, off) in off.iter().enumerate() {
             if rows.counts[row] && *off > limit {
                 rows.counts[row] = false;
                 let (drive, place) = rows.origin[row];
                 let value = rows.response[row] + rows.mean;
                 rows.left_out.push(LeftOut { drive, row: place, signal: "response", value });
-                changed = true;
             }
         }
-        changed
     }
 
-    /// Leaves out rows at a rate limit, if there is one.
-    fn leave_out_limited(&mut self) {
-        let rows = &self.problem.rows;
-        let mut rates = vec![0.0; rows.time.len()];
-        for stretch in rows.stretches() {
-            for row in stretch.start + RATE_ROWS..stretch.end.saturating_sub(RATE_ROWS) {
-                let (from, to) = (row - RATE_ROWS, row + RATE_ROWS);
-                if rows.counts[from..=to].iter().all(|counts| *counts) {
-                    rates[row] =
-                        ((rows.response[to] - rows.response[from]) / (rows.time[to] - rows.time[from])).abs();
-                }
+    /// Finds a rate limit, if one explains the response clearly better.
+    fn limited(mut self) -> Self {
+        // What is exact has no limit.
+        if self.rms() < 10.0 * LEAST_NOISE {
+            return self;
+        }
+        let least = self.rms();
+        let mut part = self.problem.part();
+        let greatest = self.problem.greatest_rate() / self.best.beta[0].abs().max(1e-9);
+        let mut best = (f64::INFINITY, part.coarse(&self.best));
+        let without = best.1.cost;
+        for k in 0..LIMITS {
+            let limit = greatest * LIMIT_RATIO.powi(k);
+            part.response.rate_limit = limit;
+            let found = part.coarse(&self.best);
+            if found.cost < best.1.cost {
+                best = (limit, found);
             }
         }
-        let mut sorted = rates.clone();
-        sorted.sort_by(f64::total_cmp);
-        let greatest = sorted[((0.998 * (sorted.len() - 1) as f64) as usize).min(sorted.len() - 1)];
-        let count = |from: f64, to: f64| rates.iter().filter(|rate| (from..to).contains(*rate)).count();
-        let at = count(AT_LIMIT * greatest, f64::INFINITY);
-        // Rates pile up at a limit: more than in the band below it.
-        if at < LEAST_LIMITED || at < 2 * count((2.0 * AT_LIMIT - 1.0) * greatest, AT_LIMIT * greatest) {
-            return;
+        if !(best.1.cost < CLEARLY_BETTER * CLEARLY_BETTER * without) {
+            return self;
         }
-        let mut other = self.problem.clone();
-        let mut limited = vec![false; rates.len()];
-        for row in (0..rates.len()).filter(|&row| rates[row] >= AT_LIMIT * greatest) {
-            limited[row - RATE_ROWS..=row + RATE_ROWS].fill(true);
+        // Limit and the rest in turn.
+        let (mut limit, mut ratio) = (best.0, LIMIT_RATIO);
+        let mut other = self.clone();
+        other.best = best.1;
+        for _ in 0..LIMIT_ROUNDS {
+            other.problem.response.rate_limit = limit;
+            other.best = other.problem.refine(&other.best, 0.01, 0.02);
+            for _ in 0..2 {
+                for factor in [ratio, 1.0 / ratio] {
+                    other.problem.response.rate_limit = limit * factor;
+                    let found = other.problem.lag_for(other.best.dead_time, other.best.lag, 5e-3);
+                    if found.cost < other.best.cost {
+                        (limit, other.best) = (limit * factor, found);
+                    }
+                }
+                ratio = ratio.sqrt();
+            }
         }
-        let mut begins: Vec<usize> = other.rows.begins.clone();
-        begins.extend((1..limited.len()).filter(|&row| limited[row - 1] && !limited[row]));
-        begins.sort_unstable();
-        begins.dedup();
-        other.rows.pieces = begins;
-        for (counts, limited) in other.rows.counts.iter_mut().zip(&limited) {
-            *counts &= !limited;
+        other.problem.response.rate_limit = limit;
+        let other = other.polished();
+        if other.rms() < CLEARLY_BETTER * least {
+            self = other;
         }
-        if other.rows.counted() < LEAST_ROWS.max(self.problem.rows.counted() / 4) {
-            return;
-        }
-        let other = Self { limit: Some(greatest), ..Self::of(other) };
-        let ours = self.problem.clone().rms_at(&self.best, &other.problem.rows.counts);
-        if ours > 10.0 * LEAST_NOISE && other.rms() < CLEARLY_BETTER * ours {
-            *self = other;
-        }
+        self
     }
 
     fn identified(mut self) -> Result<IdentifiedSteering, DrivesError> {
@@ -394,7 +409,8 @@ impl Found {
             explained,
             rows,
             left_out: std::mem::take(&mut self.problem.rows.left_out),
-            rate_limit: self.limit,
+            rate_limit: Some(self.problem.response.rate_limit * best.beta[0].abs())
+                .filter(|limit| limit.is_finite()),
             between: self.problem.response.between,
         };
         if explained < LEAST_SHARE {
@@ -469,18 +485,4 @@ impl Found {
 
 fn estimate([low, value, high]: [f64; 3], enough: f64) -> Estimate {
     Estimate { value, low, high, excited: 0.5 * (high - low) <= enough }
-}
-
-impl Problem {
-    /// Root of the mean squared residual of a point over some rows.
-    fn rms_at(mut self, point: &Point, counts: &[bool]) -> f64 {
-        self.residuals(point);
-        let (sum, count) = self
-            .residual
-            .iter()
-            .zip(counts)
-            .filter(|(_, counts)| **counts)
-            .fold((0.0, 0.0), |(sum, count), (r, _)| (sum + r * r, count + 1.0));
-        (sum / f64::max(count, 1.0)).sqrt()
-    }
 }

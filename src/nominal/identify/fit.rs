@@ -29,6 +29,11 @@ const GRID_RATIO: f64 = 1.6;
 /// Rows that are enough for the grid, and rows of a block of them.
 const GRID_ROWS: usize = 6000;
 const BLOCK: usize = 500;
+/// Windows that follow a valley.
+const ON: usize = 12;
+/// Rows that are enough for a rough answer, and steps of its grid.
+const PART_ROWS: usize = 2000;
+const ROUGH: u32 = 14;
 /// A free response is over when so little is left of it.
 const OVER: f64 = 1e-7;
 /// Lags that are tried before golden sections.
@@ -287,8 +292,58 @@ impl Problem {
                 }
             }
         }
-        let width = (0.6 * best.lag).max(2.0 * GRID);
-        self.refine(&best, GRID, width)
+        // Along the valley the grid's best may be far from the bottom: on until it is there.
+        for _ in 0..ON {
+            let width = (0.6 * best.lag).max(2.0 * GRID);
+            let found = self.refine(&best, GRID, width);
+            let moved = (found.dead_time - best.dead_time).abs();
+            best = found;
+            if moved < 0.5 * GRID {
+                break;
+            }
+        }
+        best
+    }
+
+    /// The blocks that move most, for rough answers.
+    pub fn part(&self) -> Self {
+        let (rows, places) = self.rows.most_moved(PART_ROWS, BLOCK);
+        Self::new(rows, self.response.of_part(&places))
+    }
+
+    /// Greatest rate of the response over a tenth of a second, the fastest rows left out.
+    pub fn greatest_rate(&self) -> f64 {
+        let rows = &self.rows;
+        let about = (0.05 / rows.step.max(1e-3)).ceil().max(1.0) as usize;
+        let mut rates = Vec::new();
+        for stretch in rows.stretches() {
+            for row in stretch.start + about..stretch.end.saturating_sub(about) {
+                let (from, to) = (row - about, row + about);
+                if rows.counts[from] && rows.counts[to] {
+                    let rate = (rows.response[to] - rows.response[from]) / (rows.time[to] - rows.time[from]);
+                    rates.push(rate.abs());
+                }
+            }
+        }
+        rates.sort_by(f64::total_cmp);
+        let last = rates.len().saturating_sub(1);
+        1.5 * rates.get((0.995 * last as f64) as usize).copied().unwrap_or(0.0)
+    }
+
+    /// A rough best pair with no more delay than a point has, and some.
+    pub fn coarse(&mut self, near: &Point) -> Point {
+        let most = near.dead_time + near.lag + 2.0 * GRID;
+        let mut best = self.at(near.dead_time, near.lag);
+        for i in 0..ROUGH {
+            for j in 0..ROUGH - i {
+                let share = |k: u32| most * f64::from(k) / f64::from(ROUGH);
+                let found = self.at(share(i).min(LONGEST_DEAD_TIME), share(j).min(LONGEST_LAG));
+                if found.cost < best.cost {
+                    best = found;
+                }
+            }
+        }
+        best
     }
 
     /// The best pair near a point.

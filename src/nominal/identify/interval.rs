@@ -18,6 +18,8 @@ const CHI2: f64 = 2.7055;
 pub(super) const GAUSS: f64 = 1.6449;
 /// Autocorrelation below which rows count as independent.
 const INDEPENDENT: f64 = 0.1;
+/// Weights reach over so many times the rows of correlation.
+const WIDTH: usize = 5;
 /// Sections of a bracket in which an end lies.
 const SECTIONS: u32 = 7;
 /// First step away from the best, s.
@@ -82,7 +84,7 @@ impl Noise {
     /// Long-run variance of `sum v_k r_k`.
     pub fn long_run(&self, v: &[f64]) -> f64 {
         let z: Vec<f64> = v.iter().zip(&self.residual).map(|(v, r)| v * r).collect();
-        let width = (3 * self.rows).min(z.len() / 4).max(1);
+        let width = (WIDTH * self.rows).min(z.len() / 4).max(1);
         let own = z.iter().map(|z| z * z).sum::<f64>();
         let with = |lag: usize| z[lag..].iter().zip(&z).map(|(a, b)| a * b).sum::<f64>();
         let shared: f64 = if self.rows <= 1 {
@@ -90,8 +92,10 @@ impl Noise {
         } else {
             (1..width).map(|lag| 2.0 * (1.0 - lag as f64 / width as f64) * with(lag)).sum()
         };
+        // A wide window knows the variance itself less well (Kiefer and Vogelsang's fixed share, to first order).
+        let unsure = if self.rows <= 1 { 1.0 } else { 1.0 + 2.0 * width as f64 / z.len().max(1) as f64 };
         let floor = LEAST_NOISE * LEAST_NOISE * v.iter().map(|v| v * v).sum::<f64>();
-        (own + shared).max(own).max(floor)
+        (unsure * (own + shared)).max(own).max(floor)
     }
 }
 

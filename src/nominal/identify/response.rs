@@ -4,6 +4,8 @@
 //! tau x' = u(t - T) - x          u held from each row on, or on a line between rows
 //! ```
 //!
+//! A rate limit, where there is one, governs as long as the command is far: `x' = +-rate` for `|u - x| > rate tau`.
+//!
 //! Rows need not be even: between the instants at which a command arrives the answer has a closed form. Behind a vehicle,
 //! whose speed varies, the lateral velocity and yaw rate follow the angle's mean over each step,
 //!
@@ -28,6 +30,8 @@ const BIN: f64 = 0.25;
 #[derive(Debug, Clone)]
 pub(super) struct Response {
     pub between: Between,
+    /// Limit of the answer's rate, rad/s of the command; infinite for none. Only of commands that are held.
+    pub rate_limit: f64,
     /// The answer times this is a column, too: a gain that varies with speed. Empty for none.
     pub varies: Vec<f64>,
     /// Columns that stay.
@@ -53,6 +57,7 @@ impl Response {
         Self {
             between,
             varies: Vec::new(),
+            rate_limit: f64::INFINITY,
             fixed: vec![vec![1.0; rows.time.len()]],
             free: true,
             vehicle: None,
@@ -80,6 +85,7 @@ impl Response {
         let size = S - 2;
         let mut response = Self {
             between: Between::Held,
+            rate_limit: f64::INFINITY,
             varies: Vec::new(),
             fixed: Vec::new(),
             free: false,
@@ -121,7 +127,7 @@ impl Response {
     pub fn fill(&self, rows: &Rows, dead_time: f64, lag: f64, out: &mut [f64]) {
         if self.vehicle.is_none() {
             for stretch in rows.stretches() {
-                let mut actuator = Walk::new(rows, &stretch, self.between, dead_time, lag);
+                let mut actuator = Walk::new(rows, &stretch, self, dead_time, lag);
                 out[stretch.start] = actuator.x;
                 for row in stretch.start + 1..stretch.end {
                     actuator.to(rows.time[row]);
@@ -133,7 +139,7 @@ impl Response {
         let mut walk: Option<Walk> = None;
         self.drive(rows, out, |stretch, row| {
             if row == stretch.start {
-                walk = Some(Walk::new(rows, stretch, self.between, dead_time, lag));
+                walk = Some(Walk::new(rows, stretch, self, dead_time, lag));
             }
             let Some(walk) = &mut walk else { return 0.0 };
             let begin = walk.area;
@@ -207,6 +213,7 @@ struct Walk<'a> {
     rows: &'a Rows,
     end: usize,
     between: Between,
+    rate_limit: f64,
     dead_time: f64,
     lag: f64,
     /// The command that arrived last.
@@ -223,14 +230,15 @@ impl<'a> Walk<'a> {
     fn new(
         rows: &'a Rows,
         stretch: &std::ops::Range<usize>,
-        between: Between,
+        response: &Response,
         dead_time: f64,
         lag: f64,
     ) -> Self {
         Self {
             rows,
             end: stretch.end,
-            between,
+            between: response.between,
+            rate_limit: response.rate_limit,
             dead_time,
             lag: if lag < NO_LAG { 0.0 } else { lag },
             arrived: stretch.start,
@@ -260,6 +268,20 @@ impl<'a> Walk<'a> {
             return;
         }
         let (from, slope) = self.input();
+        // Farther from the command than this the limit governs, nearer the lag.
+        let gap = from - self.x;
+        if self.rate_limit.is_finite() && gap.abs() > self.rate_limit * self.lag {
+            let moving = ((gap.abs() - self.rate_limit * self.lag) / self.rate_limit).min(duration);
+            let moved = self.rate_limit * moving * gap.signum();
+            self.area += (self.x + 0.5 * moved) * moving;
+            self.x += moved;
+            self.now += moving;
+            if moving >= duration {
+                self.now = until;
+                return;
+            }
+        }
+        let duration = until - self.now;
         let to = from + slope * duration;
         if self.lag > 0.0 {
             let decay = self.decay(duration);
