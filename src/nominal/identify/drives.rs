@@ -378,7 +378,8 @@ impl Found {
         let sums = ends(&mut self.problem, Along::Sum, LONGEST_DEAD_TIME + LONGEST_LAG);
         let best = self.middle(&dead_times, &noise);
         let spread = |of: &dyn Fn(&Point) -> f64| {
-            [dead_times.low, dead_times.high, lags.low, lags.high]
+            // Along the valley and across it.
+            [dead_times.low, dead_times.high, lags.low, lags.high, sums.low, sums.high]
                 .iter()
                 .map(|point| (of(point) - of(&best)).abs())
                 .fold(0.0, f64::max)
