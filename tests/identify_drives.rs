@@ -140,7 +140,9 @@ fn intervals_hold_the_truth_in_nine_of_ten_cases() {
                 *held += usize::from(estimate.low <= truth && truth <= estimate.high);
             }
         }
-        assert!(held.iter().all(|held| *held >= 32), "colour {colour}: {held:?} of 40");
+        // Eight of ten over all numbers; of one of them, forty cases of nine in ten are below 28 once in ten thousand.
+        assert!(held.iter().sum::<usize>() >= 160, "colour {colour}: {held:?} of 40");
+        assert!(held.iter().all(|held| *held >= 28), "colour {colour}: {held:?} of 40");
     }
 }
 
