@@ -93,8 +93,14 @@ impl Response {
         };
         let mut steady = vec![0.0; rows.time.len()];
         response.drive(rows, &mut steady, |_, _| 1.0);
-        let counted = || rows.speed.iter().zip(&rows.counts).filter(|(_, counts)| **counts);
-        let mean = counted().map(|(speed, _)| speed * speed).sum::<f64>() / counted().count().max(1) as f64;
+        // The gain is that at the speeds at which the drives turn.
+        let (mut sum, mut weight) = (0.0, 0.0);
+        for row in (0..rows.time.len()).filter(|&row| rows.counts[row]) {
+            let turning = rows.command[row] * rows.command[row];
+            sum += turning * rows.speed[row] * rows.speed[row];
+            weight += turning;
+        }
+        let mean = if weight > 0.0 { sum / weight } else { 0.0 };
         if mean > 0.0 {
             response.varies = rows.speed.iter().map(|speed| speed * speed / mean - 1.0).collect();
         }
