@@ -160,3 +160,92 @@ fn what_holds_no_step_is_refused_with_the_reason() {
     let error = refused(&rfl(folder.path(), &["identify", "slow.csv", "--by-yaw-rate"]));
     assert!(error.contains("0.3 m/s") && error.contains("faster"), "{error}");
 }
+
+/// An ordinary drive of the car with a steering slower than its file says; `more` settings.
+fn drive(folder: &Path, log: &str, more: &[&str]) {
+    let slow = ["--set", "car.effect.steer_lag=0.05", "--set", "car.effect.steer_delay=0.04"];
+    let told =
+        ["--variant", "actuator", "--set", "actuator.dead_time=0.04", "--set", "actuator.time_constant=0.1"];
+    let path = command::road();
+    let drive = ["drive", "--quiet", "--path", &path, "--duration", "20", "--log", log];
+    done(&rfl(folder, &[&drive[..], &slow, &told, more].concat()));
+}
+
+const CAR: &str = include_str!("../vehicles/c_class.toml");
+
+#[test]
+fn an_ordinary_drive_goes_into_a_vehicle_file_whose_comments_stay() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    drive(folder.path(), "drive.csv", &[]);
+    let mine = format!("# measured by me\n{CAR}");
+    std::fs::write(at("my_car.toml"), &mine).unwrap();
+    let into = ["identify", "drive.csv", "--into", "my_car.toml", "--json", "found.json"];
+    let said = done(&rfl(folder.path(), &into));
+    let found: Value = serde_json::from_str(&std::fs::read_to_string(at("found.json")).unwrap()).unwrap();
+    for (name, truth) in [("dead_time", 0.04), ("lag", 0.1), ("delay", 0.14), ("gain", 1.0), ("offset", 0.0)]
+    {
+        let [value, low, high] = ["value", "low", "high"].map(|key| found[name][key].as_f64().unwrap());
+        assert!((value - truth).abs() < 1e-3 && low <= value && value <= high, "{name}: {found}");
+        assert_eq!(found[name]["excited"], true, "{name}: {found}");
+    }
+    let rows = found["closed_loop"].as_array().unwrap();
+    assert!(rows.len() == 3 && rows.iter().all(|row| row["better"] == true), "{found}");
+    assert!(said.contains("next: rfl drive --vehicle my_car.toml"), "{said}");
+    // Only the two numbers are others.
+    let text = std::fs::read_to_string(at("my_car.toml")).unwrap();
+    let changed: Vec<(&str, &str)> =
+        mine.lines().zip(text.lines()).filter(|(before, after)| before != after).collect();
+    assert_eq!(mine.lines().count(), text.lines().count());
+    assert_eq!(changed.len(), 2, "{changed:?}");
+    assert!(changed[0].1.starts_with("dead_time = 0.04 ") && changed[0].1.ends_with("# s"), "{changed:?}");
+    assert!(changed[1].1.contains("# s, of the steering actuator"), "{changed:?}");
+    // The same again changes nothing, and a name that is none yet becomes the vehicle's file.
+    let again = done(&rfl(folder.path(), &[&into[..], &["--no-check"]].concat()));
+    assert!(again.contains("nothing changes"), "{again}");
+    assert_eq!(std::fs::read_to_string(at("my_car.toml")).unwrap(), text);
+    done(&rfl(folder.path(), &["identify", "drive.csv", "--no-check", "--into", "new.toml"]));
+    assert!(std::fs::read_to_string(at("new.toml")).unwrap().contains("dead_time = 0.04 "));
+}
+
+#[test]
+fn what_is_not_excited_is_said_and_written_nowhere() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    // Slow steering: the angle follows 0.16 s later, however that is shared out.
+    let rows: String = (0..1000)
+        .map(|k| {
+            let time = 0.02 * f64::from(k);
+            let noise = 1e-3 * (f64::from(k * k % 89) / 44.0 - 1.0);
+            format!(
+                "{time:.2},{:.6},{:.6}\n",
+                0.02 * (0.3 * time).sin(),
+                0.02 * (0.3 * (time - 0.16)).sin() + noise
+            )
+        })
+        .collect();
+    std::fs::write(at("slow.csv"), format!("time,steer_cmd,steer\n{rows}")).unwrap();
+    std::fs::write(at("my_car.toml"), CAR).unwrap();
+    let slow = ["identify", "slow.csv", "--no-check"];
+    let said = done(&rfl(folder.path(), &slow));
+    assert!(said.contains("not excited: how the delay is shared out") && said.contains("slalom"), "{said}");
+    let error = refused(&rfl(folder.path(), &[&slow[..], &["--into", "my_car.toml"]].concat()));
+    assert!(error.contains("my_car.toml") && error.contains("not excited"), "{error}");
+    assert_eq!(std::fs::read_to_string(at("my_car.toml")).unwrap(), CAR);
+    let error = refused(&rfl(folder.path(), &["identify", "none.csv", "--into", "my_car.toml"]));
+    assert!(error.contains("none.csv"), "{error}");
+}
+
+#[test]
+fn real_logs_without_the_command_are_refused_with_the_reason() {
+    let log = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/genesis/real_human_fast_lap.csv");
+    if !log.exists() {
+        eprintln!("skipped: {} is not there", log.display());
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    for more in [&[][..], &["--by-yaw-rate"]] {
+        let error = refused(&rfl(folder.path(), &[&["identify", log.to_str().unwrap()], more].concat()));
+        assert!(error.contains("steer_cmd"), "{error}");
+    }
+}

@@ -43,7 +43,7 @@ use std::process::ExitCode;
   rfl collect                 drive to learn from
   rfl train LOG...            learn what the nominal model misses
   rfl tune --vehicle my_car.toml   weights and horizon for a vehicle
-  rfl identify step.csv       the steering's delay from a recorded step
+  rfl identify LOG...         the steering's delay, into a vehicle file
   rfl evaluate --quick        all variants, compared
   rfl diagnose LOG            why a log and the simulator disagree
   rfl parameters              what --set can change

@@ -125,6 +125,9 @@ const DITHER_HOLD: u64 = 2;
 /// Uncertainty of the actuator's delay at which the loop is half way from calm to tight, s: that a tight loop stands it three times over.
 const SURE: f64 = 0.015;
 
+/// Lateral acceleration that a road may ask for at once, m/s2: a vehicle that does not turn yet is a hand's breadth beside it when
+/// it does.
+const START_LATERAL_ACCEL: f64 = 0.3;
 /// Share of the steering's rate and of the lateral jerk that the speed plan uses: the rest is for errors.
 const PLANNED_SHARE: f64 = 0.5;
 
@@ -472,6 +475,17 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
     #[must_use]
     pub fn problem(&self) -> &TrackingQp {
         self.lateral.problem()
+    }
+
+    /// How fast a vehicle begins that is put on the path without turning, m/s: that of the plan, but slow enough where the road
+    /// bends that the bend does not throw it off before it has begun to turn.
+    #[must_use]
+    pub fn start_speed(&self) -> f64 {
+        let planned = self.plan.speed(0.0);
+        if self.parameters.mpc.follow_road == 0 {
+            return planned;
+        }
+        planned.min((START_LATERAL_ACCEL / self.path.curvature(0.0).abs().max(1e-9)).sqrt())
     }
 
     /// The speed plan on the path.

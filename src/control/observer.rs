@@ -24,7 +24,7 @@ use serde::{Deserialize, Serialize};
 parameters! {
     /// The observer.
     pub struct ObserverParameters {
-        disturbance_noise: f64 = 0.03, METRE_PER_SECOND2 in 0.0, 100.0; "observer.disturbance_noise", "How far the disturbing lateral acceleration wanders in one step (standard deviation); 0 switches the observer off"
+        disturbance_noise: f64 = 0.025, METRE_PER_SECOND2 in 0.0, 100.0; "observer.disturbance_noise", "How far the disturbing lateral acceleration wanders in one step (standard deviation); 0 switches the observer off"
         prediction_noise: f64 = 0.03, METRE_PER_SECOND in 0.0, 10.0; "observer.prediction_noise", "What else the prediction of one step misses in the rate of the lateral error (standard deviation)"
         noise_position: f64 = 0.005, METRE in 1e-9, 10.0; "observer.noise_position", "Noise of the measured position (standard deviation)"
         noise_velocity: f64 = 0.01, METRE_PER_SECOND in 1e-9, 10.0; "observer.noise_velocity", "Noise of the measured velocity (standard deviation)"

@@ -10,7 +10,7 @@ use super::parameters::{
 };
 use super::variant::ArticulatedModel;
 use super::vehicle::{Bound, ControlledVehicle, FurtherState, VehicleParameters};
-use super::{ControllerFor, LongitudinalParameters};
+use super::{ControllerFor, LongitudinalParameters, ObserverParameters};
 use crate::nominal::{ArticulatedState, ErrorState};
 use crate::parameter::{OutOfRange, ParameterGroup};
 use crate::parameters;
@@ -170,11 +170,11 @@ impl TruckControllerParameters {
         vehicle.articulation_max = vehicle.articulation_max.min(SAFE_SHARE * truck.hitch.articulation_limit);
         let mpc = MpcParameters {
             horizon: 60,
-            q_e1_rate: 0.26,
-            q_e2: 1.6,
-            q_e2_rate: 40.0,
-            r_rate: 2.8,
-            tightening: 2.2,
+            q_e1_rate: 6.0,
+            q_e2_rate: 3.5,
+            r_rate: 0.002,
+            r_lateral_jerk: 0.027,
+            tightening: 3.6,
             steer_max: truck.steering.angle_limit.min(0.6),
             steer_rate_max: truck.steering.rate_limit.min(0.6),
             ..MpcParameters::default()
@@ -191,6 +191,7 @@ impl TruckControllerParameters {
         let longitudinal =
             LongitudinalParameters { drive_lag: truck.drive.lag, ..LongitudinalParameters::default() };
         let actuator = ActuatorParameters::of(&truck.steering);
-        Self { vehicle, mpc, speed, longitudinal, actuator, ..Self::default() }
+        let observer = ObserverParameters { disturbance_noise: 0.15, ..ObserverParameters::default() };
+        Self { vehicle, mpc, observer, speed, longitudinal, actuator, ..Self::default() }
     }
 }

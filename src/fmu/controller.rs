@@ -410,9 +410,7 @@ impl<U: ControllerUnit<S>, const S: usize> Model for ControllerFmu<U, S> {
         let path = controller.path();
         values.set_real(v.path_length, path.length());
         let begin = path.at(0.0);
-        for (vr, value) in
-            v.start.iter().zip([begin.x, begin.y, begin.yaw, controller.speed_plan().speed(0.0)])
-        {
+        for (vr, value) in v.start.iter().zip([begin.x, begin.y, begin.yaw, controller.start_speed()]) {
             values.set_real(*vr, value);
         }
         write_outputs(v, values, &controller);

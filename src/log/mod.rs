@@ -19,6 +19,7 @@
 //! | `statistics.rs` | median, slope |
 //! | `join.rs` | several logs of one vehicle as one |
 //! | `finding.rs` | what was found in a log, in words |
+//! | `steering.rs` | what the steering actuator is identified from |
 //! | `learn.rs` | what a residual is learned from, completed |
 
 mod agreement;
@@ -30,9 +31,11 @@ mod learn;
 mod read;
 mod resample;
 mod statistics;
+mod steering;
 
 pub use clean::{CleanError, CleanLog, UnusableLog};
 pub use finding::{Finding, Gravity};
 pub use join::JoinError;
 pub use learn::drive_of;
 pub use read::{DriveLog, LogError};
+pub use steering::SteeringLog;

@@ -6,7 +6,7 @@
 //! | `single_track.rs` | those of the car (method 1) |
 //! | `articulated.rs` | those of a tractor with a semi-trailer (method 3) |
 //! | `actuator.rs` | any of these behind a steering actuator: lag, dead time, Pade approximants |
-//! | `identify.rs` | the actuator's constants from a recorded drive |
+//! | `identify/` | the actuator's constants from a recorded step, or from any drive |
 //! | `bicycle.rs` | the nonlinear single track with saturating tyres, for nonlinear MPC |
 //! | `articulated_single_track.rs` | that of a tractor with a semi-trailer |
 //! | `path_model.rs` | a nonlinear model in errors to a path, whatever the vehicle |
@@ -36,7 +36,10 @@ pub use discretise::{Chain, zero_order_hold};
 pub use error_model::{
     ContinuousErrorModel, DiscreteErrorModel, ERRORS, ErrorState, LateralVehicle, SingleTrackError,
 };
-pub use identify::{DelayModel, IdentifiedActuator, IdentifyError, SteeringRecord};
+pub use identify::{
+    Between, DelayModel, DrivesError, Estimate, IdentifiedActuator, IdentifiedSteering, IdentifyError,
+    LeftOut, SteeringDrive, SteeringRecord, identify_by_yaw_rate_from_drives, identify_from_drives,
+};
 pub use path_articulated::{ARTICULATED_PATH_STATES, ArticulatedPathState};
 pub use path_bicycle::{BICYCLE_STATES, BicycleState, body_change, errors_of};
 pub use path_model::{Curvature, HeldSpeed, PathErrors, PathModel, PathStep};

@@ -116,7 +116,7 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
         let path = controller.path();
         let mut vehicle = P::make(vehicle, effects, Some(path.clone()))?;
         let start = path.at(0.0);
-        vehicle.place(start.x, start.y, start.yaw, controller.speed_plan().speed(0.0));
+        vehicle.place(start.x, start.y, start.yaw, controller.start_speed());
         Ok(Self::new(controller, vehicle, step))
     }
 

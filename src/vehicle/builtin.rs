@@ -41,6 +41,12 @@ pub fn builtin_truck(name: &str) -> Result<TruckParameters, VehicleError> {
     embedded_of(TRUCKS, name)
 }
 
+/// The text of a built-in vehicle's file, a car's or a truck's.
+#[must_use]
+pub fn builtin_text(name: &str) -> Option<&'static str> {
+    CARS.iter().chain(TRUCKS).find(|(vehicle, _)| *vehicle == name).map(|(_, text)| *text)
+}
+
 fn embedded_of<V: VehicleParameters>(texts: &[(&str, &str)], name: &str) -> Result<V, VehicleError> {
     let Some((_, text)) = texts.iter().find(|(vehicle, _)| *vehicle == name) else {
         return Err(VehicleError::UnknownBuiltin { name: name.to_string(), builtin: V::BUILTIN });

@@ -49,7 +49,7 @@ pub mod tyre;
 mod unit;
 
 pub use articulated::Articulated;
-pub use builtin::{BUILTIN, BUILTIN_TRUCKS, builtin, builtin_truck};
+pub use builtin::{BUILTIN, BUILTIN_TRUCKS, builtin, builtin_text, builtin_truck};
 pub use car::{Car, CarError, CarInput, CarOutput, CarStatus};
 pub use effects::{
     Effect, EffectOutOfRange, Effects, NO_RATE_LIMIT, Stage, TrailerEffects, TruckEffects, UnknownEffect,

@@ -218,7 +218,7 @@ fn status(kind: VerdictKind) -> u8 {
 }
 
 /// Road-wheel angle for each 1/m of curvature in steady cornering: the model's lateral equation at rest.
-fn steady_steering<V: LateralVehicle<S>, const S: usize>(vehicle: &V, speed: f64) -> f64 {
+pub(super) fn steady_steering<V: LateralVehicle<S>, const S: usize>(vehicle: &V, speed: f64) -> f64 {
     let speed = speed.max(1.0);
     match vehicle.model_at(speed) {
         Ok(model) => {

@@ -19,8 +19,8 @@
 //! Source: Golub and Pereyra, Separable nonlinear least squares, Inverse Problems 2003; Ljung, System Identification,
 //! ch. 7.
 
-use super::{ActuatedState, Actuator, ContinuousErrorModel, DeadTimeModel};
 use crate::enumeration;
+use crate::nominal::{ActuatedState, Actuator, ContinuousErrorModel, DeadTimeModel};
 
 enumeration! {
     /// Which model of the actuator is fitted.

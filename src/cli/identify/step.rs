@@ -1,64 +1,17 @@
-//! `rfl identify`: the steering actuator's constants from a recorded step, for the variant `actuator`.
+//! A step of the steering, recorded or driven here: lag, dead time and lag, Pade approximants, for the variant `actuator`.
 
-use super::drive::Setup;
-use super::vehicle::{Commanded, by_kind};
-use crate::control::VehicleParameters;
+use super::super::drive::Setup;
+use super::super::vehicle::Commanded;
+use super::IdentifyArgs;
 use crate::log::DriveLog;
 use crate::nominal::{
     ContinuousErrorModel, DelayModel, IdentifiedActuator, IdentifyError, LateralVehicle, SteeringRecord,
 };
 use crate::signal::{STEER, STEER_CMD, TIME, VX, YAW_RATE};
-use crate::vehicle::{BUILTIN, VehicleInput};
-use clap::Args;
+use crate::vehicle::VehicleInput;
 use serde_json::{Value, json};
 use std::error::Error;
-use std::path::{Path, PathBuf};
-
-/// Identifies the steering actuator from a recorded step: lag, dead time and lag, Pade approximants
-#[derive(Debug, Args)]
-#[command(
-    after_help = "A log needs the columns time, steer_cmd and steer: the angle asked for and the angle measured, in radians, in even \
-                  steps. It begins at rest with half a second of a constant command; then comes a step, and a second or two \
-                  until the angle has settled. Other columns are left alone.
-
-Examples:
-  rfl identify step.csv
-  rfl identify drive.csv --from 12 --until 15                  a step within a longer log
-  rfl identify step.csv --by-yaw-rate --vehicle my_car.toml    no angle was measured: yaw_rate and vx instead
-  rfl identify --vehicle truck_simulation --set effect.steer_delay=0.3 --set effect.steer_lag=0.2
-                                                               a step of our own vehicle, driven here"
-)]
-pub struct IdentifyArgs {
-    /// Log of a step of the steering (CSV) [default: a step of --vehicle is driven]
-    log: Option<PathBuf>,
-    /// Car or truck: a vehicle file (TOML) or a built-in name
-    #[arg(long, default_value = BUILTIN[0])]
-    vehicle: String,
-    /// A parameter, NAME=VALUE, of whoever has it, as for `rfl drive`
-    #[arg(long = "set", value_name = "NAME=VALUE")]
-    settings: Vec<String>,
-    /// Only the rows of the log from this time on, s
-    #[arg(long, value_name = "SECONDS", requires = "log")]
-    from: Option<f64>,
-    /// Only the rows of the log up to this time, s
-    #[arg(long, value_name = "SECONDS", requires = "log")]
-    until: Option<f64>,
-    /// From the yaw rate, through the controller's linear model of the vehicle: takes up what that gets wrong, too
-    #[arg(long)]
-    by_yaw_rate: bool,
-    /// Height of the step that is driven, rad
-    #[arg(long, default_value_t = 0.03)]
-    step: f64,
-    /// Speed at which it is driven, m/s
-    #[arg(long, default_value_t = 8.0)]
-    speed: f64,
-    /// File for the step that is driven (CSV)
-    #[arg(long, value_name = "FILE", conflicts_with = "log")]
-    record: Option<PathBuf>,
-    /// File for the results (JSON)
-    #[arg(long)]
-    json: Option<PathBuf>,
-}
+use std::path::Path;
 
 /// Before the step, and the whole of it, s.
 const REST: f64 = 0.5;
@@ -67,54 +20,59 @@ const DURATION: f64 = 4.0;
 const SPEED_VARIES: f64 = 0.1;
 /// Time constants after which an actuator has settled.
 const SETTLED: f64 = 3.0;
+/// A log that is shorter is a record of a step, s; a longer one if its command has so few values.
+const RECORD: f64 = 10.0;
+const FEW_COMMANDS: usize = 4;
 /// A gain farther from 1 than this is a ratio or a unit.
 const GAIN_ODD: f64 = 0.2;
 
 /// The columns of a step.
 #[derive(Debug, Default, PartialEq)]
-struct Step {
-    time: Vec<f64>,
-    command: Vec<f64>,
-    response: Vec<f64>,
+pub(super) struct Step {
+    pub time: Vec<f64>,
+    pub command: Vec<f64>,
+    pub response: Vec<f64>,
     /// Empty where it is not needed.
-    speed: Vec<f64>,
+    pub speed: Vec<f64>,
     /// Line of the file in which the first row stands.
-    first_line: usize,
+    pub first_line: usize,
 }
 
-/// Runs the command.
-///
-/// # Errors
-/// What was wrong, where, and what to do.
-pub fn run(args: &IdentifyArgs) -> Result<(), Box<dyn Error>> {
-    by_kind!(&args.vehicle, identify(args))
+/// Whether a log is a record of a step: short, or steady from the beginning and then of a few commands only.
+pub(super) fn is_record(step: &Step) -> bool {
+    let length = step.time.last().unwrap_or(&0.0) - step.time.first().unwrap_or(&0.0);
+    if !(length >= RECORD) {
+        return true;
+    }
+    let mut commands = step.command.clone();
+    commands.sort_by(f64::total_cmp);
+    commands.dedup();
+    commands.len() <= FEW_COMMANDS && SteeringRecord::new(&step.time, &step.command, &step.response).is_ok()
 }
 
-fn identify<P: Commanded<S, C>, const S: usize, const C: usize>(
-    args: &IdentifyArgs,
-) -> Result<(), Box<dyn Error>> {
-    let setup = Setup::<P, S, C>::new(None, P::TEST, &args.vehicle, &args.settings)?;
-    let vehicle = setup.controller.vehicle.nominal();
-    let (slowest, place) = (setup.controller.mpc.min_model_speed, args.log.as_deref());
-    let step = match &args.log {
-        Some(file) => read(file, args)?,
-        None => drive(setup, args)?,
-    };
+/// The models of the variant `actuator` that fit a record. `of` is what messages call it, `vehicle` what a yaw rate is
+/// seen through.
+pub(super) fn models<V: LateralVehicle<S>, const S: usize>(
+    step: &Step,
+    of: &str,
+    file: Option<&Path>,
+    through: Option<(&V, f64)>,
+) -> Result<Vec<(DelayModel, IdentifiedActuator)>, Box<dyn Error>> {
     let wrong = |error: IdentifyError| -> Box<dyn Error> {
-        match (place, row_of(&error)) {
-            (Some(file), Some(row)) => format!("{}, line {}: {error}", file.display(), step.first_line + row),
-            (Some(file), None) => format!("{}: {error}", file.display()),
-            (None, _) => format!("the step of {}: {error}", args.vehicle),
+        match (file, row_of(&error)) {
+            (Some(_), Some(row)) => format!("{of}, line {}: {error}", step.first_line + row),
+            (Some(_), None) => format!("{of}: {error}"),
+            (None, _) => format!("the step of {of}: {error}"),
         }
         .into()
     };
     let record = SteeringRecord::new(&step.time, &step.command, &step.response).map_err(&wrong)?;
-    let through = if args.by_yaw_rate {
-        let of = place.map_or(args.vehicle.clone(), |file| file.display().to_string());
-        let speed = constant_speed(&step.speed, slowest).map_err(|error| format!("{of}: {error}"))?;
-        Some(vehicle.model_at(speed)?)
-    } else {
-        None
+    let through = match through {
+        Some((vehicle, slowest)) => {
+            let speed = constant_speed(&step.speed, slowest).map_err(|error| format!("{of}: {error}"))?;
+            Some(vehicle.model_at(speed)?)
+        }
+        None => None,
     };
     let mut found = Vec::new();
     for &model in DelayModel::ALL {
@@ -129,7 +87,7 @@ fn identify<P: Commanded<S, C>, const S: usize, const C: usize>(
             Err(error) => eprintln!("note: {}: {error}", model.name()),
         }
     }
-    report(&step, &found, args)
+    Ok(found)
 }
 
 fn by_yaw_rate<const S: usize>(
@@ -151,7 +109,7 @@ fn row_of(error: &IdentifyError) -> Option<usize> {
 }
 
 /// The log's rows between the two times.
-fn read(file: &Path, args: &IdentifyArgs) -> Result<Step, Box<dyn Error>> {
+pub(super) fn read(file: &Path, args: &IdentifyArgs) -> Result<Step, Box<dyn Error>> {
     let log = DriveLog::read(file)?;
     let response = if args.by_yaw_rate { YAW_RATE.name } else { STEER.name };
     let column = |name: &'static str| {
@@ -193,8 +151,9 @@ fn read(file: &Path, args: &IdentifyArgs) -> Result<Step, Box<dyn Error>> {
 }
 
 /// Drives a step on flat ground, the speed held.
-fn drive<P: Commanded<S, C>, const S: usize, const C: usize>(
-    setup: Setup<P, S, C>,
+pub(super) fn drive<P: Commanded<S, C>, const S: usize, const C: usize>(
+    setup: &Setup<P, S, C>,
+    name: &str,
     args: &IdentifyArgs,
 ) -> Result<Step, Box<dyn Error>> {
     if !(args.speed > 0.0 && args.speed.is_finite() && args.step != 0.0 && args.step.is_finite()) {
@@ -227,10 +186,7 @@ fn drive<P: Commanded<S, C>, const S: usize, const C: usize>(
         step.speed.push(measured.vx);
         let accel_cmd = 2.0 * (args.speed - measured.vx);
         vehicle.advance(&VehicleInput { steer_cmd, accel_cmd }, sample_time).map_err(|error| {
-            format!(
-                "the step of {} at t = {time:.2} s: {error}; give a smaller --step or --speed",
-                args.vehicle
-            )
+            format!("the step of {} at t = {time:.2} s: {error}; give a smaller --step or --speed", name)
         })?;
     }
     if let Some(mut writer) = writer {
@@ -274,11 +230,8 @@ fn settings(found: &IdentifiedActuator) -> [(&'static str, String); 3] {
     ]
 }
 
-fn report(
-    step: &Step,
-    found: &[(DelayModel, IdentifiedActuator)],
-    args: &IdentifyArgs,
-) -> Result<(), Box<dyn Error>> {
+/// Prints the models.
+pub(super) fn report(step: &Step, found: &[(DelayModel, IdentifiedActuator)], args: &IdentifyArgs) {
     let (what, unit) = if args.by_yaw_rate { ("yaw rate", "rad/s") } else { ("angle", "rad") };
     say!(
         "{:<15} {:>11} {:>8} {:>8} {:>16} {:>12}",
@@ -322,21 +275,10 @@ fn report(
             );
         }
     }
-    if let Some(file) = &args.json {
-        let models: Vec<Value> = found.iter().map(|(model, fit)| as_json(*model, fit)).collect();
-        let value = json!({
-            "log": args.log.as_ref().map(|file| file.display().to_string()),
-            "response": if args.by_yaw_rate { YAW_RATE.name } else { STEER.name },
-            "rows": step.time.len(),
-            "models": models,
-        });
-        std::fs::write(file, serde_json::to_string_pretty(&value)?)
-            .map_err(|error| format!("{}: {error}", file.display()))?;
-    }
-    Ok(())
 }
 
-fn as_json(model: DelayModel, fit: &IdentifiedActuator) -> Value {
+/// A model for the results.
+pub(super) fn as_json(model: DelayModel, fit: &IdentifiedActuator) -> Value {
     let set: Vec<String> = settings(fit).iter().map(|(name, value)| format!("{name}={value}")).collect();
     json!({
         "model": model.name(), "dead_time_model": fit.actuator.dead_time_model.name(),

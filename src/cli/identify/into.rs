@@ -1,0 +1,193 @@
+//! A vehicle file that knows its steering actuator: `[steering]` edited, everything else as its author wrote it.
+//!
+//! The actuator that was found is the whole of it: what `[effect]` of the file adds is taken off. Gain and offset of the
+//! measured angle are written where the file has none of its own: those stand behind the sensor, and a measured angle does
+//! not tell of them. Written apart and then renamed: a reader sees the old file or the new one.
+
+use super::super::vehicle::Commanded;
+use super::IdentifyArgs;
+use super::check::number;
+use crate::nominal::{Estimate, IdentifiedSteering};
+use crate::vehicle::{VehicleParameters, builtin_text};
+use std::collections::BTreeMap;
+use std::error::Error;
+use std::path::{Path, PathBuf};
+use toml_edit::{DocumentMut, Item, Value};
+
+/// Digits after the point that are written: a tenth of a millisecond.
+const DIGITS: f64 = 1e4;
+/// A gain this near to 1, or an offset this near to 0 in rad, is none.
+const GAIN_NONE: f64 = 0.01;
+const OFFSET_NONE: f64 = 5e-4;
+/// A gain beyond is a unit or a steering wheel's, not this vehicle's.
+const PLAUSIBLE: std::ops::Range<f64> = 0.5..2.0;
+
+/// Writes what was found into a file; the numbers that changed. `harmful`: the closed loop is lost by knowing it.
+///
+/// # Errors
+/// Not excited, and something would change; a file that cannot be read, edited or written.
+pub(super) fn write<P: Commanded<S, C>, const S: usize, const C: usize>(
+    file: &Path,
+    vehicle: &str,
+    args: &IdentifyArgs,
+    found: &IdentifiedSteering,
+    harmful: bool,
+) -> Result<BTreeMap<&'static str, f64>, Box<dyn Error>> {
+    let place = |error: &dyn std::fmt::Display| format!("{}: {error}", file.display());
+    let exists = file.exists();
+    // A link is written through.
+    let target = if exists { file.canonicalize().map_err(|error| place(&error))? } else { file.to_owned() };
+    if exists && !target.is_file() {
+        return Err(place(&"is no ordinary file; give the name of a vehicle file (TOML)").into());
+    }
+    let text = match builtin_text(vehicle).filter(|_| !exists) {
+        Some(text) => text.to_owned(),
+        None => {
+            let source = if exists { target.clone() } else { PathBuf::from(vehicle) };
+            std::fs::read_to_string(&source).map_err(|error| format!("{}: {error}", source.display()))?
+        }
+    };
+    let old = if exists {
+        P::Parameters::of_file(&target)?
+    } else {
+        super::super::vehicle::vehicle_named(vehicle)?
+    };
+    let changes = changes::<P, S, C>(&old, found, args)?;
+    if changes.is_empty() && exists {
+        say!("{}: nothing changes", file.display());
+        return Ok(changes);
+    }
+    if !found.excited() {
+        return Err(place(&format!(
+            "not written: {} not excited by the logs; drive as said above, and give both logs",
+            match (found.dead_time.excited, found.lag.excited) {
+                (false, false) => "dead time and lag are",
+                (false, true) => "the dead time is",
+                _ => "the lag is",
+            }
+        ))
+        .into());
+    }
+    if harmful {
+        return Err(place(
+            &"not written: a controller that knows it loses the vehicle in closed loop (above)",
+        )
+        .into());
+    }
+    let mut document: DocumentMut = text.parse().map_err(|error| place(&error))?;
+    for (key, value) in &changes {
+        put(&mut document, key, *value).ok_or_else(|| place(&"[steering] is no table"))?;
+    }
+    replace::<P, S, C>(&target, &document.to_string()).map_err(|error| place(&error))?;
+    let words: Vec<String> = changes.iter().map(|(key, value)| format!("{key} = {value}")).collect();
+    say!("{}: [steering] {}", file.display(), words.join(", "));
+    Ok(changes)
+}
+
+/// What changes in `[steering]`.
+fn changes<P: Commanded<S, C>, const S: usize, const C: usize>(
+    old: &P::Parameters,
+    found: &IdentifiedSteering,
+    args: &IdentifyArgs,
+) -> Result<BTreeMap<&'static str, f64>, Box<dyn Error>> {
+    let mut effects = old.effects().clone();
+    let mut effect = |id: &str| P::effect(&mut effects, id).map(|value| *value);
+    let round = |value: f64| (value * DIGITS).round() / DIGITS;
+    let mut changes = BTreeMap::new();
+    for (key, name, id, estimate) in [
+        ("dead_time", "steering.dead_time", "steer_delay", found.dead_time),
+        ("lag", "steering.lag", "steer_lag", found.lag),
+    ] {
+        let added = effect(id).unwrap_or(0.0);
+        if estimate.high < added {
+            return Err(format!(
+                "the vehicle file's effect.{id} = {added} s alone is more than the {:.4} s that were found: take it out of \
+                 [effect]",
+                estimate.value
+            )
+            .into());
+        }
+        let value = round((estimate.value - added).max(0.0));
+        let before = number(old, name).unwrap_or(0.0);
+        // Within the interval, and to a tenth of a millisecond, it is what the file says.
+        if value != round(before) {
+            changes.insert(key, value);
+        }
+    }
+    let mut none = |key: &str, id: &str, neutral: f64| {
+        number(old, key) == Some(neutral) && effect(id).is_none_or(|value| value == neutral)
+    };
+    let off = |estimate: Estimate, neutral: f64, least: f64| {
+        estimate.excited
+            && (estimate.value - neutral).abs() > least
+            && !(estimate.low..=estimate.high).contains(&neutral)
+    };
+    let plausible = PLAUSIBLE.contains(&found.gain.value);
+    if !args.by_yaw_rate && plausible {
+        if off(found.gain, 1.0, GAIN_NONE) && none("steering.gain", "steer_gain", 1.0) {
+            changes.insert("gain", round(found.gain.value));
+        }
+        if off(found.offset, 0.0, OFFSET_NONE) && none("steering.offset", "steer_offset", 0.0) {
+            changes.insert("offset", round(found.offset.value));
+        }
+    }
+    Ok(changes)
+}
+
+/// Puts a number into `[steering]`; its comment stays.
+fn put(document: &mut DocumentMut, key: &str, number: f64) -> Option<()> {
+    let table = document.get_mut("steering")?.as_table_like_mut()?;
+    let mut value = Value::from(number);
+    match table.get_mut(key).and_then(Item::as_value_mut) {
+        Some(old) => {
+            *value.decor_mut() = old.decor().clone();
+            *old = value;
+        }
+        None => {
+            table.insert(key, Item::Value(value));
+        }
+    }
+    Some(())
+}
+
+/// Replaces a vehicle file by a text that is one, whole or not at all.
+fn replace<P: Commanded<S, C>, const S: usize, const C: usize>(
+    target: &Path,
+    text: &str,
+) -> Result<(), Box<dyn Error>> {
+    let mut name = target.file_name().ok_or("is no name of a file")?.to_os_string();
+    name.push(".part");
+    let part = target.with_file_name(name);
+    let written = (|| -> Result<(), Box<dyn Error>> {
+        std::fs::write(&part, text)?;
+        // Beside its place it finds the tyres that it will find there.
+        P::Parameters::of_file(&part)?;
+        if let Ok(old) = std::fs::metadata(target) {
+            std::fs::set_permissions(&part, old.permissions())?;
+        }
+        Ok(std::fs::rename(&part, target)?)
+    })();
+    if written.is_err() {
+        // What is left of an attempt helps nobody.
+        let _ = std::fs::remove_file(&part);
+    }
+    written
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn comments_stay_and_new_keys_come_last() {
+        let text =
+            "# mine\n[steering] # chain\nlag = 0.05   # s, guessed\nangle_limit = 0.6\n\n[drive] # x\n";
+        let mut document: DocumentMut = text.parse().unwrap();
+        put(&mut document, "lag", 0.12).unwrap();
+        put(&mut document, "dead_time", 0.06).unwrap();
+        assert_eq!(
+            document.to_string(),
+            "# mine\n[steering] # chain\nlag = 0.12   # s, guessed\nangle_limit = 0.6\ndead_time = 0.06\n\n[drive] # x\n"
+        );
+    }
+}

@@ -1,0 +1,239 @@
+//! `rfl identify`: the steering actuator's dead time, lag, gain and offset from drives, and into a vehicle file.
+//!
+//! | file | problem |
+//! |---|---|
+//! | `step.rs` | a step, recorded or driven here, for the variant `actuator` |
+//! | `report.rs` | what was found, in words |
+//! | `check.rs` | whether knowing it drives better, in closed loop |
+//! | `into.rs` | a vehicle file that knows it |
+
+mod check;
+mod into;
+mod report;
+mod step;
+
+use super::diagnose::steady_steering;
+use super::drive::Setup;
+use super::vehicle::{Commanded, by_kind};
+use crate::control::VehicleParameters;
+use crate::log::{DriveLog, Finding, SteeringLog};
+use crate::nominal::{
+    DelayModel, IdentifiedActuator, IdentifiedSteering, LateralVehicle, SteeringDrive,
+    identify_by_yaw_rate_from_drives, identify_from_drives,
+};
+use crate::signal::{STEER, YAW_RATE};
+use crate::vehicle::BUILTIN;
+use clap::Args;
+use serde_json::{Value, json};
+use std::error::Error;
+use std::path::PathBuf;
+
+/// Identifies the steering actuator from drives: dead time, lag, gain and offset, with intervals, into a vehicle file
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Any drives that steer: bends, a slalom, an ordinary lap. A log needs the columns time, steer_cmd and steer: the angle asked
+for and the angle measured, in radians. Jitter, repeats and gaps are mended as by rfl diagnose; wrong rows are left out;
+several logs of one vehicle count together. Other columns are left alone.
+
+Each number comes with an interval that holds the truth in nine of ten cases. What the logs do not determine is called
+'not excited', with a drive that would; it is written into no file.
+
+Examples:
+  rfl identify drive.csv
+  rfl identify monday.csv tuesday.csv.gz --into my_car.toml    writes [steering] of the vehicle file; comments stay
+  rfl identify drive.csv --by-yaw-rate --vehicle my_car.toml   no angle was measured: yaw_rate and vx instead
+  rfl identify drive.csv --from 12 --until 60                  a part of a log
+  rfl identify --vehicle truck_simulation --set effect.steer_delay=0.3 --set effect.steer_lag=0.2
+                                                               a step of our own vehicle, driven here
+
+A log of a step (shorter than 10 s: half a second of a constant command, a step, a second or two until the angle has
+settled) gives the models of the variant actuator, too: first-order lag, Pade approximants."
+)]
+pub struct IdentifyArgs {
+    /// Drive logs of one vehicle (CSV, .csv.gz) [default: a step of --vehicle is driven]
+    #[arg(value_name = "LOG")]
+    logs: Vec<PathBuf>,
+    /// Car or truck: a vehicle file (TOML) or a built-in name [default: the file of --into, else c_class]
+    #[arg(long)]
+    vehicle: Option<String>,
+    /// Vehicle file to write [steering] into; one that does not exist is made from --vehicle
+    #[arg(long, value_name = "FILE", requires = "logs")]
+    into: Option<PathBuf>,
+    /// A parameter, NAME=VALUE, of whoever has it, as for `rfl drive`
+    #[arg(long = "set", value_name = "NAME=VALUE")]
+    settings: Vec<String>,
+    /// Only the rows from this time on, s
+    #[arg(long, value_name = "SECONDS", requires = "logs")]
+    from: Option<f64>,
+    /// Only the rows up to this time, s
+    #[arg(long, value_name = "SECONDS", requires = "logs")]
+    until: Option<f64>,
+    /// From the yaw rate, through the linear model of the vehicle: takes up what that gets wrong, too
+    #[arg(long)]
+    by_yaw_rate: bool,
+    /// Height of the step that is driven, rad
+    #[arg(long, default_value_t = 0.03)]
+    step: f64,
+    /// Speed at which it is driven, m/s
+    #[arg(long, default_value_t = 8.0)]
+    speed: f64,
+    /// File for the step that is driven (CSV)
+    #[arg(long, value_name = "FILE", conflicts_with = "logs")]
+    record: Option<PathBuf>,
+    /// No closed loop to see whether knowing it drives better
+    #[arg(long)]
+    no_check: bool,
+    /// File for the results (JSON)
+    #[arg(long)]
+    json: Option<PathBuf>,
+}
+
+/// What was found, and in what.
+struct Found {
+    drives: Vec<SteeringDrive>,
+    findings: Vec<Finding>,
+    models: Vec<(DelayModel, IdentifiedActuator)>,
+    steering: Option<IdentifiedSteering>,
+    /// Rows that were read.
+    rows: usize,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// What was wrong, where, and what to do.
+pub fn run(args: &IdentifyArgs) -> Result<(), Box<dyn Error>> {
+    let into = args.into.as_ref().filter(|file| file.exists());
+    let name = match (&args.vehicle, into) {
+        (Some(name), _) => name.clone(),
+        (None, Some(file)) => file.display().to_string(),
+        (None, None) => BUILTIN[0].to_owned(),
+    };
+    by_kind!(&name, identify(args, &name))
+}
+
+fn identify<P: Commanded<S, C>, const S: usize, const C: usize>(
+    args: &IdentifyArgs,
+    name: &str,
+) -> Result<(), Box<dyn Error>> {
+    let setup = Setup::<P, S, C>::new(None, P::TEST, name, &args.settings)?;
+    let found = found(args, name, &setup)?;
+    report::print(&found, args);
+    let mut results = report::as_json(&found, args);
+    let asked = !args.logs.is_empty() && (args.vehicle.is_some() || args.into.is_some());
+    let mut harmful = false;
+    if let (true, false, Some(steering)) = (asked, args.no_check, &found.steering) {
+        if steering.delay.excited {
+            let rows = check::drives::<P, S, C>(&setup, steering)?;
+            harmful = check::print(&rows);
+            results["closed_loop"] = check::as_json(&rows);
+        }
+    }
+    let written = match (&args.into, &found.steering) {
+        (Some(file), Some(steering)) => {
+            into::write::<P, S, C>(file, name, args, steering, harmful).map(|changes| {
+                results["into"] = json!({"file": file.display().to_string(), "changes": changes});
+            })
+        }
+        _ => Ok(()),
+    };
+    if let Some(file) = &args.json {
+        std::fs::write(file, serde_json::to_string_pretty(&results)?)
+            .map_err(|error| format!("{}: {error}", file.display()))?;
+    }
+    written?;
+    report::next(&found, args);
+    Ok(())
+}
+
+fn found<P: Commanded<S, C>, const S: usize, const C: usize>(
+    args: &IdentifyArgs,
+    name: &str,
+    setup: &Setup<P, S, C>,
+) -> Result<Found, Box<dyn Error>> {
+    let vehicle = setup.controller.vehicle.nominal();
+    let slowest = setup.controller.mpc.min_model_speed;
+    let through = args.by_yaw_rate.then_some((&vehicle, slowest));
+    let step = match &args.logs[..] {
+        [] => Some(step::drive(setup, name, args)?),
+        [file] => Some(step::read(file, args)?).filter(step::is_record),
+        _ => None,
+    };
+    if let Some(step) = step {
+        let file = args.logs.first().map(PathBuf::as_path);
+        let of = file.map_or(name.to_owned(), |file| file.display().to_string());
+        let models = step::models(&step, &of, file, through)?;
+        step::report(&step, &models, args);
+        let rows = step.time.len();
+        let drives = vec![SteeringDrive {
+            name: of,
+            time: step.time,
+            steer_cmd: step.command,
+            response: step.response,
+            speed: step.speed,
+        }];
+        // A record too short for intervals has its models all the same.
+        let steering = from_drives(&drives, through).ok();
+        return Ok(Found { drives, findings: Vec::new(), models, steering, rows });
+    }
+    let steady = |speed: f64| steady_steering(&vehicle, speed);
+    let (mut drives, mut findings, mut rows) = (Vec::new(), Vec::new(), 0);
+    for file in &args.logs {
+        let log = DriveLog::read(file)?;
+        let read = if args.by_yaw_rate {
+            SteeringLog::by_yaw_rate(&log, &steady)?
+        } else {
+            // The words for a missing column are the same as for a step.
+            step::read(file, args)?;
+            SteeringLog::by_angle(&log, &steady)?
+        };
+        rows += log.column("time").map_or(0, <[f64]>::len);
+        let several = args.logs.len() > 1;
+        findings.extend(read.findings.into_iter().map(|finding| match several {
+            true => Finding { words: format!("{}: {}", file.display(), finding.words), ..finding },
+            false => finding,
+        }));
+        drives.extend(read.drives.into_iter().map(|drive| part_of(drive, args)));
+    }
+    let steering = from_drives(&drives, through).map_err(|error| match &args.logs[..] {
+        [file] => format!("{}: {error}", file.display()),
+        _ => error.to_string(),
+    })?;
+    Ok(Found { drives, findings, models: Vec::new(), steering: Some(steering), rows })
+}
+
+fn from_drives<V: LateralVehicle<S>, const S: usize>(
+    drives: &[SteeringDrive],
+    through: Option<(&V, f64)>,
+) -> Result<IdentifiedSteering, crate::nominal::DrivesError> {
+    match through {
+        Some((vehicle, slowest)) => identify_by_yaw_rate_from_drives(drives, vehicle, slowest),
+        None => identify_from_drives(drives),
+    }
+}
+
+/// The rows between --from and --until.
+fn part_of(drive: SteeringDrive, args: &IdentifyArgs) -> SteeringDrive {
+    let within =
+        |time: f64| args.from.is_none_or(|from| time >= from) && args.until.is_none_or(|until| time <= until);
+    let part = |column: &[f64]| -> Vec<f64> {
+        drive.time.iter().zip(column).filter(|(time, _)| within(**time)).map(|(_, value)| *value).collect()
+    };
+    SteeringDrive {
+        time: part(&drive.time),
+        steer_cmd: part(&drive.steer_cmd),
+        response: part(&drive.response),
+        speed: part(&drive.speed),
+        name: drive.name,
+    }
+}
+
+/// What the response is.
+fn response(args: &IdentifyArgs) -> &'static str {
+    if args.by_yaw_rate { YAW_RATE.name } else { STEER.name }
+}
+
+/// Models of a step for the results.
+fn models_as_json(found: &Found) -> Vec<Value> {
+    found.models.iter().map(|(model, fit)| step::as_json(*model, fit)).collect()
+}

@@ -1,0 +1,173 @@
+//! What the steering actuator is identified from: command and response of a log, on its own mended clock.
+//!
+//! The measured angle is compared row by row, as it was recorded: resampled commands are no commands any more. Where the
+//! clock starts anew a new drive begins. The yaw rate goes through a vehicle's model and is taken from the even clock of
+//! [`CleanLog`], with all repairs that are made there.
+
+use super::agreement::near;
+use super::clean::{CleanError, CleanLog, UnusableLog};
+use super::clock;
+use super::finding::{Finding, Gravity};
+use super::read::DriveLog;
+use super::statistics::quantile;
+use crate::nominal::SteeringDrive;
+
+const DEGREE: f64 = std::f64::consts::PI / 180.0;
+/// A clock that goes back by more than so many steps starts anew.
+const ANEW: f64 = 20.0;
+/// Steering beyond this is an angle in degrees, or at the steering wheel, rad.
+const MOST: f64 = 1.6;
+
+/// A log's drives for an identification, and what was found on the way.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct SteeringLog {
+    /// One for each start of the clock.
+    pub drives: Vec<SteeringDrive>,
+    /// What was mended or is suspect, the gravest first.
+    pub findings: Vec<Finding>,
+}
+
+impl SteeringLog {
+    /// Drives with the measured angle as response; `steering` as for [`CleanLog::of`].
+    ///
+    /// # Errors
+    /// A missing column; no stretch that is long enough.
+    pub fn by_angle(log: &DriveLog, steering: &dyn Fn(f64) -> f64) -> Result<Self, UnusableLog> {
+        let unusable = |cause| UnusableLog { file: log.file.clone(), cause };
+        let column = |name: &'static str| {
+            log.column(name).ok_or_else(|| unusable(CleanError::Missing { column: name }))
+        };
+        let (stamps, command, angle) = (column("time")?, column("steer_cmd")?, column("steer")?);
+        let mut found = Self::default();
+        let factors = found.units(log, [command, angle], steering);
+        let mut first_error = None;
+        let begins = starts(stamps);
+        let name = log.file.display().to_string();
+        for (from, to) in begins.iter().zip(begins.iter().skip(1).chain([&stamps.len()])) {
+            let (stamps, command, angle) = (&stamps[*from..*to], &command[*from..*to], &angle[*from..*to]);
+            let same = |a: usize, b: usize| {
+                command[a].to_bits() == command[b].to_bits() && angle[a].to_bits() == angle[b].to_bits()
+            };
+            let mut findings = Vec::new();
+            match clock::read(stamps, None, same, &mut findings) {
+                Ok(clock) => {
+                    let of = |column: &[f64], factor: f64| -> Vec<f64> {
+                        clock.rows.iter().map(|&row| factor * column[row]).collect()
+                    };
+                    found.drives.push(SteeringDrive {
+                        name: name.clone(),
+                        steer_cmd: of(command, factors[0]),
+                        response: of(angle, factors[1]),
+                        time: clock.time,
+                        speed: Vec::new(),
+                    });
+                    found.findings.extend(findings);
+                }
+                Err(error) => first_error = first_error.or(Some(error)),
+            }
+        }
+        if begins.len() > 1 {
+            let words = format!(
+                "the clock starts anew {} times: {} drives of 10 s and more are used",
+                begins.len() - 1,
+                found.drives.len()
+            );
+            found.findings.push(Finding::new(Gravity::Warning, Some("time"), words));
+        }
+        found.findings.sort_by_key(|finding| std::cmp::Reverse(finding.gravity));
+        match first_error {
+            Some(error) if found.drives.is_empty() => Err(unusable(error)),
+            _ => Ok(found),
+        }
+    }
+
+    /// The drive with the yaw rate as response.
+    ///
+    /// # Errors
+    /// As [`CleanLog::of`]; a log without the command.
+    pub fn by_yaw_rate(log: &DriveLog, steering: &dyn Fn(f64) -> f64) -> Result<Self, UnusableLog> {
+        let clean = CleanLog::of(log, steering)?;
+        if !clean.commanded {
+            let cause = CleanError::Missing { column: "steer_cmd" };
+            return Err(UnusableLog { file: log.file.clone(), cause });
+        }
+        let valid = |column: &str| -> Vec<f64> {
+            let values = clean.columns[column].iter().zip(&clean.valid);
+            values.map(|(value, valid)| if *valid { *value } else { f64::NAN }).collect()
+        };
+        let drive = SteeringDrive {
+            name: log.file.display().to_string(),
+            steer_cmd: clean.columns["steer_cmd"].clone(),
+            response: valid("yaw_rate"),
+            speed: clean.columns["vx"].clone(),
+            time: clean.time.clone(),
+        };
+        Ok(Self { drives: vec![drive], findings: clean.findings })
+    }
+
+    /// Factors to radians of command and angle.
+    fn units(&mut self, log: &DriveLog, columns: [&[f64]; 2], steering: &dyn Fn(f64) -> f64) -> [f64; 2] {
+        let high = |values: &[f64]| quantile(values.iter().map(|value| value.abs()).collect(), 0.95);
+        // Where the log tells how it turned, cleaning knows units and signs.
+        let clean = match CleanLog::of(log, steering) {
+            Ok(clean) => Some(clean),
+            Err(UnusableLog {
+                cause: cause @ (CleanError::Sign { .. } | CleanError::SteeringWheel { .. }),
+                ..
+            }) => {
+                let words = format!("{cause}; dead time and lag do not depend on it");
+                self.findings.push(Finding::new(Gravity::Warning, Some("steer_cmd"), words));
+                None
+            }
+            Err(_) => None,
+        };
+        let mut factors = [1.0; 2];
+        for ((name, column), factor) in ["steer_cmd", "steer"].into_iter().zip(columns).zip(&mut factors) {
+            let Some(raw) = high(column).filter(|raw| *raw > MOST) else { continue };
+            let mended = clean.as_ref().and_then(|clean| high(clean.columns.get(name)?));
+            if mended.is_some_and(|mended| near(mended / raw / DEGREE, 1.0)) {
+                *factor = DEGREE;
+                let words = format!("{name} was taken as degrees and converted to radians");
+                self.findings.push(Finding::new(Gravity::Warning, Some(name), words));
+            } else {
+                let words = format!(
+                    "{name} reaches {raw:.1}: degrees, or a steering-wheel angle? Gain and offset are in its unit"
+                );
+                self.findings.push(Finding::new(Gravity::Warning, Some(name), words));
+            }
+        }
+        factors
+    }
+}
+
+/// Rows at which the clock starts anew.
+fn starts(stamps: &[f64]) -> Vec<usize> {
+    let mut steps: Vec<f64> =
+        stamps.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0).collect();
+    steps.sort_by(f64::total_cmp);
+    let typical = steps.get(steps.len() / 2).copied().unwrap_or(f64::INFINITY);
+    let mut starts = vec![0];
+    let mut latest = f64::NEG_INFINITY;
+    for (row, stamp) in stamps.iter().enumerate().filter(|(_, stamp)| stamp.is_finite()) {
+        if *stamp < latest - ANEW * typical {
+            starts.push(row);
+            latest = *stamp;
+        }
+        latest = latest.max(*stamp);
+    }
+    starts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_start_of_the_clock_begins_a_drive() {
+        let lap = |_| (0..50).map(|k| 0.02 * f64::from(k));
+        let mut stamps: Vec<f64> = (0..3).flat_map(lap).collect();
+        assert_eq!(starts(&stamps), [0, 50, 100]);
+        stamps.swap(70, 71);
+        assert_eq!(starts(&stamps), [0, 50, 100]);
+    }
+}

@@ -1,0 +1,489 @@
+//! The steering actuator from any drives: dead time, lag, gain and offset, each with an interval.
+//!
+//! ```text
+//! y = gain x + offset,     tau x' = u(t - T) - x
+//! ```
+//!
+//! `u` is the command, held from its row on; `y` what was measured at each row. The drives may begin in a bend, have gaps,
+//! uneven rows, wrong rows and stretches at a rate limit:
+//!
+//! - a row whose residual stands out of those beside it is wrong and left out: what a model gets wrong lasts longer;
+//! - a limit of the angle's rate is modelled where that explains clearly more;
+//! - where commands are recorded more slowly than they are given, a line between rows may explain much more than steps.
+//!
+//! A dead time and a lag act alike on slow commands: if only their sum is known, that is said.
+
+use super::fit::{LEAST_NOISE, LONGEST_DEAD_TIME, LONGEST_LAG, Point, Problem};
+use super::interval::{Along, Ends, GAUSS, Noise};
+use super::response::Response;
+use super::rows::Rows;
+use crate::nominal::{Actuator, LateralVehicle, SingleTrackError};
+use crate::{enumeration, nominal::DeadTimeModel};
+
+enumeration! {
+    /// What a command did between the rows of a record.
+    pub enum Between {
+        Held = 0 "held", "Each command stands until the next row";
+        Line = 1 "line", "Commands were recorded more slowly than given: on a line between rows";
+    }
+}
+
+/// A drive as it was recorded. Rows need not be even; what is no number is a gap.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct SteeringDrive {
+    /// What messages call it.
+    pub name: String,
+    /// s, rising.
+    pub time: Vec<f64>,
+    /// Command, rad, given at its time.
+    pub steer_cmd: Vec<f64>,
+    /// What was measured just before: the road-wheel angle in rad, or the yaw rate in rad/s.
+    pub response: Vec<f64>,
+    /// Forward speed, m/s, for a yaw rate; else empty.
+    pub speed: Vec<f64>,
+}
+
+/// A number with its 90 % confidence interval.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Estimate {
+    /// Best value.
+    pub value: f64,
+    /// Lower end.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+    /// Whether the drives determine it: the interval is narrow enough to be used.
+    pub excited: bool,
+}
+
+/// A value that was taken for wrong.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LeftOut {
+    /// Place of the drive.
+    pub drive: u32,
+    /// Row of the drive.
+    pub row: u32,
+    /// `steer_cmd` or `response`.
+    pub signal: &'static str,
+    /// The value.
+    pub value: f64,
+}
+
+/// A steering actuator as drives show it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct IdentifiedSteering {
+    /// Dead time, s.
+    pub dead_time: Estimate,
+    /// Time constant of the first-order lag, s.
+    pub lag: Estimate,
+    /// Their sum, s: known before either is.
+    pub delay: Estimate,
+    /// Steady response to a command of 1: measured angle over command, or yaw rate over the model's.
+    pub gain: Estimate,
+    /// Angle without a command, rad, as the sensor has it; by yaw rate, the command that goes straight, turned round.
+    pub offset: Estimate,
+    /// Root of the mean squared error, in the response's unit.
+    pub rmse: f64,
+    /// Share of the response's variance that is explained, at most 1.
+    pub explained: f64,
+    /// Rows that were used.
+    pub rows: usize,
+    /// Values that were taken for wrong.
+    pub left_out: Vec<LeftOut>,
+    /// The response's rate limit, rad/s, where one had to be modelled.
+    pub rate_limit: Option<f64>,
+    /// What was assumed between rows.
+    pub between: Between,
+}
+
+/// Why drives tell nothing of the steering.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum DrivesError {
+    #[error("no drive was given")]
+    None,
+    #[error(
+        "{name}: {time} times, {commands} commands, {responses} responses and {speeds} speeds: each row needs one of each"
+    )]
+    Lengths { name: String, time: usize, commands: usize, responses: usize, speeds: usize },
+    #[error("{found} usable rows are too few: at least {least} with a command and a response are needed")]
+    TooFew { found: usize, least: usize },
+    #[error(
+        "the response does not follow the command: the best fit explains {:.0} % of it; is it the right column, and does \
+         its time belong to the command's?",
+        100.0 * share
+    )]
+    NoResponse { share: f64 },
+    #[error("the vehicle's linear model: {0}")]
+    Vehicle(#[from] SingleTrackError),
+}
+
+/// Fewest rows that count.
+const LEAST_ROWS: usize = 30;
+/// An interval whose half is within this share of the whole delay, or within this time in s, determines a time.
+const TIME_SHARE: f64 = 0.2;
+const TIME_ENOUGH: f64 = 0.015;
+/// An interval whose half is within this share determines a gain.
+const GAIN_SHARE: f64 = 0.05;
+/// An interval whose half is within this determines an offset, rad.
+const OFFSET_ENOUGH: f64 = 2e-3;
+/// A fit that explains less than this, of a command whose effect would be seen, is none.
+const LEAST_SHARE: f64 = 0.5;
+/// Rows on each side of one that tell what its residual should be.
+const BESIDE: usize = 4;
+/// A residual farther from those beside it than so many typical distances, and than this share of all, is wrong.
+const OUTLYING: f64 = 8.0;
+const OUTLYING_SHARE: f64 = 0.3;
+/// Differences of residuals below this are rounding, rad or rad/s.
+const ROUNDING: f64 = 1e-5;
+/// Squares that rise by less than this share of the noise's variance are flat.
+const FLAT: f64 = 0.5;
+/// Window of the last search, s.
+const FINE: f64 = 3e-4;
+/// Rounds of looking for wrong rows.
+const ROUNDS: usize = 3;
+/// Rate limits that are tried: so many, each this share of the one before, from the greatest rate that is seen.
+const LIMITS: i32 = 12;
+const LIMIT_RATIO: f64 = 0.82;
+/// Rounds of finding the limit and the rest in turn.
+const LIMIT_ROUNDS: usize = 5;
+/// A rate limit must lower the error to this share of it.
+const CLEARLY_BETTER: f64 = 0.7;
+/// So must lines between rows: with steps that are steps they only raise it.
+const LINE_BETTER: f64 = 0.9;
+
+impl IdentifiedSteering {
+    /// The actuator to predict with.
+    #[must_use]
+    pub fn actuator(&self) -> Actuator {
+        Actuator {
+            dead_time: self.dead_time.value,
+            time_constant: self.lag.value,
+            dead_time_model: DeadTimeModel::Exact,
+        }
+    }
+
+    /// Whether dead time and lag are determined, both of them.
+    #[must_use]
+    pub fn excited(&self) -> bool {
+        self.dead_time.excited && self.lag.excited
+    }
+}
+
+/// The actuator from drives whose response is the road-wheel angle; gain and offset are those of the sensor against the
+/// command.
+///
+/// # Errors
+/// Too few rows; a response that does not follow.
+pub fn identify_from_drives(drives: &[SteeringDrive]) -> Result<IdentifiedSteering, DrivesError> {
+    let rows = checked(drives, false)?;
+    let held = Problem::new(rows.clone(), Response::angle(&rows, Between::Held));
+    let mut found = Found::of(held).limited();
+    let mut line = found.clone();
+    line.problem.response = Response::angle(&rows, Between::Line);
+    // A line runs half a step behind the step before it.
+    let (half, best) = (0.5 * rows.step, found.best);
+    let near = Point { dead_time: (best.dead_time + half).min(LONGEST_DEAD_TIME), ..best };
+    line.best = line.problem.refine(&near, 2.0 * half, 4.0 * half);
+    if found.rms() > 10.0 * LEAST_NOISE && line.rms() < LINE_BETTER * found.rms() {
+        found = line.polished();
+    }
+    found.identified()
+}
+
+/// The actuator from drives whose response is the yaw rate, at whatever speeds, through the linear model of the vehicle, held
+/// below the speed `slowest` in m/s. What that gets wrong in time, relaxation of tyres and roll above all, is found in the
+/// constants, too. Rows should be even.
+///
+/// # Errors
+/// Too few rows; a response that does not follow; a vehicle whose model cannot be made.
+pub fn identify_by_yaw_rate_from_drives<V: LateralVehicle<S>, const S: usize>(
+    drives: &[SteeringDrive],
+    vehicle: &V,
+    slowest: f64,
+) -> Result<IdentifiedSteering, DrivesError> {
+    let rows = checked(drives, true)?;
+    let response = Response::yaw_rate(&rows, vehicle, slowest)?;
+    Found::of(Problem::new(rows, response)).identified()
+}
+
+fn checked(drives: &[SteeringDrive], with_speed: bool) -> Result<Rows, DrivesError> {
+    if drives.is_empty() {
+        return Err(DrivesError::None);
+    }
+    for SteeringDrive { name, time, steer_cmd, response, speed } in drives {
+        let rows = time.len();
+        let speeds_fit =
+            if with_speed { speed.len() == rows } else { speed.is_empty() || speed.len() == rows };
+        if steer_cmd.len() != rows || response.len() != rows || !speeds_fit {
+            let (name, commands, responses, speeds) =
+                (name.clone(), steer_cmd.len(), response.len(), speed.len());
+            return Err(DrivesError::Lengths { name, time: rows, commands, responses, speeds });
+        }
+    }
+    let rows = Rows::of(drives, with_speed);
+    match rows.counted() {
+        found if found < LEAST_ROWS => Err(DrivesError::TooFew { found, least: LEAST_ROWS }),
+        _ => Ok(rows),
+    }
+}
+
+/// A problem with its best point.
+#[derive(Debug, Clone)]
+struct Found {
+    problem: Problem,
+    best: Point,
+}
+
+fn median(values: &mut [f64]) -> f64 {
+    let middle = values.len() / 2;
+    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
+}
+
+impl Found {
+    /// The best of all, without rows that stand out.
+    fn of(mut problem: Problem) -> Self {
+        let best = problem.search();
+        Self { problem, best }.polished()
+    }
+
+    /// The best near the best, without rows that stand out.
+    fn polished(mut self) -> Self {
+        // Each round judges all rows anew: a rough fit is no judge for good.
+        let (counts, left_out) = (self.problem.rows.counts.clone(), self.problem.rows.left_out.len());
+        for round in 0..ROUNDS {
+            let before = self.problem.rows.counts.clone();
+            self.problem.rows.left_out.truncate(left_out);
+            self.leave_out_outliers(&counts);
+            let changed = before != self.problem.rows.counts;
+            let (dead_times, lags) = if round == 0 { (0.02, 0.04) } else { (4e-3, 8e-3) };
+            self.best = self.problem.refine(&self.best, dead_times, lags);
+            if !changed && round > 0 {
+                break;
+            }
+        }
+        for _ in 0..ROUNDS {
+            let before = self.best;
+            self.best = self.problem.refine(&before, FINE, 2.0 * FINE);
+            if (self.best.dead_time - before.dead_time).abs().max((self.best.lag - before.lag).abs())
+                < 0.5 * FINE
+            {
+                break;
+            }
+        }
+        self
+    }
+
+    /// Root of the mean squared residual of the rows that count.
+    fn rms(&self) -> f64 {
+        (self.best.cost / self.problem.rows.counted().max(1) as f64).sqrt()
+    }
+
+    /// Takes out those of some rows whose residual stands out.
+    fn leave_out_outliers(&mut self, all: &[bool]) {
+        let least = self.rms();
+        self.problem.residuals(&self.best);
+        let Problem { rows, residual, .. } = &mut self.problem;
+        rows.counts.copy_from_slice(all);
+        let stretches: Vec<_> = rows.stretches().collect();
+        let mut off = vec![0.0; rows.time.len()];
+        for stretch in stretches {
+            let counted: Vec<usize> = stretch.filter(|&row| rows.counts[row]).collect();
+            for (i, &row) in counted.iter().enumerate() {
+                let from = i.saturating_sub(BESIDE);
+                let mut beside: Vec<f64> = counted[from..(i + BESIDE + 1).min(counted.len())]
+                    .iter()
+                    .map(|&row| residual[row])
+                    .collect();
+                off[row] = (residual[row] - median(&mut beside)).abs();
+            }
+        }
+        let mut typical: Vec<f64> =
+            (0..off.len()).filter(|&row| rows.counts[row]).map(|row| off[row]).collect();
+        let limit = (OUTLYING * 1.4826 * median(&mut typical)).max(OUTLYING_SHARE * least).max(ROUNDING);
+        for (row, off) in off.iter().enumerate() {
+            if rows.counts[row] && *off > limit {
+                rows.counts[row] = false;
+                let (drive, place) = rows.origin[row];
+                let value = rows.response[row] + rows.mean;
+                rows.left_out.push(LeftOut { drive, row: place, signal: "response", value });
+            }
+        }
+    }
+
+    /// Finds a rate limit, if one explains the response clearly better.
+    fn limited(mut self) -> Self {
+        // What is exact has no limit.
+        if self.rms() < 10.0 * LEAST_NOISE {
+            return self;
+        }
+        let least = self.rms();
+        let mut part = self.problem.part();
+        let greatest = self.problem.greatest_rate() / self.best.beta[0].abs().max(1e-9);
+        let mut best = (f64::INFINITY, part.coarse(&self.best));
+        let without = best.1.cost;
+        for k in 0..LIMITS {
+            let limit = greatest * LIMIT_RATIO.powi(k);
+            part.response.rate_limit = limit;
+            let found = part.coarse(&self.best);
+            if found.cost < best.1.cost {
+                best = (limit, found);
+            }
+        }
+        if !(best.1.cost < CLEARLY_BETTER * CLEARLY_BETTER * without) {
+            return self;
+        }
+        // Limit and the rest in turn.
+        let (mut limit, mut ratio) = (best.0, LIMIT_RATIO);
+        let mut other = self.clone();
+        other.best = best.1;
+        for _ in 0..LIMIT_ROUNDS {
+            other.problem.response.rate_limit = limit;
+            other.best = other.problem.refine(&other.best, 0.01, 0.02);
+            for _ in 0..2 {
+                for factor in [ratio, 1.0 / ratio] {
+                    other.problem.response.rate_limit = limit * factor;
+                    let found = other.problem.lag_for(other.best.dead_time, other.best.lag, 5e-3);
+                    if found.cost < other.best.cost {
+                        (limit, other.best) = (limit * factor, found);
+                    }
+                }
+                ratio = ratio.sqrt();
+            }
+        }
+        other.problem.response.rate_limit = limit;
+        let other = other.polished();
+        if other.rms() < CLEARLY_BETTER * least {
+            self = other;
+        }
+        self
+    }
+
+    fn identified(mut self) -> Result<IdentifiedSteering, DrivesError> {
+        let rows = self.problem.rows.counted();
+        let variance: f64 = self
+            .problem
+            .rows
+            .response
+            .iter()
+            .zip(&self.problem.rows.counts)
+            .map(|(y, counts)| if *counts { y * y } else { 0.0 })
+            .sum();
+        let explained = if variance > 0.0 { 1.0 - self.best.cost / variance } else { 0.0 };
+        let noise = Noise::of(&mut self.problem, &self.best);
+        let best = self.best;
+        let ends = |problem: &mut Problem, along, longest| problem.ends(along, &best, &noise, longest);
+        let dead_times = ends(&mut self.problem, Along::DeadTime, LONGEST_DEAD_TIME);
+        let lags = ends(&mut self.problem, Along::Lag, LONGEST_LAG);
+        let sums = ends(&mut self.problem, Along::Sum, LONGEST_DEAD_TIME + LONGEST_LAG);
+        let best = self.middle(&dead_times, &noise);
+        let spread = |of: &dyn Fn(&Point) -> f64| {
+            // Along the valley and across it.
+            [dead_times.low, dead_times.high, lags.low, lags.high, sums.low, sums.high]
+                .iter()
+                .map(|point| (of(point) - of(&best)).abs())
+                .fold(0.0, f64::max)
+        };
+        let gain = self.linear(&best, 0, &noise, spread(&|point| point.beta[0]));
+        let place = self.problem.response.offset_column();
+        let mut offset = self.linear(&best, place, &noise, spread(&|point| point.beta[place]));
+        if self.problem.response.free {
+            // Responses were counted from their mean.
+            offset = offset.map(|value| value + self.problem.rows.mean);
+        } else if best.beta[0] != 0.0 {
+            offset = offset.map(|value| value / best.beta[0].abs());
+        }
+        let whole = best.dead_time + best.lag;
+        let time = |value: f64, ends: &Ends, of: fn(&Point) -> f64| {
+            let (low, high) = (of(&ends.low).min(value), of(&ends.high).max(value));
+            let enough = TIME_ENOUGH.max(TIME_SHARE * whole);
+            let excited = ends.closed.iter().all(|closed| *closed) && 0.5 * (high - low) <= enough;
+            Estimate { value, low, high, excited }
+        };
+        let mut identified = IdentifiedSteering {
+            dead_time: time(best.dead_time, &dead_times, |point| point.dead_time),
+            lag: time(best.lag, &lags, |point| point.lag),
+            delay: time(whole, &sums, |point| point.dead_time + point.lag),
+            gain: estimate(gain, GAIN_SHARE * gain[1].abs()),
+            offset: estimate(offset, OFFSET_ENOUGH),
+            rmse: self.rms(),
+            explained,
+            rows,
+            left_out: std::mem::take(&mut self.problem.rows.left_out),
+            rate_limit: Some(self.problem.response.rate_limit * best.beta[0].abs())
+                .filter(|limit| limit.is_finite()),
+            between: self.problem.response.between,
+        };
+        if explained < LEAST_SHARE {
+            self.no_response(&mut identified)?;
+        }
+        Ok(identified)
+    }
+
+    /// Where the squares are flat between the ends, as those of a pure dead time within a step, the middle is the value.
+    fn middle(&mut self, ends: &Ends, noise: &Noise) -> Point {
+        let dead_time = 0.5 * (ends.low.dead_time + ends.high.dead_time);
+        let sum = self.best.dead_time + self.best.lag;
+        let middle = self.problem.lag_for(dead_time, (sum - dead_time).max(0.0), 5e-3);
+        let flat = ends.closed == [true; 2] && middle.cost <= self.best.cost + FLAT * noise.variance;
+        if flat { middle } else { self.best }
+    }
+
+    /// Low, value and high of a factor.
+    fn linear(&mut self, best: &Point, place: usize, noise: &Noise, spread: f64) -> [f64; 3] {
+        self.problem.alone(best, place);
+        let counts = &self.problem.rows.counts;
+        let v: Vec<f64> = self
+            .problem
+            .residual
+            .iter()
+            .zip(counts)
+            .filter(|(_, counts)| **counts)
+            .map(|(v, _)| *v)
+            .collect();
+        let squares = v.iter().map(|v| v * v).sum::<f64>();
+        let value = best.beta[place];
+        if squares <= 1e-12 * v.len() as f64 {
+            return [f64::NEG_INFINITY, value, f64::INFINITY];
+        }
+        let variance = noise.long_run(&v).max(noise.variance * squares) / (squares * squares);
+        let half = GAUSS * variance.sqrt();
+        let half = half.hypot(spread);
+        [value - half, value, value + half]
+    }
+
+    /// A fit that explains little: a command that hardly moves, or a response that does not follow.
+    fn no_response(&mut self, identified: &mut IdentifiedSteering) -> Result<(), DrivesError> {
+        let gain = identified.gain;
+        if gain.low * gain.high > 0.0 {
+            // It follows, under much noise: the intervals say how much is known.
+            return Ok(());
+        }
+        self.problem.alone(&self.best, 0);
+        let counts = &self.problem.rows.counts;
+        let squares: f64 = self
+            .problem
+            .residual
+            .iter()
+            .zip(counts)
+            .map(|(v, counts)| if *counts { v * v } else { 0.0 })
+            .sum();
+        let seen = (squares / identified.rows.max(1) as f64).sqrt();
+        if seen > identified.rmse {
+            return Err(DrivesError::NoResponse { share: identified.explained.max(0.0) });
+        }
+        for (estimate, longest) in [
+            (&mut identified.dead_time, LONGEST_DEAD_TIME),
+            (&mut identified.lag, LONGEST_LAG),
+            (&mut identified.delay, LONGEST_DEAD_TIME + LONGEST_LAG),
+        ] {
+            (estimate.low, estimate.high, estimate.excited) = (0.0, longest, false);
+        }
+        identified.gain.excited = false;
+        Ok(())
+    }
+}
+
+fn estimate([low, value, high]: [f64; 3], enough: f64) -> Estimate {
+    Estimate { value, low, high, excited: 0.5 * (high - low) <= enough }
+}

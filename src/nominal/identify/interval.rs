@@ -1,0 +1,181 @@
+//! Confidence intervals from the profile of the squares.
+//!
+//! ```text
+//! { theta : (S_profile(theta) - S_min) / sigma^2 <= c chi2 }          c = sum_l w_l cov(v_k r_k, v_{k-l} r_{k-l}) / (sigma^2 sum v_k^2)
+//! ```
+//!
+//! `v` is how the best fit's residual changes along the parameter, `r` the residual. With white noise `c` is 1; a residual
+//! that stays on one side for a while, as that of a wrong model does, tells less than its rows are many, and `c` says by
+//! how much (Newey and West's estimate with Bartlett's weights). The profile itself knows limits and steps of the squares.
+//!
+//! Source: Bates and Watts, Nonlinear Regression Analysis, ch. 6 (profiles); Newey and West, Econometrica 55 (1987).
+
+use super::fit::{LEAST_NOISE, Point, Problem};
+
+/// 90 % of a chi-squared variable of one degree of freedom is below this.
+const CHI2: f64 = 2.7055;
+/// The same of a Gaussian's magnitude.
+pub(super) const GAUSS: f64 = 1.6449;
+/// Autocorrelation below which rows count as independent.
+const INDEPENDENT: f64 = 0.1;
+/// Weights reach over so many times the rows of correlation.
+const WIDTH: usize = 5;
+/// Sections of a bracket in which an end lies.
+const SECTIONS: u32 = 7;
+/// First step away from the best, s.
+const FIRST_STEP: f64 = 1e-3;
+
+/// Noise of a fit.
+#[derive(Debug, Clone)]
+pub(super) struct Noise {
+    pub variance: f64,
+    /// Rows over which it is correlated.
+    rows: usize,
+    residual: Vec<f64>,
+}
+
+/// What is varied.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Along {
+    DeadTime,
+    Lag,
+    Sum,
+}
+
+impl Along {
+    fn of(self, point: &Point) -> f64 {
+        match self {
+            Self::DeadTime => point.dead_time,
+            Self::Lag => point.lag,
+            Self::Sum => point.dead_time + point.lag,
+        }
+    }
+}
+
+impl Noise {
+    /// That of a point: with free parameters, and with rounding as the least.
+    pub fn of(problem: &mut Problem, best: &Point) -> Self {
+        problem.residuals(best);
+        let counts = &problem.rows.counts;
+        let residual: Vec<f64> =
+            problem.residual.iter().zip(counts).filter(|(_, counts)| **counts).map(|(r, _)| *r).collect();
+        let count = residual.len() as f64;
+        let free = 2.0 + problem.response.columns() as f64;
+        let squares = residual.iter().map(|r| r * r).sum::<f64>();
+        let variance = (squares / (count - free).max(1.0)).max(LEAST_NOISE * LEAST_NOISE);
+        let correlated = |lag: usize| {
+            let sum: f64 = residual[lag..].iter().zip(&residual).map(|(a, b)| a * b).sum();
+            squares > 0.0 && sum > INDEPENDENT * squares
+        };
+        let longest = residual.len() / 10;
+        let rows = (1..longest).find(|&lag| !correlated(lag)).unwrap_or(longest);
+        Self { variance, rows, residual }
+    }
+
+    /// Variance of `sum v_k r_k` over that of white noise, at least 1. `v` over the rows that count.
+    pub fn inflation(&self, v: &[f64]) -> f64 {
+        let squares = v.iter().map(|v| v * v).sum::<f64>();
+        if squares <= 0.0 {
+            return 1.0;
+        }
+        (self.long_run(v) / (self.variance * squares)).max(1.0)
+    }
+
+    /// Long-run variance of `sum v_k r_k`.
+    pub fn long_run(&self, v: &[f64]) -> f64 {
+        let z: Vec<f64> = v.iter().zip(&self.residual).map(|(v, r)| v * r).collect();
+        let width = (WIDTH * self.rows).min(z.len() / 4).max(1);
+        let own = z.iter().map(|z| z * z).sum::<f64>();
+        let with = |lag: usize| z[lag..].iter().zip(&z).map(|(a, b)| a * b).sum::<f64>();
+        let shared: f64 = if self.rows <= 1 {
+            0.0
+        } else {
+            (1..width).map(|lag| 2.0 * (1.0 - lag as f64 / width as f64) * with(lag)).sum()
+        };
+        // A wide window knows the variance itself less well (Kiefer and Vogelsang's fixed share, to first order).
+        let unsure = if self.rows <= 1 { 1.0 } else { 1.0 + 2.0 * width as f64 / z.len().max(1) as f64 };
+        let floor = LEAST_NOISE * LEAST_NOISE * v.iter().map(|v| v * v).sum::<f64>();
+        (unsure * (own + shared)).max(own).max(floor)
+    }
+}
+
+/// The ends of an interval with what belongs to them.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Ends {
+    pub low: Point,
+    pub high: Point,
+    /// Whether an end was reached before the limit of the search.
+    pub closed: [bool; 2],
+}
+
+impl Problem {
+    fn along(&mut self, along: Along, value: f64, best: &Point) -> Point {
+        let off = (value - along.of(best)).abs() + 0.01;
+        let sum = best.dead_time + best.lag;
+        match along {
+            Along::DeadTime => self.lag_for(value, (sum - value).max(0.0), off),
+            Along::Lag => self.dead_time_for(value, (sum - value).max(0.0), off),
+            Along::Sum => self.of_sum(value, best.lag, off.max(0.25 * best.lag)),
+        }
+    }
+
+    /// Residuals of a point at the rows that count.
+    fn counted_residuals(&mut self, point: &Point) -> Vec<f64> {
+        self.residuals(point);
+        let counts = &self.rows.counts;
+        self.residual.iter().zip(counts).filter(|(_, counts)| **counts).map(|(r, _)| *r).collect()
+    }
+
+    /// The interval along a parameter.
+    pub fn ends(&mut self, along: Along, best: &Point, noise: &Noise, longest: f64) -> Ends {
+        let first = self.ends_at(along, best, noise.variance * CHI2, longest);
+        let (high, low) = (self.counted_residuals(&first.high), self.counted_residuals(&first.low));
+        let v: Vec<f64> = high.iter().zip(&low).map(|(high, low)| high - low).collect();
+        let inflation = noise.inflation(&v);
+        if inflation < 1.01 {
+            return first;
+        }
+        self.ends_at(along, best, noise.variance * CHI2 * inflation, longest)
+    }
+
+    fn ends_at(&mut self, along: Along, best: &Point, more: f64, longest: f64) -> Ends {
+        let (low, low_closed) = self.end(along, best, more, 0.0);
+        let (high, high_closed) = self.end(along, best, more, longest);
+        Ends { low, high, closed: [low_closed, high_closed] }
+    }
+
+    /// Where the squares have risen by `more` on the way to a limit; the limit itself where they have not.
+    fn end(&mut self, along: Along, best: &Point, more: f64, limit: f64) -> (Point, bool) {
+        let from = along.of(best);
+        let way = limit - from;
+        if way == 0.0 {
+            return (*best, limit == 0.0);
+        }
+        let rise = |point: &Point| ((point.cost - best.cost).max(0.0) / more).sqrt();
+        let mut inside = (0.0, *best);
+        let mut step = FIRST_STEP / way.abs();
+        let outside = loop {
+            let share = (inside.0 + step).min(1.0);
+            let point = self.along(along, from + share * way, best);
+            if rise(&point) > 1.0 {
+                break (share, point);
+            }
+            inside = (share, point);
+            if share >= 1.0 {
+                return (point, limit == 0.0);
+            }
+            step *= 4.0;
+        };
+        let (mut inside, mut outside) = (inside, outside);
+        for section in 0..SECTIONS {
+            let (a, b) = (rise(&inside.1), rise(&outside.1));
+            // The rise is nearly a line; every third section halves, where it is a step.
+            let line = if b > a { ((1.0 - a) / (b - a)).clamp(0.05, 0.95) } else { 0.5 };
+            let share = if section % 3 == 2 { 0.5 } else { line };
+            let between = inside.0 + share * (outside.0 - inside.0);
+            let point = self.along(along, from + between * way, best);
+            if rise(&point) > 1.0 { outside = (between, point) } else { inside = (between, point) }
+        }
+        (if 1.0 - rise(&inside.1) < rise(&outside.1) - 1.0 { inside.1 } else { outside.1 }, true)
+    }
+}

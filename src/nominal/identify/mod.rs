@@ -1,0 +1,23 @@
+//! The steering actuator's constants from what was recorded: of a step, or of any drive.
+//!
+//! | file | problem |
+//! |---|---|
+//! | `record.rs` | a step that begins at rest; Pade and first-order models, too |
+//! | `drives.rs` | any drives: what is found, with intervals, and whether the drives determine it |
+//! | `rows.rs` | their rows: gaps, wrong values, rows that count |
+//! | `response.rs` | the answer of a dead time and a lag to the commands, as angle or as yaw rate |
+//! | `fit.rs` | least squares over dead time and lag, all else linear |
+//! | `interval.rs` | confidence intervals from the profile of the squares |
+
+mod drives;
+mod fit;
+mod interval;
+mod record;
+mod response;
+mod rows;
+
+pub use drives::{
+    Between, DrivesError, Estimate, IdentifiedSteering, LeftOut, SteeringDrive,
+    identify_by_yaw_rate_from_drives, identify_from_drives,
+};
+pub use record::{DelayModel, IdentifiedActuator, IdentifyError, SteeringRecord};

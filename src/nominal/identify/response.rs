@@ -1,0 +1,328 @@
+//! The answer of a dead time and a first-order lag to recorded commands.
+//!
+//! ```text
+//! tau x' = u(t - T) - x          u held from each row on, or on a line between rows
+//! ```
+//!
+//! A rate limit, where there is one, governs as long as the command is far: `x' = +-rate` for `|u - x| > rate tau`.
+//!
+//! Rows need not be even: between the instants at which a command arrives the answer has a closed form. Behind a vehicle,
+//! whose speed varies, the lateral velocity and yaw rate follow the angle's mean over each step,
+//!
+//! ```text
+//! z_{k+1} = A(v_k) z_k + B(v_k) mean(x),          z = [vy, r, ..]
+//! ```
+//!
+//! which the linear error model gives on a straight path that begins anew at each row (`e1 = e2 = 0`, `e1' = vy`).
+
+use super::drives::Between;
+use super::rows::Rows;
+use crate::nominal::{LateralVehicle, SingleTrackError};
+
+/// A lag shorter than this is none, s.
+const NO_LAG: f64 = 1e-6;
+/// Arrivals this close to a row come with it, s.
+const TOGETHER: f64 = 1e-9;
+/// Speeds in one bin share a model, m/s.
+const BIN: f64 = 0.25;
+
+/// What is regressed on: the answer to the commands, which depends on dead time and lag, and what does not.
+#[derive(Debug, Clone)]
+pub(super) struct Response {
+    pub between: Between,
+    /// Limit of the answer's rate, rad/s of the command; infinite for none. Only of commands that are held.
+    pub rate_limit: f64,
+    /// The answer times this is a column, too: a gain that varies with speed. Empty for none.
+    pub varies: Vec<f64>,
+    /// Columns that stay.
+    pub fixed: Vec<Vec<f64>>,
+    /// Whether the actuator's state at a piece's beginning shows in the response as such.
+    pub free: bool,
+    vehicle: Option<Sampled>,
+}
+
+/// A vehicle sampled at the speed of each row.
+#[derive(Debug, Clone)]
+struct Sampled {
+    size: usize,
+    /// By bin of speed, row by row; `[f64; 4]` is enough for tractor and trailer.
+    models: Vec<([[f64; 4]; 4], [f64; 4])>,
+    bin: Vec<u16>,
+    step: f64,
+}
+
+impl Response {
+    /// The road-wheel angle: `gain x + offset`.
+    pub fn angle(rows: &Rows, between: Between) -> Self {
+        Self {
+            between,
+            varies: Vec::new(),
+            rate_limit: f64::INFINITY,
+            fixed: vec![vec![1.0; rows.time.len()]],
+            free: true,
+            vehicle: None,
+        }
+    }
+
+    /// The yaw rate of a vehicle: a gain that varies with the speed's square, as understeer makes it, an angle's offset and
+    /// a bias of the sensor.
+    ///
+    /// # Errors
+    /// A vehicle whose model cannot be made.
+    pub fn yaw_rate<V: LateralVehicle<S>, const S: usize>(
+        rows: &Rows,
+        vehicle: &V,
+        slowest: f64,
+    ) -> Result<Self, SingleTrackError> {
+        let step = rows.step;
+        let bin_of = |speed: f64| (speed.clamp(slowest, 100.0) / BIN).round().max(1.0) as u16;
+        let bin: Vec<u16> = rows.speed.iter().map(|&speed| bin_of(speed)).collect();
+        let most = bin.iter().copied().max().unwrap_or(0);
+        let mut models = Vec::with_capacity(usize::from(most) + 1);
+        for bin in 0..=most {
+            models.push(reduced(vehicle, f64::from(bin) * BIN, slowest, step)?);
+        }
+        let size = S - 2;
+        let mut response = Self {
+            between: Between::Held,
+            rate_limit: f64::INFINITY,
+            varies: Vec::new(),
+            fixed: Vec::new(),
+            free: false,
+            vehicle: Some(Sampled { size, models, bin, step }),
+        };
+        let mut steady = vec![0.0; rows.time.len()];
+        response.drive(rows, &mut steady, |_, _| 1.0);
+        // The gain is that at the speeds at which the drives turn.
+        let (mut sum, mut weight) = (0.0, 0.0);
+        for row in (0..rows.time.len()).filter(|&row| rows.counts[row]) {
+            let turning = rows.command[row] * rows.command[row];
+            sum += turning * rows.speed[row] * rows.speed[row];
+            weight += turning;
+        }
+        let mean = if weight > 0.0 { sum / weight } else { 0.0 };
+        if mean > 0.0 {
+            response.varies = rows.speed.iter().map(|speed| speed * speed / mean - 1.0).collect();
+        }
+        response.fixed = vec![steady, vec![1.0; rows.time.len()]];
+        Ok(response)
+    }
+
+    /// The same of some of the rows.
+    pub fn of_part(&self, places: &[usize]) -> Self {
+        let part = |column: &Vec<f64>| places.iter().map(|&row| column[row]).collect::<Vec<f64>>();
+        let vehicle = self.vehicle.as_ref().map(|sampled| Sampled {
+            bin: places.iter().map(|&row| sampled.bin[row]).collect(),
+            ..sampled.clone()
+        });
+        let varies = if self.varies.is_empty() { Vec::new() } else { part(&self.varies) };
+        Self { varies, fixed: self.fixed.iter().map(part).collect(), vehicle, ..*self }
+    }
+
+    /// Number of columns.
+    pub fn columns(&self) -> usize {
+        1 + usize::from(!self.varies.is_empty()) + self.fixed.len()
+    }
+
+    /// Place of the column whose factor is the steering's offset times the gain, or the offset itself.
+    pub fn offset_column(&self) -> usize {
+        1 + usize::from(!self.varies.is_empty())
+    }
+
+    /// The answer at each row with a gain of 1.
+    pub fn fill(&self, rows: &Rows, dead_time: f64, lag: f64, out: &mut [f64]) {
+        if self.vehicle.is_none() {
+            for stretch in rows.stretches() {
+                let mut actuator = Walk::new(rows, &stretch, self, dead_time, lag);
+                out[stretch.start] = actuator.x;
+                for row in stretch.start + 1..stretch.end {
+                    actuator.to(rows.time[row]);
+                    out[row] = actuator.x;
+                }
+            }
+            return;
+        }
+        let mut walk: Option<Walk> = None;
+        self.drive(rows, out, |stretch, row| {
+            if row == stretch.start {
+                walk = Some(Walk::new(rows, stretch, self, dead_time, lag));
+            }
+            let Some(walk) = &mut walk else { return 0.0 };
+            let begin = walk.area;
+            let from = rows.time[row];
+            let to = if row + 1 < stretch.end { rows.time[row + 1] } else { from };
+            if to <= from {
+                return walk.x;
+            }
+            walk.to(to);
+            (walk.area - begin) / (to - from)
+        });
+    }
+
+    /// Drives the vehicle with a mean angle for each step; gives the yaw rate at each row.
+    fn drive(
+        &self,
+        rows: &Rows,
+        out: &mut [f64],
+        mut angle: impl FnMut(&std::ops::Range<usize>, usize) -> f64,
+    ) {
+        let Some(Sampled { size, models, bin, step }) = &self.vehicle else { return };
+        for stretch in rows.stretches() {
+            let mut z = [0.0; 4];
+            let first = rows.command[stretch.start];
+            // Begin as if the first command had stood: less is left to be forgotten.
+            for _ in 0..(1.0 / step).ceil() as usize {
+                z = next(&models[usize::from(bin[stretch.start])], *size, &z, first);
+            }
+            for row in stretch.clone() {
+                out[row] = z[1];
+                let mean = angle(&stretch, row);
+                z = next(&models[usize::from(bin[row])], *size, &z, mean);
+            }
+        }
+    }
+}
+
+fn next((a, b): &([[f64; 4]; 4], [f64; 4]), size: usize, z: &[f64; 4], angle: f64) -> [f64; 4] {
+    let mut out = [0.0; 4];
+    for i in 0..size {
+        out[i] = b[i] * angle + (0..size).map(|j| a[i][j] * z[j]).sum::<f64>();
+    }
+    out
+}
+
+/// A vehicle's model at a speed without the errors' integrals: states `[vy, r, ..]`.
+fn reduced<V: LateralVehicle<S>, const S: usize>(
+    vehicle: &V,
+    speed: f64,
+    slowest: f64,
+    step: f64,
+) -> Result<([[f64; 4]; 4], [f64; 4]), SingleTrackError> {
+    let speed = speed.max(slowest);
+    let model = vehicle.model_at(speed)?.discretise(step);
+    // Places of the states that stay: e1' is the lateral velocity where e2 is 0.
+    let kept: Vec<usize> = (0..S).filter(|&state| state != 0 && state != 2).collect();
+    let (mut a, mut b) = ([[0.0; 4]; 4], [0.0; 4]);
+    for (i, &to) in kept.iter().enumerate().take(4) {
+        // The heading that a step turned by takes its share of e1'.
+        let turned = if to == 1 { speed } else { 0.0 };
+        b[i] = model.b[to] - turned * model.b[2];
+        for (j, &from) in kept.iter().enumerate().take(4) {
+            a[i][j] = model.a[(to, from)] - turned * model.a[(2, from)];
+        }
+    }
+    Ok((a, b))
+}
+
+/// The actuator on its way along a stretch.
+struct Walk<'a> {
+    rows: &'a Rows,
+    end: usize,
+    between: Between,
+    rate_limit: f64,
+    dead_time: f64,
+    lag: f64,
+    /// The command that arrived last.
+    arrived: usize,
+    now: f64,
+    x: f64,
+    /// Integral of `x`.
+    area: f64,
+    /// Decays of the last two durations: an even clock needs no more.
+    decays: [(f64, f64); 2],
+}
+
+impl<'a> Walk<'a> {
+    fn new(
+        rows: &'a Rows,
+        stretch: &std::ops::Range<usize>,
+        response: &Response,
+        dead_time: f64,
+        lag: f64,
+    ) -> Self {
+        Self {
+            rows,
+            end: stretch.end,
+            between: response.between,
+            rate_limit: response.rate_limit,
+            dead_time,
+            lag: if lag < NO_LAG { 0.0 } else { lag },
+            arrived: stretch.start,
+            now: rows.time[stretch.start],
+            x: rows.command[stretch.start],
+            area: 0.0,
+            decays: [(-1.0, 0.0); 2],
+        }
+    }
+
+    /// Goes on to a time.
+    fn to(&mut self, time: f64) {
+        while self.arrived + 1 < self.end {
+            let arrival = self.rows.time[self.arrived + 1] + self.dead_time;
+            if arrival >= time - TOGETHER {
+                break;
+            }
+            self.follow(arrival);
+            self.arrived += 1;
+        }
+        self.follow(time);
+    }
+
+    fn follow(&mut self, until: f64) {
+        let duration = until - self.now;
+        if duration <= 0.0 {
+            return;
+        }
+        let (from, slope) = self.input();
+        // Farther from the command than this the limit governs, nearer the lag.
+        let gap = from - self.x;
+        if self.rate_limit.is_finite() && gap.abs() > self.rate_limit * self.lag {
+            let moving = ((gap.abs() - self.rate_limit * self.lag) / self.rate_limit).min(duration);
+            let moved = self.rate_limit * moving * gap.signum();
+            self.area += (self.x + 0.5 * moved) * moving;
+            self.x += moved;
+            self.now += moving;
+            if moving >= duration {
+                self.now = until;
+                return;
+            }
+        }
+        let duration = until - self.now;
+        let to = from + slope * duration;
+        if self.lag > 0.0 {
+            let decay = self.decay(duration);
+            // Of a ramp the answer runs behind by the lag.
+            let behind = slope * self.lag;
+            let off = self.x - from + behind;
+            self.area += (0.5 * (from + to) - behind) * duration + off * self.lag * (1.0 - decay);
+            self.x = to - behind + off * decay;
+        } else {
+            self.area += 0.5 * (from + to) * duration;
+            self.x = to;
+        }
+        self.now = until;
+    }
+
+    /// The delayed command now, and its slope.
+    fn input(&self) -> (f64, f64) {
+        let (command, time) = (&self.rows.command, &self.rows.time);
+        let row = self.arrived;
+        let since = self.now - self.dead_time - time[row];
+        if self.between == Between::Held || row + 1 >= self.end || since < -TOGETHER {
+            return (command[row], 0.0);
+        }
+        let slope = (command[row + 1] - command[row]) / (time[row + 1] - time[row]);
+        (command[row] + slope * since, slope)
+    }
+
+    fn decay(&mut self, duration: f64) -> f64 {
+        for (known, decay) in self.decays {
+            if (known - duration).abs() < 1e-12 {
+                return decay;
+            }
+        }
+        let decay = (-duration / self.lag).exp();
+        self.decays = [(duration, decay), self.decays[0]];
+        decay
+    }
+}

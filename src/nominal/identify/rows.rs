@@ -1,0 +1,216 @@
+//! The rows of drives for a fit: stretches without gaps, wrong values taken out, and which rows count.
+
+use super::drives::{LeftOut, SteeringDrive};
+
+/// Commands that are missing for longer are unknown, s: a stretch ends there.
+const LONGEST_HOLE: f64 = 0.15;
+/// So many steps without a row are a hole, where rows come slowly.
+const HOLE_STEPS: f64 = 2.5;
+/// A value farther out than so many ranges of the ordinary ones is wrong.
+const FAR_OUT: f64 = 3.0;
+/// Least range of ordinary values, rad or rad/s: that of a sensor at rest.
+const LEAST_RANGE: f64 = 1e-2;
+/// More rows a second tell nothing of an actuator while the command stands.
+const FASTEST: f64 = 100.0;
+/// What a command did before a stretch is forgotten after this, s, or after a quarter of the stretch.
+const FORGOTTEN: f64 = 1.0;
+
+/// Rows of all drives, one after the other.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Rows {
+    /// s, rising within a stretch.
+    pub time: Vec<f64>,
+    /// rad, finite.
+    pub command: Vec<f64>,
+    /// rad or rad/s less `mean`; 0 in a gap, where the row does not count.
+    pub response: Vec<f64>,
+    /// m/s; empty where it is not needed.
+    pub speed: Vec<f64>,
+    /// Whether a row counts.
+    pub counts: Vec<bool>,
+    /// First row of each stretch.
+    pub begins: Vec<usize>,
+    /// First row of each piece with a free response of its own; a stretch begins one.
+    pub pieces: Vec<usize>,
+    /// Drive and row that each came from.
+    pub origin: Vec<(u32, u32)>,
+    /// Values that were taken out.
+    pub left_out: Vec<LeftOut>,
+    /// Mean of the responses that count.
+    pub mean: f64,
+    /// Typical time between rows, s.
+    pub step: f64,
+}
+
+/// Least and greatest ordinary value, far ones beyond.
+fn ordinary(values: &[f64]) -> [f64; 2] {
+    let mut sorted: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
+    sorted.sort_by(f64::total_cmp);
+    let Some(last) = sorted.len().checked_sub(1) else { return [0.0; 2] };
+    let at = |share: f64| sorted[(share * last as f64).round() as usize];
+    let [low, high] = [at(0.005), at(0.995)];
+    let range = FAR_OUT * (high - low).max(LEAST_RANGE);
+    [low - range, high + range]
+}
+
+/// Typical step of a drive's clock, s.
+fn typical_step(time: &[f64]) -> f64 {
+    let mut steps: Vec<f64> =
+        time.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0).collect();
+    steps.sort_by(f64::total_cmp);
+    steps.get(steps.len() / 2).copied().unwrap_or(0.0)
+}
+
+impl Rows {
+    /// The rows of drives, `even` where each row has to stay, as a model sampled at the clock needs it.
+    pub fn of(drives: &[SteeringDrive], even: bool) -> Self {
+        let mut rows = Self::default();
+        for (place, drive) in drives.iter().enumerate() {
+            rows.add(place as u32, drive, even);
+        }
+        rows.step = drives.iter().map(|drive| typical_step(&drive.time)).fold(0.0, f64::max);
+        let stretches: Vec<_> = rows.stretches().collect();
+        for stretch in stretches {
+            rows.forget_beginning(stretch);
+        }
+        rows.pieces = rows.begins.clone();
+        let (mut sum, mut count) = (0.0, 0.0);
+        for (response, _) in rows.response.iter().zip(&rows.counts).filter(|(_, counts)| **counts) {
+            sum += response;
+            count += 1.0;
+        }
+        rows.mean = if count > 0.0 { sum / count } else { 0.0 };
+        let mean = rows.mean;
+        for (response, counts) in rows.response.iter_mut().zip(&rows.counts) {
+            *response = if *counts { *response - mean } else { 0.0 };
+        }
+        rows
+    }
+
+    fn add(&mut self, place: u32, drive: &SteeringDrive, even: bool) {
+        let [low, high] = ordinary(&drive.steer_cmd);
+        let [least, most] = ordinary(&drive.response);
+        let hole = LONGEST_HOLE.max(HOLE_STEPS * typical_step(&drive.time));
+        // Time of the last row with a command, and the command.
+        let mut known: Option<(f64, f64)> = None;
+        for row in 0..drive.time.len() {
+            let (time, mut command, response) = (drive.time[row], drive.steer_cmd[row], drive.response[row]);
+            let speed = drive.speed.get(row).copied();
+            if !(time.is_finite() && known.is_none_or(|(last, _)| time > last)) {
+                continue;
+            }
+            if command.is_finite() && !(low..=high).contains(&command) {
+                self.left_out.push(LeftOut {
+                    drive: place,
+                    row: row as u32,
+                    signal: "steer_cmd",
+                    value: command,
+                });
+                command = f64::NAN;
+            }
+            if !command.is_finite() {
+                // A short hole: the last command goes on.
+                match known {
+                    Some((last, held)) if time - last <= hole => command = held,
+                    _ => continue,
+                }
+            } else {
+                if known.is_none_or(|(last, _)| time - last > hole) {
+                    self.begins.push(self.time.len());
+                } else if let (false, Some((last, held))) = (even, known) {
+                    let kept = self.time.last().copied().unwrap_or(f64::NEG_INFINITY);
+                    let close = time - kept < 0.99 / FASTEST && time - last <= hole;
+                    if command == held && close {
+                        known = Some((time, command));
+                        continue;
+                    }
+                }
+                known = Some((time, command));
+            }
+            let far = response.is_finite() && !(least..=most).contains(&response);
+            if far {
+                self.left_out.push(LeftOut {
+                    drive: place,
+                    row: row as u32,
+                    signal: "response",
+                    value: response,
+                });
+            }
+            let counts = response.is_finite() && !far;
+            self.time.push(time);
+            self.command.push(command);
+            self.response.push(if counts { response } else { 0.0 });
+            self.counts.push(counts);
+            self.origin.push((place, row as u32));
+            self.speed.extend(speed);
+        }
+    }
+
+    /// What was commanded before a stretch is not known, unless the command stands at its beginning.
+    fn forget_beginning(&mut self, stretch: std::ops::Range<usize>) {
+        let (first, time) = (self.command[stretch.start], &self.time);
+        let begin = time[stretch.start];
+        let stands =
+            stretch.clone().take_while(|&row| self.command[row] == first).last().unwrap_or(stretch.start);
+        let length = time[stretch.end - 1] - begin;
+        let forgotten = FORGOTTEN.min(0.25 * length) - (time[stands] - begin);
+        for row in stretch {
+            if time[row] - begin >= forgotten {
+                break;
+            }
+            self.counts[row] = false;
+        }
+    }
+
+    /// Stretches without a gap.
+    pub fn stretches(&self) -> impl Iterator<Item = std::ops::Range<usize>> {
+        ranges(&self.begins, self.time.len())
+    }
+
+    /// Number of rows that count.
+    pub fn counted(&self) -> usize {
+        self.counts.iter().filter(|counts| **counts).count()
+    }
+
+    /// Blocks in which the command moves most, of about `limit` rows together, and where they stood.
+    pub fn most_moved(&self, limit: usize, block: usize) -> (Self, Vec<usize>) {
+        let mut blocks: Vec<(f64, std::ops::Range<usize>)> = Vec::new();
+        for stretch in self.stretches() {
+            let mut from = stretch.start;
+            while from < stretch.end {
+                let to = (from + block).min(stretch.end);
+                let moved = self.command[from..to].windows(2).map(|pair| (pair[1] - pair[0]).abs()).sum();
+                blocks.push((moved, from..to));
+                from = to;
+            }
+        }
+        blocks.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.start.cmp(&b.1.start)));
+        blocks.truncate(limit.div_ceil(block));
+        blocks.sort_by_key(|(_, range)| range.start);
+        let mut part = Self { step: self.step, mean: self.mean, ..Self::default() };
+        let mut places = Vec::new();
+        for (_, range) in blocks {
+            places.extend(range.clone());
+            part.begins.push(part.time.len());
+            part.time.extend_from_slice(&self.time[range.clone()]);
+            part.command.extend_from_slice(&self.command[range.clone()]);
+            part.response.extend_from_slice(&self.response[range.clone()]);
+            part.counts.extend_from_slice(&self.counts[range.clone()]);
+            part.origin.extend_from_slice(&self.origin[range.clone()]);
+            if !self.speed.is_empty() {
+                part.speed.extend_from_slice(&self.speed[range]);
+            }
+        }
+        let stretches: Vec<_> = part.stretches().collect();
+        for stretch in stretches {
+            part.forget_beginning(stretch);
+        }
+        part.pieces = part.begins.clone();
+        (part, places)
+    }
+}
+
+/// The ranges between begins.
+pub(super) fn ranges(begins: &[usize], end: usize) -> impl Iterator<Item = std::ops::Range<usize>> {
+    begins.iter().enumerate().map(move |(i, &from)| from..begins.get(i + 1).copied().unwrap_or(end))
+}
