@@ -61,8 +61,8 @@ pub struct LateralInput<'a, const S: usize = ERRORS> {
     pub path: &'a Path,
     /// Disturbance of each step.
     pub disturbance: &'a SVector<f64, S>,
-    /// Whether the learned residual is to be used.
-    pub use_residual: bool,
+    /// Share of what is learned that is used, 0 to 1.
+    pub residual_share: f64,
     /// Seconds for the solver; infinite for no limit.
     pub time_limit: f64,
 }
@@ -177,6 +177,24 @@ impl<const S: usize> LateralMpc<S> {
     #[must_use]
     pub fn next_state(&self, state: &SVector<f64, S>, past: &[f64], steer: f64) -> Option<Expected<S>> {
         self.variant.next_state(state, past, steer)
+    }
+
+    /// The state after this step if `steer` is issued, by the nominal model and with all that is learned, whatever share of
+    /// it was used; none without anything learned.
+    #[must_use]
+    pub fn without_and_with_learned(
+        &self,
+        state: &SVector<f64, S>,
+        past: &[f64],
+        steer: f64,
+    ) -> Option<[SVector<f64, S>; 2]> {
+        self.variant.without_and_with_learned(state, past, steer)
+    }
+
+    /// Whether it predicts with something learned.
+    #[must_use]
+    pub fn is_learned(&self) -> bool {
+        self.variant.is_learned()
     }
 
     /// Steps of states and commands that the prediction looks back at; 0 for none.

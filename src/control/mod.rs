@@ -18,6 +18,8 @@
 //! | `choice.rs` | which variant: from a user's word, parameters and files |
 //! | `speed.rs` | speed tracking |
 //! | `longitudinal.rs` | speed and lag error by MPC |
+//! | `guard.rs` | whether a measurement can be true, and what stands in for it if not |
+//! | `fading.rs` | whether a learned model predicts better than the nominal one |
 //! | `controller.rs` | one step from measurement to commands; fallback |
 //! | `vehicle.rs` | what differs from vehicle to vehicle |
 //! | `truck.rs` | what does for a truck, and its defaults |
@@ -31,7 +33,9 @@ mod clarabel_solver;
 mod condense;
 mod condensed_cost;
 mod controller;
+mod fading;
 mod fast_solver;
+mod guard;
 mod history;
 mod lateral;
 mod longitudinal;
@@ -55,6 +59,7 @@ pub use controller::{
     Controller, ControllerError, ControllerFor, ControllerState, Measurement, StepError, StepReport,
 };
 pub use fast_solver::{FastSolver, build_solver};
+pub use guard::GuardParameters;
 pub use history::History;
 pub use lateral::{LateralError, LateralInput, LateralMpc};
 pub use longitudinal::{

@@ -1,5 +1,6 @@
 //! The controller's parameters: one table for code, FMU variables, `--set` and documentation.
 
+use super::guard::GuardParameters;
 use super::longitudinal::LongitudinalParameters;
 use super::observer::ObserverParameters;
 use super::vehicle::VehicleParameters;
@@ -105,6 +106,7 @@ pub struct ControllerParametersFor<G> {
     pub longitudinal: LongitudinalParameters,
     pub actuator: ActuatorParameters,
     pub nmpc: NmpcParameters,
+    pub guard: GuardParameters,
 }
 
 impl ControllerParameters {
@@ -134,7 +136,8 @@ impl<G> ControllerParametersFor<G> {
             || set(&mut self.speed, name, value)?
             || set(&mut self.longitudinal, name, value)?
             || set(&mut self.actuator, name, value)?
-            || set(&mut self.nmpc, name, value)?)
+            || set(&mut self.nmpc, name, value)?
+            || set(&mut self.guard, name, value)?)
     }
 
     /// The declaration of a parameter that every vehicle's controller has, if it is one.
@@ -147,6 +150,7 @@ impl<G> ControllerParametersFor<G> {
             LongitudinalParameters::table(),
             ActuatorParameters::table(),
             NmpcParameters::table(),
+            GuardParameters::table(),
         ];
         tables.into_iter().flatten().find(|parameter| parameter.name == name)
     }
@@ -165,7 +169,8 @@ impl<G> ControllerParametersFor<G> {
         self.speed.check()?;
         self.longitudinal.check()?;
         self.actuator.check()?;
-        self.nmpc.check()
+        self.nmpc.check()?;
+        self.guard.check()
     }
 }
 
