@@ -3,7 +3,7 @@
 use rfl_mpc::control::{ControlStatus, Controller, ControllerParameters, Measurement, TruckController, TruckControllerParameters};
 use rfl_mpc::path::Path;
 use rfl_mpc::simulate::{ClosedLoop, SensorNoise, TruckClosedLoop};
-use rfl_mpc::vehicle::{BUILTIN, BUILTIN_TRUCKS, Car, Effects, Truck, TruckEffects, builtin, builtin_truck};
+use rfl_mpc::vehicle::{BUILTIN, BUILTIN_TRUCKS, Car, Effects, TruckEffects, builtin, builtin_truck};
 use std::sync::Arc;
 
 type Fault = fn(&mut Measurement, &Measurement, &Path);
@@ -113,7 +113,7 @@ fn silence(which: &[String]) {
         }
         for truck in BUILTIN_TRUCKS.iter().filter(|_| truck_road) {
             let truck = builtin_truck(truck).unwrap();
-            for (what, effects, noise) in [("plain", TruckEffects::default(), 0.0), ("noise", TruckEffects::default(), 2.0), ("delay", TruckEffects { steer_lag: 0.2, steer_delay: 0.12, ..Default::default() }, 0.0)] {
+            for (what, effects, noise) in [("plain", TruckEffects::default(), 0.0), ("noise", TruckEffects::default(), 2.0), ("delay", TruckEffects { vehicle: Effects { steer_lag: 0.2, steer_delay: 0.12, ..Default::default() }, ..Default::default() }, 0.0)] {
                 let p = TruckControllerParameters::for_truck(&truck);
                 let drive = TruckClosedLoop::at_start(TruckController::new(p, path.clone()).unwrap(), &truck, &effects, 0.02).unwrap();
                 let mut drive = if noise > 0.0 { drive.with_noise(SensorNoise::TYPICAL_TRUCK.scaled(noise), 7) } else { drive };
