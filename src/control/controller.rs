@@ -475,7 +475,7 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
             previous,
             path: &self.path,
             disturbance: &disturbance,
-            residual_share: if far { 0.0 } else { memory.fading.share() },
+            residual_share: if far { 0.0 } else { self.residual_share() },
             time_limit,
         })
     }
@@ -542,6 +542,11 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
             report.status = Finished;
             report.accel_cmd = -self.parameters.speed.safe_decel;
         }
+    }
+
+    /// Share of the learned model that is used.
+    fn residual_share(&self) -> f64 {
+        if self.parameters.guard.active == 0 { 1.0 } else { self.state.fading.share() }
     }
 
     /// Random steering for collecting drives to learn from, rad; 0 unless asked for.

@@ -12,6 +12,9 @@
 //! times as likely, the usual level of significance, and fades as far as it is beyond that. Where nothing moves, both are
 //! right and nothing changes. It is asked on when it is faded, and comes back when it is better again.
 //!
+//! It begins at nothing: at speed a few steps with a wrong model are too many. As long as nothing speaks for or against it
+//! the share rises within a second; as soon as the model is twenty times as likely as the nominal, at once.
+//!
 //! Source: Burnham and Anderson, Model Selection and Multimodel Inference, 2002, ch. 2 (relative likelihood); Bar-Shalom,
 //! Li and Kirubarajan 2001, ch. 11 (multiple models by their one-step errors).
 
@@ -22,11 +25,13 @@ use serde::{Deserialize, Serialize};
 const MEMORY: f64 = 1.0;
 /// How many times as likely the nominal model must be before the learned one fades.
 const SIGNIFICANT: f64 = 20.0;
-/// Time in which the share follows, s: it changes smoothly.
+/// Time in which the share follows what is known, s: it changes smoothly.
 const SMOOTHING: f64 = 0.1;
+/// Time in which it rises as long as nothing is known, s.
+const UNKNOWN: f64 = 0.5;
 /// Least share: as good as nothing, and still enough to know what the model would say.
 pub const LEAST_SHARE: f64 = 1e-3;
-/// A smaller share is reported as faded.
+/// A model that is to be used to a smaller share is reported as faded.
 const FADED: f64 = 0.5;
 
 /// The score of a learned model. For a controller without one it stays as it is.
@@ -39,11 +44,13 @@ pub struct Fading<const S: usize> {
     /// Steps that the sums are of.
     count: f64,
     share: f64,
+    /// Where the share goes.
+    target: f64,
 }
 
 impl<const S: usize> Default for Fading<S> {
     fn default() -> Self {
-        Self { expected: None, squares: [SVector::zeros(); 3], count: 0.0, share: 1.0 }
+        Self { expected: None, squares: [SVector::zeros(); 3], count: 0.0, share: LEAST_SHARE, target: 1.0 }
     }
 }
 
@@ -67,10 +74,14 @@ impl<const S: usize> Fading<S> {
             .map(|c| ((nominal[c] + floor[c]) / (learned[c] + floor[c])).ln())
             .filter(|evidence| evidence.is_finite())
             .sum();
-        let target = (SIGNIFICANT * (0.5 * self.count * evidence).exp()).clamp(LEAST_SHARE, 1.0);
-        let share = self.share + (target - self.share) * (elapsed / SMOOTHING).min(1.0);
+        let likely = (0.5 * self.count * evidence).exp();
+        let target = (SIGNIFICANT * likely).clamp(LEAST_SHARE, 1.0);
+        let known = likely >= SIGNIFICANT || target < self.share;
+        let time = if known { SMOOTHING } else { UNKNOWN };
+        let share = self.share + (target - self.share) * (elapsed / time).min(1.0);
         // What is used in full is used in full, to the bit.
-        self.share = if target == 1.0 && share > 0.99 { 1.0 } else { share };
+        self.share = if target == 1.0 && share > 0.98 { 1.0 } else { share };
+        self.target = target;
     }
 
     /// Keeps what both models say of the next state.
@@ -84,10 +95,10 @@ impl<const S: usize> Fading<S> {
         self.share
     }
 
-    /// Whether so little of it is used that it is to be said.
+    /// Whether it predicts so much worse that it is to be said.
     #[must_use]
     pub fn faded(&self) -> bool {
-        self.share < FADED
+        self.target < FADED
     }
 }
 

@@ -43,7 +43,7 @@ parameters! {
         active: usize = 1, ONE in 0.0, 1.0; "guard.active", "Whether measurements and the learned model are checked against the prediction: 1 yes, 0 no"
         bridge_time: f64 = 0.4, SECOND in 0.0, 5.0; "guard.bridge_time", "Longest time for which prediction stands in for a missing or implausible measurement; beyond it the vehicle is braked along the road. Signals that agree among themselves for as long are a new start"
         stop_time: f64 = 1.0, SECOND in 0.0, 60.0; "guard.stop_time", "Time without a plausible measurement after which the stop is completed even if measurements come back"
-        lateral_jerk_max: f64 = 60.0, ONE in 1.0, 1e4; "guard.lateral_jerk_max", "Largest rate of the lateral acceleration that steering may cause, m/s3: the bound of the steering rate falls with the square of the speed"
+        lateral_jerk_max: f64 = 240.0, ONE in 1.0, 1e4; "guard.lateral_jerk_max", "Largest rate of the lateral acceleration that steering may cause, m/s3: the bound of the steering rate falls with the square of the speed"
         slow_e1: f64 = 1.0, METRE in 0.1, 3.4; "guard.slow_e1", "Lateral error beyond which the vehicle slows down as long as the error grows"
     }
 }
@@ -60,9 +60,6 @@ type Signals = SVector<f64, SIGNALS>;
 const GRIP: f64 = 9.81;
 /// Standard deviations that a signal may be off.
 const GATE: f64 = 6.0;
-/// Standard deviations of what the tyres do beyond the model that their grip is taken for. With [`GATE`] a body may go
-/// from full grip one way to full grip the other way within a step.
-const GRIP_DEVIATIONS: f64 = 3.0;
 /// Sensors may be so many times as noisy as declared before they have shown it.
 const NOISE_MARGIN: f64 = 2.0;
 /// Largest factor on the variance of a sensor that has shown more noise.
@@ -408,7 +405,8 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
             let rate = limited(next[ERRORS + 1], articulation_rate, 2.0 * self.yaw_accel);
             (mean[6], mean[7]) = (articulation + 0.5 * h * (articulation_rate + rate), rate);
         }
-        let (push, turn) = (GRIP / GRIP_DEVIATIONS * h, self.yaw_accel / GRIP_DEVIATIONS * h);
+        // Beyond the model tyres do no more than they can do at all: that is where the gate stands.
+        let (push, turn) = (GRIP / GATE * h, self.yaw_accel / GATE * h);
         let missed = Signals::from([
             0.5 * h * push,
             0.5 * h * push,
