@@ -19,11 +19,3 @@ enumeration! {
         Slowed = 11 "slowed", "The lateral error is large and grows: driving more slowly";
     }
 }
-
-impl ControlStatus {
-    /// Whether the step decided on measurements that are all as they were told: nothing was bridged, nothing too old.
-    #[must_use]
-    pub fn is_of_fresh_measurements(self) -> bool {
-        !matches!(self, Self::Bridged | Self::SafeStop)
-    }
-}
