@@ -71,7 +71,7 @@ const ESTABLISHED: u32 = 5;
 /// Way in a step from which on a vehicle is seen to move, m: with the same bits a step later its measurement is stale.
 const MOVES: f64 = 1e-3;
 /// Share of the way, and of the turn, by which a pose and the integrated velocities of a new start may differ.
-const WAY_SHARE: f64 = 0.05;
+const WAY_SHARE: f64 = 0.02;
 /// Largest acceleration beyond the command that is believed, m/s2: drag and grade.
 const LARGEST_DRIFT: f64 = 2.0;
 
@@ -325,8 +325,14 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
         if !there || body.iter().all(|value| *value == 0.0) {
             return None;
         }
-        let first =
-            Candidate { reckoned: [told[0], told[1], told[2]], last: *told, way: 0.0, turn: 0.0, age: 0.0 };
+        // Its age counts from the step that ended with it.
+        let first = Candidate {
+            reckoned: [told[0], told[1], told[2]],
+            last: *told,
+            way: 0.0,
+            turn: 0.0,
+            age: elapsed,
+        };
         let Some(Candidate { reckoned: [x, y, yaw], last, way, turn, age }) = before else {
             return Some(first);
         };

@@ -175,9 +175,10 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
             computed = Some(report.compute_time);
         }
         let report = self.controller.report();
-        self.lateral_error = match self.noise.is_some() || self.fault.is_some() {
-            true => self.controller.path().project(truth.x, truth.y, truth.yaw, Some(report.station)).e1,
-            false => report.e1,
+        self.lateral_error = if self.noise.is_some() || self.fault.is_some() {
+            self.controller.path().project(truth.x, truth.y, truth.yaw, Some(report.station)).e1
+        } else {
+            report.e1
         };
         let input = VehicleInput { steer_cmd: report.steer_cmd, accel_cmd: report.accel_cmd };
         let common = [
