@@ -316,10 +316,11 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
         }
         report.steer_cmd = self.within_bounds(report.steer_cmd, previous, measurement.vx);
         let past = self.state.history.commands();
-        if observer.is_on() && !far {
-            if let Some(next) = self.lateral.next_state(&estimate, past, report.steer_cmd) {
-                self.state.observer.expect(next);
-            }
+        if observer.is_on()
+            && !far
+            && let Some(next) = self.lateral.next_state(&estimate, past, report.steer_cmd)
+        {
+            self.state.observer.expect(next);
         }
         if !bridged && !far && self.parameters.guard.active != 0 {
             let expected = self.lateral.without_and_with_learned(&state, past, report.steer_cmd);
