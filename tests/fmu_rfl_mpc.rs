@@ -1,6 +1,8 @@
 //! The controllers as FMI units: parameters and files, sampling, saved states, errors; the car's and the truck's.
 
-use rfl_mpc::control::{ControlVariant, ControllerFor, NominalTruck, TruckControllerParameters};
+use rfl_mpc::control::{
+    ControlStatus, ControlVariant, ControllerFor, NominalTruck, TruckControllerParameters,
+};
 use rfl_mpc::fmi::{Causality, Context, Log, Model, ModelError, Severity, Value, Values};
 use rfl_mpc::fmu::{RflMpc, TruckRflMpc};
 use rfl_mpc::path::sudoku::Route;
@@ -48,7 +50,7 @@ of_each_controller! {
     files_that_cannot_be_used_are_named_with_a_remedy
     a_variant_without_its_model_says_what_is_missing_and_how_to_make_it
     the_known_actuator_is_a_variant
-    measurements_that_are_no_numbers_change_nothing
+    measurements_that_are_no_numbers_change_nothing_at_first_and_are_bridged_later
 }
 
 #[derive(Default)]
@@ -261,11 +263,10 @@ fn the_known_actuator_is_a_variant<M: Controller>() {
     }
 }
 
-fn measurements_that_are_no_numbers_change_nothing<M: Controller>() {
+fn measurements_that_are_no_numbers_change_nothing_at_first_and_are_bridged_later<M: Controller>() {
     let (mut unit, mut other) = (Unit::<M>::new(), Unit::<M>::new());
     for unit in [&mut unit, &mut other] {
         unit.initialize().unwrap();
-        unit.step(0, 0.02);
     }
     let values = unit.values.clone();
     let declaration = M::declaration();
@@ -282,6 +283,9 @@ fn measurements_that_are_no_numbers_change_nothing<M: Controller>() {
     unit.step(50, 0.02);
     other.step(50, 0.02);
     assert_eq!(unit.outputs(), other.outputs());
+    unit.set("vy", Value::Real(f64::NAN));
+    unit.step(51, 0.02);
+    assert_eq!(unit.values.integer(Unit::<M>::vr("status")), ControlStatus::Bridged as i32);
 }
 
 #[test]

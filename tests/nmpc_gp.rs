@@ -144,7 +144,7 @@ fn check_step<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: us
     roll_out.speed.fill(StepSpeed::held(5.0));
     roll_out.start = start;
     let plan: Vec<f64> = (0..HORIZON).map(|j| 0.05 + 0.02 * (0.5 * j as f64).sin()).collect();
-    roll_out.follow_anew(path, &plan, true);
+    roll_out.follow_anew(path, &plan, 1.0);
     assert_eq!(roll_out.outside_training(), 0.0);
     // Speed, the body's states, command, acceleration.
     let mut input = [0.0; N];
@@ -194,7 +194,7 @@ fn outside_its_training_it_fades_to_the_bicycle() {
         let mut roll_out = BicycleRollOut::new(&car(), 1.0, gp, 0.02, HORIZON).unwrap();
         roll_out.speed.fill(StepSpeed::held(speed));
         roll_out.start = BicycleState::new(20.0, 0.05, -0.02, 0.05, 0.1);
-        roll_out.follow_anew(&path, &[0.05; HORIZON], use_process);
+        roll_out.follow_anew(&path, &[0.05; HORIZON], f64::from(u8::from(use_process)));
         (*roll_out.errors(HORIZON - 1), roll_out.outside_training())
     };
     // Far faster than ever driven.

@@ -219,6 +219,7 @@ fn controller(model: Model, articulation_max: f64) -> ControllerFor<Toy, 6> {
         longitudinal: Default::default(),
         actuator: Default::default(),
         nmpc: Default::default(),
+        guard: Default::default(),
     };
     parameters.mpc.horizon = HORIZON;
     parameters.mpc.r_rate = 0.3;

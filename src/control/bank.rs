@@ -111,6 +111,8 @@ pub struct BankState {
     /// Motion of the step before.
     before: Option<[f64; 1 + BESIDE]>,
     known: KnownActuator,
+    /// The most probable hypothesis.
+    best: usize,
     log_likelihood: Vec<f64>,
 }
 
@@ -186,6 +188,7 @@ impl Bank {
             yaw: Yaw { common: Default::default(), each: vec![[0.0; BESIDE + 2]; count] },
             before: None,
             known,
+            best: 0,
             log_likelihood: vec![0.0; count],
         };
         self.conclude(&mut state);
@@ -198,6 +201,7 @@ impl Bank {
         let count = self.hypotheses.len();
         state.angles.len() == self.lags.len() * self.reach
             && state.newest < self.reach
+            && state.best < count
             && state.steer.each.len() == count
             && state.yaw.each.len() == count
             && state.log_likelihood.len() == count
@@ -210,7 +214,8 @@ impl Bank {
     }
 
     /// Takes a measurement with the command that was in force until then.
-    pub fn observe(&self, state: &mut BankState, measurement: &Measurement, command: f64) {
+    /// One that is not to be trusted teaches nothing.
+    pub fn observe(&self, state: &mut BankState, measurement: &Measurement, command: f64, trusted: bool) {
         let [newer, older] = match state.commands {
             Some([last, _]) => [command, last],
             None => {
@@ -225,10 +230,20 @@ impl Bank {
         for (lag, angles) in self.lags.iter().zip(state.angles.chunks_exact_mut(self.reach)) {
             angles[state.newest] = lag.decay * angles[before] + lag.newer * newer + lag.older * older;
         }
+        if !trusted {
+            state.before = None;
+            return;
+        }
         let learned = self.learn_steer(state, measurement.steer) | self.learn_yaw(state, measurement);
         if learned {
             self.conclude(state);
         }
+    }
+
+    /// Angle at the wheels by the most probable hypothesis; none before the first step.
+    #[must_use]
+    pub fn angle_now(&self, state: &BankState) -> Option<f64> {
+        state.commands.map(|_| self.angle(state, &self.hypotheses[state.best], 0))
     }
 
     /// Angle of a hypothesis, so many steps ago.
@@ -331,7 +346,9 @@ impl Bank {
                 value += likelihood(rest.variance(&state.yaw.each[k]), independent * rest.weight, YAW_NOISE);
             }
             state.log_likelihood[k] = value;
-            best = best.max(value);
+            if value > best {
+                (best, state.best) = (value, k);
+            }
         }
         let (mut total, mut means) = (0.0, [0.0; 4]);
         for (hypothesis, log) in self.hypotheses.iter().zip(&state.log_likelihood) {

@@ -1,10 +1,21 @@
 //! The path-tracking controller: projection, speed tracking, lateral MPC, and what happens when it has no answer.
 //!
 //! A step never leaves the vehicle without a command. If the solver misses its deadline or fails, the last plan
-//! goes on; when that is used up, steering is held and the vehicle brakes.
+//! goes on; when that is used up, steering is held and the vehicle brakes. What a step is told is judged first: where it
+//! cannot be true the prediction stands in for it, for a while, and then the vehicle stops along the road (`guard.rs`).
+//!
+//! Speed is the first thing to give up: it falls with a lateral error that is large and grows,
+//!
+//! ```text
+//! v <= v_plan (FAR_E1 - ahead) / (FAR_E1 - slow_e1),     ahead = |e1| + e1' * 1 s  in the direction of e1
+//! ```
+//!
+//! and to zero where a vehicle has left the path by a lane's width.
 
 use super::bank::{Bank, BankState, KnownActuator};
 use super::clarabel_solver::BuildError;
+use super::fading::Fading;
+use super::guard::{Guard, GuardState, Verdict};
 use super::history::History;
 use super::lateral::{LateralError, LateralInput, LateralMpc};
 use super::longitudinal::{LongitudinalInput, LongitudinalMpc, LongitudinalState};
@@ -86,7 +97,10 @@ pub enum ControllerError {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum StepError {
-    #[error("the measured {signal} is {value}: every measurement must be a finite number")]
+    #[error(
+        "the measured {signal} is {value}: every value of the first measurement must be a finite number; later ones are \
+         bridged for a while"
+    )]
     NotFinite { signal: &'static str, value: f64 },
     #[error("the state is of a controller with another horizon, window or speed control")]
     ForeignState,
@@ -105,6 +119,15 @@ pub struct ControllerState<const S: usize = ERRORS> {
     observer: Observer<S>,
     /// None where the prediction has no actuator to find.
     bank: Option<BankState>,
+    guard: GuardState,
+    /// How far the learned model is used.
+    fading: Fading<S>,
+    /// Time of the last step, s, where it was given.
+    time: Option<f64>,
+    /// Whether the vehicle has been near the path.
+    on_path: bool,
+    /// Share of the planned speed that the lateral error leaves.
+    speed_share: f64,
     /// Station of the last step.
     station: Option<f64>,
     /// Distance driven along the path.
@@ -141,14 +164,24 @@ const APPROACH_TIME: f64 = 0.2;
 const APPROACH_E1: f64 = 0.2;
 /// Speed at which a far vehicle comes back, m/s.
 const APPROACH_SPEED: f64 = 3.0;
-/// The path's end counts as reached this far before it, m.
+/// The path's end counts as reached this far before it, m; twice as far before it no longer.
 const END_DISTANCE: f64 = 0.5;
+/// How far ahead the trend of the lateral error counts, s.
+const TREND_TIME: f64 = 1.0;
+/// Time in which the speed comes back after the lateral error has taken it, s.
+const RECOVERY_TIME: f64 = 2.0;
+/// Least share of the safe stop's deceleration, however much grip the steering needs.
+const LEAST_BRAKING: f64 = 0.3;
+/// Time over which the road ahead says how much grip the steering needs, s.
+const GRIP_PREVIEW: f64 = 0.5;
+/// Points of the road that are looked at over that time.
+const GRIP_POINTS: u32 = 5;
 
 /// The controller of a car.
 pub type Controller = ControllerFor<NominalVehicle, ERRORS>;
 
 /// The controller of a kind of vehicle with parameters `G` of its own and `S` states.
-pub struct ControllerFor<G, const S: usize> {
+pub struct ControllerFor<G: VehicleParameters<S>, const S: usize> {
     parameters: ControllerParametersFor<G>,
     path: Arc<Path>,
     plan: Arc<SpeedPlan>,
@@ -156,6 +189,7 @@ pub struct ControllerFor<G, const S: usize> {
     longitudinal: Option<LongitudinalMpc>,
     noise: Noise<S>,
     bank: Option<Bank>,
+    guard: Guard<G::Vehicle, S>,
     state: ControllerState<S>,
 }
 
@@ -202,6 +236,13 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
             }
             _ => None,
         };
+        let guard = Guard::new(
+            parameters.guard,
+            &parameters.observer,
+            &further,
+            parameters.vehicle.nominal(),
+            parameters.mpc.min_model_speed,
+        );
         let lateral = LateralMpc::new(parameters.vehicle.nominal(), parameters.mpc, &further, model)?;
         let longitudinal = match speed.tracked_by() {
             SpeedController::Pi => None,
@@ -216,6 +257,11 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
             history: History::new(lateral.window()),
             observer: Observer::default(),
             bank: bank.as_ref().map(Bank::state),
+            guard: GuardState::default(),
+            fading: Fading::default(),
+            time: None,
+            on_path: false,
+            speed_share: 1.0,
             station: None,
             travelled: 0.0,
             speed_integral: 0.0,
@@ -224,27 +270,69 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
             steps: 0,
             last: StepReport::default(),
         };
-        Ok(Self { parameters, path, plan, lateral, longitudinal, noise, bank, state })
+        Ok(Self { parameters, path, plan, lateral, longitudinal, noise, bank, guard, state })
     }
 
     /// One control step. The commands hold until the next one, `mpc.sample_time` later.
     ///
     /// # Errors
-    /// A measurement that is not finite; nothing has changed then.
+    /// A first measurement that is not finite; nothing has changed then.
     pub fn step(&mut self, measurement: &Measurement) -> Result<&StepReport, StepError> {
+        self.state.time = None;
+        self.step_after(measurement, self.parameters.mpc.sample_time)
+    }
+
+    /// One control step at a time, s, in a host whose steps are not those of the controller: the commands of the step before
+    /// were in force until now.
+    ///
+    /// # Errors
+    /// As [`step`](Self::step).
+    pub fn step_at(&mut self, time: f64, measurement: &Measurement) -> Result<&StepReport, StepError> {
+        let sample_time = self.parameters.mpc.sample_time;
+        let elapsed = self.state.time.map_or(sample_time, |before| time - before);
+        // A clock that stands still or runs back says nothing.
+        let elapsed = if elapsed > 0.0 && elapsed.is_finite() { elapsed } else { sample_time };
+        let before = self.state.time.replace(time);
+        if let Err(error) = self.step_after(measurement, elapsed) {
+            self.state.time = before;
+            return Err(error);
+        }
+        Ok(&self.state.last)
+    }
+
+    /// One control step, so many seconds after the one before.
+    fn step_after(&mut self, measurement: &Measurement, elapsed: f64) -> Result<&StepReport, StepError> {
         let begin = Instant::now();
-        check(measurement)?;
+        let mut seen = *measurement;
+        // The angle at the wheels is what the body answers to.
+        let angle = match (&self.bank, &self.state.bank) {
+            (Some(bank), Some(state)) => bank.angle_now(state),
+            _ => self.state.steer_cmd,
+        };
+        let commands = [angle.unwrap_or(measurement.steer), self.state.last.accel_cmd];
+        let verdict = self.guard.judge(&mut self.state.guard, &mut seen, elapsed, commands)?;
+        if verdict == Verdict::Moved {
+            self.forget();
+        }
+        let bridged = verdict == Verdict::Bridged;
+        let stops = self.guard.stops(&self.state.guard);
+        let measurement = &seen;
         let mut report = self.locate(measurement);
         let far = report.e1.abs() > FAR_E1 || report.e2.abs() > FAR_E2;
         let previous = self.state.steer_cmd.unwrap_or(measurement.steer);
-        self.command_speed(measurement.vx, far, &mut report, begin);
+        self.command_speed(measurement.vx, far, stops, elapsed, &mut report, begin);
 
         let errors = ErrorState::new(report.e1, report.e1_rate, report.e2, report.e2_rate);
         let state = G::Vehicle::state(&errors, measurement);
         self.state.history.observe(&state, previous);
         if let (Some(bank), Some(state)) = (&self.bank, &mut self.state.bank) {
-            bank.observe(state, measurement, previous);
+            bank.observe(state, measurement, previous, !bridged);
         }
+        if bridged || far {
+            self.state.fading.expect(None);
+        }
+        let variance = self.noise.variance(measurement.vx);
+        self.state.fading.observe(&state, &variance, elapsed);
         let observer = self.parameters.observer;
         let mut estimate = state;
         if far {
@@ -257,11 +345,21 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
         let motion = [measurement.vx, measurement.vy + moved[0], measurement.yaw_rate + moved[1]];
         let solved = self.solve(&estimate, motion, previous, far, &report, begin);
         self.command_steering(solved, previous, far, &mut report);
-        if observer.is_on() && !far {
-            let past = self.state.history.commands();
-            if let Some(next) = self.lateral.next_state(&estimate, past, report.steer_cmd) {
-                self.state.observer.expect(next);
-            }
+        self.name_status(bridged, stops, &mut report);
+        if report.status == ControlStatus::Optimal {
+            report.steer_cmd += self.dither();
+        }
+        report.steer_cmd = self.within_bounds(report.steer_cmd, previous, measurement.vx);
+        let past = self.state.history.commands();
+        if observer.is_on()
+            && !far
+            && let Some(next) = self.lateral.next_state(&estimate, past, report.steer_cmd)
+        {
+            self.state.observer.expect(next);
+        }
+        if !bridged && !far && self.parameters.guard.active != 0 {
+            let expected = self.lateral.without_and_with_learned(&state, past, report.steer_cmd);
+            self.state.fading.expect(expected);
         }
 
         if let Some(longitudinal) = &mut self.longitudinal {
@@ -278,30 +376,98 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
         Ok(&self.state.last)
     }
 
-    /// Tracks the speed plan; slowly, where the vehicle is far from the path.
-    fn command_speed(&mut self, speed: f64, far: bool, report: &mut StepReport, begin: Instant) {
+    /// Forgets where the vehicle was: the host has moved it. The commands in force stay.
+    fn forget(&mut self) {
+        let state = &mut self.state;
+        state.plan_age = state.plan.len();
+        state.history.forget_states();
+        state.observer.reset();
+        state.fading.expect(None);
+        (state.on_path, state.speed_share) = (false, 1.0);
+        (state.station, state.travelled, state.finished) = (None, 0.0, false);
+        state.speed_integral = 0.0;
+        if let Some(longitudinal) = &mut self.longitudinal {
+            longitudinal.reset();
+        }
+    }
+
+    /// Tracks the speed plan; slowly, where the vehicle is far from the path or leaves it, and down to zero where it has
+    /// left it or is to stop.
+    fn command_speed(
+        &mut self,
+        speed: f64,
+        far: bool,
+        stops: bool,
+        elapsed: f64,
+        report: &mut StepReport,
+        begin: Instant,
+    ) {
         let time_limit = self.time_left(begin);
+        let planned = self.plan.speed(report.station);
+        let limit = self.speed_limit(far, planned, elapsed, report);
+        let brakes = stops || self.state.speed_share < 1.0;
+        let braking = self.braking(speed, report);
+        let integral = self.state.speed_integral;
         if let Some(longitudinal) = &mut self.longitudinal {
             let step = longitudinal.step(&LongitudinalInput {
                 station: report.station,
                 speed,
                 plan: &self.plan,
                 path: &self.path,
-                speed_limit: if far { APPROACH_SPEED } else { f64::INFINITY },
+                speed_limit: limit,
                 time_limit,
             });
             (report.speed_ref, report.lag_error) = (step.speed_ref, step.lag_error);
             report.accel_cmd = step.accel_cmd;
-            return;
+        } else {
+            let mut target = (planned, self.plan.accel(report.station));
+            if target.0 > limit {
+                target = (limit, 0.0);
+            }
+            let p = &self.parameters;
+            let command = track_speed(&p.speed, target, speed, self.state.speed_integral, p.mpc.sample_time);
+            self.state.speed_integral = command.integral;
+            (report.speed_ref, report.accel_cmd) = (target.0, command.accel_cmd);
         }
-        let mut target = (self.plan.speed(report.station), self.plan.accel(report.station));
-        if far && target.0 > APPROACH_SPEED {
-            target = (APPROACH_SPEED, 0.0);
+        if stops {
+            (report.speed_ref, report.accel_cmd) = (0.0, -braking);
+            self.state.speed_integral = integral;
+        } else if brakes {
+            report.accel_cmd = report.accel_cmd.max(-braking);
         }
-        let p = &self.parameters;
-        let command = track_speed(&p.speed, target, speed, self.state.speed_integral, p.mpc.sample_time);
-        self.state.speed_integral = command.integral;
-        (report.speed_ref, report.accel_cmd) = (target.0, command.accel_cmd);
+    }
+
+    /// Speed that the lateral error allows, m/s; infinite for any.
+    fn speed_limit(&mut self, far: bool, planned: f64, elapsed: f64, report: &StepReport) -> f64 {
+        let guard = &self.parameters.guard;
+        let state = &mut self.state;
+        state.on_path |= !far && report.e1.abs() < guard.slow_e1;
+        let guarded = guard.active != 0 && state.on_path;
+        if far {
+            return if guarded { 0.0 } else { APPROACH_SPEED };
+        }
+        let growth = report.e1.signum() * report.e1_rate;
+        let mut share = 1.0;
+        if guarded && report.e1.abs() > guard.slow_e1 && growth > 0.0 {
+            let ahead = report.e1.abs() + growth * TREND_TIME;
+            share = ((FAR_E1 - ahead) / (FAR_E1 - guard.slow_e1)).clamp(0.0, 1.0);
+        }
+        state.speed_share = share.min(state.speed_share + elapsed / RECOVERY_TIME);
+        if state.speed_share < 1.0 { planned * state.speed_share } else { f64::INFINITY }
+    }
+
+    /// Deceleration of a stop, m/s2: the safe one, or what steering along the road leaves of the grip that the speed
+    /// plan and the safe stop count on.
+    fn braking(&self, speed: f64, report: &StepReport) -> f64 {
+        let p = &self.parameters.speed;
+        let ahead = (0..GRIP_POINTS).map(|k| {
+            let time = GRIP_PREVIEW * f64::from(k) / f64::from(GRIP_POINTS - 1);
+            self.path.curvature(report.station + time * speed.max(0.0)).abs()
+        });
+        let lateral = speed * speed * ahead.fold(0.0, f64::max);
+        let grip = p.safe_decel.max(p.lateral_accel);
+        let left = (grip * grip - lateral * lateral).max(0.0).sqrt();
+        left.clamp(LEAST_BRAKING * p.safe_decel, p.safe_decel)
     }
 
     /// Seconds that are left to a solver in a step that began then.
@@ -346,7 +512,7 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
             previous,
             path: &self.path,
             disturbance: &disturbance,
-            use_residual: !far,
+            residual_share: if far { 0.0 } else { self.residual_share() },
             time_limit,
             actuator: known.map(|known| known.actuator),
             tightness: known.map_or(0.0, |known| tightness(&known)),
@@ -361,7 +527,6 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
         far: bool,
         report: &mut StepReport,
     ) {
-        let p = &self.parameters;
         match solved {
             Ok(qp) => {
                 self.state.plan.copy_from_slice(self.lateral.plan());
@@ -384,21 +549,43 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
         let planned = self.state.plan.get(self.state.plan_age).copied();
         if planned.is_none() {
             report.status = ControlStatus::SafeHold;
-        }
-        if self.state.finished && !self.path.is_periodic() {
-            report.status = ControlStatus::Finished;
+            report.accel_cmd = -self.parameters.speed.safe_decel;
         }
         report.steer_cmd = planned.unwrap_or(previous);
-        if matches!(report.status, ControlStatus::SafeHold | ControlStatus::Finished) {
-            report.steer_cmd = previous;
-            report.accel_cmd = -p.speed.safe_decel;
+    }
+
+    /// A steering command within its bounds. The plan respects them to the solver's tolerance, the command does exactly; and
+    /// no measurement moves it faster than the lateral acceleration may change.
+    fn within_bounds(&self, steer: f64, previous: f64, speed: f64) -> f64 {
+        let p = &self.parameters.mpc;
+        let rate = p.steer_rate_at(speed, self.parameters.vehicle.nominal().wheelbase()) * p.sample_time;
+        steer.clamp(previous - rate, previous + rate).clamp(-p.steer_max, p.steer_max)
+    }
+
+    /// What the step is called, and the brakes at the road's end.
+    fn name_status(&self, bridged: bool, stops: bool, report: &mut StepReport) {
+        use ControlStatus::{Bridged, FarFromPath, Finished, Optimal, ReducedAccuracy};
+        use ControlStatus::{ResidualFaded, SafeHold, SafeStop, Slowed};
+        let planned = matches!(report.status, Optimal | ReducedAccuracy);
+        let of_residual = self.state.fading.faded() && self.lateral.is_learned();
+        if stops && report.status != SafeHold {
+            report.status = SafeStop;
+        } else if bridged && (planned || report.status == FarFromPath) {
+            report.status = Bridged;
+        } else if planned && self.state.speed_share < 1.0 {
+            report.status = Slowed;
+        } else if planned && of_residual {
+            report.status = ResidualFaded;
         }
-        if report.status == ControlStatus::Optimal {
-            report.steer_cmd += self.dither();
+        if self.state.finished && !self.path.is_periodic() {
+            report.status = Finished;
+            report.accel_cmd = -self.parameters.speed.safe_decel;
         }
-        // The plan respects the limits to the solver's tolerance; the command does exactly.
-        let (limit, rate) = (p.mpc.steer_max, p.mpc.steer_rate_max * p.mpc.sample_time);
-        report.steer_cmd = report.steer_cmd.clamp(previous - rate, previous + rate).clamp(-limit, limit);
+    }
+
+    /// Share of the learned model that is used.
+    fn residual_share(&self) -> f64 {
+        if self.parameters.guard.active == 0 { 1.0 } else { self.state.fading.share() }
     }
 
     /// Random steering for collecting drives to learn from, rad; 0 unless asked for.
@@ -429,10 +616,11 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
             self.state.travelled += advance;
         }
         self.state.station = Some(at.station);
-        self.state.finished |= if self.path.is_periodic() {
+        self.state.finished = if self.path.is_periodic() {
             self.state.travelled >= length
         } else {
-            at.station >= length - END_DISTANCE
+            let near = if self.state.finished { 2.0 * END_DISTANCE } else { END_DISTANCE };
+            at.station >= length - near
         };
         let (e1_rate, e2_rate) = at.error_rates(vx, vy, yaw_rate);
         StepReport {
@@ -567,21 +755,24 @@ fn tightness(known: &KnownActuator) -> f64 {
     sure / (sure + spread)
 }
 
-fn check(measurement: &Measurement) -> Result<(), StepError> {
-    let Measurement { x, y, yaw, vx, vy, yaw_rate, steer, articulation, articulation_rate } = *measurement;
-    let signals = [
-        ("x", x),
-        ("y", y),
-        ("yaw", yaw),
-        ("vx", vx),
-        ("vy", vy),
-        ("yaw_rate", yaw_rate),
-        ("steer", steer),
-        ("articulation", articulation),
-        ("articulation_rate", articulation_rate),
-    ];
-    match signals.into_iter().find(|(_, value)| !value.is_finite()) {
-        Some((signal, value)) => Err(StepError::NotFinite { signal, value }),
-        None => Ok(()),
+impl Measurement {
+    /// Checks that every value is a number.
+    pub(super) fn check(&self) -> Result<(), StepError> {
+        let Self { x, y, yaw, vx, vy, yaw_rate, steer, articulation, articulation_rate } = *self;
+        let signals = [
+            ("x", x),
+            ("y", y),
+            ("yaw", yaw),
+            ("vx", vx),
+            ("vy", vy),
+            ("yaw_rate", yaw_rate),
+            ("steer", steer),
+            ("articulation", articulation),
+            ("articulation_rate", articulation_rate),
+        ];
+        match signals.into_iter().find(|(_, value)| !value.is_finite()) {
+            Some((signal, value)) => Err(StepError::NotFinite { signal, value }),
+            None => Ok(()),
+        }
     }
 }

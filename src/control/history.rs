@@ -38,6 +38,11 @@ impl<const S: usize> History<S> {
         shift(&mut self.commands, command);
     }
 
+    /// Forgets what was seen, not what was commanded: the vehicle was moved.
+    pub fn forget_states(&mut self) {
+        self.filled = false;
+    }
+
     /// States, oldest first; the last is this step's.
     #[must_use]
     pub fn states(&self) -> &[SVector<f64, S>] {

@@ -63,8 +63,8 @@ pub struct LateralInput<'a, const S: usize = ERRORS> {
     pub path: &'a Path,
     /// Disturbance of each step.
     pub disturbance: &'a SVector<f64, S>,
-    /// Whether the learned residual is to be used.
-    pub use_residual: bool,
+    /// Share of what is learned that is used, 0 to 1.
+    pub residual_share: f64,
     /// Seconds for the solver; infinite for no limit.
     pub time_limit: f64,
     /// The steering actuator to predict with, where the drive has shown it.
@@ -140,8 +140,6 @@ pub struct LateralMpc<const S: usize = ERRORS> {
 
 /// Speed at which the QP that scales the solver is linearised, m/s.
 const TYPICAL_SPEED: f64 = 10.0;
-/// A lateral jerk by steering's rate that is none, m/s2.
-const TINY: f64 = 1e-9;
 /// Largest reference of the yaw error, rad. Far from straight driving the linear steady state means nothing.
 const LARGEST_YAW_REFERENCE: f64 = 0.3;
 
@@ -279,7 +277,7 @@ impl<const S: usize> LateralMpc<S> {
         let jerk = speed * speed / self.wheelbase;
         let rate_weight = (p.r_rate + p.r_lateral_jerk * jerk * jerk) * faster.powi(-6);
         shape.rate_weight[0] = rate_weight / (p.sample_time * p.sample_time);
-        shape.rate_max[0] = p.steer_rate_max.min(p.lateral_jerk_max / jerk.max(TINY)) * p.sample_time;
+        shape.rate_max[0] = p.steer_rate_at(speed, self.wheelbase) * p.sample_time;
     }
 
     /// The state after this step if `steer` is issued, with everything that the newest prediction knew; `past` are the
@@ -287,6 +285,24 @@ impl<const S: usize> LateralMpc<S> {
     #[must_use]
     pub fn next_state(&self, state: &SVector<f64, S>, past: &[f64], steer: f64) -> Option<Expected<S>> {
         self.variant.next_state(state, past, steer)
+    }
+
+    /// The state after this step if `steer` is issued, by the nominal model and with all that is learned, whatever share of
+    /// it was used; none without anything learned.
+    #[must_use]
+    pub fn without_and_with_learned(
+        &self,
+        state: &SVector<f64, S>,
+        past: &[f64],
+        steer: f64,
+    ) -> Option<[SVector<f64, S>; 2]> {
+        self.variant.without_and_with_learned(state, past, steer)
+    }
+
+    /// Whether it predicts with something learned.
+    #[must_use]
+    pub fn is_learned(&self) -> bool {
+        self.variant.is_learned()
     }
 
     /// Steps of states and commands that the prediction looks back at; 0 for none.

@@ -235,7 +235,7 @@ impl<const S: usize> Asked<S> {
                 previous: commands[0],
                 path: &self.road,
                 disturbance: &disturbance,
-                use_residual: true,
+                residual_share: 1.0,
                 time_limit: f64::INFINITY,
                 actuator: None,
                 tightness: 0.0,

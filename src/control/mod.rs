@@ -21,6 +21,8 @@
 //! | `controller_file.rs` | parameters from a file |
 //! | `speed.rs` | speed tracking |
 //! | `longitudinal.rs` | speed and lag error by MPC |
+//! | `guard.rs` | whether a measurement can be true, and what stands in for it if not |
+//! | `fading.rs` | whether a learned model predicts better than the nominal one |
 //! | `controller.rs` | one step from measurement to commands; fallback |
 //! | `vehicle.rs` | what differs from vehicle to vehicle |
 //! | `truck.rs` | what does for a truck, and its defaults |
@@ -37,7 +39,9 @@ mod condense;
 mod condensed_cost;
 mod controller;
 mod controller_file;
+mod fading;
 mod fast_solver;
+mod guard;
 mod history;
 mod lateral;
 mod longitudinal;
@@ -65,6 +69,7 @@ pub use controller::{
 };
 pub use controller_file::{ControllerFile, ControllerFileError};
 pub use fast_solver::{FastSolver, build_solver};
+pub use guard::GuardParameters;
 pub use history::History;
 pub use lateral::{LateralError, LateralInput, LateralMpc};
 pub use longitudinal::{

@@ -110,6 +110,12 @@ impl<const S: usize> Noise<S> {
         }
     }
 
+    /// Variance of each measured state at a speed, m/s.
+    #[must_use]
+    pub fn variance(&self, speed: f64) -> SVector<f64, S> {
+        self.measured(speed).diagonal()
+    }
+
     /// Covariance of a measured state at a speed, m/s: noise of the yaw angle turns the velocity too.
     fn measured(&self, speed: f64) -> SMatrix<f64, S, S> {
         let p = &self.parameters;

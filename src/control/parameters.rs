@@ -1,5 +1,6 @@
 //! The controller's parameters: one table for code, FMU variables, `--set` and documentation.
 
+use super::guard::GuardParameters;
 use super::longitudinal::LongitudinalParameters;
 use super::observer::ObserverParameters;
 use super::vehicle::VehicleParameters;
@@ -109,6 +110,7 @@ pub struct ControllerParametersFor<G> {
     pub longitudinal: LongitudinalParameters,
     pub actuator: ActuatorParameters,
     pub nmpc: NmpcParameters,
+    pub guard: GuardParameters,
 }
 
 impl ControllerParameters {
@@ -139,7 +141,8 @@ impl<G> ControllerParametersFor<G> {
             || set(&mut self.speed, name, value)?
             || set(&mut self.longitudinal, name, value)?
             || set(&mut self.actuator, name, value)?
-            || set(&mut self.nmpc, name, value)?)
+            || set(&mut self.nmpc, name, value)?
+            || set(&mut self.guard, name, value)?)
     }
 
     /// The declaration of a parameter that every vehicle's controller has, if it is one.
@@ -152,6 +155,7 @@ impl<G> ControllerParametersFor<G> {
             LongitudinalParameters::table(),
             ActuatorParameters::table(),
             NmpcParameters::table(),
+            GuardParameters::table(),
         ];
         tables.into_iter().flatten().find(|parameter| parameter.name == name)
     }
@@ -170,7 +174,8 @@ impl<G> ControllerParametersFor<G> {
         self.speed.check()?;
         self.longitudinal.check()?;
         self.actuator.check()?;
-        self.nmpc.check()
+        self.nmpc.check()?;
+        self.guard.check()
     }
 }
 
@@ -200,6 +205,12 @@ impl ActuatorParameters {
 }
 
 impl MpcParameters {
+    /// Largest rate of the steering at a speed in m/s for a wheelbase in m, rad/s.
+    #[must_use]
+    pub fn steer_rate_at(&self, speed: f64, wheelbase: f64) -> f64 {
+        self.steer_rate_max.min(self.lateral_jerk_max * wheelbase / (speed * speed).max(1e-9))
+    }
+
     /// The weights of a loop that is faster by `tightening` to the power of `tightness`, 0 to 1. In a time shorter by `f` the
     /// weights of rates fall with the square of `f`, those of second derivatives with its fourth power, that of the lateral jerk,
     /// which steering's rate is by `v^2/L`, with its sixth.
@@ -242,7 +253,8 @@ impl<G> ControllerParametersFor<G> {
     #[must_use]
     pub(super) fn plain(self) -> Self {
         let observer = ObserverParameters { disturbance_noise: 0.0, prediction_noise: 0.05, ..self.observer };
-        Self { observer, actuator: ActuatorParameters::default(), ..self }
+        let guard = GuardParameters { active: 0, ..self.guard };
+        Self { observer, guard, actuator: ActuatorParameters::default(), ..self }
     }
 }
 

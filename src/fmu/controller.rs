@@ -351,12 +351,12 @@ fn declare<U: ControllerUnit<S>, const S: usize>() -> (Declaration, Variables) {
 }
 
 /// The FMU's model.
-pub struct ControllerFmu<U, const S: usize> {
+pub struct ControllerFmu<U: ControllerUnit<S>, const S: usize> {
     variables: Variables,
     running: Option<Running<U, S>>,
 }
 
-struct Running<U, const S: usize> {
+struct Running<U: ControllerUnit<S>, const S: usize> {
     controller: ControllerFor<U, S>,
     sampler: Sampler,
 }
@@ -437,7 +437,8 @@ impl<U: ControllerUnit<S>, const S: usize> Model for ControllerFmu<U, S> {
             *place(&mut measurement) = values.real(v.inputs + index);
         }
         let before = controller.report().status;
-        let report = controller.step(&measurement).map_err(|error| ModelError::Discard(error.to_string()))?;
+        let report =
+            controller.step_at(time, &measurement).map_err(|error| ModelError::Discard(error.to_string()))?;
         let status = report.status;
         if status != before {
             let ordinary =

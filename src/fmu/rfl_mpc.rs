@@ -28,7 +28,8 @@ impl ControllerUnit<ERRORS> for NominalVehicle {
     }
 
     fn groups(parameters: &mut ControllerParameters) -> Vec<&mut dyn Group> {
-        let ControllerParameters { vehicle, mpc, speed, longitudinal, observer, actuator, nmpc } = parameters;
-        vec![vehicle, mpc, speed, longitudinal, observer, actuator, nmpc]
+        let ControllerParameters { vehicle, mpc, speed, longitudinal, observer, actuator, nmpc, guard } =
+            parameters;
+        vec![vehicle, mpc, speed, longitudinal, observer, actuator, nmpc, guard]
     }
 }

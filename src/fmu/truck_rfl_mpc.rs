@@ -45,8 +45,8 @@ impl ControllerUnit<TRUCK_STATES> for NominalTruck {
     }
 
     fn groups(parameters: &mut TruckControllerParameters) -> Vec<&mut dyn Group> {
-        let TruckControllerParameters { vehicle, mpc, speed, longitudinal, observer, actuator, nmpc } =
+        let TruckControllerParameters { vehicle, mpc, speed, longitudinal, observer, actuator, nmpc, guard } =
             parameters;
-        vec![vehicle, mpc, speed, longitudinal, observer, actuator, nmpc]
+        vec![vehicle, mpc, speed, longitudinal, observer, actuator, nmpc, guard]
     }
 }

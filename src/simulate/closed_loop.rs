@@ -8,7 +8,7 @@ use super::metrics::{InputMetrics, StepTimes, TimeMetrics, TrackingMetrics};
 use super::noise::SensorNoise;
 use super::outcome::{End, Ending, LaneLimits, Outcome, Place, Referee};
 use super::vehicle::{CAR_COLUMNS, SimulatedVehicle, TRUCK_COLUMNS};
-use crate::control::{ControlStatus, ControllerFor, Sampler, StepError, TRUCK_STATES, Timing};
+use crate::control::{ControlStatus, ControllerFor, Measurement, Sampler, StepError, TRUCK_STATES, Timing};
 use crate::nominal::ERRORS;
 use crate::path::RoadClass;
 use crate::residual::{self, Random};
@@ -72,6 +72,9 @@ pub type ClosedLoop = ClosedLoopFor<Car, ERRORS, CAR_COLUMNS>;
 /// A controller and a truck, connected.
 pub type TruckClosedLoop = ClosedLoopFor<Truck, TRUCK_STATES, TRUCK_COLUMNS>;
 
+/// What befalls the measurements on their way, from the time in s.
+type Fault = Box<dyn FnMut(f64, &mut Measurement) + Send>;
+
 /// A controller and a vehicle, connected.
 pub struct ClosedLoopFor<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> {
     controller: ControllerFor<P::Nominal, S>,
@@ -80,6 +83,7 @@ pub struct ClosedLoopFor<P: SimulatedVehicle<S, C>, const S: usize, const C: usi
     step: f64,
     count: u32,
     noise: Option<(SensorNoise, Random)>,
+    fault: Option<Fault>,
     /// True place at the newest row.
     place: Place,
     referee: Referee,
@@ -97,6 +101,7 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
             step,
             count: 0,
             noise: None,
+            fault: None,
             place: Place::default(),
             referee,
         }
@@ -131,6 +136,13 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
     pub fn with_limits(self, limits: LaneLimits) -> Self {
         let referee = Referee::new(self.controller.path(), limits);
         Self { referee, ..self }
+    }
+
+    /// Lets something befall the measurements on their way to the controller: `fault` is told the time, s. The log holds what
+    /// the controller is told.
+    #[must_use]
+    pub fn with_fault(self, fault: impl FnMut(f64, &mut Measurement) + Send + 'static) -> Self {
+        Self { fault: Some(Box::new(fault)), ..self }
     }
 
     /// The controller.
@@ -173,9 +185,14 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
         if let Some((noise, random)) = &mut self.noise {
             noise.disturb(&mut seen, random);
         }
+        if let Some(fault) = &mut self.fault {
+            fault(time, &mut seen);
+        }
         if self.sampler.due(time, sample_time) {
-            let report =
-                self.controller.step(&seen).map_err(|source| DriveError::Controller { time, source })?;
+            let report = self
+                .controller
+                .step_at(time, &seen)
+                .map_err(|source| DriveError::Controller { time, source })?;
             computed = Some(report.compute_time);
         }
         let report = self.controller.report();

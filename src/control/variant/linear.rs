@@ -57,6 +57,8 @@ pub struct NominalWithResidual<V, const S: usize> {
     /// What the newest prediction was made with.
     model: Option<DiscreteErrorModel<S>>,
     outside: f64,
+    /// Share of the residual that it was made with.
+    share: f64,
 }
 
 impl<V: LateralVehicle<S>, const S: usize> NominalWithResidual<V, S> {
@@ -71,6 +73,7 @@ impl<V: LateralVehicle<S>, const S: usize> NominalWithResidual<V, S> {
             affine: Affine::new(p.horizon, window),
             model: None,
             outside: 0.0,
+            share: 0.0,
         })
     }
 
@@ -87,8 +90,9 @@ impl<V: LateralVehicle<S>, const S: usize> NominalWithResidual<V, S> {
                 model.d * preview.heading_rate[j] + model.e * preview.heading_accel[j] + input.disturbance;
         }
         self.outside = 0.0;
+        self.share = input.residual_share;
         let Some(learned) = &mut self.learned else { return };
-        if !input.use_residual {
+        if input.residual_share <= 0.0 {
             self.affine.constant.fill(SVector::zeros());
             self.affine.settled.fill(SVector::zeros());
             self.affine.command.fill(SVector::zeros());
@@ -156,6 +160,23 @@ impl<V: LateralVehicle<S>, const S: usize> Variant<S> for NominalWithResidual<V,
         Some(Expected { state: next, transition: model.a })
     }
 
+    fn without_and_with_learned(
+        &self,
+        state: &SVector<f64, S>,
+        past: &[f64],
+        steer: f64,
+    ) -> Option<[SVector<f64, S>; 2]> {
+        self.learned.as_ref().filter(|_| self.share > 0.0)?;
+        let model = self.model.as_ref()?;
+        let nominal = model.a * state + model.b * steer + self.affine.known[0];
+        let used = self.next_state(state, past, steer)?.state;
+        Some([nominal, nominal + (used - nominal) / self.share])
+    }
+
+    fn is_learned(&self) -> bool {
+        self.learned.is_some()
+    }
+
     fn window(&self) -> usize {
         self.affine.window
     }
@@ -221,10 +242,11 @@ impl<V: LateralVehicle<S>, const S: usize> Learned<V, S> {
             let row = self.residual.model.row(&mut self.rows, j, &preview.road[j]);
             // Outside its training the residual fades: half a range's width further there is the nominal model.
             let trust = (1.0 - 2.0 * row.excess).clamp(0.0, 1.0);
-            let scaled = |effect: &[f64; S]| if trust < 1.0 { effect.map(|x| x * trust) } else { *effect };
             if trust < 1.0 {
                 outside += 1.0;
             }
+            let trust = trust * input.residual_share;
+            let scaled = |effect: &[f64; S]| if trust < 1.0 { effect.map(|x| x * trust) } else { *effect };
             let mut constant = scaled(&row.constant);
             for (value, effect) in row.newest.iter().zip(row.state) {
                 add(&mut constant, &scaled(effect), *value);

@@ -166,6 +166,22 @@ pub trait Variant<const S: usize>: Send {
     /// commands before it. None before the first prediction.
     fn next_state(&self, state: &SVector<f64, S>, past: &[f64], steer: f64) -> Option<Expected<S>>;
 
+    /// The same by the nominal model and with all that is learned, whatever share of it was used. None without anything
+    /// learned, and where it was not asked.
+    fn without_and_with_learned(
+        &self,
+        _state: &SVector<f64, S>,
+        _past: &[f64],
+        _steer: f64,
+    ) -> Option<[SVector<f64, S>; 2]> {
+        None
+    }
+
+    /// Whether it predicts with something learned.
+    fn is_learned(&self) -> bool {
+        false
+    }
+
     /// The newest nonlinear prediction, if it makes one: a [`NonlinearRollOut`].
     fn roll_out(&self) -> Option<&dyn Any> {
         None

@@ -236,7 +236,7 @@ impl<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize> Vari
         let begin = Instant::now();
         self.set_up(input, preview);
         self.warm_start(input.last_plan, previous);
-        self.roll_out.follow_anew(input.path, &self.plan, input.use_residual);
+        self.roll_out.follow_anew(input.path, &self.plan, input.residual_share);
         qp.refer(|j| self.roll_out.steady(j, preview.curvature[j]));
         self.outputs.resize(qp.outputs.len(), 0.0);
         let mut objective = assess(&self.roll_out, &self.plan, qp, &mut self.outputs);
@@ -274,6 +274,20 @@ impl<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize> Vari
 
     fn next_state(&self, state: &SVector<f64, S>, _past: &[f64], steer: f64) -> Option<Expected<S>> {
         self.planned.then(|| self.roll_out.first_step(&(state - self.start), steer))
+    }
+
+    fn without_and_with_learned(
+        &self,
+        state: &SVector<f64, S>,
+        _past: &[f64],
+        steer: f64,
+    ) -> Option<[SVector<f64, S>; 2]> {
+        let moved = state - self.start;
+        self.planned.then(|| self.roll_out.first_step_without_and_with(&moved, steer))?
+    }
+
+    fn is_learned(&self) -> bool {
+        self.roll_out.is_learned()
     }
 
     fn outside_training(&self) -> f64 {
@@ -366,7 +380,7 @@ mod tests {
             previous: 0.2,
             path: &path,
             disturbance: &ErrorState::zeros(),
-            use_residual: true,
+            residual_share: 1.0,
             time_limit: f64::INFINITY,
             actuator: None,
             tightness: 0.0,

@@ -60,6 +60,11 @@ pub struct NonlinearRollOut<V: GpVehicle<S, N, O>, const S: usize, const N: usiz
     gp: Option<Arc<GpModelFor<V, N, O>>>,
     /// How far the process is believed at each step, 0 to 1.
     trust: Vec<f64>,
+    /// Share of it that is used, and whether it is asked within its training: nearer to it than half a range's width.
+    share: f64,
+    inside: Vec<bool>,
+    /// Errors after the first step that was predicted, without the process.
+    without: SVector<f64, S>,
     steps: Vec<Predicted<S, N>>,
     start_errors: PathErrors<S, N>,
     /// Command of the first step that was predicted.
@@ -114,6 +119,9 @@ impl<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize> Nonl
             disturbance: zero,
             gp,
             trust: vec![0.0; horizon],
+            share: 0.0,
+            inside: vec![true; horizon],
+            without: SVector::zeros(),
             steps: vec![Predicted { step, end }; horizon],
             start_errors: end,
             first_command: 0.0,
@@ -133,26 +141,33 @@ impl<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize> Nonl
     }
 
     /// Predicts under a plan, and sets how far the Gaussian process is believed on the way, or not at all: outside its
-    /// training it fades, half a range's width further there is the model alone. Later plans keep to that: what they
+    /// training it fades, half a range's width further there is the model alone; of the rest a share is used. Later plans keep to that: what they
     /// are compared by is one smooth problem.
-    pub fn follow_anew(&mut self, path: &Path, plan: &[f64], use_process: bool) {
-        self.predict(path, plan, Some(use_process));
+    pub fn follow_anew(&mut self, path: &Path, plan: &[f64], share: f64) {
+        self.predict(path, plan, Some(share));
     }
 
-    fn predict(&mut self, path: &Path, plan: &[f64], use_process: Option<bool>) {
+    fn predict(&mut self, path: &Path, plan: &[f64], share: Option<f64>) {
         let mut state = self.start;
         // The speed at the beginning is nearly the mean one: the errors' dependence on it is not asked for here.
         let [_, mean_speed, _] = self.speed[0].speed;
         self.start_errors = V::Model::errors_of(&state, mean_speed, road(path)(state[0]));
         self.first_command = plan[0];
         for (j, steer) in plan.iter().enumerate() {
-            if let (Some(use_process), Some(gp)) = (use_process, &self.gp) {
+            if let (Some(share), Some(gp)) = (share, &self.gp) {
                 let excess = gp.excess(&self.input(&state, j, *steer));
-                self.trust[j] = if use_process { (1.0 - 2.0 * excess).clamp(0.0, 1.0) } else { 0.0 };
+                let trust = (1.0 - 2.0 * excess).clamp(0.0, 1.0);
+                (self.share, self.inside[j], self.trust[j]) = (share, trust >= 1.0, trust * share);
             }
             let step = self.step(road(path), &state, j, *steer);
-            state = step.state;
             let [_, _, end_speed] = self.speed[j].speed;
+            if j == 0 && self.gp.is_some() {
+                let speed = self.speed[j].held_within(self.trust[j] > 0.0);
+                let without = self.model.step_along(road(path), &state, speed, *steer, self.sample_time);
+                let without = without.state + self.disturbance;
+                self.without = V::Model::errors_of(&without, end_speed, road(path)(without[0])).errors;
+            }
+            state = step.state;
             let end = V::Model::errors_of(&state, end_speed, road(path)(state[0]));
             self.steps[j] = Predicted { step, end };
         }
@@ -193,10 +208,16 @@ impl<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize> Nonl
         input
     }
 
+    /// Whether it has a Gaussian process.
+    #[must_use]
+    pub fn is_learned(&self) -> bool {
+        self.gp.is_some()
+    }
+
     /// Share of the horizon where the Gaussian process was asked outside its training, 0 to 1.
     #[must_use]
     pub fn outside_training(&self) -> f64 {
-        let outside = self.trust.iter().filter(|trust| **trust < 1.0).count();
+        let outside = self.inside.iter().filter(|inside| !**inside).count();
         if self.gp.is_some() { outside as f64 / self.trust.len() as f64 } else { 0.0 }
     }
 
@@ -213,6 +234,20 @@ impl<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize> Nonl
         let command = steer - self.first_command;
         let state = end.errors + transition * moved + end.by_state * step.by_steer * command;
         Expected { state, transition }
+    }
+
+    /// The same without the process and with all of it, whatever share is used; none where nothing is learned or used.
+    #[must_use]
+    pub fn first_step_without_and_with(
+        &self,
+        moved: &SVector<f64, S>,
+        steer: f64,
+    ) -> Option<[SVector<f64, S>; 2]> {
+        self.gp.as_ref().filter(|_| self.share > 0.0)?;
+        let used = self.first_step(moved, steer).state;
+        let by_process = self.steps[0].end.errors - self.without;
+        let without = used - by_process;
+        Some([without, without + by_process / self.share])
     }
 
     /// Predicted errors at the end of step `j`.

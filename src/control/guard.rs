@@ -1,0 +1,443 @@
+//! The guard: whether what the controller is told can be true, and what stands in for it if not.
+//!
+//! A measurement is believed if the vehicle can have got there. A Kalman filter carries the motion
+//! `z = [x, y, yaw, vx, vy, yaw_rate, articulation, articulation_rate]` from step to step with the nominal model and the
+//! commands in force, and each signal has a gate of its own:
+//!
+//! ```text
+//! z^ = f(z, steer, accel),   P^ = F P F' + Q        (z_i - z^_i)^2 <= GATE^2 (P^_ii + R_i) n_i
+//! ```
+//!
+//! `Q` is what tyres can do beyond the model, `R` the sensors' noise (`observer.*`, twice as much), `n_i >= 1` the mean of
+//! what was seen, in units of what was expected: a sensor that is worse than declared widens its own gate. Between two
+//! measurements `P` grows, and the gates with it.
+//!
+//! | what is seen | what is done |
+//! |---|---|
+//! | every signal inside its gate | the measurement goes on as it is, bit by bit |
+//! | a signal outside, or no number | the filter's estimate from the others stands in for it: *bridged* |
+//! | all bits as a step before, in motion | stale: all of it is bridged |
+//! | outside for `guard.bridge_time`, but a motion of its own | the host has moved the vehicle: a new start |
+//! | bridged for longer than `guard.bridge_time` | braking along the road, steered by the estimate |
+//! | bridged for longer than `guard.stop_time` | the stop is completed; only a vehicle that the host moves starts anew |
+//!
+//! A motion of its own: the poses follow from the velocities, and these change no faster than tyres allow. Signals that are
+//! all zero are no motion: so a dead sensor speaks. Until some steps in a row have agreed nothing can be bridged from, and
+//! each measurement is a first one.
+//!
+//! Source: Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001: validation gate,
+//! innovations as a test of the filter (5.4), initiation of tracks.
+
+use super::controller::{Measurement, StepError};
+use super::observer::ObserverParameters;
+use super::vehicle::FurtherState;
+use crate::nominal::{ERRORS, LateralVehicle};
+use crate::parameters;
+use crate::path::wrap_angle;
+use nalgebra::{SMatrix, SVector};
+use serde::{Deserialize, Serialize};
+
+parameters! {
+    /// What the controller does about measurements, and a model, that cannot be right.
+    pub struct GuardParameters {
+        active: usize = 1, ONE in 0.0, 1.0; "guard.active", "Whether measurements and the learned model are checked against the prediction: 1 yes, 0 no"
+        bridge_time: f64 = 0.4, SECOND in 0.0, 5.0; "guard.bridge_time", "Longest time for which prediction stands in for a missing or implausible measurement; beyond it the vehicle is braked along the road. Signals that agree among themselves for as long are a new start"
+        stop_time: f64 = 1.0, SECOND in 0.0, 60.0; "guard.stop_time", "Time without a plausible measurement after which the stop is completed even if measurements come back"
+        slow_e1: f64 = 1.0, METRE in 0.1, 3.4; "guard.slow_e1", "Lateral error beyond which the vehicle slows down as long as the error grows"
+    }
+}
+
+/// Signals that are judged, in the order of [`signals`].
+const SIGNALS: usize = 8;
+/// The first signal that only some vehicles have.
+const ARTICULATION: usize = 6;
+
+/// One value for each signal.
+type Signals = SVector<f64, SIGNALS>;
+
+/// Largest acceleration that tyres give, m/s2.
+const GRIP: f64 = 9.81;
+/// Standard deviations that a signal may be off.
+const GATE: f64 = 6.0;
+/// Sensors may be so many times as noisy as declared before they have shown it.
+const NOISE_MARGIN: f64 = 2.0;
+/// Largest factor on the variance of a sensor that has shown more noise.
+const LARGEST_SPREAD: f64 = 16.0;
+/// Time over which noise, and what the drive does beyond its command, are averaged, s.
+const MEMORY: f64 = 1.0;
+/// Steps in a row that must agree before something is bridged.
+const ESTABLISHED: u32 = 5;
+/// Way in a step from which on a vehicle is seen to move, m: with the same bits a step later its measurement is stale.
+const MOVES: f64 = 1e-3;
+/// Share of the way, and of the turn, by which a pose and the integrated velocities of a new start may differ.
+const WAY_SHARE: f64 = 0.02;
+/// Largest acceleration beyond the command that is believed, m/s2: drag and grade.
+const LARGEST_DRIFT: f64 = 2.0;
+
+/// The vehicle's motion by the filter.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+struct Track {
+    mean: Signals,
+    covariance: SMatrix<f64, SIGNALS, SIGNALS>,
+}
+
+/// A motion that may be a new start.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+struct Candidate {
+    /// Pose from the velocities since its first sample.
+    reckoned: [f64; 3],
+    last: Signals,
+    /// Way, m, and turn, rad, since then.
+    way: f64,
+    turn: f64,
+    age: f64,
+}
+
+/// Everything of the guard that steps change.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct GuardState {
+    /// None before the first step.
+    track: Option<Track>,
+    /// The last measurement, if all of it was finite.
+    told: Option<Signals>,
+    /// Steps in a row in which everything agreed.
+    agreed: u32,
+    /// Time since each signal was last believed, s.
+    age: Signals,
+    /// Mean of the squared innovations in units of their variance.
+    spread: Signals,
+    candidate: Option<Candidate>,
+    /// Acceleration beyond the command, m/s2.
+    drift: f64,
+    /// Whether the stop that was begun is to be completed.
+    stops: bool,
+}
+
+/// What a measurement was taken for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Verdict {
+    /// As it is.
+    Believed,
+    /// Prediction stands in for some of it.
+    Bridged,
+    /// As it is, and nothing from before holds: the vehicle was moved.
+    Moved,
+}
+
+/// The guard of a vehicle with `S` states.
+#[derive(Debug, Clone)]
+pub struct Guard<V, const S: usize> {
+    parameters: GuardParameters,
+    vehicle: V,
+    /// Variance of each signal's noise.
+    noise: Signals,
+    /// Largest change of yaw rate and articulation rate in time that tyres give, rad/s2.
+    yaw_accel: f64,
+    min_model_speed: f64,
+}
+
+impl Default for GuardState {
+    fn default() -> Self {
+        Self {
+            track: None,
+            told: None,
+            agreed: 0,
+            age: Signals::zeros(),
+            spread: Signals::repeat(1.0),
+            candidate: None,
+            drift: 0.0,
+            stops: false,
+        }
+    }
+}
+
+/// What is judged of a measurement.
+fn signals(measurement: &Measurement) -> Signals {
+    let Measurement { x, y, yaw, vx, vy, yaw_rate, articulation, articulation_rate, .. } = *measurement;
+    Signals::from([x, y, yaw, vx, vy, yaw_rate, articulation, articulation_rate])
+}
+
+/// Difference of two values of a signal.
+fn difference(signal: usize, a: f64, b: f64) -> f64 {
+    // Yaw and articulation are angles.
+    if matches!(signal, 2 | ARTICULATION) && (a - b).is_finite() { wrap_angle(a - b) } else { a - b }
+}
+
+impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
+    /// The guard by its parameters, the sensors' noise, and the states behind the errors to the path.
+    #[must_use]
+    pub fn new(
+        parameters: GuardParameters,
+        observer: &ObserverParameters,
+        further: &[FurtherState],
+        vehicle: V,
+        min_model_speed: f64,
+    ) -> Self {
+        let p = observer;
+        let of_further = |i: usize| further.get(i).map_or(0.0, |state| state.noise);
+        let noise = Signals::from([
+            p.noise_position,
+            p.noise_position,
+            p.noise_yaw,
+            p.noise_velocity,
+            p.noise_velocity,
+            p.noise_yaw_rate,
+            of_further(0),
+            of_further(1),
+        ]);
+        let noise = noise * NOISE_MARGIN;
+        Self {
+            parameters,
+            noise: noise.component_mul(&noise),
+            // Both axles at their grip, one each way, turn a body whose radius of inertia is half its wheelbase.
+            yaw_accel: 2.0 * GRIP / vehicle.wheelbase(),
+            vehicle,
+            min_model_speed,
+        }
+    }
+
+    /// Signals that the vehicle has.
+    const JUDGED: usize = if S >= ERRORS + 2 { SIGNALS } else { ARTICULATION };
+
+    /// Judges a measurement, `elapsed` seconds after the last one, with the commands that were in force since (rad, m/s2),
+    /// and puts in what stands in for the implausible.
+    ///
+    /// # Errors
+    /// A first measurement that is not finite.
+    pub fn judge(
+        &self,
+        state: &mut GuardState,
+        measurement: &mut Measurement,
+        elapsed: f64,
+        [steer, accel]: [f64; 2],
+    ) -> Result<Verdict, StepError> {
+        let told = signals(measurement);
+        let finite = told.iter().all(|value| value.is_finite());
+        let Some(track) = state.track.filter(|_| self.parameters.active != 0) else {
+            measurement.check()?;
+            self.begin(state, &told);
+            return Ok(Verdict::Believed);
+        };
+        let mut track = self.predict(&track, steer, accel + state.drift, elapsed);
+        let moves = track.mean[3].abs() * elapsed > MOVES;
+        let stale = moves && state.told.is_some_and(|before| before == told);
+        state.told = finite.then_some(told);
+
+        let mut believed = [true; SIGNALS];
+        for (i, believed) in believed.iter_mut().enumerate().take(Self::JUDGED) {
+            let off = difference(i, told[i], track.mean[i]);
+            let units = off * off / (track.covariance[(i, i)] + self.noise[i]);
+            let spread = state.spread[i].clamp(1.0, LARGEST_SPREAD);
+            *believed = !stale && units <= GATE * GATE * spread;
+            if *believed {
+                state.spread[i] += (units - state.spread[i]) * (elapsed / MEMORY).min(1.0);
+            }
+        }
+        let all = believed.iter().all(|believed| *believed);
+        if !all && finite && state.agreed < ESTABLISHED {
+            // Nothing to bridge from as yet.
+            self.begin(state, &told);
+            return Ok(Verdict::Believed);
+        }
+        if all {
+            state.candidate = None;
+            state.agreed = state.agreed.saturating_add(1);
+        } else {
+            // A vehicle that was put down and stands has the same bits at each step, too.
+            let stands = (3..ARTICULATION).all(|i| told[i].abs() * elapsed <= MOVES);
+            let there = finite && (!stale || stands);
+            state.candidate = self.candidate(state.candidate, &told, there, elapsed, &state.spread);
+            let age = state.candidate.map_or(0.0, |candidate| candidate.age);
+            if state.candidate.is_some() && age >= self.parameters.bridge_time - 0.5 * elapsed {
+                // A completed stop ends if the host has moved the vehicle, not if it is found to roll on.
+                state.stops &= moves;
+                self.begin(state, &told);
+                return Ok(Verdict::Moved);
+            }
+        }
+        if believed[3] {
+            let off = (told[3] - track.mean[3]) / elapsed;
+            let drift = state.drift + off * (elapsed / MEMORY).min(1.0);
+            state.drift = drift.clamp(-LARGEST_DRIFT, LARGEST_DRIFT);
+        }
+        for (i, believed) in believed.into_iter().enumerate().take(Self::JUDGED) {
+            if believed {
+                track.observe(i, told[i], self.noise[i]);
+            }
+            state.age[i] = if believed { 0.0 } else { state.age[i] + elapsed };
+        }
+        state.track = Some(track);
+        if all {
+            return Ok(Verdict::Believed);
+        }
+        state.stops |= state.lost() > self.parameters.stop_time;
+        let places = [
+            &mut measurement.x,
+            &mut measurement.y,
+            &mut measurement.yaw,
+            &mut measurement.vx,
+            &mut measurement.vy,
+            &mut measurement.yaw_rate,
+            &mut measurement.articulation,
+            &mut measurement.articulation_rate,
+        ];
+        for (i, place) in places.into_iter().enumerate() {
+            if !believed[i] {
+                *place = track.mean[i];
+            }
+        }
+        Ok(Verdict::Bridged)
+    }
+
+    /// Whether the vehicle is to be stopped: measurements were missing for too long.
+    #[must_use]
+    pub fn stops(&self, state: &GuardState) -> bool {
+        self.parameters.active != 0 && (state.stops || state.lost() > self.parameters.bridge_time)
+    }
+
+    /// Starts with a measurement.
+    fn begin(&self, state: &mut GuardState, told: &Signals) {
+        let covariance = SMatrix::from_diagonal(&self.noise);
+        state.track = Some(Track { mean: *told, covariance });
+        state.told = Some(*told);
+        state.agreed = 0;
+        state.age = Signals::zeros();
+        state.candidate = None;
+    }
+
+    /// The motion that goes on in `told`, if it is one, from what was a candidate before.
+    fn candidate(
+        &self,
+        before: Option<Candidate>,
+        told: &Signals,
+        there: bool,
+        elapsed: f64,
+        spread: &Signals,
+    ) -> Option<Candidate> {
+        let body = told.fixed_rows::<ARTICULATION>(0);
+        if !there || body.iter().all(|value| *value == 0.0) {
+            return None;
+        }
+        // Its age counts from the step that ended with it.
+        let first = Candidate {
+            reckoned: [told[0], told[1], told[2]],
+            last: *told,
+            way: 0.0,
+            turn: 0.0,
+            age: elapsed,
+        };
+        let Some(Candidate { reckoned: [x, y, yaw], last, way, turn, age }) = before else {
+            return Some(first);
+        };
+        let between = |i: usize| 0.5 * (last[i] + told[i]);
+        let heading = last[2] + 0.5 * wrap_angle(told[2] - last[2]);
+        let (sin, cos) = heading.sin_cos();
+        let (vx, vy, turned) = (between(3), between(4), between(5) * elapsed);
+        let reckoned =
+            [x + (vx * cos - vy * sin) * elapsed, y + (vx * sin + vy * cos) * elapsed, yaw + turned];
+        let (way, turn) = (way + vx.hypot(vy) * elapsed, turn + turned.abs());
+        let noise = |i: usize| GATE * (2.0 * self.noise[i] * spread[i].clamp(1.0, LARGEST_SPREAD)).sqrt();
+        let gap = (told[0] - reckoned[0]).hypot(told[1] - reckoned[1]);
+        let follows = gap <= noise(0) + WAY_SHARE * way
+            && wrap_angle(told[2] - reckoned[2]).abs() <= noise(2) + WAY_SHARE * turn;
+        let changes = [2.0 * GRIP, 2.0 * GRIP, 2.0 * self.yaw_accel];
+        let smooth = (3..)
+            .zip(changes)
+            .all(|(i, change): (usize, f64)| (told[i] - last[i]).abs() <= noise(i) + change * elapsed);
+        let goes_on = Candidate { reckoned, last: *told, way, turn, age: age + elapsed };
+        Some(if follows && smooth { goes_on } else { first })
+    }
+
+    /// The motion a step later.
+    fn predict(&self, track: &Track, steer: f64, accel: f64, elapsed: f64) -> Track {
+        let h = elapsed;
+        let [x, y, yaw, vx, vy, yaw_rate, articulation, articulation_rate] = track.mean.data.0[0];
+        // Slower than the model can be, the vehicle rolls: its steering turns it in proportion to its speed.
+        let speed = vx.max(self.min_model_speed);
+        let turned_by = steer * (vx / speed).clamp(-1.0, 1.0);
+        // The model's errors to the line along which the vehicle drives now: e1' = vy + v e2. By the implicit Euler rule,
+        // which is stable at every speed.
+        let mut start = SVector::<f64, S>::zeros();
+        (start[1], start[3]) = (vy, yaw_rate);
+        if Self::JUDGED == SIGNALS {
+            (start[ERRORS], start[ERRORS + 1]) = (articulation, articulation_rate);
+        }
+        let (by_start, next) = match self.vehicle.model_at(speed) {
+            Ok(model) => {
+                let by_start =
+                    (SMatrix::identity() - model.a * h).try_inverse().unwrap_or_else(SMatrix::identity);
+                (by_start, by_start * (start + model.b * (turned_by * h)))
+            }
+            Err(_) => (SMatrix::identity(), start),
+        };
+        // Tyres saturate, the model's do not.
+        let limited = |to: f64, from: f64, rate: f64| to.clamp(from - rate * h, from + rate * h);
+        let next_rate = limited(next[3], yaw_rate, self.yaw_accel);
+        let next_vy = limited(next[1], vy, GRIP) - speed * h * next_rate;
+        let next_vx = vx + accel * h;
+        // Brakes hold, they do not reverse.
+        let next_vx = if accel < 0.0 && vx >= 0.0 { next_vx.max(0.0) } else { next_vx };
+        let mut mean = track.mean;
+        let (sin, cos) = (yaw + 0.25 * h * (yaw_rate + next_rate)).sin_cos();
+        let (along, across) = (0.5 * (vx + next_vx), 0.5 * (vy + next_vy));
+        mean[0] = x + h * (along * cos - across * sin);
+        mean[1] = y + h * (along * sin + across * cos);
+        mean[2] = yaw + 0.5 * h * (yaw_rate + next_rate);
+        (mean[3], mean[4], mean[5]) = (next_vx, next_vy, next_rate);
+
+        let mut by = SMatrix::<f64, SIGNALS, SIGNALS>::identity();
+        by[(0, 2)] = -h * (along * sin + across * cos);
+        by[(1, 2)] = h * (along * cos - across * sin);
+        (by[(0, 3)], by[(0, 4)]) = (h * cos, -h * sin);
+        (by[(1, 3)], by[(1, 4)]) = (h * sin, h * cos);
+        by[(2, 5)] = h;
+        // The body's states by its states: places in the motion and in the model.
+        let body = [(4, 1), (5, 3), (6, ERRORS), (7, ERRORS + 1)];
+        let body = &body[..if Self::JUDGED == SIGNALS { 4 } else { 2 }];
+        for &(column, of) in body {
+            for &(row, to) in body {
+                by[(row, column)] = by_start[(to, of)];
+            }
+            by[(4, column)] -= speed * by_start[(2, of)];
+        }
+        if Self::JUDGED == SIGNALS {
+            let rate = limited(next[ERRORS + 1], articulation_rate, 2.0 * self.yaw_accel);
+            (mean[6], mean[7]) = (articulation + 0.5 * h * (articulation_rate + rate), rate);
+        }
+        // Beyond the model tyres do no more than they can do at all: that is where the gate stands.
+        let (push, turn) = (GRIP / GATE * h, self.yaw_accel / GATE * h);
+        let missed = Signals::from([
+            0.5 * h * push,
+            0.5 * h * push,
+            0.5 * h * turn,
+            push,
+            push,
+            turn,
+            h * turn,
+            2.0 * turn,
+        ]);
+        let mut covariance = by * track.covariance * by.transpose();
+        for i in 0..Self::JUDGED {
+            covariance[(i, i)] += missed[i] * missed[i];
+        }
+        Track { mean, covariance }
+    }
+}
+
+impl Track {
+    /// Takes the measured value of a signal into the estimate.
+    fn observe(&mut self, signal: usize, value: f64, noise: f64) {
+        let off = difference(signal, value, self.mean[signal]);
+        let column = self.covariance.column(signal).into_owned();
+        let gain = column / (column[signal] + noise);
+        self.mean += gain * off;
+        self.covariance -= gain * column.transpose();
+    }
+}
+
+impl GuardState {
+    /// Longest time for which a signal has not been believed, s.
+    fn lost(&self) -> f64 {
+        self.age.max()
+    }
+}

@@ -1,0 +1,96 @@
+//! A learned model that predicts worse than the nominal one is faded out, one that predicts better is not.
+
+use rfl_mpc::control::{ControlStatus, Controller, ControllerParameters, Propagation, Residual, RollOut};
+use rfl_mpc::path::sudoku::Route;
+use rfl_mpc::path::{Closure, Path};
+use rfl_mpc::residual::{DataConfig, DataSet, Kind, ResidualModel, TrainConfig, train};
+use rfl_mpc::simulate::ClosedLoop;
+use rfl_mpc::vehicle::{Effects, builtin};
+use std::sync::Arc;
+
+const PLAIN: fn() -> Effects = Effects::default;
+
+fn late() -> Effects {
+    Effects { steer_lag: 0.1, steer_delay: 0.06, ..PLAIN() }
+}
+
+/// The same with a steering that is far off straight: nobody's car.
+fn crooked() -> Effects {
+    Effects { steer_offset: 0.05, ..late() }
+}
+
+fn closed_loop(
+    mut parameters: ControllerParameters,
+    effects: &Effects,
+    model: Option<&Arc<ResidualModel>>,
+) -> ClosedLoop {
+    let path = Arc::new(Path::from_samples(Route::SudokuTurns.samples(), Closure::Detect).unwrap());
+    let car = builtin("c_class").unwrap();
+    parameters.mpc.steer_max = 0.6;
+    let residual = model.map(|model| Residual {
+        model: model.clone(),
+        propagation: Propagation::Propagated,
+        roll_out: RollOut::Corrected,
+    });
+    let controller = Controller::predicting_with(parameters, path, residual.into()).unwrap();
+    ClosedLoop::at_start(controller, &car, effects, 0.02).unwrap()
+}
+
+fn parameters() -> ControllerParameters {
+    ControllerParameters::for_car(&builtin("c_class").unwrap())
+}
+
+/// A model of a car, from a calm drive with dither.
+fn learned(effects: &Effects) -> Arc<ResidualModel> {
+    let mut collecting = parameters();
+    collecting.mpc.r_rate = 0.3;
+    collecting.mpc.q_e1_rate = 1.0;
+    collecting.mpc.q_e2 = 2.0;
+    collecting.mpc.dither = 0.005;
+    let log = closed_loop(collecting, effects, None).drive(60.0, |_| ()).unwrap().to_learn_from();
+    let data = DataSet::new(&[log], &collecting.vehicle.single_track(), DataConfig::default()).unwrap();
+    let config = TrainConfig { window: 28, ..TrainConfig::new(Kind::Linear) };
+    Arc::new(train(&data, None, &config, &|_| ()).unwrap().model)
+}
+
+/// Largest lateral error, m, the step at which the model is first called faded, and the number of such steps.
+fn drive(effects: &Effects, model: Option<&Arc<ResidualModel>>) -> (f64, Option<u32>, u32) {
+    let mut closed = closed_loop(parameters(), effects, model);
+    let (mut error, mut first, mut faded) = (0.0_f64, None, 0);
+    for step in 0..2200 {
+        closed.advance().unwrap();
+        error = error.max(closed.lateral_error().abs());
+        let report = closed.controller().report();
+        if report.status == ControlStatus::ResidualFaded {
+            first = first.or(Some(step));
+            faded += 1;
+        }
+        if report.finished {
+            break;
+        }
+    }
+    (error, first, faded)
+}
+
+#[test]
+fn a_wrong_model_is_noticed_within_two_seconds_and_does_no_harm() {
+    let wrong = learned(&crooked());
+    for effects in [PLAIN(), late()] {
+        let (nominal, ..) = drive(&effects, None);
+        let (error, first, faded) = drive(&effects, Some(&wrong));
+        assert!(first.is_some_and(|step| step <= 100), "noticed at step {first:?}");
+        assert!(faded > 1000, "and it stays out: {faded}");
+        assert!(error <= 2.0 * nominal, "{error} m, nominal {nominal} m");
+    }
+}
+
+#[test]
+fn a_right_model_is_used_and_not_spoken_of() {
+    for effects in [late(), crooked()] {
+        let right = learned(&effects);
+        let (nominal, ..) = drive(&effects, None);
+        let (error, first, _) = drive(&effects, Some(&right));
+        assert_eq!(first, None);
+        assert!(error < nominal, "{error} m, nominal {nominal} m");
+    }
+}

@@ -1,0 +1,393 @@
+//! The guard: what cannot be true is bridged, then the vehicle stops along the road; an ordinary drive hears nothing of it.
+
+use rfl_mpc::control::{
+    ControlStatus, Controller, ControllerParameters, ControllerState, Measurement, StepError,
+    TruckController, TruckControllerParameters,
+};
+use rfl_mpc::path::{Closure, Path, Sample};
+use rfl_mpc::simulate::{ClosedLoop, SensorNoise, TruckClosedLoop};
+use rfl_mpc::vehicle::{BUILTIN, BUILTIN_TRUCKS, Car, Effects, TruckEffects, builtin, builtin_truck};
+use std::sync::Arc;
+
+/// A road by its curvature: straights and bends, each of a length in m and a curvature in 1/m, joined by clothoids.
+fn road(pieces: &[(f64, f64)]) -> Arc<Path> {
+    const STEP: f64 = 0.5;
+    const CLOTHOID: f64 = 40.0;
+    let (mut x, mut y, mut yaw, mut before) = (0.0_f64, 0.0_f64, 0.0_f64, 0.0);
+    let mut samples = vec![Sample::at(x, y)];
+    for &(length, curvature) in pieces {
+        for k in 0..(length / STEP) as u32 {
+            let share = ((f64::from(k) + 0.5) * STEP / CLOTHOID).min(1.0);
+            let here = before + share * (curvature - before);
+            let heading = yaw + 0.5 * STEP * here;
+            (x, y) = (x + STEP * heading.cos(), y + STEP * heading.sin());
+            yaw += STEP * here;
+            if k % 2 == 1 {
+                samples.push(Sample::at(x, y));
+            }
+        }
+        before = curvature;
+    }
+    Arc::new(Path::from_samples(samples, Closure::Open).unwrap())
+}
+
+/// Straight, left, right, straight: for 27 m/s as for 10 m/s.
+fn fast_road() -> Arc<Path> {
+    road(&[(150.0, 0.0), (150.0, 1.0 / 360.0), (150.0, -1.0 / 360.0), (150.0, 0.0)])
+}
+
+/// Where faults begin, m: on the straight, into the bend, in the bend, from bend to bend.
+const STATIONS: [f64; 4] = [20.0, 110.0, 180.0, 280.0];
+
+/// What the controller is told, what it was told last before the fault, and the road.
+type Fault = fn(&mut Measurement, &Measurement, &Path);
+
+fn missing(told: &mut Measurement, _: &Measurement, _: &Path) {
+    let nan = f64::NAN;
+    *told = Measurement { x: nan, y: nan, yaw: nan, vx: nan, vy: nan, yaw_rate: nan, ..*told };
+}
+
+const SHORT: [(&str, Fault); 6] = [
+    ("yaw", |told, _, _| told.yaw += 0.2),
+    ("yaw rate", |told, _, _| told.yaw_rate = 5.0),
+    ("elsewhere", |told, _, _| {
+        told.x -= 30.0 * told.yaw.sin();
+        told.y += 30.0 * told.yaw.cos();
+    }),
+    ("frozen", |told, before, _| *told = *before),
+    ("missing", missing),
+    ("no speed", |told, _, _| told.vx = 0.0),
+];
+
+const LONG: [(&str, Fault); 4] =
+    [("frozen", SHORT[3].1), ("missing", missing), ("no speed", SHORT[5].1), ("yaw", SHORT[0].1)];
+
+/// What a drive with a fault was like.
+#[derive(Default)]
+struct Outcome {
+    /// Largest true lateral error, m.
+    error: f64,
+    /// Speed at the end, m/s.
+    speed: f64,
+    /// Steps that were called optimal while the fault was there.
+    optimal: u32,
+    finished: bool,
+    last: ControlStatus,
+    statuses: Vec<ControlStatus>,
+}
+
+/// Drives from a station on, with a fault after a second.
+fn drive(limit: f64, station: f64, length: f64, fault: Fault, duration: f64, noise: f64) -> Outcome {
+    let path = fast_road();
+    let car = builtin("c_class").unwrap();
+    let mut parameters = ControllerParameters::for_car(&car);
+    parameters.speed.limit = limit;
+    let controller = Controller::new(parameters, path.clone()).unwrap();
+    let mut vehicle = Car::new(&car, &Effects::default(), None).unwrap();
+    let start = path.at(station);
+    vehicle.place(start.x, start.y, start.yaw, limit);
+    let during = move |time: f64| time > 0.99 && time < 0.99 + length;
+    let mut before = Measurement::default();
+    let mut closed = ClosedLoop::new(controller, vehicle, 0.02).with_fault(move |time, told| {
+        if during(time) { fault(told, &before, &path) } else { before = *told }
+    });
+    if noise > 0.0 {
+        closed = closed.with_noise(SensorNoise::TYPICAL.scaled(noise), 5);
+    }
+    let mut outcome = Outcome::default();
+    for step in 0..(duration / 0.02) as u32 {
+        closed.advance().unwrap();
+        let report = closed.controller().report();
+        outcome.error = outcome.error.max(closed.lateral_error().abs());
+        outcome.optimal +=
+            u32::from(during(f64::from(step) * 0.02) && report.status == ControlStatus::Optimal);
+        outcome.finished |= report.finished;
+        outcome.last = report.status;
+        if !outcome.statuses.contains(&report.status) {
+            outcome.statuses.push(report.status);
+        }
+    }
+    outcome.speed = closed.vehicle().output().vx;
+    outcome
+}
+
+#[test]
+fn faults_of_a_fifth_of_a_second_are_bridged() {
+    for limit in [10.0, 26.0] {
+        for (name, fault) in SHORT {
+            for (station, noise) in STATIONS.into_iter().zip([0.0, 2.0, 2.0, 0.0]) {
+                let outcome = drive(limit, station, 0.2, fault, 4.0, noise);
+                let what = format!("{name} at {limit} m/s, {station} m: {:.3} m", outcome.error);
+                assert!(outcome.error < 0.2, "{what}");
+                assert_eq!(outcome.optimal, 0, "{what}");
+                assert_eq!(outcome.last, ControlStatus::Optimal, "{what}");
+                assert!(outcome.statuses.contains(&ControlStatus::Bridged), "{what}");
+                assert!(outcome.speed > 0.9 * limit, "{what}: driving on");
+            }
+        }
+    }
+}
+
+#[test]
+fn faults_of_two_seconds_end_in_a_stop_on_the_road() {
+    for limit in [10.0, 26.0] {
+        for (name, fault) in LONG {
+            for (station, noise) in STATIONS.into_iter().zip([0.0, 0.0, 2.0, 2.0]) {
+                let outcome = drive(limit, station, 2.0, fault, 14.0, noise);
+                let what = format!("{name} at {limit} m/s, {station} m: {:.3} m", outcome.error);
+                assert!(outcome.error < 1.0, "{what}");
+                assert_eq!(outcome.optimal, 0, "{what}");
+                assert_eq!(outcome.last, ControlStatus::SafeStop, "{what}");
+                assert!(outcome.speed.abs() < 0.1, "{what}: {} m/s", outcome.speed);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_loss_shorter_than_the_stop_time_brakes_and_drives_on() {
+    let outcome = drive(20.0, 20.0, 0.7, missing, 6.0, 0.0);
+    assert!(outcome.statuses.contains(&ControlStatus::SafeStop));
+    assert_eq!((outcome.last, outcome.optimal), (ControlStatus::Optimal, 0));
+    assert!(outcome.error < 0.2 && outcome.speed > 19.0, "{} m, {} m/s", outcome.error, outcome.speed);
+}
+
+#[test]
+fn a_sample_at_the_roads_end_does_not_finish_the_drive() {
+    let at_end: Fault = |told, _, path| {
+        let end = path.at(path.length());
+        (told.x, told.y, told.yaw) = (end.x, end.y, end.yaw);
+    };
+    let outcome = drive(10.0, 20.0, 0.02, at_end, 3.0, 0.0);
+    assert!(!outcome.finished && outcome.error < 0.1, "{}", outcome.error);
+}
+
+/// Drives along the straight that a road begins with, told the truth.
+fn along(controller: &mut Controller, from: f64, steps: u32) -> f64 {
+    let mut x = from;
+    for _ in 0..steps {
+        controller.step(&Measurement { x, vx: 5.0, ..Measurement::default() }).unwrap();
+        x += 0.1;
+    }
+    x
+}
+
+fn straight() -> Controller {
+    Controller::new(ControllerParameters::default(), road(&[(120.0, 0.0)])).unwrap()
+}
+
+#[test]
+fn finished_is_taken_back_when_the_vehicle_is_elsewhere() {
+    let mut controller = straight();
+    let x = along(&mut controller, 115.0, 48);
+    assert_eq!(controller.report().status, ControlStatus::Finished);
+    assert!(controller.report().finished && x > 119.0);
+    // The host puts it back to the middle: believed after the time to bridge, and no longer finished.
+    along(&mut controller, 60.0, 5);
+    assert!(controller.report().finished, "not as yet");
+    along(&mut controller, 60.5, 60);
+    assert!(!controller.report().finished);
+    assert_eq!(controller.report().status, ControlStatus::Optimal);
+}
+
+#[test]
+fn a_vehicle_that_the_host_moves_starts_anew_after_the_time_to_bridge() {
+    let mut controller = straight();
+    along(&mut controller, 10.0, 50);
+    let mut believed = None;
+    for k in 0..100 {
+        let x = 70.0 + 0.1 * f64::from(k);
+        let report =
+            *controller.step(&Measurement { x, y: 0.02, vx: 5.0, ..Measurement::default() }).unwrap();
+        if report.status == ControlStatus::Optimal {
+            assert!((report.e1 - 0.02).abs() < 1e-6 && (report.station - x).abs() < 1e-3);
+            believed = believed.or(Some(k));
+        } else {
+            assert_eq!(report.status, ControlStatus::Bridged, "step {k}");
+            assert!(report.station < 20.0, "the prediction stands in");
+        }
+    }
+    let time = 0.02 * f64::from(believed.unwrap());
+    let limit = controller.parameters().guard.bridge_time;
+    assert!((time - limit).abs() < 0.03, "{time} s");
+}
+
+#[test]
+fn a_vehicle_put_down_at_rest_starts_anew_and_a_sensor_that_says_zero_does_not() {
+    for (at, starts) in [(70.0, true), (0.0, false)] {
+        let mut controller = straight();
+        along(&mut controller, 10.0, 50);
+        let still = Measurement { x: at, ..Measurement::default() };
+        let last = (0..40).map(|_| controller.step(&still).unwrap().status).last();
+        assert_eq!(last == Some(ControlStatus::Optimal), starts, "{last:?}");
+    }
+}
+
+#[test]
+fn only_the_first_measurement_must_be_finite() {
+    let mut controller = straight();
+    let nan = Measurement { vx: f64::NAN, ..Measurement::default() };
+    let error = controller.step(&nan).unwrap_err();
+    assert!(matches!(error, StepError::NotFinite { signal: "vx", .. }));
+    let x = along(&mut controller, 10.0, 20);
+    let report = controller.step(&Measurement { x, ..nan }).unwrap();
+    assert_eq!(report.status, ControlStatus::Bridged);
+    assert!((report.station - x).abs() < 0.01);
+}
+
+#[test]
+fn the_guard_goes_on_from_a_saved_state() {
+    let mut controller = straight();
+    let x = along(&mut controller, 10.0, 30);
+    let nan = Measurement { x: f64::NAN, y: f64::NAN, vx: 5.0, ..Measurement::default() };
+    (0..5).for_each(|_| drop(controller.step(&nan).copied()));
+    let saved = postcard::to_allocvec(controller.state()).unwrap();
+    let mut other = straight();
+    let state: ControllerState = postcard::from_bytes(&saved).unwrap();
+    assert!(other.restore(state).is_none());
+    for k in 0..60 {
+        let there = Measurement { x: x + 0.1 * f64::from(k + 5), vx: 5.0, ..Measurement::default() };
+        let told = if k < 30 { nan } else { there };
+        let reports = [&mut controller, &mut other].map(|one| *one.step(&told).unwrap());
+        assert_eq!(reports[0].steer_cmd.to_bits(), reports[1].steer_cmd.to_bits());
+        assert_eq!((reports[0].accel_cmd, reports[0].status), (reports[1].accel_cmd, reports[1].status));
+    }
+}
+
+/// Statuses of a drive but those of an ordinary one, and the largest error.
+fn alarms(mut advance: impl FnMut() -> (ControlStatus, f64), steps: u32) -> (Vec<ControlStatus>, f64) {
+    let (mut odd, mut error) = (Vec::new(), 0.0_f64);
+    for _ in 0..steps {
+        let (status, off) = advance();
+        error = error.max(off.abs());
+        if !matches!(status, ControlStatus::Optimal | ControlStatus::Finished) {
+            odd.push(status);
+        }
+    }
+    (odd, error)
+}
+
+/// A bend of 20 m radius and back, slowly, and then faster.
+fn ordinary_road() -> Arc<Path> {
+    road(&[(60.0, 0.0), (70.0, 0.05), (70.0, -0.05), (100.0, 0.0), (60.0, 0.02)])
+}
+
+#[test]
+fn ordinary_drives_of_cars_hear_nothing() {
+    let plain = Effects::default;
+    let late = Effects { steer_lag: 0.2, steer_delay: 0.12, ..plain() };
+    let situations = [
+        ("noise", plain(), 2.0, 0.02),
+        ("low friction", Effects { road_friction: 0.4, ..plain() }, 2.0, 0.02),
+        ("late steering", late, 0.0, 0.02),
+        ("crosswind", Effects { wind_y: 15.0, ..plain() }, 0.0, 0.02),
+        ("payload", Effects { payload: 300.0, payload_x: -1.0, ..plain() }, 0.0, 0.02),
+        ("steps of 5 ms", plain(), 0.0, 0.005),
+        ("steps of 50 ms", plain(), 0.0, 0.05),
+    ];
+    for car in BUILTIN {
+        let parameters = builtin(car).unwrap();
+        for (what, effects, noise, step) in &situations {
+            let path = ordinary_road();
+            let mut settings = ControllerParameters::for_car(&parameters);
+            if *what == "late steering" {
+                // It is the guard that is tested, not how the default stands a late actuator.
+                settings.mpc.r_rate = 0.3;
+                settings.mpc.q_e1_rate = 1.0;
+                settings.mpc.q_e2 = 2.0;
+            }
+            let controller = Controller::new(settings, path).unwrap();
+            let mut closed = ClosedLoop::at_start(controller, &parameters, effects, *step).unwrap();
+            if *noise > 0.0 {
+                closed = closed.with_noise(SensorNoise::TYPICAL.scaled(*noise), 11);
+            }
+            let steps = (25.0 / step) as u32;
+            let (odd, error) = alarms(
+                || {
+                    closed.advance().unwrap();
+                    (closed.controller().report().status, closed.lateral_error())
+                },
+                steps,
+            );
+            let guarded = [ControlStatus::Bridged, ControlStatus::SafeStop, ControlStatus::Slowed];
+            let heard: Vec<_> = odd.iter().filter(|status| guarded.contains(status)).collect();
+            assert!(heard.is_empty() && error < 1.0, "{car}, {what}: {heard:?}, {error} m");
+        }
+    }
+}
+
+#[test]
+fn ordinary_drives_of_trucks_hear_nothing() {
+    for truck in BUILTIN_TRUCKS {
+        let parameters = builtin_truck(truck).unwrap();
+        for noise in [0.0, 2.0] {
+            let controller =
+                TruckController::new(TruckControllerParameters::for_truck(&parameters), ordinary_road())
+                    .unwrap();
+            let effects = TruckEffects::default();
+            let mut closed = TruckClosedLoop::at_start(controller, &parameters, &effects, 0.02).unwrap();
+            if noise > 0.0 {
+                closed = closed.with_noise(SensorNoise::TYPICAL_TRUCK.scaled(noise), 3);
+            }
+            let (odd, error) = alarms(
+                || {
+                    closed.advance().unwrap();
+                    (closed.controller().report().status, closed.lateral_error())
+                },
+                1500,
+            );
+            assert!(odd.is_empty() && error < 0.5, "{truck}: {odd:?}, {error} m");
+        }
+    }
+}
+
+#[test]
+fn a_lost_articulation_is_bridged() {
+    let parameters = builtin_truck("truck_simulation").unwrap();
+    let controller =
+        TruckController::new(TruckControllerParameters::for_truck(&parameters), ordinary_road()).unwrap();
+    let effects = TruckEffects::default();
+    let mut closed = TruckClosedLoop::at_start(controller, &parameters, &effects, 0.02).unwrap().with_fault(
+        |time, told| {
+            if time > 9.99 && time < 10.25 {
+                told.articulation += 0.5;
+            }
+        },
+    );
+    for step in 0..700 {
+        closed.advance().unwrap();
+        let status = closed.controller().report().status;
+        let bridged = (500..513).contains(&step);
+        assert_eq!(status == ControlStatus::Bridged, bridged, "step {step}: {status:?}");
+    }
+    assert!(closed.lateral_error().abs() < 0.2);
+}
+
+#[test]
+fn a_start_beside_the_path_is_driven_as_before() {
+    let mut controller = straight();
+    let report =
+        controller.step(&Measurement { x: 20.0, y: 8.0, vx: 4.0, ..Measurement::default() }).unwrap();
+    assert_eq!((report.status, report.speed_ref), (ControlStatus::FarFromPath, 3.0));
+}
+
+#[test]
+fn a_vehicle_that_leaves_the_path_slows_down_and_stops() {
+    let mut controller = straight();
+    let (mut y, mut last, yaw) = (0.0, f64::INFINITY, 0.2_f64);
+    for k in 0..190 {
+        // Straight off the road, whatever it steers: ice.
+        let x = 10.0 + 0.1 * yaw.cos() * f64::from(k);
+        let told = Measurement { x, y, yaw, vx: 5.0, ..Measurement::default() };
+        let report = *controller.step(&told).unwrap();
+        assert!(report.speed_ref <= last + 1e-9 || y < 1.2, "{} after {last}", report.speed_ref);
+        match y {
+            ..0.95 => assert_eq!(report.status, ControlStatus::Optimal, "{y}"),
+            1.1..3.4 => assert_eq!(report.status, ControlStatus::Slowed, "{y}"),
+            3.6.. => assert_eq!((report.status, report.speed_ref), (ControlStatus::FarFromPath, 0.0)),
+            _ => (),
+        }
+        last = report.speed_ref;
+        y += 0.1 * yaw.sin();
+    }
+}
