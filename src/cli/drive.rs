@@ -3,8 +3,8 @@
 use super::vehicle::{Commanded, Linear, by_kind, vehicle_named};
 use super::{named, progress_bar};
 use crate::control::{
-    Choice, ControlVariant, ControllerFile, ControllerFor, ControllerParametersFor, PredictionModelFor, Propagation, RollOut,
-    VehicleParameters,
+    Choice, ControlVariant, ControllerFile, ControllerFor, ControllerParametersFor, PredictionModelFor,
+    Propagation, RollOut, VehicleParameters,
 };
 use crate::parameter::{NoValue, Parameter};
 use crate::path::sudoku::Route;

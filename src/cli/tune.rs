@@ -3,15 +3,15 @@
 use super::drive::{ModelArgs, Setup};
 use super::progress_bar;
 use super::vehicle::{Commanded, by_kind};
-use crate::control::{ControllerFile, ControllerParametersFor, ControlVariant, Margins, MpcParameters};
+use crate::control::{ControlVariant, ControllerFile, ControllerParametersFor, Margins, MpcParameters};
 use crate::diagnose::page::{Answer, Tuned, tuning_page};
 use crate::parameter::ParameterGroup;
 use crate::path::{Closure, Options, Path, Sample, Smoothing};
 use crate::simulate::tune::{
-    Actuators, Candidate, Controlled, Ensemble, Family, MarginGoal, Purpose, SPEEDS, Scenario, SearchSettings, Values,
-    answer_to_offset, margins_over_speeds, search, standard_axes,
+    Actuators, Candidate, Controlled, Ensemble, Family, MarginGoal, Purpose, SPEEDS, Scenario,
+    SearchSettings, Values, answer_to_offset, margins_over_speeds, search, standard_axes,
 };
-use crate::vehicle::{BUILTIN, VehicleParameters as _};
+use crate::vehicle::{BUILTIN, TruckEffects, VehicleParameters as _};
 use clap::Args;
 use serde_json::{Value, json};
 use std::error::Error;
@@ -196,7 +196,12 @@ where
     print(&tuning, sets, &margins);
     let file = args.out.join("controller.toml");
     let words = if better {
-        format!("written to {}: rfl drive --vehicle {} --controller {}", file.display(), args.vehicle, file.display())
+        format!(
+            "written to {}: rfl drive --vehicle {} --controller {}",
+            file.display(),
+            args.vehicle,
+            file.display()
+        )
     } else {
         "nothing is written: what was found is no better than the default controller on other roads and vehicles; \
          keep the default, or search longer (--budget)"
@@ -221,8 +226,10 @@ where
     };
     let shown_margins = |margins: &[(f64, Option<Margins>)]| -> Vec<Value> {
         let one = |(speed, margins): &(f64, Option<Margins>)| match margins {
-            Some(m) => json!({ "speed": speed, "stable": true, "gain": finite(m.gain), "phase": finite(m.phase),
-                "delay": finite(m.delay), "sensitivity": m.sensitivity }),
+            Some(m) => {
+                json!({ "speed": speed, "stable": true, "gain": finite(m.gain), "phase": finite(m.phase),
+                "delay": finite(m.delay), "sensitivity": m.sensitivity })
+            }
             None => json!({ "speed": speed, "stable": false }),
         };
         margins.iter().map(one).collect()
@@ -235,7 +242,8 @@ where
         "scenarios": { "training": names(&training), "held_out": names(&held_out) },
     });
     let json_file = args.out.join("tune.json");
-    std::fs::write(&json_file, serde_json::to_string_pretty(&value)?).map_err(|error| io(&json_file, error))?;
+    std::fs::write(&json_file, serde_json::to_string_pretty(&value)?)
+        .map_err(|error| io(&json_file, error))?;
     let page = tuning_page(&Tuned {
         vehicle: tuning.vehicle.name(),
         variant: tuning.variant.name(),
@@ -278,15 +286,24 @@ where
             roads,
             ..Family::around(vec![setup.vehicle.clone()])
         };
-        // Effects that were set are the vehicle's own here.
+        // Effects that were set are the vehicle's here; what they add to its steering is known of it.
         let mut vehicle = setup.vehicle;
-        for id in ["steer_lag", "steer_delay"] {
-            let more = P::effect(&mut setup.effects.clone(), id).map_or(0.0, |effect| *effect);
-            let own = P::effect(&mut vehicle.effects().clone(), id).map_or(0.0, |effect| *effect);
-            let name = if id == "steer_lag" { "steering.lag" } else { "steering.dead_time" };
-            let parameter = P::Parameters::TABLE.iter().find(|parameter| parameter.name == name);
-            if let Some(parameter) = parameter.filter(|_| more != own) {
-                let value = parameter.get(&vehicle) + more - own;
+        let mut effects = setup.effects;
+        for effect in TruckEffects::all() {
+            let Some(set) = P::effect(&mut effects, effect.id).map(|value| *value) else { continue };
+            let Some(own) = vehicle.effect_mut(effect.id) else { continue };
+            let more = set - *own;
+            let steering = match effect.id {
+                "steer_lag" => "steering.lag",
+                "steer_delay" => "steering.dead_time",
+                _ => {
+                    *own = set;
+                    continue;
+                }
+            };
+            if let Some(parameter) = P::Parameters::TABLE.iter().find(|parameter| parameter.name == steering)
+            {
+                let value = parameter.get(&vehicle) + more;
                 parameter.set(&mut vehicle, value);
             }
         }

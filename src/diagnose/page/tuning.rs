@@ -110,11 +110,22 @@ fn margins(tuned: &Tuned<'_>) -> String {
         let ends = [tuned.margins[0].first(), tuned.margins[0].last()];
         let ends = ends.map(|end| (end.map_or(0.0, |(speed, _)| *speed), goal));
         curves.push(Curve::line(Colour::Faint, ends.to_vec()));
-        let plot = Plot { size: (430, 260), y_range: Some((0.0, 1.05 * most)), ..Plot::new(title, "speed, m/s", y, curves) };
+        let plot = Plot {
+            size: (430, 260),
+            y_range: Some((0.0, 1.05 * most)),
+            ..Plot::new(title, "speed, m/s", y, curves)
+        };
         figure(&plot.svg(), &escaped(title))
     };
-    let delay = plot("Delay margin: dead time that it stands beyond its own", "s", 0.5, tuned.goal.0, |m| m.delay);
-    let gain = plot("Gain margin: a factor on its answer to steering that it stands", "factor", 10.0, tuned.goal.1, |m| m.gain);
+    let delay =
+        plot("Delay margin: dead time that it stands beyond its own", "s", 0.5, tuned.goal.0, |m| m.delay);
+    let gain = plot(
+        "Gain margin: a factor on its answer to steering that it stands",
+        "factor",
+        10.0,
+        tuned.goal.1,
+        |m| m.gain,
+    );
     format!("<div class='pair'>{delay}{gain}</div>")
         + "<p class='sub'>Of the linear loop on a straight road: the controller as a linear feedback with its memory, the vehicle \
            of the file behind its steering. Grey: what was asked for. 0: the loop is unstable there; what is beyond the scale is \

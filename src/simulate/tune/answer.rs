@@ -29,7 +29,8 @@ pub fn answer_to_offset<P: Compared<S, C>, const S: usize, const C: usize>(
     let length = 2.0 * speed * DURATION + speed * speed / parameters.speed.decel + 100.0;
     let count = (length / 10.0).ceil() as usize;
     let road = (0..=count).map(|i| Sample::at(10.0 * i as f64, 0.0)).collect();
-    let path = Path::from_samples(road, Closure::Open).map_err(|error| ScenarioError::Vehicle(Box::new(error)))?;
+    let path =
+        Path::from_samples(road, Closure::Open).map_err(|error| ScenarioError::Vehicle(Box::new(error)))?;
     let controller = ControllerFor::predicting_with(parameters, Arc::new(path), scenario.model.clone())?;
     let mut vehicle = P::make(&scenario.vehicle, &scenario.effects, None)
         .map_err(|error| ScenarioError::Vehicle(Box::new(error)))?;
