@@ -4,7 +4,10 @@
 
 use crate::fmu::Fmu;
 use crate::shipped::ClosedLoop;
-use rfl_mpc::control::{ControlVariant, LearnedModel, LearnedModelFor, MODEL_EXTENSION, TRUCK_STATES};
+use rfl_mpc::control::{
+    ControlVariant, ControllerFile, ControllerFileError, LearnedModel, LearnedModelFor, MODEL_EXTENSION,
+    TRUCK_STATES,
+};
 use rfl_mpc::fmi::{Kind, ModelError, StartError};
 use rfl_mpc::fmu::MODELS;
 use rfl_mpc::residual::FileError;
@@ -41,6 +44,8 @@ pub enum AddError {
     Misfit { file: PathBuf, vehicle: String, source: ModelError },
     #[error("`{0}` is no start value: write FMU.PARAMETER=VALUE, e.g. RflMpc.mpc.sample_time=0.01")]
     Form(String),
+    #[error(transparent)]
+    Controller(#[from] ControllerFileError),
     #[error(transparent)]
     Start(#[from] StartError),
     #[error(transparent)]
@@ -112,6 +117,23 @@ pub fn add_start(fmus: &mut [Fmu], text: &str) -> Result<(), AddError> {
     fmu.declaration.clone().start_with(parameter, value.trim())?;
     fmu.added.start.insert(parameter.to_owned(), value.trim().to_owned());
     Ok(())
+}
+
+/// Gives the controller that a controller's file is for its numbers as start values, and its variant.
+///
+/// # Errors
+/// A file that cannot be read; a number that the controller does not have or that is out of its range.
+pub fn add_controller(fmus: &mut [Fmu], file: &Path) -> Result<(), AddError> {
+    let read = ControllerFile::read(file)?;
+    let vehicle = if read.kind == "truck" { VehicleKind::Truck } else { VehicleKind::Car };
+    let controller = ClosedLoop::of(vehicle).controller;
+    for (name, value) in &read.values {
+        add_start(fmus, &format!("{controller}.{name}={value}"))?;
+    }
+    match read.variant {
+        Some(variant) => add_start(fmus, &format!("{controller}.variant={}", variant as i32)),
+        None => Ok(()),
+    }
 }
 
 /// Packs learned models into the FMUs of the controllers that they are for; a controller then drives with its first

@@ -46,6 +46,10 @@ struct Arguments {
     /// tyres (may be repeated)
     #[arg(long, value_name = "VEHICLE")]
     vehicle: Vec<String>,
+    /// Controller file (from rfl tune): its numbers become start values of the controller that it is for; --start counts
+    /// more
+    #[arg(long, value_name = "FILE")]
+    controller: Option<PathBuf>,
     /// Give a parameter of an FMU another start value (may be repeated)
     #[arg(long, value_name = "FMU.PARAMETER=VALUE")]
     start: Vec<String>,
@@ -64,6 +68,7 @@ const EXAMPLES: &str = "Examples:
   fmu-build --residual out/residual/rfl_s.rflm   a controller that drives with what `rfl train` learned
   fmu-build --residual out/residual/*.rflm    with all that it learned, to choose by the parameter variant
   fmu-build --vehicle my_car.toml --residual out/residual/rfl_s.rflm     the same for a car of yours
+  fmu-build --vehicle my_car.toml --controller out/tune/controller.toml   with what `rfl tune` found
   fmu-build --residual fast.rflm --start RflMpc.mpc.sample_time=0.01     a model of another controller
   fmu-build --set RflMpc.path_file=road.csv   a system with a parameter set
   fmu-build --describe                        after a change of variables: the descriptions, to be committed";
@@ -116,6 +121,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     for vehicle in &arguments.vehicle {
         added::add_vehicle(&mut all, vehicle)?;
     }
+    arguments.controller.iter().try_for_each(|file| added::add_controller(&mut all, file))?;
     arguments.start.iter().try_for_each(|text| added::add_start(&mut all, text))?;
     for (controller, kind) in added::add_models(&mut all, &options.project, &arguments.residual)? {
         println!("{controller} is packed with a learned model of kind {}", kind.name());

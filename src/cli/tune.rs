@@ -11,7 +11,7 @@ use crate::simulate::tune::{
     Actuators, Candidate, Controlled, Ensemble, Family, MarginGoal, Purpose, SPEEDS, Scenario,
     SearchSettings, Values, answer_to_offset, margins_over_speeds, search, standard_axes,
 };
-use crate::vehicle::{BUILTIN, VehicleParameters as _};
+use crate::vehicle::{BUILTIN, TruckEffects, VehicleParameters as _};
 use clap::Args;
 use serde_json::{Value, json};
 use std::error::Error;
@@ -286,15 +286,24 @@ where
             roads,
             ..Family::around(vec![setup.vehicle.clone()])
         };
-        // Effects that were set are the vehicle's own here.
+        // Effects that were set are the vehicle's here; what they add to its steering is known of it.
         let mut vehicle = setup.vehicle;
-        for id in ["steer_lag", "steer_delay"] {
-            let more = P::effect(&mut setup.effects.clone(), id).map_or(0.0, |effect| *effect);
-            let own = P::effect(&mut vehicle.effects().clone(), id).map_or(0.0, |effect| *effect);
-            let name = if id == "steer_lag" { "steering.lag" } else { "steering.dead_time" };
-            let parameter = P::Parameters::TABLE.iter().find(|parameter| parameter.name == name);
-            if let Some(parameter) = parameter.filter(|_| more != own) {
-                let value = parameter.get(&vehicle) + more - own;
+        let mut effects = setup.effects;
+        for effect in TruckEffects::all() {
+            let Some(set) = P::effect(&mut effects, effect.id).map(|value| *value) else { continue };
+            let Some(own) = vehicle.effect_mut(effect.id) else { continue };
+            let more = set - *own;
+            let steering = match effect.id {
+                "steer_lag" => "steering.lag",
+                "steer_delay" => "steering.dead_time",
+                _ => {
+                    *own = set;
+                    continue;
+                }
+            };
+            if let Some(parameter) = P::Parameters::TABLE.iter().find(|parameter| parameter.name == steering)
+            {
+                let value = parameter.get(&vehicle) + more;
                 parameter.set(&mut vehicle, value);
             }
         }
