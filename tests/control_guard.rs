@@ -118,7 +118,7 @@ fn faults_of_a_fifth_of_a_second_are_bridged() {
             for (station, noise) in STATIONS.into_iter().zip([0.0, 2.0, 2.0, 0.0]) {
                 let outcome = drive(limit, station, 0.2, fault, 4.0, noise);
                 let what = format!("{name} at {limit} m/s, {station} m: {:.3} m", outcome.error);
-                assert!(outcome.error < 0.2, "{what}");
+                assert!(outcome.error < 0.5, "{what}");
                 assert_eq!(outcome.optimal, 0, "{what}");
                 assert_eq!(outcome.last, ControlStatus::Optimal, "{what}");
                 assert!(outcome.statuses.contains(&ControlStatus::Bridged), "{what}");

@@ -2,8 +2,8 @@
 
 use nalgebra::{DMatrix, SMatrix, SVector, Vector1};
 use rfl_mpc::control::{
-    Controller, ControllerParameters, ControllerParametersFor, LinearController, PredictionModelFor,
-    SteeringLoop, TruckControllerParameters, VehicleParameters,
+    Controller, ControllerParameters, ControllerParametersFor, LinearController, PredictionModel,
+    PredictionModelFor, SteeringLoop, TruckControllerParameters, VehicleParameters,
 };
 use rfl_mpc::nominal::{Actuator, ContinuousErrorModel, LateralVehicle, SingleTrackError};
 use rfl_mpc::path::{Closure, Path, Sample};
@@ -150,7 +150,7 @@ fn a_car_s_margins_agree_with_the_closed_loop_s_poles() {
     let car = builtin("c_class").unwrap();
     let mut stable = 0;
     for design in DESIGNS {
-        let parameters = designed(ControllerParameters::for_car(&car), design);
+        let parameters = designed(ControllerParameters::of_the_papers(&car), design);
         stable += agrees(&parameters, &PredictionModelFor::Nominal);
     }
     assert!(stable > 18, "{stable}");
@@ -161,7 +161,7 @@ fn a_truck_s_margins_agree_with_the_closed_loop_s_poles() {
     let truck = builtin_truck("truck_simulation").unwrap();
     let mut stable = 0;
     for design in DESIGNS {
-        let parameters = designed(TruckControllerParameters::for_truck(&truck), design);
+        let parameters = designed(TruckControllerParameters::of_the_papers(&truck), design);
         stable += agrees(&parameters, &PredictionModelFor::Nominal);
     }
     assert!(stable > 18, "{stable}");
@@ -170,7 +170,7 @@ fn a_truck_s_margins_agree_with_the_closed_loop_s_poles() {
 #[test]
 fn who_knows_the_actuator_has_margins_too() {
     let car = builtin("c_class").unwrap();
-    let parameters = designed(ControllerParameters::for_car(&car), DESIGNS[1]);
+    let parameters = designed(ControllerParameters::of_the_papers(&car), DESIGNS[1]);
     let actuator = Actuator { dead_time: 0.06, time_constant: 0.1, ..Actuator::default() };
     agrees(&parameters, &PredictionModelFor::Actuator(actuator));
     // On the actuator that it knows it has more of a margin than without.
@@ -185,7 +185,7 @@ fn who_knows_the_actuator_has_margins_too() {
 #[test]
 fn the_poles_are_those_that_nalgebra_finds() {
     let car = builtin("c_class").unwrap();
-    let parameters = designed(ControllerParameters::for_car(&car), DESIGNS[2]);
+    let parameters = designed(ControllerParameters::of_the_papers(&car), DESIGNS[2]);
     let controllers =
         LinearController::at_speeds(&parameters, PredictionModelFor::Nominal, &[4.0, 25.0]).unwrap();
     for controller in controllers {
@@ -202,7 +202,7 @@ fn swings_up(parameters: &ControllerParameters, car: &CarParameters, speed: f64,
     let path = Arc::new(Path::from_samples(road, Closure::Open).unwrap());
     let mut parameters = *parameters;
     parameters.speed.limit = speed;
-    let controller = Controller::new(parameters, path).unwrap();
+    let controller = Controller::predicting_with(parameters, path, PredictionModel::Nominal).unwrap();
     let effects = Effects { steer_delay: dead_time, ..Effects::default() };
     let mut vehicle = Car::new(car, &effects, None).unwrap();
     vehicle.place(0.0, 0.02, 0.0, speed);
@@ -229,7 +229,7 @@ fn the_nonlinear_car_stands_about_the_dead_time_that_the_margin_says() {
     let car = builtin("c_class").unwrap();
     let steering = &car.steering;
     for (design, speed) in [(DESIGNS[1], 15.0), (DESIGNS[2], 8.0), (DESIGNS[2], 20.0)] {
-        let parameters = designed(ControllerParameters::for_car(&car), design);
+        let parameters = designed(ControllerParameters::of_the_papers(&car), design);
         let actuator =
             Actuator { dead_time: steering.dead_time, time_constant: steering.lag, ..Actuator::default() };
         let controller = LinearController::at_speeds(&parameters, PredictionModelFor::Nominal, &[speed])

@@ -77,7 +77,7 @@ fn a_road_driven_to_its_end_is_completed() {
 fn a_drive_off_the_road_is_lost_though_it_comes_back() {
     let folder = tempfile::tempdir().unwrap();
     // A lane that no controller keeps to: the drive goes on to the road's end, and is lost.
-    let (status, said, json) = drive(folder.path(), &["--lane", "0.001"]);
+    let (status, said, json) = drive(folder.path(), &["--lane", "0.0002"]);
     assert_eq!(status, Some(4), "{said}");
     assert!(said.contains("outcome: lost: the vehicle was 0.00 m") && said.contains("next: "), "{said}");
     assert_eq!((json["outcome"].as_str(), json["finished"].as_bool()), (Some("lost"), Some(false)));

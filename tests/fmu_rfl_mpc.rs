@@ -238,9 +238,14 @@ fn the_known_actuator_is_a_variant<M: Controller>() {
         (unit.real("steer_cmd"), unit.real("actuator.dead_time"))
     };
     let variant = ("variant", Value::Integer(7));
-    let nominal = steered(&[]).0;
+    let nominal = steered(&[("variant", Value::Integer(0))]).0;
     // Without dead time and lag it is the nominal controller.
-    assert!((steered(std::slice::from_ref(&variant)).0 - nominal).abs() < 1e-9);
+    let none = [
+        variant.clone(),
+        ("actuator.dead_time", Value::Real(0.0)),
+        ("actuator.time_constant", Value::Real(0.0)),
+    ];
+    assert!((steered(&none).0 - nominal).abs() < 1e-9);
     let slow = steered(&[
         variant,
         ("actuator.dead_time", Value::Real(0.06)),
@@ -253,6 +258,7 @@ fn the_known_actuator_is_a_variant<M: Controller>() {
         let dead_time = [
             ("variant", Value::Integer(7)),
             ("actuator.dead_time", Value::Real(0.06)),
+            ("actuator.time_constant", Value::Real(0.0)),
             ("actuator.dead_time_model", Value::Integer(model)),
         ];
         steered(&dead_time).0

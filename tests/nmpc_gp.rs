@@ -78,7 +78,8 @@ fn true_truck() -> ArticulatedSingleTrack {
 
 /// The truck's controller on the U-turn's road.
 fn truck_controller(gp: Option<Arc<TruckGpModel>>, dither: f64) -> TruckController {
-    let mut parameters = TruckControllerParameters::for_truck(&builtin_truck("truck_simulation").unwrap());
+    let mut parameters =
+        TruckControllerParameters::of_the_papers(&builtin_truck("truck_simulation").unwrap());
     parameters.mpc.dither = dither;
     let path = Arc::new(Route::TruckUTurn.path().unwrap());
     let model = PredictionModelFor::Bicycle(ArticulatedModel { gp, ..ArticulatedModel::default() });
@@ -207,7 +208,7 @@ fn outside_its_training_it_fades_to_the_bicycle() {
 fn a_process_of_another_controller_is_refused() {
     let path = controller(|_| ()).path().clone();
     let refused = |change: &dyn Fn(&mut ControllerParameters), friction: f64| {
-        let mut parameters = ControllerParameters::for_car(&builtin("c_class").unwrap());
+        let mut parameters = ControllerParameters::of_the_papers(&builtin("c_class").unwrap());
         change(&mut parameters);
         let bicycle = BicycleModel { friction, gp: Some(process()), ..BicycleModel::default() };
         let model = PredictionModel::Bicycle(bicycle);

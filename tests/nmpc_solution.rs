@@ -120,7 +120,7 @@ fn a_few_qps_a_step_are_enough() {
 fn for_small_errors_on_a_straight_it_is_the_linear_mpc() {
     let straight = (0..200).map(|k| Sample::at(f64::from(k), 0.0)).collect();
     let path = Arc::new(Path::from_samples(straight, Closure::Open).unwrap());
-    let mut parameters = ControllerParameters::for_car(&builtin("c_class").unwrap());
+    let mut parameters = ControllerParameters::of_the_papers(&builtin("c_class").unwrap());
     parameters.speed.limit = 8.0;
     let plan = |model: PredictionModel, size: f64| {
         let mut controller = Controller::predicting_with(parameters, path.clone(), model).unwrap();

@@ -7,7 +7,8 @@ use counting::allocated;
 use nalgebra::{Matrix6, SVector, Vector6};
 use rfl_mpc::control::{
     Bound, Choice, ChoiceError, ControlVariant, ControlledVehicle, ControllerFor, ControllerParametersFor,
-    FurtherState, Measurement, PredictionModelFor, Propagation, Residual, RollOut, VehicleParameters,
+    FurtherState, GuardParameters, Measurement, MpcParameters, ObserverParameters, PredictionModelFor,
+    Propagation, Residual, RollOut, VehicleParameters,
 };
 use rfl_mpc::nominal::{
     Actuator, ContinuousErrorModel, DiscreteErrorModel, ErrorState, LateralVehicle, SingleTrackError,
@@ -213,13 +214,13 @@ fn straight() -> Arc<Path> {
 fn controller(model: Model, articulation_max: f64) -> ControllerFor<Toy, 6> {
     let mut parameters = ControllerParametersFor {
         vehicle: Toy { articulation_max },
-        mpc: Default::default(),
-        observer: Default::default(),
+        mpc: MpcParameters::default().of_the_papers(),
+        observer: ObserverParameters { disturbance_noise: 0.0, ..Default::default() },
         speed: Default::default(),
         longitudinal: Default::default(),
         actuator: Default::default(),
         nmpc: Default::default(),
-        guard: Default::default(),
+        guard: GuardParameters { active: 0, ..Default::default() },
     };
     parameters.mpc.horizon = HORIZON;
     parameters.mpc.r_rate = 0.3;

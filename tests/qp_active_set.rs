@@ -8,8 +8,8 @@ mod counting;
 use counting::allocated;
 use proptest::prelude::*;
 use rfl_mpc::control::{
-    ActiveSetSolver, ClarabelSolver, Controller, ControllerParameters, FastSolver, QpEnd, QpError, QpReport,
-    QpShape, QpSolver, SoftBound, TrackingQp,
+    ActiveSetSolver, ClarabelSolver, Controller, ControllerParameters, FastSolver, PredictionModel, QpEnd,
+    QpError, QpReport, QpShape, QpSolver, SoftBound, TrackingQp,
 };
 use rfl_mpc::path::Path;
 use rfl_mpc::residual::Random;
@@ -22,9 +22,9 @@ fn drive(steps: usize, beside: f64, change: impl Fn(&mut ControllerParameters)) 
     let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("paths/sudoku_turns.csv");
     let path = Arc::new(Path::read(&file).unwrap());
     let car = builtin("c_class").unwrap();
-    let mut parameters = ControllerParameters::for_car(&car);
+    let mut parameters = ControllerParameters::of_the_papers(&car);
     change(&mut parameters);
-    let controller = Controller::new(parameters, path.clone()).unwrap();
+    let controller = Controller::predicting_with(parameters, path.clone(), PredictionModel::Nominal).unwrap();
     let mut car = Car::new(&car, &Effects::default(), None).unwrap();
     let start = path.at(5.0);
     let (sin, cos) = start.yaw.sin_cos();

@@ -33,7 +33,7 @@ fn effects([dead_time, lag]: [f64; 2]) -> TruckEffects {
 
 /// Calm enough for a delay that the model does not know.
 fn calm() -> TruckControllerParameters {
-    let mut parameters = TruckControllerParameters::for_truck(&TRUCK);
+    let mut parameters = TruckControllerParameters::of_the_papers(&TRUCK);
     (parameters.mpc.r_rate, parameters.mpc.q_e1_rate, parameters.mpc.q_e2) = (30.0, 1.0, 300.0);
     parameters
 }
@@ -59,7 +59,7 @@ fn drive(
 }
 
 fn default() -> TruckControllerParameters {
-    TruckControllerParameters::for_truck(&TRUCK)
+    TruckControllerParameters::of_the_papers(&TRUCK)
 }
 
 #[test]
@@ -198,7 +198,7 @@ fn a_saved_state_goes_on_to_the_bit() {
         rows.push(closed.advance().unwrap().0);
     }
     // Another controller goes on from the state of the first: with what the first was told it decides the same.
-    let mut other = TruckController::new(default(), path).unwrap();
+    let mut other = TruckController::predicting_with(default(), path, Model::Nominal).unwrap();
     assert!(other.restore(closed.controller().state().clone()).is_none());
     for _ in 0..50 {
         let told = rfl_mpc::simulate::SimulatedVehicle::measured(closed.vehicle());

@@ -19,7 +19,7 @@ use std::sync::Arc;
 type Model = PredictionModelFor<Articulated, TRUCK_STATES>;
 
 fn parameters() -> TruckControllerParameters {
-    TruckControllerParameters::for_truck(&builtin_truck("truck_simulation").unwrap())
+    TruckControllerParameters::of_the_papers(&builtin_truck("truck_simulation").unwrap())
 }
 
 fn controller(model: Model) -> Result<TruckController, ControllerError> {

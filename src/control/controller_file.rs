@@ -190,7 +190,7 @@ mod tests {
     #[test]
     fn what_is_wrong_is_said() {
         let message = |text: &str| ControllerFile::parse(text).unwrap_err();
-        assert!(message("kind = 3").contains("kind"));
+        assert!(message("kind = 3\n[controller]").contains("kind"));
         assert!(message("mpc.q_e1 = 3").contains("mpc"));
         assert!(message("kind = 'car'").contains("[controller]"));
         assert!(message("[controller]\nmpc.q_e1 = 'a'").contains("mpc.q_e1"));

@@ -1,4 +1,4 @@
-//! Whether a learned model predicts better than the nominal one, and how far it is used.
+//! Whether a learned model predicts better than the one without it, and how far it is used.
 //!
 //! At each step both predict the next state. Of the errors of the last second, in each component `c` of the state, the
 //! mean squares `J` are kept, with a floor of the sensors' variance: what is smaller cannot be seen. The relative likelihood

@@ -134,12 +134,17 @@ pub struct LateralMpc<const S: usize = ERRORS> {
     wheelbase: f64,
     road: Option<Box<dyn FollowRoad<S>>>,
     variant: Box<dyn Variant<S>>,
+    /// What stands in for a learned residual that is not to be trusted: the nominal model behind the actuator that the drive shows.
+    beside: Option<Box<dyn Variant<S>>>,
+    learned_is_used: bool,
     preview: Preview,
     qp: Qp,
 }
 
 /// Speed at which the QP that scales the solver is linearised, m/s.
 const TYPICAL_SPEED: f64 = 10.0;
+/// Share of a learned residual from which on it is used.
+const HALF: f64 = 0.5;
 /// Largest reference of the yaw error, rad. Far from straight driving the linear steady state means nothing.
 const LARGEST_YAW_REFERENCE: f64 = 0.3;
 
@@ -199,6 +204,12 @@ impl<const S: usize> LateralMpc<S> {
         let linear = Linear { a: &typical.a, b: &typical.b };
         condense(linear, &start, &mut affine, &[], Propagation::default(), &tracked, &mut problem);
         let solver = build_solver(p.solver, &problem, p.max_iterations as u32)?;
+        let beside: Option<Box<dyn Variant<S>>> = match &model {
+            PredictionModelFor::Residual(_) if p.follow_road == 1 => {
+                Some(Box::new(Actuated::new(vehicle, p, Actuator::default(), slowest())))
+            }
+            _ => None,
+        };
         let model_is_linear = !matches!(model, PredictionModelFor::Bicycle(_));
         let actuator = match &model {
             PredictionModelFor::Actuator(actuator) | PredictionModelFor::Adaptive(actuator) => {
@@ -236,6 +247,8 @@ impl<const S: usize> LateralMpc<S> {
         };
         Ok(Self {
             actuator,
+            beside,
+            learned_is_used: false,
             variant,
             preview: Preview::new(p.horizon),
             qp,
@@ -263,7 +276,19 @@ impl<const S: usize> LateralMpc<S> {
             let actuator = input.actuator.or(self.actuator);
             road.write(input, &self.preview, actuator.as_ref(), &mut self.qp)?;
         }
-        self.variant.plan(input, &self.preview, previous, &mut self.qp)
+        let Some(beside) = &mut self.beside else {
+            return self.variant.plan(input, &self.preview, previous, &mut self.qp);
+        };
+        // One of the two as a whole: a model of half a dead time is neither. The other one is asked, to be judged.
+        let whole = LateralInput { residual_share: 1.0, ..*input };
+        self.learned_is_used = input.residual_share >= HALF;
+        if self.learned_is_used {
+            beside.look(&whole, &self.preview, previous)?;
+            self.variant.plan(&whole, &self.preview, previous, &mut self.qp)
+        } else {
+            self.variant.look(&whole, &self.preview, previous)?;
+            beside.plan(&whole, &self.preview, previous, &mut self.qp)
+        }
     }
 
     /// Writes the weights and the bound of the rate at a speed, [tightened](MpcParameters::tightened).
@@ -284,7 +309,10 @@ impl<const S: usize> LateralMpc<S> {
     /// commands before it.
     #[must_use]
     pub fn next_state(&self, state: &SVector<f64, S>, past: &[f64], steer: f64) -> Option<Expected<S>> {
-        self.variant.next_state(state, past, steer)
+        match &self.beside {
+            Some(beside) if !self.learned_is_used => beside.next_state(state, past, steer),
+            _ => self.variant.next_state(state, past, steer),
+        }
     }
 
     /// The state after this step if `steer` is issued, by the nominal model and with all that is learned, whatever share of
@@ -296,7 +324,11 @@ impl<const S: usize> LateralMpc<S> {
         past: &[f64],
         steer: f64,
     ) -> Option<[SVector<f64, S>; 2]> {
-        self.variant.without_and_with_learned(state, past, steer)
+        let both = self.variant.without_and_with_learned(state, past, steer)?;
+        match &self.beside {
+            Some(beside) => Some([beside.next_state(state, past, steer)?.state, both[1]]),
+            None => Some(both),
+        }
     }
 
     /// Whether it predicts with something learned.
@@ -308,7 +340,7 @@ impl<const S: usize> LateralMpc<S> {
     /// Steps of states and commands that the prediction looks back at; 0 for none.
     #[must_use]
     pub fn window(&self) -> usize {
-        self.variant.window()
+        self.variant.window().max(self.beside.as_ref().map_or(0, |beside| beside.window()))
     }
 
     /// Share of the newest horizon where the residual was asked outside its training and reduced, 0 to 1.

@@ -134,6 +134,8 @@ impl<const S: usize> LinearController<S> {
             lateral_jerk_max: NEVER * NEVER,
             e1_max: NEVER,
             dither: 0.0,
+            // On a straight road there is nothing to follow, and a residual is looked at alone.
+            follow_road: if looks_back { 0 } else { parameters.mpc.follow_road },
             ..parameters.mpc
         };
         let unbounded = |state: FurtherState| FurtherState {

@@ -19,7 +19,7 @@
 //! ch. 3.3 (steady cornering as feedforward).
 
 use super::preview::Preview;
-use crate::nominal::{Actuator, ContinuousErrorModel};
+use crate::nominal::{Actuator, ContinuousErrorModel, DeadTimeModel};
 use crate::path::Path;
 use nalgebra::SVector;
 
@@ -111,7 +111,11 @@ impl<const S: usize> RoadReference<S> {
 
     /// Writes by how much the command changes in each step, ahead of the steering by an actuator.
     pub fn write_increments(&self, actuator: Option<&Actuator>, increments: &mut [f64]) {
-        let (dead_time, lag) = actuator.map_or((0.0, 0.0), |known| (known.dead_time, known.time_constant));
+        let (dead_time, lag) = match actuator {
+            None => (0.0, 0.0),
+            Some(known) if known.dead_time_model == DeadTimeModel::FirstOrder => (0.0, known.time_constant),
+            Some(known) => (known.dead_time, known.time_constant),
+        };
         let last = self.steer.len() - 1;
         // Mean over a step in which the command is held; `after` counts steps from the one before now.
         let command = |after: usize| {

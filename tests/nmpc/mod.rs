@@ -20,7 +20,7 @@ pub fn controller(change: impl Fn(&mut ControllerParameters)) -> Controller {
 /// The same with another prediction.
 pub fn with_model(change: impl Fn(&mut ControllerParameters), model: PredictionModel) -> Controller {
     let path = Arc::new(Path::from_samples(Route::SudokuTurns.samples(), Closure::Detect).unwrap());
-    let mut parameters = ControllerParameters::for_car(&builtin("c_class").unwrap());
+    let mut parameters = ControllerParameters::of_the_papers(&builtin("c_class").unwrap());
     change(&mut parameters);
     Controller::predicting_with(parameters, path, model).unwrap()
 }

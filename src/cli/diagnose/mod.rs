@@ -267,7 +267,7 @@ fn closed_loop<P: Commanded<S, C>, const S: usize, const C: usize>(
     let parameters = controller_with::<P, S, C>(given, &args.settings)?;
     let model = || {
         let choice = Choice {
-            variant: ControlVariant::None,
+            variant: ControlVariant::Adaptive,
             file: args.controller.clone(),
             folder: PathBuf::new(),
             propagation: Propagation::Propagated,

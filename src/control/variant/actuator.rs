@@ -47,17 +47,12 @@ impl<V: LateralVehicle<S>, const S: usize> Variant<S> for Actuated<V, S> {
         &mut self,
         input: &LateralInput<'_, S>,
         preview: &Preview,
-        _previous: f64,
+        previous: f64,
         qp: &mut Qp,
     ) -> Result<QpReport, QpError> {
         let begin = Instant::now();
-        let model = self.nominal.at(input.ahead.speed)?;
-        let actuator = input.actuator.unwrap_or(self.actuator);
-        let model = actuator.discretise(&model, self.nominal.sample_time);
-        let disturbance = ActuatedState::from(*input.disturbance);
-        for (j, known) in self.known.iter_mut().enumerate() {
-            *known = model.d * preview.heading_rate[j] + model.e * preview.heading_accel[j] + disturbance;
-        }
+        self.look(input, preview, previous)?;
+        let Some(model) = &self.model else { return Err(QpError::Numerical { iterations: 0 }) };
         let all = input.history.commands();
         let start = model.state(input.state, all);
         self.response.condense(
@@ -73,8 +68,19 @@ impl<V: LateralVehicle<S>, const S: usize> Variant<S> for Actuated<V, S> {
         let steady = self.nominal.vehicle.steady_state(input.ahead.speed);
         qp.refer(|j| steady * preview.curvature[j]);
         qp.timing.condense = begin.elapsed().as_secs_f64();
-        self.model = Some(model);
         qp.solve(input.time_limit)
+    }
+
+    fn look(&mut self, input: &LateralInput<'_, S>, preview: &Preview, _: f64) -> Result<(), QpError> {
+        let model = self.nominal.at(input.ahead.speed)?;
+        let actuator = input.actuator.unwrap_or(self.actuator);
+        let model = actuator.discretise(&model, self.nominal.sample_time);
+        let disturbance = ActuatedState::from(*input.disturbance);
+        for (j, known) in self.known.iter_mut().enumerate() {
+            *known = model.d * preview.heading_rate[j] + model.e * preview.heading_accel[j] + disturbance;
+        }
+        self.model = Some(model);
+        Ok(())
     }
 
     fn next_state(&self, state: &SVector<f64, S>, past: &[f64], steer: f64) -> Option<Expected<S>> {

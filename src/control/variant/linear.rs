@@ -133,9 +133,8 @@ impl<V: LateralVehicle<S>, const S: usize> Variant<S> for NominalWithResidual<V,
         qp: &mut Qp,
     ) -> Result<QpReport, QpError> {
         let begin = Instant::now();
-        let model = self.nominal.at(input.ahead.speed)?;
-        let model = model.discretise(self.nominal.sample_time);
-        self.predict(&model, input, preview, previous);
+        self.look(input, preview, previous)?;
+        let Some(model) = self.model.clone() else { return Err(QpError::Numerical { iterations: 0 }) };
         qp.timing.look_up = begin.elapsed().as_secs_f64();
 
         let propagation =
@@ -144,8 +143,14 @@ impl<V: LateralVehicle<S>, const S: usize> Variant<S> for NominalWithResidual<V,
         condense_settled(linear, input.state, &mut self.affine, propagation, &qp.tracked, &mut qp.problem);
         self.write_references(&model, input, preview, qp);
         qp.timing.condense = begin.elapsed().as_secs_f64() - qp.timing.look_up;
-        self.model = Some(model);
         qp.solve(input.time_limit)
+    }
+
+    fn look(&mut self, input: &LateralInput<'_, S>, preview: &Preview, previous: f64) -> Result<(), QpError> {
+        let model = self.nominal.at(input.ahead.speed)?.discretise(self.nominal.sample_time);
+        self.predict(&model, input, preview, previous);
+        self.model = Some(model);
+        Ok(())
     }
 
     fn next_state(&self, state: &SVector<f64, S>, past: &[f64], steer: f64) -> Option<Expected<S>> {
@@ -153,6 +158,7 @@ impl<V: LateralVehicle<S>, const S: usize> Variant<S> for NominalWithResidual<V,
         let mut next = model.a * state + model.b * steer + self.affine.known[0];
         if self.affine.window > 0 {
             next += self.affine.constant[0];
+            let past = &past[past.len() + 1 - self.affine.window..];
             for (effect, command) in self.affine.commands_of(0).iter().zip(past.iter().chain([&steer])) {
                 next += effect * *command;
             }
@@ -222,7 +228,9 @@ impl<V: LateralVehicle<S>, const S: usize> Learned<V, S> {
         let window = self.window();
         let horizon = affine.known.len();
         // A step later a row has the commands that it had, and the newest behind them.
+        // A history may be longer: that of an actuator's memory.
         let past = input.history.commands();
+        let past = &past[past.len() + 1 - window..];
         let (newest, before) = past.split_last().map_or((0.0, past), |(&newest, before)| (newest, before));
         let goes_on = self.commands.get(1..window - 1).is_some_and(|last| last == before);
         self.commands[..window - 1].copy_from_slice(past);
@@ -235,6 +243,7 @@ impl<V: LateralVehicle<S>, const S: usize> Learned<V, S> {
         self.rows.advance();
         affine.first = self.rows.first();
         let measured = input.history.states();
+        let measured = &measured[measured.len() - window..];
         let mut state = measured.last().copied().unwrap_or_else(SVector::zeros);
         self.rows.set_states(0, measured.iter().map(|state| &state.data.0[0]));
         let mut outside = 0.0;

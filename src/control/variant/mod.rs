@@ -162,6 +162,19 @@ pub trait Variant<const S: usize>: Send {
         qp: &mut Qp,
     ) -> Result<QpReport, QpError>;
 
+    /// Predicts without a plan, so that the next state can be told.
+    ///
+    /// # Errors
+    /// A model that cannot be made.
+    fn look(
+        &mut self,
+        _input: &LateralInput<'_, S>,
+        _preview: &Preview,
+        _previous: f64,
+    ) -> Result<(), QpError> {
+        Ok(())
+    }
+
     /// The state after this step if `steer` is issued, with everything that the newest prediction knew; `past` are the
     /// commands before it. None before the first prediction.
     fn next_state(&self, state: &SVector<f64, S>, past: &[f64], steer: f64) -> Option<Expected<S>>;
