@@ -4,7 +4,7 @@ use super::drive::{ModelArgs, Setup};
 use super::progress_bar;
 use super::vehicle::{Commanded, by_kind};
 use crate::control::{ControlVariant, ControllerFile, ControllerParametersFor, Margins, MpcParameters};
-use crate::diagnose::page::{Answer, Tuned, tuning_page};
+use crate::diagnose::page::{Answer, AtSpeed, Tuned, tuning_page};
 use crate::parameter::ParameterGroup;
 use crate::path::{Closure, Options, Path, Sample, Smoothing};
 use crate::simulate::tune::{
@@ -224,8 +224,8 @@ where
     let names = |ensemble: &Ensemble<P, S, C>| -> Vec<String> {
         ensemble.scenarios.iter().map(|scenario| scenario.name.clone()).collect()
     };
-    let shown_margins = |margins: &[(f64, Option<Margins>)]| -> Vec<Value> {
-        let one = |(speed, margins): &(f64, Option<Margins>)| match margins {
+    let shown_margins = |margins: &[AtSpeed]| -> Vec<Value> {
+        let one = |(speed, margins): &AtSpeed| match margins {
             Some(m) => {
                 json!({ "speed": speed, "stable": true, "gain": finite(m.gain), "phase": finite(m.phase),
                 "delay": finite(m.delay), "sensitivity": m.sensitivity })
@@ -346,7 +346,7 @@ where
         Ok(scenarios.remove(0))
     }
 
-    fn margins(&self, values: &Values) -> Result<Vec<(f64, Option<Margins>)>, Box<dyn Error>> {
+    fn margins(&self, values: &Values) -> Result<Vec<AtSpeed>, Box<dyn Error>> {
         let scenario = self.nominal()?;
         let found = margins_over_speeds(&scenario, values, &SPEEDS)?;
         Ok(SPEEDS.into_iter().zip(found.into_iter().map(|(_, margins)| margins)).collect())
@@ -456,7 +456,7 @@ fn finite(value: f64) -> Option<f64> {
 fn print<P: Commanded<S, C>, const S: usize, const C: usize>(
     tuning: &Tuning<'_, P, S, C>,
     sets: [[&Candidate; 2]; 2],
-    margins: &[Vec<(f64, Option<Margins>)>; 2],
+    margins: &[Vec<AtSpeed>; 2],
 ) {
     say!("{:<28} {:>9} {:>9} {:>9} {:>9}", "", "cost m", "lost", "max m", "mean m");
     for (name, set) in ["training", "held out"].into_iter().zip(sets) {

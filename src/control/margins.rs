@@ -18,6 +18,8 @@
 //! `arg L + pi` where `|L| = 1`, and that angle over `w` as time. Whether the loop is stable say its poles: the spectral
 //! radius of the closed loop, by Gelfand's formula `|A^n|^(1/n)`.
 //!
+//! The observer (`observer.*`, off by default) is not in it, and a learned forest is taken as its leaves at straight driving.
+//!
 //! Source: Franklin, Powell and Workman, Digital Control of Dynamic Systems, ch. 7 (sampled loops); Skogestad and
 //! Postlethwaite, Multivariable Feedback Control, ch. 2.4 (margins).
 

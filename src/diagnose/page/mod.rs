@@ -25,7 +25,7 @@ use html::{escaped, legend, section};
 use plot::{Colour, Curve};
 use std::ops::Range;
 
-pub use tuning::{Answer, Tuned, tuning_page};
+pub use tuning::{Answer, AtSpeed, Tuned, tuning_page};
 
 /// What a page needs besides the diagnosis.
 pub struct PageInput<'a> {

@@ -5,6 +5,9 @@ use super::plot::{Colour, Curve, Plot};
 use crate::control::Margins;
 use crate::simulate::tune::{Candidate, Outcome};
 
+/// A speed in m/s with the margins there; none where the loop is unstable.
+pub type AtSpeed = (f64, Option<Margins>);
+
 /// What a page of a tuning shows. Pairs are the default controller and the tuned one.
 #[allow(missing_docs)]
 pub struct Tuned<'a> {
@@ -17,8 +20,8 @@ pub struct Tuned<'a> {
     pub better: bool,
     /// Ensembles: name, scenarios, how the two did.
     pub sets: [(&'a str, Vec<String>, [&'a Candidate; 2]); 2],
-    /// At each speed in m/s; none where the loop is unstable.
-    pub margins: &'a [Vec<(f64, Option<Margins>)>; 2],
+    /// At each speed.
+    pub margins: &'a [Vec<AtSpeed>; 2],
     /// Delay in s and gain that were asked for.
     pub goal: (f64, f64),
     pub answers: &'a [Answer],
@@ -101,7 +104,7 @@ fn margins(tuned: &Tuned<'_>) -> String {
             .iter()
             .zip(tuned.margins)
             .map(|((colour, _), margins)| {
-                let at = |(speed, margins): &(f64, Option<Margins>)| {
+                let at = |(speed, margins): &AtSpeed| {
                     (*speed, margins.as_ref().map_or(0.0, |margins| of(margins).min(most)))
                 };
                 Curve::line(*colour, margins.iter().map(at).collect())

@@ -24,6 +24,10 @@ const MISSED: f64 = 2.0;
 /// What an unstable loop costs beside, m for each unit of the spectral radius above 1.
 const UNSTABLE: f64 = 20.0;
 
+/// A scenario's steering loop, and its margins; none where it is unstable.
+pub type LoopMargins<P, const S: usize, const C: usize> =
+    (SteeringLoop<NominalOf<P, S, C>, S>, Option<Margins>);
+
 /// The loop of a scenario at each speed, with its margins; none where it is unstable.
 ///
 /// # Errors
@@ -32,7 +36,7 @@ pub fn margins_over_speeds<P: Compared<S, C>, const S: usize, const C: usize>(
     scenario: &Scenario<P, S, C>,
     values: &Values,
     speeds: &[f64],
-) -> Result<Vec<(SteeringLoop<NominalOf<P, S, C>, S>, Option<Margins>)>, ScenarioError> {
+) -> Result<Vec<LoopMargins<P, S, C>>, ScenarioError> {
     let parameters = scenario.controller_with(values)?;
     // Before the drive has shown the actuator the prediction has the file's: margins are about that one.
     let (model, actuator) = match &scenario.model {

@@ -27,6 +27,6 @@ mod search;
 pub use answer::answer_to_offset;
 pub use axis::{Axis, Values, standard_axes};
 pub use family::{Actuators, Controlled, Family, FamilyError, Purpose};
-pub use goal::{MarginGoal, SPEEDS, margins_over_speeds};
+pub use goal::{LoopMargins, MarginGoal, SPEEDS, margins_over_speeds};
 pub use scenario::{LOST_AT, LOST_COST, Outcome, Scenario, ScenarioError};
 pub use search::{Candidate, Ensemble, SearchSettings, search};
