@@ -14,7 +14,7 @@ use std::path::PathBuf;
 /// Drives the nominal MPC along the training route, with a little steering dither, and records drive logs
 #[derive(Debug, Args)]
 #[command(
-    after_help = "The controller's weights are calmer than for driving: --set mpc.r_rate=..., mpc.q_e1_rate=..., mpc.q_e2=... override.
+    after_help = "The controller stays calm, as it is before it knows its vehicle (mpc.tightening=1): --set overrides.
 
 Examples:
   rfl collect                                        three drives of the training route to out/collect/
@@ -72,7 +72,8 @@ fn collect<P: Commanded<S, C>, const S: usize, const C: usize>(
     for run in 0..args.runs {
         let mut settings: Vec<String> = match args.residual {
             Some(_) => vec![],
-            None => P::calm().into_iter().map(|(name, value)| format!("{name}={value}")).collect(),
+            // Calm throughout: dither is to be answered by the vehicle, not by the controller.
+            None => vec!["mpc.tightening=1".to_owned()],
         };
         settings.extend_from_slice(&args.settings);
         let mut setup =
@@ -84,7 +85,7 @@ fn collect<P: Commanded<S, C>, const S: usize, const C: usize>(
         let sample_time = setup.controller.mpc.sample_time;
         let bar = progress_bar("collecting", setup.path.length(), args.quiet);
         let model = match &args.residual {
-            None => PredictionModelFor::Nominal,
+            None => PredictionModelFor::Adaptive(setup.controller.actuator.actuator()),
             Some(file) => {
                 let choice = Choice {
                     variant: ControlVariant::None,

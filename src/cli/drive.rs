@@ -8,8 +8,8 @@ use super::require::{Check, Figures, Requirement, figures_help, write_junit};
 use super::vehicle::{Commanded, Linear, by_kind, vehicle_named};
 use super::{named, progress_bar};
 use crate::control::{
-    Choice, ControlVariant, ControllerFile, ControllerFor, ControllerParametersFor, PredictionModelFor,
-    Propagation, RollOut, VehicleParameters,
+    Choice, ControlVariant, ControllerFile, ControllerFor, ControllerParametersFor, KnownActuator,
+    PredictionModelFor, Propagation, RollOut, VehicleParameters,
 };
 use crate::parameter::{NoValue, Parameter};
 use crate::path::sudoku::Route;
@@ -108,6 +108,7 @@ const EXAMPLES: &str = "Examples:
   rfl drive --vehicle truck_simulation                 the truck's test route, the truck paper's truck
   rfl drive --residual out/residual/rfl_s.rflm         with what rfl train learned
   rfl drive --variant rfl_s                            the same: models are looked for in out/residual
+  rfl drive --set effect.steer_lag=0.1 --set effect.steer_delay=0.06    a slow steering: it is found while driving
   rfl drive --variant actuator --set actuator.dead_time=0.06 --set actuator.time_constant=0.1
   rfl drive --variant actuator --set actuator.dead_time=0.12 --set actuator.dead_time_model=pade_2_2
   rfl drive --require 'max_e1<=0.1' --require p99_step_time=0.001 --junit out/drive.xml       a test in CI";
@@ -286,7 +287,8 @@ fn drive<P: Commanded<S, C>, const S: usize, const C: usize>(
     });
     let wall = begin.elapsed().as_secs_f64();
     bar.finish_and_clear();
-    Report::of(&drive, variant, sample_time, wall, args).give(&drive, args)
+    let found = closed.controller().known_actuator();
+    Report { found, ..Report::of(&drive, variant, sample_time, wall, args) }.give(&drive, args)
 }
 
 /// What is said of a drive.
@@ -301,6 +303,8 @@ struct Report {
     status: u8,
     /// Place of the largest lateral error.
     largest: Option<Place>,
+    /// The steering actuator as the drive has shown it.
+    found: Option<KnownActuator>,
 }
 
 impl Report {
@@ -337,6 +341,7 @@ impl Report {
                 ..Place::default()
             }),
             figures,
+            found: None,
         }
     }
 
@@ -384,6 +389,11 @@ impl Report {
             "length": ending.length,
             "driven": ending.driven,
             "variant": self.variant.name(),
+            "actuator": self.found.map(|found| json!({
+                "dead_time": found.actuator.dead_time,
+                "time_constant": found.actuator.time_constant,
+                "spread": found.spread,
+            })),
             "tracking": self.figures.tracking,
             "classes": classes,
             "duration": self.figures.duration,
@@ -420,6 +430,13 @@ impl Report {
         );
         let (driven, factor) = (self.figures.duration, self.figures.real_time_factor);
         say!("{driven:.2} s driven in {:.2} s ({factor:.0} times real time)", self.wall);
+        if let Some(found) = self.found {
+            let KnownActuator { actuator, spread } = found;
+            let (dead_time, lag) = (actuator.dead_time, actuator.time_constant);
+            say!(
+                "steering as driven: dead time {dead_time:.3} s, lag {lag:.3} s; the sum within {spread:.3} s"
+            );
+        }
         for check in &self.checks[1..] {
             say!("{}: {}", if check.met { "met" } else { "NOT met" }, check.words);
         }

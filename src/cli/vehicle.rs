@@ -7,7 +7,7 @@ use crate::nominal::ERRORS;
 use crate::path::sudoku::Route;
 use crate::residual::DataSet;
 use crate::residual::gp::GpConfig;
-use crate::simulate::experiment::{Compared, Weights};
+use crate::simulate::experiment::Compared;
 use crate::simulate::{CAR_COLUMNS, SimulatedVehicle, TRUCK_COLUMNS};
 use crate::vehicle::{Articulated, Car, Truck, VehicleParameters as VehicleFile};
 use indicatif::ProgressBar;
@@ -23,11 +23,6 @@ pub(super) type Linear<P, const S: usize, const C: usize> =
 pub(super) trait Commanded<const S: usize, const C: usize>: Compared<S, C> {
     /// The road to be measured on.
     const TEST: Route;
-    /// Settings of a controller that collects drives to learn from: calmer than for driving.
-    fn calm() -> Vec<(&'static str, f64)> {
-        let Weights { q_e1_rate, q_e2, r_rate, .. } = Self::SETTING.calm;
-        vec![("mpc.r_rate", r_rate), ("mpc.q_e1_rate", q_e1_rate), ("mpc.q_e2", q_e2)]
-    }
 
     /// Learns what a nonlinear model misses.
     ///

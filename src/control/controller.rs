@@ -189,6 +189,8 @@ pub struct ControllerFor<G: VehicleParameters<S>, const S: usize> {
     longitudinal: Option<LongitudinalMpc>,
     noise: Noise<S>,
     bank: Option<Bank>,
+    /// How sure a prediction without a bank is of the actuator: 1 where it is told, else 0.
+    told: f64,
     guard: Guard<G::Vehicle, S>,
     state: ControllerState<S>,
 }
@@ -236,6 +238,7 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
             }
             _ => None,
         };
+        let told = if matches!(model, PredictionModelFor::Actuator(_)) { 1.0 } else { 0.0 };
         let guard = Guard::new(
             parameters.guard,
             &parameters.observer,
@@ -270,7 +273,7 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
             steps: 0,
             last: StepReport::default(),
         };
-        Ok(Self { parameters, path, plan, lateral, longitudinal, noise, bank, guard, state })
+        Ok(Self { parameters, path, plan, lateral, longitudinal, noise, bank, told, guard, state })
     }
 
     /// One control step. The commands hold until the next one, `mpc.sample_time` later.
@@ -515,7 +518,7 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
             residual_share: if far { 0.0 } else { self.residual_share() },
             time_limit,
             actuator: known.map(|known| known.actuator),
-            tightness: known.map_or(0.0, |known| tightness(&known)),
+            tightness: known.map_or(self.told, |known| tightness(&known)),
         })
     }
 
