@@ -529,13 +529,6 @@ fn learn<V: LateralVehicle<S>, const S: usize>(
         train(data, test, config, &followed_by(bar)).map_err(|error| format!("{}: {error}", kind.name()))?;
     bar.finish_and_clear();
     let (schema, report) = (trained.model.schema(), &trained.report);
-    say!(
-        "global {:?} leaf {:?} determined {:?} window {}",
-        schema.training.global_lambda,
-        schema.training.leaf_lambda,
-        report.determined,
-        schema.window
-    );
     show(kind, report, first);
     let said = json!({
         "kind": kind.name(),
