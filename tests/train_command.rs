@@ -77,7 +77,7 @@ impl Table {
 /// A quick training of a table, with more arguments.
 fn train(folder: &Path, table: &Table, more: &[&str]) -> Output {
     table.write(folder);
-    rfl(folder, &[&["train", "log.csv", "--quiet", "--trees", "3", "--depth", "3"], more].concat())
+    rfl(folder, &[&["train", "log.csv", "--quiet", "--force", "--trees", "3", "--depth", "3"], more].concat())
 }
 
 fn model(folder: &Path) -> Vec<u8> {

@@ -15,6 +15,7 @@ pub mod diagnose;
 pub mod drive;
 pub mod evaluate;
 pub mod identify;
+pub mod learn;
 mod output;
 pub mod parameters;
 pub mod path;
@@ -42,6 +43,7 @@ use std::process::ExitCode;
   rfl drive --path road.csv   drive it
   rfl collect                 drive to learn from
   rfl train LOG...            learn what the nominal model misses
+  rfl learn                   drive, identify, collect, train and prove in one go
   rfl tune --vehicle my_car.toml   weights and horizon for a vehicle
   rfl identify LOG...         the steering's delay, into a vehicle file
   rfl evaluate --quick        all variants, compared
@@ -62,6 +64,7 @@ enum Command {
     Drive(drive::DriveArgs),
     Collect(collect::CollectArgs),
     Train(train::TrainArgs),
+    Learn(learn::LearnArgs),
     Tune(tune::TuneArgs),
     Evaluate(evaluate::EvaluateArgs),
     Identify(identify::IdentifyArgs),
@@ -81,6 +84,7 @@ impl Cli {
             Command::Drive(args) => return drive::run(args),
             Command::Collect(args) => collect::run(args)?,
             Command::Train(args) => train::run(args)?,
+            Command::Learn(args) => return learn::run(args),
             Command::Tune(args) => tune::run(args)?,
             Command::Evaluate(args) => evaluate::run(args)?,
             Command::Identify(args) => identify::run(args)?,

@@ -1,22 +1,28 @@
-//! `rfl train`: residual models from drive logs.
+//! `rfl train`: residual models from drive logs, proven in simulated closed loop before they are handed over.
 
 use super::drive::MODELS;
 use super::vehicle::{Commanded, Linear, by_kind, controller_with, vehicle_named};
 use super::{named, progress_bar};
-use crate::control::{ControlVariant, ControllerParametersFor, MODEL_EXTENSION, VehicleParameters};
+use crate::control::{
+    Choice, ControlVariant, ControllerParametersFor, MODEL_EXTENSION, PredictionModelFor, Propagation,
+    Residual, RollOut, VehicleParameters,
+};
 use crate::log::{DriveLog, drive_of};
-use crate::nominal::LateralVehicle;
+use crate::nominal::{Actuator, LateralVehicle};
 use crate::path;
 use crate::residual::gp::GpConfig;
 use crate::residual::{
-    DataReport, DataSet, Fit, Kind, LambdaChoice, Progress, TrainConfig, TrainReport, TreeFeatures, train,
+    CommandPrior, DataReport, DataSet, Fit, Kind, LambdaChoice, Progress, ResidualModelFor, ShownActuator,
+    TrainConfig, TrainReport, TreeFeatures, train,
 };
+use crate::simulate::prove::{Contest, Exam, NotBetter, explaining_plants};
 use crate::vehicle::BUILTIN;
 use clap::Args;
 use indicatif::ProgressBar;
 use serde_json::{Value, json};
 use std::error::Error;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
 
 /// Learns what the nominal model misses from drive logs
 #[derive(Debug, Args)]
@@ -30,7 +36,10 @@ use std::path::{Path, PathBuf};
   fmu-build --residual out/residual/rfl_s.rflm        pack it into the controller's FMU
 
 A log is a CSV file with the columns time, steer_cmd, vx, e1, e1_rate, e2, e2_rate, curvature, curvature_rate (a log of
-rfl or of the FMU in any host), or with x, y, yaw, vx, vy, yaw_rate beside time and steer_cmd, and --path. SI units.")]
+rfl or of the FMU in any host), or with x, y, yaw, vx, vy, yaw_rate beside time and steer_cmd, and --path. SI units.
+
+A model is written only if it drives better than the default controller, in simulation, on plants that explain the logs and on roads
+of their own; else the exit status is 1.")]
 pub struct TrainArgs {
     /// Drive logs (CSV)
     #[arg(required = true)]
@@ -58,6 +67,9 @@ pub struct TrainArgs {
     /// File for the model [default: out/residual/KIND.rflm]
     #[arg(long)]
     out: Option<PathBuf>,
+    /// Write the model even if it is not better than the default controller in simulated closed loop
+    #[arg(long)]
+    force: bool,
     /// File for the fit (JSON)
     #[arg(long)]
     json: Option<PathBuf>,
@@ -106,6 +118,10 @@ struct Tuning {
     /// commands [default: 0.8; with --lambda least-squares 0, the paper's way]
     #[arg(long, value_name = "MEMORY")]
     prefilter: Option<f64>,
+    /// No prior for the effects of past commands: shrink them towards zero. Without --no-prior towards those of the actuator that
+    /// the logs show
+    #[arg(long)]
+    no_prior: bool,
     /// What trees split on [default: errors; rfl_s: road]
     #[arg(long, value_name = "WHAT", hide_possible_values = true, value_parser = named(TreeFeatures::ALL, TreeFeatures::name, TreeFeatures::meaning))]
     tree_features: Option<TreeFeatures>,
@@ -150,9 +166,10 @@ fn lambda(text: &str) -> Result<Lambda, String> {
 
 impl Tuning {
     /// The configuration for a kind; where all are trained, what only some can have is left to them.
-    fn config(&self, kind: Kind, all: bool, window: usize) -> TrainConfig {
+    fn config(&self, kind: Kind, all: bool, window: usize, prior: Option<CommandPrior>) -> TrainConfig {
         let mut config = TrainConfig::new(kind);
         config.window = self.window.unwrap_or(window);
+        config.prior = prior.filter(|_| !self.no_prior);
         config.trees = self.trees.unwrap_or(config.trees);
         config.depth = self.depth.unwrap_or(config.depth);
         config.features_per_split = self.features_per_split.unwrap_or(config.features_per_split);
@@ -202,9 +219,10 @@ pub fn run(args: &TrainArgs) -> Result<(), Box<dyn Error>> {
     by_kind!(&args.vehicle, learn_all(args))
 }
 
-fn learn_all<P: Commanded<S, C>, const S: usize, const C: usize>(
-    args: &TrainArgs,
-) -> Result<(), Box<dyn Error>> {
+fn learn_all<P, const S: usize, const C: usize>(args: &TrainArgs) -> Result<(), Box<dyn Error>>
+where
+    P: Commanded<S, C, Effects: Sync, Nominal: Sync>,
+{
     let parameters = controller::<P, S, C>(args)?;
     let vehicle = parameters.vehicle.nominal();
     let data_config = parameters.mpc.data_config();
@@ -225,14 +243,53 @@ fn learn_all<P: Commanded<S, C>, const S: usize, const C: usize>(
     say!("{} rows, {} samples", data.report().rows, data.report().labels);
     notes.iter().for_each(|note| say!("note: {note}"));
 
+    let shown = data.actuator(args.tuning.threads);
+    let prior = shown.map(|shown| shown.prior);
+    let least = P::SETTING.window;
+    let window = prior.map_or(least, |prior| prior.window(data_config.sample_time, least));
+    let covered = Coverage::of(&data, shown);
+    covered.say();
+    let prover = shown
+        .filter(|_| args.all.is_none() && args.kind.residual().is_some())
+        .map(|shown| Prover::<P, S, C>::new(args, &data, &shown, parameters))
+        .transpose()?;
+    let mut refused = None;
+
     let mut models = Vec::new();
     for (variant, file) in jobs(args) {
         let bar = progress_bar(&format!("training {}", variant.name()), 1.0, args.quiet);
         let (test, first) = (test.as_ref(), models.is_empty());
         models.push(match variant.residual() {
             Some(kind) => {
-                let config = args.tuning.config(kind, args.all.is_some(), P::SETTING.window);
-                learn(&data, test, &config, &file, &bar, first)?
+                let config = args.tuning.config(kind, args.all.is_some(), window, prior);
+                let (model, mut said) = learn(&data, test, &config, &bar, first)?;
+                if let Some(determined) = said["determined"].as_f64() {
+                    say!(
+                        "the logs determine {:.0} % of the window's directions, the prior the others",
+                        100.0 * determined
+                    );
+                }
+                let model = Arc::new(model);
+                if let Some(prover) = &prover {
+                    let (proof, verdict) = prover.prove(&model, args)?;
+                    said["proof"] = proof;
+                    if let Err(reason) = verdict {
+                        said["proven"] = json!(false);
+                        if args.force {
+                            say!("warning: not better than the default controller: {reason}; written all the same (--force)");
+                        } else {
+                            refused = Some(reason);
+                        }
+                    } else {
+                        said["proven"] = json!(true);
+                    }
+                }
+                if refused.is_none() {
+                    make_folder_of(&file)?;
+                    model.write(&file)?;
+                    said["file"] = json!(file.display().to_string());
+                }
+                said
             }
             None => {
                 let Tuning { points, hyperparameter_samples, seed, threads, .. } = args.tuning;
@@ -248,11 +305,18 @@ fn learn_all<P: Commanded<S, C>, const S: usize, const C: usize>(
                 P::learn_gp(&data, test, &config, &file, &bar)?
             }
         });
-        say!("model: {}", file.display());
+        if refused.is_none() {
+            say!("model: {}", file.display());
+        }
+    }
+    if args.all.is_some() {
+        say!("note: with --all models are written to be compared, without a proof in closed loop");
     }
     let files: Vec<String> = jobs(args).into_iter().map(|(_, file)| file.display().to_string()).collect();
     let car = if args.vehicle == BUILTIN[0] { String::new() } else { format!(" --vehicle {}", args.vehicle) };
-    say!("next: rfl drive --residual {}{car}, fmu-build --residual {}{car}", files[0], files.join(" "));
+    if refused.is_none() {
+        say!("next: rfl drive --residual {}{car}, fmu-build --residual {}{car}", files[0], files.join(" "));
+    }
     if let Some(file) = &args.json {
         let report = data.report();
         let value = json!({
@@ -260,12 +324,178 @@ fn learn_all<P: Commanded<S, C>, const S: usize, const C: usize>(
                 "rows": report.rows, "labels": report.labels, "gaps": report.gaps, "not_finite": report.not_finite,
                 "implausible": report.implausible, "hash": format!("{:016x}", data.hash()), "notes": notes,
             },
+            "coverage": covered.json(),
             "models": models,
         });
         std::fs::write(file, serde_json::to_string_pretty(&value)?)
             .map_err(|error| format!("{}: {error}", file.display()))?;
     }
-    Ok(())
+    match refused {
+        Some(reason) => Err(format!(
+            "no model is written, for it is not better than the default controller: {reason}. {}; or --force",
+            covered.advice(&car)
+        )
+        .into()),
+        None => Ok(()),
+    }
+}
+
+/// What the logs cover.
+struct Coverage {
+    /// Least, greatest and 5 %, 95 % quantiles of the speed, m/s.
+    speed: [f64; 4],
+    /// Greatest curvature, 1/m.
+    curvature: f64,
+    /// Greatest lateral acceleration, m/s2.
+    lateral_accel: f64,
+    /// Root mean square of the command's change over a second, rad/s.
+    command_rate: f64,
+    shown: Option<ShownActuator>,
+}
+
+impl Coverage {
+    fn of<V: LateralVehicle<S>, const S: usize>(data: &DataSet<V, S>, shown: Option<ShownActuator>) -> Self {
+        let windows = data.windows(2);
+        let mut speeds: Vec<f64> = (0..windows.len()).map(|i| windows.road(i)[0]).collect();
+        speeds.sort_by(f64::total_cmp);
+        let quantile = |share: f64| {
+            let place = (share * speeds.len().saturating_sub(1) as f64).round() as usize;
+            speeds.get(place).copied().unwrap_or(f64::NAN)
+        };
+        let most = |of: fn([f64; 3]) -> f64| {
+            (0..windows.len()).map(|i| of(windows.road(i)).abs()).fold(0.0, f64::max)
+        };
+        let change = |i: usize| windows.commands(i)[1] - windows.commands(i)[0];
+        let squares: f64 = (0..windows.len()).map(|i| change(i).powi(2)).sum();
+        Self {
+            speed: [0.0, 1.0, 0.05, 0.95].map(quantile),
+            curvature: most(|[_, curvature, _]| curvature),
+            lateral_accel: most(|[speed, curvature, _]| speed * speed * curvature),
+            command_rate: (squares / windows.len().max(1) as f64).sqrt() / data.sample_time(),
+            shown,
+        }
+    }
+
+    fn say(&self) {
+        let [least, greatest, low, high] = self.speed;
+        say!(
+            "covered: speed {least:.1} to {greatest:.1} m/s (90 % of the time {low:.1} to {high:.1}), curvature up to {:.3} 1/m, \
+             lateral acceleration up to {:.1} m/s2, command changing by {:.3} rad/s (RMS)",
+            self.curvature,
+            self.lateral_accel,
+            self.command_rate
+        );
+        match self.shown {
+            Some(shown) if shown.is_shown() => {
+                let Actuator { dead_time, time_constant, .. } = shown.prior.actuator;
+                say!(
+                    "steering by its yaw response: dead time {dead_time:.3} s, lag {time_constant:.3} s, both together {:.3} +- {:.3} s",
+                    dead_time + time_constant,
+                    shown.spread
+                );
+            }
+            _ => say!("steering: the logs do not excite it enough to show dead time and lag"),
+        }
+    }
+
+    fn json(&self) -> Value {
+        let [least, greatest, low, high] = self.speed;
+        json!({
+            "speed": { "min": least, "max": greatest, "p05": low, "p95": high },
+            "curvature_max": self.curvature,
+            "lateral_accel_max": self.lateral_accel,
+            "command_rate_rms": self.command_rate,
+            "steering": self.shown.map(|shown| json!({
+                "dead_time": shown.prior.actuator.dead_time,
+                "lag": shown.prior.actuator.time_constant,
+                "sum_spread": shown.spread,
+                "shown": shown.is_shown(),
+            })),
+        })
+    }
+
+    /// What helps.
+    fn advice(&self, car: &str) -> String {
+        if self.shown.is_some_and(|shown| shown.is_shown()) {
+            format!(
+                "The default controller is the better choice (rfl drive{car}). Drives with dither at the speeds and bends to come say \
+                 more: rfl collect{car}, then rfl train out/collect/*.csv{car}"
+            )
+        } else {
+            format!(
+                "The steering is not excited enough: rfl collect{car}, then rfl train out/collect/*.csv{car}"
+            )
+        }
+    }
+}
+
+/// Proves models in closed loop.
+struct Prover<P: Commanded<S, C>, const S: usize, const C: usize> {
+    exam: Mutex<Exam<P, S, C>>,
+}
+
+impl<P, const S: usize, const C: usize> Prover<P, S, C>
+where
+    P: Commanded<S, C, Effects: Sync, Nominal: Sync>,
+{
+    fn new(
+        args: &TrainArgs,
+        data: &DataSet<Linear<P, S, C>, S>,
+        shown: &ShownActuator,
+        controller: ControllerParametersFor<P::Nominal>,
+    ) -> Result<Self, Box<dyn Error>> {
+        let vehicle: P::Parameters = vehicle_named(&args.vehicle)?;
+        let nominal = controller.vehicle.nominal();
+        let mass = P::mass(&nominal);
+        let loaded = |stiffness, payload| P::loaded(nominal, stiffness, payload);
+        let Tuning { seed, threads, .. } = args.tuning;
+        let plants =
+            explaining_plants::<P, S, C>(data, shown, &vehicle, mass, &loaded, [seed, threads as u64])?;
+        let default = Choice {
+            variant: ControlVariant::Adaptive,
+            file: None,
+            folder: MODELS.into(),
+            propagation: Propagation::Propagated,
+            roll_out: RollOut::Corrected,
+        };
+        let default = default.prediction_model(&controller)?.1;
+        let contest = Contest { vehicle, controller, default };
+        let bar = progress_bar("default controller", 1.0, args.quiet);
+        let exam = Exam::new(&contest, &plants, seed, threads, &|| bar.inc(1))?;
+        bar.finish_and_clear();
+        Ok(Self { exam: Mutex::new(exam) })
+    }
+
+    fn prove(
+        &self,
+        model: &Arc<ResidualModelFor<Linear<P, S, C>, S>>,
+        args: &TrainArgs,
+    ) -> Result<(Value, Result<(), NotBetter>), Box<dyn Error>> {
+        let mut exam = self.exam.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let bar = progress_bar("proving", exam.len() as f64, args.quiet);
+        let residual = Residual {
+            model: model.clone(),
+            propagation: Propagation::Propagated,
+            roll_out: RollOut::Corrected,
+        };
+        let proof = exam.prove(&PredictionModelFor::Residual(residual), &|| bar.inc(1))?;
+        bar.finish_and_clear();
+        let [default, learned] = proof.figures();
+        say!(
+            "proof: {} drives on roads and plants that explain the logs: mean {:.2} mm, max {:.1} mm, lost {}; default controller \
+             {:.2} mm, {:.1} mm, {}",
+            proof.drives.len(),
+            1e3 * learned.mean,
+            1e3 * learned.max,
+            learned.lost,
+            1e3 * default.mean,
+            1e3 * default.max,
+            default.lost
+        );
+        let verdict = proof.check();
+        let value = json!({ "default": default, "learned": learned, "drives": proof.drives });
+        Ok((value, verdict))
+    }
 }
 
 /// Makes the folder of a file that is about to be written.
@@ -286,36 +516,34 @@ pub(super) fn followed_by(bar: &ProgressBar) -> impl Fn(Progress) + Sync {
     }
 }
 
-/// Trains a residual, writes it to a file and prints its fit, under a header if it is the first; gives it as JSON.
+/// Trains a residual and prints its fit, under a header if it is the first; gives it and its fit as JSON.
 fn learn<V: LateralVehicle<S>, const S: usize>(
     data: &DataSet<V, S>,
     test: Option<&DataSet<V, S>>,
     config: &TrainConfig,
-    file: &Path,
     bar: &ProgressBar,
     first: bool,
-) -> Result<Value, Box<dyn Error>> {
+) -> Result<(ResidualModelFor<V, S>, Value), Box<dyn Error>> {
     let kind = config.kind;
     let trained =
         train(data, test, config, &followed_by(bar)).map_err(|error| format!("{}: {error}", kind.name()))?;
     bar.finish_and_clear();
-    make_folder_of(file)?;
-    trained.model.write(file)?;
     let (schema, report) = (trained.model.schema(), &trained.report);
     show(kind, report, first);
-    Ok(json!({
+    let said = json!({
         "kind": kind.name(),
-        "file": file.display().to_string(),
         "window": schema.window,
         "samples": schema.training.samples,
         "global_lambda": schema.training.global_lambda,
         "leaf_lambda": schema.training.leaf_lambda,
+        "determined": report.determined,
         "leaves": report.leaves,
         "smallest_leaf": report.smallest_leaf,
         "train": as_json(&report.train),
         "held_out": report.held_out.as_ref().map(as_json),
         "test": report.test.as_ref().map(as_json),
-    }))
+    });
+    Ok((trained.model, said))
 }
 
 /// What was found in the logs and done about it, in sentences.

@@ -9,7 +9,7 @@ use crate::residual::DataSet;
 use crate::residual::gp::GpConfig;
 use crate::simulate::experiment::Compared;
 use crate::simulate::{CAR_COLUMNS, SimulatedVehicle, TRUCK_COLUMNS};
-use crate::vehicle::{Articulated, Car, Truck, VehicleParameters as VehicleFile};
+use crate::vehicle::{Articulated, Car, SingleTrack, Truck, VehicleParameters as VehicleFile};
 use indicatif::ProgressBar;
 use serde_json::Value;
 use std::error::Error;
@@ -23,6 +23,12 @@ pub(super) type Linear<P, const S: usize, const C: usize> =
 pub(super) trait Commanded<const S: usize, const C: usize>: Compared<S, C> {
     /// The road to be measured on.
     const TEST: Route;
+
+    /// The linear model with other stiffness (factors, front and rear) and a payload in kg.
+    fn loaded(of: Linear<Self, S, C>, stiffness: [f64; 2], payload: f64) -> Linear<Self, S, C>;
+
+    /// The mass that a payload is compared with, kg.
+    fn mass(of: &Linear<Self, S, C>) -> f64;
 
     /// Learns what a nonlinear model misses.
     ///
@@ -40,6 +46,14 @@ pub(super) trait Commanded<const S: usize, const C: usize>: Compared<S, C> {
 impl Commanded<ERRORS, CAR_COLUMNS> for Car {
     const TEST: Route = Route::SudokuTest;
 
+    fn loaded(of: SingleTrack, [front, rear]: [f64; 2], payload: f64) -> SingleTrack {
+        SingleTrack { mass: of.mass + payload, cf: of.cf * front, cr: of.cr * rear, ..of }
+    }
+
+    fn mass(of: &SingleTrack) -> f64 {
+        of.mass
+    }
+
     fn learn_gp(
         data: &DataSet,
         test: Option<&DataSet>,
@@ -53,6 +67,16 @@ impl Commanded<ERRORS, CAR_COLUMNS> for Car {
 
 impl Commanded<TRUCK_STATES, TRUCK_COLUMNS> for Truck {
     const TEST: Route = Route::TruckTest;
+
+    fn loaded(of: Articulated, [front, rear]: [f64; 2], payload: f64) -> Articulated {
+        let [steered, driven, trailer] = of.stiffness;
+        let stiffness = [steered * front, driven * rear, trailer * rear];
+        Articulated { mass2: of.mass2 + payload, stiffness, ..of }
+    }
+
+    fn mass(of: &Articulated) -> f64 {
+        of.mass2
+    }
 
     fn learn_gp(
         data: &DataSet<Articulated, TRUCK_STATES>,

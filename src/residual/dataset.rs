@@ -279,6 +279,23 @@ impl<V, const S: usize> DataSet<V, S> {
         })
     }
 
+    /// The same with the label of each row's step.
+    pub(super) fn labelled_stretches(&self) -> impl Iterator<Item = (Vec<Row<S>>, Vec<Option<[f64; S]>>)> {
+        let mut next = 0;
+        self.stretches().map(move |stretch| {
+            let begin = next;
+            next += stretch.len();
+            let labels = self.rows.labels[begin..next].to_vec();
+            (stretch, labels)
+        })
+    }
+
+    /// Time between rows, s.
+    #[must_use]
+    pub fn sample_time(&self) -> f64 {
+        self.config.sample_time
+    }
+
     /// What was found in the drives.
     #[must_use]
     pub fn report(&self) -> &DataReport {

@@ -27,13 +27,18 @@ pub(super) struct GlobalFit<const S: usize> {
     pub lambda: f64,
 }
 
-/// Fits by the `lambda` of `candidates` whose cross-validated error, summed over standardised outputs, is least.
-pub(super) fn fit<const S: usize>(design: &Design<S>, candidates: &[f64], threads: usize) -> GlobalFit<S> {
+/// Fits `labels` by the `lambda` of `candidates` whose cross-validated error, summed over standardised outputs, is least.
+pub(super) fn fit<const S: usize>(
+    design: &Design<S>,
+    labels: &[[f64; S]],
+    candidates: &[f64],
+    threads: usize,
+) -> GlobalFit<S> {
     let n = design.len();
     let mut folds = parallel::map(threads, FOLDS, |f| {
         let mut triangle = Triangle::<S>::new(design.regressors);
         for i in (0..n).filter(|&i| fold(i, n) == f) {
-            triangle.add(design.row(i), &design.labels[i], 1.0);
+            triangle.add(design.row(i), &labels[i], 1.0);
         }
         triangle
     });

@@ -7,12 +7,16 @@
 //! theta = theta_g + (Z'Z + lambda n I)^-1 Z'(y - Z theta_g)
 //! ```
 //!
+//! With a prior of the commands' effects (`prior.rs`) `theta` is what differs from its mean, which is each leaf's own, in units of
+//! its spread.
+//!
 //! `lambda = inf` is the global fit: then the trees add nothing. Plain least squares in each leaf is the paper's
 //! way, [`LeafFit::LeastSquares`].
 
 use super::least_squares::{Gram, Theta, Triangle};
 use super::parallel;
 use crate::nominal::ERRORS;
+use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
 /// The leaves' coefficients, one leaf behind the other.
@@ -148,6 +152,14 @@ pub(super) struct Design<const S: usize> {
     pub labels: Vec<[f64; S]>,
     /// Root mean square of each column before scaling; 1 for a column of zeros.
     pub scale: Vec<f64>,
+    /// Of a prior of the commands' effects the `L` of `K = L L'`; columns `1..` are then commands times it.
+    pub root: Option<DMatrix<f64>>,
+}
+
+/// What the prior expects of a leaf.
+pub(super) struct Expectation<'a, const S: usize> {
+    /// Of a leaf's rows the mean coefficients less those of all rows, for scaled columns.
+    pub differs: &'a (dyn Fn(&[u32]) -> Theta<S> + Sync),
 }
 
 impl<const S: usize> Design<S> {
@@ -163,7 +175,35 @@ impl<const S: usize> Design<S> {
         for row in z.chunks_exact_mut(regressors) {
             row.iter_mut().zip(&scale).for_each(|(z, scale)| *z /= scale);
         }
-        Self { regressors, z, labels, scale }
+        Self { regressors, z, labels, scale, root: None }
+    }
+
+    /// The same with a prior of the commands' effects, whose `K` is `root root'`.
+    pub fn with_prior(regressors: usize, mut z: Vec<f64>, labels: Vec<[f64; S]>, root: DMatrix<f64>) -> Self {
+        let window = root.nrows();
+        let mut squares = 0.0;
+        let mut row_times_root = vec![0.0; window];
+        for row in z.chunks_exact_mut(regressors) {
+            let commands = &mut row[1..=window];
+            squares += commands.iter().map(|u| u * u).sum::<f64>();
+            for (column, product) in row_times_root.iter_mut().enumerate() {
+                let below = root.column(column);
+                let below = below.iter().skip(column);
+                *product = commands[column..].iter().zip(below).map(|(u, l)| u * l).sum();
+            }
+            commands.copy_from_slice(&row_times_root);
+        }
+        let of_commands = (squares / (labels.len() * window).max(1) as f64).sqrt();
+        let mut of_others = Self::new(regressors, z, labels);
+        // The commands have one scale, lest the spread of the prior be lost.
+        let of_commands = if of_commands > 0.0 { of_commands } else { 1.0 };
+        for row in of_others.z.chunks_exact_mut(regressors) {
+            for (z, scale) in row[1..=window].iter_mut().zip(&of_others.scale[1..]) {
+                *z *= scale / of_commands;
+            }
+        }
+        of_others.scale[1..=window].fill(of_commands);
+        Self { root: Some(root), ..of_others }
     }
 
     pub fn len(&self) -> usize {
@@ -183,10 +223,45 @@ impl<const S: usize> Design<S> {
         sum
     }
 
-    /// Coefficients for columns that are not scaled.
+    /// Coefficients for columns that are not scaled, of one leaf or of several.
     pub fn unscaled(&self, theta: &[[f64; S]]) -> Theta<S> {
         let scales = self.scale.iter().cycle();
-        theta.iter().zip(scales).map(|(theta, scale)| theta.map(|t| t / scale)).collect()
+        let mut theta: Theta<S> =
+            theta.iter().zip(scales).map(|(theta, scale)| theta.map(|t| t / scale)).collect();
+        let Some(root) = &self.root else { return theta };
+        for leaf in theta.chunks_exact_mut(self.regressors) {
+            let commands = &mut leaf[1..=root.nrows()];
+            let product = root * DMatrix::from_fn(root.nrows(), S, |i, o| commands[i][o]);
+            for (i, command) in commands.iter_mut().enumerate() {
+                *command = std::array::from_fn(|o| product[(i, o)]);
+            }
+        }
+        theta
+    }
+
+    /// Coefficients of scaled columns that have these effects of commands, and no others.
+    pub fn scaled_commands(&self, effects: &[[f64; S]]) -> Theta<S> {
+        let mut theta = vec![[0.0; S]; self.regressors];
+        let Some(root) = &self.root else { return theta };
+        let mut right = DMatrix::from_fn(effects.len(), S, |i, o| effects[i][o]);
+        // The root is a Cholesky factor: its diagonal is positive.
+        root.solve_lower_triangular_mut(&mut right);
+        for (i, theta) in theta[1..=effects.len()].iter_mut().enumerate() {
+            *theta = std::array::from_fn(|o| right[(i, o)] * self.scale[1]);
+        }
+        theta
+    }
+
+    /// Share of the directions of a window of commands that the samples determine against a prior with this `lambda`.
+    pub fn determined(&self, window: usize, lambda: f64) -> f64 {
+        let mut gram = DMatrix::<f64>::zeros(window, window);
+        for i in 0..self.len() {
+            let commands = nalgebra::DVectorView::from_slice(&self.row(i)[1..=window], window);
+            gram.syger(1.0, &commands, &commands, 1.0);
+        }
+        let against = lambda * self.len() as f64;
+        let shares = gram.symmetric_eigenvalues().map(|s| if s > 0.0 { s / (s + against) } else { 0.0 });
+        shares.sum() / window as f64
     }
 
     /// What `theta` leaves of the labels.
@@ -231,6 +306,10 @@ impl Members {
         self.rows[self.start[leaf]..self.start[leaf + 1]].iter().map(|&row| row as usize)
     }
 
+    pub fn rows_of(&self, leaf: usize) -> &[u32] {
+        &self.rows[self.start[leaf]..self.start[leaf + 1]]
+    }
+
     pub fn count(&self, leaf: usize) -> usize {
         self.start[leaf + 1] - self.start[leaf]
     }
@@ -254,11 +333,13 @@ pub(super) fn constant<const S: usize>(labels: &[[f64; S]], members: &Members, w
 
 /// Linear leaves of one tree, leaf behind leaf, once for each fit of `fits`.
 ///
-/// `remainder` is what the global fit `global` leaves of the labels.
+/// `remainder` is what the global fit `global` leaves of the labels. With a prior, leaves are shrunk to the global fit moved by what
+/// the prior expects of them.
 pub(super) fn linear<const S: usize>(
     design: &Design<S>,
     remainder: &[[f64; S]],
     global: &[[f64; S]],
+    expected: Option<&Expectation<'_, S>>,
     members: &Members,
     weights: &[u16],
     fits: &[LeafFit],
@@ -266,12 +347,27 @@ pub(super) fn linear<const S: usize>(
     let p = design.regressors;
     let mut result = vec![Theta::<S>::with_capacity(members.leaves() * p); fits.len()];
     let plain = fits.contains(&LeafFit::LeastSquares);
+    let mut moved = vec![];
     for leaf in 0..members.leaves() {
         let mut gram = Gram::new(p);
         let mut triangle = plain.then(|| Triangle::new(p));
+        let differs = expected.map(|expected| (expected.differs)(members.rows_of(leaf)));
+        let global = match &differs {
+            None => global,
+            Some(differs) => {
+                moved = global.to_vec();
+                moved.as_flattened_mut().iter_mut().zip(differs.as_flattened()).for_each(|(t, d)| *t += d);
+                &moved
+            }
+        };
         for row in members.of(leaf) {
             let w = f64::from(weights[row]);
-            gram.add(design.row(row), &remainder[row], w);
+            let mut rest = remainder[row];
+            if let Some(differs) = &differs {
+                let more = design.predict(row, differs);
+                rest.iter_mut().zip(more).for_each(|(rest, more)| *rest -= more);
+            }
+            gram.add(design.row(row), &rest, w);
             if let Some(triangle) = &mut triangle {
                 triangle.add(design.row(row), &design.labels[row], w);
             }

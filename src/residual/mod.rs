@@ -51,6 +51,8 @@
 //! | `checks.rs` | what is wrong with recorded drives |
 //! | `table.rs`, `tree.rs`, `forest.rs` | binning, CART, random forests and their look-up |
 //! | `least_squares.rs` | QR and normal equations, ridge |
+//! | `explain.rs` | how well another vehicle explains the samples |
+//! | `actuator.rs`, `prior.rs` | the actuator that the samples show, and the prior that it gives the effects of commands |
 //! | `global.rs`, `leaf.rs` | one linear model for all; models in leaves |
 //! | `train_config.rs`, `train.rs` | from a data set to a model and a report of its fit |
 //! | `model.rs` | the model: what it is, and its coefficients at any features |
@@ -59,8 +61,10 @@
 //! | `gp/` | the Gaussian process of GP-NMPC |
 //! | `random.rs`, `parallel.rs`, `hash.rs` | the same bits for the same seed, on any number of threads |
 
+mod actuator;
 mod checks;
 mod dataset;
+mod explain;
 mod file;
 mod forest;
 mod global;
@@ -71,6 +75,7 @@ mod least_squares;
 mod lookahead;
 mod model;
 pub(crate) mod parallel;
+mod prior;
 mod random;
 mod rows;
 mod table;
@@ -78,8 +83,10 @@ mod train;
 mod train_config;
 mod tree;
 
+pub use actuator::ShownActuator;
 pub use checks::DataError;
 pub use dataset::{DataConfig, DataReport, DataSet, Drive, Windows};
+pub use explain::BlockMisfit;
 pub use file::{FORMAT, FileError, FileKind};
 pub use forest::{Block, Forest, ForestConfig, GrownForest, grow};
 pub use hash::fnv;
@@ -90,6 +97,7 @@ pub use model::{
     Coefficients, Expected, Kind, Misfit, Range, Regressors, ResidualModel, ResidualModelFor, Schema,
     Training, TreeFeatures,
 };
+pub use prior::{CommandPrior, residual_of_actuator};
 pub use random::Random;
 pub use table::{Columns, Dense, Resolution};
 pub use train::{Fit, Progress, Stage, TrainError, TrainReport, Trained, train};

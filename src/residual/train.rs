@@ -11,9 +11,10 @@
 use super::dataset::{DataSet, ROAD_NAMES, Windows};
 use super::forest::{self, Forest, ForestConfig};
 use super::global;
-use super::leaf::{self, Design, LeafFit, LeafModels, Members};
+use super::leaf::{self, Design, Expectation, LeafFit, LeafModels, Members};
 use super::least_squares::Theta;
 use super::model::{Kind, Range, Regressors, ResidualModelFor, Schema, Training};
+use super::prior::Means;
 use super::train_config::{ConfigError, LambdaChoice, TrainConfig};
 use super::{ROAD, parallel};
 use crate::nominal::{ERRORS, LateralVehicle};
@@ -113,6 +114,8 @@ pub struct TrainReport<const S: usize = ERRORS> {
     pub leaves: usize,
     /// Distinct samples in the smallest leaf.
     pub smallest_leaf: usize,
+    /// Share of the window's directions that the log determines rather than the prior, 0 to 1; none without a prior.
+    pub determined: Option<f64>,
 }
 
 /// A model and how well it fits.
@@ -157,7 +160,19 @@ pub fn train<V: LateralVehicle<S>, const S: usize>(
             gaps: found.gaps,
         });
     }
-    let job = Job { windows: &windows, config, threads: parallel::threads(config.threads), progress };
+    let means_between = |range| {
+        let of = |prior| Means::new(prior, &data.vehicle, range, data.config.sample_time, config.window);
+        config.prior.as_ref().and_then(|prior| of(prior).ok())
+    };
+    let job = Job {
+        windows: &windows,
+        config,
+        threads: parallel::threads(config.threads),
+        progress,
+        sample_time: data.config.sample_time,
+        min_model_speed: data.config.min_model_speed,
+        means_between: &means_between,
+    };
     let learned = job.learn(p);
     progress(Progress { stage: Stage::Report, done: 0, total: 1 });
     let schema = Schema {
@@ -185,6 +200,7 @@ pub fn train<V: LateralVehicle<S>, const S: usize>(
         lambdas: learned.lambdas,
         leaves: model.forest.leaves(),
         smallest_leaf: learned.smallest_leaf,
+        determined: learned.determined,
     };
     progress(Progress { stage: Stage::Report, done: 1, total: 1 });
     Ok(Trained { model, report })
@@ -281,7 +297,14 @@ struct Job<'a, const S: usize> {
     config: &'a TrainConfig,
     threads: usize,
     progress: &'a (dyn Fn(Progress) + Sync),
+    sample_time: f64,
+    min_model_speed: f64,
+    /// The prior's means between two speeds.
+    means_between: &'a (dyn Fn([f64; 2]) -> Option<Means<S>> + Sync),
 }
+
+/// Candidates for the scale of a prior: `lambda` of coefficients in units of the prior's spread.
+const PRIOR_SCALES: [f64; 9] = [1e-6, 1e-5, 1e-4, 1e-3, 3e-3, 1e-2, 1e-1, 1.0, f64::INFINITY];
 
 /// What came out of it.
 struct Learned<const S: usize> {
@@ -292,6 +315,7 @@ struct Learned<const S: usize> {
     lambdas: Vec<(f64, f64)>,
     held_out: Option<Fit<S>>,
     smallest_leaf: usize,
+    determined: Option<f64>,
 }
 
 /// One fit of a tree's leaves: on rows with a weight; the others test it.
@@ -303,15 +327,35 @@ struct Member {
 impl<const S: usize> Job<'_, S> {
     fn learn(&self, p: usize) -> Learned<S> {
         let (config, windows) = (self.config, self.windows);
-        let design = self.design(p);
+        let means = self.means();
+        let design = self.design(p, means.is_some());
         let linear = config.kind.is_linear();
+        let of_all = means.as_ref().map(|means| design.scaled_commands(&self.mean(means, None)));
+        let mut determined = None;
         let global = linear.then(|| {
             self.say(Stage::Global, 0, 1);
             let plain = [0.0];
-            let candidates: &[f64] =
-                if config.lambda == LambdaChoice::LeastSquares { &plain } else { &config.global_lambda };
-            global::fit(&design, candidates, self.threads)
+            let candidates: &[f64] = match (&config.lambda, &means) {
+                (LambdaChoice::LeastSquares, _) => &plain,
+                (_, Some(_)) => &PRIOR_SCALES,
+                (_, None) => &config.global_lambda,
+            };
+            let Some(of_all) = &of_all else {
+                return global::fit(&design, &design.labels, candidates, self.threads);
+            };
+            let mut fit = global::fit(&design, &design.remainder(of_all), candidates, self.threads);
+            determined = Some(design.determined(config.window, fit.lambda));
+            fit.theta.as_flattened_mut().iter_mut().zip(of_all.as_flattened()).for_each(|(t, of)| *t += of);
+            fit
         });
+        let differs = |rows: &[u32]| {
+            let (Some(means), Some(of_all)) = (&means, &of_all) else { return vec![[0.0; S]; p] };
+            let mut theta = design.scaled_commands(&self.mean(means, Some(rows)));
+            theta.as_flattened_mut().iter_mut().zip(of_all.as_flattened()).for_each(|(t, of)| *t -= of);
+            theta
+        };
+        let expectation = Expectation { differs: &differs };
+        let expected = means.is_some().then_some(&expectation);
         if !config.kind.has_trees() {
             let theta = global.as_ref().map_or_else(|| vec![[0.0; S]; p], |fit| fit.theta.clone());
             let leaves = LeafModels {
@@ -327,6 +371,7 @@ impl<const S: usize> Job<'_, S> {
                 lambdas: vec![],
                 held_out: None,
                 smallest_leaf: windows.len(),
+                determined,
             };
         }
         let grown = self.grow(&design.labels);
@@ -347,7 +392,7 @@ impl<const S: usize> Job<'_, S> {
             let tree = &leaf_of[member.tree];
             let members = Members::new(&tree.leaf, tree.leaves, &member.weights);
             if linear {
-                leaf::linear(&design, &remainder, &theta, &members, &member.weights, fits)
+                leaf::linear(&design, &remainder, &theta, expected, &members, &member.weights, fits)
             } else {
                 vec![leaf::constant(&design.labels, &members, &member.weights); fits.len()]
             }
@@ -412,6 +457,29 @@ impl<const S: usize> Job<'_, S> {
             lambdas: held_out.iter().filter_map(|(c, score, _)| lambda_of(*c).map(|l| (l, *score))).collect(),
             held_out: held_out.iter().find(|(c, ..)| *c == fit_used).map(|(_, _, sums)| fit(*sums, labels)),
             smallest_leaf,
+            determined,
+        }
+    }
+
+    /// What the prior expects at each speed; none without a prior, or where it has no place.
+    fn means(&self) -> Option<Means<S>> {
+        if !self.config.kind.is_linear() || self.config.lambda == LambdaChoice::LeastSquares {
+            return None;
+        }
+        let speed = |i: usize| self.windows.road(i)[0].max(self.min_model_speed);
+        let range = (0..self.windows.len()).fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], i| {
+            [least.min(speed(i)), most.max(speed(i))]
+        });
+        // A log whose speeds have no model has no labels either.
+        (self.means_between)(range)
+    }
+
+    /// The mean of the prior over some rows, or over all.
+    fn mean(&self, means: &Means<S>, rows: Option<&[u32]>) -> Theta<S> {
+        let speed = |i: usize| self.windows.road(i)[0].max(self.min_model_speed);
+        match rows {
+            Some(rows) => means.over(rows.iter().map(|&i| speed(i as usize))),
+            None => means.over((0..self.windows.len()).map(speed)),
         }
     }
 
@@ -420,7 +488,7 @@ impl<const S: usize> Job<'_, S> {
     }
 
     /// Regressors and labels of all samples.
-    fn design(&self, p: usize) -> Design<S> {
+    fn design(&self, p: usize, with_prior: bool) -> Design<S> {
         let windows = self.windows;
         let mut labels: Vec<[f64; S]> = (0..windows.len()).map(|i| windows.label(i)).collect();
         let mut z = Vec::with_capacity(windows.len() * p);
@@ -435,6 +503,10 @@ impl<const S: usize> Job<'_, S> {
         }
         if self.config.kind.is_linear() {
             prefilter(windows, self.config.prefilter, &mut z, &mut labels);
+        }
+        if let Some(prior) = self.config.prior.filter(|_| with_prior) {
+            let root = prior.root(self.sample_time, windows.window());
+            return Design::with_prior(p, z, labels, root);
         }
         Design::new(p, z, labels)
     }

@@ -2,6 +2,7 @@
 
 use super::forest::Block;
 use super::model::{Kind, Regressors, TreeFeatures};
+use super::prior::CommandPrior;
 use super::table::Resolution;
 use super::tree::MAX_DEPTH;
 use super::{MAX_WINDOW, ROAD};
@@ -43,6 +44,9 @@ pub struct TrainConfig {
     /// Memory of the filter that regressors and labels of linear leaves go through before the fit, 0 to less than 1; 0
     /// for none, the paper's way. With noisy measurements, one-step labels are mostly noise of high frequency.
     pub prefilter: f64,
+    /// What is believed of the effects of commands beforehand; none, the paper's way, for shrinkage towards zero. Plain least
+    /// squares know no prior.
+    pub prior: Option<CommandPrior>,
     /// Shrinkage of linear leaves.
     pub lambda: LambdaChoice,
     /// Candidates for the shrinkage of the global fit towards zero.
@@ -70,6 +74,7 @@ impl TrainConfig {
             tree_features: if speed_and_road { TreeFeatures::Road } else { TreeFeatures::Errors },
             regressors: Regressors { road: speed_and_road, states: 0 },
             prefilter: 0.8,
+            prior: None,
             lambda: LambdaChoice::HeldOut(vec![1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0, f64::INFINITY]),
             global_lambda: vec![0.0, 1e-12, 1e-10, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2],
             seed: 1,

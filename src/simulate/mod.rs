@@ -6,6 +6,7 @@
 //! | `closed_loop.rs` | controller and vehicle, step by step; the drive log |
 //! | `vehicle.rs` | what must be known of a kind of vehicle: car, truck |
 //! | `experiment/` | the comparison of all variants on several plants |
+//! | `prove/` | whether a learned model is better in closed loop, on plants that explain its logs |
 //! | `tune/` | controllers that stand what vehicles are, searched over an ensemble |
 //! | `noise.rs` | noise on what the controller is told |
 //! | `metrics.rs` | tracking error, roughness of the steering and step time in a few numbers |
@@ -16,6 +17,8 @@ pub mod experiment;
 mod metrics;
 mod noise;
 mod outcome;
+#[cfg(feature = "cli")]
+pub mod prove;
 #[cfg(feature = "cli")]
 pub mod tune;
 mod vehicle;

@@ -1,0 +1,367 @@
+//! `rfl learn`: the whole ladder on one of our plants: drive, identify, collect, train, prove.
+//!
+//! ```text
+//! drive   the default controller on the training road; slower, as long as the vehicle is lost
+//! identify    dead time and lag from that drive; from here on the controller begins with them
+//! collect     calmly, with dither, on the training road and on random ones: bends and speeds to come
+//! train       `rfl train`: refused unless better in closed loop on plants that explain the drives
+//! prove       default, identified, learned on roads that none was learned on, at full speed
+//! ```
+
+use super::drive::{MODELS, Setup, setting};
+use super::output::{write_file, write_json};
+use super::progress_bar;
+use super::vehicle::{Commanded, Linear, by_kind};
+use super::{Cli, Command, train};
+use crate::control::{
+    Choice, ControlVariant, ControllerFile, ControllerParametersFor, PredictionModelFor, Propagation,
+    RollOut, VehicleParameters,
+};
+use crate::nominal::Actuator;
+use crate::path::{Path, RandomRoad};
+use crate::residual::DataSet;
+use crate::simulate::{CAR_COLUMNS, DriveFor, Outcome, STATION};
+use crate::vehicle::{BUILTIN, VehicleParameters as _};
+use clap::{Args, Parser};
+use serde_json::{Value, json};
+use std::error::Error;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+
+/// Learns a vehicle in one go: drives, identifies the steering, collects, trains, and proves it on roads it has not seen
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  rfl learn                                                       the C-class car, to out/learn
+  rfl learn --set effect.steer_lag=0.1 --set effect.steer_delay=0.06
+  rfl learn --vehicle my_car.toml --path my_road.csv --out out/my_car
+  rfl learn --vehicle truck_simulation
+  rfl drive --controller out/learn/controller.toml --residual out/learn/model.rflm      drive with what was learned
+
+Written: drive.csv and collect_N.csv (logs), controller.toml (identified steering), model.rflm (only if it is better), train.json,
+learn.json. A vehicle of your own, not simulated here: docs/learning.md.
+
+Exit status: 0 done, 1 bad input, a failure, or no model that is better than the default controller.")]
+pub struct LearnArgs {
+    /// Car or truck: a vehicle file (TOML) or a built-in name
+    #[arg(long, default_value = BUILTIN[0])]
+    vehicle: String,
+    /// A parameter, NAME=VALUE, of whoever has it, as for `rfl drive`
+    #[arg(long = "set", value_name = "NAME=VALUE")]
+    settings: Vec<String>,
+    /// Road to learn on: a CSV file with columns x, y [default: the vehicle's training route]
+    #[arg(long)]
+    path: Option<PathBuf>,
+    /// Road to prove on [default: the vehicle's test route]
+    #[arg(long, value_name = "FILE")]
+    test: Option<PathBuf>,
+    /// Random roads to collect on beside it
+    #[arg(long, default_value_t = 6)]
+    roads: usize,
+    /// What to learn
+    #[arg(long, default_value = "rfl_s")]
+    kind: String,
+    /// Seed of roads, dither and training
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Threads; 0 for all there are. The result does not depend on it
+    #[arg(long, default_value_t = 0)]
+    threads: usize,
+    /// Folder for logs, model, controller file and report
+    #[arg(long, value_name = "DIR", default_value = "out/learn")]
+    out: PathBuf,
+    /// No progress
+    #[arg(long)]
+    quiet: bool,
+}
+
+/// First seed of the random roads to collect on, and of those to prove on: no other command's.
+const COLLECT_SEED: u64 = 55_000_000;
+const PROVE_SEED: u64 = 56_000_000;
+/// Random roads to prove on.
+const PROVE_ROADS: usize = 2;
+/// Speed and lateral acceleration of the next try, as shares, after a vehicle was lost; and such tries.
+const SLOWER: (f64, f64) = (0.7, 0.5);
+const TRIES: usize = 4;
+/// Time after which a drive is given up, s.
+const LONGEST: f64 = 1800.0;
+
+/// Runs the command.
+///
+/// # Errors
+/// What was wrong, where, and what to do.
+pub fn run(args: &LearnArgs) -> Result<ExitCode, Box<dyn Error>> {
+    by_kind!(&args.vehicle, learn(args))
+}
+
+/// Roads by name.
+type Roads = Vec<(String, Arc<Path>)>;
+
+struct Ladder<'a, P: Commanded<S, C>, const S: usize, const C: usize> {
+    args: &'a LearnArgs,
+    vehicle: P::Parameters,
+    effects: P::Effects,
+    controller: ControllerParametersFor<P::Nominal>,
+}
+
+fn learn<P: Commanded<S, C>, const S: usize, const C: usize>(
+    args: &LearnArgs,
+) -> Result<ExitCode, Box<dyn Error>> {
+    std::fs::create_dir_all(&args.out).map_err(|error| format!("{}: {error}", args.out.display()))?;
+    let setup =
+        Setup::<P, S, C>::new(args.path.as_deref(), P::SETTING.training, &args.vehicle, &args.settings)?;
+    let mut training: Roads = vec![("training road".to_owned(), setup.path.clone())];
+    let test = Setup::<P, S, C>::new(args.test.as_deref(), P::TEST, &args.vehicle, &args.settings)?;
+    let mut proving: Roads = vec![("test road".to_owned(), test.path)];
+    let road = if P::SIGNALS.len() > CAR_COLUMNS { RandomRoad::TRUCK } else { RandomRoad::CAR };
+    let random = |first: u64, number: usize| -> Result<(String, Arc<Path>), Box<dyn Error>> {
+        let seed = first + 1000 * args.seed + number as u64;
+        let road = RandomRoad { closed: number % 3 == 2, ..road };
+        Ok((format!("random road {seed}"), Arc::new(road.path(seed)?)))
+    };
+    for number in 0..args.roads {
+        training.push(random(COLLECT_SEED, number)?);
+    }
+    for number in 0..PROVE_ROADS {
+        proving.push(random(PROVE_SEED, number)?);
+    }
+    let Setup { controller, vehicle, effects, .. } = setup;
+    Ladder::<P, S, C> { args, vehicle, effects, controller }.climb(&training, &proving)
+}
+
+impl<P: Commanded<S, C>, const S: usize, const C: usize> Ladder<'_, P, S, C> {
+    fn climb(&self, training: &Roads, proving: &Roads) -> Result<ExitCode, Box<dyn Error>> {
+        let args = self.args;
+        let file = |name: &str| args.out.join(name);
+        // An older model would be taken for this one.
+        match std::fs::remove_file(file("model.rflm")) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => return Err(error.into()),
+            _ => {}
+        }
+
+        // Drive: as fast as the default controller stays on the road.
+        let mut slow = self.controller;
+        let mut first = None;
+        for attempt in 0..TRIES {
+            let drive = self.drive(&slow, self.default(&slow)?, &training[0], "driving")?;
+            let lost = drive.lost;
+            say!("1 drive: {}", said(&drive));
+            first = Some(drive);
+            if !lost || attempt + 1 == TRIES {
+                break;
+            }
+            slow.speed.limit *= SLOWER.0;
+            slow.speed.lateral_accel *= SLOWER.1;
+            say!("  slower: up to {:.1} m/s, {:.2} m/s2", slow.speed.limit, slow.speed.lateral_accel);
+        }
+        let first = first.ok_or("no drive was made")?;
+        write_file(&file("drive.csv"), |to| Ok(first.write_csv(to)?))?;
+        if first.lost {
+            return Err(format!(
+                "the vehicle is lost however slowly it drives; look at {}",
+                file("drive.csv").display()
+            )
+            .into());
+        }
+
+        // Identify.
+        let data = self.data(&[&first])?;
+        let shown = data.actuator(args.threads).filter(|shown| shown.is_shown());
+        let mut identified = self.controller;
+        let mut values = vec![];
+        if let Some(shown) = shown {
+            let Actuator { dead_time, time_constant, .. } = shown.prior.actuator;
+            identified.actuator.dead_time = dead_time;
+            identified.actuator.time_constant = time_constant;
+            values = vec![
+                ("actuator.dead_time".to_owned(), dead_time),
+                ("actuator.time_constant".to_owned(), time_constant),
+            ];
+            say!("2 identify: dead time {dead_time:.3} s, lag {time_constant:.3} s");
+        } else {
+            say!("2 identify: the drive does not show the steering's dead time and lag; the file's are kept");
+        }
+        let content = ControllerFile {
+            kind: P::KIND.to_owned(),
+            vehicle: self.vehicle.name().to_owned(),
+            variant: None,
+            values,
+        };
+        let head = "The steering as rfl learn found it: what the controller begins with.";
+        write_file(&file("controller.toml"), |to| Ok(to.write_all(content.to_text(head).as_bytes())?))?;
+
+        // Collect.
+        let mut logs = vec![file("drive.csv")];
+        let mut collecting = identified;
+        collecting.speed = slow.speed;
+        for (number, road) in training.iter().enumerate() {
+            collecting.mpc.dither = P::SETTING.dither;
+            collecting.mpc.dither_seed =
+                (args.seed as usize).wrapping_mul(100).wrapping_add(number) % 1_000_000;
+            let drive = self.drive(&collecting, self.default(&collecting)?, road, "collecting")?;
+            let log = file(&format!("collect_{}.csv", number + 1));
+            write_file(&log, |to| Ok(drive.write_csv(to)?))?;
+            say!("3 collect: {}: {}", road.0, said(&drive));
+            if !drive.lost {
+                logs.push(log);
+            }
+        }
+
+        // Train and prove in simulation.
+        let model = file("model.rflm");
+        let trained = self.train(&logs, &model, &file("train.json"));
+        let refused = trained.as_ref().err().map(ToString::to_string);
+        match &refused {
+            None => say!("4 train: {}", model.display()),
+            Some(reason) => say!("4 train: {reason}"),
+        }
+
+        // Prove on the plant, at full speed.
+        let mut rows = vec![];
+        say!("{:<24} {:<11} {:>9} {:>9}  outcome", "5 prove", "", "mean mm", "max mm");
+        for road in proving {
+            let mut columns = vec![
+                ("default", self.controller, self.default(&self.controller)?),
+                ("identified", identified, self.default(&identified)?),
+            ];
+            if refused.is_none() {
+                columns.push(("learned", identified, self.choose(&identified, Some(model.clone()))?));
+            }
+            for (name, controller, predicts_with) in columns {
+                let drive = self.drive(&controller, predicts_with, road, "proving")?;
+                let tracking = drive.tracking();
+                say!(
+                    "{:<24} {name:<11} {:>9.2} {:>9.1}  {}",
+                    road.0,
+                    1e3 * tracking.mae,
+                    1e3 * tracking.max,
+                    drive.ending.outcome.name()
+                );
+                rows.push(json!({
+                    "road": road.0, "controller": name, "mean": tracking.mae, "max": tracking.max,
+                    "outcome": drive.ending.outcome.name(),
+                }));
+            }
+        }
+        let report: Value = json!({
+            "vehicle": args.vehicle,
+            "settings": args.settings,
+            "speed_of_collecting": { "limit": slow.speed.limit, "lateral_accel": slow.speed.lateral_accel },
+            "steering": shown.map(|shown| json!({
+                "dead_time": shown.prior.actuator.dead_time, "lag": shown.prior.actuator.time_constant,
+                "sum_spread": shown.spread,
+            })),
+            "model": refused.is_none().then(|| model.display().to_string()),
+            "refused": refused,
+            "proof": rows,
+        });
+        write_json(&file("learn.json"), &report)?;
+        let with = if refused.is_none() { format!(" --residual {}", model.display()) } else { String::new() };
+        say!(
+            "next: rfl drive --vehicle {} --controller {}{with}",
+            args.vehicle,
+            file("controller.toml").display()
+        );
+        Ok(if refused.is_none() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+    }
+
+    fn data(&self, drives: &[&DriveFor<C>]) -> Result<DataSet<Linear<P, S, C>, S>, Box<dyn Error>> {
+        let logs: Vec<_> = drives.iter().map(|drive| drive.to_learn_from()).collect();
+        Ok(DataSet::new(&logs, &self.controller.vehicle.nominal(), self.controller.mpc.data_config())?)
+    }
+
+    /// What the default controller predicts with.
+    fn default(
+        &self,
+        controller: &ControllerParametersFor<P::Nominal>,
+    ) -> Result<PredictionModelFor<Linear<P, S, C>, S>, Box<dyn Error>> {
+        self.choose(controller, None)
+    }
+
+    fn choose(
+        &self,
+        controller: &ControllerParametersFor<P::Nominal>,
+        file: Option<PathBuf>,
+    ) -> Result<PredictionModelFor<Linear<P, S, C>, S>, Box<dyn Error>> {
+        let choice = Choice {
+            variant: ControlVariant::Adaptive,
+            file,
+            folder: MODELS.into(),
+            propagation: Propagation::Propagated,
+            roll_out: RollOut::Corrected,
+        };
+        Ok(choice.prediction_model(controller)?.1)
+    }
+
+    fn drive(
+        &self,
+        controller: &ControllerParametersFor<P::Nominal>,
+        predicts_with: PredictionModelFor<Linear<P, S, C>, S>,
+        (_, path): &(String, Arc<Path>),
+        what: &str,
+    ) -> Result<DriveFor<C>, Box<dyn Error>> {
+        let setup = Setup::<P, S, C> {
+            path: path.clone(),
+            controller: *controller,
+            vehicle: self.vehicle.clone(),
+            effects: self.effects.clone(),
+        };
+        let bar = progress_bar(what, path.length(), self.args.quiet);
+        let mut closed = setup.connect(predicts_with, controller.mpc.sample_time)?;
+        let drive = closed.record(LONGEST, |row, _| {
+            bar.set_position(row[STATION].max(0.0) as u64);
+            true
+        });
+        bar.finish_and_clear();
+        Ok(drive)
+    }
+
+    /// `rfl train` on these logs.
+    fn train(
+        &self,
+        logs: &[PathBuf],
+        model: &std::path::Path,
+        report: &std::path::Path,
+    ) -> Result<(), Box<dyn Error>> {
+        let args = self.args;
+        let text = |path: &std::path::Path| path.to_string_lossy().into_owned();
+        let mut words = vec!["rfl".to_owned(), "train".to_owned()];
+        words.extend(logs.iter().map(|log| text(log)));
+        let options = [
+            ("--vehicle", args.vehicle.clone()),
+            ("--kind", args.kind.clone()),
+            ("--seed", args.seed.to_string()),
+            ("--threads", args.threads.to_string()),
+            ("--out", text(model)),
+            ("--json", text(report)),
+        ];
+        words.extend(options.into_iter().flat_map(|(name, value)| [name.to_owned(), value]));
+        for of in &args.settings {
+            let (name, _) = setting(of)?;
+            let name = name.strip_prefix("controller.").unwrap_or(name);
+            if ControllerParametersFor::<P::Nominal>::declared(name).is_some() {
+                words.extend(["--set".to_owned(), of.clone()]);
+            }
+        }
+        if args.quiet {
+            words.push("--quiet".to_owned());
+        }
+        match Cli::try_parse_from(words)?.command {
+            Command::Train(args) => train::run(&args),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// A drive in a line.
+fn said<const C: usize>(drive: &DriveFor<C>) -> String {
+    let tracking = drive.tracking();
+    let outcome: Outcome = drive.ending.outcome;
+    format!(
+        "{:.0} s, lateral error mean {:.2} mm, max {:.1} mm; {}",
+        drive.duration(),
+        1e3 * tracking.mae,
+        1e3 * tracking.max,
+        outcome.name()
+    )
+}

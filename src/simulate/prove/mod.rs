@@ -1,0 +1,266 @@
+//! Whether a learned model is better than the default controller: closed-loop drives of plants that explain the logs.
+//!
+//! A log is explained by many plants. Candidates differ in stiffness, payload, dead time and lag; each has a one-step misfit
+//! on each block of the log, and a bootstrap over the blocks chooses among them: who is best on one of the resampled logs is
+//! a plant that the logs do not rule out. On roads that nobody learned on each drives twice, with the model and without.
+//! The model is better if
+//!
+//! ```text
+//! none is lost,   mean_i mean|e1| < that of the default,   and in no drive i mean|e1| or max|e1| is worse by more than is allowed
+//! ```
+//!
+//! Source: block bootstrap, Kuensch 1989; Efron and Tibshirani, An Introduction to the Bootstrap, 1993, ch. 8.6.
+
+mod plants;
+
+pub use plants::{ExplainedPlant, explaining_plants};
+
+use super::experiment::{Compared, NominalOf};
+use super::tune::{Outcome, Scenario, ScenarioError, Values};
+use crate::control::{ControllerParametersFor, PredictionModelFor};
+use crate::nominal::Actuator;
+use crate::path::{PathError, RandomRoad};
+use crate::residual::parallel;
+use serde::Serialize;
+use std::sync::Arc;
+
+/// Roads of these drives: no search, tuning or examination of `tune/` uses such seeds.
+const FIRST_SEED: u64 = 77_000_000;
+/// Roads of each plant.
+const ROADS: usize = 2;
+/// Mean lateral error by which a drive may be worse than the default's, m, and largest, as a share of the default's and m.
+const WORSE_MEAN: f64 = 0.002;
+const WORSE_MAX: (f64, f64) = (1.25, 0.01);
+
+/// One drive, with the default controller and with the model.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ProofDrive {
+    /// Plant and road.
+    pub name: String,
+    /// Default controller.
+    pub default: Outcome,
+    /// With the model.
+    pub learned: Outcome,
+}
+
+/// All drives.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Proof {
+    /// The drives.
+    pub drives: Vec<ProofDrive>,
+}
+
+/// Means and maxima of a controller's drives.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ProofFigures {
+    /// Mean over the drives of the mean lateral error, m.
+    pub mean: f64,
+    /// Largest lateral error, m.
+    pub max: f64,
+    /// Lost drives.
+    pub lost: usize,
+}
+
+/// Why a proof fails.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum NotBetter {
+    /// Drives are lost.
+    #[error("{lost} of {drives} simulated drives are lost with the model, {default} without")]
+    Lost {
+        /// With the model.
+        lost: usize,
+        /// With the default controller.
+        default: usize,
+        /// All.
+        drives: usize,
+    },
+    /// The mean is not less.
+    #[error("its mean lateral error over {drives} simulated drives is {:.2} mm, the default controller's {:.2} mm", 1e3 * learned, 1e3 * default)]
+    Mean {
+        /// m.
+        learned: f64,
+        /// m.
+        default: f64,
+        /// All.
+        drives: usize,
+    },
+    /// One drive is clearly worse.
+    #[error("in one simulated drive ({name}) its lateral error is {:.2} mm mean, {:.1} mm max; the default controller's {:.2} and {:.1} mm", 1e3 * learned.0, 1e3 * learned.1, 1e3 * default.0, 1e3 * default.1)]
+    Worse {
+        /// Plant and road.
+        name: String,
+        /// Mean and max, m.
+        learned: (f64, f64),
+        /// Mean and max, m.
+        default: (f64, f64),
+    },
+}
+
+impl Proof {
+    /// Figures of the default controller and of the model.
+    #[must_use]
+    pub fn figures(&self) -> [ProofFigures; 2] {
+        let of = |outcome: fn(&ProofDrive) -> &Outcome| ProofFigures {
+            mean: self.drives.iter().map(|drive| outcome(drive).mean).sum::<f64>()
+                / self.drives.len().max(1) as f64,
+            max: self.drives.iter().map(|drive| outcome(drive).max).fold(0.0, f64::max),
+            lost: self.drives.iter().filter(|drive| outcome(drive).lost).count(),
+        };
+        [of(|drive| &drive.default), of(|drive| &drive.learned)]
+    }
+
+    /// Whether the model is better.
+    ///
+    /// # Errors
+    /// Why it is not.
+    pub fn check(&self) -> Result<(), NotBetter> {
+        let [default, learned] = self.figures();
+        let drives = self.drives.len();
+        if learned.lost > 0 {
+            return Err(NotBetter::Lost { lost: learned.lost, default: default.lost, drives });
+        }
+        // Beside a lost drive of the default any that is driven is better.
+        let worse = |drive: &&ProofDrive| {
+            !drive.default.lost
+                && (drive.learned.mean > drive.default.mean + WORSE_MEAN
+                    || drive.learned.max > WORSE_MAX.0 * drive.default.max + WORSE_MAX.1)
+        };
+        if let Some(drive) = self.drives.iter().find(worse) {
+            return Err(NotBetter::Worse {
+                name: drive.name.clone(),
+                learned: (drive.learned.mean, drive.learned.max),
+                default: (drive.default.mean, drive.default.max),
+            });
+        }
+        if default.lost == 0 && learned.mean >= default.mean {
+            return Err(NotBetter::Mean { learned: learned.mean, default: default.mean, drives });
+        }
+        Ok(())
+    }
+}
+
+/// Why no proof can be made.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum ProofError {
+    #[error(transparent)]
+    Drive(#[from] ScenarioError),
+    #[error("a random road: {0}")]
+    Road(#[from] PathError),
+}
+
+/// A controller with two models: the default one, and a learned one.
+pub struct Contest<P: Compared<S, C>, const S: usize, const C: usize> {
+    /// The vehicle as its file has it.
+    pub vehicle: P::Parameters,
+    /// The controller of both.
+    pub controller: ControllerParametersFor<P::Nominal>,
+    /// What the default predicts with.
+    pub default: PredictionModelFor<NominalOf<P, S, C>, S>,
+}
+
+/// Drives of a controller: its scenarios.
+pub struct Exam<P: Compared<S, C>, const S: usize, const C: usize> {
+    scenarios: Vec<Scenario<P, S, C>>,
+    /// Of the default.
+    outcomes: Vec<Outcome>,
+    threads: usize,
+}
+
+impl<P: Compared<S, C>, const S: usize, const C: usize> Exam<P, S, C>
+where
+    P::Effects: Sync,
+    P::Nominal: Sync,
+{
+    /// Drives the plants with the default controller. `said` is called after each drive.
+    ///
+    /// # Errors
+    /// Parameters out of range.
+    pub fn new(
+        contest: &Contest<P, S, C>,
+        plants: &[ExplainedPlant<P, S, C>],
+        seed: u64,
+        threads: usize,
+        said: &(dyn Fn() + Sync),
+    ) -> Result<Self, ProofError> {
+        let road = if P::SIGNALS.len() > super::CAR_COLUMNS { RandomRoad::TRUCK } else { RandomRoad::CAR };
+        let mut scenarios = vec![];
+        for (number, plant) in plants.iter().enumerate() {
+            for of_plant in 0..ROADS {
+                let place = number * ROADS + of_plant;
+                let seed = FIRST_SEED + 1000 * seed + place as u64;
+                let path = RandomRoad { closed: place % 3 == 2, ..road }.path(seed)?;
+                scenarios.push(Scenario {
+                    name: format!("{}, road {seed}", plant.name),
+                    vehicle: plant.vehicle.clone(),
+                    effects: plant.effects.clone(),
+                    actuator: plant.actuator,
+                    path: Arc::new(path),
+                    controller: contest.controller,
+                    model: contest.default.clone(),
+                    noise: None,
+                });
+            }
+        }
+        let mut exam = Self { scenarios, outcomes: vec![], threads: parallel::threads(threads) };
+        exam.outcomes = exam.drive(said)?;
+        Ok(exam)
+    }
+
+    /// Drives them with a model.
+    ///
+    /// # Errors
+    /// A model that does not fit.
+    pub fn prove(
+        &mut self,
+        model: &PredictionModelFor<NominalOf<P, S, C>, S>,
+        said: &(dyn Fn() + Sync),
+    ) -> Result<Proof, ProofError> {
+        let mut before = vec![];
+        for scenario in &mut self.scenarios {
+            before.push(std::mem::replace(&mut scenario.model, model.clone()));
+        }
+        let learned = self.drive(said);
+        for (scenario, model) in self.scenarios.iter_mut().zip(before) {
+            scenario.model = model;
+        }
+        let drives = self.scenarios.iter().zip(&self.outcomes).zip(learned?);
+        let drive = |((scenario, &default), learned): ((&Scenario<P, S, C>, _), _)| ProofDrive {
+            name: scenario.name.clone(),
+            default,
+            learned,
+        };
+        Ok(Proof { drives: drives.map(drive).collect() })
+    }
+
+    /// Number of drives.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.scenarios.len()
+    }
+
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.scenarios.is_empty()
+    }
+
+    fn drive(&self, said: &(dyn Fn() + Sync)) -> Result<Vec<Outcome>, ProofError> {
+        let outcomes = parallel::map(self.threads, self.scenarios.len(), |i| {
+            let outcome = self.scenarios[i].drive(&Values::default(), f64::INFINITY);
+            said();
+            outcome
+        });
+        Ok(outcomes.into_iter().collect::<Result<_, _>>()?)
+    }
+}
+
+/// What is known of a plant's actuator: least change from the most probable that a candidate may have, s.
+const ACTUATOR_SPREAD: f64 = 0.01;
+
+/// An actuator about another, by two numbers of the normal distribution: the sum is better known than its parts.
+fn actuator_about(of: &Actuator, [spread, of_parts]: [f64; 2], [sum, parts]: [f64; 2]) -> Actuator {
+    let dead_time = (of.dead_time + of_parts.max(ACTUATOR_SPREAD) * parts).max(0.0);
+    let both = of.dead_time + of.time_constant + spread.max(ACTUATOR_SPREAD) * sum;
+    Actuator { dead_time, time_constant: (both - dead_time).max(0.0), ..*of }
+}

@@ -1,0 +1,124 @@
+//! Plants that explain a log as well: candidates about the vehicle's file, chosen by a bootstrap over the log's blocks.
+
+use super::actuator_about;
+use crate::nominal::{Actuator, SingleTrackError};
+use crate::residual::{BlockMisfit, DataSet, Random, ShownActuator, parallel};
+use crate::simulate::experiment::{Compared, NominalOf};
+use crate::vehicle::VehicleParameters as _;
+
+/// Candidates.
+const CANDIDATES: usize = 96;
+/// Plants that are wanted, and resampled logs at most to find them.
+const PLANTS: usize = 4;
+const RESAMPLED: usize = 200;
+/// Range of the stiffness of an axle as a factor, and of a payload as a share of the mass.
+const STIFFNESS: (f64, f64) = (0.75, 1.2);
+const PAYLOAD: f64 = 0.25;
+
+/// A plant that the logs do not rule out.
+pub struct ExplainedPlant<P: Compared<S, C>, const S: usize, const C: usize> {
+    /// What it is, in a few words.
+    pub name: String,
+    /// The vehicle, with the actuator that the log shows.
+    pub vehicle: P::Parameters,
+    /// What separates it from its file.
+    pub effects: P::Effects,
+    /// Its steering.
+    pub actuator: Actuator,
+}
+
+/// A candidate: factors on front and rear stiffness, payload in kg, actuator.
+struct Candidate {
+    stiffness: [f64; 2],
+    payload: f64,
+    actuator: Actuator,
+}
+
+/// Plants about a vehicle that explain the samples. `loaded` gives the linear model of the vehicle with other stiffness and a
+/// payload in kg.
+///
+/// # Errors
+/// Vehicle parameters that are not positive.
+pub fn explaining_plants<P: Compared<S, C>, const S: usize, const C: usize>(
+    data: &DataSet<NominalOf<P, S, C>, S>,
+    shown: &ShownActuator,
+    vehicle: &P::Parameters,
+    mass: f64,
+    loaded: &(dyn Fn([f64; 2], f64) -> NominalOf<P, S, C> + Sync),
+    [seed, threads]: [u64; 2],
+) -> Result<Vec<ExplainedPlant<P, S, C>>, SingleTrackError> {
+    let mut random = Random::stream(seed, 37);
+    let candidates: Vec<Candidate> = (0..CANDIDATES)
+        .map(|number| {
+            // The first is the file's vehicle.
+            let share = f64::from(u8::from(number > 0));
+            let mut between =
+                |(low, high): (f64, f64)| 1.0 + share * (low * (high / low).powf(random.uniform()) - 1.0);
+            let stiffness = [between(STIFFNESS), between(STIFFNESS)];
+            let payload = share * PAYLOAD * mass * (2.0 * random.uniform() - 1.0).max(0.0);
+            let mut normal = || share * (0..12).map(|_| random.uniform() - 0.5).sum::<f64>();
+            let of_parts = shown.prior.dead_time_spread.max(shown.prior.lag_spread);
+            let actuator =
+                actuator_about(&shown.prior.actuator, [shown.spread, of_parts], [normal(), normal()]);
+            Candidate { stiffness, payload, actuator }
+        })
+        .collect();
+    let misfits = parallel::map(parallel::threads(threads as usize), CANDIDATES, |i| {
+        let candidate = &candidates[i];
+        data.misfit(&loaded(candidate.stiffness, candidate.payload), &candidate.actuator)
+    });
+    let misfits: Vec<Vec<BlockMisfit>> = misfits.into_iter().collect::<Result<_, _>>()?;
+    let blocks = misfits[0].len();
+    let mut chosen: Vec<usize> = vec![];
+    for _ in 0..RESAMPLED {
+        if chosen.len() == PLANTS || blocks == 0 {
+            break;
+        }
+        let sample: Vec<usize> =
+            (0..blocks).map(|_| ((random.uniform() * blocks as f64) as usize).min(blocks - 1)).collect();
+        let score = |of: &[BlockMisfit]| {
+            let sum = |o: usize| sample.iter().map(|&block| of[block].squares[o]).sum::<f64>();
+            sum(0).max(f64::MIN_POSITIVE).ln() + sum(1).max(f64::MIN_POSITIVE).ln()
+        };
+        let scores: Vec<f64> = misfits.iter().map(|misfit| score(misfit)).collect();
+        let best = (0..CANDIDATES).min_by(|&a, &b| scores[a].total_cmp(&scores[b])).unwrap_or(0);
+        if !chosen.contains(&best) {
+            chosen.push(best);
+        }
+    }
+    // A log that leaves no doubt, or nothing to compare, has one plant.
+    if chosen.is_empty() {
+        chosen.push(0);
+    }
+    Ok(chosen.into_iter().map(|place| plant(vehicle, &candidates[place])).collect())
+}
+
+fn plant<P: Compared<S, C>, const S: usize, const C: usize>(
+    vehicle: &P::Parameters,
+    candidate: &Candidate,
+) -> ExplainedPlant<P, S, C> {
+    let Candidate { stiffness, payload, actuator } = candidate;
+    let mut vehicle = vehicle.clone();
+    for parameter in P::Parameters::TABLE {
+        match parameter.name {
+            "steering.lag" => parameter.set(&mut vehicle, actuator.time_constant),
+            "steering.dead_time" => parameter.set(&mut vehicle, actuator.dead_time),
+            _ => {}
+        }
+    }
+    let mut effects = vehicle.effects().clone();
+    let values = [("tyre_stiffness_front", stiffness[0]), ("tyre_stiffness_rear", stiffness[1])];
+    for (id, factor) in values {
+        if let Some(value) = P::effect(&mut effects, id) {
+            *value *= factor;
+        }
+    }
+    if let Some(value) = P::effect(&mut effects, "payload") {
+        *value += payload;
+    }
+    let name = format!(
+        "stiffness {:.2}/{:.2}, payload {payload:.0} kg, dead time {:.3} s, lag {:.3} s",
+        stiffness[0], stiffness[1], actuator.dead_time, actuator.time_constant
+    );
+    ExplainedPlant { name, vehicle, effects, actuator: *actuator }
+}
