@@ -1,0 +1,26 @@
+//! `rfl learn`: the whole ladder in one command, and what it leaves behind.
+#![cfg(feature = "cli")]
+
+mod command;
+
+use command::{rfl, road};
+use serde_json::Value;
+
+#[test]
+fn one_command_leaves_logs_controller_file_and_report() {
+    let folder = tempfile::tempdir().unwrap();
+    let road = road();
+    let more = ["--set", "effect.steer_lag=0.1", "--set", "effect.steer_delay=0.06"];
+    let known = ["learn", "--quiet", "--roads", "0", "--path", &road, "--test", &road, "--out", "out"];
+    let output = rfl(folder.path(), &[&known[..], &more].concat());
+    let out = folder.path().join("out");
+    let report: Value = serde_json::from_slice(&std::fs::read(out.join("learn.json")).unwrap()).unwrap();
+    // A model, or the reason for which there is none: never both, and the exit status says which.
+    let written = out.join("model.rflm").is_file();
+    assert_eq!(written, output.status.success());
+    assert_eq!(written, report["refused"].is_null(), "{report}");
+    assert!(out.join("controller.toml").is_file() && out.join("collect_1.csv").is_file());
+    let both = ["dead_time", "lag"].map(|name| report["steering"][name].as_f64().unwrap());
+    // 0.06 s of dead time, 0.1 s of lag and the file's own 0.05 s.
+    assert!((both[0] + both[1] - 0.21).abs() < 0.03, "{both:?}");
+}
