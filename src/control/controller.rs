@@ -111,6 +111,8 @@ pub enum StepError {
 pub struct ControllerState<const S: usize = ERRORS> {
     /// Steering command in force; none before the first step.
     steer_cmd: Option<f64>,
+    /// What of that is dither, rad.
+    dither: f64,
     /// Newest plan of the steering.
     plan: Vec<f64>,
     /// Steps since the plan was made.
@@ -255,6 +257,7 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
         };
         let state = ControllerState {
             steer_cmd: None,
+            dither: 0.0,
             plan: vec![0.0; parameters.mpc.horizon],
             plan_age: parameters.mpc.horizon,
             history: History::new(lateral.window()),
@@ -346,13 +349,19 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
         // What the filter moves of the errors, it moves of the body's own velocities.
         let moved = body_change(&(estimate - state).fixed_rows::<ERRORS>(0).into_owned(), measurement.vx);
         let motion = [measurement.vx, measurement.vy + moved[0], measurement.yaw_rate + moved[1]];
-        let solved = self.solve(&estimate, motion, previous, far, &report, begin);
-        self.command_steering(solved, previous, far, &mut report);
+        // The plan goes on from its own command: dither that it went on from would add up.
+        let own = previous - self.state.dither;
+        let solved = self.solve(&estimate, motion, own, far, &report, begin);
+        self.command_steering(solved, own, far, &mut report);
         self.name_status(bridged, stops, &mut report);
+        let planned = report.steer_cmd;
         if report.status == ControlStatus::Optimal {
             report.steer_cmd += self.dither();
         }
         report.steer_cmd = self.within_bounds(report.steer_cmd, previous, measurement.vx);
+        if self.parameters.mpc.dither > 0.0 && self.parameters.mpc.follow_road == 1 {
+            self.state.dither = report.steer_cmd - planned;
+        }
         let past = self.state.history.commands();
         if observer.is_on()
             && !far
