@@ -4,8 +4,7 @@
 //! training ensemble and on one with other seeds.
 
 use clap::Parser;
-use rfl_mpc::control::{ControllerParametersFor, PredictionModelFor};
-use rfl_mpc::parameter::ParameterGroup as _;
+use rfl_mpc::control::PredictionModelFor;
 use rfl_mpc::simulate::experiment::Compared;
 use rfl_mpc::simulate::tune::{
     Axis, Candidate, Ensemble, Family, MarginGoal, Purpose, SearchSettings, Values, search, standard_axes,
@@ -114,24 +113,6 @@ fn values(text: &str) -> Result<Values, Box<dyn Error>> {
     Ok(values)
 }
 
-/// The values of the axes in a controller.
-fn of_controller<G>(parameters: &ControllerParametersFor<G>, axes: &[Axis]) -> Values {
-    let mut values = Values::default();
-    let groups: [(&[rfl_mpc::parameter::Parameter], &dyn Fn(usize) -> f64); 3] = [
-        (rfl_mpc::control::MpcParameters::table(), &|i| parameters.mpc.get(i)),
-        (rfl_mpc::control::ObserverParameters::table(), &|i| parameters.observer.get(i)),
-        (rfl_mpc::control::SpeedParameters::table(), &|i| parameters.speed.get(i)),
-    ];
-    for axis in axes {
-        for (table, get) in &groups {
-            if let Some(place) = table.iter().position(|parameter| parameter.name == axis.name) {
-                values.0.insert(axis.name.clone(), get(place));
-            }
-        }
-    }
-    values
-}
-
 fn run<P: Compared<S, C, Effects: Sync, Nominal: Sync>, const S: usize, const C: usize>(
     arguments: &Arguments,
 ) -> Result<(), Box<dyn Error>> {
@@ -199,7 +180,7 @@ fn run<P: Compared<S, C, Effects: Sync, Nominal: Sync>, const S: usize, const C:
         true => standard_axes(),
         false => arguments.axes.iter().map(|name| Axis::of(name)).collect(),
     };
-    let default = of_controller(&training.scenarios[0].controller, &axes);
+    let default = Values::of(&training.scenarios[0].controller, &axes);
     let mut starts = vec![default.clone()];
     for text in &arguments.starts {
         let mut start = default.clone();

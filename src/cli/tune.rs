@@ -3,13 +3,12 @@
 use super::drive::{ModelArgs, Setup};
 use super::progress_bar;
 use super::vehicle::{Commanded, by_kind};
-use crate::control::{ControlVariant, ControllerFile, ControllerParametersFor, Margins, MpcParameters};
+use crate::control::{ControlVariant, ControllerFile, Margins};
 use crate::diagnose::page::{Answer, AtSpeed, Tuned, tuning_page};
-use crate::parameter::ParameterGroup;
 use crate::path::{Closure, Options, Path, Sample, Smoothing};
 use crate::simulate::tune::{
     Actuators, Candidate, Controlled, Ensemble, Family, MarginGoal, Purpose, SPEEDS, Scenario,
-    SearchSettings, Values, answer_to_offset, margins_over_speeds, search, standard_axes,
+    SearchSettings, Values, answer_to_offset, margins_over_speeds, number_of, search, standard_axes,
 };
 use crate::vehicle::{BUILTIN, TruckEffects, VehicleParameters as _};
 use clap::Args;
@@ -145,7 +144,7 @@ where
 {
     let tuning = Tuning::<P, S, C>::new(args)?;
     let training = tuning.ensemble(args.scenarios, Purpose::Training, args.seed)?;
-    let default = values_of(&tuning.controlled.0.mpc);
+    let default = Values::of(&tuning.controlled.0, &standard_axes());
     let known = &KNOWN[usize::from(P::KIND != "car")];
     let known = Values(known.iter().map(|&(name, value)| (name.to_owned(), value)).collect());
     let settings = SearchSettings {
@@ -402,31 +401,6 @@ where
             default.mean()
         )
     }
-}
-
-/// The numbers that are searched, as a controller has them.
-fn values_of(mpc: &MpcParameters) -> Values {
-    let mut values = Values::default();
-    for axis in standard_axes() {
-        if let Some(place) = MpcParameters::table().iter().position(|parameter| parameter.name == axis.name) {
-            values.0.insert(axis.name, mpc.get(place));
-        }
-    }
-    values
-}
-
-/// A number of the groups that all controllers have.
-fn number_of<G>(parameters: &ControllerParametersFor<G>, name: &str) -> Option<f64> {
-    fn of<T: ParameterGroup>(group: &T, name: &str) -> Option<f64> {
-        Some(group.get(T::table().iter().position(|parameter| parameter.name == name)?))
-    }
-    let p = parameters;
-    of(&p.mpc, name)
-        .or_else(|| of(&p.observer, name))
-        .or_else(|| of(&p.speed, name))
-        .or_else(|| of(&p.longitudinal, name))
-        .or_else(|| of(&p.actuator, name))
-        .or_else(|| of(&p.nmpc, name))
 }
 
 /// Pieces of a road, evenly spread; all of it where it is short.

@@ -1,7 +1,7 @@
 //! What is searched: named numbers of the controller, each over decades.
 
 use crate::control::{ControllerParametersFor, VehicleParameters};
-use crate::parameter::OutOfRange;
+use crate::parameter::{OutOfRange, ParameterGroup};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -54,7 +54,29 @@ impl Axis {
 /// A weight below this is as good as none.
 const LEAST: f64 = 1e-4;
 
+/// A number of the groups that all controllers have, by its name.
+#[must_use]
+pub fn number_of<G>(parameters: &ControllerParametersFor<G>, name: &str) -> Option<f64> {
+    fn of<T: ParameterGroup>(group: &T, name: &str) -> Option<f64> {
+        Some(group.get(T::table().iter().position(|parameter| parameter.name == name)?))
+    }
+    let p = parameters;
+    of(&p.mpc, name)
+        .or_else(|| of(&p.observer, name))
+        .or_else(|| of(&p.speed, name))
+        .or_else(|| of(&p.longitudinal, name))
+        .or_else(|| of(&p.actuator, name))
+        .or_else(|| of(&p.nmpc, name))
+}
+
 impl Values {
+    /// Those of the axes, as a controller has them; without those that only its kind of vehicle has.
+    #[must_use]
+    pub fn of<G>(parameters: &ControllerParametersFor<G>, axes: &[Axis]) -> Self {
+        let value = |axis: &Axis| Some((axis.name.clone(), number_of(parameters, &axis.name)?));
+        Self(axes.iter().filter_map(value).collect())
+    }
+
     /// Takes the numbers over into a controller.
     ///
     /// # Errors

@@ -25,7 +25,7 @@ mod scenario;
 mod search;
 
 pub use answer::answer_to_offset;
-pub use axis::{Axis, Values, standard_axes};
+pub use axis::{Axis, Values, number_of, standard_axes};
 pub use family::{Actuators, Controlled, Family, FamilyError, Purpose};
 pub use goal::{LoopMargins, MarginGoal, SPEEDS, margins_over_speeds};
 pub use scenario::{LOST_AT, LOST_COST, Outcome, Scenario, ScenarioError};
