@@ -425,7 +425,7 @@ fn is_sound_on<P: Case>(names: &[&str], drive: &AnyDrive) -> Result<(), String> 
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(60))]
+    #![proptest_config(ProptestConfig::with_cases(24))]
 
     #[test]
     fn any_drive_of_a_car_is_sound(drive in any_drive()) {

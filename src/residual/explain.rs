@@ -9,6 +9,7 @@ use super::dataset::{DataSet, acceleration};
 use crate::nominal::{ActuatedModel, ActuatedState, Actuator, LateralVehicle, SingleTrackError};
 use nalgebra::SVector;
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 
 /// Rows of a block, s.
 const BLOCK: f64 = 2.0;
@@ -48,9 +49,9 @@ impl<V: LateralVehicle<S>, const S: usize> DataSet<V, S> {
                 let (now, next) = (&pair[0], &pair[1]);
                 let place =
                     (now.road[0].max(self.config.min_model_speed) / SPEED_STEP).round().max(1.0) as u32;
-                if !models.contains_key(&place) {
+                if let Entry::Vacant(free) = models.entry(place) {
                     let model = vehicle.model_at(SPEED_STEP * f64::from(place))?;
-                    models.insert(place, actuator.discretise(&model, sample_time));
+                    free.insert(actuator.discretise(&model, sample_time));
                 }
                 let model = &models[&place];
                 let [v, curvature, curvature_rate]: [f64; ROAD] =

@@ -122,12 +122,12 @@ fn identify<P: Commanded<S, C>, const S: usize, const C: usize>(
     let mut results = report::as_json(&found, args);
     let asked = !args.logs.is_empty() && (args.vehicle.is_some() || args.into.is_some());
     let mut harmful = false;
-    if let (true, false, Some(steering)) = (asked, args.no_check, &found.steering) {
-        if steering.delay.excited {
-            let rows = check::drives::<P, S, C>(&setup, steering)?;
-            harmful = check::print(&rows);
-            results["closed_loop"] = check::as_json(&rows);
-        }
+    if let (true, false, Some(steering)) = (asked, args.no_check, &found.steering)
+        && steering.delay.excited
+    {
+        let rows = check::drives::<P, S, C>(&setup, steering)?;
+        harmful = check::print(&rows);
+        results["closed_loop"] = check::as_json(&rows);
     }
     let written = match (&args.into, &found.steering) {
         (Some(file), Some(steering)) => {

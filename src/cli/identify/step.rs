@@ -41,7 +41,7 @@ pub(super) struct Step {
 /// Whether a log is a record of a step: short, or steady from the beginning and then of a few commands only.
 pub(super) fn is_record(step: &Step) -> bool {
     let length = step.time.last().unwrap_or(&0.0) - step.time.first().unwrap_or(&0.0);
-    if !(length >= RECORD) {
+    if length.is_nan() || length < RECORD {
         return true;
     }
     let mut commands = step.command.clone();

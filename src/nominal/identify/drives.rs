@@ -330,7 +330,8 @@ impl Found {
                 best = (limit, found);
             }
         }
-        if !(best.1.cost < CLEARLY_BETTER * CLEARLY_BETTER * without) {
+        let clear = CLEARLY_BETTER * CLEARLY_BETTER * without;
+        if best.1.cost.is_nan() || best.1.cost >= clear {
             return self;
         }
         // Limit and the rest in turn.

@@ -108,7 +108,7 @@ impl Normal {
                 }
             }
             let known = (0..i).map(|j| l[i][j] * z[j]).sum::<f64>();
-            if left_out == Some(i) || !(pivot > 1e-10 * scale[i] * scale[i]) {
+            if left_out == Some(i) || pivot.is_nan() || pivot <= 1e-10 * scale[i] * scale[i] {
                 continue;
             }
             d[i] = pivot;

@@ -135,9 +135,10 @@ impl Response {
             for stretch in rows.stretches() {
                 let mut actuator = Walk::new(rows, &stretch, self, dead_time, lag);
                 out[stretch.start] = actuator.x;
-                for row in stretch.start + 1..stretch.end {
-                    actuator.to(rows.time[row]);
-                    out[row] = actuator.x;
+                let further = stretch.start + 1..stretch.end;
+                for (answer, &time) in out[further.clone()].iter_mut().zip(&rows.time[further]) {
+                    actuator.to(time);
+                    *answer = actuator.x;
                 }
             }
             return;
