@@ -5,7 +5,8 @@
 
 use crate::{Arguments, map, shared};
 use rfl_mpc::control::{
-    Choice, ControlStatus, ControlVariant, Controller, ControllerParameters, Measurement, Propagation, RollOut,
+    Choice, ControlStatus, ControlVariant, Controller, ControllerParameters, Measurement, Propagation,
+    RollOut,
 };
 use rfl_mpc::path::{Closure, Options, Path, Smoothing};
 use rfl_mpc::simulate::ClosedLoop;
@@ -77,7 +78,8 @@ pub fn run(arguments: &Arguments) -> Result<Value, Box<dyn Error>> {
         (0..count).map(|k| 100.0 + (last - 100.0) * k as f64 / count as f64).collect()
     };
     let mut rows = vec![];
-    for (speed, actuator) in SPEEDS.into_iter().flat_map(|speed| ACTUATORS.map(|actuator| (speed, actuator))) {
+    for (speed, actuator) in SPEEDS.into_iter().flat_map(|speed| ACTUATORS.map(|actuator| (speed, actuator)))
+    {
         let mut faults: Vec<(&str, f64, Fault)> = vec![("none", 0.0, |_, _, _| ())];
         for (name, fault) in FAULTS {
             match name {
@@ -89,10 +91,8 @@ pub fn run(arguments: &Arguments) -> Result<Value, Box<dyn Error>> {
     }
     let drives = map(arguments.threads, "faults", rows.len(), |number| {
         let (speed, actuator, name, length, fault) = rows[number];
-        let driven: Result<Vec<Driven>, String> = stations
-            .iter()
-            .map(|station| drive(&path, speed, actuator, *station, length, fault))
-            .collect();
+        let driven: Result<Vec<Driven>, String> =
+            stations.iter().map(|station| drive(&path, speed, actuator, *station, length, fault)).collect();
         let driven = match driven {
             Ok(driven) => driven,
             Err(error) => return json!({ "fault": name, "failed": error }),
@@ -119,7 +119,8 @@ fn with_added(mut rows: Vec<Value>) -> Vec<Value> {
         rows.iter().filter(|row| row["fault"] == "none").map(|row| (key(row), errors(row))).collect();
     for row in &mut rows {
         let Some((_, base)) = without.iter().find(|(of, _)| *of == key(row)) else { continue };
-        let added: Vec<f64> = errors(row).iter().zip(base).map(|(with, base)| (with - base).max(0.0)).collect();
+        let added: Vec<f64> =
+            errors(row).iter().zip(base).map(|(with, base)| (with - base).max(0.0)).collect();
         row["added"] = json!(added);
     }
     rows
@@ -167,7 +168,8 @@ fn drive(
 fn residuals(arguments: &Arguments, road: &File) -> Result<Vec<Value>, Box<dyn Error>> {
     let path = Arc::new(Path::read(road)?);
     let files = ["residual_x10", "residual_x-1", "residual_const"];
-    let files = files.into_iter().filter_map(|name| Some((name, shared(&format!("cases/files/{name}.rflm"))?)));
+    let files =
+        files.into_iter().filter_map(|name| Some((name, shared(&format!("cases/files/{name}.rflm"))?)));
     let models: Vec<_> =
         std::iter::once(("none", None)).chain(files.map(|(name, file)| (name, Some(file)))).collect();
     let count = models.len() * ACTUATORS.len();
@@ -191,7 +193,8 @@ fn residuals(arguments: &Arguments, road: &File) -> Result<Vec<Value>, Box<dyn E
             let mut closed = ClosedLoop::at_start(controller, &car, &effects, STEP)?;
             let drive = closed.record(600.0, |_, error| error.abs() < 4.0);
             let noticed = drive.statuses.iter().position(|status| *status == ControlStatus::ResidualFaded);
-            let faded = drive.statuses.iter().filter(|status| **status == ControlStatus::ResidualFaded).count();
+            let faded =
+                drive.statuses.iter().filter(|status| **status == ControlStatus::ResidualFaded).count();
             Ok(json!({
                 "model": name, "lag": lag, "dead_time": dead_time, "max": drive.tracking().max,
                 "mean": drive.tracking().mae, "outcome": drive.ending.outcome.name(),

@@ -33,7 +33,9 @@ pub fn run(arguments: &Arguments) -> Result<Value, Box<dyn Error>> {
     Ok(json!({ "linear": linear, "road_seed": ROAD, "measured": measured }))
 }
 
-fn of<P: Compared<S, C>, const S: usize, const C: usize>(rows: &mut Vec<Value>) -> Result<(), Box<dyn Error>> {
+fn of<P: Compared<S, C>, const S: usize, const C: usize>(
+    rows: &mut Vec<Value>,
+) -> Result<(), Box<dyn Error>> {
     for name in P::Parameters::BUILTIN {
         let parameters = P::controller(&P::Parameters::builtin(name)?);
         for (row, tightness) in [("calm", 0.0), ("sure", 1.0)] {
@@ -112,8 +114,7 @@ fn drive<P: Compared<S, C>, const S: usize, const C: usize>(
     parameters.speed.limit = limit;
     let known = parameters.actuator.actuator();
     // Calm: what it predicts with stays the file's, and so do its weights.
-    let model =
-        if calm { PredictionModelFor::Actuator(known) } else { PredictionModelFor::Adaptive(known) };
+    let model = if calm { PredictionModelFor::Actuator(known) } else { PredictionModelFor::Adaptive(known) };
     let controller = ControllerFor::predicting_with(parameters, path.clone(), model)?;
     let (step, duration) = (parameters.mpc.sample_time, 2.0 * controller.speed_plan().duration() + 30.0);
     let mut closed = ClosedLoopFor::<P, S, C>::at_start(controller, &vehicle, &effects, step)?;

@@ -35,8 +35,7 @@ fn rate(state: &[f64; 8], steer_cmd: f64, accel_cmd: f64) -> [f64; 8] {
     let (v, [lf, lr]) = (vx.max(0.5), TO_AXLE);
     let angles = [steer - (vy + lf * r).atan2(v), -(vy - lr * r).atan2(v)];
     let loads = [lr, lf].map(|arm| MASS * 9.81 * arm / (lf + lr));
-    let force =
-        |i: usize| FRICTION * loads[i] * (STIFFNESS[i] * angles[i] / (FRICTION * loads[i])).tanh();
+    let force = |i: usize| FRICTION * loads[i] * (STIFFNESS[i] * angles[i] / (FRICTION * loads[i])).tanh();
     let (front, rear) = (force(0), force(1));
     [
         vx * yaw.cos() - vy * yaw.sin(),
@@ -71,7 +70,9 @@ pub fn run(arguments: &Arguments) -> Result<Value, Box<dyn Error>> {
         let seed = FIRST_ROAD + (number / 4) as u64;
         drive(&car, seed, accel, row == "told").unwrap_or_else(|error| json!({ "failed": error.to_string() }))
     });
-    Ok(json!({ "plant": "suv_plant.py", "road_seeds": { "first": FIRST_ROAD, "count": ROADS }, "drives": drives }))
+    Ok(
+        json!({ "plant": "suv_plant.py", "road_seeds": { "first": FIRST_ROAD, "count": ROADS }, "drives": drives }),
+    )
 }
 
 /// The figures of `suv.toml` that the controller uses, set into the default car.
