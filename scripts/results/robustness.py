@@ -257,7 +257,10 @@ def draw(drives: list[dict], file: Path) -> None:
 
 def write(folder: Path, out: Path) -> None:
     """Writes the results of the parts in a folder of the example `robustness`."""
-    raw = {part: json.loads((folder / f"{part}.json").read_text()) for part in PARTS}
+    files = {part: folder / f"{part}.json" for part in PARTS}
+    if not files["matrix"].exists():
+        raise SystemExit(f"{files['matrix']} is missing; run scripts/reproduce robustness")
+    raw = {part: json.loads(file.read_text()) for part, file in files.items() if file.exists()}
     drives = [d for d in raw["matrix"]["drives"] if "failed" not in d]
     failed = [d for d in raw["matrix"]["drives"] if "failed" in d]
     roads = {d["road"] for d in drives}
@@ -266,8 +269,10 @@ def write(folder: Path, out: Path) -> None:
     text = ["# Robustness of the default controller", ""]
     text += [ABOUT.format(seed=raw["matrix"]["seed"], skipped=skipped, **seeds), ""]
     text += [f"- **{d['id']} ({d['row']}) could not be driven: {d['failed']}**" for d in failed]
-    text += matrix_markdown(drives) + margins_markdown(raw["margins"]) + faults_markdown(raw["faults"])
-    text += plants_markdown(raw["plants"])
+    text += matrix_markdown(drives)
+    parts = {"margins": margins_markdown, "faults": faults_markdown, "plants": plants_markdown}
+    for part, markdown in parts.items():
+        text += markdown(raw[part]) if part in raw else [f"## {part.capitalize()}", "", "Not run here.", ""]
     (out / "robustness.md").write_text("\n".join(text))
     (out / "robustness.json").write_text(json.dumps(raw, indent=1) + "\n")
     draw(drives, out / "robustness.png")
