@@ -7,6 +7,8 @@ from pathlib import Path
 
 from results.common import markdown_table, number, plt, save
 
+# Drives of a row: 240 of cars, 96 of trucks.
+WHOLE = 336
 PARTS = ("matrix", "margins", "faults", "plants")
 ROWS = {"default": "default", "told": "told its actuator", "papers": "the papers' settings"}
 ABOUT = """\
@@ -80,10 +82,8 @@ def matrix_markdown(drives: list[dict]) -> list[str]:
     for row in ("default", "told"):
         for kind in ("car", "truck"):
             for goal, (kept, asked) in goals([d for d in drives if d["row"] == row and d["kind"] == kind]).items():
-                met = not kept or sum(kept) >= asked * len(kept)
-                rows.append(
-                    [row, kind, goal, share(kept), f"{100 * asked:.0f} %", "met" if met else "**missed**"]
-                )
+                verdict = "met" if sum(kept) >= asked * len(kept) else "**missed**"
+                rows.append([row, kind, goal, share(kept), f"{100 * asked:.0f} %", verdict if kept else "not examined"])
         told = [fine(d, 0.15) for d in drives if d["row"] == row]
         if row == "told" and told:
             met = "met" if sum(told) >= 0.95 * len(told) else "**missed**"
@@ -269,6 +269,8 @@ def write(folder: Path, out: Path) -> None:
     text = ["# Robustness of the default controller", ""]
     text += [ABOUT.format(seed=raw["matrix"]["seed"], skipped=skipped, **seeds), ""]
     text += [f"- **{d['id']} ({d['row']}) could not be driven: {d['failed']}**" for d in failed]
+    if sum(d["row"] == "default" for d in drives) < WHOLE:
+        text += [f"**A part of the matrix only**, of {WHOLE} drives a row; `scripts/reproduce robustness` drives them all.", ""]
     text += matrix_markdown(drives)
     parts = {"margins": margins_markdown, "faults": faults_markdown, "plants": plants_markdown}
     for part, markdown in parts.items():
