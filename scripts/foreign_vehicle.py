@@ -152,7 +152,7 @@ def collect(job: tuple) -> Path:
 
 def train(rfl: Path, logs: list[Path], kind: str, out: Path) -> str:
     """Learns a model from logs; gives what the program says."""
-    command = [rfl, "train", *logs, "--vehicle", VEHICLE, "--kind", kind, "--out", out, "--quiet"]
+    command = [rfl, "train", *logs, "--vehicle", VEHICLE, "--kind", kind, "--out", out, "--quiet", "--force"]
     done = subprocess.run([str(part) for part in command], capture_output=True, text=True, check=False)
     if done.returncode != 0:
         raise RuntimeError(f"rfl train failed: {done.stderr.strip()}")

@@ -101,7 +101,7 @@ class Plant:
     def learn(self, variant: str, model: Path, options: list[str]) -> None:
         """Learns from all logs that there are."""
         known = ["--vehicle", self.vehicle, "--kind", variant, "--out", model]
-        program("train", *self.logs, "--quiet", *known, *options)
+        program("train", *self.logs, "--quiet", "--force", *known, *options)
 
     def parameters(self, row: dict) -> dict[str, object]:
         """What the FMUs of a row are told."""

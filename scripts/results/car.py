@@ -95,7 +95,7 @@ def measure_times(weights: dict) -> dict:
         run("collect", "--runs", "1", *slow)
         log = str(Path(folder) / "out/collect/drive_1.csv")
         for kind in sorted({KINDS[row] for row in weights if row in KINDS} - {"nmpc", "actuator"}):
-            run("train", log, "--kind", kind, "--quiet")
+            run("train", log, "--kind", kind, "--quiet", "--force")
         for solver, number in SOLVERS.items():
             for row in weights:
                 if row != "MPC" and row not in KINDS:

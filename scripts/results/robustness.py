@@ -90,9 +90,7 @@ def matrix_markdown(drives: list[dict]) -> list[str]:
             rows.append([row, "all", "max <= 0.15 m", share(told), "95 %", met])
     head = ["row", "", "goal", "kept", "asked", ""]
     text += ["### Goals", "", markdown_table(head, rows), "", "### Worst drives", ""]
-    order = sorted(
-        (d for d in drives if d["row"] == "default"), key=lambda d: (d["outcome"] == "completed", -d["max"])
-    )
+    order = sorted((d for d in drives if d["row"] == "default"), key=lambda d: (d["outcome"] == "completed", -d["max"]))
     body = [
         [
             d["id"],
@@ -144,7 +142,9 @@ def margins_markdown(margins: dict) -> list[str]:
         markdown_table(["vehicle", "", *(f"{s:g} m/s" for s in speeds)], body),
         "",
         "Goal, calm: 0.15 s and 2 at every speed: "
-        + ("met." if not missed else "**missed** at " + ", ".join(f"{m['vehicle']} {m['speed']:g} m/s" for m in missed)),
+        + (
+            "met." if not missed else "**missed** at " + ", ".join(f"{m['vehicle']} {m['speed']:g} m/s" for m in missed)
+        ),
         f"Least of the sure: {min(m['delay'] for m in sure):.3f} s and {min(m['gain'] or 99 for m in sure):.2f}.",
         "",
         f"Measured on the nonlinear vehicle, random road {margins['road_seed']}: raised until the drive is lost. Calm: the "
@@ -222,7 +222,13 @@ def plants_markdown(plants: dict) -> list[str]:
         for accel in (2.25, 4.0):
             of = [d for d in plants["drives"] if d.get("row") == row and d["lateral_accel"] == accel]
             body.append(
-                [row, f"{accel:g}", str(len(of)), str(sum(d["lost"] for d in of)), number(worst([d["max"] for d in of]), 3)]
+                [
+                    row,
+                    f"{accel:g}",
+                    str(len(of)),
+                    str(sum(d["lost"] for d in of)),
+                    number(worst([d["max"] for d in of]), 3),
+                ]
                 + [number(worst([d["max_after_20_s"] for d in of]), 3)]
                 + [number(sum(d["mean"] for d in of) / max(len(of), 1), 4)]
             )
@@ -270,7 +276,10 @@ def write(folder: Path, out: Path) -> None:
     text += [ABOUT.format(seed=raw["matrix"]["seed"], skipped=skipped, **seeds), ""]
     text += [f"- **{d['id']} ({d['row']}) could not be driven: {d['failed']}**" for d in failed]
     if sum(d["row"] == "default" for d in drives) < WHOLE:
-        text += [f"**A part of the matrix only**, of {WHOLE} drives a row; `scripts/reproduce robustness` drives them all.", ""]
+        text += [
+            f"**A part of the matrix only**, of {WHOLE} drives a row; `scripts/reproduce robustness` drives them all.",
+            "",
+        ]
     text += matrix_markdown(drives)
     parts = {"margins": margins_markdown, "faults": faults_markdown, "plants": plants_markdown}
     for part, markdown in parts.items():

@@ -195,6 +195,8 @@ impl<P: Commanded<S, C>, const S: usize, const C: usize> Ladder<'_, P, S, C> {
         let mut collecting = identified;
         collecting.speed = slow.speed;
         for (number, road) in training.iter().enumerate() {
+            // Calm throughout, as rfl collect.
+            collecting.mpc.tightening = 1.0;
             collecting.mpc.dither = P::SETTING.dither;
             collecting.mpc.dither_seed =
                 (args.seed as usize).wrapping_mul(100).wrapping_add(number) % 1_000_000;

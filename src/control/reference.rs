@@ -173,8 +173,8 @@ mod tests {
             let first = reference.steer[reference.before];
             let mut steer = 0.5 * (reference.steer[reference.before - 1] + first);
             let mut begun = false;
-            for j in 0..horizon {
-                steer += increments[j];
+            for (j, increment) in increments.iter().enumerate() {
+                steer += increment;
                 if begun {
                     x = sampled.step(&x, steer, preview.heading_rate[j], preview.heading_accel[j]);
                     assert!(x[0].abs() < 2e-3, "{speed} m/s, step {j}: {} m off", x[0]);
