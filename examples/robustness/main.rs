@@ -81,7 +81,7 @@ fn map(threads: usize, title: &str, count: usize, work: impl Fn(usize) -> Value 
                     if piece >= count {
                         break;
                     }
-                    if piece > 0 && piece % 50 == 0 {
+                    if piece > 0 && piece.is_multiple_of(50) {
                         eprintln!("{title}: {piece} of {count}");
                     }
                     let result = work(piece);
