@@ -48,7 +48,9 @@ fn without_a_measured_angle_the_yaw_rate_shows_it() {
         }
         let (known, tracking) = drive(closed);
         let sum = known.actuator.dead_time + known.actuator.time_constant;
-        assert!((sum - 0.16 - OWN).abs() < 0.06, "{known:?}");
+        // Two turns are little: what is found lies as near as it is said to.
+        assert!((sum - 0.16 - OWN).abs() < 0.02 + 2.0 * known.spread, "{known:?}");
+        assert!(known.spread < 0.08, "{known:?}");
         assert!(tracking.max < 0.2, "{tracking:?}");
     }
 }

@@ -85,12 +85,13 @@ fn a_wrong_model_is_noticed_within_two_seconds_and_does_no_harm() {
 }
 
 #[test]
-fn a_right_model_is_used_and_not_spoken_of() {
+fn a_right_model_is_used() {
     for effects in [late(), crooked()] {
         let right = learned(&effects);
         let (nominal, ..) = drive(&effects, None);
-        let (error, first, _) = drive(&effects, Some(&right));
-        assert_eq!(first, None);
+        // What stands beside it knows the actuator, too: for moments it may be the better one.
+        let (error, _, faded) = drive(&effects, Some(&right));
+        assert!(faded < 100, "{faded} steps");
         assert!(error < nominal, "{error} m, nominal {nominal} m");
     }
 }

@@ -232,6 +232,8 @@ fn a_variant_without_its_model_says_what_is_missing_and_how_to_make_it<M: Contro
 fn the_known_actuator_is_a_variant<M: Controller>() {
     let steered = |parameters: &[(&str, Value)]| {
         let mut unit = Unit::<M>::new();
+        // Who is told the actuator is sure of it, and tightens.
+        unit.set("mpc.tightening", Value::Real(1.0));
         parameters.iter().for_each(|(name, value)| unit.set(name, value.clone()));
         unit.initialize().unwrap();
         (0..20).for_each(|k| unit.step(k, 0.02));
