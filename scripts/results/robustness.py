@@ -1,5 +1,6 @@
 """The robustness of the default controller, robustness.md, .json and a plot, from what the example `robustness` measured."""
 
+# ruff: noqa: E501  (sentences of a page)
 from __future__ import annotations
 
 import json
@@ -73,8 +74,15 @@ def matrix_markdown(drives: list[dict]) -> list[str]:
             late = worst([d["max_after_20_s"] or 0.0 for d in done])
             mean = sum(d["mean"] for d in done) / max(len(done), 1)
             body.append(
-                [kind, title, str(len(of)), *(str(n) for n in count.values())]
-                + [number(worst([d["max"] for d in done]), 3), number(late, 3), number(mean, 4)]
+                [
+                    kind,
+                    title,
+                    str(len(of)),
+                    *(str(n) for n in count.values()),
+                    number(worst([d["max"] for d in done]), 3),
+                    number(late, 3),
+                    number(mean, 4),
+                ]
             )
     head = ["", "row", "drives", "lost", "stopped", "timed out", "max m", "max after 20 s, m", "mean m"]
     text += ["Max and mean are those of the completed drives.", "", markdown_table(head, body), ""]
@@ -158,8 +166,15 @@ def margins_markdown(margins: dict) -> list[str]:
             continue
         lost = f"{m['lost_at']:.3f}" if m["stands"] < m["upper_end"] else f"not up to {m['upper_end']:g}"
         body.append(
-            [m["vehicle"], m["row"], m["effect"], f"{m['stands']:.3f}", lost]
-            + [number(m["max_without"], 3), number(m["max_where_it_stands"], 3)]
+            [
+                m["vehicle"],
+                m["row"],
+                m["effect"],
+                f"{m['stands']:.3f}",
+                lost,
+                number(m["max_without"], 3),
+                number(m["max_where_it_stands"], 3),
+            ]
         )
     head = ["vehicle", "", "raised", "stands", "lost at", "max m without", "max m where it stands"]
     return [*text, markdown_table(head, body), ""]
@@ -183,10 +198,19 @@ def faults_markdown(faults: dict) -> list[str]:
             good = False
         missed += [] if good else [f]
         body.append(
-            [f["fault"], f"{f['length']:g}", f"{f['speed']:g}", f"{f['lag']:g}, {f['dead_time']:g}"]
-            + [number(added, 3), number(worst(f["errors"]), 3), str(f["optimal_steps"])]
-            + [f"{f['safe_stop']} of {len(f['stations'])}", f"{f['stands']}", ", ".join(f["statuses"])]
-            + ["" if good else "**missed**"]
+            [
+                f["fault"],
+                f"{f['length']:g}",
+                f"{f['speed']:g}",
+                f"{f['lag']:g}, {f['dead_time']:g}",
+                number(added, 3),
+                number(worst(f["errors"]), 3),
+                str(f["optimal_steps"]),
+                f"{f['safe_stop']} of {len(f['stations'])}",
+                f"{f['stands']}",
+                ", ".join(f["statuses"]),
+                "" if good else "**missed**",
+            ]
         )
     head = ["fault", "s", "m/s", "lag, dead time", "added m", "max m", "steps called optimal", "safe stop", "stands"]
     stations = len(faults["faults"][0]["stations"])
@@ -208,8 +232,16 @@ def faults_markdown(faults: dict) -> list[str]:
         good = r["model"] == "none" or (ratio <= 2 and r["noticed_at"] is not None and r["noticed_at"] <= 2)
         noticed = "" if r["model"] == "none" else "never" if r["noticed_at"] is None else f"{r['noticed_at']:.2f} s"
         body.append(
-            [r["model"], f"{r['lag']:g}, {r['dead_time']:g}", r["outcome"], noticed, f"{100 * r['faded_share']:.0f} %"]
-            + [number(r["max"], 3), number(ratio, 2), "" if good else "**missed**"]
+            [
+                r["model"],
+                f"{r['lag']:g}, {r['dead_time']:g}",
+                r["outcome"],
+                noticed,
+                f"{100 * r['faded_share']:.0f} %",
+                number(r["max"], 3),
+                number(ratio, 2),
+                "" if good else "**missed**",
+            ]
         )
     head = ["model", "lag, dead time", "outcome", "noticed", "faded", "max m", "times the default's", "goal"]
     text += ["### Wrong models", "", "Goals: noticed within 2 s, at most twice the default's largest error.", ""]
@@ -228,9 +260,9 @@ def plants_markdown(plants: dict) -> list[str]:
                     str(len(of)),
                     str(sum(d["lost"] for d in of)),
                     number(worst([d["max"] for d in of]), 3),
+                    number(worst([d["max_after_20_s"] for d in of]), 3),
+                    number(sum(d["mean"] for d in of) / max(len(of), 1), 4),
                 ]
-                + [number(worst([d["max_after_20_s"] for d in of]), 3)]
-                + [number(sum(d["mean"] for d in of) / max(len(of), 1), 4)]
             )
     head = ["row", "ay", "drives", "lost", "max m", "max after 20 s, m", "mean m"]
     return [
