@@ -17,7 +17,7 @@ pub const SLOW: f64 = 0.1;
 /// Drives the training route for so many seconds with calm weights and a little dither.
 pub fn collect(duration: f64) -> Result<DataSet, Box<dyn Error>> {
     let car = builtin(CAR)?;
-    let mut parameters = ControllerParameters::for_car(&car);
+    let mut parameters = ControllerParameters::of_the_papers(&car);
     (parameters.mpc.r_rate, parameters.mpc.q_e1_rate, parameters.mpc.q_e2) = (0.3, 1.0, 2.0);
     parameters.mpc.dither = 0.005;
     let path = Arc::new(Path::from_samples(Route::SudokuTrain.samples(), Closure::Detect)?);

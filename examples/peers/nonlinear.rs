@@ -117,7 +117,7 @@ fn processes(model: &GpModel) -> Vec<Value> {
 pub fn run(horizon: usize, count: usize, learned: bool) -> Outcome {
     let car = builtin(CAR)?;
     let path = Arc::new(Path::from_samples(Route::SudokuTest.samples(), Closure::Detect)?);
-    let mut parameters = ControllerParameters::for_car(&car);
+    let mut parameters = ControllerParameters::of_the_papers(&car);
     parameters.mpc.horizon = horizon;
     let gp = if learned {
         let data = collect(LEARNED_FROM)?;

@@ -77,7 +77,7 @@ pub fn learn() -> Result<Residual, Box<dyn Error>> {
 pub fn start(case: &Case, residual: &Residual, horizon: usize) -> Result<ClosedLoop, Box<dyn Error>> {
     let path = Arc::new(Path::from_samples(Route::SudokuTest.samples(), Closure::Detect)?);
     let car = builtin(CAR)?;
-    let mut parameters = ControllerParameters::for_car(&car);
+    let mut parameters = ControllerParameters::of_the_papers(&car);
     parameters.mpc.horizon = horizon;
     (case.change)(&mut parameters.mpc);
     let model = PredictionModel::from(case.learned.then(|| residual.clone()));
