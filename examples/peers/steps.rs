@@ -89,7 +89,7 @@ pub fn percentile(sorted: &[f64], share: f64) -> f64 {
 /// A car with a slow steering, as its model was learned on.
 pub fn car() -> Plant<Car, 4, CAR_COLUMNS> {
     let parameters = builtin("c_class").expect("the default car");
-    let timed = <Car as SimulatedVehicle<4, _>>::controller(&parameters);
+    let timed = <Car as SimulatedVehicle<4, _>>::controller_of_the_papers(&parameters);
     let mut calm = timed;
     (calm.mpc.r_rate, calm.mpc.q_e1_rate, calm.mpc.q_e2, calm.mpc.dither) = (0.3, 1.0, 2.0, 0.01);
     Plant {
@@ -105,7 +105,7 @@ pub fn car() -> Plant<Car, 4, CAR_COLUMNS> {
 /// A truck likewise.
 pub fn truck() -> Plant<Truck, 6, TRUCK_COLUMNS> {
     let parameters = builtin_truck("truck_simulation").expect("the truck");
-    let mut calm = <Truck as SimulatedVehicle<6, _>>::controller(&parameters);
+    let mut calm = <Truck as SimulatedVehicle<6, _>>::controller_of_the_papers(&parameters);
     (calm.mpc.r_rate, calm.mpc.q_e1_rate, calm.mpc.q_e2) = (300.0, 3.0, 1000.0);
     calm.speed.limit = 8.0;
     // The same weights for both: the nominal controller, too, has to stay on the road.
