@@ -129,8 +129,8 @@ pub struct LateralMpc<const S: usize = ERRORS> {
     parameters: MpcParameters,
     /// The actuator of the prediction, if it is given.
     actuator: Option<Actuator>,
-    /// Weights of the outputs without tightening, and the powers of the bandwidth that they fall by.
-    weights: Vec<(f64, i32)>,
+    /// Weights of the outputs without tightening.
+    weights: Vec<f64>,
     wheelbase: f64,
     road: Option<Box<dyn FollowRoad<S>>>,
     variant: Box<dyn Variant<S>>,
@@ -228,8 +228,7 @@ impl<const S: usize> LateralMpc<S> {
             }
             PredictionModelFor::Bicycle(nonlinear) => nonlinear.variant(vehicle, p)?,
         };
-        let powers = |&i: &usize| (weights[i], [0, 2, 2, 4].get(i).copied().unwrap_or(2));
-        let weights: Vec<(f64, i32)> = tracked.iter().map(powers).collect();
+        let weights: Vec<f64> = tracked.iter().map(|&i| weights[i]).collect();
         let wheelbase = vehicle.wheelbase();
         let follows = p.follow_road == 1 && model_is_linear;
         let road: Option<Box<dyn FollowRoad<S>>> =
@@ -293,14 +292,17 @@ impl<const S: usize> LateralMpc<S> {
 
     /// Writes the weights and the bound of the rate at a speed, [tightened](MpcParameters::tightened).
     fn weigh(&mut self, speed: f64, tightness: f64) {
-        let p = &self.parameters;
-        let faster = p.tightening.powf(tightness);
-        let shape = &mut self.qp.problem.shape;
-        for (weight, &(calm, power)) in shape.output_weight.iter_mut().zip(&self.weights) {
-            *weight = calm * faster.powi(-power);
+        let p = self.parameters.tightened(tightness);
+        let errors = [p.q_e1, p.q_e1_rate, p.q_e2, p.q_e2_rate];
+        // States behind the errors fall as an angle does.
+        let faster = self.parameters.tightening.powf(tightness);
+        let Qp { problem, tracked, .. } = &mut self.qp;
+        let shape = &mut problem.shape;
+        for ((weight, &state), &calm) in shape.output_weight.iter_mut().zip(&*tracked).zip(&self.weights) {
+            *weight = errors.get(state).copied().unwrap_or(calm * faster.powi(-2));
         }
         let jerk = speed * speed / self.wheelbase;
-        let rate_weight = (p.r_rate + p.r_lateral_jerk * jerk * jerk) * faster.powi(-6);
+        let rate_weight = p.r_rate + p.r_lateral_jerk * jerk * jerk;
         shape.rate_weight[0] = rate_weight / (p.sample_time * p.sample_time);
         shape.rate_max[0] = p.steer_rate_at(speed, self.wheelbase) * p.sample_time;
     }

@@ -11,6 +11,7 @@
 //!
 //! Source: Golub and Pereyra, Separable nonlinear least squares, Inverse Problems 2003.
 
+use super::record::golden_section;
 use super::response::Response;
 use super::rows::{Rows, ranges};
 use nalgebra::{SMatrix, SVector};
@@ -263,7 +264,7 @@ impl Problem {
             }
         }
         let (from, to) = (value(best.0.saturating_sub(1)), value((best.0 + 1).min(TRIED)));
-        let found = golden(from, to, 12, |x| at(self, x));
+        let found = golden_section(from, to, 12, |x| at(self, x), |point| point.cost);
         if found.cost < best.1.cost { found } else { best.1 }
     }
 
@@ -356,9 +357,13 @@ impl Problem {
             if to > from {
                 let ends =
                     [from, to].map(|dead_time| self.lag_for(dead_time, (sum - dead_time).max(0.0), lags));
-                let within = golden(from, to, 10, |dead_time| {
-                    self.lag_for(dead_time, (sum - dead_time).max(0.0), lags)
-                });
+                let within = golden_section(
+                    from,
+                    to,
+                    10,
+                    |dead_time| self.lag_for(dead_time, (sum - dead_time).max(0.0), lags),
+                    |point| point.cost,
+                );
                 for found in ends.into_iter().chain([within]) {
                     if found.cost < best.cost {
                         best = found;
@@ -368,26 +373,4 @@ impl Problem {
         }
         best
     }
-}
-
-/// The least squares between two numbers, by golden sections.
-fn golden(mut low: f64, mut high: f64, sections: u32, mut at: impl FnMut(f64) -> Point) -> Point {
-    let ratio = 0.5 * (5.0_f64.sqrt() - 1.0);
-    let inner = |low: f64, high: f64| [high - ratio * (high - low), low + ratio * (high - low)];
-    let [mut x, mut y] = inner(low, high);
-    let (mut of_x, mut of_y) = (at(x), at(y));
-    for _ in 0..sections {
-        if of_x.cost <= of_y.cost {
-            high = y;
-            (y, of_y) = (x, of_x);
-            x = inner(low, high)[0];
-            of_x = at(x);
-        } else {
-            low = x;
-            (x, of_x) = (y, of_y);
-            y = inner(low, high)[1];
-            of_y = at(y);
-        }
-    }
-    if of_x.cost <= of_y.cost { of_x } else { of_y }
 }

@@ -316,7 +316,7 @@ fn least<T: Copy>(grid: &[f64], mut at: impl FnMut(f64) -> T, cost: impl Fn(&T) 
     }
     let neighbours = [place.checked_sub(1), Some(place + 1).filter(|&i| i < grid.len())];
     for neighbour in neighbours.into_iter().flatten() {
-        let found = golden_section(grid[place], grid[neighbour], &mut at, &cost);
+        let found = golden_section(grid[place], grid[neighbour], SECTIONS, &mut at, &cost);
         if cost(&found) < cost(&best) {
             best = found;
         }
@@ -325,9 +325,10 @@ fn least<T: Copy>(grid: &[f64], mut at: impl FnMut(f64) -> T, cost: impl Fn(&T) 
 }
 
 /// The least cost between two numbers, if it has one valley there.
-fn golden_section<T: Copy>(
+pub(super) fn golden_section<T: Copy>(
     mut low: f64,
     mut high: f64,
+    sections: u32,
     mut at: impl FnMut(f64) -> T,
     cost: impl Fn(&T) -> f64,
 ) -> T {
@@ -335,7 +336,7 @@ fn golden_section<T: Copy>(
     let inner = |low: f64, high: f64| [high - ratio * (high - low), low + ratio * (high - low)];
     let [mut x, mut y] = inner(low, high);
     let (mut of_x, mut of_y) = (at(x), at(y));
-    for _ in 0..SECTIONS {
+    for _ in 0..sections {
         if cost(&of_x) <= cost(&of_y) {
             high = y;
             (y, of_y) = (x, of_x);
