@@ -39,7 +39,7 @@ ROOT = Path(__file__).resolve().parent.parent
 VEHICLE = "bmw_320i"
 ACTUATORS = {"fast": Actuator(lag=0.01, delay=0), "slow": Actuator(lag=0.1, delay=3)}
 # Weights of a collecting controller, those of `rfl collect`: calm, for a model that has learned ringing rings.
-CALM = {"mpc.r_rate": 0.3, "mpc.q_e1_rate": 1.0, "mpc.q_e2": 2.0}
+CALM = {"mpc.tightening": 1.0}
 # Half of what `rfl collect` takes: with 0.01 rad the nominal MPC lost this car behind the slow actuator, once in two
 # drives.
 DITHER = {"mpc.dither": 0.005}  # rad

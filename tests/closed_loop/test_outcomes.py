@@ -133,7 +133,7 @@ def test_the_master_completes_and_its_requirements_are_tests(fmus, tmp_path):
 
 
 def test_the_master_says_lost_and_stopped(fmus, tmp_path):
-    status, said, results, _ = drive(fmus, tmp_path, "--lane", "0.001")
+    status, said, results, _ = drive(fmus, tmp_path, "--lane", "0.0002")
     assert (status, results["outcome"], results["finished"]) == (4, LOST, False)
     assert "outcome: lost: the vehicle was" in said and results["left_lane"]["time"] < results["end"]["time"]
     assert cases(tmp_path / "drive.xml") == {"outcome": False}
@@ -178,6 +178,6 @@ def test_the_demo_is_red_where_red_is_due(fmus, tmp_path):
     assert "<td class='bad'>stopped</td>" in page and "<p class='bad'>stopped: the vehicle stood" in page
     assert (out / "sudoku_turns.csv").is_file() and cases(junit) == {"outcome": False}
 
-    result = run("demo.py", "--fmus", fmus, "--out", out, "--quiet", "--path", turns, "--require", "max_e1=0.001")
+    result = run("demo.py", "--fmus", fmus, "--out", out, "--quiet", "--path", turns, "--require", "max_e1=0.0001")
     assert result.returncode == 6 and "NOT met: max_e1" in result.stderr
     assert "<td class='good'>completed</td>" in (out / "index.html").read_text(encoding="utf-8")

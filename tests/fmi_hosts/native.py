@@ -22,12 +22,13 @@ def settings(values: dict[str, object]) -> list[str]:
 
 
 def read_log(log: Path) -> dict[str, np.ndarray]:
-    """The columns of a log: numbers, and `status` as words."""
+    """The columns of a log: numbers, and `status` (a host's log also has that of the vehicle) as words."""
     with open(log, newline="") as file:
         header, *rows = csv.reader(file)
     assert header[-1] == "status"
     columns = dict(zip(header, zip(*rows)))
-    return {name: np.array(column, dtype=None if name == "status" else float) for name, column in columns.items()}
+    words = {name for name in header if name.split(".")[-1] == "status"}
+    return {name: np.array(column, dtype=None if name in words else float) for name, column in columns.items()}
 
 
 def assert_same(a: dict[str, np.ndarray], b: dict[str, np.ndarray]) -> None:
