@@ -33,7 +33,8 @@ def test_learned_residual_cuts_the_error_on_an_unseen_road(actuator, fmus, paths
     assert nominal["finished"] and learned["finished"]
     assert learned["pe_mae"] >= LEAST_CUT
     assert learned["pe_rmse"] >= LEAST_CUT
-    assert learned["max"] < nominal["max"]
+    # In bends, where there is something to track: on the straights the foreign car's own wandering is the max of both.
+    assert learned["max_in_bends"] < nominal["max_in_bends"]
     assert learned["mae"] < (1.0 - LEAST_CUT / 100.0) * rows["nominal, calm"]["mae"]
 
 
