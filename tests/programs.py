@@ -8,6 +8,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 PROFILE = os.environ.get("RFL_PROFILE", "release")
+# What `cargo test --workspace` has built already: a narrower selection has other features, and would be a build apart.
+TESTED = ["--workspace", "--bins", "--examples"]
 
 
 def program(name: str) -> Path:
@@ -21,5 +23,6 @@ def example(name: str) -> Path:
 
 
 def _built(kind: str, name: str, place: Path) -> Path:
-    subprocess.run(["cargo", "build", "--profile", PROFILE, "--quiet", kind, name], cwd=ROOT, check=True)
+    selection = TESTED if PROFILE == "dev" else [kind, name]
+    subprocess.run(["cargo", "build", "--profile", PROFILE, "--quiet", *selection], cwd=ROOT, check=True)
     return ROOT / "target" / ("debug" if PROFILE == "dev" else PROFILE) / place
