@@ -25,15 +25,16 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import closing
 from dataclasses import dataclass, field
-from difflib import get_close_matches
+from functools import partial
 from pathlib import Path
 
 import numpy as np
-from closed_loop import FMUS, STEP, Drive, Unit
-from multi_body_car import Actuator, Lost, MultiBodyCar
-from outcome import COMPLETED, LOST, TIMED_OUT, Ending, exit_status
+import plant
+from closed_loop import FMUS, Drive
+from multi_body_car import Actuator, MultiBodyCar
+from outcome import exit_status
+from plant import OUTSIDE
 
 ROOT = Path(__file__).resolve().parent.parent
 VEHICLE = "bmw_320i"
@@ -47,15 +48,9 @@ KINDS = ("linear", "rfl", "rfl_s")
 # How fast the disturbance of the observer wanders, where a row has one.
 OBSERVER = {"observer.disturbance_noise": 0.01}
 NOMINALS: dict[str, dict[str, object]] = {"nominal": {}, "nominal, calm": CALM, "nominal, observer": OBSERVER}
-# What a log holds: measured, commanded, and the errors to the path as the controller sees them.
-MEASURED = ["x", "y", "yaw", "vx", "vy", "yaw_rate", "steer"]
-ANSWERS = ["steer_cmd", "accel_cmd", "e1", "e1_rate", "e2", "e2_rate", "station", "curvature", "curvature_rate"]
-OUTSIDE = "residual.outside"  # share of the horizon where the model was asked outside its training
-COLUMNS = ["time", *ANSWERS[:2], *MEASURED, *ANSWERS[2:], OUTSIDE]
 # Lateral acceleration that the road asks for in m/s2, from which it is a bend. With its wheels straight the multi-body
 # car wanders sideways by itself, up to 0.02 m/s, whoever drives it: that is some 3 mm on the straights of every row.
 BEND = 0.2
-ASTRAY = 5.0  # m of lateral error: the car is not on its road any more
 
 
 @dataclass(frozen=True)
@@ -82,49 +77,8 @@ def cut(road: Path, begin: float, end: float, out: Path) -> Path:
 
 
 def drive(road: Path, actuator: Actuator, settings: dict[str, object], fmus: Path = FMUS) -> Drive:
-    """Drives the foreign car along a road with the controller FMU, to the road's end or until the car is lost.
-
-    At each sample the controller steps first and the car gets its answer at once, as in `closed_loop.py`.
-    """
-    columns: list[list[float]] = []
-    messages: list[str] = []
-    finished, begin = False, time.perf_counter()
-    ending = Ending(TIMED_OUT, "the time for the road was over")
-    with closing(Unit(fmus / "RflMpc.fmu", "controller")) as controller:
-        controller.set("vehicle_file", VEHICLE)
-        controller.set("path_file", str(Path(road).resolve()))
-        for name, value in settings.items():
-            if name not in controller.variables:
-                near = get_close_matches(name, controller.names("parameter"), cutoff=0.5)
-                raise ValueError(f"no parameter '{name}'" + (f"; there is {', '.join(near)}" if near else ""))
-            controller.set(name, value)
-        controller.initialize()
-        read, write = controller.reader([*ANSWERS, OUTSIDE, "finished"]), controller.writer(MEASURED)
-        start = {name: controller.get(f"start.{name}") for name in ("x", "y", "yaw", "speed")}
-        car = MultiBodyCar(actuator, **start)
-        # Twice the time that the road takes at a walking pace: a car that stands still is given up.
-        for k in range(int(2.0 * controller.get("path.length") / 1.0 / STEP)):
-            now = k * STEP
-            measured = list(car.outputs().values())
-            write(measured)
-            controller.step(now, STEP)
-            *answer, finished = read().tolist()
-            columns.append([now, *answer[:2], *measured, *answer[2:]])
-            try:
-                if abs(answer[ANSWERS.index("e1")]) > ASTRAY:
-                    raise Lost(f"the car is {ASTRAY:g} m from its road")
-                if finished:
-                    ending = Ending(COMPLETED, "the road was driven to its end")
-                    break
-                car.step(*answer[:2], STEP)
-            except Lost as lost:
-                ending = Ending(LOST, f"t = {now:.2f} s: {lost}")
-                messages.append(ending.reason)
-                break
-        messages += [f"controller: {text}" for status, _, text in controller.messages if status > 0]
-    rows = np.array(columns).T
-    wall, finished = time.perf_counter() - begin, ending.outcome == COMPLETED
-    return Drive(dict(zip(COLUMNS, rows)), STEP, wall, finished, messages, ending)
+    """Drives the foreign car along a road with the controller FMU, to the road's end or until the car is lost."""
+    return plant.drive(road, VEHICLE, partial(MultiBodyCar, actuator), settings, fmus=fmus)
 
 
 def tracking(result: Drive) -> dict[str, float | bool]:
@@ -268,29 +222,16 @@ def table(result: dict) -> str:
 
 def plot(result: dict, out: Path, file: Path) -> None:
     """Lateral error along each test road, without and with the model."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    panels = [(name, test) for name, tests in result.items() for test in tests]
-    figure, axes = plt.subplots(len(panels), 1, figsize=(11, 2.6 * len(panels)), squeeze=False)
-    for axis, (name, test) in zip(axes[:, 0], panels):
-        for row in ("nominal", "nominal, calm", "rfl_s"):
-            log = np.genfromtxt(log_of(out, name, test, row), delimiter=",", names=True)
-            figures = result[name][test][row]
-            label = f"{row} (mean {1e3 * figures['mae']:.1f} mm{'' if figures['finished'] else ', lost'})"
-            # At the end of a lap the station begins anew: no line back.
-            station = np.where(np.diff(log["station"], prepend=0.0) < -1.0, np.nan, log["station"])
-            axis.plot(station, 1e3 * log["e1"], label=label, linewidth=1)
-        axis.set_title(f"{test}, {ACTUATORS[name]}", fontsize=10)
-        axis.set_ylabel("lateral error [mm]")
-        axis.grid(alpha=0.3)
-        axis.legend(fontsize=8, loc="upper right")
-    axes[-1, 0].set_xlabel("station [m]")
-    figure.tight_layout()
-    figure.savefig(file, dpi=110)
-    plt.close(figure)
+    panels = []
+    for name, tests in result.items():
+        for test, rows in tests.items():
+            lines = []
+            for row in ("nominal", "nominal, calm", "rfl_s"):
+                figures = rows[row]
+                label = f"{row} (mean {1e3 * figures['mae']:.1f} mm{'' if figures['finished'] else ', lost'})"
+                lines.append((label, log_of(out, name, test, row)))
+            panels.append((f"{test}, {ACTUATORS[name]}", lines))
+    plant.plot_errors(panels, file)
 
 
 def drive_once(options: argparse.Namespace) -> int:

@@ -19,6 +19,7 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
+from plant import Lost
 from vehiclemodels.init_mb import init_mb
 from vehiclemodels.vehicle_dynamics_mb import vehicle_dynamics_mb
 from vehiclemodels.vehicle_parameters import setup_vehicle_parameters
@@ -38,10 +39,6 @@ class Actuator:
 
     def __str__(self) -> str:
         return f"lag {self.lag:g} s, dead time {self.delay} samples"
-
-
-class Lost(RuntimeError):
-    """The car left what its model describes: it spun or stood still."""
 
 
 class MultiBodyCar:

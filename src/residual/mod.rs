@@ -97,6 +97,7 @@ pub use model::{
     Coefficients, Expected, Kind, Misfit, Range, Regressors, ResidualModel, ResidualModelFor, Schema,
     Training, TreeFeatures,
 };
+pub(crate) use prior::write_residual_of_actuator;
 pub use prior::{CommandPrior, residual_of_actuator};
 pub use random::Random;
 pub use table::{Columns, Dense, Resolution};

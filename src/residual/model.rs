@@ -134,6 +134,20 @@ pub struct Range {
 }
 
 impl Range {
+    /// How far a positive value lies outside, as a share of what is exceeded; 0 inside. For a speed: a cruise of many
+    /// hours has a narrow range, and says as much of speeds near it.
+    pub(super) fn excess_in_shares(&self, value: f64) -> f64 {
+        if value >= self.min && value <= self.max {
+            0.0
+        } else if value < self.min {
+            self.min / value.max(f64::MIN_POSITIVE) - 1.0
+        } else if value > self.max {
+            value / self.max.max(f64::MIN_POSITIVE) - 1.0
+        } else {
+            f64::INFINITY
+        }
+    }
+
     /// How far a value lies outside, in widths of the range; 0 inside.
     pub(super) fn excess(&self, value: f64) -> f64 {
         let width = (self.max - self.min).max(f64::MIN_POSITIVE);
@@ -286,6 +300,8 @@ pub enum Misfit {
     },
 }
 
+/// Place of the speed among the road's features.
+const SPEED: usize = 0;
 /// Relative difference of parameters that still counts as rounding of a file.
 const SAME: f64 = 1e-9;
 
@@ -306,7 +322,7 @@ pub struct ResidualModelFor<V, const S: usize> {
     /// Shared with the rooms made for it, which know their model by it.
     shares: Arc<Shares<S>>,
     questions: Arc<Questions<S>>,
-    /// Ranges in training of states and road, endless where the model does not use a value.
+    /// Ranges in training of states and road, endless where the model does not depend on a value.
     used: ([[f64; 2]; S], [[f64; 2]; ROAD]),
 }
 
@@ -324,7 +340,8 @@ pub struct Coefficients<const S: usize = ERRORS> {
     leaves: Vec<u32>,
     /// Their mean coefficients as they are in the model: without the road's values, not scaled.
     mean: Theta<S>,
-    /// How far the worst feature lies outside its range in training, in widths of that range; 0 inside.
+    /// How far the worst feature lies outside its range in training, in widths of that range, the speed in shares of the
+    /// speed exceeded; 0 inside.
     pub excess: f64,
     /// Share of the leaves that never saw commands like those given, 0 to 1.
     pub strange_leaves: f64,
@@ -372,7 +389,8 @@ impl<const S: usize> Coefficients<S> {
     }
 }
 
-/// Ranges in training of the newest state and of the road, endless for what a model does not use.
+/// Ranges in training of the newest state and of the road, endless for what a model does not depend on: what it does not
+/// use, but for the speed, with which every effect of a command grows.
 fn used_ranges<V, const S: usize>(schema: &Schema<V>) -> ([[f64; 2]; S], [[f64; 2]; ROAD]) {
     let trees = schema.kind.has_trees();
     let leaves = schema.kind.is_linear();
@@ -384,7 +402,12 @@ fn used_ranges<V, const S: usize>(schema: &Schema<V>) -> ([[f64; 2]; S], [[f64; 
         let range = schema.ranges.get(i).filter(|_| asked);
         range.map_or([f64::NEG_INFINITY, f64::INFINITY], |range| [range.min, range.max])
     };
-    (std::array::from_fn(|i| range(by_errors, i)), std::array::from_fn(|i| range(by_road, S + i)))
+    let of_road = |i: usize| {
+        let [min, max] = range(by_road || (i == SPEED && schema.kind != Kind::None), S + i);
+        // Below that speed the nominal model is held.
+        if i == SPEED && min <= schema.min_model_speed { [f64::MIN, max] } else { [min, max] }
+    };
+    (std::array::from_fn(|i| range(by_errors, i)), std::array::from_fn(of_road))
 }
 
 impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
@@ -558,10 +581,14 @@ impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
     #[cold]
     fn excess_outside(&self, errors: &[f64; S], road: &[f64; ROAD]) -> f64 {
         let used = self.used.0.iter().chain(&self.used.1);
-        let all = used.zip(&self.schema.ranges).zip(errors.iter().chain(road));
+        let all = used.zip(&self.schema.ranges).zip(errors.iter().chain(road)).enumerate();
         // What is endless may be no number, too.
-        let outside = all.filter(|(([min, max], _), x)| min.is_finite() && !(min..=max).contains(x));
-        outside.map(|((_, range), &x)| range.excess(x)).fold(0.0, f64::max)
+        let outside = all.filter(|(_, (([min, max], _), x))| min.is_finite() && !(min..=max).contains(x));
+        let excess = |(i, ((_, range), &x)): (usize, ((_, &Range), &f64))| match i {
+            i if i == S + SPEED => range.excess_in_shares(x),
+            _ => range.excess(x),
+        };
+        outside.map(excess).fold(0.0, f64::max)
     }
 
     /// Whether the model was learned for such a controller.

@@ -19,8 +19,8 @@
 
 use super::MAX_WINDOW;
 use super::least_squares::Theta;
-use crate::nominal::{ActuatedState, Actuator, LateralVehicle, SingleTrackError};
-use nalgebra::{Cholesky, DMatrix};
+use crate::nominal::{ActuatedModel, ActuatedState, Actuator, LateralVehicle, SingleTrackError};
+use nalgebra::{Cholesky, DMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
 /// The actuator, as far as it is known before the effects are fitted.
@@ -56,26 +56,35 @@ pub fn residual_of_actuator<V: LateralVehicle<S>, const S: usize>(
     window: usize,
 ) -> Result<Theta<S>, SingleTrackError> {
     let model = vehicle.model_at(speed)?;
-    let nominal = model.discretise(sample_time);
-    let actuated = actuator.discretise(&model, sample_time);
+    let mut effects = vec![[0.0; S]; window];
+    let steer = model.discretise(sample_time).b;
+    write_residual_of_actuator(&steer, &actuator.discretise(&model, sample_time), &mut effects);
+    Ok(effects)
+}
+
+/// The same of models that are sampled: `steer` is the nominal model's effect of a command over a step.
+pub(crate) fn write_residual_of_actuator<const S: usize>(
+    steer: &SVector<f64, S>,
+    actuated: &ActuatedModel<S>,
+    effects: &mut [[f64; S]],
+) {
     let delayed = |step: usize| f64::from(u8::from(step == actuated.delay));
     let mut state = ActuatedState::<S>::zeros();
-    let mut effects = vec![[0.0; S]; window];
-    let mut rest = nominal.b;
+    let mut rest = *steer;
     // A command of 1 for one step, and what it does in the steps that follow.
-    for step in 0..window {
+    for (step, effect) in effects.iter_mut().rev().enumerate() {
         let (newer, older) = (delayed(step), step.checked_sub(1).map_or(0.0, delayed));
         let next = &actuated.a * &state + actuated.newer * newer + actuated.older * older;
         rest -= next.vehicle;
-        effects[window - 1 - step] = next.vehicle.into();
+        *effect = next.vehicle.into();
         // The body's own motion is the nominal model's.
         state.actuator = next.actuator;
     }
-    let steps = [(0, rest), (window - 1, -nominal.b)];
-    for (place, more) in steps {
-        effects[place].iter_mut().zip(&more).for_each(|(effect, more)| *effect += more);
-    }
-    Ok(effects)
+    let add = |place: Option<&mut [f64; S]>, more: SVector<f64, S>| {
+        place.into_iter().flatten().zip(&more).for_each(|(effect, more)| *effect += more);
+    };
+    add(effects.first_mut(), rest);
+    add(effects.last_mut(), -steer);
 }
 
 /// Share of a command that arrives over each later step: the mean angle of the step, of a command of 1 for one step.

@@ -1,7 +1,8 @@
 //! The nominal linear model, with or without a learned residual.
 //!
 //! Roll the nominal model out with the curvature ahead, ask the learned residual (if there is one) at each step of the
-//! roll-out, condense, solve.
+//! roll-out, condense, solve. Outside its training the residual fades into that of the steering actuator, as far as the
+//! drive has shown one.
 //!
 //! Source: Zhao et al., ITSC 2024, Algorithm 1.
 
@@ -13,8 +14,8 @@ use crate::control::preview::Preview;
 use crate::control::solve::Equations;
 use crate::control::tracking_qp::{QpError, QpReport};
 use crate::enumeration;
-use crate::nominal::{DiscreteErrorModel, ERRORS, LateralVehicle};
-use crate::residual::{self, Lookahead, Misfit, ResidualModelFor};
+use crate::nominal::{ActuatedModel, DiscreteErrorModel, ERRORS, LateralVehicle};
+use crate::residual::{self, Lookahead, Misfit, ResidualModelFor, write_residual_of_actuator};
 use crate::vehicle::SingleTrack;
 use nalgebra::{SMatrix, SVector};
 use std::sync::Arc;
@@ -47,6 +48,8 @@ struct Learned<V, const S: usize> {
     commands: Vec<f64>,
     /// Effect of the issued commands in each row.
     issued: Vec<[f64; S]>,
+    /// Effects of a window of commands outside the training: those of the actuator.
+    fallback: Vec<[f64; S]>,
 }
 
 /// The variant.
@@ -100,7 +103,11 @@ impl<V: LateralVehicle<S>, const S: usize> NominalWithResidual<V, S> {
             learned.written.fill(f64::NAN);
             return;
         }
-        self.outside = learned.roll_out(model, input, previous, preview, &mut self.affine);
+        let actuated = || {
+            let vehicle = self.nominal.at(input.ahead.speed).ok()?;
+            Some(input.actuator?.discretise(&vehicle, self.nominal.sample_time))
+        };
+        self.outside = learned.roll_out(model, actuated, input, previous, preview, &mut self.affine);
     }
 
     /// The state to be reached: that of steady cornering, by the corrected model where there is a correction.
@@ -207,6 +214,7 @@ impl<V: LateralVehicle<S>, const S: usize> Learned<V, S> {
             written: vec![f64::NAN; p.horizon],
             commands: vec![0.0; window - 1 + p.horizon],
             issued: vec![[0.0; S]; p.horizon],
+            fallback: vec![[0.0; S]; window],
             residual,
         })
     }
@@ -216,10 +224,11 @@ impl<V: LateralVehicle<S>, const S: usize> Learned<V, S> {
     }
 
     /// Predicts the states of the horizon under the last plan and asks the residual at each of them. Gives the share
-    /// of steps at which it was asked outside its training.
+    /// of steps at which it was asked outside its training. `actuated` is the model behind the actuator, if there is one.
     fn roll_out(
         &mut self,
         model: &DiscreteErrorModel<S>,
+        actuated: impl Fn() -> Option<ActuatedModel<S>>,
         input: &LateralInput<'_, S>,
         previous: f64,
         preview: &Preview,
@@ -249,11 +258,20 @@ impl<V: LateralVehicle<S>, const S: usize> Learned<V, S> {
         let mut outside = 0.0;
         for j in 0..horizon {
             let row = self.residual.model.row(&mut self.rows, j, &preview.road[j]);
-            // Outside its training the residual fades: half a range's width further there is the nominal model.
+            // Outside its training the residual fades: half a range's width further there is the actuator alone.
             let trust = (1.0 - 2.0 * row.excess).clamp(0.0, 1.0);
             if trust < 1.0 {
+                if outside == 0.0 {
+                    match actuated() {
+                        Some(actuated) => {
+                            write_residual_of_actuator(&model.b, &actuated, &mut self.fallback);
+                        }
+                        None => self.fallback.fill([0.0; S]),
+                    }
+                }
                 outside += 1.0;
             }
+            let fades = trust < 1.0;
             let trust = trust * input.residual_share;
             let scaled = |effect: &[f64; S]| if trust < 1.0 { effect.map(|x| x * trust) } else { *effect };
             let mut constant = scaled(&row.constant);
@@ -264,7 +282,8 @@ impl<V: LateralVehicle<S>, const S: usize> Learned<V, S> {
             let issued = &mut self.issued[row.slot];
             let commands = &self.commands[j..][..window];
             let past = (window - 1).saturating_sub(j);
-            let same = !row.renewed && self.written[row.slot] == trust;
+            // The actuator is another one at each step.
+            let same = !row.renewed && !fades && self.written[row.slot] == trust;
             if !same {
                 self.written[row.slot] = trust;
                 // Constant leaves have none.
@@ -275,6 +294,13 @@ impl<V: LateralVehicle<S>, const S: usize> Learned<V, S> {
                 if trust < 1.0 {
                     effects.iter_mut().for_each(|effect| *effect *= trust);
                 }
+                if fades {
+                    let rest = input.residual_share - trust;
+                    effects.iter_mut().zip(&self.fallback).for_each(|(effect, of_actuator)| {
+                        add(&mut effect.data.0[0], of_actuator, rest);
+                    });
+                }
+                // Of a command that is held the actuator makes what it is.
                 affine.held[row.slot] = SVector::from(scaled(&row.held));
             }
             // Issued commands, which are known, apart from planned ones. Oldest first: as a sum that goes on.
