@@ -16,7 +16,7 @@ knows of it.
 
 The ladder, that of `rfl learn`:
 
-1. drive: the default controller on the training road; slower, as long as the vehicle is lost;
+1. drive: the default controller on the training road; lost, with the steering that the lost drive shows; then slower;
 2. identify: dead time and lag of the steering from that drive; from here on the controller begins with them;
 3. collect: calmly, with dither, on the training road and on random ones;
 4. train: `rfl train`, which refuses a model that is not better in simulated closed loop;
@@ -54,6 +54,8 @@ PROVE_ROADS = 2
 # Speed and lateral acceleration of the next slower level, as shares, and such levels.
 SLOWER = {"speed.limit": 0.7, "speed.lateral_accel": 0.5}
 LEVELS = 4
+# Seconds by which the sum of dead time and lag has to differ from what a lost drive began with, to try it again.
+NEWS = 0.02
 # A more complicated controller has to cut the mean error by this share to be called better.
 LEAST_GAIN = 0.02
 MODEL = "model.rflm"
@@ -89,6 +91,7 @@ class Figures:
     max: float  # m
     log: Path
     steer: bool  # whether the angle was measured
+    departed: float | None  # s, when it left its lane
     fault: str | None  # what failed in the plant
 
     @property
@@ -125,6 +128,7 @@ def make(job: Job) -> Figures:
         errors["max"],
         job.log,
         "steer" in columns,
+        result.ending.departure and result.ending.departure.time,
         str(result.fault) if result.fault else None,
     )
 
@@ -165,7 +169,7 @@ class Ladder:
         """All steps; the exit status."""
         with closing(controller_for(self.training, self.vehicle, self.given, self.fmus)) as controller:
             full = {name: controller.get(name) for name in SLOWER}
-        self.levels = [{name: full[name] * share**k for name, share in SLOWER.items()} for k in range(LEVELS)]
+        self.levels = [{name: round(full[name] * share**k, 4) for name, share in SLOWER.items()} for k in range(LEVELS)]
         roads = self.random_roads("collect", COLLECT_SEED, self.roads)
         proving = [(f"test road {self.test.stem}", self.test), *self.random_roads("prove", PROVE_SEED, PROVE_ROADS)]
 
@@ -179,33 +183,47 @@ class Ladder:
     # -- Steps ------------------------------------------------------------------------------------------------------
 
     def first_drive(self) -> tuple[int, Figures]:
-        """The default controller, as fast as it stays on the road: level of speed and drive."""
-        for level, speed in enumerate(self.levels):
-            if level:
-                print(f"  slower: up to {said(speed)}")
-            job = self.job("drive", self.training, speed if level else {}, f"drive_{level + 1}.csv")
-            result = self.drive([job])[0]
+        """The default controller, as fast as it stays on the road: level of speed and drive.
+
+        A lost drive may show the steering: the next one begins with it, once at the same speed, if that is news.
+        """
+        level, again = 0, False
+        while level < LEVELS:
+            speed = self.speed(level)
+            log = f"drive_{len(self.report.get('drive', [])) + 1}.csv"
+            result = self.drive([self.job("drive", self.training, self.steering | speed, log)])[0]
             print(f"1 drive: {result}")
-            self.report.setdefault("drive", []).append(result.json() | {"speed": speed})
+            self.report.setdefault("drive", []).append(result.json() | {"settings": self.steering | speed})
             if result.fault:
                 raise Failure(f"{result.fault}; the drive until then: {result.log}")
             if result.completed:
                 return level, result
             if result.outcome == TIMED_OUT:
                 break
+            before = sum(self.steering.values())
+            self.identify(result)
+            again = not again and abs(sum(self.steering.values()) - before) > NEWS
+            if not again:
+                level += 1
+                if level < LEVELS:
+                    print(f"  slower: up to {said(self.levels[level])}")
         how = "" if result.outcome == TIMED_OUT else ", however slowly it drives"
+        gain = self.report.get("identify", {}).get("gain", {}).get("value") or 1.0
+        turned = f"The wheels turn against the command (gain {gain:.2f}). " if gain < 0.0 else ""
         raise Failure(
-            f"the vehicle does not get along {self.training}{how} ({result.outcome}: {result.reason}). Look at "
-            f"{result.log}: do sign and unit of steer_cmd and of the outputs fit (radians, positive to the left)? Does "
+            f"the vehicle does not get along {self.training}{how} ({result.outcome}: {result.reason}). {turned}"
+            f"Look at {result.log}: do sign and unit of steer_cmd and of the outputs fit (radians, positive to the left)? Does "
             f"{self.vehicle} describe this vehicle?"
         )
 
     def identify(self, drive: Figures) -> None:
-        """Dead time and lag of the steering from a drive."""
+        """Dead time and lag of the steering from a drive, as long as it was in its lane."""
         report = self.out / "identify.json"
+        report.unlink(missing_ok=True)
         by = [] if drive.steer else ["--by-yaw-rate"]
-        done = self.call("identify", drive.log, "--vehicle", self.vehicle, "--no-check", "--json", report, *by)
-        kept = "the vehicle file's dead time and lag are kept"
+        until = [] if drive.departed is None else ["--until", drive.departed]
+        done = self.call("identify", drive.log, "--vehicle", self.vehicle, "--no-check", "--json", report, *by, *until)
+        kept = "the controller begins with what it had"
         if done.returncode != 0:
             print(f"2 identify: {said_by(done)}; {kept}")
             self.report["identify"] = {"failed": said_by(done)}
@@ -284,13 +302,19 @@ class Ladder:
     def faster(self, level: int, logs: list[Path]) -> int:
         """From the level of speed that was driven to full speed, as far as the vehicle stays on the road."""
         while level > 0:
-            speed = self.speed(level - 1)
-            dither = self.dither(90 - level)
-            job = self.job("faster", self.training, self.best() | speed | dither, f"faster_{level}.csv")
-            result = self.drive([job])[0]
-            print(f"5 faster: up to {said(self.levels[level - 1])}: {result}")
-            self.report.setdefault("faster", []).append(result.json() | {"speed": self.levels[level - 1]})
-            if not result.completed:
+            speed, number = self.speed(level - 1), LEVELS - level
+            for name, settings in {"learned": self.best(), "identified": self.steering}.items():
+                if name == "learned" and not self.model:
+                    continue
+                log = f"faster_{number}_{name}.csv"
+                job = self.job("faster", self.training, settings | speed | self.dither(90 + number), log)
+                result = self.drive([job])[0]
+                print(f"5 faster: {name}, up to {said(self.levels[level - 1])}: {result}")
+                faster = {"controller": name, "speed": self.levels[level - 1]}
+                self.report.setdefault("faster", []).append(result.json() | faster)
+                if result.completed:
+                    break
+            else:
                 break
             level -= 1
             logs.append(result.log)
@@ -320,23 +344,28 @@ class Ladder:
         for result in proof.values():
             if result.fault:
                 print(f"  {result.fault}")
-        best = better({row: [proof[name, row] for name, _ in roads] for row in rows})
+        drives = {row: [proof[name, row] for name, _ in roads] for row in rows}
         self.report["proof"] = [
             {"road": name, "controller": row} | result.json() for (name, row), result in proof.items()
         ]
         self.draw(roads, proof)
-        return self.conclude(level, best, rows)
+        return self.conclude(level, rows, drives)
 
-    def conclude(self, level: int, best: str, rows: dict[str, dict[str, object]]) -> int:
-        """What is recommended, how to use it, and the files."""
+    def conclude(self, level: int, rows: dict[str, dict[str, object]], drives: dict[str, list[Figures]]) -> int:
+        """What is recommended, how to use it, and the files; the exit status."""
+        best = better(drives)
         use = {"vehicle_file": self.vehicle} | self.given | self.speed(level) | rows[best]
-        rejected = [row for row in rows if list(rows).index(row) > list(rows).index(best)]
+        rejected = list(rows)[list(rows).index(best) + 1 :]
         if rejected:
             print(
                 f"{' and '.join(rejected)} {'is' if len(rejected) == 1 else 'are'} no better than {best} on this plant"
             )
         if not self.model:
             print("no model was learned (4 train says why)")
+        if lost := [drive for drive in drives[best] if not drive.completed]:
+            print(
+                f"{best} did not get along {len(lost)} of {len(drives[best])} roads: drive slower than that (speed.*)"
+            )
         if best == "default":
             print("nothing beats the default controller: use it as it is")
         if self.steering:

@@ -47,6 +47,7 @@ of_each_controller! {
     it_computes_at_its_sample_time_and_holds_between
     a_saved_state_continues_bit_for_bit
     a_truncated_state_is_refused_and_changes_nothing
+    the_controller_s_file_wins_over_the_vehicle_s_and_the_host_over_both
     files_that_cannot_be_used_are_named_with_a_remedy
     a_variant_without_its_model_says_what_is_missing_and_how_to_make_it
     the_known_actuator_is_a_variant
@@ -195,6 +196,21 @@ fn the_host_s_parameters_win_over_the_vehicle_file() {
     assert_eq!(unit.real("tyre.front.stiffness"), bmw.cf);
 }
 
+fn the_controller_s_file_wins_over_the_vehicle_s_and_the_host_over_both<M: Controller>() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("controller.toml");
+    let text =
+        "variant = 'actuator'\n[controller]\nmpc.q_e1 = 0.5\nmpc.r_rate = 0.25\nactuator.dead_time = 0.06\n";
+    std::fs::write(&file, text).unwrap();
+    let mut unit = Unit::<M>::new();
+    unit.set("controller_file", Value::String(file.to_string_lossy().into_owned()));
+    unit.set("mpc.r_rate", Value::Real(0.125));
+    unit.initialize().unwrap();
+    let shown = ["mpc.q_e1", "mpc.r_rate", "actuator.dead_time"].map(|name| unit.real(name));
+    assert_eq!(shown, [0.5, 0.125, 0.06]);
+    assert_eq!(unit.values.integer(Unit::<M>::vr("variant")), ControlVariant::Actuator as i32);
+}
+
 fn files_that_cannot_be_used_are_named_with_a_remedy<M: Controller>() {
     let folder = tempfile::tempdir().unwrap();
     let foreign = folder.path().join("foreign.rflm");
@@ -207,6 +223,8 @@ fn files_that_cannot_be_used_are_named_with_a_remedy<M: Controller>() {
         ("vehicle_file", "nowhere.toml", &["nowhere.toml", M::VEHICLE]),
         ("residual.file", "nowhere.rflm", &["nowhere.rflm"]),
         ("residual.file", foreign.to_str().unwrap(), &["foreign.rflm"]),
+        ("controller_file", "nowhere.toml", &["nowhere.toml", "rfl tune"]),
+        ("controller_file", foreign.to_str().unwrap(), &["foreign.rflm"]),
     ] {
         let mut unit = Unit::<M>::new();
         unit.set(name, Value::String(value.into()));

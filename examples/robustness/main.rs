@@ -1,9 +1,10 @@
-//! How robust the default controller is: `robustness matrix|margins|faults|plants [OPTIONS]`, see `--help`.
+//! How robust the default controller is: `robustness matrix|ladder|margins|faults|plants [OPTIONS]`, see `--help`.
 //!
 //! Each part writes one JSON file, the same on every run and any number of threads. `scripts/reproduce robustness` runs all
 //! and writes `docs/results/robustness.md`. Files of `../shared` that are not there are left out, and named.
 
 mod faults;
+mod ladder;
 mod margins;
 mod matrix;
 mod plants;
@@ -15,14 +16,14 @@ use std::path::{Path as File, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Examines the default controller: a matrix of drives, margins, faults, foreign plants.
+/// Examines the default controller: a matrix of drives, what knowing more gives, margins, faults, foreign plants.
 #[derive(Debug, Parser)]
 #[command(after_help = "Examples:
   robustness matrix --out out/robustness           all drives of the matrix
   robustness matrix --only car-017                 one drive of it again, its log beside the results
   robustness faults --quick                        a few stations only")]
 struct Arguments {
-    /// matrix, margins, faults or plants
+    /// matrix, ladder, margins, faults or plants
     part: String,
     /// Folder for the results
     #[arg(long, default_value = "out/robustness")]
@@ -43,10 +44,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     std::fs::create_dir_all(&arguments.out)?;
     let results = match arguments.part.as_str() {
         "matrix" => matrix::run(&arguments)?,
+        "ladder" => ladder::run(&arguments)?,
         "margins" => margins::run(&arguments)?,
         "faults" => faults::run(&arguments)?,
         "plants" => plants::run(&arguments)?,
-        other => return Err(format!("'{other}': write matrix, margins, faults or plants").into()),
+        other => return Err(format!("'{other}': write matrix, ladder, margins, faults or plants").into()),
     };
     if arguments.only.is_none() {
         let file = arguments.out.join(format!("{}.json", arguments.part));

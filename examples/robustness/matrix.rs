@@ -11,13 +11,14 @@
 
 use crate::{Arguments, map, shared};
 use rfl_mpc::control::{ControllerFor, PredictionModelFor};
-use rfl_mpc::path::{Path, RandomRoad, sudoku::Route};
+use rfl_mpc::path::{Path, RandomRoad, Sample, sudoku::Route};
 use rfl_mpc::residual::Random;
 use rfl_mpc::simulate::experiment::Compared;
 use rfl_mpc::simulate::{CAR_COLUMNS, ClosedLoopFor, TIME, TRUCK_COLUMNS};
 use rfl_mpc::vehicle::{Car, Truck, VehicleParameters as _};
 use serde_json::{Value, json};
 use std::error::Error;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Seed of what is drawn.
@@ -25,33 +26,38 @@ const SEED: u64 = 20_370_001;
 /// Seed of the first random road.
 const FIRST_ROAD: u64 = 900_001;
 const RANDOM_ROADS: usize = 24;
+/// Drives of a row.
+pub const CARS: usize = 240;
+pub const TRUCKS: usize = 96;
 /// Error at which there is no more to see, m: beyond the lane, so that the drive counts as lost.
 const ENOUGH: f64 = 4.0;
 /// Time by which the steering is known, s.
 const KNOWN: f64 = 20.0;
 
-struct Road {
-    name: String,
-    path: Arc<Path>,
+pub struct Road {
+    pub name: String,
+    pub path: Arc<Path>,
+    /// Its file, or else its points.
+    pub from: Result<PathBuf, Vec<Sample>>,
 }
 
 /// One drive of the matrix.
-struct Case {
-    id: String,
-    vehicle: &'static str,
-    road: usize,
-    lag: f64,
-    dead_time: f64,
-    accel: f64,
-    friction: f64,
-    payload: f64,
+pub struct Case {
+    pub id: String,
+    pub vehicle: &'static str,
+    pub road: usize,
+    pub lag: f64,
+    pub dead_time: f64,
+    pub accel: f64,
+    pub friction: f64,
+    pub payload: f64,
     noise: f64,
     seed: u64,
 }
 
 pub fn run(arguments: &Arguments) -> Result<Value, Box<dyn Error>> {
-    let car = part::<Car, 4, CAR_COLUMNS>(arguments, 240)?;
-    let truck = part::<Truck, 6, TRUCK_COLUMNS>(arguments, 96)?;
+    let car = part::<Car, 4, CAR_COLUMNS>(arguments, CARS)?;
+    let truck = part::<Truck, 6, TRUCK_COLUMNS>(arguments, TRUCKS)?;
     let drives: Vec<Value> = car.into_iter().chain(truck).collect();
     Ok(json!({
         "seed": SEED,
@@ -84,12 +90,12 @@ fn part<P: Compared<S, C>, const S: usize, const C: usize>(
     Ok(drives)
 }
 
-fn roads<P: Compared<S, C>, const S: usize, const C: usize>() -> Result<Vec<Road>, Box<dyn Error>> {
+pub fn roads<P: Compared<S, C>, const S: usize, const C: usize>() -> Result<Vec<Road>, Box<dyn Error>> {
     let truck = P::KIND == "truck";
     let mut roads = vec![];
     for name in ["tum_Norisring.csv", "tum_BrandsHatch.csv"] {
         if let Some(file) = shared(&format!("data/paths/{name}")) {
-            roads.push(Road { name: name.to_owned(), path: Arc::new(Path::read(&file)?) });
+            roads.push(Road { name: name.to_owned(), path: Arc::new(Path::read(&file)?), from: Ok(file) });
         }
     }
     let mut routes = vec![if truck { Route::TruckTest } else { Route::SudokuTest }];
@@ -98,7 +104,8 @@ fn roads<P: Compared<S, C>, const S: usize, const C: usize>() -> Result<Vec<Road
         routes.push(Route::HairpinCircuit);
     }
     for route in routes {
-        roads.push(Road { name: route.name().to_owned(), path: Arc::new(route.path()?) });
+        let path = Arc::new(route.path()?);
+        roads.push(Road { name: route.name().to_owned(), path, from: Err(route.samples()) });
     }
     let family = if truck { RandomRoad::TRUCK } else { RandomRoad::CAR };
     for number in 0..RANDOM_ROADS {
@@ -106,12 +113,14 @@ fn roads<P: Compared<S, C>, const S: usize, const C: usize>() -> Result<Vec<Road
         let family = RandomRoad { closed: number % 2 == 1, length: 1.5 * family.length, ..family };
         let seed = FIRST_ROAD + number as u64;
         let kind = if family.closed { "closed" } else { "open" };
-        roads.push(Road { name: format!("random {seed}, {kind}"), path: Arc::new(family.path(seed)?) });
+        let path = Arc::new(family.path(seed)?);
+        let name = format!("random {seed}, {kind}");
+        roads.push(Road { name, path, from: Err(family.samples(seed)) });
     }
     Ok(roads)
 }
 
-fn case<P: Compared<S, C>, const S: usize, const C: usize>(number: usize, roads: usize) -> Case {
+pub fn case<P: Compared<S, C>, const S: usize, const C: usize>(number: usize, roads: usize) -> Case {
     let truck = P::KIND == "truck";
     let mut random = Random::stream(SEED + u64::from(truck), number as u64);
     let vehicles = P::Parameters::BUILTIN;

@@ -10,15 +10,14 @@ from results.common import markdown_table, number, plt, save
 
 # Drives of a row: 240 of cars, 96 of trucks.
 WHOLE = 336
-PARTS = ("matrix", "margins", "faults", "plants")
+PARTS = ("matrix", "ladder", "margins", "faults", "plants")
 ROWS = {"default": "default", "told": "told its actuator", "papers": "the papers' settings"}
 ABOUT = """\
 Written by `scripts/reproduce robustness`; the same numbers as JSON in [robustness.json](robustness.json), errors in m and
 true ones. A drive is lost beyond 2 m beside its road, rolled over, jack-knifed, or unable to go on. Random roads have the
 seeds from {first} on, {count} for each kind of vehicle, every second closed; the search had {search}. What is drawn has the
 seed {seed}. One drive again: `cargo run --release --example robustness -- matrix --only NAME`.
-Left out: rows `tune` and `learn`; plants through the FMU, CommonRoad's multi-body car among them; learned models of another
-vehicle and of another speed range. {skipped}"""
+Left out: plants through the FMU, CommonRoad's multi-body car among them. {skipped}"""
 
 
 def worst(values: list[float]) -> float:
@@ -124,6 +123,72 @@ def matrix_markdown(drives: list[dict]) -> list[str]:
     if reasons:
         text += ["Not completed:", "", *reasons, ""]
     return text
+
+
+# By how much a drive may get worse than the default, m.
+WORSE = 0.005
+
+
+def ladder_markdown(ladder: dict) -> list[str]:
+    """What knowing more gives, against the default on the same drives."""
+    drives = [d for d in ladder["drives"] if "failed" not in d]
+    of = [{row["controller"]: row for row in d["rows"]} for d in drives]
+    body, goals, worse = [], [], []
+    for name in ("default", "identified", "learned", "tuned"):
+        pairs = [(rows["default"], rows[name], d) for rows, d in zip(of, drives, strict=True) if name in rows]
+        if not pairs:
+            continue
+        done = [p for p in pairs if p[1]["outcome"] == "completed"]
+        ratios = sorted(row["mean"] / base["mean"] for base, row, _ in done)
+        body.append(
+            [
+                name,
+                str(len(pairs)),
+                str(len(pairs) - len(done)),
+                number(worst([row["max"] for _, row, _ in done]), 3),
+                number(1e3 * sum(row["mean"] for _, row, _ in done) / max(len(done), 1), 2),
+                number(1e3 * sum(base["mean"] for base, _, _ in done) / max(len(done), 1), 2),
+                number(ratios[len(ratios) // 2], 2) if ratios else "",
+                share([ratio <= 0.5 for ratio in ratios]),
+            ]
+        )
+        if name == "identified":
+            kept = [row["max"] <= 0.15 for _, row, _ in pairs]
+            goals.append(["identified: max <= 0.15 m in 95 %", share(kept), sum(kept) >= 0.95 * len(kept)])
+        elif name != "default":
+            total = sum(row["mean"] for _, row, _ in done) / max(sum(base["mean"] for base, _, _ in done), 1e-9)
+            goals.append([f"{name}: mean at least halves", f"{total:.2f} of the default's", total <= 0.5])
+        if name != "default":
+            more = [(row["max"] - base["max"], row["mean"] - base["mean"]) for base, row, _ in pairs]
+            bad = [
+                f"{d['id']} ({name}: max {1e3 * base['max']:.0f} to {1e3 * row['max']:.0f} mm)"
+                for (base, row, d), (by_max, _) in zip(pairs, more, strict=True)
+                if by_max > WORSE or row["outcome"] != "completed"
+            ]
+            worse += bad
+            goals.append(
+                [f"{name}: no max worse by 5 mm", f"{len(bad)} worse", not bad],
+            )
+            by_mean = sum(by_mean > WORSE for _, by_mean in more)
+            goals.append([f"{name}: no mean worse by 5 mm", f"{by_mean} worse", by_mean == 0])
+    refused = [d["id"] for d in drives if d["refused"]]
+    failed = [f"- {d['id']} could not be run: {d['failed']}" for d in ladder["drives"] if "failed" in d]
+    head = ["row", "drives", "not completed", "max m", "mean mm", "default's mean mm", "median ratio", "mean halved"]
+    text = [
+        "## Knowing more",
+        "",
+        "A part of the matrix, each drive made by the commands: `rfl learn` (drive, identify, collect, train, prove) with the road "
+        "of the matrix to prove on, which it did not learn on; for some, `rfl identify --into` and `rfl tune` "
+        f"with {ladder['budget']} candidates. Without noise. A refused model leaves a drive without the row `learned`: "
+        f"{len(refused)} of {len(drives)}{': ' + ', '.join(refused) if refused else ''}.",
+        "",
+        markdown_table(head, body),
+        "",
+        markdown_table(["goal", "", ""], [[*g[:2], "met" if g[2] else "**missed**"] for g in goals]),
+        "",
+        *failed,
+    ]
+    return [*text, "Worse: " + ", ".join(worse) + ".", ""] if worse else text
 
 
 def margins_markdown(margins: dict) -> list[str]:
@@ -313,7 +378,12 @@ def write(folder: Path, out: Path) -> None:
             "",
         ]
     text += matrix_markdown(drives)
-    parts = {"margins": margins_markdown, "faults": faults_markdown, "plants": plants_markdown}
+    parts = {
+        "ladder": ladder_markdown,
+        "margins": margins_markdown,
+        "faults": faults_markdown,
+        "plants": plants_markdown,
+    }
     for part, markdown in parts.items():
         text += markdown(raw[part]) if part in raw else [f"## {part.capitalize()}", "", "Not run here.", ""]
     (out / "robustness.md").write_text("\n".join(text))

@@ -10,7 +10,7 @@
 //! mpc.q_e1 = 0.118
 //! ```
 //!
-//! `rfl tune` writes it, `rfl drive --controller` takes it.
+//! `rfl tune` and `rfl learn` write it, `rfl drive --controller` and the FMU's parameter `controller_file` take it.
 
 use super::choice::ControlVariant;
 use super::parameters::ControllerParametersFor;

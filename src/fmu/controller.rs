@@ -5,8 +5,8 @@
 
 use super::{failed, vehicle_file_parameter, vehicle_named};
 use crate::control::{
-    Choice, ControlStatus, ControlVariant, ControllerFor, ControllerParametersFor, ControllerState,
-    Measurement, Propagation, RollOut, Sampler, VehicleParameters,
+    Choice, ControlStatus, ControlVariant, ControllerFile, ControllerFor, ControllerParametersFor,
+    ControllerState, Measurement, Propagation, RollOut, Sampler, VehicleParameters,
 };
 use crate::fmi::{
     Context, Declaration, DefaultExperiment, Kind, Log, LogCategory, Model, ModelError, Severity, Values,
@@ -129,6 +129,7 @@ struct Variables {
     roll_out: Vr,
     /// The first of the numeric parameters, which are contiguous.
     parameters: Vr,
+    controller_file: Vr,
 }
 
 /// Declares the numeric parameters of all groups; gives the first.
@@ -183,8 +184,8 @@ fn write_groups(groups: &[&mut dyn Group], first: Vr, values: &mut Values) {
     }
 }
 
-/// What the host chose to predict with.
-fn chosen(v: &Variables, values: &Values, context: &Context) -> Choice {
+/// What the host chose to predict with, or else the controller's file.
+fn chosen(v: &Variables, values: &Values, context: &Context, of_file: Option<ControlVariant>) -> Choice {
     let file = match values.string(v.residual_file) {
         "" => None,
         file => Some(context.locate(file)),
@@ -193,6 +194,8 @@ fn chosen(v: &Variables, values: &Values, context: &Context) -> Choice {
     let by_file = file.is_some() && !values.is_set_by_host(v.variant);
     // The FMI layer admits no other numbers than the declared ones.
     let variant = ControlVariant::from_number(values.integer(v.variant)).unwrap_or_default();
+    let is_default = !values.is_set_by_host(v.variant) && variant == ControlVariant::Adaptive;
+    let variant = of_file.filter(|_| is_default).unwrap_or(variant);
     Choice {
         variant: if by_file { ControlVariant::Adaptive } else { variant },
         file,
@@ -317,6 +320,12 @@ fn declare<U: ControllerUnit<S>, const S: usize>() -> (Declaration, Variables) {
         "With which model the states are predicted at which the residual is asked",
     ));
     let parameters = add_groups(d, &U::groups(&mut U::defaults()));
+    let controller_file = d.add(Variable::parameter_of(
+        Kind::String { start: "".into() },
+        "controller_file",
+        "Controller file (TOML, from rfl tune or rfl learn), absolute or in the FMU's resources. Its numbers count more \
+         than the vehicle file's; parameters that the host sets itself win over both",
+    ));
     let variables = Variables {
         inputs,
         steer_cmd,
@@ -346,6 +355,7 @@ fn declare<U: ControllerUnit<S>, const S: usize>() -> (Declaration, Variables) {
         propagation,
         roll_out,
         parameters,
+        controller_file,
     };
     (declaration, variables)
 }
@@ -387,6 +397,14 @@ impl<U: ControllerUnit<S>, const S: usize> Model for ControllerFmu<U, S> {
         let v = &self.variables;
         let file: U::File = vehicle_named(values.string(v.vehicle_file), context)?;
         let (mut parameters, mut defaults) = (U::of_file(&file), U::defaults());
+        let mut variant_of_file = None;
+        let name = values.string(v.controller_file);
+        if !name.is_empty() {
+            let file = context.locate(name);
+            let content = ControllerFile::read(&file).map_err(failed)?;
+            content.apply(&mut parameters, &file).map_err(failed)?;
+            variant_of_file = content.variant;
+        }
         let mut groups = U::groups(&mut parameters);
         read_groups(&mut groups, &U::groups(&mut defaults), v.parameters, values);
         write_groups(&groups, v.parameters, values);
@@ -400,7 +418,8 @@ impl<U: ControllerUnit<S>, const S: usize> Model for ControllerFmu<U, S> {
         for note in path.notes() {
             log.log(Severity::Warning, "path", &format!("{}: {note}", file.display()));
         }
-        let (variant, model) = chosen(v, values, context).prediction_model(&parameters).map_err(failed)?;
+        let (variant, model) =
+            chosen(v, values, context, variant_of_file).prediction_model(&parameters).map_err(failed)?;
         let controller = ControllerFor::predicting_with(parameters, Arc::new(path), model).map_err(failed)?;
         if !values.is_set_by_host(v.variant) {
             values.set_integer(v.variant, variant as i32);
