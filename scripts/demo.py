@@ -1,4 +1,7 @@
-"""Drives the demo's roads with the FMUs, prints the table, writes results and a page to look at."""
+"""Drives the demo's roads with the FMUs, prints the table, writes results and a page to look at.
+
+Then the same car with a slow steering: the default controller, one that knows the steering, and one that has learned.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+import demo_learning
 import demo_page
 import numpy as np
 from closed_loop import FMUS, STEP, Drive, Progress, checks_of, drive, known, verdict
@@ -110,6 +114,15 @@ def choose(options: argparse.Namespace) -> dict[str, Path]:
     return routes
 
 
+def learn_and_compare(options: argparse.Namespace, routes: dict[str, Path]) -> list[demo_learning.Row]:
+    """The drives of the car with a slow steering."""
+    folder = options.learned or options.out / "learn"
+    if not options.learned:
+        print(f"\nlearning {demo_learning.WORDS} on other roads: rfl learn, half a minute", flush=True)
+        demo_learning.learn(options.rfl, options.vehicle, folder, options.quiet)
+    return demo_learning.compare(routes, options.vehicle, folder, options.duration, options.fmus, options.quiet)
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(
         prog="scripts/demo",
@@ -122,6 +135,9 @@ def main() -> int:
     parser.add_argument("--duration", type=float, metavar="S", help="stop each drive after so many seconds")
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "demo", help="folder for results (out/demo)")
     parser.add_argument("--fmus", type=Path, default=FMUS, help="folder of the FMUs (target/fmu)")
+    parser.add_argument("--rfl", type=Path, default=ROOT / "target" / "release" / "rfl", help="the program rfl")
+    parser.add_argument("--plain", action="store_true", help="without the car with a slow steering")
+    parser.add_argument("--learned", type=Path, metavar="DIR", help="what rfl learn wrote, instead of learning now")
     parser.add_argument("--require", action="append", default=[], metavar="FIGURE<=VALUE", help="a test; repeatable")
     parser.add_argument("--junit", type=Path, metavar="FILE", help="file for outcomes and requirements, a JUnit XML")
     parser.add_argument("--quiet", action="store_true", help="no progress")
@@ -162,14 +178,25 @@ def main() -> int:
 
     result = results(routes)
     options.out.mkdir(parents=True, exist_ok=True)
+    compared = []
+    if not options.plain:
+        try:
+            compared = learn_and_compare(options, {route.name: route.file for route in routes})
+        except (RuntimeError, ValueError, OSError) as error:
+            print(f"demo: a slow steering: {error}", file=sys.stderr)
+            refused += 1
+    if compared:
+        result["slow_steering"] = demo_learning.results(compared)
     write_whole(options.out / "results.json", json.dumps(known(result), indent=2) + "\n")
     for route in routes:
         route.drive.write_csv(options.out / f"{route.name}.csv")
     page = options.out / "index.html"
-    write_whole(page, demo_page.render(routes, result))
+    write_whole(page, demo_page.render(routes, result, compared))
 
     shown = short(options.out)
     print(f"\n{table(routes, result)}\n")
+    if compared:
+        print(f"{demo_learning.table(result['slow_steering'])}\n")
     print(f"FMUs:    {short(options.fmus)}/*.fmu and ClosedLoop.ssp")
     print(f"results: {shown}/results.json, drive logs {shown}/*.csv")
     print(f"look at: {shown}/index.html")
@@ -185,6 +212,9 @@ def main() -> int:
                 print(f"{route.name}: NOT met: {check.words}", file=sys.stderr)
         # The first road that went wrong gives the status.
         status = status or exit_status(route.outcome, cut, all(check.met for check in checks[1:]))
+    for row in compared:
+        for driven in row.drives.values():
+            status = status or exit_status(driven.outcome, cut)
     if options.junit:
         write_junit(options.junit, "demo", cases)
     return status

@@ -10,6 +10,7 @@ import html
 import json
 from itertools import pairwise
 
+import demo_learning
 import numpy as np
 from plotly.offline import get_plotlyjs
 
@@ -68,8 +69,45 @@ def end_of(route) -> str:
     return f"<p class='bad'>{html.escape(route.outcome)}: {html.escape(route.drive.ending.reason)}</p>"
 
 
-def render(routes, result: dict) -> str:
-    """The page as text."""
+NAMES = ("default", "identified", "learned")
+
+
+def compared_section(rows, figures: dict) -> str:
+    """The table of the car with a slow steering, and a place for a plot of each road."""
+    if not rows:
+        return ""
+    body = ""
+    for row in rows:
+        cells = ""
+        for name in NAMES:
+            of = figures[row.name].get(name)
+            kind = "" if of is None or of["outcome"] == "completed" else " class='bad'"
+            cells += f"<td{kind}>{html.escape(demo_learning.cell(of))}</td>"
+        body += f"<tr><th>{html.escape(row.name)}</th>{cells}</tr>"
+    plots = "".join(f"<h3>{html.escape(row.name)}</h3><div class='slow' id='slow{i}'></div>"
+                    for i, row in enumerate(rows))  # fmt: skip
+    return (
+        f"<section><h2>A slow steering</h2><p>The same car with {html.escape(demo_learning.WORDS)}, of which the "
+        "controller is told nothing. Default: it finds the steering while driving. Identified: "
+        "<code>rfl identify</code> has found it before. Learned: with the residual model of <code>rfl learn</code>, "
+        "from drives on other roads.</p>"
+        "<div class='scroll'><table><thead><tr><th>lateral error, mean / max [mm]</th>"
+        + "".join(f"<th>{name}</th>" for name in NAMES)
+        + f"</tr></thead><tbody>{body}</tbody></table></div>{plots}</section>"
+    )
+
+
+def compared_data(row) -> dict:
+    """What the page's script draws of a road: the error of each column along the way."""
+    curves = {}
+    for name, driven in row.drives.items():
+        rows, columns = thin(driven), driven.columns
+        curves[name] = {"time": compact(columns["time"][rows], 2), "e1": compact(1e3 * columns["e1"][rows], 2)}
+    return {"name": row.name, "curves": curves}
+
+
+def render(routes, result: dict, compared=()) -> str:
+    """The page as text; `compared` are the drives of the car with a slow steering."""
     cells = []
     for route in routes:
         error = result["routes"][route.name]
@@ -98,6 +136,8 @@ def render(routes, result: dict) -> str:
         PAGE.replace("{{rows}}", "".join(cells))
         .replace("{{tiles}}", "".join(f"<div><span>{k}</span><b>{v}</b></div>" for k, v in tiles))
         .replace("{{sections}}", sections)
+        .replace("{{compared}}", compared_section(compared, result.get("slow_steering", {})))
+        .replace("{{slow}}", json.dumps([compared_data(row) for row in compared]).replace("</", "<\\/"))
         .replace("{{data}}", json.dumps([data_of(route) for route in routes]).replace("</", "<\\/"))
         .replace("{{plotly}}", get_plotlyjs())
     )
@@ -129,7 +169,7 @@ td:last-child, th:last-child { padding-right: 0 }
 .tiles { display: flex; flex-wrap: wrap; gap: 12px 40px; margin: 22px 0 0 }
 .tiles span { display: block; color: var(--faint); font-size: 13px } .tiles b { font-size: 20px; font-weight: 600 }
 .plots { display: grid; grid-template-columns: minmax(0, 9fr) minmax(0, 11fr); gap: 12px }
-.map, .lines { height: 620px }
+.map, .lines { height: 620px } .slow { height: 260px } h3 { font-size: 15px; margin: 14px 0 0 }
 @media (max-width: 820px) { .plots { grid-template-columns: minmax(0, 1fr) } .map { height: 420px } }
 @media print {
   body { max-width: none; padding: 0; font-size: 13px } section { break-before: page } .modebar { display: none }
@@ -140,7 +180,7 @@ td:last-child, th:last-child { padding-right: 0 }
 </head>
 <body>
 <h1>The closed loop of two FMUs</h1>
-<p>The controller <b>RflMpc</b> (nominal model predictive control) drives the car <b>PassengerCar</b> along each road,
+<p>The controller <b>RflMpc</b> (adaptive model predictive control) drives the car <b>PassengerCar</b> along each road,
 both as FMI 2.0 co-simulation units in fmpy. The lateral error is the distance of the car's centre of gravity from the
 path, positive to its left. Move along a curve to see the place on the road; drag to zoom, double-click to return.</p>
 <div class="scroll"><table>
@@ -148,16 +188,18 @@ path, positive to its left. Move along a curve to see the place on the road; dra
 <th>mean |e1| [cm]</th><th>RMSE [cm]</th><th>max [cm]</th></tr></thead>
 <tbody>{{rows}}</tbody></table></div>
 <div class="tiles">{{tiles}}</div>
+{{compared}}
 {{sections}}
 <script>{{plotly}}</script>
 <script>
 const routes = {{data}};
+const slow = {{slow}};
 const darkMode = matchMedia("(prefers-color-scheme: dark)");
 const themes = {
   light: { ink: "#1d2733", faint: "#5c6b7a", grid: "#e6eaef", road: "#cfd6de", main: "#1f6fd0", second: "#d98324",
-    scale: [[0, "#1f6fd0"], [0.5, "#d98324"], [1, "#c0362c"]], label: "#ffffff" },
+    good: "#1a7f4b", scale: [[0, "#1f6fd0"], [0.5, "#d98324"], [1, "#c0362c"]], label: "#ffffff" },
   dark: { ink: "#e4e9ee", faint: "#94a1ae", grid: "#272f38", road: "#3a444f", main: "#6cb0ff", second: "#f0a95c",
-    scale: [[0, "#4f9cf5"], [0.5, "#f0a95c"], [1, "#ff6b5e"]], label: "#1e242b" },
+    good: "#5fce93", scale: [[0, "#4f9cf5"], [0.5, "#f0a95c"], [1, "#ff6b5e"]], label: "#1e242b" },
 };
 
 function draw(index, theme) {
@@ -215,7 +257,25 @@ function draw(index, theme) {
   ], layout, options);
 }
 
-function drawAll(dark) { routes.forEach((_, index) => draw(index, dark ? themes.dark : themes.light)); }
+function drawSlow(index, theme) {
+  const font = { family: "system-ui, -apple-system, Segoe UI, Helvetica Neue, Arial, sans-serif", size: 12,
+    color: theme.faint };
+  const axis = { gridcolor: theme.grid, zerolinecolor: theme.grid, linecolor: theme.grid, ticks: "" };
+  const colours = { default: theme.second, identified: theme.good, learned: theme.main };
+  const curves = Object.entries(slow[index].curves).map(([name, of]) => ({ x: of.time, y: of.e1, name, mode: "lines",
+    line: { color: colours[name], width: 1.3 }, hovertemplate: "%{y:.1f} mm" }));
+  Plotly.react("slow" + index, curves, { paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", font,
+    hovermode: "x unified", legend: { orientation: "h", y: 1.15 }, margin: { l: 52, r: 8, t: 26, b: 40 },
+    hoverlabel: { bgcolor: theme.label, bordercolor: theme.faint, font: { color: theme.ink } },
+    xaxis: { ...axis, title: { text: "time [s]" } }, yaxis: { ...axis, title: { text: "lateral error [mm]" } } },
+    { displaylogo: false, responsive: true, modeBarButtons: [["toImage", "zoom2d", "pan2d", "resetScale2d"]] });
+}
+
+function drawAll(dark) {
+  const theme = dark ? themes.dark : themes.light;
+  routes.forEach((_, index) => draw(index, theme));
+  slow.forEach((_, index) => drawSlow(index, theme));
+}
 drawAll(darkMode.matches);
 routes.forEach((route, index) => {
   const lines = document.getElementById("lines" + index);

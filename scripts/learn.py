@@ -212,8 +212,8 @@ class Ladder:
         turned = f"The wheels turn against the command (gain {gain:.2f}). " if gain < 0.0 else ""
         raise Failure(
             f"the vehicle does not get along {self.training}{how} ({result.outcome}: {result.reason}). {turned}"
-            f"Look at {result.log}: do sign and unit of steer_cmd and of the outputs fit (radians, positive to the left)? Does "
-            f"{self.vehicle} describe this vehicle?"
+            f"Look at {result.log}: do signs and units fit (radians, positive to the left), and does {self.vehicle} "
+            "describe this vehicle?"
         )
 
     def identify(self, drive: Figures) -> None:

@@ -29,10 +29,10 @@ class Bicycle:
     grip, gravity = 0.9, 9.81
     part = 0.002  # s, of the integration
 
-    def __init__(self, x: float, y: float, yaw: float, speed: float, gain: float = 1.0) -> None:
+    def __init__(self, x, y, yaw, speed, gain=1.0, lag=LAG, dead_time=DEAD_TIME) -> None:
         self.x, self.y, self.yaw, self.vx, self.vy, self.yaw_rate, self.steer = x, y, yaw, speed, 0.0, 0.0, 0.0
-        self.gain = gain
-        self.waiting = deque([0.0] * round(DEAD_TIME / self.part))
+        self.gain, self.lag = gain, lag
+        self.waiting = deque([0.0] * round(dead_time / self.part))
 
     def outputs(self) -> dict[str, float]:
         return {name: getattr(self, name) for name in ("x", "y", "yaw", "vx", "vy", "yaw_rate", "steer")}
@@ -46,7 +46,7 @@ class Bicycle:
         h = self.part
         for _ in range(round(seconds / h)):
             self.waiting.append(self.gain * steer_cmd)
-            self.steer += h * (self.waiting.popleft() - self.steer) / LAG
+            self.steer += h * (self.waiting.popleft() - self.steer) / self.lag
             speed = max(self.vx, 0.5)
             front = self.side_force(0, self.steer - math.atan2(self.vy + self.front * self.yaw_rate, speed))
             rear = self.side_force(1, -math.atan2(self.vy - self.rear * self.yaw_rate, speed))
@@ -135,16 +135,26 @@ def test_steering_file_is_read_by_rfl(learned, rfl, roads):
     subprocess.run(command, check=True, capture_output=True)
 
 
-def test_a_seed_gives_the_same_bits(learned, rfl, fmus, paths, roads, tmp_path):
-    """Another number of processes does not change a drive that is learned from."""
-    out, _, _ = learned
-    road = learn.Ladder.random_roads
-    job = learn.Job("again", out / "roads" / "collect_1.csv", "c_class", Bicycle, {}, tmp_path / "log.csv", fmus)
-    report = json.loads((out / "learn.json").read_text())
-    calm = report["steering"] | learn.CALM | {"mpc.dither": learn.DITHER["car"], "mpc.dither_seed": 302}
-    assert road is not None
-    learn.make(replace(job, settings=calm))
-    assert (tmp_path / "log.csv").read_bytes() == (out / "collect_2.csv").read_bytes()
+def test_a_seed_gives_the_same_bits(learned, fmus, tmp_path):
+    """A collecting drive is what seed, road and steering make of it, in whatever process."""
+    out, report, _ = learned
+    settings = report["steering"] | learn.CALM | {"mpc.dither": learn.DITHER["car"], "mpc.dither_seed": 302}
+    again = tmp_path / "again.csv"
+    learn.make(learn.Job("again", out / "roads" / "collect_1.csv", "c_class", Bicycle, settings, again, fmus))
+    assert again.read_bytes() == (out / "collect_2.csv").read_bytes()
+
+
+def test_a_lost_drive_shows_the_steering(rfl, fmus, paths, roads, tmp_path):
+    """A second of delay: the default controller is lost; the next drive begins with what that one showed."""
+    report, printed = ladder(
+        *(tmp_path, rfl, fmus, paths, "--plant", f"{__file__}:Bicycle", "--test", roads, "--roads", 0),
+        *("--set", "plant.lag=0.5", "--set", "plant.dead_time=0.5"),
+    )
+    print(printed)
+    first, second = report["drive"]
+    assert first["outcome"] == LOST and second["outcome"] == COMPLETED
+    assert sum(second["settings"].values()) == pytest.approx(1.0, abs=0.02)
+    assert report["recommended"] != "default"
 
 
 def test_fmu_is_learned(rfl, fmus, paths, roads, tmp_path):
@@ -213,8 +223,11 @@ class NoYaw(Bicycle):
         return told
 
 class Nan(Bicycle):
+    moved = False
     def outputs(self):
-        return super().outputs() | ({"vy": float("nan")} if self.vx != 12.5 else {})
+        return super().outputs() | ({"vy": float("nan")} if self.moved else {})
+    def step(self, steer_cmd, accel_cmd, seconds):
+        self.moved = True
 
 class Raises(Bicycle):
     count = 0

@@ -169,7 +169,7 @@ def test_the_demo_is_red_where_red_is_due(fmus, tmp_path):
         "--junit",
         junit,
     )
-    result = run("demo.py", "--fmus", fmus, "--out", out, "--quiet", *arguments)
+    result = run("demo.py", "--plain", "--fmus", fmus, "--out", out, "--quiet", *arguments)
     # The road that is not there is bad input; the other one is driven, shown and logged all the same.
     assert result.returncode == 1 and "none.csv" in result.stderr
     assert "outcome: stopped" in result.stderr
@@ -178,6 +178,25 @@ def test_the_demo_is_red_where_red_is_due(fmus, tmp_path):
     assert "<td class='bad'>stopped</td>" in page and "<p class='bad'>stopped: the vehicle stood" in page
     assert (out / "sudoku_turns.csv").is_file() and cases(junit) == {"outcome": False}
 
-    result = run("demo.py", "--fmus", fmus, "--out", out, "--quiet", "--path", turns, "--require", "max_e1=0.0001")
+    result = run(
+        "demo.py", "--plain", "--fmus", fmus, "--out", out, "--quiet", "--path", turns, "--require", "max_e1=0.0001"
+    )
     assert result.returncode == 6 and "NOT met: max_e1" in result.stderr
     assert "<td class='good'>completed</td>" in (out / "index.html").read_text(encoding="utf-8")
+
+
+def test_the_demo_compares_the_controllers_of_a_slow_steering(fmus, tmp_path):
+    learned, out = tmp_path / "learned", tmp_path / "out"
+    learned.mkdir()
+    # What rfl learn leaves behind where its model was refused.
+    numbers = "[controller]\nactuator.dead_time = 0.06\nactuator.time_constant = 0.15\n"
+    (learned / "controller.toml").write_text(f'kind = "car"\nvehicle = "c_class"\n\n{numbers}', encoding="utf-8")
+    road = ("--path", ROOT / "paths" / "hairpin_circuit.csv", "--duration", "25")
+    result = run("demo.py", "--fmus", fmus, "--out", out, "--quiet", "--learned", learned, *road)
+    assert result.returncode == 0, result.stderr
+    figures = json.loads((out / "results.json").read_text())["slow_steering"]["hairpin_circuit"]
+    assert set(figures) == {"default", "identified"}
+    assert figures["identified"]["max"] < 0.5 * figures["default"]["max"]
+    page = (out / "index.html").read_text(encoding="utf-8")
+    assert "<td>refused</td>" in page and "id='slow0'" in page
+    assert "refused" in result.stdout
