@@ -149,7 +149,7 @@ impl Lanes for f64 {
 
 /// Four numbers for any processor.
 #[derive(Clone, Copy)]
-struct Portable([f64; FOUR]);
+pub(crate) struct Portable([f64; FOUR]);
 
 impl Portable {
     #[inline(always)]

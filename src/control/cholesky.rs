@@ -4,21 +4,28 @@
 //! rotations of the columns take away (Golub and Van Loan, Matrix Computations, 6.5.4). Nothing allocates after
 //! construction.
 
+use crate::lanes::{FOUR, Lanes, Portable, Work, compute};
+
 /// Where row `row` of a packed lower triangle begins: after 1 + 2 + .. + `row` entries.
 pub(super) fn begin(row: usize) -> usize {
     row * (row + 1) / 2
 }
 
-/// Sum of products. Four partial sums, so that it runs on two lanes of two.
+/// Sum of products. Four partial sums, so that it runs on lanes.
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let mut sums = [0.0; 4];
-    let (head_a, tail_a) = a.as_chunks::<4>();
-    let (head_b, tail_b) = b[..a.len()].as_chunks::<4>();
+    dot_in::<Portable>(a, b)
+}
+
+/// The same, with the lanes of some processor.
+#[inline(always)]
+fn dot_in<L: Lanes<Stored = [f64; FOUR]>>(a: &[f64], b: &[f64]) -> f64 {
+    let mut sums = L::splat(0.0);
+    let (head_a, tail_a) = a.as_chunks::<FOUR>();
+    let (head_b, tail_b) = b[..a.len()].as_chunks::<FOUR>();
     for (a, b) in head_a.iter().zip(head_b) {
-        for k in 0..4 {
-            sums[k] += a[k] * b[k];
-        }
+        sums = sums + L::load(a) * L::load(b);
     }
+    let sums = sums.store();
     let tail: f64 = tail_a.iter().zip(tail_b).map(|(a, b)| a * b).sum();
     (sums[0] + sums[2]) + (sums[1] + sums[3]) + tail
 }
@@ -29,6 +36,9 @@ pub(super) fn add(y: &mut [f64], factor: f64, x: &[f64]) {
         *y += factor * x;
     }
 }
+
+/// Rows that are factorised at once: as many as keep a processor busy while one entry waits for another.
+const TOGETHER: usize = 4;
 
 /// The factor, with room for a largest size.
 pub(super) struct Cholesky {
@@ -67,22 +77,7 @@ impl Cholesky {
     pub(super) fn factorise(&mut self, matrix: &[f64], size: usize) -> bool {
         self.clear();
         self.factor.extend_from_slice(&matrix[..begin(size)]);
-        for i in 0..size {
-            let (above, rest) = self.factor.split_at_mut(begin(i));
-            let row = &mut rest[..=i];
-            for j in 0..i {
-                row[j] = (row[j] - dot(&above[begin(j)..begin(j) + j], row)) * self.inverse[j];
-            }
-            let diagonal = row[i];
-            let pivot = diagonal - dot(&row[..i], row);
-            // A pivot below rounding's share of the diagonal has no correct digit; NaN fails, too.
-            if pivot.is_nan() || pivot <= 1e-14 * diagonal {
-                return false;
-            }
-            row[i] = pivot.sqrt();
-            self.inverse.push(1.0 / row[i]);
-        }
-        true
+        compute(Factorise { factor: &mut self.factor, inverse: &mut self.inverse, size })
     }
 
     /// `x = L^-1 x`, where the first `zeros` entries are known to be zero.
@@ -131,6 +126,52 @@ impl Cholesky {
         }
         self.factor.truncate(begin(size));
         self.inverse.truncate(size);
+    }
+}
+
+/// See [`Cholesky::factorise`].
+struct Factorise<'a> {
+    factor: &'a mut [f64],
+    /// Empty, with room for all.
+    inverse: &'a mut Vec<f64>,
+    size: usize,
+}
+
+impl Work for Factorise<'_> {
+    type Given = bool;
+
+    #[inline(always)]
+    fn with<L: Lanes<Stored = [f64; FOUR]>>(self) -> bool {
+        let Self { factor, inverse, size } = self;
+        // An entry waits for those before it in its row, but not for other rows: some rows at once.
+        for first in (0..size).step_by(TOGETHER) {
+            let end = (first + TOGETHER).min(size);
+            let (above, rest) = factor.split_at_mut(begin(first));
+            for j in 0..first {
+                let of_j = &above[begin(j)..][..j];
+                for i in first..end {
+                    let row = &mut rest[begin(i) - begin(first)..][..=i];
+                    row[j] = (row[j] - dot_in::<L>(of_j, row)) * inverse[j];
+                }
+            }
+            for i in first..end {
+                let (above, rest) = rest.split_at_mut(begin(i) - begin(first));
+                let row = &mut rest[..=i];
+                for j in first..i {
+                    let of_j = &above[begin(j) - begin(first)..][..j];
+                    row[j] = (row[j] - dot_in::<L>(of_j, row)) * inverse[j];
+                }
+                let diagonal = row[i];
+                let pivot = diagonal - dot_in::<L>(&row[..i], row);
+                // A pivot below rounding's share of the diagonal has no correct digit; NaN fails, too.
+                if pivot.is_nan() || pivot <= 1e-14 * diagonal {
+                    return false;
+                }
+                row[i] = pivot.sqrt();
+                inverse.push(1.0 / row[i]);
+            }
+        }
+        true
     }
 }
 

@@ -375,7 +375,7 @@ pub(super) fn condense_settled<A: Transition<X>, X: HorizonState>(
 ) {
     let (horizon, outputs, window) = (problem.shape.horizon, tracked.len(), affine.window);
     debug_assert_eq!((problem.shape.outputs, problem.shape.inputs), (outputs, 1));
-    problem.shift_invariant = false;
+    problem.shift_invariant = window == 0;
     let propagated = window > 0 && propagation == Propagation::Propagated;
     let direct = window > 0 && !propagated;
     let mut x = *start;

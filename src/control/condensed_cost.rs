@@ -18,6 +18,7 @@
 
 use super::cholesky::{add as add_multiple, begin};
 use super::tracking_qp::TrackingQp;
+use crate::lanes::{FOUR, Lanes, Work, compute};
 
 /// A weighted row of `G`, as far as it reaches, and the error there with zero inputs.
 #[derive(Clone, Copy)]
@@ -29,42 +30,58 @@ struct Row<'a> {
 
 /// Writes `H`, a packed lower triangle by rows, and `f`.
 pub(super) fn condense_cost(problem: &TrackingQp, hessian: &mut [f64], linear: &mut [f64]) {
-    let shape = &problem.shape;
-    let (n, inputs, outputs) = (problem.columns(), shape.inputs, shape.outputs);
     hessian.fill(0.0);
     linear.fill(0.0);
-    if problem.shift_invariant && inputs == 1 {
+    if problem.shift_invariant && problem.shape.inputs == 1 {
         condense_shift_invariant(problem, hessian, linear);
-        add_rates(problem, hessian, linear);
-        return;
+    } else {
+        compute(Rows { problem, hessian, linear });
     }
-    for j in 0..shape.horizon {
-        let reach = (j + 1) * inputs;
-        let mut i = 0;
-        while i < outputs {
-            let mut rows = [Row { weight: 0.0, gain: &[], error: 0.0 }; 3];
-            let mut count = 0;
-            // Three rows at once, as the car has them; what is left singly.
-            let together = if i + 3 <= outputs { 3 } else { 1 };
-            for i in i..i + together {
-                let (row, weight) = (j * outputs + i, shape.weight(j, i));
-                if weight != 0.0 {
-                    let error = problem.free[row] - problem.reference[row];
-                    rows[count] = Row { weight, gain: &problem.gain[row * n..][..reach], error };
-                    count += 1;
+    add_rates(problem, hessian, linear);
+}
+
+/// The outputs' cost, row by row of `G`.
+struct Rows<'a> {
+    problem: &'a TrackingQp,
+    hessian: &'a mut [f64],
+    linear: &'a mut [f64],
+}
+
+impl Work for Rows<'_> {
+    type Given = ();
+
+    #[inline(always)]
+    fn with<L: Lanes<Stored = [f64; FOUR]>>(self) {
+        let Self { problem, hessian, linear } = self;
+        let shape = &problem.shape;
+        let (n, inputs, outputs) = (problem.columns(), shape.inputs, shape.outputs);
+        for j in 0..shape.horizon {
+            let reach = (j + 1) * inputs;
+            let mut i = 0;
+            while i < outputs {
+                let mut rows = [Row { weight: 0.0, gain: &[], error: 0.0 }; 3];
+                let mut count = 0;
+                // Three rows at once, as the car has them; what is left singly.
+                let together = if i + 3 <= outputs { 3 } else { 1 };
+                for i in i..i + together {
+                    let (row, weight) = (j * outputs + i, shape.weight(j, i));
+                    if weight != 0.0 {
+                        let error = problem.free[row] - problem.reference[row];
+                        rows[count] = Row { weight, gain: &problem.gain[row * n..][..reach], error };
+                        count += 1;
+                    }
                 }
-            }
-            i += together;
-            let [a, b, c] = rows;
-            match count {
-                3 => add(hessian, linear, [a, b, c], |[a, b, c]| a + (b + c)),
-                2 => add(hessian, linear, [a, b], |[a, b]| a + b),
-                1 => add(hessian, linear, [a], |[a]| a),
-                _ => (),
+                i += together;
+                let [a, b, c] = rows;
+                match count {
+                    3 => add::<L, 3>(hessian, linear, [a, b, c]),
+                    2 => add::<L, 2>(hessian, linear, [a, b]),
+                    1 => add::<L, 1>(hessian, linear, [a]),
+                    _ => (),
+                }
             }
         }
     }
-    add_rates(problem, hessian, linear);
 }
 
 /// Adds the cost of the inputs' increments.
@@ -115,40 +132,74 @@ fn condense_shift_invariant(problem: &TrackingQp, hessian: &mut [f64], linear: &
     }
 }
 
-/// Adds rows to `H` and `f`; `sum` is the sum of a term of each.
+/// The terms' sum, the last two first.
 #[inline(always)]
-fn add<const K: usize>(
+fn sum<L: Lanes, const K: usize>(terms: [L; K]) -> L {
+    let mut sum = terms[K - 1];
+    for k in (0..K - 1).rev() {
+        sum = terms[k] + sum;
+    }
+    sum
+}
+
+/// Adds rows to `H` and `f`.
+#[inline(always)]
+fn add<L: Lanes<Stored = [f64; FOUR]>, const K: usize>(
     hessian: &mut [f64],
     linear: &mut [f64],
     rows: [Row<'_>; K],
-    sum: impl Fn([f64; K]) -> f64,
 ) {
     let reach = rows[0].gain.len();
     let factors = |column: usize| rows.map(|row| row.weight * row.gain[column]);
-    let term = |factors: &[f64; K], gains: &[&[f64]; K], i: usize| {
-        sum(std::array::from_fn(|k| factors[k] * gains[k][i]))
-    };
+    let force = |factors: &[f64; K]| sum::<f64, K>(std::array::from_fn(|k| factors[k] * rows[k].error));
     for column in (0..reach).step_by(2) {
         let left = factors(column);
-        linear[column] += sum(std::array::from_fn(|k| left[k] * rows[k].error));
+        linear[column] += force(&left);
         // Entries that both columns have.
         let both = column + 1;
         let gains = rows.map(|row| &row.gain[..both]);
         if both == reach {
-            let entries = &mut hessian[begin(column)..][..both];
-            for (i, entry) in entries.iter_mut().enumerate() {
-                *entry += term(&left, &gains, i);
-            }
+            // The last column alone: what stands behind it in the next row of `H` is none of its.
+            add_products::<L, K>(&mut hessian[begin(column)..][..both], &mut [], &left, &left, &gains);
             return;
         }
         let right = factors(both);
-        linear[both] += sum(std::array::from_fn(|k| right[k] * rows[k].error));
+        linear[both] += force(&right);
         let (of_left, of_right) = hessian[begin(column)..][..2 * both + 1].split_at_mut(both);
         let (of_right, corner) = of_right.split_at_mut(both);
-        for (i, (entry, other)) in of_left.iter_mut().zip(of_right).enumerate() {
-            *entry += term(&left, &gains, i);
-            *other += term(&right, &gains, i);
+        corner[0] += sum::<f64, K>(std::array::from_fn(|k| right[k] * rows[k].gain[both]));
+        add_products::<L, K>(of_left, of_right, &left, &right, &gains);
+    }
+}
+
+/// Adds the products of factors with the gains to a column of `H`, and to another one where there is one.
+#[inline(always)]
+fn add_products<L: Lanes<Stored = [f64; FOUR]>, const K: usize>(
+    one: &mut [f64],
+    other: &mut [f64],
+    of_one: &[f64; K],
+    of_other: &[f64; K],
+    gains: &[&[f64]; K],
+) {
+    let blocks: [&[[f64; FOUR]]; K] = gains.map(|gain| gain.as_chunks().0);
+    let (splat_one, splat_other) = (of_one.map(L::splat), of_other.map(L::splat));
+    let is_pair = !other.is_empty();
+    let (one, rest_one) = one.as_chunks_mut::<FOUR>();
+    let (other, rest_other) = other.as_chunks_mut::<FOUR>();
+    for (b, entries) in one.iter_mut().enumerate() {
+        let gains = blocks.map(|blocks| L::load(&blocks[b]));
+        let more = sum::<L, K>(std::array::from_fn(|k| splat_one[k] * gains[k]));
+        *entries = (L::load(entries) + more).store();
+        if is_pair {
+            let more = sum::<L, K>(std::array::from_fn(|k| splat_other[k] * gains[k]));
+            other[b] = (L::load(&other[b]) + more).store();
         }
-        corner[0] += sum(std::array::from_fn(|k| right[k] * rows[k].gain[both]));
+    }
+    let first = FOUR * one.len();
+    for (i, entry) in rest_one.iter_mut().enumerate() {
+        *entry += sum::<f64, K>(std::array::from_fn(|k| of_one[k] * gains[k][first + i]));
+    }
+    for (i, entry) in rest_other.iter_mut().enumerate() {
+        *entry += sum::<f64, K>(std::array::from_fn(|k| of_other[k] * gains[k][first + i]));
     }
 }
