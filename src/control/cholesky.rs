@@ -19,15 +19,27 @@ pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
 /// The same, with the lanes of some processor.
 #[inline(always)]
 fn dot_in<L: Lanes<Stored = [f64; FOUR]>>(a: &[f64], b: &[f64]) -> f64 {
-    let mut sums = L::splat(0.0);
+    let [dot] = dots_in::<L, 1>(a, [b]);
+    dot
+}
+
+/// The same with several at once.
+#[inline(always)]
+fn dots_in<L: Lanes<Stored = [f64; FOUR]>, const K: usize>(a: &[f64], b: [&[f64]; K]) -> [f64; K] {
+    let mut sums = [L::splat(0.0); K];
     let (head_a, tail_a) = a.as_chunks::<FOUR>();
-    let (head_b, tail_b) = b[..a.len()].as_chunks::<FOUR>();
-    for (a, b) in head_a.iter().zip(head_b) {
-        sums = sums + L::load(a) * L::load(b);
+    let b = b.map(|b| b[..a.len()].as_chunks::<FOUR>());
+    for (i, a) in head_a.iter().enumerate() {
+        let a = L::load(a);
+        for k in 0..K {
+            sums[k] = sums[k] + a * L::load(&b[k].0[i]);
+        }
     }
-    let sums = sums.store();
-    let tail: f64 = tail_a.iter().zip(tail_b).map(|(a, b)| a * b).sum();
-    (sums[0] + sums[2]) + (sums[1] + sums[3]) + tail
+    std::array::from_fn(|k| {
+        let sums = sums[k].store();
+        let tail: f64 = tail_a.iter().zip(b[k].1).map(|(a, b)| a * b).sum();
+        (sums[0] + sums[2]) + (sums[1] + sums[3]) + tail
+    })
 }
 
 /// Adds a multiple: `y += factor x`.
@@ -149,6 +161,14 @@ impl Work for Factorise<'_> {
             let (above, rest) = factor.split_at_mut(begin(first));
             for j in 0..first {
                 let of_j = &above[begin(j)..][..j];
+                if let Some(rows) = rest.get_mut(..begin(first + TOGETHER) - begin(first)) {
+                    let places: [usize; TOGETHER] = std::array::from_fn(|k| begin(first + k) - begin(first));
+                    let products = dots_in::<L, TOGETHER>(of_j, places.map(|place| &rows[place..]));
+                    for (place, product) in places.into_iter().zip(products) {
+                        rows[place + j] = (rows[place + j] - product) * inverse[j];
+                    }
+                    continue;
+                }
                 for i in first..end {
                     let row = &mut rest[begin(i) - begin(first)..][..=i];
                     row[j] = (row[j] - dot_in::<L>(of_j, row)) * inverse[j];

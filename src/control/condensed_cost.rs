@@ -5,7 +5,7 @@
 //! ```
 //!
 //! with `W` the outputs' weights, `D` the differences from step to step and `R` their weights. The rows of `G` that
-//! belong to one step reach equally far: up to three are taken at once, and two columns of `H`, so that an entry is
+//! belong to one step reach equally far: up to four are taken at once, and two columns of `H`, so that an entry is
 //! loaded and stored once for all of them. Rows of weight zero, of outputs that are only bounded, are left out.
 //!
 //! Where an input acts as the one before it did a step earlier, with `e` the last step's rows of `G`,
@@ -59,10 +59,9 @@ impl Work for Rows<'_> {
             let reach = (j + 1) * inputs;
             let mut i = 0;
             while i < outputs {
-                let mut rows = [Row { weight: 0.0, gain: &[], error: 0.0 }; 3];
+                let mut rows = [Row { weight: 0.0, gain: &[], error: 0.0 }; 4];
                 let mut count = 0;
-                // Three rows at once, as the car has them; what is left singly.
-                let together = if i + 3 <= outputs { 3 } else { 1 };
+                let together = (outputs - i).min(4);
                 for i in i..i + together {
                     let (row, weight) = (j * outputs + i, shape.weight(j, i));
                     if weight != 0.0 {
@@ -72,8 +71,9 @@ impl Work for Rows<'_> {
                     }
                 }
                 i += together;
-                let [a, b, c] = rows;
+                let [a, b, c, d] = rows;
                 match count {
+                    4 => add::<L, 4>(hessian, linear, [a, b, c, d]),
                     3 => add::<L, 3>(hessian, linear, [a, b, c]),
                     2 => add::<L, 2>(hessian, linear, [a, b]),
                     1 => add::<L, 1>(hessian, linear, [a]),
