@@ -1,7 +1,7 @@
 //! `rfl learn`: the whole ladder on one of our plants: drive, identify, collect, train, prove.
 //!
 //! ```text
-//! drive   the default controller on the training road; slower, as long as the vehicle is lost
+//! drive   the default controller on the training road; knowing what a lost drive shows, then slower, while it is lost
 //! identify    dead time and lag from that drive; from here on the controller begins with them
 //! collect     calmly, with dither, on the training road and on random ones: bends and speeds to come
 //! train       `rfl train`: refused unless better in closed loop on plants that explain the drives
@@ -19,7 +19,7 @@ use crate::control::{
 };
 use crate::nominal::Actuator;
 use crate::path::{Path, RandomRoad};
-use crate::residual::DataSet;
+use crate::residual::{DataSet, ShownActuator};
 use crate::simulate::{CAR_COLUMNS, DriveFor, Outcome, STATION};
 use crate::vehicle::{BUILTIN, VehicleParameters as _};
 use clap::{Args, Parser};
@@ -41,7 +41,7 @@ use std::sync::Arc;
 Written: drive.csv and collect_N.csv (logs), controller.toml (identified steering), model.rflm (only if it is better), train.json,
 learn.json. A vehicle of your own, not simulated here: docs/learning.md.
 
-Exit status: 0 done, 1 bad input, a failure, or no model that is better than the default controller.")]
+Exit status: 0 done, 1 bad input, a failure, or nothing that drives better than the default controller.")]
 pub struct LearnArgs {
     /// Car or truck: a vehicle file (TOML) or a built-in name
     #[arg(long, default_value = BUILTIN[0])]
@@ -139,16 +139,28 @@ impl<P: Commanded<S, C>, const S: usize, const C: usize> Ladder<'_, P, S, C> {
             _ => {}
         }
 
-        // Drive: as fast as the default controller stays on the road.
+        // Drive: as fast as the default controller stays on the road. A lost drive shows the steering, too: as fast again,
+        // knowing it, before slower.
         let mut slow = self.controller;
         let mut first = None;
-        for attempt in 0..TRIES {
+        let mut told = None;
+        for attempt in 0..=TRIES {
             let drive = self.drive(&slow, self.default(&slow)?, &training[0], "driving")?;
             let lost = drive.lost;
             say!("1 drive: {}", said(&drive));
+            let shown = if told.is_none() { self.shown(&drive) } else { None };
             first = Some(drive);
-            if !lost || attempt + 1 == TRIES {
+            if !lost || attempt == TRIES {
                 break;
+            }
+            if let Some(shown) = shown {
+                let Actuator { dead_time, time_constant, .. } = shown.prior.actuator;
+                say!(
+                    "  it shows a dead time of {dead_time:.3} s and a lag of {time_constant:.3} s: again, knowing them"
+                );
+                (slow.actuator.dead_time, slow.actuator.time_constant) = (dead_time, time_constant);
+                told = Some(shown);
+                continue;
             }
             slow.speed.limit *= SLOWER.0;
             slow.speed.lateral_accel *= SLOWER.1;
@@ -165,8 +177,7 @@ impl<P: Commanded<S, C>, const S: usize, const C: usize> Ladder<'_, P, S, C> {
         }
 
         // Identify.
-        let data = self.data(&[&first])?;
-        let shown = data.actuator(args.threads).filter(|shown| shown.is_shown());
+        let shown = self.shown(&first).or(told);
         let mut identified = self.controller;
         let mut values = vec![];
         if let Some(shown) = shown {
@@ -220,18 +231,20 @@ impl<P: Commanded<S, C>, const S: usize, const C: usize> Ladder<'_, P, S, C> {
 
         // Prove on the plant, at full speed.
         let mut rows = vec![];
+        let names = ["default", "identified", "learned"];
+        let count = if refused.is_none() { 3 } else { 2 };
+        let mut scores: Vec<Score> =
+            names[..count].iter().map(|&name| Score { name, failed: 0, sum: 0.0 }).collect();
         say!("{:<24} {:<11} {:>9} {:>9}  outcome", "5 prove", "", "mean mm", "max mm");
         for road in proving {
-            let mut columns = vec![
-                ("default", self.controller, self.default(&self.controller)?),
-                ("identified", identified, self.default(&identified)?),
-            ];
-            if refused.is_none() {
-                columns.push(("learned", identified, self.choose(&identified, Some(model.clone()))?));
-            }
-            for (name, controller, predicts_with) in columns {
-                let drive = self.drive(&controller, predicts_with, road, "proving")?;
+            for score in &mut scores {
+                let name = score.name;
+                let controller = if name == "default" { &self.controller } else { &identified };
+                let file = (name == "learned").then(|| model.clone());
+                let drive = self.drive(controller, self.choose(controller, file)?, road, "proving")?;
                 let tracking = drive.tracking();
+                score.failed += usize::from(drive.ending.outcome != Outcome::Completed);
+                score.sum += tracking.mae;
                 say!(
                     "{:<24} {name:<11} {:>9.2} {:>9.1}  {}",
                     road.0,
@@ -245,7 +258,12 @@ impl<P: Commanded<S, C>, const S: usize, const C: usize> Ladder<'_, P, S, C> {
                 }));
             }
         }
+        let best = scores
+            .iter()
+            .min_by(|a, b| a.order().total_cmp(&b.order()))
+            .map_or("default", |score| score.name);
         let report: Value = json!({
+            "recommended": best,
             "vehicle": args.vehicle,
             "settings": args.settings,
             "speed_of_collecting": { "limit": slow.speed.limit, "lateral_accel": slow.speed.lateral_accel },
@@ -258,18 +276,35 @@ impl<P: Commanded<S, C>, const S: usize, const C: usize> Ladder<'_, P, S, C> {
             "proof": rows,
         });
         write_json(&file("learn.json"), &report)?;
-        let with = if refused.is_none() { format!(" --residual {}", model.display()) } else { String::new() };
-        say!(
-            "next: rfl drive --vehicle {} --controller {}{with}",
-            args.vehicle,
-            file("controller.toml").display()
-        );
-        Ok(if refused.is_none() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+        let vehicle = &args.vehicle;
+        let controller = file("controller.toml");
+        match best {
+            "default" => {
+                say!(
+                    "nothing of it drives better than the default controller: rfl drive --vehicle {vehicle}"
+                );
+            }
+            "learned" => say!(
+                "next: rfl drive --vehicle {vehicle} --controller {} --residual {}",
+                controller.display(),
+                model.display()
+            ),
+            _ => {
+                if refused.is_none() {
+                    say!("the learned model drives no better than the identified steering alone");
+                }
+                say!("next: rfl drive --vehicle {vehicle} --controller {}", controller.display());
+            }
+        }
+        Ok(if best == "default" { ExitCode::FAILURE } else { ExitCode::SUCCESS })
     }
 
-    fn data(&self, drives: &[&DriveFor<C>]) -> Result<DataSet<Linear<P, S, C>, S>, Box<dyn Error>> {
-        let logs: Vec<_> = drives.iter().map(|drive| drive.to_learn_from()).collect();
-        Ok(DataSet::new(&logs, &self.controller.vehicle.nominal(), self.controller.mpc.data_config())?)
+    /// The steering actuator, as far as a drive shows it.
+    fn shown(&self, drive: &DriveFor<C>) -> Option<ShownActuator> {
+        let (vehicle, config) = (self.controller.vehicle.nominal(), self.controller.mpc.data_config());
+        // A drive that is too short to learn from shows nothing.
+        let data = DataSet::<Linear<P, S, C>, S>::new(&[drive.to_learn_from()], &vehicle, config).ok()?;
+        data.actuator(self.args.threads).filter(ShownActuator::is_shown)
     }
 
     /// What the default controller predicts with.
@@ -352,6 +387,22 @@ impl<P: Commanded<S, C>, const S: usize, const C: usize> Ladder<'_, P, S, C> {
             Command::Train(args) => train::run(&args),
             _ => Ok(()),
         }
+    }
+}
+
+/// How a controller did on the roads of the proof.
+struct Score {
+    name: &'static str,
+    /// Drives that did not reach the end.
+    failed: usize,
+    /// Of the mean errors, m.
+    sum: f64,
+}
+
+impl Score {
+    /// What is less is better: first of all to arrive.
+    fn order(&self) -> f64 {
+        1e6 * self.failed as f64 + self.sum
     }
 }
 
