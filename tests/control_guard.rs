@@ -47,7 +47,7 @@ fn missing(told: &mut Measurement, _: &Measurement, _: &Path) {
     *told = Measurement { x: nan, y: nan, yaw: nan, vx: nan, vy: nan, yaw_rate: nan, ..*told };
 }
 
-const SHORT: [(&str, Fault); 6] = [
+const FAULTS: [(&str, Fault); 6] = [
     ("yaw", |told, _, _| told.yaw += 0.2),
     ("yaw rate", |told, _, _| told.yaw_rate = 5.0),
     ("elsewhere", |told, _, _| {
@@ -58,9 +58,6 @@ const SHORT: [(&str, Fault); 6] = [
     ("missing", missing),
     ("no speed", |told, _, _| told.vx = 0.0),
 ];
-
-const LONG: [(&str, Fault); 4] =
-    [("frozen", SHORT[3].1), ("missing", missing), ("no speed", SHORT[5].1), ("yaw", SHORT[0].1)];
 
 /// What a drive with a fault was like.
 #[derive(Default)]
@@ -114,7 +111,7 @@ fn drive(limit: f64, station: f64, length: f64, fault: Fault, duration: f64, noi
 #[test]
 fn faults_of_a_fifth_of_a_second_are_bridged() {
     for limit in [10.0, 26.0] {
-        for (name, fault) in SHORT {
+        for (name, fault) in FAULTS {
             for (station, noise) in STATIONS.into_iter().zip([0.0, 2.0, 2.0, 0.0]) {
                 let outcome = drive(limit, station, 0.2, fault, 4.0, noise);
                 let what = format!("{name} at {limit} m/s, {station} m: {:.3} m", outcome.error);
@@ -131,7 +128,7 @@ fn faults_of_a_fifth_of_a_second_are_bridged() {
 #[test]
 fn faults_of_two_seconds_end_in_a_stop_on_the_road() {
     for limit in [10.0, 26.0] {
-        for (name, fault) in LONG {
+        for (name, fault) in FAULTS {
             for (station, noise) in STATIONS.into_iter().zip([0.0, 0.0, 2.0, 2.0]) {
                 let outcome = drive(limit, station, 2.0, fault, 14.0, noise);
                 let what = format!("{name} at {limit} m/s, {station} m: {:.3} m", outcome.error);

@@ -316,7 +316,11 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
             _ => self.state.steer_cmd,
         };
         let commands = [angle.unwrap_or(measurement.steer), self.state.last.accel_cmd];
-        let verdict = self.guard.judge(&mut self.state.guard, &mut seen, elapsed, commands)?;
+        let on_road = |pose: &Measurement| {
+            let at = self.path.project(pose.x, pose.y, pose.yaw, None);
+            at.e1.abs() <= FAR_E1 && at.e2.abs() <= FAR_E2
+        };
+        let verdict = self.guard.judge(&mut self.state.guard, &mut seen, elapsed, commands, on_road)?;
         if verdict == Verdict::Moved {
             self.forget();
         }

@@ -17,12 +17,13 @@
 //! | every signal inside its gate | the measurement goes on as it is, bit by bit |
 //! | a signal outside, or no number | the filter's estimate from the others stands in for it: *bridged* |
 //! | all bits as a step before, in motion | stale: all of it is bridged |
-//! | outside for `guard.bridge_time`, but a motion of its own | the host has moved the vehicle: a new start |
+//! | outside for `guard.bridge_time`, but a motion of its own, on the road or from standstill | the host has moved the vehicle: a new start |
 //! | bridged for longer than `guard.bridge_time` | braking along the road, steered by the estimate |
 //! | bridged for longer than `guard.stop_time` | the stop is completed; only a vehicle that the host moves starts anew |
 //!
 //! A motion of its own: the poses follow from the velocities, and these change no faster than tyres allow. Signals that are
-//! all zero are no motion: so a dead sensor speaks. Until some steps in a row have agreed nothing can be bridged from, and
+//! all zero are no motion: so a dead sensor speaks. Nor is a vehicle in motion found anew beside its road: that is a position
+//! that jumps, and whoever steered back from there would leave the road. Until some steps in a row have agreed nothing can be bridged from, and
 //! each measurement is a first one.
 //!
 //! Source: Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001: validation gate,
@@ -41,7 +42,7 @@ parameters! {
     /// What the controller does about measurements, and a model, that cannot be right.
     pub struct GuardParameters {
         active: usize = 1, ONE in 0.0, 1.0; "guard.active", "Whether measurements and the learned model are checked against the prediction: 1 yes, 0 no"
-        bridge_time: f64 = 0.4, SECOND in 0.0, 5.0; "guard.bridge_time", "Longest time for which prediction stands in for a missing or implausible measurement; beyond it the vehicle is braked along the road. Signals that agree among themselves for as long are a new start"
+        bridge_time: f64 = 0.4, SECOND in 0.0, 5.0; "guard.bridge_time", "Longest time for which prediction stands in for a missing or implausible measurement; beyond it the vehicle is braked along the road. Signals that agree among themselves for as long, on the road or at a standstill, are a new start"
         stop_time: f64 = 1.0, SECOND in 0.0, 60.0; "guard.stop_time", "Time without a plausible measurement after which the stop is completed even if measurements come back"
         slow_e1: f64 = 1.0, METRE in 0.1, 3.4; "guard.slow_e1", "Lateral error beyond which the vehicle slows down as long as the error grows"
     }
@@ -200,7 +201,7 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
     const JUDGED: usize = if S >= ERRORS + 2 { SIGNALS } else { ARTICULATION };
 
     /// Judges a measurement, `elapsed` seconds after the last one, with the commands that were in force since (rad, m/s2),
-    /// and puts in what stands in for the implausible.
+    /// and puts in what stands in for the implausible. `on_road` says whether a pose is one on the road.
     ///
     /// # Errors
     /// A first measurement that is not finite.
@@ -210,6 +211,7 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
         measurement: &mut Measurement,
         elapsed: f64,
         [steer, accel]: [f64; 2],
+        on_road: impl Fn(&Measurement) -> bool,
     ) -> Result<Verdict, StepError> {
         let told = signals(measurement);
         let finite = told.iter().all(|value| value.is_finite());
@@ -248,7 +250,8 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
             let there = finite && (!stale || stands);
             state.candidate = self.candidate(state.candidate, &told, there, elapsed, &state.spread);
             let age = state.candidate.map_or(0.0, |candidate| candidate.age);
-            if state.candidate.is_some() && age >= self.parameters.bridge_time - 0.5 * elapsed {
+            let goes_on = state.candidate.is_some() && age >= self.parameters.bridge_time - 0.5 * elapsed;
+            if goes_on && (!moves || on_road(measurement)) {
                 // A completed stop ends if the host has moved the vehicle, not if it is found to roll on.
                 state.stops &= moves;
                 self.begin(state, &told);
