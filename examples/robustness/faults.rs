@@ -9,6 +9,7 @@ use rfl_mpc::control::{
     RollOut,
 };
 use rfl_mpc::path::{Closure, Options, Path, Smoothing};
+use rfl_mpc::residual::ResidualModel;
 use rfl_mpc::simulate::ClosedLoop;
 use rfl_mpc::vehicle::{Car, Effects, builtin};
 use serde_json::{Value, json};
@@ -164,7 +165,8 @@ fn drive(
     Ok(driven)
 }
 
-/// Learned models that are wrong, on the road as it is, against none.
+/// Learned models that are wrong, on the road as it is, against none: up to the speed of their training, where they are asked
+/// from the beginning, and as fast as the road is.
 fn residuals(arguments: &Arguments, road: &File) -> Result<Vec<Value>, Box<dyn Error>> {
     let path = Arc::new(Path::read(road)?);
     let files = ["residual_x10", "residual_x-1", "residual_const"];
@@ -172,13 +174,23 @@ fn residuals(arguments: &Arguments, road: &File) -> Result<Vec<Value>, Box<dyn E
         files.into_iter().filter_map(|name| Some((name, shared(&format!("cases/files/{name}.rflm"))?)));
     let models: Vec<_> =
         std::iter::once(("none", None)).chain(files.map(|(name, file)| (name, Some(file)))).collect();
-    let count = models.len() * ACTUATORS.len();
+    let mut fastest = f64::INFINITY;
+    for file in models.iter().filter_map(|(_, file)| file.as_ref()) {
+        let model = ResidualModel::read(file)?;
+        let speeds = model.schema().ranges.iter().filter(|range| range.name == "vx");
+        fastest = speeds.map(|range| range.max).fold(fastest, f64::min);
+    }
+    let count = models.len() * ACTUATORS.len() * 2;
     Ok(map(arguments.threads, "models", count, |number| {
-        let ((name, file), (lag, dead_time)) =
-            (&models[number % models.len()], ACTUATORS[number / models.len()]);
+        let (name, file) = &models[number % models.len()];
+        let number = number / models.len();
+        let ((lag, dead_time), as_trained) = (ACTUATORS[number % ACTUATORS.len()], number < ACTUATORS.len());
         let of = || -> Result<Value, Box<dyn Error>> {
             let car = builtin("c_class")?;
-            let parameters = ControllerParameters::for_car(&car);
+            let mut parameters = ControllerParameters::for_car(&car);
+            if as_trained {
+                parameters.speed.limit = parameters.speed.limit.min(fastest);
+            }
             let variant = if file.is_some() { ControlVariant::None } else { ControlVariant::Adaptive };
             let choice = Choice {
                 variant,
@@ -196,7 +208,7 @@ fn residuals(arguments: &Arguments, road: &File) -> Result<Vec<Value>, Box<dyn E
             let faded =
                 drive.statuses.iter().filter(|status| **status == ControlStatus::ResidualFaded).count();
             Ok(json!({
-                "model": name, "lag": lag, "dead_time": dead_time, "max": drive.tracking().max,
+                "model": name, "lag": lag, "dead_time": dead_time, "as_trained": as_trained, "max": drive.tracking().max,
                 "mean": drive.tracking().mae, "outcome": drive.ending.outcome.name(),
                 "noticed_at": noticed.map(|step| step as f64 * STEP),
                 "faded_share": faded as f64 / drive.statuses.len().max(1) as f64,

@@ -62,6 +62,9 @@ pub struct NominalWithResidual<V, const S: usize> {
     outside: f64,
     /// Share of the residual that it was made with.
     share: f64,
+    /// Whether its first step was the model's for the greater part: what is said far outside the training speaks neither for
+    /// nor against it.
+    within: bool,
 }
 
 impl<V: LateralVehicle<S>, const S: usize> NominalWithResidual<V, S> {
@@ -77,6 +80,7 @@ impl<V: LateralVehicle<S>, const S: usize> NominalWithResidual<V, S> {
             model: None,
             outside: 0.0,
             share: 0.0,
+            within: false,
         })
     }
 
@@ -107,7 +111,8 @@ impl<V: LateralVehicle<S>, const S: usize> NominalWithResidual<V, S> {
             let vehicle = self.nominal.at(input.ahead.speed).ok()?;
             Some(input.actuator?.discretise(&vehicle, self.nominal.sample_time))
         };
-        self.outside = learned.roll_out(model, actuated, input, previous, preview, &mut self.affine);
+        (self.outside, self.within) =
+            learned.roll_out(model, actuated, input, previous, preview, &mut self.affine);
     }
 
     /// The state to be reached: that of steady cornering, by the corrected model where there is a correction.
@@ -179,7 +184,7 @@ impl<V: LateralVehicle<S>, const S: usize> Variant<S> for NominalWithResidual<V,
         past: &[f64],
         steer: f64,
     ) -> Option<[SVector<f64, S>; 2]> {
-        self.learned.as_ref().filter(|_| self.share > 0.0)?;
+        self.learned.as_ref().filter(|_| self.share > 0.0 && self.within)?;
         let model = self.model.as_ref()?;
         let nominal = model.a * state + model.b * steer + self.affine.known[0];
         let used = self.next_state(state, past, steer)?.state;
@@ -224,7 +229,7 @@ impl<V: LateralVehicle<S>, const S: usize> Learned<V, S> {
     }
 
     /// Predicts the states of the horizon under the last plan and asks the residual at each of them. Gives the share
-    /// of steps at which it was asked outside its training. `actuated` is the model behind the actuator, if there is one.
+    /// of steps at which it was asked outside its training, and whether the first was mostly inside. `actuated` is the model behind the actuator, if there is one.
     fn roll_out(
         &mut self,
         model: &DiscreteErrorModel<S>,
@@ -233,7 +238,7 @@ impl<V: LateralVehicle<S>, const S: usize> Learned<V, S> {
         previous: f64,
         preview: &Preview,
         affine: &mut Affine<SVector<f64, S>>,
-    ) -> f64 {
+    ) -> (f64, bool) {
         let window = self.window();
         let horizon = affine.known.len();
         // A step later a row has the commands that it had, and the newest behind them.
@@ -255,7 +260,7 @@ impl<V: LateralVehicle<S>, const S: usize> Learned<V, S> {
         let measured = &measured[measured.len() - window..];
         let mut state = measured.last().copied().unwrap_or_else(SVector::zeros);
         self.rows.set_states(0, measured.iter().map(|state| &state.data.0[0]));
-        let mut outside = 0.0;
+        let (mut outside, mut within) = (0.0, true);
         for j in 0..horizon {
             let row = self.residual.model.row(&mut self.rows, j, &preview.road[j]);
             // Outside its training the residual fades: half a range's width further there is the actuator alone.
@@ -270,6 +275,7 @@ impl<V: LateralVehicle<S>, const S: usize> Learned<V, S> {
                     }
                 }
                 outside += 1.0;
+                within &= j > 0 || trust >= 0.5;
             }
             let fades = trust < 1.0;
             let trust = trust * input.residual_share;
@@ -326,7 +332,7 @@ impl<V: LateralVehicle<S>, const S: usize> Learned<V, S> {
             }
             self.rows.set_state(j + window, &state.data.0[0]);
         }
-        outside / horizon as f64
+        (outside / horizon as f64, within)
     }
 }
 
