@@ -182,7 +182,7 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> Setup<P, S, C> {
             None => course.path()?,
         });
         for note in path.notes() {
-            eprintln!("note: {note}");
+            eprintln!("{}: {note}", if note.warning { "warning" } else { "note" });
         }
         let vehicle: P::Parameters = vehicle_named(vehicle)?;
         let controller = P::controller(&vehicle);

@@ -175,7 +175,7 @@ impl Findings {
             row(class.name(), format!("{length:.0} m"));
         }
         for note in path.notes() {
-            row("note", note.clone());
+            row(if note.warning { "warning" } else { "note" }, note.text.clone());
         }
         lines.join("\n") + "\n"
     }
@@ -199,7 +199,7 @@ impl Findings {
             "grade": [self.grade.0, self.grade.1],
             "friction": [self.friction.0, self.friction.1],
             "classes": classes,
-            "notes": path.notes(),
+            "notes": path.notes().iter().map(|note| &note.text).collect::<Vec<_>>(),
         });
         format!("{report:#}\n")
     }

@@ -48,6 +48,8 @@ mod banded;
 mod check;
 mod error;
 mod grid;
+mod noise;
+mod note;
 mod pen;
 mod project;
 mod quadrature;
@@ -64,6 +66,7 @@ mod truck_course;
 mod write;
 
 pub use error::{PathError, Place};
+pub use note::Note;
 pub use project::{Projection, Where};
 pub use random::RandomRoad;
 pub use sample::{Closure, Options, RoadClass, Sample, Smoothing};
@@ -71,6 +74,7 @@ pub use segment::{Course, Pose, Rough, Segment};
 pub use speed::{SpeedLimits, SpeedPlan};
 pub use write::{to_csv, write_csv};
 
+use crate::table::{self, TableError};
 use grid::{Cell, Grid, yaw_at};
 use speed::SharedPlans;
 use spline::evaluate;
@@ -95,7 +99,7 @@ pub struct Path {
     friction: Channel,
     speed: Channel,
     classes: Vec<Option<RoadClass>>,
-    notes: Vec<String>,
+    notes: Vec<Note>,
     plans: SharedPlans,
 }
 
@@ -170,9 +174,11 @@ impl Path {
     /// # Errors
     /// As [`Path::read`].
     pub fn read_with(file: &std::path::Path, options: &Options) -> Result<Self, PathError> {
-        let bytes =
-            std::fs::read(file).map_err(|source| PathError::Io { file: file.to_path_buf(), source })?;
-        Self::from_csv(&bytes, file, options)
+        let opened = table::open(file, read::LIMITS).map_err(|error| match error {
+            TableError::Io(source) => PathError::Io { file: file.to_path_buf(), source },
+            source => PathError::Table { place: Place::default(), source }.in_file(file, &[]),
+        })?;
+        Self::from_table(opened, file, options)
     }
 
     /// A path from the bytes of a CSV file; `name` stands for the file in messages.
@@ -180,9 +186,19 @@ impl Path {
     /// # Errors
     /// As [`Path::read`].
     pub fn from_csv(bytes: &[u8], name: &std::path::Path, options: &Options) -> Result<Self, PathError> {
-        let table = read::parse(bytes).map_err(|error| error.in_file(name, &[]))?;
-        let road = check::check(table.samples, options, table.accuracy)
+        Self::from_table(bytes, name, options)
+    }
+
+    fn from_table(
+        reader: impl std::io::Read,
+        name: &std::path::Path,
+        options: &Options,
+    ) -> Result<Self, PathError> {
+        let mut table = read::parse(reader).map_err(|error| error.in_file(name, &[]))?;
+        let mut road = check::check(table.samples, options, table.accuracy)
             .map_err(|error| error.in_file(name, &table.lines))?;
+        table.notes.append(&mut road.notes);
+        road.notes = table.notes;
         Ok(Self::from_road(road))
     }
 
@@ -245,7 +261,7 @@ impl Path {
 
     /// What a user should know about the road: points dropped, columns not used, what was assumed.
     #[must_use]
-    pub fn notes(&self) -> &[String] {
+    pub fn notes(&self) -> &[Note] {
         &self.notes
     }
 
