@@ -207,7 +207,7 @@ fn other_units_are_suspected() {
     for (column, value) in
         [("bank", "3.5"), ("grade", "-5"), ("speed", "-1"), ("curvature", "25"), ("friction", "85")]
     {
-        let (error, message) = refuse(&with_column(column, &["0", value, "0"]));
+        let (error, message) = refuse(&with_column(column, &["0.5", value, "0.5"]));
         assert!(matches!(error, PathError::OutOfRange { .. }), "{message}");
         has(&message, &["line 3", column, value]);
     }

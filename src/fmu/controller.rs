@@ -420,6 +420,9 @@ impl<U: ControllerUnit<S>, const S: usize> Model for ControllerFmu<U, S> {
             let severity = if note.warning { Severity::Warning } else { Severity::Info };
             log.log(severity, "path", &format!("{}: {note}", file.display()));
         }
+        if let Some(warning) = parameters.too_tight::<S>(&path) {
+            log.log(Severity::Warning, "path", &format!("{}: {warning}", file.display()));
+        }
         let (variant, model) =
             chosen(v, values, context, variant_of_file).prediction_model(&parameters).map_err(failed)?;
         let controller = ControllerFor::predicting_with(parameters, Arc::new(path), model).map_err(failed)?;

@@ -294,6 +294,49 @@ impl Path {
         point
     }
 
+    /// Points of the path about `step` m apart, with heading, curvature and whatever its file gave: read again, they are
+    /// the same road. A closed path's first point does not stand again at its end.
+    #[must_use]
+    pub fn samples(&self, step: f64) -> Vec<Sample> {
+        let count = (self.length / step.max(1e-3)).ceil().clamp(4.0, read::LIMITS.rows as f64 - 1.0) as usize;
+        let last = if self.periodic { count - 1 } else { count };
+        let given = |channel: &Channel, value: f64| (!channel.nodes.is_empty()).then_some(value);
+        (0..=last)
+            .map(|i| {
+                let point = self.at(self.length * i as f64 / count as f64);
+                Sample {
+                    x: point.x,
+                    y: point.y,
+                    yaw: Some(point.yaw),
+                    curvature: Some(point.curvature),
+                    speed: point.speed,
+                    bank: given(&self.bank, point.bank),
+                    grade: given(&self.grade, point.grade),
+                    friction: given(&self.friction, point.friction),
+                    class: point.class,
+                }
+            })
+            .collect()
+    }
+
+    /// The bend that is tighter than all others: station and radius, m; and the length, m, of road with less than
+    /// `radius`. `None` if there is no such road.
+    #[must_use]
+    pub fn tighter_than(&self, radius: f64) -> Option<(f64, f64, f64)> {
+        let count = (4.0 * self.length).ceil().clamp(1.0, 4e6) as usize;
+        let step = self.length / count as f64;
+        let bends =
+            (0..=count).map(|i| i as f64 * step).map(|station| (station, self.curvature(station).abs()));
+        let (mut tightest, mut length) = ((0.0, 1.0 / radius), 0.0);
+        for (station, curvature) in bends.filter(|(_, curvature)| curvature * radius > 1.0) {
+            length += step;
+            if curvature > tightest.1 {
+                tightest = (station, curvature);
+            }
+        }
+        (length > 0.0).then(|| (tightest.0, 1.0 / tightest.1, length))
+    }
+
     /// Curvature at a station in 1/m, positive in left turns; 0 beyond the ends of an open path.
     #[must_use]
     #[inline]

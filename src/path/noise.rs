@@ -29,8 +29,9 @@ const HALF: (usize, usize) = (3, 48);
 const LONG: f64 = 12.0;
 /// Noise is of no account below this curvature error in 1/m ...
 const CURVATURE: f64 = 0.005;
-/// ... and where fewer than this share of neighbours change their sign.
-const CHANGES: f64 = 0.5;
+/// ... and where fewer than this share of neighbours change their sign: of noise, half do in a long window, more in a
+/// short one.
+const CHANGES: f64 = 0.4;
 /// Fewest points to tell noise by.
 const POINTS: usize = 30;
 
@@ -59,20 +60,30 @@ impl Noise {
         None
     }
 
-    /// Means of neighbours, one for each point: where along the road it is, free of most of the noise.
+    /// Means of neighbours, one for each point: where along the road it is, free of most of the noise. The ends of an
+    /// open road, which have neighbours on one side, are continued straight.
     pub fn means(&self, points: &[Vector], periodic: bool) -> Vec<Vector> {
         let n = points.len();
-        (0..n)
-            .map(|i| {
-                // At the ends of an open road the window narrows, and stays even.
-                let half =
-                    if periodic { self.half.min((n - 1) / 2) } else { self.half.min(i).min(n - 1 - i) };
-                let window = (i + n - half..=i + n + half).map(|k| points[k % n]);
-                window
-                    .fold([0.0; 2], |sum, p| [sum[0] + p[0], sum[1] + p[1]])
-                    .map(|sum| sum / (2 * half + 1) as f64)
-            })
-            .collect()
+        let half = self.half.min((n - 1) / 4);
+        let mean = |i: usize| {
+            let window = (i + n - half..=i + n + half).map(|k| points[k % n]);
+            window
+                .fold([0.0; 2], |sum, p| [sum[0] + p[0], sum[1] + p[1]])
+                .map(|sum| sum / (2 * half + 1) as f64)
+        };
+        let mut means: Vec<Vector> = (0..n).map(mean).collect();
+        if periodic || half == 0 {
+            return means;
+        }
+        for (end, inward) in [(half, 2 * half), (n - 1 - half, n - 1 - 2 * half)] {
+            let (at, next) = (means[end], means[inward]);
+            for step in 1..=half {
+                let share = step as f64 / half as f64;
+                let i = if end < inward { end - step } else { end + step };
+                means[i] = [0, 1].map(|c| at[c] + share * (at[c] - next[c]));
+            }
+        }
+        means
     }
 
     /// Every so many of [`means`](Self::means) are apart against the noise: they tell the road's direction.

@@ -48,8 +48,11 @@ pub(super) fn find(lines: &[String], known: &dyn Fn(&str) -> bool) -> Head {
     let width = width(&rows);
     let data =
         rows.iter().position(|row| !row.comment && is_data(row, width, delimiter)).unwrap_or(rows.len());
+    // Without numbers there is no block before them.
     let (before, _) = rows.split_at(data);
-    let Some(names) = names_row(before, known, width).or_else(|| rows.iter().position(|row| !row.comment))
+    let guess = data < rows.len();
+    let Some(names) =
+        names_row(before, known, width, guess).or_else(|| rows.iter().position(|row| !row.comment))
     else {
         return Head { delimiter, decimal, header: Header::default(), body: lines.len() };
     };
@@ -78,14 +81,14 @@ fn most_numbers(lines: &[String]) -> u8 {
             let comment = text::comment(line);
             let row = split(comment.unwrap_or(line), delimiter);
             if row.len() < 2 {
-                // One field of a comma's row is text, or a number with a decimal comma.
-                numbers -= i64::from(delimiter != b',' && !line.is_empty());
                 continue;
             }
             fields += row.len() as i64;
-            if comment.is_none() {
-                let filled = row.iter().filter(|field| !field.is_empty());
-                numbers += filled.map(|field| if is_value(field, delimiter) { 1 } else { -1 }).sum::<i64>();
+            // Rows without any number are names, or a block before them.
+            let filled = row.iter().filter(|field| !field.is_empty()).count() as i64;
+            let values = row.iter().filter(|field| is_value(field, delimiter)).count() as i64;
+            if comment.is_none() && values > 0 {
+                numbers += 2 * values - filled;
             }
         }
         (numbers, fields)
@@ -159,7 +162,7 @@ fn is_data(row: &Line, width: usize, delimiter: u8) -> bool {
 
 /// The row of names among those before the numbers: the one with most known names, the last before the numbers where
 /// none is known, and a comment only where it knows two and no row knows one.
-fn names_row(before: &[Line], known: &dyn Fn(&str) -> bool, width: usize) -> Option<usize> {
+fn names_row(before: &[Line], known: &dyn Fn(&str) -> bool, width: usize, guess: bool) -> Option<usize> {
     let count = |row: &Line| row.fields.iter().filter(|name| known(split_unit(name).0)).count();
     let best = |comment: bool| {
         let rows = before.iter().enumerate().filter(|(_, row)| row.comment == comment);
@@ -172,6 +175,9 @@ fn names_row(before: &[Line], known: &dyn Fn(&str) -> bool, width: usize) -> Opt
     }
     if let Some((2.., index)) = comment {
         return Some(index);
+    }
+    if !guess {
+        return None;
     }
     let rows: Vec<usize> = (0..before.len()).filter(|&row| !before[row].comment).collect();
     let wide = |&&row: &&usize| before[row].fields.len() >= width.min(2);
