@@ -33,6 +33,8 @@ pub(super) struct Road {
     pub origin: Vector,
 }
 
+/// Noise that is measured a little too small would be driven: the tolerance is this much more.
+const ENOUGH: f64 = 1.03;
 /// Tightest bend of a road that noise leaves drivable in m.
 const TIGHTEST: f64 = 2.0;
 
@@ -166,7 +168,7 @@ fn drawn(
         // Unless the file's own accuracy is about that of its points.
         Some(noise) if !matches!(options.smoothing, Smoothing::Within(_)) => match tolerance {
             Some(known) if noise.rms() < 1.5 * known => (tolerance, why),
-            _ => (Some(noise.rms()), ", their measured noise"),
+            _ => (Some(ENOUGH * noise.rms()), ", their measured noise"),
         },
         _ => (tolerance, why),
     };

@@ -123,8 +123,16 @@ impl Residuals {
 
     fn scale(&self) -> Option<f64> {
         let mut sizes: Vec<f64> = self.values.iter().map(|value| value.abs()).collect();
-        // Of a normal distribution, half lie within 0.6745 standard deviations.
-        (sizes.len() >= POINTS / 2).then(|| median(&mut sizes) / 0.6745)
+        if sizes.len() < POINTS / 2 {
+            return None;
+        }
+        // Of a normal distribution, half lie within 0.6745 standard deviations, and those within 3 have an RMS of
+        // 0.9866: a better estimate than the median, as blind to corners.
+        let bound = 3.0 * median(&mut sizes) / 0.6745;
+        let within = &sizes[..sizes.partition_point(|size| *size <= bound)];
+        Some(
+            (within.iter().map(|size| size * size).sum::<f64>() / within.len().max(1) as f64).sqrt() / 0.9866,
+        )
     }
 
     fn changes(&self) -> f64 {
