@@ -25,6 +25,7 @@
 //! | [`signal`] | the vocabulary: names, units, meanings |
 //! | [`parameter`] | numeric parameters: declared once, with unit and range |
 //! | [`enumeration`] | named values: declared once |
+//! | [`table`] | tables from text files, however they are written |
 //! | [`path`] | reference paths: splines, projection, readers, speed plan, the Sudoku course |
 //! | [`vehicle`] | the plants: parameters, tyres, steering chain, effects, the two-track car |
 //! | [`nominal`] | prediction models: linear and nonlinear single track, discretisation |
@@ -51,4 +52,5 @@ pub mod path;
 pub mod residual;
 pub mod signal;
 pub mod simulate;
+pub mod table;
 pub mod vehicle;

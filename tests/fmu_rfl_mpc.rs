@@ -49,6 +49,7 @@ of_each_controller! {
     a_truncated_state_is_refused_and_changes_nothing
     the_controller_s_file_wins_over_the_vehicle_s_and_the_host_over_both
     files_that_cannot_be_used_are_named_with_a_remedy
+    only_what_a_user_should_act_on_is_a_warning_of_the_road
     a_variant_without_its_model_says_what_is_missing_and_how_to_make_it
     the_known_actuator_is_a_variant
     measurements_that_are_no_numbers_change_nothing_at_first_and_are_bridged_later
@@ -123,6 +124,25 @@ impl<M: Controller> Unit<M> {
             .filter(|&vr| vr != clock)
             .map(|vr| self.values.get(vr).unwrap().clone())
             .collect()
+    }
+}
+
+/// Two hosts stop where initialising ends with a warning.
+fn only_what_a_user_should_act_on_is_a_warning_of_the_road<M: Controller>() {
+    let folder = tempfile::tempdir().unwrap();
+    let doubled: String = (0..100).map(|i| format!("{},0\n", i.min(98))).collect();
+    let corner: String = (0..200).map(|i| format!("{},{}\n", i.min(100), (i - 100).max(0))).collect();
+    for (rows, severity, word) in [
+        (doubled, Severity::Info, "1 point(s) dropped"),
+        (corner, Severity::Warning, "tighter than the vehicle turns"),
+    ] {
+        let file = folder.path().join("road.csv");
+        std::fs::write(&file, format!("x,y\n{rows}")).unwrap();
+        let mut unit = Unit::<M>::new();
+        unit.set("path_file", Value::String(file.to_string_lossy().into_owned()));
+        unit.initialize().unwrap();
+        let found = unit.log.0.iter().filter(|message| message.1.contains(word)).collect::<Vec<_>>();
+        assert!(matches!(found[..], [(found, _)] if *found == severity), "{:?}", unit.log.0);
     }
 }
 

@@ -54,6 +54,25 @@ fn path_reports_a_road_as_text_and_as_json() {
 }
 
 #[test]
+fn path_writes_the_road_that_is_driven() {
+    let folder = tempfile::tempdir().unwrap();
+    let rows: String =
+        (0..200).map(|i| format!("{i};{}\n", if i % 2 == 0 { "0,05" } else { "-0,05" })).collect();
+    std::fs::write(folder.path().join("noisy.csv"), format!("x;y\n{rows}")).unwrap();
+    let output = rfl(folder.path(), &["path", "noisy.csv", "--write", "smooth.csv"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    assert!(text(&output.stdout).contains("measured noise"), "{}", text(&output.stdout));
+    let output = rfl(folder.path(), &["path", "smooth.csv", "--json"]);
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!((report["length"].as_f64().unwrap() - 199.0).abs() < 0.1, "{report}");
+    assert!(report["least_radius"].as_f64().is_none_or(|radius| radius > 500.0), "{report}");
+    assert!(report["notes"].as_array().unwrap().is_empty(), "{report}");
+    // A tolerance that is given counts more than the measure.
+    let output = rfl(folder.path(), &["path", "noisy.csv", "--smooth", "0.06"]);
+    assert!(text(&output.stdout).contains("smoothed: 60.0 mm RMS"), "{}", text(&output.stdout));
+}
+
+#[test]
 fn bad_input_is_status_1_and_bad_usage_status_2() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("bad.csv"), "x,y\n0,0\n1,nan\n").unwrap();

@@ -119,7 +119,7 @@ fn a_clothoid_with_heading_and_curvature_has_its_curvature_exactly() {
         closed: false,
     };
     let path = Path::from_samples(road.samples(1.0), Closure::Open).unwrap();
-    assert_eq!(path.notes(), [""; 0], "the columns were not used");
+    assert!(path.notes().is_empty(), "the columns were not used");
     for i in 0..380 {
         let s = 0.1 * f64::from(i);
         let (pose, curvature) = road.at(s);
@@ -143,7 +143,7 @@ fn heading_and_curvature_that_contradict_the_points_are_not_used_and_it_is_said(
     }
     let path = Path::from_samples(samples, Closure::Closed).unwrap();
     assert!((path.curvature(7.0) - 1.0 / 30.0).abs() < 1e-4);
-    assert!(path.notes()[0].contains("disagree"), "{:?}", path.notes());
+    assert!(path.notes()[0].text.contains("disagree"), "{:?}", path.notes());
 }
 
 #[test]

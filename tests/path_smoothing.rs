@@ -86,7 +86,7 @@ fn rounding_to_millimetres_is_smoothed_away() {
     let (raw, _) = error(&Options { smoothing: Smoothing::None, ..Options::default() });
     println!("{smoothed:.6} {raw:.6} {notes:?}");
     assert!(smoothed < 4e-4 && raw > 3.0 * smoothed, "{smoothed} {raw}");
-    assert!(notes.iter().any(|note| note.contains("rounding")), "{notes:?}");
+    assert!(notes.iter().any(|note| note.text.contains("rounding")), "{notes:?}");
 }
 
 #[test]
@@ -104,7 +104,7 @@ fn a_vehicle_at_rest_in_the_log_does_no_harm() {
     assert!((path.length() - 199.0).abs() < 0.5, "{}", path.length());
     let worst = (0..790).fold(0.0f64, |worst, i| worst.max(path.curvature(f64::from(i) * 0.25).abs()));
     assert!(worst < 0.005, "{worst}");
-    assert!(path.notes().iter().any(|note| note.contains("dropped")), "{:?}", path.notes());
+    assert!(path.notes().iter().any(|note| note.text.contains("dropped")), "{:?}", path.notes());
 }
 
 #[test]

@@ -13,7 +13,7 @@ use crate::control::{
 };
 use crate::parameter::{NoValue, Parameter};
 use crate::path::sudoku::Route;
-use crate::path::{Path, RoadClass};
+use crate::path::{Options, Path, RoadClass, Smoothing};
 use crate::simulate::{
     ClosedLoopFor, DriveFor, LaneLimits, Outcome, Place, STATION, SimulatedVehicle, StepTimes, TIME,
 };
@@ -32,6 +32,9 @@ pub struct DriveArgs {
     /// Road to follow: a CSV file with columns x, y [default: the vehicle's test route]
     #[arg(long)]
     path: Option<PathBuf>,
+    /// How far the path may leave the road's noisy points, RMS in m [default: as accurate as the file is, or its measured noise]
+    #[arg(long, value_name = "METRES", requires = "path")]
+    smooth: Option<f64>,
     /// Car or truck: a vehicle file (TOML) or a built-in name
     #[arg(long, default_value = BUILTIN[0])]
     vehicle: String,
@@ -181,8 +184,13 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> Setup<P, S, C> {
             Some(file) => Path::read(file)?,
             None => course.path()?,
         });
+        Self::on(path, vehicle, settings)
+    }
+
+    /// As [`new`](Self::new), on a road that is read already.
+    pub fn on(path: Arc<Path>, vehicle: &str, settings: &[String]) -> Result<Self, Box<dyn Error>> {
         for note in path.notes() {
-            eprintln!("note: {note}");
+            eprintln!("{}: {note}", if note.warning { "warning" } else { "note" });
         }
         let vehicle: P::Parameters = vehicle_named(vehicle)?;
         let controller = P::controller(&vehicle);
@@ -267,7 +275,13 @@ pub fn run(args: &DriveArgs) -> Result<ExitCode, Box<dyn Error>> {
 fn drive<P: Commanded<S, C>, const S: usize, const C: usize>(
     args: &DriveArgs,
 ) -> Result<ExitCode, Box<dyn Error>> {
-    let mut setup = Setup::<P, S, C>::new(args.path.as_deref(), P::TEST, &args.vehicle, &[])?;
+    let mut setup = match (&args.path, args.smooth) {
+        (Some(file), Some(within)) => {
+            let options = Options { smoothing: Smoothing::Within(within), ..Options::default() };
+            Setup::<P, S, C>::on(Arc::new(Path::read_with(file, &options)?), &args.vehicle, &[])?
+        }
+        (file, _) => Setup::<P, S, C>::new(file.as_deref(), P::TEST, &args.vehicle, &[])?,
+    };
     let mut model = args.model.clone();
     if let Some(file) = &args.controller {
         let read = ControllerFile::read(file)?;
@@ -275,6 +289,9 @@ fn drive<P: Commanded<S, C>, const S: usize, const C: usize>(
         model.prefer(read.variant);
     }
     args.settings.iter().try_for_each(|text| setup.apply(text))?;
+    if let Some(warning) = setup.controller.too_tight::<S>(&setup.path) {
+        eprintln!("warning: {warning}");
+    }
     let (variant, model) = model.choose(&setup.controller)?;
     let sample_time = setup.controller.mpc.sample_time;
     let bar = progress_bar("driving", setup.path.length(), args.quiet);

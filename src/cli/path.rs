@@ -1,6 +1,6 @@
 //! `rfl path`: what a road is like, before anything is driven on it.
 
-use crate::path::{Closure, Options, Path, RoadClass, Smoothing, SpeedLimits, SpeedPlan};
+use crate::path::{Closure, Options, Path, RoadClass, Smoothing, SpeedLimits, SpeedPlan, write_csv};
 use clap::Args;
 use serde_json::{Value, json};
 use std::error::Error;
@@ -13,10 +13,13 @@ use std::path::PathBuf;
   rfl path paths/sudoku_test.csv
   rfl path track.csv --closed            the last point leads to the first
   rfl path gps_lap.csv --smooth 0.02     measured points with 2 cm of noise
+  rfl path gps_lap.csv --write smooth.csv    the road that is driven, to look at and to drive
   rfl path road.csv --json | jq .least_radius
 
 A road is a CSV file with columns x and y (m) and, optional, yaw, curvature, speed, bank, grade, friction, class, s;
-or a file of the racetrack-database (x_m,y_m,w_tr_right_m,w_tr_left_m).")]
+or a file of the racetrack-database (x_m,y_m,w_tr_right_m,w_tr_left_m); or a racing line (s_m; x_m; y_m; ...; vx_mps).
+Commas, semicolons (with decimal commas, too) or tabs; names such as east, north, speed_kmh, bank [deg] are known.
+Noise of the points is measured, and smoothed if it would be driven.")]
 pub struct PathArgs {
     /// The road's file
     file: PathBuf,
@@ -26,9 +29,12 @@ pub struct PathArgs {
     /// The road ends at its last point
     #[arg(long)]
     open: bool,
-    /// How far the path may leave noisy points, RMS in m [default: as accurate as the file is]
+    /// How far the path may leave noisy points, RMS in m [default: as accurate as the file is, or its measured noise]
     #[arg(long, value_name = "METRES")]
     smooth: Option<f64>,
+    /// File for the road that is driven: smooth, with heading and curvature (CSV)
+    #[arg(long, value_name = "FILE")]
+    write: Option<PathBuf>,
     /// Lateral acceleration of the speed plan in m/s2
     #[arg(long, value_name = "M_PER_S2", default_value_t = SpeedLimits::default().lateral_accel)]
     lateral_accel: f64,
@@ -42,6 +48,9 @@ pub struct PathArgs {
 
 /// Step between the stations looked at in m.
 const LOOK: f64 = 0.25;
+
+/// Step between the points that are written in m.
+const WRITTEN: f64 = 0.5;
 
 /// What a road is like.
 struct Findings {
@@ -82,6 +91,9 @@ pub fn run(args: &PathArgs) -> Result<(), Box<dyn Error>> {
         SpeedLimits { lateral_accel: args.lateral_accel, speed: args.speed, ..SpeedLimits::default() };
     let findings = look(&path, &limits);
     let text = if args.json { findings.json(args, &path) } else { findings.text(args, &path) };
+    if let Some(file) = &args.write {
+        write_csv(file, &path.samples(WRITTEN))?;
+    }
     std::io::stdout().write_all(text.as_bytes())?;
     Ok(())
 }
@@ -175,7 +187,7 @@ impl Findings {
             row(class.name(), format!("{length:.0} m"));
         }
         for note in path.notes() {
-            row("note", note.clone());
+            row(if note.warning { "warning" } else { "note" }, note.text.clone());
         }
         lines.join("\n") + "\n"
     }
@@ -199,7 +211,7 @@ impl Findings {
             "grade": [self.grade.0, self.grade.1],
             "friction": [self.friction.0, self.friction.1],
             "classes": classes,
-            "notes": path.notes(),
+            "notes": path.notes().iter().map(|note| &note.text).collect::<Vec<_>>(),
         });
         format!("{report:#}\n")
     }

@@ -5,9 +5,10 @@ use super::longitudinal::LongitudinalParameters;
 use super::observer::ObserverParameters;
 use super::vehicle::VehicleParameters;
 use crate::enumeration;
-use crate::nominal::{Actuator, DeadTimeModel};
+use crate::nominal::{Actuator, DeadTimeModel, LateralVehicle};
 use crate::parameter::{OutOfRange, Parameter, ParameterGroup};
 use crate::parameters;
+use crate::path::Path;
 use crate::residual::DataConfig;
 use crate::vehicle::{CarParameters, SingleTrack, Steering};
 
@@ -158,6 +159,29 @@ impl<G> ControllerParametersFor<G> {
             GuardParameters::table(),
         ];
         tables.into_iter().flatten().find(|parameter| parameter.name == name)
+    }
+
+    /// Radius, m, of the tightest circle that the steering allows: `wheelbase / tan(mpc.steer_max)`, of the rear axle, without slip.
+    #[must_use]
+    pub fn turning_radius<const S: usize>(&self) -> f64
+    where
+        G: VehicleParameters<S>,
+    {
+        self.vehicle.nominal().wheelbase() / self.mpc.steer_max.tan()
+    }
+
+    /// A warning, if a road bends more tightly than the vehicle can turn.
+    #[must_use]
+    pub fn too_tight<const S: usize>(&self, road: &Path) -> Option<String>
+    where
+        G: VehicleParameters<S>,
+    {
+        let circle = self.turning_radius::<S>();
+        let (station, radius, length) = road.tighter_than(circle)?;
+        Some(format!(
+            "the road has {radius:.2} m radius at station {station:.1} m, and {length:.1} m of it are tighter than the \
+             vehicle turns ({circle:.2} m: its wheelbase over tan of mpc.steer_max): it will leave the road there"
+        ))
     }
 
     /// Checks all values against their ranges.

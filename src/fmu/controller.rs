@@ -416,7 +416,12 @@ impl<U: ControllerUnit<S>, const S: usize> Model for ControllerFmu<U, S> {
             ))
         })?;
         for note in path.notes() {
-            log.log(Severity::Warning, "path", &format!("{}: {note}", file.display()));
+            // Hosts stop at a warning: what was repaired is none.
+            let severity = if note.warning { Severity::Warning } else { Severity::Info };
+            log.log(severity, "path", &format!("{}: {note}", file.display()));
+        }
+        if let Some(warning) = parameters.too_tight::<S>(&path) {
+            log.log(Severity::Warning, "path", &format!("{}: {warning}", file.display()));
         }
         let (variant, model) =
             chosen(v, values, context, variant_of_file).prediction_model(&parameters).map_err(failed)?;

@@ -1,6 +1,13 @@
-//! A drive log's columns from a CSV file.
+//! A drive log's columns from a table.
+//!
+//! | input | output |
+//! |---|---|
+//! | names of the vocabulary, `name [unit]`, a row of units | signals, in our units |
+//! | dates of ISO 8601 in column `time` | seconds since the whole second of the first one |
+//! | an empty field | NaN: a gap |
 
 use crate::signal;
+use crate::table::{self, Limits, Table, TableError, time};
 use std::path::{Path, PathBuf};
 
 /// Why a log cannot be used.
@@ -9,8 +16,12 @@ use std::path::{Path, PathBuf};
 pub enum LogError {
     #[error("{}: {source}; check the name and the permission", file.display())]
     Open { file: PathBuf, source: std::io::Error },
-    #[error("{}: {source}; a drive log is a CSV file with a header, commas and the same number of columns in each line", file.display())]
-    Csv { file: PathBuf, source: csv::Error },
+    #[error("{}: {source}", file.display())]
+    Table { file: PathBuf, source: TableError },
+    #[error("{}, line {line}: {found} values for {expected} columns; a drive log has the same number of columns in each line", file.display())]
+    RowLength { file: PathBuf, line: u64, found: usize, expected: usize },
+    #[error("{}, line {line}, column {column}: the unit '{unit}' is unknown; give the column in {ours}", file.display())]
+    Unit { file: PathBuf, line: u64, column: &'static str, unit: String, ours: &'static str },
     #[error("{}: this build reads no compressed files (feature `cli`); unpack it first", file.display())]
     Compressed { file: PathBuf },
     #[error("{}: no column is a signal of a drive log: the header is `{header}`; give columns such as time, steer_cmd, vx", file.display())]
@@ -59,29 +70,30 @@ fn lacking(pose: &[&str]) -> String {
 pub struct DriveLog {
     /// Where it was read from.
     pub file: PathBuf,
+    /// What was converted: units that the file gives, dates. For whoever shows findings.
+    pub notes: Vec<String>,
     columns: Vec<(&'static str, Vec<f64>)>,
 }
 
+/// A column that is read: its place in the file, and the factor of its unit.
+struct Column {
+    place: usize,
+    factor: f64,
+}
+
 impl DriveLog {
-    /// Reads a log, compressed if its name ends in `.gz`. An empty field is not a number: a gap, which whoever uses the log leaves out.
+    /// Reads a log, packed or not, however its table is written ([`crate::table`]). An empty field is not a number: a gap,
+    /// which whoever uses the log leaves out.
     ///
     /// # Errors
     /// What is wrong, with file, line and column.
     pub fn read(file: &Path) -> Result<Self, LogError> {
-        let opened = std::fs::File::open(file);
-        let opened = opened.map_err(|source| LogError::Open { file: file.to_owned(), source })?;
-        let compressed = file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("gz"));
-        if compressed { Self::from_compressed(opened, file) } else { Self::from_reader(opened, file) }
-    }
-
-    #[cfg(feature = "cli")]
-    fn from_compressed(reader: impl std::io::Read, file: &Path) -> Result<Self, LogError> {
-        Self::from_reader(flate2::read::MultiGzDecoder::new(reader), file)
-    }
-
-    #[cfg(not(feature = "cli"))]
-    fn from_compressed(_: impl std::io::Read, file: &Path) -> Result<Self, LogError> {
-        Err(LogError::Compressed { file: file.to_owned() })
+        let opened = table::open(file, Limits::default()).map_err(|source| match source {
+            TableError::Io(source) => LogError::Open { file: file.to_owned(), source },
+            TableError::Compressed => LogError::Compressed { file: file.to_owned() },
+            source => LogError::Table { file: file.to_owned(), source },
+        })?;
+        Self::from_reader(opened, file)
     }
 
     /// As [`read`](Self::read); `file` is what messages call it.
@@ -89,38 +101,92 @@ impl DriveLog {
     /// # Errors
     /// As [`read`](Self::read).
     pub fn from_reader(reader: impl std::io::Read, file: &Path) -> Result<Self, LogError> {
-        let csv_error = |source| LogError::Csv { file: file.to_owned(), source };
-        let mut reader = csv::Reader::from_reader(reader);
-        let header = reader.headers().map_err(csv_error)?.clone();
-        let mut places: Vec<usize> = Vec::new();
-        let mut columns: Vec<(&'static str, Vec<f64>)> = Vec::new();
-        for (place, name) in header.iter().enumerate() {
-            // Spreadsheets put a byte order mark before the first name.
-            let Some(signal) = signal::find(name.trim_start_matches('\u{feff}').trim()) else { continue };
-            if columns.iter().any(|(name, _)| *name == signal.name) {
-                return Err(LogError::Twice { file: file.to_owned(), column: signal.name });
+        Self::from_reader_within(reader, file, Limits::default())
+    }
+
+    /// As [`from_reader`](Self::from_reader), with limits of its size.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn from_reader_within(
+        reader: impl std::io::Read,
+        file: &Path,
+        limits: Limits,
+    ) -> Result<Self, LogError> {
+        let broken = |source| LogError::Table { file: file.to_owned(), source };
+        let known = |name: &str| signal::find(name).is_some();
+        let mut table = Table::new(reader, limits, &known).map_err(broken)?;
+        let mut log = Self { file: file.to_owned(), notes: Vec::new(), columns: Vec::new() };
+        let places = log.places(table.header())?;
+        let expected = table.header().names.len();
+        // Seconds of the first date: the log's zero.
+        let mut zero = None;
+        while let Some(row) = table.next_row().map_err(broken)? {
+            let found = row.filled(expected);
+            if found != expected {
+                return Err(LogError::RowLength { file: log.file, line: row.line, found, expected });
             }
-            places.push(place);
-            columns.push((signal.name, Vec::new()));
-        }
-        if columns.is_empty() {
-            let header = header.iter().take(8).collect::<Vec<_>>().join(",").escape_default().to_string();
-            return Err(LogError::NoSignal { file: file.to_owned(), header });
-        }
-        let mut record = csv::StringRecord::new();
-        while reader.read_record(&mut record).map_err(csv_error)? {
-            for (place, (column, values)) in places.iter().zip(&mut columns) {
-                let text = record.get(*place).unwrap_or_default().trim();
-                let value = if text.is_empty() { Ok(f64::NAN) } else { text.parse() };
-                values.push(value.map_err(|_| LogError::NotANumber {
+            for (column, (name, values)) in places.iter().zip(&mut log.columns) {
+                let text = row.field(column.place);
+                let value = if text.is_empty() {
+                    Some(f64::NAN)
+                } else if let Some((whole, part)) = time::seconds(text).filter(|_| *name == "time") {
+                    // Dates and numbers in one column are no clock.
+                    let first = values.is_empty() || zero.is_some();
+                    first.then(|| (whole - *zero.get_or_insert(whole)) as f64 + part)
+                } else {
+                    row.number(column.place).filter(|_| zero.is_none() || *name != "time").map(|value| {
+                        // Not a product with 1: a NaN's sign, say, stays as it is.
+                        if column.factor == 1.0 { value } else { column.factor * value }
+                    })
+                };
+                values.push(value.ok_or_else(|| LogError::NotANumber {
                     file: file.to_owned(),
-                    line: record.position().map_or(0, csv::Position::line),
-                    column,
-                    text: text.chars().take(40).collect(),
+                    line: row.line,
+                    column: name,
+                    text: row.plain(column.place).chars().take(60).collect(),
                 })?);
             }
         }
-        Ok(Self { file: file.to_owned(), columns })
+        if zero.is_some() {
+            log.notes.push("time: dates are read as seconds since the first one's whole second".into());
+        }
+        Ok(log)
+    }
+
+    /// The columns that are signals, and where they stand.
+    fn places(&mut self, header: &table::Header) -> Result<Vec<Column>, LogError> {
+        let mut places: Vec<Column> = Vec::new();
+        for (place, (name, unit)) in header.names.iter().zip(&header.units).enumerate() {
+            let Some(signal) = signal::find(name) else { continue };
+            if self.column(signal.name).is_some() {
+                return Err(LogError::Twice { file: self.file.clone(), column: signal.name });
+            }
+            let ours = signal.unit.symbol;
+            let factor = unit.as_ref().map_or(Some(1.0), |unit| table::factor(unit, ours));
+            // `steer (raw)` is another column than `steer`.
+            if factor.is_none() && header.written[place] != *name {
+                continue;
+            }
+            let factor = factor.ok_or_else(|| LogError::Unit {
+                file: self.file.clone(),
+                line: header.line,
+                column: signal.name,
+                unit: unit.iter().flat_map(|unit| unit.chars()).take(20).collect(),
+                ours,
+            })?;
+            if let Some(unit) = unit.as_ref().filter(|_| factor != 1.0) {
+                self.notes.push(format!("{}: read from {unit} as {ours}", signal.name));
+            }
+            places.push(Column { place, factor });
+            self.columns.push((signal.name, Vec::new()));
+        }
+        if places.is_empty() {
+            let header = header.written.iter().take(8).cloned().collect::<Vec<_>>().join(",");
+            let header = header.escape_default().take(400).collect();
+            return Err(LogError::NoSignal { file: self.file.clone(), header });
+        }
+        Ok(places)
     }
 
     /// A column, if the log has it; all are of one length.

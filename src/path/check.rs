@@ -1,11 +1,14 @@
 //! Which points make a road: what is repaired, what is refused, and whether the road is closed.
 
 use super::error::{PathError, Place};
+use super::noise::Noise;
+use super::note::Note;
 use super::read::Accuracy;
 use super::sample::{Closure, Options, Sample, Smoothing};
 use super::smooth::smooth;
 use super::spline::{Curve, Knot, Vector, distance};
 use super::wrap_angle;
+use std::borrow::Cow;
 
 /// Points closer than this to the one before are the same point (m).
 const SAME: f64 = 1e-6;
@@ -24,25 +27,59 @@ const SPACING: (f64, f64) = (1e-3, 500.0);
 pub(super) struct Road {
     pub samples: Vec<Sample>,
     pub periodic: bool,
-    pub notes: Vec<String>,
+    pub notes: Vec<Note>,
     /// The curve relative to `origin`.
     pub curve: Curve,
     pub origin: Vector,
 }
 
+/// Noise that is measured a little too small would be driven: the tolerance is this much more.
+const ENOUGH: f64 = 1.03;
+/// Tightest bend of a road that noise leaves drivable in m.
+const TIGHTEST: f64 = 2.0;
+
 /// Checks and repairs points, and draws the curve.
 pub(super) fn check(samples: Vec<Sample>, options: &Options, accuracy: Accuracy) -> Result<Road, PathError> {
-    let mut notes = Vec::new();
+    for (index, sample) in samples.iter().enumerate() {
+        check_values(sample, index)?;
+    }
+    // Headings and curvatures tell the road better than its points.
+    let posed = || samples.iter().all(|sample| sample.yaw.is_some() && sample.curvature.is_some());
+    let noise = || Noise::measure(&samples.iter().map(|sample| [sample.x, sample.y]).collect::<Vec<_>>());
+    match options.smoothing {
+        Smoothing::AsAccurate if !posed() => {
+            let noise = noise();
+            drawn(samples, options, accuracy, noise)
+        }
+        Smoothing::Within(value) if value > 0.0 => match drawn(samples.clone(), options, accuracy, None) {
+            // Points in driving order turn back where their noise is larger than their spacing.
+            Err(error @ PathError::TurnsBack { .. }) => match noise() {
+                Some(noise) => drawn(samples, options, accuracy, Some(noise)),
+                None => Err(error),
+            },
+            other => other,
+        },
+        _ => drawn(samples, options, accuracy, None),
+    }
+}
+
+/// The road through points, or near those that have `noise`.
+fn drawn(
+    samples: Vec<Sample>,
+    options: &Options,
+    accuracy: Accuracy,
+    noise: Option<Noise>,
+) -> Result<Road, PathError> {
+    let mut notes: Vec<Note> = Vec::new();
     let mut same = SAME;
     if let Smoothing::Within(value) = options.smoothing {
         if !(0.0..=5.0).contains(&value) {
             return Err(PathError::Tolerance { value });
         }
         // Points closer than their noise have no direction between them: a vehicle at rest, say.
-        same = (2.0 * value).max(SAME);
-    }
-    for (index, sample) in samples.iter().enumerate() {
-        check_values(sample, index)?;
+        if noise.is_none() {
+            same = (2.0 * value).max(SAME);
+        }
     }
     // Original indices, for messages.
     let mut kept: Vec<(usize, Sample)> = Vec::with_capacity(samples.len());
@@ -55,11 +92,11 @@ pub(super) fn check(samples: Vec<Sample>, options: &Options, accuracy: Accuracy)
         }
     }
     if kept.len() < total {
-        notes.push(if same > SAME {
+        notes.push(Note::info(if same > SAME {
             format!("{} point(s) dropped that lie within {same} m of the one before", total - kept.len())
         } else {
             format!("{} point(s) dropped that repeat the one before", total - kept.len())
-        });
+        }));
     }
     if kept.len() < 2 {
         return Err(PathError::TooFewPoints { place: Place::default(), count: kept.len(), needed: 2 });
@@ -85,7 +122,9 @@ pub(super) fn check(samples: Vec<Sample>, options: &Options, accuracy: Accuracy)
     let periodic = match options.closure {
         Closure::Open => false,
         Closure::Closed => true,
-        Closure::Detect => repeated_start || leads_into_start(&kept, median),
+        Closure::Detect => {
+            repeated_start || leads_into_start(&directed(&kept, noise.as_ref(), false), median)
+        }
     };
     if periodic && repeated_start {
         kept.pop();
@@ -94,7 +133,12 @@ pub(super) fn check(samples: Vec<Sample>, options: &Options, accuracy: Accuracy)
     if periodic && kept.len() < 3 {
         return Err(PathError::TooFewPoints { place: Place::default(), count: kept.len(), needed: 3 });
     }
-    refuse_turning_back(&kept, periodic)?;
+    refuse_turning_back(&directed(&kept, noise.as_ref(), periodic), periodic).map_err(
+        |error| match &noise {
+            Some(noise) => noise.refusal("turns back on itself".into()),
+            None => error,
+        },
+    )?;
     if periodic {
         let closing = distance([kept[kept.len() - 1].1.x, kept[kept.len() - 1].1.y], first);
         if closing > (GAP_SPACINGS * median).max(GAP_LEAST) {
@@ -103,7 +147,7 @@ pub(super) fn check(samples: Vec<Sample>, options: &Options, accuracy: Accuracy)
     }
 
     if !periodic && options.closure == Closure::Detect {
-        notes.extend(passes_its_start(&kept, median));
+        notes.extend(passes_its_start(&kept, median).map(Note::warning));
     }
 
     let samples: Vec<Sample> = kept.into_iter().map(|(_, sample)| sample).collect();
@@ -120,9 +164,18 @@ pub(super) fn check(samples: Vec<Sample>, options: &Options, accuracy: Accuracy)
             (Some(value), ", the accuracy of racetrack-database")
         }
     };
+    let (tolerance, why) = match &noise {
+        // Unless the file's own accuracy is about that of its points.
+        Some(noise) if !matches!(options.smoothing, Smoothing::Within(_)) => match tolerance {
+            Some(known) if noise.rms() < 1.5 * known => (tolerance, why),
+            _ => (Some(ENOUGH * noise.rms()), ", their measured noise"),
+        },
+        _ => (tolerance, why),
+    };
+    let along = noise.as_ref().map(|noise| noise.means(&points, periodic));
     let pinned = !matches!(options.smoothing, Smoothing::Within(_));
     let curve = poses(&samples, &points, periodic, &mut notes).filter(|_| pinned).unwrap_or_else(|| {
-        let smoothed = tolerance.and_then(|tolerance| smooth(&points, periodic, tolerance));
+        let smoothed = tolerance.and_then(|tolerance| smooth(&points, along.as_deref(), periodic, tolerance));
         if let (Some(tolerance), Some(curve)) = (tolerance, &smoothed) {
             let farthest = curve
                 .at_marks()
@@ -130,28 +183,58 @@ pub(super) fn check(samples: Vec<Sample>, options: &Options, accuracy: Accuracy)
                 .zip(&points)
                 .fold(0.0f64, |farthest, (at, point)| farthest.max(distance(*at, *point)));
             let (rms, farthest) = (1e3 * tolerance, 1e3 * farthest);
-            notes.push(format!("smoothed: {rms:.1} mm RMS from the points{why}; {farthest:.1} mm at most"));
+            notes.push(Note::info(format!(
+                "smoothed: {rms:.1} mm RMS from the points{why}; {farthest:.1} mm at most"
+            )));
         }
         smoothed.unwrap_or_else(|| {
             let curve = Curve::through(&points, periodic);
             if let Some(error) = wobble(&curve) {
-                notes.push(format!(
+                notes.push(Note::warning(format!(
                     "the curvature wobbles by {error:.4} 1/m from point to point: the points look noisy; give a \
                      smoothing tolerance of about their noise"
-                ));
+                )));
             }
             curve
         })
     });
+    if let Some(noise) = &noise {
+        let tightest = curve.knots.iter().map(|knot| curvature(knot).abs()).fold(0.0, f64::max);
+        if tightest * TIGHTEST > 1.0 {
+            return Err(noise.refusal(format!("has bends of {:.2} m radius", 1.0 / tightest)));
+        }
+    }
     Ok(Road { samples, periodic, notes, curve, origin })
+}
+
+impl Noise {
+    fn refusal(&self, shape: String) -> PathError {
+        PathError::Noise { place: Place::default(), rms: self.rms(), shape }
+    }
+}
+
+/// Points that tell the road's direction: those kept or, where they have noise, means of them.
+fn directed<'a>(
+    kept: &'a [(usize, Sample)],
+    noise: Option<&Noise>,
+    periodic: bool,
+) -> Cow<'a, [(usize, Sample)]> {
+    let Some(noise) = noise else { return kept.into() };
+    let points: Vec<Vector> = kept.iter().map(|(_, sample)| [sample.x, sample.y]).collect();
+    let means = noise.means(&points, periodic);
+    let at = |i: usize| (kept[i].0, Sample::at(means[i][0], means[i][1]));
+    let last = kept.len() - 1;
+    (0..=last - noise.stride().min(last)).step_by(noise.stride()).map(at).chain([at(last)]).collect()
+}
+
+/// Curvature at a knot in 1/m.
+fn curvature(knot: &Knot) -> f64 {
+    let speed = knot.d1[0].hypot(knot.d1[1]).max(1e-9);
+    (knot.d1[0] * knot.d2[1] - knot.d1[1] * knot.d2[0]) / speed.powi(3)
 }
 
 /// RMS curvature error of an interpolating curve in 1/m, if it looks like noise: large, and of alternating sign.
 fn wobble(curve: &Curve) -> Option<f64> {
-    let curvature = |knot: &Knot| {
-        let speed = knot.d1[0].hypot(knot.d1[1]).max(1e-9);
-        (knot.d1[0] * knot.d2[1] - knot.d1[1] * knot.d2[0]) / speed.powi(3)
-    };
     let seconds: Vec<f64> = curve
         .knots
         .windows(3)
@@ -175,7 +258,7 @@ fn rounding(digit: f64, spacing: f64) -> Option<f64> {
 }
 
 /// The curve from heading and curvature, where the road has both and they fit its points.
-fn poses(samples: &[Sample], points: &[Vector], periodic: bool, notes: &mut Vec<String>) -> Option<Curve> {
+fn poses(samples: &[Sample], points: &[Vector], periodic: bool, notes: &mut Vec<Note>) -> Option<Curve> {
     let column = |value: fn(&Sample) -> Option<f64>| samples.iter().map(value).collect::<Option<Vec<f64>>>();
     let (yaw, curvature) = match (column(|sample| sample.yaw), column(|sample| sample.curvature)) {
         (Some(yaw), Some(curvature)) => (yaw, curvature),
@@ -183,7 +266,7 @@ fn poses(samples: &[Sample], points: &[Vector], periodic: bool, notes: &mut Vec<
             return None;
         }
         _ => {
-            notes.push("columns yaw and curvature are not used: every point must have both".into());
+            notes.push(Note::info("columns yaw and curvature are not used: every point must have both"));
             return None;
         }
     };
@@ -191,10 +274,10 @@ fn poses(samples: &[Sample], points: &[Vector], periodic: bool, notes: &mut Vec<
     if worst < DISAGREEMENT {
         return Some(Curve::through_poses(points, &yaw, &curvature, periodic));
     }
-    notes.push(format!(
+    notes.push(Note::info(format!(
         "columns yaw and curvature are not used: they disagree with the points by up to {worst:.3} rad between \
          neighbours"
-    ));
+    )));
     None
 }
 
@@ -227,7 +310,7 @@ fn check_values(sample: &Sample, index: usize) -> Result<(), PathError> {
         ("speed", sample.speed, 0.0, 150.0, "m/s"),
         ("bank", sample.bank, -0.8, 0.8, "rad"),
         ("grade", sample.grade, -0.8, 0.8, "rad"),
-        ("friction", sample.friction, 0.0, 3.0, "1 (a factor of the tyre's nominal grip)"),
+        ("friction", sample.friction, 0.01, 3.0, "1 (a factor of the tyre's nominal grip)"),
     ];
     for (column, value, low, high, unit) in columns {
         let Some(value) = value else { continue };

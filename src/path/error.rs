@@ -45,6 +45,39 @@ pub enum PathError {
         /// The operating system's reason.
         source: std::io::Error,
     },
+    /// No table: a folder or a device, too large, cut off.
+    #[error("{place}: {source}")]
+    Table {
+        /// The file.
+        place: Place,
+        /// What is wrong with it.
+        source: crate::table::TableError,
+    },
+    /// A unit of another quantity.
+    #[error("{place}: column `{column}` is in `{unit}`, an unknown unit for it; give it in {ours}")]
+    UnknownUnit {
+        /// The header.
+        place: Place,
+        /// The column.
+        column: String,
+        /// What the file says.
+        unit: String,
+        /// The unit wanted.
+        ours: &'static str,
+    },
+    /// Noise so large that no road is left.
+    #[error(
+        "{place}: the points have {rms:.2} m of noise (RMS), and smoothed by it the road still {shape}; record it \
+         anew, average several laps, or give another smoothing tolerance"
+    )]
+    Noise {
+        /// The road.
+        place: Place,
+        /// RMS distance of the points from a smooth road in m.
+        rms: f64,
+        /// What it is like.
+        shape: String,
+    },
     /// Nothing but comments and blank lines.
     #[error("{place}: has no points; a path is a CSV with a header `x,y` and a row for each point")]
     Empty {
@@ -240,6 +273,9 @@ impl PathError {
         match self {
             Self::Io { .. } | Self::Write { .. } | Self::Tolerance { .. } => None,
             Self::Empty { place }
+            | Self::Table { place, .. }
+            | Self::UnknownUnit { place, .. }
+            | Self::Noise { place, .. }
             | Self::RowLength { place, .. }
             | Self::NotText { place }
             | Self::MissingColumn { place, .. }

@@ -48,6 +48,8 @@ mod banded;
 mod check;
 mod error;
 mod grid;
+mod noise;
+mod note;
 mod pen;
 mod project;
 mod quadrature;
@@ -64,6 +66,7 @@ mod truck_course;
 mod write;
 
 pub use error::{PathError, Place};
+pub use note::Note;
 pub use project::{Projection, Where};
 pub use random::RandomRoad;
 pub use sample::{Closure, Options, RoadClass, Sample, Smoothing};
@@ -71,6 +74,7 @@ pub use segment::{Course, Pose, Rough, Segment};
 pub use speed::{SpeedLimits, SpeedPlan};
 pub use write::{to_csv, write_csv};
 
+use crate::table::{self, TableError};
 use grid::{Cell, Grid, yaw_at};
 use speed::SharedPlans;
 use spline::evaluate;
@@ -95,7 +99,7 @@ pub struct Path {
     friction: Channel,
     speed: Channel,
     classes: Vec<Option<RoadClass>>,
-    notes: Vec<String>,
+    notes: Vec<Note>,
     plans: SharedPlans,
 }
 
@@ -170,9 +174,11 @@ impl Path {
     /// # Errors
     /// As [`Path::read`].
     pub fn read_with(file: &std::path::Path, options: &Options) -> Result<Self, PathError> {
-        let bytes =
-            std::fs::read(file).map_err(|source| PathError::Io { file: file.to_path_buf(), source })?;
-        Self::from_csv(&bytes, file, options)
+        let opened = table::open(file, read::LIMITS).map_err(|error| match error {
+            TableError::Io(source) => PathError::Io { file: file.to_path_buf(), source },
+            source => PathError::Table { place: Place::default(), source }.in_file(file, &[]),
+        })?;
+        Self::from_table(opened, file, options)
     }
 
     /// A path from the bytes of a CSV file; `name` stands for the file in messages.
@@ -180,9 +186,19 @@ impl Path {
     /// # Errors
     /// As [`Path::read`].
     pub fn from_csv(bytes: &[u8], name: &std::path::Path, options: &Options) -> Result<Self, PathError> {
-        let table = read::parse(bytes).map_err(|error| error.in_file(name, &[]))?;
-        let road = check::check(table.samples, options, table.accuracy)
+        Self::from_table(bytes, name, options)
+    }
+
+    fn from_table(
+        reader: impl std::io::Read,
+        name: &std::path::Path,
+        options: &Options,
+    ) -> Result<Self, PathError> {
+        let mut table = read::parse(reader).map_err(|error| error.in_file(name, &[]))?;
+        let mut road = check::check(table.samples, options, table.accuracy)
             .map_err(|error| error.in_file(name, &table.lines))?;
+        table.notes.append(&mut road.notes);
+        road.notes = table.notes;
         Ok(Self::from_road(road))
     }
 
@@ -245,7 +261,7 @@ impl Path {
 
     /// What a user should know about the road: points dropped, columns not used, what was assumed.
     #[must_use]
-    pub fn notes(&self) -> &[String] {
+    pub fn notes(&self) -> &[Note] {
         &self.notes
     }
 
@@ -276,6 +292,49 @@ impl Path {
             point.curvature_rate = 0.0;
         }
         point
+    }
+
+    /// Points of the path about `step` m apart, with heading, curvature and whatever its file gave: read again, they are
+    /// the same road. A closed path's first point does not stand again at its end.
+    #[must_use]
+    pub fn samples(&self, step: f64) -> Vec<Sample> {
+        let count = (self.length / step.max(1e-3)).ceil().clamp(4.0, read::LIMITS.rows as f64 - 1.0) as usize;
+        let last = if self.periodic { count - 1 } else { count };
+        let given = |channel: &Channel, value: f64| (!channel.nodes.is_empty()).then_some(value);
+        (0..=last)
+            .map(|i| {
+                let point = self.at(self.length * i as f64 / count as f64);
+                Sample {
+                    x: point.x,
+                    y: point.y,
+                    yaw: Some(point.yaw),
+                    curvature: Some(point.curvature),
+                    speed: point.speed,
+                    bank: given(&self.bank, point.bank),
+                    grade: given(&self.grade, point.grade),
+                    friction: given(&self.friction, point.friction),
+                    class: point.class,
+                }
+            })
+            .collect()
+    }
+
+    /// The bend that is tighter than all others: station and radius, m; and the length, m, of road with less than
+    /// `radius`. `None` if there is no such road.
+    #[must_use]
+    pub fn tighter_than(&self, radius: f64) -> Option<(f64, f64, f64)> {
+        let count = (4.0 * self.length).ceil().clamp(1.0, 4e6) as usize;
+        let step = self.length / count as f64;
+        let bends =
+            (0..=count).map(|i| i as f64 * step).map(|station| (station, self.curvature(station).abs()));
+        let (mut tightest, mut length) = ((0.0, 1.0 / radius), 0.0);
+        for (station, curvature) in bends.filter(|(_, curvature)| curvature * radius > 1.0) {
+            length += step;
+            if curvature > tightest.1 {
+                tightest = (station, curvature);
+            }
+        }
+        (length > 0.0).then(|| (tightest.0, 1.0 / tightest.1, length))
     }
 
     /// Curvature at a station in 1/m, positive in left turns; 0 beyond the ends of an open path.

@@ -5,14 +5,22 @@
 //! | ours | a header with `x` and `y`; optional columns [`OPTIONAL`] |
 //! | racetrack-database | `x_m,y_m,w_tr_right_m,w_tr_left_m`; the header stands in a `#` comment |
 //! | driven lap | `x_m,y_m,v_driven_mps`, the same way |
+//! | racing line | `s_m; x_m; y_m; psi_rad; kappa_radpm; vx_mps; ax_mps2`, the same way; or a reference line, its normals and `alpha_m` |
 //!
-//! Other lines that begin with `#`, and blank ones, are skipped.
+//! However the table is written ([`crate::table`]), its columns are the same. Names have aliases ([`ALIASES`]) and may
+//! end in a unit, `speed_kmh` or `bank [deg]`.
 
 use super::error::{PathError, Place};
+use super::note::Note;
 use super::sample::{RoadClass, Sample};
+use crate::table::{self, Header, Limits, Table as Rows, TableError, split_unit};
+use std::io::Read;
 
 /// The optional columns, as messages list them.
 const OPTIONAL: &str = "s, yaw, curvature, speed, bank, grade, friction, class";
+
+/// Largest file of a road: 256 MB unpacked, a million points.
+pub(super) const LIMITS: Limits = Limits { bytes: 256 << 20, rows: 1_000_000 };
 
 /// What a column means.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -29,40 +37,147 @@ enum Column {
     Class,
     /// Of racetrack-database; known and not used.
     TrackWidth,
+    /// Normal of a reference line, and how far along it the road lies from the line.
+    NormalX,
+    NormalY,
+    Offset,
+    /// Known and not used.
+    Unused,
+}
+
+/// A column, its unit (empty: a pure number or text), its names without unit in small letters. The first is ours.
+type Alias = (Column, &'static str, &'static [&'static str]);
+
+const ALIASES: [Alias; 14] = [
+    (
+        Column::X,
+        "m",
+        &[
+            "x",
+            "east",
+            "easting",
+            "x_east",
+            "pos_x",
+            "position_x",
+            "x_pos",
+            "utm_x",
+            "utm_east",
+            "utm_easting",
+            "x_ref",
+        ],
+    ),
+    (
+        Column::Y,
+        "m",
+        &[
+            "y",
+            "north",
+            "northing",
+            "y_north",
+            "pos_y",
+            "position_y",
+            "y_pos",
+            "utm_y",
+            "utm_north",
+            "utm_northing",
+            "y_ref",
+        ],
+    ),
+    (Column::Station, "m", &["s", "station", "chainage", "s_racetraj"]),
+    (Column::Yaw, "rad", &["yaw", "yaw_angle"]),
+    (Column::Curvature, "1/m", &["curvature"]),
+    (Column::Speed, "m/s", &["speed", "v_driven", "v", "vx", "speed_limit", "v_max", "v_ref", "vx_racetraj"]),
+    (Column::Bank, "rad", &["bank", "bank_angle", "banking"]),
+    (Column::Grade, "rad", &["grade", "grade_angle", "slope"]),
+    (Column::Friction, "", &["friction", "mu"]),
+    (Column::Class, "", &["class"]),
+    (Column::NormalX, "m", &["x_normvec"]),
+    (Column::NormalY, "m", &["y_normvec"]),
+    (Column::Offset, "m", &["alpha"]),
+    // Headings of racing lines count from north, and their curvature is that of the line before it was rounded.
+    (
+        Column::Unused,
+        "",
+        &[
+            "psi",
+            "psi_rad",
+            "kappa",
+            "kappa_radpm",
+            "ax",
+            "ax_mps2",
+            "psi_racetraj_rad",
+            "kappa_racetraj_radpm",
+            "ax_racetraj_mps2",
+            "width_right_m",
+            "width_left_m",
+            "z",
+            "z_m",
+            "time",
+            "t",
+            "t_s",
+            "time_s",
+            "index",
+            "id",
+        ],
+    ),
+];
+
+/// Names that need no word: ours, and those of racetrack-database.
+const PLAIN: [&str; 14] = [
+    "x",
+    "x_m",
+    "y",
+    "y_m",
+    "s",
+    "s_m",
+    "yaw",
+    "curvature",
+    "speed",
+    "v_driven_mps",
+    "bank",
+    "grade",
+    "friction",
+    "class",
+];
+
+/// A column's meaning, and the factor of its unit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Meaning {
+    column: Column,
+    factor: f64,
+}
+
+impl Meaning {
+    /// Of a name and a unit that stands beside it; `Err` is our unit, where the file's is none of that quantity.
+    fn of(name: &str, unit: Option<&str>) -> Option<Result<Self, &'static str>> {
+        let lower = name.to_lowercase();
+        if matches!(lower.as_str(), "w_tr_right_m" | "w_tr_left_m") {
+            return Some(Ok(Self { column: Column::TrackWidth, factor: 1.0 }));
+        }
+        let alias = |name: &str| ALIASES.iter().find(|(.., names)| names.contains(&name));
+        let meaning = |&(column, ours, _): &Alias, unit: Option<&str>| match unit {
+            None => Ok(Self { column, factor: 1.0 }),
+            Some(_) if column == Column::Unused => Ok(Self { column, factor: 1.0 }),
+            Some("1") if ours.is_empty() => Ok(Self { column, factor: 1.0 }),
+            Some(unit) => table::factor(unit, ours).map(|factor| Self { column, factor }).ok_or(ours),
+        };
+        if let Some(alias) = alias(&lower) {
+            return Some(meaning(alias, unit));
+        }
+        // `speed_kmh`; what is no unit of that quantity is another name.
+        let (base, suffix) = lower.rsplit_once('_')?;
+        let alias = alias(base).filter(|alias| alias.0 != Column::Unused)?;
+        meaning(alias, Some(suffix)).ok().map(Ok)
+    }
 }
 
 impl Column {
-    fn from_name(name: &str) -> Option<Self> {
-        Some(match name {
-            "x" | "x_m" => Self::X,
-            "y" | "y_m" => Self::Y,
-            "s" | "s_m" => Self::Station,
-            "yaw" => Self::Yaw,
-            "curvature" => Self::Curvature,
-            "speed" | "v_driven_mps" => Self::Speed,
-            "bank" => Self::Bank,
-            "grade" => Self::Grade,
-            "friction" => Self::Friction,
-            "class" => Self::Class,
-            "w_tr_right_m" | "w_tr_left_m" => Self::TrackWidth,
-            _ => return None,
-        })
-    }
-
     /// The name in messages.
     fn name(self) -> &'static str {
         match self {
-            Self::X => "x",
-            Self::Y => "y",
-            Self::Station => "s",
-            Self::Yaw => "yaw",
-            Self::Curvature => "curvature",
-            Self::Speed => "speed",
-            Self::Bank => "bank",
-            Self::Grade => "grade",
-            Self::Friction => "friction",
-            Self::Class => "class",
             Self::TrackWidth => "track width",
+            Self::Unused => "a column not used",
+            _ => ALIASES.iter().find(|alias| alias.0 == self).map_or("", |alias| alias.2[0]),
         }
     }
 }
@@ -73,6 +188,8 @@ pub(super) struct Table {
     /// The line of each sample.
     pub lines: Vec<u64>,
     pub accuracy: Accuracy,
+    /// Which columns were taken for which.
+    pub notes: Vec<Note>,
 }
 
 /// How well a file knows its coordinates.
@@ -94,74 +211,30 @@ fn at_line(line: u64) -> Place {
     Place { line: Some(line), ..Place::default() }
 }
 
-/// The lines that carry values, as one CSV text, with the number of each; and the header, if it stands in a comment
-/// before them, as racetrack-database writes it.
-struct Lines<'a> {
-    text: Vec<u8>,
-    numbers: Vec<u64>,
-    comment: Option<(&'a [u8], u64)>,
-}
-
-fn lines(bytes: &[u8]) -> Lines<'_> {
-    // Spreadsheets put a byte order mark before the text.
-    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    let mut lines = Lines { text: Vec::with_capacity(bytes.len()), numbers: Vec::new(), comment: None };
-    for (index, raw) in bytes.split(|&byte| byte == b'\n').enumerate() {
-        let line = raw.trim_ascii();
-        let number = index as u64 + 1;
-        if let Some(comment) = line.strip_prefix(b"#") {
-            let names_a_column = |name: &[u8]| matches!(name.trim_ascii(), b"x" | b"x_m");
-            if lines.numbers.is_empty()
-                && lines.comment.is_none()
-                && comment.split(|&b| b == b',').any(names_a_column)
-            {
-                lines.comment = Some((comment, number));
-            }
-        } else if !line.is_empty() {
-            lines.text.extend_from_slice(line);
-            lines.text.push(b'\n');
-            lines.numbers.push(number);
-        }
-    }
-    lines
+fn broken(source: TableError) -> PathError {
+    PathError::Table { place: Place::default(), source }
 }
 
 /// Reads the rows of a path file.
-pub(super) fn parse(bytes: &[u8]) -> Result<Table, PathError> {
-    let Lines { text, numbers, comment } = lines(bytes);
-    let not_text = |line| PathError::NotText { place: at_line(line) };
-    let mut columns = None;
-    if let Some((comment, line)) = comment {
-        let names = std::str::from_utf8(comment).map_err(|_| not_text(line))?;
-        columns = Some(header(names.split(',').map(str::trim), line)?);
-    }
-    let mut reader = csv::ReaderBuilder::new()
-        .has_headers(false)
-        .flexible(true)
-        .trim(csv::Trim::All)
-        .from_reader(text.as_slice());
-    let mut table = Table { samples: Vec::new(), lines: Vec::new(), accuracy: Accuracy::Exact };
+pub(super) fn parse(reader: impl Read) -> Result<Table, PathError> {
+    let known = |name: &str| Meaning::of(name, None).is_some();
+    let mut rows = Rows::new(reader, LIMITS, &known).map_err(broken)?;
+    let mut table =
+        Table { samples: Vec::new(), lines: Vec::new(), accuracy: Accuracy::Exact, notes: Vec::new() };
+    let columns = if rows.header().line == 0 { Vec::new() } else { header(rows.header(), &mut table.notes)? };
     let mut decimals = Decimals::default();
     let mut last_station = f64::NEG_INFINITY;
-    let mut record = csv::ByteRecord::new();
     loop {
-        // A quote that is not closed makes a record of several lines; its first one is named.
-        let line = numbers.get(reader.position().line() as usize - 1).copied().unwrap_or(1);
-        match reader.read_byte_record(&mut record) {
-            Ok(true) => {}
-            Ok(false) => break,
-            // Rows of any length, read from memory: only the text itself can be wrong.
-            Err(_) => return Err(not_text(line)),
-        }
-        let fields: Vec<&str> = record
-            .iter()
-            .map(|field| std::str::from_utf8(field).map_err(|_| not_text(line)))
-            .collect::<Result<_, _>>()?;
-        let Some(columns) = &columns else {
-            columns = Some(header(fields.into_iter(), line)?);
-            continue;
+        let latin1 = rows.is_latin1();
+        let Some(next) = rows.next_row().map_err(broken)? else { break };
+        let line = next.line;
+        let (sample, station) = match row(&next, &columns, &mut decimals) {
+            // Letters of an unknown encoding where a number should be.
+            Err(PathError::NotANumber { text, .. }) if !text.is_ascii() && (latin1 || rows.is_latin1()) => {
+                return Err(PathError::NotText { place: at_line(line) });
+            }
+            other => other?,
         };
-        let (sample, station) = row(&fields, columns, line, &mut decimals)?;
         if let Some(station) = station {
             if station <= last_station {
                 return Err(PathError::Unordered {
@@ -178,10 +251,9 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Table, PathError> {
     if table.samples.is_empty() {
         return Err(PathError::Empty { place: Place::default() });
     }
+    let widths = columns.iter().any(|meaning| meaning.column == Column::TrackWidth);
     table.accuracy = match decimals.resolution() {
-        _ if columns.is_some_and(|columns| columns.contains(&Column::TrackWidth)) => {
-            Accuracy::Measured(RACETRACK_DATABASE)
-        }
+        _ if widths => Accuracy::Measured(RACETRACK_DATABASE),
         Some(digit) => Accuracy::Digit(digit),
         None => Accuracy::Exact,
     };
@@ -210,38 +282,57 @@ impl Decimals {
 }
 
 /// The columns that a header names.
-fn header<'a>(names: impl Iterator<Item = &'a str>, line: u64) -> Result<Vec<Column>, PathError> {
-    let mut columns = Vec::new();
+fn header(header: &Header, notes: &mut Vec<Note>) -> Result<Vec<Meaning>, PathError> {
+    let line = header.line;
+    let mut columns: Vec<Meaning> = Vec::new();
     let mut found = String::new();
-    for (index, name) in names.enumerate() {
+    let (mut taken, mut unused) = (Vec::new(), Vec::new());
+    for (index, (written, (name, unit))) in
+        header.written.iter().zip(header.names.iter().zip(&header.units)).enumerate()
+    {
         if found.len() < 60 {
             found.push_str(if index > 0 { ", " } else { "" });
-            found.extend(name.chars().take(40));
+            found.extend(written.chars().take(40));
         }
-        let Some(column) = Column::from_name(name) else {
+        let short: String = written.chars().take(40).collect();
+        // What stands in brackets may be no unit, but part of the name.
+        let meaning = Meaning::of(name, unit.as_deref());
+        let Some(meaning) = meaning else {
             // A first row of numbers means that the header is missing, not that a column is strange.
             if index == 0 && name.parse::<f64>().is_ok() {
                 break;
             }
-            let column = name.chars().take(40).collect();
             return Err(PathError::UnknownColumn {
                 place: at_line(line),
-                column,
+                column: short,
                 number: index + 1,
                 known: OPTIONAL,
             });
         };
-        if column != Column::TrackWidth && columns.contains(&column) {
-            return Err(PathError::RepeatedColumn {
-                place: at_line(line),
-                column: name.into(),
-                number: index + 1,
-            });
+        let meaning = meaning.map_err(|ours| PathError::UnknownUnit {
+            place: at_line(line),
+            column: split_unit(&short).0.into(),
+            unit: unit.iter().flat_map(|unit| unit.chars()).take(20).collect(),
+            ours: if ours.is_empty() { "1, a pure number" } else { ours },
+        })?;
+        let column = meaning.column;
+        let repeats = columns.iter().any(|other| other.column == column);
+        if repeats && !matches!(column, Column::TrackWidth | Column::Unused) {
+            return Err(PathError::RepeatedColumn { place: at_line(line), column: short, number: index + 1 });
         }
-        columns.push(column);
+        match column {
+            Column::TrackWidth => {}
+            Column::Unused => unused.push(short),
+            _ if meaning.factor != 1.0 => {
+                taken.push(format!("`{short}` for {} (times {})", column.name(), meaning.factor))
+            }
+            _ if !PLAIN.contains(&name.as_str()) => taken.push(format!("`{short}` for {}", column.name())),
+            _ => {}
+        }
+        columns.push(meaning);
     }
     for needed in [Column::X, Column::Y] {
-        if !columns.contains(&needed) {
+        if !columns.iter().any(|meaning| meaning.column == needed) {
             return Err(PathError::MissingColumn {
                 place: at_line(line),
                 column: needed.name(),
@@ -250,29 +341,34 @@ fn header<'a>(names: impl Iterator<Item = &'a str>, line: u64) -> Result<Vec<Col
             });
         }
     }
+    if !taken.is_empty() {
+        notes.push(Note::info(format!("columns taken: {}", taken.join(", "))));
+    }
+    if !unused.is_empty() {
+        notes.push(Note::info(format!("columns not used: {}", unused.join(", "))));
+    }
     Ok(columns)
 }
 
 /// The point in a row, and its station if there is one.
 fn row(
-    fields: &[&str],
-    columns: &[Column],
-    line: u64,
+    row: &table::Row<'_>,
+    columns: &[Meaning],
     decimals: &mut Decimals,
 ) -> Result<(Sample, Option<f64>), PathError> {
-    if fields.len() != columns.len() {
-        return Err(PathError::RowLength {
-            place: at_line(line),
-            found: fields.len(),
-            expected: columns.len(),
-        });
+    let line = row.line;
+    let found = row.filled(columns.len());
+    if found != columns.len() {
+        return Err(PathError::RowLength { place: at_line(line), found, expected: columns.len() });
     }
     let mut sample = Sample::default();
     let mut station = None;
-    for (&column, &field) in columns.iter().zip(fields) {
-        if column == Column::TrackWidth {
+    let (mut normal, mut offset) = ([0.0; 2], 0.0);
+    for (index, &Meaning { column, factor }) in columns.iter().enumerate() {
+        if matches!(column, Column::TrackWidth | Column::Unused) {
             continue;
         }
+        let field = row.field(index);
         let needed = matches!(column, Column::X | Column::Y);
         if field.is_empty() && !needed {
             continue;
@@ -285,16 +381,18 @@ fn row(
             })?);
             continue;
         }
-        let value: f64 = field.parse().map_err(|_| PathError::NotANumber {
+        let plain = row.plain(index);
+        let value: f64 = plain.parse().map_err(|_| PathError::NotANumber {
             place: at_line(line),
             column: column.name(),
-            text: field.chars().take(40).collect(),
+            text: plain.chars().take(60).collect(),
         })?;
+        let value = if factor == 1.0 { value } else { factor * value };
         if !value.is_finite() {
             return Err(PathError::NotFinite { place: at_line(line), column: column.name(), value });
         }
-        if needed {
-            decimals.look(field);
+        if needed && factor == 1.0 {
+            decimals.look(&plain);
         }
         match column {
             Column::X => sample.x = value,
@@ -306,8 +404,15 @@ fn row(
             Column::Bank => sample.bank = Some(value),
             Column::Grade => sample.grade = Some(value),
             Column::Friction => sample.friction = Some(value),
-            Column::Class | Column::TrackWidth => {}
+            Column::NormalX => normal[0] = value,
+            Column::NormalY => normal[1] = value,
+            Column::Offset => offset = value,
+            Column::Class | Column::TrackWidth | Column::Unused => {}
         }
+    }
+    if offset != 0.0 {
+        sample.x += offset * normal[0];
+        sample.y += offset * normal[1];
     }
     Ok((sample, station))
 }

@@ -132,16 +132,24 @@ impl Problem<'_> {
 }
 
 /// The smoothest quintic spline with a length-weighted RMS distance to the points of at most `tolerance` (m), and
-/// where the points lie along it. `None` if the tolerance is too narrow to smooth at all: interpolate then.
-pub(super) fn smooth(points: &[Vector], periodic: bool, tolerance: f64) -> Option<Curve> {
+/// where the points lie along it. `None` if the tolerance is too narrow to smooth at all: interpolate then. `along`:
+/// a point for each that tells better where along the road it is, if noise is larger than the spacing.
+pub(super) fn smooth(
+    points: &[Vector],
+    along: Option<&[Vector]>,
+    periodic: bool,
+    tolerance: f64,
+) -> Option<Curve> {
     let n = points.len();
     if n < 6 || tolerance <= 0.0 {
         return None;
     }
     let closed = n + usize::from(periodic);
+    let along = along.unwrap_or(points);
     let mut t = vec![0.0];
     for i in 1..closed {
-        t.push(t[i - 1] + distance(points[i - 1], points[i % n]));
+        // Points apart have means apart, nearly always.
+        t.push(t[i - 1] + distance(along[i - 1], along[i % n]).max(1e-9));
     }
     let mut curve: Option<Curve> = None;
     // Noise lengthens chords; the smooth curve's own arc length is the better parameter.

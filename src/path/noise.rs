@@ -1,0 +1,177 @@
+//! The noise of points, measured from the points themselves.
+//!
+//! Around each point, in the frame of the road's local direction, the offsets `n` of its neighbours are a parabola of
+//! their places `u` along the road, and noise is what is left:
+//!
+//! ```text
+//!     e_i = n_i - parabola(u_i),    var e_i = sigma^2 (1 - h_ii),    h: hat matrix of the fit
+//! ```
+//!
+//! `sigma` is a robust scale (median) of `e_i / sqrt(1 - h_ii)`, so that a corner, drawn on purpose, is no noise. The
+//! fit knows nothing of the spacing: uneven points on a smooth road have none. Of what is left of a smooth road,
+//! neighbours have one sign; of noise, they change it. The window grows until it is long against the noise: points
+//! 10 cm apart with 1 m of noise have a direction over 10 m only.
+
+use super::spline::{Vector, distance};
+
+/// Noise of points.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Noise {
+    /// Standard deviation across the road in m.
+    pub sigma: f64,
+    /// Points on either side that a mean needs to be long against the noise.
+    half: usize,
+}
+
+/// Points on either side, at first and at most.
+const HALF: (usize, usize) = (3, 48);
+/// A window is as long as this many standard deviations.
+const LONG: f64 = 12.0;
+/// Noise is of no account below this curvature error in 1/m ...
+const CURVATURE: f64 = 0.005;
+/// ... and where fewer than this share of neighbours change their sign: of noise, half do in a long window, more in a
+/// short one.
+const CHANGES: f64 = 0.4;
+/// Fewest points to tell noise by.
+const POINTS: usize = 30;
+
+impl Noise {
+    /// RMS distance of the points from the road in m: across and along.
+    pub fn rms(&self) -> f64 {
+        self.sigma * 2f64.sqrt()
+    }
+
+    /// Measures the noise of points in driving order; `None` if there is none that matters.
+    pub fn measure(points: &[Vector]) -> Option<Self> {
+        let mut half = HALF.0;
+        while points.len() >= POINTS.max(2 * half + 2) && half <= HALF.1 {
+            let found = Residuals::of(points, half);
+            let sigma = found.scale()?;
+            if found.length < LONG * sigma {
+                half *= 2;
+                continue;
+            }
+            let spacing = found.length / (2 * half) as f64;
+            // RMS error of the curvature through three points.
+            let curvature = 6f64.sqrt() * sigma / (spacing * spacing);
+            let noisy = curvature > CURVATURE && found.changes() > CHANGES;
+            return noisy.then_some(Self { sigma, half });
+        }
+        None
+    }
+
+    /// Means of neighbours, one for each point: where along the road it is, free of most of the noise. The ends of an
+    /// open road, which have neighbours on one side, are continued straight.
+    pub fn means(&self, points: &[Vector], periodic: bool) -> Vec<Vector> {
+        let n = points.len();
+        let half = self.half.min((n - 1) / 4);
+        let mean = |i: usize| {
+            let window = (i + n - half..=i + n + half).map(|k| points[k % n]);
+            window
+                .fold([0.0; 2], |sum, p| [sum[0] + p[0], sum[1] + p[1]])
+                .map(|sum| sum / (2 * half + 1) as f64)
+        };
+        let mut means: Vec<Vector> = (0..n).map(mean).collect();
+        if periodic || half == 0 {
+            return means;
+        }
+        for (end, inward) in [(half, 2 * half), (n - 1 - half, n - 1 - 2 * half)] {
+            let (at, next) = (means[end], means[inward]);
+            for step in 1..=half {
+                let share = step as f64 / half as f64;
+                let i = if end < inward { end - step } else { end + step };
+                means[i] = [0, 1].map(|c| at[c] + share * (at[c] - next[c]));
+            }
+        }
+        means
+    }
+
+    /// Every so many of [`means`](Self::means) are apart against the noise: they tell the road's direction.
+    pub fn stride(&self) -> usize {
+        self.half
+    }
+}
+
+/// What is left of the windows' parabolas.
+struct Residuals {
+    /// At each point with a whole window around it, scaled to the noise's own size.
+    values: Vec<f64>,
+    /// Median length of a window in m.
+    length: f64,
+}
+
+impl Residuals {
+    fn of(points: &[Vector], half: usize) -> Self {
+        let (mut values, mut lengths) = (Vec::new(), Vec::new());
+        for window in points.windows(2 * half + 1) {
+            let mean = |part: &[Vector]| {
+                part.iter()
+                    .fold([0.0; 2], |sum, p| [sum[0] + p[0], sum[1] + p[1]])
+                    .map(|sum| sum / part.len() as f64)
+            };
+            let (begin, end) = (mean(&window[..half]), mean(&window[half + 1..]));
+            let between = distance(begin, end);
+            // Means of the two halves are half a window (and one point) apart.
+            lengths.push(between * (2 * half) as f64 / (half + 1) as f64);
+            if between > 0.0 {
+                let direction = [(end[0] - begin[0]) / between, (end[1] - begin[1]) / between];
+                values.extend(left_over(window, half, direction, between));
+            }
+        }
+        Self { values, length: median(&mut lengths) }
+    }
+
+    fn scale(&self) -> Option<f64> {
+        let mut sizes: Vec<f64> = self.values.iter().map(|value| value.abs()).collect();
+        if sizes.len() < POINTS / 2 {
+            return None;
+        }
+        // Of a normal distribution, half lie within 0.6745 standard deviations, and those within 3 have an RMS of
+        // 0.9866: a better estimate than the median, as blind to corners.
+        let bound = 3.0 * median(&mut sizes) / 0.6745;
+        let within = &sizes[..sizes.partition_point(|size| *size <= bound)];
+        Some(
+            (within.iter().map(|size| size * size).sum::<f64>() / within.len().max(1) as f64).sqrt() / 0.9866,
+        )
+    }
+
+    fn changes(&self) -> f64 {
+        let pairs = self.values.windows(2);
+        pairs.clone().filter(|pair| pair[0] * pair[1] < 0.0).count() as f64 / pairs.len().max(1) as f64
+    }
+}
+
+/// The middle point's distance from the least-squares parabola of its window, over `sqrt(1 - h)`.
+fn left_over(window: &[Vector], middle: usize, direction: Vector, scale: f64) -> Option<f64> {
+    let origin = window[middle];
+    let local = |p: &Vector| {
+        let d = [p[0] - origin[0], p[1] - origin[1]];
+        [(d[0] * direction[0] + d[1] * direction[1]) / scale, d[1] * direction[0] - d[0] * direction[1]]
+    };
+    // The middle is at u = 0: its fitted value is the constant, its leverage the inverse's first entry.
+    let mut moments = [0.0; 5];
+    let mut right = [0.0; 3];
+    for [u, n] in window.iter().map(local) {
+        let mut power = 1.0;
+        for (k, moment) in moments.iter_mut().enumerate() {
+            *moment += power;
+            if k < 3 {
+                right[k] += power * n;
+            }
+            power *= u;
+        }
+    }
+    let [m0, m1, m2, m3, m4] = moments;
+    let cofactors = [m2 * m4 - m3 * m3, m2 * m3 - m1 * m4, m1 * m3 - m2 * m2];
+    let determinant = m0 * cofactors[0] + m1 * cofactors[1] + m2 * cofactors[2];
+    let constant =
+        (cofactors[0] * right[0] + cofactors[1] * right[1] + cofactors[2] * right[2]) / determinant;
+    let rest = 1.0 - cofactors[0] / determinant;
+    let value = -constant / rest.sqrt();
+    (rest > 1e-3 && value.is_finite()).then_some(value)
+}
+
+fn median(values: &mut [f64]) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}

@@ -1,0 +1,221 @@
+//! Delimiter, decimal mark, names and units, from a file's first lines.
+
+use super::unit::{factor_of_any, split_unit};
+use super::{Decimal, Header, text};
+use std::cmp::Reverse;
+
+/// Lines looked at ...
+pub(super) const LINES: usize = 1000;
+/// ... and bytes.
+pub(super) const BYTES: usize = 256 << 10;
+
+/// How a file is written.
+pub(super) struct Head {
+    pub delimiter: u8,
+    pub decimal: Decimal,
+    pub header: Header,
+    /// Lines before the first row of values.
+    pub body: usize,
+}
+
+/// A line with its number (from 0), and what it holds.
+struct Line {
+    index: usize,
+    comment: bool,
+    fields: Vec<String>,
+}
+
+/// Finds out how a file that begins with `lines` is written; `known` says which names mean something.
+pub(super) fn find(lines: &[String], known: &dyn Fn(&str) -> bool) -> Head {
+    let (start, told) = told_delimiter(lines);
+    let delimiter = told.unwrap_or_else(|| most_numbers(&lines[start..]));
+    let rows: Vec<Line> = lines
+        .iter()
+        .enumerate()
+        .skip(start)
+        .filter_map(|(index, line)| {
+            let line = text::trim(line, delimiter == b'\t');
+            let comment = text::comment(line);
+            let said = comment.unwrap_or(line);
+            (!said.trim().is_empty()).then(|| Line {
+                index,
+                comment: comment.is_some(),
+                fields: split(said, delimiter),
+            })
+        })
+        .collect();
+    let decimal = decimal(&rows, delimiter);
+    let width = width(&rows);
+    let data =
+        rows.iter().position(|row| !row.comment && is_data(row, width, delimiter)).unwrap_or(rows.len());
+    // Without numbers there is no block before them.
+    let (before, _) = rows.split_at(data);
+    let guess = data < rows.len();
+    let Some(names) =
+        names_row(before, known, width, guess).or_else(|| rows.iter().position(|row| !row.comment))
+    else {
+        return Head { delimiter, decimal, header: Header::default(), body: lines.len() };
+    };
+    let units = (names + 1..rows.len())
+        .find(|&row| !rows[row].comment)
+        .filter(|&row| is_units(&rows[row].fields, delimiter));
+    let header = header(&rows[names], units.map(|row| rows[row].fields.as_slice()));
+    Head { delimiter, decimal, header, body: rows[units.unwrap_or(names)].index + 1 }
+}
+
+/// A line `sep=;`, as spreadsheets write it: how many lines it takes, and the delimiter.
+fn told_delimiter(lines: &[String]) -> (usize, Option<u8>) {
+    let told = lines.first().and_then(|line| line.trim_matches(['\r', '"', ' ']).strip_prefix("sep="));
+    match told.map(str::as_bytes) {
+        Some(&[delimiter @ (b',' | b';' | b'\t')]) => (1, Some(delimiter)),
+        _ => (0, None),
+    }
+}
+
+/// The delimiter by which most fields are numbers, and fewest are not; commas where none says more.
+fn most_numbers(lines: &[String]) -> u8 {
+    let score = |delimiter: u8| -> (i64, i64) {
+        let (mut numbers, mut fields) = (0, 0);
+        for line in lines {
+            let line = text::trim(line, delimiter == b'\t');
+            let comment = text::comment(line);
+            let row = split(comment.unwrap_or(line), delimiter);
+            if row.len() < 2 {
+                continue;
+            }
+            fields += row.len() as i64;
+            // Rows without any number are names, or a block before them.
+            let filled = row.iter().filter(|field| !field.is_empty()).count() as i64;
+            let values = row.iter().filter(|field| is_value(field, delimiter)).count() as i64;
+            if comment.is_none() && values > 0 {
+                numbers += 2 * values - filled;
+            }
+        }
+        (numbers, fields)
+    };
+    let commas = score(b',');
+    // By the numbers; in a file of names alone by the fields.
+    let better = |delimiter: u8| {
+        let other = score(delimiter);
+        (other.1 > 0 && (other.0 > commas.0 || commas.1 == 0)).then_some((other, delimiter))
+    };
+    [b';', b'\t'].into_iter().filter_map(better).max().map_or(b',', |best| best.1)
+}
+
+/// A line's fields, trimmed.
+fn split(line: &str, delimiter: u8) -> Vec<String> {
+    let mut reader = csv::ReaderBuilder::new()
+        .has_headers(false)
+        .flexible(true)
+        .trim(csv::Trim::All)
+        .delimiter(delimiter)
+        .from_reader(line.as_bytes());
+    let mut record = csv::StringRecord::new();
+    match reader.read_record(&mut record) {
+        Ok(true) => record.iter().map(str::to_owned).collect(),
+        _ => Vec::new(),
+    }
+}
+
+/// Whether a field is a number, or a time, as a row of values has them.
+fn is_value(field: &str, delimiter: u8) -> bool {
+    let number = |text: &str| text.parse::<f64>().is_ok();
+    number(field)
+        || delimiter != b',' && field.matches(',').count() == 1 && number(&field.replace(',', "."))
+        || super::time::seconds(field).is_some()
+}
+
+/// Which mark the numbers of the head have.
+fn decimal(rows: &[Line], delimiter: u8) -> Decimal {
+    if delimiter == b',' {
+        return Decimal::Point;
+    }
+    let values = || {
+        rows.iter()
+            .filter(|row| !row.comment)
+            .flat_map(|row| &row.fields)
+            .filter(|field| is_value(field, delimiter) && super::time::seconds(field).is_none())
+    };
+    if values().any(|field| field.contains(',')) {
+        Decimal::Comma
+    } else if values().any(|field| field.contains('.')) {
+        Decimal::Point
+    } else {
+        Decimal::Unknown
+    }
+}
+
+/// The most frequent number of fields.
+fn width(rows: &[Line]) -> usize {
+    let mut counts = std::collections::BTreeMap::new();
+    for row in rows.iter().filter(|row| !row.comment) {
+        *counts.entry(row.fields.len()).or_insert(0usize) += 1;
+    }
+    counts.into_iter().max_by_key(|&(_, count)| count).map_or(0, |(width, _)| width)
+}
+
+fn is_data(row: &Line, width: usize, delimiter: u8) -> bool {
+    let filled = row.fields.iter().filter(|field| !field.is_empty());
+    let (values, others): (Vec<&String>, Vec<&String>) = filled.partition(|field| is_value(field, delimiter));
+    row.fields.len() >= width.min(2) && values.len() > others.len()
+}
+
+/// The row of names among those before the numbers: the one with most known names, the last before the numbers where
+/// none is known, and a comment only where it knows two and no row knows one.
+fn names_row(before: &[Line], known: &dyn Fn(&str) -> bool, width: usize, guess: bool) -> Option<usize> {
+    let count = |row: &Line| row.fields.iter().filter(|name| known(split_unit(name).0)).count();
+    let best = |comment: bool| {
+        let rows = before.iter().enumerate().filter(|(_, row)| row.comment == comment);
+        // The first of equals.
+        rows.map(|(index, row)| (count(row), index)).max_by_key(|&(count, index)| (count, Reverse(index)))
+    };
+    let (row, comment) = (best(false), best(true));
+    if let Some((1.., index)) = row {
+        return Some(index);
+    }
+    if let Some((2.., index)) = comment {
+        return Some(index);
+    }
+    if !guess {
+        return None;
+    }
+    let rows: Vec<usize> = (0..before.len()).filter(|&row| !before[row].comment).collect();
+    let wide = |&&row: &&usize| before[row].fields.len() >= width.min(2);
+    let last = *rows.iter().rev().find(wide)?;
+    let above = rows.iter().rev().filter(wide).nth(1);
+    match above {
+        Some(&above) if is_units(&before[last].fields, b',') => Some(above),
+        _ => Some(last),
+    }
+}
+
+/// Whether a row says units: short words, at least half of them known, none a number.
+fn is_units(fields: &[String], delimiter: u8) -> bool {
+    let word = |field: &str| field.trim_matches(['[', ']', '(', ')', ' ']).to_owned();
+    let filled: Vec<String> =
+        fields.iter().map(|field| word(field)).filter(|field| !field.is_empty() && field != "-").collect();
+    let units = filled.iter().filter(|field| factor_of_any(field)).count();
+    units > 0
+        && 2 * units >= filled.len()
+        && filled.iter().all(|field| field == "1" || field.len() <= 16 && !is_value(field, delimiter))
+}
+
+fn header(names: &Line, units: Option<&[String]>) -> Header {
+    let mut header = Header { line: names.index as u64 + 1, ..Header::default() };
+    for (index, written) in names.fields.iter().enumerate() {
+        let (name, unit) = split_unit(written);
+        let below =
+            units.and_then(|units| units.get(index)).map(|unit| unit.trim_matches(['[', ']', '(', ')', ' ']));
+        let unit = unit.or(below).filter(|unit| !matches!(*unit, "" | "-"));
+        header.names.push(name.to_owned());
+        header.units.push(unit.map(str::to_owned));
+        header.written.push(written.clone());
+    }
+    // A delimiter at the end of the line makes no column.
+    while header.names.len() > 1 && header.written.last().is_some_and(String::is_empty) {
+        header.names.pop();
+        header.units.pop();
+        header.written.pop();
+    }
+    header
+}

@@ -1,0 +1,349 @@
+//! Tables from text files: one reader for drive logs and roads.
+//!
+//! A table is a names row and rows of values; people's files say the same in many ways, and none of them says which:
+//!
+//! | a file may have | how it is found |
+//! |---|---|
+//! | commas, semicolons or tabs | the delimiter by which most fields of the head are numbers; a line `sep=;` decides |
+//! | decimal commas | with semicolons or tabs only; a file that mixes commas and points is refused |
+//! | lines of comment (`#`, `%`), blank lines | skipped; names may stand in a comment (racing lines) |
+//! | a block before the names (`"Venue","Test"`) | names are the row before the numbers that has most known names |
+//! | a row of units below the names, or `vx [km/h]` | kept beside the name ([`Header::units`]) |
+//! | UTF-8, UTF-16, Latin-1, a byte order mark | by mark, by zero bytes, and line by line |
+//! | gzip (feature `cli`) | by the file's ending or its first bytes |
+//!
+//! What a name means is the caller's business, and so are units that it does not know. Rows are read as a stream, and
+//! never more of it than [`Limits`] allow: a packed file of 6 MB may unpack to 6 GB.
+//!
+//! ```
+//! use rfl_mpc::table::{Limits, Table};
+//!
+//! let text = b"\"Venue\";\"Test\"\n\nx [m];y [m]\n0,5;1\n1,5;2\n";
+//! let mut table = Table::new(&text[..], Limits::default(), &|name| ["x", "y"].contains(&name))?;
+//! assert_eq!((table.header().names.join(" "), table.header().line), ("x y".into(), 3));
+//! let row = table.next_row()?.unwrap();
+//! assert_eq!((row.line, row.number(0)), (4, Some(0.5)));
+//! # Ok::<(), rfl_mpc::table::TableError>(())
+//! ```
+//!
+//! | file | idea |
+//! |---|---|
+//! | `open.rs` | files: which are refused, gzip, the limit of bytes |
+//! | `text.rs` | encodings, lines |
+//! | `head.rs` | delimiter, names and units from the first lines |
+//! | `unit.rs` | units in names and in rows of units |
+//! | `time.rs` | dates and times (ISO 8601) |
+
+mod head;
+mod open;
+mod text;
+pub mod time;
+mod unit;
+
+pub use open::open;
+pub use unit::{factor, split_unit};
+
+use head::Head;
+use std::borrow::Cow;
+use std::io::Read;
+use text::Lines;
+
+/// How much of a file is read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Limits {
+    /// Greatest size in bytes, unpacked.
+    pub bytes: u64,
+    /// Most rows of values.
+    pub rows: u64,
+}
+
+impl Default for Limits {
+    /// 512 MB unpacked, 5 million rows: 14 hours at 100 Hz.
+    fn default() -> Self {
+        Self { bytes: 512 << 20, rows: 5_000_000 }
+    }
+}
+
+/// Bytes that a line may have.
+const LONGEST_LINE: u64 = 1 << 20;
+
+/// Why a file gives no table. Messages name no file: whoever opened it does.
+#[derive(Debug, thiserror::Error)]
+pub enum TableError {
+    /// The file cannot be opened.
+    #[error("{0}; check the name and the permission")]
+    Io(#[from] std::io::Error),
+    /// The file cannot be read to its end: packed and cut off, say.
+    #[error("breaks off: {0}; copy or pack it again")]
+    Broken(std::io::Error),
+    /// A folder, a device or a pipe.
+    #[error("is {kind}, not a file; give a CSV file")]
+    NotAFile {
+        /// What it is, with its article.
+        kind: &'static str,
+    },
+    /// More bytes than the limit.
+    #[error("has more than {} MB{}, the limit of a table; cut it into several files", limit >> 20, if *unpacked { " unpacked" } else { "" })]
+    TooLarge {
+        /// The limit in bytes.
+        limit: u64,
+        /// Whether the file was packed.
+        unpacked: bool,
+    },
+    /// More rows than the limit.
+    #[error("line {line}: has more than {limit} rows, the limit of a table; cut it into several files")]
+    TooManyRows {
+        /// The first line too many, counted from 1.
+        line: u64,
+        /// The limit.
+        limit: u64,
+    },
+    /// A line that no table has.
+    #[error("line {line}: has more than {} MB; a table is a text file with a line for each row", LONGEST_LINE >> 20)]
+    LongLine {
+        /// The line, counted from 1.
+        line: u64,
+    },
+    /// gzip, in a build without it.
+    #[error("this build reads no compressed files (feature `cli`); unpack it first")]
+    Compressed,
+    /// A spreadsheet or another archive.
+    #[error("is a spreadsheet or a zip archive; save the table as CSV")]
+    Archive,
+}
+
+/// The names of a table's columns, as far as the file gives them.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Header {
+    /// Names without units, trimmed; a trailing nameless column is left out.
+    pub names: Vec<String>,
+    /// The unit of each column, from `name [unit]` or the row of units below.
+    pub units: Vec<Option<String>>,
+    /// Names as they stand in the file.
+    pub written: Vec<String>,
+    /// The line of the names, counted from 1; 0 in a file without any.
+    pub line: u64,
+}
+
+/// A table, read row by row.
+pub struct Table<R: Read> {
+    rows: csv::Reader<Body<R>>,
+    record: csv::ByteRecord,
+    header: Header,
+    decimal: Decimal,
+    count: u64,
+    limits: Limits,
+}
+
+/// One row of values.
+pub struct Row<'a> {
+    /// The line, counted from 1: of a field of several lines the first one.
+    pub line: u64,
+    record: &'a csv::ByteRecord,
+    decimal: Decimal,
+}
+
+impl<'a> Row<'a> {
+    /// Fields in the row.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.record.len()
+    }
+
+    /// Whether the row has no field; blank lines are no rows, so this is rare.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.record.is_empty()
+    }
+
+    /// Fields up to the last one that is not empty, or `least`: delimiters at the end of a line say nothing.
+    #[must_use]
+    pub fn filled(&self, least: usize) -> usize {
+        (least..self.len())
+            .rev()
+            .find(|&i| !self.field(i).is_empty())
+            .map_or(self.len().min(least), |i| i + 1)
+    }
+
+    /// A field, trimmed; empty where the row is too short.
+    #[must_use]
+    pub fn field(&self, column: usize) -> &'a str {
+        let bytes = self.record.get(column).unwrap_or_default();
+        // Lines are text before they are split.
+        std::str::from_utf8(bytes).unwrap_or("\u{fffd}")
+    }
+
+    /// A field with a decimal point, where this file writes commas.
+    #[must_use]
+    pub fn plain(&self, column: usize) -> Cow<'a, str> {
+        self.decimal.plain(self.field(column))
+    }
+
+    /// A field as a number; `None` where it is none. Underscores (`1_000`) make no number.
+    #[must_use]
+    pub fn number(&self, column: usize) -> Option<f64> {
+        self.plain(column).parse().ok()
+    }
+}
+
+/// The decimal mark of a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Decimal {
+    Point,
+    Comma,
+    /// The head has whole numbers alone, and no commas between them: either.
+    Unknown,
+}
+
+impl Decimal {
+    /// A field with a decimal point. Where a file of commas has a point, it may part thousands: the field is given
+    /// with words behind it, no number.
+    fn plain(self, field: &str) -> Cow<'_, str> {
+        match (self, field.matches(',').count(), field.contains('.')) {
+            (Self::Point, ..) | (_, 0, false) | (Self::Unknown, 0, true) => field.into(),
+            (_, 1, false) => field.replace(',', ".").into(),
+            _ => format!("{field} (a point among decimal commas)").into(),
+        }
+    }
+}
+
+impl<R: Read> Table<R> {
+    /// Finds out how a file is written. `known` says which names (trimmed, without unit) mean something.
+    ///
+    /// # Errors
+    /// The file cannot be read, or is larger than the limits.
+    pub fn new(reader: R, limits: Limits, known: &dyn Fn(&str) -> bool) -> Result<Self, TableError> {
+        let mut lines = Lines::new(reader, limits.bytes)?;
+        let mut first = Vec::new();
+        let mut size = 0;
+        while first.len() < head::LINES && size < head::BYTES {
+            let Some(line) = lines.next_line()? else { break };
+            size += line.len();
+            first.push(line);
+        }
+        let Head { delimiter, decimal, header, body } = head::find(&first, known);
+        first.drain(..body);
+        let body = Body {
+            lines,
+            first: first.into_iter(),
+            tab: delimiter == b'\t',
+            number: body as u64,
+            ready: Vec::new(),
+            given: 0,
+            count: 0,
+            jumps: Vec::new(),
+            error: None,
+        };
+        let rows = csv::ReaderBuilder::new()
+            .has_headers(false)
+            .flexible(true)
+            .trim(csv::Trim::All)
+            .delimiter(delimiter)
+            .from_reader(body);
+        Ok(Self { rows, record: csv::ByteRecord::new(), header, decimal, count: 0, limits })
+    }
+
+    /// The names.
+    #[must_use]
+    pub fn header(&self) -> &Header {
+        &self.header
+    }
+
+    /// Whether any line so far was no UTF-8 and was read as Latin-1.
+    #[must_use]
+    pub fn is_latin1(&self) -> bool {
+        self.rows.get_ref().lines.latin1
+    }
+
+    /// The next row; `None` at the end.
+    ///
+    /// # Errors
+    /// The file cannot be read on, or is larger than the limits.
+    pub fn next_row(&mut self) -> Result<Option<Row<'_>>, TableError> {
+        let position = self.rows.position().line();
+        let read = self.rows.read_byte_record(&mut self.record);
+        if let Some(error) = self.rows.get_mut().error.take() {
+            return Err(error);
+        }
+        let line = self.rows.get_ref().line(position);
+        match read {
+            Ok(false) => return Ok(None),
+            Ok(true) => {}
+            Err(error) => return Err(TableError::Broken(error.into())),
+        }
+        self.count += 1;
+        if self.count > self.limits.rows {
+            return Err(TableError::TooManyRows { line, limit: self.limits.rows });
+        }
+        Ok(Some(Row { line, record: &self.record, decimal: self.decimal }))
+    }
+}
+
+/// The lines with values as one UTF-8 text, without comments and blank lines, and the number that each has in the file.
+struct Body<R: Read> {
+    lines: Lines<R>,
+    /// Lines that were read to find the head.
+    first: std::vec::IntoIter<String>,
+    /// A tab at either end of a line is a delimiter.
+    tab: bool,
+    /// Lines of the file so far.
+    number: u64,
+    ready: Vec<u8>,
+    given: usize,
+    /// Lines given so far.
+    count: u64,
+    /// From which line given on (counted from 1) the file's lines are how many more.
+    jumps: Vec<(u64, u64)>,
+    error: Option<TableError>,
+}
+
+impl<R: Read> Body<R> {
+    /// The file's line of a line given (counted from 1).
+    fn line(&self, given: u64) -> u64 {
+        let after = self.jumps.partition_point(|jump| jump.0 <= given);
+        given + after.checked_sub(1).map_or(0, |i| self.jumps[i].1)
+    }
+
+    fn fill(&mut self) -> Result<(), TableError> {
+        self.ready.clear();
+        self.given = 0;
+        while self.ready.is_empty() {
+            let next = match self.first.next() {
+                Some(line) => Some(line),
+                None => self.lines.next_line()?,
+            };
+            let Some(line) = next else { return Ok(()) };
+            self.number += 1;
+            let text = text::trim(&line, self.tab);
+            if text.trim().is_empty() || text::comment(text).is_some() {
+                continue;
+            }
+            self.count += 1;
+            let more = self.number - self.count;
+            if self.jumps.last().map_or(0, |jump| jump.1) != more {
+                self.jumps.push((self.count, more));
+            }
+            self.ready.extend_from_slice(text.as_bytes());
+            self.ready.push(b'\n');
+        }
+        Ok(())
+    }
+}
+
+impl<R: Read> Read for Body<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        if self.given == self.ready.len() {
+            if let Err(error) = self.fill() {
+                // The end, for the splitter; `next_row` gives the cause.
+                self.error = Some(error);
+                self.ready.clear();
+                self.given = 0;
+                return Ok(0);
+            }
+        }
+        let count = buffer.len().min(self.ready.len() - self.given);
+        buffer[..count].copy_from_slice(&self.ready[self.given..self.given + count]);
+        self.given += count;
+        Ok(count)
+    }
+}

@@ -1,0 +1,69 @@
+//! Dates and times of ISO 8601.
+
+/// Seconds since 1970, whole ones and the fraction, of `2024-05-01T12:00:00.02` (a blank for the `T`, `,` for the
+/// point, and `Z` or `+02:00` at the end are known, too). `None` for anything else.
+///
+/// ```
+/// use rfl_mpc::table::time::seconds;
+///
+/// assert_eq!(seconds("1970-01-02T00:00:01.5"), Some((86_401, 0.5)));
+/// assert_eq!(seconds("1970-01-02 02:00:01+02:00"), Some((86_401, 0.0)));
+/// assert_eq!(seconds("1970_01_02"), None);
+/// ```
+#[must_use]
+pub fn seconds(text: &str) -> Option<(i64, f64)> {
+    let (date, time) = (text.get(..10)?, text.get(11..)?);
+    if !matches!(text.as_bytes()[10], b'T' | b't' | b' ') {
+        return None;
+    }
+    let (year, month, day) = three(date, '-', [4, 2, 2])?;
+    let (time, offset) = match time.find(['Z', 'z', '+', '-']) {
+        None => (time, 0),
+        Some(at) => (&time[..at], zone(&time[at..])?),
+    };
+    let (clock, fraction) = time.split_once(['.', ',']).unwrap_or((time, "0"));
+    if fraction.is_empty() || !fraction.bytes().all(|byte| byte.is_ascii_digit()) {
+        return None;
+    }
+    let (hour, minute, second) = if clock.len() == 5 {
+        let (hour, minute) = clock.split_once(':')?;
+        (digits(hour, 2)?, digits(minute, 2)?, 0)
+    } else {
+        three(clock, ':', [2, 2, 2])?
+    };
+    let within =
+        (1..=12).contains(&month) && (1..=31).contains(&day) && hour < 25 && minute < 60 && second < 61;
+    let whole = 86_400 * days(year, month, day) + 3600 * hour + 60 * minute + second - offset;
+    within.then_some((whole, format!("0.{fraction}").parse().ok()?))
+}
+
+/// Seconds that a zone (`Z`, `+02:00`, `-0330`) is ahead.
+fn zone(text: &str) -> Option<i64> {
+    if matches!(text, "Z" | "z") {
+        return Some(0);
+    }
+    let sign = if text.starts_with('-') { -1 } else { 1 };
+    let rest: String = text[1..].chars().filter(|&letter| letter != ':').collect();
+    let minutes = if rest.len() > 2 { digits(rest.get(2..)?, 2)? } else { 0 };
+    Some(sign * (3600 * digits(rest.get(..2)?, 2)? + 60 * minutes))
+}
+
+fn three(text: &str, mark: char, lengths: [usize; 3]) -> Option<(i64, i64, i64)> {
+    let mut parts = text.split(mark);
+    let mut next = |length| digits(parts.next()?, length);
+    let found = (next(lengths[0])?, next(lengths[1])?, next(lengths[2])?);
+    parts.next().is_none().then_some(found)
+}
+
+fn digits(text: &str, length: usize) -> Option<i64> {
+    (text.len() == length && text.bytes().all(|byte| byte.is_ascii_digit())).then(|| text.parse().ok())?
+}
+
+/// Days since 1970-01-01 in the Gregorian calendar (H. Hinnant, days_from_civil).
+fn days(year: i64, month: i64, day: i64) -> i64 {
+    let year = if month <= 2 { year - 1 } else { year };
+    let era = year.div_euclid(400);
+    let of_era = year - 400 * era;
+    let of_year = (153 * (month + if month > 2 { -3 } else { 9 }) + 2) / 5 + day - 1;
+    146_097 * era + 365 * of_era + of_era / 4 - of_era / 100 + of_year - 719_468
+}
