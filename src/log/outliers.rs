@@ -36,13 +36,13 @@ pub(super) const MOST: f64 = 0.01;
 const NAMED: usize = 4;
 
 /// Columns with inertia, and how many rows an outlier of each may last. What is asked for may be anything: of it only what
-/// exceeds its whole spread.
+/// exceeds its whole spread; the spread of a position is that of the road.
 const MOVING: [(&str, usize, f64); 16] = [
     ("steer_cmd", 2, 1.0),
     ("steer", LONGEST, OF_SPREAD),
-    ("x", LONGEST, OF_SPREAD),
-    ("y", LONGEST, OF_SPREAD),
-    ("yaw", LONGEST, OF_SPREAD),
+    ("x", LONGEST, 0.0),
+    ("y", LONGEST, 0.0),
+    ("yaw", LONGEST, 0.0),
     ("vx", LONGEST, OF_SPREAD),
     ("vy", LONGEST, OF_SPREAD),
     ("yaw_rate", LONGEST, OF_SPREAD),

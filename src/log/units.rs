@@ -36,8 +36,10 @@ const BENDS: [Unit; 2] = [("1/m", 1.0), ("1/km", 1000.0)];
 const FAR: f64 = 0.14;
 /// What effects, a roll angle or a bank may do to a ratio in SI units, as a logarithm.
 const EFFECT: f64 = 0.36;
+/// A body that leans shows its accelerometer gravity, too: the range of its ratio, in SI units.
+const LEANING: (f64, f64) = (0.98, 1.12);
 /// Two explanations that differ by less are both possible.
-const APART: f64 = 0.03;
+const APART: f64 = 0.012;
 
 /// What a log shows, where it shows it: ratios of columns.
 #[derive(Debug, Clone, Copy, Default)]
@@ -99,7 +101,10 @@ impl Units {
         [
             off(shown.way, self.position.1 / speed),
             off(shown.station, self.station.1 / speed),
-            off(shown.lateral, self.acceleration.1 / (speed * self.turn.1)),
+            shown.lateral.map_or(0.0, |shown| {
+                let ratio = shown.abs() * speed * self.turn.1 / self.acceleration.1;
+                (ratio / ratio.clamp(LEANING.0, LEANING.1)).ln().abs()
+            }),
             off(shown.bend, self.turn.1 / (speed * self.curvature.1)),
         ]
         .into_iter()
@@ -151,8 +156,11 @@ pub(super) fn told(shown: &Shown) -> Told {
         [shown.way, shown.station, shown.lateral, shown.bend].iter().filter(|ratio| ratio.is_some()).count();
     all.retain(|(foreign, error, _)| *error < FAR && *foreign <= ratios);
     all.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    // By ay alone feet a second are km/h of a body that leans, and km/h are the common ones.
+    let common = |units: &Units| units.speed == SPEEDS[1] && shown.way.is_none() && shown.station.is_none();
     match all[..] {
         [] => Told::Si,
+        [(_, error, units), ..] if error == 0.0 && common(&units) => Told::Units(units),
         [(foreign, error, units), (others, next, other), ..] if foreign == others && next - error < APART => {
             Told::Either(units, other)
         }
@@ -181,8 +189,10 @@ mod tests {
     fn one_ratio_tells_one_unit() {
         for &(name, factor) in &SPEEDS[1..] {
             let expected = format!("vx in {name}");
-            for effect in [0.97, 1.0, 1.03] {
+            for effect in [1.06, 1.107] {
                 assert_eq!(words(Shown { lateral: Some(effect / factor), ..Shown::default() }), expected);
+            }
+            for effect in [0.97, 1.0, 1.03] {
                 assert_eq!(words(Shown { way: Some(effect / factor), ..Shown::default() }), expected);
             }
         }
