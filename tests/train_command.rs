@@ -275,13 +275,16 @@ fn a_log_of_poses_gives_with_the_road_the_model_of_the_whole_log() {
     let error = refused(&train(folder.path(), &poses, &["--path", &other]));
     assert!(error.contains("hairpin_circuit.csv the road that was driven"), "{error}");
     for (table, words) in [
-        (poses.clone().map("yaw", f64::to_degrees), "yaw may be in degrees"),
-        (poses.clone().map("yaw_rate", f64::to_degrees), "yaw_rate may be in degrees"),
         (poses.clone().map("yaw", |yaw| -yaw), "sign"),
-        (poses.map("yaw", |yaw| yaw + 1.57), "from north"),
+        (poses.clone().map("yaw", |yaw| yaw + 1.57), "another axis"),
     ] {
         let error = refused(&train(folder.path(), &table, &["--path", &road()]));
         assert!(error.contains(words), "{error}");
+    }
+    for column in ["yaw", "yaw_rate"] {
+        let said =
+            done(&train(folder.path(), &poses.clone().map(column, f64::to_degrees), &["--path", &road()]));
+        assert!(said.contains(&format!("{column} was taken as degrees")), "{said}");
     }
 }
 
@@ -317,22 +320,39 @@ fn what_a_log_lacks_is_made_and_said() {
 }
 
 #[test]
+fn units_and_clocks_are_mended_and_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = Table::collected;
+    for (table, words) in [
+        (log().map("vx", |vx| 3.6 * vx), "taken as km/h"),
+        (log().map("e1", |e1| 1e3 * e1), "taken as mm"),
+        (log().map("steer_cmd", f64::to_degrees), "steer_cmd is 5"),
+        (log().map("e2", f64::to_degrees), "e2 changes 57 times"),
+        (log().map("e2_rate", f64::to_degrees), "e2_rate is 57 times"),
+        (log().map("time", |t| 1e3 * t), "milliseconds"),
+        (log().rows(|rows| [&rows[..], &rows].concat()), "2 drives"),
+        (log().set(700, "yaw_rate", "7"), "yaw_rate = 7.0000 in row 701"),
+    ] {
+        let said = done(&train(folder.path(), &table, &[]));
+        assert!(said.contains(words), "no `{words}`: {said}");
+    }
+}
+
+#[test]
 fn bad_logs_are_refused_with_the_reason() {
     let folder = tempfile::tempdir().unwrap();
     let log = Table::collected;
     let cases: Vec<(&str, Table, &[&str])> = vec![
-        ("steer_cmd in degrees", log().map("steer_cmd", f64::to_degrees), &["steer_cmd", "degrees"]),
         ("steering wheel", log().map("steer_cmd", |x| 16.0 * x), &["steer_cmd", "steering-wheel"]),
         ("right-handed", log().map("steer_cmd", |x| -x), &["steer_cmd", "sign"]),
-        ("e2 in degrees", log().map("e2", f64::to_degrees), &["`e2`", "degrees"]),
-        ("e2_rate in degrees", log().map("e2_rate", f64::to_degrees), &["`e2_rate`", "degrees"]),
-        ("another rate", log().map("time", |t| 1.5 * t), &["log.csv", "every 0.03", "0.02"]),
-        ("time in ms", log().map("time", |t| 1e3 * t), &["every 20", "0.02 s"]),
-        ("two drives in one", log().rows(|rows| [&rows[..], &rows].concat()), &["row 2", "must increase"]),
-        ("time stands", log().map("time", |_| 3.0), &["must increase"]),
+        ("another rate", log().map("time", |t| 1.25 * t), &["log.csv", "every 0.025", "0.02"]),
+        ("a clock half as fast", log().map("time", |t| 1.5 * t), &["log.csv", "x and y move 0.6"]),
+        ("e1 turned", log().map("e1", |e1| -e1), &["e1 has the opposite sign of e1_rate"]),
+        ("no number at all", log().set(10, "yaw_rate", "1e308"), &["yaw_rate = 1e308 in row 11"]),
+        ("time stands", log().map("time", |_| 3.0), &["log.csv", "the drive is 0.00 s long"]),
         ("a stuck sensor", log().map("e1", |_| 0.1), &["`e1` is 0.1 in every row", "stuck"]),
         ("no steering", log().map("steer_cmd", |_| 0.0), &["`steer_cmd` is 0", "dither"]),
-        ("too short", log().rows(|rows| rows[..150].to_vec()), &["rfl_s: ", "150 rows", "drive longer"]),
+        ("too short", log().rows(|rows| rows[..150].to_vec()), &["150 rows", "at least 10 s"]),
         ("no rows", log().rows(|_| vec![]), &["0 rows"]),
         ("text", log().set(10, "vx", "fast"), &["log.csv, line 12, column vx", "'fast'"]),
         ("no speed", log().without(&["vx"]), &["'vx' is missing"]),

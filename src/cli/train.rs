@@ -1,5 +1,6 @@
 //! `rfl train`: residual models from drive logs, proven in simulated closed loop before they are handed over.
 
+use super::diagnose::steady_steering;
 use super::drive::MODELS;
 use super::vehicle::{Commanded, Linear, by_kind, controller_with, vehicle_named};
 use super::{named, progress_bar};
@@ -7,7 +8,7 @@ use crate::control::{
     Choice, ControlVariant, ControllerParametersFor, MODEL_EXTENSION, PredictionModelFor, Propagation,
     Residual, RollOut, VehicleParameters,
 };
-use crate::log::{DriveLog, drive_of};
+use crate::log::{DriveLog, drives_of};
 use crate::nominal::{Actuator, LateralVehicle};
 use crate::path;
 use crate::residual::gp::GpConfig;
@@ -228,12 +229,14 @@ where
     let data_config = parameters.mpc.data_config();
     let road =
         args.path.as_deref().map(|file| path::Path::read(file).map(|road| (road, file))).transpose()?;
+    let steering = |speed: f64| steady_steering(&vehicle, speed);
     let mut notes = Vec::new();
     let mut read = |files: &[PathBuf]| -> Result<DataSet<Linear<P, S, C>, S>, Box<dyn Error>> {
         let mut drives = Vec::new();
         for file in files {
             let road = road.as_ref().map(|(road, file)| (road, *file));
-            drives.push(drive_of(&DriveLog::read(file)?, road, &mut |note| notes.push(note))?);
+            let log = DriveLog::read(file)?;
+            drives.extend(drives_of(&log, road, &steering, &mut |note| notes.push(note))?);
         }
         Ok(DataSet::new(&drives, &vehicle, data_config)?)
     };

@@ -2,14 +2,22 @@
 //!
 //! ```text
 //!     d(yaw)/dt = yaw_rate       |d(x, y)|/dt = vx       course(x, y) = yaw + slip       ay = vx * yaw_rate + ...
+//!     d(e1)/dt = e1_rate = vy + vx * e2       d(e2)/dt = e2_rate = yaw_rate - curvature * vx
 //!     steer = (l + K vx^2) * yaw_rate / vx               (steady cornering, Rajamani ch. 3.3)
 //! ```
 
 use super::clean::{CleanError, CleanLog};
 use super::finding::Gravity;
 use super::statistics::{Slope, median, quantile, slope};
+use super::units::{self, LENGTHS, Shown, Told, Unit};
 use crate::path::wrap_angle;
-use crate::vehicle::GRAVITY;
+use std::collections::BTreeMap;
+
+/// Factors by which columns of the file were multiplied.
+pub(super) type Factors = BTreeMap<&'static str, f64>;
+
+/// Rows farther apart in time belong to two drives, s.
+const ANOTHER_DRIVE: f64 = 9.9;
 
 /// A larger change of yaw from row to row is its wrapping.
 const WRAP: f64 = 3.0;
@@ -25,7 +33,7 @@ pub(super) fn turn_factor(time: &[f64], yaw: &[f64], yaw_rate: &[f64]) -> Option
         let asked = 0.5 * (yaw_rate[i - 1] + yaw_rate[i]) * (time[i] - time[i - 1]);
         let turned = yaw[i] - yaw[i - 1];
         // Not a number compares as neither.
-        if turned.abs() < WRAP && asked.is_finite() {
+        if turned.abs() < WRAP && asked.is_finite() && time[i] - time[i - 1] < ANOTHER_DRIVE {
             (xx, xy, yy) = (xx + asked * asked, xy + asked * turned, yy + turned * turned);
         }
     }
@@ -72,49 +80,220 @@ fn blocks<'a>(log: &'a CleanLog, column: &'a [f64]) -> impl Iterator<Item = f64>
     })
 }
 
-/// Speed in km/h, acceleration in g: converted. To be called before all else.
-pub(super) fn mend_units(log: &mut CleanLog) {
+/// Columns in foreign units that others tell: converted. To be called before all else.
+pub(super) fn mend_units(log: &mut CleanLog, factors: &mut Factors) {
     let way = match (log.columns.get("x"), log.columns.get("y"), log.columns.get("vx")) {
         (Some(x), Some(y), Some(vx)) => way_factor(&log.time, [x, y, vx]),
         _ => None,
     };
     let lateral = lateral(log);
-    let kmh = match way {
-        Some(way) => near(way * 3.6, 1.0),
-        None => lateral.is_some_and(|slope| near(slope.factor * 3.6, 1.0) && slope.explained > 0.8),
+    let shown = Shown {
+        way,
+        station: station_factor(log),
+        lateral: lateral.filter(|slope| slope.explained > 0.8).map(|slope| slope.factor),
+        bend: bend(log).filter(|slope| slope.explained > 0.8).map(|slope| slope.factor),
     };
-    if kmh {
-        for name in ["vx", "vy"] {
-            scale(log, name, 1.0 / 3.6);
+    match units::told(&shown) {
+        Told::Units(units) => {
+            for (unit, columns, by) in [
+                (units.speed, &["vx", "vy"][..], "vx"),
+                (units.position, &["x", "y"], "x"),
+                (units.station, &["station"], "station"),
+                (units.acceleration, &["ax", "ay"], "ay"),
+                (units.turn, &["yaw_rate"], "yaw_rate"),
+                (units.curvature, &["curvature"], "curvature"),
+            ] {
+                convert(log, factors, unit, columns, &evidence(by, unit, &shown));
+            }
         }
-        let by = if way.is_some() { "x and y move" } else { "ay tells" };
-        log.find(
-            Gravity::Warning,
-            "vx",
-            format!("vx is 3.6 times as fast as {by}: taken as km/h and converted to m/s (vy with it)"),
-        );
-    } else if let Some(way) = way.filter(|way| !(0.7..1.4).contains(way)) {
-        let words = format!(
-            "x and y move {way:.3} times as fast as vx says: one of them has another unit (m and m/s are needed)"
-        );
-        log.find(Gravity::Suspicion, "vx", words);
+        Told::Either(one, other) => {
+            let words = format!(
+                "the columns contradict one another: {}, or {}? Which one cannot be told; convert to SI units (scripts/import_log.py can)",
+                one.words(),
+                other.words()
+            );
+            log.find(Gravity::Suspicion, "vx", words);
+        }
+        Told::Si => {
+            if let Some(way) = way.filter(|way| !(0.7..1.4).contains(way)) {
+                let words = format!(
+                    "x and y move {way:.3} times as fast as vx says: one of them has another unit (m and m/s are needed)"
+                );
+                log.find(Gravity::Suspicion, "vx", words);
+            }
+            // A poor ay in g is one all the same.
+            if let Some(slope) = lateral.filter(|slope| near(slope.factor * crate::vehicle::GRAVITY, 1.0)) {
+                let by = format!("ay is {:.2} times vx * yaw_rate", slope.factor);
+                convert(log, factors, ("g", 1.0 / crate::vehicle::GRAVITY), &["ax", "ay"], &by);
+            }
+        }
     }
-    if lateral.is_some_and(|slope| near(slope.factor * if kmh { 3.6 } else { 1.0 } * GRAVITY, 1.0)) {
-        for name in ["ax", "ay"] {
-            scale(log, name, GRAVITY);
+    mend_errors(log, factors);
+}
+
+/// What tells a column's unit, in words.
+fn evidence(column: &str, (_, unit): Unit, shown: &Shown) -> String {
+    match column {
+        "vx" => {
+            let by = match shown {
+                Shown { way: Some(_), .. } => "x and y move",
+                Shown { station: Some(_), .. } => "the station moves",
+                Shown { lateral: Some(_), .. } => "ay tells",
+                _ => "the curvature tells",
+            };
+            format!("vx is {unit:.2} times as fast as {by}")
         }
-        log.find(
-            Gravity::Warning,
-            "ay",
-            "ay is a tenth of vx * yaw_rate: taken as g and converted to m/s2 (ax with it)".into(),
-        );
+        "x" => format!("x and y move {unit:.3} times as fast as vx says"),
+        "station" => format!("the station moves {unit:.3} times as fast as vx says"),
+        "ay" => "ay is a tenth of vx * yaw_rate".into(),
+        "yaw_rate" => "yaw_rate is 57 times what ay tells".into(),
+        _ => "curvature is 1000 times what the turns tell".into(),
     }
 }
 
-fn scale(log: &mut CleanLog, name: &str, factor: f64) {
+/// Brings columns from a unit to SI, the first of them named; nothing where it is SI.
+fn convert(log: &mut CleanLog, factors: &mut Factors, unit: Unit, columns: &[&'static str], why: &str) {
+    let (name, size) = unit;
+    if size == 1.0 {
+        return;
+    }
+    let there: Vec<&str> =
+        columns.iter().copied().filter(|column| log.columns.contains_key(column)).collect();
+    for column in columns {
+        scale(log, factors, column, 1.0 / size);
+    }
+    // The one that tells is named first.
+    let Some(&column) = there.iter().find(|column| why.contains(**column)).or(there.first()) else { return };
+    let others: Vec<&str> = there.into_iter().filter(|other| *other != column).collect();
+    let with = if others.is_empty() { String::new() } else { format!(" ({} with it)", others.join(", ")) };
+    let si = crate::signal::find(column).map_or("SI units", |signal| signal.unit.symbol);
+    log.find(Gravity::Warning, column, format!("{why}: taken as {name} and converted to {si}{with}"));
+}
+
+fn scale(log: &mut CleanLog, factors: &mut Factors, name: &'static str, factor: f64) {
     if let Some(column) = log.columns.get_mut(name) {
         column.iter_mut().for_each(|value| *value *= factor);
     }
+    *factors.entry(name).or_insert(1.0) *= factor;
+}
+
+/// How far the station moves over how far speed and clock say. It jumps where a lap ends.
+fn station_factor(log: &CleanLog) -> Option<f64> {
+    let (station, vx) = (log.columns.get("station")?, log.columns.get("vx")?);
+    let still = vec![0.0; station.len()];
+    way_factor(&log.time, [station, &still, vx])
+}
+
+/// How the yaw rate of the path follows speed times curvature.
+fn bend(log: &CleanLog) -> Option<Slope> {
+    let [vx, rate, e2_rate, curvature] =
+        ["vx", "yaw_rate", "e2_rate", "curvature"].map(|name| log.columns.get(name));
+    let of_path = blocks(log, rate?).zip(blocks(log, e2_rate?)).map(|(rate, e2_rate)| rate - e2_rate);
+    slope(blocks(log, vx?).zip(blocks(log, curvature?)).map(|(v, curvature)| v * curvature).zip(of_path))
+}
+
+/// What the errors to the path tell of one another.
+struct Errors {
+    /// How e1 changes over what e1_rate says.
+    lateral: Option<f64>,
+    /// e1_rate over vy + vx * e2.
+    drift: Option<f64>,
+    /// How e2 changes over what e2_rate says.
+    heading: Option<f64>,
+    /// e2_rate over yaw_rate - vx * curvature.
+    turn: Option<f64>,
+}
+
+fn errors(log: &CleanLog) -> Errors {
+    let get = |name: &str| log.columns.get(name);
+    let change = |what: &str, rate: &str| {
+        let (what, rate) = (get(what)?, get(rate)?);
+        let size = ((BLOCK / log.step).round() as usize).max(1);
+        // From the middle of a block to that of the next.
+        let means: Vec<f64> = blocks(log, what).collect();
+        let asked: Vec<f64> = rate
+            .get(size / 2..)?
+            .chunks_exact(size)
+            .map(|rates| rates.iter().sum::<f64>() * log.step)
+            .collect();
+        let turned = means.windows(2).map(|pair| pair[1] - pair[0]);
+        slope(asked.into_iter().zip(turned))
+    };
+    let drift = || {
+        let (vx, e2, rate) = (get("vx")?, get("e2")?, get("e1_rate")?);
+        let none = vec![0.0; vx.len()];
+        let vy = get("vy").unwrap_or(&none);
+        let asked = vx.iter().zip(e2).zip(vy).map(|((vx, e2), vy)| vy + vx * e2).collect::<Vec<_>>();
+        slope(blocks(log, &asked).zip(blocks(log, rate)))
+    };
+    let turn = || {
+        let (vx, curvature, rate, e2_rate) =
+            (get("vx")?, get("curvature")?, get("yaw_rate")?, get("e2_rate")?);
+        let asked =
+            vx.iter().zip(curvature).zip(rate).map(|((v, bend), rate)| rate - v * bend).collect::<Vec<_>>();
+        slope(blocks(log, &asked).zip(blocks(log, e2_rate)))
+    };
+    let factor = |slope: Option<Slope>| slope.map(|slope| slope.factor);
+    Errors {
+        lateral: factor(change("e1", "e1_rate")),
+        drift: factor(drift()),
+        heading: factor(change("e2", "e2_rate")),
+        turn: factor(turn()),
+    }
+}
+
+/// Errors to the path in foreign units: converted.
+fn mend_errors(log: &mut CleanLog, factors: &mut Factors) {
+    const DEGREES: [Unit; 2] = [("rad", 1.0), ("degrees", 1.0 / DEGREE)];
+    let tell = |factor: Option<f64>, units: &[Unit]| factor.and_then(|factor| units::foreign(factor, units));
+    if let Some(unit) = tell(errors(log).turn, &DEGREES) {
+        convert(log, factors, unit, &["e2_rate"], "e2_rate is 57 times what yaw_rate and curvature tell");
+    }
+    if let Some(unit) = tell(errors(log).heading, &DEGREES) {
+        convert(log, factors, unit, &["e2"], "e2 changes 57 times as fast as e2_rate says");
+    }
+    let drift = errors(log).drift;
+    if let (Some(factor), Some(unit)) = (drift, tell(drift, &LENGTHS)) {
+        convert(
+            log,
+            factors,
+            unit,
+            &["e1_rate"],
+            &format!("e1_rate is {:.3} times vy + vx * e2", factor.abs()),
+        );
+    }
+    let lateral = errors(log).lateral;
+    if let (Some(factor), Some(unit)) = (lateral, tell(lateral, &LENGTHS)) {
+        let words = format!("e1 changes {:.3} times as fast as e1_rate says", factor.abs());
+        convert(log, factors, unit, &["e1"], &words);
+    }
+}
+
+/// Signs of the errors to the path, and what no unit explains.
+///
+/// # Errors
+/// A sign that is turned; a factor.
+pub(super) fn check_errors(log: &CleanLog) -> Result<(), CleanError> {
+    let Errors { lateral, drift, heading, turn } = errors(log);
+    check_signs(&[
+        ("e1", "e1_rate", lateral),
+        ("e1_rate", "e2", drift),
+        ("e2", "e2_rate", heading),
+        ("e2_rate", "yaw_rate", turn),
+    ])?;
+    for (column, factor, against) in [
+        ("e1", lateral, "changes {} times as fast as e1_rate says"),
+        ("e1_rate", drift, "is {} times vy + vx * e2"),
+        ("e2", heading, "changes {} times as fast as e2_rate says"),
+        ("e2_rate", turn, "is {} times yaw_rate - vx * curvature"),
+    ] {
+        // Errors are projections; a factor of two is beyond all of that.
+        if let Some(factor) = factor.filter(|factor| !(0.5..2.0).contains(factor)) {
+            let words = against.replace("{}", &format!("{factor:.3}"));
+            return Err(CleanError::Contradicts { column, words });
+        }
+    }
+    Ok(())
 }
 
 /// How `ay` follows `vx * yaw_rate`.
@@ -154,11 +333,11 @@ fn steered(log: &CleanLog, column: &str, steering: &dyn Fn(f64) -> f64) -> Optio
 }
 
 /// Steering angles in degrees: converted. `steering` is the road-wheel angle for a unit of curvature at a speed.
-pub(super) fn mend_steering(log: &mut CleanLog, steering: &dyn Fn(f64) -> f64) {
+pub(super) fn mend_steering(log: &mut CleanLog, factors: &mut Factors, steering: &dyn Fn(f64) -> f64) {
     for column in ["steer_cmd", "steer"] {
         let factor = steered(log, column, steering).map_or(1.0, |slope| slope.factor.abs());
         if (40.0..80.0).contains(&factor) {
-            scale(log, column, DEGREE);
+            scale(log, factors, column, DEGREE);
             let words = format!(
                 "{column} is {factor:.0} times what the turns need: taken as degrees and converted to radians"
             );

@@ -3,9 +3,11 @@
 //! What can be mended without a doubt is mended and said (order, gaps, milliseconds, degrees, km/h, wrapped yaw). What
 //! cannot is refused, or left as it is and suspected; whoever uses the log must not trust an answer from a suspect log.
 
-use super::agreement;
-use super::clock::{self, LEAST_LENGTH};
+use super::agreement::{self, Factors};
+use super::clock::{self, Clock, LEAST_LENGTH};
 use super::finding::{Finding, Gravity};
+use super::join::JUMP;
+use super::outliers;
 use super::read::DriveLog;
 use super::resample::{Between, resample};
 use super::statistics::quantile;
@@ -70,6 +72,21 @@ pub enum CleanError {
          in m/s?"
     )]
     Standing { moving: f64 },
+    #[error("{words}; nothing is to be learned from it before that is cleared up")]
+    Suspect { words: String },
+    #[error("{column} {words}: one of the two has another unit")]
+    Contradicts { column: &'static str, words: String },
+    #[error(
+        "{column} = {value:e} in row {row}{}: that is no measurement in any unit, and the file is damaged; correct the \
+         value, or leave the field empty if there was none",
+        if *count > 1 { format!(", and {} more such values", count - 1) } else { String::new() }
+    )]
+    Absurd { column: &'static str, row: usize, value: f64, count: usize },
+    #[error(
+        "{column} = {value:.4} in row {row}, and as impossible in {count} rows: no road vehicle does that; check the unit \
+         of {column} (SI units and radians are needed)"
+    )]
+    Impossible { column: &'static str, row: usize, value: f64, count: usize },
     #[error(
         "{column} has the opposite sign of {against}{}; steering, yaw, yaw_rate and ay are all positive to the left: turn \
          the sign of {column} (scripts/import_log.py can)",
@@ -107,37 +124,63 @@ impl CleanLog {
     }
 }
 
+/// A log that was checked: made ready for comparison, and what its rows need for other uses.
+pub(super) struct Checked {
+    pub log: CleanLog,
+    /// What the file's columns are to be multiplied by; those in SI units are not named.
+    pub factors: Factors,
+    /// Rows of the file whose value in a column is wrong.
+    pub left_out: BTreeMap<&'static str, Vec<usize>>,
+    /// The drives in the file: rows in their order, and their times.
+    pub drives: Vec<Clock>,
+    /// Why nothing can be learned from the errors to the path.
+    pub errors: Option<CleanError>,
+}
+
 fn clean(log: &DriveLog, steering: &dyn Fn(f64) -> f64) -> Result<CleanLog, CleanError> {
-    let mut findings = Vec::new();
-    let stamps = log.column("time").ok_or(CleanError::Missing { column: "time" })?;
-    let mut columns: BTreeMap<&'static str, Vec<f64>> = log
-        .columns()
-        .filter(|(name, _)| *name != "time")
-        .map(|(name, values)| (name, values.to_vec()))
-        .collect();
-    for column in ["vx", "yaw_rate"] {
-        if !columns.contains_key(column) {
+    let columns = log.columns().map(|(name, values)| (name, values.to_vec())).collect();
+    Ok(check(&columns, true, steering)?.log)
+}
+
+/// Columns of a log by name, on the rows of the file.
+pub(super) type Columns = BTreeMap<&'static str, Vec<f64>>;
+
+/// The one check of a log, behind all that is computed from one. `turning`: the yaw rate is needed.
+///
+/// # Errors
+/// What is missing, or wrong beyond repair.
+pub(super) fn check(
+    log: &Columns,
+    turning: bool,
+    steering: &dyn Fn(f64) -> f64,
+) -> Result<Checked, CleanError> {
+    for column in ["time", "vx", "yaw_rate"] {
+        if !log.contains_key(column) && (turning || column != "yaw_rate") {
             return Err(CleanError::Missing { column });
         }
     }
-    let commanded = columns.contains_key("steer_cmd");
-    if !commanded && !columns.contains_key("steer") {
+    let commanded = log.contains_key("steer_cmd");
+    if !commanded && !log.contains_key("steer") {
         return Err(CleanError::Missing { column: "steer_cmd" });
     }
+    outliers::absurd(log)?;
 
-    let way = way_factor(stamps, &columns);
-    let same = |a: usize, b: usize| columns.values().all(|column| column[a].to_bits() == column[b].to_bits());
-    let clock = clock::read(stamps, way, same, &mut findings)?;
-    for column in columns.values_mut() {
-        *column = clock.rows.iter().map(|&row| column[row]).collect();
+    let mut read = Read::of(log, commanded, BTreeMap::new(), steering)?;
+    let impossible = impossible(log, &read)?;
+    if !impossible.is_empty() {
+        // Without these values even the units may be others.
+        read = Read::of(log, commanded, impossible, steering)?;
     }
-    mend_turning(&clock.time, &mut columns, &mut findings);
-
-    let mut log = on_even_clock(&clock, columns, commanded, findings)?;
-    agreement::mend_units(&mut log);
-    leave_out_standing(&mut log)?;
-    agreement::mend_steering(&mut log, steering);
-    agreement::check(&mut log, steering)?;
+    let Read { mut log, factors, left_out, drives } = read;
+    let seams = with_seams(&mut log, &drives);
+    let signs = agreement::check(&mut log, steering);
+    let errors = agreement::check_errors(&log);
+    without_seams(&mut log, &seams);
+    signs?;
+    let errors = errors.err();
+    if let Some(error) = &errors {
+        log.find(Gravity::Warning, "e1", format!("{error}; a diagnosis does not ask the errors to the path"));
+    }
     if !commanded {
         let steer = log.columns["steer"].clone();
         log.columns.insert("steer_cmd", steer);
@@ -146,7 +189,182 @@ fn clean(log: &DriveLog, steering: &dyn Fn(f64) -> f64) -> Result<CleanLog, Clea
     }
     describe(&mut log);
     log.findings.sort_by_key(|finding| std::cmp::Reverse(finding.gravity));
-    Ok(log)
+    Ok(Checked { log, factors, left_out, drives, errors })
+}
+
+/// A log on an even clock in SI units.
+struct Read {
+    log: CleanLog,
+    factors: Factors,
+    left_out: BTreeMap<&'static str, Vec<usize>>,
+    drives: Vec<Clock>,
+}
+
+impl Read {
+    /// Reads the columns without the values of `wrong`, rows of the file.
+    fn of(
+        log: &Columns,
+        commanded: bool,
+        wrong: BTreeMap<&'static str, Vec<usize>>,
+        steering: &dyn Fn(f64) -> f64,
+    ) -> Result<Self, CleanError> {
+        let mut findings = Vec::new();
+        let mut columns = log.clone();
+        let mut stamps = columns.remove("time").unwrap_or_default();
+        for (name, rows) in &wrong {
+            let Some(column) = columns.get_mut(name) else { continue };
+            let values: Vec<(usize, f64)> = rows.iter().map(|&row| (row, column[row])).collect();
+            rows.iter().for_each(|&row| column[row] = f64::NAN);
+            let words = format!(
+                "{}: no road vehicle does that; left out, like missing values",
+                outliers::listed(name, &values)
+            );
+            findings.push(Finding::new(Gravity::Warning, Some(name), words));
+        }
+        outliers::stamps(&mut stamps, &mut findings);
+        let drives = read_drives(&stamps, &columns, &mut findings)?;
+        let rows: Vec<usize> = drives.iter().flat_map(|drive| drive.rows.iter().copied()).collect();
+        for column in columns.values_mut() {
+            *column = rows.iter().map(|&row| column[row]).collect();
+        }
+        let (mut time, mut spans, mut factors) = (Vec::new(), Vec::new(), Factors::new());
+        for drive in &drives {
+            let from = time.last().map_or(0.0, |last| last + JUMP - drive.time[0]);
+            spans.push(time.len()..time.len() + drive.rows.len());
+            // One drive is left as it is, to the last bit.
+            time.extend(drive.time.iter().map(|stamp| if from == 0.0 { *stamp } else { from + stamp }));
+        }
+        mend_turning(&time, &mut columns, &mut factors, &mut findings);
+        let mut left_out = outliers::leave_out(&mut columns, &spans, drives[0].step, &rows, &mut findings);
+        for (name, rows) in wrong {
+            left_out.entry(name).or_default().extend(rows);
+        }
+        let mut log = on_even_clocks(&drives, &spans, columns, commanded, &left_out, findings)?;
+        let seams = with_seams(&mut log, &drives);
+        agreement::mend_units(&mut log, &mut factors);
+        without_seams(&mut log, &seams);
+        leave_out_standing(&mut log)?;
+        let seams = with_seams(&mut log, &drives);
+        agreement::mend_steering(&mut log, &mut factors, steering);
+        without_seams(&mut log, &seams);
+        Ok(Self { log, factors, left_out, drives })
+    }
+}
+
+/// The drives of a log: the clock may start anew.
+fn read_drives(
+    stamps: &[f64],
+    columns: &BTreeMap<&'static str, Vec<f64>>,
+    findings: &mut Vec<Finding>,
+) -> Result<Vec<Clock>, CleanError> {
+    let way = way_factor(stamps, columns);
+    let spans = clock::drives(stamps);
+    let (mut drives, mut first_error) = (Vec::new(), None);
+    for span in &spans {
+        let from = span.start;
+        let same = |a: usize, b: usize| {
+            columns.values().all(|column| column[from + a].to_bits() == column[from + b].to_bits())
+        };
+        let mut found = Vec::new();
+        match clock::read(&stamps[span.clone()], way, same, &mut found) {
+            Ok(mut clock) => {
+                clock.rows.iter_mut().for_each(|row| *row += from);
+                drives.push(clock);
+                found.retain(|finding| !findings.contains(finding));
+                findings.append(&mut found);
+            }
+            Err(error) => first_error = first_error.or(Some(error)),
+        }
+    }
+    if spans.len() > 1 {
+        let rows: Vec<String> = spans[1..].iter().take(8).map(|span| (span.start + 1).to_string()).collect();
+        let more = if spans.len() > 9 { ", ..." } else { "" };
+        let words = format!(
+            "the clock jumps back and starts anew in row {}{more}: {} drives, of which {} of {LEAST_LENGTH} s and more are used",
+            rows.join(", "),
+            spans.len(),
+            drives.len()
+        );
+        findings.push(Finding::new(Gravity::Warning, Some("time"), words));
+    }
+    match first_error {
+        Some(error) if drives.is_empty() => Err(error),
+        _ => Ok(drives),
+    }
+}
+
+/// Signals of a vehicle's motion that no diagnosis can do without a bound on.
+const BOUNDED: [&str; 10] = ["steer_cmd", "steer", "x", "y", "yaw", "vx", "vy", "yaw_rate", "ax", "ay"];
+
+/// Values beyond what a road vehicle can do, once units are known: rows of the file by column.
+///
+/// # Errors
+/// Too many for glitches in a column that is needed.
+fn impossible(log: &Columns, read: &Read) -> Result<BTreeMap<&'static str, Vec<usize>>, CleanError> {
+    let mut all = BTreeMap::new();
+    for (&name, values) in log.iter().filter(|(name, _)| BOUNDED.contains(name)) {
+        let factor = read.factors.get(name).copied().unwrap_or(1.0);
+        let known = read.left_out.get(name).map(Vec::as_slice).unwrap_or_default();
+        let mut rows = outliers::impossible(name, values, factor);
+        rows.retain(|row| !known.contains(row));
+        if rows.is_empty() {
+            continue;
+        }
+        if rows.len() as f64 <= outliers::MOST * values.len() as f64 {
+            all.insert(name, rows);
+        } else if matches!(name, "vx" | "yaw_rate") {
+            let (row, count) = (rows[0], rows.len());
+            return Err(CleanError::Impossible { column: name, row: row + 1, value: values[row], count });
+        }
+    }
+    Ok(all)
+}
+
+/// Takes the rows about the seams between drives out of the comparison; gives those that counted.
+fn with_seams(log: &mut CleanLog, drives: &[Clock]) -> Vec<usize> {
+    if drives.len() < 2 {
+        return Vec::new();
+    }
+    let seams: Vec<usize> =
+        (1..log.time.len()).filter(|&row| log.time[row] - log.time[row - 1] > 0.9 * JUMP).collect();
+    let rows: Vec<usize> =
+        seams.iter().flat_map(|&row| [row - 1, row]).filter(|&row| log.valid[row]).collect();
+    rows.iter().for_each(|&row| log.valid[row] = false);
+    rows
+}
+
+fn without_seams(log: &mut CleanLog, rows: &[usize]) {
+    rows.iter().for_each(|&row| log.valid[row] = true);
+}
+
+/// Each drive on its even clock, one after the other.
+fn on_even_clocks(
+    drives: &[Clock],
+    spans: &[std::ops::Range<usize>],
+    columns: BTreeMap<&'static str, Vec<f64>>,
+    commanded: bool,
+    left_out: &BTreeMap<&'static str, Vec<usize>>,
+    findings: Vec<Finding>,
+) -> Result<CleanLog, CleanError> {
+    if let [drive] = drives {
+        return on_even_clock(drive, columns, commanded, left_out, findings);
+    }
+    let (mut logs, mut first_error) = (Vec::new(), None);
+    for (i, (drive, span)) in drives.iter().zip(spans).enumerate() {
+        let part = columns.iter().map(|(&name, values)| (name, values[span.clone()].to_vec())).collect();
+        match on_even_clock(drive, part, commanded, left_out, Vec::new()) {
+            Ok(log) => logs.push((format!("drive {}", i + 1), log)),
+            Err(error) => first_error = first_error.or(Some(error)),
+        }
+    }
+    let joined = CleanLog::joined(logs).ok().flatten();
+    match (joined, first_error) {
+        (Some(mut log), _) => {
+            log.findings.splice(0..0, findings);
+            Ok(log)
+        }
+        (None, error) => Err(error.unwrap_or(CleanError::NoRows { rows: 0 })),
+    }
 }
 
 /// See [`agreement::way_factor`].
@@ -156,15 +374,24 @@ fn way_factor(stamps: &[f64], columns: &BTreeMap<&'static str, Vec<f64>>) -> Opt
 }
 
 /// Yaw and yaw rate in radians, yaw continuous: before any row is interpolated.
-fn mend_turning(time: &[f64], columns: &mut BTreeMap<&'static str, Vec<f64>>, findings: &mut Vec<Finding>) {
+fn mend_turning(
+    time: &[f64],
+    columns: &mut BTreeMap<&'static str, Vec<f64>>,
+    factors: &mut Factors,
+    findings: &mut Vec<Finding>,
+) {
     const DEGREE: f64 = std::f64::consts::PI / 180.0;
-    let mut in_degrees = |columns: &mut BTreeMap<&'static str, Vec<f64>>, name: &str, why: &str| {
+    let mut in_degrees = |columns: &mut BTreeMap<&'static str, Vec<f64>>, name: &'static str, why: &str| {
+        *factors.entry(name).or_insert(1.0) *= DEGREE;
         if let Some(column) = columns.get_mut(name) {
             column.iter_mut().for_each(|value| *value *= DEGREE);
         }
         let words = format!("{why}: {name} was taken as degrees and converted to radians");
         findings.push(Finding::new(Gravity::Warning, Some(name), words));
     };
+    if !columns.contains_key("yaw_rate") {
+        return;
+    }
     if agreement::impossible_yaw_rate(&columns["vx"], &columns["yaw_rate"]) {
         in_degrees(columns, "yaw_rate", "no vehicle turns as fast as yaw_rate says");
     }
@@ -212,6 +439,7 @@ fn on_even_clock(
     clock: &clock::Clock,
     columns: BTreeMap<&'static str, Vec<f64>>,
     commanded: bool,
+    left_out: &BTreeMap<&'static str, Vec<usize>>,
     findings: Vec<Finding>,
 ) -> Result<CleanLog, CleanError> {
     let (first, last) = (clock.time[0], clock.time[clock.time.len() - 1]);
@@ -227,7 +455,9 @@ fn on_even_clock(
     };
     for (name, values) in columns {
         let needed = NEEDED.contains(&name) && (name != "steer" || !commanded);
-        let missing = values.iter().filter(|value| !value.is_finite()).count();
+        // What was left out was said.
+        let said = left_out.get(name).map_or(0, Vec::len);
+        let missing = values.iter().filter(|value| !value.is_finite()).count().saturating_sub(said);
         let resampled = resample(&clock.time, &values, (first, clock.step, count), between(name));
         let guessed =
             resampled.as_ref().map_or(count, |column| column.guessed.iter().filter(|far| **far).count());
@@ -295,7 +525,7 @@ fn leave_out_standing(log: &mut CleanLog) -> Result<(), CleanError> {
 /// What the log excites, in numbers, and how noisy it is.
 fn describe(log: &mut CleanLog) {
     let judged = |name: &str| -> Vec<f64> {
-        let values = log.columns[name].iter().zip(&log.valid);
+        let values = log.columns.get(name).into_iter().flatten().zip(&log.valid);
         values.filter(|(_, valid)| **valid).map(|(value, _)| *value).collect()
     };
     let (vx, steer, rate) = (judged("vx"), judged("steer_cmd"), judged("yaw_rate"));
@@ -328,7 +558,7 @@ fn describe(log: &mut CleanLog) {
         );
         log.find(Gravity::Warning, "steer_cmd", words);
     }
-    if rate.iter().all(|value| *value == rate[0]) {
+    if !rate.is_empty() && rate.iter().all(|value| *value == rate[0]) {
         log.find(Gravity::Suspicion, "yaw_rate", "yaw_rate never changes: is its sensor connected?".into());
     }
 }

@@ -3,6 +3,7 @@
 use super::clean::CleanError;
 use super::finding::{Finding, Gravity};
 use super::statistics::median;
+use std::ops::Range;
 
 /// Fewest samples a second in which steering can be seen.
 const SLOWEST: f64 = 6.0;
@@ -16,8 +17,6 @@ pub(super) const LEAST_LENGTH: f64 = 10.0;
 const LONGEST_GAP: f64 = 10.0;
 /// So many steps without a row are a gap.
 const GAP_STEPS: f64 = 2.5;
-/// A clock that jumps back at most so often was set anew; more often, the rows are out of order.
-const MOST_RESTARTS: usize = 3;
 /// Stamps that lie within so many steps of an even clock came late, not the rows.
 const LATE_STEPS: f64 = 1.5;
 /// Stamps that spread by less than this share of a step are even.
@@ -31,6 +30,8 @@ pub(super) struct Clock {
     pub time: Vec<f64>,
     /// Step of the even clock, s.
     pub step: f64,
+    /// Factor from the log's stamps to seconds.
+    pub factor: f64,
 }
 
 /// Reads the clock. `way` is how far a row moves over how far speed and clock say, where a log has both; `same` tells
@@ -105,35 +106,55 @@ pub(super) fn read(
         );
         step = 1.0 / FASTEST;
     }
-    Ok(Clock { rows, time, step })
+    Ok(Clock { rows, time, step, factor })
 }
 
-/// Sorts the rows by time; where the clock was set back only a few times, the longest stretch between is taken.
-fn put_in_order(stamps: &[f64], rows: &mut Vec<usize>, found: &mut impl FnMut(Gravity, String)) {
-    let back: Vec<usize> = (1..rows.len()).filter(|&i| stamps[rows[i]] < stamps[rows[i - 1]]).collect();
-    if back.is_empty() {
-        return;
+/// Sorts the rows by time.
+fn put_in_order(stamps: &[f64], rows: &mut [usize], found: &mut impl FnMut(Gravity, String)) {
+    let back = (1..rows.len()).filter(|&i| stamps[rows[i]] < stamps[rows[i - 1]]).count();
+    if back > 0 {
+        rows.sort_by(|a, b| stamps[*a].total_cmp(&stamps[*b]));
+        found(Gravity::Warning, format!("{back} rows were out of order in time and were sorted"));
     }
-    if back.len() <= MOST_RESTARTS {
-        let edges: Vec<usize> = [0].into_iter().chain(back.iter().copied()).chain([rows.len()]).collect();
-        let longest = edges.windows(2).max_by_key(|pair| pair[1] - pair[0]);
-        if let Some(&[from, to]) = longest.filter(|pair| 3 * (pair[1] - pair[0]) > rows.len()) {
-            let taken: Vec<usize> = rows[from..to].to_vec();
-            found(
-                Gravity::Warning,
-                format!(
-                    "the clock jumps back {} times, as where logs are joined; only the longest stretch is used, rows {} to {}",
-                    back.len(),
-                    taken[0] + 1,
-                    taken[taken.len() - 1] + 1
-                ),
-            );
-            *rows = taken;
-            return;
+}
+
+/// A clock that goes back by more than so many steps starts anew, if it runs on evenly there.
+const ANEW: f64 = 20.0;
+/// So many rows show whether it does.
+const RUNS_ON: usize = 20;
+
+/// Stretches of rows that were recorded one after the other: a new one begins where the clock starts anew. Blocks of one
+/// drive in a wrong order, whose stamps do not overlap, are one stretch: sorting mends them.
+pub(super) fn drives(stamps: &[f64]) -> Vec<Range<usize>> {
+    let steps = stamps.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0).collect();
+    let typical = median(steps).unwrap_or(f64::INFINITY);
+    let mut starts = vec![0];
+    let mut latest = f64::NEG_INFINITY;
+    for (row, stamp) in stamps.iter().enumerate().filter(|(_, stamp)| stamp.is_finite()) {
+        if *stamp < latest - ANEW * typical && runs_on(&stamps[row..], latest) {
+            starts.push(row);
+            latest = *stamp;
         }
+        latest = latest.max(*stamp);
     }
-    rows.sort_by(|a, b| stamps[*a].total_cmp(&stamps[*b]));
-    found(Gravity::Warning, format!("{} rows were out of order in time and were sorted", back.len()));
+    let ends = starts.iter().skip(1).copied().chain([stamps.len()]);
+    let drives: Vec<Range<usize>> = starts.iter().copied().zip(ends).map(|(from, to)| from..to).collect();
+    let extent = |drive: &Range<usize>| {
+        let stamps = stamps[drive.clone()].iter().copied().filter(|stamp| stamp.is_finite());
+        stamps
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), stamp| (low.min(stamp), high.max(stamp)))
+    };
+    let mut extents: Vec<(f64, f64)> = drives.iter().map(extent).collect();
+    extents.sort_by(|a, b| a.0.total_cmp(&b.0));
+    if extents.windows(2).all(|pair| pair[0].1 < pair[1].0) {
+        return std::iter::once(0..stamps.len()).collect();
+    }
+    drives
+}
+
+/// Whether the clock stays below its latest stamp for a while.
+fn runs_on(stamps: &[f64], latest: f64) -> bool {
+    stamps.iter().filter(|stamp| stamp.is_finite()).take(RUNS_ON).all(|stamp| *stamp < latest)
 }
 
 /// Factor from the clock to seconds.
@@ -239,5 +260,29 @@ fn straighten(time: &mut [f64], step: f64, found: &mut impl FnMut(Gravity, Strin
                 "the time between rows varies by {percent:.0} % (standard deviation); values are interpolated to an even clock, and small delays are uncertain by that"
             ),
         );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_start_of_the_clock_begins_a_drive() {
+        let lap = |_| (0..50).map(|k| 0.02 * f64::from(k));
+        let mut stamps: Vec<f64> = (0..3).flat_map(lap).collect();
+        assert_eq!(drives(&stamps), [0..50, 50..100, 100..150]);
+        stamps.swap(70, 71);
+        assert_eq!(drives(&stamps), [0..50, 50..100, 100..150]);
+    }
+
+    #[test]
+    fn blocks_in_a_wrong_order_and_late_rows_are_one_drive() {
+        let mut stamps: Vec<f64> = (0..300).map(|k| 0.02 * f64::from(k)).collect();
+        let late = stamps.remove(40);
+        stamps.insert(90, late);
+        assert_eq!(drives(&stamps), std::iter::once(0..300).collect::<Vec<_>>());
+        let blocks = [&stamps[..100], &stamps[200..], &stamps[100..200]].concat();
+        assert_eq!(drives(&blocks), std::iter::once(0..300).collect::<Vec<_>>());
     }
 }

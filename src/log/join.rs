@@ -9,7 +9,7 @@ use super::resample::resample;
 use std::collections::BTreeSet;
 
 /// The clock jumps by so much between two logs, s: a replay starts anew after a jump.
-const JUMP: f64 = 10.0;
+pub(super) const JUMP: f64 = 10.0;
 
 /// Why logs are not one.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

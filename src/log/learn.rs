@@ -4,9 +4,13 @@
 //! them in the same way.
 
 use super::agreement::turn_factor;
+use super::clean::{CleanError, Columns, UnusableLog, check};
+use super::clock::Clock;
+use super::finding::Gravity;
 use super::read::{DriveLog, LogError};
 use crate::path::Path;
 use crate::residual::Drive;
+use std::path::PathBuf;
 
 const NEEDED: &str = "time, steer_cmd (or steer), vx, and e1, e1_rate, e2, e2_rate, curvature, or else x, y, yaw, vy, \
                       yaw_rate and the road";
@@ -23,12 +27,103 @@ const ASTRAY: f64 = 1.0;
 /// A vehicle as far away as this is looked for on the whole road again, m: where a controller does, too.
 const LOST: f64 = 14.0;
 
-/// A log as a drive to learn from; what had to be made is told to `note`. `road` is the road driven and its file.
+/// Why nothing is to be learned from a log.
+#[derive(Debug, thiserror::Error)]
+pub enum LearnError {
+    /// A column or the road.
+    #[error(transparent)]
+    Log(#[from] LogError),
+    /// What a diagnosis refuses, too.
+    #[error(transparent)]
+    Unusable(#[from] UnusableLog),
+}
+
+/// Columns of a log, checked.
+struct Rows {
+    file: PathBuf,
+    columns: Columns,
+}
+
+impl Rows {
+    fn column(&self, name: &str) -> Option<&[f64]> {
+        self.columns.get(name).map(Vec::as_slice)
+    }
+
+    fn without(&self, names: &[&'static str]) -> Vec<&'static str> {
+        names.iter().copied().filter(|name| !self.columns.contains_key(name)).collect()
+    }
+}
+
+/// A log as drives to learn from, one for each start of its clock; it goes through the check that a diagnosis makes, and what
+/// is mended there is mended here. What was mended or made is told to `note`. `road` is the road driven and its file,
+/// `steering` as for [`CleanLog::of`](super::CleanLog::of).
 ///
 /// # Errors
-/// A column that is missing and cannot be made; a road that is another one.
-pub fn drive_of(
+/// What a diagnosis refuses; a column that is missing and cannot be made; a road that is another one.
+pub fn drives_of(
     log: &DriveLog,
+    road: Option<(&Path, &std::path::Path)>,
+    steering: &dyn Fn(f64) -> f64,
+    note: &mut dyn FnMut(String),
+) -> Result<Vec<Drive>, LearnError> {
+    let file = &log.file;
+    let columns: Columns = log.columns().map(|(name, values)| (name, values.to_vec())).collect();
+    let checked = match check(&columns, false, steering) {
+        Ok(checked) => checked,
+        Err(CleanError::Missing { column }) => {
+            return Err(LogError::Missing { file: file.clone(), column, needed: NEEDED }.into());
+        }
+        Err(cause) => return Err(UnusableLog { file: file.clone(), cause }.into()),
+    };
+    if let Some(cause) = checked.errors {
+        return Err(UnusableLog { file: file.clone(), cause }.into());
+    }
+    if let Some(finding) = checked.log.suspect() {
+        let cause = CleanError::Suspect { words: finding.words.clone() };
+        return Err(UnusableLog { file: file.clone(), cause }.into());
+    }
+    for finding in checked.log.findings.iter().filter(|finding| finding.gravity > Gravity::Note) {
+        note(format!("{}: {}", file.display(), finding.words));
+    }
+    let mut columns = columns;
+    for (name, rows) in &checked.left_out {
+        if let Some(column) = columns.get_mut(name) {
+            rows.iter().for_each(|&row| column[row] = f64::NAN);
+        }
+    }
+    for (name, factor) in &checked.factors {
+        columns.get_mut(name).into_iter().flatten().for_each(|value| *value *= factor);
+    }
+    let in_order = |stamps: &[f64]| {
+        let stamps: Vec<f64> = stamps.iter().copied().filter(|stamp| stamp.is_finite()).collect();
+        stamps.windows(2).all(|pair| pair[0] < pair[1])
+    };
+    let road =
+        |note: &mut dyn FnMut(String), columns| drive_of(&Rows { file: file.clone(), columns }, road, note);
+    match &checked.drives[..] {
+        // Gaps are dealt with where windows are laid.
+        [one] if one.factor == 1.0 && in_order(&columns["time"]) => Ok(vec![road(note, columns)?]),
+        drives => {
+            let part = |(i, drive): (usize, &Clock)| {
+                let of = |column: &Vec<f64>| drive.rows.iter().map(|&row| column[row]).collect();
+                let mut part: Columns = columns.iter().map(|(&name, column)| (name, of(column))).collect();
+                part.insert("time", drive.time.clone());
+                // What is made is made of all of them alike.
+                let mut first = |words: String| {
+                    if i == 0 {
+                        note(words)
+                    }
+                };
+                road(&mut first, part)
+            };
+            Ok(drives.iter().enumerate().map(part).collect::<Result<_, _>>()?)
+        }
+    }
+}
+
+/// A log as a drive to learn from; what had to be made is told to `note`.
+fn drive_of(
+    log: &Rows,
     road: Option<(&Path, &std::path::Path)>,
     note: &mut dyn FnMut(String),
 ) -> Result<Drive, LogError> {
@@ -87,7 +182,7 @@ fn errors_of(drive: &mut Drive) -> [&mut Vec<f64>; 5] {
 }
 
 /// Fills errors and road of a drive from its poses.
-fn project(log: &DriveLog, road: &Path, file: &std::path::Path, drive: &mut Drive) -> Result<(), LogError> {
+fn project(log: &Rows, road: &Path, file: &std::path::Path, drive: &mut Drive) -> Result<(), LogError> {
     let poses = POSE.map(|name| log.column(name).unwrap_or_default());
     check_turn(log, &drive.time, poses[2], poses[5])?;
     let (mut last, mut rows, mut far, mut astray) = (None, 0_usize, 0_usize, 0_usize);
@@ -124,7 +219,7 @@ fn project(log: &DriveLog, road: &Path, file: &std::path::Path, drive: &mut Driv
 }
 
 /// Yaw and yaw rate must tell the same, or one of them has another unit or sign.
-fn check_turn(log: &DriveLog, time: &[f64], yaw: &[f64], yaw_rate: &[f64]) -> Result<(), LogError> {
+fn check_turn(log: &Rows, time: &[f64], yaw: &[f64], yaw_rate: &[f64]) -> Result<(), LogError> {
     let Some(factor) = turn_factor(time, yaw, yaw_rate) else { return Ok(()) };
     let hint = match factor {
         factor if factor < 0.0 => "one of them has its sign turned: both are counter-clockwise",

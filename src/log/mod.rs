@@ -16,6 +16,8 @@
 //! | `clock.rs` | its clock: unit, order, gaps, jitter |
 //! | `resample.rs` | a column on an even clock |
 //! | `agreement.rs` | what columns must tell alike, or a unit or a sign is wrong |
+//! | `units.rs` | the fewest foreign units that explain what columns tell |
+//! | `outliers.rs` | values beyond any vehicle, and rows that their neighbours contradict |
 //! | `statistics.rs` | median, slope |
 //! | `join.rs` | several logs of one vehicle as one |
 //! | `finding.rs` | what was found in a log, in words |
@@ -28,14 +30,16 @@ mod clock;
 mod finding;
 mod join;
 mod learn;
+mod outliers;
 mod read;
 mod resample;
 mod statistics;
 mod steering;
+mod units;
 
 pub use clean::{CleanError, CleanLog, UnusableLog};
 pub use finding::{Finding, Gravity};
 pub use join::JoinError;
-pub use learn::drive_of;
+pub use learn::{LearnError, drives_of};
 pub use read::{DriveLog, LogError};
 pub use steering::SteeringLog;

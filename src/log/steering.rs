@@ -8,13 +8,13 @@ use super::agreement::near;
 use super::clean::{CleanError, CleanLog, UnusableLog};
 use super::clock;
 use super::finding::{Finding, Gravity};
+use super::join::JUMP;
+use super::outliers;
 use super::read::DriveLog;
 use super::statistics::quantile;
 use crate::nominal::SteeringDrive;
 
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
-/// A clock that goes back by more than so many steps starts anew.
-const ANEW: f64 = 20.0;
 /// Steering beyond this is an angle in degrees, or at the steering wheel, rad.
 const MOST: f64 = 1.6;
 
@@ -38,13 +38,15 @@ impl SteeringLog {
             log.column(name).ok_or_else(|| unusable(CleanError::Missing { column: name }))
         };
         let (stamps, command, angle) = (column("time")?, column("steer_cmd")?, column("steer")?);
+        outliers::absurd(&log.columns().map(|(name, values)| (name, values.to_vec())).collect())
+            .map_err(unusable)?;
         let mut found = Self::default();
         let factors = found.units(log, [command, angle], steering);
         let mut first_error = None;
-        let begins = starts(stamps);
+        let spans = clock::drives(stamps);
         let name = log.file.display().to_string();
-        for (from, to) in begins.iter().zip(begins.iter().skip(1).chain([&stamps.len()])) {
-            let (stamps, command, angle) = (&stamps[*from..*to], &command[*from..*to], &angle[*from..*to]);
+        for span in &spans {
+            let [stamps, command, angle] = [stamps, command, angle].map(|column| &column[span.clone()]);
             let same = |a: usize, b: usize| {
                 command[a].to_bits() == command[b].to_bits() && angle[a].to_bits() == angle[b].to_bits()
             };
@@ -66,10 +68,10 @@ impl SteeringLog {
                 Err(error) => first_error = first_error.or(Some(error)),
             }
         }
-        if begins.len() > 1 {
+        if spans.len() > 1 {
             let words = format!(
                 "the clock starts anew {} times: {} drives of 10 s and more are used",
-                begins.len() - 1,
+                spans.len() - 1,
                 found.drives.len()
             );
             found.findings.push(Finding::new(Gravity::Warning, Some("time"), words));
@@ -91,18 +93,27 @@ impl SteeringLog {
             let cause = CleanError::Missing { column: "steer_cmd" };
             return Err(UnusableLog { file: log.file.clone(), cause });
         }
+        if let Some(finding) = clean.suspect() {
+            let cause = CleanError::Suspect { words: finding.words.clone() };
+            return Err(UnusableLog { file: log.file.clone(), cause });
+        }
         let valid = |column: &str| -> Vec<f64> {
             let values = clean.columns[column].iter().zip(&clean.valid);
             values.map(|(value, valid)| if *valid { *value } else { f64::NAN }).collect()
         };
-        let drive = SteeringDrive {
+        let (command, response, speed) =
+            (&clean.columns["steer_cmd"], valid("yaw_rate"), &clean.columns["vx"]);
+        // Where the clock started anew there is a jump.
+        let jumps = (1..clean.time.len()).filter(|&row| clean.time[row] - clean.time[row - 1] > 0.9 * JUMP);
+        let edges: Vec<usize> = [0].into_iter().chain(jumps).chain([clean.time.len()]).collect();
+        let part = |edge: &[usize]| SteeringDrive {
             name: log.file.display().to_string(),
-            steer_cmd: clean.columns["steer_cmd"].clone(),
-            response: valid("yaw_rate"),
-            speed: clean.columns["vx"].clone(),
-            time: clean.time.clone(),
+            steer_cmd: command[edge[0]..edge[1]].to_vec(),
+            response: response[edge[0]..edge[1]].to_vec(),
+            speed: speed[edge[0]..edge[1]].to_vec(),
+            time: clean.time[edge[0]..edge[1]].to_vec(),
         };
-        Ok(Self { drives: vec![drive], findings: clean.findings })
+        Ok(Self { drives: edges.windows(2).map(part).collect(), findings: clean.findings })
     }
 
     /// Factors to radians of command and angle.
@@ -137,37 +148,5 @@ impl SteeringLog {
             }
         }
         factors
-    }
-}
-
-/// Rows at which the clock starts anew.
-fn starts(stamps: &[f64]) -> Vec<usize> {
-    let mut steps: Vec<f64> =
-        stamps.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0).collect();
-    steps.sort_by(f64::total_cmp);
-    let typical = steps.get(steps.len() / 2).copied().unwrap_or(f64::INFINITY);
-    let mut starts = vec![0];
-    let mut latest = f64::NEG_INFINITY;
-    for (row, stamp) in stamps.iter().enumerate().filter(|(_, stamp)| stamp.is_finite()) {
-        if *stamp < latest - ANEW * typical {
-            starts.push(row);
-            latest = *stamp;
-        }
-        latest = latest.max(*stamp);
-    }
-    starts
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn each_start_of_the_clock_begins_a_drive() {
-        let lap = |_| (0..50).map(|k| 0.02 * f64::from(k));
-        let mut stamps: Vec<f64> = (0..3).flat_map(lap).collect();
-        assert_eq!(starts(&stamps), [0, 50, 100]);
-        stamps.swap(70, 71);
-        assert_eq!(starts(&stamps), [0, 50, 100]);
     }
 }

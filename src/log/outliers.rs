@@ -1,0 +1,296 @@
+//! Values that no motion explains: beyond any road vehicle, or single rows that their neighbours contradict.
+//!
+//! A row, or a few, is an outlier if the column leaves its way within one row and is back on it a few rows later, by far more
+//! than the column ever bends elsewhere, nearby and in the whole log: a step of steering does not come back, noise is as
+//! large everywhere, and inertia takes longer.
+
+use super::clean::CleanError;
+use super::finding::{Finding, Gravity};
+use super::statistics::{median, quantile};
+use crate::signal;
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+/// No recorder writes such a number in any unit: metres as nanometres, say.
+const ABSURD: f64 = 1e12;
+/// Stamps are counted in nanoseconds since 1970 at most.
+const ABSURD_TIME: f64 = 1e20;
+/// Longest outlier, rows, and s where rows come slowly.
+const LONGEST: usize = 5;
+const LONGEST_TIME: f64 = 0.1;
+/// Bends of a column to each side of a row that its local scale is taken from, rows.
+const AROUND: usize = 40;
+/// An outlier is so many times the typical bend nearby.
+const LOCAL: f64 = 20.0;
+/// And so many times what 95 % of the column's bends stay below.
+const GLOBAL: f64 = 10.0;
+/// And this share of the column's spread: less changes no answer.
+const OF_SPREAD: f64 = 0.15;
+/// And this share of the signal's typical size: less is its resolution.
+const RESOLUTION: f64 = 0.01;
+/// So near, by its size, the column must be to where it was when the outlier is over.
+const BACK: f64 = 0.25;
+/// More outliers than this share of the rows are the column's nature, or its end.
+pub(super) const MOST: f64 = 0.01;
+/// Outliers that are named.
+const NAMED: usize = 4;
+
+/// Columns with inertia, and how many rows an outlier of each may last. What is asked for may be anything: of it only what
+/// exceeds its whole spread; the spread of a position is that of the road.
+const MOVING: [(&str, usize, f64); 16] = [
+    ("steer_cmd", 2, 1.0),
+    ("steer", LONGEST, OF_SPREAD),
+    ("x", LONGEST, 0.0),
+    ("y", LONGEST, 0.0),
+    ("yaw", LONGEST, 0.0),
+    ("vx", LONGEST, OF_SPREAD),
+    ("vy", LONGEST, OF_SPREAD),
+    ("yaw_rate", LONGEST, OF_SPREAD),
+    // Kerbs and holes in the road are honest.
+    ("ax", 2, 1.0),
+    ("ay", 2, 1.0),
+    ("roll", LONGEST, OF_SPREAD),
+    ("articulation", LONGEST, OF_SPREAD),
+    ("articulation_rate", LONGEST, OF_SPREAD),
+    ("e1", LONGEST, OF_SPREAD),
+    ("e1_rate", LONGEST, OF_SPREAD),
+    ("e2_rate", LONGEST, OF_SPREAD),
+];
+
+/// Numbers that are no measurement in any unit.
+///
+/// # Errors
+/// The first of them, by row.
+pub(super) fn absurd(columns: &BTreeMap<&'static str, Vec<f64>>) -> Result<(), CleanError> {
+    let mut worst: Option<(usize, &'static str, f64)> = None;
+    let mut count = 0;
+    for (&column, values) in columns {
+        let most = if column == "time" { ABSURD_TIME } else { ABSURD };
+        for (row, &value) in values.iter().enumerate() {
+            if value.is_finite() && value.abs() > most {
+                count += 1;
+                if worst.is_none_or(|(first, ..)| row < first) {
+                    worst = Some((row, column, value));
+                }
+            }
+        }
+    }
+    match worst {
+        Some((row, column, value)) => Err(CleanError::Absurd { column, row: row + 1, value, count }),
+        None => Ok(()),
+    }
+}
+
+/// Takes out the outliers of all columns: they are missing then. `spans` are stretches of rows without a break, `rows` their
+/// numbers in the file. Gives how many of each column.
+pub(super) fn leave_out(
+    columns: &mut BTreeMap<&'static str, Vec<f64>>,
+    spans: &[Range<usize>],
+    step: f64,
+    rows: &[usize],
+    findings: &mut Vec<Finding>,
+) -> BTreeMap<&'static str, Vec<usize>> {
+    let mut left_out = BTreeMap::new();
+    for (name, longest, of_spread) in MOVING {
+        let Some(values) = columns.get_mut(name) else { continue };
+        let longest = longest.min(((LONGEST_TIME / step) as usize).max(1));
+        let least = RESOLUTION * signal::find(name).map_or(0.0, |signal| signal.nominal);
+        let places = outliers(values, spans, longest, (of_spread, least));
+        if places.is_empty() || places.len() as f64 > MOST * values.len() as f64 {
+            continue;
+        }
+        let named: Vec<(usize, f64)> = places.iter().map(|&place| (rows[place], values[place])).collect();
+        findings.push(Finding::new(
+            Gravity::Warning,
+            Some(name),
+            format!(
+                "{}: {} no motion explains {}; left out, like missing ones",
+                listed(name, &named),
+                if named.len() == 1 {
+                    "a value that stands alone and"
+                } else {
+                    "values that stand alone and"
+                },
+                if named.len() == 1 { "it" } else { "them" },
+            ),
+        ));
+        places.iter().for_each(|&place| values[place] = f64::NAN);
+        left_out.insert(name, places.iter().map(|&place| rows[place]).collect());
+    }
+    left_out
+}
+
+/// Values of a column with their rows, in words; rows are counted from 1, after the header.
+pub(super) fn listed(name: &str, values: &[(usize, f64)]) -> String {
+    let each: Vec<String> = values
+        .iter()
+        .take(NAMED)
+        .map(|(row, value)| match value.abs() {
+            size if size == 0.0 || (1e-3..1e6).contains(&size) => format!("{value:.4} in row {}", row + 1),
+            _ => format!("{value:.3e} in row {}", row + 1),
+        })
+        .collect();
+    let more = match values.len().saturating_sub(NAMED) {
+        0 => String::new(),
+        more => format!(" and {more} more"),
+    };
+    format!("{name} = {}{more}", each.join(", "))
+}
+
+/// How far the row `at` lies off the middle of those `apart` rows before and after.
+fn bend(values: &[f64], at: usize, apart: usize) -> f64 {
+    (values[at] - 0.5 * (values[at - apart] + values[at + apart])).abs()
+}
+
+/// Places of a column's outliers.
+fn outliers(
+    values: &[f64],
+    spans: &[Range<usize>],
+    longest: usize,
+    (of_spread, least): (f64, f64),
+) -> Vec<usize> {
+    let finite: Vec<Vec<usize>> =
+        spans.iter().map(|span| span.clone().filter(|&place| values[place].is_finite()).collect()).collect();
+    let at = |share| quantile(values.to_vec(), share);
+    let (Some(low), Some(high)) = (at(0.01), at(0.99)) else { return Vec::new() };
+    let floor = least.max(of_spread * (high - low));
+    // The scales of bends over one, two and three rows.
+    let whole: Vec<Vec<f64>> =
+        finite.iter().map(|places| places.iter().map(|&place| values[place]).collect()).collect();
+    let scales: Vec<f64> = (1..=longest.div_ceil(2))
+        .map(|apart| {
+            let of = |column: &Vec<f64>| -> Vec<f64> {
+                (apart..column.len().saturating_sub(apart)).map(|at| bend(column, at, apart)).collect()
+            };
+            quantile(whole.iter().flat_map(of).collect(), 0.95).unwrap_or(0.0)
+        })
+        .collect();
+    let mut found = Vec::new();
+    for (column, places) in whole.iter().zip(&finite) {
+        let mut row = 1;
+        while row + 1 < column.len() {
+            let length = (1..=longest).find(|&length| {
+                let apart = length.div_ceil(2);
+                let least = floor.max(GLOBAL * scales[apart - 1]);
+                stands_alone(column, row..row + length, least)
+                    && smallest(column, row..row + length) > LOCAL * around(column, row, length, apart)
+            });
+            if let Some(length) = length {
+                found.extend(&places[row..row + length]);
+                row += length;
+            }
+            row += 1;
+        }
+    }
+    found
+}
+
+/// Least distance of rows from the line between their neighbours.
+fn smallest(column: &[f64], run: Range<usize>) -> f64 {
+    let (before, after) = (column[run.start - 1], column[run.end]);
+    let span = (run.len() + 1) as f64;
+    let first = run.start;
+    let line = |row: usize| before + (after - before) * (row + 1 - first) as f64 / span;
+    run.map(|row| (column[row] - line(row)).abs()).fold(f64::INFINITY, f64::min)
+}
+
+/// Whether rows leave the column's way at once by more than `least`, and are back at once.
+fn stands_alone(column: &[f64], run: Range<usize>, least: f64) -> bool {
+    let Some(&after) = column.get(run.end) else { return false };
+    let before = column[run.start - 1];
+    // Cheap, and true of nearly all rows.
+    if (column[run.start] - before).abs() <= least || (column[run.end - 1] - after).abs() <= least {
+        return false;
+    }
+    let size = smallest(column, run);
+    size > least && (after - before).abs() < BACK * size
+}
+
+/// The typical bend near a run, which is not asked itself.
+fn around(column: &[f64], row: usize, length: usize, apart: usize) -> f64 {
+    let own = row.saturating_sub(apart)..row + length + apart;
+    let (from, to) =
+        (row.saturating_sub(AROUND).max(apart), (row + length + AROUND).min(column.len() - apart));
+    let bends = (from..to).filter(|at| !own.contains(at)).map(|at| bend(column, at, apart));
+    median(bends.collect()).unwrap_or(0.0)
+}
+
+/// Stamps that stand alone, set to not a number.
+pub(super) fn stamps(stamps: &mut [f64], findings: &mut Vec<Finding>) {
+    let steps = stamps.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0).collect();
+    let Some(step) = median(steps) else { return };
+    let least = 50.0 * step;
+    let alone = |row: usize| {
+        let (before, now, after) = (stamps[row - 1], stamps[row], stamps[row + 1]);
+        after > before && after - before < 5.0 * step && (now < before - least || now > after + least)
+    };
+    let places: Vec<usize> = (1..stamps.len().saturating_sub(1)).filter(|&row| alone(row)).collect();
+    if places.is_empty() || places.len() as f64 > MOST * stamps.len() as f64 {
+        return;
+    }
+    let named: Vec<(usize, f64)> = places.iter().map(|&row| (row, stamps[row])).collect();
+    places.iter().for_each(|&row| stamps[row] = f64::NAN);
+    let words = format!("{}: far from the stamps before and after; left out", listed("time", &named));
+    findings.push(Finding::new(Gravity::Warning, Some("time"), words));
+}
+
+/// Rows of a column beyond what a road vehicle can do, once its unit is known.
+pub(super) fn impossible(name: &str, values: &[f64], factor: f64) -> Vec<usize> {
+    let Some(signal) = signal::find(name) else { return Vec::new() };
+    let (low, high) = signal.range;
+    let outside = |value: &f64| value.is_finite() && !(low..=high).contains(&(factor * value));
+    (0..values.len()).filter(|&row| outside(&values[row])).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn found(values: &[f64]) -> Vec<usize> {
+        outliers(values, std::slice::from_ref(&(0..values.len())), LONGEST, (OF_SPREAD, 0.0))
+    }
+
+    fn drive(noise: f64) -> Vec<f64> {
+        let mut random = 1_u64;
+        let mut next = || {
+            random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (random >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+        };
+        (0..2000).map(|k| 0.3 * (0.01 * f64::from(k)).sin() + noise * (next() + next() + next())).collect()
+    }
+
+    #[test]
+    fn rows_that_stand_alone_are_found_in_noise_and_without() {
+        for noise in [0.0, 0.01] {
+            assert!(found(&drive(noise)).is_empty());
+            for length in 1..=LONGEST {
+                for size in [-10.0, 1.0] {
+                    let mut values = drive(noise);
+                    values[700..700 + length].iter_mut().for_each(|value| *value += size);
+                    assert_eq!(found(&values), (700..700 + length).collect::<Vec<_>>(), "{noise} {length}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn steps_ramps_and_holds_are_honest() {
+        let step: Vec<f64> = (0..1000).map(|k| f64::from(u8::from((300..600).contains(&k)))).collect();
+        assert!(found(&step).is_empty());
+        let held: Vec<f64> = (0..1000).map(|k| (0.3 * f64::from(k / 4)).sin()).collect();
+        assert!(found(&held).is_empty());
+        let pulse: Vec<f64> = (0..1000)
+            .map(|k| if (500..520).contains(&k) { (f64::from(k - 500) * 0.157).sin() } else { 0.0 })
+            .collect();
+        assert!(found(&pulse).is_empty());
+    }
+
+    #[test]
+    fn absurd_numbers_are_refused_with_their_place() {
+        let sound = BTreeMap::from([("vx", vec![0.0, 0.0, f64::NAN])]);
+        assert!(absurd(&sound).is_ok());
+        let damaged = BTreeMap::from([("yaw_rate", vec![0.0, 1e308, 1.0]), ("vx", vec![0.0; 3])]);
+        let error = absurd(&damaged).unwrap_err();
+        assert!(error.to_string().contains("yaw_rate = 1e308 in row 2"), "{error}");
+    }
+}

@@ -1,0 +1,225 @@
+//! Units of columns from what they must tell alike: the fewest foreign units that explain every ratio, or none.
+//!
+//! ```text
+//!     |d(x, y)| / (vx dt)          positions over speed
+//!     d(station) / (vx dt)         station over speed
+//!     ay / (vx yaw_rate)           acceleration over speed and yaw rate
+//!     (yaw_rate - e2_rate) / (vx curvature)
+//! ```
+//!
+//! A ratio that no unit explains is left alone: the speed sensor of the vehicle may be wrong, and that is for a diagnosis
+//! to find.
+
+use crate::vehicle::GRAVITY;
+
+const DEGREE: f64 = std::f64::consts::PI / 180.0;
+
+/// A unit: its name and how many of it the SI unit is.
+pub(super) type Unit = (&'static str, f64);
+
+/// Units of speed that a log may have.
+const SPEEDS: [Unit; 5] = [
+    ("m/s", 1.0),
+    ("km/h", 3.6),
+    ("mph", 3600.0 / 1609.344),
+    ("knots", 3600.0 / 1852.0),
+    ("ft/s", 1.0 / 0.3048),
+];
+/// Units of length.
+pub(super) const LENGTHS: [Unit; 5] =
+    [("m", 1.0), ("mm", 1000.0), ("cm", 100.0), ("ft", 1.0 / 0.3048), ("km", 1e-3)];
+const ACCELERATIONS: [Unit; 2] = [("m/s2", 1.0), ("g", 1.0 / GRAVITY)];
+const TURNS: [Unit; 2] = [("rad/s", 1.0), ("deg/s", 1.0 / DEGREE)];
+const BENDS: [Unit; 2] = [("1/m", 1.0), ("1/km", 1000.0)];
+
+/// An error of a ratio beyond which a unit does not explain it, as a logarithm.
+const FAR: f64 = 0.14;
+/// What effects, a roll angle or a bank may do to a ratio in SI units, as a logarithm.
+const EFFECT: f64 = 0.36;
+/// A body that leans shows its accelerometer gravity, too: the range of its ratio, in SI units.
+const LEANING: (f64, f64) = (0.98, 1.12);
+/// Two explanations that differ by less are both possible.
+const APART: f64 = 0.012;
+
+/// What a log shows, where it shows it: ratios of columns.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Shown {
+    /// Of x, y over speed.
+    pub way: Option<f64>,
+    /// Of station over speed.
+    pub station: Option<f64>,
+    /// Of ay over speed times yaw rate.
+    pub lateral: Option<f64>,
+    /// Of the path's yaw rate over speed times curvature.
+    pub bend: Option<f64>,
+}
+
+/// Units of the columns.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Units {
+    pub speed: Unit,
+    pub position: Unit,
+    pub station: Unit,
+    pub acceleration: Unit,
+    pub turn: Unit,
+    pub curvature: Unit,
+}
+
+/// What the ratios tell of the units.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Told {
+    /// Nothing is foreign, or no unit explains it.
+    Si,
+    /// These are they.
+    Units(Units),
+    /// One or the other.
+    Either(Units, Units),
+}
+
+impl Units {
+    const SI: Self = Self {
+        speed: SPEEDS[0],
+        position: LENGTHS[0],
+        station: LENGTHS[0],
+        acceleration: ACCELERATIONS[0],
+        turn: TURNS[0],
+        curvature: BENDS[0],
+    };
+
+    fn foreign(&self) -> usize {
+        let all = [self.speed, self.position, self.station, self.acceleration, self.turn, self.curvature];
+        all.iter().filter(|unit| unit.1 != 1.0).count()
+    }
+
+    /// Largest error of a ratio, as a logarithm.
+    fn error(&self, shown: &Shown) -> f64 {
+        let speed = self.speed.1;
+        let off = |shown: Option<f64>, expected: f64| {
+            // A turned sign is looked for elsewhere.
+            shown.map_or(0.0, |shown| (shown.abs() / expected).ln().abs())
+        };
+        [
+            off(shown.way, self.position.1 / speed),
+            off(shown.station, self.station.1 / speed),
+            shown.lateral.map_or(0.0, |shown| {
+                let ratio = shown.abs() * speed * self.turn.1 / self.acceleration.1;
+                (ratio / ratio.clamp(LEANING.0, LEANING.1)).ln().abs()
+            }),
+            off(shown.bend, self.turn.1 / (speed * self.curvature.1)),
+        ]
+        .into_iter()
+        .fold(0.0, f64::max)
+    }
+
+    /// The foreign ones, in words.
+    pub fn words(&self) -> String {
+        [
+            ("vx", self.speed),
+            ("x, y", self.position),
+            ("station", self.station),
+            ("ay", self.acceleration),
+            ("yaw_rate", self.turn),
+            ("curvature", self.curvature),
+        ]
+        .into_iter()
+        .filter(|(_, unit)| unit.1 != 1.0)
+        .map(|(name, unit)| format!("{name} in {}", unit.0))
+        .collect::<Vec<_>>()
+        .join(" and ")
+    }
+}
+
+/// The units that explain what is shown.
+pub(super) fn told(shown: &Shown) -> Told {
+    if Units::SI.error(shown) < EFFECT {
+        return Told::Si;
+    }
+    let mut all = Vec::new();
+    // A column that nothing is known of is in SI units.
+    let known = |units: &'static [Unit], shown: bool| if shown { units } else { &units[..1] };
+    for &speed in &SPEEDS {
+        for &position in known(&LENGTHS, shown.way.is_some()) {
+            for &station in known(&LENGTHS, shown.station.is_some()) {
+                for &acceleration in known(&ACCELERATIONS, shown.lateral.is_some()) {
+                    for &turn in known(&TURNS, shown.lateral.is_some()) {
+                        for &curvature in known(&BENDS, shown.bend.is_some()) {
+                            let units = Units { speed, position, station, acceleration, turn, curvature };
+                            all.push((units.foreign(), units.error(shown), units));
+                        }
+                    }
+                }
+            }
+        }
+    }
+    // One ratio cannot tell two units.
+    let ratios =
+        [shown.way, shown.station, shown.lateral, shown.bend].iter().filter(|ratio| ratio.is_some()).count();
+    all.retain(|(foreign, error, _)| *error < FAR && *foreign <= ratios);
+    all.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    // By ay alone feet a second are km/h of a body that leans, and km/h are the common ones.
+    let common = |units: &Units| units.speed == SPEEDS[1] && shown.way.is_none() && shown.station.is_none();
+    match all[..] {
+        [] => Told::Si,
+        [(_, error, units), ..] if error == 0.0 && common(&units) => Told::Units(units),
+        [(foreign, error, units), (others, next, other), ..] if foreign == others && next - error < APART => {
+            Told::Either(units, other)
+        }
+        [(_, _, units), ..] => Told::Units(units),
+    }
+}
+
+/// The unit of a ratio near one of a list; `None` where it is SI, or none.
+pub(super) fn foreign(ratio: f64, units: &[Unit]) -> Option<Unit> {
+    units[1..].iter().copied().find(|unit| (ratio.abs() / unit.1).ln().abs() < FAR)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn words(shown: Shown) -> String {
+        match told(&shown) {
+            Told::Si => "si".into(),
+            Told::Units(units) => units.words(),
+            Told::Either(one, other) => format!("{} or {}", one.words(), other.words()),
+        }
+    }
+
+    #[test]
+    fn one_ratio_tells_one_unit() {
+        for &(name, factor) in &SPEEDS[1..] {
+            let expected = format!("vx in {name}");
+            for effect in [1.06, 1.107] {
+                assert_eq!(words(Shown { lateral: Some(effect / factor), ..Shown::default() }), expected);
+            }
+            for effect in [0.97, 1.0, 1.03] {
+                assert_eq!(words(Shown { way: Some(effect / factor), ..Shown::default() }), expected);
+            }
+        }
+        for &(name, factor) in &LENGTHS[1..] {
+            let shown = Shown { way: Some(factor), lateral: Some(1.0), ..Shown::default() };
+            assert_eq!(words(shown), format!("x, y in {name}"));
+        }
+        assert_eq!(words(Shown { lateral: Some(0.1), ..Shown::default() }), "ay in g");
+        assert_eq!(words(Shown { lateral: Some(DEGREE), ..Shown::default() }), "yaw_rate in deg/s");
+    }
+
+    #[test]
+    fn several_ratios_tell_several_units() {
+        let shown = Shown { way: Some(1.0 / 3.6), lateral: Some(1.0 / (3.6 * GRAVITY)), ..Shown::default() };
+        assert_eq!(words(shown), "vx in km/h and ay in g");
+        let shown = Shown { way: Some(1000.0 / 2.237), lateral: Some(1.0 / 2.237), ..Shown::default() };
+        assert_eq!(words(shown), "vx in mph and x, y in mm");
+    }
+
+    #[test]
+    fn effects_and_riddles_are_no_units() {
+        for factor in [0.75, 0.9, 1.2, 1.4, 0.62, 1.9] {
+            assert_eq!(words(Shown { way: Some(factor), ..Shown::default() }), "si", "{factor}");
+        }
+        // Between km/h and ft/s, and speed against ay.
+        let between = Shown { way: Some(1.0 / 3.43), ..Shown::default() };
+        assert!(words(between).contains(" or "), "{}", words(between));
+        assert_eq!(words(Shown { way: Some(0.5), lateral: Some(1.0), ..Shown::default() }), "si");
+    }
+}

@@ -1,0 +1,315 @@
+//! One check of a log behind diagnosis, training and identification: what each kind of damage comes to in all three.
+
+use rfl_mpc::log::{CleanLog, DriveLog, Finding, Gravity, SteeringLog, drives_of};
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+fn steering(speed: f64) -> f64 {
+    2.7 + 0.002 * speed * speed
+}
+
+/// A log as a table that tests damage.
+#[derive(Clone)]
+struct Table {
+    names: Vec<&'static str>,
+    rows: Vec<Vec<f64>>,
+}
+
+/// 60 s at 50 Hz along a road, in every column what the others tell, with a little noise.
+fn sound() -> Table {
+    let names = vec![
+        "time",
+        "steer_cmd",
+        "steer",
+        "x",
+        "y",
+        "yaw",
+        "vx",
+        "vy",
+        "yaw_rate",
+        "ax",
+        "ay",
+        "e1",
+        "e1_rate",
+        "e2",
+        "e2_rate",
+        "station",
+        "curvature",
+    ];
+    let (mut x, mut y, mut yaw, mut yaw_rate, mut rows) = (3.0, -2.0, 0.4, 0.0, Vec::new());
+    let (mut e1, mut e2, mut station) = (0.2, 0.0, 0.0);
+    let step = 0.02;
+    for row in 0..3000 {
+        let time = step * f64::from(row);
+        let vx = 12.0 + 3.0 * (0.2 * time).sin();
+        let curvature = 0.02 * (0.45 * time).sin();
+        let bend = vx * curvature;
+        let steer = steering(vx) * curvature - 0.02 * e1 - 0.3 * e2 + 0.01 * (1.7 * time).sin();
+        yaw_rate += (vx * steer / steering(vx) - yaw_rate) * 0.2;
+        let noise = |size: f64, k: f64| size * (k * f64::from(row) * f64::from(row)).sin();
+        let e2_rate = yaw_rate - bend;
+        rows.push(vec![
+            time,
+            steer,
+            steer + noise(1e-4, 1.1),
+            x,
+            y,
+            yaw,
+            vx + noise(0.01, 1.3),
+            noise(1e-3, 1.7),
+            yaw_rate + noise(1e-3, 1.9),
+            0.6 * (0.2 * time).cos() + noise(0.05, 2.3),
+            vx * yaw_rate + noise(0.05, 2.9),
+            e1,
+            vx * e2,
+            e2,
+            e2_rate,
+            station,
+            curvature,
+        ]);
+        x += step * vx * yaw.cos();
+        y += step * vx * yaw.sin();
+        yaw += step * yaw_rate;
+        e1 += step * vx * e2;
+        e2 += step * e2_rate;
+        station += step * vx;
+    }
+    Table { names, rows }
+}
+
+impl Table {
+    fn map(mut self, name: &str, change: impl Fn(usize, f64) -> f64) -> Self {
+        let place = self.names.iter().position(|other| *other == name).expect(name);
+        self.rows.iter_mut().enumerate().for_each(|(i, row)| row[place] = change(i, row[place]));
+        self
+    }
+
+    fn scaled(self, names: &[&str], factor: f64) -> Self {
+        names.iter().fold(self, |table, name| table.map(name, |_, value| factor * value))
+    }
+
+    fn set(self, name: &str, rows: std::ops::Range<usize>, to: f64) -> Self {
+        self.map(name, |row, value| if rows.contains(&row) { to } else { value })
+    }
+
+    fn without(mut self, names: &[&str]) -> Self {
+        let kept: Vec<usize> = (0..self.names.len()).filter(|&i| !names.contains(&self.names[i])).collect();
+        self.names = kept.iter().map(|&i| self.names[i]).collect();
+        self.rows.iter_mut().for_each(|row| *row = kept.iter().map(|&i| row[i]).collect());
+        self
+    }
+
+    fn rows(mut self, change: impl Fn(Vec<Vec<f64>>) -> Vec<Vec<f64>>) -> Self {
+        self.rows = change(self.rows);
+        self
+    }
+
+    fn log(&self) -> DriveLog {
+        let mut text = self.names.join(",") + "\n";
+        for row in &self.rows {
+            let fields: Vec<String> = row.iter().map(f64::to_string).collect();
+            writeln!(text, "{}", fields.join(",")).unwrap();
+        }
+        DriveLog::from_reader(text.as_bytes(), Path::new("a.csv")).unwrap()
+    }
+}
+
+/// What diagnosis, training and identification make of a log: the reason of a refusal, or what was mended.
+fn answers(log: &DriveLog) -> [Result<String, String>; 3] {
+    let words = |findings: &[Finding]| {
+        let grave = findings.iter().filter(|finding| finding.gravity > Gravity::Note);
+        grave.map(|finding| finding.words.as_str()).collect::<Vec<_>>().join("; ")
+    };
+    let diagnosis = match CleanLog::of(log, &steering) {
+        Err(error) => Err(error.to_string()),
+        Ok(clean) => match clean.suspect() {
+            Some(finding) => Err(finding.words.clone()),
+            None => Ok(words(&clean.findings)),
+        },
+    };
+    let mut notes = Vec::new();
+    let training = drives_of(log, None, &steering, &mut |note| notes.push(note));
+    let identification = SteeringLog::by_yaw_rate(log, &steering);
+    [
+        diagnosis,
+        training.map(|_| notes.join("; ")).map_err(|error| error.to_string()),
+        identification.map(|found| words(&found.findings)).map_err(|error| error.to_string()),
+    ]
+}
+
+/// Whether all three mend a log (`Ok`) or refuse it, with these words.
+fn all(case: &str, table: &Table, expected: Result<&str, &str>) -> Vec<String> {
+    let names = ["diagnosis", "training", "identification"];
+    let agree = |answer: &Result<String, String>| match (answer, expected) {
+        (Ok(said), Ok(words)) | (Err(said), Err(words)) => said.contains(words),
+        _ => false,
+    };
+    let answers = answers(&table.log());
+    let off = names.into_iter().zip(answers).filter(|(_, answer)| !agree(answer));
+    off.map(|(name, answer)| format!("{case}, {name}: {answer:?}, not {expected:?}")).collect()
+}
+
+const DEGREES: f64 = 180.0 / std::f64::consts::PI;
+
+#[test]
+fn diagnosis_training_and_identification_agree() {
+    let s = sound;
+    let cases: Vec<(&str, Table, Result<&str, &str>)> = vec![
+        ("sound", s(), Ok("")),
+        ("km/h", s().scaled(&["vx", "vy"], 3.6), Ok("taken as km/h")),
+        ("mph", s().scaled(&["vx", "vy"], 2.236_936), Ok("taken as mph")),
+        ("knots", s().scaled(&["vx", "vy"], 1.943_844), Ok("taken as knots")),
+        ("ft/s", s().scaled(&["vx", "vy"], 3.280_84), Ok("taken as ft/s")),
+        (
+            "mph without positions",
+            s().without(&["x", "y", "station"]).scaled(&["vx"], 2.236_936),
+            Ok("taken as mph"),
+        ),
+        (
+            "knots without ay",
+            s().without(&["ay", "station"]).scaled(&["vx"], 1.943_844),
+            Ok("taken as knots"),
+        ),
+        ("a speed off by a factor", s().scaled(&["vx"], 1.12), Ok("")),
+        ("mm", s().scaled(&["x", "y"], 1000.0), Ok("taken as mm")),
+        ("feet", s().scaled(&["x", "y"], 3.280_84), Ok("taken as ft")),
+        ("g", s().scaled(&["ax", "ay"], 1.0 / 9.81), Ok("taken as g")),
+        ("km/h and g", s().scaled(&["vx"], 3.6).scaled(&["ay"], 1.0 / 9.81), Ok("taken as km/h")),
+        ("yaw in degrees", s().scaled(&["yaw"], DEGREES), Ok("degrees")),
+        ("yaw_rate in degrees", s().scaled(&["yaw_rate"], DEGREES), Ok("degrees")),
+        ("yaw_rate in degrees, ay tells", s().without(&["yaw"]).scaled(&["yaw_rate"], DEGREES), Ok("deg")),
+        ("steering in degrees", s().scaled(&["steer_cmd", "steer"], DEGREES), Ok("degrees")),
+        ("e2 in degrees", s().scaled(&["e2"], DEGREES), Ok("e2 changes 57 times")),
+        ("e1 in mm", s().scaled(&["e1"], 1000.0), Ok("taken as mm")),
+        ("e1 and its rate in cm", s().scaled(&["e1", "e1_rate"], 100.0), Ok("taken as cm")),
+        ("a steering wheel", s().scaled(&["steer_cmd", "steer"], 15.8), Err("steering-wheel")),
+        ("yaw_rate turned", s().scaled(&["yaw_rate"], -1.0), Err("yaw_rate has the opposite sign")),
+        ("steer_cmd turned", s().scaled(&["steer_cmd"], -1.0), Err("steer_cmd has the opposite sign")),
+        ("ay turned", s().scaled(&["ay"], -1.0), Err("ay has the opposite sign")),
+        ("yaw from another axis", s().map("yaw", |_, yaw| yaw - 1.57), Err("another axis")),
+        ("speed halved", s().scaled(&["vx"], 0.5), Err("another unit")),
+        ("one row of yaw_rate", s().set("yaw_rate", 1499..1500, 10.0), Ok("yaw_rate = 10.0000 in row 1500")),
+        ("three rows of vx", s().set("vx", 700..703, -4.0), Ok("vx = -4.0000 in row 701")),
+        ("one row of steer_cmd", s().set("steer_cmd", 700..701, 0.9), Ok("steer_cmd = 0.9000 in row 701")),
+        ("one position", s().set("x", 90..91, 0.0).set("y", 90..91, 0.0), Ok("in row 91")),
+        ("a sentinel", s().set("vx", 20..45, 999.0), Ok("vx = 999.0000 in row 21")),
+        ("1e308", s().set("yaw_rate", 458..459, -1e308), Err("yaw_rate = -1e308 in row 459")),
+        ("3e38 in the last row", s().set("ay", 2999..3000, 3.4e38), Err("ay = 3.4e38 in row 3000")),
+        ("infinity", s().set("vx", 300..301, f64::INFINITY), Ok("")),
+        (
+            "impossible speeds",
+            s().without(&["x", "y", "ay", "station", "e2"]).set("vx", 0..1000, 700.0),
+            Err("vx"),
+        ),
+        ("a gap", s().rows(|rows| [&rows[..900], &rows[1000..]].concat()), Ok("1 gaps")),
+        (
+            "order",
+            s().rows(|mut rows| {
+                for i in (0..2900).step_by(60) {
+                    rows.swap(i, i + 4);
+                }
+                rows
+            }),
+            Ok("sorted"),
+        ),
+        ("one stamp", s().set("time", 800..801, 5e6), Ok("in row 801")),
+        ("milliseconds", s().scaled(&["time"], 1000.0), Ok("milliseconds")),
+        ("the clock starts anew", s().map("time", |row, _| 0.02 * (row % 1000) as f64), Ok("row 1001, 2001")),
+        (
+            "and once only",
+            s().map("time", |row, time| if row < 1400 { time } else { time - 20.0 }),
+            Ok("row 1401"),
+        ),
+        ("too short", s().rows(|rows| rows[..300].to_vec()), Err("at least 10 s")),
+        ("too slow", s().scaled(&["time"], 20.0).without(&["x", "y"]), Err("")),
+        ("no speed", s().without(&["vx"]), Err("'vx' is missing")),
+        ("no time", s().without(&["time"]), Err("'time' is missing")),
+        ("no steering", s().without(&["steer", "steer_cmd"]), Err("'steer_cmd' is missing")),
+    ];
+    let off: Vec<String> =
+        cases.iter().flat_map(|(case, table, expected)| all(case, table, *expected)).collect();
+    assert!(off.is_empty(), "{:#?}", off);
+}
+
+#[test]
+fn errors_to_the_path_are_refused_by_the_training_only() {
+    for table in [
+        sound().scaled(&["e1"], -1.0),
+        sound().scaled(&["e2", "e2_rate"], -1.0),
+        sound().scaled(&["e1"], 4.5),
+    ] {
+        let [diagnosis, training, _] = answers(&table.log());
+        assert!(diagnosis.is_ok_and(|said| said.contains("e1") || said.contains("e2")));
+        let error = training.unwrap_err();
+        assert!(error.contains("opposite sign") || error.contains("another unit"), "{error}");
+    }
+}
+
+#[test]
+fn what_was_left_out_changes_nothing_else() {
+    let clean = |table: &Table| CleanLog::of(&table.log(), &steering).unwrap();
+    let (whole, mended) = (clean(&sound()), clean(&sound().set("yaw_rate", 1499..1500, 10.0)));
+    for (name, column) in &whole.columns {
+        let differing = column.iter().zip(&mended.columns[name]).filter(|(a, b)| a != b).count();
+        assert!(differing <= usize::from(*name == "yaw_rate"), "{name}: {differing}");
+    }
+    assert_eq!(whole.valid, mended.valid);
+}
+
+/// A file of the shared ones, or a word that there is none.
+fn shared(name: &str) -> Option<PathBuf> {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared").join(name);
+    if !file.is_file() {
+        eprintln!("skipped: there is no {}", file.display());
+    }
+    file.is_file().then_some(file)
+}
+
+/// Road-wheel angle of the built-in car in steady cornering.
+fn car(speed: f64) -> f64 {
+    2.78 + 0.0025 * speed * speed
+}
+
+#[test]
+fn the_known_bad_logs_are_mended_or_refused() {
+    for (name, words) in [
+        ("hang_plot", Err("yaw_rate = -1e308 in row 459")),
+        ("one_glitch", Ok("yaw_rate = 10.0000 in row 1500")),
+        ("laps_time_reset", Ok("starts anew in row 1501, 3001, 4501: 4 drives")),
+        ("mph_gain112", Ok("taken as mph")),
+        ("knots_gain112", Ok("taken as knots")),
+        ("train_vx_kmh", Ok("taken as km/h")),
+    ] {
+        let Some(file) = shared(&format!("cases/logs/{name}.csv.gz")) else { continue };
+        let log = DriveLog::read(&file).unwrap();
+        let clean = CleanLog::of(&log, &car);
+        match (words, &clean) {
+            (Err(words), Err(error)) => assert!(error.to_string().contains(words), "{name}: {error}"),
+            (Ok(words), Ok(clean)) => {
+                let said = clean.findings.iter().any(|finding| finding.words.contains(words));
+                assert!(said && clean.suspect().is_none(), "{name}: {:#?}", clean.findings);
+                eprintln!("{name}: {:#?}", clean.findings);
+            }
+            other => panic!("{name}: {other:?}"),
+        }
+        if name == "train_vx_kmh" {
+            let mut notes = Vec::new();
+            let drives = drives_of(&log, None, &car, &mut |note| notes.push(note)).unwrap();
+            assert!(notes.iter().any(|note| note.contains("taken as km/h")), "{notes:?}");
+            assert!(drives[0].vx.iter().all(|vx| *vx < 20.0));
+        }
+    }
+}
+
+#[test]
+fn real_logs_have_no_outliers_and_no_foreign_units() {
+    for name in ["real_human_fast_lap", "real_mpc_med_lap", "sim_mpc_med_lap"] {
+        let Some(file) = shared(&format!("data/genesis/{name}.csv")) else { continue };
+        let log =
+            CleanLog::of(&DriveLog::read(&file).unwrap(), &|speed| 3.02 + 0.003 * speed * speed).unwrap();
+        eprintln!("{name}: {:#?}", log.findings);
+        for words in ["left out, like", "taken as", "starts anew", "far from the stamps"] {
+            assert!(log.findings.iter().all(|finding| !finding.words.contains(words)), "{:#?}", log.findings);
+        }
+    }
+}
