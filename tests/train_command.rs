@@ -345,7 +345,7 @@ fn bad_logs_are_refused_with_the_reason() {
     let cases: Vec<(&str, Table, &[&str])> = vec![
         ("steering wheel", log().map("steer_cmd", |x| 16.0 * x), &["steer_cmd", "steering-wheel"]),
         ("right-handed", log().map("steer_cmd", |x| -x), &["steer_cmd", "sign"]),
-        ("another rate", log().map("time", |t| 1.25 * t), &["log.csv", "every 0.025", "0.02"]),
+        ("another rate", log().map("time", |t| 1.25 * t), &["log.csv", "every 0.02", "0.02 s"]),
         ("a clock half as fast", log().map("time", |t| 1.5 * t), &["log.csv", "x and y move 0.6"]),
         ("e1 turned", log().map("e1", |e1| -e1), &["e1 has the opposite sign of e1_rate"]),
         ("no number at all", log().set(10, "yaw_rate", "1e308"), &["yaw_rate = 1e308 in row 11"]),

@@ -144,9 +144,12 @@ pub(super) fn drives(stamps: &[f64]) -> Vec<Range<usize>> {
         stamps
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), stamp| (low.min(stamp), high.max(stamp)))
     };
-    let mut extents: Vec<(f64, f64)> = drives.iter().map(extent).collect();
-    extents.sort_by(|a, b| a.0.total_cmp(&b.0));
-    if extents.windows(2).all(|pair| pair[0].1 < pair[1].0) {
+    // Blocks in a wrong order do not lie among the stamps of others.
+    let apart = |drive: &Range<usize>| {
+        let (low, high) = extent(drive);
+        stamps[..drive.start].iter().all(|stamp| !(low..=high).contains(stamp))
+    };
+    if drives.iter().all(apart) {
         return std::iter::once(0..stamps.len()).collect();
     }
     drives
