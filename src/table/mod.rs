@@ -332,14 +332,14 @@ impl<R: Read> Body<R> {
 
 impl<R: Read> Read for Body<R> {
     fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        if self.given == self.ready.len() {
-            if let Err(error) = self.fill() {
-                // The end, for the splitter; `next_row` gives the cause.
-                self.error = Some(error);
-                self.ready.clear();
-                self.given = 0;
-                return Ok(0);
-            }
+        if self.given == self.ready.len()
+            && let Err(error) = self.fill()
+        {
+            // The end, for the splitter; `next_row` gives the cause.
+            self.error = Some(error);
+            self.ready.clear();
+            self.given = 0;
+            return Ok(0);
         }
         let count = buffer.len().min(self.ready.len() - self.given);
         buffer[..count].copy_from_slice(&self.ready[self.given..self.given + count]);

@@ -99,10 +99,10 @@ pub(super) fn factor_of_any(word: &str) -> bool {
 pub fn split_unit(name: &str) -> (&str, Option<&str>) {
     let name = name.trim();
     for (open, close) in [('[', ']'), ('(', ')')] {
-        if let Some((before, unit)) = name.strip_suffix(close).and_then(|rest| rest.rsplit_once(open)) {
-            if !before.trim().is_empty() {
-                return (before.trim(), Some(unit.trim()));
-            }
+        if let Some((before, unit)) = name.strip_suffix(close).and_then(|rest| rest.rsplit_once(open))
+            && !before.trim().is_empty()
+        {
+            return (before.trim(), Some(unit.trim()));
         }
     }
     (name, None)
