@@ -178,6 +178,7 @@ impl<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize> Nonl
     fn linearise(&mut self, qp: &mut Qp) {
         let problem = &mut qp.problem;
         self.roll_out.write_gain(&qp.tracked, &mut problem.gain);
+        problem.shift_invariant = false;
         let (horizon, outputs) = (problem.shape.horizon, problem.shape.outputs);
         for (row, (free, output)) in problem.free.iter_mut().zip(&self.outputs).enumerate() {
             let gain = &problem.gain[row * horizon..][..=row / outputs];
