@@ -312,7 +312,12 @@ def faults_markdown(faults: dict) -> list[str]:
             ]
         )
     head = ["model", "lag, dead time", "speed", "outcome", "noticed", "faded", "max m", "times the default's", "goal"]
-    text += ["### Wrong models", "", "Goals: noticed within 2 s where it is asked from the beginning, at most twice the default's largest error.", ""]
+    text += [
+        "### Wrong models",
+        "",
+        "Goals: noticed within 2 s where it is asked from the beginning, at most twice the default's largest error.",
+        "",
+    ]
     return [*text, markdown_table(head, body), ""]
 
 

@@ -25,7 +25,7 @@ def run(script: str, *arguments, ok=True) -> subprocess.CompletedProcess:
 @pytest.fixture(scope="module")
 def demo(fmus, tmp_path_factory):
     out = tmp_path_factory.mktemp("demo")
-    result = run("demo.py", "--fmus", fmus, "--duration", "20", "--out", out)
+    result = run("demo.py", "--plain", "--fmus", fmus, "--duration", "20", "--out", out)
     return out, result.stdout
 
 

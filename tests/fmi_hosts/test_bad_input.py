@@ -247,11 +247,11 @@ def test_road_that_is_none(unit, tmp_path, case):
 
 
 @pytest.mark.parametrize("unit", ["RflMpc"], indirect=True)
-def test_repeated_points_are_dropped_and_said(unit, tmp_path):
+def test_repeated_points_are_dropped(unit, tmp_path):
     file = tmp_path / "road.csv"
     file.write_text(GOOD_ROAD.replace("20,0\n", "20,0\n20,0\n20,0\n"))
-    assert with_file(unit, "path_file", file) == WARNING
-    says(unit, "road.csv", "2 point(s) dropped")
+    # A repair is no warning: hosts stop at one while they initialise.
+    assert with_file(unit, "path_file", file) == OK
     assert unit.get_reals(["path.length"]) == [pytest.approx(98.0)]
 
 
