@@ -1,7 +1,7 @@
 //! Which points make a road: what is repaired, what is refused, and whether the road is closed.
 
 use super::error::{PathError, Place};
-use super::noise::Noise;
+use super::noise::{Noise, median};
 use super::note::Note;
 use super::read::Accuracy;
 use super::sample::{Closure, Options, Sample, Smoothing};
@@ -103,11 +103,7 @@ fn drawn(
     }
     let position = |i: usize| [kept[i].1.x, kept[i].1.y];
     let mut spacings: Vec<f64> = (1..kept.len()).map(|i| distance(position(i - 1), position(i))).collect();
-    let median = {
-        let mut sorted = spacings.clone();
-        sorted.sort_by(f64::total_cmp);
-        sorted[sorted.len() / 2]
-    };
+    let median = median(&mut spacings.clone());
     if !(SPACING.0..=SPACING.1).contains(&median) {
         return Err(PathError::SuspiciousUnit { place: Place::default(), median, unit: "m" });
     }

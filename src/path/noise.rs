@@ -65,12 +65,7 @@ impl Noise {
     pub fn means(&self, points: &[Vector], periodic: bool) -> Vec<Vector> {
         let n = points.len();
         let half = self.half.min((n - 1) / 4);
-        let mean = |i: usize| {
-            let window = (i + n - half..=i + n + half).map(|k| points[k % n]);
-            window
-                .fold([0.0; 2], |sum, p| [sum[0] + p[0], sum[1] + p[1]])
-                .map(|sum| sum / (2 * half + 1) as f64)
-        };
+        let mean = |i: usize| middle((i + n - half..=i + n + half).map(|k| points[k % n]), 2 * half + 1);
         let mut means: Vec<Vector> = (0..n).map(mean).collect();
         if periodic || half == 0 {
             return means;
@@ -104,11 +99,7 @@ impl Residuals {
     fn of(points: &[Vector], half: usize) -> Self {
         let (mut values, mut lengths) = (Vec::new(), Vec::new());
         for window in points.windows(2 * half + 1) {
-            let mean = |part: &[Vector]| {
-                part.iter()
-                    .fold([0.0; 2], |sum, p| [sum[0] + p[0], sum[1] + p[1]])
-                    .map(|sum| sum / part.len() as f64)
-            };
+            let mean = |part: &[Vector]| middle(part.iter().copied(), part.len());
             let (begin, end) = (mean(&window[..half]), mean(&window[half + 1..]));
             let between = distance(begin, end);
             // Means of the two halves are half a window (and one point) apart.
@@ -171,7 +162,13 @@ fn left_over(window: &[Vector], middle: usize, direction: Vector, scale: f64) ->
     (rest > 1e-3 && value.is_finite()).then_some(value)
 }
 
-fn median(values: &mut [f64]) -> f64 {
+/// The mean of so many points.
+fn middle(points: impl Iterator<Item = Vector>, count: usize) -> Vector {
+    points.fold([0.0; 2], |sum, p| [sum[0] + p[0], sum[1] + p[1]]).map(|sum| sum / count as f64)
+}
+
+/// The median, the upper of two; 0 of nothing. Sorts.
+pub(super) fn median(values: &mut [f64]) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(0.0)
 }

@@ -584,9 +584,8 @@ impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
         let all = used.zip(&self.schema.ranges).zip(errors.iter().chain(road)).enumerate();
         // What is endless may be no number, too.
         let outside = all.filter(|(_, (([min, max], _), x))| min.is_finite() && !(min..=max).contains(x));
-        let excess = |(i, ((_, range), &x)): (usize, ((_, &Range), &f64))| match i {
-            i if i == S + SPEED => range.excess_in_shares(x),
-            _ => range.excess(x),
+        let excess = |(i, ((_, range), &x)): (usize, ((_, &Range), &f64))| {
+            if i == S + SPEED { range.excess_in_shares(x) } else { range.excess(x) }
         };
         outside.map(excess).fold(0.0, f64::max)
     }
