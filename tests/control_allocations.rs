@@ -1,8 +1,6 @@
 //! A control step allocates nothing; with Clarabel, nothing beyond the solver's own allocation.
 
-mod counting;
-
-use counting::allocated;
+use crate::counting::allocated;
 use rfl_mpc::control::{
     ArticulatedModel, Controller, ControllerFor, ControllerParameters, Measurement, PredictionModelFor,
     Propagation, Residual, RollOut, TRUCK_STATES, TruckController, TruckControllerParameters,

@@ -1,8 +1,6 @@
 //! Speed and lag error by MPC.
 
-mod counting;
-
-use counting::allocated;
+use crate::counting::allocated;
 use nalgebra::{SMatrix, SVector};
 use proptest::prelude::*;
 use rfl_mpc::control::{

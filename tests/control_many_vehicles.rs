@@ -1,8 +1,6 @@
 //! One controller serves many vehicles, each with a state of its own, and steers each as a controller of its own would.
 
-mod counting;
-
-use counting::allocated;
+use crate::counting::allocated;
 use rfl_mpc::control::{
     BicycleModel, Controller, ControllerFor, ControllerParameters, ControllerState, Measurement,
     PredictionModelFor, SpeedController, StepError, StepReport, TruckController, TruckControllerParameters,

@@ -1,6 +1,6 @@
 //! Logs that cannot be diagnosed give a clear message or an honest "cannot tell", never a panic.
 
-mod diagnose;
+use crate::diagnose;
 
 use diagnose::{car, clean, found, log, singles};
 use rfl_mpc::diagnose::{DiagnoseError, Finding, Gravity, Options, VerdictKind, diagnose as run};

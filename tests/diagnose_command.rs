@@ -1,9 +1,6 @@
 //! `rfl diagnose`: verdict, exit status and files for a log with something in it; honest words for bad logs.
-#![cfg(feature = "cli")]
 
-mod command;
-
-use command::{rfl, road, text};
+use crate::command::{rfl, road, text};
 use rfl_mpc::diagnose::{Report, VerdictKind};
 use rfl_mpc::residual::Random;
 use rfl_mpc::vehicle::{CarParameters, TruckEffects};

@@ -1,6 +1,6 @@
 //! A value that changes is no effect of the library, whatever it looks like; one that does not change is no suspicion.
 
-mod diagnose;
+use crate::diagnose;
 
 use diagnose::{found, log, singles};
 use rfl_mpc::diagnose::{Cause, Report, VerdictKind};

@@ -1,6 +1,6 @@
 //! A dead time that was put in is found, with its value and where it enters.
 
-mod diagnose;
+use crate::diagnose;
 
 use diagnose::{found, log, singles};
 use rfl_mpc::diagnose::VerdictKind;

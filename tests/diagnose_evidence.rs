@@ -1,7 +1,7 @@
 //! Evidence is replayed, not promised: every candidate's cost is what a replay at its own values leaves, and whatever is freed
 //! besides, a candidate explains no less.
 
-mod diagnose;
+use crate::diagnose;
 
 use rfl_mpc::diagnose::fit::{Fit, Prior};
 use rfl_mpc::diagnose::problem::Problem;

@@ -1,6 +1,6 @@
 //! What may not be named keeps its tolerance, and what needs many of them is no effect of the library.
 
-mod diagnose;
+use crate::diagnose;
 
 use diagnose::{car, found, log, singles};
 use rfl_mpc::diagnose::{Options, Report, VerdictKind, diagnose as diagnosed};

@@ -1,7 +1,7 @@
 //! A wind is fixed in the world. A log without heading and place tells how strong it is, and where it blows to by the heading at
 //! the log's start; one with the place alone tells all of it.
 
-mod diagnose;
+use crate::diagnose;
 
 use diagnose::{found, log};
 use rfl_mpc::diagnose::{Options, VerdictKind};

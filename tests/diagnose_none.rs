@@ -1,6 +1,6 @@
 //! On logs whose vehicle is within the tolerances of its model nothing is named.
 
-mod diagnose;
+use crate::diagnose;
 
 use diagnose::{car, clean, found, log, singles};
 use rfl_mpc::diagnose::VerdictKind;

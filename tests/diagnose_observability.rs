@@ -1,9 +1,7 @@
 //! What a log is said to show is what it shows: effects clearly larger than the least that is announced are named, clearly
 //! smaller ones are left to the tolerances.
 
-mod diagnose;
-
-use diagnose::{found, log, singles};
+use crate::diagnose::{found, log, singles};
 
 #[test]
 fn what_is_announced_is_named_and_less_is_not() {

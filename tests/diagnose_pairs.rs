@@ -1,6 +1,6 @@
 //! Two effects at once are both found, and three are.
 
-mod diagnose;
+use crate::diagnose;
 
 use diagnose::{found, log, only};
 use rfl_mpc::diagnose::simulated::{Conditions, drive};

@@ -1,9 +1,6 @@
 //! The diagnosis' page: complete, in one file, safe, and drawn from whatever a diagnosis holds.
-#![cfg(feature = "cli")]
 
-mod diagnosed;
-
-use diagnosed::{diagnosed, steering};
+use crate::diagnosed::{diagnosed, steering};
 use quick_xml::events::Event;
 use rfl_mpc::diagnose::page::{PageInput, page};
 use rfl_mpc::diagnose::{Diagnosis, Report, Series, VerdictKind};

@@ -1,6 +1,6 @@
 //! Sensitivities of the replay against the closed form of steady turning, and the replay against the full plant.
 
-mod diagnose;
+use crate::diagnose;
 
 use diagnose::{car, clean, log, only};
 use rfl_mpc::diagnose::problem::rms;

@@ -1,6 +1,6 @@
 //! Several logs as one: what one ends with says nothing of how the next begins.
 
-mod diagnose;
+use crate::diagnose;
 
 use diagnose::{found, log, singles};
 use rfl_mpc::diagnose::VerdictKind;

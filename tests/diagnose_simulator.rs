@@ -1,9 +1,6 @@
 //! The calibrated simulator: a vehicle file that is read again, and parameter sets.
-#![cfg(feature = "cli")]
 
-mod diagnosed;
-
-use diagnosed::diagnosed;
+use crate::diagnosed::diagnosed;
 use quick_xml::events::Event;
 use rfl_mpc::diagnose::simulator::{
     CalibratedError, Calibration, calibrated, changes, differences, parameter_set, write_vehicle,

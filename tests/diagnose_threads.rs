@@ -1,6 +1,6 @@
 //! The answer has the same bits on any number of threads.
 
-mod diagnose;
+use crate::diagnose;
 
 use diagnose::{found, log};
 use rfl_mpc::diagnose::Options;

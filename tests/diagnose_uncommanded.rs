@@ -1,8 +1,6 @@
 //! A log without the steering command says that what lies before the sensor is not seen, and names none of it.
 
-mod diagnose;
-
-use diagnose::{found, log, singles};
+use crate::diagnose::{found, log, singles};
 
 #[test]
 fn without_a_command_a_delay_is_not_observable() {

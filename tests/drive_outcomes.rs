@@ -1,9 +1,7 @@
 //! The outcome of a drive: the same word in text, JSON, JUnit file and exit status; log and results are written whatever
 //! happens.
 
-mod command;
-
-use command::{refused, rfl, road, text};
+use crate::command::{refused, rfl, road, text};
 use rfl_mpc::control::{ControlStatus, Controller, ControllerParameters};
 use rfl_mpc::log::DriveLog;
 use rfl_mpc::path::{Closure, Path as Road, Sample};

@@ -1,9 +1,6 @@
 //! The parts of the comparison: predictions over a horizon, one drive.
-#![cfg(feature = "cli")]
 
-mod residual_plant;
-
-use residual_plant::{Plant as Linear, TS, car, data};
+use crate::residual_plant::{Plant as Linear, TS, car, data};
 use rfl_mpc::control::{ControllerParameters, PredictionModel};
 use rfl_mpc::path::sudoku::Route;
 use rfl_mpc::path::{Closure, Path};

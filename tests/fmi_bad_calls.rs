@@ -1,9 +1,7 @@
 //! Bad input through the C interface: each cause has its status and a message that names variable, value and
 //! remedy; nothing else changes.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use rfl_mpc::fmi::abi::{CallbackFunctions, Status};
 use std::ffi::{CStr, CString, c_char};
 use std::ptr;

@@ -1,7 +1,7 @@
 //! The logger callback: a real variadic one in C gets whole messages, whatever stands in them; categories switch
 //! what they should; its environment and the instance's name come through.
 
-mod common;
+use crate::common;
 
 use common::*;
 use rfl_mpc::fmi::abi::{CallbackFunctions, CallbackLogger, Status};

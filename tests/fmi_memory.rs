@@ -1,10 +1,7 @@
 //! Memory: 2000 instances come and go without growth, and steps, sets and gets allocate nothing.
 
-mod common;
-mod counting;
-
-use common::*;
-use counting::allocated;
+use crate::common::*;
+use crate::counting::allocated;
 use rfl_mpc::fmi::abi::Status;
 
 /// A short life with everything that owns memory; states are left to the instance.

@@ -1,8 +1,6 @@
 //! Every function in every state, against the table of FMI 2.0, section 4.2.4.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use rfl_mpc::fmi::abi::Status;
 use std::ffi::c_void;
 use std::ptr;

@@ -1,9 +1,7 @@
 //! FMU states really restore: the same bits come out after a restore, in the same and in another instance, now and
 //! from bytes; bytes that are none are refused.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use rfl_mpc::fmi::abi::Status;
 use std::ptr;
 

@@ -1,9 +1,7 @@
 //! Instances are independent: interleaved, and many on many threads, each gives the bits of a lone one; two calls
 //! of one instance at a time are refused.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use rfl_mpc::fmi::abi::Status;
 
 /// One instance's step `k` with its own parameters and inputs.

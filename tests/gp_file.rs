@@ -1,8 +1,6 @@
 //! The process's file: the same bits back, and nothing else is taken for a process.
 
-mod gp_plant;
-
-use gp_plant::{CONFIG, Known, Plant, car, data_of};
+use crate::gp_plant::{CONFIG, Known, Plant, car, data_of};
 use proptest::prelude::*;
 use rfl_mpc::residual::gp::{
     GpConfig, GpModel, GpModelFor, INPUTS, Smoothing, TRUCK_INPUTS, TruckGpModel, train,

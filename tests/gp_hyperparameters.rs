@@ -1,8 +1,6 @@
 //! Hyperparameters are found again in data drawn from a Gaussian process.
 
-mod gp_plant;
-
-use gp_plant::normal;
+use crate::gp_plant::normal;
 use rfl_mpc::residual::Random;
 use rfl_mpc::residual::gp::{Exact, FitConfig, Kernel, fit};
 

@@ -1,8 +1,6 @@
 //! From drives to a process: it learns what a nonlinear model misses, on roads and at speeds it has not seen.
 
-mod gp_plant;
-
-use gp_plant::{CONFIG, Known, Plant, car, data, data_of, drive};
+use crate::gp_plant::{CONFIG, Known, Plant, car, data, data_of, drive};
 use rfl_mpc::nominal::Bicycle;
 use rfl_mpc::residual::gp::{GpConfig, GpTrainError, INPUTS, Samples, Smoothing, train};
 use rfl_mpc::residual::{ConfigError, DataConfig, DataSet, Progress, Stage};

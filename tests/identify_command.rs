@@ -1,8 +1,7 @@
 //! `rfl identify`: what it finds in a step, driven or recorded, that the next command can use it, and what it says of a
 //! log that holds no step.
-#![cfg(feature = "cli")]
 
-mod command;
+use crate::command;
 
 use command::{done, refused, rfl};
 use serde_json::Value;

@@ -1,9 +1,6 @@
 //! `rfl learn`: the whole ladder in one command, and what it leaves behind.
-#![cfg(feature = "cli")]
 
-mod command;
-
-use command::{rfl, road};
+use crate::command::{rfl, road};
 use serde_json::Value;
 
 #[test]

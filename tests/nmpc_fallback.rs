@@ -1,10 +1,7 @@
 //! What nonlinear MPC does with bad input, without time, and after a saved state is restored.
 
-mod counting;
-mod nmpc;
-
-use counting::allocated;
-use nmpc::{controller, measure};
+use crate::counting::allocated;
+use crate::nmpc::{controller, measure};
 use rfl_mpc::control::{
     BicycleModel, ControlStatus, Controller, ControllerError, ControllerParameters, LateralError,
     Measurement, PredictionModel,

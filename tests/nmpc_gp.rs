@@ -1,10 +1,8 @@
 //! GP-NMPC: the prediction is the nonlinear model and the process, with true derivatives, and it drives better for it; of a
 //! car and of a truck.
 
-mod nmpc;
-
+use crate::nmpc::{controller, drive_articulated, drive_bicycle, measure, with_model};
 use nalgebra::SVector;
-use nmpc::{controller, drive_articulated, drive_bicycle, measure, with_model};
 use rfl_mpc::control::{
     ArticulatedModel, BicycleModel, BicycleRollOut, Controller, ControllerError, ControllerParameters,
     LateralError, NonlinearRollOut, PredictionModel, PredictionModelFor, StepReport, StepSpeed,

@@ -1,9 +1,7 @@
 //! The plan of nonlinear MPC solves the nonlinear problem, within a few QPs a step, and is a linear MPC's where the
 //! problem is linear.
 
-mod nmpc;
-
-use nmpc::{controller, drive, measure};
+use crate::nmpc::{controller, drive, measure};
 use rfl_mpc::control::{BicycleModel, ControlStatus, Controller, ControllerParameters, PredictionModel};
 use rfl_mpc::path::{Closure, Path, Sample};
 use rfl_mpc::vehicle::{Effects, builtin};

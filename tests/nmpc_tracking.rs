@@ -1,8 +1,6 @@
 //! Nonlinear MPC in the closed loop: as good as its model is, and never worse than the linear MPC by much.
 
-mod nmpc;
-
-use nmpc::{controller, drive, drive_bicycle, with_model};
+use crate::nmpc::{controller, drive, drive_bicycle, with_model};
 use rfl_mpc::control::{ControllerParameters, PredictionModel};
 use rfl_mpc::nominal::Bicycle;
 use rfl_mpc::simulate::TrackingMetrics;

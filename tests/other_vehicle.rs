@@ -1,9 +1,7 @@
 //! Learning and control know no number of states: a linear toy vehicle with a swinging trailer goes the whole way from
 //! drives to a forest, a file, a condensed horizon and a drive with the controller.
 
-mod counting;
-
-use counting::allocated;
+use crate::counting::allocated;
 use nalgebra::{Matrix6, SVector, Vector6};
 use rfl_mpc::control::{
     Bound, Choice, ChoiceError, ControlVariant, ControlledVehicle, ControllerFor, ControllerParametersFor,

@@ -1,9 +1,6 @@
 //! `rfl path` and `rfl course`: what they print, write and return.
-#![cfg(feature = "cli")]
 
-mod command;
-
-use command::{rfl, text};
+use crate::command::{rfl, text};
 use std::path::Path;
 
 #[test]

@@ -1,8 +1,6 @@
 //! Lookups, projections and the speed plan allocate nothing: they run inside a controller's step.
 
-mod counting;
-
-use counting::allocated;
+use crate::counting::allocated;
 use rfl_mpc::path::sudoku::Route;
 use rfl_mpc::path::{Closure, Path, SpeedLimits, SpeedPlan};
 use std::hint::black_box;

@@ -3,9 +3,7 @@
 //! Clarabel runs with tolerances of 1e-13 here: with its usual ones its inputs are off by up to 1e-4 where the cost is
 //! flat.
 
-mod counting;
-
-use counting::allocated;
+use crate::counting::allocated;
 use proptest::prelude::*;
 use rfl_mpc::control::{
     ActiveSetSolver, ClarabelSolver, Controller, ControllerParameters, FastSolver, PredictionModel, QpEnd,
@@ -74,7 +72,6 @@ fn agree(name: &str, problems: &[TrackingQp]) -> (f64, u32) {
     let (mut changed, mut most) = (0, 0);
     for (k, problem) in problems.iter().enumerate() {
         let expected = solve(&mut oracle, problem).unwrap();
-        assert_eq!(expected.report.end, QpEnd::Solved, "{name}: Clarabel at problem {k}");
         let found = solve(&mut ours, problem).unwrap_or_else(|error| panic!("{name}: problem {k}: {error}"));
         let (cost, least) = (found.report.objective, expected.report.objective);
         let off = largest_difference(&found.inputs, &expected.inputs)
@@ -83,8 +80,11 @@ fn agree(name: &str, problems: &[TrackingQp]) -> (f64, u32) {
         // 200,000 random problems: more than 2e-8). Of two feasible inputs the cheaper one is nearer.
         let nearer = || largest_violation(problem, &found.inputs) <= 1e-12 && cost < least;
         assert!(off <= 1e-7 || nearer(), "{name}: inputs or outputs of problem {k} differ by {off}");
+        // Now and then Clarabel stalls before its 1e-13 (one in some thousand random problems): it has the minimiser, but less
+        // surely, and its cost is held to that.
+        let exact = if expected.report.end == QpEnd::Solved { 1e-10 } else { 1e-7 };
         assert!(
-            (cost - least).abs() <= 1e-10 * (1.0 + least.abs()),
+            (cost - least).abs() <= exact * (1.0 + least.abs()),
             "{name}: problem {k} costs {cost}, not {least}"
         );
         changed += usize::from(found.report.iterations > 1);

@@ -1,10 +1,7 @@
 //! The controller asks the residual at each step of the horizon: that allocates nothing.
 
-mod counting;
-mod residual_plant;
-
-use counting::allocated;
-use residual_plant::{Plant, data};
+use crate::counting::allocated;
+use crate::residual_plant::{Plant, data};
 use rfl_mpc::residual::gp::{self, GpConfig, Smoothing};
 use rfl_mpc::residual::{Kind, Regressors, TrainConfig, train};
 

@@ -1,6 +1,6 @@
 //! Recorded drives with everything that goes wrong with recordings.
 
-mod residual_plant;
+use crate::residual_plant;
 
 use residual_plant::{CONFIG, Plant, car, drive};
 use rfl_mpc::nominal::{ContinuousErrorModel, ErrorState};

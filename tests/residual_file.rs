@@ -1,9 +1,7 @@
 //! The model's file: the same bits back, and nothing else is taken for a model.
 
-mod residual_plant;
-
+use crate::residual_plant::{CONFIG, Plant, car, data};
 use proptest::prelude::*;
-use residual_plant::{CONFIG, Plant, car, data};
 use rfl_mpc::residual::{Expected, FileError, Kind, Misfit, ResidualModel, TrainConfig, train};
 use rfl_mpc::vehicle::SingleTrack;
 use std::sync::OnceLock;

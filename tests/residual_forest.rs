@@ -1,8 +1,6 @@
 //! Forests: bootstrap, feature sampling, and the same bits on any number of threads.
 
-mod residual_plant;
-
-use residual_plant::{Plant, data};
+use crate::residual_plant::{Plant, data};
 use rfl_mpc::residual::{Block, Dense, ForestConfig, Kind, Random, Resolution, TrainConfig, grow, train};
 
 const CONFIG: ForestConfig = ForestConfig {

@@ -1,9 +1,7 @@
 //! Leaf models and the least squares below them, against closed forms.
 
-mod residual_plant;
-
+use crate::residual_plant::{Plant, data};
 use nalgebra::{DMatrix, DVector};
-use residual_plant::{Plant, data};
 use rfl_mpc::residual::{
     DataSet, Gram, Kind, LambdaChoice, Random, Regressors, Theta, TrainConfig, TrainError, Trained, Triangle,
     train,

@@ -1,8 +1,6 @@
 //! What a window of commands can express: dead time exactly, lag nearly, and how that carries over a horizon.
 
-mod residual_plant;
-
-use residual_plant::{Plant, TS, car, data, drive, step};
+use crate::residual_plant::{Plant, TS, car, data, drive, step};
 use rfl_mpc::nominal::{ContinuousErrorModel, ErrorState};
 use rfl_mpc::residual::{DataSet, Kind, LambdaChoice, TrainConfig, Trained, train};
 

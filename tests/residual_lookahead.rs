@@ -1,10 +1,7 @@
 //! A horizon that keeps what it looked up gives the bits of a look-up from nothing, wherever it moves.
 
-mod counting;
-mod residual_plant;
-
-use counting::allocated;
-use residual_plant::{Plant, data};
+use crate::counting::allocated;
+use crate::residual_plant::{Plant, data};
 use rfl_mpc::residual::{
     Coefficients, DataSet, Kind, LambdaChoice, Lookahead, LookedUp, Random, Regressors, ResidualModel,
     TrainConfig, TreeFeatures, train,

@@ -1,10 +1,7 @@
 //! What the prefilter of training is for: a controller that steers on noisy measurements. Its commands then follow the
 //! noise, and so do the labels. The plant is linear, with an actuator lag that the nominal model does not know.
-#![cfg(feature = "cli")]
 
-mod residual_plant;
-
-use residual_plant::{CONFIG, Plant, TS, car, data, drive, normal, step};
+use crate::residual_plant::{CONFIG, Plant, TS, car, data, drive, normal, step};
 use rfl_mpc::nominal::ErrorState;
 use rfl_mpc::residual::{DataSet, Drive, Kind, LambdaChoice, Random, ResidualModel, TrainConfig, train};
 use rfl_mpc::simulate::experiment::steps_ahead;

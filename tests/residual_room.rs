@@ -1,8 +1,6 @@
 //! The room for coefficients remembers the last leaves: that changes no bit, and a room belongs to its model.
 
-mod residual_plant;
-
-use residual_plant::{Plant, data};
+use crate::residual_plant::{Plant, data};
 use rfl_mpc::residual::{
     Coefficients, DataSet, Kind, LambdaChoice, Random, Regressors, ResidualModel, TrainConfig, train,
 };

@@ -1,5 +1,4 @@
 //! The truck's comparison: it runs, is the same on any number of threads, and calls a lost truck lost.
-#![cfg(feature = "cli")]
 
 use rfl_mpc::control::{PredictionModelFor, TRUCK_STATES, TruckControllerParameters};
 use rfl_mpc::nominal::DelayModel;
@@ -19,10 +18,13 @@ fn plant(name: &str) -> &'static Plant {
     TRUCK_PLANTS.iter().find(|plant| plant.name == name).unwrap()
 }
 
-/// The beginning of the U-turn's road, so many metres.
+/// The beginning of a road, so many metres.
+fn beginning(route: Route, length: usize) -> Arc<Path> {
+    Arc::new(Path::from_samples(route.samples()[..length].to_vec(), Closure::Open).unwrap())
+}
+
 fn road(length: usize) -> Arc<Path> {
-    let samples = Route::TruckUTurn.samples();
-    Arc::new(Path::from_samples(samples[..length].to_vec(), Closure::Open).unwrap())
+    beginning(Route::TruckUTurn, length)
 }
 
 /// A short road for everything: a comparison in seconds.
@@ -92,7 +94,7 @@ fn the_comparison_runs_and_does_not_depend_on_threads() {
 
 #[test]
 fn it_learns_a_gaussian_process_and_drives_with_it() {
-    let roads = short();
+    let roads = Roads { test: road(90), ..short() };
     let comparison = collected("low_delay", &roads, 2);
     let weights = Weights::of(&TruckControllerParameters::for_truck(&TRUCK).mpc);
     let row = Row::plain(Predictor::GpNmpc);
@@ -120,7 +122,7 @@ fn a_lost_truck_is_reported_as_lost() {
     let trial = TrialFor::<Truck, TRUCK_STATES, TRUCK_COLUMNS> {
         vehicle: &TRUCK,
         plant: plant("high_delay"),
-        path: Arc::new(Route::TruckTest.path().unwrap()),
+        path: beginning(Route::TruckTest, 600),
         model: PredictionModelFor::Nominal,
         weights: Weights { r_rate: 1e-3, ..weights },
         noise: None,

@@ -1,9 +1,7 @@
 //! Nonlinear MPC of a truck: on the vehicle that it predicts with it beats the linear MPC by far, within a few QPs a
 //! step; parameters that are none are refused.
 
-mod nmpc;
-
-use nmpc::drive_articulated;
+use crate::nmpc::drive_articulated;
 use rfl_mpc::control::{
     ArticulatedModel, ControllerError, LateralError, PredictionModelFor, TRUCK_STATES, TruckController,
     TruckControllerParameters,

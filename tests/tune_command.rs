@@ -1,7 +1,6 @@
 //! `rfl tune`: what it writes and says, and that `rfl drive --controller` takes it.
-#![cfg(feature = "cli")]
 
-mod command;
+use crate::command;
 
 use command::{done, refused, rfl, text};
 use serde_json::Value;

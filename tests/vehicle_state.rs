@@ -1,9 +1,7 @@
 //! Saved and restored vehicles go on bit for bit, steps do not allocate; nothing makes a vehicle panic or give a number
 //! that is none.
 
-mod counting;
-
-use counting::allocated;
+use crate::counting::allocated;
 use proptest::prelude::*;
 use rfl_mpc::fmu::PlantUnit;
 use rfl_mpc::path::{Closure, Path, Sample};

@@ -28,7 +28,7 @@ def models(rfl, paths, tmp_path_factory) -> Path:
     run(rfl, "collect", "--quiet", "--runs", 1, "--path", paths / "sudoku_turns.csv", "--out", folder, *settings(SLOW))
     log = folder / "drive_1.csv"
     small = ["--window", 20, "--trees", 3, "--depth", 3, "--points", 40, "--hyperparameter-samples", 80]
-    run(rfl, "train", log, "--quiet", "--force", *small, "--all", folder)
+    run(rfl, "train", log, "--quiet", "--no-proof", *small, "--all", folder)
     return folder
 
 
@@ -111,7 +111,7 @@ def test_log_of_a_host_can_be_learned_from(rfl, fmus, paths, tmp_path):
     run(rfl, "drive", "--quiet", "--path", paths / "sudoku_turns.csv", "--log", log, *settings(SLOW | dither))
     for name in ("host", "native"):
         model = tmp_path / f"{name}.rflm"
-        run(rfl, "train", tmp_path / f"{name}.csv", "--quiet", "--force", "--trees", 3, "--depth", 3, "--out", model)
+        run(rfl, "train", tmp_path / f"{name}.csv", "--quiet", "--no-proof", "--trees", 3, "--depth", 3, "--out", model)
     assert (tmp_path / "host.rflm").read_bytes() == (tmp_path / "native.rflm").read_bytes()
 
 
