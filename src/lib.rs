@@ -42,6 +42,7 @@ pub mod cli;
 pub mod control;
 pub mod diagnose;
 pub mod enumeration;
+mod finite;
 pub mod fmi;
 pub mod fmu;
 mod lanes;

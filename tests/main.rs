@@ -42,6 +42,7 @@ mod drive_outcomes;
 mod drive_robustness;
 mod experiment;
 mod fmi_bad_calls;
+mod fmi_hostile_states;
 mod fmi_logger;
 mod fmi_memory;
 mod fmi_resource_uri;

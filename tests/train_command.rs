@@ -74,7 +74,10 @@ impl Table {
 /// A quick training of a table, with more arguments; without the proof, which takes longer than all else.
 fn train(folder: &Path, table: &Table, more: &[&str]) -> Output {
     table.write(folder);
-    rfl(folder, &[&["train", "log.csv", "--quiet", "--no-proof", "--trees", "3", "--depth", "3"], more].concat())
+    rfl(
+        folder,
+        &[&["train", "log.csv", "--quiet", "--no-proof", "--trees", "3", "--depth", "3"], more].concat(),
+    )
 }
 
 fn model(folder: &Path) -> Vec<u8> {

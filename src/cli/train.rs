@@ -316,7 +316,9 @@ where
         }
     }
     if args.all.is_some() || args.no_proof {
-        say!("without a proof in closed loop: compare the model with the default controller before it drives");
+        say!(
+            "without a proof in closed loop: compare the model with the default controller before it drives"
+        );
     }
     let files: Vec<String> = jobs(args).into_iter().map(|(_, file)| file.display().to_string()).collect();
     let car = if args.vehicle == BUILTIN[0] { String::new() } else { format!(" --vehicle {}", args.vehicle) };

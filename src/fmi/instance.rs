@@ -544,6 +544,9 @@ impl<M: Model> Instance<M> {
     /// `fmi2DeSerializeFMUstate`.
     pub fn deserialize(&mut self, bytes: &[u8]) -> Result<*mut c_void, Refusal> {
         let snapshot = Snapshot::from_bytes(bytes, self.guid, &self.declaration.variables)?;
+        if let Some(state) = &snapshot.model {
+            M::check(state).map_err(|error| Refusal::StateContent { message: error.to_string() })?;
+        }
         Ok(self.keep(snapshot))
     }
 

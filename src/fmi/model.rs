@@ -146,6 +146,12 @@ pub trait Model: Send + Sized + 'static {
     /// Appends the internal state to `bytes`.
     fn save(&self, bytes: &mut Vec<u8>);
 
+    /// Checks bytes that are to become a state later: decodable, and numbers and places in them that a run can have.
+    ///
+    /// # Errors
+    /// What is wrong with them.
+    fn check(bytes: &[u8]) -> Result<(), ModelError>;
+
     /// Sets the internal state of an initialised model (same parameters) from what [`save`](Model::save) wrote.
     ///
     /// # Errors

@@ -110,6 +110,8 @@ pub enum Refusal {
     TruncatedState { given: usize, needed: usize },
     #[error("the serialised FMU state is damaged: {what}")]
     DamagedState { what: &'static str },
+    #[error("the serialised FMU state holds what no run can have: {message}")]
+    StateContent { message: String },
     #[error("the FMU state cannot be restored: {message}")]
     Restore { message: String },
 

@@ -8,6 +8,7 @@ use crate::control::{
     Choice, ControlStatus, ControlVariant, ControllerFile, ControllerFor, ControllerParametersFor,
     ControllerState, Measurement, Propagation, RollOut, Sampler, VehicleParameters,
 };
+use crate::finite::check_finite;
 use crate::fmi::{
     Context, Declaration, DefaultExperiment, Kind, Log, LogCategory, Model, ModelError, Severity, Values,
     Variable, Vr,
@@ -378,6 +379,18 @@ struct Saved<const S: usize> {
     sampler: Sampler,
 }
 
+impl<const S: usize> Saved<S> {
+    fn read(bytes: &[u8]) -> Result<Self, ModelError> {
+        let (saved, rest): (Self, _) = postcard::take_from_bytes(bytes)
+            .map_err(|error| failed(format!("the saved controller state cannot be read: {error}")))?;
+        if !rest.is_empty() {
+            return Err(failed(format!("the saved controller state has {} bytes too many", rest.len())));
+        }
+        check_finite(&saved).map_err(|error| failed(format!("the saved controller state has {error}")))?;
+        Ok(saved)
+    }
+}
+
 impl<U: ControllerUnit<S>, const S: usize> Model for ControllerFmu<U, S> {
     fn declaration() -> Declaration {
         declare::<U, S>().0
@@ -487,12 +500,15 @@ impl<U: ControllerUnit<S>, const S: usize> Model for ControllerFmu<U, S> {
         }
     }
 
+    fn check(bytes: &[u8]) -> Result<(), ModelError> {
+        Saved::<S>::read(bytes).map(|_| ())
+    }
+
     fn restore(&mut self, bytes: &[u8]) -> Result<(), ModelError> {
         let Some(running) = &mut self.running else {
             return Err(failed("the controller is not initialised"));
         };
-        let saved: Saved<S> = postcard::from_bytes(bytes)
-            .map_err(|error| failed(format!("the saved controller state cannot be read: {error}")))?;
+        let saved: Saved<S> = Saved::read(bytes)?;
         if running.controller.restore(saved.controller).is_some() {
             return Err(failed(
                 "the saved controller state is of a controller with another mpc.horizon, variant or speed.controller",

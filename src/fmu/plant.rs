@@ -90,6 +90,11 @@ pub trait PlantUnit: Send + Sized + 'static {
     /// # Errors
     /// Bytes of something else.
     fn restore(&mut self, bytes: &[u8]) -> Result<(), RestoreError>;
+    /// Checks bytes that are to be restored later.
+    ///
+    /// # Errors
+    /// Bytes of something else, or numbers that no drive can have.
+    fn check_state(bytes: &[u8]) -> Result<(), RestoreError>;
 }
 
 /// References of all variables.
@@ -342,6 +347,13 @@ impl<P: PlantUnit> Model for PlantFmu<P> {
         }
     }
 
+    fn check(bytes: &[u8]) -> Result<(), ModelError> {
+        match bytes.split_first() {
+            None => Ok(()),
+            Some((_, state)) => P::check_state(state).map_err(failed),
+        }
+    }
+
     fn restore(&mut self, bytes: &[u8]) -> Result<(), ModelError> {
         match (&mut self.vehicle, bytes.split_first()) {
             (None, None) => Ok(()),
@@ -415,6 +427,10 @@ macro_rules! delegate {
 
         fn restore(&mut self, bytes: &[u8]) -> Result<(), crate::vehicle::RestoreError> {
             self.restore(bytes)
+        }
+
+        fn check_state(bytes: &[u8]) -> Result<(), crate::vehicle::RestoreError> {
+            Self::check_state(bytes)
         }
     };
 }

@@ -9,6 +9,7 @@ use super::effects::Effects;
 use super::sensors::{BODY_SIGNALS, Latency};
 use super::steering::{SteeringChain, SteeringState};
 use super::unit::{X, Y, YAW};
+use crate::finite::check_finite;
 use crate::lanes::{FOUR, Lanes, Work, compute};
 use crate::path::Path;
 use serde::{Deserialize, Serialize};
@@ -187,14 +188,6 @@ impl<const N: usize, const S: usize> State<N, S> {
         self.steering.reserve(plant.steering());
         self.sensors.reserve(plant.effects().sensor_delay);
     }
-
-    fn is_sound(&self) -> bool {
-        self.time.is_finite()
-            && self.drive.is_finite()
-            && self.station.is_finite()
-            && self.steering.measured().is_finite()
-            && self.y.iter().all(|value| value.is_finite())
-    }
 }
 
 /// A vehicle under way.
@@ -347,16 +340,24 @@ impl<P: Plant<N, S>, const N: usize, const S: usize> Stepper<P, N, S> {
         bytes.extend_from_slice(&saved);
     }
 
-    pub fn restore(&mut self, bytes: &[u8]) -> Result<(), RestoreError> {
+    /// A saved state.
+    fn read(bytes: &[u8]) -> Result<State<N, S>, RestoreError> {
         let refuse = |reason: String| RestoreError { reason };
-        let (mut state, rest) =
+        let (state, rest) =
             postcard::take_from_bytes::<State<N, S>>(bytes).map_err(|error| refuse(error.to_string()))?;
         if !rest.is_empty() {
             return Err(refuse(format!("{} bytes too many", rest.len())));
         }
-        if !state.is_sound() {
-            return Err(refuse("it holds numbers that are not finite".to_string()));
-        }
+        check_finite(&state).map_err(|error| refuse(error.to_string()))?;
+        Ok(state)
+    }
+
+    pub fn check_state(bytes: &[u8]) -> Result<(), RestoreError> {
+        Self::read(bytes).map(|_| ())
+    }
+
+    pub fn restore(&mut self, bytes: &[u8]) -> Result<(), RestoreError> {
+        let mut state = Self::read(bytes)?;
         state.reserve(&self.plant);
         self.state = state;
         let motion = self.observe();
@@ -375,7 +376,7 @@ pub(super) fn check_upright(roll: f64, pitch: f64, time: f64) -> Result<(), Step
 
 /// The steps of a vehicle that has a `stepper`, declared once for all of them.
 macro_rules! vehicle {
-    ($vehicle:ty, $output:ty) => {
+    ($vehicle:ty, $output:ty, $stepper:ty) => {
         impl $vehicle {
             /// Puts the vehicle somewhere: position of its reference point in m, yaw in rad, speed in m/s; wheels
             /// rolling, steering straight, time 0, nothing under way.
@@ -414,6 +415,14 @@ macro_rules! vehicle {
             /// Bytes that are cut off, too many, or of something else. The vehicle is then as it was.
             pub fn restore(&mut self, bytes: &[u8]) -> Result<(), RestoreError> {
                 self.stepper.restore(bytes)
+            }
+
+            /// Checks bytes that are to be restored later.
+            ///
+            /// # Errors
+            /// Bytes that are cut off, too many, or of something else, and numbers that no drive can have.
+            pub fn check_state(bytes: &[u8]) -> Result<(), RestoreError> {
+                <$stepper>::check_state(bytes)
             }
         }
     };

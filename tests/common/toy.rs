@@ -188,6 +188,10 @@ impl Model for SteeringLag {
         bytes.extend_from_slice(&self.steps.to_le_bytes());
     }
 
+    fn check(bytes: &[u8]) -> Result<(), ModelError> {
+        Self::new().restore(bytes)
+    }
+
     fn restore(&mut self, bytes: &[u8]) -> Result<(), ModelError> {
         let truncated = || ModelError::Failed("its internal state is truncated".to_owned());
         let real = |i: usize| {

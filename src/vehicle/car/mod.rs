@@ -66,7 +66,7 @@ impl Car {
     }
 }
 
-vehicle!(Car, CarOutput);
+vehicle!(Car, CarOutput, Stepper<CarPlant, STATES, SIGNALS>);
 
 /// The car without its fast motions; effects need not be in range (a delay may be negative where the car has one of its
 /// own), but the sensors' latency is left to the caller.

@@ -73,7 +73,7 @@ impl Truck {
     }
 }
 
-vehicle!(Truck, TruckOutput);
+vehicle!(Truck, TruckOutput, Stepper<TruckPlant, STATES, SIGNALS>);
 
 /// The truck without its fast motions; effects need not be in range, and the sensors' latency is left to the caller.
 ///

@@ -1,0 +1,177 @@
+//! Saved states of strangers: a right checksum, and anything inside. They are refused, or the unit goes on without a panic and
+//! without a value that is no number.
+//!
+//! `RFL_FUZZ=N` tries N states of each unit (default 150).
+
+use rfl_mpc::fmi::{Causality, Context, Log, Model, Severity, Value, Values};
+use rfl_mpc::fmu::{PlantFmu, RflMpc, TruckRflMpc};
+use rfl_mpc::residual::Random;
+use rfl_mpc::vehicle::{Car, Truck};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::time::{Duration, Instant};
+
+struct Silent;
+
+impl Log for Silent {
+    fn log(&mut self, _: Severity, _: &'static str, _: &str) {}
+}
+
+/// A unit under way, and what it is driven with.
+struct Unit<M: Model> {
+    model: M,
+    values: Values,
+    inputs: Vec<(usize, f64)>,
+    reals: Vec<usize>,
+}
+
+const STEP: f64 = 0.02;
+
+impl<M: Model> Unit<M> {
+    fn new(settings: &[(&str, Value)]) -> Self {
+        let declaration = M::declaration();
+        let mut values = Values::starting_from(&declaration.variables);
+        for (name, value) in settings {
+            values.set_by_host(declaration.find(name).unwrap(), value.clone());
+        }
+        let of = |causality: Causality| {
+            let variables = declaration.variables.iter().enumerate();
+            variables.filter(move |(_, v)| v.causality == causality).map(|(vr, _)| vr)
+        };
+        let is_real = |vr: &usize| matches!(values.get(*vr), Some(Value::Real(_)));
+        let inputs = of(Causality::Input).filter(is_real).map(|vr| (vr, 0.0)).collect();
+        let reals = of(Causality::Output).filter(is_real).collect();
+        let mut unit = Self { model: M::new(), values, inputs, reals };
+        unit.model.initialize(&mut unit.values, 0.0, &Context::default(), &mut Silent).unwrap();
+        let start = |name: &str| declaration.find(name).map(|vr| unit.values.real(vr));
+        let begin = [("x", "start.x"), ("y", "start.y"), ("yaw", "start.yaw")]
+            .map(|(input, of)| (declaration.find(input), start(of)));
+        for (vr, value) in begin {
+            if let Some(input) = unit.inputs.iter_mut().find(|input| Some(input.0) == vr) {
+                input.1 = value.unwrap();
+            }
+        }
+        unit
+    }
+
+    /// Steps on with inputs that vary; what is not a number ends it.
+    fn drive(&mut self, from: u32, steps: u32) -> Result<(), String> {
+        for k in from..from + steps {
+            for (place, (vr, start)) in self.inputs.iter().enumerate() {
+                let wave = 0.05 * (0.3 * f64::from(k) + place as f64).sin();
+                self.values.set_by_host(*vr, Value::Real(start + wave));
+            }
+            if self.model.step(&mut self.values, f64::from(k) * STEP, STEP, &mut Silent).is_err() {
+                return Ok(());
+            }
+            if let Some(vr) = self.reals.iter().find(|vr| !self.values.real(**vr).is_finite()) {
+                return Err(format!("{} = {}", M::declaration().variables[*vr].name, self.values.real(*vr)));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Changes some of the bytes, as damage and as an attacker would.
+fn change(bytes: &mut Vec<u8>, random: &mut Random) {
+    let mut pick = |count: usize| ((random.uniform() * count as f64) as usize).min(count - 1);
+    for _ in 0..=pick(3) {
+        let at = pick(bytes.len());
+        match pick(5) {
+            0 => bytes[at] ^= 1 << pick(8),
+            1 => bytes[at] = [0, 1, 0x7f, 0x80, 0xff][pick(5)],
+            2 => bytes.truncate(at.max(1)),
+            _ => {
+                let numbers = [f64::NAN, f64::INFINITY, -1e300, 1e29, -1e9, 1e-300, 0.0, -1.0];
+                let number = numbers[pick(numbers.len())].to_le_bytes();
+                for (to, from) in bytes[at..].iter_mut().zip(number) {
+                    *to = from;
+                }
+            }
+        }
+    }
+}
+
+fn survive<M: Model>(settings: &[(&str, Value)]) {
+    let count = std::env::var("RFL_FUZZ").map_or(150, |count| count.parse().unwrap());
+    let mut unit = Unit::<M>::new(settings);
+    assert_eq!(unit.drive(0, 60), Ok(()));
+    let mut sound = Vec::new();
+    unit.model.save(&mut sound);
+    assert!(M::check(&sound).is_ok());
+    let (mut refused, mut taken) = (0, 0);
+    for seed in 0..count {
+        let mut bytes = sound.clone();
+        change(&mut bytes, &mut Random::new(seed));
+        let start = Instant::now();
+        let outcome = catch_unwind(AssertUnwindSafe(|| {
+            if M::check(&bytes).and_then(|()| unit.model.restore(&bytes)).is_err() {
+                return Ok(false);
+            }
+            unit.drive(60, 30).map(|()| true)
+        }));
+        match outcome {
+            Err(_) => panic!("state {seed} ends in a panic"),
+            Ok(Err(what)) => panic!("state {seed}: {what}"),
+            Ok(Ok(true)) => taken += 1,
+            Ok(Ok(false)) => refused += 1,
+        }
+        assert!(start.elapsed() < Duration::from_secs(1), "state {seed} takes {:?}", start.elapsed());
+    }
+    println!("{refused} refused, {taken} taken");
+    assert!(refused > count / 10 && taken > count / 10, "{refused} refused, {taken} taken");
+    // The unit has suffered nothing that a sound state does not undo.
+    unit.model.restore(&sound).unwrap();
+    assert_eq!(unit.drive(60, 30), Ok(()));
+}
+
+fn road(file: &str) -> Value {
+    let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("paths").join(file);
+    Value::String(file.to_string_lossy().into_owned())
+}
+
+#[test]
+fn of_the_car_s_controller() {
+    survive::<RflMpc>(&[("path_file", road("sudoku_test.csv"))]);
+}
+
+#[test]
+fn of_the_truck_s_controller() {
+    survive::<TruckRflMpc>(&[("path_file", road("off_road.csv"))]);
+}
+
+#[test]
+fn of_a_car_with_delays() {
+    let delays = [("effect.steer_delay", Value::Real(0.06)), ("effect.sensor_delay", Value::Real(0.05))];
+    survive::<PlantFmu<Car>>(&[&delays[..], &[("initial.vx", Value::Real(10.0))]].concat());
+}
+
+#[test]
+fn of_a_truck() {
+    survive::<PlantFmu<Truck>>(&[("initial.vx", Value::Real(10.0))]);
+}
+
+/// Each place that holds a number, with what is none: no state with it is taken.
+#[test]
+fn no_infinity_is_taken() {
+    let mut unit = Unit::<RflMpc>::new(&[("path_file", road("sudoku_test.csv"))]);
+    unit.drive(0, 60).unwrap();
+    let mut sound = Vec::new();
+    unit.model.save(&mut sound);
+    let mut numbers = 0;
+    for at in 0..sound.len() - 8 {
+        let was = f64::from_le_bytes(sound[at..at + 8].try_into().unwrap());
+        // Bytes that look like a number of a drive, and are no others' borders.
+        if was.abs() < 1e-6 || was.abs() > 1e6 {
+            continue;
+        }
+        let mut bytes = sound.clone();
+        bytes[at..at + 8].copy_from_slice(&f64::INFINITY.to_le_bytes());
+        if RflMpc::check(&bytes).is_ok() && unit.model.restore(&bytes).is_ok() {
+            unit.drive(60, 10).unwrap_or_else(|what| panic!("byte {at}, before {was}: {what}"));
+            unit.model.restore(&sound).unwrap();
+        } else {
+            numbers += 1;
+        }
+    }
+    assert!(numbers > 50, "{numbers}");
+}
