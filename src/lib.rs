@@ -25,6 +25,7 @@
 //! | [`signal`] | the vocabulary: names, units, meanings |
 //! | [`parameter`] | numeric parameters: declared once, with unit and range |
 //! | [`enumeration`] | named values: declared once |
+//! | [`output`] | files that are written whole or not at all |
 //! | [`table`] | tables from text files, however they are written |
 //! | [`path`] | reference paths: splines, projection, readers, speed plan, the Sudoku course |
 //! | [`vehicle`] | the plants: parameters, tyres, steering chain, effects, the two-track car |
@@ -48,6 +49,7 @@ pub mod fmu;
 mod lanes;
 pub mod log;
 pub mod nominal;
+pub mod output;
 pub mod parameter;
 pub mod path;
 pub mod residual;

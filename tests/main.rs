@@ -70,6 +70,7 @@ mod nmpc_gp;
 mod nmpc_solution;
 mod nmpc_tracking;
 mod other_vehicle;
+mod outputs;
 mod path_commands;
 mod path_courses;
 mod path_no_allocation;

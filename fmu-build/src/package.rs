@@ -2,6 +2,7 @@
 //!
 //! The same content gives the same bytes: entries are sorted and carry the earliest date that a zip can.
 
+use rfl_mpc::output::{make_folder_of, write_bytes};
 use std::collections::BTreeMap;
 use std::io::{Cursor, Write};
 use std::path::{Path, PathBuf};
@@ -142,11 +143,8 @@ impl Package {
     /// As [`to_bytes`](Self::to_bytes), or if the file cannot be written.
     pub fn write(&self, path: &Path) -> Result<usize, PackageError> {
         let bytes = self.to_bytes()?;
-        let draft = path.with_extension("part");
-        path.parent()
-            .map_or(Ok(()), std::fs::create_dir_all)
-            .and_then(|()| std::fs::write(&draft, &bytes))
-            .and_then(|()| std::fs::rename(&draft, path))
+        make_folder_of(path)
+            .and_then(|()| write_bytes(path, &bytes))
             .map_err(|source| PackageError::Write { path: path.to_owned(), source })?;
         Ok(bytes.len())
     }

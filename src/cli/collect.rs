@@ -2,7 +2,7 @@
 //! such drives.
 
 use super::drive::{MODELS, Setup};
-use super::output::write_file;
+use super::output::{hold_folder, write_file};
 use super::progress_bar;
 use super::vehicle::{Commanded, by_kind};
 use crate::control::{Choice, ControlVariant, PredictionModelFor, Propagation, RollOut};
@@ -68,7 +68,7 @@ pub fn run(args: &CollectArgs) -> Result<(), Box<dyn Error>> {
 fn collect<P: Commanded<S, C>, const S: usize, const C: usize>(
     args: &CollectArgs,
 ) -> Result<(), Box<dyn Error>> {
-    std::fs::create_dir_all(&args.out).map_err(|error| format!("{}: {error}", args.out.display()))?;
+    let _held = hold_folder(&args.out)?;
     for run in 0..args.runs {
         let mut settings: Vec<String> = match args.residual {
             Some(_) => vec![],

@@ -1,5 +1,6 @@
 //! `rfl course`: writes our own courses, and random roads.
 
+use super::output::check_writable;
 use crate::path::sudoku::{Route, SPACING, off_road};
 use crate::path::{RandomRoad, Sample, to_csv, write_csv};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
@@ -107,9 +108,7 @@ fn write_to(
 }
 
 fn write(summary: &str, file: &Path, samples: &[Sample]) -> Result<(), Box<dyn Error>> {
-    if let Some(folder) = file.parent().filter(|folder| !folder.as_os_str().is_empty()) {
-        std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
-    }
+    check_writable(file)?;
     write_csv(file, samples)?;
     writeln!(std::io::stdout(), "{:28} {:5} points  {summary}", file.display(), samples.len())?;
     Ok(())

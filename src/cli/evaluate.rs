@@ -1,10 +1,12 @@
 //! `rfl evaluate`: all variants on several plants: fit, tracking and time.
 
+use super::output::{hold_folder, write_file};
 use super::progress_bar;
 use super::results_file::{self, ResultsFile};
 use super::vehicle::{by_kind, vehicle_named};
 use crate::control::{Propagation, Residual, RollOut};
 use crate::residual::{LambdaChoice, Regressors, TrainConfig};
+use crate::simulate::DriveFor;
 use crate::simulate::experiment::{
     Compared, ComparisonFor, Condition, Effort, FitMetrics, Outcome, Plant, Predictor, Roads, Row, RowFit,
     RowResult, SweepPoint, sweep,
@@ -149,7 +151,7 @@ fn evaluate<P: Compared<S, C>, const S: usize, const C: usize>(
         return Err("--seeds, --drives and --budget must be positive".into());
     }
     let out = folder(args);
-    std::fs::create_dir_all(&out).map_err(|error| format!("{}: {error}", out.display()))?;
+    let _held = hold_folder(&out)?;
     let vehicle: P::Parameters = vehicle_named(&args.vehicle)?;
     let noises: &[bool] = match args.noise {
         Noise::Off => &[false],
@@ -259,16 +261,15 @@ fn time<P: Compared<S, C>, const S: usize, const C: usize>(
     std::fs::create_dir_all(folder)?;
     for result in rows {
         let Some(&row) = P::SETTING.rows.iter().find(|row| row.name() == result.row) else { continue };
-        let log = |name: String| {
-            let file = folder.join(format!("{name}.csv"));
-            std::fs::File::create(&file).map_err(|error| format!("{}: {error}", file.display()))
+        let write = |name: String, drive: &DriveFor<C>| {
+            write_file(&folder.join(format!("{name}.csv")), |writer| Ok(drive.write_csv(writer)?))
         };
         let (time, drive) = comparison.time(row, &result.weights)?;
         result.time = Some(time);
-        drive.write_csv(log(result.row.clone())?)?;
+        write(result.row.clone(), &drive)?;
         for (route, path) in &comparison.roads.further {
             let drive = comparison.drive(row, &result.weights, path)?;
-            drive.write_csv(log(format!("{}_{}", route.name(), result.row))?)?;
+            write(format!("{}_{}", route.name(), result.row), &drive)?;
         }
     }
     Ok(())

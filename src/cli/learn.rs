@@ -9,7 +9,7 @@
 //! ```
 
 use super::drive::{MODELS, Setup, setting};
-use super::output::{write_file, write_json};
+use super::output::{hold_folder, write_file, write_json};
 use super::progress_bar;
 use super::vehicle::{Commanded, Linear, by_kind};
 use super::{Cli, Command, train};
@@ -107,7 +107,7 @@ struct Ladder<'a, P: Commanded<S, C>, const S: usize, const C: usize> {
 fn learn<P: Commanded<S, C>, const S: usize, const C: usize>(
     args: &LearnArgs,
 ) -> Result<ExitCode, Box<dyn Error>> {
-    std::fs::create_dir_all(&args.out).map_err(|error| format!("{}: {error}", args.out.display()))?;
+    let _held = hold_folder(&args.out)?;
     let setup =
         Setup::<P, S, C>::new(args.path.as_deref(), P::SETTING.training, &args.vehicle, &args.settings)?;
     let mut training: Roads = vec![("training road".to_owned(), setup.path.clone())];

@@ -3,6 +3,7 @@
 //! Rows of a comparison may be run apart: the slow ones later, those of a changed model anew after the old ones were taken
 //! out. What is put together must be comparable: of one vehicle and one effort.
 
+use super::output::write_text;
 use crate::simulate::experiment::{Effort, Row, Weights};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -125,7 +126,7 @@ fn put(there: &mut Value, further: &Value, name: impl Fn(&Value) -> &Value, plac
 /// A file that cannot be written.
 pub(super) fn write(file: &Path, results: &impl Serialize) -> Result<(), Box<dyn Error>> {
     let text = serde_json::to_string(results)?;
-    Ok(std::fs::write(file, text).map_err(|error| format!("{}: {error}", file.display()))?)
+    write_text(file, &text)
 }
 
 #[cfg(test)]

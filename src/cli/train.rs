@@ -2,6 +2,7 @@
 
 use super::diagnose::steady_steering;
 use super::drive::MODELS;
+use super::output::{check_writable, hold_folder, write_json};
 use super::vehicle::{Commanded, Linear, by_kind, controller_with, vehicle_named};
 use super::{named, progress_bar};
 use crate::control::{
@@ -227,6 +228,10 @@ fn learn_all<P, const S: usize, const C: usize>(args: &TrainArgs) -> Result<(), 
 where
     P: Commanded<S, C, Effects: Sync, Nominal: Sync>,
 {
+    for file in jobs(args).iter().map(|(_, file)| file).chain(&args.json) {
+        check_writable(file)?;
+    }
+    let _held = args.all.as_deref().map(hold_folder).transpose()?;
     let parameters = controller::<P, S, C>(args)?;
     let vehicle = parameters.vehicle.nominal();
     let data_config = parameters.mpc.data_config();
@@ -291,7 +296,6 @@ where
                     }
                 }
                 if refused.is_none() {
-                    make_folder_of(&file)?;
                     model.write(&file)?;
                     said["file"] = json!(file.display().to_string());
                 }
@@ -335,8 +339,7 @@ where
             "coverage": covered.json(),
             "models": models,
         });
-        std::fs::write(file, serde_json::to_string_pretty(&value)?)
-            .map_err(|error| format!("{}: {error}", file.display()))?;
+        write_json(file, &value)?;
     }
     match refused {
         Some(reason) => Err(format!(
@@ -503,16 +506,6 @@ where
         let verdict = proof.check();
         let value = json!({ "default": default, "learned": learned, "drives": proof.drives });
         Ok((value, verdict))
-    }
-}
-
-/// Makes the folder of a file that is about to be written.
-pub(super) fn make_folder_of(file: &Path) -> Result<(), Box<dyn Error>> {
-    match file.parent() {
-        Some(folder) => {
-            std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()).into())
-        }
-        None => Ok(()),
     }
 }
 

@@ -1,6 +1,6 @@
 //! `rfl train --kind gp_nmpc`: Gaussian processes on what a vehicle's nonlinear model misses.
 
-use super::train::{followed_by, head, line, make_folder_of};
+use super::train::{followed_by, head, line};
 use crate::residual::DataSet;
 use crate::residual::gp::{GpConfig, GpFit, GpVehicle, train};
 use indicatif::ProgressBar;
@@ -25,7 +25,6 @@ pub fn learn<V: GpVehicle<S, D, O>, const S: usize, const D: usize, const O: usi
     let trained =
         train(data, test, config, &followed_by(bar)).map_err(|error| format!("gp_nmpc: {error}"))?;
     bar.finish_and_clear();
-    make_folder_of(file)?;
     trained.model.write(file)?;
     let report = &trained.report;
     head(&HEADINGS[..O]);

@@ -1,6 +1,7 @@
 //! `rfl tune`: weights and horizon for one vehicle, searched over a family of vehicles around it.
 
 use super::drive::{ModelArgs, Setup};
+use super::output::{hold_folder, write_json, write_text};
 use super::progress_bar;
 use super::vehicle::{Commanded, by_kind};
 use crate::control::{ControlVariant, ControllerFile, Margins};
@@ -142,6 +143,7 @@ fn tune<P, const S: usize, const C: usize>(args: &TuneArgs) -> Result<(), Box<dy
 where
     P: Commanded<S, C, Effects: Sync, Nominal: Sync>,
 {
+    let _held = hold_folder(&args.out)?;
     let tuning = Tuning::<P, S, C>::new(args)?;
     let training = tuning.ensemble(args.scenarios, Purpose::Training, args.seed)?;
     let default = Values::of(&tuning.controlled.0, &standard_axes());
@@ -208,11 +210,10 @@ where
     };
     say!("{words}");
     let io = |file: &std::path::Path, error: std::io::Error| format!("{}: {error}", file.display());
-    std::fs::create_dir_all(&args.out).map_err(|error| io(&args.out, error))?;
     let content = tuning.file(&best.values);
     if better {
         let head = tuning.head(sets[1]);
-        std::fs::write(&file, content.to_text(&head)).map_err(|error| io(&file, error))?;
+        write_text(&file, &content.to_text(&head))?;
     } else {
         // An older one would be taken for this one.
         match std::fs::remove_file(&file) {
@@ -241,8 +242,7 @@ where
         "scenarios": { "training": names(&training), "held_out": names(&held_out) },
     });
     let json_file = args.out.join("tune.json");
-    std::fs::write(&json_file, serde_json::to_string_pretty(&value)?)
-        .map_err(|error| io(&json_file, error))?;
+    write_json(&json_file, &value)?;
     let page = tuning_page(&Tuned {
         vehicle: tuning.vehicle.name(),
         variant: tuning.variant.name(),
@@ -255,7 +255,7 @@ where
         trace: &trace,
     });
     let page_file = args.out.join("tune.html");
-    std::fs::write(&page_file, page).map_err(|error| io(&page_file, error))?;
+    write_text(&page_file, &page)?;
     say!("page: {}; figures: {}", page_file.display(), json_file.display());
     Ok(())
 }

@@ -2,11 +2,12 @@
 //! file, and as a parameter set of SSP 1.0 for the plant's FMU in any host.
 
 use super::report::{Adjustment, Report};
+use crate::output::write_bytes;
 use crate::vehicle::{TruckEffects, VehicleParameters};
 use quick_xml::Writer;
 use quick_xml::events::{BytesDecl, BytesEnd, BytesStart, Event};
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 /// Why a calibrated simulator cannot be written.
 #[derive(Debug, thiserror::Error)]
@@ -112,7 +113,7 @@ pub fn differences<V: VehicleParameters>(from: &V, to: &V) -> BTreeMap<String, f
 }
 
 /// Writes a vehicle file; `source` is the file that the vehicle was read from, if any, beside which its tyres lie: they are
-/// copied to the new file. `words` goes into a comment.
+/// copied to the new file's folder, wherever they lay. `words` goes into a comment.
 ///
 /// # Errors
 /// A file that cannot be written.
@@ -122,7 +123,19 @@ pub fn write_vehicle<V: VehicleParameters>(
     words: &str,
     file: &Path,
 ) -> Result<(), CalibratedError> {
-    let mut table = toml::Table::try_from(vehicle)?;
+    let mut vehicle = vehicle.clone();
+    let write = |file: &Path, bytes: &[u8]| {
+        write_bytes(file, bytes).map_err(|source| CalibratedError::File { file: file.to_owned(), source })
+    };
+    if let (Some(from), Some(to)) = (source.and_then(Path::parent), file.parent()) {
+        for (_, tyre) in vehicle.tyres() {
+            // A tyre that is built in needs no file.
+            let Ok(bytes) = std::fs::read(from.join(&tyre.file)) else { continue };
+            tyre.file = beside(&tyre.file);
+            write(&to.join(&tyre.file), &bytes)?;
+        }
+    }
+    let mut table = toml::Table::try_from(&vehicle)?;
     if let Some(toml::Value::Table(effects)) = table.get_mut("effect") {
         effects.retain(|id, value| {
             let neutral = TruckEffects::all().find(|effect| effect.id == id).map(|effect| effect.neutral);
@@ -132,22 +145,17 @@ pub fn write_vehicle<V: VehicleParameters>(
     let mut text: String = words.lines().map(|line| format!("# {line}\n")).collect();
     text += "\n";
     text += &toml::to_string(&table)?;
-    let write = |file: &Path, bytes: &[u8]| {
-        std::fs::write(file, bytes).map_err(|source| CalibratedError::File { file: file.to_owned(), source })
-    };
-    write(file, text.as_bytes())?;
-    let (Some(from), Some(to)) = (source.and_then(Path::parent), file.parent()) else { return Ok(()) };
-    for (_, tyre) in vehicle.clone().tyres() {
-        let (from, to) = (from.join(&tyre.file), to.join(&tyre.file));
-        // A tyre that is built in needs no file, and one in its place needs no copy.
-        let (Ok(bytes), false) = (std::fs::read(&from), to.exists()) else { continue };
-        if let Some(folder) = to.parent() {
-            std::fs::create_dir_all(folder)
-                .map_err(|source| CalibratedError::File { file: folder.to_owned(), source })?;
-        }
-        write(&to, &bytes)?;
-    }
-    Ok(())
+    write(file, text.as_bytes())
+}
+
+/// A name in the new file's own folder for a file that lay anywhere: `../tyres/car.tir` becomes `tyres_car.tir`. Nothing is written
+/// outside the folder that the user named.
+fn beside(file: &str) -> String {
+    let parts = Path::new(file).components().filter_map(|part| match part {
+        Component::Normal(name) => name.to_str(),
+        _ => None,
+    });
+    parts.collect::<Vec<_>>().join("_")
 }
 
 /// A parameter set: what `vehicle_file` names, and the changes. With a `component`, names are `COMPONENT.PARAMETER`, as

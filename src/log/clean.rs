@@ -139,7 +139,9 @@ pub(super) struct Checked {
 
 fn clean(log: &DriveLog, steering: &dyn Fn(f64) -> f64) -> Result<CleanLog, CleanError> {
     let columns = log.columns().map(|(name, values)| (name, values.to_vec())).collect();
-    Ok(check(&columns, true, steering)?.log)
+    let mut clean = check(&columns, true, steering)?.log;
+    clean.findings.extend(log.findings());
+    Ok(clean)
 }
 
 /// Columns of a log by name, on the rows of the file.

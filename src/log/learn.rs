@@ -82,6 +82,7 @@ pub fn drives_of(
         let cause = CleanError::Suspect { words: finding.words.clone() };
         return Err(UnusableLog { file: file.clone(), cause }.into());
     }
+    log.notes.iter().for_each(|words| note(format!("{}: {words}", file.display())));
     for finding in checked.log.findings.iter().filter(|finding| finding.gravity > Gravity::Note) {
         note(format!("{}: {}", file.display(), finding.words));
     }

@@ -6,6 +6,7 @@
 //! | dates of ISO 8601 in column `time` | seconds since the whole second of the first one |
 //! | an empty field | NaN: a gap |
 
+use super::finding::{Finding, Gravity};
 use crate::signal;
 use crate::table::{self, Limits, Table, TableError, time};
 use std::path::{Path, PathBuf};
@@ -152,6 +153,11 @@ impl DriveLog {
             log.notes.push("time: dates are read as seconds since the first one's whole second".into());
         }
         Ok(log)
+    }
+
+    /// What was converted, as findings.
+    pub(super) fn findings(&self) -> impl Iterator<Item = Finding> {
+        self.notes.iter().map(|words| Finding::new(Gravity::Note, None, words.clone()))
     }
 
     /// The columns that are signals, and where they stand.

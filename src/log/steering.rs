@@ -40,7 +40,7 @@ impl SteeringLog {
         let (stamps, command, angle) = (column("time")?, column("steer_cmd")?, column("steer")?);
         outliers::absurd(&log.columns().map(|(name, values)| (name, values.to_vec())).collect())
             .map_err(unusable)?;
-        let mut found = Self::default();
+        let mut found = Self { findings: log.findings().collect(), ..Self::default() };
         let factors = found.units(log, [command, angle], steering);
         let mut first_error = None;
         let spans = clock::drives(stamps);

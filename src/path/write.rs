@@ -58,11 +58,6 @@ pub fn to_csv(samples: &[Sample]) -> String {
 /// # Errors
 /// The file cannot be written.
 pub fn write_csv(file: &std::path::Path, samples: &[Sample]) -> Result<(), PathError> {
-    let error = |source| PathError::Write { file: file.to_path_buf(), source };
-    // A neighbouring file first: a full disk then leaves the old file as it was.
-    let mut name = file.file_name().unwrap_or_default().to_os_string();
-    name.push(".part");
-    let part = file.with_file_name(name);
-    std::fs::write(&part, to_csv(samples)).map_err(error)?;
-    std::fs::rename(&part, file).map_err(error)
+    crate::output::write_bytes(file, to_csv(samples))
+        .map_err(|source| PathError::Write { file: file.to_path_buf(), source })
 }

@@ -222,7 +222,7 @@ impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
     /// # Errors
     /// A file that cannot be written.
     pub fn write(&self, file: &Path) -> Result<(), FileError> {
-        in_file(file, || Ok(std::fs::write(file, self.to_bytes()?)?))
+        in_file(file, || Ok(crate::output::write_bytes(file, self.to_bytes()?)?))
     }
 
     /// Whether look-ups can rely on the model, whoever wrote it.

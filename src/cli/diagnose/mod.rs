@@ -8,6 +8,7 @@
 mod explain;
 mod terminal;
 
+use super::output::{hold_folder, write_text};
 use super::progress_bar;
 use super::vehicle::{Commanded, by_kind, controller_with, vehicle_named};
 use crate::control::{Choice, ControlVariant, Propagation, RollOut, VehicleParameters as _};
@@ -176,6 +177,7 @@ where
         pairs: !args.no_pairs,
         without: args.without.clone(),
     };
+    let _held = hold_folder(&args.out)?;
     let bar = progress_bar("diagnosing", 1000.0, args.quiet || args.json);
     let follow = |what: &str, share: f64| {
         bar.set_message(what.to_owned());
@@ -190,7 +192,6 @@ where
     }
     bar.finish_and_clear();
 
-    std::fs::create_dir_all(&args.out).map_err(|error| format!("{}: {error}", args.out.display()))?;
     let files = simulator::<P, S, C>(args, name, &given, &diagnosis.report)?;
     write(args, &diagnosis, &clean, &nominal, &steering, &files)?;
     let kind = diagnosis.report.verdict.kind;
@@ -320,7 +321,7 @@ fn simulator<P: Commanded<S, C>, const S: usize, const C: usize>(
     let component = if P::KIND == "truck" { "SemiTrailerTruck" } else { "PassengerCar" };
     for (file, component) in [(names[1], None), (names[2], Some(component))] {
         let text = parameter_set(component, &vehicle_file, &changed);
-        std::fs::write(at(file), text).map_err(|error| format!("{}: {error}", at(file).display()))?;
+        write_text(&at(file), &text)?;
     }
     Ok(vec![
         (
@@ -345,8 +346,7 @@ fn write<V: LateralVehicle<S>, const S: usize>(
     let input = PageInput { diagnosis, log, wheelbase: nominal.wheelbase(), steering, files };
     let json = serde_json::to_string_pretty(&diagnosis.report)? + "\n";
     for (name, text) in [("report.json", json), ("report.html", page(&input))] {
-        let file = args.out.join(name);
-        std::fs::write(&file, text).map_err(|error| format!("{}: {error}", file.display()))?;
+        write_text(&args.out.join(name), &text)?;
     }
     Ok(())
 }

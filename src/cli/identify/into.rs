@@ -8,6 +8,7 @@ use super::super::vehicle::Commanded;
 use super::IdentifyArgs;
 use super::check::number;
 use crate::nominal::{Estimate, IdentifiedSteering};
+use crate::output::write_bytes;
 use crate::vehicle::{VehicleParameters, builtin_text};
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -156,21 +157,16 @@ fn replace<P: Commanded<S, C>, const S: usize, const C: usize>(
     text: &str,
 ) -> Result<(), Box<dyn Error>> {
     let mut name = target.file_name().ok_or("is no name of a file")?.to_os_string();
-    name.push(".part");
+    name.push(format!(".{}.part", std::process::id()));
     let part = target.with_file_name(name);
     let written = (|| -> Result<(), Box<dyn Error>> {
         std::fs::write(&part, text)?;
         // Beside its place it finds the tyres that it will find there.
         P::Parameters::of_file(&part)?;
-        if let Ok(old) = std::fs::metadata(target) {
-            std::fs::set_permissions(&part, old.permissions())?;
-        }
-        Ok(std::fs::rename(&part, target)?)
+        Ok(write_bytes(target, text)?)
     })();
-    if written.is_err() {
-        // What is left of an attempt helps nobody.
-        let _ = std::fs::remove_file(&part);
-    }
+    // What is left of an attempt helps nobody.
+    let _ = std::fs::remove_file(&part);
     written
 }
 

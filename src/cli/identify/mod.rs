@@ -14,6 +14,7 @@ mod step;
 
 use super::diagnose::steady_steering;
 use super::drive::Setup;
+use super::output::{check_writable, write_json};
 use super::vehicle::{Commanded, by_kind};
 use crate::control::VehicleParameters;
 use crate::log::{DriveLog, Finding, SteeringLog};
@@ -103,6 +104,9 @@ struct Found {
 /// # Errors
 /// What was wrong, where, and what to do.
 pub fn run(args: &IdentifyArgs) -> Result<(), Box<dyn Error>> {
+    if let Some(file) = &args.json {
+        check_writable(file)?;
+    }
     let into = args.into.as_ref().filter(|file| file.exists());
     let name = match (&args.vehicle, into) {
         (Some(name), _) => name.clone(),
@@ -138,8 +142,7 @@ fn identify<P: Commanded<S, C>, const S: usize, const C: usize>(
         _ => Ok(()),
     };
     if let Some(file) = &args.json {
-        std::fs::write(file, serde_json::to_string_pretty(&results)?)
-            .map_err(|error| format!("{}: {error}", file.display()))?;
+        write_json(file, &results)?;
     }
     written?;
     report::next(&found, args);

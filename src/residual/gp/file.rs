@@ -70,7 +70,7 @@ impl<V, const D: usize, const O: usize> GpModelFor<V, D, O> {
     where
         V: LateralVehicle<S>,
     {
-        in_file(file, || Ok(std::fs::write(file, self.to_bytes()?)?))
+        in_file(file, || Ok(crate::output::write_bytes(file, self.to_bytes()?)?))
     }
 }
 

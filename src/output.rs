@@ -1,0 +1,192 @@
+//! Files that are written: whole or not at all.
+//!
+//! A file is written beside its place and renamed into it, so that whoever reads it never sees half of one, and a
+//! program that is stopped leaves the old one. What is no ordinary file is written through, not replaced: a link, a
+//! pipe, a device such as `/dev/stdout`.
+
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU32, Ordering};
+
+/// Makes the folder of a file, and tries whether the file can be written: before the work, not after it.
+///
+/// # Errors
+/// What is wrong; the caller names the file.
+pub fn check_writable(file: &Path) -> io::Result<()> {
+    if file.is_dir() {
+        return Err(io::Error::new(io::ErrorKind::IsADirectory, "is a folder; name a file in it"));
+    }
+    make_folder_of(file)?;
+    if is_written_through(file) {
+        // Opening a pipe would wait for its reader; a link's target may not be there yet.
+        return Ok(());
+    }
+    let draft = draft_of(file);
+    // A full disk takes a file, but nothing in it.
+    let tried = File::create(&draft).and_then(|mut file| file.write_all(&[0; 4096]));
+    let removed = std::fs::remove_file(&draft);
+    tried.and(removed)
+}
+
+/// A folder that one run writes several files to. While it is held no other run gets it: their files would mix.
+#[derive(Debug)]
+#[must_use]
+pub struct HeldFolder {
+    /// The lock goes with the file, also when the program is killed.
+    _lock: Option<File>,
+}
+
+/// Makes a folder, tries whether files can be written there, and holds it.
+///
+/// # Errors
+/// What is wrong; the caller names the folder.
+pub fn hold_folder(folder: &Path) -> io::Result<HeldFolder> {
+    check_writable(&folder.join("trial"))?;
+    // Folders can be opened on Unix only, and not every file system knows locks: there runs are told apart by their user.
+    let Ok(lock) = File::open(folder) else { return Ok(HeldFolder { _lock: None }) };
+    match lock.try_lock() {
+        Err(TryLockError::WouldBlock) => Err(io::Error::new(
+            io::ErrorKind::WouldBlock,
+            "another run writes to this folder; wait for it, or name another folder",
+        )),
+        held => Ok(HeldFolder { _lock: held.is_ok().then_some(lock) }),
+    }
+}
+
+/// Makes the folder of a file.
+///
+/// # Errors
+/// It cannot be made.
+pub fn make_folder_of(file: &Path) -> io::Result<()> {
+    match file.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+        Some(folder) => std::fs::create_dir_all(folder),
+        None => Ok(()),
+    }
+}
+
+/// Writes a file by what `fill` makes of it.
+///
+/// # Errors
+/// What `fill` says, or what is wrong with the file; the old file is then still there.
+pub fn write_with<E: From<io::Error>>(
+    file: &Path,
+    fill: impl FnOnce(&mut File) -> Result<(), E>,
+) -> Result<(), E> {
+    if is_written_through(file) {
+        return fill(&mut OpenOptions::new().write(true).create(true).truncate(true).open(file)?);
+    }
+    let draft = draft_of(file);
+    let written = File::create(&draft).map_err(E::from).and_then(|mut to| {
+        fill(&mut to)?;
+        if let Ok(old) = std::fs::metadata(file) {
+            to.set_permissions(old.permissions())?;
+        }
+        Ok(std::fs::rename(&draft, file)?)
+    });
+    if written.is_err() {
+        // The draft is of no use to anybody; that it cannot be removed either says nothing new.
+        let _ = std::fs::remove_file(&draft);
+    }
+    written
+}
+
+/// Writes bytes to a file.
+///
+/// # Errors
+/// What is wrong with the file; the old file is then still there.
+pub fn write_bytes(file: &Path, bytes: impl AsRef<[u8]>) -> io::Result<()> {
+    write_with(file, |to| to.write_all(bytes.as_ref()))
+}
+
+/// Whether a file is a link, a pipe or a device.
+fn is_written_through(file: &Path) -> bool {
+    std::fs::symlink_metadata(file).is_ok_and(|what| !what.is_file() || has_other_names(&what))
+}
+
+/// Whether a file has a second name (a hard link).
+#[cfg(unix)]
+fn has_other_names(what: &std::fs::Metadata) -> bool {
+    std::os::unix::fs::MetadataExt::nlink(what) > 1
+}
+
+#[cfg(not(unix))]
+fn has_other_names(_: &std::fs::Metadata) -> bool {
+    false
+}
+
+/// The place beside a file where it is written first.
+fn draft_of(file: &Path) -> PathBuf {
+    static DRAFTS: AtomicU32 = AtomicU32::new(0);
+    let name = file.file_name().unwrap_or_default().to_string_lossy();
+    // Neither two programs nor two threads write the same draft.
+    let number = DRAFTS.fetch_add(1, Ordering::Relaxed);
+    file.with_file_name(format!(".{name}.{}.{number}.part", std::process::id()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn write(file: &Path, text: &str) -> io::Result<()> {
+        write_bytes(file, text)
+    }
+
+    fn names(folder: &Path) -> Vec<String> {
+        let mut names: Vec<_> = std::fs::read_dir(folder)
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn a_write_that_fails_leaves_the_old_file_and_nothing_beside_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("deep/drive.csv");
+        check_writable(&file).unwrap();
+        write(&file, "old").unwrap();
+        let error = write_with(&file, |to| {
+            write!(to, "half")?;
+            Err(io::Error::other("no more"))
+        });
+        assert_eq!(error.unwrap_err().to_string(), "no more");
+        assert_eq!(std::fs::read_to_string(&file).unwrap(), "old");
+        assert_eq!(names(file.parent().unwrap()), ["drive.csv"]);
+        assert!(check_writable(folder.path()).unwrap_err().to_string().contains("is a folder"));
+        assert!(check_writable(&file.join("below.csv")).is_err());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_folder_is_one_run_s_at_a_time() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("out");
+        let held = hold_folder(&out).unwrap();
+        assert_eq!(hold_folder(&out).unwrap_err().kind(), io::ErrorKind::WouldBlock);
+        drop(held);
+        drop(hold_folder(&out).unwrap());
+        assert!(names(&out).is_empty());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_are_written_through() {
+        let folder = tempfile::tempdir().unwrap();
+        let [target, soft, hard] = ["target", "soft", "hard"].map(|name| folder.path().join(name));
+        std::fs::write(&target, "a long old text").unwrap();
+        std::os::unix::fs::symlink(&target, &soft).unwrap();
+        std::fs::hard_link(&target, &hard).unwrap();
+        for (file, text) in [(&soft, "one"), (&hard, "two"), (&target, "three")] {
+            check_writable(file).unwrap();
+            write(file, text).unwrap();
+            for name in [&target, &soft, &hard] {
+                assert_eq!(std::fs::read_to_string(name).unwrap(), text);
+            }
+        }
+        assert!(soft.is_symlink());
+        assert_eq!(names(folder.path()), ["hard", "soft", "target"]);
+        write(Path::new("/dev/null"), "into the void").unwrap();
+    }
+}
