@@ -25,6 +25,7 @@
 //! | [`signal`] | the vocabulary: names, units, meanings |
 //! | [`parameter`] | numeric parameters: declared once, with unit and range |
 //! | [`enumeration`] | named values: declared once |
+//! | [`input`] | files of others, read with bounds |
 //! | [`output`] | files that are written whole or not at all |
 //! | [`table`] | tables from text files, however they are written |
 //! | [`path`] | reference paths: splines, projection, readers, speed plan, the Sudoku course |
@@ -46,6 +47,7 @@ pub mod enumeration;
 mod finite;
 pub mod fmi;
 pub mod fmu;
+pub mod input;
 mod lanes;
 pub mod log;
 pub mod nominal;

@@ -27,7 +27,10 @@ fn what_is_wrong_is_named_with_file_line_key_and_remedy() {
         (change("FNOMIN = 4000", "FNOMIN = NaN"), ["line 10", "FNOMIN", "finite"]),
         (change("PKY1 = -2.0D1\n", ""), ["test.tir", "missing PKY1", "complete"]),
         (change("'meter'", "'inch'"), ["line 3", "LENGTH = 'inch'", "convert the file to 'meter'"]),
-        (change("'PAC2002'", "'MF_61'"), ["line 6", "'MF_61'", "PAC2002"]),
+        (change("'PAC2002'", "'MF_61'"), ["line 6", "'MF_61'", "5.2"]),
+        (change("'PAC2002'", "'USER'\nFITTYP = 62"), ["line 7", "FITTYP = '62'", "MF-Tyre 5.2"]),
+        (change("'PAC2002'", "'USER'"), ["line 6", "USER", "add FITTYP = 6"]),
+        (change("'PAC2002'", "'FTIRE'"), ["line 6", "another tyre model", "PAC2002"]),
         (change("PDX1=1.1", "PDX1=1.1\nPDX1=1.2"), ["PDX1", "line 18", "line 19"]),
         (change("FNOMIN = 4000", "FNOMIN = -1"), ["line 10", "FNOMIN = -1", "greater than zero"]),
         (change("-2.0D1", "20"), ["PKY1 = 20", "negative", "ISO"]),
@@ -41,6 +44,15 @@ fn what_is_wrong_is_named_with_file_line_key_and_remedy() {
     let missing = Coefficients::read(Path::new("no/such.tir")).unwrap_err().to_string();
     assert!(missing.contains("no/such.tir") && missing.contains("cannot be read"), "{missing}");
     assert!(parse("").is_err());
+}
+
+/// Older files call themselves `USER`, and say by `FITTYP` what they are.
+#[test]
+fn a_file_of_the_magic_formula_5_2_is_known_by_its_fittyp() {
+    let sound = parse(SOUND).unwrap();
+    for model in ["'USER'\nFITTYP = 6", "'user'\nFITTYP=52 $ MF-Tyre 5.2", "'MF-TYRE'\nFITTYP = 21.0"] {
+        assert_eq!(parse(&SOUND.replace("'PAC2002'", model)).unwrap(), sound, "{model}");
+    }
 }
 
 /// The folder of tyre files from outside, where there is one.

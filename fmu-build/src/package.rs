@@ -2,9 +2,10 @@
 //!
 //! The same content gives the same bytes: entries are sorted and carry the earliest date that a zip can.
 
+use rfl_mpc::input;
 use rfl_mpc::output::{make_folder_of, write_bytes};
 use std::collections::BTreeMap;
-use std::io::{Cursor, Write};
+use std::io::{Cursor, Read, Write};
 use std::path::{Path, PathBuf};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
@@ -23,6 +24,11 @@ pub enum PackageError {
     Archive { path: PathBuf, source: zip::result::ZipError },
     #[error("{name} in {path} was built for another description: its GUID is not this FMU's. Build it anew.")]
     OtherDescription { path: PathBuf, name: String },
+    #[error(
+        "{name} in {path} is no library of an FMU: a file binaries/PLATFORM/NAME of at most {} MB is. Do not use this FMU",
+        LIBRARY >> 20
+    )]
+    NoLibrary { path: PathBuf, name: String },
     #[error("{0} stands in the package twice: take it out of one of the places it comes from")]
     Twice(String),
 }
@@ -95,15 +101,20 @@ impl Package {
     pub fn merge_binaries(&mut self, fmu: &Path, guid: &[u8]) -> Result<Vec<String>, PackageError> {
         let read = |source| PackageError::Read { path: fmu.to_owned(), source };
         let archive = |source| PackageError::Archive { path: fmu.to_owned(), source };
-        let bytes = std::fs::read(fmu).map_err(read)?;
+        let bytes = input::read(fmu, FMU).map_err(read)?;
         let mut zip = zip::ZipArchive::new(Cursor::new(bytes)).map_err(archive)?;
         let mut merged = Vec::new();
         for i in 0..zip.len() {
             let mut file = zip.by_index(i).map_err(archive)?;
             let name = file.name().map_err(archive)?.into_owned();
-            if file.is_file() && name.starts_with("binaries/") && !self.contains(&name) {
+            let (library, ordinary) = (name.starts_with("binaries/"), file.is_file() && !file.is_symlink());
+            if library && !file.is_dir() && !self.contains(&name) {
                 let mut content = Vec::new();
-                std::io::copy(&mut file, &mut content).map_err(read)?;
+                // What it says of its size need not be true.
+                (&mut file).take(LIBRARY + 1).read_to_end(&mut content).map_err(read)?;
+                if !ordinary || !is_library(&name) || content.len() as u64 > LIBRARY {
+                    return Err(PackageError::NoLibrary { path: fmu.to_owned(), name });
+                }
                 if !contains(&content, guid) {
                     return Err(PackageError::OtherDescription { path: fmu.to_owned(), name });
                 }
@@ -148,6 +159,20 @@ impl Package {
             .map_err(|source| PackageError::Write { path: path.to_owned(), source })?;
         Ok(bytes.len())
     }
+}
+
+/// Largest FMU that libraries are taken from, and largest library in it, in bytes.
+const FMU: u64 = 256 << 20;
+const LIBRARY: u64 = 64 << 20;
+
+/// Whether a name in an archive is that of a library, `binaries/PLATFORM/NAME`, wherever it is unpacked.
+fn is_library(name: &str) -> bool {
+    let parts: Vec<_> = name.split('/').collect();
+    let plain = |part: &&str| {
+        let allowed = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '_' | '-' | '+');
+        !part.is_empty() && !part.starts_with('.') && part.chars().all(allowed)
+    };
+    parts.len() == 3 && parts.iter().all(plain)
 }
 
 /// Whether bytes hold others.

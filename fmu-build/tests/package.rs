@@ -188,6 +188,24 @@ fn libraries_of_other_platforms_are_merged() {
     let error = toy().make(&options, |_| {}).unwrap_err();
     assert!(matches!(error, FmuError::Package(PackageError::OtherDescription { .. })), "{error}");
 
+    // An archive of a stranger: names that climb, and libraries that swell.
+    for (name, size) in [
+        ("binaries/../../evil.so", 0),
+        ("binaries/linux64/../../../evil.so", 0),
+        ("binaries/win64/a/b.dll", 0),
+        ("binaries/win64\\..\\evil.dll", 0),
+        ("binaries/win64/.dll", 0),
+        ("binaries/darwin64/bomb.dylib", 70 << 20),
+    ] {
+        let mut content = guid.as_bytes().to_vec();
+        content.resize(content.len() + size, 0);
+        let mut package = Package::default();
+        package.add(name, content).unwrap();
+        package.write(&other).unwrap();
+        let error = toy().make(&options, |_| {}).unwrap_err();
+        assert!(matches!(error, FmuError::Package(PackageError::NoLibrary { .. })), "{name}: {error}");
+    }
+
     // From a folder: a library in the wrong place, then one of another description.
     options.merge.clear();
     options.binaries = Some(folder.path().to_owned());

@@ -8,6 +8,7 @@ use super::parameters::ControllerParametersFor;
 use super::variant::{PredictionModelFor, Residual, RollOut};
 use super::vehicle::{ControlledVehicle, GpOf, Nonlinear, VehicleParameters};
 use crate::enumeration;
+use crate::input;
 use crate::nominal::{ERRORS, LateralVehicle as _};
 use crate::residual::{FileError, FileKind, Kind, ResidualModelFor};
 use crate::vehicle::SingleTrack;
@@ -120,7 +121,7 @@ impl<V: ControlledVehicle<S>, const S: usize> LearnedModelFor<V, S> {
     /// # Errors
     /// A file that cannot be read, or is no model.
     pub fn read(file: &Path) -> Result<Self, FileError> {
-        let begin = std::fs::read(file).unwrap_or_default();
+        let begin = input::read(file, input::MODEL).unwrap_or_default();
         match FileKind::of(&begin) {
             Some(FileKind::Gp) => Ok(Self::Gp(Arc::new(V::Nonlinear::read_gp(file)?))),
             // What is neither is refused in the words of the ordinary one.

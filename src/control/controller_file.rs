@@ -15,6 +15,7 @@
 use super::choice::ControlVariant;
 use super::parameters::ControllerParametersFor;
 use super::vehicle::VehicleParameters;
+use crate::input;
 use crate::nominal::LateralVehicle;
 use crate::parameter::OutOfRange;
 use std::path::{Path, PathBuf};
@@ -63,7 +64,7 @@ impl ControllerFile {
     /// # Errors
     /// A file that cannot be read, or is none of a controller.
     pub fn read(file: &Path) -> Result<Self, ControllerFileError> {
-        let text = std::fs::read_to_string(file)
+        let text = input::read_text(file)
             .map_err(|source| ControllerFileError::Unreadable { file: file.into(), source })?;
         Self::parse(&text).map_err(|message| ControllerFileError::Syntax { file: file.into(), message })
     }

@@ -12,6 +12,7 @@
 use super::model::Declaration;
 use super::value::Value;
 use super::variable::{Causality, Kind, Variable};
+use crate::input;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -99,7 +100,7 @@ impl Declaration {
             file: file.clone(),
             message: format!("{message}; unpack the FMU anew, or make it again with fmu-build"),
         };
-        let text = std::fs::read_to_string(&file).map_err(|error| failed(error.to_string()))?;
+        let text = input::read_text(&file).map_err(|error| failed(error.to_string()))?;
         let values: BTreeMap<String, String> =
             toml::from_str(&text).map_err(|error| failed(error.to_string()))?;
         values.iter().try_for_each(|(name, value)| {

@@ -18,6 +18,7 @@ use super::leaf::LeafModels;
 use super::model::{Kind, ResidualModelFor, Schema};
 use super::tree::MAX_DEPTH;
 use super::{MAX_WINDOW, ROAD};
+use crate::input;
 use crate::nominal::LateralVehicle;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -214,7 +215,7 @@ impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
     /// # Errors
     /// A file that cannot be read or is no model.
     pub fn read(file: &Path) -> Result<Self, FileError> {
-        in_file(file, || Self::from_bytes(&std::fs::read(file)?))
+        in_file(file, || Self::from_bytes(&input::read(file, input::MODEL)?))
     }
 
     /// Writes the model's file.

@@ -1,6 +1,7 @@
 //! Files that may hold a table: refused before reading if they are none, unpacked if packed.
 
 use super::{Limits, TableError};
+use crate::input::kind;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
@@ -60,22 +61,4 @@ impl<R: Read> Read for Unpacked<R> {
         self.left = left;
         Ok(count)
     }
-}
-
-#[cfg(unix)]
-fn kind(about: &std::fs::Metadata) -> &'static str {
-    use std::os::unix::fs::FileTypeExt;
-    let kind = about.file_type();
-    match () {
-        () if kind.is_dir() => "a folder",
-        () if kind.is_fifo() => "a pipe (FIFO)",
-        () if kind.is_socket() => "a socket",
-        () if kind.is_char_device() || kind.is_block_device() => "a device",
-        () => "something else",
-    }
-}
-
-#[cfg(not(unix))]
-fn kind(about: &std::fs::Metadata) -> &'static str {
-    if about.is_dir() { "a folder" } else { "something else" }
 }

@@ -4,6 +4,7 @@ use super::builtin;
 use super::effects::EffectOutOfRange;
 use super::parameters::Tyre;
 use super::tyre::{Coefficients, TirError};
+use crate::input;
 use crate::signal::Unit;
 use serde::{Serialize, de::DeserializeOwned};
 use std::path::{Path, PathBuf};
@@ -66,7 +67,8 @@ impl VehicleKind {
         let has_tractor =
             |text: String| text.parse::<toml::Table>().is_ok_and(|vehicle| vehicle.contains_key("tractor"));
         if builtin::BUILTIN_TRUCKS.contains(&vehicle)
-            || !builtin::BUILTIN.contains(&vehicle) && std::fs::read_to_string(vehicle).is_ok_and(has_tractor)
+            || !builtin::BUILTIN.contains(&vehicle)
+                && input::read_text(Path::new(vehicle)).is_ok_and(has_tractor)
         {
             Self::Truck
         } else {
@@ -170,7 +172,7 @@ pub enum VehicleError {
 
 /// Reads a vehicle file and the tyre files that it names.
 pub(super) fn read<V: VehicleParameters>(file: &Path) -> Result<V, VehicleError> {
-    let text = std::fs::read_to_string(file).map_err(|source| VehicleError::Unreadable {
+    let text = input::read_text(file).map_err(|source| VehicleError::Unreadable {
         file: file.to_path_buf(),
         source,
         builtin: V::BUILTIN,

@@ -6,6 +6,7 @@ use super::kernel::Kernel;
 use super::model::{GpModelFor, GpSchema};
 use super::sparse::{Numbers, Sparse};
 use super::vehicle::{GpVehicle, input_names, output_names};
+use crate::input;
 use crate::nominal::LateralVehicle;
 use crate::residual::file::{FileError, FileKind, in_file, open, seal};
 use crate::residual::rows::{self, Row};
@@ -59,7 +60,7 @@ impl<V, const D: usize, const O: usize> GpModelFor<V, D, O> {
     where
         V: GpVehicle<S, D, O>,
     {
-        in_file(file, || Self::from_bytes(&std::fs::read(file)?))
+        in_file(file, || Self::from_bytes(&input::read(file, input::MODEL)?))
     }
 
     /// Writes the process's file.

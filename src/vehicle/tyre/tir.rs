@@ -1,6 +1,7 @@
 //! Reading `.tir` files: `[SECTION]`, `KEY = value`, comments from `$` or `!`; tables (`[SHAPE]`) are passed over.
 
 use super::coefficients::Coefficients;
+use crate::input;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -23,11 +24,8 @@ pub enum TirError {
     )]
     Units { file: PathBuf, line: usize, key: String, found: String, expected: &'static str },
     /// Another tyre model than the Magic Formula 5.x.
-    #[error(
-        "tyre file {file}, line {line}: {key} = '{found}' is another tyre model; give a file of the Magic Formula 5.2 \
-         (PROPERTY_FILE_FORMAT 'PAC2002', 'MF_05' or 'MF-TYRE')"
-    )]
-    Format { file: PathBuf, line: usize, key: String, found: String },
+    #[error("tyre file {file}, line {line}: {key} = '{found}' is {what}")]
+    Format { file: PathBuf, line: usize, key: &'static str, found: String, what: &'static str },
     /// Coefficients that nobody can guess are missing, e.g. because the file is cut off.
     #[error("tyre file {file}: missing {}; is the file complete?", keys.join(", "))]
     Missing { file: PathBuf, keys: Vec<&'static str> },
@@ -42,7 +40,7 @@ impl Coefficients {
     /// # Errors
     /// See [`TirError`]: file, line, key and remedy.
     pub fn read(file: &Path) -> Result<Self, TirError> {
-        let bytes = std::fs::read(file)
+        let bytes = input::read(file, input::TEXT)
             .map_err(|source| TirError::Unreadable { file: file.to_path_buf(), source })?;
         // Old files carry Latin-1 in comments; everything that we read is ASCII.
         Self::parse(&String::from_utf8_lossy(&bytes), file)
@@ -56,6 +54,7 @@ impl Coefficients {
         let known = Self::keys();
         let mut found: BTreeMap<&'static str, (f64, usize)> = BTreeMap::new();
         let mut section = String::new();
+        let mut model = BTreeMap::new();
         for (index, raw) in text.lines().enumerate() {
             let line = index + 1;
             let content = raw.split(['$', '!']).next().unwrap_or_default().trim();
@@ -69,7 +68,7 @@ impl Coefficients {
             if section == "UNITS" {
                 check_unit(file, line, &key, value)?;
             } else if section == "MODEL" {
-                check_format(file, line, &key, value)?;
+                model.insert(key.clone(), (value.to_owned(), line));
             }
             let Some(&name) = known.iter().find(|name| **name == key) else { continue };
             // Fortran programs write exponents with D.
@@ -87,6 +86,7 @@ impl Coefficients {
                 return Err(TirError::Twice { file: file.to_path_buf(), key, first, second: line });
             }
         }
+        check_model(file, &model)?;
         let coefficients = Self::from_lookup(|key| found.get(key).map(|entry| entry.0))
             .map_err(|keys| TirError::Missing { file: file.to_path_buf(), keys })?;
         coefficients.check(file, |key| found.get(key).map_or(0, |entry| entry.1))?;
@@ -154,15 +154,37 @@ fn check_unit(file: &Path, line: usize, key: &str, found: &str) -> Result<(), Ti
     })
 }
 
-fn check_format(file: &Path, line: usize, key: &str, found: &str) -> Result<(), TirError> {
-    let accepted: &[&str] = match key {
-        "PROPERTY_FILE_FORMAT" => &["PAC2002", "MF_05", "MF-TYRE", "MF_TYRE"],
-        // 5: MF-Tyre 5.0, 51 and 52: 5.1 and 5.2, 6 and 21: older numbers of the same.
-        "FITTYP" => &["5", "6", "21", "51", "52"],
-        _ => return Ok(()),
+/// What to do with a file of the Magic Formula 6.
+const NEWER: &str = "the Magic Formula 6: its coefficients of inflation pressure and turn slip mean another model; let the fitting \
+     tool write the tyre as MF-Tyre 5.2 (FITTYP 6 or 52)";
+const OTHER: &str = "another tyre model; give a file of the Magic Formula 5.2 (PROPERTY_FILE_FORMAT 'PAC2002', 'MF_05' or 'MF-TYRE', \
+     or FITTYP 6 or 52)";
+const USER: &str = "any model of a user's subroutine, and no FITTYP says which; if it is the Magic Formula 5.2, add FITTYP = 6 to \
+     [MODEL]";
+
+/// Which tyre model the `[MODEL]` section says it is: by `FITTYP` where that is given, else by `PROPERTY_FILE_FORMAT`.
+fn check_model(file: &Path, model: &BTreeMap<String, (String, usize)>) -> Result<(), TirError> {
+    let refuse = |key, found: &str, line, what| {
+        Err(TirError::Format { file: file.to_path_buf(), line, key, found: found.to_owned(), what })
     };
-    if accepted.contains(&found.to_ascii_uppercase().as_str()) {
-        return Ok(());
+    let fit = model.get("FITTYP");
+    if let Some((text, line)) = fit {
+        // A number may be written as 6 or 6.0.
+        match text.parse::<f64>().map(|number| number as u32).unwrap_or(0) {
+            // 5: MF-Tyre 5.0, 51 and 52: 5.1 and 5.2, 6 and 21: older numbers of the same.
+            5 | 6 | 21 | 51 | 52 => (),
+            60..=79 => return refuse("FITTYP", text, *line, NEWER),
+            _ => return refuse("FITTYP", text, *line, OTHER),
+        }
     }
-    Err(TirError::Format { file: file.to_path_buf(), line, key: key.to_string(), found: found.to_string() })
+    let Some((text, line)) = model.get("PROPERTY_FILE_FORMAT") else { return Ok(()) };
+    match text.to_ascii_uppercase().as_str() {
+        "PAC2002" | "MF_05" | "MF-TYRE" | "MF_TYRE" => Ok(()),
+        "USER" if fit.is_some() => Ok(()),
+        "USER" => refuse("PROPERTY_FILE_FORMAT", text, *line, USER),
+        "MF_61" | "MF_62" | "MF61" | "MF62" | "MF-SWIFT" | "SWIFT" => {
+            refuse("PROPERTY_FILE_FORMAT", text, *line, NEWER)
+        }
+        _ => refuse("PROPERTY_FILE_FORMAT", text, *line, OTHER),
+    }
 }

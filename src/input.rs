@@ -1,0 +1,80 @@
+//! Files that others give: ordinary ones, of a size that memory holds.
+//!
+//! A path in a vehicle file or in an FMU's parameter may name a pipe whose next byte never comes, `/dev/zero`, which never
+//! ends, or a file that fills the memory of the host. All are refused before they are read.
+
+use std::fs::{File, Metadata};
+use std::io::{Error, ErrorKind, Read, Result};
+use std::path::Path;
+
+/// Largest text that describes something (vehicle, tyre, controller), in bytes.
+pub const TEXT: u64 = 16 << 20;
+/// Largest learned model, in bytes: hundreds of trees.
+pub const MODEL: u64 = 64 << 20;
+
+/// Reads a file of at most `limit` bytes.
+///
+/// # Errors
+/// No ordinary file, too large, or not readable; the caller names the file.
+pub fn read(file: &Path, limit: u64) -> Result<Vec<u8>> {
+    let about = std::fs::metadata(file)?;
+    if !about.is_file() {
+        let words = format!("it is {}, and no file", kind(&about));
+        return Err(Error::new(ErrorKind::InvalidInput, words));
+    }
+    // What a system makes up as it is read says that it is empty: the bytes are counted as they come.
+    let mut bytes = Vec::new();
+    File::open(file)?.take(limit + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > limit {
+        let words = format!("it is larger than {} MB", limit >> 20);
+        return Err(Error::new(ErrorKind::FileTooLarge, words));
+    }
+    Ok(bytes)
+}
+
+/// Reads a text of at most [`TEXT`] bytes.
+///
+/// # Errors
+/// As [`read`]; no UTF-8.
+pub fn read_text(file: &Path) -> Result<String> {
+    String::from_utf8(read(file, TEXT)?)
+        .map_err(|_| Error::new(ErrorKind::InvalidData, "it is no text in UTF-8"))
+}
+
+/// What something is that is no ordinary file.
+#[cfg(unix)]
+pub(crate) fn kind(about: &Metadata) -> &'static str {
+    use std::os::unix::fs::FileTypeExt;
+    let kind = about.file_type();
+    match () {
+        () if kind.is_dir() => "a folder",
+        () if kind.is_fifo() => "a pipe (FIFO)",
+        () if kind.is_socket() => "a socket",
+        () if kind.is_char_device() || kind.is_block_device() => "a device",
+        () => "something else",
+    }
+}
+
+/// What something is that is no ordinary file.
+#[cfg(not(unix))]
+pub(crate) fn kind(about: &Metadata) -> &'static str {
+    if about.is_dir() { "a folder" } else { "something else" }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_never_ends_is_not_begun() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("some.toml");
+        std::fs::write(&file, "1234").unwrap();
+        assert_eq!(read(&file, 4).unwrap(), b"1234");
+        assert_eq!(read(&file, 3).unwrap_err().to_string(), "it is larger than 0 MB");
+        assert!(read(folder.path(), 9).unwrap_err().to_string().contains("a folder"));
+        assert!(read(Path::new("/dev/zero"), 9).is_err());
+        std::fs::write(&file, [0xff]).unwrap();
+        assert!(read_text(&file).unwrap_err().to_string().contains("UTF-8"));
+    }
+}
