@@ -16,6 +16,7 @@ pub mod drive;
 pub mod evaluate;
 pub mod identify;
 pub mod learn;
+mod logs;
 mod output;
 pub mod parameters;
 pub mod path;

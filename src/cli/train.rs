@@ -2,6 +2,7 @@
 
 use super::diagnose::steady_steering;
 use super::drive::MODELS;
+use super::logs::LogArgs;
 use super::output::{check_writable, hold_folder, write_json};
 use super::vehicle::{Commanded, Linear, by_kind, controller_with, vehicle_named};
 use super::{named, progress_bar};
@@ -9,7 +10,7 @@ use crate::control::{
     Choice, ControlVariant, ControllerParametersFor, MODEL_EXTENSION, PredictionModelFor, Propagation,
     Residual, RollOut, VehicleParameters,
 };
-use crate::log::{DriveLog, drives_of};
+use crate::log::drives_of;
 use crate::nominal::{Actuator, LateralVehicle};
 use crate::path;
 use crate::residual::gp::GpConfig;
@@ -31,6 +32,7 @@ use std::sync::{Arc, Mutex};
 #[command(after_help = "Examples:
   rfl train out/collect/*.csv                         RFL+S for the C-class car, to out/residual/rfl_s.rflm
   rfl train drives/*.csv --vehicle my_car.toml --kind rfl --test other_day.csv
+  rfl train drive.csv --rate 50                       no time column: 50 rows a second
   rfl train drives/*.csv --path road.csv              logs with poses only: errors by projection onto the road
   rfl train drives/*.csv --all out/residual           every kind, to compare them
   rfl train out/collect/*.csv --vehicle truck_simulation   for the truck, whose logs have articulation and articulation_rate
@@ -46,6 +48,8 @@ pub struct TrainArgs {
     /// Drive logs (CSV)
     #[arg(required = true)]
     logs: Vec<PathBuf>,
+    #[command(flatten)]
+    reading: LogArgs,
     /// Logs to measure the fit on, not learned from
     #[arg(long)]
     test: Vec<PathBuf>,
@@ -243,7 +247,7 @@ where
         let mut drives = Vec::new();
         for file in files {
             let road = road.as_ref().map(|(road, file)| (road, *file));
-            let log = DriveLog::read(file)?;
+            let log = args.reading.read(file)?;
             drives.extend(drives_of(&log, road, &steering, &mut |note| notes.push(note))?);
         }
         Ok(DataSet::new(&drives, &vehicle, data_config)?)

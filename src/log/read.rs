@@ -27,6 +27,8 @@ pub enum LogError {
     Compressed { file: PathBuf },
     #[error("{}: no column is a signal of a drive log: the header is `{header}`; give columns such as time, steer_cmd, vx", file.display())]
     NoSignal { file: PathBuf, header: String },
+    #[error("{}: there is a time column; leave the constant rate (--rate) out, or delete the column", file.display())]
+    TimeAndRate { file: PathBuf },
     #[error("{}: the column '{column}' stands twice; delete one", file.display())]
     Twice { file: PathBuf, column: &'static str },
     #[error("{}, line {line}, column {column}: '{text}' is not a number", file.display())]
@@ -89,12 +91,34 @@ impl DriveLog {
     /// # Errors
     /// What is wrong, with file, line and column.
     pub fn read(file: &Path) -> Result<Self, LogError> {
-        let opened = table::open(file, Limits::default()).map_err(|source| match source {
+        Self::read_within(file, Limits::default())
+    }
+
+    /// As [`read`](Self::read), with limits of its size.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn read_within(file: &Path, limits: Limits) -> Result<Self, LogError> {
+        let opened = table::open(file, limits).map_err(|source| match source {
             TableError::Io(source) => LogError::Open { file: file.to_owned(), source },
             TableError::Compressed => LogError::Compressed { file: file.to_owned() },
             source => LogError::Table { file: file.to_owned(), source },
         })?;
-        Self::from_reader(opened, file)
+        Self::from_reader_within(opened, file, limits)
+    }
+
+    /// Gives a log without time stamps those of a constant rate, in Hz.
+    ///
+    /// # Errors
+    /// The log has time stamps.
+    pub fn at_rate(mut self, rate: f64) -> Result<Self, LogError> {
+        if self.column("time").is_some() {
+            return Err(LogError::TimeAndRate { file: self.file });
+        }
+        let rows = self.columns.first().map_or(0, |(_, values)| values.len());
+        self.columns.insert(0, ("time", (0..rows).map(|row| row as f64 / rate).collect()));
+        self.notes.push(format!("time: made from the rate of {rate} Hz"));
+        Ok(self)
     }
 
     /// As [`read`](Self::read); `file` is what messages call it.

@@ -47,6 +47,7 @@
 mod banded;
 mod check;
 mod error;
+mod geodetic;
 mod grid;
 mod noise;
 mod note;

@@ -11,6 +11,7 @@
 //! end in a unit, `speed_kmh` or `bank [deg]`.
 
 use super::error::{PathError, Place};
+use super::geodetic::{DEGREE, TangentPlane};
 use super::note::Note;
 use super::sample::{RoadClass, Sample};
 use crate::table::{self, Header, Limits, Table as Rows, TableError, split_unit};
@@ -35,6 +36,9 @@ enum Column {
     Grade,
     Friction,
     Class,
+    /// Geodetic coordinates, WGS 84: laid on a plane where there are no `x` and `y`.
+    Latitude,
+    Longitude,
     /// Of racetrack-database; known and not used.
     TrackWidth,
     /// Normal of a reference line, and how far along it the road lies from the line.
@@ -48,7 +52,7 @@ enum Column {
 /// A column, its unit (empty: a pure number or text), its names without unit in small letters. The first is ours.
 type Alias = (Column, &'static str, &'static [&'static str]);
 
-const ALIASES: [Alias; 14] = [
+const ALIASES: [Alias; 16] = [
     (
         Column::X,
         "m",
@@ -91,6 +95,8 @@ const ALIASES: [Alias; 14] = [
     (Column::Grade, "rad", &["grade", "grade_angle", "slope"]),
     (Column::Friction, "", &["friction", "mu"]),
     (Column::Class, "", &["class"]),
+    (Column::Latitude, "rad", &["latitude", "lat", "gps_latitude", "gps_lat"]),
+    (Column::Longitude, "rad", &["longitude", "lon", "lng", "long", "gps_longitude", "gps_lon"]),
     (Column::NormalX, "m", &["x_normvec"]),
     (Column::NormalY, "m", &["y_normvec"]),
     (Column::Offset, "m", &["alpha"]),
@@ -156,6 +162,8 @@ impl Meaning {
         }
         let alias = |name: &str| ALIASES.iter().find(|(.., names)| names.contains(&name));
         let meaning = |&(column, ours, _): &Alias, unit: Option<&str>| match unit {
+            // Nobody gives these in radians without a word.
+            None if column.is_geodetic() => Ok(Self { column, factor: 1f64.to_radians() }),
             None => Ok(Self { column, factor: 1.0 }),
             Some(_) if column == Column::Unused => Ok(Self { column, factor: 1.0 }),
             Some("1") if ours.is_empty() => Ok(Self { column, factor: 1.0 }),
@@ -172,6 +180,10 @@ impl Meaning {
 }
 
 impl Column {
+    fn is_geodetic(self) -> bool {
+        matches!(self, Self::Latitude | Self::Longitude)
+    }
+
     /// The name in messages.
     fn name(self) -> &'static str {
         match self {
@@ -222,6 +234,7 @@ pub(super) fn parse(reader: impl Read) -> Result<Table, PathError> {
     let mut table =
         Table { samples: Vec::new(), lines: Vec::new(), accuracy: Accuracy::Exact, notes: Vec::new() };
     let columns = if rows.header().line == 0 { Vec::new() } else { header(rows.header(), &mut table.notes)? };
+    let geodetic = columns.iter().any(|meaning| meaning.column.is_geodetic());
     let mut decimals = Decimals::default();
     let mut last_station = f64::NEG_INFINITY;
     loop {
@@ -251,13 +264,33 @@ pub(super) fn parse(reader: impl Read) -> Result<Table, PathError> {
     if table.samples.is_empty() {
         return Err(PathError::Empty { place: Place::default() });
     }
+    if geodetic {
+        lay_on_plane(&mut table);
+    }
     let widths = columns.iter().any(|meaning| meaning.column == Column::TrackWidth);
     table.accuracy = match decimals.resolution() {
         _ if widths => Accuracy::Measured(RACETRACK_DATABASE),
+        Some(digit) if geodetic => Accuracy::Digit(digit * DEGREE),
         Some(digit) => Accuracy::Digit(digit),
         None => Accuracy::Exact,
     };
     Ok(table)
+}
+
+/// Makes `x` and `y` of the longitudes and latitudes that stand in their places.
+fn lay_on_plane(table: &mut Table) {
+    let first = &table.samples[0];
+    let (latitude, longitude) = (first.y, first.x);
+    let plane = TangentPlane::at(latitude, longitude);
+    for sample in &mut table.samples {
+        [sample.x, sample.y] = plane.local(sample.y, sample.x);
+    }
+    table.notes.push(Note::info(format!(
+        "latitude and longitude (WGS 84) are laid on the plane that touches the earth at the first point, {:.7}, {:.7} degrees: x is \
+         east of it, y north",
+        latitude.to_degrees(),
+        longitude.to_degrees()
+    )));
 }
 
 /// Counts the decimals that coordinates are written with.
@@ -331,7 +364,12 @@ fn header(header: &Header, notes: &mut Vec<Note>) -> Result<Vec<Meaning>, PathEr
         }
         columns.push(meaning);
     }
-    for needed in [Column::X, Column::Y] {
+    let has = |column: Column| columns.iter().any(|meaning| meaning.column == column);
+    let geodetic = has(Column::Latitude) && has(Column::Longitude) && !(has(Column::X) && has(Column::Y));
+    for meaning in columns.iter_mut().filter(|_| !geodetic).filter(|meaning| meaning.column.is_geodetic()) {
+        meaning.column = Column::Unused;
+    }
+    for needed in [Column::X, Column::Y].into_iter().filter(|_| !geodetic) {
         if !columns.iter().any(|meaning| meaning.column == needed) {
             return Err(PathError::MissingColumn {
                 place: at_line(line),
@@ -369,7 +407,7 @@ fn row(
             continue;
         }
         let field = row.field(index);
-        let needed = matches!(column, Column::X | Column::Y);
+        let needed = matches!(column, Column::X | Column::Y | Column::Latitude | Column::Longitude);
         if field.is_empty() && !needed {
             continue;
         }
@@ -391,12 +429,24 @@ fn row(
         if !value.is_finite() {
             return Err(PathError::NotFinite { place: at_line(line), column: column.name(), value });
         }
-        if needed && factor == 1.0 {
+        if needed && (factor == 1.0 || column.is_geodetic()) {
             decimals.look(&plain);
         }
+        let largest = if column == Column::Latitude { 90f64 } else { 360.0 };
+        if column.is_geodetic() && value.abs() > largest.to_radians() {
+            let (value, low, high, unit) = (value.to_degrees(), -largest, largest, "degrees");
+            return Err(PathError::OutOfRange {
+                place: at_line(line),
+                column: column.name(),
+                value,
+                low,
+                high,
+                unit,
+            });
+        }
         match column {
-            Column::X => sample.x = value,
-            Column::Y => sample.y = value,
+            Column::X | Column::Longitude => sample.x = value,
+            Column::Y | Column::Latitude => sample.y = value,
             Column::Station => station = Some(value),
             Column::Yaw => sample.yaw = Some(value),
             Column::Curvature => sample.curvature = Some(value),

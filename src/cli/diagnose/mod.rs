@@ -8,6 +8,7 @@
 mod explain;
 mod terminal;
 
+use super::logs::LogArgs;
 use super::output::{hold_folder, write_text};
 use super::progress_bar;
 use super::vehicle::{Commanded, by_kind, controller_with, vehicle_named};
@@ -40,6 +41,7 @@ use std::sync::Arc;
   rfl diagnose drive.csv sweep.csv --vehicle my_car.toml     both drives together: what the next manoeuvre adds
   rfl diagnose drive.csv --path road.csv                     with the loop closed: what the gap does to tracking
   rfl diagnose truck.csv --unit truck
+  rfl diagnose drive.csv --rate 100                          no time column: 100 rows a second
   rfl diagnose --explain                                     all effects; --explain steer_delay: one
 
 A log is a CSV with time, steer_cmd (or steer), vx, yaw_rate, and as many of ay, vy, x, y, yaw, ax, accel_cmd, steer, roll,
@@ -55,6 +57,8 @@ pub struct DiagnoseArgs {
     /// Drive log (CSV, .csv.gz); several of one vehicle, on one day, are diagnosed together
     #[arg(required_unless_present = "explain", value_name = "LOG")]
     logs: Vec<PathBuf>,
+    #[command(flatten)]
+    reading: LogArgs,
     /// Log of the same vehicle when it was as modelled
     #[arg(long, value_name = "LOG")]
     reference: Option<PathBuf>,
@@ -118,7 +122,7 @@ pub fn run(args: &DiagnoseArgs) -> Result<ExitCode, Box<dyn Error>> {
     if args.logs.len() > 1 && args.path.is_some() {
         return Err("--path is for one log: the loop is closed along one drive; leave out the others".into());
     }
-    let logs = args.logs.iter().map(|file| DriveLog::read(file)).collect::<Result<Vec<_>, _>>()?;
+    let logs = args.logs.iter().map(|file| args.reading.read(file)).collect::<Result<Vec<_>, _>>()?;
     let vehicle = vehicle(args, &logs)?;
     by_kind!(&vehicle, answer(args, &vehicle, &logs))
 }
@@ -168,7 +172,7 @@ where
         clean.findings.insert(0, Finding { gravity, signal, words: words.to_owned() });
     }
     let reference = match &args.reference {
-        Some(file) => Some(CleanLog::of(&DriveLog::read(file)?, &steering)?),
+        Some(file) => Some(CleanLog::of(&args.reading.read(file)?, &steering)?),
         None => None,
     };
     let options = Options {

@@ -14,10 +14,11 @@ mod step;
 
 use super::diagnose::steady_steering;
 use super::drive::Setup;
+use super::logs::LogArgs;
 use super::output::{check_writable, write_json};
 use super::vehicle::{Commanded, by_kind};
 use crate::control::VehicleParameters;
-use crate::log::{DriveLog, Finding, SteeringLog};
+use crate::log::{Finding, SteeringLog};
 use crate::nominal::{
     DelayModel, IdentifiedActuator, IdentifiedSteering, LateralVehicle, SteeringDrive,
     identify_by_yaw_rate_from_drives, identify_from_drives,
@@ -54,6 +55,8 @@ pub struct IdentifyArgs {
     /// Drive logs of one vehicle (CSV, .csv.gz) [default: a step of --vehicle is driven]
     #[arg(value_name = "LOG")]
     logs: Vec<PathBuf>,
+    #[command(flatten)]
+    reading: LogArgs,
     /// Car or truck: a vehicle file (TOML) or a built-in name [default: the file of --into, else c_class]
     #[arg(long)]
     vehicle: Option<String>,
@@ -182,7 +185,7 @@ fn found<P: Commanded<S, C>, const S: usize, const C: usize>(
     let steady = |speed: f64| steady_steering(&vehicle, speed);
     let (mut drives, mut findings, mut rows) = (Vec::new(), Vec::new(), 0);
     for file in &args.logs {
-        let log = DriveLog::read(file)?;
+        let log = args.reading.read(file)?;
         let read = if args.by_yaw_rate {
             SteeringLog::by_yaw_rate(&log, &steady)?
         } else {

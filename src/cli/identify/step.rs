@@ -3,7 +3,6 @@
 use super::super::drive::Setup;
 use super::super::vehicle::Commanded;
 use super::IdentifyArgs;
-use crate::log::DriveLog;
 use crate::nominal::{
     ContinuousErrorModel, DelayModel, IdentifiedActuator, IdentifyError, LateralVehicle, SteeringRecord,
 };
@@ -110,7 +109,7 @@ fn row_of(error: &IdentifyError) -> Option<usize> {
 
 /// The log's rows between the two times.
 pub(super) fn read(file: &Path, args: &IdentifyArgs) -> Result<Step, Box<dyn Error>> {
-    let log = DriveLog::read(file)?;
+    let log = args.reading.read(file)?;
     let response = if args.by_yaw_rate { YAW_RATE.name } else { STEER.name };
     let column = |name: &'static str| {
         log.column(name).ok_or_else(|| {
