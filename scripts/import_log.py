@@ -250,8 +250,8 @@ def convert(file: Path, mapping_file: Path, out: Path, rate: float | None = None
     note = f"; without {', '.join(missing)}" if missing else ""
     lines = [f"{out}: {len(time)} rows, {time[-1]:.1f} s, {', '.join(columns)}{note}"]
     lines += [f"note: {words}" for words in log.notes]
-    lines += [f"left out: '{name}' cannot be read: {reason}" for name, reason in log.broken.items()]
-    taken = wanted(mapping)
+    taken = {log.aliases.get(name, name) for name in wanted(mapping)}
+    lines += [f"left out: '{name}' cannot be read: {why}" for name, why in log.broken.items() if name not in taken]
     for suggestion in suggestions(log, vocabulary()):
         if suggestion.signal not in columns and suggestion.column not in taken:
             lines += [f"not in the mapping: {suggestion.words()}; the entry would be", *indented(suggestion.entry())]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from importing import clock
 from importing.log import ImportFailed, Log, Series, load, numeric, said
+from importing.table import number
 from importing.units import unit_of
 
 
@@ -25,9 +27,12 @@ def read_mf4(file: Path, _wanted: set[str]) -> Log:
         reasons = []
         for group, index in mdf.channels_db[name]:
             try:
-                # An enumeration's numbers, not its words.
-                signal = mdf.get(group=group, index=index, ignore_value2text_conversions=True)
-                values = numeric(signal.samples, name)
+                signal = mdf.get(group=group, index=index)
+                values = signal.samples
+                if values.dtype.kind in "SUO":
+                    # An enumeration's numbers, not its words; text has none.
+                    values = numbers_among(values, mdf.get(group=group, index=index, raw=True).samples)
+                values = numeric(values, name)
             except Exception as error:
                 reasons.append(said(error))
                 continue
@@ -41,6 +46,17 @@ def read_mf4(file: Path, _wanted: set[str]) -> Log:
         raise ImportFailed(reasons[0] if reasons else "it holds no samples")
 
     return Log(file, sorted(mdf.channels_db.keys() - masters), get, None, units, {}, {}, notes)
+
+
+def numbers_among(words: np.ndarray, raw: np.ndarray) -> np.ndarray:
+    """Numbers of a channel that has words for some values ('not available'), or raw ones where all are words."""
+    texts = [word.decode("latin-1") if isinstance(word, bytes) else str(word) for word in words.tolist()]
+    values = np.array([math.nan if (value := number(text.strip(), False)) is None else value for text in texts])
+    if np.isfinite(values).any():
+        return values
+    if raw.dtype.kind not in "fiub":
+        raise ImportFailed("it holds text")
+    return raw
 
 
 def is_master(mdf, group: int, index: int) -> bool:

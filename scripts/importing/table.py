@@ -62,11 +62,20 @@ def read_lines(file: Path) -> tuple[list[str], str]:
         data = gzip.decompress(data)
     text, encoding = decoded(data)
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    for i, line in enumerate(lines[:SAMPLE]):
-        # A quoted name may go on in the next line; an empty one keeps the count of lines.
-        if line.count('"') % 2 and i + 1 < len(lines) and lines[i + 1].count('"') % 2:
-            lines[i], lines[i + 1] = "", f"{line} {lines[i + 1]}"
+    join_quoted(lines)
     return lines, encoding
+
+
+def join_quoted(lines: list[str]) -> None:
+    """Joins quoted names that go on in the next lines. Empty lines keep the count of lines."""
+    i = 0
+    while i < min(len(lines), SAMPLE):
+        end = i
+        while sum(line.count('"') for line in lines[i : end + 1]) % 2 and end + 1 < min(len(lines), i + 12):
+            end += 1
+        if end > i and sum(line.count('"') for line in lines[i : end + 1]) % 2 == 0:
+            lines[i : end + 1] = [""] * (end - i) + [" ".join(lines[i : end + 1])]
+        i = end + 1
 
 
 def split(line: str, delimiter: str) -> list[str]:
@@ -176,6 +185,10 @@ def find_layout(lines: list[str], wanted: set[str]) -> Layout:
     notes = [f"delimiter: {DELIMITERS[delimiter]}"] if delimiter in DELIMITERS and delimiter != "," else []
     rows = header_rows(lines[:begin], shape)
     if not rows:
+        above = next((i for i in reversed(range(begin)) if lines[i].strip() and not is_comment(lines[i])), None)
+        count = 0 if above is None else len(split(lines[above], delimiter))
+        if count > 1 and not any(map(is_value, split(lines[above], delimiter))):
+            raise ImportFailed(unlike(begin, shape.used, above, count))
         notes.append("it has no line of names: its columns are called 1, 2, ...")
         names, units = [str(i + 1) for i in range(shape.used)], [""] * shape.used
         return Layout(delimiter, names, units, begin, shape.width, notes)
@@ -183,12 +196,17 @@ def find_layout(lines: list[str], wanted: set[str]) -> Layout:
     if line > 0:
         notes.append(f"names in line {line + 1}")
     if len(trimmed(names)) < shape.used and len(names) < shape.used:
-        raise ImportFailed(
-            f"line {begin + 1} has {shape.used} fields and the line of names, {line + 1}, has {len(names)}: which "
-            "column is which cannot be told (a decimal comma in a file with commas between its fields?)"
-        )
+        raise ImportFailed(unlike(begin, shape.used, line, len(names)))
     width = max(shape.used, len(trimmed(names)))
     return Layout(delimiter, padded(names, width), padded(units, width), begin, max(width, shape.width), notes)
+
+
+def unlike(begin: int, fields: int, line: int, names: int) -> str:
+    """Why names and numbers do not go together."""
+    return (
+        f"line {begin + 1} has {fields} fields and the line of names, {line + 1}, has {names}: which column is which "
+        "cannot be told (a decimal comma in a file with commas between its fields?)"
+    )
 
 
 def padded(row: list[str], width: int) -> list[str]:
