@@ -167,12 +167,12 @@ def trimmed(row: list[str]) -> list[str]:
     return row[:end]
 
 
-def find_layout(lines: list[str], wanted: set[str]) -> Layout:
+def find_layout(lines: list[str], wanted: set[str], delimiter: str = "") -> Layout:
     """Names, units and the first line of numbers."""
     body = [line for line in lines if line.strip() and not is_comment(line)]
     if not body:
         raise ImportFailed("it is empty")
-    delimiter = find_delimiter(body[-SAMPLE:])
+    delimiter = delimiter or find_delimiter(body[-SAMPLE:])
     # A short file's sample holds its header, too: the rows with the most values speak for it.
     sample = body[-SAMPLE:]
     if len(body) <= SAMPLE:
@@ -187,6 +187,9 @@ def find_layout(lines: list[str], wanted: set[str]) -> Layout:
     if not rows:
         above = next((i for i in reversed(range(begin)) if lines[i].strip() and not is_comment(lines[i])), None)
         count = 0 if above is None else len(split(lines[above], delimiter))
+        if count == 1 and shape.used == 2 and delimiter == ",":
+            # One column of numbers with a decimal comma.
+            return find_layout(lines, wanted, "\0")
         if count > 1 and not any(map(is_value, split(lines[above], delimiter))):
             raise ImportFailed(unlike(begin, shape.used, above, count))
         notes.append("it has no line of names: its columns are called 1, 2, ...")

@@ -13,6 +13,7 @@ import pytest
 from foreign_logs import AY, PLAIN, STEER, TIME, VX, YAW_RATE, close, imported, mapping, needs, table
 from import_log import ImportFailed, convert, main, vocabulary
 
+
 def test_the_vocabulary_is_that_of_the_program():
     assert vocabulary()[:3] == ["time", "steer_cmd", "accel_cmd"]
     assert {"yaw_rate", "articulation_rate", "station"} <= set(vocabulary())

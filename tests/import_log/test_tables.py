@@ -24,7 +24,9 @@ def check(file: Path, tmp_path: Path, text: str = PLAIN) -> None:
 
 
 SEMICOLON = [line.replace(".", ",") for line in rows(fields="{t:.3f};{v:.6f};{r:.8f}")]
-QUOTED_COMMA = ['"' + line.replace(".", ",").replace(";", '","') + '"' for line in rows(fields="{t:.3f};{v:.6f};{r:.8f}")]
+QUOTED_COMMA = [
+    '"' + line.replace(".", ",").replace(";", '","') + '"' for line in rows(fields="{t:.3f};{v:.6f};{r:.8f}")
+]
 
 LAYOUTS = {
     "semicolon": ["t;v;r", *rows(fields="{t:.3f};{v:.6f};{r:.8f}")],
@@ -58,6 +60,10 @@ LAYOUTS = {
     "footer": ["t,v,r", *rows(), "", "End of file"],
     "names and units in one field": ["t [s],v [km/h],r [rad/s]", *rows()],
     "names and units in round brackets": ["t (s);v (km/h);r (rad/s)", *SEMICOLON],
+    "names and units in comments": ["# t, v, r", "# s, km/h, rad/s", *rows()],
+    "Excel's line": ["sep=;", "t;v;r", *SEMICOLON],
+    "lines between": ["t,v,r", "", *[part for line in rows() for part in (line, "")]],
+    "zero bytes at the end": ["t,v,r", *rows(), "\0" * 2000],
     "names over two lines": ['"t\n[s]","v\n[km/h]","r\n[rad/s]"', *rows()],
 }
 
@@ -122,7 +128,9 @@ def test_a_unit_of_the_file_is_taken_and_said(tmp_path):
     assert "'v [kph]' is in km/h, as the file says" in said
     assert "'r [°/s]' is in deg/s" in said
     assert "in ms, as the file says" in said
-    with pytest.raises(ImportFailed, match=r"columns.yaw_rate.*is in deg/s, as the file says, and the mapping has a fac"):
+    with pytest.raises(
+        ImportFailed, match=r"columns.yaw_rate.*is in deg/s, as the file says, and the mapping has a fac"
+    ):
         convert(file, mapping(tmp_path, text + "factor = 2.0\n"), tmp_path / "out.csv")
 
 
@@ -130,7 +138,10 @@ def test_a_unit_of_the_file_is_taken_and_said(tmp_path):
     ("lines", "words"),
     [
         # A number with an underscore is none, though Python takes it for one.
-        (["t,v,r", *rows(fields="{t:.3f},1_{v:.3f},{r:.8f}")], r'\[columns.vx\] column = "v".*1_43.*line 2 is no number'),
+        (
+            ["t,v,r", *rows(fields="{t:.3f},1_{v:.3f},{r:.8f}")],
+            r'\[columns.vx\] column = "v".*1_43.*line 2 is no number',
+        ),
         (["t,v,r", *rows(fields="1_000.{t:.0f},{v:.6f},{r:.8f}")], r"\[time\] column = 't'.*1_000"),
         # Thousands and a decimal comma in a file with points: which one cannot be told.
         (["t;v;r", *rows(fields="{t:.3f};1,234;{r:.8f}")], r'\[columns.vx\] column = "v".*1,234.*is no number'),
@@ -179,9 +190,17 @@ def test_a_rate_for_one_column_and_gaps(tmp_path):
     close(columns, vx=VX)
 
 
+def test_one_column_with_a_decimal_comma(tmp_path):
+    lines = ["v", *[line.replace(".", ",") for line in rows(fields="{v:.6f}")]]
+    text = "[time]\nrate = 100\n[columns.vx]\ncolumn='v'\nunit='km/h'"
+    close(imported(write(tmp_path, lines), mapping(tmp_path, text), tmp_path), vx=VX)
+
+
 def test_a_rate_beside_a_clock_is_refused(tmp_path):
     file = write(tmp_path, ["t,v,r", *rows()])
     with pytest.raises(ImportFailed, match="it is one of both"):
         convert(file, mapping(tmp_path, PLAIN), tmp_path / "out.csv", rate=50.0)
-    with pytest.raises(ImportFailed, match=r'no clock: name the column of time in \[time\] \(there is "t"\).*--rate HZ'):
+    with pytest.raises(
+        ImportFailed, match=r'no clock: name the column of time in \[time\] \(there is "t"\).*--rate HZ'
+    ):
         convert(file, mapping(tmp_path, "[columns.vx]\ncolumn='v'"), tmp_path / "out.csv")
