@@ -118,13 +118,15 @@ def clock_of(log: Log, mapping_file: Path, mapping: dict, rate: float | None) ->
     except ImportFailed as error:
         raise ImportFailed(f"{mapping_file}: {error}") from error
     steps = np.diff(times[np.isfinite(times)])
-    step = float(np.median(steps)) if len(steps) else 0.0
-    if len(steps) and step == 0.0:
+    if len(steps) == 0:
+        raise ImportFailed(f'{mapping_file}: [time] column = "{name}" of {log.file} holds no times')
+    step = float(np.median(steps))
+    if step == 0.0:
         raise ImportFailed(
             f'{mapping_file}: [time] column = "{name}": most of its time stamps repeat, it is too coarse for its rate; '
             "leave [time] out and give a constant rate: --rate HZ"
         )
-    if step > 1.0:
+    if step > 1.0 or 0 < step < 2e-5:
         log.notes.append(f"the rows of '{name}' are {step:.6g} s apart: is its unit right? [time] unit = \"ms\" is one")
     return times
 

@@ -40,7 +40,8 @@ class Bag:
             store = self.typesys.get_typestore(stores.ROS2_HUMBLE if self.second else stores.ROS1_NOETIC)
             if connection.msgtype not in store.fielddefs:
                 raise ImportFailed(
-                    f"its type {connection.msgtype} is unknown: the bag holds no definition of it (MCAP bags do)"
+                    f"its type {connection.msgtype} is unknown: the bag holds no definition of it "
+                    "(MCAP bags do, and those of ROS 2 from Iron on)"
                 )
             return store
         store = self.typesys.get_typestore(stores.EMPTY)

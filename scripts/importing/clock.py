@@ -141,6 +141,14 @@ def unix_unit(values: np.ndarray) -> str | None:
     return next((u for u, (low, high) in _UNIX.items() if low <= known.min() and known.max() < high), None)
 
 
+def is_days(values: np.ndarray) -> bool:
+    """Whether numbers are a spreadsheet's days since 1900, of 1982 to 2064: no log has a sample each microsecond."""
+    known = values[np.isfinite(values)]
+    if len(known) < 2 or known.min() < 30_000 or known.max() > 60_000:
+        return False
+    return 0 < float(np.median(np.diff(known))) < 2e-5
+
+
 def of_numbers(values: np.ndarray, given: str | None, by_file: str | None) -> tuple[np.ndarray, str]:
     """Seconds of numbers, and a note on a unit that the mapping does not give."""
     unit, note = given, ""
@@ -151,7 +159,9 @@ def of_numbers(values: np.ndarray, given: str | None, by_file: str | None) -> tu
             note += f" (the header says {by_file})"
     elif unit is None and by_file is not None:
         unit, note = by_file, f"in {by_file}, as the file says"
+    elif unit is None and is_days(values):
+        unit, note = "d", "days, as spreadsheets count"
     # Less the first: a Unix time in nanoseconds does not fit a float.
     known = values[np.isfinite(values)]
-    first = known[0] if unix is not None and len(known) else 0.0
+    first = known[0] if (unix is not None or unit == "d") and len(known) else 0.0
     return (values - first) * UNITS[unit or "s"], note

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -45,6 +44,13 @@ def read_mf4(file: Path, _wanted: set[str]) -> Log:
                 return Series(np.asarray(signal.timestamps, float), values)
         raise ImportFailed(reasons[0] if reasons else "it holds no samples")
 
+    for name, places in mdf.channels_db.items():
+        for group, index in places:
+            channel = mdf.groups[group].channels[index]
+            unit = getattr(channel, "unit", "") or getattr(getattr(channel, "conversion", None), "unit", "")
+            if unit and name not in units:
+                units[name] = unit.decode("latin-1").strip(" \0") if isinstance(unit, bytes) else unit
+
     return Log(file, sorted(mdf.channels_db.keys() - masters), get, None, units, {}, {}, notes)
 
 
@@ -67,7 +73,7 @@ def is_master(mdf, group: int, index: int) -> bool:
 def read_parquet(file: Path, _wanted: set[str]) -> Log:
     """Parquet tables; a structure's fields are dotted names."""
     parquet, arrow = load("pyarrow.parquet", f"{file.name}: Parquet"), load("pyarrow", f"{file.name}: Parquet")
-    types = arrow.types
+    compute, types = load("pyarrow.compute", f"{file.name}: Parquet"), arrow.types
     units: dict[str, str] = {}
     broken: dict[str, str] = {}
     places: dict[str, list[str]] = {}
@@ -93,12 +99,8 @@ def read_parquet(file: Path, _wanted: set[str]) -> Log:
         path = places[name]
         found = parquet.ParquetFile(file).read(columns=[name]).column(0)
         for part in path[1:]:
-            found = arrow.compute.struct_field(found, part)
-        return found.combine_chunks() if hasattr(found, "combine_chunks") else found
-
-    load("pyarrow", "Parquet")
-    with contextlib.suppress(ImportError):
-        import pyarrow.compute  # noqa: F401
+            found = compute.struct_field(found, part)
+        return found.combine_chunks()
 
     def get(name: str) -> Series:
         if name in broken:

@@ -79,7 +79,9 @@ _WHEEL = re.compile(
     r"steer(ing)?[\s_.-]*(hand[\s_.-]*)?wh(ee)?l|st(ee)?rn?g?_?whl|\bSAS_?|\bLRW|hand[\s_.-]*wheel|lenkrad|\bsteer(ing)?_?sw\b|(^|[._])sw_?angle|\bSWA\b|whl_?ang",
     re.IGNORECASE,
 )
-_ROAD = re.compile(r"road[\s_.-]*wheel|wheel[\s_.-]*(f[lr]\b|l1|r1|front|left|right)|tire|tyre|front[\s_.-]*wheel", re.IGNORECASE)
+_ROAD = re.compile(
+    r"road[\s_.-]*wheel|wheel[\s_.-]*(f[lr]\b|l1|r1|front|left|right)|tire|tyre|front[\s_.-]*wheel", re.IGNORECASE
+)
 _TIME = re.compile(
     r"(.*[._:\s])?(t|time|times|timestamp|time_?stamp|zeit|stamp|date_?time)(_?(s|ms|us|ns|sec))?", re.IGNORECASE
 )

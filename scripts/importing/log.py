@@ -9,9 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-PACKAGES = {"asammdf": "asammdf", "pyarrow": "pyarrow", "pyarrow.parquet": "pyarrow", "scipy.io": "scipy",
-            "mat73": "mat73", "rosbags": "rosbags", "tomli": "tomli"}  # fmt: skip
-
 
 class ImportFailed(Exception):
     """What is wrong, where, and what to do."""
@@ -44,7 +41,7 @@ def load(module: str, what: str):
     try:
         return importlib.import_module(module)
     except ImportError as error:
-        package = PACKAGES[module.split(".")[0] if module not in PACKAGES else module]
+        package = module.partition(".")[0]
         raise ImportFailed(f"{what} needs the package {package}: pip install {package}") from error
 
 

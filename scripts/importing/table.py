@@ -82,7 +82,13 @@ def split(line: str, delimiter: str) -> list[str]:
     """Fields of one line; outer blanks do not count."""
     if delimiter == " ":
         return [cell for cell in next(csv.reader([" ".join(line.split())], delimiter=" "), []) if cell]
-    return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])]
+    return [unquoted(cell) for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])]
+
+
+def unquoted(cell: str) -> str:
+    """A field without blanks and single quotes around it; double quotes are the reader's."""
+    cell = cell.strip()
+    return cell[1:-1].strip() if len(cell) > 1 and cell[0] == cell[-1] == "'" else cell
 
 
 def is_gap(cell: str) -> bool:
@@ -190,15 +196,20 @@ def find_layout(lines: list[str], wanted: set[str], delimiter: str = "") -> Layo
         if count == 1 and shape.used == 2 and delimiter == ",":
             # One column of numbers with a decimal comma.
             return find_layout(lines, wanted, "\0")
-        if count > 1 and not any(map(is_value, split(lines[above], delimiter))):
+        foreign = above is not None and any(other in lines[above] for other in ",;\t|" if other != delimiter)
+        if (count > 1 or foreign) and not any(map(is_value, split(lines[above], delimiter))):
             raise ImportFailed(unlike(begin, shape.used, above, count))
+        first = [cell for cell in split(lines[begin], delimiter) if cell]
+        if len(first) > 2 and first in ([str(i + start) for i in range(len(first))] for start in (0, 1)):
+            # A table of a program that numbers its columns.
+            return Layout(delimiter, first, [""] * len(first), begin + 1, max(shape.width, len(first)), notes)
         notes.append("it has no line of names: its columns are called 1, 2, ...")
         names, units = [str(i + 1) for i in range(shape.used)], [""] * shape.used
         return Layout(delimiter, names, units, begin, shape.width, notes)
     names, units, line = chosen(rows, wanted)
     if line > 0:
         notes.append(f"names in line {line + 1}")
-    if len(trimmed(names)) < shape.used and len(names) < shape.used:
+    if (len(trimmed(names)) < shape.used and len(names) < shape.used) or len(trimmed(names)) > shape.width:
         raise ImportFailed(unlike(begin, shape.used, line, len(names)))
     width = max(shape.used, len(trimmed(names)))
     return Layout(delimiter, padded(names, width), padded(units, width), begin, max(width, shape.width), notes)
@@ -300,7 +311,8 @@ def columns_of(lines: list[str], layout: Layout, comma: bool) -> tuple[list[Cell
         chunk.clear()
 
     for place, cells in rows_of(lines, layout):
-        if len(cells) > count and any(cells[count:]):
+        if (len(cells) > count and any(cells[count:])) or (layout.delimiter == " " and len(cells) != count):
+            # Between blanks an empty field leaves no trace.
             long.append(place + 1)
             continue
         row = padded(cells, count)
@@ -316,15 +328,21 @@ def columns_of(lines: list[str], layout: Layout, comma: bool) -> tuple[list[Cell
         convert()
     if len(long) > max(1, 0.01 * len(places)):
         raise ImportFailed(
-            f"line {long[0]} has more fields than the {count} names (in all {len(long)} lines): which column is which "
+            f"line {long[0]} has other fields than the {count} names (in all {len(long)} lines): which column is which "
             "cannot be told (a decimal comma in a file with commas between its fields?)"
         )
     notes = []
     if long:
-        notes.append(f"line {long[0]} left out: it has more fields than there are names")
+        notes.append(
+            f"{lines_of(len(long))} left out, for other fields than there are names; the first is line {long[0]}"
+        )
     if skipped:
-        notes.append(f"{len(skipped)} lines without numbers left out, the first is line {skipped[0]}")
+        notes.append(f"{lines_of(len(skipped))} without numbers left out, the first is line {skipped[0]}")
     return columns, places, notes
+
+
+def lines_of(count: int) -> str:
+    return "1 line" if count == 1 else f"{count} lines"
 
 
 def rows_of(lines: list[str], layout: Layout) -> Iterator[tuple[int, list[str]]]:
@@ -332,7 +350,7 @@ def rows_of(lines: list[str], layout: Layout) -> Iterator[tuple[int, list[str]]]
     for place in range(layout.begin, len(lines)):
         line = lines[place]
         if line and not line.isspace() and not is_comment(line):
-            if '"' in line or layout.delimiter == " ":
+            if '"' in line or "'" in line or layout.delimiter == " ":
                 yield place, split(line, layout.delimiter)
             else:
                 yield place, [cell.strip() for cell in line.split(layout.delimiter)]
@@ -402,21 +420,22 @@ def read_table(file: Path, wanted: set[str]) -> Log:
             aliases[bare] = "" if bare in aliases else name
         table[name] = column
         filled = int(np.isfinite(column.numbers).sum()) + len(column.odd)
-        if len(column.odd) > 0.01 * filled:
+        if len(column.odd) > 0.01 * filled and not is_marked(column):
             row, cell = next(iter(column.odd.items()))
             broken[name] = f"'{cell}' in line {places[row]} is no number"
+            if not comma and _COMMA_NUMBER.fullmatch(cell):
+                broken[name] += ": a comma beside points in other columns may be decimal or part thousands"
         elif column.odd:
             row, cell = next(iter(column.odd.items()))
-            notes.append(
-                f"'{name}': {len(column.odd)} fields are no numbers and left out: '{cell}' in line {places[row]}"
-            )
+            count = "1 field is no number" if len(column.odd) == 1 else f"{len(column.odd)} fields are no numbers"
+            notes.append(f"'{name}': {count} and left out: '{cell}' in line {places[row]}")
     if twice:
         notes.append(f"names that stand more than once are numbered: {', '.join(sorted(twice))}")
 
     def time(name: str, unit: str | None) -> np.ndarray:
         column = table[name]
         where = f"{file}: [time] column = '{name}'"
-        if not column.odd:
+        if len(column.odd) <= 0.01 * np.isfinite(column.numbers).sum():
             times, note = clock.of_numbers(np.array(column.numbers), unit, unit_of(units.get(name, "")))
             if note:
                 log.notes.append(f"time '{name}': {note}")
@@ -437,6 +456,16 @@ def read_table(file: Path, wanted: set[str]) -> Log:
         {bare: name for bare, name in aliases.items() if name}, notes,
     )  # fmt: skip
     return log
+
+
+def is_marked(column: Cells) -> bool:
+    """Whether what is no number is a word for a gap, such as 'SNA', among numbers."""
+    words = set(column.odd.values())
+    return (
+        len(words) <= 2
+        and not any(letter.isdigit() for word in words for letter in word)
+        and np.isfinite(column.numbers).sum() > len(column.odd)
+    )
 
 
 def opened(file: Path, mode: str):

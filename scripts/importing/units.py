@@ -15,6 +15,7 @@ UNITS = {
     "ns": 1e-9,
     "min": 60.0,
     "h": 3600.0,
+    "d": 86400.0,
     "m": 1.0,
     "mm": 1e-3,
     "cm": 1e-2,
@@ -34,7 +35,7 @@ UNITS = {
     "g": 9.80665,
     "1/m": 1.0,
 }
-TIMES = ("s", "ms", "us", "ns", "min", "h")
+TIMES = ("s", "ms", "us", "ns", "min", "h", "d")
 
 _SPELLINGS = {
     "1": "- none unitless [-] (-)",
@@ -44,7 +45,8 @@ _SPELLINGS = {
     "us": "usec µs μs microsecond microseconds",
     "ns": "nsec nanosecond nanoseconds",
     "min": "minutes",
-    "h": "hours",
+    "h": "hour hours hr hrs",
+    "d": "day days",
     "m": "meter meters metre metres",
     "mm": "millimeter millimetre",
     "cm": "centimeter centimetre",

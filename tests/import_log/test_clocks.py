@@ -95,6 +95,19 @@ def test_a_unit_of_time_is_taken(tmp_path, unit, place):
     assert np.isclose(columns["time"][-1], 2.99)
 
 
+def test_days_of_a_spreadsheet_are_read(tmp_path):
+    file = stamped(tmp_path, lambda when: f"{45413.5 + (when - START) / timedelta(days=1):.10f}")
+    columns = imported(file, mapping(tmp_path, PLAIN), tmp_path)
+    close(columns, vx=VX)
+    assert np.isclose(columns["time"][-1], 2.99, atol=1e-4)
+
+
+def test_one_wrong_time_costs_one_row(tmp_path):
+    file = stamped(tmp_path, lambda when: "x" if when.microsecond == 500_000 and when.second == 0 else unix(1)(when))
+    said = convert(file, mapping(tmp_path, PLAIN), tmp_path / "out.csv")
+    assert "299 rows" in said and "'x' in line" in said
+
+
 def test_a_unit_that_is_missing_is_asked_for(tmp_path):
     file = stamped(tmp_path, lambda when: f"{(when - START).total_seconds() * 1e3:.3f}")
     assert "rows of 't' are 10 s apart: is its unit right?" in convert(

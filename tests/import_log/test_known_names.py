@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from foreign_logs import AY, STEER, TIME, VX, YAW_RATE, close, imported, mapping
+from foreign_logs import AY, STEER, TIME, VX, YAW_RATE, close, imported, mapping, needs
 from import_log import ImportFailed, convert, open_log, vocabulary
 from importing.known_names import KNOWN, is_steering_wheel, known_name, snippet, suggestions
 from importing.units import UNITS
@@ -65,6 +65,18 @@ def test_what_the_mapping_lacks_is_suggested_and_not_taken(tmp_path):
 def test_the_files_own_unit_wins(tmp_path):
     (suggestion,) = suggestions(open_log(log_of(tmp_path, {"Vx [m/s]": VX})), vocabulary())
     assert suggestion.unit == "m/s" and suggestion.by_file and "as the file says" in suggestion.words()
+
+
+@pytest.mark.parametrize("version", ["3.30", "4.10"])
+def test_a_unit_of_mf4_wins(tmp_path, version):
+    asammdf = needs("asammdf")
+    mdf = asammdf.MDF(version=version)
+    mdf.append([asammdf.Signal(VX, TIME, name="Vx", unit="m/s")])
+    mdf.append([asammdf.Signal(YAW_RATE, TIME, name="Car.YawRate", unit="rad/s")])
+    file = Path(mdf.save(tmp_path / "log.mf4", overwrite=True))
+    text = "[columns.yaw_rate]\ncolumn = 'Car.YawRate'\n"
+    said = convert(file, mapping(tmp_path, text), tmp_path / "out.csv")
+    assert "'Vx' looks like vx: CarSim's name, in m/s (as the file says)" in said
 
 
 @pytest.mark.parametrize(

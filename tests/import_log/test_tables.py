@@ -64,6 +64,12 @@ LAYOUTS = {
     "Excel's line": ["sep=;", "t;v;r", *SEMICOLON],
     "lines between": ["t,v,r", "", *[part for line in rows() for part in (line, "")]],
     "zero bytes at the end": ["t,v,r", *rows(), "\0" * 2000],
+    "single quotes": ["'t','v','r'", *rows(fields="'{t:.3f}',{v:.6f},{r:.8f}")],
+    "a word for gaps": [
+        "t,x,v,r",
+        *[line.replace(",", ",SNA," if i % 3 else ",1.0,", 1) for i, line in enumerate(rows())],
+    ],
+    "one long line": ["t,v,r", *rows(150), "1.495,1,2,3,4", *rows()[150:]],
     "names over two lines": ['"t\n[s]","v\n[km/h]","r\n[rad/s]"', *rows()],
 }
 
@@ -150,6 +156,14 @@ def test_a_unit_of_the_file_is_taken_and_said(tmp_path):
         (["t,v,r", *rows(fields="{t:.3f},{v:.6f},{r:.8f},5")], "line 2 has 4 fields"),
         (["t,v,v,r", *rows(fields="{t:.3f},{v:.6f},{v:.6f},{r:.8f}")], r'\[columns.vx\].*there is "v#1", "v#2"'),
         (["t,v,r", *rows(fields="{t:.3f},fast,{r:.8f}")], r"\[columns.vx\].*'fast' in line 2 is no number"),
+        (
+            ["time s v r", *rows(fields="{t:.3f} {v:.6f} {r:.8f}")],
+            "line 2 has 3 fields and the line of names, 1, has 4",
+        ),
+        (["t|v|r", *rows()], "line 2 has 3 fields and the line of names, 1, has 1"),
+        (["t,v,r", *rows(fields="{t:.3f} s,{v:.6f},{r:.8f}")], r"\[time\] column = 't'.*'0.000 s' in line 2"),
+        (["t,v,r", *rows(fields=",{v:.6f},{r:.8f}")], r'\[time\] column = "t" of .* holds no times'),
+        (["t,v,r", *rows(fields="{t:.3f},,{r:.8f}")], r'\[columns.vx\] column = "v": it holds 0 numbers'),
         (["t,v,r"], "no rows of numbers"),
         ([""], "it is empty"),
         (["hello", "world"], "no rows of numbers"),
@@ -165,6 +179,21 @@ def test_what_cannot_be_told_is_refused(tmp_path, lines, words):
 def test_a_name_that_stands_twice_is_numbered(tmp_path):
     file = write(tmp_path, ["t,v,v,r", *rows(fields="{t:.3f},0,{v:.6f},{r:.8f}")])
     check(file, tmp_path, PLAIN.replace('"v"', '"v#2"'))
+
+
+@pytest.mark.parametrize("start", [0, 1])
+def test_a_row_of_indices_holds_names(tmp_path, start):
+    text = PLAIN
+    for place, name in enumerate("tvr", start):
+        text = text.replace(f'"{name}"', f'"{place}"')
+    check(write(tmp_path, [",".join(str(start + i) for i in range(3)), *rows()]), tmp_path, text)
+
+
+def test_a_word_for_gaps_is_said(tmp_path):
+    lines = ["t,v,r", *rows()]
+    lines[1::3] = [line.rsplit(",", 1)[0] + ",SNA" for line in lines[1::3]]
+    said = convert(write(tmp_path, lines), mapping(tmp_path, PLAIN), tmp_path / "out.csv")
+    assert "'r': 100 fields are no numbers and left out: 'SNA' in line 2" in said
 
 
 def test_a_table_without_names_is_numbered(tmp_path):

@@ -231,3 +231,19 @@ def test_a_bag_of_ros_1(tmp_path, monkeypatch, capsys):
                 raw = bytes(store.serialize_ros1(store.types[kind](data=float(value)), kind))
                 writer.write(connection, round(1.7e18) + round(t * 1e9), raw[:5] if topic == "/bad" else raw)
     check(file, tmp_path, BAG, "/bad:data", "rror", monkeypatch, capsys)
+
+
+def test_number_types_of_parquet(tmp_path):
+    pyarrow = needs("pyarrow")
+    from decimal import Decimal
+
+    from pyarrow import parquet
+
+    columns = {
+        "t": pyarrow.array(TIME),
+        "v": pyarrow.array([Decimal(f"{value:.6f}") for value in VX]),
+        "r": pyarrow.array(YAW_RATE).dictionary_encode(),
+    }
+    file = tmp_path / "log.parquet"
+    parquet.write_table(pyarrow.table(columns), file)
+    close(imported(file, mapping(tmp_path, TABLE), tmp_path), vx=VX, yaw_rate=YAW_RATE)
