@@ -254,30 +254,34 @@ def header_rows(lines: list[str], shape: Shape) -> list[tuple[int, list[str]]]:
 
 
 def chosen(rows: list[tuple[int, list[str]]], wanted: set[str]) -> tuple[list[str], list[str], int]:
-    """Names, units and the names' line. The row that holds what the mapping asks for wins; then the lowest."""
-    units: list[str] = []
-    # The row of units stands under the names.
-    below = [row for row in rows if is_units_row(row[1])]
-    others = [row for row in rows if not is_units_row(row[1])]
-    if below:
-        units = below[-1][1]
-    if not others:
-        others, units = rows, []
+    """Names, units and the names' line: the row that holds what the mapping asks for, else the lowest but the units."""
 
-    def score(entry: tuple[int, list[str]]) -> tuple:
-        row = entry[1]
-        asked = sum(1 for cell in row if cell in wanted or split_unit(cell)[0] in wanted)
-        words = sum(1 for cell in row if cell and not is_value(cell))
-        return asked, words == len([cell for cell in row if cell]), entry[0]
+    def asked(entry: tuple[int, list[str]]) -> int:
+        return sum(1 for cell in entry[1] if cell in wanted or split_unit(cell)[0] in wanted)
 
-    line, names = max(others, key=score)
-    # With descriptions under the names, the names are those without blanks; told only by the mapping, or by this.
-    above = [row for row in others if row[0] < line and line - row[0] <= 2]
-    if score((line, names))[0] == 0 and above and any(" " in cell for cell in names):
-        identifiers = [row for row in above if all(cell and re.fullmatch(r"[\w.:/\[\]()-]+", cell) for cell in row[1])]
-        if identifiers:
-            line, names = identifiers[-1]
-    return names, units, line
+    def all_words(entry: tuple[int, list[str]]) -> bool:
+        return not any(is_value(cell) for cell in entry[1])
+
+    units_rows = [entry for entry in rows if is_units_row(entry[1])]
+    # A row of units stands below names; one alone holds names that read like units.
+    others = [entry for entry in rows if entry not in units_rows] or rows[:1]
+    names = max(rows, key=lambda entry: (asked(entry), entry in others, all_words(entry), entry[0]))
+    if asked(names) == 0:
+        names = above_description(others, names)
+    units = next((row for line, row in reversed(units_rows) if line != names[0]), [])
+    return names[1], units, names[0]
+
+
+def above_description(rows: list[tuple[int, list[str]]], lowest: tuple[int, list[str]]) -> tuple[int, list[str]]:
+    """The names above a row of descriptions: identifiers above words with blanks."""
+    if not any(" " in cell for cell in lowest[1]):
+        return lowest
+    identifiers = [
+        entry
+        for entry in rows
+        if 0 < lowest[0] - entry[0] <= 2 and all(re.fullmatch(r"[\w.:/\[\]()-]+", cell) for cell in entry[1])
+    ]
+    return identifiers[-1] if identifiers else lowest
 
 
 def is_units_row(row: list[str]) -> bool:

@@ -69,10 +69,11 @@ _BY_SPELLING = {spelling: unit for unit, words in _SPELLINGS.items() for spellin
 
 # Units of quantities that a drive log does not have; they show that a row is one of units.
 _OTHER_WORDS = """
-hz khz v mv a ma w kw nm n kn kg bar mbar kpa pa c °c degc f k rpm 1/min min-1 l l/h ml db ratio bool boolean enum
-count counts psi lb lbf lb-ft hp deg/s2 deg/s^2 rad/s2 rad/s^2 m/s3 m/s^3 kohm ohm lambda n.m n·m kg/h g/s j kj
+hz khz mv ma kw nm kn kg bar mbar kpa pa °c degc rpm 1/min min-1 l/h ml db ratio bool boolean enum
+count counts psi lb lbf lb-ft hp deg/s2 deg/s^2 rad/s2 rad/s^2 m/s3 m/s^3 kohm ohm lambda n.m n·m kg/h g/s kj
 """
 _OTHERS = set(_OTHER_WORDS.split())
+_LETTERS = set("VAWNCFKJ")  # in lower case they are names
 
 
 def unit_of(text: str) -> str | None:
@@ -87,7 +88,7 @@ def looks_like_unit(text: str) -> bool:
     plain = text.strip()
     if re.fullmatch(r"\[.*\]|\(.*\)", plain):
         return True
-    return unit_of(plain) is not None or plain.lower().replace(" ", "") in _OTHERS
+    return unit_of(plain) is not None or plain in _LETTERS or plain.lower().replace(" ", "") in _OTHERS
 
 
 def split_unit(name: str) -> tuple[str, str]:

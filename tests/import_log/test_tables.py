@@ -118,6 +118,24 @@ def test_a_motec_export_is_read(tmp_path):
     check(write(tmp_path, lines[:3] + lines[3:]), tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("above", "names", "units"),
+    [
+        (["Format,CSV,2"], "t,v,a", ""),
+        (["Format,CSV,2"], "t,v,a", "s,km/h,m/s2"),
+        ([], "s,m,g", ""),
+        ([], "s,m,g", "m,kg,g"),
+        (["a,b,c"], "time,speed,rate", "ms,V,A"),
+        ([], "time,speed,rate", "[s],[-],[foo]"),
+        ([], "Time,Ground Speed,Yaw Rate", "s,km/h,deg/s"),
+    ],
+)
+def test_names_and_units_are_told_apart(tmp_path, above, names, units):
+    log = open_log(write(tmp_path, [*above, names, *([units] if units else []), *rows()]))
+    assert log.names == names.split(",")
+    assert [log.units.get(name, "") for name in log.names] == [unit.strip("[]") for unit in (units or ",,").split(",")]
+
+
 def test_gaps_are_gaps(tmp_path):
     lines = ["t,v,r", *rows()]
     for row, gap in enumerate(["", "nan", "NaN", "NA", "null", "-", "inf", "#N/A"], 10):
