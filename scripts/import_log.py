@@ -119,7 +119,9 @@ def clock_of(log: Log, mapping_file: Path, mapping: dict, rate: float | None) ->
         raise ImportFailed(f"{mapping_file}: {error}") from error
     steps = np.diff(times[np.isfinite(times)])
     if len(steps) == 0:
-        raise ImportFailed(f'{mapping_file}: [time] column = "{name}" of {log.file} holds no times')
+        raise ImportFailed(
+            f'{mapping_file}: [time] column = "{name}" of {log.file} holds {np.isfinite(times).sum()} times'
+        )
     step = float(np.median(steps))
     if step == 0.0:
         raise ImportFailed(
@@ -287,7 +289,7 @@ def list_log(options: argparse.Namespace) -> None:
         log.notes.append(f"rates are those of the time column '{name}'")
     suggested = suggestions(log, vocabulary())
     if options.json is None or str(options.json) != "-":
-        print(listing.as_text(found, broken, log.notes, suggested))
+        print(listing.as_text(found, broken, log.notes, suggested, name))
     if options.json is not None:
         text = listing.as_json(log, found, broken, suggested)
         if str(options.json) == "-":

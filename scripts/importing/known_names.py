@@ -73,6 +73,7 @@ KNOWN = [
     Known("Autoware", "kinematic_state.twist.twist.linear.y", "vy", "m/s"),
     Known("Autoware", "kinematic_state.twist.twist.angular.z", "yaw_rate", "rad/s"),
 ]
+OURS = "rfl"  # the tool of names that are those of our signals
 _BY_END = {known.name: known for known in KNOWN}
 
 _WHEEL = re.compile(
@@ -101,7 +102,7 @@ class Suggestion:
 
     def words(self) -> str:
         """The suggestion in a line."""
-        if self.tool == "rfl":
+        if self.tool == OURS:
             return f"'{self.column}' has our own name{f', in {self.unit} (as the file says)' if self.by_file else ''}"
         source = "as the file says" if self.by_file else f"the unit of {self.tool}"
         what = f"the angle of the steering WHEEL, for {self.signal}" if self.wheel else self.signal
@@ -110,7 +111,7 @@ class Suggestion:
 
     def entry(self) -> str:
         """The entry of a mapping file."""
-        tool = "" if self.tool == "rfl" else f"  # {self.tool}"
+        tool = "" if self.tool == OURS else f"  # {self.tool}"
         lines = [f"[columns.{self.signal}]{tool}", f"column = {json.dumps(self.column, ensure_ascii=False)}"]
         if self.quaternion:
             lines.append("quaternion = true")
@@ -161,7 +162,7 @@ def suggestions(log: Log, vocabulary: list[str]) -> list[Suggestion]:
                 )
             )
         elif plain(column) in vocabulary[1:]:
-            found.append(Suggestion(column, plain(column), "rfl", own or "SI", own is not None))
+            found.append(Suggestion(column, plain(column), OURS, own or "SI", own is not None))
     return sorted(found, key=lambda suggestion: vocabulary.index(suggestion.signal))
 
 

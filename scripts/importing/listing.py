@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from importing.known_names import Suggestion, looks_like_time, snippet
+from importing.known_names import OURS, Suggestion, looks_like_time, snippet
 from importing.log import Log, said
 
 
@@ -81,7 +81,9 @@ def entry(name: str, unit: str, rate: float | None, known: np.ndarray, samples: 
     return Entry(name, unit, rate, count, low, high)
 
 
-def as_text(found: list[Entry], broken: dict[str, str], notes: list[str], suggested: list[Suggestion]) -> str:
+def as_text(
+    found: list[Entry], broken: dict[str, str], notes: list[str], suggested: list[Suggestion], clock: str | None
+) -> str:
     """The list as a table, with what cannot be read, notes and suggestions below."""
     rows = [["name", "unit", "Hz", "samples", "min", "max"]]
     rows += [[e.name, e.unit or "-", figure(e.rate), str(e.samples), figure(e.min), figure(e.max)] for e in found]
@@ -95,8 +97,10 @@ def as_text(found: list[Entry], broken: dict[str, str], notes: list[str], sugges
     if notes:
         lines += [""] + [f"note: {note}" for note in notes]
     if suggested:
-        lines += [""] + [suggestion.words() for suggestion in suggested]
-        lines += ["", "entries for a mapping file, to be checked:", "", snippet(suggested)]
+        lines += [""] + [suggestion.words() for suggestion in suggested if suggestion.tool != OURS]
+        lines += ["", "entries for a mapping file, to be checked:", ""]
+        lines += [f"[time]\ncolumn = {json.dumps(clock, ensure_ascii=False)}\n"] if clock else []
+        lines += [snippet(suggested)]
     return "\n".join(line.rstrip() for line in lines)
 
 

@@ -86,6 +86,16 @@ def test_parquet_and_matlab_are_listed(tmp_path, monkeypatch, capsys):
     assert found["samples"] == 2000 and np.isclose(found["rate"], 100.0)
 
 
+def test_the_suggested_mapping_is_printed(tmp_path, monkeypatch, capsys):
+    text = run(monkeypatch, capsys, table(tmp_path, "t,Vx,yaw_rate"), "--list")
+    assert "'Vx' looks like vx: CarSim's name, in km/h (the unit of CarSim)" in text
+    entries = text[text.index("[time]") :]
+    log = run(
+        monkeypatch, capsys, table(tmp_path, "t,Vx,yaw_rate"), mapping(tmp_path, entries), "-o", tmp_path / "o.csv"
+    )
+    assert "2000 rows, 20.0 s, vx, yaw_rate" in log
+
+
 def test_json_belongs_to_the_list(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", ["import_log", str(table(tmp_path)), "map.toml", "--json", "x.json"])
     with pytest.raises(SystemExit):

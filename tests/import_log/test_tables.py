@@ -180,7 +180,7 @@ def test_a_unit_of_the_file_is_taken_and_said(tmp_path):
         ),
         (["t|v|r", *rows()], "line 2 has 3 fields and the line of names, 1, has 1"),
         (["t,v,r", *rows(fields="{t:.3f} s,{v:.6f},{r:.8f}")], r"\[time\] column = 't'.*'0.000 s' in line 2"),
-        (["t,v,r", *rows(fields=",{v:.6f},{r:.8f}")], r'\[time\] column = "t" of .* holds no times'),
+        (["t,v,r", *rows(fields=",{v:.6f},{r:.8f}")], r'\[time\] column = "t" of .* holds 0 times'),
         (["t,v,r", *rows(fields="{t:.3f},,{r:.8f}")], r'\[columns.vx\] column = "v": it holds 0 numbers'),
         (["t,v,r"], "no rows of numbers"),
         ([""], "it is empty"),
