@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Brings logs of other tools into our drive log: MF4, Parquet, MATLAB, ROS bags, any CSV; by a mapping file.
 
-    scripts/import_log.py drive.mf4 --list                          what the file holds
+    scripts/import_log.py drive.mf4 --list                          what the file holds; --json FILE for programs
     scripts/import_log.py drive.mf4 my_car.toml -o drive.csv.gz     a drive log for rfl diagnose and rfl train
 
 A mapping file (TOML) says for each of our signals where it comes from. scripts/import_examples/ has one for each
@@ -10,12 +10,13 @@ format.
     rate = 100                       # samples a second of the drive log (default: those of the quickest signal)
 
     [time]                           # tables (Parquet, MATLAB, CSV) only; MF4 and ROS bags have their own clock
-    column = "t"
-    unit = "ms"
+    column = "t"                     # numbers, Unix times, or time stamps: 2024-05-01T12:00:00.020+02:00, 12:00:00.020
+    unit = "ms"                      # of numbers
+                                     # or, without a column: rate = 100; `--rate 100` does the same
 
     [columns.yaw_rate]               # one of our signals; `rfl diagnose --help` names them
     column = "ESP_YawRate"           # in MATLAB a dotted path; in a ROS bag TOPIC:FIELD, e.g. /imu:angular_velocity.z
-    unit = "deg/s"                   # of the file; converted to SI (default: SI already)
+    unit = "deg/s"                   # of the file; converted to SI (default: the file's own unit, else SI)
     sign = -1                        # 1 or -1: ours is positive to the left
     factor = 1.0                     # ours = sign * (factor * converted + offset)
     offset = 0.0                     # in our unit
@@ -29,321 +30,50 @@ format.
     column = "/odom:pose.pose.orientation"
     quaternion = true                # x, y, z, w to yaw
 
-Signals on several clocks are interpolated to one. What is missing in the file becomes an empty field.
+Signals on several clocks are interpolated to one. What is missing in the file becomes an empty field. A column that
+cannot be read is named; it is an error only if the mapping asks for it. Columns with names that CarSim, CarMaker,
+comma.ai or Autoware give are suggested as entries of the mapping, and never taken unasked.
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
-import gzip
-import importlib
 import math
-import re
+import os
 import sys
-from collections.abc import Callable
-from dataclasses import dataclass
-from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
-
-PROJECT = Path(__file__).resolve().parent.parent
-
-# Factors to SI, and offsets before them.
-UNITS = {
-    "1": 1.0,
-    "%": 0.01,
-    "s": 1.0,
-    "ms": 1e-3,
-    "us": 1e-6,
-    "ns": 1e-9,
-    "m": 1.0,
-    "mm": 1e-3,
-    "cm": 1e-2,
-    "km": 1e3,
-    "rad": 1.0,
-    "deg": math.pi / 180.0,
-    "m/s": 1.0,
-    "km/h": 1 / 3.6,
-    "mph": 0.44704,
-    "kn": 0.514444,
-    "rad/s": 1.0,
-    "deg/s": math.pi / 180.0,
-    "m/s2": 1.0,
-    "g": 9.80665,
-    "1/m": 1.0,
-}
-
-PACKAGES = {"asammdf": "asammdf", "pyarrow.parquet": "pyarrow", "scipy.io": "scipy", "mat73": "mat73",
-            "rosbags.highlevel": "rosbags"}  # fmt: skip
-
-
-class ImportFailed(Exception):
-    """What is wrong, where, and what to do."""
-
-
-def load(module: str, what: str):
-    """A reader's package, imported only when it is needed."""
-    try:
-        return importlib.import_module(module)
-    except ImportError as error:
-        raise ImportFailed(f"{what} needs the package {PACKAGES[module]}: pip install {PACKAGES[module]}") from error
-
-
-def vocabulary() -> list[str]:
-    """Our signals, in order, from where they are declared."""
-    text = (PROJECT / "src" / "signal.rs").read_text(encoding="utf-8")
-    return re.findall(r'^    [A-Z0-9_]+ = "(\w+)" [A-Z]\w+ "', text, re.MULTILINE)
-
-
-@dataclass
-class Series:
-    """Values and their times in seconds; values of a quaternion have four columns."""
-
-    time: np.ndarray
-    values: np.ndarray
-
-
-# A reader opens a file and gives: names of what it holds, and a function from a name to its series (time is None where
-# the file has no clock of its own).
-Reader = tuple[list[str], Callable[[str], tuple[np.ndarray | None, np.ndarray]]]
-
-
-def opened(file: Path, mode: str):
-    """A text file, compressed if its name ends in .gz; a byte order mark is skipped."""
-    encoding = "utf-8-sig" if mode == "r" else "utf-8"
-    if file.suffix == ".gz":
-        return gzip.open(file, f"{mode}t", newline="", encoding=encoding)
-    return open(file, mode, newline="", encoding=encoding)
-
-
-def read_csv(file: Path) -> Reader:
-    """Any CSV with a header."""
-    with opened(file, "r") as stream:
-        sample = stream.read(4096)
-        stream.seek(0)
-        try:
-            dialect = csv.Sniffer().sniff(sample, delimiters=",;\t")
-        except csv.Error:
-            dialect = csv.excel
-        rows = csv.reader(stream, dialect)
-        names = [name.strip() for name in next(rows, [])]
-        columns: list[list[float]] = [[] for _ in names]
-        for row in rows:
-            for place, column in enumerate(columns):
-                column.append(number(row[place] if place < len(row) else ""))
-    table = {name: np.array(column) for name, column in zip(names, columns)}
-    return names, lambda name: (None, table[name])
-
-
-def number(text: str) -> float:
-    """A field as a number; what is none is a gap."""
-    try:
-        return float(text)
-    except ValueError:
-        return math.nan
-
-
-def read_mf4(file: Path) -> Reader:
-    """ASAM MDF 3 and 4."""
-    mdf = load("asammdf", f"{file.name}: MF4").MDF(file)
-
-    def get(name: str) -> tuple[np.ndarray, np.ndarray]:
-        # A name may stand in several groups: the first with samples is taken.
-        for group, index in mdf.channels_db[name]:
-            signal = mdf.get(group=group, index=index)
-            if len(signal.samples) > 1:
-                return np.asarray(signal.timestamps, float), numeric(signal.samples, name)
-        raise ImportFailed(f"{file.name}: '{name}' holds no samples")
-
-    return sorted(mdf.channels_db), get
-
-
-def read_parquet(file: Path) -> Reader:
-    """Parquet tables."""
-    parquet = load("pyarrow.parquet", f"{file.name}: Parquet")
-    names = parquet.read_schema(file).names
-
-    def get(name: str) -> tuple[None, np.ndarray]:
-        column = parquet.read_table(file, columns=[name]).column(0)
-        if str(column.type).startswith("timestamp"):
-            # Nanoseconds since 1970 fit a float to a quarter of a microsecond.
-            values = column.to_numpy().astype("datetime64[ns]").astype("int64")
-            return None, (values - values[0]) * 1e-9
-        return None, numeric(column.to_numpy(), name)
-
-    return names, get
-
-
-def read_matlab(file: Path) -> Reader:
-    """MATLAB files: up to 7.2 with scipy, 7.3 with mat73. Structures are dotted paths."""
-    with open(file, "rb") as stream:
-        new = b"MATLAB 7.3" in stream.read(128)
-    if new:
-        data = load("mat73", f"{file.name}: MATLAB 7.3").loadmat(str(file))
-    else:
-        data = load("scipy.io", f"{file.name}: MATLAB").loadmat(file, simplify_cells=True)
-    flat: dict[str, np.ndarray] = {}
-
-    def walk(path: str, value) -> None:
-        if isinstance(value, dict):
-            for key, inner in value.items():
-                walk(f"{path}.{key}" if path else key, inner)
-        elif isinstance(value, np.ndarray) and value.size > 1 and value.dtype.kind in "fiub":
-            flat[path] = value
-
-    walk("", {key: value for key, value in data.items() if not key.startswith("__")})
-    return list(flat), lambda name: (None, numeric(flat[name], name))
-
-
-def read_rosbag(path: Path) -> Reader:
-    """ROS 1 and 2 bags. A name is TOPIC:FIELD, e.g. /imu/data:angular_velocity.z."""
-    highlevel = load("rosbags.highlevel", f"{path.name}: ROS bags")
-
-    def reader():
-        typestore = None
-        if path.is_dir() or path.suffix in (".db3", ".mcap"):
-            # A ROS 2 bag may come without its message definitions: then those of Humble are taken.
-            typesys = importlib.import_module("rosbags.typesys")
-            typestore = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
-        bag = path.parent if path.suffix in (".db3", ".mcap") and (path.parent / "metadata.yaml").is_file() else path
-        return highlevel.AnyReader([bag], default_typestore=typestore)
-
-    with reader() as bag:
-        names = []
-        for connection in bag.connections:
-            first = next(bag.messages(connections=[connection]), None)
-            if first is not None:
-                message = bag.deserialize(first[2], connection.msgtype)
-                names += [f"{connection.topic}:{field}" for field in fields(message)]
-
-    def get(name: str) -> tuple[np.ndarray, np.ndarray]:
-        topic, _, field = name.partition(":")
-        times, values = [], []
-        with reader() as bag:
-            connections = [connection for connection in bag.connections if connection.topic == topic]
-            for connection, received, raw in bag.messages(connections=connections):
-                message = bag.deserialize(raw, connection.msgtype)
-                stamp = getattr(getattr(message, "header", None), "stamp", None)
-                # The stamp is when it was measured; the bag's time is when it was written.
-                measured = stamp.sec * 10**9 + stamp.nanosec if stamp is not None and stamp.sec > 0 else received
-                value = message
-                for part in field.split("."):
-                    value = getattr(value, part)
-                if all(hasattr(value, part) for part in "xyzw"):
-                    value = (value.x, value.y, value.z, value.w)
-                times.append(measured)
-                values.append(value)
-        start = start_of(path, times)
-        return (np.array(times, dtype="int64") - start) * 1e-9, np.array(values, float)
-
-    return sorted(set(names)), get
-
-
-_STARTS: dict[Path, int] = {}
-
-
-def start_of(path: Path, times: list[int]) -> int:
-    """One beginning for all signals of a bag: nanoseconds since 1970 do not fit a float."""
-    return _STARTS.setdefault(path, times[0] if times else 0)
-
-
-def fields(message, prefix: str = "") -> list[str]:
-    """Names of a message's numbers, as dotted paths; quaternions under their own name, too."""
-    names = []
-    for name in getattr(message, "__dataclass_fields__", ()):
-        value = getattr(message, name)
-        path = f"{prefix}{name}"
-        if isinstance(value, (int, float, np.number)) and not isinstance(value, bool):
-            names.append(path)
-        elif hasattr(value, "__dataclass_fields__"):
-            if all(hasattr(value, part) for part in "xyzw"):
-                names.append(path)
-            names += fields(value, f"{path}.")
-    return names
-
-
-def numeric(values, name: str) -> np.ndarray:
-    """Values as floats."""
-    try:
-        return np.asarray(values, float)
-    except (TypeError, ValueError) as error:
-        raise ImportFailed(f"'{name}' holds no numbers") from error
-
+from importing import listing
+from importing.bags import read_rosbag
+from importing.formats import read_matlab, read_mf4, read_parquet
+from importing.known_names import is_steering_wheel, looks_like_time, suggestions
+from importing.log import ImportFailed, Log, Series, said
+from importing.mapping import check_rate, read_mapping, resolve, vocabulary, wanted
+from importing.table import opened, read_table
+from importing.units import UNITS, unit_of
 
 READERS = {
-    ".csv": read_csv, ".gz": read_csv, ".txt": read_csv, ".mf4": read_mf4, ".mdf": read_mf4, ".dat": read_mf4,
-    ".parquet": read_parquet, ".mat": read_matlab, ".bag": read_rosbag, ".db3": read_rosbag, ".mcap": read_rosbag,
+    ".csv": read_table, ".gz": read_table, ".txt": read_table, ".tsv": read_table, ".asc": read_table,
+    ".mf4": read_mf4, ".mdf": read_mf4, ".dat": read_mf4, ".parquet": read_parquet, ".mat": read_matlab,
+    ".bag": read_rosbag, ".db3": read_rosbag, ".mcap": read_rosbag,
 }  # fmt: skip
 
 
-def open_log(file: Path) -> Reader:
-    """Opens a log by its ending."""
+def open_log(file: Path, names: set[str] = frozenset()) -> Log:
+    """Opens a log by its ending; `names` are the columns that the mapping asks for."""
     if not file.exists():
         raise ImportFailed(f"{file}: there is no such file")
     reader = read_rosbag if file.is_dir() else READERS.get(file.suffix.lower())
     if reader is None:
         raise ImportFailed(f"{file}: its ending is none of {', '.join(sorted(READERS))}, nor is it a folder of ROS 2")
     try:
-        return reader(file)
+        return reader(file, names)
     except ImportFailed:
         raise
     except Exception as error:  # Readers of foreign formats raise whatever they like.
-        raise ImportFailed(f"{file}: cannot be read ({type(error).__name__}: {error}); is it damaged?") from error
-
-
-def read_mapping(file: Path) -> dict:
-    """A mapping file, checked."""
-    try:
-        import tomllib
-    except ImportError:  # Python 3.10
-        tomllib = load_tomli()
-    try:
-        mapping = tomllib.loads(file.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ImportFailed(f"{file}: {error.strerror}; see scripts/import_examples/") from error
-    except tomllib.TOMLDecodeError as error:
-        raise ImportFailed(f"{file}: {error}") from error
-    known = vocabulary()
-    columns = mapping.get("columns", {})
-    if not columns:
-        raise ImportFailed(f"{file}: no [columns.SIGNAL] in it; see scripts/import_examples/")
-    for name, column in columns.items():
-        if name not in known or name == "time":
-            near = get_close_matches(name, known, 1)
-            hint = f"; did you mean {near[0]}?" if near else f"; signals are {', '.join(known[1:])}"
-            raise ImportFailed(f"{file}: '{name}' is none of our signals{hint}")
-        check(file, f"columns.{name}", column, {"column", "unit", "factor", "offset", "sign", "quaternion"})
-    if "time" in mapping:
-        check(file, "time", mapping["time"], {"column", "unit"})
-    if unknown := mapping.keys() - {"rate", "time", "columns"}:
-        raise ImportFailed(f"{file}: '{min(unknown)}' is not known; there are rate, [time] and [columns.SIGNAL]")
-    rate = mapping.get("rate", 100)
-    if not isinstance(rate, (int, float)) or not 0 < rate <= 1e5:
-        raise ImportFailed(f"{file}: rate = {rate!r} is no number of samples a second")
-    return mapping
-
-
-def load_tomli():
-    try:
-        return importlib.import_module("tomli")
-    except ImportError as error:
-        raise ImportFailed("reading TOML needs Python 3.11, or the package tomli: pip install tomli") from error
-
-
-def check(file: Path, where: str, table, known: set[str]) -> None:
-    if not isinstance(table, dict) or not isinstance(table.get("column"), str):
-        raise ImportFailed(f'{file}: [{where}] needs column = "..."')
-    if unknown := table.keys() - known:
-        raise ImportFailed(f"{file}: [{where}] does not know '{min(unknown)}'; there are {', '.join(sorted(known))}")
-    if table.get("unit", "1") not in UNITS:
-        raise ImportFailed(f"{file}: [{where}] has the unit '{table['unit']}'; there are {', '.join(UNITS)}")
-    if table.get("sign", 1) not in (1, -1):
-        raise ImportFailed(f"{file}: [{where}] has sign = {table['sign']}; it is 1 or -1")
-    for key in ("factor", "offset"):
-        if not isinstance(table.get(key, 1.0), (int, float)):
-            raise ImportFailed(f"{file}: [{where}] has {key} = {table[key]!r}, which is no number")
+        raise ImportFailed(f"{file}: cannot be read ({said(error)}); is it damaged?") from error
 
 
 def yaw_of(quaternion: np.ndarray, name: str) -> np.ndarray:
@@ -354,38 +84,131 @@ def yaw_of(quaternion: np.ndarray, name: str) -> np.ndarray:
     return np.unwrap(np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
 
 
-def fetch(reader: Reader, file: Path, name: str) -> tuple[np.ndarray | None, np.ndarray]:
-    names, get = reader
-    if name not in names:
-        near = get_close_matches(name, names, 3, 0.4)
-        hint = f"; there is {', '.join(near)}" if near else ""
-        raise ImportFailed(f"{file}: there is no '{name}'{hint} (--list shows all)")
-    return get(name)
+def fetch(log: Log, mapping_file: Path, key: str, name: str) -> Series:
+    """A column that the mapping asks for."""
+    try:
+        if name in log.broken:
+            raise ImportFailed(log.broken[name])
+        return log.get(name)
+    except Exception as error:  # Readers of foreign formats raise whatever they like.
+        words = f'{mapping_file}: [{key}] column = "{name}" cannot be read from {log.file}: {said(error)}'
+        raise ImportFailed(words) from error
 
 
-def series_of(reader: Reader, file: Path, mapping: dict) -> dict[str, Series]:
+def clock_of(log: Log, mapping_file: Path, mapping: dict, rate: float | None) -> np.ndarray | float | None:
+    """The time of a table's rows in seconds, or their constant rate; None where each column has its own clock."""
+    table = mapping.get("time", {})
+    rate = rate if rate is not None else table.get("rate")
+    if rate is not None and log.clock is None:
+        raise ImportFailed(f"{log.file}: it has its own clock; a constant rate is for tables without one")
+    if rate is not None and "column" in table:
+        raise ImportFailed(f"{mapping_file}: [time] names a column, and a constant rate is given; it is one of both")
+    if rate is not None or log.clock is None:
+        return rate
+    if "column" not in table:
+        near = [f'"{name}"' for name in log.names if looks_like_time(name)]
+        hint = f" (there is {', '.join(near[:3])})" if near else ""
+        raise ImportFailed(
+            f"{mapping_file}: the columns of {log.file} have no clock: name the column of time in [time]{hint}, "
+            "or give a constant rate: --rate HZ"
+        )
+    name = resolve(log, mapping_file, "time", table["column"])
+    try:
+        times = log.clock(name, unit_of(table["unit"]) if "unit" in table else None)
+    except ImportFailed as error:
+        raise ImportFailed(f"{mapping_file}: {error}") from error
+    steps = np.diff(times[np.isfinite(times)])
+    if len(steps) == 0:
+        raise ImportFailed(
+            f'{mapping_file}: [time] column = "{name}" of {log.file} holds {np.isfinite(times).sum()} times'
+        )
+    step = float(np.median(steps))
+    if step == 0.0:
+        raise ImportFailed(
+            f'{mapping_file}: [time] column = "{name}": most of its time stamps repeat, it is too coarse for its rate; '
+            "leave [time] out and give a constant rate: --rate HZ"
+        )
+    if step > 1.0 or 0 < step < 2e-5:
+        log.notes.append(f"the rows of '{name}' are {step:.6g} s apart: is its unit right? [time] unit = \"ms\" is one")
+    return times
+
+
+def in_order(time: np.ndarray, where: str, notes: list[str]) -> np.ndarray:
+    """The order of rows by time. A clock that starts anew is another drive: rows of both must not be mixed."""
+    steps = np.diff(time)
+    back = np.flatnonzero(steps < 0)
+    if len(back) == 0:
+        return np.arange(len(time))
+    usual = float(np.median(np.abs(steps)))
+    far = back[steps[back] < -max(1.0, 10 * usual)]
+    if len(far):
+        row = int(far[0])
+        raise ImportFailed(
+            f"{where}: time goes back from {time[row]:.9g} s to {time[row + 1]:.9g} s after {row + 1} samples: a clock "
+            "that starts anew is another drive; split the log there"
+        )
+    note = f"{len(back)} time stamps go back a little: rows are sorted by time"
+    notes.extend([note] if note not in notes else [])
+    return np.argsort(time, kind="stable")
+
+
+def unit_for(log: Log, key: str, name: str, table: dict) -> str:
+    """The unit of a column: the mapping's; else the file's, and said."""
+    given = unit_of(table["unit"]) if "unit" in table else None
+    by_file = unit_of(log.units[name]) if log.units.get(name) else None
+    if by_file in (None, "1"):
+        return given or "1"
+    if given is not None:
+        if UNITS[given] != UNITS[by_file]:
+            log.notes.append(f"{key}: the file says that '{name}' is in {by_file}; the mapping's {given} is taken")
+        return given
+    if "factor" in table and UNITS[by_file] != 1.0:
+        raise ImportFailed(
+            f"[{key}]: '{name}' is in {by_file}, as the file says, and the mapping has a factor and no unit: write "
+            f'unit = "{by_file}" (the factor comes on top of it), or unit = "1" if the factor converts it'
+        )
+    if UNITS[by_file] != 1.0:
+        log.notes.append(f"{key}: '{name}' is in {by_file}, as the file says; converted")
+    return by_file
+
+
+def series_of(log: Log, mapping_file: Path, mapping: dict, rate: float | None = None) -> dict[str, Series]:
     """The mapped signals, in our units, each on its clock."""
-    clock = None
-    if "time" in mapping:
-        table = mapping["time"]
-        _, clock = fetch(reader, file, table["column"])
-        clock = np.ravel(clock) * UNITS[table.get("unit", "s")]
+    clock = clock_of(log, mapping_file, mapping, rate)
     found = {}
-    for name, table in mapping["columns"].items():
-        time, values = fetch(reader, file, table["column"])
-        time = clock if time is None else time
-        if time is None:
-            raise ImportFailed(f"{file}: its columns have no clock; name the column of time in [time]")
-        values = yaw_of(values, table["column"]) if table.get("quaternion") else np.ravel(values)
+    for signal, table in mapping["columns"].items():
+        key = f"columns.{signal}"
+        name = resolve(log, mapping_file, key, table["column"])
+        series = fetch(log, mapping_file, key, name)
+        where = f'{mapping_file}: [{key}] column = "{name}"'
+        values = series.values
+        if table.get("quaternion"):
+            values = yaw_of(values, name)
+        elif values.ndim == 2 and min(values.shape) > 1:
+            raise ImportFailed(
+                f"{where}: it is a matrix of {values.shape[0]} x {values.shape[1]}; name one of its columns"
+            )
+        values = np.ravel(values)
+        if signal in ("steer", "steer_cmd") and is_steering_wheel(name) and table.get("factor", 1.0) == 1.0:
+            raise ImportFailed(
+                f"{where}: by its name it is the angle of the steering wheel, and {signal} is that of the road wheels; "
+                "give factor = 1 / steering ratio"
+            )
+        time = series.time if series.time is not None else clock
+        if isinstance(time, (int, float)):
+            time = np.arange(len(values)) / time
         if len(time) != len(values):
-            raise ImportFailed(f"{file}: '{table['column']}' has {len(values)} values and its clock {len(time)}")
-        values = values * UNITS[table.get("unit", "1")]
+            raise ImportFailed(f"{where}: it has {len(values)} values and its clock {len(time)}")
+        try:
+            values = values * UNITS[unit_for(log, key, name, table)]
+        except ImportFailed as error:
+            raise ImportFailed(f"{mapping_file}: {error}") from error
         values = table.get("sign", 1) * (table.get("factor", 1.0) * values + table.get("offset", 0.0))
         known = np.isfinite(time) & np.isfinite(values)
         if known.sum() < 2:
-            raise ImportFailed(f"{file}: '{table['column']}' holds {known.sum()} numbers; a drive has more")
-        order = np.argsort(time[known], kind="stable")
-        found[name] = Series(time[known][order], values[known][order])
+            raise ImportFailed(f"{where}: it holds {known.sum()} numbers in {log.file}; a drive has more")
+        order = in_order(time[known], f"{mapping_file}: {log.file}", log.notes)
+        found[signal] = Series(time[known][order], values[known][order])
     return found
 
 
@@ -423,34 +246,83 @@ def write(file: Path, time: np.ndarray, columns: dict[str, np.ndarray]) -> None:
             rows.writerow(["" if math.isnan(value) else f"{value:.9g}" for value in row])
 
 
-def convert(file: Path, mapping_file: Path, out: Path) -> str:
-    """Brings one log in; a sentence on it."""
+def convert(file: Path, mapping_file: Path, out: Path, rate: float | None = None) -> str:
+    """Brings one log in; sentences on it."""
     mapping = read_mapping(mapping_file)
-    found = series_of(open_log(file), file, mapping)
+    log = open_log(file, wanted(mapping))
+    found = series_of(log, mapping_file, mapping, rate)
     time, columns = on_one_clock(found, mapping.get("rate"))
     # Numbers of a clock that counts from 1970 are long and say nothing.
     time = time - time[0]
     write(out, time, columns)
     missing = [name for name in ("steer_cmd", "vx", "yaw_rate") if name not in columns]
     note = f"; without {', '.join(missing)}" if missing else ""
-    return f"{out}: {len(time)} rows, {time[-1]:.1f} s, {', '.join(columns)}{note}"
+    lines = [f"{out}: {len(time)} rows, {time[-1]:.1f} s, {', '.join(columns)}{note}"]
+    lines += [f"note: {words}" for words in log.notes]
+    taken = {log.aliases.get(name, name) for name in wanted(mapping)}
+    lines += [f"left out: '{name}' cannot be read: {why}" for name, why in log.broken.items() if name not in taken]
+    for suggestion in suggestions(log, vocabulary()):
+        if suggestion.signal not in columns and suggestion.column not in taken:
+            lines += [f"not in the mapping: {suggestion.words()}; the entry would be", *indented(suggestion.entry())]
+    return "\n".join(lines)
+
+
+def indented(text: str) -> list[str]:
+    return [f"    {line}" for line in text.split("\n")]
+
+
+def list_log(options: argparse.Namespace) -> None:
+    """Shows what a log holds, on the terminal or as JSON."""
+    mapping = read_mapping(options.mapping) if options.mapping else {"columns": {}}
+    log = open_log(options.log, wanted(mapping))
+    name, times = None, None
+    if options.rate is None and "rate" not in mapping.get("time", {}):
+        table = mapping.get("time", {})
+        column = resolve(log, options.mapping, "time", table["column"]) if table else None
+        name, times = listing.table_clock(log, column, unit_of(table["unit"]) if "unit" in table else None)
+    rate = options.rate or mapping.get("time", {}).get("rate")
+    found, broken = listing.entries(log, times, name)
+    if rate is not None and log.clock is not None:
+        for entry in found:
+            entry.rate = float(rate)
+    if name is not None:
+        log.notes.append(f"rates are those of the time column '{name}'")
+    suggested = suggestions(log, vocabulary())
+    if options.json is None or str(options.json) != "-":
+        print(listing.as_text(found, broken, log.notes, suggested, name))
+    if options.json is not None:
+        text = listing.as_json(log, found, broken, suggested)
+        if str(options.json) == "-":
+            sys.stdout.write(text)
+        else:
+            options.json.write_text(text, encoding="utf-8")
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("log", type=Path, help="MF4, Parquet, MATLAB or CSV file, or a ROS bag (file or folder)")
     parser.add_argument("mapping", type=Path, nargs="?", help="mapping file (TOML)")
-    parser.add_argument("-o", "--out", type=Path, help="drive log to write, .csv or .csv.gz (default: LOG.csv)")
+    parser.add_argument("-o", "--out", type=Path, help="drive log to write, .csv or .csv.gz (default: LOG.drive.csv)")
     parser.add_argument("--list", action="store_true", help="show what the file holds")
+    parser.add_argument(
+        "--json", type=Path, metavar="FILE", help="with --list: write the list as JSON (- is the terminal)"
+    )
+    parser.add_argument("--rate", type=float, metavar="HZ", help="constant rate of a table that has no column of time")
     options = parser.parse_args()
     if not options.list and options.mapping is None:
         parser.error("give a mapping file, or --list")
+    if options.json and not options.list:
+        parser.error("--json belongs to --list")
     try:
+        if options.rate is not None:
+            check_rate("--rate", options.rate)
         if options.list:
-            print("\n".join(open_log(options.log)[0]))
+            list_log(options)
             return 0
         out = options.out or Path(options.log.stem.removesuffix(".csv") + ".drive.csv")
-        print(convert(options.log, options.mapping, out))
+        print(convert(options.log, options.mapping, out, options.rate))
+    except BrokenPipeError:  # The reader of the list has seen enough.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except (ImportFailed, OSError) as error:
         print(f"import_log: {error}", file=sys.stderr)
         return 1

@@ -1,0 +1,167 @@
+"""Time stamps as seconds: numbers with a unit, Unix times, ISO 8601, dates with other separators, times of day."""
+
+from __future__ import annotations
+
+import re
+from datetime import date
+
+import numpy as np
+
+from importing.log import ImportFailed
+from importing.units import UNITS
+
+DAY = 86_400 * 10**9  # ns
+
+_ZONE = r"(?:\s*(?P<zone>Z|UTC|GMT|[+-]\d\d:?\d\d|[+-]\d\d))?"
+_CLOCK = r"(?P<h>\d{1,2})[:_.hH-](?P<min>\d{1,2})(?:[:_.m-](?P<s>\d{1,2})(?:(?P<point>[.,:_-])(?P<frac>\d{1,9}))?)?"
+_NOON = r"(?:\s*(?P<noon>[AaPp][Mm]))?"
+_BETWEEN = r"(?:\s*T|\s+|_|-|/|:|,\s*)"
+_YMD = r"(?P<a>\d{4})(?P<sep>[-_/.:])(?P<b>\d{1,2})(?P=sep)(?P<c>\d{1,2})"
+_DMY = r"(?P<a>\d{1,2})(?P<sep>[-_/.])(?P<b>\d{1,2})(?P=sep)(?P<c>\d{4})"
+_FORMS = [
+    re.compile(f"{_YMD}{_BETWEEN}{_CLOCK}{_NOON}{_ZONE}"),
+    re.compile(f"{_DMY}{_BETWEEN}{_CLOCK}{_NOON}{_ZONE}"),
+    # 20240423T133700.020, 20240423_133700_020, 20240423133700020
+    re.compile(
+        r"(?P<a>(?:19|20)\d\d)(?P<b>\d\d)(?P<c>\d\d)[T_ -]?(?P<h>\d\d)(?P<min>\d\d)(?P<s>\d\d)"
+        rf"(?:(?P<point>[.,_-]?)(?P<frac>\d{{1,9}}))?{_ZONE}"
+    ),
+    re.compile(r"(?P<h>\d{1,2}):(?P<min>\d\d):(?P<s>\d\d)(?:(?P<point>[.,:])(?P<frac>\d{1,9}))?" + _NOON),
+    # Stop watches: minutes and seconds.
+    re.compile(r"(?P<min>\d{1,3}):(?P<s>\d\d)(?P<point>[.,])(?P<frac>\d{1,9})"),
+]
+_COMPACT = re.compile(
+    r"(?:19|20)\d\d(?:0[1-9]|1[0-2])(?:0[1-9]|[12]\d|3[01])(?:[01]\d|2[0-3])[0-5]\d[0-5]\d(?:\d{3}|\d{6}|\.\d+)?"
+)
+
+
+def is_stamp(text: str) -> bool:
+    """Whether a field is a time stamp in words rather than a number."""
+    return any(form.fullmatch(text) for form in _FORMS[:2] + _FORMS[3:]) or (
+        _FORMS[2].fullmatch(text) is not None and (not text.isdigit() or is_compact(text))
+    )
+
+
+def is_compact(text: str) -> bool:
+    """Whether digits alone are a date and a time: 20240423133700020. As a number they would lose the milliseconds."""
+    return len(text) >= 14 and text[:14].isdigit() and _COMPACT.fullmatch(text) is not None
+
+
+def of_stamps(texts: list[str], where: str, line: list[int]) -> np.ndarray:
+    """Seconds since the first stamp. `where` names the column, `line` the line of each stamp."""
+    form = next((form for form in _FORMS if form.fullmatch(texts[0])), None)
+    if form is None:
+        raise ImportFailed(
+            f"{where}: '{texts[0]}' in line {line[0]} is neither a number nor a time stamp that is known "
+            "(ISO 8601, dates with - / . _ between, times of day)"
+        )
+    matches = []
+    for text, number in zip(texts, line):
+        match = form.fullmatch(text)
+        if match is None:
+            raise ImportFailed(f"{where}: '{text}' in line {number} is written otherwise than '{texts[0]}'")
+        matches.append(match.groupdict())
+    check_fractions(matches, where, texts)
+    dates = {(m.get("a"), m.get("b"), m.get("c")) for m in matches}
+    month_first = day_first(dates, form, where, matches[0])
+    days = {key: day_of(key, month_first, where) for key in dates}
+    zones = {bool(m.get("zone")) for m in matches}
+    if len(zones) > 1:
+        raise ImportFailed(f"{where}: some time stamps have a time zone and others have none")
+    stamps = [days[m.get("a"), m.get("b"), m.get("c")] * DAY + time_of_day(m, where) for m in matches]
+    times = np.array(stamps, dtype="int64")
+    if "a" not in form.groupindex:
+        # A time of day starts anew at midnight.
+        times = times + DAY * np.concatenate([[0], np.cumsum(np.diff(times) < -DAY // 2)])
+    return (times - times[0]) * 1e-9
+
+
+def check_fractions(matches: list[dict], where: str, texts: list[str]) -> None:
+    """Refuses `12_00_00_5` beside `12_00_00_20`: a counter of milliseconds or a decimal fraction cannot be told."""
+    if matches[0].get("point") in (".", ",", None, ""):
+        return
+    widths = {len(m["frac"]) for m in matches if m.get("frac")}
+    if len(widths) > 1:
+        raise ImportFailed(
+            f"{where}: the last figure of time stamps like '{texts[0]}' has {min(widths)} to {max(widths)} digits; "
+            "milliseconds and fractions of a second cannot be told apart"
+        )
+
+
+def day_first(dates: set, form: re.Pattern, where: str, first: dict) -> bool:
+    """For dates with the year last: whether the month comes first. It matters only if the day changes."""
+    if form is not _FORMS[1]:
+        return False
+    if any(int(b) > 12 for _, b, _ in dates):
+        return True
+    if any(int(a) > 12 for a, _, _ in dates) or first["sep"] == "." or len(dates) == 1:
+        return False
+    days, months = {a for a, _, _ in dates}, {b for _, b, _ in dates}
+    if len(days) > 1 and len(months) > 1:
+        raise ImportFailed(f"{where}: day and month of dates like '{first['a']}/{first['b']}' cannot be told apart")
+    return len(months) > 1
+
+
+def day_of(key: tuple, month_first: bool, where: str) -> int:
+    a, b, c = key
+    if a is None:
+        return 0
+    year, month, day = (a, b, c) if len(a) == 4 else (c, a, b) if month_first else (c, b, a)
+    try:
+        return (date(int(year), int(month), int(day)) - date(1970, 1, 1)).days
+    except ValueError as error:
+        raise ImportFailed(f"{where}: there is no day {year}-{month}-{day}") from error
+
+
+def time_of_day(m: dict, where: str) -> int:
+    """Nanoseconds since midnight, in UTC where the stamp has a zone."""
+    hour, minute, second = int(m.get("h") or 0), int(m["min"]), int(m.get("s") or 0)
+    if noon := m.get("noon"):
+        hour = hour % 12 + (12 if noon.lower() == "pm" else 0)
+    if hour > 24 or second > 60 or ("h" in m and minute > 59):
+        raise ImportFailed(f"{where}: there is no time {hour:02}:{minute:02}:{second:02}")
+    total = ((hour * 60 + minute) * 60 + second) * 10**9 + int((m.get("frac") or "0").ljust(9, "0"))
+    zone = m.get("zone") or ""
+    if zone[:1] in ("+", "-"):
+        digits = zone[1:].replace(":", "").ljust(4, "0")
+        ahead = (int(digits[:2]) * 60 + int(digits[2:])) * 60 * 10**9
+        total -= ahead if zone[0] == "+" else -ahead
+    return total
+
+
+# Unix times of 2001 to 2100, by what they count.
+_UNIX = {"s": (1e9, 4.2e9), "ms": (1e12, 4.2e12), "us": (1e15, 4.2e15), "ns": (1e18, 4.2e18)}
+
+
+def unix_unit(values: np.ndarray) -> str | None:
+    """What a Unix time counts; None if the numbers are none."""
+    known = values[np.isfinite(values)]
+    if len(known) == 0:
+        return None
+    return next((u for u, (low, high) in _UNIX.items() if low <= known.min() and known.max() < high), None)
+
+
+def is_days(values: np.ndarray) -> bool:
+    """Whether numbers are a spreadsheet's days since 1900, of 1982 to 2064: no log has a sample each microsecond."""
+    known = values[np.isfinite(values)]
+    if len(known) < 2 or known.min() < 30_000 or known.max() > 60_000:
+        return False
+    return 0 < float(np.median(np.diff(known))) < 2e-5
+
+
+def of_numbers(values: np.ndarray, given: str | None, by_file: str | None) -> tuple[np.ndarray, str]:
+    """Seconds of numbers, and a note on a unit that the mapping does not give."""
+    unit, note = given, ""
+    unix = unix_unit(values)
+    if unit is None and unix is not None:
+        unit, note = unix, f"Unix time in {unix}"
+        if by_file in UNITS and by_file != unix:
+            note += f" (the header says {by_file})"
+    elif unit is None and by_file is not None:
+        unit, note = by_file, f"in {by_file}, as the file says"
+    elif unit is None and is_days(values):
+        unit, note = "d", "days, as spreadsheets count"
+    # Less the first: a Unix time in nanoseconds does not fit a float.
+    known = values[np.isfinite(values)]
+    first = known[0] if (unix is not None or unit == "d") and len(known) else 0.0
+    return (values - first) * UNITS[unit or "s"], note
