@@ -9,7 +9,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// Makes the folder of a file, and tries whether the file can be written: before the work, not after it.
+/// Tries whether a file can be written: before the work, not after it. Nothing is left behind, no folder either.
 ///
 /// # Errors
 /// What is wrong; the caller names the file.
@@ -17,12 +17,20 @@ pub fn check_writable(file: &Path) -> io::Result<()> {
     if file.is_dir() {
         return Err(io::Error::new(io::ErrorKind::IsADirectory, "is a folder; name a file in it"));
     }
-    make_folder_of(file)?;
     if is_written_through(file) {
         // Opening a pipe would wait for its reader; a link's target may not be there yet.
         return Ok(());
     }
-    let draft = draft_of(file);
+    // Where the folder is to be made, the one above it counts.
+    let here = Path::new(".");
+    let above =
+        file.ancestors().skip(1).map(|folder| if folder.as_os_str().is_empty() { here } else { folder });
+    let folder = above.into_iter().find(|folder| folder.exists()).unwrap_or(here);
+    if !folder.is_dir() {
+        let words = format!("{} is no folder", folder.display());
+        return Err(io::Error::new(io::ErrorKind::NotADirectory, words));
+    }
+    let draft = folder.join(draft_of(file).file_name().unwrap_or_default());
     // A full disk takes a file, but nothing in it.
     let tried = File::create(&draft).and_then(|mut file| file.write_all(&[0; 4096]));
     let removed = std::fs::remove_file(&draft);
@@ -42,6 +50,7 @@ pub struct HeldFolder {
 /// # Errors
 /// What is wrong; the caller names the folder.
 pub fn hold_folder(folder: &Path) -> io::Result<HeldFolder> {
+    std::fs::create_dir_all(folder)?;
     check_writable(&folder.join("trial"))?;
     // Folders can be opened on Unix only, and not every file system knows locks: there runs are told apart by their user.
     let Ok(lock) = File::open(folder) else { return Ok(HeldFolder { _lock: None }) };
@@ -54,18 +63,14 @@ pub fn hold_folder(folder: &Path) -> io::Result<HeldFolder> {
     }
 }
 
-/// Makes the folder of a file.
-///
-/// # Errors
-/// It cannot be made.
-pub fn make_folder_of(file: &Path) -> io::Result<()> {
+fn make_folder_of(file: &Path) -> io::Result<()> {
     match file.parent().filter(|folder| !folder.as_os_str().is_empty()) {
         Some(folder) => std::fs::create_dir_all(folder),
         None => Ok(()),
     }
 }
 
-/// Writes a file by what `fill` makes of it.
+/// Writes a file, and its folder, by what `fill` makes of it.
 ///
 /// # Errors
 /// What `fill` says, or what is wrong with the file; the old file is then still there.
@@ -76,6 +81,7 @@ pub fn write_with<E: From<io::Error>>(
     if is_written_through(file) {
         return fill(&mut OpenOptions::new().write(true).create(true).truncate(true).open(file)?);
     }
+    make_folder_of(file)?;
     let draft = draft_of(file);
     let written = File::create(&draft).map_err(E::from).and_then(|mut to| {
         fill(&mut to)?;

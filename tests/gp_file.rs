@@ -33,7 +33,7 @@ fn truck_model() -> &'static TruckGpModel {
     MODEL.get_or_init(learned)
 }
 
-fn file() -> &'static [u8] {
+pub fn file() -> &'static [u8] {
     static FILE: OnceLock<Vec<u8>> = OnceLock::new();
     FILE.get_or_init(|| model().to_bytes().unwrap())
 }

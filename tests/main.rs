@@ -5,6 +5,7 @@
 
 mod closed_loop;
 mod command;
+mod command_line;
 mod common;
 mod control_allocations;
 mod control_bank;
@@ -50,6 +51,7 @@ mod fmi_state_machine;
 mod fmi_state_restore;
 mod fmi_threads;
 mod fmu_rfl_mpc;
+mod fuzz;
 mod gp_exact;
 mod gp_file;
 mod gp_hyperparameters;
@@ -73,6 +75,7 @@ mod nmpc_tracking;
 mod other_vehicle;
 mod outputs;
 mod path_commands;
+mod path_copies;
 mod path_courses;
 mod path_geodetic;
 mod path_no_allocation;

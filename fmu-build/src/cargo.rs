@@ -186,7 +186,32 @@ pub fn dependencies(project: &Path, package: &str) -> Result<Vec<Dependency>, Ca
         };
         found.insert((name.to_owned(), version.to_owned()), dependency);
     }
-    Ok(found.into_values().collect())
+    Ok(std::iter::once(standard_library()).chain(found.into_values()).collect())
+}
+
+/// Rust's standard library, which every library of ours holds: with the texts that the toolchain brings. Where the toolchain brings
+/// none, the entry says whose work it is.
+fn standard_library() -> Dependency {
+    let rustc = |arguments: &[&str]| {
+        let command = std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
+        let told = Command::new(command).args(arguments).output().ok().filter(|told| told.status.success());
+        told.map(|told| String::from_utf8_lossy(&told.stdout).trim().to_owned()).unwrap_or_default()
+    };
+    let folder = Path::new(&rustc(&["--print", "sysroot"])).join("share/doc/rust");
+    let texts = [
+        "COPYRIGHT-library.html",
+        "licenses/MIT.txt",
+        "licenses/Apache-2.0.txt",
+        "licenses/LLVM-exception.txt",
+    ];
+    Dependency {
+        name: "std".to_owned(),
+        version: rustc(&["--version"]).split(' ').nth(1).unwrap_or("unknown").to_owned(),
+        license: "MIT OR Apache-2.0; its unwinder, where it is linked in (LLVM's libunwind): Apache-2.0 WITH LLVM-exception"
+            .to_owned(),
+        repository: "https://github.com/rust-lang/rust".to_owned(),
+        files: texts.map(|text| folder.join(text)).into_iter().filter(|file| file.is_file()).collect(),
+    }
 }
 
 /// Files of a crate that state its licence, sorted.

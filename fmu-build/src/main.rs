@@ -8,7 +8,7 @@ use fmu_build::fmu::{Fmu, Options};
 use fmu_build::package::Package;
 use fmu_build::shipped;
 use fmu_build::system::System;
-use rfl_mpc::output::{make_folder_of, write_bytes};
+use rfl_mpc::output::write_bytes;
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -141,7 +141,6 @@ fn write_descriptions(project: &Path, all: &[Fmu]) -> Result<(), Box<dyn Error>>
         let xml = describe(&fmu.declaration);
         let same = std::fs::read_to_string(&path).is_ok_and(|old| old == xml);
         if !same {
-            make_folder_of(&path)?;
             write_bytes(&path, xml)?;
         }
         println!("{} {}", if same { "unchanged" } else { "written  " }, fmu.description);

@@ -3,7 +3,7 @@
 //! The same content gives the same bytes: entries are sorted and carry the earliest date that a zip can.
 
 use rfl_mpc::input;
-use rfl_mpc::output::{make_folder_of, write_bytes};
+use rfl_mpc::output::write_bytes;
 use std::collections::BTreeMap;
 use std::io::{Cursor, Read, Write};
 use std::path::{Path, PathBuf};
@@ -154,9 +154,7 @@ impl Package {
     /// As [`to_bytes`](Self::to_bytes), or if the file cannot be written.
     pub fn write(&self, path: &Path) -> Result<usize, PackageError> {
         let bytes = self.to_bytes()?;
-        make_folder_of(path)
-            .and_then(|()| write_bytes(path, &bytes))
-            .map_err(|source| PackageError::Write { path: path.to_owned(), source })?;
+        write_bytes(path, &bytes).map_err(|source| PackageError::Write { path: path.to_owned(), source })?;
         Ok(bytes.len())
     }
 }

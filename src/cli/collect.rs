@@ -38,8 +38,8 @@ pub struct CollectArgs {
     #[arg(long = "set", value_name = "NAME=VALUE")]
     settings: Vec<String>,
     /// Number of drives, each with a dither of its own
-    #[arg(long, default_value_t = 3)]
-    runs: usize,
+    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    runs: u32,
     /// Learned model (from rfl train) to drive with, at the weights for driving: a second round, near the drives to come
     #[arg(long, value_name = "FILE")]
     residual: Option<PathBuf>,
@@ -81,7 +81,7 @@ fn collect<P: Commanded<S, C>, const S: usize, const C: usize>(
         let again = P::SETTING.again.filter(|_| args.residual.is_some());
         setup.controller.mpc.dither =
             args.dither.unwrap_or_else(|| again.map_or(P::SETTING.dither, |again| again.dither));
-        setup.controller.mpc.dither_seed = args.seed + run;
+        setup.controller.mpc.dither_seed = args.seed + run as usize;
         let sample_time = setup.controller.mpc.sample_time;
         let bar = progress_bar("collecting", setup.path.length(), args.quiet);
         let model = match &args.residual {

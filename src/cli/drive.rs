@@ -190,7 +190,7 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> Setup<P, S, C> {
     /// As [`new`](Self::new), on a road that is read already.
     pub fn on(path: Arc<Path>, vehicle: &str, settings: &[String]) -> Result<Self, Box<dyn Error>> {
         for note in path.notes() {
-            eprintln!("{}: {note}", if note.warning { "warning" } else { "note" });
+            warn!("{}: {note}", if note.warning { "warning" } else { "note" });
         }
         let vehicle: P::Parameters = vehicle_named(vehicle)?;
         let controller = P::controller(&vehicle);
@@ -290,7 +290,7 @@ fn drive<P: Commanded<S, C>, const S: usize, const C: usize>(
     }
     args.settings.iter().try_for_each(|text| setup.apply(text))?;
     if let Some(warning) = setup.controller.too_tight::<S>(&setup.path) {
-        eprintln!("warning: {warning}");
+        warn!("warning: {warning}");
     }
     let (variant, model) = model.choose(&setup.controller)?;
     let sample_time = setup.controller.mpc.sample_time;

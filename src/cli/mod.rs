@@ -9,6 +9,11 @@ macro_rules! say {
     ($($words:tt)*) => { $crate::cli::line(format_args!($($words)*)) };
 }
 
+/// Says a line on standard error; that nobody reads it is no reason to end.
+macro_rules! warn {
+    ($($words:tt)*) => { $crate::cli::warning(format_args!($($words)*)) };
+}
+
 pub mod collect;
 pub mod course;
 pub mod diagnose;
@@ -29,7 +34,7 @@ pub mod tune;
 mod vehicle;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use progress::progress_bar;
 use std::error::Error;
 use std::process::ExitCode;
@@ -101,15 +106,24 @@ impl Cli {
 /// The program: reads the command line, runs the command, reports an error.
 #[must_use]
 pub fn main() -> ExitCode {
-    match Cli::parse().run() {
+    // Numbers may be negative, in every command: `--runs -1` is a wrong number, and no option `-1`.
+    let command = Cli::command().mut_subcommands(|command| command.allow_negative_numbers(true));
+    let cli = Cli::from_arg_matches(&command.get_matches()).unwrap_or_else(|error| error.exit());
+    match cli.run() {
         Ok(status) => status,
         // Who reads our output has read enough (`rfl path road.csv | head -1`).
         Err(error) if is_broken_pipe(error.as_ref()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {error}");
+            warn!("error: {error}");
             ExitCode::FAILURE
         }
     }
+}
+
+/// What `warn!` does.
+fn warning(words: std::fmt::Arguments) {
+    use std::io::Write;
+    let _ = writeln!(std::io::stderr(), "{words}");
 }
 
 /// What `say!` does. A full disk is a failure, a reader that has gone is none.
@@ -117,7 +131,7 @@ fn line(words: std::fmt::Arguments) {
     use std::io::Write;
     if let Err(error) = writeln!(std::io::stdout(), "{words}") {
         if !is_broken_pipe(&error) {
-            eprintln!("error: standard output: {error}");
+            warn!("error: standard output: {error}");
             std::process::exit(1);
         }
         std::process::exit(0);

@@ -10,7 +10,7 @@ fn named(file: &Path, error: impl Display) -> Box<dyn Error> {
     format!("{}: {error}", file.display()).into()
 }
 
-/// Makes the folder of a file, and tries whether the file can be written: before the work, not after it.
+/// Tries whether a file can be written: before the work, not after it.
 ///
 /// # Errors
 /// The file with what is wrong.

@@ -148,9 +148,12 @@ pub fn write_vehicle<V: VehicleParameters>(
     write(file, text.as_bytes())
 }
 
-/// A name in the new file's own folder for a file that lay anywhere: `../tyres/car.tir` becomes `tyres_car.tir`. Nothing is written
-/// outside the folder that the user named.
+/// A place in the new file's own folder for a file that lay anywhere: `../tyres/car.tir` becomes `tyres_car.tir`, `tyres/car.tir` stays.
+/// Nothing is written outside the folder that the user named.
 fn beside(file: &str) -> String {
+    if Path::new(file).components().all(|part| matches!(part, Component::Normal(_))) {
+        return file.to_owned();
+    }
     let parts = Path::new(file).components().filter_map(|part| match part {
         Component::Normal(name) => name.to_str(),
         _ => None,

@@ -10,7 +10,6 @@ use super::life::Life;
 use super::refusal::Refusal;
 use super::value::Values;
 use super::variable::Variable;
-use crate::finite::check_finite;
 use serde::{Deserialize, Serialize};
 
 const MARK: &[u8; 8] = b"RFLFMUST";
@@ -75,7 +74,6 @@ impl Snapshot {
         {
             return Err(Refusal::DamagedState { what: "its values do not fit this FMU's variables" });
         }
-        check_finite(&snapshot).map_err(|error| Refusal::StateContent { message: error.to_string() })?;
         Ok(snapshot)
     }
 }

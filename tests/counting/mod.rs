@@ -9,12 +9,17 @@ struct Counting;
 thread_local! {
     static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
     static BYTES: Cell<isize> = const { Cell::new(0) };
+    static MOST: Cell<isize> = const { Cell::new(0) };
 }
 
 fn count(allocations: usize, bytes: isize) {
     // A thread that is ending has no counters any more, and nobody who asks for them.
     let _ = ALLOCATIONS.try_with(|counter| counter.set(counter.get() + allocations));
-    let _ = BYTES.try_with(|counter| counter.set(counter.get() + bytes));
+    let now = BYTES.try_with(|counter| {
+        counter.set(counter.get() + bytes);
+        counter.get()
+    });
+    let _ = MOST.try_with(|most| most.set(most.get().max(now.unwrap_or(0))));
 }
 
 // SAFETY: every call goes to the system's allocator with the arguments unchanged; counting touches const-initialised
@@ -43,9 +48,23 @@ pub fn allocated(work: impl FnOnce()) -> (usize, isize) {
     (ALLOCATIONS.get() - before.0, BYTES.get() - before.1)
 }
 
+/// Most bytes that `work` holds at once in this thread.
+pub fn peak(work: impl FnOnce()) -> isize {
+    let before = BYTES.get();
+    MOST.set(before);
+    work();
+    MOST.get() - before
+}
+
 #[test]
 fn the_counter_counts() {
     let mut kept = None;
     assert_eq!(allocated(|| kept = Some(std::hint::black_box(vec![1_u8; 100]))), (1, 100));
     assert_eq!(allocated(|| drop(kept)), (0, -100));
+    let both = || {
+        for size in [500, 300] {
+            drop(std::hint::black_box(vec![1_u8; size]));
+        }
+    };
+    assert_eq!(peak(both), 500);
 }

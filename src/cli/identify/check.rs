@@ -119,7 +119,7 @@ pub(super) fn print(rows: &[Row]) -> bool {
         );
     }
     for row in rows.iter().filter(|row| row.known.worse_than(row.left)) {
-        eprintln!(
+        warn!(
             "warning: knowing it does not drive better on the plant {}: {} m against {} m of the vehicle file as it is",
             row.plant,
             row.known.words(),

@@ -14,7 +14,7 @@ const GAIN_ODD: f64 = 0.2;
 pub(super) fn print(found: &Found, args: &IdentifyArgs) {
     for finding in &found.findings {
         let gravity = if finding.gravity == Gravity::Note { "note" } else { "warning" };
-        eprintln!("{gravity}: {}", finding.words);
+        warn!("{gravity}: {}", finding.words);
     }
     let Some(steering) = &found.steering else { return };
     say!("{:<15} {:>10} {:>23}  90 % interval", "", "value", "");
@@ -59,13 +59,13 @@ fn notes(found: &Found, steering: &IdentifiedSteering, args: &IdentifyArgs) {
             .collect();
         let more = steering.left_out.len().saturating_sub(NAMED);
         let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-        eprintln!("note: values that stand out were left out: {}{more}", named.join(", "));
+        warn!("note: values that stand out were left out: {}{more}", named.join(", "));
     }
     if let Some(limit) = steering.rate_limit {
-        eprintln!("note: the angle's rate is limited to {limit:.3} rad/s: rows at the limit were left out");
+        warn!("note: the angle's rate is limited to {limit:.3} rad/s: rows at the limit were left out");
     }
     if steering.between == Between::Line {
-        eprintln!(
+        warn!(
             "note: commands between rows lie on a line: they are recorded more slowly than they are given; record \
              {} at the controller's rate",
             crate::signal::STEER_CMD.name
@@ -73,18 +73,18 @@ fn notes(found: &Found, steering: &IdentifiedSteering, args: &IdentifyArgs) {
     }
     let gain = steering.gain.value;
     if gain < 0.0 {
-        eprintln!(
+        warn!(
             "warning: the response has the opposite sign of the command: steering is positive to the left in both"
         );
     } else if !args.by_yaw_rate && (gain - 1.0).abs() > GAIN_ODD {
-        eprintln!(
+        warn!(
             "note: the angle is {gain:.4} times the command (1 to {:.2}): is one of them in degrees, or at the steering \
              wheel?",
             1.0 / gain
         );
     }
     if args.by_yaw_rate {
-        eprintln!(
+        warn!(
             "note: seen through the vehicle's linear model: relaxation of tyres, roll and the sensor's latency are in dead \
              time and lag, wrong stiffness is in the gain, a bias of the yaw rate in the offset"
         );

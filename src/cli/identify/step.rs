@@ -83,7 +83,7 @@ pub(super) fn models<V: LateralVehicle<S>, const S: usize>(
             Ok(fit) => found.push((model, fit)),
             // The first has the most freedom: where it finds nothing, there is nothing.
             Err(error) if found.is_empty() => return Err(wrong(error)),
-            Err(error) => eprintln!("note: {}: {error}", model.name()),
+            Err(error) => warn!("note: {}: {error}", model.name()),
         }
     }
     Ok(found)
@@ -259,7 +259,7 @@ pub(super) fn report(step: &Step, found: &[(DelayModel, IdentifiedActuator)], ar
     }
     if let Some((_, best)) = found.first() {
         if !args.by_yaw_rate && (best.gain - 1.0).abs() > GAIN_ODD {
-            eprintln!(
+            warn!(
                 "note: the {what} settles at {:.3} of the command: is one of them in degrees, or at the steering wheel?",
                 best.gain
             );
@@ -268,7 +268,7 @@ pub(super) fn report(step: &Step, found: &[(DelayModel, IdentifiedActuator)], ar
         let left = last.map_or(0.0, |k| step.time[step.time.len() - 1] - step.time[k]);
         let needed = best.actuator.dead_time + SETTLED * best.actuator.time_constant;
         if left < needed {
-            eprintln!(
+            warn!(
                 "note: the record ends {left:.2} s after the command's last change, before the {what} has settled ({needed:.2} \
                  s): record longer, what was found is uncertain"
             );
