@@ -1,7 +1,8 @@
 //! The closed loop of controller and car: how well it tracks, that it does so again, and what it survives.
 
+use crate::unit::{Silent, Unit};
 use rfl_mpc::control::{Controller, ControllerParameters};
-use rfl_mpc::fmi::{Context, Log, Model, Severity, Value, Values};
+use rfl_mpc::fmi::{Model, Value};
 use rfl_mpc::fmu::{PassengerCar, RflMpc};
 use rfl_mpc::path::sudoku::Route;
 use rfl_mpc::path::{Closure, Path};
@@ -114,35 +115,6 @@ fn the_communication_step_hardly_matters() {
     for (k, row) in coarse.rows.iter().enumerate() {
         let other = &fine.rows[4 * k];
         assert!((row[3] - other[3]).abs() < 1e-6 && (row[4] - other[4]).abs() < 1e-6, "at {} s", row[0]);
-    }
-}
-
-struct Silent;
-
-impl Log for Silent {
-    fn log(&mut self, _severity: Severity, _category: &'static str, _message: &str) {}
-}
-
-/// An FMI unit with its values, as an FMI host handles it.
-struct Unit<M: Model> {
-    model: M,
-    values: Values,
-}
-
-impl<M: Model> Unit<M> {
-    fn new(settings: &[(&str, Value)]) -> Self {
-        let declaration = M::declaration();
-        let mut values = Values::starting_from(&declaration.variables);
-        for (name, value) in settings {
-            values.set_by_host(declaration.find(name).unwrap(), value.clone());
-        }
-        let mut model = M::new();
-        model.initialize(&mut values, 0.0, &Context::default(), &mut Silent).unwrap();
-        Self { model, values }
-    }
-
-    fn real(&self, name: &str) -> f64 {
-        self.values.real(M::declaration().find(name).unwrap())
     }
 }
 

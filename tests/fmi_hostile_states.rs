@@ -3,54 +3,39 @@
 //!
 //! `RFL_FUZZ=N` tries N states of each unit (default 150).
 
-use rfl_mpc::fmi::{Causality, Context, Log, Model, Severity, Value, Values};
+use crate::unit::{Silent, Unit};
+use rfl_mpc::fmi::{Causality, Model, Value};
 use rfl_mpc::fmu::{PlantFmu, RflMpc, TruckRflMpc};
 use rfl_mpc::residual::Random;
 use rfl_mpc::vehicle::{Car, Truck};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::{Duration, Instant};
 
-struct Silent;
-
-impl Log for Silent {
-    fn log(&mut self, _: Severity, _: &'static str, _: &str) {}
-}
-
 /// A unit under way, and what it is driven with.
-struct Unit<M: Model> {
-    model: M,
-    values: Values,
+struct UnderWay<M: Model> {
+    unit: Unit<M>,
     inputs: Vec<(usize, f64)>,
     reals: Vec<usize>,
 }
 
 const STEP: f64 = 0.02;
 
-impl<M: Model> Unit<M> {
+impl<M: Model> UnderWay<M> {
     fn new(settings: &[(&str, Value)]) -> Self {
+        let unit = Unit::<M>::new(settings);
         let declaration = M::declaration();
-        let mut values = Values::starting_from(&declaration.variables);
-        for (name, value) in settings {
-            values.set_by_host(declaration.find(name).unwrap(), value.clone());
-        }
         let of = |causality: Causality| {
             let variables = declaration.variables.iter().enumerate();
             variables.filter(move |(_, v)| v.causality == causality).map(|(vr, _)| vr)
         };
-        let is_real = |vr: &usize| matches!(values.get(*vr), Some(Value::Real(_)));
-        let inputs = of(Causality::Input).filter(is_real).map(|vr| (vr, 0.0)).collect();
+        let is_real = |vr: &usize| matches!(unit.values.get(*vr), Some(Value::Real(_)));
+        let start = |vr: usize| match declaration.variables[vr].name.as_ref() {
+            name @ ("x" | "y" | "yaw") => unit.real(&format!("start.{name}")),
+            _ => 0.0,
+        };
+        let inputs = of(Causality::Input).filter(is_real).map(|vr| (vr, start(vr))).collect();
         let reals = of(Causality::Output).filter(is_real).collect();
-        let mut unit = Self { model: M::new(), values, inputs, reals };
-        unit.model.initialize(&mut unit.values, 0.0, &Context::default(), &mut Silent).unwrap();
-        let start = |name: &str| declaration.find(name).map(|vr| unit.values.real(vr));
-        let begin = [("x", "start.x"), ("y", "start.y"), ("yaw", "start.yaw")]
-            .map(|(input, of)| (declaration.find(input), start(of)));
-        for (vr, value) in begin {
-            if let Some(input) = unit.inputs.iter_mut().find(|input| Some(input.0) == vr) {
-                input.1 = value.unwrap();
-            }
-        }
-        unit
+        Self { unit, inputs, reals }
     }
 
     /// Steps on with inputs that vary; what is not a number ends it.
@@ -58,13 +43,17 @@ impl<M: Model> Unit<M> {
         for k in from..from + steps {
             for (place, (vr, start)) in self.inputs.iter().enumerate() {
                 let wave = 0.05 * (0.3 * f64::from(k) + place as f64).sin();
-                self.values.set_by_host(*vr, Value::Real(start + wave));
+                self.unit.values.set_by_host(*vr, Value::Real(start + wave));
             }
-            if self.model.step(&mut self.values, f64::from(k) * STEP, STEP, &mut Silent).is_err() {
+            if self.unit.model.step(&mut self.unit.values, f64::from(k) * STEP, STEP, &mut Silent).is_err() {
                 return Ok(());
             }
-            if let Some(vr) = self.reals.iter().find(|vr| !self.values.real(**vr).is_finite()) {
-                return Err(format!("{} = {}", M::declaration().variables[*vr].name, self.values.real(*vr)));
+            if let Some(vr) = self.reals.iter().find(|vr| !self.unit.values.real(**vr).is_finite()) {
+                return Err(format!(
+                    "{} = {}",
+                    M::declaration().variables[*vr].name,
+                    self.unit.values.real(*vr)
+                ));
             }
         }
         Ok(())
@@ -93,10 +82,10 @@ fn change(bytes: &mut Vec<u8>, random: &mut Random) {
 
 fn survive<M: Model>(settings: &[(&str, Value)]) {
     let count = std::env::var("RFL_FUZZ").map_or(150, |count| count.parse().unwrap());
-    let mut unit = Unit::<M>::new(settings);
-    assert_eq!(unit.drive(0, 60), Ok(()));
+    let mut under_way = UnderWay::<M>::new(settings);
+    assert_eq!(under_way.drive(0, 60), Ok(()));
     let mut sound = Vec::new();
-    unit.model.save(&mut sound);
+    under_way.unit.model.save(&mut sound);
     assert!(M::check(&sound).is_ok());
     let (mut refused, mut taken) = (0, 0);
     for seed in 0..count {
@@ -104,10 +93,10 @@ fn survive<M: Model>(settings: &[(&str, Value)]) {
         change(&mut bytes, &mut Random::new(seed));
         let start = Instant::now();
         let outcome = catch_unwind(AssertUnwindSafe(|| {
-            if M::check(&bytes).and_then(|()| unit.model.restore(&bytes)).is_err() {
+            if M::check(&bytes).and_then(|()| under_way.unit.model.restore(&bytes)).is_err() {
                 return Ok(false);
             }
-            unit.drive(60, 30).map(|()| true)
+            under_way.drive(60, 30).map(|()| true)
         }));
         match outcome {
             Err(_) => panic!("state {seed} ends in a panic"),
@@ -120,8 +109,8 @@ fn survive<M: Model>(settings: &[(&str, Value)]) {
     println!("{refused} refused, {taken} taken");
     assert!(refused > count / 10 && taken > count / 10, "{refused} refused, {taken} taken");
     // The unit has suffered nothing that a sound state does not undo.
-    unit.model.restore(&sound).unwrap();
-    assert_eq!(unit.drive(60, 30), Ok(()));
+    under_way.unit.model.restore(&sound).unwrap();
+    assert_eq!(under_way.drive(60, 30), Ok(()));
 }
 
 fn road(file: &str) -> Value {
@@ -153,10 +142,10 @@ fn of_a_truck() {
 /// Each place that holds a number, with what is none: no state with it is taken.
 #[test]
 fn no_infinity_is_taken() {
-    let mut unit = Unit::<RflMpc>::new(&[("path_file", road("sudoku_test.csv"))]);
-    unit.drive(0, 60).unwrap();
+    let mut under_way = UnderWay::<RflMpc>::new(&[("path_file", road("sudoku_test.csv"))]);
+    under_way.drive(0, 60).unwrap();
     let mut sound = Vec::new();
-    unit.model.save(&mut sound);
+    under_way.unit.model.save(&mut sound);
     let mut numbers = 0;
     for at in 0..sound.len() - 8 {
         let was = f64::from_le_bytes(sound[at..at + 8].try_into().unwrap());
@@ -166,9 +155,9 @@ fn no_infinity_is_taken() {
         }
         let mut bytes = sound.clone();
         bytes[at..at + 8].copy_from_slice(&f64::INFINITY.to_le_bytes());
-        if RflMpc::check(&bytes).is_ok() && unit.model.restore(&bytes).is_ok() {
-            unit.drive(60, 10).unwrap_or_else(|what| panic!("byte {at}, before {was}: {what}"));
-            unit.model.restore(&sound).unwrap();
+        if RflMpc::check(&bytes).is_ok() && under_way.unit.model.restore(&bytes).is_ok() {
+            under_way.drive(60, 10).unwrap_or_else(|what| panic!("byte {at}, before {was}: {what}"));
+            under_way.unit.model.restore(&sound).unwrap();
         } else {
             numbers += 1;
         }

@@ -4,6 +4,7 @@
 //! `fmi_hostile_states.rs`.
 
 use crate::counting::peak;
+use crate::sealed::{parts, sealed};
 use rfl_mpc::log::{CleanLog, DriveLog};
 use rfl_mpc::path::{Options, Path};
 use rfl_mpc::residual::gp::GpModel;
@@ -194,20 +195,9 @@ fn vehicles_of_any_kind() {
     });
 }
 
-/// The checksum as documented: FNV-1a, 64 bits.
-fn fnv(bytes: &[u8]) -> u64 {
-    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, &b| (hash ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3))
-}
-
-/// A model's file whose first line fits its body again, so that damage reaches what lies behind the checksum.
-fn sealed(kind: &str, bytes: &[u8]) -> Vec<u8> {
-    let Some(end) = bytes.iter().position(|&byte| byte == b'\n') else { return bytes.to_vec() };
-    let head = String::from_utf8_lossy(&bytes[..end]);
-    let head: usize = head.split(' ').nth(2).and_then(|text| text.parse().ok()).unwrap_or(0);
-    let body = &bytes[end + 1..];
-    let head = head.min(body.len());
-    let line = format!("{kind} 1 {head} {} {:016x}\n", body.len() - head, fnv(body));
-    [line.as_bytes(), body].concat()
+/// A model's file whose first line fits its body again.
+fn resealed(kind: &str, bytes: &[u8]) -> Vec<u8> {
+    parts(bytes).map_or_else(|| bytes.to_vec(), |(head, numbers)| sealed(kind, head, numbers))
 }
 
 #[test]
@@ -222,13 +212,13 @@ fn models_of_any_kind() {
     fuzz(&[model(Kind::Rfl), model(Kind::RflS), model(Kind::Rt)], |bytes| {
         // As it comes, and with a right checksum.
         let whole = ResidualModel::from_bytes(bytes).is_ok();
-        whole | ResidualModel::from_bytes(&sealed("rfl-residual", bytes)).is_ok()
+        whole | ResidualModel::from_bytes(&resealed("rfl-residual", bytes)).is_ok()
     });
 }
 
 #[test]
 fn processes_of_any_kind() {
     fuzz(&[crate::gp_file::file().to_vec()], |bytes| {
-        GpModel::from_bytes(bytes).is_ok() | GpModel::from_bytes::<4>(&sealed("rfl-gp", bytes)).is_ok()
+        GpModel::from_bytes(bytes).is_ok() | GpModel::from_bytes::<4>(&resealed("rfl-gp", bytes)).is_ok()
     });
 }

@@ -38,23 +38,12 @@ pub fn file() -> &'static [u8] {
     FILE.get_or_init(|| model().to_bytes().unwrap())
 }
 
-/// The checksum as documented: FNV-1a, 64 bits.
-fn fnv(bytes: &[u8]) -> u64 {
-    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, &b| (hash ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3))
-}
-
-/// A file with a first line that fits its body, so that damage reaches what lies behind the checksum.
 fn sealed(head: &[u8], numbers: &[u8]) -> Vec<u8> {
-    let body = [head, numbers].concat();
-    let line = format!("rfl-gp 1 {} {} {:016x}\n", head.len(), numbers.len(), fnv(&body));
-    [line.as_bytes(), &body].concat()
+    crate::sealed::sealed("rfl-gp", head, numbers)
 }
 
 fn parts() -> (Vec<u8>, Vec<u8>) {
-    let end = file().iter().position(|&b| b == b'\n').unwrap();
-    let line = std::str::from_utf8(&file()[..end]).unwrap();
-    let head: usize = line.split(' ').nth(2).unwrap().parse().unwrap();
-    let (head, numbers) = file()[end + 1..].split_at(head);
+    let (head, numbers) = crate::sealed::parts(file()).unwrap();
     (head.to_vec(), numbers.to_vec())
 }
 

@@ -107,20 +107,22 @@ impl Package {
         for i in 0..zip.len() {
             let mut file = zip.by_index(i).map_err(archive)?;
             let name = file.name().map_err(archive)?.into_owned();
-            let (library, ordinary) = (name.starts_with("binaries/"), file.is_file() && !file.is_symlink());
-            if library && !file.is_dir() && !self.contains(&name) {
-                let mut content = Vec::new();
-                // What it says of its size need not be true.
-                (&mut file).take(LIBRARY + 1).read_to_end(&mut content).map_err(read)?;
-                if !ordinary || !is_library(&name) || content.len() as u64 > LIBRARY {
-                    return Err(PackageError::NoLibrary { path: fmu.to_owned(), name });
-                }
-                if !contains(&content, guid) {
-                    return Err(PackageError::OtherDescription { path: fmu.to_owned(), name });
-                }
-                self.add(name.clone(), content)?;
-                merged.push(name);
+            if file.is_dir() || !name.starts_with("binaries/") || self.contains(&name) {
+                continue;
             }
+            // A link, say.
+            let ordinary = file.is_file();
+            let mut content = Vec::new();
+            // What it says of its size need not be true.
+            (&mut file).take(LIBRARY + 1).read_to_end(&mut content).map_err(read)?;
+            if !ordinary || !is_library(&name) || content.len() as u64 > LIBRARY {
+                return Err(PackageError::NoLibrary { path: fmu.to_owned(), name });
+            }
+            if !contains(&content, guid) {
+                return Err(PackageError::OtherDescription { path: fmu.to_owned(), name });
+            }
+            self.add(name.clone(), content)?;
+            merged.push(name);
         }
         Ok(merged)
     }
