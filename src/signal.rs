@@ -161,6 +161,9 @@ signals! {
     STATION = "station" METRE "Length" nominal 100.0 in -1e7, 1e7; "Arc length along the path of the point nearest to the CG"
     CURVATURE = "curvature" PER_METRE "Curvature" nominal 0.01 in -10.0, 10.0; "Curvature of the path at the station, positive in left turns"
     CURVATURE_RATE = "curvature_rate" PER_METRE2 "CurvatureRate" nominal 0.001 in -10.0, 10.0; "Change of the curvature along the path at the station"
+    BANK = "bank" RADIAN "Angle" nominal 0.02 in -0.8, 0.8; "Bank of the road at the station, right side low positive"
+    GRADE = "grade" RADIAN "Angle" nominal 0.02 in -0.8, 0.8; "Grade of the road at the station, uphill positive"
+    FRICTION = "friction" ONE "FrictionFactor" nominal 1.0 in 0.01, 3.0; "Factor on the friction between tyres and road at the station"
 }
 
 /// Looks a signal up by name.

@@ -7,7 +7,7 @@ use super::report::Gap;
 use crate::control::{
     ControllerError, ControllerFor, ControllerParametersFor, PredictionModelFor, VehicleParameters,
 };
-use crate::log::CleanLog;
+use crate::log::{CleanLog, NotOnRoad};
 use crate::path::Path;
 use crate::simulate::{ClosedLoopFor, DriveError, STATION, SimulatedVehicle};
 use std::collections::BTreeMap;
@@ -15,8 +15,6 @@ use std::sync::Arc;
 
 /// Length of a stretch, m.
 const STRETCH: f64 = 1.0;
-/// Farther from the path it is another one, m.
-const FAR: f64 = 10.0;
 /// Longest simulated drive, s.
 const LONGEST: f64 = 3600.0;
 /// Communication step, s.
@@ -28,14 +26,8 @@ const LEAST: usize = 50;
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum ClosedLoopError {
-    #[error(
-        "the log has neither e1 and station nor x, y and yaw: how well it tracked the path cannot be told"
-    )]
-    NoErrors,
-    #[error(
-        "the log lies more than {FAR} m from the path in {share:.0} % of its rows: is this the path that was driven?"
-    )]
-    FarFromPath { share: f64 },
+    #[error(transparent)]
+    NotOnRoad(#[from] NotOnRoad),
     #[error("log and simulator have only {stretches} m of the path in common; at least {LEAST} m are needed")]
     LittleInCommon { stretches: usize },
     #[error("the controller: {0}")]
@@ -88,30 +80,9 @@ impl Profile {
 /// # Errors
 /// A log without error and pose; another path.
 pub fn logged(log: &CleanLog, path: &Path) -> Result<(Profile, f64), ClosedLoopError> {
-    let column = |name: &str| log.columns.get(name);
-    let valid = |row: &usize| log.valid[*row];
-    let rows: Vec<usize> = (0..log.time.len()).filter(valid).collect();
+    let places = log.places(path)?;
     let samples: Vec<(f64, f64)> =
-        match (column("station"), column("e1"), column("x"), column("y"), column("yaw")) {
-            (Some(station), Some(e1), ..) => rows.iter().map(|&row| (station[row], e1[row])).collect(),
-            (_, _, Some(x), Some(y), Some(yaw)) => {
-                let mut last = None;
-                let mut project = |row: usize| {
-                    let mut at = path.project(x[row], y[row], yaw[row], last);
-                    if last.is_some() && at.e1.abs() > FAR {
-                        at = path.project(x[row], y[row], yaw[row], None);
-                    }
-                    last = Some(at.station);
-                    (at.station, at.e1)
-                };
-                rows.iter().map(|&row| project(row)).collect()
-            }
-            _ => return Err(ClosedLoopError::NoErrors),
-        };
-    let far = samples.iter().filter(|(_, error)| error.abs() > FAR).count();
-    if 2 * far > samples.len() {
-        return Err(ClosedLoopError::FarFromPath { share: 100.0 * far as f64 / samples.len() as f64 });
-    }
+        places.into_iter().zip(&log.valid).filter(|(_, valid)| **valid).map(|(place, _)| place).collect();
     let differences: f64 = samples.windows(3).map(|s| (s[2].1 - 2.0 * s[1].1 + s[0].1).powi(2)).sum();
     // Second differences of white noise have six times its variance.
     let noise = (differences / 6.0 / samples.len().max(1) as f64).sqrt();

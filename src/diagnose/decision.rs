@@ -52,8 +52,8 @@ fn scores<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking) -> Scores {
     Scores {
         single,
         pair,
-        excess: ranking.noise.excess(problem, gap),
-        left: ranking.noise.remaining(problem, &ranking.neutral, gap),
+        excess: ranking.noise.excess(problem, &ranking.linear.weights.rest(gap)),
+        left: ranking.noise.remaining(problem, &ranking.neutral, &ranking.linear.weights.rest(gap)),
         varying: 0.0,
         strained: 0.0,
         unsure: 0.0,

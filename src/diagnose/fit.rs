@@ -10,6 +10,7 @@
 //! which equals `e' (W^-1 + U U')^-1 e` with `U = S P^-1/2` at `x = 0` (Woodbury), at the price of a small matrix.
 
 use super::problem::Problem;
+use super::profile::Weights;
 use super::replay::{Channel, ReplayVehicle};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use std::borrow::Cow;
@@ -41,8 +42,8 @@ fn enough(cost: f64) -> f64 {
 pub struct Linear {
     /// Columns, one for each knob.
     pub slopes: Vec<Arc<Vec<f64>>>,
-    /// Weight of each residual.
-    pub weights: Arc<Vec<f64>>,
+    /// What gaps are weighed with.
+    pub weights: Arc<Weights>,
     gram: DMatrix<f64>,
 }
 
@@ -75,8 +76,8 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 impl Linear {
     /// From slopes and weights.
     #[must_use]
-    pub fn new(slopes: Vec<Arc<Vec<f64>>>, weights: impl Into<Arc<Vec<f64>>>) -> Self {
-        let (count, weights) = (slopes.len(), weights.into());
+    pub fn new(slopes: Vec<Arc<Vec<f64>>>, weights: Arc<Weights>) -> Self {
+        let count = slopes.len();
         let mut made = Self { slopes, weights, gram: DMatrix::zeros(count, count) };
         (0..count).for_each(|i| made.fill_gram(i, i + 1));
         made
@@ -93,7 +94,7 @@ impl Linear {
     }
 
     fn weighted(&self, gap: &[f64]) -> Vec<f64> {
-        gap.iter().zip(self.weights.iter()).map(|(gap, weight)| gap * weight).collect()
+        self.weights.weighted(gap)
     }
 
     /// The same weights with slopes taken anew.
@@ -520,14 +521,18 @@ pub fn fit<'a, V: ReplayVehicle>(
 
 #[cfg(test)]
 mod tests {
-    use super::{Linear, Precision, SHORTER, SHORTEST, shorter};
+    use super::{Linear, Precision, SHORTER, SHORTEST, Weights, shorter};
     use nalgebra::DMatrix;
     use std::sync::Arc;
+
+    fn weights(rows: usize) -> Arc<Weights> {
+        Arc::new(vec![1.0; rows].into())
+    }
 
     #[test]
     fn a_column_explains_what_the_background_does_not() {
         // One tolerance of 1 along the first row: <a, b> = a_1 b_1 / 2 + a_2 b_2.
-        let linear = Linear::new(vec![Arc::new(vec![1.0, 0.0])], vec![1.0, 1.0]);
+        let linear = Linear::new(vec![Arc::new(vec![1.0, 0.0])], weights(2));
         let precision = Precision { free: vec![0], matrix: DMatrix::identity(1, 1) };
         let background = linear.marginalised(&precision).unwrap();
         let explained = |gap: [f64; 2], column: [f64; 2], deviation: f64| {
@@ -566,7 +571,7 @@ mod tests {
     fn a_step_held_back_promises_what_it_gains_and_turns_to_the_steepest_descent() {
         // Two rows that do nearly the same: what tells them apart is small.
         let slopes = vec![Arc::new(vec![1.0, 0.0, 0.1]), Arc::new(vec![1.0, 0.1, 0.0])];
-        let linear = Linear::new(slopes.clone(), vec![1.0; 3]);
+        let linear = Linear::new(slopes.clone(), weights(3));
         let precision = Precision { free: vec![0, 1], matrix: DMatrix::identity(2, 2) * 1e-6 };
         let (off, gap) = ([0.5, -0.5], [3.0, 2.0, -1.0]);
         let cost = |change: &[f64]| {

@@ -13,12 +13,14 @@
 use super::filter::Filter;
 use super::fit::{Fit, Linear};
 use super::problem::Problem;
+use super::profile::Weights;
 use super::rank::Ranking;
 use super::replay::{Correction, Drive, ReplayVehicle};
 use super::report::Manoeuvre;
 use crate::log::CleanLog;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
+use std::sync::Arc;
 
 /// What no drive of one vehicle can tell: an effect from an error of the model's form that looks like it.
 const BESIDES: &str = "drive the same before the change, or with a vehicle that drives as modelled, where there is one, and \
@@ -249,7 +251,8 @@ pub fn next<V: ReplayVehicle>(
         for ((_, block), &deviation) in there.blocks.iter().zip(&ranking.noise.effective) {
             weights.resize(weights.len() + block.len(), (deviation * factor.max(0.1)).powi(-2));
         }
-        let linear = Linear::new(there.slopes(&at_first, &of_first), weights);
+        let weights = Weights::new(weights, there.profile.as_ref());
+        let linear = Linear::new(there.slopes(&at_first, &of_first), Arc::new(weights));
         let explained = |fit: &Fit, at: &[f64], of_fit: &[f64]| {
             let gap: Vec<f64> = of_fit.iter().zip(&of_first).map(|(b, a)| b - a).collect();
             let cost = ranking.prior.step(&linear, at, &gap, &ranking.prior.freed(problem, &fit.freed)).cost;

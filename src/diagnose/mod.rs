@@ -22,6 +22,7 @@
 //! | `fit.rs` | fits with the tolerances marginalised |
 //! | `form.rs` | what another formulation does otherwise |
 //! | `noise.rs` | what a gap is measured against |
+//! | `profile.rs` | the road that nobody told of |
 //! | `rank.rs` | candidates and their evidence |
 //! | `calibration.rs` | thresholds and probabilities, from `calibration.toml` |
 //! | `constancy.rs` | whether an effect acts with one value throughout |
@@ -67,6 +68,7 @@ mod observability;
 #[cfg(feature = "cli")]
 pub mod page;
 pub mod problem;
+pub mod profile;
 pub mod rank;
 pub mod replay;
 mod report;

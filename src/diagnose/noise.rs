@@ -6,7 +6,9 @@
 //! where a vehicle slides and its replay does not, have a variance of their own, or they would drown what the rest tells.
 
 use super::problem::{Problem, rms};
+use super::profile::Weights;
 use super::replay::{Channel, LEAK, ReplayVehicle, Trace};
+use std::sync::Arc;
 
 /// Errors of the model's form that every simulator has, as a share of the signal.
 const FORM: f64 = 0.01;
@@ -114,14 +116,14 @@ impl Noise {
         noise
     }
 
-    /// Weights of all residuals.
+    /// What gaps are weighed with.
     #[must_use]
-    pub fn weights(&self) -> Vec<f64> {
-        let mut weights = Vec::new();
+    pub fn weights<V>(&self, problem: &Problem<V>) -> Arc<Weights> {
+        let mut each = Vec::new();
         for &deviation in &self.effective {
-            weights.extend(self.lost.iter().map(|lost| (deviation * deviation * lost).recip()));
+            each.extend(self.lost.iter().map(|lost| (deviation * deviation * lost).recip()));
         }
-        weights
+        Arc::new(Weights::new(each, problem.profile.as_ref()))
     }
 
     /// Whether a gap is, in any channel, several times what every simulator's form leaves: else there is nothing to explain.

@@ -3,6 +3,7 @@
 use super::filter::Filter;
 use super::form;
 use super::knob::{self, Knob};
+use super::profile::Profile;
 use super::replay::{CHANNELS, Channel, Correction, Drive, ReplayVehicle, Trace, replay};
 use crate::residual::parallel;
 use crate::vehicle::TruckEffects;
@@ -37,6 +38,8 @@ pub struct Problem<'a, V> {
     pub rows: Vec<usize>,
     /// Each channel's part of the residuals.
     pub blocks: Vec<(Channel, Range<usize>)>,
+    /// What an unknown road does to the residuals.
+    pub profile: Option<Arc<Profile>>,
     measured: Vec<f64>,
     size: Vec<f64>,
     /// What the errors of the form add: knob, channel, shape.
@@ -76,7 +79,7 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
         let knobs = knob::knobs(vehicle, drive, without);
         let forms = forms(drive, vehicle, correction, &knobs);
         let of_forms = vec![OnceLock::new(); knobs.len()];
-        Self {
+        let mut made = Self {
             drive,
             vehicle,
             correction,
@@ -84,13 +87,16 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
             filter,
             rows,
             blocks,
+            profile: None,
             measured,
             size,
             forms,
             of_forms,
             kept: Mutex::new(Vec::new()),
             threads,
-        }
+        };
+        made.profile = Profile::of(&made).map(Arc::new);
+        made
     }
 
     /// The correction with the errors of the form at coordinates.
@@ -127,6 +133,15 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
     #[must_use]
     pub fn residual(&self, x: &[f64]) -> Option<Vec<f64>> {
         let trace = self.trace(x).ok()?;
+        Some(self.compare(&trace))
+    }
+
+    /// The same on a road with a column of its own.
+    pub(super) fn residual_on(&self, x: &[f64], name: &'static str, column: Vec<f64>) -> Option<Vec<f64>> {
+        let mut drive = self.drive.clone();
+        drive.columns.insert(name, column);
+        let (vehicle, effects) = knob::at(&self.knobs, x, self.vehicle);
+        let trace = replay(&drive, &vehicle, &effects, &self.corrected(x), None).ok()?;
         Some(self.compare(&trace))
     }
 

@@ -494,9 +494,9 @@ pub fn rank<V: ReplayVehicle>(
     let noise = fine.coarse(problem, &neutral);
     progress("sensitivities", 0.1);
     let at_start = problem.residual(&start).ok_or(NoReplay)?;
-    let linear = Linear::new(problem.slopes(&start, &at_start), noise.weights());
+    let linear = Linear::new(problem.slopes(&start, &at_start), noise.weights(problem));
     let none = fit_none(problem, &prior, &linear, &start).ok_or(NoReplay)?;
-    let linear = Linear::new(problem.slopes(&none.x, &none.gap), noise.weights());
+    let linear = Linear::new(problem.slopes(&none.x, &none.gap), noise.weights(problem));
     let none = fit_none(problem, &prior, &linear, &none).ok_or(NoReplay)?;
 
     progress("single effects", 0.2);
@@ -520,7 +520,7 @@ pub fn rank<V: ReplayVehicle>(
     let noise = fine;
     let base = based(&none, &singles);
     let at_base = problem.residual(&base).ok_or(NoReplay)?;
-    let linear = Linear::new(problem.slopes(&base, &at_base), noise.weights());
+    let linear = Linear::new(problem.slopes(&base, &at_base), noise.weights(problem));
     reweighed(problem, &prior, &linear, &mut none);
     none = fit_none(problem, &prior, &linear, &none).ok_or(NoReplay)?;
     refined(problem, &prior, &linear, &mut singles, REFINED);
@@ -531,13 +531,13 @@ pub fn rank<V: ReplayVehicle>(
             let precision = prior.freed(problem, &best.freed).widened(3.0);
             let step = prior.step(&linear, &best.x, &best.gap, &precision);
             let left = predicted(&linear, &best.gap, &step.change);
-            noise.with_left(problem, &left)
+            noise.with_left(problem, &linear.weights.rest(&left))
         }
         None => noise,
     };
     let base = based(&none, &singles);
     let at_base = problem.residual(&base).ok_or(NoReplay)?;
-    let linear = Linear::new(problem.slopes(&base, &at_base), noise.weights());
+    let linear = Linear::new(problem.slopes(&base, &at_base), noise.weights(problem));
     progress("single effects", 0.6);
     let mut none = fit_none(problem, &prior, &linear, &none).ok_or(NoReplay)?;
     fitted_again(problem, &prior, &linear, &none, &mut singles);
@@ -562,9 +562,9 @@ pub fn rank<V: ReplayVehicle>(
         let precision = prior.freed(problem, &pair.freed).widened(3.0);
         let step = prior.step(&linear, &pair.x, &pair.gap, &precision);
         let left = predicted(&linear, &pair.gap, &step.change);
-        noise = noise.with_left(problem, &left);
+        noise = noise.with_left(problem, &linear.weights.rest(&left));
         let slopes = problem.slopes(&pair.x, &pair.gap);
-        linear = Linear::new(slopes, noise.weights());
+        linear = Linear::new(slopes, noise.weights(problem));
         none = fit_none(problem, &prior, &linear, &none).ok_or(NoReplay)?;
         for fits in [&mut singles, &mut pairs] {
             refined(problem, &prior, &linear, fits, REFINED);
@@ -755,7 +755,7 @@ mod tests {
         let start = prior.mean.clone();
         let gap = problem.residual(&start).unwrap();
         let noise = Noise::of(&problem, &problem.trace(&start).unwrap(), &prior.form);
-        let linear = Linear::new(problem.slopes(&start, &gap), noise.weights());
+        let linear = Linear::new(problem.slopes(&start, &gap), noise.weights(problem));
         let with_mass_at = |x: f64| {
             let mut at = start.clone();
             at[mass] = x;
@@ -787,7 +787,7 @@ mod tests {
         let start = prior.mean.clone();
         let gap = problem.residual(&start).unwrap();
         let noise = Noise::of(&problem, &problem.trace(&start).unwrap(), &prior.form);
-        let linear = Linear::new(problem.slopes(&start, &gap), noise.weights());
+        let linear = Linear::new(problem.slopes(&start, &gap), noise.weights(problem));
         let none = fit_none(&problem, &prior, &linear, &start).unwrap();
         // Found with a rear axle that is too soft by two tolerances.
         let mut astray = start;

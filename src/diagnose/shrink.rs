@@ -37,15 +37,12 @@ fn fitted_on<V: ReplayVehicle>(
     slopes: &[Arc<Vec<f64>>],
     which: usize,
 ) -> (Vec<f64>, Vec<f64>) {
-    let mut weights = ranking.linear.weights.to_vec();
-    for (_, block) in &problem.blocks {
-        for (k, i) in block.clone().enumerate() {
-            if half(problem, k) != which {
-                weights[i] = 0.0;
-            }
-        }
-    }
-    let local = Linear::new(slopes.to_vec(), weights);
+    let is_other = |i: usize| {
+        let block = problem.blocks.iter().find(|(_, block)| block.contains(&i));
+        block.is_some_and(|(_, block)| half(problem, i - block.start) != which)
+    };
+    let weights = ranking.linear.weights.without(is_other);
+    let local = Linear::new(slopes.to_vec(), Arc::new(weights));
     let precision = ranking.prior.freed(problem, &winner.freed);
     let step = ranking.prior.step(&local, &winner.x, &winner.gap, &precision);
     let at = |length: f64| -> Vec<f64> {

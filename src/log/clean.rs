@@ -433,8 +433,18 @@ pub(super) fn between(column: &str) -> Between {
 /// Signals without which nothing can be compared.
 const NEEDED: [&str; 4] = ["steer_cmd", "steer", "vx", "yaw_rate"];
 /// Signals that may stay as they are all the time.
-const MAY_REST: [&str; 7] =
-    ["vx", "accel_cmd", "steer_cmd", "curvature", "curvature_rate", "articulation", "articulation_rate"];
+const MAY_REST: [&str; 10] = [
+    "vx",
+    "accel_cmd",
+    "steer_cmd",
+    "curvature",
+    "curvature_rate",
+    "bank",
+    "grade",
+    "friction",
+    "articulation",
+    "articulation_rate",
+];
 
 /// Interpolates all columns; leaves out those that say nothing.
 fn on_even_clock(

@@ -19,6 +19,7 @@
 //! | `units.rs` | the fewest foreign units that explain what columns tell |
 //! | `outliers.rs` | values beyond any vehicle, and rows that their neighbours contradict |
 //! | `statistics.rs` | median, slope |
+//! | `road.rs` | where on a road it was driven, and what the road is like there |
 //! | `join.rs` | several logs of one vehicle as one |
 //! | `finding.rs` | what was found in a log, in words |
 //! | `steering.rs` | what the steering actuator is identified from |
@@ -33,6 +34,7 @@ mod learn;
 mod outliers;
 mod read;
 mod resample;
+mod road;
 mod statistics;
 mod steering;
 mod units;
@@ -42,4 +44,5 @@ pub use finding::{Finding, Gravity};
 pub use join::JoinError;
 pub use learn::{LearnError, drives_of};
 pub use read::{DriveLog, LogError};
+pub use road::{FAR, NotOnRoad};
 pub use steering::SteeringLog;

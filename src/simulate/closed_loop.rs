@@ -17,7 +17,7 @@ use crate::vehicle::{Car, Truck, VehicleInput};
 use std::io::Write;
 
 /// Columns of every drive log of the closed loop, in order; those of a kind of vehicle follow.
-pub const COLUMNS: [Signal; 20] = [
+pub const COLUMNS: [Signal; 23] = [
     signal::TIME,
     signal::STEER_CMD,
     signal::ACCEL_CMD,
@@ -38,6 +38,9 @@ pub const COLUMNS: [Signal; 20] = [
     signal::STATION,
     signal::CURVATURE,
     signal::CURVATURE_RATE,
+    signal::BANK,
+    signal::GRADE,
+    signal::FRICTION,
 ];
 
 /// Place of the time in a [`Row`].
@@ -200,6 +203,7 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
         self.place = self.referee.place(self.controller.path(), time, [truth.x, truth.y, truth.yaw]);
         self.referee.see(self.place, truth.vx);
         let input = VehicleInput { steer_cmd: report.steer_cmd, accel_cmd: report.accel_cmd };
+        let road = self.controller.path().at(report.station);
         let common = [
             time,
             report.steer_cmd,
@@ -221,6 +225,9 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
             report.station,
             report.curvature,
             report.curvature_rate,
+            road.bank,
+            road.grade,
+            road.friction,
         ];
         Ok((P::row(&common, &seen), computed, input))
     }

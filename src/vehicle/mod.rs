@@ -59,7 +59,7 @@ pub use file::{Parameter, VehicleError, VehicleKind, VehicleParameters};
 pub use parameters::{
     Air, Axle, Body, Brake, CarParameters, Drive, GRAVITY, Pair, SingleTrack, Steering, Tyre,
 };
-pub use reduced::{ReducedInput, ReducedOutput, ReducedStart, ReducedSteer, ReducedVehicle};
+pub use reduced::{ReducedInput, ReducedOutput, ReducedStart, ReducedSteer, ReducedVehicle, Surface};
 pub use steering::{SteeringChain, SteeringState};
 pub use stepper::{LONGEST_STEP, LONGEST_SUBSTEP, ROLLED_OVER, RestoreError, StepError, VehicleInput};
 pub use truck::{TrailerOutput, Truck, TruckError, TruckInput, TruckOutput, TruckStatus};

@@ -69,6 +69,26 @@ pub struct ReducedInput {
     pub vx: f64,
     /// True heading, rad, if it is known: for the wind.
     pub yaw: Option<f64>,
+    /// The road below.
+    pub surface: Surface,
+}
+
+/// A road where a vehicle is, its effects apart.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Surface {
+    /// Right side low positive, rad.
+    pub bank: f64,
+    /// Uphill positive, rad.
+    pub grade: f64,
+    /// Factor on the friction of the tyres.
+    pub friction: f64,
+}
+
+impl Default for Surface {
+    /// Level, of the tyres' own friction.
+    fn default() -> Self {
+        Self { bank: 0.0, grade: 0.0, friction: 1.0 }
+    }
 }
 
 /// Where a drive starts.
@@ -214,6 +234,7 @@ fn relaxation(axle: &Axle, each: f64) -> f64 {
 /// A plant without its fast motions.
 pub(super) struct Reduced<P: Relaxed<N, S>, const N: usize, const S: usize> {
     plant: P,
+    surface: Surface,
     environment: P::Environment,
     bodies: Vec<SprungBody>,
     wheels: Vec<Wheel>,
@@ -238,7 +259,8 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
             .flat_map(|(i, &at)| [wheel(at, i, 1.0), wheel(at + PER_WHEEL, i, -1.0)])
             .collect();
         Self {
-            environment: plant.environment(&y, None, 0.0),
+            surface: Surface::default(),
+            environment: plant.on(Surface::default()),
             bodies: plant.bodies(),
             wheels,
             y,
@@ -366,6 +388,9 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
     /// The motion now, if it is asked for; then one step that is short enough.
     fn part(&mut self, input: &ReducedInput, step: f64, output: Option<&mut ReducedOutput>) {
         let chain = *self.plant.steering();
+        if input.surface != self.surface {
+            (self.surface, self.environment) = (input.surface, self.plant.on(input.surface));
+        }
         self.y[VX] = input.vx;
         if let Some(yaw) = input.yaw {
             let turn = yaw - self.y[YAW];

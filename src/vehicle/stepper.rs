@@ -6,6 +6,7 @@
 use super::array;
 use super::drive::DriveLine;
 use super::effects::Effects;
+use super::reduced::Surface;
 use super::sensors::{BODY_SIGNALS, Latency};
 use super::steering::{SteeringChain, SteeringState};
 use super::unit::{X, Y, YAW};
@@ -96,6 +97,8 @@ pub(super) trait Plant<const N: usize, const S: usize> {
     /// States with the reference point somewhere (m, m, rad), wheels rolling at a speed (m/s).
     fn placed(&self, x: f64, y: f64, yaw: f64, vx: f64) -> [f64; N];
     fn environment(&self, y: &[f64; N], road: Option<&Path>, station: f64) -> Self::Environment;
+    /// The same wholly on one surface, driven straight along it.
+    fn on(&self, surface: Surface) -> Self::Environment;
     /// Rates of all states at an instant, by lanes of a kind. No allocation. To be inlined always, as [`Work::with`].
     fn derivative_by<L: Lanes<Stored = [f64; FOUR]>>(
         &self,

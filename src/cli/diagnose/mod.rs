@@ -68,7 +68,7 @@ pub struct DiagnoseArgs {
     /// Kind of vehicle [default: that of --vehicle; without, a truck if the log has an articulation angle]
     #[arg(long)]
     unit: Option<Unit>,
-    /// Path that was driven: adds the closed loop
+    /// Path that was driven: tells bank, grade and friction, and adds the closed loop
     #[arg(long, value_name = "ROUTE")]
     path: Option<PathBuf>,
     /// Learned model of the controller that drove (from rfl train) [default: the nominal controller]
@@ -119,9 +119,6 @@ pub fn run(args: &DiagnoseArgs) -> Result<ExitCode, Box<dyn Error>> {
         explain::explain(effect)?;
         return Ok(ExitCode::SUCCESS);
     }
-    if args.logs.len() > 1 && args.path.is_some() {
-        return Err("--path is for one log: the loop is closed along one drive; leave out the others".into());
-    }
     let logs = args.logs.iter().map(|file| args.reading.read(file)).collect::<Result<Vec<_>, _>>()?;
     let vehicle = vehicle(args, &logs)?;
     by_kind!(&vehicle, answer(args, &vehicle, &logs))
@@ -163,8 +160,15 @@ where
     let given: P::Parameters = vehicle_named(name)?;
     let nominal = P::controller(&given).vehicle.nominal();
     let steering = |speed: f64| steady_steering(&nominal, speed);
-    let cleaned = |log: &DriveLog| Ok((log.file.display().to_string(), CleanLog::of(log, &steering)?));
-    let cleaned = logs.iter().map(cleaned).collect::<Result<Vec<_>, Box<dyn Error>>>()?;
+    let road = args.path.as_deref().map(Road::read).transpose()?.map(Arc::new);
+    let clean_one = |log: &DriveLog| {
+        let mut clean = CleanLog::of(log, &steering)?;
+        if let Some(road) = &road {
+            lay_on(&mut clean, road);
+        }
+        Ok((log.file.display().to_string(), clean))
+    };
+    let cleaned = logs.iter().map(clean_one).collect::<Result<Vec<_>, Box<dyn Error>>>()?;
     let mut clean = CleanLog::joined(cleaned)?.ok_or("give a log")?;
     if articulated(logs) && P::KIND != "truck" {
         let words = "the log has an articulation angle, and the simulator is a car: choose the truck with --vehicle or --unit truck";
@@ -172,7 +176,7 @@ where
         clean.findings.insert(0, Finding { gravity, signal, words: words.to_owned() });
     }
     let reference = match &args.reference {
-        Some(file) => Some(CleanLog::of(&args.reading.read(file)?, &steering)?),
+        Some(file) => Some(clean_one(&args.reading.read(file)?)?.1),
         None => None,
     };
     let options = Options {
@@ -190,9 +194,19 @@ where
     let mut diagnosis = diagnose(&clean, reference.as_ref(), &given, &options, &follow)?;
     let report = &mut diagnosis.report;
     report.inputs.files.extend(inputs(args, name)?);
-    if let Some(road) = &args.path {
-        let gap = closed_loop::<P, S, C>(args, road, &clean, &given, report, &follow)?;
-        report.shrink.closed_loop = Some(BTreeMap::from([("e1".to_owned(), gap)]));
+    if let Some(road) = &road {
+        // Whatever becomes of it, what was found before stands.
+        let gap = match args.logs.len() {
+            1 => closed_loop::<P, S, C>(args, road, &clean, &given, report, &follow),
+            _ => Err("it is closed along one drive, and several logs are given".into()),
+        };
+        match gap {
+            Ok(gap) => report.shrink.closed_loop = Some(BTreeMap::from([("e1".to_owned(), gap)])),
+            Err(error) => {
+                let words = format!("the loop was not closed: {error}");
+                report.findings.push(Finding { gravity: Gravity::Warning, signal: None, words });
+            }
+        }
     }
     bar.finish_and_clear();
 
@@ -258,17 +272,24 @@ fn inputs(args: &DiagnoseArgs, vehicle: &str) -> Result<BTreeMap<String, InputFi
     Ok(files)
 }
 
+/// Tells a log of its road.
+fn lay_on(log: &mut CleanLog, road: &Road) {
+    if let Err(error) = log.lay_on(road) {
+        let words = format!("bank, grade and friction of --path are not known to the replay: {error}");
+        log.findings.push(Finding { gravity: Gravity::Warning, signal: None, words });
+    }
+}
+
 /// The gap in tracking error.
 fn closed_loop<P: Commanded<S, C>, const S: usize, const C: usize>(
     args: &DiagnoseArgs,
-    road: &Path,
+    path: &Arc<Road>,
     log: &CleanLog,
     given: &P::Parameters,
     report: &Report,
     progress: &dyn Fn(&str, f64),
 ) -> Result<Gap, Box<dyn Error>> {
-    let path = Arc::new(Road::read(road)?);
-    let (logged, noise) = closed_loop::logged(log, &path)?;
+    let (logged, noise) = closed_loop::logged(log, path)?;
     let parameters = controller_with::<P, S, C>(given, &args.settings)?;
     let model = || {
         let choice = Choice {
@@ -282,7 +303,7 @@ fn closed_loop<P: Commanded<S, C>, const S: usize, const C: usize>(
     };
     let drive = |what: &str, vehicle: &P::Parameters| -> Result<Profile, Box<dyn Error>> {
         let follow = |share| progress(what, share);
-        Ok(closed_loop::simulated::<P, S, C>(vehicle, parameters, model()?, &path, follow)?)
+        Ok(closed_loop::simulated::<P, S, C>(vehicle, parameters, model()?, path, follow)?)
     };
     let with = |calibration| calibrated(given, &changes(report, calibration));
     let as_given = drive("closed loop as given", given)?;

@@ -2,6 +2,7 @@
 
 use super::channel::{CHANNELS, Channel};
 use crate::log::CleanLog;
+use crate::signal::{self, Signal};
 use std::collections::BTreeMap;
 
 /// Slower than this nothing is replayed, m/s: a vehicle that stands says nothing.
@@ -19,6 +20,9 @@ const SHORTEST: f64 = 4.0;
 const BENT: f64 = 6e-4;
 const BENT_FOR: f64 = 0.5;
 const LONGEST_WAIT: f64 = 10.0;
+
+/// Columns of a road that is known, from the log or its path.
+pub const ROAD: [Signal; 3] = [signal::BANK, signal::GRADE, signal::FRICTION];
 
 /// A log ready to be replayed.
 #[derive(Debug, Clone)]

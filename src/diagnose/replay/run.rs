@@ -1,9 +1,11 @@
 //! One replay.
 
 use super::channel::{CHANNELS, Channel};
-use super::drive::{Drive, LEAST_SPEED, at, at_within};
+use super::drive::{Drive, LEAST_SPEED, ROAD, at, at_within};
 use super::vehicle::ReplayVehicle;
-use crate::vehicle::{GRAVITY, ReducedInput, ReducedOutput, ReducedStart, ReducedSteer, TruckEffects};
+use crate::vehicle::{
+    GRAVITY, ReducedInput, ReducedOutput, ReducedStart, ReducedSteer, Surface, TruckEffects,
+};
 
 /// Time over which heading, place and speed leak to the log's, s.
 pub const LEAK: f64 = 2.0;
@@ -75,6 +77,7 @@ pub fn replay<V: ReplayVehicle>(
         trace.columns[channel as usize] = vec![0.0; rows];
     }
     let log_vx = drive.column("vx");
+    let road = ROAD.map(|signal| drive.column(signal.name));
     let (yaw, x, y) = (drive.column("yaw"), drive.column("x"), drive.column("y"));
     let h = drive.step / drive.substeps as f64;
     let shift = late / drive.step;
@@ -129,7 +132,13 @@ pub fn replay<V: ReplayVehicle>(
                     None => (drive.accel[row], true),
                 };
                 let vx = speed(r, vy);
-                let input = ReducedInput { steer, accel, accel_is_given, vx, yaw: heading(r) };
+                let [bank, grade, friction] = road.map(|column| column.get(row).copied());
+                let surface = Surface {
+                    bank: bank.unwrap_or(0.0),
+                    grade: grade.unwrap_or(0.0),
+                    friction: friction.unwrap_or(1.0),
+                };
+                let input = ReducedInput { steer, accel, accel_is_given, vx, yaw: heading(r), surface };
                 let mut out = model.step(&input, h);
                 if sub == 0 {
                     if !(out.true_vy.abs() < ASTRAY * vx && out.true_yaw_rate.abs() < 5.0) {

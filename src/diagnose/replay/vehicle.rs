@@ -1,7 +1,7 @@
 //! Vehicles that can be replayed.
 
 use super::channel::{CHANNELS, Channel};
-use super::drive::Drive;
+use super::drive::{Drive, ROAD};
 use super::run::{Correction, replay};
 use crate::control::{SpeedParameters, track_speed};
 use crate::vehicle::{
@@ -249,6 +249,8 @@ pub fn neutral<V: ReplayVehicle>(drive: &Drive, vehicle: &V) -> Result<Correctio
     }
     let mut same = Drive { accel_cmd: Some(driven.accel_cmd), ..drive.clone() };
     same.columns.insert("vx", driven.vx);
+    // The plant is driven on a level road.
+    ROAD.iter().for_each(|signal| drop(same.columns.remove(signal.name)));
     let reduced = replay(&same, &plant, &TruckEffects::default(), &Correction::default(), None)?;
     let mut columns = driven.columns;
     for (column, reduced) in columns.iter_mut().zip(&reduced.columns) {

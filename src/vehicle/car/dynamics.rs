@@ -7,13 +7,14 @@ use crate::path::Path;
 use crate::vehicle::air;
 use crate::vehicle::drive::DriveLine;
 use crate::vehicle::effects::Effects;
+use crate::vehicle::reduced::Surface;
 use crate::vehicle::sensors::{BODY_SIGNALS, body_signals};
 use crate::vehicle::steering::SteeringChain;
 use crate::vehicle::stepper::{Plant, Stage, State, StepError, check_upright};
 use crate::vehicle::trigonometry::{cos_of, sin_of};
 use crate::vehicle::unit::{
     BODY, Gravity, PER_WHEEL, PITCH, ROLL, SPIN, Unit, VX, VY, WheelFlow, WheelOutput, X, Y, YAW, YAW_RATE,
-    gravity, roll,
+    gravity, gravity_on, roll,
 };
 
 /// What road and earth give.
@@ -72,6 +73,11 @@ impl Plant<STATES, SIGNALS> for CarPlant {
         let friction =
             [0, 1].map(|axle| road.map_or(1.0, |road| road.friction(station + self.unit.axles[axle].x)));
         Environment { gravity, friction: friction.map(|friction| friction * self.effects.road_friction) }
+    }
+
+    fn on(&self, surface: Surface) -> Environment {
+        let friction = surface.friction * self.effects.road_friction;
+        Environment { gravity: gravity_on(&self.effects, surface), friction: [friction; 2] }
     }
 
     #[inline(always)]

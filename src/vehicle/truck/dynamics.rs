@@ -8,13 +8,14 @@ use crate::path::Path;
 use crate::vehicle::air;
 use crate::vehicle::drive::DriveLine;
 use crate::vehicle::effects::Effects;
+use crate::vehicle::reduced::Surface;
 use crate::vehicle::sensors::{BODY_SIGNALS, body_signals};
 use crate::vehicle::steering::SteeringChain;
 use crate::vehicle::stepper::{Plant, Stage, State, StepError, check_upright};
 use crate::vehicle::trigonometry::{cos_of, sin_of};
 use crate::vehicle::unit::{
     BODY, Gravity, HEAVE, HEAVE_RATE, PER_WHEEL, PITCH, PITCH_RATE, ROLL, ROLL_RATE, SPIN, Unit, VX, VY,
-    WheelFlow, WheelOutput, X, Y, YAW, YAW_RATE, gravity, roll,
+    WheelFlow, WheelOutput, X, Y, YAW, YAW_RATE, gravity, gravity_on, roll,
 };
 
 /// Place of a state of the semi-trailer's body among the truck's states.
@@ -134,6 +135,12 @@ impl Plant<STATES, SIGNALS> for TruckPlant {
         let axles = [self.tractor.axles[0].x, self.tractor.axles[1].x, behind + self.trailer.axles[0].x];
         let friction = axles.map(|ahead| road.map_or(1.0, |road| road.friction(station + ahead)));
         Environment { gravity, friction: friction.map(|friction| friction * effects.road_friction) }
+    }
+
+    fn on(&self, surface: Surface) -> Environment {
+        let effects = &self.effects.vehicle;
+        let friction = surface.friction * effects.road_friction;
+        Environment { gravity: [gravity_on(effects, surface); 2], friction: [friction; 3] }
     }
 
     #[inline(always)]

@@ -5,6 +5,7 @@ use super::body::Gravity;
 use crate::path::Path;
 use crate::vehicle::effects::Effects;
 use crate::vehicle::parameters::{self, GRAVITY, Tyre};
+use crate::vehicle::reduced::Surface;
 use nalgebra::Matrix3;
 
 /// Masses and inertias of an unladen unit with all wheels, but roll and pitch inertia, which are the body's.
@@ -206,6 +207,16 @@ pub(in crate::vehicle) fn gravity(effects: &Effects, yaw: f64, road: Option<&Pat
             (yaw - here.yaw, here.bank + road_bank, here.grade + road_grade)
         }
     };
+    tilted(yaw, bank, grade)
+}
+
+/// The same for a unit driven straight along a surface.
+pub(in crate::vehicle) fn gravity_on(effects: &Effects, surface: Surface) -> Gravity {
+    tilted(0.0, surface.bank + effects.road_bank, surface.grade + effects.road_grade)
+}
+
+/// The same for a unit at an angle to a road so banked and steep, rad.
+fn tilted(yaw: f64, bank: f64, grade: f64) -> Gravity {
     let along = -GRAVITY * grade.sin();
     let across = -GRAVITY * grade.cos() * bank.sin();
     let (sin, cos) = yaw.sin_cos();

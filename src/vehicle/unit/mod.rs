@@ -34,7 +34,7 @@ mod wheel;
 
 pub(super) use axle::Axle;
 pub(super) use body::{Acceleration, Gravity, Push};
-pub(super) use constants::{AxleParts, Laden, Load, Masses, Unit, gravity};
+pub(super) use constants::{AxleParts, Laden, Load, Masses, Unit, gravity, gravity_on};
 pub(super) use dry_friction::DryFriction;
 pub use wheel::WheelOutput;
 pub(super) use wheel::{SHORTEST_RELAXATION, WheelFlow, Wheels, roll};

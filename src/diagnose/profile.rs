@@ -1,0 +1,303 @@
+//! The road that nobody told of: its bank and grade vary along the way, and are marginalised.
+//!
+//! Every road has crown and camber. Unless the log or a path file tells them, bank and grade are random profiles
+//!
+//! ```text
+//!     b(s) = sum_k c_k hat((s - s_k) / L),    c_k ~ N(0, sigma^2),
+//! ```
+//!
+//! with hats of `L` = [`SPACING`] (a correlation of some ten metres) along the way `s` that was driven. With `B` what the
+//! replay makes of each `c_k`, in units of `sigma`, a gap has the weight
+//!
+//! ```text
+//!     (W^-1 + B B')^-1 = W - W B (1 + B' W B)^-1 B' W,
+//! ```
+//!
+//! so that what a road may do is no evidence of anything else. A hat's response ends some seconds behind it: one replay
+//! serves all hats that are so far apart.
+//!
+//! Source: Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, sec. 2.7; the discrepancy of the
+//! specification, after Kennedy and O'Hagan, J. R. Stat. Soc. B 63 (2001).
+
+use super::problem::Problem;
+use super::replay::{Channel, LEAK, ReplayVehicle};
+use crate::residual::parallel;
+use crate::signal;
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Distance of the hats, m.
+const SPACING: f64 = 25.0;
+/// Standard deviations of bank and grade, rad: public roads are crowned by 2 to 3 % and banked by up to 7 % in bends, and
+/// designed for grades of a few per cent (AASHTO, A Policy on Geometric Design of Highways and Streets, ch. 3).
+const BANK: f64 = 0.015;
+const GRADE: f64 = 0.02;
+/// What a hat does has faded after so many times the leak of the slowest channel.
+const FADED: f64 = 4.0;
+/// Size of a hat for which the replay's slope is taken, in standard deviations.
+const STRIDE: f64 = 0.5;
+
+/// What one hat does to the gap: sample rows, and values there, block after block.
+struct Hat {
+    rows: Range<usize>,
+    values: Vec<f64>,
+}
+
+/// What all hats of bank and grade do to the gap.
+pub struct Profile {
+    hats: Vec<Hat>,
+    /// Where each block of the gap begins.
+    blocks: Vec<usize>,
+}
+
+impl Profile {
+    /// For a problem at its neutral replay; None where the road is known, or nothing follows it.
+    pub(super) fn of<V: ReplayVehicle>(problem: &Problem<V>) -> Option<Self> {
+        let drive = problem.drive;
+        let along = [Channel::Vx, Channel::Ax];
+        let has_along = along.iter().any(|channel| drive.channels.contains(channel));
+        let kinds = [(signal::BANK.name, BANK, true), (signal::GRADE.name, GRADE, has_along)];
+        let way = way(drive.column("vx"), drive.step);
+        let neutral = vec![0.0; problem.knobs.len()];
+        let here = problem.residual(&neutral)?;
+        let mut hats = Vec::new();
+        for (name, deviation, seen) in kinds {
+            if !seen || !drive.column(name).is_empty() {
+                continue;
+            }
+            // Rows of the log and sample rows of each hat; a hat that no sample sees is none.
+            let spans: Vec<Span> = Span::all(problem, &way);
+            let colours = coloured(&spans);
+            let found = parallel::map(problem.threads(), colours.len(), |k| {
+                let mut column = vec![0.0; way.len()];
+                colours[k].iter().for_each(|&span| spans[span].raise(&way, STRIDE * deviation, &mut column));
+                let gap = problem.residual_on(&neutral, name, column)?;
+                let hat = |&span: &usize| {
+                    let rows = spans[span].samples.clone();
+                    let values = problem.blocks.iter().flat_map(|(_, block)| {
+                        let (here, gap) =
+                            (&here[block.clone()][rows.clone()], &gap[block.clone()][rows.clone()]);
+                        here.iter().zip(gap).map(|(here, gap)| (here - gap) / STRIDE)
+                    });
+                    Hat { values: values.collect(), rows: rows.clone() }
+                };
+                Some(colours[k].iter().map(hat).collect::<Vec<_>>())
+            });
+            hats.extend(found.into_iter().flatten().flatten());
+        }
+        let is_sound = hats.iter().all(|hat| hat.values.iter().all(|value| value.is_finite()));
+        let blocks = problem.blocks.iter().map(|(_, block)| block.start).collect();
+        (is_sound && !hats.is_empty()).then_some(Self { hats, blocks })
+    }
+
+    /// `B' a`.
+    fn seen(&self, gap: &[f64]) -> DVector<f64> {
+        let of = |hat: &Hat| {
+            let count = hat.rows.len();
+            let block = |(block, from): (usize, &usize)| -> f64 {
+                let gap = &gap[from + hat.rows.start..from + hat.rows.end];
+                gap.iter().zip(&hat.values[block * count..]).map(|(gap, value)| gap * value).sum()
+            };
+            self.blocks.iter().enumerate().map(block).sum::<f64>()
+        };
+        DVector::from_iterator(self.hats.len(), self.hats.iter().map(of))
+    }
+
+    /// `B c`.
+    fn of_heights(&self, heights: &DVector<f64>, rows: usize) -> Vec<f64> {
+        let mut gap = vec![0.0; rows];
+        for (hat, height) in self.hats.iter().zip(heights.iter()) {
+            let count = hat.rows.len();
+            for (block, from) in self.blocks.iter().enumerate() {
+                let gap = &mut gap[from + hat.rows.start..from + hat.rows.end];
+                let values = &hat.values[block * count..];
+                gap.iter_mut().zip(values).for_each(|(gap, value)| *gap += height * value);
+            }
+        }
+        gap
+    }
+
+    /// `1 + B' W B`.
+    fn normal(&self, each: &[f64]) -> DMatrix<f64> {
+        let count = self.hats.len();
+        let mut normal = DMatrix::identity(count, count);
+        for (k, a) in self.hats.iter().enumerate() {
+            for (l, b) in self.hats.iter().enumerate().take(k + 1) {
+                let (from, to) = (a.rows.start.max(b.rows.start), a.rows.end.min(b.rows.end));
+                if from >= to {
+                    continue;
+                }
+                let mut sum = 0.0;
+                for (block, begin) in self.blocks.iter().enumerate() {
+                    let of = |hat: &Hat| block * hat.rows.len() + from - hat.rows.start;
+                    let (of_a, of_b) = (&a.values[of(a)..], &b.values[of(b)..]);
+                    let weights = &each[begin + from..begin + to];
+                    sum +=
+                        weights.iter().zip(of_a.iter().zip(of_b)).map(|(w, (a, b))| w * a * b).sum::<f64>();
+                }
+                normal[(k, l)] += sum;
+                if k != l {
+                    normal[(l, k)] += sum;
+                }
+            }
+        }
+        normal
+    }
+}
+
+/// A hat: its middle along the way, m, and the samples in which the replay may feel it.
+struct Span {
+    middle: f64,
+    samples: Range<usize>,
+    /// Rows of the log, from the first that is raised on.
+    first: usize,
+    end: usize,
+}
+
+impl Span {
+    fn all<V: ReplayVehicle>(problem: &Problem<V>, way: &[f64]) -> Vec<Self> {
+        let drive = problem.drive;
+        let fading = (FADED * LEAK / drive.step).ceil() as usize;
+        let length = way.last().copied().unwrap_or(0.0);
+        let count = (length / SPACING).ceil() as usize + 1;
+        let span = |k: usize| {
+            let middle = k as f64 * SPACING;
+            let first = way.partition_point(|s| *s <= middle - SPACING);
+            let end = way.partition_point(|s| *s < middle + SPACING) + fading;
+            let from = problem.rows.partition_point(|row| row + 1 < first);
+            let to = problem.rows.partition_point(|row| *row < end);
+            (from < to).then_some(Self { middle, samples: from..to, first, end })
+        };
+        (0..count).filter_map(span).collect()
+    }
+
+    /// Raises a column by the hat.
+    fn raise(&self, way: &[f64], by: f64, column: &mut [f64]) {
+        let rows = way.iter().zip(column).skip(self.first);
+        for (s, value) in rows.take_while(|(s, _)| **s < self.middle + SPACING) {
+            *value += by * (1.0 - (s - self.middle).abs() / SPACING).max(0.0);
+        }
+    }
+}
+
+/// Hats that one replay can serve together: none begins before what another does has faded.
+fn coloured(spans: &[Span]) -> Vec<Vec<usize>> {
+    let mut colours: Vec<Vec<usize>> = Vec::new();
+    for (place, span) in spans.iter().enumerate() {
+        let free = |colour: &&mut Vec<usize>| colour.last().is_none_or(|&last| spans[last].end <= span.first);
+        match colours.iter_mut().find(free) {
+            Some(colour) => colour.push(place),
+            None => colours.push(vec![place]),
+        }
+    }
+    colours
+}
+
+/// Way driven at each row, m.
+fn way(vx: &[f64], step: f64) -> Vec<f64> {
+    let mut driven = 0.0;
+    let mut way = Vec::with_capacity(vx.len());
+    for vx in vx {
+        way.push(driven);
+        driven += step * if vx.is_finite() { vx.abs() } else { 0.0 };
+    }
+    way
+}
+
+/// What a gap is weighed with: each sample by itself, less what the road may do.
+pub struct Weights {
+    each: Vec<f64>,
+    profile: Option<(Arc<Profile>, Cholesky<f64, Dyn>)>,
+}
+
+impl Weights {
+    /// Of each sample, with a road profile marginalised.
+    #[must_use]
+    pub fn new(each: Vec<f64>, profile: Option<&Arc<Profile>>) -> Self {
+        let with = |profile: &Arc<Profile>| Some((profile.clone(), profile.normal(&each).cholesky()?));
+        Self { profile: profile.and_then(with), each }
+    }
+
+    /// The same without some samples.
+    #[must_use]
+    pub fn without(&self, left_out: impl Fn(usize) -> bool) -> Self {
+        let each = self.each.iter().enumerate().map(|(i, w)| if left_out(i) { 0.0 } else { *w });
+        Self::new(each.collect(), self.profile.as_ref().map(|(profile, _)| profile))
+    }
+
+    /// `(W^-1 + B B')^-1 a`.
+    #[must_use]
+    pub fn weighted(&self, gap: &[f64]) -> Vec<f64> {
+        match self.road(gap) {
+            None => self.of_each(gap.iter().copied()),
+            Some(road) => self.of_each(gap.iter().zip(&road).map(|(gap, road)| gap - road)),
+        }
+    }
+
+    fn of_each(&self, gap: impl Iterator<Item = f64>) -> Vec<f64> {
+        gap.zip(&self.each).map(|(gap, weight)| gap * weight).collect()
+    }
+
+    /// What the likeliest road does of a gap, `B (1 + B' W B)^-1 B' W a`.
+    fn road(&self, gap: &[f64]) -> Option<Vec<f64>> {
+        let (profile, factor) = self.profile.as_ref()?;
+        let heights = factor.solve(&profile.seen(&self.of_each(gap.iter().copied())));
+        Some(profile.of_heights(&heights, gap.len()))
+    }
+
+    /// What the likeliest road leaves of a gap.
+    #[must_use]
+    pub fn rest(&self, gap: &[f64]) -> Vec<f64> {
+        let road = self.road(gap).unwrap_or_else(|| vec![0.0; gap.len()]);
+        gap.iter().zip(&road).map(|(gap, road)| gap - road).collect()
+    }
+}
+
+impl From<Vec<f64>> for Weights {
+    fn from(each: Vec<f64>) -> Self {
+        Self::new(each, None)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two channels of 40 samples, three hats that overlap.
+    fn profile() -> Profile {
+        let hat = |from: usize, size: f64| {
+            let rows = from..from + 15;
+            let values = (0..30).map(|i| size * f64::from(i % 7 - 3) + 0.1 * f64::from(i));
+            Hat { values: values.collect(), rows }
+        };
+        Profile { hats: vec![hat(0, 1.0), hat(10, -0.5), hat(20, 2.0)], blocks: vec![0, 40] }
+    }
+
+    #[test]
+    fn what_a_road_may_do_has_its_variance() {
+        let (profile, rows) = (Arc::new(profile()), 80);
+        let each: Vec<f64> = (0..rows).map(|i| 0.5 + 0.01 * f64::from(i)).collect();
+        let dense = DMatrix::from_columns(
+            &(0..3)
+                .map(|k| {
+                    let mut heights = DVector::zeros(3);
+                    heights[k] = 1.0;
+                    DVector::from_vec(profile.of_heights(&heights, rows as usize))
+                })
+                .collect::<Vec<_>>(),
+        );
+        let covariance = DMatrix::from_diagonal(&DVector::from_iterator(80, each.iter().map(|w| 1.0 / w)))
+            + &dense * dense.transpose();
+        let gap: Vec<f64> = (0..rows).map(|i| f64::from(i * 7 % 11) - 4.0).collect();
+        let expected = covariance.cholesky().unwrap().solve(&DVector::from_vec(gap.clone()));
+        let weights = Weights::new(each, Some(&profile));
+        for (found, expected) in weights.weighted(&gap).iter().zip(expected.iter()) {
+            assert!((found - expected).abs() < 1e-9, "{found} {expected}");
+        }
+        // A road of a few deviations leaves little of itself.
+        let road = profile.of_heights(&DVector::from_vec(vec![2.0, -1.0, 1.0]), rows as usize);
+        let left = weights.rest(&road).iter().map(|x| x * x).sum::<f64>();
+        assert!(left < 0.01 * road.iter().map(|x| x * x).sum::<f64>(), "{left}");
+    }
+}

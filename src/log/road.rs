@@ -1,0 +1,74 @@
+//! Where on a road a log was driven, and what the road was like there.
+//!
+//! The station of each row is the log's own, or that of the foot of its pose on the road. From it follow bank, grade and
+//! friction, which a vehicle feels and no sensor of it names.
+
+use super::clean::CleanLog;
+use crate::path::Path;
+use crate::signal;
+
+/// Farther from the road it is another one, m.
+pub const FAR: f64 = 10.0;
+
+/// Why a log does not lie on a road.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum NotOnRoad {
+    #[error("the log has neither e1 and station nor x, y and yaw: where on the path it was cannot be told")]
+    NoPlace,
+    #[error(
+        "the log lies more than {FAR} m from the path in {share:.0} % of its rows: is this the path that was driven?"
+    )]
+    FarFromPath { share: f64 },
+}
+
+impl CleanLog {
+    /// Station and lateral error of each row, m, as recorded or by projection of the pose onto `road`.
+    ///
+    /// # Errors
+    /// A log without either; a road that it did not drive.
+    pub fn places(&self, road: &Path) -> Result<Vec<(f64, f64)>, NotOnRoad> {
+        let column = |name: &str| self.columns.get(name);
+        let rows = 0..self.time.len();
+        let places: Vec<(f64, f64)> =
+            match (column("station"), column("e1"), column("x"), column("y"), column("yaw")) {
+                (Some(station), Some(e1), ..) => rows.map(|row| (station[row], e1[row])).collect(),
+                (_, _, Some(x), Some(y), Some(yaw)) => {
+                    let mut last = None;
+                    let mut project = |row: usize| {
+                        let mut at = road.project(x[row], y[row], yaw[row], last);
+                        if last.is_some() && at.e1.abs() > FAR {
+                            at = road.project(x[row], y[row], yaw[row], None);
+                        }
+                        last = Some(at.station);
+                        (at.station, at.e1)
+                    };
+                    rows.map(&mut project).collect()
+                }
+                _ => return Err(NotOnRoad::NoPlace),
+            };
+        let valid = || places.iter().zip(&self.valid).filter(|(_, valid)| **valid);
+        let far = valid().filter(|((_, error), _)| error.abs() > FAR).count();
+        if 2 * far > valid().count() {
+            return Err(NotOnRoad::FarFromPath { share: 100.0 * far as f64 / valid().count() as f64 });
+        }
+        Ok(places)
+    }
+
+    /// Gives each row bank, grade and friction of `road` where it was driven, in place of the log's own.
+    ///
+    /// # Errors
+    /// As [`places`](Self::places).
+    pub fn lay_on(&mut self, road: &Path) -> Result<(), NotOnRoad> {
+        let places = self.places(road)?;
+        let points: Vec<_> = places.iter().map(|(station, _)| road.at(*station)).collect();
+        for (signal, of) in [
+            (signal::BANK, (|point| point.bank) as fn(&crate::path::PathPoint) -> f64),
+            (signal::GRADE, |point| point.grade),
+            (signal::FRICTION, |point| point.friction),
+        ] {
+            self.columns.insert(signal.name, points.iter().map(of).collect());
+        }
+        Ok(())
+    }
+}
