@@ -9,7 +9,7 @@
 //! ```
 //!
 //! and what is faster follows its equilibrium by a Newton step each time, without its mass: the wheels' spin, pitch and
-//! heave of the body, and the wheels' height `z` between tyre `k` and damper `d`, which is then led by one step,
+//! heave of the body with the wheels below it, and the wheels' height `z` between tyre `k` and damper `d`, which is then led by one step,
 //!
 //! ```text
 //!     z = (F + k z~ + d (z~' + z- / h)) / (k + d / h),   z+ = 2 z - z-,      F: force found at z~, z~'
@@ -43,6 +43,7 @@ const MOST_PARTS: f64 = 4.0;
 const SETTLING: usize = 40;
 /// Axles of the first body; others are a trailer's.
 const FIRST_AXLES: usize = 2;
+const MOST_BODIES: usize = 2;
 /// Greatest longitudinal slip, and the speed (m/s) below which wheels count as rolling at it.
 const GREATEST_SLIP: f64 = 0.5;
 const LEAST_SPEED: f64 = 1.0;
@@ -141,13 +142,14 @@ pub trait ReducedVehicle {
     fn step(&mut self, input: &ReducedInput, step: f64) -> ReducedOutput;
 }
 
-/// A body on springs among a plant's states: places of heave, its rate, pitch, its rate; mass and inertia; stiffnesses of
-/// the springs in heave (N/m) and pitch (N m/rad).
+/// A body on springs among a plant's states: places of heave, its rate, pitch, its rate; mass, inertias in pitch and (with what
+/// rolling moves sideways) in roll; stiffnesses of the springs in heave (N/m) and pitch (N m/rad).
 pub(super) struct SprungBody {
     pub heave: [usize; 2],
     pub pitch: [usize; 2],
     pub mass: f64,
     pub inertia: f64,
+    pub roll_inertia: f64,
     pub heave_stiffness: f64,
     pub pitch_stiffness: f64,
 }
@@ -181,6 +183,13 @@ struct Wheel {
     /// Lift at the last step, m.
     lift: f64,
     slip: Past,
+}
+
+impl Wheel {
+    /// Which body it carries.
+    fn body(&self) -> usize {
+        usize::from(self.axle >= FIRST_AXLES)
+    }
 }
 
 /// A rate at the last two steps, as far as there were any since the start.
@@ -275,15 +284,22 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
     }
 
     /// That of the mass on the tyres' side walls, rad/s: whatever the speed, nothing sideways decays by more than half of it
-    /// in a second.
+    /// in a second. Or that of a body that rolls on its springs, if they are stiffer.
     fn frequency(plant: &P) -> f64 {
         let axles = || (0..FIRST_AXLES).map(|i| plant.axle(i));
+        let first = P::FIRST_WHEELS.iter().enumerate().map(|(i, _)| (usize::from(i >= FIRST_AXLES), i));
+        let mut rolling = [0.0; MOST_BODIES];
+        for (body, axle) in first.map(|(body, i)| (body, plant.axle(i))) {
+            rolling[body] += 2.0 * axle.spring * axle.half_track.powi(2) + axle.anti_roll_bar;
+        }
+        let rolls = plant.bodies().into_iter().zip(rolling).map(|(body, k)| (k / body.roll_inertia).sqrt());
+        let rolling = rolls.fold(0.0, f64::max);
         let stiffness = |axle: &Axle| {
             2.0 * axle.tyres * axle.tyre.cornering_stiffness(axle.static_load / axle.tyres, 0.0)
         };
         let shortest =
             axles().map(|axle| relaxation(axle, axle.static_load / axle.tyres)).fold(f64::INFINITY, f64::min);
-        (axles().map(stiffness).sum::<f64>() / plant.mass() / shortest).max(0.0).sqrt()
+        (axles().map(stiffness).sum::<f64>() / plant.mass() / shortest).max(0.0).sqrt().max(rolling)
     }
 
     fn derivative(&mut self, stage: &Stage) -> P::Flow {
@@ -307,7 +323,27 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
 
     /// Fast motions follow their equilibrium; with `h`, the tyres' lateral deflections are integrated, without they settle.
     fn follow(&mut self, h: Option<f64>) {
-        let Self { plant, y, rates, wheels, .. } = self;
+        let Self { plant, y, rates, wheels, bodies, .. } = self;
+        // What a wheel is pushed up by, it hands on to its body by its spring's share: both are moved together, or stiff
+        // springs would throw one to and fro on the other.
+        let mut handed_on = [(0.0, 0.0); MOST_BODIES];
+        for wheel in wheels.iter() {
+            let axle = plant.axle(wheel.axle);
+            let tyre = axle.tyres * axle.tyre.vertical_stiffness;
+            let push =
+                axle.spring / (axle.spring + tyre) * rates[wheel.at + LIFT_RATE] * 0.5 * axle.unsprung_mass;
+            let (lifting, pitching) = &mut handed_on[wheel.body()];
+            (*lifting, *pitching) = (*lifting + push, *pitching - axle.x_sprung * push);
+        }
+        let mut risen = [(0.0, 0.0); MOST_BODIES];
+        for ((body, (lifting, pitching)), risen) in bodies.iter().zip(handed_on).zip(&mut risen) {
+            let [heave, rate] = body.heave;
+            risen.0 = SPRINGS * (rates[rate] * body.mass + lifting) / body.heave_stiffness;
+            y[heave] += risen.0;
+            let [pitch, rate] = body.pitch;
+            risen.1 = SPRINGS * (rates[rate] * body.inertia + pitching) / body.pitch_stiffness;
+            y[pitch] += risen.1;
+        }
         for wheel in wheels {
             let (at, axle) = (wheel.at, plant.axle(wheel.axle));
             let load = axle.load(&y[at..at + PER_WHEEL]);
@@ -343,7 +379,9 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
 
             let bar = 0.5 * axle.anti_roll_bar / (axle.half_track * axle.half_track);
             let stiffness = axle.tyres * axle.tyre.vertical_stiffness + axle.spring + bar;
-            let force = rates[at + LIFT_RATE] * 0.5 * axle.unsprung_mass;
+            let (heave, pitch) = risen[wheel.body()];
+            let force = rates[at + LIFT_RATE] * 0.5 * axle.unsprung_mass
+                + axle.spring * (heave - axle.x_sprung * pitch);
             match h {
                 Some(h) => {
                     let (lift, rate) = (y[at + LIFT], y[at + LIFT_RATE]);
@@ -361,12 +399,6 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
                     wheel.lift = y[at + LIFT];
                 }
             }
-        }
-        for body in &self.bodies {
-            let [heave, rate] = body.heave;
-            y[heave] += SPRINGS * rates[rate] * body.mass / body.heave_stiffness;
-            let [pitch, rate] = body.pitch;
-            y[pitch] += SPRINGS * rates[rate] * body.inertia / body.pitch_stiffness;
         }
     }
 

@@ -23,6 +23,7 @@ impl Relaxed<STATES, SIGNALS> for CarPlant {
             pitch: FIRST_BODY.1,
             mass: self.unit.sprung_mass,
             inertia: self.unit.pitch_inertia,
+            roll_inertia: 1.0 / self.unit.inverse_inertia[2][2],
             heave_stiffness,
             pitch_stiffness,
         }]
