@@ -1,146 +1,155 @@
-"""What development sets say of the calibration of the diagnosis.
+"""What development sets say of the numbers of the statistical model.
 
-What it prints goes into src/diagnose/calibration.toml by hand: a change of thresholds is a decision.
+What it prints goes into src/diagnose/calibration.toml by hand: a change of it is a decision.
 
-    blind/score --development --kind none --count 40 --out out/blind/sound
-    blind/score --development --count 60
-    blind/.venv/bin/python -m blind.calibrate out/blind/sound out/blind/development
+    blind/score --development --seed 911 --out out/blind/usual
+    blind/score --development --wild --seed 913 --out out/blind/wild
+    blind/.venv/bin/python -m blind.calibrate out/blind/usual out/blind/wild
 
-- thresholds: what 95 % of the sound logs stay under, for tyres and body and for the rest, with and without a reference;
-- what second effects add to logs with one, and rests of what is in the library and what is not;
-- the factor that brings the intervals of named values to 95 %;
-- probabilities: logistic in the margin, for a scoring set's mix of kinds; of effects also in what is left, strained and
-  varying, as shares of the thresholds of these, in how unsure the least sure value is, and in how many there are.
-
-What another effect says for one that the library does not have is best learned from answers without the true one
-(`--without`, made with `rfl diagnose --without EFFECT`): they count as half of the causes outside.
-
-All are a handful of scalars. More of the generator must not come into the diagnosis: a covariance of all tolerances,
-learned from sound logs, was tried and left out for that (docs/results/diagnosis.md).
+The hypotheses of each report (`posterior.hypotheses`) are weighed anew with other numbers: the temper of the
+likelihood, the odds against an effect, a value that varies and another number that is off, and the size of what a fit
+leaves. The best numbers give the truth the greatest logarithm of its probability, each set counting alike: usual sets
+share their tolerances with the prior, wild ones do not. A verdict is read from them as the program does
+(src/diagnose/decision.rs), but for the check on what a fit has not seen.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
+import math
 import sys
-from collections import Counter
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import tomllib
+from scipy.optimize import minimize
 
 from . import measures
-from .cases import KINDS
 from .diagnose import CALIBRATION
 from .make import folder_of
 
-STRUCTURAL = {*measures.STAGES["tyre"], *measures.STAGES["body"]}
-VERDICTS = (
-    ("effect", "effect", [-1.0, 0.9, 0.0, 0.0, 0.0, 0.0, 0.0]),
-    ("none", "nothing", [1.0, 0.5]),
-    ("not_in_library", "unknown", [0.0, 0.5]),
-)
-THRESHOLDS = tomllib.loads(CALIBRATION.read_text(encoding="utf-8"))
-# What the probability of an effect goes by; those of other verdicts by the first two.
-OF_EFFECT = ("constant", "margin", "left", "strained", "varying", "unsure", "further")
+NAMES = ("temper", "odds", "varying_odds", "other_odds", "misfit.known", "misfit.odds")
+LEAST = 0.01  # probability below which a truth is lost, whatever its probability is
+ALIKE = 0.1  # as decision.rs has it
+USUAL = 2.5  # narrowing of an effect whose hypothesis is not in the report for want of probability
 
 
-def logistic(features: np.ndarray, right: np.ndarray, weights: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Coefficients of a logistic regression of weighted cases, drawn towards `at` as if by a case in any units."""
-    b = at.astype(float).copy()
-    drawn = np.where(features.std(axis=0) > 0.0, features.var(axis=0), 1.0)
-    for _ in range(100):
-        p = 1.0 / (1.0 + np.exp(-features @ b))
-        slope = features.T @ (weights * (right - p)) - drawn * (b - at)
-        curve = features.T @ (features * (weights * p * (1.0 - p))[:, None]) + np.diag(drawn)
-        b += np.clip(np.linalg.solve(curve, slope), -1.0, 1.0)
-    return b
+@dataclass(frozen=True)
+class Case:
+    """A case: its label, and what its hypotheses are weighed by."""
+
+    label: dict
+    #: Evidence and narrowing of each set of effects.
+    sets: dict[tuple[str, ...], tuple[float, float]]
+    #: Set that it comes upon, what says so, and its evidence and narrowing, or the logarithm of a misfit's size.
+    unknown: list[tuple[tuple[str, ...], str, tuple[float, ...]]]
 
 
-def read_answers(folders: list[Path], answer: str) -> list[tuple[dict, dict]]:
-    """Labels and reports of development sets."""
+def read(folder: Path, answer: str) -> list[Case]:
+    """The cases of a development set that have a posterior."""
     found = []
-    for folder in folders:
-        for label in json.loads((folder / "labels.json").read_text(encoding="utf-8")):
-            report = folder_of(folder, label["case"]) / answer / "report.json"
-            if report.exists():
-                found.append((label, json.loads(report.read_text(encoding="utf-8"))))
+    for label in json.loads((folder / "labels.json").read_text(encoding="utf-8")):
+        place = folder_of(folder, label["case"]) / answer / "report.json"
+        report = json.loads(place.read_text(encoding="utf-8")) if place.exists() else {}
+        if report.get("posterior"):
+            found.append(case_of(label, report))
     return found
 
 
-def greatest(report: dict, structural: bool) -> float:
-    """Greatest evidence of a single effect, of tyres and body or of the rest."""
-    of = [c for c in report["candidates"] if len(c["effects"]) == 1 and (c["effects"][0] in STRUCTURAL) == structural]
-    return max((c["evidence"] for c in of), default=0.0)
+def case_of(label: dict, report: dict) -> Case:
+    """What a report's hypotheses are weighed by."""
+    sets = {_key(c): (c["evidence"], USUAL * len(c["effects"])) for c in report["candidates"]}
+    sets[()] = (0.0, 0.0)
+    unknown = []
+    for it in report["posterior"]["hypotheses"]:
+        why = it.get("not_in_library")
+        if why is None:
+            sets[_key(it)] = (it["evidence"], it["narrowing"])
+        elif " times as much " in why:
+            unknown.append((_key(it), "misfit", (math.log(max(1.0, float(why.split()[0]))),)))
+        else:
+            what = "varying" if " changes " in why else "other"
+            unknown.append((_key(it), what, (it["evidence"], it["narrowing"])))
+    return Case(label, sets, unknown)
 
 
-def line(name: str, values: list[float], share: float) -> str:
-    """A quantile beside the largest values."""
-    if not values:
-        return f"# {name}: none\n"
-    return f"# {name}: {np.quantile(values, share):.1f}; {len(values)}, the largest {np.sort(values)[-5:].round(1)}\n"
+def _key(of: dict) -> tuple[str, ...]:
+    return tuple(sorted(of["effects"]))
 
 
-def features(report: dict) -> list[float]:
-    """The values of `OF_EFFECT`, as `Calibration::of_effect` has them."""
-    scores = report["scores"]
-    shares = {name: max(scores[name], 0.0) / THRESHOLDS.get(name, 1.0) for name in OF_EFFECT[2:-1]}
-    shares["left"] = min(shares["left"], 1.0) * min(scores["excess"] / THRESHOLDS["outside"], 1.0)
-    margin = np.log1p(np.clip(scores["margin"], 0.0, THRESHOLDS["effect"]["clear"]))
-    return [1.0, margin, *shares.values(), max(len(report["verdict"]["effects"]) - 1, 0)]
+def posterior(case: Case, numbers: np.ndarray, broad: float) -> tuple[dict[tuple[str, ...], float], float]:
+    """Probability of each set of effects, and that the cause is not in the library (src/diagnose/calibration.rs)."""
+    temper, odds, varying, other, known, misfit = numbers
+    weights = {key: 0.5 * temper * e - n - odds * len(key) for key, (e, n) in case.sets.items()}
+    unknown = []
+    for key, what, values in case.unknown:
+        if what == "misfit":
+            more = 0.5 * values[0] ** 2 * (known**-2 - broad**-2) - math.log(broad / known) - misfit
+        else:
+            more = 0.5 * temper * values[0] - values[1] - (varying if what == "varying" else other)
+        unknown.append(weights[key] + more)
+    best = max([*weights.values(), *unknown])
+    shares = {key: math.exp(weight - best) for key, weight in weights.items()}
+    outside = sum(math.exp(weight - best) for weight in unknown)
+    total = sum(shares.values()) + outside
+    return {key: share / total for key, share in shares.items()}, outside / total
 
 
-def calibration(cases: list[tuple[dict, dict]], removed: list[tuple[dict, dict]], share: float = 0.95) -> str:
-    """All that was found, as comments and lines of TOML; `removed` are answers without the true effect."""
-    text = f"# {len(cases)} cases\n"
-    sound = [(label, r) for label, r in cases if label["kind"] == "none"]
-    for truck in (False, True):
-        for reference in (False, True):
-            own = [r for label, r in sound if label["truck"] == truck and label["reference"] == reference]
-            name = ("truck" if truck else "car") + (" with reference" if reference else "")
-            for structural in (True, False):
-                what = "structural" if structural else "other"
-                text += line(f"{name}, {what}", [greatest(r, structural) for r in own], share)
-    single = [r for label, r in cases if label["kind"] == "single" and measures.named(r)]
-    text += line("second effects", [r["scores"]["pair"] for r in single], share)
-    inside = [r for label, r in cases if label["kind"] != "outside" and r["scores"]["left"] > 0.4]
-    outside = [r for label, r in cases if label["kind"] == "outside" and r["scores"]["left"] > 0.4]
-    text += line("rest, in the library", [r["scores"]["excess"] for r in inside], share)
-    text += line("rest, outside", [r["scores"]["excess"] for r in outside], 0.5)
-    for which in ("in the library", "outside"):
-        own = [r for label, r in cases if (label["kind"] == "outside") == (which == "outside")]
-        text += line(f"varying, {which}", [r["scores"]["varying"] for r in own], share)
-    # A development set has as many of a kind as one likes; probabilities are for the mix of a scoring set.
-    count = Counter(label["kind"] for label, _ in cases)
-    weight = {kind: KINDS[kind] / number * len(cases) for kind, number in count.items()}
-    off = []
-    for label, report in cases:
-        for effect in report["verdict"]["effects"]:
-            if effect["id"] in label["causes"] and label["kind"] in ("single", "pair"):
-                half = max(effect["high"] - effect["low"], 1e-12) / 2.0
-                off.append(abs(label["values"][effect["id"]] - (effect["high"] + effect["low"]) / 2.0) / half)
-    text += line("off by half widths", off, share)
-    if removed:
-        weight["outside"] = weight.get("outside", 0.0) / 2.0
-        weight["removed"] = weight["outside"] * count["outside"] / len(removed)
-    for kind, name, at in VERDICTS:
-        own = [(label["kind"], measures.in_class(label, r), r) for label, r in cases if measures.kind(r) == kind]
-        if kind == "effect":
-            own += [("removed", False, r) for _, r in removed if measures.kind(r) == kind]
-        if own:
-            columns = [features(report)[: len(at)] for _, _, report in own]
-            right = np.array([is_right for _, is_right, _ in own], float)
-            weights = np.array([weight[of] for of, _, _ in own])
-            fitted = logistic(np.array(columns), right, weights, np.array(at))
-            weighted = np.average(right, weights=weights)
-            of_all = f"{int(right.sum())} of {len(own)} right, weighted {weighted:.2f}"
-            values = fitted.round(2).tolist()
-            if kind == "effect":
-                named = dict(zip(OF_EFFECT, values)) | {"clear": THRESHOLDS["effect"]["clear"]}
-                values = "{ " + ", ".join(f"{of} = {value}" for of, value in named.items()) + " }"
-            text += f"{name} = {values} # {of_all}\n"
-    return text
+def decide(sets: dict[tuple[str, ...], float], outside: float) -> tuple[dict, float]:
+    """Verdict and probability, as src/diagnose/decision.rs has them, in the form of a report."""
+    best, named = max(((p, key) for key, p in sets.items() if key), default=(0.0, ()))
+    classes = []
+    for own in named:
+        beside = set(named) - {own}
+        near = (set(key) for key, p in sets.items() if len(key) == len(named) and p >= ALIKE * best)
+        alike = (key - set(named) for key in near if beside <= key)
+        classes.append({own}.union(*alike))
+    inside = [p for key, p in sets.items() if len(key) == len(named) and _fits(key, classes)] if named else []
+    choices = [("none", sets[()]), ("effect", sum(inside)), ("not_in_library", outside)]
+    kind, probability = max(choices, key=lambda choice: choice[1])
+    effects = [{"id": own, "class": sorted(of)} for own, of in zip(named, classes)] if kind == "effect" else []
+    return {"verdict": {"kind": kind, "effects": effects}}, probability
+
+
+def _fits(key: tuple[str, ...], classes: list[set[str]]) -> bool:
+    return any(all(own in of for own, of in zip(order, classes)) for order in itertools.permutations(key))
+
+
+def truth(case: Case, sets: dict[tuple[str, ...], float], outside: float) -> float:
+    """Probability of what was put in."""
+    if case.label["kind"] == "outside":
+        return outside
+    return sets.get(tuple(sorted(case.label["causes"])), 0.0)
+
+
+def loss(sets: list[list[Case]], numbers: np.ndarray, broad: float) -> float:
+    """Mean of minus the logarithm of the truth's probability, each set counting alike."""
+    if min(numbers) <= 0.0 or numbers[4] < 0.1:
+        return 1e9
+    of_case = lambda case: -math.log(max(truth(case, *posterior(case, numbers, broad)), LEAST))  # noqa: E731
+    return float(np.mean([np.mean([of_case(case) for case in cases]) for cases in sets]))
+
+
+def summary(cases: list[Case], numbers: np.ndarray, broad: float) -> str:
+    """How the verdicts would fare: shares right by kind, names that are wrong, calibration error."""
+    right: dict[str, list[bool]] = {}
+    names, confidence, hits = [], [], []
+    for case in cases:
+        report, probability = decide(*posterior(case, numbers, broad))
+        is_right = measures.in_class(case.label, report)
+        right.setdefault(case.label["kind"], []).append(is_right and probability >= 0.5)
+        confidence.append(probability)
+        hits.append(is_right)
+        if measures.named(report) and probability >= 0.5:
+            names.append(is_right)
+    shares = ", ".join(f"{kind} {sum(of)} of {len(of)}" for kind, of in sorted(right.items()))
+    bins = np.minimum((np.array(confidence) * 10).astype(int), 9)
+    gaps = [abs(np.mean(np.array(confidence)[bins == b]) - np.mean(np.array(hits)[bins == b])) * np.mean(bins == b)
+            for b in set(bins)]  # fmt: skip
+    return f"{shares}; names wrong {names.count(False)} of {len(names)}; ECE {sum(gaps):.3f}"
 
 
 def main() -> int:
@@ -150,10 +159,19 @@ def main() -> int:
     )
     parser.add_argument("sets", type=Path, nargs="+", help="folders of development sets")
     parser.add_argument("--answer", default="answer", help="folder of the answers within the cases")
-    parser.add_argument("--without", help="folder of the answers without the true effect")
     options = parser.parse_args()
-    removed = read_answers(options.sets, options.without) if options.without else []
-    print(calibration(read_answers(options.sets, options.answer), removed))
+    now = tomllib.loads(CALIBRATION.read_text(encoding="utf-8"))
+    start = np.array([now[n] if "." not in n else now["misfit"][n.split(".")[1]] for n in NAMES])
+    broad = now["misfit"]["broad"]
+    sets = [read(folder, options.answer) for folder in options.sets]
+    starts = (start, start * 0.7, start * 1.4)
+    fits = [minimize(lambda x: loss(sets, x, broad), s, method="Nelder-Mead", options={"maxiter": 600}) for s in starts]
+    best = min(fits, key=lambda fit: fit.fun)
+    for what, numbers in (("as it is", start), ("best", best.x)):
+        listed = ", ".join(f"{name} = {value:.2f}" for name, value in zip(NAMES, numbers))
+        print(f"{what}: {listed}; loss {loss(sets, numbers, broad):.3f}")
+        for folder, cases in zip(options.sets, sets):
+            print(f"  {folder.name}, {len(cases)} cases: {summary(cases, numbers, broad)}")
     return 0
 
 

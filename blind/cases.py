@@ -13,11 +13,11 @@ dominance below 1, "moderate" ones from 1 on.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from . import drive, effects, road, sensors, truck_design
+from . import drive, effects, road, sensors, truck_design, wild
 from .drive import CAR, STEPS, TRUCK, Conditions, Truth
 from .vehicles import CARS, Design, Unit, build, design_car
 
@@ -51,16 +51,29 @@ class Set:
     longest: float = DURATION[1]
     #: This kind of cases only.
     kind: str | None = None
+    #: A world that no prior made.
+    wild: bool = False
 
     def rng(self, *of: int) -> np.random.Generator:
-        return np.random.default_rng([int(self.development), self.seed, *of])
+        return np.random.default_rng([int(self.development) + 2 * int(self.wild), self.seed, *of])
 
     def designs(self) -> list[Design]:
         """The vehicles of this set: three cars, and a truck."""
         found = [design_car(name, self.rng(1, i)) for i, name in enumerate(CARS)] if self.cars else []
         if self.trucks:
             found.append(truck_design.design(self.rng(1, 9)))
+        if self.wild:
+            found = [wild.reshaped(design, self.rng(5, i)) for i, design in enumerate(found)]
         return found
+
+    def file_of(self, design: Design) -> Design:
+        """The design as its vehicle file has it."""
+        place = [own.name for own in self.designs()].index(design.name)
+        return wild.as_catalogued(design, self.rng(6, place)) if self.wild else design
+
+    def world(self) -> wild.World | None:
+        """What else than usual is the same for all cases."""
+        return wild.world(self.rng(4)) if self.wild else None
 
     def plan(self) -> list[Plan]:
         """What each case is to be: kinds, vehicles and effects evenly spread, in random order."""
@@ -123,6 +136,8 @@ class Case:
     reference: dict[str, np.ndarray] | None
     #: How often it was drawn anew.
     tries: int
+    #: What the logger does otherwise than the documentation asks.
+    conventions: list[str] = field(default_factory=list)
 
     @property
     def moderate(self) -> bool:
@@ -144,6 +159,7 @@ class Case:
             "logged": list(self.suite.logged),
             "reference": self.reference is not None,
             "tries": self.tries,
+            "conventions": self.conventions,
         }
 
 
@@ -168,8 +184,13 @@ def make(cases: Set, number: int, plan: Plan, design: Design) -> Case:
 def _try(cases: Set, number: int, plan: Plan, design: Design, attempt: int) -> Case | None:
     rng = cases.rng(3, number, attempt)
     suite = sensors.draw(cases.rng(3, number), design.is_truck)  # the instruments stay the same
-    background = effects.background(rng, design.is_truck)
+    world = cases.world()
+    background = world.background(rng, design.is_truck) if world else effects.background(rng, design.is_truck)
     conditions = draw_conditions(rng, design, suite, cases.longest)
+    how = None
+    if world:
+        conditions, how = _untamed(rng, conditions), wild.conventions(cases.rng(7, number))
+    base = conditions
     values: dict[str, float] = {}
     hidden: dict[str, float] = {}
     if plan.kind == "outside":
@@ -183,7 +204,7 @@ def _try(cases: Set, number: int, plan: Plan, design: Design, attempt: int) -> C
         return None
     dominance = {}
     if plan.kind != "none":
-        dominance = _dominances(plan, design, background, values, hidden, conditions, suite, truth)
+        dominance = _dominances(plan, design, background, values, hidden, base, conditions, suite, truth)
         low, high = DOMINANCE
         least = {"pair": LEAST_OF_PAIR, "outside": LEAST_OUTSIDE}.get(plan.kind, low)
         if not all(least <= value <= high for value in dominance.values()):
@@ -191,11 +212,21 @@ def _try(cases: Set, number: int, plan: Plan, design: Design, attempt: int) -> C
     own = combined(background, values)
     reference = None
     if plan.reference:
-        reference = _reference(rng, design, background, suite)
+        reference = _reference(rng, design, background, suite, how)
         if reference is None:
             return None
-    log = sensors.log(truth, own, suite)
-    return Case(number, plan, design, values, background, dominance, conditions, suite, truth, log, reference, attempt)
+    log = sensors.log(truth, own, suite, how)
+    words = how.words() if how else []
+    return Case(
+        number, plan, design, values, background, dominance, conditions, suite, truth, log, reference, attempt, words
+    )
+
+
+def _untamed(rng: np.random.Generator, conditions: Conditions) -> Conditions:
+    """The same drive on a road of a wild world, in its wind."""
+    samples = round(conditions.duration / conditions.sample)
+    events = wild.gusts(samples, conditions.sample, rng)
+    return replace(conditions, road=wild.surfaced(conditions.road, rng), events=events)
 
 
 def combined(background: dict[str, float], values: dict[str, float]) -> dict[str, float]:
@@ -289,39 +320,37 @@ def _slow(signal: np.ndarray, step: float, time: float) -> np.ndarray:
 
 
 def _dominances(
-    plan: Plan, design: Design, background: dict, values: dict, hidden: dict, conditions: Conditions,
+    plan: Plan, design: Design, background: dict, values: dict, hidden: dict, base: Conditions, conditions: Conditions,
     suite: sensors.Suite, truth: Truth,
 ) -> dict[str, float]:  # fmt: skip
     commands = (truth.steer_cmd, truth.accel_cmd)
     h = truth.h
-    plain = replace(
-        conditions, road=replace(conditions.road, friction=np.ones(len(conditions.road.x)),
-        bank=np.zeros(len(conditions.road.x))), events=np.zeros((1, 4)),
-    )  # fmt: skip
 
     def run(own: dict[str, float], extra: dict[str, float], under: Conditions) -> dict:
         return _measured(build(design, own | extra), own, under, None, commands)
 
     neutral = {name: 1.0 if name in effects.FACTORS else 0.0 for name in background}
-    nominal = run(neutral, {}, plain)
-    alone = run(background, {}, plain)
+    nominal = run(neutral, {}, base)
+    alone = run(background, {}, base)
     whole = run(combined(background, values), hidden, conditions)
     scale = max(distance(alone, nominal, suite, h), 1e-3)
     found = {"": distance(whole, alone, suite, h) / scale}
     if len(plan.causes) == 2:
         for cause in plan.causes:
             one = {key: value for key, value in values.items() if key == cause or cause == "payload" == key[:7]}
-            found[cause] = distance(run(combined(background, one), {}, plain), alone, suite, h) / scale
+            found[cause] = distance(run(combined(background, one), {}, base), alone, suite, h) / scale
     return found
 
 
-def _reference(rng: np.random.Generator, design: Design, background: dict, suite: sensors.Suite):
+def _reference(rng: np.random.Generator, design: Design, background: dict, suite: sensors.Suite, how):
     """A log of the same vehicle with its tolerances, before anything happened to it."""
     conditions = draw_conditions(rng, design, suite, 90.0)
+    if how:
+        conditions = _untamed(rng, conditions)
     truth = start_and_drive(build(design, background), conditions)
     if not truth.arrived:
         return None
-    return sensors.log(truth, background, replace(suite, seed=suite.seed + 1))
+    return sensors.log(truth, background, replace(suite, seed=suite.seed + 1), how)
 
 
 def _outside(rng: np.random.Generator, cause: str, conditions: Conditions, design: Design):
@@ -329,6 +358,8 @@ def _outside(rng: np.random.Generator, cause: str, conditions: Conditions, desig
     strength = rng.uniform(0.5, 1.0)
     samples = round(conditions.duration / conditions.sample)
     events, way, hidden = np.zeros((samples, 4)), conditions.road, {}
+    if len(conditions.events) == samples:
+        events = conditions.events.copy()
     friction, bank = way.friction.copy(), way.bank.copy()
 
     def stretches(gap: float, length: float):
@@ -360,12 +391,12 @@ def _outside(rng: np.random.Generator, cause: str, conditions: Conditions, desig
             unrest = rng.normal(size=samples) * math.sqrt(1.0 - keep**2)
             for k in range(1, samples):
                 unrest[k] += keep * unrest[k - 1]
-            events[:, column] = 10.0 * strength * unrest
+            events[:, column] += 10.0 * strength * unrest
     elif cause == "bank_patch":
         at = 0
         while at < len(bank):
             size = int(rng.uniform(20.0, 60.0) / road.SPACING)
-            bank[at : at + size] = rng.choice([0.0, 0.0, 1.0, -1.0]) * 0.09 * strength
+            bank[at : at + size] += rng.choice([0.0, 0.0, 1.0, -1.0]) * 0.09 * strength
             at += size
     elif cause == "braking_pull":
         hidden = {"brake_moment": rng.choice([-1.0, 1.0]) * 0.8 * strength}

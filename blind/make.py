@@ -15,14 +15,14 @@ def folder_of(out: Path, number: int) -> Path:
     return out / f"case_{number:03d}"
 
 
-def write_case(case: Case, out: Path) -> None:
-    """Writes what the diagnosis gets."""
+def write_case(case: Case, out: Path, file: Design | None = None) -> None:
+    """Writes what the diagnosis gets: the log, and the vehicle as its `file` has it, by default as it was designed."""
     folder = folder_of(out, case.number)
     folder.mkdir(parents=True, exist_ok=True)
     sensors.write(case.log, folder / "log.csv.gz")
     if case.reference is not None:
         sensors.write(case.reference, folder / "reference.csv.gz")
-    write_file(case.design, folder).rename(folder / "vehicle.toml")
+    write_file(file or case.design, folder).rename(folder / "vehicle.toml")
 
 
 def _one(job: tuple[Set, int, Plan, Design, Path]) -> dict | str:
@@ -31,7 +31,7 @@ def _one(job: tuple[Set, int, Plan, Design, Path]) -> dict | str:
         case = make(cases, number, plan, design)
     except CannotDraw as error:
         return str(error)
-    write_case(case, out)
+    write_case(case, out, cases.file_of(design))
     return case.label()
 
 

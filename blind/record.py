@@ -39,6 +39,10 @@ FURTHER = (
 )
 
 
+# Sets whose tolerances are the prior's, and worlds that no prior made.
+WORLDS = {"scoring": "usual", "scoring-wild": "wild"}
+
+
 def percent(value: float | None) -> str:
     """A share as text."""
     return "-" if value is None else f"{100.0 * value:.0f} %"
@@ -253,19 +257,25 @@ def page(runs: list[dict], cases: list[dict]) -> str:
     text += ["all cases of each are in `blind-run-N.json`."]
     text += [f"Run {number}: {run['lost']}." for number, run in enumerate(runs, 1) if "lost" in run]
     text += [""]
-    text += ["| run | cases | moderate | small | pairs, both | false alarms | outside found | ECE | labels' hash |"]
-    text += ["|---|---|---|---|---|---|---|---|---|"]
+    text += [
+        "| run | set | cases | moderate | small | pairs, both | false alarms | outside found | ECE | labels' hash |"
+    ]
+    text += ["|---|---|---|---|---|---|---|---|---|---|"]
     for number, run in enumerate(runs, 1):
         r, c = run["result"], run["commitment"]
         cells = [
             percent(r[key]["share"]) for key in ("moderate", "small", "pair_both", "false_alarms", "outside_found")
         ]
         text.append(
-            f"| {number}, {c['written']} | {r['cases']} | {' | '.join(cells)} | {r['ece']:.3f} | `{c['labels'][:16]}` |"
+            f"| {number}, {c['written']} | {WORLDS[c['set']]} | {r['cases']} | {' | '.join(cells)} | {r['ece']:.3f} "
+            f"| `{c['labels'][:16]}` |"
         )
     numbers = of_newest(runs)
     newest = [runs[number - 1] for number in numbers]
-    head = [f"run {number}, {run['result']['cases']} cases" for number, run in zip(numbers, newest)]
+    head = [
+        f"run {number}, {WORLDS[run['commitment']['set']]}, {run['result']['cases']} cases"
+        for number, run in zip(numbers, newest)
+    ]
     text += [
         "",
         "## The newest program",

@@ -39,7 +39,7 @@ def main(arguments: list[str] | None = None) -> int:
     seed = options.seed
     if seed is None:
         seed = DEVELOPMENT_SEED if options.development else secrets.randbits(64)
-    name = "development" if options.development else "scoring"
+    name = ("development" if options.development else "scoring") + ("-wild" if options.wild else "")
     out = (options.out or ROOT / "out" / "blind" / name).resolve()
     if out.exists():
         shutil.rmtree(out)
@@ -56,6 +56,7 @@ def main(arguments: list[str] | None = None) -> int:
         not options.cars_only,
         options.longest,
         options.kind,
+        options.wild,
     )
     begin = time.perf_counter()
     only = list(range(*options.only)) if options.only else None
@@ -128,6 +129,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--only", type=int, nargs=2, metavar=("FROM", "TO"), help="cases FROM to before TO; not recorded"
     )
+    parser.add_argument("--wild", action="store_true", help="a world that the diagnosis's prior did not make (wild.py)")
     parser.add_argument("--cars-only", action="store_true", help="no trucks")
     parser.add_argument("--trucks-only", action="store_true", help="no cars")
     parser.add_argument("--kind", choices=sorted(KINDS), help="cases of this kind only; not recorded")

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.signal import butter, lfilter, lfilter_zi
 
 from .drive import SIGNALS, Truth
+from .wild import Conventions, written
 
 # Standard deviations of noise at one sample, SI units.
 NOISE = {
@@ -79,8 +80,8 @@ def placed(truth: Truth, values: dict[str, float]) -> dict[str, np.ndarray]:
     return found
 
 
-def log(truth: Truth, values: dict[str, float], suite: Suite) -> dict[str, np.ndarray]:
-    """The drive log: its columns in the order of the file."""
+def log(truth: Truth, values: dict[str, float], suite: Suite, how: Conventions | None = None) -> dict[str, np.ndarray]:
+    """The drive log: its columns in the order of the file, as the logger writes them."""
     found = placed(truth, values)
     rng = np.random.default_rng(suite.seed)
     b, a = butter(2, suite.cutoff * 2.0 * truth.h)
@@ -100,7 +101,11 @@ def log(truth: Truth, values: dict[str, float], suite: Suite) -> dict[str, np.nd
         if name in FILTERED:
             signal = lfilter(b, a, signal, zi=lfilter_zi(b, a) * signal[0])[0]
         columns[name] = signal[rows] + noise
-    return columns
+    if how is None:
+        return columns
+    s = dict(zip(SIGNALS, truth.signals.T))
+    level = s["vx"] * s["yaw_rate"] + np.gradient(s["vy"], truth.h)
+    return written(columns, (s["ay"] - level)[rows], how)
 
 
 def write(columns: dict[str, np.ndarray], path) -> None:

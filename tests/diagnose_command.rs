@@ -128,10 +128,18 @@ fn two_drives_of_one_vehicle_are_one_log() {
     };
     let (apart, both) = (judged(&[&early]) + judged(&[&late]), judged(&[&early, &late]));
     assert!((both - apart).abs() < 0.1, "{both} s of both, {apart} s of each");
-    let output =
-        rfl(FOLDER.path(), &["diagnose", &early, &late, "--quiet", "--path", &road(), "--out", "refused"]);
-    assert_eq!(output.status.code(), Some(1));
-    assert!(text(&output.stderr).contains("--path is for one log"), "{}", text(&output.stderr));
+    let output = rfl(
+        FOLDER.path(),
+        &["diagnose", &early, &late, "--quiet", "--no-pairs", "--path", &road(), "--out", "open", "--json"],
+    );
+    // The road of both is known, the loop is closed along none.
+    assert_eq!(output.status.code(), Some(3), "{}", text(&output.stderr));
+    let report: Report = serde_json::from_slice(&output.stdout).unwrap();
+    let open = report
+        .findings
+        .iter()
+        .any(|it| it.words.contains("the loop was not closed: it is closed along one drive"));
+    assert!(open && report.shrink.closed_loop.is_none(), "{:?}", report.findings);
 }
 
 #[test]

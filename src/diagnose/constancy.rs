@@ -74,8 +74,10 @@ pub struct Variation {
     pub with: Cause,
     /// By how much: standard deviation over the drive, of the knob's coordinate.
     pub deviation: f64,
-    /// Evidence that it does.
+    /// How much better it explains the log, and what the freedom costs.
     pub gain: f64,
+    #[allow(missing_docs)]
+    pub narrowing: f64,
 }
 
 /// A cause with one or more columns over the rows that are compared.
@@ -158,6 +160,7 @@ pub fn variations<V: ReplayVehicle>(
     causes: &[Columns],
     linear: &Linear,
     fit: &Fit,
+    temper: f64,
 ) -> Vec<Variation> {
     let may_vary: Vec<usize> = fit.freed.iter().copied().filter(|&i| may_vary(problem, i)).collect();
     if may_vary.is_empty() {
@@ -171,9 +174,10 @@ pub fn variations<V: ReplayVehicle>(
     for effect in may_vary {
         for (with, columns) in causes {
             let varied = columns.iter().map(|z| following(problem, &linear.slopes[effect], z, off[effect]));
-            if let Some((gain, share)) = background.explained(&expected, varied, VARY) {
-                let deviation = off[effect].abs() * root_mean_square(columns, &share);
-                all.push(Variation { effect, with: *with, deviation, gain });
+            if let Some(found) = background.explained(&expected, varied, VARY, temper) {
+                let deviation = off[effect].abs() * root_mean_square(columns, &found.shares);
+                let (gain, narrowing) = (found.gain, found.narrowing);
+                all.push(Variation { effect, with: *with, deviation, gain, narrowing });
             }
         }
     }
@@ -186,10 +190,11 @@ pub fn best_single<V: ReplayVehicle>(
     problem: &Problem<V>,
     ranking: &Ranking,
     causes: &[Columns],
+    temper: f64,
 ) -> Option<(usize, Variation)> {
     let of_each = parallel::map(problem.threads(), ranking.singles.len(), |place| {
         let fit = &ranking.singles[place];
-        variations(problem, ranking, causes, &ranking.linear.with(&fit.of_freed()), fit)
+        variations(problem, ranking, causes, &ranking.linear.with(&fit.of_freed()), fit, temper)
     });
     let all =
         of_each.into_iter().enumerate().flat_map(|(place, all)| all.into_iter().map(move |it| (place, it)));

@@ -2,15 +2,17 @@
 
 use super::calibration::Calibration;
 use super::constancy;
-use super::decision::{decide, tells};
+use super::conventions;
+use super::decision::{decide, lead};
 use super::fit::{Fit, Prior};
 use super::localise;
 use super::manoeuvre;
-use super::naming::{candidates, named};
+use super::naming::{candidates, named, summary};
 use super::observability::{Excitation, observability};
+use super::posterior::{Posterior, Unknown};
 use super::problem::Problem;
 use super::rank::{NoReplay, rank};
-use super::replay::{Drive, ReplayVehicle, Trace, is_levelled, neutral, prepared};
+use super::replay::{Drive, ReplayVehicle, Trace, neutral, prepared};
 use super::report::{
     Adjustment, Diagnosis, Finding, Gravity, InputFile, Inputs, Report, Series, Varies, Verdict, VerdictKind,
 };
@@ -29,6 +31,9 @@ const DRIFT: f64 = 0.2;
 const ENVIRONMENT: [&str; 4] = ["wind_x", "wind_y", "road_bank", "road_grade"];
 /// Tolerances of a vehicle in its reference log, besides what is named there: as many times the ordinary ones.
 const WIDE: f64 = 2.0;
+/// Other hypotheses that the next manoeuvre is to tell apart from the first, and hypotheses of a short list.
+const RIVALS: usize = 4;
+const SHORT_LIST: usize = 5;
 /// Steering that is no steering: deviation in rad.
 const STRAIGHT: f64 = 1e-3;
 
@@ -109,11 +114,12 @@ pub fn diagnose<V: ReplayVehicle>(
         }
     }
     let threads = parallel::threads(options.threads);
-    let calibration = Calibration::of(V::TRUCK, reference.is_some());
+    let calibration = Calibration::built_in();
     let mut findings = log.findings.clone();
     let (log, left_out) = chosen(log);
     findings.extend(left_out);
     let mut drive = Drive::new(&log, V::TRUCK);
+    findings.extend(conventions::turn_roll(&mut drive));
     let prepared_vehicle = prepared(vehicle, drive.commanded);
     let excitation = Excitation::of(&drive, vehicle);
     let mut inputs = Inputs {
@@ -134,6 +140,7 @@ pub fn diagnose<V: ReplayVehicle>(
                 probability: 1.0,
                 effects: Vec::new(),
                 nearest: Vec::new(),
+                short_list: Vec::new(),
                 varying: None,
                 strained: None,
                 words: reason.to_owned(),
@@ -145,7 +152,7 @@ pub fn diagnose<V: ReplayVehicle>(
             observability: Vec::new(),
             next_manoeuvre: None,
             recalibration: Vec::new(),
-            scores: None,
+            posterior: None,
             findings,
             inputs,
             seed: options.seed,
@@ -163,15 +170,8 @@ pub fn diagnose<V: ReplayVehicle>(
     }
     progress("full plant", 0.02);
     let correction = neutral(&drive, &prepared_vehicle).map_err(|reason| DiagnoseError::Replay { reason })?;
-    drive.levelled = is_levelled(&drive, &prepared_vehicle, &correction);
-    if drive.levelled {
-        findings.push(Finding {
-            gravity: Gravity::Note,
-            signal: Some("ay".to_owned()),
-            words: "it is that of a level frame, without gravity's share by roll, and is compared so"
-                .to_owned(),
-        });
-    }
+    progress("conventions", 0.05);
+    findings.extend(conventions::find_frame(&mut drive, &prepared_vehicle, &correction, threads));
     let without = &options.without;
     let problem = Problem::new(&drive, &prepared_vehicle, &correction, without, threads);
     let mut prior = Prior::of(&problem);
@@ -181,35 +181,46 @@ pub fn diagnose<V: ReplayVehicle>(
     if let Some(reference) = reference {
         check(reference)?;
         let (reference, _) = chosen(reference);
-        let alone = Calibration::of(V::TRUCK, false);
-        posterior(&reference, &problem, &prepared_vehicle, without, &alone, &mut prior)?;
+        known_from(&reference, &problem, &prepared_vehicle, without, &mut prior)?;
     }
     let ranking = rank(&problem, prior, &|_, _| options.pairs, progress)?;
-    progress("constancy", 0.91);
-    let mut decision = decide(&problem, &ranking, &calibration, &constancy::causes(&problem));
-    let suspicion = findings.iter().any(|finding| finding.gravity == Gravity::Suspicion);
-    if excitation.steer < STRAIGHT && decision.kind != VerdictKind::None || suspicion {
-        (decision.kind, decision.varying, decision.strained) = (VerdictKind::CannotTell, None, None);
-    } else if let Some(nearest) = decision.nearest.take() {
-        // No cause, but the simulator is nearer with it.
-        decision.fit = nearest;
-    }
+    progress("posterior", 0.91);
+    let posterior = Posterior::of(&problem, &ranking, calibration, &constancy::causes(&problem));
+    let lead = lead(&posterior);
+    let winner = ranking.find(&lead.effects).unwrap_or(&ranking.none).clone();
 
     progress("held-out parts", 0.92);
-    let winner = decision.fit.clone();
     let local = ranking.linear_at(&problem, &winner);
-    let shrink = shrink(&problem, &ranking, &winner, &local.slopes);
+    let (shrink, predictive) = shrink(&problem, &ranking, &winner, &local.slopes);
+    let mut decision = decide(lead, predictive.names());
+    let suspicion = findings.iter().any(|finding| finding.gravity == Gravity::Suspicion);
+    if excitation.steer < STRAIGHT && decision.kind != VerdictKind::None || suspicion {
+        decision.kind = VerdictKind::CannotTell;
+    }
     let precision = ranking.prior.freed(&problem, &winner.freed);
     let covariance = local.covariance(&precision);
-    let simulator = recalibrated(&problem, &ranking.prior, &local, &winner.freed, &winner.x);
-    let mut effects = named(&problem, &ranking, &decision, &covariance, calibration.interval);
+    // What is calibrated beside the effects has to hold on what its fit has not seen.
+    let simulator = if predictive.recalibration_gains() {
+        recalibrated(&problem, &ranking.prior, &local, &winner.freed, &winner.x)
+    } else {
+        ranking.prior.only(&problem, &winner.freed, &winner.x)
+    };
+    let mut effects =
+        named(&problem, &ranking, &winner, &decision.classes, &covariance, calibration.interval);
     progress("next manoeuvre", 0.95);
-    let next_manoeuvre = match &decision.rival {
-        Some(rival) if decision.kind == VerdictKind::Effect && reference.is_none() => {
-            let others: Vec<&Fit> = ranking.fewer(&winner).chain([rival]).collect();
-            manoeuvre::next(&problem, &ranking, &winner, &others, without)
-        }
-        _ => None,
+    // What else the log may mean: what is to be told apart next.
+    let rivals: Vec<&Fit> = posterior
+        .hypotheses
+        .iter()
+        .filter(|it| it.unknown.is_none() && !it.is_of(&winner.freed))
+        .filter_map(|it| ranking.find(&it.effects))
+        .take(RIVALS)
+        .collect();
+    let tells_apart = matches!(decision.kind, VerdictKind::Effect | VerdictKind::CannotTell);
+    let next_manoeuvre = if tells_apart && !winner.freed.is_empty() && reference.is_none() {
+        manoeuvre::next(&problem, &ranking, &winner, &rivals, without)
+    } else {
+        None
     };
     let adjustment = |i: usize, x: &[f64]| {
         let it = &problem.knobs[i];
@@ -227,11 +238,19 @@ pub fn diagnose<V: ReplayVehicle>(
     let recalibration = (0..problem.knobs.len())
         .filter(|&i| {
             let it = &problem.knobs[i];
-            precision.free.contains(&i) && !freed.contains(&i) && it.tolerance > 0.0 && !it.is_form()
+            predictive.recalibration_gains()
+                && precision.free.contains(&i)
+                && !freed.contains(&i)
+                && it.tolerance > 0.0
+                && !it.is_form()
         })
         .map(|i| adjustment(i, &simulator))
         .collect();
-    let strained = decision.strained.map(|i| adjustment(i, &winner.x));
+    let unknown = decision.unknown.filter(|_| decision.kind == VerdictKind::NotInLibrary);
+    let strained = match unknown {
+        Some(Unknown::Off(i)) => Some(adjustment(i, &winner.x)),
+        _ => None,
+    };
     let series = series(&problem, &ranking.prior, &drive, &winner, &simulator)?;
     // What matters most stands first.
     effects.sort_by(|a, b| b.dominance.total_cmp(&a.dominance));
@@ -243,18 +262,37 @@ pub fn diagnose<V: ReplayVehicle>(
         }
     }
     findings.sort_by_key(|finding| std::cmp::Reverse(finding.gravity));
-    let varying = decision.varying.map(|it| {
-        let knob = &problem.knobs[it.effect];
-        Varies {
-            id: knob.id.to_owned(),
-            with: it.with,
-            deviation: knob.deviation(it.deviation, vehicle),
-            unit: knob.symbol::<V>(),
-            evidence: it.gain,
+    let varying = match unknown {
+        Some(Unknown::Varies(it)) => {
+            let knob = &problem.knobs[it.effect];
+            Some(Varies {
+                id: knob.id.to_owned(),
+                with: it.with,
+                deviation: knob.deviation(it.deviation, vehicle),
+                unit: knob.symbol::<V>(),
+                evidence: it.gain,
+            })
         }
-    });
+        _ => None,
+    };
+    let summary = summary(&problem, &posterior);
+    let short_list = match decision.kind {
+        VerdictKind::CannotTell => summary.hypotheses.iter().take(SHORT_LIST).cloned().collect(),
+        _ => Vec::new(),
+    };
     let why = words::Unknown { varying: varying.as_ref(), strained: strained.as_ref() };
-    let words = words::verdict(decision.kind, &effects, why, &shrink, decision.probability, &findings);
+    let straight = excitation.steer < STRAIGHT;
+    let words = match decision.kind {
+        VerdictKind::CannotTell => words::cannot_tell(
+            &findings,
+            straight,
+            &short_list,
+            &effects,
+            &predictive,
+            next_manoeuvre.as_ref(),
+        ),
+        kind => words::verdict(kind, &effects, why, &shrink, decision.probability),
+    };
     let (effects, nearest) = match decision.kind {
         VerdictKind::Effect => (effects, Vec::new()),
         VerdictKind::NotInLibrary => (Vec::new(), effects),
@@ -267,17 +305,18 @@ pub fn diagnose<V: ReplayVehicle>(
             probability: decision.probability,
             effects,
             nearest,
+            short_list,
             varying,
             strained,
             words,
         },
-        candidates: candidates(&problem, &ranking, &decision, &calibration),
+        candidates: candidates(&problem, &ranking, &posterior, &winner, decision.kind, calibration),
         places: localise::places(&problem, &ranking),
         stage,
-        observability: observability(&problem, &ranking, &calibration),
+        observability: observability(&problem, &ranking, calibration),
         next_manoeuvre,
         recalibration,
-        scores: Some(decision.scores),
+        posterior: Some(summary),
         findings,
         inputs,
         shrink,
@@ -289,15 +328,15 @@ pub fn diagnose<V: ReplayVehicle>(
 }
 
 /// What a log of the same vehicle says of it: whatever was the matter then belongs to the vehicle as it is known.
-fn posterior<V: ReplayVehicle>(
+fn known_from<V: ReplayVehicle>(
     log: &CleanLog,
     problem: &Problem<V>,
     vehicle: &V,
     without: &[String],
-    calibration: &Calibration,
     prior: &mut Prior,
 ) -> Result<(), DiagnoseError> {
-    let drive = Drive { levelled: problem.drive.levelled, ..Drive::new(log, V::TRUCK) };
+    let mut drive = Drive { levelled: problem.drive.levelled, ..Drive::new(log, V::TRUCK) };
+    conventions::turn_roll(&mut drive);
     if drive.duration() < SHORTEST || drive.commanded != problem.drive.commanded {
         return Ok(());
     }
@@ -307,11 +346,12 @@ fn posterior<V: ReplayVehicle>(
     let drifts = &prior.covariance * DRIFT.powi(2);
     wide.covariance *= WIDE * WIDE;
     // Where nothing is named, no two are.
+    let calibration = Calibration::built_in();
     let pairs =
-        |none: &Fit, singles: &[Fit]| singles.iter().any(|single| tells(&own, calibration, none, single));
+        |none: &Fit, singles: &[Fit]| singles.iter().any(|it| none.cost - it.cost > calibration.telling());
     let ranking = rank(&own, wide, &pairs, &|_, _| {})?;
-    let decision = decide(&own, &ranking, calibration, &[]);
-    let known = &decision.fit;
+    let lead = lead(&Posterior::of(&own, &ranking, calibration, &[]));
+    let known = ranking.find(&lead.effects).unwrap_or(&ranking.none);
     let covariance = ranking.linear_at(&own, known).covariance(&ranking.prior.freed(&own, &known.freed));
     prior.form = ranking.noise.beyond(&own, &known.gap);
     // A wind by another log's own start is none by this one's.

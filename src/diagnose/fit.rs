@@ -183,6 +183,24 @@ impl Linear {
         all
     }
 
+    /// How much narrower the fit makes what the prior allows, `log det(1 + eta S' W S P^-1) / 2`: what freedom costs an
+    /// evidence (Laplace's approximation), with the likelihood to a power `eta`. Infinite where slopes are no numbers.
+    #[must_use]
+    pub fn narrowing(&self, precision: &Precision, temper: f64) -> f64 {
+        let (free, count) = (&precision.free, precision.free.len());
+        let after = DMatrix::from_fn(count, count, |a, b| {
+            temper * self.gram[(free[a], free[b])] + precision.matrix[(a, b)]
+        });
+        let half_log = |matrix: DMatrix<f64>| {
+            let factor = matrix.cholesky()?;
+            Some(factor.l_dirty().diagonal().iter().map(|it| it.ln()).sum::<f64>())
+        };
+        match (half_log(after), half_log(precision.matrix.clone())) {
+            (Some(after), Some(before)) => after - before,
+            _ => f64::INFINITY,
+        }
+    }
+
     /// Products of two gaps with the background marginalised: `a' (W^-1 + U U')^-1 b`.
     #[must_use]
     pub fn marginal(&self, a: &[f64], b: &[f64], precision: &Precision) -> f64 {
@@ -234,22 +252,41 @@ impl Marginalised<'_> {
     }
 
     /// What columns `D`, each with a coordinate of standard deviation `s`, explain of a gap `e`, and these coordinates:
-    /// `b' (G + 1 / s^2)^-1 b` with `b_k = <D_k, e>`, `G_kl = <D_k, D_l>`. None where they are no numbers.
+    /// `b' (G + 1 / s^2)^-1 b` with `b_k = <D_k, e>`, `G_kl = <D_k, D_l>`; and what their freedom costs, as
+    /// [`narrowing`](Linear::narrowing). None where they are no numbers.
     #[must_use]
     pub fn explained<'a, C: Into<Cow<'a, [f64]>>>(
         &self,
         gap: &Reduced,
         columns: impl Iterator<Item = C>,
         deviation: f64,
-    ) -> Option<(f64, DVector<f64>)> {
+        temper: f64,
+    ) -> Option<Explained> {
         let all: Vec<Reduced> = columns.map(|column| self.reduced(column)).collect();
         let right = DVector::from_iterator(all.len(), all.iter().map(|column| self.product(column, gap)));
         let gram = DMatrix::from_fn(all.len(), all.len(), |k, l| {
             self.product(&all[k], &all[l]) + if k == l { deviation.powi(-2) } else { 0.0 }
         });
-        let share = gram.cholesky()?.solve(&right);
-        Some((right.dot(&share), share))
+        let prior = deviation.powi(-2);
+        let after = DMatrix::from_fn(all.len(), all.len(), |k, l| {
+            let own = if k == l { prior } else { 0.0 };
+            (own + temper * (gram[(k, l)] - own)) / prior
+        });
+        let narrowing = after.cholesky()?.l_dirty().diagonal().iter().map(|it| it.ln()).sum();
+        let shares = gram.cholesky()?.solve(&right);
+        Some(Explained { gain: right.dot(&shares), narrowing, shares })
     }
+}
+
+/// What columns explain.
+#[derive(Debug, Clone)]
+pub struct Explained {
+    /// Of the cost.
+    pub gain: f64,
+    /// What their freedom costs the evidence.
+    pub narrowing: f64,
+    /// Their coordinates.
+    pub shares: DVector<f64>,
 }
 
 /// A point that was fitted.
@@ -535,10 +572,13 @@ mod tests {
         let linear = Linear::new(vec![Arc::new(vec![1.0, 0.0])], weights(2));
         let precision = Precision { free: vec![0], matrix: DMatrix::identity(1, 1) };
         let background = linear.marginalised(&precision).unwrap();
+        let column_square = |[a, b]: [f64; 2]| 0.5 * a * a + b * b;
         let explained = |gap: [f64; 2], column: [f64; 2], deviation: f64| {
             let gap = background.reduced(gap.to_vec());
-            let (gain, share) = background.explained(&gap, [column.to_vec()].into_iter(), deviation).unwrap();
-            (gain, share[0])
+            let found = background.explained(&gap, [column.to_vec()].into_iter(), deviation, 1.0).unwrap();
+            let expected = 0.5 * (1.0 + deviation * deviation * column_square(column)).ln();
+            assert!((found.narrowing - expected).abs() < 1e-8, "{} {expected}", found.narrowing);
+            (found.gain, found.shares[0])
         };
         // b^2 / (G + 1 / s^2) and b / (G + 1 / s^2).
         for ((gain, share), (expected, coordinate)) in [

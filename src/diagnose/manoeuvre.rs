@@ -251,7 +251,7 @@ pub fn next<V: ReplayVehicle>(
         for ((_, block), &deviation) in there.blocks.iter().zip(&ranking.noise.effective) {
             weights.resize(weights.len() + block.len(), (deviation * factor.max(0.1)).powi(-2));
         }
-        let weights = Weights::new(weights, there.profile.as_ref());
+        let weights = Weights::new(weights, there.profile.as_ref(), ranking.noise.roughness());
         let linear = Linear::new(there.slopes(&at_first, &of_first), Arc::new(weights));
         let explained = |fit: &Fit, at: &[f64], of_fit: &[f64]| {
             let gap: Vec<f64> = of_fit.iter().zip(&of_first).map(|(b, a)| b - a).collect();

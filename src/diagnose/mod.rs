@@ -9,13 +9,15 @@
 //!     J_c = min over p_c of  e(p_c)' (I + U U')^-1 e(p_c),      U = S without the columns of c
 //! ```
 //!
-//! (Gauss-Newton; `U` linearised anew at the best). Nothing is named where `J_none - J_best` is no more than sound logs
-//! give, and `not in library` where the best pair leaves more than they leave.
+//! (Gauss-Newton; `U` linearised anew at the best). The costs of all candidates, and what speaks for a cause that the library
+//! does not have, make one posterior; the verdict reads it, and nothing else, but that a name must predict what its fit has
+//! not seen.
 //!
 //! | file | problem |
 //! |---|---|
 //! | `report.rs` | the answer: what `report.json` holds |
 //! | `replay/` | the vehicle replayed from a log's commands |
+//! | `conventions.rs` | how the log's columns are meant |
 //! | `knob.rs` | what a simulator can be wrong in, and its tolerances |
 //! | `filter.rs` | low pass and clock |
 //! | `problem.rs` | the gap as a function of all knobs |
@@ -24,10 +26,11 @@
 //! | `noise.rs` | what a gap is measured against |
 //! | `profile.rs` | the road that nobody told of |
 //! | `rank.rs` | candidates and their evidence |
-//! | `calibration.rs` | thresholds and probabilities, from `calibration.toml` |
+//! | `calibration.rs` | numbers of the statistical model, from `calibration.toml` |
 //! | `constancy.rs` | whether an effect acts with one value throughout |
-//! | `echo.rs` | what a named effect does otherwise in another formulation |
-//! | `decision.rs` | from a ranking to what is the matter |
+//! | `posterior.rs` | how probable each hypothesis is |
+//! | `decision.rs` | from the posterior to what is the matter |
+//! | `dominance.rs` | the size of an effect beside the background |
 //! | `estimate.rs` | the value of an effect, and how sure it is |
 //! | `naming.rs` | the decision in the user's terms |
 //! | `engine.rs` | from a log and a vehicle to the answer |
@@ -50,8 +53,9 @@ pub mod calibration;
 #[cfg(feature = "cli")]
 pub mod closed_loop;
 mod constancy;
+mod conventions;
 mod decision;
-mod echo;
+mod dominance;
 mod engine;
 mod estimate;
 pub mod filter;
@@ -61,12 +65,12 @@ mod headline;
 pub mod knob;
 mod localise;
 mod manoeuvre;
-mod mass;
 mod naming;
 pub mod noise;
 mod observability;
 #[cfg(feature = "cli")]
 pub mod page;
+mod posterior;
 pub mod problem;
 pub mod profile;
 pub mod rank;

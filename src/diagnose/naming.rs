@@ -1,28 +1,33 @@
 //! A decision in the user's terms: effects with values, intervals and classes, and all candidates with why they are not named.
 
 use super::calibration::Calibration;
-use super::decision::{Decision, dominance};
+use super::constancy::Cause;
+use super::dominance::dominance;
 use super::estimate::{Wind, estimate, half_width, wind_of};
+use super::fit::Fit;
 use super::observability::{collinearity, information};
+use super::posterior::{Posterior, Unknown};
 use super::problem::Problem;
 use super::rank::Ranking;
 use super::replay::ReplayVehicle;
-use super::report::{Candidate, NamedEffect, VerdictKind};
+use super::report::{Candidate, Hypothesis, NamedEffect, Probabilities, VerdictKind};
 use super::words;
 use std::collections::BTreeMap;
 
 /// So many of the first candidates are compared with the winner.
 const COMPARED: usize = 12;
+/// Hypotheses and effects that are as probable are told.
+const LEAST_SHOWN: f64 = 1e-5;
 
 /// The effects of the winner, with their values.
 pub(super) fn named<V: ReplayVehicle>(
     problem: &Problem<V>,
     ranking: &Ranking,
-    decision: &Decision,
+    winner: &Fit,
+    classes: &[Vec<usize>],
     covariance: &nalgebra::DMatrix<f64>,
     wider: f64,
 ) -> Vec<NamedEffect> {
-    let winner = &decision.fit;
     let mut effects = Vec::new();
     for (place, &i) in winner.freed.iter().enumerate() {
         let it = &problem.knobs[i];
@@ -40,7 +45,7 @@ pub(super) fn named<V: ReplayVehicle>(
             1.0 => value / known,
             neutral => value - known + neutral,
         };
-        let class = decision.classes.get(place).cloned().unwrap_or_default();
+        let class = classes.get(place).cloned().unwrap_or_default();
         let mut class: Vec<String> = class.iter().map(|&i| problem.knobs[i].id.to_owned()).collect();
         let mut separated_by = String::new();
         if it.id == "sensor_delay" && !problem.drive.commanded {
@@ -77,10 +82,11 @@ pub(super) fn named<V: ReplayVehicle>(
 pub(super) fn candidates<V: ReplayVehicle>(
     problem: &Problem<V>,
     ranking: &Ranking,
-    decision: &Decision,
+    posterior: &Posterior,
+    winner: &Fit,
+    kind: VerdictKind,
     calibration: &Calibration,
 ) -> Vec<Candidate> {
-    let best = decision.fit.cost;
     let mut all: Vec<Candidate> = ranking
         .singles
         .iter()
@@ -88,40 +94,37 @@ pub(super) fn candidates<V: ReplayVehicle>(
         .chain(&ranking.threes)
         .map(|fit| {
             let evidence = ranking.none.cost - fit.cost;
-            let behind = fit.cost - best;
             let pinned =
-                fit.freed.iter().any(|&i| information(problem, ranking, i) * 16.0 < calibration.none);
-            let stages = fit.freed.iter().map(|&i| calibration.threshold(problem.knobs[i].effect));
-            let needed = stages.fold(0.0, f64::max);
+                fit.freed.iter().any(|&i| information(problem, ranking, i) * 16.0 < calibration.telling());
+            let probability = posterior.of_set(&fit.freed);
             let shown = |i: usize| wind_of(problem, fit, i).map_or(fit.x[i], |wind| wind.speed);
             Candidate {
                 effects: fit.freed.iter().map(|&i| problem.knobs[i].id.to_owned()).collect(),
                 values: fit.freed.iter().map(|&i| problem.knobs[i].value(shown(i))).collect(),
                 evidence,
                 collinearity: None,
+                probability,
                 why: words::why(
                     evidence,
-                    needed,
-                    behind,
+                    calibration.telling() * fit.freed.len() as f64,
+                    probability,
                     pinned,
-                    fit.freed == decision.fit.freed,
-                    decision.kind,
-                    calibration,
+                    fit.freed == winner.freed && kind == VerdictKind::Effect,
                 ),
             }
         })
         .collect();
     // The winner stands first, even before a pair that explains a little more.
-    let name: Vec<String> = decision.fit.freed.iter().map(|&i| problem.knobs[i].id.to_owned()).collect();
+    let name: Vec<String> = winner.freed.iter().map(|&i| problem.knobs[i].id.to_owned()).collect();
     all.sort_by(|a, b| {
         (a.effects != name)
             .cmp(&(b.effects != name))
             .then(b.evidence.total_cmp(&a.evidence))
             .then(a.effects.cmp(&b.effects))
     });
-    if decision.kind == VerdictKind::Effect {
+    if kind == VerdictKind::Effect {
         for candidate in all.iter_mut().take(COMPARED) {
-            candidate.collinearity = likeness(problem, ranking, &decision.fit.freed, &candidate.effects);
+            candidate.collinearity = likeness(problem, ranking, &winner.freed, &candidate.effects);
             candidate.why += &words::likeness(candidate.collinearity);
         }
     }
@@ -141,4 +144,34 @@ fn likeness<V: ReplayVehicle>(
     let mut lost = winner.iter().filter(|i| !both.contains(i));
     let (Some(&named), None) = (lost.next(), lost.next()) else { return None };
     Some(collinearity(problem, ranking, &both, [named, other]))
+}
+
+/// The posterior in the user's terms.
+pub(super) fn summary<V: ReplayVehicle>(problem: &Problem<V>, posterior: &Posterior) -> Probabilities {
+    let id = |&i: &usize| problem.knobs[i].id.to_owned();
+    let said = |unknown: &Unknown| match unknown {
+        Unknown::Varies(it) => format!("{} changes {}", problem.knobs[it.effect].id, Cause::words(it.with)),
+        Unknown::Off(i) => format!("{} is off", problem.knobs[*i].parameter()),
+        Unknown::Misfit(size) => format!("{size:.1} times as much is left as a model of this form leaves"),
+    };
+    let hypothesis = |it: &super::posterior::Hypothesis| Hypothesis {
+        effects: it.effects.iter().map(id).collect(),
+        not_in_library: it.unknown.as_ref().map(said),
+        evidence: it.evidence,
+        narrowing: it.narrowing,
+        probability: it.probability,
+    };
+    let may_be = (0..problem.knobs.len()).filter(|&i| problem.knobs[i].is_candidate());
+    let inclusion = may_be.map(|i| (id(&i), posterior.inclusion(i))).filter(|(_, it)| *it >= LEAST_SHOWN);
+    Probabilities {
+        none: posterior.none(),
+        not_in_library: posterior.unknown(),
+        inclusion: inclusion.collect(),
+        hypotheses: posterior
+            .hypotheses
+            .iter()
+            .filter(|it| it.probability >= LEAST_SHOWN)
+            .map(hypothesis)
+            .collect(),
+    }
 }

@@ -6,7 +6,7 @@
 //! where a vehicle slides and its replay does not, have a variance of their own, or they would drown what the rest tells.
 
 use super::problem::{Problem, rms};
-use super::profile::Weights;
+use super::profile::{Roughness, Weights};
 use super::replay::{Channel, LEAK, ReplayVehicle, Trace};
 use std::sync::Arc;
 
@@ -44,6 +44,8 @@ pub struct Noise {
     pub effective: Vec<f64>,
     /// Variance over that, sample by sample: more than 1 where the replay is lost.
     lost: Vec<f64>,
+    /// How rough an unknown road is.
+    roughness: Roughness,
 }
 
 impl Noise {
@@ -85,7 +87,7 @@ impl Noise {
         let effective =
             floor.iter().zip(&lefts).map(|(floor, left)| floor.hypot((again - 1.0).sqrt() * left)).collect();
         let lost = vec![1.0; problem.rows.len()];
-        Self { effective, white, form: forms, floor, left: lefts, worth, lost }
+        Self { effective, white, form: forms, floor, left: lefts, worth, lost, roughness: [1.0; 2] }
     }
 
     /// Coarser by a share of the neutral gap. Far from the cause, a gap of hundreds of standard deviations pulls every
@@ -99,9 +101,20 @@ impl Noise {
         noise
     }
 
-    /// With what a fit left.
+    /// With what a fit left: as much of it as a road does not explain better.
     #[must_use]
     pub fn with_left<V: ReplayVehicle>(&self, problem: &Problem<V>, left: &[f64]) -> Self {
+        let mut noise = self.without_road(problem, left);
+        if let Some(profile) = &problem.profile {
+            noise.roughness = profile.roughness(&noise.each(), left);
+            let rest = noise.weights(problem).rest(left);
+            noise = Self { roughness: noise.roughness, ..self.without_road(problem, &rest) };
+        }
+        noise
+    }
+
+    /// The same where no road explains anything of it.
+    fn without_road<V: ReplayVehicle>(&self, problem: &Problem<V>, left: &[f64]) -> Self {
         let mut noise = self.clone();
         let again = again(problem);
         noise.lost = lost(problem.blocks.iter().map(|(_, block)| &left[block.clone()]), problem.rows.len());
@@ -116,14 +129,25 @@ impl Noise {
         noise
     }
 
-    /// What gaps are weighed with.
-    #[must_use]
-    pub fn weights<V>(&self, problem: &Problem<V>) -> Arc<Weights> {
+    /// What each sample weighs.
+    fn each(&self) -> Vec<f64> {
         let mut each = Vec::new();
         for &deviation in &self.effective {
             each.extend(self.lost.iter().map(|lost| (deviation * deviation * lost).recip()));
         }
-        Arc::new(Weights::new(each, problem.profile.as_ref()))
+        each
+    }
+
+    /// What gaps are weighed with.
+    #[must_use]
+    pub fn weights<V>(&self, problem: &Problem<V>) -> Arc<Weights> {
+        Arc::new(Weights::new(self.each(), problem.profile.as_ref(), self.roughness))
+    }
+
+    /// How rough an unknown road is: shares of the deviations of bank and grade.
+    #[must_use]
+    pub fn roughness(&self) -> Roughness {
+        self.roughness
     }
 
     /// Whether a gap is, in any channel, several times what every simulator's form leaves: else there is nothing to explain.

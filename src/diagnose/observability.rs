@@ -146,7 +146,7 @@ pub fn observability<V: ReplayVehicle>(
             continue;
         };
         let information = information(problem, ranking, knob);
-        let threshold = calibration.threshold(Some(effect));
+        let threshold = calibration.telling();
         let least = (information > 0.0).then(|| (threshold / information).sqrt());
         let it = &problem.knobs[knob];
         // A value x gives evidence x^2 / (1 / information + tolerance^2); with a reference log the tolerance is what it left.

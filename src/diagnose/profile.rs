@@ -6,14 +6,15 @@
 //!     b(s) = sum_k c_k hat((s - s_k) / L),    c_k ~ N(0, sigma^2),
 //! ```
 //!
-//! with hats of `L` = [`SPACING`] (a correlation of some ten metres) along the way `s` that was driven. With `B` what the
+//! with hats of a width `L` along the way `s` that was driven: some ten metres for a bank, for a grade a hundred. With `B` what the
 //! replay makes of each `c_k`, in units of `sigma`, a gap has the weight
 //!
 //! ```text
 //!     (W^-1 + B B')^-1 = W - W B (1 + B' W B)^-1 B' W,
 //! ```
 //!
-//! so that what a road may do is no evidence of anything else. A hat's response ends some seconds behind it: one replay
+//! so that what a road may do is no evidence of anything else. How rough this road is, as a share of `sigma` for bank and grade
+//! each, is what makes the rest of the best fit most likely: on a level one a steady slope is no road's. A hat's response ends some seconds behind it: one replay
 //! serves all hats that are so far apart.
 //!
 //! Source: Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, sec. 2.7; the discrepancy of the
@@ -27,22 +28,28 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Distance of the hats, m.
-const SPACING: f64 = 25.0;
-/// Standard deviations of bank and grade, rad: public roads are crowned by 2 to 3 % and banked by up to 7 % in bends, and
-/// designed for grades of a few per cent (AASHTO, A Policy on Geometric Design of Highways and Streets, ch. 3).
-const BANK: f64 = 0.015;
-const GRADE: f64 = 0.02;
+/// Standard deviations of bank and grade, rad, and the distance of their hats, m: public roads are crowned by 2 to 3 %, banked
+/// by up to 7 % in bends over transitions of some 20 to 50 m, and designed for grades of a few per cent over crests and sags
+/// of more than 100 m (AASHTO, A Policy on Geometric Design of Highways and Streets, ch. 3).
+const BANK: (f64, f64) = (0.015, 25.0);
+const GRADE: (f64, f64) = (0.02, 100.0);
 /// What a hat does has faded after so many times the leak of the slowest channel.
 const FADED: f64 = 4.0;
+/// Shares of these deviations that a road may have.
+const ROUGHNESS: [f64; 6] = [0.0, 0.1, 0.25, 0.5, 1.0, 2.0];
 /// Size of a hat for which the replay's slope is taken, in standard deviations.
 const STRIDE: f64 = 0.5;
 
 /// What one hat does to the gap: sample rows, and values there, block after block.
 struct Hat {
+    /// Place of its kind in a [`Roughness`].
+    kind: usize,
     rows: Range<usize>,
     values: Vec<f64>,
 }
+
+/// How rough a road is: shares of the deviations of bank and grade.
+pub type Roughness = [f64; 2];
 
 /// What all hats of bank and grade do to the gap.
 pub struct Profile {
@@ -62,12 +69,12 @@ impl Profile {
         let neutral = vec![0.0; problem.knobs.len()];
         let here = problem.residual(&neutral)?;
         let mut hats = Vec::new();
-        for (name, deviation, seen) in kinds {
+        for (kind, (name, (deviation, spacing), seen)) in kinds.into_iter().enumerate() {
             if !seen || !drive.column(name).is_empty() {
                 continue;
             }
             // Rows of the log and sample rows of each hat; a hat that no sample sees is none.
-            let spans: Vec<Span> = Span::all(problem, &way);
+            let spans: Vec<Span> = Span::all(problem, &way, spacing);
             let colours = coloured(&spans);
             let found = parallel::map(problem.threads(), colours.len(), |k| {
                 let mut column = vec![0.0; way.len()];
@@ -80,7 +87,7 @@ impl Profile {
                             (&here[block.clone()][rows.clone()], &gap[block.clone()][rows.clone()]);
                         here.iter().zip(gap).map(|(here, gap)| (here - gap) / STRIDE)
                     });
-                    Hat { values: values.collect(), rows: rows.clone() }
+                    Hat { kind, values: values.collect(), rows: rows.clone() }
                 };
                 Some(colours[k].iter().map(hat).collect::<Vec<_>>())
             });
@@ -118,10 +125,10 @@ impl Profile {
         gap
     }
 
-    /// `1 + B' W B`.
-    fn normal(&self, each: &[f64]) -> DMatrix<f64> {
+    /// `B' W B`.
+    fn gram(&self, each: &[f64]) -> DMatrix<f64> {
         let count = self.hats.len();
-        let mut normal = DMatrix::identity(count, count);
+        let mut gram = DMatrix::zeros(count, count);
         for (k, a) in self.hats.iter().enumerate() {
             for (l, b) in self.hats.iter().enumerate().take(k + 1) {
                 let (from, to) = (a.rows.start.max(b.rows.start), a.rows.end.min(b.rows.end));
@@ -136,19 +143,56 @@ impl Profile {
                     sum +=
                         weights.iter().zip(of_a.iter().zip(of_b)).map(|(w, (a, b))| w * a * b).sum::<f64>();
                 }
-                normal[(k, l)] += sum;
-                if k != l {
-                    normal[(l, k)] += sum;
+                gram[(k, l)] = sum;
+                gram[(l, k)] = sum;
+            }
+        }
+        gram
+    }
+
+    /// The deviation of each hat's height on a road so rough.
+    fn deviations(&self, roughness: Roughness) -> DVector<f64> {
+        DVector::from_iterator(self.hats.len(), self.hats.iter().map(|hat| roughness[hat.kind]))
+    }
+
+    /// `1 + D B' W B D`.
+    fn normal(gram: &DMatrix<f64>, deviations: &DVector<f64>) -> DMatrix<f64> {
+        let count = gram.nrows();
+        DMatrix::from_fn(count, count, |k, l| {
+            deviations[k] * gram[(k, l)] * deviations[l] + if k == l { 1.0 } else { 0.0 }
+        })
+    }
+
+    /// The roughness that makes a gap most likely that is weighed by `each` besides.
+    #[must_use]
+    pub fn roughness(&self, each: &[f64], gap: &[f64]) -> Roughness {
+        let weighted: Vec<f64> = gap.iter().zip(each).map(|(gap, weight)| gap * weight).collect();
+        let (gram, seen) = (self.gram(each), self.seen(&weighted));
+        let of_kind = |kind: usize| {
+            let has = self.hats.iter().any(|hat| hat.kind == kind);
+            if has { &ROUGHNESS[..] } else { &ROUGHNESS[..1] }
+        };
+        let mut best = (f64::NEG_INFINITY, [0.0; 2]);
+        for &bank in of_kind(0) {
+            for &grade in of_kind(1) {
+                let deviations = self.deviations([bank, grade]);
+                let Some(factor) = Self::normal(&gram, &deviations).cholesky() else { continue };
+                let seen = seen.component_mul(&deviations);
+                let narrower: f64 = factor.l_dirty().diagonal().iter().map(|it| it.ln()).sum();
+                let likelihood = 0.5 * seen.dot(&factor.solve(&seen)) - narrower;
+                if likelihood > best.0 {
+                    best = (likelihood, [bank, grade]);
                 }
             }
         }
-        normal
+        best.1
     }
 }
 
-/// A hat: its middle along the way, m, and the samples in which the replay may feel it.
+/// A hat: its middle along the way and its half width, m, and the samples in which the replay may feel it.
 struct Span {
     middle: f64,
+    spacing: f64,
     samples: Range<usize>,
     /// Rows of the log, from the first that is raised on.
     first: usize,
@@ -156,18 +200,18 @@ struct Span {
 }
 
 impl Span {
-    fn all<V: ReplayVehicle>(problem: &Problem<V>, way: &[f64]) -> Vec<Self> {
+    fn all<V: ReplayVehicle>(problem: &Problem<V>, way: &[f64], spacing: f64) -> Vec<Self> {
         let drive = problem.drive;
         let fading = (FADED * LEAK / drive.step).ceil() as usize;
         let length = way.last().copied().unwrap_or(0.0);
-        let count = (length / SPACING).ceil() as usize + 1;
+        let count = (length / spacing).ceil() as usize + 1;
         let span = |k: usize| {
-            let middle = k as f64 * SPACING;
-            let first = way.partition_point(|s| *s <= middle - SPACING);
-            let end = way.partition_point(|s| *s < middle + SPACING) + fading;
+            let middle = k as f64 * spacing;
+            let first = way.partition_point(|s| *s <= middle - spacing);
+            let end = way.partition_point(|s| *s < middle + spacing) + fading;
             let from = problem.rows.partition_point(|row| row + 1 < first);
             let to = problem.rows.partition_point(|row| *row < end);
-            (from < to).then_some(Self { middle, samples: from..to, first, end })
+            (from < to).then_some(Self { middle, spacing, samples: from..to, first, end })
         };
         (0..count).filter_map(span).collect()
     }
@@ -175,8 +219,8 @@ impl Span {
     /// Raises a column by the hat.
     fn raise(&self, way: &[f64], by: f64, column: &mut [f64]) {
         let rows = way.iter().zip(column).skip(self.first);
-        for (s, value) in rows.take_while(|(s, _)| **s < self.middle + SPACING) {
-            *value += by * (1.0 - (s - self.middle).abs() / SPACING).max(0.0);
+        for (s, value) in rows.take_while(|(s, _)| **s < self.middle + self.spacing) {
+            *value += by * (1.0 - (s - self.middle).abs() / self.spacing).max(0.0);
         }
     }
 }
@@ -208,22 +252,37 @@ fn way(vx: &[f64], step: f64) -> Vec<f64> {
 /// What a gap is weighed with: each sample by itself, less what the road may do.
 pub struct Weights {
     each: Vec<f64>,
-    profile: Option<(Arc<Profile>, Cholesky<f64, Dyn>)>,
+    road: Option<Road>,
+}
+
+/// A road that may be so rough.
+struct Road {
+    profile: Arc<Profile>,
+    roughness: Roughness,
+    deviations: DVector<f64>,
+    factor: Cholesky<f64, Dyn>,
 }
 
 impl Weights {
     /// Of each sample, with a road profile marginalised.
     #[must_use]
-    pub fn new(each: Vec<f64>, profile: Option<&Arc<Profile>>) -> Self {
-        let with = |profile: &Arc<Profile>| Some((profile.clone(), profile.normal(&each).cholesky()?));
-        Self { profile: profile.and_then(with), each }
+    pub fn new(each: Vec<f64>, profile: Option<&Arc<Profile>>, roughness: Roughness) -> Self {
+        let with = |profile: &Arc<Profile>| {
+            let deviations = profile.deviations(roughness);
+            let factor = Profile::normal(&profile.gram(&each), &deviations).cholesky()?;
+            Some(Road { profile: profile.clone(), roughness, deviations, factor })
+        };
+        let is_rough = roughness.iter().any(|share| *share > 0.0);
+        Self { road: profile.filter(|_| is_rough).and_then(with), each }
     }
 
     /// The same without some samples.
     #[must_use]
     pub fn without(&self, left_out: impl Fn(usize) -> bool) -> Self {
         let each = self.each.iter().enumerate().map(|(i, w)| if left_out(i) { 0.0 } else { *w });
-        Self::new(each.collect(), self.profile.as_ref().map(|(profile, _)| profile))
+        let (profile, roughness) =
+            self.road.as_ref().map_or((None, [0.0; 2]), |road| (Some(&road.profile), road.roughness));
+        Self::new(each.collect(), profile, roughness)
     }
 
     /// `(W^-1 + B B')^-1 a`.
@@ -241,9 +300,9 @@ impl Weights {
 
     /// What the likeliest road does of a gap, `B (1 + B' W B)^-1 B' W a`.
     fn road(&self, gap: &[f64]) -> Option<Vec<f64>> {
-        let (profile, factor) = self.profile.as_ref()?;
-        let heights = factor.solve(&profile.seen(&self.of_each(gap.iter().copied())));
-        Some(profile.of_heights(&heights, gap.len()))
+        let Road { profile, deviations, factor, .. } = self.road.as_ref()?;
+        let seen = profile.seen(&self.of_each(gap.iter().copied())).component_mul(deviations);
+        Some(profile.of_heights(&factor.solve(&seen).component_mul(deviations), gap.len()))
     }
 
     /// What the likeliest road leaves of a gap.
@@ -256,7 +315,7 @@ impl Weights {
 
 impl From<Vec<f64>> for Weights {
     fn from(each: Vec<f64>) -> Self {
-        Self::new(each, None)
+        Self::new(each, None, [0.0; 2])
     }
 }
 
@@ -269,7 +328,7 @@ mod tests {
         let hat = |from: usize, size: f64| {
             let rows = from..from + 15;
             let values = (0..30).map(|i| size * f64::from(i % 7 - 3) + 0.1 * f64::from(i));
-            Hat { values: values.collect(), rows }
+            Hat { kind: 0, values: values.collect(), rows }
         };
         Profile { hats: vec![hat(0, 1.0), hat(10, -0.5), hat(20, 2.0)], blocks: vec![0, 40] }
     }
@@ -291,7 +350,7 @@ mod tests {
             + &dense * dense.transpose();
         let gap: Vec<f64> = (0..rows).map(|i| f64::from(i * 7 % 11) - 4.0).collect();
         let expected = covariance.cholesky().unwrap().solve(&DVector::from_vec(gap.clone()));
-        let weights = Weights::new(each, Some(&profile));
+        let weights = Weights::new(each.clone(), Some(&profile), [1.0, 0.0]);
         for (found, expected) in weights.weighted(&gap).iter().zip(expected.iter()) {
             assert!((found - expected).abs() < 1e-9, "{found} {expected}");
         }
@@ -299,5 +358,12 @@ mod tests {
         let road = profile.of_heights(&DVector::from_vec(vec![2.0, -1.0, 1.0]), rows as usize);
         let left = weights.rest(&road).iter().map(|x| x * x).sum::<f64>();
         assert!(left < 0.01 * road.iter().map(|x| x * x).sum::<f64>(), "{left}");
+        // A road is told from none, and a rough one from one that is not.
+        let rough = |times: f64| {
+            let gap: Vec<f64> =
+                road.iter().zip(&gap).map(|(road, noise)| times * road + 0.01 * noise).collect();
+            profile.roughness(&each, &gap)[0]
+        };
+        assert!(rough(1.5) >= 1.0 && rough(0.0) == 0.0 && rough(0.1) < 0.5, "{} {}", rough(1.5), rough(0.1));
     }
 }

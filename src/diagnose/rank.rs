@@ -58,6 +58,17 @@ pub struct Ranking {
 }
 
 impl Ranking {
+    /// The candidate of a set of effects, in any order.
+    #[must_use]
+    pub fn find(&self, effects: &[usize]) -> Option<&Fit> {
+        if effects.is_empty() {
+            return Some(&self.none);
+        }
+        let is_of =
+            |fit: &&Fit| fit.freed.len() == effects.len() && effects.iter().all(|i| fit.freed.contains(i));
+        self.of(effects.len()).iter().find(is_of)
+    }
+
     /// Candidates of so many effects, the best first.
     #[must_use]
     pub fn of(&self, effects: usize) -> &[Fit] {
@@ -531,7 +542,7 @@ pub fn rank<V: ReplayVehicle>(
             let precision = prior.freed(problem, &best.freed).widened(3.0);
             let step = prior.step(&linear, &best.x, &best.gap, &precision);
             let left = predicted(&linear, &best.gap, &step.change);
-            noise.with_left(problem, &linear.weights.rest(&left))
+            noise.with_left(problem, &left)
         }
         None => noise,
     };
@@ -562,7 +573,7 @@ pub fn rank<V: ReplayVehicle>(
         let precision = prior.freed(problem, &pair.freed).widened(3.0);
         let step = prior.step(&linear, &pair.x, &pair.gap, &precision);
         let left = predicted(&linear, &pair.gap, &step.change);
-        noise = noise.with_left(problem, &linear.weights.rest(&left));
+        noise = noise.with_left(problem, &left);
         let slopes = problem.slopes(&pair.x, &pair.gap);
         linear = Linear::new(slopes, noise.weights(problem));
         none = fit_none(problem, &prior, &linear, &none).ok_or(NoReplay)?;
@@ -755,7 +766,7 @@ mod tests {
         let start = prior.mean.clone();
         let gap = problem.residual(&start).unwrap();
         let noise = Noise::of(&problem, &problem.trace(&start).unwrap(), &prior.form);
-        let linear = Linear::new(problem.slopes(&start, &gap), noise.weights(problem));
+        let linear = Linear::new(problem.slopes(&start, &gap), noise.weights(&problem));
         let with_mass_at = |x: f64| {
             let mut at = start.clone();
             at[mass] = x;
@@ -787,7 +798,7 @@ mod tests {
         let start = prior.mean.clone();
         let gap = problem.residual(&start).unwrap();
         let noise = Noise::of(&problem, &problem.trace(&start).unwrap(), &prior.form);
-        let linear = Linear::new(problem.slopes(&start, &gap), noise.weights(problem));
+        let linear = Linear::new(problem.slopes(&start, &gap), noise.weights(&problem));
         let none = fit_none(&problem, &prior, &linear, &start).unwrap();
         // Found with a rear axle that is too soft by two tolerances.
         let mut astray = start;

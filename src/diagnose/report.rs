@@ -28,9 +28,9 @@ pub struct Report {
     pub next_manoeuvre: Option<Manoeuvre>,
     /// What the simulator needs besides the named effect to drive like the log, each within its tolerance.
     pub recalibration: Vec<Adjustment>,
-    /// Numbers that the verdict was made from.
+    /// How probable each hypothesis is: what the verdict was read from.
     #[serde(default)]
-    pub scores: Option<Scores>,
+    pub posterior: Option<Probabilities>,
     /// What was found wrong, missing or mended in the log, in words, the gravest first.
     pub findings: Vec<Finding>,
     /// What the diagnosis was made from.
@@ -41,29 +41,36 @@ pub struct Report {
     pub version: String,
 }
 
-/// Numbers that thresholds are laid on, and probabilities made from.
-#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
-pub struct Scores {
-    /// Evidence of the best single effect.
-    pub single: f64,
-    /// What the best pair adds to it.
-    pub pair: f64,
-    /// What the best of all leaves, over noise and model form.
-    pub excess: f64,
-    /// Share of the neutral gap that the best of all leaves.
-    pub left: f64,
-    /// Evidence that the best of all, or a single effect that then explains more, has a value that varies.
+/// How probable what is.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+pub struct Probabilities {
+    /// That nothing is the matter.
+    pub none: f64,
+    /// That the cause is not in the library.
+    pub not_in_library: f64,
+    /// That an effect is among the causes, by id, the most probable of all.
+    pub inclusion: BTreeMap<String, f64>,
+    /// Single hypotheses, the most probable first.
+    pub hypotheses: Vec<Hypothesis>,
+}
+
+/// A hypothesis and its probability.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Hypothesis {
+    /// Effects; none where nothing is the matter. Of a cause that is not in the library, those that come nearest.
+    pub effects: Vec<String>,
+    /// What says that the cause is not in the library, if anything does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub not_in_library: Option<String>,
+    /// How much better it explains the log: a difference of costs, from nothing, or from what a cause that is not in the library
+    /// comes upon; and what its freedom costs.
     #[serde(default)]
-    pub varying: f64,
-    /// Tolerances by which the background is off at most in what is an effect of the library and not named.
+    pub evidence: f64,
+    #[allow(missing_docs)]
     #[serde(default)]
-    pub strained: f64,
-    /// Half of the interval of the least sure value that is named, over that and how far the value is from no effect: from 0.5 on
-    /// the interval holds no effect.
-    #[serde(default)]
-    pub unsure: f64,
-    /// What the verdict has before the next: evidence against what else might be named, or missing to name something.
-    pub margin: f64,
+    pub narrowing: f64,
+    /// Its probability.
+    pub probability: f64,
 }
 
 /// What is the matter.
@@ -71,13 +78,16 @@ pub struct Scores {
 pub struct Verdict {
     /// An effect, nothing, something that the library does not have, or a log that does not tell.
     pub kind: VerdictKind,
-    /// Calibrated probability that the verdict (for an effect: its class) is right.
+    /// Probability of the verdict (for an effect: of its class); where the log does not tell, of the most probable hypothesis.
     pub probability: f64,
     /// The effects named: one to three.
     pub effects: Vec<NamedEffect>,
     /// Where the cause is not in the library: its effects that come nearest. The calibrated simulator has them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub nearest: Vec<NamedEffect>,
+    /// Where the log does not tell: what may be the matter, the most probable first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub short_list: Vec<Hypothesis>,
     /// Where the cause is not in the library because an effect of it would have to change its value: how.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub varying: Option<Varies>,
@@ -157,6 +167,9 @@ pub struct Candidate {
     pub values: Vec<f64>,
     /// `J_none - J` of the candidate: how much better it explains the log than the background alone.
     pub evidence: f64,
+    /// That these effects, and no others, are the causes.
+    #[serde(default)]
+    pub probability: f64,
     /// Where it has another effect than the verdict in one place: how alike the two are on this log, the cosine of their
     /// sensitivities less what the tolerances imitate. Of the first few candidates.
     #[serde(default)]

@@ -85,20 +85,49 @@ pub fn recalibrated<V: ReplayVehicle>(
     fit(problem, &prior, linear, &[], &start, STEPS).map_or(start, |fit| fit.x)
 }
 
-/// Shrinkage of the winner; for a winner with nothing freed the effect's part is none.
+/// What fits predict of the parts that they have not seen: weighted squares of the held-out gap.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Predictive {
+    /// With the effects alone, and recalibrated besides.
+    effect: f64,
+    recalibrated: f64,
+    /// Recalibrated without the effects.
+    without: f64,
+}
+
+impl Predictive {
+    /// Whether the effects predict: with all else within tolerance, better than all that without them.
+    #[must_use]
+    pub fn names(&self) -> bool {
+        self.recalibrated < self.without
+    }
+
+    /// Whether a recalibration besides the effects predicts better than they alone.
+    #[must_use]
+    pub fn recalibration_gains(&self) -> bool {
+        self.recalibrated < self.effect
+    }
+}
+
+/// Shrinkage of the winner, and how it predicts; for a winner with nothing freed the effect's part is none.
 #[must_use]
 pub fn shrink<V: ReplayVehicle>(
     problem: &Problem<V>,
     ranking: &Ranking,
     winner: &Fit,
     slopes: &[Arc<Vec<f64>>],
-) -> Shrink {
+) -> (Shrink, Predictive) {
     let mut effect = vec![0.0; ranking.neutral.len()];
-    let mut whole = effect.clone();
+    let (mut whole, mut without) = (effect.clone(), effect.clone());
     let mut points = Vec::new();
     for which in 0..2 {
         let (alone, all) = fitted_on(problem, ranking, winner, slopes, which);
-        for (x, into) in [(&alone, &mut effect), (&all, &mut whole)] {
+        let (_, of_none) = if winner.freed.is_empty() {
+            (Vec::new(), all.clone())
+        } else {
+            fitted_on(problem, ranking, &ranking.none, &ranking.linear.slopes, which)
+        };
+        for (x, into) in [(&alone, &mut effect), (&all, &mut whole), (&of_none, &mut without)] {
             let Some(gap) = problem.residual(x) else { continue };
             for (_, block) in &problem.blocks {
                 for (k, i) in block.clone().enumerate() {
@@ -127,7 +156,9 @@ pub fn shrink<V: ReplayVehicle>(
     for horizon in HORIZONS {
         shrink.horizons.insert(format!("{horizon}"), at_horizon(problem, ranking, &points, horizon));
     }
-    shrink
+    let [effect, recalibrated, without] = [&effect, &whole, &without].map(|gap| ranking.linear.square(gap));
+    let predictive = Predictive { effect, recalibrated, without };
+    (shrink, predictive)
 }
 
 /// Lagged steering by speed for each compared row.

@@ -1,13 +1,17 @@
 //! The answer in words that a test engineer understands.
 
-use super::calibration::Calibration;
 use super::headline::{behind, value};
 use super::observability::short;
-use super::report::{Adjustment, Finding, Gap, Gravity, NamedEffect, Shrink, Varies, VerdictKind};
+use super::report::{
+    Adjustment, Finding, Gap, Gravity, Hypothesis, Manoeuvre, NamedEffect, Shrink, Varies, VerdictKind,
+};
+use super::shrink::Predictive;
 use crate::vehicle::TruckEffects;
 
 /// Share of the yaw-rate gap from which on it speaks for the effect.
 const TELLING: f64 = 0.2;
+/// Probability from which on a hypothesis is worth a word.
+const LISTED: f64 = 0.02;
 /// Cosine from which on two effects are hardly told apart.
 const ALIKE: f64 = 0.9;
 
@@ -65,7 +69,6 @@ pub fn verdict(
     why: Unknown,
     shrink: &Shrink,
     probability: f64,
-    findings: &[Finding],
 ) -> String {
     let yaw = shrink.open_loop.get("yaw_rate");
     let percent = |now: f64, before: f64| 100.0 * (1.0 - now / before.max(1e-12));
@@ -147,19 +150,54 @@ pub fn verdict(
             }
             words + " See where it lies, and look there for what the library does not have."
         }
-        VerdictKind::CannotTell => {
-            let grave = findings.iter().find(|finding| finding.gravity == Gravity::Suspicion);
-            match grave {
-                Some(finding) => format!(
-                    "This log cannot tell before it is cleared up: {}.",
-                    finding.words.trim_end_matches('.')
-                ),
-                None => "This log cannot tell: hardly anything is steered in it. Drive turns to both sides at several \
-                         speeds."
-                    .to_owned(),
-            }
-        }
+        VerdictKind::CannotTell => String::new(),
     }
+}
+
+/// Why a log does not tell, what it may mean, and what to do; `effects` is the most probable set, if it is one.
+#[must_use]
+pub fn cannot_tell(
+    findings: &[Finding],
+    straight: bool,
+    short_list: &[Hypothesis],
+    effects: &[NamedEffect],
+    predictive: &Predictive,
+    next: Option<&Manoeuvre>,
+) -> String {
+    let grave = findings.iter().find(|finding| finding.gravity == Gravity::Suspicion);
+    if let Some(finding) = grave {
+        return format!(
+            "This log cannot tell before it is cleared up: {}.",
+            finding.words.trim_end_matches('.')
+        );
+    }
+    if straight {
+        return "This log cannot tell: hardly anything is steered in it. Drive turns to both sides at several speeds."
+            .to_owned();
+    }
+    let of = |it: &Hypothesis| {
+        let what = match (&it.not_in_library, it.effects.is_empty()) {
+            (Some(why), _) => format!("something that is not in the library ({why})"),
+            (None, true) => "nothing at all".to_owned(),
+            (None, false) => it.effects.join(" and "),
+        };
+        format!("{what} ({:.2})", it.probability)
+    };
+    let list: Vec<String> = short_list.iter().filter(|it| it.probability >= LISTED).map(of).collect();
+    let mut words =
+        format!("This log cannot tell. It may be, with these probabilities, {}.", list.join("; "));
+    if !effects.is_empty() && !predictive.names() {
+        let named: Vec<&str> = effects.iter().map(|it| it.id.as_str()).collect();
+        words += &format!(
+            " Fitted on one half of the log, {} does not predict the other half better than a simulator adjusted without: no cause is \
+             named that does not.",
+            named.join(" and "),
+        );
+    }
+    if let Some(next) = next {
+        words += &format!(" What would tell: {}: {}.", next.name, next.how.trim_end_matches('.'));
+    }
+    words
 }
 
 /// Evidence, or a difference of it: a chance of `exp(evidence / 2)` to one, of which tenths say nothing beyond ten.
@@ -185,37 +223,20 @@ pub fn likeness(cosine: Option<f64>) -> String {
 
 /// Why a candidate stands where it does.
 #[must_use]
-pub fn why(
-    evidence: f64,
-    needed: f64,
-    behind: f64,
-    pinned: bool,
-    winner: bool,
-    kind: VerdictKind,
-    calibration: &Calibration,
-) -> String {
-    if winner && kind == VerdictKind::Effect {
+pub fn why(evidence: f64, telling: f64, probability: f64, pinned: bool, winner: bool) -> String {
+    if winner {
         return "explains the log best".to_owned();
     }
-    if evidence < needed {
+    if evidence < telling {
         let hidden = if pinned { "; the log would hardly show it" } else { "" };
         return format!(
-            "explains no more than chance or the model's form do in a sound log ({} of {}){hidden}",
+            "explains too little for the odds against it (evidence {} of {}){hidden}",
             weight(evidence.max(0.0)),
-            weight(needed)
+            weight(telling)
         );
     }
-    if behind < 0.0 {
-        return format!(
-            "explains {} more: too little for another effect, or as an error of what is named would, or by one too small to matter",
-            weight(-behind)
-        );
+    match probability {
+        p if p >= LISTED => format!("probability {p:.2}"),
+        _ => "others explain more, or as much with fewer effects".to_owned(),
     }
-    if behind < calibration.class {
-        return format!(
-            "explains as much as the best within what this log can tell ({} less)",
-            weight(behind)
-        );
-    }
-    format!("explains {} less than the best", weight(behind))
 }

@@ -122,12 +122,13 @@ fn drive_and_diagnose() -> (CleanLog, Diagnosis) {
         components: BTreeMap::new(),
     };
     let report = Report {
-        scores: None,
+        posterior: None,
         verdict: Verdict {
             kind: VerdictKind::Effect,
             probability: 0.93,
             effects: vec![named],
             nearest: vec![],
+            short_list: Vec::new(),
             varying: None,
             strained: None,
             words: "The steering command takes effect 0.118 s late. With it the yaw-rate gap shrinks by 81 %. This log cannot tell it from steer_lag.".into(),
@@ -138,6 +139,7 @@ fn drive_and_diagnose() -> (CleanLog, Diagnosis) {
                 effects: vec![id.into()],
                 values: vec![value],
                 evidence,
+                probability: 0.0,
                 collinearity: None,
                 why: if evidence > 200.0 { "explains the log best".into() } else { format!("{:.0} behind the best & more", 215.0 - evidence) },
             })

@@ -28,6 +28,5 @@ pub use drive::Drive;
 pub use drive::LEAST_SPEED;
 pub use run::{Correction, LEAK, Trace, replay};
 pub use vehicle::ReplayVehicle;
-pub(in crate::diagnose) use vehicle::is_levelled;
 pub use vehicle::neutral;
 pub(in crate::diagnose) use vehicle::prepared;

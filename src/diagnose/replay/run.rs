@@ -78,6 +78,7 @@ pub fn replay<V: ReplayVehicle>(
     }
     let log_vx = drive.column("vx");
     let road = ROAD.map(|signal| drive.column(signal.name));
+    let bank = road[0];
     let (yaw, x, y) = (drive.column("yaw"), drive.column("x"), drive.column("y"));
     let h = drive.step / drive.substeps as f64;
     let shift = late / drive.step;
@@ -157,8 +158,10 @@ pub fn replay<V: ReplayVehicle>(
                 }
             };
             put(Channel::YawRate, now.yaw_rate + fix(Channel::YawRate));
-            let by_roll = if drive.levelled { GRAVITY * now.roll.sin() } else { 0.0 };
-            put(Channel::Ay, now.ay + fix(Channel::Ay) - by_roll);
+            // What an accelerometer feels of gravity, and a level frame does not have.
+            let bank = bank.get(row).map_or(0.0, |bank| *bank) + effects.vehicle.road_bank;
+            let felt = if drive.levelled { GRAVITY * (now.roll + bank).sin() } else { 0.0 };
+            put(Channel::Ay, now.ay + fix(Channel::Ay) - felt);
             put(Channel::Vy, now.vy + fix(Channel::Vy));
             let roll = now.roll + fix(Channel::Roll);
             put(Channel::Roll, roll);

@@ -227,9 +227,6 @@ pub(in crate::diagnose) fn prepared<V: ReplayVehicle>(vehicle: &V, commanded: bo
     vehicle
 }
 
-/// Share of the gap of `ay` that may be left where it is taken for levelled.
-const LEVELLED: f64 = 0.4;
-
 /// What the full plant says beyond the reduced model, all effects neutral, on a drive: added to every replay. Both are driven
 /// by what the plant needs to keep the log's speed: what the log's own forces do besides (a slope, a load that the plant does
 /// not have) is no error of the reduced model.
@@ -259,20 +256,4 @@ pub fn neutral<V: ReplayVehicle>(drive: &Drive, vehicle: &V) -> Result<Correctio
         }
     }
     Ok(Correction { columns })
-}
-
-/// Whether the log's `ay` follows the replay without gravity's share by roll far better than with it. Where roll is
-/// measured the question is left to the fit.
-#[must_use]
-pub fn is_levelled<V: ReplayVehicle>(drive: &Drive, vehicle: &V, correction: &Correction) -> bool {
-    if !drive.channels.contains(&Channel::Ay) || drive.channels.contains(&Channel::Roll) {
-        return false;
-    }
-    let gap = |levelled: bool| {
-        let tried = Drive { levelled, ..drive.clone() };
-        let trace = replay(&tried, vehicle, &TruckEffects::default(), correction, None).ok()?;
-        let rows = (0..drive.time.len()).filter(|&row| drive.scored[row]);
-        Some(rows.map(|row| (drive.column("ay")[row] - trace.column(Channel::Ay)[row]).powi(2)).sum::<f64>())
-    };
-    matches!((gap(false), gap(true)), (Some(body), Some(level)) if level < LEVELLED * LEVELLED * body)
 }

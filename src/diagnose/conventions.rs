@@ -1,0 +1,94 @@
+//! How the log's columns are meant: tested on the log, not trusted.
+//!
+//! | convention | test |
+//! |---|---|
+//! | side of `roll` | to the right side down in a left turn, as a body leans; else it counts the other way |
+//! | frame of `ay` | an accelerometer in body axes feels gravity by roll and bank; a navigation unit gives the level frame's `v r + v'`. Each is scored by what it leaves to the likeliest of nothing and single effects, |
+//!
+//! ```text
+//!     score = max over none and singles of  -eta J / 2 - k odds,        J by one linear step from the neutral replay.
+//! ```
+//!
+//! A clear winner is taken, and said; else the frame is that of the documentation, body axes.
+
+use super::calibration::Calibration;
+use super::fit::{Linear, Prior};
+use super::noise::Noise;
+use super::problem::Problem;
+use super::replay::{Channel, Correction, Drive, ReplayVehicle};
+use super::report::{Finding, Gravity};
+
+/// Correlation of roll with lateral acceleration beyond which its side is sure.
+const SURE: f64 = 0.5;
+/// Logarithm of the odds of a clear winner: twenty to one.
+const CLEAR: f64 = 3.0;
+
+/// Turns a roll that counts to the other side.
+pub fn turn_roll(drive: &mut Drive) -> Option<Finding> {
+    roll_with_lateral_accel(drive).filter(|correlation| *correlation < -SURE)?;
+    drive.columns.get_mut("roll")?.iter_mut().for_each(|roll| *roll = -*roll);
+    let words = "roll counts to the other side: a body leans to the right in a left turn, which is positive; its sign was turned";
+    Some(Finding { gravity: Gravity::Warning, signal: Some("roll".to_owned()), words: words.to_owned() })
+}
+
+/// Sets the frame of the lateral acceleration.
+pub fn find_frame<V: ReplayVehicle>(
+    drive: &mut Drive,
+    vehicle: &V,
+    correction: &Correction,
+    threads: usize,
+) -> Option<Finding> {
+    if !drive.channels.contains(&Channel::Ay) {
+        return None;
+    }
+    let frames = [false, true].map(|levelled| Drive { levelled, ..drive.clone() });
+    let [body, level] = scores(&frames, vehicle, correction, threads);
+    drive.levelled = level > body + CLEAR;
+    let words = "it is that of a level frame, without gravity's share by roll and bank, and is compared so";
+    let found = || Finding { gravity: Gravity::Note, signal: Some("ay".to_owned()), words: words.to_owned() };
+    drive.levelled.then(found)
+}
+
+/// Correlation of the roll with the lateral acceleration that speed and yaw rate tell.
+fn roll_with_lateral_accel(drive: &Drive) -> Option<f64> {
+    let (roll, vx, rate) = (drive.column("roll"), drive.column("vx"), drive.column("yaw_rate"));
+    if roll.is_empty() || rate.is_empty() {
+        return None;
+    }
+    let rows: Vec<usize> = (0..drive.time.len()).filter(|&row| drive.scored[row]).collect();
+    let mean =
+        |of: &dyn Fn(usize) -> f64| rows.iter().map(|&row| of(row)).sum::<f64>() / rows.len().max(1) as f64;
+    let lateral = |row: usize| vx[row] * rate[row];
+    let means = [mean(&|row| roll[row]), mean(&lateral)];
+    let covariance = mean(&|row| (roll[row] - means[0]) * (lateral(row) - means[1]));
+    let sizes = [mean(&|row| (roll[row] - means[0]).powi(2)), mean(&|row| (lateral(row) - means[1]).powi(2))];
+    let size = (sizes[0] * sizes[1]).sqrt();
+    (size > 0.0).then(|| covariance / size)
+}
+
+/// How well each of two readings of a log is explained, all with the noise of the first.
+fn scores<V: ReplayVehicle>(
+    drives: &[Drive; 2],
+    vehicle: &V,
+    correction: &Correction,
+    threads: usize,
+) -> [f64; 2] {
+    let calibration = Calibration::built_in();
+    let mut noise = None;
+    [0, 1].map(|which| {
+        let problem = Problem::new(&drives[which], vehicle, correction, &[], threads);
+        let prior = Prior::of(&problem);
+        let Ok(trace) = problem.trace(&prior.mean) else { return f64::NEG_INFINITY };
+        let neutral = problem.compare(&trace);
+        let own = || Noise::of(&problem, &trace, &[]).coarse(&problem, &neutral);
+        let weights = noise.get_or_insert_with(own).weights(&problem);
+        let linear = Linear::new(problem.slopes(&prior.mean, &neutral), weights);
+        let of = |freed: &[usize]| {
+            let precision = prior.freed(&problem, freed);
+            let cost = prior.step(&linear, &prior.mean, &neutral, &precision).cost;
+            calibration.weight(-cost, 0.0, freed.len())
+        };
+        let singles = (0..problem.knobs.len()).filter(|&i| problem.knobs[i].is_candidate());
+        singles.map(|i| of(&[i])).fold(of(&[]), f64::max)
+    })
+}

@@ -1,0 +1,29 @@
+//! How large what an effect does is beside what the background does.
+
+use super::fit::Fit;
+use super::problem::Problem;
+use super::rank::Ranking;
+use super::replay::ReplayVehicle;
+
+/// What an effect does to the motion, over what the background does: the tolerances without any of the effects.
+pub(super) fn dominance<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    ranking: &Ranking,
+    at: &Fit,
+    effect: usize,
+) -> f64 {
+    let without = |effects: &[usize]| problem.residual(&ranking.prior.without(problem, effects, &at.x));
+    let (Some(gap), Some(background)) = (without(&[effect]), without(&at.freed)) else {
+        return f64::INFINITY;
+    };
+    ratio(distance(ranking, &gap, &at.gap), distance(ranking, &background, &ranking.neutral))
+}
+
+fn distance(ranking: &Ranking, a: &[f64], b: &[f64]) -> f64 {
+    let apart: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
+    ranking.linear.square(&apart).sqrt()
+}
+
+fn ratio(own: f64, background: f64) -> f64 {
+    own / background.max(0.05 * own).max(1e-9)
+}
