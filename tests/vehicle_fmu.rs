@@ -37,8 +37,9 @@ impl<P: PlantUnit> Instance<P> {
     }
 
     fn set(&mut self, name: &str, value: Value) {
-        let vr = PlantFmu::<P>::declaration().find(name).unwrap_or_else(|| panic!("no variable {name}"));
-        self.values.set_by_host(vr, value);
+        let declaration = PlantFmu::<P>::declaration();
+        let vr = declaration.find(name).unwrap_or_else(|| panic!("no variable {name}"));
+        self.values.set_by_host(vr, &declaration.variables[vr], value);
     }
 
     fn real(&self, name: &str) -> f64 {
@@ -172,6 +173,16 @@ fn what_the_host_sets_wins_over_the_file_and_the_rest_is_shown<P: Case>() {
     let named = P::Parameters::builtin(P::BUILTIN).unwrap();
     let told = |message: &String| message.contains(named.name());
     assert!(instance.messages.0.iter().any(told), "{:?}", instance.messages.0);
+    // A host that writes every start value has chosen nothing: the file's mass stands.
+    let mut plain = Instance::<P>::new();
+    for (vr, variable) in PlantFmu::<P>::declaration().variables.iter().enumerate() {
+        if variable.causality == Causality::Parameter {
+            plain.values.set_by_host(vr, variable, variable.kind.start());
+        }
+    }
+    plain.set("vehicle_file", Value::String(file.display().to_string()));
+    plain.initialize().unwrap();
+    assert_eq!(plain.real(mass), 2000.0);
     // Initialised again after a reset with another vehicle: values of the file do not stay.
     let mut again = Instance { values: Instance::<P>::new().values, ..instance };
     again.initialize().unwrap();
