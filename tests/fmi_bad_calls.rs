@@ -88,7 +88,7 @@ fn unknown_references_and_wrong_types_are_errors() {
     let host = Host::ready();
     for reference in [vr::COUNT, 1 << 20, u32::MAX] {
         assert_eq!(host.set_real(reference, 0.0), Status::Error);
-        says(&host, &[&reference.to_string(), "0 to 18", "modelDescription.xml"]);
+        says(&host, &[&reference.to_string(), "0 to 19", "modelDescription.xml"]);
     }
     assert_eq!(host.set_real(vr::STEPS, 0.0), Status::Error);
     says(&host, &["`steps`", "Integer", "fmi2GetInteger"]);

@@ -293,11 +293,13 @@ fn the_known_actuator_is_a_variant<M: Controller>() {
     };
     let variant = ("variant", Value::Integer(7));
     let nominal = steered(&[("variant", Value::Integer(0))]).0;
+    // The start value, 0, would be no choice, and the vehicle's own steering stand.
+    let nothing = Value::Real(1e-12);
     // Without dead time and lag it is the nominal controller.
     let none = [
         variant.clone(),
-        ("actuator.dead_time", Value::Real(0.0)),
-        ("actuator.time_constant", Value::Real(0.0)),
+        ("actuator.dead_time", nothing.clone()),
+        ("actuator.time_constant", nothing.clone()),
     ];
     assert!((steered(&none).0 - nominal).abs() < 1e-9);
     let slow = steered(&[
@@ -312,7 +314,7 @@ fn the_known_actuator_is_a_variant<M: Controller>() {
         let dead_time = [
             ("variant", Value::Integer(7)),
             ("actuator.dead_time", Value::Real(0.06)),
-            ("actuator.time_constant", Value::Real(0.0)),
+            ("actuator.time_constant", nothing.clone()),
             ("actuator.dead_time_model", Value::Integer(model)),
         ];
         steered(&dead_time).0

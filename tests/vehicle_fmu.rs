@@ -1,6 +1,6 @@
 //! Cars and trucks as the FMI layer sees them.
 
-use rfl_mpc::fmi::{Context, Kind, Log, Model, ModelError, Severity, Value, Values};
+use rfl_mpc::fmi::{Causality, Context, Kind, Log, Model, ModelError, Severity, Value, Values};
 use rfl_mpc::fmu::{PlantFmu, PlantUnit};
 use rfl_mpc::signal;
 use rfl_mpc::vehicle::{Car, Truck, VehicleInput, VehicleParameters};
@@ -286,12 +286,18 @@ fn effects_of_the_vehicle_file_are_in_effect_unless_the_host_sets_them() {
     let text =
         std::fs::read_to_string(given).unwrap() + "\n[effect]\nsteer_delay = 0.12\nroad_friction = 0.6\n";
     std::fs::write(&file, text).unwrap();
-    let mut instance = Instance::<Car>::new();
-    instance.set("vehicle_file", Value::String(file.to_str().unwrap().to_string()));
-    instance.set("effect.road_friction", Value::Real(1.0));
-    instance.initialize().unwrap();
+    let with_friction = |friction: f64| {
+        let mut instance = Instance::<Car>::new();
+        instance.set("vehicle_file", Value::String(file.to_str().unwrap().to_string()));
+        instance.set("effect.road_friction", Value::Real(friction));
+        instance.initialize().unwrap();
+        instance
+    };
+    // The start value is no choice.
+    assert_eq!(with_friction(1.0).real("effect.road_friction"), 0.6);
+    let mut instance = with_friction(0.9);
     let of = |name: &str| instance.real(&format!("effect.{name}"));
-    assert_eq!((of("steer_delay"), of("road_friction"), of("wind_x")), (0.12, 1.0, 0.0));
+    assert_eq!((of("steer_delay"), of("road_friction"), of("wind_x")), (0.12, 0.9, 0.0));
     instance.step(0.05, 0.0, 0.1).unwrap();
     assert_eq!(instance.real("steer"), 0.0, "the command is on its way");
 }

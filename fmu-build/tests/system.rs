@@ -163,7 +163,8 @@ fn vehicles_start_on_the_path() {
     assert!(values.contains(&("initial.x", &x)) && values.iter().all(|(name, _)| *name != "initial.vx"));
     // No system without both of its FMUs.
     assert_eq!(shipped::systems(&fmus[..1], &project, &[]).unwrap().len(), 0);
-    let error = shipped::systems(&fmus[..2], &project, &["TruckRflMpc.mpc.horizon=9".to_owned()]).unwrap_err();
+    let error =
+        shipped::systems(&fmus[..2], &project, &["TruckRflMpc.mpc.horizon=9".to_owned()]).unwrap_err();
     assert!(error.to_string().contains("components: PassengerCar, RflMpc"), "{error}");
 
     for (setting, words) in [
