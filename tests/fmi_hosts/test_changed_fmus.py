@@ -48,8 +48,8 @@ def test_road_and_vehicle_go_into_fmus_and_ssp(fmu_build, fmus, paths, tmp_path,
     assert made.returncode == 0, made.stderr
     packed = tmp_path / "packed"
     with closing(Unit(packed / f"{controller}.fmu", "unit")) as unit:
-        assert unit.get("vehicle_file") == vehicle
         unit.initialize()
+        assert unit.get("vehicle_file") == vehicle
         begin = unit.get("start.x"), unit.get("start.y")
     drive = in_fmpy_ssp(packed / f"{system}.ssp")
     assert np.hypot(drive[f"{plant}.x"][0] - begin[0], drive[f"{plant}.y"][0] - begin[1]) < 1.0
