@@ -24,7 +24,7 @@
 //! |---|---|
 //! | [`signal`] | the vocabulary: names, units, meanings |
 //! | [`parameter`] | numeric parameters: declared once, with unit and range |
-//! | [`enumeration`] | named values: declared once |
+//! | [`mod@enumeration`] | named values: declared once |
 //! | [`input`] | files of others, read with bounds |
 //! | [`output`] | files that are written whole or not at all |
 //! | [`table`] | tables from text files, however they are written |

@@ -123,7 +123,7 @@ pub trait ParameterGroup {
     }
 }
 
-/// What a parameter can be: `f64`, `usize` or an enumeration by [`enumeration!`](crate::enumeration).
+/// What a parameter can be: `f64`, `usize` or an enumeration by [`enumeration!`](crate::enumeration!).
 pub trait Number: Copy {
     /// Whether only whole numbers are meant.
     const INTEGER: bool;

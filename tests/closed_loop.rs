@@ -135,7 +135,8 @@ fn drive_units(path_file: &str, car: &str, steps: u32) -> Vec<Row> {
         let time = f64::from(k) * 0.02;
         for signal in ["x", "y", "yaw", "vx", "vy", "yaw_rate", "steer"] {
             let value = Value::Real(plant.values.real(of_plant.find(signal).unwrap()));
-            controller.values.set_by_host(of_controller.find(signal).unwrap(), value);
+            let vr = of_controller.find(signal).unwrap();
+            controller.values.set_by_host(vr, &of_controller.variables[vr], value);
         }
         controller.model.step(&mut controller.values, time, 0.02, &mut Silent).unwrap();
         rows.push(COLUMNS.map(|signal| match signal.name {
@@ -147,7 +148,8 @@ fn drive_units(path_file: &str, car: &str, steps: u32) -> Vec<Row> {
         }));
         for signal in ["steer_cmd", "accel_cmd"] {
             let value = Value::Real(controller.values.real(of_controller.find(signal).unwrap()));
-            plant.values.set_by_host(of_plant.find(signal).unwrap(), value);
+            let vr = of_plant.find(signal).unwrap();
+            plant.values.set_by_host(vr, &of_plant.variables[vr], value);
         }
         plant.model.step(&mut plant.values, time, 0.02, &mut Silent).unwrap();
     }

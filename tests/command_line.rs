@@ -84,3 +84,18 @@ fn a_reader_that_leaves_ends_it_in_peace() {
         assert!(status.is_some_and(|status| expected.contains(&status)), "{script}: {status:?}");
     }
 }
+
+/// A shell completes every command.
+#[test]
+fn completions_name_every_command() {
+    let folder = tempfile::tempdir().unwrap();
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        let told = rfl(folder.path(), &["completions", shell]);
+        let script = text(&told.stdout);
+        for command in ["drive", "diagnose", "completions"] {
+            assert!(told.status.success() && script.contains(command), "{shell}: no {command}");
+        }
+        assert!(script.contains("require"), "{shell}: no option of a command");
+    }
+    assert_eq!(said(&["completions", "cmd"]).0, Some(2));
+}

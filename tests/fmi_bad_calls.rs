@@ -43,17 +43,21 @@ fn a_parameter_outside_its_range_is_discarded() {
 
 /// A range of an input says what is certainly wrong; the value is used, and the user told once.
 #[test]
-fn an_input_outside_its_range_warns_once() {
-    let host = Host::ready();
-    assert_eq!(host.set_real(vr::STEER_CMD, 30.0), Status::Warning);
-    says(&host, &["`steer_cmd`", "30", "[-1.2, 1.2]", "radians"]);
-    assert_eq!(host.real(vr::STEER_CMD), 30.0);
-    host.take_messages();
-    assert_eq!(host.set_real(vr::STEER_CMD, 31.0), Status::Warning);
-    assert_eq!(host.take_messages(), []);
-    assert_eq!(host.set_real(vr::STEER_CMD, 0.0), Status::Ok);
-    assert_eq!(host.set_real(vr::STEER_CMD, 30.0), Status::Warning);
-    assert_eq!(host.take_messages().len(), 1);
+fn an_input_outside_its_range_is_told_once() {
+    for (asked, status) in [(0, Status::Ok), (1, Status::Warning)] {
+        let host = Host::new();
+        assert_eq!(host.set_boolean(vr::REPORT_WARNINGS, asked), Status::Ok);
+        host.initialize();
+        assert_eq!(host.set_real(vr::STEER_CMD, 30.0), status);
+        says(&host, &["`steer_cmd`", "30", "[-1.2, 1.2]", "radians"]);
+        assert_eq!(host.real(vr::STEER_CMD), 30.0);
+        host.take_messages();
+        assert_eq!(host.set_real(vr::STEER_CMD, 31.0), status);
+        assert_eq!(host.take_messages(), []);
+        assert_eq!(host.set_real(vr::STEER_CMD, 0.0), Status::Ok);
+        assert_eq!(host.set_real(vr::STEER_CMD, 30.0), status);
+        assert_eq!(host.take_messages().len(), 1);
+    }
 }
 
 #[test]
@@ -84,7 +88,7 @@ fn unknown_references_and_wrong_types_are_errors() {
     let host = Host::ready();
     for reference in [vr::COUNT, 1 << 20, u32::MAX] {
         assert_eq!(host.set_real(reference, 0.0), Status::Error);
-        says(&host, &[&reference.to_string(), "0 to 18", "modelDescription.xml"]);
+        says(&host, &[&reference.to_string(), "0 to 19", "modelDescription.xml"]);
     }
     assert_eq!(host.set_real(vr::STEPS, 0.0), Status::Error);
     says(&host, &["`steps`", "Integer", "fmi2GetInteger"]);

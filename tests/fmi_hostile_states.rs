@@ -40,20 +40,17 @@ impl<M: Model> UnderWay<M> {
 
     /// Steps on with inputs that vary; what is not a number ends it.
     fn drive(&mut self, from: u32, steps: u32) -> Result<(), String> {
+        let variables = M::declaration().variables;
         for k in from..from + steps {
             for (place, (vr, start)) in self.inputs.iter().enumerate() {
                 let wave = 0.05 * (0.3 * f64::from(k) + place as f64).sin();
-                self.unit.values.set_by_host(*vr, Value::Real(start + wave));
+                self.unit.values.set_by_host(*vr, &variables[*vr], Value::Real(start + wave));
             }
             if self.unit.model.step(&mut self.unit.values, f64::from(k) * STEP, STEP, &mut Silent).is_err() {
                 return Ok(());
             }
             if let Some(vr) = self.reals.iter().find(|vr| !self.unit.values.real(**vr).is_finite()) {
-                return Err(format!(
-                    "{} = {}",
-                    M::declaration().variables[*vr].name,
-                    self.unit.values.real(*vr)
-                ));
+                return Err(format!("{} = {}", variables[*vr].name, self.unit.values.real(*vr)));
             }
         }
         Ok(())

@@ -3,7 +3,7 @@
 use rfl_mpc::control::{
     ControlStatus, ControlVariant, ControllerFor, NominalTruck, TruckControllerParameters,
 };
-use rfl_mpc::fmi::{Causality, Context, Log, Model, ModelError, Severity, Value, Values};
+use rfl_mpc::fmi::{Causality, Context, Initial, Log, Model, ModelError, Severity, Value, Values};
 use rfl_mpc::fmu::{RflMpc, TruckRflMpc};
 use rfl_mpc::path::sudoku::Route;
 use rfl_mpc::residual::DataSet;
@@ -91,7 +91,8 @@ impl<M: Controller> Unit<M> {
     }
 
     fn set(&mut self, name: &str, value: Value) {
-        self.values.set_by_host(Self::vr(name), value);
+        let vr = Self::vr(name);
+        self.values.set_by_host(vr, &M::declaration().variables[vr], value);
     }
 
     fn real(&self, name: &str) -> f64 {
@@ -229,6 +230,19 @@ fn the_controller_s_file_wins_over_the_vehicle_s_and_the_host_over_both<M: Contr
     let shown = ["mpc.q_e1", "mpc.r_rate", "actuator.dead_time"].map(|name| unit.real(name));
     assert_eq!(shown, [0.5, 0.125, 0.06]);
     assert_eq!(unit.values.integer(Unit::<M>::vr("variant")), ControlVariant::Actuator as i32);
+
+    // A host that writes every start value before it initialises has chosen nothing.
+    let mut unit = Unit::<M>::new();
+    for (vr, variable) in M::declaration().variables.iter().enumerate() {
+        if variable.initial == Initial::Exact && variable.name != "path_file" {
+            unit.values.set_by_host(vr, variable, variable.kind.start());
+        }
+    }
+    unit.set("controller_file", Value::String(file.to_string_lossy().into_owned()));
+    unit.initialize().unwrap();
+    let shown = ["mpc.q_e1", "mpc.r_rate", "actuator.dead_time"].map(|name| unit.real(name));
+    assert_eq!(shown, [0.5, 0.25, 0.06]);
+    assert_eq!(unit.values.integer(Unit::<M>::vr("variant")), ControlVariant::Actuator as i32);
 }
 
 fn files_that_cannot_be_used_are_named_with_a_remedy<M: Controller>() {
@@ -279,11 +293,13 @@ fn the_known_actuator_is_a_variant<M: Controller>() {
     };
     let variant = ("variant", Value::Integer(7));
     let nominal = steered(&[("variant", Value::Integer(0))]).0;
+    // The start value, 0, would be no choice, and the vehicle's own steering stand.
+    let nothing = Value::Real(1e-12);
     // Without dead time and lag it is the nominal controller.
     let none = [
         variant.clone(),
-        ("actuator.dead_time", Value::Real(0.0)),
-        ("actuator.time_constant", Value::Real(0.0)),
+        ("actuator.dead_time", nothing.clone()),
+        ("actuator.time_constant", nothing.clone()),
     ];
     assert!((steered(&none).0 - nominal).abs() < 1e-9);
     let slow = steered(&[
@@ -298,7 +314,7 @@ fn the_known_actuator_is_a_variant<M: Controller>() {
         let dead_time = [
             ("variant", Value::Integer(7)),
             ("actuator.dead_time", Value::Real(0.06)),
-            ("actuator.time_constant", Value::Real(0.0)),
+            ("actuator.time_constant", nothing.clone()),
             ("actuator.dead_time_model", Value::Integer(model)),
         ];
         steered(&dead_time).0

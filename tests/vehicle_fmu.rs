@@ -1,6 +1,6 @@
 //! Cars and trucks as the FMI layer sees them.
 
-use rfl_mpc::fmi::{Context, Kind, Log, Model, ModelError, Severity, Value, Values};
+use rfl_mpc::fmi::{Causality, Context, Kind, Log, Model, ModelError, Severity, Value, Values};
 use rfl_mpc::fmu::{PlantFmu, PlantUnit};
 use rfl_mpc::signal;
 use rfl_mpc::vehicle::{Car, Truck, VehicleInput, VehicleParameters};
@@ -37,8 +37,9 @@ impl<P: PlantUnit> Instance<P> {
     }
 
     fn set(&mut self, name: &str, value: Value) {
-        let vr = PlantFmu::<P>::declaration().find(name).unwrap_or_else(|| panic!("no variable {name}"));
-        self.values.set_by_host(vr, value);
+        let declaration = PlantFmu::<P>::declaration();
+        let vr = declaration.find(name).unwrap_or_else(|| panic!("no variable {name}"));
+        self.values.set_by_host(vr, &declaration.variables[vr], value);
     }
 
     fn real(&self, name: &str) -> f64 {
@@ -172,6 +173,16 @@ fn what_the_host_sets_wins_over_the_file_and_the_rest_is_shown<P: Case>() {
     let named = P::Parameters::builtin(P::BUILTIN).unwrap();
     let told = |message: &String| message.contains(named.name());
     assert!(instance.messages.0.iter().any(told), "{:?}", instance.messages.0);
+    // A host that writes every start value has chosen nothing: the file's mass stands.
+    let mut plain = Instance::<P>::new();
+    for (vr, variable) in PlantFmu::<P>::declaration().variables.iter().enumerate() {
+        if variable.causality == Causality::Parameter {
+            plain.values.set_by_host(vr, variable, variable.kind.start());
+        }
+    }
+    plain.set("vehicle_file", Value::String(file.display().to_string()));
+    plain.initialize().unwrap();
+    assert_eq!(plain.real(mass), 2000.0);
     // Initialised again after a reset with another vehicle: values of the file do not stay.
     let mut again = Instance { values: Instance::<P>::new().values, ..instance };
     again.initialize().unwrap();
@@ -275,12 +286,18 @@ fn effects_of_the_vehicle_file_are_in_effect_unless_the_host_sets_them() {
     let text =
         std::fs::read_to_string(given).unwrap() + "\n[effect]\nsteer_delay = 0.12\nroad_friction = 0.6\n";
     std::fs::write(&file, text).unwrap();
-    let mut instance = Instance::<Car>::new();
-    instance.set("vehicle_file", Value::String(file.to_str().unwrap().to_string()));
-    instance.set("effect.road_friction", Value::Real(1.0));
-    instance.initialize().unwrap();
+    let with_friction = |friction: f64| {
+        let mut instance = Instance::<Car>::new();
+        instance.set("vehicle_file", Value::String(file.to_str().unwrap().to_string()));
+        instance.set("effect.road_friction", Value::Real(friction));
+        instance.initialize().unwrap();
+        instance
+    };
+    // The start value is no choice.
+    assert_eq!(with_friction(1.0).real("effect.road_friction"), 0.6);
+    let mut instance = with_friction(0.9);
     let of = |name: &str| instance.real(&format!("effect.{name}"));
-    assert_eq!((of("steer_delay"), of("road_friction"), of("wind_x")), (0.12, 1.0, 0.0));
+    assert_eq!((of("steer_delay"), of("road_friction"), of("wind_x")), (0.12, 0.9, 0.0));
     instance.step(0.05, 0.0, 0.1).unwrap();
     assert_eq!(instance.real("steer"), 0.0, "the command is on its way");
 }

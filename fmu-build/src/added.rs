@@ -42,6 +42,8 @@ pub enum AddError {
         file.display()
     )]
     Misfit { file: PathBuf, vehicle: String, source: ModelError },
+    #[error("{what} is for {fmu}, which is not among the FMUs that are made")]
+    NotGiven { what: String, fmu: String },
     #[error("`{0}` is no start value: write FMU.PARAMETER=VALUE, e.g. RflMpc.mpc.sample_time=0.01")]
     Form(String),
     #[error(transparent)]
@@ -57,7 +59,7 @@ pub enum AddError {
     Tyre { file: PathBuf, tyre: String },
 }
 
-const VEHICLE_FILE: &str = "vehicle_file";
+pub(crate) const VEHICLE_FILE: &str = "vehicle_file";
 
 /// Makes a vehicle, by built-in name or file, the one that all FMUs of its kind start with.
 ///
@@ -70,11 +72,15 @@ pub fn add_vehicle(fmus: &mut [Fmu], vehicle: &str) -> Result<(), AddError> {
         VehicleKind::Truck => vehicle_files::<TruckParameters>(vehicle, "truck")?,
     };
     let takes = |fmu: &&mut Fmu| fmu.vehicle == kind && fmu.declaration.find(VEHICLE_FILE).is_some();
+    let mut taken = false;
     for fmu in fmus.iter_mut().filter(takes) {
         fmu.added.files.extend(files.clone());
         fmu.added.start.insert(VEHICLE_FILE.to_owned(), start.clone());
+        taken = true;
     }
-    Ok(())
+    let system = ClosedLoop::of(kind);
+    let fmu = format!("{} and {}", system.plant, system.controller);
+    if taken { Ok(()) } else { Err(AddError::NotGiven { what: vehicle.to_owned(), fmu }) }
 }
 
 /// The files of a vehicle by their path in `resources/`, below a folder, and what `vehicle_file` is then.
@@ -113,7 +119,8 @@ pub fn add_start(fmus: &mut [Fmu], text: &str) -> Result<(), AddError> {
     let form = || AddError::Form(text.to_owned());
     let (name, value) = text.split_once('=').ok_or_else(form)?;
     let (unit, parameter) = name.trim().split_once('.').ok_or_else(form)?;
-    let fmu = fmus.iter_mut().find(|fmu| fmu.declaration.name == unit).ok_or_else(form)?;
+    let missing = || AddError::NotGiven { what: text.to_owned(), fmu: unit.to_owned() };
+    let fmu = fmus.iter_mut().find(|fmu| fmu.declaration.name == unit).ok_or_else(missing)?;
     fmu.declaration.clone().start_with(parameter, value.trim())?;
     fmu.added.start.insert(parameter.to_owned(), value.trim().to_owned());
     Ok(())
@@ -150,9 +157,10 @@ pub fn add_models(
     for file in files {
         let (vehicle, kind) = vehicle_and_variant(file)?;
         let system = ClosedLoop::of(vehicle);
-        let Some(controller) = fmus.iter_mut().find(|fmu| fmu.declaration.name == system.controller) else {
-            continue;
-        };
+        let missing =
+            || AddError::NotGiven { what: file.display().to_string(), fmu: system.controller.to_owned() };
+        let controller = fmus.iter_mut().find(|fmu| fmu.declaration.name == system.controller);
+        let controller = controller.ok_or_else(missing)?;
         if kind == ControlVariant::None {
             return Err(AddError::Nothing { file: file.clone() });
         }
@@ -162,15 +170,15 @@ pub fn add_models(
             return Err(AddError::Twice { kind: kind.name(), first, second });
         }
         let vehicle = vehicle_of(controller);
-        let added = &mut controller.added;
         let file = absolute(file);
-        let mut start = added.start.clone();
+        let mut start = controller.starts();
         start.insert(VEHICLE_FILE.to_owned(), vehicle.clone());
         start.insert("variant".to_owned(), kind.name().to_owned());
         start.insert("residual.file".to_owned(), file.to_string_lossy().into_owned());
-        if let Err(source) = system.try_controller(project, &start) {
+        if let Err(source) = system.try_controller(system.surroundings(controller, project), &start) {
             return Err(AddError::Misfit { file, vehicle, source });
         }
+        let added = &mut controller.added;
         added.files.insert(entry, file);
         added.start.entry("variant".to_owned()).or_insert_with(|| kind.name().to_owned());
         packed.push((system.controller, kind));
@@ -191,11 +199,11 @@ fn vehicle_and_variant(file: &Path) -> Result<(VehicleKind, ControlVariant), Fil
 }
 
 /// The vehicle that a controller starts with: a built-in name or a file.
-fn vehicle_of(controller: &Fmu) -> String {
+pub(crate) fn vehicle_of(controller: &Fmu) -> String {
     let Fmu { declaration, added, .. } = controller;
     let default = declaration.find(VEHICLE_FILE).map(|vr| &declaration.variables[vr].kind);
-    let name = match (added.start.get(VEHICLE_FILE), default) {
-        (Some(name), _) => name.clone(),
+    let name = match (controller.starts().remove(VEHICLE_FILE), default) {
+        (Some(name), _) => name,
         (None, Some(Kind::String { start })) => start.to_string(),
         (None, _) => String::new(),
     };

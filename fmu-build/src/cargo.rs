@@ -1,7 +1,8 @@
 //! Building libraries, and asking what is linked into them.
 //!
 //! A plain build needs the glibc of the machine it is made on, mostly too new for a host in the field.
-//! `cargo-zigbuild` links against an old one; it is used where it is installed.
+//! `cargo-zigbuild` links against an old one; it is used where it is installed, and for macOS. Windows libraries are
+//! linked by mingw-w64: zig's linker exports more than FMI's functions there.
 
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -9,8 +10,61 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// What `cargo-zigbuild` builds for: FMI's `linux64` with glibc 2.17 (2012: RHEL 7 and later).
-pub const ZIG_TARGET: &str = "x86_64-unknown-linux-gnu.2.17";
+/// A platform that libraries are built for; FMI 2.0 has no name for Linux on ARM.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Target {
+    /// Linux on x86-64, with glibc 2.17 (2012: RHEL 7 and later) where `cargo-zigbuild` builds.
+    Linux64,
+    /// Windows on x86-64.
+    Win64,
+    /// macOS: one library for x86-64 and ARM.
+    Darwin64,
+}
+
+impl Target {
+    /// All platforms.
+    pub const ALL: [Target; 3] = [Target::Linux64, Target::Win64, Target::Darwin64];
+
+    /// FMI's name.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Target::Linux64 => "linux64",
+            Target::Win64 => "win64",
+            Target::Darwin64 => "darwin64",
+        }
+    }
+
+    /// What the builder calls it.
+    #[must_use]
+    pub fn triple(self) -> &'static str {
+        match self {
+            Target::Linux64 => "x86_64-unknown-linux-gnu.2.17",
+            Target::Win64 => "x86_64-pc-windows-gnu",
+            Target::Darwin64 => "universal2-apple-darwin",
+        }
+    }
+
+    /// Rust's names of the systems that a library for it is compiled for.
+    fn compiled_for(self) -> &'static [&'static str] {
+        match self {
+            Target::Linux64 => &["x86_64-unknown-linux-gnu"],
+            Target::Win64 => &["x86_64-pc-windows-gnu"],
+            Target::Darwin64 => &["x86_64-apple-darwin", "aarch64-apple-darwin"],
+        }
+    }
+
+    /// The platform that this program runs on, if libraries are built for it.
+    #[must_use]
+    pub fn here() -> Option<Self> {
+        match (std::env::consts::OS, std::env::consts::ARCH) {
+            ("linux", "x86_64") => Some(Target::Linux64),
+            ("windows", "x86_64") => Some(Target::Win64),
+            ("macos", _) => Some(Target::Darwin64),
+            _ => None,
+        }
+    }
+}
 
 /// Why a library could not be built.
 #[derive(Debug, thiserror::Error)]
@@ -18,6 +72,16 @@ pub const ZIG_TARGET: &str = "x86_64-unknown-linux-gnu.2.17";
 pub enum CargoError {
     #[error("cannot start `{command}`: {source}")]
     Start { command: String, source: std::io::Error },
+    #[error(
+        "a library for {target} is built by cargo-zigbuild here, which is not installed: run scripts/setup, or leave \
+         --builder cargo out"
+    )]
+    NoCross { target: &'static str },
+    #[error(
+        "a library for win64 is linked by {MINGW} here, which is not installed. On Debian or Ubuntu: sudo apt-get install \
+         gcc-mingw-w64-x86-64"
+    )]
+    NoMingw,
     #[error("`{command}` failed; its messages stand above")]
     Failed { command: String },
     #[error("`{command}` made no shared library. Is the crate's crate-type \"cdylib\"?")]
@@ -28,10 +92,20 @@ pub enum CargoError {
     UnknownPackage { command: String, package: String },
 }
 
+/// The linker of Windows libraries on other systems, of mingw-w64.
+const MINGW: &str = "x86_64-w64-mingw32-gcc";
+
+/// Whether a program can be started.
+fn starts(program: &str) -> bool {
+    let mut command = Command::new(program);
+    command.arg("--version").stdout(Stdio::null()).stderr(Stdio::null());
+    command.status().is_ok_and(|status| status.success())
+}
+
 /// The builder in use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Builder {
-    /// `cargo zigbuild`, for [`ZIG_TARGET`].
+    /// `cargo zigbuild`, for any [`Target`].
     Zig,
     /// `cargo build`, for this machine.
     Cargo,
@@ -41,31 +115,45 @@ impl Builder {
     /// `cargo-zigbuild`, where it is on the path and this is Linux on x86-64.
     #[must_use]
     pub fn find() -> Self {
-        let zig = Command::new("cargo-zigbuild")
-            .arg("--version")
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .status();
         let here = cfg!(all(target_os = "linux", target_arch = "x86_64"));
-        if here && zig.is_ok_and(|status| status.success()) { Builder::Zig } else { Builder::Cargo }
+        if here && starts("cargo-zigbuild") { Builder::Zig } else { Builder::Cargo }
     }
 
-    /// Builds the one shared library that `selection` (e.g. `-p`, `fmu-passenger-car`) names; gives its path.
+    /// Builds the one shared library that `selection` (e.g. `-p`, `fmu-passenger-car`) names, for a platform or for this
+    /// machine; gives its path.
     ///
     /// # Errors
     /// If the build fails or makes no shared library. Compiler messages go to standard error.
-    pub fn build(self, project: &Path, profile: &str, selection: &[&str]) -> Result<PathBuf, CargoError> {
+    pub fn build(
+        self,
+        project: &Path,
+        profile: &str,
+        selection: &[&str],
+        target: Option<Target>,
+    ) -> Result<PathBuf, CargoError> {
         let mut command = cargo(project);
-        match self {
-            Builder::Zig => zig_caches(project, command.args(["zigbuild", "--target", ZIG_TARGET])),
-            Builder::Cargo => {
+        match (self, target) {
+            (_, Some(Target::Win64)) if Target::here() != Some(Target::Win64) => {
+                if !starts(MINGW) {
+                    return Err(CargoError::NoMingw);
+                }
+                command.args(["build", "--target", Target::Win64.triple()]);
+            }
+            (Builder::Zig, target) => {
+                let triple = target.unwrap_or(Target::Linux64).triple();
+                zig_caches(project, command.args(["zigbuild", "--target", triple]));
+            }
+            (Builder::Cargo, Some(target)) if Some(target) != Target::here() => {
+                return Err(CargoError::NoCross { target: target.name() });
+            }
+            (Builder::Cargo, _) => {
                 command.arg("build");
             }
         }
         command.args(["--profile", profile, "--message-format", "json-render-diagnostics"]).args(selection);
         // A development build is shared with tests, whose flags must not change.
         if profile != "dev" {
-            command.env("CARGO_ENCODED_RUSTFLAGS", flags(project));
+            command.env("CARGO_ENCODED_RUSTFLAGS", flags(project, target));
         }
         let (text, command) = output(&mut command)?;
         let mut library = None;
@@ -112,9 +200,9 @@ fn remove_dangling_links(folder: &Path) {
     }
 }
 
-/// The user's compiler flags, and those that take this machine's folders out of the library: the same sources give
-/// the same library anywhere.
-fn flags(project: &Path) -> OsString {
+/// The user's compiler flags, and those that take this machine's folders and its clock out of the library: the same
+/// sources give the same library anywhere.
+fn flags(project: &Path, target: Option<Target>) -> OsString {
     let separator = "\u{1f}";
     let mut flags = std::env::var_os("CARGO_ENCODED_RUSTFLAGS").unwrap_or_else(|| {
         let plain = std::env::var("RUSTFLAGS").unwrap_or_default();
@@ -132,6 +220,14 @@ fn flags(project: &Path) -> OsString {
         flags.push(folder);
         flags.push(format!("={name}"));
     }
+    let more = match target {
+        Some(Target::Win64) => "-Clink-arg=-Wl,--no-insert-timestamp",
+        // The name by which others would link it, otherwise its place on this machine. Hosts load it by its path.
+        Some(Target::Darwin64) => "-Clink-arg=-Wl,-install_name,@rpath/fmu.dylib",
+        _ => return flags,
+    };
+    flags.push(separator);
+    flags.push(more);
     flags
 }
 
@@ -148,13 +244,21 @@ pub struct Dependency {
     pub files: Vec<PathBuf>,
 }
 
-/// The third-party crates that are linked into a package of the workspace, by name and version.
+/// The third-party crates that are linked into a package of the workspace for these platforms (none: this machine), by
+/// name and version.
 ///
 /// # Errors
 /// If cargo cannot tell.
-pub fn dependencies(project: &Path, package: &str) -> Result<Vec<Dependency>, CargoError> {
+pub fn dependencies(
+    project: &Path,
+    package: &str,
+    targets: &[Target],
+) -> Result<Vec<Dependency>, CargoError> {
     let mut tree = cargo(project);
     tree.args(["tree", "--locked", "-e", "normal,no-proc-macro", "--prefix", "none", "--no-dedupe"]);
+    for system in targets.iter().flat_map(|target| target.compiled_for()) {
+        tree.args(["--target", system]);
+    }
     let (text, command) = output(tree.args(["-f", "{p}", "-p", package]))?;
     let mut metadata = cargo(project);
     let (json, _) = output(metadata.args(["metadata", "--locked", "--format-version", "1"]))?;

@@ -91,25 +91,32 @@ fn unit_of(variable: &Variable) -> Option<Unit> {
     }
 }
 
+/// The units of some variables, each once, in the order of the vocabulary.
+pub(crate) fn units_of(variables: &[&Variable]) -> Vec<&'static Unit> {
+    let used = |unit: &&Unit| variables.iter().any(|variable| unit_of(variable) == Some(**unit));
+    Unit::ALL.iter().filter(used).collect()
+}
+
+/// A unit in the base units of SI; FMI and SSP write it with the same attributes.
+pub(crate) fn base_unit(unit: &Unit) -> Attributes<'static> {
+    let exponent = |value: i32| (value != 0).then_some(value);
+    Attributes::new()
+        .with_some("kg", exponent(unit.base.kg))
+        .with_some("m", exponent(unit.base.m))
+        .with_some("s", exponent(unit.base.s))
+        .with_some("rad", exponent(unit.base.rad))
+        .with_some("factor", (unit.factor != 1.0).then_some(unit.factor))
+}
+
 fn units(xml: &mut Xml, declaration: &Declaration) {
-    let used = |unit: &&Unit| declaration.variables.iter().any(|variable| unit_of(variable) == Some(**unit));
-    let units: Vec<&Unit> = Unit::ALL.iter().filter(used).collect();
+    let units = units_of(&declaration.variables.iter().collect::<Vec<_>>());
     if units.is_empty() {
         return;
     }
     xml.open("UnitDefinitions", Attributes::new());
     for unit in units {
-        let exponent = |value: i32| (value != 0).then_some(value);
         xml.open("Unit", Attributes::new().with("name", unit.symbol));
-        xml.empty(
-            "BaseUnit",
-            Attributes::new()
-                .with_some("kg", exponent(unit.base.kg))
-                .with_some("m", exponent(unit.base.m))
-                .with_some("s", exponent(unit.base.s))
-                .with_some("rad", exponent(unit.base.rad))
-                .with_some("factor", (unit.factor != 1.0).then_some(unit.factor)),
-        );
+        xml.empty("BaseUnit", base_unit(unit));
         if let Some(display) = unit.display {
             let attributes = Attributes::new().with("name", display.symbol);
             xml.empty("DisplayUnit", attributes.with("factor", display.factor));

@@ -13,10 +13,11 @@ vertical-align:top}th{background:#f2f2f2}code,pre{background:#f6f6f6}pre{padding
 
 /// What statuses mean here, in the words of a host's user.
 const STATUSES: [(&str, &str); 4] = [
-    ("fmi2OK", "All went well."),
+    ("fmi2OK", "Done. The log has a warning where there is something to look at."),
     (
         "fmi2Warning",
-        "Done, but look at the message: an input is outside the range in which it can be right, or the model warns.",
+        "Only if mpc.report_warnings is true: done, but look at the message. An input is outside the range in which it \
+         can be right, or the model warns. Otherwise such a call returns fmi2OK, and the log has the message.",
     ),
     (
         "fmi2Discard",
@@ -30,18 +31,15 @@ const STATUSES: [(&str, &str); 4] = [
     ),
 ];
 
-/// Adds `documentation/` to a package: `index.html`, our licence, and the licences of linked crates.
+/// The page of an FMU in its package.
+pub const INDEX: &str = "documentation/index.html";
+
+/// Adds the licences to a package: ours, those of linked crates, and a page that lists them.
 ///
 /// # Errors
 /// If a licence file cannot be read.
-pub fn document(
-    package: &mut Package,
-    declaration: &Declaration,
-    requirements: &str,
-    own_license: &Path,
-    linked: &[Dependency],
-) -> Result<(), PackageError> {
-    package.add("documentation/index.html", index(declaration, requirements, linked))?;
+pub fn license(package: &mut Package, own_license: &Path, linked: &[Dependency]) -> Result<(), PackageError> {
+    package.add("documentation/licenses/index.html", licenses(linked))?;
     package.add_file("documentation/licenses/LICENSE.txt", own_license)?;
     for dependency in linked {
         for file in &dependency.files {
@@ -53,23 +51,40 @@ pub fn document(
     Ok(())
 }
 
-fn index(declaration: &Declaration, requirements: &str, linked: &[Dependency]) -> String {
+/// A page with its head and its title.
+fn page(title: &str) -> Xml {
     let mut html = Xml::fragment();
     html.open("html", Attributes::new().with("lang", "en"));
     html.open("head", Attributes::new());
     html.empty("meta", Attributes::new().with("charset", "utf-8"));
-    html.text("title", declaration.name);
+    html.text("title", title);
     html.text("style", STYLE);
     html.close();
     html.open("body", Attributes::new());
-    html.text("h1", declaration.name);
+    html.text("h1", title);
+    html
+}
+
+fn finish(mut html: Xml) -> String {
+    html.close();
+    html.close();
+    format!("<!DOCTYPE html>\n{}", html.finish())
+}
+
+/// Page of an FMU: what it is and needs, its variables, how it is used. `platforms` are FMI's names with what the library
+/// for each needs.
+#[must_use]
+pub fn index(declaration: &Declaration, platforms: &[(&str, String)]) -> String {
+    let mut html = page(declaration.name);
     html.text("p", declaration.description);
     html.text(
         "p",
         "An FMI 2.0 unit for co-simulation. SI units and radians; ISO 8855 axes (x forward, y left, z up); steering \
          and yaw are positive to the left.",
     );
-    html.text("p", &format!("On Linux (x86-64) the library {requirements}."));
+    html.text("p", "Its libraries, by FMI's names of the platforms:");
+    let rows = platforms.iter().map(|(platform, needs)| vec![(*platform).to_owned(), needs.clone()]);
+    table(&mut html, &["platform", "what the library needs"], rows);
 
     html.text("h2", "Use");
     html.text("p", "In Python with FMPy:");
@@ -84,8 +99,8 @@ fn index(declaration: &Declaration, requirements: &str, linked: &[Dependency]) -
     html.text(
         "p",
         "Any communication step is allowed and may vary; inputs hold over a step, outputs change at its end. \
-         Parameters that name files take an absolute path or a file in resources/; a parameter that the host sets \
-         wins over the file's. FMU states can be stored, restored and serialised at any time. Any number of \
+         Parameters that name files take an absolute path or a file in resources/; a parameter that the host sets to \
+         another value than its start wins over the file's. FMU states can be stored, restored and serialised at any time. Any number of \
          instances may run, each on any thread. The library uses its own memory, never the host's callbacks.",
     );
 
@@ -115,8 +130,18 @@ fn index(declaration: &Declaration, requirements: &str, linked: &[Dependency]) -
     html.text("p", "Messages of a warning or worse are always told.");
 
     html.text("h2", "Licences");
+    html.text(
+        "p",
+        "Ours, and those of the libraries that are linked in, with their texts: licenses/index.html.",
+    );
+    finish(html)
+}
+
+/// Page of licences.
+fn licenses(linked: &[Dependency]) -> String {
+    let mut html = page("Licences");
     let ours = concat!("This FMU: ", env!("CARGO_PKG_LICENSE"), ", ", env!("CARGO_PKG_AUTHORS"));
-    html.text("p", &format!("{ours}; the text is in licenses/LICENSE.txt. These libraries are linked in:"));
+    html.text("p", &format!("{ours}; the text is in LICENSE.txt. These libraries are linked in:"));
     let rows = linked.iter().map(|dependency| {
         vec![
             dependency.name.clone(),
@@ -126,9 +151,7 @@ fn index(declaration: &Declaration, requirements: &str, linked: &[Dependency]) -
         ]
     });
     table(&mut html, &["library", "version", "licence", "source"], rows);
-    html.close();
-    html.close();
-    format!("<!DOCTYPE html>\n{}", html.finish())
+    finish(html)
 }
 
 fn variables(html: &mut Xml, variables: &[&Variable]) {

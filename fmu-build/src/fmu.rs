@@ -1,15 +1,21 @@
 //! The steps from a model to an FMU, and the list of those that we ship.
 
 use crate::added::Added;
-use crate::cargo::{self, Builder, CargoError};
+use crate::cargo::{self, Builder, CargoError, Target};
 use crate::description::{describe, describe_for};
 use crate::documentation;
 use crate::library::{self, Library, LibraryError};
 use crate::package::{Package, PackageError};
+use crate::shipped::ClosedLoop;
+use rfl_mpc::fmi::ModelError;
 use rfl_mpc::fmi::abi::guid_of;
-use rfl_mpc::fmi::{Declaration, START_FILE, StartError, start_file};
+use rfl_mpc::fmi::{Declaration, START_FILE, StartError, read_start_file, start_file};
+use rfl_mpc::fmu::DEFAULT_PATH;
 use rfl_mpc::vehicle::VehicleKind;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use tempfile::TempDir;
 
 /// Why an FMU could not be made.
 #[derive(Debug, thiserror::Error)]
@@ -34,6 +40,21 @@ pub enum FmuError {
         "the library {path} was not built for this description: it does not know the GUID {guid}. Build it anew."
     )]
     Guid { path: PathBuf, guid: String },
+    #[error(
+        "{path} is no FMU of this program: its name must be one of {names}, and its modelDescription.xml must have that name"
+    )]
+    Foreign { path: PathBuf, names: String },
+    #[error(
+        "{path} was made by another version of fmu-build: its GUID is {found}, this version's is {own}. Take an FMU of \
+         this version, or the fmu-build that made it"
+    )]
+    Version { path: PathBuf, found: String, own: String },
+    #[error("the start values in {path} cannot be read: {message}. Take the FMU as it was shipped")]
+    PackedStart { path: PathBuf, message: String },
+    #[error("{name} cannot start with what is packed into it: {source}")]
+    Controller { name: &'static str, source: ModelError },
+    #[error("cannot unpack into the system's temporary folder: {0}")]
+    Temporary(std::io::Error),
     #[error("the library {path} is for {found}, but lies in a folder for {folder}")]
     Platform { path: PathBuf, found: &'static str, folder: String },
 }
@@ -64,23 +85,92 @@ pub struct Fmu {
     pub resources: &'static [Resource],
     /// What a user adds.
     pub added: Added,
+    /// The FMU that is changed, if it is not made from source.
+    pub base: Option<Base>,
 }
 
-/// How FMUs are made.
+/// An FMU that was made before. Its libraries, licences and resources are taken over, so that a change of resources
+/// and start values needs no compiler.
 #[derive(Debug, Clone)]
-pub struct Options {
-    /// The project's folder.
-    pub project: PathBuf,
+pub struct Base {
+    package: Package,
+    start: BTreeMap<String, String>,
+    /// Its unpacked resources.
+    folder: Arc<TempDir>,
+}
+
+impl Base {
+    /// Reads an FMU's file, which must be one of `all`, and of this version; gives which one, based on the file.
+    ///
+    /// # Errors
+    /// A file that is none of them.
+    pub fn read(file: &Path, all: &[Fmu]) -> Result<Fmu, FmuError> {
+        let package = Package::read(file)?;
+        let text = |entry: &str| String::from_utf8_lossy(package.get(entry).unwrap_or_default()).into_owned();
+        let xml = text("modelDescription.xml");
+        let of_name = |fmu: &&Fmu| xml.contains(&format!(" modelName=\"{}\"", fmu.declaration.name));
+        let fmu = all.iter().find(of_name).ok_or_else(|| {
+            let names: Vec<_> = all.iter().map(|fmu| fmu.declaration.name).collect();
+            FmuError::Foreign { path: file.to_owned(), names: names.join(", ") }
+        })?;
+        let (found, own) = (guid(&xml).to_owned(), describe(&fmu.declaration));
+        if found != guid(&own) {
+            let own = guid(&own).to_owned();
+            return Err(FmuError::Version { path: file.to_owned(), found, own });
+        }
+        let start = text(&format!("resources/{START_FILE}"));
+        let start = read_start_file(&start)
+            .map_err(|error| FmuError::PackedStart { path: file.to_owned(), message: error.to_string() })?;
+        let folder = temporary_folder()?;
+        package.unpack("resources/", folder.path())?;
+        let base = Base { package, start, folder: Arc::new(folder) };
+        Ok(Fmu { base: Some(base), ..fmu.clone() })
+    }
+
+    /// Where its resources lie, unpacked.
+    #[must_use]
+    pub fn surroundings(&self) -> Surroundings<'_> {
+        Surroundings { folder: self.folder.path(), path: DEFAULT_PATH }
+    }
+}
+
+fn temporary_folder() -> Result<TempDir, FmuError> {
+    tempfile::tempdir().map_err(FmuError::Temporary)
+}
+
+/// Where the files lie that start values name, before an FMU is packed.
+#[derive(Debug, Clone, Copy)]
+pub struct Surroundings<'a> {
+    /// The folder that stands for `resources/`.
+    pub folder: &'a Path,
+    /// Name of the controller's path there.
+    pub path: &'a str,
+}
+
+/// Where FMUs are written, and what goes in beside what is built.
+#[derive(Debug, Clone, Default)]
+pub struct Packing {
     /// Where FMUs are written.
     pub out: PathBuf,
-    /// The builder of this machine's library.
-    pub builder: Builder,
-    /// Cargo's profile.
-    pub profile: String,
     /// A folder with libraries of other platforms: `PLATFORM/NAME.SUFFIX`.
     pub binaries: Option<PathBuf>,
     /// FMUs whose libraries of other platforms are taken over, where their name is the FMU's.
     pub merge: Vec<PathBuf>,
+}
+
+/// How FMUs are made from source.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// The project's folder.
+    pub project: PathBuf,
+    /// The builder of libraries.
+    pub builder: Builder,
+    /// Cargo's profile.
+    pub profile: String,
+    /// The platforms that libraries are built for; none: this machine.
+    pub targets: Vec<Target>,
+    /// Where the FMUs go.
+    pub packing: Packing,
 }
 
 /// What was made.
@@ -90,14 +180,22 @@ pub struct Made {
     pub path: PathBuf,
     /// Its size in bytes.
     pub size: usize,
-    /// The library built here.
-    pub library: Library,
+    /// The libraries that were built, or came in the FMU that was changed.
+    pub libraries: Vec<Library>,
     /// Libraries taken over, by path in the FMU.
     pub merged: Vec<String>,
 }
 
 impl Fmu {
-    /// Makes the FMU; `progress` is told each step.
+    /// The start values that differ from the declaration's: those that it was made with, and over them the user's.
+    #[must_use]
+    pub fn starts(&self) -> BTreeMap<String, String> {
+        let mut start = self.base.as_ref().map(|base| base.start.clone()).unwrap_or_default();
+        start.extend(self.added.start.clone());
+        start
+    }
+
+    /// Makes the FMU from source; `progress` is told each step.
     ///
     /// # Errors
     /// See [`FmuError`].
@@ -105,16 +203,21 @@ impl Fmu {
         let name = self.declaration.name;
         let xml = describe(&self.declaration);
         self.check_description(options, &xml)?;
-        progress("building the library");
-        let path = options.builder.build(&options.project, &options.profile, &self.selection)?;
-        progress("checking symbols and needs");
-        let library = Library::check(&path)?;
-        check_guid(&path, &xml)?;
+        let here = options.targets.is_empty().then_some(None);
+        let targets = options.targets.iter().copied().map(Some).chain(here);
+        let (mut package, mut libraries) = (Package::default(), Vec::new());
+        for target in targets {
+            let what = target.map(|target| format!(" for {}", target.name())).unwrap_or_default();
+            progress(&format!("building the library{what}"));
+            let path = options.builder.build(&options.project, &options.profile, &self.selection, target)?;
+            progress("checking symbols and needs");
+            let library = Library::check(&path)?;
+            check_guid(&path, &xml)?;
+            package.add_file(entry_of(library.platform, name), &path)?;
+            libraries.push(library);
+        }
 
         progress("packing");
-        let mut package = Package::default();
-        let entry = |platform: &str| format!("binaries/{platform}/{name}.{}", library::suffix(platform));
-        package.add_file(entry(library.platform), &path)?;
         for resource in self.resources {
             let (from, to) = (options.project.join(resource.from), format!("resources/{}", resource.to));
             if from.is_dir() {
@@ -123,23 +226,72 @@ impl Fmu {
                 package.add_file(to, &from)?;
             }
         }
-        let linked = cargo::dependencies(&options.project, self.package)?;
-        let license = options.project.join("LICENSE");
-        let mut declaration = self.declaration.clone();
+        let linked = cargo::dependencies(&options.project, self.package, &options.targets)?;
+        documentation::license(&mut package, &options.project.join("LICENSE"), &linked)?;
+        self.pack(package, libraries, &xml, &options.packing)
+    }
+
+    /// Makes the FMU anew out of the one that it is based on: other resources and start values, the same libraries.
+    ///
+    /// # Errors
+    /// See [`FmuError`].
+    pub fn change(&self, base: &Base, packing: &Packing) -> Result<Made, FmuError> {
+        let mut package = base.package.clone();
+        for made_anew in ["modelDescription.xml", documentation::INDEX, &format!("resources/{START_FILE}")] {
+            package.remove(made_anew);
+        }
+        for entry in self.added.files.keys() {
+            package.remove(&format!("resources/{entry}"));
+        }
+        let libraries = package
+            .names("binaries/")
+            .filter_map(|name| Library::check_bytes(Path::new(name), package.get(name)?).ok());
+        let libraries = libraries.collect();
+        self.pack(package, libraries, &describe(&self.declaration), packing)
+    }
+
+    /// Adds what the user gives, the descriptions, and libraries that were built elsewhere; writes the FMU.
+    fn pack(
+        &self,
+        mut package: Package,
+        libraries: Vec<Library>,
+        xml: &str,
+        packing: &Packing,
+    ) -> Result<Made, FmuError> {
         for (entry, file) in &self.added.files {
             package.add_file(format!("resources/{entry}"), file)?;
         }
-        if !self.added.start.is_empty() {
-            self.added.start.iter().try_for_each(|(name, value)| declaration.start_with(name, value))?;
-            package.add(format!("resources/{START_FILE}"), start_file(&self.added.start))?;
+        let mut declaration = self.declaration.clone();
+        let start = self.starts();
+        if !start.is_empty() {
+            start.iter().try_for_each(|(name, value)| declaration.start_with(name, value))?;
+            package.add(format!("resources/{START_FILE}"), start_file(&start))?;
         }
-        documentation::document(&mut package, &declaration, &library.requirements(), &license, &linked)?;
         package.add("modelDescription.xml", describe_for(&self.declaration, &declaration))?;
-        let merged = self.merge(options, &mut package, &xml)?;
-
-        let out = options.out.join(format!("{name}.fmu"));
+        let merged = self.merge(packing, &mut package, xml)?;
+        let page = documentation::index(&declaration, &libraries_of(&package));
+        package.add(documentation::INDEX, page)?;
+        if self.base.is_some() {
+            self.try_resources(&package, &start)?;
+        }
+        let out = packing.out.join(format!("{}.fmu", self.declaration.name));
         let size = package.write(&out)?;
-        Ok(Made { path: out, size, library, merged })
+        Ok(Made { path: out, size, libraries, merged })
+    }
+
+    /// Starts the controller with all that is in a changed FMU: a model packed earlier may be of another vehicle than
+    /// the one that is packed now.
+    fn try_resources(&self, package: &Package, start: &BTreeMap<String, String>) -> Result<(), FmuError> {
+        let system = ClosedLoop::of(self.vehicle);
+        if self.declaration.name != system.controller {
+            return Ok(());
+        }
+        let folder = temporary_folder()?;
+        package.unpack("resources/", folder.path())?;
+        let surroundings = Surroundings { folder: folder.path(), path: DEFAULT_PATH };
+        system
+            .try_controller(surroundings, start)
+            .map_err(|source| FmuError::Controller { name: self.declaration.name, source })
     }
 
     /// The library has the committed description inside: it must be today's.
@@ -155,14 +307,13 @@ impl Fmu {
     }
 
     /// Takes over libraries of other platforms.
-    fn merge(&self, options: &Options, package: &mut Package, xml: &str) -> Result<Vec<String>, FmuError> {
+    fn merge(&self, packing: &Packing, package: &mut Package, xml: &str) -> Result<Vec<String>, FmuError> {
         let name = self.declaration.name;
         let mut merged = Vec::new();
-        if let Some(folder) = &options.binaries {
+        if let Some(folder) = &packing.binaries {
             for platform in ["darwin64", "linux32", "linux64", "win32", "win64"] {
-                let file = format!("{name}.{}", library::suffix(platform));
-                let (path, entry) =
-                    (folder.join(platform).join(&file), format!("binaries/{platform}/{file}"));
+                let entry = entry_of(platform, name);
+                let path = folder.join(platform).join(format!("{name}.{}", library::suffix(platform)));
                 if !path.is_file() || package.contains(&entry) {
                     continue;
                 }
@@ -175,13 +326,28 @@ impl Fmu {
                 merged.push(entry);
             }
         }
-        for fmu in &options.merge {
+        for fmu in &packing.merge {
             if fmu.file_stem().is_some_and(|stem| stem == name) {
                 merged.extend(package.merge_binaries(fmu, guid(xml).as_bytes())?);
             }
         }
         Ok(merged)
     }
+}
+
+fn entry_of(platform: &str, name: &str) -> String {
+    format!("binaries/{platform}/{name}.{}", library::suffix(platform))
+}
+
+/// The platforms of a package with what their libraries need, for its page.
+fn libraries_of(package: &Package) -> Vec<(&str, String)> {
+    let libraries = package.names("binaries/").filter_map(|name| {
+        let platform = name.split('/').nth(1)?;
+        let library = Library::check_bytes(Path::new(name), package.get(name)?);
+        let needs = library.map_or("cannot be told here".to_owned(), |library| library.requirements());
+        Some((platform, needs))
+    });
+    libraries.collect()
 }
 
 fn guid(xml: &str) -> &str {

@@ -4,6 +4,7 @@
 use object::Object;
 use object::read::NameOrOrdinal;
 use object::read::elf::{ElfFile64, FileHeader};
+use object::read::macho::{FatArch, MachOFatFile32};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -66,6 +67,10 @@ pub enum LibraryError {
     #[error("{path} does not export {missing}. An FMU library is made by rfl_mpc::export_fmi2!.")]
     Missing { path: PathBuf, missing: String },
     #[error(
+        "{path} is a universal library whose parts for the processors export different functions, or have none. Build it anew."
+    )]
+    Parts { path: PathBuf },
+    #[error(
         "{path} exports more than FMI's functions: {surplus}. Such symbols can clash with those of a host."
     )]
     Surplus { path: PathBuf, surplus: String },
@@ -76,6 +81,8 @@ pub enum LibraryError {
 pub struct Library {
     /// FMI 2.0's name of the platform, e.g. `linux64`.
     pub platform: &'static str,
+    /// The processors that it is for, e.g. `x86_64`; several of a universal library for macOS.
+    pub processors: Vec<String>,
     /// Exported symbols, sorted.
     pub exports: BTreeSet<String>,
     /// Libraries that the loader must find.
@@ -90,7 +97,17 @@ impl Library {
     /// # Errors
     /// If it cannot be read, or exports less or more.
     pub fn check(path: &Path) -> Result<Self, LibraryError> {
-        let library = Self::read(path)?;
+        let bytes =
+            std::fs::read(path).map_err(|source| LibraryError::Read { path: path.to_owned(), source })?;
+        Self::check_bytes(path, &bytes)
+    }
+
+    /// As [`check`](Self::check), for the content of a file; `path` is for messages.
+    ///
+    /// # Errors
+    /// As [`check`](Self::check).
+    pub fn check_bytes(path: &Path, bytes: &[u8]) -> Result<Self, LibraryError> {
+        let library = Self::parse(path, bytes)?;
         let wanted: BTreeSet<String> = FMI2_FUNCTIONS.iter().map(ToString::to_string).collect();
         let list = |names: Vec<&String>| names.into_iter().cloned().collect::<Vec<_>>().join(", ");
         let missing: Vec<_> = wanted.difference(&library.exports).collect();
@@ -104,20 +121,41 @@ impl Library {
         Ok(library)
     }
 
-    /// Reads a library.
-    ///
-    /// # Errors
-    /// If it cannot be read.
-    pub fn read(path: &Path) -> Result<Self, LibraryError> {
-        let bytes =
-            std::fs::read(path).map_err(|source| LibraryError::Read { path: path.to_owned(), source })?;
+    /// Reads a library. Of a universal one for macOS, which holds a library for each processor, all parts must have the
+    /// same exports.
+    fn parse(path: &Path, bytes: &[u8]) -> Result<Self, LibraryError> {
         let format = |source| LibraryError::Format { path: path.to_owned(), source };
-        let file = object::File::parse(&*bytes).map_err(format)?;
+        if object::FileKind::parse(bytes).map_err(format)? != object::FileKind::MachOFat32 {
+            return Self::parse_one(path, bytes);
+        }
+        let mut whole: Option<Self> = None;
+        for part in MachOFatFile32::parse(bytes).map_err(format)?.arches() {
+            let part = Self::parse_one(path, part.data(bytes).map_err(format)?)?;
+            match &mut whole {
+                None => whole = Some(part),
+                Some(whole) if whole.exports == part.exports => {
+                    whole.processors.extend(part.processors);
+                    whole.needs.extend(part.needs);
+                    whole.needs.sort_unstable();
+                    whole.needs.dedup();
+                }
+                Some(_) => return Err(LibraryError::Parts { path: path.to_owned() }),
+            }
+        }
+        whole.ok_or_else(|| LibraryError::Parts { path: path.to_owned() })
+    }
+
+    fn parse_one(path: &Path, bytes: &[u8]) -> Result<Self, LibraryError> {
+        let format = |source| LibraryError::Format { path: path.to_owned(), source };
+        let file = object::File::parse(bytes).map_err(format)?;
+        let mach_o = file.format() == object::BinaryFormat::MachO;
         let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        // C's names have an underscore before them in this format.
+        let symbol = |bytes: &[u8]| text(bytes.strip_prefix(b"_").filter(|_| mach_o).unwrap_or(bytes));
         let mut exports = BTreeSet::new();
         for export in file.exports().map_err(format)? {
             match export.map_err(format)?.name() {
-                NameOrOrdinal::Name(name) => exports.insert(text(name)),
+                NameOrOrdinal::Name(name) => exports.insert(symbol(name)),
                 NameOrOrdinal::Ordinal(ordinal) => exports.insert(format!("ordinal {ordinal}")),
             };
         }
@@ -136,7 +174,8 @@ impl Library {
             (object::BinaryFormat::Pe, false) => "win32",
             _ => "darwin64",
         };
-        Ok(Self { platform, exports, needs, glibc })
+        let processors = vec![format!("{:?}", file.architecture()).to_lowercase()];
+        Ok(Self { platform, processors, exports, needs, glibc })
     }
 
     /// One line for people: what a host must have.

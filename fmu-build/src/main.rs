@@ -2,13 +2,14 @@
 
 use clap::{Parser, ValueEnum};
 use fmu_build::added;
-use fmu_build::cargo::{Builder, ZIG_TARGET};
+use fmu_build::cargo::{Builder, Target};
 use fmu_build::description::describe;
-use fmu_build::fmu::{Fmu, Options};
+use fmu_build::fmu::{Base, Fmu, FmuError, Made, Options, Packing};
 use fmu_build::package::Package;
 use fmu_build::shipped;
 use fmu_build::system::System;
 use rfl_mpc::output::write_bytes;
+use std::collections::BTreeSet;
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -18,15 +19,25 @@ use std::time::Instant;
 ///
 /// Without options, everything is built into target/fmu/. Where cargo-zigbuild is installed, the libraries run on
 /// glibc 2.17 and later; otherwise they need this machine's, and the report says which.
+///
+/// FMUs given by their files are not built: their resources and start values are changed, which takes a second and no
+/// compiler, and the result is written to out/fmu/.
 #[derive(Debug, Parser)]
 #[command(version, after_help = EXAMPLES)]
 struct Arguments {
+    /// Change these FMUs, made by this version, instead of building
+    #[arg(value_name = "FMU", conflicts_with_all = ["only", "builder", "profile", "target", "describe"])]
+    fmus: Vec<PathBuf>,
     /// Write FMUs and systems here
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Make only this FMU (may be repeated); a system is made when all its FMUs are there
     #[arg(long, value_name = "NAME")]
     only: Vec<String>,
+    /// Build the libraries for these platforms, not for this machine's alone. win64 needs mingw-w64 and `rustup target add
+    /// x86_64-pc-windows-gnu`, darwin64 cargo-zigbuild and the targets x86_64-apple-darwin and aarch64-apple-darwin
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "PLATFORM")]
+    target: Vec<TargetChoice>,
     /// How the libraries are built
     #[arg(long, value_enum, default_value_t = BuilderChoice::Auto)]
     builder: BuilderChoice,
@@ -65,6 +76,9 @@ struct Arguments {
 const EXAMPLES: &str = "Examples:
   fmu-build                                   all FMUs and systems, into target/fmu/
   fmu-build --only PassengerCar --out /tmp    one FMU
+  fmu-build target/fmu/RflMpc.fmu --residual rfl_s.rflm   a learned model into an FMU that is there: no compiler
+  fmu-build *.fmu --vehicle my_car.toml --out mine/   your car into FMUs that are there
+  fmu-build --target linux64,win64,darwin64   libraries of all platforms
   fmu-build --binaries from-ci/               with win64 and darwin64 libraries built elsewhere
   fmu-build --residual out/residual/rfl_s.rflm   a controller that drives with what `rfl train` learned
   fmu-build --residual out/residual/*.rflm    with all that it learned, to choose by the parameter variant
@@ -84,6 +98,26 @@ enum BuilderChoice {
     Cargo,
 }
 
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum TargetChoice {
+    /// Linux on x86-64
+    Linux64,
+    /// Windows on x86-64
+    Win64,
+    /// macOS on x86-64 and ARM
+    Darwin64,
+}
+
+impl From<TargetChoice> for Target {
+    fn from(choice: TargetChoice) -> Self {
+        match choice {
+            TargetChoice::Linux64 => Target::Linux64,
+            TargetChoice::Win64 => Target::Win64,
+            TargetChoice::Darwin64 => Target::Darwin64,
+        }
+    }
+}
+
 fn main() -> ExitCode {
     match run(&Arguments::parse()) {
         Ok(()) => ExitCode::SUCCESS,
@@ -95,44 +129,97 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
+    if arguments.fmus.is_empty() { build(arguments) } else { change(arguments) }
+}
+
+/// Makes FMUs from source.
+fn build(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let project = fmu_build::cargo::project()?;
     let mut all = shipped::fmus();
     if arguments.describe {
         return write_descriptions(&project, &all);
     }
     let options = Options {
-        out: arguments.out.clone().unwrap_or_else(|| project.join("target/fmu")),
         builder: match arguments.builder {
             BuilderChoice::Auto => Builder::find(),
             BuilderChoice::Zig => Builder::Zig,
             BuilderChoice::Cargo => Builder::Cargo,
         },
         profile: arguments.profile.clone(),
-        binaries: arguments.binaries.clone(),
-        merge: arguments.merge.clone(),
+        targets: arguments
+            .target
+            .iter()
+            .copied()
+            .map(Target::from)
+            .collect::<BTreeSet<_>>()
+            .into_iter()
+            .collect(),
+        packing: packing(arguments, project.join("target/fmu")),
         project,
     };
     match options.builder {
-        Builder::Zig => println!("libraries are built by cargo-zigbuild for {ZIG_TARGET}"),
+        Builder::Zig if options.targets.is_empty() => {
+            println!("libraries are built by cargo-zigbuild for {}", Target::Linux64.triple());
+        }
+        Builder::Zig => println!("libraries are built by cargo-zigbuild"),
         Builder::Cargo => {
-            println!("libraries are built by cargo, and need this machine's glibc or a newer one")
+            println!("libraries are built by cargo, and need this machine's glibc or a newer one");
         }
     }
     // What the user gives is checked first: a build takes minutes.
-    for vehicle in &arguments.vehicle {
-        added::add_vehicle(&mut all, vehicle)?;
-    }
-    arguments.controller.iter().try_for_each(|file| added::add_controller(&mut all, file))?;
-    arguments.start.iter().try_for_each(|text| added::add_start(&mut all, text))?;
-    for (controller, kind) in added::add_models(&mut all, &options.project, &arguments.residual)? {
-        println!("{controller} is packed with a learned model of kind {}", kind.name());
-    }
-    let systems = shipped::systems(&options.project, &arguments.set)?;
+    add(&mut all, &options.project, arguments)?;
+    let systems = shipped::systems(&all, &options.project, &arguments.set)?;
     let chosen = choose(&all, &arguments.only)?;
     for (i, fmu) in chosen.iter().enumerate() {
-        make(fmu, &options, &format!("[{}/{}] {}", i + 1, chosen.len(), fmu.declaration.name))?;
+        let title = format!("[{}/{}] {}", i + 1, chosen.len(), fmu.declaration.name);
+        report(&title, || fmu.make(&options, |step| println!("{title}: {step}")))?;
     }
-    systems.iter().try_for_each(|system| connect(system, &options.out))
+    systems.iter().try_for_each(|system| connect(system, &options.packing.out))
+}
+
+/// Makes FMUs out of others: other resources and start values, the same libraries.
+fn change(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
+    let all = shipped::fmus();
+    let mut given: Vec<Fmu> = Vec::new();
+    for file in &arguments.fmus {
+        let fmu = Base::read(file, &all)?;
+        let name = fmu.declaration.name;
+        if given.iter().any(|one| one.declaration.name == name) {
+            return Err(format!("{name} is given twice, the second time as {}", file.display()).into());
+        }
+        given.push(fmu);
+    }
+    let nowhere = Path::new("");
+    let packing = packing(arguments, PathBuf::from("out/fmu"));
+    add(&mut given, nowhere, arguments)?;
+    let systems = shipped::systems(&given, nowhere, &arguments.set)?;
+    for fmu in &given {
+        if let Some(base) = &fmu.base {
+            report(fmu.declaration.name, || fmu.change(base, &packing))?;
+        }
+    }
+    systems.iter().try_for_each(|system| connect(system, &packing.out))
+}
+
+fn packing(arguments: &Arguments, out: PathBuf) -> Packing {
+    Packing {
+        out: arguments.out.clone().unwrap_or(out),
+        binaries: arguments.binaries.clone(),
+        merge: arguments.merge.clone(),
+    }
+}
+
+/// Adds what the user gives to the FMUs that it is for. What none of them takes is an error.
+fn add(fmus: &mut [Fmu], project: &Path, arguments: &Arguments) -> Result<(), Box<dyn Error>> {
+    for vehicle in &arguments.vehicle {
+        added::add_vehicle(fmus, vehicle)?;
+    }
+    arguments.controller.iter().try_for_each(|file| added::add_controller(fmus, file))?;
+    arguments.start.iter().try_for_each(|text| added::add_start(fmus, text))?;
+    for (controller, kind) in added::add_models(fmus, project, &arguments.residual)? {
+        println!("{controller} is packed with a learned model of kind {}", kind.name());
+    }
+    Ok(())
 }
 
 fn write_descriptions(project: &Path, all: &[Fmu]) -> Result<(), Box<dyn Error>> {
@@ -157,16 +244,15 @@ fn choose<'a>(all: &'a [Fmu], only: &[String]) -> Result<Vec<&'a Fmu>, String> {
     Ok(all.iter().filter(wanted).collect())
 }
 
-fn make(fmu: &Fmu, options: &Options, title: &str) -> Result<(), Box<dyn Error>> {
+/// Makes an FMU and says what came of it.
+fn report(title: &str, make: impl FnOnce() -> Result<Made, FmuError>) -> Result<(), Box<dyn Error>> {
     let begin = Instant::now();
-    let made = fmu.make(options, |step| println!("{title}: {step}"))?;
-    println!(
-        "{title}: {} ({} kB, {:.1} s)",
-        made.path.display(),
-        made.size / 1000,
-        begin.elapsed().as_secs_f64()
-    );
-    println!("{title}: {} {}", made.library.platform, made.library.requirements());
+    let made = make()?;
+    let seconds = begin.elapsed().as_secs_f64();
+    println!("{title}: {} ({} kB, {seconds:.1} s)", made.path.display(), made.size / 1000);
+    for library in &made.libraries {
+        println!("{title}: {} {}", library.platform, library.requirements());
+    }
     for merged in &made.merged {
         println!("{title}: with {merged}, built elsewhere");
     }

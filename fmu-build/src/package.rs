@@ -25,6 +25,12 @@ pub enum PackageError {
     #[error("{name} in {path} was built for another description: its GUID is not this FMU's. Build it anew.")]
     OtherDescription { path: PathBuf, name: String },
     #[error(
+        "{path} holds more than {ENTRIES} files or {} MB unpacked, or the file name `{name}`, which no FMU has. Do not \
+         use this FMU",
+        UNPACKED >> 20
+    )]
+    NoFmu { path: PathBuf, name: String },
+    #[error(
         "{name} in {path} is no library of an FMU: a file binaries/PLATFORM/NAME of at most {} MB is. Do not use this FMU",
         LIBRARY >> 20
     )]
@@ -91,6 +97,65 @@ impl Package {
     #[must_use]
     pub fn contains(&self, name: &str) -> bool {
         self.entries.contains_key(name)
+    }
+
+    /// An archive as it lies on disk.
+    ///
+    /// # Errors
+    /// A file that is no archive, or one that no FMU is: too large, or with names that climb out of its folder.
+    pub fn read(file: &Path) -> Result<Self, PackageError> {
+        let read = |source| PackageError::Read { path: file.to_owned(), source };
+        let archive = |source| PackageError::Archive { path: file.to_owned(), source };
+        let bytes = input::read(file, FMU).map_err(read)?;
+        let mut zip = zip::ZipArchive::new(Cursor::new(bytes)).map_err(archive)?;
+        let no_fmu = |name: &str| PackageError::NoFmu { path: file.to_owned(), name: name.to_owned() };
+        if zip.len() > ENTRIES {
+            return Err(no_fmu(""));
+        }
+        let (mut package, mut left) = (Self::default(), UNPACKED);
+        for i in 0..zip.len() {
+            let mut entry = zip.by_index(i).map_err(archive)?;
+            let name = entry.name().map_err(archive)?.into_owned();
+            if entry.is_dir() {
+                continue;
+            }
+            let mut content = Vec::new();
+            // What it says of its size need not be true.
+            (&mut entry).take(left + 1).read_to_end(&mut content).map_err(read)?;
+            let size = content.len() as u64;
+            if !entry.is_file() || !stays_below(&name) || size > left {
+                return Err(no_fmu(&name));
+            }
+            left -= size;
+            package.add(name, content)?;
+        }
+        Ok(package)
+    }
+
+    /// An entry's content.
+    #[must_use]
+    pub fn get(&self, name: &str) -> Option<&[u8]> {
+        self.entries.get(name).map(Vec::as_slice)
+    }
+
+    /// Takes an entry out.
+    pub fn remove(&mut self, name: &str) {
+        self.entries.remove(name);
+    }
+
+    /// Writes the entries below `folder` (which ends in `/`) as files into another folder.
+    ///
+    /// # Errors
+    /// If a file cannot be written.
+    pub fn unpack(&self, folder: &str, into: &Path) -> Result<(), PackageError> {
+        for (name, content) in &self.entries {
+            let Some(rest) = name.strip_prefix(folder) else { continue };
+            let path = into.join(rest);
+            let made = path.parent().map_or(Ok(()), std::fs::create_dir_all);
+            made.and_then(|()| std::fs::write(&path, content))
+                .map_err(|source| PackageError::Write { path, source })?;
+        }
+        Ok(())
     }
 
     /// Takes over, from another FMU, libraries of platforms that this one lacks; gives their names. Each must hold
@@ -161,9 +226,18 @@ impl Package {
     }
 }
 
-/// Largest FMU that libraries are taken from, and largest library in it, in bytes.
+/// Largest FMU that is read, largest library in it, and all that it unpacks to, in bytes.
 const FMU: u64 = 256 << 20;
 const LIBRARY: u64 = 64 << 20;
+const UNPACKED: u64 = 1 << 30;
+/// Most files in an FMU.
+const ENTRIES: usize = 10_000;
+
+/// Whether a name in an archive names a file below the folder where it is unpacked, on any system.
+fn stays_below(name: &str) -> bool {
+    let plain = |part: &str| !part.is_empty() && part != "." && part != "..";
+    !name.contains(['\\', ':', '\0']) && name.split('/').all(plain)
+}
 
 /// Whether a name in an archive is that of a library, `binaries/PLATFORM/NAME`, wherever it is unpacked.
 fn is_library(name: &str) -> bool {

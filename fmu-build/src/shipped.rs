@@ -1,7 +1,7 @@
 //! The FMUs and systems that we ship. An FMU is added here, in `src/fmu/` and as a crate beside this one.
 
-use crate::added::Added;
-use crate::fmu::{Fmu, Resource};
+use crate::added::{Added, VEHICLE_FILE, vehicle_of};
+use crate::fmu::{Fmu, Resource, Surroundings};
 use crate::system::{SettingError, System};
 use rfl_mpc::fmi::{Context, Declaration, Log, Model, ModelError, Severity, Value, Values};
 use rfl_mpc::fmu::{DEFAULT_PATH, PassengerCar, RflMpc, SemiTrailerTruck, TruckRflMpc};
@@ -74,18 +74,21 @@ pub enum SystemError {
     Controller(#[from] ModelError),
 }
 
-/// All systems, with the user's settings (`COMPONENT.PARAMETER=VALUE`). A vehicle starts where its controller's path
-/// does and as fast as it is planned there, unless the user says otherwise.
+/// The systems whose FMUs are all among these, with the user's settings (`COMPONENT.PARAMETER=VALUE`). A vehicle starts
+/// where its controller's path does and as fast as it is planned there, unless the user says otherwise.
 ///
 /// # Errors
 /// A setting that is none, or one with which a controller cannot be initialised.
-pub fn systems(project: &Path, settings: &[String]) -> Result<Vec<System>, SystemError> {
+pub fn systems(fmus: &[Fmu], project: &Path, settings: &[String]) -> Result<Vec<System>, SystemError> {
+    let given = |name: &str| fmus.iter().find(|fmu| fmu.declaration.name == name);
+    let both = |system: &'static ClosedLoop| Some((system, given(system.plant)?, given(system.controller)?));
+    let systems: Vec<(&ClosedLoop, &Fmu, &Fmu)> = SYSTEMS.iter().filter_map(both).collect();
     let component = |setting: &str| setting.trim().split('.').next().unwrap_or_default().to_owned();
     for setting in settings {
         let (name, _) = setting.split_once('=').ok_or_else(|| SettingError::Form(setting.clone()))?;
-        if SYSTEMS.iter().all(|system| !system.has(&component(name))) {
+        if systems.iter().all(|(system, ..)| !system.has(&component(name))) {
             let components: Vec<_> =
-                SYSTEMS.iter().flat_map(|system| [system.plant, system.controller]).collect();
+                systems.iter().flat_map(|(system, ..)| [system.plant, system.controller]).collect();
             let (name, components) = (name.trim().to_owned(), components.join(", "));
             return Err(SettingError::Unknown { name, components }.into());
         }
@@ -93,7 +96,10 @@ pub fn systems(project: &Path, settings: &[String]) -> Result<Vec<System>, Syste
     let of = |system: &ClosedLoop| -> Vec<String> {
         settings.iter().filter(|setting| system.has(&component(setting))).cloned().collect()
     };
-    SYSTEMS.iter().map(|system| system.with(project, &of(system))).collect()
+    systems
+        .into_iter()
+        .map(|(system, plant, controller)| system.with(plant, controller, project, &of(system)))
+        .collect()
 }
 
 impl ClosedLoop {
@@ -116,17 +122,27 @@ impl ClosedLoop {
         fmus().into_iter().filter(|fmu| fmu.vehicle == self.vehicle).map(|fmu| fmu.declaration).collect()
     }
 
+    /// Where the files lie that its controller's start values name: in the FMU that is changed, or in the project.
+    pub(crate) fn surroundings<'a>(&self, controller: &'a Fmu, project: &'a Path) -> Surroundings<'a> {
+        let of_project = Surroundings { folder: project, path: self.path.from };
+        controller.base.as_ref().map_or(of_project, |base| base.surroundings())
+    }
+
     /// The system with settings of its components.
-    ///
-    /// # Errors
-    /// As [`systems`].
-    pub fn with(&self, project: &Path, settings: &[String]) -> Result<System, SystemError> {
+    fn with(
+        &self,
+        plant: &Fmu,
+        controller: &Fmu,
+        project: &Path,
+        settings: &[String],
+    ) -> Result<System, SystemError> {
         let mut system = System::new(self.name, self.components());
         for setting in settings {
             system.set(setting)?;
         }
-        let begin = self.start_of_path(project, &system)?;
-        let set: Vec<String> = system.settings_of(self.plant).map(|(name, _)| name.to_owned()).collect();
+        let begin = self.start_of_path(controller, project, &system)?;
+        let mut set: Vec<String> = system.settings_of(self.plant).map(|(name, _)| name.to_owned()).collect();
+        set.extend(plant.starts().into_keys());
         for (name, value) in ["initial.x", "initial.y", "initial.yaw", "initial.vx"].iter().zip(begin) {
             if !set.iter().any(|set| set == name) {
                 system.set(&format!("{}.{name}={value}", self.plant))?;
@@ -136,16 +152,24 @@ impl ClosedLoop {
     }
 
     /// Where the path begins, as the controller itself says: x, y, yaw, speed.
-    fn start_of_path(&self, project: &Path, system: &System) -> Result<[f64; 4], ModelError> {
+    fn start_of_path(
+        &self,
+        controller: &Fmu,
+        project: &Path,
+        system: &System,
+    ) -> Result<[f64; 4], ModelError> {
         let declaration = (self.declare)();
-        let settings = system.settings_of(self.controller);
-        // What is packed is not there yet, and the path begins at the same place with any variant.
-        let settings = settings.filter(|(name, _)| !["variant", "residual.file"].contains(name));
         let mut values = Values::starting_from(&declaration.variables);
-        for (name, value) in settings {
+        // A learned model is not packed yet, and the path begins at the same place with any variant.
+        let counts = |name: &str| !["variant", "residual.file"].contains(&name);
+        for (name, text) in controller.starts().iter().filter(|(name, _)| counts(name)) {
+            let text = if name == VEHICLE_FILE { &vehicle_of(controller) } else { text };
+            set_text(&declaration, &mut values, name, text);
+        }
+        for (name, value) in system.settings_of(self.controller).filter(|(name, _)| counts(name)) {
             set(&declaration, &mut values, name, value.clone());
         }
-        self.initialise(project, &declaration, &mut values)?;
+        self.initialise(self.surroundings(controller, project), &declaration, &mut values)?;
         let of = |name: &str| declaration.find(name).map_or(0.0, |vr| values.real(vr));
         Ok(["start.x", "start.y", "start.yaw", "start.speed"].map(of))
     }
@@ -153,39 +177,44 @@ impl ClosedLoop {
     /// Initialises the controller as its FMU would be, with these values of parameters, as text.
     pub(crate) fn try_controller(
         &self,
-        project: &Path,
+        surroundings: Surroundings<'_>,
         start: &BTreeMap<String, String>,
     ) -> Result<(), ModelError> {
         let declaration = (self.declare)();
         let mut values = Values::starting_from(&declaration.variables);
         for (name, text) in start {
-            let value = declaration.find(name).map(|vr| declaration.variables[vr].value_of(text));
-            if let Some(Ok(value)) = value {
-                set(&declaration, &mut values, name, value);
-            }
+            set_text(&declaration, &mut values, name, text);
         }
-        self.initialise(project, &declaration, &mut values)
+        self.initialise(surroundings, &declaration, &mut values)
     }
 
     fn initialise(
         &self,
-        project: &Path,
+        surroundings: Surroundings<'_>,
         declaration: &Declaration,
         values: &mut Values,
     ) -> Result<(), ModelError> {
-        // The project stands for the FMU's resources, in which the path has another name.
+        let Surroundings { folder, path: named } = surroundings;
         let path = declaration.find("path_file").filter(|vr| !values.is_set_by_host(*vr));
         if let Some(vr) = path {
-            values.set_by_host(vr, Value::String(self.path.from.to_owned()));
+            values.set_by_host(vr, &declaration.variables[vr], Value::String(named.to_owned()));
         }
-        let context = Context { resources: Some(project.to_owned()), instance_name: self.name.to_owned() };
+        let context = Context { resources: Some(folder.to_owned()), instance_name: self.name.to_owned() };
         (self.initialize)(values, &context)
     }
 }
 
 fn set(declaration: &Declaration, values: &mut Values, name: &str, value: Value) {
     if let Some(vr) = declaration.find(name) {
-        values.set_by_host(vr, value);
+        values.set_by_host(vr, &declaration.variables[vr], value);
+    }
+}
+
+/// Sets a parameter from a text that was checked before.
+fn set_text(declaration: &Declaration, values: &mut Values, name: &str, text: &str) {
+    let value = declaration.find(name).map(|vr| declaration.variables[vr].value_of(text));
+    if let Some(Ok(value)) = value {
+        set(declaration, values, name, value);
     }
 }
 
@@ -212,5 +241,6 @@ fn fmu(
 ) -> Fmu {
     let description = format!("modelDescription/{}.xml", declaration.name);
     let added = Added::default();
-    Fmu { declaration, vehicle, description, package, selection: vec!["-p", package], resources, added }
+    let selection = vec!["-p", package];
+    Fmu { declaration, vehicle, description, package, selection, resources, added, base: None }
 }

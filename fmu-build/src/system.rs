@@ -5,9 +5,11 @@
 //!
 //! Hosts differ in what they read: libcosim and ecos match prefixes literally (`ssd:`, `ssc:`, `ssv:`) and want
 //! parameters inside the component, ecos only those of the set that its `init` names (the system's name);
-//! libcosim takes its step from an OSP annotation; fmpy takes parameters from an `.ssv` file with names
-//! `COMPONENT.PARAMETER`, and no step at all.
+//! libcosim takes its step from an OSP annotation, OMSimulator its master and step from one of OpenModelica; fmpy
+//! takes parameters from an `.ssv` file with names `COMPONENT.PARAMETER`, and no step at all. libcosim ends at a connector
+//! that is an enumeration, and the standard does not let one be an integer: those stay out.
 
+use crate::description::{base_unit, units_of};
 use crate::xml::{Attributes, Xml};
 use rfl_mpc::fmi::{Causality, Declaration, DefaultExperiment, Kind, Value, Variable};
 
@@ -163,6 +165,10 @@ impl System {
                 .with("xmlns:ssd", "http://ssp-standard.org/SSP1/SystemStructureDescription")
                 .with("xmlns:ssv", "http://ssp-standard.org/SSP1/SystemStructureParameterValues")
                 .with("xmlns:osp", "http://opensimulationplatform.com/SSP/OSPAnnotations")
+                .with(
+                    "xmlns:oms",
+                    "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd",
+                )
                 .with("version", "1.0")
                 .with("name", &self.name)
                 .with("generationTool", concat!("fmu-build ", env!("CARGO_PKG_VERSION"))),
@@ -188,8 +194,24 @@ impl System {
             }
             xml.close();
         }
-        xml.close();
         let experiment = self.experiment();
+        xml.open("ssd:Annotations", Attributes::new());
+        xml.open("ssc:Annotation", Attributes::new().with("type", "org.openmodelica"));
+        xml.open("oms:Annotations", Attributes::new());
+        xml.open("oms:SimulationInformation", Attributes::new());
+        xml.empty(
+            "oms:FixedStepMaster",
+            Attributes::new()
+                // The master's name in OMSimulator: it has this one.
+                .with("description", "oms-ma")
+                .with("stepSize", experiment.step_size)
+                .with("absoluteTolerance", experiment.tolerance)
+                .with("relativeTolerance", experiment.tolerance),
+        );
+        for _ in 0..5 {
+            xml.close();
+        }
+        self.units(&mut xml);
         let times = Attributes::new().with("startTime", experiment.start_time);
         xml.open("ssd:DefaultExperiment", times.with("stopTime", experiment.stop_time));
         xml.open("ssd:Annotations", Attributes::new());
@@ -202,7 +224,39 @@ impl System {
         xml.finish()
     }
 
-    /// One component with the connectors that are connected, and all outputs, which a user may want to record.
+    /// The units that connectors name.
+    fn units(&self, xml: &mut Xml) {
+        let shown: Vec<_> = (0..self.components.len()).flat_map(|index| self.connectors(index)).collect();
+        let units = units_of(&shown.into_iter().map(|(variable, _)| variable).collect::<Vec<_>>());
+        if !units.is_empty() {
+            xml.open("ssd:Units", Attributes::new());
+            for unit in units {
+                xml.open("ssc:Unit", Attributes::new().with("name", unit.symbol));
+                xml.empty("ssc:BaseUnit", base_unit(unit));
+                xml.close();
+            }
+            xml.close();
+        }
+    }
+
+    /// The variables of a component that are connectors, and their kind: inputs that are connected, and outputs, which a
+    /// user may want to record. Strings and enumerations are left out; nothing is connected to them.
+    fn connectors(&self, index: usize) -> Vec<(&Variable, &'static str)> {
+        let connections = self.connections();
+        let into = connections.iter().filter(|connection| connection.target == index);
+        let connected: Vec<&Variable> = into.map(|connection| connection.input).collect();
+        let kind = |variable: &Variable| {
+            let shown = !matches!(variable.kind, Kind::String { .. } | Kind::Enumeration { .. });
+            match variable.causality {
+                Causality::Input if connected.contains(&variable) => Some("input"),
+                Causality::Output if shown => Some("output"),
+                _ => None,
+            }
+        };
+        let variables = self.components[index].variables.iter();
+        variables.filter_map(|variable| Some((variable, kind(variable)?))).collect()
+    }
+
     fn component(&self, xml: &mut Xml, index: usize) {
         let component = &self.components[index];
         xml.open(
@@ -213,20 +267,11 @@ impl System {
                 .with("source", format!("resources/{}.fmu", component.name)),
         );
         xml.open("ssd:Connectors", Attributes::new());
-        let connections = self.connections();
-        let into = connections.iter().filter(|connection| connection.target == index);
-        let connected: Vec<&Variable> = into.map(|connection| connection.input).collect();
-        for variable in &component.variables {
-            let kind = match variable.causality {
-                Causality::Input if connected.contains(&variable) => "input",
-                Causality::Output if !matches!(variable.kind, Kind::String { .. }) => "output",
-                _ => continue,
-            };
+        for (variable, kind) in self.connectors(index) {
             xml.open("ssd:Connector", Attributes::new().with("name", &variable.name).with("kind", kind));
             match &variable.kind {
                 Kind::Real { unit, .. } => xml.empty("ssc:Real", Attributes::new().with("unit", unit.symbol)),
                 Kind::Boolean { .. } => xml.empty("ssc:Boolean", Attributes::new()),
-                // Hosts connect enumerations as integers; an enumeration would want a definition here.
                 _ => xml.empty("ssc:Integer", Attributes::new()),
             }
             xml.close();

@@ -117,7 +117,8 @@ fn models_that_cannot_drive_are_refused_with_the_reason() {
     add_models(&mut fmus, &project(), &[slow]).unwrap();
     assert_eq!(of(&fmus, "RflMpc").added.start["mpc.sample_time"], "0.04");
     for (text, words) in [
-        ("mpc.sample_time=0.04", "RflMpc.mpc.sample_time"),
+        ("mpc.sample_time=0.04", "is for mpc, which is not among"),
+        ("sample_time=0.04", "RflMpc.mpc.sample_time"),
         ("RflMpc.mpc.sample_time", "FMU.PARAMETER=VALUE"),
         ("RflMpc.mpc.sample_time=fast", "a number in"),
         ("RflMpc.steer_cmd=0", "no parameter `steer_cmd`"),

@@ -7,7 +7,7 @@ mod toy;
 
 use fmu_build::added::Added;
 use fmu_build::cargo::Builder;
-use fmu_build::fmu::{Fmu, FmuError, Options, Resource};
+use fmu_build::fmu::{Base, Fmu, FmuError, Made, Options, Packing, Resource};
 use fmu_build::library::{FMI2_FUNCTIONS, Library, LibraryError};
 use fmu_build::package::{Package, PackageError};
 use rfl_mpc::fmi::Model;
@@ -28,22 +28,26 @@ fn toy() -> Fmu {
         selection: vec!["-p", "fmu-build", "--example", "toy_fmu"],
         resources: LICENSE,
         added: Added::default(),
+        base: None,
     }
 }
 
 fn options(out: &str) -> Options {
     Options {
         project: Path::new(env!("CARGO_MANIFEST_DIR")).join(".."),
-        out: Path::new(env!("CARGO_TARGET_TMPDIR")).join(out),
         builder: Builder::Cargo,
         profile: "dev".to_owned(),
-        binaries: None,
-        merge: Vec::new(),
+        targets: Vec::new(),
+        packing: Packing { out: Path::new(env!("CARGO_TARGET_TMPDIR")).join(out), ..Packing::default() },
     }
 }
 
+fn packing(out: &str) -> Packing {
+    options(out).packing
+}
+
 fn toy_library() -> PathBuf {
-    Builder::Cargo.build(&options("").project, "dev", &toy().selection).unwrap()
+    Builder::Cargo.build(&options("").project, "dev", &toy().selection, None).unwrap()
 }
 
 /// Names of an archive's entries.
@@ -69,7 +73,7 @@ fn an_fmu_has_all_that_the_standard_and_people_want() {
     let names = entries(&made.path);
     for wanted in [
         "modelDescription.xml",
-        &format!("binaries/{0}/SteeringLag.{1}", made.library.platform, std::env::consts::DLL_EXTENSION),
+        &format!("binaries/{0}/SteeringLag.{1}", made.libraries[0].platform, std::env::consts::DLL_EXTENSION),
         "resources/folder/text.txt",
         "documentation/index.html",
         "documentation/licenses/LICENSE.txt",
@@ -77,10 +81,12 @@ fn an_fmu_has_all_that_the_standard_and_people_want() {
         assert!(names.iter().any(|name| name == wanted), "{wanted} is missing in {names:?}");
     }
     let html = String::from_utf8(entry(&made.path, "documentation/index.html")).unwrap();
-    for wanted in
-        ["steer_cmd", "actuator.tau", "0.001 … 10", "fmi2Discard", "nalgebra", "Apache-2.0", "logActuator"]
-    {
+    for wanted in ["steer_cmd", "actuator.tau", "0.001 … 10", "fmi2Discard", "logActuator"] {
         assert!(html.contains(wanted), "{wanted} is missing in the documentation");
+    }
+    let html = String::from_utf8(entry(&made.path, "documentation/licenses/index.html")).unwrap();
+    for wanted in ["nalgebra", "Apache-2.0", "<td>std"] {
+        assert!(html.contains(wanted), "{wanted} is missing among the licences");
     }
     let licenses = names.iter().filter(|name| name.starts_with("documentation/licenses/")).count();
     assert!(licenses > 20, "{names:?}");
@@ -112,6 +118,61 @@ fn what_a_user_adds_is_packed() {
     fmu.added.start.insert("actuator.tau".to_owned(), "-1".to_owned());
     let error = fmu.make(&options("added"), |_| {}).unwrap_err();
     assert!(matches!(error, FmuError::Start(_)), "{error}");
+}
+
+/// An FMU that is there, changed, is bit for bit the one made from source with the same things added, and a change of a
+/// change counts as one.
+#[test]
+fn a_changed_fmu_is_the_one_made_from_source() {
+    let options = options("plain");
+    let plain = toy().make(&options, |_| {}).unwrap().path;
+    let add = |fmu: &mut Fmu, tau: &str| {
+        fmu.added.files.insert("added/license.txt".to_owned(), options.project.join("LICENSE"));
+        fmu.added.start.insert("actuator.tau".to_owned(), tau.to_owned());
+    };
+    let mut wanted = toy();
+    add(&mut wanted, "0.25");
+    let made = Options { packing: packing("changed_source"), ..options.clone() };
+    let wanted = std::fs::read(wanted.make(&made, |_| {}).unwrap().path).unwrap();
+
+    let change = |file: &Path, tau: &str, out: &str| -> Made {
+        let mut fmu = Base::read(file, &[toy()]).unwrap();
+        add(&mut fmu, tau);
+        let base = fmu.base.clone().unwrap();
+        fmu.change(&base, &packing(out)).unwrap()
+    };
+    let changed = change(&plain, "0.25", "changed");
+    assert_eq!(changed.libraries, [Library::check(&toy_library()).unwrap()]);
+    assert!(std::fs::read(&changed.path).unwrap() == wanted);
+    let again = change(&change(&plain, "0.5", "changed_twice").path, "0.25", "changed_again");
+    assert!(std::fs::read(&again.path).unwrap() == wanted);
+}
+
+/// What is no FMU of this version is refused before anything is written.
+#[test]
+fn an_fmu_of_others_is_not_changed() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("other.fmu");
+    let refused = |entries: &[(&str, &str)], words: &str| {
+        let mut package = Package::default();
+        entries.iter().for_each(|(name, content)| package.add(*name, *content).unwrap());
+        package.write(&file).unwrap();
+        let error = Base::read(&file, &[toy()]).unwrap_err().to_string();
+        assert!(error.contains(words) && error.contains("other.fmu"), "{error}");
+    };
+    let xml = include_str!("../../tests/common/SteeringLag.xml");
+    let older = xml.replace("guid=\"{", "guid=\"{0");
+    let description = "modelDescription.xml";
+    refused(&[], "is no FMU of this program");
+    refused(&[(description, "<fmiModelDescription modelName=\"Other\"")], "one of SteeringLag");
+    refused(&[(description, &older)], "another version of fmu-build");
+    refused(&[(description, xml), ("resources/start.toml", "tau = 1")], "start values");
+    for name in ["../evil", "resources/../../evil", "/etc/evil", "resources\\evil", "C:/evil"] {
+        refused(&[(description, xml), (name, "")], name);
+    }
+    std::fs::write(&file, "no archive").unwrap();
+    assert!(matches!(Base::read(&file, &[toy()]), Err(FmuError::Package(PackageError::Archive { .. }))));
+    assert!(matches!(Base::read(Path::new("none.fmu"), &[toy()]), Err(FmuError::Package(_))));
 }
 
 #[test]
@@ -178,7 +239,8 @@ fn libraries_of_other_platforms_are_merged() {
         package.write(&other).unwrap();
     };
     pack(&format!("a library with {guid}"));
-    let mut options = Options { merge: vec![other.clone()], ..options("merged") };
+    let mut options = options("merged");
+    options.packing.merge.push(other.clone());
     let made = toy().make(&options, |_| {}).unwrap();
     assert_eq!(made.merged, ["binaries/win64/SteeringLag.dll"]);
     assert!(entries(&made.path).contains(&"binaries/win64/SteeringLag.dll".to_owned()));
@@ -207,8 +269,8 @@ fn libraries_of_other_platforms_are_merged() {
     }
 
     // From a folder: a library in the wrong place, then one of another description.
-    options.merge.clear();
-    options.binaries = Some(folder.path().to_owned());
+    options.packing.merge.clear();
+    options.packing.binaries = Some(folder.path().to_owned());
     let win = folder.path().join("win64");
     std::fs::create_dir(&win).unwrap();
     std::fs::copy(toy_library(), win.join("SteeringLag.dll")).unwrap();

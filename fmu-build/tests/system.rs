@@ -1,6 +1,7 @@
 //! The systems: every signal that controller and vehicle share is connected, settings are typed, and what hosts read
 //! stands where they read it.
 
+use fmu_build::added::add_start;
 use fmu_build::shipped::{self, ClosedLoop, SYSTEMS};
 use fmu_build::system::{SettingError, System};
 use rfl_mpc::fmi::{Causality, Value};
@@ -62,12 +63,29 @@ fn the_structure_names_fmus_and_step() {
         r#"source="resources/RflMpc.fmu""#,
         r#"<ssd:Connection startElement="PassengerCar" startConnector="vx" endElement="RflMpc" endConnector="vx"/>"#,
         r#"<osp:FixedStepAlgorithm baseStepSize="#,
+        r#"<oms:FixedStepMaster description="oms-ma" stepSize="#,
     ] {
         assert!(xml.contains(wanted), "{wanted} is missing in\n{xml}");
     }
     assert!(xml.find("\"PassengerCar\"") < xml.find("\"RflMpc\""), "the plant is stepped first");
     assert!(!xml.contains("ParameterBinding"));
     assert_eq!(closed_loop().parameters(), None);
+}
+
+/// Whatever unit a connector names is defined in the system, as the text of SSP 1.0 asks. An enumeration is no connector:
+/// libcosim ends at one, and as an integer it would be no SSP.
+#[test]
+fn units_of_connectors_are_defined_and_enumerations_are_none() {
+    let named = |xml: &str, before: &str| -> BTreeSet<String> {
+        xml.split(before).skip(1).map(|rest| rest.split('"').next().unwrap().to_owned()).collect()
+    };
+    for shipped in SYSTEMS {
+        let xml = system(shipped.vehicle).structure();
+        let (used, defined) = (named(&xml, r#"<ssc:Real unit=""#), named(&xml, r#"<ssc:Unit name=""#));
+        assert!(used.contains("m/s") && used == defined, "{used:?} {defined:?}");
+        assert!(!xml.contains("Enumeration") && !xml.contains(r#"name="status""#));
+        assert!(xml.contains(r#"name="finished" kind="output""#));
+    }
 }
 
 #[test]
@@ -108,7 +126,7 @@ fn vehicles_start_on_the_path() {
     let project = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let begin = |vehicle: VehicleKind, settings: &[&str]| {
         let settings: Vec<String> = settings.iter().map(ToString::to_string).collect();
-        let systems = shipped::systems(&project, &settings).unwrap();
+        let systems = shipped::systems(&shipped::fmus(), &project, &settings).unwrap();
         let shipped = ClosedLoop::of(vehicle);
         let system = systems.iter().find(|system| system.name() == shipped.name).unwrap();
         ["initial.x", "initial.y", "initial.yaw", "initial.vx"].map(|name| {
@@ -135,6 +153,20 @@ fn vehicles_start_on_the_path() {
     let [x, y, ..] = begin(VehicleKind::Truck, &["PassengerCar.initial.y=7", "RflMpc.mpc.horizon=5"]);
     assert_eq!((x, y), (at("paths/truck_off_road.csv").x, at("paths/truck_off_road.csv").y));
 
+    // A road that is packed into the controller counts, too, and so does a start that is packed into the vehicle.
+    let mut fmus = shipped::fmus();
+    add_start(&mut fmus, "RflMpc.path_file=paths/hairpin_circuit.csv").unwrap();
+    add_start(&mut fmus, "PassengerCar.initial.vx=3").unwrap();
+    let systems = shipped::systems(&fmus, &project, &[]).unwrap();
+    let values: Vec<_> = systems[0].settings_of("PassengerCar").collect();
+    let x = Value::Real(at("paths/hairpin_circuit.csv").x);
+    assert!(values.contains(&("initial.x", &x)) && values.iter().all(|(name, _)| *name != "initial.vx"));
+    // No system without both of its FMUs.
+    assert_eq!(shipped::systems(&fmus[..1], &project, &[]).unwrap().len(), 0);
+    let error =
+        shipped::systems(&fmus[..2], &project, &["TruckRflMpc.mpc.horizon=9".to_owned()]).unwrap_err();
+    assert!(error.to_string().contains("components: PassengerCar, RflMpc"), "{error}");
+
     for (setting, words) in [
         ("RflMpc.path_file=no/such/road.csv", &["no/such/road.csv"][..]),
         ("TruckRflMpc.path_file=no/such/road.csv", &["no/such/road.csv"]),
@@ -142,7 +174,8 @@ fn vehicles_start_on_the_path() {
         ("SemiTrailerTruck.no_such=1", &["SemiTrailerTruck.no_such"]),
         ("nonsense", &["COMPONENT.PARAMETER=VALUE"]),
     ] {
-        let error = shipped::systems(&project, &[setting.to_owned()]).unwrap_err().to_string();
+        let error =
+            shipped::systems(&shipped::fmus(), &project, &[setting.to_owned()]).unwrap_err().to_string();
         assert!(words.iter().all(|word| error.contains(word)), "{error}");
     }
 }

@@ -15,6 +15,7 @@ macro_rules! warn {
 }
 
 pub mod collect;
+pub mod completions;
 pub mod course;
 pub mod diagnose;
 pub mod drive;
@@ -56,6 +57,7 @@ use std::process::ExitCode;
   rfl diagnose LOG            why a log and the simulator disagree
   rfl parameters              what --set can change
   rfl course                  write our own courses to paths/
+  rfl completions bash        completion of commands and options in a shell
 
 Exit status: 0 done, 1 bad input or a failure, 2 wrong usage; rfl drive and rfl diagnose have more."
 )]
@@ -78,6 +80,7 @@ enum Command {
     Path(path::PathArgs),
     Parameters(parameters::ParametersArgs),
     Course(course::CourseArgs),
+    Completions(completions::CompletionsArgs),
 }
 
 impl Cli {
@@ -98,6 +101,7 @@ impl Cli {
             Command::Path(args) => path::run(args)?,
             Command::Parameters(args) => parameters::run(args)?,
             Command::Course(args) => course::run(args)?,
+            Command::Completions(args) => completions::run(args)?,
         }
         Ok(ExitCode::SUCCESS)
     }

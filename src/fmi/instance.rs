@@ -5,8 +5,13 @@
 //!
 //! - *Values.* A set call is checked as a whole before anything is written. A real that is not finite, a parameter
 //!   outside its range, an enumeration value that is none: `fmi2Discard`, the value before stands. An *input*
-//!   outside its range (a range says what is certainly wrong, not what a vehicle can do) is taken, with
-//!   `fmi2Warning` and one message until it is back inside.
+//!   outside its range (a range says what is certainly wrong, not what a vehicle can do) is taken, with one
+//!   message until it is back inside.
+//! - *Warnings.* A call that did its work returns `fmi2OK`, and the log says what to look at: many hosts end a run at
+//!   `fmi2Warning`. A model may have a parameter with which such a call returns `fmi2Warning`
+//!   ([`Model::reports_warnings`]).
+//! - *Choices.* Some hosts write every start value before they initialise. A value equal to the declared start is no
+//!   choice of the user, so that what a parameter file says stands.
 //! - *Initialisation.* The model is initialised when initialisation mode is left, or before, when the host asks for
 //!   a value that the model calculates; it is initialised again if the host sets something after that.
 //! - *Communication points.* The host's point counts, so that its rounding does not add up; it may differ from the
@@ -112,11 +117,15 @@ impl<M: Model> Instance<M> {
         } else {
             Err(Refusal::OutOfOrder { function: function.name(), life: self.life })
         };
-        outcome.unwrap_or_else(|refusal| {
+        let status = outcome.unwrap_or_else(|refusal| {
             let status = refusal.status();
             self.logger.tell(status, status_category(status), &format!("{}: {refusal}", function.name()));
             status
-        })
+        });
+        match status {
+            Status::Warning if !self.model.reports_warnings(&self.values) => Status::Ok,
+            status => status,
+        }
     }
 
     /// `fmi2SetDebugLogging`; no category means all.
@@ -451,11 +460,12 @@ impl<M: Model> Instance<M> {
 
     fn write(&mut self, reference: u32, value: Value) {
         let vr = reference as Vr;
-        match self.declaration.variables[vr].causality {
+        let variable = &self.declaration.variables[vr];
+        match variable.causality {
             Causality::Input => self.stale.inputs = true,
             _ => self.stale.parameters = true,
         }
-        self.values.set_by_host(vr, value);
+        self.values.set_by_host(vr, variable, value);
     }
 
     /// The variable behind a reference, if it is of the expected type.

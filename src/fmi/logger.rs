@@ -14,7 +14,10 @@ use std::ffi::{CStr, CString};
 /// Categories that every FMU of ours has (names of FMI 2.0, section 2.2.4).
 pub const STANDARD_CATEGORIES: [LogCategory; 6] = [
     LogCategory { name: "logEvents", description: "What happens in an instance's life" },
-    LogCategory { name: "logStatusWarning", description: "Calls that returned fmi2Warning" },
+    LogCategory {
+        name: "logStatusWarning",
+        description: "Calls that did their work, with something to look at",
+    },
     LogCategory { name: "logStatusDiscard", description: "Calls that returned fmi2Discard" },
     LogCategory { name: "logStatusError", description: "Calls that returned fmi2Error" },
     LogCategory { name: "logStatusFatal", description: "Calls that returned fmi2Fatal" },
@@ -88,8 +91,7 @@ pub fn status_category(status: Status) -> &'static str {
     }
 }
 
-/// A model's way to the logger over one call; notes whether there was a warning, because the call then returns
-/// `fmi2Warning`.
+/// A model's way to the logger over one call; notes whether there was a warning, which may be the call's status.
 pub struct Messages<'a> {
     logger: &'a Logger,
     /// Whether the model has warned.

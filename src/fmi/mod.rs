@@ -31,6 +31,6 @@ mod value;
 mod variable;
 
 pub use model::{Context, Declaration, DefaultExperiment, Log, LogCategory, Model, ModelError, Severity};
-pub use start::{START_FILE, StartError, start_file};
+pub use start::{START_FILE, StartError, read_start_file, start_file};
 pub use value::{Value, Values};
 pub use variable::{Causality, Initial, Kind, Variability, Variable, Vr};

@@ -143,6 +143,12 @@ pub trait Model: Send + Sized + 'static {
         log: &mut dyn Log,
     ) -> Result<(), ModelError>;
 
+    /// Whether a call that did its work with a warning returns `fmi2Warning`. Many hosts end a run at any status but
+    /// `fmi2OK`, so it returns `fmi2OK` unless the user asks for the warning; the log tells it in either case.
+    fn reports_warnings(&self, _values: &Values) -> bool {
+        false
+    }
+
     /// Appends the internal state to `bytes`.
     fn save(&self, bytes: &mut Vec<u8>);
 

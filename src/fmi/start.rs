@@ -101,8 +101,7 @@ impl Declaration {
             message: format!("{message}; unpack the FMU anew, or make it again with fmu-build"),
         };
         let text = input::read_text(&file).map_err(|error| failed(error.to_string()))?;
-        let values: BTreeMap<String, String> =
-            toml::from_str(&text).map_err(|error| failed(error.to_string()))?;
+        let values = read_start_file(&text).map_err(|error| failed(error.to_string()))?;
         values.iter().try_for_each(|(name, value)| {
             self.start_with(name, value).map_err(|error| failed(error.to_string()))
         })
@@ -113,6 +112,14 @@ impl Declaration {
 #[must_use]
 pub fn start_file(values: &BTreeMap<String, String>) -> String {
     toml::to_string(values).unwrap_or_default()
+}
+
+/// The values in a [`START_FILE`]'s content, by parameter.
+///
+/// # Errors
+/// What is no TOML of texts.
+pub fn read_start_file(text: &str) -> Result<BTreeMap<String, String>, toml::de::Error> {
+    toml::from_str(text)
 }
 
 #[cfg(test)]

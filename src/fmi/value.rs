@@ -13,8 +13,8 @@ pub enum Value {
     String(String),
 }
 
-/// Values of all variables of an instance, by value reference, and which of them the host has set itself (so
-/// that a parameter file may give the others).
+/// Values of all variables of an instance, by value reference, and which of them the host has chosen (so that a
+/// parameter file may give the others).
 ///
 /// The typed getters are for models, which ask for their own variables by references they got when they declared
 /// them. A reference of the wrong type is an error in the model's code: the getters then give the type's neutral
@@ -29,13 +29,8 @@ impl Values {
     /// The start values of a model's variables.
     #[must_use]
     pub fn starting_from(variables: &[Variable]) -> Self {
-        let start = |variable: &Variable| match &variable.kind {
-            Kind::Real { start, .. } => Value::Real(*start),
-            Kind::Integer { start, .. } | Kind::Enumeration { start, .. } => Value::Integer(*start),
-            Kind::Boolean { start } => Value::Boolean(*start),
-            Kind::String { start } => Value::String(start.to_string()),
-        };
-        Self { values: variables.iter().map(start).collect(), set_by_host: vec![false; variables.len()] }
+        let values = variables.iter().map(|variable| variable.kind.start()).collect();
+        Self { values, set_by_host: vec![false; variables.len()] }
     }
 
     /// The value behind a reference, if there is one.
@@ -44,13 +39,14 @@ impl Values {
         self.values.get(vr)
     }
 
-    /// Sets a value on behalf of the host. The caller has checked reference, type, range and permission.
-    pub fn set_by_host(&mut self, vr: Vr, value: Value) {
+    /// Sets a value of `variable`, the one behind `vr`, on behalf of the host. The caller has checked reference, type,
+    /// range and permission. The declared start is no choice: hosts write it unasked.
+    pub fn set_by_host(&mut self, vr: Vr, variable: &Variable, value: Value) {
+        self.set_by_host[vr] = value != variable.kind.start();
         self.values[vr] = value;
-        self.set_by_host[vr] = true;
     }
 
-    /// Whether the host has set this variable since instantiation or reset.
+    /// Whether the host has given this variable another value than its declared start.
     #[must_use]
     pub fn is_set_by_host(&self, vr: Vr) -> bool {
         self.set_by_host[vr]

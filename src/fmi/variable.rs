@@ -1,5 +1,6 @@
 //! What a variable of an FMU is: the declaration from which XML, checks and documentation are made.
 
+use super::value::Value;
 use crate::signal::{Signal, Unit};
 use std::borrow::Cow;
 
@@ -67,6 +68,19 @@ pub enum Kind {
         items: &'static [(i32, &'static str, &'static str)],
         start: i32,
     },
+}
+
+impl Kind {
+    /// The declared start value.
+    #[must_use]
+    pub fn start(&self) -> Value {
+        match self {
+            Kind::Real { start, .. } => Value::Real(*start),
+            Kind::Integer { start, .. } | Kind::Enumeration { start, .. } => Value::Integer(*start),
+            Kind::Boolean { start } => Value::Boolean(*start),
+            Kind::String { start } => Value::String(start.to_string()),
+        }
+    }
 }
 
 /// One variable of an FMU.

@@ -131,6 +131,7 @@ struct Variables {
     /// The first of the numeric parameters, which are contiguous.
     parameters: Vr,
     controller_file: Vr,
+    report_warnings: Vr,
 }
 
 /// Declares the numeric parameters of all groups; gives the first.
@@ -327,6 +328,12 @@ fn declare<U: ControllerUnit<S>, const S: usize>() -> (Declaration, Variables) {
         "Controller file (TOML, from rfl tune or rfl learn), absolute or in the FMU's resources. Its numbers count more \
          than the vehicle file's; parameters that the host sets itself win over both",
     ));
+    let report_warnings = d.add(Variable::parameter_of(
+        Kind::Boolean { start: false },
+        "mpc.report_warnings",
+        "Whether a call that did its work returns fmi2Warning where the log has a warning, and not fmi2OK; many hosts \
+         end a run at it",
+    ));
     let variables = Variables {
         inputs,
         steer_cmd,
@@ -357,6 +364,7 @@ fn declare<U: ControllerUnit<S>, const S: usize>() -> (Declaration, Variables) {
         roll_out,
         parameters,
         controller_file,
+        report_warnings,
     };
     (declaration, variables)
 }
@@ -489,6 +497,10 @@ impl<U: ControllerUnit<S>, const S: usize> Model for ControllerFmu<U, S> {
         }
         write_outputs(v, values, controller);
         Ok(())
+    }
+
+    fn reports_warnings(&self, values: &Values) -> bool {
+        values.boolean(self.variables.report_warnings)
     }
 
     fn save(&self, bytes: &mut Vec<u8>) {

@@ -30,7 +30,7 @@ pub const FORMAT: u32 = 1;
 /// What a model's file holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FileKind {
-    /// A [`ResidualModel`].
+    /// A [`ResidualModel`](super::ResidualModel).
     Residual,
     /// A [`GpModel`](super::gp::GpModel).
     Gp,

@@ -2,7 +2,7 @@
 //!
 //! The functions of the system's library take one number at a time and differ in their last bits from processor to
 //! processor. These use plain additions, multiplications and divisions without branches, for all numbers of
-//! [`Lanes`] alike, and every processor gives the same bits.
+//! `Lanes` alike, and every processor gives the same bits.
 //!
 //! ```text
 //!     atan x = c + atan t,       t = (x - tan c) / (1 + x tan c),   c in {0, pi/4, pi/2},    |t| <= tan(pi/8)

@@ -28,8 +28,9 @@ pub mod vr {
     pub const PANIC_AFTER: u32 = 15;
     pub const START: u32 = 16;
     pub const HISTORY: u32 = 17;
+    pub const REPORT_WARNINGS: u32 = 19;
     /// Number of variables.
-    pub const COUNT: u32 = 19;
+    pub const COUNT: u32 = 20;
 }
 
 const METHODS: &[(i32, &str, &str)] =
@@ -103,6 +104,11 @@ impl Model for SteeringLag {
                     .range(-1.0, 1.0),
                 history(1),
                 history(2),
+                parameter(
+                    Kind::Boolean { start: false },
+                    "test.report_warnings",
+                    "Whether warnings are statuses",
+                ),
             ],
             experiment: DefaultExperiment {
                 start_time: 0.0,
@@ -179,6 +185,10 @@ impl Model for SteeringLag {
         self.history = [before, self.history[0]];
         self.publish(values, self.steer != before);
         Ok(())
+    }
+
+    fn reports_warnings(&self, values: &Values) -> bool {
+        values.boolean(up(vr::REPORT_WARNINGS))
     }
 
     fn save(&self, bytes: &mut Vec<u8>) {

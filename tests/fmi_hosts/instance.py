@@ -82,6 +82,10 @@ class Instance:
         buffer = (c_int * len(values))(*values.values())
         return self.call("fmi2SetInteger", self.references(list(values)), c_size_t(len(values)), buffer)
 
+    def set_booleans(self, values: dict[str, bool]) -> int:
+        buffer = (c_int * len(values))(*values.values())
+        return self.call("fmi2SetBoolean", self.references(list(values)), c_size_t(len(values)), buffer)
+
     def get_reals(self, names) -> list[float]:
         buffer = (c_double * len(names))()
         status = self.call("fmi2GetReal", self.references(names), c_size_t(len(names)), buffer)

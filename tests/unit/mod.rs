@@ -21,7 +21,8 @@ impl<M: Model> Unit<M> {
         let declaration = M::declaration();
         let mut values = Values::starting_from(&declaration.variables);
         for (name, value) in settings {
-            values.set_by_host(declaration.find(name).unwrap(), value.clone());
+            let vr = declaration.find(name).unwrap();
+            values.set_by_host(vr, &declaration.variables[vr], value.clone());
         }
         let mut model = M::new();
         model.initialize(&mut values, 0.0, &Context::default(), &mut Silent).unwrap();

@@ -1,0 +1,96 @@
+"""FMUs that are there, with other resources and start values: no compiler, no cargo, and they drive."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import zipfile
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import programs
+import pytest
+from closed_loop import Unit
+from native import run
+from test_same_drive import in_fmpy_ssp
+from wiring import SYSTEMS
+
+
+@pytest.fixture(scope="module")
+def fmu_build() -> Path:
+    return programs.program("fmu-build")
+
+
+def change(fmu_build: Path, folder: Path, *arguments) -> subprocess.CompletedProcess:
+    """Runs the packer where no other program is to be found."""
+    command = [str(argument) for argument in (fmu_build, *arguments)]
+    empty = {name: os.environ[name] for name in ("TMPDIR",) if name in os.environ}
+    return subprocess.run(command, cwd=folder, env=empty, capture_output=True, text=True, check=False)
+
+
+def start_values(fmu: Path) -> str:
+    with zipfile.ZipFile(fmu) as package:
+        return package.read("resources/start.toml").decode()
+
+
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_road_and_vehicle_go_into_fmus_and_ssp(fmu_build, fmus, paths, tmp_path, system):
+    controller, plant = SYSTEMS[system]
+    road, vehicle = paths / "sudoku_turns.csv", "truck_real" if system == "TruckLoop" else "bmw_320i"
+    for name in (controller, plant):
+        shutil.copy(fmus / f"{name}.fmu", tmp_path)
+    made = change(
+        fmu_build, tmp_path, f"{plant}.fmu", f"{controller}.fmu", "--start", f"{controller}.path_file={road}",
+        "--vehicle", vehicle, "--out", "packed",
+    )  # fmt: skip
+    assert made.returncode == 0, made.stderr
+    packed = tmp_path / "packed"
+    with closing(Unit(packed / f"{controller}.fmu", "unit")) as unit:
+        unit.initialize()
+        assert unit.get("vehicle_file") == vehicle
+        begin = unit.get("start.x"), unit.get("start.y")
+    drive = in_fmpy_ssp(packed / f"{system}.ssp")
+    assert np.hypot(drive[f"{plant}.x"][0] - begin[0], drive[f"{plant}.y"][0] - begin[1]) < 1.0
+    assert np.ptp(drive[f"{plant}.x"]) > 20.0
+
+
+def test_learned_model_goes_in_and_another_one_after_it(fmu_build, fmus, rfl, tmp_path):
+    """What was packed before stays, unless it is exchanged."""
+    shutil.copy(fmus / "RflMpc.fmu", tmp_path)
+    lag = ["--set", "effect.steer_lag=0.1", "--set", "effect.steer_delay=0.06"]
+    run(rfl, "drive", *lag, "--duration", "60", "--log", tmp_path / "log.csv")
+    for kind in ("linear", "rt"):
+        run(rfl, "train", tmp_path / "log.csv", "--kind", kind, "--no-proof", "--out", tmp_path / f"{kind}.rflm")
+    first = change(fmu_build, tmp_path, "RflMpc.fmu", "--residual", "linear.rflm", "--out", "first")
+    assert first.returncode == 0, first.stderr
+    arguments = ["first/RflMpc.fmu", "--residual", "rt.rflm", "--start", "RflMpc.mpc.q_e1=2"]
+    second = change(fmu_build, tmp_path, *arguments, "--out", "second")
+    assert second.returncode == 0, second.stderr
+    assert start_values(tmp_path / "second" / "RflMpc.fmu") == '"mpc.q_e1" = "2"\nvariant = "rt"\n'
+    with zipfile.ZipFile(tmp_path / "second" / "RflMpc.fmu") as package:
+        models = {name for name in package.namelist() if name.startswith("resources/residual/")}
+    assert models == {"resources/residual/linear.rflm", "resources/residual/rt.rflm"}
+    with closing(Unit(tmp_path / "second" / "RflMpc.fmu", "unit")) as unit:
+        unit.initialize()
+        assert unit.items("variant")[unit.get("variant")] == "rt"
+        assert unit.get("mpc.q_e1") == 2.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["RflMpc.fmu", "--vehicle", "truck_real"], ["truck_real", "SemiTrailerTruck", "not among"]),
+        (["RflMpc.fmu", "--start", "RflMpc.vehicle_file=none.toml"], ["RflMpc cannot start", "none.toml"]),
+        (["none.fmu"], ["none.fmu", "cannot read"]),
+        (["RflMpc.fmu", "--only", "RflMpc"], ["cannot be used with"]),
+        (["RflMpc.fmu", "--set", "RflMpc.mpc.horizon=9"], ["no component"]),
+    ],
+)
+def test_what_cannot_be_is_refused_and_nothing_is_written(fmu_build, fmus, tmp_path, arguments, words):
+    shutil.copy(fmus / "RflMpc.fmu", tmp_path)
+    refused = change(fmu_build, tmp_path, *arguments, "--out", "out")
+    assert refused.returncode != 0
+    assert all(word in refused.stderr for word in words), refused.stderr
+    assert not (tmp_path / "out").exists()
