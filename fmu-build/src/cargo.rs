@@ -50,11 +50,17 @@ impl Builder {
         if here && zig.is_ok_and(|status| status.success()) { Builder::Zig } else { Builder::Cargo }
     }
 
-    /// Builds the one shared library that `selection` (e.g. `-p`, `fmu-passenger-car`) names; gives its path.
+    /// Builds what `selection` (e.g. `-p`, `fmu-passenger-car`, several times) names, on all processors. Each library is then
+    /// there when [`build`](Self::build) asks for it: linking one keeps one processor busy.
     ///
     /// # Errors
-    /// If the build fails or makes no shared library. Compiler messages go to standard error.
-    pub fn build(self, project: &Path, profile: &str, selection: &[&str]) -> Result<PathBuf, CargoError> {
+    /// If the build fails. Compiler messages go to standard error.
+    pub fn prepare(self, project: &Path, profile: &str, selection: &[&str]) -> Result<(), CargoError> {
+        self.run(project, profile, selection).map(drop)
+    }
+
+    /// Runs a build; gives cargo's messages, and the command for ours.
+    fn run(self, project: &Path, profile: &str, selection: &[&str]) -> Result<(String, String), CargoError> {
         let mut command = cargo(project);
         match self {
             Builder::Zig => zig_caches(project, command.args(["zigbuild", "--target", ZIG_TARGET])),
@@ -67,7 +73,15 @@ impl Builder {
         if profile != "dev" {
             command.env("CARGO_ENCODED_RUSTFLAGS", flags(project));
         }
-        let (text, command) = output(&mut command)?;
+        output(&mut command)
+    }
+
+    /// Builds the one shared library that `selection` (e.g. `-p`, `fmu-passenger-car`) names; gives its path.
+    ///
+    /// # Errors
+    /// If the build fails or makes no shared library. Compiler messages go to standard error.
+    pub fn build(self, project: &Path, profile: &str, selection: &[&str]) -> Result<PathBuf, CargoError> {
+        let (text, command) = self.run(project, profile, selection)?;
         let mut library = None;
         for line in text.lines() {
             let message: Value = serde_json::from_str(line)

@@ -129,6 +129,11 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     }
     let systems = shipped::systems(&options.project, &arguments.set)?;
     let chosen = choose(&all, &arguments.only)?;
+    if chosen.len() > 1 {
+        println!("building {} libraries", chosen.len());
+        let selection: Vec<&str> = chosen.iter().flat_map(|fmu| &fmu.selection).copied().collect();
+        options.builder.prepare(&options.project, &options.profile, &selection)?;
+    }
     for (i, fmu) in chosen.iter().enumerate() {
         make(fmu, &options, &format!("[{}/{}] {}", i + 1, chosen.len(), fmu.declaration.name))?;
     }
