@@ -1,6 +1,6 @@
 """Says a test program's results by files of tests: one line when a file is through, all of what failed at the end.
 
-Reads from standard input what `cargo test` (`--rust`, with the list that `cargo test -- --list` gives) or `pytest -v` prints,
+Reads what `cargo test` (`--rust`, with the list that `cargo test -- --list` gives) or `pytest -v` prints,
 and keeps all of it in a log file. Seconds are those that passed since the same processor's file before.
 """
 
