@@ -105,7 +105,7 @@ fn survive<M: Model>(settings: &[(&str, Value)]) {
         };
         let (outcome, mut elapsed) = try_it();
         // A busy machine is no fault of the state.
-        if elapsed > LONGEST {
+        if elapsed > longest {
             elapsed = elapsed.min(try_it().1);
         }
         match outcome {

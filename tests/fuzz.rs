@@ -109,7 +109,7 @@ fn fuzz(good: &[Vec<u8>], take: impl Fn(&[u8]) -> bool) {
             let start = Instant::now();
             memory = peak(|| outcome = catch_unwind(AssertUnwindSafe(|| take(&bytes))));
             elapsed = elapsed.min(start.elapsed());
-            if elapsed < LONGEST {
+            if elapsed <= longest {
                 break;
             }
         }
