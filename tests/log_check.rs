@@ -227,7 +227,9 @@ fn the_three_commands_refuse_the_same_logs() {
                 Some(if suspects { 5 } else { 1 }),
                 "{case}, {command:?}: {said}"
             );
-            assert!(said.contains(words), "{case}, {command:?}: {said}");
+            // A linear model of one speed is a demand of the identification's own.
+            let own = command[0] == "identify" && said.contains("model is of one speed");
+            assert!(own || said.contains(words), "{case}, {command:?}: {said}");
         }
     }
     assert!(!folder.path().join("out/residual").exists());
