@@ -25,7 +25,7 @@ struct Recording {
 }
 
 fn controller(horizon: usize) -> Controller {
-    let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("paths/sudoku_test.csv");
+    let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../paths/sudoku_test.csv");
     let path = Arc::new(Path::read(&file).expect("the course comes with the project"));
     let car = builtin("c_class").expect("the default car is built in");
     let mut parameters = ControllerParameters::for_car(&car);

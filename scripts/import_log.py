@@ -51,7 +51,8 @@ from importing.formats import read_matlab, read_mf4, read_parquet
 from importing.known_names import is_steering_wheel, looks_like_time, suggestions
 from importing.log import ImportFailed, Log, Series, said
 from importing.mapping import check_rate, read_mapping, resolve, vocabulary, wanted
-from importing.table import opened, read_table
+from importing.output import written
+from importing.table import read_table
 from importing.units import UNITS, unit_of
 
 READERS = {
@@ -238,8 +239,7 @@ def on_one_clock(found: dict[str, Series], rate: float | None) -> tuple[np.ndarr
 def write(file: Path, time: np.ndarray, columns: dict[str, np.ndarray]) -> None:
     """Writes the drive log, columns in the vocabulary's order."""
     names = [name for name in vocabulary() if name in columns]
-    file.parent.mkdir(parents=True, exist_ok=True)
-    with opened(file, "w") as stream:
+    with written(file) as stream:
         rows = csv.writer(stream)
         rows.writerow(["time", *names])
         for row in zip(time, *(columns[name] for name in names)):
@@ -295,7 +295,8 @@ def list_log(options: argparse.Namespace) -> None:
         if str(options.json) == "-":
             sys.stdout.write(text)
         else:
-            options.json.write_text(text, encoding="utf-8")
+            with written(options.json) as stream:
+                stream.write(text)
 
 
 def main() -> int:

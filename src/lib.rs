@@ -39,6 +39,16 @@
 //! | [`fmi`] | FMI 2.0: the C ABI, instances, descriptions; knows no model |
 //! | [`fmu`] | our models as FMI units: their variables and steps |
 
+/// What our own code must keep: asserted in debug builds and in all tests (feature `strict`), and not asked in a vehicle.
+macro_rules! invariant {
+    ($($arguments:tt)*) => {
+        if cfg!(any(debug_assertions, feature = "strict")) {
+            assert!($($arguments)*);
+        }
+    };
+}
+pub(crate) use invariant;
+
 #[cfg(feature = "cli")]
 pub mod cli;
 pub mod control;

@@ -1,7 +1,7 @@
 //! Saved states of strangers: a right checksum, and anything inside. They are refused, or the unit goes on without a panic and
 //! without a value that is no number.
 //!
-//! `RFL_FUZZ=N` tries N states of each unit (default 150).
+//! `RFL_FUZZ=N` tries N states of each unit (default 150), from the seed `RFL_FUZZ_SEED` (default 0).
 
 use crate::unit::{Silent, Unit};
 use rfl_mpc::fmi::{Causality, Model, Value};
@@ -19,6 +19,7 @@ struct UnderWay<M: Model> {
 }
 
 const STEP: f64 = 0.02;
+const LONGEST: Duration = Duration::from_secs(1);
 
 impl<M: Model> UnderWay<M> {
     fn new(settings: &[(&str, Value)]) -> Self {
@@ -78,32 +79,42 @@ fn change(bytes: &mut Vec<u8>, random: &mut Random) {
 }
 
 fn survive<M: Model>(settings: &[(&str, Value)]) {
-    let count = std::env::var("RFL_FUZZ").map_or(150, |count| count.parse().unwrap());
+    let number = |name: &str, default: u64| std::env::var(name).map_or(default, |text| text.parse().unwrap());
+    let (count, first) = (number("RFL_FUZZ", 150), number("RFL_FUZZ_SEED", 0));
     let mut under_way = UnderWay::<M>::new(settings);
     assert_eq!(under_way.drive(0, 60), Ok(()));
     let mut sound = Vec::new();
     under_way.unit.model.save(&mut sound);
     assert!(M::check(&sound).is_ok());
-    let (mut refused, mut taken) = (0, 0);
-    for seed in 0..count {
+    let (mut refused, mut taken, mut longest) = (0, 0, Duration::ZERO);
+    for seed in first..first + count {
         let mut bytes = sound.clone();
         change(&mut bytes, &mut Random::new(seed));
-        let start = Instant::now();
-        let outcome = catch_unwind(AssertUnwindSafe(|| {
-            if M::check(&bytes).and_then(|()| under_way.unit.model.restore(&bytes)).is_err() {
-                return Ok(false);
-            }
-            under_way.drive(60, 30).map(|()| true)
-        }));
+        let mut try_it = || {
+            let start = Instant::now();
+            let outcome = catch_unwind(AssertUnwindSafe(|| {
+                if M::check(&bytes).and_then(|()| under_way.unit.model.restore(&bytes)).is_err() {
+                    return Ok(false);
+                }
+                under_way.drive(60, 30).map(|()| true)
+            }));
+            (outcome, start.elapsed())
+        };
+        let (outcome, mut elapsed) = try_it();
+        // A busy machine is no fault of the state.
+        if elapsed > longest {
+            elapsed = elapsed.min(try_it().1);
+        }
         match outcome {
             Err(_) => panic!("state {seed} ends in a panic"),
             Ok(Err(what)) => panic!("state {seed}: {what}"),
             Ok(Ok(true)) => taken += 1,
             Ok(Ok(false)) => refused += 1,
         }
-        assert!(start.elapsed() < Duration::from_secs(1), "state {seed} takes {:?}", start.elapsed());
+        assert!(elapsed < LONGEST, "state {seed} takes {elapsed:?}");
+        longest = longest.max(elapsed);
     }
-    println!("{refused} refused, {taken} taken");
+    println!("{count} inputs, {taken} taken, longest {:.3} ms", 1e3 * longest.as_secs_f64());
     assert!(refused > count / 10 && taken > count / 10, "{refused} refused, {taken} taken");
     // The unit has suffered nothing that a sound state does not undo.
     under_way.unit.model.restore(&sound).unwrap();

@@ -18,6 +18,7 @@ use std::path::Path as FilePath;
 use std::time::{Duration, Instant};
 
 const MEMORY: isize = 200 << 20;
+const LONGEST: Duration = Duration::from_secs(1);
 
 /// What people and attackers write into fields.
 const TOKENS: [&str; 26] = [
@@ -101,18 +102,27 @@ fn fuzz(good: &[Vec<u8>], take: impl Fn(&[u8]) -> bool) {
         let mut random = Random::new(seed);
         let mut bytes = good[(seed % good.len() as u64) as usize].clone();
         damage(&mut bytes, &mut random);
-        let (start, mut outcome) = (Instant::now(), Ok(false));
-        let memory = peak(|| outcome = catch_unwind(AssertUnwindSafe(|| take(&bytes))));
-        let elapsed = start.elapsed();
+        let mut outcome = Ok(false);
+        let (mut memory, mut elapsed) = (0, Duration::MAX);
+        // A busy machine is no fault of the input: the quickest of three.
+        for _ in 0..3 {
+            let start = Instant::now();
+            memory = peak(|| outcome = catch_unwind(AssertUnwindSafe(|| take(&bytes))));
+            elapsed = elapsed.min(start.elapsed());
+            if elapsed <= longest {
+                break;
+            }
+        }
         match outcome {
             Ok(good) => taken += u64::from(good),
             Err(_) => panic!("input {seed} ends in a panic: {:?}", String::from_utf8_lossy(&bytes)),
         }
-        assert!(elapsed < Duration::from_secs(1), "input {seed} takes {elapsed:?}");
+        assert!(elapsed < LONGEST, "input {seed} takes {elapsed:?}");
         assert!(memory < MEMORY, "input {seed} takes {memory} bytes");
         (longest, most) = (longest.max(elapsed), most.max(memory));
     }
-    println!("{count} inputs, {taken} taken, longest {longest:?}, most memory {} kB", most >> 10);
+    let longest = 1e3 * longest.as_secs_f64();
+    println!("{count} inputs, {taken} taken, longest {longest:.3} ms, most memory {} kB", most >> 10);
 }
 
 /// Two ways to write a table of some columns.

@@ -1,23 +1,17 @@
 //! One check of a log behind diagnosis, training and identification: what each kind of damage comes to in all three.
 
+use crate::command::{rfl, text};
+use crate::drive_table::DriveTable;
 use rfl_mpc::log::{CleanLog, DriveLog, Finding, Gravity, SteeringLog, drives_of};
-use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 fn steering(speed: f64) -> f64 {
     2.7 + 0.002 * speed * speed
 }
 
-/// A log as a table that tests damage.
-#[derive(Clone)]
-struct Table {
-    names: Vec<&'static str>,
-    rows: Vec<Vec<f64>>,
-}
-
 /// 60 s at 50 Hz along a road, in every column what the others tell, with a little noise.
-fn sound() -> Table {
-    let names = vec![
+fn sound() -> DriveTable {
+    let names = [
         "time",
         "steer_cmd",
         "steer",
@@ -74,44 +68,7 @@ fn sound() -> Table {
         e2 += step * e2_rate;
         station += step * vx;
     }
-    Table { names, rows }
-}
-
-impl Table {
-    fn map(mut self, name: &str, change: impl Fn(usize, f64) -> f64) -> Self {
-        let place = self.names.iter().position(|other| *other == name).expect(name);
-        self.rows.iter_mut().enumerate().for_each(|(i, row)| row[place] = change(i, row[place]));
-        self
-    }
-
-    fn scaled(self, names: &[&str], factor: f64) -> Self {
-        names.iter().fold(self, |table, name| table.map(name, |_, value| factor * value))
-    }
-
-    fn set(self, name: &str, rows: std::ops::Range<usize>, to: f64) -> Self {
-        self.map(name, |row, value| if rows.contains(&row) { to } else { value })
-    }
-
-    fn without(mut self, names: &[&str]) -> Self {
-        let kept: Vec<usize> = (0..self.names.len()).filter(|&i| !names.contains(&self.names[i])).collect();
-        self.names = kept.iter().map(|&i| self.names[i]).collect();
-        self.rows.iter_mut().for_each(|row| *row = kept.iter().map(|&i| row[i]).collect());
-        self
-    }
-
-    fn rows(mut self, change: impl Fn(Vec<Vec<f64>>) -> Vec<Vec<f64>>) -> Self {
-        self.rows = change(self.rows);
-        self
-    }
-
-    fn log(&self) -> DriveLog {
-        let mut text = self.names.join(",") + "\n";
-        for row in &self.rows {
-            let fields: Vec<String> = row.iter().map(f64::to_string).collect();
-            writeln!(text, "{}", fields.join(",")).unwrap();
-        }
-        DriveLog::from_reader(text.as_bytes(), Path::new("a.csv")).unwrap()
-    }
+    DriveTable::new(&names, rows)
 }
 
 /// What diagnosis, training and identification make of a log: the reason of a refusal, or what was mended.
@@ -138,7 +95,7 @@ fn answers(log: &DriveLog) -> [Result<String, String>; 3] {
 }
 
 /// Whether all three mend a log (`Ok`) or refuse it, with these words.
-fn all(case: &str, table: &Table, expected: Result<&str, &str>) -> Vec<String> {
+fn all(case: &str, table: &DriveTable, expected: Result<&str, &str>) -> Vec<String> {
     let names = ["diagnosis", "training", "identification"];
     let agree = |answer: &Result<String, String>| match (answer, expected) {
         (Ok(said), Ok(words)) | (Err(said), Err(words)) => said.contains(words),
@@ -151,10 +108,12 @@ fn all(case: &str, table: &Table, expected: Result<&str, &str>) -> Vec<String> {
 
 const DEGREES: f64 = 180.0 / std::f64::consts::PI;
 
-#[test]
-fn diagnosis_training_and_identification_agree() {
+/// A log, and what all three say of it: what they mend, or why they refuse it.
+type Case = (&'static str, DriveTable, Result<&'static str, &'static str>);
+
+fn cases() -> Vec<Case> {
     let s = sound;
-    let cases: Vec<(&str, Table, Result<&str, &str>)> = vec![
+    vec![
         ("sound", s(), Ok("")),
         ("km/h", s().scaled(&["vx", "vy"], 3.6), Ok("taken as km/h")),
         ("mph", s().scaled(&["vx", "vy"], 2.236_936), Ok("taken as mph")),
@@ -188,17 +147,21 @@ fn diagnosis_training_and_identification_agree() {
         ("ay turned", s().scaled(&["ay"], -1.0), Err("ay has the opposite sign")),
         ("yaw from another axis", s().map("yaw", |_, yaw| yaw - 1.57), Err("another axis")),
         ("speed halved", s().scaled(&["vx"], 0.5), Err("another unit")),
-        ("one row of yaw_rate", s().set("yaw_rate", 1499..1500, 10.0), Ok("yaw_rate = 10.0000 in row 1500")),
-        ("three rows of vx", s().set("vx", 700..703, -4.0), Ok("vx = -4.0000 in row 701")),
-        ("one row of steer_cmd", s().set("steer_cmd", 700..701, 0.9), Ok("steer_cmd = 0.9000 in row 701")),
-        ("one position", s().set("x", 90..91, 0.0).set("y", 90..91, 0.0), Ok("in row 91")),
-        ("a sentinel", s().set("vx", 20..45, 999.0), Ok("vx = 999.0000 in row 21")),
-        ("1e308", s().set("yaw_rate", 458..459, -1e308), Err("yaw_rate = -1e308 in row 459")),
-        ("3e38 in the last row", s().set("ay", 2999..3000, 3.4e38), Err("ay = 3.4e38 in row 3000")),
-        ("infinity", s().set("vx", 300..301, f64::INFINITY), Ok("")),
+        (
+            "one row of yaw_rate",
+            s().set("yaw_rate", 1499..1500, "10.0"),
+            Ok("yaw_rate = 10.0000 in row 1500"),
+        ),
+        ("three rows of vx", s().set("vx", 700..703, "-4.0"), Ok("vx = -4.0000 in row 701")),
+        ("one row of steer_cmd", s().set("steer_cmd", 700..701, "0.9"), Ok("steer_cmd = 0.9000 in row 701")),
+        ("one position", s().set("x", 90..91, "0.0").set("y", 90..91, "0.0"), Ok("in row 91")),
+        ("a sentinel", s().set("vx", 20..45, "999.0"), Ok("vx = 999.0000 in row 21")),
+        ("1e308", s().set("yaw_rate", 458..459, "-1e308"), Err("yaw_rate = -1e308 in row 459")),
+        ("3e38 in the last row", s().set("ay", 2999..3000, "3.4e38"), Err("ay = 3.4e38 in row 3000")),
+        ("infinity", s().set("vx", 300..301, "inf"), Ok("")),
         (
             "impossible speeds",
-            s().without(&["x", "y", "ay", "station", "e2"]).set("vx", 0..1000, 700.0),
+            s().without(&["x", "y", "ay", "station", "e2"]).set("vx", 0..1000, "700.0"),
             Err("vx"),
         ),
         ("a gap", s().rows(|rows| [&rows[..900], &rows[1000..]].concat()), Ok("1 gaps")),
@@ -212,7 +175,7 @@ fn diagnosis_training_and_identification_agree() {
             }),
             Ok("sorted"),
         ),
-        ("one stamp", s().set("time", 800..801, 5e6), Ok("in row 801")),
+        ("one stamp", s().set("time", 800..801, "5e6"), Ok("in row 801")),
         ("milliseconds", s().scaled(&["time"], 1000.0), Ok("milliseconds")),
         ("the clock starts anew", s().map("time", |row, _| 0.02 * (row % 1000) as f64), Ok("row 1001, 2001")),
         (
@@ -225,10 +188,51 @@ fn diagnosis_training_and_identification_agree() {
         ("no speed", s().without(&["vx"]), Err("'vx' is missing")),
         ("no time", s().without(&["time"]), Err("'time' is missing")),
         ("no steering", s().without(&["steer", "steer_cmd"]), Err("'steer_cmd' is missing")),
-    ];
+        ("jitter", s().map("time", |row, time| time + 0.004 * (12.9898 * row as f64).sin()), Ok("")),
+        (
+            "each row twice",
+            s().rows(|rows| rows.into_iter().flat_map(|row| [row.clone(), row]).collect()),
+            Ok(""),
+        ),
+    ]
+}
+
+#[test]
+fn diagnosis_training_and_identification_agree() {
+    let cases = cases();
+    assert!(cases.len() > 40);
     let off: Vec<String> =
         cases.iter().flat_map(|(case, table, expected)| all(case, table, *expected)).collect();
     assert!(off.is_empty(), "{:#?}", off);
+}
+
+/// And so do the commands: an error, or, of the diagnosis, a suspicion instead of a verdict.
+#[test]
+fn the_three_commands_refuse_the_same_logs() {
+    let folder = tempfile::tempdir().unwrap();
+    let commands: [&[&str]; 3] = [
+        &["diagnose", "log.csv", "--no-pairs", "--quiet"],
+        &["train", "log.csv", "--no-proof", "--quiet"],
+        &["identify", "log.csv", "--by-yaw-rate"],
+    ];
+    for (case, table, expected) in cases() {
+        let Err(words) = expected else { continue };
+        table.write(folder.path());
+        for command in commands {
+            let output = rfl(folder.path(), command);
+            let said = text(&output.stdout) + &text(&output.stderr);
+            let suspects = command[0] == "diagnose" && said.contains("suspicion: ");
+            assert_eq!(
+                output.status.code(),
+                Some(if suspects { 5 } else { 1 }),
+                "{case}, {command:?}: {said}"
+            );
+            // A linear model of one speed is a demand of the identification's own.
+            let own = command[0] == "identify" && said.contains("model is of one speed");
+            assert!(own || said.contains(words), "{case}, {command:?}: {said}");
+        }
+    }
+    assert!(!folder.path().join("out/residual").exists());
 }
 
 #[test]
@@ -247,8 +251,8 @@ fn errors_to_the_path_are_refused_by_the_training_only() {
 
 #[test]
 fn what_was_left_out_changes_nothing_else() {
-    let clean = |table: &Table| CleanLog::of(&table.log(), &steering).unwrap();
-    let (whole, mended) = (clean(&sound()), clean(&sound().set("yaw_rate", 1499..1500, 10.0)));
+    let clean = |table: &DriveTable| CleanLog::of(&table.log(), &steering).unwrap();
+    let (whole, mended) = (clean(&sound()), clean(&sound().set("yaw_rate", 1499..1500, "10.0")));
     for (name, column) in &whole.columns {
         let differing = column.iter().zip(&mended.columns[name]).filter(|(a, b)| a != b).count();
         assert!(differing <= usize::from(*name == "yaw_rate"), "{name}: {differing}");

@@ -43,6 +43,7 @@ mod diagnose_uncommanded;
 mod diagnosed;
 mod drive_outcomes;
 mod drive_robustness;
+mod drive_table;
 mod experiment;
 mod fmi_bad_calls;
 mod fmi_hostile_states;

@@ -2,6 +2,7 @@
 #![cfg(unix)]
 
 use crate::command::{done, refused, rfl, road, text};
+use crate::drive_table::DriveTable;
 use std::collections::BTreeSet;
 use std::fs;
 use std::os::unix::fs::symlink;
@@ -48,6 +49,12 @@ fn car(folder: &Path, tyres: [&str; 2]) {
     fs::write(home.join("car.toml"), vehicle).unwrap();
 }
 
+/// Leaves of a drive's log its first half minute: enough to learn from and to diagnose.
+fn begin(log: &Path) {
+    let table = DriveTable::read(log).keep(|row| row < 1500);
+    std::fs::write(log, table.text()).unwrap();
+}
+
 #[test]
 fn a_vehicle_with_tyres_elsewhere_is_calibrated_inside_the_folder() {
     let outside = tempfile::tempdir().unwrap();
@@ -64,6 +71,7 @@ fn a_vehicle_with_tyres_elsewhere_is_calibrated_inside_the_folder() {
         car(folder.path(), tyres);
         let slow = ["--set", "effect.steer_gain=1.1", "--quiet", "--path", &road(), "--log", "drive.csv"];
         done(&rfl(folder.path(), &[&["drive", "--vehicle", "a/b/car.toml"], &slow[..]].concat()));
+        begin(&folder.path().join("drive.csv"));
         let before = files(outside.path());
         // Exit codes tell verdicts apart; what counts here is what is written.
         let told = rfl(
@@ -139,6 +147,7 @@ fn what_a_killed_run_leaves_is_whole() {
     let road = road();
     let run = |arguments: &[&str]| done(&rfl(folder.path(), arguments));
     run(&["collect", "--path", &road, "--runs", "1", "--out", "good", "--quiet"]);
+    begin(&folder.path().join("good/drive_1.csv"));
     let train = ["train", "good/drive_1.csv", "--quiet", "--no-proof", "--trees", "3", "--depth", "3"];
     let commands: [Vec<&str>; 5] = [
         vec!["collect", "--path", &road, "--runs", "3", "--out", "logs", "--quiet"],

@@ -63,6 +63,58 @@ fn two_centimetres_of_noise_at_one_metre_leave_a_usable_curvature() {
     }
 }
 
+/// Points 0.1 m apart of a road with hairpins of 8 to 12 m radius between wide bends, each with clothoids of `transition` radii.
+fn hairpins(transition: f64) -> Vec<[f64; 2]> {
+    let step = 0.1;
+    let bends =
+        [(60.0, 0.9), (-10.0, 2.9), (8.0, 2.5), (-100.0, 0.6), (12.0, 3.0), (-40.0, 1.2), (-9.0, 1.6)];
+    let ([mut x, mut y, mut yaw], mut points) = ([0.0f64; 3], Vec::new());
+    let mut draw = |length: f64, from: f64, to: f64| {
+        let count = (length / step).ceil() as usize;
+        for k in 0..count {
+            let curvature = from + (to - from) * (k as f64 + 0.5) / count as f64;
+            points.push([x, y]);
+            let middle = yaw + 0.5 * step * curvature;
+            x += step * middle.cos();
+            y += step * middle.sin();
+            yaw += step * curvature;
+        }
+    };
+    draw(40.0, 0.0, 0.0);
+    for (radius, angle) in bends {
+        let (curvature, clothoid) = (1.0 / radius, transition * f64::abs(radius));
+        draw(clothoid, 0.0, curvature);
+        // The clothoids turn by half of an arc's angle each.
+        draw((angle - transition) * f64::abs(radius), curvature, curvature);
+        draw(clothoid, curvature, 0.0);
+        draw(30.0, 0.0, 0.0);
+    }
+    points
+}
+
+#[test]
+fn noise_leaves_tight_bends_where_they_are() {
+    for (sigma, spacing, bound) in [(0.02, 1, 0.1), (0.1, 1, 0.3), (0.1, 2, 0.3)] {
+        for (case, transition) in [0.3, 0.5].into_iter().enumerate() {
+            let truth = hairpins(transition);
+            let mut seed = case as u64 + 3;
+            let text: String = truth.iter().step_by(10 * spacing).fold("x,y\n".to_owned(), |text, [x, y]| {
+                let mut off = || sigma * noise(&mut seed);
+                format!("{text}{:.3},{:.3}\n", x + off(), y + off())
+            });
+            let path = Path::from_csv(text.as_bytes(), std::path::Path::new("road.csv"), &Options::default())
+                .unwrap();
+            let inner = &truth[50..truth.len() - 50];
+            let off = inner.iter().map(|[x, y]| path.project(*x, *y, 0.0, None).e1.abs()).fold(0.0, f64::max);
+            println!(
+                "{sigma} m each {spacing} m, clothoids of {transition} radii: {off:.3} m, {:?}",
+                path.notes()
+            );
+            assert!(off < bound, "{sigma} m each {spacing} m, clothoids of {transition} radii: {off} m");
+        }
+    }
+}
+
 #[test]
 fn rounding_to_millimetres_is_smoothed_away() {
     let text: String = std::iter::once("x,y\n".to_string())

@@ -338,6 +338,25 @@ fn bends_beyond_the_turning_circle_are_known_by_station_and_radius() {
     assert!((station - 50.0).abs() < 3.0 && radius < 2.0 && length < 6.0, "{station} {radius} {length}");
     let car = rfl_mpc::control::ControllerParameters::default();
     has(&car.too_tight(&path).expect("a warning"), &["station 5", "m radius", "turns"]);
+    // A blunt corner, a sharp one, and a U-turn of 3 m radius.
+    let leg = |angle: f64, i: i32| {
+        let (before, after) = (f64::from(i.min(50)), f64::from((i - 50).max(0)));
+        (before + after * angle.cos(), after * angle.sin())
+    };
+    let turn = |i: i32| {
+        let angle = (f64::from(i - 50) / 3.0).clamp(0.0, std::f64::consts::PI);
+        let after = (f64::from(i - 50) - 3.0 * angle).max(0.0);
+        (f64::from(i.min(50)) + 3.0 * angle.sin() - after, 3.0 * (1.0 - angle.cos()))
+    };
+    let shapes: [&dyn Fn(i32) -> (f64, f64); 3] =
+        [&|i| leg(45f64.to_radians(), i), &|i| leg(110f64.to_radians(), i), &turn];
+    for (place, shape) in shapes.into_iter().enumerate() {
+        let points: String = (0..100).map(shape).map(|(x, y)| format!("{x:.3},{y:.3}\n")).collect();
+        let path = road(format!("x,y\n{points}").as_bytes()).unwrap();
+        let (station, radius, _) = path.tighter_than(4.0).unwrap_or_else(|| panic!("shape {place}"));
+        assert!((45.0..65.0).contains(&station) && radius < 4.0, "shape {place}: {station} {radius}");
+        assert!(car.too_tight(&path).is_some(), "shape {place}");
+    }
     assert_eq!(
         car.too_tight(&same_road(format!("x;y\n{}", rows(|x, y| format!("{x:.4};{y:.4}\n"))).as_bytes())),
         None

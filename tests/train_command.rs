@@ -2,8 +2,9 @@
 //! on any number of threads.
 
 use crate::command::{done, refused, rfl, road};
+use crate::drive_table::DriveTable;
 use serde_json::Value;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Output;
 use std::sync::LazyLock;
 
@@ -17,62 +18,13 @@ static COLLECTED: LazyLock<tempfile::TempDir> = LazyLock::new(|| {
     folder
 });
 
-/// The collected log as a table that tests change.
-#[derive(Clone)]
-struct Table {
-    header: Vec<String>,
-    rows: Vec<Vec<String>>,
-}
-
-impl Table {
-    fn collected() -> Self {
-        let text = std::fs::read_to_string(COLLECTED.path().join("drive_1.csv")).unwrap();
-        let mut lines = text.lines().map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
-        Self { header: lines.next().unwrap(), rows: lines.collect() }
-    }
-
-    fn place(&self, column: &str) -> usize {
-        self.header.iter().position(|name| name == column).unwrap()
-    }
-
-    fn without(mut self, columns: &[&str]) -> Self {
-        for column in columns {
-            let place = self.place(column);
-            self.header.remove(place);
-            self.rows.iter_mut().for_each(|row| drop(row.remove(place)));
-        }
-        self
-    }
-
-    fn map(mut self, column: &str, change: impl Fn(f64) -> f64) -> Self {
-        let place = self.place(column);
-        for row in &mut self.rows {
-            row[place] = change(row[place].parse().unwrap()).to_string();
-        }
-        self
-    }
-
-    fn set(mut self, row: usize, column: &str, text: &str) -> Self {
-        let place = self.place(column);
-        self.rows[row][place] = text.to_owned();
-        self
-    }
-
-    fn rows(mut self, rows: impl Fn(Vec<Vec<String>>) -> Vec<Vec<String>>) -> Self {
-        self.rows = rows(self.rows);
-        self
-    }
-
-    fn write(&self, folder: &Path) -> PathBuf {
-        let lines = std::iter::once(&self.header).chain(&self.rows).map(|row| row.join(","));
-        let file = folder.join("log.csv");
-        std::fs::write(&file, lines.collect::<Vec<_>>().join("\n")).unwrap();
-        file
-    }
+/// The collected log.
+fn collected() -> DriveTable {
+    DriveTable::read(&COLLECTED.path().join("drive_1.csv"))
 }
 
 /// A quick training of a table, with more arguments; without the proof, which takes longer than all else.
-fn train(folder: &Path, table: &Table, more: &[&str]) -> Output {
+fn train(folder: &Path, table: &DriveTable, more: &[&str]) -> Output {
     table.write(folder);
     rfl(
         folder,
@@ -91,7 +43,7 @@ fn json(file: &Path) -> Value {
 #[test]
 fn a_log_gives_a_model_that_fits_and_drives_better() {
     let folder = tempfile::tempdir().unwrap();
-    Table::collected().write(folder.path());
+    collected().write(folder.path());
     let proven = ["train", "log.csv", "--quiet", "--trees", "3", "--depth", "3", "--json", "fit.json"];
     let said = done(&rfl(folder.path(), &proven));
     assert!(said.contains("out/residual/rfl_s.rflm") && !said.contains("note"), "{said}");
@@ -122,7 +74,7 @@ fn a_log_gives_a_model_that_fits_and_drives_better() {
 #[test]
 fn what_was_learned_collects_again() {
     let folder = tempfile::tempdir().unwrap();
-    done(&train(folder.path(), &Table::collected(), &["--kind", "linear", "--out", "linear.rflm"]));
+    done(&train(folder.path(), &collected(), &["--kind", "linear", "--out", "linear.rflm"]));
     let road = road();
     let again = |more: &[&str]| {
         let slow = ["--set", "effect.steer_lag=0.1", "--set", "effect.steer_delay=0.06"];
@@ -136,7 +88,7 @@ fn what_was_learned_collects_again() {
         let errors = rows.iter().map(|row| row[column].parse::<f64>().unwrap().abs());
         errors.sum::<f64>() / rows.len() as f64
     };
-    let first = Table::collected();
+    let first = collected();
     let e1 = first.place("e1");
     let rows: Vec<Vec<String>> =
         log.lines().skip(1).map(|line| line.split(',').map(str::to_owned).collect()).collect();
@@ -163,7 +115,7 @@ fn all_kinds_are_trained_each_to_its_file() {
         "--json",
         "fit.json",
     ];
-    let said = done(&train(folder.path(), &Table::collected(), &more));
+    let said = done(&train(folder.path(), &collected(), &more));
     let fit = json(&folder.path().join("fit.json"));
     let kinds: Vec<&str> =
         fit["models"].as_array().unwrap().iter().map(|m| m["kind"].as_str().unwrap()).collect();
@@ -176,7 +128,7 @@ fn all_kinds_are_trained_each_to_its_file() {
 #[test]
 fn one_and_two_threads_give_the_same_bytes_and_another_seed_others() {
     let folder = tempfile::tempdir().unwrap();
-    let log = Table::collected();
+    let log = collected();
     let mut models = Vec::new();
     for more in [["--threads", "1"], ["--threads", "2"], ["--seed", "7"]] {
         done(&train(folder.path(), &log, &more));
@@ -204,7 +156,7 @@ fn options_reach_the_model() {
         ["--json", "fit.json"],
     ];
     let more = [&more.concat()[..], &["--road-regressors"]].concat();
-    let said = done(&train(folder.path(), &Table::collected(), &more));
+    let said = done(&train(folder.path(), &collected(), &more));
     assert!(said.contains("2 times as fast as the controller steps, and thinned"), "{said}");
     let file = std::fs::read(folder.path().join("a/model.rflm")).unwrap();
     let file = String::from_utf8_lossy(&file);
@@ -232,7 +184,7 @@ fn options_reach_the_model() {
 fn the_prefilter_is_on_but_for_the_papers_least_squares() {
     let folder = tempfile::tempdir().unwrap();
     let learned = |more: &[&str]| {
-        done(&train(folder.path(), &Table::collected(), more));
+        done(&train(folder.path(), &collected(), more));
         model(folder.path())
     };
     let paper = ["--lambda", "least-squares"];
@@ -242,7 +194,7 @@ fn the_prefilter_is_on_but_for_the_papers_least_squares() {
     assert!(plain[1] == none[1] && plain[1] != some[1]);
     for wrong in ["1", "-0.1", "nan"] {
         let wrong = format!("--prefilter={wrong}");
-        let error = refused(&train(folder.path(), &Table::collected(), &[&wrong]));
+        let error = refused(&train(folder.path(), &collected(), &[&wrong]));
         assert!(error.contains("rfl_s: prefilter = ") && error.contains("less than 1"), "{error}");
     }
 }
@@ -250,9 +202,9 @@ fn the_prefilter_is_on_but_for_the_papers_least_squares() {
 #[test]
 fn a_log_of_poses_gives_with_the_road_the_model_of_the_whole_log() {
     let folder = tempfile::tempdir().unwrap();
-    done(&train(folder.path(), &Table::collected(), &[]));
+    done(&train(folder.path(), &collected(), &[]));
     let whole = model(folder.path());
-    let poses = Table::collected().without(&[
+    let poses = collected().without(&[
         "e1",
         "e1_rate",
         "e2",
@@ -278,15 +230,18 @@ fn a_log_of_poses_gives_with_the_road_the_model_of_the_whole_log() {
     let error = refused(&train(folder.path(), &poses, &["--path", &other]));
     assert!(error.contains("hairpin_circuit.csv the road that was driven"), "{error}");
     for (table, words) in [
-        (poses.clone().map("yaw", |yaw| -yaw), "sign"),
-        (poses.clone().map("yaw", |yaw| yaw + 1.57), "another axis"),
+        (poses.clone().map("yaw", |_, yaw| -yaw), "sign"),
+        (poses.clone().map("yaw", |_, yaw| yaw + 1.57), "another axis"),
     ] {
         let error = refused(&train(folder.path(), &table, &["--path", &road()]));
         assert!(error.contains(words), "{error}");
     }
     for column in ["yaw", "yaw_rate"] {
-        let said =
-            done(&train(folder.path(), &poses.clone().map(column, f64::to_degrees), &["--path", &road()]));
+        let said = done(&train(
+            folder.path(),
+            &poses.clone().map(column, |_, x| x.to_degrees()),
+            &["--path", &road()],
+        ));
         assert!(said.contains(&format!("{column} was taken as degrees")), "{said}");
     }
 }
@@ -294,13 +249,13 @@ fn a_log_of_poses_gives_with_the_road_the_model_of_the_whole_log() {
 #[test]
 fn what_a_log_lacks_is_made_and_said() {
     let folder = tempfile::tempdir().unwrap();
-    let fit = |table: &Table| {
+    let fit = |table: &DriveTable| {
         let said = done(&train(folder.path(), table, &["--json", "fit.json"]));
         let rmse = json(&folder.path().join("fit.json"))["models"][0]["train"]["rmse"][2].as_f64().unwrap();
         (said, rmse)
     };
-    let whole = fit(&Table::collected()).1;
-    let lacking = Table::collected().without(&["curvature_rate"]);
+    let whole = fit(&collected()).1;
+    let lacking = collected().without(&["curvature_rate"]);
     for (table, words) in [
         (lacking.clone(), "curvature_rate made from curvature along station"),
         (lacking.without(&["station"]), "curvature_rate made from curvature along the way driven"),
@@ -309,12 +264,12 @@ fn what_a_log_lacks_is_made_and_said() {
         assert!(said.contains(words), "{said}");
         assert!((rmse / whole - 1.0).abs() < 0.2, "{rmse} {whole}");
     }
-    let (said, _) = fit(&Table::collected().without(&["steer_cmd"]));
+    let (said, _) = fit(&collected().without(&["steer_cmd"]));
     assert!(said.contains("the measured angle steer stands in"), "{said}");
-    let holes = Table::collected()
-        .set(100, "e1", "")
-        .set(200, "vx", "nan")
-        .set(300, "e2", "20")
+    let holes = collected()
+        .set("e1", 100..101, "")
+        .set("vx", 200..201, "nan")
+        .set("e2", 300..301, "20")
         .rows(|rows| [&rows[..500], &rows[600..]].concat());
     let (said, _) = fit(&holes);
     for words in ["2 rows left out: a value is missing", "1 rows left out: a value cannot be", "4 gaps"] {
@@ -325,16 +280,16 @@ fn what_a_log_lacks_is_made_and_said() {
 #[test]
 fn units_and_clocks_are_mended_and_said() {
     let folder = tempfile::tempdir().unwrap();
-    let log = Table::collected;
+    let log = collected;
     for (table, words) in [
-        (log().map("vx", |vx| 3.6 * vx), "taken as km/h"),
-        (log().map("e1", |e1| 1e3 * e1), "taken as mm"),
-        (log().map("steer_cmd", f64::to_degrees), "steer_cmd is 5"),
-        (log().map("e2", f64::to_degrees), "e2 changes 57 times"),
-        (log().map("e2_rate", f64::to_degrees), "e2_rate is 57 times"),
-        (log().map("time", |t| 1e3 * t), "milliseconds"),
+        (log().map("vx", |_, vx| 3.6 * vx), "taken as km/h"),
+        (log().map("e1", |_, e1| 1e3 * e1), "taken as mm"),
+        (log().map("steer_cmd", |_, x| x.to_degrees()), "steer_cmd is 5"),
+        (log().map("e2", |_, x| x.to_degrees()), "e2 changes 57 times"),
+        (log().map("e2_rate", |_, x| x.to_degrees()), "e2_rate is 57 times"),
+        (log().map("time", |_, t| 1e3 * t), "milliseconds"),
         (log().rows(|rows| [&rows[..], &rows].concat()), "2 drives"),
-        (log().set(700, "yaw_rate", "7"), "yaw_rate = 7.0000 in row 701"),
+        (log().set("yaw_rate", 700..701, "7"), "yaw_rate = 7.0000 in row 701"),
     ] {
         let said = done(&train(folder.path(), &table, &[]));
         assert!(said.contains(words), "no `{words}`: {said}");
@@ -344,20 +299,20 @@ fn units_and_clocks_are_mended_and_said() {
 #[test]
 fn bad_logs_are_refused_with_the_reason() {
     let folder = tempfile::tempdir().unwrap();
-    let log = Table::collected;
-    let cases: Vec<(&str, Table, &[&str])> = vec![
-        ("steering wheel", log().map("steer_cmd", |x| 16.0 * x), &["steer_cmd", "steering-wheel"]),
-        ("right-handed", log().map("steer_cmd", |x| -x), &["steer_cmd", "sign"]),
-        ("another rate", log().map("time", |t| 1.25 * t), &["log.csv", "every 0.02", "0.02 s"]),
-        ("a clock half as fast", log().map("time", |t| 1.5 * t), &["log.csv", "x and y move 0.6"]),
-        ("e1 turned", log().map("e1", |e1| -e1), &["e1 has the opposite sign of e1_rate"]),
-        ("no number at all", log().set(10, "yaw_rate", "1e308"), &["yaw_rate = 1e308 in row 11"]),
-        ("time stands", log().map("time", |_| 3.0), &["log.csv", "the drive is 0.00 s long"]),
-        ("a stuck sensor", log().map("e1", |_| 0.1), &["`e1` is 0.1 in every row", "stuck"]),
-        ("no steering", log().map("steer_cmd", |_| 0.0), &["`steer_cmd` is 0", "dither"]),
+    let log = collected;
+    let cases: Vec<(&str, DriveTable, &[&str])> = vec![
+        ("steering wheel", log().map("steer_cmd", |_, x| 16.0 * x), &["steer_cmd", "steering-wheel"]),
+        ("right-handed", log().map("steer_cmd", |_, x| -x), &["steer_cmd", "sign"]),
+        ("another rate", log().map("time", |_, t| 1.25 * t), &["log.csv", "every 0.02", "0.02 s"]),
+        ("a clock half as fast", log().map("time", |_, t| 1.5 * t), &["log.csv", "x and y move 0.6"]),
+        ("e1 turned", log().map("e1", |_, e1| -e1), &["e1 has the opposite sign of e1_rate"]),
+        ("no number at all", log().set("yaw_rate", 10..11, "1e308"), &["yaw_rate = 1e308 in row 11"]),
+        ("time stands", log().map("time", |_, _| 3.0), &["log.csv", "the drive is 0.00 s long"]),
+        ("a stuck sensor", log().map("e1", |_, _| 0.1), &["`e1` is 0.1 in every row", "stuck"]),
+        ("no steering", log().map("steer_cmd", |_, _| 0.0), &["`steer_cmd` is 0", "dither"]),
         ("too short", log().rows(|rows| rows[..150].to_vec()), &["150 rows", "at least 10 s"]),
         ("no rows", log().rows(|_| vec![]), &["0 rows"]),
-        ("text", log().set(10, "vx", "fast"), &["log.csv, line 12, column vx", "'fast'"]),
+        ("text", log().set("vx", 10..11, "fast"), &["log.csv, line 12, column vx", "'fast'"]),
         ("no speed", log().without(&["vx"]), &["'vx' is missing"]),
         ("no steering angle", log().without(&["steer", "steer_cmd"]), &["'steer_cmd' is missing"]),
         (
@@ -391,7 +346,7 @@ fn bad_logs_are_refused_with_the_reason() {
 #[test]
 fn what_is_no_model_for_the_car_does_not_drive() {
     let folder = tempfile::tempdir().unwrap();
-    done(&train(folder.path(), &Table::collected(), &[]));
+    done(&train(folder.path(), &collected(), &[]));
     let bytes = model(folder.path());
     std::fs::write(folder.path().join("half.rflm"), &bytes[..bytes.len() / 2]).unwrap();
     let good = "out/residual/rfl_s.rflm";

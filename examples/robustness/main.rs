@@ -10,10 +10,10 @@ mod matrix;
 mod plants;
 
 use clap::Parser;
+use rfl_mpc::residual::parallel;
 use serde_json::Value;
 use std::error::Error;
 use std::path::{Path as File, PathBuf};
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Examines the default controller: a matrix of drives, what knowing more gives, margins, faults, foreign plants.
@@ -69,28 +69,12 @@ fn shared(name: &str) -> Option<PathBuf> {
 
 /// `work(0), .., work(count - 1)` on several threads, in order, with a word of progress now and then.
 fn map(threads: usize, title: &str, count: usize, work: impl Fn(usize) -> Value + Sync) -> Vec<Value> {
-    let threads = match threads {
-        0 => std::thread::available_parallelism().map_or(1, usize::from),
-        asked => asked,
-    };
-    let next = AtomicUsize::new(0);
-    let done = Mutex::new(vec![Value::Null; count]);
-    std::thread::scope(|scope| {
-        for _ in 0..threads.min(count) {
-            scope.spawn(|| {
-                loop {
-                    let piece = next.fetch_add(1, Ordering::Relaxed);
-                    if piece >= count {
-                        break;
-                    }
-                    if piece > 0 && piece.is_multiple_of(50) {
-                        eprintln!("{title}: {piece} of {count}");
-                    }
-                    let result = work(piece);
-                    done.lock().unwrap_or_else(std::sync::PoisonError::into_inner)[piece] = result;
-                }
-            });
+    let begun = AtomicUsize::new(0);
+    parallel::map(parallel::threads(threads), count, |piece| {
+        let before = begun.fetch_add(1, Ordering::Relaxed);
+        if before > 0 && before.is_multiple_of(50) {
+            eprintln!("{title}: {before} of {count}");
         }
-    });
-    done.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner)
+        work(piece)
+    })
 }

@@ -119,18 +119,29 @@ impl Builder {
         if here && starts("cargo-zigbuild") { Builder::Zig } else { Builder::Cargo }
     }
 
-    /// Builds the one shared library that `selection` (e.g. `-p`, `fmu-passenger-car`) names, for a platform or for this
-    /// machine; gives its path.
+    /// Builds what `selection` (e.g. `-p`, `fmu-passenger-car`, several times) names, on all processors. Each library is then
+    /// there when [`build`](Self::build) asks for it: linking one keeps one processor busy.
     ///
     /// # Errors
-    /// If the build fails or makes no shared library. Compiler messages go to standard error.
-    pub fn build(
+    /// If the build fails. Compiler messages go to standard error.
+    pub fn prepare(
         self,
         project: &Path,
         profile: &str,
         selection: &[&str],
         target: Option<Target>,
-    ) -> Result<PathBuf, CargoError> {
+    ) -> Result<(), CargoError> {
+        self.run(project, profile, selection, target).map(drop)
+    }
+
+    /// Runs a build; gives cargo's messages, and the command for ours.
+    fn run(
+        self,
+        project: &Path,
+        profile: &str,
+        selection: &[&str],
+        target: Option<Target>,
+    ) -> Result<(String, String), CargoError> {
         let mut command = cargo(project);
         match (self, target) {
             (_, Some(Target::Win64)) if Target::here() != Some(Target::Win64) => {
@@ -155,7 +166,22 @@ impl Builder {
         if profile != "dev" {
             command.env("CARGO_ENCODED_RUSTFLAGS", flags(project, target));
         }
-        let (text, command) = output(&mut command)?;
+        output(&mut command)
+    }
+
+    /// Builds the one shared library that `selection` (e.g. `-p`, `fmu-passenger-car`) names, for a platform or for this
+    /// machine; gives its path.
+    ///
+    /// # Errors
+    /// If the build fails or makes no shared library. Compiler messages go to standard error.
+    pub fn build(
+        self,
+        project: &Path,
+        profile: &str,
+        selection: &[&str],
+        target: Option<Target>,
+    ) -> Result<PathBuf, CargoError> {
+        let (text, command) = self.run(project, profile, selection, target)?;
         let mut library = None;
         for line in text.lines() {
             let message: Value = serde_json::from_str(line)

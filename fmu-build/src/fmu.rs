@@ -173,6 +173,14 @@ pub struct Options {
     pub packing: Packing,
 }
 
+impl Options {
+    /// The platforms to build for; None is this machine.
+    pub fn platforms(&self) -> impl Iterator<Item = Option<Target>> + use<'_> {
+        let here = self.targets.is_empty().then_some(None);
+        self.targets.iter().copied().map(Some).chain(here)
+    }
+}
+
 /// What was made.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Made {
@@ -203,10 +211,8 @@ impl Fmu {
         let name = self.declaration.name;
         let xml = describe(&self.declaration);
         self.check_description(options, &xml)?;
-        let here = options.targets.is_empty().then_some(None);
-        let targets = options.targets.iter().copied().map(Some).chain(here);
         let (mut package, mut libraries) = (Package::default(), Vec::new());
-        for target in targets {
+        for target in options.platforms() {
             let what = target.map(|target| format!(" for {}", target.name())).unwrap_or_default();
             progress(&format!("building the library{what}"));
             let path = options.builder.build(&options.project, &options.profile, &self.selection, target)?;

@@ -170,6 +170,13 @@ fn build(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     add(&mut all, &options.project, arguments)?;
     let systems = shipped::systems(&all, &options.project, &arguments.set)?;
     let chosen = choose(&all, &arguments.only)?;
+    if chosen.len() > 1 {
+        println!("building {} libraries", chosen.len());
+        let selection: Vec<&str> = chosen.iter().flat_map(|fmu| &fmu.selection).copied().collect();
+        for target in options.platforms() {
+            options.builder.prepare(&options.project, &options.profile, &selection, target)?;
+        }
+    }
     for (i, fmu) in chosen.iter().enumerate() {
         let title = format!("[{}/{}] {}", i + 1, chosen.len(), fmu.declaration.name);
         report(&title, || fmu.make(&options, |step| println!("{title}: {step}")))?;

@@ -17,7 +17,7 @@ Written by `scripts/reproduce robustness`; the same numbers as JSON in [robustne
 true ones. A drive is lost beyond 2 m beside its road, rolled over, jack-knifed, or unable to go on. Random roads have the
 seeds from {first} on, {count} for each kind of vehicle, every second closed; the search had {search}. What is drawn has the
 seed {seed}. One drive again: `cargo run --release --example robustness -- matrix --only NAME`.
-Left out: plants through the FMU, CommonRoad's multi-body car among them. {skipped}"""
+Damaged and hostile files are another page: [fuzzing.md](fuzzing.md). Left out: plants through the FMU, CommonRoad's multi-body car among them. {skipped}"""
 
 
 def worst(values: list[float]) -> float:

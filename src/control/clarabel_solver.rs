@@ -295,7 +295,7 @@ impl QpSolver for ClarabelSolver {
         inputs: &mut [f64],
         outputs: &mut [f64],
     ) -> Result<QpReport, QpError> {
-        debug_assert!(problem.shape.is_like(&self.shape), "a solver serves one shape");
+        crate::invariant!(problem.shape.is_like(&self.shape), "a solver serves one shape");
         for &(place, at) in &self.gain_places {
             self.matrix[place] = -problem.gain[at];
         }

@@ -274,7 +274,7 @@ fn advance_block<L: Lanes<Stored = [f64; BLOCK]>, const S: usize>(
 /// `A x` for an `A` by columns whose first is that of the identity.
 #[inline(always)]
 fn times<L: Lanes, const S: usize>(a: &[[f64; S]; S], x: &[L; S]) -> [L; S] {
-    debug_assert!(a[0].iter().enumerate().all(|(i, &a)| a == f64::from(u8::from(i == 0))));
+    crate::invariant!(a[0].iter().enumerate().all(|(i, &a)| a == f64::from(u8::from(i == 0))));
     let mut product = [L::splat(0.0); S];
     product[0] = x[0];
     // By numbers, which the compiler unrolls.
@@ -299,7 +299,7 @@ pub fn condense<A: Transition<X>, X: HorizonState>(
     tracked: &[usize],
     problem: &mut TrackingQp,
 ) {
-    debug_assert_eq!(past.len(), affine.window.saturating_sub(1));
+    crate::invariant!(past.len() == affine.window.saturating_sub(1));
     affine.settle(past);
     condense_settled(linear, start, affine, propagation, tracked, problem);
 }
@@ -337,10 +337,8 @@ impl<X: HorizonState> Response<X> {
         problem: &mut TrackingQp,
     ) {
         let (horizon, outputs) = (self.horizon, tracked.len());
-        debug_assert_eq!(
-            (problem.shape.horizon, problem.shape.outputs, problem.shape.inputs),
-            (horizon, outputs, 1)
-        );
+        let shape = (problem.shape.horizon, problem.shape.outputs, problem.shape.inputs);
+        crate::invariant!(shape == (horizon, outputs, 1));
         let (mut effect, mut x) = (X::zero(), *start);
         for (j, known) in known.iter().enumerate() {
             // A command of the past acts in step j by what of it arrives then.
@@ -374,7 +372,7 @@ pub(super) fn condense_settled<A: Transition<X>, X: HorizonState>(
     problem: &mut TrackingQp,
 ) {
     let (horizon, outputs, window) = (problem.shape.horizon, tracked.len(), affine.window);
-    debug_assert_eq!((problem.shape.outputs, problem.shape.inputs), (outputs, 1));
+    crate::invariant!((problem.shape.outputs, problem.shape.inputs) == (outputs, 1));
     problem.shift_invariant = window == 0;
     let propagated = window > 0 && propagation == Propagation::Propagated;
     let direct = window > 0 && !propagated;

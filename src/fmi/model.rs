@@ -22,7 +22,7 @@ pub struct Declaration {
 impl Declaration {
     /// Adds a variable and gives its reference.
     pub fn add(&mut self, variable: Variable) -> Vr {
-        debug_assert!(self.find(&variable.name).is_none(), "{} is declared twice", variable.name);
+        crate::invariant!(self.find(&variable.name).is_none(), "{} is declared twice", variable.name);
         self.variables.push(variable);
         self.variables.len() - 1
     }

@@ -67,7 +67,9 @@ impl Variable {
             }
             (Kind::Boolean { start }, Value::Boolean(value)) => *start = value,
             (Kind::String { start }, Value::String(value)) => *start = value.into(),
-            _ => debug_assert!(false, "a value of another type than {}", self.name),
+            _ => {
+                crate::invariant!(false, "a value of another type than {}", self.name);
+            }
         }
     }
 }

@@ -153,7 +153,7 @@ impl Values {
     }
 
     fn wrong_type<T>(vr: Vr, neutral: T) -> T {
-        debug_assert!(false, "the model asked for variable {vr} by a wrong type");
+        crate::invariant!(false, "the model asked for variable {vr} by a wrong type");
         neutral
     }
 }

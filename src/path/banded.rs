@@ -5,9 +5,11 @@
 //! (banded), the border's coupling `C` and block `D`, the border solves `(D - C' B^-1 C) z = d - C' B^-1 b`.
 
 use super::spline::Vector;
+use nalgebra::{Cholesky, DMatrix, Dyn};
 
 /// A symmetric banded matrix, perhaps with corners. `band[i][k]` is entry `(i, i + k)`, indices modulo the size if
 /// cyclic.
+#[derive(Clone)]
 pub(super) struct Banded<const W: usize> {
     pub band: Vec<[f64; W]>,
     pub cyclic: bool,
@@ -25,18 +27,15 @@ impl<const W: usize> Banded<W> {
         self.band[i][k] += value;
     }
 
-    /// Solves for two right-hand sides at once; `None` if the matrix is not positive definite.
-    pub fn solve(&self, right: &[Vector]) -> Option<Vec<Vector>> {
+    /// The factors of the matrix; `None` if it is not positive definite.
+    pub fn factored(&self) -> Option<Factored<W>> {
         let size = self.band.len();
-        let border = if self.cyclic { W - 1 } else { 0 };
-        let inner = size - border;
-        let factor = self.factor(inner)?;
-        let mut x = right[..inner].to_vec();
-        solve_factored(&factor, &mut x);
-        if border == 0 {
-            return Some(x);
+        let width = if self.cyclic { W - 1 } else { 0 };
+        let inner = size - width;
+        let lower = self.factor(inner)?;
+        if width == 0 {
+            return Some(Factored { lower, border: None });
         }
-        // Columns of C, two at a time in the two components of a Vector.
         let coupling = |row: usize, column: usize| {
             let j = inner + column;
             let (forward, backward) = (j - row, row + size - j);
@@ -48,31 +47,21 @@ impl<const W: usize> Banded<W> {
                 0.0
             }
         };
-        let columns = nalgebra::DMatrix::from_fn(inner, border, coupling);
+        let columns = DMatrix::from_fn(inner, width, coupling);
         let mut solved = columns.clone();
-        for k in 0..border {
+        for k in 0..width {
             let mut column: Vec<Vector> = (0..inner).map(|i| [columns[(i, k)], 0.0]).collect();
-            solve_factored(&factor, &mut column);
+            solve_factored(&lower, &mut column);
             for i in 0..inner {
                 solved[(i, k)] = column[i][0];
             }
         }
-        let block = nalgebra::DMatrix::from_fn(border, border, |a, b| {
+        let block = DMatrix::from_fn(width, width, |a, b| {
             let (low, high) = (a.min(b), a.max(b));
             self.band[inner + low][high - low]
         });
-        let schur = block - columns.transpose() * &solved;
-        let rest = nalgebra::DMatrix::from_fn(border, 2, |k, c| {
-            right[inner + k][c] - (0..inner).map(|i| columns[(i, k)] * x[i][c]).sum::<f64>()
-        });
-        let z = schur.cholesky()?.solve(&rest);
-        for i in 0..inner {
-            for c in 0..2 {
-                x[i][c] -= (0..border).map(|k| solved[(i, k)] * z[(k, c)]).sum::<f64>();
-            }
-        }
-        x.extend((0..border).map(|k| [z[(k, 0)], z[(k, 1)]]));
-        Some(x)
+        let schur = (block - columns.transpose() * &solved).cholesky()?;
+        Some(Factored { lower, border: Some(Border { columns, solved, schur }) })
     }
 
     /// Cholesky factor of the leading `size` rows: `l[i][k]` is entry `(i, i - k)`.
@@ -98,6 +87,55 @@ impl<const W: usize> Banded<W> {
             }
         }
         Some(l)
+    }
+}
+
+/// The factors of a positive definite matrix.
+pub(super) struct Factored<const W: usize> {
+    /// Of the rows that are not the border.
+    lower: Vec<[f64; W]>,
+    /// Of a cyclic matrix.
+    border: Option<Border>,
+}
+
+struct Border {
+    /// `C`.
+    columns: DMatrix<f64>,
+    /// `B^-1 C`.
+    solved: DMatrix<f64>,
+    schur: Cholesky<f64, Dyn>,
+}
+
+impl<const W: usize> Factored<W> {
+    /// Solves for two right-hand sides at once.
+    pub fn solve(&self, right: &[Vector]) -> Vec<Vector> {
+        let inner = self.lower.len();
+        let mut x = right[..inner].to_vec();
+        solve_factored(&self.lower, &mut x);
+        let Some(Border { columns, solved, schur }) = &self.border else { return x };
+        let width = columns.ncols();
+        let rest = DMatrix::from_fn(width, 2, |k, c| {
+            right[inner + k][c] - (0..inner).map(|i| columns[(i, k)] * x[i][c]).sum::<f64>()
+        });
+        let z = schur.solve(&rest);
+        for (i, x) in x.iter_mut().enumerate() {
+            for (c, x) in x.iter_mut().enumerate() {
+                *x -= (0..width).map(|k| solved[(i, k)] * z[(k, c)]).sum::<f64>();
+            }
+        }
+        x.extend((0..width).map(|k| [z[(k, 0)], z[(k, 1)]]));
+        x
+    }
+
+    /// The logarithm of the determinant.
+    pub fn log_determinant(&self) -> f64 {
+        let border = self.border.as_ref().map(|border| border.schur.l_dirty().diagonal());
+        let diagonal = self
+            .lower
+            .iter()
+            .map(|row| row[0])
+            .chain(border.iter().flat_map(|border| border.iter().copied()));
+        2.0 * diagonal.map(f64::ln).sum::<f64>()
     }
 }
 
@@ -149,10 +187,21 @@ mod tests {
                     }
                 }
             }
-            let got = matrix.solve(&right).unwrap();
+            let factored = matrix.factored().unwrap();
+            let got = factored.solve(&right);
             for (a, b) in got.iter().zip(&want) {
                 assert!((a[0] - b[0]).abs() + (a[1] - b[1]).abs() < 1e-10, "{cyclic}: {a:?} {b:?}");
             }
+            let dense = DMatrix::from_fn(n, n, |i, j| {
+                let entry = |i: usize, j: usize| {
+                    let k = if cyclic { (j + n - i) % n } else { j.wrapping_sub(i) };
+                    if k < 6 { matrix.band[i][k] } else { 0.0 }
+                };
+                if i == j { entry(i, i) } else { entry(i, j) + entry(j, i) }
+            });
+            let want = dense.determinant().ln();
+            let got = factored.log_determinant();
+            assert!((got - want).abs() < 1e-10 * want.abs(), "{cyclic}: {got} {want}");
         }
     }
 }

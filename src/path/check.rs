@@ -5,7 +5,7 @@ use super::noise::{Noise, median};
 use super::note::Note;
 use super::read::Accuracy;
 use super::sample::{Closure, Options, Sample, Smoothing};
-use super::smooth::smooth;
+use super::smooth::{Goal, smooth};
 use super::spline::{Curve, Knot, Vector, distance};
 use super::wrap_angle;
 use std::borrow::Cow;
@@ -33,8 +33,6 @@ pub(super) struct Road {
     pub origin: Vector,
 }
 
-/// Noise that is measured a little too small would be driven: the tolerance is this much more.
-const ENOUGH: f64 = 1.03;
 /// Tightest bend of a road that noise leaves drivable in m.
 const TIGHTEST: f64 = 2.0;
 
@@ -160,27 +158,31 @@ fn drawn(
             (Some(value), ", the accuracy of racetrack-database")
         }
     };
-    let (tolerance, why) = match &noise {
+    let (goal, why) = match &noise {
         // Unless the file's own accuracy is about that of its points.
-        Some(noise) if !matches!(options.smoothing, Smoothing::Within(_)) => match tolerance {
-            Some(known) if noise.rms() < 1.5 * known => (tolerance, why),
-            _ => (Some(ENOUGH * noise.rms()), ", their measured noise"),
-        },
-        _ => (tolerance, why),
+        Some(noise)
+            if !matches!(options.smoothing, Smoothing::Within(_))
+                && tolerance.is_none_or(|known| noise.rms() > 1.5 * known) =>
+        {
+            (Some(Goal::Nearest(noise.rms())), ", by their measured noise")
+        }
+        _ => (tolerance.map(Goal::Within), why),
     };
     let along = noise.as_ref().map(|noise| noise.means(&points, periodic));
     let pinned = !matches!(options.smoothing, Smoothing::Within(_));
     let curve = poses(&samples, &points, periodic, &mut notes).filter(|_| pinned).unwrap_or_else(|| {
-        let smoothed = tolerance.and_then(|tolerance| smooth(&points, along.as_deref(), periodic, tolerance));
-        if let (Some(tolerance), Some(curve)) = (tolerance, &smoothed) {
-            let farthest = curve
-                .at_marks()
-                .iter()
-                .zip(&points)
-                .fold(0.0f64, |farthest, (at, point)| farthest.max(distance(*at, *point)));
-            let (rms, farthest) = (1e3 * tolerance, 1e3 * farthest);
+        let smoothed = goal.and_then(|goal| smooth(&points, along.as_deref(), periodic, goal));
+        if let (Some(goal), Some(curve)) = (goal, &smoothed) {
+            let at_marks = curve.at_marks();
+            let distances = || at_marks.iter().zip(&points).map(|(at, point)| distance(*at, *point));
+            let farthest = 1e3 * distances().fold(0.0, f64::max);
+            let rms = match goal {
+                Goal::Within(tolerance) => tolerance,
+                Goal::Nearest(_) => (distances().map(|d| d * d).sum::<f64>() / points.len() as f64).sqrt(),
+            };
             notes.push(Note::info(format!(
-                "smoothed: {rms:.1} mm RMS from the points{why}; {farthest:.1} mm at most"
+                "smoothed: {:.1} mm RMS from the points{why}; {farthest:.1} mm at most",
+                1e3 * rms
             )));
         }
         smoothed.unwrap_or_else(|| {

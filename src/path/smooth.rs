@@ -1,17 +1,28 @@
-//! The smoothest curve that stays within a tolerance of noisy points.
+//! Smooth curves near noisy points.
 //!
 //! Points that are rounded or measured carry an error `sigma`; at spacing `h` their second differences carry a
 //! curvature error of about `2.4 sigma / h^2`: 1 cm at 1 m is a bend of 40 m radius that is not there. So
 //!
 //! ```text
-//!     min  lambda * integral |r'''|^2 dt   s.t.   RMS distance of the points, sum h_i |p_i - r(t_i)|^2 / sum h_i <= tolerance^2
+//!     min  sum w_i |p_i - r(t_i)|^2 + lambda * integral |r'''|^2 dt,     w_i = h_i / sum h_i
 //! ```
 //!
 //! over quintic splines with even knots (a P-spline: the integral is taken as third differences of the B-spline
 //! coefficients, Eilers and Marx 1996). The third derivative of an arc-length curve is, in a bend, the change of
 //! curvature: the penalty spares circles of any radius little and clothoids least.
+//!
+//! How large is `lambda`? Where a tolerance is given, as large as the points' distance allows ([`Goal::Within`]). Where the
+//! noise is known, so that the curve is nearest to the road ([`Goal::Nearest`]), which is not where the points are as far off as
+//! their noise: a curve takes part of the noise with it, `H_ii` of each point's own, and one that keeps all of it at a distance cuts
+//! the tight bends instead. The expected square error of the curve is, but for a constant (Mallows 1973; Craven and Wahba 1979),
+//!
+//! ```text
+//!     sum w_i |p_i - r(t_i)|^2 + 2 rms^2 sum w_i H_ii,      sum w_i H_ii = trace (A^-1 B' W^2 B) = d/de log det (A + e B' W^2 B)
+//! ```
+//!
+//! with `A = B' W B + lambda D' D` the normal equations' matrix and `H = B A^-1 B' W`.
 
-use super::banded::Banded;
+use super::banded::{Banded, Factored};
 use super::spline::{Curve, Knot, Vector, distance};
 
 /// Third difference.
@@ -45,19 +56,78 @@ fn weights(u: f64) -> [[f64; 6]; 3] {
     [0, 1, 2].map(|order| all.map(|weight| weight[order]))
 }
 
+/// What the penalty is chosen for.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Goal {
+    /// The smoothest curve within this RMS distance of the points in m.
+    Within(f64),
+    /// The curve that is nearest to the road, as far as points tell that have noise of this RMS in m.
+    Nearest(f64),
+}
+
+/// Exponents of the penalty, against weights that sum to one.
+const PENALTIES: (f64, f64) = (-12.0, 8.0);
+
 /// The smoothing spline's problem: points, their parameters, and the knots.
 struct Problem<'a> {
     points: &'a [Vector],
-    t: &'a [f64],
     weights: Vec<f64>,
     period: f64,
     intervals: usize,
     periodic: bool,
+    /// Of each point, the knot interval and the B-splines' values.
+    basis: Vec<(usize, [f64; 6])>,
+    /// `B' W B`, and `B' W p`.
+    normal: Banded<6>,
+    right: Vec<Vector>,
 }
 
-impl Problem<'_> {
-    fn unknowns(&self) -> usize {
-        if self.periodic { self.intervals } else { self.intervals + 5 }
+impl<'a> Problem<'a> {
+    fn new(
+        points: &'a [Vector],
+        t: &[f64],
+        weights: &[f64],
+        (period, intervals): (f64, usize),
+        periodic: bool,
+    ) -> Self {
+        let n = if periodic { intervals } else { intervals + 5 };
+        let mut problem = Self {
+            points,
+            weights: weights.to_vec(),
+            period,
+            intervals,
+            periodic,
+            basis: Vec::with_capacity(points.len()),
+            normal: Banded::new(n, periodic),
+            right: vec![[0.0; 2]; n],
+        };
+        for &t in t {
+            let (index, u) = problem.interval(t);
+            problem.basis.push((index, super::smooth::weights(u)[0]));
+        }
+        problem.normal = problem.gram(|weight| weight);
+        for (((index, basis), point), weight) in problem.basis.iter().zip(points).zip(weights) {
+            for (a, value) in basis.iter().enumerate() {
+                let right = &mut problem.right[(index + a) % n];
+                *right = [0, 1].map(|c| right[c] + weight * value * point[c]);
+            }
+        }
+        problem
+    }
+
+    /// `B' f(W) B`.
+    fn gram(&self, of: impl Fn(f64) -> f64) -> Banded<6> {
+        let n = self.right.len();
+        let mut matrix = Banded::new(n, self.periodic);
+        for ((index, basis), &weight) in self.basis.iter().zip(&self.weights) {
+            let weight = of(weight);
+            for a in 0..6 {
+                for b in a..6 {
+                    matrix.add((index + a) % n, b - a, weight * basis[a] * basis[b]);
+                }
+            }
+        }
+        matrix
     }
 
     /// The knot interval of a parameter, and where in it.
@@ -67,22 +137,10 @@ impl Problem<'_> {
         (index, scaled - index as f64)
     }
 
-    /// Coefficients at a penalty, and the mean square distance of the points.
-    fn solve(&self, lambda: f64) -> Option<(Vec<Vector>, f64)> {
-        let n = self.unknowns();
-        let mut matrix = Banded::<6>::new(n, self.periodic);
-        let mut right = vec![[0.0; 2]; n];
-        for ((point, &t), &weight) in self.points.iter().zip(self.t).zip(&self.weights) {
-            let (index, u) = self.interval(t);
-            let basis = weights(u)[0];
-            for a in 0..6 {
-                let row = (index + a) % n;
-                for b in a..6 {
-                    matrix.add(row, b - a, weight * basis[a] * basis[b]);
-                }
-                right[row] = [0, 1].map(|c| right[row][c] + weight * basis[a] * point[c]);
-            }
-        }
+    /// The normal equations' matrix at a penalty, and with so much of another.
+    fn factored(&self, lambda: f64, other: Option<(f64, &Banded<6>)>) -> Option<Factored<6>> {
+        let mut matrix = self.normal.clone();
+        let n = matrix.band.len();
         for i in 0..if self.periodic { n } else { n - 3 } {
             for (a, left) in DIFFERENCE.iter().enumerate() {
                 for (b, right) in DIFFERENCE.iter().enumerate().skip(a) {
@@ -90,13 +148,24 @@ impl Problem<'_> {
                 }
             }
         }
-        let coefficients = matrix.solve(&right)?;
-        let mut square = 0.0;
-        for ((point, &t), &weight) in self.points.iter().zip(self.t).zip(&self.weights) {
-            let at = self.evaluate(&coefficients, t)[0];
-            square += weight * distance(*point, at).powi(2);
+        if let Some((share, other)) = other {
+            for (row, other) in matrix.band.iter_mut().zip(&other.band) {
+                row.iter_mut().zip(other).for_each(|(value, other)| *value += share * other);
+            }
         }
-        Some((coefficients, square))
+        matrix.factored()
+    }
+
+    /// Mean square distance of the points.
+    fn square(&self, coefficients: &[Vector]) -> f64 {
+        let n = coefficients.len();
+        let points = self.basis.iter().zip(self.points).zip(&self.weights);
+        points
+            .map(|(((index, basis), point), weight)| {
+                let at = [0, 1].map(|c| (0..6).map(|a| basis[a] * coefficients[(index + a) % n][c]).sum());
+                weight * distance(*point, at).powi(2)
+            })
+            .sum()
     }
 
     /// Position, first and second derivative in `t`.
@@ -113,35 +182,69 @@ impl Problem<'_> {
         })
     }
 
-    /// The largest penalty that keeps the tolerance; `None` if these knots cannot keep it.
-    fn best(&self, tolerance: f64) -> Option<Vec<Vector>> {
-        let allowed = tolerance * tolerance;
-        let fits = |exponent: f64| self.solve(10f64.powf(exponent)).filter(|(_, square)| *square <= allowed);
-        // Penalties against weights that sum to one.
-        let (mut low, mut high) = (-12.0, 8.0);
-        let mut best = fits(low)?.0;
+    /// The best coefficients; `None` if these knots cannot keep the tolerance.
+    fn best(&self, goal: Goal) -> Option<Vec<Vector>> {
+        match goal {
+            Goal::Within(tolerance) => self.smoothest(tolerance * tolerance),
+            Goal::Nearest(noise) => self.nearest(noise * noise),
+        }
+    }
+
+    /// At the largest penalty with a mean square that is allowed.
+    fn smoothest(&self, allowed: f64) -> Option<Vec<Vector>> {
+        let fits = |exponent: f64| {
+            let coefficients = self.factored(10f64.powf(exponent), None)?.solve(&self.right);
+            (self.square(&coefficients) <= allowed).then_some(coefficients)
+        };
+        let (mut low, mut high) = PENALTIES;
+        let mut best = fits(low)?;
         for _ in 0..24 {
             let middle = 0.5 * (low + high);
             match fits(middle) {
-                Some((coefficients, _)) => (best, low) = (coefficients, middle),
+                Some(coefficients) => (best, low) = (coefficients, middle),
                 None => high = middle,
             }
         }
         Some(best)
     }
+
+    /// At the penalty with the least expected error, where points have noise of a mean square.
+    fn nearest(&self, noise: f64) -> Option<Vec<Vector>> {
+        let spread = self.gram(|weight| weight * weight);
+        // Small against the matrix, which holds each weight once.
+        let little = 1e-4 / self.weights.iter().copied().fold(0.0, f64::max);
+        let error = |exponent: f64| {
+            let lambda = 10f64.powf(exponent);
+            let factored = self.factored(lambda, None)?;
+            let more = self.factored(lambda, Some((little, &spread)))?;
+            let taken = (more.log_determinant() - factored.log_determinant()) / little;
+            let coefficients = factored.solve(&self.right);
+            let error = self.square(&coefficients) + 2.0 * noise * taken;
+            error.is_finite().then_some((error, exponent, coefficients))
+        };
+        let least = |exponents: &mut dyn Iterator<Item = f64>| {
+            exponents.filter_map(error).min_by(|a, b| a.0.total_cmp(&b.0))
+        };
+        // Decades first, then tenths around the best.
+        let decades = (PENALTIES.1 - PENALTIES.0) as usize;
+        let (_, around, _) = least(&mut (0..=decades).map(|k| PENALTIES.0 + k as f64))?;
+        let (_, _, coefficients) = least(&mut (-9..=9).map(|k| around + 0.1 * f64::from(k)))?;
+        Some(coefficients)
+    }
 }
 
-/// The smoothest quintic spline with a length-weighted RMS distance to the points of at most `tolerance` (m), and
-/// where the points lie along it. `None` if the tolerance is too narrow to smooth at all: interpolate then. `along`:
-/// a point for each that tells better where along the road it is, if noise is larger than the spacing.
+/// The quintic spline near points that reaches the goal, and where the points lie along it. `None` if a tolerance is too narrow to
+/// smooth at all: interpolate then. `along`: a point for each that tells better where along the road it is, if noise is larger
+/// than the spacing.
 pub(super) fn smooth(
     points: &[Vector],
     along: Option<&[Vector]>,
     periodic: bool,
-    tolerance: f64,
+    goal: Goal,
 ) -> Option<Curve> {
+    let (Goal::Within(distance_allowed) | Goal::Nearest(distance_allowed)) = goal;
     let n = points.len();
-    if n < 6 || tolerance <= 0.0 {
+    if n < 6 || distance_allowed <= 0.0 {
         return None;
     }
     let closed = n + usize::from(periodic);
@@ -176,9 +279,8 @@ pub(super) fn smooth(
         weights.iter_mut().for_each(|weight| *weight /= total);
         let mut intervals = ((period / spacing).ceil() as usize).clamp(18, 1_000_000);
         let (problem, coefficients) = loop {
-            let problem =
-                Problem { points, t: &t[..n], weights: weights.clone(), period, intervals, periodic };
-            if let Some(coefficients) = problem.best(tolerance) {
+            let problem = Problem::new(points, &t[..n], &weights, (period, intervals), periodic);
+            if let Some(coefficients) = problem.best(goal) {
                 break (problem, coefficients);
             }
             intervals *= 2;

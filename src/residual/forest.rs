@@ -79,7 +79,7 @@ impl Forest {
             leaves: 0,
         };
         for tree in trees {
-            debug_assert_eq!(tree.depth, forest.depth);
+            crate::invariant!(tree.depth == forest.depth);
             forest.feature.extend(&tree.feature);
             forest.threshold.extend(&tree.threshold);
             forest.leaf.extend(tree.leaf.iter().map(|leaf| leaf + forest.leaves));

@@ -33,7 +33,7 @@ impl<const S: usize> Gram<S> {
 
     /// Adds a row `weight` times.
     pub fn add(&mut self, z: &[f64], y: &[f64; S], weight: f64) {
-        debug_assert_eq!(z.len(), self.zy.len());
+        crate::invariant!(z.len() == self.zy.len());
         let mut rest = self.zz.as_mut_slice();
         for (i, (&zi, zy)) in z.iter().zip(&mut self.zy).enumerate() {
             let (row, below) = rest.split_at_mut(i + 1);

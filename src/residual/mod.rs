@@ -74,7 +74,7 @@ mod leaf;
 mod least_squares;
 mod lookahead;
 mod model;
-pub(crate) mod parallel;
+pub mod parallel;
 mod prior;
 mod random;
 mod rows;

@@ -6,12 +6,12 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Number of threads to use: `asked`, or all there are for 0.
 #[must_use]
-pub(crate) fn threads(asked: usize) -> usize {
+pub fn threads(asked: usize) -> usize {
     if asked == 0 { std::thread::available_parallelism().map_or(1, usize::from) } else { asked }
 }
 
 /// `work(0), .., work(count - 1)` on `threads` threads.
-pub(crate) fn map<R: Send>(threads: usize, count: usize, work: impl Fn(usize) -> R + Sync) -> Vec<R> {
+pub fn map<R: Send>(threads: usize, count: usize, work: impl Fn(usize) -> R + Sync) -> Vec<R> {
     if threads <= 1 || count <= 1 {
         return (0..count).map(work).collect();
     }
@@ -37,6 +37,7 @@ pub(crate) fn map<R: Send>(threads: usize, count: usize, work: impl Fn(usize) ->
 }
 
 /// The ranges of at most `size` that make up `0..count`. Sums over them do not depend on the number of threads.
-pub(crate) fn chunks(count: usize, size: usize) -> Vec<std::ops::Range<usize>> {
+#[must_use]
+pub fn chunks(count: usize, size: usize) -> Vec<std::ops::Range<usize>> {
     (0..count).step_by(size).map(|start| start..(start + size).min(count)).collect()
 }

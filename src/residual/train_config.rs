@@ -98,7 +98,7 @@ impl TrainConfig {
         if self.kind.has_trees() {
             within("trees", self.trees, 1, 1000)?;
             within("depth", self.depth, 1, MAX_DEPTH)?;
-            within("features_per_split", self.features_per_split, 1, usize::MAX)?;
+            within("features_per_split", self.features_per_split, 1, 1_000_000)?;
             within("min_leaf", self.min_leaf, 1, 1_000_000)?;
             within("bootstrap_block", self.bootstrap_block.0, 1, 1_000_000)?;
             if let Resolution::Histogram(bins) = self.resolution {

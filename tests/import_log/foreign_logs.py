@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from import_log import convert, opened
+from import_log import convert
+from importing.table import opened
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "scripts" / "import_examples"
 TIME = np.arange(0.0, 20.0, 0.01)

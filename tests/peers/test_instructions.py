@@ -5,8 +5,8 @@ written there; who makes it faster writes the new count. Another compiler counts
 was used.
 
 In the profile `dev` the lanes of four numbers are calls, not instructions, and small dependencies are built as
-quickly as they can be: what is faster in a release may count more here (102373 and 154688 before both). An incremental
-build inlines least; the counts of `dev` are those of one.
+quickly as they can be: what is faster in a release may count more here. An incremental build inlines least; the counts
+of `dev` are those of one.
 """
 
 from __future__ import annotations

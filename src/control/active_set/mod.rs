@@ -434,7 +434,7 @@ impl QpSolver for ActiveSetSolver {
     ) -> Result<QpReport, QpError> {
         let watch = Watch::start(time_limit);
         let n = self.inputs.len();
-        debug_assert_eq!(n, problem.columns(), "a solver serves one shape");
+        crate::invariant!(n == problem.columns(), "a solver serves one shape");
         self.iterations = 0;
         condense_cost(problem, &mut self.hessian, &mut self.linear);
         if !self.usable || !self.factor.factorise(&self.hessian, n) {

@@ -1,0 +1,1 @@
+//! Benchmarks of `rfl_mpc`, a package of their own: `cargo bench --bench NAME`.
