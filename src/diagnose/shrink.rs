@@ -88,6 +88,8 @@ pub fn recalibrated<V: ReplayVehicle>(
 /// What fits predict of the parts that they have not seen: weighted squares of the held-out gap.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Predictive {
+    /// Of the simulator as given.
+    given: f64,
     /// With the effects alone, and recalibrated besides.
     effect: f64,
     recalibrated: f64,
@@ -96,10 +98,11 @@ pub struct Predictive {
 }
 
 impl Predictive {
-    /// Whether the effects predict: with all else within tolerance, better than all that without them.
+    /// Whether the effects predict: by themselves better than the simulator as given, or with all else within tolerance better
+    /// than all that without them.
     #[must_use]
     pub fn names(&self) -> bool {
-        self.recalibrated < self.without
+        self.effect < self.given || self.recalibrated < self.without
     }
 
     /// Whether a recalibration besides the effects predicts better than they alone.
@@ -156,8 +159,9 @@ pub fn shrink<V: ReplayVehicle>(
     for horizon in HORIZONS {
         shrink.horizons.insert(format!("{horizon}"), at_horizon(problem, ranking, &points, horizon));
     }
-    let [effect, recalibrated, without] = [&effect, &whole, &without].map(|gap| ranking.linear.square(gap));
-    let predictive = Predictive { effect, recalibrated, without };
+    let [given, effect, recalibrated, without] =
+        [&ranking.neutral, &effect, &whole, &without].map(|gap| ranking.linear.square(gap));
+    let predictive = Predictive { given, effect, recalibrated, without };
     (shrink, predictive)
 }
 
