@@ -130,6 +130,7 @@ fn drive_units(path_file: &str, car: &str, steps: u32) -> Vec<Row> {
     let mut plant = Unit::<PassengerCar>::new(&settings);
 
     let (of_controller, of_plant) = (RflMpc::declaration(), PassengerCar::declaration());
+    let road = rfl_mpc::path::Path::read(std::path::Path::new(path_file)).unwrap();
     let mut rows = Vec::new();
     for k in 0..steps {
         let time = f64::from(k) * 0.02;
@@ -139,8 +140,13 @@ fn drive_units(path_file: &str, car: &str, steps: u32) -> Vec<Row> {
             controller.values.set_by_host(vr, &of_controller.variables[vr], value);
         }
         controller.model.step(&mut controller.values, time, 0.02, &mut Silent).unwrap();
+        // What the road is like there no unit says.
+        let here = road.at(controller.values.real(of_controller.find("station").unwrap()));
         rows.push(COLUMNS.map(|signal| match signal.name {
             name if name == signal::TIME.name => time,
+            "bank" => here.bank,
+            "grade" => here.grade,
+            "friction" => here.friction,
             name => match of_plant.find(name).filter(|_| !name.ends_with("_cmd")) {
                 Some(vr) => plant.values.real(vr),
                 None => controller.values.real(of_controller.find(name).unwrap()),
