@@ -34,7 +34,6 @@ from .make import folder_of
 NAMES = ("temper", "odds", "varying_odds", "other_odds", "misfit.known", "misfit.odds")
 LEAST = 0.01  # probability below which a truth is lost, whatever its probability is
 ALIKE = 0.1  # as decision.rs has it
-FREEDOM = 4.0  # as calibration.rs has it
 USUAL = 2.5  # narrowing of an effect whose hypothesis is not in the report for want of probability
 
 
@@ -89,11 +88,8 @@ def posterior(case: Case, numbers: np.ndarray, broad: float) -> tuple[dict[tuple
     for key, what, values in case.unknown:
         if what == "misfit":
             more = 0.5 * values[0] ** 2 * (known**-2 - broad**-2) - math.log(broad / known) - misfit
-        elif what == "varying":
-            more = 0.5 * temper * values[0] - values[1] - varying
         else:
-            off = (FREEDOM + 1.0) * math.log1p(max(values[0], 0.0) / FREEDOM)
-            more = 0.5 * temper * off - values[1] - other
+            more = 0.5 * temper * values[0] - values[1] - (varying if what == "varying" else other)
         unknown.append(weights[key] + more)
     best = max([*weights.values(), *unknown])
     shares = {key: math.exp(weight - best) for key, weight in weights.items()}

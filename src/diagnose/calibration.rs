@@ -9,8 +9,6 @@ use std::sync::LazyLock;
 
 const TEXT: &str = include_str!("calibration.toml");
 
-/// Degrees of freedom of the tolerance of what is no effect.
-const FREEDOM: f64 = 4.0;
 /// What the freedom of an effect usually costs: a log makes what may be some ten times narrower.
 const USUAL: f64 = 2.5;
 
@@ -117,14 +115,10 @@ impl Calibration {
     /// densities.
     #[must_use]
     pub fn unknown_weight(&self, unknown: &Unknown, evidence: f64, narrowing: f64) -> f64 {
-        let explained = |evidence: f64| 0.5 * self.temper * evidence - narrowing;
+        let explained = 0.5 * self.temper * evidence - narrowing;
         match unknown {
-            Unknown::Varies(_) => explained(evidence) - self.varying_odds,
-            // What is no effect is now and then far off its tolerance in any file: Student's t in place of a normal tail.
-            Unknown::Off(_) => {
-                let off = (FREEDOM + 1.0) * (1.0 + evidence.max(0.0) / FREEDOM).ln();
-                explained(off) - self.other_odds
-            }
+            Unknown::Varies(_) => explained - self.varying_odds,
+            Unknown::Off(_) => explained - self.other_odds,
             Unknown::Misfit(size) => {
                 let Misfit { known, broad, odds, .. } = self.misfit;
                 let log = size.max(1.0).ln();
