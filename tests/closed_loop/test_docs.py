@@ -26,9 +26,9 @@ PYTHON = ".venv/bin/python"
 # Wrappers whose options are those of another program.
 WRAPPED = {name: "fmu-build" for name in ("scripts/build-fmus", "target/release/fmu-build", "fmu-build")}
 # Printed for their own sake, with options of others' programs or none.
-OTHERS = ("cargo build", "cargo test", "cargo bench", "cargo install", "blind/score", f"{PYTHON} -m")
+OTHERS = ("cargo build", "cargo test", "cargo bench", "cargo install", "blind/score", "scripts/fuzz.py", f"{PYTHON} -m")
 # Checks and measurements of the project itself, which other tests, or people, run.
-ITSELF = ("cargo ", "scripts/test", "scripts/site", f"{PYTHON} -m pytest", "blind/score")
+ITSELF = ("cargo ", "scripts/test", "scripts/site", f"{PYTHON} -m pytest", "blind/score", "scripts/fuzz.py")
 # Runs that take a minute or more, and what needs their files.
 SLOW = (
     "scripts/demo",
