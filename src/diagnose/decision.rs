@@ -93,15 +93,8 @@ pub fn lead(posterior: &Posterior) -> Decision {
             unknown: None,
         }
     });
-    let all = [Some(nothing), set, unknown].into_iter().flatten();
-    let best = all.reduce(|best, it| if it.probability > best.probability { it } else { best });
-    best.unwrap_or(Decision {
-        kind: VerdictKind::CannotTell,
-        probability: 0.0,
-        effects: Vec::new(),
-        classes: Vec::new(),
-        unknown: None,
-    })
+    let others = [set, unknown].into_iter().flatten();
+    others.fold(nothing, |best, it| if it.probability > best.probability { it } else { best })
 }
 
 /// The verdict: the lead, if it is more probable than not, and predicts.

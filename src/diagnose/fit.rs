@@ -122,12 +122,6 @@ impl Linear {
         dot(gap, &self.weighted(gap))
     }
 
-    /// That of what a change of the coordinates does to the gap.
-    #[must_use]
-    pub fn square_of(&self, change: &DVector<f64>) -> f64 {
-        change.dot(&(&self.gram * change))
-    }
-
     /// The step from `off`, coordinates less those expected, with gap `gap`.
     #[must_use]
     pub fn step(&self, off: &[f64], gap: &[f64], precision: &Precision) -> Step {

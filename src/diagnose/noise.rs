@@ -13,8 +13,6 @@ use std::sync::Arc;
 /// Errors of the model's form that every simulator has, as a share of the signal.
 const FORM: f64 = 0.01;
 const HEADING: f64 = 5e-4;
-/// Gaps of so many times the form's error are worth a name.
-const NOTABLE: f64 = 4.0;
 /// Share of the neutral gap that a search takes for noise at first.
 const COARSE: f64 = 0.1;
 /// Longest correlation that is looked at, samples, and the greatest loss by it.
@@ -34,8 +32,6 @@ pub struct Noise {
     pub white: Vec<f64>,
     /// Errors of the model's form that every simulator has.
     pub form: Vec<f64>,
-    /// Gaps beyond noise that are worth a name.
-    worth: Vec<f64>,
     /// What a reference log has left besides.
     left: Vec<f64>,
     /// Noise, the model's form, and what a reference log has left.
@@ -54,7 +50,7 @@ impl Noise {
     pub fn of<V: ReplayVehicle>(problem: &Problem<V>, trace: &Trace, known: &[(Channel, f64)]) -> Self {
         let drive = problem.drive;
         let mut white = Vec::new();
-        let (mut floor, mut forms, mut lefts, mut worth) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let (mut floor, mut forms, mut lefts) = (Vec::new(), Vec::new(), Vec::new());
         for (channel, _) in &problem.blocks {
             let simulated = trace.column(*channel);
             let logged = drive.column(channel.name());
@@ -78,16 +74,13 @@ impl Noise {
             white.push(sample * problem.filter.gain());
             floor.push((sample * problem.filter.gain()).hypot(form).hypot(left));
             forms.push(form);
-            // A direction of motion is not known better than a heading.
-            let direction = if *channel == Channel::Vy { HEADING * of("vx") } else { 0.0 };
-            worth.push(NOTABLE * form.hypot(direction));
             lefts.push(left);
         }
         let again = again(problem);
         let effective =
             floor.iter().zip(&lefts).map(|(floor, left)| floor.hypot((again - 1.0).sqrt() * left)).collect();
         let lost = vec![1.0; problem.rows.len()];
-        Self { effective, white, form: forms, floor, left: lefts, worth, lost, roughness: [1.0; 2] }
+        Self { effective, white, form: forms, floor, left: lefts, lost, roughness: [1.0; 2] }
     }
 
     /// Coarser by a share of the neutral gap. Far from the cause, a gap of hundreds of standard deviations pulls every
@@ -150,13 +143,6 @@ impl Noise {
         self.roughness
     }
 
-    /// Whether a gap is, in any channel, several times what every simulator's form leaves: else there is nothing to explain.
-    #[must_use]
-    pub fn notable<V>(&self, problem: &Problem<V>, gap: &[f64]) -> bool {
-        let beyond = self.beyond(problem, gap);
-        beyond.iter().zip(&self.worth).any(|((_, beyond), worth)| beyond > worth)
-    }
-
     /// What a gap is beyond white noise, channel by channel.
     #[must_use]
     pub fn beyond<V>(&self, problem: &Problem<V>, gap: &[f64]) -> Vec<(Channel, f64)> {
@@ -164,46 +150,6 @@ impl Noise {
             (*channel, (rms(&gap[block.clone()]).powi(2) - white * white).max(0.0).sqrt())
         };
         problem.blocks.iter().zip(&self.white).map(of).collect()
-    }
-
-    /// Share of the neutral gap that another gap still has, noise and the model's form apart; of the motion itself.
-    #[must_use]
-    pub fn remaining<V>(&self, problem: &Problem<V>, neutral: &[f64], gap: &[f64]) -> f64 {
-        let mut squares = Vec::new();
-        for ((channel, block), floor) in problem.blocks.iter().zip(&self.floor) {
-            let told = matches!(
-                channel,
-                Channel::YawRate | Channel::Ay | Channel::Vy | Channel::Roll | Channel::Articulation
-            );
-            if told {
-                let (before, after) = (rms(&neutral[block.clone()]), rms(&gap[block.clone()]));
-                squares.push((after * after - floor * floor).max(0.0) / (before * before).max(floor * floor));
-            }
-        }
-        (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
-    }
-
-    /// Size of a gap, all channels together, in units of white noise: in the whole drive, and in all but its worst tenth. A
-    /// replay that slides for a moment says nothing of the rest.
-    #[must_use]
-    pub fn sizes<V>(&self, problem: &Problem<V>, gap: &[f64]) -> [f64; 2] {
-        let each = problem.blocks.iter().zip(&self.white);
-        let mut power =
-            power(each.map(|((_, block), white)| (&gap[block.clone()], *white)), problem.rows.len());
-        let ordinary = ordinary(&mut power);
-        [mean(&power).sqrt(), ordinary.sqrt()]
-    }
-
-    /// How much more a gap is than noise and the model's form: 1 where it is no more.
-    #[must_use]
-    pub fn excess<V>(&self, problem: &Problem<V>, gap: &[f64]) -> f64 {
-        let squares: Vec<f64> = problem
-            .blocks
-            .iter()
-            .zip(&self.floor)
-            .map(|((_, block), floor)| (rms(&gap[block.clone()]) / floor).powi(2))
-            .collect();
-        (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
     }
 }
 

@@ -86,7 +86,7 @@ impl Posterior {
         Self { hypotheses }
     }
 
-    /// Of a ranking; `causes` is what values may vary with, and `best_linear` gives the slopes at a fit.
+    /// Of a ranking; `causes` is what values may vary with.
     pub(super) fn of<V: ReplayVehicle>(
         problem: &Problem<V>,
         ranking: &Ranking,

@@ -85,13 +85,6 @@ impl Ranking {
     pub fn linear_at<V: ReplayVehicle>(&self, problem: &Problem<V>, at: &Fit) -> Linear {
         if at.freed.is_empty() { self.linear.clone() } else { self.linear.anew(problem, &at.x, &at.gap) }
     }
-
-    /// Candidates with one effect less than `fit`.
-    pub fn fewer<'a>(&'a self, fit: &'a Fit) -> impl Iterator<Item = &'a Fit> {
-        let all = std::iter::once(&self.none).chain(&self.singles).chain(&self.pairs);
-        all.filter(|less| less.freed.len() + 1 == fit.freed.len())
-            .filter(|less| less.freed.iter().all(|i| fit.freed.contains(i)))
-    }
 }
 
 /// Why candidates could not be ranked.

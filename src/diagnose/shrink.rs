@@ -125,10 +125,10 @@ pub fn shrink<V: ReplayVehicle>(
     let mut points = Vec::new();
     for which in 0..2 {
         let (alone, all) = fitted_on(problem, ranking, winner, slopes, which);
-        let (_, of_none) = if winner.freed.is_empty() {
-            (Vec::new(), all.clone())
+        let of_none = if winner.freed.is_empty() {
+            all.clone()
         } else {
-            fitted_on(problem, ranking, &ranking.none, &ranking.linear.slopes, which)
+            fitted_on(problem, ranking, &ranking.none, &ranking.linear.slopes, which).1
         };
         for (x, into) in [(&alone, &mut effect), (&all, &mut whole), (&of_none, &mut without)] {
             let Some(gap) = problem.residual(x) else { continue };

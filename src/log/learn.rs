@@ -8,6 +8,7 @@ use super::clean::{CleanError, Columns, UnusableLog, check};
 use super::clock::Clock;
 use super::finding::Gravity;
 use super::read::{DriveLog, LogError};
+use super::road::{FAR, follow};
 use crate::path::Path;
 use crate::residual::Drive;
 use std::path::PathBuf;
@@ -20,8 +21,6 @@ const ERRORS: [&str; 5] = ["e1", "e1_rate", "e2", "e2_rate", "curvature"];
 /// What they are computed from.
 const POSE: [&str; 6] = ["x", "y", "yaw", "vx", "vy", "yaw_rate"];
 
-/// Farther from the road it is another road, m.
-const FAR: f64 = 10.0;
 /// A heading that is wrong by more is in another unit, rad.
 const ASTRAY: f64 = 1.0;
 /// A vehicle as far away as this is looked for on the whole road again, m: where a controller does, too.
@@ -186,7 +185,8 @@ fn errors_of(drive: &mut Drive) -> [&mut Vec<f64>; 5] {
 fn project(log: &Rows, road: &Path, file: &std::path::Path, drive: &mut Drive) -> Result<(), LogError> {
     let poses = POSE.map(|name| log.column(name).unwrap_or_default());
     check_turn(log, &drive.time, poses[2], poses[5])?;
-    let (mut last, mut rows, mut far, mut astray) = (None, 0_usize, 0_usize, 0_usize);
+    let (mut rows, mut far, mut astray) = (0_usize, 0_usize, 0_usize);
+    let mut follow = follow(road, LOST);
     for row in 0..drive.time.len() {
         let [x, y, yaw, vx, vy, yaw_rate] = poses.map(|column| column[row]);
         if ![x, y, yaw, vx, vy, yaw_rate].into_iter().all(f64::is_finite) {
@@ -194,11 +194,7 @@ fn project(log: &Rows, road: &Path, file: &std::path::Path, drive: &mut Drive) -
             drive.curvature_rate.push(f64::NAN);
             continue;
         }
-        let mut at = road.project(x, y, yaw, last);
-        if last.is_some() && at.e1.abs() > LOST {
-            at = road.project(x, y, yaw, None);
-        }
-        last = Some(at.station);
+        let at = follow([x, y, yaw]);
         rows += 1;
         far += usize::from(at.e1.abs() > FAR);
         // A vehicle that stands or rolls back says nothing about directions.

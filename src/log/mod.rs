@@ -44,5 +44,5 @@ pub use finding::{Finding, Gravity};
 pub use join::JoinError;
 pub use learn::{LearnError, drives_of};
 pub use read::{DriveLog, LogError};
-pub use road::{FAR, NotOnRoad};
+pub use road::NotOnRoad;
 pub use steering::SteeringLog;

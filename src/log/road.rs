@@ -4,11 +4,11 @@
 //! friction, which a vehicle feels and no sensor of it names.
 
 use super::clean::CleanLog;
-use crate::path::Path;
+use crate::path::{Path, Projection};
 use crate::signal;
 
 /// Farther from the road it is another one, m.
-pub const FAR: f64 = 10.0;
+pub(super) const FAR: f64 = 10.0;
 
 /// Why a log does not lie on a road.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -20,6 +20,20 @@ pub enum NotOnRoad {
         "the log lies more than {FAR} m from the path in {share:.0} % of its rows: is this the path that was driven?"
     )]
     FarFromPath { share: f64 },
+}
+
+/// Projects one pose (m, m, rad) of a drive after the other, each near the last; one farther away than `lost`, m, is looked for on
+/// the whole road.
+pub(super) fn follow(road: &Path, lost: f64) -> impl FnMut([f64; 3]) -> Projection + use<'_> {
+    let mut last = None;
+    move |[x, y, yaw]| {
+        let mut at = road.project(x, y, yaw, last);
+        if last.is_some() && at.e1.abs() > lost {
+            at = road.project(x, y, yaw, None);
+        }
+        last = Some(at.station);
+        at
+    }
 }
 
 impl CleanLog {
@@ -34,16 +48,8 @@ impl CleanLog {
             match (column("station"), column("e1"), column("x"), column("y"), column("yaw")) {
                 (Some(station), Some(e1), ..) => rows.map(|row| (station[row], e1[row])).collect(),
                 (_, _, Some(x), Some(y), Some(yaw)) => {
-                    let mut last = None;
-                    let mut project = |row: usize| {
-                        let mut at = road.project(x[row], y[row], yaw[row], last);
-                        if last.is_some() && at.e1.abs() > FAR {
-                            at = road.project(x[row], y[row], yaw[row], None);
-                        }
-                        last = Some(at.station);
-                        (at.station, at.e1)
-                    };
-                    rows.map(&mut project).collect()
+                    let mut follow = follow(road, FAR);
+                    rows.map(|row| follow([x[row], y[row], yaw[row]])).map(|at| (at.station, at.e1)).collect()
                 }
                 _ => return Err(NotOnRoad::NoPlace),
             };

@@ -185,11 +185,9 @@ struct Wheel {
     slip: Past,
 }
 
-impl Wheel {
-    /// Which body it carries.
-    fn body(&self) -> usize {
-        usize::from(self.axle >= FIRST_AXLES)
-    }
+/// Which body the wheels of an axle carry.
+fn carried(axle: usize) -> usize {
+    usize::from(axle >= FIRST_AXLES)
 }
 
 /// A rate at the last two steps, as far as there were any since the start.
@@ -287,10 +285,10 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
     /// in a second. Or that of a body that rolls on its springs, if they are stiffer.
     fn frequency(plant: &P) -> f64 {
         let axles = || (0..FIRST_AXLES).map(|i| plant.axle(i));
-        let first = P::FIRST_WHEELS.iter().enumerate().map(|(i, _)| (usize::from(i >= FIRST_AXLES), i));
         let mut rolling = [0.0; MOST_BODIES];
-        for (body, axle) in first.map(|(body, i)| (body, plant.axle(i))) {
-            rolling[body] += 2.0 * axle.spring * axle.half_track.powi(2) + axle.anti_roll_bar;
+        for index in 0..P::FIRST_WHEELS.len() {
+            let axle = plant.axle(index);
+            rolling[carried(index)] += 2.0 * axle.spring * axle.half_track.powi(2) + axle.anti_roll_bar;
         }
         let rolls = plant.bodies().into_iter().zip(rolling).map(|(body, k)| (k / body.roll_inertia).sqrt());
         let rolling = rolls.fold(0.0, f64::max);
@@ -332,7 +330,7 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
             let tyre = axle.tyres * axle.tyre.vertical_stiffness;
             let push =
                 axle.spring / (axle.spring + tyre) * rates[wheel.at + LIFT_RATE] * 0.5 * axle.unsprung_mass;
-            let (lifting, pitching) = &mut handed_on[wheel.body()];
+            let (lifting, pitching) = &mut handed_on[carried(wheel.axle)];
             (*lifting, *pitching) = (*lifting + push, *pitching - axle.x_sprung * push);
         }
         let mut risen = [(0.0, 0.0); MOST_BODIES];
@@ -379,7 +377,7 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
 
             let bar = 0.5 * axle.anti_roll_bar / (axle.half_track * axle.half_track);
             let stiffness = axle.tyres * axle.tyre.vertical_stiffness + axle.spring + bar;
-            let (heave, pitch) = risen[wheel.body()];
+            let (heave, pitch) = risen[carried(wheel.axle)];
             let force = rates[at + LIFT_RATE] * 0.5 * axle.unsprung_mass
                 + axle.spring * (heave - axle.x_sprung * pitch);
             match h {
