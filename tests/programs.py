@@ -23,6 +23,6 @@ def example(name: str) -> Path:
 
 
 def _built(kind: str, name: str, place: Path) -> Path:
-    selection = TESTED if PROFILE == "dev" else [kind, name]
+    selection = TESTED if PROFILE == "dev" else ["--workspace", kind, name]
     subprocess.run(["cargo", "build", "--profile", PROFILE, "--quiet", *selection], cwd=ROOT, check=True)
     return ROOT / "target" / ("debug" if PROFILE == "dev" else PROFILE) / place
