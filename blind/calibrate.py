@@ -6,9 +6,9 @@ What it prints goes into src/diagnose/calibration.toml by hand: a change of it i
     blind/score --development --wild --seed 913 --out out/blind/wild
     blind/.venv/bin/python -m blind.calibrate out/blind/usual out/blind/wild
 
-The hypotheses of each report (`posterior.hypotheses`) are weighed anew with other numbers: the temper of the
-likelihood, the odds against an effect, a value that varies and another number that is off, and the size of what a fit
-leaves. The best numbers give the truth the greatest logarithm of its probability, each set counting alike: usual sets
+The hypotheses of each report (`posterior.hypotheses`) are weighed anew with other numbers: the odds against an effect,
+heavy tails, a value that varies, another number that is off, and too much that is left. The temper is that of the runs.
+The best numbers give the truth the greatest logarithm of its probability, each set counting alike: usual sets
 share their tolerances with the prior, wild ones do not. A verdict is read from them as the program does
 (src/diagnose/decision.rs), but for the check on what a fit has not seen.
 """
@@ -31,10 +31,13 @@ from . import measures
 from .diagnose import CALIBRATION
 from .make import folder_of
 
-NAMES = ("temper", "odds", "varying_odds", "other_odds", "misfit.known", "misfit.odds")
+NAMES = ("odds", "tails_odds", "varying_odds", "other_odds", "misfit.odds")
 LEAST = 0.01  # probability below which a truth is lost, whatever its probability is
 ALIKE = 0.1  # as decision.rs has it
-USUAL = 2.5  # narrowing of an effect whose hypothesis is not in the report for want of probability
+
+
+# Evidence and narrowing in a world: with normal tails, or with heavy ones.
+Terms = dict[bool, tuple[float, float]]
 
 
 @dataclass(frozen=True)
@@ -42,10 +45,10 @@ class Case:
     """A case: its label, and what its hypotheses are weighed by."""
 
     label: dict
-    #: Evidence and narrowing of each set of effects.
-    sets: dict[tuple[str, ...], tuple[float, float]]
-    #: Set that it comes upon, what says so, and its evidence and narrowing, or the logarithm of a misfit's size.
-    unknown: list[tuple[tuple[str, ...], str, tuple[float, ...]]]
+    #: Of each set of effects.
+    sets: dict[tuple[str, ...], Terms]
+    #: Set that it comes upon, what says so, and its own terms; the logarithm of a misfit's size.
+    unknown: list[tuple[tuple[str, ...], str, Terms, float]]
 
 
 def read(folder: Path, answer: str) -> list[Case]:
@@ -61,18 +64,19 @@ def read(folder: Path, answer: str) -> list[Case]:
 
 def case_of(label: dict, report: dict) -> Case:
     """What a report's hypotheses are weighed by."""
-    sets = {_key(c): (c["evidence"], USUAL * len(c["effects"])) for c in report["candidates"]}
-    sets[()] = (0.0, 0.0)
-    unknown = []
+    sets, unknown = {}, []
     for it in report["posterior"]["hypotheses"]:
+        terms = {term["heavy_tails"]: (term["evidence"], term["narrowing"]) for term in it["terms"]}
         why = it.get("not_in_library")
         if why is None:
-            sets[_key(it)] = (it["evidence"], it["narrowing"])
-        elif " times as much " in why:
-            unknown.append((_key(it), "misfit", (math.log(max(1.0, float(why.split()[0]))),)))
+            sets[_key(it)] = terms
+            continue
+        size = 0.0
+        if " times as much " in why:
+            what, size = "misfit", math.log(max(0.05, float(why.split()[0])))
         else:
-            what = "varying" if " changes " in why else "other"
-            unknown.append((_key(it), what, (it["evidence"], it["narrowing"])))
+            what = "other" if why.endswith(" is off") else "varying"
+        unknown.append((_key(it), what, terms, size))
     return Case(label, sets, unknown)
 
 
@@ -80,19 +84,29 @@ def _key(of: dict) -> tuple[str, ...]:
     return tuple(sorted(of["effects"]))
 
 
-def posterior(case: Case, numbers: np.ndarray, broad: float) -> tuple[dict[tuple[str, ...], float], float]:
+def posterior(case: Case, numbers: np.ndarray, misfit: dict) -> tuple[dict[tuple[str, ...], float], float]:
     """Probability of each set of effects, and that the cause is not in the library (src/diagnose/calibration.rs)."""
-    temper, odds, varying, other, known, misfit = numbers
-    weights = {key: 0.5 * temper * e - n - odds * len(key) for key, (e, n) in case.sets.items()}
+    odds, tails, varying, other, left = numbers
+    density = lambda x, mean, deviation: -0.5 * ((x - mean) / deviation) ** 2 - math.log(deviation)  # noqa: E731
+    weight = lambda terms, heavy: 0.5 * terms[heavy][0] - terms[heavy][1]  # noqa: E731
+
+    def of_set(key: tuple[str, ...], heavy: bool) -> float:
+        return weight(case.sets[key], heavy) - odds * len(key) - (tails if heavy else 0.0)
+
+    sets = {key: [of_set(key, heavy) for heavy in terms] for key, terms in case.sets.items()}
     unknown = []
-    for key, what, values in case.unknown:
-        if what == "misfit":
-            more = 0.5 * values[0] ** 2 * (known**-2 - broad**-2) - math.log(broad / known) - misfit
-        else:
-            more = 0.5 * temper * values[0] - values[1] - (varying if what == "varying" else other)
-        unknown.append(weights[key] + more)
-    best = max([*weights.values(), *unknown])
-    shares = {key: math.exp(weight - best) for key, weight in weights.items()}
+    for key, what, terms, of_misfit in case.unknown:
+        size = max(of_misfit, misfit["known"][0])
+        more = {
+            "misfit": density(size, *misfit["outside"]) - density(size, *misfit["known"]) - left,
+            "varying": -varying,
+            "other": -other,
+        }[what]
+        unknown += [
+            of_set(key, heavy) + weight(terms, heavy) + more for heavy in terms if heavy in case.sets.get(key, {})
+        ]
+    best = max(itertools.chain(unknown, *sets.values()))
+    shares = {key: sum(math.exp(weight - best) for weight in weights) for key, weights in sets.items()}
     outside = sum(math.exp(weight - best) for weight in unknown)
     total = sum(shares.values()) + outside
     return {key: share / total for key, share in shares.items()}, outside / total
@@ -108,7 +122,7 @@ def decide(sets: dict[tuple[str, ...], float], outside: float) -> tuple[dict, fl
         alike = (key - set(named) for key in near if beside <= key)
         classes.append({own}.union(*alike))
     inside = [p for key, p in sets.items() if len(key) == len(named) and _fits(key, classes)] if named else []
-    choices = [("none", sets[()]), ("effect", sum(inside)), ("not_in_library", outside)]
+    choices = [("none", sets.get((), 0.0)), ("effect", sum(inside)), ("not_in_library", outside)]
     kind, probability = max(choices, key=lambda choice: choice[1])
     effects = [{"id": own, "class": sorted(of)} for own, of in zip(named, classes)] if kind == "effect" else []
     return {"verdict": {"kind": kind, "effects": effects}}, probability
@@ -125,20 +139,20 @@ def truth(case: Case, sets: dict[tuple[str, ...], float], outside: float) -> flo
     return sets.get(tuple(sorted(case.label["causes"])), 0.0)
 
 
-def loss(sets: list[list[Case]], numbers: np.ndarray, broad: float) -> float:
+def loss(sets: list[list[Case]], numbers: np.ndarray, misfit: dict) -> float:
     """Mean of minus the logarithm of the truth's probability, each set counting alike."""
-    if min(numbers) <= 0.0 or numbers[4] < 0.1:
+    if min(numbers) < 0.0:
         return 1e9
-    of_case = lambda case: -math.log(max(truth(case, *posterior(case, numbers, broad)), LEAST))  # noqa: E731
+    of_case = lambda case: -math.log(max(truth(case, *posterior(case, numbers, misfit)), LEAST))  # noqa: E731
     return float(np.mean([np.mean([of_case(case) for case in cases]) for cases in sets]))
 
 
-def summary(cases: list[Case], numbers: np.ndarray, broad: float) -> str:
+def summary(cases: list[Case], numbers: np.ndarray, misfit: dict) -> str:
     """How the verdicts would fare: shares right by kind, names that are wrong, calibration error."""
     right: dict[str, list[bool]] = {}
     names, confidence, hits = [], [], []
     for case in cases:
-        report, probability = decide(*posterior(case, numbers, broad))
+        report, probability = decide(*posterior(case, numbers, misfit))
         is_right = measures.in_class(case.label, report)
         right.setdefault(case.label["kind"], []).append(is_right and probability >= 0.5)
         confidence.append(probability)
@@ -162,16 +176,18 @@ def main() -> int:
     options = parser.parse_args()
     now = tomllib.loads(CALIBRATION.read_text(encoding="utf-8"))
     start = np.array([now[n] if "." not in n else now["misfit"][n.split(".")[1]] for n in NAMES])
-    broad = now["misfit"]["broad"]
+    misfit = now["misfit"]
     sets = [read(folder, options.answer) for folder in options.sets]
     starts = (start, start * 0.7, start * 1.4)
-    fits = [minimize(lambda x: loss(sets, x, broad), s, method="Nelder-Mead", options={"maxiter": 600}) for s in starts]
+    fits = [
+        minimize(lambda x: loss(sets, x, misfit), s, method="Nelder-Mead", options={"maxiter": 600}) for s in starts
+    ]
     best = min(fits, key=lambda fit: fit.fun)
     for what, numbers in (("as it is", start), ("best", best.x)):
         listed = ", ".join(f"{name} = {value:.2f}" for name, value in zip(NAMES, numbers))
-        print(f"{what}: {listed}; loss {loss(sets, numbers, broad):.3f}")
+        print(f"{what}: {listed}; loss {loss(sets, numbers, misfit):.3f}")
         for folder, cases in zip(options.sets, sets):
-            print(f"  {folder.name}, {len(cases)} cases: {summary(cases, numbers, broad)}")
+            print(f"  {folder.name}, {len(cases)} cases: {summary(cases, numbers, misfit)}")
     return 0
 
 

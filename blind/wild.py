@@ -47,7 +47,8 @@ class World:
             own = rng.normal()
             if name in shared:
                 own = math.sqrt(SHARED) * common[shared[name]] + math.sqrt(1.0 - SHARED) * own
-            heavy = own / math.sqrt(rng.chisquare(FREEDOM) / FREEDOM)
+            # A tolerance is a standard deviation, and that of Student's t is more than 1.
+            heavy = own / math.sqrt(rng.chisquare(FREEDOM) / (FREEDOM - 2.0))
             off = float(np.clip(heavy, -FARTHEST, FARTHEST)) * tolerance * self.widths[name]
             off = abs(off) if name in effects.POSITIVE else off
             neutral = 1.0 if name in effects.FACTORS else 0.0

@@ -23,6 +23,34 @@ fn turned(log: &CleanLog) -> CleanLog {
     other
 }
 
+/// The log with what a satellite receiver gives late by so many rows.
+fn late(log: &CleanLog, rows: usize) -> CleanLog {
+    let mut other = log.clone();
+    for name in ["x", "y", "yaw", "vx", "vy"] {
+        let column = &log.columns[name];
+        let before = |row: usize| column[row.saturating_sub(rows)];
+        other.columns.insert(name, (0..column.len()).map(before).collect());
+    }
+    other
+}
+
+/// The log with place and velocity of the road's point below the CG, in place of a point so much higher.
+fn lower(log: &CleanLog, height: f64) -> CleanLog {
+    let mut other = log.clone();
+    let (roll, yaw) = (&log.columns["roll"], &log.columns["yaw"]);
+    let count = roll.len();
+    let rate = |i: usize| (roll[(i + 1).min(count - 1)] - roll[i.saturating_sub(1)]) / (2.0 * log.step);
+    for i in 0..count {
+        let (sin, cos) = yaw[i].sin_cos();
+        // A point above leans to the right with a roll to the right.
+        let aside = height * roll[i];
+        other.columns.get_mut("vy").unwrap()[i] += height * rate(i);
+        other.columns.get_mut("x").unwrap()[i] -= aside * sin;
+        other.columns.get_mut("y").unwrap()[i] += aside * cos;
+    }
+    other
+}
+
 fn says(report: &Report, signal: &str, words: &str) -> bool {
     report.findings.iter().any(|it| it.signal.as_deref() == Some(signal) && it.words.contains(words))
 }
@@ -40,6 +68,21 @@ fn a_verdict_does_not_hang_on_the_frame_nor_on_the_side_of_roll() {
             assert_eq!(says(&report, "roll", "its sign was turned"), other_side, "{:?}", report.findings);
             let named = report.verdict.effects.iter().all(|effect| effect.id == put_in[0].0);
             assert!(named, "{}", report.verdict.words);
+        }
+    }
+}
+
+#[test]
+fn neither_a_late_receiver_nor_another_point_of_the_body_is_a_cause() {
+    for (put_in, kind) in [(&[][..], VerdictKind::None), (&[("steer_gain", 1.15)], VerdictKind::Effect)] {
+        let log = log(11, put_in);
+        for (what, given) in
+            [("late", late(&log, 3)), ("lower", lower(&log, 0.5)), ("higher", lower(&log, -0.3))]
+        {
+            let report = found(&given, &singles()).report;
+            assert_eq!(report.verdict.kind, kind, "{what}: {}", report.verdict.words);
+            let named = report.verdict.effects.iter().all(|effect| effect.id == put_in[0].0);
+            assert!(named, "{what}: {}", report.verdict.words);
         }
     }
 }

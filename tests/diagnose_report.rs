@@ -61,8 +61,16 @@ fn the_page_tells_everything_and_stands_alone() {
     }
     // Two signals with two drawings each, two ways, three curves, three of frequency.
     assert_eq!(drawings(&page), 12);
-    for outside in ["<script", "src=", "href=", "@import", "url("] {
+    for outside in ["<script", "src=", "@import", "url("] {
         assert!(!page.contains(outside), "{outside}");
+    }
+    // Links go to sections of the page, and each section has one.
+    let links: Vec<&str> = page.split("href='").skip(1).filter_map(|rest| rest.split('\'').next()).collect();
+    assert_eq!(page.matches("href=").count(), links.len());
+    assert_eq!(page.matches("<section").count(), links.len());
+    for link in links {
+        let target = link.strip_prefix('#').expect("a place on the page");
+        assert!(page.contains(&format!("id='{target}'")), "{link}");
     }
     let addresses = page.matches("http").count();
     assert_eq!(addresses, page.matches("http://www.w3.org/2000/svg").count());

@@ -232,6 +232,28 @@ fn degrees_are_converted() {
 }
 
 #[test]
+fn roll_in_degrees_is_told_by_how_far_a_body_leans() {
+    // From a racing car, 0.7 degrees for 1 g, to a loaded van, 11.
+    for leaning in [0.00125, 0.006, 0.0196] {
+        for (unit, is_foreign) in [(1.0, false), (57.29578, true)] {
+            let roll = |of: &dyn Fn(&str) -> f64| unit * leaning * of("vx") * of("yaw_rate");
+            let log = sound().with("roll", roll).clean();
+            let found = log.findings.iter().any(|it| it.signal.as_deref() == Some("roll"));
+            assert_eq!(found, is_foreign, "{leaning}: {:?}", log.findings);
+            let most = log.columns["roll"].iter().fold(0.0_f64, |most, roll| most.max(roll.abs()));
+            assert!(most < 0.15, "{leaning}: {most}");
+        }
+    }
+}
+
+#[test]
+fn a_yaw_in_degrees_is_told_beside_noise_that_is_more_than_it_changes_in_a_row() {
+    let noisy = |row: usize, yaw: f64| 57.29578 * (yaw + 0.02 * (1.3 * row as f64 * row as f64).sin());
+    let log = sound().map("yaw", noisy).clean();
+    assert_eq!(said(&log, "yaw", "degrees"), Gravity::Warning);
+}
+
+#[test]
 fn wrapped_yaw_is_made_continuous() {
     let log = sound().map("yaw", |_, yaw| (yaw - 1.0).rem_euclid(std::f64::consts::TAU) + 1.0).clean();
     said(&log, "yaw", "wraps");

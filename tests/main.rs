@@ -20,6 +20,7 @@ mod control_residual;
 mod counting;
 mod diagnose;
 mod diagnose_bad_logs;
+mod diagnose_beliefs;
 mod diagnose_command;
 mod diagnose_constancy;
 mod diagnose_conventions;

@@ -19,7 +19,9 @@ pub struct Calibration {
     /// Power of the likelihood.
     pub temper: f64,
     /// Logarithm of the odds against an effect.
-    odds: f64,
+    pub odds: f64,
+    /// The same against tolerances with heavy tails.
+    pub tails_odds: f64,
     /// The same against a value that varies.
     varying_odds: f64,
     /// And against another number of the vehicle that is off.
@@ -36,10 +38,10 @@ pub struct Calibration {
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Misfit {
-    /// Deviation of its logarithm where the library has the cause.
-    known: f64,
+    /// Mean and deviation of its logarithm where the library has the cause.
+    known: (f64, f64),
     /// The same where it has not.
-    broad: f64,
+    outside: (f64, f64),
     /// Logarithm of the odds against that.
     odds: f64,
     /// Share of what is explained that a form leaves.
@@ -105,24 +107,28 @@ impl Calibration {
         &PARSED
     }
 
-    /// Logarithm of the weight of so many effects that explain so much, and whose freedom costs so much.
+    /// Logarithm of the weight of effects that explain so much of the tempered likelihood, whose freedom costs so much, and against which there are `odds`.
     #[must_use]
-    pub fn weight(&self, evidence: f64, narrowing: f64, effects: usize) -> f64 {
-        0.5 * self.temper * evidence - narrowing - self.odds * effects as f64
+    pub fn weight(&self, evidence: f64, narrowing: f64, odds: f64) -> f64 {
+        0.5 * evidence - narrowing - odds
     }
 
     /// What a cause that the library does not have weighs beside what it comes upon. Of a misfit the ratio of two log-normal
     /// densities.
     #[must_use]
     pub fn unknown_weight(&self, unknown: &Unknown, evidence: f64, narrowing: f64) -> f64 {
-        let explained = 0.5 * self.temper * evidence - narrowing;
+        let explained = 0.5 * evidence - narrowing;
         match unknown {
-            Unknown::Varies(_) => explained - self.varying_odds,
-            Unknown::Off(_) => explained - self.other_odds,
+            Unknown::Varies(_) | Unknown::Swings => explained - self.varying_odds,
+            Unknown::Off { .. } => explained - self.other_odds,
             Unknown::Misfit(size) => {
-                let Misfit { known, broad, odds, .. } = self.misfit;
-                let log = size.max(1.0).ln();
-                0.5 * log * log * (known.powi(-2) - broad.powi(-2)) - (broad / known).ln() - odds
+                let Misfit { known, outside, odds, .. } = self.misfit;
+                // Less than is usual speaks for nothing.
+                let log = size.ln().max(known.0);
+                let density = |(mean, deviation): (f64, f64)| {
+                    -0.5 * ((log - mean) / deviation).powi(2) - deviation.ln()
+                };
+                density(outside) - density(known) - odds
             }
         }
     }
@@ -147,13 +153,13 @@ mod tests {
     #[test]
     fn what_is_left_speaks_for_another_cause_the_more_there_is() {
         let calibration = Calibration::built_in();
-        let weights: Vec<f64> = [0.5, 1.0, 2.0, 4.0, 8.0]
+        let weights: Vec<f64> = [0.1, 0.4, 0.8, 1.6, 3.2]
             .iter()
             .map(|&size| calibration.unknown_weight(&Unknown::Misfit(size), 0.0, 0.0))
             .collect();
         assert!(weights[0] == weights[1] && weights.windows(2).all(|pair| pair[0] <= pair[1]), "{weights:?}");
         assert!(weights[1] < 0.0 && weights[4] > 0.0, "{weights:?}");
         let telling = calibration.telling();
-        assert!(calibration.weight(telling, USUAL, 1).abs() < 1e-12);
+        assert!(calibration.weight(calibration.temper * telling, USUAL, calibration.odds).abs() < 1e-12);
     }
 }

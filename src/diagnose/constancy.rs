@@ -19,9 +19,9 @@
 //! Source: the Lagrange multiplier test of constancy of parameters, e.g. Nyblom, Testing for the constancy of parameters
 //! over time, J. Am. Stat. Assoc. 84 (1989).
 
-use super::fit::{Fit, Linear};
+use super::fit::{Fit, Linear, Precision, Prior, Settled};
 use super::problem::Problem;
-use super::rank::{Ranking, expected};
+use super::rank::expected;
 use super::replay::ReplayVehicle;
 use crate::residual::parallel;
 use crate::vehicle::Stage;
@@ -156,25 +156,23 @@ fn may_vary<V: ReplayVehicle>(problem: &Problem<V>, knob: usize) -> bool {
 #[must_use]
 pub fn variations<V: ReplayVehicle>(
     problem: &Problem<V>,
-    ranking: &Ranking,
+    prior: &Prior,
     causes: &[Columns],
-    linear: &Linear,
+    (linear, precision): (&Linear, &Precision),
     fit: &Fit,
-    temper: f64,
 ) -> Vec<Variation> {
     let may_vary: Vec<usize> = fit.freed.iter().copied().filter(|&i| may_vary(problem, i)).collect();
     if may_vary.is_empty() {
         return Vec::new();
     }
-    let off = ranking.prior.off(&fit.x);
-    let precision = ranking.prior.freed(problem, &fit.freed);
-    let Some(background) = linear.marginalised(&precision) else { return Vec::new() };
-    let expected = background.reduced(expected(linear, &ranking.prior, fit));
+    let off = prior.off(&fit.x);
+    let Some(background) = linear.marginalised(precision) else { return Vec::new() };
+    let expected = background.reduced(expected(linear, prior, fit));
     let mut all = Vec::new();
     for effect in may_vary {
         for (with, columns) in causes {
             let varied = columns.iter().map(|z| following(problem, &linear.slopes[effect], z, off[effect]));
-            if let Some(found) = background.explained(&expected, varied, VARY, temper) {
+            if let Some(found) = background.explained(&expected, varied, VARY) {
                 let deviation = off[effect].abs() * root_mean_square(columns, &found.shares);
                 let (gain, narrowing) = (found.gain, found.narrowing);
                 all.push(Variation { effect, with: *with, deviation, gain, narrowing });
@@ -184,22 +182,23 @@ pub fn variations<V: ReplayVehicle>(
     all
 }
 
-/// The single effect that explains most with a value that varies: its place among the singles, and how.
+/// The single effect that explains most with a value that varies: its place among `singles`, each with slopes and precision at its
+/// fit and what it costs, and how.
 #[must_use]
 pub fn best_single<V: ReplayVehicle>(
     problem: &Problem<V>,
-    ranking: &Ranking,
+    prior: &Prior,
     causes: &[Columns],
-    temper: f64,
+    singles: &[(&Fit, &Linear, &Settled)],
 ) -> Option<(usize, Variation)> {
-    let of_each = parallel::map(problem.threads(), ranking.singles.len(), |place| {
-        let fit = &ranking.singles[place];
-        variations(problem, ranking, causes, &ranking.linear.with(&fit.of_freed()), fit, temper)
+    let of_each = parallel::map(problem.threads(), singles.len(), |place| {
+        let (fit, linear, at) = singles[place];
+        variations(problem, prior, causes, (linear, &at.precision), fit)
     });
     let all =
         of_each.into_iter().enumerate().flat_map(|(place, all)| all.into_iter().map(move |it| (place, it)));
     all.max_by(|a, b| {
-        let total = |(place, it): &(usize, Variation)| it.gain - ranking.singles[*place].cost;
+        let total = |(place, it): &(usize, Variation)| it.gain - singles[*place].2.cost;
         total(a).total_cmp(&total(b)).then(b.0.cmp(&a.0))
     })
 }

@@ -15,7 +15,7 @@ use super::calibration::Calibration;
 use super::fit::{Linear, Prior};
 use super::noise::Noise;
 use super::problem::Problem;
-use super::replay::{Channel, Correction, Drive, ReplayVehicle};
+use super::replay::{Channel, Drive, ReplayVehicle};
 use super::report::{Finding, Gravity};
 
 /// Correlation of roll with lateral acceleration beyond which its side is sure.
@@ -32,21 +32,17 @@ pub fn turn_roll(drive: &mut Drive) -> Option<Finding> {
 }
 
 /// Sets the frame of the lateral acceleration.
-pub fn find_frame<V: ReplayVehicle>(
-    drive: &mut Drive,
-    vehicle: &V,
-    correction: &Correction,
-    threads: usize,
-) -> Option<Finding> {
-    if !drive.channels.contains(&Channel::Ay) {
+pub fn find_frame<V: ReplayVehicle>(problem: &mut Problem<V>) -> Option<Finding> {
+    if !problem.drive.channels.contains(&Channel::Ay) {
         return None;
     }
-    let frames = [false, true].map(|levelled| Drive { levelled, ..drive.clone() });
-    let [body, level] = scores(&frames, vehicle, correction, threads);
-    drive.levelled = level > body + CLEAR;
+    let [body, level] = scores(problem)?;
     let words = "it is that of a level frame, without gravity's share by roll and bank, and is compared so";
-    let found = || Finding { gravity: Gravity::Note, signal: Some("ay".to_owned()), words: words.to_owned() };
-    drive.levelled.then(found)
+    let found = Finding { gravity: Gravity::Note, signal: Some("ay".to_owned()), words: words.to_owned() };
+    (level > body + CLEAR).then(|| {
+        problem.level();
+        found
+    })
 }
 
 /// Correlation of the roll with the lateral acceleration that speed and yaw rate tell.
@@ -66,29 +62,21 @@ fn roll_with_lateral_accel(drive: &Drive) -> Option<f64> {
     (size > 0.0).then(|| covariance / size)
 }
 
-/// How well each of two readings of a log is explained, all with the noise of the first.
-fn scores<V: ReplayVehicle>(
-    drives: &[Drive; 2],
-    vehicle: &V,
-    correction: &Correction,
-    threads: usize,
-) -> [f64; 2] {
+/// How well each reading of a log is explained, both with the noise of the body's frame.
+fn scores<V: ReplayVehicle>(problem: &Problem<V>) -> Option<[f64; 2]> {
     let calibration = Calibration::built_in();
-    let mut noise = None;
-    [0, 1].map(|which| {
-        let problem = Problem::new(&drives[which], vehicle, correction, &[], threads);
-        let prior = Prior::of(&problem);
-        let Ok(trace) = problem.trace(&prior.mean) else { return f64::NEG_INFINITY };
-        let neutral = problem.compare(&trace);
-        let own = || Noise::of(&problem, &trace, &[]).coarse(&problem, &neutral);
-        let weights = noise.get_or_insert_with(own).weights(&problem);
-        let linear = Linear::new(problem.slopes(&prior.mean, &neutral), weights);
+    let prior = Prior::of(problem);
+    let frames = problem.in_both_frames(&prior.mean)?;
+    let trace = problem.trace(&prior.mean).ok()?;
+    let weights = Noise::of(problem, &trace, &[]).coarse(problem, &frames[0].0).weights(problem);
+    Some(frames.map(|(gap, slopes)| {
+        let linear = Linear::new(slopes, weights.clone());
         let of = |freed: &[usize]| {
-            let precision = prior.freed(&problem, freed);
-            let cost = prior.step(&linear, &prior.mean, &neutral, &precision).cost;
-            calibration.weight(-cost, 0.0, freed.len())
+            let precision = prior.freed(problem, freed);
+            let cost = prior.step(&linear, &prior.mean, &gap, &precision).cost;
+            calibration.weight(-calibration.temper * cost, 0.0, calibration.odds * freed.len() as f64)
         };
         let singles = (0..problem.knobs.len()).filter(|&i| problem.knobs[i].is_candidate());
         singles.map(|i| of(&[i])).fold(of(&[]), f64::max)
-    })
+    }))
 }

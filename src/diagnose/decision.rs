@@ -113,8 +113,7 @@ mod tests {
         let hypothesis = |&(effects, unknown, probability): &(&[usize], bool, f64)| Hypothesis {
             effects: effects.to_vec(),
             unknown: unknown.then_some(Unknown::Misfit(3.0)),
-            evidence: 0.0,
-            narrowing: 0.0,
+            terms: Vec::new(),
             probability: probability.ln(),
         };
         Posterior::normalised(of.iter().map(hypothesis).collect())

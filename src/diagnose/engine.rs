@@ -1,10 +1,12 @@
 //! From a log and a vehicle to the answer.
 
+use super::beliefs::Beliefs;
 use super::calibration::Calibration;
 use super::constancy;
 use super::conventions;
 use super::decision::{decide, lead};
 use super::fit::{Fit, Prior};
+use super::knob;
 use super::localise;
 use super::manoeuvre;
 use super::naming::{candidates, named, summary};
@@ -48,11 +50,13 @@ pub struct Options {
     pub pairs: bool,
     /// Effects that are left out of the library, for negative controls; within their tolerances they stay.
     pub without: Vec<String>,
+    /// What is believed before the log is seen.
+    pub beliefs: Beliefs,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { seed: 1, threads: 0, pairs: true, without: Vec::new() }
+        Self { seed: 1, threads: 0, pairs: true, without: Vec::new(), beliefs: Beliefs::default() }
     }
 }
 
@@ -70,6 +74,12 @@ pub enum DiagnoseError {
     Clock { step: f64 },
     #[error("there is no effect '{id}' to leave out")]
     UnknownEffect { id: String },
+    #[error("--prior {id}={probability}: {words}")]
+    Prior { id: String, probability: f64, words: &'static str },
+    #[error(
+        "the vehicle file's tolerance of '{name}' is of nothing that a diagnosis takes into account; inputs.tolerances of a report.json lists what there is, such as vehicle.mass and effect.steer_gain"
+    )]
+    UnknownTolerance { name: String },
     #[error("the vehicle cannot be replayed: {reason}")]
     Replay { reason: String },
     #[error(transparent)]
@@ -96,6 +106,26 @@ fn check(log: &CleanLog) -> Result<(), DiagnoseError> {
     Ok(())
 }
 
+/// Whether what was chosen is known.
+fn check_options<V: ReplayVehicle>(vehicle: &V, options: &Options) -> Result<(), DiagnoseError> {
+    let is_effect = |id: &str| crate::vehicle::TruckEffects::all().any(|effect| effect.id == id);
+    if let Some(id) = options.without.iter().find(|id| !is_effect(id)) {
+        return Err(DiagnoseError::UnknownEffect { id: id.clone() });
+    }
+    for (id, &probability) in &options.beliefs.probabilities {
+        let words = match (is_effect(id), probability > 0.0 && probability < 1.0) {
+            (false, _) => "there is no such effect; 'rfl diagnose --explain' lists all",
+            (_, false) => "a probability before the log is seen is between 0 and 1, and neither",
+            _ => continue,
+        };
+        return Err(DiagnoseError::Prior { id: id.clone(), probability, words });
+    }
+    match vehicle.tolerances().names().find(|name| !knob::is_known(name)) {
+        Some(name) => Err(DiagnoseError::UnknownTolerance { name: name.to_owned() }),
+        None => Ok(()),
+    }
+}
+
 /// Diagnoses a log; with a `reference`, a log of the same vehicle when it was as modelled, what has changed since.
 ///
 /// # Errors
@@ -108,11 +138,7 @@ pub fn diagnose<V: ReplayVehicle>(
     progress: &(dyn Fn(&str, f64) + Sync),
 ) -> Result<Diagnosis, DiagnoseError> {
     check(log)?;
-    for id in &options.without {
-        if !crate::vehicle::TruckEffects::all().any(|effect| effect.id == id) {
-            return Err(DiagnoseError::UnknownEffect { id: id.clone() });
-        }
-    }
+    check_options(vehicle, options)?;
     let threads = parallel::threads(options.threads);
     let calibration = Calibration::built_in();
     let mut findings = log.findings.clone();
@@ -171,9 +197,9 @@ pub fn diagnose<V: ReplayVehicle>(
     progress("full plant", 0.02);
     let correction = neutral(&drive, &prepared_vehicle).map_err(|reason| DiagnoseError::Replay { reason })?;
     progress("conventions", 0.05);
-    findings.extend(conventions::find_frame(&mut drive, &prepared_vehicle, &correction, threads));
     let without = &options.without;
-    let problem = Problem::new(&drive, &prepared_vehicle, &correction, without, threads);
+    let mut problem = Problem::new(&drive, &prepared_vehicle, &correction, without, threads);
+    findings.extend(conventions::find_frame(&mut problem));
     let mut prior = Prior::of(&problem);
     for knob in problem.knobs.iter().filter(|knob| knob.tolerance > 0.0) {
         inputs.tolerances.insert(knob.parameter(), knob.deviation(knob.tolerance, vehicle));
@@ -181,11 +207,12 @@ pub fn diagnose<V: ReplayVehicle>(
     if let Some(reference) = reference {
         check(reference)?;
         let (reference, _) = chosen(reference);
-        known_from(&reference, &problem, &prepared_vehicle, without, &mut prior)?;
+        known_from(&reference, &problem, &prepared_vehicle, options, &mut prior)?;
     }
     let ranking = rank(&problem, prior, &|_, _| options.pairs, progress)?;
     progress("posterior", 0.91);
-    let posterior = Posterior::of(&problem, &ranking, calibration, &constancy::causes(&problem));
+    let posterior =
+        Posterior::of(&problem, &ranking, calibration, &options.beliefs, &constancy::causes(&problem));
     let lead = lead(&posterior);
     let winner = ranking.find(&lead.effects).unwrap_or(&ranking.none).clone();
 
@@ -248,7 +275,11 @@ pub fn diagnose<V: ReplayVehicle>(
         .collect();
     let unknown = decision.unknown.filter(|_| decision.kind == VerdictKind::NotInLibrary);
     let strained = match unknown {
-        Some(Unknown::Off(i)) => Some(adjustment(i, &winner.x)),
+        Some(Unknown::Off { knob, x }) => {
+            let mut freed = winner.x.clone();
+            freed[knob] = x;
+            Some(adjustment(knob, &freed))
+        }
         _ => None,
     };
     let series = series(&problem, &ranking.prior, &drive, &winner, &simulator)?;
@@ -280,7 +311,8 @@ pub fn diagnose<V: ReplayVehicle>(
         VerdictKind::CannotTell => summary.hypotheses.iter().take(SHORT_LIST).cloned().collect(),
         _ => Vec::new(),
     };
-    let why = words::Unknown { varying: varying.as_ref(), strained: strained.as_ref() };
+    let swings = unknown == Some(Unknown::Swings);
+    let why = words::Unknown { varying: varying.as_ref(), strained: strained.as_ref(), swings };
     let straight = excitation.steer < STRAIGHT;
     let words = match decision.kind {
         VerdictKind::CannotTell => words::cannot_tell(
@@ -291,7 +323,9 @@ pub fn diagnose<V: ReplayVehicle>(
             &predictive,
             next_manoeuvre.as_ref(),
         ),
-        kind => words::verdict(kind, &effects, why, &shrink, decision.probability),
+        VerdictKind::Effect => words::effect(&effects, &shrink, decision.probability),
+        VerdictKind::None => words::none(&shrink),
+        VerdictKind::NotInLibrary => words::not_in_library(&effects, why, &shrink),
     };
     let (effects, nearest) = match decision.kind {
         VerdictKind::Effect => (effects, Vec::new()),
@@ -332,16 +366,19 @@ fn known_from<V: ReplayVehicle>(
     log: &CleanLog,
     problem: &Problem<V>,
     vehicle: &V,
-    without: &[String],
+    options: &Options,
     prior: &mut Prior,
 ) -> Result<(), DiagnoseError> {
-    let mut drive = Drive { levelled: problem.drive.levelled, ..Drive::new(log, V::TRUCK) };
+    let mut drive = Drive::new(log, V::TRUCK);
     conventions::turn_roll(&mut drive);
     if drive.duration() < SHORTEST || drive.commanded != problem.drive.commanded {
         return Ok(());
     }
     let correction = neutral(&drive, vehicle).map_err(|reason| DiagnoseError::Replay { reason })?;
-    let own = Problem::new(&drive, vehicle, &correction, without, problem.threads());
+    let mut own = Problem::new(&drive, vehicle, &correction, &options.without, problem.threads());
+    if problem.is_level() {
+        own.level();
+    }
     let mut wide = Prior::of(&own);
     let drifts = &prior.covariance * DRIFT.powi(2);
     wide.covariance *= WIDE * WIDE;
@@ -350,7 +387,7 @@ fn known_from<V: ReplayVehicle>(
     let pairs =
         |none: &Fit, singles: &[Fit]| singles.iter().any(|it| none.cost - it.cost > calibration.telling());
     let ranking = rank(&own, wide, &pairs, &|_, _| {})?;
-    let lead = lead(&Posterior::of(&own, &ranking, calibration, &[]));
+    let lead = lead(&Posterior::of(&own, &ranking, calibration, &options.beliefs, &[]));
     let known = ranking.find(&lead.effects).unwrap_or(&ranking.none);
     let covariance = ranking.linear_at(&own, known).covariance(&ranking.prior.freed(&own, &known.freed));
     prior.form = ranking.noise.beyond(&own, &known.gap);

@@ -32,6 +32,9 @@ const MORE: f64 = 10.0;
 /// Promise of a step held back that is worth a try, in gains that end a search.
 const WORTH: f64 = 10.0;
 
+/// Rounds in which strained tolerances are loosened.
+const LOOSENED: usize = 30;
+
 /// A gain that ends a search.
 fn enough(cost: f64) -> f64 {
     0.05 + 1e-4 * cost
@@ -177,22 +180,66 @@ impl Linear {
         all
     }
 
-    /// How much narrower the fit makes what the prior allows, `log det(1 + eta S' W S P^-1) / 2`: what freedom costs an
-    /// evidence (Laplace's approximation), with the likelihood to a power `eta`. Infinite where slopes are no numbers.
+    /// The same with a likelihood to a power.
     #[must_use]
-    pub fn narrowing(&self, precision: &Precision, temper: f64) -> f64 {
-        let (free, count) = (&precision.free, precision.free.len());
-        let after = DMatrix::from_fn(count, count, |a, b| {
-            temper * self.gram[(free[a], free[b])] + precision.matrix[(a, b)]
-        });
+    pub fn tempered(&self, power: f64) -> Self {
+        Self::new(self.slopes.clone(), Arc::new(self.weights.times(power)))
+    }
+
+    /// The least cost with the tails of a world, from coordinates that are `off` the expected ones with gap `gap`, and what that
+    /// freedom costs: each tolerance that is strained counts the less, the more it is (iteratively reweighted least squares).
+    /// Knobs in `freed` have no tails. None where slopes are no numbers.
+    #[must_use]
+    pub fn settled(
+        &self,
+        off: &[f64],
+        gap: &[f64],
+        precision: &Precision,
+        freed: &[usize],
+        tails: Option<f64>,
+    ) -> Option<Settled> {
+        let count = precision.free.len();
+        let gram = self.normal(precision) - &precision.matrix;
+        let (start, right) = (precision.of(off), self.project(gap, precision));
+        let squares = |off: &DVector<f64>| (&precision.matrix * off).component_mul(off).map(|it| it.max(0.0));
+        let has_tails = |a: usize| !freed.contains(&precision.free[a]);
+        let loosened = |share: &dyn Fn(f64, f64) -> f64, squares: &DVector<f64>| {
+            let Some(tails) = tails else { return precision.matrix.clone() };
+            let root = |a: usize| if has_tails(a) { share(tails, squares[a]).sqrt() } else { 1.0 };
+            DMatrix::from_fn(count, count, |a, b| precision.matrix[(a, b)] * root(a) * root(b))
+        };
+        let now = |tails: f64, square: f64| (tails + 1.0) / (tails + square);
+        let mut change = DVector::zeros(count);
+        let mut matrix = loosened(&now, &squares(&start));
+        for _ in 0..if tails.is_some() { LOOSENED } else { 1 } {
+            let solved = (&gram + &matrix).cholesky()?.solve(&(&right - &matrix * &start));
+            let moved = (&solved - &change).amax();
+            change = solved;
+            matrix = loosened(&now, &squares(&(&start + &change)));
+            if moved < 1e-3 {
+                break;
+            }
+        }
+        let penalty: f64 = squares(&(&start + &change))
+            .iter()
+            .enumerate()
+            .map(|(a, &square)| match tails.filter(|_| has_tails(a)) {
+                Some(tails) => (tails + 1.0) * (square / tails).ln_1p(),
+                None => square,
+            })
+            .sum();
+        let cost = self.square(gap) - 2.0 * right.dot(&change) + change.dot(&(&gram * &change)) + penalty;
         let half_log = |matrix: DMatrix<f64>| {
             let factor = matrix.cholesky()?;
             Some(factor.l_dirty().diagonal().iter().map(|it| it.ln()).sum::<f64>())
         };
-        match (half_log(after), half_log(precision.matrix.clone())) {
-            (Some(after), Some(before)) => after - before,
-            _ => f64::INFINITY,
-        }
+        // At the expected coordinates tails make a tolerance a little narrower.
+        let before = half_log(loosened(&now, &DVector::zeros(count)))?;
+        let narrowing = half_log(&gram + &matrix)? - before;
+        let mut all = vec![0.0; off.len()];
+        precision.free.iter().zip(change.iter()).for_each(|(&i, &change)| all[i] = change);
+        let precision = Precision { free: precision.free.clone(), matrix };
+        Some(Settled { cost, narrowing, change: all, precision })
     }
 
     /// Products of two gaps with the background marginalised: `a' (W^-1 + U U')^-1 b`.
@@ -209,6 +256,19 @@ impl Linear {
         let factor = self.normal(precision).cholesky()?;
         Some(Marginalised { linear: self, precision, factor })
     }
+}
+
+/// A linear problem at its best in a world.
+pub struct Settled {
+    /// What is left.
+    pub cost: f64,
+    /// How much narrower the log makes what the prior allows, half the logarithm of the determinants' ratio: what freedom costs
+    /// an evidence (Laplace's approximation).
+    pub narrowing: f64,
+    /// Change of the coordinates.
+    pub change: Vec<f64>,
+    /// How sure the prior is there.
+    pub precision: Precision,
 }
 
 /// The background of a linear problem, marginalised.
@@ -247,27 +307,22 @@ impl Marginalised<'_> {
 
     /// What columns `D`, each with a coordinate of standard deviation `s`, explain of a gap `e`, and these coordinates:
     /// `b' (G + 1 / s^2)^-1 b` with `b_k = <D_k, e>`, `G_kl = <D_k, D_l>`; and what their freedom costs, as
-    /// [`narrowing`](Linear::narrowing). None where they are no numbers.
+    /// [`Settled::narrowing`]. None where they are no numbers.
     #[must_use]
     pub fn explained<'a, C: Into<Cow<'a, [f64]>>>(
         &self,
         gap: &Reduced,
         columns: impl Iterator<Item = C>,
         deviation: f64,
-        temper: f64,
     ) -> Option<Explained> {
         let all: Vec<Reduced> = columns.map(|column| self.reduced(column)).collect();
         let right = DVector::from_iterator(all.len(), all.iter().map(|column| self.product(column, gap)));
         let gram = DMatrix::from_fn(all.len(), all.len(), |k, l| {
             self.product(&all[k], &all[l]) + if k == l { deviation.powi(-2) } else { 0.0 }
         });
-        let prior = deviation.powi(-2);
-        let after = DMatrix::from_fn(all.len(), all.len(), |k, l| {
-            let own = if k == l { prior } else { 0.0 };
-            (own + temper * (gram[(k, l)] - own)) / prior
-        });
-        let narrowing = after.cholesky()?.l_dirty().diagonal().iter().map(|it| it.ln()).sum();
-        let shares = gram.cholesky()?.solve(&right);
+        let factor = gram.cholesky()?;
+        let narrowing = factor.l_dirty().diagonal().iter().map(|it| (it * deviation).ln()).sum();
+        let shares = factor.solve(&right);
         Some(Explained { gain: right.dot(&shares), narrowing, shares })
     }
 }
@@ -360,6 +415,12 @@ impl Prior {
             covariance: DMatrix::from_diagonal(&DVector::from_vec(variances)),
             form: Vec::new(),
         }
+    }
+
+    /// With tolerances so many times as wide.
+    #[must_use]
+    pub fn times(&self, wider: f64) -> Self {
+        Self { covariance: &self.covariance * wider.powi(2), ..self.clone() }
     }
 
     /// With some knobs held where they are.
@@ -569,7 +630,7 @@ mod tests {
         let column_square = |[a, b]: [f64; 2]| 0.5 * a * a + b * b;
         let explained = |gap: [f64; 2], column: [f64; 2], deviation: f64| {
             let gap = background.reduced(gap.to_vec());
-            let found = background.explained(&gap, [column.to_vec()].into_iter(), deviation, 1.0).unwrap();
+            let found = background.explained(&gap, [column.to_vec()].into_iter(), deviation).unwrap();
             let expected = 0.5 * (1.0 + deviation * deviation * column_square(column)).ln();
             assert!((found.narrowing - expected).abs() < 1e-8, "{} {expected}", found.narrowing);
             (found.gain, found.shares[0])
@@ -583,6 +644,30 @@ mod tests {
             assert!((gain - expected).abs() < 1e-8, "{gain} {expected}");
             assert!((share - coordinate).abs() < 1e-8, "{share} {coordinate}");
         }
+    }
+
+    #[test]
+    fn heavy_tails_take_a_strain_more_easily_and_normal_ones_as_a_step_does() {
+        // One knob of tolerance 1, seen with the same deviation: J = (e - x)^2 + penalty(x).
+        let linear = Linear::new(vec![Arc::new(vec![1.0])], weights(1));
+        let precision = Precision { free: vec![0], matrix: DMatrix::identity(1, 1) };
+        let with = |gap: f64, tails| linear.settled(&[0.0], &[gap], &precision, &[], tails).unwrap();
+        for gap in [0.5, 3.0, 10.0] {
+            let normal = with(gap, None);
+            let step = linear.step(&[0.0], &[gap], &precision);
+            assert!((normal.cost - step.cost).abs() < 1e-6, "{} {}", normal.cost, step.cost);
+            assert!((normal.narrowing - 0.5 * 2.0_f64.ln()).abs() < 1e-6, "{}", normal.narrowing);
+            // The best x by a grid.
+            let cost = |x: f64| (gap - x).powi(2) + 5.0 * (x * x / 4.0).ln_1p();
+            let least =
+                (0..=20_000).map(|i| cost(gap * f64::from(i) / 20_000.0)).fold(f64::INFINITY, f64::min);
+            let heavy = with(gap, Some(4.0));
+            assert!((heavy.cost - least).abs() < 1e-3 * (1.0 + least), "{gap}: {} {least}", heavy.cost);
+            // What is freed has no tails.
+            let freed = linear.settled(&[0.0], &[gap], &precision, &[0], Some(4.0)).unwrap();
+            assert!((freed.cost - normal.cost).abs() < 1e-9);
+        }
+        assert!(with(10.0, Some(4.0)).cost < 0.5 * with(10.0, None).cost);
     }
 
     #[test]

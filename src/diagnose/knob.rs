@@ -6,7 +6,7 @@
 
 use super::calibration::Calibration;
 use super::form::FORMS;
-use super::replay::{Channel, Drive, ReplayVehicle, Trace};
+use super::replay::{Channel, Drive, LEAK, ReplayVehicle, Trace};
 use crate::vehicle::{Effect, TruckEffects};
 
 /// What a knob turns.
@@ -28,8 +28,12 @@ enum Turns {
     Bias(Channel),
     /// Place of what velocities sideways are given for: unit * x forward of the reference point.
     Arm,
+    /// Height of that point over the one that the model means: unit * x, m.
+    ReferenceHeight,
     /// Lateness by the low pass of the inertial sensors: unit * x, s.
     InertialLag,
+    /// Lateness of what a satellite receiver gives: unit * x, s.
+    ReceiverLate,
     /// Height of the accelerometer over the vehicle's CG: unit * x, m.
     ImuHeight,
     /// An error of the model's form, by its place in [`FORMS`]: unit * x of its shape.
@@ -139,13 +143,25 @@ const SENSORS: &[(&str, Channel, f64, bool)] = &[
 const INERTIAL: [Channel; 3] = [Channel::YawRate, Channel::Ay, Channel::Ax];
 const INERTIAL_LAG: f64 = 0.010;
 
+/// A satellite receiver or navigation unit has a clock and a latency of its own, s.
+const RECEIVER_LATE: f64 = 0.05;
+
 /// An accelerometer sits in the body, at a height that no vehicle file knows, m: `z` over the CG it feels `-z` times the roll
-/// acceleration besides.
+/// acceleration besides. A navigation unit gives that of a point of its user's choice, which may lie on the road.
 const IMU_HEIGHT: f64 = 0.15;
+const UNIT_HEIGHT: f64 = 0.5;
+/// The same of what a velocity sideways and a place are given for, m: the body's CG, or the road's point below.
+const REFERENCE_HEIGHT: f64 = 0.3;
 
 /// Coordinates of what is no effect are kept within this: six standard deviations of the widest prior. A fit that went
 /// further was lost, in a minimum of its own with a spring eleven times as stiff.
 const FARTHEST: f64 = 12.0;
+const REFERENCE_X: &str = "sensor.reference_x";
+const REFERENCE_Z: &str = "sensor.reference_z";
+const FILTERED: &str = "sensor.inertial_lag";
+const RECEIVER: &str = "sensor.receiver_late";
+const HEIGHT: &str = "sensor.imu_height";
+const OTHER_SENSORS: [&str; 5] = [REFERENCE_X, REFERENCE_Z, FILTERED, RECEIVER, HEIGHT];
 const TYRE_SHAPE: &str = "form.tyre.shape";
 const TYRE_CURVATURE: &str = "form.tyre.curvature";
 const TYRE_PEAK: &str = "form.tyre.peak";
@@ -249,13 +265,22 @@ pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -
         }
     }
     if drive.channels.contains(&Channel::Vy) {
-        knobs.push(further("sensor.reference_x", Turns::Arm, 0.05));
+        knobs.push(further(REFERENCE_X, Turns::Arm, 0.05));
+    }
+    if [Channel::Vy, Channel::Across].iter().any(|channel| drive.channels.contains(channel)) {
+        knobs.push(further(REFERENCE_Z, Turns::ReferenceHeight, REFERENCE_HEIGHT));
     }
     if INERTIAL.iter().any(|channel| drive.channels.contains(channel)) {
-        knobs.push(further("sensor.inertial_lag", Turns::InertialLag, INERTIAL_LAG));
+        knobs.push(further(FILTERED, Turns::InertialLag, INERTIAL_LAG));
+    }
+    // Where all that is compared comes by the receiver, its lateness is that of the sensors.
+    if drive.channels.iter().any(|channel| channel.by_receiver())
+        && INERTIAL.iter().any(|channel| drive.channels.contains(channel))
+    {
+        knobs.push(further(RECEIVER, Turns::ReceiverLate, RECEIVER_LATE));
     }
     if drive.channels.contains(&Channel::Ay) {
-        knobs.push(further("sensor.imu_height", Turns::ImuHeight, IMU_HEIGHT));
+        knobs.push(further(HEIGHT, Turns::ImuHeight, IMU_HEIGHT));
     }
     let form = &Calibration::built_in().form;
     let [shape, curvature, peak, softening] = form.tyre(V::TRUCK);
@@ -289,7 +314,35 @@ pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -
             ));
         }
     }
+    as_the_file_says(&mut knobs, vehicle);
     knobs
+}
+
+/// Tolerances that the vehicle file tells.
+fn as_the_file_says<V: ReplayVehicle>(knobs: &mut [Knob], vehicle: &V) {
+    for knob in knobs {
+        if let Some(deviation) = vehicle.tolerances().of(&knob.parameter()) {
+            knob.tolerance = deviation / knob.deviation(1.0, vehicle).abs().max(f64::MIN_POSITIVE);
+        }
+    }
+}
+
+/// Tolerances where the lateral acceleration is that of a level frame.
+pub fn level<V: ReplayVehicle>(knobs: &mut [Knob], vehicle: &V) {
+    if let Some(height) = knobs.iter_mut().find(|knob| knob.id == HEIGHT) {
+        height.tolerance = UNIT_HEIGHT / IMU_HEIGHT;
+    }
+    as_the_file_says(knobs, vehicle);
+}
+
+/// Whether something of this name may have a tolerance, on some log of some vehicle.
+#[must_use]
+pub fn is_known(name: &str) -> bool {
+    let effect = |id: &str| EFFECTS.iter().any(|row| row.0 == id);
+    name.strip_prefix("effect.").is_some_and(effect)
+        || PARAMETERS.iter().any(|row| row.0 == name || row.1 == name)
+        || SENSORS.iter().any(|row| row.0 == name)
+        || OTHER_SENSORS.contains(&name)
 }
 
 /// Rate of the command that is hardly exceeded, rad/s.
@@ -336,7 +389,12 @@ impl Knob {
     pub fn is_sensed(&self) -> bool {
         matches!(
             self.turns,
-            Turns::Scale(_) | Turns::Bias(_) | Turns::Arm | Turns::InertialLag | Turns::ImuHeight
+            Turns::Scale(_)
+                | Turns::Bias(_)
+                | Turns::Arm
+                | Turns::ReferenceHeight
+                | Turns::InertialLag
+                | Turns::ImuHeight
         )
     }
 
@@ -369,7 +427,9 @@ impl Knob {
             Turns::Shift
             | Turns::Bias(_)
             | Turns::Arm
+            | Turns::ReferenceHeight
             | Turns::InertialLag
+            | Turns::ReceiverLate
             | Turns::ImuHeight
             | Turns::Form(_)
             | Turns::TyreCurvature
@@ -421,7 +481,9 @@ impl Knob {
             Turns::Scale(_)
             | Turns::Bias(_)
             | Turns::Arm
+            | Turns::ReferenceHeight
             | Turns::InertialLag
+            | Turns::ReceiverLate
             | Turns::ImuHeight
             | Turns::Form(_) => {}
         }
@@ -439,6 +501,24 @@ impl Knob {
                     .iter_mut()
                     .zip(rate)
                     .for_each(|(vy, rate)| *vy += arm * rate);
+                return;
+            }
+            Turns::ReferenceHeight => {
+                let (height, keep) = (self.value(x), (-drive.step / LEAK).exp());
+                let Trace { columns, roll, .. } = trace;
+                for &(from, to) in &drive.stretches {
+                    let (mut across, mut before) = (0.0, roll[from]);
+                    for row in from..to {
+                        let moved = -height * (roll[row] - before);
+                        before = roll[row];
+                        across = keep * (across + moved);
+                        for (channel, by) in [(Channel::Vy, moved / drive.step), (Channel::Across, across)] {
+                            if let Some(value) = columns[channel as usize].get_mut(row) {
+                                *value += by;
+                            }
+                        }
+                    }
+                }
                 return;
             }
             Turns::InertialLag => {
@@ -515,6 +595,13 @@ pub fn at<V: ReplayVehicle>(knobs: &[Knob], x: &[f64], vehicle: &V) -> (V, Truck
         knob.put(x, &mut vehicle, &mut effects);
     }
     (vehicle, effects)
+}
+
+/// How late the columns of a receiver are beside all others, s.
+#[must_use]
+pub fn receiver_late(knobs: &[Knob], x: &[f64]) -> f64 {
+    let place = knobs.iter().position(|knob| knob.turns == Turns::ReceiverLate);
+    place.map_or(0.0, |i| knobs[i].value(x[i]))
 }
 
 /// What the sensors' knobs do to a replay.

@@ -26,8 +26,10 @@
 //! | `noise.rs` | what a gap is measured against |
 //! | `profile.rs` | the road that nobody told of |
 //! | `rank.rs` | candidates and their evidence |
+//! | `beliefs.rs` | what is believed before a log is seen |
 //! | `calibration.rs` | numbers of the statistical model, from `calibration.toml` |
 //! | `constancy.rs` | whether an effect acts with one value throughout |
+//! | `resonance.rs` | whether the steering swings |
 //! | `posterior.rs` | how probable each hypothesis is |
 //! | `decision.rs` | from the posterior to what is the matter |
 //! | `dominance.rs` | the size of an effect beside the background |
@@ -49,6 +51,7 @@
 //! Source: the recipe is that of the specification; marginalising over a linear Gaussian background as in Rasmussen and
 //! Williams, Gaussian Processes for Machine Learning, 2006, sec. 2.7.
 
+pub mod beliefs;
 pub mod calibration;
 #[cfg(feature = "cli")]
 pub mod closed_loop;
@@ -76,6 +79,7 @@ pub mod profile;
 pub mod rank;
 pub mod replay;
 mod report;
+mod resonance;
 mod select;
 mod shrink;
 pub mod simulated;

@@ -1,5 +1,6 @@
 //! A decision in the user's terms: effects with values, intervals and classes, and all candidates with why they are not named.
 
+use super::beliefs::World;
 use super::calibration::Calibration;
 use super::constancy::Cause;
 use super::dominance::dominance;
@@ -10,7 +11,7 @@ use super::posterior::{Posterior, Unknown};
 use super::problem::Problem;
 use super::rank::Ranking;
 use super::replay::ReplayVehicle;
-use super::report::{Candidate, Hypothesis, NamedEffect, Probabilities, VerdictKind};
+use super::report::{Candidate, Hypothesis, NamedEffect, Probabilities, Spread, VerdictKind};
 use super::words;
 use std::collections::BTreeMap;
 
@@ -151,14 +152,14 @@ pub(super) fn summary<V: ReplayVehicle>(problem: &Problem<V>, posterior: &Poster
     let id = |&i: &usize| problem.knobs[i].id.to_owned();
     let said = |unknown: &Unknown| match unknown {
         Unknown::Varies(it) => format!("{} changes {}", problem.knobs[it.effect].id, Cause::words(it.with)),
-        Unknown::Off(i) => format!("{} is off", problem.knobs[*i].parameter()),
+        Unknown::Swings => "the steering swings".to_owned(),
+        Unknown::Off { knob, .. } => format!("{} is off", problem.knobs[*knob].parameter()),
         Unknown::Misfit(size) => format!("{size:.1} times as much is left as a model of this form leaves"),
     };
     let hypothesis = |it: &super::posterior::Hypothesis| Hypothesis {
         effects: it.effects.iter().map(id).collect(),
         not_in_library: it.unknown.as_ref().map(said),
-        evidence: it.evidence,
-        narrowing: it.narrowing,
+        terms: it.terms.clone(),
         probability: it.probability,
     };
     let may_be = (0..problem.knobs.len()).filter(|&i| problem.knobs[i].is_candidate());
@@ -166,6 +167,15 @@ pub(super) fn summary<V: ReplayVehicle>(problem: &Problem<V>, posterior: &Poster
     Probabilities {
         none: posterior.none(),
         not_in_library: posterior.unknown(),
+        tolerances: posterior
+            .worlds
+            .iter()
+            .map(|&(World { factor, tails, .. }, probability)| Spread {
+                factor,
+                heavy_tails: tails.is_some(),
+                probability,
+            })
+            .collect(),
         inclusion: inclusion.collect(),
         hypotheses: posterior
             .hypotheses

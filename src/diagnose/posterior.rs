@@ -14,17 +14,21 @@
 //! | a value that is not one | an effect follows angle, speed, place, ...: `constancy.rs` |
 //! |---|---|
 //! | something else is off | a number of the vehicle that is no effect is freed like one |
+//! | a steering that swings | `resonance.rs` |
 //! | a misfit | what is left has a size `m` in units of what the model's form leaves, log-normal with a deviation `known` where the library has the cause, `broad` where it has not |
 //!
 //! Sources: a tempered posterior as in Bissiri, Holmes and Walker, J. R. Stat. Soc. B 78 (2016); hypotheses found by search as in
 //! Madigan and Raftery, J. Am. Stat. Assoc. 89 (1994).
 
+use super::beliefs::{Beliefs, World};
 use super::calibration::Calibration;
 use super::constancy::{self, Variation};
-use super::fit::{Fit, Linear};
+use super::fit::{Fit, Linear, Precision, Prior, Settled};
 use super::problem::{Problem, rms};
-use super::rank::Ranking;
+use super::rank::{Ranking, predicted};
 use super::replay::ReplayVehicle;
+use super::report::Term;
+use super::resonance::resonance;
 use crate::residual::parallel;
 
 /// Logarithm of the share of the best hypothesis below which one says nothing.
@@ -35,8 +39,10 @@ const NEGLIGIBLE: f64 = -20.0;
 pub enum Unknown {
     /// The value of an effect would have to change.
     Varies(Variation),
-    /// What is no effect of the library would have to be far off: its knob.
-    Off(usize),
+    /// What is no effect of the library would have to be far off: its knob, and its coordinate then.
+    Off { knob: usize, x: f64 },
+    /// The steering swings.
+    Swings,
     /// Too much is left: so many times what the model's form leaves.
     Misfit(f64),
 }
@@ -48,10 +54,8 @@ pub struct Hypothesis {
     pub effects: Vec<usize>,
     /// Whether the cause is one that the library does not have, and what says so.
     pub unknown: Option<Unknown>,
-    /// How much better it explains the log than nothing, `J_none - J`; of an unknown cause, than what it comes upon.
-    pub evidence: f64,
-    /// What its freedom costs, beside that.
-    pub narrowing: f64,
+    /// What it is weighed by in each world.
+    pub terms: Vec<Term>,
     /// Its probability.
     pub probability: f64,
 }
@@ -71,6 +75,8 @@ impl Hypothesis {
 pub struct Posterior {
     /// They add up to 1.
     pub hypotheses: Vec<Hypothesis>,
+    /// How probable each world is.
+    pub worlds: Vec<(World, f64)>,
 }
 
 impl Posterior {
@@ -83,7 +89,7 @@ impl Posterior {
         let sum: f64 = hypotheses.iter().map(|it| it.probability).sum();
         hypotheses.iter_mut().for_each(|it| it.probability /= sum);
         hypotheses.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-        Self { hypotheses }
+        Self { hypotheses, worlds: Vec::new() }
     }
 
     /// Of a ranking; `causes` is what values may vary with.
@@ -91,46 +97,48 @@ impl Posterior {
         problem: &Problem<V>,
         ranking: &Ranking,
         calibration: &Calibration,
+        beliefs: &Beliefs,
         causes: &[constancy::Columns],
     ) -> Self {
-        let temper = calibration.temper;
-        let narrowing =
-            |linear: &Linear, freed: &[usize]| linear.narrowing(&ranking.prior.freed(problem, freed), temper);
-        let of_none = narrowing(&ranking.linear, &[]);
         let fits: Vec<&Fit> =
             std::iter::once(&ranking.none).chain((1..=3).flat_map(|count| ranking.of(count))).collect();
-        let known = parallel::map(problem.threads(), fits.len(), |k| {
-            let fit = fits[k];
-            let own = ranking.linear.with(&fit.of_freed());
-            let evidence = ranking.none.cost - fit.cost;
-            let narrowing = narrowing(&own, &fit.freed) - of_none;
-            let weight = calibration.weight(evidence, narrowing, fit.freed.len());
-            Hypothesis { effects: fit.freed.clone(), unknown: None, evidence, narrowing, probability: weight }
-        });
-        let upon = |base: &Hypothesis, unknown: Unknown, evidence: f64, narrowing: f64| {
-            let more = calibration.unknown_weight(&unknown, evidence, narrowing);
-            let unknown = Some(unknown);
-            Hypothesis { unknown, evidence, narrowing, probability: base.probability + more, ..base.clone() }
-        };
-        let varies = |base, it: Variation| upon(base, Unknown::Varies(it), it.gain, it.narrowing);
-        // None is always there.
-        let weights = known.iter().map(|it| it.probability).enumerate();
-        let best = weights.max_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(place, _)| place);
-        let (base, fit) = (&known[best], fits[best]);
-        let single = constancy::best_single(problem, ranking, causes, temper);
-        let mut unknown: Vec<Hypothesis> = Vec::new();
-        unknown.extend(single.map(|(place, variation)| varies(&known[1 + place], variation)));
-        let local = ranking.linear_at(problem, fit);
-        let here = narrowing(&local, &fit.freed);
-        let variations = constancy::variations(problem, ranking, causes, &local, fit, temper);
-        unknown.extend(variations.into_iter().map(|it| varies(base, it)));
-        for (knob, evidence) in others(problem, ranking, &local, fit) {
-            let narrower = narrowing(&local, &[&fit.freed[..], &[knob]].concat()) - here;
-            unknown.push(upon(base, Unknown::Off(knob), evidence, narrower));
-        }
-        let size = misfit(problem, ranking, calibration, fit);
-        unknown.push(upon(base, Unknown::Misfit(size), 0.0, 0.0));
-        Self::normalised(known.into_iter().chain(unknown).collect())
+        let linear = ranking.linear.tempered(calibration.temper);
+        let linears: Vec<Linear> =
+            parallel::map(problem.threads(), fits.len(), |k| linear.with(&fits[k].of_freed()));
+        let worlds = beliefs.trust.worlds(calibration);
+        let mut reference = None;
+        let all: Vec<Vec<Hypothesis>> = worlds
+            .iter()
+            .map(|world| {
+                let prior = ranking.prior.times(world.factor);
+                let settled = parallel::map(problem.threads(), fits.len(), |k| {
+                    settled(problem, &prior, &linears[k], fits[k], &fits[k].freed, world)
+                });
+                let Some(none) = settled[0].as_ref() else { return Vec::new() };
+                let (cost, narrowing) = *reference.get_or_insert((none.cost, none.narrowing));
+                let hypothesis = |(fit, at): (&&Fit, &Option<Settled>)| {
+                    let at = at.as_ref()?;
+                    let (evidence, narrowing) = (cost - at.cost, at.narrowing - narrowing);
+                    let odds: f64 =
+                        fit.freed.iter().map(|&i| beliefs.odds(problem.knobs[i].id, calibration)).sum();
+                    let probability = calibration.weight(evidence, narrowing, odds + world.odds);
+                    let effects = fit.freed.clone();
+                    let terms = vec![Term { heavy_tails: world.tails.is_some(), evidence, narrowing }];
+                    Some(Hypothesis { effects, unknown: None, terms, probability })
+                };
+                let known: Vec<Option<Hypothesis>> = fits.iter().zip(&settled).map(hypothesis).collect();
+                let given = Given { problem, calibration, causes, prior: &prior, world };
+                let mut all = given.unknown(ranking, &fits, &linears, &settled, &known);
+                all.extend(known.into_iter().flatten());
+                all
+            })
+            .collect();
+        let weight =
+            |all: &Vec<Hypothesis>| all.iter().map(|it| it.probability).fold(f64::NEG_INFINITY, log_sum);
+        let weights: Vec<f64> = all.iter().map(weight).collect();
+        let total = weights.iter().copied().fold(f64::NEG_INFINITY, log_sum);
+        let worlds = worlds.into_iter().zip(weights).map(|(world, weight)| (world, (weight - total).exp()));
+        Self { worlds: worlds.collect(), ..Self::normalised(merged(all.into_iter().flatten())) }
     }
 
     /// That nothing is the matter.
@@ -162,25 +170,140 @@ impl Posterior {
     }
 }
 
-/// What is no effect of the library, or may not be named, and the evidence of freeing it besides: as the slopes at the fit say.
-fn others<V: ReplayVehicle>(
+/// Logarithm of the sum of two, by their logarithms.
+fn log_sum(one: f64, other: f64) -> f64 {
+    let (more, less) = (one.max(other), one.min(other));
+    if less == f64::NEG_INFINITY { more } else { more + (less - more).exp().ln_1p() }
+}
+
+/// Hypotheses of the same in one, with the logarithm of the sum of their weights.
+fn merged(all: impl Iterator<Item = Hypothesis>) -> Vec<Hypothesis> {
+    let mut found: Vec<Hypothesis> = Vec::new();
+    for it in all {
+        let is_same =
+            |known: &&mut Hypothesis| known.effects == it.effects && same(known.unknown, it.unknown);
+        match found.iter_mut().find(is_same) {
+            Some(known) => {
+                let sum = log_sum(known.probability, it.probability);
+                let terms = [&known.terms[..], &it.terms].concat();
+                // What it says of itself is said of the likelier world.
+                let likelier = if it.probability > known.probability { it } else { known.clone() };
+                *known = Hypothesis { terms, probability: sum, ..likelier };
+            }
+            None => found.push(it),
+        }
+    }
+    found
+}
+
+/// Whether two causes that the library does not have are one.
+fn same(one: Option<Unknown>, other: Option<Unknown>) -> bool {
+    match (one, other) {
+        (None, None)
+        | (Some(Unknown::Swings), Some(Unknown::Swings))
+        | (Some(Unknown::Misfit(_)), Some(Unknown::Misfit(_))) => true,
+        (Some(Unknown::Off { knob: one, .. }), Some(Unknown::Off { knob: other, .. })) => one == other,
+        (Some(Unknown::Varies(one)), Some(Unknown::Varies(other))) => {
+            one.effect == other.effect && one.with == other.with
+        }
+        _ => false,
+    }
+}
+
+/// A fit at its best in a world, with what is freed.
+fn settled<V: ReplayVehicle>(
     problem: &Problem<V>,
-    ranking: &Ranking,
-    local: &Linear,
+    prior: &Prior,
+    linear: &Linear,
     fit: &Fit,
-) -> Vec<(usize, f64)> {
-    let cost = |freed: &[usize]| {
-        let precision = ranking.prior.freed(problem, freed);
-        ranking.prior.step(local, &fit.x, &fit.gap, &precision).cost
+    freed: &[usize],
+    world: &World,
+) -> Option<Settled> {
+    let normal = problem.with_companions(freed);
+    let off = prior.off(&fit.x);
+    let by = |precision: &Precision| linear.settled(&off, &fit.gap, precision, &normal, world.tails);
+    let found = by(&prior.freed(problem, freed))?;
+    // An effect that would leave its range stays where it was found: at the end of it.
+    let is_beyond = |&i: &usize| {
+        let x = fit.x[i] + found.change[i];
+        problem.knobs[i].within(x, fit.freed.contains(&i)) != x
     };
-    let without = cost(&fit.freed);
-    let companions = problem.with_companions(&fit.freed);
-    let is_other = |&i: &usize| {
-        let knob = &problem.knobs[i];
-        knob.tolerance > 0.0 && !knob.is_candidate() && !knob.is_form() && !companions.contains(&i)
-    };
-    let freed = |i: usize| (i, without - cost(&[&fit.freed[..], &[i]].concat()));
-    (0..problem.knobs.len()).filter(is_other).map(freed).collect()
+    let beyond: Vec<usize> = freed.iter().copied().filter(is_beyond).collect();
+    if beyond.is_empty() { Some(found) } else { by(&prior.freed_but(problem, freed, &beyond)) }
+}
+
+/// What a world is asked with.
+struct Given<'a, V> {
+    problem: &'a Problem<'a, V>,
+    calibration: &'a Calibration,
+    causes: &'a [constancy::Columns],
+    prior: &'a Prior,
+    world: &'a World,
+}
+
+impl<V: ReplayVehicle> Given<'_, V> {
+    /// Causes that the library does not have, upon the best of what it has.
+    fn unknown(
+        &self,
+        ranking: &Ranking,
+        fits: &[&Fit],
+        linears: &[Linear],
+        settled: &[Option<Settled>],
+        known: &[Option<Hypothesis>],
+    ) -> Vec<Hypothesis> {
+        let Self { problem, calibration, causes, prior, .. } = *self;
+        let weight = |it: &Option<Hypothesis>| it.as_ref().map_or(f64::NEG_INFINITY, |it| it.probability);
+        let best = known.iter().enumerate().max_by(|a, b| weight(a.1).total_cmp(&weight(b.1)));
+        let Some((best, Some(base))) = best else { return Vec::new() };
+        let fit = fits[best];
+        let upon = |base: &Hypothesis, unknown: Unknown, evidence: f64, narrowing: f64| {
+            let more = calibration.unknown_weight(&unknown, evidence, narrowing);
+            let terms = vec![Term { heavy_tails: self.world.tails.is_some(), evidence, narrowing }];
+            let (effects, probability) = (base.effects.clone(), base.probability + more);
+            Hypothesis { effects, unknown: Some(unknown), terms, probability }
+        };
+        let varies = |base, it: Variation| upon(base, Unknown::Varies(it), it.gain, it.narrowing);
+        let mut unknown: Vec<Hypothesis> = Vec::new();
+        // Of a single effect that is the best it is told below.
+        let is_other = |&k: &usize| k != best && fits[k].freed.len() == 1;
+        let places: Vec<usize> = (0..fits.len()).filter(is_other).filter(|&k| settled[k].is_some()).collect();
+        let singles: Vec<_> =
+            places.iter().filter_map(|&k| Some((fits[k], &linears[k], settled[k].as_ref()?))).collect();
+        let single = constancy::best_single(problem, prior, causes, &singles);
+        unknown.extend(single.and_then(|(place, it)| Some(varies(known[places[place]].as_ref()?, it))));
+        let local = ranking.linear_at(problem, fit).tempered(calibration.temper);
+        let Some(here) = self::settled(problem, prior, &local, fit, &fit.freed, self.world) else {
+            return unknown;
+        };
+        let variations = constancy::variations(problem, prior, causes, (&local, &here.precision), fit);
+        unknown.extend(variations.into_iter().map(|it| varies(base, it)));
+        let at = [
+            (&known[0], fits[0], &linears[0], settled[0].as_ref()),
+            (&known[best], fit, &local, Some(&here)),
+        ];
+        for (base, fit, linear, settled) in at.into_iter().skip(usize::from(best == 0)) {
+            if let (Some(base), Some(settled)) = (base, settled)
+                && let Some(it) = resonance(problem, prior, (linear, &settled.precision), fit)
+            {
+                unknown.push(upon(base, Unknown::Swings, it.gain, it.narrowing));
+            }
+        }
+        let others = parallel::map(problem.threads(), problem.knobs.len(), |knob| {
+            let it = &problem.knobs[knob];
+            let is_free = fit.freed.contains(&knob) || problem.with_companions(&fit.freed).contains(&knob);
+            let is_other = it.tolerance > 0.0 && !it.is_candidate() && !it.is_form() && !is_free;
+            let freed = is_other.then(|| [&fit.freed[..], &[knob]].concat())?;
+            let there = self::settled(problem, prior, &local, fit, &freed, self.world)?;
+            let x = fit.x[knob] + there.change[knob];
+            let (evidence, narrowing) = (here.cost - there.cost, there.narrowing - here.narrowing);
+            Some(upon(base, Unknown::Off { knob, x }, evidence, narrowing))
+        });
+        unknown.extend(others.into_iter().flatten());
+        let left = predicted(&local, &fit.gap, &here.change);
+        let size = misfit(problem, ranking, calibration, &left);
+        unknown.push(upon(base, Unknown::Misfit(size), 0.0, 0.0));
+        unknown
+    }
 }
 
 /// Size of what a fit leaves beside the likeliest road, in units of what the model's form leaves: of each signal, and of what is
@@ -189,10 +312,10 @@ fn misfit<V: ReplayVehicle>(
     problem: &Problem<V>,
     ranking: &Ranking,
     calibration: &Calibration,
-    fit: &Fit,
+    left: &[f64],
 ) -> f64 {
     let weights = &ranking.linear.weights;
-    let (rest, before) = (weights.rest(&fit.gap), weights.rest(&ranking.neutral));
+    let (rest, before) = (weights.rest(left), weights.rest(&ranking.neutral));
     let squares: Vec<f64> = problem
         .blocks
         .iter()
@@ -214,8 +337,7 @@ mod tests {
         let of = |effects: &[usize], unknown, weight: f64| Hypothesis {
             effects: effects.to_vec(),
             unknown,
-            evidence: 0.0,
-            narrowing: 0.0,
+            terms: Vec::new(),
             probability: weight,
         };
         let posterior = Posterior::normalised(vec![

@@ -40,6 +40,8 @@ pub struct Problem<'a, V> {
     pub blocks: Vec<(Channel, Range<usize>)>,
     /// What an unknown road does to the residuals.
     pub profile: Option<Arc<Profile>>,
+    /// Whether `ay` is that of a level frame (an inertial navigation unit), without gravity's share by roll and bank.
+    levelled: bool,
     measured: Vec<f64>,
     size: Vec<f64>,
     /// What the errors of the form add: knob, channel, shape.
@@ -88,6 +90,7 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
             rows,
             blocks,
             profile: None,
+            levelled: false,
             measured,
             size,
             forms,
@@ -110,6 +113,10 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
             let size = self.knobs[*knob].unit * x[*knob];
             column.iter_mut().zip(shape).for_each(|(value, shape)| *value += size * shape);
         }
+        let late = knob::receiver_late(&self.knobs, x);
+        if late != 0.0 {
+            all.to_mut().receiver_late = late;
+        }
         all
     }
 
@@ -118,15 +125,66 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
     /// # Errors
     /// A vehicle that cannot be made.
     pub fn trace(&self, x: &[f64]) -> Result<Trace, String> {
-        let mut trace = self.motion(x)?;
-        knob::sense(&self.knobs, x, self.drive, &mut trace);
-        Ok(trace)
+        Ok(self.sensed(self.motion(x)?, x, self.levelled))
     }
 
-    /// The replay before what only the sensors' knobs do to it.
+    /// The same, started anew from the log every so many rows.
+    pub(super) fn trace_anew(&self, x: &[f64], rows: usize) -> Option<Trace> {
+        let (vehicle, effects) = knob::at(&self.knobs, x, self.vehicle);
+        let trace = replay(self.drive, &vehicle, &effects, &self.corrected(x), Some(rows)).ok()?;
+        Some(self.sensed(trace, x, self.levelled))
+    }
+
+    /// The replay before what only the sensors' frame and knobs do to it.
     fn motion(&self, x: &[f64]) -> Result<Trace, String> {
         let (vehicle, effects) = knob::at(&self.knobs, x, self.vehicle);
         replay(self.drive, &vehicle, &effects, &self.corrected(x), None)
+    }
+
+    /// What the sensors make of a replay.
+    fn sensed(&self, mut trace: Trace, x: &[f64], levelled: bool) -> Trace {
+        if levelled {
+            let ay = &mut trace.columns[Channel::Ay as usize];
+            ay.iter_mut().zip(&trace.felt).for_each(|(ay, felt)| *ay -= felt);
+        }
+        knob::sense(&self.knobs, x, self.drive, &mut trace);
+        trace
+    }
+
+    /// Takes `ay` for that of a level frame.
+    pub(super) fn level(&mut self) {
+        self.levelled = true;
+        knob::level(&mut self.knobs, self.vehicle);
+        self.kept.lock().unwrap_or_else(PoisonError::into_inner).clear();
+        self.profile = Profile::of(self).map(Arc::new);
+    }
+
+    /// Whether `ay` is that of a level frame.
+    pub(super) fn is_level(&self) -> bool {
+        self.levelled
+    }
+
+    /// Gaps and slopes with `ay` in the body's frame and in a level one, by the same replays. None where there is no such vehicle.
+    pub(super) fn in_both_frames(&self, x: &[f64]) -> Option<[(Vec<f64>, Vec<Arc<Vec<f64>>>); 2]> {
+        let both = |motion: &Trace, x: &[f64]| {
+            [false, true].map(|levelled| self.compare(&self.sensed(motion.clone(), x, levelled)))
+        };
+        let motion = self.motion(x).ok()?;
+        let here = both(&motion, x);
+        let slopes = parallel::map(self.threads, self.knobs.len(), |knob| {
+            let (there, size) = self.aside(x, knob);
+            let gaps = if self.knobs[knob].is_sensed() {
+                Some(both(&motion, &there))
+            } else {
+                self.motion(&there).ok().map(|motion| both(&motion, &there))
+            };
+            [0, 1].map(|frame| Arc::new(slope(&here[frame], gaps.as_ref().map(|gaps| &gaps[frame]), size)))
+        });
+        let [body, level] = [0, 1].map(|frame| slopes.iter().map(|of| of[frame].clone()).collect::<Vec<_>>());
+        // Those of the body's frame are asked for next.
+        self.keep(x, &body);
+        let [here_body, here_level] = here;
+        Some([(here_body, body), (here_level, level)])
     }
 
     /// Log less replay, filtered. None where there is no such vehicle.
@@ -142,7 +200,16 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
         drive.columns.insert(name, column);
         let (vehicle, effects) = knob::at(&self.knobs, x, self.vehicle);
         let trace = replay(&drive, &vehicle, &effects, &self.corrected(x), None).ok()?;
-        Some(self.compare(&trace))
+        Some(self.compare(&self.sensed(trace, x, self.levelled)))
+    }
+
+    /// The same with something added to the steering.
+    pub(super) fn residual_steered(&self, x: &[f64], more: &[f64]) -> Option<Vec<f64>> {
+        let mut drive = self.drive.clone();
+        drive.steer.iter_mut().zip(more).for_each(|(steer, more)| *steer += more);
+        let (vehicle, effects) = knob::at(&self.knobs, x, self.vehicle);
+        let trace = replay(&drive, &vehicle, &effects, &self.corrected(x), None).ok()?;
+        Some(self.compare(&self.sensed(trace, x, self.levelled)))
     }
 
     /// Log less a replay, filtered.
@@ -175,16 +242,19 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
         knob: usize,
         residual: impl Fn(&[f64]) -> Option<Vec<f64>>,
     ) -> Vec<f64> {
+        let (there, size) = self.aside(x, knob);
+        slope(here, residual(&there).as_ref(), size)
+    }
+
+    /// Where a slope over a knob is taken from, and how far that is.
+    fn aside(&self, x: &[f64], knob: usize) -> (Vec<f64>, f64) {
         let it = &self.knobs[knob];
         let size = it.stride();
         let mut there = x.to_vec();
         // Downwards at the upper end.
         let size = if x[knob] + size > it.greatest { -size } else { size };
         there[knob] += size;
-        match residual(&there) {
-            Some(there) => here.iter().zip(&there).map(|(here, there)| (here - there) / size).collect(),
-            None => vec![0.0; here.len()],
-        }
+        (there, size)
     }
 
     /// Whether slopes at one place are those at another.
@@ -203,23 +273,23 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
             return slopes.clone();
         }
         let slopes = self.taken(x, here);
-        let mut kept = kept();
+        self.keep(x, &slopes);
+        slopes
+    }
+
+    fn keep(&self, x: &[f64], slopes: &[Arc<Vec<f64>>]) {
+        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         if kept.len() == KEPT {
             kept.remove(0);
         }
-        kept.push((x.to_vec(), slopes.clone()));
-        slopes
+        kept.push((x.to_vec(), slopes.to_vec()));
     }
 
     /// Slopes over all knobs, taken anew.
     fn taken(&self, x: &[f64], here: &[f64]) -> Vec<Arc<Vec<f64>>> {
         // What the sensors' knobs turn does not move the vehicle: one replay serves them all.
         let motion = self.motion(x).ok();
-        let sensed = |there: &[f64]| {
-            let mut trace = motion.clone()?;
-            knob::sense(&self.knobs, there, self.drive, &mut trace);
-            Some(self.compare(&trace))
-        };
+        let sensed = |there: &[f64]| Some(self.compare(&self.sensed(motion.clone()?, there, self.levelled)));
         parallel::map(self.threads, self.knobs.len(), |knob| {
             let it = &self.knobs[knob];
             if it.form().is_some() {
@@ -257,6 +327,14 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
     pub fn with_companions(&self, knobs: &[usize]) -> Vec<usize> {
         let companions = knobs.iter().filter_map(|&knob| Some(self.companion(knob)?.0));
         knobs.iter().copied().chain(companions).collect()
+    }
+}
+
+/// Slope of a gap over a step; none where there is no vehicle.
+fn slope(here: &[f64], there: Option<&Vec<f64>>, size: f64) -> Vec<f64> {
+    match there {
+        Some(there) => here.iter().zip(there).map(|(here, there)| (here - there) / size).collect(),
+        None => vec![0.0; here.len()],
     }
 }
 

@@ -276,10 +276,19 @@ impl Weights {
         Self { road: profile.filter(|_| is_rough).and_then(with), each }
     }
 
+    /// The same with so many times the weight.
+    #[must_use]
+    pub fn times(&self, factor: f64) -> Self {
+        self.with_each(self.each.iter().map(|weight| factor * weight))
+    }
+
     /// The same without some samples.
     #[must_use]
     pub fn without(&self, left_out: impl Fn(usize) -> bool) -> Self {
-        let each = self.each.iter().enumerate().map(|(i, w)| if left_out(i) { 0.0 } else { *w });
+        self.with_each(self.each.iter().enumerate().map(|(i, w)| if left_out(i) { 0.0 } else { *w }))
+    }
+
+    fn with_each(&self, each: impl Iterator<Item = f64>) -> Self {
         let (profile, roughness) =
             self.road.as_ref().map_or((None, [0.0; 2]), |road| (Some(&road.profile), road.roughness));
         Self::new(each.collect(), profile, roughness)

@@ -48,10 +48,36 @@ pub struct Probabilities {
     pub none: f64,
     /// That the cause is not in the library.
     pub not_in_library: f64,
+    /// How good the vehicle's numbers are.
+    #[serde(default)]
+    pub tolerances: Vec<Spread>,
     /// That an effect is among the causes, by id, the most probable of all.
     pub inclusion: BTreeMap<String, f64>,
     /// Single hypotheses, the most probable first.
     pub hypotheses: Vec<Hypothesis>,
+}
+
+/// What a hypothesis is weighed by.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Term {
+    /// Where the vehicle's numbers have heavy tails, or normal ones.
+    pub heavy_tails: bool,
+    /// How much better it explains the log: a difference of costs of the tempered likelihood, from nothing with normal tails, or from
+    /// what a cause that is not in the library comes upon.
+    pub evidence: f64,
+    /// What its freedom costs.
+    pub narrowing: f64,
+}
+
+/// How the vehicle's numbers may be spread about the true ones.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Spread {
+    /// How many times as wide as the tolerances of a careful measurement.
+    pub factor: f64,
+    /// Whether with heavy tails (Student's t), so that a few may be far off.
+    pub heavy_tails: bool,
+    /// How probable that is.
+    pub probability: f64,
 }
 
 /// A hypothesis and its probability.
@@ -62,13 +88,9 @@ pub struct Hypothesis {
     /// What says that the cause is not in the library, if anything does.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub not_in_library: Option<String>,
-    /// How much better it explains the log: a difference of costs, from nothing, or from what a cause that is not in the library
-    /// comes upon; and what its freedom costs.
+    /// What it is weighed by where the vehicle's numbers are spread one way or the other.
     #[serde(default)]
-    pub evidence: f64,
-    #[allow(missing_docs)]
-    #[serde(default)]
-    pub narrowing: f64,
+    pub terms: Vec<Term>,
     /// Its probability.
     pub probability: f64,
 }

@@ -6,9 +6,8 @@
 use super::fit::{Fit, Linear, Prior, fit};
 use super::problem::{Problem, rms};
 use super::rank::Ranking;
-use super::replay::{Channel, ReplayVehicle, Trace, replay};
+use super::replay::{Channel, ReplayVehicle, Trace};
 use super::report::{Gap, Shrink};
-use super::{knob, replay::Correction};
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -225,13 +224,7 @@ fn at_horizon<V: ReplayVehicle>(
 ) -> BTreeMap<String, Gap> {
     let drive = problem.drive;
     let rows = (horizon / drive.step).round().max(2.0) as usize;
-    let run = |x: &[f64]| -> Option<Trace> {
-        let (vehicle, effects) = knob::at(&problem.knobs, x, problem.vehicle);
-        let correction: &Correction = problem.correction;
-        let mut trace = replay(drive, &vehicle, &effects, correction, Some(rows)).ok()?;
-        knob::sense(&problem.knobs, x, drive, &mut trace);
-        Some(trace)
-    };
+    let run = |x: &[f64]| problem.trace_anew(x, rows);
     let neutral = run(&ranking.prior.mean);
     let others: Vec<[Option<Trace>; 2]> = points.iter().map(|(alone, all)| [run(alone), run(all)]).collect();
     let mut gaps = BTreeMap::new();

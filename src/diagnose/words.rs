@@ -2,9 +2,7 @@
 
 use super::headline::{behind, value};
 use super::observability::short;
-use super::report::{
-    Adjustment, Finding, Gap, Gravity, Hypothesis, Manoeuvre, NamedEffect, Shrink, Varies, VerdictKind,
-};
+use super::report::{Adjustment, Finding, Gap, Gravity, Hypothesis, Manoeuvre, NamedEffect, Shrink, Varies};
 use super::shrink::Predictive;
 use crate::vehicle::TruckEffects;
 
@@ -59,99 +57,100 @@ pub struct Unknown<'a> {
     pub varying: Option<&'a Varies>,
     /// What is not named and yet far off.
     pub strained: Option<&'a Adjustment>,
+    /// A steering that swings.
+    pub swings: bool,
 }
 
-/// The verdict in a few sentences; `effects` are those named, or those that come nearest.
+fn percent(now: f64, before: f64) -> f64 {
+    100.0 * (1.0 - now / before.max(1e-12))
+}
+
+/// Effects that are named, in a few sentences.
 #[must_use]
-pub fn verdict(
-    kind: VerdictKind,
-    effects: &[NamedEffect],
-    why: Unknown,
-    shrink: &Shrink,
-    probability: f64,
-) -> String {
-    let yaw = shrink.open_loop.get("yaw_rate");
-    let percent = |now: f64, before: f64| 100.0 * (1.0 - now / before.max(1e-12));
-    match kind {
-        VerdictKind::Effect => {
-            let named: Vec<String> = effects.iter().map(of_effect).collect();
-            let mut words =
-                format!("The gap comes {} from {}.", sure(probability), named.join("; and from "));
-            let others: Vec<&str> = effects
-                .iter()
-                .flat_map(|effect| effect.class.iter().filter(|id| **id != effect.id).map(String::as_str))
-                .collect();
-            if let Some((signal, gap)) = told(shrink) {
-                words += &format!(
-                    " On parts of the log held out, the gap of {signal} shrinks by {:.0} % with {}, and by {:.0} % \
-                     with all else adjusted within tolerance.",
-                    percent(gap.effect, gap.before),
-                    if effects.len() > 1 { "them" } else { "it" },
-                    percent(gap.recalibrated, gap.before)
-                );
-            }
-            if !others.is_empty() {
-                words += &format!(" This log cannot tell it from {}.", others.join(", "));
-            }
-            words
-        }
-        VerdictKind::None => {
-            let mut words =
-                "Nothing worth naming: the gap is within what ordinary tolerances of the simulator explain."
-                    .to_owned();
-            if let Some(gap) = yaw {
-                words += &format!(
-                    " The yaw-rate gap is {} rad/s, {} rad/s after adjusting within tolerance; noise is {} rad/s.",
-                    short(gap.before),
-                    short(gap.recalibrated),
-                    short(gap.noise)
-                );
-            }
-            words
-        }
-        VerdictKind::NotInLibrary => {
-            let mut words = match (why.strained, why.varying) {
-                (Some(it), _) => format!(
-                    "The gap is explained only with {} {:.0} tolerances off ({}{} where {} is expected), which is no \
-                     tolerance any more, and not to be named.",
-                    it.parameter,
-                    (it.value - it.given).abs() / it.tolerance,
-                    short(it.value),
-                    behind(&it.unit),
-                    short(it.given),
-                ),
-                (None, Some(it)) => format!(
-                    "Something acts like {}, but its value changes {} (by {}{}, standard deviation): the library has no \
-                     such effect.",
-                    it.id,
-                    it.with.words(),
-                    short(it.deviation),
-                    behind(&it.unit),
-                ),
-                (None, None) => {
-                    "No effect of the library explains the gap whole, nor do two or three together."
-                        .to_owned()
-                }
-            };
-            let nearest: Vec<String> = effects.iter().map(value).collect();
-            if !nearest.is_empty() {
-                words += &format!(" Nearest come {}.", nearest.join(", "));
-            }
-            if let Some(gap) = yaw {
-                words += &format!(
-                    " Of the yaw-rate gap of {} rad/s, {} rad/s remain after adjusting{}.",
-                    short(gap.before),
-                    short(gap.recalibrated),
-                    if nearest.is_empty() { "" } else { " with them" }
-                );
-                if let Some(learnable) = gap.learnable {
-                    words += &format!(" A learned model would leave {} rad/s.", short(learnable));
-                }
-            }
-            words + " See where it lies, and look there for what the library does not have."
-        }
-        VerdictKind::CannotTell => String::new(),
+pub fn effect(effects: &[NamedEffect], shrink: &Shrink, probability: f64) -> String {
+    let named: Vec<String> = effects.iter().map(of_effect).collect();
+    let mut words = format!("The gap comes {} from {}.", sure(probability), named.join("; and from "));
+    let others: Vec<&str> = effects
+        .iter()
+        .flat_map(|effect| effect.class.iter().filter(|id| **id != effect.id).map(String::as_str))
+        .collect();
+    if let Some((signal, gap)) = told(shrink) {
+        words += &format!(
+            " On parts of the log held out, the gap of {signal} shrinks by {:.0} % with {}, and by {:.0} % with all else \
+             adjusted within tolerance.",
+            percent(gap.effect, gap.before),
+            if effects.len() > 1 { "them" } else { "it" },
+            percent(gap.recalibrated, gap.before)
+        );
     }
+    if !others.is_empty() {
+        words += &format!(" This log cannot tell it from {}.", others.join(", "));
+    }
+    words
+}
+
+/// That nothing is the matter.
+#[must_use]
+pub fn none(shrink: &Shrink) -> String {
+    let mut words =
+        "Nothing worth naming: the gap is within what ordinary tolerances of the simulator explain."
+            .to_owned();
+    if let Some(gap) = shrink.open_loop.get("yaw_rate") {
+        words += &format!(
+            " The yaw-rate gap is {} rad/s, {} rad/s after adjusting within tolerance; noise is {} rad/s.",
+            short(gap.before),
+            short(gap.recalibrated),
+            short(gap.noise)
+        );
+    }
+    words
+}
+
+/// That the cause is not in the library; `nearest` are the effects that come nearest.
+#[must_use]
+pub fn not_in_library(nearest: &[NamedEffect], why: Unknown, shrink: &Shrink) -> String {
+    let mut words = match (why.strained, why.varying) {
+        (Some(it), _) => format!(
+            "The gap is explained only with {} {:.0} tolerances off ({}{} where {} is expected), which is no tolerance any \
+             more, and not to be named.",
+            it.parameter,
+            (it.value - it.given).abs() / it.tolerance,
+            short(it.value),
+            behind(&it.unit),
+            short(it.given),
+        ),
+        (None, Some(it)) => format!(
+            "Something acts like {}, but its value changes {} (by {}{}, standard deviation): the library has no such effect.",
+            it.id,
+            it.with.words(),
+            short(it.deviation),
+            behind(&it.unit),
+        ),
+        (None, None) if why.swings => {
+            "The steering swings after its command, as one with an inertia and a spring does (a \
+                                       resonance): no dead time and no lag of the library does that."
+                .to_owned()
+        }
+        (None, None) => {
+            "No effect of the library explains the gap whole, nor do two or three together.".to_owned()
+        }
+    };
+    let nearest: Vec<String> = nearest.iter().map(value).collect();
+    if !nearest.is_empty() {
+        words += &format!(" Nearest come {}.", nearest.join(", "));
+    }
+    if let Some(gap) = shrink.open_loop.get("yaw_rate") {
+        words += &format!(
+            " Of the yaw-rate gap of {} rad/s, {} rad/s remain after adjusting{}.",
+            short(gap.before),
+            short(gap.recalibrated),
+            if nearest.is_empty() { "" } else { " with them" }
+        );
+        if let Some(learnable) = gap.learnable {
+            words += &format!(" A learned model would leave {} rad/s.", short(learnable));
+        }
+    }
+    words + " See where it lies, and look there for what the library does not have."
 }
 
 /// Why a log does not tell, what it may mean, and what to do; `effects` is the most probable set, if it is one.

@@ -24,17 +24,27 @@ const WRAP: f64 = 3.0;
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
 /// Lateral accelerations that no vehicle on a road reaches, m/s2.
 const IMPOSSIBLE: f64 = 40.0;
+/// Roll for a lateral acceleration that no body exceeds, rad/(m/s2): 31 degrees for 1 g. In degrees the stiffest racing car, 0.6
+/// degrees for 1 g, is beyond it.
+const SOFTEST: f64 = 0.055;
+/// Roll at which a vehicle has fallen over, rad.
+const OVERTURNED: f64 = 0.7;
 
 /// How many times as fast yaw changes as yaw rate says; `None` where the two hardly have to do with each other: then the
-/// vehicle hardly turns.
+/// vehicle hardly turns. Compared over spans of time: from row to row noise is more than what changes.
 pub(super) fn turn_factor(time: &[f64], yaw: &[f64], yaw_rate: &[f64]) -> Option<f64> {
     let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
+    let (mut since, mut asked, mut turned) = (0.0, 0.0, 0.0);
     for i in 1..time.len() {
-        let asked = 0.5 * (yaw_rate[i - 1] + yaw_rate[i]) * (time[i] - time[i - 1]);
-        let turned = yaw[i] - yaw[i - 1];
+        let step = time[i] - time[i - 1];
+        let (by_rate, by_yaw) = (0.5 * (yaw_rate[i - 1] + yaw_rate[i]) * step, yaw[i] - yaw[i - 1]);
         // Not a number compares as neither.
-        if turned.abs() < WRAP && asked.is_finite() && time[i] - time[i - 1] < ANOTHER_DRIVE {
+        if by_yaw.abs() < WRAP && by_rate.is_finite() && step < ANOTHER_DRIVE {
+            (since, asked, turned) = (since + step, asked + by_rate, turned + by_yaw);
+        }
+        if since >= BLOCK {
             (xx, xy, yy) = (xx + asked * asked, xy + asked * turned, yy + turned * turned);
+            (since, asked, turned) = (0.0, 0.0, 0.0);
         }
     }
     if xy * xy < 0.5 * xx * yy || xx == 0.0 { None } else { Some(xy / xx) }
@@ -128,7 +138,32 @@ pub(super) fn mend_units(log: &mut CleanLog, factors: &mut Factors) {
             }
         }
     }
+    mend_leaning(log, factors);
     mend_errors(log, factors);
+}
+
+/// Roll, and pitch with it, in degrees: told by the softest body that leans, and by the farthest that any leans.
+fn mend_leaning(log: &mut CleanLog, factors: &mut Factors) {
+    let Some(roll) = log.columns.get("roll") else { return };
+    let farthest = quantile(roll.iter().map(|roll| roll.abs()).collect(), 0.98).unwrap_or(0.0);
+    let leaning = leaning(log).filter(|slope| slope.explained > 0.3).map_or(0.0, |slope| slope.factor.abs());
+    let by = if leaning > SOFTEST {
+        format!(
+            "roll is {leaning:.2} rad for each m/s2 of vx * yaw_rate, and no body leans by more than {SOFTEST}"
+        )
+    } else if farthest > OVERTURNED {
+        format!("roll comes to {farthest:.1} rad, and no vehicle leans by more than {OVERTURNED}")
+    } else {
+        return;
+    };
+    convert(log, factors, ("degrees", 1.0 / DEGREE), &["roll", "pitch"], &by);
+}
+
+/// How the roll follows `vx * yaw_rate`.
+fn leaning(log: &CleanLog) -> Option<Slope> {
+    let (roll, vx, rate) = (log.columns.get("roll")?, log.columns.get("vx")?, log.columns.get("yaw_rate")?);
+    let turning = blocks(log, vx).zip(blocks(log, rate)).map(|(v, rate)| v * rate);
+    slope(turning.zip(blocks(log, roll)))
 }
 
 /// What tells a column's unit, in words.

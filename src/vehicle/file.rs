@@ -3,6 +3,7 @@
 use super::builtin;
 use super::effects::EffectOutOfRange;
 use super::parameters::Tyre;
+use super::tolerance::Tolerances;
 use super::tyre::{Coefficients, TirError};
 use crate::input;
 use crate::signal::Unit;
@@ -92,6 +93,9 @@ pub trait VehicleParameters: DeserializeOwned + Serialize + Clone + 'static {
 
     /// The effects that its file tells of.
     fn effects(&self) -> &Self::Effects;
+
+    /// How sure its numbers are, where its file says so.
+    fn tolerances(&self) -> &Tolerances;
 
     /// Where the value of the effect with this id stands.
     fn effect_mut(&mut self, id: &str) -> Option<&mut f64>;

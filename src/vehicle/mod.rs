@@ -42,6 +42,7 @@ mod sensors;
 mod status;
 mod steering;
 mod stepper;
+mod tolerance;
 pub mod trigonometry;
 pub mod truck;
 mod truck_parameters;
@@ -62,6 +63,7 @@ pub use parameters::{
 pub use reduced::{ReducedInput, ReducedOutput, ReducedStart, ReducedSteer, ReducedVehicle, Surface};
 pub use steering::{SteeringChain, SteeringState};
 pub use stepper::{LONGEST_STEP, LONGEST_SUBSTEP, ROLLED_OVER, RestoreError, StepError, VehicleInput};
+pub use tolerance::Tolerances;
 pub use truck::{TrailerOutput, Truck, TruckError, TruckInput, TruckOutput, TruckStatus};
 pub use truck_parameters::{Hitch, Trailer, Triple, TruckAir, TruckBrake, TruckDrive, TruckParameters};
 pub use unit::WheelOutput;

@@ -7,6 +7,7 @@
 use super::builtin;
 use super::effects::Effects;
 use super::file::{Parameter, VehicleError, VehicleParameters, check_body, reading, table};
+use super::tolerance::Tolerances;
 use super::tyre::{Coefficients, Contact};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -34,6 +35,9 @@ pub struct CarParameters {
     /// What separates the real car from the rest of the file: neutral, or found by a diagnosis.
     #[serde(default)]
     pub effect: Effects,
+    /// How sure the numbers are, where a user knows.
+    #[serde(default, skip_serializing_if = "Tolerances::is_empty")]
+    pub tolerance: Tolerances,
 }
 
 /// The same of the front and the rear axle.
@@ -249,6 +253,10 @@ impl VehicleParameters for CarParameters {
 
     fn effects(&self) -> &Effects {
         &self.effect
+    }
+
+    fn tolerances(&self) -> &Tolerances {
+        &self.tolerance
     }
 
     fn effect_mut(&mut self, id: &str) -> Option<&mut f64> {

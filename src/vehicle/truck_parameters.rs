@@ -8,6 +8,7 @@ use super::builtin;
 use super::effects::TruckEffects;
 use super::file::{Parameter, VehicleError, VehicleParameters, check_body, reading, table};
 use super::parameters::{Axle, Body, GRAVITY, Steering, Tyre, relaxation_at_rest};
+use super::tolerance::Tolerances;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -34,6 +35,9 @@ pub struct TruckParameters {
     /// What separates the real truck from the rest of the file: neutral, or found by a diagnosis.
     #[serde(default)]
     pub effect: TruckEffects,
+    /// How sure the numbers are, where a user knows.
+    #[serde(default, skip_serializing_if = "Tolerances::is_empty")]
+    pub tolerance: Tolerances,
 }
 
 /// The same of the front, the rear and the trailer's axle group.
@@ -209,6 +213,10 @@ impl VehicleParameters for TruckParameters {
 
     fn effects(&self) -> &TruckEffects {
         &self.effect
+    }
+
+    fn tolerances(&self) -> &Tolerances {
+        &self.tolerance
     }
 
     fn effect_mut(&mut self, id: &str) -> Option<&mut f64> {

@@ -13,6 +13,7 @@ use super::output::{hold_folder, write_text};
 use super::progress_bar;
 use super::vehicle::{Commanded, by_kind, controller_with, vehicle_named};
 use crate::control::{Choice, ControlVariant, Propagation, RollOut, VehicleParameters as _};
+use crate::diagnose::beliefs::{Beliefs, Trust};
 use crate::diagnose::closed_loop::{self, Profile};
 use crate::diagnose::page::{PageInput, page};
 use crate::diagnose::replay::ReplayVehicle;
@@ -42,6 +43,7 @@ use std::sync::Arc;
   rfl diagnose drive.csv --path road.csv                     with the loop closed: what the gap does to tracking
   rfl diagnose truck.csv --unit truck
   rfl diagnose drive.csv --rate 100                          no time column: 100 rows a second
+  rfl diagnose drive.csv --trust low --prior payload=0.3     a catalogue's numbers; a load is likely
   rfl diagnose --explain                                     all effects; --explain steer_delay: one
 
 A log is a CSV with time, steer_cmd (or steer), vx, yaw_rate, and as many of ay, vy, x, y, yaw, ax, accel_cmd, steer, roll,
@@ -89,6 +91,12 @@ pub struct DiagnoseArgs {
     /// An effect that is not to be named (its tolerance stays); repeatable
     #[arg(long, value_name = "EFFECT")]
     without: Vec<String>,
+    /// How good the vehicle's numbers are; [tolerance] of the vehicle file says it of one
+    #[arg(long, value_enum, default_value = "usual")]
+    trust: Trust,
+    /// How probable an effect is before the log is seen, EFFECT=P; repeatable
+    #[arg(long = "prior", value_name = "EFFECT=P")]
+    priors: Vec<String>,
     /// Single effects only
     #[arg(long)]
     no_pairs: bool,
@@ -184,6 +192,7 @@ where
         threads: args.threads,
         pairs: !args.no_pairs,
         without: args.without.clone(),
+        beliefs: Beliefs { trust: args.trust, probabilities: priors(&args.priors)? },
     };
     let _held = hold_folder(&args.out)?;
     let bar = progress_bar("diagnosing", 1000.0, args.quiet || args.json);
@@ -224,6 +233,16 @@ where
         }
     }
     Ok(ExitCode::from(status(kind)))
+}
+
+/// Probabilities of effects as a user writes them.
+fn priors(given: &[String]) -> Result<BTreeMap<String, f64>, String> {
+    let prior = |text: &String| {
+        let found =
+            text.split_once('=').and_then(|(id, p)| Some((id.trim().to_owned(), p.trim().parse().ok()?)));
+        found.ok_or_else(|| format!("--prior {text}: write EFFECT=P, such as steer_delay=0.2"))
+    };
+    given.iter().map(prior).collect()
 }
 
 /// Exit status of a verdict.

@@ -83,8 +83,26 @@ pub(super) fn section(title: &str, body: &str) -> String {
     if body.is_empty() {
         String::new()
     } else {
-        format!("<section><h2>{}</h2>{body}</section>", escaped(title))
+        format!("<section id='{}'><h2>{}</h2>{body}</section>", anchor(title), escaped(title))
     }
+}
+
+/// A title as the target of a link.
+fn anchor(title: &str) -> String {
+    let letters = title.chars().map(|letter| if letter.is_alphanumeric() { letter } else { '-' });
+    letters.collect::<String>().to_lowercase()
+}
+
+/// Links to the sections that are there.
+pub(super) fn contents(sections: &[(&str, String)]) -> String {
+    let there = sections.iter().filter(|(_, body)| !body.is_empty());
+    let link = |(title, _): &(&str, String)| format!("<a href='#{}'>{}</a>", anchor(title), escaped(title));
+    format!("<nav>{}</nav>", there.map(link).collect::<String>())
+}
+
+/// What is shown only where someone asks for it.
+pub(super) fn folded(summary: &str, body: &str) -> String {
+    format!("<details><summary>{}</summary>{body}</details>", escaped(summary))
 }
 
 /// A legend: each colour with its name.

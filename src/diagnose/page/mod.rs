@@ -21,7 +21,7 @@ mod tuning;
 
 use super::{Diagnosis, Report, Series};
 use crate::log::CleanLog;
-use html::{escaped, legend, section};
+use html::{contents, escaped, legend, section};
 use plot::{Colour, Curve};
 use std::ops::Range;
 
@@ -159,21 +159,22 @@ pub fn page(input: &PageInput) -> String {
         [behaviour::understeer(&view), behaviour::yaw_gain(&view), behaviour::command_loop(&view)].concat();
     let behaviour =
         if behaviour.is_empty() { String::new() } else { format!("<div class='pair'>{behaviour}</div>") };
-    let body = [
-        sections::verdict(view.report),
-        section("How far the gap shrinks", &sections::shrink(view.report)),
-        section("Where it lies", &(sections::stages(view.report) + &sections::places(view.report))),
-        section("On the path", &overlay::on_path(&view)),
-        section("Real, simulated, corrected", &overlay::signals(&view)),
-        section("Answer to steering", &(behaviour + &behaviour::frequency(&view))),
-        section("All candidates, and why they lost", &sections::candidates(view.report)),
-        section("What this log can show", &sections::observability(view.report)),
-        section("What to drive next", &sections::manoeuvre(view.report)),
-        section("The calibrated simulator", &sections::recalibration(view.report, input.files)),
-        section("The log", &sections::findings(view.report)),
-        section("Made from", &sections::inputs(view.report)),
-    ]
-    .concat();
+    let sections = [
+        ("How probable", sections::posterior(view.report)),
+        ("How far the gap shrinks", sections::shrink(view.report)),
+        ("Where it lies", sections::stages(view.report) + &sections::places(view.report)),
+        ("On the path", overlay::on_path(&view)),
+        ("Real, simulated, corrected", overlay::signals(&view)),
+        ("Answer to steering", behaviour + &behaviour::frequency(&view)),
+        ("What to drive next", sections::manoeuvre(view.report)),
+        ("All candidates", sections::candidates(view.report)),
+        ("What this log can show", sections::observability(view.report)),
+        ("The calibrated simulator", sections::recalibration(view.report, input.files)),
+        ("The log", sections::findings(view.report)),
+        ("Made from", sections::inputs(view.report)),
+    ];
+    let all: String = sections.iter().map(|(title, body)| section(title, body)).collect();
+    let body = [sections::verdict(view.report), contents(&sections), all].concat();
     let title = format!("Diagnosis: {}", sections::headline(&view.report.verdict));
     include_str!("page.html").replace("{{title}}", &escaped(&title)).replace("{{body}}", &body)
 }

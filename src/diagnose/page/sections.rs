@@ -1,9 +1,11 @@
 //! The answer in words, bars and tables.
 
-use super::html::{escaped, number, percent, table, unit_of};
+use super::html::{escaped, folded, number, percent, table, unit_of};
 use crate::diagnose::headline::behind;
 use crate::diagnose::words::weight;
-use crate::diagnose::{Candidate, Gap, Gravity, NamedEffect, Place, Report, Verdict, VerdictKind};
+use crate::diagnose::{
+    Candidate, Gap, Gravity, Hypothesis, NamedEffect, Place, Report, Verdict, VerdictKind,
+};
 use crate::vehicle::{Explanation, NO_RATE_LIMIT, Stage, TruckEffects};
 use std::collections::BTreeMap;
 
@@ -268,6 +270,48 @@ fn bin(regime: &str, place: &Place) -> String {
     }
 }
 
+/// Hypotheses that are shown at large.
+const SHOWN: usize = 6;
+/// Probability below which a hypothesis is only folded away.
+const UNLIKELY: f64 = 0.01;
+
+/// What may be the matter, and how probable each is; what no table can be made of is nothing.
+pub(super) fn posterior(report: &Report) -> String {
+    let Some(posterior) = &report.posterior else { return String::new() };
+    let said = |it: &Hypothesis| {
+        let effects = it.effects.iter().map(|id| escaped(id)).collect::<Vec<_>>().join(" and ");
+        match (&it.not_in_library, effects.is_empty()) {
+            (None, true) => "nothing worth naming".into(),
+            (None, false) => effects,
+            (Some(why), true) => format!("not in the library: {}", escaped(why)),
+            (Some(why), false) => format!("not in the library: {} (beside {effects})", escaped(why)),
+        }
+    };
+    let row = |it: &Hypothesis| {
+        let meter =
+            format!("<span class='meter'><i style='width:{:.0}%'></i></span>", 100.0 * it.probability);
+        vec![said(it), format!("{meter}{}", percent(it.probability))]
+    };
+    let likely = |it: &&Hypothesis| it.probability >= UNLIKELY;
+    let rows: Vec<_> = posterior.hypotheses.iter().filter(likely).map(row).collect();
+    let (first, rest) = rows.split_at(SHOWN.min(rows.len()));
+    let mut html = table(&["what may be the matter", "probability"], first, 2);
+    if !rest.is_empty() {
+        html += &folded(&format!("{} others", rest.len()), &table(&["", ""], rest, 2));
+    }
+    if let Some(likeliest) =
+        posterior.tolerances.iter().max_by(|a, b| a.probability.total_cmp(&b.probability))
+    {
+        html += &format!(
+            "<p class='faint'>How good the vehicle's numbers are, most probably ({}): tolerances {} times as wide as those of a careful measurement{}.</p>",
+            percent(likeliest.probability),
+            number(likeliest.factor),
+            if likeliest.heavy_tails { ", and a few of them far off" } else { "" }
+        );
+    }
+    html
+}
+
 /// All candidates with their evidence.
 pub(super) fn candidates(report: &Report) -> String {
     let most = report.candidates.iter().map(|candidate| candidate.evidence).fold(1e-300, f64::max);
@@ -289,10 +333,12 @@ pub(super) fn candidates(report: &Report) -> String {
         ]
     };
     let rows: Vec<Vec<String>> = report.candidates.iter().enumerate().map(row).collect();
-    if rows.is_empty() {
-        String::new()
-    } else {
-        table(&["", "cause", "evidence", "why it stands here"], &rows, 4)
+    let header = ["", "cause", "evidence", "why it stands here"];
+    let (first, rest) = rows.split_at(SHOWN.min(rows.len()));
+    match (first.is_empty(), rest.is_empty()) {
+        (true, _) => String::new(),
+        (_, true) => table(&header, first, 4),
+        _ => table(&header, first, 4) + &folded(&format!("{} others", rest.len()), &table(&header, rest, 4)),
     }
 }
 
@@ -317,7 +363,13 @@ pub(super) fn observability(report: &Report) -> String {
             ]
         })
         .collect();
-    if rows.is_empty() { String::new() } else { table(&["effect", "observable", "from", "why"], &rows, 4) }
+    let seen = report.observability.iter().filter(|one| one.observable).count();
+    let header = ["effect", "observable", "from", "why"];
+    let all = folded(
+        &format!("{seen} of {} effects can be seen in this log", rows.len()),
+        &table(&header, &rows, 4),
+    );
+    if rows.is_empty() { String::new() } else { all }
 }
 
 /// What to drive next.
@@ -408,13 +460,9 @@ pub(super) fn inputs(report: &Report) -> String {
         escaped(&report.version)
     );
     if !inputs.tolerances.is_empty() {
-        let all: Vec<String> = inputs
-            .tolerances
-            .iter()
-            .map(|(name, value)| format!("{} {}", escaped(name), number(*value)))
-            .collect();
-        html +=
-            &format!("<p class='faint'>Tolerances (standard deviations, SI units): {}.</p>", all.join(", "));
+        let row = |(name, value): (&String, &f64)| vec![escaped(name), number(*value)];
+        let rows: Vec<_> = inputs.tolerances.iter().map(row).collect();
+        html += &folded("Tolerances (standard deviations, SI units)", &table(&["of", "deviation"], &rows, 1));
     }
     html
 }

@@ -81,6 +81,12 @@ impl Channel {
         matches!(self, Self::Vx | Self::Yaw | Self::Along | Self::Across)
     }
 
+    /// Whether it is measured with what a satellite receiver or a navigation unit gives: place, heading, velocity.
+    #[must_use]
+    pub fn by_receiver(self) -> bool {
+        matches!(self, Self::Vx | Self::Vy | Self::Yaw | Self::Along | Self::Across)
+    }
+
     /// Whether the full plant's neutral replay corrects it.
     #[must_use]
     pub fn corrected(self) -> bool {

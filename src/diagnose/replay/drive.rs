@@ -54,8 +54,6 @@ pub struct Drive {
     /// Whether the heading counts from east, so that a wind fixed in the world has a direction; without a compass it counts
     /// from where the log starts.
     pub compass: bool,
-    /// Whether `ay` is that of a level frame (an inertial navigation unit), without gravity's share by roll.
-    pub levelled: bool,
 }
 
 /// Rows before the road bends otherwise than at the start; a bias of the yaw rate is no bend.
@@ -134,7 +132,6 @@ impl Drive {
             channels,
             heading,
             compass,
-            levelled: false,
         }
     }
 

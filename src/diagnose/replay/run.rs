@@ -19,6 +19,9 @@ pub struct Trace {
     pub columns: Vec<Vec<f64>>,
     /// Roll angle of every row, rad, whether it is compared or not.
     pub roll: Vec<f64>,
+    /// What an accelerometer in the body feels of gravity sideways, and a level frame does not have, m/s2; empty where `ay` is
+    /// not compared.
+    pub felt: Vec<f64>,
     /// Whether the replay stayed within what the model describes.
     pub sound: bool,
 }
@@ -31,11 +34,13 @@ impl Trace {
     }
 }
 
-/// Corrections of yaw rate and sideways velocity that heading and place need: full plant less reduced model.
+/// What a replay is put right by: full plant less reduced model, and the clock of what comes by a receiver.
 #[derive(Debug, Clone, Default)]
 pub struct Correction {
     /// One for each of [`CHANNELS`], empty where there is none.
     pub columns: Vec<Vec<f64>>,
+    /// How late the columns of a satellite receiver are beside all others, s.
+    pub receiver_late: f64,
 }
 
 impl Correction {
@@ -72,7 +77,9 @@ pub fn replay<V: ReplayVehicle>(
     within.vehicle.steer_lag = effects.vehicle.steer_lag.max(-vehicle.lag());
     let mut model = vehicle.reduced(&within)?;
 
-    let mut trace = Trace { columns: vec![Vec::new(); CHANNELS.len()], roll: vec![0.0; rows], sound: true };
+    let felt = if drive.channels.contains(&Channel::Ay) { vec![0.0; rows] } else { Vec::new() };
+    let mut trace =
+        Trace { columns: vec![Vec::new(); CHANNELS.len()], roll: vec![0.0; rows], felt, sound: true };
     for &channel in &drive.channels {
         trace.columns[channel as usize] = vec![0.0; rows];
     }
@@ -81,7 +88,8 @@ pub fn replay<V: ReplayVehicle>(
     let bank = road[0];
     let (yaw, x, y) = (drive.column("yaw"), drive.column("x"), drive.column("y"));
     let h = drive.step / drive.substeps as f64;
-    let shift = late / drive.step;
+    let by_receiver = late + correction.receiver_late;
+    let shift = by_receiver / drive.step;
     let has = |channel: Channel| drive.channels.contains(&channel);
     let (leaks_vx, leaks_yaw, leaks_place) = (has(Channel::Vx), has(Channel::Yaw), has(Channel::Along));
 
@@ -158,10 +166,7 @@ pub fn replay<V: ReplayVehicle>(
                 }
             };
             put(Channel::YawRate, now.yaw_rate + fix(Channel::YawRate));
-            // What an accelerometer feels of gravity, and a level frame does not have.
-            let bank = bank.get(row).map_or(0.0, |bank| *bank) + effects.vehicle.road_bank;
-            let felt = if drive.levelled { GRAVITY * (now.roll + bank).sin() } else { 0.0 };
-            put(Channel::Ay, now.ay + fix(Channel::Ay) - felt);
+            put(Channel::Ay, now.ay + fix(Channel::Ay));
             put(Channel::Vy, now.vy + fix(Channel::Vy));
             let roll = now.roll + fix(Channel::Roll);
             put(Channel::Roll, roll);
@@ -179,6 +184,10 @@ pub fn replay<V: ReplayVehicle>(
                 lag_vx = keep * (lag_vx + drive.step * (now.vx_rate + fix(Channel::Ax)) - driven);
             }
             trace.roll[row] = roll;
+            if let Some(felt) = trace.felt.get_mut(row) {
+                let bank = bank.get(row).map_or(0.0, |bank| *bank) + effects.vehicle.road_bank;
+                *felt = GRAVITY * (now.roll + bank).sin();
+            }
             let yaw_rate = now.true_yaw_rate + fix(Channel::YawRate);
             if leaks_yaw {
                 put(Channel::Yaw, lag_yaw);
@@ -201,12 +210,15 @@ pub fn replay<V: ReplayVehicle>(
             }
         }
     }
-    if late != 0.0 {
-        for channel in CHANNELS {
-            if channel != Channel::Steer && !trace.columns[channel as usize].is_empty() {
-                delay(&mut trace.columns[channel as usize], shift, &drive.stretches);
-            }
+    for channel in CHANNELS.into_iter().filter(|channel| *channel != Channel::Steer) {
+        let late = if channel.by_receiver() { by_receiver } else { late };
+        let column = &mut trace.columns[channel as usize];
+        if late != 0.0 && !column.is_empty() {
+            delay(column, late / drive.step, &drive.stretches);
         }
+    }
+    if late != 0.0 && !trace.felt.is_empty() {
+        delay(&mut trace.felt, late / drive.step, &drive.stretches);
     }
     Ok(trace)
 }

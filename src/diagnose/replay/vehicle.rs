@@ -255,5 +255,5 @@ pub fn neutral<V: ReplayVehicle>(drive: &Drive, vehicle: &V) -> Result<Correctio
             *full = if (*full - reduced).is_finite() { *full - reduced } else { 0.0 };
         }
     }
-    Ok(Correction { columns })
+    Ok(Correction { columns, receiver_late: 0.0 })
 }
