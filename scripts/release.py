@@ -61,14 +61,15 @@ def bill(crates: list[dict], files: dict[str, str]) -> str:
     bom.metadata.timestamp = datetime.fromtimestamp(epoch, tz=timezone.utc)
     linked = []
     for crate in crates:
+        # Older crates write `MIT/Apache-2.0`; a note beside the expression is no part of it.
+        licence = crate["license"].split(";")[0].replace("/", " OR ")
         component = Component(
             name=crate["name"],
             version=crate["version"],
             type=ComponentType.LIBRARY,
             bom_ref=reference(f"{crate['name']}@{crate['version']}"),
             purl=PackageURL("cargo", None, crate["name"], crate["version"]),
-            # Older crates write `MIT/Apache-2.0`; a note beside the expression is no part of it.
-            licenses=[LicenseExpression(crate["license"].split(";")[0].replace("/", " OR "))] if crate["license"] else [],
+            licenses=[LicenseExpression(licence)] if licence else [],
         )
         bom.components.add(component)
         linked.append(component)
@@ -134,16 +135,16 @@ def again(out: Path, options: list[str]) -> None:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    listed = ",".join(FMU_PLATFORMS)
-    parser.add_argument("--fmus", default=listed, metavar="PLATFORMS", help=f"platforms of the FMUs [default: {listed}]")
-    listed = ",".join(PLATFORMS)
-    parser.add_argument("--wheels", default=listed, metavar="PLATFORMS", help=f"of the wheels [default: {listed}]")
+    for name, known in {"fmus": FMU_PLATFORMS, "wheels": PLATFORMS}.items():
+        listed = ",".join(known)
+        parser.add_argument(f"--{name}", default=listed, metavar="PLATFORMS", help=f"of the {name} [default: {listed}]")
     parser.add_argument("--again", action="store_true", help="build all a second time, and compare")
     arguments = parser.parse_args()
     out = ROOT / "dist"
     fmus, platforms = arguments.fmus.split(","), [name for name in arguments.wheels.split(",") if name]
     if unknown := (set(fmus) - set(FMU_PLATFORMS)) | (set(platforms) - set(PLATFORMS)):
-        parser.error(f"unknown platform {', '.join(sorted(unknown))}; there are {', '.join([*FMU_PLATFORMS, *PLATFORMS])}")
+        known = ", ".join([*FMU_PLATFORMS, *PLATFORMS])
+        parser.error(f"unknown platform {', '.join(sorted(unknown))}; there are {known}")
     shutil.rmtree(out, ignore_errors=True)
     try:
         make(out, fmus, platforms)

@@ -1,8 +1,8 @@
 """Wheels of the Python package, built by maturin and looked into: what each holds, exports and needs.
 
 A wheel carries the FMUs of target/fmu (scripts/build-fmus; `--fmus` names another folder), the vehicles, the roads
-and the licences of what is linked in. Linux wheels run on glibc 2.17 and later, and are linked by zig, as those for
-macOS are; those for Windows by mingw-w64. Another platform's compiler comes from `rustup target add`.
+and the licences of what is linked in. Linux wheels run on glibc 2.17 and later, and are linked by zig, those for
+macOS by Rust's lld; those for Windows by mingw-w64. Another platform's compiler comes from `rustup target add`.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "tests"))
+import darwin_sdk  # noqa: E402
 import programs  # noqa: E402 (built as the tests build them)
 
 DATA = ROOT / "python" / "rfl_mpc" / "data"
@@ -36,7 +37,7 @@ class Platform:
     """What `rustup target add` has to have brought."""
     options: tuple[str, ...]
     tag: str
-    """The end of the wheel's name."""
+    """The platform in the wheel's name."""
     library: str
 
 
@@ -45,21 +46,21 @@ PLATFORMS = {
         "x86_64-unknown-linux-gnu",
         ("x86_64-unknown-linux-gnu",),
         ("--zig", "--compatibility", "manylinux2014"),
-        "manylinux_2_17_x86_64.manylinux2014_x86_64",
+        "manylinux_2_17_x86_64",
         "_native.abi3.so",
     ),
     "linux-aarch64": Platform(
         "aarch64-unknown-linux-gnu",
         ("aarch64-unknown-linux-gnu",),
         ("--zig", "--compatibility", "manylinux2014"),
-        "manylinux_2_17_aarch64.manylinux2014_aarch64",
+        "manylinux_2_17_aarch64",
         "_native.abi3.so",
     ),
     "windows-x86_64": Platform("x86_64-pc-windows-gnu", ("x86_64-pc-windows-gnu",), (), "win_amd64", "_native.pyd"),
     "macos-universal2": Platform(
         "universal2-apple-darwin",
         ("x86_64-apple-darwin", "aarch64-apple-darwin"),
-        ("--zig",),
+        (),
         "universal2",
         "_native.abi3.so",
     ),
@@ -116,6 +117,14 @@ def build(platform: Platform, out: Path) -> Path:
         "CARGO_ZIGBUILD_CACHE_DIR": str(zig / "links"),
         "ZIG_GLOBAL_CACHE_DIR": str(zig),
     }
+    if "apple" in platform.triple:
+        sdk = darwin_sdk.stage(ROOT / "target" / "darwin-sdk")
+        environment |= {"SDKROOT": os.environ.get("SDKROOT", str(sdk))}
+        environment |= {
+            f"CARGO_TARGET_{target.replace('-', '_').upper()}_LINKER": str(darwin_sdk.linker(sdk))
+            for target in platform.targets
+        }
+        environment["CARGO_ENCODED_RUSTFLAGS"] += "\x1f-Clinker-flavor=ld64.lld"
     command = ["maturin", "build", "-m", "python/Cargo.toml", "--profile", "wheel", "--target", platform.triple]
     run([*command, *platform.options, "-o", str(fresh)], **environment)
     made = list(fresh.glob("*.whl"))
@@ -136,9 +145,7 @@ def look_into(wheel: Path, platform: Platform) -> str:
     """Checks a wheel's tag, its contents and its library; what it needs, in a line."""
     import lief
 
-    if not wheel.name.endswith(f"-cp310-abi3-{platform.tag}.whl") and not (
-        platform.tag == "universal2" and "-cp310-abi3-macosx_" in wheel.name and wheel.name.endswith("_universal2.whl")
-    ):
+    if "-cp310-abi3-" not in wheel.name or platform.tag not in wheel.name:
         raise WheelError(f"{wheel.name}: its tag is not that of {platform.tag}")
     wanted = {f"rfl_mpc/{name}" for name in ("__init__.py", "py.typed", "_native.pyi", "program.py", platform.library)}
     wanted |= {f"rfl_mpc/data/fmu/{name}.fmu" for name in ("PassengerCar", "RflMpc", "SemiTrailerTruck", "TruckRflMpc")}

@@ -36,7 +36,7 @@ struct Arguments {
     #[arg(long, value_name = "NAME")]
     only: Vec<String>,
     /// Build the libraries for these platforms, not for this machine's alone. win64 needs mingw-w64 and `rustup target add
-    /// x86_64-pc-windows-gnu`, darwin64 cargo-zigbuild and the targets x86_64-apple-darwin and aarch64-apple-darwin
+    /// x86_64-pc-windows-gnu`, darwin64 the targets x86_64-apple-darwin and aarch64-apple-darwin, and ziglang (scripts/setup)
     #[arg(long, value_enum, value_delimiter = ',', value_name = "PLATFORM")]
     target: Vec<TargetChoice>,
     /// How the libraries are built
