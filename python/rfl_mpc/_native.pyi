@@ -1,5 +1,6 @@
 from collections.abc import Callable
 from pathlib import Path
+from typing import final
 
 __version__: str
 
@@ -12,6 +13,7 @@ class RflError(Exception):
 class InternalError(RflError):
     """An error in rfl_mpc itself: a report is welcome."""
 
+@final
 class Command:
     """Steering and acceleration of one control step, and on which grounds."""
 
@@ -42,8 +44,9 @@ class Command:
     @property
     def compute_time(self) -> float: ...
 
+@final
 class Controller:
-    def __init__(self, words: list[str], tell: _Tell) -> None: ...
+    def __new__(cls, words: list[str], tell: _Tell) -> Controller: ...
     def step_with(self, time: float | None, measured: tuple[float, ...]) -> Command: ...
     @property
     def sample_time(self) -> float: ...

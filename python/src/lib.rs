@@ -113,7 +113,7 @@ impl Command {
 }
 
 /// A controller that is asked step by step.
-#[pyclass(frozen, subclass, module = "rfl_mpc._native")]
+#[pyclass(frozen, module = "rfl_mpc._native")]
 struct Controller(Mutex<Box<dyn Stepwise>>);
 
 impl Controller {
