@@ -148,7 +148,9 @@ impl Builder {
         selection: &[&str],
         target: Option<Target>,
     ) -> Result<(), CargoError> {
-        parts(target).iter().try_for_each(|part| self.run(project, profile, selection, target, *part).map(drop))
+        parts(target)
+            .iter()
+            .try_for_each(|part| self.run(project, profile, selection, target, *part).map(drop))
     }
 
     /// Runs a build; gives cargo's messages, and the command for ours. `part`: of a library for several processors the system
