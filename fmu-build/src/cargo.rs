@@ -1,8 +1,9 @@
 //! Building libraries, and asking what is linked into them.
 //!
 //! A plain build needs the glibc of the machine it is made on, mostly too new for a host in the field.
-//! `cargo-zigbuild` links against an old one; it is used where it is installed, and for macOS. Windows libraries are
-//! linked by mingw-w64: zig's linker exports more than FMI's functions there.
+//! `cargo-zigbuild` links against an old one; it is used where it is installed. zig's linker exports more than FMI's functions
+//! elsewhere: Windows libraries are linked by mingw-w64, those for macOS by Rust's own lld, against zig's stub of the system
+//! library (`scripts/darwin_sdk.py`).
 
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -45,6 +46,11 @@ impl Target {
         }
     }
 
+    /// Whether it is linked on another system than its own.
+    fn is_foreign(self) -> bool {
+        Some(self) != Target::here()
+    }
+
     /// Rust's names of the systems that a library for it is compiled for.
     fn compiled_for(self) -> &'static [&'static str] {
         match self {
@@ -82,8 +88,19 @@ pub enum CargoError {
          gcc-mingw-w64-x86-64"
     )]
     NoMingw,
+    #[error("the parts for the processors cannot be joined: {0}")]
+    Join(#[from] fat_macho::Error),
+    #[error("cannot write {path}: {source}")]
+    Write { path: PathBuf, source: std::io::Error },
     #[error("`{command}` failed; its messages stand above")]
     Failed { command: String },
+    #[error(
+        "a library for darwin64 is linked against zig's stub of macOS' system library here, and there is none: run scripts/setup, \
+         which installs ziglang, or set SDKROOT to an SDK of macOS"
+    )]
+    NoSdk,
+    #[error("cannot read {path}: {source}")]
+    Read { path: PathBuf, source: std::io::Error },
     #[error("`{command}` made no shared library. Is the crate's crate-type \"cdylib\"?")]
     NoLibrary { command: String },
     #[error("`{command}` gave something that is no JSON: {source}")]
@@ -131,33 +148,45 @@ impl Builder {
         selection: &[&str],
         target: Option<Target>,
     ) -> Result<(), CargoError> {
-        self.run(project, profile, selection, target).map(drop)
+        parts(target)
+            .iter()
+            .try_for_each(|part| self.run(project, profile, selection, target, *part).map(drop))
     }
 
-    /// Runs a build; gives cargo's messages, and the command for ours.
+    /// Runs a build; gives cargo's messages, and the command for ours. `part`: of a library for several processors the system
+    /// that this one is for.
     fn run(
         self,
         project: &Path,
         profile: &str,
         selection: &[&str],
         target: Option<Target>,
+        part: Option<&str>,
     ) -> Result<(String, String), CargoError> {
         let mut command = cargo(project);
-        match (self, target) {
-            (_, Some(Target::Win64)) if Target::here() != Some(Target::Win64) => {
+        match (self, target, part) {
+            (_, _, Some(system)) => {
+                let name = system.replace('-', "_").to_uppercase();
+                command.args(["build", "--target", system]);
+                command.env(format!("CARGO_TARGET_{name}_LINKER"), "rust-lld");
+                if std::env::var_os("SDKROOT").is_none() {
+                    command.env("SDKROOT", darwin_sdk(project)?);
+                }
+            }
+            (_, Some(Target::Win64), _) if Target::Win64.is_foreign() => {
                 if !starts(MINGW) {
                     return Err(CargoError::NoMingw);
                 }
                 command.args(["build", "--target", Target::Win64.triple()]);
             }
-            (Builder::Zig, target) => {
+            (Builder::Zig, target, _) => {
                 let triple = target.unwrap_or(Target::Linux64).triple();
                 zig_caches(project, command.args(["zigbuild", "--target", triple]));
             }
-            (Builder::Cargo, Some(target)) if Some(target) != Target::here() => {
+            (Builder::Cargo, Some(target), _) if target.is_foreign() => {
                 return Err(CargoError::NoCross { target: target.name() });
             }
-            (Builder::Cargo, _) => {
+            (Builder::Cargo, ..) => {
                 command.arg("build");
             }
         }
@@ -181,7 +210,25 @@ impl Builder {
         selection: &[&str],
         target: Option<Target>,
     ) -> Result<PathBuf, CargoError> {
-        let (text, command) = self.run(project, profile, selection, target)?;
+        let built = parts(target)
+            .iter()
+            .map(|part| self.build_part(project, profile, selection, target, *part))
+            .collect::<Result<Vec<_>, _>>()?;
+        match &built[..] {
+            [one] => Ok(one.clone()),
+            several => join(project, several),
+        }
+    }
+
+    fn build_part(
+        self,
+        project: &Path,
+        profile: &str,
+        selection: &[&str],
+        target: Option<Target>,
+        part: Option<&str>,
+    ) -> Result<PathBuf, CargoError> {
+        let (text, command) = self.run(project, profile, selection, target, part)?;
         let mut library = None;
         for line in text.lines() {
             let message: Value = serde_json::from_str(line)
@@ -195,6 +242,42 @@ impl Builder {
             }
         }
         library.map(PathBuf::from).ok_or(CargoError::NoLibrary { command })
+    }
+}
+
+/// The systems that a library is built for one by one, and joined; otherwise there is one build, which needs no such name.
+fn parts(target: Option<Target>) -> Vec<Option<&'static str>> {
+    match target {
+        Some(Target::Darwin64) if Target::Darwin64.is_foreign() => {
+            Target::Darwin64.compiled_for().iter().copied().map(Some).collect()
+        }
+        _ => vec![None],
+    }
+}
+
+/// Joins libraries for several processors into one.
+fn join(project: &Path, parts: &[PathBuf]) -> Result<PathBuf, CargoError> {
+    let mut whole = fat_macho::FatWriter::new();
+    for part in parts {
+        let bytes = std::fs::read(part).map_err(|source| CargoError::Read { path: part.clone(), source })?;
+        whole.add(bytes)?;
+    }
+    let folder = project.join("target").join(Target::Darwin64.triple());
+    let path = folder.join(parts[0].file_name().unwrap_or_default());
+    let write = |source| CargoError::Write { path: path.clone(), source };
+    std::fs::create_dir_all(&folder).map_err(write)?;
+    whole.write_to_file(&path)?;
+    Ok(path)
+}
+
+/// A folder with what libraries for macOS are linked against.
+fn darwin_sdk(project: &Path) -> Result<PathBuf, CargoError> {
+    let folder = project.join("target").join("darwin-sdk");
+    let mut command = Command::new("python3");
+    command.current_dir(project).arg("scripts/darwin_sdk.py").arg(&folder).stdout(Stdio::null());
+    match command.status() {
+        Ok(status) if status.success() => Ok(folder),
+        _ => Err(CargoError::NoSdk),
     }
 }
 
@@ -249,6 +332,9 @@ fn flags(project: &Path, target: Option<Target>) -> OsString {
     let more = match target {
         Some(Target::Win64) => "-Clink-arg=-Wl,--no-insert-timestamp",
         // The name by which others would link it, otherwise its place on this machine. Hosts load it by its path.
+        Some(Target::Darwin64) if Target::Darwin64.is_foreign() => {
+            "-Clinker-flavor=ld64.lld\u{1f}-Clink-arg=-install_name\u{1f}-Clink-arg=@rpath/fmu.dylib"
+        }
         Some(Target::Darwin64) => "-Clink-arg=-Wl,-install_name,@rpath/fmu.dylib",
         _ => return flags,
     };

@@ -39,16 +39,34 @@ pub const INDEX: &str = "documentation/index.html";
 /// # Errors
 /// If a licence file cannot be read.
 pub fn license(package: &mut Package, own_license: &Path, linked: &[Dependency]) -> Result<(), PackageError> {
-    package.add("documentation/licenses/index.html", licenses(linked))?;
-    package.add_file("documentation/licenses/LICENSE.txt", own_license)?;
+    for (name, text) in license_texts(own_license, linked)? {
+        package.add(format!("documentation/licenses/{name}"), text)?;
+    }
+    Ok(())
+}
+
+/// The same as files, by name.
+///
+/// # Errors
+/// If a licence file cannot be read.
+pub fn license_texts(
+    own_license: &Path,
+    linked: &[Dependency],
+) -> Result<Vec<(String, Vec<u8>)>, PackageError> {
+    let read = |path: &Path| {
+        std::fs::read(path).map_err(|source| PackageError::Read { path: path.to_owned(), source })
+    };
+    let mut texts = vec![
+        ("index.html".to_owned(), licenses(linked).into_bytes()),
+        ("LICENSE.txt".to_owned(), read(own_license)?),
+    ];
     for dependency in linked {
         for file in &dependency.files {
             let name = file.file_name().unwrap_or_default().to_string_lossy();
-            let folder = format!("documentation/licenses/{}-{}", dependency.name, dependency.version);
-            package.add_file(format!("{folder}/{name}"), file)?;
+            texts.push((format!("{}-{}/{name}", dependency.name, dependency.version), read(file)?));
         }
     }
-    Ok(())
+    Ok(texts)
 }
 
 /// A page with its head and its title.
@@ -140,7 +158,7 @@ pub fn index(declaration: &Declaration, platforms: &[(&str, String)]) -> String 
 /// Page of licences.
 fn licenses(linked: &[Dependency]) -> String {
     let mut html = page("Licences");
-    let ours = concat!("This FMU: ", env!("CARGO_PKG_LICENSE"), ", ", env!("CARGO_PKG_AUTHORS"));
+    let ours = concat!("Our own work: ", env!("CARGO_PKG_LICENSE"), ", ", env!("CARGO_PKG_AUTHORS"));
     html.text("p", &format!("{ours}; the text is in LICENSE.txt. These libraries are linked in:"));
     let rows = linked.iter().map(|dependency| {
         vec![

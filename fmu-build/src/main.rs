@@ -2,8 +2,9 @@
 
 use clap::{Parser, ValueEnum};
 use fmu_build::added;
-use fmu_build::cargo::{Builder, Target};
+use fmu_build::cargo::{Builder, Dependency, Target, dependencies};
 use fmu_build::description::describe;
+use fmu_build::documentation::license_texts;
 use fmu_build::fmu::{Base, Fmu, FmuError, Made, Options, Packing};
 use fmu_build::package::Package;
 use fmu_build::shipped;
@@ -35,7 +36,7 @@ struct Arguments {
     #[arg(long, value_name = "NAME")]
     only: Vec<String>,
     /// Build the libraries for these platforms, not for this machine's alone. win64 needs mingw-w64 and `rustup target add
-    /// x86_64-pc-windows-gnu`, darwin64 cargo-zigbuild and the targets x86_64-apple-darwin and aarch64-apple-darwin
+    /// x86_64-pc-windows-gnu`, darwin64 the targets x86_64-apple-darwin and aarch64-apple-darwin, and ziglang (scripts/setup)
     #[arg(long, value_enum, value_delimiter = ',', value_name = "PLATFORM")]
     target: Vec<TargetChoice>,
     /// How the libraries are built
@@ -68,6 +69,9 @@ struct Arguments {
     /// Set a parameter in a system (may be repeated)
     #[arg(long, value_name = "COMPONENT.PARAMETER=VALUE")]
     set: Vec<String>,
+    /// Only write the licences of what is linked into a package of the workspace, and a list of it (crates.json), to --out
+    #[arg(long, value_name = "PACKAGE", requires = "out", conflicts_with_all = ["fmus", "describe"])]
+    licenses: Option<String>,
     /// Only write modelDescription/*.xml from the declarations
     #[arg(long)]
     describe: bool,
@@ -138,6 +142,10 @@ fn build(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let mut all = shipped::fmus();
     if arguments.describe {
         return write_descriptions(&project, &all);
+    }
+    if let (Some(package), Some(out)) = (&arguments.licenses, &arguments.out) {
+        let targets: Vec<_> = arguments.target.iter().copied().map(Target::from).collect();
+        return write_licenses(&project, package, &targets, out);
     }
     let options = Options {
         builder: match arguments.builder {
@@ -239,6 +247,26 @@ fn write_descriptions(project: &Path, all: &[Fmu]) -> Result<(), Box<dyn Error>>
         }
         println!("{} {}", if same { "unchanged" } else { "written  " }, fmu.description);
     }
+    Ok(())
+}
+
+fn write_licenses(
+    project: &Path,
+    package: &str,
+    targets: &[Target],
+    out: &Path,
+) -> Result<(), Box<dyn Error>> {
+    let linked = dependencies(project, package, targets)?;
+    for (name, text) in license_texts(&project.join("LICENSE"), &linked)? {
+        write_bytes(&out.join(name), text)?;
+    }
+    let crates: Vec<_> = linked
+        .iter()
+        .map(|Dependency { name, version, license, repository, .. }| {
+            serde_json::json!({ "name": name, "version": version, "license": license, "repository": repository })
+        })
+        .collect();
+    write_bytes(&out.join("crates.json"), serde_json::to_string_pretty(&crates)? + "\n")?;
     Ok(())
 }
 

@@ -9,7 +9,7 @@ use super::vehicle::{Commanded, Linear, by_kind, vehicle_named};
 use super::{named, progress_bar};
 use crate::control::{
     Choice, ControlVariant, ControllerFile, ControllerFor, ControllerParametersFor, KnownActuator,
-    PredictionModelFor, Propagation, RollOut, VehicleParameters,
+    Measurement, PredictionModelFor, Propagation, RollOut, StepError, StepReport, VehicleParameters,
 };
 use crate::parameter::{NoValue, Parameter};
 use crate::path::sudoku::Route;
@@ -22,14 +22,13 @@ use clap::Args;
 use serde_json::{Value, json};
 use std::error::Error;
 use std::path::PathBuf;
-use std::process::ExitCode;
 use std::sync::Arc;
 
 /// Drives a car or a truck along a road with the MPC, natively, and says how well it tracked.
 #[derive(Debug, Args)]
 #[command(after_help = after_help())]
 pub struct DriveArgs {
-    /// Road to follow: a CSV file with columns x, y [default: the vehicle's test route]
+    /// Road to follow: a CSV file with columns x, y, or a built-in course (rfl course lists them) [default: the vehicle's test route]
     #[arg(long)]
     path: Option<PathBuf>,
     /// How far the path may leave the road's noisy points, RMS in m [default: as accurate as the file is, or its measured noise]
@@ -181,7 +180,7 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> Setup<P, S, C> {
         settings: &[String],
     ) -> Result<Self, Box<dyn Error>> {
         let path = Arc::new(match path {
-            Some(file) => Path::read(file)?,
+            Some(road) => Path::named(road, &Options::default())?,
             None => course.path()?,
         });
         Self::on(path, vehicle, settings)
@@ -257,11 +256,32 @@ pub(super) fn number(text: &str, declared: Option<&Parameter>, value: &str) -> R
     number.map_err(|error| format!("--set {text}: {error}").into())
 }
 
+/// A drive: its log and what is said of it.
+#[derive(Debug, Clone)]
+pub struct Driven {
+    /// Columns of the log by their names, a value for each communication step.
+    pub columns: Vec<(&'static str, Vec<f64>)>,
+    /// The controller's status at each step, in a word.
+    pub statuses: Vec<&'static str>,
+    /// What `--json` writes.
+    pub report: Value,
+    /// Exit status.
+    pub status: u8,
+}
+
 /// Runs the command.
 ///
 /// # Errors
 /// What was wrong, where, and what to do.
-pub fn run(args: &DriveArgs) -> Result<ExitCode, Box<dyn Error>> {
+pub fn run(args: &DriveArgs) -> Result<u8, Box<dyn Error>> {
+    Ok(driven(args)?.status)
+}
+
+/// Runs the command and gives the drive.
+///
+/// # Errors
+/// As [`run`].
+pub fn driven(args: &DriveArgs) -> Result<Driven, Box<dyn Error>> {
     let positive = |value: f64| value.is_finite() && value > 0.0;
     if !(positive(args.step) && args.duration.is_none_or(positive) && positive(args.lane)) {
         return Err("--step, --duration and --lane must be positive".into());
@@ -272,13 +292,84 @@ pub fn run(args: &DriveArgs) -> Result<ExitCode, Box<dyn Error>> {
     by_kind!(&args.vehicle, drive(args))
 }
 
-fn drive<P: Commanded<S, C>, const S: usize, const C: usize>(
+/// A controller that is asked step by step.
+pub trait Stepwise: Send {
+    /// One control step, at a time in s; without, a sample time after the one before.
+    ///
+    /// # Errors
+    /// A first measurement that is not finite.
+    fn step(&mut self, time: Option<f64>, measured: &Measurement) -> Result<StepReport, StepError>;
+
+    /// Sample time, s.
+    fn sample_time(&self) -> f64;
+
+    /// Where the road begins and how fast it is planned there: x, y, yaw, speed.
+    fn start(&self) -> [f64; 4];
+
+    /// Length of the road, m.
+    fn length(&self) -> f64;
+
+    /// Dead time and lag of the steering actuator, and the uncertainty of their sum, as the drive has shown them, s.
+    fn actuator(&self) -> Option<[f64; 3]>;
+}
+
+impl<G: VehicleParameters<S>, const S: usize> Stepwise for ControllerFor<G, S>
+where
+    ControllerFor<G, S>: Send,
+{
+    fn step(&mut self, time: Option<f64>, measured: &Measurement) -> Result<StepReport, StepError> {
+        match time {
+            Some(time) => self.step_at(time, measured).copied(),
+            None => ControllerFor::step(self, measured).copied(),
+        }
+    }
+
+    fn sample_time(&self) -> f64 {
+        self.parameters().mpc.sample_time
+    }
+
+    fn start(&self) -> [f64; 4] {
+        let begin = self.path().at(0.0);
+        [begin.x, begin.y, begin.yaw, self.start_speed()]
+    }
+
+    fn length(&self) -> f64 {
+        self.path().length()
+    }
+
+    fn actuator(&self) -> Option<[f64; 3]> {
+        let KnownActuator { actuator, spread } = self.known_actuator()?;
+        Some([actuator.dead_time, actuator.time_constant, spread])
+    }
+}
+
+/// The controller that the command drives with.
+///
+/// # Errors
+/// As [`run`].
+pub fn controller(args: &DriveArgs) -> Result<Box<dyn Stepwise>, Box<dyn Error>> {
+    by_kind!(&args.vehicle, controller_of(args))
+}
+
+fn controller_of<P: Commanded<S, C, Nominal: Send>, const S: usize, const C: usize>(
     args: &DriveArgs,
-) -> Result<ExitCode, Box<dyn Error>> {
+) -> Result<Box<dyn Stepwise>, Box<dyn Error>>
+where
+    ControllerFor<P::Nominal, S>: Send + 'static,
+{
+    let (setup, _, model) = set_up::<P, S, C>(args)?;
+    Ok(Box::new(ControllerFor::predicting_with(setup.controller, setup.path, model)?))
+}
+
+/// Road, vehicle and controller as the arguments want them, and what the controller predicts with.
+#[allow(clippy::type_complexity)]
+fn set_up<P: Commanded<S, C>, const S: usize, const C: usize>(
+    args: &DriveArgs,
+) -> Result<(Setup<P, S, C>, ControlVariant, PredictionModelFor<Linear<P, S, C>, S>), Box<dyn Error>> {
     let mut setup = match (&args.path, args.smooth) {
         (Some(file), Some(within)) => {
             let options = Options { smoothing: Smoothing::Within(within), ..Options::default() };
-            Setup::<P, S, C>::on(Arc::new(Path::read_with(file, &options)?), &args.vehicle, &[])?
+            Setup::<P, S, C>::on(Arc::new(Path::named(file, &options)?), &args.vehicle, &[])?
         }
         (file, _) => Setup::<P, S, C>::new(file.as_deref(), P::TEST, &args.vehicle, &[])?,
     };
@@ -293,6 +384,13 @@ fn drive<P: Commanded<S, C>, const S: usize, const C: usize>(
         warn!("warning: {warning}");
     }
     let (variant, model) = model.choose(&setup.controller)?;
+    Ok((setup, variant, model))
+}
+
+fn drive<P: Commanded<S, C>, const S: usize, const C: usize>(
+    args: &DriveArgs,
+) -> Result<Driven, Box<dyn Error>> {
+    let (setup, variant, model) = set_up::<P, S, C>(args)?;
     let sample_time = setup.controller.mpc.sample_time;
     let bar = progress_bar("driving", setup.path.length(), args.quiet);
     let limits = LaneLimits { lateral_error: args.lane, ..LaneLimits::default() };
@@ -363,13 +461,10 @@ impl Report {
     }
 
     /// Writes all files, then prints. A file that cannot be written keeps none of the others from it.
-    fn give<const C: usize>(
-        &self,
-        drive: &DriveFor<C>,
-        args: &DriveArgs,
-    ) -> Result<ExitCode, Box<dyn Error>> {
+    fn give<const C: usize>(&self, drive: &DriveFor<C>, args: &DriveArgs) -> Result<Driven, Box<dyn Error>> {
+        let report = self.json(drive);
         let log = args.log.as_ref().map(|file| write_file(file, |to| Ok(drive.write_csv(to)?)));
-        let json = args.json.as_ref().map(|file| write_json(file, &self.json(drive)));
+        let json = args.json.as_ref().map(|file| write_json(file, &report));
         let class = args.path.as_deref().and_then(std::path::Path::file_stem);
         let class = class.map_or("test_route".into(), |stem| stem.to_string_lossy());
         let junit = args.junit.as_ref().map(|file| {
@@ -379,7 +474,12 @@ impl Report {
         for written in [log, json, junit].into_iter().flatten() {
             written?;
         }
-        Ok(ExitCode::from(self.status))
+        Ok(Driven {
+            columns: drive.columns.iter().map(|signal| (signal.name, drive.column(signal.name))).collect(),
+            statuses: drive.statuses.iter().map(|status| status.name()).collect(),
+            report,
+            status: self.status,
+        })
     }
 
     fn json<const C: usize>(&self, drive: &DriveFor<C>) -> Value {

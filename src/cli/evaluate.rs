@@ -191,7 +191,7 @@ fn evaluate<P: Compared<S, C>, const S: usize, const C: usize>(
         let nominal = there.as_ref().and_then(|there| there.weights(Row::NOMINAL));
         let mut condition = comparison.run(&rows, nominal, &|text| {
             bar.set_message(format!("{name}: {text}"));
-            bar.inc(1);
+            bar.step();
         })?;
         let mut ablations = vec![];
         if plant.timed {
@@ -233,7 +233,7 @@ fn evaluate<P: Compared<S, C>, const S: usize, const C: usize>(
         let bar = progress_bar("sweep", steps as f64, args.quiet);
         let points = sweep::<P, S, C>(&vehicle, args.threads, &|text| {
             bar.set_message(format!("sweep: {text}"));
-            bar.inc(1);
+            bar.step();
         })?;
         bar.finish_and_clear();
         print_sweep(&points);

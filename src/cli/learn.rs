@@ -26,7 +26,6 @@ use clap::{Args, Parser};
 use serde_json::{Value, json};
 use std::error::Error;
 use std::path::PathBuf;
-use std::process::ExitCode;
 use std::sync::Arc;
 
 /// Learns a vehicle in one go: drives, identifies the steering, collects, trains, and proves it on roads it has not seen
@@ -90,7 +89,7 @@ const LONGEST: f64 = 1800.0;
 ///
 /// # Errors
 /// What was wrong, where, and what to do.
-pub fn run(args: &LearnArgs) -> Result<ExitCode, Box<dyn Error>> {
+pub fn run(args: &LearnArgs) -> Result<u8, Box<dyn Error>> {
     by_kind!(&args.vehicle, learn(args))
 }
 
@@ -104,9 +103,7 @@ struct Ladder<'a, P: Commanded<S, C>, const S: usize, const C: usize> {
     controller: ControllerParametersFor<P::Nominal>,
 }
 
-fn learn<P: Commanded<S, C>, const S: usize, const C: usize>(
-    args: &LearnArgs,
-) -> Result<ExitCode, Box<dyn Error>> {
+fn learn<P: Commanded<S, C>, const S: usize, const C: usize>(args: &LearnArgs) -> Result<u8, Box<dyn Error>> {
     let _held = hold_folder(&args.out)?;
     let setup =
         Setup::<P, S, C>::new(args.path.as_deref(), P::SETTING.training, &args.vehicle, &args.settings)?;
@@ -130,7 +127,7 @@ fn learn<P: Commanded<S, C>, const S: usize, const C: usize>(
 }
 
 impl<P: Commanded<S, C>, const S: usize, const C: usize> Ladder<'_, P, S, C> {
-    fn climb(&self, training: &Roads, proving: &Roads) -> Result<ExitCode, Box<dyn Error>> {
+    fn climb(&self, training: &Roads, proving: &Roads) -> Result<u8, Box<dyn Error>> {
         let args = self.args;
         let file = |name: &str| args.out.join(name);
         // An older model would be taken for this one.
@@ -296,7 +293,7 @@ impl<P: Commanded<S, C>, const S: usize, const C: usize> Ladder<'_, P, S, C> {
                 say!("next: rfl drive --vehicle {vehicle} --controller {}", controller.display());
             }
         }
-        Ok(if best == "default" { ExitCode::FAILURE } else { ExitCode::SUCCESS })
+        Ok(u8::from(best == "default"))
     }
 
     /// The steering actuator, as far as a drive shows it.

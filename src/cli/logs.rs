@@ -1,12 +1,13 @@
 //! How drive logs are read, for all commands that read them.
 
 use crate::log::{DriveLog, LogError};
+use crate::residual::fnv;
 use crate::table::Limits;
 use clap::Args;
 use std::path::Path;
 
 /// Options of reading drive logs.
-#[derive(Debug, Clone, Copy, Args)]
+#[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Logs")]
 pub struct LogArgs {
     /// Rate of the rows, for logs without a time column
@@ -15,6 +16,22 @@ pub struct LogArgs {
     /// Largest log in MB, unpacked
     #[arg(long, value_name = "MB", default_value_t = Limits::default().bytes >> 20, value_parser = clap::value_parser!(u64).range(1..=1 << 20))]
     limit: u64,
+    /// Logs that the calling program has, by the names that stand for files.
+    #[arg(skip)]
+    given: Vec<DriveLog>,
+}
+
+/// The arguments of a command that reads logs.
+pub trait ReadsLogs: Args {
+    /// How it reads them.
+    fn reading(&mut self) -> &mut LogArgs;
+
+    /// Gives it logs that the calling program has; the command line calls them by their names in place of files.
+    #[must_use]
+    fn with_logs(mut self, logs: Vec<DriveLog>) -> Self {
+        self.reading().given = logs;
+        self
+    }
 }
 
 impl LogArgs {
@@ -27,11 +44,32 @@ impl LogArgs {
         let bytes = self.limit << 20;
         // A larger log may have more rows, too.
         let rows = least.rows.max(least.rows.saturating_mul(bytes / least.bytes));
-        let log = DriveLog::read_within(file, Limits { bytes, rows })?;
+        let log = match self.given(file) {
+            Some(log) => log.clone(),
+            None => DriveLog::read_within(file, Limits { bytes, rows })?,
+        };
         match self.rate {
             Some(rate) => log.at_rate(rate),
             None => Ok(log),
         }
+    }
+
+    fn given(&self, file: &Path) -> Option<&DriveLog> {
+        self.given.iter().find(|log| log.file == file)
+    }
+
+    /// A hash of what a log, or another file, holds.
+    ///
+    /// # Errors
+    /// A file that cannot be read.
+    pub(super) fn hash(&self, file: &Path) -> std::io::Result<u64> {
+        let Some(log) = self.given(file) else { return Ok(fnv(&std::fs::read(file)?)) };
+        let mut bytes = Vec::new();
+        for (name, values) in log.columns() {
+            bytes.extend_from_slice(name.as_bytes());
+            values.iter().for_each(|value| bytes.extend_from_slice(&value.to_le_bytes()));
+        }
+        Ok(fnv(&bytes))
     }
 }
 

@@ -22,6 +22,7 @@ pub mod drive;
 pub mod evaluate;
 pub mod identify;
 pub mod learn;
+mod listen;
 mod logs;
 mod output;
 pub mod parameters;
@@ -35,10 +36,13 @@ pub mod tune;
 mod vehicle;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+pub use listen::{Listener, heard};
+pub use logs::ReadsLogs;
+
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use progress::progress_bar;
 use std::error::Error;
-use std::process::ExitCode;
+use std::ffi::OsString;
 
 /// Path-tracking MPC for cars and trucks, its vehicles and its roads, natively and without an FMI host.
 #[derive(Debug, Parser)]
@@ -84,11 +88,11 @@ enum Command {
 }
 
 impl Cli {
-    /// Runs the command; its exit status.
+    /// Runs the command; gives its exit status.
     ///
     /// # Errors
     /// What was wrong, where, and what to do.
-    pub fn run(&self) -> Result<ExitCode, Box<dyn Error>> {
+    pub fn run(&self) -> Result<u8, Box<dyn Error>> {
         match &self.command {
             Command::Drive(args) => return drive::run(args),
             Command::Collect(args) => collect::run(args)?,
@@ -103,36 +107,57 @@ impl Cli {
             Command::Course(args) => course::run(args)?,
             Command::Completions(args) => completions::run(args)?,
         }
-        Ok(ExitCode::SUCCESS)
+        Ok(0)
     }
 }
 
-/// The program: reads the command line, runs the command, reports an error.
+/// The program: reads the command line, the program's name first; runs the command, reports an error, gives the exit status.
 #[must_use]
-pub fn main() -> ExitCode {
+pub fn main(words: impl IntoIterator<Item = OsString>) -> u8 {
     // Numbers may be negative, in every command: `--runs -1` is a wrong number, and no option `-1`.
     let command = Cli::command().mut_subcommands(|command| command.allow_negative_numbers(true));
-    let cli = Cli::from_arg_matches(&command.get_matches()).unwrap_or_else(|error| error.exit());
+    let cli = Cli::from_arg_matches(&command.get_matches_from(words)).unwrap_or_else(|error| error.exit());
     match cli.run() {
         Ok(status) => status,
         // Who reads our output has read enough (`rfl path road.csv | head -1`).
-        Err(error) if is_broken_pipe(error.as_ref()) => ExitCode::SUCCESS,
+        Err(error) if is_broken_pipe(error.as_ref()) => 0,
         Err(error) => {
             warn!("error: {error}");
-            ExitCode::FAILURE
+            1
         }
     }
+}
+
+/// A command's arguments as another program gives them, in the words of the command line.
+///
+/// # Errors
+/// What is wrong with them, in the words of the command line.
+pub fn arguments<T: Args>(command: &'static str, words: &[String]) -> Result<T, Box<dyn Error>> {
+    let options = clap::Command::new(command).no_binary_name(true).disable_help_flag(true);
+    let command = T::augment_args(options).allow_negative_numbers(true);
+    let read = command.try_get_matches_from(words).and_then(|found| T::from_arg_matches(&found));
+    read.map_err(|error| {
+        let said = error.to_string();
+        let words = said.split("\n\nUsage:").next().unwrap_or_default();
+        words.trim().trim_start_matches("error: ").to_owned().into()
+    })
 }
 
 /// What `warn!` does.
 fn warning(words: std::fmt::Arguments) {
     use std::io::Write;
+    if let Some(listener) = listen::listener() {
+        return listener.warn(words.to_string());
+    }
     let _ = writeln!(std::io::stderr(), "{words}");
 }
 
 /// What `say!` does. A full disk is a failure, a reader that has gone is none.
 fn line(words: std::fmt::Arguments) {
     use std::io::Write;
+    if let Some(listener) = listen::listener() {
+        return listener.say(words.to_string());
+    }
     if let Err(error) = writeln!(std::io::stdout(), "{words}") {
         if !is_broken_pipe(&error) {
             warn!("error: standard output: {error}");

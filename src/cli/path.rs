@@ -86,7 +86,7 @@ pub fn run(args: &PathArgs) -> Result<(), Box<dyn Error>> {
         _ => Closure::Detect,
     };
     let smoothing = args.smooth.map_or(Smoothing::AsAccurate, Smoothing::Within);
-    let path = Path::read_with(&args.file, &Options { closure, smoothing })?;
+    let path = Path::named(&args.file, &Options { closure, smoothing })?;
     let limits =
         SpeedLimits { lateral_accel: args.lateral_accel, speed: args.speed, ..SpeedLimits::default() };
     let findings = look(&path, &limits);

@@ -1,8 +1,9 @@
 //! Progress of a command: a bar on a terminal, a line now and then where the output is none.
 
+use super::listen::{Listener, listener};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle, TermLike};
 use std::io::{IsTerminal, Result, Write};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Least time from one line to the next, and from the beginning to the first: what is quickly done says nothing.
@@ -15,9 +16,63 @@ const WORTH: u64 = 10;
 /// What is drawn for a line: the share, and the words.
 const LINE: &str = "{percent}|{msg}: {percent} %, {eta} left";
 
+/// The progress of a part of a command's work; drawn, told to a listener, or hidden.
+pub(super) struct Bar {
+    drawn: ProgressBar,
+    listener: Option<Arc<dyn Listener>>,
+}
+
+impl Bar {
+    /// So many parts are done.
+    pub fn set_position(&self, done: u64) {
+        self.drawn.set_position(done);
+        self.tell();
+    }
+
+    /// So many parts are done of so many.
+    pub fn set_share(&self, done: u64, of: u64) {
+        self.drawn.set_length(of);
+        self.set_position(done);
+    }
+
+    /// Another part is done.
+    pub fn step(&self) {
+        self.drawn.inc(1);
+        self.tell();
+    }
+
+    /// What is done now.
+    pub fn set_message(&self, what: impl Into<String>) {
+        self.drawn.set_message(what.into());
+    }
+
+    /// The work is done.
+    pub fn finish_and_clear(&self) {
+        self.drawn.finish_and_clear();
+    }
+
+    fn tell(&self) {
+        if let Some(listener) = &self.listener {
+            let length = self.drawn.length().unwrap_or(0).max(1);
+            listener.follow(&self.drawn.message(), (self.drawn.position() as f64 / length as f64).min(1.0));
+        }
+    }
+}
+
 /// A bar of `length` parts with a title, on standard error; lines where that is no terminal; hidden where nobody wants
 /// it.
-pub(super) fn progress_bar(title: &str, length: f64, quiet: bool) -> ProgressBar {
+pub(super) fn progress_bar(title: &str, length: f64, quiet: bool) -> Bar {
+    let listener = listener();
+    let drawn = if listener.is_some() {
+        let bar = ProgressBar::with_draw_target(Some(length.max(1.0) as u64), ProgressDrawTarget::hidden());
+        bar.with_message(title.to_owned())
+    } else {
+        drawn(title, length, quiet)
+    };
+    Bar { drawn, listener }
+}
+
+fn drawn(title: &str, length: f64, quiet: bool) -> ProgressBar {
     if quiet {
         return ProgressBar::hidden();
     }

@@ -2,8 +2,9 @@
 
 use super::diagnose::steady_steering;
 use super::drive::MODELS;
-use super::logs::LogArgs;
+use super::logs::{LogArgs, ReadsLogs};
 use super::output::{check_writable, hold_folder, write_json};
+use super::progress::Bar;
 use super::vehicle::{Commanded, Linear, by_kind, controller_with, vehicle_named};
 use super::{named, progress_bar};
 use crate::control::{
@@ -21,7 +22,6 @@ use crate::residual::{
 use crate::simulate::prove::{Contest, Exam, NotBetter, explaining_plants};
 use crate::vehicle::BUILTIN;
 use clap::Args;
-use indicatif::ProgressBar;
 use serde_json::{Value, json};
 use std::error::Error;
 use std::path::{Path, PathBuf};
@@ -225,10 +225,33 @@ fn controller<P: Commanded<S, C>, const S: usize, const C: usize>(
 /// # Errors
 /// What was wrong, where, and what to do.
 pub fn run(args: &TrainArgs) -> Result<(), Box<dyn Error>> {
+    trained(args)?.refused.map_or(Ok(()), |words| Err(words.into()))
+}
+
+impl ReadsLogs for TrainArgs {
+    fn reading(&mut self) -> &mut LogArgs {
+        &mut self.reading
+    }
+}
+
+/// What was learned.
+#[derive(Debug, Clone)]
+pub struct Trained {
+    /// What `--json` writes.
+    pub report: Value,
+    /// Why no model is written, where none is.
+    pub refused: Option<String>,
+}
+
+/// Runs the command and gives what was learned.
+///
+/// # Errors
+/// As [`run`], but that a model which is no better than the default controller is an answer.
+pub fn trained(args: &TrainArgs) -> Result<Trained, Box<dyn Error>> {
     by_kind!(&args.vehicle, learn_all(args))
 }
 
-fn learn_all<P, const S: usize, const C: usize>(args: &TrainArgs) -> Result<(), Box<dyn Error>>
+fn learn_all<P, const S: usize, const C: usize>(args: &TrainArgs) -> Result<Trained, Box<dyn Error>>
 where
     P: Commanded<S, C, Effects: Sync, Nominal: Sync>,
 {
@@ -239,8 +262,11 @@ where
     let parameters = controller::<P, S, C>(args)?;
     let vehicle = parameters.vehicle.nominal();
     let data_config = parameters.mpc.data_config();
-    let road =
-        args.path.as_deref().map(|file| path::Path::read(file).map(|road| (road, file))).transpose()?;
+    let road = args
+        .path
+        .as_deref()
+        .map(|road| path::Path::named(road, &path::Options::default()).map(|read| (read, road)))
+        .transpose()?;
     let steering = |speed: f64| steady_steering(&vehicle, speed);
     let mut notes = Vec::new();
     let mut read = |files: &[PathBuf]| -> Result<DataSet<Linear<P, S, C>, S>, Box<dyn Error>> {
@@ -333,26 +359,23 @@ where
     if refused.is_none() {
         say!("next: rfl drive --residual {}{car}, fmu-build --residual {}{car}", files[0], files.join(" "));
     }
+    let report = data.report();
+    let report = json!({
+        "data": {
+            "rows": report.rows, "labels": report.labels, "gaps": report.gaps, "not_finite": report.not_finite,
+            "implausible": report.implausible, "hash": format!("{:016x}", data.hash()), "notes": notes,
+        },
+        "coverage": covered.json(),
+        "models": models,
+    });
     if let Some(file) = &args.json {
-        let report = data.report();
-        let value = json!({
-            "data": {
-                "rows": report.rows, "labels": report.labels, "gaps": report.gaps, "not_finite": report.not_finite,
-                "implausible": report.implausible, "hash": format!("{:016x}", data.hash()), "notes": notes,
-            },
-            "coverage": covered.json(),
-            "models": models,
-        });
-        write_json(file, &value)?;
+        write_json(file, &report)?;
     }
-    match refused {
-        Some(reason) => Err(format!(
-            "no model is written, for it is not better than the default controller: {reason}. {}; or --force",
-            covered.advice(&car)
-        )
-        .into()),
-        None => Ok(()),
-    }
+    let refused = refused.map(|reason| {
+        let advice = covered.advice(&car);
+        format!("no model is written, for it is not better than the default controller: {reason}. {advice}; or --force")
+    });
+    Ok(Trained { report, refused })
 }
 
 /// What the logs cover.
@@ -476,7 +499,7 @@ where
         let default = default.prediction_model(&controller)?.1;
         let contest = Contest { vehicle, controller, default };
         let bar = progress_bar("default controller", 1.0, args.quiet);
-        let exam = Exam::new(&contest, &plants, seed, threads, &|| bar.inc(1))?;
+        let exam = Exam::new(&contest, &plants, seed, threads, &|| bar.step())?;
         bar.finish_and_clear();
         Ok(Self { exam: Mutex::new(exam) })
     }
@@ -493,7 +516,7 @@ where
             propagation: Propagation::Propagated,
             roll_out: RollOut::Corrected,
         };
-        let proof = exam.prove(&PredictionModelFor::Residual(residual), &|| bar.inc(1))?;
+        let proof = exam.prove(&PredictionModelFor::Residual(residual), &|| bar.step())?;
         bar.finish_and_clear();
         let [default, learned] = proof.figures();
         say!(
@@ -514,10 +537,9 @@ where
 }
 
 /// A listener that shows progress on a bar.
-pub(super) fn followed_by(bar: &ProgressBar) -> impl Fn(Progress) + Sync {
+pub(super) fn followed_by(bar: &Bar) -> impl Fn(Progress) + Sync {
     |progress| {
-        bar.set_length(progress.total as u64);
-        bar.set_position(progress.done as u64);
+        bar.set_share(progress.done as u64, progress.total as u64);
     }
 }
 
@@ -526,7 +548,7 @@ fn learn<V: LateralVehicle<S>, const S: usize>(
     data: &DataSet<V, S>,
     test: Option<&DataSet<V, S>>,
     config: &TrainConfig,
-    bar: &ProgressBar,
+    bar: &Bar,
     first: bool,
 ) -> Result<(ResidualModelFor<V, S>, Value), Box<dyn Error>> {
     let kind = config.kind;

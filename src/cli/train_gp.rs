@@ -1,9 +1,9 @@
 //! `rfl train --kind gp_nmpc`: Gaussian processes on what a vehicle's nonlinear model misses.
 
+use super::progress::Bar;
 use super::train::{followed_by, head, line};
 use crate::residual::DataSet;
 use crate::residual::gp::{GpConfig, GpFit, GpVehicle, train};
-use indicatif::ProgressBar;
 use serde_json::{Value, json};
 use std::error::Error;
 use std::path::Path;
@@ -20,7 +20,7 @@ pub fn learn<V: GpVehicle<S, D, O>, const S: usize, const D: usize, const O: usi
     test: Option<&DataSet<V, S>>,
     config: &GpConfig,
     file: &Path,
-    bar: &ProgressBar,
+    bar: &Bar,
 ) -> Result<Value, Box<dyn Error>> {
     let trained =
         train(data, test, config, &followed_by(bar)).map_err(|error| format!("gp_nmpc: {error}"))?;

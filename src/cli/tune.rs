@@ -122,6 +122,14 @@ const SHOWN_SPEEDS: [f64; 3] = [5.0, 12.0, 22.0];
 /// # Errors
 /// What was wrong, where, and what to do.
 pub fn run(args: &TuneArgs) -> Result<(), Box<dyn Error>> {
+    tuned(args).map(drop)
+}
+
+/// Runs the command and gives what it writes to `tune.json`.
+///
+/// # Errors
+/// As [`run`].
+pub fn tuned(args: &TuneArgs) -> Result<Value, Box<dyn Error>> {
     if args.budget == 0 || args.scenarios == 0 || args.held_out == 0 {
         return Err("--budget, --scenarios and --held-out must be at least 1".into());
     }
@@ -139,7 +147,7 @@ struct Tuning<'a, P: Commanded<S, C>, const S: usize, const C: usize> {
     variant: ControlVariant,
 }
 
-fn tune<P, const S: usize, const C: usize>(args: &TuneArgs) -> Result<(), Box<dyn Error>>
+fn tune<P, const S: usize, const C: usize>(args: &TuneArgs) -> Result<Value, Box<dyn Error>>
 where
     P: Commanded<S, C, Effects: Sync, Nominal: Sync>,
 {
@@ -257,7 +265,7 @@ where
     let page_file = args.out.join("tune.html");
     write_text(&page_file, &page)?;
     say!("page: {}; figures: {}", page_file.display(), json_file.display());
-    Ok(())
+    Ok(value)
 }
 
 impl<'a, P, const S: usize, const C: usize> Tuning<'a, P, S, C>

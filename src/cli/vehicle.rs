@@ -1,6 +1,7 @@
 //! What the commands do for each kind of vehicle: the same words, other courses and defaults.
 
 use super::drive::{number, setting};
+use super::progress::Bar;
 use super::train_gp;
 use crate::control::{ControllerParametersFor, TRUCK_STATES, VehicleParameters};
 use crate::nominal::ERRORS;
@@ -10,7 +11,6 @@ use crate::residual::gp::GpConfig;
 use crate::simulate::experiment::Compared;
 use crate::simulate::{CAR_COLUMNS, SimulatedVehicle, TRUCK_COLUMNS};
 use crate::vehicle::{Articulated, Car, SingleTrack, Truck, VehicleParameters as VehicleFile};
-use indicatif::ProgressBar;
 use serde_json::Value;
 use std::error::Error;
 use std::path::Path;
@@ -39,7 +39,7 @@ pub(super) trait Commanded<const S: usize, const C: usize>: Compared<S, C> {
         test: Option<&DataSet<Linear<Self, S, C>, S>>,
         config: &GpConfig,
         file: &Path,
-        bar: &ProgressBar,
+        bar: &Bar,
     ) -> Result<Value, Box<dyn Error>>;
 }
 
@@ -59,7 +59,7 @@ impl Commanded<ERRORS, CAR_COLUMNS> for Car {
         test: Option<&DataSet>,
         config: &GpConfig,
         file: &Path,
-        bar: &ProgressBar,
+        bar: &Bar,
     ) -> Result<Value, Box<dyn Error>> {
         train_gp::learn(data, test, config, file, bar)
     }
@@ -83,7 +83,7 @@ impl Commanded<TRUCK_STATES, TRUCK_COLUMNS> for Truck {
         test: Option<&DataSet<Articulated, TRUCK_STATES>>,
         config: &GpConfig,
         file: &Path,
-        bar: &ProgressBar,
+        bar: &Bar,
     ) -> Result<Value, Box<dyn Error>> {
         train_gp::learn(data, test, config, file, bar)
     }

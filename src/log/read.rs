@@ -27,6 +27,8 @@ pub enum LogError {
     Compressed { file: PathBuf },
     #[error("{}: no column is a signal of a drive log: the header is `{header}`; give columns such as time, steer_cmd, vx", file.display())]
     NoSignal { file: PathBuf, header: String },
+    #[error("{}: column '{column}' has {found} values, and the others have {expected}; give columns of one length", file.display())]
+    ColumnLength { file: PathBuf, column: String, found: usize, expected: usize },
     #[error("{}: there is a time column; leave the constant rate (--rate) out, or delete the column", file.display())]
     TimeAndRate { file: PathBuf },
     #[error("{}: the column '{column}' stands twice; delete one", file.display())]
@@ -175,6 +177,29 @@ impl DriveLog {
         }
         if zero.is_some() {
             log.notes.push("time: dates are read as seconds since the first one's whole second".into());
+        }
+        Ok(log)
+    }
+
+    /// A log of columns that a program has, each `name` or `name [unit]`; `file` is what messages call it. Columns that are no
+    /// signal are left alone.
+    ///
+    /// # Errors
+    /// Columns of several lengths, two of one signal, none that is a signal, an unknown unit.
+    pub fn from_columns(file: &Path, columns: Vec<(String, Vec<f64>)>) -> Result<Self, LogError> {
+        let expected = columns.first().map_or(0, |(_, values)| values.len());
+        if let Some((column, values)) = columns.iter().find(|(_, values)| values.len() != expected) {
+            let (file, column) = (file.to_owned(), column.clone());
+            return Err(LogError::ColumnLength { file, column, found: values.len(), expected });
+        }
+        let (names, mut values): (Vec<String>, Vec<Vec<f64>>) = columns.into_iter().unzip();
+        let mut log = Self { file: file.to_owned(), notes: Vec::new(), columns: Vec::new() };
+        let places = log.places(&table::Header::of(&names))?;
+        for (column, (_, taken)) in places.iter().zip(&mut log.columns) {
+            *taken = std::mem::take(&mut values[column.place]);
+            if column.factor != 1.0 {
+                taken.iter_mut().for_each(|value| *value *= column.factor);
+            }
         }
         Ok(log)
     }

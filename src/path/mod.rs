@@ -170,6 +170,17 @@ impl Path {
         Self::read_with(file, &Options::default())
     }
 
+    /// A road by the name of a [built-in course](sudoku::Route), or from a file.
+    ///
+    /// # Errors
+    /// As [`Path::read`].
+    pub fn named(name: &std::path::Path, options: &Options) -> Result<Self, PathError> {
+        match name.to_str().and_then(sudoku::Route::from_name) {
+            Some(course) => course.path_with(options),
+            None => Self::read_with(name, options),
+        }
+    }
+
     /// Reads a path and says whether it is closed and how smooth it shall be.
     ///
     /// # Errors

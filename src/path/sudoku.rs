@@ -201,7 +201,15 @@ impl Route {
     /// # Errors
     /// None, unless a course was changed so that it is no path any more.
     pub fn path(self) -> Result<Path, PathError> {
-        Path::from_csv(to_csv(&self.samples()).as_bytes(), self.name().as_ref(), &Options::default())
+        self.path_with(&Options::default())
+    }
+
+    /// As [`path`](Self::path), closed and smoothed as the options say.
+    ///
+    /// # Errors
+    /// Options that do not fit the course.
+    pub fn path_with(self, options: &Options) -> Result<Path, PathError> {
+        Path::from_csv(to_csv(&self.samples()).as_bytes(), self.name().as_ref(), options)
     }
 
     /// The course as points at most 1 m apart.

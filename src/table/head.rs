@@ -205,8 +205,21 @@ fn is_units(fields: &[String], delimiter: u8) -> bool {
 }
 
 fn header(names: &Line, units: Option<&[String]>) -> Header {
-    let mut header = Header { line: names.index as u64 + 1, ..Header::default() };
-    for (index, written) in names.fields.iter().enumerate() {
+    let mut header = of_names(&names.fields, units);
+    header.line = names.index as u64 + 1;
+    // A delimiter at the end of the line makes no column.
+    while header.names.len() > 1 && header.written.last().is_some_and(String::is_empty) {
+        header.names.pop();
+        header.units.pop();
+        header.written.pop();
+    }
+    header
+}
+
+/// Names and units of columns: `name [unit]`, or the unit below.
+pub(super) fn of_names(names: &[String], units: Option<&[String]>) -> Header {
+    let mut header = Header::default();
+    for (index, written) in names.iter().enumerate() {
         let (name, unit) = split_unit(written);
         let below =
             units.and_then(|units| units.get(index)).map(|unit| unit.trim_matches(['[', ']', '(', ')', ' ']));
@@ -214,12 +227,6 @@ fn header(names: &Line, units: Option<&[String]>) -> Header {
         header.names.push(name.to_owned());
         header.units.push(unit.map(str::to_owned));
         header.written.push(written.clone());
-    }
-    // A delimiter at the end of the line makes no column.
-    while header.names.len() > 1 && header.written.last().is_some_and(String::is_empty) {
-        header.names.pop();
-        header.units.pop();
-        header.written.pop();
     }
     header
 }

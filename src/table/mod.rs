@@ -125,6 +125,14 @@ pub struct Header {
     pub line: u64,
 }
 
+impl Header {
+    /// Of columns that come from no file, each `name` or `name [unit]`.
+    #[must_use]
+    pub fn of(names: &[String]) -> Self {
+        head::of_names(names, None)
+    }
+}
+
 /// A table, read row by row.
 pub struct Table<R: Read> {
     rows: csv::Reader<Body<R>>,

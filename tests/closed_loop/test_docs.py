@@ -28,7 +28,16 @@ WRAPPED = {name: "fmu-build" for name in ("scripts/build-fmus", "target/release/
 # Printed for their own sake, with options of others' programs or none.
 OTHERS = ("cargo build", "cargo test", "cargo bench", "cargo install", "blind/score", "scripts/fuzz.py", f"{PYTHON} -m")
 # Checks and measurements of the project itself, which other tests, or people, run.
-ITSELF = ("cargo ", "scripts/test", "scripts/site", f"{PYTHON} -m pytest", "blind/score", "scripts/fuzz.py")
+ITSELF = (
+    "cargo ",
+    "scripts/test",
+    "scripts/site",
+    "scripts/wheels",
+    "scripts/release",
+    f"{PYTHON} -m pytest",
+    "blind/score",
+    "scripts/fuzz.py",
+)
 # Runs that take a minute or more, and what needs their files.
 SLOW = (
     "scripts/demo",

@@ -1,8 +1,8 @@
 """One closed loop, independent masters: the same trajectories.
 
-libcosim, Ecos and fmpy's SSP master are all of the Jacobi kind: both units step on the other's outputs at t_k, so the
-car gets its command one communication step late. `jacobi` below is that algorithm in a few lines, with the two details
-in which hosts differ, and each host must agree with it to the last bit:
+libcosim, Ecos, fmpy's SSP master and the one on fmuloader are all of the Jacobi kind: both units step on the other's
+outputs at t_k, so the car gets its command one communication step late. `jacobi` below is that algorithm in a few
+lines, with the two details in which hosts differ, and each host must agree with it to the last bit:
 
 - how a host rounds the length of a step: Ecos and fmpy pass 0.02; libcosim counts nanoseconds and passes the difference
   of two rounded instants;
@@ -30,7 +30,7 @@ from wiring import COMMANDS, RECORDED, SYSTEMS, recorded
 HERE = Path(__file__).resolve().parent
 STEPS = 3000  # one minute
 ROADS = ["sudoku_test", "hairpin_circuit"]
-PACKAGES = {"libcosim": "libcosimpy", "ecos": "ecospy"}
+PACKAGES = {"libcosim": "libcosimpy", "ecos": "ecospy", "fmuloader": "fmuloader"}
 CONTROLLER, CAR = SYSTEMS["ClosedLoop"]
 
 Columns = dict[str, np.ndarray]
@@ -111,7 +111,10 @@ def road(request, paths) -> Path:
     return paths / f"{request.param}.csv"
 
 
-@pytest.mark.parametrize(("host", "lengths"), [("libcosim", libcosim_lengths), ("ecos", exact_lengths)])
+@pytest.mark.parametrize(
+    ("host", "lengths"),
+    [("libcosim", libcosim_lengths), ("ecos", exact_lengths), ("fmuloader", exact_lengths)],
+)
 def test_two_fmus(fmus, road, tmp_path, host, lengths):
     ours = jacobi(fmus, road, lengths())
     with closing(Unit(fmus / "RflMpc.fmu", "start")) as controller:

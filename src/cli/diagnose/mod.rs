@@ -8,7 +8,7 @@
 mod explain;
 mod terminal;
 
-use super::logs::LogArgs;
+use super::logs::{LogArgs, ReadsLogs};
 use super::output::{hold_folder, write_text};
 use super::progress_bar;
 use super::vehicle::{Commanded, by_kind, controller_with, vehicle_named};
@@ -20,17 +20,15 @@ use crate::diagnose::replay::ReplayVehicle;
 use crate::diagnose::simulator::{
     Calibration, calibrated, changes, differences, parameter_set, write_vehicle,
 };
-use crate::diagnose::{Diagnosis, Gap, InputFile, Options, Report, VerdictKind, diagnose};
+use crate::diagnose::{Gap, InputFile, Options, Report, VerdictKind, diagnose};
 use crate::log::{CleanLog, DriveLog, Finding, Gravity};
 use crate::nominal::LateralVehicle;
-use crate::path::Path as Road;
-use crate::residual::fnv;
+use crate::path::{Options as RoadOptions, Path as Road};
 use crate::vehicle::{BUILTIN, BUILTIN_TRUCKS, VehicleKind, VehicleParameters};
 use clap::{Args, ValueEnum};
 use std::collections::BTreeMap;
 use std::error::Error;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 use std::sync::Arc;
 
 /// Diagnoses the gap between a log and a simulator: where it lies, which unmodelled effect causes it, how far it shrinks.
@@ -122,14 +120,38 @@ enum Unit {
 ///
 /// # Errors
 /// What was wrong, where, and what to do.
-pub fn run(args: &DiagnoseArgs) -> Result<ExitCode, Box<dyn Error>> {
+pub fn run(args: &DiagnoseArgs) -> Result<u8, Box<dyn Error>> {
     if let Some(effect) = &args.explain {
         explain::explain(effect)?;
-        return Ok(ExitCode::SUCCESS);
+        return Ok(0);
     }
+    let found = diagnosed(args, Some(&args.out))?;
+    Ok(status(found.report.verdict.kind))
+}
+
+impl ReadsLogs for DiagnoseArgs {
+    fn reading(&mut self) -> &mut LogArgs {
+        &mut self.reading
+    }
+}
+
+/// An answer, and its page.
+#[derive(Debug, Clone)]
+pub struct Diagnosed {
+    /// The answer.
+    pub report: Report,
+    /// The page (HTML).
+    pub page: String,
+}
+
+/// Runs the command and gives the answer; writes page, report and calibrated simulator where a folder for them is given.
+///
+/// # Errors
+/// As [`run`].
+pub fn diagnosed(args: &DiagnoseArgs, out: Option<&Path>) -> Result<Diagnosed, Box<dyn Error>> {
     let logs = args.logs.iter().map(|file| args.reading.read(file)).collect::<Result<Vec<_>, _>>()?;
     let vehicle = vehicle(args, &logs)?;
-    by_kind!(&vehicle, answer(args, &vehicle, &logs))
+    by_kind!(&vehicle, answer(args, &vehicle, &logs, out))
 }
 
 /// The vehicle's name or file.
@@ -161,14 +183,20 @@ fn answer<P: Commanded<S, C>, const S: usize, const C: usize>(
     args: &DiagnoseArgs,
     name: &str,
     logs: &[DriveLog],
-) -> Result<ExitCode, Box<dyn Error>>
+    out: Option<&Path>,
+) -> Result<Diagnosed, Box<dyn Error>>
 where
     P::Parameters: ReplayVehicle,
 {
     let given: P::Parameters = vehicle_named(name)?;
     let nominal = P::controller(&given).vehicle.nominal();
     let steering = |speed: f64| steady_steering(&nominal, speed);
-    let road = args.path.as_deref().map(Road::read).transpose()?.map(Arc::new);
+    let road = args
+        .path
+        .as_deref()
+        .map(|road| Road::named(road, &RoadOptions::default()))
+        .transpose()?
+        .map(Arc::new);
     let clean_one = |log: &DriveLog| {
         let mut clean = CleanLog::of(log, &steering)?;
         if let Some(road) = &road {
@@ -194,7 +222,7 @@ where
         without: args.without.clone(),
         beliefs: Beliefs { trust: args.trust, probabilities: priors(&args.priors)? },
     };
-    let _held = hold_folder(&args.out)?;
+    let _held = out.map(hold_folder).transpose()?;
     let bar = progress_bar("diagnosing", 1000.0, args.quiet || args.json);
     let follow = |what: &str, share: f64| {
         bar.set_message(what.to_owned());
@@ -219,20 +247,30 @@ where
     }
     bar.finish_and_clear();
 
-    let files = simulator::<P, S, C>(args, name, &given, &diagnosis.report)?;
-    write(args, &diagnosis, &clean, &nominal, &steering, &files)?;
-    let kind = diagnosis.report.verdict.kind;
+    let files = match out {
+        Some(out) => simulator::<P, S, C>(args, name, &given, &diagnosis.report, out)?,
+        None => Vec::new(),
+    };
+    let (wheelbase, steering, files) = (nominal.wheelbase(), &steering, &files[..]);
+    let page = page(&PageInput { diagnosis: &diagnosis, log: &clean, wheelbase, steering, files });
+    if let Some(out) = out {
+        let json = serde_json::to_string_pretty(&diagnosis.report)? + "\n";
+        write_text(&out.join("report.json"), &json)?;
+        write_text(&out.join("report.html"), &page)?;
+    }
     if args.json {
         say!("{}", serde_json::to_string_pretty(&diagnosis.report)?);
     } else {
         terminal::print(&diagnosis.report);
-        say!("look at: {}", args.out.join("report.html").display());
-        if !files.is_empty() {
-            let file = args.out.join(CALIBRATED).with_extension("toml");
+        if let Some(out) = out {
+            say!("look at: {}", out.join("report.html").display());
+        }
+        if let Some(out) = out.filter(|_| !files.is_empty()) {
+            let file = out.join(CALIBRATED).with_extension("toml");
             say!("next: rfl drive --vehicle {0}, rfl collect --vehicle {0}", file.display());
         }
     }
-    Ok(ExitCode::from(status(kind)))
+    Ok(Diagnosed { report: diagnosis.report, page })
 }
 
 /// Probabilities of effects as a user writes them.
@@ -271,7 +309,9 @@ pub(super) fn steady_steering<V: LateralVehicle<S>, const S: usize>(vehicle: &V,
 /// What the diagnosis is made from, with hashes.
 fn inputs(args: &DiagnoseArgs, vehicle: &str) -> Result<BTreeMap<String, InputFile>, Box<dyn Error>> {
     let mut files = BTreeMap::new();
-    let vehicle_file = Some(PathBuf::from(vehicle)).filter(|file| file.is_file());
+    // Built-in vehicles and courses have names, and no files.
+    let file = |name: &Path| Some(name.to_owned()).filter(|file| file.is_file());
+    let (vehicle_file, path) = (file(vehicle.as_ref()), args.path.as_deref().and_then(file));
     let logs = args.logs.iter().enumerate().map(|(i, file)| {
         let what = if i == 0 { "log".to_owned() } else { format!("log {}", i + 1) };
         (what, file)
@@ -279,13 +319,13 @@ fn inputs(args: &DiagnoseArgs, vehicle: &str) -> Result<BTreeMap<String, InputFi
     let others = [
         ("reference", &args.reference),
         ("vehicle", &vehicle_file),
-        ("path", &args.path),
+        ("path", &path),
         ("controller", &args.controller),
     ];
     let others = others.into_iter().filter_map(|(what, file)| Some((what.to_owned(), file.as_ref()?)));
     for (what, file) in logs.chain(others) {
-        let bytes = std::fs::read(file).map_err(|error| format!("{}: {error}", file.display()))?;
-        let hash = format!("{:016x}", fnv(&bytes));
+        let hash = args.reading.hash(file).map_err(|error| format!("{}: {error}", file.display()))?;
+        let hash = format!("{hash:016x}");
         files.insert(what, InputFile { file: file.display().to_string(), hash });
     }
     Ok(files)
@@ -340,8 +380,9 @@ fn simulator<P: Commanded<S, C>, const S: usize, const C: usize>(
     name: &str,
     given: &P::Parameters,
     report: &Report,
+    out: &Path,
 ) -> Result<Vec<(String, String)>, Box<dyn Error>> {
-    let at = |file: &str| args.out.join(file);
+    let at = |file: &str| out.join(file);
     let names = ["calibrated.toml", "calibrated.ssv", "system.ssv"];
     if !matches!(report.verdict.kind, VerdictKind::Effect | VerdictKind::None) {
         // Those of an earlier log would be taken for this one's.
@@ -376,21 +417,4 @@ fn simulator<P: Commanded<S, C>, const S: usize, const C: usize>(
         (names[1].into(), format!("the same as parameters (SSP 1.0) for {component}.fmu in any FMI host")),
         (names[2].into(), "the same for the SSP of vehicle and controller, names with the component".into()),
     ])
-}
-
-/// Writes report and page.
-fn write<V: LateralVehicle<S>, const S: usize>(
-    args: &DiagnoseArgs,
-    diagnosis: &Diagnosis,
-    log: &CleanLog,
-    nominal: &V,
-    steering: &dyn Fn(f64) -> f64,
-    files: &[(String, String)],
-) -> Result<(), Box<dyn Error>> {
-    let input = PageInput { diagnosis, log, wheelbase: nominal.wheelbase(), steering, files };
-    let json = serde_json::to_string_pretty(&diagnosis.report)? + "\n";
-    for (name, text) in [("report.json", json), ("report.html", page(&input))] {
-        write_text(&args.out.join(name), &text)?;
-    }
-    Ok(())
 }

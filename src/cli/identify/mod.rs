@@ -14,7 +14,7 @@ mod step;
 
 use super::diagnose::steady_steering;
 use super::drive::Setup;
-use super::logs::LogArgs;
+use super::logs::{LogArgs, ReadsLogs};
 use super::output::{check_writable, write_json};
 use super::vehicle::{Commanded, by_kind};
 use crate::control::VehicleParameters;
@@ -107,6 +107,20 @@ struct Found {
 /// # Errors
 /// What was wrong, where, and what to do.
 pub fn run(args: &IdentifyArgs) -> Result<(), Box<dyn Error>> {
+    identified(args).map(drop)
+}
+
+impl ReadsLogs for IdentifyArgs {
+    fn reading(&mut self) -> &mut LogArgs {
+        &mut self.reading
+    }
+}
+
+/// Runs the command and gives what `--json` writes.
+///
+/// # Errors
+/// As [`run`].
+pub fn identified(args: &IdentifyArgs) -> Result<Value, Box<dyn Error>> {
     if let Some(file) = &args.json {
         check_writable(file)?;
     }
@@ -122,7 +136,7 @@ pub fn run(args: &IdentifyArgs) -> Result<(), Box<dyn Error>> {
 fn identify<P: Commanded<S, C>, const S: usize, const C: usize>(
     args: &IdentifyArgs,
     name: &str,
-) -> Result<(), Box<dyn Error>> {
+) -> Result<Value, Box<dyn Error>> {
     let setup = Setup::<P, S, C>::new(None, P::TEST, name, &args.settings)?;
     let found = found(args, name, &setup)?;
     report::print(&found, args);
@@ -149,7 +163,7 @@ fn identify<P: Commanded<S, C>, const S: usize, const C: usize>(
     }
     written?;
     report::next(&found, args);
-    Ok(())
+    Ok(results)
 }
 
 fn found<P: Commanded<S, C>, const S: usize, const C: usize>(

@@ -57,7 +57,7 @@ def module(name: str, **content) -> ModuleType:
 
 
 @pytest.fixture
-def node_class(monkeypatch):
+def node_class(rfl_mpc, monkeypatch):
     """The node's class, loaded with stubs in the place of ROS."""
     monkeypatch.setitem(sys.modules, "rclpy", module("rclpy"))
     monkeypatch.setitem(sys.modules, "rclpy.node", module("rclpy.node", Node=StubNode))
@@ -82,17 +82,16 @@ def odometry(x, y, yaw, vx, vy, yaw_rate, offset) -> Message:
 
 
 @pytest.mark.parametrize("offset", [0.0, 1.4])
-def test_the_node_drives_the_car(fmus, paths, node_class, offset, monkeypatch):
+def test_the_node_drives_the_car(rfl_mpc, fmus, paths, node_class, offset, monkeypatch):
     road = paths / "sudoku_turns.csv"
-    monkeypatch.setitem(PARAMETERS, "fmu", str(fmus / "RflMpc.fmu"))
     monkeypatch.setitem(PARAMETERS, "path_file", str(road))
     monkeypatch.setitem(PARAMETERS, "cg_offset", offset)
     node = node_class()
     node.tick()
     assert node.published == [], "nothing is said before the first odometry"
-    with closing(node.unit), closing(Unit(fmus / "PassengerCar.fmu", "car")) as car:
-        for name, start in {"x": "x", "y": "y", "yaw": "yaw", "vx": "speed"}.items():
-            car.set(f"initial.{name}", node.unit.get(f"start.{start}"))
+    with closing(Unit(fmus / "PassengerCar.fmu", "car")) as car:
+        for name, start in zip(("x", "y", "yaw", "vx"), node.controller.start):
+            car.set(f"initial.{name}", start)
         car.initialize()
         read, write = car.reader(["x", "y", "yaw", "vx", "vy", "yaw_rate"]), car.writer(["steer_cmd", "accel_cmd"])
         errors = []
@@ -101,8 +100,8 @@ def test_the_node_drives_the_car(fmus, paths, node_class, offset, monkeypatch):
             node.tick()
             drive = node.published[-1].drive
             write([drive.steering_angle, drive.acceleration])
-            car.step(k * node.period, node.period)
-            errors.append(node.unit.get("e1"))
-        driven = node.unit.get("station")
+            car.step(k * node.controller.sample_time, node.controller.sample_time)
+            errors.append(node.command.e1)
+        driven = node.command.station
     assert driven > 50.0 and np.abs(errors).max() < 0.2, (driven, np.abs(errors).max())
     assert any("status" in line for line in node.said)

@@ -1,0 +1,19 @@
+"""The program ``rfl``, as the package installs it."""
+
+from __future__ import annotations
+
+import signal
+import sys
+
+from rfl_mpc import _native
+
+
+def main() -> int:
+    """Runs the command line; gives the exit status."""
+    # Ctrl-C ends the program at once, as it does outside Python.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    return _native.program(["rfl", *sys.argv[1:]])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

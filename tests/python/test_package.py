@@ -1,0 +1,220 @@
+"""The Python package: the numbers of the command line, tables in, exceptions out, an end when it is told to end."""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pandas as pd
+import pytest
+
+SLOW_STEERING = {"effect.steer_lag": 0.08, "effect.steer_delay": 0.06}
+SET = [f"--set={name}={value}" for name, value in SLOW_STEERING.items()]
+
+
+@pytest.fixture(scope="module")
+def told(rfl, tmp_path_factory):
+    """A drive of the command line: its log and its results."""
+    folder = tmp_path_factory.mktemp("told")
+    command = [rfl, "drive", "--path=sudoku_turns", *SET, "--duration=20", "--log=log.csv", "--json=drive.json"]
+    subprocess.run(command, cwd=folder, check=True, capture_output=True)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def drive(rfl_mpc, tmp_path_factory):
+    before = os.getcwd()
+    # Built-in names are no files of the project.
+    os.chdir(tmp_path_factory.mktemp("elsewhere"))
+    try:
+        return rfl_mpc.drive("sudoku_turns", set=SLOW_STEERING, duration=20)
+    finally:
+        os.chdir(before)
+
+
+def test_a_drive_is_that_of_the_command_line(drive, told):
+    with (told / "log.csv").open() as file:
+        head, *rows = csv.reader(file)
+    assert list(drive.log.columns) == head and len(drive.log) == len(rows)
+    for name, written in zip(head, zip(*rows)):
+        if name == "status":
+            assert drive.statuses == written and tuple(drive.log["status"]) == written
+        else:
+            assert np.array_equal(drive.columns[name], [float(one) for one in written], equal_nan=True), name
+    results = json.loads((told / "drive.json").read_text())
+    same = ("outcome", "reason", "tracking", "classes", "largest", "actuator")
+    assert {key: drive.report[key] for key in same} == {key: results[key] for key in same}
+    assert drive.outcome == "timed_out" and drive.tracking["max"] == results["tracking"]["max"]
+    assert "outcome: timed_out" in str(drive) and "<table>" in drive._repr_html_()
+
+
+def test_the_controller_decides_step_by_step_as_in_the_drive(rfl_mpc, drive):
+    controller = rfl_mpc.Controller("sudoku_turns")
+    names = ["x", "y", "yaw", "vx", "vy", "yaw_rate", "steer"]
+    first = {name: drive.columns[name][0] for name in names}
+    assert np.allclose([first["x"], first["y"], first["yaw"], first["vx"]], controller.start)
+    rows = zip(drive.columns["time"], *(drive.columns[name] for name in names))
+    for at, (now, *measured) in enumerate(rows):
+        command = controller.step(time=now, **dict(zip(names, measured)))
+        assert command.steer_cmd == drive.columns["steer_cmd"][at], (at, command)
+    assert command.status == drive.statuses[-1] and command.e1 == drive.columns["e1"][-1]
+    assert controller.actuator == drive.actuator
+
+
+def test_a_table_is_diagnosed_as_its_file_is(rfl_mpc, drive, told, rfl, tmp_path):
+    from_table = rfl_mpc.diagnose(drive.log, pairs=False, out=tmp_path / "out")
+    command = [rfl, "diagnose", told / "log.csv", "--no-pairs", "--json", "--out", tmp_path / "told"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    report = json.loads(done.stdout)
+    files = from_table.report.pop("inputs"), report.pop("inputs")
+    assert from_table.report == report
+    assert files[0]["files"]["log"]["file"] == "<log>"
+    statuses = {"none": 0, "effect": 3, "not_in_library": 4, "cannot_tell": 5}
+    assert done.returncode == statuses[from_table.verdict["kind"]]
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert from_table.to_html() == page
+    assert sorted(os.listdir(tmp_path / "out")) == sorted(os.listdir(tmp_path / "told"))
+    assert "<iframe" in from_table._repr_html_() and from_table.verdict["words"] in str(from_table)
+
+
+def test_tables_of_every_kind_are_read_alike(rfl_mpc, drive):
+    names = ["time", "steer_cmd", "steer", "vx"]
+    columns = {name: drive.columns[name] for name in names}
+    frame = pd.DataFrame(columns)
+    dated = frame.assign(time=pd.Timestamp("2026-01-01") + pd.to_timedelta(frame["time"], unit="s"))
+    degrees = frame.rename(columns={"steer": "steer [deg]"})
+    degrees["steer [deg]"] = np.degrees(degrees["steer [deg]"])
+    remarked = {**columns, "remark": ["text"] * len(frame)}
+    tables = [columns, frame, frame.to_records(index=False), dated, degrees, remarked]
+    pyarrow = pytest.importorskip("pyarrow")
+    tables.append(pyarrow.Table.from_pandas(frame))
+    found = [rfl_mpc.identify(table).dead_time for table in tables]
+    assert np.allclose([one[:3] for one in found], found[0][:3], atol=1e-6), found
+    assert found[0].excited and found[0].value == pytest.approx(0.06, abs=0.002)
+
+
+def test_the_steering_is_identified_as_by_the_command_line(rfl_mpc, drive, told, rfl, tmp_path):
+    steering = rfl_mpc.identify(drive.log, into=tmp_path / "mine.toml", check=False)
+    command = [rfl, "identify", "log.csv", "--into=told.toml", "--no-check", "--json=told.json"]
+    subprocess.run(command, cwd=told, check=True, capture_output=True)
+    results = json.loads((told / "told.json").read_text())
+    assert {key: results[key] for key in ("dead_time", "lag", "gain", "offset", "rmse")} == {
+        key: steering.report[key] for key in ("dead_time", "lag", "gain", "offset", "rmse")
+    }
+    assert (tmp_path / "mine.toml").read_bytes() == (told / "told.toml").read_bytes()
+    known = rfl_mpc.drive("sudoku_turns", tmp_path / "mine.toml", duration=5)
+    assert known.outcome == "timed_out" and "dead_time" in repr(steering)
+
+
+def test_a_model_is_that_of_the_command_line(rfl_mpc, drive, told, rfl, tmp_path):
+    shared = {"kind": "rfl", "trees": 2, "depth": 2, "window": 12}
+    model = rfl_mpc.train(drive.log, out=tmp_path / "mine.rflm", proof=False, **shared)
+    options = [f"--{name}={value}" for name, value in shared.items()]
+    command = [rfl, "train", "log.csv", "--out=told.rflm", "--no-proof", *options]
+    subprocess.run(command, cwd=told, check=True, capture_output=True)
+    assert model.file == tmp_path / "mine.rflm" and model.file.read_bytes() == (told / "told.rflm").read_bytes()
+    assert not model.proven and "rfl, training" in str(model)
+    driven = rfl_mpc.drive("sudoku_turns", set=SLOW_STEERING, residual=model.file, duration=2)
+    assert driven.report["variant"] == "rfl"
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda rfl: rfl.drive("none.csv"), "none.csv: cannot be read"),
+        (lambda rfl: rfl.drive(vehicle="none.toml"), "none.toml"),
+        (lambda rfl: rfl.drive(set={"vehicle.mas": 1}), "there is no number 'vehicle.mas'"),
+        (lambda rfl: rfl.drive(set={"vehicle.mass": -5}), "[100, 60000]"),
+        (lambda rfl: rfl.drive(variant="rlf"), "invalid value 'rlf' for '--variant"),
+        (lambda rfl: rfl.drive(step="quick"), "invalid value 'quick' for '--step"),
+        (lambda rfl: rfl.drive(step=-1), "must be positive"),
+        (lambda rfl: rfl.diagnose([]), "give at least one log"),
+        (lambda rfl: rfl.diagnose(7), "<log>: int is no log"),
+        (lambda rfl: rfl.diagnose("none.csv"), "none.csv"),
+        (lambda rfl: rfl.diagnose({"a": [1.0], "b": [2.0]}), "no column is a signal of a drive log (columns: a, b)"),
+        (lambda rfl: rfl.diagnose({"time": [0.0, 1.0], "vx": [1.0]}), "column 'vx' has 1 values"),
+        (lambda rfl: rfl.diagnose({"time": [0.0], "vx": ["fast"]}), "column vx: could not convert"),
+        (lambda rfl: rfl.diagnose({"time": [[0.0]], "vx": [1.0]}), "column time: shape (1, 1)"),
+        (lambda rfl: rfl.diagnose({"vx": [0.0], "vx [km/h]": [1.0]}), "the column 'vx' stands twice"),
+        (lambda rfl: rfl.identify({"time": [0.0], "steer_cmd": [0.0]}), "steer"),
+        (lambda rfl: rfl.train({"time": [0.0], "vx": [1.0]}), "<log>"),
+        (lambda rfl: rfl.tune(budget=0), "at least 1"),
+        (lambda rfl: rfl.Controller(vehicle="none.toml"), "none.toml"),
+    ],
+)
+def test_bad_input_raises_what_was_wrong_and_where(rfl_mpc, tmp_path, monkeypatch, call, words):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(rfl_mpc.RflError) as caught:
+        call(rfl_mpc)
+    assert words in str(caught.value) and not isinstance(caught.value, rfl_mpc.InternalError), caught.value
+
+
+def test_warnings_and_notes_are_pythons(rfl_mpc, caplog, tmp_path):
+    bend = [(20 * np.sin(0.05 * k), 20 * (1 - np.cos(0.05 * k))) for k in range(60)]
+    repeated = "x,y\n" + "".join(f"{x},{y}\n{x},{y}\n" for x, y in bend)
+    (tmp_path / "road.csv").write_text(repeated)
+    with caplog.at_level("INFO", "rfl_mpc"), pytest.warns(rfl_mpc.RflWarning) as caught:
+        rfl_mpc.drive(tmp_path / "road.csv", duration=1, set={"mpc.steer_max": 0.05})
+    assert "tighter than the vehicle turns" in str(caught[0].message) and caught[0].filename == __file__
+    assert "repeat the one before" in caplog.text
+
+
+def test_progress_is_told_and_can_stop_the_work(rfl_mpc):
+    shares = []
+    rfl_mpc.drive("sudoku_turns", duration=5, progress=lambda part, share: shares.append((part, share)))
+    assert shares == sorted(shares) and {part for part, _ in shares} == {"driving"}
+
+    class Enough(Exception):
+        pass
+
+    def stop(part, share):
+        raise Enough(part)
+
+    with pytest.raises(Enough, match="driving"):
+        rfl_mpc.drive("sudoku_train", progress=stop)
+
+
+def test_an_interrupt_stops_the_work(rfl_mpc, drive):
+    def interrupt(part, share):
+        signal.raise_signal(signal.SIGINT)
+
+    begin = time.process_time()
+    with pytest.raises(KeyboardInterrupt):
+        rfl_mpc.diagnose(drive.log, progress=interrupt)
+    settled = time.process_time()
+    time.sleep(0.5)
+    # Nothing goes on behind: the process is idle.
+    assert time.process_time() - settled < 0.25, (begin, settled)
+
+
+def test_the_package_carries_fmus_vehicles_and_roads(rfl_mpc):
+    assert set(rfl_mpc.fmus()) == {"PassengerCar", "RflMpc", "SemiTrailerTruck", "TruckRflMpc"}
+    assert all(file.is_file() for kind in (rfl_mpc.fmus, rfl_mpc.vehicles, rfl_mpc.roads) for file in kind().values())
+    for name, file in rfl_mpc.roads().items():
+        assert rfl_mpc.Controller(name, "truck_real" if "truck" in name else "c_class").length > 10, file
+
+
+def test_the_program_is_part_of_it(folder, tmp_path):
+    environment = os.environ | ({"PYTHONPATH": str(folder)} if folder else {})
+    command = [sys.executable, "-m", "rfl_mpc"]
+
+    def said(*words):
+        options = {"cwd": tmp_path, "env": environment, "capture_output": True, "text": True}
+        return subprocess.run([*command, *words], check=False, **options)
+
+    version = said("--version")
+    assert version.returncode == 0 and version.stdout.startswith("rfl ")
+    assert said("drvie").returncode == 2 and "'drive'" in said("drvie").stderr
+    assert said("drive", "--path", "none.csv").returncode == 1
+    driven = said("drive", "--path", "sudoku_turns", "--duration", "2", "--quiet", "--log", "log.csv.txt")
+    assert driven.returncode == 0 and "outcome: timed_out" in driven.stdout, driven.stderr
+    with gzip.open(tmp_path / "log.csv.gz", "wt") as file:
+        file.write((tmp_path / "log.csv.txt").read_text())
+    assert said("diagnose", "log.csv.gz").returncode in (1, 5)
