@@ -3,6 +3,7 @@
 //! A drive ends in one of four outcomes, which text, JSON and exit status agree on; log and JSON are written whatever
 //! happens.
 
+use super::logs::LimitArgs;
 use super::output::{check_writable, write_file, write_json};
 use super::require::{Check, Figures, Requirement, figures_help, write_junit};
 use super::vehicle::{Commanded, Linear, by_kind, vehicle_named};
@@ -35,6 +36,8 @@ pub struct DriveArgs {
     /// How far the path may leave the road's noisy points, RMS in m [default: as accurate as the file is, or its measured noise]
     #[arg(long, value_name = "METRES", requires = "path")]
     smooth: Option<f64>,
+    #[command(flatten)]
+    limit: LimitArgs,
     /// Car or truck: a vehicle file (TOML) or a built-in name
     #[arg(long, default_value = BUILTIN[0])]
     vehicle: String,
@@ -176,12 +179,13 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> Setup<P, S, C> {
     /// Reads road and vehicle and applies the settings.
     pub fn new(
         path: Option<&std::path::Path>,
+        reading: &Options,
         course: Route,
         vehicle: &str,
         settings: &[String],
     ) -> Result<Self, Box<dyn Error>> {
         let path = Arc::new(match path {
-            Some(file) => Path::read(file)?,
+            Some(file) => Path::read_with(file, reading)?,
             None => course.path()?,
         });
         Self::on(path, vehicle, settings)
@@ -275,13 +279,9 @@ pub fn run(args: &DriveArgs) -> Result<ExitCode, Box<dyn Error>> {
 fn drive<P: Commanded<S, C>, const S: usize, const C: usize>(
     args: &DriveArgs,
 ) -> Result<ExitCode, Box<dyn Error>> {
-    let mut setup = match (&args.path, args.smooth) {
-        (Some(file), Some(within)) => {
-            let options = Options { smoothing: Smoothing::Within(within), ..Options::default() };
-            Setup::<P, S, C>::on(Arc::new(Path::read_with(file, &options)?), &args.vehicle, &[])?
-        }
-        (file, _) => Setup::<P, S, C>::new(file.as_deref(), P::TEST, &args.vehicle, &[])?,
-    };
+    let smoothing = args.smooth.map_or(Smoothing::AsAccurate, Smoothing::Within);
+    let reading = Options { smoothing, ..args.limit.road() };
+    let mut setup = Setup::<P, S, C>::new(args.path.as_deref(), &reading, P::TEST, &args.vehicle, &[])?;
     let mut model = args.model.clone();
     if let Some(file) = &args.controller {
         let read = ControllerFile::read(file)?;

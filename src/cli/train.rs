@@ -239,8 +239,12 @@ where
     let parameters = controller::<P, S, C>(args)?;
     let vehicle = parameters.vehicle.nominal();
     let data_config = parameters.mpc.data_config();
-    let road =
-        args.path.as_deref().map(|file| path::Path::read(file).map(|road| (road, file))).transpose()?;
+    let reading = args.reading.limit.road();
+    let road = args
+        .path
+        .as_deref()
+        .map(|file| path::Path::read_with(file, &reading).map(|road| (road, file)))
+        .transpose()?;
     let steering = |speed: f64| steady_steering(&vehicle, speed);
     let mut notes = Vec::new();
     let mut read = |files: &[PathBuf]| -> Result<DataSet<Linear<P, S, C>, S>, Box<dyn Error>> {

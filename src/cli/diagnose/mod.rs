@@ -160,7 +160,9 @@ where
     let given: P::Parameters = vehicle_named(name)?;
     let nominal = P::controller(&given).vehicle.nominal();
     let steering = |speed: f64| steady_steering(&nominal, speed);
-    let road = args.path.as_deref().map(Road::read).transpose()?.map(Arc::new);
+    let reading = args.reading.limit.road();
+    let read = |file: &Path| Road::read_with(file, &reading);
+    let road = args.path.as_deref().map(read).transpose()?.map(Arc::new);
     let clean_one = |log: &DriveLog| {
         let mut clean = CleanLog::of(log, &steering)?;
         if let Some(road) = &road {
