@@ -6,7 +6,7 @@ the controller's command and its front wheels stands a steering actuator,
 
     steer' = (steer_cmd(t - delay) - steer) / lag,     |steer'| <= 0.4 rad/s (the car's own limit),
 
-with a dead time of whole samples. The classic Runge-Kutta method integrates with 1 to 2 ms: the spin of a wheel
+with a dead time of whole samples. The classic Runge-Kutta method integrates with 1 to 4 ms: the spin of a wheel
 decays with some 4000 / v in 1/s, which has to stay within the method's stability limit of 2.8 / h.
 
 The model has its axes x forward, y right, z down, and mirrors "left", so that pose, yaw rate and steering have the
@@ -25,9 +25,9 @@ from vehiclemodels.vehicle_dynamics_mb import vehicle_dynamics_mb
 from vehiclemodels.vehicle_parameters import setup_vehicle_parameters
 
 BMW_320I = 2  # number of the parameter set
-SHORTEST, LONGEST = 1e-3, 2e-3  # s, steps of the integration
+SHORTEST, LONGEST = 1e-3, 4e-3  # s, steps of the integration
 STIFFNESS = 4000.0  # m/s2, decay rate of a wheel's spin times speed
-STABLE = 1.5  # product of step and decay rate that is well within stability
+STABLE = 2.0  # product of step and decay rate that is well within stability
 
 
 @dataclass(frozen=True)

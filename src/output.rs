@@ -2,7 +2,8 @@
 //!
 //! A file is written beside its place and renamed into it, so that whoever reads it never sees half of one, and a
 //! program that is stopped leaves the old one. What is no ordinary file is written through, not replaced: a link, a
-//! pipe, a device such as `/dev/stdout`.
+//! pipe, a device such as `/dev/stdout`. What a killed run left half written (`.NAME.PROCESS.NUMBER.part`) is taken away by the
+//! next run that writes to that folder.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Write};
@@ -30,9 +31,10 @@ pub fn check_writable(file: &Path) -> io::Result<()> {
         let words = format!("{} is no folder", folder.display());
         return Err(io::Error::new(io::ErrorKind::NotADirectory, words));
     }
+    remove_abandoned(folder);
     let draft = folder.join(draft_of(file).file_name().unwrap_or_default());
     // A full disk takes a file, but nothing in it.
-    let tried = File::create(&draft).and_then(|mut file| file.write_all(&[0; 4096]));
+    let tried = create_draft(&draft).and_then(|mut file| file.write_all(&[0; 4096]));
     let removed = std::fs::remove_file(&draft);
     tried.and(removed)
 }
@@ -83,7 +85,7 @@ pub fn write_with<E: From<io::Error>>(
     }
     make_folder_of(file)?;
     let draft = draft_of(file);
-    let written = File::create(&draft).map_err(E::from).and_then(|mut to| {
+    let written = create_draft(&draft).map_err(E::from).and_then(|mut to| {
         fill(&mut to)?;
         if let Ok(old) = std::fs::metadata(file) {
             to.set_permissions(old.permissions())?;
@@ -130,6 +132,44 @@ fn draft_of(file: &Path) -> PathBuf {
     file.with_file_name(format!(".{name}.{}.{number}.part", std::process::id()))
 }
 
+/// A draft that no other run takes for abandoned: its lock goes when it is closed, also when the program is killed.
+fn create_draft(draft: &Path) -> io::Result<File> {
+    loop {
+        let file = File::create(draft)?;
+        // Not every file system knows locks: without them no draft is taken away.
+        let locked = file.lock().is_ok();
+        // Another run may have taken it away in between.
+        if !locked || draft.exists() {
+            return Ok(file);
+        }
+    }
+}
+
+/// Takes away the drafts in a folder that nobody writes any more.
+fn remove_abandoned(folder: &Path) {
+    let drafts = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    for draft in
+        drafts.filter(|file| is_draft(file) && file.symlink_metadata().is_ok_and(|what| what.is_file()))
+    {
+        // What cannot be opened or removed belongs to somebody else, and harms nobody.
+        if let Ok(file) = File::open(&draft)
+            && file.try_lock().is_ok()
+        {
+            let _ = std::fs::remove_file(&draft);
+        }
+    }
+}
+
+/// Whether a file has the name of a draft; see [`draft_of`].
+fn is_draft(file: &Path) -> bool {
+    let number = |part: &str| !part.is_empty() && part.bytes().all(|byte| byte.is_ascii_digit());
+    let name = file.file_name().and_then(std::ffi::OsStr::to_str).unwrap_or_default();
+    let parts = name.strip_prefix('.').and_then(|name| name.strip_suffix(".part"));
+    let mut parts = parts.unwrap_or_default().rsplitn(3, '.');
+    let numbers = parts.next().is_some_and(number) && parts.next().is_some_and(number);
+    numbers && parts.next().is_some_and(|name| !name.is_empty())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -162,6 +202,25 @@ mod tests {
         assert_eq!(names(file.parent().unwrap()), ["drive.csv"]);
         assert!(check_writable(folder.path()).unwrap_err().to_string().contains("is a folder"));
         assert!(check_writable(&file.join("below.csv")).is_err());
+    }
+
+    #[test]
+    fn drafts_that_nobody_writes_are_taken_away() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let others = [".log.csv.part", ".part", "log.csv.1.2.part", ".log.csv.1.x.part", ".1.2.part"];
+        for name in [".log.csv.1.0.part", ".a.b.777.12.part"].iter().chain(&others) {
+            std::fs::write(at(name), "half").unwrap();
+        }
+        let written = create_draft(&at(".model.rflm.1.3.part")).unwrap();
+        check_writable(&at("another.csv")).unwrap();
+        let mut left = others.map(str::to_owned).to_vec();
+        left.push(".model.rflm.1.3.part".to_owned());
+        left.sort();
+        assert_eq!(names(folder.path()), left);
+        drop(written);
+        check_writable(&at("another.csv")).unwrap();
+        assert!(!at(".model.rflm.1.3.part").exists());
     }
 
     #[cfg(unix)]

@@ -129,11 +129,12 @@ fn cases() -> Vec<Case> {
             s().without(&["ay", "station"]).scaled(&["vx"], 1.943_844),
             Ok("taken as knots"),
         ),
+        ("cm/s", s().scaled(&["vx", "vy"], 100.0), Err("check the unit of vx")),
         ("a speed off by a factor", s().scaled(&["vx"], 1.12), Ok("")),
         ("mm", s().scaled(&["x", "y"], 1000.0), Ok("taken as mm")),
         ("feet", s().scaled(&["x", "y"], 3.280_84), Ok("taken as ft")),
-        ("g", s().scaled(&["ax", "ay"], 1.0 / 9.81), Ok("taken as g")),
-        ("km/h and g", s().scaled(&["vx"], 3.6).scaled(&["ay"], 1.0 / 9.81), Ok("taken as km/h")),
+        ("g", s().scaled(&["ax", "ay"], 1.0 / 9.80665), Ok("taken as g")),
+        ("km/h and g", s().scaled(&["vx"], 3.6).scaled(&["ay"], 1.0 / 9.80665), Ok("taken as km/h")),
         ("yaw in degrees", s().scaled(&["yaw"], DEGREES), Ok("degrees")),
         ("yaw_rate in degrees", s().scaled(&["yaw_rate"], DEGREES), Ok("degrees")),
         ("yaw_rate in degrees, ay tells", s().without(&["yaw"]).scaled(&["yaw_rate"], DEGREES), Ok("deg")),
@@ -215,10 +216,14 @@ fn the_three_commands_refuse_the_same_logs() {
         &["train", "log.csv", "--no-proof", "--quiet"],
         &["identify", "log.csv", "--by-yaw-rate"],
     ];
+    let mut diagnosed = false;
     for (case, table, expected) in cases() {
         let Err(words) = expected else { continue };
         table.write(folder.path());
-        for command in commands {
+        // A suspicious log is diagnosed all the same: one of them shows it, what is said of the others is the library's.
+        let suspicious = CleanLog::of(&table.log(), &steering).is_ok_and(|clean| clean.suspect().is_some());
+        let again = suspicious && std::mem::replace(&mut diagnosed, true);
+        for command in commands.into_iter().skip(usize::from(again)) {
             let output = rfl(folder.path(), command);
             let said = text(&output.stdout) + &text(&output.stderr);
             let suspects = command[0] == "diagnose" && said.contains("suspicion: ");

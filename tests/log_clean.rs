@@ -231,6 +231,63 @@ fn degrees_are_converted() {
     }
 }
 
+/// The sound log with the angles of body, trailer and road, and what the accelerometer shows of the road.
+fn leaning() -> DriveTable {
+    let table = sound()
+        .and("grade", |of| 0.05 * (0.11 * of("time")).sin())
+        .and("bank", |of| 0.04 * (0.07 * of("time")).sin())
+        .and("roll", |of| 0.006 * of("vx") * of("yaw_rate"))
+        .and("articulation", |of| 6.0 * of("yaw_rate") / of("vx"));
+    let column = |name: &str| -> Vec<f64> {
+        table.rows.iter().map(|row| row[table.place(name)].parse().unwrap()).collect()
+    };
+    let (grade, bank, angle) = (column("grade"), column("bank"), column("articulation"));
+    let rate = |row: usize| {
+        let (before, after) = (row.saturating_sub(1), (row + 1).min(angle.len() - 1));
+        (angle[after] - angle[before]) / (0.02 * (after - before) as f64)
+    };
+    table
+        .map("ax", |row, ax| ax + 9.81 * grade[row].sin())
+        .map("ay", |row, ay| ay + 9.81 * bank[row].sin())
+        .and("pitch", |of| -0.004 * of("ax"))
+        .and("articulation_rate", |_| 0.0)
+        .map("articulation_rate", |row, _| rate(row))
+}
+
+#[test]
+fn angles_of_body_trailer_and_road_are_converted() {
+    const DEGREES: f64 = 180.0 / std::f64::consts::PI;
+    let right = leaning().clean();
+    assert!(right.findings.iter().all(|finding| finding.gravity == Gravity::Note), "{:#?}", right.findings);
+    for (columns, factor, words) in [
+        (&["roll"][..], DEGREES, "taken as degrees"),
+        (&["pitch"], -DEGREES, "taken as degrees"),
+        (&["articulation", "articulation_rate"], DEGREES, "converted to rad"),
+        (&["articulation"], DEGREES, "taken as degrees"),
+        (&["articulation_rate"], DEGREES, "taken as deg/s"),
+        (&["grade"], DEGREES, "taken as degrees"),
+        (&["grade"], 100.0, "taken as per cent"),
+        (&["bank"], -DEGREES, "taken as degrees"),
+        (&["roll", "pitch", "articulation", "articulation_rate", "grade", "bank"], DEGREES, "taken as deg"),
+    ] {
+        let log = leaning().scaled(columns, factor).clean();
+        for &column in columns {
+            assert_eq!(said(&log, column, words), Gravity::Warning);
+            let off = log.columns[column].iter().zip(&right.columns[column]).map(|(a, b)| {
+                let sign = factor.signum();
+                (sign * a - b).abs()
+            });
+            assert!(off.fold(0.0, f64::max) < 1e-9, "{columns:?}: {column}");
+        }
+    }
+    // A soft body is no unit, and what the motion does not tell is left out.
+    let soft = leaning().scaled(&["roll"], 4.0).clean();
+    assert!(soft.findings.iter().all(|finding| finding.gravity == Gravity::Note), "{:#?}", soft.findings);
+    let odd = leaning().map("roll", |row, _| 40.0 * (0.9 * row as f64).sin()).clean();
+    assert_eq!(said(&odd, "roll", "left out"), Gravity::Warning);
+    assert!(!odd.columns.contains_key("roll") && odd.suspect().is_none());
+}
+
 #[test]
 fn roll_in_degrees_is_told_by_how_far_a_body_leans() {
     // From a racing car, 0.7 degrees for 1 g, to a loaded van, 11.
@@ -268,7 +325,7 @@ fn kilometres_per_hour_and_g_are_converted() {
     assert!(apart(&log, "vx") < 1e-9 && apart(&log, "ay") < 1e-9);
     let log = sound().scaled(&["vx"], 3.6).without(&["x"]).clean();
     assert!(apart(&log, "vx") < 1e-9);
-    let log = sound().scaled(&["ay"], 1.0 / 9.81).scaled(&["ax"], 1.0 / 9.81).clean();
+    let log = sound().scaled(&["ay"], 1.0 / 9.80665).scaled(&["ax"], 1.0 / 9.80665).clean();
     assert_eq!(said(&log, "ay", "taken as g"), Gravity::Warning);
     assert!(apart(&log, "ay") < 1e-9);
 }

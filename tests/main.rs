@@ -70,6 +70,7 @@ mod learn_command;
 mod log_check;
 mod log_clean;
 mod log_rate;
+mod log_writings;
 mod nmpc;
 mod nmpc_derivatives;
 mod nmpc_fallback;

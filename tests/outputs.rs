@@ -119,6 +119,34 @@ fn links_and_devices_stay_what_they_are() {
 }
 
 #[test]
+fn what_a_killed_run_left_half_written_is_taken_away() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let road = road();
+    let leave = |file: &str| {
+        fs::create_dir_all(at(file).parent().unwrap()).unwrap();
+        fs::write(at(file), "half").unwrap();
+    };
+    for (left, command) in [
+        (
+            "c/.drive_9.csv.1.4.part",
+            &["collect", "--path", &road, "--runs", "1", "--out", "c", "--quiet"][..],
+        ),
+        (
+            ".own.json.77.0.part",
+            &["drive", "--path", &road, "--duration", "1", "--log", "own.csv", "--quiet"],
+        ),
+        ("p/.smooth.csv.1.0.part", &["path", &road, "--write", "p/smooth.csv"]),
+    ] {
+        leave(left);
+        done(&rfl(folder.path(), command));
+        assert!(!at(left).exists(), "{left}");
+    }
+    let hidden = |file: &PathBuf| file.file_name().unwrap().to_string_lossy().starts_with('.');
+    assert!(!files(folder.path()).iter().any(hidden));
+}
+
+#[test]
 fn two_runs_do_not_share_a_folder() {
     let folder = tempfile::tempdir().unwrap();
     let collect = |seed: &'static str| {

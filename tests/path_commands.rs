@@ -1,6 +1,6 @@
 //! `rfl path` and `rfl course`: what they print, write and return.
 
-use crate::command::{rfl, text};
+use crate::command::{done, refused, rfl, text};
 use std::path::Path;
 
 #[test]
@@ -48,6 +48,43 @@ fn path_reports_a_road_as_text_and_as_json() {
     let output = rfl(folder.path(), &["path", "straight.csv", "--json"]);
     let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert!(report["least_radius"].is_null());
+}
+
+#[test]
+fn a_bend_that_no_car_can_drive_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    // A right angle, a hairpin, and a bend that a car can drive.
+    let angle: String = (0..60).map(|i| format!("{},{}\n", i.min(30), (i - 30).max(0))).collect();
+    let arc = |radius: f64| -> String {
+        let point = |i: i32| (f64::from(i) * 0.02 * std::f64::consts::PI, radius);
+        let points =
+            (0..=50).map(point).map(|(turn, r)| format!("{},{}\n", r * turn.sin(), r * (1.0 - turn.cos())));
+        format!("-20,0\n-15,0\n-10,0\n-5,0\n-2,0\n{}", points.collect::<String>())
+    };
+    for (points, tight) in [(angle, true), (arc(2.5), true), (arc(9.0), false)] {
+        std::fs::write(folder.path().join("road.csv"), format!("x,y\n{points}")).unwrap();
+        let said = done(&rfl(folder.path(), &["path", "road.csv"]));
+        assert_eq!(said.contains("tighter than the vehicle turns"), tight, "{said}");
+        let json: serde_json::Value =
+            serde_json::from_str(&done(&rfl(folder.path(), &["path", "road.csv", "--json"]))).unwrap();
+        assert_eq!(json["notes"].to_string().contains("c_class: the road has"), tight, "{json}");
+    }
+}
+
+#[test]
+fn roads_have_a_limit_as_logs_have() {
+    let folder = tempfile::tempdir().unwrap();
+    let rows: String = (0..50_000).map(|i| format!("{i}.000000,{}.000000\n", i / 7)).collect();
+    std::fs::write(folder.path().join("long.csv"), format!("x,y\n{rows}")).unwrap();
+    for command in [
+        &["path", "long.csv"][..],
+        &["drive", "--path", "long.csv", "--quiet"],
+        &["collect", "--path", "long.csv", "--quiet"],
+        &["tune", "--path", "long.csv", "--quiet"],
+    ] {
+        let error = refused(&rfl(folder.path(), &[command, &["--limit", "1"]].concat()));
+        assert!(error.contains("long.csv: has more than 1 MB"), "{command:?}: {error}");
+    }
 }
 
 #[test]

@@ -109,8 +109,8 @@ fn what_is_not_a_number_is_found() {
     has(&message, &["line 3", "column `y`", "`zero`", "12.5"]);
     let (_, message) = refuse("x,y\n0,0\n1,\n2,0\n");
     has(&message, &["line 3", "column `y`"]);
-    let (_, message) = refuse("x|y\n0|0\n");
-    has(&message, &["line 1", "x|y"]);
+    let (_, message) = refuse("x:y\n0:0\n");
+    has(&message, &["line 1", "x:y"]);
     let (_, message) = refuse("x,y\n0,0\n\"1,5\",0\n");
     has(&message, &["line 3", "column `x`", "1,5"]);
 }
@@ -325,7 +325,7 @@ proptest! {
     fn no_text_makes_the_reader_panic(text in almost_a_file(), within in proptest::option::of(0.0..1.0f64)) {
         let smoothing = within.map_or(Smoothing::AsAccurate, Smoothing::Within);
         for closure in [Closure::Detect, Closure::Open, Closure::Closed] {
-            let options = Options { closure, smoothing };
+            let options = Options { closure, smoothing, ..Options::default() };
             if let Ok(path) = Path::from_csv(text.as_bytes(), FilePath::new("fuzz.csv"), &options) {
                 // What is accepted is usable.
                 prop_assert!(path.length().is_finite() && path.length() > 0.0);

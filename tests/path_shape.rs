@@ -267,7 +267,7 @@ proptest! {
             Sample::at(radius * angle.cos(), radius * angle.sin())
         }).collect();
         let closure = if closed { Closure::Closed } else { Closure::Open };
-        let path = Path::from_samples_with(samples, &Options { closure, smoothing: Smoothing::None });
+        let path = Path::from_samples_with(samples, &Options { closure, smoothing: Smoothing::None, ..Options::default() });
         // Wild radii may make a road that turns back; that is refused, and not what is tested here.
         prop_assume!(path.is_ok());
         let path = path.unwrap();

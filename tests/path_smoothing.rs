@@ -14,7 +14,7 @@ fn uniform(seed: &mut u64) -> f64 {
 }
 
 fn within(tolerance: f64, closure: Closure) -> Options {
-    Options { closure, smoothing: Smoothing::Within(tolerance) }
+    Options { closure, smoothing: Smoothing::Within(tolerance), ..Options::default() }
 }
 
 /// A ring road with bends both ways: radius 60 + 8 sin(3 angle).

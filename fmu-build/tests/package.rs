@@ -25,7 +25,8 @@ fn toy() -> Fmu {
         description: "tests/common/SteeringLag.xml".to_owned(),
         // It links what this one links.
         package: "fmu-passenger-car",
-        selection: vec!["-p", "fmu-build", "--example", "toy_fmu"],
+        // What is built for all tests: a narrower selection has other features, and would be a build of the library apart.
+        selection: vec!["--workspace", "--bins", "--examples"],
         resources: LICENSE,
         added: Added::default(),
         base: None,

@@ -472,9 +472,9 @@ def is_marked(column: Cells) -> bool:
     )
 
 
-def opened(file: Path, mode: str):
-    """A drive log's text file, compressed if its name ends in .gz; a byte order mark is skipped."""
+def opened(file: Path, mode: str, packed: bool | None = None):
+    """A drive log's text file, compressed if its name ends in .gz, or as said; a byte order mark is skipped."""
     encoding = "utf-8-sig" if mode == "r" else "utf-8"
-    if file.suffix == ".gz":
+    if file.suffix == ".gz" if packed is None else packed:
         return gzip.open(file, f"{mode}t", newline="", encoding=encoding)
     return open(file, mode, newline="", encoding=encoding)

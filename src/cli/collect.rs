@@ -2,6 +2,7 @@
 //! such drives.
 
 use super::drive::{MODELS, Setup};
+use super::logs::LimitArgs;
 use super::output::{hold_folder, write_file};
 use super::progress_bar;
 use super::vehicle::{Commanded, by_kind};
@@ -31,6 +32,8 @@ pub struct CollectArgs {
     /// Road to drive: a CSV file with columns x, y [default: the vehicle's training route]
     #[arg(long)]
     path: Option<PathBuf>,
+    #[command(flatten)]
+    limit: LimitArgs,
     /// Car or truck: a vehicle file (TOML) or a built-in name
     #[arg(long, default_value = crate::vehicle::BUILTIN[0])]
     vehicle: String,
@@ -76,8 +79,13 @@ fn collect<P: Commanded<S, C>, const S: usize, const C: usize>(
             None => vec!["mpc.tightening=1".to_owned()],
         };
         settings.extend_from_slice(&args.settings);
-        let mut setup =
-            Setup::<P, S, C>::new(args.path.as_deref(), P::SETTING.training, &args.vehicle, &settings)?;
+        let mut setup = Setup::<P, S, C>::new(
+            args.path.as_deref(),
+            &args.limit.road(),
+            P::SETTING.training,
+            &args.vehicle,
+            &settings,
+        )?;
         let again = P::SETTING.again.filter(|_| args.residual.is_some());
         setup.controller.mpc.dither =
             args.dither.unwrap_or_else(|| again.map_or(P::SETTING.dither, |again| again.dither));

@@ -3,6 +3,7 @@
 //! A drive ends in one of four outcomes, which text, JSON and exit status agree on; log and JSON are written whatever
 //! happens.
 
+use super::logs::LimitArgs;
 use super::output::{check_writable, write_file, write_json};
 use super::require::{Check, Figures, Requirement, figures_help, write_junit};
 use super::vehicle::{Commanded, Linear, by_kind, vehicle_named};
@@ -34,6 +35,8 @@ pub struct DriveArgs {
     /// How far the path may leave the road's noisy points, RMS in m [default: as accurate as the file is, or its measured noise]
     #[arg(long, value_name = "METRES", requires = "path")]
     smooth: Option<f64>,
+    #[command(flatten)]
+    limit: LimitArgs,
     /// Car or truck: a vehicle file (TOML) or a built-in name
     #[arg(long, default_value = BUILTIN[0])]
     vehicle: String,
@@ -175,12 +178,13 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> Setup<P, S, C> {
     /// Reads road and vehicle and applies the settings.
     pub fn new(
         path: Option<&std::path::Path>,
+        reading: &Options,
         course: Route,
         vehicle: &str,
         settings: &[String],
     ) -> Result<Self, Box<dyn Error>> {
         let path = Arc::new(match path {
-            Some(road) => Path::named(road, &Options::default())?,
+            Some(road) => Path::named(road, reading)?,
             None => course.path()?,
         });
         Self::on(path, vehicle, settings)
@@ -366,13 +370,9 @@ where
 fn set_up<P: Commanded<S, C>, const S: usize, const C: usize>(
     args: &DriveArgs,
 ) -> Result<(Setup<P, S, C>, ControlVariant, PredictionModelFor<Linear<P, S, C>, S>), Box<dyn Error>> {
-    let mut setup = match (&args.path, args.smooth) {
-        (Some(file), Some(within)) => {
-            let options = Options { smoothing: Smoothing::Within(within), ..Options::default() };
-            Setup::<P, S, C>::on(Arc::new(Path::named(file, &options)?), &args.vehicle, &[])?
-        }
-        (file, _) => Setup::<P, S, C>::new(file.as_deref(), P::TEST, &args.vehicle, &[])?,
-    };
+    let smoothing = args.smooth.map_or(Smoothing::AsAccurate, Smoothing::Within);
+    let reading = Options { smoothing, ..args.limit.road() };
+    let mut setup = Setup::<P, S, C>::new(args.path.as_deref(), &reading, P::TEST, &args.vehicle, &[])?;
     let mut model = args.model.clone();
     if let Some(file) = &args.controller {
         let read = ControllerFile::read(file)?;

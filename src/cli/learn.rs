@@ -9,6 +9,7 @@
 //! ```
 
 use super::drive::{MODELS, Setup, setting};
+use super::logs::LimitArgs;
 use super::output::{hold_folder, write_file, write_json};
 use super::progress_bar;
 use super::vehicle::{Commanded, Linear, by_kind};
@@ -54,6 +55,8 @@ pub struct LearnArgs {
     /// Road to prove on [default: the vehicle's test route]
     #[arg(long, value_name = "FILE")]
     test: Option<PathBuf>,
+    #[command(flatten)]
+    limit: LimitArgs,
     /// Random roads to collect on beside it
     #[arg(long, default_value_t = 6)]
     roads: usize,
@@ -105,10 +108,16 @@ struct Ladder<'a, P: Commanded<S, C>, const S: usize, const C: usize> {
 
 fn learn<P: Commanded<S, C>, const S: usize, const C: usize>(args: &LearnArgs) -> Result<u8, Box<dyn Error>> {
     let _held = hold_folder(&args.out)?;
-    let setup =
-        Setup::<P, S, C>::new(args.path.as_deref(), P::SETTING.training, &args.vehicle, &args.settings)?;
+    let reading = args.limit.road();
+    let setup = Setup::<P, S, C>::new(
+        args.path.as_deref(),
+        &reading,
+        P::SETTING.training,
+        &args.vehicle,
+        &args.settings,
+    )?;
     let mut training: Roads = vec![("training road".to_owned(), setup.path.clone())];
-    let test = Setup::<P, S, C>::new(args.test.as_deref(), P::TEST, &args.vehicle, &args.settings)?;
+    let test = Setup::<P, S, C>::new(args.test.as_deref(), &reading, P::TEST, &args.vehicle, &args.settings)?;
     let mut proving: Roads = vec![("test road".to_owned(), test.path)];
     let road = if P::SIGNALS.len() > CAR_COLUMNS { RandomRoad::TRUCK } else { RandomRoad::CAR };
     let random = |first: u64, number: usize| -> Result<(String, Arc<Path>), Box<dyn Error>> {

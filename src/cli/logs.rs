@@ -1,10 +1,34 @@
-//! How drive logs are read, for all commands that read them.
+//! How drive logs and roads are read, for all commands that read them.
 
 use crate::log::{DriveLog, LogError};
+use crate::path::Options;
 use crate::residual::fnv;
 use crate::table::Limits;
 use clap::Args;
 use std::path::Path;
+
+/// The size of a file from which it is refused.
+#[derive(Debug, Clone, Copy, Args)]
+pub struct LimitArgs {
+    /// Largest log or road in MB, unpacked [default: 512 for a log, 256 for a road]
+    #[arg(long, value_name = "MB", value_parser = clap::value_parser!(u64).range(1..=1 << 20))]
+    limit: Option<u64>,
+}
+
+impl LimitArgs {
+    /// What is asked for, in place of what is usual.
+    fn of(self, usual: Limits) -> Limits {
+        let bytes = self.limit.map_or(usual.bytes, |megabytes| megabytes << 20);
+        // A larger file may have more rows, too.
+        Limits { bytes, rows: usual.rows.max(usual.rows.saturating_mul(bytes / usual.bytes)) }
+    }
+
+    /// How roads are read.
+    pub(super) fn road(self) -> Options {
+        let usual = Options::default();
+        Options { limits: self.of(usual.limits), ..usual }
+    }
+}
 
 /// Options of reading drive logs.
 #[derive(Debug, Clone, Args)]
@@ -13,9 +37,8 @@ pub struct LogArgs {
     /// Rate of the rows, for logs without a time column
     #[arg(long, value_name = "HZ", value_parser = rate)]
     rate: Option<f64>,
-    /// Largest log in MB, unpacked
-    #[arg(long, value_name = "MB", default_value_t = Limits::default().bytes >> 20, value_parser = clap::value_parser!(u64).range(1..=1 << 20))]
-    limit: u64,
+    #[command(flatten)]
+    pub(super) limit: LimitArgs,
     /// Logs that the calling program has, by the names that stand for files.
     #[arg(skip)]
     given: Vec<DriveLog>,
@@ -40,13 +63,9 @@ impl LogArgs {
     /// # Errors
     /// What is wrong, with file, line and column.
     pub(super) fn read(&self, file: &Path) -> Result<DriveLog, LogError> {
-        let least = Limits::default();
-        let bytes = self.limit << 20;
-        // A larger log may have more rows, too.
-        let rows = least.rows.max(least.rows.saturating_mul(bytes / least.bytes));
         let log = match self.given(file) {
             Some(log) => log.clone(),
-            None => DriveLog::read_within(file, Limits { bytes, rows })?,
+            None => DriveLog::read_within(file, self.limit.of(Limits::default()))?,
         };
         match self.rate {
             Some(rate) => log.at_rate(rate),

@@ -1,6 +1,10 @@
 //! `rfl path`: what a road is like, before anything is driven on it.
 
+use super::logs::LimitArgs;
+use super::output::check_writable;
+use crate::control::ControllerParameters;
 use crate::path::{Closure, Options, Path, RoadClass, Smoothing, SpeedLimits, SpeedPlan, write_csv};
+use crate::vehicle::{BUILTIN, builtin};
 use clap::Args;
 use serde_json::{Value, json};
 use std::error::Error;
@@ -32,6 +36,8 @@ pub struct PathArgs {
     /// How far the path may leave noisy points, RMS in m [default: as accurate as the file is, or its measured noise]
     #[arg(long, value_name = "METRES")]
     smooth: Option<f64>,
+    #[command(flatten)]
+    limit: LimitArgs,
     /// File for the road that is driven: smooth, with heading and curvature (CSV)
     #[arg(long, value_name = "FILE")]
     write: Option<PathBuf>,
@@ -80,17 +86,26 @@ pub fn run(args: &PathArgs) -> Result<(), Box<dyn Error>> {
             return Err(format!("{name} {value}: give a positive number").into());
         }
     }
+    if let Some(file) = &args.write {
+        check_writable(file)?;
+    }
     let closure = match (args.closed, args.open) {
         (true, _) => Closure::Closed,
         (_, true) => Closure::Open,
         _ => Closure::Detect,
     };
     let smoothing = args.smooth.map_or(Smoothing::AsAccurate, Smoothing::Within);
-    let path = Path::named(&args.file, &Options { closure, smoothing })?;
+    let path = Path::named(&args.file, &Options { closure, smoothing, ..args.limit.road() })?;
     let limits =
         SpeedLimits { lateral_accel: args.lateral_accel, speed: args.speed, ..SpeedLimits::default() };
     let findings = look(&path, &limits);
-    let text = if args.json { findings.json(args, &path) } else { findings.text(args, &path) };
+    let car = ControllerParameters::for_car(&builtin(BUILTIN[0])?);
+    let too_tight = car.too_tight(&path).map(|words| format!("{}: {words}", BUILTIN[0]));
+    let text = if args.json {
+        findings.json(args, &path, too_tight.as_deref())
+    } else {
+        findings.text(args, &path, too_tight.as_deref())
+    };
     if let Some(file) = &args.write {
         write_csv(file, &path.samples(WRITTEN))?;
     }
@@ -148,7 +163,7 @@ impl Findings {
         self.length / self.duration
     }
 
-    fn text(&self, args: &PathArgs, path: &Path) -> String {
+    fn text(&self, args: &PathArgs, path: &Path, too_tight: Option<&str>) -> String {
         let mut lines = vec![format!("{}", args.file.display())];
         let mut row = |label: &str, value: String| lines.push(format!("  {label:16} {value}"));
         let kind = if self.closed { "closed" } else { "open" };
@@ -189,10 +204,13 @@ impl Findings {
         for note in path.notes() {
             row(if note.warning { "warning" } else { "note" }, note.text.clone());
         }
+        if let Some(words) = too_tight {
+            row("warning", words.to_owned());
+        }
         lines.join("\n") + "\n"
     }
 
-    fn json(&self, args: &PathArgs, path: &Path) -> String {
+    fn json(&self, args: &PathArgs, path: &Path, too_tight: Option<&str>) -> String {
         let classes: serde_json::Map<String, Value> =
             self.classes.iter().map(|(class, length)| (class.name().into(), json!(length))).collect();
         // An infinite radius is null: JSON has no infinity.
@@ -211,7 +229,7 @@ impl Findings {
             "grade": [self.grade.0, self.grade.1],
             "friction": [self.friction.0, self.friction.1],
             "classes": classes,
-            "notes": path.notes().iter().map(|note| &note.text).collect::<Vec<_>>(),
+            "notes": path.notes().iter().map(|note| note.text.as_str()).chain(too_tight).collect::<Vec<_>>(),
         });
         format!("{report:#}\n")
     }

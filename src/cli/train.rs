@@ -262,10 +262,11 @@ where
     let parameters = controller::<P, S, C>(args)?;
     let vehicle = parameters.vehicle.nominal();
     let data_config = parameters.mpc.data_config();
+    let reading = args.reading.limit.road();
     let road = args
         .path
         .as_deref()
-        .map(|road| path::Path::named(road, &path::Options::default()).map(|read| (read, road)))
+        .map(|road| path::Path::named(road, &reading).map(|read| (read, road)))
         .transpose()?;
     let steering = |speed: f64| steady_steering(&vehicle, speed);
     let mut notes = Vec::new();

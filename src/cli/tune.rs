@@ -1,6 +1,7 @@
 //! `rfl tune`: weights and horizon for one vehicle, searched over a family of vehicles around it.
 
 use super::drive::{ModelArgs, Setup};
+use super::logs::LimitArgs;
 use super::output::{hold_folder, write_json, write_text};
 use super::progress_bar;
 use super::vehicle::{Commanded, by_kind};
@@ -42,6 +43,8 @@ pub struct TuneArgs {
     /// Road to tune for: a CSV file with columns x, y [default: random roads]
     #[arg(long)]
     path: Option<PathBuf>,
+    #[command(flatten)]
+    limit: LimitArgs,
     /// A parameter that is not searched, NAME=VALUE, as for `rfl drive`
     #[arg(long = "set", value_name = "NAME=VALUE")]
     settings: Vec<String>,
@@ -273,7 +276,13 @@ where
     P: Commanded<S, C, Effects: Sync, Nominal: Sync>,
 {
     fn new(args: &'a TuneArgs) -> Result<Self, Box<dyn Error>> {
-        let setup = Setup::<P, S, C>::new(args.path.as_deref(), P::TEST, &args.vehicle, &args.settings)?;
+        let setup = Setup::<P, S, C>::new(
+            args.path.as_deref(),
+            &args.limit.road(),
+            P::TEST,
+            &args.vehicle,
+            &args.settings,
+        )?;
         let (variant, model) = args.model.choose(&setup.controller)?;
         let mut roads = match &args.path {
             Some(_) => pieces(&setup.path)?,
@@ -425,7 +434,7 @@ fn pieces(road: &Arc<Path>) -> Result<Vec<Arc<Path>>, Box<dyn Error>> {
     };
     let piece = |number: usize| {
         let samples = (0..=PIECE as usize).map(|i| sample(begin(number) + i as f64)).collect();
-        let options = Options { closure: Closure::Open, smoothing: Smoothing::None };
+        let options = Options { closure: Closure::Open, smoothing: Smoothing::None, ..Options::default() };
         Ok(Arc::new(Path::from_samples_with(samples, &options)?))
     };
     (0..count).map(piece).collect()

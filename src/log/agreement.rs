@@ -6,11 +6,12 @@
 //!     steer = (l + K vx^2) * yaw_rate / vx               (steady cornering, Rajamani ch. 3.3)
 //! ```
 
-use super::clean::{CleanError, CleanLog};
+use super::clean::{CleanError, CleanLog, STANDING};
 use super::finding::Gravity;
 use super::statistics::{Slope, median, quantile, slope};
-use super::units::{self, LENGTHS, Shown, Told, Unit};
+use super::units::{self, ACCELERATIONS, ANGLES, DEGREE, LENGTHS, Shown, Told, Unit, sized};
 use crate::path::wrap_angle;
+use crate::vehicle::GRAVITY;
 use std::collections::BTreeMap;
 
 /// Factors by which columns of the file were multiplied.
@@ -21,14 +22,8 @@ const ANOTHER_DRIVE: f64 = 9.9;
 
 /// A larger change of yaw from row to row is its wrapping.
 const WRAP: f64 = 3.0;
-const DEGREE: f64 = std::f64::consts::PI / 180.0;
 /// Lateral accelerations that no vehicle on a road reaches, m/s2.
 const IMPOSSIBLE: f64 = 40.0;
-/// Roll for a lateral acceleration that no body exceeds, rad/(m/s2): 31 degrees for 1 g. In degrees the stiffest racing car, 0.6
-/// degrees for 1 g, is beyond it.
-const SOFTEST: f64 = 0.055;
-/// Roll at which a vehicle has fallen over, rad.
-const OVERTURNED: f64 = 0.7;
 
 /// How many times as fast yaw changes as yaw rate says; `None` where the two hardly have to do with each other: then the
 /// vehicle hardly turns. Compared over spans of time: from row to row noise is more than what changes.
@@ -132,38 +127,15 @@ pub(super) fn mend_units(log: &mut CleanLog, factors: &mut Factors) {
                 log.find(Gravity::Suspicion, "vx", words);
             }
             // A poor ay in g is one all the same.
-            if let Some(slope) = lateral.filter(|slope| near(slope.factor * crate::vehicle::GRAVITY, 1.0)) {
+            let [_, g] = sized(ACCELERATIONS);
+            if let Some(slope) = lateral.filter(|slope| near(slope.factor / g.1, 1.0)) {
                 let by = format!("ay is {:.2} times vx * yaw_rate", slope.factor);
-                convert(log, factors, ("g", 1.0 / crate::vehicle::GRAVITY), &["ax", "ay"], &by);
+                convert(log, factors, g, &["ax", "ay"], &by);
             }
         }
     }
-    mend_leaning(log, factors);
     mend_errors(log, factors);
-}
-
-/// Roll, and pitch with it, in degrees: told by the softest body that leans, and by the farthest that any leans.
-fn mend_leaning(log: &mut CleanLog, factors: &mut Factors) {
-    let Some(roll) = log.columns.get("roll") else { return };
-    let farthest = quantile(roll.iter().map(|roll| roll.abs()).collect(), 0.98).unwrap_or(0.0);
-    let leaning = leaning(log).filter(|slope| slope.explained > 0.3).map_or(0.0, |slope| slope.factor.abs());
-    let by = if leaning > SOFTEST {
-        format!(
-            "roll is {leaning:.2} rad for each m/s2 of vx * yaw_rate, and no body leans by more than {SOFTEST}"
-        )
-    } else if farthest > OVERTURNED {
-        format!("roll comes to {farthest:.1} rad, and no vehicle leans by more than {OVERTURNED}")
-    } else {
-        return;
-    };
-    convert(log, factors, ("degrees", 1.0 / DEGREE), &["roll", "pitch"], &by);
-}
-
-/// How the roll follows `vx * yaw_rate`.
-fn leaning(log: &CleanLog) -> Option<Slope> {
-    let (roll, vx, rate) = (log.columns.get("roll")?, log.columns.get("vx")?, log.columns.get("yaw_rate")?);
-    let turning = blocks(log, vx).zip(blocks(log, rate)).map(|(v, rate)| v * rate);
-    slope(turning.zip(blocks(log, roll)))
+    mend_angles(log, factors);
 }
 
 /// What tells a column's unit, in words.
@@ -239,21 +211,20 @@ struct Errors {
     turn: Option<f64>,
 }
 
+/// How a column changes over what another says of its rate.
+fn change(log: &CleanLog, what: &str, rate: &str) -> Option<f64> {
+    let (what, rate) = (log.columns.get(what)?, log.columns.get(rate)?);
+    let size = ((BLOCK / log.step).round() as usize).max(1);
+    // From the middle of a block to that of the next.
+    let means: Vec<f64> = blocks(log, what).collect();
+    let asked: Vec<f64> =
+        rate.get(size / 2..)?.chunks_exact(size).map(|rates| rates.iter().sum::<f64>() * log.step).collect();
+    let turned = means.windows(2).map(|pair| pair[1] - pair[0]);
+    slope(asked.into_iter().zip(turned)).map(|slope| slope.factor)
+}
+
 fn errors(log: &CleanLog) -> Errors {
     let get = |name: &str| log.columns.get(name);
-    let change = |what: &str, rate: &str| {
-        let (what, rate) = (get(what)?, get(rate)?);
-        let size = ((BLOCK / log.step).round() as usize).max(1);
-        // From the middle of a block to that of the next.
-        let means: Vec<f64> = blocks(log, what).collect();
-        let asked: Vec<f64> = rate
-            .get(size / 2..)?
-            .chunks_exact(size)
-            .map(|rates| rates.iter().sum::<f64>() * log.step)
-            .collect();
-        let turned = means.windows(2).map(|pair| pair[1] - pair[0]);
-        slope(asked.into_iter().zip(turned))
-    };
     let drift = || {
         let (vx, e2, rate) = (get("vx")?, get("e2")?, get("e1_rate")?);
         let none = vec![0.0; vx.len()];
@@ -270,25 +241,25 @@ fn errors(log: &CleanLog) -> Errors {
     };
     let factor = |slope: Option<Slope>| slope.map(|slope| slope.factor);
     Errors {
-        lateral: factor(change("e1", "e1_rate")),
+        lateral: change(log, "e1", "e1_rate"),
         drift: factor(drift()),
-        heading: factor(change("e2", "e2_rate")),
+        heading: change(log, "e2", "e2_rate"),
         turn: factor(turn()),
     }
 }
 
 /// Errors to the path in foreign units: converted.
 fn mend_errors(log: &mut CleanLog, factors: &mut Factors) {
-    const DEGREES: [Unit; 2] = [("rad", 1.0), ("degrees", 1.0 / DEGREE)];
+    let (degrees, lengths) = (sized(ANGLES), sized(LENGTHS));
     let tell = |factor: Option<f64>, units: &[Unit]| factor.and_then(|factor| units::foreign(factor, units));
-    if let Some(unit) = tell(errors(log).turn, &DEGREES) {
+    if let Some(unit) = tell(errors(log).turn, &degrees) {
         convert(log, factors, unit, &["e2_rate"], "e2_rate is 57 times what yaw_rate and curvature tell");
     }
-    if let Some(unit) = tell(errors(log).heading, &DEGREES) {
+    if let Some(unit) = tell(errors(log).heading, &degrees) {
         convert(log, factors, unit, &["e2"], "e2 changes 57 times as fast as e2_rate says");
     }
     let drift = errors(log).drift;
-    if let (Some(factor), Some(unit)) = (drift, tell(drift, &LENGTHS)) {
+    if let (Some(factor), Some(unit)) = (drift, tell(drift, &lengths)) {
         convert(
             log,
             factors,
@@ -298,9 +269,102 @@ fn mend_errors(log: &mut CleanLog, factors: &mut Factors) {
         );
     }
     let lateral = errors(log).lateral;
-    if let (Some(factor), Some(unit)) = (lateral, tell(lateral, &LENGTHS)) {
+    if let (Some(factor), Some(unit)) = (lateral, tell(lateral, &lengths)) {
         let words = format!("e1 changes {:.3} times as fast as e1_rate says", factor.abs());
         convert(log, factors, unit, &["e1"], &words);
+    }
+}
+
+/// What the body and the road do with a motion.
+struct Leaning {
+    column: &'static str,
+    /// The motion that the angle follows, its name in words.
+    follows: fn(&CleanLog) -> Option<Vec<f64>>,
+    named: &'static str,
+    /// The most of it, in radians: between what the softest vehicle shows in radians and the stiffest in degrees.
+    most: f64,
+}
+
+/// A body leans 0.5 to 12 degrees at 1 g, 0.0009 to 0.02 rad for each m/s2, on soft springs twice as far; in degrees it is 0.05 and
+/// more. A trailer 2 to 14 m long stands at that many radians for each 1/m of curvature; in degrees it is 115 and more.
+const LEANING: [Leaning; 3] = [
+    Leaning { column: "roll", follows: turning, named: "vx * yaw_rate", most: 0.045 },
+    Leaning { column: "pitch", follows: |log| log.columns.get("ax").cloned(), named: "ax", most: 0.045 },
+    Leaning { column: "articulation", follows: bending, named: "yaw_rate / vx", most: 40.0 },
+];
+/// Angles to the road, and of the road, that no road vehicle has for long, rad.
+const STEEP: f64 = 0.8;
+
+fn turning(log: &CleanLog) -> Option<Vec<f64>> {
+    let (vx, rate) = (log.columns.get("vx")?, log.columns.get("yaw_rate")?);
+    Some(vx.iter().zip(rate).map(|(v, rate)| v * rate).collect())
+}
+
+fn bending(log: &CleanLog) -> Option<Vec<f64>> {
+    let (vx, rate) = (log.columns.get("vx")?, log.columns.get("yaw_rate")?);
+    Some(vx.iter().zip(rate).map(|(v, rate)| if *v > STANDING { rate / v } else { f64::NAN }).collect())
+}
+
+/// What the accelerometer shows of gravity along an axis, in parts of it: the sine of a grade, and of a bank.
+fn gravity(log: &CleanLog, column: &str) -> Option<Vec<f64>> {
+    let vx = log.columns.get("vx")?;
+    let (felt, moved) = match column {
+        "grade" => {
+            let speeding = |row: usize| {
+                let (before, after) = (row.saturating_sub(1), (row + 1).min(vx.len() - 1));
+                (vx[after] - vx[before]) / (log.step * (after - before) as f64)
+            };
+            (log.columns.get("ax")?, (0..vx.len()).map(speeding).collect())
+        }
+        _ => (log.columns.get("ay")?, turning(log)?),
+    };
+    Some(felt.iter().zip(moved).map(|(felt, moved)| (felt - moved) / GRAVITY).collect())
+}
+
+/// Angles of body, trailer and road in degrees, slopes in per cent: converted.
+fn mend_angles(log: &mut CleanLog, factors: &mut Factors) {
+    let [_, degrees] = sized(ANGLES);
+    for Leaning { column, follows, named, most } in LEANING {
+        let slope = match (log.columns.get(column), follows(log)) {
+            (Some(angle), Some(motion)) => slope(blocks(log, &motion).zip(blocks(log, angle))),
+            _ => None,
+        };
+        if let Some(slope) = slope.filter(|slope| slope.factor.abs() > most) {
+            let words = format!("{column} is {:.2} times {named}, as no angle in radians is", slope.factor);
+            convert(log, factors, degrees, &[column], &words);
+        }
+    }
+    for column in ["grade", "bank"] {
+        let factor = match (log.columns.get(column), gravity(log, column)) {
+            (Some(angle), Some(part)) => {
+                slope(blocks(log, &part).zip(blocks(log, angle))).map(|slope| slope.factor)
+            }
+            _ => None,
+        };
+        let slopes = [("rad", 1.0), degrees, ("per cent", 100.0)];
+        if let Some((factor, unit)) =
+            factor.and_then(|factor| Some((factor, units::foreign(factor, &slopes)?)))
+        {
+            let words = format!("{column} is {factor:.0} times what the accelerometer shows of gravity");
+            convert(log, factors, unit, &[column], &words);
+        }
+    }
+    let change = change(log, "articulation", "articulation_rate");
+    if change.is_some_and(|factor| near(factor.abs() / DEGREE, 1.0)) {
+        let words = "articulation_rate is 57 times the change of articulation";
+        convert(log, factors, ("deg/s", degrees.1), &["articulation_rate"], words);
+    }
+    for column in ["roll", "pitch", "grade", "bank"] {
+        let large = log.columns.get(column).and_then(|angle| {
+            quantile(angle.iter().map(|angle| angle.abs()).collect(), 0.98).filter(|angle| *angle > STEEP)
+        });
+        if let Some(angle) = large {
+            let words = format!(
+                "{column} is up to {angle:.1}, as no angle in radians is, and is left out; give it in radians"
+            );
+            log.columns.remove(column);
+            log.find(Gravity::Warning, column, words);
+        }
     }
 }
 

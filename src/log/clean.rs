@@ -11,11 +11,12 @@ use super::outliers;
 use super::read::DriveLog;
 use super::resample::{Between, resample};
 use super::statistics::quantile;
+use super::units::DEGREE;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// Slower than this a vehicle stands, as far as its dynamics are concerned, m/s.
-const STANDING: f64 = 2.0;
+pub(super) const STANDING: f64 = 2.0;
 /// After a gap the simulator needs so long to be where the vehicle is, s.
 const SETTLING: f64 = 1.0;
 /// A steering that stays within this is none, rad.
@@ -382,7 +383,6 @@ fn mend_turning(
     factors: &mut Factors,
     findings: &mut Vec<Finding>,
 ) {
-    const DEGREE: f64 = std::f64::consts::PI / 180.0;
     let mut in_degrees = |columns: &mut BTreeMap<&'static str, Vec<f64>>, name: &'static str, why: &str| {
         *factors.entry(name).or_insert(1.0) *= DEGREE;
         if let Some(column) = columns.get_mut(name) {

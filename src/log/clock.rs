@@ -164,10 +164,10 @@ fn runs_on(stamps: &[f64], latest: f64) -> bool {
 fn unit(stamps: &[f64], rows: &[usize], way: Option<f64>) -> f64 {
     let steps = rows.windows(2).map(|pair| stamps[pair[1]] - stamps[pair[0]]).filter(|step| *step > 0.0);
     let Some(step) = median(steps.collect()) else { return 1.0 };
-    let plausible = |factor: f64| (factor * step > 1e-5 && factor * step < 2.0).then_some(factor);
+    let plausible = |factor: f64| (factor * step > 1e-4 && factor * step < 2.0).then_some(factor);
     let by_way = way.filter(|way| *way > 0.0).map(|way| (way.log10() / 3.0).round().clamp(-3.0, 0.0));
     let by_way = by_way.and_then(|thousands| plausible(10_f64.powi(3 * thousands as i32)));
-    // Nobody records a drive with a row every few seconds.
+    // Nobody records a drive with a row every few seconds, or with ten thousand a second.
     let by_step = || [1.0, 1e-3, 1e-6, 1e-9].into_iter().find_map(plausible);
     by_way.or_else(by_step).unwrap_or(1.0)
 }

@@ -3,8 +3,8 @@
 //! | input | output |
 //! |---|---|
 //! | names of the vocabulary, `name [unit]`, a row of units | signals, in our units |
-//! | dates of ISO 8601 in column `time` | seconds since the whole second of the first one |
-//! | an empty field | NaN: a gap |
+//! | dates or times of day in column `time` | seconds since the whole second of the first one |
+//! | an empty field, or a word for none | NaN: a gap |
 
 use super::finding::{Finding, Gravity};
 use crate::signal;
@@ -25,7 +25,8 @@ pub enum LogError {
     Unit { file: PathBuf, line: u64, column: &'static str, unit: String, ours: &'static str },
     #[error("{}: this build reads no compressed files (feature `cli`); unpack it first", file.display())]
     Compressed { file: PathBuf },
-    #[error("{}: no column is a signal of a drive log: the header is `{header}`; give columns such as time, steer_cmd, vx", file.display())]
+    #[error("{}: no column is a signal of a drive log: the header is `{header}`; give columns such as time, steer_cmd, vx, or let scripts/import_log.py \
+         find those of other tools", file.display())]
     NoSignal { file: PathBuf, header: String },
     #[error("{}: column '{column}' has {found} values, and the others have {expected}; give columns of one length", file.display())]
     ColumnLength { file: PathBuf, column: String, found: usize, expected: usize },
@@ -155,7 +156,7 @@ impl DriveLog {
             }
             for (column, (name, values)) in places.iter().zip(&mut log.columns) {
                 let text = row.field(column.place);
-                let value = if text.is_empty() {
+                let value = if row.is_missing(column.place) {
                     Some(f64::NAN)
                 } else if let Some((whole, part)) = time::seconds(text).filter(|_| *name == "time") {
                     // Dates and numbers in one column are no clock.

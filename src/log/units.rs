@@ -10,27 +10,27 @@
 //! A ratio that no unit explains is left alone: the speed sensor of the vehicle may be wrong, and that is for a diagnosis
 //! to find.
 
-use crate::vehicle::GRAVITY;
+use crate::table;
 
-const DEGREE: f64 = std::f64::consts::PI / 180.0;
+/// Radians in a degree.
+pub(super) const DEGREE: f64 = std::f64::consts::PI / 180.0;
 
 /// A unit: its name and how many of it the SI unit is.
 pub(super) type Unit = (&'static str, f64);
 
-/// Units of speed that a log may have.
-const SPEEDS: [Unit; 5] = [
-    ("m/s", 1.0),
-    ("km/h", 3.6),
-    ("mph", 3600.0 / 1609.344),
-    ("knots", 3600.0 / 1852.0),
-    ("ft/s", 1.0 / 0.3048),
-];
-/// Units of length.
-pub(super) const LENGTHS: [Unit; 5] =
-    [("m", 1.0), ("mm", 1000.0), ("cm", 100.0), ("ft", 1.0 / 0.3048), ("km", 1e-3)];
-const ACCELERATIONS: [Unit; 2] = [("m/s2", 1.0), ("g", 1.0 / GRAVITY)];
-const TURNS: [Unit; 2] = [("rad/s", 1.0), ("deg/s", 1.0 / DEGREE)];
-const BENDS: [Unit; 2] = [("1/m", 1.0), ("1/km", 1000.0)];
+/// Units that a log may have without a word, by our unit; ours first.
+const SPEEDS: (&str, [&str; 5]) = ("m/s", ["m/s", "km/h", "mph", "knots", "ft/s"]);
+pub(super) const LENGTHS: (&str, [&str; 5]) = ("m", ["m", "mm", "cm", "ft", "km"]);
+pub(super) const ACCELERATIONS: (&str, [&str; 2]) = ("m/s2", ["m/s2", "g"]);
+const TURNS: (&str, [&str; 2]) = ("rad/s", ["rad/s", "deg/s"]);
+const BENDS: (&str, [&str; 2]) = ("1/m", ["1/m", "1/km"]);
+pub(super) const ANGLES: (&str, [&str; 2]) = ("rad", ["rad", "degrees"]);
+
+/// The units of a list with their sizes.
+pub(super) fn sized<const N: usize>((ours, names): (&str, [&'static str; N])) -> [Unit; N] {
+    // A test finds each of them.
+    names.map(|name| (name, table::factor(name, ours).map_or(f64::NAN, f64::recip)))
+}
 
 /// An error of a ratio beyond which a unit does not explain it, as a logarithm.
 const FAR: f64 = 0.14;
@@ -78,12 +78,12 @@ pub(super) enum Told {
 
 impl Units {
     const SI: Self = Self {
-        speed: SPEEDS[0],
-        position: LENGTHS[0],
-        station: LENGTHS[0],
-        acceleration: ACCELERATIONS[0],
-        turn: TURNS[0],
-        curvature: BENDS[0],
+        speed: ("m/s", 1.0),
+        position: ("m", 1.0),
+        station: ("m", 1.0),
+        acceleration: ("m/s2", 1.0),
+        turn: ("rad/s", 1.0),
+        curvature: ("1/m", 1.0),
     };
 
     fn foreign(&self) -> usize {
@@ -134,15 +134,19 @@ pub(super) fn told(shown: &Shown) -> Told {
     if Units::SI.error(shown) < EFFECT {
         return Told::Si;
     }
+    let (lengths, turns, bends) = (sized(LENGTHS), sized(TURNS), sized(BENDS));
+    let (speeds, accelerations) = (sized(SPEEDS), sized(ACCELERATIONS));
     let mut all = Vec::new();
     // A column that nothing is known of is in SI units.
-    let known = |units: &'static [Unit], shown: bool| if shown { units } else { &units[..1] };
-    for &speed in &SPEEDS {
-        for &position in known(&LENGTHS, shown.way.is_some()) {
-            for &station in known(&LENGTHS, shown.station.is_some()) {
-                for &acceleration in known(&ACCELERATIONS, shown.lateral.is_some()) {
-                    for &turn in known(&TURNS, shown.lateral.is_some()) {
-                        for &curvature in known(&BENDS, shown.bend.is_some()) {
+    fn known(units: &[Unit], shown: bool) -> &[Unit] {
+        if shown { units } else { &units[..1] }
+    }
+    for &speed in &speeds {
+        for &position in known(&lengths, shown.way.is_some()) {
+            for &station in known(&lengths, shown.station.is_some()) {
+                for &acceleration in known(&accelerations, shown.lateral.is_some()) {
+                    for &turn in known(&turns, shown.lateral.is_some()) {
+                        for &curvature in known(&bends, shown.bend.is_some()) {
                             let units = Units { speed, position, station, acceleration, turn, curvature };
                             all.push((units.foreign(), units.error(shown), units));
                         }
@@ -157,7 +161,7 @@ pub(super) fn told(shown: &Shown) -> Told {
     all.retain(|(foreign, error, _)| *error < FAR && *foreign <= ratios);
     all.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
     // By ay alone feet a second are km/h of a body that leans, and km/h are the common ones.
-    let common = |units: &Units| units.speed == SPEEDS[1] && shown.way.is_none() && shown.station.is_none();
+    let common = |units: &Units| units.speed.0 == "km/h" && shown.way.is_none() && shown.station.is_none();
     match all[..] {
         [] => Told::Si,
         [(_, error, units), ..] if error == 0.0 && common(&units) => Told::Units(units),
@@ -177,6 +181,14 @@ pub(super) fn foreign(ratio: f64, units: &[Unit]) -> Option<Unit> {
 mod tests {
     use super::*;
 
+    const G: f64 = 9.80665;
+
+    #[test]
+    fn each_unit_is_in_the_table() {
+        let all = [&sized(SPEEDS)[..], &sized(LENGTHS), &sized(ACCELERATIONS), &sized(TURNS), &sized(BENDS)];
+        assert!(all.iter().all(|units| units[0].1 == 1.0 && units.iter().all(|unit| unit.1.is_finite())));
+    }
+
     fn words(shown: Shown) -> String {
         match told(&shown) {
             Told::Si => "si".into(),
@@ -187,7 +199,7 @@ mod tests {
 
     #[test]
     fn one_ratio_tells_one_unit() {
-        for &(name, factor) in &SPEEDS[1..] {
+        for &(name, factor) in &sized(SPEEDS)[1..] {
             let expected = format!("vx in {name}");
             for effect in [1.06, 1.107] {
                 assert_eq!(words(Shown { lateral: Some(effect / factor), ..Shown::default() }), expected);
@@ -196,7 +208,7 @@ mod tests {
                 assert_eq!(words(Shown { way: Some(effect / factor), ..Shown::default() }), expected);
             }
         }
-        for &(name, factor) in &LENGTHS[1..] {
+        for &(name, factor) in &sized(LENGTHS)[1..] {
             let shown = Shown { way: Some(factor), lateral: Some(1.0), ..Shown::default() };
             assert_eq!(words(shown), format!("x, y in {name}"));
         }
@@ -206,7 +218,7 @@ mod tests {
 
     #[test]
     fn several_ratios_tell_several_units() {
-        let shown = Shown { way: Some(1.0 / 3.6), lateral: Some(1.0 / (3.6 * GRAVITY)), ..Shown::default() };
+        let shown = Shown { way: Some(1.0 / 3.6), lateral: Some(1.0 / (3.6 * G)), ..Shown::default() };
         assert_eq!(words(shown), "vx in km/h and ay in g");
         let shown = Shown { way: Some(1000.0 / 2.237), lateral: Some(1.0 / 2.237), ..Shown::default() };
         assert_eq!(words(shown), "vx in mph and x, y in mm");

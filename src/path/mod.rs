@@ -135,7 +135,10 @@ impl Path {
     /// # Errors
     /// The cause and the point: too few points, values that are not finite or out of range, gaps, points out of order.
     pub fn from_samples(samples: Vec<Sample>, closure: Closure) -> Result<Self, PathError> {
-        Self::from_samples_with(samples, &Options { closure, smoothing: Smoothing::None })
+        Self::from_samples_with(
+            samples,
+            &Options { closure, smoothing: Smoothing::None, ..Options::default() },
+        )
     }
 
     /// A path through points in driving order, or near them.
@@ -186,7 +189,7 @@ impl Path {
     /// # Errors
     /// As [`Path::read`].
     pub fn read_with(file: &std::path::Path, options: &Options) -> Result<Self, PathError> {
-        let opened = table::open(file, read::LIMITS).map_err(|error| match error {
+        let opened = table::open(file, options.limits).map_err(|error| match error {
             TableError::Io(source) => PathError::Io { file: file.to_path_buf(), source },
             source => PathError::Table { place: Place::default(), source }.in_file(file, &[]),
         })?;
@@ -206,7 +209,7 @@ impl Path {
         name: &std::path::Path,
         options: &Options,
     ) -> Result<Self, PathError> {
-        let mut table = read::parse(reader).map_err(|error| error.in_file(name, &[]))?;
+        let mut table = read::parse(reader, options.limits).map_err(|error| error.in_file(name, &[]))?;
         let mut road = check::check(table.samples, options, table.accuracy)
             .map_err(|error| error.in_file(name, &table.lines))?;
         table.notes.append(&mut road.notes);
@@ -310,7 +313,9 @@ impl Path {
     /// the same road. A closed path's first point does not stand again at its end.
     #[must_use]
     pub fn samples(&self, step: f64) -> Vec<Sample> {
-        let count = (self.length / step.max(1e-3)).ceil().clamp(4.0, read::LIMITS.rows as f64 - 1.0) as usize;
+        let count = (self.length / step.max(1e-3))
+            .ceil()
+            .clamp(4.0, Options::default().limits.rows as f64 - 1.0) as usize;
         let last = if self.periodic { count - 1 } else { count };
         let given = |channel: &Channel, value: f64| (!channel.nodes.is_empty()).then_some(value);
         (0..=last)

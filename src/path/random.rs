@@ -53,7 +53,7 @@ impl RandomRoad {
     /// Lengths that are not positive make no road.
     pub fn path(&self, seed: u64) -> Result<Path, PathError> {
         let closure = if self.closed { Closure::Closed } else { Closure::Open };
-        let options = Options { closure, smoothing: Smoothing::None };
+        let options = Options { closure, smoothing: Smoothing::None, ..Options::default() };
         Path::from_samples_with(self.samples(seed), &options)
     }
 

@@ -20,9 +20,6 @@ use std::io::Read;
 /// The optional columns, as messages list them.
 const OPTIONAL: &str = "s, yaw, curvature, speed, bank, grade, friction, class";
 
-/// Largest file of a road: 256 MB unpacked, a million points.
-pub(super) const LIMITS: Limits = Limits { bytes: 256 << 20, rows: 1_000_000 };
-
 /// What a column means.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Column {
@@ -228,9 +225,9 @@ fn broken(source: TableError) -> PathError {
 }
 
 /// Reads the rows of a path file.
-pub(super) fn parse(reader: impl Read) -> Result<Table, PathError> {
+pub(super) fn parse(reader: impl Read, limits: Limits) -> Result<Table, PathError> {
     let known = |name: &str| Meaning::of(name, None).is_some();
-    let mut rows = Rows::new(reader, LIMITS, &known).map_err(broken)?;
+    let mut rows = Rows::new(reader, limits, &known).map_err(broken)?;
     let mut table =
         Table { samples: Vec::new(), lines: Vec::new(), accuracy: Accuracy::Exact, notes: Vec::new() };
     let columns = if rows.header().line == 0 { Vec::new() } else { header(rows.header(), &mut table.notes)? };

@@ -1,5 +1,7 @@
 //! What a road is made of before it is a [`Path`](super::Path): points, in driving order.
 
+use crate::table::Limits;
+
 /// One point of a road, as a file or a generator gives it. Only the position is needed.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Sample {
@@ -59,12 +61,22 @@ pub enum Smoothing {
 }
 
 /// How points become a path.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
     /// Whether the road is closed.
     pub closure: Closure,
     /// How far it may leave its points.
     pub smoothing: Smoothing,
+    /// How much of a file is read.
+    pub limits: Limits,
+}
+
+impl Default for Options {
+    /// 256 MB unpacked, a million points.
+    fn default() -> Self {
+        let limits = Limits { bytes: 256 << 20, rows: 1_000_000 };
+        Self { closure: Closure::default(), smoothing: Smoothing::default(), limits }
+    }
 }
 
 /// The kind of a stretch of road, by which results are split (method: "Reference paths").

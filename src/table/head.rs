@@ -1,6 +1,6 @@
 //! Delimiter, decimal mark, names and units, from a file's first lines.
 
-use super::unit::{factor_of_any, split_unit};
+use super::unit::{is_unit, split_unit};
 use super::{Decimal, Header, text};
 use std::cmp::Reverse;
 
@@ -8,6 +8,9 @@ use std::cmp::Reverse;
 pub(super) const LINES: usize = 1000;
 /// ... and bytes.
 pub(super) const BYTES: usize = 256 << 10;
+
+/// The delimiter of columns that are aligned: any number of blanks.
+pub(super) const BLANKS: u8 = b' ';
 
 /// How a file is written.
 pub(super) struct Head {
@@ -67,7 +70,7 @@ pub(super) fn find(lines: &[String], known: &dyn Fn(&str) -> bool) -> Head {
 fn told_delimiter(lines: &[String]) -> (usize, Option<u8>) {
     let told = lines.first().and_then(|line| line.trim_matches(['\r', '"', ' ']).strip_prefix("sep="));
     match told.map(str::as_bytes) {
-        Some(&[delimiter @ (b',' | b';' | b'\t')]) => (1, Some(delimiter)),
+        Some(&[delimiter @ (b',' | b';' | b'\t' | b'|')]) => (1, Some(delimiter)),
         _ => (0, None),
     }
 }
@@ -99,11 +102,14 @@ fn most_numbers(lines: &[String]) -> u8 {
         let other = score(delimiter);
         (other.1 > 0 && (other.0 > commas.0 || commas.1 == 0)).then_some((other, delimiter))
     };
-    [b';', b'\t'].into_iter().filter_map(better).max().map_or(b',', |best| best.1)
+    [b';', b'\t', b'|', BLANKS].into_iter().filter_map(better).max().map_or(b',', |best| best.1)
 }
 
 /// A line's fields, trimmed.
 fn split(line: &str, delimiter: u8) -> Vec<String> {
+    if delimiter == BLANKS && !line.contains('"') {
+        return line.split(' ').filter(|field| !field.is_empty()).map(str::to_owned).collect();
+    }
     if !line.contains('"') {
         // A parser takes longer to be made than a line to be split.
         return line.split(char::from(delimiter)).map(|field| field.trim().to_owned()).collect();
@@ -198,7 +204,7 @@ fn is_units(fields: &[String], delimiter: u8) -> bool {
     let word = |field: &str| field.trim_matches(['[', ']', '(', ')', ' ']).to_owned();
     let filled: Vec<String> =
         fields.iter().map(|field| word(field)).filter(|field| !field.is_empty() && field != "-").collect();
-    let units = filled.iter().filter(|field| factor_of_any(field)).count();
+    let units = filled.iter().filter(|field| is_unit(field)).count();
     units > 0
         && 2 * units >= filled.len()
         && filled.iter().all(|field| field == "1" || field.len() <= 16 && !is_value(field, delimiter))

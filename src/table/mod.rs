@@ -4,12 +4,14 @@
 //!
 //! | a file may have | how it is found |
 //! |---|---|
-//! | commas, semicolons or tabs | the delimiter by which most fields of the head are numbers; a line `sep=;` decides |
-//! | decimal commas | with semicolons or tabs only; a file that mixes commas and points is refused |
+//! | commas, semicolons, tabs, bars or blanks | the delimiter by which most fields of the head are numbers; a line `sep=;` decides |
+//! | decimal commas | with any other delimiter than commas; a file that mixes commas and points is refused |
 //! | lines of comment (`#`, `%`), blank lines | skipped; names may stand in a comment (racing lines) |
 //! | a block before the names (`"Venue","Test"`) | names are the row before the numbers that has most known names |
 //! | a row of units below the names, or `vx [km/h]` | kept beside the name ([`Header::units`]) |
 //! | UTF-8, UTF-16, Latin-1, a byte order mark | by mark, by zero bytes, and line by line |
+//! | lines that end in a carriage return alone | by the beginning of the file |
+//! | `n/a`, `null`, `-1.#IND` and the like | a missing value ([`Row::is_missing`]) |
 //! | gzip (feature `cli`) | by the file's ending or its first bytes |
 //!
 //! What a name means is the caller's business, and so are units that it does not know. Rows are read as a stream, and
@@ -31,8 +33,8 @@
 //! | `open.rs` | files: which are refused, gzip, the limit of bytes |
 //! | `text.rs` | encodings, lines |
 //! | `head.rs` | delimiter, names and units from the first lines |
-//! | `unit.rs` | units in names and in rows of units |
-//! | `time.rs` | dates and times (ISO 8601) |
+//! | `unit.rs`, `units.txt` | units in names and in rows of units |
+//! | `time.rs` | dates and times |
 
 mod head;
 mod open;
@@ -63,6 +65,10 @@ impl Default for Limits {
         Self { bytes: 512 << 20, rows: 5_000_000 }
     }
 }
+
+/// Words in place of a value, of spreadsheets, databases and C libraries.
+const MISSING: [&str; 12] =
+    ["na", "n/a", "#n/a", "null", "none", "nil", "-", "--", "nan", "-nan", "1.#qnan", "-1.#ind"];
 
 /// Bytes that a line may have.
 const LONGEST_LINE: u64 = 1 << 20;
@@ -181,6 +187,13 @@ impl<'a> Row<'a> {
         std::str::from_utf8(bytes).unwrap_or("\u{fffd}")
     }
 
+    /// Whether a field holds no value: it is empty, or a word that programs write in its place.
+    #[must_use]
+    pub fn is_missing(&self, column: usize) -> bool {
+        let field = self.field(column);
+        field.is_empty() || MISSING.iter().any(|word| field.eq_ignore_ascii_case(word))
+    }
+
     /// A field with a decimal point, where this file writes commas.
     #[must_use]
     pub fn plain(&self, column: usize) -> Cow<'a, str> {
@@ -234,7 +247,7 @@ impl<R: Read> Table<R> {
         let body = Body {
             lines,
             first: first.into_iter(),
-            tab: delimiter == b'\t',
+            delimiter,
             number: body as u64,
             ready: Vec::new(),
             given: 0,
@@ -292,8 +305,8 @@ struct Body<R: Read> {
     lines: Lines<R>,
     /// Lines that were read to find the head.
     first: std::vec::IntoIter<String>,
-    /// A tab at either end of a line is a delimiter.
-    tab: bool,
+    /// A tab at either end of a line may be one; blanks count as one.
+    delimiter: u8,
     /// Lines of the file so far.
     number: u64,
     ready: Vec<u8>,
@@ -322,7 +335,7 @@ impl<R: Read> Body<R> {
             };
             let Some(line) = next else { return Ok(()) };
             self.number += 1;
-            let text = text::trim(&line, self.tab);
+            let text = text::trim(&line, self.delimiter == b'\t');
             if text.trim().is_empty() || text::comment(text).is_some() {
                 continue;
             }
@@ -331,7 +344,15 @@ impl<R: Read> Body<R> {
             if self.jumps.last().map_or(0, |jump| jump.1) != more {
                 self.jumps.push((self.count, more));
             }
-            self.ready.extend_from_slice(text.as_bytes());
+            if self.delimiter == head::BLANKS {
+                for field in text.split(' ').filter(|field| !field.is_empty()) {
+                    self.ready.extend_from_slice(field.as_bytes());
+                    self.ready.push(head::BLANKS);
+                }
+                self.ready.pop();
+            } else {
+                self.ready.extend_from_slice(text.as_bytes());
+            }
             self.ready.push(b'\n');
         }
         Ok(())

@@ -16,6 +16,8 @@ enum Encoding {
 pub(super) struct Lines<R: Read> {
     reader: BufReader<R>,
     encoding: Encoding,
+    /// The end of a line of bytes.
+    end: u8,
     /// Bytes that may still come, and the limit.
     left: u64,
     limit: u64,
@@ -37,8 +39,10 @@ impl<R: Read> Lines<R> {
             [0, a, 0, b, ..] if *a != 0 && *b != 0 => (Encoding::Utf16 { low_first: false }, 0),
             _ => (Encoding::Bytes, 0),
         };
+        // As programs wrote them on a Mac once, and some devices do.
+        let end = if first.contains(&b'\r') && !first.contains(&b'\n') { b'\r' } else { b'\n' };
         reader.consume(mark);
-        Ok(Self { reader, encoding, left: limit, limit, number: 0, latin1: false })
+        Ok(Self { reader, encoding, end, left: limit, limit, number: 0, latin1: false })
     }
 
     /// The next line without its end; `None` after the last one.
@@ -48,7 +52,7 @@ impl<R: Read> Lines<R> {
         match self.encoding {
             Encoding::Bytes => {
                 let most = LONGEST_LINE.min(self.left.saturating_add(1));
-                (&mut self.reader).take(most).read_until(b'\n', &mut bytes).map_err(cause)?;
+                (&mut self.reader).take(most).read_until(self.end, &mut bytes).map_err(cause)?;
             }
             Encoding::Utf16 { low_first } => {
                 let mut pair = [0; 2];
@@ -96,7 +100,7 @@ impl<R: Read> Lines<R> {
                     .collect()
             }
         };
-        if text.ends_with('\n') {
+        if text.ends_with(['\n', char::from(self.end)]) {
             text.pop();
         }
         text

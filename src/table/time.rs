@@ -1,22 +1,35 @@
-//! Dates and times of ISO 8601.
+//! Dates and times: those of ISO 8601, days with points (`01.05.2024`), times of day.
 
 /// Seconds since 1970, whole ones and the fraction, of `2024-05-01T12:00:00.02` (a blank for the `T`, `,` for the
-/// point, and `Z` or `+02:00` at the end are known, too). `None` for anything else.
+/// point, and `Z` or `+02:00` at the end are known, too), of `01.05.2024 12:00:00`, or of the time of day alone, since midnight.
+/// `None` for anything else: `05/01/2024` is May in one country and January in another.
 ///
 /// ```
 /// use rfl_mpc::table::time::seconds;
 ///
 /// assert_eq!(seconds("1970-01-02T00:00:01.5"), Some((86_401, 0.5)));
 /// assert_eq!(seconds("1970-01-02 02:00:01+02:00"), Some((86_401, 0.0)));
+/// assert_eq!(seconds("02.01.1970 00:00:01"), Some((86_401, 0.0)));
+/// assert_eq!(seconds("00:01:01.25"), Some((61, 0.25)));
 /// assert_eq!(seconds("1970_01_02"), None);
 /// ```
 #[must_use]
 pub fn seconds(text: &str) -> Option<(i64, f64)> {
-    let (date, time) = (text.get(..10)?, text.get(11..)?);
-    if !matches!(text.as_bytes()[10], b'T' | b't' | b' ') {
+    // Most fields are numbers.
+    if !text.contains(':') {
         return None;
     }
-    let (year, month, day) = three(date, '-', [4, 2, 2])?;
+    let (date, time) = match (text.get(..10), text.get(11..)) {
+        (Some(date), Some(time)) if matches!(text.as_bytes()[10], b'T' | b't' | b' ') => (Some(date), time),
+        _ => (None, text),
+    };
+    let (year, month, day) = match date {
+        Some(date) => {
+            let reversed = || three(date, '.', [2, 2, 4]).map(|(day, month, year)| (year, month, day));
+            three(date, '-', [4, 2, 2]).or_else(reversed)?
+        }
+        None => (1970, 1, 1),
+    };
     let (time, offset) = match time.find(['Z', 'z', '+', '-']) {
         None => (time, 0),
         Some(at) => (&time[..at], zone(&time[at..])?),
@@ -25,7 +38,7 @@ pub fn seconds(text: &str) -> Option<(i64, f64)> {
     if fraction.is_empty() || !fraction.bytes().all(|byte| byte.is_ascii_digit()) {
         return None;
     }
-    let (hour, minute, second) = if clock.len() == 5 {
+    let (hour, minute, second) = if clock.len() == 5 && date.is_some() {
         let (hour, minute) = clock.split_once(':')?;
         (digits(hour, 2)?, digits(minute, 2)?, 0)
     } else {

@@ -1,80 +1,25 @@
 //! Units that a file gives its columns, and their factors to ours.
 
-use std::f64::consts::PI;
+use std::sync::LazyLock;
 
-/// A unit of ours, and what others write for it or for its multiples: spelling, factor.
-const UNITS: [(&str, &[(&str, f64)]); 7] = [
-    (
-        "m",
-        &[
-            ("m", 1.0),
-            ("metre", 1.0),
-            ("meter", 1.0),
-            ("mm", 1e-3),
-            ("cm", 1e-2),
-            ("km", 1e3),
-            ("ft", 0.3048),
-            ("foot", 0.3048),
-            ("feet", 0.3048),
-        ],
-    ),
-    (
-        "s",
-        &[
-            ("s", 1.0),
-            ("sec", 1.0),
-            ("second", 1.0),
-            ("seconds", 1.0),
-            ("ms", 1e-3),
-            ("us", 1e-6),
-            ("ns", 1e-9),
-        ],
-    ),
-    (
-        "rad",
-        &[
-            ("rad", 1.0),
-            ("radian", 1.0),
-            ("radians", 1.0),
-            ("mrad", 1e-3),
-            ("deg", PI / 180.0),
-            ("°", PI / 180.0),
-            ("degree", PI / 180.0),
-            ("degrees", PI / 180.0),
-        ],
-    ),
-    (
-        "m/s",
-        &[
-            ("m/s", 1.0),
-            ("mps", 1.0),
-            ("km/h", 1.0 / 3.6),
-            ("kmh", 1.0 / 3.6),
-            ("kph", 1.0 / 3.6),
-            ("mph", 0.447_04),
-            ("knots", 1852.0 / 3600.0),
-            ("knot", 1852.0 / 3600.0),
-            ("kn", 1852.0 / 3600.0),
-            ("kt", 1852.0 / 3600.0),
-            ("kts", 1852.0 / 3600.0),
-            ("ft/s", 0.3048),
-            ("fps", 0.3048),
-        ],
-    ),
-    (
-        "rad/s",
-        &[
-            ("rad/s", 1.0),
-            ("radps", 1.0),
-            ("deg/s", PI / 180.0),
-            ("°/s", PI / 180.0),
-            ("degps", PI / 180.0),
-            ("dps", PI / 180.0),
-        ],
-    ),
-    ("m/s2", &[("m/s2", 1.0), ("m/s^2", 1.0), ("m/s²", 1.0), ("m/s/s", 1.0), ("mps2", 1.0), ("g", 9.806_65)]),
-    ("1/m", &[("1/m", 1.0), ("radpm", 1.0), ("rad/m", 1.0), ("1/km", 1e-3)]),
-];
+/// A unit that files write: its quantity by our unit, the factor to it, and the spelling in small letters.
+type Spelling = (&'static str, f64, &'static str);
+
+/// Quantities that neither a drive nor a road has.
+const OTHER: &str = "other";
+
+/// What `units.txt` lists; `scripts/importing/units.py` reads the same file.
+static SPELLINGS: LazyLock<Vec<Spelling>> = LazyLock::new(|| {
+    let lines = include_str!("units.txt").lines().filter(|line| !line.starts_with('#'));
+    lines
+        .flat_map(|line| {
+            let mut words = line.split_whitespace();
+            let ours = words.next().unwrap_or(OTHER);
+            let factor = words.next().and_then(|factor| factor.parse().ok()).unwrap_or(f64::NAN);
+            words.map(move |spelling| (ours, factor, spelling))
+        })
+        .collect()
+});
 
 /// Factor from a file's unit to one of ours, by its symbol (`m/s`); `None` where the file's is unknown or of
 /// another quantity.
@@ -84,16 +29,14 @@ pub fn factor(unit: &str, ours: &str) -> Option<f64> {
         return Some(1.0);
     }
     let lower = unit.to_lowercase();
-    let (_, spellings) = UNITS.iter().find(|(symbol, _)| *symbol == ours)?;
-    spellings.iter().find(|(spelling, _)| *spelling == lower).map(|&(_, factor)| factor)
+    let found = SPELLINGS.iter().find(|(symbol, _, spelling)| *symbol == ours && *spelling == lower);
+    found.filter(|_| ours != OTHER).map(|&(_, factor, _)| factor)
 }
 
 /// Whether a word is a unit of any quantity.
-pub(super) fn factor_of_any(word: &str) -> bool {
-    let others =
-        ["%", "n", "nm", "kg", "hz", "rpm", "1/min", "v", "a", "bar", "kpa", "c", "°c", "1/s", "1/m2", "l"];
-    UNITS.iter().any(|(ours, _)| factor(word, ours).is_some())
-        || others.contains(&word.to_lowercase().as_str())
+pub(super) fn is_unit(word: &str) -> bool {
+    let lower = word.to_lowercase();
+    SPELLINGS.iter().any(|(.., spelling)| *spelling == lower)
 }
 
 /// Name and unit of `name [unit]` or `name (unit)`; else the name as it is.
@@ -115,4 +58,32 @@ pub fn split_unit(name: &str) -> (&str, Option<&str>) {
         }
     }
     (name, None)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_spelling_of_the_list_is_one_unit() {
+        for (i, &(ours, factor, spelling)) in SPELLINGS.iter().enumerate() {
+            assert!(factor.is_finite() && (factor > 0.0) == (ours != OTHER), "{spelling}");
+            assert_eq!(spelling, spelling.to_lowercase());
+            assert!(SPELLINGS[i + 1..].iter().all(|other| other.2 != spelling), "{spelling} stands twice");
+        }
+        let known = |(ours, ..): &Spelling| {
+            *ours == OTHER || crate::signal::Unit::ALL.iter().any(|unit| unit.symbol == *ours)
+        };
+        assert!(SPELLINGS.iter().all(known));
+    }
+
+    #[test]
+    fn units_of_another_quantity_have_no_factor() {
+        assert_eq!(factor("Km/H", "m/s"), Some(1.0 / 3.6));
+        assert_eq!(factor("deg", "rad"), Some(1f64.to_radians()));
+        for (unit, ours) in [("deg", "rad/s"), ("km/h", "m"), ("bar", OTHER), ("", "m"), ("rps", "rad/s")] {
+            assert_eq!(factor(unit, ours), None, "{unit}");
+        }
+        assert!(is_unit("Nm") && is_unit("°/s") && !is_unit("speed"));
+    }
 }

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 import pytest
 from closed_loop import STEP, drive
@@ -47,10 +49,15 @@ def test_every_car_is_kept_on_its_lane(fmus, paths, car):
     assert np.abs(driven.columns["e1"]).max() < 1.0
 
 
+@functools.cache
+def usual_drive(fmus, paths):
+    return drive_on(fmus, paths, "hairpin_circuit", duration=20.0)
+
+
 @pytest.mark.parametrize("step", [0.001, 0.005, 0.01, 0.04])
 def test_any_communication_step(fmus, paths, step):
     """The car integrates at its own step and the controller computes at its own Ts, whatever the host's step is."""
-    usual = drive_on(fmus, paths, "hairpin_circuit", duration=20.0).columns
+    usual = usual_drive(fmus, paths).columns
     other = drive_on(fmus, paths, "hairpin_circuit", duration=20.0, step=step).columns
     if step < STEP:
         # The same samples of the controller, the same car: only the sums of the sub-steps are rounded differently.

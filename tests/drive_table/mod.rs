@@ -35,6 +35,15 @@ impl DriveTable {
         self
     }
 
+    /// Adds a column, each value made of the row's others.
+    pub fn and(mut self, name: &str, make: impl Fn(&dyn Fn(&str) -> f64) -> f64) -> Self {
+        let values: Vec<f64> =
+            self.rows.iter().map(|row| make(&|other| row[self.place(other)].parse().unwrap())).collect();
+        self.names.push(name.to_owned());
+        self.rows.iter_mut().zip(values).for_each(|(row, value)| row.push(value.to_string()));
+        self
+    }
+
     pub fn scaled(self, names: &[&str], factor: f64) -> Self {
         names.iter().fold(self, |table, name| table.map(name, |_, value| factor * value))
     }

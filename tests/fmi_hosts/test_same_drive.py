@@ -11,11 +11,13 @@ lines, with the two details in which hosts differ, and each host must agree with
 
 from __future__ import annotations
 
+import functools
 import importlib.util
 import json
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from contextlib import ExitStack, closing
 from itertools import pairwise
 from pathlib import Path
@@ -46,8 +48,9 @@ def libcosim_lengths() -> list[float]:
     return [end - begin for begin, end in pairwise(instants)]
 
 
-def jacobi(fmus: Path, road: Path | None, lengths: list[float], zeros_first=False, system="ClosedLoop") -> Columns:
-    """The loop in Jacobi order; a row holds what is true after a step."""
+@functools.cache
+def jacobi(fmus: Path, road: Path | None, lengths: Callable[[], list[float]], zeros_first=False, system="ClosedLoop"):
+    """The loop in Jacobi order; a row holds what is true after a step. Several tests look at one drive."""
     controller_name, vehicle_name = SYSTEMS[system]
     with ExitStack() as stack:
         controller = stack.enter_context(closing(Unit(fmus / f"{controller_name}.fmu", "controller")))
@@ -64,7 +67,7 @@ def jacobi(fmus: Path, road: Path | None, lengths: list[float], zeros_first=Fals
         read_command, write_command = controller.reader(COMMANDS), vehicle.writer(COMMANDS)
         read_row = vehicle.reader(RECORDED)
         rows = []
-        for k, length in enumerate(lengths):
+        for k, length in enumerate(lengths()):
             state, command = read_state(), read_command()
             write_state(0 * state if zeros_first and k == 0 else state)
             write_command(0 * command if zeros_first and k == 0 else command)
@@ -116,7 +119,7 @@ def road(request, paths) -> Path:
     [("libcosim", libcosim_lengths), ("ecos", exact_lengths), ("fmuloader", exact_lengths)],
 )
 def test_two_fmus(fmus, road, tmp_path, host, lengths):
-    ours = jacobi(fmus, road, lengths())
+    ours = jacobi(fmus, road, lengths)
     with closing(Unit(fmus / "RflMpc.fmu", "start")) as controller:
         controller.set("path_file", str(road))
         controller.initialize()
@@ -130,28 +133,29 @@ def test_two_fmus(fmus, road, tmp_path, host, lengths):
 @pytest.mark.parametrize(("host", "lengths"), [("libcosim", libcosim_lengths), ("ecos", exact_lengths)])
 def test_ssp(fmus, tmp_path, host, lengths, system):
     theirs = in_host(host, fmus, tmp_path / "drive.json", system=system, ssp=fmus / f"{system}.ssp")
-    assert_same_drive(theirs, jacobi(fmus, None, lengths(), system=system))
+    assert_same_drive(theirs, jacobi(fmus, None, lengths, system=system))
 
 
 @pytest.mark.parametrize("system", SYSTEMS)
 def test_ssp_in_fmpy(fmus, system):
     theirs = in_fmpy_ssp(fmus / f"{system}.ssp")
-    assert_same_drive(theirs, jacobi(fmus, None, exact_lengths(), zeros_first=True, system=system))
+    assert_same_drive(theirs, jacobi(fmus, None, exact_lengths, zeros_first=True, system=system))
 
 
 def test_rounding_of_a_step_is_all_that_parts_libcosim_from_ecos(fmus, road):
-    exact, rounded = jacobi(fmus, road, exact_lengths()), jacobi(fmus, road, libcosim_lengths())
+    exact, rounded = jacobi(fmus, road, exact_lengths), jacobi(fmus, road, libcosim_lengths)
     worst = max(np.abs(exact[name] - rounded[name]).max() for name in exact)
     assert 0.0 < worst < 1e-9
 
 
+@functools.cache
 def gauss_seidel(fmus, road, **options) -> Columns:
     return drive(road, duration=STEPS * STEP, fmus=fmus, **options).columns
 
 
 def test_script_to_copy_has_the_same_jacobi(fmus, road):
     """Row k of the script is what is true at t_k, so its rows begin one step earlier."""
-    script, ours = gauss_seidel(fmus, road, jacobi=True), jacobi(fmus, road, exact_lengths())
+    script, ours = gauss_seidel(fmus, road, jacobi=True), jacobi(fmus, road, exact_lengths)
     for name in RECORDED:
         np.testing.assert_array_equal(script[name][1:], ours[f"{CAR}.{name}"][: STEPS - 1])
 

@@ -23,7 +23,7 @@ use crate::diagnose::simulator::{
 use crate::diagnose::{Gap, InputFile, Options, Report, VerdictKind, diagnose};
 use crate::log::{CleanLog, DriveLog, Finding, Gravity};
 use crate::nominal::LateralVehicle;
-use crate::path::{Options as RoadOptions, Path as Road};
+use crate::path::Path as Road;
 use crate::vehicle::{BUILTIN, BUILTIN_TRUCKS, VehicleKind, VehicleParameters};
 use clap::{Args, ValueEnum};
 use std::collections::BTreeMap;
@@ -191,12 +191,9 @@ where
     let given: P::Parameters = vehicle_named(name)?;
     let nominal = P::controller(&given).vehicle.nominal();
     let steering = |speed: f64| steady_steering(&nominal, speed);
-    let road = args
-        .path
-        .as_deref()
-        .map(|road| Road::named(road, &RoadOptions::default()))
-        .transpose()?
-        .map(Arc::new);
+    let reading = args.reading.limit.road();
+    let read = |road: &Path| Road::named(road, &reading);
+    let road = args.path.as_deref().map(read).transpose()?.map(Arc::new);
     let clean_one = |log: &DriveLog| {
         let mut clean = CleanLog::of(log, &steering)?;
         if let Some(road) = &road {

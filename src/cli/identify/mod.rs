@@ -23,6 +23,7 @@ use crate::nominal::{
     DelayModel, IdentifiedActuator, IdentifiedSteering, LateralVehicle, SteeringDrive,
     identify_by_yaw_rate_from_drives, identify_from_drives,
 };
+use crate::path::Options;
 use crate::signal::{STEER, YAW_RATE};
 use crate::vehicle::BUILTIN;
 use clap::Args;
@@ -137,7 +138,7 @@ fn identify<P: Commanded<S, C>, const S: usize, const C: usize>(
     args: &IdentifyArgs,
     name: &str,
 ) -> Result<Value, Box<dyn Error>> {
-    let setup = Setup::<P, S, C>::new(None, P::TEST, name, &args.settings)?;
+    let setup = Setup::<P, S, C>::new(None, &Options::default(), P::TEST, name, &args.settings)?;
     let found = found(args, name, &setup)?;
     report::print(&found, args);
     let mut results = report::as_json(&found, args);
