@@ -21,8 +21,8 @@ fn report(log: &CleanLog) -> Report {
 
 #[test]
 fn one_value_is_a_name() {
-    let report = report(&commanded(&log(3, &[]), |_, _| 1.15));
-    assert_eq!(report.verdict.kind, VerdictKind::Effect, "{}: {:?}", report.verdict.words, report.posterior);
+    let report = report(&log(3, &[("steer_gain", 1.15)]));
+    assert_eq!(report.verdict.kind, VerdictKind::Effect, "{}", report.verdict.words);
     assert_eq!(report.verdict.effects[0].id, "steer_gain");
     assert!((report.verdict.effects[0].value - 1.15).abs() < 0.03, "{}", report.verdict.effects[0].value);
     assert!(report.verdict.varying.is_none());

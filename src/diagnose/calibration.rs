@@ -121,7 +121,7 @@ impl Calibration {
         match unknown {
             Unknown::Varies(_) | Unknown::Swings => explained - self.varying_odds,
             Unknown::Off { .. } => explained - self.other_odds,
-            Unknown::Misfit(size) => {
+            Unknown::Misfit(size, _) => {
                 let Misfit { known, outside, odds, .. } = self.misfit;
                 // Less than is usual speaks for nothing.
                 let log = size.ln().max(known.0);
@@ -155,7 +155,7 @@ mod tests {
         let calibration = Calibration::built_in();
         let weights: Vec<f64> = [0.1, 0.4, 0.8, 1.6, 3.2]
             .iter()
-            .map(|&size| calibration.unknown_weight(&Unknown::Misfit(size), 0.0, 0.0))
+            .map(|&size| calibration.unknown_weight(&Unknown::Misfit(size, Channel::Ay), 0.0, 0.0))
             .collect();
         assert!(weights[0] == weights[1] && weights.windows(2).all(|pair| pair[0] <= pair[1]), "{weights:?}");
         assert!(weights[1] < 0.0 && weights[4] > 0.0, "{weights:?}");

@@ -107,12 +107,13 @@ pub fn decide(lead: Decision, predicts: bool) -> Decision {
 #[cfg(test)]
 mod tests {
     use super::super::posterior::Hypothesis;
+    use super::super::replay::Channel;
     use super::*;
 
     fn posterior(of: &[(&[usize], bool, f64)]) -> Posterior {
         let hypothesis = |&(effects, unknown, probability): &(&[usize], bool, f64)| Hypothesis {
             effects: effects.to_vec(),
-            unknown: unknown.then_some(Unknown::Misfit(3.0)),
+            unknown: unknown.then_some(Unknown::Misfit(3.0, Channel::Ay)),
             terms: Vec::new(),
             probability: probability.ln(),
         };

@@ -154,7 +154,10 @@ pub(super) fn summary<V: ReplayVehicle>(problem: &Problem<V>, posterior: &Poster
         Unknown::Varies(it) => format!("{} changes {}", problem.knobs[it.effect].id, Cause::words(it.with)),
         Unknown::Swings => "the steering swings".to_owned(),
         Unknown::Off { knob, .. } => format!("{} is off", problem.knobs[*knob].parameter()),
-        Unknown::Misfit(size) => format!("{size:.1} times as much is left as a model of this form leaves"),
+        Unknown::Misfit(size, channel) => {
+            let most = channel.name();
+            format!("{size:.1} times as much is left as a model of this form leaves, most of it in {most}")
+        }
     };
     let hypothesis = |it: &super::posterior::Hypothesis| Hypothesis {
         effects: it.effects.iter().map(id).collect(),

@@ -26,7 +26,7 @@ use super::constancy::{self, Variation};
 use super::fit::{Fit, Linear, Precision, Prior, Settled};
 use super::problem::{Problem, rms};
 use super::rank::{Ranking, predicted};
-use super::replay::ReplayVehicle;
+use super::replay::{Channel, ReplayVehicle};
 use super::report::Term;
 use super::resonance::resonance;
 use crate::residual::parallel;
@@ -43,8 +43,8 @@ pub enum Unknown {
     Off { knob: usize, x: f64 },
     /// The steering swings.
     Swings,
-    /// Too much is left: so many times what the model's form leaves.
-    Misfit(f64),
+    /// Too much is left: so many times what the model's form leaves, most of it in a channel.
+    Misfit(f64, Channel),
 }
 
 /// One of the things that may be the matter.
@@ -201,7 +201,7 @@ fn same(one: Option<Unknown>, other: Option<Unknown>) -> bool {
     match (one, other) {
         (None, None)
         | (Some(Unknown::Swings), Some(Unknown::Swings))
-        | (Some(Unknown::Misfit(_)), Some(Unknown::Misfit(_))) => true,
+        | (Some(Unknown::Misfit(..)), Some(Unknown::Misfit(..))) => true,
         (Some(Unknown::Off { knob: one, .. }), Some(Unknown::Off { knob: other, .. })) => one == other,
         (Some(Unknown::Varies(one)), Some(Unknown::Varies(other))) => {
             one.effect == other.effect && one.with == other.with
@@ -300,32 +300,34 @@ impl<V: ReplayVehicle> Given<'_, V> {
         });
         unknown.extend(others.into_iter().flatten());
         let left = predicted(&local, &fit.gap, &here.change);
-        let size = misfit(problem, ranking, calibration, &left);
-        unknown.push(upon(base, Unknown::Misfit(size), 0.0, 0.0));
+        let misfit = misfit(problem, ranking, calibration, &left);
+        unknown.extend(misfit.map(|(size, channel)| upon(base, Unknown::Misfit(size, channel), 0.0, 0.0)));
         unknown
     }
 }
 
 /// Size of what a fit leaves beside the likeliest road, in units of what the model's form leaves: of each signal, and of what is
-/// explained of it.
+/// explained of it; and the signal that has most of it.
 fn misfit<V: ReplayVehicle>(
     problem: &Problem<V>,
     ranking: &Ranking,
     calibration: &Calibration,
     left: &[f64],
-) -> f64 {
+) -> Option<(f64, Channel)> {
     let weights = &ranking.linear.weights;
     let (rest, before) = (weights.rest(left), weights.rest(&ranking.neutral));
-    let squares: Vec<f64> = problem
+    let squares: Vec<(f64, Channel)> = problem
         .blocks
         .iter()
         .zip(&ranking.noise.floor)
-        .map(|((_, block), floor)| {
+        .map(|((channel, block), floor)| {
             let explained = calibration.misfit.share * rms(&before[block.clone()]);
-            (rms(&rest[block.clone()]) / floor.hypot(explained)).powi(2)
+            ((rms(&rest[block.clone()]) / floor.hypot(explained)).powi(2), *channel)
         })
         .collect();
-    (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
+    let mean = squares.iter().map(|(square, _)| square).sum::<f64>() / squares.len().max(1) as f64;
+    let (_, most) = squares.iter().max_by(|a, b| a.0.total_cmp(&b.0))?;
+    Some((mean.sqrt(), *most))
 }
 
 #[cfg(test)]
@@ -344,13 +346,13 @@ mod tests {
             of(&[], None, 0.0),
             of(&[1], None, 3.0_f64.ln()),
             of(&[1, 2], None, 2.0_f64.ln()),
-            of(&[1], Some(Unknown::Misfit(3.0)), 4.0_f64.ln()),
+            of(&[1], Some(Unknown::Misfit(3.0, Channel::Ay)), 4.0_f64.ln()),
             of(&[3], None, -30.0),
         ]);
         assert_eq!(posterior.hypotheses.len(), 4);
         let near = |a: f64, b: f64| (a - b).abs() < 1e-12;
         assert!(near(posterior.none(), 0.1) && near(posterior.unknown(), 0.4));
         assert!(near(posterior.inclusion(1), 0.5) && near(posterior.of_set(&[2, 1]), 0.2));
-        assert_eq!(posterior.hypotheses[0].unknown, Some(Unknown::Misfit(3.0)));
+        assert_eq!(posterior.hypotheses[0].unknown, Some(Unknown::Misfit(3.0, Channel::Ay)));
     }
 }
