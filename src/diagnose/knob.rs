@@ -508,9 +508,9 @@ impl Knob {
                 let Trace { columns, roll, .. } = trace;
                 for &(from, to) in &drive.stretches {
                     let (mut across, mut before) = (0.0, roll[from]);
-                    for row in from..to {
-                        let moved = -height * (roll[row] - before);
-                        before = roll[row];
+                    for (row, &roll) in roll.iter().enumerate().take(to).skip(from) {
+                        let moved = -height * (roll - before);
+                        before = roll;
                         across = keep * (across + moved);
                         for (channel, by) in [(Channel::Vy, moved / drive.step), (Channel::Across, across)] {
                             if let Some(value) = columns[channel as usize].get_mut(row) {

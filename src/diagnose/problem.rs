@@ -19,6 +19,9 @@ const KEPT: usize = 8;
 /// And how near that is, as a share of what a slope is taken over.
 const NEAR: f64 = 0.05;
 
+/// A gap, and its slopes over all knobs.
+type Sloped = (Vec<f64>, Vec<Arc<Vec<f64>>>);
+
 /// Coordinates, and the slopes over all knobs there.
 type Slopes = (Vec<f64>, Vec<Arc<Vec<f64>>>);
 
@@ -165,7 +168,7 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
     }
 
     /// Gaps and slopes with `ay` in the body's frame and in a level one, by the same replays. None where there is no such vehicle.
-    pub(super) fn in_both_frames(&self, x: &[f64]) -> Option<[(Vec<f64>, Vec<Arc<Vec<f64>>>); 2]> {
+    pub(super) fn in_both_frames(&self, x: &[f64]) -> Option<[Sloped; 2]> {
         let both = |motion: &Trace, x: &[f64]| {
             [false, true].map(|levelled| self.compare(&self.sensed(motion.clone(), x, levelled)))
         };
