@@ -67,7 +67,9 @@ def commands(page: Path) -> list[str]:
     found = []
     for line in text.splitlines():
         words = line.strip()
-        if line.startswith("    ") and re.match(r"(cargo|rfl|fmu-build|blind/|scripts/|target/|\.venv/) ?\S*", words):
+        if line.startswith("    ") and re.match(
+            r"((cargo|rfl|fmu-build)\b|blind/|scripts/|target/|\.venv/) ?\S*", words
+        ):
             found.append(re.split(r"\s{2,}|\s#", words)[0].strip())
     return found
 
