@@ -203,19 +203,19 @@ impl Linear {
         let (start, right) = (precision.of(off), self.project(gap, precision));
         let squares = |off: &DVector<f64>| (&precision.matrix * off).component_mul(off).map(|it| it.max(0.0));
         let has_tails = |a: usize| !freed.contains(&precision.free[a]);
-        let loosened = |share: &dyn Fn(f64, f64) -> f64, squares: &DVector<f64>| {
+        let loosened = |squares: &DVector<f64>| {
             let Some(tails) = tails else { return precision.matrix.clone() };
-            let root = |a: usize| if has_tails(a) { share(tails, squares[a]).sqrt() } else { 1.0 };
+            let share = |a: usize| (tails + 1.0) / (tails + squares[a]);
+            let root = |a: usize| if has_tails(a) { share(a).sqrt() } else { 1.0 };
             DMatrix::from_fn(count, count, |a, b| precision.matrix[(a, b)] * root(a) * root(b))
         };
-        let now = |tails: f64, square: f64| (tails + 1.0) / (tails + square);
         let mut change = DVector::zeros(count);
-        let mut matrix = loosened(&now, &squares(&start));
+        let mut matrix = loosened(&squares(&start));
         for _ in 0..if tails.is_some() { LOOSENED } else { 1 } {
             let solved = (&gram + &matrix).cholesky()?.solve(&(&right - &matrix * &start));
             let moved = (&solved - &change).amax();
             change = solved;
-            matrix = loosened(&now, &squares(&(&start + &change)));
+            matrix = loosened(&squares(&(&start + &change)));
             if moved < 1e-3 {
                 break;
             }
@@ -234,7 +234,7 @@ impl Linear {
             Some(factor.l_dirty().diagonal().iter().map(|it| it.ln()).sum::<f64>())
         };
         // At the expected coordinates tails make a tolerance a little narrower.
-        let before = half_log(loosened(&now, &DVector::zeros(count)))?;
+        let before = half_log(loosened(&DVector::zeros(count)))?;
         let narrowing = half_log(&gram + &matrix)? - before;
         let mut all = vec![0.0; off.len()];
         precision.free.iter().zip(change.iter()).for_each(|(&i, &change)| all[i] = change);

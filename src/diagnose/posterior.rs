@@ -288,10 +288,10 @@ impl<V: ReplayVehicle> Given<'_, V> {
                 unknown.push(upon(base, Unknown::Swings, it.gain, it.narrowing));
             }
         }
+        let free = problem.with_companions(&fit.freed);
         let others = parallel::map(problem.threads(), problem.knobs.len(), |knob| {
             let it = &problem.knobs[knob];
-            let is_free = fit.freed.contains(&knob) || problem.with_companions(&fit.freed).contains(&knob);
-            let is_other = it.tolerance > 0.0 && !it.is_candidate() && !it.is_form() && !is_free;
+            let is_other = it.tolerance > 0.0 && !it.is_candidate() && !it.is_form() && !free.contains(&knob);
             let freed = is_other.then(|| [&fit.freed[..], &[knob]].concat())?;
             let there = self::settled(problem, prior, &local, fit, &freed, self.world)?;
             let x = fit.x[knob] + there.change[knob];

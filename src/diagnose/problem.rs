@@ -133,15 +133,19 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
 
     /// The same, started anew from the log every so many rows.
     pub(super) fn trace_anew(&self, x: &[f64], rows: usize) -> Option<Trace> {
-        let (vehicle, effects) = knob::at(&self.knobs, x, self.vehicle);
-        let trace = replay(self.drive, &vehicle, &effects, &self.corrected(x), Some(rows)).ok()?;
+        let trace = self.replayed(self.drive, x, Some(rows)).ok()?;
         Some(self.sensed(trace, x, self.levelled))
     }
 
     /// The replay before what only the sensors' frame and knobs do to it.
     fn motion(&self, x: &[f64]) -> Result<Trace, String> {
+        self.replayed(self.drive, x, None)
+    }
+
+    /// The vehicle at coordinates along a drive.
+    fn replayed(&self, drive: &Drive, x: &[f64], horizon: Option<usize>) -> Result<Trace, String> {
         let (vehicle, effects) = knob::at(&self.knobs, x, self.vehicle);
-        replay(self.drive, &vehicle, &effects, &self.corrected(x), None)
+        replay(drive, &vehicle, &effects, &self.corrected(x), horizon)
     }
 
     /// What the sensors make of a replay.
@@ -199,19 +203,19 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
 
     /// The same on a road with a column of its own.
     pub(super) fn residual_on(&self, x: &[f64], name: &'static str, column: Vec<f64>) -> Option<Vec<f64>> {
-        let mut drive = self.drive.clone();
-        drive.columns.insert(name, column);
-        let (vehicle, effects) = knob::at(&self.knobs, x, self.vehicle);
-        let trace = replay(&drive, &vehicle, &effects, &self.corrected(x), None).ok()?;
-        Some(self.compare(&self.sensed(trace, x, self.levelled)))
+        self.residual_of(x, |drive| drop(drive.columns.insert(name, column)))
     }
 
     /// The same with something added to the steering.
     pub(super) fn residual_steered(&self, x: &[f64], more: &[f64]) -> Option<Vec<f64>> {
+        self.residual_of(x, |drive| drive.steer.iter_mut().zip(more).for_each(|(steer, more)| *steer += more))
+    }
+
+    /// The same of a drive that is changed.
+    fn residual_of(&self, x: &[f64], change: impl FnOnce(&mut Drive)) -> Option<Vec<f64>> {
         let mut drive = self.drive.clone();
-        drive.steer.iter_mut().zip(more).for_each(|(steer, more)| *steer += more);
-        let (vehicle, effects) = knob::at(&self.knobs, x, self.vehicle);
-        let trace = replay(&drive, &vehicle, &effects, &self.corrected(x), None).ok()?;
+        change(&mut drive);
+        let trace = self.replayed(&drive, x, None).ok()?;
         Some(self.compare(&self.sensed(trace, x, self.levelled)))
     }
 

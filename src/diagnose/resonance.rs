@@ -12,7 +12,7 @@
 //!
 //! Source: the series; a steering column on its torsion bar swings at 3 to 10 Hz, Pfeffer and Harrer, Steering Handbook, 2017.
 
-use super::fit::{Fit, Linear, Precision, Prior};
+use super::fit::{Explained, Fit, Linear, Precision, Prior};
 use super::problem::Problem;
 use super::rank::expected;
 use super::replay::ReplayVehicle;
@@ -22,15 +22,6 @@ const FIRST: f64 = 0.05;
 const SECOND: f64 = 0.002;
 /// Half the width over which the command is smoothed and differentiated, s.
 const HALF: f64 = 0.05;
-
-/// How much better a steering that swings explains a log, and what the freedom costs.
-#[derive(Debug, Clone, Copy)]
-pub struct Resonance {
-    /// Of the cost.
-    pub gain: f64,
-    /// What that costs.
-    pub narrowing: f64,
-}
 
 /// Means over `half` rows to either side, within a stretch.
 fn smooth(values: &[f64], half: usize) -> Vec<f64> {
@@ -65,7 +56,7 @@ pub fn resonance<V: ReplayVehicle>(
     prior: &Prior,
     (linear, precision): (&Linear, &Precision),
     fit: &Fit,
-) -> Option<Resonance> {
+) -> Option<Explained> {
     if !problem.drive.commanded {
         return None;
     }
@@ -78,8 +69,7 @@ pub fn resonance<V: ReplayVehicle>(
     let columns: Option<Vec<Vec<f64>>> =
         rates(problem).into_iter().zip([FIRST, SECOND]).map(column).collect();
     let gap = background.reduced(expected(linear, prior, fit));
-    let found = background.explained(&gap, columns?.into_iter(), 1.0)?;
-    (found.shares[1] < 0.0).then_some(Resonance { gain: found.gain, narrowing: found.narrowing })
+    background.explained(&gap, columns?.into_iter(), 1.0).filter(|found| found.shares[1] < 0.0)
 }
 
 #[cfg(test)]
