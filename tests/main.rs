@@ -26,6 +26,7 @@ mod diagnose_constancy;
 mod diagnose_conventions;
 mod diagnose_delay;
 mod diagnose_evidence;
+mod diagnose_information;
 mod diagnose_left_out;
 mod diagnose_no_compass;
 mod diagnose_none;

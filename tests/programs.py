@@ -29,7 +29,7 @@ def python_package(folder: Path) -> Path:
     package = folder / "rfl_mpc"
     (package / "data").mkdir(parents=True)
     for file in (ROOT / "python" / "rfl_mpc").iterdir():
-        if file.suffix in (".py", ".pyi", ".typed"):
+        if file.suffix in (".py", ".pyi", ".typed") or file.name == "fleet":
             (package / file.name).symlink_to(file)
     (package / "_native.abi3.so").symlink_to(library)
     for name, place in {"fmu": ROOT / "target" / "fmu", "vehicles": ROOT / "vehicles", "paths": ROOT / "paths"}.items():

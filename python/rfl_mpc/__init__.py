@@ -143,6 +143,8 @@ def diagnose(
     set: Settings | None = None,
     without: Iterable[str] = (),
     pairs: bool = True,
+    trust: str | None = None,
+    prior: Mapping[str, float] | None = None,
     rate: float | None = None,
     seed: int = 1,
     threads: int = 0,
@@ -170,6 +172,10 @@ def diagnose(
         Effects that are not to be named, such as ``["tyre_softening"]``.
     pairs
         Two effects together are candidates, too.
+    trust
+        How good the vehicle's numbers are: ``"low"``, ``"usual"``, ``"high"``.
+    prior
+        Probability of an effect before the log is seen, by its id.
     rate
         Rows a second of logs without ``time``, Hz.
     out
@@ -185,7 +191,7 @@ def diagnose(
     others, reference_words = frames_and_words(reference, option="reference", name="reference")
     options = words(
         vehicle=vehicle, path=path, unit=unit, controller=controller, set=set, without=without, no_pairs=not pairs,
-        rate=rate, seed=seed, threads=threads,
+        trust=trust, prior=prior, rate=rate, seed=seed, threads=threads,
     )  # fmt: skip
     folder = None if out is None else Path(out)
     (report, page), text = call(

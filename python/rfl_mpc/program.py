@@ -10,6 +10,10 @@ from rfl_mpc import _native
 
 def main() -> int:
     """Runs the command line; gives the exit status."""
+    if sys.argv[1:2] == ["fleet"]:
+        from rfl_mpc.fleet.command import main as fleet
+
+        return fleet(sys.argv[2:])
     # Ctrl-C ends the program at once, as it does outside Python.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     return _native.program(["rfl", *sys.argv[1:]])

@@ -20,6 +20,7 @@ pub mod course;
 pub mod diagnose;
 pub mod drive;
 pub mod evaluate;
+pub mod fleet;
 pub mod identify;
 pub mod learn;
 mod listen;
@@ -59,6 +60,7 @@ use std::ffi::OsString;
   rfl identify LOG...         the steering's delay, into a vehicle file
   rfl evaluate --quick        all variants, compared
   rfl diagnose LOG            why a log and the simulator disagree
+  rfl fleet LOGS              what changed in which vehicle of a fleet (Python package)
   rfl parameters              what --set can change
   rfl course                  write our own courses to paths/
   rfl completions bash        completion of commands and options in a shell
@@ -81,6 +83,7 @@ enum Command {
     Evaluate(evaluate::EvaluateArgs),
     Identify(identify::IdentifyArgs),
     Diagnose(diagnose::DiagnoseArgs),
+    Fleet(fleet::FleetArgs),
     Path(path::PathArgs),
     Parameters(parameters::ParametersArgs),
     Course(course::CourseArgs),
@@ -102,6 +105,7 @@ impl Cli {
             Command::Evaluate(args) => evaluate::run(args)?,
             Command::Identify(args) => identify::run(args)?,
             Command::Diagnose(args) => return diagnose::run(args),
+            Command::Fleet(args) => fleet::run(args)?,
             Command::Path(args) => path::run(args)?,
             Command::Parameters(args) => parameters::run(args)?,
             Command::Course(args) => course::run(args)?,

@@ -6,6 +6,7 @@ use super::constancy;
 use super::conventions;
 use super::decision::{decide, lead};
 use super::fit::{Fit, Prior};
+use super::information::information;
 use super::knob;
 use super::localise;
 use super::manoeuvre;
@@ -179,6 +180,7 @@ pub fn diagnose<V: ReplayVehicle>(
             next_manoeuvre: None,
             recalibration: Vec::new(),
             posterior: None,
+            information: None,
             findings,
             inputs,
             seed: options.seed,
@@ -351,6 +353,7 @@ pub fn diagnose<V: ReplayVehicle>(
         next_manoeuvre,
         recalibration,
         posterior: Some(summary),
+        information: information(&problem, &ranking.prior, &local, &winner, calibration.temper),
         findings,
         inputs,
         shrink,

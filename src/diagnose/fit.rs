@@ -47,7 +47,7 @@ pub struct Linear {
     pub slopes: Vec<Arc<Vec<f64>>>,
     /// What gaps are weighed with.
     pub weights: Arc<Weights>,
-    gram: DMatrix<f64>,
+    pub(super) gram: DMatrix<f64>,
 }
 
 /// A slope, and the place of its knob.
@@ -123,6 +123,13 @@ impl Linear {
     #[must_use]
     pub fn square(&self, gap: &[f64]) -> f64 {
         dot(gap, &self.weighted(gap))
+    }
+
+    /// Products of all slopes with a weighted gap.
+    #[must_use]
+    pub fn gradient(&self, gap: &[f64]) -> Vec<f64> {
+        let weighted = self.weighted(gap);
+        self.slopes.iter().map(|slope| dot(slope, &weighted)).collect()
     }
 
     /// The step from `off`, coordinates less those expected, with gap `gap`.

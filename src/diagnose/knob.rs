@@ -574,7 +574,13 @@ impl Knob {
     #[must_use]
     pub fn symbol<V: ReplayVehicle>(&self) -> String {
         let parameter = V::TABLE.iter().find(|parameter| parameter.name == self.id).map(|p| p.unit.symbol);
-        self.effect.map(|effect| effect.unit.symbol).or(parameter).unwrap_or("1").to_owned()
+        let of_sensor = match self.turns {
+            Turns::Bias(channel) => crate::signal::find(channel.name()).map(|signal| signal.unit.symbol),
+            Turns::Arm | Turns::ReferenceHeight | Turns::ImuHeight => Some("m"),
+            Turns::InertialLag | Turns::ReceiverLate => Some("s"),
+            _ => None,
+        };
+        self.effect.map(|effect| effect.unit.symbol).or(parameter).or(of_sensor).unwrap_or("1").to_owned()
     }
 
     /// A standard deviation as the vehicle file or the plant has it.
@@ -584,6 +590,18 @@ impl Knob {
         let of_factor = matches!(self.turns, Turns::Factor) && self.effect.is_none();
         let factor = if of_factor { given.abs().max(1e-12) } else { 1.0 };
         self.spread(1.0, deviation) * factor
+    }
+
+    /// Whether the coordinate is one over the value.
+    #[must_use]
+    pub fn is_reciprocal(&self) -> bool {
+        matches!(self.turns, Turns::RateLimit)
+    }
+
+    /// What one of the coordinate adds to the value, as the vehicle file or the plant has it, or to one over the value.
+    #[must_use]
+    pub fn step_of_one<V: ReplayVehicle>(&self, vehicle: &V) -> f64 {
+        if self.is_reciprocal() { 1.0 / self.unit } else { self.deviation(1.0, vehicle) }
     }
 }
 

@@ -34,6 +34,7 @@
 //! | `decision.rs` | from the posterior to what is the matter |
 //! | `dominance.rs` | the size of an effect beside the background |
 //! | `estimate.rs` | the value of an effect, and how sure it is |
+//! | `information.rs` | what one log says of all parameters at once |
 //! | `naming.rs` | the decision in the user's terms |
 //! | `engine.rs` | from a log and a vehicle to the answer |
 //! | `observability.rs` | what a log can show and what it cannot |
@@ -65,6 +66,7 @@ pub mod filter;
 pub mod fit;
 pub mod form;
 mod headline;
+mod information;
 pub mod knob;
 mod localise;
 mod manoeuvre;

@@ -31,6 +31,9 @@ pub struct Report {
     /// How probable each hypothesis is: what the verdict was read from.
     #[serde(default)]
     pub posterior: Option<Probabilities>,
+    /// What the log says of all parameters at once: summaries of several drives add up (`rfl fleet`).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub information: Option<Information>,
     /// What was found wrong, missing or mended in the log, in words, the gravest first.
     pub findings: Vec<Finding>,
     /// What the diagnosis was made from.
@@ -39,6 +42,48 @@ pub struct Report {
     pub seed: u64,
     /// Version of this program.
     pub version: String,
+}
+
+/// Gaussian likelihood of all parameters around the fit of the first hypothesis, without their priors.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Information {
+    /// Parameters, in the order of the rows below.
+    pub parameters: Vec<InformedParameter>,
+    /// Precision matrix: lower triangle, row after row.
+    pub precision: Vec<f64>,
+    /// Slope of the log likelihood at the fit.
+    pub gradient: Vec<f64>,
+    /// Power of the likelihood, within both.
+    pub temper: f64,
+}
+
+/// A parameter of a summary; all numbers are differences from what is given, or from 0 where it is a `reciprocal`.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct InformedParameter {
+    /// Name in the vehicle file or of the plant.
+    pub name: String,
+    /// Value in the simulator.
+    pub given: f64,
+    /// Symbol of the unit.
+    pub unit: String,
+    /// Whether the numbers are of one over the value: of a rate limit, which is infinite where there is none.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub reciprocal: bool,
+    /// Standard deviation of ordinary simulators; 0: none has it.
+    pub tolerance: f64,
+    /// Standard deviation of what is named; 0: it cannot be named.
+    pub change: f64,
+    /// Range of what is named; None: no bound.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub least: Option<f64>,
+    /// Its other end.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub greatest: Option<f64>,
+    /// Name of the parameter that it is named with, and only with: a payload's place with the payload.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub goes_with: Option<String>,
+    /// Difference at the fit, about which the likelihood was taken.
+    pub value: f64,
 }
 
 /// How probable what is.

@@ -26,7 +26,7 @@ PYTHON = ".venv/bin/python"
 # Wrappers whose options are those of another program.
 WRAPPED = {name: "fmu-build" for name in ("scripts/build-fmus", "target/release/fmu-build", "fmu-build")}
 # Printed for their own sake, with options of others' programs or none.
-OTHERS = ("cargo build", "cargo test", "cargo bench", "cargo install", "blind/score", "scripts/fuzz.py", f"{PYTHON} -m")
+OTHERS = ("cargo build", "cargo test", "cargo bench", "cargo install", "blind/", "scripts/fuzz.py", f"{PYTHON} -m")
 # Checks and measurements of the project itself, which other tests, or people, run.
 ITSELF = (
     "cargo ",
@@ -36,7 +36,9 @@ ITSELF = (
     "scripts/release",
     f"{PYTHON} -m pytest",
     "blind/score",
+    "blind/fleet",
     "scripts/fuzz.py",
+    "rfl fleet",
 )
 # Runs that take a minute or more, and what needs their files.
 SLOW = (
@@ -103,6 +105,9 @@ def program_of(text: str) -> tuple[list[str], list[str]] | None:
     for prefix in PROGRAM:
         if text.startswith(prefix + " "):
             words = shlex.split(text[len(prefix) :])
+            if words[0] == "fleet":
+                command = ROOT / "python" / "rfl_mpc" / "fleet" / "command.py"
+                return [sys.executable, str(command), "--help"], words[1:]
             return [str(programs.program("rfl")), words[0], "--help"], words[1:]
     words = shlex.split(text)
     if words[0] in WRAPPED:

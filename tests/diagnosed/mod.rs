@@ -122,6 +122,7 @@ fn drive_and_diagnose() -> (CleanLog, Diagnosis) {
         components: BTreeMap::new(),
     };
     let report = Report {
+        information: None,
         posterior: None,
         verdict: Verdict {
             kind: VerdictKind::Effect,

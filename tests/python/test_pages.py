@@ -10,16 +10,18 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = [ROOT / "docs" / "python.md", ROOT / "python" / "README.md"]
+PAGES = [ROOT / "docs" / "python.md", ROOT / "python" / "README.md", ROOT / "docs" / "fleet.md"]
 # Its example drives a whole road, and is diagnosed with all there is.
 SLOW = [ROOT / "README.md"]
 NOTEBOOKS = sorted((ROOT / "examples" / "notebooks").glob("*.ipynb"))
 
 
-@pytest.mark.parametrize("page", PAGES + SLOW, ids=lambda page: page.parent.name)
+@pytest.mark.parametrize("page", PAGES + SLOW, ids=lambda page: f"{page.parent.name}/{page.stem}")
 def test_blocks_run_as_printed(rfl_mpc, page, tmp_path, monkeypatch):
     if page in SLOW and os.environ.get("RFL_DOCS") != "all":
         pytest.skip("takes a minute: RFL_DOCS=all runs it")
+    if page.stem == "fleet":
+        pytest.importorskip("distributed")
     monkeypatch.chdir(tmp_path)
     blocks = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL)
     assert blocks

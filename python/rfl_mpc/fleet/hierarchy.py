@@ -1,0 +1,125 @@
+"""How the parameters of a type's vehicles are spread: over types, vehicles and drives, by empirical Bayes.
+
+Drive ``d`` of vehicle ``v`` has the parameters
+
+    theta = mu + u_v + w_d,        u_v ~ N(0, U),   w_d ~ N(0, W),   mu ~ N(0, I)
+
+with diagonal ``U`` and ``W``, in units of the tolerances. ``mu`` is what all sisters share: the error of the type's
+file. ``U`` and ``W`` are found by expectation and maximisation with a weak inverse-gamma prior, so that a small
+fleet keeps what ordinary tolerances say. Marginalising ``w_d`` leaves a drive's likelihood of ``mu + u_v``,
+
+    G~ = G - G (W^-1 + G)^-1 G,        h~ = (I - G (W^-1 + G)^-1) h,
+
+and the same step once more, over ``u_v``, that of ``mu``.
+
+Source: Efron and Morris, J. Am. Stat. Assoc. 70 (1975); Dempster, Laird and Rubin, J. R. Stat. Soc. B 39 (1977).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rfl_mpc.fleet.summary import ENVIRONMENT, Drives, Parameter
+
+ROUNDS = 40
+"""Steps of expectation and maximisation."""
+WEIGHT = 4.0
+"""Observations that the prior of a variance counts as."""
+SHARES = (1.0 / 3.0, 1.0 / 3.0)
+"""Shares of a tolerance's variance beforehand: between vehicles, between drives. The rest is the type's."""
+SHARES_OF_ENVIRONMENT = (0.02, 1.0)
+LEAST = 1e-6
+"""Least variance, in units of the tolerance's."""
+
+
+@dataclass(frozen=True)
+class Spread:
+    """What is known of a type."""
+
+    free: np.ndarray
+    """Parameters that ordinary vehicles differ in."""
+    mean: np.ndarray
+    """``mu``, of all parameters."""
+    covariance: np.ndarray
+    """Of ``mu``."""
+    between_vehicles: np.ndarray
+    """Variances ``U``."""
+    between_drives: np.ndarray
+    """Variances ``W``."""
+
+
+def without(precision: np.ndarray, shift: np.ndarray, variance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Likelihoods after a Gaussian addition with these variances is marginalised; a variance of 0: there is none."""
+    root = np.sqrt(variance)
+    inner = np.eye(len(root)) + root[:, None] * precision * root
+    seen = np.linalg.solve(inner, np.broadcast_to(np.diag(root), precision.shape))
+    gain = precision @ (root[:, None] * seen)
+    left = precision - gain @ precision
+    return 0.5 * (left + np.swapaxes(left, -1, -2)), shift - np.einsum("...ij,...j->...i", gain, shift)
+
+
+def ordinary(parameters: tuple[Parameter, ...]) -> Spread:
+    """What is believed of a type before anything is seen."""
+    free = np.array([parameter.tolerance > 0.0 for parameter in parameters])
+    shares = np.array([SHARES_OF_ENVIRONMENT if it.name in ENVIRONMENT else SHARES for it in parameters])
+    return Spread(free, np.zeros(len(free)), np.diag(free.astype(float)), free * shares.T[0], free * shares.T[1])
+
+
+def spread(drives: Drives, vehicle: np.ndarray, rounds: int = ROUNDS) -> Spread:
+    """Of drives, each with its vehicle's number (from 0)."""
+    before = ordinary(drives.parameters)
+    free, prior_vehicles, prior_drives = before.free, before.between_vehicles, before.between_drives
+    of_vehicles, of_drives = prior_vehicles.copy(), prior_drives.copy()
+    count = int(vehicle.max()) + 1
+    mean, covariance = before.mean, before.covariance
+    for _ in range(rounds):
+        mean, covariance, levels, spreads = _type_mean(drives, vehicle, count, free, of_vehicles, of_drives)
+        # Of the vehicles' levels, with what is not known of each.
+        seen = np.sum(levels**2 + np.einsum("vii->vi", spreads), axis=0)
+        new_vehicles = (WEIGHT * prior_vehicles + seen) / (WEIGHT + count)
+        # Of the drives about them.
+        root = np.sqrt(of_drives)
+        inner = np.eye(len(root)) + root[:, None] * drives.precision * root
+        own = root[:, None] * np.linalg.solve(inner, np.broadcast_to(np.diag(root), inner.shape))
+        left = drives.shift - np.einsum("dij,dj->di", drives.precision, mean + levels[vehicle])
+        off = np.einsum("dij,dj->di", own, left)
+        pull = own @ drives.precision
+        more = np.einsum("dij,djk,dik->di", pull, spreads[vehicle], pull)
+        seen = np.sum(off**2 + np.einsum("dii->di", own) + more, axis=0)
+        new_drives = (WEIGHT * prior_drives + seen) / (WEIGHT + len(drives))
+        of_vehicles, of_drives = np.maximum(new_vehicles, LEAST * free), np.maximum(new_drives, LEAST * free)
+    return Spread(free, mean, covariance, of_vehicles, of_drives)
+
+
+def type_likelihood(drives: Drives, vehicle: np.ndarray, of: Spread) -> tuple[np.ndarray, np.ndarray]:
+    """Likelihood of ``mu``: precision, and precision times mean."""
+    count = int(vehicle.max()) + 1
+    total, pulled = _of_vehicles(drives, vehicle, count, of.between_drives)
+    each, pull = without(total, pulled, of.between_vehicles)
+    return each.sum(axis=0), pull.sum(axis=0)
+
+
+def _of_vehicles(drives: Drives, vehicle: np.ndarray, count: int, of_drives: np.ndarray):
+    """Likelihoods of ``mu + u`` of each vehicle."""
+    precision, shift = without(drives.precision, drives.shift, of_drives)
+    total, pulled = np.zeros((count, *precision.shape[1:])), np.zeros((count, shift.shape[1]))
+    np.add.at(total, vehicle, precision)
+    np.add.at(pulled, vehicle, shift)
+    return total, pulled
+
+
+def _type_mean(drives, vehicle, count, free, of_vehicles, of_drives):
+    """``mu`` and its covariance; ``u`` of each vehicle given ``mu``, and its covariances."""
+    total, pulled = _of_vehicles(drives, vehicle, count, of_drives)
+    of_type, pull = without(total, pulled, of_vehicles)
+    root = np.sqrt(free.astype(float))
+    inner = np.eye(len(root)) + root[:, None] * of_type.sum(axis=0) * root
+    covariance = root[:, None] * np.linalg.solve(inner, np.diag(root))
+    mean = covariance @ pull.sum(axis=0)
+    root = np.sqrt(of_vehicles)
+    inner = np.eye(len(root)) + root[:, None] * total * root
+    spreads = root[:, None] * np.linalg.solve(inner, np.broadcast_to(np.diag(root), inner.shape))
+    levels = np.einsum("vij,vj->vi", spreads, pulled - total @ mean)
+    return mean, covariance, levels, spreads

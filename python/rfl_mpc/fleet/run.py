@@ -1,0 +1,388 @@
+"""A whole run: drives, answers, tables, page."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import json
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import rfl_mpc
+from rfl_mpc._native import RflError
+from rfl_mpc.fleet import engine, manifest, page, tables
+from rfl_mpc.fleet.changes import Change, Vehicle
+from rfl_mpc.fleet.manifest import Drive
+from rfl_mpc.fleet.reduce import TypeState, VehicleState, reduce_type, say
+from rfl_mpc.fleet.store import Store
+from rfl_mpc.fleet.summary import drives_of
+from rfl_mpc.fleet.work import diagnosed
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+STORE = "drives.sqlite"
+
+
+@dataclass(frozen=True)
+class Fleet:
+    """What a run gave; the tables lie in ``out``."""
+
+    out: Path
+    report: dict[str, Any]
+    """What ``fleet.json`` holds."""
+
+    @property
+    def changed(self) -> list[str]:
+        """Vehicles that have changed, the surest first."""
+        return self.report["changed"]
+
+    @property
+    def vehicles(self) -> pd.DataFrame:
+        """A row a change: see ``vehicles.parquet``."""
+        import pandas as pd
+
+        return pd.read_parquet(self.out / "vehicles.parquet")
+
+    @property
+    def verdicts(self) -> pd.DataFrame:
+        """A row a drive: see ``verdicts.parquet``."""
+        import pandas as pd
+
+        return pd.read_parquet(self.out / "verdicts.parquet")
+
+    def __str__(self) -> str:
+        return self.report["words"]
+
+
+def run(
+    sources: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+    *,
+    vehicle: str | os.PathLike[str] | None = None,
+    out: str | os.PathLike[str] = "fleet",
+    dask: str | None = None,
+    workers: int | None = None,
+    dry_run: bool = False,
+    again: bool = False,
+    time_limit: float = 600.0,
+    reports: int = 20,
+    pairs: bool = True,
+    trust: str | None = None,
+    rate: float | None = None,
+    quiet: bool = True,
+) -> Fleet:
+    """Diagnoses the drives of a fleet, and says what differs in which vehicle since when.
+
+    Parameters
+    ----------
+    sources
+        Folders of logs (each folder below is a vehicle), logs, or manifests: tables with the columns ``log``,
+        ``vehicle``, and perhaps ``time``, ``vehicle_file``, ``reference``.
+    vehicle
+        Vehicle file of drives that name none.
+    out
+        Folder for the tables and the page. What is done already is kept there in ``drives.sqlite``.
+    dask
+        Address of a scheduler; its workers read the same files. Default: workers on this machine, ``workers`` of them.
+    dry_run
+        Only say what would be done.
+    again
+        Drives that gave an error are tried once more.
+    time_limit
+        Longest diagnosis of a drive, s.
+    reports
+        Single reports that are written of the first changed drives.
+    pairs, trust, rate
+        As of :func:`rfl_mpc.diagnose`.
+
+    Returns
+    -------
+    Fleet
+        With data frames ``vehicles`` and ``verdicts``, and ``changed``, the vehicles that have.
+    """
+    if workers is not None and workers < 1:
+        raise RflError(f"workers: {workers}; give 1 or more")
+    if not time_limit > 0.0:
+        raise RflError(f"time_limit: {time_limit} s; give more than 0")
+    if reports < 0:
+        raise RflError(f"reports: {reports}; give 0 or more")
+    given = [sources] if isinstance(sources, (str, os.PathLike)) else list(sources)
+    default = None if vehicle is None else _vehicle(os.fspath(vehicle))
+    drives = [
+        drive if drive.vehicle_file is not None else Drive(**(drive.words() | {"vehicle_file": default}))
+        for drive in manifest.read(given)
+    ]
+    of_vehicle: dict[str, str] = {}
+    for drive in drives:
+        type = tables.type_of(drive)
+        if of_vehicle.setdefault(drive.vehicle, type) != type:
+            raise RflError(
+                f"vehicle '{drive.vehicle}' has two vehicle files, {of_vehicle[drive.vehicle]} and {type}; give it one"
+            )
+    options: dict[str, Any] = {"pairs": pairs, "trust": trust, "rate": rate}
+    folder = Path(out)
+    if dry_run and not (folder / STORE).exists():
+        return _plan_words(folder, drives, len(drives))
+    folder.mkdir(parents=True, exist_ok=True)
+    store = Store(folder / STORE)
+    try:
+        plan = engine.plan(drives, store, options)
+        if again:
+            failed = [
+                row for row, key in enumerate(plan.keys) if key is not None and (store.get(key) or {}).get("error")
+            ]
+            for row in failed:
+                plan.keys[row] = None
+            plan.waiting = sorted({*plan.waiting, *failed})
+        if dry_run:
+            return _plan_words(folder, drives, len(plan.waiting))
+        say_progress = not quiet
+        with contextlib.ExitStack() as stack:
+            client = None
+            if plan.waiting:
+                client = stack.enter_context(engine.cluster(dask, workers, folder))
+                _diagnose(plan, store, client, options, time_limit, say_progress)
+            answers = Answers(plan, store)
+            types = _reduced(answers, say_progress)
+            places = _first_changed(types, answers, reports)
+            written = _reports(folder, answers, places, options, time_limit, client, stack, dask, workers, say_progress)
+        return _write(folder, answers, types, written)
+    finally:
+        store.close()
+
+
+def _vehicle(name: str) -> str:
+    return str(Path(name).resolve()) if Path(name).is_file() else name
+
+
+def _plan_words(folder: Path, drives: Sequence[Drive], waiting: int) -> Fleet:
+    vehicles = len({drive.vehicle for drive in drives})
+    types = len({tables.type_of(drive) for drive in drives})
+    words = f"{len(drives)} drives of {vehicles} vehicles of {types} types; {waiting} of them to be diagnosed"
+    return Fleet(folder, {"words": words, "changed": [], "drives": len(drives), "waiting": waiting})
+
+
+class Answers:
+    """Drives and their answers by vehicle."""
+
+    def __init__(self, plan: engine.Plan, store: Store) -> None:
+        self.plan, self.store = plan, store
+        self.rows: dict[tuple[str, str], list[int]] = {}
+        for row, drive in enumerate(plan.drives):
+            self.rows.setdefault((tables.type_of(drive), drive.vehicle), []).append(row)
+
+    def of(self, row: int) -> dict[str, Any]:
+        key = self.plan.keys[row]
+        return (None if key is None else self.store.get(key)) or {"error": "not diagnosed"}
+
+    def told(self, type: str, vehicle: str) -> list[int]:
+        """Rows of a vehicle's drives with a summary, in their order."""
+        return [row for row in self.rows[type, vehicle] if self.of(row).get("information")]
+
+    def summaries(self, type: str, vehicle: str) -> list[dict[str, Any]]:
+        found = (self.of(row).get("information") for row in self.rows[type, vehicle])
+        return [summary for summary in found if summary]
+
+    def label(self, row: int) -> str:
+        drive = self.plan.drives[row]
+        return drive.time or Path(drive.log).name
+
+
+def _diagnose(plan, store, client, options, limit, say_progress) -> None:
+    from tqdm import tqdm
+
+    with tqdm(
+        total=len(plan.drives), initial=len(plan.drives) - len(plan.waiting), unit="drive", disable=not say_progress,
+        file=sys.stderr, desc="diagnosed",
+    ) as bar:  # fmt: skip
+        engine.run(plan, store, client, options, limit, lambda drive, answer: bar.update())
+
+
+def _reduced(answers: Answers, say_progress: bool) -> list[TypeState]:
+    from tqdm import tqdm
+
+    found = []
+    for type, group in itertools.groupby(sorted(answers.rows), key=lambda one: one[0]):
+        vehicles = [vehicle for _, vehicle in group]
+        with tqdm(
+            total=1.0, desc="vehicles", disable=not say_progress, file=sys.stderr, bar_format="{l_bar}{bar}"
+        ) as bar:
+
+            def progress(share: float, bar=bar) -> None:
+                bar.update(share - bar.n)
+
+            state = reduce_type(type, vehicles, lambda vehicle, type=type: answers.summaries(type, vehicle), progress)
+        if state is not None:
+            found.append(state)
+    say(found)
+    return found
+
+
+def _first_changed(types: Sequence[TypeState], answers: Answers, most: int) -> list[tuple[str, int, int]]:
+    """Vehicle, number and row of the drives that get a report of their own: the first of each change that is said."""
+    found = []
+    for state in page.order(types):
+        rows = answers.told(state.type, state.vehicle)
+        for change in page.said_changes(state):
+            found.append((state.vehicle, change.since, rows[change.since]))
+    return found[: max(most, 0)]
+
+
+def _reports(folder, answers, places, options, limit, client, stack, dask, workers, say_progress):
+    """Writes single reports; gives the places of each vehicle's."""
+    found: dict[str, list[tuple[int, str]]] = {}
+    wanted = []
+    for vehicle, number, row in places:
+        key = answers.plan.keys[row]
+        place = Path("reports") / key[:16] / "report.html"
+        found.setdefault(vehicle, []).append((number, place.as_posix()))
+        if not (folder / place).exists():
+            wanted.append((row, folder / place))
+    if wanted:
+        client = client or stack.enter_context(engine.cluster(dask, workers, folder))
+        jobs = []
+        for row, place in wanted:
+            drive = answers.plan.drives[row]
+            job = {"log": drive.log, "vehicle_file": drive.vehicle_file, "reference": drive.reference}
+            jobs.append(job | {"options": options | {"out": str(place.parent.resolve())}})
+        answered = client.gather([client.submit(diagnosed, job, limit, pure=False) for job in jobs])
+        for (_, place), answer in zip(wanted, answered):
+            if answer.get("error") or not place.exists():
+                for of_vehicle in found.values():
+                    of_vehicle[:] = [one for one in of_vehicle if folder / one[1] != place]
+    return {vehicle: rows for vehicle, rows in found.items() if rows}
+
+
+def _history(answers: Answers):
+    def history(of: TypeState, state: VehicleState, effect: str) -> page.History | None:
+        rows = answers.told(state.type, state.vehicle)
+        drives = drives_of(answers.summaries(state.type, state.vehicle), of.parameters)
+        vehicle = Vehicle(drives, of.spread, of.rate)
+        value, deviation = vehicle.by_drive(effect, vehicle.changes().known)
+        unit = next(it.unit for it in of.parameters if it.effect == effect)
+        return page.History(effect, unit, value, deviation, [answers.label(row) for row in rows])
+
+    return history
+
+
+def _write(folder: Path, answers: Answers, types: list[TypeState], reports) -> Fleet:
+    version = rfl_mpc.__version__
+    drives = answers.plan.drives
+    number: dict[str, Iterator[int]] = {}
+
+    def verdicts() -> Iterator[dict[str, Any]]:
+        for row, drive in enumerate(drives):
+            count = next(number.setdefault(drive.vehicle, itertools.count(1)))
+            yield tables.verdict_row(drive, count, answers.plan.keys[row] or "", answers.of(row), version)
+
+    tables.write(folder / "verdicts.parquet", tables.verdict_schema(), verdicts())
+    labels = {
+        state.vehicle: [answers.label(row) for row in answers.told(state.type, state.vehicle)]
+        for of in types for state in of.vehicles
+    }  # fmt: skip
+    changes = list(_changes(types, labels))
+    tables.write(folder / "vehicles.parquet", tables.change_schema(), iter(changes))
+    tables.write(folder / "types.parquet", tables.parameter_schema(), _parameters(types))
+    errors = []
+    for (_, vehicle), rows in sorted(answers.rows.items()):
+        for place, row in enumerate(rows):
+            if error := answers.of(row).get("error"):
+                errors.append((vehicle, place, error))
+    states = page.order(types)
+    changed = [state for state in states if any(not one.passing for one in page.said_changes(state))]
+    counts = {"drives": len(drives), "vehicles": len({drive.vehicle for drive in drives})}
+    report = {
+        "words": _words(types, changed, counts, errors, labels, folder),
+        "changed": [state.vehicle for state in changed],
+        **counts,
+        "errors": len(errors),
+        "types": [
+            {
+                "type": of.type, "vehicles": len(of.vehicles), "drives": of.drives, "changes_a_drive": of.rate,
+                "common": [
+                    {name: getattr(one, name) for name in ("effect", "value", "low", "high", "probability", "also")}
+                    for one in of.common
+                ],
+            }
+            for of in types
+        ],
+        "changes": [one for one in changes if one["said"]],
+        "version": version,
+    }  # fmt: skip
+    tables.write_text(folder / "fleet.json", lambda: json.dumps(report, indent=1) + "\n")
+    made = lambda: page.page(types, labels.__getitem__, _history(answers), reports, counts, errors, version)  # noqa: E731
+    tables.write_text(folder / "index.html", made)
+    return Fleet(folder, report)
+
+
+def _changes(types: Sequence[TypeState], labels) -> Iterator[dict[str, Any]]:
+    """Rows of ``vehicles.parquet``: each change, said or not; of a vehicle without any its likeliest candidate."""
+    for state in page.order(types):
+        of = next(one for one in types if one.type == state.type)
+        units = {it.name.removeprefix("effect."): it.unit for it in of.parameters}
+        names = labels[state.vehicle]
+        all: list[tuple[Change | None, bool]] = list(zip(state.changes, state.said)) or [(state.candidate, False)]
+        for change, said in all:
+            yield {
+                "vehicle": state.vehicle, "type": state.type, "drives": state.drives, "nothing": state.nothing,
+                "changed": said and change is not None and not change.passing, "said": said,
+                **({} if change is None else {
+                    "effect": change.effect, "unit": units[change.effect], "passing": change.passing,
+                    "since": names[change.since], "since_drive": change.since + 1, "earliest": change.earliest + 1,
+                    "latest": change.latest + 1, "before": change.before, "value": change.value, "low": change.low,
+                    "high": change.high, "probability": change.probability, "also": sorted(change.also.items()),
+                }),
+            }  # fmt: skip
+
+
+def _parameters(types: Sequence[TypeState]) -> Iterator[dict[str, Any]]:
+    """Rows of ``types.parquet``: each parameter of a type, and of each of its vehicles after its last drive."""
+    for of in types:
+        deviation = np.sqrt(np.maximum(np.diag(of.spread.covariance), 0.0))
+        for vehicle, mean, spread in (
+            (None, of.spread.mean, deviation), *((state.vehicle, state.mean, state.deviation) for state in of.vehicles)
+        ):  # fmt: skip
+            for i, it in enumerate(of.parameters):
+                ends = [it.value(mean[i] + side * 1.96 * spread[i]) for side in (-1.0, 1.0)]
+                yield {
+                    "type": of.type, "vehicle": vehicle, "parameter": it.name, "unit": it.unit, "simulator": it.given,
+                    "value": it.value(mean[i]), "low": min(ends), "high": max(ends), "tolerance": it.tolerance,
+                    "between_vehicles": it.scale * of.spread.between_vehicles[i] ** 0.5 if vehicle is None else None,
+                    "between_drives": it.scale * of.spread.between_drives[i] ** 0.5 if vehicle is None else None,
+                }  # fmt: skip
+
+
+def _words(types, changed, counts, errors, labels, folder: Path) -> str:
+    lines = []
+    for of in types:
+        for one in of.common:
+            unit = next(it.unit for it in of.parameters if it.effect == one.effect)
+            lines.append(
+                f"all vehicles of {of.type}: {one.effect} {page.number(one.value)}{'' if unit == '1' else ' ' + unit} "
+                f"({page.number(one.low)} to {page.number(one.high)}), probability {one.probability:.2f}"
+            )
+    for state in changed[:20]:
+        of = next(one for one in types if one.type == state.type)
+        for one in page.said_changes(state):
+            unit = next(it.unit for it in of.parameters if it.effect == one.effect)
+            lines.append(
+                f"{state.vehicle}: {page.words(one, unit, labels[state.vehicle])}, probability {one.probability:.2f}"
+            )
+    if len(changed) > 20:
+        lines.append(f"... and {len(changed) - 20} more")
+    if errors:
+        vehicle, place, error = errors[0]
+        lines.append(
+            f"{len(errors)} drives were not diagnosed, such as drive {place + 1} of {vehicle}: {error} "
+            "(all: column error of verdicts.parquet)"
+        )
+    lines.append(
+        f"{len(changed)} of {counts['vehicles']} vehicles changed ({counts['drives']} drives); {folder / 'index.html'}"
+    )
+    return "\n".join(lines)

@@ -1,0 +1,22 @@
+//! `rfl fleet`: only says where it is. The command is Python, on Dask; the package's own `rfl` runs it before it comes here.
+
+use clap::Args;
+use std::error::Error;
+
+/// What differs in which vehicle of a fleet, and since when (Python package, with its extra `fleet`)
+#[derive(Debug, Args)]
+#[command(disable_help_flag = true)]
+pub struct FleetArgs {
+    /// What is passed on
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true, hide = true)]
+    words: Vec<String>,
+}
+
+/// Says where the command is.
+///
+/// # Errors
+/// Always.
+pub fn run(_: &FleetArgs) -> Result<(), Box<dyn Error>> {
+    Err("rfl fleet is part of the Python package, whose program has the same name: pip install 'rfl-mpc[fleet]', then rfl fleet --help"
+        .into())
+}

@@ -1,0 +1,88 @@
+"""Which drives a fleet has: folders, logs, tables; and what is wrong with them, in words."""
+
+from __future__ import annotations
+
+import importlib
+
+import pandas as pd
+import pytest
+
+
+@pytest.fixture(scope="module")
+def manifest(rfl_mpc):
+    return importlib.import_module("rfl_mpc.fleet.manifest")
+
+
+def of(drives):
+    return [(drive.vehicle, drive.log.rsplit("/", 1)[-1]) for drive in drives]
+
+
+def test_each_folder_of_logs_is_a_vehicle_and_drives_come_in_natural_order(manifest, tmp_path):
+    for place in ("a/drive_10.csv", "a/drive_9.csv", "b/c/log.csv.gz", "b/notes.txt", "b/c/.hidden.csv", "d/x.parquet"):
+        (tmp_path / place).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / place).write_text("time,vx\n")
+    (tmp_path / "b" / "vehicle.toml").write_text("")
+    drives = manifest.read([tmp_path])
+    assert of(drives) == [("a", "drive_9.csv"), ("a", "drive_10.csv"), ("b/c", "log.csv.gz"), ("d", "x.parquet")]
+    assert [drive.vehicle_file for drive in drives] == [None, None, str(tmp_path / "b" / "vehicle.toml"), None]
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet", "semicolon"])
+def test_a_table_says_vehicle_time_and_files(manifest, tmp_path, suffix):
+    table = pd.DataFrame({
+        "log": ["x/2.csv", "x/1.csv", "/data/3.csv"],
+        "vehicle": ["one", "one", "two"],
+        "time": ["2026-03-02T08:00:00", "2026-03-01T08:00:00Z", "2026-03-01T08:00:00"],
+        "vehicle_file": ["my_car.toml", "my_car.toml", "c_class"],
+        "reference": ["", "x/0.csv", ""],
+    })  # fmt: skip
+    file = tmp_path / ("drives.parquet" if suffix == "parquet" else "drives.csv")
+    if suffix == "parquet":
+        table.to_parquet(file)
+    else:
+        table.to_csv(file, index=False, sep=";" if suffix == "semicolon" else ",")
+    drives = manifest.read([file])
+    assert of(drives) == [("one", "1.csv"), ("one", "2.csv"), ("two", "3.csv")]
+    assert [drive.log for drive in drives] == [
+        str(tmp_path / "x" / "1.csv"),
+        str(tmp_path / "x" / "2.csv"),
+        "/data/3.csv",
+    ]
+    assert [drive.vehicle_file for drive in drives] == [str(tmp_path / "my_car.toml")] * 2 + ["c_class"]
+    assert [drive.reference for drive in drives] == [str(tmp_path / "x" / "0.csv"), None, None]
+
+
+def test_times_may_be_numbers(manifest, tmp_path):
+    (tmp_path / "drives.csv").write_text("log,vehicle,time\na.csv,v,10\nb.csv,v,9.5\n")
+    assert of(manifest.read([tmp_path / "drives.csv"])) == [("v", "b.csv"), ("v", "a.csv")]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("log,vehicle,time\na.csv,v,1\nb.csv,v,\n", "row 3: no time"),
+        ("log,vehicle,time\na.csv,v,1\nb.csv,v,soon\n", "row 3: time 'soon' is no number"),
+        ("log,vehicle,time\na.csv,v,yesterday\n", "row 2: time 'yesterday' is neither"),
+        ("log,vehicle\na.csv,\n", "row 2: no vehicle"),
+        ("log,vehicle\n,v\n", "row 2: no log"),
+        ("log,vehicle,car\na.csv,v,x\n", "column 'car' is none of a manifest"),
+        ("log,vehicle\na.csv,v\na.csv,v\n", "is given twice"),
+        ("log,vehicle\n", "no drive is given"),
+    ],
+)
+def test_what_is_wrong_with_a_table_is_said_with_its_row(rfl_mpc, manifest, tmp_path, text, words):
+    (tmp_path / "drives.csv").write_text(text)
+    with pytest.raises(rfl_mpc.RflError, match=words.replace("'", ".")):
+        manifest.read([tmp_path / "drives.csv"])
+
+
+def test_a_missing_or_an_empty_folder_is_said(rfl_mpc, manifest, tmp_path):
+    with pytest.raises(rfl_mpc.RflError, match="no such file or folder"):
+        manifest.read([tmp_path / "nothing"])
+    with pytest.raises(rfl_mpc.RflError, match="no log in this folder"):
+        manifest.read([tmp_path])
+
+
+def test_a_log_by_itself_is_a_drive_of_its_folder(manifest, tmp_path):
+    (tmp_path / "log.csv").write_text("time,steer_cmd,vx\n")
+    assert of(manifest.read([tmp_path / "log.csv"])) == [(tmp_path.name, "log.csv")]

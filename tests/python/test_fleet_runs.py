@@ -1,0 +1,283 @@
+"""A fleet from logs to its page: what is done is not done again, and what dies is done by the next run, to the bit."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import json
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("distributed", reason="the extra [fleet] is not installed")
+psutil = pytest.importorskip("psutil")
+
+VEHICLES, DRIVES = ("one", "two", "three"), 5
+#: Vehicle two has other toe since its fourth drive.
+OFFSET, SINCE = 0.02, 4
+NOISE = {
+    "x": 0.02,
+    "y": 0.02,
+    "yaw": 1e-3,
+    "vx": 0.03,
+    "vy": 0.03,
+    "yaw_rate": 2.5e-3,
+    "ax": 0.06,
+    "ay": 0.06,
+    "steer": 4e-4,
+}
+SAME = ("verdicts.parquet", "vehicles.parquet", "types.parquet", "fleet.json", "index.html")
+
+
+@pytest.fixture(scope="module")
+def fleet(rfl_mpc):
+    return importlib.import_module("rfl_mpc.fleet")
+
+
+@pytest.fixture(scope="module")
+def logs(rfl_mpc, tmp_path_factory):
+    """A folder a vehicle, a log a drive."""
+    rng = np.random.default_rng(4)
+    top = tmp_path_factory.mktemp("fleet") / "logs"
+    for vehicle in VEHICLES:
+        gain = 1.0 + 0.005 * rng.normal()
+        (top / vehicle).mkdir(parents=True)
+        for drive in range(1, DRIVES + 1):
+            told = {"effect.steer_gain": gain, "effect.wind_y": 0.5 * rng.normal()}
+            if vehicle == "two" and drive >= SINCE:
+                told["effect.steer_offset"] = OFFSET
+            log = rfl_mpc.drive("sudoku_turns", set=told, duration=12).log.drop(columns="status")
+            log = log[["time", "steer_cmd", "accel_cmd", *NOISE]].copy()
+            for name, noise in NOISE.items():
+                log[name] += noise * rng.normal(size=len(log))
+            log.to_csv(top / vehicle / f"drive_{drive}.csv", index=False)
+    return top
+
+
+@pytest.fixture(scope="module")
+def undisturbed(fleet, logs, tmp_path_factory):
+    return fleet.run(logs, out=tmp_path_factory.mktemp("undisturbed") / "fleet", workers=2, pairs=False)
+
+
+def contents(out: Path) -> dict[str, bytes]:
+    """What a run writes; the page and the words name the folder."""
+    return {name: (out / name).read_bytes().replace(str(out).encode(), b"OUT") for name in SAME}
+
+
+def environment(rfl_mpc) -> dict[str, str]:
+    return os.environ | {"PYTHONPATH": str(Path(rfl_mpc.__file__).parent.parent)}
+
+
+@pytest.fixture(autouse=True)
+def importable(rfl_mpc, monkeypatch):
+    """Workers are processes of their own, and import the package as well."""
+    monkeypatch.setenv("PYTHONPATH", environment(rfl_mpc)["PYTHONPATH"])
+
+
+def command(*words) -> list[str]:
+    return [sys.executable, "-m", "rfl_mpc", "fleet", *map(str, words), "--no-pairs"]
+
+
+def test_a_changed_vehicle_is_named_with_its_effect_and_its_drive(undisturbed):
+    assert undisturbed.changed == ["two"], str(undisturbed)
+    changed = undisturbed.vehicles.query("changed").iloc[0]
+    assert changed.effect == "steer_offset" and changed.since_drive == SINCE and changed.since == f"drive_{SINCE}.csv"
+    assert changed.low < OFFSET < changed.high and changed.probability > 0.9
+    verdicts = undisturbed.verdicts
+    assert len(verdicts) == len(VEHICLES) * DRIVES and verdicts.error.isna().all()
+    assert set(verdicts.vehicle) == set(VEHICLES) and list(verdicts[verdicts.vehicle == "one"].drive) == [1, 2, 3, 4, 5]
+    assert "two: steer_offset" in str(undisturbed) and "1 of 3 vehicles changed (15 drives)" in str(undisturbed)
+
+
+def test_the_page_leads_to_the_vehicle_and_its_report(undisturbed):
+    text = (undisturbed.out / "index.html").read_text()
+    assert '<a href="#v0">two</a>' in text and 'id="v0"' in text
+    report = text.split('<a href="reports/')[1].split('"')[0]
+    assert "steer_offset" in (undisturbed.out / "reports" / report).read_text()
+
+
+def test_what_is_done_is_not_done_again(fleet, logs, undisturbed, monkeypatch, tmp_path):
+    out = tmp_path / "fleet"
+    shutil.copytree(undisturbed.out, out)
+    # Touched, not changed.
+    for log in logs.rglob("*.csv"):
+        os.utime(log)
+    monkeypatch.setattr("rfl_mpc.fleet.engine.cluster", lambda *_: pytest.fail("nothing was to be done"))
+    again = fleet.run(logs, out=out, pairs=False)
+    assert contents(again.out) == contents(undisturbed.out)
+    dry = fleet.run(logs, out=out, pairs=False, dry_run=True)
+    assert str(dry) == "15 drives of 3 vehicles of 1 types; 0 of them to be diagnosed"
+    other = fleet.run(logs, out=out, pairs=True, dry_run=True)
+    assert "15 of them to be diagnosed" in str(other)
+
+
+def test_a_bad_log_is_a_row_with_its_error(fleet, logs, tmp_path):
+    """Among the good ones: none there, an empty one, one without a column, a pipe that nobody fills."""
+    os.mkfifo(tmp_path / "pipe.csv")
+    (tmp_path / "empty.csv").write_text("")
+    (tmp_path / "other.csv").write_text("time,vx\n0,1\n1,1\n")
+    bad = ["absent.csv", "empty.csv", "other.csv", "pipe.csv"]
+    rows = [(logs / "one" / "drive_1.csv", "one"), *((tmp_path / name, "bad") for name in bad)]
+    (tmp_path / "drives.csv").write_text("log,vehicle\n" + "".join(f"{log},{vehicle}\n" for log, vehicle in rows))
+    found = fleet.run(tmp_path / "drives.csv", out=tmp_path / "fleet", workers=1, time_limit=20.0, pairs=False)
+    errors = dict(zip(found.verdicts.log.map(lambda log: Path(log).name), found.verdicts.error))
+    assert errors["drive_1.csv"] is None or errors["drive_1.csv"] != errors["drive_1.csv"]
+    assert "No such file" in errors["absent.csv"]
+    assert "empty" in errors["empty.csv"] and "steer_cmd" in errors["other.csv"]
+    assert errors["pipe.csv"] == "no answer within 20 s (--time-limit)"
+    assert found.report["errors"] == 4 and "4 drives were not diagnosed, such as" in str(found)
+
+
+def started(rfl_mpc, *words, **options) -> subprocess.Popen:
+    return subprocess.Popen(
+        command(*words), env=environment(rfl_mpc), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        start_new_session=True, **options,
+    )  # fmt: skip
+
+
+def wait_for_answers(process: subprocess.Popen, count: int) -> None:
+    """Until the progress tells so many."""
+    said = ""
+    while not any(f" {done}/15" in said for done in range(count, 16)):
+        letter = process.stderr.read(1)
+        assert letter, f"ended too early: {said}"
+        said += letter
+
+
+def processes(of: int) -> list[psutil.Process]:
+    with contextlib.suppress(psutil.NoSuchProcess):
+        return psutil.Process(of).children(recursive=True)
+    return []
+
+
+def end(group: int) -> None:
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(group, signal.SIGKILL)
+
+
+def test_a_killed_run_goes_on_where_it_was_and_ends_with_the_same_bits(rfl_mpc, fleet, logs, undisturbed, tmp_path):
+    out = tmp_path / "fleet"
+    process = started(rfl_mpc, logs, "--out", out, "--workers", 2)
+    try:
+        wait_for_answers(process, 4)
+    finally:
+        rest = processes(process.pid)
+        process.kill()
+        end(process.pid)
+        psutil.wait_procs(rest, timeout=20)
+    waiting = fleet.run(logs, out=out, dry_run=True, pairs=False).report["waiting"]
+    assert 0 < waiting <= 11
+    assert contents(fleet.run(logs, out=out, workers=2, pairs=False).out) == contents(undisturbed.out)
+
+
+def test_a_killed_child_costs_nothing(rfl_mpc, logs, undisturbed, tmp_path):
+    out = tmp_path / "fleet"
+    process = started(rfl_mpc, logs, "--out", out, "--workers", 2)
+    try:
+        wait_for_answers(process, 2)
+        children = [one for one in processes(process.pid) if "rfl_mpc.fleet.child" in " ".join(one.cmdline())]
+        assert children
+        children[0].kill()
+        _, words = process.communicate(timeout=300)
+    finally:
+        end(process.pid)
+    assert process.returncode == 3, words
+    assert contents(out) == contents(undisturbed.out)
+
+
+def test_a_full_disk_is_said_and_costs_what_was_running(rfl_mpc, fleet, logs, undisturbed, tmp_path):
+    out = tmp_path / "fleet"
+
+    def limited() -> None:
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
+
+    process = started(rfl_mpc, logs, "--out", out, "--workers", 1, preexec_fn=limited)
+    _, words = process.communicate(timeout=300)
+    end(process.pid)
+    assert process.returncode == 1 and "what was done before is kept" in words, words
+    assert contents(fleet.run(logs, out=out, workers=2, pairs=False).out) == contents(undisturbed.out)
+
+
+@contextlib.contextmanager
+def scheduler(rfl_mpc, folder: Path, port: int = 0):
+    """A scheduler of its own, and a function that starts workers there; both end with the block."""
+    file = folder / "scheduler.json"
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": environment(rfl_mpc)}
+    program = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--port", str(port), "--no-dashboard"]
+    running = [subprocess.Popen([*program, "--scheduler-file", str(file)], **quiet)]
+    while not file.exists() or not file.read_text():
+        assert running[0].poll() is None
+        time.sleep(0.05)
+    address = json.loads(file.read_text())["address"]
+
+    def worker() -> subprocess.Popen:
+        program = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-nanny"]
+        running.append(subprocess.Popen([*program, "--local-directory", str(folder), "--no-dashboard"], **quiet))
+        return running[-1]
+
+    try:
+        yield address, worker, running[0]
+    finally:
+        for process in reversed(running):
+            process.kill()
+            process.wait()
+
+
+def test_workers_of_another_scheduler_join_and_are_killed(rfl_mpc, logs, undisturbed, tmp_path):
+    out = tmp_path / "fleet"
+    with scheduler(rfl_mpc, tmp_path) as (address, worker, _):
+        first = worker()
+        process = started(rfl_mpc, logs, "--out", out, "--dask", address)
+        try:
+            wait_for_answers(process, 2)
+            worker()
+            wait_for_answers(process, 5)
+            first.kill()
+            _, words = process.communicate(timeout=300)
+        finally:
+            end(process.pid)
+    assert process.returncode == 3, words
+    assert contents(out) == contents(undisturbed.out)
+
+
+def test_a_killed_scheduler_is_said_and_what_was_done_is_kept(rfl_mpc, fleet, logs, undisturbed, tmp_path):
+    out = tmp_path / "fleet"
+    with scheduler(rfl_mpc, tmp_path) as (address, worker, main):
+        worker()
+        process = started(rfl_mpc, logs, "--out", out, "--dask", address)
+        try:
+            wait_for_answers(process, 3)
+            main.kill()
+            _, words = process.communicate(timeout=300)
+        finally:
+            end(process.pid)
+    assert process.returncode == 1 and "run again" in words, words
+    assert contents(fleet.run(logs, out=out, workers=2, pairs=False).out) == contents(undisturbed.out)
+
+
+def test_two_runs_do_not_share_a_folder(rfl_mpc, fleet, undisturbed, logs, tmp_path):
+    store = importlib.import_module("rfl_mpc.fleet.store")
+    held = store.Store(tmp_path / "drives.sqlite")
+    with pytest.raises(rfl_mpc.RflError, match="another run"):
+        fleet.run(logs, out=tmp_path, pairs=False)
+    held.close()
+
+
+def test_help_has_examples_and_errors_are_one_line(rfl_mpc, tmp_path):
+    def run(*words):
+        env = environment(rfl_mpc)
+        return subprocess.run(command(*words), check=False, env=env, capture_output=True, text=True)
+
+    assert "examples:" in run("--help").stdout
+    failed = run(tmp_path / "nothing")
+    assert failed.returncode == 1 and failed.stderr.startswith("error: ") and failed.stderr.count("\n") == 1
+    assert run(tmp_path, "--dask", "tcp://127.0.0.1:9").returncode == 1

@@ -1,0 +1,208 @@
+"""The fleet's statistics: against dense linear algebra, and on fleets drawn from the model itself."""
+
+from __future__ import annotations
+
+import importlib
+import math
+
+import numpy as np
+import pytest
+
+
+@pytest.fixture(scope="module")
+def fleet(rfl_mpc):
+    pytest.importorskip("scipy", reason="the extra [fleet] is not installed")
+
+    class Modules:
+        summary = importlib.import_module("rfl_mpc.fleet.summary")
+        hierarchy = importlib.import_module("rfl_mpc.fleet.hierarchy")
+        changes = importlib.import_module("rfl_mpc.fleet.changes")
+        reduce = importlib.import_module("rfl_mpc.fleet.reduce")
+
+    return Modules
+
+
+def parameters(fleet, tolerances, changes, least=-np.inf):
+    return tuple(
+        fleet.summary.Parameter(f"effect.e{i}", 0.0, "1", False, tolerance, change, least, np.inf, None)
+        for i, (tolerance, change) in enumerate(zip(tolerances, changes))
+    )
+
+
+def test_marginalising_is_that_of_dense_gaussians(fleet):
+    rng = np.random.default_rng(1)
+    slopes = rng.normal(size=(7, 3))
+    seen = rng.normal(size=7)
+    variance = np.array([0.5, 0.0, 2.0])
+    # seen = slopes (theta + w) + noise of deviation 1.
+    cover = np.linalg.inv(np.eye(7) + slopes @ np.diag(variance) @ slopes.T)
+    precision, shift = fleet.hierarchy.without(slopes.T @ slopes, slopes.T @ seen, variance)
+    assert np.allclose(precision, slopes.T @ cover @ slopes, atol=1e-12)
+    assert np.allclose(shift, slopes.T @ cover @ seen, atol=1e-12)
+
+
+def test_probabilities_of_changes_are_those_of_dense_gaussians(fleet):
+    """Every hypothesis by the determinant and the quadratic form of the covariance of all measurements."""
+    rng = np.random.default_rng(3)
+    count, size, rows = 5, 3, 4
+    between_vehicles, between_drives = np.array([0.4, 0.3, 0.0]), np.array([0.2, 0.1, 0.0])
+    all = parameters(fleet, [1.0, 1.0, 0.0], [3.0, 0.0, 2.0])
+    slopes = rng.normal(size=(count, rows, size))
+    theta = np.array([[0.3, -0.2, 0.0]] * 3 + [[2.3, -0.2, 0.0]] * 2)
+    seen = np.einsum("drs,ds->dr", slopes, theta) + rng.normal(size=(count, rows))
+    drives = fleet.summary.Drives(
+        all, np.einsum("drs,drt->dst", slopes, slopes), np.einsum("drs,dr->ds", slopes, seen)
+    )  # fmt: skip
+    nothing = np.zeros((size, size))
+    spread = fleet.hierarchy.Spread(
+        np.array([True, True, False]), np.zeros(size), nothing, between_vehicles, between_drives
+    )
+    found = fleet.changes.Vehicle(drives, spread)._next(count, [])
+    change, nothing_more = found[0], found[3]
+
+    stacked = slopes.reshape(-1, size)
+    drive_of = np.repeat(np.arange(count), rows)
+    same = drive_of[:, None] == drive_of
+    base = np.eye(len(stacked)) + stacked @ np.diag(between_vehicles) @ stacked.T
+    base += same * (stacked @ np.diag(between_drives) @ stacked.T)
+
+    def log_likelihood(cover):
+        return -0.5 * (np.linalg.slogdet(cover)[1] + seen.ravel() @ np.linalg.solve(cover, seen.ravel()))
+
+    # Of scaled parameters: one without a tolerance is scaled by the size of what is named.
+    deviation = {0: 3.0, 2: 1.0}
+    log_prior = {True: [math.log(fleet.changes.PASSING)] * count}
+    log_prior[False] = [math.log(fleet.changes.FROM_THE_START)] + [math.log(fleet.changes.RATE)] * (count - 1)
+    weights = {None: 0.0}
+    for passing in (False, True):
+        for effect in (0, 2):
+            for k in range(count):
+                has = drive_of == k if passing else drive_of >= k
+                column = stacked[:, effect] * has * deviation[effect]
+                sizes = [np.outer(column, column) * share**2 for share in fleet.changes.SIZES]
+                more = [log_likelihood(base + size) - log_likelihood(base) for size in sizes]
+                more = np.logaddexp.reduce(more) - math.log(len(sizes))
+                weights[effect, passing, k] = more + log_prior[passing][k] - math.log(2)
+    total = np.logaddexp.reduce(list(weights.values()))
+    of = [math.exp(weights[0, False, k] - total) for k in range(count)]
+    assert change.effect == "e0" and not change.passing and change.since == int(np.argmax(of))
+    assert nothing_more == pytest.approx(math.exp(-total), rel=1e-6)
+    assert change.probability == pytest.approx(sum(of), rel=1e-6)
+
+
+def drawn(fleet, rng, vehicles, drives, *, of=None, common=None, change=None):
+    """A fleet from the model: four parameters with tolerances, one without; ``of``: shares; ``change`` puts one in."""
+    all = parameters(fleet, [1.0, 1.0, 1.0, 1.0, 0.0], [4.0, 4.0, 0.0, 4.0, 4.0])
+    between_vehicles, between_drives = of
+    mean = np.array([0.4, -0.6, 0.8, 0.0, 0.0]) if common is None else common
+    precision, shift, number = [], [], []
+    for vehicle in range(vehicles):
+        own = mean + rng.normal(size=5) * np.sqrt(between_vehicles)
+        for drive in range(drives):
+            slopes = rng.normal(size=(12, 5))
+            theta = own + rng.normal(size=5) * np.sqrt(between_drives)
+            if change is not None:
+                theta = theta + change(vehicle, drive)
+            precision.append(slopes.T @ slopes)
+            shift.append(slopes.T @ (slopes @ theta + rng.normal(size=12)))
+            number.append(vehicle)
+    return fleet.summary.Drives(all, np.array(precision), np.array(shift)), np.array(number)
+
+
+def test_spreads_of_vehicles_and_drives_are_found(fleet):
+    rng = np.random.default_rng(5)
+    vehicles, drives = np.array([0.5, 0.05, 0.2, 0.3, 0.0]), np.array([0.05, 0.6, 0.2, 0.1, 0.0])
+    of, number = drawn(fleet, rng, 60, 20, of=(vehicles, drives))
+    found = fleet.hierarchy.spread(of, number)
+    for truth, value in [*zip(vehicles[:4], found.between_vehicles), *zip(drives[:4], found.between_drives)]:
+        assert 0.5 * truth < value < 2.0 * truth
+    off = (found.mean - np.array([0.4, -0.6, 0.8, 0.0, 0.0]))[:4] / np.sqrt(np.diag(found.covariance))[:4]
+    assert np.abs(off).max() < 3.5
+
+
+def reduced(fleet, drives, number):
+    """As the command does it, from summaries."""
+    triangle = np.tril_indices(len(drives.parameters))
+    rows = [
+        {"name": it.name, "given": 0.0, "unit": "1", "tolerance": it.tolerance, "change": it.change, "value": 0.0}
+        for it in drives.parameters
+    ]  # fmt: skip
+    size = np.array([it.scale for it in drives.parameters])
+
+    def summaries(vehicle):
+        return [
+            {
+                "parameters": rows,
+                "precision": (drives.precision[row] / np.outer(size, size))[triangle].tolist(),
+                "gradient": (drives.shift[row] / size).tolist(),
+                "temper": 1.0,
+            }
+            for row in np.flatnonzero(number == int(vehicle))
+        ]
+
+    state = fleet.reduce.reduce_type("type", [str(vehicle) for vehicle in range(number.max() + 1)], summaries)
+    fleet.reduce.say([state])
+    return state
+
+
+def test_what_all_sisters_share_is_said_of_the_type_and_changes_of_their_vehicles(fleet):
+    rng = np.random.default_rng(8)
+    shares = (np.array([0.3, 0.3, 0.3, 0.3, 0.0]), np.array([0.2, 0.2, 0.2, 0.2, 0.0]))
+    size = {3: (0, 6, 3.0), 9: (3, 4, -3.5), 12: (4, 7, 1.3)}
+
+    def change(vehicle, drive):
+        more = np.zeros(5)
+        if vehicle in size and drive >= size[vehicle][1]:
+            more[size[vehicle][0]] = size[vehicle][2]
+        return more
+
+    common = np.array([0.2, 6.0, -0.3, 0.1, 0.0])
+    state = reduced(fleet, *drawn(fleet, rng, 24, 12, of=shares, common=common, change=change))
+    assert [one.effect for one in state.common] == ["e1"]
+    assert state.common[0].low < 6.0 < state.common[0].high
+    assert [state.parameters[place].name for place in state.differs] == ["effect.e1"]
+    said = {
+        int(one.vehicle): [(it.effect, it.since) for it, is_said in zip(one.changes, one.said) if is_said]
+        for one in state.vehicles
+    }
+    assert {vehicle: of for vehicle, of in said.items() if of} == {3: [("e0", 6)], 9: [("e3", 4)], 12: [("e4", 7)]}
+    for vehicle, (effect, _, value) in size.items():
+        it = next(one for one in state.vehicles if int(one.vehicle) == vehicle).changes[0]
+        scale = state.parameters[effect].scale
+        assert it.value - it.before == pytest.approx(value * scale, abs=1.0 * scale), vehicle
+
+
+def test_a_fleet_in_which_nothing_changes_has_no_changes(fleet):
+    rng = np.random.default_rng(11)
+    shares = (np.array([0.3, 0.1, 0.3, 0.5, 0.0]), np.array([0.2, 0.5, 0.1, 0.3, 0.0]))
+    state = reduced(fleet, *drawn(fleet, rng, 30, 20, of=shares))
+    assert not state.common
+    assert not [one.vehicle for one in state.vehicles if any(one.said)]
+
+
+def test_a_single_strange_drive_is_no_change(fleet):
+    rng = np.random.default_rng(13)
+    shares = (np.array([0.3, 0.1, 0.3, 0.3, 0.0]), np.array([0.1, 0.1, 0.1, 0.1, 0.0]))
+
+    def change(vehicle, drive):
+        return np.array([4.0, 0.0, 0.0, 0.0, 0.0]) * (vehicle == 2 and drive == 5)
+
+    state = reduced(fleet, *drawn(fleet, rng, 12, 12, of=shares, change=change))
+    found = next(one for one in state.vehicles if one.vehicle == "2")
+    assert [(one.effect, one.since, one.passing) for one in found.changes] == [("e0", 5, True)]
+
+
+def test_the_order_of_vehicles_does_not_matter(fleet):
+    rng = np.random.default_rng(17)
+    shares = (np.array([0.3, 0.1, 0.3, 0.3, 0.0]), np.array([0.1, 0.1, 0.1, 0.1, 0.0]))
+    drives, number = drawn(fleet, rng, 8, 6, of=shares)
+    state = reduced(fleet, drives, number)
+    again = reduced(fleet, drives, number)
+    assert np.array_equal(state.spread.mean, again.spread.mean)
+    assert [one.nothing for one in state.vehicles] == [one.nothing for one in again.vehicles]
+
+
+def test_the_expected_share_of_false_ones_is_limited(fleet):
+    assert fleet.reduce.held([]) == 0
+    assert fleet.reduce.held([0.99, 0.97, 0.9, 0.6], 0.05) == 3
+    assert fleet.reduce.held([0.6, 0.55], 0.05) == 0
