@@ -14,6 +14,14 @@ def main() -> int:
         from rfl_mpc.fleet.command import main as fleet
 
         return fleet(sys.argv[2:])
+    if sys.argv[1:2] == ["evaluate"] and any(word.split("=")[0] == "--dask" for word in sys.argv):
+        try:
+            from rfl_mpc.fleet.evaluate import main as evaluate
+
+            return evaluate(sys.argv[2:])
+        except ImportError as error:
+            print(f"error: {error.name} is missing: pip install 'rfl-mpc[fleet]'", file=sys.stderr)
+            return 1
     # Ctrl-C ends the program at once, as it does outside Python.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     return _native.program(["rfl", *sys.argv[1:]])

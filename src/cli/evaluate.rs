@@ -73,6 +73,12 @@ pub struct EvaluateArgs {
     /// Put the rows of another folder's results beside those in --out, and run nothing: what was made apart
     #[arg(long, value_name = "FOLDER")]
     join: Option<PathBuf>,
+    /// Say the plants and noises that would be driven, one file of results a line, and run nothing
+    #[arg(long)]
+    list: bool,
+    /// Spread plants and noises over a Dask cluster: `local`, or the address of a scheduler (Python package, extra `fleet`)
+    #[arg(long, value_name = "ADDRESS")]
+    dask: Option<String>,
     /// No progress bar
     #[arg(long)]
     quiet: bool,
@@ -150,9 +156,6 @@ fn evaluate<P: Compared<S, C>, const S: usize, const C: usize>(
     if effort.seeds == 0 || effort.drives == 0 || effort.budget == 0 {
         return Err("--seeds, --drives and --budget must be positive".into());
     }
-    let out = folder(args);
-    let _held = hold_folder(&out)?;
-    let vehicle: P::Parameters = vehicle_named(&args.vehicle)?;
     let noises: &[bool] = match args.noise {
         Noise::Off => &[false],
         Noise::On => &[true],
@@ -162,6 +165,18 @@ fn evaluate<P: Compared<S, C>, const S: usize, const C: usize>(
     let mut conditions: Vec<(&Plant, bool)> =
         plants.iter().flat_map(|plant| noises.iter().map(move |&noise| (plant, noise))).collect();
     conditions.sort_by_key(|(plant, _)| !plant.timed);
+    if args.list {
+        for (plant, noise) in conditions {
+            say!("{} {}", plant.name, if noise { "on" } else { "off" });
+        }
+        return Ok(());
+    }
+    if args.dask.is_some() {
+        return Err(super::fleet::elsewhere("rfl evaluate --dask").into());
+    }
+    let out = folder(args);
+    let _held = hold_folder(&out)?;
+    let vehicle: P::Parameters = vehicle_named(&args.vehicle)?;
     for (plant, noise) in conditions {
         let name = format!("{}{}", plant.name, if noise { "_noise" } else { "" });
         let file = out.join(format!("{name}.json"));

@@ -17,6 +17,12 @@ pub struct FleetArgs {
 /// # Errors
 /// Always.
 pub fn run(_: &FleetArgs) -> Result<(), Box<dyn Error>> {
-    Err("rfl fleet is part of the Python package, whose program has the same name: pip install 'rfl-mpc[fleet]', then rfl fleet --help"
-        .into())
+    Err(elsewhere("rfl fleet").into())
+}
+
+/// Words for what only the package's program does.
+pub(super) fn elsewhere(what: &str) -> String {
+    format!(
+        "{what} is done by the Python package, whose program is called rfl as well: pip install 'rfl-mpc[fleet]'"
+    )
 }

@@ -16,6 +16,7 @@ parameters, and these are joined: over the drives of a vehicle, and over the veh
 ``tables.py``      the Parquet files
 ``page.py``        the page
 ``command.py``     the command ``rfl fleet``
+``evaluate.py``    ``rfl evaluate`` on Dask
 =================  =======================================================================
 
 >>> from rfl_mpc import fleet
