@@ -9,10 +9,10 @@ use std::sync::LazyLock;
 
 const TEXT: &str = include_str!("calibration.toml");
 
-/// What the freedom of an effect usually costs: a log makes what may be some ten times narrower.
+/// Usual cost of freeing an effect: a log makes the prior range some ten times narrower.
 const USUAL: f64 = 2.5;
 
-/// What `calibration.toml` holds; evidence is a difference of `J`.
+/// Contents of `calibration.toml`; evidence is a difference of `J`.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Calibration {
@@ -34,7 +34,7 @@ pub struct Calibration {
     pub interval: f64,
 }
 
-/// How large what a fit leaves is, in units of what the model's form leaves.
+/// Size of a fit's remainder, in units of the remainder that the model's form leaves.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Misfit {
@@ -57,8 +57,8 @@ struct Tyre {
     truck: [f64; 4],
 }
 
-/// Standard deviations of the errors of the model's form: of size, lateness in s, change with speed, with lateral and with
-/// longitudinal acceleration, as `form.rs` has them.
+/// Standard deviations of the errors of the model's form: size, lateness in s, change with speed, with lateral and with
+/// longitudinal acceleration, as in `form.rs`.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Form {
@@ -113,8 +113,8 @@ impl Calibration {
         0.5 * evidence - narrowing - odds
     }
 
-    /// What a cause that the library does not have weighs beside what it comes upon. Of a misfit the ratio of two log-normal
-    /// densities.
+    /// Weight of a cause outside the library relative to the hypothesis that it extends. For a misfit: the ratio of two
+    /// log-normal densities.
     #[must_use]
     pub fn unknown_weight(&self, unknown: &Unknown, evidence: f64, narrowing: f64) -> f64 {
         let explained = 0.5 * evidence - narrowing;

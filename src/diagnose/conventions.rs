@@ -1,4 +1,4 @@
-//! How the log's columns are meant: tested on the log, not trusted.
+//! Conventions of the log's columns: tested on the log, not trusted.
 //!
 //! | convention | test |
 //! |---|---|
@@ -62,7 +62,7 @@ fn roll_with_lateral_accel(drive: &Drive) -> Option<f64> {
     (size > 0.0).then(|| covariance / size)
 }
 
-/// How well each reading of a log is explained, both with the noise of the body's frame.
+/// Scores of both readings of a log, with the noise of the body's frame.
 fn scores<V: ReplayVehicle>(problem: &Problem<V>) -> Option<[f64; 2]> {
     let calibration = Calibration::built_in();
     let prior = Prior::of(problem);

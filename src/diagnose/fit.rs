@@ -1,7 +1,7 @@
 //! Fits with the tolerances marginalised.
 //!
-//! Over coordinates `x` with prior precisions `P` (tolerances; next to none for what is freed), around a point with gap
-//! `e` and slopes `S` the best step is
+//! Over coordinates `x` with prior precisions `P` (tolerances; nearly zero for freed effects), around a point with gap
+//! `e` and slopes `S`, the best step is
 //!
 //! ```text
 //!     J = min over d  (e - S d)' W (e - S d) + (x + d)' P (x + d),      (S' W S + P) d = S' W e - P x
@@ -26,7 +26,7 @@ const TRIES: usize = 4;
 const SHORTER: f64 = 0.4;
 const SHORTEST: f64 = 0.1;
 
-/// How much a step is held back at first, and how many times as much at the next try; once it gains, as much less.
+/// Damping of a step at the first try, and its factor at each further try; after a gain it falls by the same factor.
 const HELD: f64 = 1.0;
 const MORE: f64 = 10.0;
 /// Promise of a step held back that is worth a try, in gains that end a search.
@@ -45,7 +45,7 @@ fn enough(cost: f64) -> f64 {
 pub struct Linear {
     /// Columns, one for each knob.
     pub slopes: Vec<Arc<Vec<f64>>>,
-    /// What gaps are weighed with.
+    /// Weights of gaps.
     pub weights: Arc<Weights>,
     gram: DMatrix<f64>,
 }
@@ -57,7 +57,7 @@ pub type Column = (usize, Arc<Vec<f64>>);
 pub struct Step {
     /// Change of the coordinates.
     pub change: Vec<f64>,
-    /// What is left.
+    /// Remaining cost.
     pub cost: f64,
 }
 
@@ -186,9 +186,9 @@ impl Linear {
         Self::new(self.slopes.clone(), Arc::new(self.weights.times(power)))
     }
 
-    /// The least cost with the tails of a world, from coordinates that are `off` the expected ones with gap `gap`, and what that
-    /// freedom costs: each tolerance that is strained counts the less, the more it is (iteratively reweighted least squares).
-    /// Knobs in `freed` have no tails. None where slopes are no numbers.
+    /// The least cost with the tails of a world, from coordinates `off` the expected ones with gap `gap`, and the cost
+    /// of that freedom. A strained tolerance counts less, the more it is strained (iteratively reweighted least
+    /// squares). Knobs in `freed` have no tails. None where slopes are not finite.
     #[must_use]
     pub fn settled(
         &self,
@@ -250,7 +250,7 @@ impl Linear {
         straight - known.seen(a).dot(&known.seen(b))
     }
 
-    /// What such products share, worked out once. None where slopes are no numbers.
+    /// Shared part of such products, computed once. None where slopes are not finite.
     #[must_use]
     pub fn marginalised<'a>(&'a self, precision: &'a Precision) -> Option<Marginalised<'a>> {
         let factor = self.normal(precision).cholesky()?;
@@ -260,14 +260,14 @@ impl Linear {
 
 /// A linear problem at its best in a world.
 pub struct Settled {
-    /// What is left.
+    /// Remaining cost.
     pub cost: f64,
-    /// How much narrower the log makes what the prior allows, half the logarithm of the determinants' ratio: what freedom costs
-    /// an evidence (Laplace's approximation).
+    /// Narrowing of the prior range by the log, half the logarithm of the ratio of determinants: the cost of freedom in
+    /// the evidence (Laplace's approximation).
     pub narrowing: f64,
     /// Change of the coordinates.
     pub change: Vec<f64>,
-    /// How sure the prior is there.
+    /// Prior precision there.
     pub precision: Precision,
 }
 
@@ -286,7 +286,7 @@ pub struct Reduced<'a> {
 }
 
 impl Marginalised<'_> {
-    /// What the background can imitate of a gap, `L^-1 S' W a`.
+    /// Part of a gap that the background can imitate, `L^-1 S' W a`.
     fn seen(&self, gap: &[f64]) -> DVector<f64> {
         let right = self.linear.project(gap, self.precision);
         self.factor.l_dirty().solve_lower_triangular(&right).unwrap_or(right)
@@ -305,9 +305,9 @@ impl Marginalised<'_> {
         dot(&a.gap, &b.weighted) - a.imitated.dot(&b.imitated)
     }
 
-    /// What columns `D`, each with a coordinate of standard deviation `s`, explain of a gap `e`, and these coordinates:
-    /// `b' (G + 1 / s^2)^-1 b` with `b_k = <D_k, e>`, `G_kl = <D_k, D_l>`; and what their freedom costs, as
-    /// [`Settled::narrowing`]. None where they are no numbers.
+    /// Explanation of a gap `e` by columns `D`, each with a coordinate of standard deviation `s`, and these
+    /// coordinates: `b' (G + 1 / s^2)^-1 b` with `b_k = <D_k, e>`, `G_kl = <D_k, D_l>`. The cost of their freedom is as
+    /// [`Settled::narrowing`]. None where they are not finite.
     #[must_use]
     pub fn explained<'a, C: Into<Cow<'a, [f64]>>>(
         &self,
@@ -327,12 +327,12 @@ impl Marginalised<'_> {
     }
 }
 
-/// What columns explain.
+/// Explanation by columns.
 #[derive(Debug, Clone)]
 pub struct Explained {
     /// Of the cost.
     pub gain: f64,
-    /// What their freedom costs the evidence.
+    /// Cost of their freedom in the evidence.
     pub narrowing: f64,
     /// Their coordinates.
     pub shares: DVector<f64>,
@@ -347,11 +347,11 @@ pub struct Fit {
     pub x: Vec<f64>,
     /// Gap there.
     pub gap: Vec<f64>,
-    /// What is left: weighted square of the gap, and how unlikely the tolerances are.
+    /// Remaining cost: weighted square of the gap, plus the penalty of the tolerances.
     pub cost: f64,
     /// Slopes over what was freed and what goes with it, taken last.
     pub columns: Vec<Column>,
-    /// Where they were taken.
+    /// Coordinates at which the slopes were taken.
     pub columns_at: Vec<f64>,
 }
 
@@ -374,7 +374,7 @@ pub struct Prior {
     pub form: Vec<(Channel, f64)>,
 }
 
-/// How sure the prior is of the coordinates that are free.
+/// Prior precision of the free coordinates.
 #[derive(Debug, Clone)]
 pub struct Precision {
     /// Places of the knobs that are free.
@@ -387,7 +387,7 @@ impl Precision {
         DVector::from_iterator(self.free.len(), self.free.iter().map(|&i| off[i]))
     }
 
-    /// How unlikely coordinates are that are so far off; infinite where one is off that is fixed.
+    /// Penalty of coordinates that are so far off; infinite where a fixed one is off.
     #[must_use]
     pub fn penalty(&self, off: &[f64]) -> f64 {
         if (0..off.len()).any(|i| off[i] != 0.0 && !self.free.contains(&i)) {
@@ -491,7 +491,7 @@ impl Prior {
     }
 }
 
-/// Where a fit begins, with what is known there.
+/// Starting point of a fit, with its known gap and slopes.
 #[derive(Clone)]
 pub struct Start<'a> {
     /// Coordinates.
@@ -529,9 +529,9 @@ fn shorter(promised: f64, rise: f64, worth: f64) -> Option<f64> {
     (promised > 0.0 && promised * least >= worth).then(|| least.clamp(SHORTEST, SHORTER))
 }
 
-/// Fits with some knobs freed, from a point, with slopes `linear` for the background. Slopes of what is freed are taken
-/// anew at each step. A step that costs more than none is made shorter, and then held back more and more: where many
-/// coordinates do nearly the same, it goes far along what no slope tells, and no length of it gains anything.
+/// Fits with some knobs freed, from a point, with slopes `linear` for the background. Slopes of freed knobs are taken
+/// anew at each step. A step that raises the cost is shortened, then damped more and more: where many coordinates act
+/// alike, an undamped step leaves the range of its slopes, and no length of it gains.
 #[must_use]
 pub fn fit<'a, V: ReplayVehicle>(
     problem: &Problem<V>,

@@ -1,7 +1,8 @@
-//! What a simulator can be wrong in: every effect, and numbers of the vehicle that are known within a tolerance only.
+//! Knobs: the uncertain parameters of a simulator. Every effect, and numbers of the vehicle known within a tolerance
+//! only.
 //!
-//! A knob's coordinate is 0 where it is neutral and 1 at its `unit`; its tolerance is the standard deviation that ordinary
-//! simulators have. Tolerances are those of careful measurement: a weighed car (3 % with fuel and people), axle
+//! A knob's coordinate is 0 where it is neutral and 1 at its `unit`; its tolerance is the standard deviation in
+//! ordinary simulators. Tolerances are those of careful measurement: a weighed car (3 % with fuel and people), axle
 //! stiffnesses from a test rig (4 %), a clock (10 ms), a level road (0.25 deg).
 
 use super::calibration::Calibration;
@@ -9,7 +10,7 @@ use super::form::FORMS;
 use super::replay::{Channel, Drive, LEAK, ReplayVehicle, Trace};
 use crate::vehicle::{Effect, TruckEffects};
 
-/// What a knob turns.
+/// Action of a knob.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Turns {
     /// An effect by its id: neutral + unit * x.
@@ -67,9 +68,9 @@ pub struct Knob {
     pub starts: &'static [f64],
     /// The declaration, if it is an effect of the library.
     pub effect: Option<&'static Effect>,
-    /// What is freed with it, and how far: its standard deviation.
+    /// Companion: another knob that is freed with it, and the standard deviation of that.
     pub companion: Option<(&'static str, f64)>,
-    /// Whether it may be named: not where the user leaves the effect out.
+    /// True if it may be named: false where the user leaves the effect out.
     nameable: bool,
 }
 
@@ -138,16 +139,16 @@ const SENSORS: &[(&str, Channel, f64, bool)] = &[
     ("sensor.roll_bias", Channel::Roll, 0.003, false),
 ];
 
-/// What goes through the low pass of the inertial sensors, and its lateness, s: of second order at 20 to 40 Hz. Place, speed
-/// and heading do not, so it is no `sensor_delay`.
+/// Channels that pass the low pass of the inertial sensors, and its lateness, s: of second order at 20 to 40 Hz. Place,
+/// speed and heading do not pass it, so it is no `sensor_delay`.
 const INERTIAL: [Channel; 3] = [Channel::YawRate, Channel::Ay, Channel::Ax];
 const INERTIAL_LAG: f64 = 0.010;
 
 /// A satellite receiver or navigation unit has a clock and a latency of its own, s.
 const RECEIVER_LATE: f64 = 0.05;
 
-/// An accelerometer sits in the body, at a height that no vehicle file knows, m: `z` over the CG it feels `-z` times the roll
-/// acceleration besides. A navigation unit gives that of a point of its user's choice, which may lie on the road.
+/// Height of the accelerometer in the body, m, which no vehicle file holds: at `z` over the CG it feels `-z` times the
+/// roll acceleration besides. A navigation unit measures at a point of its user's choice, which may lie on the road.
 const IMU_HEIGHT: f64 = 0.15;
 const UNIT_HEIGHT: f64 = 0.5;
 /// The same of what a velocity sideways and a place are given for, m: the body's CG, or the road's point below.
@@ -169,12 +170,12 @@ const TYRE_SOFTENING: &str = "form.tyre.softening";
 
 /// Standard deviation of the payload's place when a payload is fitted, in units of its coordinate (0.5 m).
 const PAYLOAD_PLACE: f64 = 1.6;
-/// That of the wind's other component where no heading says which is which, in units of its coordinate (3 m/s).
+/// Deviation of the wind's other component where no heading separates the two, in units of its coordinate (3 m/s).
 const WIND_ACROSS: f64 = 3.0;
 /// Share of the vehicle's mass that is one unit of payload.
 const PAYLOAD_UNIT: f64 = 0.05;
 
-/// What lies before the angle at the wheels: nothing of it is seen where no command was logged.
+/// Effects between command and wheel angle: none of them is seen where no command was logged.
 const BEFORE_THE_ANGLE: [&str; 4] = ["steer_delay", "steer_lag", "steer_rate_limit", "steer_backlash"];
 
 /// All knobs of a vehicle on a drive; `without`: effects that may not be named. Within their tolerances they stay: a road
@@ -335,7 +336,7 @@ pub fn level<V: ReplayVehicle>(knobs: &mut [Knob], vehicle: &V) {
     as_the_file_says(knobs, vehicle);
 }
 
-/// Whether something of this name may have a tolerance, on some log of some vehicle.
+/// True if something of this name may have a tolerance, on some log of some vehicle.
 #[must_use]
 pub fn is_known(name: &str) -> bool {
     let effect = |id: &str| EFFECTS.iter().any(|row| row.0 == id);
@@ -372,19 +373,19 @@ impl Knob {
         if self.tolerance > 0.0 { self.tolerance.clamp(0.1, 1.0) } else { 0.2 }
     }
 
-    /// Whether it may be named.
+    /// True if it may be named.
     #[must_use]
     pub fn is_candidate(&self) -> bool {
         self.nameable
     }
 
-    /// Whether its value is not added to what is given, but stands in its place.
+    /// True if its value replaces the given one instead of adding to it.
     #[must_use]
     pub fn stands_for_the_given(&self) -> bool {
         matches!(self.turns, Turns::RateLimit | Turns::Relaxation)
     }
 
-    /// Whether it turns what the sensors make of a motion, and not the motion.
+    /// True if it acts on the sensors' signals, and not on the motion.
     #[must_use]
     pub fn is_sensed(&self) -> bool {
         matches!(
@@ -398,7 +399,7 @@ impl Knob {
         )
     }
 
-    /// Whether it is an error of the model's form: no number of the vehicle, and nothing that a simulator can be given.
+    /// True for an error of the model's form: no number of the vehicle, and nothing that a simulator can be given.
     #[must_use]
     pub fn is_form(&self) -> bool {
         matches!(
@@ -489,7 +490,7 @@ impl Knob {
         }
     }
 
-    /// What a sensor's knob does to a replay.
+    /// Applies a sensor's knob to a replay.
     fn sense(&self, x: f64, drive: &Drive, trace: &mut Trace) {
         let (channel, factor, shift) = match self.turns {
             Turns::Scale(channel) => (channel, self.value(x), 0.0),
@@ -597,14 +598,14 @@ pub fn at<V: ReplayVehicle>(knobs: &[Knob], x: &[f64], vehicle: &V) -> (V, Truck
     (vehicle, effects)
 }
 
-/// How late the columns of a receiver are beside all others, s.
+/// Lateness of a receiver's columns relative to all others, s.
 #[must_use]
 pub fn receiver_late(knobs: &[Knob], x: &[f64]) -> f64 {
     let place = knobs.iter().position(|knob| knob.turns == Turns::ReceiverLate);
     place.map_or(0.0, |i| knobs[i].value(x[i]))
 }
 
-/// What the sensors' knobs do to a replay.
+/// Applies the sensors' knobs to a replay.
 pub fn sense(knobs: &[Knob], x: &[f64], drive: &Drive, trace: &mut Trace) {
     for (knob, &x) in knobs.iter().zip(x) {
         if x != 0.0 {

@@ -132,7 +132,7 @@ pub(super) fn candidates<V: ReplayVehicle>(
     all
 }
 
-/// How alike a candidate is to the winner where they differ in one effect.
+/// Likeness of a candidate to the winner where they differ in one effect.
 fn likeness<V: ReplayVehicle>(
     problem: &Problem<V>,
     ranking: &Ranking,

@@ -1,9 +1,10 @@
-//! What noise is in a log, and what the model's form leaves: what a gap is measured against.
+//! Noise of a log, and errors of the model's form: the measure of a gap.
 //!
-//! White noise is what second differences of the gap say, `sigma = median |r- - 2 r + r+| / (0.6745 sqrt 6)`, brought
-//! through the low pass. A gap that the best candidate still leaves is neither noise nor told by any candidate: it is added,
-//! and its correlation over time makes many samples worth few. Moments in which it leaves many times as much as otherwise, as
-//! where a vehicle slides and its replay does not, have a variance of their own, or they would drown what the rest tells.
+//! White noise follows from second differences of the gap, `sigma = median |r- - 2 r + r+| / (0.6745 sqrt 6)`, brought
+//! through the low pass. The gap that the best candidate leaves is neither noise nor evidence for any candidate: its
+//! variance is added. Its correlation over time reduces the worth of each sample. Moments with many times its ordinary
+//! power have a variance of their own, as where a vehicle slides and its replay does not; otherwise they would drown
+//! the rest.
 
 use super::problem::{Problem, rms};
 use super::profile::{Roughness, Weights};
@@ -20,8 +21,8 @@ const CORRELATED: usize = 20;
 const GREATEST_LOSS: f64 = 6.0;
 /// Errors of the model's form come back with every turn: drives longer than this, s, tell no more about them.
 const SAME: f64 = 30.0;
-/// A replay is lost, as where a vehicle slides, while a fit leaves so many times the power that it leaves otherwise, in
-/// all but the worst tenth; a moment is so many samples to either side.
+/// Threshold of a lost replay, as where a vehicle slides: a fit leaves so many times its ordinary power, that of all
+/// but the worst tenth. A moment is so many samples to either side.
 const LOST: f64 = 10.0;
 const MOMENT: usize = 10;
 
@@ -32,15 +33,15 @@ pub struct Noise {
     pub white: Vec<f64>,
     /// Errors of the model's form that every simulator has.
     pub form: Vec<f64>,
-    /// What a reference log has left besides.
+    /// Additional remainder of a reference log.
     left: Vec<f64>,
     /// Noise, the model's form, and what a reference log has left.
     pub floor: Vec<f64>,
-    /// What gaps are weighed with.
+    /// Weights of gaps.
     pub effective: Vec<f64>,
     /// Variance over that, sample by sample: more than 1 where the replay is lost.
     lost: Vec<f64>,
-    /// How rough an unknown road is.
+    /// Roughness of an unknown road.
     roughness: Roughness,
 }
 
@@ -83,8 +84,8 @@ impl Noise {
         Self { effective, white, form: forms, floor, left: lefts, lost, roughness: [1.0; 2] }
     }
 
-    /// Coarser by a share of the neutral gap. Far from the cause, a gap of hundreds of standard deviations pulls every
-    /// tolerance to where slopes say nothing any more; a search begins with less trust.
+    /// Noise coarser by a share of the neutral gap. Far from the cause, a gap of hundreds of standard deviations pulls
+    /// every tolerance beyond the range of its slopes; a search begins with less trust.
     #[must_use]
     pub fn coarse<V>(&self, problem: &Problem<V>, neutral: &[f64]) -> Self {
         let mut noise = self.clone();
@@ -122,7 +123,7 @@ impl Noise {
         noise
     }
 
-    /// What each sample weighs.
+    /// Weight of each sample.
     fn each(&self) -> Vec<f64> {
         let mut each = Vec::new();
         for &deviation in &self.effective {
@@ -131,19 +132,19 @@ impl Noise {
         each
     }
 
-    /// What gaps are weighed with.
+    /// Weights of gaps.
     #[must_use]
     pub fn weights<V>(&self, problem: &Problem<V>) -> Arc<Weights> {
         Arc::new(Weights::new(self.each(), problem.profile.as_ref(), self.roughness))
     }
 
-    /// How rough an unknown road is: shares of the deviations of bank and grade.
+    /// Roughness of an unknown road: shares of the deviations of bank and grade.
     #[must_use]
     pub fn roughness(&self) -> Roughness {
         self.roughness
     }
 
-    /// What a gap is beyond white noise, channel by channel.
+    /// Part of a gap beyond white noise, channel by channel.
     #[must_use]
     pub fn beyond<V>(&self, problem: &Problem<V>, gap: &[f64]) -> Vec<(Channel, f64)> {
         let of = |((channel, block), white): (&(Channel, std::ops::Range<usize>), &f64)| {
@@ -172,8 +173,8 @@ fn ordinary(values: &mut [f64]) -> f64 {
     mean(&values[..(values.len() * 9).div_ceil(10)])
 }
 
-/// How many times its ordinary power a fit leaves in each moment of a drive, where that is so much that the replay is lost
-/// there; else 1.
+/// Ratio of a fit's remaining power to its ordinary power in each moment of a drive, where that is so large that the
+/// replay is lost; else 1.
 fn lost<'a>(channels: impl Iterator<Item = &'a [f64]>, rows: usize) -> Vec<f64> {
     let power = power(channels.map(|left| (left, rms(left).max(f64::MIN_POSITIVE))), rows);
     let mut before = Vec::with_capacity(rows + 1);
@@ -211,7 +212,7 @@ fn correlation(values: &[f64]) -> f64 {
     sum
 }
 
-/// How often the same errors of the form come back in a drive.
+/// Number of times that the same errors of the form recur in a drive.
 fn again<V: ReplayVehicle>(problem: &Problem<V>) -> f64 {
     (problem.drive.duration() / SAME).max(1.0)
 }

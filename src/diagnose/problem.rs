@@ -33,7 +33,7 @@ pub struct Problem<'a, V> {
     pub vehicle: &'a V,
     /// Full plant less reduced model.
     pub correction: &'a Correction,
-    /// What can be turned.
+    /// Uncertain parameters.
     pub knobs: Vec<Knob>,
     /// The low pass.
     pub filter: Filter,
@@ -41,13 +41,13 @@ pub struct Problem<'a, V> {
     pub rows: Vec<usize>,
     /// Each channel's part of the residuals.
     pub blocks: Vec<(Channel, Range<usize>)>,
-    /// What an unknown road does to the residuals.
+    /// Response of the residuals to an unknown road.
     pub profile: Option<Arc<Profile>>,
-    /// Whether `ay` is that of a level frame (an inertial navigation unit), without gravity's share by roll and bank.
+    /// True if `ay` is that of a level frame (an inertial navigation unit), without gravity's share by roll and bank.
     levelled: bool,
     measured: Vec<f64>,
     size: Vec<f64>,
-    /// What the errors of the form add: knob, channel, shape.
+    /// Contributions of the errors of the form: knob, channel, shape.
     forms: Vec<(usize, Channel, Vec<f64>)>,
     /// Slopes of the errors of the form: they hardly change.
     of_forms: Vec<OnceLock<Arc<Vec<f64>>>>,
@@ -148,7 +148,7 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
         replay(drive, &vehicle, &effects, &self.corrected(x), horizon)
     }
 
-    /// What the sensors make of a replay.
+    /// Sensor signals of a replay.
     fn sensed(&self, mut trace: Trace, x: &[f64], levelled: bool) -> Trace {
         if levelled {
             let ay = &mut trace.columns[Channel::Ay as usize];
@@ -166,7 +166,7 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
         self.profile = Profile::of(self).map(Arc::new);
     }
 
-    /// Whether `ay` is that of a level frame.
+    /// True if `ay` is that of a level frame.
     pub(super) fn is_level(&self) -> bool {
         self.levelled
     }
@@ -253,7 +253,7 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
         slope(here, residual(&there).as_ref(), size)
     }
 
-    /// Where a slope over a knob is taken from, and how far that is.
+    /// Second point of a difference quotient over a knob, and its distance.
     fn aside(&self, x: &[f64], knob: usize) -> (Vec<f64>, f64) {
         let it = &self.knobs[knob];
         let size = it.stride();
@@ -264,7 +264,7 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
         (there, size)
     }
 
-    /// Whether slopes at one place are those at another.
+    /// True if slopes at one place hold at another.
     #[must_use]
     pub fn is_near(&self, x: &[f64], there: &[f64]) -> bool {
         let mut all = self.knobs.iter().zip(x.iter().zip(there));
@@ -322,7 +322,7 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
         self.knobs.iter().position(|knob| knob.id == id)
     }
 
-    /// What is freed with a knob, and its standard deviation.
+    /// Knob that is freed with a knob, and its standard deviation.
     #[must_use]
     pub fn companion(&self, knob: usize) -> Option<(usize, f64)> {
         let (id, deviation) = self.knobs[knob].companion?;
@@ -345,7 +345,7 @@ fn slope(here: &[f64], there: Option<&Vec<f64>>, size: f64) -> Vec<f64> {
     }
 }
 
-/// What the errors of the form add, from the neutral replay.
+/// Contributions of the errors of the form, from the neutral replay.
 fn forms<V: ReplayVehicle>(
     drive: &Drive,
     vehicle: &V,

@@ -1,4 +1,4 @@
-//! Whether the steering has an inertia of its own: what overshoots is no dead time and no lag.
+//! Resonance of the steering: an inertia of its own overshoots, unlike a dead time or a lag.
 //!
 //! To second order in the frequency, a dead time `T`, a lag `tau` and a resonance of frequency `w` and damping `d` are
 //!
@@ -49,7 +49,7 @@ fn rates<V: ReplayVehicle>(problem: &Problem<V>) -> [Vec<f64>; 2] {
     rates
 }
 
-/// What a steering that swings explains beyond a fit; `linear` and `precision` are those at the fit. None where the command is not
+/// Gain of a resonant steering over a fit; `linear` and `precision` are those at the fit. None where the command is not
 /// known, or nothing swings.
 pub fn resonance<V: ReplayVehicle>(
     problem: &Problem<V>,

@@ -11,7 +11,7 @@ use crate::vehicle::{Car, CarParameters, StepError, Truck, TruckEffects, TruckPa
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
-/// How a log is driven and measured.
+/// Conditions under which a log is driven and measured.
 #[derive(Debug, Clone, Copy)]
 pub struct Conditions {
     /// Seed of road, background and noise.

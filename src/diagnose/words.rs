@@ -50,12 +50,12 @@ fn told(shrink: &Shrink) -> Option<(&str, &Gap)> {
     })
 }
 
-/// What gives away that a cause is not in the library, if it is not what is left of the gap.
+/// Sign that a cause is not in the library, apart from the remainder of the gap.
 #[derive(Clone, Copy)]
 pub struct Unknown<'a> {
     /// A value that is not one.
     pub varying: Option<&'a Varies>,
-    /// What is not named and yet far off.
+    /// Number that is not named and yet far off.
     pub strained: Option<&'a Adjustment>,
     /// A steering that swings.
     pub swings: bool,
@@ -89,7 +89,7 @@ pub fn effect(effects: &[NamedEffect], shrink: &Shrink, probability: f64) -> Str
     words
 }
 
-/// That nothing is the matter.
+/// Sentence for a log without an effect.
 #[must_use]
 pub fn none(shrink: &Shrink) -> String {
     let mut words =
@@ -106,7 +106,7 @@ pub fn none(shrink: &Shrink) -> String {
     words
 }
 
-/// That the cause is not in the library; `nearest` are the effects that come nearest.
+/// Sentence for a cause outside the library; `nearest` are the nearest effects.
 #[must_use]
 pub fn not_in_library(nearest: &[NamedEffect], why: Unknown, shrink: &Shrink) -> String {
     let mut words = match (why.strained, why.varying) {
@@ -153,7 +153,7 @@ pub fn not_in_library(nearest: &[NamedEffect], why: Unknown, shrink: &Shrink) ->
     words + " See where it lies, and look there for what the library does not have."
 }
 
-/// Why a log does not tell, what it may mean, and what to do; `effects` is the most probable set, if it is one.
+/// Reasons of an undecided log, possible meanings, and advice; `effects` is the most probable set, if it is one.
 #[must_use]
 pub fn cannot_tell(
     findings: &[Finding],
@@ -209,7 +209,7 @@ pub fn weight(evidence: f64) -> String {
     }
 }
 
-/// What a candidate's likeness to the winner means, if it is great.
+/// Meaning of a great likeness between a candidate and the winner.
 #[must_use]
 pub fn likeness(cosine: Option<f64>) -> String {
     match cosine {
@@ -220,7 +220,7 @@ pub fn likeness(cosine: Option<f64>) -> String {
     }
 }
 
-/// Why a candidate stands where it does.
+/// Reason for a candidate's rank.
 #[must_use]
 pub fn why(evidence: f64, telling: f64, probability: f64, pinned: bool, winner: bool) -> String {
     if winner {

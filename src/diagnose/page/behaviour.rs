@@ -1,4 +1,4 @@
-//! How the vehicle answers to steering, in the curves that engineers know: real, simulated, corrected.
+//! Response of the vehicle to steering, in the curves that engineers know: real, simulated, corrected.
 
 use super::View;
 use super::frequency::{Response, response};

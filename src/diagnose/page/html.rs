@@ -100,7 +100,7 @@ pub(super) fn contents(sections: &[(&str, String)]) -> String {
     format!("<nav>{}</nav>", there.map(link).collect::<String>())
 }
 
-/// What is shown only where someone asks for it.
+/// Section that is shown on demand.
 pub(super) fn folded(summary: &str, body: &str) -> String {
     format!("<details><summary>{}</summary>{body}</details>", escaped(summary))
 }

@@ -11,12 +11,12 @@ pub const LEAST_SPEED: f64 = 2.0;
 const LONGEST_STEP: f64 = 0.0201;
 /// Quicker logs are brought to half their clock, s.
 const QUICK: f64 = 0.0126;
-/// What a replay needs after a start before it is compared, s.
+/// Settling time of a replay before it is compared, s.
 const SETTLING: f64 = 2.5;
 /// Shortest stretch that is replayed at all, s.
 const SHORTEST: f64 = 4.0;
-/// A truck's fifth wheel remembers by its dry friction which way it turned last, until the road bends: change of the path's
-/// curvature over some time from which on it has turned as that says, 1/m, s; and how long that is waited for at most, s.
+/// Bend that resolves the friction of a truck's fifth wheel, which remembers the last direction of turning. Change of
+/// the path's curvature over some time, 1/m and s, and the longest wait for it, s.
 const BENT: f64 = 6e-4;
 const BENT_FOR: f64 = 0.5;
 const LONGEST_WAIT: f64 = 10.0;
@@ -35,24 +35,24 @@ pub struct Drive {
     pub time: Vec<f64>,
     /// The command, or what stands in for it, rad.
     pub steer: Vec<f64>,
-    /// Whether it is the command.
+    /// True if it is the command.
     pub commanded: bool,
     /// Asked acceleration, m/s2, if the log has it.
     pub accel_cmd: Option<Vec<f64>>,
-    /// What drive and brakes gave, from the speed, m/s2.
+    /// Acceleration by drive and brakes, from the speed, m/s2.
     pub accel: Vec<f64>,
     /// Other columns by signal.
     pub columns: BTreeMap<&'static str, Vec<f64>>,
     /// Stretches to replay: rows from, to.
     pub stretches: Vec<(usize, usize)>,
-    /// Whether a row is compared.
+    /// True for each row that is compared.
     pub scored: Vec<bool>,
-    /// What is compared.
+    /// Compared signals.
     pub channels: Vec<Channel>,
     /// Heading at each row, rad: the log's; without one what the yaw rate adds up to. Empty where nothing tells it.
     pub heading: Vec<f64>,
-    /// Whether the heading counts from east, so that a wind fixed in the world has a direction; without a compass it counts
-    /// from where the log starts.
+    /// True if the heading counts from east, so that a wind fixed in the world has a direction. Without a compass it
+    /// counts from the log's start.
     pub compass: bool,
 }
 
@@ -154,8 +154,8 @@ impl Drive {
     }
 }
 
-/// Rows from, to, between which the clock does not jump: several logs, or blocks of a long one, were put together, and what
-/// one ends with says nothing of how the next begins.
+/// Row ranges, from and to, without a jump of the clock. Several logs, or blocks of a long one, were put together, and
+/// the end of one says nothing of the start of the next.
 fn pieces(time: &[f64], step: f64) -> Vec<(usize, usize)> {
     let jumps = (1..time.len()).filter(|&i| time[i] - time[i - 1] > 1.5 * step);
     let starts: Vec<usize> = std::iter::once(0).chain(jumps).collect();
