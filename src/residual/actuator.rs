@@ -1,15 +1,15 @@
 //! The steering actuator that the same samples show which a residual is learned from.
 //!
-//! Of a hypothesis, dead time and lag, the issued commands make an angle `delta`. What the yaw rate does over a step is linear
-//! in it and, with what a single-track model gets wrong, in states and road:
+//! For a hypothesis, dead time and lag, the issued commands make an angle `delta`. The change of the yaw rate over a
+//! step is linear in it and, with the errors of a single-track model, in states and road:
 //!
 //! ```text
 //! eps_4 + b_4 u = g b_4 mean(delta) + c' [1, vy/v, r/v, kappa' v^2, ..] + noise      vy = e1' - v e2, r = e2' + v kappa
 //! ```
 //!
-//! `g` and `c` are fitted for each hypothesis, so that stiffness, mass and payload need not be known. With the noise variance
-//! integrated out, `log p = -n/2 log(mean square)`, `n` the number of independent samples: the same measure as that of
-//! the controller's bank, here with all samples at once.
+//! `g` and `c` are fitted for each hypothesis, so that stiffness, mass and payload need not be known. With the noise
+//! variance integrated out, `log p = -n/2 log(mean square)`, `n` the number of independent samples. The controller's
+//! bank has the same measure; here it takes all samples at once.
 //!
 //! Source: Gelman and others, Bayesian Data Analysis, ch. 14; variable projection: Golub and Pereyra 1973.
 
@@ -32,7 +32,7 @@ const NOISE: f64 = 0.02;
 /// Spread of dead time and lag together beyond which a log does not show the actuator, s.
 const NOT_SHOWN: f64 = 0.06;
 
-/// What a log shows of the actuator.
+/// Actuator that a log shows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ShownActuator {
     /// The most probable, and how sure it is.
@@ -42,7 +42,7 @@ pub struct ShownActuator {
 }
 
 impl ShownActuator {
-    /// Whether the log shows it at all.
+    /// True if the log shows it at all.
     #[must_use]
     pub fn is_shown(&self) -> bool {
         self.spread < NOT_SHOWN

@@ -1,10 +1,10 @@
-//! What is wrong with recorded drives: rates, gaps, units, stuck columns.
+//! Faults of recorded drives: rates, gaps, units, stuck columns.
 
 use super::dataset::{DataReport, ROAD_NAMES, Recorded, Row};
 use crate::nominal::SingleTrackError;
 use crate::signal::{self, Signal};
 
-/// Why drives cannot be learned from.
+/// Reasons for which drives cannot be learned from.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum DataError {
     /// The nominal model cannot be made.
@@ -93,7 +93,7 @@ pub enum DataError {
         row: usize,
         /// The value there.
         value: f64,
-        /// What it probably is.
+        /// Probable cause.
         hint: &'static str,
     },
     /// A column has the wrong unit, to judge by how the vehicle moved.
@@ -101,11 +101,11 @@ pub enum DataError {
     Unit {
         /// The column.
         column: &'static str,
-        /// How much larger the values are than expected.
+        /// Ratio of the values to the expected ones.
         factor: f64,
-        /// What it was compared with.
+        /// Quantity that it was compared with.
         evidence: &'static str,
-        /// What it probably is.
+        /// Probable cause.
         hint: &'static str,
     },
     /// A column that must change never does.
@@ -115,7 +115,7 @@ pub enum DataError {
         column: &'static str,
         /// Its value.
         value: f64,
-        /// What to do.
+        /// Advice.
         hint: &'static str,
     },
 }

@@ -1,8 +1,8 @@
-//! What is believed of the effects of past commands before a log is seen.
+//! Prior of the effects of past commands, before a log is seen.
 //!
-//! An ordinary closed-loop log hardly excites high frequencies: many responses to the window of commands explain it as well,
-//! and shrinkage towards zero takes one that no actuator has. The prior of the effects `beta_i`, `i` steps back, is that of
-//! a vehicle behind its actuator, for which the residual of the nominal model is known,
+//! An ordinary closed-loop log hardly excites high frequencies, so that many responses to the window of commands
+//! explain it equally well. Shrinkage towards zero picks one that no actuator has. The prior of the effects `beta_i`,
+//! `i` steps back, is that of a vehicle behind its actuator, for which the residual of the nominal model is known,
 //!
 //! ```text
 //! beta      ~ N(mean, b b' K)        b: effect of the steering over a step
@@ -43,8 +43,8 @@ const FLOOR: f64 = 0.05;
 /// Spacing of the speeds at which the response is known, m/s.
 const SPEED_STEP: f64 = 0.5;
 
-/// Effect of the commands of a window on a step's residual, oldest first: that of a vehicle at a speed (m/s) behind an
-/// actuator, over what its nominal model says. Commands before the window count as its oldest.
+/// Effect of the commands of a window on a step's residual, oldest first, for a vehicle behind an actuator at a speed
+/// (m/s). It is the difference to the nominal model. Commands before the window count as its oldest.
 ///
 /// # Errors
 /// A speed or a parameter of the vehicle that is not positive.

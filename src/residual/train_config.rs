@@ -1,4 +1,4 @@
-//! What to train: sizes of the forest, regressors of its leaves, shrinkage.
+//! Settings of the training: sizes of the forest, regressors of its leaves, shrinkage.
 
 use super::forest::Block;
 use super::model::{Kind, Regressors, TreeFeatures};
@@ -7,7 +7,7 @@ use super::table::Resolution;
 use super::tree::MAX_DEPTH;
 use super::{MAX_WINDOW, ROAD};
 
-/// How strongly linear leaves are shrunk towards the global fit.
+/// Shrinkage of linear leaves towards the global fit.
 #[derive(Debug, Clone, PartialEq)]
 pub enum LambdaChoice {
     /// The candidate with the least error on held-out samples; infinity, the global fit itself, may be one.
@@ -18,7 +18,7 @@ pub enum LambdaChoice {
     LeastSquares,
 }
 
-/// What to train.
+/// Settings of the training.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrainConfig {
     /// Kind of residual.
@@ -35,17 +35,17 @@ pub struct TrainConfig {
     pub min_leaf: usize,
     /// Consecutive samples that a forest's bootstrap draws together; the paper's 1 makes held-out errors too good.
     pub bootstrap_block: Block,
-    /// How values are told apart when trees grow.
+    /// Resolution of values when trees grow.
     pub resolution: Resolution,
-    /// What trees split on.
+    /// Features that trees split on.
     pub tree_features: TreeFeatures,
-    /// What linear leaves have besides constant and commands.
+    /// Regressors of linear leaves besides constant and commands.
     pub regressors: Regressors,
-    /// Memory of the filter that regressors and labels of linear leaves go through before the fit, 0 to less than 1; 0
-    /// for none, the paper's way. With noisy measurements, one-step labels are mostly noise of high frequency.
+    /// Memory of the filter on regressors and labels of linear leaves before the fit, 0 to less than 1; 0 for none, the
+    /// paper's way. With noisy measurements, one-step labels are mostly noise of high frequency.
     pub prefilter: f64,
-    /// What is believed of the effects of commands beforehand; none, the paper's way, for shrinkage towards zero. Plain least
-    /// squares know no prior.
+    /// Prior of the effects of commands; none, the paper's way, for shrinkage towards zero. Plain least squares know no
+    /// prior.
     pub prior: Option<CommandPrior>,
     /// Shrinkage of linear leaves.
     pub lambda: LambdaChoice,
@@ -129,7 +129,7 @@ impl TrainConfig {
     }
 }
 
-/// What is wrong with a training configuration.
+/// Errors of a training configuration.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ConfigError {
     /// A number out of range.

@@ -32,7 +32,7 @@ pub(super) struct Tree {
     pub leaves: u32,
 }
 
-/// How a tree grows.
+/// Growth of a tree.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Growth {
     pub depth: usize,

@@ -4,7 +4,7 @@
 //! x = n ln 2 + r, |r| <= ln 2 / 2;    e^x = 2^n e^r,    e^r: its Taylor series to the 13th power
 //! ```
 //!
-//! Adding 1.5 2^52 rounds `x / ln 2` to an integer and leaves that integer in the low bits of the sum, from where it
+//! Adding 1.5 2^52 rounds `x / ln 2` to an integer and leaves that integer in the low bits of the sum. From there it
 //! goes into the exponent of a float. The same bits come out on every machine and with every number of lanes; the
 //! library's `exp` gives neither.
 

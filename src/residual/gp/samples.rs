@@ -7,7 +7,7 @@
 //! label_k = [vy, r, ..]_{k+1} - model([vy, r, ..]_k, vx_k, steer_k, Ts)
 //! ```
 //!
-//! What a vehicle has behind its errors to the path is recorded as it is.
+//! States behind the errors to the path are taken as recorded.
 
 use super::vehicle::GpVehicle;
 use crate::nominal::ERRORS;
@@ -87,8 +87,8 @@ impl<const D: usize, const O: usize> Samples<D, O> {
         samples
     }
 
-    /// Root mean square error of the outputs predicted freely over `steps` steps, with recorded speeds and commands, from
-    /// each `steps / 2`-th sample on, against what was recorded. Not a number if no run is that long.
+    /// Root mean square error of the outputs predicted freely over `steps` steps, against the record. Speeds and
+    /// commands are those recorded; each `steps / 2`-th sample starts a run. Not a number if no run is that long.
     #[cfg(feature = "cli")]
     pub(super) fn rollout<V: GpVehicle<S, D, O>, const S: usize>(
         &self,
@@ -119,8 +119,8 @@ impl<const D: usize, const O: usize> Samples<D, O> {
     }
 }
 
-/// The value at row `i` of the cubic that fits `reach` rows on each side best (Savitzky and Golay 1964), of fewer where a
-/// row is missing.
+/// The value at row `i` of the cubic that best fits `reach` rows on each side (Savitzky and Golay 1964), or fewer where
+/// a row is missing.
 fn smooth<const D: usize>(raw: &[Option<[f64; D]>], i: usize, reach: usize) -> Option<[f64; D]> {
     let here = raw[i]?;
     let known = |m: &usize| *m <= i && i + m < raw.len() && raw[i - m].is_some() && raw[i + m].is_some();

@@ -31,7 +31,7 @@ pub struct Sparse<const D: usize> {
     prior: Vec<f64>,
 }
 
-/// What was learned, besides hyperparameters.
+/// Learned numbers, besides hyperparameters.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Numbers<const D: usize> {
     /// `Z`.
