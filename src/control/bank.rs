@@ -37,8 +37,8 @@ const LAGS: [f64; 7] = [0.0, 0.03, 0.06, 0.1, 0.15, 0.2, 0.3];
 /// Probability, before anything is measured, that the actuator is the file's. It is what a file deserves whose dead time and
 /// lag nobody has looked up.
 const PRIOR_OF_FILE: f64 = 0.8;
-/// Noise of an angle sensor with the play of a linkage, rad, and of a yaw acceleration that single-track and sensor miss,
-/// rad/s2: what residuals are expected to be before they are seen.
+/// Expected size of residuals before any is seen. Noise of an angle sensor with the play of a linkage, rad, and
+/// unmodelled yaw acceleration of single-track and sensor, rad/s2.
 const STEER_NOISE: f64 = 1e-3;
 const YAW_NOISE: f64 = 0.2;
 /// Samples that this expectation is worth.
@@ -104,7 +104,7 @@ pub struct BankState {
     commands: Option<[f64; 2]>,
     /// Past angles of each lag without whole steps of dead time, a ring for each.
     angles: Vec<f64>,
-    /// Where the newest stand.
+    /// Place of the newest.
     newest: usize,
     steer: Steer,
     yaw: Yaw,
@@ -195,7 +195,7 @@ impl Bank {
         state
     }
 
-    /// Whether a state is of these hypotheses.
+    /// True if a state belongs to these hypotheses.
     #[must_use]
     pub fn fits(&self, state: &BankState) -> bool {
         let count = self.hypotheses.len();

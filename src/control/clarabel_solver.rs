@@ -1,10 +1,10 @@
 //! The tracking problem for the interior-point solver Clarabel (Goulart and Chen 2024).
 //!
-//! Variables are `z = [U, y, s]`. The cost of all outputs is condensed onto the inputs. Only softly bounded outputs appear as variables,
-//! `y = free + G U`, so that a dense row stands once for its two bounds; rates are bidiagonal rows and bounds unit
-//! rows. The solver is built once, on a typical instance, and its data
-//! are overwritten in place: half the time of a new solver, at a 117th of the allocations (`facts.md` of the
-//! project). Its equilibration is then that of the typical instance; it affects speed, not the solution.
+//! Variables are `z = [U, y, s]`. The cost of all outputs is condensed onto the inputs. Only softly bounded outputs
+//! appear as variables, `y = free + G U`, so that a dense row stands once for its two bounds. Rates are bidiagonal rows
+//! and bounds unit rows. The solver is built once, on a typical instance, and its data are overwritten in place. That
+//! takes half the time of a new solver, at a 117th of the allocations (`facts.md` of the project). Its equilibration is
+//! then that of the typical instance; it affects speed, not the solution.
 
 use super::condensed_cost::condense_cost;
 use super::tracking_qp::{QpEnd, QpError, QpReport, QpShape, QpSolver, TrackingQp};
@@ -16,7 +16,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
-/// Why the solver cannot be built.
+/// Reasons for which the solver cannot be built.
 #[derive(Debug, thiserror::Error)]
 pub enum BuildError {
     /// Clarabel refused the problem.
@@ -35,7 +35,7 @@ pub struct ClarabelSolver {
     cost_places: Vec<usize>,
     /// Non-zeros of the constraint matrix.
     matrix: Vec<f64>,
-    /// Where in `matrix` the entries of `-G` stand, with their place in `TrackingQp::gain`.
+    /// Places of the entries of `-G` in `matrix`, with their places in `TrackingQp::gain`.
     gain_places: Vec<(usize, usize)>,
     linear: Vec<f64>,
     rhs: Vec<f64>,
@@ -79,7 +79,8 @@ impl Layout {
     }
 }
 
-/// When the solver has to stop. Clarabel's own time limit can only be changed by replacing all settings, which
+/// Deadline of the solver. Clarabel's own time limit can only be changed by replacing all settings, which allocates; a
+/// termination callback that reads this does not.
 /// allocates; a termination callback that reads this does not.
 #[derive(Clone)]
 struct Clock {

@@ -5,10 +5,10 @@
 //! ```
 //!
 //! with `W` the outputs' weights, `D` the differences from step to step and `R` their weights. The rows of `G` that
-//! belong to one step reach equally far: up to four are taken at once, and two columns of `H`, so that an entry is
-//! loaded and stored once for all of them. Rows of weight zero, of outputs that are only bounded, are left out.
+//! belong to one step reach equally far. Up to four of them and two columns of `H` are taken at once, so that an entry
+//! is loaded and stored once for all of them. Rows of weight zero, of outputs that are only bounded, are left out.
 //!
-//! Where an input acts as the one before it did a step earlier, with `e` the last step's rows of `G`,
+//! If an input acts as the one before it did a step earlier, with `e` the last step's rows of `G`,
 //!
 //! ```text
 //! (G'WG)_ij = (G'WG)_{i+1,j+1} + sum over outputs w e_i e_j

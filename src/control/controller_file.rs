@@ -27,13 +27,13 @@ pub struct ControllerFile {
     pub kind: String,
     /// Name of the vehicle that it is for.
     pub vehicle: String,
-    /// What the controller predicts with, if the file says so.
+    /// Prediction model of the controller, if the file names one.
     pub variant: Option<ControlVariant>,
     /// Names and values of parameters, in the order of the file.
     pub values: Vec<(String, f64)>,
 }
 
-/// Why a controller's file cannot be used.
+/// Reasons for which a controller's file cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum ControllerFileError {

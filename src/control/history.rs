@@ -1,4 +1,4 @@
-//! What the controller has seen and commanded lately: the window that a learned residual looks at.
+//! Recent measurements and commands of the controller: the window of a learned residual.
 
 use crate::nominal::ERRORS;
 use nalgebra::SVector;

@@ -9,25 +9,27 @@
 //!      -decel_max <= a <= accel_max,  |a_j - a_{j-1}| <= Ts * rate_max,   v <= v_ref + overspeed_max softly
 //! ```
 //!
-//! `d` is what the drive does beyond its command (drag, grade, payload), observed from the speed: without it a slope would
-//! be answered by a standing lag error. The speeds of the reference are known, so that this is a QP with known inputs.
+//! `d` is the acceleration of the drive beyond its command (drag, grade, payload), observed from the speed; without it
+//! a slope would cause a standing lag error. The speeds of the reference are known, so that this is a QP with known
+//! inputs.
 //!
-//! **Why beside the steering and not in one QP with it.** Contouring and lag error are the two components of one position
-//! error. Of their joint cost (Zhao et al., Acta Automatica Sinica 2025, Table 6) to first order about driving on the reference, the steering
-//! moves only the first and the acceleration only the second, so that the Hessian is block diagonal and one QP is two. What
-//! this leaves out are products with the curvature. A deviation of the speed turns the path faster (`psi_des' = v kappa`):
+//! **Two QPs instead of one with the steering.** Contouring and lag error are the two components of one position error.
+//! Take their joint cost (Zhao et al., Acta Automatica Sinica 2025, Table 6) to first order about driving on the
+//! reference. There the steering moves only the first and the acceleration only the second, so that the Hessian is
+//! block diagonal and one QP is two. This leaves out products with the curvature. A deviation of the speed turns the
+//! path faster (`psi_des' = v kappa`):
 //! the steering knows it if it predicts with [`LongitudinalMpc::predicted_speed`]. A lateral error changes the way
 //! (`e_l' = .. - v kappa e1`): the joint QP would cut a bend to make up for being late, which nobody wants of it.
 //! `tests/control_longitudinal.rs` holds both to the joint QP.
 //!
 //! **Nothing runs away.** The reference point is a vehicle itself: it starts at the vehicle's place and speed and gains
-//! speed no faster than the plan's acceleration. It is never further from the vehicle than `lag_max`: where the vehicle
-//! cannot follow (it is held, off the path, too weak for a slope), the point waits at that distance and its speed falls to
-//! the vehicle's. A jump of the station moves the point along. At the end of an open path the plan's speed is zero, and the
-//! point stands there.
+//! speed no faster than the plan's acceleration. It is never further from the vehicle than `lag_max`. If the vehicle
+//! cannot follow (it is held, off the path, too weak for a slope), the point waits at that distance and its speed falls
+//! to the vehicle's. A jump of the station moves the point along. At the end of an open path the plan's speed is zero,
+//! and the point stands there.
 //!
-//! Source: Lam, Manzie and Good, Model predictive contouring control, CDC 2010 (contouring and lag error); Maeder, Borrelli
-//! and Morari, Linear offset-free model predictive control, Automatica 2009 (disturbance).
+//! Sources: contouring and lag error: Lam, Manzie and Good, Model predictive contouring control, CDC 2010. Disturbance:
+//! Maeder, Borrelli and Morari, Linear offset-free model predictive control, Automatica 2009.
 
 use super::clarabel_solver::BuildError;
 use super::condense::{Affine, Linear, Propagation, condense};
@@ -69,7 +71,7 @@ const FALLBACK_GAIN: f64 = 1.0;
 /// States of the prediction: lag error, speed, acceleration of the drive.
 const TRACKED: [usize; 2] = [0, 1];
 
-/// What a step is told.
+/// Input of a step.
 #[derive(Debug, Clone, Copy)]
 pub struct LongitudinalInput<'a> {
     /// Station of the vehicle, m.
@@ -86,7 +88,7 @@ pub struct LongitudinalInput<'a> {
     pub time_limit: f64,
 }
 
-/// What a step decided.
+/// Decision of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LongitudinalStep {
     /// Acceleration command, m/s2; within its bounds in any case.
@@ -95,7 +97,7 @@ pub struct LongitudinalStep {
     pub lag_error: f64,
     /// Speed of the reference point, m/s.
     pub speed_ref: f64,
-    /// What the solver reports. Without a solution the command is a proportional speed controller's.
+    /// Report of the solver. Without a solution the command is a proportional speed controller's.
     pub solved: Result<QpReport, QpError>,
 }
 
@@ -142,7 +144,7 @@ pub struct LongitudinalMpc {
 }
 
 impl Reference {
-    /// Where the point is a step later.
+    /// The point a step later.
     fn next(self, input: &LongitudinalInput<'_>, [gain, loss]: [f64; 2], sample_time: f64) -> Self {
         // A little ahead even at standstill: a plan that starts from it says zero at its start.
         let ahead = self.station + (self.speed + 0.5 * gain * sample_time) * sample_time;

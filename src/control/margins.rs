@@ -1,4 +1,4 @@
-//! Stability margins of the steering loop, from the linear loop: how much more gain, phase lag or dead time it stands.
+//! Stability margins of the steering loop, from the linear loop: tolerable additional gain, phase lag and dead time.
 //!
 //! On a straight road, with no bound active, the MPC is a linear feedback with a memory of its own commands,
 //!
@@ -14,9 +14,9 @@
 //! L(z) = - K(z) P(z) / (1 - h(z)),      1 + L = 0 where a pole is,      z = e^{j w Ts},  w up to Nyquist's
 //! ```
 //!
-//! and the margins of a stable loop are where `L` passes -1: a factor `1/|L|` where it is real and negative, an angle
-//! `arg L + pi` where `|L| = 1`, and that angle over `w` as time. Whether the loop is stable say its poles: the spectral
-//! radius of the closed loop, by Gelfand's formula `|A^n|^(1/n)`.
+//! and the margins of a stable loop lie where `L` passes -1. The gain margin is the factor `1/|L|` at a real, negative
+//! `L`. The phase margin is the angle `arg L + pi` at `|L| = 1`, and the delay margin is that angle over `w`. The poles
+//! decide on stability: the spectral radius of the closed loop, by Gelfand's formula `|A^n|^(1/n)`.
 //!
 //! The observer (`observer.*`, off by default) is not in it, and a learned forest is taken as its leaves at straight driving.
 //!
@@ -35,7 +35,7 @@ use crate::path::{Closure, Path, PathError, Sample};
 use nalgebra::{Complex, DMatrix, SVector};
 use std::f64::consts::{PI, TAU};
 
-/// Why there are no margins.
+/// Reasons for which there are no margins.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum MarginError {
@@ -60,7 +60,7 @@ pub struct LinearController<const S: usize> {
     pub state: Vec<SVector<f64, S>>,
     /// Gains on the command before this step, the one before that, ..
     pub command: Vec<f64>,
-    /// What goes on behind these for ever.
+    /// Constant continuation behind these.
     pub tail: Option<Tail>,
 }
 
@@ -93,10 +93,11 @@ pub struct Margins {
     pub gain_down: f64,
     /// Least phase lag that destabilises it, rad; infinite if the gain never is 1.
     pub phase: f64,
-    /// Least additional dead time that destabilises it, s; infinite if the gain never is 1. Exact for whole steps; between
-    /// them within a fraction of one, for a command that changes within a step is no pure lag of the phase.
+    /// Least additional dead time that destabilises it, s; infinite if the gain never is 1. Exact for whole steps.
+    /// Between them accurate to a fraction of one, for a command that changes within a step is no pure lag of the
+    /// phase.
     pub delay: f64,
-    /// Where that happens, rad/s.
+    /// Frequency of that crossover, rad/s.
     pub crossover: f64,
     /// Largest `|1/(1 + L)|`: the inverse of the distance from -1.
     pub sensitivity: f64,
@@ -449,7 +450,7 @@ impl<V: LateralVehicle<S>, const S: usize> SteeringLoop<V, S> {
         Some(margins)
     }
 
-    /// Where a value changes its sign between two frequencies.
+    /// Sign change of a value between two frequencies.
     fn crossing(
         &self,
         mut low: (f64, Complex<f64>),
@@ -523,7 +524,7 @@ impl Margins {
         }
     }
 
-    /// What each margin is in the worse of two loops.
+    /// Each margin of the worse of two loops.
     #[must_use]
     pub fn worse(self, other: Self) -> Self {
         let later = self.delay <= other.delay;

@@ -57,7 +57,7 @@ parameters! {
 }
 
 enumeration! {
-    /// How the speed plan is tracked.
+    /// Tracking of the speed plan.
     pub enum SpeedController {
         Pi = 0 "pi", "Feedforward of the plan and a PI on the speed error (speed.gain, speed.integral)";
         Mpc = 1 "mpc", "MPC of speed and lag error (longitudinal.*)";
@@ -235,9 +235,9 @@ impl MpcParameters {
         self.steer_rate_max.min(self.lateral_jerk_max * wheelbase / (speed * speed).max(1e-9))
     }
 
-    /// The weights of a loop that is faster by `tightening` to the power of `tightness`, 0 to 1. In a time shorter by `f` the
-    /// weights of rates fall with the square of `f`, those of second derivatives with its fourth power, that of the lateral jerk,
-    /// which steering's rate is by `v^2/L`, with its sixth.
+    /// The weights of a loop that is faster by `tightening` to the power of `tightness`, 0 to 1. In a time shorter by
+    /// `f` the weights of rates fall with the square of `f`, those of second derivatives with its fourth power. That of
+    /// the lateral jerk, which is the steering's rate times `v^2/L`, falls with its sixth.
     #[must_use]
     pub fn tightened(self, tightness: f64) -> Self {
         let faster = self.tightening.powf(tightness);
@@ -252,8 +252,8 @@ impl MpcParameters {
         }
     }
 
-    /// The settings of the papers' tables, which a nominal MPC that knows no actuator was tuned to: a horizon of 0.32 s for a car,
-    /// a cost on the steering's own rate, and a rate that is bounded alike at all speeds.
+    /// The settings of the papers' tables, to which a nominal MPC without an actuator model was tuned. They are a
+    /// horizon of 0.32 s for a car, a cost on the steering's own rate, and a rate bounded alike at all speeds.
     #[must_use]
     pub fn of_the_papers(self) -> Self {
         Self {
@@ -292,7 +292,7 @@ impl ControllerParameters {
 }
 
 impl SpeedParameters {
-    /// How the speed plan is tracked.
+    /// Tracking of the speed plan.
     #[must_use]
     pub fn tracked_by(&self) -> SpeedController {
         // The range admits no other numbers.
@@ -301,7 +301,7 @@ impl SpeedParameters {
 }
 
 impl MpcParameters {
-    /// How drives are labelled for a residual of this controller.
+    /// Labelling of drives for a residual of this controller.
     #[must_use]
     pub fn data_config(&self) -> DataConfig {
         DataConfig { sample_time: self.sample_time, min_model_speed: self.min_model_speed }

@@ -44,8 +44,8 @@ impl Preview {
         }
     }
 
-    /// Reads the road over the horizon: at the middle of each step for what drives the model, at its end for what is
-    /// compared with the state there.
+    /// Reads the road over the horizon: at the middle of each step for the inputs of the model, at its end for
+    /// comparison with the state there.
     pub fn look(&mut self, path: &Path, station: f64, ahead: SpeedAhead<'_>, sample_time: f64) {
         let (mut s, mut v) = (station, ahead.speed);
         for j in 0..self.station.len() {

@@ -16,7 +16,7 @@ pub(super) struct Equations<const S: usize> {
     factor: [[f64; S]; S],
     /// Reciprocals of the pivots.
     inverse: [f64; S],
-    /// Which equation stands in each row.
+    /// Equation in each row.
     order: [usize; S],
 }
 

@@ -1,8 +1,8 @@
 //! The truck as the controller knows it: a tractor with a semi-trailer, its articulation measured.
 //!
-//! Beside the errors of the tractor the state has the articulation and its rate. They cost nothing by default: the trailer
-//! follows the tractor, and to pull the articulation towards a value is to pull the tractor off the path where the road
-//! bends. A soft bound keeps it from jack-knifing.
+//! Beside the errors of the tractor the state has the articulation and its rate. They cost nothing by default. The
+//! trailer follows the tractor, and pulling the articulation towards a value pulls the tractor off the path in bends. A
+//! soft bound keeps it from jack-knifing.
 
 use super::controller::Measurement;
 use super::parameters::{
@@ -62,8 +62,8 @@ parameters! {
 
 /// Largest reference of the articulation, rad: that of a U-turn; the linear steady state means nothing beyond.
 const LARGEST_ARTICULATION_REFERENCE: f64 = 0.6;
-/// What a prediction misses in the rate of the articulation for each m/s that it misses of the lateral velocity, rad/m:
-/// both come from the axles' forces.
+/// Unmodelled rate of the articulation for each m/s of unmodelled lateral velocity, rad/m: both come from the axles'
+/// forces.
 const ARTICULATION_SHARE: f64 = 0.5;
 /// Largest disturbing articulation acceleration that is believed, rad/s2: as for the yaw.
 const LARGEST_DISTURBANCE: f64 = 3.0;

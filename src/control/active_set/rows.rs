@@ -24,10 +24,10 @@ pub(super) struct Row {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Member {
     pub(super) row: Row,
-    /// Where its column `H^-1 a` stands.
+    /// Place of its column `H^-1 a`.
     pub(super) slot: usize,
     pub(super) multiplier: f64,
-    /// Whether it is soft and exceeded.
+    /// True if it is soft and exceeded.
     pub(super) yields: bool,
 }
 
@@ -146,7 +146,7 @@ impl Member {
             .map_or(0.0, |(linear, compliance)| (self.multiplier - linear) * compliance)
     }
 
-    /// How far its multiplier is from where its state has it.
+    /// Distance of its multiplier from the range that belongs to its state.
     pub(super) fn dual_violation(&self, shape: &QpShape) -> f64 {
         match (self.row.penalty(shape), self.yields) {
             (Some((linear, _)), true) => linear - self.multiplier,

@@ -57,13 +57,13 @@ pub struct NominalWithResidual<V, const S: usize> {
     nominal: Nominal<V>,
     learned: Option<Learned<V, S>>,
     affine: Affine<SVector<f64, S>>,
-    /// What the newest prediction was made with.
+    /// Model of the newest prediction.
     model: Option<DiscreteErrorModel<S>>,
     outside: f64,
     /// Share of the residual that it was made with.
     share: f64,
-    /// Whether its first step was the model's for the greater part: what is said far outside the training speaks neither for
-    /// nor against it.
+    /// True if its first step was mostly the model's: predictions far outside the training are evidence neither for nor
+    /// against it.
     within: bool,
 }
 

@@ -32,10 +32,10 @@ use serde::{Deserialize, Serialize};
 use std::any::Any;
 use std::time::Instant;
 
-/// What the controller of a car predicts with.
+/// Prediction model of a car's controller.
 pub type PredictionModel = PredictionModelFor<SingleTrack, ERRORS>;
 
-/// What the controller of a kind of vehicle with `S` states predicts with.
+/// Prediction model of the controller of a kind of vehicle with `S` states.
 #[derive(Debug, Clone, Default)]
 pub enum PredictionModelFor<V: ControlledVehicle<S>, const S: usize> {
     /// The linear single track.
@@ -80,7 +80,7 @@ pub struct Qp {
     pub inputs: Vec<f64>,
     pub outputs: Vec<f64>,
     pub timing: Timing,
-    /// What is added to the references, `N outputs`: the transient motion on a road that changes. Empty for none.
+    /// Addition to the references, `N outputs`: the transient motion on a road that changes. Empty for none.
     pub transient: Vec<f64>,
     /// QPs solved in this step.
     pub solved: u32,
@@ -123,7 +123,7 @@ impl Qp {
 pub struct Expected<const S: usize = ERRORS> {
     /// The state.
     pub state: SVector<f64, S>,
-    /// How it depends on the state before: `A` of the model.
+    /// Derivative by the state before: `A` of the model.
     pub transition: SMatrix<f64, S, S>,
 }
 
@@ -190,7 +190,7 @@ pub trait Variant<const S: usize>: Send {
         None
     }
 
-    /// Whether it predicts with something learned.
+    /// True if it predicts with a learned model.
     fn is_learned(&self) -> bool {
         false
     }

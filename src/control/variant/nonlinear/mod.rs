@@ -17,8 +17,9 @@
 //!
 //! The information is that of the linear MPC: measured state, path, planned speeds, command in force, disturbance.
 //!
-//! Source: Kabzan et al., Learning-Based MPC for Autonomous Racing, RA-L 2019; Bock and Plitt 1984; Diehl et al., Real-time optimization and nonlinear model predictive control, J. Process
-//! Control 2002; line search on a convex composite: Burke 1985.
+//! Sources: Kabzan et al., Learning-Based MPC for Autonomous Racing, RA-L 2019; Bock and Plitt 1984. Diehl et al.,
+//! Real-time optimization and nonlinear model predictive control, J. Process Control 2002. Line search on a convex
+//! composite: Burke 1985.
 
 mod roll_out;
 
@@ -40,21 +41,21 @@ use std::any::Any;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// How a nonlinear MPC predicts and iterates; `G` is what can be learned of what its model misses.
+/// Prediction and iteration of a nonlinear MPC; `G` is the learned model of its errors.
 #[derive(Debug, Clone)]
 pub struct NonlinearModel<G> {
     /// Friction coefficient of the tyres. Given, not learned: in ordinary driving the peak cannot be observed.
     pub friction: f64,
     /// Most QPs of a step.
     pub max_iterations: usize,
-    /// What the model misses in a step, learned: GP-NMPC.
+    /// Learned error of the model in a step: GP-NMPC.
     pub gp: Option<Arc<G>>,
 }
 
-/// That of a car: the bicycle.
+/// Nonlinear model of a car: the bicycle.
 pub type BicycleModel = NonlinearModel<GpModel>;
 
-/// That of a truck: tractor and semi-trailer.
+/// Nonlinear model of a truck: tractor and semi-trailer.
 pub type ArticulatedModel = NonlinearModel<TruckGpModel>;
 
 impl<G> Default for NonlinearModel<G> {
@@ -117,7 +118,7 @@ pub struct NonlinearMpc<V: GpVehicle<S, N, O>, const S: usize, const N: usize, c
     planned: bool,
 }
 
-/// How a line search ended.
+/// End of a line search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Search {
     /// The plan has moved to a better one.
@@ -142,7 +143,7 @@ impl<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize> Nonl
         }
     }
 
-    /// Where the prediction starts, and what it is made with.
+    /// Start of the prediction, and its inputs.
     fn set_up(&mut self, input: &LateralInput<'_, S>, preview: &Preview) {
         let (errors, disturbance) = (input.state, input.disturbance);
         let roll_out = &mut self.roll_out;
