@@ -1,8 +1,8 @@
 //! The closed loop in native code: the controller's and the vehicle's own step functions, no host between them.
 //!
-//! Master algorithm (the same as `scripts/closed_loop.py`, so that both give the same bits): at each communication
-//! point `t_k = k h` the controller reads the vehicle's outputs and steps, the vehicle takes its commands and steps
-//! (Gauss-Seidel, controller first: no step of delay between them).
+//! The master algorithm is that of `scripts/closed_loop.py`, so that both give the same bits. At each communication
+//! point `t_k = k h` the controller reads the vehicle's outputs and steps, then the vehicle takes its commands and
+//! steps (Gauss-Seidel, controller first: no step of delay between them).
 
 use super::metrics::{InputMetrics, StepTimes, TimeMetrics, TrackingMetrics};
 use super::noise::SensorNoise;
@@ -52,8 +52,7 @@ pub const STATION: usize = 17;
 /// Last column of a drive log: text, the controller's status.
 pub const STATUS: &str = "status";
 
-/// What is recorded of every vehicle at one communication point: the vehicle as it is there, and what the controller
-/// decided on it.
+/// Record of every vehicle at one communication point: the vehicle's motion there, and the controller's decision on it.
 pub type Common = [f64; COLUMNS.len()];
 
 /// One communication point of a car.
@@ -75,7 +74,7 @@ pub type ClosedLoop = ClosedLoopFor<Car, ERRORS, CAR_COLUMNS>;
 /// A controller and a truck, connected.
 pub type TruckClosedLoop = ClosedLoopFor<Truck, TRUCK_STATES, TRUCK_COLUMNS>;
 
-/// What befalls the measurements on their way, from the time in s.
+/// Fault of the measurements on their way, from the time in s.
 type Fault = Box<dyn FnMut(f64, &mut Measurement) + Send>;
 
 /// A controller and a vehicle, connected.
@@ -110,8 +109,8 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
         }
     }
 
-    /// Connects a controller with a vehicle that stands where the controller's path begins, as fast as is planned there,
-    /// on the road that the path describes.
+    /// Connects a controller with a vehicle at the start of the controller's path, at the planned speed, on the road
+    /// that the path describes.
     ///
     /// # Errors
     /// Parameters or effects of the vehicle out of range.
@@ -348,7 +347,7 @@ pub type TruckDrive = DriveFor<TRUCK_COLUMNS>;
 /// A recorded drive, with `C` columns.
 #[derive(Debug, Clone, Default)]
 pub struct DriveFor<const C: usize> {
-    /// What the columns are.
+    /// Signals of the columns.
     pub columns: &'static [Signal],
     /// One row for each communication step.
     pub rows: Vec<[f64; C]>,
@@ -360,13 +359,13 @@ pub struct DriveFor<const C: usize> {
     pub lateral_errors: Vec<f64>,
     /// Wall-clock time of each control step, s.
     pub step_times: Vec<f64>,
-    /// Where that time went.
+    /// Parts of that time.
     pub timings: Vec<Timing>,
     /// Outcome, place and reason.
     pub ending: Ending,
-    /// Whether the outcome is `lost`.
+    /// True if the outcome is `lost`.
     pub lost: bool,
-    /// Whether the outcome is `completed`: a drive off the road is not.
+    /// True if the outcome is `completed`: a drive off the road is not.
     pub finished: bool,
 }
 
@@ -380,7 +379,7 @@ impl<const C: usize> DriveFor<C> {
         }
     }
 
-    /// What a residual is learned from, of this drive.
+    /// This drive as training data of a residual.
     #[must_use]
     pub fn to_learn_from(&self) -> residual::Drive {
         let mut log = residual::Drive::default();
@@ -413,7 +412,7 @@ impl<const C: usize> DriveFor<C> {
         TrackingMetrics::of(errors.filter(|(_, at)| **at == Some(class)).map(|(error, _)| *error))
     }
 
-    /// How rough the steering was. Rows are taken as control steps.
+    /// Roughness of the steering. Rows are taken as control steps.
     #[must_use]
     pub fn steering(&self) -> InputMetrics {
         let commands = self.rows.iter().map(|row| (row[TIME], row[STEER_CMD]));

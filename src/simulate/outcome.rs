@@ -10,7 +10,7 @@
 //! timed_out  never lost, and the duration was over first
 //! ```
 //!
-//! What the controller believes decides nothing: a false sample at the road's end completes no drive.
+//! The controller's own estimate decides nothing: a false sample at the road's end completes no drive.
 
 use super::closed_loop::DriveError;
 use crate::control::ControlStatus;
@@ -149,7 +149,7 @@ pub(super) struct Referee {
     place: Option<Place>,
     /// Distance along the path, m, less laps back.
     driven: f64,
-    /// Whether the vehicle was ever within its lane: one placed beside it has to come in first.
+    /// True once the vehicle was within its lane: one placed beside it has to come in first.
     entered: bool,
     departure: Option<Place>,
     /// Time since which the vehicle stands.
@@ -203,12 +203,12 @@ impl Referee {
         self.standing = (speed.abs() < STANDING_SPEED).then_some(since);
     }
 
-    /// Whether the road is driven to its end.
+    /// True if the road is driven to its end.
     pub fn at_end(&self) -> bool {
         self.driven >= self.length - END_TOLERANCE
     }
 
-    /// Whether the vehicle has stood long enough to be called stopped.
+    /// True if the vehicle has stood long enough to be called stopped.
     pub fn stands(&self) -> bool {
         match (self.standing, self.place) {
             (Some(since), Some(place)) => place.time - since >= STANDING_TIME,

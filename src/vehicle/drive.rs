@@ -28,8 +28,8 @@ pub(super) struct DriveLine {
 }
 
 impl DriveLine {
-    /// Drive force and greatest brake force at all wheels together, N, both positive; `rim` is the mean speed of the driven
-    /// wheels' rims by their shares in the force, m/s.
+    /// Drive force and greatest brake force at all wheels together, N, both positive. `rim` is the mean speed of the
+    /// driven wheels' rims, weighted by their shares in the force, m/s.
     #[inline]
     pub fn forces(&self, accel: f64, rim: f64) -> (f64, f64) {
         let force = self.nominal_mass * accel;
@@ -41,7 +41,7 @@ impl DriveLine {
         }
     }
 
-    /// Where a given acceleration stands after a while (s) of following the asked one, exactly.
+    /// Given acceleration after a time (s) of following the asked one, exactly.
     pub fn follow(&self, given: f64, asked: f64, h: f64) -> f64 {
         if self.lag > 0.0 { given + (asked - given) * -(-h / self.lag).exp_m1() } else { asked }
     }

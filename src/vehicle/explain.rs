@@ -9,13 +9,13 @@ use std::sync::LazyLock;
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Explanation {
-    /// What it is in the vehicle.
+    /// Meaning in the vehicle.
     pub what: String,
-    /// How it shows in a log.
+    /// Appearance in a log.
     pub shows: String,
     /// Ids of the effects that it is confused with.
     pub confused: Vec<String>,
-    /// What tells it from them.
+    /// Separation from them.
     pub separates: String,
 }
 

@@ -1,29 +1,31 @@
-//! Vehicles without their fast motions: what must be driven hundreds of times, at ten thousand times real time.
+//! Vehicles without their fast motions: for hundreds of replays, at ten thousand times real time.
 //!
-//! The equations are the plant's own, evaluated once a step of 20 ms instead of four times a millisecond. Speed is given;
-//! the slow motions (sideways, yaw, roll) are integrated by Adams and Bashforth's rule, of third order (second for trucks:
-//! their fifth wheel's dry friction is too stiff), the tyres' relaxation exactly for the mean slip velocity by the same,
+//! The equations are the plant's own, evaluated once a step of 20 ms instead of four times a millisecond. Speed is
+//! given. The slow motions (sideways, yaw, roll) are integrated by Adams and Bashforth's rule of third order. It is of
+//! second order for trucks: their fifth wheel's dry friction is too stiff. The tyres' relaxation is exact for the mean
+//! slip velocity by the same rule,
 //!
 //! ```text
 //!     <f> = (23 f - 16 f- + 5 f--) / 12,   x+ = x + h <f>,   v+ = e^(-a h) v + (1 - e^(-a h)) / a <s>,   v' = s - a v
 //! ```
 //!
-//! and what is faster follows its equilibrium by a Newton step each time, without its mass: the wheels' spin, pitch and
-//! heave of the body with the wheels below it, and the wheels' height `z` between tyre `k` and damper `d`, which is then led by one step,
+//! Faster motions follow their equilibrium by a Newton step each time, without their mass: the wheels' spin, pitch and
+//! heave of the body with the wheels below it. So does the wheels' height `z` between tyre `k` and damper `d`, which is
+//! then led by one step,
 //!
 //! ```text
 //!     z = (F + k z~ + d (z~' + z- / h)) / (k + d / h),   z+ = 2 z - z-,      F: force found at z~, z~'
 //! ```
 //!
-//! Wheels that are found to turn faster than the vehicle moves give it the force for that at once, or every drive force
-//! would come two steps late:
+//! Wheels that turn faster than the vehicle moves give it the force for that at once; otherwise every drive force would
+//! come two steps late:
 //!
 //! ```text
 //!     a = a~ + sum I (w' - a~ / r) / r / (m + sum I / r^2),      a~, w': acceleration and spin rate found
 //! ```
 //!
-//! Steering chain and drive are exact. Every effect thus means what it means to the plant; how nearly,
-//! `examples/diagnose_replay.rs` says.
+//! Steering chain and drive are exact. Every effect thus has the same meaning as in the plant;
+//! `examples/diagnose_replay.rs` measures the remaining difference.
 
 use super::sensors::measured;
 use super::steering::SteeringState;
@@ -48,7 +50,7 @@ const MOST_BODIES: usize = 2;
 const GREATEST_SLIP: f64 = 0.5;
 const LEAST_SPEED: f64 = 1.0;
 
-/// How the steering is given.
+/// Input of the steering.
 #[derive(Debug, Clone, Copy)]
 pub enum ReducedSteer {
     /// As commanded; through the whole steering chain. rad
@@ -57,14 +59,14 @@ pub enum ReducedSteer {
     Measured(f64),
 }
 
-/// What is given over a step.
+/// Inputs over a step.
 #[derive(Debug, Clone, Copy)]
 pub struct ReducedInput {
     /// Steering, held over the step.
     pub steer: ReducedSteer,
     /// Acceleration asked of drive and brakes, m/s2.
     pub accel: f64,
-    /// Whether `accel` is what drive and brakes give, without their lag.
+    /// True if `accel` is that of drive and brakes themselves, without their lag.
     pub accel_is_given: bool,
     /// True longitudinal velocity at the begin of the step, m/s.
     pub vx: f64,
@@ -92,7 +94,7 @@ impl Default for Surface {
     }
 }
 
-/// Where a drive starts.
+/// Start of a drive.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct ReducedStart {
     /// m/s, m/s, rad/s, rad
@@ -142,8 +144,8 @@ pub trait ReducedVehicle {
     fn step(&mut self, input: &ReducedInput, step: f64) -> ReducedOutput;
 }
 
-/// A body on springs among a plant's states: places of heave, its rate, pitch, its rate; mass, inertias in pitch and (with what
-/// rolling moves sideways) in roll; stiffnesses of the springs in heave (N/m) and pitch (N m/rad).
+/// A body on springs among a plant's states. Places of heave, its rate, pitch, its rate; mass, inertias in pitch and in
+/// roll (that with the sideways motion of rolling). Stiffnesses of the springs in heave (N/m) and pitch (N m/rad).
 pub(super) struct SprungBody {
     pub heave: [usize; 2],
     pub pitch: [usize; 2],
@@ -154,7 +156,7 @@ pub(super) struct SprungBody {
     pub pitch_stiffness: f64,
 }
 
-/// What a plant says of its fast motions.
+/// A plant with its fast motions declared.
 pub(super) trait Relaxed<const N: usize, const S: usize>: Plant<N, S> {
     /// States that are integrated.
     const SLOW: &'static [usize];
@@ -185,7 +187,7 @@ struct Wheel {
     slip: Past,
 }
 
-/// Which body the wheels of an axle carry.
+/// Body above the wheels of an axle.
 fn carried(axle: usize) -> usize {
     usize::from(axle >= FIRST_AXLES)
 }
@@ -210,8 +212,8 @@ impl Past {
     }
 }
 
-/// `1 - e^-z`: where `z` is ordinary by Pade's approximation of sixth order, off by less than 2e-9 of `z`; a larger one in four
-/// parts, off by less than 4e-9 of `z`.
+/// `1 - e^-z`: by Pade's approximation of sixth order for ordinary `z`, off by less than 2e-9 of `z`. A larger one in
+/// four parts, off by less than 4e-9 of `z`.
 fn gone(z: f64) -> f64 {
     if (0.0..2.0).contains(&z) {
         return gone_by_pade(z);
@@ -281,8 +283,8 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
         }
     }
 
-    /// That of the mass on the tyres' side walls, rad/s: whatever the speed, nothing sideways decays by more than half of it
-    /// in a second. Or that of a body that rolls on its springs, if they are stiffer.
+    /// Frequency of the mass on the tyres' side walls, rad/s: whatever the speed, nothing sideways decays by more than
+    /// half of it in a second. For stiffer springs, that of a body that rolls on them.
     fn frequency(plant: &P) -> f64 {
         let axles = || (0..FIRST_AXLES).map(|i| plant.axle(i));
         let mut rolling = [0.0; MOST_BODIES];

@@ -49,10 +49,10 @@ impl SteeringChain {
     }
 }
 
-/// How many changes of the command can be under way. When more are, the newest takes the place of the last.
+/// Largest number of changes of the command under way. Beyond it, the newest replaces the last.
 const UNDER_WAY: usize = 4096;
 
-/// What changes while driving.
+/// State of the steering while driving.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SteeringState {
     /// Commands under way: the time at which each arrives, and its value.
@@ -65,7 +65,7 @@ pub struct SteeringState {
     actuator: f64,
     /// Its angle behind the backlash: what the sensor measures.
     measured: f64,
-    /// Whether angle or rate limit held the actuator back since the last command.
+    /// True if angle or rate limit held the actuator back since the last command.
     limited: bool,
 }
 
@@ -172,7 +172,7 @@ impl SteeringState {
         chain.gain * self.measured + chain.offset
     }
 
-    /// Whether the angle or rate limit held the actuator back.
+    /// True if the angle or rate limit held the actuator back.
     #[must_use]
     pub fn is_limited(&self) -> bool {
         self.limited

@@ -23,7 +23,7 @@ pub const LONGEST_STEP: f64 = 3600.0;
 /// Roll and pitch angles beyond which a vehicle counts as rolled over, rad.
 pub const ROLLED_OVER: f64 = 0.9;
 
-/// What the driver, or a controller, asks of a vehicle; held over a step.
+/// Inputs of a vehicle, from a driver or a controller; held over a step.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct VehicleInput {
     /// Road-wheel angle asked of the steering actuator, rad.
@@ -32,7 +32,7 @@ pub struct VehicleInput {
     pub accel_cmd: f64,
 }
 
-/// Why a step could not be made. The vehicle is as it was before the step.
+/// Reasons for which a step could not be made. The vehicle is as it was before the step.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum StepError {
@@ -66,7 +66,7 @@ pub struct RestoreError {
     reason: String,
 }
 
-/// What steering and drive give at an instant.
+/// Steering and drive at an instant.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Stage {
     /// Angle of the road wheels, rad.
@@ -84,11 +84,11 @@ pub(super) struct Motion<F, const S: usize> {
 
 /// The equations of a vehicle with `N` states, `S` signals of its motion.
 pub(super) trait Plant<const N: usize, const S: usize> {
-    /// What road and earth give at a place.
+    /// Forces and disturbances from road and earth at a place.
     type Environment: Copy;
     /// Forces at an instant, for outputs.
     type Flow: Copy + Default;
-    /// What is measured.
+    /// Measured signals.
     type Output: Copy + Default;
 
     fn steering(&self) -> &SteeringChain;
@@ -121,7 +121,7 @@ pub(super) trait Plant<const N: usize, const S: usize> {
     {
         compute(Evaluation { plant: self, y, stage, environment, rates, flow });
     }
-    /// Whether the model still describes what the vehicle does.
+    /// Checks that the model is within its range.
     fn check(&self, y: &[f64; N], time: f64) -> Result<(), StepError>;
     /// The true motion signals of the first body alone.
     fn body_signals(&self, y: &[f64; N], rates: &[f64; N], flow: &Self::Flow) -> [f64; BODY_SIGNALS];
@@ -381,8 +381,8 @@ pub(super) fn check_upright(roll: f64, pitch: f64, time: f64) -> Result<(), Step
 macro_rules! vehicle {
     ($vehicle:ty, $output:ty, $stepper:ty) => {
         impl $vehicle {
-            /// Puts the vehicle somewhere: position of its reference point in m, yaw in rad, speed in m/s; wheels
-            /// rolling, steering straight, time 0, nothing under way.
+            /// Puts the vehicle at a place: position of its reference point in m, yaw in rad, speed in m/s. The wheels
+            /// roll, the steering is straight, the time is 0, and nothing is under way.
             pub fn place(&mut self, x: f64, y: f64, yaw: f64, vx: f64) {
                 self.stepper.place(x, y, yaw, vx);
             }
@@ -395,7 +395,7 @@ macro_rules! vehicle {
                 self.stepper.step(input, step)
             }
 
-            /// What is measured at the end of the last step.
+            /// Measurements at the end of the last step.
             #[must_use]
             pub fn output(&self) -> &$output {
                 self.stepper.output()

@@ -1,7 +1,7 @@
 //! A truck's parameters: tractor and semi-trailer, from a file that people can read and edit.
 //!
 //! As for a car (`parameters.rs`), a key of the file is the name of the FMU's parameter. Axle groups are the front
-//! (steered), the rear (driven) and the trailer's; each has one wheel on each side that stands for all of its tyres.
+//! (steered), the rear (driven) and the trailer's. Each has one wheel on each side that stands for all of its tyres.
 
 use super::articulated::Articulated;
 use super::builtin;
@@ -17,9 +17,9 @@ use std::path::Path;
 #[serde(deny_unknown_fields)]
 #[allow(missing_docs)]
 pub struct TruckParameters {
-    /// What people call the truck.
+    /// Name of the truck for people.
     pub name: String,
-    /// Where the figures come from.
+    /// Source of the figures.
     #[serde(default)]
     pub source: String,
     pub tractor: Body,
@@ -32,10 +32,10 @@ pub struct TruckParameters {
     pub drive: TruckDrive,
     pub brake: TruckBrake,
     pub air: TruckAir,
-    /// What separates the real truck from the rest of the file: neutral, or found by a diagnosis.
+    /// Differences of the real truck from the rest of the file: neutral, or found by a diagnosis.
     #[serde(default)]
     pub effect: TruckEffects,
-    /// How sure the numbers are, where a user knows.
+    /// Uncertainty of the numbers, where a user knows it.
     #[serde(default, skip_serializing_if = "Tolerances::is_empty")]
     pub tolerance: Tolerances,
 }
@@ -264,7 +264,7 @@ pub(super) struct RestLoads {
     pub front: f64,
     pub rear: f64,
     pub trailer: f64,
-    /// What the hitch carries.
+    /// Load on the hitch.
     pub hitch: f64,
 }
 
@@ -304,7 +304,7 @@ impl TruckParameters {
         relaxation_at_rest(load, &[&self.tyre.front, &self.tyre.rear, &self.tyre.trailer])
     }
 
-    /// The linear model of this truck: stiffnesses are the slopes of the tyres' lateral force at static load and
+    /// The linear model of this truck. Stiffnesses are the slopes of the tyres' lateral force at static load and
     /// straight running, all tyres of an axle group together.
     #[must_use]
     pub fn articulated(&self) -> Articulated {

@@ -6,17 +6,17 @@ use std::borrow::Cow;
 /// The vehicle that is really driven, and where it is measured.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plant {
-    /// What files and tables call it.
+    /// Name in files and tables.
     pub name: Cow<'static, str>,
-    /// What it is, in a sentence.
+    /// Description, in a sentence.
     pub meaning: Cow<'static, str>,
     /// Effects on top of the vehicle's file, by id.
     pub effects: Cow<'static, [(&'static str, f64)]>,
     /// The road that it is measured on.
     pub test: Route,
-    /// Whether its rows' steps are timed and their drives are kept.
+    /// True if its rows' steps are timed and their drives are kept.
     pub timed: bool,
-    /// Whether the paper's setting is made of it: see [`Edge`](super::Edge).
+    /// True if the paper's setting is made of it: see [`Edge`](super::Edge).
     pub edge: bool,
 }
 

@@ -14,7 +14,7 @@ pub struct Roads {
     pub pieces: Vec<Arc<Path>>,
     /// Piece on which candidates are shaken.
     pub shaking: Arc<Path>,
-    /// Where the best candidates are compared.
+    /// Roads on which the best candidates are compared.
     pub validation: Vec<Arc<Path>>,
     /// The road that the plant is measured on.
     pub test: Arc<Path>,

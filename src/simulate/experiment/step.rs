@@ -1,5 +1,5 @@
-//! What an engineer does who knows that there is a delay: steps the steering, records the road-wheel angle, and fits
-//! dead time and lag, an inertia or a Pade approximant to the record (`nominal/identify.rs`).
+//! Identification by a step, an engineer's remedy for a known delay: the steering steps, the road-wheel angle is
+//! recorded. Dead time and lag, an inertia or a Pade approximant are fitted to the record (`nominal/identify.rs`).
 //!
 //! All delay models are told what the same record says, none what the plant really has.
 
@@ -21,7 +21,7 @@ pub struct SteeringStep {
     pub angle: Vec<f64>,
 }
 
-/// What a record says of the actuator.
+/// Identification of the actuator from a record.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Identified {
     /// The row that is told.

@@ -17,11 +17,11 @@ const PAYLOAD: f64 = 0.25;
 
 /// A plant that the logs do not rule out.
 pub struct ExplainedPlant<P: Compared<S, C>, const S: usize, const C: usize> {
-    /// What it is, in a few words.
+    /// Description, in a few words.
     pub name: String,
     /// The vehicle, with the actuator that the log shows.
     pub vehicle: P::Parameters,
-    /// What separates it from its file.
+    /// Differences from its file.
     pub effects: P::Effects,
     /// Its steering.
     pub actuator: Actuator,

@@ -1,4 +1,4 @@
-//! What is searched: named numbers of the controller, each over decades.
+//! Axes of the search: named numbers of the controller, each over decades.
 
 use crate::control::{ControllerParametersFor, VehicleParameters};
 use crate::parameter::{OutOfRange, ParameterGroup};

@@ -19,7 +19,7 @@ pub type Controlled<P, const S: usize, const C: usize> = (
     PredictionModelFor<NominalOf<P, S, C>, S>,
 );
 
-/// What an ensemble is for: seeds of the one are never seeds of the other.
+/// Purpose of an ensemble: seeds of the one are never seeds of the other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Purpose {
     /// To search or tune on.
@@ -28,7 +28,7 @@ pub enum Purpose {
     HeldOut,
 }
 
-/// Which actuators the vehicles have.
+/// Actuators of the vehicles.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Actuators {
     /// Least and greatest lag on top of the file's, s.
@@ -51,20 +51,19 @@ pub struct Family<P: Compared<S, C>, const S: usize, const C: usize> {
     pub friction: Vec<f64>,
     /// Actuators.
     pub actuators: Actuators,
-    /// What `speed.lateral_accel` is set to, m/s2.
+    /// Values of `speed.lateral_accel`, m/s2.
     pub lateral_accel: Vec<f64>,
     /// Noise as a multiple of the typical; 0 for none.
     pub noise: Vec<f64>,
     /// Roads that all drive; random ones if there are none.
     pub roads: Vec<Arc<Path>>,
-    /// What random roads are like; every third is closed.
+    /// Shape of random roads; every third is closed.
     pub road: RandomRoad,
-    /// Steps of the dead time and lag that a controller that is told the actuator is wrong about, as shares; none if it is
-    /// told nothing.
+    /// Errors of the dead time and lag given to the controller, as shares; none if it is given nothing.
     pub told: Option<f64>,
 }
 
-/// Why there is no ensemble.
+/// Reasons for which there is no ensemble.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum FamilyError {
@@ -77,7 +76,7 @@ pub enum FamilyError {
 }
 
 impl<P: Compared<S, C>, const S: usize, const C: usize> Family<P, S, C> {
-    /// What vehicles are, around these: the field's matrix for searches.
+    /// Spread of vehicles around these: the field's matrix for searches.
     #[must_use]
     pub fn around(vehicles: Vec<P::Parameters>) -> Self {
         let truck = P::SIGNALS.len() > crate::simulate::CAR_COLUMNS;

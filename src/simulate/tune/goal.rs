@@ -19,9 +19,9 @@ pub struct MarginGoal {
     pub speed: f64,
 }
 
-/// What a goal that is missed altogether costs, m.
+/// Cost of a goal that is missed altogether, m.
 const MISSED: f64 = 2.0;
-/// What an unstable loop costs beside, m for each unit of the spectral radius above 1.
+/// Additional cost of an unstable loop, m for each unit of the spectral radius above 1.
 const UNSTABLE: f64 = 20.0;
 
 /// A scenario's steering loop, and its margins; none where it is unstable.
@@ -54,7 +54,7 @@ pub fn margins_over_speeds<P: Compared<S, C>, const S: usize, const C: usize>(
 }
 
 impl MarginGoal {
-    /// What a scenario's margins miss costs, m: that of the worst speed.
+    /// Cost of a scenario's missing margins, m: that of the worst speed.
     pub(super) fn penalty<P: Compared<S, C>, const S: usize, const C: usize>(
         &self,
         scenario: &Scenario<P, S, C>,

@@ -1,8 +1,8 @@
-//! The search: CMA-ES over decades, its cost a soft worst case, whatever cannot win stopped early.
+//! The search: CMA-ES over decades, its cost a soft worst case, with early stops of losing candidates.
 //!
-//! The scenarios of a candidate are driven hardest first, a few at once, and a candidate is dropped as soon as its cost so
-//! far exceeds what the better half of the last generation cost: the strategy only needs to know that it is among the worse.
-//! How many are driven at once does not depend on the threads, so the result does not either.
+//! The scenarios of a candidate are driven hardest first, a few at once. A candidate is dropped as soon as its cost far
+//! exceeds that of the better half of the last generation: the strategy only needs to know that it is among the worse.
+//! The number driven at once does not depend on the threads, so the result does not either.
 //!
 //! Source: Hansen, The CMA evolution strategy: a tutorial, 2016.
 
@@ -40,20 +40,20 @@ pub struct Candidate {
     pub values: Values,
     /// Its cost, m; of one that was dropped what it cost until then.
     pub cost: f64,
-    /// What missing margins cost of that, m.
+    /// Cost of missing margins in that, m.
     pub penalty: f64,
-    /// Whether it was driven to the end.
+    /// True if it was driven to the end.
     pub complete: bool,
     /// Its drives, one for each scenario; none for those that were not made.
     pub outcomes: Vec<Option<Outcome>>,
 }
 
-/// How long and from where on a search goes.
+/// Length and start of a search.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SearchSettings {
     /// Candidates in all.
     pub budget: usize,
-    /// Where to begin: the best of these.
+    /// Starting points: the search begins at the best of these.
     pub starts: Vec<Values>,
     /// First standard deviation, in units of the axes.
     pub step: f64,

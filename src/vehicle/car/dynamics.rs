@@ -17,7 +17,7 @@ use crate::vehicle::unit::{
     gravity, gravity_on, roll,
 };
 
-/// What road and earth give.
+/// Forces and disturbances from road and earth.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Environment {
     pub gravity: Gravity,

@@ -1,4 +1,4 @@
-//! What is measured of a car.
+//! Measured signals of a car.
 
 use super::dynamics::Flow;
 use super::plant::{CarPlant, STATES};
@@ -9,7 +9,7 @@ use crate::vehicle::stepper::State;
 use crate::vehicle::unit::{VX, VY, WheelOutput};
 
 enumeration! {
-    /// What the car does, in words.
+    /// Motion of the car, in words.
     pub enum CarStatus {
         Driving = 0 "driving", "The car drives within the grip of its tyres";
         Standstill = 1 "standstill", "The car stands";

@@ -32,7 +32,7 @@ const TRAILER_BODY: [(usize, usize); TRAILER_STATES] = [
 /// The first state of the semi-trailer's wheels among those of all wheels.
 const TRAILER_WHEELS: usize = 4 * PER_WHEEL;
 
-/// What road and earth give.
+/// Forces and disturbances from road and earth.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Environment {
     /// Under the tractor and under the semi-trailer, in axes of each.

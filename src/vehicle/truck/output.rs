@@ -1,4 +1,4 @@
-//! What is measured of a truck.
+//! Measured signals of a truck.
 
 use super::dynamics::Flow;
 use super::plant::{STATES, TruckPlant};
@@ -9,7 +9,7 @@ use crate::vehicle::stepper::State;
 use crate::vehicle::unit::{VX, VY, WheelOutput};
 
 enumeration! {
-    /// What the truck does, in words.
+    /// Motion of the truck, in words.
     pub enum TruckStatus {
         Driving = 0 "driving", "The truck drives within the grip of its tyres";
         Standstill = 1 "standstill", "The truck stands";

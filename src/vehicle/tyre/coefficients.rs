@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// What the standard says of a coefficient that a file does not give.
+/// Rule of the standard for a coefficient that a file does not give.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Missing {
     /// The file is of no use without it.

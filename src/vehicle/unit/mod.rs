@@ -1,8 +1,8 @@
-//! One unit on its axles: what a car, a tractor and a semi-trailer have in common.
+//! One unit on its axles: the common part of a car, a tractor and a semi-trailer.
 //!
-//! The frame of the axles moves in the plane of the road; the body rolls about the axis through the roll centres,
-//! pitches and heaves over it on springs; the wheels move vertically between springs and tyres. With the
-//! specific force `f = a - g` at the CG, roll `p`, roll arm `h`, and small angles of the body:
+//! The frame of the axles moves in the plane of the road. The body rolls about the axis through the roll centres, and
+//! pitches and heaves over it on springs. The wheels move vertically between springs and tyres. With the specific force
+//! `f = a - g` at the CG, roll `p`, roll arm `h`, and small angles of the body:
 //!
 //! ```text
 //!     m fx                        = sum Fx - drag
@@ -22,7 +22,7 @@
 //! |---|---|
 //! | `constants.rs` | masses, inertias and axles of a unit with its effects |
 //! | `body.rs` | the equations above |
-//! | `axle.rs` | suspension, and what both wheels give to the body |
+//! | `axle.rs` | suspension, and loads of both wheels on the body |
 //! | `wheel.rs` | one wheel: transient slip, forces, spin, brake |
 //! | `dry_friction.rs` | friction that can stand still |
 

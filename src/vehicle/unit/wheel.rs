@@ -6,11 +6,11 @@
 //!     u' = -Vsx - V u / sx,   kappa = u / sx          v' = Vsy - V v / sy,   tan(alpha) = v / sy
 //! ```
 //!
-//! At speed this is first-order relaxation; at rest `V = 0` it is a spring, so that nothing divides by the speed and
-//! a braked car holds on a slope (Pacejka, section 8.6). `V` is the rolling speed, and no less than a share of the
-//! slip velocity, which bounds the slip of a spinning or sideways wheel: at speed a large one, at rest that at which the
-//! tyre slides on this road. A deflection beyond it holds no force, and would push a wheel that has slid to rest back by
-//! the whole of its relaxation length. `s` is no less than what a step of the integration can follow at `V`.
+//! At speed this is first-order relaxation; at rest `V = 0` it is a spring, so that nothing divides by the speed and a
+//! braked car holds on a slope (Pacejka, section 8.6). `V` is the rolling speed, but at least a share of the slip
+//! velocity, which bounds the slip of a spinning or sideways wheel. At speed this slip is a large one, at rest that at
+//! which the tyre slides on this road. A deflection beyond it holds no force, and would push a wheel that has slid to
+//! rest back by the whole of its relaxation length. `s` is no less than a step of the integration can follow at `V`.
 
 use super::axle::Axle;
 use super::dry_friction::DryFriction;
@@ -53,7 +53,7 @@ pub(in crate::vehicle) struct WheelMotion {
     pub brake: f64,
 }
 
-/// What a wheel does at an instant.
+/// Motion and forces of a wheel at an instant.
 #[derive(Debug, Clone, Copy, Default)]
 pub(in crate::vehicle) struct WheelFlow {
     pub load: f64,
@@ -200,7 +200,7 @@ struct Slip<L> {
     rates: [L; 2],
 }
 
-/// What wheels do; rates of spin and wind-up.
+/// Response of wheels; rates of spin and wind-up.
 struct Given<L> {
     load: L,
     forces: TyreForces<L>,
@@ -314,8 +314,8 @@ impl Wheels {
         Slip { load, kappa: kappa + damping * du, tangent: tangent + damping * dv, rates: [du, dv] }
     }
 
-    /// What wheels do with the forces on their contacts, and the rates of spin and brake; contact and forces are those of
-    /// each of a wheel's tyres.
+    /// Response of wheels to the forces on their contacts, and the rates of spin and brake. Contact and forces are
+    /// those of each of a wheel's tyres.
     #[inline(always)]
     fn wheel<L: Lanes<Stored = [f64; FOUR]>>(
         &self,
