@@ -43,7 +43,7 @@ macro_rules! enumeration {
                 }
             }
 
-            /// What it means, in a sentence.
+            /// Meaning, in a sentence.
             #[must_use]
             pub fn meaning(self) -> &'static str {
                 match self {

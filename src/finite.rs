@@ -1,7 +1,7 @@
 //! Saved states come from disks and networks: their checksum may be right and their numbers no numbers.
 //!
-//! One infinity in a covariance makes a command that is no number some steps later, far from its cause. So whoever takes a
-//! saved state asks first whether all numbers in it are numbers that a drive can have: it is written once more, to a
+//! One infinity in a covariance makes a non-finite command some steps later, far from its cause. So the numbers of a
+//! saved state are checked before its use: each must be one that a drive can have. The state is written once more, to a
 //! serializer that keeps nothing and looks at the floating-point numbers that pass.
 
 use serde::ser::{self, Serialize};
@@ -48,14 +48,14 @@ struct Look {
     field: &'static str,
 }
 
-/// What holds no floating-point number passes.
+/// Types without floating-point numbers pass.
 macro_rules! passes {
     ($($method:ident: $type:ty),*) => {
         $(fn $method(self, _: $type) -> Result<(), NotFinite> { Ok(()) })*
     };
 }
 
-/// What has parts is looked at part by part.
+/// Compound types are checked part by part.
 macro_rules! opens {
     ($($method:ident($($of:ty),*)),*) => {
         $(fn $method(self, $(_: $of),*) -> Result<Self, NotFinite> { Ok(self) })*

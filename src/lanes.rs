@@ -1,12 +1,12 @@
 //! Several numbers in one: four wheels, or four columns of a matrix, are computed as one.
 //!
-//! Formulas are written once, for any [`Lanes`]: a plain `f64`, or four of them. Where the processor has AVX2, four are
-//! one register; elsewhere the compiler makes of an array what it can. Each operation is the one that IEEE 754 rounds,
-//! and none is fused with another, so that all give the same bits.
+//! Formulas are written once, for any [`Lanes`]: a plain `f64`, or four of them. On a processor with AVX2, four are one
+//! register; elsewhere they are an array, as the compiler translates it. Each operation is the one that IEEE 754
+//! rounds, and none is fused with another, so that all give the same bits.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// How many numbers a processor with AVX2 takes at once.
+/// Count of numbers that a processor with AVX2 takes at once.
 pub(crate) const FOUR: usize = 4;
 
 /// Numbers that are computed alike.
@@ -65,7 +65,7 @@ pub(crate) trait Lanes:
         Self::choose(zero.below(self), Self::splat(1.0), negative)
     }
 
-    /// Whether all are zero.
+    /// True if all are zero.
     #[inline(always)]
     fn is_zero(self) -> bool {
         Self::all(self.equals(Self::splat(0.0)))
@@ -273,9 +273,9 @@ operators! {
     -a = a.each(|a| -a)
 }
 
-/// What is to be computed with four lanes.
+/// A computation on four lanes.
 pub(crate) trait Work {
-    /// What it gives.
+    /// Result.
     type Given;
     /// To be inlined always: only so it is made of the processor's own instructions.
     fn with<L: Lanes<Stored = [f64; FOUR]>>(self) -> Self::Given;

@@ -18,7 +18,7 @@ const STACK: usize = 8 << 20;
 /// Least step of the share that is told.
 const STEP: f64 = 0.005;
 
-/// What a command tells while it works.
+/// Report of a command while it works.
 enum Told {
     Line(String),
     Note(String),
@@ -58,8 +58,8 @@ impl Listener for Ear {
     }
 }
 
-/// Works in another thread. `tell(kind, words, share)` is called with what it says, kind `line`, `note` or `share`; an exception
-/// of it, or an interrupt, stops the work and is the answer.
+/// Works in another thread. `tell(kind, words, share)` is called with each report, of kind `line`, `note` or `share`.
+/// An exception of it, or an interrupt, stops the work and is the answer.
 pub fn working<T: Send + 'static>(
     py: Python<'_>,
     tell: &Bound<'_, PyAny>,

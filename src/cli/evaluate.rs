@@ -78,7 +78,7 @@ pub struct EvaluateArgs {
     quiet: bool,
 }
 
-/// Which noise.
+/// Choice of noise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Noise {
     Off,
@@ -130,7 +130,7 @@ fn chosen<T: Clone, N: AsRef<str> + PartialEq<String>>(
 /// Runs the command.
 ///
 /// # Errors
-/// What was wrong, where, and what to do.
+/// The fault, its place, and advice.
 pub fn run(args: &EvaluateArgs) -> Result<(), Box<dyn Error>> {
     by_kind!(&args.vehicle, evaluate(args))
 }
@@ -278,7 +278,7 @@ fn time<P: Compared<S, C>, const S: usize, const C: usize>(
 /// A change: its name, what is learned, how it predicts.
 type Change = (&'static str, TrainConfig, Propagation, RollOut);
 
-/// What is changed in turn.
+/// Changes, one at a time.
 fn changes(rfl_s: &TrainConfig) -> Vec<Change> {
     let base = || rfl_s.clone();
     let with = |change: fn(&mut TrainConfig)| {

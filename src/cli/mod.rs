@@ -70,7 +70,7 @@ pub struct Cli {
     command: Command,
 }
 
-/// What `rfl` can do.
+/// Commands of `rfl`.
 #[derive(Debug, Subcommand)]
 enum Command {
     Drive(drive::DriveArgs),
@@ -91,7 +91,7 @@ impl Cli {
     /// Runs the command; gives its exit status.
     ///
     /// # Errors
-    /// What was wrong, where, and what to do.
+    /// The fault, its place, and advice.
     pub fn run(&self) -> Result<u8, Box<dyn Error>> {
         match &self.command {
             Command::Drive(args) => return drive::run(args),
@@ -131,7 +131,7 @@ pub fn main(words: impl IntoIterator<Item = OsString>) -> u8 {
 /// A command's arguments as another program gives them, in the words of the command line.
 ///
 /// # Errors
-/// What is wrong with them, in the words of the command line.
+/// A fault of them, in the words of the command line.
 pub fn arguments<T: Args>(command: &'static str, words: &[String]) -> Result<T, Box<dyn Error>> {
     let options = clap::Command::new(command).no_binary_name(true).disable_help_flag(true);
     let command = T::augment_args(options).allow_negative_numbers(true);
@@ -143,7 +143,7 @@ pub fn arguments<T: Args>(command: &'static str, words: &[String]) -> Result<T, 
     })
 }
 
-/// What `warn!` does.
+/// Output of `warn!`.
 fn warning(words: std::fmt::Arguments) {
     use std::io::Write;
     if let Some(listener) = listen::listener() {
@@ -152,7 +152,7 @@ fn warning(words: std::fmt::Arguments) {
     let _ = writeln!(std::io::stderr(), "{words}");
 }
 
-/// What `say!` does. A full disk is a failure, a reader that has gone is none.
+/// Output of `say!`. A full disk is a failure; a reader that has gone is none.
 fn line(words: std::fmt::Arguments) {
     use std::io::Write;
     if let Some(listener) = listen::listener() {

@@ -13,7 +13,7 @@ const MOST: Duration = Duration::from_secs(30);
 /// Share, %, that is worth a line.
 const WORTH: u64 = 10;
 
-/// What is drawn for a line: the share, and the words.
+/// Template of a line: the share, and the words.
 const LINE: &str = "{percent}|{msg}: {percent} %, {eta} left";
 
 /// The progress of a part of a command's work; drawn, told to a listener, or hidden.
@@ -41,7 +41,7 @@ impl Bar {
         self.tell();
     }
 
-    /// What is done now.
+    /// Sets the name of the present work.
     pub fn set_message(&self, what: impl Into<String>) {
         self.drawn.set_message(what.into());
     }
@@ -95,7 +95,7 @@ struct Lines<W> {
 struct State<W> {
     writer: W,
     least: Duration,
-    /// What was drawn since the last flush.
+    /// Output since the last flush.
     drawn: String,
     /// Share of the last line, %, and when it came.
     share: u64,

@@ -166,7 +166,7 @@ impl std::str::FromStr for Requirement {
 pub(super) struct Check {
     pub name: String,
     pub met: bool,
-    /// What was found, and what is required.
+    /// Figure found, and requirement.
     pub words: String,
 }
 

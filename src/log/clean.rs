@@ -1,7 +1,7 @@
 //! A log made ready for comparison: an even clock, no gaps, units and signs checked; every repair is said.
 //!
-//! What can be mended without a doubt is mended and said (order, gaps, milliseconds, degrees, km/h, wrapped yaw). What
-//! cannot is refused, or left as it is and suspected; whoever uses the log must not trust an answer from a suspect log.
+//! Faults with a certain repair are mended and reported (order, gaps, milliseconds, degrees, km/h, wrapped yaw). Others
+//! are refused, or left as they are and reported as suspect; no answer from a suspect log is to be trusted.
 
 use super::agreement::{self, Factors};
 use super::clock::{self, Clock, LEAST_LENGTH};
@@ -31,11 +31,11 @@ pub struct CleanLog {
     pub time: Vec<f64>,
     /// Columns by signal; `steer_cmd` is always there: `steer` stands in if the log had none, see `commanded`.
     pub columns: BTreeMap<&'static str, Vec<f64>>,
-    /// Whether `steer_cmd` is really the command.
+    /// True if `steer_cmd` is really the command.
     pub commanded: bool,
     /// False where the row was interpolated over a gap, is at standstill or must not be scored for another reason.
     pub valid: Vec<bool>,
-    /// What was found and done, the gravest first.
+    /// Findings and repairs, the gravest first.
     pub findings: Vec<Finding>,
 }
 
@@ -45,12 +45,12 @@ pub struct CleanLog {
 pub struct UnusableLog {
     /// The log.
     pub file: PathBuf,
-    /// What is wrong with it, and what to do.
+    /// Fault, and advice.
     #[source]
     pub cause: CleanError,
 }
 
-/// Why nothing can be said from a log.
+/// Reasons for which nothing can be computed from a log.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum CleanError {
@@ -104,11 +104,11 @@ pub enum CleanError {
 }
 
 impl CleanLog {
-    /// Cleans a log. `steering` is the road-wheel angle, rad, that the vehicle needs for each 1/m of curvature in steady
+    /// Cleans a log. `steering` is the road-wheel angle, rad, of the vehicle for each 1/m of curvature in steady
     /// cornering at a speed in m/s: about its wheelbase.
     ///
     /// # Errors
-    /// What is missing, or wrong beyond repair.
+    /// Missing columns, and faults beyond repair.
     pub fn of(log: &DriveLog, steering: &dyn Fn(f64) -> f64) -> Result<Self, UnusableLog> {
         clean(log, steering).map_err(|cause| UnusableLog { file: log.file.clone(), cause })
     }
@@ -118,7 +118,7 @@ impl CleanLog {
         self.findings.push(Finding::new(gravity, Some(column), words));
     }
 
-    /// Whether something is probably wrong in the log, so that no answer from it is to be trusted.
+    /// A finding that makes the log suspect, so that no answer from it is to be trusted.
     #[must_use]
     pub fn suspect(&self) -> Option<&Finding> {
         self.findings.iter().find(|finding| finding.gravity == Gravity::Suspicion)
@@ -128,13 +128,13 @@ impl CleanLog {
 /// A log that was checked: made ready for comparison, and what its rows need for other uses.
 pub(super) struct Checked {
     pub log: CleanLog,
-    /// What the file's columns are to be multiplied by; those in SI units are not named.
+    /// Factors of the file's columns; those in SI units are not named.
     pub factors: Factors,
     /// Rows of the file whose value in a column is wrong.
     pub left_out: BTreeMap<&'static str, Vec<usize>>,
     /// The drives in the file: rows in their order, and their times.
     pub drives: Vec<Clock>,
-    /// Why nothing can be learned from the errors to the path.
+    /// Reasons for which nothing can be learned from the errors to the path.
     pub errors: Option<CleanError>,
 }
 
@@ -151,7 +151,7 @@ pub(super) type Columns = BTreeMap<&'static str, Vec<f64>>;
 /// The one check of a log, behind all that is computed from one. `turning`: the yaw rate is needed.
 ///
 /// # Errors
-/// What is missing, or wrong beyond repair.
+/// Missing columns, and faults beyond repair.
 pub(super) fn check(
     log: &Columns,
     turning: bool,
@@ -425,7 +425,7 @@ fn mend_turning(
 
 /// Columns that jump: nothing lies between two of their values.
 const JUMPING: [&str; 2] = ["station", "e2"];
-/// How values of a column between its samples are made.
+/// Interpolation of a column between its samples.
 pub(super) fn between(column: &str) -> Between {
     if JUMPING.contains(&column) { Between::Hold } else { Between::Line }
 }
@@ -534,7 +534,7 @@ fn leave_out_standing(log: &mut CleanLog) -> Result<(), CleanError> {
     Ok(())
 }
 
-/// What the log excites, in numbers, and how noisy it is.
+/// Excitation of the log, in numbers, and its noise.
 fn describe(log: &mut CleanLog) {
     let judged = |name: &str| -> Vec<f64> {
         let values = log.columns.get(name).into_iter().flatten().zip(&log.valid);

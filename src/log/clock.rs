@@ -22,7 +22,7 @@ const LATE_STEPS: f64 = 1.5;
 /// Stamps that spread by less than this share of a step are even.
 const EVEN: f64 = 0.05;
 
-/// Which rows to take, in which order, and when they were.
+/// Rows to take, their order, and their times.
 pub(super) struct Clock {
     /// Rows of the log.
     pub rows: Vec<usize>,
@@ -34,8 +34,8 @@ pub(super) struct Clock {
     pub factor: f64,
 }
 
-/// Reads the clock. `way` is how far a row moves over how far speed and clock say, where a log has both; `same` tells
-/// whether two rows hold the same values.
+/// Reads the clock. `way` is the ratio of a row's way to that by speed and clock, where a log has both. `same` tells if
+/// two rows hold the same values.
 ///
 /// # Errors
 /// No row, a log that is too short or too slow.
@@ -155,7 +155,7 @@ pub(super) fn drives(stamps: &[f64]) -> Vec<Range<usize>> {
     drives
 }
 
-/// Whether the clock stays below its latest stamp for a while.
+/// True if the clock stays below its latest stamp for a while.
 fn runs_on(stamps: &[f64], latest: f64) -> bool {
     stamps.iter().filter(|stamp| stamp.is_finite()).take(RUNS_ON).all(|stamp| *stamp < latest)
 }

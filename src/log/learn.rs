@@ -1,7 +1,7 @@
-//! What a residual is learned from: nine columns of a log, those that it lacks made from others.
+//! Training data of a residual: nine columns of a log, with missing ones made from others.
 //!
-//! A controller takes errors and road from the projection of the pose onto the path; a log without them is given
-//! them in the same way.
+//! A controller takes errors and road from the projection of the pose onto the path; a log without them gets them in
+//! the same way.
 
 use super::agreement::turn_factor;
 use super::clean::{CleanError, Columns, UnusableLog, check};
@@ -18,7 +18,7 @@ const NEEDED: &str = "time, steer_cmd (or steer), vx, and e1, e1_rate, e2, e2_ra
 
 /// Columns that need the road.
 const ERRORS: [&str; 5] = ["e1", "e1_rate", "e2", "e2_rate", "curvature"];
-/// What they are computed from.
+/// Columns from which they are computed.
 const POSE: [&str; 6] = ["x", "y", "yaw", "vx", "vy", "yaw_rate"];
 
 /// A heading that is wrong by more is in another unit, rad.
@@ -26,13 +26,13 @@ const ASTRAY: f64 = 1.0;
 /// A vehicle as far away as this is looked for on the whole road again, m: where a controller does, too.
 const LOST: f64 = 14.0;
 
-/// Why nothing is to be learned from a log.
+/// Reasons for which nothing is to be learned from a log.
 #[derive(Debug, thiserror::Error)]
 pub enum LearnError {
     /// A column or the road.
     #[error(transparent)]
     Log(#[from] LogError),
-    /// What a diagnosis refuses, too.
+    /// A log that a diagnosis refuses, too.
     #[error(transparent)]
     Unusable(#[from] UnusableLog),
 }
@@ -53,12 +53,12 @@ impl Rows {
     }
 }
 
-/// A log as drives to learn from, one for each start of its clock; it goes through the check that a diagnosis makes, and what
-/// is mended there is mended here. What was mended or made is told to `note`. `road` is the road driven and its file,
-/// `steering` as for [`CleanLog::of`](super::CleanLog::of).
+/// A log as drives to learn from, one for each start of its clock. It passes the check of a diagnosis, with the same
+/// repairs. Repairs and computed columns are reported to `note`. `road` is the road driven and its file, `steering` as
+/// for [`CleanLog::of`](super::CleanLog::of).
 ///
 /// # Errors
-/// What a diagnosis refuses; a column that is missing and cannot be made; a road that is another one.
+/// A log that a diagnosis refuses; a missing column that cannot be computed; another road.
 pub fn drives_of(
     log: &DriveLog,
     road: Option<(&Path, &std::path::Path)>,

@@ -1,8 +1,8 @@
 //! Values that no motion explains: beyond any road vehicle, or single rows that their neighbours contradict.
 //!
-//! A row, or a few, is an outlier if the column leaves its way within one row and is back on it a few rows later, by far more
-//! than the column ever bends elsewhere, nearby and in the whole log: a step of steering does not come back, noise is as
-//! large everywhere, and inertia takes longer.
+//! A row, or a few, is an outlier if the column leaves its way within one row and is back on it a few rows later. The
+//! jump must far exceed the column's bends elsewhere, nearby and in the whole log. A step of steering does not come
+//! back, noise is as large everywhere, and inertia takes longer.
 
 use super::clean::CleanError;
 use super::finding::{Finding, Gravity};
@@ -35,8 +35,8 @@ pub(super) const MOST: f64 = 0.01;
 /// Outliers that are named.
 const NAMED: usize = 4;
 
-/// Columns with inertia, and how many rows an outlier of each may last. What is asked for may be anything: of it only what
-/// exceeds its whole spread; the spread of a position is that of the road.
+/// Columns with inertia, and the longest outlier of each, in rows. A commanded signal may be anything: only values
+/// beyond its whole spread are outliers. The spread of a position is that of the road.
 const MOVING: [(&str, usize, f64); 16] = [
     ("steer_cmd", 2, 1.0),
     ("steer", LONGEST, OF_SPREAD),
@@ -137,7 +137,7 @@ pub(super) fn listed(name: &str, values: &[(usize, f64)]) -> String {
     format!("{name} = {}{more}", each.join(", "))
 }
 
-/// How far the row `at` lies off the middle of those `apart` rows before and after.
+/// Distance of the row `at` from the middle of those `apart` rows before and after.
 fn bend(values: &[f64], at: usize, apart: usize) -> f64 {
     (values[at] - 0.5 * (values[at - apart] + values[at + apart])).abs()
 }
@@ -194,7 +194,7 @@ fn smallest(column: &[f64], run: Range<usize>) -> f64 {
     run.map(|row| (column[row] - line(row)).abs()).fold(f64::INFINITY, f64::min)
 }
 
-/// Whether rows leave the column's way at once by more than `least`, and are back at once.
+/// True if rows leave the column's way at once by more than `least`, and are back at once.
 fn stands_alone(column: &[f64], run: Range<usize>, least: f64) -> bool {
     let Some(&after) = column.get(run.end) else { return false };
     let before = column[run.start - 1];

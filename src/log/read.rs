@@ -11,7 +11,7 @@ use crate::signal;
 use crate::table::{self, Limits, Table, TableError, time};
 use std::path::{Path, PathBuf};
 
-/// Why a log cannot be used.
+/// Reasons for which a log cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum LogError {
@@ -74,9 +74,9 @@ fn lacking(pose: &[&str]) -> String {
 /// A recorded drive: columns by the names of the vocabulary.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DriveLog {
-    /// Where it was read from.
+    /// File from which it was read.
     pub file: PathBuf,
-    /// What was converted: units that the file gives, dates. For whoever shows findings.
+    /// Conversions: units that the file gives, dates. They belong to the findings.
     pub notes: Vec<String>,
     columns: Vec<(&'static str, Vec<f64>)>,
 }
@@ -92,7 +92,7 @@ impl DriveLog {
     /// which whoever uses the log leaves out.
     ///
     /// # Errors
-    /// What is wrong, with file, line and column.
+    /// The fault, with file, line and column.
     pub fn read(file: &Path) -> Result<Self, LogError> {
         Self::read_within(file, Limits::default())
     }
@@ -205,7 +205,7 @@ impl DriveLog {
         Ok(log)
     }
 
-    /// What was converted, as findings.
+    /// Conversions, as findings.
     pub(super) fn findings(&self) -> impl Iterator<Item = Finding> {
         self.notes.iter().map(|words| Finding::new(Gravity::Note, None, words.clone()))
     }

@@ -9,11 +9,11 @@ const SHORT_STEPS: f64 = 2.5;
 pub(super) struct Resampled {
     /// One value for each point of the clock.
     pub values: Vec<f64>,
-    /// Where a value lies in a stretch without any.
+    /// True for values within a stretch without any.
     pub guessed: Vec<bool>,
 }
 
-/// How values between samples are made.
+/// Interpolation between samples.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Between {
     /// On a straight line.

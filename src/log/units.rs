@@ -7,8 +7,8 @@
 //!     (yaw_rate - e2_rate) / (vx curvature)
 //! ```
 //!
-//! A ratio that no unit explains is left alone: the speed sensor of the vehicle may be wrong, and that is for a diagnosis
-//! to find.
+//! A ratio that no unit explains is left alone: the vehicle's speed sensor may be wrong, which is for a diagnosis to
+//! find.
 
 use crate::table;
 
@@ -34,14 +34,14 @@ pub(super) fn sized<const N: usize>((ours, names): (&str, [&'static str; N])) ->
 
 /// An error of a ratio beyond which a unit does not explain it, as a logarithm.
 const FAR: f64 = 0.14;
-/// What effects, a roll angle or a bank may do to a ratio in SI units, as a logarithm.
+/// Largest change of a ratio in SI units by effects, a roll angle or a bank, as a logarithm.
 const EFFECT: f64 = 0.36;
 /// A body that leans shows its accelerometer gravity, too: the range of its ratio, in SI units.
 const LEANING: (f64, f64) = (0.98, 1.12);
 /// Two explanations that differ by less are both possible.
 const APART: f64 = 0.012;
 
-/// What a log shows, where it shows it: ratios of columns.
+/// Ratios of columns that a log allows.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Shown {
     /// Of x, y over speed.
@@ -65,7 +65,7 @@ pub(super) struct Units {
     pub curvature: Unit,
 }
 
-/// What the ratios tell of the units.
+/// Conclusion from the ratios about the units.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Told {
     /// Nothing is foreign, or no unit explains it.

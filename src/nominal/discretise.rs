@@ -12,8 +12,8 @@
 
 use nalgebra::SMatrix;
 
-/// A chain of two linear systems with common inputs, in continuous time or over a step: `x` of `N` states is driven by
-/// `z` of `K` states.
+/// A chain of two linear systems with held common inputs, in continuous time or over a step: `x` of `N` states is
+/// driven by `z` of `K` states.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[allow(missing_docs)]
 pub struct Chain<const N: usize, const K: usize, const W: usize> {

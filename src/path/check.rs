@@ -1,4 +1,4 @@
-//! Which points make a road: what is repaired, what is refused, and whether the road is closed.
+//! Checks of a road's points: repairs, refusals, closure.
 
 use super::error::{PathError, Place};
 use super::noise::{Noise, median};
@@ -279,7 +279,7 @@ fn poses(samples: &[Sample], points: &[Vector], periodic: bool, notes: &mut Vec<
     None
 }
 
-/// How far headings and curvatures are from describing the chords between neighbouring points, in rad.
+/// Largest error of headings and curvatures against the chords between neighbouring points, in rad.
 fn worst_disagreement(points: &[Vector], yaw: &[f64], curvature: &[f64], periodic: bool) -> f64 {
     let n = points.len();
     let last = if periodic { n } else { n - 1 };
@@ -322,7 +322,7 @@ fn check_values(sample: &Sample, index: usize) -> Result<(), PathError> {
     Ok(())
 }
 
-/// Whether the last point leads on into the first one: near, and ahead.
+/// True if the last point leads on into the first one: near, and ahead.
 fn leads_into_start(kept: &[(usize, Sample)], median: f64) -> bool {
     let n = kept.len();
     if n < 8 {

@@ -164,8 +164,8 @@ impl Path {
     /// | `class` | | [`RoadClass::name`] |
     /// | `s` | m | station; only its order is checked |
     ///
-    /// Where the file gives both `yaw` and `curvature` and they fit the points, they are the truth. Else a spline
-    /// through the points is, smoothed as far as the file is accurate ([`Smoothing::AsAccurate`]).
+    /// If the file gives both `yaw` and `curvature` and they fit the points, they hold. Otherwise a spline through the
+    /// points holds, smoothed to the accuracy of the file ([`Smoothing::AsAccurate`]).
     ///
     /// # Errors
     /// The cause, with file, line, column and remedy.
@@ -268,13 +268,13 @@ impl Path {
         self.length
     }
 
-    /// Whether the path leads back to its start.
+    /// True if the path leads back to its start.
     #[must_use]
     pub fn is_periodic(&self) -> bool {
         self.periodic
     }
 
-    /// What a user should know about the road: points dropped, columns not used, what was assumed.
+    /// Notes on the road for its user: points dropped, columns not used, assumptions.
     #[must_use]
     pub fn notes(&self) -> &[Note] {
         &self.notes
@@ -380,7 +380,7 @@ impl Path {
         self.friction.at(&self.locate(station), self.inverse_step)
     }
 
-    /// Whether the path has neither bank nor grade anywhere.
+    /// True if the path has neither bank nor grade anywhere.
     #[must_use]
     #[inline]
     pub fn is_level(&self) -> bool {

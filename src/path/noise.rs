@@ -1,7 +1,7 @@
 //! The noise of points, measured from the points themselves.
 //!
-//! Around each point, in the frame of the road's local direction, the offsets `n` of its neighbours are a parabola of
-//! their places `u` along the road, and noise is what is left:
+//! Around each point, in the frame of the road's local direction, the offsets `n` of its neighbours follow a parabola
+//! of their places `u` along the road. Noise is the remainder:
 //!
 //! ```text
 //!     e_i = n_i - parabola(u_i),    var e_i = sigma^2 (1 - h_ii),    h: hat matrix of the fit
@@ -9,8 +9,8 @@
 //!
 //! `sigma` is a robust scale (median) of `e_i / sqrt(1 - h_ii)`, so that a corner, drawn on purpose, is no noise. The
 //! fit knows nothing of the spacing: uneven points on a smooth road have none. Of what is left of a smooth road,
-//! neighbours have one sign; of noise, they change it. The window grows until it is long against the noise: points
-//! 10 cm apart with 1 m of noise have a direction over 10 m only.
+//! neighbours have one sign; of noise, they change it. The window grows until it is long against the noise: points 10
+//! cm apart with 1 m of noise have a direction over 10 m only.
 
 use super::spline::{Vector, distance};
 
@@ -87,7 +87,7 @@ impl Noise {
     }
 }
 
-/// What is left of the windows' parabolas.
+/// Remainders of the windows' parabolas.
 struct Residuals {
     /// At each point with a whole window around it, scaled to the noise's own size.
     values: Vec<f64>,

@@ -24,7 +24,7 @@ pub struct RandomRoad {
     pub length: f64,
     /// Longest straight, m.
     pub straight: f64,
-    /// Whether the road is closed.
+    /// True if the road is closed.
     pub closed: bool,
 }
 

@@ -20,7 +20,7 @@ use std::io::Read;
 /// The optional columns, as messages list them.
 const OPTIONAL: &str = "s, yaw, curvature, speed, bank, grade, friction, class";
 
-/// What a column means.
+/// Meaning of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Column {
     X,
@@ -191,17 +191,17 @@ impl Column {
     }
 }
 
-/// What a file says.
+/// Contents of a file.
 pub(super) struct Table {
     pub samples: Vec<Sample>,
     /// The line of each sample.
     pub lines: Vec<u64>,
     pub accuracy: Accuracy,
-    /// Which columns were taken for which.
+    /// Columns as they were interpreted.
     pub notes: Vec<Note>,
 }
 
-/// How well a file knows its coordinates.
+/// Accuracy of a file's coordinates.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Accuracy {
     /// Exactly, as far as we know.
@@ -212,8 +212,8 @@ pub(super) enum Accuracy {
     Measured(f64),
 }
 
-/// RMS distance in m that we leave the centre lines of racetrack-database: its arcs begin and end without a
-/// transition, and through every point the curvature would overshoot there by a fifth.
+/// RMS distance in m from the centre lines of racetrack-database. Its arcs begin and end without a transition, and
+/// through every point the curvature would overshoot there by a fifth.
 const RACETRACK_DATABASE: f64 = 0.02;
 
 fn at_line(line: u64) -> Place {

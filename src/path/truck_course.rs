@@ -8,8 +8,8 @@
 //! | sweeper | 40 to 60 m | 35 km/h |
 //! | cross-country | 22 m and more | 15 to 25 km/h |
 //!
-//! The routes are the mirror images of the car's in their streets, with radii of their own: no lane of the training route
-//! is on the test route, and no radius either.
+//! The routes are the mirror images of the car's in their streets, with radii of their own: test route and training
+//! route share no lane and no radius.
 
 use super::pen::Pen;
 use super::segment::{Course, Pose};

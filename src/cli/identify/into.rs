@@ -1,8 +1,8 @@
 //! A vehicle file that knows its steering actuator: `[steering]` edited, everything else as its author wrote it.
 //!
-//! The actuator that was found is the whole of it: what `[effect]` of the file adds is taken off. Gain and offset of the
-//! measured angle are written where the file has none of its own: those stand behind the sensor, and a measured angle does
-//! not tell of them. Written apart and then renamed: a reader sees the old file or the new one.
+//! The identified actuator is the whole of it: the additions in `[effect]` of the file are taken off. Gain and offset
+//! of the measured angle are written if the file has none of its own. Those of the file stand behind the sensor, where
+//! a measured angle does not reach. Written apart and then renamed: a reader sees the old file or the new one.
 
 use super::super::vehicle::Commanded;
 use super::IdentifyArgs;
@@ -85,7 +85,7 @@ pub(super) fn write<P: Commanded<S, C>, const S: usize, const C: usize>(
     Ok(changes)
 }
 
-/// What changes in `[steering]`.
+/// Changes in `[steering]`.
 fn changes<P: Commanded<S, C>, const S: usize, const C: usize>(
     old: &P::Parameters,
     found: &IdentifiedSteering,

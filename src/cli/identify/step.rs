@@ -37,7 +37,7 @@ pub(super) struct Step {
     pub first_line: usize,
 }
 
-/// Whether a log is a record of a step: short, or steady from the beginning and then of a few commands only.
+/// True for a record of a step: short, or steady from the beginning and then of a few commands only.
 pub(super) fn is_record(step: &Step) -> bool {
     let length = step.time.last().unwrap_or(&0.0) - step.time.first().unwrap_or(&0.0);
     if length.is_nan() || length < RECORD {

@@ -21,7 +21,7 @@ use crate::nominal::{Actuator, LateralVehicle, SingleTrackError};
 use crate::{enumeration, nominal::DeadTimeModel};
 
 enumeration! {
-    /// What a command did between the rows of a record.
+    /// Course of a command between the rows of a record.
     pub enum Between {
         Held = 0 "held", "Each command stands until the next row";
         Line = 1 "line", "Commands were recorded more slowly than given: on a line between rows";
@@ -31,13 +31,13 @@ enumeration! {
 /// A drive as it was recorded. Rows need not be even; what is no number is a gap.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct SteeringDrive {
-    /// What messages call it.
+    /// Name in messages.
     pub name: String,
     /// s, rising.
     pub time: Vec<f64>,
     /// Command, rad, given at its time.
     pub steer_cmd: Vec<f64>,
-    /// What was measured just before: the road-wheel angle in rad, or the yaw rate in rad/s.
+    /// Response measured just before: the road-wheel angle in rad, or the yaw rate in rad/s.
     pub response: Vec<f64>,
     /// Forward speed, m/s, for a yaw rate; else empty.
     pub speed: Vec<f64>,
@@ -52,7 +52,7 @@ pub struct Estimate {
     pub low: f64,
     /// Upper end.
     pub high: f64,
-    /// Whether the drives determine it: the interval is narrow enough to be used.
+    /// True if the drives determine it: the interval is narrow enough to be used.
     pub excited: bool,
 }
 
@@ -92,11 +92,11 @@ pub struct IdentifiedSteering {
     pub left_out: Vec<LeftOut>,
     /// The response's rate limit, rad/s, where one had to be modelled.
     pub rate_limit: Option<f64>,
-    /// What was assumed between rows.
+    /// Assumption between rows.
     pub between: Between,
 }
 
-/// Why drives tell nothing of the steering.
+/// Reasons for which drives tell nothing of the steering.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum DrivesError {
@@ -163,7 +163,7 @@ impl IdentifiedSteering {
         }
     }
 
-    /// Whether dead time and lag are determined, both of them.
+    /// True if dead time and lag are determined, both of them.
     #[must_use]
     pub fn excited(&self) -> bool {
         self.dead_time.excited && self.lag.excited
@@ -191,9 +191,9 @@ pub fn identify_from_drives(drives: &[SteeringDrive]) -> Result<IdentifiedSteeri
     found.identified()
 }
 
-/// The actuator from drives whose response is the yaw rate, at whatever speeds, through the linear model of the vehicle, held
-/// below the speed `slowest` in m/s. What that gets wrong in time, relaxation of tyres and roll above all, is found in the
-/// constants, too. Rows should be even.
+/// The actuator from drives whose response is the yaw rate, at whatever speeds. The linear model of the vehicle lies
+/// between, held below the speed `slowest` in m/s. Its errors in time, relaxation of tyres and roll above all, enter
+/// the constants, too. Rows should be even.
 ///
 /// # Errors
 /// Too few rows; a response that does not follow; a vehicle whose model cannot be made.
@@ -421,7 +421,7 @@ impl Found {
         Ok(identified)
     }
 
-    /// Where the squares are flat between the ends, as those of a pure dead time within a step, the middle is the value.
+    /// Middle of a flat minimum between the ends, as that of a pure dead time within a step.
     fn middle(&mut self, ends: &Ends, noise: &Noise) -> Point {
         let dead_time = 0.5 * (ends.low.dead_time + ends.high.dead_time);
         let sum = self.best.dead_time + self.best.lag;

@@ -4,10 +4,10 @@
 //! S(T, tau) = min over beta, a   sum_k (y_k - phi_k(T, tau)' beta - a_p exp(-(t_k - t_p)/tau))^2
 //! ```
 //!
-//! `a_p` is what the actuator's unknown state at the beginning of a piece `p` adds: it is eliminated piece by piece, so
-//! that a drive may begin in a bend and be broken off anywhere. The search is a grid, then golden sections, one within the
-//! other: a valley along `T + tau = const` does no harm, and at a lag of nearly nothing the squares have steps, which no
-//! derivative survives.
+//! `a_p` is the contribution of the actuator's unknown state at the beginning of a piece `p`. It is eliminated piece by
+//! piece, so that a drive may begin in a bend and be broken off anywhere. The search is a grid, then golden sections,
+//! one within the other: a valley along `T + tau = const` does no harm. At a lag of nearly nothing the squares have
+//! steps, which derivatives do not survive.
 //!
 //! Source: Golub and Pereyra, Separable nonlinear least squares, Inverse Problems 2003.
 
@@ -199,7 +199,7 @@ impl Problem {
         self.rest(point.lag, &point.beta, |problem, row| problem.rows.response[row]);
     }
 
-    /// What of the column of this place the others do not explain, at a point: into `residual`.
+    /// Part of this place's column that the others do not explain, at a point: into `residual`.
     pub fn alone(&mut self, point: &Point, place: usize) {
         self.response.fill(&self.rows, point.dead_time, point.lag, &mut self.answer);
         let target = move |problem: &Self, row: usize| problem.columns(row)[place];

@@ -1,4 +1,4 @@
-//! The steering actuator's constants from a recorded drive: what a delay baseline is told, instead of the truth.
+//! The steering actuator's constants from a recorded drive: the knowledge of a delay baseline, instead of the truth.
 //!
 //! Given the commands `u_k`, held from their instants on, and a response `y_k` measured just before each,
 //!
@@ -7,11 +7,11 @@
 //! ```
 //!
 //! where `y^` is the response of the model actuator, alone or behind it a vehicle's yaw rate, to `u - u_0` from rest.
-//! The offset (a sensor's zero) is what is measured before the command first changes. The gain (a steering ratio, a
-//! stiffness) is linear: for each `(T, tau)` it is known, and the search is over one or two numbers. It is nested and
-//! of golden sections, each within the best interval of a grid: a valley along `T + tau = const` does no harm, nothing
-//! is random and no start has to be guessed. The gain of all models is that of dead time and lag: a Pade approximant,
-//! which answers a step at once, would buy a better beginning with a wrong end.
+//! The offset (a sensor's zero) is measured before the command first changes. The gain (a steering ratio, a stiffness)
+//! is linear: it is known for each `(T, tau)`, and the search is over one or two numbers. The search is nested and of
+//! golden sections, each within the best interval of a grid. A valley along `T + tau = const` does no harm, nothing is
+//! random and no start has to be guessed. The gain of all models is that of dead time and lag. A Pade approximant
+//! answers a step at once, and would buy a better beginning with a wrong end.
 //!
 //! The drive has to begin steady and to contain a change that settles: a step of the command is best. Through a
 //! vehicle model the constants take up what that model gets wrong, too: measure the road-wheel angle if you can.
@@ -23,7 +23,7 @@ use crate::enumeration;
 use crate::nominal::{ActuatedState, Actuator, ContinuousErrorModel, DeadTimeModel};
 
 enumeration! {
-    /// Which model of the actuator is fitted.
+    /// Model of the actuator that is fitted.
     pub enum DelayModel {
         DeadTimeLag = 0 "dead_time_lag", "Dead time and first-order lag";
         FirstOrder = 1 "first_order", "First-order inertia, no dead time";
@@ -46,7 +46,7 @@ impl DelayModel {
     }
 }
 
-/// Why an actuator cannot be identified.
+/// Reasons for which an actuator cannot be identified.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum IdentifyError {
@@ -121,11 +121,11 @@ const LEAST_SHARE: f64 = 0.5;
 const SECTIONS: u32 = 27;
 
 impl SteeringRecord {
-    /// A record from a log's columns: time in s, command in rad, and what is measured just before each command is given. A
-    /// response that is no number is a gap.
+    /// A record from a log's columns: time in s, command in rad, and the response measured just before each command is
+    /// given. A response that is no number is a gap.
     ///
     /// # Errors
-    /// What makes the columns unusable.
+    /// The fault that makes the columns unusable.
     pub fn new(time: &[f64], command: &[f64], response: &[f64]) -> Result<Self, IdentifyError> {
         let rows = time.len();
         if command.len() != rows || response.len() != rows {
@@ -279,7 +279,7 @@ impl SteeringRecord {
         Ok(best)
     }
 
-    /// How good a prediction is with a gain, or with its best one.
+    /// Quality of a prediction with a gain, or with its best one.
     fn judge(&self, actuator: Actuator, gain: Option<f64>, prediction: &[f64]) -> IdentifiedActuator {
         let rows = || prediction.iter().zip(&self.responses).filter(|(_, y)| y.is_finite());
         let (mut pp, mut py, mut yy, mut sum, mut count) = (0.0, 0.0, 0.0, 0.0, 0.0);

@@ -12,7 +12,7 @@ const FAR_OUT: f64 = 3.0;
 const LEAST_RANGE: f64 = 1e-2;
 /// More rows a second tell nothing of an actuator while the command stands.
 const FASTEST: f64 = 100.0;
-/// What a command did before a stretch is forgotten after this, s, or after a quarter of the stretch.
+/// Time after which the command before a stretch is forgotten, s; or a quarter of the stretch.
 const FORGOTTEN: f64 = 1.0;
 
 /// Rows of all drives, one after the other.
@@ -26,7 +26,7 @@ pub(super) struct Rows {
     pub response: Vec<f64>,
     /// m/s; empty where it is not needed.
     pub speed: Vec<f64>,
-    /// Whether a row counts.
+    /// True for each row that counts.
     pub counts: Vec<bool>,
     /// First row of each stretch.
     pub begins: Vec<usize>,
@@ -146,7 +146,7 @@ impl Rows {
         }
     }
 
-    /// What was commanded before a stretch is not known, unless the command stands at its beginning.
+    /// Leaves out the beginning of a stretch whose earlier command is not known, unless the command stands there.
     fn forget_beginning(&mut self, stretch: std::ops::Range<usize>) {
         let (first, time) = (self.command[stretch.start], &self.time);
         let begin = time[stretch.start];
