@@ -1,16 +1,16 @@
 //! The guard: plausibility of the measurements, and their replacement by an estimate.
 //!
-//! A measurement is plausible if the vehicle can have got there. A Kalman filter carries the motion `z = [x, y, yaw,
-//! vx, vy, yaw_rate, articulation, articulation_rate]` from step to step, with the nominal model and the commands in
-//! force. Each signal has a gate of its own:
+//! A measurement is plausible if the vehicle can have got there. A Kalman filter carries the motion
+//! `z = [x, y, yaw, vx, vy, yaw_rate, articulation, articulation_rate]` from step to step, with the nominal model and
+//! the commands in force. Each signal has a gate of its own:
 //!
 //! ```text
 //! z^ = f(z, steer, accel),   P^ = F P F' + Q        (z_i - z^_i)^2 <= GATE^2 (P^_ii + R_i) n_i
 //! ```
 //!
-//! `Q` covers forces of the tyres beyond the model, and `R` the sensors' noise (`observer.*`, twice as much). `n_i >=
-//! 1` is the mean of the observed innovations in units of the expected ones: a sensor that is worse than declared
-//! widens its own gate. Between two measurements `P` grows, and the gates with it.
+//! `Q` covers forces of the tyres beyond the model, and `R` the sensors' noise (`observer.*`, twice as much).
+//! `n_i >= 1` is the mean of the observed innovations in units of the expected ones: a sensor that is worse than
+//! declared widens its own gate. Between two measurements `P` grows, and the gates with it.
 //!
 //! | observation | action |
 //! |---|---|

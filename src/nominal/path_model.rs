@@ -67,8 +67,8 @@ pub trait PathModel<const S: usize, const N: usize>: std::fmt::Debug + Clone + S
     /// The state of steady cornering with these errors, at station 0, and a good first guess of its steering angle.
     fn steady_state(&self, vx: f64, curvature: f64, errors: &SVector<f64, S>) -> (SVector<f64, N>, f64);
 
-    /// Errors nearer to the steady state with the inputs of this step, from `state`. One step of Newton on `step(x) =
-    /// x` for all states but the station and `e1 = 0`, and for the steering.
+    /// Errors nearer to the steady state with the inputs of this step, from `state`. One step of Newton on
+    /// `step(x) = x` for all states but the station and `e1 = 0`, and for the steering.
     fn steadier(
         errors: &SVector<f64, S>,
         state: &SVector<f64, N>,

@@ -21,8 +21,8 @@
 //! ```
 //!
 //! The method begins at the unconstrained minimiser `-H^-1 f`, which is the answer in most steps of a drive. As long as
-//! a row is violated, the multiplier of the most violated one grows, while the working set stays satisfied. With `V =
-//! H^-1 A_W'`, `K = A_W V + C`, `v = H^-1 a` and `r = K^-1 A_W v`, by one unit of it
+//! a row is violated, the multiplier of the most violated one grows, while the working set stays satisfied. With
+//! `V = H^-1 A_W'`, `K = A_W V + C`, `v = H^-1 a` and `r = K^-1 A_W v`, by one unit of it
 //!
 //! ```text
 //! dU = V r - v,    d lambda_W = -r,    violation falls by  a'v + c - r' A_W v

@@ -9,8 +9,8 @@
 //! ```
 //!
 //! The model is the reduced vehicle (`vehicle/reduced.rs`), corrected to the full plant by the difference of both. That
-//! is taken once, with all effects neutral and the same force at the wheels: `y = reduced(p) + plant(neutral) -
-//! reduced(neutral)`.
+//! is taken once, with all effects neutral and the same force at the wheels:
+//! `y = reduced(p) + plant(neutral) - reduced(neutral)`.
 //!
 //! | file | idea |
 //! |---|---|
