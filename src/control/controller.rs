@@ -144,7 +144,7 @@ pub struct ControllerState<const S: usize = ERRORS> {
 }
 
 /// Steps for which a value of the dither is held: 40 ms at Ts = 0.02 s. Held for 0.1 s it does not excite the vehicle
-/// above 5 Hz, and a model learned from it is wrong at the frequencies of a tight controller.
+/// above 5 Hz. A model learned from it is wrong at the frequencies of a tight controller.
 const DITHER_HOLD: u64 = 2;
 
 /// Uncertainty of the actuator's delay at which the loop is half way from calm to tight, s: a tight loop stands it
@@ -408,8 +408,8 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
         }
     }
 
-    /// Tracks the speed plan. The speed falls where the vehicle is far from the path or leaves it, down to zero where
-    /// it has left it or is to stop.
+    /// Tracks the speed plan. The speed falls if the vehicle is far from the path or leaves it, and to zero once it has
+    /// left it or is to stop.
     fn command_speed(
         &mut self,
         speed: f64,

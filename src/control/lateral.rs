@@ -317,8 +317,8 @@ impl<const S: usize> LateralMpc<S> {
         }
     }
 
-    /// The state after this step if `steer` is issued, by the nominal model and with the full learned model, regardless
-    /// of the share in use; none without a learned model.
+    /// The state after this step if `steer` is issued: by the nominal model, and with the full learned model regardless
+    /// of the share in use. None without a learned model.
     #[must_use]
     pub fn without_and_with_learned(
         &self,

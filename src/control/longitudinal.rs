@@ -9,7 +9,7 @@
 //!      -decel_max <= a <= accel_max,  |a_j - a_{j-1}| <= Ts * rate_max,   v <= v_ref + overspeed_max softly
 //! ```
 //!
-//! `d` is the acceleration of the drive beyond its command (drag, grade, payload), observed from the speed; without it
+//! `d` is the acceleration of the drive beyond its command (drag, grade, payload), observed from the speed. Without it
 //! a slope would cause a standing lag error. The speeds of the reference are known, so that this is a QP with known
 //! inputs.
 //!

@@ -82,7 +82,7 @@ pub struct Noise<const S: usize = ERRORS> {
 }
 
 impl<const S: usize> Noise<S> {
-    /// Noise of the errors to the path, by the parameters, and of the states behind them: each a value and then its
+    /// Noise of the errors to the path, by the parameters, and of the states behind them. Each is a value and then its
     /// rate, as the errors.
     #[must_use]
     pub fn new(p: &ObserverParameters, further: &[FurtherState], sample_time: f64) -> Self {

@@ -236,8 +236,8 @@ impl MpcParameters {
     }
 
     /// The weights of a loop that is faster by `tightening` to the power of `tightness`, 0 to 1. In a time shorter by
-    /// `f` the weights of rates fall with the square of `f`, those of second derivatives with its fourth power. That of
-    /// the lateral jerk, which is the steering's rate times `v^2/L`, falls with its sixth.
+    /// `f` the weights of rates fall with the square of `f`, those of second derivatives with its fourth power. The
+    /// weight of the lateral jerk, which is the steering's rate times `v^2/L`, falls with its sixth.
     #[must_use]
     pub fn tightened(self, tightness: f64) -> Self {
         let faster = self.tightening.powf(tightness);

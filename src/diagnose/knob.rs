@@ -147,7 +147,7 @@ const INERTIAL_LAG: f64 = 0.010;
 /// A satellite receiver or navigation unit has a clock and a latency of its own, s.
 const RECEIVER_LATE: f64 = 0.05;
 
-/// Height of the accelerometer in the body, m, which no vehicle file holds: at `z` over the CG it feels `-z` times the
+/// Height of the accelerometer in the body, m, which no vehicle file holds. At `z` over the CG it feels `-z` times the
 /// roll acceleration besides. A navigation unit measures at a point of its user's choice, which may lie on the road.
 const IMU_HEIGHT: f64 = 0.15;
 const UNIT_HEIGHT: f64 = 0.5;

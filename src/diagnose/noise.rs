@@ -21,8 +21,8 @@ const CORRELATED: usize = 20;
 const GREATEST_LOSS: f64 = 6.0;
 /// Errors of the model's form come back with every turn: drives longer than this, s, tell no more about them.
 const SAME: f64 = 30.0;
-/// Threshold of a lost replay, as where a vehicle slides: a fit leaves so many times its ordinary power, that of all
-/// but the worst tenth. A moment is so many samples to either side.
+/// Threshold of a lost replay, as where a vehicle slides: a fit leaves so many times its ordinary power. Ordinary is
+/// the power of all but the worst tenth. A moment is so many samples to either side.
 const LOST: f64 = 10.0;
 const MOMENT: usize = 10;
 
@@ -85,7 +85,7 @@ impl Noise {
     }
 
     /// Noise coarser by a share of the neutral gap. Far from the cause, a gap of hundreds of standard deviations pulls
-    /// every tolerance beyond the range of its slopes; a search begins with less trust.
+    /// every tolerance beyond the range of its slopes. So a search begins with less trust.
     #[must_use]
     pub fn coarse<V>(&self, problem: &Problem<V>, neutral: &[f64]) -> Self {
         let mut noise = self.clone();
@@ -173,8 +173,8 @@ fn ordinary(values: &mut [f64]) -> f64 {
     mean(&values[..(values.len() * 9).div_ceil(10)])
 }
 
-/// Ratio of a fit's remaining power to its ordinary power in each moment of a drive, where that is so large that the
-/// replay is lost; else 1.
+/// Ratio of a fit's remaining power to its ordinary power in each moment of a drive. It is given only if it is so large
+/// that the replay is lost; else 1.
 fn lost<'a>(channels: impl Iterator<Item = &'a [f64]>, rows: usize) -> Vec<f64> {
     let power = power(channels.map(|left| (left, rms(left).max(f64::MIN_POSITIVE))), rows);
     let mut before = Vec::with_capacity(rows + 1);

@@ -30,7 +30,7 @@ use std::sync::Arc;
 
 /// Standard deviations of bank and grade, rad, and the distance of their hats, m. Public roads are crowned by 2 to 3 %
 /// and banked by up to 7 % in bends, over transitions of some 20 to 50 m. Grades are designed for a few per cent over
-/// crests and sags of more than 100 m (AASHTO, A Policy on Geometric Design of Highways and Streets, ch. 3).
+/// crests and sags of more than 100 m. (AASHTO, A Policy on Geometric Design of Highways and Streets, ch. 3.)
 const BANK: (f64, f64) = (0.015, 25.0);
 const GRADE: (f64, f64) = (0.02, 100.0);
 /// Decay of a hat's response, in leak times of the slowest channel.

@@ -302,8 +302,8 @@ fn bound<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, none: &mut Fit, 
     sort(singles);
 }
 
-/// Upper bounds from larger candidates. Where one of the effects is within its tolerance, the background explains its
-/// part without freeing it. The cost bounds that of the candidate of the others, whose own search may have missed it.
+/// Upper bounds from larger candidates. The background also explains the part of an effect within its tolerance,
+/// without freeing it. The cost bounds that of the candidate of the others, whose own search may have missed it.
 fn bound_fewer<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, fewer: &mut Vec<Fit>, more: &[Fit]) {
     for fit in more {
         let off = prior.off(&fit.x);
@@ -326,8 +326,8 @@ fn bound_fewer<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, fewer: &mu
     sort(fewer);
 }
 
-/// Upper bounds from smaller candidates, the reverse of [`bound`]. Where one of the first few strains the tolerance of
-/// an effect, freeing that too saves the cost of the strain. True if the result is better than the best known.
+/// Upper bounds from smaller candidates, the reverse of [`bound`]. Among the first few, freeing an effect whose
+/// tolerance is strained saves the cost of the strain. True if the result is better than the best known.
 fn bound_more<V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,

@@ -170,8 +170,8 @@ pub struct NamedEffect {
     pub dominance: f64,
     /// Its value on the nominal vehicle: what the reference log says of it, and the change.
     pub total: f64,
-    /// Direction of a wind that is named by its speed, as the log tells no heading: rad to the left of the heading at
-    /// the log's start.
+    /// Direction of a wind that is named by its speed, because the log tells no heading. In rad, to the left of the
+    /// heading at the log's start.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub direction: Option<f64>,
     /// Effects of the simulator and their values where one does not say it all: a payload with its place, such a wind by its

@@ -1,7 +1,7 @@
 //! Reduction of the gap on parts of the log that the fit has not seen.
 //!
 //! Blocks of 8 s belong in turn to two halves; a fit on one is tried on the other. The ceiling of all learning is the
-//! part of the rest that a model learned from past commands removes. That model is a ridge regression on lagged
+//! part of the rest that a model learned from past commands removes. The model is a ridge regression on lagged
 //! steering, by speed.
 
 use super::fit::{Fit, Linear, Prior, fit};

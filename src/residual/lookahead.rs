@@ -86,8 +86,8 @@ struct Rows {
     /// For each row and tree the end reached and the leaf there.
     end: Vec<u16>,
     leaf: Vec<u32>,
-    /// Trees to be looked up again in each row, a bit for each, in so many words a row; and the number of levels above
-    /// the ends at which the look-up starts. The way to there is unchanged.
+    /// Trees to be looked up again in each row: a bit for each, in so many words a row. `above` is the number of levels
+    /// above the ends at which the look-up starts; the way to there is unchanged.
     marked: Vec<u64>,
     words: usize,
     above: Vec<u16>,

@@ -339,8 +339,8 @@ pub struct Coefficients<const S: usize = ERRORS> {
     leaves: Vec<u32>,
     /// Their mean coefficients as they are in the model: without the road's values, not scaled.
     mean: Theta<S>,
-    /// Distance of the worst feature from its range in training, in widths of that range; of the speed, in shares of
-    /// the speed exceeded; 0 inside.
+    /// Distance of the worst feature from its range in training, in widths of that range; 0 inside. Of the speed, in
+    /// shares of the speed exceeded.
     pub excess: f64,
     /// Share of the leaves that never saw commands like those given, 0 to 1.
     pub strange_leaves: f64,

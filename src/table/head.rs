@@ -170,8 +170,8 @@ fn is_data(row: &Line, width: usize, delimiter: u8) -> bool {
     row.fields.len() >= width.min(2) && values.len() > others.len()
 }
 
-/// The row of names among those before the numbers: the one with most known names. Where none is known, the last before
-/// the numbers. A comment counts only where it has two known names and no row has one.
+/// The row of names among those before the numbers: the one with most known names. Without known names, the last before
+/// the numbers. A comment counts only if it has two known names and no row has one.
 fn names_row(before: &[Line], known: &dyn Fn(&str) -> bool, width: usize, guess: bool) -> Option<usize> {
     let count = |row: &Line| row.fields.iter().filter(|name| known(split_unit(name).0)).count();
     let best = |comment: bool| {

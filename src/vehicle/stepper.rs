@@ -57,7 +57,7 @@ pub enum StepError {
     NotFinite { time: f64 },
 }
 
-/// Why a saved state could not be restored.
+/// Reasons for which a saved state could not be restored.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error(
     "this is no saved state of this vehicle ({reason}); use one that the same vehicle with the same parameters saved"

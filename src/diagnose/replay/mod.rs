@@ -8,8 +8,8 @@
 //!     z' = rate(model) + (z_log - z) / T,      compared: z_log - z
 //! ```
 //!
-//! The model is the reduced vehicle (`vehicle/reduced.rs`), corrected to the full plant by the difference of both. That
-//! is taken once, with all effects neutral and the same force at the wheels:
+//! The model is the reduced vehicle (`vehicle/reduced.rs`), corrected to the full plant by the difference of both. The
+//! difference is taken once, with all effects neutral and the same force at the wheels:
 //! `y = reduced(p) + plant(neutral) - reduced(neutral)`.
 //!
 //! | file | idea |

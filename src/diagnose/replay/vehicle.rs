@@ -70,7 +70,7 @@ impl Driven {
 }
 
 /// Acceleration that keeps the full plant at the log's speed, m/s2. The cost of turning is in no column and is left to
-/// the integral; else a plant in a bend would be slower than the log by that over the gain.
+/// the integral. Otherwise a plant in a bend would be slower than the log by that over the gain.
 fn keep_speed<V: ReplayVehicle>(vehicle: &V, drive: &Drive, row: usize, vx: f64, integral: &mut f64) -> f64 {
     let parameters = SpeedParameters {
         gain: SPEED_GAIN,

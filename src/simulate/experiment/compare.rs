@@ -164,7 +164,7 @@ impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P,
     }
 
     /// The second round: for each seed drives of the training route by an MPC with one linear model, learned from the first.
-    /// Where that one loses the vehicle at each amplitude of the dither there are none, and the first round must do.
+    /// If that one loses the vehicle at each amplitude of the dither there are none, and the first round must do.
     fn collect_again(&mut self, again: Again) -> Result<Vec<Vec<DriveFor<C>>>, CompareError> {
         let Effort { seeds, drives, threads, .. } = self.effort;
         let this = &*self;

@@ -76,9 +76,9 @@ pub struct Setting {
     pub sweep: Option<SweepSetting>,
 }
 
-/// The second round of collecting. A nominal MPC that survives a long delay is so calm that it weaves: it stays far
-/// from the states, and the small steering, of the drives to come. One linear model of its drives is enough for an MPC
-/// that tracks. That one's drives, shaken more strongly, are the training data beside the first.
+/// The second round of collecting. A nominal MPC that survives a long delay is so calm that it weaves. Its drives stay
+/// far from the states, and the small steering, of the drives to come. One linear model of them is enough for an MPC
+/// that tracks. The drives of this MPC, shaken more strongly, are the training data beside the first.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Again {
     /// Its weights.
@@ -105,7 +105,7 @@ pub trait Compared<const S: usize, const C: usize>: SimulatedVehicle<S, C, Param
     ) -> Result<GpOf<NominalOf<Self, S, C>, S>, GpTrainError>;
 }
 
-/// Weights of a car's collecting controller. The default ones ring on a car with a slow actuator, and a model that has
+/// Weights of a car's collecting controller. The default ones ring on a car with a slow actuator. A model that has
 /// learned ringing, with its saturated commands, makes the loop diverge. Measured on lag 0.1 s and dead time 0.06 s,
 /// RFL+S with a window of 16, as mean lateral error on the test route. The nominal has 34 mm; learned from drives with
 /// the default weights it is 767 mm, with these 16 mm.
@@ -118,8 +118,8 @@ pub const CALM: Weights = Weights {
     prediction_noise: 0.0,
 };
 
-/// Weights of a truck's collecting controller. Behind a dead time of 0.3 s and a lag of 0.2 s, with dither, it stays on
-/// the training route (mean lateral error 0.46 m, at most 1.7 m); tighter ones jack-knifed there.
+/// Weights of a truck's collecting controller, tried behind a dead time of 0.3 s and a lag of 0.2 s. With dither, it
+/// stays on the training route (mean lateral error 0.46 m, at most 1.7 m); tighter ones jack-knifed there.
 pub const TRUCK_CALM: Weights = Weights { q_e1_rate: 3.0, q_e2: 1000.0, r_rate: 300.0, ..CALM };
 
 /// Amplitude of the dither of a car's collecting drives, rad.

@@ -1,7 +1,7 @@
 //! The search: CMA-ES over decades, its cost a soft worst case, with early stops of losing candidates.
 //!
 //! The scenarios of a candidate are driven hardest first, a few at once. A candidate is dropped as soon as its cost far
-//! exceeds that of the better half of the last generation: the strategy only needs to know that it is among the worse.
+//! exceeds that of the better half of the last generation. The strategy only needs to know that it is among the worse.
 //! The number driven at once does not depend on the threads, so the result does not either.
 //!
 //! Source: Hansen, The CMA evolution strategy: a tutorial, 2016.
