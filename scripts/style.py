@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Counts how the project is written: names defined twice, doc comments, import circles, length of sentences.
 
-It reads the files only; nothing is built. The measures and their limits are in `MEASURES`; each is defined where it is counted.
+It reads the files only; nothing is built. `MEASURES` has the measures and their limits; each is defined where it is counted.
 """
 
 from __future__ import annotations
@@ -90,8 +90,11 @@ def blocks(lines: list[tuple[int, str]]) -> Iterator[list[tuple[int, str]]]:
         else:
             item = LIST_ITEM.match(line)
             code = line.startswith("    ") and blank and not listed
-            left_out = not words or code or words.startswith(("#", "|", "![", "<", ">")) or bool(
-                re.match(r"\[[^]]+\]:\s", words)
+            left_out = (
+                not words
+                or code
+                or words.startswith(("#", "|", "![", "<", ">"))
+                or bool(re.match(r"\[[^]]+\]:\s", words))
             )
             listed = bool(item) or (listed and (not words or line.startswith(" ")))
             if item and not code and block:
@@ -110,8 +113,8 @@ def blocks(lines: list[tuple[int, str]]) -> Iterator[list[tuple[int, str]]]:
         yield block
 
 
-def sentences(lines: list[tuple[int, str]]) -> Iterator[tuple[int, str]]:
-    """Sentences with the lines they begin in: of a paragraph or list item, up to a full stop.
+def sentences(lines: list[tuple[int, str]]) -> Iterator[tuple[int, tuple[str, int]]]:
+    """Sentences, each with its first line and its number of words: of a paragraph or list item, up to a full stop.
 
     Code in backquotes and formulas count as one word, a link as its text.
     """
@@ -228,6 +231,7 @@ def read_source(file: Path) -> Source:
             walk(child, inside or kind in ("impl_item", "trait_item"), tests)
 
     walk(parser().parse(text).root_node, False, False)
+    last = ""
     for line, marker, words in comments:
         if source.docs and source.docs[-1][-1][0] == line - 1 and last == marker:
             source.docs[-1].append((line, words))
@@ -386,10 +390,12 @@ def count_docs(root: Path, sources: dict[Path, Source], count: Count) -> None:
 def count_circles(root: Path, sources: dict[Path, Source], count: Count) -> None:
     """Circles between files of one folder of src, and of fmu-build/src.
 
-    A file uses another where an import or a qualified path leads to an item that the other defines, re-exports followed.
-    `mod` and `pub use` are no uses, and tests do not count. A circle is a set of files each of which reaches each other.
+    A file uses another if an import or a qualified path leads, through all re-exports, to an item that the other defines.
+    `mod` and `pub use` are no uses, and tests do not count. A circle is a set of files that all reach one another.
     """
-    groups = [folder for folder in sorted((root / "src").iterdir()) if folder.is_dir()] if (root / "src").is_dir() else []
+    groups = (
+        [folder for folder in sorted((root / "src").iterdir()) if folder.is_dir()] if (root / "src").is_dir() else []
+    )
     crates = {folder: Modules(root / "src", sources) for folder in groups}
     packer = root / "fmu-build" / "src"
     if packer.is_dir():
@@ -410,7 +416,11 @@ def count_circles(root: Path, sources: dict[Path, Source], count: Count) -> None
 
 def count_pages(root: Path, count: Count) -> None:
     """Sentences of README, CONTRIBUTING and docs; tables, code, headings and pictures are left out."""
-    files = [file for page in PAGES for file in ([root / page] if page.endswith(".md") else sorted((root / page).rglob("*.md")))]
+    files = [
+        file
+        for page in PAGES
+        for file in ([root / page] if page.endswith(".md") else sorted((root / page).rglob("*.md")))
+    ]
     found = []
     for file in files:
         if file.is_file():
@@ -471,7 +481,9 @@ measures with places: types_in_several_files, question_openings_percent, doc_sen
 page_sentences_over_25""",
     )
     listed.add_argument("--json", action="store_true", help="print JSON")
-    listed.add_argument("--list", nargs="?", const="all", metavar="MEASURE", help="show the places, of one measure or all")
+    listed.add_argument(
+        "--list", nargs="?", const="all", metavar="MEASURE", help="show the places, of one measure or all"
+    )
     listed.add_argument("--check", action="store_true", help="exit status 1 where a limit is missed")
     listed.add_argument("--root", type=Path, default=ROOT, metavar="FOLDER", help="another checkout")
     return listed.parse_args()
