@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Counts how the project is written: names defined twice, doc comments, import circles, length of sentences.
 
-It reads the files only; nothing is built. `MEASURES` has the measures and their limits; each is defined where it is counted.
+It reads the files only; nothing is built. `MEASURES` has the measures and their limits; each `count_...` has its definition.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import argparse
 import bisect
 import json
 import math
+import os
 import re
 import sys
 from collections.abc import Iterator
@@ -390,7 +391,7 @@ def count_docs(root: Path, sources: dict[Path, Source], count: Count) -> None:
 def count_circles(root: Path, sources: dict[Path, Source], count: Count) -> None:
     """Circles between files of one folder of src, and of fmu-build/src.
 
-    A file uses another if an import or a qualified path leads, through all re-exports, to an item that the other defines.
+    A file uses another if an import or a qualified path leads to an item of the other, re-exports followed.
     `mod` and `pub use` are no uses, and tests do not count. A circle is a set of files that all reach one another.
     """
     groups = (
@@ -512,4 +513,7 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    try:
+        sys.exit(main())
+    except BrokenPipeError:  # `scripts/style | head`: the reader has enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
