@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Counts how the project is written: names defined twice, doc comments, import circles, length of sentences.
 
-It reads the files only; nothing is built. `MEASURES` has the measures and their limits; each `count_...` has its definition.
+It reads the files only; nothing is built. `MEASURES` has the measures and their limits; `count_...` define them.
 """
 
 from __future__ import annotations
