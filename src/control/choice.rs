@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 enumeration! {
-    /// The variants of the controller: what it predicts with.
+    /// The variants of the controller: its prediction models.
     pub enum ControlVariant {
         None = 0 "none", "The nominal model alone; with a model file, what that file holds";
         Linear = 1 "linear", "With a learned residual: one linear model for all";
@@ -59,7 +59,7 @@ pub const MODEL_EXTENSION: &str = "rflm";
 /// Choice of a user.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Choice {
-    /// The variant; `none` with a file: the variant that the file is for.
+    /// The variant; `none` with a file means the variant of the file.
     pub variant: ControlVariant,
     /// The file of the learned model, if one was given.
     pub file: Option<PathBuf>,
@@ -67,7 +67,7 @@ pub struct Choice {
     pub folder: PathBuf,
     /// Propagation of a residual in the prediction.
     pub propagation: Propagation,
-    /// With what the states are predicted at which a residual is asked.
+    /// Model of the predicted states at which a residual is asked.
     pub roll_out: RollOut,
 }
 

@@ -49,7 +49,7 @@ pub(super) fn add(y: &mut [f64], factor: f64, x: &[f64]) {
     }
 }
 
-/// Rows that are factorised at once: as many as keep a processor busy while one entry waits for another.
+/// Number of rows that are factorised at once: enough to keep a processor busy while one entry waits for another.
 const TOGETHER: usize = 4;
 
 /// The factor, with room for a largest size.

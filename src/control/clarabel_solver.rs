@@ -30,7 +30,7 @@ pub struct ClarabelSolver {
     shape: QpShape,
     /// Non-zeros of the cost's upper triangle.
     cost: Vec<f64>,
-    /// `H`, a packed lower triangle by rows (its upper one by columns), and where its entries stand in `cost`.
+    /// `H`, a packed lower triangle by rows (its upper one by columns), and the places of its entries in `cost`.
     hessian: Vec<f64>,
     cost_places: Vec<usize>,
     /// Non-zeros of the constraint matrix.
@@ -151,7 +151,7 @@ impl ClarabelSolver {
         Self::with_settings(typical, settings(max_iterations))
     }
 
-    /// Builds a slow and exact solver to hold others against: tolerances of 1e-13 with iterative refinement.
+    /// Builds a slow and exact solver as a reference for others: tolerances of 1e-13 with iterative refinement.
     ///
     /// # Errors
     /// Data that Clarabel refuses.
@@ -272,7 +272,7 @@ fn settings(max_iterations: u32) -> DefaultSettings<f64> {
         .expect("the settings are constants within their ranges")
 }
 
-/// Writes what changes from step to step into the right-hand side.
+/// Writes the changing right-hand side of a step.
 fn write_rhs(problem: &TrackingQp, rhs: &mut [f64]) {
     let shape = &problem.shape;
     let layout = Layout::of(shape);

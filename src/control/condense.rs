@@ -28,7 +28,7 @@ enumeration! {
     }
 }
 
-/// A state that a prediction is made of: a vector, or one in blocks.
+/// A state of the prediction: a vector, or one in blocks.
 pub trait HorizonState: Copy + Add<Output = Self> + AddAssign + Mul<f64, Output = Self> {
     /// Number of components.
     const COMPONENTS: usize;
@@ -77,8 +77,9 @@ pub trait Transition<X: HorizonState> {
     /// `A x`.
     fn apply(&self, x: &X) -> X;
 
-    /// Moves the first `count` effects on by a step: `A x`, and what the last of them have more. Component `i` of effect
-    /// `k` stands at `i stride + k`, and a stride is a multiple of [`BLOCK`]. Effects behind may be changed, too.
+    /// Moves the first `count` effects on by a step: `A x`, with the additional states of the last of them. Component
+    /// `i` of effect `k` stands at `i stride + k`, and a stride is a multiple of [`BLOCK`]. Effects behind may be
+    /// changed, too.
     fn advance(&self, effects: &mut [f64], stride: usize, count: usize, more: &[X]) {
         for k in 0..count {
             let more = (k + more.len()).checked_sub(count).map_or(X::zero(), |k| more[k]);
@@ -132,7 +133,7 @@ pub struct Affine<X> {
     /// Place of step 0 in `command`; the others follow, and the last place is followed by the first. Unchanged entries
     /// need not move when the horizon does.
     pub first: usize,
-    /// Effect of a command that is held over the whole window, at the same places, for whoever fills it in.
+    /// Effect of a command that is held over the whole window, at the same places, if the caller fills it in.
     pub held: Vec<X>,
     /// Residual of each step without decisions: its constant part and that of past commands.
     pub settled: Vec<X>,
@@ -194,8 +195,8 @@ pub struct Linear<'a, A, X> {
     pub b: &'a X,
 }
 
-/// `A` of a model in errors to a path: nothing depends on the first of them, the lateral error, but itself. So the first
-/// column of `A` is that of the identity, and a product is spared it.
+/// `A` of a model in errors to a path: only the lateral error itself depends on the lateral error. So the first column
+/// of `A` is that of the identity, and the product skips it.
 #[derive(Debug, Clone, Copy)]
 pub struct ErrorTransition<'a, const S: usize>(pub &'a SMatrix<f64, S, S>);
 
@@ -307,8 +308,8 @@ pub fn condense<A: Transition<X>, X: HorizonState>(
 /// Response to one command in a horizon whose steps differ by time alone.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Response<X> {
-    /// Effects on each state component by component, the latest first: what a command does `k` steps later stands at
-    /// `horizon - k`.
+    /// Effects on each state component by component, the latest first: the response to a command `k` steps later stands
+    /// at `horizon - k`.
     effects: Vec<f64>,
     horizon: usize,
     of: std::marker::PhantomData<X>,

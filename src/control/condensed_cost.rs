@@ -102,7 +102,7 @@ fn add_rates(problem: &TrackingQp, hessian: &mut [f64], linear: &mut [f64]) {
     }
 }
 
-/// The outputs' cost of one input that acts at each step as it does at the others.
+/// The outputs' cost of one input whose response is the same at each step.
 fn condense_shift_invariant(problem: &TrackingQp, hessian: &mut [f64], linear: &mut [f64]) {
     let shape = &problem.shape;
     let (n, outputs) = (shape.horizon, shape.outputs);

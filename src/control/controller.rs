@@ -4,13 +4,13 @@
 //! goes on; when that is used up, steering is held and the vehicle brakes. Measurements are judged first. The
 //! prediction replaces an implausible one for a while, and then the vehicle stops along the road (`guard.rs`).
 //!
-//! Speed is the first thing to give up: it falls with a lateral error that is large and grows,
+//! Speed is given up first: it falls with a lateral error that is large and grows,
 //!
 //! ```text
 //! v <= v_plan (FAR_E1 - ahead) / (FAR_E1 - slow_e1),     ahead = |e1| + e1' * 1 s  in the direction of e1
 //! ```
 //!
-//! and to zero where a vehicle has left the path by a lane's width.
+//! and to zero once a vehicle has left the path by a lane's width.
 
 use super::bank::{Bank, BankState, KnownActuator};
 use super::clarabel_solver::BuildError;
@@ -46,7 +46,7 @@ pub struct Measurement {
     pub vx: f64,
     pub vy: f64,
     pub yaw_rate: f64,
-    /// Road-wheel angle: where the steering command starts from at the first step.
+    /// Road-wheel angle: start of the steering command at the first step.
     pub steer: f64,
     /// Articulation angle, rad; 0 for a vehicle without one.
     pub articulation: f64,
@@ -69,7 +69,7 @@ pub struct StepReport {
     pub curvature: f64,
     pub curvature_rate: f64,
     pub speed_ref: f64,
-    /// Distance along the path from the vehicle to the point that the speed controller follows, m; 0 where it follows none.
+    /// Distance along the path from the vehicle to the point that the speed controller follows, m; 0 without one.
     pub lag_error: f64,
     /// Share of the horizon where the learned residual was asked outside its training and faded out, 0 to 1.
     pub residual_outside: f64,
@@ -106,7 +106,7 @@ pub enum StepError {
     ForeignState,
 }
 
-/// Everything that steps change: what a saved state holds.
+/// State of the controller between steps: the contents of a saved state.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ControllerState<const S: usize = ERRORS> {
     /// Steering command in force; none before the first step.
@@ -157,9 +157,9 @@ const START_LATERAL_ACCEL: f64 = 0.3;
 /// Share of the steering's rate and of the lateral jerk that the speed plan uses: the rest is for errors.
 const PLANNED_SHARE: f64 = 0.5;
 
-/// Lateral error beyond which something is wrong, and speed is the first thing to give up: a lane's width, m.
+/// Lateral error beyond which there is a fault and speed is given up first: a lane's width, m.
 const FAR_E1: f64 = 3.5;
-/// Yaw error beyond which it says nothing, rad.
+/// Yaw error beyond which the trend is meaningless, rad.
 const FAR_E2: f64 = 1.0;
 /// A vehicle beside the path aims at a parallel path this many seconds of travel away: it bounds the approach angle.
 const APPROACH_TIME: f64 = 0.2;
@@ -175,9 +175,9 @@ const TREND_TIME: f64 = 1.0;
 const RECOVERY_TIME: f64 = 2.0;
 /// Least share of the safe stop's deceleration, however much grip the steering needs.
 const LEAST_BRAKING: f64 = 0.3;
-/// Time over which the road ahead says how much grip the steering needs, s.
+/// Time of the road ahead that determines the grip for steering, s.
 const GRIP_PREVIEW: f64 = 0.5;
-/// Points of the road that are looked at over that time.
+/// Number of points on the road over that time.
 const GRIP_POINTS: u32 = 5;
 
 /// The controller of a car.
@@ -199,8 +199,8 @@ pub struct ControllerFor<G: VehicleParameters<S>, const S: usize> {
 }
 
 impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
-    /// Sets the controller up for a path. It predicts with the linear model behind the steering actuator of the parameters, to
-    /// begin with, and then with the one that the drive shows.
+    /// Sets the controller up for a path. It first predicts with the linear model behind the steering actuator of the
+    /// parameters, and then with the one that the drive shows.
     ///
     /// # Errors
     /// A parameter out of range.
@@ -393,7 +393,7 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
         Ok(&self.state.last)
     }
 
-    /// Forgets where the vehicle was: the host has moved it. The commands in force stay.
+    /// Forgets the vehicle's place: the host has moved it. The commands in force stay.
     fn forget(&mut self) {
         let state = &mut self.state;
         state.plan_age = state.plan.len();

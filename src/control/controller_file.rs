@@ -1,4 +1,4 @@
-//! A controller's file: the numbers that a search or a person chose, by name, and the vehicle that they are for.
+//! A controller's file: numbers chosen by a search or a person, by name, and the vehicle that they are for.
 //!
 //! ```toml
 //! kind = "car"
@@ -121,7 +121,7 @@ impl ControllerFile {
         text
     }
 
-    /// Takes the numbers over into a controller; `file` is where they came from.
+    /// Applies the numbers to a controller; `file` is their source.
     ///
     /// # Errors
     /// Another kind of vehicle; a value out of its range; a name that no parameter has. Some numbers may have changed then.

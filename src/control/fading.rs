@@ -25,11 +25,11 @@ use serde::{Deserialize, Serialize};
 const MEMORY: f64 = 1.0;
 /// Likelihood ratio, nominal over learned, from which on the learned model fades.
 const SIGNIFICANT: f64 = 20.0;
-/// Time in which the share follows what is known, s: it changes smoothly.
+/// Time in which the share follows its target, s: it changes smoothly.
 const SMOOTHING: f64 = 0.1;
-/// Time in which it rises as long as nothing is known, s.
+/// Time in which it rises without evidence, s.
 const UNKNOWN: f64 = 0.5;
-/// Least share: as good as nothing, and still enough to know what the model would say.
+/// Least share: practically nothing, and still enough to compute the model's prediction.
 pub const LEAST_SHARE: f64 = 1e-3;
 /// A model that is to be used to a smaller share is reported as faded.
 const FADED: f64 = 0.5;
@@ -84,7 +84,7 @@ impl<const S: usize> Fading<S> {
         self.target = target;
     }
 
-    /// Keeps what both models say of the next state.
+    /// Keeps both models' predictions of the next state.
     pub fn expect(&mut self, expected: Option<[SVector<f64, S>; 2]>) {
         self.expected = expected;
     }

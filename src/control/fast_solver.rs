@@ -1,4 +1,4 @@
-//! The active-set method, and Clarabel where it does not get through.
+//! The active-set method, with Clarabel for the problems that it refuses.
 //!
 //! Most problems of a drive have few active bounds, or none: the active-set method solves them in a tenth of an
 //! interior-point method's time. Clarabel solves the problems that it refuses: badly scaled, infeasible, or with too

@@ -58,21 +58,21 @@ type Signals = SVector<f64, SIGNALS>;
 
 /// Largest acceleration that tyres give, m/s2.
 const GRIP: f64 = 9.81;
-/// Standard deviations that a signal may be off.
+/// Width of a gate, in standard deviations.
 const GATE: f64 = 6.0;
-/// Sensors may be so many times as noisy as declared before they have shown it.
+/// Assumed ratio of the sensors' noise to the declared one, before they have shown it.
 const NOISE_MARGIN: f64 = 2.0;
 /// Largest factor on the variance of a sensor that has shown more noise.
 const LARGEST_SPREAD: f64 = 16.0;
-/// Time over which noise, and what the drive does beyond its command, are averaged, s.
+/// Averaging time of noise and of the acceleration beyond the command, s.
 const MEMORY: f64 = 1.0;
 /// Steps in a row that must agree before something is bridged.
 const ESTABLISHED: u32 = 5;
-/// Way in a step from which on a vehicle is seen to move, m: with the same bits a step later its measurement is stale.
+/// Way in a step from which on a vehicle moves, m: with the same bits a step later its measurement is stale.
 const MOVES: f64 = 1e-3;
 /// Share of the way, and of the turn, by which a pose and the integrated velocities of a new start may differ.
 const WAY_SHARE: f64 = 0.02;
-/// Largest acceleration beyond the command that is believed, m/s2: drag and grade.
+/// Largest plausible acceleration beyond the command, m/s2: drag and grade.
 const LARGEST_DRIFT: f64 = 2.0;
 
 /// The vehicle's motion by the filter.
@@ -103,7 +103,7 @@ pub struct GuardState {
     told: Option<Signals>,
     /// Steps in a row in which everything agreed.
     agreed: u32,
-    /// Time since each signal was last believed, s.
+    /// Time since each signal was last plausible, s.
     age: Signals,
     /// Mean of the squared innovations in units of their variance.
     spread: Signals,
@@ -121,7 +121,7 @@ pub enum Verdict {
     Believed,
     /// Prediction stands in for some of it.
     Bridged,
-    /// As it is, and nothing from before holds: the vehicle was moved.
+    /// Unchanged, and nothing from before holds: the vehicle was moved.
     Moved,
 }
 
@@ -308,7 +308,7 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
         state.candidate = None;
     }
 
-    /// The motion that goes on in `told`, if it is one, from what was a candidate before.
+    /// Continues the candidate of a new start with the motion in `told`, if it is one.
     fn candidate(
         &self,
         before: Option<Candidate>,
@@ -439,7 +439,7 @@ impl Track {
 }
 
 impl GuardState {
-    /// Longest time for which a signal has not been believed, s.
+    /// Longest time for which a signal has been implausible, s.
     fn lost(&self) -> f64 {
         self.age.max()
     }

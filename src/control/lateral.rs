@@ -63,17 +63,17 @@ pub struct LateralInput<'a, const S: usize = ERRORS> {
     pub path: &'a Path,
     /// Disturbance of each step.
     pub disturbance: &'a SVector<f64, S>,
-    /// Share of what is learned that is used, 0 to 1.
+    /// Share of the learned model in use, 0 to 1.
     pub residual_share: f64,
     /// Seconds for the solver; infinite for no limit.
     pub time_limit: f64,
-    /// The steering actuator to predict with, where the drive has shown it.
+    /// The steering actuator to predict with, if the drive has shown it.
     pub actuator: Option<Actuator>,
     /// Certainty of the prediction, 0 to 1: the loop becomes faster with it, `mpc.tightening`.
     pub tightness: f64,
 }
 
-/// Writes what following the road asks for into a problem, for a kind of vehicle.
+/// Writes the reference of following the road into a problem, for a kind of vehicle.
 trait FollowRoad<const S: usize>: Send {
     fn write(
         &mut self,
@@ -307,7 +307,7 @@ impl<const S: usize> LateralMpc<S> {
         shape.rate_max[0] = p.steer_rate_at(speed, self.wheelbase) * p.sample_time;
     }
 
-    /// The state after this step if `steer` is issued, with everything that the newest prediction knew; `past` are the
+    /// The state after this step if `steer` is issued, with all knowledge of the newest prediction; `past` are the
     /// commands before it.
     #[must_use]
     pub fn next_state(&self, state: &SVector<f64, S>, past: &[f64], steer: f64) -> Option<Expected<S>> {

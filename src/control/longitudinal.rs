@@ -18,11 +18,11 @@
 //! reference. There the steering moves only the first and the acceleration only the second, so that the Hessian is
 //! block diagonal and one QP is two. This leaves out products with the curvature. A deviation of the speed turns the
 //! path faster (`psi_des' = v kappa`):
-//! the steering knows it if it predicts with [`LongitudinalMpc::predicted_speed`]. A lateral error changes the way
-//! (`e_l' = .. - v kappa e1`): the joint QP would cut a bend to make up for being late, which nobody wants of it.
+//! the steering takes it into account if it predicts with [`LongitudinalMpc::predicted_speed`]. A lateral error changes
+//! the way (`e_l' = .. - v kappa e1`): the joint QP would cut a bend to make up for being late, which is unwanted.
 //! `tests/control_longitudinal.rs` holds both to the joint QP.
 //!
-//! **Nothing runs away.** The reference point is a vehicle itself: it starts at the vehicle's place and speed and gains
+//! **No divergence.** The reference point is a vehicle itself: it starts at the vehicle's place and speed and gains
 //! speed no faster than the plan's acceleration. It is never further from the vehicle than `lag_max`. If the vehicle
 //! cannot follow (it is held, off the path, too weak for a slope), the point waits at that distance and its speed falls
 //! to the vehicle's. A jump of the station moves the point along. At the end of an open path the plan's speed is zero,
@@ -57,13 +57,13 @@ parameters! {
     }
 }
 
-/// Largest acceleration beyond the command that is believed, m/s2: more is no drag and no grade.
+/// Largest plausible acceleration beyond the command, m/s2: more is no drag and no grade.
 const LARGEST_DISTURBANCE: f64 = 2.0;
 /// Weights of the excess over the overspeed, per (m/s)2 and per m/s.
 const OVERSPEED_PENALTY: [f64; 2] = [1000.0, 10.0];
 /// The speed's lower bound, which no vehicle reaches: soft bounds have two sides, m/s.
 const UNDERSPEED: f64 = -100.0;
-/// Slower than this a vehicle may be held by its brakes: nothing is observed then, m/s.
+/// Speed below which the brakes may hold a vehicle: nothing is observed then, m/s.
 const STANDSTILL: f64 = 0.1;
 /// Gain from the speed error to the acceleration when the solver has no answer, 1/s.
 const FALLBACK_GAIN: f64 = 1.0;
@@ -108,7 +108,7 @@ struct Reference {
     speed: f64,
 }
 
-/// Everything that steps change: what a saved state holds.
+/// State of the MPC between steps: the contents of a saved state.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct LongitudinalState {
     /// The reference point where it is to be at the next step; none before the first step.
@@ -269,7 +269,7 @@ impl LongitudinalMpc {
         LongitudinalStep { accel_cmd, lag_error, speed_ref: reference.speed, solved }
     }
 
-    /// Learns from the speed what the drive does beyond its command.
+    /// Learns the drive's acceleration beyond its command from the speed.
     fn observe(&mut self, speed: f64) {
         let Some(expected) = self.state.expected_speed else { return };
         let missed = (speed - expected) / self.sample_time;
@@ -321,12 +321,12 @@ impl LongitudinalMpc {
         first
     }
 
-    /// Forgets the reference point and what was observed: the vehicle was moved. The command in force stays.
+    /// Forgets the reference point and the observed disturbance: the vehicle was moved. The command in force stays.
     pub fn reset(&mut self) {
         self.state = LongitudinalState { accel_cmd: self.state.accel_cmd, ..LongitudinalState::default() };
     }
 
-    /// Says which command was issued instead of the one that the last step decided, m/s2: the next step starts from it.
+    /// Replaces the last step's decision by the issued command, m/s2: the next step starts from it.
     pub fn override_command(&mut self, accel_cmd: f64) {
         let more = accel_cmd - self.state.accel_cmd;
         self.state.accel_cmd = accel_cmd;

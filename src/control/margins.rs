@@ -6,9 +6,9 @@
 //! u_k = sum_i K_i x_{k-i} + sum_{i>=1} h_i u_{k-i}
 //! ```
 //!
-//! because the rate of the command costs something, and because a known actuator is run over the issued commands. `K`
-//! and `h` are read off the MPC itself: it is asked for unit states and unit commands. Behind it the vehicle and its
-//! actuator are sampled exactly, `X_{k+1} = A X_k + G_1 u_{k-m} + G_2 u_{k-m-1}`. Broken at the command, the loop is
+//! because the rate of the command has a cost, and because a known actuator is run over the issued commands. `K` and
+//! `h` are identified from the MPC itself, by unit states and unit commands. Behind it the vehicle and its actuator are
+//! sampled exactly, `X_{k+1} = A X_k + G_1 u_{k-m} + G_2 u_{k-m-1}`. Broken at the command, the loop is
 //!
 //! ```text
 //! L(z) = - K(z) P(z) / (1 - h(z)),      1 + L = 0 where a pole is,      z = e^{j w Ts},  w up to Nyquist's
@@ -103,11 +103,11 @@ pub struct Margins {
     pub sensitivity: f64,
 }
 
-/// States and commands that the MPC is asked for; it is linear, so the size does not matter.
+/// Size of the states and commands that identify the MPC; it is linear, so the size does not matter.
 const UNIT: f64 = 1e-2;
 /// A bound that is never active.
 const NEVER: f64 = 1e6;
-/// Gains below this share of the largest are none.
+/// Gains below this share of the largest are negligible.
 const NEGLIGIBLE: f64 = 1e-8;
 /// The plan with which a learned residual is asked is the plan itself after so many steps.
 const PLAN_STEPS: usize = 4;
@@ -253,8 +253,8 @@ impl<const S: usize> Asked<S> {
     }
 }
 
-/// Takes gains that fall by one ratio to the end off the end. The last of them stands for all that were before it, so it
-/// is not looked at.
+/// Cuts gains that fall by one ratio to the end off the end. The last of them stands for all before it, so it is not
+/// compared.
 fn cut_tail(gains: &mut Vec<f64>) -> Option<Tail> {
     let size = gains.iter().fold(0.0, |size: f64, gain| size.max(gain.abs()));
     let same = |i: usize, ratio: f64| (gains[i + 1] - ratio * gains[i]).abs() <= NEGLIGIBLE * size;
@@ -295,7 +295,7 @@ impl<V: LateralVehicle<S>, const S: usize> SteeringLoop<V, S> {
         Self::new(self.controller.clone(), self.vehicle, actuator, self.model_speed)
     }
 
-    /// The same loop with the vehicle's answer to steering multiplied by a factor.
+    /// The same loop with the vehicle's response to steering multiplied by a factor.
     #[must_use]
     pub fn amplified(&self, factor: f64) -> Self {
         let mut amplified = self.clone();
@@ -469,8 +469,8 @@ impl<V: LateralVehicle<S>, const S: usize> SteeringLoop<V, S> {
         Some(low)
     }
 
-    /// Least additional dead time up to `limit` that the closed loop's poles say is too much, s; none if they stand all.
-    /// Slower than [`Self::margins`], and exact for a dead time that is no whole number of steps.
+    /// Least additional dead time up to `limit` at which the closed loop's poles are unstable, s; none if all are
+    /// stable. Slower than [`Self::margins`], and exact for a dead time that is no whole number of steps.
     ///
     /// # Errors
     /// A vehicle with a parameter that is not positive.

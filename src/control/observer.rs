@@ -47,8 +47,7 @@ pub struct Observer<const S: usize = ERRORS> {
     of_both: SMatrix<f64, S, S>,
 }
 
-/// Largest disturbing accelerations that are believed, lateral m/s2 and yaw rad/s2. More is a jump in a measurement, not a
-/// gap.
+/// Largest plausible disturbing accelerations, lateral m/s2 and yaw rad/s2. More is a jump in a measurement, not a gap.
 const LARGEST: [f64; ERRORS] = [0.0, 5.0, 0.0, 3.0];
 /// Unmodelled yaw rate for each m/s of unmodelled lateral velocity, rad/m: both come from the axles' forces.
 const YAW_SHARE: f64 = 0.5;
@@ -73,9 +72,9 @@ pub struct Noise<const S: usize = ERRORS> {
     further: SVector<f64, S>,
     /// Effect on the state of accelerations held over a step.
     effect: SMatrix<f64, S, S>,
-    /// Covariance of what the prediction of a step misses.
+    /// Covariance of the prediction error of a step.
     missed: SMatrix<f64, S, S>,
-    /// Covariance of how far the disturbance wanders in a step.
+    /// Covariance of the disturbance's change in a step.
     wandered: SMatrix<f64, S, S>,
     /// Largest disturbance that is believed.
     largest: SVector<f64, S>,
@@ -163,12 +162,12 @@ impl<const S: usize> Observer<S> {
         state + gain * innovation
     }
 
-    /// Keeps what is expected of the next state, with the disturbance in it.
+    /// Keeps the expected next state, with the disturbance in it.
     pub fn expect(&mut self, expected: Expected<S>) {
         self.expected = Some(expected);
     }
 
-    /// Forgets everything: the vehicle was moved, or is where the model says nothing.
+    /// Forgets everything: the vehicle was moved, or is out of the model's range.
     pub fn reset(&mut self) {
         *self = Self::default();
     }

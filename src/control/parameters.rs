@@ -81,7 +81,7 @@ parameters! {
 }
 
 parameters! {
-    /// The steering actuator that the variant `actuator` knows.
+    /// The given steering actuator of the variant `actuator`.
     pub struct ActuatorParameters {
         dead_time: f64 = 0.0, SECOND in 0.0, 1.0; "actuator.dead_time", "Dead time of the steering actuator that the variant actuator predicts with"
         dead_time_model: DeadTimeModel = 0, ONE in 0.0, 3.0; "actuator.dead_time_model", "How the variant actuator predicts with that dead time"
@@ -220,7 +220,7 @@ impl ActuatorParameters {
         Self { dead_time: steering.dead_time, time_constant: steering.lag, ..Self::default() }
     }
 
-    /// The actuator that the variant predicts with.
+    /// The actuator of the variant's prediction.
     #[must_use]
     pub fn actuator(&self) -> Actuator {
         let Self { dead_time, dead_time_model, time_constant } = *self;
@@ -273,7 +273,7 @@ impl MpcParameters {
 }
 
 impl<G> ControllerParametersFor<G> {
-    /// Without what the papers' controllers do not have.
+    /// Weights without the terms that the papers' controllers lack.
     #[must_use]
     pub(super) fn plain(self) -> Self {
         let observer = ObserverParameters { disturbance_noise: 0.0, prediction_noise: 0.05, ..self.observer };

@@ -23,12 +23,12 @@ use crate::nominal::{Actuator, ContinuousErrorModel, DeadTimeModel};
 use crate::path::Path;
 use nalgebra::SVector;
 
-/// Time before now at which the body's motion is begun, in steady cornering, s: long enough to be forgotten.
+/// Time before now at which the body's motion begins, in steady cornering, s: long enough to be forgotten.
 const BEGIN: f64 = 0.6;
-/// Longest time beyond the horizon that a command looks ahead, s.
+/// Longest look-ahead of a command beyond the horizon, s.
 const AHEAD: f64 = 0.4;
-/// Deviation of the states from steady cornering, rad and rad/s, that is believed: far from straight driving the linear model
-/// means nothing.
+/// Largest plausible deviation of the states from steady cornering, rad and rad/s: far from straight driving the linear
+/// model means nothing.
 const LARGEST: f64 = 0.3;
 
 /// The reference over a horizon, preallocated.
@@ -109,7 +109,7 @@ impl<const S: usize> RoadReference<S> {
         &self.transient[step]
     }
 
-    /// Writes by how much the command changes in each step, ahead of the steering by an actuator.
+    /// Writes the change of the command in each step, ahead of the steering by an actuator.
     pub fn write_increments(&self, actuator: Option<&Actuator>, increments: &mut [f64]) {
         let (dead_time, lag) = match actuator {
             None => (0.0, 0.0),

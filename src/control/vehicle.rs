@@ -28,7 +28,7 @@ pub trait ControlledVehicle<const S: usize>: LateralVehicle<S> {
 /// Learned error of a vehicle's nonlinear model.
 pub type GpOf<V, const S: usize> = <<V as ControlledVehicle<S>>::Nonlinear as Nonlinear<V, S>>::Gp;
 
-/// A nonlinear model that a variant predicts with.
+/// A nonlinear model of a variant.
 pub trait Nonlinear<V, const S: usize>: std::fmt::Debug + Clone + Send + Sync {
     /// The Gaussian process that corrects it; [`Infallible`] where there is none.
     type Gp: std::fmt::Debug + Clone + Send + Sync;
@@ -66,7 +66,7 @@ impl<V: LateralVehicle<S>, const S: usize> Nonlinear<V, S> for Infallible {
     }
 }
 
-/// The parameters of a kind of vehicle that a user sets: those of its model, and what its further states cost.
+/// The user's parameters of a kind of vehicle: those of its model, and the cost of its further states.
 pub trait VehicleParameters<const S: usize>: std::fmt::Debug + Copy + PartialEq {
     /// The vehicle that they are of.
     type Vehicle: ControlledVehicle<S>;
@@ -103,7 +103,7 @@ pub struct FurtherState {
     pub noise: f64,
     /// Unmodelled change of it in a step for each m/s of unmodelled lateral velocity.
     pub missed: f64,
-    /// Largest disturbing acceleration that is believed, if it is a rate.
+    /// Largest plausible disturbing acceleration, if it is a rate.
     pub largest_disturbance: f64,
 }
 

@@ -22,7 +22,7 @@ pub struct Calibration {
     pub odds: f64,
     /// The same against tolerances with heavy tails.
     pub tails_odds: f64,
-    /// The same against a value that varies.
+    /// The same against a varying value.
     varying_odds: f64,
     /// And against another number of the vehicle that is off.
     other_odds: f64,
@@ -30,7 +30,7 @@ pub struct Calibration {
     pub misfit: Misfit,
     /// Errors of the model's form.
     pub form: Form,
-    /// Factor on the standard deviations of named values: what the form of the model adds beyond the fit's own.
+    /// Factor on the standard deviations of named values: the model's form adds to the fit's own.
     pub interval: f64,
 }
 
@@ -38,13 +38,13 @@ pub struct Calibration {
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Misfit {
-    /// Mean and deviation of its logarithm where the library has the cause.
+    /// Mean and deviation of its logarithm for a cause in the library.
     known: (f64, f64),
     /// The same where it has not.
     outside: (f64, f64),
     /// Logarithm of the odds against that.
     odds: f64,
-    /// Share of what is explained that a form leaves.
+    /// Share of the explained part that a form leaves.
     pub share: f64,
 }
 
@@ -107,7 +107,8 @@ impl Calibration {
         &PARSED
     }
 
-    /// Logarithm of the weight of effects that explain so much of the tempered likelihood, whose freedom costs so much, and against which there are `odds`.
+    /// Logarithm of the weight of effects, from the evidence of the tempered likelihood, the cost of their freedom, and
+    /// the `odds` against them.
     #[must_use]
     pub fn weight(&self, evidence: f64, narrowing: f64, odds: f64) -> f64 {
         0.5 * evidence - narrowing - odds
@@ -133,7 +134,7 @@ impl Calibration {
         }
     }
 
-    /// Evidence from which on an effect whose freedom costs what is usual is more probable than nothing.
+    /// Evidence from which on an effect with the usual cost of freedom is more probable than nothing.
     #[must_use]
     pub fn telling(&self) -> f64 {
         2.0 * (self.odds + USUAL) / self.temper

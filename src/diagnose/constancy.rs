@@ -29,12 +29,12 @@ use crate::vehicle::Stage;
 use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
 
-/// Standard deviation of an effect's relative change with one standard deviation of what it varies with.
+/// Standard deviation of an effect's relative change, for one standard deviation of the quantity that it varies with.
 const VARY: f64 = 0.5;
 /// Shortest part of a log that may have a value of its own, s, and most of them.
 const PART: f64 = 8.0;
 const PARTS: usize = 10;
-/// Lateral acceleration that is surely of one side, m/s2.
+/// Lateral acceleration that is certainly of one side, m/s2.
 const SIDE: f64 = 0.5;
 
 /// Quantity that a value may follow.
@@ -115,7 +115,7 @@ pub fn causes<V: ReplayVehicle>(problem: &Problem<V>) -> Vec<Columns> {
     all
 }
 
-/// Less its mean, over its standard deviation; none of what hardly moves.
+/// Column less its mean, over its standard deviation; none for a column that is nearly constant.
 fn standardised(mut column: Vec<f64>) -> Option<Vec<f64>> {
     let count = column.len().max(1) as f64;
     let mean = column.iter().sum::<f64>() / count;
@@ -128,7 +128,7 @@ fn standardised(mut column: Vec<f64>) -> Option<Vec<f64>> {
     Some(column)
 }
 
-/// Of a sum of columns, each with its share.
+/// Root mean square of a sum of columns, each with its share.
 fn root_mean_square(columns: &[Vec<f64>], share: &DVector<f64>) -> f64 {
     let count = columns.first().map_or(0, Vec::len);
     let at =

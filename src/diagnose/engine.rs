@@ -27,16 +27,16 @@ use std::collections::BTreeMap;
 
 /// Shortest drive that is diagnosed, s of compared rows.
 const SHORTEST: f64 = 6.0;
-/// Share of its tolerance that a vehicle may change from log to log without anything being the matter.
+/// Ordinary change of a sound vehicle from log to log, as a share of its tolerance.
 const DRIFT: f64 = 0.2;
 /// Effects of the day and the road, not of the vehicle: each may change by its whole tolerance.
 const ENVIRONMENT: [&str; 4] = ["wind_x", "wind_y", "road_bank", "road_grade"];
-/// Tolerances of a vehicle in its reference log, besides what is named there: as many times the ordinary ones.
+/// Tolerances of a vehicle in its reference log, besides the effects named there, relative to the ordinary ones.
 const WIDE: f64 = 2.0;
-/// Other hypotheses that the next manoeuvre is to tell apart from the first, and hypotheses of a short list.
+/// Number of other hypotheses that the next manoeuvre separates from the first, and of hypotheses in a short list.
 const RIVALS: usize = 4;
 const SHORT_LIST: usize = 5;
-/// Steering that is no steering: deviation in rad.
+/// Deviation of the steering below which there is none, rad.
 const STRAIGHT: f64 = 1e-3;
 
 /// Options of a diagnosis.
@@ -126,7 +126,8 @@ fn check_options<V: ReplayVehicle>(vehicle: &V, options: &Options) -> Result<(),
     }
 }
 
-/// Diagnoses a log; with a `reference`, a log of the same vehicle when it was as modelled, what has changed since.
+/// Diagnoses a log. With a `reference`, a log of the same vehicle when it was as modelled, the result is the change
+/// since then.
 ///
 /// # Errors
 /// A log that is not clean, a vehicle that cannot be replayed.

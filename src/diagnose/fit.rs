@@ -16,20 +16,20 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use std::borrow::Cow;
 use std::sync::Arc;
 
-/// Standard deviation of the coordinate of what is freed: effects of five units are ordinary.
+/// Standard deviation of a freed coordinate: effects of five units are ordinary.
 pub(super) const FREED: f64 = 5.0;
 /// Steps of Gauss and Newton.
 const STEPS: usize = 6;
-/// Tries of each: of its own length and a shorter one, and then held back.
+/// Tries of each kind: of a step's own length or a shorter one, and then with damping.
 const TRIES: usize = 4;
-/// The shorter one is so much shorter at least, and at most: a parabola is rough far away.
+/// Bounds of a shorter step's length, as shares: a parabola is rough far away.
 const SHORTER: f64 = 0.4;
 const SHORTEST: f64 = 0.1;
 
 /// Damping of a step at the first try, and its factor at each further try; after a gain it falls by the same factor.
 const HELD: f64 = 1.0;
 const MORE: f64 = 10.0;
-/// Promise of a step held back that is worth a try, in gains that end a search.
+/// Promise of a damped step that is worth a try, in gains that end a search.
 const WORTH: f64 = 10.0;
 
 /// Rounds in which strained tolerances are loosened.
@@ -131,7 +131,7 @@ impl Linear {
         self.damped(off, gap, precision, 0.0)
     }
 
-    /// The step held back by a `damping`, as Levenberg and Marquardt have it: with the normal matrix `A`, `(A + damping diag A) d = b`.
+    /// The damped step after Levenberg and Marquardt: with the normal matrix `A`, `(A + damping diag A) d = b`.
     #[must_use]
     pub fn damped(&self, off: &[f64], gap: &[f64], precision: &Precision, damping: f64) -> Step {
         let cost = self.square(gap) + precision.penalty(off);
@@ -278,7 +278,7 @@ pub struct Marginalised<'a> {
     factor: Cholesky<f64, Dyn>,
 }
 
-/// A gap with what the background can imitate of it.
+/// A gap with the part that the background can imitate.
 pub struct Reduced<'a> {
     gap: Cow<'a, [f64]>,
     weighted: Vec<f64>,
@@ -349,7 +349,7 @@ pub struct Fit {
     pub gap: Vec<f64>,
     /// Remaining cost: weighted square of the gap, plus the penalty of the tolerances.
     pub cost: f64,
-    /// Slopes over what was freed and what goes with it, taken last.
+    /// Slopes over the freed knobs and their companions, taken last.
     pub columns: Vec<Column>,
     /// Coordinates at which the slopes were taken.
     pub columns_at: Vec<f64>,
@@ -397,7 +397,7 @@ impl Precision {
         off.dot(&(&self.matrix * &off))
     }
 
-    /// As sure as with standard deviations so many times as large.
+    /// The same prior with standard deviations so many times as large.
     #[must_use]
     pub fn widened(mut self, times: f64) -> Self {
         self.matrix /= times * times;
@@ -435,7 +435,7 @@ impl Prior {
         prior
     }
 
-    /// With some knobs freed, and what goes with them: a payload takes its place with it.
+    /// The same prior with some knobs freed, and their companions: a payload takes its place with it.
     #[must_use]
     pub fn freed<V: ReplayVehicle>(&self, problem: &Problem<V>, freed: &[usize]) -> Precision {
         self.freed_but(problem, freed, &[])
@@ -498,7 +498,7 @@ pub struct Start<'a> {
     pub x: Cow<'a, [f64]>,
     /// The gap there.
     pub gap: Option<Cow<'a, [f64]>>,
-    /// Some slopes, and where they were taken.
+    /// Some slopes, and the coordinates at which they were taken.
     pub slopes: Option<(&'a [f64], Cow<'a, [Column]>)>,
 }
 
@@ -518,8 +518,8 @@ impl<'a> From<&'a Vec<f64>> for Start<'a> {
     }
 }
 
-/// The length to try after a whole step that costs `rise` more than none; None where no length is worth it. A parabola says what
-/// is best, whose slope is what the step `promised`:
+/// The length to try after a whole step that costs `rise` more than none; None where no length is worth it. A parabola
+/// gives the best length. The step `promised` is its slope:
 ///
 /// ```text
 ///     J(l) = J(0) - 2 promised l + (rise + 2 promised) l^2,    l* = promised / (rise + 2 promised),    J(l*) = J(0) - promised l*

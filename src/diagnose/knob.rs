@@ -27,13 +27,13 @@ enum Turns {
     Scale(Channel),
     /// A sensor's bias: plus unit * x.
     Bias(Channel),
-    /// Place of what velocities sideways are given for: unit * x forward of the reference point.
+    /// Point at which sideways velocities are given: unit * x forward of the reference point.
     Arm,
     /// Height of that point over the one that the model means: unit * x, m.
     ReferenceHeight,
     /// Lateness by the low pass of the inertial sensors: unit * x, s.
     InertialLag,
-    /// Lateness of what a satellite receiver gives: unit * x, s.
+    /// Lateness of a satellite receiver's columns: unit * x, s.
     ReceiverLate,
     /// Height of the accelerometer over the vehicle's CG: unit * x, m.
     ImuHeight,
@@ -60,7 +60,7 @@ pub struct Knob {
     pub tolerance: f64,
     /// Least coordinate.
     pub least: f64,
-    /// Least coordinate of what is named: the effect's own range.
+    /// Least coordinate of a named effect: the effect's own range.
     pub named_least: f64,
     /// Greatest coordinate.
     pub greatest: f64,
@@ -76,8 +76,8 @@ pub struct Knob {
 
 type Row = (&'static str, f64, f64, f64, f64, &'static [f64]);
 
-/// Effects: id, unit of the coordinate, tolerance (both in the effect's unit), least and greatest coordinate, starts. No wind
-/// is stronger than a gale, no tyre is three times as stiff as its file: what needs that is another effect.
+/// Effects: id, unit of the coordinate, tolerance (both in the effect's unit), least and greatest coordinate, starts.
+/// No wind is stronger than a gale, no tyre is three times as stiff as its file: a larger value is another effect.
 const EFFECTS: &[Row] = &[
     ("steer_delay", 0.02, 0.010, -10.0, 60.0, &[1.0, 4.0, 9.0]),
     ("steer_lag", 0.03, 0.010, -10.0, 60.0, &[1.0, 4.0, 9.0]),
@@ -127,11 +127,11 @@ const PARAMETERS: &[(&str, &str, f64, bool)] = &[
     ("axle.front.spring_rate", "axle.front.spring_rate", 0.10, true),
 ];
 
-/// Masses of a car, of a tractor, of its trailer, and what is loaded on them.
+/// Masses of a car, of a tractor, of its trailer, and the effects that load them.
 pub(super) const LOADED: [(&str, &str); 3] =
     [("vehicle.mass", "payload"), ("tractor.mass", "payload"), ("trailer.mass", "trailer_payload")];
 
-/// Sensors: name, channel, tolerance, whether it is a scale.
+/// Sensors: name, channel, tolerance, and true for a scale.
 const SENSORS: &[(&str, Channel, f64, bool)] = &[
     ("sensor.yaw_rate_scale", Channel::YawRate, 0.004, true),
     ("sensor.ay_scale", Channel::Ay, 0.008, true),
@@ -151,11 +151,11 @@ const RECEIVER_LATE: f64 = 0.05;
 /// roll acceleration besides. A navigation unit measures at a point of its user's choice, which may lie on the road.
 const IMU_HEIGHT: f64 = 0.15;
 const UNIT_HEIGHT: f64 = 0.5;
-/// The same of what a velocity sideways and a place are given for, m: the body's CG, or the road's point below.
+/// Height of the point of a sideways velocity and a place, m: the body's CG, or the road's point below.
 const REFERENCE_HEIGHT: f64 = 0.3;
 
-/// Coordinates of what is no effect are kept within this: six standard deviations of the widest prior. A fit that went
-/// further was lost, in a minimum of its own with a spring eleven times as stiff.
+/// Bound of coordinates that are no effects: six standard deviations of the widest prior. A fit that went further was
+/// lost, in a minimum of its own with a spring eleven times as stiff.
 const FARTHEST: f64 = 12.0;
 const REFERENCE_X: &str = "sensor.reference_x";
 const REFERENCE_Z: &str = "sensor.reference_z";
@@ -178,8 +178,8 @@ const PAYLOAD_UNIT: f64 = 0.05;
 /// Effects between command and wheel angle: none of them is seen where no command was logged.
 const BEFORE_THE_ANGLE: [&str; 4] = ["steer_delay", "steer_lag", "steer_rate_limit", "steer_backlash"];
 
-/// All knobs of a vehicle on a drive; `without`: effects that may not be named. Within their tolerances they stay: a road
-/// has a little bank whether or not the library knows of banks.
+/// All knobs of a vehicle on a drive; `without`: effects that may not be named. Within their tolerances these stay: a
+/// road has a little bank even if the library has no bank.
 #[must_use]
 pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -> Vec<Knob> {
     let (mass, _) = vehicle.mass_and_drag();
@@ -346,7 +346,7 @@ pub fn is_known(name: &str) -> bool {
         || OTHER_SENSORS.contains(&name)
 }
 
-/// Rate of the command that is hardly exceeded, rad/s.
+/// Rate of the command that is rarely exceeded, rad/s.
 fn quickest(drive: &Drive) -> f64 {
     let over = (0.05 / drive.step).ceil().max(1.0) as usize;
     let mut rates: Vec<f64> = Vec::new();
@@ -550,7 +550,7 @@ impl Knob {
         trace.columns[channel as usize].iter_mut().for_each(|value| *value = factor * *value + shift);
     }
 
-    /// The parameter's name in a vehicle file or of a plant, for a recalibration: with what it is given as.
+    /// The parameter's name in a vehicle file or of a plant, for a recalibration.
     #[must_use]
     pub fn parameter(&self) -> String {
         if self.effect.is_some() { format!("effect.{}", self.id) } else { self.id.to_owned() }

@@ -53,7 +53,7 @@ impl Scale {
     }
 }
 
-/// A manoeuvre: name, how it is driven, and speed (m/s) and wanted lateral acceleration (m/s2) of a car over time.
+/// A manoeuvre: name, instructions, and speed (m/s) and wanted lateral acceleration (m/s2) of a car over time.
 struct Planned {
     name: &'static str,
     how: fn(Scale) -> String,
@@ -153,7 +153,7 @@ const PLANNED: [Planned; 6] = [
     },
 ];
 
-/// A log of a manoeuvre as the simulator drives it; columns as the real log has them, for the noise to be compared.
+/// A log of a manoeuvre as the simulator drives it, with the columns of the real log, so that the noise is comparable.
 fn log_of<V: ReplayVehicle>(planned: &Planned, scale: Scale, problem: &Problem<V>) -> CleanLog {
     let length = problem.vehicle.reach();
     let rows = (DURATION / STEP) as usize;
@@ -212,8 +212,7 @@ fn log_of<V: ReplayVehicle>(planned: &Planned, scale: Scale, problem: &Problem<V
     }
 }
 
-/// The manoeuvre from which most evidence is expected for `first` against whichever of `others` it tells least from it,
-/// all as fitted.
+/// The manoeuvre with the most expected evidence for `first` against its nearest rival among `others`, all as fitted.
 #[must_use]
 pub fn next<V: ReplayVehicle>(
     problem: &Problem<V>,

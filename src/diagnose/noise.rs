@@ -16,10 +16,10 @@ const FORM: f64 = 0.01;
 const HEADING: f64 = 5e-4;
 /// Share of the neutral gap that a search takes for noise at first.
 const COARSE: f64 = 0.1;
-/// Longest correlation that is looked at, samples, and the greatest loss by it.
+/// Longest correlation in the estimate, samples, and the greatest loss by it.
 const CORRELATED: usize = 20;
 const GREATEST_LOSS: f64 = 6.0;
-/// Errors of the model's form come back with every turn: drives longer than this, s, tell no more about them.
+/// Errors of the model's form recur with every turn: drives longer than this, s, tell no more about them.
 const SAME: f64 = 30.0;
 /// Threshold of a lost replay, as where a vehicle slides: a fit leaves so many times its ordinary power. Ordinary is
 /// the power of all but the worst tenth. A moment is so many samples to either side.
@@ -35,18 +35,18 @@ pub struct Noise {
     pub form: Vec<f64>,
     /// Additional remainder of a reference log.
     left: Vec<f64>,
-    /// Noise, the model's form, and what a reference log has left.
+    /// Noise, the model's form, and the remainder of a reference log.
     pub floor: Vec<f64>,
     /// Weights of gaps.
     pub effective: Vec<f64>,
-    /// Variance over that, sample by sample: more than 1 where the replay is lost.
+    /// Factor on that variance, sample by sample: more than 1 where the replay is lost.
     lost: Vec<f64>,
     /// Roughness of an unknown road.
     roughness: Roughness,
 }
 
 impl Noise {
-    /// From the neutral replay; `known`: what a reference log has left of each channel, the model's form.
+    /// Noise from the neutral replay; `known` is a reference log's remainder in each channel, the model's form.
     #[must_use]
     pub fn of<V: ReplayVehicle>(problem: &Problem<V>, trace: &Trace, known: &[(Channel, f64)]) -> Self {
         let drive = problem.drive;
@@ -95,7 +95,7 @@ impl Noise {
         noise
     }
 
-    /// With what a fit left: as much of it as a road does not explain better.
+    /// Noise with a fit's remainder: the part that a road does not explain better.
     #[must_use]
     pub fn with_left<V: ReplayVehicle>(&self, problem: &Problem<V>, left: &[f64]) -> Self {
         let mut noise = self.without_road(problem, left);
@@ -107,7 +107,7 @@ impl Noise {
         noise
     }
 
-    /// The same where no road explains anything of it.
+    /// The same with a road that explains nothing of it.
     fn without_road<V: ReplayVehicle>(&self, problem: &Problem<V>, left: &[f64]) -> Self {
         let mut noise = self.clone();
         let again = again(problem);
@@ -195,7 +195,7 @@ fn rms_of(column: &[f64], counts: &[bool]) -> f64 {
     rms(&kept)
 }
 
-/// `1 + 2 sum rho_k`: how many samples are worth one.
+/// `1 + 2 sum rho_k`: number of samples that are worth one.
 fn correlation(values: &[f64]) -> f64 {
     let power: f64 = values.iter().map(|value| value * value).sum();
     if power <= 0.0 || values.len() < 2 * CORRELATED {

@@ -11,7 +11,7 @@ use super::replay::{Drive, ReplayVehicle};
 use super::report::Observability;
 use crate::vehicle::{GRAVITY, Stage, TruckEffects};
 
-/// Coordinate beyond which an effect is no longer ordinary: what is seen only then counts as not observable.
+/// Coordinate beyond which an effect is no longer ordinary: an effect seen only beyond counts as not observable.
 const ORDINARY: f64 = 10.0;
 
 /// Range of a log in the quantities that make effects visible.

@@ -12,11 +12,12 @@
 //! keeps its prior probability. A cause outside the library competes with evidence of its own, upon the fit of the best
 //! hypothesis of the library:
 //!
-//! | a value that is not one | an effect follows angle, speed, place, ...: `constancy.rs` |
+//! | a varying value | an effect follows angle, speed, place, ...: `constancy.rs` |
 //! |---|---|
 //! | something else is off | a number of the vehicle that is no effect is freed like one |
-//! | a steering that swings | `resonance.rs` |
-//! | a misfit | what is left has a size `m` in units of what the model's form leaves, log-normal with a deviation `known` where the library has the cause, `broad` where it has not |
+//! | a resonant steering | `resonance.rs` |
+//! | a misfit | the remainder has a size `m` in units of the remainder that the model's form leaves, log-normal with a
+//! deviation `known` for a cause in the library, `broad` for one outside |
 //!
 //! Sources: a tempered posterior as in Bissiri, Holmes and Walker, J. R. Stat. Soc. B 78 (2016); hypotheses found by search as in
 //! Madigan and Raftery, J. Am. Stat. Assoc. 89 (1994).
@@ -32,7 +33,7 @@ use super::report::Term;
 use super::resonance::resonance;
 use crate::residual::parallel;
 
-/// Logarithm of the share of the best hypothesis below which one says nothing.
+/// Logarithm of the share of the best hypothesis below which another is negligible.
 const NEGLIGIBLE: f64 = -20.0;
 
 /// Sign that a cause is not in the library.
@@ -44,14 +45,14 @@ pub enum Unknown {
     Off { knob: usize, x: f64 },
     /// The steering swings.
     Swings,
-    /// Too much is left: so many times what the model's form leaves, most of it in a channel.
+    /// Too large a remainder: its ratio to that of the model's form, and the channel with most of it.
     Misfit(f64, Channel),
 }
 
-/// One of the things that may be the matter.
+/// A possible cause.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Hypothesis {
-    /// Effects that are freed; of an unknown cause those that it comes upon.
+    /// Effects that are freed; for an unknown cause those of the hypothesis that it extends.
     pub effects: Vec<usize>,
     /// Sign that the cause is not in the library, if it is not.
     pub unknown: Option<Unknown>,
@@ -81,7 +82,7 @@ pub struct Posterior {
 }
 
 impl Posterior {
-    /// From hypotheses with the logarithms of their weights in place of probabilities.
+    /// Posterior from hypotheses with the logarithms of their weights in place of probabilities.
     #[must_use]
     pub fn normalised(mut hypotheses: Vec<Hypothesis>) -> Self {
         let best = hypotheses.iter().map(|it| it.probability).fold(f64::NEG_INFINITY, f64::max);
@@ -93,7 +94,7 @@ impl Posterior {
         Self { hypotheses, worlds: Vec::new() }
     }
 
-    /// Of a ranking; `causes` is what values may vary with.
+    /// Posterior of a ranking; `causes` are the quantities that values may vary with.
     pub(super) fn of<V: ReplayVehicle>(
         problem: &Problem<V>,
         ranking: &Ranking,
@@ -177,7 +178,7 @@ fn log_sum(one: f64, other: f64) -> f64 {
     if less == f64::NEG_INFINITY { more } else { more + (less - more).exp().ln_1p() }
 }
 
-/// Hypotheses of the same in one, with the logarithm of the sum of their weights.
+/// Equal hypotheses joined, with the logarithm of the sum of their weights.
 fn merged(all: impl Iterator<Item = Hypothesis>) -> Vec<Hypothesis> {
     let mut found: Vec<Hypothesis> = Vec::new();
     for it in all {
@@ -211,7 +212,7 @@ fn same(one: Option<Unknown>, other: Option<Unknown>) -> bool {
     }
 }
 
-/// A fit at its best in a world, with what is freed.
+/// A fit at its best in a world, with some knobs freed.
 fn settled<V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
@@ -243,7 +244,7 @@ struct Given<'a, V> {
 }
 
 impl<V: ReplayVehicle> Given<'_, V> {
-    /// Causes that the library does not have, upon the best of what it has.
+    /// Causes outside the library, upon the best hypothesis within it.
     fn unknown(
         &self,
         ranking: &Ranking,

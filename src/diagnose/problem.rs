@@ -11,12 +11,12 @@ use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-/// A gap larger than this many times the signal's own size is a replay gone astray.
+/// Gap, in units of the signal's own size, from which on a replay has diverged.
 const ASTRAY: f64 = 20.0;
 
-/// Slopes that are kept, each set with its place: a search comes back to where it was.
+/// Number of sets of slopes that are kept, each with its place: a search returns to earlier places.
 const KEPT: usize = 8;
-/// And how near that is, as a share of what a slope is taken over.
+/// Distance within which slopes hold, as a share of the step over which they are taken.
 const NEAR: f64 = 0.05;
 
 /// A gap, and its slopes over all knobs.
@@ -137,7 +137,7 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
         Some(self.sensed(trace, x, self.levelled))
     }
 
-    /// The replay before what only the sensors' frame and knobs do to it.
+    /// The replay before the sensors' frame and knobs.
     fn motion(&self, x: &[f64]) -> Result<Trace, String> {
         self.replayed(self.drive, x, None)
     }
@@ -171,7 +171,8 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
         self.levelled
     }
 
-    /// Gaps and slopes with `ay` in the body's frame and in a level one, by the same replays. None where there is no such vehicle.
+    /// Gaps and slopes with `ay` in the body's frame and in a level one, by the same replays. None without such a
+    /// vehicle.
     pub(super) fn in_both_frames(&self, x: &[f64]) -> Option<[Sloped; 2]> {
         let both = |motion: &Trace, x: &[f64]| {
             [false, true].map(|levelled| self.compare(&self.sensed(motion.clone(), x, levelled)))
@@ -194,7 +195,7 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
         Some([(here_body, body), (here_level, level)])
     }
 
-    /// Log less replay, filtered. None where there is no such vehicle.
+    /// Log less replay, filtered. None without such a vehicle.
     #[must_use]
     pub fn residual(&self, x: &[f64]) -> Option<Vec<f64>> {
         let trace = self.trace(x).ok()?;
@@ -329,7 +330,7 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
         Some((self.find(id)?, deviation))
     }
 
-    /// Knobs, and what is freed with them.
+    /// Knobs with their companions.
     #[must_use]
     pub fn with_companions(&self, knobs: &[usize]) -> Vec<usize> {
         let companions = knobs.iter().filter_map(|&knob| Some(self.companion(knob)?.0));
@@ -337,7 +338,7 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
     }
 }
 
-/// Slope of a gap over a step; none where there is no vehicle.
+/// Slope of a gap over a step; none without a vehicle.
 fn slope(here: &[f64], there: Option<&Vec<f64>>, size: f64) -> Vec<f64> {
     match there {
         Some(there) => here.iter().zip(there).map(|(here, there)| (here - there) / size).collect(),

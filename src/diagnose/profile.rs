@@ -1,4 +1,4 @@
-//! The road that nobody told of: its bank and grade vary along the way, and are marginalised.
+//! Unknown road: bank and grade vary along the way, and are marginalised.
 //!
 //! Every road has crown and camber. Unless the log or a path file tells them, bank and grade are random profiles
 //!
@@ -6,8 +6,8 @@
 //!     b(s) = sum_k c_k hat((s - s_k) / L),    c_k ~ N(0, sigma^2),
 //! ```
 //!
-//! with hats of a width `L` along the way `s` that was driven: some ten metres for a bank, for a grade a hundred. With `B` what the
-//! replay makes of each `c_k`, in units of `sigma`, a gap has the weight
+//! with hats of a width `L` along the driven way `s`: some ten metres for a bank, for a grade a hundred. With `B` the
+//! replay's response to each `c_k`, in units of `sigma`, a gap has the weight
 //!
 //! ```text
 //!     (W^-1 + B B')^-1 = W - W B (1 + B' W B)^-1 B' W,
@@ -59,7 +59,7 @@ pub struct Profile {
 }
 
 impl Profile {
-    /// For a problem at its neutral replay; None where the road is known, or nothing follows it.
+    /// Profile of a problem at its neutral replay; None for a known road, or one without a response.
     pub(super) fn of<V: ReplayVehicle>(problem: &Problem<V>) -> Option<Self> {
         let drive = problem.drive;
         let along = [Channel::Vx, Channel::Ax];
@@ -163,7 +163,7 @@ impl Profile {
         })
     }
 
-    /// The roughness that makes a gap most likely that is weighed by `each` besides.
+    /// The roughness that maximises the likelihood of a gap with the additional weights `each`.
     #[must_use]
     pub fn roughness(&self, each: &[f64], gap: &[f64]) -> Roughness {
         let weighted: Vec<f64> = gap.iter().zip(each).map(|(gap, weight)| gap * weight).collect();
@@ -189,7 +189,7 @@ impl Profile {
     }
 }
 
-/// A hat: its middle along the way and its half width, m, and the samples in which the replay may feel it.
+/// A hat: its middle along the way and its half width, m, and the samples of its response in the replay.
 struct Span {
     middle: f64,
     spacing: f64,
@@ -225,7 +225,7 @@ impl Span {
     }
 }
 
-/// Hats that one replay can serve together: none begins before what another does has faded.
+/// Hats that one replay can serve together: none begins before the response of another has faded.
 fn coloured(spans: &[Span]) -> Vec<Vec<usize>> {
     let mut colours: Vec<Vec<usize>> = Vec::new();
     for (place, span) in spans.iter().enumerate() {
@@ -255,7 +255,7 @@ pub struct Weights {
     road: Option<Road>,
 }
 
-/// A road that may be so rough.
+/// A road of this roughness.
 struct Road {
     profile: Arc<Profile>,
     roughness: Roughness,
@@ -264,7 +264,7 @@ struct Road {
 }
 
 impl Weights {
-    /// Of each sample, with a road profile marginalised.
+    /// Weights of each sample, with a road profile marginalised.
     #[must_use]
     pub fn new(each: Vec<f64>, profile: Option<&Arc<Profile>>, roughness: Roughness) -> Self {
         let with = |profile: &Arc<Profile>| {

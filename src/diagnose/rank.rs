@@ -2,7 +2,7 @@
 //! all others. Triples follow only where a pair explains much more than one effect: a real vehicle differs in more than
 //! one respect.
 //!
-//! Linear steps only say where to look. Every cost that is kept is that of a replay at the fit's own coordinates.
+//! Linear steps only choose candidates. Every cost that is kept is that of a replay at the fit's own coordinates.
 
 use super::fit::{Fit, Linear, Prior, Start, fit};
 use super::knob::LOADED;
@@ -11,7 +11,7 @@ use super::problem::Problem;
 use super::replay::ReplayVehicle;
 use crate::residual::parallel;
 
-/// Singles that are fitted to the end with the final noise.
+/// Singles that are fitted to convergence with the final noise.
 const AGAIN: usize = 12;
 /// Singles that are fitted with less and then with all trust.
 const REFINED: usize = 6;
@@ -19,23 +19,23 @@ const REFINED: usize = 6;
 const BEAM: usize = 8;
 const OF_SINGLES: Beam = Beam { bases: BEAM, always: 4, fitted: 12 };
 const OF_PAIRS: Beam = Beam { bases: 3, always: 1, fitted: 6 };
-/// Candidates that are fitted once more from nothing's best.
+/// Candidates that are fitted once more from the null optimum.
 const AFRESH: usize = 2;
-/// Candidates that are polished, and most of them in all; rounds of what is polished until that tells no more.
+/// Candidates that are relinearised, and the largest number of them; rounds until that gains nothing.
 const POLISHED: usize = 3;
 const MOST_POLISHED: usize = 5;
 const ROUNDS: usize = 5;
-/// Steps of a fit to the end.
+/// Steps of a fit to convergence.
 const STEPS: usize = 4;
-/// Of a single effect behind the first [`AGAIN`] that promises to come near.
+/// Steps for a promising single effect behind the first [`AGAIN`].
 const FEW_STEPS: usize = 2;
-/// Evidence that no further search makes an effect of: a third of the least that is asked of one.
+/// Evidence that no further search turns into an effect: a third of the least required.
 const LITTLE: f64 = 4.0;
-/// Tolerances by which an effect is off that freeing is sure to tell of: as many squared of evidence.
+/// Distance of an effect, in tolerances, from which on freeing it is sure to gain: its square is the evidence.
 const STRAINED: f64 = 3.0;
-/// Evidence within which candidates are fitted to the end.
+/// Evidence within which candidates are fitted to convergence.
 const NEAR: f64 = 60.0;
-/// Evidence of a pair over its better half from which on the noise is taken from the pair's rest.
+/// Evidence of a pair over its better half from which on the noise is taken from the pair's remainder.
 const TELLING: f64 = 20.0;
 
 /// All that was fitted.
@@ -46,7 +46,7 @@ pub struct Ranking {
     pub singles: Vec<Fit>,
     /// The best first; empty if pairs were not asked for.
     pub pairs: Vec<Fit>,
-    /// The best first; empty where the best pair tells little more than the best single effect.
+    /// The best first; empty if the best pair gains little over the best single effect.
     pub threes: Vec<Fit>,
     /// Slopes and weights for the background, at `none`.
     pub linear: Linear,
@@ -54,7 +54,7 @@ pub struct Ranking {
     pub prior: Prior,
     /// Noise model with which gaps were weighed.
     pub noise: Noise,
-    /// The gap with all as expected: neutral, or as a reference log says.
+    /// The gap with all coordinates as expected: neutral, or by a reference log.
     pub neutral: Vec<f64>,
 }
 
@@ -120,7 +120,7 @@ fn polished_by<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, local: &Li
         .unwrap_or_else(|| at.clone())
 }
 
-/// A start with the slopes over what is freed that `local` has of there.
+/// A start with the slopes over the freed knobs that `local` has from there.
 fn start_at<'a, V: ReplayVehicle>(
     problem: &Problem<V>,
     local: &Linear,
@@ -131,7 +131,8 @@ fn start_at<'a, V: ReplayVehicle>(
     Start { x: x.into(), gap: Some(gap.into()), slopes: Some((x, own)) }
 }
 
-/// Polished until that tells no more: what all evidence is measured against must not be left in a valley on the way.
+/// A fit relinearised until that gains nothing. All evidence is measured against it, so it must not stay in a valley on
+/// the way.
 fn settled<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linear, from: Fit) -> Fit {
     let mut best = from;
     for _ in 0..ROUNDS {
@@ -160,8 +161,8 @@ fn is_ahead(more: &[Fit], fewer: &[Fit], by: f64) -> bool {
     matches!((more.first(), fewer.first()), (Some(more), Some(fewer)) if fewer.cost - more.cost > by)
 }
 
-/// Singles fitted again with other weights, from their own best: the first [`AGAIN`], and others that promise to tell anything and
-/// to come near.
+/// Singles fitted again with other weights, from their own best: the first [`AGAIN`], and others whose promise is
+/// informative and near.
 fn fitted_again<V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
@@ -238,7 +239,7 @@ fn afresh<V: ReplayVehicle>(
     take(fits, found);
 }
 
-/// Polishes the first few of sorted candidates, until those are first that were polished.
+/// Relinearises the first few of sorted candidates, until all of the first few have been.
 fn polish<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linear, fits: &mut [Fit]) {
     let mut done: Vec<Vec<usize>> = Vec::new();
     loop {
@@ -263,7 +264,7 @@ fn polish<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linear
     }
 }
 
-/// The same of single effects, where one tells anything: no polish makes an effect of what does not.
+/// The same for single effects, if one is informative: relinearising does not turn the others into effects.
 fn polish_singles<V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
@@ -403,7 +404,7 @@ fn of_the_same(one: &Fit, other: &Fit) -> bool {
     one.freed.len() == other.freed.len() && one.freed.iter().all(|i| other.freed.contains(i))
 }
 
-/// Adds fits to others, of the same effects the better one.
+/// Adds fits to others; for equal effects the better one stays.
 fn take(known: &mut Vec<Fit>, more: impl IntoIterator<Item = Fit>) {
     for new in more {
         match known.iter_mut().find(|old| of_the_same(old, &new)) {
@@ -619,7 +620,7 @@ pub fn predicted(linear: &Linear, gap: &[f64], change: &[f64]) -> Vec<f64> {
     left
 }
 
-/// The gap of a fit with all as expected, as slopes give it.
+/// The gap of a fit with all coordinates as expected, by its slopes.
 #[must_use]
 pub fn expected(linear: &Linear, prior: &Prior, fit: &Fit) -> Vec<f64> {
     let back: Vec<f64> = prior.off(&fit.x).iter().map(|off| -off).collect();
@@ -660,9 +661,9 @@ fn best_start<'a, V: ReplayVehicle>(
 
 /// Construction of candidates from others by one effect more.
 struct Beam {
-    /// So many of the first are bases.
+    /// Number of the first that are bases.
     bases: usize,
-    /// Of so many of the first, each with as many of the first effects, all are fitted.
+    /// Number of first bases, and of first effects, that are fitted in every combination.
     always: usize,
     /// So many are fitted.
     fitted: usize,

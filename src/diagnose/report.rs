@@ -1,4 +1,4 @@
-//! The answer of a diagnosis: what `report.json` holds, and the series that its plots need.
+//! The answer of a diagnosis: contents of `report.json`, and the series of its plots.
 //!
 //! Field names are the contract with users' scripts; values are SI units and radians.
 
@@ -83,7 +83,7 @@ pub struct Spread {
 /// A hypothesis and its probability.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Hypothesis {
-    /// Effects; none where nothing is the matter. Of a cause that is not in the library, those that come nearest.
+    /// Effects; empty for `none`. For a cause outside the library, the nearest ones.
     pub effects: Vec<String>,
     /// Sign that the cause is not in the library, if there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -98,9 +98,9 @@ pub struct Hypothesis {
 /// The cause found.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Verdict {
-    /// An effect, nothing, something that the library does not have, or a log that does not tell.
+    /// An effect, nothing, a cause outside the library, or an undecided log.
     pub kind: VerdictKind,
-    /// Probability of the verdict (for an effect: of its class); where the log does not tell, of the most probable hypothesis.
+    /// Probability of the verdict (for an effect: of its class); for an undecided log, of the most probable hypothesis.
     pub probability: f64,
     /// The effects named: one to three.
     pub effects: Vec<NamedEffect>,
@@ -120,18 +120,18 @@ pub struct Verdict {
     pub words: String,
 }
 
-/// An effect whose value is not one.
+/// An effect whose value is not constant.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Varies {
     /// Its id.
     pub id: String,
     /// Quantity that its value changes with.
     pub with: Cause,
-    /// By how much: standard deviation over the drive, in `unit`.
+    /// Size of the change: standard deviation over the drive, in `unit`.
     pub deviation: f64,
     /// Symbol of the unit.
     pub unit: String,
-    /// Evidence that it does: how much better it explains the log than with one value.
+    /// Evidence for it: gain in explanation of the log over a constant value.
     pub evidence: f64,
 }
 
@@ -151,7 +151,7 @@ pub enum VerdictKind {
 pub struct NamedEffect {
     /// Its id, as in the plant's parameter `effect.<id>`.
     pub id: String,
-    /// Its value with an interval of 95 %, in `unit`; with a reference log, what has changed since: a difference, of a
+    /// Its value with an interval of 95 %, in `unit`. With a reference log, the change since then: a difference, for a
     /// factor the quotient.
     pub value: f64,
     /// Lower end of the interval.
@@ -166,16 +166,16 @@ pub struct NamedEffect {
     pub separated_by: String,
     /// Place of its action on the way from command to measurement.
     pub stage: Stage,
-    /// Gap that the effect makes over the gap of the background.
+    /// Gap by the effect over the gap by the background.
     pub dominance: f64,
-    /// Its value on the nominal vehicle: what the reference log says of it, and the change.
+    /// Its value on the nominal vehicle: that of the reference log, and the change.
     pub total: f64,
     /// Direction of a wind that is named by its speed, because the log tells no heading. In rad, to the left of the
     /// heading at the log's start.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub direction: Option<f64>,
-    /// Effects of the simulator and their values where one does not say it all: a payload with its place, such a wind by its
-    /// components. Empty where the effect and `total` do.
+    /// Effects of the simulator and their values where one is not enough: a payload with its place, such a wind by its
+    /// components. Empty where the effect and `total` are enough.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub components: BTreeMap<String, f64>,
 }
@@ -187,7 +187,7 @@ pub struct Candidate {
     pub effects: Vec<String>,
     /// Their values, SI units.
     pub values: Vec<f64>,
-    /// `J_none - J` of the candidate: how much better it explains the log than the background alone.
+    /// `J_none - J` of the candidate: its gain in explanation of the log over the background alone.
     pub evidence: f64,
     /// Probability that these effects, and no others, are the causes.
     #[serde(default)]
@@ -211,7 +211,7 @@ pub struct Shrink {
     pub closed_loop: Option<BTreeMap<String, Gap>>,
 }
 
-/// A gap (RMS, in the signal's unit) on held-out parts, and what is left of it.
+/// A gap (RMS, in the signal's unit) on held-out parts, and its remainders.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Gap {
     /// Of the simulator as it was given.
@@ -234,7 +234,7 @@ pub struct Place {
     /// Name of the division: `speed`, `lateral_accel`, `curvature`, `steer_rate`, `side`, `time`, `station`,
     /// `frequency`.
     pub regime: String,
-    /// Beginning of the regime, in the unit of what is divided.
+    /// Beginning of the regime, in the unit of the division.
     pub from: f64,
     /// Its end.
     pub to: f64,
@@ -257,7 +257,7 @@ pub struct Observability {
     pub observable: bool,
     /// Least value (as a distance from the neutral one) that would be seen, if any.
     pub least: Option<f64>,
-    /// Least value that would be named: seen, and more than a sound vehicle has within tolerance.
+    /// Least value that would be named: seen, and beyond a sound vehicle's tolerance.
     #[serde(default)]
     pub named_from: Option<f64>,
     /// The reason, in words, with numbers ("34 % of grip reached").
@@ -276,7 +276,7 @@ pub struct Manoeuvre {
     pub besides: String,
     /// The candidates that it tells apart.
     pub separates: Vec<String>,
-    /// Evidence that it is expected to give for one against the other, if the first is true.
+    /// Expected evidence for one against the other, if the first is true.
     pub expected_evidence: f64,
 }
 
@@ -300,7 +300,7 @@ pub struct Adjustment {
 /// Inputs of a diagnosis.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Inputs {
-    /// Each file with its hash, by what it is (`log`, `reference`, `vehicle`, `path`, `controller`).
+    /// Each file with its hash, by its role (`log`, `reference`, `vehicle`, `path`, `controller`).
     pub files: BTreeMap<String, InputFile>,
     /// The vehicle's name.
     pub vehicle: String,

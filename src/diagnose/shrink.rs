@@ -112,7 +112,7 @@ impl Predictive {
     }
 }
 
-/// Shrinkage of the winner, and how it predicts; for a winner with nothing freed the effect's part is none.
+/// Shrinkage of the winner, and its prediction; without freed effects the effect's part is none.
 #[must_use]
 pub fn shrink<V: ReplayVehicle>(
     problem: &Problem<V>,

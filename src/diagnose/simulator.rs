@@ -148,8 +148,8 @@ pub fn write_vehicle<V: VehicleParameters>(
     write(file, text.as_bytes())
 }
 
-/// A place in the new file's own folder for a file that lay anywhere: `../tyres/car.tir` becomes `tyres_car.tir`, `tyres/car.tir` stays.
-/// Nothing is written outside the folder that the user named.
+/// A place in the new file's own folder for any file: `../tyres/car.tir` becomes `tyres_car.tir`, `tyres/car.tir`
+/// stays. Nothing is written outside the folder that the user named.
 fn beside(file: &str) -> String {
     if Path::new(file).components().all(|part| matches!(part, Component::Normal(_))) {
         return file.to_owned();
@@ -161,8 +161,8 @@ fn beside(file: &str) -> String {
     parts.collect::<Vec<_>>().join("_")
 }
 
-/// A parameter set: what `vehicle_file` names, and the changes. With a `component`, names are `COMPONENT.PARAMETER`, as
-/// for a system; without, those of the FMU.
+/// A parameter set: the value of `vehicle_file`, and the changes. With a `component`, names are `COMPONENT.PARAMETER`,
+/// as for a system; without, those of the FMU.
 #[must_use]
 pub fn parameter_set(component: Option<&str>, vehicle_file: &str, changes: &BTreeMap<String, f64>) -> String {
     let mut writer = Writer::new_with_indent(Vec::new(), b' ', 2);

@@ -1,4 +1,4 @@
-//! The answer in words that a test engineer understands.
+//! The answer in words for a test engineer.
 
 use super::headline::{behind, value};
 use super::observability::short;
@@ -6,9 +6,9 @@ use super::report::{Adjustment, Finding, Gap, Gravity, Hypothesis, Manoeuvre, Na
 use super::shrink::Predictive;
 use crate::vehicle::TruckEffects;
 
-/// Share of the yaw-rate gap from which on it speaks for the effect.
+/// Share of the yaw-rate gap from which on it is evidence for the effect.
 const TELLING: f64 = 0.2;
-/// Probability from which on a hypothesis is worth a word.
+/// Least probability of a hypothesis that is mentioned.
 const LISTED: f64 = 0.02;
 /// Cosine from which on two effects are hardly told apart.
 const ALIKE: f64 = 0.9;
@@ -40,7 +40,7 @@ fn of_effect(effect: &NamedEffect) -> String {
     }
 }
 
-/// The yaw rate where the effect tells in it, else the signal whose gap it shrinks most.
+/// The yaw rate if the effect shows in it, else the signal whose gap it shrinks most.
 fn told(shrink: &Shrink) -> Option<(&str, &Gap)> {
     let share = |gap: &Gap| 1.0 - gap.effect / gap.before.max(1e-12);
     let yaw = shrink.open_loop.get("yaw_rate").filter(|gap| share(gap) >= TELLING);
@@ -199,7 +199,7 @@ pub fn cannot_tell(
     words
 }
 
-/// Evidence, or a difference of it: a chance of `exp(evidence / 2)` to one, of which tenths say nothing beyond ten.
+/// Evidence, or a difference of it: a chance of `exp(evidence / 2)` to one; tenths are left out beyond ten.
 #[must_use]
 pub fn weight(evidence: f64) -> String {
     match evidence.abs() {

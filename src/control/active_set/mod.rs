@@ -45,7 +45,7 @@ use super::tracking_qp::{QpEnd, QpError, QpReport, QpShape, QpSolver, TrackingQp
 use rows::{Family, Member, Row, input_width, soft_width};
 use std::time::Instant;
 
-/// Violation that is none, in widths of the input's or output's range.
+/// Violation that counts as none, in widths of the input's or output's range.
 const TOLERANCE: f64 = 1e-10;
 /// Violation and mismatch of active rows with which a solution is accepted, in the same widths.
 const FEASIBLE: f64 = 1e-9;
@@ -71,8 +71,8 @@ enum Event {
 
 /// The active-set method behind [`QpSolver`].
 ///
-/// Refuses with [`QpError::Numerical`], [`QpError::Infeasible`] or [`QpError::IterationLimit`] what another solver
-/// should look at; [`super::FastSolver`] does so.
+/// Refuses with [`QpError::Numerical`], [`QpError::Infeasible`] or [`QpError::IterationLimit`] a problem for another
+/// solver; [`super::FastSolver`] passes it on.
 pub struct ActiveSetSolver {
     hessian: Vec<f64>,
     linear: Vec<f64>,
@@ -213,7 +213,7 @@ impl ActiveSetSolver {
         found
     }
 
-    /// Predicts the softly bounded outputs, the only ones that the method looks at.
+    /// Predicts the softly bounded outputs, the only ones that the method uses.
     fn predict_soft(&mut self, problem: &TrackingQp) {
         let shape = &problem.shape;
         for index in 0..shape.horizon * shape.soft.len() {
@@ -318,7 +318,7 @@ impl ActiveSetSolver {
         }
     }
 
-    /// Lets a soft member begin or cease to yield: it leaves `K` and comes back with another diagonal entry.
+    /// Lets a soft member begin or cease to yield: it leaves `K` and returns with another diagonal entry.
     fn switch(&mut self, problem: &TrackingQp, i: usize) -> Result<(), QpError> {
         let shape = &problem.shape;
         self.gram.remove(i);
@@ -406,8 +406,8 @@ impl ActiveSetSolver {
         }
     }
 
-    /// Cost at the solution, with that of the slacks: what the outputs exceed, for a multiplier is a small difference
-    /// from the linear penalty there.
+    /// Cost at the solution, with that of the slacks: the excess of the outputs. The multiplier there is a small
+    /// difference from the linear penalty.
     fn objective(&self, problem: &TrackingQp) -> f64 {
         let shape = &problem.shape;
         let slack: f64 = self

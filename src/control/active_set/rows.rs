@@ -156,7 +156,7 @@ impl Member {
     }
 }
 
-/// Width of the range of an input, the measure for what violates its bounds.
+/// Width of the range of an input, the measure of violations of its bounds.
 pub(super) fn input_width(shape: &QpShape, i: usize) -> f64 {
     shape.input_max[i] - shape.input_min[i]
 }

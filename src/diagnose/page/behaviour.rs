@@ -9,7 +9,7 @@ use super::plot::{Colour, Curve, Plot};
 const STEADY: f64 = 0.15;
 /// Steering rates up to this, rad/s.
 const STEADY_ANGLE: f64 = 0.1;
-/// Angles below this tell nothing of a gain, rad.
+/// Least angle for a gain, rad.
 const LEAST_ANGLE: f64 = 5e-3;
 /// Fewest rows for a point of a curve.
 const LEAST_ROWS: usize = 20;

@@ -37,7 +37,7 @@ pub struct PageInput<'a> {
     pub wheelbase: f64,
     /// Road-wheel angle for each 1/m of curvature in steady cornering at a speed, rad m.
     pub steering: &'a dyn Fn(f64) -> f64,
-    /// Files written beside the page: name and what it is.
+    /// Files written beside the page, with their descriptions.
     pub files: &'a [(String, String)],
 }
 

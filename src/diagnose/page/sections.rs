@@ -30,7 +30,7 @@ fn value(value: f64, id: &str, unit: &str) -> String {
     format!("{id} = {}{}", number(value), behind(unit))
 }
 
-/// Banner, tiles, and what each named effect is.
+/// Banner, tiles, and the meaning of each named effect.
 pub(super) fn verdict(report: &Report) -> String {
     let verdict = &report.verdict;
     let mut html = format!(

@@ -18,14 +18,14 @@ pub struct Tuned<'a> {
     pub words: &'a str,
     /// True if the tuned one is better on held-out roads.
     pub better: bool,
-    /// Ensembles: name, scenarios, how the two did.
+    /// Ensembles: name, scenarios, results of the two.
     pub sets: [(&'a str, Vec<String>, [&'a Candidate; 2]); 2],
     /// At each speed.
     pub margins: &'a [Vec<AtSpeed>; 2],
     /// Delay in s and gain that were asked for.
     pub goal: (f64, f64),
     pub answers: &'a [Answer],
-    /// Of each candidate whether it was driven to its end, and what it cost.
+    /// True for each candidate that was driven to its end, with its cost.
     pub trace: &'a [(bool, f64)],
 }
 

@@ -38,7 +38,7 @@ pub const CHANNELS: [Channel; 12] = [
 ];
 
 impl Channel {
-    /// Its name in reports: the signal's, or what is compared of a place.
+    /// Its name in reports: the signal's, or the compared component of a place.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {

@@ -1,4 +1,4 @@
-//! The vehicle model replayed from a log's commands, and what of it is compared.
+//! The vehicle model replayed from a log's commands, and the signals that are compared.
 //!
 //! Speed is the log's; the response of steering, tyres and body to it is compared. The longitudinal motion, heading and
 //! place would drift away. They are replayed with a leak towards the log, so that an error of the rate is seen for

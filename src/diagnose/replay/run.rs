@@ -9,7 +9,7 @@ use crate::vehicle::{
 
 /// Time over which heading, place and speed leak to the log's, s.
 pub const LEAK: f64 = 2.0;
-/// Beyond this a replay has gone astray: sideways velocity over speed; and what then stands in its place.
+/// Limit of a diverged replay: sideways velocity over speed; and the value that then replaces it.
 const ASTRAY: f64 = 1.5;
 
 /// Columns of a replay, by channel; those that leak hold the model's less the log's. Rows outside stretches are 0.

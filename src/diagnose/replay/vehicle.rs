@@ -54,7 +54,7 @@ pub trait ReplayVehicle: VehicleParameters + Clone + Sync + Send {
 pub struct Driven {
     /// Corrected signals, by channel.
     columns: Vec<Vec<f64>>,
-    /// Its speed, m/s, and the acceleration that drive and brakes were asked for, m/s2.
+    /// Its speed, m/s, and the acceleration asked of drive and brakes, m/s2.
     vx: Vec<f64>,
     accel_cmd: Vec<f64>,
 }
@@ -209,7 +209,7 @@ impl ReplayVehicle for TruckParameters {
     common!(front);
 }
 
-/// The vehicle as it is replayed: with a measured angle nothing before the sensor acts.
+/// The vehicle for the replay: with a measured angle nothing before the sensor acts.
 pub(in crate::diagnose) fn prepared<V: ReplayVehicle>(vehicle: &V, commanded: bool) -> V {
     let mut vehicle = vehicle.clone();
     if !commanded {

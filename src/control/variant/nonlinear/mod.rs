@@ -7,10 +7,10 @@
 //! G = dy/dU,   free = y(U) - G U,   solve the QP: U*,   U <- U + alpha (U* - U)
 //! ```
 //!
-//! with `alpha` found by halving until the true objective, soft bounds and all, falls by a share of what the QP
-//! promises (Armijo). The bounds of the commands are linear and the first plan, the last one shifted, is cut to
-//! them: every iterate can be driven. The errors are small beside the curvature of `y`, so Gauss-Newton converges
-//! within a few iterations.
+//! with `alpha` found by halving until the true objective, soft bounds included, falls by a share of the QP's promise
+//! (Armijo). The bounds of the commands are linear and the first plan, the last one shifted, is cut to them: every
+//! iterate can be driven. The errors are small beside the curvature of `y`, so Gauss-Newton converges within a few
+//! iterations.
 //!
 //! It is written for any [`PathModel`]: the bicycle of a car, the tractor with semi-trailer of a truck. With a Gaussian
 //! process (GP-NMPC) its mean and gradient correct `vy`, the yaw rate and that of the articulation after each step.
@@ -95,7 +95,7 @@ impl<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize> Nonl
     }
 }
 
-/// A step of the plan smaller than this ends the iterations, rad: Gauss-Newton contracts, what is left is smaller.
+/// Step of the plan below which the iterations end, rad: Gauss-Newton contracts, the remaining error is smaller.
 const STEP_TOLERANCE: f64 = 1e-5;
 /// Share of the promised decrease that a step must bring.
 const ARMIJO: f64 = 1e-4;
@@ -188,7 +188,7 @@ impl<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize> Nonl
         }
     }
 
-    /// From the plan towards the QP's, as far as the true objective follows the QP's promise.
+    /// Line search from the plan towards the QP's, as far as the true objective follows the QP's promise.
     fn search(&mut self, path: &Path, qp: &Qp, objective: &mut f64, promised: f64) -> Search {
         let mut alpha = 1.0;
         for _ in 0..=HALVINGS {
@@ -210,7 +210,7 @@ impl<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize> Nonl
     }
 }
 
-/// Writes the outputs of what was predicted under a plan and gives the true objective.
+/// Writes the outputs predicted under a plan and gives the true objective.
 fn assess<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize>(
     roll_out: &NonlinearRollOut<V, S, N, O>,
     plan: &[f64],

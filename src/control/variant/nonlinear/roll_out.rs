@@ -17,7 +17,7 @@ use std::sync::Arc;
 pub struct StepSpeed {
     /// At the beginning, in the middle and at the end, m/s: the model's, positive.
     pub speed: [f64; 3],
-    /// At the beginning as planned, m/s, maybe 0: what a Gaussian process is asked at.
+    /// At the beginning as planned, m/s, maybe 0: the speed of the Gaussian process's input.
     pub planned: f64,
     /// Acceleration, m/s2.
     pub accel: f64,
@@ -60,7 +60,7 @@ pub struct NonlinearRollOut<V: GpVehicle<S, N, O>, const S: usize, const N: usiz
     gp: Option<Arc<GpModelFor<V, N, O>>>,
     /// Trust in the process at each step, 0 to 1.
     trust: Vec<f64>,
-    /// Share of it that is used, and whether it is asked within its training: nearer to it than half a range's width.
+    /// Share of it in use, and true if it is asked within its training: nearer to it than half a range's width.
     share: f64,
     inside: Vec<bool>,
     /// Errors after the first step that was predicted, without the process.
@@ -236,7 +236,8 @@ impl<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize> Nonl
         Expected { state, transition }
     }
 
-    /// The same without the process and with all of it, whatever share is used; none where nothing is learned or used.
+    /// The same without the process and with all of it, regardless of the share in use; none without a learned process
+    /// in use.
     #[must_use]
     pub fn first_step_without_and_with(
         &self,
@@ -262,7 +263,7 @@ impl<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize> Nonl
         &self.steps[j].step.state
     }
 
-    /// Writes the derivatives of the tracked errors by the plan, row-major; the upper triangle is left as it is.
+    /// Writes the derivatives of the tracked errors by the plan, row-major; the upper triangle is left unchanged.
     pub fn write_gain(&mut self, tracked: &[usize], gain: &mut [f64]) {
         let horizon = self.steps.len();
         for (j, Predicted { step, end }) in self.steps.iter().enumerate() {
