@@ -1,4 +1,4 @@
-//! The steering actuator that the same samples show which a residual is learned from.
+//! The steering actuator from the same samples as a residual.
 //!
 //! For a hypothesis, dead time and lag, the issued commands make an angle `delta`. The change of the yaw rate over a
 //! step is linear in it and, with the errors of a single-track model, in states and road:
@@ -25,9 +25,9 @@ const DEAD_TIME_SPACING: f64 = 0.02;
 const LAGS: [f64; 12] = [0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.13, 0.16, 0.2, 0.25, 0.3, 0.4];
 /// Refinements about the best of them, each half as wide as the last.
 const REFINEMENTS: usize = 4;
-/// Time after which a residual is another one, s: what a model misses lasts.
+/// Correlation time of a residual, s: errors of a model last.
 const CORRELATION: f64 = 0.1;
-/// Yaw acceleration that is missed at least, rad/s2.
+/// Least noise of the yaw acceleration, rad/s2.
 const NOISE: f64 = 0.02;
 /// Spread of dead time and lag together beyond which a log does not show the actuator, s.
 const NOT_SHOWN: f64 = 0.06;
@@ -35,9 +35,9 @@ const NOT_SHOWN: f64 = 0.06;
 /// Actuator that a log shows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ShownActuator {
-    /// The most probable, and how sure it is.
+    /// The most probable, with its uncertainty.
     pub prior: CommandPrior,
-    /// Standard deviation of dead time and lag together, s: what a loop's stability hangs on.
+    /// Standard deviation of dead time and lag together, s, on which a loop's stability depends.
     pub spread: f64,
 }
 
@@ -52,7 +52,7 @@ impl ShownActuator {
 /// One uninterrupted piece.
 struct Stretch {
     commands: Vec<f64>,
-    /// For each step `b_4`, `eps_4 + b_4 u` and whether it counts.
+    /// For each step `b_4` and `eps_4 + b_4 u`; none for a step that does not count.
     steps: Vec<Option<(f64, f64)>>,
 }
 
@@ -99,14 +99,14 @@ impl<V: LateralVehicle<S>, const S: usize> DataSet<V, S> {
     }
 }
 
-/// The samples, and what of them no hypothesis changes.
+/// The samples, and the part of the regression that hypotheses do not change.
 struct Fit {
     sample_time: f64,
     stretches: Vec<Stretch>,
     /// Other regressors of each step that counts.
     beside: DMatrix<f64>,
     projection: Cholesky<f64, nalgebra::Dyn>,
-    /// `t' t` less what the others explain, and `Z' t`.
+    /// `t' t` less the part that the others explain, and `Z' t`.
     rest: f64,
     of_target: DVector<f64>,
     independent: f64,

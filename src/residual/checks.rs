@@ -96,7 +96,7 @@ pub enum DataError {
         /// Probable cause.
         hint: &'static str,
     },
-    /// A column has the wrong unit, to judge by how the vehicle moved.
+    /// A column has the wrong unit, judged by the vehicle's motion.
     #[error("`{column}` is {factor:.3} times what the motion says ({evidence}); {hint}")]
     Unit {
         /// The column.
@@ -185,7 +185,7 @@ pub(super) fn stretches<const S: usize>(
     Ok(stretches.into_iter().map(|stretch| thin(&stretch, factor as usize)).collect())
 }
 
-/// Rows whose values are numbers and can be.
+/// Rows whose values are finite and possible.
 fn plausible<const S: usize>(
     drive: &Recorded<'_, S>,
     report: &mut DataReport,
@@ -227,8 +227,8 @@ fn plausible<const S: usize>(
     Ok(kept)
 }
 
-/// Every `factor`-th row, from the one on at which commands change: a command that the controller held over its step
-/// is then found unchanged. The command of a step is the mean of those recorded in it.
+/// Every `factor`-th row, from a row on at which commands change: a command that the controller held over its step is
+/// then unchanged. The command of a step is the mean of those recorded in it.
 fn thin<const S: usize>(stretch: &[Row<S>], factor: usize) -> Vec<Row<S>> {
     if factor == 1 {
         return stretch.to_vec();
@@ -262,7 +262,7 @@ impl Slope {
         self.yy += y * y;
     }
 
-    /// `None` where the two hardly have to do with each other.
+    /// `None` where the two hardly correlate.
     fn value(&self) -> Option<f64> {
         let explained = self.xy * self.xy / (self.xx * self.yy);
         (explained > 0.5).then_some(self.xy / self.xx)
@@ -271,7 +271,7 @@ impl Slope {
 
 const DEGREES: f64 = 180.0 / std::f64::consts::PI;
 
-/// Compares columns with one another: units that are wrong by a factor show in how the vehicle moves.
+/// Compares columns with one another: units that are wrong by a factor show in the vehicle's motion.
 pub(super) fn units<const S: usize>(
     stretches: &[Vec<Row<S>>],
     wheelbase: f64,

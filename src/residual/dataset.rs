@@ -1,4 +1,4 @@
-//! From drives to samples: what the nominal model missed, and what was known before.
+//! From drives to samples: errors of the nominal model, and the features known before.
 //!
 //! For each step of a drive, the nominal model is discretised exactly at that row's speed. With the *commanded*
 //! steering `u` (a measured angle would hide the actuator's delay),
@@ -7,7 +7,7 @@
 //! eps_{k+1} = x_{k+1} - (A x_k + B u_k + D psi_des' + E psi_des''),     x = [e1, e1', e2, e2']
 //! ```
 //!
-//! The road's heading rate and acceleration are those at the middle of the step, as the controller predicts with.
+//! The road's heading rate and acceleration are those at the middle of the step, as in the controller's prediction.
 //! A sample at row `k` with window `W` has *features* and *commands*. The features are `x_{k-W+1}, .., x_k` (oldest
 //! first), then speed, curvature and curvature rate of row `k`. The commands are `u_{k-W+1}, .., u_k`, the last one
 //! being in force over the step.
@@ -134,7 +134,7 @@ pub(super) struct Row<const S: usize> {
     pub road: [f64; ROAD],
 }
 
-/// For which controller the samples are made.
+/// Controller for which the samples are made.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DataConfig {
     /// Time between control steps, s.
@@ -156,7 +156,7 @@ pub struct DataReport {
     pub rows: usize,
     /// Rows left out because a value is not a number.
     pub not_finite: usize,
-    /// Rows left out because a value cannot be, e.g. a yaw error of 20 rad.
+    /// Rows left out because a value is impossible, e.g. a yaw error of 20 rad.
     pub implausible: usize,
     /// Interruptions within drives, left-out rows among them.
     pub gaps: usize,
@@ -164,7 +164,7 @@ pub struct DataReport {
     pub thinned: Vec<(String, usize)>,
     /// Columns that never change: nothing can be learned about their effect.
     pub constant: Vec<&'static str>,
-    /// Steps whose next row is there: labels.
+    /// Steps with a next row: labels.
     pub labels: usize,
 }
 

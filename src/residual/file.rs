@@ -1,4 +1,4 @@
-//! The model's file: a head that people read, then numbers.
+//! The model's file: a head for people, then numbers.
 //!
 //! ```text
 //! rfl-residual 1 1873 612345 0123456789abcdef     magic, format, bytes of head, bytes of numbers, FNV-1a of both
@@ -9,8 +9,8 @@
 //! ```
 //!
 //! The head is TOML because the FMUs read TOML anyway, and because `head -40 model.rfl` then tells what a model is.
-//! Trees and leaves are some 100 000 numbers that nobody reads: postcard stores them bit for bit and ten times
-//! smaller and faster than text. Gaussian processes have files made alike, with a magic word of their own.
+//! Trees and leaves are some 100 000 numbers that nobody reads. postcard stores them bit for bit, ten times smaller and
+//! faster than text. Gaussian processes have files made alike, with a magic word of their own.
 
 use super::forest::Forest;
 use super::hash::fnv;
@@ -180,7 +180,7 @@ struct Head<S> {
     schema: S,
 }
 
-/// The head without what differs from kind to kind.
+/// The head without the differences between kinds.
 #[derive(Deserialize)]
 struct HeadKind {
     vehicle_kind: Option<String>,
@@ -344,7 +344,7 @@ pub(super) fn open<H: DeserializeOwned, N: DeserializeOwned, V: LateralVehicle<S
     Ok((head.schema, numbers))
 }
 
-/// Names the file in what went wrong with it.
+/// Names the file in an error of it.
 pub(super) fn in_file<T>(file: &Path, work: impl FnOnce() -> Result<T, FileError>) -> Result<T, FileError> {
     work().map_err(|cause| FileError::In { file: file.to_owned(), cause: Box::new(cause) })
 }

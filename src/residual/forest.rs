@@ -1,4 +1,4 @@
-//! Random forests: trees that differ by the rows they were grown on and the features they were offered.
+//! Random forests: trees that differ by their rows and by the features at their splits.
 //!
 //! Each tree sees a bootstrap sample: `n` draws with replacement out of `n` rows (Breiman 2001), or of blocks of rows.
 //! The rows that it did not draw are *out of bag*, about `1/e` of all, and serve as its test data.
@@ -21,7 +21,7 @@ pub struct ForestConfig {
     pub depth: usize,
     /// Fewest distinct rows in a leaf.
     pub min_leaf: usize,
-    /// Features tried at a split, F; more than there are means all.
+    /// Features tried at a split, F; a larger number means all.
     pub features_per_split: usize,
     /// Bootstrap sample of each tree, and its unit; `None`: all trees see all rows.
     pub bootstrap: Option<Block>,
@@ -54,12 +54,12 @@ pub struct Forest {
     pub(super) leaves: u32,
 }
 
-/// A forest and which rows each tree saw.
+/// A forest, and the rows of each tree.
 #[derive(Debug, Clone)]
 pub struct GrownForest {
     /// The forest.
     pub forest: Forest,
-    /// For each tree, how often it drew each row; 0 is out of bag.
+    /// Number of draws of each row for each tree; 0 is out of bag.
     pub in_bag: Vec<Vec<u16>>,
 }
 

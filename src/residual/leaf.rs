@@ -44,7 +44,7 @@ impl<const S: usize> LeafModels<S> {
         &self.theta[leaf * self.regressors()..][..self.regressors()]
     }
 
-    /// Share of these leaves that never saw a command as small, or as large, as one of these.
+    /// Share of these leaves whose training had no command as small, or as large, as one of these.
     pub(super) fn strange(&self, leaves: &[u32], commands: &[f64]) -> f64 {
         let lowest = commands.iter().copied().fold(f64::INFINITY, f64::min);
         let highest = commands.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -103,7 +103,7 @@ impl<const S: usize> Shares<S> {
         self.entries
     }
 
-    /// The leaf that adds nothing: that of a tree in a mean that is yet to be made.
+    /// The leaf that adds nothing: that of a tree in a mean before its first look-up.
     pub fn none(&self) -> u32 {
         (self.values.len() / self.entries - 1) as u32
     }
@@ -139,7 +139,7 @@ pub enum LeafFit {
         /// Strength of the shrinkage, without unit; may be infinite.
         lambda: f64,
     },
-    /// Each leaf on its own; the solution of least norm where its samples leave a choice.
+    /// Each leaf on its own; the solution of least norm if its samples do not determine one.
     LeastSquares,
 }
 
@@ -333,8 +333,8 @@ pub(super) fn constant<const S: usize>(labels: &[[f64; S]], members: &Members, w
 
 /// Linear leaves of one tree, leaf behind leaf, once for each fit of `fits`.
 ///
-/// `remainder` is what the global fit `global` leaves of the labels. With a prior, leaves are shrunk to the global fit moved by what
-/// the prior expects of them.
+/// `remainder` is the labels less the global fit `global`. With a prior, leaves are shrunk to the global fit moved by
+/// the prior's expectation of them.
 pub(super) fn linear<const S: usize>(
     design: &Design<S>,
     remainder: &[[f64; S]],
@@ -391,7 +391,7 @@ pub(super) fn linear<const S: usize>(
     result
 }
 
-/// Samples of which a sum is made at once: sums do not depend on the number of threads.
+/// Number of samples in a partial sum: sums do not depend on the number of threads.
 const CHUNK: usize = 2048;
 
 /// Sum of squares and largest magnitude of `error(i)`, for each output; samples without an error are left out.

@@ -75,7 +75,7 @@ pub struct Triangle<const S: usize = ERRORS> {
     weight: f64,
 }
 
-/// Rows that are worked in at once.
+/// Number of rows that are worked in at once.
 const BLOCK: usize = 256;
 
 impl<const S: usize> Triangle<S> {

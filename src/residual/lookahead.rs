@@ -1,4 +1,4 @@
-//! Look-ups over a horizon that moves on by a step at a time.
+//! Look-ups over a receding horizon.
 //!
 //! Row `j` of the horizon asks the trees at the window of states `x_j .. x_{j+W-1}` and at the road of its step. A step
 //! later the same row is asked again, one place earlier. Its window differs by the last prediction error, and few trees
@@ -53,7 +53,7 @@ pub(super) struct Questions<const S: usize> {
     of_road: [Quantity; ROAD],
 }
 
-/// The rows of a horizon with what was looked up last; made once, filled at each step.
+/// The rows of a horizon with the last look-up; made once, filled at each step.
 #[derive(Debug, Clone)]
 pub struct Lookahead<const S: usize> {
     shares: Arc<Shares<S>>,
@@ -304,7 +304,7 @@ impl<const S: usize> Lookahead<S> {
         }
     }
 
-    /// Marks what a value that passed thresholds decides anew.
+    /// Marks the look-ups that a value decides anew by passing thresholds.
     #[inline(never)]
     fn pass(&mut self, at: usize, c: usize) {
         let (rows, first, horizon) = (&mut self.rows, self.first, self.horizon);
@@ -324,7 +324,7 @@ impl<const S: usize> Lookahead<S> {
         }
     }
 
-    /// Looks a row up: its slot, and whether its leaves are others than before.
+    /// Looks a row up: its slot, and true if its leaves have changed.
     pub(super) fn look_up(&mut self, forest: &Forest, row: usize, road: &[f64; ROAD]) -> (usize, bool) {
         let slot = self.slot(row);
         self.road[slot] = *road;
@@ -344,7 +344,7 @@ impl<const S: usize> Lookahead<S> {
         (slot, renewed)
     }
 
-    /// Marks what a value of the road that passed thresholds decides anew.
+    /// Marks the look-ups that a value of the road decides anew by passing thresholds.
     #[inline(never)]
     fn pass_on_road(&mut self, slot: usize, c: usize) {
         let (rows, place) = (&mut self.rows, &mut self.road_places[slot][c]);

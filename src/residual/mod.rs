@@ -56,7 +56,7 @@
 //! | `global.rs`, `leaf.rs` | one linear model for all; models in leaves |
 //! | `train_config.rs`, `train.rs` | from a data set to a model and a report of its fit |
 //! | `model.rs` | the model: its description, and its coefficients at any features |
-//! | `lookahead.rs` | the same over a horizon that moves on, as the controller asks |
+//! | `lookahead.rs` | the same over the receding horizon of the controller |
 //! | `file.rs`, `rows.rs` | the model's file |
 //! | `gp/` | the Gaussian process of GP-NMPC |
 //! | `random.rs`, `parallel.rs`, `hash.rs` | the same bits for the same seed, on any number of threads |

@@ -1,4 +1,4 @@
-//! The learned residual as the controller uses it.
+//! The learned residual of the controller.
 //!
 //! For step `j` of the horizon the controller gives the features of the window that ends with the state at the start of
 //! the step: measured ones as far as there are, then predicted ones. It gets the coefficients of
@@ -119,7 +119,7 @@ fn road_terms(road: &[f64]) -> [f64; ROAD_TERMS] {
     [road[1], road[2], road[1] * road[0] * road[0]]
 }
 
-/// Values that a quantity had in training.
+/// Range of a quantity in training.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Range {
     /// The signal's name.
@@ -215,7 +215,7 @@ pub struct Expected<V = SingleTrack> {
 }
 
 impl<V> Expected<V> {
-    /// Compares with what a model was learned for, but for the window.
+    /// Compares with the controller that a model was learned for, except for the window.
     pub(super) fn check<const S: usize>(
         &self,
         vehicle: &V,
@@ -342,12 +342,12 @@ pub struct Coefficients<const S: usize = ERRORS> {
     /// Distance of the worst feature from its range in training, in widths of that range; 0 inside. Of the speed, in
     /// shares of the speed exceeded.
     pub excess: f64,
-    /// Share of the leaves that never saw commands like those given, 0 to 1.
+    /// Share of the leaves whose training had no commands like those given, 0 to 1.
     pub strange_leaves: f64,
 }
 
 impl<const S: usize> Coefficients<S> {
-    /// Effect on the states of what is known.
+    /// Effect of known quantities on the states.
     #[must_use]
     pub fn constant(&self) -> [f64; S] {
         self.values[0]
@@ -371,7 +371,7 @@ impl<const S: usize> Coefficients<S> {
         self.excess > 0.0 || self.strange_leaves > 0.5
     }
 
-    /// Shrinks the residual towards none, the nominal model: by 1 not at all, by 0 altogether.
+    /// Shrinks the residual towards none, the nominal model: 1 leaves it unchanged, 0 removes it.
     pub fn scale(&mut self, factor: f64) {
         self.values.as_flattened_mut().iter_mut().for_each(|value| *value *= factor);
     }
@@ -483,9 +483,9 @@ impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
         }
     }
 
-    /// The linear residual where the features are `features`: `W` states, oldest first, then speed, curvature
-    /// and curvature rate of the newest row. `commands` is the window of commands as far as known or planned, to see
-    /// whether leaves know the like; it may be empty.
+    /// The linear residual at `features`: `W` states, oldest first, then speed, curvature and curvature rate of the
+    /// newest row. `commands` is the window of commands as far as known or planned, for comparison with the leaves'
+    /// training; it may be empty.
     ///
     /// # Panics
     /// If `features` has not [`features`](Self::features) values, or if `out` is of another model: a mistake of the
@@ -519,7 +519,7 @@ impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
         out.excess = newest.map_or(0.0, |(errors, road)| self.excess(errors, road));
     }
 
-    /// Room for the rows of a horizon that moves on step by step.
+    /// Workspace for the rows of a receding horizon.
     ///
     /// # Panics
     /// If the horizon has no row.

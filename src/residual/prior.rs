@@ -23,7 +23,7 @@ use crate::nominal::{ActuatedModel, ActuatedState, Actuator, LateralVehicle, Sin
 use nalgebra::{Cholesky, DMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
-/// The actuator, as far as it is known before the effects are fitted.
+/// Prior of the actuator before the effects are fitted.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct CommandPrior {
     /// Dead time and lag.
@@ -34,11 +34,11 @@ pub struct CommandPrior {
     pub lag_spread: f64,
 }
 
-/// Correlation of what effects a step apart may differ by from their mean.
+/// Correlation of the deviations from the mean of two effects a step apart.
 const CORRELATION: f64 = 0.95;
-/// Least spread that is believed, s: neither is an actuator exactly a dead time and a lag.
+/// Least spread, s: an actuator is never exactly a dead time and a lag.
 const LEAST_SPREAD: f64 = 0.02;
-/// Least envelope, as a share of the largest: what no actuator of the family does is not ruled out.
+/// Least envelope, as a share of the largest: responses outside the family are not ruled out.
 const FLOOR: f64 = 0.05;
 /// Spacing of the speeds at which the response is known, m/s.
 const SPEED_STEP: f64 = 0.5;

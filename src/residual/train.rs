@@ -1,7 +1,7 @@
 //! Training: from samples to a model, and the quality of its fit.
 //!
 //! 1. Global ridge fit of the linear regressors, `lambda` by cross-validation.
-//! 2. Trees on the features that cannot be decided; each tree on a bootstrap sample.
+//! 2. Trees on the features that are already decided; each tree on a bootstrap sample.
 //! 3. In each leaf a constant, or a linear model shrunk towards the global fit. The `lambda` of all leaves has the
 //!    least error on held-out samples: out of bag for a forest, by cross-validation within the tree's leaves for a
 //!    single tree.
@@ -102,8 +102,8 @@ pub struct Fit<const S: usize = ERRORS> {
 pub struct TrainReport<const S: usize = ERRORS> {
     /// On the samples learned from.
     pub train: Fit<S>,
-    /// On samples that the trees concerned did not see; for a single tree: its leaves. With `lambda` chosen on the
-    /// same samples. None for kinds without trees, and where a single tree has nothing to choose.
+    /// On samples that the trees concerned did not see; for a single tree: its leaves. With `lambda` chosen on the same
+    /// samples. None for kinds without trees, and for a single tree without a choice.
     pub held_out: Option<Fit<S>>,
     /// On the test data, if there are any.
     pub test: Option<Fit<S>>,
@@ -118,7 +118,7 @@ pub struct TrainReport<const S: usize = ERRORS> {
     pub determined: Option<f64>,
 }
 
-/// A model and how well it fits.
+/// A model and the quality of its fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trained<V = SingleTrack, const S: usize = ERRORS> {
     /// The model.
@@ -132,7 +132,7 @@ pub struct Trained<V = SingleTrack, const S: usize = ERRORS> {
 /// `progress` is called from the threads that work.
 ///
 /// # Errors
-/// A setting that cannot be; too few samples; test data of another vehicle.
+/// An impossible setting; too few samples; test data of another vehicle.
 pub fn train<V: LateralVehicle<S>, const S: usize>(
     data: &DataSet<V, S>,
     test: Option<&DataSet<V, S>>,

@@ -14,7 +14,7 @@ pub enum LambdaChoice {
     HeldOut(Vec<f64>),
     /// This one.
     Fixed(f64),
-    /// Not at all: plain least squares in each leaf, the paper's way. The global fit is plain, too.
+    /// No shrinkage: plain least squares in each leaf, the paper's way. The global fit is plain, too.
     LeastSquares,
 }
 
@@ -25,7 +25,7 @@ pub struct TrainConfig {
     pub kind: Kind,
     /// Window, W, steps. It should cover delay and four time constants of the actuator.
     pub window: usize,
-    /// Number of trees, T; a single tree for RT and RTL whatever it says.
+    /// Number of trees, T; RT and RTL always have a single tree.
     pub trees: usize,
     /// Depth of the trees.
     pub depth: usize,
@@ -85,7 +85,7 @@ impl TrainConfig {
     /// Checks the values.
     ///
     /// # Errors
-    /// The first value that cannot be.
+    /// The first impossible value.
     pub fn check(&self) -> Result<(), ConfigError> {
         let within = |name, value, min, max| {
             if (min..=max).contains(&value) {

@@ -125,7 +125,7 @@ impl<const K: usize> Sums<K> {
         }
     }
 
-    /// `sum_o S_o^2 / w`: what the mean explains.
+    /// `sum_o S_o^2 / w`: the part that the mean explains.
     fn explained(&self) -> f64 {
         self.outputs.iter().map(|&s| s as f64 * s as f64).sum::<f64>() / f64::from(self.weight)
     }

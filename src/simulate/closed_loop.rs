@@ -127,7 +127,7 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
         Ok(Self::new(controller, vehicle, step))
     }
 
-    /// Lets the controller be told noisy measurements; the log holds what it is told.
+    /// Adds noise to the controller's measurements; the log holds the noisy ones.
     #[must_use]
     pub fn with_noise(self, noise: SensorNoise, seed: u64) -> Self {
         Self { noise: Some((noise, Random::new(seed))), ..self }
@@ -140,8 +140,8 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
         Self { referee, ..self }
     }
 
-    /// Lets something befall the measurements on their way to the controller: `fault` is told the time, s. The log holds what
-    /// the controller is told.
+    /// Adds a fault to the measurements on their way to the controller: `fault` gets the time, s. The log holds the
+    /// faulty ones.
     #[must_use]
     pub fn with_fault(self, fault: impl FnMut(f64, &mut Measurement) + Send + 'static) -> Self {
         Self { fault: Some(Box::new(fault)), ..self }
@@ -159,7 +159,7 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
         &self.vehicle
     }
 
-    /// True lateral error at the newest row, m: that of the vehicle, not that which a noisy measurement shows.
+    /// True lateral error at the newest row, m: that of the vehicle, not that of a noisy measurement.
     #[must_use]
     pub fn lateral_error(&self) -> f64 {
         self.place.lateral_error
@@ -258,7 +258,7 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
         })
     }
 
-    /// The same, as long as `go_on` says so of a row and the true lateral error in m.
+    /// The same, while `go_on` is true of a row and the true lateral error in m.
     ///
     /// # Errors
     /// Controller or vehicle cannot go on.
@@ -274,7 +274,7 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
         }
     }
 
-    /// The same; a vehicle that rolls over or jack-knifes is lost, and what was driven until then is given.
+    /// The same; a vehicle that rolls over or jack-knifes is lost, and the drive until then is returned.
     ///
     /// # Errors
     /// Controller or vehicle cannot go on for another reason.
@@ -294,7 +294,7 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
         }
     }
 
-    /// The same; whatever happens, what was driven until then is given. `ending` says how it ended.
+    /// The same; the drive until its end is returned in any case. `ending` has the reason of the end.
     pub fn record(&mut self, duration: f64, mut go_on: impl FnMut(&[f64; C], f64) -> bool) -> DriveFor<C> {
         let mut drive = DriveFor { columns: P::SIGNALS, ..DriveFor::default() };
         let steps = (duration / self.step).round().max(0.0) as u64;

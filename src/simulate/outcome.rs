@@ -33,7 +33,7 @@ const STANDING_TIME: f64 = 5.0;
 /// Distance, m, by which a controller with noisy sensors may see the road's end too early, and by which a vehicle may
 /// roll back beyond the start.
 const END_TOLERANCE: f64 = 5.0;
-/// Distance from the path, m, from which on another part of it may be the right one.
+/// Distance from the path, m, from which on the projection may belong to another part of it.
 const ASTRAY: f64 = 14.0;
 
 /// Bounds beyond which a vehicle is lost.
@@ -139,7 +139,7 @@ impl Ending {
     }
 }
 
-/// Watches a drive: the true place at each communication point, and what follows from it.
+/// Watches a drive: the true place at each communication point, and the outcome.
 #[derive(Debug, Clone)]
 pub(super) struct Referee {
     limits: LaneLimits,

@@ -64,7 +64,7 @@ pub trait SimulatedVehicle<const S: usize, const C: usize>: Sized {
     /// Recorded signals that the controller does not get: `ax`, `ay` in m/s2 and `roll` in rad.
     fn recorded(&self) -> [f64; 3];
 
-    /// The row of the log from the columns of every vehicle and what the controller was told.
+    /// The row of the log from the columns of every vehicle and the controller's measurement.
     fn row(common: &Common, told: &Measurement) -> [f64; C];
 }
 

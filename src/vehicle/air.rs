@@ -1,4 +1,4 @@
-//! Air and a dragging brake: what acts on a moving unit beside its tyres.
+//! Air and a dragging brake: loads on a moving unit beside its tyres.
 
 use super::effects::Effects;
 

@@ -1,4 +1,4 @@
-//! Unmodelled effects: what separates a real vehicle from its nominal model, one switch each.
+//! Unmodelled effects: differences of a real vehicle from its nominal model, one switch each.
 //!
 //! Each effect is declared once, here: its id is the field of [`Effects`], the FMU parameter `effect.<id>` and the
 //! word in a diagnosis. All are neutral by default. Sensor effects act on outputs only, never on the motion.
@@ -39,7 +39,7 @@ impl Stage {
     }
 }
 
-/// A rate limit from which on there is none, rad/s (a number that every tool can write, unlike infinity).
+/// Rate limit that stands for none, rad/s (a number that every tool can write, unlike infinity).
 pub const NO_RATE_LIMIT: f64 = 1e6;
 
 /// One effect's declaration.
@@ -226,8 +226,8 @@ impl TruckEffects {
         self.vehicle.get_mut(id).or_else(|| self.trailer.get_mut(id))
     }
 
-    /// Both sets of effects together: what adds up is added, factors are multiplied, the narrower rate limit counts. A
-    /// relaxation length replaces that of `base`.
+    /// Both sets of effects together: additive ones are added, factors are multiplied, the narrower rate limit counts.
+    /// A relaxation length replaces that of `base`.
     #[must_use]
     pub fn on_top_of(&self, base: &Self) -> Self {
         let mut both = *self;

@@ -1,4 +1,4 @@
-//! Reading vehicle files: what cars and trucks have in common.
+//! Reading vehicle files: the common part of cars and trucks.
 
 use super::builtin;
 use super::effects::EffectOutOfRange;
@@ -32,7 +32,7 @@ impl<V> Parameter<V> {
         (self.get)(vehicle)
     }
 
-    /// Sets the parameter; the vehicle's `check` looks at the range.
+    /// Sets the parameter; the vehicle's `check` tests the range.
     pub fn set(&self, vehicle: &mut V, value: f64) {
         (self.set)(vehicle, value);
     }
@@ -91,7 +91,7 @@ pub trait VehicleParameters: DeserializeOwned + Serialize + Clone + 'static {
     /// Name of the vehicle for people.
     fn name(&self) -> &str;
 
-    /// The effects that its file tells of.
+    /// The effects of its file.
     fn effects(&self) -> &Self::Effects;
 
     /// Uncertainty of its numbers, where its file states it.
@@ -117,7 +117,7 @@ pub trait VehicleParameters: DeserializeOwned + Serialize + Clone + 'static {
     /// The tyres with the key of their file.
     fn tyres(&mut self) -> Vec<(&'static str, &mut Tyre)>;
 
-    /// Checks what concerns more than one number.
+    /// Checks relations between several numbers.
     ///
     /// # Errors
     /// See [`VehicleError`].
@@ -137,7 +137,7 @@ pub enum VehicleError {
     /// Not TOML, or a key that is missing, unknown or of the wrong type.
     #[error("vehicle file {file}, line {line}: {message}; compare with the files in vehicles/")]
     Syntax { file: PathBuf, line: usize, message: String },
-    /// A value that no vehicle can have.
+    /// A value that is impossible for a vehicle.
     #[error(
         "vehicle file {file}, line {line}: {name} = {value} {} is outside {} ... {} ({meaning})",
         unit, range.0, range.1
@@ -218,7 +218,7 @@ pub(super) fn parse<V: VehicleParameters>(
     Ok(vehicle)
 }
 
-/// Checks every value against what a vehicle can have.
+/// Checks every value against the ranges of vehicles.
 pub(super) fn check<V: VehicleParameters>(
     vehicle: &V,
     file: &Path,

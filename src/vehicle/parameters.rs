@@ -127,7 +127,7 @@ pub struct Steering {
     pub offset: f64,
 }
 
-/// The engine, as the road sees it.
+/// The engine's force at the road.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[allow(missing_docs)]
@@ -229,7 +229,7 @@ impl CarParameters {
     };
 }
 
-/// A linear single-track model: what a careful engineer takes as the nominal model of a car.
+/// A linear single-track model: a careful engineer's nominal model of a car.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SingleTrack {
     /// Mass, kg.
@@ -301,7 +301,7 @@ impl CarParameters {
         (weight * self.vehicle.cg_to_rear_axle, weight * self.vehicle.cg_to_front_axle)
     }
 
-    /// Lateral relaxation length of the front tyres at rest, m; none if a tyre file does not say.
+    /// Lateral relaxation length of the front tyres at rest, m; none if a tyre file lacks it.
     #[must_use]
     pub fn relaxation(&self) -> Option<f64> {
         relaxation_at_rest(0.5 * self.axle_loads().0, &[&self.tyre.front, &self.tyre.rear])

@@ -39,7 +39,7 @@ use super::unit::{
 const SPRINGS: f64 = 0.7;
 /// Longest step times the frequency of the quickest motion sideways: the rule is not stable with much more.
 const LONGEST: f64 = 0.5;
-/// And most parts that a step is taken in.
+/// Largest number of parts of a step.
 const MOST_PARTS: f64 = 4.0;
 /// Steps of the fast motions before a start.
 const SETTLING: usize = 40;
@@ -55,7 +55,7 @@ const LEAST_SPEED: f64 = 1.0;
 pub enum ReducedSteer {
     /// As commanded; through the whole steering chain. rad
     Commanded(f64),
-    /// As measured at the sensor; only what lies behind it acts. rad
+    /// As measured at the sensor; only the chain behind it acts. rad
     Measured(f64),
 }
 
@@ -138,7 +138,7 @@ pub struct ReducedOutput {
 pub trait ReducedVehicle {
     /// Starts somewhere, tyres and springs settled.
     fn start(&mut self, start: &ReducedStart);
-    /// Sets velocity sideways (m/s, of the reference point) and yaw rate (rad/s) under way, tyres settled.
+    /// Sets sideways velocity (m/s, of the reference point) and yaw rate (rad/s) while driving, tyres settled.
     fn set_motion(&mut self, vy: f64, yaw_rate: f64);
     /// The motion now; then one step of at most about 20 ms.
     fn step(&mut self, input: &ReducedInput, step: f64) -> ReducedOutput;
@@ -176,7 +176,7 @@ pub(super) trait Relaxed<const N: usize, const S: usize>: Plant<N, S> {
     fn measured_articulation(&self, y: &[f64; N]) -> (f64, f64);
 }
 
-/// One wheel's constants and what is kept of its last step.
+/// One wheel's constants, and memory of its last step.
 struct Wheel {
     at: usize,
     axle: usize,
@@ -192,15 +192,15 @@ fn carried(axle: usize) -> usize {
     usize::from(axle >= FIRST_AXLES)
 }
 
-/// A rate at the last two steps, as far as there were any since the start.
+/// A rate at the last two steps, if there were any since the start.
 #[derive(Clone, Copy)]
 struct Past(Option<f64>, Option<f64>);
 
 impl Past {
     const NONE: Self = Self(None, None);
 
-    /// Mean rate over the step ahead, by Adams and Bashforth of second or third order, or what the past allows. From then on
-    /// `now` is past.
+    /// Mean rate over the step ahead, by Adams and Bashforth of second or third order, or the order that the past
+    /// allows. From then on `now` is past.
     fn ahead(&mut self, now: f64, order: usize) -> f64 {
         let ahead = match (self.0, self.1) {
             (Some(last), Some(before)) if order > 2 => (23.0 * now - 16.0 * last + 5.0 * before) / 12.0,
@@ -249,7 +249,7 @@ pub(super) struct Reduced<P: Relaxed<N, S>, const N: usize, const S: usize> {
     wheels: Vec<Wheel>,
     y: [f64; N],
     rates: [f64; N],
-    /// Of the slow motions, as `P::SLOW` has them.
+    /// Past rates of the slow motions, in the order of `P::SLOW`.
     past: Vec<Past>,
     /// Fastest natural frequency of the motion sideways on its tyres, rad/s.
     frequency: f64,
@@ -308,8 +308,8 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
         flow
     }
 
-    /// Acceleration of the vehicle, m/s2, from what turns its wheels faster than it moves: that force they have yet to find.
-    /// A wheel that spins or is locked finds no more.
+    /// Acceleration of the vehicle, m/s2, by wheels that turn faster than it moves: the force that they do not have
+    /// yet. A wheel that spins or is locked gets no more.
     fn late(&self) -> f64 {
         let (mut force, mut mass) = (0.0, self.plant.mass());
         for wheel in self.wheels.iter().filter(|wheel| wheel.kappa.abs() < GREATEST_SLIP) {
@@ -321,7 +321,8 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
         force / mass
     }
 
-    /// Fast motions follow their equilibrium; with `h`, the tyres' lateral deflections are integrated, without they settle.
+    /// Fast motions follow their equilibrium. With `h`, the tyres' lateral deflections are integrated; without it they
+    /// settle.
     fn follow(&mut self, h: Option<f64>) {
         let Self { plant, y, rates, wheels, bodies, .. } = self;
         // What a wheel is pushed up by, it hands on to its body by its spring's share: both are moved together, or stiff

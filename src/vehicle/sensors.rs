@@ -103,7 +103,7 @@ impl<const S: usize> Latency<S> {
         delay > 0.0 && self.samples.back().is_none_or(|newest| time >= newest.0 + 0.9 * SAMPLING)
     }
 
-    /// Takes a sample, and forgets those that nobody will read.
+    /// Takes a sample, and forgets those that are no longer needed.
     pub fn push(&mut self, time: f64, signals: [f64; S]) {
         if self.samples.len() == self.samples.capacity() {
             self.samples.pop_front();

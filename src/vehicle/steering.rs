@@ -63,7 +63,7 @@ pub struct SteeringState {
     arrived: f64,
     /// The actuator's angle.
     actuator: f64,
-    /// Its angle behind the backlash: what the sensor measures.
+    /// Its angle behind the backlash, which the sensor measures.
     measured: f64,
     /// True if angle or rate limit held the actuator back since the last command.
     limited: bool,
@@ -84,7 +84,7 @@ impl SteeringState {
         }
     }
 
-    /// Room for all that can be under way, so that steps do not allocate (after deserialisation).
+    /// Workspace for the longest queue, so that steps do not allocate (after deserialisation).
     pub fn reserve(&mut self, chain: &SteeringChain) {
         if chain.dead_time > 0.0 {
             self.queue.reserve(UNDER_WAY.saturating_sub(self.queue.len()));

@@ -1,7 +1,7 @@
-//! A vehicle under way: its state, its steps, what is measured after them.
+//! A vehicle in motion: its state, its steps, its measurements.
 //!
-//! The plant gives the equations of motion `y' = f(y, steering, drive, road)`; they are integrated by the classic
-//! Runge-Kutta method at 1000 Hz whatever step is asked for. Steering chain and drive are exact in time.
+//! The plant gives the equations of motion `y' = f(y, steering, drive, road)`. They are integrated by the classic
+//! Runge-Kutta method at 1000 Hz, regardless of the step asked for. Steering chain and drive are exact in time.
 
 use super::array;
 use super::drive::DriveLine;
@@ -40,7 +40,7 @@ pub enum StepError {
     InputNotFinite { name: &'static str, value: f64, time: f64 },
     #[error("a step of {step} s at {time} s: must be greater than 0 and at most {LONGEST_STEP} s")]
     StepLength { step: f64, time: f64 },
-    /// The body lies beyond what springs and this model describe.
+    /// The body is beyond the range of springs and model.
     #[error(
         "the vehicle rolled over at {time} s (roll {roll} rad, pitch {pitch} rad); drive slower or start anew"
     )]
@@ -75,7 +75,7 @@ pub(super) struct Stage {
     pub accel: f64,
 }
 
-/// The motion at an instant: signals that may come late, and what is known at once.
+/// The motion at an instant: signals that may be late, and those known at once.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Motion<F, const S: usize> {
     pub signals: [f64; S],
@@ -125,9 +125,9 @@ pub(super) trait Plant<const N: usize, const S: usize> {
     fn check(&self, y: &[f64; N], time: f64) -> Result<(), StepError>;
     /// The true motion signals of the first body alone.
     fn body_signals(&self, y: &[f64; N], rates: &[f64; N], flow: &Self::Flow) -> [f64; BODY_SIGNALS];
-    /// The true signals; what the flow lacks for outputs is put there.
+    /// The true signals; missing parts of the flow for outputs are added.
     fn signals(&self, y: &[f64; N], rates: &[f64; N], flow: &mut Self::Flow) -> [f64; S];
-    /// The output from the (delayed) signals, and what has no latency.
+    /// The output from the (delayed) signals, and signals without latency.
     fn measure(&self, state: &State<N, S>, flow: &Self::Flow, delayed: &[f64; S]) -> Self::Output;
 }
 
@@ -158,7 +158,7 @@ pub(super) struct State<const N: usize, const S: usize> {
     #[serde(with = "array")]
     pub y: [f64; N],
     pub steering: SteeringState,
-    /// Acceleration that drive and brakes give, m/s2.
+    /// Acceleration by drive and brakes, m/s2.
     pub drive: f64,
     /// Arc length on the road, m.
     pub station: f64,
@@ -323,7 +323,7 @@ impl<P: Plant<N, S>, const N: usize, const S: usize> Stepper<P, N, S> {
         Motion { signals: self.plant.signals(&self.state.y, &rates, &mut flow), flow }
     }
 
-    /// Sets the output from what the sensors make of the motion.
+    /// Sets the output from the sensors' readings of the motion.
     fn sense(&mut self, motion: Motion<P::Flow, S>) {
         let Self { plant, state, output, .. } = self;
         let delayed = state.sensors.read(plant.effects().sensor_delay, state.time, &motion.signals);
@@ -407,12 +407,12 @@ macro_rules! vehicle {
                 self.stepper.time()
             }
 
-            /// Appends everything that steps change to `bytes`.
+            /// Appends all that steps change to `bytes`.
             pub fn save(&self, bytes: &mut Vec<u8>) {
                 self.stepper.save(bytes);
             }
 
-            /// Restores what [`save`](Self::save) wrote; the vehicle then goes on bit for bit.
+            /// Restores the output of [`save`](Self::save); the vehicle then goes on bit for bit.
             ///
             /// # Errors
             /// Bytes that are cut off, too many, or of something else. The vehicle is then as it was.

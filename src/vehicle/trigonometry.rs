@@ -1,4 +1,4 @@
-//! Arc tangent, sine and cosine of several numbers at once: most of what a step of the car computes.
+//! Arc tangent, sine and cosine of several numbers at once: most of the computation of a car's step.
 //!
 //! The functions of the system's library take one number at a time and differ in their last bits from processor to
 //! processor. These use plain additions, multiplications and divisions without branches, for all numbers of
@@ -25,7 +25,7 @@ const REST_OF_PI_4: f64 = 3.061_616_997_868_383e-17;
 /// Pi in two parts; the first has 38 bits, so that its product with `n` is exact.
 const PI_HIGH: f64 = 3.141_592_653_584_666_6;
 const PI_LOW: f64 = 5.126_688_303_189_038e-12;
-/// Beyond this `n` pi is not exact enough, and the library's functions are used.
+/// Argument beyond which `n` pi is not exact enough, and the library's functions are used.
 const GREATEST: f64 = 1e4;
 /// Adding 1.5 2^52 rounds to an integer, whose parity is then the last bit.
 const ROUND: f64 = 6_755_399_441_055_744.0;

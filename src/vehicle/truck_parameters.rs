@@ -50,7 +50,7 @@ pub struct Triple<T> {
     pub trailer: T,
 }
 
-/// The semi-trailer's masses, inertias and where they are.
+/// The semi-trailer's masses and inertias, and their places.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[allow(missing_docs)]
@@ -80,7 +80,7 @@ pub struct Hitch {
     pub articulation_limit: f64,
 }
 
-/// The engine, as the road sees it, at the rear axle.
+/// The engine's force at the road, at the rear axle.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[allow(missing_docs)]
@@ -297,7 +297,7 @@ impl TruckParameters {
         [loads.front, loads.rear, loads.trailer]
     }
 
-    /// Lateral relaxation length of the front tyres at rest, m; none if a tyre file does not say.
+    /// Lateral relaxation length of the front tyres at rest, m; none if a tyre file lacks it.
     #[must_use]
     pub fn relaxation(&self) -> Option<f64> {
         let load = 0.5 * self.axle_loads()[0] / self.tyres_per_side.front;

@@ -9,8 +9,8 @@
 
 use super::kernel::Kernel;
 
-/// Indices of at most `most` of the inputs, in the order taken; fewer where the rest has less than `least` of the
-/// prior variance left.
+/// Indices of at most `most` of the inputs, in the order taken; fewer once the rest has less than `least` of the prior
+/// variance.
 #[must_use]
 pub fn choose<const D: usize>(
     kernel: &Kernel<D>,

@@ -14,7 +14,7 @@ const ROUND: f64 = 6_755_399_441_055_744.0;
 const LN2_HIGH: f64 = 0.693_147_180_369_123_8;
 /// The rest of ln 2.
 const LN2_LOW: f64 = 1.908_214_929_270_587_7e-10;
-/// Below, the result would be no normal number; e^-700 is as good as nothing.
+/// Least argument: below, the result would be no normal number; e^-700 is negligible.
 const LOWEST: f64 = -700.0;
 
 /// `1 / k!` for k = 2, 3, ..

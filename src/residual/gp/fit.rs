@@ -1,4 +1,4 @@
-//! Hyperparameters that make the data most likely.
+//! Hyperparameters of the maximum likelihood.
 //!
 //! `log p(y|X)` of [`Exact`] on some hundred samples is maximised by L-BFGS with analytic gradients, from several
 //! starts. Variables are the logarithms of length scales, signal and noise. Inputs and labels are standardised before,
@@ -221,7 +221,7 @@ impl<const D: usize> Gradient for Problem<'_, D> {
     }
 }
 
-/// The search from one start; in the units of what it is given.
+/// The search from one start, in the units of its input.
 fn search<const D: usize>(
     inputs: &[[f64; D]],
     labels: &[f64],

@@ -1,4 +1,4 @@
-//! A Gaussian process on what a nonlinear model misses: the learned model of GP-NMPC.
+//! A Gaussian process on the errors of a nonlinear model: the learned model of GP-NMPC.
 //!
 //! Over one control step of a car, with the process's inputs `z = [vx, vy, r, steer_cmd, accel]`,
 //!
@@ -57,7 +57,7 @@ mod vehicle;
 
 /// Inputs of a car's process: vx, vy, yaw rate, steering command, longitudinal acceleration.
 pub const INPUTS: usize = 5;
-/// Its outputs: what the bicycle misses of vy and of the yaw rate over one control step.
+/// Its outputs: the bicycle's errors of vy and of the yaw rate over one control step.
 pub const GP_OUTPUTS: usize = 2;
 /// Inputs of a truck's: those of a car, with the articulation and its rate behind the yaw rate.
 pub const TRUCK_INPUTS: usize = 7;

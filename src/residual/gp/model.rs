@@ -1,4 +1,4 @@
-//! The learned process as the controller uses it.
+//! The learned process of the controller.
 //!
 //! At each step of the horizon the nonlinear controller predicts with
 //!
@@ -72,7 +72,7 @@ pub struct GpSchema<V = SingleTrack> {
 /// Error of the nominal model over one step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GpResidual<const D: usize = INPUTS, const O: usize = GP_OUTPUTS> {
-    /// Of vy, m/s, and yaw rate, rad/s, and what else the vehicle's process corrects.
+    /// Of vy, m/s, and yaw rate, rad/s, and the other outputs of the vehicle's process.
     pub mean: [f64; O],
     /// Derivatives of each by the inputs.
     pub gradient: [[f64; D]; O],

@@ -1,4 +1,4 @@
-//! From drives to what a Gaussian process learns: states of a nonlinear model and what that model missed.
+//! From drives to the samples of a Gaussian process: states of a nonlinear model and that model's errors.
 //!
 //! The drives' errors and rates give the vehicle's lateral velocity and yaw rate : with `e1' = vx sin e2 + vy cos e2` and `e2' = r - kappa s'`,
 //!
@@ -13,7 +13,7 @@ use super::vehicle::GpVehicle;
 use crate::nominal::ERRORS;
 use crate::residual::dataset::{self, DataSet, Row};
 
-/// Inputs and labels, and how many steps gave none.
+/// Inputs and labels, and the number of steps without any.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Samples<const D: usize, const O: usize> {
     /// Inputs: m/s, m/s, rad/s, then the vehicle's own, then rad, m/s2.
@@ -28,8 +28,7 @@ pub struct Samples<const D: usize, const O: usize> {
     pub left_out: usize,
 }
 
-/// Below this cosine of the yaw error, or share of the path's radius, the vehicle's motion cannot be told from the
-/// errors.
+/// Least cosine of the yaw error, or share of the path's radius, at which the errors determine the vehicle's motion.
 const LEAST: f64 = 0.2;
 
 /// The body's states of a row, in their places among the inputs; the others are 0.

@@ -1,4 +1,4 @@
-//! Training: from drives to a process, and how well it fits.
+//! Training: from drives to a process, and the quality of its fit.
 //!
 //! 0. Amount of smoothing of the recorded states, by trial.
 //! 1. Hyperparameters by maximum likelihood on some hundred samples drawn at random.
@@ -35,9 +35,9 @@ pub struct GpConfig {
     pub smoothing: Smoothing,
     /// Most points of the dictionary of an output.
     pub points: usize,
-    /// Samples that hyperparameters are fitted on: time grows with their cube.
+    /// Number of samples for the hyperparameters: time grows with its cube.
     pub hyperparameter_samples: usize,
-    /// Samples that the dictionary is chosen from.
+    /// Number of samples from which the dictionary is chosen.
     pub candidates: usize,
     /// Starts of the search for hyperparameters.
     pub starts: usize,
@@ -70,7 +70,7 @@ const fn fewest(inputs: usize) -> usize {
     10 * (inputs + 2)
 }
 
-/// Share of the prior variance below which no further point is taken: what it would add is below a ten-thousandth of the
+/// Share of the prior variance below which no further point is taken: its contribution is below a ten-thousandth of the
 /// signal.
 const LEAST_VARIANCE: f64 = 1e-8;
 
@@ -174,7 +174,7 @@ pub struct GpReport<const O: usize = GP_OUTPUTS> {
     pub evaluations: [usize; O],
 }
 
-/// A process and how well it fits.
+/// A process and the quality of its fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GpTrained<V = SingleTrack, const D: usize = INPUTS, const O: usize = GP_OUTPUTS> {
     /// The process.
@@ -188,7 +188,7 @@ pub struct GpTrained<V = SingleTrack, const D: usize = INPUTS, const O: usize = 
 /// `progress` is called from the threads that work.
 ///
 /// # Errors
-/// A setting that cannot be; too few samples; test data of another vehicle.
+/// An impossible setting; too few samples; test data of another vehicle.
 pub fn train<V: GpVehicle<S, D, O>, const S: usize, const D: usize, const O: usize>(
     data: &DataSet<V, S>,
     test: Option<&DataSet<V, S>>,

@@ -1,4 +1,4 @@
-//! The vehicles that a process can be learned of: a nonlinear model, and which of its states the process corrects.
+//! The vehicles of Gaussian processes: a nonlinear model, and its states that the process corrects.
 //!
 //! A model along a path has the states `[station, e1, e2, vy, r, ..]` (`nominal/path_model.rs`). The vehicle's place on
 //! the path does not affect its body, so the process has as many inputs as the model has states. The speed before

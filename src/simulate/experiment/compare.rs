@@ -59,13 +59,13 @@ pub enum CompareError {
 /// One plant of a car with its data.
 pub type Comparison<'a> = ComparisonFor<'a, Car, ERRORS, CAR_COLUMNS>;
 
-/// Amplitudes of the dither that are tried until the collecting MPC stands one, each half the one before.
+/// Number of amplitudes of the dither that are tried until the collecting MPC stands one, each half the one before.
 const DITHERS: usize = 3;
 
 /// Data sets, one for each seed.
 type Data<P, const S: usize, const C: usize> = Vec<DataSet<NominalOf<P, S, C>, S>>;
 
-/// Who has learned what, from which seed's drives.
+/// Learned models by predictor and by the seed of the drives.
 type Learned<P, const S: usize, const C: usize> = (Predictor, usize, Model<NominalOf<P, S, C>, S>);
 
 /// One plant with its data.
@@ -88,7 +88,7 @@ pub struct ComparisonFor<'a, P: Compared<S, C>, const S: usize, const C: usize> 
     again_dithers: Vec<f64>,
     /// The step that delay models are identified from.
     pub(super) step: Option<SteeringStep>,
-    /// Responses to a step of the command, that learned models are measured by.
+    /// Responses to a step of the command, for the evaluation of learned models.
     pub(super) responses: Vec<Response<S>>,
     /// Learned models of the rows, for each seed: some rows share one, and all are asked for it again.
     pub(super) learned: Mutex<Vec<Learned<P, S, C>>>,
@@ -270,8 +270,8 @@ impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P,
         })
     }
 
-    /// One row, measured by the nominal MPC's weights and roughness; that one's own if there are none. The row's
-    /// roughness on the pieces beside it.
+    /// One row, measured by the nominal MPC's weights and roughness, or by its own if there are none. The row's
+    /// roughness on the pieces comes beside it.
     fn row(
         &self,
         row: Row,

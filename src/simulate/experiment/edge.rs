@@ -11,7 +11,7 @@
 //! - At the default weights, which suit a controller that knows the delay: the longest dead time at which the nominal
 //!   still finishes.
 //!
-//! Both are the most flattering comparison that can be had, on purpose.
+//! Both are deliberately the most flattering comparison.
 
 use super::compare::{CompareError, ComparisonFor};
 use super::plant::{Plant, STEER_DELAY};

@@ -132,7 +132,7 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
         Ok(P::gp_of(&self.data[seed], &config)?)
     }
 
-    /// The steering actuator as it really is: what the oracle is told.
+    /// The true steering actuator, which the oracle gets.
     #[must_use]
     pub fn actuator(&self) -> Actuator {
         let steering = P::steering(self.vehicle);
@@ -156,7 +156,7 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
     }
 }
 
-/// A residual as it is used by default.
+/// A residual with the default propagation.
 fn propagated<V: ControlledVehicle<S>, const S: usize>(
     model: ResidualModelFor<V, S>,
 ) -> PredictionModelFor<V, S> {

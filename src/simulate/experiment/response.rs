@@ -1,7 +1,7 @@
 //! Does a learned model know the actuator? The vehicle's response to a step of the command, recorded and predicted.
 //!
-//! On a level plane the vehicle drives straight for longer than a window, then the command steps and is held. From the state
-//! before that the model predicts the whole horizon without looking:
+//! On a level plane the vehicle drives straight for longer than a window, then the command steps and is held. From the
+//! state before that the model predicts the whole horizon without measurements:
 //!
 //! ```text
 //! x_{j+1} = A(v_j) x_j + B(v_j) u_j + r(window of x, window of u, v_j)

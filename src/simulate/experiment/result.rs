@@ -29,8 +29,8 @@ pub struct Outcome {
     pub tracking: TrackingMetrics,
     pub classes: BTreeMap<&'static str, TrackingMetrics>,
     pub steering: InputMetrics,
-    /// The vehicle left the path, jack-knifed or rolled over: the loop diverged. The other numbers are then those until
-    /// there.
+    /// True if the vehicle left the path, jack-knifed or rolled over: the loop diverged. The other numbers are then
+    /// those until there.
     pub lost: bool,
     /// Largest articulation, rad, of a vehicle that has one.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -108,7 +108,7 @@ pub struct Condition {
     pub vehicle: String,
     pub effort: Effort,
     pub rows: Vec<RowResult>,
-    /// Rows that were asked for and that this vehicle cannot have.
+    /// Rows that were asked for and that this vehicle does not have.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub left_out: Vec<String>,
     /// Amplitudes of the dither of the collecting drives, rad, where some did not stand the usual one.

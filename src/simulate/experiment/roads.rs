@@ -16,7 +16,7 @@ pub struct Roads {
     pub shaking: Arc<Path>,
     /// Roads on which the best candidates are compared.
     pub validation: Vec<Arc<Path>>,
-    /// The road that the plant is measured on.
+    /// Test road of the plant.
     pub test: Arc<Path>,
     /// Further ones, with their names.
     pub further: Vec<(Route, Arc<Path>)>,

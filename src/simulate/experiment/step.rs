@@ -1,7 +1,7 @@
 //! Identification by a step, an engineer's remedy for a known delay: the steering steps, the road-wheel angle is
 //! recorded. Dead time and lag, an inertia or a Pade approximant are fitted to the record (`nominal/identify.rs`).
 //!
-//! All delay models are told what the same record says, none what the plant really has.
+//! All delay models are identified from the same record; none knows the true plant.
 
 use super::plant::Plant;
 use super::trial::{TrialError, effects_of};

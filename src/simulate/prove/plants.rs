@@ -1,4 +1,5 @@
-//! Plants that explain a log as well: candidates about the vehicle's file, chosen by a bootstrap over the log's blocks.
+//! Plants that explain a log equally well: candidates about the vehicle's file, chosen by a bootstrap over the log's
+//! blocks.
 
 use super::actuator_about;
 use crate::nominal::{Actuator, SingleTrackError};
@@ -8,7 +9,7 @@ use crate::vehicle::VehicleParameters as _;
 
 /// Candidates.
 const CANDIDATES: usize = 96;
-/// Plants that are wanted, and resampled logs at most to find them.
+/// Number of plants, and of resampled logs at most to find them.
 const PLANTS: usize = 4;
 const RESAMPLED: usize = 200;
 /// Range of the stiffness of an axle as a factor, and of a payload as a share of the mass.

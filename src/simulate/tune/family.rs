@@ -1,7 +1,7 @@
 //! Ensembles of scenarios, each by a seed: vehicles, stiffness, payload, friction, actuator, speed, noise and road.
 //!
-//! Discrete choices go round, each with a period of its own, so that a small ensemble has all of them; what is continuous
-//! is drawn. Every other actuator is a corner of its range: a worst case lies there more often than inside.
+//! Discrete choices go round, each with a period of its own, so that a small ensemble has all of them; continuous ones
+//! are drawn. Every other actuator is a corner of its range: a worst case lies there more often than inside.
 
 use super::scenario::Scenario;
 use crate::control::{ControllerParametersFor, PredictionModelFor};
@@ -13,7 +13,7 @@ use crate::simulate::experiment::{Compared, NominalOf};
 use crate::vehicle::VehicleParameters as _;
 use std::sync::Arc;
 
-/// A controller, and what it predicts with.
+/// A controller, and its prediction model.
 pub type Controlled<P, const S: usize, const C: usize> = (
     ControllerParametersFor<<P as SimulatedVehicle<S, C>>::Nominal>,
     PredictionModelFor<NominalOf<P, S, C>, S>,

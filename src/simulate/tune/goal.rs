@@ -5,7 +5,7 @@ use super::scenario::{Scenario, ScenarioError};
 use crate::control::{LinearController, Margins, PredictionModelFor, SteeringLoop, VehicleParameters};
 use crate::simulate::experiment::{Compared, NominalOf};
 
-/// Speeds at which margins are looked at, m/s.
+/// Speeds of the margins, m/s.
 pub const SPEEDS: [f64; 8] = [2.0, 4.0, 6.0, 9.0, 13.0, 18.0, 24.0, 30.0];
 
 /// Margins that are asked for.
@@ -15,7 +15,7 @@ pub struct MarginGoal {
     pub delay: f64,
     /// Gain margin, a factor.
     pub gain: f64,
-    /// Speeds up to this are looked at, m/s; those that a scenario drives if it is not finite.
+    /// Largest speed of the margins, m/s; the speeds of a scenario if it is not finite.
     pub speed: f64,
 }
 

@@ -1,4 +1,4 @@
-//! Controllers that stand what vehicles are: a min-max search over an ensemble of vehicles, actuators and roads.
+//! Robust tuning of controllers: a min-max search over an ensemble of vehicles, actuators and roads.
 //!
 //! ```text
 //! min over the controller's numbers p    max_i J_i(p) + share * mean_i J_i(p) + penalty of margins that are missed
@@ -14,7 +14,7 @@
 //! | `family.rs` | ensembles of scenarios by a seed |
 //! | `goal.rs` | margins that the linear loop must have |
 //! | `axis.rs` | axes of the search, over decades |
-//! | `answer.rs` | the answer to an offset, to be shown |
+//! | `answer.rs` | the response to an offset, for a page |
 //! | `search.rs` | the search: CMA-ES, with early stops of losing candidates |
 
 mod answer;

@@ -1,12 +1,13 @@
-//! One drive of the ensemble: a vehicle, what separates it from its model, a road, a speed, noise; and what the drive costs.
+//! One drive of the ensemble: a vehicle with its differences from its model, a road, a speed, noise; and the drive's
+//! cost.
 //!
 //! ```text
 //! J = max |e1| + rms e1 + 0.05 s * rms of the command's rate           of a drive to the road's end, m
 //! J = 10 m * (2 - share of the time that was driven)                   of a lost one
 //! ```
 //!
-//! Lost is who is 2 m off the road, rolls over, jack-knifes or gets nowhere. The later the better: a search that sees no
-//! difference goes nowhere.
+//! A drive is lost if the vehicle is 2 m off the road, rolls over, jack-knifes or makes no progress. A later loss costs
+//! less: a search needs such differences.
 
 use super::axis::{NotSet, Values};
 use crate::control::{ControllerError, ControllerFor, ControllerParametersFor, PredictionModelFor};
@@ -23,14 +24,14 @@ pub const LOST_AT: f64 = 2.0;
 pub const LOST_COST: f64 = 10.0;
 /// Cost of roughness, m for each rad/s.
 const ROUGHNESS: f64 = 0.05;
-/// Time beyond which a drive gets nowhere, in times of the plan's; and in s.
+/// Time without progress beyond which a drive is lost, in times of the plan's; and in s.
 const PATIENCE: (f64, f64) = (2.0, 30.0);
 
 /// A drive to be made.
 pub struct Scenario<P: Compared<S, C>, const S: usize, const C: usize> {
     /// Description, in a few words.
     pub name: String,
-    /// The vehicle as its file has it: what the controller knows.
+    /// The vehicle as in its file: the controller's knowledge.
     pub vehicle: P::Parameters,
     /// Differences of the vehicle from its file.
     pub effects: P::Effects,
@@ -38,7 +39,7 @@ pub struct Scenario<P: Compared<S, C>, const S: usize, const C: usize> {
     pub actuator: Actuator,
     /// The road.
     pub path: Arc<Path>,
-    /// The controller, but for what is searched.
+    /// The controller, except for the searched numbers.
     pub controller: ControllerParametersFor<P::Nominal>,
     /// Prediction model.
     pub model: PredictionModelFor<NominalOf<P, S, C>, S>,
@@ -63,7 +64,7 @@ pub struct Outcome {
     pub lost: bool,
     /// Share of the planned time that was driven.
     pub driven: f64,
-    /// Given up because it could not win any more: the figures are those until then.
+    /// Given up because it could no longer win: the figures are those until then.
     pub given_up: bool,
 }
 

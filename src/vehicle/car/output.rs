@@ -20,7 +20,7 @@ enumeration! {
     }
 }
 
-/// Everything that is measured, with effects of the sensors. Units as in `signal`.
+/// All measured signals, with effects of the sensors. Units as in `signal`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[allow(missing_docs)]
 pub struct CarOutput {
@@ -51,7 +51,7 @@ pub struct CarOutput {
 /// Motion signals.
 pub(super) const SIGNALS: usize = BODY_SIGNALS;
 
-/// The output from the (delayed) motion, and what has no latency.
+/// The output from the (delayed) motion, and signals without latency.
 pub(super) fn measure(
     plant: &CarPlant,
     state: &State<STATES, SIGNALS>,

@@ -125,7 +125,7 @@ impl Plant<STATES, SIGNALS> for TruckPlant {
         states
     }
 
-    /// Gravity and friction where the units are; the road's own length stands for that of the bent truck.
+    /// Gravity and friction at the places of the units; the road's own length stands for that of the bent truck.
     fn environment(&self, y: &[f64; STATES], road: Option<&Path>, station: f64) -> Environment {
         let effects = &self.effects.vehicle;
         let [low, high] = &self.hitch.pins;

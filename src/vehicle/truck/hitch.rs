@@ -133,7 +133,7 @@ pub(super) struct HitchPlant {
 /// Loads from the hitch, beyond the forces in the plane.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct HitchFlow {
-    /// Load on the tractor, N, and what of it is beyond that at rest.
+    /// Load on the tractor, N, and the part of it beyond that at rest.
     pub load: f64,
     pub more: f64,
     /// Moment about the tractor's x axis against its roll, N m.
@@ -184,7 +184,7 @@ impl HitchPlant {
         (self.vertical_stiffness, [self.pins[0].x_body, self.pins[1].x_body])
     }
 
-    /// Velocity of the semi-trailer's CG in its axes, from all else, m/s.
+    /// Velocity of the semi-trailer's CG in its axes, from the other states, m/s.
     #[inline]
     pub fn trailer_velocity(
         &self,
@@ -217,7 +217,7 @@ impl HitchPlant {
         }
     }
 
-    /// Adds what springs and friction do in the plane and in roll to the pushes of both units.
+    /// Adds the loads of springs and friction in the plane and in roll to the pushes of both units.
     #[inline]
     pub fn add(
         &self,

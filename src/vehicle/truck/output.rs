@@ -24,8 +24,7 @@ enumeration! {
 /// Share of the articulation limit from which on the truck counts as jack-knifing.
 const JACK_KNIFING: f64 = 2.0 / 3.0;
 
-/// Everything that is measured, with effects of the sensors; of the tractor where nothing else is said. Units as in
-/// `signal`.
+/// All measured signals, with effects of the sensors; of the tractor unless stated otherwise. Units as in `signal`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[allow(missing_docs)]
 pub struct TruckOutput {
@@ -75,7 +74,7 @@ pub struct TrailerOutput {
 /// Motion signals.
 pub(super) const SIGNALS: usize = BODY_SIGNALS + 9;
 
-/// The output from the (delayed) motion, and what has no latency.
+/// The output from the (delayed) motion, and signals without latency.
 pub(super) fn measure(
     plant: &TruckPlant,
     state: &State<STATES, SIGNALS>,

@@ -34,7 +34,8 @@ pub struct TyreForces<T = f64> {
 
 /// Slip angle beyond which its tangent grows no more, rad.
 const GREATEST_ANGLE: f64 = 1.5;
-/// Share of the slip at which a brush slides where softening changes nothing: ordinary driving, a fifth to a quarter of the grip.
+/// Slip at which softening changes nothing, as a share of a brush's sliding slip: ordinary driving, a fifth to a
+/// quarter of the grip.
 const SOFTENED_AT: f64 = 0.08;
 /// Loads under this carry no force: the wheel has left the road.
 const LIFTED: f64 = 1e-3;
@@ -98,7 +99,7 @@ fn growth<L: Lanes>(factor: L, x: L) -> L {
     if factor.is_zero() { L::splat(1.0) } else { (factor * x).each(f64::exp) }
 }
 
-/// Pure longitudinal slip but for the sine of its curve.
+/// Pure longitudinal slip except for the sine of its curve.
 #[derive(Clone, Copy)]
 struct Longitudinal<L> {
     curve: Curve<L>,
@@ -107,7 +108,7 @@ struct Longitudinal<L> {
     shift_v: L,
 }
 
-/// Pure lateral slip but for the sine of its curve: what forces and moment need of it.
+/// Pure lateral slip except for the sine of its curve: the common part of forces and moment.
 #[derive(Clone, Copy)]
 struct Lateral<L> {
     curve: Curve<L>,

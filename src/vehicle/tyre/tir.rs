@@ -26,7 +26,7 @@ pub enum TirError {
     /// Another tyre model than the Magic Formula 5.x.
     #[error("tyre file {file}, line {line}: {key} = '{found}' is {what}")]
     Format { file: PathBuf, line: usize, key: &'static str, found: String, what: &'static str },
-    /// Coefficients that nobody can guess are missing, e.g. because the file is cut off.
+    /// Coefficients without a default are missing, e.g. because the file is cut off.
     #[error("tyre file {file}: missing {}; is the file complete?", keys.join(", "))]
     Missing { file: PathBuf, keys: Vec<&'static str> },
     /// A coefficient that must be positive (or not zero) is not.

@@ -1,4 +1,4 @@
-//! One axle: the suspension between body and wheels, and what both wheels give to the body.
+//! One axle: the suspension between body and wheels, and the loads of both wheels on the body.
 
 use super::wheel::{WheelFlow, WheelMotion};
 use super::{
@@ -36,7 +36,7 @@ pub(in crate::vehicle) struct Axle {
     pub lateral_compliance: f64,
     /// Load of one wheel at rest, N.
     pub static_load: f64,
-    /// Lateral relaxation length that takes the place of the tyre file's, m; 0: none does.
+    /// Lateral relaxation length that replaces the tyre file's, m; 0 for none.
     pub relaxation: f64,
     /// Share of one wheel in the drive force and in the brake force.
     pub drive_share: f64,
@@ -52,7 +52,7 @@ pub(in crate::vehicle) struct AxleFlow {
     pub moment: f64,
     /// Overturning moment of the contacts, N m.
     pub overturning: f64,
-    /// Moment about the y axis that drive and brakes take from the wheels to the body beyond what holds the tyres'
+    /// Moment about the y axis that drive and brakes transmit from the wheels to the body, beyond that of the tyres'
     /// longitudinal forces, N m.
     pub reaction: f64,
     /// Forces of the suspension on the body beyond those at rest, left and right, N.

@@ -139,7 +139,8 @@ impl<const A: usize> Unit<A> {
         }
     }
 
-    /// Adds what a moment about the body's y axis (N m) and a force upwards (N) do to the rates of pitch and heave.
+    /// Adds the effect of a moment about the body's y axis (N m) and a force upwards (N) on the rates of pitch and
+    /// heave.
     #[inline(always)]
     pub fn lift(&self, pitching: f64, force: f64, rates: &mut [f64]) {
         rates[PITCH_RATE] += pitching / self.pitch_inertia;

@@ -24,7 +24,7 @@
 //! | `body.rs` | the equations above |
 //! | `axle.rs` | suspension, and loads of both wheels on the body |
 //! | `wheel.rs` | one wheel: transient slip, forces, spin, brake |
-//! | `dry_friction.rs` | friction that can stand still |
+//! | `dry_friction.rs` | friction that holds at rest |
 
 mod axle;
 mod body;

@@ -27,7 +27,7 @@ const FASTEST_RELAXATION: f64 = 1500.0;
 /// Greatest longitudinal slip and greatest tangent of the slip angle.
 const GREATEST_SLIP: f64 = 1.5;
 const GREATEST_TANGENT: f64 = 3.0;
-/// Damping of the deflections at rest, s/m, and the speed at which it has gone, m/s.
+/// Damping of the deflections at rest, s/m, and the speed at which it has vanished, m/s.
 const DAMPING_AT_REST: f64 = 0.15;
 const DAMPED_BELOW: f64 = 2.5;
 /// Speed below which a slide comes to rest on a road with a friction of 1, m/s.
@@ -40,7 +40,7 @@ const BRAKE_RELAXATION: f64 = 500.0;
 /// Rolling speed over which rolling resistance builds up, m/s.
 const ROLLING_FROM: f64 = 0.1;
 
-/// Motion of the wheel's contact in axes of the wheel, and what acts on the wheel.
+/// Motion of the wheel's contact in axes of the wheel, and the torques on the wheel.
 #[derive(Clone, Copy)]
 pub(in crate::vehicle) struct WheelMotion {
     /// Velocity of the contact point, m/s.
@@ -96,8 +96,8 @@ impl Wheels {
     }
 }
 
-/// All wheels of a vehicle: what they do, and the rates of their spins, deflections and brakes. States of the wheels
-/// follow each other, left and right of each axle; `groups` are four of them each.
+/// All wheels of a vehicle: their motion and forces, and the rates of their spins, deflections and brakes. States of
+/// the wheels follow each other, left and right of each axle; `groups` are four of them each.
 #[inline(always)]
 pub(in crate::vehicle) fn roll<L: Lanes<Stored = [f64; FOUR]>, const W: usize>(
     groups: &[Wheels],
