@@ -1,4 +1,4 @@
-//! Saved states come from disks and networks: their checksum may be right and their numbers no numbers.
+//! Saved states come from disks and networks: their checksum may be right and their numbers not finite.
 //!
 //! One infinity in a covariance makes a non-finite command some steps later, far from its cause. So the numbers of a
 //! saved state are checked before its use: each must be one that a drive can have. The state is written once more, to a
@@ -28,7 +28,7 @@ impl Display for NotFinite {
 impl std::error::Error for NotFinite {}
 
 impl ser::Error for NotFinite {
-    /// Never called: nothing that is looked at refuses to be written.
+    /// Never called: no type here refuses to be written.
     fn custom<T: Display>(_: T) -> Self {
         Self { field: "unknown", value: f64::NAN }
     }
@@ -42,7 +42,7 @@ pub(crate) fn check_finite<T: Serialize + ?Sized>(state: &T) -> Result<(), NotFi
     state.serialize(Look { field: "state" })
 }
 
-/// Looks at what passes; `field` is the name of the innermost field.
+/// Checks numbers on their way; `field` is the name of the innermost field.
 #[derive(Clone, Copy)]
 struct Look {
     field: &'static str,
@@ -128,7 +128,7 @@ impl ser::Serializer for Look {
     }
 }
 
-/// The elements of what has no names inside.
+/// The elements of a type without names inside.
 macro_rules! elements {
     ($($of:ident: $method:ident),*) => {
         $(impl ser::$of for Look {

@@ -1,4 +1,4 @@
-//! Files that others give: ordinary ones, of a size that memory holds.
+//! Files of others: ordinary ones, of a size that memory holds.
 //!
 //! A path in a vehicle file or in an FMU's parameter may name a file that harms the host. It may be a pipe whose next
 //! byte never comes, `/dev/zero`, which never ends, or a file that fills the memory. All are refused before they are

@@ -22,7 +22,7 @@ pub(crate) trait Lanes:
     fn store(self) -> Self::Stored;
     /// The same number in all lanes.
     fn splat(x: f64) -> Self;
-    /// One by one, for what is rare.
+    /// One by one, for rare functions.
     fn each(self, of: impl Fn(f64) -> f64) -> Self;
     fn sqrt(self) -> Self;
     fn abs(self) -> Self;
@@ -277,7 +277,7 @@ operators! {
 pub(crate) trait Work {
     /// Result.
     type Given;
-    /// To be inlined always: only so it is made of the processor's own instructions.
+    /// Always to be inlined: only then it consists of the processor's own instructions.
     fn with<L: Lanes<Stored = [f64; FOUR]>>(self) -> Self::Given;
 }
 
@@ -304,8 +304,7 @@ mod avx2 {
     use std::arch::x86_64::*;
     use std::ops::{Add, Div, Mul, Neg, Sub};
 
-    /// Four numbers in a register. Made and used within [`compute`] alone, which nobody else can do: the name is not known
-    /// outside.
+    /// Four numbers in a register. Made and used within [`compute`] alone: the name is not known outside.
     #[derive(Clone, Copy)]
     struct Register(__m256d);
 

@@ -10,7 +10,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// Tries whether a file can be written: before the work, not after it. Nothing is left behind, no folder either.
+/// Tests that a file can be written: before the work, not after it. Nothing is left behind, no folder either.
 ///
 /// # Errors
 /// The fault; the caller names the file.
@@ -47,7 +47,7 @@ pub struct HeldFolder {
     _lock: Option<File>,
 }
 
-/// Makes a folder, tries whether files can be written there, and holds it.
+/// Makes a folder, tests that files can be written there, and holds it.
 ///
 /// # Errors
 /// The fault; the caller names the folder.
@@ -72,7 +72,7 @@ fn make_folder_of(file: &Path) -> io::Result<()> {
     }
 }
 
-/// Writes a file, and its folder, by what `fill` makes of it.
+/// Writes a file, and its folder, with the output of `fill`.
 ///
 /// # Errors
 /// The error of `fill`, or a fault of the file; the old file is then still there.
@@ -145,7 +145,7 @@ fn create_draft(draft: &Path) -> io::Result<File> {
     }
 }
 
-/// Takes away the drafts in a folder that nobody writes any more.
+/// Removes the drafts in a folder whose writers are gone.
 fn remove_abandoned(folder: &Path) {
     let drafts = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
     for draft in

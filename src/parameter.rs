@@ -17,7 +17,7 @@ pub struct Parameter {
     pub max: f64,
     /// Whole numbers only.
     pub integer: bool,
-    /// The named values, if it is one of a few; `integer` then, too.
+    /// The named values of an enumeration; `integer` is then true, too.
     pub choices: Option<Choices>,
     pub meaning: &'static str,
 }

@@ -1,4 +1,4 @@
-//! The vocabulary: every signal that a user meets, declared once.
+//! The vocabulary: every signal for users, declared once.
 //!
 //! One word names a signal everywhere, with the same unit and the same sign: an FMU's variable, a log's column, a
 //! parameter file's key, a report's label. FMU descriptions, log headers and report labels are generated from the
@@ -7,7 +7,7 @@
 //! Conventions: SI units and radians; ISO 8855 axes (x forward, y left, z up); steering and yaw are positive to
 //! the left; `steer` is the road-wheel angle.
 
-/// A unit of measurement with its exponents of SI base units, as FMI 2.0 wants it.
+/// A unit of measurement with its exponents of SI base units, as FMI 2.0 requires.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Unit {
     /// The unit's symbol, e.g. `m/s2`.

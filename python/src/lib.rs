@@ -50,7 +50,7 @@ fn with_logs<T: ReadsLogs>(
     Ok(cli::arguments::<T>(command, words)?.with_logs(logs))
 }
 
-/// Steering and acceleration of one control step, and on which grounds.
+/// Steering and acceleration of one control step, and its grounds.
 #[pyclass(frozen, get_all, module = "rfl_mpc")]
 struct Command {
     /// Road-wheel angle asked of the actuator, rad.
@@ -112,7 +112,7 @@ impl Command {
     }
 }
 
-/// A controller that is asked step by step.
+/// A controller that is called step by step.
 #[pyclass(frozen, module = "rfl_mpc._native")]
 struct Controller(Mutex<Box<dyn Stepwise>>);
 

@@ -1,7 +1,6 @@
 //! `rfl drive`: the closed loop in native code, on any road, with any car or truck.
 //!
-//! A drive ends in one of four outcomes, which text, JSON and exit status agree on; log and JSON are written whatever
-//! happens.
+//! A drive ends in one of four outcomes, the same in text, JSON and exit status. Log and JSON are written in each case.
 
 use super::logs::LimitArgs;
 use super::output::{check_writable, write_file, write_json};
@@ -75,7 +74,7 @@ pub struct DriveArgs {
     quiet: bool,
 }
 
-/// Time, s, after which a drive is given up where nobody said one.
+/// Default time, s, after which a drive is given up.
 const LONGEST: f64 = 1800.0;
 
 /// Exit status of a requirement that is not met.
@@ -139,12 +138,12 @@ pub(super) struct ModelArgs {
 /// Folder in which `rfl train` puts models and `rfl drive` looks for them.
 pub(super) const MODELS: &str = "out/residual";
 
-/// A variant and what it predicts with.
+/// A variant and its prediction model.
 type Chosen<G, const S: usize> =
     (ControlVariant, PredictionModelFor<<G as VehicleParameters<S>>::Vehicle, S>);
 
 impl ModelArgs {
-    /// Takes a file's variant where the command line asks for none.
+    /// Takes a file's variant if the command line asks for none.
     pub fn prefer(&mut self, variant: Option<ControlVariant>) {
         if let (ControlVariant::None, None, Some(variant)) = (self.variant, &self.residual, variant) {
             self.variant = variant;
@@ -261,7 +260,7 @@ pub(super) fn number(text: &str, declared: Option<&Parameter>, value: &str) -> R
     number.map_err(|error| format!("--set {text}: {error}").into())
 }
 
-/// A drive: its log and what is said of it.
+/// A drive: its log and its report.
 #[derive(Debug, Clone)]
 pub struct Driven {
     /// Columns of the log by their names, a value for each communication step.
@@ -297,7 +296,7 @@ pub fn driven(args: &DriveArgs) -> Result<Driven, Box<dyn Error>> {
     by_kind!(&args.vehicle, drive(args))
 }
 
-/// A controller that is asked step by step.
+/// A controller that is called step by step.
 pub trait Stepwise: Send {
     /// One control step, at a time in s; without, a sample time after the one before.
     ///
@@ -366,7 +365,7 @@ where
     Ok(Box::new(ControllerFor::predicting_with(setup.controller, setup.path, model)?))
 }
 
-/// Road, vehicle and controller as the arguments want them, and what the controller predicts with.
+/// Road, vehicle and controller from the arguments, and the controller's prediction model.
 #[allow(clippy::type_complexity)]
 fn set_up<P: Commanded<S, C>, const S: usize, const C: usize>(
     args: &DriveArgs,

@@ -275,7 +275,7 @@ fn time<P: Compared<S, C>, const S: usize, const C: usize>(
     Ok(())
 }
 
-/// A change: its name, what is learned, how it predicts.
+/// A change: its name, its training, its propagation.
 type Change = (&'static str, TrainConfig, Propagation, RollOut);
 
 /// Changes, one at a time.

@@ -49,7 +49,7 @@ pub trait ReadsLogs: Args {
     /// Reading options of the command.
     fn reading(&mut self) -> &mut LogArgs;
 
-    /// Gives it logs that the calling program has; the command line calls them by their names in place of files.
+    /// Gives it logs of the calling program; the command line calls them by their names in place of files.
     #[must_use]
     fn with_logs(mut self, logs: Vec<DriveLog>) -> Self {
         self.reading().given = logs;
@@ -77,7 +77,7 @@ impl LogArgs {
         self.given.iter().find(|log| log.file == file)
     }
 
-    /// A hash of what a log, or another file, holds.
+    /// A hash of the contents of a log, or of another file.
     ///
     /// # Errors
     /// A file that cannot be read.

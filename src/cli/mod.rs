@@ -1,15 +1,15 @@
 //! The commands of `rfl`, one file each.
 //!
-//! A command is its arguments and a `run`. Whatever goes wrong is one line on standard error that says what, where
-//! and what to do. Exit status: 0 done, 1 bad input or a failure, 2 wrong usage; a drive's outcome and a diagnosis'
-//! verdict have numbers of their own.
+//! A command is its arguments and a `run`. Any error is one line on standard error with the fault, its place and
+//! advice. Exit status: 0 done, 1 bad input or a failure, 2 wrong usage; a drive's outcome and a diagnosis' verdict
+//! have numbers of their own.
 
-/// Prints a line; who has read enough of them (`rfl diagnose drive.csv | head -1`) ends the program in peace.
+/// Prints a line; exits quietly when the pipe is closed (`rfl diagnose drive.csv | head -1`).
 macro_rules! say {
     ($($words:tt)*) => { $crate::cli::line(format_args!($($words)*)) };
 }
 
-/// Says a line on standard error; that nobody reads it is no reason to end.
+/// Prints a line on standard error; a closed pipe is ignored.
 macro_rules! warn {
     ($($words:tt)*) => { $crate::cli::warning(format_args!($($words)*)) };
 }

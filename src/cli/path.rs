@@ -1,4 +1,4 @@
-//! `rfl path`: what a road is like, before anything is driven on it.
+//! `rfl path`: properties of a road, before anything is driven on it.
 
 use super::logs::LimitArgs;
 use super::output::check_writable;

@@ -1,4 +1,4 @@
-//! A file of results of `rfl evaluate`: what is there already, and further rows put beside it.
+//! A file of results of `rfl evaluate`: existing rows, and further rows put beside them.
 //!
 //! Rows of a comparison may be run apart: the slow ones later, those of a changed model anew after removal of the old
 //! ones. Joined results must be comparable: of one vehicle and one effort.
@@ -40,7 +40,7 @@ impl ResultsFile {
         Ok(Some(Self(there)))
     }
 
-    /// The rows that are there, by name.
+    /// The existing rows, by name.
     pub fn rows(&self) -> Vec<&str> {
         list(&self.0["rows"]).iter().filter_map(|row| row["row"].as_str()).collect()
     }

@@ -174,7 +174,7 @@ fn lambda(text: &str) -> Result<Lambda, String> {
 }
 
 impl Tuning {
-    /// The configuration for a kind; where all are trained, what only some can have is left to them.
+    /// The configuration for a kind. For all kinds at once, each takes only the settings that it has.
     fn config(&self, kind: Kind, all: bool, window: usize, prior: Option<CommandPrior>) -> TrainConfig {
         let mut config = TrainConfig::new(kind);
         config.window = self.window.unwrap_or(window);
@@ -243,7 +243,7 @@ pub struct Trained {
     pub refused: Option<String>,
 }
 
-/// Runs the command and gives what was learned.
+/// Runs the command and gives the result.
 ///
 /// # Errors
 /// As [`run`], but that a model which is no better than the default controller is an answer.

@@ -71,7 +71,7 @@ pub(super) fn near(factor: f64, unit: f64) -> bool {
 
 /// Lateral acceleration up to which tyres are linear, m/s2.
 const MILD: f64 = 3.0;
-/// Steering over what is needed that an effect can explain.
+/// Ratio of the steering to the needed one that an effect can explain.
 const PLAUSIBLE: std::ops::Range<f64> = 0.5..2.0;
 
 /// Length of the stretches that are compared, s: longer than any delay, shorter than a bend.
@@ -85,7 +85,7 @@ fn blocks<'a>(log: &'a CleanLog, column: &'a [f64]) -> impl Iterator<Item = f64>
     })
 }
 
-/// Columns in foreign units that others tell: converted. To be called before all else.
+/// Converts columns in foreign units, by their relations to others. To be called before all else.
 pub(super) fn mend_units(log: &mut CleanLog, factors: &mut Factors) {
     let way = match (log.columns.get("x"), log.columns.get("y"), log.columns.get("vx")) {
         (Some(x), Some(y), Some(vx)) => way_factor(&log.time, [x, y, vx]),
@@ -278,10 +278,10 @@ fn mend_errors(log: &mut CleanLog, factors: &mut Factors) {
 /// Response of body and road to a motion.
 struct Leaning {
     column: &'static str,
-    /// The motion that the angle follows, its name in words.
+    /// The motion that the angle follows, and its name in words.
     follows: fn(&CleanLog) -> Option<Vec<f64>>,
     named: &'static str,
-    /// The most of it, in radians: between what the softest vehicle shows in radians and the stiffest in degrees.
+    /// Limit of the slope, in radians: between the softest vehicle's in radians and the stiffest one's in degrees.
     most: f64,
 }
 
@@ -369,10 +369,10 @@ fn mend_angles(log: &mut CleanLog, factors: &mut Factors) {
     }
 }
 
-/// Signs of the errors to the path, and what no unit explains.
+/// Signs of the errors to the path, and ratios that no unit explains.
 ///
 /// # Errors
-/// A sign that is turned; a factor.
+/// A sign that is reversed; a factor.
 pub(super) fn check_errors(log: &CleanLog) -> Result<(), CleanError> {
     let Errors { lateral, drift, heading, turn } = errors(log);
     check_signs(&[
@@ -446,10 +446,10 @@ pub(super) fn mend_steering(log: &mut CleanLog, factors: &mut Factors, steering:
     }
 }
 
-/// Signs, and what no unit explains.
+/// Signs, and ratios that no unit explains.
 ///
 /// # Errors
-/// A sign that is turned; a steering-wheel angle.
+/// A sign that is reversed; a steering-wheel angle.
 pub(super) fn check(log: &mut CleanLog, steering: &dyn Fn(f64) -> f64) -> Result<(), CleanError> {
     let turn = match (log.columns.get("yaw"), log.columns.get("yaw_rate")) {
         (Some(yaw), Some(rate)) => turn_factor(&log.time, yaw, rate),
@@ -499,7 +499,7 @@ pub(super) fn check(log: &mut CleanLog, steering: &dyn Fn(f64) -> f64) -> Result
     Ok(())
 }
 
-/// Looks for the column whose sign contradicts the others. A pair is two columns and the factor between them.
+/// Finds the column whose sign contradicts the others. A pair is two columns and the factor between them.
 fn check_signs(pairs: &[(&'static str, &'static str, Option<f64>)]) -> Result<(), CleanError> {
     let Some(&(one, other, _)) =
         pairs.iter().find(|(_, _, factor)| factor.is_some_and(|factor| factor < 0.0))

@@ -10,7 +10,7 @@ pub enum Gravity {
     Note,
     /// Mended or left out, and the answer may be weaker for it.
     Warning,
-    /// Probably wrong in the log: the answer is not to be trusted before it is cleared up.
+    /// Probably wrong in the log: the answer is not to be trusted before that is cleared up.
     Suspicion,
 }
 

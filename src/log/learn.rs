@@ -21,9 +21,9 @@ const ERRORS: [&str; 5] = ["e1", "e1_rate", "e2", "e2_rate", "curvature"];
 /// Columns from which they are computed.
 const POSE: [&str; 6] = ["x", "y", "yaw", "vx", "vy", "yaw_rate"];
 
-/// A heading that is wrong by more is in another unit, rad.
+/// Error of a heading from which on it is in another unit, rad.
 const ASTRAY: f64 = 1.0;
-/// A vehicle as far away as this is looked for on the whole road again, m: where a controller does, too.
+/// Distance from which on a vehicle is searched on the whole road again, m: the controller's, too.
 const LOST: f64 = 14.0;
 
 /// Reasons for which nothing is to be learned from a log.
@@ -121,7 +121,7 @@ pub fn drives_of(
     }
 }
 
-/// A log as a drive to learn from; what had to be made is told to `note`.
+/// A log as a drive to learn from; computed columns are reported to `note`.
 fn drive_of(
     log: &Rows,
     road: Option<(&Path, &std::path::Path)>,
@@ -215,7 +215,7 @@ fn project(log: &Rows, road: &Path, file: &std::path::Path, drive: &mut Drive) -
     Ok(())
 }
 
-/// Yaw and yaw rate must tell the same, or one of them has another unit or sign.
+/// Checks that yaw and yaw rate agree; otherwise one of them has another unit or sign.
 fn check_turn(log: &Rows, time: &[f64], yaw: &[f64], yaw_rate: &[f64]) -> Result<(), LogError> {
     let Some(factor) = turn_factor(time, yaw, yaw_rate) else { return Ok(()) };
     let hint = match factor {

@@ -1,4 +1,4 @@
-//! Drive logs: what a vehicle did, recorded by us, by an FMI host, or on a foreign vehicle.
+//! Drive logs: motion of a vehicle, recorded by us, by an FMI host, or on a foreign vehicle.
 //!
 //! A log is a CSV file with a header and the names of the [vocabulary](crate::signal), in any order; other columns are
 //! left alone. Missing columns are computed from others, and reported:
@@ -12,7 +12,7 @@
 //! | file | idea |
 //! |---|---|
 //! | `read.rs` | a CSV file's columns |
-//! | `clean.rs` | a log made ready for comparison: even clock, gaps, units, signs |
+//! | `clean.rs` | a log prepared for comparison: even clock, gaps, units, signs |
 //! | `clock.rs` | its clock: unit, order, gaps, jitter |
 //! | `resample.rs` | a column on an even clock |
 //! | `agreement.rs` | relations between columns that reveal a wrong unit or sign |

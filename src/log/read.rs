@@ -88,8 +88,8 @@ struct Column {
 }
 
 impl DriveLog {
-    /// Reads a log, packed or not, however its table is written ([`crate::table`]). An empty field is not a number: a gap,
-    /// which whoever uses the log leaves out.
+    /// Reads a log, packed or not, however its table is written ([`crate::table`]). An empty field is not a number: a
+    /// gap, which users of the log leave out.
     ///
     /// # Errors
     /// The fault, with file, line and column.
@@ -124,7 +124,7 @@ impl DriveLog {
         Ok(self)
     }
 
-    /// As [`read`](Self::read); `file` is what messages call it.
+    /// As [`read`](Self::read); `file` is the name in messages.
     ///
     /// # Errors
     /// As [`read`](Self::read).
@@ -182,8 +182,8 @@ impl DriveLog {
         Ok(log)
     }
 
-    /// A log of columns that a program has, each `name` or `name [unit]`; `file` is what messages call it. Columns that are no
-    /// signal are left alone.
+    /// A log from a program's columns, each `name` or `name [unit]`; `file` is the name in messages. Columns that are
+    /// no signals are left alone.
     ///
     /// # Errors
     /// Columns of several lengths, two of one signal, none that is a signal, an unknown unit.
@@ -210,7 +210,7 @@ impl DriveLog {
         self.notes.iter().map(|words| Finding::new(Gravity::Note, None, words.clone()))
     }
 
-    /// The columns that are signals, and where they stand.
+    /// The signal columns, and their places.
     fn places(&mut self, header: &table::Header) -> Result<Vec<Column>, LogError> {
         let mut places: Vec<Column> = Vec::new();
         for (place, (name, unit)) in header.names.iter().zip(&header.units).enumerate() {
@@ -256,7 +256,7 @@ impl DriveLog {
         self.columns.iter().map(|(name, values)| (*name, values.as_slice()))
     }
 
-    /// Those of `names` that the log has not.
+    /// Those of `names` that the log lacks.
     #[must_use]
     pub fn without(&self, names: &[&'static str]) -> Vec<&'static str> {
         names.iter().copied().filter(|name| self.column(name).is_none()).collect()

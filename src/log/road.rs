@@ -1,13 +1,13 @@
 //! Place of a log on a road, and the road's properties there.
 //!
-//! The station of each row is the log's own, or that of the foot of its pose on the road. From it follow bank, grade and
-//! friction, which a vehicle feels and no sensor of it names.
+//! The station of each row is the log's own, or that of the foot of its pose on the road. From it follow bank, grade
+//! and friction, which act on a vehicle and are in no sensor's signal.
 
 use super::clean::CleanLog;
 use crate::path::{Path, Projection};
 use crate::signal;
 
-/// Farther from the road it is another one, m.
+/// Distance from a road beyond which the log belongs to another one, m.
 pub(super) const FAR: f64 = 10.0;
 
 /// Reasons for which a log does not lie on a road.

@@ -1,4 +1,4 @@
-//! A linear vehicle model behind its steering actuator: what lies between command and road wheels.
+//! A linear vehicle model behind its steering actuator: the dynamics between command and road wheels.
 //!
 //! Every actuator here has one form,
 //!
@@ -62,9 +62,9 @@ pub struct Actuator {
 /// States of an actuator: two of a Pade approximant, one of the lag. Those that an actuator does not have stay 0.
 pub const ACTUATOR_STATES: usize = 3;
 
-/// A lag or an approximated dead time shorter than this is none, s: its pole would only make the model stiff.
+/// Lag or approximated dead time below which there is none, s: its pole would only make the model stiff.
 const NO_LAG: f64 = 1e-4;
-/// A command counts as settled after so many time constants: e^-10 of it is left.
+/// Number of time constants after which a command counts as settled: e^-10 of it is left.
 const SETTLED: f64 = 10.0;
 
 /// The linear part of an actuator: everything but an exact dead time.
@@ -309,8 +309,8 @@ impl SampledActuator {
         self.a * state + self.newer * newer + self.older * older
     }
 
-    /// The state now, from the commands issued before now, oldest first: the actuator run over them. Exact but for what
-    /// was before the oldest.
+    /// The state now, from the commands issued before now, oldest first: the actuator run over them. Exact except for
+    /// the effect of commands before the oldest.
     #[must_use]
     pub fn state(&self, commands: &[f64]) -> Vector3<f64> {
         let Some(&oldest) = commands.first() else { return Vector3::zeros() };

@@ -17,8 +17,8 @@
 //! F = D sin(C atan(B alpha)),   D = mu Fz (static load),   B = cornering stiffness / (C D)
 //! ```
 //!
-//! It is Newton and Euler for each unit, the force at the hitch eliminated; what holds the speed drives the tractor along
-//! its axis. At small angles it is the linear model of `articulated.rs`, without a trailer the bicycle.
+//! It is Newton and Euler for each unit, the force at the hitch eliminated; the force that holds the speed drives the
+//! tractor along its axis. At small angles it is the linear model of `articulated.rs`, without a trailer the bicycle.
 //!
 //! Sources: method of the project, section 3 (kinematics of the second unit). Luijten, Lateral Dynamic Behaviour of
 //! Articulated Commercial Vehicles, TU Eindhoven 2010; tyres as in `bicycle.rs`.

@@ -46,7 +46,7 @@ pub fn zero_order_hold<const N: usize, const W: usize>(
 const TAYLOR_DEGREE: u32 = 13;
 
 impl<const N: usize, const K: usize, const W: usize> Chain<N, K, W> {
-    /// The chain over `h` seconds with inputs self.
+    /// The chain over `h` seconds with held inputs.
     ///
     /// The matrix exponential by scaling and squaring of a Taylor polynomial. It needs no linear solve and no
     /// allocation; for the small, moderately stiff matrices here it is as accurate as a Pade approximant.

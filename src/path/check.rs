@@ -10,17 +10,17 @@ use super::spline::{Curve, Knot, Vector, distance};
 use super::wrap_angle;
 use std::borrow::Cow;
 
-/// Points closer than this to the one before are the same point (m).
+/// Distance below which a point is the same as the one before (m).
 const SAME: f64 = 1e-6;
 /// A gap is wider than this many median spacings ...
 const GAP_SPACINGS: f64 = 8.0;
 /// ... and wider than this (m).
 const GAP_LEAST: f64 = 30.0;
-/// Most that headings and curvatures may disagree with the points and still count as true (rad).
+/// Largest disagreement of headings and curvatures with the points at which they still hold (rad).
 const DISAGREEMENT: f64 = 0.02;
-/// A road that changes its direction by more than this between two chords is out of order (rad).
+/// Change of direction between two chords from which on a road is out of order (rad).
 const TURNS_BACK: f64 = 2.2;
-/// Median spacings outside this range are another unit (m).
+/// Range of median spacings; outside it the unit is another (m).
 const SPACING: (f64, f64) = (1e-3, 500.0);
 
 /// A road that is fit to be a path.
@@ -211,7 +211,7 @@ impl Noise {
     }
 }
 
-/// Points that tell the road's direction: those kept or, where they have noise, means of them.
+/// Points that give the road's direction: those kept or, for noisy ones, means of them.
 fn directed<'a>(
     kept: &'a [(usize, Sample)],
     noise: Option<&Noise>,

@@ -65,7 +65,7 @@ pub enum PathError {
         /// The unit wanted.
         ours: &'static str,
     },
-    /// Noise so large that no road is left.
+    /// Noise so large that it hides the road.
     #[error(
         "{place}: the points have {rms:.2} m of noise (RMS), and smoothed by it the road still {shape}; record it \
          anew, average several laps, or give another smoothing tolerance"
@@ -116,7 +116,7 @@ pub enum PathError {
         /// The optional columns.
         known: &'static str,
     },
-    /// A column that means nothing to us.
+    /// An unknown column.
     #[error(
         "{place}: unknown column `{column}` (number {number}); known are x, y, {known}; rename or remove it"
     )]
@@ -178,7 +178,7 @@ pub enum PathError {
         /// The unit wanted.
         unit: &'static str,
     },
-    /// A name in column `class` that is none.
+    /// An unknown name in column `class`.
     #[error(
         "{place}, column `class`: `{text}` is no road class; known are straight, right_turn, left_turn, u_turn, \
          sweeper, cross_country"

@@ -33,7 +33,7 @@ enum Column {
     Grade,
     Friction,
     Class,
-    /// Geodetic coordinates, WGS 84: laid on a plane where there are no `x` and `y`.
+    /// Geodetic coordinates, WGS 84: laid on a plane if there are no `x` and `y`.
     Latitude,
     Longitude,
     /// Of racetrack-database; known and not used.
@@ -125,7 +125,7 @@ const ALIASES: [Alias; 16] = [
     ),
 ];
 
-/// Names that need no word: ours, and those of racetrack-database.
+/// Names that need no mention: ours, and those of racetrack-database.
 const PLAIN: [&str; 14] = [
     "x",
     "x_m",
@@ -151,7 +151,7 @@ struct Meaning {
 }
 
 impl Meaning {
-    /// Of a name and a unit that stands beside it; `Err` is our unit, where the file's is none of that quantity.
+    /// Meaning of a name with the unit beside it; `Err` is our unit, if the file's is of another quantity.
     fn of(name: &str, unit: Option<&str>) -> Option<Result<Self, &'static str>> {
         let lower = name.to_lowercase();
         if matches!(lower.as_str(), "w_tr_right_m" | "w_tr_left_m") {
@@ -305,7 +305,7 @@ impl Decimals {
         }
     }
 
-    /// The last digit in m. Whole metres and decimetres are taken as exact: someone drew them.
+    /// The last digit in m. Whole metres and decimetres are taken as exact: they were drawn by hand.
     fn resolution(&self) -> Option<f64> {
         (!self.exponents && (2..15).contains(&self.most)).then(|| 0.1f64.powi(self.most as i32))
     }

@@ -54,7 +54,7 @@ pub enum Smoothing {
     /// hand, and exact.
     #[default]
     AsAccurate,
-    /// Not at all: the path goes through every point.
+    /// No smoothing: the path goes through every point.
     None,
     /// Within a root-mean-square distance in m: for measured points, about their noise (0.02 for a good GPS).
     Within(f64),

@@ -79,7 +79,7 @@ impl Segment {
     }
 }
 
-/// An uneven stretch: bank, grade and friction vary along it, and the speed that is driven.
+/// An uneven stretch: bank, grade, friction and driven speed vary along it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rough {
     /// Station of its start in m.

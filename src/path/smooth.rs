@@ -61,7 +61,7 @@ fn weights(u: f64) -> [[f64; 6]; 3] {
 pub(super) enum Goal {
     /// The smoothest curve within this RMS distance of the points in m.
     Within(f64),
-    /// The curve that is nearest to the road, as far as points tell that have noise of this RMS in m.
+    /// The curve nearest to the road, estimated from points with noise of this RMS in m.
     Nearest(f64),
 }
 
@@ -233,9 +233,9 @@ impl<'a> Problem<'a> {
     }
 }
 
-/// The quintic spline near points that reaches the goal, and where the points lie along it. `None` if a tolerance is too narrow to
-/// smooth at all: interpolate then. `along`: a point for each that tells better where along the road it is, if noise is larger
-/// than the spacing.
+/// The quintic spline near points that reaches the goal, and the places of the points along it. `None` if a tolerance
+/// is too narrow to smooth at all: interpolate then. `along` gives for each point a better one for its place along the
+/// road, for noise larger than the spacing.
 pub(super) fn smooth(
     points: &[Vector],
     along: Option<&[Vector]>,

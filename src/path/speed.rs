@@ -54,8 +54,7 @@ impl Default for SpeedLimits {
     }
 }
 
-/// The plans of a path that somebody drives by: controllers on one road share one. Locked while they are set up, never
-/// while they step.
+/// The plans in use on a path: controllers on one road share one. Locked during their set-up, never during steps.
 #[derive(Debug, Default)]
 pub(super) struct SharedPlans(Mutex<Vec<(SpeedLimits, Weak<SpeedPlan>)>>);
 
@@ -67,7 +66,7 @@ impl Clone for SharedPlans {
 }
 
 impl Path {
-    /// The speed plan along the path that comes to a stop at the end of an open one; the same for all who ask.
+    /// The speed plan along the path that comes to a stop at the end of an open one; shared by all callers.
     #[must_use]
     pub fn plan_to_the_end(&self, limits: &SpeedLimits) -> Arc<SpeedPlan> {
         let mut plans = self.plans.0.lock().unwrap_or_else(PoisonError::into_inner);

@@ -5,8 +5,7 @@
 //!
 //! - **points alone**: the interpolating cubic spline `x(t), y(t)`. Its `t` is the arc length of the spline itself
 //!   (found by iteration), so that uneven spacing does not ripple the curvature;
-//! - **points with heading and curvature**: these are taken at their word, `r' = (cos yaw, sin yaw)`,
-//!   `r'' = curvature * normal`;
+//! - **points with heading and curvature**: these hold exactly, `r' = (cos yaw, sin yaw)`, `r'' = curvature * normal`;
 //! - **noisy points**: a smoothing spline, see `smooth.rs`.
 
 use super::quadrature::integrate;
@@ -27,9 +26,9 @@ pub(super) struct Knot {
 #[derive(Debug, Clone)]
 pub(super) struct Curve {
     pub knots: Vec<Knot>,
-    /// Parameters of the points that the curve was made from (closed: the first one again at the end).
+    /// Parameters of the curve's original points (closed: the first one again at the end).
     pub marks: Vec<f64>,
-    /// Yaw (continuous) and curvature at the knots, where they were given: rounded positions would give worse ones.
+    /// Yaw (continuous) and curvature at the knots, if they were given: rounded positions would give worse ones.
     pub yaw: Option<Vec<[f64; 2]>>,
 }
 

@@ -1,4 +1,4 @@
-//! Courses for a tractor with a semi-trailer: the Sudoku's streets with turns that it can take, and ground off them.
+//! Courses for a tractor with a semi-trailer: the Sudoku's streets with wider turns, and ground off them.
 //!
 //! | element | radius | speed limit |
 //! |---|---|---|
@@ -16,7 +16,7 @@ use super::segment::{Course, Pose};
 use super::sudoku::{Move, Style, Winding, cross_country, drive, off_road_of, street, u_turn};
 use Move::{Left, Right, Straight, SweepLeft, SweepRight, UTurn};
 
-/// A truck wants longer clothoids than a car: it turns its wheels more slowly.
+/// Clothoids of a truck, longer than a car's: it turns its wheels more slowly.
 const STYLE: Style = Style { right: 12.0, left: 14.0, u_turn: 10.0 };
 
 /// Training: from crossing (1, 0) northwards.

@@ -21,14 +21,14 @@ pub(super) struct Head {
     pub body: usize,
 }
 
-/// A line with its number (from 0), and what it holds.
+/// A line with its number (from 0), and its fields.
 struct Line {
     index: usize,
     comment: bool,
     fields: Vec<String>,
 }
 
-/// Finds out how a file that begins with `lines` is written; `known` says which names mean something.
+/// Detects the format of a file that begins with `lines`; `known` tells if a name is known.
 pub(super) fn find(lines: &[String], known: &dyn Fn(&str) -> bool) -> Head {
     let (start, told) = told_delimiter(lines);
     let delimiter = told.unwrap_or_else(|| most_numbers(&lines[start..]));
@@ -75,7 +75,7 @@ fn told_delimiter(lines: &[String]) -> (usize, Option<u8>) {
     }
 }
 
-/// The delimiter by which most fields are numbers, and fewest are not; commas where none says more.
+/// The delimiter by which most fields are numbers, and fewest are not; commas if none is better.
 fn most_numbers(lines: &[String]) -> u8 {
     let score = |delimiter: u8| -> (i64, i64) {
         let (mut numbers, mut fields) = (0, 0);

@@ -170,7 +170,7 @@ impl<'a> Row<'a> {
         self.record.is_empty()
     }
 
-    /// Fields up to the last one that is not empty, or `least`: delimiters at the end of a line say nothing.
+    /// Fields up to the last one that is not empty, or `least`: delimiters at the end of a line are ignored.
     #[must_use]
     pub fn filled(&self, least: usize) -> usize {
         (least..self.len())
@@ -229,7 +229,7 @@ impl Decimal {
 }
 
 impl<R: Read> Table<R> {
-    /// Finds out how a file is written. `known` says which names (trimmed, without unit) mean something.
+    /// Detects the format of a file. `known` tells if a name (trimmed, without unit) is known.
     ///
     /// # Errors
     /// The file cannot be read, or is larger than the limits.
@@ -313,7 +313,7 @@ struct Body<R: Read> {
     given: usize,
     /// Lines given so far.
     count: u64,
-    /// From which line given on (counted from 1) the file's lines are how many more.
+    /// Lines given (counted from 1) from which on the file's line numbers are higher, with the difference.
     jumps: Vec<(u64, u64)>,
     error: Option<TableError>,
 }

@@ -107,7 +107,7 @@ impl<R: Read> Lines<R> {
     }
 }
 
-/// The limit that stopped an unpacking, or what the operating system says.
+/// The limit that stopped an unpacking, or the operating system's error.
 fn cause(error: std::io::Error) -> TableError {
     match error.downcast::<TableError>() {
         Ok(error) => error,

@@ -1,4 +1,4 @@
-//! `rfl diagnose`: what separates a log from a simulator, and how far the gap shrinks.
+//! `rfl diagnose`: the differences between a log and a simulator, and the reduction of the gap.
 //!
 //! | file | problem |
 //! |---|---|
@@ -371,7 +371,7 @@ fn closed_loop<P: Commanded<S, C>, const S: usize, const C: usize>(
 /// Name of the calibrated simulator's files.
 const CALIBRATED: &str = "calibrated";
 
-/// Writes the calibrated simulator; gives its files and what they are. None where nothing was found to calibrate.
+/// Writes the calibrated simulator; gives its files with their descriptions. None if there is nothing to calibrate.
 fn simulator<P: Commanded<S, C>, const S: usize, const C: usize>(
     args: &DiagnoseArgs,
     name: &str,

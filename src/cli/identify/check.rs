@@ -22,7 +22,7 @@ const LOST: f64 = 3.5;
 /// Errors whose means differ by less are the same, m.
 const SAME: f64 = 1e-3;
 
-/// One plant, driven with and without knowing.
+/// One plant, driven with and without the identified actuator.
 pub(super) struct Row {
     plant: &'static str,
     actuator: Actuator,
@@ -100,7 +100,7 @@ impl Driven {
     }
 }
 
-/// Prints them; whether knowing the actuator loses a vehicle that stays on the road without.
+/// Prints them; true if the identified actuator loses a vehicle that stays on the road without it.
 pub(super) fn print(rows: &[Row]) -> bool {
     say!(
         "{:<22} {:>11} {:>8} {:>18} {:>18}",

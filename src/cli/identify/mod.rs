@@ -3,9 +3,9 @@
 //! | file | problem |
 //! |---|---|
 //! | `step.rs` | a step, recorded or driven here, for the variant `actuator` |
-//! | `report.rs` | what was found, in words |
-//! | `check.rs` | whether knowing it drives better, in closed loop |
-//! | `into.rs` | a vehicle file that knows it |
+//! | `report.rs` | the result in words |
+//! | `check.rs` | closed-loop check of the result |
+//! | `into.rs` | a vehicle file with the result |
 
 mod check;
 mod into;

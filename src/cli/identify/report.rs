@@ -7,10 +7,10 @@ use serde_json::{Value, json};
 
 /// Wrong rows that are named.
 const NAMED: usize = 5;
-/// A gain farther from 1 than this is a ratio or a unit.
+/// Deviation of a gain from 1 from which on it is a ratio or a unit.
 const GAIN_ODD: f64 = 0.2;
 
-/// Prints the numbers, and what was mended.
+/// Prints the numbers, and the repairs.
 pub(super) fn print(found: &Found, args: &IdentifyArgs) {
     for finding in &found.findings {
         let gravity = if finding.gravity == Gravity::Note { "note" } else { "warning" };

@@ -1,4 +1,4 @@
-//! Least squares over a dead time and a lag; what else there is, is linear and known for each pair.
+//! Least squares over a dead time and a lag; all other parameters are linear and known for each pair.
 //!
 //! ```text
 //! S(T, tau) = min over beta, a   sum_k (y_k - phi_k(T, tau)' beta - a_p exp(-(t_k - t_p)/tau))^2
@@ -35,14 +35,14 @@ const ON: usize = 12;
 /// Rows that are enough for a rough answer, and steps of its grid.
 const PART_ROWS: usize = 2000;
 const ROUGH: u32 = 14;
-/// A free response is over when so little is left of it.
+/// Remainder at which a free response is over.
 const OVER: f64 = 1e-7;
 /// Lags that are tried before golden sections.
 const TRIED: u32 = 8;
 /// A residual's standard deviation below this is rounding, rad or rad/s.
 pub(super) const LEAST_NOISE: f64 = 1e-6;
 
-/// A dead time, a lag and what belongs to them.
+/// A dead time, a lag and the linear parameters that belong to them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Point {
     pub dead_time: f64,
@@ -53,7 +53,7 @@ pub(super) struct Point {
     pub beta: [f64; COLUMNS],
 }
 
-/// A problem with room to work in.
+/// A problem with workspace.
 #[derive(Debug, Clone)]
 pub(super) struct Problem {
     pub rows: Rows,
@@ -86,7 +86,7 @@ impl Normal {
         self.yy += y * y;
     }
 
-    /// Factors and sum of squares; columns that say nothing new have the factor 0.
+    /// Factors and sum of squares; redundant columns have the factor 0.
     fn solve(mut self, left_out: Option<usize>) -> ([f64; COLUMNS], f64) {
         for i in 0..COLUMNS {
             for j in i + 1..COLUMNS {

@@ -19,7 +19,7 @@ const CHI2: f64 = 2.7055;
 pub(super) const GAUSS: f64 = 1.6449;
 /// Autocorrelation below which rows count as independent.
 const INDEPENDENT: f64 = 0.1;
-/// Weights reach over so many times the rows of correlation.
+/// Reach of the weights, in rows of correlation.
 const WIDTH: usize = 5;
 /// Sections of a bracket in which an end lies.
 const SECTIONS: u32 = 7;
@@ -100,7 +100,7 @@ impl Noise {
     }
 }
 
-/// The ends of an interval with what belongs to them.
+/// The ends of an interval with their linear parameters.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Ends {
     pub low: Point,

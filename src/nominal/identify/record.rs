@@ -13,8 +13,8 @@
 //! random and no start has to be guessed. The gain of all models is that of dead time and lag. A Pade approximant
 //! answers a step at once, and would buy a better beginning with a wrong end.
 //!
-//! The drive has to begin steady and to contain a change that settles: a step of the command is best. Through a
-//! vehicle model the constants take up what that model gets wrong, too: measure the road-wheel angle if you can.
+//! The drive has to begin steady and to contain a change that settles: a step of the command is best. Through a vehicle
+//! model the constants absorb that model's errors: measure the road-wheel angle if you can.
 //!
 //! Source: Golub and Pereyra, Separable nonlinear least squares, Inverse Problems 2003; Ljung, System Identification,
 //! ch. 7.
@@ -33,7 +33,7 @@ enumeration! {
 }
 
 impl DelayModel {
-    /// The actuator with a dead time and a time constant in s; what the model does not have is left out.
+    /// The actuator with a dead time and a time constant in s; parameters that the model lacks are left out.
     #[must_use]
     pub fn actuator(self, dead_time: f64, time_constant: f64) -> Actuator {
         let (dead_time, time_constant, dead_time_model) = match self {
@@ -90,7 +90,7 @@ pub struct SteeringRecord {
     gain: Option<f64>,
 }
 
-/// An actuator as a record shows it.
+/// An actuator identified from a record.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct IdentifiedActuator {
     /// The actuator.
@@ -115,7 +115,7 @@ const LONGEST_DEAD_TIME: f64 = 1.0;
 const TIME_CONSTANTS: [f64; 2] = [1e-3, 2.0];
 /// Ratio of a grid's time constants.
 const GRID_RATIO: f64 = 1.5;
-/// A fit that explains less than this is none.
+/// Least explained share of a valid fit.
 const LEAST_SHARE: f64 = 0.5;
 /// Golden sections of an interval: 2e-6 of it is left.
 const SECTIONS: u32 = 27;
@@ -176,7 +176,7 @@ impl SteeringRecord {
         Ok(Self { sample_time, commands, responses, offset, gain: None })
     }
 
-    /// With a gain that is known, and not to be fitted.
+    /// With a known gain, which is not fitted.
     #[must_use]
     pub fn with_gain(self, gain: f64) -> Self {
         Self { gain: Some(gain), ..self }

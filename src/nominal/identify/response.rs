@@ -1,4 +1,4 @@
-//! The answer of a dead time and a first-order lag to recorded commands.
+//! The response of a dead time and a first-order lag to recorded commands.
 //!
 //! ```text
 //! tau x' = u(t - T) - x          u held from each row on, or on a line between rows
