@@ -77,7 +77,7 @@ pub trait Transition<X: HorizonState> {
     /// `A x`.
     fn apply(&self, x: &X) -> X;
 
-    /// Moves the first `count` effects on by a step: `A x`, with the additional states of the last of them. Component
+    /// Moves the first `count` effects on by a step: `A x`, with the additional terms of the last of them. Component
     /// `i` of effect `k` stands at `i stride + k`, and a stride is a multiple of [`BLOCK`]. Effects behind may be
     /// changed, too.
     fn advance(&self, effects: &mut [f64], stride: usize, count: usize, more: &[X]) {

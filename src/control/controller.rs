@@ -159,7 +159,7 @@ const PLANNED_SHARE: f64 = 0.5;
 
 /// Lateral error beyond which there is a fault and speed is given up first: a lane's width, m.
 const FAR_E1: f64 = 3.5;
-/// Yaw error beyond which the trend is meaningless, rad.
+/// Yaw error beyond which there is a fault, too, rad.
 const FAR_E2: f64 = 1.0;
 /// A vehicle beside the path aims at a parallel path this many seconds of travel away: it bounds the approach angle.
 const APPROACH_TIME: f64 = 0.2;

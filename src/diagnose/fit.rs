@@ -18,7 +18,7 @@ use std::sync::Arc;
 
 /// Standard deviation of a freed coordinate: effects of five units are ordinary.
 pub(super) const FREED: f64 = 5.0;
-/// Steps of Gauss and Newton.
+/// Maximum Gauss-Newton iterations.
 const STEPS: usize = 6;
 /// Tries of each kind: of a step's own length or a shorter one, and then with damping.
 const TRIES: usize = 4;

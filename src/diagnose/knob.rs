@@ -139,19 +139,21 @@ const SENSORS: &[(&str, Channel, f64, bool)] = &[
     ("sensor.roll_bias", Channel::Roll, 0.003, false),
 ];
 
-/// Channels that pass the low pass of the inertial sensors, and its lateness, s: of second order at 20 to 40 Hz. Place,
-/// speed and heading do not pass it, so it is no `sensor_delay`.
+/// Channels that pass the low pass of the inertial sensors, and the tolerance of its lateness, s: of second order at 20
+/// to 40 Hz. Place, speed and heading do not pass it, so it is no `sensor_delay`.
 const INERTIAL: [Channel; 3] = [Channel::YawRate, Channel::Ay, Channel::Ax];
 const INERTIAL_LAG: f64 = 0.010;
 
-/// A satellite receiver or navigation unit has a clock and a latency of its own, s.
+/// Tolerance of the lateness of a satellite receiver or navigation unit, which has a clock and a latency of its own, s.
 const RECEIVER_LATE: f64 = 0.05;
 
-/// Height of the accelerometer in the body, m, which no vehicle file holds. At `z` over the CG it feels `-z` times the
-/// roll acceleration besides. A navigation unit measures at a point of its user's choice, which may lie on the road.
+/// Tolerances of the height of the accelerometer in the body, and in a navigation unit, m. At `z` over the CG it feels
+/// `-z` times the roll acceleration besides. No vehicle file holds that height; a navigation unit measures at a point
+/// of its user's choice, which may lie on the road.
 const IMU_HEIGHT: f64 = 0.15;
 const UNIT_HEIGHT: f64 = 0.5;
-/// Height of the point of a sideways velocity and a place, m: the body's CG, or the road's point below.
+/// Tolerance of the height at which a sideways velocity and a place are given, m: the body's CG, or the road's point
+/// below.
 const REFERENCE_HEIGHT: f64 = 0.3;
 
 /// Bound of coordinates that are no effects: six standard deviations of the widest prior. A fit that went further was
