@@ -1,11 +1,11 @@
 //! The vocabulary: every signal for users, declared once.
 //!
-//! One word names a signal everywhere, with the same unit and the same sign: an FMU's variable, a log's column, a
-//! parameter file's key, a report's label. FMU descriptions, log headers and report labels are generated from the
+//! One word names a signal everywhere, with the same unit and the same sign. It is an FMU's variable, a log's column, a
+//! parameter file's key and a report's label. FMU descriptions, log headers and report labels are generated from the
 //! tables here, so that they cannot drift apart.
 //!
-//! Conventions: SI units and radians; ISO 8855 axes (x forward, y left, z up); steering and yaw are positive to
-//! the left; `steer` is the road-wheel angle.
+//! Conventions: SI units and radians; ISO 8855 axes (x forward, y left, z up). Steering and yaw are positive to the
+//! left; `steer` is the road-wheel angle.
 
 /// A unit of measurement with its exponents of SI base units, as FMI 2.0 requires.
 #[derive(Debug, Clone, Copy, PartialEq)]

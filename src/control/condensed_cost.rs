@@ -5,8 +5,8 @@
 //! ```
 //!
 //! with `W` the outputs' weights, `D` the differences from step to step and `R` their weights. The rows of `G` that
-//! belong to one step reach equally far. Up to four of them and two columns of `H` are taken at once, so that an entry
-//! is loaded and stored once for all of them. Rows of weight zero, of outputs that are only bounded, are left out.
+//! belong to one step reach equally far. Up to four of them and two columns of `H` are taken at once. So an entry is
+//! loaded and stored once for all of them. Rows of weight zero, of outputs that are only bounded, are left out.
 //!
 //! If an input acts as the one before it did a step earlier, with `e` the last step's rows of `G`,
 //!

@@ -408,8 +408,8 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
         }
     }
 
-    /// Tracks the speed plan. The speed falls if the vehicle is far from the path or leaves it, and to zero once it has
-    /// left it or is to stop.
+    /// Tracks the speed plan. The speed falls if the vehicle is far from the path or leaves it. It falls to zero once
+    /// the vehicle has left it or is to stop.
     fn command_speed(
         &mut self,
         speed: f64,

@@ -23,8 +23,8 @@
 //!
 //! A motion of its own: the poses follow from the velocities, and these change no faster than tyres allow. Signals that
 //! are all zero are no motion; a dead sensor looks like that. A vehicle in motion is not accepted anew beside its road
-//! either: that is a position that jumps, and steering back from there would leave the road. Bridging needs some steps
-//! in a row that agree; until then each measurement is a first one.
+//! either. Its position jumps, and steering back from there would leave the road. Bridging needs some steps in a row
+//! that agree; until then each measurement is a first one.
 //!
 //! Source: Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001. It treats the
 //! validation gate, innovations as a test of the filter (5.4), and initiation of tracks.

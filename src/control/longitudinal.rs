@@ -23,8 +23,8 @@
 //! `tests/control_longitudinal.rs` holds both to the joint QP.
 //!
 //! **No divergence.** The reference point is a vehicle itself: it starts at the vehicle's place and speed and gains
-//! speed no faster than the plan's acceleration. It is never further from the vehicle than `lag_max`. If the vehicle
-//! cannot follow (it is held, off the path, too weak for a slope), the point waits at that distance and its speed falls
+//! speed no faster than the plan's acceleration. It is never further from the vehicle than `lag_max`. A vehicle that is
+//! held, off the path or too weak for a slope cannot follow. The point then waits at that distance, and its speed falls
 //! to the vehicle's. A jump of the station moves the point along. At the end of an open path the plan's speed is zero,
 //! and the point stands there.
 //!

@@ -44,7 +44,7 @@ impl Preview {
         }
     }
 
-    /// Reads the road over the horizon: at the middle of each step for the inputs of the model, at its end for
+    /// Reads the road over the horizon. The middle of each step is for the inputs of the model, its end is for
     /// comparison with the state there.
     pub fn look(&mut self, path: &Path, station: f64, ahead: SpeedAhead<'_>, sample_time: f64) {
         let (mut s, mut v) = (station, ahead.speed);

@@ -12,8 +12,8 @@
 //! actuator, `u(t) = delta(t + T) + tau delta'(t + T)`.
 //!
 //! The cost of the MPC is on deviations from this. A cost on the steering's rate itself would cut every bend, the more
-//! the calmer the loop is. With this one a calm loop that knows its vehicle tracks as well as a tight one, and the
-//! weights only decide the correction of errors.
+//! the calmer the loop is. With this one a calm loop that knows its vehicle tracks as well as a tight one. The weights
+//! only decide the correction of errors.
 //!
 //! Source: Isidori, Nonlinear Control Systems, ch. 4.3 (zero dynamics, inversion); Rajamani, Vehicle Dynamics and Control,
 //! ch. 3.3 (steady cornering as feedforward).

@@ -72,7 +72,7 @@ pub struct TrackingQp {
     pub previous: Vec<f64>,
     /// Increments of the inputs that cost nothing, `d`, `N inputs`.
     pub free_increments: Vec<f64>,
-    /// True if an input acts as the one before it did a step earlier, `G` being constant along its diagonals: the cost
+    /// True if an input acts as the one before it did a step earlier, `G` being constant along its diagonals. The cost
     /// is then condensed in `O(N^2)`.
     pub shift_invariant: bool,
 }

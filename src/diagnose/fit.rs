@@ -530,8 +530,8 @@ fn shorter(promised: f64, rise: f64, worth: f64) -> Option<f64> {
 }
 
 /// Fits with some knobs freed, from a point, with slopes `linear` for the background. Slopes of freed knobs are taken
-/// anew at each step. A step that raises the cost is shortened, then damped more and more. Where many coordinates act
-/// alike, an undamped step leaves the range of its slopes, and no length of it gains.
+/// anew at each step. A step that raises the cost is shortened, then damped more and more. With many coordinates that
+/// act alike, an undamped step leaves the range of its slopes, and no length of it gains.
 #[must_use]
 pub fn fit<'a, V: ReplayVehicle>(
     problem: &Problem<V>,

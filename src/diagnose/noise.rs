@@ -3,7 +3,7 @@
 //! White noise follows from second differences of the gap, `sigma = median |r- - 2 r + r+| / (0.6745 sqrt 6)`, brought
 //! through the low pass. The gap that the best candidate leaves is neither noise nor evidence for any candidate: its
 //! variance is added. Its correlation over time reduces the worth of each sample. Moments with many times its ordinary
-//! power have a variance of their own, as where a vehicle slides and its replay does not; otherwise they would drown
+//! power have a variance of their own, as where a vehicle slides and its replay does not. Otherwise they would drown
 //! the rest.
 
 use super::problem::{Problem, rms};

@@ -8,7 +8,7 @@
 //! ```
 //!
 //! `eta` the temper of a misspecified likelihood, `odds` the price of an effect. The determinant, by the slopes at the
-//! fit, is that of Laplace's approximation: freedom that the log narrows has a cost, and an effect that it cannot show
+//! fit, is that of Laplace's approximation: freedom that the log narrows has a cost. An effect that it cannot show
 //! keeps its prior probability. A cause outside the library competes with evidence of its own, upon the fit of the best
 //! hypothesis of the library:
 //!

@@ -14,7 +14,7 @@
 //! ```
 //!
 //! so that the response to a road is no evidence of anything else. The roughness of this road, as a share of `sigma`
-//! for bank and grade each, maximises the likelihood of the best fit's remainder: on a level road a steady slope is not
+//! for bank and grade each, maximises the likelihood of the best fit's remainder. On a level road a steady slope is not
 //! the road's. A hat's response ends some seconds behind it: one replay serves all hats that are so far apart.
 //!
 //! Source: Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, sec. 2.7; the discrepancy of the

@@ -285,7 +285,7 @@ struct Leaning {
     most: f64,
 }
 
-/// A body leans 0.5 to 12 degrees at 1 g, 0.0009 to 0.02 rad for each m/s2, on soft springs twice as far; in degrees it
+/// A body leans 0.5 to 12 degrees at 1 g, 0.0009 to 0.02 rad for each m/s2, on soft springs twice as far. In degrees it
 /// is 0.05 and more. A trailer 2 to 14 m long stands at that many radians for each 1/m of curvature; in degrees it is
 /// 115 and more.
 const LEANING: [Leaning; 3] = [

@@ -1,6 +1,6 @@
 //! Values that no motion explains: beyond any road vehicle, or single rows that their neighbours contradict.
 //!
-//! A row, or a few, is an outlier if the column leaves its way within one row and is back on it a few rows later. The
+//! An outlier is one row or a few. The column leaves its way within one row and is back on it a few rows later. The
 //! jump must far exceed the column's bends elsewhere, nearby and in the whole log. A step of steering does not come
 //! back, noise is as large everywhere, and inertia takes longer.
 

@@ -16,7 +16,7 @@
 //! ```
 //!
 //! (Pade(2,2) is `z1' = z2, z2' = -12/T^2 z1 - 6/T z2 + u, w = u - 12/T z2` with states of the command's size.) A Pade
-//! approximant passes part of the command on at once, the wrong way for an odd order; a lag behind it makes it strictly
+//! approximant passes part of the command on at once, the wrong way for an odd order. A lag behind it makes it strictly
 //! proper. Before the vehicle `x' = A x + B delta + ..` the state is `X = [x; z]`, sampled exactly. Within a step the
 //! delayed command changes once, as `T` is not a whole number of steps:
 //!

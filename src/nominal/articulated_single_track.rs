@@ -17,7 +17,7 @@
 //! F = D sin(C atan(B alpha)),   D = mu Fz (static load),   B = cornering stiffness / (C D)
 //! ```
 //!
-//! It is Newton and Euler for each unit, the force at the hitch eliminated; the force that holds the speed drives the
+//! It is Newton and Euler for each unit, the force at the hitch eliminated. The force that holds the speed drives the
 //! tractor along its axis. At small angles it is the linear model of `articulated.rs`, without a trailer the bicycle.
 //!
 //! Sources: method of the project, section 3 (kinematics of the second unit). Luijten, Lateral Dynamic Behaviour of
@@ -28,7 +28,7 @@ use super::{LateralVehicle, SingleTrackError, steady_cornering};
 use crate::vehicle::Articulated;
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
-/// Lower limit of the rolling speed of the trailer's axle, as a share of the tractor's speed: near a right angle at the
+/// Lower limit of the rolling speed of the trailer's axle, as a share of the tractor's speed. Near a right angle at the
 /// hitch its slip angle means nothing.
 const LEAST_ROLLING: f64 = 0.2;
 /// Steps of Newton for the steady state, and the largest articulation that is one, rad.

@@ -12,7 +12,7 @@
 
 use nalgebra::SMatrix;
 
-/// A chain of two linear systems with held common inputs, in continuous time or over a step: `x` of `N` states is
+/// A chain of two linear systems with held common inputs, in continuous time or over a step. `x` of `N` states is
 /// driven by `z` of `K` states.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[allow(missing_docs)]

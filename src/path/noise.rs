@@ -1,7 +1,7 @@
 //! The noise of points, measured from the points themselves.
 //!
-//! Around each point, in the frame of the road's local direction, the offsets `n` of its neighbours follow a parabola
-//! of their places `u` along the road. Noise is the remainder:
+//! Take the frame of the road's local direction at each point. The offsets `n` of its neighbours follow a parabola of
+//! their places `u` along the road. Noise is the remainder:
 //!
 //! ```text
 //!     e_i = n_i - parabola(u_i),    var e_i = sigma^2 (1 - h_ii),    h: hat matrix of the fit
@@ -9,7 +9,7 @@
 //!
 //! `sigma` is a robust scale (median) of `e_i / sqrt(1 - h_ii)`, so that a corner, drawn on purpose, is no noise. The
 //! fit does not use the spacing: uneven points on a smooth road have none. Of the remainder of a smooth road,
-//! neighbours have one sign; of noise, they change it. The window grows until it is long against the noise: points 10
+//! neighbours have one sign; of noise, they change it. The window grows until it is long against the noise. Points 10
 //! cm apart with 1 m of noise have a direction over 10 m only.
 
 use super::spline::{Vector, distance};

@@ -80,7 +80,7 @@ impl Pen {
         self.at = Pose { x: vertex[0] + tangent * end.cos(), y: vertex[1] + tangent * end.sin(), yaw: end };
     }
 
-    /// Draws a U-turn that ends `displacement` m beside its start, to the left if positive: it first swerves to the
+    /// Draws a U-turn that ends `displacement` m beside its start, to the left if positive. It first swerves to the
     /// other side by the necessary distance.
     pub fn u_turn(&mut self, displacement: f64, rounding: Rounding) {
         let side = displacement.signum();

@@ -1,7 +1,7 @@
 //! The nearest point of a path: station and errors of a vehicle.
 //!
 //! The foot `s` of a position `p` solves `(p - r(s)) . r'(s) = 0`, by Newton's method: the left side's slope is
-//! `-(1 - curvature * e1)`. With a hint (the last station) the search walks downhill in distance from there, so it
+//! `-(1 - curvature * e1)`. With a hint (the last station) the search walks downhill in distance from there. So it
 //! stays on its branch where a road crosses itself or runs back beside itself. Without one it searches the whole road.
 //! A wrong heading counts like a distance there, so that of two crossing or opposing lanes the vehicle's own is found.
 

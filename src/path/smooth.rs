@@ -1,7 +1,7 @@
 //! Smooth curves near noisy points.
 //!
 //! Points that are rounded or measured carry an error `sigma`. At spacing `h` their second differences carry a
-//! curvature error of about `2.4 sigma / h^2`: 1 cm at 1 m is a bend of 40 m radius that is not there. So
+//! curvature error of about `2.4 sigma / h^2`. 1 cm at 1 m is a bend of 40 m radius that is not there. So
 //!
 //! ```text
 //!     min  sum w_i |p_i - r(t_i)|^2 + lambda * integral |r'''|^2 dt,     w_i = h_i / sum h_i
@@ -13,7 +13,7 @@
 //!
 //! For a given tolerance, `lambda` is as large as the points' distance allows ([`Goal::Within`]). For a known noise, it
 //! minimises the distance from the road ([`Goal::Nearest`]). Points as far off as their noise would be too much. A
-//! curve takes part of the noise with it, `H_ii` of each point's own; one that keeps all of it at a distance cuts the
+//! curve takes part of the noise with it, `H_ii` of each point's own. One that keeps all of it at a distance cuts the
 //! tight bends. The expected square error of the curve is, but for a constant (Mallows 1973; Craven and Wahba 1979),
 //!
 //! ```text

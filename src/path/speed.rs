@@ -189,8 +189,8 @@ impl SpeedPlan {
     }
 }
 
-/// Sliding mean of the sliding minimum over `reach` nodes to each side. Towards a fixed speed at an end of an open path
-/// (`ends`: at the start, at the end) it blends into the original plan, so that the speed is met.
+/// Sliding mean of the sliding minimum over `reach` nodes to each side. At an end of an open path with a fixed speed
+/// (`ends`: at the start, at the end) it blends into the original plan. So the speed is met.
 fn blend(squares: &[f64], reach: usize, ends: Option<(bool, bool)>) -> Vec<f64> {
     let last = squares.len() - 1;
     let reach = reach as isize;

@@ -8,7 +8,7 @@
 //! | sweeper | 40 to 60 m | 35 km/h |
 //! | cross-country | 22 m and more | 15 to 25 km/h |
 //!
-//! The routes are the mirror images of the car's in their streets, with radii of their own: test route and training
+//! The routes are the mirror images of the car's in their streets, with radii of their own. Test route and training
 //! route share no lane and no radius.
 
 use super::pen::Pen;

@@ -57,8 +57,8 @@ impl<const S: usize> LeafModels<S> {
     }
 }
 
-/// Contribution of each leaf to the mean over the trees: its coefficients divided by the number of trees, then the
-/// effect of a command that is held over the whole window.
+/// Contribution of each leaf to the mean over the trees: its coefficients divided by the number of trees. The effect of
+/// a command that is held over the whole window follows.
 ///
 /// The controller asks for means again and again, and few leaves differ from the last time. So shares are rounded, each
 /// to a multiple of a unit of its column that lets the sum of any T of them be exact:

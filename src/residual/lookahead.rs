@@ -13,7 +13,7 @@
 //! which asks at one place of the window and so in one row. If it lies on the way to that row's leaf, that tree is
 //! looked up again from there. The newest row, and rows after a jump of many thresholds, are looked up in every tree.
 //!
-//! A changed leaf takes the old one's place in the row's mean; a row that is looked up in every tree begins with the
+//! A changed leaf takes the old one's place in the row's mean. A row that is looked up in every tree begins with the
 //! leaves of the row before it. Such sums are exact ([`Shares`]). Answers are those of
 //! [`ResidualModelFor::coefficients`](super::ResidualModelFor::coefficients) to the bit, whatever was asked before.
 
@@ -29,7 +29,7 @@ struct Question {
     /// At which place of the window it asks; 0 of the road.
     place: u16,
     tree: u16,
-    /// Its number, counted from 1 level by level, and its height above the ends: `(end + ends) >> above` is the number
+    /// Its number, counted from 1 level by level, and its height above the ends. `(end + ends) >> above` is the number
     /// of the node on the way to an end.
     number: u16,
     above: u16,

@@ -1,7 +1,7 @@
 //! The learned residual of the controller.
 //!
 //! For step `j` of the horizon the controller gives the features of the window that ends with the state at the start of
-//! the step: measured ones as far as there are, then predicted ones. It gets the coefficients of
+//! the step. Measured ones come first, then predicted ones. It gets the coefficients of
 //! ```text
 //! r = constant + sum_i command_i u_i + sum_s state_s x_s
 //! ```
@@ -529,9 +529,9 @@ impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
         Lookahead::new(&self.forest, &self.shares, &self.questions, self.schema.window, horizon)
     }
 
-    /// The linear residual of a row of the horizon: the result of [`coefficients`](Self::coefficients) for the window
-    /// of states held by `rows`, and this speed, curvature and curvature rate. It costs little if little has changed
-    /// since the row was last asked.
+    /// The linear residual of a row of the horizon. It is the result of [`coefficients`](Self::coefficients) for the
+    /// window of states held by `rows`, and this speed, curvature and curvature rate. It costs little if little has
+    /// changed since the row was last asked.
     ///
     /// # Panics
     /// If `rows` is of another model, or has no such row: a mistake of the calling code, not of data.

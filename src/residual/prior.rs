@@ -2,7 +2,7 @@
 //!
 //! An ordinary closed-loop log hardly excites high frequencies, so that many responses to the window of commands
 //! explain it equally well. Shrinkage towards zero picks one that no actuator has. The prior of the effects `beta_i`,
-//! `i` steps back, is that of a vehicle behind its actuator, for which the residual of the nominal model is known,
+//! `i` steps back, is that of a vehicle behind its actuator. There the residual of the nominal model is known,
 //!
 //! ```text
 //! beta      ~ N(mean, b b' K)        b: effect of the steering over a step

@@ -7,7 +7,7 @@
 //! z ^= z >> 30; z *= 0xbf58476d1ce4e5b9; z ^= z >> 27; z *= 0x94d049bb133111eb; z ^= z >> 31
 //! ```
 //!
-//! Each tree has a generator of its own, derived from the seed and the tree's number: training gives the same bits in
+//! Each tree has a generator of its own, derived from the seed and the tree's number. Training gives the same bits in
 //! any order of the trees, on any number of threads.
 
 const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;

@@ -3,8 +3,8 @@
 //! 1. Global ridge fit of the linear regressors, `lambda` by cross-validation.
 //! 2. Trees on the features that are already decided; each tree on a bootstrap sample.
 //! 3. In each leaf a constant, or a linear model shrunk towards the global fit. The `lambda` of all leaves has the
-//!    least error on held-out samples: out of bag for a forest, by cross-validation within the tree's leaves for a
-//!    single tree.
+//!    least error on held-out samples. They are out of bag for a forest; by cross-validation within the tree's leaves
+//!    for a single tree.
 //!
 //! The same data, configuration and seed give the same bits on any number of threads.
 

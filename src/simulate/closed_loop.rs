@@ -1,8 +1,8 @@
 //! The closed loop in native code: the controller's and the vehicle's own step functions, no host between them.
 //!
 //! The master algorithm is that of `scripts/closed_loop.py`, so that both give the same bits. At each communication
-//! point `t_k = k h` the controller reads the vehicle's outputs and steps, then the vehicle takes its commands and
-//! steps (Gauss-Seidel, controller first: no step of delay between them).
+//! point `t_k = k h` the controller reads the vehicle's outputs and steps. Then the vehicle takes its commands and
+//! steps. (Gauss-Seidel, controller first: no step of delay between them.)
 
 use super::metrics::{InputMetrics, StepTimes, TimeMetrics, TrackingMetrics};
 use super::noise::SensorNoise;

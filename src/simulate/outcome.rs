@@ -30,8 +30,8 @@ enumeration! {
 /// Speed, m/s, below which a vehicle stands, and time of it, s, after which its drive is over.
 const STANDING_SPEED: f64 = 0.05;
 const STANDING_TIME: f64 = 5.0;
-/// Distance, m, by which a controller with noisy sensors may see the road's end too early, and by which a vehicle may
-/// roll back beyond the start.
+/// Distance, m, by which a controller with noisy sensors may see the road's end too early. A vehicle may roll back
+/// beyond the start by as much.
 const END_TOLERANCE: f64 = 5.0;
 /// Distance from the path, m, from which on the projection may belong to another part of it.
 const ASTRAY: f64 = 14.0;

@@ -217,7 +217,7 @@ enum Decimal {
 }
 
 impl Decimal {
-    /// A field with a decimal point. A point in a file with decimal commas may separate thousands: the field is then
+    /// A field with a decimal point. A point in a file with decimal commas may separate thousands. The field is then
     /// returned with words after it, so that it is no number.
     fn plain(self, field: &str) -> Cow<'_, str> {
         match (self, field.matches(',').count(), field.contains('.')) {

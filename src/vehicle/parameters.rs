@@ -338,8 +338,8 @@ impl Tyre {
         tyre
     }
 
-    /// Slope of the lateral force of an axle over slip angle, N/rad; `load` of the axle in N, carried by this many
-    /// tyres on each side.
+    /// Slope of the lateral force of an axle over slip angle, N/rad. `load` is that of the axle in N, carried by this
+    /// many tyres on each side.
     pub(super) fn axle_stiffness(&self, load: f64, per_side: f64) -> f64 {
         const STEP: f64 = 1e-4;
         let tyre = self.scaled();

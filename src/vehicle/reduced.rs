@@ -9,9 +9,9 @@
 //!     <f> = (23 f - 16 f- + 5 f--) / 12,   x+ = x + h <f>,   v+ = e^(-a h) v + (1 - e^(-a h)) / a <s>,   v' = s - a v
 //! ```
 //!
-//! Faster motions follow their equilibrium by a Newton step each time, without their mass: the wheels' spin, pitch and
-//! heave of the body with the wheels below it. So does the wheels' height `z` between tyre `k` and damper `d`, which is
-//! then led by one step,
+//! Faster motions follow their equilibrium by a Newton step each time, without their mass. They are the wheels' spin,
+//! pitch and heave of the body with the wheels below it. So does the wheels' height `z` between tyre `k` and damper
+//! `d`, which is then led by one step,
 //!
 //! ```text
 //!     z = (F + k z~ + d (z~' + z- / h)) / (k + d / h),   z+ = 2 z - z-,      F: force found at z~, z~'

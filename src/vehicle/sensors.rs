@@ -1,6 +1,6 @@
 //! Measured signals of the motion.
 //!
-//! Pose and velocities are those of the reference point: the place on the road under the CG of the vehicle file,
+//! Pose and velocities are those of the reference point. It is the place on the road under the CG of the vehicle file,
 //! regardless of the real CG under payload or shift. `ax`, `ay` are the readings of an accelerometer there, fixed to
 //! the rolling and pitching body: `ay = fy cos(roll) + fz sin(roll)`, `ax = fx cos(pitch) - fz sin(pitch)`.
 

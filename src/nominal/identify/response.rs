@@ -64,8 +64,8 @@ impl Response {
         }
     }
 
-    /// The yaw rate of a vehicle: a gain that varies with the speed's square, as understeer makes it, an angle's offset
-    /// and a bias of the sensor.
+    /// The yaw rate of a vehicle, with an angle's offset and a bias of the sensor. Its gain varies with the speed's
+    /// square, as understeer makes it.
     ///
     /// # Errors
     /// A vehicle whose model cannot be made.

@@ -9,7 +9,7 @@
 //! log theta = c + h tanh((p - c) / h)        c: middle of the bounds, h: half their width
 //! ```
 //!
-//! Labels are divided by their root mean square and not centred: far from all data, the mean of the process is zero,
+//! Labels are divided by their root mean square and not centred. Far from all data, the mean of the process is zero,
 //! and that must mean the nominal model.
 
 use super::exact::Exact;

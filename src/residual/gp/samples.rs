@@ -118,8 +118,8 @@ impl<const D: usize, const O: usize> Samples<D, O> {
     }
 }
 
-/// The value at row `i` of the cubic that best fits `reach` rows on each side (Savitzky and Golay 1964), or fewer where
-/// a row is missing.
+/// The value at row `i` of the best cubic through `reach` rows on each side (Savitzky and Golay 1964). Fewer rows, if
+/// one is missing.
 fn smooth<const D: usize>(raw: &[Option<[f64; D]>], i: usize, reach: usize) -> Option<[f64; D]> {
     let here = raw[i]?;
     let known = |m: &usize| *m <= i && i + m < raw.len() && raw[i - m].is_some() && raw[i + m].is_some();

@@ -1,6 +1,6 @@
 //! Smoothing of recorded states before anything is learned from them.
 //!
-//! The state stands in the inputs *and* in the labels, so its noise biases the process: with the errors of ordinary
+//! The state stands in the inputs *and* in the labels, so its noise biases the process. With the errors of ordinary
 //! sensors it predicts twice as badly as it could. Offline, the states can be smoothed without delay; too much
 //! smoothing removes the signal to be learned. The right amount depends on noise and plant, so it is measured: small
 //! processes are trained at each candidate. The one with the best free prediction of the *record* over [`STEPS`] steps

@@ -8,8 +8,8 @@
 //!    its best. Candidates are shaken on the training route by twice the noise (typical noise on plants without), with
 //!    every seed's model. The best two that stand it are compared there: a loop at its edge looks calm until a road
 //!    shakes it.
-//! 3. Three protocols on the test route: *own best*, each row at the weights that it found, *frozen*, all at the
-//!    weights that the nominal found, and *default*, all at the weights that users get.
+//! 3. Three protocols on the test route. *Own best*: each row at the weights that it found. *Frozen*: all at the
+//!    weights that the nominal found. *Default*: all at the weights that users get.
 //!
 //! Nothing of the test route is used before it is driven.
 

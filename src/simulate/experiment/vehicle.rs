@@ -130,7 +130,7 @@ pub const TRUCK_DITHER: f64 = 0.005;
 
 /// A truck's second round: the default weights, and a dither that the calm nominal MPC does not stand.
 ///
-/// Measured behind a dead time of 0.3 s and a lag of 0.2 s on a fast piece of the training route (1400 to 2060 m). One
+/// Measured behind a dead time of 0.3 s and a lag of 0.2 s. A fast piece of the training route (1400 to 2060 m), one
 /// seed, tight weights (0.032, 0.001, 3e-4, 1.2e-5), mean lateral error without and with observer. The oracle has 0.39
 /// and 0.50 mm. RFL+S learned from the calm drive alone has 6.6 and 18 (it rings), with this one beside it 0.35 and
 /// 0.15 mm. RFL, whose trees do not know the speed, jack-knifed before. Now it rings, 4.2 mm (filtered 326), and with
@@ -168,8 +168,8 @@ pub(super) const CAR_SPACE: Space = Space {
     ],
 };
 
-/// Ranges of a truck's weights: from those that a nominal model needs behind a dead time of 0.3 s to those that an
-/// exact one can afford.
+/// Ranges of a truck's weights. They reach from the needs of a nominal model behind a dead time of 0.3 s to those of an
+/// exact one.
 const TRUCK_SPACE: Space = Space {
     ranges: [(1e-3, 100.0), (1e-3, 1e4), (1e-4, 1e3), (1e-6, 1e4), (1e-4, 1.0), (1e-3, 1.0)],
     beginning: &[

@@ -2,10 +2,9 @@
 //! logs.
 //!
 //! A log is explained by many plants. Candidates differ in stiffness, payload, dead time and lag; each has a one-step
-//! misfit on each block of the log. A bootstrap over the blocks chooses among them: the best on one of the resampled
+//! misfit on each block of the log. A bootstrap over the blocks chooses among them. The best on one of the resampled
 //! logs is a plant that the logs do not rule out. Each drives twice on roads unseen in training, with the model and
-//! without.
-//! The model is better if
+//! without. The model is better if
 //!
 //! ```text
 //! none is lost,   mean_i mean|e1| < that of the default,   and in no drive i mean|e1| or max|e1| is worse by more than is allowed

@@ -1,7 +1,7 @@
 //! The fifth wheel: the force that keeps tractor and semi-trailer together.
 //!
-//! In the plane both units share one point. Take the axes of a unit with the hitch at `x`, and `o = s p` to the left by
-//! the roll `p` of the body over the roll axis. The acceleration of the point is
+//! In the plane both units share one point. Take the axes of a unit with the hitch at `x`. It is `o = s p` to the left
+//! by the roll `p` of the body over the roll axis. The acceleration of the point is
 //!
 //! ```text
 //!     Ax = ax - x r^2 - o r' - 2 r s p'        Ay = ay + x r' - o r^2 + s p''

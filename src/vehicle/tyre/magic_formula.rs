@@ -181,8 +181,8 @@ impl Coefficients {
         factor * self.longitudinal_stiffness(at, self.dfz(at))
     }
 
-    /// Slip at which a brush of this stiffness `K` and grip `D` slides on the road that the tyre was measured on,
-    /// `3 D / K` (Pacejka, section 3.2), for a load in N. Longitudinal slip, and tangent of the slip angle.
+    /// Sliding slip of a brush of this stiffness `K` and grip `D`, `3 D / K` (Pacejka, section 3.2), for a load in N.
+    /// The road is that of the tyre's measurement. Longitudinal slip, and tangent of the slip angle.
     #[must_use]
     pub fn sliding(&self, load: f64) -> [f64; 2] {
         let wheel = self.wheel::<f64>(&Contact { load, friction: 1.0, ..Contact::default() });

@@ -14,8 +14,8 @@
 //!     mw zw''                     = Fz - Fs - mw g +- G,     G = (hr Fyb + R mu (fy + x r') + sum Mx) / track
 //! ```
 //!
-//! `Fs` are the forces of springs, dampers and anti-roll bars, `Fyb` the side force that an axle passes on to the body
-//! through its roll centre, `T` the torques of drive and brakes. Not modelled: jacking, anti-dive and -squat,
+//! `Fs` are the forces of springs, dampers and anti-roll bars, `T` the torques of drive and brakes. `Fyb` is the side
+//! force that an axle passes on to the body through its roll centre. Not modelled: jacking, anti-dive and -squat,
 //! longitudinal sway of the body, bump stops.
 //!
 //! | file | idea |

@@ -6,8 +6,8 @@
 //!     u' = -Vsx - V u / sx,   kappa = u / sx          v' = Vsy - V v / sy,   tan(alpha) = v / sy
 //! ```
 //!
-//! At speed this is first-order relaxation; at rest `V = 0` it is a spring, so that nothing divides by the speed and a
-//! braked car holds on a slope (Pacejka, section 8.6). `V` is the rolling speed, but at least a share of the slip
+//! At speed this is first-order relaxation; at rest `V = 0` it is a spring (Pacejka, section 8.6). So nothing divides
+//! by the speed, and a braked car holds on a slope. `V` is the rolling speed, but at least a share of the slip
 //! velocity, which bounds the slip of a spinning or sideways wheel. At speed this slip is a large one, at rest that at
 //! which the tyre slides on this road. A deflection beyond it holds no force, and would push a wheel that has slid to
 //! rest back by the whole of its relaxation length. `s` is no less than a step of the integration can follow at `V`.

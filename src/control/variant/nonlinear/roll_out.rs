@@ -281,8 +281,8 @@ impl<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize> Nonl
         }
     }
 
-    /// Errors at which the vehicle stays on a path of this curvature with a constant command and the speed of step `j`:
-    /// those of steady cornering, with any disturbance beside the model.
+    /// Errors at which the vehicle stays on a path of this curvature with a constant command and the speed of step `j`.
+    /// They are those of steady cornering, with any disturbance beside the model.
     #[must_use]
     pub fn steady(&self, j: usize, curvature: f64) -> SVector<f64, S> {
         let [_, _, speed] = self.speed[j].speed;
