@@ -59,7 +59,7 @@ fn record(horizon: usize) -> Recording {
     recording
 }
 
-/// The problems of `recording`'s shape in which the active-set method has most to do: 3 m beside the road.
+/// The hardest problems of `recording`'s shape for the active-set method: 3 m beside the road.
 fn hard_problems(horizon: usize) -> Vec<TrackingQp> {
     let controller = controller(horizon);
     let start = controller.path().at(30.0);

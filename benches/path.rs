@@ -1,4 +1,4 @@
-//! What a controller asks of its path in each step: a projection with a hint, and a horizon of curvatures.
+//! Path queries of a controller in each step: a projection with a hint, and a horizon of curvatures.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use rfl_mpc::path::sudoku::Route;

@@ -1,5 +1,6 @@
-//! What the residual costs: at run time, 60 rows looked up and their leaves averaged (T = 20, depth 6, W = 16, four
-//! outputs); of a Gaussian process, 60 rows with gradients (two outputs, 300 points each); and the training of a forest on 100 000 x 64, as `scikit-learn`'s `RandomForestRegressor` is timed.
+//! Cost of the residual. At run time: 60 rows looked up and their leaves averaged (T = 20, depth 6, W = 16, four
+//! outputs). Of a Gaussian process: 60 rows with gradients (two outputs, 300 points each). And the training of a forest
+//! on 100 000 x 64, as `scikit-learn`'s `RandomForestRegressor` is timed.
 //!
 //! The table is made of SplitMix64 numbers, so that another language can make the same one:
 //! `x[i] = (mix(1 + (i + 1) 0x9e3779b97f4a7c15) >> 11) / 2^53`, row after row of 64, then one more number a row.
@@ -126,7 +127,7 @@ fn run_time(criterion: &mut Criterion) {
     }
 }
 
-/// What GP-NMPC asks for at each of its iterations.
+/// Queries of GP-NMPC at each of its iterations.
 fn gaussian_process(criterion: &mut Criterion) {
     const POINTS: usize = 300;
     let kernel = Kernel { length_scales: [5.0, 0.4, 0.3, 0.1, 2.0], signal: 0.05, noise: 0.01 };

@@ -1,4 +1,4 @@
-//! What a learned residual adds to the control step, in ratios to the nominal controller of the same run.
+//! Additional cost of a learned residual in the control step, in ratios to the nominal controller of the same run.
 //! `cargo bench --bench variant_step`; see `examples/peers/steps.rs`.
 //!
 //! With `--profile NAME` (`nominal`, `rtl`, .. or `truck_nominal`, `truck_rfl`) that controller alone drives, for callgrind.

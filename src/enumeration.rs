@@ -1,4 +1,4 @@
-//! Named values, declared once: the enum that the code uses and the items that an FMU's enumeration shows.
+//! Named values, declared once: the enum for the code and the items of an FMU's enumeration.
 
 /// Declares an enum with, for each value, its number, its name for users and its meaning.
 ///
@@ -43,7 +43,7 @@ macro_rules! enumeration {
                 }
             }
 
-            /// What it means, in a sentence.
+            /// Meaning, in a sentence.
             #[must_use]
             pub fn meaning(self) -> &'static str {
                 match self {

@@ -1,7 +1,7 @@
-//! Saved states come from disks and networks: their checksum may be right and their numbers no numbers.
+//! Saved states come from disks and networks: their checksum may be right and their numbers not finite.
 //!
-//! One infinity in a covariance makes a command that is no number some steps later, far from its cause. So whoever takes a
-//! saved state asks first whether all numbers in it are numbers that a drive can have: it is written once more, to a
+//! One infinity in a covariance makes a non-finite command some steps later, far from its cause. So the numbers of a
+//! saved state are checked before its use: each must be one that a drive can have. The state is written once more, to a
 //! serializer that keeps nothing and looks at the floating-point numbers that pass.
 
 use serde::ser::{self, Serialize};
@@ -28,7 +28,7 @@ impl Display for NotFinite {
 impl std::error::Error for NotFinite {}
 
 impl ser::Error for NotFinite {
-    /// Never called: nothing that is looked at refuses to be written.
+    /// Never called: no type here refuses to be written.
     fn custom<T: Display>(_: T) -> Self {
         Self { field: "unknown", value: f64::NAN }
     }
@@ -42,20 +42,20 @@ pub(crate) fn check_finite<T: Serialize + ?Sized>(state: &T) -> Result<(), NotFi
     state.serialize(Look { field: "state" })
 }
 
-/// Looks at what passes; `field` is the name of the innermost field.
+/// Checks numbers on their way; `field` is the name of the innermost field.
 #[derive(Clone, Copy)]
 struct Look {
     field: &'static str,
 }
 
-/// What holds no floating-point number passes.
+/// Types without floating-point numbers pass.
 macro_rules! passes {
     ($($method:ident: $type:ty),*) => {
         $(fn $method(self, _: $type) -> Result<(), NotFinite> { Ok(()) })*
     };
 }
 
-/// What has parts is looked at part by part.
+/// Compound types are checked part by part.
 macro_rules! opens {
     ($($method:ident($($of:ty),*)),*) => {
         $(fn $method(self, $(_: $of),*) -> Result<Self, NotFinite> { Ok(self) })*
@@ -128,7 +128,7 @@ impl ser::Serializer for Look {
     }
 }
 
-/// The elements of what has no names inside.
+/// The elements of a type without names inside.
 macro_rules! elements {
     ($($of:ident: $method:ident),*) => {
         $(impl ser::$of for Look {

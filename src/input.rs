@@ -1,7 +1,8 @@
-//! Files that others give: ordinary ones, of a size that memory holds.
+//! Files of others: ordinary ones, of a size that memory holds.
 //!
-//! A path in a vehicle file or in an FMU's parameter may name a pipe whose next byte never comes, `/dev/zero`, which never
-//! ends, or a file that fills the memory of the host. All are refused before they are read.
+//! A path in a vehicle file or in an FMU's parameter may name a file that harms the host. It may be a pipe whose next
+//! byte never comes, `/dev/zero`, which never ends, or a file that fills the memory. All are refused before they are
+//! read.
 
 use std::fs::{File, Metadata};
 use std::io::{Error, ErrorKind, Read, Result};
@@ -41,7 +42,7 @@ pub fn read_text(file: &Path) -> Result<String> {
         .map_err(|_| Error::new(ErrorKind::InvalidData, "it is no text in UTF-8"))
 }
 
-/// What something is that is no ordinary file.
+/// Kind of a file that is not an ordinary one.
 #[cfg(unix)]
 pub(crate) fn kind(about: &Metadata) -> &'static str {
     use std::os::unix::fs::FileTypeExt;
@@ -55,7 +56,7 @@ pub(crate) fn kind(about: &Metadata) -> &'static str {
     }
 }
 
-/// What something is that is no ordinary file.
+/// Kind of a file that is not an ordinary one.
 #[cfg(not(unix))]
 pub(crate) fn kind(about: &Metadata) -> &'static str {
     if about.is_dir() { "a folder" } else { "something else" }

@@ -1,12 +1,12 @@
 //! Several numbers in one: four wheels, or four columns of a matrix, are computed as one.
 //!
-//! Formulas are written once, for any [`Lanes`]: a plain `f64`, or four of them. Where the processor has AVX2, four are
-//! one register; elsewhere the compiler makes of an array what it can. Each operation is the one that IEEE 754 rounds,
-//! and none is fused with another, so that all give the same bits.
+//! Formulas are written once, for any [`Lanes`]: a plain `f64`, or four of them. On a processor with AVX2, four are one
+//! register; elsewhere they are an array, as the compiler translates it. Each operation is the one that IEEE 754
+//! rounds, and none is fused with another, so that all give the same bits.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// How many numbers a processor with AVX2 takes at once.
+/// Count of numbers that a processor with AVX2 takes at once.
 pub(crate) const FOUR: usize = 4;
 
 /// Numbers that are computed alike.
@@ -22,7 +22,7 @@ pub(crate) trait Lanes:
     fn store(self) -> Self::Stored;
     /// The same number in all lanes.
     fn splat(x: f64) -> Self;
-    /// One by one, for what is rare.
+    /// One by one, for rare functions.
     fn each(self, of: impl Fn(f64) -> f64) -> Self;
     fn sqrt(self) -> Self;
     fn abs(self) -> Self;
@@ -65,7 +65,7 @@ pub(crate) trait Lanes:
         Self::choose(zero.below(self), Self::splat(1.0), negative)
     }
 
-    /// Whether all are zero.
+    /// True if all are zero.
     #[inline(always)]
     fn is_zero(self) -> bool {
         Self::all(self.equals(Self::splat(0.0)))
@@ -273,11 +273,11 @@ operators! {
     -a = a.each(|a| -a)
 }
 
-/// What is to be computed with four lanes.
+/// A computation on four lanes.
 pub(crate) trait Work {
-    /// What it gives.
+    /// Result.
     type Given;
-    /// To be inlined always: only so it is made of the processor's own instructions.
+    /// Always to be inlined: only then it consists of the processor's own instructions.
     fn with<L: Lanes<Stored = [f64; FOUR]>>(self) -> Self::Given;
 }
 
@@ -304,8 +304,7 @@ mod avx2 {
     use std::arch::x86_64::*;
     use std::ops::{Add, Div, Mul, Neg, Sub};
 
-    /// Four numbers in a register. Made and used within [`compute`] alone, which nobody else can do: the name is not known
-    /// outside.
+    /// Four numbers in a register. Made and used within [`compute`] alone: the name is not known outside.
     #[derive(Clone, Copy)]
     struct Register(__m256d);
 

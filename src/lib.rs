@@ -1,7 +1,7 @@
 //! # RFL-MPC
 //!
-//! A learning path-tracking controller for cars and trucks that any simulation tool can load, and the instrument
-//! that tells why a simulator and a vehicle disagree.
+//! A learning path-tracking controller for cars and trucks that any simulation tool can load. And an instrument that
+//! tells why a simulator and a vehicle disagree.
 //!
 //! ## The problem
 //!
@@ -27,19 +27,19 @@
 //! | [`mod@enumeration`] | named values: declared once |
 //! | [`input`] | files of others, read with bounds |
 //! | [`output`] | files that are written whole or not at all |
-//! | [`table`] | tables from text files, however they are written |
+//! | [`table`] | tables from text files in their many formats |
 //! | [`path`] | reference paths: splines, projection, readers, speed plan, the Sudoku course |
 //! | [`vehicle`] | the plants: parameters, tyres, steering chain, effects, the two-track car |
 //! | [`nominal`] | prediction models: linear and nonlinear single track, discretisation |
-//! | [`residual`] | what the nominal model misses, learned: trees, linear leaves, model files |
-//! | [`log`] | drive logs: reading, checking and mending, making what they lack |
+//! | [`residual`] | learned errors of the nominal model: trees, linear leaves, model files |
+//! | [`log`] | drive logs: reading, checking, mending, computing missing columns |
 //! | [`control`] | condensing, the QP, the MPC, speed control, status and fallback |
 //! | [`simulate`] | the closed loop in native code, and its metrics |
-//! | [`diagnose`] | why a simulator and a vehicle disagree |
+//! | [`diagnose`] | causes of a gap between a simulator and a vehicle |
 //! | [`fmi`] | FMI 2.0: the C ABI, instances, descriptions; knows no model |
 //! | [`fmu`] | our models as FMI units: their variables and steps |
 
-/// What our own code must keep: asserted in debug builds and in all tests (feature `strict`), and not asked in a vehicle.
+/// Invariant of our own code: asserted in debug builds and in all tests (feature `strict`), and not in a vehicle.
 macro_rules! invariant {
     ($($arguments:tt)*) => {
         if cfg!(any(debug_assertions, feature = "strict")) {

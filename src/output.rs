@@ -1,19 +1,19 @@
 //! Files that are written: whole or not at all.
 //!
-//! A file is written beside its place and renamed into it, so that whoever reads it never sees half of one, and a
-//! program that is stopped leaves the old one. What is no ordinary file is written through, not replaced: a link, a
-//! pipe, a device such as `/dev/stdout`. What a killed run left half written (`.NAME.PROCESS.NUMBER.part`) is taken away by the
-//! next run that writes to that folder.
+//! A file is written beside its place and renamed into it. So a reader never sees half of one, and a stopped program
+//! leaves the old one. Special files are written through, not replaced: a link, a pipe, a device such as `/dev/stdout`.
+//! Half-written files of a killed run (`.NAME.PROCESS.NUMBER.part`) are removed by the next run that writes to that
+//! folder.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// Tries whether a file can be written: before the work, not after it. Nothing is left behind, no folder either.
+/// Tests that a file can be written: before the work, not after it. Nothing is left behind, no folder either.
 ///
 /// # Errors
-/// What is wrong; the caller names the file.
+/// The fault; the caller names the file.
 pub fn check_writable(file: &Path) -> io::Result<()> {
     if file.is_dir() {
         return Err(io::Error::new(io::ErrorKind::IsADirectory, "is a folder; name a file in it"));
@@ -47,10 +47,10 @@ pub struct HeldFolder {
     _lock: Option<File>,
 }
 
-/// Makes a folder, tries whether files can be written there, and holds it.
+/// Makes a folder, tests that files can be written there, and holds it.
 ///
 /// # Errors
-/// What is wrong; the caller names the folder.
+/// The fault; the caller names the folder.
 pub fn hold_folder(folder: &Path) -> io::Result<HeldFolder> {
     std::fs::create_dir_all(folder)?;
     check_writable(&folder.join("trial"))?;
@@ -72,10 +72,10 @@ fn make_folder_of(file: &Path) -> io::Result<()> {
     }
 }
 
-/// Writes a file, and its folder, by what `fill` makes of it.
+/// Writes a file, and its folder, with the output of `fill`.
 ///
 /// # Errors
-/// What `fill` says, or what is wrong with the file; the old file is then still there.
+/// The error of `fill`, or a fault of the file; the old file is then still there.
 pub fn write_with<E: From<io::Error>>(
     file: &Path,
     fill: impl FnOnce(&mut File) -> Result<(), E>,
@@ -102,17 +102,17 @@ pub fn write_with<E: From<io::Error>>(
 /// Writes bytes to a file.
 ///
 /// # Errors
-/// What is wrong with the file; the old file is then still there.
+/// A fault of the file; the old file is then still there.
 pub fn write_bytes(file: &Path, bytes: impl AsRef<[u8]>) -> io::Result<()> {
     write_with(file, |to| to.write_all(bytes.as_ref()))
 }
 
-/// Whether a file is a link, a pipe or a device.
+/// True if a file is a link, a pipe or a device.
 fn is_written_through(file: &Path) -> bool {
     std::fs::symlink_metadata(file).is_ok_and(|what| !what.is_file() || has_other_names(&what))
 }
 
-/// Whether a file has a second name (a hard link).
+/// True if a file has a second name (a hard link).
 #[cfg(unix)]
 fn has_other_names(what: &std::fs::Metadata) -> bool {
     std::os::unix::fs::MetadataExt::nlink(what) > 1
@@ -145,7 +145,7 @@ fn create_draft(draft: &Path) -> io::Result<File> {
     }
 }
 
-/// Takes away the drafts in a folder that nobody writes any more.
+/// Removes the drafts in a folder whose writers are gone.
 fn remove_abandoned(folder: &Path) {
     let drafts = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
     for draft in
@@ -160,7 +160,7 @@ fn remove_abandoned(folder: &Path) {
     }
 }
 
-/// Whether a file has the name of a draft; see [`draft_of`].
+/// True if a file has the name of a draft; see [`draft_of`].
 fn is_draft(file: &Path) -> bool {
     let number = |part: &str| !part.is_empty() && part.bytes().all(|byte| byte.is_ascii_digit());
     let name = file.file_name().and_then(std::ffi::OsStr::to_str).unwrap_or_default();

@@ -1,11 +1,11 @@
 //! Numeric parameters of a part, declared once: name, unit, default, range, meaning.
 //!
-//! The [`parameters!`](crate::parameters) macro makes from one table the struct that the code uses, its default,
-//! its validation and the list from which FMU variables, `--set NAME=VALUE` and documentation are generated.
+//! The [`parameters!`](crate::parameters) macro makes four things from one table: the struct for the code, its default,
+//! its validation, and a list. From the list FMU variables, `--set NAME=VALUE` and documentation are generated.
 
 use crate::signal::Unit;
 
-/// What is known of a numeric parameter.
+/// Description of a numeric parameter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[allow(missing_docs)]
 pub struct Parameter {
@@ -17,7 +17,7 @@ pub struct Parameter {
     pub max: f64,
     /// Whole numbers only.
     pub integer: bool,
-    /// The named values, if it is one of a few; `integer` then, too.
+    /// The named values of an enumeration; `integer` is then true, too.
     pub choices: Option<Choices>,
     pub meaning: &'static str,
 }
@@ -123,9 +123,9 @@ pub trait ParameterGroup {
     }
 }
 
-/// What a parameter can be: `f64`, `usize` or an enumeration by [`enumeration!`](crate::enumeration!).
+/// Type of a parameter: `f64`, `usize` or an enumeration by [`enumeration!`](crate::enumeration!).
 pub trait Number: Copy {
-    /// Whether only whole numbers are meant.
+    /// True if only whole numbers are meant.
     const INTEGER: bool;
     /// The named values of an enumeration.
     const CHOICES: Option<Choices> = None;

@@ -1,13 +1,13 @@
-//! The vocabulary: every signal that a user meets, declared once.
+//! The vocabulary: every signal for users, declared once.
 //!
-//! An FMU's variable, a log's column, a parameter file's key and a report's label are the same word with the
-//! same unit and the same sign. FMU descriptions, log headers and report labels are generated from the tables
-//! here, so that they cannot drift apart.
+//! One word names a signal everywhere, with the same unit and the same sign. It is an FMU's variable, a log's column, a
+//! parameter file's key and a report's label. FMU descriptions, log headers and report labels are generated from the
+//! tables here, so that they cannot drift apart.
 //!
-//! Conventions: SI units and radians; ISO 8855 axes (x forward, y left, z up); steering and yaw are positive to
-//! the left; `steer` is the road-wheel angle.
+//! Conventions: SI units and radians; ISO 8855 axes (x forward, y left, z up). Steering and yaw are positive to the
+//! left; `steer` is the road-wheel angle.
 
-/// A unit of measurement with its exponents of SI base units, as FMI 2.0 wants it.
+/// A unit of measurement with its exponents of SI base units, as FMI 2.0 requires.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Unit {
     /// The unit's symbol, e.g. `m/s2`.
@@ -116,9 +116,9 @@ pub struct Signal {
     pub name: &'static str,
     /// Its unit.
     pub unit: Unit,
-    /// What kind of quantity it is, in the words of ISO 80000 (FMI attribute `quantity`).
+    /// Kind of quantity, in the words of ISO 80000 (FMI attribute `quantity`).
     pub quantity: &'static str,
-    /// What it means, in one sentence.
+    /// Meaning, in one sentence.
     pub meaning: &'static str,
     /// A typical magnitude, for scaling.
     pub nominal: f64,

@@ -1,4 +1,4 @@
-//! What a user has packed in: learned models for the controllers, a vehicle for all FMUs of its kind.
+//! Files that a user packs in: learned models for the controllers, a vehicle for all FMUs of its kind.
 //!
 //! The FMU's start values then say that they are used (`resources/start.toml`); its library stays the same.
 
@@ -17,7 +17,7 @@ use rfl_mpc::vehicle::{
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 
-/// What a user gives an FMU beyond what we ship.
+/// Files and values that a user gives an FMU beyond the shipped ones.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Added {
     /// Files by their path below `resources/`.
@@ -26,7 +26,7 @@ pub struct Added {
     pub start: BTreeMap<String, String>,
 }
 
-/// Why something cannot be packed in.
+/// Reasons for which something cannot be packed in.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum AddError {

@@ -64,7 +64,7 @@ fn initialize<M: Model>(values: &mut Values, context: &Context) -> Result<(), Mo
     M::new().initialize(values, 0.0, context, &mut Unheard)
 }
 
-/// Why the system cannot be made.
+/// Reasons for which the system cannot be made.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum SystemError {
@@ -122,7 +122,7 @@ impl ClosedLoop {
         fmus().into_iter().filter(|fmu| fmu.vehicle == self.vehicle).map(|fmu| fmu.declaration).collect()
     }
 
-    /// Where the files lie that its controller's start values name: in the FMU that is changed, or in the project.
+    /// Places of the files that its controller's start values name: in the FMU that is changed, or in the project.
     pub(crate) fn surroundings<'a>(&self, controller: &'a Fmu, project: &'a Path) -> Surroundings<'a> {
         let of_project = Surroundings { folder: project, path: self.path.from };
         controller.base.as_ref().map_or(of_project, |base| base.surroundings())
@@ -151,7 +151,7 @@ impl ClosedLoop {
         Ok(system)
     }
 
-    /// Where the path begins, as the controller itself says: x, y, yaw, speed.
+    /// Start of the path, from the controller itself: x, y, yaw, speed.
     fn start_of_path(
         &self,
         controller: &Fmu,
@@ -218,7 +218,7 @@ fn set_text(declaration: &Declaration, values: &mut Values, name: &str, text: &s
     }
 }
 
-/// What the controller says here, it says again to the host.
+/// Discards the controller's messages: it gives them again to the host.
 struct Unheard;
 
 impl Log for Unheard {

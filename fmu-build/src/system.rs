@@ -3,11 +3,11 @@
 //! Components are connected by name: an output of one feeds the input of the same name of another. Masters that
 //! step components one after the other follow their order here, so the plant comes first.
 //!
-//! Hosts differ in what they read: libcosim and ecos match prefixes literally (`ssd:`, `ssc:`, `ssv:`) and want
-//! parameters inside the component, ecos only those of the set that its `init` names (the system's name);
-//! libcosim takes its step from an OSP annotation, OMSimulator its master and step from one of OpenModelica; fmpy
-//! takes parameters from an `.ssv` file with names `COMPONENT.PARAMETER`, and no step at all. libcosim ends at a connector
-//! that is an enumeration, and the standard does not let one be an integer: those stay out.
+//! Hosts read different parts. libcosim and ecos match prefixes literally (`ssd:`, `ssc:`, `ssv:`) and want parameters
+//! inside the component; ecos only those of the set that its `init` names (the system's name). libcosim takes its step
+//! from an OSP annotation, OMSimulator its master and step from one of OpenModelica. fmpy takes parameters from an
+//! `.ssv` file with names `COMPONENT.PARAMETER`, and no step at all. libcosim ends at a connector that is an
+//! enumeration, and the standard does not let one be an integer: those stay out.
 
 use crate::description::{base_unit, units_of};
 use crate::xml::{Attributes, Xml};
@@ -34,7 +34,7 @@ impl Setting {
     }
 }
 
-/// Why a setting cannot be used.
+/// Reasons for which a setting cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum SettingError {
@@ -115,7 +115,7 @@ impl System {
         self.settings.iter().filter(of).map(|setting| (setting.name.as_str(), &setting.value))
     }
 
-    /// What is connected.
+    /// Connections of the system.
     #[must_use]
     pub fn connections(&self) -> Vec<Connection<'_>> {
         let mut connections = Vec::new();

@@ -1,8 +1,8 @@
 //! The Python package's library: the commands of `rfl` and its controller, called from Python.
 //!
-//! A command takes its options in the words of the command line ([`rfl_mpc::cli::arguments`]), works in a thread of its own
-//! without Python's lock, and tells the caller what it says and how far it is. An interrupt (Ctrl-C) stops it. Names and
-//! documentation for people are Python: `rfl_mpc/__init__.py`.
+//! A command takes its options in the words of the command line ([`rfl_mpc::cli::arguments`]). It works in a thread of
+//! its own without Python's lock, and reports its words and its progress to the caller. An interrupt (Ctrl-C) stops it.
+//! Names and documentation for people are Python: `rfl_mpc/__init__.py`.
 
 mod work;
 
@@ -50,14 +50,14 @@ fn with_logs<T: ReadsLogs>(
     Ok(cli::arguments::<T>(command, words)?.with_logs(logs))
 }
 
-/// Steering and acceleration of one control step, and on which grounds.
+/// Steering and acceleration of one control step, and its grounds.
 #[pyclass(frozen, get_all, module = "rfl_mpc")]
 struct Command {
     /// Road-wheel angle asked of the actuator, rad.
     steer_cmd: f64,
     /// Acceleration asked of drive and brakes, m/s2.
     accel_cmd: f64,
-    /// What the step did, in a word such as `optimal`.
+    /// Status of the step, in a word such as `optimal`.
     status: &'static str,
     /// The end of the road is reached, or a full lap is driven.
     finished: bool,
@@ -112,7 +112,7 @@ impl Command {
     }
 }
 
-/// A controller that is asked step by step.
+/// A controller that is called step by step.
 #[pyclass(frozen, module = "rfl_mpc._native")]
 struct Controller(Mutex<Box<dyn Stepwise>>);
 
@@ -240,7 +240,7 @@ mod native {
         Ok(tuned.to_string())
     }
 
-    /// Whether a column's name is that of a signal of a drive log.
+    /// True if a column's name is that of a signal of a drive log.
     #[pyfunction]
     fn is_signal(name: &str) -> bool {
         rfl_mpc::signal::find(name).is_some()

@@ -1,4 +1,4 @@
-//! A command at work in a thread of its own, while Python's thread waits, tells and looks for an interrupt.
+//! A command at work in a thread of its own, while Python's thread waits, reports and checks for an interrupt.
 
 use crate::{InternalError, RflError};
 use pyo3::prelude::*;
@@ -15,10 +15,10 @@ use std::time::Duration;
 const PATIENCE: Duration = Duration::from_millis(50);
 /// Stack of the thread: that of a program's first thread.
 const STACK: usize = 8 << 20;
-/// Least step of the share that is told.
+/// Least step of the share that is reported.
 const STEP: f64 = 0.005;
 
-/// What a command tells while it works.
+/// Report of a command while it works.
 enum Told {
     Line(String),
     Note(String),
@@ -29,7 +29,7 @@ enum Told {
 struct Ear {
     told: Sender<Told>,
     stop: Arc<AtomicBool>,
-    /// The share that was told last, and of what.
+    /// The share that was reported last, and its part of the work.
     last: Mutex<(String, f64)>,
 }
 
@@ -58,8 +58,8 @@ impl Listener for Ear {
     }
 }
 
-/// Works in another thread. `tell(kind, words, share)` is called with what it says, kind `line`, `note` or `share`; an exception
-/// of it, or an interrupt, stops the work and is the answer.
+/// Works in another thread. `tell(kind, words, share)` is called with each report, of kind `line`, `note` or `share`.
+/// An exception of it, or an interrupt, stops the work and is the answer.
 pub fn working<T: Send + 'static>(
     py: Python<'_>,
     tell: &Bound<'_, PyAny>,

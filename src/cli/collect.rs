@@ -63,7 +63,7 @@ pub struct CollectArgs {
 /// Runs the command.
 ///
 /// # Errors
-/// What was wrong, where, and what to do.
+/// The fault, its place, and advice.
 pub fn run(args: &CollectArgs) -> Result<(), Box<dyn Error>> {
     by_kind!(&args.vehicle, collect(args))
 }

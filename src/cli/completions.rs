@@ -1,4 +1,4 @@
-//! `rfl completions`: what a shell needs to complete commands and options.
+//! `rfl completions`: scripts with which a shell completes commands and options.
 
 use super::Cli;
 use clap::{Args, CommandFactory};

@@ -1,7 +1,6 @@
 //! `rfl drive`: the closed loop in native code, on any road, with any car or truck.
 //!
-//! A drive ends in one of four outcomes, which text, JSON and exit status agree on; log and JSON are written whatever
-//! happens.
+//! A drive ends in one of four outcomes, the same in text, JSON and exit status. Log and JSON are written in each case.
 
 use super::logs::LimitArgs;
 use super::output::{check_writable, write_file, write_json};
@@ -32,7 +31,8 @@ pub struct DriveArgs {
     /// Road to follow: a CSV file with columns x, y, or a built-in course (rfl course lists them) [default: the vehicle's test route]
     #[arg(long)]
     path: Option<PathBuf>,
-    /// How far the path may leave the road's noisy points, RMS in m [default: as accurate as the file is, or its measured noise]
+    /// Allowed distance of the path from the road's noisy points, RMS in m [default: as accurate as the file is, or its
+    /// measured noise]
     #[arg(long, value_name = "METRES", requires = "path")]
     smooth: Option<f64>,
     #[command(flatten)]
@@ -74,7 +74,7 @@ pub struct DriveArgs {
     quiet: bool,
 }
 
-/// Time, s, after which a drive is given up where nobody said one.
+/// Default time, s, after which a drive is given up.
 const LONGEST: f64 = 1800.0;
 
 /// Exit status of a requirement that is not met.
@@ -118,10 +118,10 @@ const EXAMPLES: &str = "Examples:
   rfl drive --variant actuator --set actuator.dead_time=0.12 --set actuator.dead_time_model=pade_2_2
   rfl drive --require 'max_e1<=0.1' --require p99_step_time=0.001 --junit out/drive.xml       a test in CI";
 
-/// What the controller predicts with: the same words as the FMU's.
+/// Prediction model of the controller: the same words as the FMU's.
 #[derive(Debug, Clone, Args)]
 pub(super) struct ModelArgs {
-    /// What the controller predicts with; none with --residual: what the file is for
+    /// Prediction model of the controller; none with --residual: what the file is for
     #[arg(long, default_value = "adaptive", hide_possible_values = true, value_parser = named(ControlVariant::ALL, ControlVariant::name, ControlVariant::meaning))]
     variant: ControlVariant,
     /// Learned model to predict with (from rfl train) [default: VARIANT.rflm in --models]
@@ -135,15 +135,15 @@ pub(super) struct ModelArgs {
     direct: bool,
 }
 
-/// Where `rfl train` puts models, and `rfl drive` looks for them.
+/// Folder in which `rfl train` puts models and `rfl drive` looks for them.
 pub(super) const MODELS: &str = "out/residual";
 
-/// A variant and what it predicts with.
+/// A variant and its prediction model.
 type Chosen<G, const S: usize> =
     (ControlVariant, PredictionModelFor<<G as VehicleParameters<S>>::Vehicle, S>);
 
 impl ModelArgs {
-    /// Takes a file's variant where the command line asks for none.
+    /// Takes a file's variant if the command line asks for none.
     pub fn prefer(&mut self, variant: Option<ControlVariant>) {
         if let (ControlVariant::None, None, Some(variant)) = (self.variant, &self.residual, variant) {
             self.variant = variant;
@@ -260,14 +260,14 @@ pub(super) fn number(text: &str, declared: Option<&Parameter>, value: &str) -> R
     number.map_err(|error| format!("--set {text}: {error}").into())
 }
 
-/// A drive: its log and what is said of it.
+/// A drive: its log and its report.
 #[derive(Debug, Clone)]
 pub struct Driven {
     /// Columns of the log by their names, a value for each communication step.
     pub columns: Vec<(&'static str, Vec<f64>)>,
     /// The controller's status at each step, in a word.
     pub statuses: Vec<&'static str>,
-    /// What `--json` writes.
+    /// Contents for `--json`.
     pub report: Value,
     /// Exit status.
     pub status: u8,
@@ -276,7 +276,7 @@ pub struct Driven {
 /// Runs the command.
 ///
 /// # Errors
-/// What was wrong, where, and what to do.
+/// The fault, its place, and advice.
 pub fn run(args: &DriveArgs) -> Result<u8, Box<dyn Error>> {
     Ok(driven(args)?.status)
 }
@@ -296,7 +296,7 @@ pub fn driven(args: &DriveArgs) -> Result<Driven, Box<dyn Error>> {
     by_kind!(&args.vehicle, drive(args))
 }
 
-/// A controller that is asked step by step.
+/// A controller that is called step by step.
 pub trait Stepwise: Send {
     /// One control step, at a time in s; without, a sample time after the one before.
     ///
@@ -307,7 +307,7 @@ pub trait Stepwise: Send {
     /// Sample time, s.
     fn sample_time(&self) -> f64;
 
-    /// Where the road begins and how fast it is planned there: x, y, yaw, speed.
+    /// Start of the road and planned speed there: x, y, yaw, speed.
     fn start(&self) -> [f64; 4];
 
     /// Length of the road, m.
@@ -365,7 +365,7 @@ where
     Ok(Box::new(ControllerFor::predicting_with(setup.controller, setup.path, model)?))
 }
 
-/// Road, vehicle and controller as the arguments want them, and what the controller predicts with.
+/// Road, vehicle and controller from the arguments, and the controller's prediction model.
 #[allow(clippy::type_complexity)]
 fn set_up<P: Commanded<S, C>, const S: usize, const C: usize>(
     args: &DriveArgs,
@@ -406,7 +406,7 @@ fn drive<P: Commanded<S, C>, const S: usize, const C: usize>(
     Report { found, ..Report::of(&drive, variant, sample_time, wall, args) }.give(&drive, args)
 }
 
-/// What is said of a drive.
+/// Report of a drive.
 struct Report {
     figures: Figures,
     times: StepTimes,
@@ -571,7 +571,7 @@ impl Report {
     }
 }
 
-/// What to do after an outcome.
+/// Advice after an outcome.
 fn next(outcome: Outcome, args: &DriveArgs) -> Option<String> {
     let log = args.log.as_ref().map_or("LOG".to_owned(), |log| log.display().to_string());
     let written = if args.log.is_some() { "" } else { " (--log LOG writes it)" };

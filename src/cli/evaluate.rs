@@ -84,7 +84,7 @@ pub struct EvaluateArgs {
     quiet: bool,
 }
 
-/// Which noise.
+/// Choice of noise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Noise {
     Off,
@@ -136,7 +136,7 @@ fn chosen<T: Clone, N: AsRef<str> + PartialEq<String>>(
 /// Runs the command.
 ///
 /// # Errors
-/// What was wrong, where, and what to do.
+/// The fault, its place, and advice.
 pub fn run(args: &EvaluateArgs) -> Result<(), Box<dyn Error>> {
     by_kind!(&args.vehicle, evaluate(args))
 }
@@ -290,10 +290,10 @@ fn time<P: Compared<S, C>, const S: usize, const C: usize>(
     Ok(())
 }
 
-/// A change: its name, what is learned, how it predicts.
+/// A change: its name, its training, its propagation.
 type Change = (&'static str, TrainConfig, Propagation, RollOut);
 
-/// What is changed in turn.
+/// Changes, one at a time.
 fn changes(rfl_s: &TrainConfig) -> Vec<Change> {
     let base = || rfl_s.clone();
     let with = |change: fn(&mut TrainConfig)| {

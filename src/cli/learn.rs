@@ -60,7 +60,7 @@ pub struct LearnArgs {
     /// Random roads to collect on beside it
     #[arg(long, default_value_t = 6)]
     roads: usize,
-    /// What to learn
+    /// Kind of model to learn
     #[arg(long, default_value = "rfl_s")]
     kind: String,
     /// Seed of roads, dither and training
@@ -91,7 +91,7 @@ const LONGEST: f64 = 1800.0;
 /// Runs the command.
 ///
 /// # Errors
-/// What was wrong, where, and what to do.
+/// The fault, its place, and advice.
 pub fn run(args: &LearnArgs) -> Result<u8, Box<dyn Error>> {
     by_kind!(&args.vehicle, learn(args))
 }
@@ -313,7 +313,7 @@ impl<P: Commanded<S, C>, const S: usize, const C: usize> Ladder<'_, P, S, C> {
         data.actuator(self.args.threads).filter(ShownActuator::is_shown)
     }
 
-    /// What the default controller predicts with.
+    /// Prediction model of the default controller.
     fn default(
         &self,
         controller: &ControllerParametersFor<P::Nominal>,
@@ -396,7 +396,7 @@ impl<P: Commanded<S, C>, const S: usize, const C: usize> Ladder<'_, P, S, C> {
     }
 }
 
-/// How a controller did on the roads of the proof.
+/// Score of a controller on the roads of the proof.
 struct Score {
     name: &'static str,
     /// Drives that did not reach the end.
@@ -406,7 +406,7 @@ struct Score {
 }
 
 impl Score {
-    /// What is less is better: first of all to arrive.
+    /// Order of scores, less is better: arrival counts first.
     fn order(&self) -> f64 {
         1e6 * self.failed as f64 + self.sum
     }

@@ -1,4 +1,4 @@
-//! Commands that another program calls: what they say, and how far they are, goes to a listener in place of the terminal.
+//! Commands that another program calls: their words and progress go to a listener in place of the terminal.
 
 use std::cell::RefCell;
 use std::sync::Arc;
@@ -22,7 +22,7 @@ thread_local! {
 
 /// Calls commands on this thread, heard by a listener.
 pub fn heard<T>(listener: Arc<dyn Listener>, work: impl FnOnce() -> T) -> T {
-    /// Takes the listener away however the work ends.
+    /// Removes the listener, however the work ends.
     struct Forget;
     impl Drop for Forget {
         fn drop(&mut self) {

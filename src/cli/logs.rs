@@ -1,4 +1,4 @@
-//! How drive logs and roads are read, for all commands that read them.
+//! Reading of drive logs and roads, for all commands that read them.
 
 use crate::log::{DriveLog, LogError};
 use crate::path::Options;
@@ -16,14 +16,14 @@ pub struct LimitArgs {
 }
 
 impl LimitArgs {
-    /// What is asked for, in place of what is usual.
+    /// Limits given by the user, in place of the usual ones.
     fn of(self, usual: Limits) -> Limits {
         let bytes = self.limit.map_or(usual.bytes, |megabytes| megabytes << 20);
         // A larger file may have more rows, too.
         Limits { bytes, rows: usual.rows.max(usual.rows.saturating_mul(bytes / usual.bytes)) }
     }
 
-    /// How roads are read.
+    /// Reading options of roads.
     pub(super) fn road(self) -> Options {
         let usual = Options::default();
         Options { limits: self.of(usual.limits), ..usual }
@@ -46,10 +46,10 @@ pub struct LogArgs {
 
 /// The arguments of a command that reads logs.
 pub trait ReadsLogs: Args {
-    /// How it reads them.
+    /// Reading options of the command.
     fn reading(&mut self) -> &mut LogArgs;
 
-    /// Gives it logs that the calling program has; the command line calls them by their names in place of files.
+    /// Gives it logs of the calling program; the command line calls them by their names in place of files.
     #[must_use]
     fn with_logs(mut self, logs: Vec<DriveLog>) -> Self {
         self.reading().given = logs;
@@ -61,7 +61,7 @@ impl LogArgs {
     /// Reads a log.
     ///
     /// # Errors
-    /// What is wrong, with file, line and column.
+    /// The fault, with file, line and column.
     pub(super) fn read(&self, file: &Path) -> Result<DriveLog, LogError> {
         let log = match self.given(file) {
             Some(log) => log.clone(),
@@ -77,7 +77,7 @@ impl LogArgs {
         self.given.iter().find(|log| log.file == file)
     }
 
-    /// A hash of what a log, or another file, holds.
+    /// A hash of the contents of a log, or of another file.
     ///
     /// # Errors
     /// A file that cannot be read.

@@ -1,15 +1,15 @@
 //! The commands of `rfl`, one file each.
 //!
-//! A command is its arguments and a `run`. Whatever goes wrong is one line on standard error that says what, where
-//! and what to do. Exit status: 0 done, 1 bad input or a failure, 2 wrong usage; a drive's outcome and a diagnosis'
-//! verdict have numbers of their own.
+//! A command is its arguments and a `run`. Any error is one line on standard error with the fault, its place and
+//! advice. Exit status: 0 done, 1 bad input or a failure, 2 wrong usage; a drive's outcome and a diagnosis' verdict
+//! have numbers of their own.
 
-/// Prints a line; who has read enough of them (`rfl diagnose drive.csv | head -1`) ends the program in peace.
+/// Prints a line; exits quietly when the pipe is closed (`rfl diagnose drive.csv | head -1`).
 macro_rules! say {
     ($($words:tt)*) => { $crate::cli::line(format_args!($($words)*)) };
 }
 
-/// Says a line on standard error; that nobody reads it is no reason to end.
+/// Prints a line on standard error; a closed pipe is ignored.
 macro_rules! warn {
     ($($words:tt)*) => { $crate::cli::warning(format_args!($($words)*)) };
 }
@@ -72,7 +72,7 @@ pub struct Cli {
     command: Command,
 }
 
-/// What `rfl` can do.
+/// Commands of `rfl`.
 #[derive(Debug, Subcommand)]
 enum Command {
     Drive(drive::DriveArgs),
@@ -94,7 +94,7 @@ impl Cli {
     /// Runs the command; gives its exit status.
     ///
     /// # Errors
-    /// What was wrong, where, and what to do.
+    /// The fault, its place, and advice.
     pub fn run(&self) -> Result<u8, Box<dyn Error>> {
         match &self.command {
             Command::Drive(args) => return drive::run(args),
@@ -135,7 +135,7 @@ pub fn main(words: impl IntoIterator<Item = OsString>) -> u8 {
 /// A command's arguments as another program gives them, in the words of the command line.
 ///
 /// # Errors
-/// What is wrong with them, in the words of the command line.
+/// A fault of them, in the words of the command line.
 pub fn arguments<T: Args>(command: &'static str, words: &[String]) -> Result<T, Box<dyn Error>> {
     let options = clap::Command::new(command).no_binary_name(true).disable_help_flag(true);
     let command = T::augment_args(options).allow_negative_numbers(true);
@@ -147,7 +147,7 @@ pub fn arguments<T: Args>(command: &'static str, words: &[String]) -> Result<T, 
     })
 }
 
-/// What `warn!` does.
+/// Output of `warn!`.
 fn warning(words: std::fmt::Arguments) {
     use std::io::Write;
     if let Some(listener) = listen::listener() {
@@ -156,7 +156,7 @@ fn warning(words: std::fmt::Arguments) {
     let _ = writeln!(std::io::stderr(), "{words}");
 }
 
-/// What `say!` does. A full disk is a failure, a reader that has gone is none.
+/// Output of `say!`. A full disk is a failure; a reader that has gone is none.
 fn line(words: std::fmt::Arguments) {
     use std::io::Write;
     if let Some(listener) = listen::listener() {

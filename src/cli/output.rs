@@ -13,7 +13,7 @@ fn named(file: &Path, error: impl Display) -> Box<dyn Error> {
 /// Tries whether a file can be written: before the work, not after it.
 ///
 /// # Errors
-/// The file with what is wrong.
+/// The file with its fault.
 pub(super) fn check_writable(file: &Path) -> Result<(), Box<dyn Error>> {
     output::check_writable(file).map_err(|error| named(file, error))
 }
@@ -21,7 +21,7 @@ pub(super) fn check_writable(file: &Path) -> Result<(), Box<dyn Error>> {
 /// Makes a folder for several files, tries whether files can be written there, and holds it for this run.
 ///
 /// # Errors
-/// The folder with what is wrong.
+/// The folder with its fault.
 pub(super) fn hold_folder(folder: &Path) -> Result<HeldFolder, Box<dyn Error>> {
     output::hold_folder(folder).map_err(|error| named(folder, error))
 }
@@ -29,7 +29,7 @@ pub(super) fn hold_folder(folder: &Path) -> Result<HeldFolder, Box<dyn Error>> {
 /// Writes a file.
 ///
 /// # Errors
-/// The file with what is wrong; the old file is then still there.
+/// The file with its fault; the old file is then still there.
 pub(super) fn write_file(
     file: &Path,
     content: impl FnOnce(&mut dyn Write) -> Result<(), Box<dyn Error>>,

@@ -1,4 +1,4 @@
-//! `rfl path`: what a road is like, before anything is driven on it.
+//! `rfl path`: properties of a road, before anything is driven on it.
 
 use super::logs::LimitArgs;
 use super::output::check_writable;
@@ -33,7 +33,8 @@ pub struct PathArgs {
     /// The road ends at its last point
     #[arg(long)]
     open: bool,
-    /// How far the path may leave noisy points, RMS in m [default: as accurate as the file is, or its measured noise]
+    /// Allowed distance of the path from noisy points, RMS in m [default: as accurate as the file is, or its measured
+    /// noise]
     #[arg(long, value_name = "METRES")]
     smooth: Option<f64>,
     #[command(flatten)]
@@ -58,7 +59,7 @@ const LOOK: f64 = 0.25;
 /// Step between the points that are written in m.
 const WRITTEN: f64 = 0.5;
 
-/// What a road is like.
+/// Properties of a road.
 struct Findings {
     length: f64,
     closed: bool,

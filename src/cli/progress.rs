@@ -1,4 +1,4 @@
-//! Progress of a command: a bar on a terminal, a line now and then where the output is none.
+//! Progress of a command: a bar on a terminal, otherwise a line now and then.
 
 use super::listen::{Listener, listener};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle, TermLike};
@@ -6,14 +6,14 @@ use std::io::{IsTerminal, Result, Write};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Least time from one line to the next, and from the beginning to the first: what is quickly done says nothing.
+/// Least time from one line to the next, and from the beginning to the first: quick work prints nothing.
 const LEAST: Duration = Duration::from_secs(2);
-/// Time after which a line comes even if little was done.
+/// Time after which a line comes even with little progress.
 const MOST: Duration = Duration::from_secs(30);
 /// Share, %, that is worth a line.
 const WORTH: u64 = 10;
 
-/// What is drawn for a line: the share, and the words.
+/// Template of a line: the share, and the words.
 const LINE: &str = "{percent}|{msg}: {percent} %, {eta} left";
 
 /// The progress of a part of a command's work; drawn, told to a listener, or hidden.
@@ -41,7 +41,7 @@ impl Bar {
         self.tell();
     }
 
-    /// What is done now.
+    /// Sets the name of the present work.
     pub fn set_message(&self, what: impl Into<String>) {
         self.drawn.set_message(what.into());
     }
@@ -59,8 +59,7 @@ impl Bar {
     }
 }
 
-/// A bar of `length` parts with a title, on standard error; lines where that is no terminal; hidden where nobody wants
-/// it.
+/// A bar of `length` parts with a title, on standard error; lines if that is no terminal; hidden on demand.
 pub(super) fn progress_bar(title: &str, length: f64, quiet: bool) -> Bar {
     let listener = listener();
     let drawn = if listener.is_some() {
@@ -87,7 +86,7 @@ fn drawn(title: &str, length: f64, quiet: bool) -> ProgressBar {
     ProgressStyle::with_template(template).map_or(bar.clone(), |style| bar.with_style(style))
 }
 
-/// A terminal that is none: what is drawn on it becomes a line when enough has changed.
+/// A substitute for a terminal: its drawing becomes a line when enough has changed.
 struct Lines<W> {
     state: Mutex<State<W>>,
 }
@@ -95,7 +94,7 @@ struct Lines<W> {
 struct State<W> {
     writer: W,
     least: Duration,
-    /// What was drawn since the last flush.
+    /// Output since the last flush.
     drawn: String,
     /// Share of the last line, %, and when it came.
     share: u64,
@@ -120,7 +119,7 @@ impl<W> std::fmt::Debug for Lines<W> {
 }
 
 impl<W: Write> State<W> {
-    /// Writes what was drawn if it is worth a line now.
+    /// Writes the drawing if it is worth a line now.
     fn flush(&mut self, now: Instant) -> Result<()> {
         let drawn = std::mem::take(&mut self.drawn);
         let Some((share, words)) = drawn.split_once('|') else { return Ok(()) };

@@ -1,7 +1,7 @@
 //! Requirements on a drive's figures: `--require max_e1<=0.5` turns a figure into a test, for people and for CI.
 //!
-//! A requirement is a figure, a relation and a bound. `=` takes the side that is better: an error is at most that, a share
-//! driven at least. A figure that a drive does not have (no step was made) meets nothing.
+//! A requirement is a figure, a relation and a bound. `=` takes the better side: an error is at most that, a share
+//! driven at least. A figure that a drive does not have (no step was made) fails every requirement.
 
 use super::output::write_file;
 use crate::simulate::{DriveFor, Outcome, TimeMetrics, TrackingMetrics};
@@ -166,7 +166,7 @@ impl std::str::FromStr for Requirement {
 pub(super) struct Check {
     pub name: String,
     pub met: bool,
-    /// What was found, and what is required.
+    /// Figure found, and requirement.
     pub words: String,
 }
 

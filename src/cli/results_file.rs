@@ -1,7 +1,7 @@
-//! A file of results of `rfl evaluate`: what is there already, and further rows put beside it.
+//! A file of results of `rfl evaluate`: existing rows, and further rows put beside them.
 //!
-//! Rows of a comparison may be run apart: the slow ones later, those of a changed model anew after the old ones were taken
-//! out. What is put together must be comparable: of one vehicle and one effort.
+//! Rows of a comparison may be run apart: the slow ones later, those of a changed model anew after removal of the old
+//! ones. Joined results must be comparable: of one vehicle and one effort.
 
 use super::output::write_text;
 use crate::simulate::experiment::{Effort, Row, Weights};
@@ -10,7 +10,7 @@ use serde_json::Value;
 use std::error::Error;
 use std::path::Path;
 
-/// What a file holds.
+/// Contents of a file.
 pub(super) struct ResultsFile(Value);
 
 impl ResultsFile {
@@ -40,7 +40,7 @@ impl ResultsFile {
         Ok(Some(Self(there)))
     }
 
-    /// The rows that are there, by name.
+    /// The existing rows, by name.
     pub fn rows(&self) -> Vec<&str> {
         list(&self.0["rows"]).iter().filter_map(|row| row["row"].as_str()).collect()
     }
@@ -52,7 +52,7 @@ impl ResultsFile {
         Weights::deserialize(&found["weights"]).ok()
     }
 
-    /// What is there with further rows of the same condition, in the order of `all`.
+    /// Existing rows with further ones of the same condition, in the order of `all`.
     ///
     /// # Errors
     /// None but a number that JSON cannot hold.
@@ -60,8 +60,8 @@ impl ResultsFile {
         Ok(self.joined(&serde_json::to_value(further)?, all))
     }
 
-    /// What is there with the further rows of another file. Rows that both have must have found the same weights: else they
-    /// were not made by the same program from the same drives.
+    /// Existing rows with the further ones of another file. Rows that both have must have found the same weights; else
+    /// they were not made by the same program from the same drives.
     ///
     /// # Errors
     /// A row that is another.

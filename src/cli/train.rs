@@ -62,7 +62,7 @@ pub struct TrainArgs {
     /// A parameter of the controller that is to use the model, NAME=VALUE: mpc.sample_time, vehicle.mass, ...
     #[arg(long = "set", value_name = "NAME=VALUE")]
     settings: Vec<String>,
-    /// What to learn, by the controller's variant
+    /// Kind of model to learn, by the controller's variant
     #[arg(long, default_value = "rfl_s", hide_possible_values = true, value_parser = named(LEARNED, ControlVariant::name, ControlVariant::meaning))]
     kind: ControlVariant,
     /// Train every kind, to DIR/KIND.rflm
@@ -98,7 +98,7 @@ const LEARNED: &[ControlVariant] = &[
     ControlVariant::GpNmpc,
 ];
 
-/// How a model is learned; what is not given is the kind's default.
+/// Settings of the training; those not given are the kind's defaults.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Tuning")]
 struct Tuning {
@@ -118,20 +118,20 @@ struct Tuning {
     /// Fewest samples in a leaf [default: 100 with linear leaves, 20 with constant ones]
     #[arg(long, value_name = "N")]
     min_leaf: Option<usize>,
-    /// How strongly linear leaves are shrunk to the global fit: a number, held-out (the number with the least error on
-    /// samples that a tree has not seen) or least-squares (not at all: the paper's)
+    /// Shrinkage of linear leaves to the global fit: a number, held-out (the number with the least error on samples
+    /// that a tree has not seen) or least-squares (not at all: the paper's)
     #[arg(long, default_value = "held-out", value_parser = lambda)]
     lambda: Lambda,
-    /// Memory of the filter that linear leaves' samples go through before the fit, 0 (none) to less than 1: measured
-    /// states are noisy, and the noise of one-step labels is mostly of high frequency, where it hides the response to
-    /// commands [default: 0.8; with --lambda least-squares 0, the paper's way]
+    /// Memory of the filter on linear leaves' samples before the fit, 0 (none) to less than 1. Measured states are
+    /// noisy, and the noise of one-step labels is mostly of high frequency, where it hides the response to commands
+    /// [default: 0.8; with --lambda least-squares 0, the paper's way]
     #[arg(long, value_name = "MEMORY")]
     prefilter: Option<f64>,
     /// No prior for the effects of past commands: shrink them towards zero. Without --no-prior towards those of the actuator that
     /// the logs show
     #[arg(long)]
     no_prior: bool,
-    /// What trees split on [default: errors; rfl_s: road]
+    /// Features that trees split on [default: errors; rfl_s: road]
     #[arg(long, value_name = "WHAT", hide_possible_values = true, value_parser = named(TreeFeatures::ALL, TreeFeatures::name, TreeFeatures::meaning))]
     tree_features: Option<TreeFeatures>,
     /// Curvature, its rate and curvature times speed squared in linear leaves, too [rfl_s: always]
@@ -174,7 +174,7 @@ fn lambda(text: &str) -> Result<Lambda, String> {
 }
 
 impl Tuning {
-    /// The configuration for a kind; where all are trained, what only some can have is left to them.
+    /// The configuration for a kind. For all kinds at once, each takes only the settings that it has.
     fn config(&self, kind: Kind, all: bool, window: usize, prior: Option<CommandPrior>) -> TrainConfig {
         let mut config = TrainConfig::new(kind);
         config.window = self.window.unwrap_or(window);
@@ -223,7 +223,7 @@ fn controller<P: Commanded<S, C>, const S: usize, const C: usize>(
 /// Runs the command.
 ///
 /// # Errors
-/// What was wrong, where, and what to do.
+/// The fault, its place, and advice.
 pub fn run(args: &TrainArgs) -> Result<(), Box<dyn Error>> {
     trained(args)?.refused.map_or(Ok(()), |words| Err(words.into()))
 }
@@ -234,16 +234,16 @@ impl ReadsLogs for TrainArgs {
     }
 }
 
-/// What was learned.
+/// Result of the training.
 #[derive(Debug, Clone)]
 pub struct Trained {
-    /// What `--json` writes.
+    /// Contents for `--json`.
     pub report: Value,
-    /// Why no model is written, where none is.
+    /// Reason for writing no model, if none is written.
     pub refused: Option<String>,
 }
 
-/// Runs the command and gives what was learned.
+/// Runs the command and gives the result.
 ///
 /// # Errors
 /// As [`run`], but that a model which is no better than the default controller is an answer.
@@ -379,7 +379,7 @@ where
     Ok(Trained { report, refused })
 }
 
-/// What the logs cover.
+/// Coverage of the logs.
 struct Coverage {
     /// Least, greatest and 5 %, 95 % quantiles of the speed, m/s.
     speed: [f64; 4],
@@ -453,7 +453,7 @@ impl Coverage {
         })
     }
 
-    /// What helps.
+    /// Advice for better logs.
     fn advice(&self, car: &str) -> String {
         if self.shown.is_some_and(|shown| shown.is_shown()) {
             format!(
@@ -574,7 +574,7 @@ fn learn<V: LateralVehicle<S>, const S: usize>(
     Ok((trained.model, said))
 }
 
-/// What was found in the logs and done about it, in sentences.
+/// Findings and repairs in the logs, in sentences.
 fn found(report: &DataReport) -> Vec<String> {
     let mut notes = Vec::new();
     let mut note = |count: usize, text: &str| {

@@ -1,4 +1,4 @@
-//! `rfl train --kind gp_nmpc`: Gaussian processes on what a vehicle's nonlinear model misses.
+//! `rfl train --kind gp_nmpc`: Gaussian processes on the errors of a vehicle's nonlinear model.
 
 use super::progress::Bar;
 use super::train::{followed_by, head, line};

@@ -101,7 +101,7 @@ const KNOWN: [[(&str, f64); 6]; 2] = [
 ];
 /// Candidates that are compared on validation drives.
 const SHORTLIST: usize = 3;
-/// What keeps the seeds of validation apart from those of training.
+/// Offset between the seeds of validation and those of training.
 const VALIDATION: u64 = 500_000;
 /// Factors on stiffness and on the own steering, and on the friction.
 const STIFFNESS: (f64, f64) = (0.8, 1.1);
@@ -123,7 +123,7 @@ const SHOWN_SPEEDS: [f64; 3] = [5.0, 12.0, 22.0];
 /// Runs the command.
 ///
 /// # Errors
-/// What was wrong, where, and what to do.
+/// The fault, its place, and advice.
 pub fn run(args: &TuneArgs) -> Result<(), Box<dyn Error>> {
     tuned(args).map(drop)
 }
@@ -139,7 +139,7 @@ pub fn tuned(args: &TuneArgs) -> Result<Value, Box<dyn Error>> {
     by_kind!(&args.vehicle, tune(args))
 }
 
-/// What the command works with.
+/// Data of the command.
 struct Tuning<'a, P: Commanded<S, C>, const S: usize, const C: usize> {
     args: &'a TuneArgs,
     vehicle: P::Parameters,

@@ -1,4 +1,4 @@
-//! What the commands do for each kind of vehicle: the same words, other courses and defaults.
+//! Commands for each kind of vehicle: the same words, other courses and defaults.
 
 use super::drive::{number, setting};
 use super::progress::Bar;

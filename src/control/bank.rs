@@ -1,7 +1,7 @@
-//! A bank of hypotheses of the steering actuator, scored while driving: what the controller does not have to be told.
+//! A bank of hypotheses of the steering actuator, scored while driving: the actuator need not be given.
 //!
-//! Hypothesis `h` is a dead time `T_h` and a lag `tau_h`. Run over the issued commands it gives an angle `delta_h(k)`, and from
-//! that what is measured, each measurement by a linear regression of its own:
+//! Hypothesis `h` is a dead time `T_h` and a lag `tau_h`. Run over the issued commands it gives an angle `delta_h(k)`,
+//! and from that the measurements, each by a linear regression of its own:
 //!
 //! ```text
 //! steer(k)                     = g delta_h(k) + o + e                               gain and zero of the sensor
@@ -15,9 +15,9 @@
 //! log p_h = log prior_h - 1/2 sum over measurements (n + nu) log(nu s0^2 + n var_h)
 //! ```
 //!
-//! where `var_h` is the mean squared residual and `n` the number of independent samples. A sample counts by the share of its
-//! variance that the hypotheses disagree by: a straight road teaches nothing, and nothing is forgotten on it. A sensor
-//! that is not connected has the same residual under each hypothesis and says nothing.
+//! where `var_h` is the mean squared residual and `n` the number of independent samples. A sample counts by the share
+//! of its variance on which the hypotheses disagree: a straight road teaches nothing, and nothing is forgotten on it.
+//! An unconnected sensor has the same residual under each hypothesis and is uninformative.
 //!
 //! The prior is that of the vehicle's file, mixed with ignorance. The controller predicts with the mean of the hypotheses, and
 //! is the calmer the wider they spread.
@@ -34,20 +34,19 @@ const LONGEST_DEAD_TIME: f64 = 0.36;
 const DEAD_TIME_SPACING: f64 = 0.02;
 /// Time constants of the hypotheses, s.
 const LAGS: [f64; 7] = [0.0, 0.03, 0.06, 0.1, 0.15, 0.2, 0.3];
-/// Probability, before anything is measured, that the actuator is the file's. It is what a file deserves whose dead time and
-/// lag nobody has looked up.
+/// Prior probability that the actuator is the file's. A file deserves it if nobody has looked up its dead time and lag.
 const PRIOR_OF_FILE: f64 = 0.8;
-/// Noise of an angle sensor with the play of a linkage, rad, and of a yaw acceleration that single-track and sensor miss,
-/// rad/s2: what residuals are expected to be before they are seen.
+/// Expected size of residuals before any is seen. Noise of an angle sensor with the play of a linkage, rad, and
+/// unmodelled yaw acceleration of single-track and sensor, rad/s2.
 const STEER_NOISE: f64 = 1e-3;
 const YAW_NOISE: f64 = 0.2;
 /// Samples that this expectation is worth.
 const PRIOR_SAMPLES: f64 = 3.0;
-/// Time after which a residual is another one, s: what a model misses lasts.
+/// Correlation time of a residual, s: errors of a model last.
 const CORRELATION: f64 = 0.1;
 /// Time of steering that is remembered, s.
 const MEMORY: f64 = 20.0;
-/// Speed below which the yaw rate says nothing, m/s.
+/// Speed below which the yaw rate is uninformative, m/s.
 const LEAST_SPEED: f64 = 2.0;
 /// Regressors of the yaw acceleration beside the angle: 1, r/v, vy/v, and of a truck its articulation and the rate of it.
 const BESIDE: usize = 5;
@@ -77,7 +76,7 @@ struct Lag {
     older: f64,
 }
 
-/// The hypotheses: what steps do not change.
+/// The hypotheses: the part that steps do not change.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bank {
     sample_time: f64,
@@ -104,7 +103,7 @@ pub struct BankState {
     commands: Option<[f64; 2]>,
     /// Past angles of each lag without whole steps of dead time, a ring for each.
     angles: Vec<f64>,
-    /// Where the newest stand.
+    /// Place of the newest.
     newest: usize,
     steer: Steer,
     yaw: Yaw,
@@ -195,7 +194,7 @@ impl Bank {
         state
     }
 
-    /// Whether a state is of these hypotheses.
+    /// True if a state belongs to these hypotheses.
     #[must_use]
     pub fn fits(&self, state: &BankState) -> bool {
         let count = self.hypotheses.len();
@@ -207,7 +206,7 @@ impl Bank {
             && state.log_likelihood.len() == count
     }
 
-    /// Longest dead time that a step may have to look back, steps: commands that a prediction needs.
+    /// Longest look-back of a dead time, steps: commands that a prediction needs.
     #[must_use]
     pub fn longest_delay(&self) -> usize {
         self.reach - 2
@@ -253,7 +252,7 @@ impl Bank {
         state.angles[hypothesis.lag * self.reach + place]
     }
 
-    /// Mean and variance of what the hypotheses say.
+    /// Mean and variance over the hypotheses.
     fn spread(&self, angle: impl Fn(&Hypothesis) -> f64) -> f64 {
         let count = self.hypotheses.len() as f64;
         let (sum, square) =
@@ -322,7 +321,7 @@ impl Bank {
         true
     }
 
-    /// From the sums to probabilities, and to what is known.
+    /// From the sums to probabilities, and to the known actuator.
     fn conclude(&self, state: &mut BankState) {
         let likelihood = |variance: f64, count: f64, noise: f64| {
             -0.5 * (count + PRIOR_SAMPLES) * (PRIOR_SAMPLES * noise * noise + count * variance).ln()
@@ -390,7 +389,7 @@ const YAW_PER_ANGLE: f64 = 40.0;
 struct Rest {
     weight: f64,
     factor: [[f64; BESIDE]; BESIDE],
-    /// `L^-1` times the products with the yaw acceleration, and what is left of its square.
+    /// `L^-1` times the products with the yaw acceleration, and the remainder of its square.
     of_accel: [f64; BESIDE],
     left: f64,
 }

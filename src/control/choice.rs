@@ -1,7 +1,7 @@
-//! Which variant of the MPC: from a user's word, parameters and files to what the controller predicts with.
+//! Variant of the MPC: from a user's word, parameters and files to the controller's prediction model.
 //!
-//! FMU and program ask here, so that both know the same words, look for models in the same way and say the same
-//! when something is missing.
+//! FMU and program share it, so that both know the same words, look for models in the same way and give the same
+//! messages.
 
 use super::condense::Propagation;
 use super::parameters::ControllerParametersFor;
@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 enumeration! {
-    /// The variants of the controller: what it predicts with.
+    /// The variants of the controller: its prediction models.
     pub enum ControlVariant {
         None = 0 "none", "The nominal model alone; with a model file, what that file holds";
         Linear = 1 "linear", "With a learned residual: one linear model for all";
@@ -46,7 +46,7 @@ impl ControlVariant {
         Kind::from_number(self as i32)
     }
 
-    /// Whether it needs a learned model.
+    /// True if it needs a learned model.
     #[must_use]
     pub fn is_learned(self) -> bool {
         !matches!(self, Self::None | Self::Actuator | Self::Nmpc | Self::Adaptive)
@@ -56,22 +56,22 @@ impl ControlVariant {
 /// Extension of a model's file.
 pub const MODEL_EXTENSION: &str = "rflm";
 
-/// What a user chose.
+/// Choice of a user.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Choice {
-    /// The variant; `none` with a file: the variant that the file is for.
+    /// The variant; `none` with a file means the variant of the file.
     pub variant: ControlVariant,
     /// The file of the learned model, if one was given.
     pub file: Option<PathBuf>,
-    /// Where the models of variants lie otherwise, as `VARIANT.rflm`.
+    /// Folder of the variants' models, as `VARIANT.rflm`, for those without a file of their own.
     pub folder: PathBuf,
-    /// How a residual enters the prediction.
+    /// Propagation of a residual in the prediction.
     pub propagation: Propagation,
-    /// With what the states are predicted at which a residual is asked.
+    /// Model of the predicted states at which a residual is asked.
     pub roll_out: RollOut,
 }
 
-/// Why a variant cannot be had.
+/// Reasons for which a variant is not available.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum ChoiceError {
@@ -109,9 +109,9 @@ pub type LearnedModel = LearnedModelFor<SingleTrack, ERRORS>;
 /// A learned model of any kind for a kind of vehicle with `S` states.
 #[derive(Debug, Clone)]
 pub enum LearnedModelFor<V: ControlledVehicle<S>, const S: usize> {
-    /// What the linear model misses.
+    /// Error of the linear model.
     Residual(Arc<ResidualModelFor<V, S>>),
-    /// What the nonlinear model misses.
+    /// Error of the nonlinear model.
     Gp(Arc<GpOf<V, S>>),
 }
 
@@ -140,7 +140,7 @@ impl<V: ControlledVehicle<S>, const S: usize> LearnedModelFor<V, S> {
 }
 
 impl Choice {
-    /// What the controller predicts with, and the variant that this is.
+    /// The controller's prediction model, and its variant.
     ///
     /// # Errors
     /// A model that is missing, damaged or of another kind.

@@ -1,12 +1,12 @@
 //! Cholesky factorisation `A = L L'` of small dense matrices, in place and with rows that come and go.
 //!
-//! `L` is packed by rows. Appending a row solves for it; removing one leaves a subdiagonal too much, which plane
+//! `L` is packed by rows. Appending a row solves for it. Removing one leaves one subdiagonal too many, which plane
 //! rotations of the columns take away (Golub and Van Loan, Matrix Computations, 6.5.4). Nothing allocates after
 //! construction.
 
 use crate::lanes::{FOUR, Lanes, Portable, Work, compute};
 
-/// Where row `row` of a packed lower triangle begins: after 1 + 2 + .. + `row` entries.
+/// Start of row `row` in a packed lower triangle: after 1 + 2 + .. + `row` entries.
 pub(super) fn begin(row: usize) -> usize {
     row * (row + 1) / 2
 }
@@ -49,7 +49,7 @@ pub(super) fn add(y: &mut [f64], factor: f64, x: &[f64]) {
     }
 }
 
-/// Rows that are factorised at once: as many as keep a processor busy while one entry waits for another.
+/// Number of rows that are factorised at once: enough to keep a processor busy while one entry waits for another.
 const TOGETHER: usize = 4;
 
 /// The factor, with room for a largest size.

@@ -1,10 +1,10 @@
 //! The tracking problem for the interior-point solver Clarabel (Goulart and Chen 2024).
 //!
-//! Variables are `z = [U, y, s]`. The cost of all outputs is condensed onto the inputs. Only softly bounded outputs appear as variables,
-//! `y = free + G U`, so that a dense row stands once for its two bounds; rates are bidiagonal rows and bounds unit
-//! rows. The solver is built once, on a typical instance, and its data
-//! are overwritten in place: half the time of a new solver, at a 117th of the allocations (`facts.md` of the
-//! project). Its equilibration is then that of the typical instance; it affects speed, not the solution.
+//! Variables are `z = [U, y, s]`. The cost of all outputs is condensed onto the inputs. Only softly bounded outputs
+//! appear as variables, `y = free + G U`, so that a dense row stands once for its two bounds. Rates are bidiagonal rows
+//! and bounds unit rows. The solver is built once, on a typical instance, and its data are overwritten in place. This
+//! takes half the time of a new solver, at a 117th of the allocations (`facts.md` of the project). Its equilibration is
+//! then that of the typical instance; it affects speed, not the solution.
 
 use super::condensed_cost::condense_cost;
 use super::tracking_qp::{QpEnd, QpError, QpReport, QpShape, QpSolver, TrackingQp};
@@ -16,7 +16,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
-/// Why the solver cannot be built.
+/// Reasons for which the solver cannot be built.
 #[derive(Debug, thiserror::Error)]
 pub enum BuildError {
     /// Clarabel refused the problem.
@@ -30,12 +30,12 @@ pub struct ClarabelSolver {
     shape: QpShape,
     /// Non-zeros of the cost's upper triangle.
     cost: Vec<f64>,
-    /// `H`, a packed lower triangle by rows (its upper one by columns), and where its entries stand in `cost`.
+    /// `H`, a packed lower triangle by rows (its upper one by columns), and the places of its entries in `cost`.
     hessian: Vec<f64>,
     cost_places: Vec<usize>,
     /// Non-zeros of the constraint matrix.
     matrix: Vec<f64>,
-    /// Where in `matrix` the entries of `-G` stand, with their place in `TrackingQp::gain`.
+    /// Places of the entries of `-G` in `matrix`, with their places in `TrackingQp::gain`.
     gain_places: Vec<(usize, usize)>,
     linear: Vec<f64>,
     rhs: Vec<f64>,
@@ -79,7 +79,8 @@ impl Layout {
     }
 }
 
-/// When the solver has to stop. Clarabel's own time limit can only be changed by replacing all settings, which
+/// Deadline of the solver. Clarabel's own time limit can only be changed by replacing all settings, which allocates; a
+/// termination callback that reads this does not.
 /// allocates; a termination callback that reads this does not.
 #[derive(Clone)]
 struct Clock {
@@ -150,7 +151,7 @@ impl ClarabelSolver {
         Self::with_settings(typical, settings(max_iterations))
     }
 
-    /// Builds a slow and exact solver to hold others against: tolerances of 1e-13 with iterative refinement.
+    /// Builds a slow and exact solver as a reference for others: tolerances of 1e-13 with iterative refinement.
     ///
     /// # Errors
     /// Data that Clarabel refuses.
@@ -271,7 +272,7 @@ fn settings(max_iterations: u32) -> DefaultSettings<f64> {
         .expect("the settings are constants within their ranges")
 }
 
-/// Writes what changes from step to step into the right-hand side.
+/// Writes the changing right-hand side of a step.
 fn write_rhs(problem: &TrackingQp, rhs: &mut [f64]) {
     let shape = &problem.shape;
     let layout = Layout::of(shape);

@@ -21,14 +21,14 @@ use nalgebra::{SMatrix, SVector};
 use std::ops::{Add, AddAssign, Mul};
 
 enumeration! {
-    /// How a learned residual enters the prediction.
+    /// Propagation of a learned residual in the prediction.
     pub enum Propagation {
         Propagated = 0 "propagated", "A step's residual acts on all later states";
         Direct = 1 "direct", "A step's residual acts on the state after it only, as printed by Zhao et al., eq. (9)";
     }
 }
 
-/// A state that a prediction is made of: a vector, or one in blocks.
+/// A state of the prediction: a vector, or one in blocks.
 pub trait HorizonState: Copy + Add<Output = Self> + AddAssign + Mul<f64, Output = Self> {
     /// Number of components.
     const COMPONENTS: usize;
@@ -72,13 +72,14 @@ impl<const S: usize> HorizonState for ActuatedState<S> {
     }
 }
 
-/// How a state acts on the next one.
+/// Action of a state on the next one.
 pub trait Transition<X: HorizonState> {
     /// `A x`.
     fn apply(&self, x: &X) -> X;
 
-    /// Moves the first `count` effects on by a step: `A x`, and what the last of them have more. Component `i` of effect
-    /// `k` stands at `i stride + k`, and a stride is a multiple of [`BLOCK`]. Effects behind may be changed, too.
+    /// Moves the first `count` effects on by a step: `A x`, with the additional terms of the last of them. Component
+    /// `i` of effect `k` stands at `i stride + k`, and a stride is a multiple of [`BLOCK`]. Effects behind may be
+    /// changed, too.
     fn advance(&self, effects: &mut [f64], stride: usize, count: usize, more: &[X]) {
         for k in 0..count {
             let more = (k + more.len()).checked_sub(count).map_or(X::zero(), |k| more[k]);
@@ -129,12 +130,12 @@ pub struct Affine<X> {
     pub command: Vec<X>,
     /// Commands of a window; 0 without a residual.
     pub window: usize,
-    /// Step 0 stands at this place of `command`, the others behind it, and behind the last place comes the first: what
-    /// stays the same need not move when the horizon does.
+    /// Place of step 0 in `command`; the others follow, and the last place is followed by the first. Unchanged entries
+    /// need not move when the horizon does.
     pub first: usize,
-    /// Effect of a command that is held over the whole window, at the same places, for whoever fills it in.
+    /// Effect of a command that is held over the whole window, at the same places, if the caller fills it in.
     pub held: Vec<X>,
-    /// What each step's residual is without decisions: its constant part and that of past commands.
+    /// Residual of each step without decisions: its constant part and that of past commands.
     pub settled: Vec<X>,
     /// Effects of the decisions on the newest state, component by component.
     effects: Vec<f64>,
@@ -194,8 +195,8 @@ pub struct Linear<'a, A, X> {
     pub b: &'a X,
 }
 
-/// `A` of a model in errors to a path: nothing depends on the first of them, the lateral error, but itself. So the first
-/// column of `A` is that of the identity, and a product is spared it.
+/// `A` of a model in errors to a path: only the lateral error itself depends on the lateral error. So the first column
+/// of `A` is that of the identity, and the product skips it.
 #[derive(Debug, Clone, Copy)]
 pub struct ErrorTransition<'a, const S: usize>(pub &'a SMatrix<f64, S, S>);
 
@@ -304,11 +305,11 @@ pub fn condense<A: Transition<X>, X: HorizonState>(
     condense_settled(linear, start, affine, propagation, tracked, problem);
 }
 
-/// What one command does in a horizon in which nothing but time tells the steps apart.
+/// Response to one command in a horizon whose steps differ by time alone.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Response<X> {
-    /// Effects on each state component by component, the latest first: what a command does `k` steps later stands at
-    /// `horizon - k`.
+    /// Effects on each state component by component, the latest first: the response to a command `k` steps later stands
+    /// at `horizon - k`.
     effects: Vec<f64>,
     horizon: usize,
     of: std::marker::PhantomData<X>,
@@ -321,9 +322,9 @@ impl<X: HorizonState> Response<X> {
         Self { effects: vec![0.0; horizon * X::COMPONENTS], horizon, of: std::marker::PhantomData }
     }
 
-    /// Computes the effects of a command that acts by `newer` after `delay` steps and by `older` a step later, and writes
-    /// `free` and `gain` of a one-input problem. `known` are the known inputs of each step, `past` is the command so many steps
-    /// before the first decision.
+    /// Computes the effects of a command that acts by `newer` after `delay` steps and by `older` a step later. Writes
+    /// `free` and `gain` of a one-input problem. `known` are the known inputs of each step; `past` is the command so
+    /// many steps before the first decision.
     #[allow(clippy::too_many_arguments)]
     pub fn condense<A: Transition<X>>(
         &mut self,

@@ -5,10 +5,10 @@
 //! ```
 //!
 //! with `W` the outputs' weights, `D` the differences from step to step and `R` their weights. The rows of `G` that
-//! belong to one step reach equally far: up to four are taken at once, and two columns of `H`, so that an entry is
+//! belong to one step reach equally far. Up to four of them and two columns of `H` are taken at once. So an entry is
 //! loaded and stored once for all of them. Rows of weight zero, of outputs that are only bounded, are left out.
 //!
-//! Where an input acts as the one before it did a step earlier, with `e` the last step's rows of `G`,
+//! If an input acts as the one before it did a step earlier, with `e` the last step's rows of `G`,
 //!
 //! ```text
 //! (G'WG)_ij = (G'WG)_{i+1,j+1} + sum over outputs w e_i e_j
@@ -102,7 +102,7 @@ fn add_rates(problem: &TrackingQp, hessian: &mut [f64], linear: &mut [f64]) {
     }
 }
 
-/// The outputs' cost of one input that acts at each step as it does at the others.
+/// The outputs' cost of one input whose response is the same at each step.
 fn condense_shift_invariant(problem: &TrackingQp, hessian: &mut [f64], linear: &mut [f64]) {
     let shape = &problem.shape;
     let (n, outputs) = (shape.horizon, shape.outputs);

@@ -1,16 +1,16 @@
-//! The path-tracking controller: projection, speed tracking, lateral MPC, and what happens when it has no answer.
+//! The path-tracking controller: projection, speed tracking, lateral MPC, and its fallback without an answer.
 //!
 //! A step never leaves the vehicle without a command. If the solver misses its deadline or fails, the last plan
-//! goes on; when that is used up, steering is held and the vehicle brakes. What a step is told is judged first: where it
-//! cannot be true the prediction stands in for it, for a while, and then the vehicle stops along the road (`guard.rs`).
+//! goes on; when that is used up, steering is held and the vehicle brakes. Measurements are judged first. The
+//! prediction replaces an implausible one for a while, and then the vehicle stops along the road (`guard.rs`).
 //!
-//! Speed is the first thing to give up: it falls with a lateral error that is large and grows,
+//! Speed is given up first: it falls with a lateral error that is large and grows,
 //!
 //! ```text
 //! v <= v_plan (FAR_E1 - ahead) / (FAR_E1 - slow_e1),     ahead = |e1| + e1' * 1 s  in the direction of e1
 //! ```
 //!
-//! and to zero where a vehicle has left the path by a lane's width.
+//! and to zero once a vehicle has left the path by a lane's width.
 
 use super::bank::{Bank, BankState, KnownActuator};
 use super::clarabel_solver::BuildError;
@@ -36,7 +36,7 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// What the controller is told of the vehicle, in SI units and ISO 8855 axes.
+/// Measurements of the vehicle, in SI units and ISO 8855 axes.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[allow(missing_docs)]
 pub struct Measurement {
@@ -46,7 +46,7 @@ pub struct Measurement {
     pub vx: f64,
     pub vy: f64,
     pub yaw_rate: f64,
-    /// Road-wheel angle: where the steering command starts from at the first step.
+    /// Road-wheel angle: start of the steering command at the first step.
     pub steer: f64,
     /// Articulation angle, rad; 0 for a vehicle without one.
     pub articulation: f64,
@@ -54,7 +54,7 @@ pub struct Measurement {
     pub articulation_rate: f64,
 }
 
-/// What a step decided, and on which grounds.
+/// Decision of a step, and its grounds.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[allow(missing_docs)]
 pub struct StepReport {
@@ -69,7 +69,7 @@ pub struct StepReport {
     pub curvature: f64,
     pub curvature_rate: f64,
     pub speed_ref: f64,
-    /// Distance along the path from the vehicle to the point that the speed controller follows, m; 0 where it follows none.
+    /// Distance along the path from the vehicle to the point that the speed controller follows, m; 0 without one.
     pub lag_error: f64,
     /// Share of the horizon where the learned residual was asked outside its training and faded out, 0 to 1.
     pub residual_outside: f64,
@@ -81,7 +81,7 @@ pub struct StepReport {
     pub finished: bool,
 }
 
-/// Why a controller cannot be made.
+/// Reasons for which a controller cannot be made.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum ControllerError {
@@ -93,7 +93,7 @@ pub enum ControllerError {
     Longitudinal(#[from] BuildError),
 }
 
-/// Why a step cannot be computed.
+/// Reasons for which a step cannot be computed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum StepError {
@@ -106,12 +106,12 @@ pub enum StepError {
     ForeignState,
 }
 
-/// Everything that steps change: what a saved state holds.
+/// State of the controller between steps: the contents of a saved state.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ControllerState<const S: usize = ERRORS> {
     /// Steering command in force; none before the first step.
     steer_cmd: Option<f64>,
-    /// What of that is dither, rad.
+    /// Dither in that command, rad.
     dither: f64,
     /// Newest plan of the steering.
     plan: Vec<f64>,
@@ -122,11 +122,11 @@ pub struct ControllerState<const S: usize = ERRORS> {
     /// None where the prediction has no actuator to find.
     bank: Option<BankState>,
     guard: GuardState,
-    /// How far the learned model is used.
+    /// Trust in the learned model.
     fading: Fading<S>,
     /// Time of the last step, s, where it was given.
     time: Option<f64>,
-    /// Whether the vehicle has been near the path.
+    /// True once the vehicle has been near the path.
     on_path: bool,
     /// Share of the planned speed that the lateral error leaves.
     speed_share: f64,
@@ -143,22 +143,23 @@ pub struct ControllerState<const S: usize = ERRORS> {
     last: StepReport,
 }
 
-/// Steps for which a value of the dither is held: 40 ms at Ts = 0.02 s. Held for 0.1 s it says nothing of commands above
-/// 5 Hz, and a model learned from it is wrong where a tight controller then acts.
+/// Steps for which a value of the dither is held: 40 ms at Ts = 0.02 s. Held for 0.1 s it does not excite the vehicle
+/// above 5 Hz. A model learned from it is wrong at the frequencies of a tight controller.
 const DITHER_HOLD: u64 = 2;
 
-/// Uncertainty of the actuator's delay at which the loop is half way from calm to tight, s: that a tight loop stands it three times over.
+/// Uncertainty of the actuator's delay at which the loop is half way from calm to tight, s: a tight loop stands it
+/// three times over.
 const SURE: f64 = 0.015;
 
-/// Lateral acceleration that a road may ask for at once, m/s2: a vehicle that does not turn yet is a hand's breadth beside it when
-/// it does.
+/// Lateral acceleration that a road may ask for at once, m/s2. A vehicle that does not turn yet is a hand's breadth off
+/// the path by the time it turns.
 const START_LATERAL_ACCEL: f64 = 0.3;
 /// Share of the steering's rate and of the lateral jerk that the speed plan uses: the rest is for errors.
 const PLANNED_SHARE: f64 = 0.5;
 
-/// Lateral error beyond which something is wrong, and speed is the first thing to give up: a lane's width, m.
+/// Lateral error beyond which there is a fault and speed is given up first: a lane's width, m.
 const FAR_E1: f64 = 3.5;
-/// Yaw error beyond which it says nothing, rad.
+/// Yaw error beyond which there is a fault, too, rad.
 const FAR_E2: f64 = 1.0;
 /// A vehicle beside the path aims at a parallel path this many seconds of travel away: it bounds the approach angle.
 const APPROACH_TIME: f64 = 0.2;
@@ -168,15 +169,15 @@ const APPROACH_E1: f64 = 0.2;
 const APPROACH_SPEED: f64 = 3.0;
 /// The path's end counts as reached this far before it, m; twice as far before it no longer.
 const END_DISTANCE: f64 = 0.5;
-/// How far ahead the trend of the lateral error counts, s.
+/// Look-ahead of the trend of the lateral error, s.
 const TREND_TIME: f64 = 1.0;
 /// Time in which the speed comes back after the lateral error has taken it, s.
 const RECOVERY_TIME: f64 = 2.0;
 /// Least share of the safe stop's deceleration, however much grip the steering needs.
 const LEAST_BRAKING: f64 = 0.3;
-/// Time over which the road ahead says how much grip the steering needs, s.
+/// Time of the road ahead that determines the grip for steering, s.
 const GRIP_PREVIEW: f64 = 0.5;
-/// Points of the road that are looked at over that time.
+/// Number of points on the road over that time.
 const GRIP_POINTS: u32 = 5;
 
 /// The controller of a car.
@@ -191,15 +192,15 @@ pub struct ControllerFor<G: VehicleParameters<S>, const S: usize> {
     longitudinal: Option<LongitudinalMpc>,
     noise: Noise<S>,
     bank: Option<Bank>,
-    /// How sure a prediction without a bank is of the actuator: 1 where it is told, else 0.
+    /// Certainty of the actuator without a bank: 1 where it is given, else 0.
     told: f64,
     guard: Guard<G::Vehicle, S>,
     state: ControllerState<S>,
 }
 
 impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
-    /// Sets the controller up for a path. It predicts with the linear model behind the steering actuator of the parameters, to
-    /// begin with, and then with the one that the drive shows.
+    /// Sets the controller up for a path. It first predicts with the linear model behind the steering actuator of the
+    /// parameters, and then with the one that the drive shows.
     ///
     /// # Errors
     /// A parameter out of range.
@@ -288,8 +289,8 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
         self.step_after(measurement, self.parameters.mpc.sample_time)
     }
 
-    /// One control step at a time, s, in a host whose steps are not those of the controller: the commands of the step before
-    /// were in force until now.
+    /// One control step at a time, s, in a host whose steps are not those of the controller. The commands of the step
+    /// before were in force until now.
     ///
     /// # Errors
     /// As [`step`](Self::step).
@@ -392,7 +393,7 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
         Ok(&self.state.last)
     }
 
-    /// Forgets where the vehicle was: the host has moved it. The commands in force stay.
+    /// Forgets the vehicle's place: the host has moved it. The commands in force stay.
     fn forget(&mut self) {
         let state = &mut self.state;
         state.plan_age = state.plan.len();
@@ -407,8 +408,8 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
         }
     }
 
-    /// Tracks the speed plan; slowly, where the vehicle is far from the path or leaves it, and down to zero where it has
-    /// left it or is to stop.
+    /// Tracks the speed plan. The speed falls if the vehicle is far from the path or leaves it. It falls to zero once
+    /// the vehicle has left it or is to stop.
     fn command_speed(
         &mut self,
         speed: f64,
@@ -472,8 +473,8 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
         if state.speed_share < 1.0 { planned * state.speed_share } else { f64::INFINITY }
     }
 
-    /// Deceleration of a stop, m/s2: the safe one, or what steering along the road leaves of the grip that the speed
-    /// plan and the safe stop count on.
+    /// Deceleration of a stop, m/s2: the safe one, or the rest of the grip after steering along the road. Speed plan
+    /// and safe stop count on the same grip.
     fn braking(&self, speed: f64, report: &StepReport) -> f64 {
         let p = &self.parameters.speed;
         let ahead = (0..GRIP_POINTS).map(|k| {
@@ -578,7 +579,7 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
         steer.clamp(previous - rate, previous + rate).clamp(-p.steer_max, p.steer_max)
     }
 
-    /// What the step is called, and the brakes at the road's end.
+    /// Status of the step, and the brakes at the road's end.
     fn name_status(&self, bridged: bool, stops: bool, report: &mut StepReport) {
         use ControlStatus::{Bridged, FarFromPath, Finished, Optimal, ReducedAccuracy};
         use ControlStatus::{ResidualFaded, SafeHold, SafeStop, Slowed};
@@ -681,8 +682,8 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
         self.lateral.problem()
     }
 
-    /// How fast a vehicle begins that is put on the path without turning, m/s: that of the plan, but slow enough where the road
-    /// bends that the bend does not throw it off before it has begun to turn.
+    /// Initial speed of a vehicle that is put on the path without turning, m/s. It is that of the plan, but lower where
+    /// the road bends: the vehicle must stay on the path until it has begun to turn.
     #[must_use]
     pub fn start_speed(&self) -> f64 {
         let planned = self.plan.speed(0.0);
@@ -716,9 +717,9 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
         &self.state
     }
 
-    /// One control step of another vehicle, whose state is kept outside: `state` is what its steps have made of a copy of
-    /// [`state`](Self::state) from before the first step. So one controller serves any number of vehicles on its path,
-    /// with one working memory, which stays in the processor's caches; a state takes a few kilobytes.
+    /// One control step of another vehicle, whose state is kept outside. `state` is a copy of [`state`](Self::state)
+    /// from before the first step, as its own steps have changed it. So one controller serves any number of vehicles on
+    /// its path, with one working memory, which stays in the processor's caches. A state takes a few kilobytes.
     ///
     /// # Errors
     /// As [`step`](Self::step); a state that [`restore`](Self::restore) would give back. Nothing has changed then.
@@ -765,7 +766,7 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
     }
 }
 
-/// How sure the prediction is of the actuator, 0 to 1.
+/// Certainty of the actuator in the prediction, 0 to 1.
 fn tightness(known: &KnownActuator) -> f64 {
     let (sure, spread) = (SURE * SURE, known.spread * known.spread);
     sure / (sure + spread)

@@ -1,4 +1,4 @@
-//! A controller's file: the numbers that a search or a person chose, by name, and the vehicle that they are for.
+//! A controller's file: numbers chosen by a search or a person, by name, and the vehicle that they are for.
 //!
 //! ```toml
 //! kind = "car"
@@ -27,13 +27,13 @@ pub struct ControllerFile {
     pub kind: String,
     /// Name of the vehicle that it is for.
     pub vehicle: String,
-    /// What the controller predicts with, if the file says so.
+    /// Prediction model of the controller, if the file names one.
     pub variant: Option<ControlVariant>,
     /// Names and values of parameters, in the order of the file.
     pub values: Vec<(String, f64)>,
 }
 
-/// Why a controller's file cannot be used.
+/// Reasons for which a controller's file cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum ControllerFileError {
@@ -121,7 +121,7 @@ impl ControllerFile {
         text
     }
 
-    /// Takes the numbers over into a controller; `file` is where they came from.
+    /// Applies the numbers to a controller; `file` is their source.
     ///
     /// # Errors
     /// Another kind of vehicle; a value out of its range; a name that no parameter has. Some numbers may have changed then.

@@ -1,19 +1,19 @@
-//! Whether a learned model predicts better than the one without it, and how far it is used.
+//! Fading of a learned model: its share in the prediction, by comparison with the model without it.
 //!
-//! At each step both predict the next state. Of the errors of the last second, in each component `c` of the state, the
-//! mean squares `J` are kept, with a floor of the sensors' variance: what is smaller cannot be seen. The relative likelihood
-//! of the learned model against the nominal, each with its own unknown variance, is
+//! At each step both predict the next state. The mean squares `J` of the errors of the last second are kept in each
+//! component `c` of the state. Their floor is the sensors' variance, below which nothing can be seen. The relative
+//! likelihood of the learned model against the nominal, each with its own unknown variance, is
 //!
 //! ```text
 //! L = prod_c (J_nominal,c / J_learned,c)^(n/2)          share = min(1, 20 L)
 //! ```
 //!
-//! with `n` the number of steps in that second. So the learned model is used in full as long as the nominal is not twenty
-//! times as likely, the usual level of significance, and fades as far as it is beyond that. Where nothing moves, both are
-//! right and nothing changes. It is asked on when it is faded, and comes back when it is better again.
+//! with `n` the number of steps in that second. The learned model is used in full until the nominal one is twenty times
+//! as likely, the usual level of significance. Beyond that it fades in proportion. At rest both are right and nothing
+//! changes. A faded model is still evaluated, and returns when it is better again.
 //!
-//! It begins at nothing: at speed a few steps with a wrong model are too many. As long as nothing speaks for or against it
-//! the share rises within a second; as soon as the model is twenty times as likely as the nominal, at once.
+//! It begins at nothing: at speed a few steps with a wrong model are too many. Without evidence for or against it the
+//! share rises within a second; once the model is twenty times as likely as the nominal, at once.
 //!
 //! Source: Burnham and Anderson, Model Selection and Multimodel Inference, 2002, ch. 2 (relative likelihood); Bar-Shalom,
 //! Li and Kirubarajan 2001, ch. 11 (multiple models by their one-step errors).
@@ -23,13 +23,13 @@ use serde::{Deserialize, Serialize};
 
 /// Time over which errors are averaged, s.
 const MEMORY: f64 = 1.0;
-/// How many times as likely the nominal model must be before the learned one fades.
+/// Likelihood ratio, nominal over learned, from which on the learned model fades.
 const SIGNIFICANT: f64 = 20.0;
-/// Time in which the share follows what is known, s: it changes smoothly.
+/// Time in which the share follows its target, s: it changes smoothly.
 const SMOOTHING: f64 = 0.1;
-/// Time in which it rises as long as nothing is known, s.
+/// Time in which it rises without evidence, s.
 const UNKNOWN: f64 = 0.5;
-/// Least share: as good as nothing, and still enough to know what the model would say.
+/// Least share: practically nothing, and still enough to compute the model's prediction.
 pub const LEAST_SHARE: f64 = 1e-3;
 /// A model that is to be used to a smaller share is reported as faded.
 const FADED: f64 = 0.5;
@@ -44,7 +44,7 @@ pub struct Fading<const S: usize> {
     /// Steps that the sums are of.
     count: f64,
     share: f64,
-    /// Where the share goes.
+    /// Target of the share.
     target: f64,
 }
 
@@ -84,7 +84,7 @@ impl<const S: usize> Fading<S> {
         self.target = target;
     }
 
-    /// Keeps what both models say of the next state.
+    /// Keeps both models' predictions of the next state.
     pub fn expect(&mut self, expected: Option<[SVector<f64, S>; 2]>) {
         self.expected = expected;
     }
@@ -95,7 +95,7 @@ impl<const S: usize> Fading<S> {
         self.share
     }
 
-    /// Whether it predicts so much worse that it is to be said.
+    /// True if it predicts so much worse that a warning is due.
     #[must_use]
     pub fn faded(&self) -> bool {
         self.target < FADED

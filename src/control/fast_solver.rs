@@ -1,9 +1,9 @@
-//! The active-set method, and Clarabel where it does not get through.
+//! The active-set method, with Clarabel for the problems that it refuses.
 //!
 //! Most problems of a drive have few active bounds, or none: the active-set method solves them in a tenth of an
-//! interior-point method's time. What it refuses, because it is too badly scaled, infeasible, or takes too many
-//! changes of the working set, Clarabel decides. The longest time is that of both: iterations of the first are
-//! bounded ([`ActiveSetSolver::iteration_limit`]), those of the second by its own limit.
+//! interior-point method's time. Clarabel solves the problems that it refuses: badly scaled, infeasible, or with too
+//! many changes of the working set. The longest time is that of both. Iterations of the first are bounded
+//! ([`ActiveSetSolver::iteration_limit`]), those of the second by its own limit.
 
 use super::active_set::ActiveSetSolver;
 use super::clarabel_solver::{BuildError, ClarabelSolver};

@@ -1,33 +1,33 @@
-//! The guard: whether what the controller is told can be true, and what stands in for it if not.
+//! The guard: plausibility of the measurements, and their replacement by an estimate.
 //!
-//! A measurement is believed if the vehicle can have got there. A Kalman filter carries the motion
-//! `z = [x, y, yaw, vx, vy, yaw_rate, articulation, articulation_rate]` from step to step with the nominal model and the
-//! commands in force, and each signal has a gate of its own:
+//! A measurement is plausible if the vehicle can have got there. A Kalman filter carries the motion
+//! `z = [x, y, yaw, vx, vy, yaw_rate, articulation, articulation_rate]` from step to step, with the nominal model and
+//! the commands in force. Each signal has a gate of its own:
 //!
 //! ```text
 //! z^ = f(z, steer, accel),   P^ = F P F' + Q        (z_i - z^_i)^2 <= GATE^2 (P^_ii + R_i) n_i
 //! ```
 //!
-//! `Q` is what tyres can do beyond the model, `R` the sensors' noise (`observer.*`, twice as much), `n_i >= 1` the mean of
-//! what was seen, in units of what was expected: a sensor that is worse than declared widens its own gate. Between two
-//! measurements `P` grows, and the gates with it.
+//! `Q` covers forces of the tyres beyond the model, and `R` the sensors' noise (`observer.*`, twice as much).
+//! `n_i >= 1` is the mean of the observed innovations in units of the expected ones: a sensor that is worse than
+//! declared widens its own gate. Between two measurements `P` grows, and the gates with it.
 //!
-//! | what is seen | what is done |
+//! | observation | action |
 //! |---|---|
 //! | every signal inside its gate | the measurement goes on as it is, bit by bit |
-//! | a signal outside, or no number | the filter's estimate from the others stands in for it: *bridged* |
+//! | a signal outside, or no number | the filter's estimate from the others replaces it: *bridged* |
 //! | all bits as a step before, in motion | stale: all of it is bridged |
 //! | outside for `guard.bridge_time`, but a motion of its own, on the road or from standstill | the host has moved the vehicle: a new start |
 //! | bridged for longer than `guard.bridge_time` | braking along the road, steered by the estimate |
 //! | bridged for longer than `guard.stop_time` | the stop is completed; only a vehicle that the host moves starts anew |
 //!
-//! A motion of its own: the poses follow from the velocities, and these change no faster than tyres allow. Signals that are
-//! all zero are no motion: so a dead sensor speaks. Nor is a vehicle in motion found anew beside its road: that is a position
-//! that jumps, and whoever steered back from there would leave the road. Until some steps in a row have agreed nothing can be bridged from, and
-//! each measurement is a first one.
+//! A motion of its own: the poses follow from the velocities, and these change no faster than tyres allow. Signals that
+//! are all zero are no motion; a dead sensor looks like that. A vehicle in motion is not accepted anew beside its road
+//! either. Its position jumps, and steering back from there would leave the road. Bridging needs some steps in a row
+//! that agree; until then each measurement is a first one.
 //!
-//! Source: Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001: validation gate,
-//! innovations as a test of the filter (5.4), initiation of tracks.
+//! Source: Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001. It treats the
+//! validation gate, innovations as a test of the filter (5.4), and initiation of tracks.
 
 use super::controller::{Measurement, StepError};
 use super::observer::ObserverParameters;
@@ -39,7 +39,7 @@ use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
 parameters! {
-    /// What the controller does about measurements, and a model, that cannot be right.
+    /// Parameters for implausible measurements and for a poor model.
     pub struct GuardParameters {
         active: usize = 1, ONE in 0.0, 1.0; "guard.active", "Whether measurements and the learned model are checked against the prediction: 1 yes, 0 no"
         bridge_time: f64 = 0.4, SECOND in 0.0, 5.0; "guard.bridge_time", "Longest time for which prediction stands in for a missing or implausible measurement; beyond it the vehicle is braked along the road. Signals that agree among themselves for as long, on the road or at a standstill, are a new start"
@@ -58,21 +58,21 @@ type Signals = SVector<f64, SIGNALS>;
 
 /// Largest acceleration that tyres give, m/s2.
 const GRIP: f64 = 9.81;
-/// Standard deviations that a signal may be off.
+/// Width of a gate, in standard deviations.
 const GATE: f64 = 6.0;
-/// Sensors may be so many times as noisy as declared before they have shown it.
+/// Assumed ratio of the sensors' noise to the declared one, before they have shown it.
 const NOISE_MARGIN: f64 = 2.0;
 /// Largest factor on the variance of a sensor that has shown more noise.
 const LARGEST_SPREAD: f64 = 16.0;
-/// Time over which noise, and what the drive does beyond its command, are averaged, s.
+/// Averaging time of noise and of the acceleration beyond the command, s.
 const MEMORY: f64 = 1.0;
 /// Steps in a row that must agree before something is bridged.
 const ESTABLISHED: u32 = 5;
-/// Way in a step from which on a vehicle is seen to move, m: with the same bits a step later its measurement is stale.
+/// Way in a step from which on a vehicle moves, m: with the same bits a step later its measurement is stale.
 const MOVES: f64 = 1e-3;
 /// Share of the way, and of the turn, by which a pose and the integrated velocities of a new start may differ.
 const WAY_SHARE: f64 = 0.02;
-/// Largest acceleration beyond the command that is believed, m/s2: drag and grade.
+/// Largest plausible acceleration beyond the command, m/s2: drag and grade.
 const LARGEST_DRIFT: f64 = 2.0;
 
 /// The vehicle's motion by the filter.
@@ -103,25 +103,25 @@ pub struct GuardState {
     told: Option<Signals>,
     /// Steps in a row in which everything agreed.
     agreed: u32,
-    /// Time since each signal was last believed, s.
+    /// Time since each signal was last plausible, s.
     age: Signals,
     /// Mean of the squared innovations in units of their variance.
     spread: Signals,
     candidate: Option<Candidate>,
     /// Acceleration beyond the command, m/s2.
     drift: f64,
-    /// Whether the stop that was begun is to be completed.
+    /// True if a stop that has begun is to be completed.
     stops: bool,
 }
 
-/// What a measurement was taken for.
+/// Judgement of a measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
     /// As it is.
     Believed,
     /// Prediction stands in for some of it.
     Bridged,
-    /// As it is, and nothing from before holds: the vehicle was moved.
+    /// Unchanged, and nothing from before holds: the vehicle was moved.
     Moved,
 }
 
@@ -152,7 +152,7 @@ impl Default for GuardState {
     }
 }
 
-/// What is judged of a measurement.
+/// The judged signals of a measurement.
 fn signals(measurement: &Measurement) -> Signals {
     let Measurement { x, y, yaw, vx, vy, yaw_rate, articulation, articulation_rate, .. } = *measurement;
     Signals::from([x, y, yaw, vx, vy, yaw_rate, articulation, articulation_rate])
@@ -200,8 +200,8 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
     /// Signals that the vehicle has.
     const JUDGED: usize = if S >= ERRORS + 2 { SIGNALS } else { ARTICULATION };
 
-    /// Judges a measurement, `elapsed` seconds after the last one, with the commands that were in force since (rad, m/s2),
-    /// and puts in what stands in for the implausible. `on_road` says whether a pose is one on the road.
+    /// Judges a measurement, `elapsed` seconds after the last one, with the commands that were in force since (rad,
+    /// m/s2). Implausible signals are replaced. `on_road` tells if a pose is on the road.
     ///
     /// # Errors
     /// A first measurement that is not finite.
@@ -292,7 +292,7 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
         Ok(Verdict::Bridged)
     }
 
-    /// Whether the vehicle is to be stopped: measurements were missing for too long.
+    /// True if the vehicle is to be stopped: measurements were missing for too long.
     #[must_use]
     pub fn stops(&self, state: &GuardState) -> bool {
         self.parameters.active != 0 && (state.stops || state.lost() > self.parameters.bridge_time)
@@ -308,7 +308,7 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
         state.candidate = None;
     }
 
-    /// The motion that goes on in `told`, if it is one, from what was a candidate before.
+    /// Continues the candidate of a new start with the motion in `told`, if it is one.
     fn candidate(
         &self,
         before: Option<Candidate>,
@@ -439,7 +439,7 @@ impl Track {
 }
 
 impl GuardState {
-    /// Longest time for which a signal has not been believed, s.
+    /// Longest time for which a signal has been implausible, s.
     fn lost(&self) -> f64 {
         self.age.max()
     }

@@ -1,4 +1,4 @@
-//! What the controller has seen and commanded lately: the window that a learned residual looks at.
+//! Recent measurements and commands of the controller: the window of a learned residual.
 
 use crate::nominal::ERRORS;
 use nalgebra::SVector;
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 /// The last `W` measured states and the last `W - 1` commands, oldest first.
 ///
-/// Before there are as many, the window is filled with what is known: the first state, and the command in force. "No
+/// Until there are as many, the window is filled with known values: the first state, and the command in force. "No
 /// residual until the window is full" would leave a vehicle with a slow actuator to the nominal model for W steps.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct History<const S: usize = ERRORS> {
@@ -38,7 +38,7 @@ impl<const S: usize> History<S> {
         shift(&mut self.commands, command);
     }
 
-    /// Forgets what was seen, not what was commanded: the vehicle was moved.
+    /// Forgets the states, not the commands: the vehicle was moved.
     pub fn forget_states(&mut self) {
         self.filled = false;
     }

@@ -28,7 +28,7 @@ use crate::path::Path;
 use crate::residual::Misfit;
 use nalgebra::SVector;
 
-/// Why the MPC cannot be set up.
+/// Reasons for which the MPC cannot be set up.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum LateralError {
@@ -40,7 +40,7 @@ pub enum LateralError {
     Residual(#[from] Misfit),
 }
 
-/// What one step of the lateral MPC is told.
+/// Input of one step of the lateral MPC.
 #[derive(Debug, Clone, Copy)]
 pub struct LateralInput<'a, const S: usize = ERRORS> {
     /// The state, first the errors to the path that the MPC is to bring to zero.
@@ -63,17 +63,17 @@ pub struct LateralInput<'a, const S: usize = ERRORS> {
     pub path: &'a Path,
     /// Disturbance of each step.
     pub disturbance: &'a SVector<f64, S>,
-    /// Share of what is learned that is used, 0 to 1.
+    /// Share of the learned model in use, 0 to 1.
     pub residual_share: f64,
     /// Seconds for the solver; infinite for no limit.
     pub time_limit: f64,
-    /// The steering actuator to predict with, where the drive has shown it.
+    /// The steering actuator to predict with, if the drive has shown it.
     pub actuator: Option<Actuator>,
-    /// How sure the prediction is, 0 to 1: the loop becomes the faster, `mpc.tightening`.
+    /// Certainty of the prediction, 0 to 1: the loop becomes faster with it, `mpc.tightening`.
     pub tightness: f64,
 }
 
-/// Writes what following the road asks for into a problem, for a kind of vehicle.
+/// Writes the reference of following the road into a problem, for a kind of vehicle.
 trait FollowRoad<const S: usize>: Send {
     fn write(
         &mut self,
@@ -134,7 +134,7 @@ pub struct LateralMpc<const S: usize = ERRORS> {
     wheelbase: f64,
     road: Option<Box<dyn FollowRoad<S>>>,
     variant: Box<dyn Variant<S>>,
-    /// What stands in for a learned residual that is not to be trusted: the nominal model behind the actuator that the drive shows.
+    /// Substitute for a learned residual out of its range: the nominal model behind the actuator that the drive shows.
     beside: Option<Box<dyn Variant<S>>>,
     learned_is_used: bool,
     preview: Preview,
@@ -307,7 +307,7 @@ impl<const S: usize> LateralMpc<S> {
         shape.rate_max[0] = p.steer_rate_at(speed, self.wheelbase) * p.sample_time;
     }
 
-    /// The state after this step if `steer` is issued, with everything that the newest prediction knew; `past` are the
+    /// The state after this step if `steer` is issued, with all knowledge of the newest prediction; `past` are the
     /// commands before it.
     #[must_use]
     pub fn next_state(&self, state: &SVector<f64, S>, past: &[f64], steer: f64) -> Option<Expected<S>> {
@@ -317,8 +317,8 @@ impl<const S: usize> LateralMpc<S> {
         }
     }
 
-    /// The state after this step if `steer` is issued, by the nominal model and with all that is learned, whatever share of
-    /// it was used; none without anything learned.
+    /// The state after this step if `steer` is issued: by the nominal model, and with the full learned model regardless
+    /// of the share in use. None without a learned model.
     #[must_use]
     pub fn without_and_with_learned(
         &self,
@@ -333,7 +333,7 @@ impl<const S: usize> LateralMpc<S> {
         }
     }
 
-    /// Whether it predicts with something learned.
+    /// True if it predicts with a learned model.
     #[must_use]
     pub fn is_learned(&self) -> bool {
         self.variant.is_learned()
@@ -387,7 +387,7 @@ impl<const S: usize> LateralMpc<S> {
         self.qp.solved
     }
 
-    /// What the parts of the newest step took.
+    /// Times of the parts of the newest step.
     #[must_use]
     pub fn timing(&self) -> Timing {
         self.qp.timing

@@ -9,25 +9,27 @@
 //!      -decel_max <= a <= accel_max,  |a_j - a_{j-1}| <= Ts * rate_max,   v <= v_ref + overspeed_max softly
 //! ```
 //!
-//! `d` is what the drive does beyond its command (drag, grade, payload), observed from the speed: without it a slope would
-//! be answered by a standing lag error. The speeds of the reference are known, so that this is a QP with known inputs.
+//! `d` is the acceleration of the drive beyond its command (drag, grade, payload), observed from the speed. Without it
+//! a slope would cause a standing lag error. The speeds of the reference are known, so that this is a QP with known
+//! inputs.
 //!
-//! **Why beside the steering and not in one QP with it.** Contouring and lag error are the two components of one position
-//! error. Of their joint cost (Zhao et al., Acta Automatica Sinica 2025, Table 6) to first order about driving on the reference, the steering
-//! moves only the first and the acceleration only the second, so that the Hessian is block diagonal and one QP is two. What
-//! this leaves out are products with the curvature. A deviation of the speed turns the path faster (`psi_des' = v kappa`):
-//! the steering knows it if it predicts with [`LongitudinalMpc::predicted_speed`]. A lateral error changes the way
-//! (`e_l' = .. - v kappa e1`): the joint QP would cut a bend to make up for being late, which nobody wants of it.
+//! **Two QPs instead of one with the steering.** Contouring and lag error are the two components of one position error.
+//! Take their joint cost (Zhao et al., Acta Automatica Sinica 2025, Table 6) to first order about driving on the
+//! reference. There the steering moves only the first and the acceleration only the second, so that the Hessian is
+//! block diagonal and one QP is two. This leaves out products with the curvature. A deviation of the speed turns the
+//! path faster (`psi_des' = v kappa`):
+//! the steering takes it into account if it predicts with [`LongitudinalMpc::predicted_speed`]. A lateral error changes
+//! the way (`e_l' = .. - v kappa e1`): the joint QP would cut a bend to make up for being late, which is unwanted.
 //! `tests/control_longitudinal.rs` holds both to the joint QP.
 //!
-//! **Nothing runs away.** The reference point is a vehicle itself: it starts at the vehicle's place and speed and gains
-//! speed no faster than the plan's acceleration. It is never further from the vehicle than `lag_max`: where the vehicle
-//! cannot follow (it is held, off the path, too weak for a slope), the point waits at that distance and its speed falls to
-//! the vehicle's. A jump of the station moves the point along. At the end of an open path the plan's speed is zero, and the
-//! point stands there.
+//! **No divergence.** The reference point is a vehicle itself: it starts at the vehicle's place and speed and gains
+//! speed no faster than the plan's acceleration. It is never further from the vehicle than `lag_max`. A vehicle that is
+//! held, off the path or too weak for a slope cannot follow. The point then waits at that distance, and its speed falls
+//! to the vehicle's. A jump of the station moves the point along. At the end of an open path the plan's speed is zero,
+//! and the point stands there.
 //!
-//! Source: Lam, Manzie and Good, Model predictive contouring control, CDC 2010 (contouring and lag error); Maeder, Borrelli
-//! and Morari, Linear offset-free model predictive control, Automatica 2009 (disturbance).
+//! Sources: contouring and lag error: Lam, Manzie and Good, Model predictive contouring control, CDC 2010. Disturbance:
+//! Maeder, Borrelli and Morari, Linear offset-free model predictive control, Automatica 2009.
 
 use super::clarabel_solver::BuildError;
 use super::condense::{Affine, Linear, Propagation, condense};
@@ -55,13 +57,13 @@ parameters! {
     }
 }
 
-/// Largest acceleration beyond the command that is believed, m/s2: more is no drag and no grade.
+/// Largest plausible acceleration beyond the command, m/s2: more is no drag and no grade.
 const LARGEST_DISTURBANCE: f64 = 2.0;
 /// Weights of the excess over the overspeed, per (m/s)2 and per m/s.
 const OVERSPEED_PENALTY: [f64; 2] = [1000.0, 10.0];
 /// The speed's lower bound, which no vehicle reaches: soft bounds have two sides, m/s.
 const UNDERSPEED: f64 = -100.0;
-/// Slower than this a vehicle may be held by its brakes: nothing is observed then, m/s.
+/// Speed below which the brakes may hold a vehicle: nothing is observed then, m/s.
 const STANDSTILL: f64 = 0.1;
 /// Gain from the speed error to the acceleration when the solver has no answer, 1/s.
 const FALLBACK_GAIN: f64 = 1.0;
@@ -69,7 +71,7 @@ const FALLBACK_GAIN: f64 = 1.0;
 /// States of the prediction: lag error, speed, acceleration of the drive.
 const TRACKED: [usize; 2] = [0, 1];
 
-/// What a step is told.
+/// Input of a step.
 #[derive(Debug, Clone, Copy)]
 pub struct LongitudinalInput<'a> {
     /// Station of the vehicle, m.
@@ -86,7 +88,7 @@ pub struct LongitudinalInput<'a> {
     pub time_limit: f64,
 }
 
-/// What a step decided.
+/// Decision of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LongitudinalStep {
     /// Acceleration command, m/s2; within its bounds in any case.
@@ -95,7 +97,7 @@ pub struct LongitudinalStep {
     pub lag_error: f64,
     /// Speed of the reference point, m/s.
     pub speed_ref: f64,
-    /// What the solver reports. Without a solution the command is a proportional speed controller's.
+    /// Report of the solver. Without a solution the command is a proportional speed controller's.
     pub solved: Result<QpReport, QpError>,
 }
 
@@ -106,7 +108,7 @@ struct Reference {
     speed: f64,
 }
 
-/// Everything that steps change: what a saved state holds.
+/// State of the MPC between steps: the contents of a saved state.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct LongitudinalState {
     /// The reference point where it is to be at the next step; none before the first step.
@@ -142,7 +144,7 @@ pub struct LongitudinalMpc {
 }
 
 impl Reference {
-    /// Where the point is a step later.
+    /// The point a step later.
     fn next(self, input: &LongitudinalInput<'_>, [gain, loss]: [f64; 2], sample_time: f64) -> Self {
         // A little ahead even at standstill: a plan that starts from it says zero at its start.
         let ahead = self.station + (self.speed + 0.5 * gain * sample_time) * sample_time;
@@ -267,7 +269,7 @@ impl LongitudinalMpc {
         LongitudinalStep { accel_cmd, lag_error, speed_ref: reference.speed, solved }
     }
 
-    /// Learns from the speed what the drive does beyond its command.
+    /// Learns the drive's acceleration beyond its command from the speed.
     fn observe(&mut self, speed: f64) {
         let Some(expected) = self.state.expected_speed else { return };
         let missed = (speed - expected) / self.sample_time;
@@ -319,12 +321,12 @@ impl LongitudinalMpc {
         first
     }
 
-    /// Forgets the reference point and what was observed: the vehicle was moved. The command in force stays.
+    /// Forgets the reference point and the observed disturbance: the vehicle was moved. The command in force stays.
     pub fn reset(&mut self) {
         self.state = LongitudinalState { accel_cmd: self.state.accel_cmd, ..LongitudinalState::default() };
     }
 
-    /// Says which command was issued instead of the one that the last step decided, m/s2: the next step starts from it.
+    /// Replaces the last step's decision by the issued command, m/s2: the next step starts from it.
     pub fn override_command(&mut self, accel_cmd: f64) {
         let more = accel_cmd - self.state.accel_cmd;
         self.state.accel_cmd = accel_cmd;

@@ -1,4 +1,4 @@
-//! Stability margins of the steering loop, from the linear loop: how much more gain, phase lag or dead time it stands.
+//! Stability margins of the steering loop, from the linear loop: tolerable additional gain, phase lag and dead time.
 //!
 //! On a straight road, with no bound active, the MPC is a linear feedback with a memory of its own commands,
 //!
@@ -6,17 +6,17 @@
 //! u_k = sum_i K_i x_{k-i} + sum_{i>=1} h_i u_{k-i}
 //! ```
 //!
-//! because the rate of the command costs something, and because a known actuator is run over the issued commands. `K`
-//! and `h` are read off the MPC itself: it is asked for unit states and unit commands. Behind it the vehicle and its
-//! actuator are sampled exactly, `X_{k+1} = A X_k + G_1 u_{k-m} + G_2 u_{k-m-1}`. Broken at the command, the loop is
+//! because the rate of the command has a cost, and because a known actuator is run over the issued commands. `K` and
+//! `h` are identified from the MPC itself, by unit states and unit commands. Behind it the vehicle and its actuator are
+//! sampled exactly, `X_{k+1} = A X_k + G_1 u_{k-m} + G_2 u_{k-m-1}`. Broken at the command, the loop is
 //!
 //! ```text
 //! L(z) = - K(z) P(z) / (1 - h(z)),      1 + L = 0 where a pole is,      z = e^{j w Ts},  w up to Nyquist's
 //! ```
 //!
-//! and the margins of a stable loop are where `L` passes -1: a factor `1/|L|` where it is real and negative, an angle
-//! `arg L + pi` where `|L| = 1`, and that angle over `w` as time. Whether the loop is stable say its poles: the spectral
-//! radius of the closed loop, by Gelfand's formula `|A^n|^(1/n)`.
+//! and the margins of a stable loop lie where `L` passes -1. The gain margin is the factor `1/|L|` at a real, negative
+//! `L`. The phase margin is the angle `arg L + pi` at `|L| = 1`, and the delay margin is that angle over `w`. The poles
+//! decide on stability: the spectral radius of the closed loop, by Gelfand's formula `|A^n|^(1/n)`.
 //!
 //! The observer (`observer.*`, off by default) is not in it, and a learned forest is taken as its leaves at straight driving.
 //!
@@ -35,7 +35,7 @@ use crate::path::{Closure, Path, PathError, Sample};
 use nalgebra::{Complex, DMatrix, SVector};
 use std::f64::consts::{PI, TAU};
 
-/// Why there are no margins.
+/// Reasons for which there are no margins.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum MarginError {
@@ -60,7 +60,7 @@ pub struct LinearController<const S: usize> {
     pub state: Vec<SVector<f64, S>>,
     /// Gains on the command before this step, the one before that, ..
     pub command: Vec<f64>,
-    /// What goes on behind these for ever.
+    /// Constant continuation behind these.
     pub tail: Option<Tail>,
 }
 
@@ -93,20 +93,21 @@ pub struct Margins {
     pub gain_down: f64,
     /// Least phase lag that destabilises it, rad; infinite if the gain never is 1.
     pub phase: f64,
-    /// Least additional dead time that destabilises it, s; infinite if the gain never is 1. Exact for whole steps; between
-    /// them within a fraction of one, for a command that changes within a step is no pure lag of the phase.
+    /// Least additional dead time that destabilises it, s; infinite if the gain never is 1. Exact for whole steps.
+    /// Between them accurate to a fraction of one, for a command that changes within a step is no pure lag of the
+    /// phase.
     pub delay: f64,
-    /// Where that happens, rad/s.
+    /// Frequency of that crossover, rad/s.
     pub crossover: f64,
     /// Largest `|1/(1 + L)|`: the inverse of the distance from -1.
     pub sensitivity: f64,
 }
 
-/// States and commands that the MPC is asked for; it is linear, so the size does not matter.
+/// Size of the states and commands that identify the MPC; it is linear, so the size does not matter.
 const UNIT: f64 = 1e-2;
 /// A bound that is never active.
 const NEVER: f64 = 1e6;
-/// Gains below this share of the largest are none.
+/// Gains below this share of the largest are negligible.
 const NEGLIGIBLE: f64 = 1e-8;
 /// The plan with which a learned residual is asked is the plan itself after so many steps.
 const PLAN_STEPS: usize = 4;
@@ -252,8 +253,8 @@ impl<const S: usize> Asked<S> {
     }
 }
 
-/// Takes gains that fall by one ratio to the end off the end. The last of them stands for all that were before it, so it
-/// is not looked at.
+/// Cuts gains that fall by one ratio to the end off the end. The last of them stands for all before it, so it is not
+/// compared.
 fn cut_tail(gains: &mut Vec<f64>) -> Option<Tail> {
     let size = gains.iter().fold(0.0, |size: f64, gain| size.max(gain.abs()));
     let same = |i: usize, ratio: f64| (gains[i + 1] - ratio * gains[i]).abs() <= NEGLIGIBLE * size;
@@ -294,7 +295,7 @@ impl<V: LateralVehicle<S>, const S: usize> SteeringLoop<V, S> {
         Self::new(self.controller.clone(), self.vehicle, actuator, self.model_speed)
     }
 
-    /// The same loop with the vehicle's answer to steering multiplied by a factor.
+    /// The same loop with the vehicle's response to steering multiplied by a factor.
     #[must_use]
     pub fn amplified(&self, factor: f64) -> Self {
         let mut amplified = self.clone();
@@ -449,7 +450,7 @@ impl<V: LateralVehicle<S>, const S: usize> SteeringLoop<V, S> {
         Some(margins)
     }
 
-    /// Where a value changes its sign between two frequencies.
+    /// Sign change of a value between two frequencies.
     fn crossing(
         &self,
         mut low: (f64, Complex<f64>),
@@ -468,8 +469,8 @@ impl<V: LateralVehicle<S>, const S: usize> SteeringLoop<V, S> {
         Some(low)
     }
 
-    /// Least additional dead time up to `limit` that the closed loop's poles say is too much, s; none if they stand all.
-    /// Slower than [`Self::margins`], and exact for a dead time that is no whole number of steps.
+    /// Least additional dead time up to `limit` at which the closed loop's poles are unstable, s; none if all are
+    /// stable. Slower than [`Self::margins`], and exact for a dead time that is no whole number of steps.
     ///
     /// # Errors
     /// A vehicle with a parameter that is not positive.
@@ -523,7 +524,7 @@ impl Margins {
         }
     }
 
-    /// What each margin is in the worse of two loops.
+    /// Each margin of the worse of two loops.
     #[must_use]
     pub fn worse(self, other: Self) -> Self {
         let later = self.delay <= other.delay;

@@ -3,32 +3,32 @@
 //! | file | problem |
 //! |---|---|
 //! | `parameters.rs` | every weight, bound and gain, declared once |
-//! | `tracking_qp.rs` | the quadratic program of one step, and what a solver is |
+//! | `tracking_qp.rs` | the quadratic program of one step, and the trait of its solvers |
 //! | `condense.rs` | from an affine model over the horizon to that program |
 //! | `condensed_cost.rs` | that program's cost over the inputs alone |
 //! | `active_set/`, `cholesky.rs` | its solution by a dual active-set method: fast where few bounds are active |
 //! | `clarabel_solver.rs` | its solution by an interior-point method, updated in place: always works |
 //! | `fast_solver.rs` | the first, and where it fails the second |
 //! | `solve.rs` | a linear system of a few equations |
-//! | `bank.rs` | which steering actuator: hypotheses, scored while driving |
-//! | `history.rs` | the window of states and commands that a learned residual looks at |
+//! | `bank.rs` | hypotheses of the steering actuator, scored while driving |
+//! | `history.rs` | the window of states and commands of a learned residual |
 //! | `observer.rs` | state and disturbance from noisy measurements: offset-free tracking |
 //! | `preview.rs` | the road over the horizon |
-//! | `reference.rs` | states and steering that following the road asks for |
+//! | `reference.rs` | states and steering of following the road |
 //! | `lateral.rs` | the MPC: road ahead, cost, bounds |
-//! | `variant/` | what it predicts with: nominal, learned residual, known actuator, nonlinear |
-//! | `choice.rs` | which variant: from a user's word, parameters and files |
+//! | `variant/` | prediction models: nominal, learned residual, known actuator, nonlinear |
+//! | `choice.rs` | choice of the variant: from a user's word, parameters and files |
 //! | `controller_file.rs` | parameters from a file |
 //! | `speed.rs` | speed tracking |
 //! | `longitudinal.rs` | speed and lag error by MPC |
-//! | `guard.rs` | whether a measurement can be true, and what stands in for it if not |
-//! | `fading.rs` | whether a learned model predicts better than the nominal one |
+//! | `guard.rs` | plausibility of measurements, and their replacement |
+//! | `fading.rs` | comparison of a learned model with the nominal one |
 //! | `controller.rs` | one step from measurement to commands; fallback |
-//! | `vehicle.rs` | what differs from vehicle to vehicle |
-//! | `truck.rs` | what does for a truck, and its defaults |
-//! | `margins.rs` | what the loop stands: gain, phase and delay margin |
-//! | `sampler.rs` | when a step is due |
-//! | `status.rs` | what a step did, in words |
+//! | `vehicle.rs` | differences between kinds of vehicles |
+//! | `truck.rs` | the truck's part, and its defaults |
+//! | `margins.rs` | stability margins of the loop: gain, phase and delay |
+//! | `sampler.rs` | sample instants |
+//! | `status.rs` | result of a step, in words |
 
 mod active_set;
 mod bank;

@@ -1,4 +1,4 @@
-//! The observer: where the vehicle is, seen through noise, and what the prediction misses on average (offset-free MPC).
+//! The observer: state of the vehicle behind the noise, and mean error of the prediction (offset-free MPC).
 //!
 //! A Kalman filter of the state and of disturbing accelerations `d` (lateral, yaw) that wander:
 //!
@@ -8,9 +8,9 @@
 //! ```
 //!
 //! The horizon starts at the estimate of `x` and is predicted with `d` held. A steady gap (bank, wind, a steering offset,
-//! a wrong stiffness in a long bend) is then no steady error any more. On a vehicle with an uncorrected actuator delay a
-//! fast observer feeds the delay's error back and destabilises the loop: let `d` wander slowly, or add a learned
-//! residual first. The same holds of the filter: it trusts a prediction, which has to deserve it.
+//! a wrong stiffness in a long bend) then leaves no steady error. On a vehicle with an uncorrected actuator delay a
+//! fast observer feeds the delay's error back and destabilises the loop. Let `d` wander slowly there, or add a learned
+//! residual first. The filter, too, needs a good prediction.
 //!
 //! Source: Maeder, Borrelli and Morari, Linear offset-free model predictive control, Automatica 2009; Kalman 1960.
 
@@ -47,11 +47,9 @@ pub struct Observer<const S: usize = ERRORS> {
     of_both: SMatrix<f64, S, S>,
 }
 
-/// Largest disturbing accelerations that are believed, lateral m/s2 and yaw rad/s2. More is a jump in a measurement, not a
-/// gap.
+/// Largest plausible disturbing accelerations, lateral m/s2 and yaw rad/s2. More is a jump in a measurement, not a gap.
 const LARGEST: [f64; ERRORS] = [0.0, 5.0, 0.0, 3.0];
-/// What a prediction misses in the yaw rate for each m/s that it misses in the lateral velocity, rad/m: both come from
-/// the axles' forces.
+/// Unmodelled yaw rate for each m/s of unmodelled lateral velocity, rad/m: both come from the axles' forces.
 const YAW_SHARE: f64 = 0.5;
 
 impl<const S: usize> Default for Observer<S> {
@@ -66,25 +64,25 @@ impl<const S: usize> Default for Observer<S> {
     }
 }
 
-/// What the observer knows of noise, state by state.
+/// Noise of each state, as the observer assumes it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Noise<const S: usize = ERRORS> {
     parameters: ObserverParameters,
     /// Of the measured states behind the errors to the path (standard deviation); zero for the errors.
     further: SVector<f64, S>,
-    /// What accelerations, held over a step, add to the state.
+    /// Effect on the state of accelerations held over a step.
     effect: SMatrix<f64, S, S>,
-    /// Covariance of what the prediction of a step misses.
+    /// Covariance of the prediction error of a step.
     missed: SMatrix<f64, S, S>,
-    /// Covariance of how far the disturbance wanders in a step.
+    /// Covariance of the disturbance's change in a step.
     wandered: SMatrix<f64, S, S>,
     /// Largest disturbance that is believed.
     largest: SVector<f64, S>,
 }
 
 impl<const S: usize> Noise<S> {
-    /// The noise of the errors to the path by the parameters, and that of the states behind them: each a value and then
-    /// its rate, as the errors.
+    /// Noise of the errors to the path, by the parameters, and of the states behind them. Each is a value and then its
+    /// rate, as the errors.
     #[must_use]
     pub fn new(p: &ObserverParameters, further: &[FurtherState], sample_time: f64) -> Self {
         let of = |errors: [f64; ERRORS], of_further: fn(&FurtherState) -> f64| {
@@ -164,17 +162,17 @@ impl<const S: usize> Observer<S> {
         state + gain * innovation
     }
 
-    /// Keeps what is expected of the next state, with the disturbance in it.
+    /// Keeps the expected next state, with the disturbance in it.
     pub fn expect(&mut self, expected: Expected<S>) {
         self.expected = Some(expected);
     }
 
-    /// Forgets everything: the vehicle was moved, or is where the model says nothing.
+    /// Forgets everything: the vehicle was moved, or is out of the model's range.
     pub fn reset(&mut self) {
         *self = Self::default();
     }
 
-    /// What the disturbance adds to the state in a step.
+    /// Effect of the disturbance on the state in a step.
     #[must_use]
     pub fn disturbance(&self, noise: &Noise<S>) -> SVector<f64, S> {
         noise.effect * self.disturbance
@@ -182,7 +180,7 @@ impl<const S: usize> Observer<S> {
 }
 
 impl ObserverParameters {
-    /// Whether the observer changes anything.
+    /// True if the observer changes anything.
     #[must_use]
     pub fn is_on(&self) -> bool {
         self.disturbance_noise > 0.0

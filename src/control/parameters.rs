@@ -57,7 +57,7 @@ parameters! {
 }
 
 enumeration! {
-    /// How the speed plan is tracked.
+    /// Tracking of the speed plan.
     pub enum SpeedController {
         Pi = 0 "pi", "Feedforward of the plan and a PI on the speed error (speed.gain, speed.integral)";
         Mpc = 1 "mpc", "MPC of speed and lag error (longitudinal.*)";
@@ -81,7 +81,7 @@ parameters! {
 }
 
 parameters! {
-    /// The steering actuator that the variant `actuator` knows.
+    /// The given steering actuator of the variant `actuator`.
     pub struct ActuatorParameters {
         dead_time: f64 = 0.0, SECOND in 0.0, 1.0; "actuator.dead_time", "Dead time of the steering actuator that the variant actuator predicts with"
         dead_time_model: DeadTimeModel = 0, ONE in 0.0, 3.0; "actuator.dead_time_model", "How the variant actuator predicts with that dead time"
@@ -220,7 +220,7 @@ impl ActuatorParameters {
         Self { dead_time: steering.dead_time, time_constant: steering.lag, ..Self::default() }
     }
 
-    /// The actuator that the variant predicts with.
+    /// The actuator of the variant's prediction.
     #[must_use]
     pub fn actuator(&self) -> Actuator {
         let Self { dead_time, dead_time_model, time_constant } = *self;
@@ -235,9 +235,9 @@ impl MpcParameters {
         self.steer_rate_max.min(self.lateral_jerk_max * wheelbase / (speed * speed).max(1e-9))
     }
 
-    /// The weights of a loop that is faster by `tightening` to the power of `tightness`, 0 to 1. In a time shorter by `f` the
-    /// weights of rates fall with the square of `f`, those of second derivatives with its fourth power, that of the lateral jerk,
-    /// which steering's rate is by `v^2/L`, with its sixth.
+    /// The weights of a loop that is faster by `tightening` to the power of `tightness`, 0 to 1. In a time shorter by
+    /// `f` the weights of rates fall with the square of `f`, those of second derivatives with its fourth power. The
+    /// weight of the lateral jerk, which is the steering's rate times `v^2/L`, falls with its sixth.
     #[must_use]
     pub fn tightened(self, tightness: f64) -> Self {
         let faster = self.tightening.powf(tightness);
@@ -252,8 +252,8 @@ impl MpcParameters {
         }
     }
 
-    /// The settings of the papers' tables, which a nominal MPC that knows no actuator was tuned to: a horizon of 0.32 s for a car,
-    /// a cost on the steering's own rate, and a rate that is bounded alike at all speeds.
+    /// The settings of the papers' tables, to which a nominal MPC without an actuator model was tuned. They are a
+    /// horizon of 0.32 s for a car, a cost on the steering's own rate, and a rate bounded alike at all speeds.
     #[must_use]
     pub fn of_the_papers(self) -> Self {
         Self {
@@ -273,7 +273,7 @@ impl MpcParameters {
 }
 
 impl<G> ControllerParametersFor<G> {
-    /// Without what the papers' controllers do not have.
+    /// Weights without the terms that the papers' controllers lack.
     #[must_use]
     pub(super) fn plain(self) -> Self {
         let observer = ObserverParameters { disturbance_noise: 0.0, prediction_noise: 0.05, ..self.observer };
@@ -292,7 +292,7 @@ impl ControllerParameters {
 }
 
 impl SpeedParameters {
-    /// How the speed plan is tracked.
+    /// Tracking of the speed plan.
     #[must_use]
     pub fn tracked_by(&self) -> SpeedController {
         // The range admits no other numbers.
@@ -301,7 +301,7 @@ impl SpeedParameters {
 }
 
 impl MpcParameters {
-    /// How drives are labelled for a residual of this controller.
+    /// Labelling of drives for a residual of this controller.
     #[must_use]
     pub fn data_config(&self) -> DataConfig {
         DataConfig { sample_time: self.sample_time, min_model_speed: self.min_model_speed }

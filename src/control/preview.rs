@@ -1,15 +1,15 @@
-//! The road over the horizon, as the speed plan will drive it.
+//! The road over the horizon, at the speeds of the speed plan.
 
 use crate::path::Path;
 use crate::residual::ROAD;
 
-/// Speed over the horizon, as the speed controller means to drive it.
+/// Speed over the horizon, as the speed controller plans it.
 #[derive(Debug, Clone, Copy)]
 #[allow(missing_docs)]
 pub struct SpeedAhead<'a> {
     pub speed: f64,
     pub accel: f64,
-    /// Predicted speed at the end of each step, m/s; beyond its end the acceleration goes on.
+    /// Predicted speed at the end of each step, m/s; beyond its end the acceleration is held.
     pub predicted: &'a [f64],
 }
 
@@ -44,8 +44,8 @@ impl Preview {
         }
     }
 
-    /// Reads the road over the horizon: at the middle of each step for what drives the model, at its end for what is
-    /// compared with the state there.
+    /// Reads the road over the horizon. The middle of each step is for the inputs of the model, its end is for
+    /// comparison with the state there.
     pub fn look(&mut self, path: &Path, station: f64, ahead: SpeedAhead<'_>, sample_time: f64) {
         let (mut s, mut v) = (station, ahead.speed);
         for j in 0..self.station.len() {

@@ -1,19 +1,19 @@
-//! What following the road asks for: the states and the steering of a vehicle that stays on it exactly.
+//! Reference of following the road: the states and the steering of a vehicle that stays on it exactly.
 //!
-//! On the path `e1`, its rate and its second derivative are zero. The second row of `x' = A x + B delta + D w + E w'`, with the
-//! road's heading rate `w`, then gives the steering, and the other rows what the body does meanwhile (the zero dynamics):
-//!
+//! On the path `e1`, its rate and its second derivative are zero. The second row of `x' = A x + B delta + D w + E w'`,
+//! with the road's heading rate `w`, then gives the steering. The other rows give the body's motion meanwhile (the zero
+//! dynamics):
 //! ```text
 //! delta = -(a_2 x + d_2 w + e_2 w') / b_2
 //! x'    = (A - B a_2/b_2) x + (D - B d_2/b_2) w + (E - B e_2/b_2) w'
 //! ```
 //!
-//! They are stable for front steering and an error measured at the CG. The command is ahead of the steering by what is known of
-//! the actuator, `u(t) = delta(t + T) + tau delta'(t + T)`.
+//! They are stable for front steering and an error measured at the CG. The command leads the steering by the known
+//! actuator, `u(t) = delta(t + T) + tau delta'(t + T)`.
 //!
-//! The cost of the MPC is on what deviates from this. A cost on the steering's rate itself would cut every bend, the more the
-//! calmer the loop is; like this a calm loop that knows its vehicle tracks as well as a tight one, and the weights decide only
-//! how errors are brought back.
+//! The cost of the MPC is on deviations from this. A cost on the steering's rate itself would cut every bend, the more
+//! the calmer the loop is. With this one a calm loop that knows its vehicle tracks as well as a tight one. The weights
+//! only decide the correction of errors.
 //!
 //! Source: Isidori, Nonlinear Control Systems, ch. 4.3 (zero dynamics, inversion); Rajamani, Vehicle Dynamics and Control,
 //! ch. 3.3 (steady cornering as feedforward).
@@ -23,12 +23,12 @@ use crate::nominal::{Actuator, ContinuousErrorModel, DeadTimeModel};
 use crate::path::Path;
 use nalgebra::SVector;
 
-/// Time before now at which the body's motion is begun, in steady cornering, s: long enough to be forgotten.
+/// Time before now at which the body's motion begins, in steady cornering, s: long enough to be forgotten.
 const BEGIN: f64 = 0.6;
-/// Longest time beyond the horizon that a command looks ahead, s.
+/// Longest look-ahead of a command beyond the horizon, s.
 const AHEAD: f64 = 0.4;
-/// Deviation of the states from steady cornering, rad and rad/s, that is believed: far from straight driving the linear model
-/// means nothing.
+/// Largest plausible deviation of the states from steady cornering, rad and rad/s: far from straight driving the linear
+/// model means nothing.
 const LARGEST: f64 = 0.3;
 
 /// The reference over a horizon, preallocated.
@@ -109,7 +109,7 @@ impl<const S: usize> RoadReference<S> {
         &self.transient[step]
     }
 
-    /// Writes by how much the command changes in each step, ahead of the steering by an actuator.
+    /// Writes the change of the command in each step, ahead of the steering by an actuator.
     pub fn write_increments(&self, actuator: Option<&Actuator>, increments: &mut [f64]) {
         let (dead_time, lag) = match actuator {
             None => (0.0, 0.0),

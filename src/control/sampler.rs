@@ -1,4 +1,4 @@
-//! When a sampled controller is due inside a host that steps as it likes.
+//! Sample instants of a controller inside a host with steps of its own.
 
 use serde::{Deserialize, Serialize};
 
@@ -16,8 +16,8 @@ impl Sampler {
         Self { start, next: 0 }
     }
 
-    /// Whether a sample is due at `time`. If so, the next one is the first instant after `time`: a host whose steps
-    /// are longer than Ts gets one sample a step.
+    /// True if a sample is due at `time`. If so, the next one is the first instant after `time`: a host whose steps are
+    /// longer than Ts gets one sample a step.
     pub fn due(&mut self, time: f64, sample_time: f64) -> bool {
         let tolerance = 1e-6 * sample_time + 4.0 * f64::EPSILON * time.abs();
         if time < self.start + self.next as f64 * sample_time - tolerance {

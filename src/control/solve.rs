@@ -12,16 +12,17 @@ use nalgebra::{SMatrix, SVector};
 /// The equations without their first column.
 #[derive(Debug, Clone)]
 pub(super) struct Equations<const S: usize> {
-    /// Factors below the diagonal and what is left above it, of the columns from the second on, in the rows' new order.
+    /// Factors below the diagonal and the remainder above it, of the columns from the second on, in the rows' new
+    /// order.
     factor: [[f64; S]; S],
     /// Reciprocals of the pivots.
     inverse: [f64; S],
-    /// Which equation stands in each row.
+    /// Equation in each row.
     order: [usize; S],
 }
 
 impl<const S: usize> Equations<S> {
-    /// Eliminates all columns of `matrix` but the first, which is not looked at; none if they depend on each other.
+    /// Eliminates all columns of `matrix` but the first, which is not read; none if they depend on each other.
     pub(super) fn new(matrix: &SMatrix<f64, S, S>) -> Option<Self> {
         let mut factor: [[f64; S]; S] = std::array::from_fn(|row| {
             std::array::from_fn(|k| if k + 1 < S { matrix[(row, k + 1)] } else { 0.0 })

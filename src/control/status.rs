@@ -1,4 +1,4 @@
-//! What a control step did, in words that a person understands.
+//! Result of a control step, in plain words.
 
 use crate::enumeration;
 

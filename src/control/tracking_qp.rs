@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 /// A softly bounded output, at every step of the horizon.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SoftBound {
-    /// Which output of a step.
+    /// Output within a step.
     pub output: usize,
     /// Lower bound.
     pub min: f64,
@@ -32,7 +32,7 @@ pub struct SoftBound {
     pub linear: f64,
 }
 
-/// What stays the same from step to step.
+/// Constant part of the problem from step to step.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct QpShape {
     /// Steps of the horizon, `N`.
@@ -72,12 +72,12 @@ pub struct TrackingQp {
     pub previous: Vec<f64>,
     /// Increments of the inputs that cost nothing, `d`, `N inputs`.
     pub free_increments: Vec<f64>,
-    /// Whether an input acts as the one before it did a step earlier, `G` being constant along its diagonals: the cost is then
-    /// condensed in `O(N^2)`.
+    /// True if an input acts as the one before it did a step earlier, `G` being constant along its diagonals. The cost
+    /// is then condensed in `O(N^2)`.
     pub shift_invariant: bool,
 }
 
-/// How a solver ended.
+/// End of a solver's run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum QpEnd {
     /// To full accuracy.
@@ -86,7 +86,7 @@ pub enum QpEnd {
     ReducedAccuracy,
 }
 
-/// What a solver reports beside the solution.
+/// Report of a solver beside the solution.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[allow(missing_docs)]
 pub struct QpReport {
@@ -96,7 +96,7 @@ pub struct QpReport {
     pub objective: f64,
 }
 
-/// Why there is no solution.
+/// Reasons for which there is no solution.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum QpError {
@@ -130,7 +130,7 @@ pub trait QpSolver: Send {
 }
 
 impl QpShape {
-    /// Whether a solver for the other serves this one: weights and rates may differ from step to step, nothing else.
+    /// True if a solver for the other serves this one: weights and rates may differ from step to step, nothing else.
     #[must_use]
     pub fn is_like(&self, other: &Self) -> bool {
         (self.horizon, self.outputs, self.inputs) == (other.horizon, other.outputs, other.inputs)
@@ -163,8 +163,8 @@ impl TrackingQp {
         }
     }
 
-    /// The objective of inputs and the outputs that belong to them, with the slacks that are then best; whole, also its
-    /// part that no input changes.
+    /// The objective of inputs and the outputs that belong to them, with the best slacks. It is complete: it includes
+    /// the part that no input changes.
     #[must_use]
     pub fn objective(&self, inputs: &[f64], outputs: &[f64]) -> f64 {
         let shape = &self.shape;

@@ -1,8 +1,8 @@
-//! The truck as the controller knows it: a tractor with a semi-trailer, its articulation measured.
+//! The controller's truck: a tractor with a semi-trailer, its articulation measured.
 //!
-//! Beside the errors of the tractor the state has the articulation and its rate. They cost nothing by default: the trailer
-//! follows the tractor, and to pull the articulation towards a value is to pull the tractor off the path where the road
-//! bends. A soft bound keeps it from jack-knifing.
+//! Beside the errors of the tractor the state has the articulation and its rate. They cost nothing by default. The
+//! trailer follows the tractor, and pulling the articulation towards a value pulls the tractor off the path in bends. A
+//! soft bound keeps it from jack-knifing.
 
 use super::controller::Measurement;
 use super::parameters::{
@@ -36,7 +36,7 @@ impl ControlledVehicle<TRUCK_STATES> for Articulated {
 }
 
 parameters! {
-    /// The nominal truck, as a careful engineer knows it, and what its articulation costs. Names are those of a truck's file.
+    /// The nominal truck of a careful engineer, and the cost of its articulation. Names are those of a truck's file.
     pub struct NominalTruck {
         mass1: f64 = 7180.0, KILOGRAM in 500.0, 1e5; "tractor.mass", "Mass of the nominal model's tractor"
         yaw_inertia1: f64 = 21_863.0, KILOGRAM_METRE2 in 100.0, 1e6; "tractor.yaw_inertia", "Yaw inertia of the nominal model's tractor about its CG"
@@ -62,10 +62,10 @@ parameters! {
 
 /// Largest reference of the articulation, rad: that of a U-turn; the linear steady state means nothing beyond.
 const LARGEST_ARTICULATION_REFERENCE: f64 = 0.6;
-/// What a prediction misses in the rate of the articulation for each m/s that it misses of the lateral velocity, rad/m:
-/// both come from the axles' forces.
+/// Unmodelled rate of the articulation for each m/s of unmodelled lateral velocity, rad/m: both come from the axles'
+/// forces.
 const ARTICULATION_SHARE: f64 = 0.5;
-/// Largest disturbing articulation acceleration that is believed, rad/s2: as for the yaw.
+/// Largest plausible disturbing articulation acceleration, rad/s2: as for the yaw.
 const LARGEST_DISTURBANCE: f64 = 3.0;
 /// Share of the angle at which trailer and cab touch that the soft bound leaves.
 const SAFE_SHARE: f64 = 2.0 / 3.0;
@@ -129,7 +129,7 @@ impl NominalTruck {
         }
     }
 
-    /// From a truck's linear model; the articulation costs what it does by default.
+    /// From a truck's linear model; the articulation has its default cost.
     #[must_use]
     pub fn from_articulated(truck: &Articulated) -> Self {
         let [front_stiffness, rear_stiffness, trailer_stiffness] = truck.stiffness;

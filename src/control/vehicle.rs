@@ -1,7 +1,7 @@
-//! What the controller must know of a kind of vehicle: a car has its errors to the path alone, a truck its trailer too.
+//! The controller's knowledge of a kind of vehicle: a car has its errors to the path alone, a truck its trailer too.
 //!
-//! Everything in this module is written for `S` states. What differs from vehicle to vehicle stands here: how the state
-//! is measured, what the further states cost, and which nonlinear model there is, if any.
+//! Everything in this module is written for `S` states. Differences between vehicles stand here: the measurement of the
+//! state, the cost of the further states, and the nonlinear model, if any.
 
 use super::controller::Measurement;
 use super::lateral::LateralError;
@@ -18,17 +18,17 @@ use std::sync::Arc;
 
 /// A vehicle that the controller can drive.
 pub trait ControlledVehicle<const S: usize>: LateralVehicle<S> {
-    /// What the nonlinear variants predict with; [`Infallible`], which nobody can make, for a vehicle without them.
+    /// Model of the nonlinear variants; [`Infallible`], which has no values, for a vehicle without them.
     type Nonlinear: Nonlinear<Self, S>;
 
     /// The model's state from the errors to the path and the measurement that they are of.
     fn state(errors: &ErrorState, measurement: &Measurement) -> SVector<f64, S>;
 }
 
-/// What is learned of what a vehicle's nonlinear model misses.
+/// Learned error of a vehicle's nonlinear model.
 pub type GpOf<V, const S: usize> = <<V as ControlledVehicle<S>>::Nonlinear as Nonlinear<V, S>>::Gp;
 
-/// A nonlinear model that a variant predicts with.
+/// A nonlinear model of a variant.
 pub trait Nonlinear<V, const S: usize>: std::fmt::Debug + Clone + Send + Sync {
     /// The Gaussian process that corrects it; [`Infallible`] where there is none.
     type Gp: std::fmt::Debug + Clone + Send + Sync;
@@ -66,7 +66,7 @@ impl<V: LateralVehicle<S>, const S: usize> Nonlinear<V, S> for Infallible {
     }
 }
 
-/// The parameters of a kind of vehicle that a user sets: those of its model, and what its further states cost.
+/// The user's parameters of a kind of vehicle: those of its model, and the cost of its further states.
 pub trait VehicleParameters<const S: usize>: std::fmt::Debug + Copy + PartialEq {
     /// The vehicle that they are of.
     type Vehicle: ControlledVehicle<S>;
@@ -90,7 +90,7 @@ pub trait VehicleParameters<const S: usize>: std::fmt::Debug + Copy + PartialEq 
     fn check_all(&self) -> Result<(), OutOfRange>;
 }
 
-/// What the controller does about a state behind the errors to the path. Units are those of the state.
+/// Cost, bound and noise of a state behind the errors to the path. Units are those of the state.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FurtherState {
     /// Weight of its squared deviation from that of steady cornering.
@@ -101,9 +101,9 @@ pub struct FurtherState {
     pub largest_reference: f64,
     /// Noise of its measurement (standard deviation).
     pub noise: f64,
-    /// What a prediction misses of it in a step for each m/s that it misses of the lateral velocity.
+    /// Unmodelled change of it in a step for each m/s of unmodelled lateral velocity.
     pub missed: f64,
-    /// Largest disturbing acceleration that is believed, if it is a rate.
+    /// Largest plausible disturbing acceleration, if it is a rate.
     pub largest_disturbance: f64,
 }
 

@@ -1,14 +1,14 @@
-//! What is believed before a log is seen: how good the vehicle's numbers are, and how likely each effect is.
+//! Prior beliefs before a log is seen: quality of the vehicle's numbers, probability of each effect.
 //!
-//! Tolerances are normal, as of a careful measurement; or they have heavy tails, as of a data sheet: most numbers are right, and
-//! a few are far off, and one more of these is no discovery. The log tells which:
+//! Tolerances are normal, as of a careful measurement, or have heavy tails, as of a data sheet. With heavy tails most
+//! numbers are right and a few are far off; one more of these is no discovery. The log tells which:
 //!
 //! ```text
 //!     P(hypothesis | log) = sum over worlds w of  P(w) P(hypothesis | log, w),      tolerances of w: N(0, s^2) or t_4(0, s^2)
 //! ```
 //!
-//! Source: the specification asks for Student's t with 4 degrees of freedom; a mixture as a robust prior is that of O'Hagan and
-//! Pericchi, Bayesian heavy-tailed models and conflict resolution, Braz. J. Probab. Stat. 26 (2012).
+//! Sources: Student's t with 4 degrees of freedom is asked for by the specification. A mixture as a robust prior:
+//! O'Hagan and Pericchi, Bayesian heavy-tailed models and conflict resolution, Braz. J. Probab. Stat. 26 (2012).
 
 use super::calibration::Calibration;
 use std::collections::BTreeMap;
@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 /// Degrees of freedom of heavy tails.
 const TAILS: f64 = 4.0;
 
-/// How good the vehicle's numbers are.
+/// Quality of the vehicle's numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Trust {
@@ -29,7 +29,7 @@ pub enum Trust {
     High,
 }
 
-/// How tolerances are spread.
+/// Spread of the tolerances.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct World {
     /// Factor on all of them.
@@ -41,7 +41,7 @@ pub struct World {
 }
 
 impl Trust {
-    /// What may be; the log tells which.
+    /// Possible worlds; the log tells which.
     #[must_use]
     pub fn worlds(self, calibration: &Calibration) -> [World; 2] {
         let factor = match self {
@@ -60,7 +60,7 @@ impl Trust {
 /// All that is believed.
 #[derive(Debug, Clone, Default)]
 pub struct Beliefs {
-    /// How good the vehicle's numbers are.
+    /// Quality of the vehicle's numbers.
     pub trust: Trust,
     /// Probability that an effect is among the causes, by id; of all others it is that of `calibration.toml`.
     pub probabilities: BTreeMap<String, f64>,

@@ -9,10 +9,10 @@ use std::sync::LazyLock;
 
 const TEXT: &str = include_str!("calibration.toml");
 
-/// What the freedom of an effect usually costs: a log makes what may be some ten times narrower.
+/// Usual cost of freeing an effect: a log makes the prior range some ten times narrower.
 const USUAL: f64 = 2.5;
 
-/// What `calibration.toml` holds; evidence is a difference of `J`.
+/// Contents of `calibration.toml`; evidence is a difference of `J`.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Calibration {
@@ -22,7 +22,7 @@ pub struct Calibration {
     pub odds: f64,
     /// The same against tolerances with heavy tails.
     pub tails_odds: f64,
-    /// The same against a value that varies.
+    /// The same against a varying value.
     varying_odds: f64,
     /// And against another number of the vehicle that is off.
     other_odds: f64,
@@ -30,21 +30,21 @@ pub struct Calibration {
     pub misfit: Misfit,
     /// Errors of the model's form.
     pub form: Form,
-    /// Factor on the standard deviations of named values: what the form of the model adds beyond the fit's own.
+    /// Factor on the standard deviations of named values: the model's form adds to the fit's own.
     pub interval: f64,
 }
 
-/// How large what a fit leaves is, in units of what the model's form leaves.
+/// Size of a fit's remainder, in units of the remainder that the model's form leaves.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Misfit {
-    /// Mean and deviation of its logarithm where the library has the cause.
+    /// Mean and deviation of its logarithm for a cause in the library.
     known: (f64, f64),
     /// The same where it has not.
     outside: (f64, f64),
     /// Logarithm of the odds against that.
     odds: f64,
-    /// Share of what is explained that a form leaves.
+    /// Share of the explained part that a form leaves.
     pub share: f64,
 }
 
@@ -57,8 +57,8 @@ struct Tyre {
     truck: [f64; 4],
 }
 
-/// Standard deviations of the errors of the model's form: of size, lateness in s, change with speed, with lateral and with
-/// longitudinal acceleration, as `form.rs` has them.
+/// Standard deviations of the errors of the model's form: size, lateness in s, change with speed, with lateral and with
+/// longitudinal acceleration, as in `form.rs`.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Form {
@@ -107,14 +107,15 @@ impl Calibration {
         &PARSED
     }
 
-    /// Logarithm of the weight of effects that explain so much of the tempered likelihood, whose freedom costs so much, and against which there are `odds`.
+    /// Logarithm of the weight of effects, from the evidence of the tempered likelihood, the cost of their freedom, and
+    /// the `odds` against them.
     #[must_use]
     pub fn weight(&self, evidence: f64, narrowing: f64, odds: f64) -> f64 {
         0.5 * evidence - narrowing - odds
     }
 
-    /// What a cause that the library does not have weighs beside what it comes upon. Of a misfit the ratio of two log-normal
-    /// densities.
+    /// Weight of a cause outside the library relative to the hypothesis that it extends. For a misfit: the ratio of two
+    /// log-normal densities.
     #[must_use]
     pub fn unknown_weight(&self, unknown: &Unknown, evidence: f64, narrowing: f64) -> f64 {
         let explained = 0.5 * evidence - narrowing;
@@ -133,7 +134,7 @@ impl Calibration {
         }
     }
 
-    /// Evidence from which on an effect whose freedom costs what is usual is more probable than nothing.
+    /// Evidence from which on an effect with the usual cost of freedom is more probable than nothing.
     #[must_use]
     pub fn telling(&self) -> f64 {
         2.0 * (self.odds + USUAL) / self.temper

@@ -1,7 +1,7 @@
-//! What the gap does to tracking: the same controller on the same path, in the log and in the simulator.
+//! Effect of the gap on tracking: the same controller on the same path, in the log and in the simulator.
 //!
-//! The lateral error of each is averaged over stretches of the path; the gap is the RMS of their difference over the stretches
-//! that both have driven.
+//! The lateral error of each is averaged over stretches of the path. The gap is the RMS of their difference over the
+//! stretches that both have driven.
 
 use super::report::Gap;
 use crate::control::{
@@ -22,7 +22,7 @@ const STEP: f64 = 0.02;
 /// Fewest stretches that both have driven.
 const LEAST: usize = 50;
 
-/// Why the loop cannot be compared.
+/// Reasons for which the loop cannot be compared.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum ClosedLoopError {

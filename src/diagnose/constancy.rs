@@ -1,16 +1,17 @@
-//! Whether an effect acts with one value throughout: what is of the library does; what only looks like it does not.
+//! Constancy of an effect's value over the drive: an effect of the library has one value; a look-alike needs a varying
+//! one.
 //!
-//! A ratio that varies with the angle looks like a ratio error, a gust like wind, a patch like friction: with a value that
-//! follows the angle, the time. So an effect `i` of a fit, off by `d_i` and with slopes `s_i`, is let vary with what the
-//! drive does, `z_k`, standardised,
+//! A ratio that varies with the angle looks like a ratio error, a gust like wind, a patch like friction. Their values
+//! follow the angle or the time. So an effect `i` of a fit, off by `d_i` and with slopes `s_i`, may vary with
+//! standardised quantities `z_k` of the drive,
 //!
 //! ```text
 //!     e(t) - s_i(t) d_i sum_k c_k z_k(t),      c_k ~ N(0, VARY^2),
 //! ```
 //!
-//! and what that explains more, all tolerances marginalised and the effect's own mean free as ever, is evidence that the
-//! value is not one. With `D` the columns `s_i d_i z_k`, `e_0` the gap at the expected tolerances, as the slopes give it, and
-//! `<a, b> = a' (W^-1 + U U')^-1 b`,
+//! The cost is compared with all tolerances marginalised and the effect's own mean free as before. A better explanation
+//! is evidence that the value is not constant. With `D` the columns `s_i d_i z_k`, `e_0` the linearised gap at the
+//! expected tolerances, and `<a, b> = a' (W^-1 + U U')^-1 b`,
 //!
 //! ```text
 //!     gain = b' (G + 1 / VARY^2)^-1 b,      b_k = <D_k, e_0>,  G_kl = <D_k, D_l>.
@@ -28,15 +29,15 @@ use crate::vehicle::Stage;
 use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
 
-/// Standard deviation of an effect's relative change with one standard deviation of what it varies with.
+/// Standard deviation of an effect's relative change, for one standard deviation of the quantity that it varies with.
 const VARY: f64 = 0.5;
 /// Shortest part of a log that may have a value of its own, s, and most of them.
 const PART: f64 = 8.0;
 const PARTS: usize = 10;
-/// Lateral acceleration that is surely of one side, m/s2.
+/// Lateral acceleration that is certainly of one side, m/s2.
 const SIDE: f64 = 0.5;
 
-/// What a value may follow.
+/// Quantity that a value may follow.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[allow(missing_docs)]
@@ -65,7 +66,7 @@ impl Cause {
     }
 }
 
-/// How the value of one effect of a fit varies.
+/// Variation of the value of one effect of a fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Variation {
     /// The effect's knob.
@@ -74,7 +75,7 @@ pub struct Variation {
     pub with: Cause,
     /// By how much: standard deviation over the drive, of the knob's coordinate.
     pub deviation: f64,
-    /// How much better it explains the log, and what the freedom costs.
+    /// Gain in explanation of the log, and cost of the freedom.
     pub gain: f64,
     #[allow(missing_docs)]
     pub narrowing: f64,
@@ -83,7 +84,7 @@ pub struct Variation {
 /// A cause with one or more columns over the rows that are compared.
 pub type Columns = (Cause, Vec<Vec<f64>>);
 
-/// What values may follow on a drive.
+/// Quantities that values may follow on a drive.
 #[must_use]
 pub fn causes<V: ReplayVehicle>(problem: &Problem<V>) -> Vec<Columns> {
     let drive = problem.drive;
@@ -114,7 +115,7 @@ pub fn causes<V: ReplayVehicle>(problem: &Problem<V>) -> Vec<Columns> {
     all
 }
 
-/// Less its mean, over its standard deviation; none of what hardly moves.
+/// Column less its mean, over its standard deviation; none for a column that is nearly constant.
 fn standardised(mut column: Vec<f64>) -> Option<Vec<f64>> {
     let count = column.len().max(1) as f64;
     let mean = column.iter().sum::<f64>() / count;
@@ -127,7 +128,7 @@ fn standardised(mut column: Vec<f64>) -> Option<Vec<f64>> {
     Some(column)
 }
 
-/// Of a sum of columns, each with its share.
+/// Root mean square of a sum of columns, each with its share.
 fn root_mean_square(columns: &[Vec<f64>], share: &DVector<f64>) -> f64 {
     let count = columns.first().map_or(0, Vec::len);
     let at =
@@ -135,7 +136,7 @@ fn root_mean_square(columns: &[Vec<f64>], share: &DVector<f64>) -> f64 {
     ((0..count).map(|i| at(i).powi(2)).sum::<f64>() / count.max(1) as f64).sqrt()
 }
 
-/// What an effect does, where that is `size` times as large as `z` in each row; `does` and the result in all channels.
+/// Response to an effect that is `size` times as large as `z` in each row; `does` and the result in all channels.
 #[must_use]
 pub fn following<V>(problem: &Problem<V>, does: &[f64], z: &[f64], size: f64) -> Vec<f64> {
     let mut varied = does.to_vec();
@@ -145,14 +146,13 @@ pub fn following<V>(problem: &Problem<V>, does: &[f64], z: &[f64], size: f64) ->
     varied
 }
 
-/// What is of the vehicle's body or its sensors does not vary.
+/// Effects of the vehicle's body and of its sensors do not vary.
 fn may_vary<V: ReplayVehicle>(problem: &Problem<V>, knob: usize) -> bool {
     let effect = problem.knobs[knob].effect;
     effect.is_some_and(|effect| !matches!(effect.stage, Stage::Body | Stage::Sensor))
 }
 
-/// What is explained more where each freed effect of a fit that may vary does so with each cause; `linear` holds slopes at
-/// the fit.
+/// Gain of each cause for each freed effect of a fit that may vary; `linear` holds slopes at the fit.
 #[must_use]
 pub fn variations<V: ReplayVehicle>(
     problem: &Problem<V>,
@@ -182,8 +182,8 @@ pub fn variations<V: ReplayVehicle>(
     all
 }
 
-/// The single effect that explains most with a value that varies: its place among `singles`, each with slopes and precision at its
-/// fit and what it costs, and how.
+/// The single effect that gains most from a varying value: its place among `singles` and its variation. Each single
+/// comes with slopes and precision at its fit, and its cost.
 #[must_use]
 pub fn best_single<V: ReplayVehicle>(
     problem: &Problem<V>,

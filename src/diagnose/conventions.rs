@@ -1,15 +1,15 @@
-//! How the log's columns are meant: tested on the log, not trusted.
+//! Conventions of the log's columns: tested on the log, not trusted.
 //!
 //! | convention | test |
 //! |---|---|
-//! | side of `roll` | to the right side down in a left turn, as a body leans; else it counts the other way |
+//! | side of `roll` | to the right side down in a left turn, as a body leans; otherwise the sign is reversed |
 //! | frame of `ay` | an accelerometer in body axes feels gravity by roll and bank; a navigation unit gives the level frame's `v r + v'`. Each is scored by what it leaves to the likeliest of nothing and single effects, |
 //!
 //! ```text
 //!     score = max over none and singles of  -eta J / 2 - k odds,        J by one linear step from the neutral replay.
 //! ```
 //!
-//! A clear winner is taken, and said; else the frame is that of the documentation, body axes.
+//! A clear winner is used and reported; else the frame is that of the documentation, body axes.
 
 use super::calibration::Calibration;
 use super::fit::{Linear, Prior};
@@ -23,7 +23,7 @@ const SURE: f64 = 0.5;
 /// Logarithm of the odds of a clear winner: twenty to one.
 const CLEAR: f64 = 3.0;
 
-/// Turns a roll that counts to the other side.
+/// Turns a roll of the opposite sign.
 pub fn turn_roll(drive: &mut Drive) -> Option<Finding> {
     roll_with_lateral_accel(drive).filter(|correlation| *correlation < -SURE)?;
     drive.columns.get_mut("roll")?.iter_mut().for_each(|roll| *roll = -*roll);
@@ -45,7 +45,7 @@ pub fn find_frame<V: ReplayVehicle>(problem: &mut Problem<V>) -> Option<Finding>
     })
 }
 
-/// Correlation of the roll with the lateral acceleration that speed and yaw rate tell.
+/// Correlation of the roll with the lateral acceleration by speed and yaw rate.
 fn roll_with_lateral_accel(drive: &Drive) -> Option<f64> {
     let (roll, vx, rate) = (drive.column("roll"), drive.column("vx"), drive.column("yaw_rate"));
     if roll.is_empty() || rate.is_empty() {
@@ -62,7 +62,7 @@ fn roll_with_lateral_accel(drive: &Drive) -> Option<f64> {
     (size > 0.0).then(|| covariance / size)
 }
 
-/// How well each reading of a log is explained, both with the noise of the body's frame.
+/// Scores of both readings of a log, with the noise of the body's frame.
 fn scores<V: ReplayVehicle>(problem: &Problem<V>) -> Option<[f64; 2]> {
     let calibration = Calibration::built_in();
     let prior = Prior::of(problem);

@@ -1,32 +1,33 @@
-//! From the posterior to what is the matter: the most probable of nothing, a set of effects, and a cause that is not in the
-//! library; and none of them where none is more probable than not, or where a name does not predict what its fit has not seen.
+//! The decision from the posterior: the most probable of nothing, a set of effects, and a cause outside the library. No
+//! decision is made where none has a probability above one half, or where a name does not predict data unseen by its
+//! fit.
 //!
-//! A set of effects stands with its class: an effect and others that, in its place beside the rest, are nearly as probable. The
-//! class is as probable as all its sets together.
+//! A set of effects stands with its class: an effect and its nearly as probable alternatives beside the rest. The class
+//! is as probable as all its sets together.
 
 use super::posterior::{Posterior, Unknown};
 use super::report::VerdictKind;
 
-/// Share of the probability of the best from which on an effect in its place is of its class.
+/// Probability of an alternative, as a share of the best's, from which on it is of the class.
 const ALIKE: f64 = 0.1;
-/// From here on something is more probable than not.
+/// Probability above which a hypothesis is more probable than not.
 const MORE_THAN_NOT: f64 = 0.5;
 
-/// What is the matter, most probably.
+/// The most probable cause.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Decision {
     pub kind: VerdictKind,
-    /// Of the verdict; where the log does not tell, of the most probable hypothesis.
+    /// Probability of the verdict; if the log does not tell, of the most probable hypothesis.
     pub probability: f64,
-    /// The effects that are named; of a cause that is not in the library, those that come nearest.
+    /// The effects that are named; for a cause outside the library, the nearest ones.
     pub effects: Vec<usize>,
-    /// What may stand in the place of each.
+    /// Alternatives to each effect.
     pub classes: Vec<Vec<usize>>,
-    /// What gives away that the cause is not in the library.
+    /// Sign that the cause is not in the library.
     pub unknown: Option<Unknown>,
 }
 
-/// Effects that may stand in the place of each of a set, and how probable they are together.
+/// Alternatives to each effect of a set, and their joint probability.
 fn classes(posterior: &Posterior, effects: &[usize]) -> (Vec<Vec<usize>>, f64) {
     let best = posterior.of_set(effects);
     let others = |own: usize| effects.iter().copied().filter(move |&it| it != own);
@@ -50,7 +51,7 @@ fn classes(posterior: &Posterior, effects: &[usize]) -> (Vec<Vec<usize>>, f64) {
     (classes, probability)
 }
 
-/// Whether each effect finds a class of its own.
+/// True if each effect finds a class of its own.
 fn fits(effects: &[usize], classes: &[Vec<usize>]) -> bool {
     let Some((first, rest)) = effects.split_first() else { return true };
     (0..classes.len()).filter(|&place| classes[place].contains(first)).any(|place| {
@@ -64,7 +65,7 @@ fn fits(effects: &[usize], classes: &[Vec<usize>]) -> bool {
     })
 }
 
-/// The most probable of all, whatever is known of how it predicts.
+/// The most probable of all, regardless of its prediction.
 #[must_use]
 pub fn lead(posterior: &Posterior) -> Decision {
     let nothing = Decision {

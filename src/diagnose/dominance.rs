@@ -1,11 +1,11 @@
-//! How large what an effect does is beside what the background does.
+//! Dominance: size of an effect's response relative to that of the background.
 
 use super::fit::Fit;
 use super::problem::Problem;
 use super::rank::Ranking;
 use super::replay::ReplayVehicle;
 
-/// What an effect does to the motion, over what the background does: the tolerances without any of the effects.
+/// Response of the motion to an effect, over that to the background: the tolerances without any of the effects.
 pub(super) fn dominance<V: ReplayVehicle>(
     problem: &Problem<V>,
     ranking: &Ranking,

@@ -28,30 +28,30 @@ use std::collections::BTreeMap;
 
 /// Shortest drive that is diagnosed, s of compared rows.
 const SHORTEST: f64 = 6.0;
-/// Share of its tolerance that a vehicle may change from log to log without anything being the matter.
+/// Ordinary change of a sound vehicle from log to log, as a share of its tolerance.
 const DRIFT: f64 = 0.2;
-/// What is of the day and the road, not of the vehicle: it may change by its whole tolerance.
+/// Effects of the day and the road, not of the vehicle: each may change by its whole tolerance.
 const ENVIRONMENT: [&str; 4] = ["wind_x", "wind_y", "road_bank", "road_grade"];
-/// Tolerances of a vehicle in its reference log, besides what is named there: as many times the ordinary ones.
+/// Tolerances of a vehicle in its reference log, besides the effects named there, relative to the ordinary ones.
 const WIDE: f64 = 2.0;
-/// Other hypotheses that the next manoeuvre is to tell apart from the first, and hypotheses of a short list.
+/// Number of other hypotheses that the next manoeuvre separates from the first, and of hypotheses in a short list.
 const RIVALS: usize = 4;
 const SHORT_LIST: usize = 5;
-/// Steering that is no steering: deviation in rad.
+/// Deviation of the steering below which there is none, rad.
 const STRAIGHT: f64 = 1e-3;
 
-/// What can be chosen.
+/// Options of a diagnosis.
 #[derive(Debug, Clone)]
 pub struct Options {
     /// Seed of everything random (recorded; the engine itself draws nothing).
     pub seed: u64,
     /// Threads; 0: all there are. The answer does not depend on it.
     pub threads: usize,
-    /// Whether pairs of effects are looked for.
+    /// True to search for pairs of effects.
     pub pairs: bool,
     /// Effects that are left out of the library, for negative controls; within their tolerances they stay.
     pub without: Vec<String>,
-    /// What is believed before the log is seen.
+    /// Beliefs before the log is seen.
     pub beliefs: Beliefs,
 }
 
@@ -61,7 +61,7 @@ impl Default for Options {
     }
 }
 
-/// Why there is no answer.
+/// Reasons for which there is no answer.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum DiagnoseError {
@@ -107,7 +107,7 @@ fn check(log: &CleanLog) -> Result<(), DiagnoseError> {
     Ok(())
 }
 
-/// Whether what was chosen is known.
+/// Checks that all names in the options are known.
 fn check_options<V: ReplayVehicle>(vehicle: &V, options: &Options) -> Result<(), DiagnoseError> {
     let is_effect = |id: &str| crate::vehicle::TruckEffects::all().any(|effect| effect.id == id);
     if let Some(id) = options.without.iter().find(|id| !is_effect(id)) {
@@ -127,7 +127,8 @@ fn check_options<V: ReplayVehicle>(vehicle: &V, options: &Options) -> Result<(),
     }
 }
 
-/// Diagnoses a log; with a `reference`, a log of the same vehicle when it was as modelled, what has changed since.
+/// Diagnoses a log. With a `reference`, a log of the same vehicle when it was as modelled, the result is the change
+/// since then.
 ///
 /// # Errors
 /// A log that is not clean, a vehicle that cannot be replayed.
@@ -364,7 +365,8 @@ pub fn diagnose<V: ReplayVehicle>(
     Ok(Diagnosis { report, series })
 }
 
-/// What a log of the same vehicle says of it: whatever was the matter then belongs to the vehicle as it is known.
+/// Prior knowledge from a reference log of the same vehicle: whatever was wrong then belongs to the vehicle as it is
+/// known.
 fn known_from<V: ReplayVehicle>(
     log: &CleanLog,
     problem: &Problem<V>,
@@ -417,7 +419,7 @@ fn known_from<V: ReplayVehicle>(
     Ok(())
 }
 
-/// What plots are drawn from.
+/// Data of the plots.
 fn series<V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,

@@ -1,4 +1,4 @@
-//! The value of a fitted effect, and how sure it is.
+//! The value of a fitted effect, and its uncertainty.
 
 use super::fit::Fit;
 use super::problem::Problem;
@@ -10,13 +10,13 @@ use nalgebra::DMatrix;
 pub struct Wind {
     /// In units of the coordinate.
     pub speed: f64,
-    /// Sine and cosine of where it blows to, by the heading at the log's start.
+    /// Sine and cosine of its direction, by the heading at the log's start.
     pub to: (f64, f64),
     /// The knob of its other component.
     pub across: usize,
 }
 
-/// The wind that a knob of a fit stands for, where it is not one component alone.
+/// The wind of a knob of a fit, if it is not one component alone.
 #[must_use]
 pub fn wind_of<V: ReplayVehicle>(problem: &Problem<V>, fit: &Fit, knob: usize) -> Option<Wind> {
     let (across, _) = problem.companion(knob).filter(|_| problem.knobs[knob].id == "wind_x")?;
@@ -42,7 +42,7 @@ pub fn estimate<V: ReplayVehicle>(
     (x, variance.max(0.0).sqrt())
 }
 
-/// Half of a 95 % interval; `wider`: what the form of the model adds to a fit's own standard deviation.
+/// Half of a 95 % interval; `wider` is the contribution of the model's form to a fit's own standard deviation.
 #[must_use]
 pub fn half_width(wider: f64, deviation: f64) -> f64 {
     1.96 * wider * deviation

@@ -1,4 +1,4 @@
-//! A zero-phase low pass of 3 Hz and a clock of 10 Hz: what a vehicle's handling is made of.
+//! A zero-phase low pass of 3 Hz and a clock of 10 Hz: the band of a vehicle's handling.
 //!
 //! ```text
 //!     y(t_k) = sum_i h(t_i - t_k) x_i / sum_i h(t_i - t_k),    h = sinc(2 f t) (windowed by a raised cosine)
@@ -44,7 +44,7 @@ impl Filter {
         self.taps.iter().map(|tap| tap * tap).sum::<f64>().sqrt()
     }
 
-    /// Rows on which the filter stands only over rows that count.
+    /// Rows on which the filter only sees rows that count.
     #[must_use]
     pub fn rows(&self, counts: &[bool]) -> Vec<usize> {
         let rows = counts.len();

@@ -1,7 +1,7 @@
 //! Fits with the tolerances marginalised.
 //!
-//! Over coordinates `x` with prior precisions `P` (tolerances; next to none for what is freed), around a point with gap
-//! `e` and slopes `S` the best step is
+//! Over coordinates `x` with prior precisions `P` (tolerances; nearly zero for freed effects), around a point with gap
+//! `e` and slopes `S`, the best step is
 //!
 //! ```text
 //!     J = min over d  (e - S d)' W (e - S d) + (x + d)' P (x + d),      (S' W S + P) d = S' W e - P x
@@ -16,20 +16,20 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use std::borrow::Cow;
 use std::sync::Arc;
 
-/// Standard deviation of the coordinate of what is freed: effects of five units are ordinary.
+/// Standard deviation of a freed coordinate: effects of five units are ordinary.
 pub(super) const FREED: f64 = 5.0;
-/// Steps of Gauss and Newton.
+/// Maximum Gauss-Newton iterations.
 const STEPS: usize = 6;
-/// Tries of each: of its own length and a shorter one, and then held back.
+/// Tries of each kind: of a step's own length or a shorter one, and then with damping.
 const TRIES: usize = 4;
-/// The shorter one is so much shorter at least, and at most: a parabola is rough far away.
+/// Bounds of a shorter step's length, as shares: a parabola is rough far away.
 const SHORTER: f64 = 0.4;
 const SHORTEST: f64 = 0.1;
 
-/// How much a step is held back at first, and how many times as much at the next try; once it gains, as much less.
+/// Damping of a step at the first try, and its factor at each further try; after a gain it falls by the same factor.
 const HELD: f64 = 1.0;
 const MORE: f64 = 10.0;
-/// Promise of a step held back that is worth a try, in gains that end a search.
+/// Promise of a damped step that is worth a try, in gains that end a search.
 const WORTH: f64 = 10.0;
 
 /// Rounds in which strained tolerances are loosened.
@@ -45,7 +45,7 @@ fn enough(cost: f64) -> f64 {
 pub struct Linear {
     /// Columns, one for each knob.
     pub slopes: Vec<Arc<Vec<f64>>>,
-    /// What gaps are weighed with.
+    /// Weights of gaps.
     pub weights: Arc<Weights>,
     pub(super) gram: DMatrix<f64>,
 }
@@ -57,7 +57,7 @@ pub type Column = (usize, Arc<Vec<f64>>);
 pub struct Step {
     /// Change of the coordinates.
     pub change: Vec<f64>,
-    /// What is left.
+    /// Remaining cost.
     pub cost: f64,
 }
 
@@ -138,7 +138,7 @@ impl Linear {
         self.damped(off, gap, precision, 0.0)
     }
 
-    /// The step held back by a `damping`, as Levenberg and Marquardt have it: with the normal matrix `A`, `(A + damping diag A) d = b`.
+    /// The damped step after Levenberg and Marquardt: with the normal matrix `A`, `(A + damping diag A) d = b`.
     #[must_use]
     pub fn damped(&self, off: &[f64], gap: &[f64], precision: &Precision, damping: f64) -> Step {
         let cost = self.square(gap) + precision.penalty(off);
@@ -193,9 +193,9 @@ impl Linear {
         Self::new(self.slopes.clone(), Arc::new(self.weights.times(power)))
     }
 
-    /// The least cost with the tails of a world, from coordinates that are `off` the expected ones with gap `gap`, and what that
-    /// freedom costs: each tolerance that is strained counts the less, the more it is (iteratively reweighted least squares).
-    /// Knobs in `freed` have no tails. None where slopes are no numbers.
+    /// The least cost with the tails of a world, from coordinates `off` the expected ones with gap `gap`, and the cost
+    /// of that freedom. A strained tolerance counts less, the more it is strained (iteratively reweighted least
+    /// squares). Knobs in `freed` have no tails. None where slopes are not finite.
     #[must_use]
     pub fn settled(
         &self,
@@ -257,7 +257,7 @@ impl Linear {
         straight - known.seen(a).dot(&known.seen(b))
     }
 
-    /// What such products share, worked out once. None where slopes are no numbers.
+    /// Shared part of such products, computed once. None where slopes are not finite.
     #[must_use]
     pub fn marginalised<'a>(&'a self, precision: &'a Precision) -> Option<Marginalised<'a>> {
         let factor = self.normal(precision).cholesky()?;
@@ -267,14 +267,14 @@ impl Linear {
 
 /// A linear problem at its best in a world.
 pub struct Settled {
-    /// What is left.
+    /// Remaining cost.
     pub cost: f64,
-    /// How much narrower the log makes what the prior allows, half the logarithm of the determinants' ratio: what freedom costs
-    /// an evidence (Laplace's approximation).
+    /// Narrowing of the prior range by the log, half the logarithm of the ratio of determinants: the cost of freedom in
+    /// the evidence (Laplace's approximation).
     pub narrowing: f64,
     /// Change of the coordinates.
     pub change: Vec<f64>,
-    /// How sure the prior is there.
+    /// Prior precision there.
     pub precision: Precision,
 }
 
@@ -285,7 +285,7 @@ pub struct Marginalised<'a> {
     factor: Cholesky<f64, Dyn>,
 }
 
-/// A gap with what the background can imitate of it.
+/// A gap with the part that the background can imitate.
 pub struct Reduced<'a> {
     gap: Cow<'a, [f64]>,
     weighted: Vec<f64>,
@@ -293,7 +293,7 @@ pub struct Reduced<'a> {
 }
 
 impl Marginalised<'_> {
-    /// What the background can imitate of a gap, `L^-1 S' W a`.
+    /// Part of a gap that the background can imitate, `L^-1 S' W a`.
     fn seen(&self, gap: &[f64]) -> DVector<f64> {
         let right = self.linear.project(gap, self.precision);
         self.factor.l_dirty().solve_lower_triangular(&right).unwrap_or(right)
@@ -312,9 +312,9 @@ impl Marginalised<'_> {
         dot(&a.gap, &b.weighted) - a.imitated.dot(&b.imitated)
     }
 
-    /// What columns `D`, each with a coordinate of standard deviation `s`, explain of a gap `e`, and these coordinates:
-    /// `b' (G + 1 / s^2)^-1 b` with `b_k = <D_k, e>`, `G_kl = <D_k, D_l>`; and what their freedom costs, as
-    /// [`Settled::narrowing`]. None where they are no numbers.
+    /// Explanation of a gap `e` by columns `D`, each with a coordinate of standard deviation `s`, and these
+    /// coordinates: `b' (G + 1 / s^2)^-1 b` with `b_k = <D_k, e>`, `G_kl = <D_k, D_l>`. The cost of their freedom is as
+    /// [`Settled::narrowing`]. None where they are not finite.
     #[must_use]
     pub fn explained<'a, C: Into<Cow<'a, [f64]>>>(
         &self,
@@ -334,12 +334,12 @@ impl Marginalised<'_> {
     }
 }
 
-/// What columns explain.
+/// Explanation by columns.
 #[derive(Debug, Clone)]
 pub struct Explained {
     /// Of the cost.
     pub gain: f64,
-    /// What their freedom costs the evidence.
+    /// Cost of their freedom in the evidence.
     pub narrowing: f64,
     /// Their coordinates.
     pub shares: DVector<f64>,
@@ -354,11 +354,11 @@ pub struct Fit {
     pub x: Vec<f64>,
     /// Gap there.
     pub gap: Vec<f64>,
-    /// What is left: weighted square of the gap, and how unlikely the tolerances are.
+    /// Remaining cost: weighted square of the gap, plus the penalty of the tolerances.
     pub cost: f64,
-    /// Slopes over what was freed and what goes with it, taken last.
+    /// Slopes over the freed knobs and their companions, taken last.
     pub columns: Vec<Column>,
-    /// Where they were taken.
+    /// Coordinates at which the slopes were taken.
     pub columns_at: Vec<f64>,
 }
 
@@ -381,7 +381,7 @@ pub struct Prior {
     pub form: Vec<(Channel, f64)>,
 }
 
-/// How sure the prior is of the coordinates that are free.
+/// Prior precision of the free coordinates.
 #[derive(Debug, Clone)]
 pub struct Precision {
     /// Places of the knobs that are free.
@@ -394,7 +394,7 @@ impl Precision {
         DVector::from_iterator(self.free.len(), self.free.iter().map(|&i| off[i]))
     }
 
-    /// How unlikely coordinates are that are so far off; infinite where one is off that is fixed.
+    /// Penalty of coordinates that are so far off; infinite where a fixed one is off.
     #[must_use]
     pub fn penalty(&self, off: &[f64]) -> f64 {
         if (0..off.len()).any(|i| off[i] != 0.0 && !self.free.contains(&i)) {
@@ -404,7 +404,7 @@ impl Precision {
         off.dot(&(&self.matrix * &off))
     }
 
-    /// As sure as with standard deviations so many times as large.
+    /// The same prior with standard deviations so many times as large.
     #[must_use]
     pub fn widened(mut self, times: f64) -> Self {
         self.matrix /= times * times;
@@ -442,7 +442,7 @@ impl Prior {
         prior
     }
 
-    /// With some knobs freed, and what goes with them: a payload takes its place with it.
+    /// The same prior with some knobs freed, and their companions: a payload takes its place with it.
     #[must_use]
     pub fn freed<V: ReplayVehicle>(&self, problem: &Problem<V>, freed: &[usize]) -> Precision {
         self.freed_but(problem, freed, &[])
@@ -498,14 +498,14 @@ impl Prior {
     }
 }
 
-/// Where a fit begins, with what is known there.
+/// Starting point of a fit, with its known gap and slopes.
 #[derive(Clone)]
 pub struct Start<'a> {
     /// Coordinates.
     pub x: Cow<'a, [f64]>,
     /// The gap there.
     pub gap: Option<Cow<'a, [f64]>>,
-    /// Some slopes, and where they were taken.
+    /// Some slopes, and the coordinates at which they were taken.
     pub slopes: Option<(&'a [f64], Cow<'a, [Column]>)>,
 }
 
@@ -525,8 +525,8 @@ impl<'a> From<&'a Vec<f64>> for Start<'a> {
     }
 }
 
-/// The length to try after a whole step that costs `rise` more than none; None where no length is worth it. A parabola says what
-/// is best, whose slope is what the step `promised`:
+/// The length to try after a whole step that costs `rise` more than none; None where no length is worth it. A parabola
+/// gives the best length. The step `promised` is its slope:
 ///
 /// ```text
 ///     J(l) = J(0) - 2 promised l + (rise + 2 promised) l^2,    l* = promised / (rise + 2 promised),    J(l*) = J(0) - promised l*
@@ -536,9 +536,9 @@ fn shorter(promised: f64, rise: f64, worth: f64) -> Option<f64> {
     (promised > 0.0 && promised * least >= worth).then(|| least.clamp(SHORTEST, SHORTER))
 }
 
-/// Fits with some knobs freed, from a point, with slopes `linear` for the background. Slopes of what is freed are taken
-/// anew at each step. A step that costs more than none is made shorter, and then held back more and more: where many
-/// coordinates do nearly the same, it goes far along what no slope tells, and no length of it gains anything.
+/// Fits with some knobs freed, from a point, with slopes `linear` for the background. Slopes of freed knobs are taken
+/// anew at each step. A step that raises the cost is shortened, then damped more and more. With many coordinates that
+/// act alike, an undamped step leaves the range of its slopes, and no length of it gains.
 #[must_use]
 pub fn fit<'a, V: ReplayVehicle>(
     problem: &Problem<V>,

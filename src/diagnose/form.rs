@@ -1,24 +1,24 @@
-//! What a vehicle of another formulation does otherwise, though all its numbers are right: errors of the model's form.
+//! Errors of the model's form: deviations of a vehicle of another formulation though all its numbers are right.
 //!
-//! They are no white noise. They follow the motion: a signal `s` comes out a little too large, too early, or so at speed,
-//! at much lateral acceleration `a`, or when driven (`a_x > 0`) and not when braked: shares of brakes and of load are each
-//! formulation's own;
+//! They are no white noise; they follow the motion. A signal `s` comes out a little too large or too early. Or it does
+//! so with speed, with lateral acceleration `a`, or with driving (`a_x > 0`) against braking. Shares of brakes and of
+//! load differ between formulations:
 //!
 //! ```text
 //!     d(t) = x_1 s + x_2 (-ds/dt) + x_3 s (v - 15 m/s) / 10 m/s + x_4 s |a| / 3 m/s2 + x_5 s a_x / 2 m/s2
 //! ```
 //!
 //! with `x` of the order of a hundredth (`form` in `calibration.toml`). Each `x` is a tolerance like all others and is
-//! marginalised in every fit; what these errors can mimic is no evidence. Those of yaw rate and lateral velocity go on
-//! to heading and place, that of the acceleration to the speed. Lateral velocity is what two large parts leave; what is
-//! uncertain is the part of the tyres' slip, about `v a / 120 m/s2`.
+//! marginalised in every fit; a gap that these errors can mimic is no evidence. Errors of yaw rate and lateral velocity
+//! propagate to heading and place, that of the acceleration to the speed. Lateral velocity is a difference of two large
+//! parts; its uncertain part is the tyres' slip, about `v a / 120 m/s2`.
 //!
 //! Source: model discrepancy as a random function with a prior of its own, Kennedy and O'Hagan, Bayesian calibration
 //! of computer models, J. R. Stat. Soc. B 63 (2001); here with few functions in place of a Gaussian process.
 
 use super::replay::{Channel, Drive, Trace};
 
-/// How a signal is otherwise.
+/// Kind of deviation of a signal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// Larger throughout.
@@ -68,7 +68,7 @@ pub const FORMS: &[Row] = &[
     ("form.ax.grip", Channel::Ax, Kind::Grip),
 ];
 
-/// What an error adds to which channels of a drive, from the neutral replay; rows outside stretches are 0.
+/// Contributions of an error to the channels of a drive, from the neutral replay; rows outside stretches are 0.
 #[must_use]
 pub fn shapes(drive: &Drive, neutral: &Trace, row: &Row) -> Vec<(Channel, Vec<f64>)> {
     let (_, channel, kind) = *row;

@@ -29,7 +29,7 @@ impl Verdict {
     }
 }
 
-/// A unit as it stands behind a number.
+/// A unit in its form after a number.
 pub(super) fn behind(unit: &str) -> String {
     if unit == "1" { String::new() } else { format!(" {unit}") }
 }

@@ -1,7 +1,8 @@
-//! What a simulator can be wrong in: every effect, and numbers of the vehicle that are known within a tolerance only.
+//! Knobs: the uncertain parameters of a simulator. Every effect, and numbers of the vehicle known within a tolerance
+//! only.
 //!
-//! A knob's coordinate is 0 where it is neutral and 1 at its `unit`; its tolerance is the standard deviation that ordinary
-//! simulators have. Tolerances are those of careful measurement: a weighed car (3 % with fuel and people), axle
+//! A knob's coordinate is 0 where it is neutral and 1 at its `unit`; its tolerance is the standard deviation in
+//! ordinary simulators. Tolerances are those of careful measurement: a weighed car (3 % with fuel and people), axle
 //! stiffnesses from a test rig (4 %), a clock (10 ms), a level road (0.25 deg).
 
 use super::calibration::Calibration;
@@ -9,7 +10,7 @@ use super::form::FORMS;
 use super::replay::{Channel, Drive, LEAK, ReplayVehicle, Trace};
 use crate::vehicle::{Effect, TruckEffects};
 
-/// What a knob turns.
+/// Action of a knob.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Turns {
     /// An effect by its id: neutral + unit * x.
@@ -26,13 +27,13 @@ enum Turns {
     Scale(Channel),
     /// A sensor's bias: plus unit * x.
     Bias(Channel),
-    /// Place of what velocities sideways are given for: unit * x forward of the reference point.
+    /// Point at which sideways velocities are given: unit * x forward of the reference point.
     Arm,
     /// Height of that point over the one that the model means: unit * x, m.
     ReferenceHeight,
     /// Lateness by the low pass of the inertial sensors: unit * x, s.
     InertialLag,
-    /// Lateness of what a satellite receiver gives: unit * x, s.
+    /// Lateness of a satellite receiver's columns: unit * x, s.
     ReceiverLate,
     /// Height of the accelerometer over the vehicle's CG: unit * x, m.
     ImuHeight,
@@ -59,7 +60,7 @@ pub struct Knob {
     pub tolerance: f64,
     /// Least coordinate.
     pub least: f64,
-    /// Least coordinate of what is named: the effect's own range.
+    /// Least coordinate of a named effect: the effect's own range.
     pub named_least: f64,
     /// Greatest coordinate.
     pub greatest: f64,
@@ -67,16 +68,16 @@ pub struct Knob {
     pub starts: &'static [f64],
     /// The declaration, if it is an effect of the library.
     pub effect: Option<&'static Effect>,
-    /// What is freed with it, and how far: its standard deviation.
+    /// Companion: another knob that is freed with it, and the standard deviation of that.
     pub companion: Option<(&'static str, f64)>,
-    /// Whether it may be named: not where the user leaves the effect out.
+    /// True if it may be named: false where the user leaves the effect out.
     nameable: bool,
 }
 
 type Row = (&'static str, f64, f64, f64, f64, &'static [f64]);
 
-/// Effects: id, unit of the coordinate, tolerance (both in the effect's unit), least and greatest coordinate, starts. No wind
-/// is stronger than a gale, no tyre is three times as stiff as its file: what needs that is another effect.
+/// Effects: id, unit of the coordinate, tolerance (both in the effect's unit), least and greatest coordinate, starts.
+/// No wind is stronger than a gale, no tyre is three times as stiff as its file: a larger value is another effect.
 const EFFECTS: &[Row] = &[
     ("steer_delay", 0.02, 0.010, -10.0, 60.0, &[1.0, 4.0, 9.0]),
     ("steer_lag", 0.03, 0.010, -10.0, 60.0, &[1.0, 4.0, 9.0]),
@@ -126,11 +127,11 @@ const PARAMETERS: &[(&str, &str, f64, bool)] = &[
     ("axle.front.spring_rate", "axle.front.spring_rate", 0.10, true),
 ];
 
-/// Masses of a car, of a tractor, of its trailer, and what is loaded on them.
+/// Masses of a car, of a tractor, of its trailer, and the effects that load them.
 pub(super) const LOADED: [(&str, &str); 3] =
     [("vehicle.mass", "payload"), ("tractor.mass", "payload"), ("trailer.mass", "trailer_payload")];
 
-/// Sensors: name, channel, tolerance, whether it is a scale.
+/// Sensors: name, channel, tolerance, and true for a scale.
 const SENSORS: &[(&str, Channel, f64, bool)] = &[
     ("sensor.yaw_rate_scale", Channel::YawRate, 0.004, true),
     ("sensor.ay_scale", Channel::Ay, 0.008, true),
@@ -138,23 +139,25 @@ const SENSORS: &[(&str, Channel, f64, bool)] = &[
     ("sensor.roll_bias", Channel::Roll, 0.003, false),
 ];
 
-/// What goes through the low pass of the inertial sensors, and its lateness, s: of second order at 20 to 40 Hz. Place, speed
-/// and heading do not, so it is no `sensor_delay`.
+/// Channels that pass the low pass of the inertial sensors, and the tolerance of its lateness, s: of second order at 20
+/// to 40 Hz. Place, speed and heading do not pass it, so it is no `sensor_delay`.
 const INERTIAL: [Channel; 3] = [Channel::YawRate, Channel::Ay, Channel::Ax];
 const INERTIAL_LAG: f64 = 0.010;
 
-/// A satellite receiver or navigation unit has a clock and a latency of its own, s.
+/// Tolerance of the lateness of a satellite receiver or navigation unit, which has a clock and a latency of its own, s.
 const RECEIVER_LATE: f64 = 0.05;
 
-/// An accelerometer sits in the body, at a height that no vehicle file knows, m: `z` over the CG it feels `-z` times the roll
-/// acceleration besides. A navigation unit gives that of a point of its user's choice, which may lie on the road.
+/// Tolerances of the height of the accelerometer in the body, and in a navigation unit, m. At `z` over the CG it feels
+/// `-z` times the roll acceleration besides. No vehicle file holds that height; a navigation unit measures at a point
+/// of its user's choice, which may lie on the road.
 const IMU_HEIGHT: f64 = 0.15;
 const UNIT_HEIGHT: f64 = 0.5;
-/// The same of what a velocity sideways and a place are given for, m: the body's CG, or the road's point below.
+/// Tolerance of the height at which a sideways velocity and a place are given, m: the body's CG, or the road's point
+/// below.
 const REFERENCE_HEIGHT: f64 = 0.3;
 
-/// Coordinates of what is no effect are kept within this: six standard deviations of the widest prior. A fit that went
-/// further was lost, in a minimum of its own with a spring eleven times as stiff.
+/// Bound of coordinates that are no effects: six standard deviations of the widest prior. A fit that went further was
+/// lost, in a minimum of its own with a spring eleven times as stiff.
 const FARTHEST: f64 = 12.0;
 const REFERENCE_X: &str = "sensor.reference_x";
 const REFERENCE_Z: &str = "sensor.reference_z";
@@ -169,16 +172,16 @@ const TYRE_SOFTENING: &str = "form.tyre.softening";
 
 /// Standard deviation of the payload's place when a payload is fitted, in units of its coordinate (0.5 m).
 const PAYLOAD_PLACE: f64 = 1.6;
-/// That of the wind's other component where no heading says which is which, in units of its coordinate (3 m/s).
+/// Deviation of the wind's other component where no heading separates the two, in units of its coordinate (3 m/s).
 const WIND_ACROSS: f64 = 3.0;
 /// Share of the vehicle's mass that is one unit of payload.
 const PAYLOAD_UNIT: f64 = 0.05;
 
-/// What lies before the angle at the wheels: nothing of it is seen where no command was logged.
+/// Effects between command and wheel angle: none of them is seen where no command was logged.
 const BEFORE_THE_ANGLE: [&str; 4] = ["steer_delay", "steer_lag", "steer_rate_limit", "steer_backlash"];
 
-/// All knobs of a vehicle on a drive; `without`: effects that may not be named. Within their tolerances they stay: a road
-/// has a little bank whether or not the library knows of banks.
+/// All knobs of a vehicle on a drive; `without`: effects that may not be named. Within their tolerances these stay: a
+/// road has a little bank even if the library has no bank.
 #[must_use]
 pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -> Vec<Knob> {
     let (mass, _) = vehicle.mass_and_drag();
@@ -335,7 +338,7 @@ pub fn level<V: ReplayVehicle>(knobs: &mut [Knob], vehicle: &V) {
     as_the_file_says(knobs, vehicle);
 }
 
-/// Whether something of this name may have a tolerance, on some log of some vehicle.
+/// True if something of this name may have a tolerance, on some log of some vehicle.
 #[must_use]
 pub fn is_known(name: &str) -> bool {
     let effect = |id: &str| EFFECTS.iter().any(|row| row.0 == id);
@@ -345,7 +348,7 @@ pub fn is_known(name: &str) -> bool {
         || OTHER_SENSORS.contains(&name)
 }
 
-/// Rate of the command that is hardly exceeded, rad/s.
+/// Rate of the command that is rarely exceeded, rad/s.
 fn quickest(drive: &Drive) -> f64 {
     let over = (0.05 / drive.step).ceil().max(1.0) as usize;
     let mut rates: Vec<f64> = Vec::new();
@@ -372,19 +375,19 @@ impl Knob {
         if self.tolerance > 0.0 { self.tolerance.clamp(0.1, 1.0) } else { 0.2 }
     }
 
-    /// Whether it may be named.
+    /// True if it may be named.
     #[must_use]
     pub fn is_candidate(&self) -> bool {
         self.nameable
     }
 
-    /// Whether its value is not added to what is given, but stands in its place.
+    /// True if its value replaces the given one instead of adding to it.
     #[must_use]
     pub fn stands_for_the_given(&self) -> bool {
         matches!(self.turns, Turns::RateLimit | Turns::Relaxation)
     }
 
-    /// Whether it turns what the sensors make of a motion, and not the motion.
+    /// True if it acts on the sensors' signals, and not on the motion.
     #[must_use]
     pub fn is_sensed(&self) -> bool {
         matches!(
@@ -398,7 +401,7 @@ impl Knob {
         )
     }
 
-    /// Whether it is an error of the model's form: no number of the vehicle, and nothing that a simulator can be given.
+    /// True for an error of the model's form: no number of the vehicle, and nothing that a simulator can be given.
     #[must_use]
     pub fn is_form(&self) -> bool {
         matches!(
@@ -489,7 +492,7 @@ impl Knob {
         }
     }
 
-    /// What a sensor's knob does to a replay.
+    /// Applies a sensor's knob to a replay.
     fn sense(&self, x: f64, drive: &Drive, trace: &mut Trace) {
         let (channel, factor, shift) = match self.turns {
             Turns::Scale(channel) => (channel, self.value(x), 0.0),
@@ -549,7 +552,7 @@ impl Knob {
         trace.columns[channel as usize].iter_mut().for_each(|value| *value = factor * *value + shift);
     }
 
-    /// The parameter's name in a vehicle file or of a plant, for a recalibration: with what it is given as.
+    /// The parameter's name in a vehicle file or of a plant, for a recalibration.
     #[must_use]
     pub fn parameter(&self) -> String {
         if self.effect.is_some() { format!("effect.{}", self.id) } else { self.id.to_owned() }
@@ -615,14 +618,14 @@ pub fn at<V: ReplayVehicle>(knobs: &[Knob], x: &[f64], vehicle: &V) -> (V, Truck
     (vehicle, effects)
 }
 
-/// How late the columns of a receiver are beside all others, s.
+/// Lateness of a receiver's columns relative to all others, s.
 #[must_use]
 pub fn receiver_late(knobs: &[Knob], x: &[f64]) -> f64 {
     let place = knobs.iter().position(|knob| knob.turns == Turns::ReceiverLate);
     place.map_or(0.0, |i| knobs[i].value(x[i]))
 }
 
-/// What the sensors' knobs do to a replay.
+/// Applies the sensors' knobs to a replay.
 pub fn sense(knobs: &[Knob], x: &[f64], drive: &Drive, trace: &mut Trace) {
     for (knob, &x) in knobs.iter().zip(x) {
         if x != 0.0 {

@@ -1,7 +1,7 @@
-//! Where the gap lies: signal by regime.
+//! Location of the gap: signal by regime.
 //!
-//! A regime's significance compares its mean square with that of all others, in standard deviations of what an even
-//! spread would give; samples that follow each other count by their correlation time.
+//! A regime's significance compares its mean square with that of all others, in standard deviations of an even spread.
+//! Consecutive samples count by their correlation time.
 
 use super::problem::Problem;
 use super::rank::Ranking;

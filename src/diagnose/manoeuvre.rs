@@ -1,14 +1,14 @@
-//! What to drive next: the manoeuvre that tells the first candidate best from the next one, and from one effect less.
+//! The next manoeuvre: the drive that best separates the first candidate from the next one, and from one effect less.
 //!
-//! Each of a small set is replayed as the first candidate was fitted. The evidence expected is by how much worse the other
-//! candidate explains that drive than the first does, each free in its values and with all tolerances besides,
+//! Each of a small set is replayed as the first candidate was fitted. The expected evidence is the other candidate's
+//! excess cost on that drive, each free in its values and with all tolerances besides,
 //!
 //! ```text
 //!     J_b - J_a,    J = min over d  (e - S d)' W (e - S d) + (x + d)' P (x + d),    e: the first's replay less its own
 //! ```
 //!
-//! by which a tolerance that was strained on the log at hand costs what it strains. The least of it counts: a drive that tells
-//! two partners apart may leave open whether there is a partner at all.
+//! so that a tolerance that was strained on the log at hand costs its strain. The least of these counts: a drive that
+//! separates two partners may leave open whether there is a partner at all.
 
 use super::filter::Filter;
 use super::fit::{Fit, Linear};
@@ -22,7 +22,7 @@ use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-/// What no drive of one vehicle can tell: an effect from an error of the model's form that looks like it.
+/// Advice for what no drive of one vehicle can tell: an effect from an error of the model's form that looks like it.
 const BESIDES: &str = "drive the same before the change, or with a vehicle that drives as modelled, where there is one, and \
                        give that log as --reference: it shows what is the model's own error";
 
@@ -30,7 +30,7 @@ const BESIDES: &str = "drive the same before the change, or with a vehicle that 
 const DURATION: f64 = 30.0;
 const STEP: f64 = 0.02;
 
-/// What of a car's speed and lateral acceleration a truck is driven at.
+/// Shares of a car's speed and lateral acceleration for a truck.
 const TRUCK: Scale = Scale { speed: 0.75, lateral: 0.4 };
 const CAR: Scale = Scale { speed: 1.0, lateral: 1.0 };
 
@@ -53,7 +53,7 @@ impl Scale {
     }
 }
 
-/// A manoeuvre: name, how it is driven, and speed (m/s) and wanted lateral acceleration (m/s2) of a car over time.
+/// A manoeuvre: name, instructions, and speed (m/s) and wanted lateral acceleration (m/s2) of a car over time.
 struct Planned {
     name: &'static str,
     how: fn(Scale) -> String,
@@ -153,7 +153,7 @@ const PLANNED: [Planned; 6] = [
     },
 ];
 
-/// A log of a manoeuvre as the simulator drives it; columns as the real log has them, for the noise to be compared.
+/// A log of a manoeuvre as the simulator drives it, with the columns of the real log, so that the noise is comparable.
 fn log_of<V: ReplayVehicle>(planned: &Planned, scale: Scale, problem: &Problem<V>) -> CleanLog {
     let length = problem.vehicle.reach();
     let rows = (DURATION / STEP) as usize;
@@ -212,8 +212,7 @@ fn log_of<V: ReplayVehicle>(planned: &Planned, scale: Scale, problem: &Problem<V
     }
 }
 
-/// The manoeuvre from which most evidence is expected for `first` against whichever of `others` it tells least from it,
-/// all as fitted.
+/// The manoeuvre with the most expected evidence for `first` against its nearest rival among `others`, all as fitted.
 #[must_use]
 pub fn next<V: ReplayVehicle>(
     problem: &Problem<V>,

@@ -1,55 +1,55 @@
-//! Why a simulator and a vehicle disagree: where the gap lies, which unmodelled effect causes it, how far it shrinks.
+//! Diagnosis of a gap between simulator and vehicle: its location, the unmodelled effect that causes it, its reduction.
 //!
-//! The simulator is replayed from a log's commands. What it misses is `e`, in units of noise, filtered and decimated.
-//! Every effect is a number `p` with a neutral value and a tolerance; `S` holds how `e` changes with each, in
-//! units of its tolerance: the background that every simulator has. A candidate is one effect (or two) that is freed
-//! from its tolerance; what explains the log best while all others stay likely has the least
+//! The simulator is replayed from a log's commands. Its gap to the log is `e`, in units of noise, filtered and
+//! decimated. Every effect is a number `p` with a neutral value and a tolerance. The background of every simulator is
+//! `S`, the change of `e` with each in units of its tolerance. A candidate is one effect (or two) that is freed from
+//! its tolerance. The best candidate explains the log while all others stay likely; it has the least
 //!
 //! ```text
 //!     J_c = min over p_c of  e(p_c)' (I + U U')^-1 e(p_c),      U = S without the columns of c
 //! ```
 //!
-//! (Gauss-Newton; `U` linearised anew at the best). The costs of all candidates, and what speaks for a cause that the library
-//! does not have, make one posterior; the verdict reads it, and nothing else, but that a name must predict what its fit has
-//! not seen.
+//! (Gauss-Newton; `U` linearised anew at the best). The costs of all candidates, and the evidence for a cause outside
+//! the library, make one posterior. The verdict reads only the posterior, with one exception: a name must predict data
+//! unseen by its fit.
 //!
 //! | file | problem |
 //! |---|---|
-//! | `report.rs` | the answer: what `report.json` holds |
+//! | `report.rs` | the answer: contents of `report.json` |
 //! | `replay/` | the vehicle replayed from a log's commands |
-//! | `conventions.rs` | how the log's columns are meant |
-//! | `knob.rs` | what a simulator can be wrong in, and its tolerances |
+//! | `conventions.rs` | conventions of the log's columns |
+//! | `knob.rs` | uncertain parameters of a simulator, and their tolerances |
 //! | `filter.rs` | low pass and clock |
 //! | `problem.rs` | the gap as a function of all knobs |
 //! | `fit.rs` | fits with the tolerances marginalised |
-//! | `form.rs` | what another formulation does otherwise |
-//! | `noise.rs` | what a gap is measured against |
-//! | `profile.rs` | the road that nobody told of |
+//! | `form.rs` | errors of the model's form |
+//! | `noise.rs` | noise and remainders that a gap is measured against |
+//! | `profile.rs` | unknown bank and grade of the road |
 //! | `rank.rs` | candidates and their evidence |
-//! | `beliefs.rs` | what is believed before a log is seen |
+//! | `beliefs.rs` | prior beliefs before a log is seen |
 //! | `calibration.rs` | numbers of the statistical model, from `calibration.toml` |
-//! | `constancy.rs` | whether an effect acts with one value throughout |
-//! | `resonance.rs` | whether the steering swings |
-//! | `posterior.rs` | how probable each hypothesis is |
-//! | `decision.rs` | from the posterior to what is the matter |
+//! | `constancy.rs` | constancy of an effect's value |
+//! | `resonance.rs` | resonance of the steering |
+//! | `posterior.rs` | probability of each hypothesis |
+//! | `decision.rs` | from the posterior to the cause |
 //! | `dominance.rs` | the size of an effect beside the background |
-//! | `estimate.rs` | the value of an effect, and how sure it is |
-//! | `information.rs` | what one log says of all parameters at once |
+//! | `estimate.rs` | value of an effect, and its uncertainty |
+//! | `information.rs` | likelihood of all parameters at once, for several drives |
 //! | `naming.rs` | the decision in the user's terms |
 //! | `engine.rs` | from a log and a vehicle to the answer |
-//! | `observability.rs` | what a log can show and what it cannot |
-//! | `localise.rs` | where the gap lies |
-//! | `shrink.rs` | how far it shrinks on held-out parts |
-//! | `manoeuvre.rs` | what to drive next |
-//! | `select.rs` | the stretches of long logs that tell most |
+//! | `observability.rs` | effects that a log can and cannot show |
+//! | `localise.rs` | location of the gap |
+//! | `shrink.rs` | reduction of the gap on held-out parts |
+//! | `manoeuvre.rs` | the next manoeuvre to drive |
+//! | `select.rs` | the most informative stretches of long logs |
 //! | `words.rs` | the answer in words |
 //! | `simulated.rs` | logs of our own plants with an effect put in |
 //! | `headline.rs` | the verdict in one line |
 //! | `page/` | the answer as one HTML page |
-//! | `closed_loop.rs` | what the gap does to tracking |
+//! | `closed_loop.rs` | effect of the gap on tracking |
 //! | `simulator.rs` | the calibrated simulator, as files |
 //!
-//! Source: the recipe is that of the specification; marginalising over a linear Gaussian background as in Rasmussen and
+//! Sources: the recipe is that of the specification. Marginalising over a linear Gaussian background: Rasmussen and
 //! Williams, Gaussian Processes for Machine Learning, 2006, sec. 2.7.
 
 pub mod beliefs;

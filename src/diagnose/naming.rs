@@ -1,4 +1,5 @@
-//! A decision in the user's terms: effects with values, intervals and classes, and all candidates with why they are not named.
+//! A decision in the user's terms: effects with values, intervals and classes, and all candidates with the reasons for
+//! which they are not named.
 
 use super::beliefs::World;
 use super::calibration::Calibration;
@@ -15,9 +16,9 @@ use super::report::{Candidate, Hypothesis, NamedEffect, Probabilities, Spread, V
 use super::words;
 use std::collections::BTreeMap;
 
-/// So many of the first candidates are compared with the winner.
+/// Number of the first candidates that are compared with the winner.
 const COMPARED: usize = 12;
-/// Hypotheses and effects that are as probable are told.
+/// Least probability of hypotheses and effects in the report.
 const LEAST_SHOWN: f64 = 1e-5;
 
 /// The effects of the winner, with their values.
@@ -132,7 +133,7 @@ pub(super) fn candidates<V: ReplayVehicle>(
     all
 }
 
-/// How alike a candidate is to the winner where they differ in one effect.
+/// Likeness of a candidate to the winner where they differ in one effect.
 fn likeness<V: ReplayVehicle>(
     problem: &Problem<V>,
     ranking: &Ranking,

@@ -1,9 +1,10 @@
-//! What noise is in a log, and what the model's form leaves: what a gap is measured against.
+//! Noise of a log, and errors of the model's form: the measure of a gap.
 //!
-//! White noise is what second differences of the gap say, `sigma = median |r- - 2 r + r+| / (0.6745 sqrt 6)`, brought
-//! through the low pass. A gap that the best candidate still leaves is neither noise nor told by any candidate: it is added,
-//! and its correlation over time makes many samples worth few. Moments in which it leaves many times as much as otherwise, as
-//! where a vehicle slides and its replay does not, have a variance of their own, or they would drown what the rest tells.
+//! White noise follows from second differences of the gap, `sigma = median |r- - 2 r + r+| / (0.6745 sqrt 6)`, brought
+//! through the low pass. The gap that the best candidate leaves is neither noise nor evidence for any candidate: its
+//! variance is added. Its correlation over time reduces the worth of each sample. Moments with many times its ordinary
+//! power have a variance of their own, as where a vehicle slides and its replay does not. Otherwise they would drown
+//! the rest.
 
 use super::problem::{Problem, rms};
 use super::profile::{Roughness, Weights};
@@ -15,13 +16,13 @@ const FORM: f64 = 0.01;
 const HEADING: f64 = 5e-4;
 /// Share of the neutral gap that a search takes for noise at first.
 const COARSE: f64 = 0.1;
-/// Longest correlation that is looked at, samples, and the greatest loss by it.
+/// Longest correlation in the estimate, samples, and the greatest loss by it.
 const CORRELATED: usize = 20;
 const GREATEST_LOSS: f64 = 6.0;
-/// Errors of the model's form come back with every turn: drives longer than this, s, tell no more about them.
+/// Errors of the model's form recur with every turn: drives longer than this, s, tell no more about them.
 const SAME: f64 = 30.0;
-/// A replay is lost, as where a vehicle slides, while a fit leaves so many times the power that it leaves otherwise, in
-/// all but the worst tenth; a moment is so many samples to either side.
+/// Threshold of a lost replay, as where a vehicle slides: a fit leaves so many times its ordinary power. Ordinary is
+/// the power of all but the worst tenth. A moment is so many samples to either side.
 const LOST: f64 = 10.0;
 const MOMENT: usize = 10;
 
@@ -32,20 +33,20 @@ pub struct Noise {
     pub white: Vec<f64>,
     /// Errors of the model's form that every simulator has.
     pub form: Vec<f64>,
-    /// What a reference log has left besides.
+    /// Additional remainder of a reference log.
     left: Vec<f64>,
-    /// Noise, the model's form, and what a reference log has left.
+    /// Noise, the model's form, and the remainder of a reference log.
     pub floor: Vec<f64>,
-    /// What gaps are weighed with.
+    /// Weights of gaps.
     pub effective: Vec<f64>,
-    /// Variance over that, sample by sample: more than 1 where the replay is lost.
+    /// Factor on that variance, sample by sample: more than 1 where the replay is lost.
     lost: Vec<f64>,
-    /// How rough an unknown road is.
+    /// Roughness of an unknown road.
     roughness: Roughness,
 }
 
 impl Noise {
-    /// From the neutral replay; `known`: what a reference log has left of each channel, the model's form.
+    /// Noise from the neutral replay; `known` is a reference log's remainder in each channel, the model's form.
     #[must_use]
     pub fn of<V: ReplayVehicle>(problem: &Problem<V>, trace: &Trace, known: &[(Channel, f64)]) -> Self {
         let drive = problem.drive;
@@ -83,8 +84,8 @@ impl Noise {
         Self { effective, white, form: forms, floor, left: lefts, lost, roughness: [1.0; 2] }
     }
 
-    /// Coarser by a share of the neutral gap. Far from the cause, a gap of hundreds of standard deviations pulls every
-    /// tolerance to where slopes say nothing any more; a search begins with less trust.
+    /// Noise coarser by a share of the neutral gap. Far from the cause, a gap of hundreds of standard deviations pulls
+    /// every tolerance beyond the range of its slopes. So a search begins with less trust.
     #[must_use]
     pub fn coarse<V>(&self, problem: &Problem<V>, neutral: &[f64]) -> Self {
         let mut noise = self.clone();
@@ -94,7 +95,7 @@ impl Noise {
         noise
     }
 
-    /// With what a fit left: as much of it as a road does not explain better.
+    /// Noise with a fit's remainder: the part that a road does not explain better.
     #[must_use]
     pub fn with_left<V: ReplayVehicle>(&self, problem: &Problem<V>, left: &[f64]) -> Self {
         let mut noise = self.without_road(problem, left);
@@ -106,7 +107,7 @@ impl Noise {
         noise
     }
 
-    /// The same where no road explains anything of it.
+    /// The same with a road that explains nothing of it.
     fn without_road<V: ReplayVehicle>(&self, problem: &Problem<V>, left: &[f64]) -> Self {
         let mut noise = self.clone();
         let again = again(problem);
@@ -122,7 +123,7 @@ impl Noise {
         noise
     }
 
-    /// What each sample weighs.
+    /// Weight of each sample.
     fn each(&self) -> Vec<f64> {
         let mut each = Vec::new();
         for &deviation in &self.effective {
@@ -131,19 +132,19 @@ impl Noise {
         each
     }
 
-    /// What gaps are weighed with.
+    /// Weights of gaps.
     #[must_use]
     pub fn weights<V>(&self, problem: &Problem<V>) -> Arc<Weights> {
         Arc::new(Weights::new(self.each(), problem.profile.as_ref(), self.roughness))
     }
 
-    /// How rough an unknown road is: shares of the deviations of bank and grade.
+    /// Roughness of an unknown road: shares of the deviations of bank and grade.
     #[must_use]
     pub fn roughness(&self) -> Roughness {
         self.roughness
     }
 
-    /// What a gap is beyond white noise, channel by channel.
+    /// Part of a gap beyond white noise, channel by channel.
     #[must_use]
     pub fn beyond<V>(&self, problem: &Problem<V>, gap: &[f64]) -> Vec<(Channel, f64)> {
         let of = |((channel, block), white): (&(Channel, std::ops::Range<usize>), &f64)| {
@@ -172,8 +173,8 @@ fn ordinary(values: &mut [f64]) -> f64 {
     mean(&values[..(values.len() * 9).div_ceil(10)])
 }
 
-/// How many times its ordinary power a fit leaves in each moment of a drive, where that is so much that the replay is lost
-/// there; else 1.
+/// Ratio of a fit's remaining power to its ordinary power in each moment of a drive. It is given only if it is so large
+/// that the replay is lost; else 1.
 fn lost<'a>(channels: impl Iterator<Item = &'a [f64]>, rows: usize) -> Vec<f64> {
     let power = power(channels.map(|left| (left, rms(left).max(f64::MIN_POSITIVE))), rows);
     let mut before = Vec::with_capacity(rows + 1);
@@ -194,7 +195,7 @@ fn rms_of(column: &[f64], counts: &[bool]) -> f64 {
     rms(&kept)
 }
 
-/// `1 + 2 sum rho_k`: how many samples are worth one.
+/// `1 + 2 sum rho_k`: number of samples that are worth one.
 fn correlation(values: &[f64]) -> f64 {
     let power: f64 = values.iter().map(|value| value * value).sum();
     if power <= 0.0 || values.len() < 2 * CORRELATED {
@@ -211,7 +212,7 @@ fn correlation(values: &[f64]) -> f64 {
     sum
 }
 
-/// How often the same errors of the form come back in a drive.
+/// Number of times that the same errors of the form recur in a drive.
 fn again<V: ReplayVehicle>(problem: &Problem<V>) -> f64 {
     (problem.drive.duration() / SAME).max(1.0)
 }

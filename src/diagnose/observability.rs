@@ -1,4 +1,4 @@
-//! What a log can show and what it cannot.
+//! Observability: effects that a log can and cannot show.
 //!
 //! The least visible value of an effect is where its evidence reaches the threshold: `x^2 s' (W^-1 + U U')^-1 s = T`, its
 //! slope `s` less all that the background imitates.
@@ -11,10 +11,10 @@ use super::replay::{Drive, ReplayVehicle};
 use super::report::Observability;
 use crate::vehicle::{GRAVITY, Stage, TruckEffects};
 
-/// Coordinate beyond which an effect is no longer ordinary: what is seen only then counts as not observable.
+/// Coordinate beyond which an effect is no longer ordinary: an effect seen only beyond counts as not observable.
 const ORDINARY: f64 = 10.0;
 
-/// How far a log reaches into what makes effects visible.
+/// Range of a log in the quantities that make effects visible.
 #[derive(Debug, Clone, Copy)]
 pub struct Excitation {
     /// Greatest share of the tyres' grip.
@@ -27,7 +27,7 @@ pub struct Excitation {
     pub steer: f64,
     #[allow(missing_docs)]
     pub steer_rate: f64,
-    /// Whether headings of more than half a turn are driven.
+    /// True if headings of more than half a turn are driven.
     pub turns_about: bool,
 }
 
@@ -80,7 +80,7 @@ fn slope_of<'a>(ranking: &'a Ranking, linear: &'a Linear, knob: usize) -> &'a [f
         .map_or(&linear.slopes[knob][..], |(_, column)| column)
 }
 
-/// What of a knob's slope the background does not imitate, in evidence for one unit of its coordinate.
+/// Part of a knob's slope that the background does not imitate, in evidence for one unit of its coordinate.
 #[must_use]
 pub fn information<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, knob: usize) -> f64 {
     let precision = ranking.prior.freed_but(problem, &[], &[knob]);
@@ -88,8 +88,8 @@ pub fn information<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, kn
     ranking.linear.marginal(slope, slope, &precision)
 }
 
-/// How alike two effects are on this log beside others, `beside`, and the background: the cosine of their slopes less all
-/// that these imitate,
+/// Likeness of two effects on this log beside others, `beside`, and the background. It is the cosine of their slopes
+/// less the parts that these imitate,
 ///
 /// ```text
 ///     cos(a, b) = m(a, b) / sqrt(m(a, a) m(b, b)),        m(a, b) = s_a' (W^-1 + U U')^-1 s_b
@@ -201,7 +201,7 @@ pub fn short(value: f64) -> String {
     format!("{value:.digits$}")
 }
 
-/// What of the excitation matters for an effect, in numbers.
+/// Excitation that matters for an effect, in numbers.
 fn reason(id: &str, drive: &Drive, it: &Excitation) -> String {
     match id {
         "road_friction" => format!(

@@ -1,4 +1,4 @@
-//! How probable each hypothesis is, given the log.
+//! Probability of each hypothesis, given the log.
 //!
 //! Hypotheses are: nothing (`none`), sets of one to three effects, and a cause that the library does not have. Each has a
 //! fit with the tolerances marginalised, whose cost `J` is twice a negative logarithm of the evidence. With `k` effects freed,
@@ -7,15 +7,17 @@
 //!     log P = -eta (J - J_none) / 2 - log det(1 + eta S' W S P^-1) / 2 - k odds + const,
 //! ```
 //!
-//! `eta` the temper of a likelihood that is no true one, `odds` the price of an effect; the determinant, by the slopes at the fit,
-//! is that of Laplace's approximation: freedom that the log narrows costs, what it cannot show is as probable as before. What the library does not have competes
-//! with evidence of its own, upon the fit of the best hypothesis that it does have:
+//! `eta` the temper of a misspecified likelihood, `odds` the price of an effect. The determinant, by the slopes at the
+//! fit, is that of Laplace's approximation: freedom that the log narrows has a cost. An effect that it cannot show
+//! keeps its prior probability. A cause outside the library competes with evidence of its own, upon the fit of the best
+//! hypothesis of the library:
 //!
-//! | a value that is not one | an effect follows angle, speed, place, ...: `constancy.rs` |
+//! | a varying value | an effect follows angle, speed, place, ...: `constancy.rs` |
 //! |---|---|
 //! | something else is off | a number of the vehicle that is no effect is freed like one |
-//! | a steering that swings | `resonance.rs` |
-//! | a misfit | what is left has a size `m` in units of what the model's form leaves, log-normal with a deviation `known` where the library has the cause, `broad` where it has not |
+//! | a resonant steering | `resonance.rs` |
+//! | a misfit | the remainder has a size `m` in units of the remainder that the model's form leaves, log-normal with a
+//! deviation `known` for a cause in the library, `broad` for one outside |
 //!
 //! Sources: a tempered posterior as in Bissiri, Holmes and Walker, J. R. Stat. Soc. B 78 (2016); hypotheses found by search as in
 //! Madigan and Raftery, J. Am. Stat. Assoc. 89 (1994).
@@ -31,37 +33,37 @@ use super::report::Term;
 use super::resonance::resonance;
 use crate::residual::parallel;
 
-/// Logarithm of the share of the best hypothesis below which one says nothing.
+/// Logarithm of the share of the best hypothesis below which another is negligible.
 const NEGLIGIBLE: f64 = -20.0;
 
-/// What gives away that a cause is not in the library.
+/// Sign that a cause is not in the library.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Unknown {
     /// The value of an effect would have to change.
     Varies(Variation),
-    /// What is no effect of the library would have to be far off: its knob, and its coordinate then.
+    /// A number that is no effect of the library would have to be far off: its knob, and its coordinate then.
     Off { knob: usize, x: f64 },
     /// The steering swings.
     Swings,
-    /// Too much is left: so many times what the model's form leaves, most of it in a channel.
+    /// Too large a remainder: its ratio to that of the model's form, and the channel with most of it.
     Misfit(f64, Channel),
 }
 
-/// One of the things that may be the matter.
+/// A possible cause.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Hypothesis {
-    /// Effects that are freed; of an unknown cause those that it comes upon.
+    /// Effects that are freed; for an unknown cause those of the hypothesis that it extends.
     pub effects: Vec<usize>,
-    /// Whether the cause is one that the library does not have, and what says so.
+    /// Sign that the cause is not in the library, if it is not.
     pub unknown: Option<Unknown>,
-    /// What it is weighed by in each world.
+    /// Terms of its weight in each world.
     pub terms: Vec<Term>,
     /// Its probability.
     pub probability: f64,
 }
 
 impl Hypothesis {
-    /// Whether it is of a set of effects of the library, or of none.
+    /// True for the hypothesis of exactly this set of effects of the library; the empty set is no effect.
     #[must_use]
     pub fn is_of(&self, effects: &[usize]) -> bool {
         self.unknown.is_none()
@@ -75,12 +77,12 @@ impl Hypothesis {
 pub struct Posterior {
     /// They add up to 1.
     pub hypotheses: Vec<Hypothesis>,
-    /// How probable each world is.
+    /// Probability of each world.
     pub worlds: Vec<(World, f64)>,
 }
 
 impl Posterior {
-    /// From hypotheses with the logarithms of their weights in place of probabilities.
+    /// Posterior from hypotheses with the logarithms of their weights in place of probabilities.
     #[must_use]
     pub fn normalised(mut hypotheses: Vec<Hypothesis>) -> Self {
         let best = hypotheses.iter().map(|it| it.probability).fold(f64::NEG_INFINITY, f64::max);
@@ -92,7 +94,7 @@ impl Posterior {
         Self { hypotheses, worlds: Vec::new() }
     }
 
-    /// Of a ranking; `causes` is what values may vary with.
+    /// Posterior of a ranking; `causes` are the quantities that values may vary with.
     pub(super) fn of<V: ReplayVehicle>(
         problem: &Problem<V>,
         ranking: &Ranking,
@@ -141,19 +143,19 @@ impl Posterior {
         Self { worlds: worlds.collect(), ..Self::normalised(merged(all.into_iter().flatten())) }
     }
 
-    /// That nothing is the matter.
+    /// Probability that there is no effect.
     #[must_use]
     pub fn none(&self) -> f64 {
         self.sum(|it| it.is_of(&[]))
     }
 
-    /// That the cause is not in the library.
+    /// Probability that the cause is not in the library.
     #[must_use]
     pub fn unknown(&self) -> f64 {
         self.sum(|it| it.unknown.is_some())
     }
 
-    /// That an effect is among the causes.
+    /// Probability that an effect is among the causes.
     #[must_use]
     pub fn inclusion(&self, effect: usize) -> f64 {
         self.sum(|it| it.unknown.is_none() && it.effects.contains(&effect))
@@ -176,7 +178,7 @@ fn log_sum(one: f64, other: f64) -> f64 {
     if less == f64::NEG_INFINITY { more } else { more + (less - more).exp().ln_1p() }
 }
 
-/// Hypotheses of the same in one, with the logarithm of the sum of their weights.
+/// Equal hypotheses joined, with the logarithm of the sum of their weights.
 fn merged(all: impl Iterator<Item = Hypothesis>) -> Vec<Hypothesis> {
     let mut found: Vec<Hypothesis> = Vec::new();
     for it in all {
@@ -196,7 +198,7 @@ fn merged(all: impl Iterator<Item = Hypothesis>) -> Vec<Hypothesis> {
     found
 }
 
-/// Whether two causes that the library does not have are one.
+/// True if two causes outside the library are the same.
 fn same(one: Option<Unknown>, other: Option<Unknown>) -> bool {
     match (one, other) {
         (None, None)
@@ -210,7 +212,7 @@ fn same(one: Option<Unknown>, other: Option<Unknown>) -> bool {
     }
 }
 
-/// A fit at its best in a world, with what is freed.
+/// A fit at its best in a world, with some knobs freed.
 fn settled<V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
@@ -232,7 +234,7 @@ fn settled<V: ReplayVehicle>(
     if beyond.is_empty() { Some(found) } else { by(&prior.freed_but(problem, freed, &beyond)) }
 }
 
-/// What a world is asked with.
+/// Inputs to the weighing of a world.
 struct Given<'a, V> {
     problem: &'a Problem<'a, V>,
     calibration: &'a Calibration,
@@ -242,7 +244,7 @@ struct Given<'a, V> {
 }
 
 impl<V: ReplayVehicle> Given<'_, V> {
-    /// Causes that the library does not have, upon the best of what it has.
+    /// Causes outside the library, upon the best hypothesis within it.
     fn unknown(
         &self,
         ranking: &Ranking,
@@ -306,8 +308,8 @@ impl<V: ReplayVehicle> Given<'_, V> {
     }
 }
 
-/// Size of what a fit leaves beside the likeliest road, in units of what the model's form leaves: of each signal, and of what is
-/// explained of it; and the signal that has most of it.
+/// Size of a fit's remainder beside the likeliest road, in units of the remainder that the model's form leaves. Given
+/// for each signal and its explained part, with the signal that has most of it.
 fn misfit<V: ReplayVehicle>(
     problem: &Problem<V>,
     ranking: &Ranking,

@@ -11,12 +11,12 @@ use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-/// A gap larger than this many times the signal's own size is a replay gone astray.
+/// Gap, in units of the signal's own size, from which on a replay has diverged.
 const ASTRAY: f64 = 20.0;
 
-/// Slopes that are kept, each set with its place: a search comes back to where it was.
+/// Number of sets of slopes that are kept, each with its place: a search returns to earlier places.
 const KEPT: usize = 8;
-/// And how near that is, as a share of what a slope is taken over.
+/// Distance within which slopes hold, as a share of the step over which they are taken.
 const NEAR: f64 = 0.05;
 
 /// A gap, and its slopes over all knobs.
@@ -33,7 +33,7 @@ pub struct Problem<'a, V> {
     pub vehicle: &'a V,
     /// Full plant less reduced model.
     pub correction: &'a Correction,
-    /// What can be turned.
+    /// Uncertain parameters.
     pub knobs: Vec<Knob>,
     /// The low pass.
     pub filter: Filter,
@@ -41,13 +41,13 @@ pub struct Problem<'a, V> {
     pub rows: Vec<usize>,
     /// Each channel's part of the residuals.
     pub blocks: Vec<(Channel, Range<usize>)>,
-    /// What an unknown road does to the residuals.
+    /// Response of the residuals to an unknown road.
     pub profile: Option<Arc<Profile>>,
-    /// Whether `ay` is that of a level frame (an inertial navigation unit), without gravity's share by roll and bank.
+    /// True if `ay` is that of a level frame (an inertial navigation unit), without gravity's share by roll and bank.
     levelled: bool,
     measured: Vec<f64>,
     size: Vec<f64>,
-    /// What the errors of the form add: knob, channel, shape.
+    /// Contributions of the errors of the form: knob, channel, shape.
     forms: Vec<(usize, Channel, Vec<f64>)>,
     /// Slopes of the errors of the form: they hardly change.
     of_forms: Vec<OnceLock<Arc<Vec<f64>>>>,
@@ -137,7 +137,7 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
         Some(self.sensed(trace, x, self.levelled))
     }
 
-    /// The replay before what only the sensors' frame and knobs do to it.
+    /// The replay before the sensors' frame and knobs.
     fn motion(&self, x: &[f64]) -> Result<Trace, String> {
         self.replayed(self.drive, x, None)
     }
@@ -148,7 +148,7 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
         replay(drive, &vehicle, &effects, &self.corrected(x), horizon)
     }
 
-    /// What the sensors make of a replay.
+    /// Sensor signals of a replay.
     fn sensed(&self, mut trace: Trace, x: &[f64], levelled: bool) -> Trace {
         if levelled {
             let ay = &mut trace.columns[Channel::Ay as usize];
@@ -166,12 +166,13 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
         self.profile = Profile::of(self).map(Arc::new);
     }
 
-    /// Whether `ay` is that of a level frame.
+    /// True if `ay` is that of a level frame.
     pub(super) fn is_level(&self) -> bool {
         self.levelled
     }
 
-    /// Gaps and slopes with `ay` in the body's frame and in a level one, by the same replays. None where there is no such vehicle.
+    /// Gaps and slopes with `ay` in the body's frame and in a level one, by the same replays. None without such a
+    /// vehicle.
     pub(super) fn in_both_frames(&self, x: &[f64]) -> Option<[Sloped; 2]> {
         let both = |motion: &Trace, x: &[f64]| {
             [false, true].map(|levelled| self.compare(&self.sensed(motion.clone(), x, levelled)))
@@ -194,7 +195,7 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
         Some([(here_body, body), (here_level, level)])
     }
 
-    /// Log less replay, filtered. None where there is no such vehicle.
+    /// Log less replay, filtered. None without such a vehicle.
     #[must_use]
     pub fn residual(&self, x: &[f64]) -> Option<Vec<f64>> {
         let trace = self.trace(x).ok()?;
@@ -253,7 +254,7 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
         slope(here, residual(&there).as_ref(), size)
     }
 
-    /// Where a slope over a knob is taken from, and how far that is.
+    /// Second point of a difference quotient over a knob, and its distance.
     fn aside(&self, x: &[f64], knob: usize) -> (Vec<f64>, f64) {
         let it = &self.knobs[knob];
         let size = it.stride();
@@ -264,7 +265,7 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
         (there, size)
     }
 
-    /// Whether slopes at one place are those at another.
+    /// True if slopes at one place hold at another.
     #[must_use]
     pub fn is_near(&self, x: &[f64], there: &[f64]) -> bool {
         let mut all = self.knobs.iter().zip(x.iter().zip(there));
@@ -322,14 +323,14 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
         self.knobs.iter().position(|knob| knob.id == id)
     }
 
-    /// What is freed with a knob, and its standard deviation.
+    /// Knob that is freed with a knob, and its standard deviation.
     #[must_use]
     pub fn companion(&self, knob: usize) -> Option<(usize, f64)> {
         let (id, deviation) = self.knobs[knob].companion?;
         Some((self.find(id)?, deviation))
     }
 
-    /// Knobs, and what is freed with them.
+    /// Knobs with their companions.
     #[must_use]
     pub fn with_companions(&self, knobs: &[usize]) -> Vec<usize> {
         let companions = knobs.iter().filter_map(|&knob| Some(self.companion(knob)?.0));
@@ -337,7 +338,7 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
     }
 }
 
-/// Slope of a gap over a step; none where there is no vehicle.
+/// Slope of a gap over a step; none without a vehicle.
 fn slope(here: &[f64], there: Option<&Vec<f64>>, size: f64) -> Vec<f64> {
     match there {
         Some(there) => here.iter().zip(there).map(|(here, there)| (here - there) / size).collect(),
@@ -345,7 +346,7 @@ fn slope(here: &[f64], there: Option<&Vec<f64>>, size: f64) -> Vec<f64> {
     }
 }
 
-/// What the errors of the form add, from the neutral replay.
+/// Contributions of the errors of the form, from the neutral replay.
 fn forms<V: ReplayVehicle>(
     drive: &Drive,
     vehicle: &V,

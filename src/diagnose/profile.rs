@@ -1,4 +1,4 @@
-//! The road that nobody told of: its bank and grade vary along the way, and are marginalised.
+//! Unknown road: bank and grade vary along the way, and are marginalised.
 //!
 //! Every road has crown and camber. Unless the log or a path file tells them, bank and grade are random profiles
 //!
@@ -6,16 +6,16 @@
 //!     b(s) = sum_k c_k hat((s - s_k) / L),    c_k ~ N(0, sigma^2),
 //! ```
 //!
-//! with hats of a width `L` along the way `s` that was driven: some ten metres for a bank, for a grade a hundred. With `B` what the
-//! replay makes of each `c_k`, in units of `sigma`, a gap has the weight
+//! with hats of a width `L` along the driven way `s`: some ten metres for a bank, for a grade a hundred. With `B` the
+//! replay's response to each `c_k`, in units of `sigma`, a gap has the weight
 //!
 //! ```text
 //!     (W^-1 + B B')^-1 = W - W B (1 + B' W B)^-1 B' W,
 //! ```
 //!
-//! so that what a road may do is no evidence of anything else. How rough this road is, as a share of `sigma` for bank and grade
-//! each, is what makes the rest of the best fit most likely: on a level one a steady slope is no road's. A hat's response ends some seconds behind it: one replay
-//! serves all hats that are so far apart.
+//! so that the response to a road is no evidence of anything else. The roughness of this road, as a share of `sigma`
+//! for bank and grade each, maximises the likelihood of the best fit's remainder. On a level road a steady slope is not
+//! the road's. A hat's response ends some seconds behind it: one replay serves all hats that are so far apart.
 //!
 //! Source: Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, sec. 2.7; the discrepancy of the
 //! specification, after Kennedy and O'Hagan, J. R. Stat. Soc. B 63 (2001).
@@ -28,19 +28,19 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Standard deviations of bank and grade, rad, and the distance of their hats, m: public roads are crowned by 2 to 3 %, banked
-/// by up to 7 % in bends over transitions of some 20 to 50 m, and designed for grades of a few per cent over crests and sags
-/// of more than 100 m (AASHTO, A Policy on Geometric Design of Highways and Streets, ch. 3).
+/// Standard deviations of bank and grade, rad, and the distance of their hats, m. Public roads are crowned by 2 to 3 %
+/// and banked by up to 7 % in bends, over transitions of some 20 to 50 m. Grades are designed for a few per cent over
+/// crests and sags of more than 100 m. (AASHTO, A Policy on Geometric Design of Highways and Streets, ch. 3.)
 const BANK: (f64, f64) = (0.015, 25.0);
 const GRADE: (f64, f64) = (0.02, 100.0);
-/// What a hat does has faded after so many times the leak of the slowest channel.
+/// Decay of a hat's response, in leak times of the slowest channel.
 const FADED: f64 = 4.0;
 /// Shares of these deviations that a road may have.
 const ROUGHNESS: [f64; 6] = [0.0, 0.1, 0.25, 0.5, 1.0, 2.0];
 /// Size of a hat for which the replay's slope is taken, in standard deviations.
 const STRIDE: f64 = 0.5;
 
-/// What one hat does to the gap: sample rows, and values there, block after block.
+/// Response of the gap to one hat: sample rows, and values there, block after block.
 struct Hat {
     /// Place of its kind in a [`Roughness`].
     kind: usize,
@@ -48,18 +48,18 @@ struct Hat {
     values: Vec<f64>,
 }
 
-/// How rough a road is: shares of the deviations of bank and grade.
+/// Roughness of a road: shares of the deviations of bank and grade.
 pub type Roughness = [f64; 2];
 
-/// What all hats of bank and grade do to the gap.
+/// Response of the gap to all hats of bank and grade.
 pub struct Profile {
     hats: Vec<Hat>,
-    /// Where each block of the gap begins.
+    /// Start of each block of the gap.
     blocks: Vec<usize>,
 }
 
 impl Profile {
-    /// For a problem at its neutral replay; None where the road is known, or nothing follows it.
+    /// Profile of a problem at its neutral replay; None for a known road, or one without a response.
     pub(super) fn of<V: ReplayVehicle>(problem: &Problem<V>) -> Option<Self> {
         let drive = problem.drive;
         let along = [Channel::Vx, Channel::Ax];
@@ -163,7 +163,7 @@ impl Profile {
         })
     }
 
-    /// The roughness that makes a gap most likely that is weighed by `each` besides.
+    /// The roughness that maximises the likelihood of a gap with the additional weights `each`.
     #[must_use]
     pub fn roughness(&self, each: &[f64], gap: &[f64]) -> Roughness {
         let weighted: Vec<f64> = gap.iter().zip(each).map(|(gap, weight)| gap * weight).collect();
@@ -189,7 +189,7 @@ impl Profile {
     }
 }
 
-/// A hat: its middle along the way and its half width, m, and the samples in which the replay may feel it.
+/// A hat: its middle along the way and its half width, m, and the samples of its response in the replay.
 struct Span {
     middle: f64,
     spacing: f64,
@@ -225,7 +225,7 @@ impl Span {
     }
 }
 
-/// Hats that one replay can serve together: none begins before what another does has faded.
+/// Hats that one replay can serve together: none begins before the response of another has faded.
 fn coloured(spans: &[Span]) -> Vec<Vec<usize>> {
     let mut colours: Vec<Vec<usize>> = Vec::new();
     for (place, span) in spans.iter().enumerate() {
@@ -249,13 +249,13 @@ fn way(vx: &[f64], step: f64) -> Vec<f64> {
     way
 }
 
-/// What a gap is weighed with: each sample by itself, less what the road may do.
+/// Weights of a gap: each sample by itself, less the possible response to the road.
 pub struct Weights {
     each: Vec<f64>,
     road: Option<Road>,
 }
 
-/// A road that may be so rough.
+/// A road of this roughness.
 struct Road {
     profile: Arc<Profile>,
     roughness: Roughness,
@@ -264,7 +264,7 @@ struct Road {
 }
 
 impl Weights {
-    /// Of each sample, with a road profile marginalised.
+    /// Weights of each sample, with a road profile marginalised.
     #[must_use]
     pub fn new(each: Vec<f64>, profile: Option<&Arc<Profile>>, roughness: Roughness) -> Self {
         let with = |profile: &Arc<Profile>| {
@@ -307,14 +307,14 @@ impl Weights {
         gap.zip(&self.each).map(|(gap, weight)| gap * weight).collect()
     }
 
-    /// What the likeliest road does of a gap, `B (1 + B' W B)^-1 B' W a`.
+    /// Part of a gap that the likeliest road explains, `B (1 + B' W B)^-1 B' W a`.
     fn road(&self, gap: &[f64]) -> Option<Vec<f64>> {
         let Road { profile, deviations, factor, .. } = self.road.as_ref()?;
         let seen = profile.seen(&self.of_each(gap.iter().copied())).component_mul(deviations);
         Some(profile.of_heights(&factor.solve(&seen).component_mul(deviations), gap.len()))
     }
 
-    /// What the likeliest road leaves of a gap.
+    /// Part of a gap that the likeliest road leaves.
     #[must_use]
     pub fn rest(&self, gap: &[f64]) -> Vec<f64> {
         let road = self.road(gap).unwrap_or_else(|| vec![0.0; gap.len()]);

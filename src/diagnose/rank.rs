@@ -1,7 +1,8 @@
-//! Candidates and their evidence: single effects, pairs of the best with all others, and where a pair tells much more than
-//! one effect, threes of the best pairs with all others: a real vehicle differs in more than one thing.
+//! Candidates and their evidence: single effects, pairs of the best with all others, and triples of the best pairs with
+//! all others. Triples follow only where a pair explains much more than one effect: a real vehicle differs in more than
+//! one respect.
 //!
-//! Linear steps only say where to look. Every cost that is kept is that of a replay at the fit's own coordinates.
+//! Linear steps only choose candidates. Every cost that is kept is that of a replay at the fit's own coordinates.
 
 use super::fit::{Fit, Linear, Prior, Start, fit};
 use super::knob::LOADED;
@@ -10,31 +11,31 @@ use super::problem::Problem;
 use super::replay::ReplayVehicle;
 use crate::residual::parallel;
 
-/// Singles that are fitted to the end with the final noise.
+/// Singles that are fitted to convergence with the final noise.
 const AGAIN: usize = 12;
 /// Singles that are fitted with less and then with all trust.
 const REFINED: usize = 6;
-/// How pairs are made of singles, and threes of pairs.
+/// Number of singles that are extended to pairs, and of pairs that are extended to triples.
 const BEAM: usize = 8;
 const OF_SINGLES: Beam = Beam { bases: BEAM, always: 4, fitted: 12 };
 const OF_PAIRS: Beam = Beam { bases: 3, always: 1, fitted: 6 };
-/// Candidates that are fitted once more from nothing's best.
+/// Candidates that are fitted once more from the null optimum.
 const AFRESH: usize = 2;
-/// Candidates that are polished, and most of them in all; rounds of what is polished until that tells no more.
+/// Candidates that are relinearised, and the largest number of them; rounds until that gains nothing.
 const POLISHED: usize = 3;
 const MOST_POLISHED: usize = 5;
 const ROUNDS: usize = 5;
-/// Steps of a fit to the end.
+/// Steps of a fit to convergence.
 const STEPS: usize = 4;
-/// Of a single effect behind the first [`AGAIN`] that promises to come near.
+/// Steps for a promising single effect behind the first [`AGAIN`].
 const FEW_STEPS: usize = 2;
-/// Evidence that no further search makes an effect of: a third of the least that is asked of one.
+/// Evidence that no further search turns into an effect: a third of the least required.
 const LITTLE: f64 = 4.0;
-/// Tolerances by which an effect is off that freeing is sure to tell of: as many squared of evidence.
+/// Distance of an effect, in tolerances, from which on freeing it is sure to gain: its square is the evidence.
 const STRAINED: f64 = 3.0;
-/// Evidence within which candidates are fitted to the end.
+/// Evidence within which candidates are fitted to convergence.
 const NEAR: f64 = 60.0;
-/// Evidence of a pair over its better half from which on the noise is taken from the pair's rest.
+/// Evidence of a pair over its better half from which on the noise is taken from the pair's remainder.
 const TELLING: f64 = 20.0;
 
 /// All that was fitted.
@@ -45,15 +46,15 @@ pub struct Ranking {
     pub singles: Vec<Fit>,
     /// The best first; empty if pairs were not asked for.
     pub pairs: Vec<Fit>,
-    /// The best first; empty where the best pair tells little more than the best single effect.
+    /// The best first; empty if the best pair gains little over the best single effect.
     pub threes: Vec<Fit>,
     /// Slopes and weights for the background, at `none`.
     pub linear: Linear,
     /// Tolerances.
     pub prior: Prior,
-    /// What gaps were weighed with.
+    /// Noise model with which gaps were weighed.
     pub noise: Noise,
-    /// The gap with all as expected: neutral, or as a reference log says.
+    /// The gap with all coordinates as expected: neutral, or by a reference log.
     pub neutral: Vec<f64>,
 }
 
@@ -87,7 +88,7 @@ impl Ranking {
     }
 }
 
-/// Why candidates could not be ranked.
+/// Reasons for which candidates could not be ranked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("the vehicle cannot be replayed on this log")]
 pub struct NoReplay;
@@ -119,7 +120,7 @@ fn polished_by<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, local: &Li
         .unwrap_or_else(|| at.clone())
 }
 
-/// A start with the slopes over what is freed that `local` has of there.
+/// A start with the slopes over the freed knobs that `local` has from there.
 fn start_at<'a, V: ReplayVehicle>(
     problem: &Problem<V>,
     local: &Linear,
@@ -130,7 +131,8 @@ fn start_at<'a, V: ReplayVehicle>(
     Start { x: x.into(), gap: Some(gap.into()), slopes: Some((x, own)) }
 }
 
-/// Polished until that tells no more: what all evidence is measured against must not be left in a valley on the way.
+/// A fit relinearised until that gains nothing. All evidence is measured against it, so it must not stay in a valley on
+/// the way.
 fn settled<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linear, from: Fit) -> Fit {
     let mut best = from;
     for _ in 0..ROUNDS {
@@ -144,23 +146,23 @@ fn settled<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linea
     best
 }
 
-/// Whether a cost is so much below that of nothing that a single effect may tell anything.
+/// True if a cost is so much below that of nothing that a single effect may be informative.
 fn may_tell(cost: f64, none: &Fit) -> bool {
     cost < none.cost - LITTLE
 }
 
-/// Whether a cost is so near the best that a candidate is fitted to the end.
+/// True if a cost is so near the best that a candidate is fitted to convergence.
 fn is_near(cost: f64, best: f64) -> bool {
     cost < best + 0.25 * best.abs() + NEAR
 }
 
-/// Whether the best candidate of one effect more explains so much more than the best one without.
+/// True if the best candidate of one effect more gains so much over the best one without it.
 fn is_ahead(more: &[Fit], fewer: &[Fit], by: f64) -> bool {
     matches!((more.first(), fewer.first()), (Some(more), Some(fewer)) if fewer.cost - more.cost > by)
 }
 
-/// Singles fitted again with other weights, from their own best: the first [`AGAIN`], and others that promise to tell anything and
-/// to come near.
+/// Singles fitted again with other weights, from their own best: the first [`AGAIN`], and others whose promise is
+/// informative and near.
 fn fitted_again<V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
@@ -186,8 +188,8 @@ fn fitted_again<V: ReplayVehicle>(
     take(singles, found.into_iter().flatten());
 }
 
-/// Candidates to which a linear step from the background's best promises more than they have found are fitted from there, the first
-/// [`AGAIN`] of them that promise to tell anything.
+/// Refit from the null optimum of candidates whose linear step from there promises a lower cost than they have. Only
+/// the first [`AGAIN`] that promise to be informative are fitted.
 fn again_from_none<V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
@@ -214,8 +216,8 @@ fn again_from_none<V: ReplayVehicle>(
     take(singles, found.into_iter().flatten());
 }
 
-/// The first few of sorted candidates, fitted once more from nothing's best with their effects as they were found, and with all
-/// slopes taken there: what a search gave to the background on its way to an effect that is far off, it may not get back.
+/// Refit of the first few of sorted candidates from the null optimum, with their effects as found and all slopes taken
+/// there. Background parameters can stick in a local minimum on the way to an effect that is far off.
 fn afresh<V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
@@ -237,7 +239,7 @@ fn afresh<V: ReplayVehicle>(
     take(fits, found);
 }
 
-/// Polishes the first few of sorted candidates, until those are first that were polished.
+/// Relinearises the first few of sorted candidates, until all of the first few have been.
 fn polish<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linear, fits: &mut [Fit]) {
     let mut done: Vec<Vec<usize>> = Vec::new();
     loop {
@@ -262,7 +264,7 @@ fn polish<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linear
     }
 }
 
-/// The same of single effects, where one tells anything: no polish makes an effect of what does not.
+/// The same for single effects, if one is informative: relinearising does not turn the others into effects.
 fn polish_singles<V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
@@ -275,8 +277,8 @@ fn polish_singles<V: ReplayVehicle>(
     }
 }
 
-/// What a candidate explains with a value that is within its tolerance, the background explains too: its cost with the
-/// tolerance's penalty bounds that of nothing freed, which in turn bounds every candidate's.
+/// Upper bounds from nested models. A candidate with a value within its tolerance is also explained by the background.
+/// So its cost with the tolerance's penalty bounds that of nothing freed, which in turn bounds every candidate's.
 fn bound<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, none: &mut Fit, singles: &mut [Fit]) {
     let of_none = prior.freed(problem, &[]);
     for single in singles.iter() {
@@ -301,8 +303,8 @@ fn bound<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, none: &mut Fit, 
     sort(singles);
 }
 
-/// What a candidate explains with one of its effects within its tolerance, the background explains without that effect: it
-/// bounds the cost of the candidate of the others, which may not have been found from where it began.
+/// Upper bounds from larger candidates. The background also explains the part of an effect within its tolerance,
+/// without freeing it. The cost bounds that of the candidate of the others, whose own search may have missed it.
 fn bound_fewer<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, fewer: &mut Vec<Fit>, more: &[Fit]) {
     for fit in more {
         let off = prior.off(&fit.x);
@@ -325,8 +327,8 @@ fn bound_fewer<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, fewer: &mu
     sort(fewer);
 }
 
-/// And the other way round, as [`bound`] has it of single effects: where one of the first few strains the tolerance of an effect,
-/// freeing that as well saves the strain's cost. Whether this is better than what was known to be best.
+/// Upper bounds from smaller candidates, the reverse of [`bound`]. Among the first few, freeing an effect whose
+/// tolerance is strained saves the cost of the strain. True if the result is better than the best known.
 fn bound_more<V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
@@ -351,8 +353,8 @@ fn bound_more<V: ReplayVehicle>(
     more.first().is_some_and(|best| best.cost < before - 1.0)
 }
 
-/// A mass that one of the first few strains in place of a load: no tolerance is that wide, and a load does much the same. The load
-/// is fitted from as many kilograms.
+/// Candidates with a payload in place of a strained mass. No tolerance is that wide, and a payload has much the same
+/// response; it is fitted from as many kilograms.
 fn loaded<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linear, fewer: &[Fit]) -> Vec<Fit> {
     let each = fewer.iter().take(POLISHED).flat_map(|fit| LOADED.iter().map(move |it| (fit, it)));
     let swapped = each.filter_map(|(of, (mass, load))| {
@@ -371,8 +373,8 @@ fn loaded<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linear
     swapped.filter_map(|(freed, x)| fit(problem, prior, linear, &freed, &x, STEPS)).collect()
 }
 
-/// Fits candidates of one effect less from where the best `count` of those with one more were found: what one effect's
-/// search found of the background and of the others may lie in another valley than where theirs began.
+/// Fits candidates of one effect less from the coordinates of the best `count` with one more. The larger search may
+/// have found the background and the others in another valley.
 fn fewer_from_more<V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
@@ -397,12 +399,12 @@ fn fewer_from_more<V: ReplayVehicle>(
     take(fewer, found.into_iter().flatten());
 }
 
-/// Whether both free the same effects.
+/// True if both free the same effects.
 fn of_the_same(one: &Fit, other: &Fit) -> bool {
     one.freed.len() == other.freed.len() && one.freed.iter().all(|i| other.freed.contains(i))
 }
 
-/// Adds fits to others, of the same effects the better one.
+/// Adds fits to others; for equal effects the better one stays.
 fn take(known: &mut Vec<Fit>, more: impl IntoIterator<Item = Fit>) {
     for new in more {
         match known.iter_mut().find(|old| of_the_same(old, &new)) {
@@ -414,8 +416,8 @@ fn take(known: &mut Vec<Fit>, more: impl IntoIterator<Item = Fit>) {
     sort(known);
 }
 
-/// Fits candidates of one effect more from where the best of those with one less was found, where they explain hardly more than
-/// that: chance alone gives one more, so they began in another valley.
+/// Fits candidates of one effect more from the coordinates of the best with one less, where they explain hardly more.
+/// Chance alone gives one more effect some gain, so these searches began in another valley.
 fn more_from_fewer<V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
@@ -474,13 +476,13 @@ fn refined<V: ReplayVehicle>(
     sort(fits);
 }
 
-/// Where slopes are taken: at the best single effect where it tells.
+/// Coordinates for slopes: at the best single effect where it is informative.
 fn based(none: &Fit, singles: &[Fit]) -> Vec<f64> {
     singles.first().filter(|best| none.cost - best.cost > 50.0).map_or(&none.x, |best| &best.x).clone()
 }
 
-/// Ranks all candidates; `prior` is what is known of the tolerances, `pairs` tells from what nothing and single effects
-/// explain whether more than one is looked for.
+/// Ranks all candidates; `prior` is the knowledge of the tolerances. `pairs` decides from the gains of nothing and of
+/// single effects if more than one is searched for.
 ///
 /// # Errors
 /// A vehicle that cannot be replayed.
@@ -618,16 +620,16 @@ pub fn predicted(linear: &Linear, gap: &[f64], change: &[f64]) -> Vec<f64> {
     left
 }
 
-/// The gap of a fit with all as expected, as slopes give it.
+/// The gap of a fit with all coordinates as expected, by its slopes.
 #[must_use]
 pub fn expected(linear: &Linear, prior: &Prior, fit: &Fit) -> Vec<f64> {
     let back: Vec<f64> = prior.off(&fit.x).iter().map(|off| -off).collect();
     predicted(linear, &fit.gap, &back)
 }
 
-/// Where a fit begins whose last effect is new to it: of its starts, and of half of `own`, what it was found to be alone,
-/// the one from which a linear step promises most. Some effects have no slope at their neutral value, and friction and wind
-/// more than one best.
+/// Starting point of a fit whose last effect is new to it: the one with the most promising linear step. Candidates are
+/// its starts, and half of `own`, the effect's value when alone. Some effects have no slope at their neutral value, and
+/// friction and wind have more than one optimum.
 fn best_start<'a, V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
@@ -657,11 +659,11 @@ fn best_start<'a, V: ReplayVehicle>(
     best.map_or_else(|| from.into(), |(_, start)| start)
 }
 
-/// How candidates are made of others by one effect more.
+/// Construction of candidates from others by one effect more.
 struct Beam {
-    /// So many of the first are bases.
+    /// Number of the first that are bases.
     bases: usize,
-    /// Of so many of the first, each with as many of the first effects, all are fitted.
+    /// Number of first bases, and of first effects, that are fitted in every combination.
     always: usize,
     /// So many are fitted.
     fitted: usize,

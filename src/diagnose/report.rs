@@ -1,4 +1,4 @@
-//! The answer of a diagnosis: what `report.json` holds, and the series that its plots need.
+//! The answer of a diagnosis: contents of `report.json`, and the series of its plots.
 //!
 //! Field names are the contract with users' scripts; values are SI units and radians.
 
@@ -11,32 +11,32 @@ use std::collections::BTreeMap;
 /// The whole answer.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Report {
-    /// What is the matter.
+    /// The cause found.
     pub verdict: Verdict,
     /// All candidates, the best first.
     pub candidates: Vec<Candidate>,
-    /// How far the gap shrinks.
+    /// Reduction of the gap.
     pub shrink: Shrink,
-    /// Where the gap lies, the greatest share first.
+    /// Location of the gap, the greatest share first.
     #[serde(rename = "where")]
     pub places: Vec<Place>,
     /// The stage at which the gap enters, if there is one.
     pub stage: Option<Stage>,
-    /// What this log can show and what it cannot.
+    /// Effects that this log can and cannot show.
     pub observability: Vec<Observability>,
-    /// What to drive next to tell the first candidates apart.
+    /// The next manoeuvre, to tell the first candidates apart.
     pub next_manoeuvre: Option<Manoeuvre>,
-    /// What the simulator needs besides the named effect to drive like the log, each within its tolerance.
+    /// Adjustments of the simulator besides the named effect, to drive like the log; each within its tolerance.
     pub recalibration: Vec<Adjustment>,
-    /// How probable each hypothesis is: what the verdict was read from.
+    /// Probability of each hypothesis, from which the verdict was read.
     #[serde(default)]
     pub posterior: Option<Probabilities>,
-    /// What the log says of all parameters at once: summaries of several drives add up (`rfl fleet`).
+    /// Likelihood of all parameters at once: summaries of several drives add up (`rfl fleet`).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub information: Option<Information>,
-    /// What was found wrong, missing or mended in the log, in words, the gravest first.
+    /// Faults, gaps and repairs in the log, in words, the gravest first.
     pub findings: Vec<Finding>,
-    /// What the diagnosis was made from.
+    /// Inputs of the diagnosis.
     pub inputs: Inputs,
     /// Seed of everything random.
     pub seed: u64,
@@ -86,97 +86,97 @@ pub struct InformedParameter {
     pub value: f64,
 }
 
-/// How probable what is.
+/// Probabilities of the hypotheses.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Probabilities {
-    /// That nothing is the matter.
+    /// Probability that there is no effect.
     pub none: f64,
-    /// That the cause is not in the library.
+    /// Probability that the cause is not in the library.
     pub not_in_library: f64,
-    /// How good the vehicle's numbers are.
+    /// Quality of the vehicle's numbers.
     #[serde(default)]
     pub tolerances: Vec<Spread>,
-    /// That an effect is among the causes, by id, the most probable of all.
+    /// Probability of each effect to be among the causes, by id, the most probable of all.
     pub inclusion: BTreeMap<String, f64>,
     /// Single hypotheses, the most probable first.
     pub hypotheses: Vec<Hypothesis>,
 }
 
-/// What a hypothesis is weighed by.
+/// Weight of a hypothesis.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Term {
-    /// Where the vehicle's numbers have heavy tails, or normal ones.
+    /// True for the world in which the vehicle's numbers have heavy tails; else normal ones.
     pub heavy_tails: bool,
-    /// How much better it explains the log: a difference of costs of the tempered likelihood, from nothing with normal tails, or from
-    /// what a cause that is not in the library comes upon.
+    /// Gain in explanation of the log: a difference of costs of the tempered likelihood. It counts from nothing with
+    /// normal tails, or from the hypothesis that a cause outside the library extends.
     pub evidence: f64,
-    /// What its freedom costs.
+    /// Cost of its freedom.
     pub narrowing: f64,
 }
 
-/// How the vehicle's numbers may be spread about the true ones.
+/// Possible spread of the vehicle's numbers about the true ones.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Spread {
-    /// How many times as wide as the tolerances of a careful measurement.
+    /// Width relative to the tolerances of a careful measurement.
     pub factor: f64,
-    /// Whether with heavy tails (Student's t), so that a few may be far off.
+    /// True for heavy tails (Student's t), so that a few may be far off.
     pub heavy_tails: bool,
-    /// How probable that is.
+    /// Probability of this spread.
     pub probability: f64,
 }
 
 /// A hypothesis and its probability.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Hypothesis {
-    /// Effects; none where nothing is the matter. Of a cause that is not in the library, those that come nearest.
+    /// Effects; empty for `none`. For a cause outside the library, the nearest ones.
     pub effects: Vec<String>,
-    /// What says that the cause is not in the library, if anything does.
+    /// Sign that the cause is not in the library, if there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub not_in_library: Option<String>,
-    /// What it is weighed by where the vehicle's numbers are spread one way or the other.
+    /// Weight in each spread of the vehicle's numbers.
     #[serde(default)]
     pub terms: Vec<Term>,
     /// Its probability.
     pub probability: f64,
 }
 
-/// What is the matter.
+/// The cause found.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Verdict {
-    /// An effect, nothing, something that the library does not have, or a log that does not tell.
+    /// An effect, nothing, a cause outside the library, or an undecided log.
     pub kind: VerdictKind,
-    /// Probability of the verdict (for an effect: of its class); where the log does not tell, of the most probable hypothesis.
+    /// Probability of the verdict (for an effect: of its class); for an undecided log, of the most probable hypothesis.
     pub probability: f64,
     /// The effects named: one to three.
     pub effects: Vec<NamedEffect>,
-    /// Where the cause is not in the library: its effects that come nearest. The calibrated simulator has them.
+    /// For a cause outside the library: the nearest effects of the library. The calibrated simulator has them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub nearest: Vec<NamedEffect>,
-    /// Where the log does not tell: what may be the matter, the most probable first.
+    /// For a log that does not tell: possible causes, the most probable first.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub short_list: Vec<Hypothesis>,
-    /// Where the cause is not in the library because an effect of it would have to change its value: how.
+    /// For a cause outside the library because an effect would have to change its value: the kind of change.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub varying: Option<Varies>,
-    /// Where it is not because what may not be named, or is not, would have to be far off: that, and where.
+    /// For a cause outside the library because an unnamed number would have to be far off: that number, and its value.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub strained: Option<Adjustment>,
     /// The verdict in at most three sentences.
     pub words: String,
 }
 
-/// An effect whose value is not one.
+/// An effect whose value is not constant.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Varies {
     /// Its id.
     pub id: String,
-    /// What its value changes with.
+    /// Quantity that its value changes with.
     pub with: Cause,
-    /// By how much: standard deviation over the drive, in `unit`.
+    /// Size of the change: standard deviation over the drive, in `unit`.
     pub deviation: f64,
     /// Symbol of the unit.
     pub unit: String,
-    /// Evidence that it does: how much better it explains the log than with one value.
+    /// Evidence for it: gain in explanation of the log over a constant value.
     pub evidence: f64,
 }
 
@@ -196,7 +196,7 @@ pub enum VerdictKind {
 pub struct NamedEffect {
     /// Its id, as in the plant's parameter `effect.<id>`.
     pub id: String,
-    /// Its value with an interval of 95 %, in `unit`; with a reference log, what has changed since: a difference, of a
+    /// Its value with an interval of 95 %, in `unit`. With a reference log, the change since then: a difference, for a
     /// factor the quotient.
     pub value: f64,
     /// Lower end of the interval.
@@ -207,20 +207,20 @@ pub struct NamedEffect {
     pub unit: String,
     /// Effects that this log cannot tell from it, itself among them.
     pub class: Vec<String>,
-    /// What would tell them apart, in words; empty where the class is the effect alone.
+    /// Drive that would tell them apart, in words; empty where the class is the effect alone.
     pub separated_by: String,
-    /// Where on the way from command to measurement it acts.
+    /// Place of its action on the way from command to measurement.
     pub stage: Stage,
-    /// Gap that the effect makes over the gap of the background.
+    /// Gap by the effect over the gap by the background.
     pub dominance: f64,
-    /// Its value on the nominal vehicle: what the reference log says of it, and the change.
+    /// Its value on the nominal vehicle: that of the reference log, and the change.
     pub total: f64,
-    /// Of a wind that is named by its speed, as the log tells no heading: where it blows to, rad to the left of the heading
-    /// at the log's start.
+    /// Direction of a wind that is named by its speed, because the log tells no heading. In rad, to the left of the
+    /// heading at the log's start.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub direction: Option<f64>,
-    /// Effects of the simulator and their values where one does not say it all: a payload with its place, such a wind by its
-    /// components. Empty where the effect and `total` do.
+    /// Effects of the simulator and their values where one is not enough: a payload with its place, such a wind by its
+    /// components. Empty where the effect and `total` are enough.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub components: BTreeMap<String, f64>,
 }
@@ -232,20 +232,20 @@ pub struct Candidate {
     pub effects: Vec<String>,
     /// Their values, SI units.
     pub values: Vec<f64>,
-    /// `J_none - J` of the candidate: how much better it explains the log than the background alone.
+    /// `J_none - J` of the candidate: its gain in explanation of the log over the background alone.
     pub evidence: f64,
-    /// That these effects, and no others, are the causes.
+    /// Probability that these effects, and no others, are the causes.
     #[serde(default)]
     pub probability: f64,
-    /// Where it has another effect than the verdict in one place: how alike the two are on this log, the cosine of their
-    /// sensitivities less what the tolerances imitate. Of the first few candidates.
+    /// Likeness to the verdict on this log, where one place has another effect: the cosine of their sensitivities less
+    /// the parts that the tolerances imitate. Given for the first few candidates.
     #[serde(default)]
     pub collinearity: Option<f64>,
-    /// Why it stands where it does, in words.
+    /// Reason for its rank, in words.
     pub why: String,
 }
 
-/// How far the gap shrinks.
+/// Reduction of the gap.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Shrink {
     /// For each signal, over the whole of the held-out parts.
@@ -256,7 +256,7 @@ pub struct Shrink {
     pub closed_loop: Option<BTreeMap<String, Gap>>,
 }
 
-/// A gap (RMS, in the signal's unit) on held-out parts, and what is left of it.
+/// A gap (RMS, in the signal's unit) on held-out parts, and its remainders.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Gap {
     /// Of the simulator as it was given.
@@ -265,10 +265,9 @@ pub struct Gap {
     pub effect: f64,
     /// With the effect, and all else within its tolerance.
     pub recalibrated: f64,
-    /// What a model learned from past commands still removes from that: the rest after it; none where none was learned
-    /// (horizons, closed loop).
+    /// Remainder after a model learned from past commands; none where none was learned (horizons, closed loop).
     pub learnable: Option<f64>,
-    /// What noise alone leaves.
+    /// Part of noise alone.
     pub noise: f64,
 }
 
@@ -277,9 +276,10 @@ pub struct Gap {
 pub struct Place {
     /// The signal.
     pub signal: String,
-    /// What is divided into regimes: `speed`, `lateral_accel`, `curvature`, `steer_rate`, `side`, `time`, `station`, `frequency`.
+    /// Name of the division: `speed`, `lateral_accel`, `curvature`, `steer_rate`, `side`, `time`, `station`,
+    /// `frequency`.
     pub regime: String,
-    /// Beginning of the regime, in the unit of what is divided.
+    /// Beginning of the regime, in the unit of the division.
     pub from: f64,
     /// Its end.
     pub to: f64,
@@ -289,39 +289,39 @@ pub struct Place {
     pub rms: f64,
     /// Its share of the signal's whole squared gap.
     pub share: f64,
-    /// How unlikely as much is by noise and an even spread, in standard deviations.
+    /// Significance against noise and an even spread, in standard deviations.
     pub significance: f64,
 }
 
-/// Whether a log can show an effect.
+/// Observability of an effect on a log.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Observability {
     /// The effect's id.
     pub effect: String,
-    /// Whether the log can show it at all.
+    /// True if the log can show it at all.
     pub observable: bool,
     /// Least value (as a distance from the neutral one) that would be seen, if any.
     pub least: Option<f64>,
-    /// Least value that would be named: seen, and more than a sound vehicle has within tolerance.
+    /// Least value that would be named: seen, and beyond a sound vehicle's tolerance.
     #[serde(default)]
     pub named_from: Option<f64>,
     /// The reason, in words, with numbers ("34 % of grip reached").
     pub why: String,
 }
 
-/// What to drive next.
+/// The next manoeuvre.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Manoeuvre {
     /// Its name, e.g. `speed sweep`.
     pub name: String,
-    /// How it is driven, in words.
+    /// Instructions for driving it, in words.
     pub how: String,
-    /// What to drive besides where the model's form may look like an effect; empty where it is known.
+    /// Additional drive where the model's form may look like an effect; empty where the form is known.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub besides: String,
     /// The candidates that it tells apart.
     pub separates: Vec<String>,
-    /// Evidence that it is expected to give for one against the other, if the first is true.
+    /// Expected evidence for one against the other, if the first is true.
     pub expected_evidence: f64,
 }
 
@@ -342,10 +342,10 @@ pub struct Adjustment {
     pub unit: String,
 }
 
-/// What a diagnosis was made from.
+/// Inputs of a diagnosis.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Inputs {
-    /// Each file with its hash, by what it is (`log`, `reference`, `vehicle`, `path`, `controller`).
+    /// Each file with its hash, by its role (`log`, `reference`, `vehicle`, `path`, `controller`).
     pub files: BTreeMap<String, InputFile>,
     /// The vehicle's name.
     pub vehicle: String,
@@ -368,18 +368,18 @@ pub struct InputFile {
     pub hash: String,
 }
 
-/// What plots are drawn from: every column is as long as `time`.
+/// Data of the plots: every column is as long as `time`.
 #[derive(Debug, Clone, Default)]
 pub struct Series {
     /// Time, s, on the log's own clock.
     pub time: Vec<f64>,
     /// Columns of the log, by signal, repaired, on an even clock.
     pub log: BTreeMap<String, Vec<f64>>,
-    /// What the simulator says as it was given, for each signal compared.
+    /// Output of the simulator as given, for each compared signal.
     pub simulated: BTreeMap<String, Vec<f64>>,
-    /// What it says with the named effect.
+    /// Output with the named effect.
     pub with_effect: BTreeMap<String, Vec<f64>>,
-    /// What it says with effect and recalibration.
+    /// Output with effect and recalibration.
     pub corrected: BTreeMap<String, Vec<f64>>,
 }
 
@@ -388,6 +388,6 @@ pub struct Series {
 pub struct Diagnosis {
     /// The answer.
     pub report: Report,
-    /// What its plots are drawn from.
+    /// Data of its plots.
     pub series: Series,
 }

@@ -1,4 +1,4 @@
-//! Whether the steering has an inertia of its own: what overshoots is no dead time and no lag.
+//! Resonance of the steering: an inertia of its own overshoots, unlike a dead time or a lag.
 //!
 //! To second order in the frequency, a dead time `T`, a lag `tau` and a resonance of frequency `w` and damping `d` are
 //!
@@ -7,8 +7,8 @@
 //!     1 / (1 + 2 d s / w + s^2 / w^2) = 1 - (2 d / w) s + ((4 d^2 - 1) / w^2) s^2
 //! ```
 //!
-//! The last alone has a term of second order below zero. So a command to which `c s^2` is added, `c < 0`, beside a first order
-//! of any size, stands for every steering that swings.
+//! The last alone has a term of second order below zero. So every resonant steering is represented by a command with an
+//! added `c s^2`, `c < 0`, beside a first order of any size.
 //!
 //! Source: the series; a steering column on its torsion bar swings at 3 to 10 Hz, Pfeffer and Harrer, Steering Handbook, 2017.
 
@@ -17,7 +17,7 @@ use super::problem::Problem;
 use super::rank::expected;
 use super::replay::ReplayVehicle;
 
-/// Standard deviations of what is added: of first order, s, and of second, s2 (a resonance at 4 Hz).
+/// Standard deviations of the added terms: of first order, s, and of second, s2 (a resonance at 4 Hz).
 const FIRST: f64 = 0.05;
 const SECOND: f64 = 0.002;
 /// Half the width over which the command is smoothed and differentiated, s.
@@ -49,7 +49,7 @@ fn rates<V: ReplayVehicle>(problem: &Problem<V>) -> [Vec<f64>; 2] {
     rates
 }
 
-/// What a steering that swings explains beyond a fit; `linear` and `precision` are those at the fit. None where the command is not
+/// Gain of a resonant steering over a fit; `linear` and `precision` are those at the fit. None where the command is not
 /// known, or nothing swings.
 pub fn resonance<V: ReplayVehicle>(
     problem: &Problem<V>,

@@ -1,20 +1,20 @@
-//! Long logs: the stretches that tell most.
+//! Long logs: choice of the most informative stretches.
 //!
-//! Three minutes tell no more than half a minute of good driving: the model's form limits. Blocks of 20 s are chosen by how
-//! much their steering moves, at all speeds alike.
+//! Three minutes tell no more than half a minute of good driving: the model's form limits. Blocks of 20 s are chosen by
+//! the motion of their steering, at all speeds alike.
 
 use super::report::{Finding, Gravity};
 use crate::log::CleanLog;
 use std::borrow::Cow;
 
-/// Longest log that is used whole, and what is used of longer ones, s.
+/// Longest log that is used whole, and the used length of longer ones, s.
 const WHOLE: f64 = 400.0;
 const USED: f64 = 240.0;
 /// Length of a block, s; classes of speed.
 const BLOCK: f64 = 20.0;
 const CLASSES: usize = 4;
 
-/// The log, or what of a long one is used, with a word on it.
+/// The log, or the chosen part of a long one, with a note on it.
 #[must_use]
 pub fn chosen(log: &CleanLog) -> (Cow<'_, CleanLog>, Option<Finding>) {
     let rows = log.time.len();

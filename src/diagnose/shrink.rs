@@ -1,7 +1,8 @@
-//! How far the gap shrinks on parts of the log that the fit has not seen.
+//! Reduction of the gap on parts of the log that the fit has not seen.
 //!
-//! Blocks of 8 s belong in turn to two halves; what is fitted on one is tried on the other. What a model learned from past
-//! commands removes from the rest is the ceiling of all learning: a ridge regression on lagged steering, by speed.
+//! Blocks of 8 s belong in turn to two halves; a fit on one is tried on the other. The ceiling of all learning is the
+//! part of the rest that a model learned from past commands removes. The model is a ridge regression on lagged
+//! steering, by speed.
 
 use super::fit::{Fit, Linear, Prior, fit};
 use super::problem::{Problem, rms};
@@ -63,8 +64,8 @@ fn fitted_on<V: ReplayVehicle>(
     (ranking.prior.only(problem, &winner.freed, &all), simulator)
 }
 
-/// The simulator for coordinates: no simulator can be given errors of its form. What they explained goes to the tolerances as
-/// far as these allow it, and the effects keep their values.
+/// The simulator for coordinates, without the errors of its form, which no simulator can be given. Their explanation
+/// goes to the tolerances as far as these allow it, and the effects keep their values.
 #[must_use]
 pub fn recalibrated<V: ReplayVehicle>(
     problem: &Problem<V>,
@@ -84,7 +85,7 @@ pub fn recalibrated<V: ReplayVehicle>(
     fit(problem, &prior, linear, &[], &start, STEPS).map_or(start, |fit| fit.x)
 }
 
-/// What fits predict of the parts that they have not seen: weighted squares of the held-out gap.
+/// Prediction of held-out parts by the fits: weighted squares of the held-out gap.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Predictive {
     /// Of the simulator as given.
@@ -97,21 +98,21 @@ pub struct Predictive {
 }
 
 impl Predictive {
-    /// Whether the effects predict: by themselves better than the simulator as given, or with all else within tolerance better
-    /// than all that without them.
+    /// True if the effects predict. By themselves they must beat the simulator as given; or, with all else within
+    /// tolerance, all that without them.
     #[must_use]
     pub fn names(&self) -> bool {
         self.effect < self.given || self.recalibrated < self.without
     }
 
-    /// Whether a recalibration besides the effects predicts better than they alone.
+    /// True if a recalibration besides the effects predicts better than they alone.
     #[must_use]
     pub fn recalibration_gains(&self) -> bool {
         self.recalibrated < self.effect
     }
 }
 
-/// Shrinkage of the winner, and how it predicts; for a winner with nothing freed the effect's part is none.
+/// Shrinkage of the winner, and its prediction; without freed effects the effect's part is none.
 #[must_use]
 pub fn shrink<V: ReplayVehicle>(
     problem: &Problem<V>,
@@ -184,7 +185,7 @@ fn features<V: ReplayVehicle>(problem: &Problem<V>) -> Vec<Vec<f64>> {
         .collect()
 }
 
-/// What a ridge learned on one half leaves of a gap on the other, RMS.
+/// Remainder of a gap on one half after a ridge regression learned on the other, RMS.
 fn learnable<V: ReplayVehicle>(problem: &Problem<V>, features: &[Vec<f64>], gap: &[f64]) -> f64 {
     let count = features.first().map_or(0, Vec::len);
     let mut left = gap.to_vec();

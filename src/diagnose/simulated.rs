@@ -1,7 +1,7 @@
-//! Logs of our own plants with an effect put in: what thresholds are calibrated on and tests look at.
+//! Logs of our own plants with an effect put in, for the calibration of thresholds and for tests.
 //!
-//! The full plant drives a random winding road at a random, changing speed, steered by a driver who follows a wanted yaw
-//! rate. Every log has its own background: all that ordinary simulators are wrong in is drawn from its tolerance.
+//! The full plant drives a random winding road at a random, changing speed, steered by a driver who follows a wanted
+//! yaw rate. Every log has its own background: all errors of ordinary simulators are drawn from their tolerances.
 
 use super::knob::{self, Knob};
 use super::replay::{Drive, ReplayVehicle};
@@ -11,7 +11,7 @@ use crate::vehicle::{Car, CarParameters, StepError, Truck, TruckEffects, TruckPa
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
-/// How a log is driven and measured.
+/// Conditions under which a log is driven and measured.
 #[derive(Debug, Clone, Copy)]
 pub struct Conditions {
     /// Seed of road, background and noise.
@@ -152,7 +152,7 @@ impl Course {
     }
 }
 
-/// Drives a vehicle with effects. `None` where it cannot be made, or falls over.
+/// Drives a vehicle with effects. `None` if it cannot be made, or falls over.
 #[must_use]
 pub fn drive<V: SimulatedVehicle>(
     vehicle: &V,

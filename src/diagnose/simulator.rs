@@ -1,5 +1,5 @@
-//! The calibrated simulator: the vehicle with the effects that were named and the numbers that were adjusted, as a vehicle
-//! file, and as a parameter set of SSP 1.0 for the plant's FMU in any host.
+//! The calibrated simulator: the vehicle with the named effects and the adjusted numbers. Written as a vehicle file,
+//! and as a parameter set of SSP 1.0 for the plant's FMU in any host.
 
 use super::report::{Adjustment, Report};
 use crate::output::write_bytes;
@@ -9,7 +9,7 @@ use quick_xml::events::{BytesDecl, BytesEnd, BytesStart, Event};
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 
-/// Why a calibrated simulator cannot be written.
+/// Reasons for which a calibrated simulator cannot be written.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum CalibratedError {
@@ -21,7 +21,7 @@ pub enum CalibratedError {
     Toml(#[from] toml::ser::Error),
 }
 
-/// How far a simulator is calibrated.
+/// Extent of the calibration of a simulator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Calibration {
     /// The named effects only.
@@ -30,7 +30,7 @@ pub enum Calibration {
     Whole,
 }
 
-/// What changes: parameter and value.
+/// Changes by parameter, with values.
 #[must_use]
 pub fn changes(report: &Report, calibration: Calibration) -> BTreeMap<String, f64> {
     let mut changes = BTreeMap::new();
@@ -47,8 +47,8 @@ pub fn changes(report: &Report, calibration: Calibration) -> BTreeMap<String, f6
     changes
 }
 
-/// The vehicle with these changes; values are kept within what a vehicle can have. What was adjusted in the sensors
-/// (`sensor.*`) is no part of a vehicle.
+/// The vehicle with these changes; values are limited to the vehicle's ranges. Adjustments of the sensors (`sensor.*`)
+/// are no part of a vehicle.
 ///
 /// # Errors
 /// A parameter that the vehicle does not have.
@@ -94,7 +94,7 @@ pub fn calibrated<V: VehicleParameters>(
 const QUICKER: [(&str, &str); 3] =
     [("steer_delay", "steering.dead_time"), ("steer_lag", "steering.lag"), ("drive_lag", "drive.lag")];
 
-/// What one vehicle has otherwise than another, by the FMU's parameters.
+/// Differences between two vehicles, by the FMU's parameters.
 #[must_use]
 pub fn differences<V: VehicleParameters>(from: &V, to: &V) -> BTreeMap<String, f64> {
     let mut differences = BTreeMap::new();
@@ -112,8 +112,8 @@ pub fn differences<V: VehicleParameters>(from: &V, to: &V) -> BTreeMap<String, f
     differences
 }
 
-/// Writes a vehicle file; `source` is the file that the vehicle was read from, if any, beside which its tyres lie: they are
-/// copied to the new file's folder, wherever they lay. `words` goes into a comment.
+/// Writes a vehicle file. `source` is the file that the vehicle was read from, if any; its tyres are copied from there
+/// to the new file's folder. `words` goes into a comment.
 ///
 /// # Errors
 /// A file that cannot be written.
@@ -148,8 +148,8 @@ pub fn write_vehicle<V: VehicleParameters>(
     write(file, text.as_bytes())
 }
 
-/// A place in the new file's own folder for a file that lay anywhere: `../tyres/car.tir` becomes `tyres_car.tir`, `tyres/car.tir` stays.
-/// Nothing is written outside the folder that the user named.
+/// A place in the new file's own folder for any file: `../tyres/car.tir` becomes `tyres_car.tir`, `tyres/car.tir`
+/// stays. Nothing is written outside the folder that the user named.
 fn beside(file: &str) -> String {
     if Path::new(file).components().all(|part| matches!(part, Component::Normal(_))) {
         return file.to_owned();
@@ -161,8 +161,8 @@ fn beside(file: &str) -> String {
     parts.collect::<Vec<_>>().join("_")
 }
 
-/// A parameter set: what `vehicle_file` names, and the changes. With a `component`, names are `COMPONENT.PARAMETER`, as
-/// for a system; without, those of the FMU.
+/// A parameter set: the value of `vehicle_file`, and the changes. With a `component`, names are `COMPONENT.PARAMETER`,
+/// as for a system; without, those of the FMU.
 #[must_use]
 pub fn parameter_set(component: Option<&str>, vehicle_file: &str, changes: &BTreeMap<String, f64>) -> String {
     let mut writer = Writer::new_with_indent(Vec::new(), b' ', 2);

@@ -1,4 +1,4 @@
-//! The answer in words that a test engineer understands.
+//! The answer in words for a test engineer.
 
 use super::headline::{behind, value};
 use super::observability::short;
@@ -6,9 +6,9 @@ use super::report::{Adjustment, Finding, Gap, Gravity, Hypothesis, Manoeuvre, Na
 use super::shrink::Predictive;
 use crate::vehicle::TruckEffects;
 
-/// Share of the yaw-rate gap from which on it speaks for the effect.
+/// Share of the yaw-rate gap from which on it is evidence for the effect.
 const TELLING: f64 = 0.2;
-/// Probability from which on a hypothesis is worth a word.
+/// Least probability of a hypothesis that is mentioned.
 const LISTED: f64 = 0.02;
 /// Cosine from which on two effects are hardly told apart.
 const ALIKE: f64 = 0.9;
@@ -40,7 +40,7 @@ fn of_effect(effect: &NamedEffect) -> String {
     }
 }
 
-/// The yaw rate where the effect tells in it, else the signal whose gap it shrinks most.
+/// The yaw rate if the effect shows in it, else the signal whose gap it shrinks most.
 fn told(shrink: &Shrink) -> Option<(&str, &Gap)> {
     let share = |gap: &Gap| 1.0 - gap.effect / gap.before.max(1e-12);
     let yaw = shrink.open_loop.get("yaw_rate").filter(|gap| share(gap) >= TELLING);
@@ -50,12 +50,12 @@ fn told(shrink: &Shrink) -> Option<(&str, &Gap)> {
     })
 }
 
-/// What gives away that a cause is not in the library, if it is not what is left of the gap.
+/// Sign that a cause is not in the library, apart from the remainder of the gap.
 #[derive(Clone, Copy)]
 pub struct Unknown<'a> {
     /// A value that is not one.
     pub varying: Option<&'a Varies>,
-    /// What is not named and yet far off.
+    /// Number that is not named and yet far off.
     pub strained: Option<&'a Adjustment>,
     /// A steering that swings.
     pub swings: bool,
@@ -89,7 +89,7 @@ pub fn effect(effects: &[NamedEffect], shrink: &Shrink, probability: f64) -> Str
     words
 }
 
-/// That nothing is the matter.
+/// Sentence for a log without an effect.
 #[must_use]
 pub fn none(shrink: &Shrink) -> String {
     let mut words =
@@ -106,7 +106,7 @@ pub fn none(shrink: &Shrink) -> String {
     words
 }
 
-/// That the cause is not in the library; `nearest` are the effects that come nearest.
+/// Sentence for a cause outside the library; `nearest` are the nearest effects.
 #[must_use]
 pub fn not_in_library(nearest: &[NamedEffect], why: Unknown, shrink: &Shrink) -> String {
     let mut words = match (why.strained, why.varying) {
@@ -153,7 +153,7 @@ pub fn not_in_library(nearest: &[NamedEffect], why: Unknown, shrink: &Shrink) ->
     words + " See where it lies, and look there for what the library does not have."
 }
 
-/// Why a log does not tell, what it may mean, and what to do; `effects` is the most probable set, if it is one.
+/// Reasons of an undecided log, possible meanings, and advice; `effects` is the most probable set, if it is one.
 #[must_use]
 pub fn cannot_tell(
     findings: &[Finding],
@@ -199,7 +199,7 @@ pub fn cannot_tell(
     words
 }
 
-/// Evidence, or a difference of it: a chance of `exp(evidence / 2)` to one, of which tenths say nothing beyond ten.
+/// Evidence, or a difference of it: a chance of `exp(evidence / 2)` to one; tenths are left out beyond ten.
 #[must_use]
 pub fn weight(evidence: f64) -> String {
     match evidence.abs() {
@@ -209,7 +209,7 @@ pub fn weight(evidence: f64) -> String {
     }
 }
 
-/// What a candidate's likeness to the winner means, if it is great.
+/// Meaning of a great likeness between a candidate and the winner.
 #[must_use]
 pub fn likeness(cosine: Option<f64>) -> String {
     match cosine {
@@ -220,7 +220,7 @@ pub fn likeness(cosine: Option<f64>) -> String {
     }
 }
 
-/// Why a candidate stands where it does.
+/// Reason for a candidate's rank.
 #[must_use]
 pub fn why(evidence: f64, telling: f64, probability: f64, pinned: bool, winner: bool) -> String {
     if winner {

@@ -5,7 +5,7 @@
 
 use std::path::{Path, PathBuf};
 
-/// Why a location cannot be used.
+/// Reasons for which a location cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum ResourceError {
@@ -63,7 +63,7 @@ fn split_scheme(location: &str) -> Option<(&str, &str)> {
     valid.then_some((scheme, rest))
 }
 
-/// Whether a path begins with a Windows drive, `C:` followed by nothing or a slash.
+/// True if a path begins with a Windows drive, `C:` followed by nothing or a slash.
 fn is_drive(path: &str) -> bool {
     let bytes = path.as_bytes();
     bytes.len() >= 2

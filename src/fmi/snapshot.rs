@@ -24,7 +24,7 @@ pub(super) struct Snapshot {
     /// The communication point, in s.
     pub time: f64,
     pub values: Values,
-    /// What [`Model::save`](super::Model::save) wrote, where there is a working model.
+    /// Output of [`Model::save`](super::Model::save), if there is a working model.
     pub model: Option<Vec<u8>>,
 }
 

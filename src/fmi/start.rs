@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 /// Name of the file in `resources/`.
 pub const START_FILE: &str = "start.toml";
 
-/// Why start values cannot be used.
+/// Reasons for which start values cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum StartError {
@@ -35,7 +35,7 @@ impl Variable {
     /// The value that a text is for this variable.
     ///
     /// # Errors
-    /// What was wanted instead.
+    /// A text of another type: the type that was expected.
     pub fn value_of(&self, text: &str) -> Result<Value, String> {
         match &self.kind {
             Kind::Real { min, max, .. } => {
@@ -119,7 +119,7 @@ pub fn start_file(values: &BTreeMap<String, String>) -> String {
 /// The values in a [`START_FILE`]'s content, by parameter.
 ///
 /// # Errors
-/// What is no TOML of texts.
+/// A text that is no TOML of texts.
 pub fn read_start_file(text: &str) -> Result<BTreeMap<String, String>, toml::de::Error> {
     toml::from_str(text)
 }

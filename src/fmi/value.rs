@@ -13,12 +13,12 @@ pub enum Value {
     String(String),
 }
 
-/// Values of all variables of an instance, by value reference, and which of them the host has chosen (so that a
-/// parameter file may give the others).
+/// Values of all variables of an instance, by value reference, with a mark for those that the host has chosen. A
+/// parameter file may give the others.
 ///
-/// The typed getters are for models, which ask for their own variables by references they got when they declared
-/// them. A reference of the wrong type is an error in the model's code: the getters then give the type's neutral
-/// value in release builds and fail in debug builds; hosts' references are checked before, in the FMI layer.
+/// The typed getters are for models, which ask for their own variables by references they got when they declared them.
+/// A reference of the wrong type is an error in the model's code. The getters then give the type's neutral value in
+/// release builds and fail in debug builds. Hosts' references are checked before, in the FMI layer.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Values {
     values: Vec<Value>,
@@ -46,7 +46,7 @@ impl Values {
         self.values[vr] = value;
     }
 
-    /// Whether the host has given this variable another value than its declared start.
+    /// True if the host has given this variable another value than its declared start.
     #[must_use]
     pub fn is_set_by_host(&self, vr: Vr) -> bool {
         self.set_by_host[vr]
@@ -124,8 +124,8 @@ impl Values {
         }
     }
 
-    /// Whether values read from a file can be those of these variables: number, types, finite reals where the
-    /// host may set them, known enumeration values.
+    /// True if values read from a file can be those of these variables: number, types, finite reals for those that the
+    /// host may set, known enumeration values.
     pub(super) fn fit(&self, variables: &[Variable]) -> bool {
         let fits = |(variable, value): (&Variable, &Value)| match (&variable.kind, value) {
             (Kind::Real { .. }, Value::Real(value)) => {
@@ -144,7 +144,7 @@ impl Values {
             && variables.iter().zip(&self.values).all(fits)
     }
 
-    /// Whether two sets of values agree in what a model is made from: the fixed parameters.
+    /// True if two sets of values agree in the inputs of a model's construction: the fixed parameters.
     pub(super) fn same_fixed_parameters(&self, other: &Self, variables: &[Variable]) -> bool {
         variables.iter().enumerate().all(|(i, variable)| {
             variable.variability != Variability::Fixed

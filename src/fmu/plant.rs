@@ -1,7 +1,8 @@
 //! A nonlinear vehicle as an FMU: what cars and trucks have in common.
 //!
-//! Parameters come from a vehicle file or a built-in vehicle (`vehicle_file`); a value that the host sets itself wins,
-//! and afterwards all values are those in effect. Every effect is a parameter `effect.<id>`, and may stand in the file.
+//! Parameters come from a vehicle file or a built-in vehicle (`vehicle_file`). A value that the host sets itself takes
+//! precedence, and afterwards all values are those in effect. Every effect is a parameter `effect.<id>`, and may stand
+//! in the file.
 
 use super::{failed, vehicle_file_parameter, vehicle_named};
 use crate::fmi::{
@@ -39,7 +40,7 @@ pub trait PlantUnit: Send + Sized + 'static {
     const NAME: &'static str;
     /// One sentence.
     const DESCRIPTION: &'static str;
-    /// What people call such a vehicle.
+    /// Name of such a vehicle for people.
     const WHAT: &'static str;
     /// The outputs that are signals of the vocabulary.
     const SIGNALS: &'static [Known<Self::Output>];
@@ -50,16 +51,16 @@ pub trait PlantUnit: Send + Sized + 'static {
     /// Type and values of the status.
     const STATUS: (&'static str, &'static [(i32, &'static str, &'static str)]);
 
-    /// What its file says.
+    /// Contents of its file.
     type Parameters: VehicleParameters<Effects = Self::Effects>;
     /// Its effects.
     type Effects: Default + Clone;
-    /// What is measured.
+    /// Measured signals.
     type Output: Copy;
 
     /// All effects, in order.
     fn all_effects() -> impl Iterator<Item = &'static Effect>;
-    /// Where the value of an effect stands.
+    /// Value of an effect.
     fn effect<'a>(effects: &'a mut Self::Effects, id: &str) -> Option<&'a mut f64>;
     /// The vehicle.
     ///
@@ -77,7 +78,7 @@ pub trait PlantUnit: Send + Sized + 'static {
     /// # Errors
     /// See [`StepError`].
     fn step(&mut self, input: &VehicleInput, step: f64) -> Result<(), StepError>;
-    /// What is measured.
+    /// Measurements.
     fn output(&self) -> &Self::Output;
     /// The wheels, in the order of their names.
     fn wheels(output: &Self::Output) -> &[WheelOutput];

@@ -8,7 +8,7 @@ use crate::vehicle::{TruckParameters, VehicleParameters};
 /// The FMU's model.
 pub type TruckRflMpc = ControllerFmu<NominalTruck, TRUCK_STATES>;
 
-/// What the controller is told of the body, and of the articulation.
+/// Inputs of the controller from the body, and the articulation.
 const TOLD: [Told; TOLD_OF_A_BODY.len() + 2] = {
     let [x, y, yaw, vx, vy, yaw_rate, steer] = TOLD_OF_A_BODY;
     [

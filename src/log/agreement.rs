@@ -1,4 +1,4 @@
-//! What the columns of a log must tell alike, whatever the vehicle: else a unit or a sign is wrong.
+//! Relations that the columns of a log must satisfy, whatever the vehicle: otherwise a unit or a sign is wrong.
 //!
 //! ```text
 //!     d(yaw)/dt = yaw_rate       |d(x, y)|/dt = vx       course(x, y) = yaw + slip       ay = vx * yaw_rate + ...
@@ -25,8 +25,8 @@ const WRAP: f64 = 3.0;
 /// Lateral accelerations that no vehicle on a road reaches, m/s2.
 const IMPOSSIBLE: f64 = 40.0;
 
-/// How many times as fast yaw changes as yaw rate says; `None` where the two hardly have to do with each other: then the
-/// vehicle hardly turns. Compared over spans of time: from row to row noise is more than what changes.
+/// Ratio of the change of yaw to that of yaw rate's integral; `None` where the two hardly correlate, as without turns.
+/// Compared over spans of time: from row to row noise exceeds the changes.
 pub(super) fn turn_factor(time: &[f64], yaw: &[f64], yaw_rate: &[f64]) -> Option<f64> {
     let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
     let (mut since, mut asked, mut turned) = (0.0, 0.0, 0.0);
@@ -45,7 +45,7 @@ pub(super) fn turn_factor(time: &[f64], yaw: &[f64], yaw_rate: &[f64]) -> Option
     if xy * xy < 0.5 * xx * yy || xx == 0.0 { None } else { Some(xy / xx) }
 }
 
-/// How far a vehicle moves over how far its speed and its clock say: the typical row of those that move.
+/// Ratio of the way driven to that by speed and clock: the typical row of a moving vehicle.
 pub(super) fn way_factor(time: &[f64], [x, y, vx]: [&[f64]; 3]) -> Option<f64> {
     let fast = 0.3 * quantile(vx.iter().map(|v| v.abs()).collect(), 0.95)?;
     // Positions are rounded and may come more slowly than rows: over a hundred rows that does not matter.
@@ -58,7 +58,7 @@ pub(super) fn way_factor(time: &[f64], [x, y, vx]: [&[f64]; 3]) -> Option<f64> {
     median((apart..time.len()).step_by(1 + apart / 4).filter_map(|to| factor(to - apart, to)).collect())
 }
 
-/// Whether yaw rate must be in degrees per second: with it the vehicle would turn as none can.
+/// True if yaw rate must be in degrees per second: as radians the vehicle would turn impossibly fast.
 pub(super) fn impossible_yaw_rate(vx: &[f64], yaw_rate: &[f64]) -> bool {
     let lateral = vx.iter().zip(yaw_rate).map(|(v, rate)| (v * rate).abs()).collect();
     quantile(lateral, 0.98).is_some_and(|lateral| lateral > IMPOSSIBLE)
@@ -71,7 +71,7 @@ pub(super) fn near(factor: f64, unit: f64) -> bool {
 
 /// Lateral acceleration up to which tyres are linear, m/s2.
 const MILD: f64 = 3.0;
-/// Steering over what is needed that an effect can explain.
+/// Ratio of the steering to the needed one that an effect can explain.
 const PLAUSIBLE: std::ops::Range<f64> = 0.5..2.0;
 
 /// Length of the stretches that are compared, s: longer than any delay, shorter than a bend.
@@ -85,7 +85,7 @@ fn blocks<'a>(log: &'a CleanLog, column: &'a [f64]) -> impl Iterator<Item = f64>
     })
 }
 
-/// Columns in foreign units that others tell: converted. To be called before all else.
+/// Converts columns in foreign units, by their relations to others. To be called before all else.
 pub(super) fn mend_units(log: &mut CleanLog, factors: &mut Factors) {
     let way = match (log.columns.get("x"), log.columns.get("y"), log.columns.get("vx")) {
         (Some(x), Some(y), Some(vx)) => way_factor(&log.time, [x, y, vx]),
@@ -138,7 +138,7 @@ pub(super) fn mend_units(log: &mut CleanLog, factors: &mut Factors) {
     mend_angles(log, factors);
 }
 
-/// What tells a column's unit, in words.
+/// Evidence for a column's unit, in words.
 fn evidence(column: &str, (_, unit): Unit, shown: &Shown) -> String {
     match column {
         "vx" => {
@@ -184,14 +184,14 @@ fn scale(log: &mut CleanLog, factors: &mut Factors, name: &'static str, factor: 
     *factors.entry(name).or_insert(1.0) *= factor;
 }
 
-/// How far the station moves over how far speed and clock say. It jumps where a lap ends.
+/// Ratio of the station's change to the way by speed and clock. It jumps where a lap ends.
 fn station_factor(log: &CleanLog) -> Option<f64> {
     let (station, vx) = (log.columns.get("station")?, log.columns.get("vx")?);
     let still = vec![0.0; station.len()];
     way_factor(&log.time, [station, &still, vx])
 }
 
-/// How the yaw rate of the path follows speed times curvature.
+/// Slope of the path's yaw rate over speed times curvature.
 fn bend(log: &CleanLog) -> Option<Slope> {
     let [vx, rate, e2_rate, curvature] =
         ["vx", "yaw_rate", "e2_rate", "curvature"].map(|name| log.columns.get(name));
@@ -199,19 +199,19 @@ fn bend(log: &CleanLog) -> Option<Slope> {
     slope(blocks(log, vx?).zip(blocks(log, curvature?)).map(|(v, curvature)| v * curvature).zip(of_path))
 }
 
-/// What the errors to the path tell of one another.
+/// Ratios among the errors to the path.
 struct Errors {
-    /// How e1 changes over what e1_rate says.
+    /// Change of e1 over the integral of e1_rate.
     lateral: Option<f64>,
     /// e1_rate over vy + vx * e2.
     drift: Option<f64>,
-    /// How e2 changes over what e2_rate says.
+    /// Change of e2 over the integral of e2_rate.
     heading: Option<f64>,
     /// e2_rate over yaw_rate - vx * curvature.
     turn: Option<f64>,
 }
 
-/// How a column changes over what another says of its rate.
+/// Change of a column over the integral of another that should be its rate.
 fn change(log: &CleanLog, what: &str, rate: &str) -> Option<f64> {
     let (what, rate) = (log.columns.get(what)?, log.columns.get(rate)?);
     let size = ((BLOCK / log.step).round() as usize).max(1);
@@ -275,18 +275,19 @@ fn mend_errors(log: &mut CleanLog, factors: &mut Factors) {
     }
 }
 
-/// What the body and the road do with a motion.
+/// Response of body and road to a motion.
 struct Leaning {
     column: &'static str,
-    /// The motion that the angle follows, its name in words.
+    /// The motion that the angle follows, and its name in words.
     follows: fn(&CleanLog) -> Option<Vec<f64>>,
     named: &'static str,
-    /// The most of it, in radians: between what the softest vehicle shows in radians and the stiffest in degrees.
+    /// Limit of the slope, in radians: between the softest vehicle's in radians and the stiffest one's in degrees.
     most: f64,
 }
 
-/// A body leans 0.5 to 12 degrees at 1 g, 0.0009 to 0.02 rad for each m/s2, on soft springs twice as far; in degrees it is 0.05 and
-/// more. A trailer 2 to 14 m long stands at that many radians for each 1/m of curvature; in degrees it is 115 and more.
+/// A body leans 0.5 to 12 degrees at 1 g, 0.0009 to 0.02 rad for each m/s2, on soft springs twice as far. In degrees it
+/// is 0.05 and more. A trailer 2 to 14 m long stands at that many radians for each 1/m of curvature; in degrees it is
+/// 115 and more.
 const LEANING: [Leaning; 3] = [
     Leaning { column: "roll", follows: turning, named: "vx * yaw_rate", most: 0.045 },
     Leaning { column: "pitch", follows: |log| log.columns.get("ax").cloned(), named: "ax", most: 0.045 },
@@ -305,7 +306,7 @@ fn bending(log: &CleanLog) -> Option<Vec<f64>> {
     Some(vx.iter().zip(rate).map(|(v, rate)| if *v > STANDING { rate / v } else { f64::NAN }).collect())
 }
 
-/// What the accelerometer shows of gravity along an axis, in parts of it: the sine of a grade, and of a bank.
+/// Gravity in the accelerometer along an axis, in parts of it: the sine of a grade, and of a bank.
 fn gravity(log: &CleanLog, column: &str) -> Option<Vec<f64>> {
     let vx = log.columns.get("vx")?;
     let (felt, moved) = match column {
@@ -368,10 +369,10 @@ fn mend_angles(log: &mut CleanLog, factors: &mut Factors) {
     }
 }
 
-/// Signs of the errors to the path, and what no unit explains.
+/// Signs of the errors to the path, and ratios that no unit explains.
 ///
 /// # Errors
-/// A sign that is turned; a factor.
+/// A sign that is reversed; a factor.
 pub(super) fn check_errors(log: &CleanLog) -> Result<(), CleanError> {
     let Errors { lateral, drift, heading, turn } = errors(log);
     check_signs(&[
@@ -395,14 +396,14 @@ pub(super) fn check_errors(log: &CleanLog) -> Result<(), CleanError> {
     Ok(())
 }
 
-/// How `ay` follows `vx * yaw_rate`.
+/// Slope of `ay` over `vx * yaw_rate`.
 fn lateral(log: &CleanLog) -> Option<Slope> {
     let (ay, vx, rate) = (log.columns.get("ay")?, log.columns.get("vx")?, log.columns.get("yaw_rate")?);
     let turning = blocks(log, vx).zip(blocks(log, rate)).map(|(v, rate)| v * rate);
     slope(turning.zip(blocks(log, ay)))
 }
 
-/// How the course that x and y show follows yaw, and the angle between them.
+/// Slope of the course by x and y over yaw, and the angle between them.
 fn course(log: &CleanLog) -> Option<(Slope, f64)> {
     let (x, y, yaw) = (log.columns.get("x")?, log.columns.get("y")?, log.columns.get("yaw")?);
     let points: Vec<[f64; 3]> =
@@ -422,7 +423,7 @@ fn course(log: &CleanLog) -> Option<(Slope, f64)> {
     Some((slope(turned)?, apart))
 }
 
-/// How a steering column follows what steady cornering needs.
+/// Slope of a steering column over the angle of steady cornering.
 fn steered(log: &CleanLog, column: &str, steering: &dyn Fn(f64) -> f64) -> Option<Slope> {
     let (steer, vx, rate) = (log.columns.get(column)?, log.columns.get("vx")?, log.columns.get("yaw_rate")?);
     // Close to the limit of grip any vehicle needs more.
@@ -445,10 +446,10 @@ pub(super) fn mend_steering(log: &mut CleanLog, factors: &mut Factors, steering:
     }
 }
 
-/// Signs, and what no unit explains.
+/// Signs, and ratios that no unit explains.
 ///
 /// # Errors
-/// A sign that is turned; a steering-wheel angle.
+/// A sign that is reversed; a steering-wheel angle.
 pub(super) fn check(log: &mut CleanLog, steering: &dyn Fn(f64) -> f64) -> Result<(), CleanError> {
     let turn = match (log.columns.get("yaw"), log.columns.get("yaw_rate")) {
         (Some(yaw), Some(rate)) => turn_factor(&log.time, yaw, rate),
@@ -498,7 +499,7 @@ pub(super) fn check(log: &mut CleanLog, steering: &dyn Fn(f64) -> f64) -> Result
     Ok(())
 }
 
-/// Looks for the column whose sign contradicts the others. A pair is two columns and the factor between them.
+/// Finds the column whose sign contradicts the others. A pair is two columns and the factor between them.
 fn check_signs(pairs: &[(&'static str, &'static str, Option<f64>)]) -> Result<(), CleanError> {
     let Some(&(one, other, _)) =
         pairs.iter().find(|(_, _, factor)| factor.is_some_and(|factor| factor < 0.0))

@@ -1,7 +1,7 @@
-//! A log made ready for comparison: an even clock, no gaps, units and signs checked; every repair is said.
+//! A log prepared for comparison: an even clock, no gaps, units and signs checked; every repair is reported.
 //!
-//! What can be mended without a doubt is mended and said (order, gaps, milliseconds, degrees, km/h, wrapped yaw). What
-//! cannot is refused, or left as it is and suspected; whoever uses the log must not trust an answer from a suspect log.
+//! Faults with a certain repair are mended and reported (order, gaps, milliseconds, degrees, km/h, wrapped yaw). Others
+//! are refused, or left as they are and reported as suspect; no answer from a suspect log is to be trusted.
 
 use super::agreement::{self, Factors};
 use super::clock::{self, Clock, LEAST_LENGTH};
@@ -15,11 +15,11 @@ use super::units::DEGREE;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-/// Slower than this a vehicle stands, as far as its dynamics are concerned, m/s.
+/// Speed below which a vehicle stands, for its dynamics, m/s.
 pub(super) const STANDING: f64 = 2.0;
-/// After a gap the simulator needs so long to be where the vehicle is, s.
+/// Time that the simulator needs after a gap to catch up with the vehicle, s.
 const SETTLING: f64 = 1.0;
-/// A steering that stays within this is none, rad.
+/// Range of a steering that counts as none, rad.
 const HARDLY_STEERED: f64 = 2e-3;
 
 /// A log on an even clock, mended.
@@ -29,28 +29,28 @@ pub struct CleanLog {
     pub step: f64,
     /// Time of each row, s.
     pub time: Vec<f64>,
-    /// Columns by signal; `steer_cmd` is always there: `steer` stands in if the log had none, see `commanded`.
+    /// Columns by signal. `steer_cmd` is always there: `steer` replaces it if the log had none, see `commanded`.
     pub columns: BTreeMap<&'static str, Vec<f64>>,
-    /// Whether `steer_cmd` is really the command.
+    /// True if `steer_cmd` is really the command.
     pub commanded: bool,
-    /// False where the row was interpolated over a gap, is at standstill or must not be scored for another reason.
+    /// False for a row that was interpolated over a gap, is at standstill or must not be scored for another reason.
     pub valid: Vec<bool>,
-    /// What was found and done, the gravest first.
+    /// Findings and repairs, the gravest first.
     pub findings: Vec<Finding>,
 }
 
-/// A log that nothing can be said from.
+/// An unusable log, with the reason.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {cause}", file.display())]
 pub struct UnusableLog {
     /// The log.
     pub file: PathBuf,
-    /// What is wrong with it, and what to do.
+    /// Fault, and advice.
     #[source]
     pub cause: CleanError,
 }
 
-/// Why nothing can be said from a log.
+/// Reasons for which nothing can be computed from a log.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum CleanError {
@@ -104,11 +104,11 @@ pub enum CleanError {
 }
 
 impl CleanLog {
-    /// Cleans a log. `steering` is the road-wheel angle, rad, that the vehicle needs for each 1/m of curvature in steady
+    /// Cleans a log. `steering` is the road-wheel angle, rad, of the vehicle for each 1/m of curvature in steady
     /// cornering at a speed in m/s: about its wheelbase.
     ///
     /// # Errors
-    /// What is missing, or wrong beyond repair.
+    /// Missing columns, and faults beyond repair.
     pub fn of(log: &DriveLog, steering: &dyn Fn(f64) -> f64) -> Result<Self, UnusableLog> {
         clean(log, steering).map_err(|cause| UnusableLog { file: log.file.clone(), cause })
     }
@@ -118,23 +118,23 @@ impl CleanLog {
         self.findings.push(Finding::new(gravity, Some(column), words));
     }
 
-    /// Whether something is probably wrong in the log, so that no answer from it is to be trusted.
+    /// A finding that makes the log suspect, so that no answer from it is to be trusted.
     #[must_use]
     pub fn suspect(&self) -> Option<&Finding> {
         self.findings.iter().find(|finding| finding.gravity == Gravity::Suspicion)
     }
 }
 
-/// A log that was checked: made ready for comparison, and what its rows need for other uses.
+/// A checked log: prepared for comparison, and the data on its rows for other uses.
 pub(super) struct Checked {
     pub log: CleanLog,
-    /// What the file's columns are to be multiplied by; those in SI units are not named.
+    /// Factors of the file's columns; those in SI units are not named.
     pub factors: Factors,
     /// Rows of the file whose value in a column is wrong.
     pub left_out: BTreeMap<&'static str, Vec<usize>>,
     /// The drives in the file: rows in their order, and their times.
     pub drives: Vec<Clock>,
-    /// Why nothing can be learned from the errors to the path.
+    /// Reasons for which nothing can be learned from the errors to the path.
     pub errors: Option<CleanError>,
 }
 
@@ -148,10 +148,10 @@ fn clean(log: &DriveLog, steering: &dyn Fn(f64) -> f64) -> Result<CleanLog, Clea
 /// Columns of a log by name, on the rows of the file.
 pub(super) type Columns = BTreeMap<&'static str, Vec<f64>>;
 
-/// The one check of a log, behind all that is computed from one. `turning`: the yaw rate is needed.
+/// The one check of a log, for every use. `turning`: the yaw rate is needed.
 ///
 /// # Errors
-/// What is missing, or wrong beyond repair.
+/// Missing columns, and faults beyond repair.
 pub(super) fn check(
     log: &Columns,
     turning: bool,
@@ -296,13 +296,13 @@ fn read_drives(
     }
 }
 
-/// Signals of a vehicle's motion that no diagnosis can do without a bound on.
+/// Signals of a vehicle's motion that need a bound in every diagnosis.
 const BOUNDED: [&str; 10] = ["steer_cmd", "steer", "x", "y", "yaw", "vx", "vy", "yaw_rate", "ax", "ay"];
 
-/// Values beyond what a road vehicle can do, once units are known: rows of the file by column.
+/// Values that are impossible for a road vehicle, once units are known: rows of the file by column.
 ///
 /// # Errors
-/// Too many for glitches in a column that is needed.
+/// Too many impossible values for glitches in a needed column.
 fn impossible(log: &Columns, read: &Read) -> Result<BTreeMap<&'static str, Vec<usize>>, CleanError> {
     let mut all = BTreeMap::new();
     for (&name, values) in log.iter().filter(|(name, _)| BOUNDED.contains(name)) {
@@ -423,16 +423,16 @@ fn mend_turning(
     }
 }
 
-/// Columns that jump: nothing lies between two of their values.
+/// Columns that jump: values between two of theirs are meaningless.
 const JUMPING: [&str; 2] = ["station", "e2"];
-/// How values of a column between its samples are made.
+/// Interpolation of a column between its samples.
 pub(super) fn between(column: &str) -> Between {
     if JUMPING.contains(&column) { Between::Hold } else { Between::Line }
 }
 
 /// Signals without which nothing can be compared.
 const NEEDED: [&str; 4] = ["steer_cmd", "steer", "vx", "yaw_rate"];
-/// Signals that may stay as they are all the time.
+/// Signals that may be constant.
 const MAY_REST: [&str; 10] = [
     "vx",
     "accel_cmd",
@@ -446,7 +446,7 @@ const MAY_REST: [&str; 10] = [
     "articulation_rate",
 ];
 
-/// Interpolates all columns; leaves out those that say nothing.
+/// Interpolates all columns; leaves out uninformative ones.
 fn on_even_clock(
     clock: &clock::Clock,
     columns: BTreeMap<&'static str, Vec<f64>>,
@@ -534,7 +534,7 @@ fn leave_out_standing(log: &mut CleanLog) -> Result<(), CleanError> {
     Ok(())
 }
 
-/// What the log excites, in numbers, and how noisy it is.
+/// Excitation of the log, in numbers, and its noise.
 fn describe(log: &mut CleanLog) {
     let judged = |name: &str| -> Vec<f64> {
         let values = log.columns.get(name).into_iter().flatten().zip(&log.valid);

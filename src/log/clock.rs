@@ -1,4 +1,4 @@
-//! A log's clock: its unit, the order of its rows, and the even clock that they are brought onto.
+//! A log's clock: its unit, the order of its rows, and their even clock.
 
 use super::clean::CleanError;
 use super::finding::{Finding, Gravity};
@@ -7,22 +7,22 @@ use std::ops::Range;
 
 /// Fewest samples a second in which steering can be seen.
 const SLOWEST: f64 = 6.0;
-/// From here on more samples a second are better.
+/// Samples a second below which more would be better.
 const SLOW: f64 = 20.0;
-/// More are not needed: the rows are brought down to these.
+/// Largest useful number of samples a second: the rows are reduced to it.
 pub(super) const FASTEST: f64 = 100.0;
 /// Least length of a log, s.
 pub(super) const LEAST_LENGTH: f64 = 10.0;
 /// A longer gap ends a drive, s.
 const LONGEST_GAP: f64 = 10.0;
-/// So many steps without a row are a gap.
+/// Number of steps without a row that is a gap.
 const GAP_STEPS: f64 = 2.5;
-/// Stamps that lie within so many steps of an even clock came late, not the rows.
+/// Largest distance of a late stamp from an even clock, in steps: the stamps came late, not the rows.
 const LATE_STEPS: f64 = 1.5;
-/// Stamps that spread by less than this share of a step are even.
+/// Spread of even stamps, as a share of a step.
 const EVEN: f64 = 0.05;
 
-/// Which rows to take, in which order, and when they were.
+/// Rows to take, their order, and their times.
 pub(super) struct Clock {
     /// Rows of the log.
     pub rows: Vec<usize>,
@@ -34,8 +34,8 @@ pub(super) struct Clock {
     pub factor: f64,
 }
 
-/// Reads the clock. `way` is how far a row moves over how far speed and clock say, where a log has both; `same` tells
-/// whether two rows hold the same values.
+/// Reads the clock. `way` is the ratio of a row's way to that by speed and clock, where a log has both. `same` tells if
+/// two rows hold the same values.
 ///
 /// # Errors
 /// No row, a log that is too short or too slow.
@@ -120,11 +120,11 @@ fn put_in_order(stamps: &[f64], rows: &mut [usize], found: &mut impl FnMut(Gravi
 
 /// A clock that goes back by more than so many steps starts anew, if it runs on evenly there.
 const ANEW: f64 = 20.0;
-/// So many rows show whether it does.
+/// Number of rows that decide if it does.
 const RUNS_ON: usize = 20;
 
-/// Stretches of rows that were recorded one after the other: a new one begins where the clock starts anew. Blocks of one
-/// drive in a wrong order, whose stamps do not overlap, are one stretch: sorting mends them.
+/// Stretches of consecutively recorded rows: a new one begins at a new start of the clock. Blocks of one drive in a
+/// wrong order, whose stamps do not overlap, are one stretch: sorting mends them.
 pub(super) fn drives(stamps: &[f64]) -> Vec<Range<usize>> {
     let steps = stamps.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0).collect();
     let typical = median(steps).unwrap_or(f64::INFINITY);
@@ -155,7 +155,7 @@ pub(super) fn drives(stamps: &[f64]) -> Vec<Range<usize>> {
     drives
 }
 
-/// Whether the clock stays below its latest stamp for a while.
+/// True if the clock stays below its latest stamp for a while.
 fn runs_on(stamps: &[f64], latest: f64) -> bool {
     stamps.iter().filter(|stamp| stamp.is_finite()).take(RUNS_ON).all(|stamp| *stamp < latest)
 }
@@ -219,7 +219,7 @@ fn longest_drive(rows: &mut Vec<usize>, time: &mut Vec<f64>, found: &mut impl Fn
     }
 }
 
-/// The step between rows, gaps left out: the mean of what is near the median, since stamps are rounded.
+/// The step between rows, without gaps: the mean of the steps near the median, since stamps are rounded.
 fn typical_step(time: &[f64]) -> Option<f64> {
     let steps: Vec<f64> = time.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let middle = median(steps.iter().copied().filter(|step| *step > 0.0).collect())?;
@@ -229,7 +229,7 @@ fn typical_step(time: &[f64]) -> Option<f64> {
     Some(if (mean / middle - 1.0).abs() < 0.1 { mean } else { middle })
 }
 
-/// Takes uneven stamps for late ones where the rows themselves come evenly.
+/// Treats uneven stamps as late ones if the rows themselves come evenly.
 fn straighten(time: &mut [f64], step: f64, found: &mut impl FnMut(Gravity, String)) {
     let steps: Vec<f64> =
         time.windows(2).map(|pair| pair[1] - pair[0]).filter(|between| *between < GAP_STEPS * step).collect();

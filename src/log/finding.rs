@@ -1,8 +1,8 @@
-//! What was found in a log, in words.
+//! Findings in a log, in words.
 
 use serde::{Deserialize, Serialize};
 
-/// How grave a finding is.
+/// Gravity of a finding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Gravity {
@@ -10,18 +10,18 @@ pub enum Gravity {
     Note,
     /// Mended or left out, and the answer may be weaker for it.
     Warning,
-    /// Probably wrong in the log: the answer is not to be trusted before it is cleared up.
+    /// Probably wrong in the log: the answer is not to be trusted before that is cleared up.
     Suspicion,
 }
 
-/// What was found in a log.
+/// A finding in a log.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Finding {
-    /// How grave it is.
+    /// Its gravity.
     pub gravity: Gravity,
     /// The column, if it is about one.
     pub signal: Option<String>,
-    /// What is the matter and what to do, in words.
+    /// Fault and advice, in words.
     pub words: String,
 }
 

@@ -1,7 +1,8 @@
 //! Several logs of one vehicle as one: one after the other, and the clock jumps between them.
 //!
-//! What one drive leaves open another kind of drive may tell: what a diagnosis proposed to drive next belongs beside the log
-//! for which it was proposed. More of the same tells little more, as the model's form is wrong in the same way again.
+//! Another kind of drive may answer a question that one drive leaves open. So a drive that a diagnosis has proposed
+//! belongs beside the log for which it was proposed. More of the same adds little, as the model's form is wrong in the
+//! same way again.
 
 use super::clean::{CleanLog, between};
 use super::finding::{Finding, Gravity};
@@ -11,7 +12,7 @@ use std::collections::BTreeSet;
 /// The clock jumps by so much between two logs, s: a replay starts anew after a jump.
 pub(super) const JUMP: f64 = 10.0;
 
-/// Why logs are not one.
+/// Reasons for which logs cannot be joined.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum JoinError {

@@ -1,7 +1,7 @@
-//! What a residual is learned from: nine columns of a log, those that it lacks made from others.
+//! Training data of a residual: nine columns of a log, with missing ones made from others.
 //!
-//! A controller takes errors and road from the projection of the pose onto the path; a log without them is given
-//! them in the same way.
+//! A controller takes errors and road from the projection of the pose onto the path; a log without them gets them in
+//! the same way.
 
 use super::agreement::turn_factor;
 use super::clean::{CleanError, Columns, UnusableLog, check};
@@ -18,21 +18,21 @@ const NEEDED: &str = "time, steer_cmd (or steer), vx, and e1, e1_rate, e2, e2_ra
 
 /// Columns that need the road.
 const ERRORS: [&str; 5] = ["e1", "e1_rate", "e2", "e2_rate", "curvature"];
-/// What they are computed from.
+/// Columns from which they are computed.
 const POSE: [&str; 6] = ["x", "y", "yaw", "vx", "vy", "yaw_rate"];
 
-/// A heading that is wrong by more is in another unit, rad.
+/// Error of a heading from which on it is in another unit, rad.
 const ASTRAY: f64 = 1.0;
-/// A vehicle as far away as this is looked for on the whole road again, m: where a controller does, too.
+/// Distance from which on a vehicle is searched on the whole road again, m: the controller's, too.
 const LOST: f64 = 14.0;
 
-/// Why nothing is to be learned from a log.
+/// Reasons for which nothing is to be learned from a log.
 #[derive(Debug, thiserror::Error)]
 pub enum LearnError {
     /// A column or the road.
     #[error(transparent)]
     Log(#[from] LogError),
-    /// What a diagnosis refuses, too.
+    /// A log that a diagnosis refuses, too.
     #[error(transparent)]
     Unusable(#[from] UnusableLog),
 }
@@ -53,12 +53,12 @@ impl Rows {
     }
 }
 
-/// A log as drives to learn from, one for each start of its clock; it goes through the check that a diagnosis makes, and what
-/// is mended there is mended here. What was mended or made is told to `note`. `road` is the road driven and its file,
-/// `steering` as for [`CleanLog::of`](super::CleanLog::of).
+/// A log as drives to learn from, one for each start of its clock. It passes the check of a diagnosis, with the same
+/// repairs. Repairs and computed columns are reported to `note`. `road` is the road driven and its file, `steering` as
+/// for [`CleanLog::of`](super::CleanLog::of).
 ///
 /// # Errors
-/// What a diagnosis refuses; a column that is missing and cannot be made; a road that is another one.
+/// A log that a diagnosis refuses; a missing column that cannot be computed; another road.
 pub fn drives_of(
     log: &DriveLog,
     road: Option<(&Path, &std::path::Path)>,
@@ -121,7 +121,7 @@ pub fn drives_of(
     }
 }
 
-/// A log as a drive to learn from; what had to be made is told to `note`.
+/// A log as a drive to learn from; computed columns are reported to `note`.
 fn drive_of(
     log: &Rows,
     road: Option<(&Path, &std::path::Path)>,
@@ -215,7 +215,7 @@ fn project(log: &Rows, road: &Path, file: &std::path::Path, drive: &mut Drive) -
     Ok(())
 }
 
-/// Yaw and yaw rate must tell the same, or one of them has another unit or sign.
+/// Checks that yaw and yaw rate agree; otherwise one of them has another unit or sign.
 fn check_turn(log: &Rows, time: &[f64], yaw: &[f64], yaw_rate: &[f64]) -> Result<(), LogError> {
     let Some(factor) = turn_factor(time, yaw, yaw_rate) else { return Ok(()) };
     let hint = match factor {

@@ -1,7 +1,7 @@
-//! Drive logs: what a vehicle did, recorded by us, by an FMI host, or on a foreign vehicle.
+//! Drive logs: motion of a vehicle, recorded by us, by an FMI host, or on a foreign vehicle.
 //!
 //! A log is a CSV file with a header and the names of the [vocabulary](crate::signal), in any order; other columns are
-//! left alone. What is missing is made from what is there, and said:
+//! left alone. Missing columns are computed from others, and reported:
 //!
 //! | missing | made from |
 //! |---|---|
@@ -12,18 +12,18 @@
 //! | file | idea |
 //! |---|---|
 //! | `read.rs` | a CSV file's columns |
-//! | `clean.rs` | a log made ready for comparison: even clock, gaps, units, signs |
+//! | `clean.rs` | a log prepared for comparison: even clock, gaps, units, signs |
 //! | `clock.rs` | its clock: unit, order, gaps, jitter |
 //! | `resample.rs` | a column on an even clock |
-//! | `agreement.rs` | what columns must tell alike, or a unit or a sign is wrong |
-//! | `units.rs` | the fewest foreign units that explain what columns tell |
+//! | `agreement.rs` | relations between columns that reveal a wrong unit or sign |
+//! | `units.rs` | the fewest foreign units that explain these relations |
 //! | `outliers.rs` | values beyond any vehicle, and rows that their neighbours contradict |
 //! | `statistics.rs` | median, slope |
-//! | `road.rs` | where on a road it was driven, and what the road is like there |
+//! | `road.rs` | place of the log on a road, and the road's properties there |
 //! | `join.rs` | several logs of one vehicle as one |
-//! | `finding.rs` | what was found in a log, in words |
-//! | `steering.rs` | what the steering actuator is identified from |
-//! | `learn.rs` | what a residual is learned from, completed |
+//! | `finding.rs` | findings in a log, in words |
+//! | `steering.rs` | command and response for the identification of the steering actuator |
+//! | `learn.rs` | training data of a residual, completed |
 
 mod agreement;
 mod clean;

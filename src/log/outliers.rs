@@ -1,8 +1,8 @@
 //! Values that no motion explains: beyond any road vehicle, or single rows that their neighbours contradict.
 //!
-//! A row, or a few, is an outlier if the column leaves its way within one row and is back on it a few rows later, by far more
-//! than the column ever bends elsewhere, nearby and in the whole log: a step of steering does not come back, noise is as
-//! large everywhere, and inertia takes longer.
+//! An outlier is one row or a few. The column leaves its way within one row and is back on it a few rows later. The
+//! jump must far exceed the column's bends elsewhere, nearby and in the whole log. A step of steering does not come
+//! back, noise is as large everywhere, and inertia takes longer.
 
 use super::clean::CleanError;
 use super::finding::{Finding, Gravity};
@@ -11,32 +11,32 @@ use crate::signal;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// No recorder writes such a number in any unit: metres as nanometres, say.
+/// Number beyond every recorder's range in any unit: metres as nanometres, say.
 const ABSURD: f64 = 1e12;
 /// Stamps are counted in nanoseconds since 1970 at most.
 const ABSURD_TIME: f64 = 1e20;
 /// Longest outlier, rows, and s where rows come slowly.
 const LONGEST: usize = 5;
 const LONGEST_TIME: f64 = 0.1;
-/// Bends of a column to each side of a row that its local scale is taken from, rows.
+/// Number of bends to each side of a row for its local scale.
 const AROUND: usize = 40;
-/// An outlier is so many times the typical bend nearby.
+/// Ratio of an outlier to the typical bend nearby.
 const LOCAL: f64 = 20.0;
-/// And so many times what 95 % of the column's bends stay below.
+/// Ratio of an outlier to the bend below which 95 % of the column's stay.
 const GLOBAL: f64 = 10.0;
-/// And this share of the column's spread: less changes no answer.
+/// Least size of an outlier, as a share of the column's spread: less changes no answer.
 const OF_SPREAD: f64 = 0.15;
-/// And this share of the signal's typical size: less is its resolution.
+/// Least size of an outlier, as a share of the signal's typical size: less is its resolution.
 const RESOLUTION: f64 = 0.01;
-/// So near, by its size, the column must be to where it was when the outlier is over.
+/// Largest distance of the column from its earlier way after an outlier, as a share of the outlier.
 const BACK: f64 = 0.25;
-/// More outliers than this share of the rows are the column's nature, or its end.
+/// Largest share of outliers in the rows: more are the column's nature, or its end.
 pub(super) const MOST: f64 = 0.01;
 /// Outliers that are named.
 const NAMED: usize = 4;
 
-/// Columns with inertia, and how many rows an outlier of each may last. What is asked for may be anything: of it only what
-/// exceeds its whole spread; the spread of a position is that of the road.
+/// Columns with inertia, and the longest outlier of each, in rows. A commanded signal may be anything: only values
+/// beyond its whole spread are outliers. The spread of a position is that of the road.
 const MOVING: [(&str, usize, f64); 16] = [
     ("steer_cmd", 2, 1.0),
     ("steer", LONGEST, OF_SPREAD),
@@ -81,8 +81,8 @@ pub(super) fn absurd(columns: &BTreeMap<&'static str, Vec<f64>>) -> Result<(), C
     }
 }
 
-/// Takes out the outliers of all columns: they are missing then. `spans` are stretches of rows without a break, `rows` their
-/// numbers in the file. Gives how many of each column.
+/// Removes the outliers of all columns: they are missing then. `spans` are stretches of rows without a break, `rows`
+/// their numbers in the file. Gives the number in each column.
 pub(super) fn leave_out(
     columns: &mut BTreeMap<&'static str, Vec<f64>>,
     spans: &[Range<usize>],
@@ -137,7 +137,7 @@ pub(super) fn listed(name: &str, values: &[(usize, f64)]) -> String {
     format!("{name} = {}{more}", each.join(", "))
 }
 
-/// How far the row `at` lies off the middle of those `apart` rows before and after.
+/// Distance of the row `at` from the middle of those `apart` rows before and after.
 fn bend(values: &[f64], at: usize, apart: usize) -> f64 {
     (values[at] - 0.5 * (values[at - apart] + values[at + apart])).abs()
 }
@@ -194,7 +194,7 @@ fn smallest(column: &[f64], run: Range<usize>) -> f64 {
     run.map(|row| (column[row] - line(row)).abs()).fold(f64::INFINITY, f64::min)
 }
 
-/// Whether rows leave the column's way at once by more than `least`, and are back at once.
+/// True if rows leave the column's way at once by more than `least`, and are back at once.
 fn stands_alone(column: &[f64], run: Range<usize>, least: f64) -> bool {
     let Some(&after) = column.get(run.end) else { return false };
     let before = column[run.start - 1];
@@ -206,7 +206,7 @@ fn stands_alone(column: &[f64], run: Range<usize>, least: f64) -> bool {
     size > least && (after - before).abs() < BACK * size
 }
 
-/// The typical bend near a run, which is not asked itself.
+/// The typical bend near a run, without the run itself.
 fn around(column: &[f64], row: usize, length: usize, apart: usize) -> f64 {
     let own = row.saturating_sub(apart)..row + length + apart;
     let (from, to) =
@@ -234,7 +234,7 @@ pub(super) fn stamps(stamps: &mut [f64], findings: &mut Vec<Finding>) {
     findings.push(Finding::new(Gravity::Warning, Some("time"), words));
 }
 
-/// Rows of a column beyond what a road vehicle can do, once its unit is known.
+/// Rows of a column that are impossible for a road vehicle, once its unit is known.
 pub(super) fn impossible(name: &str, values: &[f64], factor: f64) -> Vec<usize> {
     let Some(signal) = signal::find(name) else { return Vec::new() };
     let (low, high) = signal.range;

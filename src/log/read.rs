@@ -11,7 +11,7 @@ use crate::signal;
 use crate::table::{self, Limits, Table, TableError, time};
 use std::path::{Path, PathBuf};
 
-/// Why a log cannot be used.
+/// Reasons for which a log cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum LogError {
@@ -74,9 +74,9 @@ fn lacking(pose: &[&str]) -> String {
 /// A recorded drive: columns by the names of the vocabulary.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DriveLog {
-    /// Where it was read from.
+    /// File from which it was read.
     pub file: PathBuf,
-    /// What was converted: units that the file gives, dates. For whoever shows findings.
+    /// Conversions: units that the file gives, dates. They belong to the findings.
     pub notes: Vec<String>,
     columns: Vec<(&'static str, Vec<f64>)>,
 }
@@ -88,11 +88,11 @@ struct Column {
 }
 
 impl DriveLog {
-    /// Reads a log, packed or not, however its table is written ([`crate::table`]). An empty field is not a number: a gap,
-    /// which whoever uses the log leaves out.
+    /// Reads a log, packed or not, however its table is written ([`crate::table`]). An empty field is not a number: a
+    /// gap, which users of the log leave out.
     ///
     /// # Errors
-    /// What is wrong, with file, line and column.
+    /// The fault, with file, line and column.
     pub fn read(file: &Path) -> Result<Self, LogError> {
         Self::read_within(file, Limits::default())
     }
@@ -124,7 +124,7 @@ impl DriveLog {
         Ok(self)
     }
 
-    /// As [`read`](Self::read); `file` is what messages call it.
+    /// As [`read`](Self::read); `file` is the name in messages.
     ///
     /// # Errors
     /// As [`read`](Self::read).
@@ -182,8 +182,8 @@ impl DriveLog {
         Ok(log)
     }
 
-    /// A log of columns that a program has, each `name` or `name [unit]`; `file` is what messages call it. Columns that are no
-    /// signal are left alone.
+    /// A log from a program's columns, each `name` or `name [unit]`; `file` is the name in messages. Columns that are
+    /// no signals are left alone.
     ///
     /// # Errors
     /// Columns of several lengths, two of one signal, none that is a signal, an unknown unit.
@@ -205,12 +205,12 @@ impl DriveLog {
         Ok(log)
     }
 
-    /// What was converted, as findings.
+    /// Conversions, as findings.
     pub(super) fn findings(&self) -> impl Iterator<Item = Finding> {
         self.notes.iter().map(|words| Finding::new(Gravity::Note, None, words.clone()))
     }
 
-    /// The columns that are signals, and where they stand.
+    /// The signal columns, and their places.
     fn places(&mut self, header: &table::Header) -> Result<Vec<Column>, LogError> {
         let mut places: Vec<Column> = Vec::new();
         for (place, (name, unit)) in header.names.iter().zip(&header.units).enumerate() {
@@ -256,7 +256,7 @@ impl DriveLog {
         self.columns.iter().map(|(name, values)| (*name, values.as_slice()))
     }
 
-    /// Those of `names` that the log has not.
+    /// Those of `names` that the log lacks.
     #[must_use]
     pub fn without(&self, names: &[&'static str]) -> Vec<&'static str> {
         names.iter().copied().filter(|name| self.column(name).is_none()).collect()

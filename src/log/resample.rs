@@ -1,24 +1,24 @@
-//! A column's values on an even clock, and where they are only guessed.
+//! A column's values on an even clock, with a mark for guessed ones.
 
-/// Values missing for no longer than this are interpolated and as good as measured, s.
+/// Longest gap whose interpolation is as good as a measurement, s.
 const SHORT: f64 = 0.15;
-/// So many steps without a value, where rows come slowly.
+/// The same in steps, for slow rows.
 const SHORT_STEPS: f64 = 2.5;
 
 /// A column on the even clock.
 pub(super) struct Resampled {
     /// One value for each point of the clock.
     pub values: Vec<f64>,
-    /// Where a value lies in a stretch without any.
+    /// True for values within a stretch without any.
     pub guessed: Vec<bool>,
 }
 
-/// How values between samples are made.
+/// Interpolation between samples.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Between {
     /// On a straight line.
     Line,
-    /// The last one goes on: for what jumps.
+    /// The last value is held: for columns that jump.
     Hold,
 }
 

@@ -1,16 +1,16 @@
-//! Where on a road a log was driven, and what the road was like there.
+//! Place of a log on a road, and the road's properties there.
 //!
-//! The station of each row is the log's own, or that of the foot of its pose on the road. From it follow bank, grade and
-//! friction, which a vehicle feels and no sensor of it names.
+//! The station of each row is the log's own, or that of the foot of its pose on the road. From it follow bank, grade
+//! and friction, which act on a vehicle and are in no sensor's signal.
 
 use super::clean::CleanLog;
 use crate::path::{Path, Projection};
 use crate::signal;
 
-/// Farther from the road it is another one, m.
+/// Distance from a road beyond which the log belongs to another one, m.
 pub(super) const FAR: f64 = 10.0;
 
-/// Why a log does not lie on a road.
+/// Reasons for which a log does not lie on a road.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum NotOnRoad {
@@ -22,8 +22,8 @@ pub enum NotOnRoad {
     FarFromPath { share: f64 },
 }
 
-/// Projects one pose (m, m, rad) of a drive after the other, each near the last; one farther away than `lost`, m, is looked for on
-/// the whole road.
+/// Projects one pose (m, m, rad) of a drive after the other, each near the last. One farther away than `lost`, m, is
+/// searched on the whole road.
 pub(super) fn follow(road: &Path, lost: f64) -> impl FnMut([f64; 3]) -> Projection + use<'_> {
     let mut last = None;
     move |[x, y, yaw]| {

@@ -13,7 +13,7 @@ pub(super) fn quantile(mut values: Vec<f64>, share: f64) -> Option<f64> {
     Some(*values.select_nth_unstable_by(place, f64::total_cmp).1)
 }
 
-/// How `y` follows `x`.
+/// Slope of `y` over `x`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Slope {
     /// `y = factor * x`, in the mean of squares, both without their means.
@@ -22,7 +22,7 @@ pub(super) struct Slope {
     pub explained: f64,
 }
 
-/// How the second of each pair follows the first; `None` where they hardly have to do with each other.
+/// Slope of the second over the first of each pair; `None` where they hardly correlate.
 pub(super) fn slope(pairs: impl Iterator<Item = (f64, f64)>) -> Option<Slope> {
     let (mut n, mut mx, mut my, mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
     // Not a number makes the pair count as none.

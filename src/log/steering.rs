@@ -1,8 +1,8 @@
-//! What the steering actuator is identified from: command and response of a log, on its own mended clock.
+//! Data for the identification of the steering actuator: command and response of a log, on its own mended clock.
 //!
-//! The measured angle is compared row by row, as it was recorded: resampled commands are no commands any more. Where the
-//! clock starts anew a new drive begins. The yaw rate goes through a vehicle's model and is taken from the even clock of
-//! [`CleanLog`], with all repairs that are made there.
+//! The measured angle is compared row by row, as it was recorded: resampled commands are no commands any more. A new
+//! start of the clock begins a new drive. The yaw rate goes through a vehicle's model and is taken from the even clock
+//! of [`CleanLog`], with all repairs that are made there.
 
 use super::agreement::near;
 use super::clean::{CleanError, CleanLog, UnusableLog};
@@ -23,7 +23,7 @@ const MOST: f64 = 1.6;
 pub struct SteeringLog {
     /// One for each start of the clock.
     pub drives: Vec<SteeringDrive>,
-    /// What was mended or is suspect, the gravest first.
+    /// Repairs and suspicions, the gravest first.
     pub findings: Vec<Finding>,
 }
 

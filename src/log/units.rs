@@ -1,4 +1,4 @@
-//! Units of columns from what they must tell alike: the fewest foreign units that explain every ratio, or none.
+//! Units of columns from their relations: the fewest foreign units that explain every ratio, or none.
 //!
 //! ```text
 //!     |d(x, y)| / (vx dt)          positions over speed
@@ -7,8 +7,8 @@
 //!     (yaw_rate - e2_rate) / (vx curvature)
 //! ```
 //!
-//! A ratio that no unit explains is left alone: the speed sensor of the vehicle may be wrong, and that is for a diagnosis
-//! to find.
+//! A ratio that no unit explains is left alone: the vehicle's speed sensor may be wrong, which is for a diagnosis to
+//! find.
 
 use crate::table;
 
@@ -18,7 +18,7 @@ pub(super) const DEGREE: f64 = std::f64::consts::PI / 180.0;
 /// A unit: its name and how many of it the SI unit is.
 pub(super) type Unit = (&'static str, f64);
 
-/// Units that a log may have without a word, by our unit; ours first.
+/// Units that a log may have without stating them, by our unit; ours first.
 const SPEEDS: (&str, [&str; 5]) = ("m/s", ["m/s", "km/h", "mph", "knots", "ft/s"]);
 pub(super) const LENGTHS: (&str, [&str; 5]) = ("m", ["m", "mm", "cm", "ft", "km"]);
 pub(super) const ACCELERATIONS: (&str, [&str; 2]) = ("m/s2", ["m/s2", "g"]);
@@ -34,14 +34,14 @@ pub(super) fn sized<const N: usize>((ours, names): (&str, [&'static str; N])) ->
 
 /// An error of a ratio beyond which a unit does not explain it, as a logarithm.
 const FAR: f64 = 0.14;
-/// What effects, a roll angle or a bank may do to a ratio in SI units, as a logarithm.
+/// Largest change of a ratio in SI units by effects, a roll angle or a bank, as a logarithm.
 const EFFECT: f64 = 0.36;
-/// A body that leans shows its accelerometer gravity, too: the range of its ratio, in SI units.
+/// Gravity in the accelerometer of a leaning body: the range of its ratio, in SI units.
 const LEANING: (f64, f64) = (0.98, 1.12);
-/// Two explanations that differ by less are both possible.
+/// Difference of two explanations below which both are possible.
 const APART: f64 = 0.012;
 
-/// What a log shows, where it shows it: ratios of columns.
+/// Ratios of columns that a log allows.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Shown {
     /// Of x, y over speed.
@@ -65,10 +65,10 @@ pub(super) struct Units {
     pub curvature: Unit,
 }
 
-/// What the ratios tell of the units.
+/// Conclusion from the ratios about the units.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Told {
-    /// Nothing is foreign, or no unit explains it.
+    /// SI units, or ratios that no unit explains.
     Si,
     /// These are they.
     Units(Units),
@@ -129,7 +129,7 @@ impl Units {
     }
 }
 
-/// The units that explain what is shown.
+/// The units that explain the ratios.
 pub(super) fn told(shown: &Shown) -> Told {
     if Units::SI.error(shown) < EFFECT {
         return Told::Si;

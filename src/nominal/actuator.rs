@@ -1,4 +1,4 @@
-//! A linear vehicle model behind its steering actuator: what lies between command and road wheels.
+//! A linear vehicle model behind its steering actuator: the dynamics between command and road wheels.
 //!
 //! Every actuator here has one form,
 //!
@@ -16,17 +16,17 @@
 //! ```
 //!
 //! (Pade(2,2) is `z1' = z2, z2' = -12/T^2 z1 - 6/T z2 + u, w = u - 12/T z2` with states of the command's size.) A Pade
-//! approximant passes part of the command on at once, the wrong way for an odd order; a lag behind it makes it strictly
-//! proper. Before the vehicle `x' = A x + B delta + ..` the state is `X = [x; z]`, sampled exactly: within a step the
-//! delayed command changes once, `T` being no whole number of steps, so that
+//! approximant passes part of the command on at once, the wrong way for an odd order. A lag behind it makes it strictly
+//! proper. Before the vehicle `x' = A x + B delta + ..` the state is `X = [x; z]`, sampled exactly. Within a step the
+//! delayed command changes once, as `T` is not a whole number of steps:
 //!
 //! ```text
 //! X_{k+1} = A X_k + G_1 u_{k-m} + G_2 u_{k-m-1} + D psi_des' + E psi_des'',     m = floor(T / Ts)
 //! ```
 //!
-//! `z` is not measured: it is what the issued commands have made of it. With the vehicle's true constants the exact
-//! actuator is the oracle that a learned residual is measured against; with identified ones it is what an engineer does
-//! who knows that there is a delay.
+//! `z` is not measured: it follows from the issued commands. With the vehicle's true constants the exact actuator is
+//! the oracle that a learned residual is measured against. With identified ones it is an engineer's remedy for a known
+//! delay.
 //!
 //! Source: Franklin, Powell and Workman, Digital Control of Dynamic Systems, ch. 4.3.4 (dead time that is no whole
 //! number of samples); Golub and Van Loan, Matrix Computations, ch. 9.3.1 (Pade approximants).
@@ -38,7 +38,7 @@ use serde::{Deserialize, Serialize};
 use std::ops::{Add, AddAssign, Mul, Sub};
 
 enumeration! {
-    /// How a model represents a dead time.
+    /// Representation of a dead time by a model.
     pub enum DeadTimeModel {
         Exact = 0 "exact", "As it is: whole steps and a fraction of one";
         Pade11 = 1 "pade_1_1", "Pade approximant of order (1, 1)";
@@ -55,16 +55,16 @@ pub struct Actuator {
     pub dead_time: f64,
     /// Time constant of the first-order lag, s; 0 for none.
     pub time_constant: f64,
-    /// How the dead time is represented.
+    /// Representation of the dead time.
     pub dead_time_model: DeadTimeModel,
 }
 
 /// States of an actuator: two of a Pade approximant, one of the lag. Those that an actuator does not have stay 0.
 pub const ACTUATOR_STATES: usize = 3;
 
-/// A lag or an approximated dead time shorter than this is none, s: its pole would only make the model stiff.
+/// Lag or approximated dead time below which there is none, s: its pole would only make the model stiff.
 const NO_LAG: f64 = 1e-4;
-/// A command counts as settled after so many time constants: e^-10 of it is left.
+/// Number of time constants after which a command counts as settled: e^-10 of it is left.
 const SETTLED: f64 = 10.0;
 
 /// The linear part of an actuator: everything but an exact dead time.
@@ -98,7 +98,7 @@ pub struct ActuatedState<const S: usize = ERRORS> {
     pub actuator: Vector3<f64>,
 }
 
-/// How a state with its actuator acts on the next one: `A` in blocks.
+/// Action of a state with its actuator on the next one: `A` in blocks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ActuatedTransition<const S: usize = ERRORS> {
     /// Of the vehicle's state on itself.
@@ -196,7 +196,8 @@ impl Actuator {
         (whole as usize, if fraction > 1e-9 { fraction } else { 0.0 })
     }
 
-    /// How long a command acts on the actuator's states, beyond an exact dead time, s: after that e^-10 of it is left.
+    /// Time for which a command acts on the actuator's states, beyond an exact dead time, s: after that e^-10 of it is
+    /// left.
     #[must_use]
     pub fn memory(&self) -> f64 {
         let slowest = match self.dead_time_model {
@@ -308,8 +309,8 @@ impl SampledActuator {
         self.a * state + self.newer * newer + self.older * older
     }
 
-    /// The state now, from the commands issued before now, oldest first: the actuator run over them. Exact but for what
-    /// was before the oldest.
+    /// The state now, from the commands issued before now, oldest first: the actuator run over them. Exact except for
+    /// the effect of commands before the oldest.
     #[must_use]
     pub fn state(&self, commands: &[f64]) -> Vector3<f64> {
         let Some(&oldest) = commands.first() else { return Vector3::zeros() };

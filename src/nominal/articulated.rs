@@ -36,7 +36,7 @@ pub struct SteadyCornering {
     pub articulation: f64,
 }
 
-/// Where each axle's lateral force acts on `e1`, `e2`, `phi`.
+/// Action of each axle's lateral force on `e1`, `e2`, `phi`.
 fn levers(truck: &Articulated) -> Matrix3<f64> {
     let Articulated { a1, b1, c1, a2, b2, .. } = *truck;
     Matrix3::new(1.0, 1.0, 1.0, a1, -b1, -(c1 + a2 + b2), 0.0, 0.0, a2 + b2)

@@ -1,7 +1,7 @@
-//! The nonlinear single track of a tractor with a semi-trailer: what a careful engineer's nonlinear MPC of a truck
-//! predicts with.
+//! The nonlinear single track of a tractor with a semi-trailer: the prediction model of a careful engineer's nonlinear
+//! MPC of a truck.
 //!
-//! With the tractor's forward speed `u`, held, the lateral velocity `v` and yaw rate `r` of its CG, the articulation
+//! The tractor's forward speed `u` is held. With the lateral velocity `v` and yaw rate `r` of its CG, the articulation
 //! `phi = psi1 - psi2`, `r2 = r - phi'`, `l2 = a2 + b2` and axles 1 to 3 (front, rear, trailer):
 //!
 //! ```text
@@ -17,10 +17,10 @@
 //! F = D sin(C atan(B alpha)),   D = mu Fz (static load),   B = cornering stiffness / (C D)
 //! ```
 //!
-//! It is Newton and Euler for each unit, the force at the hitch eliminated; what holds the speed drives the tractor along
-//! its axis. At small angles it is the linear model of `articulated.rs`, without a trailer the bicycle.
+//! It is Newton and Euler for each unit, the force at the hitch eliminated. The force that holds the speed drives the
+//! tractor along its axis. At small angles it is the linear model of `articulated.rs`, without a trailer the bicycle.
 //!
-//! Source: method of the project, section 3 (kinematics of the second unit); Luijten, Lateral Dynamic Behaviour of
+//! Sources: method of the project, section 3 (kinematics of the second unit). Luijten, Lateral Dynamic Behaviour of
 //! Articulated Commercial Vehicles, TU Eindhoven 2010; tyres as in `bicycle.rs`.
 
 use super::bicycle::{Axle, GRAVITY, STEP_LIMIT};
@@ -28,8 +28,8 @@ use super::{LateralVehicle, SingleTrackError, steady_cornering};
 use crate::vehicle::Articulated;
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
-/// The trailer's axle does not roll slower than this share of the tractor's speed: near a right angle at the hitch its slip
-/// angle means nothing.
+/// Lower limit of the rolling speed of the trailer's axle, as a share of the tractor's speed. Near a right angle at the
+/// hitch its slip angle means nothing.
 const LEAST_ROLLING: f64 = 0.2;
 /// Steps of Newton for the steady state, and the largest articulation that is one, rad.
 const STEADY_STEPS: usize = 4;

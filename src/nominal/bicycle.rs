@@ -1,4 +1,4 @@
-//! The nonlinear single-track model: what a careful engineer's nonlinear MPC predicts with.
+//! The nonlinear single-track model: the prediction model of a careful engineer's nonlinear MPC.
 //!
 //! ```text
 //! m (vy' + vx r) = Fyf cos(delta) + Fyr          alpha_f = delta - atan((vy + lf r) / vx)
@@ -37,7 +37,7 @@ impl Axle {
         Self { peak, slope: stiffness / (SHAPE * peak) }
     }
 
-    /// The slip angle, rad, of a share of the peak force; near the peak for what the axle cannot hold.
+    /// The slip angle, rad, of a share of the peak force; near the peak if the axle cannot hold it.
     pub(super) fn slip_angle(&self, share: f64) -> f64 {
         (share.clamp(-0.99, 0.99).asin() / SHAPE).tan() / self.slope
     }

@@ -12,8 +12,8 @@
 
 use nalgebra::SMatrix;
 
-/// A chain of two linear systems with common inputs, in continuous time or over a step: `x` of `N` states is driven by
-/// `z` of `K` states.
+/// A chain of two linear systems with held common inputs, in continuous time or over a step. `x` of `N` states is
+/// driven by `z` of `K` states.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[allow(missing_docs)]
 pub struct Chain<const N: usize, const K: usize, const W: usize> {
@@ -46,7 +46,7 @@ pub fn zero_order_hold<const N: usize, const W: usize>(
 const TAYLOR_DEGREE: u32 = 13;
 
 impl<const N: usize, const K: usize, const W: usize> Chain<N, K, W> {
-    /// The chain over `h` seconds with inputs self.
+    /// The chain over `h` seconds with held inputs.
     ///
     /// The matrix exponential by scaling and squaring of a Taylor polynomial. It needs no linear solve and no
     /// allocation; for the small, moderately stiff matrices here it is as accurate as a Pade approximant.

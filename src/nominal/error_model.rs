@@ -21,7 +21,7 @@ pub type ErrorState = Vector4<f64>;
 /// Number of the errors to the path.
 pub const ERRORS: usize = 4;
 
-/// Why a nominal model cannot be made.
+/// Reasons for which a nominal model cannot be made.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SingleTrackError {
     /// A parameter that must be positive is not.
@@ -46,9 +46,9 @@ pub enum SingleTrackError {
 pub trait LateralVehicle<const S: usize>:
     std::fmt::Debug + Copy + PartialEq + Send + Sync + Serialize + DeserializeOwned + 'static
 {
-    /// What files and messages call such a vehicle, e.g. `car`.
+    /// Name of such a vehicle in files and messages, e.g. `car`.
     const KIND: &'static str;
-    /// What the states are, in order: the four errors to the path, then the vehicle's own.
+    /// The states in order: the four errors to the path, then the vehicle's own.
     const STATES: [Signal; S];
 
     /// The model at a speed in m/s. It is stiff as the speed goes to 0: the caller clamps it from below.

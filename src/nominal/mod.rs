@@ -1,4 +1,4 @@
-//! Prediction models: what the controller believes the vehicle does.
+//! Prediction models: the controller's models of the vehicle.
 //!
 //! | file | problem |
 //! |---|---|
@@ -10,7 +10,7 @@
 //! | `bicycle.rs` | the nonlinear single track with saturating tyres, for nonlinear MPC |
 //! | `articulated_single_track.rs` | that of a tractor with a semi-trailer |
 //! | `path_model.rs` | a nonlinear model in errors to a path, whatever the vehicle |
-//! | `path_bicycle.rs`, `path_articulated.rs` | the two nonlinear models as such |
+//! | `path_bicycle.rs`, `path_articulated.rs` | the two nonlinear models in that form |
 //! | `discretise.rs` | exact zero-order hold by the matrix exponential |
 
 mod actuator;

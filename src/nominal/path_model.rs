@@ -67,7 +67,7 @@ pub trait PathModel<const S: usize, const N: usize>: std::fmt::Debug + Clone + S
     /// The state of steady cornering with these errors, at station 0, and a good first guess of its steering angle.
     fn steady_state(&self, vx: f64, curvature: f64, errors: &SVector<f64, S>) -> (SVector<f64, N>, f64);
 
-    /// The errors of a steady state nearer to that of what makes this step from `state`: a step of Newton on
+    /// Errors nearer to the steady state with the inputs of this step, from `state`. One step of Newton on
     /// `step(x) = x` for all states but the station and `e1 = 0`, and for the steering.
     fn steadier(
         errors: &SVector<f64, S>,
@@ -120,7 +120,7 @@ pub(super) fn integrate<const N: usize, const M: usize>(
 /// A point beyond the centre of curvature has no foot on the path: `1 - kappa e1` is bounded, not inverted.
 const LEAST_STRETCH: f64 = 0.1;
 
-/// How the vehicle moves along and across the path: `s'` with derivatives by s, e1, e2, vy; `e1'` by e2, vy.
+/// Motion of the vehicle along and across the path: `s'` with derivatives by s, e1, e2, vy; `e1'` by e2, vy.
 pub(super) struct Motion {
     pub station_rate: f64,
     pub station_by: [f64; 4],
@@ -159,7 +159,7 @@ impl Motion {
         [self.station_rate, self.lateral_rate, yaw_rate - curvature[0] * self.station_rate]
     }
 
-    /// How they change with a change `d` of the state.
+    /// Their changes with a change `d` of the state.
     pub fn changes<const N: usize>(&self, d: &SVector<f64, N>, curvature: Curvature) -> [f64; 3] {
         let station: f64 = self.station_by.iter().zip(d.iter()).map(|(by, d)| by * d).sum();
         [

@@ -1,4 +1,4 @@
-//! Which points make a road: what is repaired, what is refused, and whether the road is closed.
+//! Checks of a road's points: repairs, refusals, closure.
 
 use super::error::{PathError, Place};
 use super::noise::{Noise, median};
@@ -10,17 +10,17 @@ use super::spline::{Curve, Knot, Vector, distance};
 use super::wrap_angle;
 use std::borrow::Cow;
 
-/// Points closer than this to the one before are the same point (m).
+/// Distance below which a point is the same as the one before (m).
 const SAME: f64 = 1e-6;
 /// A gap is wider than this many median spacings ...
 const GAP_SPACINGS: f64 = 8.0;
 /// ... and wider than this (m).
 const GAP_LEAST: f64 = 30.0;
-/// Most that headings and curvatures may disagree with the points and still count as true (rad).
+/// Largest disagreement of headings and curvatures with the points at which they still hold (rad).
 const DISAGREEMENT: f64 = 0.02;
-/// A road that changes its direction by more than this between two chords is out of order (rad).
+/// Change of direction between two chords from which on a road is out of order (rad).
 const TURNS_BACK: f64 = 2.2;
-/// Median spacings outside this range are another unit (m).
+/// Range of median spacings; outside it the unit is another (m).
 const SPACING: (f64, f64) = (1e-3, 500.0);
 
 /// A road that is fit to be a path.
@@ -211,7 +211,7 @@ impl Noise {
     }
 }
 
-/// Points that tell the road's direction: those kept or, where they have noise, means of them.
+/// Points that give the road's direction: those kept or, for noisy ones, means of them.
 fn directed<'a>(
     kept: &'a [(usize, Sample)],
     noise: Option<&Noise>,
@@ -279,7 +279,7 @@ fn poses(samples: &[Sample], points: &[Vector], periodic: bool, notes: &mut Vec<
     None
 }
 
-/// How far headings and curvatures are from describing the chords between neighbouring points, in rad.
+/// Largest error of headings and curvatures against the chords between neighbouring points, in rad.
 fn worst_disagreement(points: &[Vector], yaw: &[f64], curvature: &[f64], periodic: bool) -> f64 {
     let n = points.len();
     let last = if periodic { n } else { n - 1 };
@@ -322,7 +322,7 @@ fn check_values(sample: &Sample, index: usize) -> Result<(), PathError> {
     Ok(())
 }
 
-/// Whether the last point leads on into the first one: near, and ahead.
+/// True if the last point leads on into the first one: near, and ahead.
 fn leads_into_start(kept: &[(usize, Sample)], median: f64) -> bool {
     let n = kept.len();
     if n < 8 {

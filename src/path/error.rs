@@ -1,9 +1,9 @@
-//! What can be wrong with a road: one variant per cause, each saying where and what to do.
+//! Errors of a road: one variant per cause, each with place and advice.
 
 use std::fmt;
 use std::path::PathBuf;
 
-/// Where in the input an error lies.
+/// Place of an error in the input.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Place {
     /// The file, if the road came from one.
@@ -34,7 +34,7 @@ impl fmt::Display for Place {
     }
 }
 
-/// Why a road cannot be used.
+/// Reasons for which a road cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum PathError {
     /// The file cannot be opened or read.
@@ -50,7 +50,7 @@ pub enum PathError {
     Table {
         /// The file.
         place: Place,
-        /// What is wrong with it.
+        /// The error itself.
         source: crate::table::TableError,
     },
     /// A unit of another quantity.
@@ -60,12 +60,12 @@ pub enum PathError {
         place: Place,
         /// The column.
         column: String,
-        /// What the file says.
+        /// The file's words.
         unit: String,
         /// The unit wanted.
         ours: &'static str,
     },
-    /// Noise so large that no road is left.
+    /// Noise so large that it hides the road.
     #[error(
         "{place}: the points have {rms:.2} m of noise (RMS), and smoothed by it the road still {shape}; record it \
          anew, average several laps, or give another smoothing tolerance"
@@ -75,7 +75,7 @@ pub enum PathError {
         place: Place,
         /// RMS distance of the points from a smooth road in m.
         rms: f64,
-        /// What it is like.
+        /// Its shape.
         shape: String,
     },
     /// Nothing but comments and blank lines.
@@ -116,7 +116,7 @@ pub enum PathError {
         /// The optional columns.
         known: &'static str,
     },
-    /// A column that means nothing to us.
+    /// An unknown column.
     #[error(
         "{place}: unknown column `{column}` (number {number}); known are x, y, {known}; rename or remove it"
     )]
@@ -147,7 +147,7 @@ pub enum PathError {
         place: Place,
         /// The column.
         column: &'static str,
-        /// What stands there.
+        /// The field's text.
         text: String,
     },
     /// NaN or infinity.
@@ -159,7 +159,7 @@ pub enum PathError {
         place: Place,
         /// The column.
         column: &'static str,
-        /// What stands there.
+        /// The field's value.
         value: f64,
     },
     /// A value that no road has: most likely a wrong unit.
@@ -169,7 +169,7 @@ pub enum PathError {
         place: Place,
         /// The column.
         column: &'static str,
-        /// What stands there.
+        /// The field's value.
         value: f64,
         /// Least value.
         low: f64,
@@ -178,7 +178,7 @@ pub enum PathError {
         /// The unit wanted.
         unit: &'static str,
     },
-    /// A name in column `class` that is none.
+    /// An unknown name in column `class`.
     #[error(
         "{place}, column `class`: `{text}` is no road class; known are straight, right_turn, left_turn, u_turn, \
          sweeper, cross_country"
@@ -186,7 +186,7 @@ pub enum PathError {
     UnknownClass {
         /// The row.
         place: Place,
-        /// What stands there.
+        /// The field's text.
         text: String,
     },
     /// Too few points for a road.

@@ -1,8 +1,8 @@
 //! Latitude and longitude to metres: the plane that touches the earth at the road's first point.
 //!
-//! With the ellipsoid's (WGS 84) radius of curvature across the meridian `N = a / sqrt(1 - e^2 sin^2 lat)`, a point stands in space at
-//! `[N cos lat cos lon, N cos lat sin lon, N (1 - e^2) sin lat]`; east and north of it, seen from the origin, are `x` and `y`. Lengths on
-//! the plane are too short by `d^3 / 6 R^2`: 4 mm in 10 km.
+//! The ellipsoid's (WGS 84) radius of curvature across the meridian is `N = a / sqrt(1 - e^2 sin^2 lat)`. A point
+//! stands in space at `[N cos lat cos lon, N cos lat sin lon, N (1 - e^2) sin lat]`; east and north of it, seen from
+//! the origin, are `x` and `y`. Lengths on the plane are too short by `d^3 / 6 R^2`: 4 mm in 10 km.
 
 /// Semi-major axis of WGS 84, m.
 const A: f64 = 6_378_137.0;

@@ -1,6 +1,6 @@
-//! Reference paths: where the vehicle shall be.
+//! Reference paths.
 //!
-//! A road comes as points, uneven and perhaps noisy; a controller wants, at any arc length `s`,
+//! A road comes as points, uneven and perhaps noisy; a controller needs, at any arc length `s`,
 //!
 //! ```text
 //!     r(s) with |r'| = 1,   yaw(s) = atan2(y', x'),   curvature(s) = d yaw / ds   (continuous)
@@ -32,17 +32,17 @@
 //! | file | idea |
 //! |---|---|
 //! | `sample.rs` | the points of a road |
-//! | `check.rs` | which points make a road: duplicates, gaps, closure |
+//! | `check.rs` | checks of a road's points: duplicates, gaps, closure |
 //! | `spline.rs` | a curve with continuous curvature through them |
 //! | `smooth.rs`, `banded.rs` | the same through noisy points, within a tolerance |
 //! | `grid.rs`, `quadrature.rs` | arc length: lookups in constant time |
 //! | `project.rs` | the nearest point, with a hint and without |
-//! | `speed.rs` | how fast: a plan within lateral and longitudinal limits |
+//! | `speed.rs` | a speed plan within lateral and longitudinal limits |
 //! | `read.rs`, `write.rs` | files |
 //! | `segment.rs`, `pen.rs` | roads drawn exactly from straights, arcs and clothoids |
 //! | `sudoku.rs`, `truck_course.rs`, `splitmix.rs` | our own courses |
 //! | `random.rs` | roads by the seed, to be searched and examined on |
-//! | `error.rs` | what can be wrong |
+//! | `error.rs` | errors of a road |
 
 mod banded;
 mod check;
@@ -83,8 +83,8 @@ use std::f64::consts::{PI, TAU};
 
 /// A reference path, immutable; share it in an `Arc`. Lookups take constant time and allocate nothing.
 ///
-/// Stations of a closed path may run over its length: they wrap, and the yaw angle goes on turning. Beyond the
-/// ends of an open path the road goes straight on.
+/// Stations of a closed path may exceed its length: they wrap, and the yaw angle goes on turning. Beyond the ends of an
+/// open path the road goes straight on.
 #[derive(Debug, Clone)]
 pub struct Path {
     origin: [f64; 2],
@@ -164,8 +164,8 @@ impl Path {
     /// | `class` | | [`RoadClass::name`] |
     /// | `s` | m | station; only its order is checked |
     ///
-    /// Where the file gives both `yaw` and `curvature` and they fit the points, they are the truth. Else a spline
-    /// through the points is, smoothed as far as the file is accurate ([`Smoothing::AsAccurate`]).
+    /// If the file gives both `yaw` and `curvature` and they fit the points, they hold. Otherwise a spline through the
+    /// points holds, smoothed to the accuracy of the file ([`Smoothing::AsAccurate`]).
     ///
     /// # Errors
     /// The cause, with file, line, column and remedy.
@@ -184,7 +184,7 @@ impl Path {
         }
     }
 
-    /// Reads a path and says whether it is closed and how smooth it shall be.
+    /// Reads a path with options for its closure and its smoothing.
     ///
     /// # Errors
     /// As [`Path::read`].
@@ -268,13 +268,13 @@ impl Path {
         self.length
     }
 
-    /// Whether the path leads back to its start.
+    /// True if the path leads back to its start.
     #[must_use]
     pub fn is_periodic(&self) -> bool {
         self.periodic
     }
 
-    /// What a user should know about the road: points dropped, columns not used, what was assumed.
+    /// Notes on the road for its user: points dropped, columns not used, assumptions.
     #[must_use]
     pub fn notes(&self) -> &[Note] {
         &self.notes
@@ -309,8 +309,8 @@ impl Path {
         point
     }
 
-    /// Points of the path about `step` m apart, with heading, curvature and whatever its file gave: read again, they are
-    /// the same road. A closed path's first point does not stand again at its end.
+    /// Points of the path about `step` m apart, with heading, curvature and all that its file gave. Read again, they
+    /// are the same road. A closed path's first point does not stand again at its end.
     #[must_use]
     pub fn samples(&self, step: f64) -> Vec<Sample> {
         let count = (self.length / step.max(1e-3))
@@ -380,7 +380,7 @@ impl Path {
         self.friction.at(&self.locate(station), self.inverse_step)
     }
 
-    /// Whether the path has neither bank nor grade anywhere.
+    /// True if the path has neither bank nor grade anywhere.
     #[must_use]
     #[inline]
     pub fn is_level(&self) -> bool {

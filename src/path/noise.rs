@@ -1,16 +1,16 @@
 //! The noise of points, measured from the points themselves.
 //!
-//! Around each point, in the frame of the road's local direction, the offsets `n` of its neighbours are a parabola of
-//! their places `u` along the road, and noise is what is left:
+//! Take the frame of the road's local direction at each point. The offsets `n` of its neighbours follow a parabola of
+//! their places `u` along the road. Noise is the remainder:
 //!
 //! ```text
 //!     e_i = n_i - parabola(u_i),    var e_i = sigma^2 (1 - h_ii),    h: hat matrix of the fit
 //! ```
 //!
 //! `sigma` is a robust scale (median) of `e_i / sqrt(1 - h_ii)`, so that a corner, drawn on purpose, is no noise. The
-//! fit knows nothing of the spacing: uneven points on a smooth road have none. Of what is left of a smooth road,
-//! neighbours have one sign; of noise, they change it. The window grows until it is long against the noise: points
-//! 10 cm apart with 1 m of noise have a direction over 10 m only.
+//! fit does not use the spacing: uneven points on a smooth road have none. Of the remainder of a smooth road,
+//! neighbours have one sign; of noise, they change it. The window grows until it is long against the noise. Points 10
+//! cm apart with 1 m of noise have a direction over 10 m only.
 
 use super::spline::{Vector, distance};
 
@@ -19,15 +19,15 @@ use super::spline::{Vector, distance};
 pub(super) struct Noise {
     /// Standard deviation across the road in m.
     pub sigma: f64,
-    /// Points on either side that a mean needs to be long against the noise.
+    /// Number of points on either side of a mean that is long against the noise.
     half: usize,
 }
 
 /// Points on either side, at first and at most.
 const HALF: (usize, usize) = (3, 48);
-/// A window is as long as this many standard deviations.
+/// Length of a window, in standard deviations.
 const LONG: f64 = 12.0;
-/// Noise is of no account below this curvature error in 1/m ...
+/// Curvature error below which noise does not matter, in 1/m ...
 const CURVATURE: f64 = 0.005;
 /// ... and where fewer than this share of neighbours change their sign: of noise, half do in a long window, more in a
 /// short one.
@@ -60,7 +60,7 @@ impl Noise {
         None
     }
 
-    /// Means of neighbours, one for each point: where along the road it is, free of most of the noise. The ends of an
+    /// Means of neighbours, one for each point: its place along the road, free of most of the noise. The ends of an
     /// open road, which have neighbours on one side, are continued straight.
     pub fn means(&self, points: &[Vector], periodic: bool) -> Vec<Vector> {
         let n = points.len();
@@ -81,13 +81,13 @@ impl Noise {
         means
     }
 
-    /// Every so many of [`means`](Self::means) are apart against the noise: they tell the road's direction.
+    /// Stride at which [`means`](Self::means) are apart against the noise: they give the road's direction.
     pub fn stride(&self) -> usize {
         self.half
     }
 }
 
-/// What is left of the windows' parabolas.
+/// Remainders of the windows' parabolas.
 struct Residuals {
     /// At each point with a whole window around it, scaled to the noise's own size.
     values: Vec<f64>,

@@ -1,11 +1,11 @@
-//! What a user should know about a road that was read.
+//! Notes for the user of a road that was read.
 
 use std::fmt;
 
 /// A word about a road.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Note {
-    /// Whether something should be done about it; else it was repaired or assumed, and is only said.
+    /// True if something should be done about it; otherwise it was repaired or assumed, and is only reported.
     pub warning: bool,
     /// The words.
     pub text: String,

@@ -2,14 +2,14 @@
 //!
 //! A corner between two lines is clothoid, arc, clothoid, symmetric to the corner. It takes the same tangent
 //! length `T` of both lines; from the chord `c` of the rounding and its angle `theta`, `T = c / (2 cos(theta / 2))`.
-//! What remains of a line between two corners is straight, so a course stays on its lanes exactly.
+//! The rest of a line between two corners is straight, so a course stays on its lanes exactly.
 
 use super::sample::RoadClass;
 use super::segment::{Course, Pose, Rough, Segment};
 use super::wrap_angle;
 use std::f64::consts::PI;
 
-/// How a corner or a U-turn is rounded.
+/// Rounding of a corner or a U-turn.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Rounding {
     /// Radius of the arc in m.
@@ -42,7 +42,7 @@ impl Pen {
         Self { start, at: start, segments: Vec::new(), rough: Vec::new(), straight }
     }
 
-    /// Where the pen is.
+    /// Pose of the pen.
     pub fn pose(&self) -> Pose {
         self.at
     }
@@ -80,8 +80,8 @@ impl Pen {
         self.at = Pose { x: vertex[0] + tangent * end.cos(), y: vertex[1] + tangent * end.sin(), yaw: end };
     }
 
-    /// Draws a U-turn that ends `displacement` m beside its start, to the left if positive: it swerves to the other
-    /// side first as far as it must.
+    /// Draws a U-turn that ends `displacement` m beside its start, to the left if positive. It first swerves to the
+    /// other side by the necessary distance.
     pub fn u_turn(&mut self, displacement: f64, rounding: Rounding) {
         let side = displacement.signum();
         let (mut low, mut high) = (0.0, SWERVE_RADIUS);
@@ -158,7 +158,7 @@ fn u_turn_shape(side: f64, swerve: f64, rounding: Rounding) -> [Piece; 7] {
     ]
 }
 
-/// Where a shape ends that begins at the origin towards x.
+/// End of a shape that begins at the origin towards x.
 fn draw_shape(shape: &[Piece]) -> Pose {
     let origin = Pose { x: 0.0, y: 0.0, yaw: 0.0 };
     shape.iter().fold(origin, |pose, &[length, start_curvature, end_curvature]| {

@@ -1,23 +1,22 @@
 //! The nearest point of a path: station and errors of a vehicle.
 //!
 //! The foot `s` of a position `p` solves `(p - r(s)) . r'(s) = 0`, by Newton's method: the left side's slope is
-//! `-(1 - curvature * e1)`. With a hint (the last station) the search walks
-//! downhill in distance from there, so it stays on its branch where a road crosses itself or runs back beside
-//! itself. Without one it looks at the whole road, where a wrong heading counts like a distance, so that of two
-//! crossing or opposing lanes the one is found that the vehicle drives along.
+//! `-(1 - curvature * e1)`. With a hint (the last station) the search walks downhill in distance from there. So it
+//! stays on its branch where a road crosses itself or runs back beside itself. Without one it searches the whole road.
+//! A wrong heading counts like a distance there, so that of two crossing or opposing lanes the vehicle's own is found.
 
 use super::grid::yaw_at;
 use super::spline::evaluate;
 use super::{Path, wrap_angle};
 
-/// What a heading error counts for in a global search: driving against the road's direction counts as 6 m.
+/// Length that stands for a heading error in a global search: driving against the road's direction counts as 6 m.
 const HEADING_LENGTH: f64 = 3.0;
 /// Cells from one look to the next in a global search (2 m).
 const STRIDE: usize = 8;
 /// A foot found from a hint that is farther away than this is checked against the whole road (m).
 const LOST: f64 = 10.0;
 
-/// Where a projected position lies along the path.
+/// Position along the path of a projected point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Where {
     /// Beside the path.
@@ -65,9 +64,9 @@ impl Projection {
 }
 
 impl Path {
-    /// Projects a pose (m, m, rad) onto the path. `hint` is a station near the foot, usually the last one; without
-    /// it, the whole road is searched (about ten microseconds per kilometre) and the heading counts. A pose that is
-    /// not finite gives errors that are not finite, at the hint.
+    /// Projects a pose (m, m, rad) onto the path. `hint` is a station near the foot, usually the last one. Without it,
+    /// the whole road is searched (about ten microseconds per kilometre) and the heading counts. A pose that is not
+    /// finite gives errors that are not finite, at the hint.
     #[must_use]
     pub fn project(&self, x: f64, y: f64, yaw: f64, hint: Option<f64>) -> Projection {
         let p = [x - self.origin[0], y - self.origin[1]];

@@ -1,4 +1,4 @@
-//! Random roads: what a controller is searched, tuned and examined on, each by a seed.
+//! Random roads: for search, tuning and examination of controllers, each by a seed.
 //!
 //! An open road is a chain of straights, bends, S-bends and hairpins. A bend of radius `R` begins and ends with a clothoid,
 //! so that the curvature is continuous; radii are spread evenly over their logarithm. A closed road is a circle whose
@@ -24,21 +24,21 @@ pub struct RandomRoad {
     pub length: f64,
     /// Longest straight, m.
     pub straight: f64,
-    /// Whether the road is closed.
+    /// True if the road is closed.
     pub closed: bool,
 }
 
 /// Distance between points, m.
 const SPACING: f64 = 1.0;
-/// A road begins with a straight of this length, m.
+/// Length of the straight at a road's beginning, m.
 const BEGINNING: f64 = 30.0;
 /// Widest bend, in radii of the tightest.
 const WIDEST: f64 = 10.0;
 /// Longest arc of a bend, m.
 const LONGEST_ARC: f64 = 120.0;
-/// Heading from which on a road turns back rather than on, rad.
+/// Heading from which on a road turns back, rad.
 const TURNED: f64 = 1.3 * PI;
-/// Closed roads that are drawn to find one of about the right length.
+/// Number of closed roads that are drawn to find one of about the right length.
 const DRAWS: usize = 60;
 
 impl RandomRoad {
@@ -158,7 +158,7 @@ impl Chain {
         self.segment(clothoid, curvature, 0.0);
     }
 
-    /// To which side the next bend goes: either, but a road that has turned far turns back.
+    /// Side of the next bend: either, but a road that has turned far turns back.
     fn side(&self, random: &mut SplitMix64) -> f64 {
         let drawn = if random.between(0.0, 1.0) < 0.5 { -1.0 } else { 1.0 };
         if self.yaw.abs() > TURNED { -self.yaw.signum() } else { drawn }

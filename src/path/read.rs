@@ -20,7 +20,7 @@ use std::io::Read;
 /// The optional columns, as messages list them.
 const OPTIONAL: &str = "s, yaw, curvature, speed, bank, grade, friction, class";
 
-/// What a column means.
+/// Meaning of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Column {
     X,
@@ -33,7 +33,7 @@ enum Column {
     Grade,
     Friction,
     Class,
-    /// Geodetic coordinates, WGS 84: laid on a plane where there are no `x` and `y`.
+    /// Geodetic coordinates, WGS 84: laid on a plane if there are no `x` and `y`.
     Latitude,
     Longitude,
     /// Of racetrack-database; known and not used.
@@ -125,7 +125,7 @@ const ALIASES: [Alias; 16] = [
     ),
 ];
 
-/// Names that need no word: ours, and those of racetrack-database.
+/// Names that need no mention: ours, and those of racetrack-database.
 const PLAIN: [&str; 14] = [
     "x",
     "x_m",
@@ -151,7 +151,7 @@ struct Meaning {
 }
 
 impl Meaning {
-    /// Of a name and a unit that stands beside it; `Err` is our unit, where the file's is none of that quantity.
+    /// Meaning of a name with the unit beside it; `Err` is our unit, if the file's is of another quantity.
     fn of(name: &str, unit: Option<&str>) -> Option<Result<Self, &'static str>> {
         let lower = name.to_lowercase();
         if matches!(lower.as_str(), "w_tr_right_m" | "w_tr_left_m") {
@@ -191,17 +191,17 @@ impl Column {
     }
 }
 
-/// What a file says.
+/// Contents of a file.
 pub(super) struct Table {
     pub samples: Vec<Sample>,
     /// The line of each sample.
     pub lines: Vec<u64>,
     pub accuracy: Accuracy,
-    /// Which columns were taken for which.
+    /// Columns as they were interpreted.
     pub notes: Vec<Note>,
 }
 
-/// How well a file knows its coordinates.
+/// Accuracy of a file's coordinates.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Accuracy {
     /// Exactly, as far as we know.
@@ -212,8 +212,8 @@ pub(super) enum Accuracy {
     Measured(f64),
 }
 
-/// RMS distance in m that we leave the centre lines of racetrack-database: its arcs begin and end without a
-/// transition, and through every point the curvature would overshoot there by a fifth.
+/// RMS distance in m from the centre lines of racetrack-database. Its arcs begin and end without a transition, and
+/// through every point the curvature would overshoot there by a fifth.
 const RACETRACK_DATABASE: f64 = 0.02;
 
 fn at_line(line: u64) -> Place {
@@ -305,7 +305,7 @@ impl Decimals {
         }
     }
 
-    /// The last digit in m. Whole metres and decimetres are taken as exact: someone drew them.
+    /// The last digit in m. Whole metres and decimetres are taken as exact: they were drawn by hand.
     fn resolution(&self) -> Option<f64> {
         (!self.exponents && (2..15).contains(&self.most)).then(|| 0.1f64.powi(self.most as i32))
     }

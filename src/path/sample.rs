@@ -1,4 +1,4 @@
-//! What a road is made of before it is a [`Path`](super::Path): points, in driving order.
+//! Material of a road before it is a [`Path`](super::Path): points, in driving order.
 
 use crate::table::Limits;
 
@@ -21,7 +21,7 @@ pub struct Sample {
     pub grade: Option<f64>,
     /// Friction coefficient of the road as a factor of the tyre's nominal grip; 1 is a dry road.
     pub friction: Option<f64>,
-    /// What kind of road this is, for results that are split by it.
+    /// Class of the road, for results that are split by it.
     pub class: Option<RoadClass>,
 }
 
@@ -33,7 +33,7 @@ impl Sample {
     }
 }
 
-/// Whether a road ends, or leads back to its start.
+/// Closure of a road: it ends, or leads back to its start.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Closure {
     /// Closed if the last point lies within two spacings of the first and leads on into it.
@@ -45,29 +45,29 @@ pub enum Closure {
     Closed,
 }
 
-/// How far a path may leave its points for the sake of a smooth curvature.
+/// Allowed distance of a path from its points, for a smooth curvature.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Smoothing {
-    /// As accurate as the file is: within 2 cm RMS for racetrack-database (points 5 m apart, drawn from satellite
-    /// images, that enter bends without a transition), else within the rounding of the coordinates (1 m points
-    /// with 3 decimals have a curvature error of 1e-3 1/m from rounding alone). Coordinates with fewer than 2
-    /// decimals are taken as drawn by hand, and exact.
+    /// Accuracy of the file. For racetrack-database it is 2 cm RMS: points 5 m apart, drawn from satellite images, that
+    /// enter bends without a transition. Else it is the rounding of the coordinates: 1 m points with 3 decimals have a
+    /// curvature error of 1e-3 1/m from rounding alone. Coordinates with fewer than 2 decimals are taken as drawn by
+    /// hand, and exact.
     #[default]
     AsAccurate,
-    /// Not at all: the path goes through every point.
+    /// No smoothing: the path goes through every point.
     None,
     /// Within a root-mean-square distance in m: for measured points, about their noise (0.02 for a good GPS).
     Within(f64),
 }
 
-/// How points become a path.
+/// Options of the conversion from points to a path.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
-    /// Whether the road is closed.
+    /// Closure of the road.
     pub closure: Closure,
-    /// How far it may leave its points.
+    /// Allowed distance from its points.
     pub smoothing: Smoothing,
-    /// How much of a file is read.
+    /// Limits of reading a file.
     pub limits: Limits,
 }
 

@@ -12,7 +12,7 @@ use super::sample::{RoadClass, Sample};
 use super::splitmix::SplitMix64;
 use std::f64::consts::TAU;
 
-/// Where a road is and whereto it leads.
+/// Place on a road, and heading.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {
     /// East position in m.
@@ -79,7 +79,7 @@ impl Segment {
     }
 }
 
-/// An uneven stretch: bank, grade and friction vary along it, and the speed that is driven.
+/// An uneven stretch: bank, grade, friction and driven speed vary along it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rough {
     /// Station of its start in m.
@@ -130,7 +130,7 @@ pub struct Course {
     pub segments: Vec<Segment>,
     /// Uneven stretches, in order, disjoint.
     pub rough: Vec<Rough>,
-    /// Whether the end is the start.
+    /// True if the end is the start.
     pub closed: bool,
 }
 

@@ -1,7 +1,7 @@
 //! Smooth curves near noisy points.
 //!
-//! Points that are rounded or measured carry an error `sigma`; at spacing `h` their second differences carry a
-//! curvature error of about `2.4 sigma / h^2`: 1 cm at 1 m is a bend of 40 m radius that is not there. So
+//! Points that are rounded or measured carry an error `sigma`. At spacing `h` their second differences carry a
+//! curvature error of about `2.4 sigma / h^2`. 1 cm at 1 m is a bend of 40 m radius that is not there. So
 //!
 //! ```text
 //!     min  sum w_i |p_i - r(t_i)|^2 + lambda * integral |r'''|^2 dt,     w_i = h_i / sum h_i
@@ -9,12 +9,12 @@
 //!
 //! over quintic splines with even knots (a P-spline: the integral is taken as third differences of the B-spline
 //! coefficients, Eilers and Marx 1996). The third derivative of an arc-length curve is, in a bend, the change of
-//! curvature: the penalty spares circles of any radius little and clothoids least.
+//! curvature. The penalty spares circles of any radius little and clothoids least.
 //!
-//! How large is `lambda`? Where a tolerance is given, as large as the points' distance allows ([`Goal::Within`]). Where the
-//! noise is known, so that the curve is nearest to the road ([`Goal::Nearest`]), which is not where the points are as far off as
-//! their noise: a curve takes part of the noise with it, `H_ii` of each point's own, and one that keeps all of it at a distance cuts
-//! the tight bends instead. The expected square error of the curve is, but for a constant (Mallows 1973; Craven and Wahba 1979),
+//! For a given tolerance, `lambda` is as large as the points' distance allows ([`Goal::Within`]). For a known noise, it
+//! minimises the distance from the road ([`Goal::Nearest`]). Points as far off as their noise would be too much. A
+//! curve takes part of the noise with it, `H_ii` of each point's own. One that keeps all of it at a distance cuts the
+//! tight bends. The expected square error of the curve is, but for a constant (Mallows 1973; Craven and Wahba 1979),
 //!
 //! ```text
 //!     sum w_i |p_i - r(t_i)|^2 + 2 rms^2 sum w_i H_ii,      sum w_i H_ii = trace (A^-1 B' W^2 B) = d/de log det (A + e B' W^2 B)
@@ -56,12 +56,12 @@ fn weights(u: f64) -> [[f64; 6]; 3] {
     [0, 1, 2].map(|order| all.map(|weight| weight[order]))
 }
 
-/// What the penalty is chosen for.
+/// Criterion of the penalty.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Goal {
     /// The smoothest curve within this RMS distance of the points in m.
     Within(f64),
-    /// The curve that is nearest to the road, as far as points tell that have noise of this RMS in m.
+    /// The curve nearest to the road, estimated from points with noise of this RMS in m.
     Nearest(f64),
 }
 
@@ -233,9 +233,9 @@ impl<'a> Problem<'a> {
     }
 }
 
-/// The quintic spline near points that reaches the goal, and where the points lie along it. `None` if a tolerance is too narrow to
-/// smooth at all: interpolate then. `along`: a point for each that tells better where along the road it is, if noise is larger
-/// than the spacing.
+/// The quintic spline near points that reaches the goal, and the places of the points along it. `None` if a tolerance
+/// is too narrow to smooth at all: interpolate then. `along` gives for each point a better one for its place along the
+/// road, for noise larger than the spacing.
 pub(super) fn smooth(
     points: &[Vector],
     along: Option<&[Vector]>,

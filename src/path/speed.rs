@@ -1,4 +1,4 @@
-//! How fast: a speed plan within lateral and longitudinal limits.
+//! Speed plan within lateral and longitudinal limits.
 //!
 //! ```text
 //!     v(s) <= min(limit of the road, limit of the user, sqrt(a_lat / |curvature|))
@@ -7,14 +7,14 @@
 //! ```
 //!
 //! One pass backwards for braking, one forwards for accelerating, in `v^2`, which is linear in `s` at constant
-//! acceleration. Last, `v^2` is replaced by a sliding mean of its sliding minimum over [`BLEND`]: never above the
-//! limits, no steeper, and with an acceleration that does not jump.
+//! acceleration. Last, `v^2` is replaced by a sliding mean of its sliding minimum over [`BLEND`]. The result stays
+//! below the limits, is no steeper, and has an acceleration without jumps.
 
 use super::Path;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
-/// Share of the ellipse's longitudinal half-axis that is always left, so that a plan can still change speed in a
-/// bend that is driven at the limit.
+/// Reserved share of the ellipse's longitudinal half-axis, so that a plan can still change speed in a bend that is
+/// driven at the limit.
 const LEAST_SHARE: f64 = 0.15;
 /// Share of the road's grip (9.81 m/s2 times the friction factor) that a plan uses at most.
 const GRIP_SHARE: f64 = 0.8;
@@ -54,8 +54,7 @@ impl Default for SpeedLimits {
     }
 }
 
-/// The plans of a path that somebody drives by: controllers on one road share one. Locked while they are set up, never
-/// while they step.
+/// The plans in use on a path: controllers on one road share one. Locked during their set-up, never during steps.
 #[derive(Debug, Default)]
 pub(super) struct SharedPlans(Mutex<Vec<(SpeedLimits, Weak<SpeedPlan>)>>);
 
@@ -67,7 +66,7 @@ impl Clone for SharedPlans {
 }
 
 impl Path {
-    /// The speed plan along the path that comes to a stop at the end of an open one; the same for all who ask.
+    /// The speed plan along the path that comes to a stop at the end of an open one; shared by all callers.
     #[must_use]
     pub fn plan_to_the_end(&self, limits: &SpeedLimits) -> Arc<SpeedPlan> {
         let mut plans = self.plans.0.lock().unwrap_or_else(PoisonError::into_inner);
@@ -99,8 +98,8 @@ impl SpeedPlan {
         Self::between(path, limits, None, false)
     }
 
-    /// Plans the speed along a path; an open path's plan starts at `start` (m/s), if given, or slower where the
-    /// road wants it, and comes to a stop at the end, if asked to.
+    /// Plans the speed along a path. An open path's plan starts at `start` (m/s), if given, or slower where the road
+    /// requires it. It comes to a stop at the end, if asked to.
     #[must_use]
     pub fn between(path: &Path, limits: &SpeedLimits, start: Option<f64>, stop_at_end: bool) -> Self {
         let count = path.cells.len();
@@ -190,8 +189,8 @@ impl SpeedPlan {
     }
 }
 
-/// Sliding mean of the sliding minimum over `reach` nodes to each side. Towards a fixed speed at an end of an open
-/// path (`ends`: at the start, at the end) it gives way to the plan as it was, so that the speed is met.
+/// Sliding mean of the sliding minimum over `reach` nodes to each side. At an end of an open path with a fixed speed
+/// (`ends`: at the start, at the end) it blends into the original plan. So the speed is met.
 fn blend(squares: &[f64], reach: usize, ends: Option<(bool, bool)>) -> Vec<f64> {
     let last = squares.len() - 1;
     let reach = reach as isize;

@@ -1,12 +1,11 @@
 //! A smooth curve through points: piecewise polynomials with continuous curvature.
 //!
-//! Every curve is a chain of quintics, each given by position, first and second derivative at its two ends, so
-//! position, heading and curvature are continuous whatever the curve was made from:
+//! Every curve is a chain of quintics, each given by position, first and second derivative at its two ends. So
+//! position, heading and curvature are continuous, whatever the source of the curve:
 //!
-//! - **points alone**: the interpolating cubic spline `x(t), y(t)`, whose `t` is the arc length of the spline
-//!   itself (found by iteration), so that uneven spacing does not ripple the curvature;
-//! - **points with heading and curvature**: these are taken at their word, `r' = (cos yaw, sin yaw)`,
-//!   `r'' = curvature * normal`;
+//! - **points alone**: the interpolating cubic spline `x(t), y(t)`. Its `t` is the arc length of the spline itself
+//!   (found by iteration), so that uneven spacing does not ripple the curvature;
+//! - **points with heading and curvature**: these hold exactly, `r' = (cos yaw, sin yaw)`, `r'' = curvature * normal`;
 //! - **noisy points**: a smoothing spline, see `smooth.rs`.
 
 use super::quadrature::integrate;
@@ -27,9 +26,9 @@ pub(super) struct Knot {
 #[derive(Debug, Clone)]
 pub(super) struct Curve {
     pub knots: Vec<Knot>,
-    /// Parameters of the points that the curve was made from (closed: the first one again at the end).
+    /// Parameters of the curve's original points (closed: the first one again at the end).
     pub marks: Vec<f64>,
-    /// Yaw (continuous) and curvature at the knots, where they were given: rounded positions would give worse ones.
+    /// Yaw (continuous) and curvature at the knots, if they were given: rounded positions would give worse ones.
     pub yaw: Option<Vec<[f64; 2]>>,
 }
 
@@ -216,8 +215,8 @@ pub(super) fn speed(piece: &[Quintic; 2], u: f64) -> f64 {
     evaluate(&piece[0], u)[1].hypot(evaluate(&piece[1], u)[1])
 }
 
-/// Second derivatives of the open cubic spline. The ends are "not a knot" (the first two pieces are one cubic), so
-/// that a bend may begin with the road; where the end pieces differ much in length, constant second derivative.
+/// Second derivatives of the open cubic spline. The ends are "not a knot" (the first two pieces are one cubic), so that
+/// a bend may begin with the road. Constant second derivative instead, if the end pieces differ much in length.
 fn open_second(points: &[Vector], steps: &[f64]) -> Vec<Vector> {
     let n = points.len();
     if n == 2 {

@@ -1,5 +1,5 @@
-//! SplitMix64 (Steele, Lea and Flood 2014): a tiny pseudo-random sequence that is the same everywhere, so that a
-//! course drawn from a seed is the same course on every machine.
+//! SplitMix64 (Steele, Lea and Flood 2014): a tiny pseudo-random sequence that is the same everywhere. So a course
+//! drawn from a seed is the same on every machine.
 
 /// The generator; its state is its seed.
 #[derive(Debug, Clone)]

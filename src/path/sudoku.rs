@@ -54,7 +54,7 @@ pub enum Route {
 
 use Move::{Left, Right, Straight, SweepLeft, SweepRight, UTurn};
 
-/// What a route does at a crossing; radii in m.
+/// Move of a route at a crossing; radii in m.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Move {
     Straight,
@@ -158,7 +158,7 @@ impl Route {
         }
     }
 
-    /// What the course is, in one line.
+    /// Summary of the course, in one line.
     #[must_use]
     pub fn summary(self) -> &'static str {
         match self {
@@ -252,7 +252,7 @@ fn direction(quarters: i32) -> [f64; 2] {
     [[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]][quarters.rem_euclid(4) as usize]
 }
 
-/// Where the lane of heading `quarters` passes the crossing: the crossing's middle, and to the right of it.
+/// Place where the lane of heading `quarters` passes the crossing: the crossing's middle, and to the right of it.
 fn lane(crossing: [f64; 2], quarters: i32) -> [f64; 2] {
     let to_the_right = direction(quarters - 1);
     [0, 1].map(|k| crossing[k] + LANE * to_the_right[k])
@@ -298,13 +298,13 @@ pub(super) fn drive(start: [f64; 2], heading: i32, moves: &[Move], style: Style)
     pen
 }
 
-/// How far ahead of the pen a point lies, along its heading.
+/// Distance of a point ahead of the pen, along its heading.
 fn distance_ahead(pen: &Pen, point: [f64; 2]) -> f64 {
     let pose = pen.pose();
     (point[0] - pose.x) * pose.yaw.cos() + (point[1] - pose.y) * pose.yaw.sin()
 }
 
-/// How an off-road track winds.
+/// Windings of an off-road track.
 pub(super) struct Winding {
     pub length: f64,
     /// Greatest distance of a vertex from the middle line in m.

@@ -1,4 +1,4 @@
-//! Courses for a tractor with a semi-trailer: the Sudoku's streets with turns that it can take, and ground off them.
+//! Courses for a tractor with a semi-trailer: the Sudoku's streets with wider turns, and ground off them.
 //!
 //! | element | radius | speed limit |
 //! |---|---|---|
@@ -8,15 +8,15 @@
 //! | sweeper | 40 to 60 m | 35 km/h |
 //! | cross-country | 22 m and more | 15 to 25 km/h |
 //!
-//! The routes are the mirror images of the car's in their streets, with radii of their own: no lane of the training route
-//! is on the test route, and no radius either.
+//! The routes are the mirror images of the car's in their streets, with radii of their own. Test route and training
+//! route share no lane and no radius.
 
 use super::pen::Pen;
 use super::segment::{Course, Pose};
 use super::sudoku::{Move, Style, Winding, cross_country, drive, off_road_of, street, u_turn};
 use Move::{Left, Right, Straight, SweepLeft, SweepRight, UTurn};
 
-/// A truck wants longer clothoids than a car: it turns its wheels more slowly.
+/// Clothoids of a truck, longer than a car's: it turns its wheels more slowly.
 const STYLE: Style = Style { right: 12.0, left: 14.0, u_turn: 10.0 };
 
 /// Training: from crossing (1, 0) northwards.

@@ -8,8 +8,8 @@ use std::fmt::Write as _;
 type Column = (&'static str, usize, fn(&Sample) -> Option<f64>);
 
 /// Points as the text of a path file: `x,y` and those of the optional columns that any point has. Positions have a
-/// resolution of 1e-6 m, yaw 1e-7 rad, curvature 1e-8 1/m: finer than any of them is known, so that reading the
-/// file gives the same curvature.
+/// resolution of 1e-6 m, yaw 1e-7 rad, curvature 1e-8 1/m. The resolution is finer than their accuracy, so that reading
+/// the file gives the same curvature.
 #[must_use]
 pub fn to_csv(samples: &[Sample]) -> String {
     const COLUMNS: [Column; 8] = [

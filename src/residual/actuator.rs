@@ -1,15 +1,15 @@
-//! The steering actuator that the same samples show which a residual is learned from.
+//! The steering actuator from the same samples as a residual.
 //!
-//! Of a hypothesis, dead time and lag, the issued commands make an angle `delta`. What the yaw rate does over a step is linear
-//! in it and, with what a single-track model gets wrong, in states and road:
+//! For a hypothesis, dead time and lag, the issued commands make an angle `delta`. The change of the yaw rate over a
+//! step is linear in it and, with the errors of a single-track model, in states and road:
 //!
 //! ```text
 //! eps_4 + b_4 u = g b_4 mean(delta) + c' [1, vy/v, r/v, kappa' v^2, ..] + noise      vy = e1' - v e2, r = e2' + v kappa
 //! ```
 //!
-//! `g` and `c` are fitted for each hypothesis, so that stiffness, mass and payload need not be known. With the noise variance
-//! integrated out, `log p = -n/2 log(mean square)`, `n` the number of independent samples: the same measure as that of
-//! the controller's bank, here with all samples at once.
+//! `g` and `c` are fitted for each hypothesis, so that stiffness, mass and payload need not be known. With the noise
+//! variance integrated out, `log p = -n/2 log(mean square)`, `n` the number of independent samples. The controller's
+//! bank has the same measure; here it takes all samples at once.
 //!
 //! Source: Gelman and others, Bayesian Data Analysis, ch. 14; variable projection: Golub and Pereyra 1973.
 
@@ -25,24 +25,24 @@ const DEAD_TIME_SPACING: f64 = 0.02;
 const LAGS: [f64; 12] = [0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.13, 0.16, 0.2, 0.25, 0.3, 0.4];
 /// Refinements about the best of them, each half as wide as the last.
 const REFINEMENTS: usize = 4;
-/// Time after which a residual is another one, s: what a model misses lasts.
+/// Correlation time of a residual, s: errors of a model last.
 const CORRELATION: f64 = 0.1;
-/// Yaw acceleration that is missed at least, rad/s2.
+/// Least noise of the yaw acceleration, rad/s2.
 const NOISE: f64 = 0.02;
 /// Spread of dead time and lag together beyond which a log does not show the actuator, s.
 const NOT_SHOWN: f64 = 0.06;
 
-/// What a log shows of the actuator.
+/// Actuator that a log shows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ShownActuator {
-    /// The most probable, and how sure it is.
+    /// The most probable, with its uncertainty.
     pub prior: CommandPrior,
-    /// Standard deviation of dead time and lag together, s: what a loop's stability hangs on.
+    /// Standard deviation of dead time and lag together, s, on which a loop's stability depends.
     pub spread: f64,
 }
 
 impl ShownActuator {
-    /// Whether the log shows it at all.
+    /// True if the log shows it at all.
     #[must_use]
     pub fn is_shown(&self) -> bool {
         self.spread < NOT_SHOWN
@@ -52,7 +52,7 @@ impl ShownActuator {
 /// One uninterrupted piece.
 struct Stretch {
     commands: Vec<f64>,
-    /// For each step `b_4`, `eps_4 + b_4 u` and whether it counts.
+    /// For each step `b_4` and `eps_4 + b_4 u`; none for a step that does not count.
     steps: Vec<Option<(f64, f64)>>,
 }
 
@@ -99,14 +99,14 @@ impl<V: LateralVehicle<S>, const S: usize> DataSet<V, S> {
     }
 }
 
-/// The samples, and what of them no hypothesis changes.
+/// The samples, and the part of the regression that hypotheses do not change.
 struct Fit {
     sample_time: f64,
     stretches: Vec<Stretch>,
     /// Other regressors of each step that counts.
     beside: DMatrix<f64>,
     projection: Cholesky<f64, nalgebra::Dyn>,
-    /// `t' t` less what the others explain, and `Z' t`.
+    /// `t' t` less the part that the others explain, and `Z' t`.
     rest: f64,
     of_target: DVector<f64>,
     independent: f64,

@@ -1,10 +1,10 @@
-//! What is wrong with recorded drives: rates, gaps, units, stuck columns.
+//! Faults of recorded drives: rates, gaps, units, stuck columns.
 
 use super::dataset::{DataReport, ROAD_NAMES, Recorded, Row};
 use crate::nominal::SingleTrackError;
 use crate::signal::{self, Signal};
 
-/// Why drives cannot be learned from.
+/// Reasons for which drives cannot be learned from.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum DataError {
     /// The nominal model cannot be made.
@@ -93,19 +93,19 @@ pub enum DataError {
         row: usize,
         /// The value there.
         value: f64,
-        /// What it probably is.
+        /// Probable cause.
         hint: &'static str,
     },
-    /// A column has the wrong unit, to judge by how the vehicle moved.
+    /// A column has the wrong unit, judged by the vehicle's motion.
     #[error("`{column}` is {factor:.3} times what the motion says ({evidence}); {hint}")]
     Unit {
         /// The column.
         column: &'static str,
-        /// How much larger the values are than expected.
+        /// Ratio of the values to the expected ones.
         factor: f64,
-        /// What it was compared with.
+        /// Quantity that it was compared with.
         evidence: &'static str,
-        /// What it probably is.
+        /// Probable cause.
         hint: &'static str,
     },
     /// A column that must change never does.
@@ -115,7 +115,7 @@ pub enum DataError {
         column: &'static str,
         /// Its value.
         value: f64,
-        /// What to do.
+        /// Advice.
         hint: &'static str,
     },
 }
@@ -185,7 +185,7 @@ pub(super) fn stretches<const S: usize>(
     Ok(stretches.into_iter().map(|stretch| thin(&stretch, factor as usize)).collect())
 }
 
-/// Rows whose values are numbers and can be.
+/// Rows whose values are finite and possible.
 fn plausible<const S: usize>(
     drive: &Recorded<'_, S>,
     report: &mut DataReport,
@@ -227,8 +227,8 @@ fn plausible<const S: usize>(
     Ok(kept)
 }
 
-/// Every `factor`-th row, from the one on at which commands change: a command that the controller held over its step
-/// is then found unchanged. The command of a step is the mean of those recorded in it.
+/// Every `factor`-th row, from a row on at which commands change: a command that the controller held over its step is
+/// then unchanged. The command of a step is the mean of those recorded in it.
 fn thin<const S: usize>(stretch: &[Row<S>], factor: usize) -> Vec<Row<S>> {
     if factor == 1 {
         return stretch.to_vec();
@@ -262,7 +262,7 @@ impl Slope {
         self.yy += y * y;
     }
 
-    /// `None` where the two hardly have to do with each other.
+    /// `None` where the two hardly correlate.
     fn value(&self) -> Option<f64> {
         let explained = self.xy * self.xy / (self.xx * self.yy);
         (explained > 0.5).then_some(self.xy / self.xx)
@@ -271,7 +271,7 @@ impl Slope {
 
 const DEGREES: f64 = 180.0 / std::f64::consts::PI;
 
-/// Compares columns with one another: units that are wrong by a factor show in how the vehicle moves.
+/// Compares columns with one another: units that are wrong by a factor show in the vehicle's motion.
 pub(super) fn units<const S: usize>(
     stretches: &[Vec<Row<S>>],
     wheelbase: f64,

@@ -1,15 +1,16 @@
-//! From drives to samples: what the nominal model missed, and what was known before.
+//! From drives to samples: errors of the nominal model, and the features known before.
 //!
-//! For each step of a drive, with the *commanded* steering `u` (a measured angle would hide the actuator's delay) and
-//! the nominal model discretised exactly at that row's speed,
+//! For each step of a drive, the nominal model is discretised exactly at that row's speed. With the *commanded*
+//! steering `u` (a measured angle would hide the actuator's delay),
 //!
 //! ```text
 //! eps_{k+1} = x_{k+1} - (A x_k + B u_k + D psi_des' + E psi_des''),     x = [e1, e1', e2, e2']
 //! ```
 //!
-//! The road's heading rate and acceleration are those at the middle of the step, as the controller predicts with.
-//! A sample at row `k` with window `W` has the *features* `x_{k-W+1}, .., x_k` (oldest first), then speed, curvature
-//! and curvature rate of row `k`, and the *commands* `u_{k-W+1}, .., u_k`, the last one being in force over the step.
+//! The road's heading rate and acceleration are those at the middle of the step, as in the controller's prediction.
+//! A sample at row `k` with window `W` has *features* and *commands*. The features are `x_{k-W+1}, .., x_k` (oldest
+//! first), then speed, curvature and curvature rate of row `k`. The commands are `u_{k-W+1}, .., u_k`, the last one
+//! being in force over the step.
 //! No window reaches over a gap or from one drive into the next.
 
 use super::ROAD;
@@ -24,7 +25,7 @@ use nalgebra::SVector;
 /// One drive in columns of equal length.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Drive {
-    /// What messages call it, e.g. the file's name.
+    /// Name in messages, e.g. the file's name.
     pub name: String,
     /// Time, s, increasing.
     pub time: Vec<f64>,
@@ -92,7 +93,7 @@ impl Drive {
     }
 }
 
-/// What a vehicle with these states is learned from.
+/// Recorded quantities of a vehicle with these states.
 pub(super) struct Recorded<'a, const S: usize> {
     /// The drive's name.
     pub name: &'a str,
@@ -133,7 +134,7 @@ pub(super) struct Row<const S: usize> {
     pub road: [f64; ROAD],
 }
 
-/// For which controller the samples are made.
+/// Controller for which the samples are made.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DataConfig {
     /// Time between control steps, s.
@@ -148,14 +149,14 @@ impl Default for DataConfig {
     }
 }
 
-/// What was found in the drives, and what was done about it.
+/// Findings in the drives, and repairs made.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct DataReport {
     /// Rows of all drives.
     pub rows: usize,
     /// Rows left out because a value is not a number.
     pub not_finite: usize,
-    /// Rows left out because a value cannot be, e.g. a yaw error of 20 rad.
+    /// Rows left out because a value is impossible, e.g. a yaw error of 20 rad.
     pub implausible: usize,
     /// Interruptions within drives, left-out rows among them.
     pub gaps: usize,
@@ -163,7 +164,7 @@ pub struct DataReport {
     pub thinned: Vec<(String, usize)>,
     /// Columns that never change: nothing can be learned about their effect.
     pub constant: Vec<&'static str>,
-    /// Steps whose next row is there: labels.
+    /// Steps with a next row: labels.
     pub labels: usize,
 }
 
@@ -191,8 +192,8 @@ struct Rows<const S: usize> {
 impl<V: LateralVehicle<S>, const S: usize> DataSet<V, S> {
     /// Checks drives, repairs what can be repaired and labels each step.
     ///
-    /// Repairs, all counted in the [`DataReport`]: rows that are not numbers or cannot be are left out; gaps are not
-    /// bridged; drives sampled a whole number of times faster are thinned.
+    /// All repairs are counted in the [`DataReport`]. Rows with impossible values or without numbers are left out, and
+    /// gaps are not bridged. Drives sampled a whole number of times faster are thinned.
     ///
     /// # Errors
     /// Drives that cannot be repaired: see [`DataError`].
@@ -296,7 +297,7 @@ impl<V, const S: usize> DataSet<V, S> {
         self.config.sample_time
     }
 
-    /// What was found in the drives.
+    /// Findings in the drives.
     #[must_use]
     pub fn report(&self) -> &DataReport {
         &self.report
@@ -334,7 +335,7 @@ impl<const S: usize> Windows<'_, S> {
         self.rows.len()
     }
 
-    /// Whether there are none.
+    /// True if there are none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty()
@@ -346,7 +347,7 @@ impl<const S: usize> Windows<'_, S> {
         self.window
     }
 
-    /// Whether a sample's step is the one after that of the sample before.
+    /// True if a sample's step is the one after that of the sample before.
     #[must_use]
     pub fn follows(&self, sample: usize) -> bool {
         sample > 0 && self.rows[sample] == self.rows[sample - 1] + 1
@@ -375,7 +376,7 @@ impl<const S: usize> Windows<'_, S> {
         self.data.road[self.rows[sample] as usize]
     }
 
-    /// What the nominal model missed over the step.
+    /// Error of the nominal model over the step.
     #[must_use]
     pub fn label(&self, sample: usize) -> [f64; S] {
         self.data.labels[self.rows[sample] as usize].unwrap_or([f64::NAN; S])

@@ -1,4 +1,5 @@
-//! How well a linear vehicle behind an actuator explains the samples, block by block: what chooses among plants.
+//! Explanation of the samples by a linear vehicle behind an actuator, block by block: the criterion for choosing a
+//! plant.
 //!
 //! ```text
 //! J_block = sum_k |(x_{k+1} - f(x_k, u_k, u_{k-1}, ..))_{2, 4}|^2         rates of lateral and yaw error, one step ahead

@@ -1,4 +1,4 @@
-//! The model's file: a head that people read, then numbers.
+//! The model's file: a head for people, then numbers.
 //!
 //! ```text
 //! rfl-residual 1 1873 612345 0123456789abcdef     magic, format, bytes of head, bytes of numbers, FNV-1a of both
@@ -9,8 +9,8 @@
 //! ```
 //!
 //! The head is TOML because the FMUs read TOML anyway, and because `head -40 model.rfl` then tells what a model is.
-//! Trees and leaves are some 100 000 numbers that nobody reads: postcard stores them bit for bit and ten times
-//! smaller and faster than text. Gaussian processes have files made alike, with a magic word of their own.
+//! Trees and leaves are some 100 000 numbers that nobody reads. postcard stores them bit for bit, ten times smaller and
+//! faster than text. Gaussian processes have files made alike, with a magic word of their own.
 
 use super::forest::Forest;
 use super::hash::fnv;
@@ -27,7 +27,7 @@ use std::path::{Path, PathBuf};
 /// The format that this library writes, and the only one it reads.
 pub const FORMAT: u32 = 1;
 
-/// What a model's file holds.
+/// Kind of contents of a model's file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FileKind {
     /// A [`ResidualModel`](super::ResidualModel).
@@ -47,7 +47,7 @@ impl FileKind {
         }
     }
 
-    /// What the bytes of a file hold, by their first word.
+    /// Kind of a file's contents, by their first word.
     #[must_use]
     pub fn of(bytes: &[u8]) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| {
@@ -69,15 +69,15 @@ impl std::fmt::Display for FileKind {
 /// Longest first line.
 const FIRST_LINE: usize = 120;
 
-/// Why a model's file cannot be used.
+/// Reasons for which a model's file cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum FileError {
-    /// What is wrong with which file.
+    /// An error with the file in which it lies.
     #[error("{}: {cause}", file.display())]
     In {
         /// The file.
         file: PathBuf,
-        /// What is wrong with it.
+        /// The error itself.
         cause: Box<FileError>,
     },
     /// It cannot be read or written.
@@ -94,9 +94,9 @@ pub enum FileError {
         "holds {found}, and {wanted} is needed; train that kind, or choose the controller that takes this one"
     )]
     OtherKind {
-        /// What the file holds.
+        /// Kind of the file's contents.
         found: FileKind,
-        /// What was asked for.
+        /// Kind asked for.
         wanted: FileKind,
     },
     /// A model, but for another kind of vehicle.
@@ -110,7 +110,7 @@ pub enum FileError {
     /// A model of a kind that this vehicle has none of.
     #[error("holds {found}, and a {vehicle} has none: train a residual of its linear model")]
     NoneOfVehicle {
-        /// What the file holds.
+        /// Kind of the file's contents.
         found: FileKind,
         /// The vehicle.
         vehicle: &'static str,
@@ -160,7 +160,7 @@ pub enum FileError {
 }
 
 impl FileError {
-    /// Whether the file is a sound model of another kind of vehicle.
+    /// True if the file is a sound model of another kind of vehicle.
     #[must_use]
     pub fn is_of_another_vehicle(&self) -> bool {
         match self {
@@ -180,7 +180,7 @@ struct Head<S> {
     schema: S,
 }
 
-/// The head without what differs from kind to kind.
+/// The head without the differences between kinds.
 #[derive(Deserialize)]
 struct HeadKind {
     vehicle_kind: Option<String>,
@@ -226,7 +226,7 @@ impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
         in_file(file, || Ok(crate::output::write_bytes(file, self.to_bytes()?)?))
     }
 
-    /// Whether look-ups can rely on the model, whoever wrote it.
+    /// Checks that look-ups can rely on the model, whoever wrote it.
     fn check(schema: &Schema<V>, forest: &Forest, leaves: &LeafModels<S>) -> Result<(), &'static str> {
         let ensure = |holds: bool, what: &'static str| if holds { Ok(()) } else { Err(what) };
         ensure((1..=MAX_WINDOW).contains(&schema.window), "its window is out of range")?;
@@ -344,7 +344,7 @@ pub(super) fn open<H: DeserializeOwned, N: DeserializeOwned, V: LateralVehicle<S
     Ok((head.schema, numbers))
 }
 
-/// Names the file in what went wrong with it.
+/// Names the file in an error of it.
 pub(super) fn in_file<T>(file: &Path, work: impl FnOnce() -> Result<T, FileError>) -> Result<T, FileError> {
     work().map_err(|cause| FileError::In { file: file.to_owned(), cause: Box::new(cause) })
 }

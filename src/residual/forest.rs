@@ -1,7 +1,7 @@
-//! Random forests: trees that differ by the rows they were grown on and the features they were offered.
+//! Random forests: trees that differ by their rows and by the features at their splits.
 //!
-//! Each tree sees a bootstrap sample (`n` draws with replacement out of `n` rows, Breiman 2001, or of blocks of
-//! rows); the rows that it did not draw are *out of bag*, about `1/e` of all, and serve as its test data.
+//! Each tree sees a bootstrap sample: `n` draws with replacement out of `n` rows (Breiman 2001), or of blocks of rows.
+//! The rows that it did not draw are *out of bag*, about `1/e` of all, and serve as its test data.
 //!
 //! Complexity: `O(T D n F)` to grow, `O(T D)` to look up.
 
@@ -12,7 +12,7 @@ use super::tree::{self, Growth, MAX_DEPTH, Tree};
 use serde::{Deserialize, Serialize};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// How a forest grows.
+/// Growth of a forest.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ForestConfig {
     /// Number of trees, T.
@@ -21,11 +21,11 @@ pub struct ForestConfig {
     pub depth: usize,
     /// Fewest distinct rows in a leaf.
     pub min_leaf: usize,
-    /// Features tried at a split, F; more than there are means all.
+    /// Features tried at a split, F; a larger number means all.
     pub features_per_split: usize,
-    /// Whether each tree has a bootstrap sample of its own, and of what; `None`: all trees see all rows.
+    /// Bootstrap sample of each tree, and its unit; `None`: all trees see all rows.
     pub bootstrap: Option<Block>,
-    /// How values are told apart.
+    /// Resolution of values.
     pub resolution: Resolution,
     /// Seed of bootstrap and feature sampling.
     pub seed: u64,
@@ -35,7 +35,7 @@ pub struct ForestConfig {
 
 /// Consecutive rows that a bootstrap draws together, at least 1.
 ///
-/// Rows of a time series resemble their neighbours: drawn one by one, a row out of bag has neighbours in the bag, and
+/// Rows of a time series resemble their neighbours. Drawn one by one, a row out of bag has neighbours in the bag, and
 /// its error says little about roads not driven. Drawn in blocks, it does (Kunsch 1989).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Block(pub usize);
@@ -54,12 +54,12 @@ pub struct Forest {
     pub(super) leaves: u32,
 }
 
-/// A forest and which rows each tree saw.
+/// A forest, and the rows of each tree.
 #[derive(Debug, Clone)]
 pub struct GrownForest {
     /// The forest.
     pub forest: Forest,
-    /// For each tree, how often it drew each row; 0 is out of bag.
+    /// Number of draws of each row for each tree; 0 is out of bag.
     pub in_bag: Vec<Vec<u16>>,
 }
 
@@ -94,8 +94,8 @@ impl Forest {
         Self { depth: 0, trees: 1, feature: vec![], threshold: vec![], leaf: vec![0], leaves: 1 }
     }
 
-    /// The splits of a tree, `(feature, threshold)` in order of its nodes (the children of node `i` are `2 i + 1`
-    /// and `2 i + 2`); `None` where a node does not split.
+    /// The splits of a tree, `(feature, threshold)` in order of its nodes; `None` where a node does not split. The
+    /// children of node `i` are `2 i + 1` and `2 i + 2`.
     pub fn splits(&self, tree: usize) -> impl Iterator<Item = Option<(u16, f64)>> + '_ {
         let nodes = (1_usize << self.depth) - 1;
         let (features, thresholds) =
@@ -219,7 +219,7 @@ pub fn grow<const K: usize>(
     GrownForest { forest: Forest::new(&trees), in_bag }
 }
 
-/// How often each row is drawn when as many blocks as there are, are drawn with replacement.
+/// Number of draws of each row, where as many blocks as there are, are drawn with replacement.
 fn bootstrap(rows: usize, Block(size): Block, random: &mut Random) -> Vec<u16> {
     let mut count = vec![0; rows];
     let size = size.clamp(1, rows.max(1));

@@ -1,7 +1,7 @@
-//! One linear model for all samples: the residual kind `linear`, and what linear leaves are shrunk towards.
+//! One linear model for all samples: the residual kind `linear`, and the target of linear leaves' shrinkage.
 //!
-//! Ridge with `lambda` from cross-validation. Folds are made of blocks of consecutive samples: neighbours share most
-//! of their window, so a random split would test on what it trained on.
+//! Ridge with `lambda` from cross-validation. Folds are made of blocks of consecutive samples: neighbours share most of
+//! their window, so a random split would test on its training data.
 
 use super::leaf::Design;
 use super::least_squares::{Theta, Triangle};

@@ -1,14 +1,14 @@
 //! Models in the leaves: a constant (RT, RF) or linear in the leaf's regressors (RTL, RFL).
 //!
 //! A leaf has few samples and its commands are nearly collinear, so a linear leaf is shrunk towards the fit of all
-//! samples, `theta_g` (columns scaled to unit root mean square, so that `lambda` has no unit):
+//! samples, `theta_g`. Columns are scaled to unit root mean square, so that `lambda` has no unit:
 //!
 //! ```text
 //! theta = theta_g + (Z'Z + lambda n I)^-1 Z'(y - Z theta_g)
 //! ```
 //!
-//! With a prior of the commands' effects (`prior.rs`) `theta` is what differs from its mean, which is each leaf's own, in units of
-//! its spread.
+//! With a prior of the commands' effects (`prior.rs`), `theta` is the deviation from its mean, in units of its spread.
+//! The mean is each leaf's own.
 //!
 //! `lambda = inf` is the global fit: then the trees add nothing. Plain least squares in each leaf is the paper's
 //! way, [`LeafFit::LeastSquares`].
@@ -44,7 +44,7 @@ impl<const S: usize> LeafModels<S> {
         &self.theta[leaf * self.regressors()..][..self.regressors()]
     }
 
-    /// Share of these leaves that never saw a command as small, or as large, as one of these.
+    /// Share of these leaves whose training had no command as small, or as large, as one of these.
     pub(super) fn strange(&self, leaves: &[u32], commands: &[f64]) -> f64 {
         let lowest = commands.iter().copied().fold(f64::INFINITY, f64::min);
         let highest = commands.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -57,11 +57,11 @@ impl<const S: usize> LeafModels<S> {
     }
 }
 
-/// What each leaf adds to the mean over the trees: its coefficients divided by the number of trees, and behind them the
-/// effect of a command that is held over the whole window.
+/// Contribution of each leaf to the mean over the trees: its coefficients divided by the number of trees. The effect of
+/// a command that is held over the whole window follows.
 ///
-/// The controller asks for means again and again, with hardly a leaf another than before. So shares are rounded, each to
-/// a multiple of a unit of its column that lets the sum of any T of them be exact:
+/// The controller asks for means again and again, and few leaves differ from the last time. So shares are rounded, each
+/// to a multiple of a unit of its column that lets the sum of any T of them be exact:
 ///
 /// ```text
 /// |share| <= 2^b unit,    (T + 1) 2^b <= 2^53        b = 48 for 20 trees: 14 digits of the largest in the column
@@ -103,7 +103,7 @@ impl<const S: usize> Shares<S> {
         self.entries
     }
 
-    /// The leaf that adds nothing: that of a tree in a mean that is yet to be made.
+    /// The leaf that adds nothing: that of a tree in a mean before its first look-up.
     pub fn none(&self) -> u32 {
         (self.values.len() / self.entries - 1) as u32
     }
@@ -131,7 +131,7 @@ fn round_for_sums(values: &mut [f64], stride: usize, count: usize) {
     }
 }
 
-/// How linear leaves are fitted.
+/// Fit of linear leaves.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum LeafFit {
     /// Shrunk towards the global fit.
@@ -139,7 +139,7 @@ pub enum LeafFit {
         /// Strength of the shrinkage, without unit; may be infinite.
         lambda: f64,
     },
-    /// Each leaf on its own; the solution of least norm where its samples leave a choice.
+    /// Each leaf on its own; the solution of least norm if its samples do not determine one.
     LeastSquares,
 }
 
@@ -156,7 +156,7 @@ pub(super) struct Design<const S: usize> {
     pub root: Option<DMatrix<f64>>,
 }
 
-/// What the prior expects of a leaf.
+/// Expectation of the prior for a leaf.
 pub(super) struct Expectation<'a, const S: usize> {
     /// Of a leaf's rows the mean coefficients less those of all rows, for scaled columns.
     pub differs: &'a (dyn Fn(&[u32]) -> Theta<S> + Sync),
@@ -264,7 +264,7 @@ impl<const S: usize> Design<S> {
         shares.sum() / window as f64
     }
 
-    /// What `theta` leaves of the labels.
+    /// Remainder of the labels after `theta`.
     pub fn remainder(&self, theta: &[[f64; S]]) -> Vec<[f64; S]> {
         (0..self.len())
             .map(|i| {
@@ -333,8 +333,8 @@ pub(super) fn constant<const S: usize>(labels: &[[f64; S]], members: &Members, w
 
 /// Linear leaves of one tree, leaf behind leaf, once for each fit of `fits`.
 ///
-/// `remainder` is what the global fit `global` leaves of the labels. With a prior, leaves are shrunk to the global fit moved by what
-/// the prior expects of them.
+/// `remainder` is the labels less the global fit `global`. With a prior, leaves are shrunk to the global fit moved by
+/// the prior's expectation of them.
 pub(super) fn linear<const S: usize>(
     design: &Design<S>,
     remainder: &[[f64; S]],
@@ -391,7 +391,7 @@ pub(super) fn linear<const S: usize>(
     result
 }
 
-/// Samples of which a sum is made at once: sums do not depend on the number of threads.
+/// Number of samples in a partial sum: sums do not depend on the number of threads.
 const CHUNK: usize = 2048;
 
 /// Sum of squares and largest magnitude of `error(i)`, for each output; samples without an error are left out.

@@ -4,10 +4,9 @@
 //! theta = argmin  sum_i w_i |y_i - theta' z_i|^2 + lambda n |theta|^2,     n = sum_i w_i
 //! ```
 //!
-//! Two summaries of the rows, for two needs. [`Triangle`] is the R of a QR decomposition, fed row by row: it does
-//! not square the condition number (commands of a closed loop are nearly collinear) and gives the solution of least
-//! norm where columns depend on one another. [`Gram`] is `Z'Z`: quicker, and good enough once `lambda` bounds the
-//! condition number.
+//! Two summaries of the rows serve two needs. [`Triangle`] is the R of a QR decomposition, fed row by row. It does not
+//! square the condition number (commands of a closed loop are nearly collinear), and gives the solution of least norm
+//! for dependent columns. [`Gram`] is `Z'Z`: quicker, and good enough once `lambda` bounds the condition number.
 
 use crate::nominal::ERRORS;
 use nalgebra::{Cholesky, DMatrix, DVector};
@@ -76,7 +75,7 @@ pub struct Triangle<const S: usize = ERRORS> {
     weight: f64,
 }
 
-/// Rows that are worked in at once.
+/// Number of rows that are worked in at once.
 const BLOCK: usize = 256;
 
 impl<const S: usize> Triangle<S> {

@@ -1,20 +1,20 @@
-//! Look-ups over a horizon that moves on by a step at a time.
+//! Look-ups over a receding horizon.
 //!
 //! Row `j` of the horizon asks the trees at the window of states `x_j .. x_{j+W-1}` and at the road of its step. A step
-//! later the same row is asked again, one place earlier, and its window differs by what the last prediction missed:
-//! hardly a tree gives another leaf. So each row's leaves and their mean coefficients are kept, and only what a changed
-//! value decides anew is looked up anew:
+//! later the same row is asked again, one place earlier. Its window differs by the last prediction error, and few trees
+//! give another leaf. So each row's leaves and their mean coefficients are kept, and only nodes that a changed value
+//! decides are looked up again:
 //!
 //! ```text
 //! thresholds of one quantity, of all nodes, sorted:   t_0 <= t_1 <= .. <= t_p < value <= t_{p+1} <= ..
 //! ```
 //!
-//! A value that moves passes the thresholds between its old place and its new one. Each belongs to one node of one tree,
-//! which asks at one place of the window and so in one row; if it lies on the way to that row's leaf, that tree is
-//! looked up again there. The newest row, and rows after a jump of many thresholds, are looked up in every tree.
+//! A moving value passes the thresholds between its old place and its new one. Each belongs to one node of one tree,
+//! which asks at one place of the window and so in one row. If it lies on the way to that row's leaf, that tree is
+//! looked up again from there. The newest row, and rows after a jump of many thresholds, are looked up in every tree.
 //!
-//! Where a leaf is another, it takes the old one's place in the row's mean; a row that is looked up in every tree begins
-//! with the leaves of the row before it. Such sums are exact ([`Shares`]): answers are those of
+//! A changed leaf takes the old one's place in the row's mean. A row that is looked up in every tree begins with the
+//! leaves of the row before it. Such sums are exact ([`Shares`]). Answers are those of
 //! [`ResidualModelFor::coefficients`](super::ResidualModelFor::coefficients) to the bit, whatever was asked before.
 
 use super::ROAD;
@@ -29,8 +29,8 @@ struct Question {
     /// At which place of the window it asks; 0 of the road.
     place: u16,
     tree: u16,
-    /// Its number, counted from 1 level by level, and how far above the ends it stands: `(end + ends) >> above` is the
-    /// number of the node on the way to an end.
+    /// Its number, counted from 1 level by level, and its height above the ends. `(end + ends) >> above` is the number
+    /// of the node on the way to an end.
     number: u16,
     above: u16,
 }
@@ -46,14 +46,14 @@ struct Quantity {
     questions: Vec<Question>,
 }
 
-/// What the trees ask, by quantity: components of the states, and the road's. Controllers share it.
+/// Thresholds of the trees, by quantity: components of the states, and the road's. Controllers share it.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Questions<const S: usize> {
     of_states: [Quantity; S],
     of_road: [Quantity; ROAD],
 }
 
-/// The rows of a horizon with what was looked up last; made once, filled at each step.
+/// The rows of a horizon with the last look-up; made once, filled at each step.
 #[derive(Debug, Clone)]
 pub struct Lookahead<const S: usize> {
     shares: Arc<Shares<S>>,
@@ -66,7 +66,7 @@ pub struct Lookahead<const S: usize> {
     /// The road of each row, likewise.
     road: Vec<[f64; ROAD]>,
     road_places: Vec<[u32; ROAD]>,
-    /// Where row 0 stands: rows stay where they are when the horizon moves on.
+    /// Place of row 0: rows keep their places when the horizon moves on.
     first: usize,
     rows: Rows,
     /// Mean coefficients of the rows' leaves, each with the effect of a held command behind them.
@@ -86,8 +86,8 @@ struct Rows {
     /// For each row and tree the end reached and the leaf there.
     end: Vec<u16>,
     leaf: Vec<u32>,
-    /// Which trees have to be looked up again in each row: a bit for each, in so many words a row. And from how many
-    /// levels above the ends on: the way to there is as it was.
+    /// Trees to be looked up again in each row: a bit for each, in so many words a row. `above` is the number of levels
+    /// above the ends at which the look-up starts; the way to there is unchanged.
     marked: Vec<u64>,
     words: usize,
     above: Vec<u16>,
@@ -98,9 +98,9 @@ struct Rows {
 /// The linear residual of a row, as [`Coefficients`](super::Coefficients) has it.
 #[derive(Debug, Clone, Copy)]
 pub struct LookedUp<'a, const S: usize> {
-    /// Where the row is kept: the same place as long as it is within the horizon.
+    /// Place of the row: the same as long as it is within the horizon.
     pub slot: usize,
-    /// Whether its leaves may be others than when it was last asked.
+    /// True if its leaves may differ from those of the last look-up.
     pub renewed: bool,
     /// Effect of what is known.
     pub constant: [f64; S],
@@ -112,7 +112,7 @@ pub struct LookedUp<'a, const S: usize> {
     pub state: &'a [[f64; S]],
     /// These states.
     pub newest: &'a [f64],
-    /// How far the worst feature lies outside its range in training, in widths of that range; 0 inside.
+    /// Distance of the worst feature from its range in training, in widths of that range; 0 inside.
     pub excess: f64,
 }
 
@@ -162,7 +162,7 @@ impl<const S: usize> Questions<S> {
 }
 
 impl Quantity {
-    /// Whether a value at a place is certainly still there: between the thresholds about it.
+    /// True if a value is certainly still at its place: between the thresholds about it.
     #[inline]
     fn stays(&self, place: u32, x: f64) -> bool {
         let about = self.bounds.get(place as usize..).and_then(|bounds| bounds.first_chunk::<2>());
@@ -247,12 +247,12 @@ impl<const S: usize> Lookahead<S> {
         }
     }
 
-    /// Whether it was made for these leaves.
+    /// True if it was made for these leaves.
     pub(super) fn is_of(&self, shares: &Arc<Shares<S>>) -> bool {
         Arc::ptr_eq(&self.shares, shares)
     }
 
-    /// Where row 0 is kept; the others follow, and behind the last place comes the first.
+    /// Place of row 0; the others follow, and the last place is followed by the first.
     #[must_use]
     pub fn first(&self) -> usize {
         self.first
@@ -304,7 +304,7 @@ impl<const S: usize> Lookahead<S> {
         }
     }
 
-    /// Marks what a value that passed thresholds decides anew.
+    /// Marks the look-ups that a value decides anew by passing thresholds.
     #[inline(never)]
     fn pass(&mut self, at: usize, c: usize) {
         let (rows, first, horizon) = (&mut self.rows, self.first, self.horizon);
@@ -324,7 +324,7 @@ impl<const S: usize> Lookahead<S> {
         }
     }
 
-    /// Looks a row up: its slot, and whether its leaves are others than before.
+    /// Looks a row up: its slot, and true if its leaves have changed.
     pub(super) fn look_up(&mut self, forest: &Forest, row: usize, road: &[f64; ROAD]) -> (usize, bool) {
         let slot = self.slot(row);
         self.road[slot] = *road;
@@ -344,7 +344,7 @@ impl<const S: usize> Lookahead<S> {
         (slot, renewed)
     }
 
-    /// Marks what a value of the road that passed thresholds decides anew.
+    /// Marks the look-ups that a value of the road decides anew by passing thresholds.
     #[inline(never)]
     fn pass_on_road(&mut self, slot: usize, c: usize) {
         let (rows, place) = (&mut self.rows, &mut self.road_places[slot][c]);

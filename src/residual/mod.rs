@@ -1,8 +1,8 @@
-//! What the nominal model misses, learned from drives: constant or linear in the commands, chosen by trees.
+//! Errors of the nominal model, learned from drives: constant or linear in the commands, chosen by trees.
 //!
-//! The controller predicts with `x_{k+1} = A x_k + B u_k + D psi_des' + E psi_des'' + r_k`. A tree looks at what
-//! cannot be decided any more (past errors, speed, road) and finds a leaf; the leaf's model is linear in what can,
-//! the window of the last W commands, so that the controller's problem stays a quadratic program:
+//! The controller predicts with `x_{k+1} = A x_k + B u_k + D psi_des' + E psi_des'' + r_k`. A tree looks at quantities
+//! that are already decided (past errors, speed, road) and finds a leaf. The leaf's model is linear in the window of
+//! the last W commands, so that the controller's problem stays a quadratic program:
 //!
 //! ```text
 //! r_k = beta_0 + sum_{i=1..W} beta_i u_{k-W+i}          beta: mean over the T trees of their leaves' coefficients
@@ -48,15 +48,15 @@
 //! | file | idea |
 //! |---|---|
 //! | `dataset.rs` | labels and windows from drives |
-//! | `checks.rs` | what is wrong with recorded drives |
+//! | `checks.rs` | faults of recorded drives |
 //! | `table.rs`, `tree.rs`, `forest.rs` | binning, CART, random forests and their look-up |
 //! | `least_squares.rs` | QR and normal equations, ridge |
-//! | `explain.rs` | how well another vehicle explains the samples |
+//! | `explain.rs` | explanation of the samples by another vehicle |
 //! | `actuator.rs`, `prior.rs` | the actuator that the samples show, and the prior that it gives the effects of commands |
 //! | `global.rs`, `leaf.rs` | one linear model for all; models in leaves |
 //! | `train_config.rs`, `train.rs` | from a data set to a model and a report of its fit |
-//! | `model.rs` | the model: what it is, and its coefficients at any features |
-//! | `lookahead.rs` | the same over a horizon that moves on, as the controller asks |
+//! | `model.rs` | the model: its description, and its coefficients at any features |
+//! | `lookahead.rs` | the same over the receding horizon of the controller |
 //! | `file.rs`, `rows.rs` | the model's file |
 //! | `gp/` | the Gaussian process of GP-NMPC |
 //! | `random.rs`, `parallel.rs`, `hash.rs` | the same bits for the same seed, on any number of threads |

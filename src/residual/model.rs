@@ -1,19 +1,18 @@
-//! The learned residual as the controller uses it.
+//! The learned residual of the controller.
 //!
-//! For step `j` of the horizon the controller gives the features of the window that ends with the state at the
-//! start of the step, as far as measured, beyond that as predicted, and gets the coefficients of
-//!
+//! For step `j` of the horizon the controller gives the features of the window that ends with the state at the start of
+//! the step. Measured ones come first, then predicted ones. It gets the coefficients of
 //! ```text
 //! r = constant + sum_i command_i u_i + sum_s state_s x_s
 //! ```
 //!
-//! with `u_i` the commands of the window, oldest first, the last one in force over the step, and `x_s` the newest
-//! error states, oldest first, where the leaves have them (else there are no such terms). Terms in the road are
-//! known when the problem is set up and stand in the constant. Nothing is allocated.
+//! with `u_i` the commands of the window, oldest first, the last one in force over the step. `x_s` are the newest error
+//! states, oldest first, if the leaves have them (else there are no such terms). Terms in the road are known when the
+//! problem is set up and stand in the constant. Nothing is allocated.
 //!
-//! Steps that follow each other mostly fall into the same leaves: their mean is kept in the caller's room, and only
-//! leaves that are others take the old ones' place in it. The controller, which asks a whole horizon again and again, has
-//! rows that keep more ([`ResidualModelFor::row`]).
+//! Consecutive steps mostly fall into the same leaves. Their mean is kept in the caller's workspace, and only changed
+//! leaves are replaced in it. The controller asks a whole horizon again and again; its rows keep more
+//! ([`ResidualModelFor::row`]).
 
 use super::ROAD;
 use super::forest::Forest;
@@ -41,19 +40,19 @@ enumeration! {
 }
 
 impl Kind {
-    /// Whether leaves are linear (else constant).
+    /// True if leaves are linear (else constant).
     #[must_use]
     pub fn is_linear(self) -> bool {
         matches!(self, Self::Linear | Self::Rtl | Self::Rfl | Self::RflS)
     }
 
-    /// Whether the kind has trees.
+    /// True if the kind has trees.
     #[must_use]
     pub fn has_trees(self) -> bool {
         !matches!(self, Self::None | Self::Linear)
     }
 
-    /// Whether the kind has several trees, each on a bootstrap sample.
+    /// True if the kind has several trees, each on a bootstrap sample.
     #[must_use]
     pub fn is_forest(self) -> bool {
         matches!(self, Self::Rf | Self::Rfl | Self::RflS)
@@ -61,7 +60,7 @@ impl Kind {
 }
 
 enumeration! {
-    /// What trees split on.
+    /// Features that trees split on.
     #[serde(rename_all = "snake_case")]
     pub enum TreeFeatures {
         Errors = 0 "errors", "Error states of the whole window: the paper's";
@@ -84,7 +83,7 @@ impl TreeFeatures {
     }
 }
 
-/// What linear leaves have besides the constant and the window of commands.
+/// Regressors of linear leaves besides the constant and the window of commands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, Default)]
 pub struct Regressors {
     /// Curvature, curvature rate, and curvature times speed squared, at the newest row.
@@ -120,7 +119,7 @@ fn road_terms(road: &[f64]) -> [f64; ROAD_TERMS] {
     [road[1], road[2], road[1] * road[0] * road[0]]
 }
 
-/// Values that a quantity had in training.
+/// Range of a quantity in training.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Range {
     /// The signal's name.
@@ -134,8 +133,8 @@ pub struct Range {
 }
 
 impl Range {
-    /// How far a positive value lies outside, as a share of what is exceeded; 0 inside. For a speed: a cruise of many
-    /// hours has a narrow range, and says as much of speeds near it.
+    /// Excess of a positive value over its range, as a share of the limit; 0 inside. For a speed: a cruise of many
+    /// hours has a narrow range, and tells as much of speeds near it.
     pub(super) fn excess_in_shares(&self, value: f64) -> f64 {
         if value >= self.min && value <= self.max {
             0.0
@@ -148,7 +147,7 @@ impl Range {
         }
     }
 
-    /// How far a value lies outside, in widths of the range; 0 inside.
+    /// Excess of a value over its range, in widths of the range; 0 inside.
     pub(super) fn excess(&self, value: f64) -> f64 {
         let width = (self.max - self.min).max(f64::MIN_POSITIVE);
         // Not a number compares as neither: it is as far outside as can be.
@@ -179,7 +178,7 @@ pub struct Training {
     pub leaf_lambda: Option<f64>,
 }
 
-/// What a model is, apart from its numbers: the readable head of its file.
+/// Description of a model, apart from its numbers: the readable head of its file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Schema<V = SingleTrack> {
     /// Kind of residual.
@@ -190,9 +189,9 @@ pub struct Schema<V = SingleTrack> {
     pub window: usize,
     /// Speed below which the nominal model was held, m/s.
     pub min_model_speed: f64,
-    /// What trees split on.
+    /// Features that trees split on.
     pub tree_features: TreeFeatures,
-    /// What linear leaves have besides commands.
+    /// Regressors of linear leaves besides commands.
     pub regressors: Regressors,
     /// The nominal vehicle whose prediction the residual corrects.
     pub vehicle: V,
@@ -202,7 +201,7 @@ pub struct Schema<V = SingleTrack> {
     pub ranges: Vec<Range>,
 }
 
-/// What a controller expects of a model.
+/// Expectations of a controller for a model.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Expected<V = SingleTrack> {
     /// The controller's nominal vehicle.
@@ -216,7 +215,7 @@ pub struct Expected<V = SingleTrack> {
 }
 
 impl<V> Expected<V> {
-    /// Compares with what a model was learned for, but for the window.
+    /// Compares with the controller that a model was learned for, except for the window.
     pub(super) fn check<const S: usize>(
         &self,
         vehicle: &V,
@@ -245,7 +244,7 @@ impl<V> Expected<V> {
     }
 }
 
-/// Why a model does not fit a controller.
+/// Reasons for which a model does not fit a controller.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Misfit {
     /// Learned for another vehicle.
@@ -305,7 +304,7 @@ const SPEED: usize = 0;
 /// Relative difference of parameters that still counts as rounding of a file.
 const SAME: f64 = 1e-9;
 
-/// Whether two parameters are the same but for rounding.
+/// True if two parameters are the same but for rounding.
 pub(super) fn same(a: f64, b: f64) -> bool {
     (a - b).abs() <= SAME * a.abs().max(b.abs())
 }
@@ -332,7 +331,7 @@ pub struct Coefficients<const S: usize = ERRORS> {
     /// Constant, commands, states; then the road's terms, which are added to the constant.
     values: Theta<S>,
     window: usize,
-    /// Where the road's terms begin.
+    /// Place of the road's first term.
     road: usize,
     /// The shares of whose model these are.
     model: Arc<Shares<S>>,
@@ -340,15 +339,15 @@ pub struct Coefficients<const S: usize = ERRORS> {
     leaves: Vec<u32>,
     /// Their mean coefficients as they are in the model: without the road's values, not scaled.
     mean: Theta<S>,
-    /// How far the worst feature lies outside its range in training, in widths of that range, the speed in shares of the
-    /// speed exceeded; 0 inside.
+    /// Distance of the worst feature from its range in training, in widths of that range; 0 inside. Of the speed, in
+    /// shares of the speed exceeded.
     pub excess: f64,
-    /// Share of the leaves that never saw commands like those given, 0 to 1.
+    /// Share of the leaves whose training had no commands like those given, 0 to 1.
     pub strange_leaves: f64,
 }
 
 impl<const S: usize> Coefficients<S> {
-    /// Effect on the states of what is known.
+    /// Effect of known quantities on the states.
     #[must_use]
     pub fn constant(&self) -> [f64; S] {
         self.values[0]
@@ -366,13 +365,13 @@ impl<const S: usize> Coefficients<S> {
         &self.values[1 + self.window..self.road]
     }
 
-    /// Whether the model was asked about something that it never saw.
+    /// True if the model was asked outside its training.
     #[must_use]
     pub fn outside(&self) -> bool {
         self.excess > 0.0 || self.strange_leaves > 0.5
     }
 
-    /// Shrinks the residual towards none, the nominal model: by 1 not at all, by 0 altogether.
+    /// Shrinks the residual towards none, the nominal model: 1 leaves it unchanged, 0 removes it.
     pub fn scale(&mut self, factor: f64) {
         self.values.as_flattened_mut().iter_mut().for_each(|value| *value *= factor);
     }
@@ -389,8 +388,8 @@ impl<const S: usize> Coefficients<S> {
     }
 }
 
-/// Ranges in training of the newest state and of the road, endless for what a model does not depend on: what it does not
-/// use, but for the speed, with which every effect of a command grows.
+/// Ranges in training of the newest state and of the road, endless for unused features. The speed is always bounded, as
+/// every effect of a command grows with it.
 fn used_ranges<V, const S: usize>(schema: &Schema<V>) -> ([[f64; 2]; S], [[f64; 2]; ROAD]) {
     let trees = schema.kind.has_trees();
     let leaves = schema.kind.is_linear();
@@ -443,7 +442,7 @@ impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
         Self { schema, forest, leaves, shares, questions, used }
     }
 
-    /// What the model is.
+    /// Description of the model.
     #[must_use]
     pub fn schema(&self) -> &Schema<V> {
         &self.schema
@@ -484,9 +483,9 @@ impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
         }
     }
 
-    /// The linear residual where the features are `features`: `W` states, oldest first, then speed, curvature
-    /// and curvature rate of the newest row. `commands` is the window of commands as far as known or planned, to see
-    /// whether leaves know the like; it may be empty.
+    /// The linear residual at `features`: `W` states, oldest first, then speed, curvature and curvature rate of the
+    /// newest row. `commands` is the window of commands as far as known or planned, for comparison with the leaves'
+    /// training; it may be empty.
     ///
     /// # Panics
     /// If `features` has not [`features`](Self::features) values, or if `out` is of another model: a mistake of the
@@ -520,7 +519,7 @@ impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
         out.excess = newest.map_or(0.0, |(errors, road)| self.excess(errors, road));
     }
 
-    /// Room for the rows of a horizon that moves on step by step.
+    /// Workspace for the rows of a receding horizon.
     ///
     /// # Panics
     /// If the horizon has no row.
@@ -530,8 +529,8 @@ impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
         Lookahead::new(&self.forest, &self.shares, &self.questions, self.schema.window, horizon)
     }
 
-    /// The linear residual of a row of the horizon: what [`coefficients`](Self::coefficients) gives for the window of
-    /// states that `rows` was told, and this speed, curvature and curvature rate; but it costs little where little has
+    /// The linear residual of a row of the horizon. It is the result of [`coefficients`](Self::coefficients) for the
+    /// window of states held by `rows`, and this speed, curvature and curvature rate. It costs little if little has
     /// changed since the row was last asked.
     ///
     /// # Panics
@@ -564,7 +563,7 @@ impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
         }
     }
 
-    /// How far the newest features that the model uses lie outside their ranges; older ones were the newest before.
+    /// Distance of the model's newest features from their ranges; older ones were the newest before.
     #[inline]
     fn excess(&self, errors: &[f64; S], road: &[f64; ROAD]) -> f64 {
         let (of_errors, of_road) = &self.used;
@@ -590,7 +589,7 @@ impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
         outside.map(excess).fold(0.0, f64::max)
     }
 
-    /// Whether the model was learned for such a controller.
+    /// Checks that the model was learned for such a controller.
     ///
     /// # Errors
     /// The first difference that matters.

@@ -1,8 +1,8 @@
-//! What is believed of the effects of past commands before a log is seen.
+//! Prior of the effects of past commands, before a log is seen.
 //!
-//! An ordinary closed-loop log hardly excites high frequencies: many responses to the window of commands explain it as well,
-//! and shrinkage towards zero takes one that no actuator has. The prior of the effects `beta_i`, `i` steps back, is that of
-//! a vehicle behind its actuator, for which the residual of the nominal model is known,
+//! An ordinary closed-loop log hardly excites high frequencies, so that many responses to the window of commands
+//! explain it equally well. Shrinkage towards zero picks one that no actuator has. The prior of the effects `beta_i`,
+//! `i` steps back, is that of a vehicle behind its actuator. There the residual of the nominal model is known,
 //!
 //! ```text
 //! beta      ~ N(mean, b b' K)        b: effect of the steering over a step
@@ -23,7 +23,7 @@ use crate::nominal::{ActuatedModel, ActuatedState, Actuator, LateralVehicle, Sin
 use nalgebra::{Cholesky, DMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
-/// The actuator, as far as it is known before the effects are fitted.
+/// Prior of the actuator before the effects are fitted.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct CommandPrior {
     /// Dead time and lag.
@@ -34,17 +34,17 @@ pub struct CommandPrior {
     pub lag_spread: f64,
 }
 
-/// Correlation of what effects a step apart may differ by from their mean.
+/// Correlation of the deviations from the mean of two effects a step apart.
 const CORRELATION: f64 = 0.95;
-/// Least spread that is believed, s: neither is an actuator exactly a dead time and a lag.
+/// Least spread, s: an actuator is never exactly a dead time and a lag.
 const LEAST_SPREAD: f64 = 0.02;
-/// Least envelope, as a share of the largest: what no actuator of the family does is not ruled out.
+/// Least envelope, as a share of the largest: responses outside the family are not ruled out.
 const FLOOR: f64 = 0.05;
 /// Spacing of the speeds at which the response is known, m/s.
 const SPEED_STEP: f64 = 0.5;
 
-/// Effect of the commands of a window on a step's residual, oldest first: that of a vehicle at a speed (m/s) behind an
-/// actuator, over what its nominal model says. Commands before the window count as its oldest.
+/// Effect of the commands of a window on a step's residual, oldest first, for a vehicle behind an actuator at a speed
+/// (m/s). It is the difference to the nominal model. Commands before the window count as its oldest.
 ///
 /// # Errors
 /// A speed or a parameter of the vehicle that is not positive.

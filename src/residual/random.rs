@@ -7,8 +7,8 @@
 //! z ^= z >> 30; z *= 0xbf58476d1ce4e5b9; z ^= z >> 27; z *= 0x94d049bb133111eb; z ^= z >> 31
 //! ```
 //!
-//! Each tree has a generator of its own, derived from the seed and the tree's number: training then gives the same
-//! bits in whatever order, on however many threads, the trees grow.
+//! Each tree has a generator of its own, derived from the seed and the tree's number. Training gives the same bits in
+//! any order of the trees, on any number of threads.
 
 const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
 

@@ -1,5 +1,5 @@
-//! Rows of a fixed number of values in files: a sequence of tuples, as serde writes `Vec<[f64; 4]>`; of its own accord it
-//! knows arrays of a few lengths only, not of any.
+//! Rows of a fixed number of values in files: a sequence of tuples, as serde writes `Vec<[f64; 4]>`. serde itself knows
+//! arrays of a few lengths only, not of any.
 
 use serde::de::{Deserialize, Deserializer, Error, SeqAccess, Visitor};
 use serde::ser::{Serialize, SerializeTuple, Serializer};

@@ -1,9 +1,9 @@
-//! What trees are grown from: a table of features, binned or raw.
+//! Training table of trees: features, binned or raw.
 //!
 //! Binning replaces each value by the number of *edges* below it, `bin(x) = #{e : x > e}`, at most 256 bins a
-//! column, so one byte a value. Edges lie midway between neighbouring values at the quantiles of the column, taken
-//! from a sample of its rows if there are many; a column with few distinct values has one bin for each. `bin(x) <= b` is exactly
-//! `x <= edge[b]`: a tree grown on bins sorts raw values just as it sorted the bins.
+//! column, so one byte a value. Edges lie midway between neighbouring values at the quantiles of the column, taken from
+//! a sample of its rows if there are many. A column with few distinct values has one bin for each. `bin(x) <= b` is
+//! exactly `x <= edge[b]`: a tree grown on bins sorts raw values just as it sorted the bins.
 
 use super::parallel;
 use super::random::Random;
@@ -49,7 +49,7 @@ impl Columns for Dense<'_> {
     }
 }
 
-/// How the values of a feature are told apart when a tree is grown.
+/// Resolution of a feature's values when a tree is grown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Resolution {
     /// At most so many quantile bins a feature, 2 to 256.

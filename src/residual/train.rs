@@ -1,10 +1,10 @@
-//! Training: from samples to a model, and how well it fits.
+//! Training: from samples to a model, and the quality of its fit.
 //!
 //! 1. Global ridge fit of the linear regressors, `lambda` by cross-validation.
-//! 2. Trees on the features that cannot be decided; each tree on a bootstrap sample.
-//! 3. In each leaf a constant, or a linear model shrunk towards the global fit. The `lambda` of all leaves is the one
-//!    whose error on held-out samples is least: out of bag for a forest, by cross-validation within the tree's
-//!    leaves for a single tree.
+//! 2. Trees on the features that are already decided; each tree on a bootstrap sample.
+//! 3. In each leaf a constant, or a linear model shrunk towards the global fit. The `lambda` of all leaves has the
+//!    least error on held-out samples. They are out of bag for a forest; by cross-validation within the tree's leaves
+//!    for a single tree.
 //!
 //! The same data, configuration and seed give the same bits on any number of threads.
 
@@ -21,7 +21,7 @@ use crate::nominal::{ERRORS, LateralVehicle};
 use crate::signal;
 use crate::vehicle::SingleTrack;
 
-/// Why no model was trained.
+/// Reasons for which no model was trained.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum TrainError {
     /// A setting is wrong.
@@ -56,7 +56,7 @@ pub enum TrainError {
     TestData,
 }
 
-/// Where training is.
+/// Stage of the training.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stage {
     /// The global fit.
@@ -76,7 +76,7 @@ pub enum Stage {
 /// A sign of life.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Progress {
-    /// Where training is.
+    /// Stage of the training.
     pub stage: Stage,
     /// Parts of the stage done.
     pub done: usize,
@@ -97,13 +97,13 @@ pub struct Fit<const S: usize = ERRORS> {
     pub nominal_rmse: [f64; S],
 }
 
-/// How training went.
+/// Report of the training.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrainReport<const S: usize = ERRORS> {
     /// On the samples learned from.
     pub train: Fit<S>,
-    /// On samples that the trees concerned did not see; for a single tree: its leaves. With `lambda` chosen on the
-    /// same samples. None for kinds without trees, and where a single tree has nothing to choose.
+    /// On samples that the trees concerned did not see; for a single tree: its leaves. With `lambda` chosen on the same
+    /// samples. None for kinds without trees, and for a single tree without a choice.
     pub held_out: Option<Fit<S>>,
     /// On the test data, if there are any.
     pub test: Option<Fit<S>>,
@@ -118,12 +118,12 @@ pub struct TrainReport<const S: usize = ERRORS> {
     pub determined: Option<f64>,
 }
 
-/// A model and how well it fits.
+/// A model and the quality of its fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trained<V = SingleTrack, const S: usize = ERRORS> {
     /// The model.
     pub model: ResidualModelFor<V, S>,
-    /// How well it fits.
+    /// Quality of the fit.
     pub report: TrainReport<S>,
 }
 
@@ -132,7 +132,7 @@ pub struct Trained<V = SingleTrack, const S: usize = ERRORS> {
 /// `progress` is called from the threads that work.
 ///
 /// # Errors
-/// A setting that cannot be; too few samples; test data of another vehicle.
+/// An impossible setting; too few samples; test data of another vehicle.
 pub fn train<V: LateralVehicle<S>, const S: usize>(
     data: &DataSet<V, S>,
     test: Option<&DataSet<V, S>>,
@@ -248,9 +248,9 @@ fn fit<const S: usize>((samples, squares, max): Sums<S>, (labels, label_squares,
     Fit { samples, rmse: root(squares, samples), max, nominal_rmse: root(label_squares, labels) }
 }
 
-/// Filters regressors and labels alike, `x_k += memory x_{k-1}` along each stretch. What is linear stays linear with
-/// the same coefficients, but the noise that one-step labels have from measured states, `e_{k+1} - A e_k`, loses its
-/// high frequencies, which carry no information (Ljung, System Identification, ch. 7.4 and 13.7).
+/// Filters regressors and labels alike, `x_k += memory x_{k-1}` along each stretch. Linear relations keep their
+/// coefficients. The noise of one-step labels from measured states, `e_{k+1} - A e_k`, loses its high frequencies,
+/// which carry no information (Ljung, System Identification, ch. 7.4 and 13.7).
 fn prefilter<const S: usize>(windows: &Windows<S>, memory: f64, z: &mut [f64], labels: &mut [[f64; S]]) {
     let p = z.len() / labels.len().max(1);
     for i in (1..windows.len()).filter(|&i| memory > 0.0 && windows.follows(i)) {
@@ -291,7 +291,7 @@ fn ranges<V: LateralVehicle<S>, const S: usize>(windows: &Windows<S>) -> Vec<Ran
     ranges
 }
 
-/// What the parts of training share.
+/// Shared data of the parts of training.
 struct Job<'a, const S: usize> {
     windows: &'a Windows<'a, S>,
     config: &'a TrainConfig,
@@ -306,7 +306,7 @@ struct Job<'a, const S: usize> {
 /// Candidates for the scale of a prior: `lambda` of coefficients in units of the prior's spread.
 const PRIOR_SCALES: [f64; 9] = [1e-6, 1e-5, 1e-4, 1e-3, 3e-3, 1e-2, 1e-1, 1.0, f64::INFINITY];
 
-/// What came out of it.
+/// Result of the training.
 struct Learned<const S: usize> {
     forest: Forest,
     leaves: LeafModels<S>,
@@ -461,7 +461,7 @@ impl<const S: usize> Job<'_, S> {
         }
     }
 
-    /// What the prior expects at each speed; none without a prior, or where it has no place.
+    /// Expectation of the prior at each speed; none without a prior, or without a use for it.
     fn means(&self) -> Option<Means<S>> {
         if !self.config.kind.is_linear() || self.config.lambda == LambdaChoice::LeastSquares {
             return None;
@@ -555,7 +555,7 @@ impl<const S: usize> Job<'_, S> {
             .collect()
     }
 
-    /// What is fitted to test candidates: each tree on its bag; a single tree once without each fold.
+    /// Members fitted to test candidates: each tree on its bag; a single tree once without each fold.
     fn members(&self, in_bag: &[Vec<u16>], choice: bool) -> Vec<Member> {
         if self.config.kind.is_forest() {
             return in_bag

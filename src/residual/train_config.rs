@@ -1,4 +1,4 @@
-//! What to train: sizes of the forest, regressors of its leaves, shrinkage.
+//! Settings of the training: sizes of the forest, regressors of its leaves, shrinkage.
 
 use super::forest::Block;
 use super::model::{Kind, Regressors, TreeFeatures};
@@ -7,25 +7,25 @@ use super::table::Resolution;
 use super::tree::MAX_DEPTH;
 use super::{MAX_WINDOW, ROAD};
 
-/// How strongly linear leaves are shrunk towards the global fit.
+/// Shrinkage of linear leaves towards the global fit.
 #[derive(Debug, Clone, PartialEq)]
 pub enum LambdaChoice {
     /// The candidate with the least error on held-out samples; infinity, the global fit itself, may be one.
     HeldOut(Vec<f64>),
     /// This one.
     Fixed(f64),
-    /// Not at all: plain least squares in each leaf, the paper's way. The global fit is plain, too.
+    /// No shrinkage: plain least squares in each leaf, the paper's way. The global fit is plain, too.
     LeastSquares,
 }
 
-/// What to train.
+/// Settings of the training.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrainConfig {
     /// Kind of residual.
     pub kind: Kind,
     /// Window, W, steps. It should cover delay and four time constants of the actuator.
     pub window: usize,
-    /// Number of trees, T; a single tree for RT and RTL whatever it says.
+    /// Number of trees, T; RT and RTL always have a single tree.
     pub trees: usize,
     /// Depth of the trees.
     pub depth: usize,
@@ -35,17 +35,17 @@ pub struct TrainConfig {
     pub min_leaf: usize,
     /// Consecutive samples that a forest's bootstrap draws together; the paper's 1 makes held-out errors too good.
     pub bootstrap_block: Block,
-    /// How values are told apart when trees grow.
+    /// Resolution of values when trees grow.
     pub resolution: Resolution,
-    /// What trees split on.
+    /// Features that trees split on.
     pub tree_features: TreeFeatures,
-    /// What linear leaves have besides constant and commands.
+    /// Regressors of linear leaves besides constant and commands.
     pub regressors: Regressors,
-    /// Memory of the filter that regressors and labels of linear leaves go through before the fit, 0 to less than 1; 0
-    /// for none, the paper's way. With noisy measurements, one-step labels are mostly noise of high frequency.
+    /// Memory of the filter on regressors and labels of linear leaves before the fit, 0 to less than 1; 0 for none, the
+    /// paper's way. With noisy measurements, one-step labels are mostly noise of high frequency.
     pub prefilter: f64,
-    /// What is believed of the effects of commands beforehand; none, the paper's way, for shrinkage towards zero. Plain least
-    /// squares know no prior.
+    /// Prior of the effects of commands; none, the paper's way, for shrinkage towards zero. Plain least squares know no
+    /// prior.
     pub prior: Option<CommandPrior>,
     /// Shrinkage of linear leaves.
     pub lambda: LambdaChoice,
@@ -85,7 +85,7 @@ impl TrainConfig {
     /// Checks the values.
     ///
     /// # Errors
-    /// The first value that cannot be.
+    /// The first impossible value.
     pub fn check(&self) -> Result<(), ConfigError> {
         let within = |name, value, min, max| {
             if (min..=max).contains(&value) {
@@ -129,7 +129,7 @@ impl TrainConfig {
     }
 }
 
-/// What is wrong with a training configuration.
+/// Errors of a training configuration.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ConfigError {
     /// A number out of range.

@@ -32,7 +32,7 @@ pub(super) struct Tree {
     pub leaves: u32,
 }
 
-/// How a tree grows.
+/// Growth of a tree.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Growth {
     pub depth: usize,
@@ -125,7 +125,7 @@ impl<const K: usize> Sums<K> {
         }
     }
 
-    /// `sum_o S_o^2 / w`: what the mean explains.
+    /// `sum_o S_o^2 / w`: the part that the mean explains.
     fn explained(&self) -> f64 {
         self.outputs.iter().map(|&s| s as f64 * s as f64).sum::<f64>() / f64::from(self.weight)
     }

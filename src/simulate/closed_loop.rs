@@ -1,8 +1,8 @@
 //! The closed loop in native code: the controller's and the vehicle's own step functions, no host between them.
 //!
-//! Master algorithm (the same as `scripts/closed_loop.py`, so that both give the same bits): at each communication
-//! point `t_k = k h` the controller reads the vehicle's outputs and steps, the vehicle takes its commands and steps
-//! (Gauss-Seidel, controller first: no step of delay between them).
+//! The master algorithm is that of `scripts/closed_loop.py`, so that both give the same bits. At each communication
+//! point `t_k = k h` the controller reads the vehicle's outputs and steps. Then the vehicle takes its commands and
+//! steps. (Gauss-Seidel, controller first: no step of delay between them.)
 
 use super::metrics::{InputMetrics, StepTimes, TimeMetrics, TrackingMetrics};
 use super::noise::SensorNoise;
@@ -52,8 +52,7 @@ pub const STATION: usize = 17;
 /// Last column of a drive log: text, the controller's status.
 pub const STATUS: &str = "status";
 
-/// What is recorded of every vehicle at one communication point: the vehicle as it is there, and what the controller
-/// decided on it.
+/// Record of every vehicle at one communication point: the vehicle's motion there, and the controller's decision on it.
 pub type Common = [f64; COLUMNS.len()];
 
 /// One communication point of a car.
@@ -75,7 +74,7 @@ pub type ClosedLoop = ClosedLoopFor<Car, ERRORS, CAR_COLUMNS>;
 /// A controller and a truck, connected.
 pub type TruckClosedLoop = ClosedLoopFor<Truck, TRUCK_STATES, TRUCK_COLUMNS>;
 
-/// What befalls the measurements on their way, from the time in s.
+/// Fault of the measurements on their way, from the time in s.
 type Fault = Box<dyn FnMut(f64, &mut Measurement) + Send>;
 
 /// A controller and a vehicle, connected.
@@ -110,8 +109,8 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
         }
     }
 
-    /// Connects a controller with a vehicle that stands where the controller's path begins, as fast as is planned there,
-    /// on the road that the path describes.
+    /// Connects a controller with a vehicle at the start of the controller's path, at the planned speed, on the road
+    /// that the path describes.
     ///
     /// # Errors
     /// Parameters or effects of the vehicle out of range.
@@ -128,7 +127,7 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
         Ok(Self::new(controller, vehicle, step))
     }
 
-    /// Lets the controller be told noisy measurements; the log holds what it is told.
+    /// Adds noise to the controller's measurements; the log holds the noisy ones.
     #[must_use]
     pub fn with_noise(self, noise: SensorNoise, seed: u64) -> Self {
         Self { noise: Some((noise, Random::new(seed))), ..self }
@@ -141,8 +140,8 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
         Self { referee, ..self }
     }
 
-    /// Lets something befall the measurements on their way to the controller: `fault` is told the time, s. The log holds what
-    /// the controller is told.
+    /// Adds a fault to the measurements on their way to the controller: `fault` gets the time, s. The log holds the
+    /// faulty ones.
     #[must_use]
     pub fn with_fault(self, fault: impl FnMut(f64, &mut Measurement) + Send + 'static) -> Self {
         Self { fault: Some(Box::new(fault)), ..self }
@@ -160,7 +159,7 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
         &self.vehicle
     }
 
-    /// True lateral error at the newest row, m: that of the vehicle, not that which a noisy measurement shows.
+    /// True lateral error at the newest row, m: that of the vehicle, not that of a noisy measurement.
     #[must_use]
     pub fn lateral_error(&self) -> f64 {
         self.place.lateral_error
@@ -259,7 +258,7 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
         })
     }
 
-    /// The same, as long as `go_on` says so of a row and the true lateral error in m.
+    /// The same, while `go_on` is true of a row and the true lateral error in m.
     ///
     /// # Errors
     /// Controller or vehicle cannot go on.
@@ -275,7 +274,7 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
         }
     }
 
-    /// The same; a vehicle that rolls over or jack-knifes is lost, and what was driven until then is given.
+    /// The same; a vehicle that rolls over or jack-knifes is lost, and the drive until then is returned.
     ///
     /// # Errors
     /// Controller or vehicle cannot go on for another reason.
@@ -295,7 +294,7 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
         }
     }
 
-    /// The same; whatever happens, what was driven until then is given. `ending` says how it ended.
+    /// The same; the drive until its end is returned in any case. `ending` has the reason of the end.
     pub fn record(&mut self, duration: f64, mut go_on: impl FnMut(&[f64; C], f64) -> bool) -> DriveFor<C> {
         let mut drive = DriveFor { columns: P::SIGNALS, ..DriveFor::default() };
         let steps = (duration / self.step).round().max(0.0) as u64;
@@ -348,7 +347,7 @@ pub type TruckDrive = DriveFor<TRUCK_COLUMNS>;
 /// A recorded drive, with `C` columns.
 #[derive(Debug, Clone, Default)]
 pub struct DriveFor<const C: usize> {
-    /// What the columns are.
+    /// Signals of the columns.
     pub columns: &'static [Signal],
     /// One row for each communication step.
     pub rows: Vec<[f64; C]>,
@@ -360,13 +359,13 @@ pub struct DriveFor<const C: usize> {
     pub lateral_errors: Vec<f64>,
     /// Wall-clock time of each control step, s.
     pub step_times: Vec<f64>,
-    /// Where that time went.
+    /// Parts of that time.
     pub timings: Vec<Timing>,
     /// Outcome, place and reason.
     pub ending: Ending,
-    /// Whether the outcome is `lost`.
+    /// True if the outcome is `lost`.
     pub lost: bool,
-    /// Whether the outcome is `completed`: a drive off the road is not.
+    /// True if the outcome is `completed`: a drive off the road is not.
     pub finished: bool,
 }
 
@@ -380,7 +379,7 @@ impl<const C: usize> DriveFor<C> {
         }
     }
 
-    /// What a residual is learned from, of this drive.
+    /// This drive as training data of a residual.
     #[must_use]
     pub fn to_learn_from(&self) -> residual::Drive {
         let mut log = residual::Drive::default();
@@ -413,7 +412,7 @@ impl<const C: usize> DriveFor<C> {
         TrackingMetrics::of(errors.filter(|(_, at)| **at == Some(class)).map(|(error, _)| *error))
     }
 
-    /// How rough the steering was. Rows are taken as control steps.
+    /// Roughness of the steering. Rows are taken as control steps.
     #[must_use]
     pub fn steering(&self) -> InputMetrics {
         let commands = self.rows.iter().map(|row| (row[TIME], row[STEER_CMD]));

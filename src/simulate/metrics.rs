@@ -1,4 +1,4 @@
-//! How well a drive tracked its path.
+//! Tracking errors of a drive.
 
 use serde::Serialize;
 
@@ -33,7 +33,7 @@ impl TrackingMetrics {
     }
 }
 
-/// How rough a steering command is.
+/// Roughness of a steering command.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct InputMetrics {
     /// Root mean square of the command's rate, rad/s.

@@ -1,14 +1,14 @@
-//! The closed loop in native code, and how well it went.
+//! The closed loop in native code, and its metrics.
 //!
 //! | file | problem |
 //! |---|---|
 //! | `outcome.rs` | completed, stopped, lost or timed out: a drive's outcome from the vehicle's true place |
 //! | `closed_loop.rs` | controller and vehicle, step by step; the drive log |
-//! | `vehicle.rs` | what must be known of a kind of vehicle: car, truck |
+//! | `vehicle.rs` | kinds of vehicle in the closed loop: car, truck |
 //! | `experiment/` | the comparison of all variants on several plants |
-//! | `prove/` | whether a learned model is better in closed loop, on plants that explain its logs |
-//! | `tune/` | controllers that stand what vehicles are, searched over an ensemble |
-//! | `noise.rs` | noise on what the controller is told |
+//! | `prove/` | proof that a learned model is better in closed loop, on plants that explain its logs |
+//! | `tune/` | controllers that are robust over an ensemble of vehicles |
+//! | `noise.rs` | noise on the controller's measurements |
 //! | `metrics.rs` | tracking error, roughness of the steering and step time in a few numbers |
 
 mod closed_loop;

@@ -1,4 +1,4 @@
-//! Measurement noise: what the controller is told is not quite what the vehicle does.
+//! Measurement noise between the vehicle and its controller.
 
 use crate::control::Measurement;
 use crate::residual::Random;

@@ -10,7 +10,7 @@
 //! timed_out  never lost, and the duration was over first
 //! ```
 //!
-//! What the controller believes decides nothing: a false sample at the road's end completes no drive.
+//! The controller's own estimate decides nothing: a false sample at the road's end completes no drive.
 
 use super::closed_loop::DriveError;
 use crate::control::ControlStatus;
@@ -30,10 +30,10 @@ enumeration! {
 /// Speed, m/s, below which a vehicle stands, and time of it, s, after which its drive is over.
 const STANDING_SPEED: f64 = 0.05;
 const STANDING_TIME: f64 = 5.0;
-/// Distance, m, by which a controller with noisy sensors may see the road's end too early, and by which a vehicle may
-/// roll back beyond the start.
+/// Distance, m, by which a controller with noisy sensors may see the road's end too early. A vehicle may roll back
+/// beyond the start by as much.
 const END_TOLERANCE: f64 = 5.0;
-/// Distance from the path, m, from which on another part of it may be the right one.
+/// Distance from the path, m, from which on the projection may belong to another part of it.
 const ASTRAY: f64 = 14.0;
 
 /// Bounds beyond which a vehicle is lost.
@@ -139,7 +139,7 @@ impl Ending {
     }
 }
 
-/// Watches a drive: the true place at each communication point, and what follows from it.
+/// Watches a drive: the true place at each communication point, and the outcome.
 #[derive(Debug, Clone)]
 pub(super) struct Referee {
     limits: LaneLimits,
@@ -149,7 +149,7 @@ pub(super) struct Referee {
     place: Option<Place>,
     /// Distance along the path, m, less laps back.
     driven: f64,
-    /// Whether the vehicle was ever within its lane: one placed beside it has to come in first.
+    /// True once the vehicle was within its lane: one placed beside it has to come in first.
     entered: bool,
     departure: Option<Place>,
     /// Time since which the vehicle stands.
@@ -203,12 +203,12 @@ impl Referee {
         self.standing = (speed.abs() < STANDING_SPEED).then_some(since);
     }
 
-    /// Whether the road is driven to its end.
+    /// True if the road is driven to its end.
     pub fn at_end(&self) -> bool {
         self.driven >= self.length - END_TOLERANCE
     }
 
-    /// Whether the vehicle has stood long enough to be called stopped.
+    /// True if the vehicle has stood long enough to be called stopped.
     pub fn stands(&self) -> bool {
         match (self.standing, self.place) {
             (Some(since), Some(place)) => place.time - since >= STANDING_TIME,

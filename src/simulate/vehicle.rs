@@ -1,4 +1,4 @@
-//! What the closed loop must know of a kind of vehicle: how it is made, driven and measured, and what its log holds.
+//! A kind of vehicle in the closed loop: its construction, drive and measurement, and the columns of its log.
 
 use super::closed_loop::{COLUMNS, Common};
 use crate::control::{
@@ -18,16 +18,16 @@ use std::sync::Arc;
 pub trait SimulatedVehicle<const S: usize, const C: usize>: Sized {
     /// Its parameters.
     type Parameters: crate::vehicle::VehicleParameters<Effects = Self::Effects>;
-    /// What separates it from its model.
+    /// Differences from its model.
     type Effects: Default + Clone;
-    /// What its controller knows of it.
+    /// Nominal vehicle of its controller.
     type Nominal: VehicleParameters<S>;
-    /// Why it cannot be made.
+    /// Reasons for which it cannot be made.
     type Error: std::error::Error + Send + Sync + 'static;
 
     /// Columns of its log: those of every vehicle, [`COLUMNS`], and its own.
     const SIGNALS: &'static [Signal; C];
-    /// What it is, in one word.
+    /// Name of the kind, in one word.
     const KIND: &'static str = <<Self::Nominal as VehicleParameters<S>>::Vehicle as LateralVehicle<S>>::KIND;
 
     /// The default controller for it.
@@ -36,7 +36,7 @@ pub trait SimulatedVehicle<const S: usize, const C: usize>: Sized {
     /// The settings of the papers' tables for it.
     fn controller_of_the_papers(parameters: &Self::Parameters) -> ControllerParametersFor<Self::Nominal>;
 
-    /// Where the value of the effect with this id stands.
+    /// Value of the effect with this id.
     fn effect<'a>(effects: &'a mut Self::Effects, id: &str) -> Option<&'a mut f64>;
 
     /// Makes it.
@@ -58,13 +58,13 @@ pub trait SimulatedVehicle<const S: usize, const C: usize>: Sized {
     /// A vehicle that cannot go on.
     fn advance(&mut self, input: &VehicleInput, step: f64) -> Result<(), StepError>;
 
-    /// What the controller is told.
+    /// Measurements for the controller.
     fn measured(&self) -> Measurement;
 
-    /// What is recorded and the controller is not told: `ax`, `ay` in m/s2 and `roll` in rad.
+    /// Recorded signals that the controller does not get: `ax`, `ay` in m/s2 and `roll` in rad.
     fn recorded(&self) -> [f64; 3];
 
-    /// The row of the log from the columns of every vehicle and what the controller was told.
+    /// The row of the log from the columns of every vehicle and the controller's measurement.
     fn row(common: &Common, told: &Measurement) -> [f64; C];
 }
 

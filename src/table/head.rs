@@ -12,7 +12,7 @@ pub(super) const BYTES: usize = 256 << 10;
 /// The delimiter of columns that are aligned: any number of blanks.
 pub(super) const BLANKS: u8 = b' ';
 
-/// How a file is written.
+/// Format of a file.
 pub(super) struct Head {
     pub delimiter: u8,
     pub decimal: Decimal,
@@ -21,14 +21,14 @@ pub(super) struct Head {
     pub body: usize,
 }
 
-/// A line with its number (from 0), and what it holds.
+/// A line with its number (from 0), and its fields.
 struct Line {
     index: usize,
     comment: bool,
     fields: Vec<String>,
 }
 
-/// Finds out how a file that begins with `lines` is written; `known` says which names mean something.
+/// Detects the format of a file that begins with `lines`; `known` tells if a name is known.
 pub(super) fn find(lines: &[String], known: &dyn Fn(&str) -> bool) -> Head {
     let (start, told) = told_delimiter(lines);
     let delimiter = told.unwrap_or_else(|| most_numbers(&lines[start..]));
@@ -75,7 +75,7 @@ fn told_delimiter(lines: &[String]) -> (usize, Option<u8>) {
     }
 }
 
-/// The delimiter by which most fields are numbers, and fewest are not; commas where none says more.
+/// The delimiter by which most fields are numbers, and fewest are not; commas if none is better.
 fn most_numbers(lines: &[String]) -> u8 {
     let score = |delimiter: u8| -> (i64, i64) {
         let (mut numbers, mut fields) = (0, 0);
@@ -127,7 +127,7 @@ fn split(line: &str, delimiter: u8) -> Vec<String> {
     }
 }
 
-/// Whether a field is a number, or a time, as a row of values has them.
+/// True if a field is a number, or a time, as a row of values has them.
 fn is_value(field: &str, delimiter: u8) -> bool {
     let number = |text: &str| text.parse::<f64>().is_ok();
     number(field)
@@ -135,7 +135,7 @@ fn is_value(field: &str, delimiter: u8) -> bool {
         || super::time::seconds(field).is_some()
 }
 
-/// Which mark the numbers of the head have.
+/// Decimal mark of the numbers in the head.
 fn decimal(rows: &[Line], delimiter: u8) -> Decimal {
     if delimiter == b',' {
         return Decimal::Point;
@@ -170,8 +170,8 @@ fn is_data(row: &Line, width: usize, delimiter: u8) -> bool {
     row.fields.len() >= width.min(2) && values.len() > others.len()
 }
 
-/// The row of names among those before the numbers: the one with most known names, the last before the numbers where
-/// none is known, and a comment only where it knows two and no row knows one.
+/// The row of names among those before the numbers: the one with most known names. Without known names, the last before
+/// the numbers. A comment counts only if it has two known names and no row has one.
 fn names_row(before: &[Line], known: &dyn Fn(&str) -> bool, width: usize, guess: bool) -> Option<usize> {
     let count = |row: &Line| row.fields.iter().filter(|name| known(split_unit(name).0)).count();
     let best = |comment: bool| {
@@ -199,7 +199,7 @@ fn names_row(before: &[Line], known: &dyn Fn(&str) -> bool, width: usize, guess:
     }
 }
 
-/// Whether a row says units: short words, at least half of them known, none a number.
+/// True for a row of units: short words, at least half of them known, none a number.
 fn is_units(fields: &[String], delimiter: u8) -> bool {
     let word = |field: &str| field.trim_matches(['[', ']', '(', ')', ' ']).to_owned();
     let filled: Vec<String> =

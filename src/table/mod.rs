@@ -1,8 +1,8 @@
 //! Tables from text files: one reader for drive logs and roads.
 //!
-//! A table is a names row and rows of values; people's files say the same in many ways, and none of them says which:
+//! A table is a names row and rows of values. People's files write it in many ways, and state none of them:
 //!
-//! | a file may have | how it is found |
+//! | a file may have | detection |
 //! |---|---|
 //! | commas, semicolons, tabs, bars or blanks | the delimiter by which most fields of the head are numbers; a line `sep=;` decides |
 //! | decimal commas | with any other delimiter than commas; a file that mixes commas and points is refused |
@@ -14,8 +14,8 @@
 //! | `n/a`, `null`, `-1.#IND` and the like | a missing value ([`Row::is_missing`]) |
 //! | gzip (feature `cli`) | by the file's ending or its first bytes |
 //!
-//! What a name means is the caller's business, and so are units that it does not know. Rows are read as a stream, and
-//! never more of it than [`Limits`] allow: a packed file of 6 MB may unpack to 6 GB.
+//! The meaning of a name is the caller's business, and so are units unknown here. Rows are read as a stream, and never
+//! more of it than [`Limits`] allow: a packed file of 6 MB may unpack to 6 GB.
 //!
 //! ```
 //! use rfl_mpc::table::{Limits, Table};
@@ -30,7 +30,7 @@
 //!
 //! | file | idea |
 //! |---|---|
-//! | `open.rs` | files: which are refused, gzip, the limit of bytes |
+//! | `open.rs` | files: refusals, gzip, the limit of bytes |
 //! | `text.rs` | encodings, lines |
 //! | `head.rs` | delimiter, names and units from the first lines |
 //! | `unit.rs`, `units.txt` | units in names and in rows of units |
@@ -50,7 +50,7 @@ use std::borrow::Cow;
 use std::io::Read;
 use text::Lines;
 
-/// How much of a file is read.
+/// Limits of reading a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Limits {
     /// Greatest size in bytes, unpacked.
@@ -73,7 +73,7 @@ const MISSING: [&str; 12] =
 /// Bytes that a line may have.
 const LONGEST_LINE: u64 = 1 << 20;
 
-/// Why a file gives no table. Messages name no file: whoever opened it does.
+/// Reasons for which a file gives no table. Messages name no file: the caller that opened it does.
 #[derive(Debug, thiserror::Error)]
 pub enum TableError {
     /// The file cannot be opened.
@@ -85,7 +85,7 @@ pub enum TableError {
     /// A folder, a device or a pipe.
     #[error("is {kind}, not a file; give a CSV file")]
     NotAFile {
-        /// What it is, with its article.
+        /// Kind, with its article.
         kind: &'static str,
     },
     /// More bytes than the limit.
@@ -93,7 +93,7 @@ pub enum TableError {
     TooLarge {
         /// The limit in bytes.
         limit: u64,
-        /// Whether the file was packed.
+        /// True if the file was packed.
         unpacked: bool,
     },
     /// More rows than the limit.
@@ -164,13 +164,13 @@ impl<'a> Row<'a> {
         self.record.len()
     }
 
-    /// Whether the row has no field; blank lines are no rows, so this is rare.
+    /// True if the row has no field; blank lines are no rows, so this is rare.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.record.is_empty()
     }
 
-    /// Fields up to the last one that is not empty, or `least`: delimiters at the end of a line say nothing.
+    /// Fields up to the last one that is not empty, or `least`: delimiters at the end of a line are ignored.
     #[must_use]
     pub fn filled(&self, least: usize) -> usize {
         (least..self.len())
@@ -187,7 +187,7 @@ impl<'a> Row<'a> {
         std::str::from_utf8(bytes).unwrap_or("\u{fffd}")
     }
 
-    /// Whether a field holds no value: it is empty, or a word that programs write in its place.
+    /// True if a field holds no value: it is empty, or a word that programs write in its place.
     #[must_use]
     pub fn is_missing(&self, column: usize) -> bool {
         let field = self.field(column);
@@ -217,8 +217,8 @@ enum Decimal {
 }
 
 impl Decimal {
-    /// A field with a decimal point. Where a file of commas has a point, it may part thousands: the field is given
-    /// with words behind it, no number.
+    /// A field with a decimal point. A point in a file with decimal commas may separate thousands. The field is then
+    /// returned with words after it, so that it is no number.
     fn plain(self, field: &str) -> Cow<'_, str> {
         match (self, field.matches(',').count(), field.contains('.')) {
             (Self::Point, ..) | (_, 0, false) | (Self::Unknown, 0, true) => field.into(),
@@ -229,7 +229,7 @@ impl Decimal {
 }
 
 impl<R: Read> Table<R> {
-    /// Finds out how a file is written. `known` says which names (trimmed, without unit) mean something.
+    /// Detects the format of a file. `known` tells if a name (trimmed, without unit) is known.
     ///
     /// # Errors
     /// The file cannot be read, or is larger than the limits.
@@ -270,7 +270,7 @@ impl<R: Read> Table<R> {
         &self.header
     }
 
-    /// Whether any line so far was no UTF-8 and was read as Latin-1.
+    /// True if any line so far was no UTF-8 and was read as Latin-1.
     #[must_use]
     pub fn is_latin1(&self) -> bool {
         self.rows.get_ref().lines.latin1
@@ -313,7 +313,7 @@ struct Body<R: Read> {
     given: usize,
     /// Lines given so far.
     count: u64,
-    /// From which line given on (counted from 1) the file's lines are how many more.
+    /// Lines given (counted from 1) from which on the file's line numbers are higher, with the difference.
     jumps: Vec<(u64, u64)>,
     error: Option<TableError>,
 }

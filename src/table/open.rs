@@ -42,7 +42,7 @@ fn unpacked(_: BufReader<File>, _: Limits) -> Result<Box<dyn Read>, TableError> 
     Err(TableError::Compressed)
 }
 
-/// What is unpacked, and how much more of it may come.
+/// Unpacked bytes, and the rest of their limit.
 #[cfg(feature = "cli")]
 struct Unpacked<R> {
     reader: R,

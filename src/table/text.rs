@@ -3,7 +3,7 @@
 use super::{LONGEST_LINE, TableError};
 use std::io::{BufRead, BufReader, Read};
 
-/// How a file's bytes are letters.
+/// Encoding of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Encoding {
     /// UTF-8, and Latin-1 in lines that are no UTF-8.
@@ -22,7 +22,7 @@ pub(super) struct Lines<R: Read> {
     left: u64,
     limit: u64,
     number: u64,
-    /// Whether a line was read as Latin-1.
+    /// True if a line was read as Latin-1.
     pub latin1: bool,
 }
 
@@ -107,7 +107,7 @@ impl<R: Read> Lines<R> {
     }
 }
 
-/// The limit that stopped an unpacking, or what the operating system says.
+/// The limit that stopped an unpacking, or the operating system's error.
 fn cause(error: std::io::Error) -> TableError {
     match error.downcast::<TableError>() {
         Ok(error) => error,
@@ -120,7 +120,7 @@ pub(super) fn trim(line: &str, tab: bool) -> &str {
     if tab { line.trim_matches([' ', '\r', '\n']) } else { line.trim_ascii() }
 }
 
-/// What a line of comment says.
+/// Text of a line of comment.
 pub(super) fn comment(line: &str) -> Option<&str> {
     line.trim_start().strip_prefix(['#', '%'])
 }

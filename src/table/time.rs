@@ -1,8 +1,8 @@
 //! Dates and times: those of ISO 8601, days with points (`01.05.2024`), times of day.
 
-/// Seconds since 1970, whole ones and the fraction, of `2024-05-01T12:00:00.02` (a blank for the `T`, `,` for the
-/// point, and `Z` or `+02:00` at the end are known, too), of `01.05.2024 12:00:00`, or of the time of day alone, since midnight.
-/// `None` for anything else: `05/01/2024` is May in one country and January in another.
+/// Seconds since 1970, whole ones and the fraction, of `2024-05-01T12:00:00.02`, or of `01.05.2024 12:00:00`. A blank
+/// for the `T`, `,` for the point, and `Z` or `+02:00` at the end are known, too. The time of day alone counts from
+/// midnight. `None` for anything else: `05/01/2024` is May in one country and January in another.
 ///
 /// ```
 /// use rfl_mpc::table::time::seconds;

@@ -8,7 +8,7 @@ type Spelling = (&'static str, f64, &'static str);
 /// Quantities that neither a drive nor a road has.
 const OTHER: &str = "other";
 
-/// What `units.txt` lists; `scripts/importing/units.py` reads the same file.
+/// Contents of `units.txt`; `scripts/importing/units.py` reads the same file.
 static SPELLINGS: LazyLock<Vec<Spelling>> = LazyLock::new(|| {
     let lines = include_str!("units.txt").lines().filter(|line| !line.starts_with('#'));
     lines
@@ -33,7 +33,7 @@ pub fn factor(unit: &str, ours: &str) -> Option<f64> {
     found.filter(|_| ours != OTHER).map(|&(_, factor, _)| factor)
 }
 
-/// Whether a word is a unit of any quantity.
+/// True if a word is a unit of any quantity.
 pub(super) fn is_unit(word: &str) -> bool {
     let lower = word.to_lowercase();
     SPELLINGS.iter().any(|(.., spelling)| *spelling == lower)

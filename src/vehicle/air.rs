@@ -1,11 +1,11 @@
-//! Air and a dragging brake: what acts on a moving unit beside its tyres.
+//! Air and a dragging brake: loads on a moving unit beside its tyres.
 
 use super::effects::Effects;
 
 /// Speed over which the steady brake pull builds up, m/s.
 const PULLS_FROM: f64 = 1.0;
 
-/// Drag and side force in N of a unit with drag and side constants (half the density times the area, kg/m), moving
+/// Drag and side force in N of a unit with drag and side constants (half the density times the area, kg/m). It moves
 /// with (vx, vy) in m/s in its own axes, at the sine and cosine of its yaw.
 #[inline(always)]
 pub(super) fn forces(

@@ -1,7 +1,7 @@
-//! The linear model of a tractor with a semi-trailer: what a careful engineer takes as the nominal model of a truck.
+//! The linear model of a tractor with a semi-trailer: a careful engineer's nominal model of a truck.
 //!
-//! With the articulation `phi = yaw1 - yaw2`, the speed `u`, `h = c1 + a2`, `l2 = a2 + b2` and the lateral
-//! velocity and yaw rate `v`, `r` of the tractor's CG (indices: 1 tractor, 2 semi-trailer):
+//! The articulation is `phi = yaw1 - yaw2`, the speed `u`; `h = c1 + a2` and `l2 = a2 + b2`. With the lateral velocity
+//! and yaw rate `v`, `r` of the tractor's CG (indices: 1 tractor, 2 semi-trailer):
 //!
 //! ```text
 //!     M [v' + u r; r'; phi''] = G diag(C) alpha,    alpha = [delta; 0; 0] - G' [v; r; phi'] / u - [0; 0; 1] phi

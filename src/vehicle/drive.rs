@@ -1,4 +1,4 @@
-//! Drive and brakes, as the road sees them: an asked acceleration becomes a force, after a lag and within limits.
+//! Drive and brakes at the road: an asked acceleration becomes a force, after a lag and within limits.
 //!
 //! The engine turns the driven wheels through open differentials, which share its force `F` in a fixed proportion `s`
 //! whatever the wheels' speeds `w`. Its power is that at the wheels, not that of the vehicle's motion:
@@ -7,9 +7,9 @@
 //!     P = sum T w = F v,     T = s F R,     v = sum s R w,     F <= Pmax / |v|
 //! ```
 //!
-//! So a wheel that spins takes power, and leaves little force to itself and to its fellows.
+//! So a wheel that spins takes power, and leaves little force to itself and to the other wheels.
 
-/// Speed of the rims below which the power does not bound the force any more, m/s: no engine turns so slowly.
+/// Speed of the rims below which the power no longer bounds the force, m/s: no engine turns so slowly.
 const SLOWEST: f64 = 0.1;
 
 /// Constants of drive and brakes.
@@ -19,7 +19,7 @@ pub(super) struct DriveLine {
     pub lag: f64,
     /// Factor from asked to given acceleration.
     pub gain: f64,
-    /// The mass that drive and brakes are laid out for, kg.
+    /// Design mass of drive and brakes, kg.
     pub nominal_mass: f64,
     /// N, W, N.
     pub max_force: f64,
@@ -28,8 +28,8 @@ pub(super) struct DriveLine {
 }
 
 impl DriveLine {
-    /// Drive force and greatest brake force at all wheels together, N, both positive; `rim` is the mean speed of the driven
-    /// wheels' rims by their shares in the force, m/s.
+    /// Drive force and greatest brake force at all wheels together, N, both positive. `rim` is the mean speed of the
+    /// driven wheels' rims, weighted by their shares in the force, m/s.
     #[inline]
     pub fn forces(&self, accel: f64, rim: f64) -> (f64, f64) {
         let force = self.nominal_mass * accel;
@@ -41,7 +41,7 @@ impl DriveLine {
         }
     }
 
-    /// Where a given acceleration stands after a while (s) of following the asked one, exactly.
+    /// Given acceleration after a time (s) of following the asked one, exactly.
     pub fn follow(&self, given: f64, asked: f64, h: f64) -> f64 {
         if self.lag > 0.0 { given + (asked - given) * -(-h / self.lag).exp_m1() } else { asked }
     }

@@ -1,4 +1,4 @@
-//! Unmodelled effects: what separates a real vehicle from its nominal model, one switch each.
+//! Unmodelled effects: differences of a real vehicle from its nominal model, one switch each.
 //!
 //! Each effect is declared once, here: its id is the field of [`Effects`], the FMU parameter `effect.<id>` and the
 //! word in a diagnosis. All are neutral by default. Sensor effects act on outputs only, never on the motion.
@@ -7,7 +7,7 @@ use crate::signal::Unit;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Where on the way from command to measurement an effect acts.
+/// Stage of an effect: the place of its action on the way from command to measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[allow(missing_docs)]
@@ -39,7 +39,7 @@ impl Stage {
     }
 }
 
-/// A rate limit from which on there is none, rad/s (a number that every tool can write, unlike infinity).
+/// Rate limit that stands for none, rad/s (a number that every tool can write, unlike infinity).
 pub const NO_RATE_LIMIT: f64 = 1e6;
 
 /// One effect's declaration.
@@ -53,9 +53,9 @@ pub struct Effect {
     pub neutral: f64,
     /// Least and greatest value.
     pub range: (f64, f64),
-    /// Where it acts.
+    /// Stage of its action.
     pub stage: Stage,
-    /// What it is, in one sentence.
+    /// Meaning, in one sentence.
     pub meaning: &'static str,
 }
 
@@ -95,7 +95,7 @@ macro_rules! effects {
                 match id { $(stringify!($id) => Some(self.$id),)* _ => None }
             }
 
-            /// Where the value of the effect with this id stands.
+            /// Value of the effect with this id.
             #[must_use]
             pub fn get_mut(&mut self, id: &str) -> Option<&mut f64> {
                 match id { $(stringify!($id) => Some(&mut self.$id),)* _ => None }
@@ -176,8 +176,8 @@ pub struct UnknownEffect {
     pub id: String,
 }
 
-/// The effects of a truck: those that cars have too act on the tractor (`payload`, `cg_shift`, `yaw_inertia`, sensors)
-/// or on all of it (`road_*`, `wind_*`, `drag`, `drive_*`, `tyre_relaxation`, `roll_stiffness`).
+/// The effects of a truck. Those that cars have too act on the tractor (`payload`, `cg_shift`, `yaw_inertia`, sensors)
+/// or on all of it: `road_*`, `wind_*`, `drag`, `drive_*`, `tyre_relaxation`, `roll_stiffness`.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(try_from = "BTreeMap<String, f64>", into = "BTreeMap<String, f64>")]
 pub struct TruckEffects {
@@ -220,14 +220,14 @@ impl TruckEffects {
         self.vehicle.get(id).or_else(|| self.trailer.get(id))
     }
 
-    /// Where the value of the effect with this id stands.
+    /// Value of the effect with this id.
     #[must_use]
     pub fn get_mut(&mut self, id: &str) -> Option<&mut f64> {
         self.vehicle.get_mut(id).or_else(|| self.trailer.get_mut(id))
     }
 
-    /// Both sets of effects together: what adds up is added, factors are multiplied, the narrower rate limit counts. A
-    /// relaxation length replaces that of `base`.
+    /// Both sets of effects together: additive ones are added, factors are multiplied, the narrower rate limit counts.
+    /// A relaxation length replaces that of `base`.
     #[must_use]
     pub fn on_top_of(&self, base: &Self) -> Self {
         let mut both = *self;

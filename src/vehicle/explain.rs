@@ -1,4 +1,5 @@
-//! Each effect explained: what it is, how it shows in a log, with what it is confused. The texts stand in `effects.toml`.
+//! Explanation of each effect: its meaning, its appearance in a log, the effects that it is confused with. The texts
+//! stand in `effects.toml`.
 
 use super::effects::TruckEffects;
 use serde::Deserialize;
@@ -9,13 +10,13 @@ use std::sync::LazyLock;
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Explanation {
-    /// What it is in the vehicle.
+    /// Meaning in the vehicle.
     pub what: String,
-    /// How it shows in a log.
+    /// Appearance in a log.
     pub shows: String,
     /// Ids of the effects that it is confused with.
     pub confused: Vec<String>,
-    /// What tells it from them.
+    /// Separation from them.
     pub separates: String,
 }
 
@@ -30,7 +31,7 @@ impl Explanation {
     }
 }
 
-/// The effect whose id is most like a word, for who mistyped it.
+/// The effect whose id is most like a mistyped word.
 #[must_use]
 pub fn effect_like(word: &str) -> Option<&'static str> {
     let letters = |text: &str| text.chars().filter(char::is_ascii_alphabetic).collect::<String>();

@@ -1,4 +1,4 @@
-//! Reading vehicle files: what cars and trucks have in common.
+//! Reading vehicle files: the common part of cars and trucks.
 
 use super::builtin;
 use super::effects::EffectOutOfRange;
@@ -19,7 +19,7 @@ pub struct Parameter<V> {
     pub unit: Unit,
     /// Least and greatest value that a vehicle can have.
     pub range: (f64, f64),
-    /// What it is, in one sentence.
+    /// Meaning, in one sentence.
     pub meaning: &'static str,
     pub(super) get: fn(&V) -> f64,
     pub(super) set: fn(&mut V, f64),
@@ -32,7 +32,7 @@ impl<V> Parameter<V> {
         (self.get)(vehicle)
     }
 
-    /// Sets the parameter; the vehicle's `check` looks at the range.
+    /// Sets the parameter; the vehicle's `check` tests the range.
     pub fn set(&self, vehicle: &mut V, value: f64) {
         (self.set)(vehicle, value);
     }
@@ -61,8 +61,8 @@ pub enum VehicleKind {
 }
 
 impl VehicleKind {
-    /// The kind of a built-in vehicle, or of that in a file; a car where neither can be told, so that reading it as a
-    /// car says what is wrong.
+    /// The kind of a built-in vehicle, or of that in a file. A car where neither can be told, so that reading it as a
+    /// car gives the error.
     #[must_use]
     pub fn of(vehicle: &str) -> Self {
         let has_tractor =
@@ -85,19 +85,19 @@ pub trait VehicleParameters: DeserializeOwned + Serialize + Clone + 'static {
     /// Names of the built-in vehicles of this kind; the first is the default.
     const BUILTIN: &'static [&'static str];
 
-    /// What separates a real vehicle of this kind from its parameters.
+    /// Differences of a real vehicle of this kind from its parameters.
     type Effects: Default + Clone;
 
-    /// What people call the vehicle.
+    /// Name of the vehicle for people.
     fn name(&self) -> &str;
 
-    /// The effects that its file tells of.
+    /// The effects of its file.
     fn effects(&self) -> &Self::Effects;
 
-    /// How sure its numbers are, where its file says so.
+    /// Uncertainty of its numbers, where its file states it.
     fn tolerances(&self) -> &Tolerances;
 
-    /// Where the value of the effect with this id stands.
+    /// Value of the effect with this id.
     fn effect_mut(&mut self, id: &str) -> Option<&mut f64>;
 
     /// A built-in vehicle by name.
@@ -117,14 +117,14 @@ pub trait VehicleParameters: DeserializeOwned + Serialize + Clone + 'static {
     /// The tyres with the key of their file.
     fn tyres(&mut self) -> Vec<(&'static str, &mut Tyre)>;
 
-    /// Checks what concerns more than one number.
+    /// Checks relations between several numbers.
     ///
     /// # Errors
     /// See [`VehicleError`].
     fn check_parts(&self, file: &Path) -> Result<(), VehicleError>;
 }
 
-/// Why a vehicle file could not be used.
+/// Reasons for which a vehicle file could not be used.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum VehicleError {
@@ -137,7 +137,7 @@ pub enum VehicleError {
     /// Not TOML, or a key that is missing, unknown or of the wrong type.
     #[error("vehicle file {file}, line {line}: {message}; compare with the files in vehicles/")]
     Syntax { file: PathBuf, line: usize, message: String },
-    /// A value that no vehicle can have.
+    /// A value that is impossible for a vehicle.
     #[error(
         "vehicle file {file}, line {line}: {name} = {value} {} is outside {} ... {} ({meaning})",
         unit, range.0, range.1
@@ -218,7 +218,7 @@ pub(super) fn parse<V: VehicleParameters>(
     Ok(vehicle)
 }
 
-/// Checks every value against what a vehicle can have.
+/// Checks every value against the ranges of vehicles.
 pub(super) fn check<V: VehicleParameters>(
     vehicle: &V,
     file: &Path,
@@ -235,7 +235,7 @@ pub(super) fn check<V: VehicleParameters>(
     vehicle.check_parts(file)
 }
 
-/// Whether the unsprung masses (kg) leave a body.
+/// Checks that the unsprung masses (kg) leave a body.
 pub(super) fn check_body(
     file: &Path,
     name: &'static str,

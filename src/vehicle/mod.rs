@@ -12,18 +12,18 @@
 //! | `file.rs` | their files |
 //! | `articulated.rs` | the linear model of a tractor with a semi-trailer |
 //! | `builtin.rs` | vehicles and tyres that need no file |
-//! | `effects.rs` | what separates a real vehicle from its model, each a switch |
+//! | `effects.rs` | differences of a real vehicle from its model, each a switch |
 //! | `explain.rs`, `effects.toml` | each effect in words |
 //! | `steering.rs` | from the command to the road wheels, exact in time |
 //! | `drive.rs` | from the command to the force of drive and brakes |
 //! | `air.rs` | air and a dragging brake |
-//! | `sensors.rs`, `status.rs` | what is measured, and told from the wheels |
+//! | `sensors.rs`, `status.rs` | measured signals, and status from the wheels |
 //! | `stepper.rs` | steps of a vehicle: integration, errors, saved states |
 //! | `reduced.rs` | the same vehicles without their fast motions: ten thousand times real time |
 //! | `array.rs` | arrays of any length in saved states |
 //! | `trigonometry.rs` | arc tangent, sine and cosine of several numbers at once |
 //! | `tyre/` | Magic Formula 5.2, `.tir` files |
-//! | `unit/` | a body on axles with wheels: what all vehicles consist of |
+//! | `unit/` | a body on axles with wheels: the part of all vehicles |
 //! | `car/` | the two-track car |
 //! | `truck/` | the tractor with its semi-trailer |
 

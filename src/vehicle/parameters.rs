@@ -20,9 +20,9 @@ pub const GRAVITY: f64 = 9.81;
 #[serde(deny_unknown_fields)]
 #[allow(missing_docs)]
 pub struct CarParameters {
-    /// What people call the car.
+    /// Name of the car for people.
     pub name: String,
-    /// Where the figures come from.
+    /// Source of the figures.
     #[serde(default)]
     pub source: String,
     pub vehicle: Body,
@@ -32,10 +32,10 @@ pub struct CarParameters {
     pub drive: Drive,
     pub brake: Brake,
     pub air: Air,
-    /// What separates the real car from the rest of the file: neutral, or found by a diagnosis.
+    /// Differences of the real car from the rest of the file: neutral, or found by a diagnosis.
     #[serde(default)]
     pub effect: Effects,
-    /// How sure the numbers are, where a user knows.
+    /// Uncertainty of the numbers, where a user knows it.
     #[serde(default, skip_serializing_if = "Tolerances::is_empty")]
     pub tolerance: Tolerances,
 }
@@ -103,7 +103,7 @@ pub struct Tyre {
     /// Sideways shift of the contact patch for each newton of lateral force, m/N.
     #[serde(default)]
     pub lateral_compliance: f64,
-    /// What the file says.
+    /// Coefficients of the file.
     #[serde(skip)]
     pub coefficients: Option<Coefficients>,
 }
@@ -127,7 +127,7 @@ pub struct Steering {
     pub offset: f64,
 }
 
-/// The engine, as the road sees it.
+/// The engine's force at the road.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[allow(missing_docs)]
@@ -163,8 +163,8 @@ fn one() -> f64 {
     1.0
 }
 
-/// Lateral relaxation length of the first of a vehicle's tyres under its load at rest (N), m; none if not all files say how
-/// it changes with the load.
+/// Lateral relaxation length of the first of a vehicle's tyres under its load at rest (N), m. None if a file does not
+/// tell its change with the load.
 pub(super) fn relaxation_at_rest(load: f64, tyres: &[&Tyre]) -> Option<f64> {
     let length = |tyre: &&Tyre| tyre.scaled().lateral_relaxation(load, 0.0);
     let lengths: Vec<f64> = tyres.iter().map(length).collect();
@@ -229,7 +229,7 @@ impl CarParameters {
     };
 }
 
-/// A linear single-track model: what a careful engineer takes as the nominal model of a car.
+/// A linear single-track model: a careful engineer's nominal model of a car.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SingleTrack {
     /// Mass, kg.
@@ -301,14 +301,14 @@ impl CarParameters {
         (weight * self.vehicle.cg_to_rear_axle, weight * self.vehicle.cg_to_front_axle)
     }
 
-    /// Lateral relaxation length of the front tyres at rest, m; none if a tyre file does not say.
+    /// Lateral relaxation length of the front tyres at rest, m; none if a tyre file lacks it.
     #[must_use]
     pub fn relaxation(&self) -> Option<f64> {
         relaxation_at_rest(0.5 * self.axle_loads().0, &[&self.tyre.front, &self.tyre.rear])
     }
 
-    /// The linear single-track model of this car: axle stiffnesses are the slopes of the tyres' lateral force at
-    /// static load and straight running, both wheels of an axle together.
+    /// The linear single-track model of this car. Axle stiffnesses are the slopes of the tyres' lateral force at static
+    /// load and straight running, both wheels of an axle together.
     #[must_use]
     pub fn single_track(&self) -> SingleTrack {
         let (front, rear) = self.axle_loads();
@@ -338,8 +338,8 @@ impl Tyre {
         tyre
     }
 
-    /// Slope of the lateral force of an axle over slip angle, N/rad; `load` of the axle in N, carried by this many
-    /// tyres on each side.
+    /// Slope of the lateral force of an axle over slip angle, N/rad. `load` is that of the axle in N, carried by this
+    /// many tyres on each side.
     pub(super) fn axle_stiffness(&self, load: f64, per_side: f64) -> f64 {
         const STEP: f64 = 1e-4;
         let tyre = self.scaled();

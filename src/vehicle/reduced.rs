@@ -1,29 +1,31 @@
-//! Vehicles without their fast motions: what must be driven hundreds of times, at ten thousand times real time.
+//! Vehicles without their fast motions: for hundreds of replays, at ten thousand times real time.
 //!
-//! The equations are the plant's own, evaluated once a step of 20 ms instead of four times a millisecond. Speed is given;
-//! the slow motions (sideways, yaw, roll) are integrated by Adams and Bashforth's rule, of third order (second for trucks:
-//! their fifth wheel's dry friction is too stiff), the tyres' relaxation exactly for the mean slip velocity by the same,
+//! The equations are the plant's own, evaluated once a step of 20 ms instead of four times a millisecond. Speed is
+//! given. The slow motions (sideways, yaw, roll) are integrated by Adams and Bashforth's rule of third order. It is of
+//! second order for trucks: their fifth wheel's dry friction is too stiff. The tyres' relaxation is exact for the mean
+//! slip velocity by the same rule,
 //!
 //! ```text
 //!     <f> = (23 f - 16 f- + 5 f--) / 12,   x+ = x + h <f>,   v+ = e^(-a h) v + (1 - e^(-a h)) / a <s>,   v' = s - a v
 //! ```
 //!
-//! and what is faster follows its equilibrium by a Newton step each time, without its mass: the wheels' spin, pitch and
-//! heave of the body with the wheels below it, and the wheels' height `z` between tyre `k` and damper `d`, which is then led by one step,
+//! Faster motions follow their equilibrium by a Newton step each time, without their mass. They are the wheels' spin,
+//! pitch and heave of the body with the wheels below it. So does the wheels' height `z` between tyre `k` and damper
+//! `d`, which is then led by one step,
 //!
 //! ```text
 //!     z = (F + k z~ + d (z~' + z- / h)) / (k + d / h),   z+ = 2 z - z-,      F: force found at z~, z~'
 //! ```
 //!
-//! Wheels that are found to turn faster than the vehicle moves give it the force for that at once, or every drive force
-//! would come two steps late:
+//! Wheels that turn faster than the vehicle moves give it the force for that at once; otherwise every drive force would
+//! come two steps late:
 //!
 //! ```text
 //!     a = a~ + sum I (w' - a~ / r) / r / (m + sum I / r^2),      a~, w': acceleration and spin rate found
 //! ```
 //!
-//! Steering chain and drive are exact. Every effect thus means what it means to the plant; how nearly,
-//! `examples/diagnose_replay.rs` says.
+//! Steering chain and drive are exact. Every effect thus has the same meaning as in the plant;
+//! `examples/diagnose_replay.rs` measures the remaining difference.
 
 use super::sensors::measured;
 use super::steering::SteeringState;
@@ -37,7 +39,7 @@ use super::unit::{
 const SPRINGS: f64 = 0.7;
 /// Longest step times the frequency of the quickest motion sideways: the rule is not stable with much more.
 const LONGEST: f64 = 0.5;
-/// And most parts that a step is taken in.
+/// Largest number of parts of a step.
 const MOST_PARTS: f64 = 4.0;
 /// Steps of the fast motions before a start.
 const SETTLING: usize = 40;
@@ -48,23 +50,23 @@ const MOST_BODIES: usize = 2;
 const GREATEST_SLIP: f64 = 0.5;
 const LEAST_SPEED: f64 = 1.0;
 
-/// How the steering is given.
+/// Input of the steering.
 #[derive(Debug, Clone, Copy)]
 pub enum ReducedSteer {
     /// As commanded; through the whole steering chain. rad
     Commanded(f64),
-    /// As measured at the sensor; only what lies behind it acts. rad
+    /// As measured at the sensor; only the chain behind it acts. rad
     Measured(f64),
 }
 
-/// What is given over a step.
+/// Inputs over a step.
 #[derive(Debug, Clone, Copy)]
 pub struct ReducedInput {
     /// Steering, held over the step.
     pub steer: ReducedSteer,
     /// Acceleration asked of drive and brakes, m/s2.
     pub accel: f64,
-    /// Whether `accel` is what drive and brakes give, without their lag.
+    /// True if `accel` is that of drive and brakes themselves, without their lag.
     pub accel_is_given: bool,
     /// True longitudinal velocity at the begin of the step, m/s.
     pub vx: f64,
@@ -92,7 +94,7 @@ impl Default for Surface {
     }
 }
 
-/// Where a drive starts.
+/// Start of a drive.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct ReducedStart {
     /// m/s, m/s, rad/s, rad
@@ -136,14 +138,14 @@ pub struct ReducedOutput {
 pub trait ReducedVehicle {
     /// Starts somewhere, tyres and springs settled.
     fn start(&mut self, start: &ReducedStart);
-    /// Sets velocity sideways (m/s, of the reference point) and yaw rate (rad/s) under way, tyres settled.
+    /// Sets sideways velocity (m/s, of the reference point) and yaw rate (rad/s) while driving, tyres settled.
     fn set_motion(&mut self, vy: f64, yaw_rate: f64);
     /// The motion now; then one step of at most about 20 ms.
     fn step(&mut self, input: &ReducedInput, step: f64) -> ReducedOutput;
 }
 
-/// A body on springs among a plant's states: places of heave, its rate, pitch, its rate; mass, inertias in pitch and (with what
-/// rolling moves sideways) in roll; stiffnesses of the springs in heave (N/m) and pitch (N m/rad).
+/// A body on springs among a plant's states. Places of heave, its rate, pitch, its rate; mass, inertias in pitch and in
+/// roll (that with the sideways motion of rolling). Stiffnesses of the springs in heave (N/m) and pitch (N m/rad).
 pub(super) struct SprungBody {
     pub heave: [usize; 2],
     pub pitch: [usize; 2],
@@ -154,7 +156,7 @@ pub(super) struct SprungBody {
     pub pitch_stiffness: f64,
 }
 
-/// What a plant says of its fast motions.
+/// A plant with its fast motions declared.
 pub(super) trait Relaxed<const N: usize, const S: usize>: Plant<N, S> {
     /// States that are integrated.
     const SLOW: &'static [usize];
@@ -174,7 +176,7 @@ pub(super) trait Relaxed<const N: usize, const S: usize>: Plant<N, S> {
     fn measured_articulation(&self, y: &[f64; N]) -> (f64, f64);
 }
 
-/// One wheel's constants and what is kept of its last step.
+/// One wheel's constants, and memory of its last step.
 struct Wheel {
     at: usize,
     axle: usize,
@@ -185,20 +187,20 @@ struct Wheel {
     slip: Past,
 }
 
-/// Which body the wheels of an axle carry.
+/// Body above the wheels of an axle.
 fn carried(axle: usize) -> usize {
     usize::from(axle >= FIRST_AXLES)
 }
 
-/// A rate at the last two steps, as far as there were any since the start.
+/// A rate at the last two steps, if there were any since the start.
 #[derive(Clone, Copy)]
 struct Past(Option<f64>, Option<f64>);
 
 impl Past {
     const NONE: Self = Self(None, None);
 
-    /// Mean rate over the step ahead, by Adams and Bashforth of second or third order, or what the past allows. From then on
-    /// `now` is past.
+    /// Mean rate over the step ahead, by Adams and Bashforth of second or third order, or the order that the past
+    /// allows. From then on `now` is past.
     fn ahead(&mut self, now: f64, order: usize) -> f64 {
         let ahead = match (self.0, self.1) {
             (Some(last), Some(before)) if order > 2 => (23.0 * now - 16.0 * last + 5.0 * before) / 12.0,
@@ -210,8 +212,8 @@ impl Past {
     }
 }
 
-/// `1 - e^-z`: where `z` is ordinary by Pade's approximation of sixth order, off by less than 2e-9 of `z`; a larger one in four
-/// parts, off by less than 4e-9 of `z`.
+/// `1 - e^-z`: by Pade's approximation of sixth order for ordinary `z`, off by less than 2e-9 of `z`. A larger one in
+/// four parts, off by less than 4e-9 of `z`.
 fn gone(z: f64) -> f64 {
     if (0.0..2.0).contains(&z) {
         return gone_by_pade(z);
@@ -247,7 +249,7 @@ pub(super) struct Reduced<P: Relaxed<N, S>, const N: usize, const S: usize> {
     wheels: Vec<Wheel>,
     y: [f64; N],
     rates: [f64; N],
-    /// Of the slow motions, as `P::SLOW` has them.
+    /// Past rates of the slow motions, in the order of `P::SLOW`.
     past: Vec<Past>,
     /// Fastest natural frequency of the motion sideways on its tyres, rad/s.
     frequency: f64,
@@ -281,8 +283,8 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
         }
     }
 
-    /// That of the mass on the tyres' side walls, rad/s: whatever the speed, nothing sideways decays by more than half of it
-    /// in a second. Or that of a body that rolls on its springs, if they are stiffer.
+    /// Frequency of the mass on the tyres' side walls, rad/s: whatever the speed, nothing sideways decays by more than
+    /// half of it in a second. For stiffer springs, that of a body that rolls on them.
     fn frequency(plant: &P) -> f64 {
         let axles = || (0..FIRST_AXLES).map(|i| plant.axle(i));
         let mut rolling = [0.0; MOST_BODIES];
@@ -306,8 +308,8 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
         flow
     }
 
-    /// Acceleration of the vehicle, m/s2, from what turns its wheels faster than it moves: that force they have yet to find.
-    /// A wheel that spins or is locked finds no more.
+    /// Acceleration of the vehicle, m/s2, by wheels that turn faster than it moves: the force that they do not have
+    /// yet. A wheel that spins or is locked gets no more.
     fn late(&self) -> f64 {
         let (mut force, mut mass) = (0.0, self.plant.mass());
         for wheel in self.wheels.iter().filter(|wheel| wheel.kappa.abs() < GREATEST_SLIP) {
@@ -319,7 +321,8 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
         force / mass
     }
 
-    /// Fast motions follow their equilibrium; with `h`, the tyres' lateral deflections are integrated, without they settle.
+    /// Fast motions follow their equilibrium. With `h`, the tyres' lateral deflections are integrated; without it they
+    /// settle.
     fn follow(&mut self, h: Option<f64>) {
         let Self { plant, y, rates, wheels, bodies, .. } = self;
         // What a wheel is pushed up by, it hands on to its body by its spring's share: both are moved together, or stiff

@@ -1,8 +1,8 @@
-//! What is measured of the motion.
+//! Measured signals of the motion.
 //!
-//! Pose and velocities are those of the reference point: the place on the road under the CG of the vehicle file,
-//! whatever payload or shift do to the real CG. `ax`, `ay` are what an accelerometer there, fixed to the rolling
-//! and pitching body, reads: `ay = fy cos(roll) + fz sin(roll)`, `ax = fx cos(pitch) - fz sin(pitch)`.
+//! Pose and velocities are those of the reference point. It is the place on the road under the CG of the vehicle file,
+//! regardless of the real CG under payload or shift. `ax`, `ay` are the readings of an accelerometer there, fixed to
+//! the rolling and pitching body: `ay = fy cos(roll) + fz sin(roll)`, `ax = fx cos(pitch) - fz sin(pitch)`.
 
 use super::array;
 use super::effects::Effects;
@@ -13,7 +13,7 @@ use std::collections::VecDeque;
 /// Motion signals of a body.
 pub(super) const BODY_SIGNALS: usize = 11;
 
-/// The true motion signals of a body's reference point, which lies `arm` forward of the CG; specific forces at the CG
+/// The true motion signals of a body's reference point, which lies `arm` forward of the CG. Specific forces at the CG
 /// in the plane of the road and out of it; yaw acceleration.
 #[inline]
 pub(super) fn body_signals(
@@ -46,7 +46,7 @@ pub(super) fn body_signals(
     ]
 }
 
-/// What sensors make of (delayed) signals of a body, in the same order.
+/// Sensor readings of (delayed) signals of a body, in the same order.
 #[inline]
 pub(super) fn measured(effects: &Effects, signals: &[f64]) -> [f64; BODY_SIGNALS] {
     let [x, y, yaw, vx, vy, yaw_rate, ax, ay, roll, pitch, roll_rate] = std::array::from_fn(|i| signals[i]);
@@ -98,12 +98,12 @@ impl<const S: usize> Latency<S> {
         self.samples.extend(other.samples.iter().copied());
     }
 
-    /// Whether a sample is due.
+    /// True if a sample is due.
     pub fn wants(&self, delay: f64, time: f64) -> bool {
         delay > 0.0 && self.samples.back().is_none_or(|newest| time >= newest.0 + 0.9 * SAMPLING)
     }
 
-    /// Takes a sample, and forgets those that nobody will read.
+    /// Takes a sample, and forgets those that are no longer needed.
     pub fn push(&mut self, time: f64, signals: [f64; S]) {
         if self.samples.len() == self.samples.capacity() {
             self.samples.pop_front();

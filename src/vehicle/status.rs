@@ -1,4 +1,4 @@
-//! What a vehicle does, told from its wheels.
+//! State of motion of a vehicle, told from its wheels.
 
 use super::unit::WheelOutput;
 
@@ -9,22 +9,22 @@ const SLIDING: f64 = 0.25;
 const STANDING: f64 = 0.02;
 const STILL: f64 = 1.0;
 
-/// Whether a wheel has left the road.
+/// True if a wheel has left the road.
 pub(super) fn lifted(wheels: &[WheelOutput]) -> bool {
     wheels.iter().any(|wheel| wheel.load <= 0.0)
 }
 
-/// Whether a vehicle of this speed in m/s stands.
+/// True if a vehicle of this speed in m/s stands.
 pub(super) fn stands(speed: f64, wheels: &[WheelOutput]) -> bool {
     speed < STANDING && wheels.iter().all(|wheel| wheel.speed.abs() < STILL)
 }
 
-/// Whether both wheels of an axle slide sideways.
+/// True if both wheels of an axle slide sideways.
 pub(super) fn slides(wheels: &[WheelOutput]) -> bool {
     wheels.chunks(2).any(|axle| axle.iter().all(|wheel| wheel.slip_angle.abs() > SLIDING))
 }
 
-/// Whether a wheel is locked or spinning.
+/// True if a wheel is locked or spinning.
 pub(super) fn slips(wheels: &[WheelOutput]) -> bool {
     wheels.iter().any(|wheel| wheel.slip.abs() > WHEEL_SLIP)
 }

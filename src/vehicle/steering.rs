@@ -49,10 +49,10 @@ impl SteeringChain {
     }
 }
 
-/// How many changes of the command can be under way. When more are, the newest takes the place of the last.
+/// Largest number of changes of the command under way. Beyond it, the newest replaces the last.
 const UNDER_WAY: usize = 4096;
 
-/// What changes while driving.
+/// State of the steering while driving.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SteeringState {
     /// Commands under way: the time at which each arrives, and its value.
@@ -63,9 +63,9 @@ pub struct SteeringState {
     arrived: f64,
     /// The actuator's angle.
     actuator: f64,
-    /// Its angle behind the backlash: what the sensor measures.
+    /// Its angle behind the backlash, which the sensor measures.
     measured: f64,
-    /// Whether angle or rate limit held the actuator back since the last command.
+    /// True if angle or rate limit held the actuator back since the last command.
     limited: bool,
 }
 
@@ -84,7 +84,7 @@ impl SteeringState {
         }
     }
 
-    /// Room for all that can be under way, so that steps do not allocate (after deserialisation).
+    /// Workspace for the longest queue, so that steps do not allocate (after deserialisation).
     pub fn reserve(&mut self, chain: &SteeringChain) {
         if chain.dead_time > 0.0 {
             self.queue.reserve(UNDER_WAY.saturating_sub(self.queue.len()));
@@ -172,7 +172,7 @@ impl SteeringState {
         chain.gain * self.measured + chain.offset
     }
 
-    /// Whether the angle or rate limit held the actuator back.
+    /// True if the angle or rate limit held the actuator back.
     #[must_use]
     pub fn is_limited(&self) -> bool {
         self.limited

@@ -1,7 +1,7 @@
-//! A vehicle under way: its state, its steps, what is measured after them.
+//! A vehicle in motion: its state, its steps, its measurements.
 //!
-//! The plant gives the equations of motion `y' = f(y, steering, drive, road)`; they are integrated by the classic
-//! Runge-Kutta method at 1000 Hz whatever step is asked for. Steering chain and drive are exact in time.
+//! The plant gives the equations of motion `y' = f(y, steering, drive, road)`. They are integrated by the classic
+//! Runge-Kutta method at 1000 Hz, regardless of the step asked for. Steering chain and drive are exact in time.
 
 use super::array;
 use super::drive::DriveLine;
@@ -23,7 +23,7 @@ pub const LONGEST_STEP: f64 = 3600.0;
 /// Roll and pitch angles beyond which a vehicle counts as rolled over, rad.
 pub const ROLLED_OVER: f64 = 0.9;
 
-/// What the driver, or a controller, asks of a vehicle; held over a step.
+/// Inputs of a vehicle, from a driver or a controller; held over a step.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct VehicleInput {
     /// Road-wheel angle asked of the steering actuator, rad.
@@ -32,7 +32,7 @@ pub struct VehicleInput {
     pub accel_cmd: f64,
 }
 
-/// Why a step could not be made. The vehicle is as it was before the step.
+/// Reasons for which a step could not be made. The vehicle is as it was before the step.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum StepError {
@@ -40,7 +40,7 @@ pub enum StepError {
     InputNotFinite { name: &'static str, value: f64, time: f64 },
     #[error("a step of {step} s at {time} s: must be greater than 0 and at most {LONGEST_STEP} s")]
     StepLength { step: f64, time: f64 },
-    /// The body lies beyond what springs and this model describe.
+    /// The body is beyond the range of springs and model.
     #[error(
         "the vehicle rolled over at {time} s (roll {roll} rad, pitch {pitch} rad); drive slower or start anew"
     )]
@@ -57,7 +57,7 @@ pub enum StepError {
     NotFinite { time: f64 },
 }
 
-/// Why a saved state could not be restored.
+/// Reasons for which a saved state could not be restored.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error(
     "this is no saved state of this vehicle ({reason}); use one that the same vehicle with the same parameters saved"
@@ -66,7 +66,7 @@ pub struct RestoreError {
     reason: String,
 }
 
-/// What steering and drive give at an instant.
+/// Steering and drive at an instant.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Stage {
     /// Angle of the road wheels, rad.
@@ -75,7 +75,7 @@ pub(super) struct Stage {
     pub accel: f64,
 }
 
-/// The motion at an instant: signals that may come late, and what is known at once.
+/// The motion at an instant: signals that may be late, and those known at once.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Motion<F, const S: usize> {
     pub signals: [f64; S],
@@ -84,11 +84,11 @@ pub(super) struct Motion<F, const S: usize> {
 
 /// The equations of a vehicle with `N` states, `S` signals of its motion.
 pub(super) trait Plant<const N: usize, const S: usize> {
-    /// What road and earth give at a place.
+    /// Forces and disturbances from road and earth at a place.
     type Environment: Copy;
     /// Forces at an instant, for outputs.
     type Flow: Copy + Default;
-    /// What is measured.
+    /// Measured signals.
     type Output: Copy + Default;
 
     fn steering(&self) -> &SteeringChain;
@@ -121,13 +121,13 @@ pub(super) trait Plant<const N: usize, const S: usize> {
     {
         compute(Evaluation { plant: self, y, stage, environment, rates, flow });
     }
-    /// Whether the model still describes what the vehicle does.
+    /// Checks that the model is within its range.
     fn check(&self, y: &[f64; N], time: f64) -> Result<(), StepError>;
     /// The true motion signals of the first body alone.
     fn body_signals(&self, y: &[f64; N], rates: &[f64; N], flow: &Self::Flow) -> [f64; BODY_SIGNALS];
-    /// The true signals; what the flow lacks for outputs is put there.
+    /// The true signals; missing parts of the flow for outputs are added.
     fn signals(&self, y: &[f64; N], rates: &[f64; N], flow: &mut Self::Flow) -> [f64; S];
-    /// The output from the (delayed) signals, and what has no latency.
+    /// The output from the (delayed) signals, and signals without latency.
     fn measure(&self, state: &State<N, S>, flow: &Self::Flow, delayed: &[f64; S]) -> Self::Output;
 }
 
@@ -158,7 +158,7 @@ pub(super) struct State<const N: usize, const S: usize> {
     #[serde(with = "array")]
     pub y: [f64; N],
     pub steering: SteeringState,
-    /// Acceleration that drive and brakes give, m/s2.
+    /// Acceleration by drive and brakes, m/s2.
     pub drive: f64,
     /// Arc length on the road, m.
     pub station: f64,
@@ -323,7 +323,7 @@ impl<P: Plant<N, S>, const N: usize, const S: usize> Stepper<P, N, S> {
         Motion { signals: self.plant.signals(&self.state.y, &rates, &mut flow), flow }
     }
 
-    /// Sets the output from what the sensors make of the motion.
+    /// Sets the output from the sensors' readings of the motion.
     fn sense(&mut self, motion: Motion<P::Flow, S>) {
         let Self { plant, state, output, .. } = self;
         let delayed = state.sensors.read(plant.effects().sensor_delay, state.time, &motion.signals);
@@ -381,8 +381,8 @@ pub(super) fn check_upright(roll: f64, pitch: f64, time: f64) -> Result<(), Step
 macro_rules! vehicle {
     ($vehicle:ty, $output:ty, $stepper:ty) => {
         impl $vehicle {
-            /// Puts the vehicle somewhere: position of its reference point in m, yaw in rad, speed in m/s; wheels
-            /// rolling, steering straight, time 0, nothing under way.
+            /// Puts the vehicle at a place: position of its reference point in m, yaw in rad, speed in m/s. The wheels
+            /// roll, the steering is straight, the time is 0, and nothing is under way.
             pub fn place(&mut self, x: f64, y: f64, yaw: f64, vx: f64) {
                 self.stepper.place(x, y, yaw, vx);
             }
@@ -395,7 +395,7 @@ macro_rules! vehicle {
                 self.stepper.step(input, step)
             }
 
-            /// What is measured at the end of the last step.
+            /// Measurements at the end of the last step.
             #[must_use]
             pub fn output(&self) -> &$output {
                 self.stepper.output()
@@ -407,12 +407,12 @@ macro_rules! vehicle {
                 self.stepper.time()
             }
 
-            /// Appends everything that steps change to `bytes`.
+            /// Appends all that steps change to `bytes`.
             pub fn save(&self, bytes: &mut Vec<u8>) {
                 self.stepper.save(bytes);
             }
 
-            /// Restores what [`save`](Self::save) wrote; the vehicle then goes on bit for bit.
+            /// Restores the output of [`save`](Self::save); the vehicle then goes on bit for bit.
             ///
             /// # Errors
             /// Bytes that are cut off, too many, or of something else. The vehicle is then as it was.

@@ -1,4 +1,5 @@
-//! How sure the numbers of a vehicle file are: standard deviations that its user knows better than the diagnosis does.
+//! Uncertainty of the numbers of a vehicle file: standard deviations that its user knows better than the diagnosis
+//! does.
 //!
 //! ```toml
 //! [tolerance]
@@ -25,7 +26,7 @@ enum Entry {
 }
 
 impl Tolerances {
-    /// Whether there is none.
+    /// True if there is none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()

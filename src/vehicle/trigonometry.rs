@@ -1,4 +1,4 @@
-//! Arc tangent, sine and cosine of several numbers at once: most of what a step of the car computes.
+//! Arc tangent, sine and cosine of several numbers at once: most of the computation of a car's step.
 //!
 //! The functions of the system's library take one number at a time and differ in their last bits from processor to
 //! processor. These use plain additions, multiplications and divisions without branches, for all numbers of
@@ -10,22 +10,22 @@
 //!     cos x  = (-1)^(k+1) sin r, r = x - n pi,                      n = k + 1/2
 //! ```
 //!
-//! `atan t` and `sin r` are odd polynomials of degree 23 and 17 that interpolate `(f(t)/t - 1)/t^2` at Chebyshev
-//! nodes in `t^2`; their relative errors are 7e-18 and 4e-17. With rounding the relative error of `atan` and the
-//! absolute error of `sin` and `cos` are below 5e-16 (`tests/vehicle_trigonometry.rs`).
+//! `atan t` and `sin r` are odd polynomials of degree 23 and 17 that interpolate `(f(t)/t - 1)/t^2` at Chebyshev nodes
+//! in `t^2`. Their relative errors are 7e-18 and 4e-17. With rounding the relative error of `atan` and the absolute
+//! error of `sin` and `cos` are below 5e-16 (`tests/vehicle_trigonometry.rs`).
 
 use crate::lanes::Lanes;
 use std::f64::consts::{FRAC_1_PI, FRAC_PI_2, FRAC_PI_4};
 
 const TAN_PI_8: f64 = 0.414_213_562_373_095;
 const TAN_3_PI_8: f64 = 2.414_213_562_373_095;
-/// What `FRAC_PI_2` and `FRAC_PI_4` lack.
+/// Rounding errors of `FRAC_PI_2` and `FRAC_PI_4`.
 const REST_OF_PI_2: f64 = 6.123_233_995_736_766e-17;
 const REST_OF_PI_4: f64 = 3.061_616_997_868_383e-17;
 /// Pi in two parts; the first has 38 bits, so that its product with `n` is exact.
 const PI_HIGH: f64 = 3.141_592_653_584_666_6;
 const PI_LOW: f64 = 5.126_688_303_189_038e-12;
-/// Beyond this `n` pi is not exact enough, and the library's functions are used.
+/// Argument beyond which `n` pi is not exact enough, and the library's functions are used.
 const GREATEST: f64 = 1e4;
 /// Adding 1.5 2^52 rounds to an integer, whose parity is then the last bit.
 const ROUND: f64 = 6_755_399_441_055_744.0;

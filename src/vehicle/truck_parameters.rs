@@ -1,7 +1,7 @@
 //! A truck's parameters: tractor and semi-trailer, from a file that people can read and edit.
 //!
 //! As for a car (`parameters.rs`), a key of the file is the name of the FMU's parameter. Axle groups are the front
-//! (steered), the rear (driven) and the trailer's; each has one wheel on each side that stands for all of its tyres.
+//! (steered), the rear (driven) and the trailer's. Each has one wheel on each side that stands for all of its tyres.
 
 use super::articulated::Articulated;
 use super::builtin;
@@ -17,9 +17,9 @@ use std::path::Path;
 #[serde(deny_unknown_fields)]
 #[allow(missing_docs)]
 pub struct TruckParameters {
-    /// What people call the truck.
+    /// Name of the truck for people.
     pub name: String,
-    /// Where the figures come from.
+    /// Source of the figures.
     #[serde(default)]
     pub source: String,
     pub tractor: Body,
@@ -32,10 +32,10 @@ pub struct TruckParameters {
     pub drive: TruckDrive,
     pub brake: TruckBrake,
     pub air: TruckAir,
-    /// What separates the real truck from the rest of the file: neutral, or found by a diagnosis.
+    /// Differences of the real truck from the rest of the file: neutral, or found by a diagnosis.
     #[serde(default)]
     pub effect: TruckEffects,
-    /// How sure the numbers are, where a user knows.
+    /// Uncertainty of the numbers, where a user knows it.
     #[serde(default, skip_serializing_if = "Tolerances::is_empty")]
     pub tolerance: Tolerances,
 }
@@ -50,7 +50,7 @@ pub struct Triple<T> {
     pub trailer: T,
 }
 
-/// The semi-trailer's masses, inertias and where they are.
+/// The semi-trailer's masses and inertias, and their places.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[allow(missing_docs)]
@@ -80,7 +80,7 @@ pub struct Hitch {
     pub articulation_limit: f64,
 }
 
-/// The engine, as the road sees it, at the rear axle.
+/// The engine's force at the road, at the rear axle.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[allow(missing_docs)]
@@ -264,7 +264,7 @@ pub(super) struct RestLoads {
     pub front: f64,
     pub rear: f64,
     pub trailer: f64,
-    /// What the hitch carries.
+    /// Load on the hitch.
     pub hitch: f64,
 }
 
@@ -297,14 +297,14 @@ impl TruckParameters {
         [loads.front, loads.rear, loads.trailer]
     }
 
-    /// Lateral relaxation length of the front tyres at rest, m; none if a tyre file does not say.
+    /// Lateral relaxation length of the front tyres at rest, m; none if a tyre file lacks it.
     #[must_use]
     pub fn relaxation(&self) -> Option<f64> {
         let load = 0.5 * self.axle_loads()[0] / self.tyres_per_side.front;
         relaxation_at_rest(load, &[&self.tyre.front, &self.tyre.rear, &self.tyre.trailer])
     }
 
-    /// The linear model of this truck: stiffnesses are the slopes of the tyres' lateral force at static load and
+    /// The linear model of this truck. Stiffnesses are the slopes of the tyres' lateral force at static load and
     /// straight running, all tyres of an axle group together.
     #[must_use]
     pub fn articulated(&self) -> Articulated {

@@ -3,7 +3,7 @@
 use crate::vehicle::{Effect, Explanation, TrailerEffects, TruckEffects, effect_like};
 use std::error::Error;
 
-/// Prints what an effect is; all effects without a name.
+/// Prints the explanation of an effect; of all effects without a name.
 pub(super) fn explain(id: &str) -> Result<(), Box<dyn Error>> {
     if id.is_empty() {
         for effect in TruckEffects::all() {

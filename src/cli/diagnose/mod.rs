@@ -1,4 +1,4 @@
-//! `rfl diagnose`: what separates a log from a simulator, and how far the gap shrinks.
+//! `rfl diagnose`: the differences between a log and a simulator, and the reduction of the gap.
 //!
 //! | file | problem |
 //! |---|---|
@@ -89,10 +89,10 @@ pub struct DiagnoseArgs {
     /// An effect that is not to be named (its tolerance stays); repeatable
     #[arg(long, value_name = "EFFECT")]
     without: Vec<String>,
-    /// How good the vehicle's numbers are; [tolerance] of the vehicle file says it of one
+    /// Quality of the vehicle's numbers; [tolerance] of the vehicle file states it for one
     #[arg(long, value_enum, default_value = "usual")]
     trust: Trust,
-    /// How probable an effect is before the log is seen, EFFECT=P; repeatable
+    /// Probability of an effect before the log is seen, EFFECT=P; repeatable
     #[arg(long = "prior", value_name = "EFFECT=P")]
     priors: Vec<String>,
     /// Single effects only
@@ -119,7 +119,7 @@ enum Unit {
 /// Runs the command.
 ///
 /// # Errors
-/// What was wrong, where, and what to do.
+/// The fault, its place, and advice.
 pub fn run(args: &DiagnoseArgs) -> Result<u8, Box<dyn Error>> {
     if let Some(effect) = &args.explain {
         explain::explain(effect)?;
@@ -174,7 +174,7 @@ fn vehicle(args: &DiagnoseArgs, logs: &[DriveLog]) -> Result<String, Box<dyn Err
     }
 }
 
-/// Whether it is a truck that was logged.
+/// True if a truck was logged.
 fn articulated(logs: &[DriveLog]) -> bool {
     logs.iter().any(|log| log.column("articulation").is_some())
 }
@@ -303,7 +303,7 @@ pub(super) fn steady_steering<V: LateralVehicle<S>, const S: usize>(vehicle: &V,
     }
 }
 
-/// What the diagnosis is made from, with hashes.
+/// Inputs of the diagnosis, with hashes.
 fn inputs(args: &DiagnoseArgs, vehicle: &str) -> Result<BTreeMap<String, InputFile>, Box<dyn Error>> {
     let mut files = BTreeMap::new();
     // Built-in vehicles and courses have names, and no files.
@@ -371,7 +371,7 @@ fn closed_loop<P: Commanded<S, C>, const S: usize, const C: usize>(
 /// Name of the calibrated simulator's files.
 const CALIBRATED: &str = "calibrated";
 
-/// Writes the calibrated simulator; gives its files and what they are. None where nothing was found to calibrate.
+/// Writes the calibrated simulator; gives its files with their descriptions. None if there is nothing to calibrate.
 fn simulator<P: Commanded<S, C>, const S: usize, const C: usize>(
     args: &DiagnoseArgs,
     name: &str,

@@ -1,4 +1,4 @@
-//! The answer on a terminal: verdict, candidates, shrinkage, what was found in the log.
+//! The answer on a terminal: verdict, candidates, shrinkage, findings in the log.
 
 use crate::diagnose::{Gravity, Report};
 

@@ -1,7 +1,8 @@
-//! Whether knowing the actuator drives better than leaving the vehicle file as it is: in closed loop, on our plant.
+//! Closed-loop check of an identified actuator on our plant: it must drive better than the unchanged vehicle file.
 //!
-//! The plant has the actuator that was found, and those at the intervals' ends; the controller predicts with what was found,
-//! or with what the file says. A short road with turns is enough: a controller that does not know its delay swings there.
+//! The plant has the identified actuator, or those at the ends of the intervals. The controller predicts with the
+//! identified one or with that of the file. A short road with turns is enough: a controller that does not know its
+//! delay swings there.
 
 use super::super::drive::Setup;
 use super::super::vehicle::Commanded;
@@ -21,7 +22,7 @@ const LOST: f64 = 3.5;
 /// Errors whose means differ by less are the same, m.
 const SAME: f64 = 1e-3;
 
-/// One plant, driven with and without knowing.
+/// One plant, driven with and without the identified actuator.
 pub(super) struct Row {
     plant: &'static str,
     actuator: Actuator,
@@ -99,7 +100,7 @@ impl Driven {
     }
 }
 
-/// Prints them; whether knowing the actuator loses a vehicle that stays on the road without.
+/// Prints them; true if the identified actuator loses a vehicle that stays on the road without it.
 pub(super) fn print(rows: &[Row]) -> bool {
     say!(
         "{:<22} {:>11} {:>8} {:>18} {:>18}",

@@ -1,8 +1,8 @@
-//! A vehicle file that knows its steering actuator: `[steering]` edited, everything else as its author wrote it.
+//! A vehicle file with its identified steering actuator: `[steering]` edited, everything else as its author wrote it.
 //!
-//! The actuator that was found is the whole of it: what `[effect]` of the file adds is taken off. Gain and offset of the
-//! measured angle are written where the file has none of its own: those stand behind the sensor, and a measured angle does
-//! not tell of them. Written apart and then renamed: a reader sees the old file or the new one.
+//! The identified actuator is the whole of it: the additions in `[effect]` of the file are taken off. Gain and offset
+//! of the measured angle are written if the file has none of its own. Those of the file stand behind the sensor, where
+//! a measured angle does not reach. Written apart and then renamed: a reader sees the old file or the new one.
 
 use super::super::vehicle::Commanded;
 use super::IdentifyArgs;
@@ -17,16 +17,16 @@ use toml_edit::{DocumentMut, Item, Value};
 
 /// Digits after the point that are written: a tenth of a millisecond.
 const DIGITS: f64 = 1e4;
-/// A gain this near to 1, or an offset this near to 0 in rad, is none.
+/// Deviation of a gain from 1, or of an offset from 0 in rad, that counts as none.
 const GAIN_NONE: f64 = 0.01;
 const OFFSET_NONE: f64 = 5e-4;
-/// A gain beyond is a unit or a steering wheel's, not this vehicle's.
+/// Range of plausible gains: beyond, it is a unit or a steering wheel's.
 const PLAUSIBLE: std::ops::Range<f64> = 0.5..2.0;
 
-/// Writes what was found into a file; the numbers that changed. `harmful`: the closed loop is lost by knowing it.
+/// Writes the result into a file; gives the changed numbers. `harmful`: the closed loop is lost with it.
 ///
 /// # Errors
-/// Not excited, and something would change; a file that cannot be read, edited or written.
+/// A result that is not excited, and would change something; a file that cannot be read, edited or written.
 pub(super) fn write<P: Commanded<S, C>, const S: usize, const C: usize>(
     file: &Path,
     vehicle: &str,
@@ -85,7 +85,7 @@ pub(super) fn write<P: Commanded<S, C>, const S: usize, const C: usize>(
     Ok(changes)
 }
 
-/// What changes in `[steering]`.
+/// Changes in `[steering]`.
 fn changes<P: Commanded<S, C>, const S: usize, const C: usize>(
     old: &P::Parameters,
     found: &IdentifiedSteering,

@@ -3,9 +3,9 @@
 //! | file | problem |
 //! |---|---|
 //! | `step.rs` | a step, recorded or driven here, for the variant `actuator` |
-//! | `report.rs` | what was found, in words |
-//! | `check.rs` | whether knowing it drives better, in closed loop |
-//! | `into.rs` | a vehicle file that knows it |
+//! | `report.rs` | the result in words |
+//! | `check.rs` | closed-loop check of the result |
+//! | `into.rs` | a vehicle file with the result |
 
 mod check;
 mod into;
@@ -93,7 +93,7 @@ pub struct IdentifyArgs {
     json: Option<PathBuf>,
 }
 
-/// What was found, and in what.
+/// Result of an identification, and its log.
 struct Found {
     drives: Vec<SteeringDrive>,
     findings: Vec<Finding>,
@@ -106,7 +106,7 @@ struct Found {
 /// Runs the command.
 ///
 /// # Errors
-/// What was wrong, where, and what to do.
+/// The fault, its place, and advice.
 pub fn run(args: &IdentifyArgs) -> Result<(), Box<dyn Error>> {
     identified(args).map(drop)
 }
@@ -249,7 +249,7 @@ fn part_of(drive: SteeringDrive, args: &IdentifyArgs) -> SteeringDrive {
     }
 }
 
-/// What the response is.
+/// Name of the response.
 fn response(args: &IdentifyArgs) -> &'static str {
     if args.by_yaw_rate { YAW_RATE.name } else { STEER.name }
 }

@@ -1,4 +1,4 @@
-//! What was found, in words and as JSON.
+//! Result of an identification, in words and as JSON.
 
 use super::{Found, IdentifyArgs, models_as_json, response};
 use crate::log::Gravity;
@@ -7,10 +7,10 @@ use serde_json::{Value, json};
 
 /// Wrong rows that are named.
 const NAMED: usize = 5;
-/// A gain farther from 1 than this is a ratio or a unit.
+/// Deviation of a gain from 1 from which on it is a ratio or a unit.
 const GAIN_ODD: f64 = 0.2;
 
-/// Prints the numbers, and what was mended.
+/// Prints the numbers, and the repairs.
 pub(super) fn print(found: &Found, args: &IdentifyArgs) {
     for finding in &found.findings {
         let gravity = if finding.gravity == Gravity::Note { "note" } else { "warning" };
@@ -91,7 +91,7 @@ fn notes(found: &Found, steering: &IdentifiedSteering, args: &IdentifyArgs) {
     }
 }
 
-/// What is open, and what drive would tell.
+/// Open quantities, and drives that would determine them.
 fn not_excited(steering: &IdentifiedSteering) {
     let IdentifiedSteering { dead_time, lag, delay, gain, offset, .. } = steering;
     match (dead_time.excited && lag.excited, delay.excited) {
@@ -116,7 +116,7 @@ fn not_excited(steering: &IdentifiedSteering) {
     }
 }
 
-/// What to do with it.
+/// Advice for the use of the result.
 pub(super) fn next(found: &Found, args: &IdentifyArgs) {
     let Some(steering) = &found.steering else { return };
     if args.logs.is_empty() || !found.models.is_empty() && args.into.is_none() {

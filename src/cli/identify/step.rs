@@ -22,7 +22,7 @@ const SETTLED: f64 = 3.0;
 /// A log that is shorter is a record of a step, s; a longer one if its command has so few values.
 const RECORD: f64 = 10.0;
 const FEW_COMMANDS: usize = 4;
-/// A gain farther from 1 than this is a ratio or a unit.
+/// Deviation of a gain from 1 from which on it is a ratio or a unit.
 const GAIN_ODD: f64 = 0.2;
 
 /// The columns of a step.
@@ -37,7 +37,7 @@ pub(super) struct Step {
     pub first_line: usize,
 }
 
-/// Whether a log is a record of a step: short, or steady from the beginning and then of a few commands only.
+/// True for a record of a step: short, or steady from the beginning and then of a few commands only.
 pub(super) fn is_record(step: &Step) -> bool {
     let length = step.time.last().unwrap_or(&0.0) - step.time.first().unwrap_or(&0.0);
     if length.is_nan() || length < RECORD {
@@ -49,8 +49,8 @@ pub(super) fn is_record(step: &Step) -> bool {
     commands.len() <= FEW_COMMANDS && SteeringRecord::new(&step.time, &step.command, &step.response).is_ok()
 }
 
-/// The models of the variant `actuator` that fit a record. `of` is what messages call it, `vehicle` what a yaw rate is
-/// seen through.
+/// The models of the variant `actuator` that fit a record. `of` is the name in messages; `vehicle` is between the
+/// actuator and a yaw rate.
 pub(super) fn models<V: LateralVehicle<S>, const S: usize>(
     step: &Step,
     of: &str,
@@ -219,7 +219,7 @@ fn constant_speed(speed: &[f64], slowest: f64) -> Result<f64, Box<dyn Error>> {
     Ok(mean)
 }
 
-/// The settings that make the variant `actuator` predict with what was found.
+/// The settings with which the variant `actuator` predicts by the result.
 fn settings(found: &IdentifiedActuator) -> [(&'static str, String); 3] {
     let actuator = &found.actuator;
     [

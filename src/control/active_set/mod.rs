@@ -20,22 +20,22 @@
 //! H U + f + A_W' lambda = 0,    A_W U - C lambda = b_W - C l
 //! ```
 //!
-//! The method begins at the unconstrained minimiser `-H^-1 f`, which is the answer in most steps of a drive. As long
-//! as a row is violated, the most violated one's multiplier grows, the working set staying satisfied: with
+//! The method begins at the unconstrained minimiser `-H^-1 f`, which is the answer in most steps of a drive. As long as
+//! a row is violated, the multiplier of the most violated one grows, while the working set stays satisfied. With
 //! `V = H^-1 A_W'`, `K = A_W V + C`, `v = H^-1 a` and `r = K^-1 A_W v`, by one unit of it
 //!
 //! ```text
 //! dU = V r - v,    d lambda_W = -r,    violation falls by  a'v + c - r' A_W v
 //! ```
 //!
-//! until the violation is gone and the row joins `W`, or a multiplier arrives at 0 (its row leaves) or at `l` (its
-//! row begins to yield, or ceases to). The dual objective rises at each step that is not of length zero, so no
-//! working set comes twice; an iteration bound guards against rounding.
+//! until the violation is gone and the row joins `W`, or a multiplier arrives at a limit. At 0 its row leaves; at `l`
+//! its row begins to yield, or ceases to. The dual objective rises at each step of non-zero length, so no working set
+//! recurs; an iteration bound guards against rounding.
 //!
-//! An answer is accepted only if its KKT residuals are small, computed afresh from `G`, not from what the method
-//! accumulated; if they are not, a few steps of refinement on the KKT system may make them so. Each solve
-//! begins from nothing, so that its bits depend on the problem alone. The time of an iteration is `O(n^2)` for `n`
-//! inputs over the horizon.
+//! An answer is accepted only if its KKT residuals are small. They are computed afresh from `G`, not from accumulated
+//! quantities. If they are too large, a few steps of refinement on the KKT system may reduce them. Each solve begins
+//! from nothing, so that its bits depend on the problem alone. The time of an iteration is `O(n^2)` for `n` inputs over
+//! the horizon.
 
 mod rows;
 
@@ -45,7 +45,7 @@ use super::tracking_qp::{QpEnd, QpError, QpReport, QpShape, QpSolver, TrackingQp
 use rows::{Family, Member, Row, input_width, soft_width};
 use std::time::Instant;
 
-/// Violation that is none, in widths of the input's or output's range.
+/// Violation that counts as none, in widths of the input's or output's range.
 const TOLERANCE: f64 = 1e-10;
 /// Violation and mismatch of active rows with which a solution is accepted, in the same widths.
 const FEASIBLE: f64 = 1e-9;
@@ -56,7 +56,7 @@ const DEPENDENT: f64 = 1e-12;
 /// Refinements of a solution before it is given up.
 const REFINEMENTS: u32 = 3;
 
-/// What ends a step along a multiplier.
+/// End of a step along a multiplier.
 #[derive(Debug, Clone, Copy)]
 enum Event {
     /// The violation is gone.
@@ -71,8 +71,8 @@ enum Event {
 
 /// The active-set method behind [`QpSolver`].
 ///
-/// Refuses with [`QpError::Numerical`], [`QpError::Infeasible`] or [`QpError::IterationLimit`] what another solver
-/// should look at; [`super::FastSolver`] does so.
+/// Refuses with [`QpError::Numerical`], [`QpError::Infeasible`] or [`QpError::IterationLimit`] a problem for another
+/// solver; [`super::FastSolver`] passes it on.
 pub struct ActiveSetSolver {
     hessian: Vec<f64>,
     linear: Vec<f64>,
@@ -83,7 +83,7 @@ pub struct ActiveSetSolver {
     gradient: Vec<f64>,
     residual: Vec<f64>,
     working: Vec<Member>,
-    /// Which rows have a side in the working set.
+    /// True for rows with a side in the working set.
     in_set: Vec<bool>,
     /// Factor of `K`.
     gram: Cholesky,
@@ -95,11 +95,11 @@ pub struct ActiveSetSolver {
     direction: Vec<f64>,
     iterations: u32,
     iteration_limit: u32,
-    /// Whether the shape's bounds are finite and its penalties quadratic.
+    /// True if the shape's bounds are finite and its penalties quadratic.
     usable: bool,
 }
 
-/// When to stop.
+/// Stopping criterion.
 #[derive(Debug, Clone, Copy)]
 struct Watch {
     begin: Option<(Instant, f64)>,
@@ -115,7 +115,7 @@ impl Watch {
     }
 }
 
-/// Whether the method can serve a shape: it measures by the widths of ranges and divides by quadratic penalties.
+/// True if the method can serve a shape: it measures by the widths of ranges and divides by quadratic penalties.
 fn is_usable(shape: &QpShape) -> bool {
     let finite = |x: f64| x.is_finite();
     (0..shape.inputs)
@@ -213,7 +213,7 @@ impl ActiveSetSolver {
         found
     }
 
-    /// Predicts the softly bounded outputs, the only ones that the method looks at.
+    /// Predicts the softly bounded outputs, the only ones that the method uses.
     fn predict_soft(&mut self, problem: &TrackingQp) {
         let shape = &problem.shape;
         for index in 0..shape.horizon * shape.soft.len() {
@@ -318,7 +318,7 @@ impl ActiveSetSolver {
         }
     }
 
-    /// Lets a soft member begin or cease to yield: it leaves `K` and comes back with another diagonal entry.
+    /// Lets a soft member begin or cease to yield: it leaves `K` and returns with another diagonal entry.
     fn switch(&mut self, problem: &TrackingQp, i: usize) -> Result<(), QpError> {
         let shape = &problem.shape;
         self.gram.remove(i);
@@ -374,7 +374,7 @@ impl ActiveSetSolver {
         scale
     }
 
-    /// Whether the KKT conditions hold, for what [`Self::evaluate`] computed.
+    /// True if the KKT conditions hold, from the values of [`Self::evaluate`].
     fn is_optimal(&self, problem: &TrackingQp, scale: f64) -> bool {
         let shape = &problem.shape;
         let stationary = self.residual.iter().all(|value| value.abs() <= STATIONARY * scale);
@@ -406,8 +406,8 @@ impl ActiveSetSolver {
         }
     }
 
-    /// Cost at the solution, with that of the slacks: what the outputs exceed, for a multiplier is a small difference
-    /// from the linear penalty there.
+    /// Cost at the solution, with that of the slacks: the excess of the outputs. The multiplier there is a small
+    /// difference from the linear penalty.
     fn objective(&self, problem: &TrackingQp) -> f64 {
         let shape = &problem.shape;
         let slack: f64 = self

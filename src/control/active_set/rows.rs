@@ -24,10 +24,10 @@ pub(super) struct Row {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Member {
     pub(super) row: Row,
-    /// Where its column `H^-1 a` stands.
+    /// Place of its column `H^-1 a`.
     pub(super) slot: usize,
     pub(super) multiplier: f64,
-    /// Whether it is soft and exceeded.
+    /// True if it is soft and exceeded.
     pub(super) yields: bool,
 }
 
@@ -146,7 +146,7 @@ impl Member {
             .map_or(0.0, |(linear, compliance)| (self.multiplier - linear) * compliance)
     }
 
-    /// How far its multiplier is from where its state has it.
+    /// Distance of its multiplier from the range that belongs to its state.
     pub(super) fn dual_violation(&self, shape: &QpShape) -> f64 {
         match (self.row.penalty(shape), self.yields) {
             (Some((linear, _)), true) => linear - self.multiplier,
@@ -156,7 +156,7 @@ impl Member {
     }
 }
 
-/// Width of the range of an input, the measure for what violates its bounds.
+/// Width of the range of an input, the measure of violations of its bounds.
 pub(super) fn input_width(shape: &QpShape, i: usize) -> f64 {
     shape.input_max[i] - shape.input_min[i]
 }

@@ -1,5 +1,5 @@
-//! The nominal linear model behind a steering actuator: one that is known, with its true constants the oracle, or one that a
-//! bank of hypotheses finds while driving.
+//! The nominal linear model behind a steering actuator. The actuator is known (with its true constants, the oracle), or
+//! a bank of hypotheses finds it while driving.
 //!
 //! Lag, dead time and their approximants are one form (`nominal/actuator.rs`). The actuator's states are not measured:
 //! the actuator is run over the issued commands.

@@ -22,14 +22,14 @@ use std::sync::Arc;
 use std::time::Instant;
 
 enumeration! {
-    /// With which model the states are predicted at which the residual is asked.
+    /// Model of the predicted states at which the residual is asked.
     pub enum RollOut {
         Nominal = 0 "nominal", "The nominal model, as in Zhao et al.";
         Corrected = 1 "corrected", "The nominal model with the residual";
     }
 }
 
-/// A learned residual and how it is used.
+/// A learned residual and its propagation.
 #[derive(Debug, Clone)]
 #[allow(missing_docs)]
 pub struct Residual<V = SingleTrack, const S: usize = ERRORS> {
@@ -38,11 +38,11 @@ pub struct Residual<V = SingleTrack, const S: usize = ERRORS> {
     pub roll_out: RollOut,
 }
 
-/// The learned residual with room for its use.
+/// The learned residual with workspace.
 struct Learned<V, const S: usize> {
     residual: Residual<V, S>,
     rows: Lookahead<S>,
-    /// The trust with which the effects of each row's commands were written down; not a number if they were not.
+    /// The trust with which the effects of each row's commands were written; not a number if they were not.
     written: Vec<f64>,
     /// Issued commands and then planned ones, oldest first.
     commands: Vec<f64>,
@@ -57,13 +57,13 @@ pub struct NominalWithResidual<V, const S: usize> {
     nominal: Nominal<V>,
     learned: Option<Learned<V, S>>,
     affine: Affine<SVector<f64, S>>,
-    /// What the newest prediction was made with.
+    /// Model of the newest prediction.
     model: Option<DiscreteErrorModel<S>>,
     outside: f64,
-    /// Share of the residual that it was made with.
+    /// Share of the residual in it.
     share: f64,
-    /// Whether its first step was the model's for the greater part: what is said far outside the training speaks neither for
-    /// nor against it.
+    /// True if its first step was mostly the model's: predictions far outside the training are evidence neither for nor
+    /// against it.
     within: bool,
 }
 
@@ -115,7 +115,7 @@ impl<V: LateralVehicle<S>, const S: usize> NominalWithResidual<V, S> {
             learned.roll_out(model, actuated, input, previous, preview, &mut self.affine);
     }
 
-    /// The state to be reached: that of steady cornering, by the corrected model where there is a correction.
+    /// The target state: that of steady cornering, by the corrected model if there is a correction.
     fn write_references(
         &self,
         model: &DiscreteErrorModel<S>,

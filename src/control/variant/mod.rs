@@ -1,8 +1,8 @@
-//! The variants of the lateral MPC: what the states ahead are predicted with.
+//! The variants of the lateral MPC: prediction models of the states ahead.
 //!
 //! All share cost, bounds, road ahead and solver (`lateral.rs`); each fills in how the outputs depend on the commands.
 //!
-//! | file | predicts with |
+//! | file | prediction model |
 //! |---|---|
 //! | `linear.rs` | the nominal linear model, with or without a learned residual |
 //! | `actuator.rs` | the nominal linear model behind a steering actuator, known or found while driving |
@@ -32,10 +32,10 @@ use serde::{Deserialize, Serialize};
 use std::any::Any;
 use std::time::Instant;
 
-/// What the controller of a car predicts with.
+/// Prediction model of a car's controller.
 pub type PredictionModel = PredictionModelFor<SingleTrack, ERRORS>;
 
-/// What the controller of a kind of vehicle with `S` states predicts with.
+/// Prediction model of the controller of a kind of vehicle with `S` states.
 #[derive(Debug, Clone, Default)]
 pub enum PredictionModelFor<V: ControlledVehicle<S>, const S: usize> {
     /// The linear single track.
@@ -45,7 +45,7 @@ pub enum PredictionModelFor<V: ControlledVehicle<S>, const S: usize> {
     Residual(Residual<V, S>),
     /// The linear single track behind a steering actuator with known dead time and lag.
     Actuator(Actuator),
-    /// The same with what a bank of hypotheses finds of the actuator while driving; given is what is known of it before.
+    /// The same with an actuator that a bank of hypotheses finds while driving; the given one is the prior knowledge.
     Adaptive(Actuator),
     /// The nonlinear model, with or without a learned Gaussian process: nonlinear MPC. Of a car the bicycle, of a truck the
     /// single track of tractor and semi-trailer.
@@ -80,7 +80,7 @@ pub struct Qp {
     pub inputs: Vec<f64>,
     pub outputs: Vec<f64>,
     pub timing: Timing,
-    /// What is added to the references, `N outputs`: the transient motion on a road that changes. Empty for none.
+    /// Addition to the references, `N outputs`: the transient motion on a road that changes. Empty for none.
     pub transient: Vec<f64>,
     /// QPs solved in this step.
     pub solved: u32,
@@ -123,7 +123,7 @@ impl Qp {
 pub struct Expected<const S: usize = ERRORS> {
     /// The state.
     pub state: SVector<f64, S>,
-    /// How it depends on the state before: `A` of the model.
+    /// Derivative by the state before: `A` of the model.
     pub transition: SMatrix<f64, S, S>,
 }
 
@@ -162,7 +162,7 @@ pub trait Variant<const S: usize>: Send {
         qp: &mut Qp,
     ) -> Result<QpReport, QpError>;
 
-    /// Predicts without a plan, so that the next state can be told.
+    /// Predicts without a plan, so that the next state is known.
     ///
     /// # Errors
     /// A model that cannot be made.
@@ -175,12 +175,12 @@ pub trait Variant<const S: usize>: Send {
         Ok(())
     }
 
-    /// The state after this step if `steer` is issued, with everything that the newest prediction knew; `past` are the
+    /// The state after this step if `steer` is issued, with all knowledge of the newest prediction; `past` are the
     /// commands before it. None before the first prediction.
     fn next_state(&self, state: &SVector<f64, S>, past: &[f64], steer: f64) -> Option<Expected<S>>;
 
-    /// The same by the nominal model and with all that is learned, whatever share of it was used. None without anything
-    /// learned, and where it was not asked.
+    /// The same by the nominal model and with the full learned model, regardless of the share in use. None without a
+    /// learned model, or if it was not asked.
     fn without_and_with_learned(
         &self,
         _state: &SVector<f64, S>,
@@ -190,7 +190,7 @@ pub trait Variant<const S: usize>: Send {
         None
     }
 
-    /// Whether it predicts with something learned.
+    /// True if it predicts with a learned model.
     fn is_learned(&self) -> bool {
         false
     }
@@ -205,7 +205,7 @@ pub trait Variant<const S: usize>: Send {
         0
     }
 
-    /// Share of the newest horizon where something learned was asked outside its training, 0 to 1.
+    /// Share of the newest horizon for which a learned model was asked outside its training, 0 to 1.
     fn outside_training(&self) -> f64 {
         0.0
     }

@@ -1,4 +1,4 @@
-//! How the vehicle answers to steering, in the curves that engineers know: real, simulated, corrected.
+//! Response of the vehicle to steering, in the curves that engineers know: real, simulated, corrected.
 
 use super::View;
 use super::frequency::{Response, response};
@@ -9,7 +9,7 @@ use super::plot::{Colour, Curve, Plot};
 const STEADY: f64 = 0.15;
 /// Steering rates up to this, rad/s.
 const STEADY_ANGLE: f64 = 0.1;
-/// Angles below this tell nothing of a gain, rad.
+/// Least angle for a gain, rad.
 const LEAST_ANGLE: f64 = 5e-3;
 /// Fewest rows for a point of a curve.
 const LEAST_ROWS: usize = 20;

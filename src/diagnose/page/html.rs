@@ -43,7 +43,7 @@ pub(super) fn percent(share: f64) -> String {
     format!("{}{:.0}\u{a0}%", if whole < 0.0 { "−" } else { "" }, whole.abs())
 }
 
-/// A table; cells are HTML already. `text` says how many of the first columns are text.
+/// A table; cells are HTML already. `text` is the number of the first columns that are text.
 pub(super) fn table(header: &[&str], rows: &[Vec<String>], text: usize) -> String {
     let class = |place: usize| if place < text { "" } else { " class='n'" };
     let mut html = String::from("<div class='scroll'><table><thead><tr>");
@@ -100,7 +100,7 @@ pub(super) fn contents(sections: &[(&str, String)]) -> String {
     format!("<nav>{}</nav>", there.map(link).collect::<String>())
 }
 
-/// What is shown only where someone asks for it.
+/// Section that is shown on demand.
 pub(super) fn folded(summary: &str, body: &str) -> String {
     format!("<details><summary>{}</summary>{body}</details>", escaped(summary))
 }

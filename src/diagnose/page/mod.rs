@@ -27,7 +27,7 @@ use std::ops::Range;
 
 pub use tuning::{Answer, AtSpeed, Tuned, tuning_page};
 
-/// What a page needs besides the diagnosis.
+/// Input of a page besides the diagnosis.
 pub struct PageInput<'a> {
     /// The diagnosis.
     pub diagnosis: &'a Diagnosis,
@@ -37,11 +37,11 @@ pub struct PageInput<'a> {
     pub wheelbase: f64,
     /// Road-wheel angle for each 1/m of curvature in steady cornering at a speed, rad m.
     pub steering: &'a dyn Fn(f64) -> f64,
-    /// Files written beside the page: name and what it is.
+    /// Files written beside the page, with their descriptions.
     pub files: &'a [(String, String)],
 }
 
-/// What stands for what in all plots.
+/// Colours of all plots, with their meanings.
 const LEGEND: [(Colour, &str); 4] = [
     (Colour::Log, "real"),
     (Colour::Simulated, "simulator as given"),
@@ -130,7 +130,7 @@ impl<'a> View<'a> {
         sum / f64::from(count.max(1))
     }
 
-    /// Where the first signal's gap is largest over a stretch.
+    /// Place of the first signal's largest gap over a stretch.
     fn largest_gap(&self) -> Range<usize> {
         let rows = self.series.time.len();
         let size = ((STRETCH / self.step) as usize).clamp(1, rows.max(1));

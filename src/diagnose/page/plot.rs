@@ -4,7 +4,7 @@
 use plotters::coord::ranged1d::{AsRangedCoord, Ranged, ValueFormatter};
 use plotters::prelude::*;
 
-/// What a curve stands for.
+/// Meaning of a curve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Colour {
     Ink,
@@ -102,7 +102,7 @@ fn thinned(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
 
 /// A plot.
 pub(super) struct Plot<'a> {
-    /// What it shows, for those who cannot see it.
+    /// Text alternative of the plot.
     pub title: &'a str,
     pub x: &'a str,
     pub y: &'a str,

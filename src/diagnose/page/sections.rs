@@ -30,7 +30,7 @@ fn value(value: f64, id: &str, unit: &str) -> String {
     format!("{id} = {}{}", number(value), behind(unit))
 }
 
-/// Banner, tiles, and what each named effect is.
+/// Banner, tiles, and the meaning of each named effect.
 pub(super) fn verdict(report: &Report) -> String {
     let verdict = &report.verdict;
     let mut html = format!(
@@ -129,7 +129,7 @@ pub(super) fn shrink(report: &Report) -> String {
 /// Signals that are shown at large; the others are tables, or folded.
 const MAIN: usize = 3;
 
-/// What is said of each signal, in the order in which they were compared.
+/// Entries of each signal, in the order in which they were compared.
 fn in_order<'a, T>(report: &Report, of: &'a BTreeMap<String, T>) -> Vec<(&'a str, &'a T)> {
     let place =
         |name: &str| report.inputs.signals.iter().position(|signal| signal == name).unwrap_or(usize::MAX);
@@ -275,7 +275,7 @@ const SHOWN: usize = 6;
 /// Probability below which a hypothesis is only folded away.
 const UNLIKELY: f64 = 0.01;
 
-/// What may be the matter, and how probable each is; what no table can be made of is nothing.
+/// Possible causes with their probabilities; empty where there is nothing to tabulate.
 pub(super) fn posterior(report: &Report) -> String {
     let Some(posterior) = &report.posterior else { return String::new() };
     let said = |it: &Hypothesis| {
@@ -342,7 +342,7 @@ pub(super) fn candidates(report: &Report) -> String {
     }
 }
 
-/// What the log can show.
+/// Effects that the log can show.
 pub(super) fn observability(report: &Report) -> String {
     let rows: Vec<Vec<String>> = report
         .observability
@@ -372,7 +372,7 @@ pub(super) fn observability(report: &Report) -> String {
     if rows.is_empty() { String::new() } else { all }
 }
 
-/// What to drive next.
+/// The next manoeuvre.
 pub(super) fn manoeuvre(report: &Report) -> String {
     let Some(next) = &report.next_manoeuvre else { return String::new() };
     format!(
@@ -385,7 +385,7 @@ pub(super) fn manoeuvre(report: &Report) -> String {
     )
 }
 
-/// What was adjusted, and the files.
+/// Adjusted numbers, and the files.
 pub(super) fn recalibration(report: &Report, files: &[(String, String)]) -> String {
     let mut html = String::new();
     if !files.is_empty() {
@@ -421,7 +421,7 @@ pub(super) fn recalibration(report: &Report, files: &[(String, String)]) -> Stri
     html
 }
 
-/// What was found in the log.
+/// Findings in the log.
 pub(super) fn findings(report: &Report) -> String {
     let rows: Vec<Vec<String>> = report
         .findings

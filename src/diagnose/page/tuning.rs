@@ -1,4 +1,4 @@
-//! What a tuning found, as a page: the figures before and after, margins over speed, the answer to an offset.
+//! Result of a tuning as a page: the figures before and after, margins over speed, the response to an offset.
 
 use super::html::{escaped, figure, legend, number, section, table};
 use super::plot::{Colour, Curve, Plot};
@@ -8,24 +8,24 @@ use crate::simulate::tune::{Candidate, Outcome};
 /// A speed in m/s with the margins there; none where the loop is unstable.
 pub type AtSpeed = (f64, Option<Margins>);
 
-/// What a page of a tuning shows. Pairs are the default controller and the tuned one.
+/// Contents of a page of a tuning. Pairs are the default controller and the tuned one.
 #[allow(missing_docs)]
 pub struct Tuned<'a> {
     pub vehicle: &'a str,
-    /// What the controller predicts with.
+    /// Prediction model of the controller.
     pub variant: &'a str,
-    /// What came of it, in words.
+    /// Result in words.
     pub words: &'a str,
-    /// Whether the tuned one is better on what is held out.
+    /// True if the tuned one is better on held-out roads.
     pub better: bool,
-    /// Ensembles: name, scenarios, how the two did.
+    /// Ensembles: name, scenarios, results of the two.
     pub sets: [(&'a str, Vec<String>, [&'a Candidate; 2]); 2],
     /// At each speed.
     pub margins: &'a [Vec<AtSpeed>; 2],
     /// Delay in s and gain that were asked for.
     pub goal: (f64, f64),
     pub answers: &'a [Answer],
-    /// Of each candidate whether it was driven to its end, and what it cost.
+    /// True for each candidate that was driven to its end, with its cost.
     pub trace: &'a [(bool, f64)],
 }
 

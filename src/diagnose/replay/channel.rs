@@ -1,4 +1,4 @@
-//! What is compared of a replay.
+//! Compared signals of a replay.
 
 /// One compared signal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -38,7 +38,7 @@ pub const CHANNELS: [Channel; 12] = [
 ];
 
 impl Channel {
-    /// Its name in reports: the signal's, or what is compared of a place.
+    /// Its name in reports: the signal's, or the compared component of a place.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -75,19 +75,19 @@ impl Channel {
         }
     }
 
-    /// Whether the replay leaks to the log, so that what is compared is the difference itself.
+    /// True if the replay leaks to the log, so that the compared value is the difference itself.
     #[must_use]
     pub fn leaks(self) -> bool {
         matches!(self, Self::Vx | Self::Yaw | Self::Along | Self::Across)
     }
 
-    /// Whether it is measured with what a satellite receiver or a navigation unit gives: place, heading, velocity.
+    /// True if a satellite receiver or a navigation unit measures it: place, heading, velocity.
     #[must_use]
     pub fn by_receiver(self) -> bool {
         matches!(self, Self::Vx | Self::Vy | Self::Yaw | Self::Along | Self::Across)
     }
 
-    /// Whether the full plant's neutral replay corrects it.
+    /// True if the full plant's neutral replay corrects it.
     #[must_use]
     pub fn corrected(self) -> bool {
         matches!(

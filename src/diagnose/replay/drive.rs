@@ -1,27 +1,27 @@
-//! A log made ready to be replayed.
+//! A log prepared for the replay.
 
 use super::channel::{CHANNELS, Channel};
 use crate::log::CleanLog;
 use crate::signal::{self, Signal};
 use std::collections::BTreeMap;
 
-/// Slower than this nothing is replayed, m/s: a vehicle that stands says nothing.
+/// Speed below which nothing is replayed, m/s: a standing vehicle is uninformative.
 pub const LEAST_SPEED: f64 = 2.0;
 /// Longest step of a replay, s.
 const LONGEST_STEP: f64 = 0.0201;
-/// Quicker logs are brought to half their clock, s.
+/// Clock step below which a log is brought to half its rate, s.
 const QUICK: f64 = 0.0126;
-/// What a replay needs after a start before it is compared, s.
+/// Settling time of a replay before it is compared, s.
 const SETTLING: f64 = 2.5;
 /// Shortest stretch that is replayed at all, s.
 const SHORTEST: f64 = 4.0;
-/// A truck's fifth wheel remembers by its dry friction which way it turned last, until the road bends: change of the path's
-/// curvature over some time from which on it has turned as that says, 1/m, s; and how long that is waited for at most, s.
+/// Bend that resolves the friction of a truck's fifth wheel, which remembers the last direction of turning. Change of
+/// the path's curvature over some time, 1/m and s, and the longest wait for it, s.
 const BENT: f64 = 6e-4;
 const BENT_FOR: f64 = 0.5;
 const LONGEST_WAIT: f64 = 10.0;
 
-/// Columns of a road that is known, from the log or its path.
+/// Columns of a known road, from the log or its path.
 pub const ROAD: [Signal; 3] = [signal::BANK, signal::GRADE, signal::FRICTION];
 
 /// A log ready to be replayed.
@@ -33,30 +33,30 @@ pub struct Drive {
     pub substeps: usize,
     /// Time of each row, s.
     pub time: Vec<f64>,
-    /// The command, or what stands in for it, rad.
+    /// The command, or its substitute, rad.
     pub steer: Vec<f64>,
-    /// Whether it is the command.
+    /// True if it is the command.
     pub commanded: bool,
     /// Asked acceleration, m/s2, if the log has it.
     pub accel_cmd: Option<Vec<f64>>,
-    /// What drive and brakes gave, from the speed, m/s2.
+    /// Acceleration by drive and brakes, from the speed, m/s2.
     pub accel: Vec<f64>,
     /// Other columns by signal.
     pub columns: BTreeMap<&'static str, Vec<f64>>,
     /// Stretches to replay: rows from, to.
     pub stretches: Vec<(usize, usize)>,
-    /// Whether a row is compared.
+    /// True for each row that is compared.
     pub scored: Vec<bool>,
-    /// What is compared.
+    /// Compared signals.
     pub channels: Vec<Channel>,
-    /// Heading at each row, rad: the log's; without one what the yaw rate adds up to. Empty where nothing tells it.
+    /// Heading at each row, rad: the log's, else the integral of the yaw rate. Empty if nothing tells it.
     pub heading: Vec<f64>,
-    /// Whether the heading counts from east, so that a wind fixed in the world has a direction; without a compass it counts
-    /// from where the log starts.
+    /// True if the heading counts from east, so that a wind fixed in the world has a direction. Without a compass it
+    /// counts from the log's start.
     pub compass: bool,
 }
 
-/// Rows before the road bends otherwise than at the start; a bias of the yaw rate is no bend.
+/// Rows before the road's first change of bend; a bias of the yaw rate is no bend.
 fn unbent(yaw_rate: &[f64], vx: &[f64], step: f64) -> usize {
     let rows = |time: f64| ((time / step).round() as usize).max(1);
     let curvature: Vec<f64> = yaw_rate.iter().zip(vx).map(|(rate, vx)| rate / vx.max(LEAST_SPEED)).collect();
@@ -68,7 +68,7 @@ fn unbent(yaw_rate: &[f64], vx: &[f64], step: f64) -> usize {
 }
 
 impl Drive {
-    /// From a clean log; `truck`: whether articulation is compared.
+    /// Drive of a clean log; `truck` is true if articulation is compared.
     #[must_use]
     pub fn new(log: &CleanLog, truck: bool) -> Self {
         let halved = (log.step < QUICK && log.time.len() > 2).then(|| halved(log));
@@ -135,7 +135,7 @@ impl Drive {
         }
     }
 
-    /// A column, empty if the log has it not.
+    /// A column; empty if the log lacks it.
     #[must_use]
     pub fn column(&self, name: &str) -> &[f64] {
         self.columns.get(name).map_or(&[], Vec::as_slice)
@@ -154,8 +154,8 @@ impl Drive {
     }
 }
 
-/// Rows from, to, between which the clock does not jump: several logs, or blocks of a long one, were put together, and what
-/// one ends with says nothing of how the next begins.
+/// Row ranges, from and to, without a jump of the clock. Several logs, or blocks of a long one, were put together, and
+/// the end of one says nothing of the start of the next.
 fn pieces(time: &[f64], step: f64) -> Vec<(usize, usize)> {
     let jumps = (1..time.len()).filter(|&i| time[i] - time[i - 1] > 1.5 * step);
     let starts: Vec<usize> = std::iter::once(0).chain(jumps).collect();
@@ -163,7 +163,8 @@ fn pieces(time: &[f64], step: f64) -> Vec<(usize, usize)> {
     starts.iter().copied().zip(ends).collect()
 }
 
-/// Heading, and whether it counts from east: `yaw`; or the sum of the yaw rate, turned to the course of `x` and `y`.
+/// Heading, and true if it counts from east: `yaw`; or the integral of the yaw rate, turned to the course of `x` and
+/// `y`.
 fn heading(
     columns: &BTreeMap<&'static str, Vec<f64>>,
     pieces: &[(usize, usize)],
@@ -198,7 +199,7 @@ fn heading(
     (heading, has_place)
 }
 
-/// A log on half its clock: commands by the mean of what was held, measurements by a mean about the row.
+/// A log at half its rate: commands by the mean of the held values, measurements by a mean about the row.
 fn halved(log: &CleanLog) -> CleanLog {
     let rows = log.time.len();
     // Rows that are kept, each with the ends of its piece.
@@ -281,7 +282,7 @@ mod tests {
     const STEP: f64 = 0.02;
     const SPEED: f64 = 15.0;
 
-    /// First row that is compared of a drive that is straight, and bends from a time in s on; its yaw rate has a bias.
+    /// First compared row of a drive that is straight and bends from a time in s on, with a bias of its yaw rate.
     fn compared_from(bends_at: f64, bias: f64, truck: bool) -> f64 {
         let rows = 1000;
         let rate = |i: usize| bias + if i as f64 * STEP < bends_at { 0.0 } else { 0.05 };

@@ -1,20 +1,21 @@
-//! The vehicle model replayed from a log's commands, and what of it is compared.
+//! The vehicle model replayed from a log's commands, and the signals that are compared.
 //!
-//! Speed is the log's: what steering, tyres and body make of it is compared. The longitudinal motion, heading and place,
-//! which would drift away, are replayed with a leak towards the log, so that an error of the rate is seen for
+//! Speed is the log's; the response of steering, tyres and body to it is compared. The longitudinal motion, heading and
+//! place would drift away. They are replayed with a leak towards the log, so that an error of the rate is seen for
 //! [`LEAK`] seconds:
 //!
 //! ```text
 //!     z' = rate(model) + (z_log - z) / T,      compared: z_log - z
 //! ```
 //!
-//! The model is the reduced vehicle (`vehicle/reduced.rs`), brought to the full plant by what both differ in once, with
-//! all effects neutral and the same force at its wheels: `y = reduced(p) + plant(neutral) - reduced(neutral)`.
+//! The model is the reduced vehicle (`vehicle/reduced.rs`), corrected to the full plant by the difference of both. The
+//! difference is taken once, with all effects neutral and the same force at the wheels:
+//! `y = reduced(p) + plant(neutral) - reduced(neutral)`.
 //!
 //! | file | idea |
 //! |---|---|
-//! | `channel.rs` | what is compared |
-//! | `drive.rs` | a log made ready to be replayed: clock, starts, what counts |
+//! | `channel.rs` | compared signals |
+//! | `drive.rs` | a log prepared for the replay: clock, starts, scored rows |
 //! | `vehicle.rs` | vehicles that can be replayed: cars, trucks; their neutral replay by the full plant |
 //! | `run.rs` | one replay |
 

@@ -9,7 +9,7 @@ use crate::vehicle::{
 
 /// Time over which heading, place and speed leak to the log's, s.
 pub const LEAK: f64 = 2.0;
-/// Beyond this a replay has gone astray: sideways velocity over speed; and what then stands in its place.
+/// Limit of a diverged replay: sideways velocity over speed; and the value that then replaces it.
 const ASTRAY: f64 = 1.5;
 
 /// Columns of a replay, by channel; those that leak hold the model's less the log's. Rows outside stretches are 0.
@@ -19,10 +19,10 @@ pub struct Trace {
     pub columns: Vec<Vec<f64>>,
     /// Roll angle of every row, rad, whether it is compared or not.
     pub roll: Vec<f64>,
-    /// What an accelerometer in the body feels of gravity sideways, and a level frame does not have, m/s2; empty where `ay` is
-    /// not compared.
+    /// Sideways gravity in an accelerometer fixed to the body, which a level frame does not have, m/s2; empty where
+    /// `ay` is not compared.
     pub felt: Vec<f64>,
-    /// Whether the replay stayed within what the model describes.
+    /// True if the replay stayed within the model's range.
     pub sound: bool,
 }
 
@@ -34,12 +34,12 @@ impl Trace {
     }
 }
 
-/// What a replay is put right by: full plant less reduced model, and the clock of what comes by a receiver.
+/// Correction of a replay: full plant less reduced model, and the clock of the receiver's columns.
 #[derive(Debug, Clone, Default)]
 pub struct Correction {
     /// One for each of [`CHANNELS`], empty where there is none.
     pub columns: Vec<Vec<f64>>,
-    /// How late the columns of a satellite receiver are beside all others, s.
+    /// Lateness of the columns of a satellite receiver relative to all others, s.
     pub receiver_late: f64,
 }
 

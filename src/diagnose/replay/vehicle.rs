@@ -12,12 +12,12 @@ use crate::vehicle::{
 /// Gain of the speed control of the full plant's replay, 1/s.
 const SPEED_GAIN: f64 = 4.0;
 
-/// What stands for the relaxation length of tyres whose files have none, m.
+/// Relaxation length of tyres whose files have none, m.
 const SHORTEST_RELAXATION: f64 = 0.1;
 
 /// A vehicle that can be replayed.
 pub trait ReplayVehicle: VehicleParameters + Clone + Sync + Send {
-    /// Whether it has a trailer.
+    /// True if it has a trailer.
     const TRUCK: bool;
 
     /// Without its fast motions.
@@ -45,16 +45,16 @@ pub trait ReplayVehicle: VehicleParameters + Clone + Sync + Send {
     /// Lateral relaxation length of the front tyres at rest, m.
     fn relaxation(&self) -> f64;
 
-    /// Drives the full plant, with the effects of its file, along a stretch of rows of a drive, at its speed, by steering
-    /// commands of the drive and accelerations of its own.
+    /// Drives the full plant, with the effects of its file, along a stretch of rows of a drive, at its speed. Steering
+    /// commands are the drive's, accelerations its own.
     fn full(&self, drive: &Drive, stretch: (usize, usize), driven: &mut Driven);
 }
 
-/// What the full plant does along a drive, and what it takes to keep its speed there.
+/// Motion of the full plant along a drive, and the acceleration that keeps its speed there.
 pub struct Driven {
-    /// What is corrected, by channel.
+    /// Corrected signals, by channel.
     columns: Vec<Vec<f64>>,
-    /// Its speed, m/s, and the acceleration that drive and brakes were asked for, m/s2.
+    /// Its speed, m/s, and the acceleration asked of drive and brakes, m/s2.
     vx: Vec<f64>,
     accel_cmd: Vec<f64>,
 }
@@ -69,8 +69,8 @@ impl Driven {
     }
 }
 
-/// Acceleration that keeps the full plant at the log's speed, m/s2. What turns cost, which no column tells, is left to the
-/// integral, or a plant in a bend would be slower than the log by that over the gain.
+/// Acceleration that keeps the full plant at the log's speed, m/s2. The cost of turning is in no column and is left to
+/// the integral. Otherwise a plant in a bend would be slower than the log by that over the gain.
 fn keep_speed<V: ReplayVehicle>(vehicle: &V, drive: &Drive, row: usize, vx: f64, integral: &mut f64) -> f64 {
     let parameters = SpeedParameters {
         gain: SPEED_GAIN,
@@ -209,7 +209,7 @@ impl ReplayVehicle for TruckParameters {
     common!(front);
 }
 
-/// The vehicle as it is replayed: with a measured angle nothing before the sensor acts.
+/// The vehicle for the replay: with a measured angle nothing before the sensor acts.
 pub(in crate::diagnose) fn prepared<V: ReplayVehicle>(vehicle: &V, commanded: bool) -> V {
     let mut vehicle = vehicle.clone();
     if !commanded {
@@ -227,9 +227,9 @@ pub(in crate::diagnose) fn prepared<V: ReplayVehicle>(vehicle: &V, commanded: bo
     vehicle
 }
 
-/// What the full plant says beyond the reduced model, all effects neutral, on a drive: added to every replay. Both are driven
-/// by what the plant needs to keep the log's speed: what the log's own forces do besides (a slope, a load that the plant does
-/// not have) is no error of the reduced model.
+/// Difference of the full plant and the reduced model on a drive, all effects neutral: added to every replay. Both are
+/// driven by the acceleration with which the plant keeps the log's speed. Additional forces in the log (a slope, a load
+/// that the plant does not have) are no error of the reduced model.
 ///
 /// # Errors
 /// As [`replay`].

@@ -4,14 +4,14 @@
 //! y = gain x + offset,     tau x' = u(t - T) - x
 //! ```
 //!
-//! `u` is the command, held from its row on; `y` what was measured at each row. The drives may begin in a bend, have gaps,
-//! uneven rows, wrong rows and stretches at a rate limit:
+//! `u` is the command, held from its row on; `y` the measurement at each row. The drives may begin in a bend, have
+//! gaps, uneven rows, wrong rows and stretches at a rate limit:
 //!
-//! - a row whose residual stands out of those beside it is wrong and left out: what a model gets wrong lasts longer;
-//! - a limit of the angle's rate is modelled where that explains clearly more;
+//! - a row whose residual stands out of those beside it is wrong and left out: errors of a model last longer;
+//! - a limit of the angle's rate is modelled if it explains clearly more;
 //! - where commands are recorded more slowly than they are given, a line between rows may explain much more than steps.
 //!
-//! A dead time and a lag act alike on slow commands: if only their sum is known, that is said.
+//! A dead time and a lag act alike on slow commands: if only their sum is known, this is reported.
 
 use super::fit::{LEAST_NOISE, LONGEST_DEAD_TIME, LONGEST_LAG, Point, Problem};
 use super::interval::{Along, Ends, GAUSS, Noise};
@@ -21,23 +21,23 @@ use crate::nominal::{Actuator, LateralVehicle, SingleTrackError};
 use crate::{enumeration, nominal::DeadTimeModel};
 
 enumeration! {
-    /// What a command did between the rows of a record.
+    /// Course of a command between the rows of a record.
     pub enum Between {
         Held = 0 "held", "Each command stands until the next row";
         Line = 1 "line", "Commands were recorded more slowly than given: on a line between rows";
     }
 }
 
-/// A drive as it was recorded. Rows need not be even; what is no number is a gap.
+/// A drive as recorded. Rows need not be even; a value that is no number is a gap.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct SteeringDrive {
-    /// What messages call it.
+    /// Name in messages.
     pub name: String,
     /// s, rising.
     pub time: Vec<f64>,
     /// Command, rad, given at its time.
     pub steer_cmd: Vec<f64>,
-    /// What was measured just before: the road-wheel angle in rad, or the yaw rate in rad/s.
+    /// Response measured just before: the road-wheel angle in rad, or the yaw rate in rad/s.
     pub response: Vec<f64>,
     /// Forward speed, m/s, for a yaw rate; else empty.
     pub speed: Vec<f64>,
@@ -52,7 +52,7 @@ pub struct Estimate {
     pub low: f64,
     /// Upper end.
     pub high: f64,
-    /// Whether the drives determine it: the interval is narrow enough to be used.
+    /// True if the drives determine it: the interval is narrow enough to be used.
     pub excited: bool,
 }
 
@@ -80,7 +80,8 @@ pub struct IdentifiedSteering {
     pub delay: Estimate,
     /// Steady response to a command of 1: measured angle over command, or yaw rate over the model's.
     pub gain: Estimate,
-    /// Angle without a command, rad, as the sensor has it; by yaw rate, the command that goes straight, turned round.
+    /// Angle without a command, rad, at the sensor; by yaw rate, the command that goes straight, with its sign
+    /// reversed.
     pub offset: Estimate,
     /// Root of the mean squared error, in the response's unit.
     pub rmse: f64,
@@ -90,13 +91,13 @@ pub struct IdentifiedSteering {
     pub rows: usize,
     /// Values that were taken for wrong.
     pub left_out: Vec<LeftOut>,
-    /// The response's rate limit, rad/s, where one had to be modelled.
+    /// The response's rate limit, rad/s, if one had to be modelled.
     pub rate_limit: Option<f64>,
-    /// What was assumed between rows.
+    /// Assumption between rows.
     pub between: Between,
 }
 
-/// Why drives tell nothing of the steering.
+/// Reasons for which drives tell nothing of the steering.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum DrivesError {
@@ -120,29 +121,29 @@ pub enum DrivesError {
 
 /// Fewest rows that count.
 const LEAST_ROWS: usize = 30;
-/// An interval whose half is within this share of the whole delay, or within this time in s, determines a time.
+/// Half width of an interval that determines a time, as a share of the whole delay, or in s.
 const TIME_SHARE: f64 = 0.2;
 const TIME_ENOUGH: f64 = 0.015;
-/// An interval whose half is within this share determines a gain.
+/// Half width of an interval that determines a gain, as a share.
 const GAIN_SHARE: f64 = 0.05;
-/// An interval whose half is within this determines an offset, rad.
+/// Half width of an interval that determines an offset, rad.
 const OFFSET_ENOUGH: f64 = 2e-3;
-/// A fit that explains less than this, of a command whose effect would be seen, is none.
+/// Least explained share of a valid fit, for a command whose effect would be seen.
 const LEAST_SHARE: f64 = 0.5;
-/// Rows on each side of one that tell what its residual should be.
+/// Number of rows on each side for the expected residual of one.
 const BESIDE: usize = 4;
-/// A residual farther from those beside it than so many typical distances, and than this share of all, is wrong.
+/// Distance of a wrong residual from those beside it, in typical distances, and as a share of all.
 const OUTLYING: f64 = 8.0;
 const OUTLYING_SHARE: f64 = 0.3;
 /// Differences of residuals below this are rounding, rad or rad/s.
 const ROUNDING: f64 = 1e-5;
-/// Squares that rise by less than this share of the noise's variance are flat.
+/// Rise of the squares that counts as flat, as a share of the noise's variance.
 const FLAT: f64 = 0.5;
 /// Window of the last search, s.
 const FINE: f64 = 3e-4;
 /// Rounds of looking for wrong rows.
 const ROUNDS: usize = 3;
-/// Rate limits that are tried: so many, each this share of the one before, from the greatest rate that is seen.
+/// Number of rate limits that are tried, each this share of the one before, from the greatest observed rate.
 const LIMITS: i32 = 12;
 const LIMIT_RATIO: f64 = 0.82;
 /// Rounds of finding the limit and the rest in turn.
@@ -163,7 +164,7 @@ impl IdentifiedSteering {
         }
     }
 
-    /// Whether dead time and lag are determined, both of them.
+    /// True if dead time and lag are determined, both of them.
     #[must_use]
     pub fn excited(&self) -> bool {
         self.dead_time.excited && self.lag.excited
@@ -191,9 +192,9 @@ pub fn identify_from_drives(drives: &[SteeringDrive]) -> Result<IdentifiedSteeri
     found.identified()
 }
 
-/// The actuator from drives whose response is the yaw rate, at whatever speeds, through the linear model of the vehicle, held
-/// below the speed `slowest` in m/s. What that gets wrong in time, relaxation of tyres and roll above all, is found in the
-/// constants, too. Rows should be even.
+/// The actuator from drives whose response is the yaw rate, at whatever speeds. The linear model of the vehicle lies
+/// between, held below the speed `slowest` in m/s. Its errors in time, relaxation of tyres and roll above all, enter
+/// the constants, too. Rows should be even.
 ///
 /// # Errors
 /// Too few rows; a response that does not follow; a vehicle whose model cannot be made.
@@ -421,7 +422,7 @@ impl Found {
         Ok(identified)
     }
 
-    /// Where the squares are flat between the ends, as those of a pure dead time within a step, the middle is the value.
+    /// Middle of a flat minimum between the ends, as that of a pure dead time within a step.
     fn middle(&mut self, ends: &Ends, noise: &Noise) -> Point {
         let dead_time = 0.5 * (ends.low.dead_time + ends.high.dead_time);
         let sum = self.best.dead_time + self.best.lag;

@@ -1,13 +1,13 @@
-//! Least squares over a dead time and a lag; what else there is, is linear and known for each pair.
+//! Least squares over a dead time and a lag; all other parameters are linear and known for each pair.
 //!
 //! ```text
 //! S(T, tau) = min over beta, a   sum_k (y_k - phi_k(T, tau)' beta - a_p exp(-(t_k - t_p)/tau))^2
 //! ```
 //!
-//! `a_p` is what the actuator's unknown state at the beginning of a piece `p` adds: it is eliminated piece by piece, so
-//! that a drive may begin in a bend and be broken off anywhere. The search is a grid, then golden sections, one within the
-//! other: a valley along `T + tau = const` does no harm, and at a lag of nearly nothing the squares have steps, which no
-//! derivative survives.
+//! `a_p` is the contribution of the actuator's unknown state at the beginning of a piece `p`. It is eliminated piece by
+//! piece, so that a drive may begin in a bend and be broken off anywhere. The search is a grid, then golden sections,
+//! one within the other: a valley along `T + tau = const` does no harm. At a lag of nearly nothing the squares have
+//! steps, which derivatives do not survive.
 //!
 //! Source: Golub and Pereyra, Separable nonlinear least squares, Inverse Problems 2003.
 
@@ -35,14 +35,14 @@ const ON: usize = 12;
 /// Rows that are enough for a rough answer, and steps of its grid.
 const PART_ROWS: usize = 2000;
 const ROUGH: u32 = 14;
-/// A free response is over when so little is left of it.
+/// Remainder at which a free response is over.
 const OVER: f64 = 1e-7;
 /// Lags that are tried before golden sections.
 const TRIED: u32 = 8;
 /// A residual's standard deviation below this is rounding, rad or rad/s.
 pub(super) const LEAST_NOISE: f64 = 1e-6;
 
-/// A dead time, a lag and what belongs to them.
+/// A dead time, a lag and the linear parameters that belong to them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Point {
     pub dead_time: f64,
@@ -53,7 +53,7 @@ pub(super) struct Point {
     pub beta: [f64; COLUMNS],
 }
 
-/// A problem with room to work in.
+/// A problem with workspace.
 #[derive(Debug, Clone)]
 pub(super) struct Problem {
     pub rows: Rows,
@@ -86,7 +86,7 @@ impl Normal {
         self.yy += y * y;
     }
 
-    /// Factors and sum of squares; columns that say nothing new have the factor 0.
+    /// Factors and sum of squares; redundant columns have the factor 0.
     fn solve(mut self, left_out: Option<usize>) -> ([f64; COLUMNS], f64) {
         for i in 0..COLUMNS {
             for j in i + 1..COLUMNS {
@@ -199,7 +199,7 @@ impl Problem {
         self.rest(point.lag, &point.beta, |problem, row| problem.rows.response[row]);
     }
 
-    /// What of the column of this place the others do not explain, at a point: into `residual`.
+    /// Part of this place's column that the others do not explain, at a point: into `residual`.
     pub fn alone(&mut self, point: &Point, place: usize) {
         self.response.fill(&self.rows, point.dead_time, point.lag, &mut self.answer);
         let target = move |problem: &Self, row: usize| problem.columns(row)[place];

@@ -4,9 +4,10 @@
 //! { theta : (S_profile(theta) - S_min) / sigma^2 <= c chi2 }          c = sum_l w_l cov(v_k r_k, v_{k-l} r_{k-l}) / (sigma^2 sum v_k^2)
 //! ```
 //!
-//! `v` is how the best fit's residual changes along the parameter, `r` the residual. With white noise `c` is 1; a residual
-//! that stays on one side for a while, as that of a wrong model does, tells less than its rows are many, and `c` says by
-//! how much (Newey and West's estimate with Bartlett's weights). The profile itself knows limits and steps of the squares.
+//! `v` is the derivative of the best fit's residual along the parameter, `r` the residual. With white noise `c` is 1. A
+//! residual that stays on one side for a while, as that of a wrong model does, tells less than its number of rows. `c`
+//! is that factor (Newey and West's estimate with Bartlett's weights). The profile itself knows limits and steps of the
+//! squares.
 //!
 //! Source: Bates and Watts, Nonlinear Regression Analysis, ch. 6 (profiles); Newey and West, Econometrica 55 (1987).
 
@@ -18,7 +19,7 @@ const CHI2: f64 = 2.7055;
 pub(super) const GAUSS: f64 = 1.6449;
 /// Autocorrelation below which rows count as independent.
 const INDEPENDENT: f64 = 0.1;
-/// Weights reach over so many times the rows of correlation.
+/// Reach of the weights, in rows of correlation.
 const WIDTH: usize = 5;
 /// Sections of a bracket in which an end lies.
 const SECTIONS: u32 = 7;
@@ -34,7 +35,7 @@ pub(super) struct Noise {
     residual: Vec<f64>,
 }
 
-/// What is varied.
+/// Parameter that is varied.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Along {
     DeadTime,
@@ -53,7 +54,7 @@ impl Along {
 }
 
 impl Noise {
-    /// That of a point: with free parameters, and with rounding as the least.
+    /// Noise at a point: with free parameters, and with rounding as the least.
     pub fn of(problem: &mut Problem, best: &Point) -> Self {
         problem.residuals(best);
         let counts = &problem.rows.counts;
@@ -99,12 +100,12 @@ impl Noise {
     }
 }
 
-/// The ends of an interval with what belongs to them.
+/// The ends of an interval with their linear parameters.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Ends {
     pub low: Point,
     pub high: Point,
-    /// Whether an end was reached before the limit of the search.
+    /// True for an end that was reached before the limit of the search.
     pub closed: [bool; 2],
 }
 
@@ -144,7 +145,7 @@ impl Problem {
         Ends { low, high, closed: [low_closed, high_closed] }
     }
 
-    /// Where the squares have risen by `more` on the way to a limit; the limit itself where they have not.
+    /// Point at which the squares have risen by `more` on the way to a limit; the limit itself where they have not.
     fn end(&mut self, along: Along, best: &Point, more: f64, limit: f64) -> (Point, bool) {
         let from = along.of(best);
         let way = limit - from;

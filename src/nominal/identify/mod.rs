@@ -1,11 +1,11 @@
-//! The steering actuator's constants from what was recorded: of a step, or of any drive.
+//! The steering actuator's constants from records: of a step, or of any drive.
 //!
 //! | file | problem |
 //! |---|---|
 //! | `record.rs` | a step that begins at rest; Pade and first-order models, too |
-//! | `drives.rs` | any drives: what is found, with intervals, and whether the drives determine it |
+//! | `drives.rs` | any drives: constants with intervals, and a test that the drives determine them |
 //! | `rows.rs` | their rows: gaps, wrong values, rows that count |
-//! | `response.rs` | the answer of a dead time and a lag to the commands, as angle or as yaw rate |
+//! | `response.rs` | the response of a dead time and a lag to the commands, as angle or as yaw rate |
 //! | `fit.rs` | least squares over dead time and lag, all else linear |
 //! | `interval.rs` | confidence intervals from the profile of the squares |
 

@@ -1,4 +1,4 @@
-//! The steering actuator's constants from a recorded drive: what a delay baseline is told, instead of the truth.
+//! The steering actuator's constants from a recorded drive: the knowledge of a delay baseline, instead of the truth.
 //!
 //! Given the commands `u_k`, held from their instants on, and a response `y_k` measured just before each,
 //!
@@ -7,14 +7,14 @@
 //! ```
 //!
 //! where `y^` is the response of the model actuator, alone or behind it a vehicle's yaw rate, to `u - u_0` from rest.
-//! The offset (a sensor's zero) is what is measured before the command first changes. The gain (a steering ratio, a
-//! stiffness) is linear: for each `(T, tau)` it is known, and the search is over one or two numbers. It is nested and
-//! of golden sections, each within the best interval of a grid: a valley along `T + tau = const` does no harm, nothing
-//! is random and no start has to be guessed. The gain of all models is that of dead time and lag: a Pade approximant,
-//! which answers a step at once, would buy a better beginning with a wrong end.
+//! The offset (a sensor's zero) is measured before the command first changes. The gain (a steering ratio, a stiffness)
+//! is linear: it is known for each `(T, tau)`, and the search is over one or two numbers. The search is nested and of
+//! golden sections, each within the best interval of a grid. A valley along `T + tau = const` does no harm, nothing is
+//! random and no start has to be guessed. The gain of all models is that of dead time and lag. A Pade approximant
+//! answers a step at once, and would buy a better beginning with a wrong end.
 //!
-//! The drive has to begin steady and to contain a change that settles: a step of the command is best. Through a
-//! vehicle model the constants take up what that model gets wrong, too: measure the road-wheel angle if you can.
+//! The drive has to begin steady and to contain a change that settles: a step of the command is best. Through a vehicle
+//! model the constants absorb that model's errors: measure the road-wheel angle if you can.
 //!
 //! Source: Golub and Pereyra, Separable nonlinear least squares, Inverse Problems 2003; Ljung, System Identification,
 //! ch. 7.
@@ -23,7 +23,7 @@ use crate::enumeration;
 use crate::nominal::{ActuatedState, Actuator, ContinuousErrorModel, DeadTimeModel};
 
 enumeration! {
-    /// Which model of the actuator is fitted.
+    /// Model of the actuator that is fitted.
     pub enum DelayModel {
         DeadTimeLag = 0 "dead_time_lag", "Dead time and first-order lag";
         FirstOrder = 1 "first_order", "First-order inertia, no dead time";
@@ -33,7 +33,7 @@ enumeration! {
 }
 
 impl DelayModel {
-    /// The actuator with a dead time and a time constant in s; what the model does not have is left out.
+    /// The actuator with a dead time and a time constant in s; parameters that the model lacks are left out.
     #[must_use]
     pub fn actuator(self, dead_time: f64, time_constant: f64) -> Actuator {
         let (dead_time, time_constant, dead_time_model) = match self {
@@ -46,7 +46,7 @@ impl DelayModel {
     }
 }
 
-/// Why an actuator cannot be identified.
+/// Reasons for which an actuator cannot be identified.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum IdentifyError {
@@ -90,7 +90,7 @@ pub struct SteeringRecord {
     gain: Option<f64>,
 }
 
-/// An actuator as a record shows it.
+/// An actuator identified from a record.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct IdentifiedActuator {
     /// The actuator.
@@ -115,17 +115,17 @@ const LONGEST_DEAD_TIME: f64 = 1.0;
 const TIME_CONSTANTS: [f64; 2] = [1e-3, 2.0];
 /// Ratio of a grid's time constants.
 const GRID_RATIO: f64 = 1.5;
-/// A fit that explains less than this is none.
+/// Least explained share of a valid fit.
 const LEAST_SHARE: f64 = 0.5;
 /// Golden sections of an interval: 2e-6 of it is left.
 const SECTIONS: u32 = 27;
 
 impl SteeringRecord {
-    /// A record from a log's columns: time in s, command in rad, and what is measured just before each command is given. A
-    /// response that is no number is a gap.
+    /// A record from a log's columns: time in s, command in rad, and the response measured just before each command is
+    /// given. A response that is no number is a gap.
     ///
     /// # Errors
-    /// What makes the columns unusable.
+    /// The fault that makes the columns unusable.
     pub fn new(time: &[f64], command: &[f64], response: &[f64]) -> Result<Self, IdentifyError> {
         let rows = time.len();
         if command.len() != rows || response.len() != rows {
@@ -176,7 +176,7 @@ impl SteeringRecord {
         Ok(Self { sample_time, commands, responses, offset, gain: None })
     }
 
-    /// With a gain that is known, and not to be fitted.
+    /// With a known gain, which is not fitted.
     #[must_use]
     pub fn with_gain(self, gain: f64) -> Self {
         Self { gain: Some(gain), ..self }
@@ -279,7 +279,7 @@ impl SteeringRecord {
         Ok(best)
     }
 
-    /// How good a prediction is with a gain, or with its best one.
+    /// Quality of a prediction with a gain, or with its best one.
     fn judge(&self, actuator: Actuator, gain: Option<f64>, prediction: &[f64]) -> IdentifiedActuator {
         let rows = || prediction.iter().zip(&self.responses).filter(|(_, y)| y.is_finite());
         let (mut pp, mut py, mut yy, mut sum, mut count) = (0.0, 0.0, 0.0, 0.0, 0.0);

@@ -1,4 +1,4 @@
-//! The answer of a dead time and a first-order lag to recorded commands.
+//! The response of a dead time and a first-order lag to recorded commands.
 //!
 //! ```text
 //! tau x' = u(t - T) - x          u held from each row on, or on a line between rows
@@ -26,7 +26,7 @@ const TOGETHER: f64 = 1e-9;
 /// Speeds in one bin share a model, m/s.
 const BIN: f64 = 0.25;
 
-/// What is regressed on: the answer to the commands, which depends on dead time and lag, and what does not.
+/// Regressors: the response to the commands, which depends on dead time and lag, and terms that do not.
 #[derive(Debug, Clone)]
 pub(super) struct Response {
     pub between: Between,
@@ -36,7 +36,7 @@ pub(super) struct Response {
     pub varies: Vec<f64>,
     /// Columns that stay.
     pub fixed: Vec<Vec<f64>>,
-    /// Whether the actuator's state at a piece's beginning shows in the response as such.
+    /// True if the actuator's state at a piece's beginning shows in the response as such.
     pub free: bool,
     vehicle: Option<Sampled>,
 }
@@ -64,8 +64,8 @@ impl Response {
         }
     }
 
-    /// The yaw rate of a vehicle: a gain that varies with the speed's square, as understeer makes it, an angle's offset and
-    /// a bias of the sensor.
+    /// The yaw rate of a vehicle, with an angle's offset and a bias of the sensor. Its gain varies with the speed's
+    /// square, as understeer makes it.
     ///
     /// # Errors
     /// A vehicle whose model cannot be made.

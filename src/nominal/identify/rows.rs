@@ -1,18 +1,18 @@
-//! The rows of drives for a fit: stretches without gaps, wrong values taken out, and which rows count.
+//! The rows of drives for a fit: stretches without gaps, without wrong values, with a mark for rows that count.
 
 use super::drives::{LeftOut, SteeringDrive};
 
-/// Commands that are missing for longer are unknown, s: a stretch ends there.
+/// Longest hole with known commands, s: a longer one ends the stretch.
 const LONGEST_HOLE: f64 = 0.15;
-/// So many steps without a row are a hole, where rows come slowly.
+/// Number of steps without a row that is a hole, for slow rows.
 const HOLE_STEPS: f64 = 2.5;
-/// A value farther out than so many ranges of the ordinary ones is wrong.
+/// Distance of a wrong value, in ranges of the ordinary ones.
 const FAR_OUT: f64 = 3.0;
 /// Least range of ordinary values, rad or rad/s: that of a sensor at rest.
 const LEAST_RANGE: f64 = 1e-2;
-/// More rows a second tell nothing of an actuator while the command stands.
+/// Useful rows a second while the command stands: more tell nothing of an actuator.
 const FASTEST: f64 = 100.0;
-/// What a command did before a stretch is forgotten after this, s, or after a quarter of the stretch.
+/// Time after which the command before a stretch is forgotten, s; or a quarter of the stretch.
 const FORGOTTEN: f64 = 1.0;
 
 /// Rows of all drives, one after the other.
@@ -26,7 +26,7 @@ pub(super) struct Rows {
     pub response: Vec<f64>,
     /// m/s; empty where it is not needed.
     pub speed: Vec<f64>,
-    /// Whether a row counts.
+    /// True for each row that counts.
     pub counts: Vec<bool>,
     /// First row of each stretch.
     pub begins: Vec<usize>,
@@ -146,7 +146,7 @@ impl Rows {
         }
     }
 
-    /// What was commanded before a stretch is not known, unless the command stands at its beginning.
+    /// Leaves out the beginning of a stretch whose earlier command is not known, unless the command stands there.
     fn forget_beginning(&mut self, stretch: std::ops::Range<usize>) {
         let (first, time) = (self.command[stretch.start], &self.time);
         let begin = time[stretch.start];
@@ -172,7 +172,7 @@ impl Rows {
         self.counts.iter().filter(|counts| **counts).count()
     }
 
-    /// Blocks in which the command moves most, of about `limit` rows together, and where they stood.
+    /// Blocks with the most motion of the command, of about `limit` rows together, and their places.
     pub fn most_moved(&self, limit: usize, block: usize) -> (Self, Vec<usize>) {
         let mut blocks: Vec<(f64, std::ops::Range<usize>)> = Vec::new();
         for stretch in self.stretches() {

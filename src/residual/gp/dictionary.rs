@@ -1,16 +1,16 @@
-//! Which inputs to keep: always the one about which those kept say least.
+//! Choice of the inputs to keep: in each step the one that is least determined by those kept.
 //!
 //! The variance of the residual at `x` given its values at the dictionary `Z` is `k(x, x) - k(x, Z) K_ZZ^-1 k(Z, x)`.
-//! Taking the input where it is largest, again and again, is the Cholesky factorisation of the covariance with
-//! pivoting: each step makes one row of the factor and takes its squares from the variances, `n m` operations for the
+//! Taking the input with the largest variance, again and again, is the Cholesky factorisation of the covariance with
+//! pivoting. Each step makes one row of the factor and takes its squares from the variances: `n m` operations for the
 //! `m`-th of `n` inputs.
 //!
 //! (Kabzan et al. 2019, sec. IV-B, keep a dictionary by posterior variance; Fine and Scheinberg 2001 give the factorisation.)
 
 use super::kernel::Kernel;
 
-/// Indices of at most `most` of the inputs, in the order taken; fewer where the rest has less than `least` of the
-/// prior variance left.
+/// Indices of at most `most` of the inputs, in the order taken; fewer once the rest has less than `least` of the prior
+/// variance.
 #[must_use]
 pub fn choose<const D: usize>(
     kernel: &Kernel<D>,

@@ -1,4 +1,4 @@
-//! `k(x, Z) alpha` and its gradient: what the controller waits for, 60 times a step.
+//! `k(x, Z) alpha` and its gradient: most of the controller's time, 60 times a step.
 //!
 //! With inputs and dictionary divided by the length scales, `s_d = (z_d - x_d) / l_d`,
 //!

@@ -4,7 +4,7 @@
 //! x = n ln 2 + r, |r| <= ln 2 / 2;    e^x = 2^n e^r,    e^r: its Taylor series to the 13th power
 //! ```
 //!
-//! Adding 1.5 2^52 rounds `x / ln 2` to an integer and leaves that integer in the low bits of the sum, from where it
+//! Adding 1.5 2^52 rounds `x / ln 2` to an integer and leaves that integer in the low bits of the sum. From there it
 //! goes into the exponent of a float. The same bits come out on every machine and with every number of lanes; the
 //! library's `exp` gives neither.
 
@@ -14,7 +14,7 @@ const ROUND: f64 = 6_755_399_441_055_744.0;
 const LN2_HIGH: f64 = 0.693_147_180_369_123_8;
 /// The rest of ln 2.
 const LN2_LOW: f64 = 1.908_214_929_270_587_7e-10;
-/// Below, the result would be no normal number; e^-700 is as good as nothing.
+/// Least argument: below, the result would be no normal number; e^-700 is negligible.
 const LOWEST: f64 = -700.0;
 
 /// `1 / k!` for k = 2, 3, ..

@@ -1,16 +1,16 @@
-//! Hyperparameters that make the data most likely.
+//! Hyperparameters of the maximum likelihood.
 //!
-//! `log p(y|X)` of [`Exact`] on some hundred samples is maximised over the logarithms of length scales, signal and noise
-//! by L-BFGS with analytic gradients, from several starts. Inputs and labels are standardised before, so that one set
-//! of starts and bounds serves all data. The bounds keep a likelihood that is flat (an input without effect) from
-//! running away; they are met smoothly,
+//! `log p(y|X)` of [`Exact`] on some hundred samples is maximised by L-BFGS with analytic gradients, from several
+//! starts. Variables are the logarithms of length scales, signal and noise. Inputs and labels are standardised before,
+//! so that one set of starts and bounds serves all data. The bounds limit a flat likelihood (an input without effect);
+//! they are met smoothly,
 //!
 //! ```text
 //! log theta = c + h tanh((p - c) / h)        c: middle of the bounds, h: half their width
 //! ```
 //!
-//! Labels are divided by their root mean square and not centred: where nothing is known, the mean of the process is
-//! zero, and that must mean the nominal model.
+//! Labels are divided by their root mean square and not centred. Far from all data, the mean of the process is zero,
+//! and that must mean the nominal model.
 
 use super::exact::Exact;
 use super::kernel::Kernel;
@@ -21,7 +21,7 @@ use argmin::solver::linesearch::MoreThuenteLineSearch;
 use argmin::solver::quasinewton::LBFGS;
 use std::cell::RefCell;
 
-/// How to look for hyperparameters.
+/// Settings of the search for hyperparameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FitConfig {
     /// Starts of the search; the first is always the same, the others are random.
@@ -34,7 +34,7 @@ pub struct FitConfig {
     pub threads: usize,
 }
 
-/// What was found.
+/// Result of the search.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fitted<const D: usize> {
     /// The hyperparameters, in the units of inputs and labels.
@@ -171,7 +171,7 @@ struct Seen {
     evaluations: usize,
 }
 
-/// What an impossible evaluation costs: finite, so that the line search can go on.
+/// Cost of an impossible evaluation: finite, so that the line search can go on.
 const IMPOSSIBLE: f64 = 1e6;
 
 impl<const D: usize> Problem<'_, D> {
@@ -221,7 +221,7 @@ impl<const D: usize> Gradient for Problem<'_, D> {
     }
 }
 
-/// The search from one start; in the units of what it is given.
+/// The search from one start, in the units of its input.
 fn search<const D: usize>(
     inputs: &[[f64; D]],
     labels: &[f64],

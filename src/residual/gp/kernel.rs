@@ -17,7 +17,7 @@ pub(super) const JITTER: f64 = 1e-10;
 /// Hyperparameters of one output.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Kernel<const D: usize> {
-    /// How far an input must change for the residual to become another, in the unit of each input.
+    /// Change of each input over which the residual becomes another, in that input's unit.
     pub length_scales: [f64; D],
     /// Standard deviation of the residual, `sf`, in its unit.
     pub signal: f64,
@@ -55,7 +55,7 @@ impl<const D: usize> Kernel<D> {
         k
     }
 
-    /// Whether the values can be: positive and finite; the noise may be 0.
+    /// True if the values are possible: positive and finite; the noise may be 0.
     #[must_use]
     pub fn is_valid(&self) -> bool {
         let positive = |x: &f64| *x > 0.0 && x.is_finite();

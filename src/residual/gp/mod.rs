@@ -1,4 +1,4 @@
-//! A Gaussian process on what a nonlinear model misses: the learned model of GP-NMPC.
+//! A Gaussian process on the errors of a nonlinear model: the learned model of GP-NMPC.
 //!
 //! Over one control step of a car, with the process's inputs `z = [vx, vy, r, steer_cmd, accel]`,
 //!
@@ -13,8 +13,8 @@
 //! [vy, r, phi']_{k+1} = articulated([vy, r, phi, phi']_k, vx_k, steer_k, Ts) + d(z_k)
 //! ```
 //!
-//! one process for each output, with length scales, signal and noise of its own. The residual of vx, which the sources
-//! learn too, is not needed: the speed is planned and held by the speed controller, and the MPC takes it as given.
+//! One process serves each output, with length scales, signal and noise of its own. The sources also learn the residual
+//! of vx. It is not needed here: the speed is planned and held by the speed controller, and the MPC takes it as given.
 //!
 //! (Kabzan, Hewing, Liniger, Zeilinger, Learning-Based Model Predictive Control for Autonomous Racing, RA-L 2019, sec. IV.)
 //!
@@ -29,14 +29,14 @@
 //! | `kernel.rs`, `exp.rs` | the covariance |
 //! | `exact.rs` | the process without approximation, its likelihood and the gradient of that |
 //! | `fit.rs` | hyperparameters by maximum likelihood (program only: it links an optimiser) |
-//! | `dictionary.rs` | which points to keep |
+//! | `dictionary.rs` | choice of the points to keep |
 //! | `sparse.rs` | the process through a dictionary, from all samples |
 //! | `dot.rs` | mean and gradient, fast |
-//! | `vehicle.rs` | which vehicles, and what is learned of each |
+//! | `vehicle.rs` | the vehicles, and the learned states of each |
 //! | `samples.rs` | inputs and labels from drives |
-//! | `smoothing.rs` | how much noise to take from recorded states (program only) |
+//! | `smoothing.rs` | smoothing of recorded states (program only) |
 //! | `train.rs` | from drives to a model and a report of its fit (program only) |
-//! | `model.rs`, `file.rs` | what the controller calls, and its file |
+//! | `model.rs`, `file.rs` | the model that the controller calls, and its file |
 
 mod dictionary;
 mod dot;
@@ -57,7 +57,7 @@ mod vehicle;
 
 /// Inputs of a car's process: vx, vy, yaw rate, steering command, longitudinal acceleration.
 pub const INPUTS: usize = 5;
-/// Its outputs: what the bicycle misses of vy and of the yaw rate over one control step.
+/// Its outputs: the bicycle's errors of vy and of the yaw rate over one control step.
 pub const GP_OUTPUTS: usize = 2;
 /// Inputs of a truck's: those of a car, with the articulation and its rate behind the yaw rate.
 pub const TRUCK_INPUTS: usize = 7;

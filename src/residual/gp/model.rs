@@ -1,4 +1,4 @@
-//! The learned process as the controller uses it.
+//! The learned process of the controller.
 //!
 //! At each step of the horizon the nonlinear controller predicts with
 //!
@@ -16,7 +16,7 @@ use crate::residual::model::{Expected, Misfit, Range, same};
 use crate::vehicle::{Articulated, SingleTrack};
 use serde::{Deserialize, Serialize};
 
-/// What was learned of one output: the readable part.
+/// Learned model of one output: the readable part.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct GpOutput {
     /// The signal's name.
@@ -50,7 +50,7 @@ pub struct GpTraining {
     pub seed: u64,
 }
 
-/// What a process is, apart from its numbers: the readable head of its file.
+/// Description of a process, apart from its numbers: the readable head of its file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct GpSchema<V = SingleTrack> {
     /// Time between control steps, s.
@@ -65,14 +65,14 @@ pub struct GpSchema<V = SingleTrack> {
     pub training: GpTraining,
     /// Ranges of the inputs in training.
     pub inputs: Vec<Range>,
-    /// What was learned of each output.
+    /// Learned model of each output.
     pub outputs: Vec<GpOutput>,
 }
 
-/// What the nominal model misses over one step.
+/// Error of the nominal model over one step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GpResidual<const D: usize = INPUTS, const O: usize = GP_OUTPUTS> {
-    /// Of vy, m/s, and yaw rate, rad/s, and what else the vehicle's process corrects.
+    /// Of vy, m/s, and yaw rate, rad/s, and the other outputs of the vehicle's process.
     pub mean: [f64; O],
     /// Derivatives of each by the inputs.
     pub gradient: [[f64; D]; O],
@@ -94,7 +94,7 @@ pub struct GpModelFor<V, const D: usize, const O: usize> {
 }
 
 impl<V, const D: usize, const O: usize> GpModelFor<V, D, O> {
-    /// What the process is.
+    /// Description of the process.
     #[must_use]
     pub fn schema(&self) -> &GpSchema<V> {
         &self.schema
@@ -119,14 +119,14 @@ impl<V, const D: usize, const O: usize> GpModelFor<V, D, O> {
         std::array::from_fn(|o| self.outputs[o].variance(input, room))
     }
 
-    /// How far the worst input lies outside its range in training, in widths of that range; 0 inside.
+    /// Distance of the worst input from its range in training, in widths of that range; 0 inside.
     #[must_use]
     pub fn excess(&self, input: &[f64; D]) -> f64 {
         self.schema.inputs.iter().zip(input).map(|(range, &x)| range.excess(x)).fold(0.0, f64::max)
     }
 
-    /// Whether the process was learned for such a controller, whose nonlinear model has this friction coefficient. A window
-    /// does not matter: there is none.
+    /// Checks that the process was learned for such a controller, whose nonlinear model has this friction coefficient.
+    /// A window does not matter: there is none.
     ///
     /// # Errors
     /// The first difference that matters.

@@ -1,4 +1,4 @@
-//! From drives to what a Gaussian process learns: states of a nonlinear model and what that model missed.
+//! From drives to the samples of a Gaussian process: states of a nonlinear model and that model's errors.
 //!
 //! The drives' errors and rates give the vehicle's lateral velocity and yaw rate : with `e1' = vx sin e2 + vy cos e2` and `e2' = r - kappa s'`,
 //!
@@ -7,13 +7,13 @@
 //! label_k = [vy, r, ..]_{k+1} - model([vy, r, ..]_k, vx_k, steer_k, Ts)
 //! ```
 //!
-//! What a vehicle has behind its errors to the path is recorded as it is.
+//! States behind the errors to the path are taken as recorded.
 
 use super::vehicle::GpVehicle;
 use crate::nominal::ERRORS;
 use crate::residual::dataset::{self, DataSet, Row};
 
-/// Inputs and labels, and how many steps gave none.
+/// Inputs and labels, and the number of steps without any.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Samples<const D: usize, const O: usize> {
     /// Inputs: m/s, m/s, rad/s, then the vehicle's own, then rad, m/s2.
@@ -28,8 +28,7 @@ pub struct Samples<const D: usize, const O: usize> {
     pub left_out: usize,
 }
 
-/// Below this cosine of the yaw error, or share of the path's radius, the vehicle's motion cannot be told from the
-/// errors.
+/// Least cosine of the yaw error, or share of the path's radius, at which the errors determine the vehicle's motion.
 const LEAST: f64 = 0.2;
 
 /// The body's states of a row, in their places among the inputs; the others are 0.
@@ -87,8 +86,8 @@ impl<const D: usize, const O: usize> Samples<D, O> {
         samples
     }
 
-    /// Root mean square error of the outputs predicted freely over `steps` steps, with recorded speeds and commands, from
-    /// each `steps / 2`-th sample on, against what was recorded. Not a number if no run is that long.
+    /// Root mean square error of the outputs predicted freely over `steps` steps, against the record. Speeds and
+    /// commands are those recorded; each `steps / 2`-th sample starts a run. Not a number if no run is that long.
     #[cfg(feature = "cli")]
     pub(super) fn rollout<V: GpVehicle<S, D, O>, const S: usize>(
         &self,
@@ -119,8 +118,8 @@ impl<const D: usize, const O: usize> Samples<D, O> {
     }
 }
 
-/// The value at row `i` of the cubic that fits `reach` rows on each side best (Savitzky and Golay 1964), of fewer where a
-/// row is missing.
+/// The value at row `i` of the best cubic through `reach` rows on each side (Savitzky and Golay 1964). Fewer rows, if
+/// one is missing.
 fn smooth<const D: usize>(raw: &[Option<[f64; D]>], i: usize, reach: usize) -> Option<[f64; D]> {
     let here = raw[i]?;
     let known = |m: &usize| *m <= i && i + m < raw.len() && raw[i - m].is_some() && raw[i + m].is_some();

@@ -1,11 +1,11 @@
-//! How strongly recorded states are smoothed before anything is learned from them.
+//! Smoothing of recorded states before anything is learned from them.
 //!
-//! The state stands in the inputs *and* in the labels, so noise on it teaches the process to answer to noise: with the
-//! errors of ordinary sensors it then predicts twice as badly as it could. Offline, the states can be smoothed without
-//! delay; too much of it takes away what is to be learned. What is right depends on noise and plant, so it is measured:
-//! small processes are trained at each candidate, and that is taken whose free prediction over [`STEPS`] steps, which is
-//! what the controller needs, comes closest to what was *recorded*. The noise of that record is the same for all
-//! candidates and independent of their inputs.
+//! The state stands in the inputs *and* in the labels, so its noise biases the process. With the errors of ordinary
+//! sensors it predicts twice as badly as it could. Offline, the states can be smoothed without delay; too much
+//! smoothing removes the signal to be learned. The right amount depends on noise and plant, so it is measured: small
+//! processes are trained at each candidate. The one with the best free prediction of the *record* over [`STEPS`] steps
+//! is taken, as the controller needs it. The noise of that record is the same for all candidates and independent of
+//! their inputs.
 
 use super::dictionary::choose;
 use super::fit::{FitConfig, fit};
@@ -16,7 +16,7 @@ use crate::residual::dataset::DataSet;
 use crate::residual::parallel;
 use crate::residual::random::Random;
 
-/// How to smooth the body's states: a cubic fitted to so many rows on each side.
+/// Smoothing of the body's states: a cubic fitted to so many rows on each side.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Smoothing {
     /// Over this many rows; 0 and 1 for not at all.
@@ -35,8 +35,8 @@ const POINTS: usize = 100;
 const ROWS: usize = 4000;
 const ITERATIONS: u64 = 30;
 
-/// The smoothing to learn with, and the score of each candidate: mean square error of the free prediction in units of
-/// the nominal model's, mean over outputs.
+/// The best smoothing, and the score of each candidate: mean square error of the free prediction in units of the
+/// nominal model's, mean over outputs.
 pub(super) fn reach<V: GpVehicle<S, D, O>, const S: usize, const D: usize, const O: usize>(
     smoothing: &Smoothing,
     data: &DataSet<V, S>,

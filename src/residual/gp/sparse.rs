@@ -1,4 +1,4 @@
-//! A Gaussian process of one output through a dictionary: as fast at run time as its points are few, and learned from
+//! A Gaussian process of one output through a dictionary: as fast at run time as its number of points, and learned from
 //! all samples.
 //!
 //! With the dictionary `Z` as inducing inputs (projected process, also called DTC; its mean is that of the variational
@@ -31,7 +31,7 @@ pub struct Sparse<const D: usize> {
     prior: Vec<f64>,
 }
 
-/// What was learned, besides hyperparameters.
+/// Learned numbers, besides hyperparameters.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Numbers<const D: usize> {
     /// `Z`.
@@ -153,8 +153,8 @@ impl<const D: usize> Sparse<D> {
         self.dot.sum(input)
     }
 
-    /// Variance of the noise-free residual at an input: `sf^2` where nothing is known. `room` is made once and grows to
-    /// the size of the dictionary; then nothing is allocated.
+    /// Variance of the noise-free residual at an input: `sf^2` far from all data. `room` is made once and grows to the
+    /// size of the dictionary; then nothing is allocated.
     pub fn variance(&self, input: &[f64; D], room: &mut Vec<f64>) -> f64 {
         room.clear();
         room.extend(self.numbers.dictionary.iter().map(|point| self.kernel.covariance(point, input)));

@@ -1,6 +1,6 @@
-//! Training: from drives to a process, and how well it fits.
+//! Training: from drives to a process, and the quality of its fit.
 //!
-//! 0. How much to smooth the recorded states, by trial.
+//! 0. Amount of smoothing of the recorded states, by trial.
 //! 1. Hyperparameters by maximum likelihood on some hundred samples drawn at random.
 //! 2. A dictionary for each output, by posterior variance, from some thousand samples drawn at random.
 //! 3. Weights from all samples.
@@ -26,18 +26,18 @@ use crate::signal;
 use crate::vehicle::SingleTrack;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// What to train.
+/// Settings of the training.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GpConfig {
     /// Friction coefficient of the nonlinear nominal model; not learned, as it cannot be observed in calm driving.
     pub friction: f64,
-    /// How recorded states are smoothed.
+    /// Smoothing of recorded states.
     pub smoothing: Smoothing,
     /// Most points of the dictionary of an output.
     pub points: usize,
-    /// Samples that hyperparameters are fitted on: time grows with their cube.
+    /// Number of samples for the hyperparameters: time grows with its cube.
     pub hyperparameter_samples: usize,
-    /// Samples that the dictionary is chosen from.
+    /// Number of samples from which the dictionary is chosen.
     pub candidates: usize,
     /// Starts of the search for hyperparameters.
     pub starts: usize,
@@ -70,7 +70,7 @@ const fn fewest(inputs: usize) -> usize {
     10 * (inputs + 2)
 }
 
-/// Share of the prior variance below which no further point is taken: what it would add is below a ten-thousandth of the
+/// Share of the prior variance below which no further point is taken: its contribution is below a ten-thousandth of the
 /// signal.
 const LEAST_VARIANCE: f64 = 1e-8;
 
@@ -98,7 +98,7 @@ impl GpConfig {
     }
 }
 
-/// Why no process was trained.
+/// Reasons for which no process was trained.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum GpTrainError {
     /// A setting is wrong.
@@ -157,7 +157,8 @@ pub struct GpFit<const O: usize = GP_OUTPUTS> {
     pub nominal_rmse: [f64; O],
 }
 
-/// How training went, measured against what was recorded, not smoothed. Hyperparameters and likelihoods stand in the model's schema.
+/// Report of the training, measured against the record, not the smoothed states. Hyperparameters and likelihoods stand
+/// in the model's schema.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GpReport<const O: usize = GP_OUTPUTS> {
     /// On the samples learned from.
@@ -166,19 +167,19 @@ pub struct GpReport<const O: usize = GP_OUTPUTS> {
     pub test: Option<GpFit<O>>,
     /// Steps left out because the motion cannot be told from the errors.
     pub left_out: usize,
-    /// Candidates for the smoothing of states, in rows on each side, and the mean square of small processes' errors over
-    /// [`STEPS`](super::STEPS) steps, in units of the nominal model's.
+    /// Candidates for the smoothing of states, in rows on each side. Each comes with the mean square of small
+    /// processes' errors over [`STEPS`](super::STEPS) steps, in units of the nominal model's.
     pub smoothing_scores: Vec<(usize, f64)>,
     /// Evaluations of the likelihood, for each output.
     pub evaluations: [usize; O],
 }
 
-/// A process and how well it fits.
+/// A process and the quality of its fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GpTrained<V = SingleTrack, const D: usize = INPUTS, const O: usize = GP_OUTPUTS> {
     /// The process.
     pub model: GpModelFor<V, D, O>,
-    /// How well it fits.
+    /// Quality of the fit.
     pub report: GpReport<O>,
 }
 
@@ -187,7 +188,7 @@ pub struct GpTrained<V = SingleTrack, const D: usize = INPUTS, const O: usize = 
 /// `progress` is called from the threads that work.
 ///
 /// # Errors
-/// A setting that cannot be; too few samples; test data of another vehicle.
+/// An impossible setting; too few samples; test data of another vehicle.
 pub fn train<V: GpVehicle<S, D, O>, const S: usize, const D: usize, const O: usize>(
     data: &DataSet<V, S>,
     test: Option<&DataSet<V, S>>,
@@ -267,9 +268,9 @@ impl<V, const D: usize, const O: usize> GpModelFor<V, D, O> {
         Ok(measure(self, &Samples::new(data, &nominal, 0), parallel::threads(0)))
     }
 
-    /// Root mean square error of the outputs, of a car `[vy m/s, yaw rate rad/s]`, predicted freely over `steps` steps on other data of the same
-    /// vehicle and sample time, with the recorded speeds and commands; and that of the nominal model alone. Not a number
-    /// if no drive has so many steps without interruption.
+    /// Root mean square error of the outputs, predicted freely over `steps` steps, and that of the nominal model alone.
+    /// The data are other drives of the same vehicle and sample time, with the recorded speeds and commands. Of a car:
+    /// `[vy m/s, yaw rate rad/s]`. Not a number if no drive has so many steps without interruption.
     ///
     /// # Errors
     /// A nominal model that cannot be made; none that a trained process has.

@@ -1,14 +1,14 @@
-//! The vehicles that a process can be learned of: a nonlinear model, and which of its states the process corrects.
+//! The vehicles of Gaussian processes: a nonlinear model, and its states that the process corrects.
 //!
-//! A model along a path has the states `[station, e1, e2, vy, r, ..]` (`nominal/path_model.rs`). Where the vehicle is on the
-//! path does not move its body, so the process is asked at as many inputs as the model has states: in place of the first
-//! three the speed before, command and acceleration behind the body's states,
+//! A model along a path has the states `[station, e1, e2, vy, r, ..]` (`nominal/path_model.rs`). The vehicle's place on
+//! the path does not affect its body, so the process has as many inputs as the model has states. The speed before
+//! replaces the first three; command and acceleration follow the body's states,
 //!
 //! ```text
 //! z = [vx, vy, r, .., steer_cmd, accel]
 //! ```
 //!
-//! What follows `vy` and `r` are the states of the linear model behind the errors to the path, as they are. Angles are not
+//! The states after `vy` and `r` are those of the linear model behind the errors to the path, unchanged. Angles are not
 //! corrected: over a step they follow from their rates.
 
 use super::{GP_OUTPUTS, INPUTS, TRUCK_GP_OUTPUTS, TRUCK_INPUTS};
@@ -23,7 +23,7 @@ pub trait GpVehicle<const S: usize, const D: usize, const O: usize>: LateralVehi
     /// The nonlinear model.
     type Model: PathModel<S, D>;
 
-    /// Which of the inputs, one step later, are the outputs.
+    /// Indices of the inputs that, one step later, are the outputs.
     const OUTPUTS: [usize; O];
 
     /// The nonlinear model on a road with this friction coefficient.

@@ -1,14 +1,15 @@
 //! The comparison on one plant, with or without noise: collect, learn, tune, drive.
 //!
-//! 1. For each seed the nominal MPC, calm and with dither, drives the training route; the truck's is then driven again, by an
-//!    MPC that has learned one linear model from that. From these drives each row learns (`learn.rs`). Rows that model the
-//!    delay are identified from a recorded step (`step.rs`).
+//! 1. For each seed the nominal MPC, calm and with dither, drives the training route. The truck's is then driven again,
+//!    by an MPC that has learned one linear model from that. From these drives each row learns (`learn.rs`). Rows that
+//!    model the delay are identified from a recorded step (`step.rs`).
 //! 2. Each row searches its weights on pieces of the training route (`weights.rs`, `tune.rs`), each piece with another
-//!    seed's model and noise, the nominal MPC first: the car's others may not steer more roughly than it does at its best.
-//!    The best two that stand the training route with every seed's model, shaken by twice the noise (typical noise on
-//!    plants without), are compared there: a loop at its edge looks calm until a road shakes it.
-//! 3. Three protocols on the test route: *own best*, each row at the weights that it found, *frozen*, all at the
-//!    weights that the nominal found, and *default*, all at the weights that users get.
+//!    seed's model and noise. The nominal MPC comes first: the car's others may not steer more roughly than it does at
+//!    its best. Candidates are shaken on the training route by twice the noise (typical noise on plants without), with
+//!    every seed's model. The best two that stand it are compared there: a loop at its edge looks calm until a road
+//!    shakes it.
+//! 3. Three protocols on the test route. *Own best*: each row at the weights that it found. *Frozen*: all at the
+//!    weights that the nominal found. *Default*: all at the weights that users get.
 //!
 //! Nothing of the test route is used before it is driven.
 
@@ -31,7 +32,7 @@ use crate::simulate::{CAR_COLUMNS, DriveFor, SensorNoise, StepTimes};
 use crate::vehicle::{Car, VehicleParameters as _};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Why there is no comparison.
+/// Reasons for which there is no comparison.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum CompareError {
@@ -58,26 +59,26 @@ pub enum CompareError {
 /// One plant of a car with its data.
 pub type Comparison<'a> = ComparisonFor<'a, Car, ERRORS, CAR_COLUMNS>;
 
-/// Amplitudes of the dither that are tried until the collecting MPC stands one, each half the one before.
+/// Number of amplitudes of the dither that are tried until the collecting MPC stands one, each half the one before.
 const DITHERS: usize = 3;
 
 /// Data sets, one for each seed.
 type Data<P, const S: usize, const C: usize> = Vec<DataSet<NominalOf<P, S, C>, S>>;
 
-/// Who has learned what, from which seed's drives.
+/// Learned models by predictor and by the seed of the drives.
 type Learned<P, const S: usize, const C: usize> = (Predictor, usize, Model<NominalOf<P, S, C>, S>);
 
 /// One plant with its data.
 pub struct ComparisonFor<'a, P: Compared<S, C>, const S: usize, const C: usize> {
     /// The vehicle.
     pub vehicle: &'a P::Parameters,
-    /// What it has beyond its nominal model.
+    /// Deviations of the vehicle from its nominal model.
     pub plant: &'a Plant,
     /// Noise of its sensors.
     pub noise: Option<SensorNoise>,
     /// The roads.
     pub roads: &'a Roads,
-    /// How much is done.
+    /// Effort of the comparison.
     pub effort: Effort,
     pub(super) data: Data<P, S, C>,
     pub(super) test_data: Data<P, S, C>,
@@ -87,9 +88,9 @@ pub struct ComparisonFor<'a, P: Compared<S, C>, const S: usize, const C: usize> 
     again_dithers: Vec<f64>,
     /// The step that delay models are identified from.
     pub(super) step: Option<SteeringStep>,
-    /// Responses to a step of the command, that learned models are measured by.
+    /// Responses to a step of the command, for the evaluation of learned models.
     pub(super) responses: Vec<Response<S>>,
-    /// What rows have learned, for each seed: some rows share it, and all are asked for it again.
+    /// Learned models of the rows, for each seed: some rows share one, and all are asked for it again.
     pub(super) learned: Mutex<Vec<Learned<P, S, C>>>,
 }
 
@@ -163,7 +164,7 @@ impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P,
     }
 
     /// The second round: for each seed drives of the training route by an MPC with one linear model, learned from the first.
-    /// Where that one loses the vehicle at each amplitude of the dither there are none, and the first round has to do.
+    /// If that one loses the vehicle at each amplitude of the dither there are none, and the first round must do.
     fn collect_again(&mut self, again: Again) -> Result<Vec<Vec<DriveFor<C>>>, CompareError> {
         let Effort { seeds, drives, threads, .. } = self.effort;
         let this = &*self;
@@ -225,8 +226,8 @@ impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P,
         }
     }
 
-    /// Compares the rows; the nominal MPC is the first, whether asked for or not, unless its best weights are `known`: then
-    /// it is not among them. `progress` is called from the threads that work.
+    /// Compares the rows. The nominal MPC is the first, even if not asked for. If its best weights are `known`, it is
+    /// left out. `progress` is called from the threads that work.
     ///
     /// # Errors
     /// See [`CompareError`].
@@ -269,8 +270,8 @@ impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P,
         })
     }
 
-    /// One row, measured by the nominal MPC's weights and roughness; that one's own if there are none. The row's
-    /// roughness on the pieces beside it.
+    /// One row, measured by the nominal MPC's weights and roughness, or by its own if there are none. The row's
+    /// roughness on the pieces comes beside it.
     fn row(
         &self,
         row: Row,

@@ -1,16 +1,17 @@
 //! The paper's setting: a nominal MPC near the edge of its stability, and all others at its weights.
 //!
-//! At one frozen weight set the cut of the error against the nominal MPC can be made as large as one likes: the nominal's
-//! error grows without bound towards its edge, that of a model that knows the delay does not. The truck paper's 94 % are of
-//! this kind (nominal RMSE 0.38 m, at most 1.4 m). Here the edge is looked for openly, by bisection, in two ways:
+//! At one frozen weight set the cut of the error against the nominal MPC can be made arbitrarily large. The nominal's
+//! error grows without bound towards its edge; that of a model that knows the delay does not. The truck paper's 94 %
+//! are of this kind (nominal RMSE 0.38 m, at most 1.4 m). Here the edge is searched for openly, by bisection, in two
+//! ways:
 //!
-//! - the plant's delay as it is, and of the weights on the ways from the nominal's best to the default ones and to each
-//!   other row's best, over decades, the tightest at which it still finishes; of these edges the one at which RFL or
-//!   RFL+S gains most;
-//! - the default weights as they are, which suit who knows the delay, and the longest dead time at which it still
-//!   finishes.
+//! - At the plant's own delay: the tightest weights at which the nominal still finishes. They lie on the ways from the
+//!   nominal's best to the default ones and to each other row's best, over decades. The edge with the largest gain of
+//!   RFL or RFL+S counts.
+//! - At the default weights, which suit a controller that knows the delay: the longest dead time at which the nominal
+//!   still finishes.
 //!
-//! Both are the most flattering comparison that can be had, on purpose.
+//! Both are deliberately the most flattering comparison.
 
 use super::compare::{CompareError, ComparisonFor};
 use super::plant::{Plant, STEER_DELAY};
@@ -24,11 +25,11 @@ use crate::residual::parallel;
 use serde::Serialize;
 use std::borrow::Cow;
 
-/// What was found.
+/// Result of the search.
 #[derive(Debug, Clone, Serialize)]
 #[allow(missing_docs)]
 pub struct Edge {
-    /// What the way leads to, and the share of it that the nominal MPC goes.
+    /// End of the way, and the share of it that the nominal MPC goes.
     pub towards: String,
     pub share: f64,
     /// Dead time of the steering beyond the vehicle file's, s.
@@ -76,7 +77,7 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
     }
 
     /// Drives rows at the default weights behind the longest dead time, up to the plant's, that the nominal MPC stands
-    /// with them; none where it stands not even that of the vehicle file.
+    /// with them. None where it does not even stand that of the vehicle file.
     ///
     /// # Errors
     /// See [`CompareError`].
@@ -133,7 +134,7 @@ fn plain(best: &[(Row, Weights)]) -> Vec<Row> {
     best.iter().map(|(row, _)| *row).filter(|row| !row.observes).collect()
 }
 
-/// How far one can go on a way, as a share of it, and still stand, if its beginning is stood.
+/// Furthest stable point of a way, as a share of it, if its beginning is stable.
 fn furthest(stands: impl Fn(f64) -> Result<bool, CompareError>) -> Result<f64, CompareError> {
     if stands(1.0)? {
         return Ok(1.0);

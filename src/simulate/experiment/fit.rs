@@ -1,4 +1,4 @@
-//! How well a learned residual predicts: one step ahead, and a whole horizon ahead without looking.
+//! Prediction errors of a learned residual: one step ahead, and a whole horizon ahead without measurements.
 
 use crate::nominal::LateralVehicle;
 use crate::residual::{DataSet, Fit, ResidualModelFor};

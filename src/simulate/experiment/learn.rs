@@ -1,4 +1,4 @@
-//! What a row predicts with: learned from a seed's drives, identified from a recorded step, or known.
+//! Prediction model of a row: learned from a seed's drives, identified from a recorded step, or known.
 
 use super::compare::{CompareError, ComparisonFor};
 use super::fit::steps_ahead;
@@ -18,11 +18,11 @@ use std::sync::{Arc, PoisonError};
 /// Steps ahead for which predictions of every vehicle are measured.
 pub const SHORT_HORIZON: usize = 16;
 
-/// What a row predicts with, and how well.
+/// Prediction model of a row, and its quality.
 pub(super) type Model<V, const S: usize> = (PredictionModelFor<V, S>, Option<RowFit>);
 
 impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, C> {
-    /// Whether this vehicle can have a row: there may be no nonlinear model of it.
+    /// True if this vehicle can have a row: there may be no nonlinear model of it.
     #[must_use]
     pub fn has(&self, row: Row) -> bool {
         let nmpc = P::controller_of_the_papers(self.vehicle).nmpc;
@@ -37,7 +37,7 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
         Nonlinear::of(nmpc, gp).map(PredictionModelFor::Bicycle)
     }
 
-    /// What is learned for a row on this plant, if anything.
+    /// Training for a row on this plant, if anything is learned.
     #[must_use]
     pub fn training(&self, of: Predictor) -> Option<TrainConfig> {
         let mut config = of.training(P::SETTING.window)?;
@@ -60,7 +60,7 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
         Ok(train(&self.data[seed], None, &config, &|_| ())?.model)
     }
 
-    /// How well a residual predicts.
+    /// Prediction errors of a residual.
     #[must_use]
     pub fn fit(&self, model: &ResidualModelFor<NominalOf<P, S, C>, S>, seed: usize) -> RowFit {
         let test = &self.test_data[seed];
@@ -77,7 +77,7 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
         }
     }
 
-    /// What a row predicts with, learned from a seed's drives; learned once.
+    /// Prediction model of a row, learned from a seed's drives; learned once.
     pub(super) fn model(
         &self,
         of: Predictor,
@@ -132,7 +132,7 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
         Ok(P::gp_of(&self.data[seed], &config)?)
     }
 
-    /// The steering actuator as it really is: what the oracle is told.
+    /// The true steering actuator, which the oracle gets.
     #[must_use]
     pub fn actuator(&self) -> Actuator {
         let steering = P::steering(self.vehicle);
@@ -143,7 +143,7 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
         }
     }
 
-    /// What the recorded step tells each delay model.
+    /// Identification from the recorded step for each delay model.
     pub(super) fn identified(&self) -> Result<Vec<Identified>, CompareError> {
         let Some(step) = &self.step else { return Ok(vec![]) };
         let models = Predictor::ALL.iter().filter_map(|of| Some((of.name(), of.delay_model()?)));
@@ -156,7 +156,7 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
     }
 }
 
-/// A residual as it is used by default.
+/// A residual with the default propagation.
 fn propagated<V: ControlledVehicle<S>, const S: usize>(
     model: ResidualModelFor<V, S>,
 ) -> PredictionModelFor<V, S> {

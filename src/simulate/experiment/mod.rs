@@ -2,21 +2,21 @@
 //!
 //! | file | problem |
 //! |---|---|
-//! | `vehicle.rs` | what differs between kinds of vehicles |
-//! | `plant.rs` | the vehicles that are really driven |
+//! | `vehicle.rs` | differences between kinds of vehicles |
+//! | `plant.rs` | the vehicles that are driven |
 //! | `roads.rs` | the roads |
-//! | `row.rs` | the ways to predict |
+//! | `row.rs` | the predictors |
 //! | `step.rs` | a recorded step, from which delay models are identified |
-//! | `learn.rs` | what a row predicts with |
-//! | `weights.rs` | what each row may tune, with one budget |
-//! | `tune.rs` | how good weights are |
+//! | `learn.rs` | prediction model of a row |
+//! | `weights.rs` | search of each row's weights, with one budget |
+//! | `tune.rs` | score of weights |
 //! | `trial.rs` | one drive |
 //! | `fit.rs` | errors of predictions, one step and a horizon ahead |
 //! | `response.rs` | the response to a step of the command, recorded and predicted |
 //! | `compare.rs` | all of it on one plant: collect, learn, tune, drive |
 //! | `edge.rs` | the paper's setting: a nominal MPC at its edge |
 //! | `sweep.rs` | the error over the dead time |
-//! | `result.rs` | what is found |
+//! | `result.rs` | results |
 
 mod compare;
 mod edge;

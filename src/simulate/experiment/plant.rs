@@ -1,22 +1,22 @@
-//! The plants of the comparison: a vehicle with what its nominal model does not know.
+//! The plants of the comparison: a vehicle with effects that its nominal model lacks.
 
 use crate::path::sudoku::Route;
 use std::borrow::Cow;
 
-/// The vehicle that is really driven, and where it is measured.
+/// The driven vehicle, and its test road.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plant {
-    /// What files and tables call it.
+    /// Name in files and tables.
     pub name: Cow<'static, str>,
-    /// What it is, in a sentence.
+    /// Description, in a sentence.
     pub meaning: Cow<'static, str>,
     /// Effects on top of the vehicle's file, by id.
     pub effects: Cow<'static, [(&'static str, f64)]>,
-    /// The road that it is measured on.
+    /// Road of its test.
     pub test: Route,
-    /// Whether its rows' steps are timed and their drives are kept.
+    /// True if its rows' steps are timed and their drives are kept.
     pub timed: bool,
-    /// Whether the paper's setting is made of it: see [`Edge`](super::Edge).
+    /// True if the paper's setting is made of it: see [`Edge`](super::Edge).
     pub edge: bool,
 }
 
@@ -26,7 +26,7 @@ pub const STEER_DELAY: &str = "steer_delay";
 pub const STEER_LAG: &str = "steer_lag";
 
 impl Plant {
-    /// A plant by name, meaning, effects and the road that it is measured on.
+    /// A plant by name, meaning, effects and test road.
     #[must_use]
     pub const fn new(
         name: &'static str,
@@ -65,7 +65,7 @@ impl Plant {
     }
 }
 
-/// The cars, with more and more that the nominal model does not know.
+/// The cars, with more and more effects that the nominal model lacks.
 pub const CAR_PLANTS: &[Plant] = &[
     Plant::new(
         "as_is",

@@ -1,14 +1,14 @@
 //! Does a learned model know the actuator? The vehicle's response to a step of the command, recorded and predicted.
 //!
-//! On a level plane the vehicle drives straight for longer than a window, then the command steps and is held. From the state
-//! before that the model predicts the whole horizon without looking:
+//! On a level plane the vehicle drives straight for longer than a window, then the command steps and is held. From the
+//! state before that the model predicts the whole horizon without measurements:
 //!
 //! ```text
 //! x_{j+1} = A(v_j) x_j + B(v_j) u_j + r(window of x, window of u, v_j)
 //! ```
 //!
-//! Drives with their noise-like errors say how well a model predicts on average; a step says whether its delay is right, at
-//! a speed: what a tight controller stands or falls with.
+//! Drives with their noise-like errors tell the mean prediction error. A step tells the error of the delay at a speed,
+//! on which a tight controller depends.
 
 use super::fit::FitMetrics;
 use super::plant::Plant;
@@ -67,7 +67,8 @@ impl<const S: usize> Response<S> {
         Ok(response)
     }
 
-    /// What a model, and the nominal one, make of it; its window is not longer than what was recorded before the step.
+    /// Prediction of it by a model, and by the nominal one. The model's window is not longer than the record before the
+    /// step.
     pub fn predicted_by<V: LateralVehicle<S>>(&self, model: &ResidualModelFor<V, S>) -> FitMetrics {
         let schema = model.schema();
         let window = schema.window;

@@ -1,4 +1,4 @@
-//! What a comparison finds, as files hold it.
+//! Results of a comparison, as files hold them.
 
 use super::edge::Edge;
 use super::fit::FitMetrics;
@@ -9,7 +9,7 @@ use crate::simulate::{DriveFor, InputMetrics, StepTimes, TrackingMetrics};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// How much is done.
+/// Effort of a comparison.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Effort {
     /// Seeds: each has drives, models and noise of its own.
@@ -29,8 +29,8 @@ pub struct Outcome {
     pub tracking: TrackingMetrics,
     pub classes: BTreeMap<&'static str, TrackingMetrics>,
     pub steering: InputMetrics,
-    /// The vehicle left the path, jack-knifed or rolled over: the loop diverged. The other numbers are then those until
-    /// there.
+    /// True if the vehicle left the path, jack-knifed or rolled over: the loop diverged. The other numbers are then
+    /// those until there.
     pub lost: bool,
     /// Largest articulation, rad, of a vehicle that has one.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -54,7 +54,7 @@ impl<const C: usize> From<&DriveFor<C>> for Outcome {
     }
 }
 
-/// What a row's residual predicts, for one seed.
+/// Prediction errors of a row's residual, for one seed.
 #[derive(Debug, Clone, Serialize)]
 #[allow(missing_docs)]
 pub struct RowFit {
@@ -108,7 +108,7 @@ pub struct Condition {
     pub vehicle: String,
     pub effort: Effort,
     pub rows: Vec<RowResult>,
-    /// Rows that were asked for and that this vehicle cannot have.
+    /// Rows that were asked for and that this vehicle does not have.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub left_out: Vec<String>,
     /// Amplitudes of the dither of the collecting drives, rad, where some did not stand the usual one.
@@ -123,7 +123,7 @@ pub struct Condition {
     /// The step that delay models are identified from, where there are such rows.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub step: Option<SteeringStep>,
-    /// What it says.
+    /// Identification from the record.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub identified: Vec<Identified>,
     /// The paper's setting, if it was made, in one way and the other.

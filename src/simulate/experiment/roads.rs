@@ -14,9 +14,9 @@ pub struct Roads {
     pub pieces: Vec<Arc<Path>>,
     /// Piece on which candidates are shaken.
     pub shaking: Arc<Path>,
-    /// Where the best candidates are compared.
+    /// Roads on which the best candidates are compared.
     pub validation: Vec<Arc<Path>>,
-    /// The road that the plant is measured on.
+    /// Test road of the plant.
     pub test: Arc<Path>,
     /// Further ones, with their names.
     pub further: Vec<(Route, Arc<Path>)>,

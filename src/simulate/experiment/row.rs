@@ -26,7 +26,7 @@ enumeration! {
 }
 
 impl Predictor {
-    /// What is learned for it, if anything, with a window of so many steps.
+    /// Training for it, if anything is learned, with a window of so many steps.
     #[must_use]
     pub fn training(self, window: usize) -> Option<TrainConfig> {
         let kind = match self {
@@ -49,7 +49,7 @@ impl Predictor {
         Some(config)
     }
 
-    /// Whether something is learned from drives.
+    /// True if something is learned from drives.
     #[must_use]
     pub fn learns(self) -> bool {
         matches!(
@@ -77,7 +77,7 @@ impl Predictor {
         }
     }
 
-    /// Whether it has a nonlinear model.
+    /// True if it has a nonlinear model.
     #[must_use]
     pub fn is_nonlinear(self) -> bool {
         matches!(self, Self::Nmpc | Self::GpNmpc)
@@ -89,7 +89,7 @@ impl Predictor {
 pub struct Row {
     /// The way to predict.
     pub predictor: Predictor,
-    /// Whether the disturbance observer runs.
+    /// True if the disturbance observer runs.
     pub observes: bool,
 }
 
@@ -109,7 +109,7 @@ impl Row {
         Self { predictor, observes: true }
     }
 
-    /// What tables call it.
+    /// Name in tables.
     #[must_use]
     pub fn name(self) -> String {
         format!("{}{}", self.predictor.name(), if self.observes { "+observer" } else { "" })

@@ -1,7 +1,7 @@
-//! What an engineer does who knows that there is a delay: steps the steering, records the road-wheel angle, and fits
-//! dead time and lag, an inertia or a Pade approximant to the record (`nominal/identify.rs`).
+//! Identification by a step, an engineer's remedy for a known delay: the steering steps, the road-wheel angle is
+//! recorded. Dead time and lag, an inertia or a Pade approximant are fitted to the record (`nominal/identify.rs`).
 //!
-//! All delay models are told what the same record says, none what the plant really has.
+//! All delay models are identified from the same record; none knows the true plant.
 
 use super::plant::Plant;
 use super::trial::{TrialError, effects_of};
@@ -21,7 +21,7 @@ pub struct SteeringStep {
     pub angle: Vec<f64>,
 }
 
-/// What a record says of the actuator.
+/// Identification of the actuator from a record.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Identified {
     /// The row that is told.

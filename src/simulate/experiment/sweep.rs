@@ -12,7 +12,7 @@ use crate::residual::parallel;
 use serde::Serialize;
 use std::borrow::Cow;
 
-/// What is swept.
+/// Setting of a sweep.
 #[derive(Debug, Clone, Copy)]
 pub struct SweepSetting {
     /// Dead times, s.

@@ -12,7 +12,7 @@ use crate::simulate::{
 use crate::vehicle::Car;
 use std::sync::Arc;
 
-/// Why a drive could not be made.
+/// Reasons for which a drive could not be made.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum TrialError {

@@ -1,4 +1,4 @@
-//! How good weights are for a row: on pieces of the training route, shaken, and on a longer part of it.
+//! Score of a row's weights: on pieces of the training route, shaken, and on a longer part of it.
 
 use super::compare::{CompareError, ComparisonFor};
 use super::trial::{TrialError, TrialFor};
@@ -12,11 +12,11 @@ use std::sync::Arc;
 
 /// Candidates of a search that are compared on a longer road.
 const VALIDATED: usize = 2;
-/// What steering more roughly than is allowed costs at least, m.
+/// Least cost of steering that is rougher than allowed, m.
 const COST_OF_ROUGHNESS: f64 = 100.0;
 /// The seed whose model is shaken.
 const SHAKEN_SEED: usize = 4;
-/// What a piece of road that was not driven to its end costs, m.
+/// Cost of a piece of road that was not driven to its end, m.
 const COST_OF_LOSS: f64 = 1e3;
 /// Streams of random numbers that must not meet.
 const TUNING_NOISE: u64 = 900;
@@ -77,8 +77,8 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
         Ok((error / length, (rates / count).sqrt()))
     }
 
-    /// The better, on the roads for validation, of the two best candidates that stand them shaken with every seed's model;
-    /// the best candidate if none does.
+    /// The better of the two best candidates on the roads for validation, among those that stand them shaken with every
+    /// seed's model. The best candidate if none does.
     pub(super) fn validate(&self, models: &Models<P, S, C>, found: &Found) -> Result<Weights, CompareError> {
         let mut best = found.tried.clone();
         best.sort_by(|a, b| a.1.total_cmp(&b.1));
@@ -122,8 +122,8 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
         Ok(standing.first().map_or(found.weights, |best| best.1))
     }
 
-    /// What the search minimises: the tracking error, m, of candidates that steer no more roughly than `limit`, the nominal
-    /// MPC at its best; others only among themselves.
+    /// Objective of the search: the tracking error, m, of candidates that steer no more roughly than `limit`, the
+    /// nominal MPC at its best. Rougher ones are compared only among themselves.
     pub(super) fn score(
         &self,
         models: &Models<P, S, C>,

@@ -1,4 +1,5 @@
-//! What the comparison must know of a kind of vehicle: its plants, rows and roads, how it collects, where its weights lie.
+//! A kind of vehicle in the comparison: its plants, rows and roads, its collection of drives, the ranges of its
+//! weights.
 //!
 //! Everything else in this folder is written once, for every kind.
 
@@ -18,7 +19,7 @@ use crate::vehicle::{Articulated, Car, CarParameters, Steering, Truck, TruckPara
 pub type NominalOf<P, const S: usize, const C: usize> =
     <<P as SimulatedVehicle<S, C>>::Nominal as VehicleParameters<S>>::Vehicle;
 
-/// What a kind of vehicle is compared with and on.
+/// Plants, rows and roads of a kind of vehicle.
 #[derive(Debug, Clone, Copy)]
 pub struct Setting {
     /// The plants.
@@ -29,9 +30,9 @@ pub struct Setting {
     pub training: Route,
     /// Pieces of it on which weights are tuned, m; each begins on a straight.
     pub pieces: &'static [(usize, usize)],
-    /// Where candidates are shaken.
+    /// Stretch on which candidates are shaken.
     pub shaking: (usize, usize),
-    /// Where the best candidates are compared; the whole training route if there are none.
+    /// Stretches on which the best candidates are compared; the whole training route if there are none.
     pub validation: &'static [(usize, usize)],
     /// With which seeds' models they are compared there, without noise on plants without.
     pub validating: &'static [usize],
@@ -51,17 +52,17 @@ pub struct Setting {
     pub dither: f64,
     /// Drives to learn from by an MPC that has learned from the first ones, if they are made.
     pub again: Option<Again>,
-    /// Memory of the filter before the fit of linear leaves on drives without noise: it is there for noise, and what it
-    /// takes away, the response to fast commands, is what a tight controller acts with.
+    /// Memory of the filter before the fit of linear leaves on drives without noise. The filter is there for noise; it
+    /// also removes the response to fast commands, which a tight controller needs.
     pub quiet_prefilter: f64,
-    /// Where weights are searched.
+    /// Ranges of the weights that are searched.
     pub space: Space,
     /// Typical noise of its sensors.
     pub noise: SensorNoise,
     /// Lateral error at which a candidate's drive is given up, m: no row's best comes near.
     pub hopeless: f64,
-    /// How rough the steering of a row's own best may be, as a multiple of the nominal MPC's. A nominal that must be damped to
-    /// survive a delay steers less than the road asks for: there it is no measure.
+    /// Allowed roughness of the steering of a row's own best, as a multiple of the nominal MPC's. A nominal that must
+    /// be damped to survive a delay steers less than the road asks for: there it is no measure.
     pub roughness: f64,
     /// Seeds, drives for each, candidates of a search: by default.
     pub seeds: usize,
@@ -75,9 +76,9 @@ pub struct Setting {
     pub sweep: Option<SweepSetting>,
 }
 
-/// The second round of collecting. A nominal MPC that survives a long delay is so calm that it weaves: it stays far from
-/// the states, and the small steering, of the drives to come. One linear model of what it saw is enough for an MPC that
-/// tracks; that one's drives, shaken more strongly, are what is to be learned from, beside the first.
+/// The second round of collecting. A nominal MPC that survives a long delay is so calm that it weaves. Its drives stay
+/// far from the states, and the small steering, of the drives to come. One linear model of them is enough for an MPC
+/// that tracks. The drives of this MPC, shaken more strongly, are the training data beside the first.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Again {
     /// Its weights.
@@ -104,10 +105,10 @@ pub trait Compared<const S: usize, const C: usize>: SimulatedVehicle<S, C, Param
     ) -> Result<GpOf<NominalOf<Self, S, C>, S>, GpTrainError>;
 }
 
-/// Weights of a car's collecting controller. The default ones ring on a car with a slow actuator, and a model that has
+/// Weights of a car's collecting controller. The default ones ring on a car with a slow actuator. A model that has
 /// learned ringing, with its saturated commands, makes the loop diverge. Measured on lag 0.1 s and dead time 0.06 s,
-/// RFL+S with a window of 16, mean lateral error on the test route: nominal 34 mm, learned from drives with the
-/// default weights 767 mm, with these 16 mm.
+/// RFL+S with a window of 16, as mean lateral error on the test route. The nominal has 34 mm; learned from drives with
+/// the default weights it is 767 mm, with these 16 mm.
 pub const CALM: Weights = Weights {
     q_e1_rate: 1.0,
     q_e2: 2.0,
@@ -117,28 +118,29 @@ pub const CALM: Weights = Weights {
     prediction_noise: 0.0,
 };
 
-/// Weights of a truck's collecting controller. Behind a dead time of 0.3 s and a lag of 0.2 s, with dither, it stays on the
-/// training route (mean lateral error 0.46 m, at most 1.7 m); tighter ones jack-knifed there.
+/// Weights of a truck's collecting controller, tried behind a dead time of 0.3 s and a lag of 0.2 s. With dither, it
+/// stays on the training route (mean lateral error 0.46 m, at most 1.7 m); tighter ones jack-knifed there.
 pub const TRUCK_CALM: Weights = Weights { q_e1_rate: 3.0, q_e2: 1000.0, r_rate: 300.0, ..CALM };
 
 /// Amplitude of the dither of a car's collecting drives, rad.
 pub const DITHER: f64 = 0.01;
 
-/// That of a truck's: with 0.01 it jack-knifed in a U-turn behind a dead time of 0.3 s and a lag of 0.2 s.
+/// Dither of a truck's: with 0.01 it jack-knifed in a U-turn behind a dead time of 0.3 s and a lag of 0.2 s.
 pub const TRUCK_DITHER: f64 = 0.005;
 
 /// A truck's second round: the default weights, and a dither that the calm nominal MPC does not stand.
 ///
-/// Measured behind a dead time of 0.3 s and a lag of 0.2 s on a fast piece of the training route (1400 to 2060 m), one seed, tight
-/// weights (0.032, 0.001, 3e-4, 1.2e-5), mean lateral error without and with observer: oracle 0.39 and 0.50 mm; RFL+S learned
-/// from the calm drive alone 6.6 and 18 (it rings), with this one beside it 0.35 and 0.15 mm. RFL, whose trees do not know the
-/// speed, jack-knifed before; now it rings, 4.2 mm (filtered 326), and with observer is lost at such weights still.
+/// Measured behind a dead time of 0.3 s and a lag of 0.2 s. A fast piece of the training route (1400 to 2060 m), one
+/// seed, tight weights (0.032, 0.001, 3e-4, 1.2e-5), mean lateral error without and with observer. The oracle has 0.39
+/// and 0.50 mm. RFL+S learned from the calm drive alone has 6.6 and 18 (it rings), with this one beside it 0.35 and
+/// 0.15 mm. RFL, whose trees do not know the speed, jack-knifed before. Now it rings, 4.2 mm (filtered 326), and with
+/// observer is still lost at such weights.
 const TRUCK_AGAIN: Again = Again {
     weights: Weights { q_e1_rate: 0.4, q_e2: 0.0, q_e2_rate: 0.0, r_rate: 0.1, ..CALM },
     dither: 0.01,
 };
 
-/// Where a car's weights are searched.
+/// Ranges of a car's weights in the search.
 pub(super) const CAR_SPACE: Space = Space {
     ranges: [(1e-3, 3.0), (1e-3, 30.0), (1e-4, 3.0), (1e-6, 1.0), (1e-4, 1.0), (1e-3, 1.0)],
     // The default first, then from damped to tight.
@@ -166,8 +168,8 @@ pub(super) const CAR_SPACE: Space = Space {
     ],
 };
 
-/// Where a truck's are: from those that a nominal model needs behind a dead time of 0.3 s to those that an exact one can
-/// afford.
+/// Ranges of a truck's weights. They reach from the needs of a nominal model behind a dead time of 0.3 s to those of an
+/// exact one.
 const TRUCK_SPACE: Space = Space {
     ranges: [(1e-3, 100.0), (1e-3, 1e4), (1e-4, 1e3), (1e-6, 1e4), (1e-4, 1.0), (1e-3, 1.0)],
     beginning: &[

@@ -1,9 +1,10 @@
 //! The weights that each row may choose, and the search that chooses them: the same budget for every row.
 //!
 //! The cost is homogeneous, so the lateral error's weight stays 1 and the others are searched, over decades. The search
-//! begins with the same few designs for every row, from the default to very tight ones, spread over the noises where a
-//! row has an observer, and with what the nominal MPC found; then the covariance matrix adaptation evolution strategy (CMA-ES) goes on from the best of them.
-//! Nothing but the drives' scores is looked at: the result is the same on any number of threads.
+//! begins with the same few designs for every row, from the default to very tight ones, and with the nominal MPC's
+//! result. They are spread over the noises where a row has an observer. From the best of them the covariance matrix
+//! adaptation evolution strategy (CMA-ES) goes on. It uses nothing but the drives' scores: the result is the same on
+//! any number of threads.
 //!
 //! Source: Hansen, The CMA evolution strategy: a tutorial, 2016.
 
@@ -11,7 +12,7 @@ use crate::control::{ControllerParametersFor, MpcParameters};
 use cmaes::{CMAESOptions, DVector};
 use serde::{Deserialize, Serialize};
 
-/// What is searched.
+/// Weights that are searched.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[allow(missing_docs)]
 pub struct Weights {
@@ -28,7 +29,7 @@ pub struct Weights {
 /// Numbers that are searched.
 const AXES: usize = 6;
 
-/// Where a kind of vehicle's weights are searched.
+/// Ranges of a kind of vehicle's weights in the search.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Space {
     /// Ranges, in the order of [`Weights`].
@@ -41,7 +42,7 @@ pub struct Space {
 
 /// First standard deviation of the evolution strategy, as a share of the ranges.
 const STEP: f64 = 0.12;
-/// What leaving the ranges costs, for each range's width.
+/// Cost of leaving the ranges, for each range's width.
 const OUTSIDE: f64 = 10.0;
 
 impl Weights {
@@ -91,7 +92,7 @@ impl Space {
         }
     }
 
-    /// Where a value stands in its range, 0 to 1.
+    /// Place of a value in its range, 0 to 1.
     fn place(&self, axis: usize, value: f64) -> f64 {
         let (low, high) = self.ranges[axis];
         ((value / low).ln() / (high / low).ln()).clamp(0.0, 1.0)
@@ -111,7 +112,7 @@ impl Space {
     }
 }
 
-/// What a search found.
+/// Result of a search.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Found {
     /// The best weights.

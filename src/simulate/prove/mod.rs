@@ -1,9 +1,10 @@
-//! Whether a learned model is better than the default controller: closed-loop drives of plants that explain the logs.
+//! Proof that a learned model is better than the default controller: closed-loop drives of plants that explain the
+//! logs.
 //!
-//! A log is explained by many plants. Candidates differ in stiffness, payload, dead time and lag; each has a one-step misfit
-//! on each block of the log, and a bootstrap over the blocks chooses among them: who is best on one of the resampled logs is
-//! a plant that the logs do not rule out. On roads that nobody learned on each drives twice, with the model and without.
-//! The model is better if
+//! A log is explained by many plants. Candidates differ in stiffness, payload, dead time and lag; each has a one-step
+//! misfit on each block of the log. A bootstrap over the blocks chooses among them. The best on one of the resampled
+//! logs is a plant that the logs do not rule out. Each drives twice on roads unseen in training, with the model and
+//! without. The model is better if
 //!
 //! ```text
 //! none is lost,   mean_i mean|e1| < that of the default,   and in no drive i mean|e1| or max|e1| is worse by more than is allowed
@@ -61,7 +62,7 @@ pub struct ProofFigures {
     pub lost: usize,
 }
 
-/// Why a proof fails.
+/// Reasons for which a proof fails.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum NotBetter {
     /// Drives are lost.
@@ -109,10 +110,10 @@ impl Proof {
         [of(|drive| &drive.default), of(|drive| &drive.learned)]
     }
 
-    /// Whether the model is better.
+    /// Checks that the model is better.
     ///
     /// # Errors
-    /// Why it is not.
+    /// The reason for which it is not.
     pub fn check(&self) -> Result<(), NotBetter> {
         let [default, learned] = self.figures();
         let drives = self.drives.len();
@@ -139,7 +140,7 @@ impl Proof {
     }
 }
 
-/// Why no proof can be made.
+/// Reasons for which no proof can be made.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum ProofError {
@@ -155,7 +156,7 @@ pub struct Contest<P: Compared<S, C>, const S: usize, const C: usize> {
     pub vehicle: P::Parameters,
     /// The controller of both.
     pub controller: ControllerParametersFor<P::Nominal>,
-    /// What the default predicts with.
+    /// Prediction model of the default controller.
     pub default: PredictionModelFor<NominalOf<P, S, C>, S>,
 }
 
@@ -239,7 +240,7 @@ where
         self.scenarios.len()
     }
 
-    /// Whether there are none.
+    /// True if there are none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.scenarios.is_empty()
@@ -255,7 +256,7 @@ where
     }
 }
 
-/// What is known of a plant's actuator: least change from the most probable that a candidate may have, s.
+/// Prior knowledge of a plant's actuator: least change from the most probable that a candidate may have, s.
 const ACTUATOR_SPREAD: f64 = 0.01;
 
 /// An actuator about another, by two numbers of the normal distribution: the sum is better known than its parts.

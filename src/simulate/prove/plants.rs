@@ -1,4 +1,5 @@
-//! Plants that explain a log as well: candidates about the vehicle's file, chosen by a bootstrap over the log's blocks.
+//! Plants that explain a log equally well: candidates about the vehicle's file, chosen by a bootstrap over the log's
+//! blocks.
 
 use super::actuator_about;
 use crate::nominal::{Actuator, SingleTrackError};
@@ -8,7 +9,7 @@ use crate::vehicle::VehicleParameters as _;
 
 /// Candidates.
 const CANDIDATES: usize = 96;
-/// Plants that are wanted, and resampled logs at most to find them.
+/// Number of plants, and of resampled logs at most to find them.
 const PLANTS: usize = 4;
 const RESAMPLED: usize = 200;
 /// Range of the stiffness of an axle as a factor, and of a payload as a share of the mass.
@@ -17,11 +18,11 @@ const PAYLOAD: f64 = 0.25;
 
 /// A plant that the logs do not rule out.
 pub struct ExplainedPlant<P: Compared<S, C>, const S: usize, const C: usize> {
-    /// What it is, in a few words.
+    /// Description, in a few words.
     pub name: String,
     /// The vehicle, with the actuator that the log shows.
     pub vehicle: P::Parameters,
-    /// What separates it from its file.
+    /// Differences from its file.
     pub effects: P::Effects,
     /// Its steering.
     pub actuator: Actuator,

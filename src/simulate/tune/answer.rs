@@ -1,4 +1,4 @@
-//! How a controller comes back to the road from beside it: what a page shows of weights.
+//! Return of a controller to the road from beside it: the response of weights that a page shows.
 
 use super::axis::Values;
 use super::scenario::{Scenario, ScenarioError};
@@ -8,9 +8,9 @@ use crate::simulate::ClosedLoopFor;
 use crate::simulate::experiment::Compared;
 use std::sync::Arc;
 
-/// Where the vehicle begins, m to the left.
+/// Initial offset of the vehicle, m to the left.
 const OFFSET: f64 = 0.3;
-/// How long it is watched, s.
+/// Duration of the record, s.
 const DURATION: f64 = 8.0;
 
 /// Lateral error over time, s and m, from 0.3 m beside a straight road at a speed in m/s; to where the vehicle was lost.

@@ -1,4 +1,4 @@
-//! What is searched: named numbers of the controller, each over decades.
+//! Axes of the search: named numbers of the controller, each over decades.
 
 use crate::control::{ControllerParametersFor, VehicleParameters};
 use crate::parameter::{OutOfRange, ParameterGroup};
@@ -33,7 +33,7 @@ impl Axis {
         Self { name: name.to_owned(), decades: if name == "mpc.horizon" { 0.3 } else { 1.0 } }
     }
 
-    /// The value so many units from another, within the parameter's range; 0 is taken as the least that matters.
+    /// The value so many units from another, within the parameter's range; 0 is replaced by the least effective weight.
     #[must_use]
     pub fn from<G>(&self, start: f64, units: f64) -> f64 {
         let value = self.least(start) * 10.0_f64.powf(self.decades * units);
@@ -51,7 +51,7 @@ impl Axis {
     }
 }
 
-/// A weight below this is as good as none.
+/// Least effective weight.
 const LEAST: f64 = 1e-4;
 
 /// A number of the groups that all controllers have, by its name.
@@ -70,14 +70,14 @@ pub fn number_of<G>(parameters: &ControllerParametersFor<G>, name: &str) -> Opti
 }
 
 impl Values {
-    /// Those of the axes, as a controller has them; without those that only its kind of vehicle has.
+    /// Values of the axes in a controller; without those that only its kind of vehicle has.
     #[must_use]
     pub fn of<G>(parameters: &ControllerParametersFor<G>, axes: &[Axis]) -> Self {
         let value = |axis: &Axis| Some((axis.name.clone(), number_of(parameters, &axis.name)?));
         Self(axes.iter().filter_map(value).collect())
     }
 
-    /// Takes the numbers over into a controller.
+    /// Applies the numbers to a controller.
     ///
     /// # Errors
     /// A value out of its range, or a name that no parameter has.

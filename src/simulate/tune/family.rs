@@ -1,7 +1,7 @@
 //! Ensembles of scenarios, each by a seed: vehicles, stiffness, payload, friction, actuator, speed, noise and road.
 //!
-//! Discrete choices go round, each with a period of its own, so that a small ensemble has all of them; what is continuous
-//! is drawn. Every other actuator is a corner of its range: a worst case lies there more often than inside.
+//! Discrete choices go round, each with a period of its own, so that a small ensemble has all of them; continuous ones
+//! are drawn. Every other actuator is a corner of its range: a worst case lies there more often than inside.
 
 use super::scenario::Scenario;
 use crate::control::{ControllerParametersFor, PredictionModelFor};
@@ -13,13 +13,13 @@ use crate::simulate::experiment::{Compared, NominalOf};
 use crate::vehicle::VehicleParameters as _;
 use std::sync::Arc;
 
-/// A controller, and what it predicts with.
+/// A controller, and its prediction model.
 pub type Controlled<P, const S: usize, const C: usize> = (
     ControllerParametersFor<<P as SimulatedVehicle<S, C>>::Nominal>,
     PredictionModelFor<NominalOf<P, S, C>, S>,
 );
 
-/// What an ensemble is for: seeds of the one are never seeds of the other.
+/// Purpose of an ensemble: seeds of the one are never seeds of the other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Purpose {
     /// To search or tune on.
@@ -28,7 +28,7 @@ pub enum Purpose {
     HeldOut,
 }
 
-/// Which actuators the vehicles have.
+/// Actuators of the vehicles.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Actuators {
     /// Least and greatest lag on top of the file's, s.
@@ -51,20 +51,19 @@ pub struct Family<P: Compared<S, C>, const S: usize, const C: usize> {
     pub friction: Vec<f64>,
     /// Actuators.
     pub actuators: Actuators,
-    /// What `speed.lateral_accel` is set to, m/s2.
+    /// Values of `speed.lateral_accel`, m/s2.
     pub lateral_accel: Vec<f64>,
     /// Noise as a multiple of the typical; 0 for none.
     pub noise: Vec<f64>,
     /// Roads that all drive; random ones if there are none.
     pub roads: Vec<Arc<Path>>,
-    /// What random roads are like; every third is closed.
+    /// Shape of random roads; every third is closed.
     pub road: RandomRoad,
-    /// Steps of the dead time and lag that a controller that is told the actuator is wrong about, as shares; none if it is
-    /// told nothing.
+    /// Errors of the dead time and lag given to the controller, as shares; none if it is given nothing.
     pub told: Option<f64>,
 }
 
-/// Why there is no ensemble.
+/// Reasons for which there is no ensemble.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum FamilyError {
@@ -77,7 +76,7 @@ pub enum FamilyError {
 }
 
 impl<P: Compared<S, C>, const S: usize, const C: usize> Family<P, S, C> {
-    /// What vehicles are, around these: the field's matrix for searches.
+    /// Spread of vehicles around these: the field's matrix for searches.
     #[must_use]
     pub fn around(vehicles: Vec<P::Parameters>) -> Self {
         let truck = P::SIGNALS.len() > crate::simulate::CAR_COLUMNS;

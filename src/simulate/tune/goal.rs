@@ -5,7 +5,7 @@ use super::scenario::{Scenario, ScenarioError};
 use crate::control::{LinearController, Margins, PredictionModelFor, SteeringLoop, VehicleParameters};
 use crate::simulate::experiment::{Compared, NominalOf};
 
-/// Speeds at which margins are looked at, m/s.
+/// Speeds of the margins, m/s.
 pub const SPEEDS: [f64; 8] = [2.0, 4.0, 6.0, 9.0, 13.0, 18.0, 24.0, 30.0];
 
 /// Margins that are asked for.
@@ -15,13 +15,13 @@ pub struct MarginGoal {
     pub delay: f64,
     /// Gain margin, a factor.
     pub gain: f64,
-    /// Speeds up to this are looked at, m/s; those that a scenario drives if it is not finite.
+    /// Largest speed of the margins, m/s; the speeds of a scenario if it is not finite.
     pub speed: f64,
 }
 
-/// What a goal that is missed altogether costs, m.
+/// Cost of a goal that is missed altogether, m.
 const MISSED: f64 = 2.0;
-/// What an unstable loop costs beside, m for each unit of the spectral radius above 1.
+/// Additional cost of an unstable loop, m for each unit of the spectral radius above 1.
 const UNSTABLE: f64 = 20.0;
 
 /// A scenario's steering loop, and its margins; none where it is unstable.
@@ -54,7 +54,7 @@ pub fn margins_over_speeds<P: Compared<S, C>, const S: usize, const C: usize>(
 }
 
 impl MarginGoal {
-    /// What a scenario's margins miss costs, m: that of the worst speed.
+    /// Cost of a scenario's missing margins, m: that of the worst speed.
     pub(super) fn penalty<P: Compared<S, C>, const S: usize, const C: usize>(
         &self,
         scenario: &Scenario<P, S, C>,

@@ -1,21 +1,21 @@
-//! Controllers that stand what vehicles are: a min-max search over an ensemble of vehicles, actuators and roads.
+//! Robust tuning of controllers: a min-max search over an ensemble of vehicles, actuators and roads.
 //!
 //! ```text
 //! min over the controller's numbers p    max_i J_i(p) + share * mean_i J_i(p) + penalty of margins that are missed
 //! ```
 //!
 //! where `J_i` is the tracking error of a closed-loop drive, the scenario `i`. A drive is a whole one: nonlinear vehicle,
-//! actuator, road, noise. Seeds of searches and of examinations are apart: the scenario `i` of the ensemble `n` has the
-//! road seed `2000 n + i` for training, and `2000 n + 1000 + i` held out.
+//! actuator, road, noise. Searches and examinations have separate seeds. Scenario `i` of the ensemble `n` has the road
+//! seed `2000 n + i` for training, and `2000 n + 1000 + i` held out.
 //!
 //! | file | problem |
 //! |---|---|
-//! | `scenario.rs` | one drive, and what it costs |
+//! | `scenario.rs` | one drive, and its cost |
 //! | `family.rs` | ensembles of scenarios by a seed |
 //! | `goal.rs` | margins that the linear loop must have |
-//! | `axis.rs` | what is searched, over decades |
-//! | `answer.rs` | the answer to an offset, to be shown |
-//! | `search.rs` | the search: CMA-ES, stopping early whatever cannot win |
+//! | `axis.rs` | axes of the search, over decades |
+//! | `answer.rs` | the response to an offset, for a page |
+//! | `search.rs` | the search: CMA-ES, with early stops of losing candidates |
 
 mod answer;
 mod axis;

@@ -1,12 +1,13 @@
-//! One drive of the ensemble: a vehicle, what separates it from its model, a road, a speed, noise; and what the drive costs.
+//! One drive of the ensemble: a vehicle with its differences from its model, a road, a speed, noise; and the drive's
+//! cost.
 //!
 //! ```text
 //! J = max |e1| + rms e1 + 0.05 s * rms of the command's rate           of a drive to the road's end, m
 //! J = 10 m * (2 - share of the time that was driven)                   of a lost one
 //! ```
 //!
-//! Lost is who is 2 m off the road, rolls over, jack-knifes or gets nowhere. The later the better: a search that sees no
-//! difference goes nowhere.
+//! A drive is lost if the vehicle is 2 m off the road, rolls over, jack-knifes or makes no progress. A later loss costs
+//! less: a search needs such differences.
 
 use super::axis::{NotSet, Values};
 use crate::control::{ControllerError, ControllerFor, ControllerParametersFor, PredictionModelFor};
@@ -19,37 +20,37 @@ use std::sync::Arc;
 
 /// Lateral error from which on a drive is lost, m.
 pub const LOST_AT: f64 = 2.0;
-/// What a drive costs that is lost at its end, m.
+/// Cost of a drive that is lost at its end, m.
 pub const LOST_COST: f64 = 10.0;
-/// What roughness costs, m for each rad/s.
+/// Cost of roughness, m for each rad/s.
 const ROUGHNESS: f64 = 0.05;
-/// Time beyond which a drive gets nowhere, in times of the plan's; and in s.
+/// Time without progress beyond which a drive is lost, in times of the plan's; and in s.
 const PATIENCE: (f64, f64) = (2.0, 30.0);
 
 /// A drive to be made.
 pub struct Scenario<P: Compared<S, C>, const S: usize, const C: usize> {
-    /// What it is, in a few words.
+    /// Description, in a few words.
     pub name: String,
-    /// The vehicle as its file has it: what the controller knows.
+    /// The vehicle as in its file: the controller's knowledge.
     pub vehicle: P::Parameters,
-    /// What separates the vehicle from its file.
+    /// Differences of the vehicle from its file.
     pub effects: P::Effects,
     /// All of the vehicle's steering: its file's and the effects'.
     pub actuator: Actuator,
     /// The road.
     pub path: Arc<Path>,
-    /// The controller, but for what is searched.
+    /// The controller, except for the searched numbers.
     pub controller: ControllerParametersFor<P::Nominal>,
-    /// What it predicts with.
+    /// Prediction model.
     pub model: PredictionModelFor<NominalOf<P, S, C>, S>,
     /// Noise of the sensors and its seed.
     pub noise: Option<(SensorNoise, u64)>,
 }
 
-/// How a drive went.
+/// Result of a drive.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Outcome {
-    /// What is minimised, m.
+    /// Objective of the search, m.
     pub cost: f64,
     /// Largest lateral error, m.
     pub max: f64,
@@ -59,15 +60,15 @@ pub struct Outcome {
     pub rms: f64,
     /// Root mean square of the command's rate, rad/s.
     pub roughness: f64,
-    /// Whether the vehicle was lost.
+    /// True if the vehicle was lost.
     pub lost: bool,
     /// Share of the planned time that was driven.
     pub driven: f64,
-    /// Given up because it could not win any more: the figures are those until then.
+    /// Given up because it could no longer win: the figures are those until then.
     pub given_up: bool,
 }
 
-/// Why a drive cannot be made.
+/// Reasons for which a drive cannot be made.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum ScenarioError {

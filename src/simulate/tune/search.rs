@@ -1,8 +1,8 @@
-//! The search: CMA-ES over decades, its cost a soft worst case, whatever cannot win stopped early.
+//! The search: CMA-ES over decades, its cost a soft worst case, with early stops of losing candidates.
 //!
-//! The scenarios of a candidate are driven hardest first, a few at once, and a candidate is dropped as soon as its cost so
-//! far exceeds what the better half of the last generation cost: the strategy only needs to know that it is among the worse.
-//! How many are driven at once does not depend on the threads, so the result does not either.
+//! The scenarios of a candidate are driven hardest first, a few at once. A candidate is dropped as soon as its cost far
+//! exceeds that of the better half of the last generation. The strategy only needs to know that it is among the worse.
+//! The number driven at once does not depend on the threads, so the result does not either.
 //!
 //! Source: Hansen, The CMA evolution strategy: a tutorial, 2016.
 
@@ -14,11 +14,11 @@ use crate::simulate::experiment::Compared;
 use cmaes::{CMAESOptions, DVector};
 use serde::Serialize;
 
-/// Scenarios that are driven before it is asked whether to go on.
+/// Number of scenarios that are driven before the next decision to go on.
 const WAVE: usize = 4;
-/// A candidate may cost so many times as much as the better half of the last generation before it is dropped.
+/// Largest cost of a candidate before it is dropped, relative to the better half of the last generation.
 const SLACK: f64 = 1.0;
-/// Smallest share of its step with which a search that has settled begins anew.
+/// Smallest share of its step with which a converged search begins anew.
 const FRESH: f64 = 0.5;
 
 /// Scenarios with the cost of a candidate over them.
@@ -38,26 +38,26 @@ pub struct Ensemble<P: Compared<S, C>, const S: usize, const C: usize> {
 pub struct Candidate {
     /// Its numbers.
     pub values: Values,
-    /// Its cost, m; of one that was dropped what it cost until then.
+    /// Its cost, m; for a dropped one the cost until then.
     pub cost: f64,
-    /// What missing margins cost of that, m.
+    /// Cost of missing margins in that, m.
     pub penalty: f64,
-    /// Whether it was driven to the end.
+    /// True if it was driven to the end.
     pub complete: bool,
-    /// Its drives, one for each scenario; none for those that were not made.
+    /// Its drives, one for each scenario; none for scenarios that were not driven.
     pub outcomes: Vec<Option<Outcome>>,
 }
 
-/// How long and from where on a search goes.
+/// Length and start of a search.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SearchSettings {
     /// Candidates in all.
     pub budget: usize,
-    /// Where to begin: the best of these.
+    /// Starting points: the search begins at the best of these.
     pub starts: Vec<Values>,
     /// First standard deviation, in units of the axes.
     pub step: f64,
-    /// Candidates of a generation; 0 for as many as the strategy takes.
+    /// Candidates of a generation; 0 for the strategy's own number.
     pub population: usize,
     /// Seed of the strategy.
     pub seed: u64,
@@ -131,7 +131,7 @@ impl<P: Compared<S, C, Effects: Sync, Nominal: Sync>, const S: usize, const C: u
         self.evaluate(values, &order, f64::INFINITY)
     }
 
-    /// The worst and a share of the mean; what was not driven costs nothing yet.
+    /// The worst and a share of the mean; scenarios that were not driven cost nothing yet.
     fn cost(&self, outcomes: &[Option<Outcome>]) -> f64 {
         let costs = || outcomes.iter().flatten().map(|outcome| outcome.cost);
         let mean = costs().sum::<f64>() / outcomes.len().max(1) as f64;
@@ -147,7 +147,7 @@ fn hardest_first(candidate: &Candidate) -> Vec<usize> {
     order
 }
 
-/// Searches; gives the candidates that were driven to the end, the best first. `watch` is shown every candidate with its
+/// Searches; gives the candidates that were driven to the end, the best first. `watch` gets every candidate with its
 /// number.
 ///
 /// # Errors

@@ -17,7 +17,7 @@ use crate::vehicle::unit::{
     gravity, gravity_on, roll,
 };
 
-/// What road and earth give.
+/// Forces and disturbances from road and earth.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Environment {
     pub gravity: Gravity,
@@ -67,7 +67,7 @@ impl Plant<STATES, SIGNALS> for CarPlant {
         states
     }
 
-    /// Gravity and friction where the car is.
+    /// Gravity and friction at the place of the car.
     fn environment(&self, y: &[f64; STATES], road: Option<&Path>, station: f64) -> Environment {
         let gravity = gravity(&self.effects, y[YAW], road, station);
         let friction =

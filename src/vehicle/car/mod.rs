@@ -1,14 +1,14 @@
 //! The two-track car: 14 degrees of freedom, transient tyres, drive, brakes and air.
 //!
-//! State (36 numbers): pose and velocities in the plane of the road (6), roll, pitch and heave of the body (6), and
-//! for each wheel its spin, two deflections of the tyre, its vertical motion (2), and the wind-up of its brake.
+//! State (36 numbers): pose and velocities in the plane of the road (6), and roll, pitch and heave of the body (6).
+//! Each wheel has its spin, two deflections of the tyre, its vertical motion (2), and the wind-up of its brake.
 //!
 //! | file | idea |
 //! |---|---|
 //! | `plant.rs` | the constants of one car with its effects |
 //! | `dynamics.rs` | the equations of motion: one unit (`unit/`) in the air |
-//! | `output.rs` | what is measured |
-//! | `reduced.rs` | which of its motions are fast |
+//! | `output.rs` | measured signals |
+//! | `reduced.rs` | fast motions |
 
 mod dynamics;
 mod output;
@@ -26,10 +26,10 @@ pub use output::{CarOutput, CarStatus};
 use plant::{CarPlant, STATES};
 use std::sync::Arc;
 
-/// What the driver, or a controller, asks of the car.
+/// Inputs of the car, from a driver or a controller.
 pub type CarInput = VehicleInput;
 
-/// Why a car could not be made.
+/// Reasons for which a car could not be made.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum CarError {
@@ -68,8 +68,8 @@ impl Car {
 
 vehicle!(Car, CarOutput, Stepper<CarPlant, STATES, SIGNALS>);
 
-/// The car without its fast motions; effects need not be in range (a delay may be negative where the car has one of its
-/// own), but the sensors' latency is left to the caller.
+/// The car without its fast motions. Effects need not be in range (a delay may be negative where the car has one of its
+/// own). The sensors' latency is left to the caller.
 ///
 /// # Errors
 /// A CG outside the wheelbase.

@@ -1,4 +1,4 @@
-//! What is measured of a car.
+//! Measured signals of a car.
 
 use super::dynamics::Flow;
 use super::plant::{CarPlant, STATES};
@@ -9,7 +9,7 @@ use crate::vehicle::stepper::State;
 use crate::vehicle::unit::{VX, VY, WheelOutput};
 
 enumeration! {
-    /// What the car does, in words.
+    /// Motion of the car, in words.
     pub enum CarStatus {
         Driving = 0 "driving", "The car drives within the grip of its tyres";
         Standstill = 1 "standstill", "The car stands";
@@ -20,7 +20,7 @@ enumeration! {
     }
 }
 
-/// Everything that is measured, with effects of the sensors. Units as in `signal`.
+/// All measured signals, with effects of the sensors. Units as in `signal`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[allow(missing_docs)]
 pub struct CarOutput {
@@ -51,7 +51,7 @@ pub struct CarOutput {
 /// Motion signals.
 pub(super) const SIGNALS: usize = BODY_SIGNALS;
 
-/// The output from the (delayed) motion, and what has no latency.
+/// The output from the (delayed) motion, and signals without latency.
 pub(super) fn measure(
     plant: &CarPlant,
     state: &State<STATES, SIGNALS>,

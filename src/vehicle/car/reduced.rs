@@ -1,4 +1,4 @@
-//! Which of a car's motions are slow.
+//! Slow motions of a car.
 
 use super::output::SIGNALS;
 use super::plant::{CarPlant, STATES, WHEELS};

@@ -1,4 +1,4 @@
-//! What hitch and equations must keep: momentum, angular momentum and energy where nothing acts from outside.
+//! Conservation by hitch and equations: momentum, angular momentum and energy without external forces.
 
 use super::dynamics::{Environment, Flow};
 use super::plant::{STATES, TRAILER, TruckPlant, WHEELS};
@@ -64,7 +64,7 @@ fn kinetic(plant: &TruckPlant, y: &[f64; STATES]) -> f64 {
         + of(plant.trailer.mass, inertias(&plant.trailer)[0], &trailer)
 }
 
-/// How many numbers make a state.
+/// Number of the state's components.
 const NUMBERS: usize = 16;
 
 /// A motion in the plane, an attitude of the bodies, which do not roll at this instant; from numbers between -1 and 1.

@@ -32,7 +32,7 @@ const TRAILER_BODY: [(usize, usize); TRAILER_STATES] = [
 /// The first state of the semi-trailer's wheels among those of all wheels.
 const TRAILER_WHEELS: usize = 4 * PER_WHEEL;
 
-/// What road and earth give.
+/// Forces and disturbances from road and earth.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Environment {
     /// Under the tractor and under the semi-trailer, in axes of each.
@@ -125,7 +125,7 @@ impl Plant<STATES, SIGNALS> for TruckPlant {
         states
     }
 
-    /// Gravity and friction where the units are; the road's own length stands for that of the bent truck.
+    /// Gravity and friction at the places of the units; the road's own length stands for that of the bent truck.
     fn environment(&self, y: &[f64; STATES], road: Option<&Path>, station: f64) -> Environment {
         let effects = &self.effects.vehicle;
         let [low, high] = &self.hitch.pins;

@@ -1,7 +1,7 @@
 //! The fifth wheel: the force that keeps tractor and semi-trailer together.
 //!
-//! In the plane both units share one point. Its acceleration is, in axes of a unit with the hitch at `x`, and `o = s p`
-//! to the left by the roll `p` of the body over the roll axis,
+//! In the plane both units share one point. Take the axes of a unit with the hitch at `x`. It is `o = s p` to the left
+//! by the roll `p` of the body over the roll axis. The acceleration of the point is
 //!
 //! ```text
 //!     Ax = ax - x r^2 - o r' - 2 r s p'        Ay = ay + x r' - o r^2 + s p''
@@ -26,7 +26,7 @@ const STICK_FREQUENCY: f64 = 30.0;
 const STICK_DAMPING: f64 = 0.7;
 const STICK_RELAXATION: f64 = 200.0;
 
-/// Where the hitch is on a unit.
+/// Place of the hitch on a unit.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Pin {
     /// Forward of the unit's CG and of its body's CG, m.
@@ -68,7 +68,7 @@ impl Pin {
         (body[HEAVE] - self.x_body * body[PITCH], body[HEAVE_RATE] - self.x_body * body[PITCH_RATE])
     }
 
-    /// What of the hitch's acceleration comes from accelerations of the unit.
+    /// Part of the hitch's acceleration from accelerations of the unit.
     #[inline]
     fn linear(&self, offset: f64, accel: &Acceleration) -> [f64; 2] {
         [
@@ -88,7 +88,7 @@ impl Pin {
         ]
     }
 
-    /// What a force in the hitch in axes of the unit, N, does to it.
+    /// Push on the unit by a force in the hitch in its axes, N.
     #[inline]
     pub fn push(&self, body: &[f64; BODY], [fx, fy]: [f64; 2]) -> Push {
         Push {
@@ -130,10 +130,10 @@ pub(super) struct HitchPlant {
     pub articulation_limit: f64,
 }
 
-/// What the hitch gives, beyond the forces in the plane.
+/// Loads from the hitch, beyond the forces in the plane.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct HitchFlow {
-    /// Load on the tractor, N, and what of it is beyond that at rest.
+    /// Load on the tractor, N, and the part of it beyond that at rest.
     pub load: f64,
     pub more: f64,
     /// Moment about the tractor's x axis against its roll, N m.
@@ -184,7 +184,7 @@ impl HitchPlant {
         (self.vertical_stiffness, [self.pins[0].x_body, self.pins[1].x_body])
     }
 
-    /// Velocity of the semi-trailer's CG in its axes, from all else, m/s.
+    /// Velocity of the semi-trailer's CG in its axes, from the other states, m/s.
     #[inline]
     pub fn trailer_velocity(
         &self,
@@ -217,7 +217,7 @@ impl HitchPlant {
         }
     }
 
-    /// Adds what springs and friction do in the plane and in roll to the pushes of both units.
+    /// Adds the loads of springs and friction in the plane and in roll to the pushes of both units.
     #[inline]
     pub fn add(
         &self,

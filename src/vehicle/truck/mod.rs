@@ -1,18 +1,18 @@
 //! The tractor with its semi-trailer: 16 degrees of freedom beside the wheels' spins, transient tyres on three axle
 //! groups, fifth wheel, drive, brakes and air.
 //!
-//! State (57 numbers): pose and velocities of the tractor in the plane of the road (6), roll, pitch and heave of its
-//! body (6); yaw, roll, pitch and heave of the semi-trailer (8), whose place and velocities follow from the hitch; the
-//! wind-up of the fifth wheel's friction; and for each side of an axle group the six states of a wheel.
+//! State (57 numbers): pose and velocities of the tractor in the plane of the road (6), and roll, pitch and heave of
+//! its body (6). Yaw, roll, pitch and heave of the semi-trailer (8), whose place and velocities follow from the hitch;
+//! the wind-up of the fifth wheel's friction. For each side of an axle group the six states of a wheel.
 //!
 //! | file | idea |
 //! |---|---|
 //! | `plant.rs` | the constants of one truck with its effects |
 //! | `hitch.rs` | the fifth wheel: the force that keeps both units together |
 //! | `dynamics.rs` | the equations of motion: two units (`unit/`), the hitch, the air |
-//! | `output.rs` | what is measured |
-//! | `reduced.rs` | which of its motions are fast |
-//! | `conservation.rs` | tests: what hitch and equations must keep |
+//! | `output.rs` | measured signals |
+//! | `reduced.rs` | fast motions |
+//! | `conservation.rs` | tests: conservation by hitch and equations |
 
 #[cfg(test)]
 mod conservation;
@@ -33,10 +33,10 @@ pub use output::{TrailerOutput, TruckOutput, TruckStatus};
 use plant::{STATES, TruckPlant};
 use std::sync::Arc;
 
-/// What the driver, or a controller, asks of the truck.
+/// Inputs of the truck, from a driver or a controller.
 pub type TruckInput = VehicleInput;
 
-/// Why a truck could not be made.
+/// Reasons for which a truck could not be made.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum TruckError {

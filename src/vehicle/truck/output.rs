@@ -1,4 +1,4 @@
-//! What is measured of a truck.
+//! Measured signals of a truck.
 
 use super::dynamics::Flow;
 use super::plant::{STATES, TruckPlant};
@@ -9,7 +9,7 @@ use crate::vehicle::stepper::State;
 use crate::vehicle::unit::{VX, VY, WheelOutput};
 
 enumeration! {
-    /// What the truck does, in words.
+    /// Motion of the truck, in words.
     pub enum TruckStatus {
         Driving = 0 "driving", "The truck drives within the grip of its tyres";
         Standstill = 1 "standstill", "The truck stands";
@@ -24,8 +24,7 @@ enumeration! {
 /// Share of the articulation limit from which on the truck counts as jack-knifing.
 const JACK_KNIFING: f64 = 2.0 / 3.0;
 
-/// Everything that is measured, with effects of the sensors; of the tractor where nothing else is said. Units as in
-/// `signal`.
+/// All measured signals, with effects of the sensors; of the tractor unless stated otherwise. Units as in `signal`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[allow(missing_docs)]
 pub struct TruckOutput {
@@ -75,7 +74,7 @@ pub struct TrailerOutput {
 /// Motion signals.
 pub(super) const SIGNALS: usize = BODY_SIGNALS + 9;
 
-/// The output from the (delayed) motion, and what has no latency.
+/// The output from the (delayed) motion, and signals without latency.
 pub(super) fn measure(
     plant: &TruckPlant,
     state: &State<STATES, SIGNALS>,

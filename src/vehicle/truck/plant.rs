@@ -9,9 +9,9 @@ use crate::vehicle::steering::SteeringChain;
 use crate::vehicle::truck_parameters::{RestLoads, TruckParameters};
 use crate::vehicle::unit::{AxleParts, BODY, Laden, Load, Masses, PER_WHEEL, Unit, Wheels};
 
-/// Where the semi-trailer's states begin: those of a body from its yaw on, without velocities in the plane.
+/// Start of the semi-trailer's states: those of a body from its yaw on, without velocities in the plane.
 pub(super) const TRAILER: usize = BODY;
-/// How many they are.
+/// Number of them.
 pub(super) const TRAILER_STATES: usize = 8;
 /// The wind-up of the fifth wheel's friction, rad.
 pub(super) const WIND_UP: usize = TRAILER + TRAILER_STATES;
@@ -32,7 +32,7 @@ pub(super) struct TruckPlant {
     /// Half the air's density times the areas, kg/m: drag, side of the tractor, side of the semi-trailer.
     pub drag: f64,
     pub side: [f64; 2],
-    /// Where the side forces act, forward of the unit's CG, m.
+    /// Centre of the side forces, forward of the unit's CG, m.
     pub pressure_centre: [f64; 2],
     pub effects: TruckEffects,
 }

@@ -1,4 +1,4 @@
-//! Which of a truck's motions are slow.
+//! Slow motions of a truck.
 
 use super::output::SIGNALS;
 use super::plant::{STATES, TRAILER, TruckPlant, WHEELS, WIND_UP};

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// What the standard says of a coefficient that a file does not give.
+/// Rule of the standard for a coefficient that a file does not give.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Missing {
     /// The file is of no use without it.
@@ -33,7 +33,7 @@ macro_rules! coefficients {
             /// Makes the coefficients from a look-up by key.
             ///
             /// # Errors
-            /// The keys that cannot be missing and are.
+            /// Required keys that are missing.
             pub(super) fn from_lookup(mut find: impl FnMut(&str) -> Option<f64>) -> Result<Self, Vec<&'static str>> {
                 let mut absent = Vec::new();
                 $(let $field = find($key).unwrap_or_else(|| match $missing {
@@ -193,7 +193,7 @@ coefficients! {
     ssz3 "SSZ3" Is(0.0);
     ssz4 "SSZ4" Is(0.0);
     =>
-    /// Early softening, 0 as the Magic Formula has it, 1 as a brush does: of no file, for what other formulas do otherwise.
+    /// Early softening, 0 in the Magic Formula, 1 in a brush: in no file, for the differences of other formulas.
     #[serde(default)]
     softening
 }

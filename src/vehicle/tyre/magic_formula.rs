@@ -4,7 +4,7 @@ use super::coefficients::Coefficients;
 use crate::lanes::Lanes;
 use crate::vehicle::trigonometry::{atan_of, cos_of, sin_of};
 
-/// How a tyre meets the road. The default is a wheel in the air.
+/// Contact of a tyre with the road. The default is a wheel in the air.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Contact<T = f64> {
     /// Longitudinal slip `(omega R - Vx) / |Vx|`, positive when driving.
@@ -34,7 +34,8 @@ pub struct TyreForces<T = f64> {
 
 /// Slip angle beyond which its tangent grows no more, rad.
 const GREATEST_ANGLE: f64 = 1.5;
-/// Share of the slip at which a brush slides where softening changes nothing: ordinary driving, a fifth to a quarter of the grip.
+/// Slip at which softening changes nothing, as a share of a brush's sliding slip: ordinary driving, a fifth to a
+/// quarter of the grip.
 const SOFTENED_AT: f64 = 0.08;
 /// Loads under this carry no force: the wheel has left the road.
 const LIFTED: f64 = 1e-3;
@@ -98,7 +99,7 @@ fn growth<L: Lanes>(factor: L, x: L) -> L {
     if factor.is_zero() { L::splat(1.0) } else { (factor * x).each(f64::exp) }
 }
 
-/// Pure longitudinal slip but for the sine of its curve.
+/// Pure longitudinal slip except for the sine of its curve.
 #[derive(Clone, Copy)]
 struct Longitudinal<L> {
     curve: Curve<L>,
@@ -107,7 +108,7 @@ struct Longitudinal<L> {
     shift_v: L,
 }
 
-/// Pure lateral slip but for the sine of its curve: what forces and moment need of it.
+/// Pure lateral slip except for the sine of its curve: the common part of forces and moment.
 #[derive(Clone, Copy)]
 struct Lateral<L> {
     curve: Curve<L>,
@@ -180,8 +181,8 @@ impl Coefficients {
         factor * self.longitudinal_stiffness(at, self.dfz(at))
     }
 
-    /// Longitudinal slip and tangent of the slip angle at which a brush of this stiffness `K` and grip `D` slides on the road
-    /// that the tyre was measured on, `3 D / K` (Pacejka, section 3.2), for a load in N.
+    /// Sliding slip of a brush of this stiffness `K` and grip `D`, `3 D / K` (Pacejka, section 3.2), for a load in N.
+    /// The road is that of the tyre's measurement. Longitudinal slip, and tangent of the slip angle.
     #[must_use]
     pub fn sliding(&self, load: f64) -> [f64; 2] {
         let wheel = self.wheel::<f64>(&Contact { load, friction: 1.0, ..Contact::default() });
@@ -230,8 +231,8 @@ impl<T: Copy> Coefficients<T> {
         (load - self.nominal()) / self.nominal()
     }
 
-    /// The load at which the formula is taken, and the factor from its force to the force at the real load:
-    /// above the file's range it is clamped, below it forces vanish in proportion to the load.
+    /// The load for the formula, and the factor from its force to the force at the real load. Above the file's range it
+    /// is clamped, below it forces vanish in proportion to the load.
     #[inline(always)]
     fn range_of_load<L: Lanes<Stored = T>>(&self, load: L) -> (L, L) {
         take!(self; fzmin fzmax);
@@ -347,8 +348,8 @@ impl<T: Copy> Coefficients<T> {
         TyreForces { fx: on_road(fx), fy: on_road(fy), mx: on_road(mx), mz: on_road(mz) }
     }
 
-    /// What early softening leaves of the lateral force: as brushes yield from the first slip on, `1 - u` of their slope at a
-    /// share `u` of the slip at which they slide, for the same slope in between.
+    /// Factor of early softening on the lateral force. Brushes yield from the first slip on: `1 - u` of their slope at
+    /// a share `u` of the slip at which they slide, for the same slope in between.
     #[inline(always)]
     fn softened<L: Lanes<Stored = T>>(&self, lateral: &Lateral<L>) -> L {
         take!(self; softening);
@@ -462,7 +463,7 @@ impl<T: Copy> Coefficients<T> {
         }
     }
 
-    /// Whether a file has a moment at all; most of the cost of one is saved without.
+    /// True if a file has a moment at all; most of the cost of one is saved without.
     #[inline(always)]
     fn has_aligning_moment<L: Lanes<Stored = T>>(&self) -> bool {
         take!(self; qdz1 qdz2 qdz6 qdz7 qdz8 qdz9 ssz1 ssz2 ssz3 ssz4);

@@ -1,4 +1,4 @@
-//! Tyres: what force the road gives a wheel for its slip, load and inclination.
+//! Tyres: force of the road on a wheel by its slip, load and inclination.
 //!
 //! The Magic Formula 5.2 (`PAC2002` in Adams), whose coefficients come from `.tir` files:
 //!

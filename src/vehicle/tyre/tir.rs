@@ -5,7 +5,7 @@ use crate::input;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Why a tyre file could not be used.
+/// Reasons for which a tyre file could not be used.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum TirError {
@@ -26,7 +26,7 @@ pub enum TirError {
     /// Another tyre model than the Magic Formula 5.x.
     #[error("tyre file {file}, line {line}: {key} = '{found}' is {what}")]
     Format { file: PathBuf, line: usize, key: &'static str, found: String, what: &'static str },
-    /// Coefficients that nobody can guess are missing, e.g. because the file is cut off.
+    /// Coefficients without a default are missing, e.g. because the file is cut off.
     #[error("tyre file {file}: missing {}; is the file complete?", keys.join(", "))]
     Missing { file: PathBuf, keys: Vec<&'static str> },
     /// A coefficient that must be positive (or not zero) is not.
@@ -154,7 +154,7 @@ fn check_unit(file: &Path, line: usize, key: &str, found: &str) -> Result<(), Ti
     })
 }
 
-/// What to do with a file of the Magic Formula 6.
+/// Advice for a file of the Magic Formula 6.
 const NEWER: &str = "the Magic Formula 6: its coefficients of inflation pressure and turn slip mean another model; let the fitting \
      tool write the tyre as MF-Tyre 5.2 (FITTYP 6 or 52)";
 const OTHER: &str = "another tyre model; give a file of the Magic Formula 5.2 (PROPERTY_FILE_FORMAT 'PAC2002', 'MF_05' or 'MF-TYRE', \
@@ -162,7 +162,7 @@ const OTHER: &str = "another tyre model; give a file of the Magic Formula 5.2 (P
 const USER: &str = "any model of a user's subroutine, and no FITTYP says which; if it is the Magic Formula 5.2, add FITTYP = 6 to \
      [MODEL]";
 
-/// Which tyre model the `[MODEL]` section says it is: by `FITTYP` where that is given, else by `PROPERTY_FILE_FORMAT`.
+/// Tyre model of the `[MODEL]` section: by `FITTYP` where that is given, else by `PROPERTY_FILE_FORMAT`.
 fn check_model(file: &Path, model: &BTreeMap<String, (String, usize)>) -> Result<(), TirError> {
     let refuse = |key, found: &str, line, what| {
         Err(TirError::Format { file: file.to_path_buf(), line, key, found: found.to_owned(), what })

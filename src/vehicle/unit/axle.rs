@@ -1,4 +1,4 @@
-//! One axle: the suspension between body and wheels, and what both wheels give to the body.
+//! One axle: the suspension between body and wheels, and the loads of both wheels on the body.
 
 use super::wheel::{WheelFlow, WheelMotion};
 use super::{
@@ -28,7 +28,7 @@ pub(in crate::vehicle) struct Axle {
     pub roll_steer: f64,
     /// Sideways velocity of the contacts for each radian per second of roll, m.
     pub sway: f64,
-    /// Whether the wheels turn with the steering.
+    /// Factor of the steering on the wheels' angle: 1 for steered wheels, else 0.
     pub steered: f64,
     pub wheel_inertia: f64,
     /// Rolling radius, m.
@@ -36,14 +36,14 @@ pub(in crate::vehicle) struct Axle {
     pub lateral_compliance: f64,
     /// Load of one wheel at rest, N.
     pub static_load: f64,
-    /// Lateral relaxation length that takes the place of the tyre file's, m; 0: none does.
+    /// Lateral relaxation length that replaces the tyre file's, m; 0 for none.
     pub relaxation: f64,
     /// Share of one wheel in the drive force and in the brake force.
     pub drive_share: f64,
     pub brake_share: f64,
 }
 
-/// What one axle gives to the body.
+/// Loads of one axle on the body.
 #[derive(Clone, Copy, Default)]
 pub(in crate::vehicle) struct AxleFlow {
     /// Forces of the tyres in body axes, N, and their moment about the CG, N m.
@@ -52,7 +52,7 @@ pub(in crate::vehicle) struct AxleFlow {
     pub moment: f64,
     /// Overturning moment of the contacts, N m.
     pub overturning: f64,
-    /// Moment about the y axis that drive and brakes take from the wheels to the body beyond what holds the tyres'
+    /// Moment about the y axis that drive and brakes transmit from the wheels to the body, beyond that of the tyres'
     /// longitudinal forces, N m.
     pub reaction: f64,
     /// Forces of the suspension on the body beyond those at rest, left and right, N.
@@ -73,8 +73,8 @@ impl Axle {
         self.drive_share * self.radius * (wheels[SPIN] + wheels[PER_WHEEL + SPIN])
     }
 
-    /// The suspension's forces on the body, and the motion of both wheels (whose states follow each other), at an
-    /// angle with this sine and cosine, under a drive force and a greatest brake force of the whole vehicle.
+    /// The suspension's forces on the body, and the motion of both wheels (whose states follow each other). The wheels
+    /// are at an angle with this sine and cosine, under a drive force and a greatest brake force of the whole vehicle.
     #[inline(always)]
     pub fn suspension(
         &self,
@@ -115,7 +115,7 @@ impl Axle {
         (given, [motion(0, 1.0), motion(1, -1.0)])
     }
 
-    /// What both wheels give to the body.
+    /// Loads of both wheels on the body.
     #[inline(always)]
     pub fn gather(&self, wheels: &[WheelFlow], (sin, cos): (f64, f64), given: &mut AxleFlow) {
         let given_by = |wheel: &WheelFlow| {

@@ -17,7 +17,7 @@ pub(in crate::vehicle) struct Gravity {
     pub z: f64,
 }
 
-/// What acts on a unit: forces in N, moments about its CG (roll: about the body's) in N m.
+/// Loads on a unit: forces in N, moments about its CG (roll: about the body's) in N m.
 #[derive(Debug, Clone, Copy, Default)]
 pub(in crate::vehicle) struct Push {
     pub longitudinal: f64,
@@ -26,7 +26,7 @@ pub(in crate::vehicle) struct Push {
     pub rolling: f64,
 }
 
-/// What a push does: specific forces at the CG in m/s2, angular accelerations in rad/s2.
+/// Response to a push: specific forces at the CG in m/s2, angular accelerations in rad/s2.
 #[derive(Debug, Clone, Copy, Default)]
 pub(in crate::vehicle) struct Acceleration {
     pub specific_x: f64,
@@ -51,7 +51,7 @@ impl<const A: usize> Unit<A> {
         (0..A).map(|i| self.axles[i].rim_speed(&wheels[2 * i * PER_WHEEL..])).sum()
     }
 
-    /// What the axles and the leaning body's weight do to the unit; air and hitch come on top.
+    /// Push of the axles and the leaning body's weight on the unit; air and hitch come on top.
     #[inline(always)]
     pub fn push(&self, body: &[f64; BODY], axles: &[AxleFlow; A], gravity: &Gravity) -> Push {
         let sum = |of: &dyn Fn(usize) -> f64| (0..A).map(of).reduce(|sum, of| sum + of).unwrap_or(0.0);
@@ -66,7 +66,7 @@ impl<const A: usize> Unit<A> {
         }
     }
 
-    /// What a push does.
+    /// Response to a push.
     #[inline(always)]
     pub fn acceleration(&self, push: &Push) -> Acceleration {
         let solve = |row: &[f64; 3]| row[0] * push.lateral + row[1] * push.yawing + row[2] * push.rolling;
@@ -139,7 +139,8 @@ impl<const A: usize> Unit<A> {
         }
     }
 
-    /// Adds what a moment about the body's y axis (N m) and a force upwards (N) do to the rates of pitch and heave.
+    /// Adds the effect of a moment about the body's y axis (N m) and a force upwards (N) on the rates of pitch and
+    /// heave.
     #[inline(always)]
     pub fn lift(&self, pitching: f64, force: f64, rates: &mut [f64]) {
         rates[PITCH_RATE] += pitching / self.pitch_inertia;

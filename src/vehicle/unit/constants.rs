@@ -18,7 +18,7 @@ pub(in crate::vehicle) struct Masses {
     pub cg_height: f64,
 }
 
-/// What effects change in a unit's masses; the load at the height of the CG.
+/// Change of a unit's masses by effects; the load at the height of the CG.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::vehicle) struct Load {
     pub mass: f64,
@@ -65,7 +65,7 @@ impl Laden {
     }
 }
 
-/// What an axle is made of.
+/// Parts of an axle.
 pub(in crate::vehicle) struct AxleParts<'a> {
     pub axle: &'a parameters::Axle,
     pub tyre: &'a Tyre,
@@ -105,8 +105,8 @@ fn square(x: f64) -> f64 {
 }
 
 impl<const A: usize> Unit<A> {
-    /// A unit from its parts; `roll_axis` is the height of the roll axis at a place forward of the CG, `relaxation` the
-    /// length (m) that `tyre_relaxation` takes the place of; none: it is that of all tyres, whatever their load.
+    /// A unit from its parts; `roll_axis` is the height of the roll axis at a place forward of the CG. `relaxation` is
+    /// the length (m) that `tyre_relaxation` replaces; none: it is that of all tyres, whatever their load.
     pub fn new(
         laden: &Laden,
         parts: &[AxleParts; A],

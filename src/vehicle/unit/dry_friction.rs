@@ -1,4 +1,4 @@
-//! Dry friction with a stiff spring before it slips (Dahl), so that what is held stands and is not pushed back.
+//! Dry friction with a stiff spring before it slips (Dahl), so that a held body stands and is not pushed back.
 //!
 //! ```text
 //!     T = clamp(k z + d w, +-capacity),    z' = w - min(|w| k / capacity, fastest) z

@@ -1,8 +1,8 @@
-//! One unit on its axles: what a car, a tractor and a semi-trailer have in common.
+//! One unit on its axles: the common part of a car, a tractor and a semi-trailer.
 //!
-//! The frame of the axles moves in the plane of the road; the body rolls about the axis through the roll centres,
-//! pitches and heaves over it on springs; the wheels move vertically between springs and tyres. With the
-//! specific force `f = a - g` at the CG, roll `p`, roll arm `h`, and small angles of the body:
+//! The frame of the axles moves in the plane of the road. The body rolls about the axis through the roll centres, and
+//! pitches and heaves over it on springs. The wheels move vertically between springs and tyres. With the specific force
+//! `f = a - g` at the CG, roll `p`, roll arm `h`, and small angles of the body:
 //!
 //! ```text
 //!     m fx                        = sum Fx - drag
@@ -14,17 +14,17 @@
 //!     mw zw''                     = Fz - Fs - mw g +- G,     G = (hr Fyb + R mu (fy + x r') + sum Mx) / track
 //! ```
 //!
-//! `Fs` are the forces of springs, dampers and anti-roll bars, `Fyb` the side force that an axle passes on to the body
-//! through its roll centre, `T` the torques of drive and brakes. Not modelled: jacking, anti-dive and -squat,
+//! `Fs` are the forces of springs, dampers and anti-roll bars, `T` the torques of drive and brakes. `Fyb` is the side
+//! force that an axle passes on to the body through its roll centre. Not modelled: jacking, anti-dive and -squat,
 //! longitudinal sway of the body, bump stops.
 //!
 //! | file | idea |
 //! |---|---|
 //! | `constants.rs` | masses, inertias and axles of a unit with its effects |
 //! | `body.rs` | the equations above |
-//! | `axle.rs` | suspension, and what both wheels give to the body |
+//! | `axle.rs` | suspension, and loads of both wheels on the body |
 //! | `wheel.rs` | one wheel: transient slip, forces, spin, brake |
-//! | `dry_friction.rs` | friction that can stand still |
+//! | `dry_friction.rs` | friction that holds at rest |
 
 mod axle;
 mod body;

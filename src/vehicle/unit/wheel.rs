@@ -6,11 +6,11 @@
 //!     u' = -Vsx - V u / sx,   kappa = u / sx          v' = Vsy - V v / sy,   tan(alpha) = v / sy
 //! ```
 //!
-//! At speed this is first-order relaxation; at rest `V = 0` it is a spring, so that nothing divides by the speed and
-//! a braked car holds on a slope (Pacejka, section 8.6). `V` is the rolling speed, and no less than a share of the
-//! slip velocity, which bounds the slip of a spinning or sideways wheel: at speed a large one, at rest that at which the
-//! tyre slides on this road. A deflection beyond it holds no force, and would push a wheel that has slid to rest back by
-//! the whole of its relaxation length. `s` is no less than what a step of the integration can follow at `V`.
+//! At speed this is first-order relaxation; at rest `V = 0` it is a spring (Pacejka, section 8.6). So nothing divides
+//! by the speed, and a braked car holds on a slope. `V` is the rolling speed, but at least a share of the slip
+//! velocity, which bounds the slip of a spinning or sideways wheel. At speed this slip is a large one, at rest that at
+//! which the tyre slides on this road. A deflection beyond it holds no force, and would push a wheel that has slid to
+//! rest back by the whole of its relaxation length. `s` is no less than a step of the integration can follow at `V`.
 
 use super::axle::Axle;
 use super::dry_friction::DryFriction;
@@ -27,7 +27,7 @@ const FASTEST_RELAXATION: f64 = 1500.0;
 /// Greatest longitudinal slip and greatest tangent of the slip angle.
 const GREATEST_SLIP: f64 = 1.5;
 const GREATEST_TANGENT: f64 = 3.0;
-/// Damping of the deflections at rest, s/m, and the speed at which it has gone, m/s.
+/// Damping of the deflections at rest, s/m, and the speed at which it has vanished, m/s.
 const DAMPING_AT_REST: f64 = 0.15;
 const DAMPED_BELOW: f64 = 2.5;
 /// Speed below which a slide comes to rest on a road with a friction of 1, m/s.
@@ -40,7 +40,7 @@ const BRAKE_RELAXATION: f64 = 500.0;
 /// Rolling speed over which rolling resistance builds up, m/s.
 const ROLLING_FROM: f64 = 0.1;
 
-/// Motion of the wheel's contact in axes of the wheel, and what acts on the wheel.
+/// Motion of the wheel's contact in axes of the wheel, and the torques on the wheel.
 #[derive(Clone, Copy)]
 pub(in crate::vehicle) struct WheelMotion {
     /// Velocity of the contact point, m/s.
@@ -53,7 +53,7 @@ pub(in crate::vehicle) struct WheelMotion {
     pub brake: f64,
 }
 
-/// What a wheel does at an instant.
+/// Motion and forces of a wheel at an instant.
 #[derive(Debug, Clone, Copy, Default)]
 pub(in crate::vehicle) struct WheelFlow {
     pub load: f64,
@@ -96,8 +96,8 @@ impl Wheels {
     }
 }
 
-/// All wheels of a vehicle: what they do, and the rates of their spins, deflections and brakes. States of the wheels
-/// follow each other, left and right of each axle; `groups` are four of them each.
+/// All wheels of a vehicle: their motion and forces, and the rates of their spins, deflections and brakes. States of
+/// the wheels follow each other, left and right of each axle; `groups` are four of them each.
 #[inline(always)]
 pub(in crate::vehicle) fn roll<L: Lanes<Stored = [f64; FOUR]>, const W: usize>(
     groups: &[Wheels],
@@ -200,7 +200,7 @@ struct Slip<L> {
     rates: [L; 2],
 }
 
-/// What wheels do; rates of spin and wind-up.
+/// Response of wheels; rates of spin and wind-up.
 struct Given<L> {
     load: L,
     forces: TyreForces<L>,
@@ -314,8 +314,8 @@ impl Wheels {
         Slip { load, kappa: kappa + damping * du, tangent: tangent + damping * dv, rates: [du, dv] }
     }
 
-    /// What wheels do with the forces on their contacts, and the rates of spin and brake; contact and forces are those of
-    /// each of a wheel's tyres.
+    /// Response of wheels to the forces on their contacts, and the rates of spin and brake. Contact and forces are
+    /// those of each of a wheel's tyres.
     #[inline(always)]
     fn wheel<L: Lanes<Stored = [f64; FOUR]>>(
         &self,

@@ -7,18 +7,19 @@
 //! G = dy/dU,   free = y(U) - G U,   solve the QP: U*,   U <- U + alpha (U* - U)
 //! ```
 //!
-//! with `alpha` found by halving until the true objective, soft bounds and all, falls by a share of what the QP
-//! promises (Armijo). The bounds of the commands are linear and the first plan, the last one shifted, is cut to
-//! them: every iterate can be driven. The errors are small beside the curvature of `y`, so Gauss-Newton converges
-//! within a few iterations.
+//! with `alpha` found by halving until the true objective, soft bounds included, falls by a share of the QP's promise
+//! (Armijo). The bounds of the commands are linear and the first plan, the last one shifted, is cut to them: every
+//! iterate can be driven. The errors are small beside the curvature of `y`, so Gauss-Newton converges within a few
+//! iterations.
 //!
 //! It is written for any [`PathModel`]: the bicycle of a car, the tractor with semi-trailer of a truck. With a Gaussian
 //! process (GP-NMPC) its mean and gradient correct `vy`, the yaw rate and that of the articulation after each step.
 //!
 //! The information is that of the linear MPC: measured state, path, planned speeds, command in force, disturbance.
 //!
-//! Source: Kabzan et al., Learning-Based MPC for Autonomous Racing, RA-L 2019; Bock and Plitt 1984; Diehl et al., Real-time optimization and nonlinear model predictive control, J. Process
-//! Control 2002; line search on a convex composite: Burke 1985.
+//! Sources: Kabzan et al., Learning-Based MPC for Autonomous Racing, RA-L 2019; Bock and Plitt 1984. Diehl et al.,
+//! Real-time optimization and nonlinear model predictive control, J. Process Control 2002. Line search on a convex
+//! composite: Burke 1985.
 
 mod roll_out;
 
@@ -40,21 +41,21 @@ use std::any::Any;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// How a nonlinear MPC predicts and iterates; `G` is what can be learned of what its model misses.
+/// Prediction and iteration of a nonlinear MPC; `G` is the learned model of its errors.
 #[derive(Debug, Clone)]
 pub struct NonlinearModel<G> {
     /// Friction coefficient of the tyres. Given, not learned: in ordinary driving the peak cannot be observed.
     pub friction: f64,
     /// Most QPs of a step.
     pub max_iterations: usize,
-    /// What the model misses in a step, learned: GP-NMPC.
+    /// Learned error of the model in a step: GP-NMPC.
     pub gp: Option<Arc<G>>,
 }
 
-/// That of a car: the bicycle.
+/// Nonlinear model of a car: the bicycle.
 pub type BicycleModel = NonlinearModel<GpModel>;
 
-/// That of a truck: tractor and semi-trailer.
+/// Nonlinear model of a truck: tractor and semi-trailer.
 pub type ArticulatedModel = NonlinearModel<TruckGpModel>;
 
 impl<G> Default for NonlinearModel<G> {
@@ -94,7 +95,7 @@ impl<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize> Nonl
     }
 }
 
-/// A step of the plan smaller than this ends the iterations, rad: Gauss-Newton contracts, what is left is smaller.
+/// Step of the plan below which the iterations end, rad: Gauss-Newton contracts, the remaining error is smaller.
 const STEP_TOLERANCE: f64 = 1e-5;
 /// Share of the promised decrease that a step must bring.
 const ARMIJO: f64 = 1e-4;
@@ -117,7 +118,7 @@ pub struct NonlinearMpc<V: GpVehicle<S, N, O>, const S: usize, const N: usize, c
     planned: bool,
 }
 
-/// How a line search ended.
+/// End of a line search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Search {
     /// The plan has moved to a better one.
@@ -142,7 +143,7 @@ impl<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize> Nonl
         }
     }
 
-    /// Where the prediction starts, and what it is made with.
+    /// Start of the prediction, and its inputs.
     fn set_up(&mut self, input: &LateralInput<'_, S>, preview: &Preview) {
         let (errors, disturbance) = (input.state, input.disturbance);
         let roll_out = &mut self.roll_out;
@@ -187,7 +188,7 @@ impl<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize> Nonl
         }
     }
 
-    /// From the plan towards the QP's, as far as the true objective follows the QP's promise.
+    /// Line search from the plan towards the QP's, as far as the true objective follows the QP's promise.
     fn search(&mut self, path: &Path, qp: &Qp, objective: &mut f64, promised: f64) -> Search {
         let mut alpha = 1.0;
         for _ in 0..=HALVINGS {
@@ -209,7 +210,7 @@ impl<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize> Nonl
     }
 }
 
-/// Writes the outputs of what was predicted under a plan and gives the true objective.
+/// Writes the outputs predicted under a plan and gives the true objective.
 fn assess<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize>(
     roll_out: &NonlinearRollOut<V, S, N, O>,
     plan: &[f64],

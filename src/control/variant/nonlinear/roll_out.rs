@@ -17,7 +17,7 @@ use std::sync::Arc;
 pub struct StepSpeed {
     /// At the beginning, in the middle and at the end, m/s: the model's, positive.
     pub speed: [f64; 3],
-    /// At the beginning as planned, m/s, maybe 0: what a Gaussian process is asked at.
+    /// At the beginning as planned, m/s, maybe 0: the speed of the Gaussian process's input.
     pub planned: f64,
     /// Acceleration, m/s2.
     pub accel: f64,
@@ -30,8 +30,8 @@ impl StepSpeed {
         Self { speed: [speed; 3], planned: speed, accel: 0.0 }
     }
 
-    /// What the model holds within the step: the mean speed. A Gaussian process has learned what a body misses that
-    /// holds the speed at the beginning.
+    /// Speed held by the model within the step: the mean. A Gaussian process has learned the errors of a body that
+    /// holds the speed of the step's beginning.
     fn held_within(&self, corrected: bool) -> HeldSpeed {
         let [begin, mean, _] = self.speed;
         HeldSpeed { path: mean, body: if corrected { begin } else { mean } }
@@ -45,8 +45,8 @@ pub type BicycleRollOut = NonlinearRollOut<SingleTrack, ERRORS, BICYCLE_STATES, 
 pub type ArticulatedRollOut =
     NonlinearRollOut<Articulated, TRUCK_STATES, ARTICULATED_PATH_STATES, TRUCK_GP_OUTPUTS>;
 
-/// The prediction with everything it depends on but the road and the plan, of a vehicle whose model has `N` states and `S`
-/// errors to the path; a Gaussian process corrects `O` of the states.
+/// The prediction with all its inputs but the road and the plan. The vehicle's model has `N` states and `S` errors to
+/// the path; a Gaussian process corrects `O` of the states.
 #[derive(Debug, Clone)]
 pub struct NonlinearRollOut<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize> {
     model: V::Model,
@@ -58,9 +58,9 @@ pub struct NonlinearRollOut<V: GpVehicle<S, N, O>, const S: usize, const N: usiz
     /// Added to the state after each step.
     pub disturbance: SVector<f64, N>,
     gp: Option<Arc<GpModelFor<V, N, O>>>,
-    /// How far the process is believed at each step, 0 to 1.
+    /// Trust in the process at each step, 0 to 1.
     trust: Vec<f64>,
-    /// Share of it that is used, and whether it is asked within its training: nearer to it than half a range's width.
+    /// Share of it in use, and true if it is asked within its training: nearer to it than half a range's width.
     share: f64,
     inside: Vec<bool>,
     /// Errors after the first step that was predicted, without the process.
@@ -84,7 +84,7 @@ fn road(path: &Path) -> impl Fn(f64) -> Curvature {
     |station| [path.curvature(station), path.curvature_rate(station)]
 }
 
-/// Where the body's states begin: behind station and errors.
+/// Start of the body's states: behind station and errors.
 const BODY: usize = 3;
 
 impl BicycleRollOut {
@@ -140,9 +140,9 @@ impl<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize> Nonl
         self.predict(path, plan, None);
     }
 
-    /// Predicts under a plan, and sets how far the Gaussian process is believed on the way, or not at all: outside its
-    /// training it fades, half a range's width further there is the model alone; of the rest a share is used. Later plans keep to that: what they
-    /// are compared by is one smooth problem.
+    /// Predicts under a plan, and sets the trust in the Gaussian process along it. Outside its training the process
+    /// fades; half a range's width further there is the model alone. A share scales the rest. Later plans keep this
+    /// trust, so that they are compared by one smooth problem.
     pub fn follow_anew(&mut self, path: &Path, plan: &[f64], share: f64) {
         self.predict(path, plan, Some(share));
     }
@@ -199,7 +199,7 @@ impl<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize> Nonl
         step
     }
 
-    /// What the Gaussian process is asked at.
+    /// Input of the Gaussian process.
     fn input(&self, state: &SVector<f64, N>, j: usize, steer: f64) -> [f64; N] {
         let StepSpeed { planned, accel, .. } = self.speed[j];
         let mut input = [0.0; N];
@@ -208,7 +208,7 @@ impl<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize> Nonl
         input
     }
 
-    /// Whether it has a Gaussian process.
+    /// True if it has a Gaussian process.
     #[must_use]
     pub fn is_learned(&self) -> bool {
         self.gp.is_some()
@@ -221,8 +221,8 @@ impl<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize> Nonl
         if self.gp.is_some() { outside as f64 / self.trust.len() as f64 } else { 0.0 }
     }
 
-    /// What is expected after the first step from errors that differ by `moved` and with another command, to first order:
-    /// exact for those that were predicted with.
+    /// Expected state after the first step from errors that differ by `moved` and with another command, to first order.
+    /// Exact for the errors of the prediction.
     #[must_use]
     pub fn first_step(&self, moved: &SVector<f64, S>, steer: f64) -> Expected<S> {
         let Predicted { step, end } = &self.steps[0];
@@ -236,7 +236,8 @@ impl<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize> Nonl
         Expected { state, transition }
     }
 
-    /// The same without the process and with all of it, whatever share is used; none where nothing is learned or used.
+    /// The same without the process and with all of it, regardless of the share in use; none without a learned process
+    /// in use.
     #[must_use]
     pub fn first_step_without_and_with(
         &self,
@@ -262,7 +263,7 @@ impl<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize> Nonl
         &self.steps[j].step.state
     }
 
-    /// Writes the derivatives of the tracked errors by the plan, row-major; the upper triangle is left as it is.
+    /// Writes the derivatives of the tracked errors by the plan, row-major; the upper triangle is left unchanged.
     pub fn write_gain(&mut self, tracked: &[usize], gain: &mut [f64]) {
         let horizon = self.steps.len();
         for (j, Predicted { step, end }) in self.steps.iter().enumerate() {
@@ -280,8 +281,8 @@ impl<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize> Nonl
         }
     }
 
-    /// Errors at which the vehicle stays on a path of this curvature with a constant command and the speed of step `j`: those
-    /// of steady cornering, and where something acts beside the model, with that.
+    /// Errors at which the vehicle stays on a path of this curvature with a constant command and the speed of step `j`.
+    /// They are those of steady cornering, with any disturbance beside the model.
     #[must_use]
     pub fn steady(&self, j: usize, curvature: f64) -> SVector<f64, S> {
         let [_, _, speed] = self.speed[j].speed;
