@@ -281,3 +281,18 @@ def test_help_has_examples_and_errors_are_one_line(rfl_mpc, tmp_path):
     failed = run(tmp_path / "nothing")
     assert failed.returncode == 1 and failed.stderr.startswith("error: ") and failed.stderr.count("\n") == 1
     assert run(tmp_path, "--dask", "tcp://127.0.0.1:9").returncode == 1
+
+
+def test_cars_and_trucks_are_of_two_types_and_one_drive_is_a_fleet(rfl_mpc, fleet, logs, tmp_path):
+    """Without a vehicle file a log's own columns say which of both it is of."""
+    log = rfl_mpc.drive("truck_test", "truck_simulation", duration=14).log.drop(columns="status")
+    (tmp_path / "logs" / "lorry").mkdir(parents=True)
+    log[["time", "steer_cmd", "vx", "yaw_rate", "articulation"]].to_csv(
+        tmp_path / "logs" / "lorry" / "1.csv", index=False
+    )
+    (tmp_path / "logs" / "car").mkdir()
+    shutil.copy(logs / "one" / "drive_1.csv", tmp_path / "logs" / "car" / "1.csv")
+    found = fleet.run(tmp_path / "logs", out=tmp_path / "fleet", workers=2, pairs=False)
+    assert set(found.verdicts.type) == {"C-class hatchback", "tractor and semi-trailer, simulation"}
+    assert found.verdicts.error.isna().all()
+    assert found.changed == [] and found.report["vehicles"] == 2

@@ -44,6 +44,8 @@ LIKELY = 0.9
 """Probability that the drives from ``earliest`` to ``latest`` hold the first changed one."""
 SIZES = (0.25, 1.0)
 """Sizes of changes, as shares of the size of what is named: small ones are as common as large ones."""
+FORM = 0.03
+"""Error of what a model says of a change, as a share of it: a signal's error of form, as in calibration.toml."""
 OF_LOAD = 0.3
 """Share of a named shift of the CG by which a load shifts it where no fit has placed it yet."""
 
@@ -278,7 +280,7 @@ class Vehicle:
                 own[at] = float(changed == place and held[k])
                 at += 1
         after += own @ mean
-        deviation = math.sqrt(max(own @ covariance @ own, 0.0))
+        deviation = math.hypot(math.sqrt(max(own @ covariance @ own, 0.0)), FORM * (after - before))
         ends = [parameter.value(after + side * 1.96 * deviation) for side in (-1.0, 1.0)]
         return {
             "value": parameter.value(after), "low": min(ends), "high": max(ends), "before": parameter.value(before),

@@ -65,6 +65,7 @@ def row_of(report: dict[str, Any]) -> dict[str, Any]:
         if isinstance(of, dict)
     }
     return {
+        "model": report["inputs"]["vehicle"],
         "kind": verdict["kind"],
         "probability": verdict["probability"],
         "words": verdict["words"],

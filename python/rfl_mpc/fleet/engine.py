@@ -88,7 +88,7 @@ def cluster(address: str | None, workers: int | None, folder: Path) -> Iterator[
     options = {"processes": False, "n_workers": 1, "threads_per_worker": workers or os.cpu_count() or 1}
     with (
         dask.config.set({"temporary-directory": str(folder)}),
-        LocalCluster(**options, dashboard_address=None, silence_logs=50) as local,
+        LocalCluster(**options, dashboard_address="127.0.0.1:0", silence_logs=50) as local,
         Client(local) as client,
     ):
         yield client

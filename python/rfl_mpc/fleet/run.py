@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 STORE = "drives.sqlite"
+NOT_KNOWN = "not known"
+"""Type of vehicles without a vehicle file of which no drive was diagnosed."""
 
 
 @dataclass(frozen=True)
@@ -118,12 +120,12 @@ def run(
         drive if drive.vehicle_file is not None else Drive(**(drive.words() | {"vehicle_file": default}))
         for drive in manifest.read(given)
     ]
-    of_vehicle: dict[str, str] = {}
+    of_vehicle: dict[str, str | None] = {}
     for drive in drives:
-        type = tables.type_of(drive)
-        if of_vehicle.setdefault(drive.vehicle, type) != type:
+        file = drive.vehicle_file
+        if of_vehicle.setdefault(drive.vehicle, file) != file:
             raise RflError(
-                f"vehicle '{drive.vehicle}' has two vehicle files, {of_vehicle[drive.vehicle]} and {type}; give it one"
+                f"vehicle '{drive.vehicle}' has two vehicle files, {of_vehicle[drive.vehicle]} and {file}; give it one"
             )
     options: dict[str, Any] = {"pairs": pairs, "trust": trust, "rate": rate}
     folder = Path(out)
@@ -163,7 +165,7 @@ def _vehicle(name: str) -> str:
 
 def _plan_words(folder: Path, drives: Sequence[Drive], waiting: int) -> Fleet:
     vehicles = len({drive.vehicle for drive in drives})
-    types = len({tables.type_of(drive) for drive in drives})
+    types = len({drive.vehicle_file for drive in drives})
     words = f"{len(drives)} drives of {vehicles} vehicles of {types} types; {waiting} of them to be diagnosed"
     return Fleet(folder, {"words": words, "changed": [], "drives": len(drives), "waiting": waiting})
 
@@ -174,12 +176,26 @@ class Answers:
     def __init__(self, plan: engine.Plan, store: Store) -> None:
         self.plan, self.store = plan, store
         self.rows: dict[tuple[str, str], list[int]] = {}
+        self.types: dict[str, str] = {}
+        by_vehicle: dict[str, list[int]] = {}
         for row, drive in enumerate(plan.drives):
-            self.rows.setdefault((tables.type_of(drive), drive.vehicle), []).append(row)
+            by_vehicle.setdefault(drive.vehicle, []).append(row)
+        for vehicle, rows in by_vehicle.items():
+            known = (tables.type_of(plan.drives[row], self._answer(row)) for row in rows)
+            self.types[vehicle] = next((type for type in known if type), NOT_KNOWN)
+            self.rows[self.types[vehicle], vehicle] = rows
 
-    def of(self, row: int) -> dict[str, Any]:
+    def _answer(self, row: int) -> dict[str, Any]:
         key = self.plan.keys[row]
         return (None if key is None else self.store.get(key)) or {"error": "not diagnosed"}
+
+    def of(self, row: int) -> dict[str, Any]:
+        """A drive's answer; an error where its log is of another kind of vehicle than the others."""
+        answer, vehicle = self._answer(row), self.plan.drives[row].vehicle
+        type = tables.type_of(self.plan.drives[row], answer)
+        if type and type != self.types[vehicle]:
+            return {"error": f"a log of {type}, where others of this vehicle are of {self.types[vehicle]}"}
+        return answer
 
     def told(self, type: str, vehicle: str) -> list[int]:
         """Rows of a vehicle's drives with a summary, in their order."""
@@ -279,7 +295,9 @@ def _write(folder: Path, answers: Answers, types: list[TypeState], reports) -> F
     def verdicts() -> Iterator[dict[str, Any]]:
         for row, drive in enumerate(drives):
             count = next(number.setdefault(drive.vehicle, itertools.count(1)))
-            yield tables.verdict_row(drive, count, answers.plan.keys[row] or "", answers.of(row), version)
+            yield tables.verdict_row(
+                drive, answers.types[drive.vehicle], count, answers.plan.keys[row] or "", answers.of(row), version
+            )
 
     tables.write(folder / "verdicts.parquet", tables.verdict_schema(), verdicts())
     labels = {

@@ -96,13 +96,13 @@ def parameter_schema() -> pyarrow.Schema:
     return pa.schema([*words, *((name, number) for name in numbers)])
 
 
-def verdict_row(drive: Drive, number: int, key: str, answer: dict[str, Any], version: str) -> dict[str, Any]:
+def verdict_row(drive: Drive, type: str, number: int, key: str, answer: dict[str, Any], version: str) -> dict[str, Any]:
     """A row of ``verdicts.parquet``; ``number`` counts the vehicle's drives from 1."""
     gaps, information = answer.get("gaps") or {}, answer.get("information") or {}
     yaw_rate, ay = gaps.get("yaw_rate") or (None, None), gaps.get("ay") or (None, None)
     return {
         "vehicle": drive.vehicle,
-        "type": type_of(drive),
+        "type": type,
         "drive": number,
         "time": drive.time,
         "log": drive.log,
@@ -138,9 +138,9 @@ def summaries(path: Path) -> dict[str, dict[str, list[dict[str, Any]]]]:
     return found
 
 
-def type_of(drive: Drive) -> str:
-    """Name of a drive's type: its vehicle file's."""
-    return drive.vehicle_file or "default"
+def type_of(drive: Drive, answer: dict[str, Any]) -> str | None:
+    """Name of a drive's type: its vehicle file's; where none is given, the vehicle that the diagnosis took, if any."""
+    return drive.vehicle_file or answer.get("model")
 
 
 def write(path: Path, schema: pyarrow.Schema, rows: Iterator[dict[str, Any]]) -> None:
