@@ -131,7 +131,10 @@ def run(
     folder = Path(out)
     if dry_run and not (folder / STORE).exists():
         return _plan_words(folder, drives, len(drives))
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RflError(f"--out {folder}: {error.strerror}; give a folder that can be written to") from None
     store = Store(folder / STORE)
     try:
         plan = engine.plan(drives, store, options)
@@ -160,7 +163,12 @@ def run(
 
 
 def _vehicle(name: str) -> str:
-    return str(Path(name).resolve()) if Path(name).is_file() else name
+    if Path(name).is_file():
+        return str(Path(name).resolve())
+    if name not in rfl_mpc.vehicles():
+        known = ", ".join(sorted(rfl_mpc.vehicles()))
+        raise RflError(f"--vehicle {name}: no such file, and no built-in vehicle; there are {known}")
+    return name
 
 
 def _plan_words(folder: Path, drives: Sequence[Drive], waiting: int) -> Fleet:
