@@ -39,6 +39,7 @@ ITSELF = (
     "blind/fleet",
     "scripts/fuzz.py",
     "rfl fleet",
+    "rfl evaluate --dask",
 )
 # Runs that take a minute or more, and what needs their files.
 SLOW = (

@@ -10,7 +10,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import rfl_mpc
@@ -69,7 +69,7 @@ def plan(drives: Sequence[Drive], store: Store, options: Mapping[str, Any]) -> P
 
 
 @contextmanager
-def cluster(address: str | None, workers: int | None, folder: Path) -> Iterator[Client]:
+def cluster(address: str | None, workers: int | None = None) -> Iterator[Client]:
     """A client: of the scheduler at an address, or of workers of this machine."""
     import dask
     from distributed import Client, LocalCluster
@@ -87,7 +87,8 @@ def cluster(address: str | None, workers: int | None, folder: Path) -> Iterator[
     # Threads do, for each has a child process that diagnoses: a script needs no guard against being run twice.
     options = {"processes": False, "n_workers": 1, "threads_per_worker": workers or os.cpu_count() or 1}
     with (
-        dask.config.set({"temporary-directory": str(folder)}),
+        TemporaryDirectory(prefix="rfl_fleet_") as scratch,
+        dask.config.set({"temporary-directory": scratch}),
         LocalCluster(**options, dashboard_address="127.0.0.1:0", silence_logs=50) as local,
         Client(local) as client,
     ):

@@ -69,7 +69,7 @@ def main(words: Sequence[str]) -> int:
                 continue
             part = folder / "parts" / name
             jobs[name] = [*words, "--plants", plant, "--noise", noise, "--threads", "1", "--out", str(part), "--quiet"]
-        with cluster(address, None, folder) as client:
+        with cluster(address) as client:
             tasks = {client.submit(said, job, key=f"evaluate-{name}", pure=False): name for name, job in jobs.items()}
             for task in tqdm(as_completed(tasks), total=len(tasks), unit="plant", file=sys.stderr):
                 text, name = task.result(), tasks[task]

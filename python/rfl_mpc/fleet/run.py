@@ -151,7 +151,7 @@ def run(
         with contextlib.ExitStack() as stack:
             client = None
             if plan.waiting:
-                client = stack.enter_context(engine.cluster(dask, workers, folder))
+                client = stack.enter_context(engine.cluster(dask, workers))
                 _diagnose(plan, store, client, options, time_limit, say_progress)
             answers = Answers(plan, store)
             types = _reduced(answers, say_progress)
@@ -269,7 +269,7 @@ def _reports(folder, answers, places, options, limit, client, stack, dask, worke
         if not (folder / place).exists():
             wanted.append((row, folder / place))
     if wanted:
-        client = client or stack.enter_context(engine.cluster(dask, workers, folder))
+        client = client or stack.enter_context(engine.cluster(dask, workers))
         jobs = []
         for row, place in wanted:
             drive = answers.plan.drives[row]
