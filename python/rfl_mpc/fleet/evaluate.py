@@ -15,6 +15,7 @@ from pathlib import Path
 
 from rfl_mpc._native import RflError
 from rfl_mpc.fleet.engine import cluster
+from rfl_mpc.fleet.work import environment
 
 PROGRAM = [sys.executable, "-m", "rfl_mpc", "evaluate"]
 
@@ -36,7 +37,7 @@ def taken(words: Sequence[str], name: str) -> tuple[str | None, list[str]]:
 
 def said(words: Sequence[str]) -> str:
     """What a command prints; its own words where it fails."""
-    done = subprocess.run([*PROGRAM, *words], capture_output=True, text=True, check=False)
+    done = subprocess.run([*PROGRAM, *words], env=environment(), capture_output=True, text=True, check=False)
     if done.returncode:
         raise RflError(done.stderr.strip().removeprefix("error: ") or f"exit status {done.returncode}")
     return done.stdout

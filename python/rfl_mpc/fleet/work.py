@@ -21,14 +21,18 @@ AGAIN = 2
 _own = threading.local()
 
 
+def environment() -> dict[str, str]:
+    """Environment in which a child has the package that this process has, wherever its path came from."""
+    path = os.pathsep.join([str(Path(rfl_mpc.__file__).parent.parent), os.environ.get("PYTHONPATH", "")])
+    return os.environ | {"PYTHONPATH": path.rstrip(os.pathsep)}
+
+
 class _Child:
     def __init__(self) -> None:
         command = [sys.executable, "-m", "rfl_mpc.fleet.child"]
-        # The package that this process has, wherever its path came from.
-        path = os.pathsep.join([str(Path(rfl_mpc.__file__).parent.parent), os.environ.get("PYTHONPATH", "")])
         self.process = subprocess.Popen(
             command,
-            env=os.environ | {"PYTHONPATH": path.rstrip(os.pathsep)},
+            env=environment(),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
