@@ -5,6 +5,7 @@
 //! elsewhere: Windows libraries are linked by mingw-w64, those for macOS by Rust's own lld, against zig's stub of the system
 //! library (`scripts/darwin_sdk.py`).
 
+use crate::linker;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -193,6 +194,19 @@ impl Builder {
         command.args(["--profile", profile, "--message-format", "json-render-diagnostics"]).args(selection);
         // A development build is shared with tests, whose flags must not change.
         if profile != "dev" {
+            let real = match (self, target, part) {
+                (_, _, Some(_)) => "rust-lld",
+                (_, Some(Target::Win64), _) if Target::Win64.is_foreign() => MINGW,
+                // cargo-zigbuild's own program.
+                (Builder::Zig, ..) => "CARGO_TARGET_X86_64_UNKNOWN_LINUX_GNU_LINKER",
+                (Builder::Cargo, ..) => "cc",
+            };
+            let folder = project.join("target");
+            let folder = linker::install(&folder)
+                .map_err(|source| CargoError::Write { path: folder.join("linker"), source })?;
+            let path = std::env::var_os("PATH").unwrap_or_default();
+            let path = std::env::join_paths([folder].into_iter().chain(std::env::split_paths(&path)));
+            command.env("PATH", path.unwrap_or_default()).env(linker::REAL, real);
             command.env("CARGO_ENCODED_RUSTFLAGS", flags(project, target));
         }
         output(&mut command)
@@ -329,6 +343,8 @@ fn flags(project: &Path, target: Option<Target>) -> OsString {
         flags.push(folder);
         flags.push(format!("={name}"));
     }
+    // By its name alone: where it lies is this machine's matter, and must not be seen in the library.
+    flags.push(format!("{separator}-Clinker={}", linker::NAME));
     let more = match target {
         Some(Target::Win64) => "-Clink-arg=-Wl,--no-insert-timestamp",
         // The name by which others would link it, otherwise its place on this machine. Hosts load it by its path.
