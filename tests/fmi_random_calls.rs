@@ -439,7 +439,7 @@ fn random_calls<H: Calls>() {
         config,
         proptest::test_runner::TestRng::deterministic_rng(proptest::test_runner::RngAlgorithm::ChaCha),
     );
-    let steps = std::cell::Cell::new(0);
+    let steps = std::cell::Cell::new(0_u32);
     let calls = prop::collection::vec(call(), LENGTH);
     runner
         .run(&calls, |calls| {
@@ -458,7 +458,11 @@ fn random_calls<H: Calls>() {
         })
         .unwrap();
     let steps = steps.get();
-    assert!(steps > 1000, "only {steps} steps were made: the sequences test too little");
+    let calls = sequences() * LENGTH as u32;
+    assert!(
+        steps > calls / 120,
+        "only {steps} steps in {calls} calls were made: the sequences test too little"
+    );
 }
 
 /// What an instance is after its first step.

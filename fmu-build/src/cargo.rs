@@ -6,13 +6,14 @@
 //! library (`scripts/darwin_sdk.py`).
 
 use crate::linker;
+use crate::standard::Standard;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// A platform that libraries are built for; FMI 2.0 has no name for Linux on ARM.
+/// A platform that libraries are built for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Target {
     /// Linux on x86-64, with glibc 2.17 (2012: RHEL 7 and later) where `cargo-zigbuild` builds.
@@ -21,19 +22,28 @@ pub enum Target {
     Win64,
     /// macOS: one library for x86-64 and ARM.
     Darwin64,
+    /// Linux on ARM, 64 bit, with the same glibc. FMI 2.0 has no name for it: FMUs of 3.0 hold its library.
+    LinuxArm,
 }
 
 impl Target {
     /// All platforms.
-    pub const ALL: [Target; 3] = [Target::Linux64, Target::Win64, Target::Darwin64];
+    pub const ALL: [Target; 4] = [Target::Linux64, Target::Win64, Target::Darwin64, Target::LinuxArm];
 
-    /// FMI's name.
+    /// Whether a version of FMI has a name for it.
+    #[must_use]
+    pub fn is_in(self, standard: Standard) -> bool {
+        self != Target::LinuxArm || standard == Standard::Fmi3
+    }
+
+    /// FMI's name: that of 2.0, where it has one.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Target::Linux64 => "linux64",
             Target::Win64 => "win64",
             Target::Darwin64 => "darwin64",
+            Target::LinuxArm => "aarch64-linux",
         }
     }
 
@@ -44,6 +54,7 @@ impl Target {
             Target::Linux64 => "x86_64-unknown-linux-gnu.2.17",
             Target::Win64 => "x86_64-pc-windows-gnu",
             Target::Darwin64 => "universal2-apple-darwin",
+            Target::LinuxArm => "aarch64-unknown-linux-gnu.2.17",
         }
     }
 
@@ -58,6 +69,7 @@ impl Target {
             Target::Linux64 => &["x86_64-unknown-linux-gnu"],
             Target::Win64 => &["x86_64-pc-windows-gnu"],
             Target::Darwin64 => &["x86_64-apple-darwin", "aarch64-apple-darwin"],
+            Target::LinuxArm => &["aarch64-unknown-linux-gnu"],
         }
     }
 
@@ -66,6 +78,7 @@ impl Target {
     pub fn here() -> Option<Self> {
         match (std::env::consts::OS, std::env::consts::ARCH) {
             ("linux", "x86_64") => Some(Target::Linux64),
+            ("linux", "aarch64") => Some(Target::LinuxArm),
             ("windows", "x86_64") => Some(Target::Win64),
             ("macos", _) => Some(Target::Darwin64),
             _ => None,
@@ -197,7 +210,8 @@ impl Builder {
             let real = match (self, target, part) {
                 (_, _, Some(_)) => "rust-lld",
                 (_, Some(Target::Win64), _) if Target::Win64.is_foreign() => MINGW,
-                // cargo-zigbuild's own program.
+                // cargo-zigbuild's own programs.
+                (Builder::Zig, Some(Target::LinuxArm), _) => "CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER",
                 (Builder::Zig, ..) => "CARGO_TARGET_X86_64_UNKNOWN_LINUX_GNU_LINKER",
                 (Builder::Cargo, ..) => "cc",
             };

@@ -231,7 +231,8 @@ impl Fmu {
         let xml = describe_in(standard, &self.declaration);
         self.check_description(options, &xml)?;
         let (mut package, mut libraries) = (Package::default(), Vec::new());
-        for target in options.platforms() {
+        for target in options.platforms().filter(|target| target.is_none_or(|target| target.is_in(standard)))
+        {
             let what = target.map(|target| format!(" for {}", target.name())).unwrap_or_default();
             progress(&format!("building the library{what}"));
             let path = options.builder.build(&options.project, &options.profile, &self.selection, target)?;

@@ -35,7 +35,7 @@ pub enum LibraryError {
 /// What was found in a library.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Library {
-    /// FMI 2.0's name of the platform, e.g. `linux64`.
+    /// FMI 2.0's name of the platform, e.g. `linux64`; Linux on ARM has one in 3.0 only.
     pub platform: &'static str,
     /// The operating system that it is for, in FMI's word.
     pub system: &'static str,
@@ -139,6 +139,7 @@ impl Library {
             _ => "darwin",
         };
         let platform = match (system, file.is_64()) {
+            ("linux", true) if file.architecture() == object::Architecture::Aarch64 => "aarch64-linux",
             ("linux", true) => "linux64",
             ("linux", false) => "linux32",
             ("windows", true) => "win64",

@@ -38,7 +38,8 @@ struct Arguments {
     #[arg(long, value_name = "NAME")]
     only: Vec<String>,
     /// Build the libraries for these platforms, not for this machine's alone. win64 needs mingw-w64 and `rustup target add
-    /// x86_64-pc-windows-gnu`, darwin64 the targets x86_64-apple-darwin and aarch64-apple-darwin, and ziglang (scripts/setup)
+    /// x86_64-pc-windows-gnu`, darwin64 the targets x86_64-apple-darwin and aarch64-apple-darwin, and ziglang (scripts/setup),
+    /// aarch64-linux the target aarch64-unknown-linux-gnu
     #[arg(long, value_enum, value_delimiter = ',', value_name = "PLATFORM")]
     target: Vec<TargetChoice>,
     /// How the libraries are built
@@ -112,6 +113,9 @@ enum TargetChoice {
     Win64,
     /// macOS on x86-64 and ARM
     Darwin64,
+    /// Linux on ARM, 64 bit: in FMUs of FMI 3.0 only
+    #[value(name = "aarch64-linux")]
+    LinuxArm,
 }
 
 impl From<TargetChoice> for Target {
@@ -120,6 +124,7 @@ impl From<TargetChoice> for Target {
             TargetChoice::Linux64 => Target::Linux64,
             TargetChoice::Win64 => Target::Win64,
             TargetChoice::Darwin64 => Target::Darwin64,
+            TargetChoice::LinuxArm => Target::LinuxArm,
         }
     }
 }
@@ -191,7 +196,10 @@ fn build(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         }
     }
     for (i, fmu) in chosen.iter().enumerate() {
-        for standard in Standard::ALL {
+        let has_platform = |standard: &Standard| {
+            options.platforms().any(|target| target.is_none_or(|target| target.is_in(*standard)))
+        };
+        for standard in Standard::ALL.into_iter().filter(has_platform) {
             let title =
                 format!("[{}/{}] {} {}", i + 1, chosen.len(), fmu.declaration.name, standard.number());
             let options = Options { packing: options.packing.for_standard(standard), ..options.clone() };

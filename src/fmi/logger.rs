@@ -8,12 +8,36 @@
 //! why there is no instance is told in any case.
 
 use super::model::{Log, LogCategory, Severity};
-use super::types::Status;
+use super::types::{Environment, Status};
 use std::ffi::{CStr, CString};
 use std::sync::Arc;
 
 /// Tells the host something: the instance's name, status, category, message.
-pub type Listener = Arc<dyn Fn(&CStr, Status, &CStr, &CStr)>;
+pub type Listener = Arc<dyn Fn(&CStr, Status, &CStr, &CStr) + Send + Sync>;
+
+/// What a host wants back with each message.
+#[derive(Clone, Copy)]
+pub struct Kept(Environment);
+
+// SAFETY: it is never followed here, only handed back. A host that calls an instance from several threads takes messages
+// on them.
+unsafe impl Send for Kept {}
+// SAFETY: as above.
+unsafe impl Sync for Kept {}
+
+impl Kept {
+    /// Keeps it.
+    #[must_use]
+    pub fn new(environment: Environment) -> Self {
+        Self(environment)
+    }
+
+    /// For the host's callback.
+    #[must_use]
+    pub fn environment(self) -> Environment {
+        self.0
+    }
+}
 
 /// Categories that every FMU of ours has (names of FMI 2.0, section 2.2.4; 3.0 has the same). In a description the status has
 /// the number of its version.

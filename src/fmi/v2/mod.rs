@@ -18,7 +18,7 @@ use super::handle;
 use super::handle::{Request, array, check, guard, instantiate, put, texts};
 use super::instance::Instance;
 use super::life::Life;
-use super::logger::Listener;
+use super::logger::{Kept, Listener};
 use super::model::Model;
 use super::refusal::Refusal;
 pub use super::types::*;
@@ -97,12 +97,19 @@ const TERMINATED: StatusKind = 3;
 /// The host's logger. The callback is variadic and takes a *format*, so a `%` in a message must not be interpreted: every
 /// message goes through the format `%s`.
 fn listener(callbacks: &CallbackFunctions) -> Option<Listener> {
-    let (logger, environment) = (callbacks.logger?, callbacks.component_environment);
+    let (logger, kept) = (callbacks.logger?, Kept::new(callbacks.component_environment));
     Some(Arc::new(move |name: &CStr, status, category: &CStr, message: &CStr| {
         // SAFETY: `logger` is the host's callback of exactly this C type, the host keeps it valid until
         // fmi2FreeInstance (FMI 2.0, section 2.1.5); all strings live over the call; `%s` takes one string.
         unsafe {
-            logger(environment, name.as_ptr(), status, category.as_ptr(), c"%s".as_ptr(), message.as_ptr());
+            logger(
+                kept.environment(),
+                name.as_ptr(),
+                status,
+                category.as_ptr(),
+                c"%s".as_ptr(),
+                message.as_ptr(),
+            );
         }
     }))
 }

@@ -22,7 +22,7 @@ mod table;
 
 use super::handle::{self, Request, array, check, guard, instantiate, texts};
 use super::instance::Instance;
-use super::logger::Listener;
+use super::logger::{Kept, Listener};
 use super::model::Model;
 use super::refusal::Refusal;
 pub use super::types::*;
@@ -71,11 +71,11 @@ pub fn token_of(xml: &str) -> Option<&str> {
 }
 
 fn listener(log: LogMessage, environment: Environment) -> Option<Listener> {
-    let log = log?;
+    let (log, kept) = (log?, Kept::new(environment));
     Some(Arc::new(move |_: &CStr, status, category: &CStr, message: &CStr| {
         // SAFETY: the host's callback of this C type, which it keeps valid until fmi3FreeInstance; both strings live over
         // the call.
-        unsafe { log(environment, status, category.as_ptr(), message.as_ptr()) }
+        unsafe { log(kept.environment(), status, category.as_ptr(), message.as_ptr()) }
     }))
 }
 
