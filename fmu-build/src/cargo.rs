@@ -283,19 +283,23 @@ fn parts(target: Option<Target>) -> Vec<Option<&'static str>> {
     }
 }
 
-/// Joins libraries for several processors into one.
+/// Joins libraries for several processors into one, for each version of FMI; gives it as cargo gives a library.
 fn join(project: &Path, parts: &[PathBuf]) -> Result<PathBuf, CargoError> {
-    let mut whole = fat_macho::FatWriter::new();
-    for part in parts {
-        let bytes = std::fs::read(part).map_err(|source| CargoError::Read { path: part.clone(), source })?;
-        whole.add(bytes)?;
+    let library =
+        project.join("target").join(Target::Darwin64.triple()).join(parts[0].file_name().unwrap_or_default());
+    for standard in Standard::ALL {
+        let mut whole = fat_macho::FatWriter::new();
+        for part in parts {
+            let path = linker::linked_for(part, standard);
+            let bytes = std::fs::read(&path).map_err(|source| CargoError::Read { path, source })?;
+            whole.add(bytes)?;
+        }
+        let path = linker::place(&library, standard);
+        let made = path.parent().map_or(Ok(()), std::fs::create_dir_all);
+        made.map_err(|source| CargoError::Write { path: path.clone(), source })?;
+        whole.write_to_file(&path)?;
     }
-    let folder = project.join("target").join(Target::Darwin64.triple());
-    let path = folder.join(parts[0].file_name().unwrap_or_default());
-    let write = |source| CargoError::Write { path: path.clone(), source };
-    std::fs::create_dir_all(&folder).map_err(write)?;
-    whole.write_to_file(&path)?;
-    Ok(path)
+    Ok(library)
 }
 
 /// A folder with what libraries for macOS are linked against.

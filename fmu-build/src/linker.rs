@@ -113,14 +113,19 @@ fn prefix(standard: Standard) -> &'static str {
     }
 }
 
-/// The library of a version, beside the one that cargo knows. Without it, the one that cargo knows: what is wrong with that is
-/// found when it is checked.
+/// The library of a version, for the one that cargo gives. Without it, the one that cargo gives: what is wrong with that is found
+/// when it is checked.
 #[must_use]
 pub fn linked_for(library: &Path, standard: Standard) -> PathBuf {
-    // cargo puts what is asked for a folder above what rustc wrote.
-    let name = linked_as(library, standard);
-    let written = library.with_file_name("deps").join(name.file_name().unwrap_or_default());
+    let written = place(library, standard);
     if written.is_file() { written } else { library.to_owned() }
+}
+
+/// Where the library of a version lies: cargo puts what is asked for a folder above what rustc wrote.
+#[must_use]
+pub fn place(library: &Path, standard: Standard) -> PathBuf {
+    let name = linked_as(library, standard);
+    library.with_file_name("deps").join(name.file_name().unwrap_or_default())
 }
 
 fn linked_as(output: &Path, standard: Standard) -> PathBuf {

@@ -1,7 +1,7 @@
 //! One instance of a model: its state, its values, and what each call of the standard does to them.
 //!
-//! Everything here is safe code on Rust types; `handle.rs` and the versions' adapters translate from C. Decisions where the standard leaves
-//! room:
+//! Everything here is safe code on Rust types; `handle.rs` and the versions' adapters translate from C. Decisions
+//! where the standard leaves room:
 //!
 //! - *Values.* A set call is checked as a whole before anything is written. A real that is not finite, a parameter
 //!   outside its range, an enumeration value that is none: discarded, the value before stands. An *input*

@@ -39,8 +39,8 @@ impl Kept {
     }
 }
 
-/// Categories that every FMU of ours has (names of FMI 2.0, section 2.2.4; 3.0 has the same). In a description the status has
-/// the number of its version.
+/// Categories that every FMU of ours has (names of FMI 2.0, section 2.2.4; 3.0 has the same). In a description a status
+/// has the number of its version.
 pub const STANDARD_CATEGORIES: [LogCategory; 6] = [
     LogCategory { name: "logEvents", description: "What happens in an instance's life" },
     LogCategory {

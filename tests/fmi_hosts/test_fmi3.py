@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import subprocess
 import zipfile
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import pytest
 from fmpy import simulate_fmu
 from instance import ERROR, OK, STEP, UNITS, VERSIONS, WARNING, ClosedLoop
 from lxml import etree
+from test_same_drive import assert_same_drive, in_host
 from wiring import SYSTEMS
 
 PACKAGE = Path(fmpy.__file__).parent
@@ -52,8 +54,6 @@ def test_descriptions_keep_to_the_schema(fmus, name):
 
 @pytest.mark.parametrize("name", UNITS)
 def test_binary_exports_the_standards_functions_and_nothing_else(libraries, name):
-    import subprocess
-
     command = ["nm", "-D", "--defined-only", libraries[name].binary]
     told = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     assert {line.split()[-1] for line in told.splitlines()} == SYMBOLS
@@ -88,6 +88,17 @@ def test_terminals_of_a_system_fit(libraries):
 def test_in_fmpy(fmus, name):
     result = simulate_fmu(str(fmus / "fmi3" / f"{name}.fmu"), stop_time=100 * STEP, output_interval=STEP)
     assert len(result) == 101
+
+
+@pytest.mark.parametrize("host", ["fmuloader", "ecos"])
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_drives_in_other_hosts_are_those_of_2_0(fmus, tmp_path, host, system):
+    """`test_same_drive.py` holds them equal to our own loop with 2.0."""
+    drives = [
+        in_host(host, fmus / folder, tmp_path / f"{version}.json", system=system)
+        for version, folder in VERSIONS.items()
+    ]
+    assert_same_drive(drives[1], drives[0])
 
 
 @pytest.mark.parametrize("system", SYSTEMS)
