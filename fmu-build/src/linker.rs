@@ -75,13 +75,26 @@ fn link(arguments: Vec<OsString>) -> std::io::Result<u8> {
         std::fs::write(&own, exports_of(&exports, standard))?;
         let mut arguments = arguments.clone();
         arguments[place] = format!("{before}{}", own.display()).into();
-        arguments[output] = linked_as(Path::new(&arguments[output]), standard).into();
+        let library = linked_as(Path::new(&arguments[output]), standard);
+        arguments.extend(strip(&library, standard, &arguments[0]));
+        arguments[output] = library.into();
         let code = run(&arguments)?;
         if code != 0 {
             return Ok(code);
         }
     }
     Ok(0)
+}
+
+/// What takes this machine's folders and local symbols out of a library for macOS: rustc does it after the linker, and only to
+/// the library that it knows. For the others rustc tells the linker itself.
+fn strip(library: &Path, standard: Standard, first: &OsString) -> Vec<OsString> {
+    if standard == Standard::Fmi2 || library.extension().is_none_or(|suffix| suffix != "dylib") {
+        return Vec::new();
+    }
+    // The linker itself, or a compiler before it.
+    let before = if first == "-flavor" { "" } else { "-Wl," };
+    ["-S", "-x"].map(|option| format!("{before}{option}").into()).into()
 }
 
 /// The list of exports that an argument names, if it has functions of several versions: what stands before its path, and the
@@ -171,6 +184,15 @@ mod tests {
         std::fs::write(&list, "fmi2DoStep\n").unwrap();
         assert_eq!(list_in(&list.clone().into()), None, "of one version only: linked as it is");
         assert_eq!(list_in(&"-lm".into()), None);
+    }
+
+    #[test]
+    fn what_rustc_strips_after_the_linker_is_stripped_by_it() {
+        let (mac, linux) = (Path::new("libfmu.fmi3.dylib"), Path::new("libfmu.fmi3.so"));
+        assert_eq!(strip(mac, Standard::Fmi3, &"-flavor".into()), ["-S", "-x"]);
+        assert_eq!(strip(mac, Standard::Fmi3, &"-arch".into()), ["-Wl,-S", "-Wl,-x"]);
+        assert!(strip(mac, Standard::Fmi2, &"-flavor".into()).is_empty());
+        assert!(strip(linux, Standard::Fmi3, &"-m64".into()).is_empty());
     }
 
     #[test]
