@@ -13,6 +13,7 @@ import pytest
 from fmpy import simulate_fmu
 from instance import ERROR, OK, STEP, UNITS, VERSIONS, WARNING, ClosedLoop
 from lxml import etree
+from test_package import fmutool_reports_nothing
 from test_same_drive import assert_same_drive, in_host
 from wiring import SYSTEMS
 
@@ -36,6 +37,11 @@ def schema_holds(schema: str, content: bytes) -> None:
 @pytest.mark.parametrize("name", UNITS)
 def test_fmpy_validation_reports_nothing(fmus, name):
     assert fmpy.validation.validate_fmu(str(fmus / "fmi3" / f"{name}.fmu")) == []
+
+
+@pytest.mark.parametrize("name", UNITS)
+def test_fmutool_check_reports_nothing(fmus, name):
+    fmutool_reports_nothing(fmus / "fmi3" / f"{name}.fmu", "3.0")
 
 
 @pytest.mark.parametrize("name", UNITS)

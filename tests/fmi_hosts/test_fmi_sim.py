@@ -2,7 +2,7 @@
 
     LIBCLANG_PATH=... cargo install fmi-sim
 
-fmi-sim 0.7.0 does not read the attribute `unit` of a `Float64`, which the schema of 3.0 has ("unknown field `unit`"): it
+fmi-sim 0.7.0 does not read the attribute `unit` of a `Float64`, which the schema of 3.0 has: it
 gets copies of the FMUs without units, and all else as it is.
 """
 
