@@ -112,6 +112,8 @@ class Unit:
         if not Path(file).is_file():
             raise FileNotFoundError(f"no FMU at {file}: build it with scripts/build-fmus")
         self.description = fmpy.read_model_description(str(file))
+        if self.description.fmiVersion != "2.0":
+            raise ValueError(f"{file} is of FMI {self.description.fmiVersion}: this master takes FMUs of FMI 2.0")
         self.variables = {v.name: v for v in self.description.modelVariables}
         self.messages: list[tuple[int, str, str]] = []
         self._folder = fmpy.extract(str(file))

@@ -26,7 +26,12 @@ from pathlib import Path
 import wheels
 from wheels import PLATFORMS, ROOT, WheelError, run
 
-FMU_PLATFORMS = {"linux64": "linux-x86_64", "win64": "windows-x86_64", "darwin64": "macos-universal2"}
+FMU_PLATFORMS = {
+    "linux64": "linux-x86_64",
+    "win64": "windows-x86_64",
+    "darwin64": "macos-universal2",
+    "aarch64-linux": "linux-aarch64",
+}
 
 
 def version() -> str:

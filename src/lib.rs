@@ -36,7 +36,7 @@
 //! | [`control`] | condensing, the QP, the MPC, speed control, status and fallback |
 //! | [`simulate`] | the closed loop in native code, and its metrics |
 //! | [`diagnose`] | causes of a gap between a simulator and a vehicle |
-//! | [`fmi`] | FMI 2.0: the C ABI, instances, descriptions; knows no model |
+//! | [`fmi`] | FMI 2.0 and 3.0: the C ABI, instances, descriptions; knows no model |
 //! | [`fmu`] | our models as FMI units: their variables and steps |
 
 /// Invariant of our own code: asserted in debug builds and in all tests (feature `strict`), and not in a vehicle.

@@ -2,7 +2,7 @@
 //! remedy; nothing else changes.
 
 use crate::common::*;
-use rfl_mpc::fmi::abi::{CallbackFunctions, Status};
+use rfl_mpc::fmi::v2::{CallbackFunctions, Status};
 use std::ffi::{CStr, CString, c_char};
 use std::ptr;
 

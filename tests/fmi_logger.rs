@@ -4,7 +4,7 @@
 use crate::common;
 
 use common::*;
-use rfl_mpc::fmi::abi::{CallbackFunctions, CallbackLogger, Status};
+use rfl_mpc::fmi::v2::{CallbackFunctions, CallbackLogger, Status};
 use std::ffi::{CStr, CString, c_char, c_void};
 use std::path::Path;
 use std::process::Command;

@@ -2,7 +2,7 @@
 
 use crate::common::*;
 use crate::counting::allocated;
-use rfl_mpc::fmi::abi::Status;
+use rfl_mpc::fmi::v2::Status;
 
 /// A short life with everything that owns memory; states are left to the instance.
 fn live() {

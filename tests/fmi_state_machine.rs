@@ -1,7 +1,7 @@
 //! Every function in every state, against the table of FMI 2.0, section 4.2.4.
 
 use crate::common::*;
-use rfl_mpc::fmi::abi::Status;
+use rfl_mpc::fmi::v2::Status;
 use std::ffi::c_void;
 use std::ptr;
 

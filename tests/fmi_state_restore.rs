@@ -2,7 +2,7 @@
 //! from bytes; bytes that are none are refused.
 
 use crate::common::*;
-use rfl_mpc::fmi::abi::Status;
+use rfl_mpc::fmi::v2::Status;
 use std::ptr;
 
 /// Steps from step `from` to `to` with an input that varies.

@@ -2,7 +2,7 @@
 //! of one instance at a time are refused.
 
 use crate::common::*;
-use rfl_mpc::fmi::abi::Status;
+use rfl_mpc::fmi::v2::Status;
 
 /// One instance's step `k` with its own parameters and inputs.
 fn advance(host: &Host, who: u32, k: u32) {

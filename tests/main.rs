@@ -47,6 +47,8 @@ mod drive_outcomes;
 mod drive_robustness;
 mod drive_table;
 mod experiment;
+mod fmi3_instances;
+mod fmi3_state_machine;
 mod fmi_bad_calls;
 mod fmi_hostile_states;
 mod fmi_logger;

@@ -5,13 +5,15 @@
 //! elsewhere: Windows libraries are linked by mingw-w64, those for macOS by Rust's own lld, against zig's stub of the system
 //! library (`scripts/darwin_sdk.py`).
 
+use crate::linker;
+use crate::standard::Standard;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// A platform that libraries are built for; FMI 2.0 has no name for Linux on ARM.
+/// A platform that libraries are built for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Target {
     /// Linux on x86-64, with glibc 2.17 (2012: RHEL 7 and later) where `cargo-zigbuild` builds.
@@ -20,19 +22,28 @@ pub enum Target {
     Win64,
     /// macOS: one library for x86-64 and ARM.
     Darwin64,
+    /// Linux on ARM, 64 bit, with the same glibc. FMI 2.0 has no name for it: FMUs of 3.0 hold its library.
+    LinuxArm,
 }
 
 impl Target {
     /// All platforms.
-    pub const ALL: [Target; 3] = [Target::Linux64, Target::Win64, Target::Darwin64];
+    pub const ALL: [Target; 4] = [Target::Linux64, Target::Win64, Target::Darwin64, Target::LinuxArm];
 
-    /// FMI's name.
+    /// Whether a version of FMI has a name for it.
+    #[must_use]
+    pub fn is_in(self, standard: Standard) -> bool {
+        self != Target::LinuxArm || standard == Standard::Fmi3
+    }
+
+    /// FMI's name: that of 2.0, where it has one.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Target::Linux64 => "linux64",
             Target::Win64 => "win64",
             Target::Darwin64 => "darwin64",
+            Target::LinuxArm => "aarch64-linux",
         }
     }
 
@@ -43,6 +54,7 @@ impl Target {
             Target::Linux64 => "x86_64-unknown-linux-gnu.2.17",
             Target::Win64 => "x86_64-pc-windows-gnu",
             Target::Darwin64 => "universal2-apple-darwin",
+            Target::LinuxArm => "aarch64-unknown-linux-gnu.2.17",
         }
     }
 
@@ -57,6 +69,7 @@ impl Target {
             Target::Linux64 => &["x86_64-unknown-linux-gnu"],
             Target::Win64 => &["x86_64-pc-windows-gnu"],
             Target::Darwin64 => &["x86_64-apple-darwin", "aarch64-apple-darwin"],
+            Target::LinuxArm => &["aarch64-unknown-linux-gnu"],
         }
     }
 
@@ -65,6 +78,7 @@ impl Target {
     pub fn here() -> Option<Self> {
         match (std::env::consts::OS, std::env::consts::ARCH) {
             ("linux", "x86_64") => Some(Target::Linux64),
+            ("linux", "aarch64") => Some(Target::LinuxArm),
             ("windows", "x86_64") => Some(Target::Win64),
             ("macos", _) => Some(Target::Darwin64),
             _ => None,
@@ -193,6 +207,20 @@ impl Builder {
         command.args(["--profile", profile, "--message-format", "json-render-diagnostics"]).args(selection);
         // A development build is shared with tests, whose flags must not change.
         if profile != "dev" {
+            let real = match (self, target, part) {
+                (_, _, Some(_)) => "rust-lld",
+                (_, Some(Target::Win64), _) if Target::Win64.is_foreign() => MINGW,
+                // cargo-zigbuild's own programs.
+                (Builder::Zig, Some(Target::LinuxArm), _) => "CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER",
+                (Builder::Zig, ..) => "CARGO_TARGET_X86_64_UNKNOWN_LINUX_GNU_LINKER",
+                (Builder::Cargo, ..) => "cc",
+            };
+            let folder = project.join("target");
+            let folder = linker::install(&folder)
+                .map_err(|source| CargoError::Write { path: folder.join("linker"), source })?;
+            let path = std::env::var_os("PATH").unwrap_or_default();
+            let path = std::env::join_paths([folder].into_iter().chain(std::env::split_paths(&path)));
+            command.env("PATH", path.unwrap_or_default()).env(linker::REAL, real);
             command.env("CARGO_ENCODED_RUSTFLAGS", flags(project, target));
         }
         output(&mut command)
@@ -255,19 +283,23 @@ fn parts(target: Option<Target>) -> Vec<Option<&'static str>> {
     }
 }
 
-/// Joins libraries for several processors into one.
+/// Joins libraries for several processors into one, for each version of FMI; gives it as cargo gives a library.
 fn join(project: &Path, parts: &[PathBuf]) -> Result<PathBuf, CargoError> {
-    let mut whole = fat_macho::FatWriter::new();
-    for part in parts {
-        let bytes = std::fs::read(part).map_err(|source| CargoError::Read { path: part.clone(), source })?;
-        whole.add(bytes)?;
+    let library =
+        project.join("target").join(Target::Darwin64.triple()).join(parts[0].file_name().unwrap_or_default());
+    for standard in Standard::ALL {
+        let mut whole = fat_macho::FatWriter::new();
+        for part in parts {
+            let path = linker::linked_for(part, standard);
+            let bytes = std::fs::read(&path).map_err(|source| CargoError::Read { path, source })?;
+            whole.add(bytes)?;
+        }
+        let path = linker::place(&library, standard);
+        let made = path.parent().map_or(Ok(()), std::fs::create_dir_all);
+        made.map_err(|source| CargoError::Write { path: path.clone(), source })?;
+        whole.write_to_file(&path)?;
     }
-    let folder = project.join("target").join(Target::Darwin64.triple());
-    let path = folder.join(parts[0].file_name().unwrap_or_default());
-    let write = |source| CargoError::Write { path: path.clone(), source };
-    std::fs::create_dir_all(&folder).map_err(write)?;
-    whole.write_to_file(&path)?;
-    Ok(path)
+    Ok(library)
 }
 
 /// A folder with what libraries for macOS are linked against.
@@ -329,6 +361,8 @@ fn flags(project: &Path, target: Option<Target>) -> OsString {
         flags.push(folder);
         flags.push(format!("={name}"));
     }
+    // By its name alone: where it lies is this machine's matter, and must not be seen in the library.
+    flags.push(format!("{separator}-Clinker={}", linker::NAME));
     let more = match target {
         Some(Target::Win64) => "-Clink-arg=-Wl,--no-insert-timestamp",
         // The name by which others would link it, otherwise its place on this machine. Hosts load it by its path.

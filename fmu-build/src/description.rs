@@ -1,68 +1,77 @@
-//! `modelDescription.xml` from a model's declaration (FMI 2.0, section 2.2 and 4.3.1).
+//! `modelDescription.xml` from a model's declaration (FMI 2.0, section 2.2 and 4.3.1; FMI 3.0, section 2.4 and 4.4).
 //!
-//! The GUID is a UUID of version 5 over the document without it: the same declaration gives the same GUID, any
-//! change another one.
+//! The GUID (3.0: instantiation token) is a UUID of version 5 over the document without it: the same declaration gives the
+//! same GUID, any change another one.
 
+use crate::standard::Standard;
 use crate::xml::{Attributes, Xml};
-use rfl_mpc::fmi::abi::guid_of;
 use rfl_mpc::fmi::logger::STANDARD_CATEGORIES;
 use rfl_mpc::fmi::{Causality, Declaration, Initial, Kind, Variability, Variable};
 use rfl_mpc::signal::{self, Signal, Unit};
 use std::collections::BTreeMap;
 use uuid::Uuid;
 
-/// The document with its GUID.
+/// The document of FMI 2.0, with its GUID.
 #[must_use]
 pub fn describe(declaration: &Declaration) -> String {
-    let without = document(declaration, "");
-    let guid = Uuid::new_v5(&Uuid::NAMESPACE_OID, without.as_bytes());
-    document(declaration, &guid.braced().to_string())
+    describe_in(Standard::Fmi2, declaration)
+}
+
+/// The document of a version, with its GUID or token.
+#[must_use]
+pub fn describe_in(standard: Standard, declaration: &Declaration) -> String {
+    let mut declaration = declaration.clone();
+    if standard.version().has_time {
+        declaration.add_time();
+    }
+    let without = document(standard, &declaration, "");
+    let mark = Uuid::new_v5(&Uuid::NAMESPACE_OID, without.as_bytes());
+    document(standard, &declaration, &mark.braced().to_string())
 }
 
 /// The document of an FMU whose library is another declaration's, that differs in start values only: with the
-/// library's GUID.
+/// library's GUID. Of FMI 2.0.
 #[must_use]
 pub fn describe_for(library: &Declaration, declaration: &Declaration) -> String {
-    document(declaration, guid_of(&describe(library)).unwrap_or_default())
+    describe_for_in(Standard::Fmi2, library, declaration)
 }
 
-fn document(declaration: &Declaration, guid: &str) -> String {
+/// The same for any version.
+#[must_use]
+pub fn describe_for_in(standard: Standard, library: &Declaration, declaration: &Declaration) -> String {
+    let of_library = describe_in(standard, library);
+    let mut declaration = declaration.clone();
+    if standard.version().has_time {
+        declaration.add_time();
+    }
+    document(standard, &declaration, standard.mark_of(&of_library))
+}
+
+fn document(standard: Standard, declaration: &Declaration, mark: &str) -> String {
     let mut xml = Xml::new();
+    let is_old = standard == Standard::Fmi2;
     xml.open(
         "fmiModelDescription",
         Attributes::new()
-            .with("fmiVersion", "2.0")
+            .with("fmiVersion", standard.number())
             .with("modelName", declaration.name)
-            .with("guid", guid)
+            .with(if is_old { "guid" } else { "instantiationToken" }, mark)
             .with("description", declaration.description)
             .with("author", env!("CARGO_PKG_AUTHORS"))
             .with("version", env!("CARGO_PKG_VERSION"))
             .with("license", env!("CARGO_PKG_LICENSE"))
             .with("generationTool", concat!("fmu-build ", env!("CARGO_PKG_VERSION")))
             .with("variableNamingConvention", "structured")
-            .with("numberOfEventIndicators", 0),
+            .with_some("numberOfEventIndicators", is_old.then_some(0)),
     );
-    xml.empty(
-        "CoSimulation",
-        Attributes::new()
-            .with("modelIdentifier", declaration.name)
-            .with("needsExecutionTool", false)
-            .with("canHandleVariableCommunicationStepSize", true)
-            .with("canInterpolateInputs", false)
-            .with("maxOutputDerivativeOrder", 0)
-            .with("canRunAsynchronuously", false)
-            .with("canBeInstantiatedOnlyOncePerProcess", false)
-            .with("canNotUseMemoryManagementFunctions", true)
-            .with("canGetAndSetFMUstate", true)
-            .with("canSerializeFMUstate", true)
-            .with("providesDirectionalDerivative", false),
-    );
+    xml.empty("CoSimulation", abilities(standard, declaration.name));
     units(&mut xml, declaration);
-    types(&mut xml, declaration);
+    types(&mut xml, standard, declaration);
     xml.open("LogCategories", Attributes::new());
     for category in STANDARD_CATEGORIES.iter().chain(declaration.log_categories) {
         let attributes = Attributes::new().with("name", category.name);
-        xml.empty("Category", attributes.with("description", category.description));
+        let meaning = standard.version().words(category.description);
+        xml.empty("Category", attributes.with("description", meaning));
     }
     xml.close();
     let experiment = &declaration.experiment;
@@ -76,12 +85,45 @@ fn document(declaration: &Declaration, guid: &str) -> String {
     );
     xml.open("ModelVariables", Attributes::new());
     for (vr, variable) in declaration.variables.iter().enumerate() {
-        scalar_variable(&mut xml, vr, variable);
+        match standard {
+            Standard::Fmi2 => scalar_variable(&mut xml, vr, variable),
+            Standard::Fmi3 => typed_variable(&mut xml, vr, variable),
+        }
     }
     xml.close();
-    structure(&mut xml, declaration);
+    structure(&mut xml, standard, declaration);
     xml.close();
     xml.finish()
+}
+
+/// What the library can do as a unit of co-simulation.
+fn abilities(standard: Standard, name: &str) -> Attributes<'static> {
+    let common = Attributes::new().with("modelIdentifier", name).with("needsExecutionTool", false);
+    match standard {
+        Standard::Fmi2 => common
+            .with("canHandleVariableCommunicationStepSize", true)
+            .with("canInterpolateInputs", false)
+            .with("maxOutputDerivativeOrder", 0)
+            .with("canRunAsynchronuously", false)
+            .with("canBeInstantiatedOnlyOncePerProcess", false)
+            .with("canNotUseMemoryManagementFunctions", true)
+            .with("canGetAndSetFMUstate", true)
+            .with("canSerializeFMUstate", true)
+            .with("providesDirectionalDerivative", false),
+        Standard::Fmi3 => common
+            .with("canBeInstantiatedOnlyOncePerProcess", false)
+            .with("canGetAndSetFMUState", true)
+            .with("canSerializeFMUState", true)
+            .with("providesDirectionalDerivatives", false)
+            .with("providesAdjointDerivatives", false)
+            .with("providesPerElementDependencies", false)
+            .with("canHandleVariableCommunicationStepSize", true)
+            .with("maxOutputDerivativeOrder", 0)
+            .with("providesIntermediateUpdate", false)
+            .with("mightReturnEarlyFromDoStep", false)
+            .with("canReturnEarlyAfterIntermediateUpdate", false)
+            .with("hasEventMode", false),
+    }
 }
 
 fn unit_of(variable: &Variable) -> Option<Unit> {
@@ -145,7 +187,7 @@ fn type_name(signal: &Signal) -> String {
     signal.name.split('_').map(capital).collect()
 }
 
-fn types(xml: &mut Xml, declaration: &Declaration) {
+fn types(xml: &mut Xml, standard: Standard, declaration: &Declaration) {
     let signals: Vec<&Signal> = declaration.variables.iter().filter_map(signal_of).collect();
     let mut enumerations = BTreeMap::new();
     for variable in &declaration.variables {
@@ -158,34 +200,56 @@ fn types(xml: &mut Xml, declaration: &Declaration) {
     }
     xml.open("TypeDefinitions", Attributes::new());
     for signal in signals {
-        let attributes = Attributes::new().with("name", type_name(signal));
-        xml.open("SimpleType", attributes.with("description", signal.meaning));
+        let named = Attributes::new().with("name", type_name(signal)).with("description", signal.meaning);
         let (min, max) = (Some(signal.range.0), Some(signal.range.1));
-        let attributes = real_attributes(signal.unit, Some(signal.quantity), min, max, Some(signal.nominal));
-        xml.empty("Real", attributes);
-        xml.close();
+        let of_real = |attributes| {
+            real_attributes(attributes, signal.unit, Some(signal.quantity), min, max, Some(signal.nominal))
+        };
+        match standard {
+            Standard::Fmi2 => {
+                xml.open("SimpleType", named);
+                xml.empty("Real", of_real(Attributes::new()));
+                xml.close();
+            }
+            Standard::Fmi3 => xml.empty("Float64Type", of_real(named)),
+        }
     }
     for (name, items) in enumerations {
-        xml.open("SimpleType", Attributes::new().with("name", name));
-        xml.open("Enumeration", Attributes::new());
-        for (value, name, meaning) in items {
-            let attributes = Attributes::new().with("name", name).with("value", value);
-            xml.empty("Item", attributes.with("description", meaning));
+        let named = Attributes::new().with("name", name);
+        match standard {
+            Standard::Fmi2 => {
+                xml.open("SimpleType", named);
+                xml.open("Enumeration", Attributes::new());
+                enumeration_items(xml, items);
+                xml.close();
+                xml.close();
+            }
+            Standard::Fmi3 => {
+                xml.open("EnumerationType", named);
+                enumeration_items(xml, items);
+                xml.close();
+            }
         }
-        xml.close();
-        xml.close();
     }
     xml.close();
 }
 
+fn enumeration_items(xml: &mut Xml, items: &[(i32, &str, &str)]) {
+    for (value, name, meaning) in items {
+        let attributes = Attributes::new().with("name", name).with("value", value);
+        xml.empty("Item", attributes.with("description", meaning));
+    }
+}
+
 fn real_attributes<'a>(
+    attributes: Attributes<'a>,
     unit: Unit,
     quantity: Option<&str>,
     min: Option<f64>,
     max: Option<f64>,
     nominal: Option<f64>,
 ) -> Attributes<'a> {
-    Attributes::new()
+    attributes
         .with_some("quantity", quantity)
         .with("unit", unit.symbol)
         .with_some("displayUnit", unit.display.map(|display| display.symbol))
@@ -202,6 +266,7 @@ pub fn causality(variable: &Variable) -> &'static str {
         Causality::Input => "input",
         Causality::Output => "output",
         Causality::Local => "local",
+        Causality::Independent => "independent",
     }
 }
 
@@ -216,23 +281,26 @@ pub fn variability(variable: &Variable) -> &'static str {
     }
 }
 
-fn scalar_variable(xml: &mut Xml, vr: usize, variable: &Variable) {
-    // Inputs have no attribute `initial`, calculated variables no start value (FMI 2.0, section 2.2.7).
-    let initial = match (variable.causality, variable.initial) {
-        (Causality::Input, _) => None,
+/// Inputs have no attribute `initial`, and calculated variables no start value (FMI 2.0, section 2.2.7; 3.0, section 2.4.7).
+fn initial(variable: &Variable) -> Option<&'static str> {
+    match (variable.causality, variable.initial) {
+        (Causality::Input | Causality::Independent, _) => None,
         (_, Initial::Exact) => Some("exact"),
         (_, Initial::Calculated) => Some("calculated"),
-    };
+    }
+}
+
+fn scalar_variable(xml: &mut Xml, vr: usize, variable: &Variable) {
     let exact = variable.initial == Initial::Exact;
     xml.open(
         "ScalarVariable",
         Attributes::new()
             .with("name", &variable.name)
             .with("valueReference", vr)
-            .with("description", &variable.description)
+            .with("description", Standard::Fmi2.version().words(&variable.description))
             .with("causality", causality(variable))
             .with("variability", variability(variable))
-            .with_some("initial", initial),
+            .with_some("initial", initial(variable)),
     );
     match &variable.kind {
         Kind::Real { unit, quantity, start, min, max, nominal } => {
@@ -240,7 +308,7 @@ fn scalar_variable(xml: &mut Xml, vr: usize, variable: &Variable) {
                 Some(signal) => {
                     Attributes::new().with("declaredType", type_name(signal)).with("unit", unit.symbol)
                 }
-                None => real_attributes(*unit, *quantity, *min, *max, *nominal),
+                None => real_attributes(Attributes::new(), *unit, *quantity, *min, *max, *nominal),
             };
             xml.empty("Real", attributes.with_some("start", exact.then_some(start)));
         }
@@ -262,14 +330,69 @@ fn scalar_variable(xml: &mut Xml, vr: usize, variable: &Variable) {
     xml.close();
 }
 
-/// A list of indices, which count variables from 1 in the standard.
-fn indices(references: impl Iterator<Item = usize>) -> String {
-    references.map(|vr| (vr + 1).to_string()).collect::<Vec<_>>().join(" ")
+/// A variable of FMI 3.0: the element's name is the type, and a string's start value an element.
+fn typed_variable(xml: &mut Xml, vr: usize, variable: &Variable) {
+    let exact = variable.initial == Initial::Exact;
+    let version = Standard::Fmi3.version();
+    let attributes = Attributes::new()
+        .with("name", &variable.name)
+        .with("valueReference", vr)
+        .with("description", version.words(&variable.description))
+        .with("causality", causality(variable))
+        .with("variability", variability(variable))
+        .with_some("initial", initial(variable));
+    match &variable.kind {
+        Kind::Real { unit, quantity, start, min, max, nominal } => {
+            let attributes = match signal_of(variable) {
+                Some(signal) => attributes.with("declaredType", type_name(signal)).with("unit", unit.symbol),
+                None => real_attributes(attributes, *unit, *quantity, *min, *max, *nominal),
+            };
+            xml.empty("Float64", attributes.with_some("start", exact.then_some(start)));
+        }
+        Kind::Integer { start, min, max } => {
+            let attributes = attributes.with_some("min", *min).with_some("max", *max);
+            xml.empty("Int32", attributes.with_some("start", exact.then_some(start)));
+        }
+        Kind::Boolean { start } => {
+            xml.empty("Boolean", attributes.with_some("start", exact.then_some(start)));
+        }
+        Kind::String { start } if exact => {
+            xml.open("String", attributes);
+            xml.empty("Start", Attributes::new().with("value", start));
+            xml.close();
+        }
+        Kind::String { .. } => xml.empty("String", attributes),
+        Kind::Enumeration { type_name, start, .. } => {
+            let attributes = attributes.with("declaredType", type_name);
+            xml.empty("Enumeration", attributes.with_some("start", exact.then_some(start)));
+        }
+    }
+}
+
+/// A variable in the structure: its index, which counts from 1, in 2.0, and its reference in 3.0.
+fn place(standard: Standard, vr: usize) -> usize {
+    if standard == Standard::Fmi2 { vr + 1 } else { vr }
+}
+
+/// One unknown with what it depends on.
+fn unknown(
+    xml: &mut Xml,
+    standard: Standard,
+    element: &'static str,
+    vr: usize,
+    knowns: impl Iterator<Item = usize>,
+) {
+    let name = if standard == Standard::Fmi2 { "index" } else { "valueReference" };
+    let knowns: Vec<_> = knowns.map(|vr| place(standard, vr).to_string()).collect();
+    let attributes = Attributes::new().with(name, place(standard, vr));
+    xml.empty(element, attributes.with("dependencies", knowns.join(" ")));
 }
 
 /// At communication points an output depends on what it declares (mostly nothing: no feedthrough). At the start,
 /// what the model calculates may depend on every parameter as well, because it is calculated from them.
-fn structure(xml: &mut Xml, declaration: &Declaration) {
+fn structure(xml: &mut Xml, standard: Standard, declaration: &Declaration) {
+    // 2.0 has a list around each kind of unknowns, 3.0 says the kind of each.
+    let is_old = standard == Standard::Fmi2;
     let outputs: Vec<(usize, &Variable)> = declaration
         .variables
         .iter()
@@ -278,13 +401,16 @@ fn structure(xml: &mut Xml, declaration: &Declaration) {
         .collect();
     xml.open("ModelStructure", Attributes::new());
     if !outputs.is_empty() {
-        xml.open("Outputs", Attributes::new());
-        for (vr, variable) in &outputs {
-            let attributes = Attributes::new().with("index", vr + 1);
-            let depends = variable.depends_on.iter().copied();
-            xml.empty("Unknown", attributes.with("dependencies", indices(depends)));
+        if is_old {
+            xml.open("Outputs", Attributes::new());
         }
-        xml.close();
+        for (vr, variable) in &outputs {
+            let element = if is_old { "Unknown" } else { "Output" };
+            unknown(xml, standard, element, *vr, variable.depends_on.iter().copied());
+        }
+        if is_old {
+            xml.close();
+        }
     }
     let is_parameter = |(_, variable): &(usize, &Variable)| variable.causality == Causality::Parameter;
     let parameters: Vec<usize> =
@@ -292,14 +418,18 @@ fn structure(xml: &mut Xml, declaration: &Declaration) {
     let unknowns: Vec<_> =
         outputs.iter().filter(|(_, variable)| variable.initial == Initial::Calculated).collect();
     if !unknowns.is_empty() {
-        xml.open("InitialUnknowns", Attributes::new());
+        if is_old {
+            xml.open("InitialUnknowns", Attributes::new());
+        }
         for (vr, variable) in unknowns {
             let mut knowns: Vec<usize> = parameters.iter().chain(&variable.depends_on).copied().collect();
             knowns.sort_unstable();
-            let attributes = Attributes::new().with("index", vr + 1);
-            xml.empty("Unknown", attributes.with("dependencies", indices(knowns.into_iter())));
+            let element = if is_old { "Unknown" } else { "InitialUnknown" };
+            unknown(xml, standard, element, *vr, knowns.into_iter());
         }
-        xml.close();
+        if is_old {
+            xml.close();
+        }
     }
     xml.close();
 }

@@ -3,6 +3,7 @@
 use crate::cargo::Dependency;
 use crate::description::{causality, variability};
 use crate::package::{Package, PackageError};
+use crate::standard::Standard;
 use crate::xml::{Attributes, Xml};
 use rfl_mpc::fmi::{Causality, Declaration, Initial, Kind, Variable};
 use std::path::Path;
@@ -13,21 +14,21 @@ vertical-align:top}th{background:#f2f2f2}code,pre{background:#f6f6f6}pre{padding
 
 /// What statuses mean here, in the words of a host's user.
 const STATUSES: [(&str, &str); 4] = [
-    ("fmi2OK", "Done. The log has a warning where there is something to look at."),
+    ("fmiOK", "Done. The log has a warning where there is something to look at."),
     (
-        "fmi2Warning",
+        "fmiWarning",
         "Only if mpc.report_warnings is true: done, but look at the message. An input is outside the range in which it \
-         can be right, or the model warns. Otherwise such a call returns fmi2OK, and the log has the message.",
+         can be right, or the model warns. Otherwise such a call returns fmiOK, and the log has the message.",
     ),
     (
-        "fmi2Discard",
+        "fmiDiscard",
         "A value was not taken (not finite, outside a parameter's range, no UTF-8): the value before stands, try \
-         another. From fmi2DoStep: the step was not made; restore an FMU state and step differently.",
+         another. From fmiDoStep: the step was not made; {}",
     ),
     (
-        "fmi2Error",
+        "fmiError",
         "The call was wrong (order, reference, type, pointer, communication point) and has changed nothing, or the \
-         model failed: then call fmi2Reset or restore an FMU state. The message says which, and what to do.",
+         model failed: then call fmiReset or restore an FMU state. The message says which, and what to do.",
     ),
 ];
 
@@ -92,13 +93,16 @@ fn finish(mut html: Xml) -> String {
 /// Page of an FMU: what it is and needs, its variables, how it is used. `platforms` are FMI's names with what the library
 /// for each needs.
 #[must_use]
-pub fn index(declaration: &Declaration, platforms: &[(&str, String)]) -> String {
+pub fn index(standard: Standard, declaration: &Declaration, platforms: &[(&str, String)]) -> String {
     let mut html = page(declaration.name);
     html.text("p", declaration.description);
     html.text(
         "p",
-        "An FMI 2.0 unit for co-simulation. SI units and radians; ISO 8855 axes (x forward, y left, z up); steering \
-         and yaw are positive to the left.",
+        &format!(
+            "An FMI {} unit for co-simulation. SI units and radians; ISO 8855 axes (x forward, y left, z up); steering \
+             and yaw are positive to the left.",
+            standard.number()
+        ),
     );
     html.text("p", "Its libraries, by FMI's names of the platforms:");
     let rows = platforms.iter().map(|(platform, needs)| vec![(*platform).to_owned(), needs.clone()]);
@@ -130,22 +134,35 @@ pub fn index(declaration: &Declaration, platforms: &[(&str, String)]) -> String 
             declaration.variables.iter().filter(|variable| variable.causality == wanted).collect();
         if !chosen.is_empty() {
             html.text("h3", title);
-            variables(&mut html, &chosen);
+            variables(&mut html, standard, &chosen);
         }
     }
 
+    let version = standard.version();
+    let (after_discarded, told) = match standard {
+        Standard::Fmi2 => {
+            ("restore an FMU state and step differently.", "Messages of a warning or worse are always told.")
+        }
+        Standard::Fmi3 => (
+            "the instance is as it was, step differently.",
+            "Messages are told to a host that asks for them: by loggingOn, or fmi3SetDebugLogging.",
+        ),
+    };
     html.text("h2", "Status codes");
     table(
         &mut html,
         &["status", "meaning"],
-        STATUSES.map(|(status, meaning)| vec![status.into(), meaning.into()]),
+        STATUSES.map(|(status, meaning)| {
+            let meaning = meaning.replace("{}", after_discarded);
+            vec![version.words(status), version.words(&meaning)]
+        }),
     );
 
     html.text("h2", "Log categories");
     let categories = rfl_mpc::fmi::logger::STANDARD_CATEGORIES.iter().chain(declaration.log_categories);
-    let rows = categories.map(|category| vec![category.name.to_owned(), category.description.to_owned()]);
+    let rows = categories.map(|category| vec![category.name.to_owned(), version.words(category.description)]);
     table(&mut html, &["category", "what it tells"], rows);
-    html.text("p", "Messages of a warning or worse are always told.");
+    html.text("p", told);
 
     html.text("h2", "Licences");
     html.text(
@@ -172,12 +189,13 @@ fn licenses(linked: &[Dependency]) -> String {
     finish(html)
 }
 
-fn variables(html: &mut Xml, variables: &[&Variable]) {
+fn variables(html: &mut Xml, standard: Standard, variables: &[&Variable]) {
     let rows = variables.iter().map(|variable| {
         let (unit, start, range) = columns(variable);
         let start = if variable.initial == Initial::Exact { start } else { String::new() };
         let kind = format!("{} {}", variability(variable), causality(variable));
-        vec![variable.name.to_string(), unit, start, range, kind, variable.description.to_string()]
+        let meaning = standard.version().words(&variable.description);
+        vec![variable.name.to_string(), unit, start, range, kind, meaning]
     });
     table(html, &["name", "unit or type", "start", "range", "kind", "meaning"], rows);
 }

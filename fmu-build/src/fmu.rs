@@ -2,13 +2,15 @@
 
 use crate::added::Added;
 use crate::cargo::{self, Builder, CargoError, Target};
-use crate::description::{describe, describe_for};
+use crate::description::{describe_for_in, describe_in};
 use crate::documentation;
 use crate::library::{self, Library, LibraryError};
+use crate::linker;
 use crate::package::{Package, PackageError};
 use crate::shipped::ClosedLoop;
+use crate::standard::Standard;
+use crate::terminals;
 use rfl_mpc::fmi::ModelError;
-use rfl_mpc::fmi::abi::guid_of;
 use rfl_mpc::fmi::{Declaration, START_FILE, StartError, read_start_file, start_file};
 use rfl_mpc::fmu::DEFAULT_PATH;
 use rfl_mpc::vehicle::VehicleKind;
@@ -40,6 +42,10 @@ pub enum FmuError {
         "the library {path} was not built for this description: it does not know the GUID {guid}. Build it anew."
     )]
     Guid { path: PathBuf, guid: String },
+    #[error(
+        "{path} is of FMI {found}, and the FMUs before it of another version: change those of one version at a time"
+    )]
+    Mixed { path: PathBuf, found: &'static str },
     #[error(
         "{path} is no FMU of this program: its name must be one of {names}, and its modelDescription.xml must have that name"
     )]
@@ -75,7 +81,7 @@ pub struct Fmu {
     pub declaration: Declaration,
     /// The vehicles that it is for.
     pub vehicle: VehicleKind,
-    /// The committed `modelDescription.xml`, in the project.
+    /// The committed `modelDescription.xml` of FMI 2.0, in the project; that of 3.0 lies in `fmi3/` beside it.
     pub description: String,
     /// The package whose dependencies are linked in.
     pub package: &'static str,
@@ -93,6 +99,8 @@ pub struct Fmu {
 /// and start values needs no compiler.
 #[derive(Debug, Clone)]
 pub struct Base {
+    /// The version of FMI that it is of.
+    pub standard: Standard,
     package: Package,
     start: BTreeMap<String, String>,
     /// Its unpacked resources.
@@ -113,9 +121,10 @@ impl Base {
             let names: Vec<_> = all.iter().map(|fmu| fmu.declaration.name).collect();
             FmuError::Foreign { path: file.to_owned(), names: names.join(", ") }
         })?;
-        let (found, own) = (guid(&xml).to_owned(), describe(&fmu.declaration));
-        if found != guid(&own) {
-            let own = guid(&own).to_owned();
+        let standard = Standard::of(&xml).unwrap_or_default();
+        let mark = |xml: &str| standard.mark_of(xml).to_owned();
+        let (found, own) = (mark(&xml), mark(&describe_in(standard, &fmu.declaration)));
+        if found != own {
             return Err(FmuError::Version { path: file.to_owned(), found, own });
         }
         let start = text(&format!("resources/{START_FILE}"));
@@ -123,7 +132,7 @@ impl Base {
             .map_err(|error| FmuError::PackedStart { path: file.to_owned(), message: error.to_string() })?;
         let folder = temporary_folder()?;
         package.unpack("resources/", folder.path())?;
-        let base = Base { package, start, folder: Arc::new(folder) };
+        let base = Base { standard, package, start, folder: Arc::new(folder) };
         Ok(Fmu { base: Some(base), ..fmu.clone() })
     }
 
@@ -156,6 +165,16 @@ pub struct Packing {
     pub binaries: Option<PathBuf>,
     /// FMUs whose libraries of other platforms are taken over, where their name is the FMU's.
     pub merge: Vec<PathBuf>,
+    /// The version of FMI.
+    pub standard: Standard,
+}
+
+impl Packing {
+    /// The same for another version of FMI, whose FMUs have a folder of their own.
+    #[must_use]
+    pub fn for_standard(&self, standard: Standard) -> Self {
+        Self { out: self.out.join(standard.folder()), standard, ..self.clone() }
+    }
 }
 
 /// How FMUs are made from source.
@@ -208,18 +227,22 @@ impl Fmu {
     /// # Errors
     /// See [`FmuError`].
     pub fn make(&self, options: &Options, mut progress: impl FnMut(&str)) -> Result<Made, FmuError> {
-        let name = self.declaration.name;
-        let xml = describe(&self.declaration);
+        let (name, standard) = (self.declaration.name, options.packing.standard);
+        let xml = describe_in(standard, &self.declaration);
         self.check_description(options, &xml)?;
         let (mut package, mut libraries) = (Package::default(), Vec::new());
-        for target in options.platforms() {
+        for target in options.platforms().filter(|target| target.is_none_or(|target| target.is_in(standard)))
+        {
             let what = target.map(|target| format!(" for {}", target.name())).unwrap_or_default();
             progress(&format!("building the library{what}"));
             let path = options.builder.build(&options.project, &options.profile, &self.selection, target)?;
+            let path = linker::linked_for(&path, standard);
             progress("checking symbols and needs");
-            let library = Library::check(&path)?;
-            check_guid(&path, &xml)?;
-            package.add_file(entry_of(library.platform, name), &path)?;
+            let library = Library::check_for(&path, standard)?;
+            check_mark(&path, standard, &xml)?;
+            for folder in library.folders(standard) {
+                package.add_file(entry_of(&folder, name), &path)?;
+            }
             libraries.push(library);
         }
 
@@ -243,7 +266,8 @@ impl Fmu {
     /// See [`FmuError`].
     pub fn change(&self, base: &Base, packing: &Packing) -> Result<Made, FmuError> {
         let mut package = base.package.clone();
-        for made_anew in ["modelDescription.xml", documentation::INDEX, &format!("resources/{START_FILE}")] {
+        let start = format!("resources/{START_FILE}");
+        for made_anew in ["modelDescription.xml", documentation::INDEX, &start, terminals::FILE] {
             package.remove(made_anew);
         }
         for entry in self.added.files.keys() {
@@ -251,9 +275,9 @@ impl Fmu {
         }
         let libraries = package
             .names("binaries/")
-            .filter_map(|name| Library::check_bytes(Path::new(name), package.get(name)?).ok());
+            .filter_map(|name| Library::check_bytes(Path::new(name), package.get(name)?, base.standard).ok());
         let libraries = libraries.collect();
-        self.pack(package, libraries, &describe(&self.declaration), packing)
+        self.pack(package, libraries, &describe_in(base.standard, &self.declaration), packing)
     }
 
     /// Adds what the user gives, the descriptions, and libraries that were built elsewhere; writes the FMU.
@@ -273,9 +297,17 @@ impl Fmu {
             start.iter().try_for_each(|(name, value)| declaration.start_with(name, value))?;
             package.add(format!("resources/{START_FILE}"), start_file(&start))?;
         }
-        package.add("modelDescription.xml", describe_for(&self.declaration, &declaration))?;
+        let standard = packing.standard;
+        package.add("modelDescription.xml", describe_for_in(standard, &self.declaration, &declaration))?;
+        if standard == Standard::Fmi3 {
+            package.add(terminals::FILE, terminals::terminals(&declaration))?;
+            for (name, content) in terminals::ICON {
+                package.remove(name);
+                package.add(name, content)?;
+            }
+        }
         let merged = self.merge(packing, &mut package, xml)?;
-        let page = documentation::index(&declaration, &libraries_of(&package));
+        let page = documentation::index(standard, &declaration, &libraries_of(&package, standard));
         package.add(documentation::INDEX, page)?;
         if self.base.is_some() {
             self.try_resources(&package, &start)?;
@@ -300,9 +332,17 @@ impl Fmu {
             .map_err(|source| FmuError::Controller { name: self.declaration.name, source })
     }
 
+    /// The committed `modelDescription.xml` of a version, in the project.
+    #[must_use]
+    pub fn description_in(&self, standard: Standard) -> PathBuf {
+        let file = Path::new(&self.description);
+        let folder = file.parent().unwrap_or(Path::new("")).join(standard.folder());
+        folder.join(file.file_name().unwrap_or_default())
+    }
+
     /// The library has the committed description inside: it must be today's.
     fn check_description(&self, options: &Options, xml: &str) -> Result<(), FmuError> {
-        let path = options.project.join(&self.description);
+        let path = options.project.join(self.description_in(options.packing.standard));
         let committed = std::fs::read_to_string(&path);
         let committed = committed.map_err(|source| FmuError::Read { path: path.clone(), source })?;
         if committed == xml {
@@ -314,31 +354,43 @@ impl Fmu {
 
     /// Takes over libraries of other platforms.
     fn merge(&self, packing: &Packing, package: &mut Package, xml: &str) -> Result<Vec<String>, FmuError> {
-        let name = self.declaration.name;
+        let (name, standard) = (self.declaration.name, packing.standard);
         let mut merged = Vec::new();
         if let Some(folder) = &packing.binaries {
-            for platform in ["darwin64", "linux32", "linux64", "win32", "win64"] {
+            for platform in standard.platforms() {
                 let entry = entry_of(platform, name);
                 let path = folder.join(platform).join(format!("{name}.{}", library::suffix(platform)));
                 if !path.is_file() || package.contains(&entry) {
                     continue;
                 }
-                let found = Library::check(&path)?.platform;
-                if found != platform {
-                    return Err(FmuError::Platform { path, found, folder: platform.to_owned() });
+                let found = Library::check_for(&path, standard)?;
+                if !found.folders(standard).iter().any(|folder| folder == platform) {
+                    return Err(FmuError::Platform {
+                        path,
+                        found: found.platform,
+                        folder: (*platform).to_owned(),
+                    });
                 }
-                check_guid(&path, xml)?;
+                check_mark(&path, standard, xml)?;
                 package.add_file(entry.clone(), &path)?;
                 merged.push(entry);
             }
         }
         for fmu in &packing.merge {
-            if fmu.file_stem().is_some_and(|stem| stem == name) {
-                merged.extend(package.merge_binaries(fmu, guid(xml).as_bytes())?);
+            if fmu.file_stem().is_some_and(|stem| stem == name) && is_of(fmu, standard)? {
+                merged.extend(package.merge_binaries(fmu, standard.mark_of(xml).as_bytes())?);
             }
         }
         Ok(merged)
     }
+}
+
+/// Whether an FMU is of this version of FMI. One that says of none is taken for what is wanted: what is wrong with it is said
+/// when it is merged.
+fn is_of(fmu: &Path, standard: Standard) -> Result<bool, PackageError> {
+    let xml = Package::read_entry(fmu, "modelDescription.xml")?.unwrap_or_default();
+    let xml = String::from_utf8_lossy(&xml).into_owned();
+    Ok(Standard::of(&xml).is_none_or(|found| found == standard))
 }
 
 fn entry_of(platform: &str, name: &str) -> String {
@@ -346,26 +398,22 @@ fn entry_of(platform: &str, name: &str) -> String {
 }
 
 /// The platforms of a package with what their libraries need, for its page.
-fn libraries_of(package: &Package) -> Vec<(&str, String)> {
+fn libraries_of(package: &Package, standard: Standard) -> Vec<(&str, String)> {
     let libraries = package.names("binaries/").filter_map(|name| {
         let platform = name.split('/').nth(1)?;
-        let library = Library::check_bytes(Path::new(name), package.get(name)?);
+        let library = Library::check_bytes(Path::new(name), package.get(name)?, standard);
         let needs = library.map_or("cannot be told here".to_owned(), |library| library.requirements());
         Some((platform, needs))
     });
     libraries.collect()
 }
 
-fn guid(xml: &str) -> &str {
-    guid_of(xml).unwrap_or_default()
-}
-
-/// A library must know the description's GUID: it refuses a host that gives another.
-fn check_guid(path: &Path, xml: &str) -> Result<(), FmuError> {
+/// A library must know the description's GUID or token: it refuses a host that gives another.
+fn check_mark(path: &Path, standard: Standard, xml: &str) -> Result<(), FmuError> {
     let bytes = std::fs::read(path).map_err(|source| FmuError::Read { path: path.to_owned(), source })?;
-    let guid = guid(xml);
-    if crate::package::contains(&bytes, guid.as_bytes()) {
+    let mark = standard.mark_of(xml);
+    if crate::package::contains(&bytes, mark.as_bytes()) {
         return Ok(());
     }
-    Err(FmuError::Guid { path: path.to_owned(), guid: guid.to_owned() })
+    Err(FmuError::Guid { path: path.to_owned(), guid: mark.to_owned() })
 }

@@ -7,8 +7,11 @@
 //! | `added.rs` | what a user has packed in: learned models, a vehicle |
 //! | `system.rs` | FMUs connected, as an SSP archive |
 //! | `description.rs` | `modelDescription.xml` from a declaration |
+//! | `standard.rs` | the versions of FMI |
+//! | `terminals.rs` | what is connected together: `terminalsAndIcons.xml` |
 //! | `documentation.rs` | what an FMU says of itself to people |
 //! | `cargo.rs` | building libraries, and what is linked into them |
+//! | `linker.rs` | one compiled library, linked for each version of FMI |
 //! | `library.rs` | what a shared library exports and needs |
 //! | `package.rs` | the archive, reproducible |
 //! | `xml.rs` | elements and attributes |
@@ -19,7 +22,10 @@ pub mod description;
 pub mod documentation;
 pub mod fmu;
 pub mod library;
+pub mod linker;
 pub mod package;
 pub mod shipped;
+pub mod standard;
 pub mod system;
+pub mod terminals;
 pub mod xml;

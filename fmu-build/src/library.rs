@@ -1,60 +1,14 @@
-//! What a shared library exports and needs: an FMU library exports FMI 2.0's functions and nothing else, and needs
-//! nothing that a host may lack.
+//! What a shared library exports and needs: an FMU library exports the functions of its version of FMI and nothing else, and
+//! needs nothing that a host may lack.
 
+pub use crate::standard::FMI2_FUNCTIONS;
+use crate::standard::Standard;
 use object::Object;
 use object::read::NameOrOrdinal;
 use object::read::elf::{ElfFile64, FileHeader};
 use object::read::macho::{FatArch, MachOFatFile32};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-
-/// The functions of `fmi2Functions.h`.
-pub const FMI2_FUNCTIONS: [&str; 44] = [
-    "fmi2CancelStep",
-    "fmi2CompletedIntegratorStep",
-    "fmi2DeSerializeFMUstate",
-    "fmi2DoStep",
-    "fmi2EnterContinuousTimeMode",
-    "fmi2EnterEventMode",
-    "fmi2EnterInitializationMode",
-    "fmi2ExitInitializationMode",
-    "fmi2FreeFMUstate",
-    "fmi2FreeInstance",
-    "fmi2GetBoolean",
-    "fmi2GetBooleanStatus",
-    "fmi2GetContinuousStates",
-    "fmi2GetDerivatives",
-    "fmi2GetDirectionalDerivative",
-    "fmi2GetEventIndicators",
-    "fmi2GetFMUstate",
-    "fmi2GetInteger",
-    "fmi2GetIntegerStatus",
-    "fmi2GetNominalsOfContinuousStates",
-    "fmi2GetReal",
-    "fmi2GetRealOutputDerivatives",
-    "fmi2GetRealStatus",
-    "fmi2GetStatus",
-    "fmi2GetString",
-    "fmi2GetStringStatus",
-    "fmi2GetTypesPlatform",
-    "fmi2GetVersion",
-    "fmi2Instantiate",
-    "fmi2NewDiscreteStates",
-    "fmi2Reset",
-    "fmi2SerializeFMUstate",
-    "fmi2SerializedFMUstateSize",
-    "fmi2SetBoolean",
-    "fmi2SetContinuousStates",
-    "fmi2SetDebugLogging",
-    "fmi2SetFMUstate",
-    "fmi2SetInteger",
-    "fmi2SetReal",
-    "fmi2SetRealInputDerivatives",
-    "fmi2SetString",
-    "fmi2SetTime",
-    "fmi2SetupExperiment",
-    "fmi2Terminate",
-];
 
 /// Why a library cannot go into an FMU.
 #[derive(Debug, thiserror::Error)]
@@ -64,7 +18,9 @@ pub enum LibraryError {
     Read { path: PathBuf, source: std::io::Error },
     #[error("{path} is no shared library that can be read: {source}")]
     Format { path: PathBuf, source: object::Error },
-    #[error("{path} does not export {missing}. An FMU library is made by rfl_mpc::export_fmi2!.")]
+    #[error(
+        "{path} does not export {missing}. An FMU library is made by rfl_mpc::export_fmi2! and export_fmi3!."
+    )]
     Missing { path: PathBuf, missing: String },
     #[error(
         "{path} is a universal library whose parts for the processors export different functions, or have none. Build it anew."
@@ -79,8 +35,10 @@ pub enum LibraryError {
 /// What was found in a library.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Library {
-    /// FMI 2.0's name of the platform, e.g. `linux64`.
+    /// FMI 2.0's name of the platform, e.g. `linux64`; Linux on ARM has one in 3.0 only.
     pub platform: &'static str,
+    /// The operating system that it is for, in FMI's word.
+    pub system: &'static str,
     /// The processors that it is for, e.g. `x86_64`; several of a universal library for macOS.
     pub processors: Vec<String>,
     /// Exported symbols, sorted.
@@ -92,23 +50,31 @@ pub struct Library {
 }
 
 impl Library {
-    /// Reads a library and checks that it exports FMI 2.0 and nothing else.
+    /// As [`check_for`](Self::check_for), for FMI 2.0.
+    ///
+    /// # Errors
+    /// As [`check_for`](Self::check_for).
+    pub fn check(path: &Path) -> Result<Self, LibraryError> {
+        Self::check_for(path, Standard::Fmi2)
+    }
+
+    /// Reads a library and checks that it exports a version's functions and nothing else.
     ///
     /// # Errors
     /// If it cannot be read, or exports less or more.
-    pub fn check(path: &Path) -> Result<Self, LibraryError> {
+    pub fn check_for(path: &Path, standard: Standard) -> Result<Self, LibraryError> {
         let bytes =
             std::fs::read(path).map_err(|source| LibraryError::Read { path: path.to_owned(), source })?;
-        Self::check_bytes(path, &bytes)
+        Self::check_bytes(path, &bytes, standard)
     }
 
-    /// As [`check`](Self::check), for the content of a file; `path` is for messages.
+    /// As [`check_for`](Self::check_for), for the content of a file; `path` is for messages.
     ///
     /// # Errors
-    /// As [`check`](Self::check).
-    pub fn check_bytes(path: &Path, bytes: &[u8]) -> Result<Self, LibraryError> {
+    /// As [`check_for`](Self::check_for).
+    pub fn check_bytes(path: &Path, bytes: &[u8], standard: Standard) -> Result<Self, LibraryError> {
         let library = Self::parse(path, bytes)?;
-        let wanted: BTreeSet<String> = FMI2_FUNCTIONS.iter().map(ToString::to_string).collect();
+        let wanted: BTreeSet<String> = standard.functions().iter().map(ToString::to_string).collect();
         let list = |names: Vec<&String>| names.into_iter().cloned().collect::<Vec<_>>().join(", ");
         let missing: Vec<_> = wanted.difference(&library.exports).collect();
         if !missing.is_empty() {
@@ -167,15 +133,36 @@ impl Library {
             object::File::Elf64(elf) => newest_glibc(elf).map_err(format)?,
             _ => None,
         };
-        let platform = match (file.format(), file.is_64()) {
-            (object::BinaryFormat::Elf, true) => "linux64",
-            (object::BinaryFormat::Elf, false) => "linux32",
-            (object::BinaryFormat::Pe, true) => "win64",
-            (object::BinaryFormat::Pe, false) => "win32",
+        let system = match file.format() {
+            object::BinaryFormat::Elf => "linux",
+            object::BinaryFormat::Pe => "windows",
+            _ => "darwin",
+        };
+        let platform = match (system, file.is_64()) {
+            ("linux", true) if file.architecture() == object::Architecture::Aarch64 => "aarch64-linux",
+            ("linux", true) => "linux64",
+            ("linux", false) => "linux32",
+            ("windows", true) => "win64",
+            ("windows", false) => "win32",
             _ => "darwin64",
         };
         let processors = vec![format!("{:?}", file.architecture()).to_lowercase()];
-        Ok(Self { platform, processors, exports, needs, glibc })
+        Ok(Self { platform, system, processors, exports, needs, glibc })
+    }
+
+    /// A version's folders for it in `binaries/`: 3.0 has one for each processor.
+    #[must_use]
+    pub fn folders(&self, standard: Standard) -> Vec<String> {
+        match standard {
+            Standard::Fmi2 => vec![self.platform.to_owned()],
+            Standard::Fmi3 => {
+                let name = |processor: &String| match processor.as_str() {
+                    "i386" => format!("x86-{}", self.system),
+                    processor => format!("{processor}-{}", self.system),
+                };
+                self.processors.iter().map(name).collect()
+            }
+        }
     }
 
     /// One line for people: what a host must have.
@@ -211,12 +198,12 @@ fn newest_glibc<'data>(elf: &ElfFile64<'data>) -> object::Result<Option<(u32, u3
     Ok(newest)
 }
 
-/// The suffix of shared libraries on a platform.
+/// The suffix of shared libraries on a platform, named as in any version.
 #[must_use]
 pub fn suffix(platform: &str) -> &'static str {
     match platform {
-        "win64" | "win32" => "dll",
-        "darwin64" => "dylib",
+        "win64" | "win32" | "x86_64-windows" => "dll",
+        "darwin64" | "x86_64-darwin" | "aarch64-darwin" => "dylib",
         _ => "so",
     }
 }

@@ -3,11 +3,13 @@
 use clap::{Parser, ValueEnum};
 use fmu_build::added;
 use fmu_build::cargo::{Builder, Dependency, Target, dependencies};
-use fmu_build::description::describe;
+use fmu_build::description::describe_in;
 use fmu_build::documentation::license_texts;
 use fmu_build::fmu::{Base, Fmu, FmuError, Made, Options, Packing};
+use fmu_build::linker;
 use fmu_build::package::Package;
 use fmu_build::shipped;
+use fmu_build::standard::Standard;
 use fmu_build::system::System;
 use rfl_mpc::output::write_bytes;
 use std::collections::BTreeSet;
@@ -16,9 +18,9 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
-/// Makes the FMUs (FMI 2.0 co-simulation) and the SSP systems that connect them.
+/// Makes the FMUs (FMI 2.0 and 3.0, co-simulation) and the SSP systems that connect them.
 ///
-/// Without options, everything is built into target/fmu/. Where cargo-zigbuild is installed, the libraries run on
+/// Without options, everything is built into target/fmu/, what is of FMI 3.0 into fmi3/ in it. Where cargo-zigbuild is installed, the libraries run on
 /// glibc 2.17 and later; otherwise they need this machine's, and the report says which.
 ///
 /// FMUs given by their files are not built: their resources and start values are changed, which takes a second and no
@@ -36,7 +38,8 @@ struct Arguments {
     #[arg(long, value_name = "NAME")]
     only: Vec<String>,
     /// Build the libraries for these platforms, not for this machine's alone. win64 needs mingw-w64 and `rustup target add
-    /// x86_64-pc-windows-gnu`, darwin64 the targets x86_64-apple-darwin and aarch64-apple-darwin, and ziglang (scripts/setup)
+    /// x86_64-pc-windows-gnu`, darwin64 the targets x86_64-apple-darwin and aarch64-apple-darwin, and ziglang (scripts/setup),
+    /// aarch64-linux the target aarch64-unknown-linux-gnu
     #[arg(long, value_enum, value_delimiter = ',', value_name = "PLATFORM")]
     target: Vec<TargetChoice>,
     /// How the libraries are built
@@ -45,7 +48,7 @@ struct Arguments {
     /// Cargo's profile
     #[arg(long, default_value = "shipped")]
     profile: String,
-    /// Add libraries of other platforms: DIR/win64/NAME.dll, DIR/darwin64/NAME.dylib, ...
+    /// Add libraries of other platforms: DIR/win64/NAME.dll, DIR/darwin64/NAME.dylib, for FMI 3.0 DIR/x86_64-windows/NAME.dll, ...
     #[arg(long, value_name = "DIR")]
     binaries: Option<PathBuf>,
     /// Add libraries of other platforms out of an FMU of the same name (may be repeated)
@@ -72,7 +75,7 @@ struct Arguments {
     /// Only write the licences of what is linked into a package of the workspace, and a list of it (crates.json), to --out
     #[arg(long, value_name = "PACKAGE", requires = "out", conflicts_with_all = ["fmus", "describe"])]
     licenses: Option<String>,
-    /// Only write modelDescription/*.xml from the declarations
+    /// Only write modelDescription/*.xml and modelDescription/fmi3/*.xml from the declarations
     #[arg(long)]
     describe: bool,
 }
@@ -110,6 +113,9 @@ enum TargetChoice {
     Win64,
     /// macOS on x86-64 and ARM
     Darwin64,
+    /// Linux on ARM, 64 bit: in FMUs of FMI 3.0 only
+    #[value(name = "aarch64-linux")]
+    LinuxArm,
 }
 
 impl From<TargetChoice> for Target {
@@ -118,11 +124,15 @@ impl From<TargetChoice> for Target {
             TargetChoice::Linux64 => Target::Linux64,
             TargetChoice::Win64 => Target::Win64,
             TargetChoice::Darwin64 => Target::Darwin64,
+            TargetChoice::LinuxArm => Target::LinuxArm,
         }
     }
 }
 
 fn main() -> ExitCode {
+    if linker::is_called() {
+        return linker::run();
+    }
     match run(&Arguments::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
@@ -186,8 +196,15 @@ fn build(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         }
     }
     for (i, fmu) in chosen.iter().enumerate() {
-        let title = format!("[{}/{}] {}", i + 1, chosen.len(), fmu.declaration.name);
-        report(&title, || fmu.make(&options, |step| println!("{title}: {step}")))?;
+        let has_platform = |standard: &Standard| {
+            options.platforms().any(|target| target.is_none_or(|target| target.is_in(*standard)))
+        };
+        for standard in Standard::ALL.into_iter().filter(has_platform) {
+            let title =
+                format!("[{}/{}] {} {}", i + 1, chosen.len(), fmu.declaration.name, standard.number());
+            let options = Options { packing: options.packing.for_standard(standard), ..options.clone() };
+            report(&title, || fmu.make(&options, |step| println!("{title}: {step}")))?;
+        }
     }
     systems.iter().try_for_each(|system| connect(system, &options.packing.out))
 }
@@ -199,6 +216,13 @@ fn change(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     for file in &arguments.fmus {
         let fmu = Base::read(file, &all)?;
         let name = fmu.declaration.name;
+        let standard = |fmu: &Fmu| fmu.base.as_ref().map(|base| base.standard);
+        if let Some(one) = given.first()
+            && standard(one) != standard(&fmu)
+        {
+            let found = standard(&fmu).unwrap_or_default().number();
+            return Err(FmuError::Mixed { path: file.clone(), found }.into());
+        }
         if given.iter().any(|one| one.declaration.name == name) {
             return Err(format!("{name} is given twice, the second time as {}", file.display()).into());
         }
@@ -210,10 +234,12 @@ fn change(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let systems = shipped::systems(&given, nowhere, &arguments.set)?;
     for fmu in &given {
         if let Some(base) = &fmu.base {
-            report(fmu.declaration.name, || fmu.change(base, &packing))?;
+            report(fmu.declaration.name, || fmu.change(base, &packing.for_standard(base.standard)))?;
         }
     }
-    systems.iter().try_for_each(|system| connect(system, &packing.out))
+    // Systems are of FMUs of 2.0.
+    let of_old = given.iter().all(|fmu| fmu.base.as_ref().is_none_or(|base| base.standard == Standard::Fmi2));
+    systems.iter().filter(|_| of_old).try_for_each(|system| connect(system, &packing.out))
 }
 
 fn packing(arguments: &Arguments, out: PathBuf) -> Packing {
@@ -221,6 +247,7 @@ fn packing(arguments: &Arguments, out: PathBuf) -> Packing {
         out: arguments.out.clone().unwrap_or(out),
         binaries: arguments.binaries.clone(),
         merge: arguments.merge.clone(),
+        standard: Standard::default(),
     }
 }
 
@@ -239,13 +266,16 @@ fn add(fmus: &mut [Fmu], project: &Path, arguments: &Arguments) -> Result<(), Bo
 
 fn write_descriptions(project: &Path, all: &[Fmu]) -> Result<(), Box<dyn Error>> {
     for fmu in all {
-        let path = project.join(&fmu.description);
-        let xml = describe(&fmu.declaration);
-        let same = std::fs::read_to_string(&path).is_ok_and(|old| old == xml);
-        if !same {
-            write_bytes(&path, xml)?;
+        for standard in Standard::ALL {
+            let file = fmu.description_in(standard);
+            let path = project.join(&file);
+            let xml = describe_in(standard, &fmu.declaration);
+            let same = std::fs::read_to_string(&path).is_ok_and(|old| old == xml);
+            if !same {
+                write_bytes(&path, xml)?;
+            }
+            println!("{} {}", if same { "unchanged" } else { "written  " }, file.display());
         }
-        println!("{} {}", if same { "unchanged" } else { "written  " }, fmu.description);
     }
     Ok(())
 }

@@ -132,6 +132,21 @@ impl Package {
         Ok(package)
     }
 
+    /// One entry of an archive on disk, of which nothing else is looked at.
+    ///
+    /// # Errors
+    /// A file that is no archive.
+    pub fn read_entry(file: &Path, name: &str) -> Result<Option<Vec<u8>>, PackageError> {
+        let read = |source| PackageError::Read { path: file.to_owned(), source };
+        let archive = |source| PackageError::Archive { path: file.to_owned(), source };
+        let bytes = input::read(file, FMU).map_err(read)?;
+        let mut zip = zip::ZipArchive::new(Cursor::new(bytes)).map_err(archive)?;
+        let Ok(entry) = zip.by_name(name) else { return Ok(None) };
+        let mut content = Vec::new();
+        entry.take(LIBRARY).read_to_end(&mut content).map_err(read)?;
+        Ok(Some(content))
+    }
+
     /// An entry's content.
     #[must_use]
     pub fn get(&self, name: &str) -> Option<&[u8]> {

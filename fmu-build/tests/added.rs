@@ -5,7 +5,7 @@ use fmu_build::description::{describe, describe_for};
 use fmu_build::fmu::Fmu;
 use fmu_build::shipped;
 use rfl_mpc::control::ControlVariant;
-use rfl_mpc::fmi::abi::guid_of;
+use rfl_mpc::fmi::v2::guid_of;
 use rfl_mpc::nominal::LateralVehicle;
 use rfl_mpc::residual::{DataConfig, DataSet, Drive, Kind, Random, TrainConfig, train};
 use rfl_mpc::vehicle::{CarParameters, VehicleKind, builtin, builtin_truck};

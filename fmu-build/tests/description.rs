@@ -5,9 +5,10 @@
 mod toy;
 
 use fmi_schema::fmi2::{self, Fmi2ModelDescription};
-use fmu_build::description::describe;
+use fmu_build::description::{describe, describe_in};
 use fmu_build::shipped;
-use rfl_mpc::fmi::abi::guid_of;
+use fmu_build::standard::Standard;
+use rfl_mpc::fmi::v2::guid_of;
 use rfl_mpc::fmi::{Causality, Declaration, Initial, Kind, Model, Variable};
 use std::path::{Path, PathBuf};
 
@@ -23,24 +24,57 @@ fn declarations() -> Vec<Declaration> {
 #[test]
 fn descriptions_stand_as_generated() {
     for fmu in shipped::fmus() {
-        let committed = std::fs::read_to_string(project().join(&fmu.description)).unwrap();
-        assert!(
-            committed == describe(&fmu.declaration),
-            "{} is not what its declaration says: cargo run -p fmu-build -- --describe",
-            fmu.description
-        );
+        for standard in Standard::ALL {
+            let file = fmu.description_in(standard);
+            let committed = std::fs::read_to_string(project().join(&file)).unwrap();
+            assert!(
+                committed == describe_in(standard, &fmu.declaration),
+                "{} is not what its declaration says: cargo run -p fmu-build -- --describe",
+                file.display()
+            );
+        }
     }
 }
 
 /// `UPDATE_TOY=1` writes the test model's description.
 #[test]
 fn the_test_models_description_stands_as_generated() {
-    let path = project().join("tests/common/SteeringLag.xml");
-    let xml = describe(&toy::SteeringLag::declaration());
-    if std::env::var_os("UPDATE_TOY").is_some() {
-        std::fs::write(&path, &xml).unwrap();
+    for standard in Standard::ALL {
+        let path = project().join("tests/common").join(standard.folder()).join("SteeringLag.xml");
+        let xml = describe_in(standard, &toy::SteeringLag::declaration());
+        if std::env::var_os("UPDATE_TOY").is_some() {
+            std::fs::write(&path, &xml).unwrap();
+        }
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), xml, "run UPDATE_TOY=1 cargo test -p fmu-build");
     }
-    assert_eq!(std::fs::read_to_string(&path).unwrap(), xml, "run UPDATE_TOY=1 cargo test -p fmu-build");
+}
+
+/// The same declaration in the words of 3.0: types, time, the functions' names in texts.
+#[test]
+fn a_description_of_3_0_has_its_types_and_time() {
+    let declaration = toy::SteeringLag::declaration();
+    let xml = describe_in(Standard::Fmi3, &declaration);
+    assert_eq!(
+        (Standard::of(&xml), Standard::of(&describe(&declaration))),
+        (Some(Standard::Fmi3), Some(Standard::Fmi2))
+    );
+    let mark = Standard::Fmi3.mark_of(&xml);
+    assert!(mark.len() == 38 && mark != Standard::Fmi2.mark_of(&describe(&declaration)), "{mark}");
+    for wanted in [
+        "<Float64Type name=\"SteerCmd\"",
+        "<EnumerationType name=\"Method\">",
+        "<Float64 name=\"steer_cmd\" valueReference=\"0\"",
+        "<Int32 name=\"steps\"",
+        "<Enumeration name=\"method_used\"",
+        "<Start value=\"\"/>",
+        "<Float64 name=\"time\" valueReference=\"20\"",
+        "causality=\"independent\"",
+        "<Output valueReference=\"2\" dependencies=\"\"/>",
+        "Calls that returned fmi3Discard",
+    ] {
+        assert!(xml.contains(wanted), "{wanted} is missing in {xml}");
+    }
+    assert!(!xml.contains("fmi2") && !describe(&declaration).contains("fmi3"));
 }
 
 /// The GUID follows from the content, and only from it.
@@ -86,12 +120,14 @@ fn fmi_schema_reads_what_was_declared() {
 fn check_variable(found: &fmi2::ScalarVariable, declared: &Variable) {
     let name = &declared.name;
     assert_eq!(&found.name, name);
-    assert_eq!(found.description.as_deref(), Some(&*declared.description), "{name}");
+    let description = Standard::Fmi2.version().words(&declared.description);
+    assert_eq!(found.description, Some(description), "{name}");
     let causality = match declared.causality {
         Causality::Parameter => fmi2::Causality::Parameter,
         Causality::Input => fmi2::Causality::Input,
         Causality::Output => fmi2::Causality::Output,
         Causality::Local => fmi2::Causality::Local,
+        Causality::Independent => fmi2::Causality::Independent,
     };
     assert_eq!(found.causality, causality, "{name}");
     let exact = declared.initial == Initial::Exact;

@@ -10,6 +10,7 @@ use fmu_build::cargo::Builder;
 use fmu_build::fmu::{Base, Fmu, FmuError, Made, Options, Packing, Resource};
 use fmu_build::library::{FMI2_FUNCTIONS, Library, LibraryError};
 use fmu_build::package::{Package, PackageError};
+use fmu_build::standard::Standard;
 use rfl_mpc::fmi::Model;
 use rfl_mpc::vehicle::VehicleKind;
 use std::io::Read;
@@ -100,6 +101,16 @@ fn an_fmu_has_all_that_the_standard_and_people_want() {
     assert!(std::fs::read(&made.path).unwrap() == bytes);
 }
 
+/// A library of 2.0 is none of 3.0.
+#[test]
+fn a_library_of_another_version_is_refused() {
+    let mut options = options("other version");
+    options.packing = options.packing.for_standard(Standard::Fmi3);
+    let error = toy().make(&options, |_| {}).unwrap_err();
+    assert!(matches!(error, FmuError::Library(LibraryError::Missing { .. })), "{error}");
+    assert!(error.to_string().contains("fmi3DoStep"), "{error}");
+}
+
 /// Files and start values of a user go into the same library's FMU.
 #[test]
 fn what_a_user_adds_is_packed() {
@@ -113,7 +124,7 @@ fn what_a_user_adds_is_packed() {
     let xml = text("modelDescription.xml");
     assert!(xml.contains(r#"start="0.25""#), "{xml}");
     let committed = include_str!("../../tests/common/SteeringLag.xml");
-    assert_eq!(rfl_mpc::fmi::abi::guid_of(&xml), rfl_mpc::fmi::abi::guid_of(committed));
+    assert_eq!(rfl_mpc::fmi::v2::guid_of(&xml), rfl_mpc::fmi::v2::guid_of(committed));
     assert!(text("documentation/index.html").contains("0.25"));
 
     fmu.added.start.insert("actuator.tau".to_owned(), "-1".to_owned());
@@ -231,7 +242,7 @@ fn an_old_description_is_refused() {
 #[test]
 fn libraries_of_other_platforms_are_merged() {
     let folder = tempfile::tempdir().unwrap();
-    let guid = rfl_mpc::fmi::abi::guid_of(include_str!("../../tests/common/SteeringLag.xml")).unwrap();
+    let guid = rfl_mpc::fmi::v2::guid_of(include_str!("../../tests/common/SteeringLag.xml")).unwrap();
     let other = folder.path().join("SteeringLag.fmu");
     let pack = |content: &str| {
         let mut package = Package::default();

@@ -1,35 +1,37 @@
 //! One instance of a model: its state, its values, and what each call of the standard does to them.
 //!
-//! Everything here is safe code on Rust types; `abi.rs` translates from C. Decisions where the standard leaves
-//! room:
+//! Everything here is safe code on Rust types; `handle.rs` and the versions' adapters translate from C. Decisions
+//! where the standard leaves room:
 //!
 //! - *Values.* A set call is checked as a whole before anything is written. A real that is not finite, a parameter
-//!   outside its range, an enumeration value that is none: `fmi2Discard`, the value before stands. An *input*
+//!   outside its range, an enumeration value that is none: discarded, the value before stands. An *input*
 //!   outside its range (a range says what is certainly wrong, not what a vehicle can do) is taken, with one
 //!   message until it is back inside.
-//! - *Warnings.* A call that did its work returns `fmi2OK`, and the log says what to look at: many hosts end a run at
-//!   `fmi2Warning`. A model may have a parameter with which such a call returns `fmi2Warning`
+//! - *Warnings.* A call that did its work returns OK, and the log says what to look at: many hosts end a run at a
+//!   warning. A model may have a parameter with which such a call returns a warning
 //!   ([`Model::reports_warnings`]).
 //! - *Choices.* Some hosts write every start value before they initialise. A value equal to the declared start is no
 //!   choice of the user, so that what a parameter file says stands.
 //! - *Initialisation.* The model is initialised when initialisation mode is left, or before, when the host asks for
 //!   a value that the model calculates; it is initialised again if the host sets something after that.
 //! - *Communication points.* The host's point counts, so that its rounding does not add up; it may differ from the
-//!   instance's time by 1e-4 of the step. A step must be positive. A step past the stop time is `fmi2Error`, as the
+//!   instance's time by 1e-4 of the step. A step must be positive. A step past the stop time is an error, as the
 //!   standard demands.
-//! - *Discarded steps.* `fmi2Discard` leads to "step failed", out of which a stored FMU state or a reset leads, as in
-//!   the standard; the model itself is as it was before the step.
+//! - *Discarded steps.* They lead to "step failed"; the model itself is as it was before the step. In FMI 2.0 a stored FMU
+//!   state or a reset leads out of it, in 3.0 another step, too.
+//! - *Time.* Where the version has it as a variable, it stands behind the model's own.
 //! - `noSetFMUStatePriorToCurrentPoint` allows to flush buffers. There are none: older states stay restorable.
 
-use super::abi::{CallbackFunctions, Status};
 use super::life::{Function, Life};
 use super::logger::{Logger, Messages, STANDARD_CATEGORIES, status_category};
 use super::model::{Context, Declaration, Model, ModelError};
 use super::refusal::Refusal;
 use super::snapshot::Snapshot;
 use super::start::StartError;
+use super::types::Status;
 use super::value::{Value, Values};
 use super::variable::{Causality, Initial, Kind, Variability, Variable, Vr};
+use super::version::Version;
 use std::collections::BTreeMap;
 use std::ffi::{CStr, CString, c_char, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -39,6 +41,7 @@ const POINT_TOLERANCE: f64 = 1e-4;
 
 /// An instance of a model.
 pub struct Instance<M: Model> {
+    version: &'static Version,
     guid: &'static str,
     declaration: Declaration,
     context: Context,
@@ -49,6 +52,8 @@ pub struct Instance<M: Model> {
     start_time: f64,
     stop_time: Option<f64>,
     time: f64,
+    /// Time as a variable.
+    time_variable: Option<Vr>,
     /// In initialisation mode: what the model does not know yet.
     stale: Stale,
     /// Per variable: an input outside its range, of which the host was warned.
@@ -77,26 +82,29 @@ impl<M: Model> Instance<M> {
     /// # Errors
     /// Start values in its resources that cannot be used.
     pub fn new(
+        version: &'static Version,
         guid: &'static str,
-        name: &CStr,
-        callbacks: CallbackFunctions,
+        logger: Logger,
         context: Context,
     ) -> Result<Self, StartError> {
         let mut declaration = M::declaration();
+        let time_variable = version.has_time.then(|| declaration.add_time());
         if let Some(resources) = &context.resources {
             declaration.start_as_packed(resources)?;
         }
         let values = Values::starting_from(&declaration.variables);
         Ok(Self {
+            version,
             guid,
             context,
-            logger: Logger::new(callbacks, name),
+            logger,
             model: M::new(),
             values,
             life: Life::Instantiated,
             start_time: 0.0,
             stop_time: None,
             time: 0.0,
+            time_variable,
             stale: ALL_STALE,
             outside: vec![false; declaration.variables.len()],
             strings: Vec::new(),
@@ -106,7 +114,7 @@ impl<M: Model> Instance<M> {
     }
 
     /// Makes one call: checks that it is allowed now, stops panics, tells the host what was wrong.
-    pub fn call(&mut self, function: Function, body: impl FnOnce(&mut Self) -> Outcome) -> Status {
+    pub fn call(&mut self, function: impl Function, body: impl FnOnce(&mut Self) -> Outcome) -> Status {
         let outcome = if function.allowed_in(self.life) {
             // After a panic the instance is in state "error", out of which only fresh models lead: nothing that is
             // half done is used again.
@@ -119,7 +127,8 @@ impl<M: Model> Instance<M> {
         };
         let status = outcome.unwrap_or_else(|refusal| {
             let status = refusal.status();
-            self.logger.tell(status, status_category(status), &format!("{}: {refusal}", function.name()));
+            let text = format!("{}: {}", function.name(), refusal.message(self.version));
+            self.logger.tell(status, status_category(status), &text);
             status
         });
         match status {
@@ -128,7 +137,7 @@ impl<M: Model> Instance<M> {
         }
     }
 
-    /// `fmi2SetDebugLogging`; no category means all.
+    /// Switches debug logging; no category means all.
     pub fn set_debug_logging(&mut self, on: bool, categories: &[&CStr]) -> Outcome {
         if !on || categories.is_empty() {
             self.logger.enable(if on { vec!["logAll"] } else { Vec::new() });
@@ -147,7 +156,8 @@ impl<M: Model> Instance<M> {
                 None => {
                     status = Status::Warning;
                     let message = format!(
-                        "fmi2SetDebugLogging: there is no log category \"{}\"; there are {}",
+                        "fmi{}SetDebugLogging: there is no log category \"{}\"; there are {}",
+                        self.version,
                         category.to_string_lossy(),
                         known.join(", ")
                     );
@@ -159,7 +169,7 @@ impl<M: Model> Instance<M> {
         Ok(status)
     }
 
-    /// `fmi2SetupExperiment`. The tolerance is not used: models integrate with fixed steps.
+    /// Start and stop time. The tolerance is not used: models integrate with fixed steps.
     pub fn setup_experiment(&mut self, start: f64, stop: Option<f64>) -> Outcome {
         if !start.is_finite() {
             return Err(Refusal::StartTime { start });
@@ -169,18 +179,19 @@ impl<M: Model> Instance<M> {
         {
             return Err(Refusal::StopTime { start, stop });
         }
-        (self.start_time, self.stop_time, self.time) = (start, stop, start);
+        (self.start_time, self.stop_time) = (start, stop);
+        self.set_time(start);
         Ok(Status::Ok)
     }
 
-    /// `fmi2EnterInitializationMode`.
+    /// Enters initialisation mode.
     pub fn enter_initialization_mode(&mut self) -> Outcome {
         self.life = Life::InitializationMode;
         self.stale = ALL_STALE;
         Ok(Status::Ok)
     }
 
-    /// `fmi2ExitInitializationMode`.
+    /// Leaves initialisation mode.
     pub fn exit_initialization_mode(&mut self) -> Outcome {
         let status = if self.stale == NOTHING_STALE { Ok(Status::Ok) } else { self.initialize() };
         self.life = if status.is_ok() { Life::StepComplete } else { Life::Error };
@@ -190,19 +201,20 @@ impl<M: Model> Instance<M> {
         status
     }
 
-    /// `fmi2Terminate`.
+    /// Ends the simulation.
     pub fn terminate(&mut self) -> Outcome {
         self.life = Life::Terminated;
         self.logger.event(format_args!("terminated at {} s", self.time));
         Ok(Status::Ok)
     }
 
-    /// `fmi2Reset`: as after instantiation. Stored FMU states stay valid.
+    /// As after instantiation. Stored FMU states stay valid.
     pub fn reset(&mut self) -> Outcome {
         self.model = M::new();
         self.values = Values::starting_from(&self.declaration.variables);
         (self.life, self.stale) = (Life::Instantiated, ALL_STALE);
-        (self.start_time, self.stop_time, self.time) = (0.0, None, 0.0);
+        (self.start_time, self.stop_time) = (0.0, None);
+        self.set_time(0.0);
         self.outside.fill(false);
         self.logger.event(format_args!("reset"));
         Ok(Status::Ok)
@@ -213,6 +225,7 @@ impl<M: Model> Instance<M> {
         self.model = M::new();
         self.stale = ALL_STALE;
         self.values.forget_calculated(&self.declaration.variables);
+        self.set_time(self.time);
         let mut messages = Messages::to(&self.logger);
         self.model
             .initialize(&mut self.values, self.start_time, &self.context, &mut messages)
@@ -222,7 +235,7 @@ impl<M: Model> Instance<M> {
         Ok(status)
     }
 
-    /// `fmi2DoStep`.
+    /// Makes a step.
     pub fn do_step(&mut self, point: f64, step: f64) -> Outcome {
         if !point.is_finite() {
             return Err(Refusal::CommunicationPoint { point });
@@ -248,7 +261,8 @@ impl<M: Model> Instance<M> {
         match self.model.step(&mut self.values, point, step, &mut messages) {
             Ok(()) => {
                 let status = if messages.warned { Status::Warning } else { Status::Ok };
-                self.time = end;
+                self.life = Life::StepComplete;
+                self.set_time(end);
                 Ok(status)
             }
             Err(ModelError::Discard(message)) => {
@@ -259,6 +273,13 @@ impl<M: Model> Instance<M> {
                 self.life = Life::Error;
                 Err(Refusal::StepFailed { time: self.time, message })
             }
+        }
+    }
+
+    fn set_time(&mut self, time: f64) {
+        self.time = time;
+        if let Some(vr) = self.time_variable {
+            self.values.set_real(vr, time);
         }
     }
 
@@ -276,16 +297,30 @@ impl<M: Model> Instance<M> {
 
     /// Gives values of reals to `write(position, value)`.
     pub fn get_real(&mut self, references: &[u32], mut write: impl FnMut(usize, f64)) -> Outcome {
-        self.get(references, "Real", |i, value| {
+        self.get(references, self.version.real, |i, value| {
             if let Value::Real(value) = value {
                 write(i, *value);
             }
         })
     }
 
-    /// Gives values of integers and enumerations to `write(position, value)`.
-    pub fn get_integer(&mut self, references: &[u32], mut write: impl FnMut(usize, i32)) -> Outcome {
-        self.get(references, "Integer", |i, value| {
+    /// Gives values of integers to `write(position, value)`, and of enumerations where the version has them as integers.
+    pub fn get_integer(&mut self, references: &[u32], write: impl FnMut(usize, i32)) -> Outcome {
+        self.get_whole(references, self.version.integer, write)
+    }
+
+    /// Gives values of enumerations to `write(position, value)`.
+    pub fn get_enumeration(&mut self, references: &[u32], write: impl FnMut(usize, i32)) -> Outcome {
+        self.get_whole(references, self.version.enumeration, write)
+    }
+
+    fn get_whole(
+        &mut self,
+        references: &[u32],
+        expected: &'static str,
+        mut write: impl FnMut(usize, i32),
+    ) -> Outcome {
+        self.get(references, expected, |i, value| {
             if let Value::Integer(value) = value {
                 write(i, *value);
             }
@@ -325,7 +360,8 @@ impl<M: Model> Instance<M> {
         let mut unknown = false;
         for reference in references {
             let (_, variable) = self.variable(*reference, expected)?;
-            unknown |= variable.initial == Initial::Calculated
+            unknown |= variable.causality != Causality::Independent
+                && variable.initial == Initial::Calculated
                 && (self.stale.parameters || (self.stale.inputs && !variable.depends_on.is_empty()));
         }
         let mut status = Status::Ok;
@@ -344,7 +380,7 @@ impl<M: Model> Instance<M> {
     pub fn set_real(&mut self, references: &[u32], values: &[f64]) -> Outcome {
         let mut status = Status::Ok;
         for (reference, value) in references.iter().zip(values) {
-            let (vr, variable) = self.settable(*reference, "Real")?;
+            let (vr, variable) = self.settable(*reference, self.version.real)?;
             if !value.is_finite() {
                 let (name, kept) = (variable.name.to_string(), self.values.real(vr));
                 return Err(Refusal::NotFinite { name, value: *value, kept });
@@ -366,25 +402,39 @@ impl<M: Model> Instance<M> {
         Ok(status)
     }
 
-    /// Sets integers and enumerations.
+    /// Sets integers, and enumerations where the version has them as integers.
     pub fn set_integer(&mut self, references: &[u32], values: &[i32]) -> Outcome {
+        self.set_whole(references, self.version.integer, values.iter().copied().map(i64::from))
+    }
+
+    /// Sets enumerations.
+    pub fn set_enumeration(&mut self, references: &[u32], values: &[i64]) -> Outcome {
+        self.set_whole(references, self.version.enumeration, values.iter().copied())
+    }
+
+    fn set_whole(
+        &mut self,
+        references: &[u32],
+        expected: &'static str,
+        values: impl Iterator<Item = i64> + Clone,
+    ) -> Outcome {
         let mut status = Status::Ok;
-        for (reference, value) in references.iter().zip(values) {
-            let (vr, variable) = self.settable(*reference, "Integer")?;
+        for (reference, value) in references.iter().zip(values.clone()) {
+            let (vr, variable) = self.settable(*reference, expected)?;
             match &variable.kind {
-                Kind::Enumeration { items, .. } if items.iter().all(|item| item.0 != *value) => {
+                Kind::Enumeration { items, .. } if items.iter().all(|item| i64::from(item.0) != value) => {
                     let allowed: Vec<String> =
                         items.iter().map(|(value, name, _)| format!("{value} ({name})")).collect();
                     return Err(Refusal::NotAMember {
                         name: variable.name.to_string(),
-                        value: *value,
+                        value,
                         allowed: allowed.join(", "),
                         kept: self.values.integer(vr),
                     });
                 }
                 Kind::Integer { min, max, .. } => {
                     let (low, high) = (min.unwrap_or(i32::MIN), max.unwrap_or(i32::MAX));
-                    if !(low..=high).contains(value) {
+                    if !(i64::from(low)..=i64::from(high)).contains(&value) {
                         self.outside(vr, format_args!("{value}"), format_args!("[{low}, {high}]"))?;
                         status = Status::Warning;
                         continue;
@@ -395,7 +445,8 @@ impl<M: Model> Instance<M> {
             }
         }
         for (reference, value) in references.iter().zip(values) {
-            self.write(*reference, Value::Integer(*value));
+            // An integer of the standard, or one of an enumeration's.
+            self.write(*reference, Value::Integer(value as i32));
         }
         Ok(status)
     }
@@ -475,12 +526,7 @@ impl<M: Model> Instance<M> {
         let variable = variables
             .get(vr)
             .ok_or(Refusal::UnknownReference { reference, last: variables.len().saturating_sub(1) })?;
-        let declared = match variable.kind {
-            Kind::Real { .. } => "Real",
-            Kind::Integer { .. } | Kind::Enumeration { .. } => "Integer",
-            Kind::Boolean { .. } => "Boolean",
-            Kind::String { .. } => "String",
-        };
+        let declared = self.version.type_of(&variable.kind);
         if declared != expected {
             return Err(Refusal::WrongType { name: variable.name.to_string(), reference, declared });
         }
@@ -502,7 +548,7 @@ impl<M: Model> Instance<M> {
         }
     }
 
-    /// `fmi2GetFMUstate`: a new state, or the one that `handle` names is written over.
+    /// A new state, or the one that `handle` names is written over.
     pub fn store(&mut self, handle: *mut c_void) -> Result<*mut c_void, Refusal> {
         if !handle.is_null() && !self.snapshots.contains_key(&handle.addr()) {
             return Err(Refusal::ForeignState);
@@ -537,7 +583,7 @@ impl<M: Model> Instance<M> {
         handle.cast()
     }
 
-    /// `fmi2FreeFMUstate`.
+    /// Forgets a state.
     pub fn free_state(&mut self, handle: *mut c_void) -> Outcome {
         match self.snapshots.remove(&handle.addr()) {
             None if !handle.is_null() => Err(Refusal::ForeignState),
@@ -545,13 +591,13 @@ impl<M: Model> Instance<M> {
         }
     }
 
-    /// `fmi2SerializeFMUstate`: the state's bytes.
+    /// A state's bytes.
     pub fn serialize(&self, handle: *mut c_void) -> Result<Vec<u8>, Refusal> {
         let snapshot = self.snapshots.get(&handle.addr()).ok_or(Refusal::ForeignState)?;
         Ok(snapshot.to_bytes(self.guid))
     }
 
-    /// `fmi2DeSerializeFMUstate`.
+    /// A state from bytes.
     pub fn deserialize(&mut self, bytes: &[u8]) -> Result<*mut c_void, Refusal> {
         let snapshot = Snapshot::from_bytes(bytes, self.guid, &self.declaration.variables)?;
         if let Some(state) = &snapshot.model {
@@ -560,7 +606,7 @@ impl<M: Model> Instance<M> {
         Ok(self.keep(snapshot))
     }
 
-    /// `fmi2SetFMUstate`. A model of other parameters is made anew from those of the state; if that fails, the
+    /// Takes over a state. A model of other parameters is made anew from those of the state; if that fails, the
     /// instance is as it was.
     pub fn restore(&mut self, handle: *mut c_void) -> Outcome {
         let snapshot = self.snapshots.get(&handle.addr()).ok_or(Refusal::ForeignState)?;
@@ -589,8 +635,9 @@ impl<M: Model> Instance<M> {
         }
         self.values.clone_from(&snapshot.values);
         (self.life, self.stale) = (snapshot.life, ALL_STALE);
-        (self.start_time, self.stop_time, self.time) =
-            (snapshot.start_time, snapshot.stop_time, snapshot.time);
+        (self.start_time, self.stop_time) = (snapshot.start_time, snapshot.stop_time);
+        let time = snapshot.time;
+        self.set_time(time);
         self.outside.fill(false);
         Ok(Status::Ok)
     }

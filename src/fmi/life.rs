@@ -1,27 +1,30 @@
-//! When a host may call what: the states of an instance and the table of FMI 2.0, section 4.2.4.
+//! When a host may call what: the states of an instance. Each version of FMI has a table over them (`v2/table.rs`,
+//! `v3/table.rs`).
 //!
 //! ```text
 //! instantiated -> initialization mode -> step complete <-> step failed -> terminated
-//!       ^------------------ fmi2Reset ---------------------------------------+
+//!       ^------------------ reset -------------------------------------------+
 //! ```
 //!
-//! The standard's states "step in progress" and "step canceled" never occur: steps are synchronous.
+//! The states "step in progress" and "step canceled" of FMI 2.0 never occur: steps are synchronous. FMI 3.0 calls "step
+//! complete" step mode. There a discarded step changes nothing, so that another may follow: out of "step failed", too.
 
+use super::version::Version;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// State of an instance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Life {
-    /// After `fmi2Instantiate` or `fmi2Reset`.
+    /// After an instance is made or reset.
     Instantiated,
-    /// Between `fmi2EnterInitializationMode` and `fmi2ExitInitializationMode`.
+    /// Between the calls that enter and exit it.
     InitializationMode,
     /// At a communication point.
     StepComplete,
     /// A step was discarded.
     StepFailed,
-    /// After `fmi2Terminate`.
+    /// The simulation has ended.
     Terminated,
     /// The model failed. Only a reset or a stored FMU state leads out.
     Error,
@@ -46,22 +49,24 @@ impl Life {
 
     /// What a host can do from here, for error messages.
     #[must_use]
-    pub fn way_out(self) -> &'static str {
+    pub fn way_out(self, v: &Version) -> String {
         match self {
             Life::Instantiated => {
-                "Next: set parameters, fmi2SetupExperiment, fmi2EnterInitializationMode, fmi2ExitInitializationMode."
+                format!("Next: set parameters, {}, fmi{v}ExitInitializationMode.", v.begin)
             }
-            Life::InitializationMode => "Next: fmi2ExitInitializationMode.",
-            Life::StepComplete => "Next: fmi2DoStep or fmi2Terminate; to start again, fmi2Reset.",
-            Life::StepFailed => {
-                "A step was discarded: restore an FMU state and step differently, or call fmi2Terminate or fmi2Reset."
+            Life::InitializationMode => format!("Next: fmi{v}ExitInitializationMode."),
+            Life::StepComplete => {
+                format!("Next: fmi{v}DoStep or fmi{v}Terminate; to start again, fmi{v}Reset.")
             }
+            Life::StepFailed => format!(
+                "A step was discarded: restore an FMU state and step differently, or call fmi{v}Terminate or fmi{v}Reset."
+            ),
             Life::Terminated => {
-                "The simulation has ended: call fmi2Reset to start again, or fmi2FreeInstance."
+                format!("The simulation has ended: call fmi{v}Reset to start again, or fmi{v}FreeInstance.")
             }
-            Life::Error => {
-                "The model failed earlier (see the log): call fmi2Reset, restore an FMU state, or fmi2FreeInstance."
-            }
+            Life::Error => format!(
+                "The model failed earlier (see the log): call fmi{v}Reset, restore an FMU state, or fmi{v}FreeInstance."
+            ),
         }
     }
 }
@@ -79,6 +84,16 @@ impl fmt::Display for Life {
     }
 }
 
+/// The functions of an instance in one version of the standard, and the states in which it allows them.
+pub trait Function: Copy {
+    /// The function's name in the standard.
+    fn name(self) -> &'static str;
+
+    /// Whether the standard allows the call in a state.
+    fn allowed_in(self, life: Life) -> bool;
+}
+
+/// Declares a version's table: name here, name in the standard, states.
 macro_rules! functions {
     ($($name:ident $fmi:literal in [$($life:ident)*];)*) => {
         /// The functions of an instance.
@@ -86,54 +101,18 @@ macro_rules! functions {
         #[allow(missing_docs)]
         pub enum Function { $($name,)* }
 
-        impl Function {
-            /// All functions of an instance.
-            pub const ALL: &'static [Function] = &[$(Function::$name,)*];
-
-            /// The function's name in the standard.
-            #[must_use]
-            pub fn name(self) -> &'static str {
+        impl $crate::fmi::life::Function for Function {
+            fn name(self) -> &'static str {
                 match self { $(Function::$name => $fmi,)* }
             }
 
-            /// Whether the standard allows the call in a state.
-            #[must_use]
-            pub fn allowed_in(self, life: Life) -> bool {
-                match self { $(Function::$name => functions!(@any life [$($life)*]),)* }
+            fn allowed_in(self, life: $crate::fmi::life::Life) -> bool {
+                match self { $(Function::$name => $crate::fmi::life::functions!(@any life [$($life)*]),)* }
             }
         }
     };
-    (@any $value:ident [Always]) => { true };
+    (@any $value:ident [Always]) => { { let _ = $value; true } };
     (@any $value:ident []) => { { let _ = $value; false } };
-    (@any $value:ident [$($life:ident)+]) => { matches!($value, $(Life::$life)|+) };
+    (@any $value:ident [$($life:ident)+]) => { matches!($value, $($crate::fmi::life::Life::$life)|+) };
 }
-
-functions! {
-    SetDebugLogging "fmi2SetDebugLogging" in [Always];
-    SetupExperiment "fmi2SetupExperiment" in [Instantiated];
-    EnterInitializationMode "fmi2EnterInitializationMode" in [Instantiated];
-    ExitInitializationMode "fmi2ExitInitializationMode" in [InitializationMode];
-    Terminate "fmi2Terminate" in [StepComplete StepFailed];
-    Reset "fmi2Reset" in [Always];
-    GetReal "fmi2GetReal" in [InitializationMode StepComplete StepFailed Terminated Error];
-    GetInteger "fmi2GetInteger" in [InitializationMode StepComplete StepFailed Terminated Error];
-    GetBoolean "fmi2GetBoolean" in [InitializationMode StepComplete StepFailed Terminated Error];
-    GetString "fmi2GetString" in [InitializationMode StepComplete StepFailed Terminated Error];
-    SetReal "fmi2SetReal" in [Instantiated InitializationMode StepComplete];
-    SetInteger "fmi2SetInteger" in [Instantiated InitializationMode StepComplete];
-    SetBoolean "fmi2SetBoolean" in [Instantiated InitializationMode StepComplete];
-    SetString "fmi2SetString" in [Instantiated InitializationMode StepComplete];
-    GetFmuState "fmi2GetFMUstate" in [Always];
-    SetFmuState "fmi2SetFMUstate" in [Always];
-    FreeFmuState "fmi2FreeFMUstate" in [Always];
-    SerializedFmuStateSize "fmi2SerializedFMUstateSize" in [Always];
-    SerializeFmuState "fmi2SerializeFMUstate" in [Always];
-    DeSerializeFmuState "fmi2DeSerializeFMUstate" in [Always];
-    DoStep "fmi2DoStep" in [StepComplete];
-    CancelStep "fmi2CancelStep" in [];
-    GetStatus "fmi2GetStatus" in [StepComplete StepFailed Terminated];
-    GetRealStatus "fmi2GetRealStatus" in [StepComplete StepFailed Terminated];
-    GetIntegerStatus "fmi2GetIntegerStatus" in [StepComplete StepFailed Terminated];
-    GetBooleanStatus "fmi2GetBooleanStatus" in [StepComplete StepFailed Terminated];
-    GetStringStatus "fmi2GetStringStatus" in [StepComplete StepFailed Terminated];
-}
+pub(crate) use functions;

@@ -1,43 +1,80 @@
 //! Messages to the host, through its C callback.
 //!
-//! The pitfalls: the callback may be NULL; it is variadic and takes a *format*, so a `%` in a message must not be
-//! interpreted (every message goes through the format `%s`); hosts differ in whether they take a NULL category
-//! (we never pass one).
+//! The pitfalls: the callback may be NULL, and hosts differ in whether they take a NULL category (we never pass one). Each
+//! version of FMI has a callback of its own, which its adapter wraps.
 //!
-//! Messages with a status of warning or worse are always told: a refused call must say why. Informative ones are
-//! FMI's debug logging, which `loggingOn` and `fmi2SetDebugLogging` switch by category.
+//! In FMI 2.0, messages with a status of warning or worse are always told: a refused call must say why. Informative ones are
+//! FMI's debug logging, which a host switches by category. In 3.0 a host hears what it has asked for, and nothing else; only
+//! why there is no instance is told in any case.
 
-use super::abi::{CallbackFunctions, Status};
 use super::model::{Log, LogCategory, Severity};
+use super::types::{Environment, Status};
 use std::ffi::{CStr, CString};
+use std::sync::Arc;
 
-/// Categories that every FMU of ours has (names of FMI 2.0, section 2.2.4).
+/// Tells the host something: the instance's name, status, category, message.
+pub type Listener = Arc<dyn Fn(&CStr, Status, &CStr, &CStr) + Send + Sync>;
+
+/// What a host wants back with each message.
+#[derive(Clone, Copy)]
+pub struct Kept(Environment);
+
+// SAFETY: it is never followed here, only handed back. A host that calls an instance from several threads takes messages
+// on them.
+unsafe impl Send for Kept {}
+// SAFETY: as above.
+unsafe impl Sync for Kept {}
+
+impl Kept {
+    /// Keeps it.
+    #[must_use]
+    pub fn new(environment: Environment) -> Self {
+        Self(environment)
+    }
+
+    /// For the host's callback.
+    #[must_use]
+    pub fn environment(self) -> Environment {
+        self.0
+    }
+}
+
+/// Categories that every FMU of ours has (names of FMI 2.0, section 2.2.4; 3.0 has the same). In a description a status
+/// has the number of its version.
 pub const STANDARD_CATEGORIES: [LogCategory; 6] = [
     LogCategory { name: "logEvents", description: "What happens in an instance's life" },
     LogCategory {
         name: "logStatusWarning",
         description: "Calls that did their work, with something to look at",
     },
-    LogCategory { name: "logStatusDiscard", description: "Calls that returned fmi2Discard" },
-    LogCategory { name: "logStatusError", description: "Calls that returned fmi2Error" },
-    LogCategory { name: "logStatusFatal", description: "Calls that returned fmi2Fatal" },
+    LogCategory { name: "logStatusDiscard", description: "Calls that returned fmiDiscard" },
+    LogCategory { name: "logStatusError", description: "Calls that returned fmiError" },
+    LogCategory { name: "logStatusFatal", description: "Calls that returned fmiFatal" },
     LogCategory { name: "logAll", description: "All messages" },
 ];
 
 /// The host's callback, the instance's name and what is switched on.
-#[derive(Debug, Clone)]
+#[derive(Clone)]
 pub struct Logger {
-    callbacks: CallbackFunctions,
+    listener: Option<Listener>,
     name: CString,
     /// Categories whose informative messages are told.
     enabled: Vec<&'static str>,
+    /// Whether warnings and errors are told even so.
+    unasked: bool,
 }
 
 impl Logger {
-    /// A logger with debug logging off.
+    /// A logger with debug logging off, which tells warnings and errors.
     #[must_use]
-    pub fn new(callbacks: CallbackFunctions, name: &CStr) -> Self {
-        Self { callbacks, name: name.to_owned(), enabled: Vec::new() }
+    pub fn new(listener: Option<Listener>, name: &CStr) -> Self {
+        Self { listener, name: name.to_owned(), enabled: Vec::new(), unasked: true }
+    }
+
+    /// Whether warnings and errors are told to a host that has not asked for them.
+    #[must_use]
+    pub fn unasked(self, unasked: bool) -> Self {
+        Self { unasked, ..self }
     }
 
     /// Switches debug logging for a set of categories; `logAll` stands for all.
@@ -53,22 +90,14 @@ impl Logger {
 
     /// Tells the host something, if it can be told.
     pub fn tell(&self, status: Status, category: &str, message: &str) {
-        let Some(logger) = self.callbacks.logger else { return };
+        let Some(listener) = &self.listener else { return };
+        if !self.unasked && !self.wants(category) {
+            return;
+        }
         // C strings end at the first NUL; a NUL inside must not swallow the rest.
         let text = |text: &str| CString::new(text.replace('\0', "\u{fffd}")).unwrap_or_default();
         let (category, message) = (text(category), text(message));
-        // SAFETY: `logger` is the host's callback of exactly this C type, the host keeps it valid until
-        // fmi2FreeInstance (FMI 2.0, section 2.1.5); all strings live over the call; `%s` takes one string.
-        unsafe {
-            logger(
-                self.callbacks.component_environment,
-                self.name.as_ptr(),
-                status,
-                category.as_ptr(),
-                c"%s".as_ptr(),
-                message.as_ptr(),
-            );
-        }
+        listener(&self.name, status, &category, &message);
     }
 
     /// Tells an event of debug logging.

@@ -1,24 +1,28 @@
-//! FMI 2.0 co-simulation: any simulation tool loads our models.
+//! FMI co-simulation, 2.0 and 3.0: any simulation tool loads our models.
 //!
 //! The layer knows a small trait, [`Model`], and no model. It owns the C ABI, the state machine of an instance,
-//! the variables' values, FMU states, logging and the description (XML); a model says what its variables are and
-//! what a step does. An FMU's library is then one line: [`export_fmi2!`](crate::export_fmi2).
+//! the variables' values, FMU states and logging; a model says what its variables are and what a step does. An instance
+//! knows no version but a table of words; [`v2`] and [`v3`] are thin adapters over it. An FMU's library is then one line
+//! for each: [`export_fmi2!`](crate::export_fmi2), [`export_fmi3!`](crate::export_fmi3).
 //!
 //! | file | idea |
 //! |---|---|
 //! | `variable.rs` | what a variable is: causality, variability, unit, range, start |
 //! | `value.rs` | the values of one instance's variables |
 //! | `model.rs` | the trait that a model fulfils |
-//! | `life.rs` | when a host may call what |
+//! | `life.rs` | the states of an instance, and what a table of calls is |
 //! | `instance.rs` | one instance, and what each call does to it |
 //! | `refusal.rs` | why a call was refused |
 //! | `snapshot.rs` | FMU states, and their form as bytes |
 //! | `logger.rs` | messages to the host |
 //! | `resource.rs` | the `resources/` folder from what hosts pass |
 //! | `start.rs` | start values that an FMU was packed with |
-//! | `abi.rs` | the C functions, and the macro that exports them |
+//! | `types.rs` | the C types that all versions share |
+//! | `version.rs` | the words in which versions differ |
+//! | `handle.rs` | what a host's pointer points to, and what guards it |
+//! | `v2/`, `v3/` | the C functions of a version, its table of calls, and the macro that exports them |
 
-pub mod abi;
+mod handle;
 pub mod instance;
 pub mod life;
 pub mod logger;
@@ -27,10 +31,16 @@ pub mod refusal;
 pub mod resource;
 mod snapshot;
 mod start;
+pub mod types;
+pub mod v2;
+pub mod v3;
 mod value;
 mod variable;
+mod version;
 
 pub use model::{Context, Declaration, DefaultExperiment, Log, LogCategory, Model, ModelError, Severity};
 pub use start::{START_FILE, StartError, read_start_file, start_file};
+pub use types::Status;
 pub use value::{Value, Values};
 pub use variable::{Causality, Initial, Kind, Variability, Variable, Vr};
+pub use version::Version;

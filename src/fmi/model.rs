@@ -27,6 +27,11 @@ impl Declaration {
         self.variables.len() - 1
     }
 
+    /// Adds time as a variable, which FMI 3.0 wants.
+    pub fn add_time(&mut self) -> Vr {
+        self.add(Variable::time())
+    }
+
     /// Looks a variable up by name.
     #[must_use]
     pub fn find(&self, name: &str) -> Option<Vr> {
@@ -52,7 +57,7 @@ pub struct LogCategory {
     pub description: &'static str,
 }
 
-/// How serious a log message is; it becomes the message's `fmi2Status`.
+/// How serious a log message is; it becomes the message's status.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[allow(missing_docs)]
 pub enum Severity {
@@ -93,11 +98,11 @@ impl Context {
 /// variable) and what to do.
 #[derive(Debug, thiserror::Error)]
 pub enum ModelError {
-    /// The step cannot be made, the instance stays usable: other inputs or another step may work
-    /// (`fmi2Discard`).
+    /// The step cannot be made, the instance stays usable: other inputs or another step may work, and
+    /// is discarded.
     #[error("{0}")]
     Discard(String),
-    /// The instance is of no further use until it is reset (`fmi2Error`).
+    /// The instance is of no further use until it is reset.
     #[error("{0}")]
     Failed(String),
 }
@@ -143,8 +148,8 @@ pub trait Model: Send + Sized + 'static {
         log: &mut dyn Log,
     ) -> Result<(), ModelError>;
 
-    /// Whether a call that did its work with a warning returns `fmi2Warning`. Many hosts end a run at any status but
-    /// `fmi2OK`, so it returns `fmi2OK` unless the user asks for the warning; the log tells it in either case.
+    /// Whether a call that did its work with a warning returns a warning. Many hosts end a run at any status but
+    /// OK, so it returns OK unless the user asks for the warning; the log tells it in either case.
     fn reports_warnings(&self, _values: &Values) -> bool {
         false
     }

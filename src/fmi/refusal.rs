@@ -1,125 +1,266 @@
 //! Why a call was refused. Unless a variant says otherwise, a refused call has changed nothing.
 
-use super::abi::Status;
 use super::life::Life;
+use super::types::Status;
+use super::version::Version;
 
 /// One cause per variant. [`Refusal::status`] gives what the host gets:
 ///
-/// - `fmi2Discard`: the function was used well, but this *value* (or step) cannot be taken; the value before it
+/// - discard: the function was used well, but this *value* (or step) cannot be taken; the value before it
 ///   stands, and the host may try another;
-/// - `fmi2Error`: the function was used wrongly, or the model failed.
-#[derive(Debug, thiserror::Error)]
+/// - error: the function was used wrongly, or the model failed.
+#[derive(Debug)]
 #[allow(missing_docs)]
 pub enum Refusal {
-    #[error("{function} must not be called in state \"{life}\" (FMI 2.0, section 4.2.4). {}", life.way_out())]
-    OutOfOrder { function: &'static str, life: Life },
-    #[error("{function} is not supported: {reason}")]
-    Unsupported { function: &'static str, reason: &'static str },
-    #[error(
-        "the argument `{argument}` is a null pointer. Pass an array of as many elements as there are references."
-    )]
-    NullPointer { argument: &'static str },
-    #[error("the argument `{argument}` counts {count} elements, more than memory can hold")]
-    ImpossibleCount { argument: &'static str, count: usize },
-
-    #[error(
-        "there is no variable with value reference {reference}: this FMU has the references 0 to {last}. Take \
-         them from this FMU's modelDescription.xml."
-    )]
-    UnknownReference { reference: u32, last: usize },
-    #[error(
-        "variable `{name}` (reference {reference}) is of type {declared}: use fmi2Get{declared} or fmi2Set{declared}"
-    )]
-    WrongType { name: String, reference: u32, declared: &'static str },
-    #[error(
-        "variable `{name}` is an output, which the model calculates: it cannot be set. Set an input or a parameter."
-    )]
-    NotSettable { name: String },
-    #[error(
-        "parameter `{name}` is fixed: it cannot be set in state \"{life}\". Set it before \
-         fmi2ExitInitializationMode, or call fmi2Reset first."
-    )]
-    Fixed { name: String, life: Life },
-
-    #[error(
-        "variable `{name}` was set to {value}, which is no finite number. The value before, {kept}, stands."
-    )]
-    NotFinite { name: String, value: f64, kept: f64 },
-    #[error("parameter `{name}` = {value} is outside its range {range}. The value before, {kept}, stands.")]
-    OutOfRange { name: String, value: String, range: String, kept: String },
-    #[error(
-        "variable `{name}` = {value} is none of its values: {allowed}. The value before, {kept}, stands."
-    )]
-    NotAMember { name: String, value: i32, allowed: String, kept: i32 },
-    #[error("the string for variable `{name}` is not UTF-8. The value before stands.")]
-    NotUtf8 { name: String },
-
-    #[error("the start time {start} s is no finite number")]
-    StartTime { start: f64 },
-    #[error("the stop time {stop} s is no finite number, or before the start time {start} s")]
-    StopTime { start: f64, stop: f64 },
-
-    #[error("a communication step of {step} s cannot be made: it must be finite and greater than zero")]
-    StepSize { step: f64 },
-    #[error("the communication point {point} s is no finite number")]
-    CommunicationPoint { point: f64 },
-    #[error(
-        "the host steps from {point} s, but the instance is already at {time} s. To repeat a step, restore an FMU \
-         state that was stored at {point} s (fmi2SetFMUstate) first."
-    )]
-    SteppedBack { point: f64, time: f64 },
-    #[error(
-        "the host steps from {point} s, but the instance is still at {time} s: the time between is missing. Step \
-         from {time} s."
-    )]
-    SteppedAhead { point: f64, time: f64 },
-    #[error("a step from {point} s to {end} s passes the stop time {stop} s that fmi2SetupExperiment gave")]
-    PastStopTime { point: f64, end: f64, stop: f64 },
+    OutOfOrder {
+        function: &'static str,
+        life: Life,
+    },
+    Unsupported {
+        function: &'static str,
+        reason: &'static str,
+    },
+    NullPointer {
+        argument: &'static str,
+    },
+    ImpossibleCount {
+        argument: &'static str,
+        count: usize,
+    },
+    ValueCount {
+        references: usize,
+        values: usize,
+    },
+    UnknownReference {
+        reference: u32,
+        last: usize,
+    },
+    WrongType {
+        name: String,
+        reference: u32,
+        declared: &'static str,
+    },
+    NotSettable {
+        name: String,
+    },
+    Fixed {
+        name: String,
+        life: Life,
+    },
+    NotFinite {
+        name: String,
+        value: f64,
+        kept: f64,
+    },
+    OutOfRange {
+        name: String,
+        value: String,
+        range: String,
+        kept: String,
+    },
+    NotAMember {
+        name: String,
+        value: i64,
+        allowed: String,
+        kept: i32,
+    },
+    NotUtf8 {
+        name: String,
+    },
+    StartTime {
+        start: f64,
+    },
+    StopTime {
+        start: f64,
+        stop: f64,
+    },
+    StepSize {
+        step: f64,
+    },
+    CommunicationPoint {
+        point: f64,
+    },
+    SteppedBack {
+        point: f64,
+        time: f64,
+    },
+    SteppedAhead {
+        point: f64,
+        time: f64,
+    },
+    PastStopTime {
+        point: f64,
+        end: f64,
+        stop: f64,
+    },
 
     /// The instance is then in state "step failed".
-    #[error("the step from {time} s was discarded: {message}")]
-    StepDiscarded { time: f64, message: String },
-    /// The instance is then in state "error".
-    #[error("the step from {time} s failed: {message}")]
-    StepFailed { time: f64, message: String },
-    /// After `fmi2ExitInitializationMode` the instance is in state "error"; after a get call nothing has changed.
-    #[error("the model cannot be initialised: {message}")]
-    Initialization { message: String },
-    /// The instance is then in state "error".
-    #[error("internal error in {function}: {message}. Please report it. Call fmi2Reset to start again.")]
-    Panic { function: &'static str, message: String },
+    StepDiscarded {
+        time: f64,
+        message: String,
+    },
 
-    #[error(
-        "this FMU state is not one of this instance. Before fmi2GetFMUstate, let the pointer be NULL or a state of \
-         this instance; to carry a state to another instance, serialise it."
-    )]
+    /// The instance is then in state "error".
+    StepFailed {
+        time: f64,
+        message: String,
+    },
+
+    /// When initialisation mode is left, the instance is in state "error"; after a get call nothing has changed.
+    Initialization {
+        message: String,
+    },
+
+    /// The instance is then in state "error".
+    Panic {
+        function: &'static str,
+        message: String,
+    },
     ForeignState,
-    #[error(
-        "the buffer of {given} bytes is too small for the FMU state of {needed}. Ask fmi2SerializedFMUstateSize."
-    )]
-    SmallBuffer { given: usize, needed: usize },
-    #[error("these bytes are no serialised FMU state: they do not begin with its mark")]
+    SmallBuffer {
+        given: usize,
+        needed: usize,
+    },
     NotAState,
-    #[error(
-        "the serialised FMU state has format version {found}; this FMU reads version {known}. Store it anew."
-    )]
-    StateVersion { found: u32, known: u32 },
-    #[error("the serialised FMU state is of another FMU, with GUID {found}; this one has {own}")]
-    StateOfOtherFmu { found: String, own: String },
-    #[error("the serialised FMU state is truncated: it has {given} bytes of {needed}")]
-    TruncatedState { given: usize, needed: usize },
-    #[error("the serialised FMU state is damaged: {what}")]
-    DamagedState { what: &'static str },
-    #[error("the serialised FMU state holds what no run can have: {message}")]
-    StateContent { message: String },
-    #[error("the FMU state cannot be restored: {message}")]
-    Restore { message: String },
-
-    #[error("the status {kind} is not available: {reason}")]
-    NoSuchStatus { kind: i32, reason: &'static str },
+    StateVersion {
+        found: u32,
+        known: u32,
+    },
+    StateOfOtherFmu {
+        found: String,
+        own: String,
+    },
+    TruncatedState {
+        given: usize,
+        needed: usize,
+    },
+    DamagedState {
+        what: &'static str,
+    },
+    StateContent {
+        message: String,
+    },
+    Restore {
+        message: String,
+    },
+    NoSuchStatus {
+        kind: i32,
+        reason: &'static str,
+    },
+    /// Another call of the instance is running.
+    Busy,
 }
 
 impl Refusal {
+    /// What was wrong, and what to do, in the words of the host's version.
+    #[must_use]
+    pub fn message(&self, v: &Version) -> String {
+        let Version { state, times, mark, .. } = v;
+        match self {
+            Refusal::OutOfOrder { function, life } => format!(
+                "{function} must not be called in state \"{life}\" ({}). {}",
+                v.states,
+                life.way_out(v)
+            ),
+            Refusal::Unsupported { function, reason } => format!("{function} is not supported: {reason}"),
+            Refusal::NullPointer { argument } => format!(
+                "the argument `{argument}` is a null pointer. Pass an array of as many elements as there are references."
+            ),
+            Refusal::ImpossibleCount { argument, count } => {
+                format!("the argument `{argument}` counts {count} elements, more than memory can hold")
+            }
+            Refusal::ValueCount { references, values } => format!(
+                "there are {values} values for {references} references: all variables of this FMU are scalars, one value \
+                 for each reference"
+            ),
+            Refusal::UnknownReference { reference, last } => format!(
+                "there is no variable with value reference {reference}: this FMU has the references 0 to {last}. Take \
+         them from this FMU's modelDescription.xml."
+            ),
+            Refusal::WrongType { name, reference, declared } => format!(
+                "variable `{name}` (reference {reference}) is of type {declared}: use fmi{v}Get{declared} or fmi{v}Set{declared}"
+            ),
+            Refusal::NotSettable { name } => format!(
+                "variable `{name}` is an output, which the model calculates: it cannot be set. Set an input or a parameter."
+            ),
+            Refusal::Fixed { name, life } => format!(
+                "parameter `{name}` is fixed: it cannot be set in state \"{life}\". Set it before \
+         fmi{v}ExitInitializationMode, or call fmi{v}Reset first."
+            ),
+            Refusal::NotFinite { name, value, kept } => format!(
+                "variable `{name}` was set to {value}, which is no finite number. The value before, {kept}, stands."
+            ),
+            Refusal::OutOfRange { name, value, range, kept } => format!(
+                "parameter `{name}` = {value} is outside its range {range}. The value before, {kept}, stands."
+            ),
+            Refusal::NotAMember { name, value, allowed, kept } => format!(
+                "variable `{name}` = {value} is none of its values: {allowed}. The value before, {kept}, stands."
+            ),
+            Refusal::NotUtf8 { name } => {
+                format!("the string for variable `{name}` is not UTF-8. The value before stands.")
+            }
+            Refusal::StartTime { start } => format!("the start time {start} s is no finite number"),
+            Refusal::StopTime { start, stop } => {
+                format!("the stop time {stop} s is no finite number, or before the start time {start} s")
+            }
+            Refusal::StepSize { step } => format!(
+                "a communication step of {step} s cannot be made: it must be finite and greater than zero"
+            ),
+            Refusal::CommunicationPoint { point } => {
+                format!("the communication point {point} s is no finite number")
+            }
+            Refusal::SteppedBack { point, time } => format!(
+                "the host steps from {point} s, but the instance is already at {time} s. To repeat a step, restore an FMU \
+         state that was stored at {point} s (fmi{v}Set{state}) first."
+            ),
+            Refusal::SteppedAhead { point, time } => format!(
+                "the host steps from {point} s, but the instance is still at {time} s: the time between is missing. Step \
+         from {time} s."
+            ),
+            Refusal::PastStopTime { point, end, stop } => {
+                format!("a step from {point} s to {end} s passes the stop time {stop} s that {times} gave")
+            }
+            Refusal::StepDiscarded { time, message } => {
+                format!("the step from {time} s was discarded: {message}")
+            }
+            Refusal::StepFailed { time, message } => format!("the step from {time} s failed: {message}"),
+            Refusal::Initialization { message } => format!("the model cannot be initialised: {message}"),
+            Refusal::Panic { function, message } => format!(
+                "internal error in {function}: {message}. Please report it. Call fmi{v}Reset to start again."
+            ),
+            Refusal::ForeignState => format!(
+                "this FMU state is not one of this instance. Before fmi{v}Get{state}, let the pointer be NULL or a state of \
+         this instance; to carry a state to another instance, serialise it."
+            ),
+            Refusal::SmallBuffer { given, needed } => format!(
+                "the buffer of {given} bytes is too small for the FMU state of {needed}. Ask fmi{v}Serialized{state}Size."
+            ),
+            Refusal::NotAState => {
+                "these bytes are no serialised FMU state: they do not begin with its mark".to_owned()
+            }
+            Refusal::StateVersion { found, known } => format!(
+                "the serialised FMU state has format version {found}; this FMU reads version {known}. Store it anew."
+            ),
+            Refusal::StateOfOtherFmu { found, own } => {
+                format!("the serialised FMU state is of another FMU, with {mark} {found}; this one has {own}")
+            }
+            Refusal::TruncatedState { given, needed } => {
+                format!("the serialised FMU state is truncated: it has {given} bytes of {needed}")
+            }
+            Refusal::DamagedState { what } => format!("the serialised FMU state is damaged: {what}"),
+            Refusal::StateContent { message } => {
+                format!("the serialised FMU state holds what no run can have: {message}")
+            }
+            Refusal::Restore { message } => format!("the FMU state cannot be restored: {message}"),
+            Refusal::Busy => {
+                "another call of this instance is still running (on another thread, or this call came out of \
+                              the logger). Make one call of an instance at a time."
+                    .to_owned()
+            }
+            Refusal::NoSuchStatus { kind, reason } => format!("the status {kind} is not available: {reason}"),
+        }
+    }
+
     /// What the host gets.
     #[must_use]
     pub fn status(&self) -> Status {

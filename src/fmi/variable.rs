@@ -7,7 +7,7 @@ use std::borrow::Cow;
 /// A value reference: the index of a variable in its model's [`Declaration`](super::Declaration), for all types.
 pub type Vr = usize;
 
-/// FMI 2.0 causality (section 2.2.7).
+/// FMI's causality (2.0, section 2.2.7).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[allow(missing_docs)]
 pub enum Causality {
@@ -15,9 +15,11 @@ pub enum Causality {
     Input,
     Output,
     Local,
+    /// Time, where the version has it as a variable.
+    Independent,
 }
 
-/// FMI 2.0 variability (section 2.2.7).
+/// FMI's variability (2.0, section 2.2.7).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Variability {
     /// Set before the end of initialisation, then constant.
@@ -30,7 +32,7 @@ pub enum Variability {
     Continuous,
 }
 
-/// FMI 2.0 attribute `initial`: where the value at the start comes from.
+/// FMI's attribute `initial`: where the value at the start comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Initial {
     /// The start value, as the host sets it.
@@ -108,7 +110,9 @@ impl Variable {
         let (variability, initial) = match causality {
             Causality::Parameter => (Variability::Fixed, Initial::Exact),
             Causality::Input => (Variability::Continuous, Initial::Exact),
-            Causality::Output | Causality::Local => (Variability::Continuous, Initial::Calculated),
+            Causality::Output | Causality::Local | Causality::Independent => {
+                (Variability::Continuous, Initial::Calculated)
+            }
         };
         let kind = Kind::Real { unit, quantity: None, start: 0.0, min: None, max: None, nominal: None };
         Self { name, description, causality, variability, initial, kind, depends_on: Vec::new() }
@@ -144,6 +148,12 @@ impl Variable {
         description: impl Into<Cow<'static, str>>,
     ) -> Self {
         Self::real(Causality::Output, name.into(), unit, description.into())
+    }
+
+    /// The instance's time.
+    pub(super) fn time() -> Self {
+        let meaning = "Time of the instance: the newest communication point";
+        Self::real(Causality::Independent, "time".into(), Unit::SECOND, meaning.into())
     }
 
     /// A fixed real parameter.

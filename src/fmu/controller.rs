@@ -331,7 +331,7 @@ fn declare<U: ControllerUnit<S>, const S: usize>() -> (Declaration, Variables) {
     let report_warnings = d.add(Variable::parameter_of(
         Kind::Boolean { start: false },
         "mpc.report_warnings",
-        "Whether a call that did its work returns fmi2Warning where the log has a warning, and not fmi2OK; many hosts \
+        "Whether a call that did its work returns fmiWarning where the log has a warning, and not fmiOK; many hosts \
          end a run at it",
     ));
     let variables = Variables {

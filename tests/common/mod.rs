@@ -2,9 +2,10 @@
 
 #![allow(dead_code, unused_imports)]
 
+pub mod host3;
 pub mod toy;
 
-use rfl_mpc::fmi::abi::{CallbackFunctions, CallbackLogger, Status};
+use rfl_mpc::fmi::v2::{CallbackFunctions, CallbackLogger, Status};
 use std::ffi::{CStr, CString, c_char, c_void};
 use std::path::Path;
 use std::ptr;
@@ -15,7 +16,7 @@ rfl_mpc::export_fmi2!(SteeringLag, include_str!("SteeringLag.xml"));
 
 /// The test model's GUID.
 pub fn guid() -> CString {
-    CString::new(rfl_mpc::fmi::abi::guid_of(include_str!("SteeringLag.xml")).unwrap()).unwrap()
+    CString::new(rfl_mpc::fmi::v2::guid_of(include_str!("SteeringLag.xml")).unwrap()).unwrap()
 }
 
 /// A message that came through the logger.

@@ -1,4 +1,4 @@
-"""The closed loop on fmuloader, which binds FMI's functions and leaves the master to its user: Jacobi.
+"""The closed loop on fmuloader, which binds FMI 2.0 and 3.0, and leaves the master to its user: Jacobi.
 
 Outputs are carried over once before the first step, too.
 """
@@ -8,7 +8,20 @@ from contextlib import ExitStack
 
 import fmpy
 from fmuloader.fmi2 import Fmi2Slave, Fmi2Type
+from fmuloader.fmi3 import Fmi3Slave
 from wiring import Loop, options
+
+
+class Unit3(Fmi3Slave):
+    """A unit of 3.0 with 2.0's words."""
+
+    def instantiate(self, name: str, _kind, guid: str) -> None:
+        self.instantiate_co_simulation(name, instantiation_token=guid)
+
+    def setup_experiment(self, _start: float) -> None:
+        """In 3.0 a part of entering initialisation mode."""
+
+    get_real, set_real = Fmi3Slave.get_float64, Fmi3Slave.set_float64
 
 
 def main() -> None:
@@ -17,9 +30,10 @@ def main() -> None:
     with ExitStack() as stack:
         units = {}
         for name, file in loop.files.items():
-            unit = units[name] = stack.enter_context(Fmi2Slave(file, model_identifier=name))
-            guid = fmpy.read_model_description(str(file)).guid
-            unit.instantiate(name, Fmi2Type.CO_SIMULATION, guid=guid)
+            description = fmpy.read_model_description(str(file))
+            slave = Fmi2Slave if description.fmiVersion == "2.0" else Unit3
+            unit = units[name] = stack.enter_context(slave(file, model_identifier=name))
+            unit.instantiate(name, Fmi2Type.CO_SIMULATION, guid=description.guid)
             unit.setup_experiment(0.0)
             for variable, value in loop.parameters.get(name, {}).items():
                 reference = [loop.references[name][variable]]

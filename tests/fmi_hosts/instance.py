@@ -1,5 +1,7 @@
 """FMU instances through the C interface itself: every call gives its status, and nothing is hidden by a host.
 
+FMUs of FMI 2.0 and 3.0 have one face here, with 2.0's words; `Library.make` gives an instance of either.
+
 Also a closed loop of two of them, for tests that save, restore, interleave and run in threads.
 """
 
@@ -7,11 +9,12 @@ from __future__ import annotations
 
 import ctypes
 import shutil
-from ctypes import byref, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
+from ctypes import byref, c_bool, c_char_p, c_double, c_int, c_int64, c_size_t, c_uint, c_void_p
 from pathlib import Path
 
 import fmpy
 import fmpy.fmi2
+import fmpy.fmi3
 from closed_loop import callbacks_into
 from wiring import SYSTEMS
 
@@ -19,6 +22,8 @@ from wiring import SYSTEMS
 UNITS = ["RflMpc", "PassengerCar", "TruckRflMpc", "SemiTrailerTruck"]
 OK, WARNING, DISCARD, ERROR, FATAL = range(5)
 STEP = 0.02
+# Versions of FMI, and where their FMUs lie below those of 2.0.
+VERSIONS = {"2.0": ".", "3.0": "fmi3"}
 CLOCKED = "compute_time"  # the only variable that may differ between two equal runs
 
 
@@ -32,8 +37,13 @@ class Library:
         self.variables = {v.name: v for v in self.description.modelVariables}
         identifier = self.description.coSimulation.modelIdentifier
         suffix = fmpy.sharedLibraryExtension
-        self.binary = self.folder / "binaries" / fmpy.platform / f"{identifier}{suffix}"
+        self.version = self.description.fmiVersion
+        platform = fmpy.platform if self.version == "2.0" else fmpy.platform_tuple
+        self.binary = self.folder / "binaries" / platform / f"{identifier}{suffix}"
         self.dll = ctypes.CDLL(str(self.binary))
+        if self.version == "3.0":
+            self._declare_3()
+            return
         self.dll.fmi2Instantiate.restype = c_void_p
         self.dll.fmi2Instantiate.argtypes = [c_char_p, c_int, c_char_p, c_char_p, c_void_p, c_int, c_int]
         self.dll.fmi2FreeInstance.restype = None
@@ -41,10 +51,26 @@ class Library:
         self.dll.fmi2DoStep.argtypes = [c_void_p, c_double, c_double, c_int]
         self.dll.fmi2SetupExperiment.argtypes = [c_void_p, c_int, c_double, c_double, c_int, c_double]
 
+    def _declare_3(self) -> None:
+        self.dll.fmi3InstantiateCoSimulation.restype = c_void_p
+        self.dll.fmi3InstantiateCoSimulation.argtypes = [
+            *(c_char_p, c_char_p, c_char_p, c_bool, c_bool, c_bool, c_bool),
+            *(c_void_p, c_size_t, c_void_p, c_void_p, c_void_p),
+        ]
+        self.dll.fmi3FreeInstance.restype = None
+        self.dll.fmi3FreeInstance.argtypes = [c_void_p]
+        self.dll.fmi3DoStep.argtypes = [c_void_p, c_double, c_double, c_bool, *[c_void_p] * 4]
+        self.dll.fmi3EnterInitializationMode.argtypes = [c_void_p, c_bool, c_double, c_double, c_bool, c_double]
+
+    def make(self, name="unit", **options) -> Instance:
+        """An instance."""
+        return (Instance if self.version == "2.0" else Instance3)(self, name, **options)
+
     @property
     def outputs(self) -> list[str]:
         """Real outputs that are the same in every run."""
-        return [n for n, v in self.variables.items() if (v.causality, v.type) == ("output", "Real") and n != CLOCKED]
+        real = "Real" if self.version == "2.0" else "Float64"
+        return [n for n, v in self.variables.items() if (v.causality, v.type) == ("output", real) and n != CLOCKED]
 
     @property
     def inputs(self) -> list[str]:
@@ -159,14 +185,116 @@ class Instance:
         return " | ".join(text for status, _, text in self.messages if status >= WARNING)
 
 
+class Instance3(Instance):
+    """The same of FMI 3.0."""
+
+    def __init__(self, library: Library, name="unit", *, token=None, resources=None, with_logger=True) -> None:
+        self.library, self.dll = library, library.dll
+        self.messages: list[tuple[int, str, str]] = []
+        self.start, self.stop = 0.0, None
+
+        def listen(_environment, status, category, message) -> None:
+            self.messages.append((status, category.decode(), message.decode()))
+
+        self.logger = fmpy.fmi3.fmi3LogMessageCallback(listen if with_logger else 0)
+        token = library.description.guid if token is None else token
+        folder = f"{library.folder / 'resources'}/" if resources is None else resources
+        self.last_successful_time = c_double()
+        self.flags = [c_bool(True) for _ in range(3)]  # eventHandlingNeeded, terminateSimulation, earlyReturn
+        self.told = [byref(value) for value in (*self.flags, self.last_successful_time)]
+        self.handle = self.dll.fmi3InstantiateCoSimulation(
+            *(name.encode(), token.encode(), folder.encode() if folder else None),
+            *(False, True, False, False, None, 0, None, ctypes.cast(self.logger, c_void_p), None),
+        )
+
+    def _set(self, kind: str, c_type, values: dict) -> int:
+        count, buffer = c_size_t(len(values)), (c_type * len(values))(*values.values())
+        return self.call(f"fmi3Set{kind}", self.references(list(values)), count, buffer, count)
+
+    def set_reals(self, values: dict[str, float]) -> int:
+        return self._set("Float64", c_double, values)
+
+    def set_integers(self, values: dict[str, int]) -> int:
+        """Integers, or enumerations."""
+        is_enumeration = {self.library.variables[name].type == "Enumeration" for name in values}
+        assert len(is_enumeration) == 1
+        return self._set("Int64", c_int64, values) if is_enumeration == {True} else self._set("Int32", c_int, values)
+
+    def set_booleans(self, values: dict[str, bool]) -> int:
+        return self._set("Boolean", c_bool, values)
+
+    def set_string(self, name: str, value: str) -> int:
+        return self._set("String", c_char_p, {name: str(value).encode()})
+
+    def _get(self, kind: str, c_type, names) -> list:
+        count, buffer = c_size_t(len(names)), (c_type * len(names))()
+        assert self.call(f"fmi3Get{kind}", self.references(names), count, buffer, count) <= WARNING, self.said
+        return list(buffer)
+
+    def get_reals(self, names) -> list[float]:
+        return self._get("Float64", c_double, names)
+
+    def get_integer(self, name: str) -> int:
+        kinds = {"Int32": c_int, "Enumeration": c_int64, "Boolean": c_bool}
+        kind = self.library.variables[name].type
+        return int(self._get(kind.replace("Enumeration", "Int64"), kinds[kind], [name])[0])
+
+    def setup(self, start=0.0, stop=None) -> int:
+        """What `enter` passes."""
+        self.start, self.stop = start, stop
+        return OK
+
+    def enter(self) -> int:
+        stop = self.stop is not None
+        return self.call("fmi3EnterInitializationMode", False, 0.0, self.start, stop, self.stop or 0.0)
+
+    def exit(self) -> int:
+        return self.call("fmi3ExitInitializationMode")
+
+    def step(self, at: float, length: float = STEP) -> int:
+        return self.dll.fmi3DoStep(c_void_p(self.handle), at, length, True, *self.told)
+
+    def save(self) -> c_void_p:
+        state = c_void_p()
+        assert self.call("fmi3GetFMUState", byref(state)) == OK, self.said
+        return state
+
+    def restore(self, state: c_void_p) -> int:
+        return self.call("fmi3SetFMUState", state)
+
+    def serialize(self, state: c_void_p) -> bytes:
+        size = c_size_t()
+        assert self.call("fmi3SerializedFMUStateSize", state, byref(size)) == OK, self.said
+        buffer = ctypes.create_string_buffer(size.value)
+        assert self.call("fmi3SerializeFMUState", state, buffer, size) == OK, self.said
+        return buffer.raw
+
+    def deserialize(self, data: bytes) -> tuple[int, c_void_p]:
+        state = c_void_p()
+        return self.call("fmi3DeserializeFMUState", c_char_p(data), c_size_t(len(data)), byref(state)), state
+
+    def free_state(self, state: c_void_p) -> int:
+        return self.call("fmi3FreeFMUState", byref(state))
+
+    def reset(self) -> int:
+        return self.call("fmi3Reset")
+
+    def terminate(self) -> int:
+        return self.call("fmi3Terminate")
+
+    def free(self) -> None:
+        self.dll.fmi3FreeInstance(c_void_p(self.handle))
+        self.handle = None
+
+
 class ClosedLoop:
     """Controller and vehicle, stepped in Gauss-Seidel order; `drive` gives every output at every step."""
 
     def __init__(self, libraries: dict[str, Library], path: Path | None = None, system="ClosedLoop") -> None:
         self.path = path
         controller, vehicle = SYSTEMS[system]
-        self.controller = Instance(libraries[controller], "controller")
-        self.vehicle = Instance(libraries[vehicle], "vehicle")
+        self.controller = libraries[controller].make("controller")
+        self.vehicle = libraries[vehicle].make("vehicle")
         assert self.controller.handle and self.vehicle.handle
         self.to_controller = [n for n in self.controller.library.inputs if n in self.vehicle.library.outputs]
         self.to_vehicle = [n for n in self.vehicle.library.inputs if n in self.controller.library.outputs]

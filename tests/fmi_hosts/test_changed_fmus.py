@@ -9,10 +9,12 @@ import zipfile
 from contextlib import closing
 from pathlib import Path
 
+import fmpy.validation
 import numpy as np
 import programs
 import pytest
 from closed_loop import Unit
+from instance import OK, Library
 from native import run
 from test_same_drive import in_fmpy_ssp
 from wiring import SYSTEMS
@@ -76,6 +78,23 @@ def test_learned_model_goes_in_and_another_one_after_it(fmu_build, fmus, rfl, tm
         unit.initialize()
         assert unit.items("variant")[unit.get("variant")] == "rt"
         assert unit.get("mpc.q_e1") == 2.0
+
+
+def test_an_fmu_of_3_0_is_changed_as_one_of_2_0(fmu_build, fmus, paths, tmp_path):
+    file = shutil.copy(fmus / "fmi3" / "RflMpc.fmu", tmp_path)
+    road = paths / "sudoku_turns.csv"
+    starts = ["--start", "RflMpc.mpc.q_e1=2", "--start", f"RflMpc.path_file={road}"]
+    made = change(fmu_build, tmp_path, file, *starts, "--out", "packed")
+    assert made.returncode == 0, made.stderr
+    changed = tmp_path / "packed" / "fmi3" / "RflMpc.fmu"
+    assert fmpy.validation.validate_fmu(str(changed)) == []
+    assert start_values(changed) == f'"mpc.q_e1" = "2"\npath_file = "{road}"\n'
+    unit = Library(changed, tmp_path / "unpacked").make()
+    assert unit.get_reals(["mpc.q_e1"]) == [2.0]
+    assert unit.initialize() == OK, unit.said
+    unit.free()
+    mixed = change(fmu_build, tmp_path, file, fmus / "PassengerCar.fmu", "--out", "mixed")
+    assert mixed.returncode != 0 and "one version at a time" in mixed.stderr, mixed.stderr
 
 
 @pytest.mark.parametrize(

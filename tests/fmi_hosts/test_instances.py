@@ -7,11 +7,14 @@ from __future__ import annotations
 
 import ctypes
 import gc
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
-from instance import OK, UNITS, WARNING, ClosedLoop, Instance
+from instance import OK, UNITS, VERSIONS, WARNING, ClosedLoop
 
 BEFORE, AFTER = 500, 500  # steps before and after the event under test
 
@@ -19,12 +22,13 @@ BEFORE, AFTER = 500, 500  # steps before and after the event under test
 ROADS = {"ClosedLoop": "sudoku_test", "TruckLoop": "off_road"}
 
 
-@pytest.fixture(scope="module", params=ROADS)
-def start(request, libraries, paths):
-    """Starts a loop of a system, on its road unless another is named."""
+@pytest.fixture(scope="module", params=[(version, system) for version in VERSIONS for system in ROADS], ids="-".join)
+def start(request, of_version, paths):
+    """Starts a loop of a system of a version of FMI, on its road unless another is named."""
+    version, system = request.param
 
-    def start(road: str = ROADS[request.param]) -> ClosedLoop:
-        return ClosedLoop(libraries, paths / f"{road}.csv", request.param)
+    def start(road: str = ROADS[system]) -> ClosedLoop:
+        return ClosedLoop(of_version(version), paths / f"{road}.csv", system)
 
     return start
 
@@ -49,9 +53,10 @@ def test_reset_starts_anew(start, reference):
     loop.free()
 
 
+@pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("name", ["RflMpc", "TruckRflMpc"])
-def test_reset_forgets_parameters(libraries, name):
-    controller = Instance(libraries[name])
+def test_reset_forgets_parameters(of_version, name, version):
+    controller = of_version(version)[name].make()
     before = controller.library.variables["mpc.q_e1"].start
     assert controller.set_reals({"mpc.q_e1": 2 * float(before)}) == OK
     assert controller.reset() == OK
@@ -103,6 +108,40 @@ def test_serialised_state_continues_in_another_instance(start, reference):
     assert other.drive(AFTER) == reference[BEFORE:]
     other.free_saved((BEFORE, states))
     other.free()
+
+
+STATES_OF_A_PROCESS = """
+import sys
+from pathlib import Path
+from instance import ClosedLoop, unpack
+
+fmus, folder, road, system, steps = sys.argv[1:]
+loop = ClosedLoop(unpack(Path(fmus), Path(folder)), Path(road), system)
+loop.drive(int(steps), outputs=False)
+for unit, state in zip(loop.units, loop.save()[1]):
+    Path(folder, unit.library.description.modelName).with_suffix(".state").write_bytes(unit.serialize(state))
+"""
+
+
+def test_serialised_state_continues_in_another_process(start, reference, fmus, tmp_path):
+    """A process of its own drives half of the way and leaves the bytes of its states."""
+    here = start()
+    library = here.controller.library
+    system = "TruckLoop" if library.description.modelName == "TruckRflMpc" else "ClosedLoop"
+    folder = fmus / VERSIONS[library.version]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    command = [sys.executable, "-c", STATES_OF_A_PROCESS, folder, tmp_path, here.path, system, str(BEFORE)]
+    subprocess.run(command, check=True, env=environment)
+    states = []
+    for unit in here.units:
+        content = tmp_path.joinpath(unit.library.description.modelName).with_suffix(".state").read_bytes()
+        status, state = unit.deserialize(content)
+        assert status == OK, unit.said
+        states.append(state)
+    here.restore((BEFORE, states))
+    assert here.drive(AFTER) == reference[BEFORE:]
+    here.free_saved((BEFORE, states))
+    here.free()
 
 
 def test_sixteen_loops_on_eight_threads(start, reference):
@@ -173,11 +212,14 @@ def leaves_nothing_behind(lives: Callable[[int], None], count: int) -> bool:
 
 
 @pytest.mark.skipif(MALLINFO is None, reason="allocated memory is told by glibc 2.33 and later")
+@pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("name", UNITS)
-def test_instances_leave_no_memory_behind(libraries, name):
+def test_instances_leave_no_memory_behind(of_version, name, version):
+    library = of_version(version)[name]
+
     def lives(count: int) -> None:
         for k in range(count):
-            unit = Instance(libraries[name], with_logger=False)
+            unit = library.make(with_logger=False)
             assert unit.initialize() <= WARNING
             assert unit.step(0.0) <= WARNING
             if k % 2:  # freed with and without a state and a proper end

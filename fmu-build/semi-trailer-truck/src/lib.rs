@@ -1,6 +1,11 @@
-//! The FMU library of the truck: [`SemiTrailerTruck`](rfl_mpc::fmu::SemiTrailerTruck) behind the C functions of FMI 2.0.
+//! The FMU library of the truck: [`SemiTrailerTruck`](rfl_mpc::fmu::SemiTrailerTruck) behind the C functions of FMI 2.0 and 3.0. It is
+//! compiled once, and linked for each version with that version's functions (`linker.rs` of fmu-build).
 
 rfl_mpc::export_fmi2!(
     rfl_mpc::fmu::SemiTrailerTruck,
     include_str!("../../../modelDescription/SemiTrailerTruck.xml")
+);
+rfl_mpc::export_fmi3!(
+    rfl_mpc::fmu::SemiTrailerTruck,
+    include_str!("../../../modelDescription/fmi3/SemiTrailerTruck.xml")
 );

@@ -1,16 +1,9 @@
-//! The C interface of FMI 2.0 (`fmi2Functions.h`, `fmi2FunctionTypes.h`, `fmi2TypesPlatform.h`), co-simulation.
+//! FMI 2.0, co-simulation: the C interface of `fmi2Functions.h`, `fmi2FunctionTypes.h`, `fmi2TypesPlatform.h`.
 //!
 //! One generic function per function of the standard; [`export_fmi2!`](crate::export_fmi2) gives a library the
-//! C symbols for one model. They only translate: pointers to slices, and calls to [`Instance`].
-//!
-//! What guards a host from us and us from a host:
-//!
-//! - no panic crosses (it becomes `fmi2Error` and state "error");
-//! - a component that is NULL, not of ours or freed is refused as far as its memory can be read (a mark is checked);
-//! - two calls of one instance at a time (two threads, or a call out of the logger) are refused, not raced;
-//! - memory is our own: the host's `allocateMemory` and `freeMemory` are never called and may be NULL, as
-//!   `canNotUseMemoryManagementFunctions` says;
-//! - there is no global state: instances are independent, in any number, on any threads.
+//! C symbols for one model. They only translate: pointers to slices, and calls to an instance. What guards it stands in
+//! `handle.rs`. A host's `allocateMemory` and `freeMemory` are never called and may be NULL, as
+//! `canNotUseMemoryManagementFunctions` says.
 //!
 //! # Safety
 //!
@@ -19,30 +12,35 @@
 
 #![allow(clippy::missing_safety_doc, clippy::too_many_arguments, non_snake_case, missing_docs)]
 
-use super::instance::Instance;
-use super::life::{Function, Life};
-use super::logger::{Logger, status_category};
-use super::model::{Context, Model};
-use super::refusal::Refusal;
-use super::resource;
-use super::start::StartError;
-use std::cell::UnsafeCell;
-use std::ffi::{CStr, c_char, c_int, c_uint, c_void};
-use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::Path;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+mod table;
 
-/// `fmi2Status`.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Status {
-    Ok,
-    Warning,
-    Discard,
-    Error,
-    Fatal,
-    Pending,
-}
+use super::handle;
+use super::handle::{Request, array, check, guard, instantiate, put, texts};
+use super::instance::Instance;
+use super::life::Life;
+use super::logger::{Kept, Listener};
+use super::model::Model;
+use super::refusal::Refusal;
+pub use super::types::*;
+use super::version::Version;
+use std::ffi::{CStr, c_char, c_int, c_void};
+use std::sync::Arc;
+use table::Function;
+
+/// FMI 2.0.
+pub const VERSION: Version = Version {
+    number: "2",
+    states: "FMI 2.0, section 4.2.4",
+    begin: "fmi2SetupExperiment, fmi2EnterInitializationMode",
+    times: "fmi2SetupExperiment",
+    state: "FMUstate",
+    mark: "GUID",
+    real: "Real",
+    integer: "Integer",
+    enumeration: "Integer",
+    has_time: false,
+    speaks_unasked: true,
+};
 
 /// `fmi2CallbackLogger`: variadic, as in C.
 pub type CallbackLogger = unsafe extern "C" fn(
@@ -77,30 +75,16 @@ impl CallbackFunctions {
 }
 
 // The names of the C types, one word each, for the list of functions in `export_fmi2!`.
-pub type Component = *mut c_void;
-pub type Real = f64;
 pub type Integer = c_int;
 pub type Boolean = c_int;
-pub type Count = usize;
-pub type Text = *const c_char;
 pub type Type = c_int;
 pub type StatusKind = c_int;
 pub type Callbacks = *const CallbackFunctions;
-pub type References = *const c_uint;
-pub type Reals = *const f64;
 pub type Integers = *const c_int;
 pub type Booleans = *const c_int;
-pub type Texts = *const *const c_char;
-pub type Bytes = *const c_char;
-pub type RealsOut = *mut f64;
 pub type IntegersOut = *mut c_int;
 pub type BooleansOut = *mut c_int;
-pub type TextsOut = *mut *const c_char;
-pub type BytesOut = *mut c_char;
-pub type CountOut = *mut usize;
 pub type StatusOut = *mut Status;
-pub type State = *mut c_void;
-pub type StateOut = *mut *mut c_void;
 pub type EventInfoOut = *mut c_void;
 
 /// `fmi2Type`.
@@ -110,104 +94,24 @@ const DO_STEP_STATUS: StatusKind = 0;
 const LAST_SUCCESSFUL_TIME: StatusKind = 2;
 const TERMINATED: StatusKind = 3;
 
-/// What a component points to.
-struct Handle<M: Model> {
-    mark: AtomicU64,
-    busy: AtomicBool,
-    /// For complaints while the instance is busy.
-    logger: Logger,
-    instance: UnsafeCell<Instance<M>>,
-}
-
-const ALIVE: u64 = u64::from_le_bytes(*b"RFL-FMI2");
-
-impl<M: Model> Handle<M> {
-    /// The handle behind a component, if it looks like one of ours.
-    ///
-    /// # Safety
-    /// The component is NULL, or memory that can be read.
-    unsafe fn find<'a>(component: Component) -> Option<&'a Self> {
-        let handle: *const Self = component.cast_const().cast();
-        if handle.is_null() || !handle.is_aligned() {
-            return None;
+/// The host's logger. The callback is variadic and takes a *format*, so a `%` in a message must not be interpreted: every
+/// message goes through the format `%s`.
+fn listener(callbacks: &CallbackFunctions) -> Option<Listener> {
+    let (logger, kept) = (callbacks.logger?, Kept::new(callbacks.component_environment));
+    Some(Arc::new(move |name: &CStr, status, category: &CStr, message: &CStr| {
+        // SAFETY: `logger` is the host's callback of exactly this C type, the host keeps it valid until
+        // fmi2FreeInstance (FMI 2.0, section 2.1.5); all strings live over the call; `%s` takes one string.
+        unsafe {
+            logger(
+                kept.environment(),
+                name.as_ptr(),
+                status,
+                category.as_ptr(),
+                c"%s".as_ptr(),
+                message.as_ptr(),
+            );
         }
-        // SAFETY: readable by this function's contract; the mark is first read alone, as an atomic that any bits
-        // make valid.
-        let alive = unsafe { (*handle).mark.load(Ordering::Acquire) } == ALIVE;
-        // SAFETY: the mark says that `fmi2Instantiate` made it and `fmi2FreeInstance` has not freed it.
-        alive.then(|| unsafe { &*handle })
-    }
-}
-
-/// Makes one call of an instance. See the module's docs for what is guarded.
-///
-/// # Safety
-/// The component is NULL or comes from `fmi2Instantiate` of the same model.
-unsafe fn guard<M: Model>(
-    component: Component,
-    function: Function,
-    body: impl FnOnce(&mut Instance<M>) -> Result<Status, Refusal>,
-) -> Status {
-    // SAFETY: by contract.
-    let Some(handle) = (unsafe { Handle::<M>::find(component) }) else { return Status::Error };
-    if handle.busy.swap(true, Ordering::Acquire) {
-        let message = format!(
-            "{}: another call of this instance is still running (on another thread, or this call came out of the \
-             logger). Make one call of an instance at a time.",
-            function.name()
-        );
-        handle.logger.tell(Status::Error, status_category(Status::Error), &message);
-        return Status::Error;
-    }
-    // SAFETY: `busy` was false and is now true: this is the only reference.
-    let instance = unsafe { &mut *handle.instance.get() };
-    let status = catch_unwind(AssertUnwindSafe(|| instance.call(function, body))).unwrap_or(Status::Error);
-    handle.busy.store(false, Ordering::Release);
-    status
-}
-
-/// An array from the host.
-///
-/// # Safety
-/// `pointer` is NULL or has `count` elements that live and stay unchanged over the call.
-unsafe fn array<'a, T>(pointer: *const T, count: usize, argument: &'static str) -> Result<&'a [T], Refusal> {
-    check(pointer, count, argument)?;
-    // SAFETY: not NULL unless empty, of possible size, the rest by contract.
-    Ok(if count == 0 { &[] } else { unsafe { std::slice::from_raw_parts(pointer, count) } })
-}
-
-/// Refuses a NULL array that should have elements, and counts that no array has.
-fn check<T>(pointer: *const T, count: usize, argument: &'static str) -> Result<(), Refusal> {
-    if count > isize::MAX as usize / size_of::<T>().max(1) {
-        return Err(Refusal::ImpossibleCount { argument, count });
-    }
-    if count > 0 && pointer.is_null() { Err(Refusal::NullPointer { argument }) } else { Ok(()) }
-}
-
-/// Strings from the host.
-///
-/// # Safety
-/// As [`array`], and each element is NULL or a C string.
-unsafe fn texts<'a>(pointer: Texts, count: usize, argument: &'static str) -> Result<Vec<&'a CStr>, Refusal> {
-    // SAFETY: by contract.
-    let pointers = unsafe { array(pointer, count, argument)? };
-    let text = |pointer: &*const c_char| match pointer.is_null() {
-        true => Err(Refusal::NullPointer { argument }),
-        // SAFETY: a C string by contract.
-        false => Ok(unsafe { CStr::from_ptr(*pointer) }),
-    };
-    pointers.iter().map(text).collect()
-}
-
-/// Where a result goes.
-///
-/// # Safety
-/// `pointer` is NULL or may be written.
-unsafe fn put<T>(pointer: *mut T, value: T, argument: &'static str) -> Result<Status, Refusal> {
-    check(pointer, 1, argument)?;
-    // SAFETY: not NULL, writable by contract. `write_unaligned`, as hosts' byte buffers are what they are.
-    unsafe { pointer.write_unaligned(value) };
-    Ok(Status::Ok)
+    }))
 }
 
 pub fn fmi2GetTypesPlatform<M: Model>() -> Text {
@@ -235,75 +139,28 @@ pub unsafe fn fmi2Instantiate<M: Model>(
     _visible: Boolean,
     logging_on: Boolean,
 ) -> Component {
-    // SAFETY: NULL or a C string by the host's contract.
-    let text = |pointer: Text| unsafe { (!pointer.is_null()).then(|| CStr::from_ptr(pointer)) };
-    let (name, given, resources) = (text(name).unwrap_or_default(), text(guid), text(resources));
     let callbacks = match callbacks.is_null() {
         true => CallbackFunctions::NONE,
         // SAFETY: the standard's struct by contract; read without alignment, for hosts that build it from bytes.
         false => unsafe { callbacks.read_unaligned() },
     };
-    let logger = Logger::new(callbacks, name);
-    let refuse = |message: &str| {
-        logger.tell(Status::Error, status_category(Status::Error), &format!("fmi2Instantiate: {message}"));
-        std::ptr::null_mut()
+    let other_kind = "this FMU is for co-simulation only: pass fmi2CoSimulation as its type.";
+    let request = Request {
+        version: &VERSION,
+        function: "fmi2Instantiate",
+        own: guid_of(xml).unwrap_or_default(),
+        given: [name, guid, resources],
+        listener: listener(&callbacks),
+        logging_on: logging_on != 0,
+        against: (kind != CO_SIMULATION).then_some(other_kind),
     };
-    if name.is_empty() {
-        return refuse("the instance has no name. Pass one that tells it from the others.");
-    }
-    if kind != CO_SIMULATION {
-        return refuse("this FMU is for co-simulation only: pass fmi2CoSimulation as its type.");
-    }
-    let own = guid_of(xml).unwrap_or_default();
-    let given = given.unwrap_or_default();
-    if given.to_bytes() != own.as_bytes() {
-        return refuse(&format!(
-            "the GUID is {}, but this library is built for {own}. Library and modelDescription.xml are of \
-             different versions: unpack the FMU anew.",
-            given.to_string_lossy()
-        ));
-    }
-    let resources = match resource::folder(&resources.unwrap_or_default().to_string_lossy(), Path::exists) {
-        Ok(folder) => folder,
-        Err(error) => {
-            let message = format!("fmi2Instantiate: {error}. Files in resources/ will not be found.");
-            logger.tell(Status::Warning, status_category(Status::Warning), &message);
-            None
-        }
-    };
-    let context = Context { resources, instance_name: name.to_string_lossy().into_owned() };
-    let made = catch_unwind(AssertUnwindSafe(|| {
-        let mut instance = Instance::<M>::new(own, name, callbacks, context)?;
-        if logging_on != 0 {
-            instance.logger.enable(vec!["logAll"]);
-        }
-        Ok(Handle {
-            mark: AtomicU64::new(ALIVE),
-            busy: AtomicBool::new(false),
-            logger: logger.clone(),
-            instance: UnsafeCell::new(instance),
-        })
-    }));
-    match made {
-        Ok(Ok(handle)) => Box::into_raw(Box::new(handle)).cast(),
-        Ok(Err::<_, StartError>(error)) => refuse(&error.to_string()),
-        Err(_) => refuse("internal error while the model was made. Please report it."),
-    }
+    // SAFETY: by the host's contract.
+    unsafe { instantiate::<M>(request) }
 }
 
 pub unsafe fn fmi2FreeInstance<M: Model>(component: Component) {
     // SAFETY: by the host's contract.
-    let Some(handle) = (unsafe { Handle::<M>::find(component) }) else { return };
-    if handle.busy.swap(true, Ordering::Acquire) {
-        let message = "fmi2FreeInstance: a call of this instance is still running; it is not freed.";
-        handle.logger.tell(Status::Error, status_category(Status::Error), message);
-        return;
-    }
-    handle.mark.store(0, Ordering::Release);
-    // SAFETY: made by `Box::into_raw` in `fmi2Instantiate`, freed once since the mark is gone, used by no one else
-    // since it was not busy.
-    let handle = unsafe { Box::from_raw(component.cast::<Handle<M>>()) };
-    let _ = catch_unwind(AssertUnwindSafe(|| drop(handle)));
+    unsafe { handle::free::<M>(component, "fmi2FreeInstance") }
 }
 
 pub unsafe fn fmi2SetDebugLogging<M: Model>(
@@ -313,13 +170,7 @@ pub unsafe fn fmi2SetDebugLogging<M: Model>(
     categories: Texts,
 ) -> Status {
     // SAFETY: by the host's contract.
-    unsafe {
-        guard::<M>(c, Function::SetDebugLogging, |instance| {
-            let categories =
-                if categories.is_null() { Vec::new() } else { texts(categories, count, "categories")? };
-            instance.set_debug_logging(on != 0, &categories)
-        })
-    }
+    unsafe { handle::set_debug_logging::<M>(c, Function::SetDebugLogging, on != 0, count, categories) }
 }
 
 pub unsafe fn fmi2SetupExperiment<M: Model>(
@@ -436,13 +287,7 @@ pub unsafe fn fmi2SetString<M: Model>(
 
 pub unsafe fn fmi2GetFMUstate<M: Model>(c: Component, state: StateOut) -> Status {
     // SAFETY: by the host's contract.
-    unsafe {
-        guard::<M>(c, Function::GetFmuState, |instance| {
-            check(state, 1, "FMUstate")?;
-            let stored = instance.store(state.read())?;
-            put(state, stored, "FMUstate")
-        })
-    }
+    unsafe { handle::get_state::<M>(c, Function::GetFmuState, state) }
 }
 
 pub unsafe fn fmi2SetFMUstate<M: Model>(c: Component, state: State) -> Status {
@@ -452,25 +297,12 @@ pub unsafe fn fmi2SetFMUstate<M: Model>(c: Component, state: State) -> Status {
 
 pub unsafe fn fmi2FreeFMUstate<M: Model>(c: Component, state: StateOut) -> Status {
     // SAFETY: by the host's contract.
-    unsafe {
-        guard::<M>(c, Function::FreeFmuState, |instance| {
-            if state.is_null() {
-                return Ok(Status::Ok);
-            }
-            instance.free_state(state.read())?;
-            put(state, std::ptr::null_mut(), "FMUstate")
-        })
-    }
+    unsafe { handle::free_state::<M>(c, Function::FreeFmuState, state) }
 }
 
 pub unsafe fn fmi2SerializedFMUstateSize<M: Model>(c: Component, state: State, size: CountOut) -> Status {
     // SAFETY: by the host's contract.
-    unsafe {
-        guard::<M>(c, Function::SerializedFmuStateSize, |instance| {
-            let bytes = instance.serialize(state)?;
-            put(size, bytes.len(), "size")
-        })
-    }
+    unsafe { handle::serialized_size::<M>(c, Function::SerializedFmuStateSize, state, size) }
 }
 
 pub unsafe fn fmi2SerializeFMUstate<M: Model>(
@@ -479,18 +311,8 @@ pub unsafe fn fmi2SerializeFMUstate<M: Model>(
     bytes: BytesOut,
     size: Count,
 ) -> Status {
-    // SAFETY: by the host's contract; no more than `size` bytes are written.
-    unsafe {
-        guard::<M>(c, Function::SerializeFmuState, |instance| {
-            let serialized = instance.serialize(state)?;
-            check(bytes, serialized.len(), "serializedState")?;
-            if size < serialized.len() {
-                return Err(Refusal::SmallBuffer { given: size, needed: serialized.len() });
-            }
-            bytes.cast::<u8>().copy_from_nonoverlapping(serialized.as_ptr(), serialized.len());
-            Ok(Status::Ok)
-        })
-    }
+    // SAFETY: by the host's contract.
+    unsafe { handle::serialize::<M>(c, Function::SerializeFmuState, state, bytes, size) }
 }
 
 pub unsafe fn fmi2DeSerializeFMUstate<M: Model>(
@@ -500,13 +322,7 @@ pub unsafe fn fmi2DeSerializeFMUstate<M: Model>(
     state: StateOut,
 ) -> Status {
     // SAFETY: by the host's contract.
-    unsafe {
-        guard::<M>(c, Function::DeSerializeFmuState, |instance| {
-            check(state, 1, "FMUstate")?;
-            let restored = instance.deserialize(array(bytes.cast(), size, "serializedState")?)?;
-            put(state, restored, "FMUstate")
-        })
-    }
+    unsafe { handle::deserialize::<M>(c, Function::DeSerializeFmuState, bytes, size, state) }
 }
 
 pub unsafe fn fmi2DoStep<M: Model>(
@@ -589,10 +405,7 @@ macro_rules! unsupported {
     ($($fmi:ident($($type:ty),*): $reason:expr;)*) => {$(
         pub unsafe fn $fmi<M: Model>(c: Component, $(_: $type),*) -> Status {
             // SAFETY: by the host's contract.
-            let Some(handle) = (unsafe { Handle::<M>::find(c) }) else { return Status::Error };
-            let refusal = Refusal::Unsupported { function: stringify!($fmi), reason: $reason };
-            handle.logger.tell(refusal.status(), status_category(refusal.status()), &refusal.to_string());
-            refusal.status()
+            unsafe { handle::unsupported::<M>(c, stringify!($fmi), $reason) }
         }
     )*};
 }
@@ -631,17 +444,17 @@ macro_rules! export_fmi2 {
         /// As the standard asks of a host: strings are C strings or NULL, callbacks stay valid.
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn fmi2Instantiate(
-            name: $crate::fmi::abi::Text,
-            kind: $crate::fmi::abi::Type,
-            guid: $crate::fmi::abi::Text,
-            resources: $crate::fmi::abi::Text,
-            callbacks: $crate::fmi::abi::Callbacks,
-            visible: $crate::fmi::abi::Boolean,
-            logging_on: $crate::fmi::abi::Boolean,
-        ) -> $crate::fmi::abi::Component {
+            name: $crate::fmi::v2::Text,
+            kind: $crate::fmi::v2::Type,
+            guid: $crate::fmi::v2::Text,
+            resources: $crate::fmi::v2::Text,
+            callbacks: $crate::fmi::v2::Callbacks,
+            visible: $crate::fmi::v2::Boolean,
+            logging_on: $crate::fmi::v2::Boolean,
+        ) -> $crate::fmi::v2::Component {
             // SAFETY: the host's contract is the callee's.
             unsafe {
-                $crate::fmi::abi::fmi2Instantiate::<$model>(
+                $crate::fmi::v2::fmi2Instantiate::<$model>(
                     $xml, name, kind, guid, resources, callbacks, visible, logging_on,
                 )
             }
@@ -652,21 +465,21 @@ macro_rules! export_fmi2 {
         /// # Safety
         /// The component is NULL or comes from [`fmi2Instantiate`].
         #[unsafe(no_mangle)]
-        pub unsafe extern "C" fn fmi2FreeInstance(component: $crate::fmi::abi::Component) {
+        pub unsafe extern "C" fn fmi2FreeInstance(component: $crate::fmi::v2::Component) {
             // SAFETY: the host's contract is the callee's.
-            unsafe { $crate::fmi::abi::fmi2FreeInstance::<$model>(component) }
+            unsafe { $crate::fmi::v2::fmi2FreeInstance::<$model>(component) }
         }
 
         /// `"default"`; see FMI 2.0, section 2.1.4.
         #[unsafe(no_mangle)]
-        pub extern "C" fn fmi2GetTypesPlatform() -> $crate::fmi::abi::Text {
-            $crate::fmi::abi::fmi2GetTypesPlatform::<$model>()
+        pub extern "C" fn fmi2GetTypesPlatform() -> $crate::fmi::v2::Text {
+            $crate::fmi::v2::fmi2GetTypesPlatform::<$model>()
         }
 
         /// `"2.0"`; see FMI 2.0, section 2.1.4.
         #[unsafe(no_mangle)]
-        pub extern "C" fn fmi2GetVersion() -> $crate::fmi::abi::Text {
-            $crate::fmi::abi::fmi2GetVersion::<$model>()
+        pub extern "C" fn fmi2GetVersion() -> $crate::fmi::v2::Text {
+            $crate::fmi::v2::fmi2GetVersion::<$model>()
         }
 
         $crate::export_fmi2! { @functions $model;
@@ -719,11 +532,11 @@ macro_rules! export_fmi2 {
         /// As the standard asks of a host: a component from `fmi2Instantiate`, arrays as long as their counts say.
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $name(
-            component: $crate::fmi::abi::Component,
-            $($argument: $crate::fmi::abi::$type),*
-        ) -> $crate::fmi::abi::Status {
+            component: $crate::fmi::v2::Component,
+            $($argument: $crate::fmi::v2::$type),*
+        ) -> $crate::fmi::v2::Status {
             // SAFETY: the host's contract is the callee's.
-            unsafe { $crate::fmi::abi::$name::<$model>(component, $($argument),*) }
+            unsafe { $crate::fmi::v2::$name::<$model>(component, $($argument),*) }
         }
     )*};
 }
