@@ -387,8 +387,13 @@ def main(arguments: list[str] | None = None) -> int:
         last = runs[-1]["run"]
         print(f"blind.record: there is no run {options.run}; the table has 1 to {last}", file=sys.stderr)
         return 1
+    if "lost" in found[0]:
+        # Shares without intervals are all that is left of it.
+        print(f"Run {options.run}: {found[0]['lost']}.")
+        print(json.dumps(found[0]["result"], indent=1))
+        return 0
     print(table(found[0]["result"]))
-    print(listing(found[0]["cases"]) if "cases" in found[0] else f"No cases: {found[0].get('lost', 'none kept')}.")
+    print(listing(found[0]["cases"]))
     return 0
 
 

@@ -110,6 +110,12 @@ def test_one_run_is_printed(tmp_path, capsys):
     assert "there is no run 2" in capsys.readouterr().err
 
 
+def test_every_run_of_the_record_is_printed(capsys):
+    for run in record.read(record.RESULTS):
+        assert record.main(["--run", str(run["run"])]) == 0
+        assert capsys.readouterr().out
+
+
 def test_a_commit_is_named_where_git_is_there(tmp_path):
     assert record.provenance(tmp_path / "no-program", tmp_path / "no-folder") == {}
 
