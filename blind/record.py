@@ -14,9 +14,10 @@ import gzip
 import io
 import json
 import shutil
-import subprocess
 import sys
 from pathlib import Path
+
+from scripts.provenance import program_text
 
 from . import measures, route
 
@@ -227,25 +228,6 @@ def plots(result: dict, out: Path) -> None:
     plt.close(figure)
 
 
-def provenance(program: Path, checkout: Path) -> dict:
-    """The program's own version, and the commit of the checkout; `dirty` if it has changes. Without git no commit."""
-
-    def answer(*command: str | Path) -> str | None:
-        try:
-            done = subprocess.run(command, cwd=checkout, capture_output=True, text=True, timeout=60, check=False)
-        except (OSError, subprocess.TimeoutExpired):
-            return None
-        return done.stdout.strip() if done.returncode == 0 else None
-
-    found = {}
-    if version := answer(program, "--version"):
-        found["version"] = version
-    if commit := answer("git", "rev-parse", "--short", "HEAD"):
-        found["commit"] = commit
-        found["dirty"] = bool(answer("git", "status", "--porcelain", "--untracked-files=no"))
-    return found
-
-
 def read(folder: Path) -> list[dict]:
     """All runs of the table, in order; none if there is no table."""
     place = folder / TABLE
@@ -304,14 +286,6 @@ def rounded(of):
     return [rounded(value) for value in of] if isinstance(of, list | tuple) else of
 
 
-def source(commitment: dict) -> str:
-    """Version and commit of a run's program, as far as the run has them."""
-    parts = [commitment["version"]] if "version" in commitment else []
-    if "commit" in commitment:
-        parts.append(f"commit {commitment['commit']}" + (", with changes" if commitment.get("dirty") else ""))
-    return ", ".join(parts)
-
-
 def page(runs: list[dict]) -> str:
     """blind.md: a line for each run; the runs of the newest program beside each other, and all cases of the largest."""
     text = ["# The blind check: the record", ""]
@@ -336,12 +310,12 @@ def page(runs: list[dict]) -> str:
         )
     newest = newest_program(runs)
     head = [f"run {run['run']}, {WORLDS[run['commitment']['set']]}, {run['result']['cases']} cases" for run in newest]
-    made_from = dict.fromkeys(filter(None, (source(run["commitment"]) for run in newest)))
+    made_from = dict.fromkeys(filter(None, (program_text(run["commitment"]) for run in newest)))
     text += [
         "",
         "## The newest program",
         "",
-        *[f"Program: {text_of_source}." for text_of_source in made_from],
+        *made_from,
         "Values with their 95 % intervals; a goal is met or missed by the first.",
         "",
     ]

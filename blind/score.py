@@ -20,6 +20,8 @@ import sys
 import time
 from pathlib import Path
 
+from scripts.provenance import provenance
+
 from . import baselines, controls, diagnose, manoeuvres, measures, record, route, seal
 from .cases import KINDS, Set
 from .make import folder_of, make_set
@@ -70,7 +72,7 @@ def main(arguments: list[str] | None = None) -> int:
         "cases": len(labels),
         "labels": seal.close(labels, seed, salt, out / "labels.sealed"),
         "program": seal.hash_of(rfl),
-        **record.provenance(rfl, ROOT),
+        **provenance(rfl, ROOT),
         "thresholds": seal.hash_of(diagnose.CALIBRATION),
         "generator": seal.hash_of_sources(ROOT / "blind"),
         "written": time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime()),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from results.common import plt
+from results.common import plt, program_lines
 
 GOALS = {  # us, median and 99th percentile
     "nominal_16": (40, 120),
@@ -298,6 +298,7 @@ def write(raw: dict, folder: Path) -> None:
         f"{raw['machine'].get('processor', 'a machine')}, {raw['machine'].get('cores', '?')} cores, not all of them "
         "free; ratios are of one run, in which all took turns.",
         "",
+        *program_lines(raw),
         "![Solvers side by side; the step over the horizon](speed.png)",
         "",
     ]

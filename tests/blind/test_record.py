@@ -7,6 +7,7 @@ import subprocess
 import pytest
 
 from blind import record
+from scripts.provenance import provenance
 
 RESULT = next(iter(record.read(record.RESULTS)))["result"]
 
@@ -119,7 +120,7 @@ def test_every_run_of_the_record_is_printed(capsys, monkeypatch):
 
 
 def test_a_commit_is_named_where_git_is_there(tmp_path):
-    assert record.provenance(tmp_path / "no-program", tmp_path / "no-folder") == {}
+    assert provenance(tmp_path / "no-program", tmp_path / "no-folder") == {}
 
     def git(*arguments):
         who = ["-c", "user.name=test", "-c", "user.email=test@example.com"]
@@ -130,8 +131,8 @@ def test_a_commit_is_named_where_git_is_there(tmp_path):
     file.write_text("one", encoding="utf-8")
     git("add", "file")
     git("commit", "-m", "one")
-    found = record.provenance(tmp_path / "no-program", tmp_path)
+    found = provenance(tmp_path / "no-program", tmp_path)
     assert found["dirty"] is False
     assert len(found["commit"]) >= 7
     file.write_text("two", encoding="utf-8")
-    assert record.provenance(tmp_path / "no-program", tmp_path)["dirty"] is True
+    assert provenance(tmp_path / "no-program", tmp_path)["dirty"] is True
