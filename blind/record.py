@@ -1,12 +1,28 @@
-"""Tables, plots and the record of all scoring runs: docs/results/blind.json and blind.md."""
+"""Tables, plots and the record of all scoring runs.
+
+The record is one table, `docs/results/blind-runs.jsonl.gz`: a line for each run with its number, commitment, result and
+cases. Two files are made from it: `blind.json`, the runs of the newest program without their cases, and `blind.md`.
+
+    python -m blind.record --rewrite    makes blind.json and blind.md anew from the table; the plots stay
+    python -m blind.record --run 38     prints one run: its score and all its cases
+"""
 
 from __future__ import annotations
 
+import argparse
+import gzip
+import io
 import json
 import shutil
+import sys
 from pathlib import Path
 
+from scripts.provenance import program_text
+
 from . import measures, route
+
+RESULTS = Path(__file__).resolve().parents[1] / "docs" / "results"
+TABLE = "blind-runs.jsonl.gz"
 
 # Goals of the specification: measure, text, limit, whether more is better.
 GOALS = (
@@ -212,15 +228,35 @@ def plots(result: dict, out: Path) -> None:
     plt.close(figure)
 
 
+def read(folder: Path) -> list[dict]:
+    """All runs of the table, in order; none if there is no table."""
+    place = folder / TABLE
+    if not place.exists():
+        return []
+    with gzip.open(place, "rt", encoding="utf-8") as table_of_runs:
+        return [json.loads(line) for line in table_of_runs]
+
+
+def save(runs: list[dict], folder: Path) -> None:
+    """Writes the table: the same runs give the same bytes. The old table stays until the new one is complete."""
+    buffer = io.BytesIO()
+    # Neither time nor name in the header, as they would change the bytes.
+    with gzip.GzipFile(filename="", mode="wb", compresslevel=9, fileobj=buffer, mtime=0) as packed:
+        for run in runs:
+            packed.write(json.dumps(run).encode() + b"\n")
+    unfinished = folder / (TABLE + ".part")
+    unfinished.write_bytes(buffer.getvalue())
+    unfinished.replace(folder / TABLE)
+
+
 def add(run: dict, folder: Path, plots_in: Path) -> None:
-    """Adds a scoring run to the record: all runs stay, each with a file of all its cases; the largest has the plots."""
+    """Adds a scoring run to the record: all runs stay, with all their cases; the newest program's largest has plots."""
     folder.mkdir(parents=True, exist_ok=True)
-    place = folder / "blind.json"
-    runs = json.loads(place.read_text(encoding="utf-8"))["runs"] if place.exists() else []
-    runs.append({key: value for key, value in run.items() if key != "cases"})
-    lines_of_cases = ",\n".join(json.dumps(rounded(row)) for row in run["cases"])
-    (folder / f"blind-run-{len(runs)}.json").write_text(f"[{lines_of_cases}]\n", encoding="utf-8")
-    if of_newest(runs)[0] == len(runs):
+    runs = read(folder)
+    number = 1 + max((earlier["run"] for earlier in runs), default=0)
+    runs.append({"run": number} | rounded(run))
+    save(runs, folder)
+    if newest_program(runs)[0]["run"] == number:
         for name in ("blind.png", "blind-confusion.png"):
             shutil.copy(plots_in / name, folder / name)
     write(runs, folder)
@@ -228,17 +264,17 @@ def add(run: dict, folder: Path, plots_in: Path) -> None:
 
 def write(runs: list[dict], folder: Path) -> None:
     """Writes blind.json and blind.md."""
-    text = json.dumps({"runs": rounded(runs)}, indent=1) + "\n"
+    newest = [{key: value for key, value in run.items() if key != "cases"} for run in newest_program(runs)]
+    text = json.dumps({"runs": sorted(newest, key=lambda run: run["run"])}, indent=1) + "\n"
     (folder / "blind.json").write_text(text, encoding="utf-8")
-    of_largest = json.loads((folder / f"blind-run-{of_newest(runs)[0]}.json").read_text(encoding="utf-8"))
-    (folder / "blind.md").write_text(page(runs, of_largest), encoding="utf-8")
+    (folder / "blind.md").write_text(page(runs), encoding="utf-8")
 
 
-def of_newest(runs: list[dict]) -> list[int]:
-    """Numbers of the runs of the newest program, the largest first."""
+def newest_program(runs: list[dict]) -> list[dict]:
+    """Runs of the newest program, the largest first."""
     program = runs[-1]["commitment"]["program"]
-    same = [number for number, run in enumerate(runs, 1) if run["commitment"]["program"] == program]
-    return sorted(same, key=lambda number: (-runs[number - 1]["result"]["cases"], number))
+    same = [run for run in runs if run["commitment"]["program"] == program]
+    return sorted(same, key=lambda run: (-run["result"]["cases"], run["run"]))
 
 
 def rounded(of):
@@ -250,36 +286,36 @@ def rounded(of):
     return [rounded(value) for value in of] if isinstance(of, list | tuple) else of
 
 
-def page(runs: list[dict], cases: list[dict]) -> str:
+def page(runs: list[dict]) -> str:
     """blind.md: a line for each run; the runs of the newest program beside each other, and all cases of the largest."""
     text = ["# The blind check: the record", ""]
-    text += ["Made by `blind/score`; what it does stands in `blind/README.md`. Every scoring run is here;"]
-    text += ["all cases of each are in `blind-run-N.json`."]
-    text += [f"Run {number}: {run['lost']}." for number, run in enumerate(runs, 1) if "lost" in run]
+    text += [
+        "Made by `blind/score`, which `blind/README.md` describes. Every scoring run is here. All cases of each are in"
+    ]
+    text += [f"[{TABLE}]({TABLE}), a line for each run. `python -m blind.record --run 1` prints the first."]
+    text += [f"Run {run['run']}: {run['lost']}." for run in runs if "lost" in run]
     text += [""]
     text += [
         "| run | set | cases | moderate | small | pairs, both | false alarms | outside found | ECE | labels' hash |"
     ]
     text += ["|---|---|---|---|---|---|---|---|---|---|"]
-    for number, run in enumerate(runs, 1):
+    for run in runs:
         r, c = run["result"], run["commitment"]
         cells = [
             percent(r[key]["share"]) for key in ("moderate", "small", "pair_both", "false_alarms", "outside_found")
         ]
         text.append(
-            f"| {number}, {c['written']} | {WORLDS[c['set']]} | {r['cases']} | {' | '.join(cells)} | {r['ece']:.3f} "
-            f"| `{c['labels'][:16]}` |"
+            f"| {run['run']}, {c['written']} | {WORLDS[c['set']]} | {r['cases']} | {' | '.join(cells)} "
+            f"| {r['ece']:.3f} | `{c['labels'][:16]}` |"
         )
-    numbers = of_newest(runs)
-    newest = [runs[number - 1] for number in numbers]
-    head = [
-        f"run {number}, {WORLDS[run['commitment']['set']]}, {run['result']['cases']} cases"
-        for number, run in zip(numbers, newest)
-    ]
+    newest = newest_program(runs)
+    head = [f"run {run['run']}, {WORLDS[run['commitment']['set']]}, {run['result']['cases']} cases" for run in newest]
+    made_from = dict.fromkeys(filter(None, (program_text(run["commitment"]) for run in newest)))
     text += [
         "",
         "## The newest program",
         "",
+        *made_from,
         "Values with their 95 % intervals; a goal is met or missed by the first.",
         "",
     ]
@@ -288,16 +324,52 @@ def page(runs: list[dict], cases: list[dict]) -> str:
     values = [{name: value for name, value, _ in lines(run["result"])} for run in newest]
     names = dict.fromkeys(name for of_run in values for name in of_run)
     text += [f"| {name} | {' | '.join(of.get(name, '') for of in values)} | {goals[name]} |" for name in names]
-    text += [f"\nRun {number}: {run['note']}" for number, run in zip(numbers, newest) if "note" in run]
+    text += [f"\nRun {run['run']}: {run['note']}" for run in newest if "note" in run]
     text += ["", "![reliability and dominance](blind.png)", "", "![confusion](blind-confusion.png)", ""]
-    for number, run in zip(numbers, newest):
-        text += [f"Hashes of run {number}, written before the diagnosis ran:", ""]
+    for run in newest:
+        text += [f"Hashes of run {run['run']}, written before the diagnosis ran:", ""]
         text += [f"- {key}: `{value}`" for key, value in run["commitment"].items()] + [""]
     text += [
-        f"All cases of run {numbers[0]} (`+` exact, `o` in class, `-` wrong):",
+        f"All cases of run {newest[0]['run']} (`+` exact, `o` in class, `-` wrong):",
         "",
         "```",
-        listing(cases),
+        listing(newest[0].get("cases", [])),
         "```",
     ]
     return "\n".join(text) + "\n"
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command."""
+    parser = argparse.ArgumentParser(
+        prog="python -m blind.record", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    what = parser.add_mutually_exclusive_group(required=True)
+    what.add_argument("--rewrite", action="store_true", help="make blind.json and blind.md anew from the table")
+    what.add_argument("--run", type=int, metavar="N", help="print the score and all cases of run N")
+    parser.add_argument("--folder", type=Path, default=RESULTS, help="where the table is (default: docs/results)")
+    options = parser.parse_args(arguments)
+    runs = read(options.folder)
+    if not runs:
+        print(f"blind.record: no runs in {options.folder / TABLE}", file=sys.stderr)
+        return 1
+    if options.rewrite:
+        write(runs, options.folder)
+        return 0
+    found = [run for run in runs if run["run"] == options.run]
+    if not found:
+        last = runs[-1]["run"]
+        print(f"blind.record: there is no run {options.run}; the table has 1 to {last}", file=sys.stderr)
+        return 1
+    if "lost" in found[0]:
+        # Shares without intervals are all that is left of it.
+        print(f"Run {options.run}: {found[0]['lost']}.")
+        print(json.dumps(found[0]["result"], indent=1))
+        return 0
+    print(table(found[0]["result"]))
+    print(listing(found[0]["cases"]))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -6,7 +6,7 @@
 
 Order of things: the labels are sealed, and their salted hash, that of the diagnosing program, of its thresholds and of
 this generator are written to `commitment.json` and printed; then the diagnosis runs on the logs; then the seal is
-broken and the answers are scored. Every run on a scoring set is added to docs/results/blind.json and blind.md,
+broken and the answers are scored. Every run on a scoring set is added to the record in docs/results (record.py),
 whatever it says.
 """
 
@@ -20,6 +20,8 @@ import sys
 import time
 from pathlib import Path
 
+from scripts.provenance import provenance
+
 from . import baselines, controls, diagnose, manoeuvres, measures, record, route, seal
 from .cases import KINDS, Set
 from .make import folder_of, make_set
@@ -32,7 +34,7 @@ DEVELOPMENT_SEED = 20261121
 def main(arguments: list[str] | None = None) -> int:
     """The command."""
     options = _parser().parse_args(arguments)
-    rfl = options.rfl
+    rfl = options.rfl.resolve()
     if not rfl.is_file():
         print(f"blind/score: no program at {rfl}; build it with: cargo build --release --bin rfl", file=sys.stderr)
         return 1
@@ -70,6 +72,7 @@ def main(arguments: list[str] | None = None) -> int:
         "cases": len(labels),
         "labels": seal.close(labels, seed, salt, out / "labels.sealed"),
         "program": seal.hash_of(rfl),
+        **provenance(rfl, ROOT),
         "thresholds": seal.hash_of(diagnose.CALIBRATION),
         "generator": seal.hash_of_sources(ROOT / "blind"),
         "written": time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime()),

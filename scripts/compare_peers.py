@@ -20,6 +20,7 @@ from pathlib import Path
 import peer_forest
 import peer_qp
 from results import speed
+from results.common import program
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -171,7 +172,7 @@ def main() -> int:
     def say(text: str) -> None:
         print(text, file=sys.stderr, flush=True)
 
-    result: dict = {"machine": {"cores": os.cpu_count(), "processor": processor()}}
+    result: dict = {"machine": {"cores": os.cpu_count(), "processor": processor()}, "program": program()}
     # Parts that are not measured now stay as they were.
     if options.only and options.out.is_file():
         result = json.loads(options.out.read_text(encoding="utf-8")) | result

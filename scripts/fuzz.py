@@ -43,9 +43,9 @@ ABOUT = """\
 # Damaged and hostile files
 
 Written by `scripts/fuzz.py`; the same numbers in [fuzzing.json](fuzzing.json). Good files of each format are damaged at
-one to five places: bits and bytes, fields (no number, 1e308, another unit's, quotes, brackets), pieces left out,
-repeated, exchanged, cut off, numbers that are none. Each is read as the program or the FMU reads it. A panic, more than
-1 s or more than 200 MB for one input ends the run; none did. Each run of the tests tries some hundred.
+one to five places. Bits, bytes and fields change (no number, 1e308, another unit's, quotes, brackets). Pieces are left
+out, repeated, exchanged or cut off. Numbers become NaN or infinite. Each is read as the program or the FMU reads it. A
+panic, more than 1 s or more than 200 MB for one input ends the run; none did. Each run of the tests tries some hundred.
 
 | format | inputs | taken | longest | most memory of an input | of the whole process | processor time |
 |---|---|---|---|---|---|---|"""

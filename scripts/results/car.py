@@ -19,6 +19,8 @@ from results.common import (
     fits,
     markdown_table,
     number,
+    program,
+    program_lines,
     read_drives,
     table,
     time_markdown,
@@ -51,17 +53,17 @@ PAPER = {
 ABOUT = """\
 Written by `scripts/reproduce`; the same numbers as JSON in [passenger-car.json](passenger-car.json). Car
 `{vehicle}`, N = 16, Ts = 0.02 s, Sudoku test route, disjoint from the training route. {seeds} seeds (drives,
-models, noise), {drives} training drives a seed, {budget} candidates a row in the search for weights, on pieces
-of the training route; what is chosen has to stand that route with every seed's model, shaken by twice the noise
-(typical noise on plants without). Errors are the true ones, not those that noisy sensors show. ± is the standard
+models, noise), {drives} training drives a seed, {budget} candidates a row in the search for weights. The search drives
+pieces of the training route. The chosen weights must then complete that route with every seed's model, at twice the
+noise (typical noise on plants without). Errors are the true ones, not those of noisy sensors. ± is the standard
 deviation over the seeds; 0 where no seed plays a part. PE is the cut against the nominal MPC under the same protocol.
-Roughness is the RMS rate of the steering command; a row's own best may be no rougher than the nominal's best on
+Roughness is the RMS rate of the steering command. A row's own best may be no rougher than the nominal's best on
 the training pieces. A diverged drive counts until the car was lost."""
 ON_FROZEN_WEIGHTS = """\
-The paper's own tables are Zhao et al., ITSC 2024, Tables II to IV; its row NMPC+GP (MAE above RMSE) cannot be and is no
-target. At one frozen weight set a ranking can be made either way: weights that let the nominal MPC survive a delay (a
-high weight on the yaw rate, which acts as lead) are wrong for any model that knows the delay, the exact oracle
-included."""
+The paper's own tables are Zhao et al., ITSC 2024, Tables II to IV. Its row NMPC+GP has an MAE above its RMSE, which is
+impossible; it is no target. At one frozen weight set a ranking can be made either way. The nominal MPC survives a delay
+with a high weight on the yaw rate, which acts as lead. Such weights are wrong for any model that knows the delay, the
+exact oracle included."""
 ON_PREDICTION = """\
 RMSE and largest error of predictions on drives of the nominal MPC, one step and 16 steps ahead without looking, without
 sensor noise."""
@@ -186,9 +188,9 @@ def verdicts(results: dict) -> list[str]:
         behind = [n for n in rivals if n not in ahead]
         rough = "no rougher" if mine["roughness"] <= rows["MPC"]["roughness"] else "**rougher**"
         text = f"- {row} {title}: PE {mine['pe_mae']:.1f} % (MAE), {mine['pe_rmse']:.1f} % (RMSE)"
-        text += f"; steering {rough} than the nominal's best"
-        text += f"; ahead of {', '.join(ahead)} on MAE, RMSE and max" if ahead else ""
-        text += f"; **not** ahead of {', '.join(behind)} on all three" if behind else ""
+        text += f". Steering {rough} than the nominal's best"
+        text += f". Ahead of {', '.join(ahead)} on MAE, RMSE and max" if ahead else ""
+        text += f". **Not** ahead of {', '.join(behind)} on all three" if behind else ""
         lines.append(text + ".")
     return lines
 
@@ -200,6 +202,7 @@ def write_markdown(results: dict, raw: dict, out: Path) -> None:
         "",
         ABOUT.format(vehicle=results["vehicle"], **effort),
         "",
+        *program_lines(results),
         "**What it says**",
         "",
         *verdicts(results),
@@ -248,8 +251,8 @@ def write_markdown(results: dict, raw: dict, out: Path) -> None:
     both = results["time_of_solvers"]
     body = [[row, *(ratio_text(both[solver], row) for solver in both)] for row in next(iter(both.values()))]
     text += [
-        "Mean step in µs with the default QP solver and with the interior-point method alone (`mpc.solver=1`); "
-        "in brackets against the nominal MPC with the same solver:",
+        "Mean step in µs with the default QP solver and with the interior-point method alone (`mpc.solver=1`). "
+        "In brackets: the ratio to the nominal MPC with the same solver.",
         "",
         markdown_table(["row", "active set (default)", "Clarabel alone"], body),
         "",
@@ -290,6 +293,7 @@ def write(folder: Path, out: Path) -> None:
     results = {
         "vehicle": head["vehicle"],
         "effort": head["effort"],
+        "program": program(),
         "tracking": table(head, "own_best"),
         "fit": fits(head),
         "conditions": {name: {p: table(c, p) for p in PROTOCOLS} for name, c in raw.items()},

@@ -12,6 +12,7 @@ import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+from provenance import program_text, provenance
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 PROTOCOLS = {
@@ -28,6 +29,17 @@ PAPER_TIME = {
     "NMPC": {"mean_s": 2.308, "max_s": 4.137},
     "GP-NMPC": {"mean_s": 15.434, "max_s": 21.692},
 }
+
+
+def program() -> dict:
+    """The program of this checkout, for a results page."""
+    return provenance(ROOT / "target" / "release" / "rfl", ROOT)
+
+
+def program_lines(results: dict) -> list[str]:
+    """Version and commit of the program that made the results, as lines of a page."""
+    text = program_text(results.get("program", {}))
+    return [text, ""] if text else []
 
 
 def spread(values: list[float]) -> tuple[float, float]:

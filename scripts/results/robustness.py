@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from results.common import markdown_table, number, plt, save
+from results.common import markdown_table, number, plt, program, program_lines, save
 
 # Drives of a row: 240 of cars, 96 of trucks.
 WHOLE = 336
@@ -379,6 +379,8 @@ def write(folder: Path, out: Path) -> None:
     seeds = raw["matrix"]["road_seeds"]
     text = ["# Robustness of the default controller", ""]
     text += [ABOUT.format(seed=raw["matrix"]["seed"], skipped=skipped, **seeds), ""]
+    raw["program"] = program()
+    text += program_lines(raw)
     text += [f"- **{d['id']} ({d['row']}) could not be driven: {d['failed']}**" for d in failed]
     if sum(d["row"] == "default" for d in drives) < WHOLE:
         text += [

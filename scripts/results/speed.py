@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from results.common import plt
+from results.common import plt, program_lines
 
 GOALS = {  # us, median and 99th percentile
     "nominal_16": (40, 120),
@@ -132,8 +132,8 @@ def _nonlinear(raw: dict) -> list[str]:
         "",
         "Problems of a closed-loop drive, both from the plan of the step before. Ours is faster: "
         f"{_verdict(faster)}; its objective is above IPOPT's by at most {excess:.0e} of it, and its commands are at "
-        f"most {difference:.0e} rad apart. Ours stops as in the drive, IPOPT at 1e-9. IPOPT has exact Hessians, and "
-        "for its time the road ahead as one cubic, in its favour; agreement is judged on the road as it is, a chain of "
+        f"most {difference:.0e} rad apart. Ours stops as in the drive, IPOPT at 1e-9. IPOPT has exact Hessians. "
+        "For its time the road ahead is one cubic, in its favour. Agreement is judged on the road as it is, a chain of "
         "parabolas.",
         "",
         "| problem | points of the processes | problems | ours: median, us | p99, us | IPOPT: median, us | p99, us | "
@@ -186,12 +186,12 @@ def _steps(raw: dict) -> list[str]:
 def _instances(raw: dict) -> list[str]:
     """What many vehicles in one process cost."""
     lines = [
-        "Vehicles in one process, with one model (RFL) and one road between them: served by one controller, which is "
-        "given the state of each (`step_for`), or by a controller each. Each goes along a part of its own of one "
-        "recorded drive, and all step in turn; vehicles are not simulated. `two threads` is the wall time of a step "
-        "when two threads share them, each for itself. Nothing is locked: what is shared is read only. Each number is "
-        "the middle one of five means; numbers of vehicles took turns. The first step of a controller, which looks "
-        "everything up and is the first to touch its memory, stands apart.",
+        "Vehicles in one process share one model (RFL) and one road. Either one controller serves all, given the state "
+        "of each (`step_for`), or each has its own. Each goes along a part of its own of one recorded drive. All step "
+        "in turn; vehicles are not simulated. `two threads` is the wall time of a step when two threads share the "
+        "vehicles. Nothing is locked: shared data are read only. Each number is the middle one of five means; numbers "
+        "of vehicles took turns. The first step of a controller stands apart: it looks everything up, and touches its "
+        "memory first.",
         "",
         "| controllers | vehicles | step, us | against one | two threads, us | first step, us | memory each, KiB |",
         "|---|---|---|---|---|---|---|",
@@ -212,12 +212,12 @@ def _instances(raw: dict) -> list[str]:
     return [
         *lines,
         "",
-        "A step of one controller alone is the fastest there is: all that it touches is in the caches, and most of "
-        f"what it looked up a step ago still holds. With the caches emptied before each step it takes {cold:.1f} "
-        f"us; of {ends[0]} controllers in turn each takes {many:.1f} us, of {ends[1]} {most:.1f} us: time is "
-        "proportional to their number at that price. One controller for all keeps its working memory in the caches "
-        "and needs no more than a state of each vehicle, but looks everything up anew for each. Most of a "
-        "controller's memory is that of Clarabel, the fallback, which hardly a step touches.",
+        "A step of one controller alone is the fastest: its memory is in the caches, and most of its last look-up "
+        f"still holds. With the caches emptied before each step it takes {cold:.1f} us. Of {ends[0]} controllers in "
+        f"turn each takes {many:.1f} us, of {ends[1]} {most:.1f} us. At that price, time is proportional to their "
+        "number. One controller for all keeps its working memory in the caches. It needs only a state of each vehicle, "
+        "but looks everything up anew for each. Most of a controller's memory is that of Clarabel, the fallback, which "
+        "hardly a step touches.",
         "",
     ]
 
@@ -298,6 +298,7 @@ def write(raw: dict, folder: Path) -> None:
         f"{raw['machine'].get('processor', 'a machine')}, {raw['machine'].get('cores', '?')} cores, not all of them "
         "free; ratios are of one run, in which all took turns.",
         "",
+        *program_lines(raw),
         "![Solvers side by side; the step over the horizon](speed.png)",
         "",
     ]

@@ -14,6 +14,8 @@ from results.common import (
     fits,
     markdown_table,
     number,
+    program,
+    program_lines,
     read_drives,
     summary,
     table,
@@ -50,49 +52,50 @@ DELAY_MODELS = ("first_order", "pade_1_1", "pade_2_2")
 
 ABOUT = """\
 Written by `scripts/reproduce`; the same numbers as JSON in [truck.json](truck.json). Truck `{vehicle}`, N = W = 60,
-Ts = 0.02 s. {seeds} seeds (drives, models, shaking). To learn from, a seed has {drives} drive(s) of the training route
-by the calm nominal MPC with a dither of 0.005 rad, and as many by an MPC with one linear model learned from those, at
-the default weights with a dither of 0.01 rad; all learned rows learn from the same drives. {budget} candidates a row in
-the search for weights, on pieces of the training route, one of them a fast straight where each is shaken by sensor
-noise; what is chosen has to stand further parts of that route, fast and cross-country, shaken, with every seed's model.
+Ts = 0.02 s. {seeds} seeds (drives, models, shaking). A seed has {drives} training drive(s) by
+the calm nominal MPC with a dither of 0.005 rad. It has as many by an MPC with one linear model learned from those, at
+the default weights with a dither of 0.01 rad. All learned rows learn from the same drives. {budget} candidates a row in
+the search for weights. The search drives pieces of the training route, one of them a fast straight with sensor noise.
+The chosen weights must then complete further parts of that route with every seed's model: fast, cross-country, with
+noise.
+
 No test road is on the training route. Errors are the tractor's true ones. ± is the standard deviation over the seeds; 0
 where no seed plays a part. PE is the cut against the nominal MPC under the same protocol. Roughness is the RMS rate of
-the steering command. No row's is limited, as it is in the car's tables: behind a long delay the nominal must be damped
-so far that it steers less than the road asks for. (With the nominal's as a limit the learned rows of the high delay
-stay as they are but RT and RF, which get worse, as MPC+observer and Padé (2, 2) do; `oracle+observer`, calm on the
-pieces of the search and rough on the test road, stays so.) A diverged drive, off the path, jack-knifed or rolled over,
-counts until the truck was lost: its numbers mean nothing beyond that. `+observer` is the row with the disturbance
-observer.
+the steering command. It is not limited here, unlike in the car's tables. Behind a long delay the nominal must be damped
+until it steers less than the road asks for. With the nominal's roughness as a limit, four rows of the high delay get
+worse: RT, RF, MPC+observer and Padé (2, 2). The other learned rows stay. So does `oracle+observer`, which is calm on
+the pieces of the search and rough on the test road. A drive diverges off the path, by jack-knifing or by rolling over.
+It counts until then; later numbers mean nothing. `+observer` is the row with the disturbance observer.
 
 The delay models' constants are identified from one recorded step of the steering; `oracle` is told the truth."""
 ON_FROZEN = """\
-At one frozen weight set a ranking can be made either way: the nominal MPC's best weights are calm ones, with which a
-delay hardly matters, and no model gains much there; at weights that suit a good model the nominal diverges."""
+At one frozen weight set a ranking can be made either way. The nominal MPC's best weights are calm: a delay hardly
+matters with them, and no model gains much. At weights that suit a good model the nominal diverges."""
 ON_SWEEP = "Lag 0.2 s, off-road path, first seed, the same weights for all."
 ON_TIME = """\
 Wall clock of a control step on this machine in µs, drive of the test road, sample time 20 ms. The paper's are its
 MATLAB's."""
 ON_LOST_GP = """\
-GP-NMPC diverges here with every seed. Its processes are asked at the newest command alone: what a truck does that
-follows a command of 15 samples ago is to them a residual of nearly the size of the motion itself, and what they make of
-it has no delay in it. NMPC, without them, stays on the road."""
+GP-NMPC diverges here with every seed. Its processes see only the newest command. A truck that follows a command of 15
+samples ago gives them a residual of nearly the size of the motion itself. Their prediction has no delay in it. NMPC,
+without them, stays on the road."""
 ON_PREDICTION = """\
-On drives of the calm collecting MPC, without looking. Under each table, whether the learned models know the actuator:
-the truck drives straight, the command steps by 0.02 rad, and the 1.2 s that follow are predicted from the state before;
-means over the seeds."""
+On drives of the calm collecting MPC, without looking. The second table of each plant tests knowledge of the actuator.
+The truck drives straight, and the command steps by 0.02 rad. The 1.2 s that follow are predicted from the state before.
+Means over the seeds."""
 ON_EDGE = """\
-The paper's cut of 94 % (RMSE) arises where the nominal MPC is near the edge of its stability, and this is how to make
-it, in two ways; first seed. It says how far a nominal can be driven into its delay, not how much a model gains over a
-well-tuned nominal: for that see the table of each row at its own best."""
+The paper's cut of 94 % (RMSE) arises where the nominal MPC is near the edge of its stability. Here it is made in two
+ways, with the first seed. It shows how far a nominal can be driven into its delay. The gain over a well-tuned nominal
+is in the table of each row at its own best."""
 ON_EDGE_OF_WEIGHTS = """\
-**The delay as it is.** On the ways from the nominal's best weights to the default ones and to each row's best, over
-decades, the tightest at which it still finishes the test route, found by bisection; and of these the one at which RFL
-or RFL+S gains most ({share:.0f} % of the way to {towards}: {weights}). What survives such a delay is so damped that a
-model of it has little to gain. All rows at these weights."""
+**The delay as it is.** The weights move from the nominal's best to the default ones and to each row's best, over
+decades. Bisection finds the tightest on each way at which the nominal still finishes the test route. Of these, all rows
+have the one at which RFL or RFL+S gains most: {share:.0f} % of the way to {towards}. Its weights are {weights}. A
+nominal that survives such a delay is so damped that a model of it has little to gain."""
 ON_EDGE_OF_DELAY = """\
-**The weights as they are**, the default ones: tight enough for who knows the delay. Behind the whole delay the nominal
-diverges with them; the longest dead time at which it still finishes the test route, found by bisection, is
-{dead_time:.3f} s ({share:.0f} % of the plant's). All rows behind that one, learned and identified there."""
+**The weights as they are**, the default ones: tight enough for a model that knows the delay. Behind the whole delay the
+nominal diverges with them. Bisection finds the longest dead time at which it still finishes the test route:
+{dead_time:.3f} s ({share:.0f} % of the plant's). All rows are behind that one, learned and identified there."""
 ON_EDGES = {"weights": ON_EDGE_OF_WEIGHTS, "delay": ON_EDGE_OF_DELAY}
 
 
@@ -251,8 +254,8 @@ def verdict(rows: dict, observer: str, asked: float, rivals: tuple[str, ...]) ->
         size = {n: "diverged" if rival["diverged"] else f"{1e3 * rival['mae']:.2f} mm" for n, rival in named.items()}
         return ", ".join(f"{n} ({size[n]})" for n in names)
 
-    text += f"; no worse than {listed(ahead)}" if ahead else ""
-    return text + (f"; **worse than** {listed(behind)}" if behind else "")
+    text += f". No worse than {listed(ahead)}" if ahead else ""
+    return text + (f". **Worse than** {listed(behind)}" if behind else "")
 
 
 def verdicts(results: dict) -> list[str]:
@@ -265,7 +268,7 @@ def verdicts(results: dict) -> list[str]:
                 if plant == HIGH and (rival := best_of(rows, [name + observer for name in DELAY_MODELS])):
                     best = best_of(rows, [name + observer for name in LEARNED])
                     cut = 100 * (1 - rows[best]["mae"] / rows[rival]["mae"])
-                    text += f"; {cut:.0f} % under the best of first order and Padé (25 % are asked)"
+                    text += f". {cut:.0f} % under the best of first order and Padé (25 % are asked)"
                 lines.append(f"- {plant.replace('_', ' ').capitalize()}, best learned row {title}: {text}.")
     for name, rows in results.get("u_turn", {}).items():
         out = [row for row in learned(rows) if not rows[row]["within_bounds"]]
@@ -294,6 +297,7 @@ def write_markdown(results: dict, conditions: dict, out: Path) -> None:
         "",
         ABOUT.format(vehicle=results["vehicle"], **results["effort"]),
         "",
+        *program_lines(results),
         "**What it says**",
         "",
         *verdicts(results),
@@ -375,6 +379,7 @@ def write(folder: Path, out: Path) -> None:
     results = {
         "vehicle": head["vehicle"],
         "effort": head["effort"],
+        "program": program(),
         **{name: table(condition, "own_best") for name, condition in calm.items()},
         "u_turn": {name: u_turns(condition) for name, condition in calm.items()},
         "time": times(calm),

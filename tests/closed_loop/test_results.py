@@ -40,7 +40,7 @@ def test_the_best_row_never_diverged_and_what_falls_short_is_said():
     )
     text = truck.verdict(rows, "", 80.0, ("RTL", "oracle"))
     assert text.startswith("RFL, MAE 30.00 mm") and "**below** 80.0 %" in text
-    assert "no worse than RTL (diverged)" in text and "**worse than** oracle (20.00 mm)" in text
+    assert "No worse than RTL (diverged)" in text and "**Worse than** oracle (20.00 mm)" in text
     assert "at least 51.5 %" in truck.verdict(rows, "", 51.5, ())
     assert truck.verdict(rows, "+observer", 80.0, ()) is None
 
