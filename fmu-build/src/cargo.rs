@@ -30,7 +30,7 @@ impl Target {
     /// All platforms.
     pub const ALL: [Target; 4] = [Target::Linux64, Target::Win64, Target::Darwin64, Target::LinuxArm];
 
-    /// Whether a version of FMI has a name for it.
+    /// True if a version of FMI has a name for it.
     #[must_use]
     pub fn is_in(self, standard: Standard) -> bool {
         self != Target::LinuxArm || standard == Standard::Fmi3
@@ -47,7 +47,7 @@ impl Target {
         }
     }
 
-    /// What the builder calls it.
+    /// The builder's name for it.
     #[must_use]
     pub fn triple(self) -> &'static str {
         match self {
@@ -58,7 +58,7 @@ impl Target {
         }
     }
 
-    /// Whether it is linked on another system than its own.
+    /// True if it is linked on another system than its own.
     fn is_foreign(self) -> bool {
         Some(self) != Target::here()
     }
@@ -86,7 +86,7 @@ impl Target {
     }
 }
 
-/// Why a library could not be built.
+/// Reason for which a library could not be built.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum CargoError {
@@ -126,7 +126,7 @@ pub enum CargoError {
 /// The linker of Windows libraries on other systems, of mingw-w64.
 const MINGW: &str = "x86_64-w64-mingw32-gcc";
 
-/// Whether a program can be started.
+/// True if a program can be started.
 fn starts(program: &str) -> bool {
     let mut command = Command::new(program);
     command.arg("--version").stdout(Stdio::null()).stderr(Stdio::null());

@@ -96,7 +96,7 @@ fn document(standard: Standard, declaration: &Declaration, mark: &str) -> String
     xml.finish()
 }
 
-/// What the library can do as a unit of co-simulation.
+/// Abilities of the library as a unit of co-simulation.
 fn abilities(standard: Standard, name: &str) -> Attributes<'static> {
     let common = Attributes::new().with("modelIdentifier", name).with("needsExecutionTool", false);
     match standard {

@@ -12,7 +12,7 @@ const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:70em;marg
 table{border-collapse:collapse;margin:1em 0}td,th{border:1px solid #ccc;padding:.2em .6em;text-align:left;\
 vertical-align:top}th{background:#f2f2f2}code,pre{background:#f6f6f6}pre{padding:1em}";
 
-/// What statuses mean here, in the words of a host's user.
+/// Meaning of statuses here, in the words of a host's user.
 const STATUSES: [(&str, &str); 4] = [
     ("fmiOK", "Done. The log has a warning where there is something to look at."),
     (

@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use tempfile::TempDir;
 
-/// Why an FMU could not be made.
+/// Reason for which an FMU could not be made.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum FmuError {
@@ -77,7 +77,7 @@ pub struct Resource {
 /// An FMU to be made.
 #[derive(Debug, Clone)]
 pub struct Fmu {
-    /// What it is; its name is the FMU's.
+    /// The unit; its name is the FMU's.
     pub declaration: Declaration,
     /// The vehicles that it is for.
     pub vehicle: VehicleKind,
@@ -87,9 +87,9 @@ pub struct Fmu {
     pub package: &'static str,
     /// Arguments of `cargo build` that choose its library.
     pub selection: Vec<&'static str>,
-    /// What goes into `resources/`.
+    /// Contents of `resources/`.
     pub resources: &'static [Resource],
-    /// What a user adds.
+    /// Additions of a user.
     pub added: Added,
     /// The FMU that is changed, if it is not made from source.
     pub base: Option<Base>,
@@ -136,7 +136,7 @@ impl Base {
         Ok(Fmu { base: Some(base), ..fmu.clone() })
     }
 
-    /// Where its resources lie, unpacked.
+    /// Folder of its resources, unpacked.
     #[must_use]
     pub fn surroundings(&self) -> Surroundings<'_> {
         Surroundings { folder: self.folder.path(), path: DEFAULT_PATH }
@@ -147,7 +147,7 @@ fn temporary_folder() -> Result<TempDir, FmuError> {
     tempfile::tempdir().map_err(FmuError::Temporary)
 }
 
-/// Where the files lie that start values name, before an FMU is packed.
+/// Folder of the files that start values name, before an FMU is packed.
 #[derive(Debug, Clone, Copy)]
 pub struct Surroundings<'a> {
     /// The folder that stands for `resources/`.
@@ -156,10 +156,10 @@ pub struct Surroundings<'a> {
     pub path: &'a str,
 }
 
-/// Where FMUs are written, and what goes in beside what is built.
+/// Folder for FMUs, and what goes in beside what is built.
 #[derive(Debug, Clone, Default)]
 pub struct Packing {
-    /// Where FMUs are written.
+    /// Folder for FMUs.
     pub out: PathBuf,
     /// A folder with libraries of other platforms: `PLATFORM/NAME.SUFFIX`.
     pub binaries: Option<PathBuf>,
@@ -177,7 +177,7 @@ impl Packing {
     }
 }
 
-/// How FMUs are made from source.
+/// Settings by which FMUs are made from source.
 #[derive(Debug, Clone)]
 pub struct Options {
     /// The project's folder.
@@ -188,7 +188,7 @@ pub struct Options {
     pub profile: String,
     /// The platforms that libraries are built for; none: this machine.
     pub targets: Vec<Target>,
-    /// Where the FMUs go.
+    /// Folder for the FMUs.
     pub packing: Packing,
 }
 
@@ -200,7 +200,7 @@ impl Options {
     }
 }
 
-/// What was made.
+/// FMUs that were made.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Made {
     /// The FMU's file.
@@ -385,7 +385,7 @@ impl Fmu {
     }
 }
 
-/// Whether an FMU is of this version of FMI. One that says of none is taken for what is wanted: what is wrong with it is said
+/// True if an FMU is of this version of FMI. One that says of none is taken for what is wanted: what is wrong with it is said
 /// when it is merged.
 fn is_of(fmu: &Path, standard: Standard) -> Result<bool, PackageError> {
     let xml = Package::read_entry(fmu, "modelDescription.xml")?.unwrap_or_default();

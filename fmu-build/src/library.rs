@@ -1,4 +1,4 @@
-//! What a shared library exports and needs: an FMU library exports the functions of its version of FMI and nothing else, and
+//! Exports and needs of a shared library: an FMU library exports the functions of its version of FMI and nothing else, and
 //! needs nothing that a host may lack.
 
 pub use crate::standard::FMI2_FUNCTIONS;
@@ -10,7 +10,7 @@ use object::read::macho::{FatArch, MachOFatFile32};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// Why a library cannot go into an FMU.
+/// Reason for which a library cannot go into an FMU.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum LibraryError {
@@ -32,7 +32,7 @@ pub enum LibraryError {
     Surplus { path: PathBuf, surplus: String },
 }
 
-/// What was found in a library.
+/// Findings in a library.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Library {
     /// FMI 2.0's name of the platform, e.g. `linux64`; Linux on ARM has one in 3.0 only.

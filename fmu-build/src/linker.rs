@@ -37,7 +37,7 @@ pub fn install(target: &Path) -> std::io::Result<PathBuf> {
     Ok(folder)
 }
 
-/// Whether this program was started as a linker.
+/// True if this program was started as a linker.
 #[must_use]
 pub fn is_called() -> bool {
     let own = std::env::args_os().next().unwrap_or_default();

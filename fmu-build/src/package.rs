@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
-/// Why an archive could not be made.
+/// Reason for which an archive could not be made.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum PackageError {
@@ -93,7 +93,7 @@ impl Package {
         self.entries.keys().map(String::as_str).filter(move |name| name.starts_with(folder))
     }
 
-    /// Whether there is an entry of this name.
+    /// True if there is an entry of this name.
     #[must_use]
     pub fn contains(&self, name: &str) -> bool {
         self.entries.contains_key(name)
@@ -248,13 +248,13 @@ const UNPACKED: u64 = 1 << 30;
 /// Most files in an FMU.
 const ENTRIES: usize = 10_000;
 
-/// Whether a name in an archive names a file below the folder where it is unpacked, on any system.
+/// True if a name in an archive names a file below the folder where it is unpacked, on any system.
 fn stays_below(name: &str) -> bool {
     let plain = |part: &str| !part.is_empty() && part != "." && part != "..";
     !name.contains(['\\', ':', '\0']) && name.split('/').all(plain)
 }
 
-/// Whether a name in an archive is that of a library, `binaries/PLATFORM/NAME`, wherever it is unpacked.
+/// True if a name in an archive is that of a library, `binaries/PLATFORM/NAME`, wherever it is unpacked.
 fn is_library(name: &str) -> bool {
     let parts: Vec<_> = name.split('/').collect();
     let plain = |part: &&str| {
@@ -264,7 +264,7 @@ fn is_library(name: &str) -> bool {
     parts.len() == 3 && parts.iter().all(plain)
 }
 
-/// Whether bytes hold others.
+/// True if bytes hold others.
 #[must_use]
 pub fn contains(bytes: &[u8], wanted: &[u8]) -> bool {
     wanted.is_empty() || bytes.windows(wanted.len()).any(|window| window == wanted)

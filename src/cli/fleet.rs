@@ -3,11 +3,11 @@
 use clap::Args;
 use std::error::Error;
 
-/// What differs in which vehicle of a fleet, and since when (Python package, with its extra `fleet`)
+/// Changes of the vehicles of a fleet: which, in which, since when (Python package, with its extra `fleet`)
 #[derive(Debug, Args)]
 #[command(disable_help_flag = true)]
 pub struct FleetArgs {
-    /// What is passed on
+    /// Words passed on
     #[arg(trailing_var_arg = true, allow_hyphen_values = true, hide = true)]
     words: Vec<String>,
 }

@@ -1,4 +1,4 @@
-//! What one log says of all parameters at once, as a Gaussian: the summary that drives of a fleet are joined by.
+//! Gaussian likelihood of all parameters at once, from one log: the summary that drives of a fleet are joined by.
 //!
 //! Around the fit `x` of the first hypothesis, with gap `e`, slopes `S`, weights `W` and temper `eta`, the likelihood is
 //!
@@ -12,7 +12,7 @@
 //!     G <- G_kk - G_kf (G_ff + P)^-1 G_fk,     g <- g_k - G_kf (G_ff + P)^-1 (g_f - P (x_f - m)).
 //! ```
 //!
-//! What is left does not hold the prior of any parameter: summaries of several drives add up. Parameters are in physical units, as
+//! The result does not hold the prior of any parameter: summaries of several drives add up. Parameters are in physical units, as
 //! differences from the simulator's value, so that drives with other signals and rates agree on them.
 
 use super::fit::{FREED, Fit, Linear, Prior};

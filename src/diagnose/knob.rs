@@ -595,13 +595,13 @@ impl Knob {
         self.spread(1.0, deviation) * factor
     }
 
-    /// Whether the coordinate is one over the value.
+    /// True if the coordinate is one over the value.
     #[must_use]
     pub fn is_reciprocal(&self) -> bool {
         matches!(self.turns, Turns::RateLimit)
     }
 
-    /// What one of the coordinate adds to the value, as the vehicle file or the plant has it, or to one over the value.
+    /// Increase of the value for one of the coordinate, as the vehicle file or the plant has it, or to one over the value.
     #[must_use]
     pub fn step_of_one<V: ReplayVehicle>(&self, vehicle: &V) -> f64 {
         if self.is_reciprocal() { 1.0 / self.unit } else { self.deviation(1.0, vehicle) }

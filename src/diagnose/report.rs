@@ -66,7 +66,7 @@ pub struct InformedParameter {
     pub given: f64,
     /// Symbol of the unit.
     pub unit: String,
-    /// Whether the numbers are of one over the value: of a rate limit, which is infinite where there is none.
+    /// True if the numbers are of one over the value: of a rate limit, which is infinite where there is none.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub reciprocal: bool,
     /// Standard deviation of ordinary simulators; 0: none has it.

@@ -1,4 +1,4 @@
-//! What a host's pointer to an instance points to, and what guards a host from us and us from a host:
+//! Target of a host's pointer to an instance, and the guards of a host from us and us from a host:
 //!
 //! - no panic crosses (it becomes an error and state "error");
 //! - a component that is NULL, not of ours or freed is refused as far as its memory can be read (a mark is checked);
@@ -28,7 +28,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-/// What a component points to.
+/// Target of a component.
 pub struct Handle<M: Model> {
     mark: AtomicU64,
     busy: AtomicBool,
@@ -141,7 +141,7 @@ pub unsafe fn texts<'a>(
     pointers.iter().map(text).collect()
 }
 
-/// Where a result goes.
+/// Place for a result.
 ///
 /// # Safety
 /// `pointer` is NULL or may be written.
@@ -152,7 +152,7 @@ pub unsafe fn put<T>(pointer: *mut T, value: T, argument: &'static str) -> Resul
     Ok(Status::Ok)
 }
 
-/// How a host asks for an instance.
+/// Request of a host for an instance.
 pub struct Request<'a> {
     /// The version of the host.
     pub version: &'static Version,
@@ -162,11 +162,11 @@ pub struct Request<'a> {
     pub own: &'static str,
     /// The instance's name, and the mark and resources that the host gives.
     pub given: [Text; 3],
-    /// Where messages go.
+    /// Receiver of messages.
     pub listener: Option<Listener>,
-    /// Whether debug logging is on.
+    /// True if debug logging is on.
     pub logging_on: bool,
-    /// What the version has against the other arguments.
+    /// Objection of the version to the other arguments.
     pub against: Option<&'a str>,
 }
 

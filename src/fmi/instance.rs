@@ -36,7 +36,7 @@ use std::collections::BTreeMap;
 use std::ffi::{CStr, CString, c_char, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// How far the host's communication point may be from the instance's time, in steps.
+/// Greatest distance of the host's communication point from the instance's time, in steps.
 const POINT_TOLERANCE: f64 = 1e-4;
 
 /// An instance of a model.
@@ -643,7 +643,7 @@ impl<M: Model> Instance<M> {
     }
 }
 
-/// What a panic said.
+/// Words of a panic.
 fn panic_message(payload: &(dyn std::any::Any + Send)) -> String {
     let text = payload.downcast_ref::<&str>().map(ToString::to_string);
     text.or_else(|| payload.downcast_ref::<String>().cloned())

@@ -1,4 +1,4 @@
-//! When a host may call what: the states of an instance. Each version of FMI has a table over them (`v2/table.rs`,
+//! States of an instance, and the calls that a host may make in each. Each version of FMI has a table over them (`v2/table.rs`,
 //! `v3/table.rs`).
 //!
 //! ```text
@@ -41,13 +41,13 @@ impl Life {
         Life::Error,
     ];
 
-    /// Whether the model is initialised and well: then it has an internal state.
+    /// True if the model is initialised and well: then it has an internal state.
     #[must_use]
     pub fn has_working_model(self) -> bool {
         matches!(self, Life::StepComplete | Life::StepFailed | Life::Terminated)
     }
 
-    /// What a host can do from here, for error messages.
+    /// Calls that a host can make from here, for error messages.
     #[must_use]
     pub fn way_out(self, v: &Version) -> String {
         match self {
@@ -89,7 +89,7 @@ pub trait Function: Copy {
     /// The function's name in the standard.
     fn name(self) -> &'static str;
 
-    /// Whether the standard allows the call in a state.
+    /// True if the standard allows the call in a state.
     fn allowed_in(self, life: Life) -> bool;
 }
 

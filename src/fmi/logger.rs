@@ -15,7 +15,7 @@ use std::sync::Arc;
 /// Tells the host something: the instance's name, status, category, message.
 pub type Listener = Arc<dyn Fn(&CStr, Status, &CStr, &CStr) + Send + Sync>;
 
-/// What a host wants back with each message.
+/// Pointer that a host wants back with each message.
 #[derive(Clone, Copy)]
 pub struct Kept(Environment);
 
@@ -60,7 +60,7 @@ pub struct Logger {
     name: CString,
     /// Categories whose informative messages are told.
     enabled: Vec<&'static str>,
-    /// Whether warnings and errors are told even so.
+    /// True if warnings and errors are told even so.
     unasked: bool,
 }
 
@@ -71,7 +71,7 @@ impl Logger {
         Self { listener, name: name.to_owned(), enabled: Vec::new(), unasked: true }
     }
 
-    /// Whether warnings and errors are told to a host that has not asked for them.
+    /// True if warnings and errors are told to a host that has not asked for them.
     #[must_use]
     pub fn unasked(self, unasked: bool) -> Self {
         Self { unasked, ..self }
@@ -82,7 +82,7 @@ impl Logger {
         self.enabled = categories;
     }
 
-    /// Whether an informative message of this category is wanted.
+    /// True if an informative message of this category is wanted.
     #[must_use]
     pub fn wants(&self, category: &str) -> bool {
         self.enabled.iter().any(|enabled| *enabled == category || *enabled == "logAll")
@@ -123,7 +123,7 @@ pub fn status_category(status: Status) -> &'static str {
 /// A model's way to the logger over one call; notes whether there was a warning, which may be the call's status.
 pub struct Messages<'a> {
     logger: &'a Logger,
-    /// Whether the model has warned.
+    /// True if the model has warned.
     pub warned: bool,
 }
 

@@ -1,4 +1,4 @@
-//! What the FMI layer asks of a model. It knows nothing else of vehicles or controllers.
+//! The trait that the FMI layer asks of a model. It knows nothing else of vehicles or controllers.
 
 use super::value::Values;
 use super::variable::{Variable, Vr};
@@ -57,7 +57,7 @@ pub struct LogCategory {
     pub description: &'static str,
 }
 
-/// How serious a log message is; it becomes the message's status.
+/// Severity of a log message; it becomes the message's status.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[allow(missing_docs)]
 pub enum Severity {
@@ -66,13 +66,13 @@ pub enum Severity {
     Error,
 }
 
-/// Where a model's messages go.
+/// Receiver of a model's messages.
 pub trait Log {
     /// Tells the host something. `category` is one of the declaration's log categories.
     fn log(&mut self, severity: Severity, category: &'static str, message: &str);
 }
 
-/// What a model may know of its surroundings when it is initialised.
+/// Surroundings of a model, as it may know them when it is initialised.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Context {
     /// The FMU's `resources/` folder, where the host gave a usable one.
@@ -94,7 +94,7 @@ impl Context {
     }
 }
 
-/// Why a model could not be initialised or make a step. The message says what was wrong, where (file, line,
+/// Reason for which a model could not be initialised or make a step. The message says what was wrong, where (file, line,
 /// variable) and what to do.
 #[derive(Debug, thiserror::Error)]
 pub enum ModelError {
@@ -122,7 +122,7 @@ pub trait Model: Send + Sized + 'static {
     /// Reads parameters and resources, and calculates the outputs at the start. Called once on a new model, but
     /// perhaps on several models of one instance: when the host reads an output in initialisation mode and then
     /// sets something, after a reset, and before [`restore`](Model::restore) into an instance of other parameters.
-    /// What a step uses of tunable parameters is therefore read in each step, not here.
+    /// So tunable parameters are read in each step, not here.
     /// Parameters given by a file are written back to `values`, unless the host has set them itself.
     ///
     /// # Errors
@@ -139,7 +139,7 @@ pub trait Model: Send + Sized + 'static {
     /// finite and hold over the step; outputs are written to `values`. An error leaves the model as it was.
     ///
     /// # Errors
-    /// Why the step could not be made.
+    /// The reason for which the step could not be made.
     fn step(
         &mut self,
         values: &mut Values,
@@ -148,7 +148,7 @@ pub trait Model: Send + Sized + 'static {
         log: &mut dyn Log,
     ) -> Result<(), ModelError>;
 
-    /// Whether a call that did its work with a warning returns a warning. Many hosts end a run at any status but
+    /// True if a call that did its work with a warning returns a warning. Many hosts end a run at any status but
     /// OK, so it returns OK unless the user asks for the warning; the log tells it in either case.
     fn reports_warnings(&self, _values: &Values) -> bool {
         false
@@ -160,7 +160,7 @@ pub trait Model: Send + Sized + 'static {
     /// Checks bytes that are to become a state later: decodable, and numbers and places in them that a run can have.
     ///
     /// # Errors
-    /// What is wrong with them.
+    /// The fault in them.
     fn check(bytes: &[u8]) -> Result<(), ModelError>;
 
     /// Sets the internal state of an initialised model (same parameters) from what [`save`](Model::save) wrote.

@@ -1,4 +1,4 @@
-//! Why a call was refused. Unless a variant says otherwise, a refused call has changed nothing.
+//! Reasons for which a call was refused. Unless a variant says otherwise, a refused call has changed nothing.
 
 use super::life::Life;
 use super::types::Status;
@@ -152,7 +152,7 @@ pub enum Refusal {
 }
 
 impl Refusal {
-    /// What was wrong, and what to do, in the words of the host's version.
+    /// The fault and its remedy, in the words of the host's version.
     #[must_use]
     pub fn message(&self, v: &Version) -> String {
         let Version { state, times, mark, .. } = v;
@@ -261,7 +261,7 @@ impl Refusal {
         }
     }
 
-    /// What the host gets.
+    /// Status that the host gets.
     #[must_use]
     pub fn status(&self) -> Status {
         match self {

@@ -16,33 +16,33 @@ pub enum Status {
     Pending,
 }
 
-/// What a host has of an instance: `fmi2Component`, `fmi3Instance`.
+/// A host's pointer to an instance: `fmi2Component`, `fmi3Instance`.
 pub type Component = *mut c_void;
-/// What a host gets back with each message.
+/// Pointer that a host gets back with each message.
 pub type Environment = *mut c_void;
 /// `size_t`.
 pub type Count = usize;
-/// Where a `size_t` goes.
+/// Place for a `size_t`.
 pub type CountOut = *mut usize;
 /// A C string.
 pub type Text = *const c_char;
 /// C strings.
 pub type Texts = *const *const c_char;
-/// Where pointers to C strings go.
+/// Place for pointers to C strings.
 pub type TextsOut = *mut *const c_char;
 /// A `double`.
 pub type Real = f64;
 /// `double`s.
 pub type Reals = *const f64;
-/// Where `double`s go.
+/// Place for `double`s.
 pub type RealsOut = *mut f64;
 /// Value references.
 pub type References = *const c_uint;
 /// A stored FMU state.
 pub type State = *mut c_void;
-/// Where a pointer to a stored FMU state is and goes.
+/// Place of a pointer to a stored FMU state.
 pub type StateOut = *mut *mut c_void;
 /// A serialised FMU state.
 pub type Bytes = *const c_char;
-/// Where a serialised FMU state goes.
+/// Place for a serialised FMU state.
 pub type BytesOut = *mut c_char;

@@ -1,4 +1,4 @@
-//! What a variable of an FMU is: the declaration from which XML, checks and documentation are made.
+//! A variable of an FMU: the declaration from which XML, checks and documentation are made.
 
 use super::value::Value;
 use crate::signal::{Signal, Unit};

@@ -1,4 +1,4 @@
-//! What differs between the versions of FMI in words: one table, so that each message names functions that its host has.
+//! Differences between the versions of FMI in words: one table, so that each message names functions that its host has.
 
 use super::variable::Kind;
 use std::fmt;
@@ -8,7 +8,7 @@ use std::fmt;
 pub struct Version {
     /// The number in the functions' names.
     pub number: &'static str,
-    /// Where the standard says when a call is allowed.
+    /// Place in the standard that allows a call.
     pub states: &'static str,
     /// The calls that begin an initialisation.
     pub begin: &'static str,
@@ -16,7 +16,7 @@ pub struct Version {
     pub times: &'static str,
     /// A stored state, in functions' names.
     pub state: &'static str,
-    /// What a description and its library have in common, in the standard's word.
+    /// Token that a description and its library have in common, in the standard's word.
     pub mark: &'static str,
     /// Names of the types, in the names of get and set calls.
     pub real: &'static str,
@@ -24,9 +24,9 @@ pub struct Version {
     pub integer: &'static str,
     /// As `real`; the type in which enumerations are set and got.
     pub enumeration: &'static str,
-    /// Whether time is a variable, behind the model's own.
+    /// True if time is a variable, behind the model's own.
     pub has_time: bool,
-    /// Whether warnings and errors are told to a host that has not switched logging on.
+    /// True if warnings and errors are told to a host that has not switched logging on.
     pub speaks_unasked: bool,
 }
 

@@ -39,7 +39,7 @@ const CATEGORIES: &[LogCategory] = &[
 /// A signal that the controller is told, and where it stands in what it is told.
 pub type Told = (&'static Signal, fn(&mut Measurement) -> &mut f64);
 
-/// What any controller is told, of a car no more.
+/// Inputs of any controller; a car's has no others.
 pub const TOLD_OF_A_BODY: [Told; 7] = [
     (&signal::X, |measured| &mut measured.x),
     (&signal::Y, |measured| &mut measured.y),
@@ -80,14 +80,14 @@ pub trait ControllerUnit<const S: usize>: VehicleParameters<S> + Send + 'static 
     const NAME: &'static str;
     /// One sentence.
     const DESCRIPTION: &'static str;
-    /// What people call such a vehicle.
+    /// Word for such a vehicle.
     const WHAT: &'static str;
-    /// What the controller is told.
+    /// Inputs of the controller.
     const INPUTS: &'static [Told];
     /// Steps of the prediction that are outputs; longer horizons are allowed.
     const SHOWN: usize;
 
-    /// What a vehicle's file says.
+    /// Contents of a vehicle's file.
     type File: vehicle::VehicleParameters;
 
     /// Start values of the parameters.
@@ -186,7 +186,7 @@ fn write_groups(groups: &[&mut dyn Group], first: Vr, values: &mut Values) {
     }
 }
 
-/// What the host chose to predict with, or else the controller's file.
+/// Prediction model of the host's choice, or else of the controller's file.
 fn chosen(v: &Variables, values: &Values, context: &Context, of_file: Option<ControlVariant>) -> Choice {
     let file = match values.string(v.residual_file) {
         "" => None,
@@ -380,7 +380,7 @@ struct Running<U: ControllerUnit<S>, const S: usize> {
     sampler: Sampler,
 }
 
-/// What [`Model::save`] writes.
+/// State that [`Model::save`] writes.
 #[derive(Serialize, Deserialize)]
 struct Saved<const S: usize> {
     controller: ControllerState<S>,

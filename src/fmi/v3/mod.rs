@@ -1,6 +1,6 @@
 //! FMI 3.0, co-simulation: the C interface of `fmi3Functions.h`, `fmi3FunctionTypes.h`, `fmi3PlatformTypes.h`.
 //!
-//! As in [`v2`](super::v2), functions only translate. What is otherwise in 3.0:
+//! As in [`v2`](super::v2), functions only translate. Differences of 3.0:
 //!
 //! - the host's logger is called only for what it asked for (`loggingOn`, `fmi3SetDebugLogging`), and is not variadic;
 //! - enumerations are got and set as `Int64`, and time is a variable, behind the model's own;
