@@ -20,9 +20,9 @@ import pytest
 pytest.importorskip("distributed", reason="the extra [fleet] is not installed")
 psutil = pytest.importorskip("psutil")
 
-VEHICLES, DRIVES = ("one", "two", "three"), 5
-#: Vehicle two has other toe since its fourth drive.
-OFFSET, SINCE = 0.02, 4
+VEHICLES, DRIVES = ("one", "two", "three"), 4
+#: Vehicle two has other toe since its third drive.
+OFFSET, SINCE = 0.02, 3
 NOISE = {
     "x": 0.02,
     "y": 0.02,
@@ -54,7 +54,7 @@ def logs(rfl_mpc, tmp_path_factory):
             told = {"effect.steer_gain": gain, "effect.wind_y": 0.5 * rng.normal()}
             if vehicle == "two" and drive >= SINCE:
                 told["effect.steer_offset"] = OFFSET
-            log = rfl_mpc.drive("sudoku_turns", set=told, duration=12).log.drop(columns="status")
+            log = rfl_mpc.drive("sudoku_turns", set=told, duration=10.5).log.drop(columns="status")
             log = log[["time", "steer_cmd", "accel_cmd", *NOISE]].copy()
             for name, noise in NOISE.items():
                 log[name] += noise * rng.normal(size=len(log))
@@ -93,8 +93,8 @@ def test_a_changed_vehicle_is_named_with_its_effect_and_its_drive(undisturbed):
     assert changed.low < OFFSET < changed.high and changed.probability > 0.9
     verdicts = undisturbed.verdicts
     assert len(verdicts) == len(VEHICLES) * DRIVES and verdicts.error.isna().all()
-    assert set(verdicts.vehicle) == set(VEHICLES) and list(verdicts[verdicts.vehicle == "one"].drive) == [1, 2, 3, 4, 5]
-    assert "two: steer_offset" in str(undisturbed) and "1 of 3 vehicles changed (15 drives)" in str(undisturbed)
+    assert set(verdicts.vehicle) == set(VEHICLES) and list(verdicts[verdicts.vehicle == "one"].drive) == [1, 2, 3, 4]
+    assert "two: steer_offset" in str(undisturbed) and "1 of 3 vehicles changed (12 drives)" in str(undisturbed)
 
 
 def test_the_page_leads_to_the_vehicle_and_its_report(undisturbed):
@@ -114,9 +114,9 @@ def test_what_is_done_is_not_done_again(fleet, logs, undisturbed, monkeypatch, t
     again = fleet.run(logs, out=out, pairs=False)
     assert contents(again.out) == contents(undisturbed.out)
     dry = fleet.run(logs, out=out, pairs=False, dry_run=True)
-    assert str(dry) == "15 drives of 3 vehicles of 1 types; 0 of them to be diagnosed"
+    assert str(dry) == "12 drives of 3 vehicles of 1 types; 0 of them to be diagnosed"
     other = fleet.run(logs, out=out, pairs=True, dry_run=True)
-    assert "15 of them to be diagnosed" in str(other)
+    assert "12 of them to be diagnosed" in str(other)
 
 
 def test_a_bad_log_is_a_row_with_its_error(fleet, logs, tmp_path):
@@ -146,7 +146,7 @@ def started(rfl_mpc, *words, **options) -> subprocess.Popen:
 def wait_for_answers(process: subprocess.Popen, count: int) -> None:
     """Until the progress tells so many."""
     said = ""
-    while not any(f" {done}/15" in said for done in range(count, 16)):
+    while not any(f" {done}/12" in said for done in range(count, 13)):
         letter = process.stderr.read(1)
         assert letter, f"ended too early: {said}"
         said += letter
@@ -174,7 +174,7 @@ def test_a_killed_run_goes_on_where_it_was_and_ends_with_the_same_bits(rfl_mpc, 
         end(process.pid)
         psutil.wait_procs(rest, timeout=20)
     waiting = fleet.run(logs, out=out, dry_run=True, pairs=False).report["waiting"]
-    assert 0 < waiting <= 11
+    assert 0 < waiting <= 8
     assert contents(fleet.run(logs, out=out, workers=2, pairs=False).out) == contents(undisturbed.out)
 
 
