@@ -750,7 +750,7 @@ mod tests {
         let car = builtin("c_class").unwrap();
         let mut effects = TruckEffects::default();
         (effects.vehicle.payload, effects.vehicle.steer_offset) = (300.0, 0.02);
-        let conditions = Conditions { seed: 3, duration: 40.0, step: 0.02, ..Conditions::default() };
+        let conditions = Conditions { seed: 3, duration: 20.0, step: 0.02, ..Conditions::default() };
         let log = drive(&car, &effects, &conditions).unwrap();
         let drive = Drive::new(&log, false);
         let correction = neutral(&drive, &car).unwrap();
@@ -783,7 +783,7 @@ mod tests {
         let car = builtin("c_class").unwrap();
         let mut effects = TruckEffects::default();
         effects.vehicle.steer_delay = 0.1;
-        let conditions = Conditions { seed: 3, duration: 40.0, step: 0.02, ..Conditions::default() };
+        let conditions = Conditions { seed: 3, duration: 20.0, step: 0.02, ..Conditions::default() };
         let log = drive(&car, &effects, &conditions).unwrap();
         let drive = Drive::new(&log, false);
         let correction = neutral(&drive, &car).unwrap();
