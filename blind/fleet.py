@@ -79,11 +79,6 @@ def background(levels: list[dict[str, float]]) -> dict[str, float]:
     return found
 
 
-def merged(values: dict[str, float], more: dict[str, float]) -> dict[str, float]:
-    """Effects of a type and of a vehicle."""
-    return values | more
-
-
 class Fleet:
     """A fleet, by its seed."""
 
@@ -130,7 +125,7 @@ class Fleet:
         for drive in range(self.drives):
             values = dict(common) if kind == common_kind else {}
             if label["effect"] and drive >= label["since"]:
-                values = merged(values, label["values"])
+                values = values | label["values"]
             for attempt in range(TRIES):
                 rng = self.rng(8, vehicle, drive, attempt)
                 whole = combined(background([of_type, own, tolerances(rng, 2)]), values)

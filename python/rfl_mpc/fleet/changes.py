@@ -164,43 +164,37 @@ class Vehicle:
 
     def offsets(self, known: Known) -> np.ndarray:
         """What changes add to each drive's parameters, of shape ``(drives, parameters)``."""
-        count = len(self.shift)
+        count, q = len(self.shift), len(self.free)
         _, mean, _ = self._state(count, known)
-        found = np.zeros((count, len(self.mean)))
-        at = len(self.free)
-        for mask, kind in known:
-            for place in kind.places:
-                found[mask, place] += mean[at]
-                at += 1
-        return found
+        return self._added(count, known)[:, :, q:] @ mean[q:]
 
-    def _last(self, count: int, known) -> tuple[np.ndarray, np.ndarray]:
+    def _last(self, count: int, known: Known) -> tuple[np.ndarray, np.ndarray]:
         """Parameters after the last drive, scaled differences, and their covariance."""
         covariance, mean, _ = self._state(count, known)
-        add = np.zeros((len(self.mean), len(mean)))
-        add[self.free, np.arange(len(self.free))] = 1.0
-        at = len(self.free)
-        for mask, kind in known:
-            for place in kind.places:
-                add[place, at] = float(count > 0 and mask[count - 1])
-                at += 1
+        add = self._added(count, known)[-1]
         return self.mean + add @ mean, add @ covariance @ add.T
+
+    def _added(self, count: int, known: Known, before: bool = False) -> np.ndarray:
+        """``T_d``: what the state (``u``, then the changes) adds to the parameters on each drive, or just before it."""
+        q = len(self.free)
+        add = np.zeros((count, len(self.mean), q + sum(len(kind.places) for _, kind in known)))
+        add[:, self.free, np.arange(q)] = 1.0
+        at = q
+        for mask, kind in known:
+            held = np.concatenate([[False], mask[: count - 1]]) if before else mask[:count]
+            for place in kind.places:
+                add[held, place, at] = 1.0
+                at += 1
+        return add
 
     def _state(self, count: int, known: Known):
         """Posterior of all that is known: covariance, mean, and ``R_k`` after each drive."""
-        free, q = self.free, len(self.free)
-        size = q + sum(len(kind.places) for _, kind in known)
-        p = len(self.mean)
-        add = np.zeros((count, p, size))
-        add[:, free, np.arange(q)] = 1.0
-        at = q
-        precision = np.zeros((size, size))
+        add = self._added(count, known)
+        q = len(self.free)
+        precision = np.zeros((add.shape[2], add.shape[2]))
         precision[:q, :q] = self.prior
-        for mask, kind in known:
-            for place, deviation in zip(kind.places, kind.deviations):
-                add[mask[:count], place, at] = 1.0
-                precision[at, at] = deviation**-2
-                at += 1
+        changed = [deviation**-2 for _, kind in known for deviation in kind.deviations]
+        precision[range(q, len(precision)), range(q, len(precision))] = changed
         products = self.precision[:count] @ add
         normal = precision + np.einsum("dpa,dpb->ab", add, products)
         pulled = np.einsum("dpa,dp->a", add, self.shift[:count])
@@ -272,14 +266,8 @@ class Vehicle:
         k, place = int(np.argmax(mask)), kind.places[0]
         parameter = self.parameters[place]
         before = self.mean[place] + self._levels(count, known, mean)[k, place]
-        after, own = self.mean[place], np.zeros(len(mean))
-        own[: len(self.free)] = self.free == place
-        at = len(self.free)
-        for held, other in known:
-            for changed in other.places:
-                own[at] = float(changed == place and held[k])
-                at += 1
-        after += own @ mean
+        own = self._added(count, known)[k, place]
+        after = self.mean[place] + own @ mean
         deviation = math.hypot(math.sqrt(max(own @ covariance @ own, 0.0)), FORM * (after - before))
         ends = [parameter.value(after + side * 1.96 * deviation) for side in (-1.0, 1.0)]
         return {
@@ -288,15 +276,7 @@ class Vehicle:
 
     def _levels(self, count: int, known: Known, mean: np.ndarray, before: bool = True) -> np.ndarray:
         """Parameters over ``mu`` just before each drive, or on it."""
-        levels = np.zeros((count, len(self.mean)))
-        levels[:, self.free] = mean[: len(self.free)]
-        at = len(self.free)
-        for mask, kind in known:
-            held = np.concatenate([[False], mask[: count - 1]]) if before else mask[:count]
-            for place in kind.places:
-                levels[held, place] += mean[at]
-                at += 1
-        return levels
+        return self._added(count, known, before) @ mean
 
     def _within(
         self, kind: Kind, level: np.ndarray, found: np.ndarray, deviation: np.ndarray, size: float

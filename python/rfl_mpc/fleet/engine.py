@@ -95,6 +95,12 @@ def cluster(address: str | None, workers: int | None = None) -> Iterator[Client]
         yield client
 
 
+def job_of(drive: Drive, options: Mapping[str, Any]) -> dict[str, Any]:
+    """A drive as a worker gets it."""
+    files = {"log": drive.log, "vehicle_file": drive.vehicle_file, "reference": drive.reference}
+    return files | {"options": dict(options)}
+
+
 def run(
     plan: Plan,
     store: Store,
@@ -117,13 +123,7 @@ def run(
         if row is None:
             return False
         drive = plan.drives[row]
-        job = {
-            "log": drive.log,
-            "vehicle_file": drive.vehicle_file,
-            "reference": drive.reference,
-            "options": dict(options),
-        }
-        future = client.submit(diagnosed, job, limit, key=f"drive-{row}", pure=False)
+        future = client.submit(diagnosed, job_of(drive, options), limit, key=f"drive-{row}", pure=False)
         rows[future.key] = row
         running.add(future)
         return True

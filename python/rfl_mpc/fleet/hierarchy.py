@@ -50,12 +50,16 @@ class Spread:
     """Variances ``W``."""
 
 
-def without(precision: np.ndarray, shift: np.ndarray, variance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Likelihoods after a Gaussian addition with these variances is marginalised; a variance of 0: there is none."""
+def covariance_of(precision: np.ndarray, variance: np.ndarray) -> np.ndarray:
+    """Covariances under likelihoods with these precisions and a prior with these variances; a variance of 0: fixed."""
     root = np.sqrt(variance)
     inner = np.eye(len(root)) + root[:, None] * precision * root
-    seen = np.linalg.solve(inner, np.broadcast_to(np.diag(root), precision.shape))
-    gain = precision @ (root[:, None] * seen)
+    return root[:, None] * np.linalg.solve(inner, np.broadcast_to(np.diag(root), inner.shape))
+
+
+def without(precision: np.ndarray, shift: np.ndarray, variance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Likelihoods after a Gaussian addition with these variances is marginalised; a variance of 0: there is none."""
+    gain = precision @ covariance_of(precision, variance)
     left = precision - gain @ precision
     return 0.5 * (left + np.swapaxes(left, -1, -2)), shift - np.einsum("...ij,...j->...i", gain, shift)
 
@@ -80,9 +84,7 @@ def spread(drives: Drives, vehicle: np.ndarray, rounds: int = ROUNDS) -> Spread:
         seen = np.sum(levels**2 + np.einsum("vii->vi", spreads), axis=0)
         new_vehicles = (WEIGHT * prior_vehicles + seen) / (WEIGHT + count)
         # Of the drives about them.
-        root = np.sqrt(of_drives)
-        inner = np.eye(len(root)) + root[:, None] * drives.precision * root
-        own = root[:, None] * np.linalg.solve(inner, np.broadcast_to(np.diag(root), inner.shape))
+        own = covariance_of(drives.precision, of_drives)
         left = drives.shift - np.einsum("dij,dj->di", drives.precision, mean + levels[vehicle])
         off = np.einsum("dij,dj->di", own, left)
         pull = own @ drives.precision
@@ -114,12 +116,8 @@ def _type_mean(drives, vehicle, count, free, of_vehicles, of_drives):
     """``mu`` and its covariance; ``u`` of each vehicle given ``mu``, and its covariances."""
     total, pulled = _of_vehicles(drives, vehicle, count, of_drives)
     of_type, pull = without(total, pulled, of_vehicles)
-    root = np.sqrt(free.astype(float))
-    inner = np.eye(len(root)) + root[:, None] * of_type.sum(axis=0) * root
-    covariance = root[:, None] * np.linalg.solve(inner, np.diag(root))
+    covariance = covariance_of(of_type.sum(axis=0), free.astype(float))
     mean = covariance @ pull.sum(axis=0)
-    root = np.sqrt(of_vehicles)
-    inner = np.eye(len(root)) + root[:, None] * total * root
-    spreads = root[:, None] * np.linalg.solve(inner, np.broadcast_to(np.diag(root), inner.shape))
+    spreads = covariance_of(total, of_vehicles)
     levels = np.einsum("vij,vj->vi", spreads, pulled - total @ mean)
     return mean, covariance, levels, spreads

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,9 +32,6 @@ class Drive:
     vehicle_file: str | None = None
     """The simulator's vehicle, and so the type; None: the default."""
     reference: str | None = None
-
-    def words(self) -> dict[str, Any]:
-        return asdict(self)
 
 
 def read(sources: Sequence[str | os.PathLike[str]]) -> list[Drive]:

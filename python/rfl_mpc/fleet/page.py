@@ -132,9 +132,8 @@ def page(
         said = said_changes(state)
         first = said[0] if said else state.candidate
         effect = first.effect if first else None
-        units = {it.name.removeprefix("effect."): it.unit for it in of.parameters}
         curve = history(of, state, effect) if effect and place < HISTORIES else None
-        text = "<br>".join(html.escape(words(one, units[one.effect], names)) for one in said)
+        text = "<br>".join(html.escape(words(one, of.unit(one.effect), names)) for one in said)
         if not said:
             text = "no change"
             if first and first.probability > 0.1:
@@ -208,9 +207,8 @@ def _short(type: str) -> str:
 
 def _type(of: TypeState) -> str:
     """A type: what all its vehicles share, and how far they and their drives differ."""
-    units = {it.name.removeprefix("effect."): it.unit for it in of.parameters}
     common = "; ".join(
-        f"<span class=hit>{html.escape(one.effect)} {number(one.value)} {html.escape(units[one.effect])}</span> "
+        f"<span class=hit>{html.escape(one.effect)} {number(one.value)} {html.escape(of.unit(one.effect))}</span> "
         f"({number(one.low)} to {number(one.high)}), probability {one.probability:.2f}"
         for one in of.common
     )

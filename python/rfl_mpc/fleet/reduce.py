@@ -2,7 +2,7 @@
 
 Types are reduced one after the other. Spreads are learned from a sample of whole vehicles; then each vehicle is
 looked at alone, so that memory holds one vehicle's drives. What all sisters share is the type's, and is said once.
-Vehicles that seem to have changed count less when the spreads are learned a second time.
+Changes that were found are taken out of the drives before the spreads are learned anew.
 
 Which changes are said is decided over all vehicles together: the largest set whose expected share of false ones is
 below a limit. With probabilities in place of p-values that is the counterpart of Benjamini and Hochberg's rule
@@ -65,6 +65,10 @@ class TypeState:
     """Places of the parameters in which the fleet surely differs from the simulator, the surest first."""
     vehicles: list[VehicleState]
     drives: int
+
+    def unit(self, effect: str) -> str:
+        """Symbol of an effect's unit."""
+        return next(it.unit for it in self.parameters if it.effect == effect)
 
 
 def reduce_type(

@@ -8,7 +8,7 @@ import json
 import os
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -117,7 +117,7 @@ def run(
     given = [sources] if isinstance(sources, (str, os.PathLike)) else list(sources)
     default = None if vehicle is None else _vehicle(os.fspath(vehicle))
     drives = [
-        drive if drive.vehicle_file is not None else Drive(**(drive.words() | {"vehicle_file": default}))
+        drive if drive.vehicle_file is not None else replace(drive, vehicle_file=default)
         for drive in manifest.read(given)
     ]
     of_vehicle: dict[str, str | None] = {}
@@ -156,7 +156,7 @@ def run(
             answers = Answers(plan, store)
             types = _reduced(answers, say_progress)
             places = _first_changed(types, answers, reports)
-            written = _reports(folder, answers, places, options, time_limit, client, stack, dask, workers, say_progress)
+            written = _reports(folder, answers, places, options, time_limit, client, stack, dask, workers)
         return _write(folder, answers, types, written)
     finally:
         store.close()
@@ -258,7 +258,7 @@ def _first_changed(types: Sequence[TypeState], answers: Answers, most: int) -> l
     return found[: max(most, 0)]
 
 
-def _reports(folder, answers, places, options, limit, client, stack, dask, workers, say_progress):
+def _reports(folder, answers, places, options, limit, client, stack, dask, workers):
     """Writes single reports; gives the places of each vehicle's."""
     found: dict[str, list[tuple[int, str]]] = {}
     wanted = []
@@ -272,9 +272,8 @@ def _reports(folder, answers, places, options, limit, client, stack, dask, worke
         client = client or stack.enter_context(engine.cluster(dask, workers))
         jobs = []
         for row, place in wanted:
-            drive = answers.plan.drives[row]
-            job = {"log": drive.log, "vehicle_file": drive.vehicle_file, "reference": drive.reference}
-            jobs.append(job | {"options": options | {"out": str(place.parent.resolve())}})
+            with_page = options | {"out": str(place.parent.resolve())}
+            jobs.append(engine.job_of(answers.plan.drives[row], with_page))
         answered = client.gather([client.submit(diagnosed, job, limit, pure=False) for job in jobs])
         for (_, place), answer in zip(wanted, answered):
             if answer.get("error") or not place.exists():
@@ -289,8 +288,7 @@ def _history(answers: Answers):
         drives = drives_of(answers.summaries(state.type, state.vehicle), of.parameters)
         vehicle = Vehicle(drives, of.spread, of.rate)
         value, deviation = vehicle.by_drive(effect, vehicle.changes().known)
-        unit = next(it.unit for it in of.parameters if it.effect == effect)
-        return page.History(effect, unit, value, deviation, [answers.label(row) for row in rows])
+        return page.History(effect, of.unit(effect), value, deviation, [answers.label(row) for row in rows])
 
     return history
 
@@ -351,7 +349,6 @@ def _changes(types: Sequence[TypeState], labels) -> Iterator[dict[str, Any]]:
     """Rows of ``vehicles.parquet``: each change, said or not; of a vehicle without any its likeliest candidate."""
     for state in page.order(types):
         of = next(one for one in types if one.type == state.type)
-        units = {it.name.removeprefix("effect."): it.unit for it in of.parameters}
         names = labels[state.vehicle]
         all: list[tuple[Change | None, bool]] = list(zip(state.changes, state.said)) or [(state.candidate, False)]
         for change, said in all:
@@ -359,7 +356,7 @@ def _changes(types: Sequence[TypeState], labels) -> Iterator[dict[str, Any]]:
                 "vehicle": state.vehicle, "type": state.type, "drives": state.drives, "nothing": state.nothing,
                 "changed": said and change is not None and not change.passing, "said": said,
                 **({} if change is None else {
-                    "effect": change.effect, "unit": units[change.effect], "passing": change.passing,
+                    "effect": change.effect, "unit": of.unit(change.effect), "passing": change.passing,
                     "since": names[change.since], "since_drive": change.since + 1, "earliest": change.earliest + 1,
                     "latest": change.latest + 1, "before": change.before, "value": change.value, "low": change.low,
                     "high": change.high, "probability": change.probability, "also": sorted(change.also.items()),
@@ -388,7 +385,7 @@ def _words(types, changed, counts, errors, labels, folder: Path) -> str:
     lines = []
     for of in types:
         for one in of.common:
-            unit = next(it.unit for it in of.parameters if it.effect == one.effect)
+            unit = of.unit(one.effect)
             lines.append(
                 f"all vehicles of {of.type}: {one.effect} {page.number(one.value)}{'' if unit == '1' else ' ' + unit} "
                 f"({page.number(one.low)} to {page.number(one.high)}), probability {one.probability:.2f}"
@@ -396,7 +393,7 @@ def _words(types, changed, counts, errors, labels, folder: Path) -> str:
     for state in changed[:20]:
         of = next(one for one in types if one.type == state.type)
         for one in page.said_changes(state):
-            unit = next(it.unit for it in of.parameters if it.effect == one.effect)
+            unit = of.unit(one.effect)
             lines.append(
                 f"{state.vehicle}: {page.words(one, unit, labels[state.vehicle])}, probability {one.probability:.2f}"
             )
