@@ -13,9 +13,6 @@
 use super::calibration::Calibration;
 use std::collections::BTreeMap;
 
-/// Degrees of freedom of heavy tails.
-const TAILS: f64 = 4.0;
-
 /// Quality of the vehicle's numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
@@ -34,8 +31,8 @@ pub enum Trust {
 pub struct World {
     /// Factor on all of them.
     pub factor: f64,
-    /// Degrees of freedom of Student's t; none where they are normal.
-    pub tails: Option<f64>,
+    /// True for Student's t ([`super::fit::FREEDOM`] degrees of freedom), false for normal ones.
+    pub heavy_tails: bool,
     /// Logarithm of the odds against it.
     pub odds: f64,
 }
@@ -49,11 +46,11 @@ impl Trust {
             Self::Usual => 1.0,
             Self::High => 0.5,
         };
-        let world = |tails: Option<f64>| {
-            let odds = if tails.is_none() { 0.0 } else { calibration.tails_odds };
-            World { factor, tails, odds }
+        let world = |heavy_tails: bool| {
+            let odds = if heavy_tails { calibration.tails_odds } else { 0.0 };
+            World { factor, heavy_tails, odds }
         };
-        [None, Some(TAILS)].map(world)
+        [false, true].map(world)
     }
 }
 

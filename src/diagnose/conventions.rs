@@ -6,16 +6,17 @@
 //! | frame of `ay` | an accelerometer in body axes feels gravity by roll and bank; a navigation unit gives the level frame's `v r + v'`. Each is scored by what it leaves to the likeliest of nothing and single effects, |
 //!
 //! ```text
-//!     score = max over none and singles of  -eta J / 2 - k odds,        J by one linear step from the neutral replay.
+//!     score = max over none and singles of  -eta J / 2 - k odds,        J of a fit, with the noise that the better one leaves.
 //! ```
 //!
-//! A clear winner is used and reported; else the frame is that of the documentation, body axes.
+//! Where neither reading fits, that noise is large, and a small difference tells little. A clear winner is used and
+//! reported; else the frame is that of the documentation, body axes.
 
 use super::calibration::Calibration;
-use super::fit::{Linear, Prior};
 use super::noise::Noise;
 use super::problem::Problem;
-use super::replay::{Channel, Drive, ReplayVehicle};
+use super::rank::glance;
+use super::replay::{Drive, ReplayVehicle};
 use super::report::{Finding, Gravity};
 
 /// Correlation of roll with lateral acceleration beyond which its side is sure.
@@ -31,18 +32,25 @@ pub fn turn_roll(drive: &mut Drive) -> Option<Finding> {
     Some(Finding { gravity: Gravity::Warning, signal: Some("roll".to_owned()), words: words.to_owned() })
 }
 
-/// Sets the frame of the lateral acceleration.
-pub fn find_frame<V: ReplayVehicle>(problem: &mut Problem<V>) -> Option<Finding> {
-    if !problem.drive.channels.contains(&Channel::Ay) {
-        return None;
-    }
-    let [body, level] = scores(problem)?;
+/// True if the lateral acceleration is that of a level frame: from the same problem read both ways.
+pub fn is_level<V: ReplayVehicle>(body: &Problem<V>, level: &Problem<V>) -> bool {
+    let calibration = Calibration::built_in();
+    let odds = calibration.odds / calibration.temper;
+    let gain = || {
+        let [of_body, of_level] = [glance(body, odds)?, glance(level, odds)?];
+        let size = |noise: &Noise| noise.effective.iter().map(|it| it.ln()).sum::<f64>();
+        let noise = [&of_body.noise, &of_level.noise];
+        let noise = if size(noise[1]) < size(noise[0]) { noise[1] } else { noise[0] };
+        Some(of_body.cost(body, &of_level, noise, odds)? - of_level.cost(level, &of_body, noise, odds)?)
+    };
+    gain().is_some_and(|gain| 0.5 * calibration.temper * gain > CLEAR)
+}
+
+/// What is said of a level frame.
+#[must_use]
+pub fn level_frame() -> Finding {
     let words = "it is that of a level frame, without gravity's share by roll and bank, and is compared so";
-    let found = Finding { gravity: Gravity::Note, signal: Some("ay".to_owned()), words: words.to_owned() };
-    (level > body + CLEAR).then(|| {
-        problem.level();
-        found
-    })
+    Finding { gravity: Gravity::Note, signal: Some("ay".to_owned()), words: words.to_owned() }
 }
 
 /// Correlation of the roll with the lateral acceleration by speed and yaw rate.
@@ -60,23 +68,4 @@ fn roll_with_lateral_accel(drive: &Drive) -> Option<f64> {
     let sizes = [mean(&|row| (roll[row] - means[0]).powi(2)), mean(&|row| (lateral(row) - means[1]).powi(2))];
     let size = (sizes[0] * sizes[1]).sqrt();
     (size > 0.0).then(|| covariance / size)
-}
-
-/// Scores of both readings of a log, with the noise of the body's frame.
-fn scores<V: ReplayVehicle>(problem: &Problem<V>) -> Option<[f64; 2]> {
-    let calibration = Calibration::built_in();
-    let prior = Prior::of(problem);
-    let frames = problem.in_both_frames(&prior.mean)?;
-    let trace = problem.trace(&prior.mean).ok()?;
-    let weights = Noise::of(problem, &trace, &[]).coarse(problem, &frames[0].0).weights(problem);
-    Some(frames.map(|(gap, slopes)| {
-        let linear = Linear::new(slopes, weights.clone());
-        let of = |freed: &[usize]| {
-            let precision = prior.freed(problem, freed);
-            let cost = prior.step(&linear, &prior.mean, &gap, &precision).cost;
-            calibration.weight(-calibration.temper * cost, 0.0, calibration.odds * freed.len() as f64)
-        };
-        let singles = (0..problem.knobs.len()).filter(|&i| problem.knobs[i].is_candidate());
-        singles.map(|i| of(&[i])).fold(of(&[]), f64::max)
-    }))
 }

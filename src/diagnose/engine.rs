@@ -15,7 +15,7 @@ use super::observability::{Excitation, observability};
 use super::posterior::{Posterior, Unknown};
 use super::problem::Problem;
 use super::rank::{NoReplay, rank};
-use super::replay::{Drive, ReplayVehicle, Trace, neutral, prepared};
+use super::replay::{Channel, Drive, ReplayVehicle, Trace, neutral, prepared};
 use super::report::{
     Adjustment, Diagnosis, Finding, Gravity, InputFile, Inputs, Report, Series, Varies, Verdict, VerdictKind,
 };
@@ -202,7 +202,14 @@ pub fn diagnose<V: ReplayVehicle>(
     progress("conventions", 0.05);
     let without = &options.without;
     let mut problem = Problem::new(&drive, &prepared_vehicle, &correction, without, threads);
-    findings.extend(conventions::find_frame(&mut problem));
+    if drive.channels.contains(&Channel::Ay) {
+        let mut level = Problem::new(&drive, &prepared_vehicle, &correction, without, threads);
+        level.level();
+        if conventions::is_level(&problem, &level) {
+            problem = level;
+            findings.push(conventions::level_frame());
+        }
+    }
     let mut prior = Prior::of(&problem);
     for knob in problem.knobs.iter().filter(|knob| knob.tolerance > 0.0) {
         inputs.tolerances.insert(knob.parameter(), knob.deviation(knob.tolerance, vehicle));

@@ -410,6 +410,12 @@ impl Knob {
         )
     }
 
+    /// True for a number of the vehicle, which its file has right within a tolerance.
+    #[must_use]
+    pub fn is_of_the_file(&self) -> bool {
+        !self.is_form() && !self.is_sensed() && self.turns != Turns::ReceiverLate
+    }
+
     /// Its row in [`FORMS`], if it is an error that is added to the replay.
     #[must_use]
     pub fn form(&self) -> Option<&'static super::form::Row> {

@@ -174,9 +174,9 @@ pub(super) fn summary<V: ReplayVehicle>(problem: &Problem<V>, posterior: &Poster
         tolerances: posterior
             .worlds
             .iter()
-            .map(|&(World { factor, tails, .. }, probability)| Spread {
+            .map(|&(World { factor, heavy_tails, .. }, probability)| Spread {
                 factor,
-                heavy_tails: tails.is_some(),
+                heavy_tails,
                 probability,
             })
             .collect(),

@@ -112,7 +112,7 @@ impl Posterior {
         let all: Vec<Vec<Hypothesis>> = worlds
             .iter()
             .map(|world| {
-                let prior = ranking.prior.times(world.factor);
+                let prior = ranking.prior.times(problem, world.factor);
                 let settled = parallel::map(problem.threads(), fits.len(), |k| {
                     settled(problem, &prior, &linears[k], fits[k], &fits[k].freed, world)
                 });
@@ -125,7 +125,7 @@ impl Posterior {
                         fit.freed.iter().map(|&i| beliefs.odds(problem.knobs[i].id, calibration)).sum();
                     let probability = calibration.weight(evidence, narrowing, odds + world.odds);
                     let effects = fit.freed.clone();
-                    let terms = vec![Term { heavy_tails: world.tails.is_some(), evidence, narrowing }];
+                    let terms = vec![Term { heavy_tails: world.heavy_tails, evidence, narrowing }];
                     Some(Hypothesis { effects, unknown: None, terms, probability })
                 };
                 let known: Vec<Option<Hypothesis>> = fits.iter().zip(&settled).map(hypothesis).collect();
@@ -223,7 +223,7 @@ fn settled<V: ReplayVehicle>(
 ) -> Option<Settled> {
     let normal = problem.with_companions(freed);
     let off = prior.off(&fit.x);
-    let by = |precision: &Precision| linear.settled(&off, &fit.gap, precision, &normal, world.tails);
+    let by = |precision: &Precision| linear.settled(&off, &fit.gap, precision, &normal, world.heavy_tails);
     let found = by(&prior.freed(problem, freed))?;
     // An effect that would leave its range stays where it was found: at the end of it.
     let is_beyond = |&i: &usize| {
@@ -260,7 +260,7 @@ impl<V: ReplayVehicle> Given<'_, V> {
         let fit = fits[best];
         let upon = |base: &Hypothesis, unknown: Unknown, evidence: f64, narrowing: f64| {
             let more = calibration.unknown_weight(&unknown, evidence, narrowing);
-            let terms = vec![Term { heavy_tails: self.world.tails.is_some(), evidence, narrowing }];
+            let terms = vec![Term { heavy_tails: self.world.heavy_tails, evidence, narrowing }];
             let (effects, probability) = (base.effects.clone(), base.probability + more);
             Hypothesis { effects, unknown: Some(unknown), terms, probability }
         };

@@ -19,9 +19,6 @@ const KEPT: usize = 8;
 /// Distance within which slopes hold, as a share of the step over which they are taken.
 const NEAR: f64 = 0.05;
 
-/// A gap, and its slopes over all knobs.
-type Sloped = (Vec<f64>, Vec<Arc<Vec<f64>>>);
-
 /// Coordinates, and the slopes over all knobs there.
 type Slopes = (Vec<f64>, Vec<Arc<Vec<f64>>>);
 
@@ -169,30 +166,6 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
     /// True if `ay` is that of a level frame.
     pub(super) fn is_level(&self) -> bool {
         self.levelled
-    }
-
-    /// Gaps and slopes with `ay` in the body's frame and in a level one, by the same replays. None without such a
-    /// vehicle.
-    pub(super) fn in_both_frames(&self, x: &[f64]) -> Option<[Sloped; 2]> {
-        let both = |motion: &Trace, x: &[f64]| {
-            [false, true].map(|levelled| self.compare(&self.sensed(motion.clone(), x, levelled)))
-        };
-        let motion = self.motion(x).ok()?;
-        let here = both(&motion, x);
-        let slopes = parallel::map(self.threads, self.knobs.len(), |knob| {
-            let (there, size) = self.aside(x, knob);
-            let gaps = if self.knobs[knob].is_sensed() {
-                Some(both(&motion, &there))
-            } else {
-                self.motion(&there).ok().map(|motion| both(&motion, &there))
-            };
-            [0, 1].map(|frame| Arc::new(slope(&here[frame], gaps.as_ref().map(|gaps| &gaps[frame]), size)))
-        });
-        let [body, level] = [0, 1].map(|frame| slopes.iter().map(|of| of[frame].clone()).collect::<Vec<_>>());
-        // Those of the body's frame are asked for next.
-        self.keep(x, &body);
-        let [here_body, here_level] = here;
-        Some([(here_body, body), (here_level, level)])
     }
 
     /// Log less replay, filtered. None without such a vehicle.

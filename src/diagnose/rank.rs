@@ -25,6 +25,8 @@ const AFRESH: usize = 2;
 const POLISHED: usize = 3;
 const MOST_POLISHED: usize = 5;
 const ROUNDS: usize = 5;
+/// Single effects that are fitted at a first glance.
+const GLANCED: usize = 4;
 /// Steps of a fit to convergence.
 const STEPS: usize = 4;
 /// Steps for a promising single effect behind the first [`AGAIN`].
@@ -531,16 +533,10 @@ pub fn rank<V: ReplayVehicle>(
     none = fit_none(problem, &prior, &linear, &none).ok_or(NoReplay)?;
     refined(problem, &prior, &linear, &mut singles, REFINED);
 
-    // What the best leaves, all else free within three tolerances, is no noise and yet told by none.
-    let noise = match singles.first() {
-        Some(best) => {
-            let precision = prior.freed(problem, &best.freed).widened(3.0);
-            let step = prior.step(&linear, &best.x, &best.gap, &precision);
-            let left = predicted(&linear, &best.gap, &step.change);
-            noise.with_left(problem, &left)
-        }
-        None => noise,
-    };
+    let noise = singles.first().map_or_else(
+        || noise.clone(),
+        |best| noise.with_left(problem, &unexplained(problem, &prior, &linear, best)),
+    );
     let base = based(&none, &singles);
     let at_base = problem.residual(&base).ok_or(NoReplay)?;
     let linear = Linear::new(problem.slopes(&base, &at_base), noise.weights(problem));
@@ -565,10 +561,7 @@ pub fn rank<V: ReplayVehicle>(
     let (mut linear, mut noise) = (linear, noise);
     let mut threes = Vec::new();
     if let Some(pair) = pairs.first().filter(|_| is_ahead(&pairs, &singles, TELLING)) {
-        let precision = prior.freed(problem, &pair.freed).widened(3.0);
-        let step = prior.step(&linear, &pair.x, &pair.gap, &precision);
-        let left = predicted(&linear, &pair.gap, &step.change);
-        noise = noise.with_left(problem, &left);
+        noise = noise.with_left(problem, &unexplained(problem, &prior, &linear, pair));
         let slopes = problem.slopes(&pair.x, &pair.gap);
         linear = Linear::new(slopes, noise.weights(problem));
         none = fit_none(problem, &prior, &linear, &none).ok_or(NoReplay)?;
@@ -618,6 +611,78 @@ pub fn predicted(linear: &Linear, gap: &[f64], change: &[f64]) -> Vec<f64> {
         }
     }
     left
+}
+
+/// Remainder of a fit with all else free within three tolerances: no noise, and yet told by nothing.
+fn unexplained<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    prior: &Prior,
+    linear: &Linear,
+    fit: &Fit,
+) -> Vec<f64> {
+    let precision = prior.freed(problem, &fit.freed).widened(3.0);
+    let step = prior.step(linear, &fit.x, &fit.gap, &precision);
+    predicted(linear, &fit.gap, &step.change)
+}
+
+/// The likeliest of nothing and the few single effects that promise most, by a search with little trust; and the noise
+/// that it leaves.
+#[must_use]
+pub fn glance<V: ReplayVehicle>(problem: &Problem<V>, odds: f64) -> Option<Glance> {
+    let prior = Prior::of(problem);
+    let trace = problem.trace(&prior.mean).ok()?;
+    let neutral = problem.compare(&trace);
+    let fine = Noise::of(problem, &trace, &prior.form);
+    let weights = fine.coarse(problem, &neutral).weights(problem);
+    let linear = Linear::new(problem.slopes(&prior.mean, &neutral), weights);
+    let none = fit_none(problem, &prior, &linear, &prior.mean)?;
+    let candidates: Vec<usize> =
+        (0..problem.knobs.len()).filter(|&i| problem.knobs[i].is_candidate()).collect();
+    let mut promised: Vec<(f64, usize, Start)> = parallel::map(problem.threads(), candidates.len(), |k| {
+        let i = candidates[k];
+        let start = best_start(problem, &prior, &linear, &[i], &none, None);
+        let gap = start.gap.as_deref().unwrap_or(&none.gap);
+        (prior.step(&linear, &start.x, gap, &prior.freed(problem, &[i])).cost, i, start)
+    });
+    promised.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    promised.truncate(GLANCED);
+    let singles = parallel::map(problem.threads(), promised.len(), |k| {
+        let (_, i, start) = &promised[k];
+        fit(problem, &prior, &linear, &[*i], start.clone(), STEPS)
+    });
+    let price = |fit: &Fit| fit.cost + 2.0 * odds * fit.freed.len() as f64;
+    let found = singles.into_iter().flatten().chain([none]);
+    let best = found.min_by(|a, b| price(a).total_cmp(&price(b)))?;
+    let noise = fine.with_left(problem, &unexplained(problem, &prior, &linear, &best));
+    Some(Glance { prior, best, noise })
+}
+
+/// A first look at a log.
+pub struct Glance {
+    prior: Prior,
+    best: Fit,
+    /// What it leaves.
+    pub noise: Noise,
+}
+
+impl Glance {
+    /// Least cost of this problem from where it and another look ended, so that both have the same choice.
+    #[must_use]
+    pub fn cost<V: ReplayVehicle>(
+        &self,
+        problem: &Problem<V>,
+        other: &Self,
+        noise: &Noise,
+        odds: f64,
+    ) -> Option<f64> {
+        let from = |best: &Fit| {
+            let gap = problem.residual(&best.x)?;
+            let linear = Linear::new(problem.slopes(&best.x, &gap), noise.weights(problem));
+            let found = fit(problem, &self.prior, &linear, &best.freed, &best.x, STEPS)?;
+            Some(found.cost + 2.0 * odds * best.freed.len() as f64)
+        };
+        [&self.best, &other.best].into_iter().filter_map(from).min_by(f64::total_cmp)
+    }
 }
 
 /// The gap of a fit with all coordinates as expected, by its slopes.
