@@ -7,7 +7,7 @@ What it prints goes into src/diagnose/calibration.toml by hand: a change of it i
     blind/.venv/bin/python -m blind.calibrate out/blind/usual out/blind/wild
 
 The hypotheses of each report (`posterior.hypotheses`) are weighed anew with other numbers: the odds against an effect,
-heavy tails, a value that varies, another number that is off, and too much that is left. The temper is that of the runs.
+a value that varies, another number that is off, and too much that is left. The temper is that of the runs.
 The best numbers give the truth the greatest logarithm of its probability, each set counting alike: usual sets
 share their tolerances with the prior, wild ones do not. A verdict is read from them as the program does
 (src/diagnose/decision.rs), but for the check on what a fit has not seen.
@@ -31,13 +31,14 @@ from . import measures
 from .diagnose import CALIBRATION
 from .make import folder_of
 
-NAMES = ("odds", "tails_odds", "varying_odds", "other_odds", "misfit.odds")
+NAMES = ("odds", "varying_odds", "other_odds", "misfit.odds")
+FREEDOM = 4.0  # of the tolerances' Student's t, as beliefs.rs has it
 LEAST = 0.01  # probability below which a truth is lost, whatever its probability is
 ALIKE = 0.1  # as decision.rs has it
 
 
-# Evidence and narrowing in a world: with normal tails, or with heavy ones.
-Terms = dict[bool, tuple[float, float]]
+# Evidence and narrowing in a world, by the scale of its tolerances.
+Terms = dict[float, tuple[float, float]]
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ def case_of(label: dict, report: dict) -> Case:
     """What a report's hypotheses are weighed by."""
     sets, unknown = {}, []
     for it in report["posterior"]["hypotheses"]:
-        terms = {term["heavy_tails"]: (term["evidence"], term["narrowing"]) for term in it["terms"]}
+        terms = {term["factor"]: (term["evidence"], term["narrowing"]) for term in it["terms"]}
         why = it.get("not_in_library")
         if why is None:
             sets[_key(it)] = terms
@@ -86,14 +87,15 @@ def _key(of: dict) -> tuple[str, ...]:
 
 def posterior(case: Case, numbers: np.ndarray, misfit: dict) -> tuple[dict[tuple[str, ...], float], float]:
     """Probability of each set of effects, and that the cause is not in the library (src/diagnose/calibration.rs)."""
-    odds, tails, varying, other, left = numbers
+    odds, varying, other, left = numbers
     density = lambda x, mean, deviation: -0.5 * ((x - mean) / deviation) ** 2 - math.log(deviation)  # noqa: E731
-    weight = lambda terms, heavy: 0.5 * terms[heavy][0] - terms[heavy][1]  # noqa: E731
+    weight = lambda terms, scale: 0.5 * terms[scale][0] - terms[scale][1]  # noqa: E731
 
-    def of_set(key: tuple[str, ...], heavy: bool) -> float:
-        return weight(case.sets[key], heavy) - odds * len(key) - (tails if heavy else 0.0)
+    def of_set(key: tuple[str, ...], scale: float) -> float:
+        prior = -FREEDOM * math.log(scale) - 0.5 * FREEDOM / scale**2
+        return weight(case.sets[key], scale) - odds * len(key) + prior
 
-    sets = {key: [of_set(key, heavy) for heavy in terms] for key, terms in case.sets.items()}
+    sets = {key: [of_set(key, scale) for scale in terms] for key, terms in case.sets.items()}
     unknown = []
     for key, what, terms, of_misfit in case.unknown:
         size = max(of_misfit, misfit["known"][0])
@@ -103,7 +105,7 @@ def posterior(case: Case, numbers: np.ndarray, misfit: dict) -> tuple[dict[tuple
             "other": -other,
         }[what]
         unknown += [
-            of_set(key, heavy) + weight(terms, heavy) + more for heavy in terms if heavy in case.sets.get(key, {})
+            of_set(key, scale) + weight(terms, scale) + more for scale in terms if scale in case.sets.get(key, {})
         ]
     best = max(itertools.chain(unknown, *sets.values()))
     shares = {key: sum(math.exp(weight - best) for weight in weights) for key, weights in sets.items()}

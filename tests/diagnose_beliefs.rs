@@ -44,8 +44,7 @@ fn who_trusts_the_file_less_finds_less_in_a_small_gap() {
     let log = log(5, &[("steer_gain", 1.05)]);
     let [low, usual, high] = [Trust::Low, Trust::Usual, Trust::High]
         .map(|trust| inclusion(&log, "steer_gain", Beliefs { trust, ..Beliefs::default() }));
-    // More trust than usual makes all else that is off a surprise too, and heavy tails likelier.
-    assert!(low < usual && low < high, "{low} {usual} {high}");
+    assert!(low < usual && usual <= high, "{low} {usual} {high}");
 }
 
 #[test]

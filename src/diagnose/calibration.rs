@@ -20,8 +20,6 @@ pub struct Calibration {
     pub temper: f64,
     /// Logarithm of the odds against an effect.
     pub odds: f64,
-    /// The same against tolerances with heavy tails.
-    pub tails_odds: f64,
     /// The same against a varying value.
     varying_odds: f64,
     /// And against another number of the vehicle that is off.
@@ -48,13 +46,13 @@ pub struct Misfit {
     pub share: f64,
 }
 
-/// Standard deviations of the tyres' curve: shape factor, as a share, curvature factor, lateral peak, as a share, and early
-/// softening, in that of brushes.
+/// Standard deviations of the tyres' curve: shape factor, as a share, curvature factor, lateral peak, as a share, early
+/// softening, in that of brushes, and the nominal load over the load of the greatest stiffness.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Tyre {
-    car: [f64; 4],
-    truck: [f64; 4],
+    car: [f64; 5],
+    truck: [f64; 5],
 }
 
 /// Standard deviations of the errors of the model's form: size, lateness in s, change with speed, with lateral and with
@@ -87,9 +85,10 @@ impl Form {
         sizes[kind as usize]
     }
 
-    /// Of the tyres' curve: shape factor, as a share, curvature factor, lateral peak, as a share, and early softening.
+    /// Of the tyres' curve: shape factor, as a share, curvature factor, lateral peak, as a share, early softening, and fall
+    /// of stiffness with load.
     #[must_use]
-    pub fn tyre(&self, truck: bool) -> [f64; 4] {
+    pub fn tyre(&self, truck: bool) -> [f64; 5] {
         if truck { self.tyre.truck } else { self.tyre.car }
     }
 }

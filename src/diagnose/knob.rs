@@ -46,6 +46,8 @@ enum Turns {
     TyrePeak,
     /// Early softening of all tyres, as brushes have it: plus unit * x.
     TyreSoftening,
+    /// Fall of the tyres' stiffness with load, 1 / PKY2: plus unit * x; the stiffness at the nominal load stays.
+    TyreLoad,
 }
 
 /// One knob.
@@ -124,7 +126,11 @@ const PARAMETERS: &[(&str, &str, f64, bool)] = &[
     ("tyre.rear.friction_scale", "tyre.rear.friction_scale", 0.03, true),
     ("axle.front.roll_steer", "axle.front.roll_steer", 0.015, false),
     ("axle.rear.roll_steer", "axle.rear.roll_steer", 0.015, false),
-    ("axle.front.spring_rate", "axle.front.spring_rate", 0.10, true),
+    ("axle.front.spring_rate", "", 0.10, true),
+    // A tractor's frame twists: its torsional stiffness is that of an axle in roll, some 600 kN m/rad, so that the front
+    // axle's share of the roll moment is not that of the springs (Sampson, Active Roll Control of Articulated Heavy
+    // Vehicles, Cambridge 2000, appendix).
+    ("", "axle.front.spring_rate", 0.25, true),
 ];
 
 /// Masses of a car, of a tractor, of its trailer, and the effects that load them.
@@ -169,6 +175,9 @@ const TYRE_SHAPE: &str = "form.tyre.shape";
 const TYRE_CURVATURE: &str = "form.tyre.curvature";
 const TYRE_PEAK: &str = "form.tyre.peak";
 const TYRE_SOFTENING: &str = "form.tyre.softening";
+const TYRE_LOAD: &str = "form.tyre.load";
+/// Least and greatest fall of stiffness with load, 1 / PKY2: none, and the greatest stiffness at half the nominal load.
+const FALL: (f64, f64) = (1e-3, 2.0);
 
 /// Standard deviation of the payload's place when a payload is fitted, in units of its coordinate (0.5 m).
 const PAYLOAD_PLACE: f64 = 1.6;
@@ -286,12 +295,13 @@ pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -
         knobs.push(further(HEIGHT, Turns::ImuHeight, IMU_HEIGHT));
     }
     let form = &Calibration::built_in().form;
-    let [shape, curvature, peak, softening] = form.tyre(V::TRUCK);
+    let [shape, curvature, peak, softening, load] = form.tyre(V::TRUCK);
     for (id, turns, size) in [
         (TYRE_SHAPE, Turns::TyreShape, shape),
         (TYRE_CURVATURE, Turns::TyreCurvature, curvature),
         (TYRE_PEAK, Turns::TyrePeak, peak),
         (TYRE_SOFTENING, Turns::TyreSoftening, softening),
+        (TYRE_LOAD, Turns::TyreLoad, load),
     ] {
         if size > 0.0 {
             knobs.push(further(id, turns, size));
@@ -406,7 +416,12 @@ impl Knob {
     pub fn is_form(&self) -> bool {
         matches!(
             self.turns,
-            Turns::Form(_) | Turns::TyreShape | Turns::TyreCurvature | Turns::TyrePeak | Turns::TyreSoftening
+            Turns::Form(_)
+                | Turns::TyreShape
+                | Turns::TyreCurvature
+                | Turns::TyrePeak
+                | Turns::TyreSoftening
+                | Turns::TyreLoad
         )
     }
 
@@ -442,7 +457,8 @@ impl Knob {
             | Turns::ImuHeight
             | Turns::Form(_)
             | Turns::TyreCurvature
-            | Turns::TyreSoftening => self.unit * x,
+            | Turns::TyreSoftening
+            | Turns::TyreLoad => self.unit * x,
         }
     }
 
@@ -475,13 +491,25 @@ impl Knob {
                         .set(vehicle, if factor { before * self.value(x) } else { before + self.value(x) });
                 }
             }
-            Turns::TyreShape | Turns::TyreCurvature | Turns::TyrePeak | Turns::TyreSoftening => {
+            Turns::TyreShape
+            | Turns::TyreCurvature
+            | Turns::TyrePeak
+            | Turns::TyreSoftening
+            | Turns::TyreLoad => {
                 for file in vehicle.tyres().into_iter().filter_map(|(_, tyre)| tyre.coefficients.as_mut()) {
                     match self.turns {
                         Turns::TyreShape => file.pcy1 = (file.pcy1 * self.value(x)).clamp(0.9, 1.9),
                         Turns::TyrePeak => file.lmuy *= self.value(x),
                         Turns::TyreSoftening => {
                             file.softening = (file.softening + self.value(x)).clamp(-0.5, 3.0)
+                        }
+                        Turns::TyreLoad => {
+                            let before = 1.0 / file.pky2;
+                            let fall = (before + self.value(x)).clamp(FALL.0, FALL.1);
+                            // As of a sine of twice an arc tangent: 2 f / (1 + f^2).
+                            let at_nominal = |fall: f64| fall / (1.0 + fall * fall);
+                            file.pky1 *= at_nominal(before) / at_nominal(fall);
+                            file.pky2 = 1.0 / fall;
                         }
                         _ => file.pey1 = (file.pey1 + self.value(x)).clamp(-10.0, 1.0),
                     }

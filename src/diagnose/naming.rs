@@ -174,11 +174,7 @@ pub(super) fn summary<V: ReplayVehicle>(problem: &Problem<V>, posterior: &Poster
         tolerances: posterior
             .worlds
             .iter()
-            .map(|&(World { factor, heavy_tails, .. }, probability)| Spread {
-                factor,
-                heavy_tails,
-                probability,
-            })
+            .map(|&(World { factor, .. }, probability)| Spread { factor, probability })
             .collect(),
         inclusion: inclusion.collect(),
         hypotheses: posterior

@@ -7,7 +7,7 @@
 //! the rest.
 
 use super::problem::{Problem, rms};
-use super::profile::{Roughness, Weights};
+use super::profile::{ORDINARY, Roughness, Weights};
 use super::replay::{Channel, LEAK, ReplayVehicle, Trace};
 use std::sync::Arc;
 
@@ -81,7 +81,7 @@ impl Noise {
         let effective =
             floor.iter().zip(&lefts).map(|(floor, left)| floor.hypot((again - 1.0).sqrt() * left)).collect();
         let lost = vec![1.0; problem.rows.len()];
-        Self { effective, white, form: forms, floor, left: lefts, lost, roughness: [1.0; 2] }
+        Self { effective, white, form: forms, floor, left: lefts, lost, roughness: ORDINARY }
     }
 
     /// Noise coarser by a share of the neutral gap. Far from the cause, a gap of hundreds of standard deviations pulls

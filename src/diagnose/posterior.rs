@@ -107,14 +107,14 @@ impl Posterior {
         let linear = ranking.linear.tempered(calibration.temper);
         let linears: Vec<Linear> =
             parallel::map(problem.threads(), fits.len(), |k| linear.with(&fits[k].of_freed()));
-        let worlds = beliefs.trust.worlds(calibration);
+        let worlds = beliefs.trust.worlds();
         let mut reference = None;
         let all: Vec<Vec<Hypothesis>> = worlds
             .iter()
             .map(|world| {
                 let prior = ranking.prior.times(problem, world.factor);
                 let settled = parallel::map(problem.threads(), fits.len(), |k| {
-                    settled(problem, &prior, &linears[k], fits[k], &fits[k].freed, world)
+                    settled(problem, &prior, &linears[k], fits[k], &fits[k].freed)
                 });
                 let Some(none) = settled[0].as_ref() else { return Vec::new() };
                 let (cost, narrowing) = *reference.get_or_insert((none.cost, none.narrowing));
@@ -125,7 +125,7 @@ impl Posterior {
                         fit.freed.iter().map(|&i| beliefs.odds(problem.knobs[i].id, calibration)).sum();
                     let probability = calibration.weight(evidence, narrowing, odds + world.odds);
                     let effects = fit.freed.clone();
-                    let terms = vec![Term { heavy_tails: world.heavy_tails, evidence, narrowing }];
+                    let terms = vec![Term { factor: world.factor, evidence, narrowing }];
                     Some(Hypothesis { effects, unknown: None, terms, probability })
                 };
                 let known: Vec<Option<Hypothesis>> = fits.iter().zip(&settled).map(hypothesis).collect();
@@ -212,26 +212,24 @@ fn same(one: Option<Unknown>, other: Option<Unknown>) -> bool {
     }
 }
 
-/// A fit at its best in a world, with some knobs freed.
+/// A fit at its best under a prior, with some knobs freed.
 fn settled<V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
     linear: &Linear,
     fit: &Fit,
     freed: &[usize],
-    world: &World,
 ) -> Option<Settled> {
-    let normal = problem.with_companions(freed);
     let off = prior.off(&fit.x);
-    let by = |precision: &Precision| linear.settled(&off, &fit.gap, precision, &normal, world.heavy_tails);
-    let found = by(&prior.freed(problem, freed))?;
+    let by = |precision: Precision| linear.settled(&off, &fit.gap, precision);
+    let found = by(prior.freed(problem, freed))?;
     // An effect that would leave its range stays where it was found: at the end of it.
     let is_beyond = |&i: &usize| {
         let x = fit.x[i] + found.change[i];
         problem.knobs[i].within(x, fit.freed.contains(&i)) != x
     };
     let beyond: Vec<usize> = freed.iter().copied().filter(is_beyond).collect();
-    if beyond.is_empty() { Some(found) } else { by(&prior.freed_but(problem, freed, &beyond)) }
+    if beyond.is_empty() { Some(found) } else { by(prior.freed_but(problem, freed, &beyond)) }
 }
 
 /// Inputs to the weighing of a world.
@@ -260,7 +258,7 @@ impl<V: ReplayVehicle> Given<'_, V> {
         let fit = fits[best];
         let upon = |base: &Hypothesis, unknown: Unknown, evidence: f64, narrowing: f64| {
             let more = calibration.unknown_weight(&unknown, evidence, narrowing);
-            let terms = vec![Term { heavy_tails: self.world.heavy_tails, evidence, narrowing }];
+            let terms = vec![Term { factor: self.world.factor, evidence, narrowing }];
             let (effects, probability) = (base.effects.clone(), base.probability + more);
             Hypothesis { effects, unknown: Some(unknown), terms, probability }
         };
@@ -274,7 +272,7 @@ impl<V: ReplayVehicle> Given<'_, V> {
         let single = constancy::best_single(problem, prior, causes, &singles);
         unknown.extend(single.and_then(|(place, it)| Some(varies(known[places[place]].as_ref()?, it))));
         let local = ranking.linear_at(problem, fit).tempered(calibration.temper);
-        let Some(here) = self::settled(problem, prior, &local, fit, &fit.freed, self.world) else {
+        let Some(here) = self::settled(problem, prior, &local, fit, &fit.freed) else {
             return unknown;
         };
         let variations = constancy::variations(problem, prior, causes, (&local, &here.precision), fit);
@@ -295,7 +293,7 @@ impl<V: ReplayVehicle> Given<'_, V> {
             let it = &problem.knobs[knob];
             let is_other = it.tolerance > 0.0 && !it.is_candidate() && !it.is_form() && !free.contains(&knob);
             let freed = is_other.then(|| [&fit.freed[..], &[knob]].concat())?;
-            let there = self::settled(problem, prior, &local, fit, &freed, self.world)?;
+            let there = self::settled(problem, prior, &local, fit, &freed)?;
             let x = fit.x[knob] + there.change[knob];
             let (evidence, narrowing) = (here.cost - there.cost, there.narrowing - here.narrowing);
             Some(upon(base, Unknown::Off { knob, x }, evidence, narrowing))

@@ -14,8 +14,12 @@
 //! ```
 //!
 //! so that the response to a road is no evidence of anything else. The roughness of this road, as a share of `sigma`
-//! for bank and grade each, maximises the likelihood of the best fit's remainder. On a level road a steady slope is not
-//! the road's. A hat's response ends some seconds behind it: one replay serves all hats that are so far apart.
+//! for bank and grade each, maximises the likelihood of the best fit's remainder. A hat's response ends some seconds
+//! behind it: one replay serves all hats that are so far apart.
+//!
+//! The mean of a road is as unknown as its variation: `c_k` is about a mean that is `N(0, sigma^2)` itself. It is one
+//! more hat, as wide as the road, whose response is the sum of all others. So a crown is no discovery on a road
+//! that is crowned and banked here and there. On a road that does not vary a steady slope is not the road's.
 //!
 //! Source: Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, sec. 2.7; the discrepancy of the
 //! specification, after Kennedy and O'Hagan, J. R. Stat. Soc. B 63 (2001).
@@ -48,8 +52,27 @@ struct Hat {
     values: Vec<f64>,
 }
 
-/// Roughness of a road: shares of the deviations of bank and grade.
-pub type Roughness = [f64; 2];
+impl Hat {
+    /// The hat as wide as the road: the sum of all others, over so many blocks of so many samples.
+    fn mean(hats: &[Self], kind: usize, (blocks, samples): (usize, usize)) -> Option<Self> {
+        let mut values = vec![0.0; blocks * samples];
+        for hat in hats {
+            let count = hat.rows.len();
+            for block in 0..blocks {
+                let all = &mut values[block * samples..][hat.rows.clone()];
+                all.iter_mut().zip(&hat.values[block * count..]).for_each(|(all, value)| *all += value);
+            }
+        }
+        (!hats.is_empty()).then_some(Self { kind, rows: 0..samples, values })
+    }
+}
+
+/// Number of kinds of slopes: bank and grade.
+const KINDS: usize = 2;
+/// Roughness of a road: shares of the deviations of bank and grade, and of their means.
+pub type Roughness = [f64; 2 * KINDS];
+/// A road of which nothing is known: as rough as roads are, about no slope.
+pub const ORDINARY: Roughness = [1.0, 1.0, 0.0, 0.0];
 
 /// Response of the gap to all hats of bank and grade.
 pub struct Profile {
@@ -91,7 +114,9 @@ impl Profile {
                 };
                 Some(colours[k].iter().map(hat).collect::<Vec<_>>())
             });
-            hats.extend(found.into_iter().flatten().flatten());
+            let found: Vec<Hat> = found.into_iter().flatten().flatten().collect();
+            hats.extend(Hat::mean(&found, KINDS + kind, (problem.blocks.len(), problem.rows.len())));
+            hats.extend(found);
         }
         let is_sound = hats.iter().all(|hat| hat.values.iter().all(|value| value.is_finite()));
         let blocks = problem.blocks.iter().map(|(_, block)| block.start).collect();
@@ -172,16 +197,17 @@ impl Profile {
             let has = self.hats.iter().any(|hat| hat.kind == kind);
             if has { &ROUGHNESS[..] } else { &ROUGHNESS[..1] }
         };
-        let mut best = (f64::NEG_INFINITY, [0.0; 2]);
+        let mut best = (f64::NEG_INFINITY, [0.0; 2 * KINDS]);
         for &bank in of_kind(0) {
             for &grade in of_kind(1) {
-                let deviations = self.deviations([bank, grade]);
+                // Variation tells the roughness: a mean alone may be of another cause.
+                let deviations = self.deviations([bank, grade, 0.0, 0.0]);
                 let Some(factor) = Self::normal(&gram, &deviations).cholesky() else { continue };
                 let seen = seen.component_mul(&deviations);
                 let narrower: f64 = factor.l_dirty().diagonal().iter().map(|it| it.ln()).sum();
                 let likelihood = 0.5 * seen.dot(&factor.solve(&seen)) - narrower;
                 if likelihood > best.0 {
-                    best = (likelihood, [bank, grade]);
+                    best = (likelihood, [bank, grade, bank, grade]);
                 }
             }
         }
@@ -290,7 +316,7 @@ impl Weights {
 
     fn with_each(&self, each: impl Iterator<Item = f64>) -> Self {
         let (profile, roughness) =
-            self.road.as_ref().map_or((None, [0.0; 2]), |road| (Some(&road.profile), road.roughness));
+            self.road.as_ref().map_or((None, [0.0; 2 * KINDS]), |road| (Some(&road.profile), road.roughness));
         Self::new(each.collect(), profile, roughness)
     }
 
@@ -324,7 +350,7 @@ impl Weights {
 
 impl From<Vec<f64>> for Weights {
     fn from(each: Vec<f64>) -> Self {
-        Self::new(each, None, [0.0; 2])
+        Self::new(each, None, [0.0; 2 * KINDS])
     }
 }
 
@@ -359,7 +385,7 @@ mod tests {
             + &dense * dense.transpose();
         let gap: Vec<f64> = (0..rows).map(|i| f64::from(i * 7 % 11) - 4.0).collect();
         let expected = covariance.cholesky().unwrap().solve(&DVector::from_vec(gap.clone()));
-        let weights = Weights::new(each.clone(), Some(&profile), [1.0, 0.0]);
+        let weights = Weights::new(each.clone(), Some(&profile), ORDINARY);
         for (found, expected) in weights.weighted(&gap).iter().zip(expected.iter()) {
             assert!((found - expected).abs() < 1e-9, "{found} {expected}");
         }

@@ -105,10 +105,10 @@ pub struct Probabilities {
 /// Weight of a hypothesis.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Term {
-    /// True for the world in which the vehicle's numbers have heavy tails; else normal ones.
-    pub heavy_tails: bool,
+    /// Width of the vehicle's tolerances, relative to those of a careful measurement.
+    pub factor: f64,
     /// Gain in explanation of the log: a difference of costs of the tempered likelihood. It counts from nothing with
-    /// normal tails, or from the hypothesis that a cause outside the library extends.
+    /// the narrowest tolerances, or from the hypothesis that a cause outside the library extends.
     pub evidence: f64,
     /// Cost of its freedom.
     pub narrowing: f64,
@@ -119,8 +119,6 @@ pub struct Term {
 pub struct Spread {
     /// Width relative to the tolerances of a careful measurement.
     pub factor: f64,
-    /// True for heavy tails (Student's t), so that a few may be far off.
-    pub heavy_tails: bool,
     /// Probability of this spread.
     pub probability: f64,
 }

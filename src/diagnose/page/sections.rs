@@ -303,10 +303,9 @@ pub(super) fn posterior(report: &Report) -> String {
         posterior.tolerances.iter().max_by(|a, b| a.probability.total_cmp(&b.probability))
     {
         html += &format!(
-            "<p class='faint'>How good the vehicle's numbers are, most probably ({}): tolerances {} times as wide as those of a careful measurement{}.</p>",
+            "<p class='faint'>How good the vehicle's numbers are, most probably ({}): tolerances {} times as wide as those of a careful measurement.</p>",
             percent(likeliest.probability),
             number(likeliest.factor),
-            if likeliest.heavy_tails { ", and a few of them far off" } else { "" }
         );
     }
     html
