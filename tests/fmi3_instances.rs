@@ -6,6 +6,8 @@ use crate::counting::allocated;
 use rfl_mpc::fmi::Status;
 use std::ptr;
 
+const OK: (Status, Status) = (Status::Ok, Status::Ok);
+
 fn input(who: u32, k: u32) -> f64 {
     0.4 * (0.37 * f64::from(k) + f64::from(who)).sin()
 }
@@ -167,6 +169,49 @@ fn a_host_hears_what_it_asked_for() {
     // Why there is no instance is always told.
     let none = Host3::with(c"", None, false);
     assert!(none.instance.is_null() && none.last().contains("has no name"), "{}", none.last());
+}
+
+/// Outputs that 2.0 has as scalars are one variable here, among others in a call.
+#[test]
+fn an_array_is_got_as_a_whole() {
+    let (old, new) = (Host::ready(), Host3::ready());
+    for k in 0..3 {
+        assert_eq!((old.set_real(vr::STEER_CMD, input(1, k)), new.set_real(vr::STEER_CMD, input(1, k))), OK);
+        assert_eq!((old.step(f64::from(k) * 0.01, 0.01), new.step(f64::from(k) * 0.01, 0.01)), OK);
+    }
+    let (references, mut values) = ([vr::STEER, vr::HISTORY, TIME], [f64::NAN; 4]);
+    // SAFETY: a live instance, arrays as long as their counts.
+    let status =
+        unsafe { fmi3GetFloat64(new.instance, references.as_ptr(), 3, values.as_mut_ptr(), values.len()) };
+    assert_eq!(status, Status::Ok, "{}", new.last());
+    assert_eq!(values, [old.real(vr::STEER), old.real(vr::HISTORY), old.real(vr::HISTORY + 1), 0.03]);
+    assert_ne!(values[1], values[2]);
+}
+
+/// A wrong size, an element alone, and an array that is set: refused in words that lead on; nothing is written.
+#[test]
+fn an_array_is_got_only_as_a_whole() {
+    let host = Host3::ready();
+    let mut values = [7.0; 3];
+    // SAFETY: a live instance, arrays at least as long as their counts.
+    unsafe {
+        for given in [0, 1, 3] {
+            let status = fmi3GetFloat64(host.instance, &vr::HISTORY, 1, values.as_mut_ptr(), given);
+            assert_eq!(status, Status::Error);
+            assert!(
+                host.last().contains("which have 2") && host.last().contains("Dimension"),
+                "{}",
+                host.last()
+            );
+        }
+        let element = vr::HISTORY + 1;
+        assert_eq!(fmi3GetFloat64(host.instance, &element, 1, values.as_mut_ptr(), 1), Status::Error);
+        assert!(host.last().contains("`history[2]` is an element of the array `history`"), "{}", host.last());
+        assert!(host.last().contains(&format!("reference {}", vr::HISTORY)), "{}", host.last());
+        assert_eq!(fmi3SetFloat64(host.instance, &vr::HISTORY, 1, values.as_ptr(), 2), Status::Error);
+        assert!(host.last().contains("cannot be set"), "{}", host.last());
+    }
+    assert_eq!((values, host.reals(vr::HISTORY)), ([7.0; 3], [0.0; 2]));
 }
 
 #[test]

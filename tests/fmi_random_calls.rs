@@ -252,11 +252,13 @@ impl Calls for Host3 {
 
     fn get(&self, kind: u8, references: &[u32]) -> Status {
         let (c, pointer, count) = (self.instance, references.as_ptr(), references.len());
-        let (mut reals, mut integers, mut texts) = ([0.0; 8], [0; 8], [ptr::null(); 8]);
+        let (mut reals, mut integers, mut texts) = ([0.0; 16], [0; 8], [ptr::null(); 8]);
         let (mut longs, mut flags) = ([0; 8], [0; 8]);
+        // One more for each array, which has two.
+        let values = count + references.iter().filter(|vr| **vr == vr::HISTORY).count();
         unsafe {
             match (kind, count % 2) {
-                (0, _) => fmi3GetFloat64(c, pointer, count, reals.as_mut_ptr(), count),
+                (0, _) => fmi3GetFloat64(c, pointer, count, reals.as_mut_ptr(), values),
                 (1, 0) => fmi3GetInt32(c, pointer, count, integers.as_mut_ptr(), count),
                 (1, _) => fmi3GetInt64(c, pointer, count, longs.as_mut_ptr(), count),
                 (2, _) => fmi3GetBoolean(c, pointer, count, flags.as_mut_ptr(), count),

@@ -6,7 +6,7 @@
 use crate::standard::Standard;
 use crate::xml::{Attributes, Xml};
 use rfl_mpc::fmi::logger::STANDARD_CATEGORIES;
-use rfl_mpc::fmi::{Causality, Declaration, Initial, Kind, Variability, Variable};
+use rfl_mpc::fmi::{Causality, Declaration, Initial, Kind, Shown, Variability, Variable};
 use rfl_mpc::signal::{self, Signal, Unit};
 use std::collections::BTreeMap;
 use uuid::Uuid;
@@ -84,10 +84,10 @@ fn document(standard: Standard, declaration: &Declaration, mark: &str) -> String
             .with("stepSize", experiment.step_size),
     );
     xml.open("ModelVariables", Attributes::new());
-    for (vr, variable) in declaration.variables.iter().enumerate() {
+    for Shown { vr, variable, size } in declaration.shown(standard.version()) {
         match standard {
-            Standard::Fmi2 => scalar_variable(&mut xml, vr, variable),
-            Standard::Fmi3 => typed_variable(&mut xml, vr, variable),
+            Standard::Fmi2 => scalar_variable(&mut xml, vr, &variable),
+            Standard::Fmi3 => typed_variable(&mut xml, vr, &variable, size),
         }
     }
     xml.close();
@@ -331,7 +331,7 @@ fn scalar_variable(xml: &mut Xml, vr: usize, variable: &Variable) {
 }
 
 /// A variable of FMI 3.0: the element's name is the type, and a string's start value an element.
-fn typed_variable(xml: &mut Xml, vr: usize, variable: &Variable) {
+fn typed_variable(xml: &mut Xml, vr: usize, variable: &Variable, size: Option<usize>) {
     let exact = variable.initial == Initial::Exact;
     let version = Standard::Fmi3.version();
     let attributes = Attributes::new()
@@ -347,7 +347,15 @@ fn typed_variable(xml: &mut Xml, vr: usize, variable: &Variable) {
                 Some(signal) => attributes.with("declaredType", type_name(signal)).with("unit", unit.symbol),
                 None => real_attributes(attributes, *unit, *quantity, *min, *max, *nominal),
             };
-            xml.empty("Float64", attributes.with_some("start", exact.then_some(start)));
+            let attributes = attributes.with_some("start", exact.then_some(start));
+            match size {
+                None => xml.empty("Float64", attributes),
+                Some(size) => {
+                    xml.open("Float64", attributes);
+                    xml.empty("Dimension", Attributes::new().with("start", size));
+                    xml.close();
+                }
+            }
         }
         Kind::Integer { start, min, max } => {
             let attributes = attributes.with_some("min", *min).with_some("max", *max);
@@ -393,10 +401,10 @@ fn unknown(
 fn structure(xml: &mut Xml, standard: Standard, declaration: &Declaration) {
     // 2.0 has a list around each kind of unknowns, 3.0 says the kind of each.
     let is_old = standard == Standard::Fmi2;
-    let outputs: Vec<(usize, &Variable)> = declaration
-        .variables
+    let shown = declaration.shown(standard.version());
+    let outputs: Vec<(usize, &Variable)> = shown
         .iter()
-        .enumerate()
+        .map(|shown| (shown.vr, &*shown.variable))
         .filter(|(_, variable)| variable.causality == Causality::Output)
         .collect();
     xml.open("ModelStructure", Attributes::new());

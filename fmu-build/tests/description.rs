@@ -71,9 +71,12 @@ fn a_description_of_3_0_has_its_types_and_time() {
         "causality=\"independent\"",
         "<Output valueReference=\"2\" dependencies=\"\"/>",
         "Calls that returned fmi3Discard",
+        "<Dimension start=\"2\"/>",
     ] {
         assert!(xml.contains(wanted), "{wanted} is missing in {xml}");
     }
+    assert!(xml.contains("name=\"history\" valueReference=\"17\"") && !xml.contains("history["));
+    assert!(!xml.contains("valueReference=\"18\"") && describe(&declaration).contains("history[2]"));
     assert!(!xml.contains("fmi2") && !describe(&declaration).contains("fmi3"));
 }
 

@@ -24,7 +24,7 @@
 
 use super::life::{Function, Life};
 use super::logger::{Logger, Messages, STANDARD_CATEGORIES, status_category};
-use super::model::{Context, Declaration, Model, ModelError};
+use super::model::{Array, Context, Declaration, Model, ModelError};
 use super::refusal::Refusal;
 use super::snapshot::Snapshot;
 use super::start::StartError;
@@ -54,6 +54,8 @@ pub struct Instance<M: Model> {
     time: f64,
     /// Time as a variable.
     time_variable: Option<Vr>,
+    /// Per variable: the array, by its place in the declaration, of which it is an element; empty where a version has none.
+    array_of: Vec<Option<usize>>,
     /// In initialisation mode: what the model does not know yet.
     stale: Stale,
     /// Per variable: an input outside its range, of which the host was warned.
@@ -93,6 +95,10 @@ impl<M: Model> Instance<M> {
             declaration.start_as_packed(resources)?;
         }
         let values = Values::starting_from(&declaration.variables);
+        let mut array_of = vec![None; declaration.variables.len()];
+        for (place, array) in declaration.arrays.iter().enumerate().filter(|_| version.has_arrays) {
+            array.elements.iter().for_each(|vr| array_of[*vr] = Some(place));
+        }
         Ok(Self {
             version,
             guid,
@@ -105,6 +111,7 @@ impl<M: Model> Instance<M> {
             stop_time: None,
             time: 0.0,
             time_variable,
+            array_of,
             stale: ALL_STALE,
             outside: vec![false; declaration.variables.len()],
             strings: Vec::new(),
@@ -368,12 +375,29 @@ impl<M: Model> Instance<M> {
         if unknown && self.life == Life::InitializationMode {
             status = self.initialize()?;
         }
-        for (i, reference) in references.iter().enumerate() {
-            if let Some(value) = self.values.get(*reference as Vr) {
-                write(i, value);
+        let mut position = 0;
+        for reference in references {
+            let scalar = [*reference as Vr];
+            let elements = self.array(scalar[0]).map_or(&scalar[..], |array| &array.elements);
+            for value in elements.iter().filter_map(|vr| self.values.get(*vr)) {
+                write(position, value);
+                position += 1;
             }
         }
         Ok(status)
+    }
+
+    /// Number of values of some variables: one of a scalar, those of its elements of an array.
+    pub fn count_values(&self, references: &[u32]) -> Result<usize, Refusal> {
+        references.iter().try_fold(0, |count, reference| {
+            let (vr, _) = self.any_variable(*reference)?;
+            Ok(count + self.array(vr).map_or(1, |array| array.elements.len()))
+        })
+    }
+
+    /// The array that a variable is an element of.
+    fn array(&self, vr: Vr) -> Option<&Array> {
+        self.array_of[vr].map(|place| &self.declaration.arrays[place])
     }
 
     /// Sets reals.
@@ -519,13 +543,26 @@ impl<M: Model> Instance<M> {
         self.values.set_by_host(vr, variable, value);
     }
 
-    /// The variable behind a reference, if it is of the expected type.
-    fn variable(&self, reference: u32, expected: &'static str) -> Result<(Vr, &Variable), Refusal> {
+    /// The variable behind a reference; of an array the first element.
+    fn any_variable(&self, reference: u32) -> Result<(Vr, &Variable), Refusal> {
         let variables = &self.declaration.variables;
         let vr = reference as Vr;
         let variable = variables
             .get(vr)
             .ok_or(Refusal::UnknownReference { reference, last: variables.len().saturating_sub(1) })?;
+        match self.array(vr) {
+            Some(Array { name, elements, .. }) if elements[0] != vr => Err(Refusal::ElementOfArray {
+                name: variable.name.to_string(),
+                array: name.to_string(),
+                reference: elements[0],
+            }),
+            _ => Ok((vr, variable)),
+        }
+    }
+
+    /// The same, if it is of the expected type.
+    fn variable(&self, reference: u32, expected: &'static str) -> Result<(Vr, &Variable), Refusal> {
+        let (vr, variable) = self.any_variable(reference)?;
         let declared = self.version.type_of(&variable.kind);
         if declared != expected {
             return Err(Refusal::WrongType { name: variable.name.to_string(), reference, declared });

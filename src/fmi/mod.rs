@@ -38,7 +38,9 @@ mod value;
 mod variable;
 mod version;
 
-pub use model::{Context, Declaration, DefaultExperiment, Log, LogCategory, Model, ModelError, Severity};
+pub use model::{
+    Array, Context, Declaration, DefaultExperiment, Log, LogCategory, Model, ModelError, Severity, Shown,
+};
 pub use start::{START_FILE, StartError, read_start_file, start_file};
 pub use types::Status;
 pub use value::{Value, Values};

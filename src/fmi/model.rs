@@ -1,7 +1,9 @@
 //! The trait that the FMI layer asks of a model. It knows nothing else of vehicles or controllers.
 
 use super::value::Values;
-use super::variable::{Variable, Vr};
+use super::variable::{Causality, Kind, Variable, Vr};
+use super::version::Version;
+use std::borrow::Cow;
 use std::path::PathBuf;
 
 /// Everything about a model that its `modelDescription.xml` says.
@@ -13,13 +15,71 @@ pub struct Declaration {
     pub description: &'static str,
     /// All variables; a [`Vr`] is an index here.
     pub variables: Vec<Variable>,
+    /// Outputs that are one array in versions of FMI that have arrays.
+    pub arrays: Vec<Array>,
     /// FMI `DefaultExperiment`.
     pub experiment: DefaultExperiment,
     /// Log categories beyond the standard ones.
     pub log_categories: &'static [LogCategory],
 }
 
+/// Real outputs of one unit that belong together. Where a version has arrays they are one variable, with the reference of the
+/// first of them; elsewhere each is a scalar.
+#[derive(Debug, Clone, PartialEq)]
+#[allow(missing_docs)]
+pub struct Array {
+    pub name: Cow<'static, str>,
+    pub description: Cow<'static, str>,
+    /// The scalars, in order.
+    pub elements: Vec<Vr>,
+}
+
+/// A variable as a version of FMI shows it.
+#[derive(Debug, Clone, PartialEq)]
+#[allow(missing_docs)]
+pub struct Shown<'a> {
+    pub vr: Vr,
+    pub variable: Cow<'a, Variable>,
+    /// Number of elements of an array.
+    pub size: Option<usize>,
+}
+
 impl Declaration {
+    /// The variables as a version shows them: arrays instead of their scalars where it has arrays.
+    #[must_use]
+    pub fn shown(&self, version: &Version) -> Vec<Shown<'_>> {
+        let arrays: &[Array] = if version.has_arrays { &self.arrays } else { &[] };
+        let variables = self.variables.iter().enumerate();
+        let shown = variables.filter_map(|(vr, variable)| {
+            let array = arrays.iter().find(|array| array.elements.contains(&vr));
+            let Some(Array { name, description, elements }) = array else {
+                return Some(Shown { vr, variable: Cow::Borrowed(variable), size: None });
+            };
+            let whole = Variable { name: name.clone(), description: description.clone(), ..variable.clone() };
+            (elements.first() == Some(&vr)).then_some(Shown {
+                vr,
+                variable: Cow::Owned(whole),
+                size: Some(elements.len()),
+            })
+        });
+        shown.collect()
+    }
+
+    /// Declares scalars as an array.
+    pub fn add_array(
+        &mut self,
+        name: impl Into<Cow<'static, str>>,
+        description: impl Into<Cow<'static, str>>,
+        elements: Vec<Vr>,
+    ) {
+        let alike = |vr: &Vr| {
+            let Variable { causality, kind, .. } = &self.variables[*vr];
+            *causality == Causality::Output && matches!(kind, Kind::Real { .. })
+        };
+        crate::invariant!(elements.iter().all(alike), "an array is of real outputs");
+        self.arrays.push(Array { name: name.into(), description: description.into(), elements });
+    }
+
     /// Adds a variable and gives its reference.
     pub fn add(&mut self, variable: Variable) -> Vr {
         crate::invariant!(self.find(&variable.name).is_none(), "{} is declared twice", variable.name);

@@ -29,11 +29,17 @@ pub enum Refusal {
     },
     ValueCount {
         references: usize,
-        values: usize,
+        needed: usize,
+        given: usize,
     },
     UnknownReference {
         reference: u32,
         last: usize,
+    },
+    ElementOfArray {
+        name: String,
+        array: String,
+        reference: usize,
     },
     WrongType {
         name: String,
@@ -169,13 +175,16 @@ impl Refusal {
             Refusal::ImpossibleCount { argument, count } => {
                 format!("the argument `{argument}` counts {count} elements, more than memory can hold")
             }
-            Refusal::ValueCount { references, values } => format!(
-                "there are {values} values for {references} references: all variables of this FMU are scalars, one value \
-                 for each reference"
+            Refusal::ValueCount { references, needed, given } => format!(
+                "there are {given} values for {references} references, which have {needed}: one value for each reference of \
+                 a scalar, and as many as its Dimension says for an array's"
             ),
             Refusal::UnknownReference { reference, last } => format!(
                 "there is no variable with value reference {reference}: this FMU has the references 0 to {last}. Take \
          them from this FMU's modelDescription.xml."
+            ),
+            Refusal::ElementOfArray { name, array, reference } => format!(
+                "`{name}` is an element of the array `{array}`: get the array, by its reference {reference}"
             ),
             Refusal::WrongType { name, reference, declared } => format!(
                 "variable `{name}` (reference {reference}) is of type {declared}: use fmi{v}Get{declared} or fmi{v}Set{declared}"

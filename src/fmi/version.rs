@@ -26,6 +26,8 @@ pub struct Version {
     pub enumeration: &'static str,
     /// True if time is a variable, behind the model's own.
     pub has_time: bool,
+    /// True if outputs that belong together are an array.
+    pub has_arrays: bool,
     /// True if warnings and errors are told to a host that has not switched logging on.
     pub speaks_unasked: bool,
 }

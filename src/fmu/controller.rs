@@ -36,6 +36,10 @@ const CATEGORIES: &[LogCategory] = &[
     LogCategory { name: "variant", description: "What the controller predicts with" },
 ];
 
+/// Outputs for each step of the prediction.
+const PREDICTED: [(&str, &str); 3] =
+    [("x", "Predicted x"), ("y", "Predicted y"), ("e1", "Predicted lateral error")];
+
 /// A signal that the controller is told, and where it stands in what it is told.
 pub type Told = (&'static Signal, fn(&mut Measurement) -> &mut f64);
 
@@ -212,6 +216,7 @@ fn declare<U: ControllerUnit<S>, const S: usize>() -> (Declaration, Variables) {
         name: U::NAME,
         description: U::DESCRIPTION,
         variables: Vec::new(),
+        arrays: Vec::new(),
         experiment: DefaultExperiment { start_time: 0.0, stop_time: 60.0, tolerance: 1e-6, step_size: 0.02 },
         log_categories: CATEGORIES,
     };
@@ -263,15 +268,18 @@ fn declare<U: ControllerUnit<S>, const S: usize>() -> (Declaration, Variables) {
             .map(|(name, unit)| {
                 real(format!("start.{name}"), unit, format!("Start of the path: {name} to begin with"))
             });
-    let predicted = (1..=U::SHOWN)
+    let predicted: Vec<[Vr; 3]> = (1..=U::SHOWN)
         .map(|j| {
-            let mut at = |name: &str, meaning: &str| {
+            PREDICTED.map(|(name, meaning)| {
                 let meaning = format!("{meaning} {j} samples ahead (0 beyond the horizon)");
                 real(format!("predicted.{name}[{j}]"), Unit::METRE, meaning)
-            };
-            [at("x", "Predicted x"), at("y", "Predicted y"), at("e1", "Predicted lateral error")]
+            })
         })
         .collect();
+    for (place, (name, meaning)) in PREDICTED.into_iter().enumerate() {
+        let meaning = format!("{meaning} 1 to {} samples ahead (0 beyond the horizon)", U::SHOWN);
+        d.add_array(format!("predicted.{name}"), meaning, predicted.iter().map(|at| at[place]).collect());
+    }
     let status = d.add(Variable::output_of(
         Kind::Enumeration { type_name: "ControlStatus", items: ControlStatus::ITEMS, start: 0 },
         "status",

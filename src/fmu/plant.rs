@@ -126,6 +126,7 @@ fn declare<P: PlantUnit>() -> (Declaration, References) {
         name: P::NAME,
         description: P::DESCRIPTION,
         variables: Vec::new(),
+        arrays: Vec::new(),
         experiment: DefaultExperiment { start_time: 0.0, stop_time: 60.0, tolerance: 1e-6, step_size: 0.01 },
         log_categories: LOG_CATEGORIES,
     };
@@ -150,6 +151,15 @@ fn declare<P: PlantUnit>() -> (Declaration, References) {
                 format!("{meaning}, {place} wheel"),
             ));
         }
+    }
+    let places: Vec<&str> = P::WHEELS.iter().map(|(_, place)| *place).collect();
+    for (index, (name, _, meaning, _)) in OF_WHEELS.iter().enumerate() {
+        let of_wheels = (0..P::WHEELS.len()).map(|wheel| wheels + wheel * OF_WHEELS.len() + index).collect();
+        d.add_array(
+            format!("wheel.{name}"),
+            format!("{meaning}, of the wheels: {}", places.join(", ")),
+            of_wheels,
+        );
     }
     let status = Kind::Enumeration { type_name: P::STATUS.0, items: P::STATUS.1, start: 0 };
     let status =

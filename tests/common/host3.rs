@@ -155,6 +155,15 @@ impl Host3 {
         value
     }
 
+    /// The values of an array of this size.
+    pub fn reals<const N: usize>(&self, vr: u32) -> [f64; N] {
+        let mut values = [f64::NAN; N];
+        // SAFETY: a live instance, arrays of one and of the count that is given.
+        let status = unsafe { fmi3GetFloat64(self.instance, &raw const vr, 1, values.as_mut_ptr(), N) };
+        assert_eq!(status, Status::Ok, "{}", self.last());
+        values
+    }
+
     pub fn set_integer(&self, vr: u32, value: i32) -> Status {
         // SAFETY: a live instance, arrays of one.
         unsafe { fmi3SetInt32(self.instance, &raw const vr, 1, &raw const value, 1) }
@@ -253,16 +262,9 @@ impl Host3 {
 
     /// Everything that can be seen of an initialised instance, bit by bit, in the order of 2.0's.
     pub fn fingerprint(&self) -> (Vec<u64>, Vec<i32>, String) {
-        let reals = [
-            vr::STEER_CMD,
-            vr::STEER,
-            vr::TAU,
-            vr::GAIN,
-            vr::MAX_STEP,
-            vr::START,
-            vr::HISTORY,
-            vr::HISTORY + 1,
-        ];
+        let reals = [vr::STEER_CMD, vr::STEER, vr::TAU, vr::GAIN, vr::MAX_STEP, vr::START];
+        let mut reals = reals.map(|vr| self.real(vr)).to_vec();
+        reals.extend(self.reals::<2>(vr::HISTORY));
         let mut whole = vec![
             self.integer(vr::STEPS),
             self.enumeration(vr::METHOD_USED) as i32,
@@ -270,6 +272,6 @@ impl Host3 {
             self.enumeration(vr::METHOD) as i32,
         ];
         whole.extend([vr::ENABLED, vr::MOVING, vr::LIMITED].map(|vr| self.boolean(vr)));
-        (reals.map(|vr| self.real(vr).to_bits()).to_vec(), whole, self.string(vr::SOURCE))
+        (reals.into_iter().map(f64::to_bits).collect(), whole, self.string(vr::SOURCE))
     }
 }

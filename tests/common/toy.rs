@@ -3,8 +3,8 @@
 //! parameters that make it fail, discard a step or panic.
 
 use rfl_mpc::fmi::{
-    Causality, Context, Declaration, DefaultExperiment, Initial, Kind, Log, LogCategory, Model, ModelError,
-    Severity, Values, Variability, Variable, Vr,
+    Array, Causality, Context, Declaration, DefaultExperiment, Initial, Kind, Log, LogCategory, Model,
+    ModelError, Severity, Values, Variability, Variable, Vr,
 };
 use rfl_mpc::signal::{self, Unit};
 
@@ -110,6 +110,11 @@ impl Model for SteeringLag {
                     "Whether warnings are statuses",
                 ),
             ],
+            arrays: vec![Array {
+                name: "history".into(),
+                description: "Angles one and two steps ago".into(),
+                elements: vec![up(vr::HISTORY), up(vr::HISTORY) + 1],
+            }],
             experiment: DefaultExperiment {
                 start_time: 0.0,
                 stop_time: 2.0,

@@ -39,6 +39,7 @@ pub const VERSION: Version = Version {
     integer: "Integer",
     enumeration: "Integer",
     has_time: false,
+    has_arrays: false,
     speaks_unasked: true,
 };
 

@@ -43,6 +43,7 @@ pub const VERSION: Version = Version {
     integer: "Int32",
     enumeration: "Int64",
     has_time: true,
+    has_arrays: true,
     speaks_unasked: false,
 };
 
@@ -212,9 +213,11 @@ pub unsafe fn fmi3Reset<M: Model>(c: Component) -> Status {
     unsafe { guard::<M>(c, Function::Reset, Instance::reset) }
 }
 
-/// Refuses a count of values that is not one for each reference: all variables are scalars.
-fn counted(references: Count, values: Count) -> Result<(), Refusal> {
-    if references == values { Ok(()) } else { Err(Refusal::ValueCount { references, values }) }
+/// Refuses a count of values that is not the variables': one for a scalar, one for each element of an array.
+fn counted<M: Model>(instance: &Instance<M>, references: &[u32], given: Count) -> Result<(), Refusal> {
+    let needed = instance.count_values(references)?;
+    let references = references.len();
+    if needed == given { Ok(()) } else { Err(Refusal::ValueCount { references, needed, given }) }
 }
 
 macro_rules! getters {
@@ -226,12 +229,12 @@ macro_rules! getters {
             values: $out,
             value_count: Count,
         ) -> Status {
-            // SAFETY: by the host's contract; `write` stays below `count`, as it gives positions in `references`.
+            // SAFETY: by the host's contract; `write` stays below `value_count`, which is checked to be the references'.
             unsafe {
                 guard::<M>(c, Function::$function, |instance| {
-                    counted(count, value_count)?;
                     let references = array(references, count, "valueReferences")?;
-                    check(values, count, "values")?;
+                    counted(instance, references, value_count)?;
+                    check(values, value_count, "values")?;
                     instance.$method(references, |i, value| values.add(i).write($convert(value)))
                 })
             }
@@ -259,9 +262,9 @@ macro_rules! setters {
             // SAFETY: by the host's contract.
             unsafe {
                 guard::<M>(c, Function::$function, |$instance| {
-                    counted(count, value_count)?;
                     let $references = array(references, count, "valueReferences")?;
-                    let $given = array(values, count, "values")?;
+                    counted($instance, $references, value_count)?;
+                    let $given = array(values, value_count, "values")?;
                     $set
                 })
             }
