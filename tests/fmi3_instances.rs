@@ -139,6 +139,44 @@ fn a_shorter_step_may_follow_a_discarded_one() {
     assert_eq!(host.fingerprint(), other.fingerprint());
 }
 
+/// An actuator that comes to its limit in the middle of a long step.
+fn to_its_limit(host: &Host3) -> (Status, f64, bool) {
+    assert_eq!(host.set_integer(vr::SUBSTEPS, 100), Status::Ok);
+    assert_eq!(host.set_boolean(vr::LIMITED, 1), Status::Ok);
+    host.initialize();
+    assert_eq!(host.set_real(vr::STEER_CMD, 1.0), Status::Ok);
+    host.step_that_may_end(0.0, 0.5)
+}
+
+/// A host that allows it is told where the step ended, and goes on from there; time is a variable, too.
+#[test]
+fn a_step_ends_early_where_the_host_allows_it() {
+    let host = Host3::ending_early();
+    let (status, time, early) = to_its_limit(&host);
+    assert_eq!((status, early), (Status::Ok, true));
+    // 1 - exp(-t / 0.1 s) comes to .5 after 69.3 ms; integration steps are of 5 ms.
+    assert!((time - 0.07).abs() < 1e-12, "{time}");
+    assert_eq!((host.real(TIME), host.real(vr::STEER)), (time, 0.5));
+    assert_eq!(host.step(0.5, 0.1), Status::Error);
+    assert!(host.last().contains("still at 0.07 s"), "{}", host.last());
+    assert_eq!(host.set_real(vr::STEER_CMD, 0.1), Status::Ok);
+    assert_eq!(host.step_that_may_end(time, 0.1), (Status::Ok, time + 0.1, false));
+}
+
+#[test]
+fn a_step_goes_to_its_end_where_the_host_does_not_allow_less() {
+    let host = Host3::new();
+    assert_eq!(to_its_limit(&host), (Status::Ok, 0.5, false));
+}
+
+#[test]
+fn a_reset_instance_may_still_end_early() {
+    let host = Host3::ending_early();
+    let first = to_its_limit(&host);
+    assert_eq!(host.reset(), Status::Ok);
+    assert_eq!(to_its_limit(&host), first);
+}
+
 #[test]
 fn time_is_a_variable_that_nobody_sets() {
     let host = Host3::new();

@@ -45,6 +45,7 @@ macro_rules! of_each_controller {
 of_each_controller! {
     it_steers_towards_the_path
     it_computes_at_its_sample_time_and_holds_between
+    a_step_to_an_event_ends_a_sample_after_the_status_changed
     a_saved_state_continues_bit_for_bit
     a_truncated_state_is_refused_and_changes_nothing
     the_controller_s_file_wins_over_the_vehicle_s_and_the_host_over_both
@@ -169,6 +170,25 @@ fn it_computes_at_its_sample_time_and_holds_between<M: Controller>() {
         before = unit.real("station");
     }
     assert_eq!(changes, 10);
+}
+
+/// A host with long steps gets one computation a step; one that lets them end is told of a change after a sample time.
+fn a_step_to_an_event_ends_a_sample_after_the_status_changed<M: Controller>() {
+    let mut unit = Unit::<M>::new();
+    unit.initialize().unwrap();
+    let place = |unit: &mut Unit<M>, aside: f64| {
+        let (x, y, yaw) = (unit.real("start.x"), unit.real("start.y"), unit.real("start.yaw"));
+        let pose = [("x", x - aside * yaw.sin()), ("y", y + aside * yaw.cos()), ("yaw", yaw), ("vx", 5.0)];
+        pose.into_iter().for_each(|(name, value)| unit.set(name, Value::Real(value)));
+    };
+    let mut steps = Vec::new();
+    // On the path, on it again, and far from it.
+    for (k, aside) in [0.0, 0.0, 50.0].into_iter().enumerate() {
+        place(&mut unit, aside);
+        let Unit { model, values, log } = &mut unit;
+        steps.push(model.step_to_event(values, k as f64, 1.0, log).unwrap());
+    }
+    assert_eq!(steps, [1.0, 1.0, unit.real("mpc.sample_time")]);
 }
 
 fn a_saved_state_continues_bit_for_bit<M: Controller>() {

@@ -64,7 +64,7 @@ fn document(standard: Standard, declaration: &Declaration, mark: &str) -> String
             .with("variableNamingConvention", "structured")
             .with_some("numberOfEventIndicators", is_old.then_some(0)),
     );
-    xml.empty("CoSimulation", abilities(standard, declaration.name));
+    xml.empty("CoSimulation", abilities(standard, declaration));
     units(&mut xml, declaration);
     types(&mut xml, standard, declaration);
     xml.open("LogCategories", Attributes::new());
@@ -97,8 +97,9 @@ fn document(standard: Standard, declaration: &Declaration, mark: &str) -> String
 }
 
 /// Abilities of the library as a unit of co-simulation.
-fn abilities(standard: Standard, name: &str) -> Attributes<'static> {
-    let common = Attributes::new().with("modelIdentifier", name).with("needsExecutionTool", false);
+fn abilities(standard: Standard, declaration: &Declaration) -> Attributes<'static> {
+    let common =
+        Attributes::new().with("modelIdentifier", declaration.name).with("needsExecutionTool", false);
     match standard {
         Standard::Fmi2 => common
             .with("canHandleVariableCommunicationStepSize", true)
@@ -120,7 +121,7 @@ fn abilities(standard: Standard, name: &str) -> Attributes<'static> {
             .with("canHandleVariableCommunicationStepSize", true)
             .with("maxOutputDerivativeOrder", 0)
             .with("providesIntermediateUpdate", false)
-            .with("mightReturnEarlyFromDoStep", false)
+            .with("mightReturnEarlyFromDoStep", declaration.ends_early)
             .with("canReturnEarlyAfterIntermediateUpdate", false)
             .with("hasEventMode", false),
     }

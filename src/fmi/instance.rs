@@ -52,6 +52,10 @@ pub struct Instance<M: Model> {
     start_time: f64,
     stop_time: Option<f64>,
     time: f64,
+    /// True if the host lets a step end early.
+    pub(super) may_end_early: bool,
+    /// True if the newest step did.
+    ended_early: bool,
     /// Time as a variable.
     time_variable: Option<Vr>,
     /// Per variable: the array, by its place in the declaration, of which it is an element; empty where a version has none.
@@ -110,6 +114,8 @@ impl<M: Model> Instance<M> {
             start_time: 0.0,
             stop_time: None,
             time: 0.0,
+            may_end_early: false,
+            ended_early: false,
             time_variable,
             array_of,
             stale: ALL_STALE,
@@ -242,8 +248,9 @@ impl<M: Model> Instance<M> {
         Ok(status)
     }
 
-    /// Makes a step.
+    /// Makes a step, or its first part where the host lets it end early.
     pub fn do_step(&mut self, point: f64, step: f64) -> Outcome {
+        self.ended_early = false;
         if !point.is_finite() {
             return Err(Refusal::CommunicationPoint { point });
         }
@@ -265,11 +272,16 @@ impl<M: Model> Instance<M> {
             return Err(Refusal::PastStopTime { point, end, stop });
         }
         let mut messages = Messages::to(&self.logger);
-        match self.model.step(&mut self.values, point, step, &mut messages) {
-            Ok(()) => {
+        let made = match self.may_end_early {
+            false => self.model.step(&mut self.values, point, step, &mut messages).map(|()| step),
+            true => self.model.step_to_event(&mut self.values, point, step, &mut messages),
+        };
+        match made {
+            Ok(made) => {
                 let status = if messages.warned { Status::Warning } else { Status::Ok };
                 self.life = Life::StepComplete;
-                self.set_time(end);
+                self.ended_early = made < step;
+                self.set_time(if self.ended_early { point + made } else { end });
                 Ok(status)
             }
             Err(ModelError::Discard(message)) => {
@@ -294,6 +306,12 @@ impl<M: Model> Instance<M> {
     #[must_use]
     pub fn time(&self) -> f64 {
         self.time
+    }
+
+    /// True if the newest step ended early, at [`time`](Self::time).
+    #[must_use]
+    pub fn ended_early(&self) -> bool {
+        self.ended_early
     }
 
     /// The instance's state.

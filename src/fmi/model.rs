@@ -17,6 +17,8 @@ pub struct Declaration {
     pub variables: Vec<Variable>,
     /// Outputs that are one array in versions of FMI that have arrays.
     pub arrays: Vec<Array>,
+    /// True if [`Model::step_to_event`] may end before the step does.
+    pub ends_early: bool,
     /// FMI `DefaultExperiment`.
     pub experiment: DefaultExperiment,
     /// Log categories beyond the standard ones.
@@ -207,6 +209,21 @@ pub trait Model: Send + Sized + 'static {
         step: f64,
         log: &mut dyn Log,
     ) -> Result<(), ModelError>;
+
+    /// The same for a host that lets a step end early: it ends where the host should look at once, a change of a status
+    /// for instance. Gives the length of the step that was made, more than 0 and at most `step`.
+    ///
+    /// # Errors
+    /// As [`step`](Model::step).
+    fn step_to_event(
+        &mut self,
+        values: &mut Values,
+        time: f64,
+        step: f64,
+        log: &mut dyn Log,
+    ) -> Result<f64, ModelError> {
+        self.step(values, time, step, log).map(|()| step)
+    }
 
     /// True if a call that did its work with a warning returns a warning. Many hosts end a run at any status but
     /// OK, so it returns OK unless the user asks for the warning; the log tells it in either case.

@@ -217,6 +217,7 @@ fn declare<U: ControllerUnit<S>, const S: usize>() -> (Declaration, Variables) {
         description: U::DESCRIPTION,
         variables: Vec::new(),
         arrays: Vec::new(),
+        ends_early: true,
         experiment: DefaultExperiment { start_time: 0.0, stop_time: 60.0, tolerance: 1e-6, step_size: 0.02 },
         log_categories: CATEGORIES,
     };
@@ -505,6 +506,22 @@ impl<U: ControllerUnit<S>, const S: usize> Model for ControllerFmu<U, S> {
         }
         write_outputs(v, values, controller);
         Ok(())
+    }
+
+    /// The command holds for a sample time. Of a longer step a host is told a change of the status after that.
+    fn step_to_event(
+        &mut self,
+        values: &mut Values,
+        time: f64,
+        step: f64,
+        log: &mut dyn Log,
+    ) -> Result<f64, ModelError> {
+        let status = |model: &Self| model.running.as_ref().map(|running| running.controller.report().status);
+        let before = status(self);
+        self.step(values, time, step, log)?;
+        let Some(Running { controller, .. }) = &self.running else { return Ok(step) };
+        let is_event = before != status(self) && before != Some(ControlStatus::Waiting);
+        Ok(if is_event { step.min(controller.parameters().mpc.sample_time) } else { step })
     }
 
     fn reports_warnings(&self, values: &Values) -> bool {

@@ -56,6 +56,15 @@ impl Host3 {
     }
 
     pub fn with(name: &CStr, resources: Option<&CStr>, logging_on: bool) -> Self {
+        Self::made(name, resources, logging_on, false)
+    }
+
+    /// An instance whose steps may end early.
+    pub fn ending_early() -> Self {
+        Self::made(c"toy", None, true, true)
+    }
+
+    fn made(name: &CStr, resources: Option<&CStr>, logging_on: bool, early_return: bool) -> Self {
         let messages = Box::new(Messages::default());
         let resources = resources.map_or(ptr::null(), CStr::as_ptr);
         // SAFETY: C strings and a callback that live.
@@ -67,7 +76,7 @@ impl Host3 {
                 0,
                 u8::from(logging_on),
                 0,
-                1,
+                u8::from(early_return),
                 ptr::null(),
                 0,
                 ptr::from_ref(&*messages).cast_mut().cast(),
@@ -124,12 +133,19 @@ impl Host3 {
 
     /// A step with the last successful time.
     pub fn step_telling(&self, point: f64, step: f64) -> (Status, f64) {
+        let (status, time, early) = self.step_that_may_end(point, step);
+        assert!(status == Status::Error || !early);
+        (status, time)
+    }
+
+    /// A step with the last successful time, which may be earlier than the step's end: then it is true.
+    pub fn step_that_may_end(&self, point: f64, step: f64) -> (Status, f64, bool) {
         let (mut flags, mut time) = ([1_u8; 3], f64::NAN);
         let [events, end, early] = &mut flags;
         // SAFETY: a live instance, places of one.
         let status = unsafe { fmi3DoStep(self.instance, point, step, 0, events, end, early, &raw mut time) };
-        assert!(status == Status::Error || flags == [0; 3]);
-        (status, time)
+        assert!(status == Status::Error || flags[..2] == [0; 2]);
+        (status, time, flags[2] != 0)
     }
 
     pub fn reset(&self) -> Status {

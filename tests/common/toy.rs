@@ -115,6 +115,7 @@ impl Model for SteeringLag {
                 description: "Angles one and two steps ago".into(),
                 elements: vec![up(vr::HISTORY), up(vr::HISTORY) + 1],
             }],
+            ends_early: true,
             experiment: DefaultExperiment {
                 start_time: 0.0,
                 stop_time: 2.0,
@@ -164,32 +165,17 @@ impl Model for SteeringLag {
         step: f64,
         log: &mut dyn Log,
     ) -> Result<(), ModelError> {
-        if step > values.real(up(vr::MAX_STEP)) {
-            return Err(ModelError::Discard(format!("{step} s is too long: 50 % of it may do")));
-        }
-        if time >= values.real(up(vr::FAIL_AFTER)) {
-            return Err(ModelError::Failed("it was told to fail".to_owned()));
-        }
-        assert!(time < values.real(up(vr::PANIC_AFTER)), "it was told to panic");
-        let before = self.steer;
-        if values.boolean(up(vr::ENABLED)) {
-            let target = values.real(up(vr::GAIN)) * values.real(up(vr::STEER_CMD));
-            let substeps = values.integer(up(vr::SUBSTEPS));
-            let h = step / f64::from(substeps);
-            let share =
-                if values.integer(up(vr::METHOD)) == 1 { -(-h / self.tau).exp_m1() } else { h / self.tau };
-            for _ in 0..substeps {
-                self.steer += share * (target - self.steer);
-            }
-        }
-        if values.boolean(up(vr::LIMITED)) && self.steer.abs() > 0.5 {
-            self.steer = self.steer.clamp(-0.5, 0.5);
-            log.log(Severity::Warning, "logActuator", "the angle is at its limit");
-        }
-        self.steps += 1;
-        self.history = [before, self.history[0]];
-        self.publish(values, self.steer != before);
-        Ok(())
+        self.advance(values, time, step, false, log).map(|_| ())
+    }
+
+    fn step_to_event(
+        &mut self,
+        values: &mut Values,
+        time: f64,
+        step: f64,
+        log: &mut dyn Log,
+    ) -> Result<f64, ModelError> {
+        self.advance(values, time, step, true, log)
     }
 
     fn reports_warnings(&self, values: &Values) -> bool {
@@ -221,6 +207,47 @@ impl Model for SteeringLag {
 }
 
 impl SteeringLag {
+    /// A step; one to an event ends with the integration step in which the angle comes to its limit.
+    fn advance(
+        &mut self,
+        values: &mut Values,
+        time: f64,
+        step: f64,
+        to_event: bool,
+        log: &mut dyn Log,
+    ) -> Result<f64, ModelError> {
+        if step > values.real(up(vr::MAX_STEP)) {
+            return Err(ModelError::Discard(format!("{step} s is too long: 50 % of it may do")));
+        }
+        if time >= values.real(up(vr::FAIL_AFTER)) {
+            return Err(ModelError::Failed("it was told to fail".to_owned()));
+        }
+        assert!(time < values.real(up(vr::PANIC_AFTER)), "it was told to panic");
+        let (before, mut made) = (self.steer, step);
+        if values.boolean(up(vr::ENABLED)) {
+            let target = values.real(up(vr::GAIN)) * values.real(up(vr::STEER_CMD));
+            let substeps = values.integer(up(vr::SUBSTEPS));
+            let h = step / f64::from(substeps);
+            let share =
+                if values.integer(up(vr::METHOD)) == 1 { -(-h / self.tau).exp_m1() } else { h / self.tau };
+            for substep in 1..=substeps {
+                self.steer += share * (target - self.steer);
+                if to_event && values.boolean(up(vr::LIMITED)) && self.steer.abs() > 0.5 {
+                    made = h * f64::from(substep);
+                    break;
+                }
+            }
+        }
+        if values.boolean(up(vr::LIMITED)) && self.steer.abs() > 0.5 {
+            self.steer = self.steer.clamp(-0.5, 0.5);
+            log.log(Severity::Warning, "logActuator", "the angle is at its limit");
+        }
+        self.steps += 1;
+        self.history = [before, self.history[0]];
+        self.publish(values, self.steer != before);
+        Ok(made)
+    }
+
     fn publish(&self, values: &mut Values, moving: bool) {
         values.set_real(up(vr::STEER), self.steer);
         values.set_integer(up(vr::STEPS), self.steps);

@@ -208,7 +208,9 @@ class Instance:
 class Instance3(Instance):
     """The same of FMI 3.0."""
 
-    def __init__(self, library: Library, name="unit", *, token=None, resources=None, with_logger=True) -> None:
+    def __init__(
+        self, library: Library, name="unit", *, token=None, resources=None, with_logger=True, ends_early=False
+    ) -> None:
         self.library, self.dll = library, library.dll
         self.messages: list[tuple[int, str, str]] = []
         self.start, self.stop = 0.0, None
@@ -224,7 +226,7 @@ class Instance3(Instance):
         self.told = [byref(value) for value in (*self.flags, self.last_successful_time)]
         self.handle = self.dll.fmi3InstantiateCoSimulation(
             *(name.encode(), token.encode(), folder.encode() if folder else None),
-            *(False, True, False, False, None, 0, None, ctypes.cast(self.logger, c_void_p), None),
+            *(False, True, False, ends_early, None, 0, None, ctypes.cast(self.logger, c_void_p), None),
         )
 
     def _set(self, kind: str, c_type, values: dict) -> int:

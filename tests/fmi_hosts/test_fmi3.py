@@ -153,6 +153,29 @@ def test_drives_are_those_of_2_0(of_version, paths, system):
     assert drives[0][-2] != drives[0][0]
 
 
+def test_a_long_step_ends_where_the_status_changes(libraries):
+    """A car that starts to roll; one host allows it, the other does not."""
+    ends = []
+    for ends_early in (True, False):
+        unit = libraries["PassengerCar"].make(ends_early=ends_early)
+        assert unit.initialize() == OK
+        before = unit.get_integer("status")
+        assert unit.set_reals({"accel_cmd": 1.0}) == OK
+        assert unit.step(0.0, 1.0) == OK
+        assert unit.get_integer("status") != before
+        ends.append((unit.last_successful_time.value, unit.flags[2].value))
+        unit.free()
+    assert 0.0 < ends[0][0] < 0.5 and ends[0][1]
+    assert ends[1] == (1.0, False)
+
+
+def test_early_ends_in_fmpy(fmus):
+    file = str(fmus / "fmi3" / "PassengerCar.fmu")
+    drive = {"stop_time": 2.0, "output_interval": 0.5, "start_values": {"accel_cmd": 1.0}, "output": ["vx"]}
+    whole, early = (simulate_fmu(file, early_return_allowed=allowed, **drive)["time"] for allowed in (False, True))
+    assert set(whole) < set(early) and len(early) == len(whole) + 1
+
+
 def test_time_is_a_variable(libraries):
     unit = libraries["PassengerCar"].make()
     unit.setup(start=2.0)

@@ -153,6 +153,7 @@ pub unsafe fn fmi2Instantiate<M: Model>(
         given: [name, guid, resources],
         listener: listener(&callbacks),
         logging_on: logging_on != 0,
+        may_end_early: false,
         against: (kind != CO_SIMULATION).then_some(other_kind),
     };
     // SAFETY: by the host's contract.

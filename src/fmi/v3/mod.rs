@@ -4,13 +4,14 @@
 //!
 //! - the host's logger is called only for what it asked for (`loggingOn`, `fmi3SetDebugLogging`), and is not variadic;
 //! - enumerations are got and set as `Int64`, and time is a variable, behind the model's own;
-//! - a get or set call counts its values apart from its references;
+//! - a get or set call counts its values apart from its references: an array has several;
 //! - a discarded step leaves the instance as it was: a shorter one may follow;
+//! - a step may end early for a host that allows it;
+//! - outputs that belong together are arrays;
 //! - resources come as a path, with or without a separator at its end. Hosts that pass a URI are understood.
 //!
-//! Event mode, clocks, intermediate update, early return and structural parameters are declared as absent: a controller
-//! samples, and a vehicle integrates, inside of a step, and both show what came of it at its end. A model never asks for the
-//! end of the simulation.
+//! Event mode, clocks, intermediate update and structural parameters are declared as absent: a controller samples, and a vehicle
+//! integrates, inside of a step, and both show what came of it at its end. A model never asks for the end of the simulation.
 //!
 //! # Safety
 //!
@@ -92,7 +93,7 @@ pub unsafe fn fmi3InstantiateCoSimulation<M: Model>(
     _visible: Boolean,
     logging_on: Boolean,
     event_mode_used: Boolean,
-    _early_return_allowed: Boolean,
+    early_return_allowed: Boolean,
     _required: References,
     required_count: Count,
     environment: Environment,
@@ -113,6 +114,7 @@ pub unsafe fn fmi3InstantiateCoSimulation<M: Model>(
         given: [name, token, resources],
         listener: listener(log, environment),
         logging_on: logging_on != 0,
+        may_end_early: early_return_allowed != 0,
         against,
     };
     // SAFETY: by the host's contract.
@@ -128,8 +130,9 @@ unsafe fn other_kind<M: Model>(
 ) -> Component {
     let against = Some("this FMU is for co-simulation only: call fmi3InstantiateCoSimulation.");
     let listener = listener(log, environment);
+    let (logging_on, may_end_early) = (false, false);
     let request =
-        Request { version: &VERSION, function, own: "", given, listener, logging_on: false, against };
+        Request { version: &VERSION, function, own: "", given, listener, logging_on, may_end_early, against };
     // SAFETY: by the host's contract.
     unsafe { instantiate::<M>(request) }
 }
@@ -339,9 +342,12 @@ pub unsafe fn fmi3DoStep<M: Model>(
         guard::<M>(c, Function::DoStep, |instance| {
             let outcome = instance.do_step(point, step);
             // Told of a discarded step, too: some hosts read them. One that wants none of them may pass NULL.
-            for flag in [event_handling_needed, terminate_simulation, early_return] {
+            let ended_early = u8::from(instance.ended_early());
+            for (flag, value) in
+                [(event_handling_needed, 0), (terminate_simulation, 0), (early_return, ended_early)]
+            {
                 if !flag.is_null() {
-                    flag.write(0);
+                    flag.write(value);
                 }
             }
             if !last_successful_time.is_null() {
