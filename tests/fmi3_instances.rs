@@ -110,7 +110,7 @@ fn instances_leave_nothing_behind_and_steps_allocate_nothing() {
         drive(&host, 1, 0, 1);
         let (status, state) = host.deserialize(&host.serialize(host.store()));
         assert_eq!((status, host.restore(state)), (Status::Ok, Status::Ok));
-        assert_eq!(host.set_real(vr::COUNT, 0.0), Status::Error);
+        assert_eq!(host.set_real(TIME + 1, 0.0), Status::Error);
     };
     live();
     assert_eq!(allocated(|| (0..500).for_each(|_| live())).1, 0);
@@ -203,7 +203,7 @@ fn a_host_hears_what_it_asked_for() {
     assert_eq!(quiet.set_real(vr::STEER_CMD, f64::NAN), Status::Discard);
     assert_eq!(quiet.take_messages(), [], "a category that was not asked for");
     assert_eq!(quiet.set_real(TIME + 1, 0.0), Status::Error);
-    assert!(quiet.last().contains("the references 0 to 20"), "{}", quiet.last());
+    assert!(quiet.last().contains("the references 0 to 21"), "{}", quiet.last());
     // Why there is no instance is always told.
     let none = Host3::with(c"", None, false);
     assert!(none.instance.is_null() && none.last().contains("has no name"), "{}", none.last());
@@ -250,6 +250,46 @@ fn an_array_is_got_only_as_a_whole() {
         assert!(host.last().contains("cannot be set"), "{}", host.last());
     }
     assert_eq!((values, host.reals(vr::HISTORY)), ([7.0; 3], [0.0; 2]));
+}
+
+/// A parameter file handed over as bytes: it counts, is kept over a state in another instance, and a reset forgets it.
+#[test]
+fn bytes_are_a_parameter() {
+    let host = Host3::new();
+    assert_eq!(host.binary(vr::DATA), b"");
+    assert_eq!(host.set_binary(vr::DATA, b"0.25"), Status::Ok);
+    host.initialize();
+    assert_eq!((host.binary(vr::DATA), host.real(vr::TAU)), (b"0.25".to_vec(), 0.25));
+    let bytes = host.serialize(host.store());
+    let other = Host3::new();
+    let (status, state) = other.deserialize(&bytes);
+    assert_eq!((status, other.restore(state)), OK, "{}", other.last());
+    assert_eq!((other.binary(vr::DATA), other.real(vr::TAU)), (b"0.25".to_vec(), 0.25));
+    assert_eq!((host.reset(), host.binary(vr::DATA)), (Status::Ok, Vec::new()));
+}
+
+#[test]
+fn bytes_that_cannot_be_are_refused() {
+    let host = Host3::new();
+    assert_eq!(host.set_binary(vr::DATA, b"0.5"), Status::Ok);
+    assert_eq!(host.set_binary(vr::DATA, &[b'1'; 65]), Status::Discard);
+    assert!(host.last().contains("has 65 bytes, and takes 64 at most"), "{}", host.last());
+    assert_eq!(host.set_binary(vr::FILE, b"0.5"), Status::Error);
+    assert!(host.last().contains("is of type String"), "{}", host.last());
+    assert_eq!(host.set_string(vr::DATA, c"0.5"), Status::Error);
+    let (size, nowhere, no_size) = (4, ptr::null(), ptr::null());
+    // SAFETY: a live instance, arrays of one; NULL is what is tested.
+    unsafe {
+        assert_eq!(fmi3SetBinary(host.instance, &vr::DATA, 1, &size, &nowhere, 1), Status::Error);
+        assert_eq!(fmi3SetBinary(host.instance, &vr::DATA, 1, no_size, &nowhere, 1), Status::Error);
+        assert_eq!(fmi3SetBinary(host.instance, &vr::DATA, 1, &usize::MAX, &b"".as_ptr(), 1), Status::Error);
+    }
+    assert!(host.last().contains("more than memory can hold"), "{}", host.last());
+    assert_eq!(host.binary(vr::DATA), b"0.5");
+    assert_eq!(host.set_binary(vr::DATA, b"half"), Status::Ok);
+    host.setup(0.0, None);
+    assert_eq!((host.enter(), host.exit()), (Status::Ok, Status::Error));
+    assert!(host.last().contains("actuator_data"), "{}", host.last());
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use rfl_mpc::control::{
     ControlStatus, ControlVariant, ControllerFor, NominalTruck, TruckControllerParameters,
 };
-use rfl_mpc::fmi::{Causality, Context, Initial, Log, Model, ModelError, Severity, Value, Values};
+use rfl_mpc::fmi::{Causality, Context, Initial, Log, Model, ModelError, Severity, Value, Values, v3};
 use rfl_mpc::fmu::{RflMpc, TruckRflMpc};
 use rfl_mpc::path::sudoku::Route;
 use rfl_mpc::residual::DataSet;
@@ -51,6 +51,7 @@ of_each_controller! {
     the_controller_s_file_wins_over_the_vehicle_s_and_the_host_over_both
     files_that_cannot_be_used_are_named_with_a_remedy
     only_what_a_user_should_act_on_is_a_warning_of_the_road
+    bytes_that_are_no_model_are_refused
     a_variant_without_its_model_says_what_is_missing_and_how_to_make_it
     the_known_actuator_is_a_variant
     measurements_that_are_no_numbers_change_nothing_at_first_and_are_bridged_later
@@ -282,6 +283,29 @@ fn files_that_cannot_be_used_are_named_with_a_remedy<M: Controller>() {
     ] {
         let mut unit = Unit::<M>::new();
         unit.set(name, Value::String(value.into()));
+        let message = unit.initialize().unwrap_err().to_string();
+        assert!(words.iter().all(|word| message.contains(word)), "{message}");
+    }
+}
+
+/// A model as bytes, where the interface has them, is checked as its file is.
+fn bytes_that_are_no_model_are_refused<M: Controller>() {
+    for (file, words) in
+        [("", &["residual.data", "no residual model", "rfl train"][..]), ("some.rflm", &["give one of them"])]
+    {
+        let mut declaration = M::declaration();
+        declaration.complete(&v3::VERSION);
+        let mut unit = Unit::<M>::new();
+        let road = unit.values.string(Unit::<M>::vr("path_file")).to_owned();
+        unit.values = Values::starting_from(&declaration.variables);
+        unit.set("path_file", Value::String(road));
+        unit.set("residual.file", Value::String(file.into()));
+        let data = declaration.find("residual.data").unwrap();
+        unit.values.set_by_host(
+            data,
+            &declaration.variables[data],
+            Value::Binary(b"no model".to_vec().into()),
+        );
         let message = unit.initialize().unwrap_err().to_string();
         assert!(words.iter().all(|word| message.contains(word)), "{message}");
     }

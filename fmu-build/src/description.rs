@@ -6,7 +6,7 @@
 use crate::standard::Standard;
 use crate::xml::{Attributes, Xml};
 use rfl_mpc::fmi::logger::STANDARD_CATEGORIES;
-use rfl_mpc::fmi::{Causality, Declaration, Initial, Kind, Shown, Variability, Variable};
+use rfl_mpc::fmi::{Causality, Declaration, Initial, Kind, Variability, Variable, VersionedVariable};
 use rfl_mpc::signal::{self, Signal, Unit};
 use std::collections::BTreeMap;
 use uuid::Uuid;
@@ -21,9 +21,7 @@ pub fn describe(declaration: &Declaration) -> String {
 #[must_use]
 pub fn describe_in(standard: Standard, declaration: &Declaration) -> String {
     let mut declaration = declaration.clone();
-    if standard.version().has_time {
-        declaration.add_time();
-    }
+    declaration.complete(standard.version());
     let without = document(standard, &declaration, "");
     let mark = Uuid::new_v5(&Uuid::NAMESPACE_OID, without.as_bytes());
     document(standard, &declaration, &mark.braced().to_string())
@@ -41,9 +39,7 @@ pub fn describe_for(library: &Declaration, declaration: &Declaration) -> String 
 pub fn describe_for_in(standard: Standard, library: &Declaration, declaration: &Declaration) -> String {
     let of_library = describe_in(standard, library);
     let mut declaration = declaration.clone();
-    if standard.version().has_time {
-        declaration.add_time();
-    }
+    declaration.complete(standard.version());
     document(standard, &declaration, standard.mark_of(&of_library))
 }
 
@@ -84,7 +80,7 @@ fn document(standard: Standard, declaration: &Declaration, mark: &str) -> String
             .with("stepSize", experiment.step_size),
     );
     xml.open("ModelVariables", Attributes::new());
-    for Shown { vr, variable, size } in declaration.shown(standard.version()) {
+    for VersionedVariable { vr, variable, size } in declaration.shown(standard.version()) {
         match standard {
             Standard::Fmi2 => scalar_variable(&mut xml, vr, &variable),
             Standard::Fmi3 => typed_variable(&mut xml, vr, &variable, size),
@@ -327,6 +323,8 @@ fn scalar_variable(xml: &mut Xml, vr: usize, variable: &Variable) {
             let attributes = Attributes::new().with("declaredType", type_name);
             xml.empty("Enumeration", attributes.with_some("start", exact.then_some(start)));
         }
+        // Not in 2.0: declared apart.
+        Kind::Binary { .. } => {}
     }
     xml.close();
 }
@@ -371,6 +369,12 @@ fn typed_variable(xml: &mut Xml, vr: usize, variable: &Variable, size: Option<us
             xml.close();
         }
         Kind::String { .. } => xml.empty("String", attributes),
+        Kind::Binary { max_size } => {
+            let attributes = attributes.with("mimeType", "application/octet-stream");
+            xml.open("Binary", attributes.with("maxSize", max_size));
+            xml.empty("Start", Attributes::new().with("value", ""));
+            xml.close();
+        }
         Kind::Enumeration { type_name, start, .. } => {
             let attributes = attributes.with("declaredType", type_name);
             xml.empty("Enumeration", attributes.with_some("start", exact.then_some(start)));

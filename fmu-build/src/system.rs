@@ -1,5 +1,5 @@
-//! A system of FMUs as an SSP archive (System Structure and Parameterization): SSP 1.0 of units of FMI 2.0, SSP 2.0 of those of
-//! FMI 3.0, whose types and arrays it knows.
+//! A system of FMUs as an SSP archive (System Structure and Parameterization). Units of FMI 2.0 make one of SSP 1.0, those of FMI 3.0
+//! one of SSP 2.0, which has their types and arrays.
 //!
 //! Components are connected by name: an output of one feeds the input of the same name of another. Masters that
 //! step components one after the other follow their order here, so the plant comes first.
@@ -13,7 +13,7 @@
 use crate::description::{base_unit, units_of};
 use crate::standard::Standard;
 use crate::xml::{Attributes, Xml};
-use rfl_mpc::fmi::{Causality, Declaration, DefaultExperiment, Kind, Shown, Value, Variable};
+use rfl_mpc::fmi::{Causality, Declaration, DefaultExperiment, Kind, Value, Variable, VersionedVariable};
 
 /// A parameter's value for one component.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,6 +32,8 @@ impl Setting {
             Value::Integer(value) => (words.integer_value, value.to_string()),
             Value::Boolean(value) => ("ssv:Boolean", value.to_string()),
             Value::String(value) => ("ssv:String", value.clone()),
+            // No text is a value of it, so that it is never set.
+            Value::Binary(_) => ("ssv:Binary", String::new()),
         }
     }
 }
@@ -274,7 +276,7 @@ impl System {
 
     /// The variables of a component that are connectors, and their kind: inputs that are connected, and outputs, which a
     /// user may want to record. Strings and enumerations are left out; nothing is connected to them.
-    fn connectors(&self, index: usize, standard: Standard) -> Vec<(Shown<'_>, &'static str)> {
+    fn connectors(&self, index: usize, standard: Standard) -> Vec<(VersionedVariable<'_>, &'static str)> {
         let connections = self.connections();
         let into = connections.iter().filter(|connection| connection.target == index);
         let connected: Vec<&Variable> = into.map(|connection| connection.input).collect();
@@ -306,7 +308,7 @@ impl System {
         );
         xml.open("ssd:Connectors", Attributes::new());
         let words = Words::of(standard);
-        for (Shown { variable, size, .. }, kind) in self.connectors(index, standard) {
+        for (VersionedVariable { variable, size, .. }, kind) in self.connectors(index, standard) {
             xml.open("ssd:Connector", Attributes::new().with("name", &variable.name).with("kind", kind));
             match &variable.kind {
                 Kind::Real { unit, .. } => xml.empty(words.real, Attributes::new().with("unit", unit.symbol)),

@@ -94,7 +94,7 @@ impl<M: Model> Instance<M> {
         context: Context,
     ) -> Result<Self, StartError> {
         let mut declaration = M::declaration();
-        let time_variable = version.has_time.then(|| declaration.add_time());
+        let time_variable = declaration.complete(version);
         if let Some(resources) = &context.resources {
             declaration.start_as_packed(resources)?;
         }
@@ -376,6 +376,15 @@ impl<M: Model> Instance<M> {
         Ok(status)
     }
 
+    /// Gives bytes to `write(position, bytes)`; they are valid until the variable is set, or the instance changes.
+    pub fn get_binary(&mut self, references: &[u32], mut write: impl FnMut(usize, &[u8])) -> Outcome {
+        self.get(references, "Binary", |i, value| {
+            if let Value::Binary(value) = value {
+                write(i, value);
+            }
+        })
+    }
+
     fn get(
         &mut self,
         references: &[u32],
@@ -514,6 +523,23 @@ impl<M: Model> Instance<M> {
         }
         for (reference, value) in references.iter().zip(strings) {
             self.write(*reference, Value::String(value));
+        }
+        Ok(Status::Ok)
+    }
+
+    /// Sets bytes.
+    pub fn set_binary(&mut self, references: &[u32], values: &[&[u8]]) -> Outcome {
+        for (reference, value) in references.iter().zip(values) {
+            let (_, variable) = self.settable(*reference, "Binary")?;
+            if let Kind::Binary { max_size } = variable.kind
+                && value.len() > max_size
+            {
+                let name = variable.name.to_string();
+                return Err(Refusal::TooManyBytes { name, given: value.len(), max_size });
+            }
+        }
+        for (reference, value) in references.iter().zip(values) {
+            self.write(*reference, Value::Binary(value.to_vec().into()));
         }
         Ok(Status::Ok)
     }

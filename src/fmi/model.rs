@@ -15,6 +15,8 @@ pub struct Declaration {
     pub description: &'static str,
     /// All variables; a [`Vr`] is an index here.
     pub variables: Vec<Variable>,
+    /// Parameters that are bytes. They stand behind the other variables, in order, in a version that has this type.
+    pub binaries: Vec<Variable>,
     /// Outputs that are one array in versions of FMI that have arrays.
     pub arrays: Vec<Array>,
     /// True if [`Model::step_to_event`] may end before the step does.
@@ -25,8 +27,8 @@ pub struct Declaration {
     pub log_categories: &'static [LogCategory],
 }
 
-/// Real outputs of one unit that belong together. Where a version has arrays they are one variable, with the reference of the
-/// first of them; elsewhere each is a scalar.
+/// Real outputs that belong together. They are one variable, with the reference of the first, in a version that has arrays;
+/// elsewhere each is a scalar.
 #[derive(Debug, Clone, PartialEq)]
 #[allow(missing_docs)]
 pub struct Array {
@@ -39,7 +41,7 @@ pub struct Array {
 /// A variable as a version of FMI shows it.
 #[derive(Debug, Clone, PartialEq)]
 #[allow(missing_docs)]
-pub struct Shown<'a> {
+pub struct VersionedVariable<'a> {
     pub vr: Vr,
     pub variable: Cow<'a, Variable>,
     /// Number of elements of an array.
@@ -49,16 +51,16 @@ pub struct Shown<'a> {
 impl Declaration {
     /// The variables as a version shows them: arrays instead of their scalars where it has arrays.
     #[must_use]
-    pub fn shown(&self, version: &Version) -> Vec<Shown<'_>> {
+    pub fn shown(&self, version: &Version) -> Vec<VersionedVariable<'_>> {
         let arrays: &[Array] = if version.has_arrays { &self.arrays } else { &[] };
         let variables = self.variables.iter().enumerate();
         let shown = variables.filter_map(|(vr, variable)| {
             let array = arrays.iter().find(|array| array.elements.contains(&vr));
             let Some(Array { name, description, elements }) = array else {
-                return Some(Shown { vr, variable: Cow::Borrowed(variable), size: None });
+                return Some(VersionedVariable { vr, variable: Cow::Borrowed(variable), size: None });
             };
             let whole = Variable { name: name.clone(), description: description.clone(), ..variable.clone() };
-            (elements.first() == Some(&vr)).then_some(Shown {
+            (elements.first() == Some(&vr)).then_some(VersionedVariable {
                 vr,
                 variable: Cow::Owned(whole),
                 size: Some(elements.len()),
@@ -89,9 +91,18 @@ impl Declaration {
         self.variables.len() - 1
     }
 
-    /// Adds time as a variable, which FMI 3.0 wants.
-    pub fn add_time(&mut self) -> Vr {
-        self.add(Variable::time())
+    /// Adds a parameter that is bytes and gives its reference; all other variables must be there.
+    pub fn add_binary(&mut self, variable: Variable) -> Vr {
+        self.binaries.push(variable);
+        self.variables.len() + self.binaries.len() - 1
+    }
+
+    /// Adds what not all versions have, bytes and time, behind the other variables. Gives time.
+    pub fn complete(&mut self, version: &Version) -> Option<Vr> {
+        if version.has_binaries {
+            self.variables.append(&mut self.binaries);
+        }
+        version.has_time.then(|| self.add(Variable::time()))
     }
 
     /// Looks a variable up by name.
@@ -210,8 +221,8 @@ pub trait Model: Send + Sized + 'static {
         log: &mut dyn Log,
     ) -> Result<(), ModelError>;
 
-    /// The same for a host that lets a step end early: it ends where the host should look at once, a change of a status
-    /// for instance. Gives the length of the step that was made, more than 0 and at most `step`.
+    /// The same for a host that lets a step end early: it ends where the host should look at once, say at a change of a
+    /// status. Gives the length of the step that was made, more than 0 and at most `step`.
     ///
     /// # Errors
     /// As [`step`](Model::step).

@@ -73,6 +73,11 @@ pub enum Refusal {
     NotUtf8 {
         name: String,
     },
+    TooManyBytes {
+        name: String,
+        given: usize,
+        max_size: usize,
+    },
     StartTime {
         start: f64,
     },
@@ -208,6 +213,9 @@ impl Refusal {
             Refusal::NotUtf8 { name } => {
                 format!("the string for variable `{name}` is not UTF-8. The value before stands.")
             }
+            Refusal::TooManyBytes { name, given, max_size } => format!(
+                "parameter `{name}` has {given} bytes, and takes {max_size} at most. The value before stands."
+            ),
             Refusal::StartTime { start } => format!("the start time {start} s is no finite number"),
             Refusal::StopTime { start, stop } => {
                 format!("the stop time {stop} s is no finite number, or before the start time {start} s")
@@ -278,6 +286,7 @@ impl Refusal {
             | Refusal::OutOfRange { .. }
             | Refusal::NotAMember { .. }
             | Refusal::NotUtf8 { .. }
+            | Refusal::TooManyBytes { .. }
             | Refusal::StepDiscarded { .. }
             | Refusal::NoSuchStatus { .. } => Status::Discard,
             _ => Status::Error,

@@ -131,6 +131,7 @@ fn declare<P: PlantUnit>() -> (Declaration, References) {
         name: P::NAME,
         description: P::DESCRIPTION,
         variables: Vec::new(),
+        binaries: Vec::new(),
         arrays: Vec::new(),
         ends_early: true,
         experiment: DefaultExperiment { start_time: 0.0, stop_time: 60.0, tolerance: 1e-6, step_size: 0.01 },

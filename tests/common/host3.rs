@@ -9,7 +9,7 @@ use std::ptr;
 rfl_mpc::export_fmi3!(SteeringLag, include_str!("fmi3/SteeringLag.xml"));
 
 /// Time, behind the model's own variables.
-pub const TIME: u32 = vr::COUNT;
+pub const TIME: u32 = vr::COUNT + 1;
 
 /// The test model's instantiation token.
 pub fn token() -> CString {
@@ -223,6 +223,22 @@ impl Host3 {
         let value = value.as_ptr();
         // SAFETY: a live instance, arrays of one, a C string.
         unsafe { fmi3SetString(self.instance, &raw const vr, 1, &raw const value, 1) }
+    }
+
+    pub fn set_binary(&self, vr: u32, value: &[u8]) -> Status {
+        let (size, value) = (value.len(), value.as_ptr());
+        // SAFETY: a live instance, arrays of one, as many bytes as the size says.
+        unsafe { fmi3SetBinary(self.instance, &raw const vr, 1, &raw const size, &raw const value, 1) }
+    }
+
+    pub fn binary(&self, vr: u32) -> Vec<u8> {
+        let (mut size, mut value) = (usize::MAX, ptr::null());
+        // SAFETY: a live instance, arrays of one; the bytes live until the variable is set.
+        unsafe {
+            let status = fmi3GetBinary(self.instance, &raw const vr, 1, &raw mut size, &raw mut value, 1);
+            assert_eq!(status, Status::Ok, "{}", self.last());
+            std::slice::from_raw_parts(value, size).to_vec()
+        }
     }
 
     pub fn string(&self, vr: u32) -> String {

@@ -29,8 +29,9 @@ pub mod vr {
     pub const START: u32 = 16;
     pub const HISTORY: u32 = 17;
     pub const REPORT_WARNINGS: u32 = 19;
-    /// Number of variables.
+    /// Number of variables; bytes follow in versions that have them.
     pub const COUNT: u32 = 20;
+    pub const DATA: u32 = COUNT;
 }
 
 const METHODS: &[(i32, &str, &str)] =
@@ -110,6 +111,11 @@ impl Model for SteeringLag {
                     "Whether warnings are statuses",
                 ),
             ],
+            binaries: vec![parameter(
+                Kind::Binary { max_size: 64 },
+                "actuator_data",
+                "Contents of actuator_file instead of a file, or empty",
+            )],
             arrays: vec![Array {
                 name: "history".into(),
                 description: "Angles one and two steps ago".into(),
@@ -139,7 +145,14 @@ impl Model for SteeringLag {
     ) -> Result<(), ModelError> {
         let file = values.string(up(vr::FILE)).to_owned();
         let mut source = "parameter".to_owned();
-        if !file.is_empty() && !values.is_set_by_host(up(vr::TAU)) {
+        let data = values.binary(up(vr::DATA));
+        if !data.is_empty() {
+            let text = String::from_utf8_lossy(&data);
+            let tau =
+                text.trim().parse().map_err(|error| ModelError::Failed(format!("actuator_data: {error}")))?;
+            values.set_real(up(vr::TAU), tau);
+            source = "bytes".to_owned();
+        } else if !file.is_empty() && !values.is_set_by_host(up(vr::TAU)) {
             let path = context.locate(&file);
             let failed = |what: String| {
                 ModelError::Failed(format!("{}, line 1: {what}. Write one number, in s.", path.display()))

@@ -248,6 +248,16 @@ class Instance3(Instance):
     def set_string(self, name: str, value: str) -> int:
         return self._set("String", c_char_p, {name: str(value).encode()})
 
+    def set_binary(self, name: str, value: bytes) -> int:
+        one, size = c_size_t(1), c_size_t(len(value))
+        return self.call("fmi3SetBinary", self.references([name]), one, byref(size), byref(c_char_p(value)), one)
+
+    def get_binary(self, name: str) -> bytes:
+        one, size, value = c_size_t(1), c_size_t(), c_void_p()
+        status = self.call("fmi3GetBinary", self.references([name]), one, byref(size), byref(value), one)
+        assert status == OK, self.said
+        return ctypes.string_at(value, size.value) if size.value else b""
+
     def _get(self, kind: str, c_type, names) -> list:
         values = sum(self.library.size(name) for name in names)
         buffer, references = (c_type * values)(), self.references(names)

@@ -11,7 +11,7 @@ import fmpy
 import fmpy.validation
 import pytest
 from fmpy import simulate_fmu
-from instance import ERROR, OK, STEP, UNITS, VERSIONS, WARNING, ClosedLoop
+from instance import DISCARD, ERROR, OK, STEP, UNITS, VERSIONS, WARNING, ClosedLoop
 from lxml import etree
 from test_package import fmutool_reports_nothing
 from test_same_drive import assert_same_drive, in_host
@@ -66,13 +66,15 @@ def test_binary_exports_the_standards_functions_and_nothing_else(libraries, name
 
 
 @pytest.mark.parametrize("name", UNITS)
-def test_variables_are_those_of_2_0_and_time(libraries, of_version, name):
+def test_variables_are_those_of_2_0_bytes_and_time(libraries, of_version, name):
     library, old = libraries[name], of_version("2.0")[name].variables
     ours = library.variables
     scalars = library.in_scalars(ours)
-    assert sorted(scalars) == sorted([*old, "time"])
+    new = [name for name in ("residual.data", "time") if name in ours]
+    assert sorted(scalars) == sorted([*old, *new])
+    assert list(ours)[-len(new) :] == new
     kinds = {"Real": "Float64", "Integer": "Int32"}
-    for variable in list(ours.values())[:-1]:
+    for variable in list(ours.values())[: -len(new)]:
         # An array has the reference, and all else, of its first element.
         before = old[library.in_scalars([variable.name])[0]]
         assert variable.type == kinds.get(before.type, before.type), variable.name
@@ -174,6 +176,16 @@ def test_early_ends_in_fmpy(fmus):
     drive = {"stop_time": 2.0, "output_interval": 0.5, "start_values": {"accel_cmd": 1.0}, "output": ["vx"]}
     whole, early = (simulate_fmu(file, early_return_allowed=allowed, **drive)["time"] for allowed in (False, True))
     assert set(whole) < set(early) and len(early) == len(whole) + 1
+
+
+def test_a_model_of_too_many_bytes_is_refused(libraries):
+    unit = libraries["RflMpc"].make()
+    most = 64 << 20
+    assert unit.set_binary("residual.data", bytes(most + 1)) == DISCARD
+    assert f"takes {most} at most" in unit.said
+    assert unit.get_binary("residual.data") == b""
+    assert unit.initialize() <= WARNING, unit.said
+    unit.free()
 
 
 def test_time_is_a_variable(libraries):

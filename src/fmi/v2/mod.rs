@@ -40,6 +40,7 @@ pub const VERSION: Version = Version {
     enumeration: "Integer",
     has_time: false,
     has_arrays: false,
+    has_binaries: false,
     speaks_unasked: true,
 };
 

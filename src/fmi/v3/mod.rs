@@ -10,7 +10,7 @@
 //! - outputs that belong together are arrays;
 //! - resources come as a path, with or without a separator at its end. Hosts that pass a URI are understood.
 //!
-//! Event mode, clocks, intermediate update and structural parameters are declared as absent: a controller samples, and a vehicle
+//! Event mode, clocks, intermediate update and structural parameters are declared as absent. A controller samples, and a vehicle
 //! integrates, inside of a step, and both show what came of it at its end. A model never asks for the end of the simulation.
 //!
 //! # Safety
@@ -45,6 +45,7 @@ pub const VERSION: Version = Version {
     enumeration: "Int64",
     has_time: true,
     has_arrays: true,
+    has_binaries: true,
     speaks_unasked: false,
 };
 
@@ -62,6 +63,12 @@ pub type Int32s = *const i32;
 pub type Int32sOut = *mut i32;
 pub type Int64s = *const i64;
 pub type Int64sOut = *mut i64;
+/// Sizes of `fmi3Binary`s.
+pub type Counts = *const usize;
+/// `fmi3Binary`s.
+pub type Binaries = *const *const u8;
+/// Place for pointers to bytes.
+pub type BinariesOut = *mut *const u8;
 /// A pointer that is not followed.
 pub type Unused = *const c_void;
 
@@ -287,6 +294,51 @@ setters! {
     };
 }
 
+pub unsafe fn fmi3GetBinary<M: Model>(
+    c: Component,
+    references: References,
+    count: Count,
+    sizes: CountOut,
+    values: BinariesOut,
+    value_count: Count,
+) -> Status {
+    // SAFETY: by the host's contract, as of the other types.
+    unsafe {
+        guard::<M>(c, Function::GetBinary, |instance| {
+            let references = array(references, count, "valueReferences")?;
+            counted(instance, references, value_count)?;
+            check(sizes, value_count, "valueSizes")?;
+            check(values, value_count, "values")?;
+            instance.get_binary(references, |i, value| {
+                sizes.add(i).write(value.len());
+                values.add(i).write(value.as_ptr());
+            })
+        })
+    }
+}
+
+pub unsafe fn fmi3SetBinary<M: Model>(
+    c: Component,
+    references: References,
+    count: Count,
+    sizes: Counts,
+    values: Binaries,
+    value_count: Count,
+) -> Status {
+    // SAFETY: by the host's contract; each value has as many bytes as its size says.
+    unsafe {
+        guard::<M>(c, Function::SetBinary, |instance| {
+            let references = array(references, count, "valueReferences")?;
+            counted(instance, references, value_count)?;
+            let sizes = array(sizes, value_count, "valueSizes")?;
+            let values = array(values, value_count, "values")?.iter().zip(sizes);
+            let bytes: Result<Vec<_>, _> =
+                values.map(|(value, size)| array(*value, *size, "values")).collect();
+            instance.set_binary(references, &bytes?)
+        })
+    }
+}
+
 pub unsafe fn fmi3GetFMUState<M: Model>(c: Component, state: StateOut) -> Status {
     // SAFETY: by the host's contract.
     unsafe { handle::get_state::<M>(c, Function::GetFmuState, state) }
@@ -384,7 +436,6 @@ unsupported! {
     fmi3GetUInt16(References, Count, Unused, Count): NO_SUCH_TYPE;
     fmi3GetUInt32(References, Count, Unused, Count): NO_SUCH_TYPE;
     fmi3GetUInt64(References, Count, Unused, Count): NO_SUCH_TYPE;
-    fmi3GetBinary(References, Count, CountOut, Unused, Count): NO_SUCH_TYPE;
     fmi3GetClock(References, Count, Unused): NO_CLOCKS;
     fmi3SetFloat32(References, Count, Unused, Count): NO_SUCH_TYPE;
     fmi3SetInt8(References, Count, Unused, Count): NO_SUCH_TYPE;
@@ -393,7 +444,6 @@ unsupported! {
     fmi3SetUInt16(References, Count, Unused, Count): NO_SUCH_TYPE;
     fmi3SetUInt32(References, Count, Unused, Count): NO_SUCH_TYPE;
     fmi3SetUInt64(References, Count, Unused, Count): NO_SUCH_TYPE;
-    fmi3SetBinary(References, Count, Unused, Unused, Count): NO_SUCH_TYPE;
     fmi3SetClock(References, Count, Unused): NO_CLOCKS;
     fmi3GetNumberOfVariableDependencies(Reference, CountOut):
         "providesPerElementDependencies is false; modelDescription.xml has the dependencies";
@@ -508,7 +558,7 @@ macro_rules! export_fmi3 {
             fmi3GetUInt64(c: Component, references: References, count: Count, values: Unused, value_count: Count);
             fmi3GetBoolean(c: Component, references: References, count: Count, values: BooleansOut, value_count: Count);
             fmi3GetString(c: Component, references: References, count: Count, values: TextsOut, value_count: Count);
-            fmi3GetBinary(c: Component, references: References, count: Count, sizes: CountOut, values: Unused, value_count: Count);
+            fmi3GetBinary(c: Component, references: References, count: Count, sizes: CountOut, values: BinariesOut, value_count: Count);
             fmi3GetClock(c: Component, references: References, count: Count, values: Unused);
             fmi3SetFloat32(c: Component, references: References, count: Count, values: Unused, value_count: Count);
             fmi3SetFloat64(c: Component, references: References, count: Count, values: Reals, value_count: Count);
@@ -522,7 +572,7 @@ macro_rules! export_fmi3 {
             fmi3SetUInt64(c: Component, references: References, count: Count, values: Unused, value_count: Count);
             fmi3SetBoolean(c: Component, references: References, count: Count, values: Booleans, value_count: Count);
             fmi3SetString(c: Component, references: References, count: Count, values: Texts, value_count: Count);
-            fmi3SetBinary(c: Component, references: References, count: Count, sizes: Unused, values: Unused, value_count: Count);
+            fmi3SetBinary(c: Component, references: References, count: Count, sizes: Counts, values: Binaries, value_count: Count);
             fmi3SetClock(c: Component, references: References, count: Count, values: Unused);
             fmi3GetNumberOfVariableDependencies(c: Component, reference: Reference, dependencies: CountOut);
             fmi3GetVariableDependencies(c: Component, dependent: Reference, elements: Unused, independents: Unused, of_independents: Unused, kinds: Unused, count: Count);
