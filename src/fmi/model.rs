@@ -221,7 +221,7 @@ pub trait Model: Send + Sized + 'static {
         log: &mut dyn Log,
     ) -> Result<(), ModelError>;
 
-    /// The same for a host that lets a step end early: it ends where the host should look at once, say at a change of a
+    /// The same for a host that lets a step end early. It ends where the host should look at once, say at a change of a
     /// status. Gives the length of the step that was made, more than 0 and at most `step`.
     ///
     /// # Errors
