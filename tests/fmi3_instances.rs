@@ -6,6 +6,8 @@ use crate::counting::allocated;
 use rfl_mpc::fmi::Status;
 use std::ptr;
 
+const OK: (Status, Status) = (Status::Ok, Status::Ok);
+
 fn input(who: u32, k: u32) -> f64 {
     0.4 * (0.37 * f64::from(k) + f64::from(who)).sin()
 }
@@ -108,7 +110,7 @@ fn instances_leave_nothing_behind_and_steps_allocate_nothing() {
         drive(&host, 1, 0, 1);
         let (status, state) = host.deserialize(&host.serialize(host.store()));
         assert_eq!((status, host.restore(state)), (Status::Ok, Status::Ok));
-        assert_eq!(host.set_real(vr::COUNT, 0.0), Status::Error);
+        assert_eq!(host.set_real(TIME + 1, 0.0), Status::Error);
     };
     live();
     assert_eq!(allocated(|| (0..500).for_each(|_| live())).1, 0);
@@ -137,6 +139,44 @@ fn a_shorter_step_may_follow_a_discarded_one() {
     assert_eq!(host.fingerprint(), other.fingerprint());
 }
 
+/// An actuator that comes to its limit in the middle of a long step.
+fn to_its_limit(host: &Host3) -> (Status, f64, bool) {
+    assert_eq!(host.set_integer(vr::SUBSTEPS, 100), Status::Ok);
+    assert_eq!(host.set_boolean(vr::LIMITED, 1), Status::Ok);
+    host.initialize();
+    assert_eq!(host.set_real(vr::STEER_CMD, 1.0), Status::Ok);
+    host.step_that_may_end(0.0, 0.5)
+}
+
+/// A host that allows it is told where the step ended, and goes on from there; time is a variable, too.
+#[test]
+fn a_step_ends_early_where_the_host_allows_it() {
+    let host = Host3::ending_early();
+    let (status, time, early) = to_its_limit(&host);
+    assert_eq!((status, early), (Status::Ok, true));
+    // 1 - exp(-t / 0.1 s) comes to .5 after 69.3 ms; integration steps are of 5 ms.
+    assert!((time - 0.07).abs() < 1e-12, "{time}");
+    assert_eq!((host.real(TIME), host.real(vr::STEER)), (time, 0.5));
+    assert_eq!(host.step(0.5, 0.1), Status::Error);
+    assert!(host.last().contains("still at 0.07 s"), "{}", host.last());
+    assert_eq!(host.set_real(vr::STEER_CMD, 0.1), Status::Ok);
+    assert_eq!(host.step_that_may_end(time, 0.1), (Status::Ok, time + 0.1, false));
+}
+
+#[test]
+fn a_step_goes_to_its_end_where_the_host_does_not_allow_less() {
+    let host = Host3::new();
+    assert_eq!(to_its_limit(&host), (Status::Ok, 0.5, false));
+}
+
+#[test]
+fn a_reset_instance_may_still_end_early() {
+    let host = Host3::ending_early();
+    let first = to_its_limit(&host);
+    assert_eq!(host.reset(), Status::Ok);
+    assert_eq!(to_its_limit(&host), first);
+}
+
 #[test]
 fn time_is_a_variable_that_nobody_sets() {
     let host = Host3::new();
@@ -163,10 +203,93 @@ fn a_host_hears_what_it_asked_for() {
     assert_eq!(quiet.set_real(vr::STEER_CMD, f64::NAN), Status::Discard);
     assert_eq!(quiet.take_messages(), [], "a category that was not asked for");
     assert_eq!(quiet.set_real(TIME + 1, 0.0), Status::Error);
-    assert!(quiet.last().contains("the references 0 to 20"), "{}", quiet.last());
+    assert!(quiet.last().contains("the references 0 to 21"), "{}", quiet.last());
     // Why there is no instance is always told.
     let none = Host3::with(c"", None, false);
     assert!(none.instance.is_null() && none.last().contains("has no name"), "{}", none.last());
+}
+
+/// Outputs that 2.0 has as scalars are one variable here, among others in a call.
+#[test]
+fn an_array_is_got_as_a_whole() {
+    let (old, new) = (Host::ready(), Host3::ready());
+    for k in 0..3 {
+        assert_eq!((old.set_real(vr::STEER_CMD, input(1, k)), new.set_real(vr::STEER_CMD, input(1, k))), OK);
+        assert_eq!((old.step(f64::from(k) * 0.01, 0.01), new.step(f64::from(k) * 0.01, 0.01)), OK);
+    }
+    let (references, mut values) = ([vr::STEER, vr::HISTORY, TIME], [f64::NAN; 4]);
+    // SAFETY: a live instance, arrays as long as their counts.
+    let status =
+        unsafe { fmi3GetFloat64(new.instance, references.as_ptr(), 3, values.as_mut_ptr(), values.len()) };
+    assert_eq!(status, Status::Ok, "{}", new.last());
+    assert_eq!(values, [old.real(vr::STEER), old.real(vr::HISTORY), old.real(vr::HISTORY + 1), 0.03]);
+    assert_ne!(values[1], values[2]);
+}
+
+/// A wrong size, an element alone, and an array that is set: refused in words that lead on; nothing is written.
+#[test]
+fn an_array_is_got_only_as_a_whole() {
+    let host = Host3::ready();
+    let mut values = [7.0; 3];
+    // SAFETY: a live instance, arrays at least as long as their counts.
+    unsafe {
+        for given in [0, 1, 3] {
+            let status = fmi3GetFloat64(host.instance, &vr::HISTORY, 1, values.as_mut_ptr(), given);
+            assert_eq!(status, Status::Error);
+            assert!(
+                host.last().contains("which have 2") && host.last().contains("Dimension"),
+                "{}",
+                host.last()
+            );
+        }
+        let element = vr::HISTORY + 1;
+        assert_eq!(fmi3GetFloat64(host.instance, &element, 1, values.as_mut_ptr(), 1), Status::Error);
+        assert!(host.last().contains("`history[2]` is an element of the array `history`"), "{}", host.last());
+        assert!(host.last().contains(&format!("reference {}", vr::HISTORY)), "{}", host.last());
+        assert_eq!(fmi3SetFloat64(host.instance, &vr::HISTORY, 1, values.as_ptr(), 2), Status::Error);
+        assert!(host.last().contains("cannot be set"), "{}", host.last());
+    }
+    assert_eq!((values, host.reals(vr::HISTORY)), ([7.0; 3], [0.0; 2]));
+}
+
+/// A parameter file handed over as bytes: it counts, is kept over a state in another instance, and a reset forgets it.
+#[test]
+fn bytes_are_a_parameter() {
+    let host = Host3::new();
+    assert_eq!(host.binary(vr::DATA), b"");
+    assert_eq!(host.set_binary(vr::DATA, b"0.25"), Status::Ok);
+    host.initialize();
+    assert_eq!((host.binary(vr::DATA), host.real(vr::TAU)), (b"0.25".to_vec(), 0.25));
+    let bytes = host.serialize(host.store());
+    let other = Host3::new();
+    let (status, state) = other.deserialize(&bytes);
+    assert_eq!((status, other.restore(state)), OK, "{}", other.last());
+    assert_eq!((other.binary(vr::DATA), other.real(vr::TAU)), (b"0.25".to_vec(), 0.25));
+    assert_eq!((host.reset(), host.binary(vr::DATA)), (Status::Ok, Vec::new()));
+}
+
+#[test]
+fn bytes_that_cannot_be_are_refused() {
+    let host = Host3::new();
+    assert_eq!(host.set_binary(vr::DATA, b"0.5"), Status::Ok);
+    assert_eq!(host.set_binary(vr::DATA, &[b'1'; 65]), Status::Discard);
+    assert!(host.last().contains("has 65 bytes, and takes 64 at most"), "{}", host.last());
+    assert_eq!(host.set_binary(vr::FILE, b"0.5"), Status::Error);
+    assert!(host.last().contains("is of type String"), "{}", host.last());
+    assert_eq!(host.set_string(vr::DATA, c"0.5"), Status::Error);
+    let (size, nowhere, no_size) = (4, ptr::null(), ptr::null());
+    // SAFETY: a live instance, arrays of one; NULL is what is tested.
+    unsafe {
+        assert_eq!(fmi3SetBinary(host.instance, &vr::DATA, 1, &size, &nowhere, 1), Status::Error);
+        assert_eq!(fmi3SetBinary(host.instance, &vr::DATA, 1, no_size, &nowhere, 1), Status::Error);
+        assert_eq!(fmi3SetBinary(host.instance, &vr::DATA, 1, &usize::MAX, &b"".as_ptr(), 1), Status::Error);
+    }
+    assert!(host.last().contains("more than memory can hold"), "{}", host.last());
+    assert_eq!(host.binary(vr::DATA), b"0.5");
+    assert_eq!(host.set_binary(vr::DATA, b"half"), Status::Ok);
+    host.setup(0.0, None);
+    assert_eq!((host.enter(), host.exit()), (Status::Ok, Status::Error));
+    assert!(host.last().contains("actuator_data"), "{}", host.last());
 }
 
 #[test]

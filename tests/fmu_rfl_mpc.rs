@@ -3,7 +3,7 @@
 use rfl_mpc::control::{
     ControlStatus, ControlVariant, ControllerFor, NominalTruck, TruckControllerParameters,
 };
-use rfl_mpc::fmi::{Causality, Context, Initial, Log, Model, ModelError, Severity, Value, Values};
+use rfl_mpc::fmi::{Causality, Context, Initial, Log, Model, ModelError, Severity, Value, Values, v3};
 use rfl_mpc::fmu::{RflMpc, TruckRflMpc};
 use rfl_mpc::path::sudoku::Route;
 use rfl_mpc::residual::DataSet;
@@ -45,11 +45,13 @@ macro_rules! of_each_controller {
 of_each_controller! {
     it_steers_towards_the_path
     it_computes_at_its_sample_time_and_holds_between
+    a_step_to_an_event_ends_a_sample_after_the_status_changed
     a_saved_state_continues_bit_for_bit
     a_truncated_state_is_refused_and_changes_nothing
     the_controller_s_file_wins_over_the_vehicle_s_and_the_host_over_both
     files_that_cannot_be_used_are_named_with_a_remedy
     only_what_a_user_should_act_on_is_a_warning_of_the_road
+    bytes_that_are_no_model_are_refused
     a_variant_without_its_model_says_what_is_missing_and_how_to_make_it
     the_known_actuator_is_a_variant
     measurements_that_are_no_numbers_change_nothing_at_first_and_are_bridged_later
@@ -171,6 +173,25 @@ fn it_computes_at_its_sample_time_and_holds_between<M: Controller>() {
     assert_eq!(changes, 10);
 }
 
+/// A host with long steps gets one computation a step; one that lets them end is told of a change after a sample time.
+fn a_step_to_an_event_ends_a_sample_after_the_status_changed<M: Controller>() {
+    let mut unit = Unit::<M>::new();
+    unit.initialize().unwrap();
+    let place = |unit: &mut Unit<M>, aside: f64| {
+        let (x, y, yaw) = (unit.real("start.x"), unit.real("start.y"), unit.real("start.yaw"));
+        let pose = [("x", x - aside * yaw.sin()), ("y", y + aside * yaw.cos()), ("yaw", yaw), ("vx", 5.0)];
+        pose.into_iter().for_each(|(name, value)| unit.set(name, Value::Real(value)));
+    };
+    let mut steps = Vec::new();
+    // On the path, on it again, and far from it.
+    for (k, aside) in [0.0, 0.0, 50.0].into_iter().enumerate() {
+        place(&mut unit, aside);
+        let Unit { model, values, log } = &mut unit;
+        steps.push(model.step_to_event(values, k as f64, 1.0, log).unwrap());
+    }
+    assert_eq!(steps, [1.0, 1.0, unit.real("mpc.sample_time")]);
+}
+
 fn a_saved_state_continues_bit_for_bit<M: Controller>() {
     let mut unit = Unit::<M>::new();
     unit.initialize().unwrap();
@@ -262,6 +283,29 @@ fn files_that_cannot_be_used_are_named_with_a_remedy<M: Controller>() {
     ] {
         let mut unit = Unit::<M>::new();
         unit.set(name, Value::String(value.into()));
+        let message = unit.initialize().unwrap_err().to_string();
+        assert!(words.iter().all(|word| message.contains(word)), "{message}");
+    }
+}
+
+/// A model as bytes, where the interface has them, is checked as its file is.
+fn bytes_that_are_no_model_are_refused<M: Controller>() {
+    for (file, words) in
+        [("", &["residual.data", "no residual model", "rfl train"][..]), ("some.rflm", &["give one of them"])]
+    {
+        let mut declaration = M::declaration();
+        declaration.complete(&v3::VERSION);
+        let mut unit = Unit::<M>::new();
+        let road = unit.values.string(Unit::<M>::vr("path_file")).to_owned();
+        unit.values = Values::starting_from(&declaration.variables);
+        unit.set("path_file", Value::String(road));
+        unit.set("residual.file", Value::String(file.into()));
+        let data = declaration.find("residual.data").unwrap();
+        unit.values.set_by_host(
+            data,
+            &declaration.variables[data],
+            Value::Binary(b"no model".to_vec().into()),
+        );
         let message = unit.initialize().unwrap_err().to_string();
         assert!(words.iter().all(|word| message.contains(word)), "{message}");
     }

@@ -246,6 +246,47 @@ fn the_status_says_what_it_does<P: Case>() {
     assert!(instance.messages.0.iter().any(|message| message.contains("steering_limited")));
 }
 
+/// A long step ends where the status changes: there a host with short steps sees the change, too.
+fn a_step_to_an_event_ends_where_the_status_changes<P: Case>() {
+    let rolls = |instance: &mut Instance<P>| {
+        instance.initialize().unwrap();
+        instance.set("accel_cmd", Value::Real(1.0));
+    };
+    let (mut long, mut short) = (Instance::<P>::new(), Instance::<P>::new());
+    rolls(&mut long);
+    rolls(&mut short);
+    let made = long.model.step_to_event(&mut long.values, 0.0, 1.0, &mut long.messages).unwrap();
+    assert_eq!(long.status(), "driving");
+    while short.status() == "standstill" {
+        short.step(0.0, 1.0, 0.001).unwrap();
+    }
+    assert!((made - short.time).abs() < 1e-9 && made < 0.5, "{made} {}", short.time);
+    assert!((long.real("vx") - short.real("vx")).abs() < 1e-12);
+    // Without an event the step is made as a whole.
+    let rest = long.model.step_to_event(&mut long.values, made, 0.1, &mut long.messages).unwrap();
+    assert_eq!(rest, 0.1);
+}
+
+/// Without a change of the status, one that may end has the bits of one that may not.
+fn a_step_without_an_event_has_the_same_bits<P: Case>() {
+    let drive = |to_event: bool| {
+        let mut instance = Instance::<P>::with(&[("initial.vx", 10.0), ("effect.sensor_delay", 0.013)]);
+        instance.initialize().unwrap();
+        instance.set("accel_cmd", Value::Real(0.5));
+        for k in 0..20 {
+            let Instance { model, values, messages, .. } = &mut instance;
+            let time = 0.05 * f64::from(k);
+            let made = match to_event {
+                true => model.step_to_event(values, time, 0.05, messages).unwrap(),
+                false => model.step(values, time, 0.05, messages).map(|()| 0.05).unwrap(),
+            };
+            assert_eq!(made, 0.05);
+        }
+        instance.values
+    };
+    assert_eq!(drive(true), drive(false));
+}
+
 /// Each behaviour for each vehicle.
 macro_rules! for_each_vehicle {
     ($($behaviour:ident)*) => {
@@ -261,6 +302,8 @@ for_each_vehicle! {
     files_that_cannot_be_used_are_named
     states_restore_and_foreign_ones_are_refused
     the_status_says_what_it_does
+    a_step_to_an_event_ends_where_the_status_changes
+    a_step_without_an_event_has_the_same_bits
 }
 
 #[test]
@@ -276,6 +319,31 @@ fn a_jack_knife_ends_the_instance_with_a_message() {
     let Some(ModelError::Failed(message)) = error else { panic!("it jack-knifes: {error:?}") };
     assert!(message.contains("jack-knifed") && message.contains("hitch.articulation_limit"), "{message}");
     assert!(instance.messages.0.iter().any(|message| message.contains("jack_knifing")));
+}
+
+/// A host that lets steps end early learns of a jack-knife before it is one; one step too long fails and shows nothing of it.
+#[test]
+fn a_host_that_lets_steps_end_learns_of_a_jack_knife_in_time() {
+    let mut instance = Instance::<Truck>::with(&[
+        ("initial.vx", 22.0),
+        ("brake.front_share", 0.0),
+        ("brake.trailer_share", 0.0),
+        ("effect.road_friction", 0.35),
+    ]);
+    instance.initialize().unwrap();
+    (0..50).for_each(|_| instance.step(0.08, 0.0, 0.01).unwrap());
+    let before = instance.values.clone();
+    assert!(matches!(instance.step(0.08, -5.0, 30.0), Err(ModelError::Failed(_))));
+    let commands =
+        ["steer_cmd", "accel_cmd"].map(|name| PlantFmu::<Truck>::declaration().find(name).unwrap());
+    let shown = (0..PlantFmu::<Truck>::declaration().variables.len()).filter(|vr| !commands.contains(vr));
+    shown.for_each(|vr| assert_eq!(instance.values.get(vr), before.get(vr)));
+    let mut end = instance.time;
+    while instance.status() != "jack_knifing" {
+        let Instance { model, values, messages, .. } = &mut instance;
+        end += model.step_to_event(values, end, 30.0, messages).unwrap();
+    }
+    assert!(end < 29.0, "{end}");
 }
 
 #[test]

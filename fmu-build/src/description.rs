@@ -6,7 +6,7 @@
 use crate::standard::Standard;
 use crate::xml::{Attributes, Xml};
 use rfl_mpc::fmi::logger::STANDARD_CATEGORIES;
-use rfl_mpc::fmi::{Causality, Declaration, Initial, Kind, Variability, Variable};
+use rfl_mpc::fmi::{Causality, Declaration, Initial, Kind, Variability, Variable, VersionedVariable};
 use rfl_mpc::signal::{self, Signal, Unit};
 use std::collections::BTreeMap;
 use uuid::Uuid;
@@ -21,9 +21,7 @@ pub fn describe(declaration: &Declaration) -> String {
 #[must_use]
 pub fn describe_in(standard: Standard, declaration: &Declaration) -> String {
     let mut declaration = declaration.clone();
-    if standard.version().has_time {
-        declaration.add_time();
-    }
+    declaration.complete(standard.version());
     let without = document(standard, &declaration, "");
     let mark = Uuid::new_v5(&Uuid::NAMESPACE_OID, without.as_bytes());
     document(standard, &declaration, &mark.braced().to_string())
@@ -41,9 +39,7 @@ pub fn describe_for(library: &Declaration, declaration: &Declaration) -> String 
 pub fn describe_for_in(standard: Standard, library: &Declaration, declaration: &Declaration) -> String {
     let of_library = describe_in(standard, library);
     let mut declaration = declaration.clone();
-    if standard.version().has_time {
-        declaration.add_time();
-    }
+    declaration.complete(standard.version());
     document(standard, &declaration, standard.mark_of(&of_library))
 }
 
@@ -64,7 +60,7 @@ fn document(standard: Standard, declaration: &Declaration, mark: &str) -> String
             .with("variableNamingConvention", "structured")
             .with_some("numberOfEventIndicators", is_old.then_some(0)),
     );
-    xml.empty("CoSimulation", abilities(standard, declaration.name));
+    xml.empty("CoSimulation", abilities(standard, declaration));
     units(&mut xml, declaration);
     types(&mut xml, standard, declaration);
     xml.open("LogCategories", Attributes::new());
@@ -84,10 +80,10 @@ fn document(standard: Standard, declaration: &Declaration, mark: &str) -> String
             .with("stepSize", experiment.step_size),
     );
     xml.open("ModelVariables", Attributes::new());
-    for (vr, variable) in declaration.variables.iter().enumerate() {
+    for VersionedVariable { vr, variable, size } in declaration.shown(standard.version()) {
         match standard {
-            Standard::Fmi2 => scalar_variable(&mut xml, vr, variable),
-            Standard::Fmi3 => typed_variable(&mut xml, vr, variable),
+            Standard::Fmi2 => scalar_variable(&mut xml, vr, &variable),
+            Standard::Fmi3 => typed_variable(&mut xml, vr, &variable, size),
         }
     }
     xml.close();
@@ -97,8 +93,9 @@ fn document(standard: Standard, declaration: &Declaration, mark: &str) -> String
 }
 
 /// Abilities of the library as a unit of co-simulation.
-fn abilities(standard: Standard, name: &str) -> Attributes<'static> {
-    let common = Attributes::new().with("modelIdentifier", name).with("needsExecutionTool", false);
+fn abilities(standard: Standard, declaration: &Declaration) -> Attributes<'static> {
+    let common =
+        Attributes::new().with("modelIdentifier", declaration.name).with("needsExecutionTool", false);
     match standard {
         Standard::Fmi2 => common
             .with("canHandleVariableCommunicationStepSize", true)
@@ -120,7 +117,7 @@ fn abilities(standard: Standard, name: &str) -> Attributes<'static> {
             .with("canHandleVariableCommunicationStepSize", true)
             .with("maxOutputDerivativeOrder", 0)
             .with("providesIntermediateUpdate", false)
-            .with("mightReturnEarlyFromDoStep", false)
+            .with("mightReturnEarlyFromDoStep", declaration.ends_early)
             .with("canReturnEarlyAfterIntermediateUpdate", false)
             .with("hasEventMode", false),
     }
@@ -326,12 +323,14 @@ fn scalar_variable(xml: &mut Xml, vr: usize, variable: &Variable) {
             let attributes = Attributes::new().with("declaredType", type_name);
             xml.empty("Enumeration", attributes.with_some("start", exact.then_some(start)));
         }
+        // Not in 2.0: declared apart.
+        Kind::Binary { .. } => {}
     }
     xml.close();
 }
 
 /// A variable of FMI 3.0: the element's name is the type, and a string's start value an element.
-fn typed_variable(xml: &mut Xml, vr: usize, variable: &Variable) {
+fn typed_variable(xml: &mut Xml, vr: usize, variable: &Variable, size: Option<usize>) {
     let exact = variable.initial == Initial::Exact;
     let version = Standard::Fmi3.version();
     let attributes = Attributes::new()
@@ -347,7 +346,15 @@ fn typed_variable(xml: &mut Xml, vr: usize, variable: &Variable) {
                 Some(signal) => attributes.with("declaredType", type_name(signal)).with("unit", unit.symbol),
                 None => real_attributes(attributes, *unit, *quantity, *min, *max, *nominal),
             };
-            xml.empty("Float64", attributes.with_some("start", exact.then_some(start)));
+            let attributes = attributes.with_some("start", exact.then_some(start));
+            match size {
+                None => xml.empty("Float64", attributes),
+                Some(size) => {
+                    xml.open("Float64", attributes);
+                    xml.empty("Dimension", Attributes::new().with("start", size));
+                    xml.close();
+                }
+            }
         }
         Kind::Integer { start, min, max } => {
             let attributes = attributes.with_some("min", *min).with_some("max", *max);
@@ -362,6 +369,12 @@ fn typed_variable(xml: &mut Xml, vr: usize, variable: &Variable) {
             xml.close();
         }
         Kind::String { .. } => xml.empty("String", attributes),
+        Kind::Binary { max_size } => {
+            let attributes = attributes.with("mimeType", "application/octet-stream");
+            xml.open("Binary", attributes.with("maxSize", max_size));
+            xml.empty("Start", Attributes::new().with("value", ""));
+            xml.close();
+        }
         Kind::Enumeration { type_name, start, .. } => {
             let attributes = attributes.with("declaredType", type_name);
             xml.empty("Enumeration", attributes.with_some("start", exact.then_some(start)));
@@ -393,10 +406,10 @@ fn unknown(
 fn structure(xml: &mut Xml, standard: Standard, declaration: &Declaration) {
     // 2.0 has a list around each kind of unknowns, 3.0 says the kind of each.
     let is_old = standard == Standard::Fmi2;
-    let outputs: Vec<(usize, &Variable)> = declaration
-        .variables
+    let shown = declaration.shown(standard.version());
+    let outputs: Vec<(usize, &Variable)> = shown
         .iter()
-        .enumerate()
+        .map(|shown| (shown.vr, &*shown.variable))
         .filter(|(_, variable)| variable.causality == Causality::Output)
         .collect();
     xml.open("ModelStructure", Attributes::new());

@@ -5,7 +5,7 @@ use crate::description::{causality, variability};
 use crate::package::{Package, PackageError};
 use crate::standard::Standard;
 use crate::xml::{Attributes, Xml};
-use rfl_mpc::fmi::{Causality, Declaration, Initial, Kind, Variable};
+use rfl_mpc::fmi::{Causality, Declaration, Initial, Kind, Variable, VersionedVariable};
 use std::path::Path;
 
 const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:70em;margin:2em auto;padding:0 1em}\
@@ -127,11 +127,13 @@ pub fn index(standard: Standard, declaration: &Declaration, platforms: &[(&str, 
     );
 
     html.text("h2", "Variables");
+    let mut declaration = declaration.clone();
+    declaration.complete(standard.version());
+    let shown = declaration.shown(standard.version());
     for (title, wanted) in
         [("Inputs", Causality::Input), ("Outputs", Causality::Output), ("Parameters", Causality::Parameter)]
     {
-        let chosen: Vec<_> =
-            declaration.variables.iter().filter(|variable| variable.causality == wanted).collect();
+        let chosen: Vec<_> = shown.iter().filter(|shown| shown.variable.causality == wanted).collect();
         if !chosen.is_empty() {
             html.text("h3", title);
             variables(&mut html, standard, &chosen);
@@ -189,13 +191,14 @@ fn licenses(linked: &[Dependency]) -> String {
     finish(html)
 }
 
-fn variables(html: &mut Xml, standard: Standard, variables: &[&Variable]) {
-    let rows = variables.iter().map(|variable| {
+fn variables(html: &mut Xml, standard: Standard, variables: &[&VersionedVariable<'_>]) {
+    let rows = variables.iter().map(|VersionedVariable { variable, size, .. }| {
         let (unit, start, range) = columns(variable);
         let start = if variable.initial == Initial::Exact { start } else { String::new() };
         let kind = format!("{} {}", variability(variable), causality(variable));
         let meaning = standard.version().words(&variable.description);
-        vec![variable.name.to_string(), unit, start, range, kind, meaning]
+        let size = size.map(|size| format!("[{size}]")).unwrap_or_default();
+        vec![format!("{}{size}", variable.name), unit, start, range, kind, meaning]
     });
     table(html, &["name", "unit or type", "start", "range", "kind", "meaning"], rows);
 }
@@ -219,6 +222,7 @@ fn columns(variable: &Variable) -> (String, String, String) {
         ),
         Kind::Boolean { start } => ("boolean".to_owned(), start.to_string(), String::new()),
         Kind::String { start } => ("text".to_owned(), start.to_string(), String::new()),
+        Kind::Binary { max_size } => ("bytes".to_owned(), String::new(), format!("at most {max_size} bytes")),
         Kind::Enumeration { items, start, .. } => {
             let items: Vec<_> =
                 items.iter().map(|(value, name, meaning)| format!("{value} {name}: {meaning}")).collect();

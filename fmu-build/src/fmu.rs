@@ -299,12 +299,10 @@ impl Fmu {
         }
         let standard = packing.standard;
         package.add("modelDescription.xml", describe_for_in(standard, &self.declaration, &declaration))?;
-        if standard == Standard::Fmi3 {
-            package.add(terminals::FILE, terminals::terminals(&declaration))?;
-            for (name, content) in terminals::ICON {
-                package.remove(name);
-                package.add(name, content)?;
-            }
+        package.add(terminals::FILE, terminals::terminals(&declaration))?;
+        for (name, content) in terminals::icons(standard) {
+            package.remove(name);
+            package.add(*name, *content)?;
         }
         let merged = self.merge(packing, &mut package, xml)?;
         let page = documentation::index(standard, &declaration, &libraries_of(&package, standard));

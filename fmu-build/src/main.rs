@@ -206,7 +206,12 @@ fn build(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
             report(&title, || fmu.make(&options, |step| println!("{title}: {step}")))?;
         }
     }
-    systems.iter().try_for_each(|system| connect(system, &options.packing.out))
+    for system in &systems {
+        Standard::ALL
+            .iter()
+            .try_for_each(|standard| connect(system, &options.packing.for_standard(*standard)))?;
+    }
+    Ok(())
 }
 
 /// Makes FMUs out of others: other resources and start values, the same libraries.
@@ -237,9 +242,9 @@ fn change(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
             report(fmu.declaration.name, || fmu.change(base, &packing.for_standard(base.standard)))?;
         }
     }
-    // Systems are of FMUs of 2.0.
-    let of_old = given.iter().all(|fmu| fmu.base.as_ref().is_none_or(|base| base.standard == Standard::Fmi2));
-    systems.iter().filter(|_| of_old).try_for_each(|system| connect(system, &packing.out))
+    let standard =
+        given.first().and_then(|fmu| fmu.base.as_ref()).map_or(Standard::default(), |base| base.standard);
+    systems.iter().try_for_each(|system| connect(system, &packing.for_standard(standard)))
 }
 
 fn packing(arguments: &Arguments, out: PathBuf) -> Packing {
@@ -324,8 +329,9 @@ fn report(title: &str, make: impl FnOnce() -> Result<Made, FmuError>) -> Result<
     Ok(())
 }
 
-/// Packs the system out of the FMUs that lie in the output folder.
-fn connect(system: &System, out: &Path) -> Result<(), Box<dyn Error>> {
+/// Packs the system of a version out of the FMUs that lie in its output folder.
+fn connect(system: &System, packing: &Packing) -> Result<(), Box<dyn Error>> {
+    let Packing { out, standard, .. } = packing;
     let path = |name: &str| out.join(format!("{name}.fmu"));
     let all: Vec<_> = system.components().map(|component| component.name).collect();
     let missing: Vec<_> = all.iter().copied().filter(|name| !path(name).is_file()).collect();
@@ -334,8 +340,8 @@ fn connect(system: &System, out: &Path) -> Result<(), Box<dyn Error>> {
         return Ok(());
     }
     let mut package = Package::default();
-    package.add("SystemStructure.ssd", system.structure())?;
-    if let Some(parameters) = system.parameters() {
+    package.add("SystemStructure.ssd", system.structure(*standard))?;
+    if let Some(parameters) = system.parameters(*standard) {
         package.add(format!("resources/{}.ssv", system.name()), parameters)?;
     }
     for name in all {

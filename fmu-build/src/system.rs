@@ -1,4 +1,5 @@
-//! A system of FMUs as an SSP archive (System Structure and Parameterization 1.0).
+//! A system of FMUs as an SSP archive (System Structure and Parameterization). Units of FMI 2.0 make one of SSP 1.0, those of FMI 3.0
+//! one of SSP 2.0, which has their types and arrays.
 //!
 //! Components are connected by name: an output of one feeds the input of the same name of another. Masters that
 //! step components one after the other follow their order here, so the plant comes first.
@@ -10,8 +11,9 @@
 //! enumeration, and the standard does not let one be an integer: those stay out.
 
 use crate::description::{base_unit, units_of};
+use crate::standard::Standard;
 use crate::xml::{Attributes, Xml};
-use rfl_mpc::fmi::{Causality, Declaration, DefaultExperiment, Kind, Value, Variable};
+use rfl_mpc::fmi::{Causality, Declaration, DefaultExperiment, Kind, Value, Variable, VersionedVariable};
 
 /// A parameter's value for one component.
 #[derive(Debug, Clone, PartialEq)]
@@ -23,13 +25,45 @@ pub struct Setting {
 
 impl Setting {
     /// The element of a parameter set, and the value in it.
-    fn element(&self) -> (&'static str, String) {
+    fn element(&self, words: &Words) -> (&'static str, String) {
         match &self.value {
-            Value::Real(value) => ("ssv:Real", value.to_string()),
+            Value::Real(value) => (words.real_value, value.to_string()),
             // Hosts set enumerations as integers.
-            Value::Integer(value) => ("ssv:Integer", value.to_string()),
+            Value::Integer(value) => (words.integer_value, value.to_string()),
             Value::Boolean(value) => ("ssv:Boolean", value.to_string()),
             Value::String(value) => ("ssv:String", value.clone()),
+            // No text is a value of it, so that it is never set.
+            Value::Binary(_) => ("ssv:Binary", String::new()),
+        }
+    }
+}
+
+/// Differences between the versions of SSP: types are named as the variables of the units are.
+struct Words {
+    version: &'static str,
+    real: &'static str,
+    integer: &'static str,
+    real_value: &'static str,
+    integer_value: &'static str,
+}
+
+impl Words {
+    fn of(standard: Standard) -> &'static Self {
+        match standard {
+            Standard::Fmi2 => &Self {
+                version: "1.0",
+                real: "ssc:Real",
+                integer: "ssc:Integer",
+                real_value: "ssv:Real",
+                integer_value: "ssv:Integer",
+            },
+            Standard::Fmi3 => &Self {
+                version: "2.0",
+                real: "ssc:Float64",
+                integer: "ssc:Int32",
+                real_value: "ssv:Float64",
+                integer_value: "ssv:Int32",
+            },
         }
     }
 }
@@ -154,9 +188,9 @@ impl System {
         })
     }
 
-    /// `SystemStructure.ssd`; FMUs are in `resources/NAME.fmu`.
+    /// `SystemStructure.ssd` of units of a version; FMUs are in `resources/NAME.fmu`.
     #[must_use]
-    pub fn structure(&self) -> String {
+    pub fn structure(&self, standard: Standard) -> String {
         let mut xml = Xml::new();
         xml.open(
             "ssd:SystemStructureDescription",
@@ -169,14 +203,14 @@ impl System {
                     "xmlns:oms",
                     "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd",
                 )
-                .with("version", "1.0")
+                .with("version", Words::of(standard).version)
                 .with("name", &self.name)
                 .with("generationTool", concat!("fmu-build ", env!("CARGO_PKG_VERSION"))),
         );
         xml.open("ssd:System", Attributes::new().with("name", &self.name));
         xml.open("ssd:Elements", Attributes::new());
         for component in 0..self.components.len() {
-            self.component(&mut xml, component);
+            self.component(&mut xml, component, standard);
         }
         xml.close();
         let connections = self.connections();
@@ -211,7 +245,7 @@ impl System {
         for _ in 0..5 {
             xml.close();
         }
-        self.units(&mut xml);
+        self.units(&mut xml, standard);
         let times = Attributes::new().with("startTime", experiment.start_time);
         xml.open("ssd:DefaultExperiment", times.with("stopTime", experiment.stop_time));
         xml.open("ssd:Annotations", Attributes::new());
@@ -225,9 +259,10 @@ impl System {
     }
 
     /// The units that connectors name.
-    fn units(&self, xml: &mut Xml) {
-        let shown: Vec<_> = (0..self.components.len()).flat_map(|index| self.connectors(index)).collect();
-        let units = units_of(&shown.into_iter().map(|(variable, _)| variable).collect::<Vec<_>>());
+    fn units(&self, xml: &mut Xml, standard: Standard) {
+        let connectors = (0..self.components.len()).flat_map(|index| self.connectors(index, standard));
+        let shown: Vec<_> = connectors.collect();
+        let units = units_of(&shown.iter().map(|(shown, _)| &*shown.variable).collect::<Vec<_>>());
         if !units.is_empty() {
             xml.open("ssd:Units", Attributes::new());
             for unit in units {
@@ -241,7 +276,7 @@ impl System {
 
     /// The variables of a component that are connectors, and their kind: inputs that are connected, and outputs, which a
     /// user may want to record. Strings and enumerations are left out; nothing is connected to them.
-    fn connectors(&self, index: usize) -> Vec<(&Variable, &'static str)> {
+    fn connectors(&self, index: usize, standard: Standard) -> Vec<(VersionedVariable<'_>, &'static str)> {
         let connections = self.connections();
         let into = connections.iter().filter(|connection| connection.target == index);
         let connected: Vec<&Variable> = into.map(|connection| connection.input).collect();
@@ -253,11 +288,16 @@ impl System {
                 _ => None,
             }
         };
-        let variables = self.components[index].variables.iter();
-        variables.filter_map(|variable| Some((variable, kind(variable)?))).collect()
+        let variables = self.components[index].shown(standard.version()).into_iter();
+        variables
+            .filter_map(|shown| {
+                let kind = kind(&shown.variable)?;
+                Some((shown, kind))
+            })
+            .collect()
     }
 
-    fn component(&self, xml: &mut Xml, index: usize) {
+    fn component(&self, xml: &mut Xml, index: usize, standard: Standard) {
         let component = &self.components[index];
         xml.open(
             "ssd:Component",
@@ -267,12 +307,16 @@ impl System {
                 .with("source", format!("resources/{}.fmu", component.name)),
         );
         xml.open("ssd:Connectors", Attributes::new());
-        for (variable, kind) in self.connectors(index) {
+        let words = Words::of(standard);
+        for (VersionedVariable { variable, size, .. }, kind) in self.connectors(index, standard) {
             xml.open("ssd:Connector", Attributes::new().with("name", &variable.name).with("kind", kind));
             match &variable.kind {
-                Kind::Real { unit, .. } => xml.empty("ssc:Real", Attributes::new().with("unit", unit.symbol)),
+                Kind::Real { unit, .. } => xml.empty(words.real, Attributes::new().with("unit", unit.symbol)),
                 Kind::Boolean { .. } => xml.empty("ssc:Boolean", Attributes::new()),
-                _ => xml.empty("ssc:Integer", Attributes::new()),
+                _ => xml.empty(words.integer, Attributes::new()),
+            }
+            if let Some(size) = size {
+                xml.empty("ssc:Dimension", Attributes::new().with("size", size));
             }
             xml.close();
         }
@@ -284,7 +328,7 @@ impl System {
             xml.open("ssd:ParameterValues", Attributes::new());
             // Ecos chooses a set by its name: one name for all components.
             let named = settings.into_iter().map(|setting| (setting.name.clone(), setting));
-            parameter_set(xml, &self.name, named);
+            parameter_set(xml, standard, &self.name, named);
             xml.close();
             xml.close();
             xml.close();
@@ -294,30 +338,36 @@ impl System {
 
     /// All settings as an `.ssv` document, for hosts that take parameters apart; `None` if there is none.
     #[must_use]
-    pub fn parameters(&self) -> Option<String> {
+    pub fn parameters(&self, standard: Standard) -> Option<String> {
         if self.settings.is_empty() {
             return None;
         }
         let mut xml = Xml::new();
         let full =
             |setting: &Setting| format!("{}.{}", self.components[setting.component].name, setting.name);
-        parameter_set(&mut xml, &self.name, self.settings.iter().map(|setting| (full(setting), setting)));
+        let named = self.settings.iter().map(|setting| (full(setting), setting));
+        parameter_set(&mut xml, standard, &self.name, named);
         Some(xml.finish())
     }
 }
 
-fn parameter_set<'a>(xml: &mut Xml, name: &str, settings: impl Iterator<Item = (String, &'a Setting)>) {
+fn parameter_set<'a>(
+    xml: &mut Xml,
+    standard: Standard,
+    name: &str,
+    settings: impl Iterator<Item = (String, &'a Setting)>,
+) {
     xml.open(
         "ssv:ParameterSet",
         Attributes::new()
             .with("xmlns:ssv", "http://ssp-standard.org/SSP1/SystemStructureParameterValues")
-            .with("version", "1.0")
+            .with("version", Words::of(standard).version)
             .with("name", name),
     );
     xml.open("ssv:Parameters", Attributes::new());
     for (name, setting) in settings {
         xml.open("ssv:Parameter", Attributes::new().with("name", name));
-        let (element, value) = setting.element();
+        let (element, value) = setting.element(Words::of(standard));
         xml.empty(element, Attributes::new().with("value", value));
         xml.close();
     }

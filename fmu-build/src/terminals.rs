@@ -1,8 +1,11 @@
-//! `terminalsAndIcons/` of an FMU of FMI 3.0: which variables are connected together, and how the unit is drawn.
+//! `terminalsAndIcons/` of an FMU: variables that are connected together, and the unit's picture.
+//!
+//! FMI 2.0.4 took the folder over from 3.0 as it is. Older hosts of 2.0 pass over it, and find the picture as `model.png`.
 //!
 //! A terminal is a bus: its members are matched by name, so that a controller, which asks for fewer signals than a vehicle
 //! has, fits any of them. The buses are groups of the vocabulary; a model has those of whose signals it has some.
 
+use crate::standard::Standard;
 use crate::xml::{Attributes, Xml};
 use rfl_mpc::fmi::{Causality, Declaration};
 use rfl_mpc::signal::{self, Signal};
@@ -10,11 +13,21 @@ use rfl_mpc::signal::{self, Signal};
 /// The folder's description.
 pub const FILE: &str = "terminalsAndIcons/terminalsAndIcons.xml";
 
-/// The icon, drawn by us: a road that a vehicle follows.
-pub const ICON: [(&str, &[u8]); 2] = [
+/// The icon, drawn by us: a road that a vehicle follows. The last is for 2.0 alone.
+const ICONS: [(&str, &[u8]); 3] = [
     ("terminalsAndIcons/icon.png", include_bytes!("../icons/icon.png")),
     ("terminalsAndIcons/icon.svg", include_bytes!("../icons/icon.svg")),
+    ("model.png", include_bytes!("../icons/icon.png")),
 ];
+
+/// The icon's files in an FMU of a version.
+#[must_use]
+pub fn icons(standard: Standard) -> &'static [(&'static str, &'static [u8])] {
+    match standard {
+        Standard::Fmi2 => &ICONS,
+        Standard::Fmi3 => &ICONS[..2],
+    }
+}
 
 /// The buses: name, meaning, signals.
 const TERMINALS: [(&str, &str, &[&Signal]); 3] = [

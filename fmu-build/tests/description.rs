@@ -67,13 +67,18 @@ fn a_description_of_3_0_has_its_types_and_time() {
         "<Int32 name=\"steps\"",
         "<Enumeration name=\"method_used\"",
         "<Start value=\"\"/>",
-        "<Float64 name=\"time\" valueReference=\"20\"",
+        "<Binary name=\"actuator_data\" valueReference=\"20\"",
+        "<Float64 name=\"time\" valueReference=\"21\"",
         "causality=\"independent\"",
         "<Output valueReference=\"2\" dependencies=\"\"/>",
         "Calls that returned fmi3Discard",
+        "<Dimension start=\"2\"/>",
     ] {
         assert!(xml.contains(wanted), "{wanted} is missing in {xml}");
     }
+    assert!(xml.contains("name=\"history\" valueReference=\"17\"") && !xml.contains("history["));
+    assert!(!xml.contains("valueReference=\"18\"") && describe(&declaration).contains("history[2]"));
+    assert!(!describe(&declaration).contains("actuator_data"));
     assert!(!xml.contains("fmi2") && !describe(&declaration).contains("fmi3"));
 }
 
@@ -218,7 +223,7 @@ fn start_values_are_in_range() {
                     (min.unwrap_or(i32::MIN)..=max.unwrap_or(i32::MAX)).contains(start)
                 }
                 Kind::Enumeration { items, start, .. } => items.iter().any(|item| item.0 == *start),
-                Kind::Boolean { .. } | Kind::String { .. } => true,
+                Kind::Boolean { .. } | Kind::String { .. } | Kind::Binary { .. } => true,
             };
             assert!(good, "{}: {}", declaration.name, variable.name);
         }

@@ -79,6 +79,9 @@ fn an_fmu_has_all_that_the_standard_and_people_want() {
         "resources/folder/text.txt",
         "documentation/index.html",
         "documentation/licenses/LICENSE.txt",
+        "terminalsAndIcons/terminalsAndIcons.xml",
+        "terminalsAndIcons/icon.png",
+        "model.png",
     ] {
         assert!(names.iter().any(|name| name == wanted), "{wanted} is missing in {names:?}");
     }

@@ -3,6 +3,7 @@
 
 use fmu_build::added::add_start;
 use fmu_build::shipped::{self, ClosedLoop, SYSTEMS};
+use fmu_build::standard::Standard;
 use fmu_build::system::{SettingError, System};
 use rfl_mpc::fmi::{Causality, Value};
 use rfl_mpc::path::Path;
@@ -57,7 +58,7 @@ fn every_input_is_connected() {
 
 #[test]
 fn the_structure_names_fmus_and_step() {
-    let xml = closed_loop().structure();
+    let xml = closed_loop().structure(Standard::Fmi2);
     for wanted in [
         r#"source="resources/PassengerCar.fmu""#,
         r#"source="resources/RflMpc.fmu""#,
@@ -69,7 +70,7 @@ fn the_structure_names_fmus_and_step() {
     }
     assert!(xml.find("\"PassengerCar\"") < xml.find("\"RflMpc\""), "the plant is stepped first");
     assert!(!xml.contains("ParameterBinding"));
-    assert_eq!(closed_loop().parameters(), None);
+    assert_eq!(closed_loop().parameters(Standard::Fmi2), None);
 }
 
 /// Whatever unit a connector names is defined in the system, as the text of SSP 1.0 asks. An enumeration is no connector:
@@ -80,11 +81,14 @@ fn units_of_connectors_are_defined_and_enumerations_are_none() {
         xml.split(before).skip(1).map(|rest| rest.split('"').next().unwrap().to_owned()).collect()
     };
     for shipped in SYSTEMS {
-        let xml = system(shipped.vehicle).structure();
-        let (used, defined) = (named(&xml, r#"<ssc:Real unit=""#), named(&xml, r#"<ssc:Unit name=""#));
-        assert!(used.contains("m/s") && used == defined, "{used:?} {defined:?}");
-        assert!(!xml.contains("Enumeration") && !xml.contains(r#"name="status""#));
-        assert!(xml.contains(r#"name="finished" kind="output""#));
+        for (standard, real) in [(Standard::Fmi2, "Real"), (Standard::Fmi3, "Float64")] {
+            let xml = system(shipped.vehicle).structure(standard);
+            let used = named(&xml, &format!("<ssc:{real} unit=\""));
+            let defined = named(&xml, r#"<ssc:Unit name=""#);
+            assert!(used.contains("m/s") && used == defined, "{used:?} {defined:?}");
+            assert!(!xml.contains("Enumeration") && !xml.contains(r#"name="status""#));
+            assert!(xml.contains(r#"name="finished" kind="output""#));
+        }
     }
 }
 
@@ -93,7 +97,8 @@ fn settings_stand_in_the_component_and_in_a_parameter_set() {
     let mut system = closed_loop();
     system.set("PassengerCar.vehicle_file=vehicles/<a&b>.toml").unwrap();
     system.set("RflMpc.mpc.q_e1 = 2.5").unwrap();
-    let (structure, parameters) = (system.structure(), system.parameters().unwrap());
+    let (structure, parameters) =
+        (system.structure(Standard::Fmi2), system.parameters(Standard::Fmi2).unwrap());
     assert!(structure.contains(r#"<ssv:Parameter name="vehicle_file">"#), "{structure}");
     // Ecos takes the sets of all components by one name.
     assert_eq!(structure.matches(r#"version="1.0" name="ClosedLoop">"#).count(), 2, "{structure}");
@@ -101,6 +106,32 @@ fn settings_stand_in_the_component_and_in_a_parameter_set() {
     assert!(parameters.contains(r#"<ssv:Parameter name="PassengerCar.vehicle_file">"#), "{parameters}");
     assert!(parameters.contains(r#"<ssv:Parameter name="RflMpc.mpc.q_e1">"#), "{parameters}");
     assert!(parameters.contains(r#"<ssv:Real value="2.5"/>"#), "{parameters}");
+}
+
+/// SSP 2.0 has the types of FMI 3.0, and its arrays.
+#[test]
+fn a_system_of_3_0_has_its_types_and_arrays() {
+    let mut system = closed_loop();
+    system.set("PassengerCar.vehicle.mass=1500").unwrap();
+    system.set("RflMpc.mpc.horizon=20").unwrap();
+    let (structure, parameters) =
+        (system.structure(Standard::Fmi3), system.parameters(Standard::Fmi3).unwrap());
+    for wanted in [
+        r#"version="2.0" name="ClosedLoop""#,
+        r#"<ssc:Float64 unit="m/s"/>"#,
+        "<ssc:Int32/>",
+        r#"<ssd:Connector name="wheel.load" kind="output">"#,
+        r#"<ssc:Dimension size="4"/>"#,
+        r#"<ssv:Float64 value="1500"/>"#,
+        r#"<ssv:Int32 value="20"/>"#,
+    ] {
+        assert!(structure.contains(wanted), "{wanted} is missing in\n{structure}");
+    }
+    assert!(parameters.contains("version=\"2.0\"") && parameters.contains("ssv:Float64"), "{parameters}");
+    let both = structure + &parameters;
+    for old in ["ssc:Real", "ssc:Integer", "ssv:Real", "ssv:Integer", "version=\"1.0\" name", "wheel.front"] {
+        assert!(!both.contains(old), "{old} in\n{both}");
+    }
 }
 
 #[test]

@@ -82,6 +82,7 @@ fn columns(kind: &Kind) -> (String, &'static str, String) {
         }
         Kind::Boolean { start } => (start.to_string(), "", String::new()),
         Kind::String { start } => (start.to_string(), "", String::new()),
+        Kind::Binary { .. } => (String::new(), "", String::new()),
         Kind::Enumeration { items, start, .. } => {
             let names: Vec<&str> = items.iter().map(|item| item.1).collect();
             let default = items.iter().find(|item| item.0 == *start).map_or("", |item| item.1);

@@ -10,7 +10,7 @@ use super::vehicle::{ControlledVehicle, GpOf, Nonlinear, VehicleParameters};
 use crate::enumeration;
 use crate::input;
 use crate::nominal::{ERRORS, LateralVehicle as _};
-use crate::residual::{FileError, FileKind, Kind, ResidualModelFor};
+use crate::residual::{FileError, FileKind, Kind, ResidualModelFor, in_file};
 use crate::vehicle::SingleTrack;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -121,11 +121,18 @@ impl<V: ControlledVehicle<S>, const S: usize> LearnedModelFor<V, S> {
     /// # Errors
     /// A file that cannot be read, or is no model.
     pub fn read(file: &Path) -> Result<Self, FileError> {
-        let begin = input::read(file, input::MODEL).unwrap_or_default();
-        match FileKind::of(&begin) {
-            Some(FileKind::Gp) => Ok(Self::Gp(Arc::new(V::Nonlinear::read_gp(file)?))),
+        in_file(file, || Self::from_bytes(&input::read(file, input::MODEL)?))
+    }
+
+    /// A model from the bytes of its file.
+    ///
+    /// # Errors
+    /// Bytes that are no model.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, FileError> {
+        match FileKind::of(bytes) {
+            Some(FileKind::Gp) => Ok(Self::Gp(Arc::new(V::Nonlinear::gp_from_bytes(bytes)?))),
             // What is neither is refused in the words of the ordinary one.
-            _ => Ok(Self::Residual(Arc::new(ResidualModelFor::read(file)?))),
+            _ => Ok(Self::Residual(Arc::new(ResidualModelFor::from_bytes(bytes)?))),
         }
     }
 
@@ -166,10 +173,36 @@ impl Choice {
                 return Ok((variant, model));
             }
         };
+        self.learned(file, parameters, LearnedModelFor::read)
+    }
+
+    /// The prediction model with a learned model that is given as the bytes of its file, checked as a file is. Messages
+    /// name it as `name`.
+    ///
+    /// # Errors
+    /// As [`prediction_model`](Self::prediction_model).
+    pub fn prediction_model_of<G: VehicleParameters<S>, const S: usize>(
+        &self,
+        name: &str,
+        bytes: &[u8],
+        parameters: &ControllerParametersFor<G>,
+    ) -> Result<(ControlVariant, PredictionModelFor<G::Vehicle, S>), ChoiceError> {
+        let read = |name: &Path| in_file(name, || LearnedModelFor::from_bytes(bytes));
+        self.learned(PathBuf::from(name), parameters, read)
+    }
+
+    /// The prediction model with what `read` makes of a file.
+    fn learned<G: VehicleParameters<S>, const S: usize>(
+        &self,
+        file: PathBuf,
+        parameters: &ControllerParametersFor<G>,
+        read: impl FnOnce(&Path) -> Result<LearnedModelFor<G::Vehicle, S>, FileError>,
+    ) -> Result<(ControlVariant, PredictionModelFor<G::Vehicle, S>), ChoiceError> {
+        let variant = self.variant;
         if matches!(variant, ControlVariant::Actuator | ControlVariant::Nmpc) {
             return Err(ChoiceError::FileNotUsed { variant: variant.name(), file });
         }
-        let model = LearnedModelFor::<G::Vehicle, S>::read(&file)?;
+        let model = read(&file)?;
         let found = model.variant();
         if !matches!(variant, ControlVariant::None | ControlVariant::Adaptive) && variant != found {
             return Err(ChoiceError::OtherKind { file, found: found.name(), variant: variant.name() });

@@ -13,7 +13,6 @@ use crate::residual::{FileError, FileKind};
 use crate::vehicle::SingleTrack;
 use nalgebra::SVector;
 use std::convert::Infallible;
-use std::path::Path;
 use std::sync::Arc;
 
 /// A vehicle that the controller can drive.
@@ -37,11 +36,11 @@ pub trait Nonlinear<V, const S: usize>: std::fmt::Debug + Clone + Send + Sync {
     #[must_use]
     fn of(parameters: &NmpcParameters, gp: Option<Arc<Self::Gp>>) -> Option<Self>;
 
-    /// Reads a process's file.
+    /// A process from the bytes of its file.
     ///
     /// # Errors
-    /// A file that cannot be read or is no process of such a vehicle.
-    fn read_gp(file: &Path) -> Result<Self::Gp, FileError>;
+    /// Bytes that are no process of such a vehicle.
+    fn gp_from_bytes(bytes: &[u8]) -> Result<Self::Gp, FileError>;
 
     /// The variant for a vehicle.
     ///
@@ -57,7 +56,7 @@ impl<V: LateralVehicle<S>, const S: usize> Nonlinear<V, S> for Infallible {
         None
     }
 
-    fn read_gp(_: &Path) -> Result<Infallible, FileError> {
+    fn gp_from_bytes(_: &[u8]) -> Result<Infallible, FileError> {
         Err(FileError::NoneOfVehicle { found: FileKind::Gp, vehicle: V::KIND })
     }
 

@@ -166,6 +166,8 @@ pub struct Request<'a> {
     pub listener: Option<Listener>,
     /// True if debug logging is on.
     pub logging_on: bool,
+    /// True if the host lets a step end early.
+    pub may_end_early: bool,
     /// Objection of the version to the other arguments.
     pub against: Option<&'a str>,
 }
@@ -175,7 +177,7 @@ pub struct Request<'a> {
 /// # Safety
 /// The texts are NULL or C strings.
 pub unsafe fn instantiate<M: Model>(request: Request<'_>) -> Component {
-    let Request { version, function, own, given, listener, logging_on, against } = request;
+    let Request { version, function, own, given, listener, logging_on, may_end_early, against } = request;
     // SAFETY: NULL or a C string by contract.
     let [name, given, resources] =
         given.map(|text| unsafe { (!text.is_null()).then(|| CStr::from_ptr(text)) }.unwrap_or_default());
@@ -212,7 +214,8 @@ pub unsafe fn instantiate<M: Model>(request: Request<'_>) -> Component {
     };
     let context = Context { resources, instance_name: name.to_string_lossy().into_owned() };
     let made = catch_unwind(AssertUnwindSafe(|| {
-        let instance = Instance::<M>::new(version, own, logger.clone(), context)?;
+        let mut instance = Instance::<M>::new(version, own, logger.clone(), context)?;
+        instance.may_end_early = may_end_early;
         Ok(Handle {
             mark: AtomicU64::new(ALIVE),
             busy: AtomicBool::new(false),

@@ -24,7 +24,7 @@
 
 use super::life::{Function, Life};
 use super::logger::{Logger, Messages, STANDARD_CATEGORIES, status_category};
-use super::model::{Context, Declaration, Model, ModelError};
+use super::model::{Array, Context, Declaration, Model, ModelError};
 use super::refusal::Refusal;
 use super::snapshot::Snapshot;
 use super::start::StartError;
@@ -52,8 +52,14 @@ pub struct Instance<M: Model> {
     start_time: f64,
     stop_time: Option<f64>,
     time: f64,
+    /// True if the host lets a step end early.
+    pub(super) may_end_early: bool,
+    /// True if the newest step did.
+    ended_early: bool,
     /// Time as a variable.
     time_variable: Option<Vr>,
+    /// Per variable: the array, by its place in the declaration, of which it is an element; empty where a version has none.
+    array_of: Vec<Option<usize>>,
     /// In initialisation mode: what the model does not know yet.
     stale: Stale,
     /// Per variable: an input outside its range, of which the host was warned.
@@ -88,11 +94,15 @@ impl<M: Model> Instance<M> {
         context: Context,
     ) -> Result<Self, StartError> {
         let mut declaration = M::declaration();
-        let time_variable = version.has_time.then(|| declaration.add_time());
+        let time_variable = declaration.complete(version);
         if let Some(resources) = &context.resources {
             declaration.start_as_packed(resources)?;
         }
         let values = Values::starting_from(&declaration.variables);
+        let mut array_of = vec![None; declaration.variables.len()];
+        for (place, array) in declaration.arrays.iter().enumerate().filter(|_| version.has_arrays) {
+            array.elements.iter().for_each(|vr| array_of[*vr] = Some(place));
+        }
         Ok(Self {
             version,
             guid,
@@ -104,7 +114,10 @@ impl<M: Model> Instance<M> {
             start_time: 0.0,
             stop_time: None,
             time: 0.0,
+            may_end_early: false,
+            ended_early: false,
             time_variable,
+            array_of,
             stale: ALL_STALE,
             outside: vec![false; declaration.variables.len()],
             strings: Vec::new(),
@@ -235,8 +248,9 @@ impl<M: Model> Instance<M> {
         Ok(status)
     }
 
-    /// Makes a step.
+    /// Makes a step, or its first part where the host lets it end early.
     pub fn do_step(&mut self, point: f64, step: f64) -> Outcome {
+        self.ended_early = false;
         if !point.is_finite() {
             return Err(Refusal::CommunicationPoint { point });
         }
@@ -258,11 +272,16 @@ impl<M: Model> Instance<M> {
             return Err(Refusal::PastStopTime { point, end, stop });
         }
         let mut messages = Messages::to(&self.logger);
-        match self.model.step(&mut self.values, point, step, &mut messages) {
-            Ok(()) => {
+        let made = match self.may_end_early {
+            false => self.model.step(&mut self.values, point, step, &mut messages).map(|()| step),
+            true => self.model.step_to_event(&mut self.values, point, step, &mut messages),
+        };
+        match made {
+            Ok(made) => {
                 let status = if messages.warned { Status::Warning } else { Status::Ok };
                 self.life = Life::StepComplete;
-                self.set_time(end);
+                self.ended_early = made < step;
+                self.set_time(if self.ended_early { point + made } else { end });
                 Ok(status)
             }
             Err(ModelError::Discard(message)) => {
@@ -287,6 +306,12 @@ impl<M: Model> Instance<M> {
     #[must_use]
     pub fn time(&self) -> f64 {
         self.time
+    }
+
+    /// True if the newest step ended early, at [`time`](Self::time).
+    #[must_use]
+    pub fn ended_early(&self) -> bool {
+        self.ended_early
     }
 
     /// The instance's state.
@@ -351,6 +376,15 @@ impl<M: Model> Instance<M> {
         Ok(status)
     }
 
+    /// Gives bytes to `write(position, bytes)`; they are valid until the variable is set, or the instance changes.
+    pub fn get_binary(&mut self, references: &[u32], mut write: impl FnMut(usize, &[u8])) -> Outcome {
+        self.get(references, "Binary", |i, value| {
+            if let Value::Binary(value) = value {
+                write(i, value);
+            }
+        })
+    }
+
     fn get(
         &mut self,
         references: &[u32],
@@ -368,12 +402,29 @@ impl<M: Model> Instance<M> {
         if unknown && self.life == Life::InitializationMode {
             status = self.initialize()?;
         }
-        for (i, reference) in references.iter().enumerate() {
-            if let Some(value) = self.values.get(*reference as Vr) {
-                write(i, value);
+        let mut position = 0;
+        for reference in references {
+            let scalar = [*reference as Vr];
+            let elements = self.array(scalar[0]).map_or(&scalar[..], |array| &array.elements);
+            for value in elements.iter().filter_map(|vr| self.values.get(*vr)) {
+                write(position, value);
+                position += 1;
             }
         }
         Ok(status)
+    }
+
+    /// Number of values of some variables: one of a scalar, those of its elements of an array.
+    pub fn count_values(&self, references: &[u32]) -> Result<usize, Refusal> {
+        references.iter().try_fold(0, |count, reference| {
+            let (vr, _) = self.any_variable(*reference)?;
+            Ok(count + self.array(vr).map_or(1, |array| array.elements.len()))
+        })
+    }
+
+    /// The array that a variable is an element of.
+    fn array(&self, vr: Vr) -> Option<&Array> {
+        self.array_of[vr].map(|place| &self.declaration.arrays[place])
     }
 
     /// Sets reals.
@@ -476,6 +527,23 @@ impl<M: Model> Instance<M> {
         Ok(Status::Ok)
     }
 
+    /// Sets bytes.
+    pub fn set_binary(&mut self, references: &[u32], values: &[&[u8]]) -> Outcome {
+        for (reference, value) in references.iter().zip(values) {
+            let (_, variable) = self.settable(*reference, "Binary")?;
+            if let Kind::Binary { max_size } = variable.kind
+                && value.len() > max_size
+            {
+                let name = variable.name.to_string();
+                return Err(Refusal::TooManyBytes { name, given: value.len(), max_size });
+            }
+        }
+        for (reference, value) in references.iter().zip(values) {
+            self.write(*reference, Value::Binary(value.to_vec().into()));
+        }
+        Ok(Status::Ok)
+    }
+
     /// A value outside its range: refuses a parameter, warns of an input once.
     fn outside(
         &mut self,
@@ -519,13 +587,26 @@ impl<M: Model> Instance<M> {
         self.values.set_by_host(vr, variable, value);
     }
 
-    /// The variable behind a reference, if it is of the expected type.
-    fn variable(&self, reference: u32, expected: &'static str) -> Result<(Vr, &Variable), Refusal> {
+    /// The variable behind a reference; of an array the first element.
+    fn any_variable(&self, reference: u32) -> Result<(Vr, &Variable), Refusal> {
         let variables = &self.declaration.variables;
         let vr = reference as Vr;
         let variable = variables
             .get(vr)
             .ok_or(Refusal::UnknownReference { reference, last: variables.len().saturating_sub(1) })?;
+        match self.array(vr) {
+            Some(Array { name, elements, .. }) if elements[0] != vr => Err(Refusal::ElementOfArray {
+                name: variable.name.to_string(),
+                array: name.to_string(),
+                reference: elements[0],
+            }),
+            _ => Ok((vr, variable)),
+        }
+    }
+
+    /// The same, if it is of the expected type.
+    fn variable(&self, reference: u32, expected: &'static str) -> Result<(Vr, &Variable), Refusal> {
+        let (vr, variable) = self.any_variable(reference)?;
         let declared = self.version.type_of(&variable.kind);
         if declared != expected {
             return Err(Refusal::WrongType { name: variable.name.to_string(), reference, declared });

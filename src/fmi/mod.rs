@@ -38,9 +38,12 @@ mod value;
 mod variable;
 mod version;
 
-pub use model::{Context, Declaration, DefaultExperiment, Log, LogCategory, Model, ModelError, Severity};
+pub use model::{
+    Array, Context, Declaration, DefaultExperiment, Log, LogCategory, Model, ModelError, Severity,
+    VersionedVariable,
+};
 pub use start::{START_FILE, StartError, read_start_file, start_file};
 pub use types::Status;
-pub use value::{Value, Values};
+pub use value::{BinaryValue, Value, Values};
 pub use variable::{Causality, Initial, Kind, Variability, Variable, Vr};
 pub use version::Version;

@@ -1,7 +1,9 @@
 //! The trait that the FMI layer asks of a model. It knows nothing else of vehicles or controllers.
 
 use super::value::Values;
-use super::variable::{Variable, Vr};
+use super::variable::{Causality, Kind, Variable, Vr};
+use super::version::Version;
+use std::borrow::Cow;
 use std::path::PathBuf;
 
 /// Everything about a model that its `modelDescription.xml` says.
@@ -13,13 +15,75 @@ pub struct Declaration {
     pub description: &'static str,
     /// All variables; a [`Vr`] is an index here.
     pub variables: Vec<Variable>,
+    /// Parameters that are bytes. They stand behind the other variables, in order, in a version that has this type.
+    pub binaries: Vec<Variable>,
+    /// Outputs that are one array in versions of FMI that have arrays.
+    pub arrays: Vec<Array>,
+    /// True if [`Model::step_to_event`] may end before the step does.
+    pub ends_early: bool,
     /// FMI `DefaultExperiment`.
     pub experiment: DefaultExperiment,
     /// Log categories beyond the standard ones.
     pub log_categories: &'static [LogCategory],
 }
 
+/// Real outputs that belong together. They are one variable, with the reference of the first, in a version that has arrays;
+/// elsewhere each is a scalar.
+#[derive(Debug, Clone, PartialEq)]
+#[allow(missing_docs)]
+pub struct Array {
+    pub name: Cow<'static, str>,
+    pub description: Cow<'static, str>,
+    /// The scalars, in order.
+    pub elements: Vec<Vr>,
+}
+
+/// A variable as a version of FMI shows it.
+#[derive(Debug, Clone, PartialEq)]
+#[allow(missing_docs)]
+pub struct VersionedVariable<'a> {
+    pub vr: Vr,
+    pub variable: Cow<'a, Variable>,
+    /// Number of elements of an array.
+    pub size: Option<usize>,
+}
+
 impl Declaration {
+    /// The variables as a version shows them: arrays instead of their scalars where it has arrays.
+    #[must_use]
+    pub fn shown(&self, version: &Version) -> Vec<VersionedVariable<'_>> {
+        let arrays: &[Array] = if version.has_arrays { &self.arrays } else { &[] };
+        let variables = self.variables.iter().enumerate();
+        let shown = variables.filter_map(|(vr, variable)| {
+            let array = arrays.iter().find(|array| array.elements.contains(&vr));
+            let Some(Array { name, description, elements }) = array else {
+                return Some(VersionedVariable { vr, variable: Cow::Borrowed(variable), size: None });
+            };
+            let whole = Variable { name: name.clone(), description: description.clone(), ..variable.clone() };
+            (elements.first() == Some(&vr)).then_some(VersionedVariable {
+                vr,
+                variable: Cow::Owned(whole),
+                size: Some(elements.len()),
+            })
+        });
+        shown.collect()
+    }
+
+    /// Declares scalars as an array.
+    pub fn add_array(
+        &mut self,
+        name: impl Into<Cow<'static, str>>,
+        description: impl Into<Cow<'static, str>>,
+        elements: Vec<Vr>,
+    ) {
+        let alike = |vr: &Vr| {
+            let Variable { causality, kind, .. } = &self.variables[*vr];
+            *causality == Causality::Output && matches!(kind, Kind::Real { .. })
+        };
+        crate::invariant!(elements.iter().all(alike), "an array is of real outputs");
+        self.arrays.push(Array { name: name.into(), description: description.into(), elements });
+    }
+
     /// Adds a variable and gives its reference.
     pub fn add(&mut self, variable: Variable) -> Vr {
         crate::invariant!(self.find(&variable.name).is_none(), "{} is declared twice", variable.name);
@@ -27,9 +91,18 @@ impl Declaration {
         self.variables.len() - 1
     }
 
-    /// Adds time as a variable, which FMI 3.0 wants.
-    pub fn add_time(&mut self) -> Vr {
-        self.add(Variable::time())
+    /// Adds a parameter that is bytes and gives its reference; all other variables must be there.
+    pub fn add_binary(&mut self, variable: Variable) -> Vr {
+        self.binaries.push(variable);
+        self.variables.len() + self.binaries.len() - 1
+    }
+
+    /// Adds what not all versions have, bytes and time, behind the other variables. Gives time.
+    pub fn complete(&mut self, version: &Version) -> Option<Vr> {
+        if version.has_binaries {
+            self.variables.append(&mut self.binaries);
+        }
+        version.has_time.then(|| self.add(Variable::time()))
     }
 
     /// Looks a variable up by name.
@@ -147,6 +220,21 @@ pub trait Model: Send + Sized + 'static {
         step: f64,
         log: &mut dyn Log,
     ) -> Result<(), ModelError>;
+
+    /// The same for a host that lets a step end early. It ends where the host should look at once, say at a change of a
+    /// status. Gives the length of the step that was made, more than 0 and at most `step`.
+    ///
+    /// # Errors
+    /// As [`step`](Model::step).
+    fn step_to_event(
+        &mut self,
+        values: &mut Values,
+        time: f64,
+        step: f64,
+        log: &mut dyn Log,
+    ) -> Result<f64, ModelError> {
+        self.step(values, time, step, log).map(|()| step)
+    }
 
     /// True if a call that did its work with a warning returns a warning. Many hosts end a run at any status but
     /// OK, so it returns OK unless the user asks for the warning; the log tells it in either case.

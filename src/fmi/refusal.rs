@@ -29,11 +29,17 @@ pub enum Refusal {
     },
     ValueCount {
         references: usize,
-        values: usize,
+        needed: usize,
+        given: usize,
     },
     UnknownReference {
         reference: u32,
         last: usize,
+    },
+    ElementOfArray {
+        name: String,
+        array: String,
+        reference: usize,
     },
     WrongType {
         name: String,
@@ -66,6 +72,11 @@ pub enum Refusal {
     },
     NotUtf8 {
         name: String,
+    },
+    TooManyBytes {
+        name: String,
+        given: usize,
+        max_size: usize,
     },
     StartTime {
         start: f64,
@@ -169,13 +180,16 @@ impl Refusal {
             Refusal::ImpossibleCount { argument, count } => {
                 format!("the argument `{argument}` counts {count} elements, more than memory can hold")
             }
-            Refusal::ValueCount { references, values } => format!(
-                "there are {values} values for {references} references: all variables of this FMU are scalars, one value \
-                 for each reference"
+            Refusal::ValueCount { references, needed, given } => format!(
+                "there are {given} values for {references} references, which have {needed}: one value for each reference of \
+                 a scalar, and as many as its Dimension says for an array's"
             ),
             Refusal::UnknownReference { reference, last } => format!(
                 "there is no variable with value reference {reference}: this FMU has the references 0 to {last}. Take \
          them from this FMU's modelDescription.xml."
+            ),
+            Refusal::ElementOfArray { name, array, reference } => format!(
+                "`{name}` is an element of the array `{array}`: get the array, by its reference {reference}"
             ),
             Refusal::WrongType { name, reference, declared } => format!(
                 "variable `{name}` (reference {reference}) is of type {declared}: use fmi{v}Get{declared} or fmi{v}Set{declared}"
@@ -199,6 +213,9 @@ impl Refusal {
             Refusal::NotUtf8 { name } => {
                 format!("the string for variable `{name}` is not UTF-8. The value before stands.")
             }
+            Refusal::TooManyBytes { name, given, max_size } => format!(
+                "parameter `{name}` has {given} bytes, and takes {max_size} at most. The value before stands."
+            ),
             Refusal::StartTime { start } => format!("the start time {start} s is no finite number"),
             Refusal::StopTime { start, stop } => {
                 format!("the stop time {stop} s is no finite number, or before the start time {start} s")
@@ -269,6 +286,7 @@ impl Refusal {
             | Refusal::OutOfRange { .. }
             | Refusal::NotAMember { .. }
             | Refusal::NotUtf8 { .. }
+            | Refusal::TooManyBytes { .. }
             | Refusal::StepDiscarded { .. }
             | Refusal::NoSuchStatus { .. } => Status::Discard,
             _ => Status::Error,

@@ -51,6 +51,7 @@ impl Variable {
             }
             Kind::Boolean { .. } => text.parse().map(Value::Boolean).map_err(|_| "true or false".to_owned()),
             Kind::String { .. } => Ok(Value::String(text.to_owned())),
+            Kind::Binary { .. } => Err("bytes, which only a host sets".to_owned()),
             Kind::Enumeration { items, .. } => {
                 let found = items.iter().find(|(value, name, _)| *name == text || value.to_string() == text);
                 let names: Vec<_> = items.iter().map(|item| item.1).collect();

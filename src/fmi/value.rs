@@ -2,6 +2,8 @@
 
 use super::variable::{Initial, Kind, Variability, Variable, Vr};
 use serde::{Deserialize, Serialize};
+use std::ops::Deref;
+use std::sync::Arc;
 
 /// A value of any FMI type; enumerations are integers.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -11,6 +13,32 @@ pub enum Value {
     Integer(i32),
     Boolean(bool),
     String(String),
+    Binary(BinaryValue),
+}
+
+/// Bytes, shared by their copies: they may be many, and states are stored often.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(from = "Vec<u8>", into = "Vec<u8>")]
+pub struct BinaryValue(Arc<[u8]>);
+
+impl Deref for BinaryValue {
+    type Target = [u8];
+
+    fn deref(&self) -> &[u8] {
+        &self.0
+    }
+}
+
+impl From<Vec<u8>> for BinaryValue {
+    fn from(bytes: Vec<u8>) -> Self {
+        Self(bytes.into())
+    }
+}
+
+impl From<BinaryValue> for Vec<u8> {
+    fn from(bytes: BinaryValue) -> Self {
+        bytes.to_vec()
+    }
 }
 
 /// Values of all variables of an instance, by value reference, with a mark for those that the host has chosen. A
@@ -91,6 +119,15 @@ impl Values {
         }
     }
 
+    /// Bytes; none where the version of FMI has no such type.
+    #[must_use]
+    pub fn binary(&self, vr: Vr) -> BinaryValue {
+        match self.values.get(vr) {
+            Some(Value::Binary(value)) => value.clone(),
+            _ => BinaryValue::default(),
+        }
+    }
+
     /// Sets a real that the model calculates.
     #[inline]
     pub fn set_real(&mut self, vr: Vr, value: f64) {
@@ -137,6 +174,7 @@ impl Values {
             (Kind::Integer { .. }, Value::Integer(_))
             | (Kind::Boolean { .. }, Value::Boolean(_))
             | (Kind::String { .. }, Value::String(_)) => true,
+            (Kind::Binary { max_size }, Value::Binary(value)) => value.len() <= *max_size,
             _ => false,
         };
         self.values.len() == variables.len()

@@ -1,6 +1,6 @@
 //! A variable of an FMU: the declaration from which XML, checks and documentation are made.
 
-use super::value::Value;
+use super::value::{BinaryValue, Value};
 use crate::signal::{Signal, Unit};
 use std::borrow::Cow;
 
@@ -64,6 +64,10 @@ pub enum Kind {
     String {
         start: Cow<'static, str>,
     },
+    /// Bytes, which start empty. Not all versions have them; see [`Declaration::binaries`](super::Declaration::binaries).
+    Binary {
+        max_size: usize,
+    },
     /// An integer among named values; `items` holds value, name and meaning.
     Enumeration {
         type_name: &'static str,
@@ -81,6 +85,7 @@ impl Kind {
             Kind::Integer { start, .. } | Kind::Enumeration { start, .. } => Value::Integer(*start),
             Kind::Boolean { start } => Value::Boolean(*start),
             Kind::String { start } => Value::String(start.to_string()),
+            Kind::Binary { .. } => Value::Binary(BinaryValue::default()),
         }
     }
 }

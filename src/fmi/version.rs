@@ -3,7 +3,7 @@
 use super::variable::Kind;
 use std::fmt;
 
-/// A version of FMI. Shown, it is the number in its functions' names: `format!("fmi{version}DoStep")`.
+/// A version of FMI. VersionedVariable, it is the number in its functions' names: `format!("fmi{version}DoStep")`.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Version {
     /// The number in the functions' names.
@@ -26,6 +26,10 @@ pub struct Version {
     pub enumeration: &'static str,
     /// True if time is a variable, behind the model's own.
     pub has_time: bool,
+    /// True if outputs that belong together are an array.
+    pub has_arrays: bool,
+    /// True if variables may be bytes.
+    pub has_binaries: bool,
     /// True if warnings and errors are told to a host that has not switched logging on.
     pub speaks_unasked: bool,
 }
@@ -40,6 +44,7 @@ impl Version {
             Kind::Enumeration { .. } => self.enumeration,
             Kind::Boolean { .. } => "Boolean",
             Kind::String { .. } => "String",
+            Kind::Binary { .. } => "Binary",
         }
     }
 

@@ -13,6 +13,7 @@ use crate::fmi::{
     Context, Declaration, DefaultExperiment, Kind, Log, LogCategory, Model, ModelError, Severity, Values,
     Variable, Vr,
 };
+use crate::input;
 use crate::parameter::{Choices, Parameter, ParameterGroup};
 use crate::path::Path;
 use crate::signal::{self, Signal, Unit};
@@ -26,6 +27,9 @@ pub const DEFAULT_PATH: &str = "path.csv";
 /// Folder in the FMU's `resources/` with a learned model for each variant: `VARIANT.rflm`.
 pub const MODELS: &str = "residual";
 
+/// Parameter with the bytes of a learned model.
+const RESIDUAL_DATA: &str = "residual.data";
+
 /// Log categories of the controller.
 const CATEGORIES: &[LogCategory] = &[
     LogCategory { name: "control", description: "Changes of the controller's status, with their cause" },
@@ -35,6 +39,10 @@ const CATEGORIES: &[LogCategory] = &[
     },
     LogCategory { name: "variant", description: "What the controller predicts with" },
 ];
+
+/// Outputs for each step of the prediction.
+const PREDICTED: [(&str, &str); 3] =
+    [("x", "Predicted x"), ("y", "Predicted y"), ("e1", "Predicted lateral error")];
 
 /// A signal that the controller is told, and where it stands in what it is told.
 pub type Told = (&'static Signal, fn(&mut Measurement) -> &mut f64);
@@ -126,6 +134,8 @@ struct Variables {
     vehicle_file: Vr,
     variant: Vr,
     residual_file: Vr,
+    /// Not there in every version of the interface.
+    residual_data: Vr,
     propagation: Vr,
     roll_out: Vr,
     /// The first of the numeric parameters, which are contiguous.
@@ -187,13 +197,19 @@ fn write_groups(groups: &[&mut dyn Group], first: Vr, values: &mut Values) {
 }
 
 /// Prediction model of the host's choice, or else of the controller's file.
-fn chosen(v: &Variables, values: &Values, context: &Context, of_file: Option<ControlVariant>) -> Choice {
+fn chosen(
+    v: &Variables,
+    values: &Values,
+    context: &Context,
+    of_file: Option<ControlVariant>,
+    has_data: bool,
+) -> Choice {
     let file = match values.string(v.residual_file) {
         "" => None,
         file => Some(context.locate(file)),
     };
     // A host that names a file and no variant means the file, not the variant that is packed as default.
-    let by_file = file.is_some() && !values.is_set_by_host(v.variant);
+    let by_file = (file.is_some() || has_data) && !values.is_set_by_host(v.variant);
     // The FMI layer admits no other numbers than the declared ones.
     let variant = ControlVariant::from_number(values.integer(v.variant)).unwrap_or_default();
     let is_default = !values.is_set_by_host(v.variant) && variant == ControlVariant::Adaptive;
@@ -212,6 +228,9 @@ fn declare<U: ControllerUnit<S>, const S: usize>() -> (Declaration, Variables) {
         name: U::NAME,
         description: U::DESCRIPTION,
         variables: Vec::new(),
+        binaries: Vec::new(),
+        arrays: Vec::new(),
+        ends_early: true,
         experiment: DefaultExperiment { start_time: 0.0, stop_time: 60.0, tolerance: 1e-6, step_size: 0.02 },
         log_categories: CATEGORIES,
     };
@@ -263,15 +282,18 @@ fn declare<U: ControllerUnit<S>, const S: usize>() -> (Declaration, Variables) {
             .map(|(name, unit)| {
                 real(format!("start.{name}"), unit, format!("Start of the path: {name} to begin with"))
             });
-    let predicted = (1..=U::SHOWN)
+    let predicted: Vec<[Vr; 3]> = (1..=U::SHOWN)
         .map(|j| {
-            let mut at = |name: &str, meaning: &str| {
+            PREDICTED.map(|(name, meaning)| {
                 let meaning = format!("{meaning} {j} samples ahead (0 beyond the horizon)");
                 real(format!("predicted.{name}[{j}]"), Unit::METRE, meaning)
-            };
-            [at("x", "Predicted x"), at("y", "Predicted y"), at("e1", "Predicted lateral error")]
+            })
         })
         .collect();
+    for (place, (name, meaning)) in PREDICTED.into_iter().enumerate() {
+        let meaning = format!("{meaning} 1 to {} samples ahead (0 beyond the horizon)", U::SHOWN);
+        d.add_array(format!("predicted.{name}"), meaning, predicted.iter().map(|at| at[place]).collect());
+    }
     let status = d.add(Variable::output_of(
         Kind::Enumeration { type_name: "ControlStatus", items: ControlStatus::ITEMS, start: 0 },
         "status",
@@ -334,6 +356,11 @@ fn declare<U: ControllerUnit<S>, const S: usize>() -> (Declaration, Variables) {
         "Whether a call that did its work returns fmiWarning where the log has a warning, and not fmiOK; many hosts \
          end a run at it",
     ));
+    let residual_data = d.add_binary(Variable::parameter_of(
+        Kind::Binary { max_size: input::MODEL as usize },
+        RESIDUAL_DATA,
+        "Learned model as the bytes of its file, instead of residual.file. Empty: that file",
+    ));
     let variables = Variables {
         inputs,
         steer_cmd,
@@ -360,6 +387,7 @@ fn declare<U: ControllerUnit<S>, const S: usize>() -> (Declaration, Variables) {
         vehicle_file,
         variant,
         residual_file,
+        residual_data,
         propagation,
         roll_out,
         parameters,
@@ -444,8 +472,18 @@ impl<U: ControllerUnit<S>, const S: usize> Model for ControllerFmu<U, S> {
         if let Some(warning) = parameters.too_tight::<S>(&path) {
             log.log(Severity::Warning, "path", &format!("{}: {warning}", file.display()));
         }
-        let (variant, model) =
-            chosen(v, values, context, variant_of_file).prediction_model(&parameters).map_err(failed)?;
+        let data = values.binary(v.residual_data);
+        if !data.is_empty() && values.is_set_by_host(v.residual_file) {
+            return Err(failed(
+                "residual.file and residual.data are both given, and a model is one: give one of them",
+            ));
+        }
+        let choice = chosen(v, values, context, variant_of_file, !data.is_empty());
+        let (variant, model) = match &data[..] {
+            [] => choice.prediction_model(&parameters),
+            bytes => choice.prediction_model_of(RESIDUAL_DATA, bytes, &parameters),
+        }
+        .map_err(failed)?;
         let controller = ControllerFor::predicting_with(parameters, Arc::new(path), model).map_err(failed)?;
         if !values.is_set_by_host(v.variant) {
             values.set_integer(v.variant, variant as i32);
@@ -497,6 +535,22 @@ impl<U: ControllerUnit<S>, const S: usize> Model for ControllerFmu<U, S> {
         }
         write_outputs(v, values, controller);
         Ok(())
+    }
+
+    /// The command holds for a sample time. Of a longer step a host is told a change of the status after that.
+    fn step_to_event(
+        &mut self,
+        values: &mut Values,
+        time: f64,
+        step: f64,
+        log: &mut dyn Log,
+    ) -> Result<f64, ModelError> {
+        let status = |model: &Self| model.running.as_ref().map(|running| running.controller.report().status);
+        let before = status(self);
+        self.step(values, time, step, log)?;
+        let Some(Running { controller, .. }) = &self.running else { return Ok(step) };
+        let is_event = before != status(self) && before != Some(ControlStatus::Waiting);
+        Ok(if is_event { step.min(controller.parameters().mpc.sample_time) } else { step })
     }
 
     fn reports_warnings(&self, values: &Values) -> bool {

@@ -78,6 +78,11 @@ pub trait PlantUnit: Send + Sized + 'static {
     /// # Errors
     /// See [`StepError`].
     fn step(&mut self, input: &VehicleInput, step: f64) -> Result<(), StepError>;
+    /// The same, but ends where the status changes; gives the time made, in s.
+    ///
+    /// # Errors
+    /// See [`StepError`].
+    fn step_to_status(&mut self, input: &VehicleInput, step: f64) -> Result<f64, StepError>;
     /// Measurements.
     fn output(&self) -> &Self::Output;
     /// The wheels, in the order of their names.
@@ -126,6 +131,9 @@ fn declare<P: PlantUnit>() -> (Declaration, References) {
         name: P::NAME,
         description: P::DESCRIPTION,
         variables: Vec::new(),
+        binaries: Vec::new(),
+        arrays: Vec::new(),
+        ends_early: true,
         experiment: DefaultExperiment { start_time: 0.0, stop_time: 60.0, tolerance: 1e-6, step_size: 0.01 },
         log_categories: LOG_CATEGORIES,
     };
@@ -150,6 +158,15 @@ fn declare<P: PlantUnit>() -> (Declaration, References) {
                 format!("{meaning}, {place} wheel"),
             ));
         }
+    }
+    let places: Vec<&str> = P::WHEELS.iter().map(|(_, place)| *place).collect();
+    for (index, (name, _, meaning, _)) in OF_WHEELS.iter().enumerate() {
+        let of_wheels = (0..P::WHEELS.len()).map(|wheel| wheels + wheel * OF_WHEELS.len() + index).collect();
+        d.add_array(
+            format!("wheel.{name}"),
+            format!("{meaning}, of the wheels: {}", places.join(", ")),
+            of_wheels,
+        );
     }
     let status = Kind::Enumeration { type_name: P::STATUS.0, items: P::STATUS.1, start: 0 };
     let status =
@@ -260,6 +277,34 @@ impl<P: PlantUnit> PlantFmu<P> {
         values.set_integer(references.status, P::status(output));
     }
 
+    /// Advances the vehicle and shows what came of it; gives the time made, in s.
+    fn advance(
+        &mut self,
+        values: &mut Values,
+        time: f64,
+        log: &mut dyn Log,
+        advance: impl FnOnce(&mut P, &VehicleInput) -> Result<f64, StepError>,
+    ) -> Result<f64, ModelError> {
+        let at = &self.references;
+        let input =
+            VehicleInput { steer_cmd: values.real(at.steer_cmd), accel_cmd: values.real(at.accel_cmd) };
+        let Some(vehicle) = &mut self.vehicle else {
+            return Err(ModelError::Failed(format!("the {} is not initialised", P::WHAT)));
+        };
+        let made = advance(vehicle, &input).map_err(|error| match error {
+            StepError::InputNotFinite { .. } | StepError::StepLength { .. } => {
+                ModelError::Discard(error.to_string())
+            }
+            StepError::RolledOver { .. } | StepError::JackKnifed { .. } | StepError::NotFinite { .. } => {
+                ModelError::Failed(error.to_string())
+            }
+        })?;
+        let output = *vehicle.output();
+        Self::write_outputs(at, &output, values);
+        self.tell(P::status(&output), time + made, log);
+        Ok(made)
+    }
+
     /// Tells the host when the vehicle starts to do something that a user should know.
     fn tell(&mut self, status: i32, time: f64, log: &mut dyn Log) {
         if status == self.status {
@@ -321,24 +366,18 @@ impl<P: PlantUnit> Model for PlantFmu<P> {
         step: f64,
         log: &mut dyn Log,
     ) -> Result<(), ModelError> {
-        let at = &self.references;
-        let input =
-            VehicleInput { steer_cmd: values.real(at.steer_cmd), accel_cmd: values.real(at.accel_cmd) };
-        let Some(vehicle) = &mut self.vehicle else {
-            return Err(ModelError::Failed(format!("the {} is not initialised", P::WHAT)));
-        };
-        vehicle.step(&input, step).map_err(|error| match error {
-            StepError::InputNotFinite { .. } | StepError::StepLength { .. } => {
-                ModelError::Discard(error.to_string())
-            }
-            StepError::RolledOver { .. } | StepError::JackKnifed { .. } | StepError::NotFinite { .. } => {
-                ModelError::Failed(error.to_string())
-            }
-        })?;
-        let output = *vehicle.output();
-        Self::write_outputs(at, &output, values);
-        self.tell(P::status(&output), time + step, log);
-        Ok(())
+        let advance = |vehicle: &mut P, input: &VehicleInput| vehicle.step(input, step).map(|()| step);
+        self.advance(values, time, log, advance).map(|_| ())
+    }
+
+    fn step_to_event(
+        &mut self,
+        values: &mut Values,
+        time: f64,
+        step: f64,
+        log: &mut dyn Log,
+    ) -> Result<f64, ModelError> {
+        self.advance(values, time, log, |vehicle, input| vehicle.step_to_status(input, step))
     }
 
     fn save(&self, bytes: &mut Vec<u8>) {
@@ -408,6 +447,15 @@ macro_rules! delegate {
             step: f64,
         ) -> Result<(), crate::vehicle::StepError> {
             self.step(input, step)
+        }
+
+        fn step_to_status(
+            &mut self,
+            input: &crate::vehicle::VehicleInput,
+            step: f64,
+        ) -> Result<f64, crate::vehicle::StepError> {
+            let before = self.output().status;
+            self.step_until(input, step, |output| output.status != before)
         }
 
         fn output(&self) -> &$output {

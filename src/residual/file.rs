@@ -345,7 +345,7 @@ pub(super) fn open<H: DeserializeOwned, N: DeserializeOwned, V: LateralVehicle<S
 }
 
 /// Names the file in an error of it.
-pub(super) fn in_file<T>(file: &Path, work: impl FnOnce() -> Result<T, FileError>) -> Result<T, FileError> {
+pub(crate) fn in_file<T>(file: &Path, work: impl FnOnce() -> Result<T, FileError>) -> Result<T, FileError> {
     work().map_err(|cause| FileError::In { file: file.to_owned(), cause: Box::new(cause) })
 }
 

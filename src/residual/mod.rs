@@ -87,6 +87,7 @@ pub use actuator::ShownActuator;
 pub use checks::DataError;
 pub use dataset::{DataConfig, DataReport, DataSet, Drive, Windows};
 pub use explain::BlockMisfit;
+pub(crate) use file::in_file;
 pub use file::{FORMAT, FileError, FileKind};
 pub use forest::{Block, Forest, ForestConfig, GrownForest, grow};
 pub use hash::fnv;

@@ -223,6 +223,29 @@ impl<P: Plant<N, S>, const N: usize, const S: usize> Stepper<P, N, S> {
     }
 
     pub fn step(&mut self, input: &VehicleInput, step: f64) -> Result<(), StepError> {
+        self.step_ending(input, step, |_| false).map(|_| ())
+    }
+
+    /// The same, but ends after the first substep whose output is an end. Gives the time made.
+    pub fn step_until(
+        &mut self,
+        input: &VehicleInput,
+        step: f64,
+        is_end: impl Fn(&P::Output) -> bool,
+    ) -> Result<f64, StepError> {
+        self.step_ending(input, step, |stepper| {
+            let motion = stepper.observe();
+            stepper.sense(motion);
+            is_end(&stepper.output)
+        })
+    }
+
+    fn step_ending(
+        &mut self,
+        input: &VehicleInput,
+        step: f64,
+        ends: impl FnMut(&mut Self) -> bool,
+    ) -> Result<f64, StepError> {
         let time = self.state.time;
         for (name, value) in [("steer_cmd", input.steer_cmd), ("accel_cmd", input.accel_cmd)] {
             if !value.is_finite() {
@@ -233,15 +256,25 @@ impl<P: Plant<N, S>, const N: usize, const S: usize> Stepper<P, N, S> {
             return Err(StepError::StepLength { step, time });
         }
         self.before.copy_from(&self.state);
-        let result = self.advance(input, step);
+        let output = self.output;
+        let result = self.advance(input, step, ends);
         match result {
-            Ok(motion) => self.sense(motion),
-            Err(_) => self.state.copy_from(&self.before),
+            Ok((_, motion)) => self.sense(motion),
+            Err(_) => {
+                self.state.copy_from(&self.before);
+                self.output = output;
+            }
         }
-        result.map(|_| ())
+        result.map(|(made, _)| made)
     }
 
-    fn advance(&mut self, input: &VehicleInput, step: f64) -> Result<Motion<P::Flow, S>, StepError> {
+    /// Gives the time made, and the motion then.
+    fn advance(
+        &mut self,
+        input: &VehicleInput,
+        step: f64,
+        mut ends: impl FnMut(&mut Self) -> bool,
+    ) -> Result<(f64, Motion<P::Flow, S>), StepError> {
         let start = self.state.time;
         self.state.steering.command(self.plant.steering(), start, input.steer_cmd);
         let asked = input.accel_cmd * self.plant.drive().gain;
@@ -261,8 +294,11 @@ impl<P: Plant<N, S>, const N: usize, const S: usize> Stepper<P, N, S> {
                 self.state.sensors.push(self.state.time, now.signals);
                 motion = (done == substeps).then_some(now);
             }
+            if done < substeps && ends(self) {
+                return Ok((done * h, self.observe()));
+            }
         }
-        Ok(motion.unwrap_or_else(|| self.observe()))
+        Ok((step, motion.unwrap_or_else(|| self.observe())))
     }
 
     /// One step of the classic Runge-Kutta method.
@@ -393,6 +429,19 @@ macro_rules! vehicle {
             /// See [`StepError`]; the vehicle and its output are then as they were.
             pub fn step(&mut self, input: &VehicleInput, step: f64) -> Result<(), StepError> {
                 self.stepper.step(input, step)
+            }
+
+            /// The same, but ends at 1000 Hz as soon as an output is an end. Gives the time made, in s.
+            ///
+            /// # Errors
+            /// As [`step`](Self::step).
+            pub fn step_until(
+                &mut self,
+                input: &VehicleInput,
+                step: f64,
+                is_end: impl Fn(&$output) -> bool,
+            ) -> Result<f64, StepError> {
+                self.stepper.step_until(input, step, is_end)
             }
 
             /// Measurements at the end of the last step.

@@ -9,7 +9,7 @@ use std::ptr;
 rfl_mpc::export_fmi3!(SteeringLag, include_str!("fmi3/SteeringLag.xml"));
 
 /// Time, behind the model's own variables.
-pub const TIME: u32 = vr::COUNT;
+pub const TIME: u32 = vr::COUNT + 1;
 
 /// The test model's instantiation token.
 pub fn token() -> CString {
@@ -56,6 +56,15 @@ impl Host3 {
     }
 
     pub fn with(name: &CStr, resources: Option<&CStr>, logging_on: bool) -> Self {
+        Self::made(name, resources, logging_on, false)
+    }
+
+    /// An instance whose steps may end early.
+    pub fn ending_early() -> Self {
+        Self::made(c"toy", None, true, true)
+    }
+
+    fn made(name: &CStr, resources: Option<&CStr>, logging_on: bool, early_return: bool) -> Self {
         let messages = Box::new(Messages::default());
         let resources = resources.map_or(ptr::null(), CStr::as_ptr);
         // SAFETY: C strings and a callback that live.
@@ -67,7 +76,7 @@ impl Host3 {
                 0,
                 u8::from(logging_on),
                 0,
-                1,
+                u8::from(early_return),
                 ptr::null(),
                 0,
                 ptr::from_ref(&*messages).cast_mut().cast(),
@@ -124,12 +133,19 @@ impl Host3 {
 
     /// A step with the last successful time.
     pub fn step_telling(&self, point: f64, step: f64) -> (Status, f64) {
+        let (status, time, early) = self.step_that_may_end(point, step);
+        assert!(status == Status::Error || !early);
+        (status, time)
+    }
+
+    /// A step with the last successful time, which may be earlier than the step's end: then it is true.
+    pub fn step_that_may_end(&self, point: f64, step: f64) -> (Status, f64, bool) {
         let (mut flags, mut time) = ([1_u8; 3], f64::NAN);
         let [events, end, early] = &mut flags;
         // SAFETY: a live instance, places of one.
         let status = unsafe { fmi3DoStep(self.instance, point, step, 0, events, end, early, &raw mut time) };
-        assert!(status == Status::Error || flags == [0; 3]);
-        (status, time)
+        assert!(status == Status::Error || flags[..2] == [0; 2]);
+        (status, time, flags[2] != 0)
     }
 
     pub fn reset(&self) -> Status {
@@ -153,6 +169,15 @@ impl Host3 {
         let status = unsafe { fmi3GetFloat64(self.instance, &raw const vr, 1, &raw mut value, 1) };
         assert_eq!(status, Status::Ok, "{}", self.last());
         value
+    }
+
+    /// The values of an array of this size.
+    pub fn reals<const N: usize>(&self, vr: u32) -> [f64; N] {
+        let mut values = [f64::NAN; N];
+        // SAFETY: a live instance, arrays of one and of the count that is given.
+        let status = unsafe { fmi3GetFloat64(self.instance, &raw const vr, 1, values.as_mut_ptr(), N) };
+        assert_eq!(status, Status::Ok, "{}", self.last());
+        values
     }
 
     pub fn set_integer(&self, vr: u32, value: i32) -> Status {
@@ -198,6 +223,22 @@ impl Host3 {
         let value = value.as_ptr();
         // SAFETY: a live instance, arrays of one, a C string.
         unsafe { fmi3SetString(self.instance, &raw const vr, 1, &raw const value, 1) }
+    }
+
+    pub fn set_binary(&self, vr: u32, value: &[u8]) -> Status {
+        let (size, value) = (value.len(), value.as_ptr());
+        // SAFETY: a live instance, arrays of one, as many bytes as the size says.
+        unsafe { fmi3SetBinary(self.instance, &raw const vr, 1, &raw const size, &raw const value, 1) }
+    }
+
+    pub fn binary(&self, vr: u32) -> Vec<u8> {
+        let (mut size, mut value) = (usize::MAX, ptr::null());
+        // SAFETY: a live instance, arrays of one; the bytes live until the variable is set.
+        unsafe {
+            let status = fmi3GetBinary(self.instance, &raw const vr, 1, &raw mut size, &raw mut value, 1);
+            assert_eq!(status, Status::Ok, "{}", self.last());
+            std::slice::from_raw_parts(value, size).to_vec()
+        }
     }
 
     pub fn string(&self, vr: u32) -> String {
@@ -253,16 +294,9 @@ impl Host3 {
 
     /// Everything that can be seen of an initialised instance, bit by bit, in the order of 2.0's.
     pub fn fingerprint(&self) -> (Vec<u64>, Vec<i32>, String) {
-        let reals = [
-            vr::STEER_CMD,
-            vr::STEER,
-            vr::TAU,
-            vr::GAIN,
-            vr::MAX_STEP,
-            vr::START,
-            vr::HISTORY,
-            vr::HISTORY + 1,
-        ];
+        let reals = [vr::STEER_CMD, vr::STEER, vr::TAU, vr::GAIN, vr::MAX_STEP, vr::START];
+        let mut reals = reals.map(|vr| self.real(vr)).to_vec();
+        reals.extend(self.reals::<2>(vr::HISTORY));
         let mut whole = vec![
             self.integer(vr::STEPS),
             self.enumeration(vr::METHOD_USED) as i32,
@@ -270,6 +304,6 @@ impl Host3 {
             self.enumeration(vr::METHOD) as i32,
         ];
         whole.extend([vr::ENABLED, vr::MOVING, vr::LIMITED].map(|vr| self.boolean(vr)));
-        (reals.map(|vr| self.real(vr).to_bits()).to_vec(), whole, self.string(vr::SOURCE))
+        (reals.into_iter().map(f64::to_bits).collect(), whole, self.string(vr::SOURCE))
     }
 }

@@ -3,8 +3,8 @@
 //! parameters that make it fail, discard a step or panic.
 
 use rfl_mpc::fmi::{
-    Causality, Context, Declaration, DefaultExperiment, Initial, Kind, Log, LogCategory, Model, ModelError,
-    Severity, Values, Variability, Variable, Vr,
+    Array, Causality, Context, Declaration, DefaultExperiment, Initial, Kind, Log, LogCategory, Model,
+    ModelError, Severity, Values, Variability, Variable, Vr,
 };
 use rfl_mpc::signal::{self, Unit};
 
@@ -29,8 +29,9 @@ pub mod vr {
     pub const START: u32 = 16;
     pub const HISTORY: u32 = 17;
     pub const REPORT_WARNINGS: u32 = 19;
-    /// Number of variables.
+    /// Number of variables; bytes follow in versions that have them.
     pub const COUNT: u32 = 20;
+    pub const DATA: u32 = COUNT;
 }
 
 const METHODS: &[(i32, &str, &str)] =
@@ -110,6 +111,17 @@ impl Model for SteeringLag {
                     "Whether warnings are statuses",
                 ),
             ],
+            binaries: vec![parameter(
+                Kind::Binary { max_size: 64 },
+                "actuator_data",
+                "Contents of actuator_file instead of a file, or empty",
+            )],
+            arrays: vec![Array {
+                name: "history".into(),
+                description: "Angles one and two steps ago".into(),
+                elements: vec![up(vr::HISTORY), up(vr::HISTORY) + 1],
+            }],
+            ends_early: true,
             experiment: DefaultExperiment {
                 start_time: 0.0,
                 stop_time: 2.0,
@@ -133,7 +145,14 @@ impl Model for SteeringLag {
     ) -> Result<(), ModelError> {
         let file = values.string(up(vr::FILE)).to_owned();
         let mut source = "parameter".to_owned();
-        if !file.is_empty() && !values.is_set_by_host(up(vr::TAU)) {
+        let data = values.binary(up(vr::DATA));
+        if !data.is_empty() {
+            let text = String::from_utf8_lossy(&data);
+            let tau =
+                text.trim().parse().map_err(|error| ModelError::Failed(format!("actuator_data: {error}")))?;
+            values.set_real(up(vr::TAU), tau);
+            source = "bytes".to_owned();
+        } else if !file.is_empty() && !values.is_set_by_host(up(vr::TAU)) {
             let path = context.locate(&file);
             let failed = |what: String| {
                 ModelError::Failed(format!("{}, line 1: {what}. Write one number, in s.", path.display()))
@@ -159,32 +178,17 @@ impl Model for SteeringLag {
         step: f64,
         log: &mut dyn Log,
     ) -> Result<(), ModelError> {
-        if step > values.real(up(vr::MAX_STEP)) {
-            return Err(ModelError::Discard(format!("{step} s is too long: 50 % of it may do")));
-        }
-        if time >= values.real(up(vr::FAIL_AFTER)) {
-            return Err(ModelError::Failed("it was told to fail".to_owned()));
-        }
-        assert!(time < values.real(up(vr::PANIC_AFTER)), "it was told to panic");
-        let before = self.steer;
-        if values.boolean(up(vr::ENABLED)) {
-            let target = values.real(up(vr::GAIN)) * values.real(up(vr::STEER_CMD));
-            let substeps = values.integer(up(vr::SUBSTEPS));
-            let h = step / f64::from(substeps);
-            let share =
-                if values.integer(up(vr::METHOD)) == 1 { -(-h / self.tau).exp_m1() } else { h / self.tau };
-            for _ in 0..substeps {
-                self.steer += share * (target - self.steer);
-            }
-        }
-        if values.boolean(up(vr::LIMITED)) && self.steer.abs() > 0.5 {
-            self.steer = self.steer.clamp(-0.5, 0.5);
-            log.log(Severity::Warning, "logActuator", "the angle is at its limit");
-        }
-        self.steps += 1;
-        self.history = [before, self.history[0]];
-        self.publish(values, self.steer != before);
-        Ok(())
+        self.advance(values, time, step, false, log).map(|_| ())
+    }
+
+    fn step_to_event(
+        &mut self,
+        values: &mut Values,
+        time: f64,
+        step: f64,
+        log: &mut dyn Log,
+    ) -> Result<f64, ModelError> {
+        self.advance(values, time, step, true, log)
     }
 
     fn reports_warnings(&self, values: &Values) -> bool {
@@ -216,6 +220,47 @@ impl Model for SteeringLag {
 }
 
 impl SteeringLag {
+    /// A step; one to an event ends with the integration step in which the angle comes to its limit.
+    fn advance(
+        &mut self,
+        values: &mut Values,
+        time: f64,
+        step: f64,
+        to_event: bool,
+        log: &mut dyn Log,
+    ) -> Result<f64, ModelError> {
+        if step > values.real(up(vr::MAX_STEP)) {
+            return Err(ModelError::Discard(format!("{step} s is too long: 50 % of it may do")));
+        }
+        if time >= values.real(up(vr::FAIL_AFTER)) {
+            return Err(ModelError::Failed("it was told to fail".to_owned()));
+        }
+        assert!(time < values.real(up(vr::PANIC_AFTER)), "it was told to panic");
+        let (before, mut made) = (self.steer, step);
+        if values.boolean(up(vr::ENABLED)) {
+            let target = values.real(up(vr::GAIN)) * values.real(up(vr::STEER_CMD));
+            let substeps = values.integer(up(vr::SUBSTEPS));
+            let h = step / f64::from(substeps);
+            let share =
+                if values.integer(up(vr::METHOD)) == 1 { -(-h / self.tau).exp_m1() } else { h / self.tau };
+            for substep in 1..=substeps {
+                self.steer += share * (target - self.steer);
+                if to_event && values.boolean(up(vr::LIMITED)) && self.steer.abs() > 0.5 {
+                    made = h * f64::from(substep);
+                    break;
+                }
+            }
+        }
+        if values.boolean(up(vr::LIMITED)) && self.steer.abs() > 0.5 {
+            self.steer = self.steer.clamp(-0.5, 0.5);
+            log.log(Severity::Warning, "logActuator", "the angle is at its limit");
+        }
+        self.steps += 1;
+        self.history = [before, self.history[0]];
+        self.publish(values, self.steer != before);
+        Ok(made)
+    }
+
     fn publish(&self, values: &mut Values, moving: bool) {
         values.set_real(up(vr::STEER), self.steer);
         values.set_integer(up(vr::STEPS), self.steps);

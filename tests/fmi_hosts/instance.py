@@ -8,6 +8,7 @@ Also a closed loop of two of them, for tests that save, restore, interleave and 
 from __future__ import annotations
 
 import ctypes
+import math
 import shutil
 from ctypes import byref, c_bool, c_char_p, c_double, c_int, c_int64, c_size_t, c_uint, c_void_p
 from pathlib import Path
@@ -24,6 +25,8 @@ OK, WARNING, DISCARD, ERROR, FATAL = range(5)
 STEP = 0.02
 # Versions of FMI, and where their FMUs lie below those of 2.0.
 VERSIONS = {"2.0": ".", "3.0": "fmi3"}
+# Elements of the wheels' arrays, in order; a car has the first four.
+WHEELS = ["front_left", "front_right", "rear_left", "rear_right", "trailer_left", "trailer_right"]
 CLOCKED = "compute_time"  # the only variable that may differ between two equal runs
 
 
@@ -71,6 +74,23 @@ class Library:
         """Real outputs that are the same in every run."""
         real = "Real" if self.version == "2.0" else "Float64"
         return [n for n, v in self.variables.items() if (v.causality, v.type) == ("output", real) and n != CLOCKED]
+
+    def size(self, name: str) -> int:
+        """Number of values of a variable; an array has several."""
+        return math.prod(self.variables[name].shape or (1,))
+
+    def in_scalars(self, names) -> list[str]:
+        """The same variables as 2.0 names them: an array by its elements."""
+        scalars = []
+        for name in names:
+            if self.size(name) == 1:
+                scalars.append(name)
+            elif name.startswith("wheel."):
+                of_wheel = name.removeprefix("wheel.")
+                scalars += [f"wheel.{place}.{of_wheel}" for place in WHEELS[: self.size(name)]]
+            else:
+                scalars += [f"{name}[{i + 1}]" for i in range(self.size(name))]
+        return scalars
 
     @property
     def inputs(self) -> list[str]:
@@ -188,7 +208,9 @@ class Instance:
 class Instance3(Instance):
     """The same of FMI 3.0."""
 
-    def __init__(self, library: Library, name="unit", *, token=None, resources=None, with_logger=True) -> None:
+    def __init__(
+        self, library: Library, name="unit", *, token=None, resources=None, with_logger=True, ends_early=False
+    ) -> None:
         self.library, self.dll = library, library.dll
         self.messages: list[tuple[int, str, str]] = []
         self.start, self.stop = 0.0, None
@@ -204,7 +226,7 @@ class Instance3(Instance):
         self.told = [byref(value) for value in (*self.flags, self.last_successful_time)]
         self.handle = self.dll.fmi3InstantiateCoSimulation(
             *(name.encode(), token.encode(), folder.encode() if folder else None),
-            *(False, True, False, False, None, 0, None, ctypes.cast(self.logger, c_void_p), None),
+            *(False, True, False, ends_early, None, 0, None, ctypes.cast(self.logger, c_void_p), None),
         )
 
     def _set(self, kind: str, c_type, values: dict) -> int:
@@ -226,12 +248,25 @@ class Instance3(Instance):
     def set_string(self, name: str, value: str) -> int:
         return self._set("String", c_char_p, {name: str(value).encode()})
 
+    def set_binary(self, name: str, value: bytes) -> int:
+        one, size = c_size_t(1), c_size_t(len(value))
+        return self.call("fmi3SetBinary", self.references([name]), one, byref(size), byref(c_char_p(value)), one)
+
+    def get_binary(self, name: str) -> bytes:
+        one, size, value = c_size_t(1), c_size_t(), c_void_p()
+        status = self.call("fmi3GetBinary", self.references([name]), one, byref(size), byref(value), one)
+        assert status == OK, self.said
+        return ctypes.string_at(value, size.value) if size.value else b""
+
     def _get(self, kind: str, c_type, names) -> list:
-        count, buffer = c_size_t(len(names)), (c_type * len(names))()
-        assert self.call(f"fmi3Get{kind}", self.references(names), count, buffer, count) <= WARNING, self.said
+        values = sum(self.library.size(name) for name in names)
+        buffer, references = (c_type * values)(), self.references(names)
+        status = self.call(f"fmi3Get{kind}", references, c_size_t(len(names)), buffer, c_size_t(values))
+        assert status <= WARNING, self.said
         return list(buffer)
 
     def get_reals(self, names) -> list[float]:
+        """Values one after the other, all of an array."""
         return self._get("Float64", c_double, names)
 
     def get_integer(self, name: str) -> int:

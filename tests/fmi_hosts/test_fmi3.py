@@ -11,7 +11,7 @@ import fmpy
 import fmpy.validation
 import pytest
 from fmpy import simulate_fmu
-from instance import ERROR, OK, STEP, UNITS, VERSIONS, WARNING, ClosedLoop
+from instance import DISCARD, ERROR, OK, STEP, UNITS, VERSIONS, WARNING, ClosedLoop
 from lxml import etree
 from test_package import fmutool_reports_nothing
 from test_same_drive import assert_same_drive, in_host
@@ -66,23 +66,56 @@ def test_binary_exports_the_standards_functions_and_nothing_else(libraries, name
 
 
 @pytest.mark.parametrize("name", UNITS)
-def test_variables_are_those_of_2_0_and_time(libraries, of_version, name):
-    ours, old = libraries[name].variables, of_version("2.0")[name].variables
-    assert list(ours) == [*old, "time"]
+def test_variables_are_those_of_2_0_bytes_and_time(libraries, of_version, name):
+    library, old = libraries[name], of_version("2.0")[name].variables
+    ours = library.variables
+    scalars = library.in_scalars(ours)
+    new = [name for name in ("residual.data", "time") if name in ours]
+    assert sorted(scalars) == sorted([*old, *new])
+    assert list(ours)[-len(new) :] == new
     kinds = {"Real": "Float64", "Integer": "Int32"}
-    for variable, before in zip(ours.values(), old.values()):
+    for variable in list(ours.values())[: -len(new)]:
+        # An array has the reference, and all else, of its first element.
+        before = old[library.in_scalars([variable.name])[0]]
         assert variable.type == kinds.get(before.type, before.type), variable.name
         same = ("valueReference", "causality", "variability", "initial", "start", "unit", "min", "max")
         for attribute in same:
             assert getattr(variable, attribute) == getattr(before, attribute), (variable.name, attribute)
 
 
-def test_terminals_of_a_system_fit(libraries):
-    """What a controller asks for, its vehicle has, by the names of the members."""
+@pytest.mark.parametrize(
+    ("name", "arrays"),
+    {
+        "RflMpc": {f"predicted.{what}": 30 for what in ("x", "y", "e1")},
+        "TruckRflMpc": {f"predicted.{what}": 60 for what in ("x", "y", "e1")},
+        "PassengerCar": {f"wheel.{what}": 4 for what in ("load", "slip", "slip_angle", "speed")},
+        "SemiTrailerTruck": {f"wheel.{what}": 6 for what in ("load", "slip", "slip_angle", "speed")},
+    }.items(),
+)
+def test_what_belongs_together_is_an_array(libraries, name, arrays):
+    library = libraries[name]
+    assert {name: library.size(name) for name in library.variables if library.size(name) > 1} == arrays
+
+
+def test_arrays_in_fmpy(fmus):
+    """The wheels' loads carry the car."""
+    file = str(fmus / "fmi3" / "PassengerCar.fmu")
+    result = simulate_fmu(file, stop_time=1.0, output_interval=0.5, output=["wheel.load"])
+    loads = result["wheel.load"]
+    assert loads.shape == (3, 4)
+    mass = next(v for v in fmpy.read_model_description(file).modelVariables if v.name == "vehicle.mass")
+    assert loads[-1].sum() == pytest.approx(float(mass.start) * 9.81, rel=0.01)
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_terminals_of_a_system_fit(of_version, version):
+    """What a controller asks for, its vehicle has, by the names of the members. FMI 2.0.4 has the folder, too."""
+    libraries = of_version(version)
     for controller, vehicle in SYSTEMS.values():
         buses = []
         for name in (controller, vehicle):
             tree = etree.parse(str(libraries[name].folder / "terminalsAndIcons" / "terminalsAndIcons.xml"))
+            schema_holds("fmi3TerminalsAndIcons.xsd", etree.tostring(tree))
             members = {t.get("name"): {m.get("memberName") for m in t} for t in tree.iter("Terminal")}
             assert all(member in libraries[name].variables for bus in members.values() for member in bus)
             buses.append(members)
@@ -113,11 +146,46 @@ def test_drives_are_those_of_2_0(of_version, paths, system):
     drives = []
     for version in VERSIONS:
         loop = ClosedLoop(of_version(version), paths / f"{ROADS[system]}.csv", system)
-        drives.append(loop.drive(3000))
+        libraries = [unit.library for unit in loop.units]
+        names = [f"{i} {n}" for i, lib in enumerate(libraries) for n in lib.in_scalars(lib.outputs)]
+        drives.append([dict(zip(names, row, strict=True)) for row in loop.drive(3000)])
         drives[-1].append([unit.get_integer(n) for unit in loop.units for n in ("status",)])
         loop.free()
     assert drives[0] == drives[1]
     assert drives[0][-2] != drives[0][0]
+
+
+def test_a_long_step_ends_where_the_status_changes(libraries):
+    """A car that starts to roll; one host allows it, the other does not."""
+    ends = []
+    for ends_early in (True, False):
+        unit = libraries["PassengerCar"].make(ends_early=ends_early)
+        assert unit.initialize() == OK
+        before = unit.get_integer("status")
+        assert unit.set_reals({"accel_cmd": 1.0}) == OK
+        assert unit.step(0.0, 1.0) == OK
+        assert unit.get_integer("status") != before
+        ends.append((unit.last_successful_time.value, unit.flags[2].value))
+        unit.free()
+    assert 0.0 < ends[0][0] < 0.5 and ends[0][1]
+    assert ends[1] == (1.0, False)
+
+
+def test_early_ends_in_fmpy(fmus):
+    file = str(fmus / "fmi3" / "PassengerCar.fmu")
+    drive = {"stop_time": 2.0, "output_interval": 0.5, "start_values": {"accel_cmd": 1.0}, "output": ["vx"]}
+    whole, early = (simulate_fmu(file, early_return_allowed=allowed, **drive)["time"] for allowed in (False, True))
+    assert set(whole) < set(early) and len(early) == len(whole) + 1
+
+
+def test_a_model_of_too_many_bytes_is_refused(libraries):
+    unit = libraries["RflMpc"].make()
+    most = 64 << 20
+    assert unit.set_binary("residual.data", bytes(most + 1)) == DISCARD
+    assert f"takes {most} at most" in unit.said
+    assert unit.get_binary("residual.data") == b""
+    assert unit.initialize() <= WARNING, unit.said
+    unit.free()
 
 
 def test_time_is_a_variable(libraries):

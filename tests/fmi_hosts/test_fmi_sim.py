@@ -51,7 +51,7 @@ def test_both_versions_give_the_same(fmus, tmp_path, name):
     old = simulate(fmus / f"{name}.fmu", tmp_path / "2.csv")
     new = simulate(without_units(fmus / "fmi3" / f"{name}.fmu", tmp_path / f"{name}.fmu"), tmp_path / "3.csv")
     assert len(old) == len(new) == round(STOP / STEP) + 1
-    # fmi-sim leaves enumerations of 3.0 out.
+    # fmi-sim leaves enumerations of 3.0 out; arrays have other columns than 2.0's scalars.
     shared = [column for column in new[0] if column in old[0] and column != CLOCKED]
-    assert len(shared) > 30
+    assert len(shared) > 10
     assert [[row[column] for column in shared] for row in new] == [[row[column] for column in shared] for row in old]

@@ -87,5 +87,6 @@ def test_package_has_documentation_licences_and_description(fmus, name):
         assert "modelDescription.xml" in files
         assert "documentation/index.html" in files
         assert any(file.startswith("documentation/licenses/") for file in files), files
+        assert {"terminalsAndIcons/terminalsAndIcons.xml", "terminalsAndIcons/icon.png", "model.png"} <= set(files)
         committed = Path(__file__).parents[2] / "modelDescription" / f"{name}.xml"
         assert package.read("modelDescription.xml").decode() == committed.read_text(encoding="utf-8")

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from closed_loop import drive
-from instance import ERROR, OK, WARNING, Instance, Library
+from instance import ERROR, OK, WARNING, ClosedLoop, Instance, Library
 from native import assert_same, read_log, run, settings
 
 KINDS = {"linear": 1, "rt": 2, "rf": 3, "rtl": 4, "rfl": 5, "rfl_s": 6, "gp_nmpc": 9}
@@ -182,3 +182,37 @@ def test_damaged_start_file(fmus, models, tmp_path):
     instance = Instance(library)
     assert not instance.handle
     assert "start.toml" in instance.said and "rfl_s" in instance.said
+
+
+@pytest.mark.parametrize("kind", ["rfl_s", "gp_nmpc"])
+def test_a_model_may_be_given_as_bytes(of_version, models, paths, kind):
+    """FMI 3.0 has bytes: the same drive as with the file, and states that carry the model to an instance without it."""
+    libraries, file = of_version("3.0"), models / f"{kind}.rflm"
+    rows = []
+    for name in ("residual.file", "residual.data"):
+        loop = ClosedLoop(libraries, paths / ROAD)
+        assert loop.controller.reset() == loop.vehicle.reset() == OK
+        if name == "residual.file":
+            assert loop.controller.set_string(name, file) == OK
+        else:
+            assert loop.controller.set_binary(name, file.read_bytes()) == OK
+        loop.start()
+        assert loop.controller.get_integer("variant") == KINDS[kind]
+        rows.append(loop.drive(200))
+        loop_of_bytes = loop
+    assert rows[0] == rows[1]
+    data = loop_of_bytes.controller.serialize(loop_of_bytes.controller.save())
+    other = libraries["RflMpc"].make()
+    status, state = other.deserialize(data)
+    assert (status, other.restore(state)) == (OK, OK), other.said
+    assert other.get_binary("residual.data") == file.read_bytes()
+
+
+def test_damaged_bytes_of_a_model_are_refused_as_its_file_is(of_version, models):
+    data = bytearray((models / "rfl_s.rflm").read_bytes())
+    data[-1] ^= 1
+    unit = of_version("3.0")["RflMpc"].make()
+    assert unit.set_binary("residual.data", bytes(data)) == OK
+    assert unit.initialize() == ERROR
+    assert "residual.data" in unit.said and "checksum" in unit.said
+    unit.free()

@@ -39,6 +39,8 @@ pub const VERSION: Version = Version {
     integer: "Integer",
     enumeration: "Integer",
     has_time: false,
+    has_arrays: false,
+    has_binaries: false,
     speaks_unasked: true,
 };
 
@@ -152,6 +154,7 @@ pub unsafe fn fmi2Instantiate<M: Model>(
         given: [name, guid, resources],
         listener: listener(&callbacks),
         logging_on: logging_on != 0,
+        may_end_early: false,
         against: (kind != CO_SIMULATION).then_some(other_kind),
     };
     // SAFETY: by the host's contract.

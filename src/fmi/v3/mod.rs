@@ -4,13 +4,14 @@
 //!
 //! - the host's logger is called only for what it asked for (`loggingOn`, `fmi3SetDebugLogging`), and is not variadic;
 //! - enumerations are got and set as `Int64`, and time is a variable, behind the model's own;
-//! - a get or set call counts its values apart from its references;
+//! - a get or set call counts its values apart from its references: an array has several;
 //! - a discarded step leaves the instance as it was: a shorter one may follow;
+//! - a step may end early for a host that allows it;
+//! - outputs that belong together are arrays;
 //! - resources come as a path, with or without a separator at its end. Hosts that pass a URI are understood.
 //!
-//! Event mode, clocks, intermediate update, early return and structural parameters are declared as absent: a controller
-//! samples, and a vehicle integrates, inside of a step, and both show what came of it at its end. A model never asks for the
-//! end of the simulation.
+//! Event mode, clocks, intermediate update and structural parameters are declared as absent. A controller samples, and a vehicle
+//! integrates, inside of a step, and both show what came of it at its end. A model never asks for the end of the simulation.
 //!
 //! # Safety
 //!
@@ -43,6 +44,8 @@ pub const VERSION: Version = Version {
     integer: "Int32",
     enumeration: "Int64",
     has_time: true,
+    has_arrays: true,
+    has_binaries: true,
     speaks_unasked: false,
 };
 
@@ -60,6 +63,12 @@ pub type Int32s = *const i32;
 pub type Int32sOut = *mut i32;
 pub type Int64s = *const i64;
 pub type Int64sOut = *mut i64;
+/// Sizes of `fmi3Binary`s.
+pub type Counts = *const usize;
+/// `fmi3Binary`s.
+pub type Binaries = *const *const u8;
+/// Place for pointers to bytes.
+pub type BinariesOut = *mut *const u8;
 /// A pointer that is not followed.
 pub type Unused = *const c_void;
 
@@ -91,7 +100,7 @@ pub unsafe fn fmi3InstantiateCoSimulation<M: Model>(
     _visible: Boolean,
     logging_on: Boolean,
     event_mode_used: Boolean,
-    _early_return_allowed: Boolean,
+    early_return_allowed: Boolean,
     _required: References,
     required_count: Count,
     environment: Environment,
@@ -112,6 +121,7 @@ pub unsafe fn fmi3InstantiateCoSimulation<M: Model>(
         given: [name, token, resources],
         listener: listener(log, environment),
         logging_on: logging_on != 0,
+        may_end_early: early_return_allowed != 0,
         against,
     };
     // SAFETY: by the host's contract.
@@ -127,8 +137,9 @@ unsafe fn other_kind<M: Model>(
 ) -> Component {
     let against = Some("this FMU is for co-simulation only: call fmi3InstantiateCoSimulation.");
     let listener = listener(log, environment);
+    let (logging_on, may_end_early) = (false, false);
     let request =
-        Request { version: &VERSION, function, own: "", given, listener, logging_on: false, against };
+        Request { version: &VERSION, function, own: "", given, listener, logging_on, may_end_early, against };
     // SAFETY: by the host's contract.
     unsafe { instantiate::<M>(request) }
 }
@@ -212,9 +223,11 @@ pub unsafe fn fmi3Reset<M: Model>(c: Component) -> Status {
     unsafe { guard::<M>(c, Function::Reset, Instance::reset) }
 }
 
-/// Refuses a count of values that is not one for each reference: all variables are scalars.
-fn counted(references: Count, values: Count) -> Result<(), Refusal> {
-    if references == values { Ok(()) } else { Err(Refusal::ValueCount { references, values }) }
+/// Refuses a count of values that is not the variables': one for a scalar, one for each element of an array.
+fn counted<M: Model>(instance: &Instance<M>, references: &[u32], given: Count) -> Result<(), Refusal> {
+    let needed = instance.count_values(references)?;
+    let references = references.len();
+    if needed == given { Ok(()) } else { Err(Refusal::ValueCount { references, needed, given }) }
 }
 
 macro_rules! getters {
@@ -226,12 +239,12 @@ macro_rules! getters {
             values: $out,
             value_count: Count,
         ) -> Status {
-            // SAFETY: by the host's contract; `write` stays below `count`, as it gives positions in `references`.
+            // SAFETY: by the host's contract; `write` stays below `value_count`, which is checked to be the references'.
             unsafe {
                 guard::<M>(c, Function::$function, |instance| {
-                    counted(count, value_count)?;
                     let references = array(references, count, "valueReferences")?;
-                    check(values, count, "values")?;
+                    counted(instance, references, value_count)?;
+                    check(values, value_count, "values")?;
                     instance.$method(references, |i, value| values.add(i).write($convert(value)))
                 })
             }
@@ -259,9 +272,9 @@ macro_rules! setters {
             // SAFETY: by the host's contract.
             unsafe {
                 guard::<M>(c, Function::$function, |$instance| {
-                    counted(count, value_count)?;
                     let $references = array(references, count, "valueReferences")?;
-                    let $given = array(values, count, "values")?;
+                    counted($instance, $references, value_count)?;
+                    let $given = array(values, value_count, "values")?;
                     $set
                 })
             }
@@ -279,6 +292,51 @@ setters! {
     fmi3SetString SetString Texts, |instance, references, values| {
         instance.set_string(references, &texts(values.as_ptr(), values.len(), "values")?)
     };
+}
+
+pub unsafe fn fmi3GetBinary<M: Model>(
+    c: Component,
+    references: References,
+    count: Count,
+    sizes: CountOut,
+    values: BinariesOut,
+    value_count: Count,
+) -> Status {
+    // SAFETY: by the host's contract, as of the other types.
+    unsafe {
+        guard::<M>(c, Function::GetBinary, |instance| {
+            let references = array(references, count, "valueReferences")?;
+            counted(instance, references, value_count)?;
+            check(sizes, value_count, "valueSizes")?;
+            check(values, value_count, "values")?;
+            instance.get_binary(references, |i, value| {
+                sizes.add(i).write(value.len());
+                values.add(i).write(value.as_ptr());
+            })
+        })
+    }
+}
+
+pub unsafe fn fmi3SetBinary<M: Model>(
+    c: Component,
+    references: References,
+    count: Count,
+    sizes: Counts,
+    values: Binaries,
+    value_count: Count,
+) -> Status {
+    // SAFETY: by the host's contract; each value has as many bytes as its size says.
+    unsafe {
+        guard::<M>(c, Function::SetBinary, |instance| {
+            let references = array(references, count, "valueReferences")?;
+            counted(instance, references, value_count)?;
+            let sizes = array(sizes, value_count, "valueSizes")?;
+            let values = array(values, value_count, "values")?.iter().zip(sizes);
+            let bytes: Result<Vec<_>, _> =
+                values.map(|(value, size)| array(*value, *size, "values")).collect();
+            instance.set_binary(references, &bytes?)
+        })
+    }
 }
 
 pub unsafe fn fmi3GetFMUState<M: Model>(c: Component, state: StateOut) -> Status {
@@ -336,9 +394,12 @@ pub unsafe fn fmi3DoStep<M: Model>(
         guard::<M>(c, Function::DoStep, |instance| {
             let outcome = instance.do_step(point, step);
             // Told of a discarded step, too: some hosts read them. One that wants none of them may pass NULL.
-            for flag in [event_handling_needed, terminate_simulation, early_return] {
+            let ended_early = u8::from(instance.ended_early());
+            for (flag, value) in
+                [(event_handling_needed, 0), (terminate_simulation, 0), (early_return, ended_early)]
+            {
                 if !flag.is_null() {
-                    flag.write(0);
+                    flag.write(value);
                 }
             }
             if !last_successful_time.is_null() {
@@ -375,7 +436,6 @@ unsupported! {
     fmi3GetUInt16(References, Count, Unused, Count): NO_SUCH_TYPE;
     fmi3GetUInt32(References, Count, Unused, Count): NO_SUCH_TYPE;
     fmi3GetUInt64(References, Count, Unused, Count): NO_SUCH_TYPE;
-    fmi3GetBinary(References, Count, CountOut, Unused, Count): NO_SUCH_TYPE;
     fmi3GetClock(References, Count, Unused): NO_CLOCKS;
     fmi3SetFloat32(References, Count, Unused, Count): NO_SUCH_TYPE;
     fmi3SetInt8(References, Count, Unused, Count): NO_SUCH_TYPE;
@@ -384,7 +444,6 @@ unsupported! {
     fmi3SetUInt16(References, Count, Unused, Count): NO_SUCH_TYPE;
     fmi3SetUInt32(References, Count, Unused, Count): NO_SUCH_TYPE;
     fmi3SetUInt64(References, Count, Unused, Count): NO_SUCH_TYPE;
-    fmi3SetBinary(References, Count, Unused, Unused, Count): NO_SUCH_TYPE;
     fmi3SetClock(References, Count, Unused): NO_CLOCKS;
     fmi3GetNumberOfVariableDependencies(Reference, CountOut):
         "providesPerElementDependencies is false; modelDescription.xml has the dependencies";
@@ -499,7 +558,7 @@ macro_rules! export_fmi3 {
             fmi3GetUInt64(c: Component, references: References, count: Count, values: Unused, value_count: Count);
             fmi3GetBoolean(c: Component, references: References, count: Count, values: BooleansOut, value_count: Count);
             fmi3GetString(c: Component, references: References, count: Count, values: TextsOut, value_count: Count);
-            fmi3GetBinary(c: Component, references: References, count: Count, sizes: CountOut, values: Unused, value_count: Count);
+            fmi3GetBinary(c: Component, references: References, count: Count, sizes: CountOut, values: BinariesOut, value_count: Count);
             fmi3GetClock(c: Component, references: References, count: Count, values: Unused);
             fmi3SetFloat32(c: Component, references: References, count: Count, values: Unused, value_count: Count);
             fmi3SetFloat64(c: Component, references: References, count: Count, values: Reals, value_count: Count);
@@ -513,7 +572,7 @@ macro_rules! export_fmi3 {
             fmi3SetUInt64(c: Component, references: References, count: Count, values: Unused, value_count: Count);
             fmi3SetBoolean(c: Component, references: References, count: Count, values: Booleans, value_count: Count);
             fmi3SetString(c: Component, references: References, count: Count, values: Texts, value_count: Count);
-            fmi3SetBinary(c: Component, references: References, count: Count, sizes: Unused, values: Unused, value_count: Count);
+            fmi3SetBinary(c: Component, references: References, count: Count, sizes: Counts, values: Binaries, value_count: Count);
             fmi3SetClock(c: Component, references: References, count: Count, values: Unused);
             fmi3GetNumberOfVariableDependencies(c: Component, reference: Reference, dependencies: CountOut);
             fmi3GetVariableDependencies(c: Component, dependent: Reference, elements: Unused, independents: Unused, of_independents: Unused, kinds: Unused, count: Count);

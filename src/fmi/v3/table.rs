@@ -14,11 +14,13 @@ functions! {
     GetInt64 "fmi3GetInt64" in [Always];
     GetBoolean "fmi3GetBoolean" in [Always];
     GetString "fmi3GetString" in [Always];
+    GetBinary "fmi3GetBinary" in [Always];
     SetFloat64 "fmi3SetFloat64" in [Instantiated InitializationMode StepComplete StepFailed];
     SetInt32 "fmi3SetInt32" in [Instantiated InitializationMode StepComplete StepFailed];
     SetInt64 "fmi3SetInt64" in [Instantiated InitializationMode StepComplete StepFailed];
     SetBoolean "fmi3SetBoolean" in [Instantiated InitializationMode StepComplete StepFailed];
     SetString "fmi3SetString" in [Instantiated InitializationMode StepComplete StepFailed];
+    SetBinary "fmi3SetBinary" in [Instantiated InitializationMode StepComplete StepFailed];
     GetFmuState "fmi3GetFMUState" in [Always];
     SetFmuState "fmi3SetFMUState" in [Always];
     FreeFmuState "fmi3FreeFMUState" in [Always];

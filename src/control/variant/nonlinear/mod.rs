@@ -74,8 +74,8 @@ impl<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize> Nonl
         Some(Self { friction, max_iterations, gp })
     }
 
-    fn read_gp(file: &std::path::Path) -> Result<Self::Gp, FileError> {
-        GpModelFor::read(file)
+    fn gp_from_bytes(bytes: &[u8]) -> Result<Self::Gp, FileError> {
+        GpModelFor::from_bytes(bytes)
     }
 
     fn variant(self, vehicle: V, parameters: &MpcParameters) -> Result<Box<dyn Variant<S>>, LateralError> {
