@@ -667,3 +667,33 @@ pub fn sense(knobs: &[Knob], x: &[f64], drive: &Drive, trace: &mut Trace) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnose::simulated::{Conditions, drive};
+    use crate::vehicle::builtin;
+
+    #[test]
+    fn what_load_does_to_a_tyre_changes_no_stiffness_at_the_nominal_load() {
+        let car = builtin("c_class").unwrap();
+        let conditions = Conditions { seed: 3, duration: 10.0, step: 0.02, ..Conditions::default() };
+        let log = drive(&car, &TruckEffects::default(), &conditions).unwrap();
+        let knobs = knobs(&car, &Drive::new(&log, false), &[]);
+        let place = knobs.iter().position(|knob| knob.id == TYRE_LOAD).unwrap();
+        let stiffness = |x: f64, share: f64| {
+            let mut all = vec![0.0; knobs.len()];
+            all[place] = x;
+            let tyre = at(&knobs, &all, &car).0.tyre.front.coefficients.unwrap();
+            tyre.cornering_stiffness(share * tyre.fz0, 0.0)
+        };
+        for x in [-9.0, -1.0, 1.0, 4.0] {
+            let (nominal, changed) = (stiffness(0.0, 1.0), stiffness(x, 1.0));
+            assert!((changed / nominal - 1.0).abs() < 1e-9, "{x}: {changed} {nominal}");
+        }
+        // Twice the load gives twice the stiffness of a linear tyre, and less of others.
+        let twice = |x: f64| stiffness(x, 2.0) / stiffness(x, 1.0);
+        assert!((twice(-9.0) - 2.0).abs() < 1e-4, "{}", twice(-9.0));
+        assert!(twice(0.0) > twice(1.0) && twice(-1.0) > twice(0.0));
+    }
+}

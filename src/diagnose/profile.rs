@@ -401,4 +401,26 @@ mod tests {
         };
         assert!(rough(1.5) >= 1.0 && rough(0.0) == 0.0 && rough(0.1) < 0.5, "{} {}", rough(1.5), rough(0.1));
     }
+
+    #[test]
+    fn the_mean_of_a_road_that_varies_is_the_roads_and_that_of_an_even_one_is_not() {
+        let mut with_mean = profile();
+        let mean = Hat::mean(&with_mean.hats, KINDS, (2, 40)).unwrap();
+        let steady = with_mean.of_heights(&DVector::from_element(3, 3.0), 80);
+        assert!(steady.iter().zip(&mean.values).all(|(all, mean)| (all - 3.0 * mean).abs() < 1e-12));
+        with_mean.hats.insert(0, mean);
+        let with_mean = Arc::new(with_mean);
+        let each = vec![1.0; 80];
+        let cost = |roughness: Roughness| {
+            let weights = Weights::new(each.clone(), Some(&with_mean), roughness);
+            weights.weighted(&steady).iter().zip(&steady).map(|(weighted, gap)| weighted * gap).sum::<f64>()
+        };
+        let [even, about_none, about_a_mean] = [[0.0; 4], ORDINARY, [1.0, 0.0, 1.0, 0.0]].map(cost);
+        // Three hats, each three deviations high: 27; a mean of three deviations: 9 at most.
+        assert!(even > 100.0 && (20.0..27.0).contains(&about_none), "{even} {about_none}");
+        assert!(about_a_mean < 9.0, "{about_a_mean}");
+        // What is steady does not make a road rough about its mean: both are of one size.
+        let [bank, grade, bank_mean, grade_mean] = with_mean.roughness(&each, &steady);
+        assert_eq!([bank, grade], [bank_mean, grade_mean]);
+    }
 }

@@ -3,7 +3,7 @@
 use super::variable::Kind;
 use std::fmt;
 
-/// A version of FMI. VersionedVariable, it is the number in its functions' names: `format!("fmi{version}DoStep")`.
+/// A version of FMI. Shown, it is the number in its functions' names: `format!("fmi{version}DoStep")`.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Version {
     /// The number in the functions' names.
