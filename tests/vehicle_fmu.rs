@@ -306,8 +306,8 @@ for_each_vehicle! {
     a_step_without_an_event_has_the_same_bits
 }
 
-#[test]
-fn a_jack_knife_ends_the_instance_with_a_message() {
+/// A truck whose rear axle alone brakes, on a road with little grip.
+fn on_ice() -> Instance<Truck> {
     let mut instance = Instance::<Truck>::with(&[
         ("initial.vx", 22.0),
         ("brake.front_share", 0.0),
@@ -315,6 +315,12 @@ fn a_jack_knife_ends_the_instance_with_a_message() {
         ("effect.road_friction", 0.35),
     ]);
     instance.initialize().unwrap();
+    instance
+}
+
+#[test]
+fn a_jack_knife_ends_the_instance_with_a_message() {
+    let mut instance = on_ice();
     let error = (0..3000).find_map(|k| instance.step(0.08, if k < 50 { 0.0 } else { -5.0 }, 0.01).err());
     let Some(ModelError::Failed(message)) = error else { panic!("it jack-knifes: {error:?}") };
     assert!(message.contains("jack-knifed") && message.contains("hitch.articulation_limit"), "{message}");
@@ -324,13 +330,7 @@ fn a_jack_knife_ends_the_instance_with_a_message() {
 /// A host that lets steps end early learns of a jack-knife before it is one; one step too long fails and shows nothing of it.
 #[test]
 fn a_host_that_lets_steps_end_learns_of_a_jack_knife_in_time() {
-    let mut instance = Instance::<Truck>::with(&[
-        ("initial.vx", 22.0),
-        ("brake.front_share", 0.0),
-        ("brake.trailer_share", 0.0),
-        ("effect.road_friction", 0.35),
-    ]);
-    instance.initialize().unwrap();
+    let mut instance = on_ice();
     (0..50).for_each(|_| instance.step(0.08, 0.0, 0.01).unwrap());
     let before = instance.values.clone();
     assert!(matches!(instance.step(0.08, -5.0, 30.0), Err(ModelError::Failed(_))));

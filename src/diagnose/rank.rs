@@ -508,8 +508,7 @@ pub fn rank<V: ReplayVehicle>(
     let none = fit_none(problem, &prior, &linear, &none).ok_or(NoReplay)?;
 
     progress("single effects", 0.2);
-    let candidates: Vec<usize> =
-        (0..problem.knobs.len()).filter(|&i| problem.knobs[i].is_candidate()).collect();
+    let candidates = candidates(problem);
     let mut singles: Vec<Fit> = parallel::map(threads, candidates.len(), |k| {
         let i = candidates[k];
         let start = best_start(problem, &prior, &linear, &[i], &none, None);
@@ -625,6 +624,16 @@ fn unexplained<V: ReplayVehicle>(
     predicted(linear, &fit.gap, &step.change)
 }
 
+/// Knobs that may be named.
+fn candidates<V: ReplayVehicle>(problem: &Problem<V>) -> Vec<usize> {
+    (0..problem.knobs.len()).filter(|&i| problem.knobs[i].is_candidate()).collect()
+}
+
+/// A cost with the odds against each effect that is freed for it.
+fn priced(fit: &Fit, odds: f64) -> f64 {
+    fit.cost + 2.0 * odds * fit.freed.len() as f64
+}
+
 /// The likeliest of nothing and the few single effects that promise most, by a search with little trust; and the noise
 /// that it leaves.
 #[must_use]
@@ -636,8 +645,7 @@ pub fn glance<V: ReplayVehicle>(problem: &Problem<V>, odds: f64) -> Option<Glanc
     let weights = fine.coarse(problem, &neutral).weights(problem);
     let linear = Linear::new(problem.slopes(&prior.mean, &neutral), weights);
     let none = fit_none(problem, &prior, &linear, &prior.mean)?;
-    let candidates: Vec<usize> =
-        (0..problem.knobs.len()).filter(|&i| problem.knobs[i].is_candidate()).collect();
+    let candidates = candidates(problem);
     let mut promised: Vec<(f64, usize, Start)> = parallel::map(problem.threads(), candidates.len(), |k| {
         let i = candidates[k];
         let start = best_start(problem, &prior, &linear, &[i], &none, None);
@@ -650,9 +658,8 @@ pub fn glance<V: ReplayVehicle>(problem: &Problem<V>, odds: f64) -> Option<Glanc
         let (_, i, start) = &promised[k];
         fit(problem, &prior, &linear, &[*i], start.clone(), STEPS)
     });
-    let price = |fit: &Fit| fit.cost + 2.0 * odds * fit.freed.len() as f64;
     let found = singles.into_iter().flatten().chain([none]);
-    let best = found.min_by(|a, b| price(a).total_cmp(&price(b)))?;
+    let best = found.min_by(|a, b| priced(a, odds).total_cmp(&priced(b, odds)))?;
     let noise = fine.with_left(problem, &unexplained(problem, &prior, &linear, &best));
     Some(Glance { prior, best, noise })
 }
@@ -678,8 +685,7 @@ impl Glance {
         let from = |best: &Fit| {
             let gap = problem.residual(&best.x)?;
             let linear = Linear::new(problem.slopes(&best.x, &gap), noise.weights(problem));
-            let found = fit(problem, &self.prior, &linear, &best.freed, &best.x, STEPS)?;
-            Some(found.cost + 2.0 * odds * best.freed.len() as f64)
+            Some(priced(&fit(problem, &self.prior, &linear, &best.freed, &best.x, STEPS)?, odds))
         };
         [&self.best, &other.best].into_iter().filter_map(from).min_by(f64::total_cmp)
     }
