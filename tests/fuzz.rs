@@ -6,7 +6,7 @@
 use crate::counting::peak;
 use crate::sealed::{parts, sealed};
 use rfl_mpc::log::{CleanLog, DriveLog};
-use rfl_mpc::path::{Options, Path};
+use rfl_mpc::path::{Path, PathOptions};
 use rfl_mpc::residual::gp::GpModel;
 use rfl_mpc::residual::{Random, ResidualModel, TrainConfig, train};
 use rfl_mpc::table::{Limits, Table};
@@ -173,7 +173,7 @@ fn tables_of_any_kind() {
 
 #[test]
 fn roads_of_any_kind() {
-    fuzz(&roads(), |bytes| Path::from_csv(bytes, FilePath::new("road.csv"), &Options::default()).is_ok());
+    fuzz(&roads(), |bytes| Path::from_csv(bytes, FilePath::new("road.csv"), &PathOptions::default()).is_ok());
 }
 
 #[test]

@@ -81,7 +81,7 @@ impl World {
             }
             let window = self.states[j..j + WINDOW].iter().flatten();
             let features: Vec<f64> = window.chain(&self.road[j]).copied().collect();
-            let mut fresh = model.room();
+            let mut fresh = model.workspace();
             model.coefficients(&features, &[], &mut fresh);
             let row = model.row(rows, j, &self.road[j]);
             assert_same(&row, &fresh, &format!("{what}, row {j}"));

@@ -8,7 +8,7 @@ use rfl_mpc::control::{
     ControlVariant, ControllerFile, ControllerFileError, LearnedModel, LearnedModelFor, MODEL_EXTENSION,
     TRUCK_STATES,
 };
-use rfl_mpc::fmi::{Kind, ModelError, StartError};
+use rfl_mpc::fmi::{ModelError, StartError, VariableKind};
 use rfl_mpc::fmu::MODELS;
 use rfl_mpc::residual::FileError;
 use rfl_mpc::vehicle::{
@@ -204,7 +204,7 @@ pub(crate) fn vehicle_of(controller: &Fmu) -> String {
     let default = declaration.find(VEHICLE_FILE).map(|vr| &declaration.variables[vr].kind);
     let name = match (controller.starts().remove(VEHICLE_FILE), default) {
         (Some(name), _) => name,
-        (None, Some(Kind::String { start })) => start.to_string(),
+        (None, Some(VariableKind::String { start })) => start.to_string(),
         (None, _) => String::new(),
     };
     added.files.get(&name).map_or(name, |file| file.to_string_lossy().into_owned())

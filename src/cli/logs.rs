@@ -1,7 +1,7 @@
 //! Reading of drive logs and roads, for all commands that read them.
 
 use crate::log::{DriveLog, LogError};
-use crate::path::Options;
+use crate::path::PathOptions;
 use crate::residual::fnv;
 use crate::table::Limits;
 use clap::Args;
@@ -24,9 +24,9 @@ impl LimitArgs {
     }
 
     /// Reading options of roads.
-    pub(super) fn road(self) -> Options {
-        let usual = Options::default();
-        Options { limits: self.of(usual.limits), ..usual }
+    pub(super) fn road(self) -> PathOptions {
+        let usual = PathOptions::default();
+        PathOptions { limits: self.of(usual.limits), ..usual }
     }
 }
 

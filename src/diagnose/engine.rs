@@ -7,7 +7,6 @@ use super::conventions;
 use super::decision::{decide, lead};
 use super::fit::{Fit, Prior};
 use super::information::information;
-use super::knob;
 use super::localise;
 use super::manoeuvre;
 use super::naming::{candidates, named, summary};
@@ -15,12 +14,14 @@ use super::observability::{Excitation, observability};
 use super::posterior::{Posterior, Unknown};
 use super::problem::Problem;
 use super::rank::{NoReplay, rank};
-use super::replay::{Channel, Drive, ReplayVehicle, Trace, neutral, prepared};
+use super::replay::{Channel, ReplayDrive, ReplayVehicle, Trace, neutral, prepared};
 use super::report::{
-    Adjustment, Diagnosis, Finding, Gravity, InputFile, Inputs, Report, Series, Varies, Verdict, VerdictKind,
+    Adjustment, Diagnosis, Finding, FindingSeverity, InputFile, Inputs, Report, Series, Varies, Verdict,
+    VerdictKind,
 };
 use super::select::chosen;
 use super::shrink::{recalibrated, shrink};
+use super::uncertain;
 use super::words;
 use crate::log::CleanLog;
 use crate::residual::parallel;
@@ -121,7 +122,7 @@ fn check_options<V: ReplayVehicle>(vehicle: &V, options: &Options) -> Result<(),
         };
         return Err(DiagnoseError::Prior { id: id.clone(), probability, words });
     }
-    match vehicle.tolerances().names().find(|name| !knob::is_known(name)) {
+    match vehicle.tolerances().names().find(|name| !uncertain::is_known(name)) {
         Some(name) => Err(DiagnoseError::UnknownTolerance { name: name.to_owned() }),
         None => Ok(()),
     }
@@ -146,7 +147,7 @@ pub fn diagnose<V: ReplayVehicle>(
     let mut findings = log.findings.clone();
     let (log, left_out) = chosen(log);
     findings.extend(left_out);
-    let mut drive = Drive::new(&log, V::TRUCK);
+    let mut drive = ReplayDrive::new(&log, V::TRUCK);
     findings.extend(conventions::turn_roll(&mut drive));
     let prepared_vehicle = prepared(vehicle, drive.commanded);
     let excitation = Excitation::of(&drive, vehicle);
@@ -211,8 +212,8 @@ pub fn diagnose<V: ReplayVehicle>(
         }
     }
     let mut prior = Prior::of(&problem);
-    for knob in problem.knobs.iter().filter(|knob| knob.tolerance > 0.0) {
-        inputs.tolerances.insert(knob.parameter(), knob.deviation(knob.tolerance, vehicle));
+    for uncertain in problem.uncertain.iter().filter(|uncertain| uncertain.tolerance > 0.0) {
+        inputs.tolerances.insert(uncertain.parameter(), uncertain.deviation(uncertain.tolerance, vehicle));
     }
     if let Some(reference) = reference {
         check(reference)?;
@@ -230,17 +231,17 @@ pub fn diagnose<V: ReplayVehicle>(
     let local = ranking.linear_at(&problem, &winner);
     let (shrink, predictive) = shrink(&problem, &ranking, &winner, &local.slopes);
     let mut decision = decide(lead, predictive.names());
-    let suspicion = findings.iter().any(|finding| finding.gravity == Gravity::Suspicion);
+    let suspicion = findings.iter().any(|finding| finding.gravity == FindingSeverity::Suspicion);
     if excitation.steer < STRAIGHT && decision.kind != VerdictKind::None || suspicion {
         decision.kind = VerdictKind::CannotTell;
     }
-    let precision = ranking.prior.freed(&problem, &winner.freed);
+    let precision = ranking.prior.free(&problem, &winner.free);
     let covariance = local.covariance(&precision);
     // What is calibrated beside the effects has to hold on what its fit has not seen.
     let simulator = if predictive.recalibration_gains() {
-        recalibrated(&problem, &ranking.prior, &local, &winner.freed, &winner.x)
+        recalibrated(&problem, &ranking.prior, &local, &winner.free, &winner.x)
     } else {
-        ranking.prior.only(&problem, &winner.freed, &winner.x)
+        ranking.prior.only(&problem, &winner.free, &winner.x)
     };
     let mut effects =
         named(&problem, &ranking, &winner, &decision.classes, &covariance, calibration.interval);
@@ -249,18 +250,18 @@ pub fn diagnose<V: ReplayVehicle>(
     let rivals: Vec<&Fit> = posterior
         .hypotheses
         .iter()
-        .filter(|it| it.unknown.is_none() && !it.is_of(&winner.freed))
+        .filter(|it| it.unknown.is_none() && !it.is_of(&winner.free))
         .filter_map(|it| ranking.find(&it.effects))
         .take(RIVALS)
         .collect();
     let tells_apart = matches!(decision.kind, VerdictKind::Effect | VerdictKind::CannotTell);
-    let next_manoeuvre = if tells_apart && !winner.freed.is_empty() && reference.is_none() {
+    let next_manoeuvre = if tells_apart && !winner.free.is_empty() && reference.is_none() {
         manoeuvre::next(&problem, &ranking, &winner, &rivals, without)
     } else {
         None
     };
     let adjustment = |i: usize, x: &[f64]| {
-        let it = &problem.knobs[i];
+        let it = &problem.uncertain[i];
         let (given, value) = it.adjusted(x[i], vehicle);
         Adjustment {
             parameter: it.parameter(),
@@ -271,13 +272,13 @@ pub fn diagnose<V: ReplayVehicle>(
             unit: it.symbol::<V>(),
         }
     };
-    let freed = problem.with_companions(&winner.freed);
-    let recalibration = (0..problem.knobs.len())
+    let free = problem.with_companions(&winner.free);
+    let recalibration = (0..problem.uncertain.len())
         .filter(|&i| {
-            let it = &problem.knobs[i];
+            let it = &problem.uncertain[i];
             predictive.recalibration_gains()
                 && precision.free.contains(&i)
-                && !freed.contains(&i)
+                && !free.contains(&i)
                 && it.tolerance > 0.0
                 && !it.is_form()
         })
@@ -285,10 +286,10 @@ pub fn diagnose<V: ReplayVehicle>(
         .collect();
     let unknown = decision.unknown.filter(|_| decision.kind == VerdictKind::NotInLibrary);
     let strained = match unknown {
-        Some(Unknown::Off { knob, x }) => {
-            let mut freed = winner.x.clone();
-            freed[knob] = x;
-            Some(adjustment(knob, &freed))
+        Some(Unknown::Off { uncertain, x }) => {
+            let mut free = winner.x.clone();
+            free[uncertain] = x;
+            Some(adjustment(uncertain, &free))
         }
         _ => None,
     };
@@ -305,12 +306,12 @@ pub fn diagnose<V: ReplayVehicle>(
     findings.sort_by_key(|finding| std::cmp::Reverse(finding.gravity));
     let varying = match unknown {
         Some(Unknown::Varies(it)) => {
-            let knob = &problem.knobs[it.effect];
+            let uncertain = &problem.uncertain[it.effect];
             Some(Varies {
-                id: knob.id.to_owned(),
+                id: uncertain.id.to_owned(),
                 with: it.with,
-                deviation: knob.deviation(it.deviation, vehicle),
-                unit: knob.symbol::<V>(),
+                deviation: uncertain.deviation(it.deviation, vehicle),
+                unit: uncertain.symbol::<V>(),
                 evidence: it.gain,
             })
         }
@@ -322,7 +323,7 @@ pub fn diagnose<V: ReplayVehicle>(
         _ => Vec::new(),
     };
     let swings = unknown == Some(Unknown::Swings);
-    let why = words::Unknown { varying: varying.as_ref(), strained: strained.as_ref(), swings };
+    let why = words::UnknownSign { varying: varying.as_ref(), strained: strained.as_ref(), swings };
     let straight = excitation.steer < STRAIGHT;
     let words = match decision.kind {
         VerdictKind::CannotTell => words::cannot_tell(
@@ -381,7 +382,7 @@ fn known_from<V: ReplayVehicle>(
     options: &Options,
     prior: &mut Prior,
 ) -> Result<(), DiagnoseError> {
-    let mut drive = Drive::new(log, V::TRUCK);
+    let mut drive = ReplayDrive::new(log, V::TRUCK);
     conventions::turn_roll(&mut drive);
     if drive.duration() < SHORTEST || drive.commanded != problem.drive.commanded {
         return Ok(());
@@ -401,13 +402,16 @@ fn known_from<V: ReplayVehicle>(
     let ranking = rank(&own, wide, &pairs, &|_, _| {})?;
     let lead = lead(&Posterior::of(&own, &ranking, calibration, &options.beliefs, &[]));
     let known = ranking.find(&lead.effects).unwrap_or(&ranking.none);
-    let covariance = ranking.linear_at(&own, known).covariance(&ranking.prior.freed(&own, &known.freed));
+    let covariance = ranking.linear_at(&own, known).covariance(&ranking.prior.free(&own, &known.free));
     prior.form = ranking.noise.beyond(&own, &known.gap);
     // A wind by another log's own start is none by this one's.
     let is_shown = |id: &str| (own.drive.compass && problem.drive.compass) || !id.starts_with("wind_");
-    let there: Vec<Option<usize>> =
-        problem.knobs.iter().map(|knob| own.find(knob.id).filter(|_| is_shown(knob.id))).collect();
-    for (i, knob) in problem.knobs.iter().enumerate() {
+    let there: Vec<Option<usize>> = problem
+        .uncertain
+        .iter()
+        .map(|uncertain| own.find(uncertain.id).filter(|_| is_shown(uncertain.id)))
+        .collect();
+    for (i, uncertain) in problem.uncertain.iter().enumerate() {
         for (j, &b) in there.iter().enumerate() {
             // What the reference cannot show stays as it was, and is off together with nothing that it has shown.
             prior.covariance[(i, j)] = match (there[i], b) {
@@ -418,8 +422,8 @@ fn known_from<V: ReplayVehicle>(
         }
         if let Some(a) = there[i] {
             prior.mean[i] = known.x[a];
-            if ENVIRONMENT.contains(&knob.id) {
-                prior.covariance[(i, i)] += knob.tolerance.powi(2);
+            if ENVIRONMENT.contains(&uncertain.id) {
+                prior.covariance[(i, i)] += uncertain.tolerance.powi(2);
             }
         }
     }
@@ -430,7 +434,7 @@ fn known_from<V: ReplayVehicle>(
 fn series<V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
-    drive: &Drive,
+    drive: &ReplayDrive,
     winner: &Fit,
     simulator: &[f64],
 ) -> Result<Series, DiagnoseError> {
@@ -454,7 +458,7 @@ fn series<V: ReplayVehicle>(
             .collect()
     };
     let neutral = run(&prior.mean)?;
-    let alone = run(&prior.only(problem, &winner.freed, &winner.x))?;
+    let alone = run(&prior.only(problem, &winner.free, &winner.x))?;
     let corrected = run(simulator)?;
     let mut log: BTreeMap<String, Vec<f64>> =
         drive.columns.iter().map(|(&name, column)| (name.to_owned(), column.clone())).collect();

@@ -89,7 +89,7 @@ impl Profile {
         let has_along = along.iter().any(|channel| drive.channels.contains(channel));
         let kinds = [(signal::BANK.name, BANK, true), (signal::GRADE.name, GRADE, has_along)];
         let way = way(drive.column("vx"), drive.step);
-        let neutral = vec![0.0; problem.knobs.len()];
+        let neutral = vec![0.0; problem.uncertain.len()];
         let here = problem.residual(&neutral)?;
         let mut hats = Vec::new();
         for (kind, (name, (deviation, spacing), seen)) in kinds.into_iter().enumerate() {
@@ -276,7 +276,7 @@ fn way(vx: &[f64], step: f64) -> Vec<f64> {
 }
 
 /// Weights of a gap: each sample by itself, less the possible response to the road.
-pub struct Weights {
+pub struct SampleWeights {
     each: Vec<f64>,
     road: Option<Road>,
 }
@@ -289,7 +289,7 @@ struct Road {
     factor: Cholesky<f64, Dyn>,
 }
 
-impl Weights {
+impl SampleWeights {
     /// Weights of each sample, with a road profile marginalised.
     #[must_use]
     pub fn new(each: Vec<f64>, profile: Option<&Arc<Profile>>, roughness: Roughness) -> Self {
@@ -348,7 +348,7 @@ impl Weights {
     }
 }
 
-impl From<Vec<f64>> for Weights {
+impl From<Vec<f64>> for SampleWeights {
     fn from(each: Vec<f64>) -> Self {
         Self::new(each, None, [0.0; 2 * KINDS])
     }
@@ -385,7 +385,7 @@ mod tests {
             + &dense * dense.transpose();
         let gap: Vec<f64> = (0..rows).map(|i| f64::from(i * 7 % 11) - 4.0).collect();
         let expected = covariance.cholesky().unwrap().solve(&DVector::from_vec(gap.clone()));
-        let weights = Weights::new(each.clone(), Some(&profile), ORDINARY);
+        let weights = SampleWeights::new(each.clone(), Some(&profile), ORDINARY);
         for (found, expected) in weights.weighted(&gap).iter().zip(expected.iter()) {
             assert!((found - expected).abs() < 1e-9, "{found} {expected}");
         }
@@ -412,7 +412,7 @@ mod tests {
         let with_mean = Arc::new(with_mean);
         let each = vec![1.0; 80];
         let cost = |roughness: Roughness| {
-            let weights = Weights::new(each.clone(), Some(&with_mean), roughness);
+            let weights = SampleWeights::new(each.clone(), Some(&with_mean), roughness);
             weights.weighted(&steady).iter().zip(&steady).map(|(weighted, gap)| weighted * gap).sum::<f64>()
         };
         let [even, about_none, about_a_mean] = [[0.0; 4], ORDINARY, [1.0, 0.0, 1.0, 0.0]].map(cost);

@@ -45,5 +45,5 @@ pub use model::{
 pub use start::{START_FILE, StartError, read_start_file, start_file};
 pub use types::Status;
 pub use value::{BinaryValue, Value, Values};
-pub use variable::{Causality, Initial, Kind, Variability, Variable, Vr};
+pub use variable::{Causality, Initial, Variability, Variable, VariableKind, Vr};
 pub use version::Version;

@@ -1,6 +1,6 @@
 //! The values of one instance's variables.
 
-use super::variable::{Initial, Kind, Variability, Variable, Vr};
+use super::variable::{Initial, Variability, Variable, VariableKind, Vr};
 use serde::{Deserialize, Serialize};
 use std::ops::Deref;
 use std::sync::Arc;
@@ -165,16 +165,16 @@ impl Values {
     /// host may set, known enumeration values.
     pub(super) fn fit(&self, variables: &[Variable]) -> bool {
         let fits = |(variable, value): (&Variable, &Value)| match (&variable.kind, value) {
-            (Kind::Real { .. }, Value::Real(value)) => {
+            (VariableKind::Real { .. }, Value::Real(value)) => {
                 variable.initial == Initial::Calculated || value.is_finite()
             }
-            (Kind::Enumeration { items, .. }, Value::Integer(value)) => {
+            (VariableKind::Enumeration { items, .. }, Value::Integer(value)) => {
                 items.iter().any(|item| item.0 == *value)
             }
-            (Kind::Integer { .. }, Value::Integer(_))
-            | (Kind::Boolean { .. }, Value::Boolean(_))
-            | (Kind::String { .. }, Value::String(_)) => true,
-            (Kind::Binary { max_size }, Value::Binary(value)) => value.len() <= *max_size,
+            (VariableKind::Integer { .. }, Value::Integer(_))
+            | (VariableKind::Boolean { .. }, Value::Boolean(_))
+            | (VariableKind::String { .. }, Value::String(_)) => true,
+            (VariableKind::Binary { max_size }, Value::Binary(value)) => value.len() <= *max_size,
             _ => false,
         };
         self.values.len() == variables.len()

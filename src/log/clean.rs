@@ -5,11 +5,11 @@
 
 use super::agreement::{self, Factors};
 use super::clock::{self, Clock, LEAST_LENGTH};
-use super::finding::{Finding, Gravity};
+use super::finding::{Finding, FindingSeverity};
 use super::join::JUMP;
 use super::outliers;
 use super::read::DriveLog;
-use super::resample::{Between, resample};
+use super::resample::{Interpolation, resample};
 use super::statistics::quantile;
 use super::units::DEGREE;
 use std::collections::BTreeMap;
@@ -114,14 +114,14 @@ impl CleanLog {
     }
 
     /// Notes a finding about a column.
-    pub(super) fn find(&mut self, gravity: Gravity, column: &str, words: String) {
+    pub(super) fn find(&mut self, gravity: FindingSeverity, column: &str, words: String) {
         self.findings.push(Finding::new(gravity, Some(column), words));
     }
 
     /// A finding that makes the log suspect, so that no answer from it is to be trusted.
     #[must_use]
     pub fn suspect(&self) -> Option<&Finding> {
-        self.findings.iter().find(|finding| finding.gravity == Gravity::Suspicion)
+        self.findings.iter().find(|finding| finding.gravity == FindingSeverity::Suspicion)
     }
 }
 
@@ -146,14 +146,14 @@ fn clean(log: &DriveLog, steering: &dyn Fn(f64) -> f64) -> Result<CleanLog, Clea
 }
 
 /// Columns of a log by name, on the rows of the file.
-pub(super) type Columns = BTreeMap<&'static str, Vec<f64>>;
+pub(super) type LogColumns = BTreeMap<&'static str, Vec<f64>>;
 
 /// The one check of a log, for every use. `turning`: the yaw rate is needed.
 ///
 /// # Errors
 /// Missing columns, and faults beyond repair.
 pub(super) fn check(
-    log: &Columns,
+    log: &LogColumns,
     turning: bool,
     steering: &dyn Fn(f64) -> f64,
 ) -> Result<Checked, CleanError> {
@@ -182,13 +182,17 @@ pub(super) fn check(
     signs?;
     let errors = errors.err();
     if let Some(error) = &errors {
-        log.find(Gravity::Warning, "e1", format!("{error}; a diagnosis does not ask the errors to the path"));
+        log.find(
+            FindingSeverity::Warning,
+            "e1",
+            format!("{error}; a diagnosis does not ask the errors to the path"),
+        );
     }
     if !commanded {
         let steer = log.columns["steer"].clone();
         log.columns.insert("steer_cmd", steer);
         let words = "there is no steer_cmd: the measured angle steer stands in, and nothing between command and sensor can be seen";
-        log.find(Gravity::Note, "steer_cmd", words.into());
+        log.find(FindingSeverity::Note, "steer_cmd", words.into());
     }
     describe(&mut log);
     log.findings.sort_by_key(|finding| std::cmp::Reverse(finding.gravity));
@@ -206,7 +210,7 @@ struct Read {
 impl Read {
     /// Reads the columns without the values of `wrong`, rows of the file.
     fn of(
-        log: &Columns,
+        log: &LogColumns,
         commanded: bool,
         wrong: BTreeMap<&'static str, Vec<usize>>,
         steering: &dyn Fn(f64) -> f64,
@@ -222,7 +226,7 @@ impl Read {
                 "{}: no road vehicle does that; left out, like missing values",
                 outliers::listed(name, &values)
             );
-            findings.push(Finding::new(Gravity::Warning, Some(name), words));
+            findings.push(Finding::new(FindingSeverity::Warning, Some(name), words));
         }
         outliers::stamps(&mut stamps, &mut findings);
         let drives = read_drives(&stamps, &columns, &mut findings)?;
@@ -288,7 +292,7 @@ fn read_drives(
             spans.len(),
             drives.len()
         );
-        findings.push(Finding::new(Gravity::Warning, Some("time"), words));
+        findings.push(Finding::new(FindingSeverity::Warning, Some("time"), words));
     }
     match first_error {
         Some(error) if drives.is_empty() => Err(error),
@@ -303,7 +307,7 @@ const BOUNDED: [&str; 10] = ["steer_cmd", "steer", "x", "y", "yaw", "vx", "vy", 
 ///
 /// # Errors
 /// Too many impossible values for glitches in a needed column.
-fn impossible(log: &Columns, read: &Read) -> Result<BTreeMap<&'static str, Vec<usize>>, CleanError> {
+fn impossible(log: &LogColumns, read: &Read) -> Result<BTreeMap<&'static str, Vec<usize>>, CleanError> {
     let mut all = BTreeMap::new();
     for (&name, values) in log.iter().filter(|(name, _)| BOUNDED.contains(name)) {
         let factor = read.factors.get(name).copied().unwrap_or(1.0);
@@ -389,7 +393,7 @@ fn mend_turning(
             column.iter_mut().for_each(|value| *value *= DEGREE);
         }
         let words = format!("{why}: {name} was taken as degrees and converted to radians");
-        findings.push(Finding::new(Gravity::Warning, Some(name), words));
+        findings.push(Finding::new(FindingSeverity::Warning, Some(name), words));
     };
     if !columns.contains_key("yaw_rate") {
         return;
@@ -419,15 +423,15 @@ fn mend_turning(
         last = *yaw;
     }
     if wraps > 0 {
-        findings.push(Finding::new(Gravity::Note, Some("yaw"), "yaw wraps; it was made continuous"));
+        findings.push(Finding::new(FindingSeverity::Note, Some("yaw"), "yaw wraps; it was made continuous"));
     }
 }
 
 /// Columns that jump: values between two of theirs are meaningless.
 const JUMPING: [&str; 2] = ["station", "e2"];
 /// Interpolation of a column between its samples.
-pub(super) fn between(column: &str) -> Between {
-    if JUMPING.contains(&column) { Between::Hold } else { Between::Line }
+pub(super) fn between(column: &str) -> Interpolation {
+    if JUMPING.contains(&column) { Interpolation::Hold } else { Interpolation::Line }
 }
 
 /// Signals without which nothing can be compared.
@@ -479,13 +483,13 @@ fn on_even_clock(
                 return Err(CleanError::Sparse { column: name, share });
             }
             let words = format!("{name} holds a value in {share:.0} % of the time only, and is left out");
-            log.find(Gravity::Warning, name, words);
+            log.find(FindingSeverity::Warning, name, words);
             continue;
         };
         let constant = resampled.values.iter().all(|value| *value == resampled.values[0]);
         if constant && !needed && !MAY_REST.contains(&name) {
             log.find(
-                Gravity::Warning,
+                FindingSeverity::Warning,
                 name,
                 format!("{name} never changes, and is left out: is its sensor connected?"),
             );
@@ -493,7 +497,7 @@ fn on_even_clock(
         }
         if missing > 0 {
             let seconds = guessed as f64 * clock.step;
-            let gravity = if seconds > 0.0 { Gravity::Warning } else { Gravity::Note };
+            let gravity = if seconds > 0.0 { FindingSeverity::Warning } else { FindingSeverity::Note };
             let words = format!(
                 "{missing} of {} values of {name} are missing or not finite; {seconds:.2} s lie in longer holes and are not judged",
                 values.len()
@@ -529,7 +533,7 @@ fn leave_out_standing(log: &mut CleanLog) -> Result<(), CleanError> {
             "for {:.1} s the vehicle stands, creeps or rolls back (below {STANDING} m/s): not judged",
             log.step * standing as f64
         );
-        log.find(Gravity::Note, "vx", words);
+        log.find(FindingSeverity::Note, "vx", words);
     }
     Ok(())
 }
@@ -555,10 +559,10 @@ fn describe(log: &mut CleanLog) {
     );
     let noisy = noises(log);
     let hardly = range[1] - range[0] < HARDLY_STEERED;
-    log.findings.push(Finding::new(Gravity::Note, None, words));
+    log.findings.push(Finding::new(FindingSeverity::Note, None, words));
     if !noisy.is_empty() {
         log.findings.push(Finding::new(
-            Gravity::Note,
+            FindingSeverity::Note,
             None,
             format!("noise from row to row: {}", noisy.join(", ")),
         ));
@@ -568,10 +572,14 @@ fn describe(log: &mut CleanLog) {
             "hardly steered: within {:.4} rad all the time; effects that show in turns cannot be seen",
             range[1] - range[0]
         );
-        log.find(Gravity::Warning, "steer_cmd", words);
+        log.find(FindingSeverity::Warning, "steer_cmd", words);
     }
     if !rate.is_empty() && rate.iter().all(|value| *value == rate[0]) {
-        log.find(Gravity::Suspicion, "yaw_rate", "yaw_rate never changes: is its sensor connected?".into());
+        log.find(
+            FindingSeverity::Suspicion,
+            "yaw_rate",
+            "yaw_rate never changes: is its sensor connected?".into(),
+        );
     }
 }
 

@@ -40,7 +40,7 @@ mod steering;
 mod units;
 
 pub use clean::{CleanError, CleanLog, UnusableLog};
-pub use finding::{Finding, Gravity};
+pub use finding::{Finding, FindingSeverity};
 pub use join::JoinError;
 pub use learn::{LearnError, drives_of};
 pub use read::{DriveLog, LogError};

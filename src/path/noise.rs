@@ -16,7 +16,7 @@ use super::spline::{Vector, distance};
 
 /// Noise of points.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Noise {
+pub(super) struct PointNoise {
     /// Standard deviation across the road in m.
     pub sigma: f64,
     /// Number of points on either side of a mean that is long against the noise.
@@ -35,7 +35,7 @@ const CHANGES: f64 = 0.4;
 /// Fewest points to tell noise by.
 const POINTS: usize = 30;
 
-impl Noise {
+impl PointNoise {
     /// RMS distance of the points from the road in m: across and along.
     pub fn rms(&self) -> f64 {
         self.sigma * 2f64.sqrt()

@@ -12,7 +12,7 @@
 
 use super::segment::{Course, Pose, Segment};
 use super::splitmix::SplitMix64;
-use super::{Closure, Options, Path, PathError, RoadClass, Sample, Smoothing};
+use super::{Closure, Path, PathError, PathOptions, RoadClass, Sample, Smoothing};
 use std::f64::consts::{PI, TAU};
 
 /// A family of random roads.
@@ -53,7 +53,7 @@ impl RandomRoad {
     /// Lengths that are not positive make no road.
     pub fn path(&self, seed: u64) -> Result<Path, PathError> {
         let closure = if self.closed { Closure::Closed } else { Closure::Open };
-        let options = Options { closure, smoothing: Smoothing::None, ..Options::default() };
+        let options = PathOptions { closure, smoothing: Smoothing::None, ..PathOptions::default() };
         Path::from_samples_with(self.samples(seed), &options)
     }
 
@@ -68,7 +68,7 @@ impl RandomRoad {
 
     /// A chain of straights and bends.
     fn chain(&self, random: &mut SplitMix64) -> Vec<Sample> {
-        let mut road = Chain { segments: vec![], yaw: 0.0, length: 0.0 };
+        let mut road = OpenRoad { segments: vec![], yaw: 0.0, length: 0.0 };
         road.straight(BEGINNING);
         while road.length < self.length {
             let kind = random.between(0.0, 1.0);
@@ -128,13 +128,13 @@ impl RandomRoad {
 }
 
 /// An open road as it grows.
-struct Chain {
+struct OpenRoad {
     segments: Vec<Segment>,
     yaw: f64,
     length: f64,
 }
 
-impl Chain {
+impl OpenRoad {
     fn segment(&mut self, length: f64, start_curvature: f64, end_curvature: f64) {
         let class = RoadClass::Straight;
         let segment = Segment { length, start_curvature, end_curvature, class, speed: f64::INFINITY };

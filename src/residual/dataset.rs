@@ -112,9 +112,9 @@ impl<'a, const S: usize> Recorded<'a, S> {
         self.columns[0].1
     }
 
-    pub fn row(&self, i: usize) -> Row<S> {
+    pub fn row(&self, i: usize) -> DriveRow<S> {
         let at = |column: usize| self.columns[column].1[i];
-        Row {
+        DriveRow {
             command: at(1),
             state: std::array::from_fn(|s| at(2 + s)),
             road: std::array::from_fn(|r| at(2 + S + r)),
@@ -127,7 +127,7 @@ pub(super) const ROAD_NAMES: [&str; ROAD] = ["vx", "curvature", "curvature_rate"
 
 /// One row of a drive.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Row<const S: usize> {
+pub(super) struct DriveRow<const S: usize> {
     pub command: f64,
     pub state: [f64; S],
     /// Speed, curvature, curvature rate.
@@ -173,14 +173,14 @@ pub struct DataReport {
 pub struct DataSet<V = SingleTrack, const S: usize = ERRORS> {
     pub(super) config: DataConfig,
     pub(super) vehicle: V,
-    rows: Rows<S>,
+    rows: DatasetRows<S>,
     hash: u64,
     report: DataReport,
 }
 
 /// The rows.
 #[derive(Debug, Clone, PartialEq)]
-struct Rows<const S: usize> {
+struct DatasetRows<const S: usize> {
     states: Vec<[f64; S]>,
     commands: Vec<f64>,
     road: Vec<[f64; ROAD]>,
@@ -202,7 +202,7 @@ impl<V: LateralVehicle<S>, const S: usize> DataSet<V, S> {
         vehicle.model_at(config.min_model_speed)?;
         let mut report = DataReport::default();
         let mut hash = Fnv::new();
-        let mut stretches: Vec<Vec<Row<S>>> = Vec::new();
+        let mut stretches: Vec<Vec<DriveRow<S>>> = Vec::new();
         for drive in drives {
             let recorded = Recorded::new(drive, &V::STATES);
             let values = recorded.columns.iter().flat_map(|(_, column)| *column);
@@ -212,7 +212,7 @@ impl<V: LateralVehicle<S>, const S: usize> DataSet<V, S> {
         checks::units(&stretches, vehicle.wheelbase(), config.sample_time)?;
         checks::variation(&stretches, &V::STATES, &mut report)?;
         let mut rows =
-            Rows { states: vec![], commands: vec![], road: vec![], labels: vec![], before: vec![] };
+            DatasetRows { states: vec![], commands: vec![], road: vec![], labels: vec![], before: vec![] };
         let mut model = None;
         for stretch in &stretches {
             for (i, row) in stretch.iter().enumerate() {
@@ -235,7 +235,7 @@ impl<V: LateralVehicle<S>, const S: usize> DataSet<V, S> {
 fn label<V: LateralVehicle<S>, const S: usize>(
     vehicle: &V,
     config: DataConfig,
-    stretch: &[Row<S>],
+    stretch: &[DriveRow<S>],
     i: usize,
     model: &mut Option<(f64, DiscreteErrorModel<S>)>,
 ) -> Result<[f64; S], DataError> {
@@ -270,9 +270,10 @@ impl<V, const S: usize> DataSet<V, S> {
     }
 
     /// The rows again, stretch by stretch.
-    pub(super) fn stretches(&self) -> impl Iterator<Item = Vec<Row<S>>> {
+    pub(super) fn stretches(&self) -> impl Iterator<Item = Vec<DriveRow<S>>> {
         let data = &self.rows;
-        let row = |i: usize| Row { command: data.commands[i], state: data.states[i], road: data.road[i] };
+        let row =
+            |i: usize| DriveRow { command: data.commands[i], state: data.states[i], road: data.road[i] };
         let starts = (0..data.before.len()).filter(|&i| data.before[i] == 0);
         starts.map(move |start| {
             let end = (start + 1..data.before.len()).find(|&i| data.before[i] == 0);
@@ -281,7 +282,9 @@ impl<V, const S: usize> DataSet<V, S> {
     }
 
     /// The same with the label of each row's step.
-    pub(super) fn labelled_stretches(&self) -> impl Iterator<Item = (Vec<Row<S>>, Vec<Option<[f64; S]>>)> {
+    pub(super) fn labelled_stretches(
+        &self,
+    ) -> impl Iterator<Item = (Vec<DriveRow<S>>, Vec<Option<[f64; S]>>)> {
         let mut next = 0;
         self.stretches().map(move |stretch| {
             let begin = next;
@@ -314,7 +317,7 @@ impl<V, const S: usize> DataSet<V, S> {
 const ACCELERATION_ROWS: usize = 5;
 
 /// Longitudinal acceleration near row `i` of a stretch, m/s2.
-pub(super) fn acceleration<const S: usize>(stretch: &[Row<S>], i: usize, sample_time: f64) -> f64 {
+pub(super) fn acceleration<const S: usize>(stretch: &[DriveRow<S>], i: usize, sample_time: f64) -> f64 {
     let (from, to) =
         (i.saturating_sub(ACCELERATION_ROWS), (i + 1 + ACCELERATION_ROWS).min(stretch.len() - 1));
     (stretch[to].road[0] - stretch[from].road[0]) / ((to - from) as f64 * sample_time)
@@ -323,7 +326,7 @@ pub(super) fn acceleration<const S: usize>(stretch: &[Row<S>], i: usize, sample_
 /// The samples of a [`DataSet`] for one window.
 #[derive(Debug, Clone)]
 pub struct Windows<'a, const S: usize = ERRORS> {
-    data: &'a Rows<S>,
+    data: &'a DatasetRows<S>,
     window: usize,
     rows: Vec<u32>,
 }

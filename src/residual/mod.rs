@@ -95,14 +95,14 @@ pub use leaf::{LeafFit, LeafModels};
 pub use least_squares::{Decomposed, Gram, Theta, Triangle};
 pub use lookahead::{Lookahead, LookedUp};
 pub use model::{
-    Coefficients, Expected, Kind, Misfit, Range, Regressors, ResidualModel, ResidualModelFor, Schema,
+    Coefficients, Expected, Kind, ModelMismatch, Range, Regressors, ResidualModel, ResidualModelFor, Schema,
     Training, TreeFeatures,
 };
 pub(crate) use prior::write_residual_of_actuator;
 pub use prior::{CommandPrior, residual_of_actuator};
 pub use random::Random;
 pub use table::{Columns, Dense, Resolution};
-pub use train::{Fit, Progress, Stage, TrainError, TrainReport, Trained, train};
+pub use train::{FitErrors, Progress, TrainError, TrainReport, Trained, TrainingStage, train};
 pub use train_config::{ConfigError, LambdaChoice, TrainConfig};
 pub use tree::MAX_DEPTH;
 

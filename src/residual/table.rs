@@ -60,7 +60,7 @@ pub enum Resolution {
 
 /// The features that a tree may split on.
 #[derive(Debug)]
-pub(super) struct Table {
+pub(super) struct FeatureTable {
     pub rows: usize,
     pub columns: Vec<Column>,
 }
@@ -79,7 +79,7 @@ pub(super) enum ColumnValues {
     Raw(Vec<f64>),
 }
 
-impl Table {
+impl FeatureTable {
     /// The columns named in `features`.
     pub fn new(source: &dyn Columns, features: &[u16], resolution: Resolution, threads: usize) -> Self {
         let rows = source.rows();

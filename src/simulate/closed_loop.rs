@@ -56,7 +56,7 @@ pub const STATUS: &str = "status";
 pub type Common = [f64; COLUMNS.len()];
 
 /// One communication point of a car.
-pub type Row = [f64; CAR_COLUMNS];
+pub type CarRow = [f64; CAR_COLUMNS];
 
 /// Reason for which controller or vehicle cannot go on.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -65,7 +65,7 @@ pub enum DriveError {
     #[error("at t = {time} s the controller: {source}")]
     Controller { time: f64, source: StepError },
     #[error("at t = {time} s the {vehicle}: {source}")]
-    Vehicle { time: f64, vehicle: &'static str, source: crate::vehicle::StepError },
+    Vehicle { time: f64, vehicle: &'static str, source: crate::vehicle::PlantStepError },
 }
 
 /// A controller and a car, connected.
@@ -283,7 +283,7 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
         duration: f64,
         go_on: impl FnMut(&[f64; C], f64) -> bool,
     ) -> Result<DriveFor<C>, DriveError> {
-        use crate::vehicle::StepError::{JackKnifed, RolledOver};
+        use crate::vehicle::PlantStepError::{JackKnifed, RolledOver};
         let drive = self.record(duration, go_on);
         match drive.ending.end {
             End::Failed(DriveError::Vehicle { source: JackKnifed { .. } | RolledOver { .. }, .. }) => {
@@ -339,7 +339,7 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
 }
 
 /// A recorded drive of a car.
-pub type Drive = DriveFor<CAR_COLUMNS>;
+pub type CarDrive = DriveFor<CAR_COLUMNS>;
 
 /// A recorded drive of a truck.
 pub type TruckDrive = DriveFor<TRUCK_COLUMNS>;

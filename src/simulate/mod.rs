@@ -24,8 +24,8 @@ pub mod tune;
 mod vehicle;
 
 pub use closed_loop::{
-    COLUMNS, ClosedLoop, ClosedLoopFor, Common, Drive, DriveError, DriveFor, Row, STATION, STATUS, TIME,
-    TruckClosedLoop, TruckDrive,
+    COLUMNS, CarDrive, CarRow, ClosedLoop, ClosedLoopFor, Common, DriveError, DriveFor, STATION, STATUS,
+    TIME, TruckClosedLoop, TruckDrive,
 };
 pub use metrics::{InputMetrics, StepTimes, TimeMetrics, TrackingMetrics};
 pub use noise::SensorNoise;

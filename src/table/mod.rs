@@ -141,7 +141,7 @@ impl Header {
 
 /// A table, read row by row.
 pub struct Table<R: Read> {
-    rows: csv::Reader<Body<R>>,
+    rows: csv::Reader<DataLines<R>>,
     record: csv::ByteRecord,
     header: Header,
     decimal: Decimal,
@@ -244,7 +244,7 @@ impl<R: Read> Table<R> {
         }
         let Head { delimiter, decimal, header, body } = head::find(&first, known);
         first.drain(..body);
-        let body = Body {
+        let body = DataLines {
             lines,
             first: first.into_iter(),
             delimiter,
@@ -301,7 +301,7 @@ impl<R: Read> Table<R> {
 }
 
 /// The lines with values as one UTF-8 text, without comments and blank lines, and the number that each has in the file.
-struct Body<R: Read> {
+struct DataLines<R: Read> {
     lines: Lines<R>,
     /// Lines that were read to find the head.
     first: std::vec::IntoIter<String>,
@@ -318,7 +318,7 @@ struct Body<R: Read> {
     error: Option<TableError>,
 }
 
-impl<R: Read> Body<R> {
+impl<R: Read> DataLines<R> {
     /// The file's line of a line given (counted from 1).
     fn line(&self, given: u64) -> u64 {
         let after = self.jumps.partition_point(|jump| jump.0 <= given);
@@ -359,7 +359,7 @@ impl<R: Read> Body<R> {
     }
 }
 
-impl<R: Read> Read for Body<R> {
+impl<R: Read> Read for DataLines<R> {
     fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
         if self.given == self.ready.len()
             && let Err(error) = self.fill()

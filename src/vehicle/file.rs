@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 /// The declaration of one number among a vehicle's parameters.
 #[derive(Debug)]
-pub struct Parameter<V> {
+pub struct ParameterDeclaration<V> {
     /// Section and key in the file, and the FMU parameter's name.
     pub name: &'static str,
     /// Unit of the value.
@@ -25,7 +25,7 @@ pub struct Parameter<V> {
     pub(super) set: fn(&mut V, f64),
 }
 
-impl<V> Parameter<V> {
+impl<V> ParameterDeclaration<V> {
     /// The parameter's value.
     #[must_use]
     pub fn get(&self, vehicle: &V) -> f64 {
@@ -40,7 +40,7 @@ impl<V> Parameter<V> {
 
 macro_rules! table {
     ($($first:ident $(. $rest:ident)* : $unit:ident in $min:expr, $max:expr; $meaning:literal)*) => {
-        &[$(Parameter {
+        &[$(ParameterDeclaration {
             name: concat!(stringify!($first) $(, ".", stringify!($rest))*),
             unit: crate::signal::Unit::$unit,
             range: ($min, $max),
@@ -81,7 +81,7 @@ impl VehicleKind {
 /// Parameters of a kind of vehicle, as a file gives them.
 pub trait VehicleParameters: DeserializeOwned + Serialize + Clone + 'static {
     /// Every number with name, unit, range and meaning.
-    const TABLE: &'static [Parameter<Self>];
+    const TABLE: &'static [ParameterDeclaration<Self>];
     /// Names of the built-in vehicles of this kind; the first is the default.
     const BUILTIN: &'static [&'static str];
 
@@ -226,7 +226,7 @@ pub(super) fn check<V: VehicleParameters>(
 ) -> Result<(), VehicleError> {
     for parameter in V::TABLE {
         let value = parameter.get(vehicle);
-        let &Parameter { name, unit, range, meaning, .. } = parameter;
+        let &ParameterDeclaration { name, unit, range, meaning, .. } = parameter;
         if !(value >= range.0 && value <= range.1) {
             let (file, line, unit) = (file.to_path_buf(), line(name), unit.symbol);
             return Err(VehicleError::Range { file, line, name, value, unit, range, meaning });

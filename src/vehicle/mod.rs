@@ -56,14 +56,14 @@ pub use effects::{
     Effect, EffectOutOfRange, Effects, NO_RATE_LIMIT, Stage, TrailerEffects, TruckEffects, UnknownEffect,
 };
 pub use explain::{Explanation, effect_like};
-pub use file::{Parameter, VehicleError, VehicleKind, VehicleParameters};
+pub use file::{ParameterDeclaration, VehicleError, VehicleKind, VehicleParameters};
 pub use parameters::{
-    Air, Axle, Body, Brake, CarParameters, Drive, GRAVITY, Pair, SingleTrack, Steering, Tyre,
+    Air, Axle, Body, Brake, CarParameters, GRAVITY, Pair, Powertrain, SingleTrack, Steering, Tyre,
 };
 pub use reduced::{ReducedInput, ReducedOutput, ReducedStart, ReducedSteer, ReducedVehicle, Surface};
 pub use steering::{SteeringChain, SteeringState};
-pub use stepper::{LONGEST_STEP, LONGEST_SUBSTEP, ROLLED_OVER, RestoreError, StepError, VehicleInput};
+pub use stepper::{LONGEST_STEP, LONGEST_SUBSTEP, PlantStepError, ROLLED_OVER, RestoreError, VehicleInput};
 pub use tolerance::Tolerances;
 pub use truck::{TrailerOutput, Truck, TruckError, TruckInput, TruckOutput, TruckStatus};
-pub use truck_parameters::{Hitch, Trailer, Triple, TruckAir, TruckBrake, TruckDrive, TruckParameters};
+pub use truck_parameters::{Hitch, Trailer, Triple, TruckAir, TruckBrake, TruckParameters, TruckPowertrain};
 pub use unit::WheelOutput;

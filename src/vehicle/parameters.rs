@@ -6,7 +6,7 @@
 
 use super::builtin;
 use super::effects::Effects;
-use super::file::{Parameter, VehicleError, VehicleParameters, check_body, reading, table};
+use super::file::{ParameterDeclaration, VehicleError, VehicleParameters, check_body, reading, table};
 use super::tolerance::Tolerances;
 use super::tyre::{Coefficients, Contact};
 use serde::{Deserialize, Serialize};
@@ -29,7 +29,7 @@ pub struct CarParameters {
     pub axle: Pair<Axle>,
     pub tyre: Pair<Tyre>,
     pub steering: Steering,
-    pub drive: Drive,
+    pub drive: Powertrain,
     pub brake: Brake,
     pub air: Air,
     /// Differences of the real car from the rest of the file: neutral, or found by a diagnosis.
@@ -131,7 +131,7 @@ pub struct Steering {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[allow(missing_docs)]
-pub struct Drive {
+pub struct Powertrain {
     pub front_share: f64,
     pub max_force: f64,
     pub max_power: f64,
@@ -173,7 +173,7 @@ pub(super) fn relaxation_at_rest(load: f64, tyres: &[&Tyre]) -> Option<f64> {
 
 impl CarParameters {
     /// Every number of a car with name, unit, range and meaning.
-    pub const TABLE: &'static [Parameter<Self>] = table! {
+    pub const TABLE: &'static [ParameterDeclaration<Self>] = table! {
         vehicle.mass: KILOGRAM in 100.0, 1e5; "Mass of the whole car"
         vehicle.yaw_inertia: KILOGRAM_METRE2 in 10.0, 1e6; "Yaw inertia of the whole car about its CG"
         vehicle.roll_inertia: KILOGRAM_METRE2 in 5.0, 1e6; "Roll inertia of the sprung mass about its CG"
@@ -247,7 +247,7 @@ pub struct SingleTrack {
 }
 
 impl VehicleParameters for CarParameters {
-    const TABLE: &'static [Parameter<Self>] = Self::TABLE;
+    const TABLE: &'static [ParameterDeclaration<Self>] = Self::TABLE;
     const BUILTIN: &'static [&'static str] = builtin::BUILTIN;
     type Effects = Effects;
 

@@ -22,7 +22,7 @@ mod tuning;
 use super::{Diagnosis, Report, Series};
 use crate::log::CleanLog;
 use html::{contents, escaped, legend, section};
-use plot::{Colour, Curve};
+use plot::{Colour, PlotCurve};
 use std::ops::Range;
 
 pub use tuning::{Answer, AtSpeed, Tuned, tuning_page};
@@ -111,7 +111,7 @@ impl<'a> View<'a> {
     }
 
     /// A curve of each, the corrected one on top.
-    fn each(&self, name: &str, curve: impl Fn(Colour, &[f64]) -> Curve) -> Vec<Curve> {
+    fn each(&self, name: &str, curve: impl Fn(Colour, &[f64]) -> PlotCurve) -> Vec<PlotCurve> {
         self.of(name).map(|(colour, values)| curve(colour, values)).collect()
     }
 

@@ -60,7 +60,7 @@ impl Colour {
 }
 
 /// A curve, or dots.
-pub(super) struct Curve {
+pub(super) struct PlotCurve {
     pub colour: Colour,
     /// Width of a line, or radius of dots, in pixels on a page.
     pub size: f64,
@@ -68,7 +68,7 @@ pub(super) struct Curve {
     pub points: Vec<(f64, f64)>,
 }
 
-impl Curve {
+impl PlotCurve {
     pub fn line(colour: Colour, points: Vec<(f64, f64)>) -> Self {
         // What is real lies below, and shows on both sides of what fits it.
         let size = if colour == Colour::Log { 4.0 } else { 1.5 };
@@ -106,7 +106,7 @@ pub(super) struct Plot<'a> {
     pub title: &'a str,
     pub x: &'a str,
     pub y: &'a str,
-    pub curves: Vec<Curve>,
+    pub curves: Vec<PlotCurve>,
     /// Width and height in pixels on a page.
     pub size: (u32, u32),
     pub logarithmic: bool,
@@ -116,7 +116,7 @@ pub(super) struct Plot<'a> {
 }
 
 impl<'a> Plot<'a> {
-    pub fn new(title: &'a str, x: &'a str, y: &'a str, curves: Vec<Curve>) -> Self {
+    pub fn new(title: &'a str, x: &'a str, y: &'a str, curves: Vec<PlotCurve>) -> Self {
         Self { title, x, y, curves, size: (860, 280), logarithmic: false, equal: false, y_range: None }
     }
 }
@@ -252,7 +252,7 @@ mod tests {
 
     #[test]
     fn colours_are_variables_and_what_cannot_be_drawn_is_left_out() {
-        let line = |points| Plot::new("a < b", "x", "y", vec![Curve::line(Colour::Log, points)]).svg();
+        let line = |points| Plot::new("a < b", "x", "y", vec![PlotCurve::line(Colour::Log, points)]).svg();
         let svg = line(vec![(0.0, 1.0), (1.0, 2.0), (f64::NAN, 0.0), (2.0, 1.0)]);
         assert!(svg.contains("var(--log)") && svg.contains("a &lt; b") && !svg.contains("#0100"), "{svg}");
         assert_eq!(line(vec![(f64::NAN, 1.0)]), "");

@@ -25,8 +25,8 @@ mod run;
 mod vehicle;
 
 pub use channel::{CHANNELS, Channel};
-pub use drive::Drive;
 pub use drive::LEAST_SPEED;
+pub use drive::ReplayDrive;
 pub use run::{Correction, LEAK, Trace, replay};
 pub use vehicle::ReplayVehicle;
 pub use vehicle::neutral;

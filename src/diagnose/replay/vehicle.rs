@@ -1,7 +1,7 @@
 //! Vehicles that can be replayed.
 
 use super::channel::{CHANNELS, Channel};
-use super::drive::{Drive, ROAD};
+use super::drive::{ROAD, ReplayDrive};
 use super::run::{Correction, replay};
 use crate::control::{SpeedParameters, track_speed};
 use crate::vehicle::{
@@ -47,7 +47,7 @@ pub trait ReplayVehicle: VehicleParameters + Clone + Sync + Send {
 
     /// Drives the full plant, with the effects of its file, along a stretch of rows of a drive, at its speed. Steering
     /// commands are the drive's, accelerations its own.
-    fn full(&self, drive: &Drive, stretch: (usize, usize), driven: &mut Driven);
+    fn full(&self, drive: &ReplayDrive, stretch: (usize, usize), driven: &mut Driven);
 }
 
 /// Motion of the full plant along a drive, and the acceleration that keeps its speed there.
@@ -71,7 +71,13 @@ impl Driven {
 
 /// Acceleration that keeps the full plant at the log's speed, m/s2. The cost of turning is in no column and is left to
 /// the integral. Otherwise a plant in a bend would be slower than the log by that over the gain.
-fn keep_speed<V: ReplayVehicle>(vehicle: &V, drive: &Drive, row: usize, vx: f64, integral: &mut f64) -> f64 {
+fn keep_speed<V: ReplayVehicle>(
+    vehicle: &V,
+    drive: &ReplayDrive,
+    row: usize,
+    vx: f64,
+    integral: &mut f64,
+) -> f64 {
     let parameters = SpeedParameters {
         gain: SPEED_GAIN,
         integral: 0.25 * SPEED_GAIN * SPEED_GAIN,
@@ -136,7 +142,7 @@ impl ReplayVehicle for CarParameters {
         (self.vehicle.mass, 0.5 * self.air.density * self.air.drag_area)
     }
 
-    fn full(&self, drive: &Drive, (from, to): (usize, usize), driven: &mut Driven) {
+    fn full(&self, drive: &ReplayDrive, (from, to): (usize, usize), driven: &mut Driven) {
         let Ok(mut car) = Car::new(self, &self.effect, None) else { return };
         car.place(0.0, 0.0, 0.0, drive.column("vx")[from]);
         let mut integral = 0.0;
@@ -181,7 +187,7 @@ impl ReplayVehicle for TruckParameters {
         (self.tractor.mass + self.trailer.mass, 0.5 * self.air.density * self.air.drag_area)
     }
 
-    fn full(&self, drive: &Drive, (from, to): (usize, usize), driven: &mut Driven) {
+    fn full(&self, drive: &ReplayDrive, (from, to): (usize, usize), driven: &mut Driven) {
         let Ok(mut truck) = Truck::new(self, &self.effect, None) else { return };
         truck.place(0.0, 0.0, 0.0, drive.column("vx")[from]);
         let mut integral = 0.0;
@@ -233,7 +239,7 @@ pub(in crate::diagnose) fn prepared<V: ReplayVehicle>(vehicle: &V, commanded: bo
 ///
 /// # Errors
 /// As [`replay`].
-pub fn neutral<V: ReplayVehicle>(drive: &Drive, vehicle: &V) -> Result<Correction, String> {
+pub fn neutral<V: ReplayVehicle>(drive: &ReplayDrive, vehicle: &V) -> Result<Correction, String> {
     let mut plant = vehicle.clone();
     plant.set_drive_lag(0.0);
     let rows = drive.time.len();
@@ -244,7 +250,7 @@ pub fn neutral<V: ReplayVehicle>(drive: &Drive, vehicle: &V) -> Result<Correctio
     for &stretch in &drive.stretches {
         plant.full(drive, stretch, &mut driven);
     }
-    let mut same = Drive { accel_cmd: Some(driven.accel_cmd), ..drive.clone() };
+    let mut same = ReplayDrive { accel_cmd: Some(driven.accel_cmd), ..drive.clone() };
     same.columns.insert("vx", driven.vx);
     // The plant is driven on a level road.
     ROAD.iter().for_each(|signal| drop(same.columns.remove(signal.name)));

@@ -19,7 +19,7 @@ use super::effects::{EffectOutOfRange, Effects};
 use super::file::VehicleError;
 use super::parameters::CarParameters;
 use super::reduced::{Reduced, ReducedVehicle};
-use super::stepper::{RestoreError, StepError, Stepper, VehicleInput, vehicle};
+use super::stepper::{PlantStepError, RestoreError, Stepper, VehicleInput, vehicle};
 use crate::path::Path;
 use output::SIGNALS;
 pub use output::{CarOutput, CarStatus};

@@ -1,6 +1,6 @@
 //! Measured signals of a car.
 
-use super::dynamics::Flow;
+use super::dynamics::CarFlow;
 use super::plant::{CarPlant, STATES};
 use crate::enumeration;
 use crate::vehicle::sensors::{self, BODY_SIGNALS};
@@ -55,7 +55,7 @@ pub(super) const SIGNALS: usize = BODY_SIGNALS;
 pub(super) fn measure(
     plant: &CarPlant,
     state: &State<STATES, SIGNALS>,
-    flow: &Flow,
+    flow: &CarFlow,
     delayed: &[f64; SIGNALS],
 ) -> CarOutput {
     let [x, y, yaw, vx, vy, yaw_rate, ax, ay, roll, pitch, roll_rate] =

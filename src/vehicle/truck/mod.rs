@@ -25,7 +25,7 @@ mod reduced;
 use super::effects::{EffectOutOfRange, TruckEffects};
 use super::file::VehicleError;
 use super::reduced::{Reduced, ReducedVehicle};
-use super::stepper::{RestoreError, StepError, Stepper, VehicleInput, vehicle};
+use super::stepper::{PlantStepError, RestoreError, Stepper, VehicleInput, vehicle};
 use super::truck_parameters::TruckParameters;
 use crate::path::Path;
 use output::SIGNALS;

@@ -1,6 +1,6 @@
 //! Measured signals of a truck.
 
-use super::dynamics::Flow;
+use super::dynamics::TruckFlow;
 use super::plant::{STATES, TruckPlant};
 use crate::enumeration;
 use crate::vehicle::sensors::{self, BODY_SIGNALS};
@@ -78,7 +78,7 @@ pub(super) const SIGNALS: usize = BODY_SIGNALS + 9;
 pub(super) fn measure(
     plant: &TruckPlant,
     state: &State<STATES, SIGNALS>,
-    flow: &Flow,
+    flow: &TruckFlow,
     delayed: &[f64; SIGNALS],
 ) -> TruckOutput {
     let [x, y, yaw, vx, vy, yaw_rate, ax, ay, roll, pitch, roll_rate] =
@@ -120,7 +120,7 @@ pub(super) fn measure(
     }
 }
 
-fn status(plant: &TruckPlant, state: &State<STATES, SIGNALS>, flow: &Flow) -> TruckStatus {
+fn status(plant: &TruckPlant, state: &State<STATES, SIGNALS>, flow: &TruckFlow) -> TruckStatus {
     let wheels = &flow.outputs;
     if plant.articulation(&state.y).abs() > JACK_KNIFING * plant.hitch.articulation_limit {
         TruckStatus::JackKnifing

@@ -8,7 +8,7 @@ use super::{
 use crate::vehicle::tyre::Coefficients;
 
 /// One axle with its two wheels; in a group of axles or with twin tyres each stands for all of its side.
-pub(in crate::vehicle) struct Axle {
+pub(in crate::vehicle) struct UnitAxle {
     pub tyre: Coefficients,
     /// Tyres that share the load of one side.
     pub tyres: f64,
@@ -60,7 +60,7 @@ pub(in crate::vehicle) struct AxleFlow {
     pub right: f64,
 }
 
-impl Axle {
+impl UnitAxle {
     /// Angle of the wheels to the body, rad, from its roll and the steering angle.
     #[inline]
     pub fn wheel_angle(&self, roll: f64, steer: f64) -> f64 {

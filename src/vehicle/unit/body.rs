@@ -1,7 +1,7 @@
 //! The equations of motion of one unit.
 
 use super::axle::AxleFlow;
-use super::constants::Unit;
+use super::constants::UnitConstants;
 use super::wheel::WheelFlow;
 use super::{
     BODY, HEAVE, HEAVE_RATE, LIFT, LIFT_RATE, PER_WHEEL, PITCH, PITCH_RATE, ROLL, ROLL_RATE, VX, VY, X, Y,
@@ -44,7 +44,7 @@ impl Push {
     }
 }
 
-impl<const A: usize> Unit<A> {
+impl<const A: usize> UnitConstants<A> {
     /// Mean speed of the driven wheels' rims by their shares in the drive force, m/s; the wheels' states follow each other.
     #[inline(always)]
     pub fn rim_speed(&self, wheels: &[f64]) -> f64 {

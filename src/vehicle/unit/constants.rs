@@ -1,6 +1,6 @@
 //! The constants of one unit: its parameters with the effects applied.
 
-use super::axle::Axle;
+use super::axle::UnitAxle;
 use super::body::Gravity;
 use crate::path::Path;
 use crate::vehicle::effects::Effects;
@@ -84,8 +84,8 @@ pub(in crate::vehicle) struct AxleParts<'a> {
 }
 
 /// The constants of one unit.
-pub(in crate::vehicle) struct Unit<const A: usize> {
-    pub axles: [Axle; A],
+pub(in crate::vehicle) struct UnitConstants<const A: usize> {
+    pub axles: [UnitAxle; A],
     pub mass: f64,
     pub sprung_mass: f64,
     pub pitch_inertia: f64,
@@ -104,7 +104,7 @@ fn square(x: f64) -> f64 {
     x * x
 }
 
-impl<const A: usize> Unit<A> {
+impl<const A: usize> UnitConstants<A> {
     /// A unit from its parts; `roll_axis` is the height of the roll axis at a place forward of the CG. `relaxation` is
     /// the length (m) that `tyre_relaxation` replaces; none: it is that of all tyres, whatever their load.
     pub fn new(
@@ -140,7 +140,7 @@ impl<const A: usize> Unit<A> {
             if let (Some(wanted), Some(own)) = (wanted, relaxation) {
                 coefficients.pty1 *= wanted / own;
             }
-            Axle {
+            UnitAxle {
                 tyre: coefficients,
                 tyres: parts[i].tyres,
                 x,

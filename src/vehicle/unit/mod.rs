@@ -32,9 +32,9 @@ mod constants;
 mod dry_friction;
 mod wheel;
 
-pub(super) use axle::Axle;
+pub(super) use axle::UnitAxle;
 pub(super) use body::{Acceleration, Gravity, Push};
-pub(super) use constants::{AxleParts, Laden, Load, Masses, Unit, gravity, gravity_on};
+pub(super) use constants::{AxleParts, Laden, Load, Masses, UnitConstants, gravity, gravity_on};
 pub(super) use dry_friction::DryFriction;
 pub use wheel::WheelOutput;
 pub(super) use wheel::{SHORTEST_RELAXATION, WheelFlow, Wheels, roll};

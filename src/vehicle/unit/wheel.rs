@@ -12,7 +12,7 @@
 //! which the tyre slides on this road. A deflection beyond it holds no force, and would push a wheel that has slid to
 //! rest back by the whole of its relaxation length. `s` is no less than a step of the integration can follow at `V`.
 
-use super::axle::Axle;
+use super::axle::UnitAxle;
 use super::dry_friction::DryFriction;
 use super::{DEFLECTION_X, DEFLECTION_Y, LIFT, LIFT_RATE, PER_WHEEL, SPIN, WIND_UP};
 use crate::lanes::{FOUR, Lanes};
@@ -81,7 +81,7 @@ pub(in crate::vehicle) struct Wheels {
 
 impl Wheels {
     /// Those of two axles; a last one may stand alone, and is then named twice.
-    pub fn new([first, second]: [&Axle; 2]) -> Self {
+    pub fn new([first, second]: [&UnitAxle; 2]) -> Self {
         let axles = [first, first, second, second];
         let slides = axles.map(|axle| axle.tyre.sliding(axle.static_load / axle.tyres));
         Self {
@@ -143,7 +143,7 @@ impl Wheels {
         let (states, _) = states.as_chunks::<PER_WHEEL>();
         let side = L::load(&SIDES);
         let spin: L = gather(lanes, |wheel| states[wheel][SPIN]);
-        let motion = Motion {
+        let motion = WheelMotionLanes {
             vx: gather(lanes, |wheel| motions[wheel].vx),
             vy: gather(lanes, |wheel| motions[wheel].vy),
             gamma: gather(lanes, |wheel| motions[wheel].gamma),
@@ -184,7 +184,7 @@ impl Wheels {
 }
 
 /// [`WheelMotion`]s side by side.
-struct Motion<L> {
+struct WheelMotionLanes<L> {
     vx: L,
     vy: L,
     gamma: L,
@@ -201,7 +201,7 @@ struct Slip<L> {
 }
 
 /// Response of wheels; rates of spin and wind-up.
-struct Given<L> {
+struct WheelResponse<L> {
     load: L,
     forces: TyreForces<L>,
     torque: L,
@@ -255,7 +255,7 @@ fn load_of<T: Copy, L: Lanes<Stored = T>>(
     L::choose(elastic.up_to(zero), zero, (elastic - damping).max(zero))
 }
 
-impl Axle {
+impl UnitAxle {
     /// Load of a wheel from its height over rest, N; a tyre does not pull.
     pub(in crate::vehicle) fn load(&self, wheel: &[f64]) -> f64 {
         load_of(&self.tyre, self.tyres, self.static_load, wheel[LIFT], wheel[LIFT_RATE])
@@ -275,7 +275,7 @@ impl Wheels {
         load: L,
         spin: L,
         [u, v]: [L; 2],
-        motion: &Motion<L>,
+        motion: &WheelMotionLanes<L>,
         friction: L,
     ) -> Slip<L> {
         let number = L::splat;
@@ -321,10 +321,10 @@ impl Wheels {
         &self,
         spin: L,
         wind_up: L,
-        motion: &Motion<L>,
+        motion: &WheelMotionLanes<L>,
         contact: &Contact<L>,
         forces: TyreForces<L>,
-    ) -> Given<L> {
+    ) -> WheelResponse<L> {
         let number = L::splat;
         let (tyres, radius, inertia) = (L::load(&self.tyres), L::load(&self.radius), L::load(&self.inertia));
         let rolling = tyres
@@ -346,6 +346,6 @@ impl Wheels {
         .torque(spin, wind_up, motion.brake);
         let torque = motion.drive - brake.0;
         let spin_rate = (torque - forces.fx * radius - rolling) / inertia;
-        Given { load: tyres * contact.load, forces, torque, rates: [spin_rate, brake.1] }
+        WheelResponse { load: tyres * contact.load, forces, torque, rates: [spin_rate, brake.1] }
     }
 }
