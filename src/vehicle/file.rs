@@ -2,9 +2,8 @@
 
 use super::builtin;
 use super::effects::EffectOutOfRange;
-use super::parameters::Tyre;
 use super::tolerance::Tolerances;
-use super::tyre::{Coefficients, TirError};
+use super::tyre::{Coefficients, TirError, Tyre};
 use crate::input;
 use crate::signal::Unit;
 use serde::{Serialize, de::DeserializeOwned};
@@ -302,4 +301,21 @@ fn line_of(text: &str, name: &str) -> usize {
         }
     }
     0
+}
+
+/// A built-in vehicle by name, among the texts of its kind.
+pub(super) fn builtin_of<V: VehicleParameters>(
+    texts: &[(&str, &str)],
+    name: &str,
+) -> Result<V, VehicleError> {
+    let Some((_, text)) = texts.iter().find(|(vehicle, _)| *vehicle == name) else {
+        return Err(VehicleError::UnknownBuiltin { name: name.to_string(), builtin: V::BUILTIN });
+    };
+    parse(text, Path::new(&format!("{name}.toml")), |file| match builtin::tyre(file) {
+        Some(text) => Coefficients::parse(text, Path::new(file)),
+        None => Err(TirError::Unreadable {
+            file: PathBuf::from(file),
+            source: std::io::Error::from(std::io::ErrorKind::NotFound),
+        }),
+    })
 }

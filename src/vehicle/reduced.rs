@@ -30,6 +30,7 @@
 use super::sensors::measured;
 use super::steering::SteeringState;
 use super::stepper::{Plant, StageInputs};
+use super::surface::Surface;
 use super::unit::{
     BODY, DEFLECTION_X, DEFLECTION_Y, LIFT, LIFT_RATE, PER_WHEEL, SHORTEST_RELAXATION, SPIN, UnitAxle, VX,
     VY, WIND_UP, YAW, YAW_RATE,
@@ -74,24 +75,6 @@ pub struct ReducedInput {
     pub yaw: Option<f64>,
     /// The road below.
     pub surface: Surface,
-}
-
-/// A road where a vehicle is, its effects apart.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Surface {
-    /// Right side low positive, rad.
-    pub bank: f64,
-    /// Uphill positive, rad.
-    pub grade: f64,
-    /// Factor on the friction of the tyres.
-    pub friction: f64,
-}
-
-impl Default for Surface {
-    /// Level, of the tyres' own friction.
-    fn default() -> Self {
-        Self { bank: 0.0, grade: 0.0, friction: 1.0 }
-    }
 }
 
 /// Start of a drive.

@@ -6,6 +6,7 @@
 
 use super::array;
 use super::effects::Effects;
+use super::substep::LONGEST_SUBSTEP;
 use super::unit::{BODY, PITCH, ROLL, ROLL_RATE, VX, VY, X, Y, YAW, YAW_RATE};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -70,7 +71,7 @@ pub(super) struct Latency<const S: usize> {
 }
 
 /// Time between samples, s.
-const SAMPLING: f64 = super::stepper::LONGEST_SUBSTEP;
+const SAMPLING: f64 = LONGEST_SUBSTEP;
 
 /// Room for a latency of `delay` s.
 fn capacity(delay: f64) -> usize {

@@ -6,9 +6,10 @@
 use super::array;
 use super::drive::DriveLine;
 use super::effects::Effects;
-use super::reduced::Surface;
 use super::sensors::{BODY_SIGNALS, Latency};
 use super::steering::{SteeringChain, SteeringState};
+use super::substep::LONGEST_SUBSTEP;
+use super::surface::Surface;
 use super::unit::{X, Y, YAW};
 use crate::finite::check_finite;
 use crate::lanes::{FOUR, Lanes, Work, compute};
@@ -16,8 +17,6 @@ use crate::path::Path;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// The longest step of the integration, s.
-pub const LONGEST_SUBSTEP: f64 = 1e-3;
 /// The longest step that may be asked for, s.
 pub const LONGEST_STEP: f64 = 3600.0;
 /// Roll and pitch angles beyond which a vehicle counts as rolled over, rad.

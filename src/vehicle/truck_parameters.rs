@@ -4,11 +4,12 @@
 //! (steered), the rear (driven) and the trailer's. Each has one wheel on each side that stands for all of its tyres.
 
 use super::articulated::Articulated;
-use super::builtin;
+use super::builtin::{BUILTIN_TRUCKS, TRUCKS};
 use super::effects::TruckEffects;
-use super::file::{ParameterDeclaration, VehicleError, VehicleParameters, check_body, reading, table};
-use super::parameters::{Axle, Body, GRAVITY, Steering, Tyre, relaxation_at_rest};
+use super::file::{self, ParameterDeclaration, VehicleError, VehicleParameters, check_body, reading, table};
+use super::parameters::{Axle, Body, GRAVITY, Steering, relaxation_at_rest};
 use super::tolerance::Tolerances;
+use super::tyre::Tyre;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -206,9 +207,17 @@ impl TruckParameters {
     };
 }
 
+/// A built-in truck by name.
+///
+/// # Errors
+/// [`VehicleError::UnknownBuiltin`].
+pub fn builtin_truck(name: &str) -> Result<TruckParameters, VehicleError> {
+    TruckParameters::builtin(name)
+}
+
 impl VehicleParameters for TruckParameters {
     const TABLE: &'static [ParameterDeclaration<Self>] = Self::TABLE;
-    const BUILTIN: &'static [&'static str] = builtin::BUILTIN_TRUCKS;
+    const BUILTIN: &'static [&'static str] = BUILTIN_TRUCKS;
     type Effects = TruckEffects;
 
     fn effects(&self) -> &TruckEffects {
@@ -228,7 +237,7 @@ impl VehicleParameters for TruckParameters {
     }
 
     fn builtin(name: &str) -> Result<Self, VehicleError> {
-        builtin::builtin_truck(name)
+        file::builtin_of(TRUCKS, name)
     }
 
     fn tyres(&mut self) -> Vec<(&'static str, &mut Tyre)> {

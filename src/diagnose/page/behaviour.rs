@@ -1,9 +1,9 @@
 //! Response of the vehicle to steering, in the curves that engineers know: real, simulated, corrected.
 
-use super::View;
 use super::frequency::{FrequencyResponse, response};
-use super::html::{figure, legend};
-use super::plot::{Colour, Plot, PlotCurve};
+use super::html::figure;
+use super::plot::{Colour, Plot, PlotCurve, legend};
+use super::view::{LEGEND, View};
 
 /// Yaw accelerations up to this are steady cornering, rad/s2.
 const STEADY: f64 = 0.15;
@@ -160,7 +160,7 @@ pub(super) fn frequency(view: &View) -> String {
     let coherence = draw("coherence", "coherence", |at| at.coherence, Some((0.0, 1.02)));
     let caption = format!(
         "<b>From steering command to yaw rate.</b> A dead time bends the phase alone, a lag gain and phase. Where coherence is low, nothing is told. {}",
-        legend(&super::LEGEND)
+        legend(&LEGEND)
     );
     format!(
         "<figure class='wide'><div class='pair three'>{gain}{phase}{coherence}</div><figcaption>{caption}</figcaption></figure>"

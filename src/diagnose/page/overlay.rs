@@ -1,8 +1,8 @@
 //! Log, simulator and corrected simulator over time, and the gap on the path.
 
-use super::View;
 use super::html::{escaped, figure, number, unit_of};
 use super::plot::{Colour, HOTTEST, Plot, PlotCurve};
+use super::view::View;
 
 /// Each compared signal: a stretch of it, and its gap over the whole log.
 pub(super) fn signals(view: &View) -> String {

@@ -1,6 +1,7 @@
 //! Plots as SVG. `plotters` finds ticks and draws; colours become CSS variables afterwards, so that one drawing serves light,
 //! dark and paper.
 
+use super::html::escaped;
 use plotters::coord::ranged1d::{AsRangedCoord, Ranged, ValueFormatter};
 use plotters::prelude::*;
 
@@ -217,7 +218,7 @@ impl Plot<'_> {
                 text.replace(&format!("\"#{r:02X}{g:02X}{b:02X}\""), &format!("\"var({})\"", colour.css()));
         }
         let (width, height) = (self.size.0 * SCALE, self.size.1 * SCALE);
-        let title = super::html::escaped(self.title);
+        let title = escaped(self.title);
         text.replacen(
             &format!("width=\"{width}\" height=\"{height}\""),
             &format!("role=\"img\" aria-label=\"{title}\""),
@@ -259,4 +260,12 @@ mod tests {
         assert!(line(vec![(1.0, 1.0)]).contains("<svg"));
         assert_eq!(short(0.25), "0.25");
     }
+}
+
+/// A legend: each colour with its name.
+pub(super) fn legend(entries: &[(Colour, &str)]) -> String {
+    let entry = |(colour, name): &(Colour, &str)| {
+        format!("<span class='key'><i style='background:var({})'></i>{}</span>", colour.css(), escaped(name))
+    };
+    entries.iter().map(entry).collect()
 }

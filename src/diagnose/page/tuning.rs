@@ -1,7 +1,7 @@
 //! Result of a tuning as a page: the figures before and after, margins over speed, the response to an offset.
 
-use super::html::{escaped, figure, legend, number, section, table};
-use super::plot::{Colour, Plot, PlotCurve};
+use super::html::{escaped, figure, number, section, table};
+use super::plot::{Colour, Plot, PlotCurve, legend};
 use crate::control::Margins;
 use crate::simulate::tune::{ScenarioResult, TuneCandidate};
 

@@ -1,20 +1,20 @@
 //! The equations of motion of the two-track car: one unit on two axles, in the air.
 
-use super::output::{self, CarOutput, SIGNALS};
+use super::output::{self, CarFlow, CarOutput, SIGNALS};
 use super::plant::{CarPlant, STATES, WHEELS};
 use crate::lanes::{FOUR, Lanes};
 use crate::path::Path;
 use crate::vehicle::air;
 use crate::vehicle::drive::DriveLine;
 use crate::vehicle::effects::Effects;
-use crate::vehicle::reduced::Surface;
 use crate::vehicle::sensors::{BODY_SIGNALS, body_signals};
 use crate::vehicle::steering::SteeringChain;
 use crate::vehicle::stepper::{Plant, PlantStepError, StageInputs, State, check_upright};
+use crate::vehicle::surface::Surface;
 use crate::vehicle::trigonometry::{cos_of, sin_of};
 use crate::vehicle::unit::{
-    BODY, Gravity, PER_WHEEL, PITCH, ROLL, SPIN, UnitConstants, VX, VY, WheelFlow, WheelOutput, X, Y, YAW,
-    YAW_RATE, gravity, gravity_on, roll,
+    BODY, Gravity, PER_WHEEL, PITCH, ROLL, SPIN, UnitConstants, VX, VY, X, Y, YAW, YAW_RATE, gravity,
+    gravity_on, roll,
 };
 
 /// Forces and disturbances from road and earth.
@@ -23,18 +23,6 @@ pub(super) struct CarEnvironment {
     pub gravity: Gravity,
     /// Friction factors under the axles.
     pub friction: [f64; 2],
-}
-
-/// Forces and accelerations at an instant, for outputs.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct CarFlow {
-    wheels: [WheelFlow; 4],
-    /// As outputs, once observed.
-    pub outputs: [WheelOutput; 4],
-    /// Specific force at the CG in the plane of the road and out of it, m/s2.
-    specific: [f64; 3],
-    /// Drive force asked of the wheels (brakes negative), N.
-    pub drive_force: f64,
 }
 
 impl Plant<STATES, SIGNALS> for CarPlant {

@@ -1,12 +1,11 @@
 //! Measured signals of a car.
 
-use super::dynamics::CarFlow;
 use super::plant::{CarPlant, STATES};
 use crate::enumeration;
 use crate::vehicle::sensors::{self, BODY_SIGNALS};
 use crate::vehicle::status;
 use crate::vehicle::stepper::State;
-use crate::vehicle::unit::{VX, VY, WheelOutput};
+use crate::vehicle::unit::{VX, VY, WheelFlow, WheelOutput};
 
 enumeration! {
     /// Motion of the car, in words.
@@ -95,4 +94,16 @@ fn status(state: &State<STATES, SIGNALS>, wheels: &[WheelOutput; 4]) -> CarStatu
     } else {
         CarStatus::Driving
     }
+}
+
+/// Forces and accelerations at an instant, for outputs.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct CarFlow {
+    pub wheels: [WheelFlow; 4],
+    /// As outputs, once observed.
+    pub outputs: [WheelOutput; 4],
+    /// Specific force at the CG in the plane of the road and out of it, m/s2.
+    pub specific: [f64; 3],
+    /// Drive force asked of the wheels (brakes negative), N.
+    pub drive_force: f64,
 }

@@ -1,6 +1,6 @@
 //! The constants of one car: its parameters with the effects applied.
 
-use super::CarError;
+use super::error::CarError;
 use crate::vehicle::drive::DriveLine;
 use crate::vehicle::effects::Effects;
 use crate::vehicle::parameters::{CarParameters, GRAVITY};

@@ -1,6 +1,7 @@
 //! Conservation by hitch and equations: momentum, angular momentum and energy without external forces.
 
-use super::dynamics::{TruckEnvironment, TruckFlow};
+use super::dynamics::TruckEnvironment;
+use super::output::TruckFlow;
 use super::plant::{STATES, TRAILER, TruckPlant, WHEELS};
 use crate::vehicle::stepper::{Plant, StageInputs};
 use crate::vehicle::unit::{

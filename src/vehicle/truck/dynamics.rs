@@ -1,21 +1,21 @@
 //! The equations of motion of tractor and semi-trailer: two units, the hitch between them, the air around them.
 
 use super::hitch::to_trailer;
-use super::output::{self, SIGNALS, TruckOutput};
+use super::output::{self, SIGNALS, TruckFlow, TruckOutput};
 use super::plant::{STATES, TRAILER, TRAILER_STATES, TruckPlant, WHEELS, WIND_UP};
 use crate::lanes::{FOUR, Lanes};
 use crate::path::Path;
 use crate::vehicle::air;
 use crate::vehicle::drive::DriveLine;
 use crate::vehicle::effects::Effects;
-use crate::vehicle::reduced::Surface;
 use crate::vehicle::sensors::{BODY_SIGNALS, body_signals};
 use crate::vehicle::steering::SteeringChain;
 use crate::vehicle::stepper::{Plant, PlantStepError, StageInputs, State, check_upright};
+use crate::vehicle::surface::Surface;
 use crate::vehicle::trigonometry::{cos_of, sin_of};
 use crate::vehicle::unit::{
     BODY, Gravity, HEAVE, HEAVE_RATE, PER_WHEEL, PITCH, PITCH_RATE, ROLL, ROLL_RATE, SPIN, UnitConstants, VX,
-    VY, WheelFlow, WheelOutput, X, Y, YAW, YAW_RATE, gravity, gravity_on, roll,
+    VY, X, Y, YAW, YAW_RATE, gravity, gravity_on, roll,
 };
 
 /// Place of a state of the semi-trailer's body among the truck's states.
@@ -39,20 +39,6 @@ pub(super) struct TruckEnvironment {
     pub gravity: [Gravity; 2],
     /// Friction factors under the axle groups.
     pub friction: [f64; 3],
-}
-
-/// Forces and accelerations at an instant, for outputs.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct TruckFlow {
-    wheels: [WheelFlow; 6],
-    /// As outputs, once observed.
-    pub outputs: [WheelOutput; 6],
-    /// Specific force at the tractor's CG in the plane of the road and out of it, m/s2.
-    specific: [f64; 3],
-    /// Force of the semi-trailer on the tractor in the tractor's axes; the vertical one downwards, N.
-    pub hitch: [f64; 3],
-    /// Drive force asked of the wheels (brakes negative), N.
-    pub drive_force: f64,
 }
 
 impl TruckPlant {

@@ -1,12 +1,13 @@
 //! The constants of one truck: its parameters with the effects applied.
 
-use super::TruckError;
+use super::error::TruckError;
 use super::hitch::{HitchPlant, Pin};
 use crate::vehicle::drive::DriveLine;
 use crate::vehicle::effects::TruckEffects;
-use crate::vehicle::parameters::{Axle, Body, Tyre};
+use crate::vehicle::parameters::{Axle, Body};
 use crate::vehicle::steering::SteeringChain;
 use crate::vehicle::truck_parameters::{RestLoads, TruckParameters};
+use crate::vehicle::tyre::Tyre;
 use crate::vehicle::unit::{AxleParts, BODY, Laden, Load, Masses, PER_WHEEL, UnitConstants, Wheels};
 
 /// Start of the semi-trailer's states: those of a body from its yaw on, without velocities in the plane.

@@ -1,6 +1,6 @@
 //! One axle: the suspension between body and wheels, and the loads of both wheels on the body.
 
-use super::wheel::{WheelFlow, WheelMotion};
+use super::wheel_motion::{WheelFlow, WheelMotion};
 use super::{
     BODY, HEAVE, HEAVE_RATE, LIFT, LIFT_RATE, PER_WHEEL, PITCH, PITCH_RATE, ROLL, ROLL_RATE, SPIN, VX, VY,
     YAW_RATE,

@@ -1,11 +1,11 @@
 //! The constants of one unit: its parameters with the effects applied.
 
 use super::axle::UnitAxle;
-use super::body::Gravity;
 use crate::path::Path;
 use crate::vehicle::effects::Effects;
-use crate::vehicle::parameters::{self, GRAVITY, Tyre};
-use crate::vehicle::reduced::Surface;
+use crate::vehicle::parameters::{self, GRAVITY};
+use crate::vehicle::surface::Surface;
+use crate::vehicle::tyre::Tyre;
 use nalgebra::Matrix3;
 
 /// Masses and inertias of an unladen unit with all wheels, but roll and pitch inertia, which are the body's.
@@ -225,4 +225,12 @@ fn tilted(yaw: f64, bank: f64, grade: f64) -> Gravity {
         y: -along * sin + across * cos,
         z: GRAVITY * grade.cos() * bank.cos(),
     }
+}
+
+/// Gravity in body axes in the plane of the road, and into it, m/s2.
+#[derive(Debug, Clone, Copy, Default)]
+pub(in crate::vehicle) struct Gravity {
+    pub x: f64,
+    pub y: f64,
+    pub z: f64,
 }

@@ -14,6 +14,7 @@
 
 use super::axle::UnitAxle;
 use super::dry_friction::DryFriction;
+use super::wheel_motion::{WheelFlow, WheelMotion};
 use super::{DEFLECTION_X, DEFLECTION_Y, LIFT, LIFT_RATE, PER_WHEEL, SPIN, WIND_UP};
 use crate::lanes::{FOUR, Lanes};
 use crate::vehicle::trigonometry::atan_of;
@@ -39,30 +40,6 @@ const BRAKE_DAMPING: f64 = 0.7;
 const BRAKE_RELAXATION: f64 = 500.0;
 /// Rolling speed over which rolling resistance builds up, m/s.
 const ROLLING_FROM: f64 = 0.1;
-
-/// Motion of the wheel's contact in axes of the wheel, and the torques on the wheel.
-#[derive(Clone, Copy)]
-pub(in crate::vehicle) struct WheelMotion {
-    /// Velocity of the contact point, m/s.
-    pub vx: f64,
-    pub vy: f64,
-    /// Inclination, rad.
-    pub gamma: f64,
-    /// Drive torque and greatest brake torque, N m.
-    pub drive: f64,
-    pub brake: f64,
-}
-
-/// Motion and forces of a wheel at an instant.
-#[derive(Debug, Clone, Copy, Default)]
-pub(in crate::vehicle) struct WheelFlow {
-    pub load: f64,
-    pub forces: TyreForces,
-    pub kappa: f64,
-    pub alpha: f64,
-    /// Torque of drive and brake on the wheel, N m.
-    pub torque: f64,
-}
 
 /// +1 on the left, -1 on the right, where the tyre is mounted mirrored.
 const SIDES: [f64; FOUR] = [1.0, -1.0, 1.0, -1.0];
@@ -206,37 +183,6 @@ struct WheelResponse<L> {
     forces: TyreForces<L>,
     torque: L,
     rates: [L; 2],
-}
-
-/// One wheel, as outputs.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct WheelOutput {
-    /// Load, N.
-    pub load: f64,
-    /// Longitudinal slip, positive when driving.
-    pub slip: f64,
-    /// Slip angle, rad, positive when the contact slips to the left.
-    pub slip_angle: f64,
-    /// Spin, rad/s.
-    pub speed: f64,
-    /// Forces in the contact in axes of the wheel, N.
-    pub fx: f64,
-    /// See `fx`.
-    pub fy: f64,
-}
-
-impl WheelFlow {
-    /// As outputs; the spin in rad/s.
-    pub fn output(&self, spin: f64) -> WheelOutput {
-        WheelOutput {
-            load: self.load,
-            slip: self.kappa,
-            slip_angle: self.alpha,
-            speed: spin,
-            fx: self.forces.fx,
-            fy: self.forces.fy,
-        }
-    }
 }
 
 /// Load of wheels from their heights over rest, N; a tyre does not pull.
