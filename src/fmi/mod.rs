@@ -8,7 +8,8 @@
 //! | file | idea |
 //! |---|---|
 //! | `variable.rs` | what a variable is: causality, variability, unit, range, start |
-//! | `value.rs` | the values of one instance's variables |
+//! | `value.rs` | a value of any FMI type |
+//! | `values.rs` | the values of one instance's variables |
 //! | `model.rs` | the trait that a model fulfils |
 //! | `life.rs` | the states of an instance, and what a table of calls is |
 //! | `instance.rs` | one instance, and what each call does to it |
@@ -35,6 +36,7 @@ pub mod types;
 pub mod v2;
 pub mod v3;
 mod value;
+mod values;
 mod variable;
 mod version;
 
@@ -44,6 +46,7 @@ pub use model::{
 };
 pub use start::{START_FILE, StartError, read_start_file, start_file};
 pub use types::Status;
-pub use value::{BinaryValue, Value, Values};
+pub use value::{BinaryValue, Value};
+pub use values::Values;
 pub use variable::{Causality, Initial, Variability, Variable, VariableKind, Vr};
 pub use version::Version;

@@ -1,6 +1,6 @@
 //! The trait that the FMI layer asks of a model. It knows nothing else of vehicles or controllers.
 
-use super::value::Values;
+use super::values::Values;
 use super::variable::{Causality, Variable, VariableKind, Vr};
 use super::version::Version;
 use std::borrow::Cow;

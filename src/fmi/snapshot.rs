@@ -8,7 +8,7 @@
 
 use super::life::InstanceState;
 use super::refusal::CallError;
-use super::value::Values;
+use super::values::Values;
 use super::variable::Variable;
 use serde::{Deserialize, Serialize};
 
