@@ -10,9 +10,10 @@ mod residual_plant;
 
 use criterion::{Criterion, SamplingMode, criterion_group, criterion_main};
 use residual_plant::{Plant, data};
+use rfl_mpc::numerics::Random;
 use rfl_mpc::residual::gp::{Exact, Kernel, Sparse};
 use rfl_mpc::residual::{
-    Block, Dense, Forest, ForestConfig, GrownForest, Kind, Random, Resolution, TrainConfig, grow, train,
+    Block, Dense, Forest, ForestConfig, GrownForest, Kind, Resolution, TrainConfig, grow, train,
 };
 use std::hint::black_box;
 use std::time::Duration;

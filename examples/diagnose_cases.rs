@@ -10,7 +10,7 @@
 
 use rfl_mpc::diagnose::simulated::{Conditions, DrivableVehicle, drive, normal};
 use rfl_mpc::diagnose::{Diagnosis, Options, diagnose};
-use rfl_mpc::residual::Random;
+use rfl_mpc::numerics::Random;
 use rfl_mpc::vehicle::{BUILTIN_TRUCKS, TruckEffects, builtin, builtin_truck};
 
 #[path = "diagnose_cases/values.rs"]

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix4, Vector4};
 use rfl_mpc::control::{Affine, HorizonModel, Propagation, QpShape, TrackingQp, condense};
-use rfl_mpc::residual::Random;
+use rfl_mpc::numerics::Random;
 
 const HORIZON: usize = 16;
 

@@ -11,11 +11,12 @@ use rfl_mpc::control::{
 use rfl_mpc::nominal::{
     Actuator, ContinuousErrorModel, DiscreteErrorModel, ErrorState, LateralVehicle, SingleTrackError,
 };
+use rfl_mpc::numerics::Random;
 use rfl_mpc::parameter::OutOfRange;
 use rfl_mpc::path::{Closure, Path, Sample};
 use rfl_mpc::residual::{
-    DataConfig, DataError, DataSet, Drive, FileError, Kind, ModelMismatch, Random, ResidualModel,
-    ResidualModelFor, TrainConfig, TreeFeatures, train,
+    DataConfig, DataError, DataSet, Drive, FileError, Kind, ModelMismatch, ResidualModel, ResidualModelFor,
+    TrainConfig, TreeFeatures, train,
 };
 use rfl_mpc::signal::{self, Signal};
 use rfl_mpc::vehicle::SingleTrack;

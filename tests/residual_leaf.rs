@@ -2,9 +2,9 @@
 
 use crate::residual_plant::{Plant, data};
 use nalgebra::{DMatrix, DVector};
+use rfl_mpc::numerics::Random;
 use rfl_mpc::residual::{
-    DataSet, Gram, Kind, LambdaChoice, Random, Regressors, Theta, TrainConfig, TrainError, Trained, Triangle,
-    train,
+    DataSet, Gram, Kind, LambdaChoice, Regressors, Theta, TrainConfig, TrainError, Trained, Triangle, train,
 };
 
 fn example(rows: usize, columns: usize) -> (DMatrix<f64>, DMatrix<f64>, Vec<f64>) {

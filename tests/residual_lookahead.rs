@@ -2,9 +2,10 @@
 
 use crate::counting::allocated;
 use crate::residual_plant::{Plant, data};
+use rfl_mpc::numerics::Random;
 use rfl_mpc::residual::{
-    Coefficients, DataSet, Kind, LambdaChoice, Lookahead, LookedUp, Random, Regressors, ResidualModel,
-    TrainConfig, TreeFeatures, train,
+    Coefficients, DataSet, Kind, LambdaChoice, Lookahead, LookedUp, Regressors, ResidualModel, TrainConfig,
+    TreeFeatures, train,
 };
 
 const WINDOW: usize = 12;

@@ -1,8 +1,9 @@
 //! The room for coefficients remembers the last leaves: that changes no bit, and a room belongs to its model.
 
 use crate::residual_plant::{Plant, data};
+use rfl_mpc::numerics::Random;
 use rfl_mpc::residual::{
-    Coefficients, DataSet, Kind, LambdaChoice, Random, Regressors, ResidualModel, TrainConfig, train,
+    Coefficients, DataSet, Kind, LambdaChoice, Regressors, ResidualModel, TrainConfig, train,
 };
 
 fn samples() -> DataSet {

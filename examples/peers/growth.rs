@@ -5,8 +5,9 @@
 use crate::steps::{Model, SAMPLE_TIME, car, percentile};
 use crate::{Outcome, median_time, memory};
 use rfl_mpc::control::{PredictionModelFor, Propagation, Residual, RollOut};
+use rfl_mpc::numerics::Random;
 use rfl_mpc::path::sudoku::Route;
-use rfl_mpc::residual::{DataConfig, DataSet, Dense, Kind, LambdaChoice, Random, TrainConfig, grow, train};
+use rfl_mpc::residual::{DataConfig, DataSet, Dense, Kind, LambdaChoice, TrainConfig, grow, train};
 use rfl_mpc::simulate::{CAR_COLUMNS, ClosedLoop};
 use rfl_mpc::vehicle::Car;
 use serde_json::{Value, json};

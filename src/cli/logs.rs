@@ -1,8 +1,8 @@
 //! Reading of drive logs and roads, for all commands that read them.
 
 use crate::log::{DriveLog, LogError};
+use crate::numerics::fnv;
 use crate::path::PathOptions;
-use crate::residual::fnv;
 use crate::table::Limits;
 use clap::Args;
 use std::path::Path;

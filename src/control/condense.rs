@@ -15,8 +15,8 @@
 
 use super::tracking_qp::TrackingQp;
 use crate::enumeration;
-use crate::lanes::{FOUR, Lanes, Work, compute};
 use crate::nominal::{ACTUATOR_STATES, ActuatedState, ActuatedTransition};
+use crate::numerics::lanes::{FOUR, Lanes, Work, compute};
 use nalgebra::{SMatrix, SVector};
 use std::ops::{Add, AddAssign, Mul};
 
@@ -419,8 +419,8 @@ pub(super) fn condense_settled<A: Transition<X>, X: HorizonState>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lanes::compute_portably;
-    use crate::residual::Random;
+    use crate::numerics::Random;
+    use crate::numerics::lanes::compute_portably;
 
     #[test]
     fn effects_move_on_by_the_same_bits_on_every_processor_and_as_they_do_singly() {

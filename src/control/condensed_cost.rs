@@ -18,7 +18,7 @@
 
 use super::cholesky::{add as add_multiple, begin};
 use super::tracking_qp::TrackingQp;
-use crate::lanes::{FOUR, Lanes, Work, compute};
+use crate::numerics::lanes::{FOUR, Lanes, Work, compute};
 
 /// A weighted row of `G`, as far as it reaches, and the error there with zero inputs.
 #[derive(Clone, Copy)]

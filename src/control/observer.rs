@@ -196,7 +196,7 @@ impl ObserverParameters {
 mod tests {
     use super::*;
     use crate::nominal::ErrorState;
-    use crate::residual::Random;
+    use crate::numerics::Random;
     use nalgebra::Matrix4;
 
     fn drift() -> Matrix4<f64> {

@@ -3,7 +3,7 @@
 use super::form::DeviationKind;
 use super::posterior::Unknown;
 use super::replay::Channel;
-use crate::residual::fnv;
+use crate::numerics::fnv;
 use serde::Deserialize;
 use std::sync::LazyLock;
 

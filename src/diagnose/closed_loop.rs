@@ -142,7 +142,7 @@ mod tests {
 
     #[test]
     fn noise_of_the_log_is_what_remains_where_the_simulator_is_right() {
-        let mut random = crate::residual::Random::new(5);
+        let mut random = crate::numerics::Random::new(5);
         let mut noise = || 0.04 * ((0..12).map(|_| random.uniform()).sum::<f64>() - 6.0);
         // Slow at first, fast later: few samples in each of the later stretches.
         let station: Vec<f64> = (0..4000).map(|i| 1e-4 * f64::from(i * i) / 8.0).collect();

@@ -24,7 +24,7 @@ use super::fit::{Converged, Fit, Linearisation, Precision, Prior};
 use super::problem::Problem;
 use super::rank::expected;
 use super::replay::ReplayVehicle;
-use crate::residual::parallel;
+use crate::numerics::parallel;
 use crate::vehicle::Stage;
 use nalgebra::DVector;
 use serde::{Deserialize, Serialize};

@@ -24,7 +24,7 @@ use super::shrink::{recalibrated, shrink};
 use super::uncertain;
 use super::words;
 use crate::log::CleanLog;
-use crate::residual::parallel;
+use crate::numerics::parallel;
 use std::collections::BTreeMap;
 
 /// Shortest drive that is diagnosed, s of compared rows.

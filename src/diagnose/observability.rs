@@ -9,6 +9,7 @@ use super::problem::Problem;
 use super::rank::Ranking;
 use super::replay::{ReplayDrive, ReplayVehicle};
 use super::report::Observability;
+use crate::numerics::statistics::quantile;
 use crate::vehicle::{GRAVITY, Stage, TruckEffects};
 
 /// Coordinate beyond which an effect is no longer ordinary: an effect seen only beyond counts as not observable.
@@ -31,11 +32,6 @@ pub struct Excitation {
     pub turns_about: bool,
 }
 
-fn percentile(values: &mut [f64], share: f64) -> f64 {
-    values.sort_unstable_by(f64::total_cmp);
-    values.get(((values.len().max(1) - 1) as f64 * share) as usize).copied().unwrap_or(0.0)
-}
-
 impl Excitation {
     /// Of a drive.
     #[must_use]
@@ -44,15 +40,16 @@ impl Excitation {
         let of = |get: &dyn Fn(usize) -> f64| rows.iter().map(|&i| get(i)).collect::<Vec<f64>>();
         let (vx, rate) = (drive.column("vx"), drive.column("yaw_rate"));
         let lateral = |i: usize| vx[i] * rate.get(i).copied().unwrap_or(0.0);
-        let mut grip = of(&|i| lateral(i).hypot(drive.accel[i]) / (vehicle.friction() * GRAVITY));
-        let mut speed = of(&|i| vx[i]);
-        let mut braking = of(&|i| -drive.accel[i]);
+        let grip = of(&|i| lateral(i).hypot(drive.accel[i]) / (vehicle.friction() * GRAVITY));
+        let speed = of(&|i| vx[i]);
+        let braking = of(&|i| -drive.accel[i]);
         let steer = of(&|i| drive.steer[i]);
         let mean = steer.iter().sum::<f64>() / steer.len().max(1) as f64;
         let variance = steer.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / steer.len().max(1) as f64;
-        let mut quick = of(&|i| {
+        let quick = of(&|i| {
             if i > 2 { (drive.steer[i] - drive.steer[i - 2]).abs() / (2.0 * drive.step) } else { 0.0 }
         });
+        let below = |values: Vec<f64>, share: f64| quantile(values, share).unwrap_or(0.0);
         let mut heading = 0.0_f64;
         let (mut low, mut high) = (0.0_f64, 0.0_f64);
         for &i in &rows {
@@ -60,11 +57,11 @@ impl Excitation {
             (low, high) = (low.min(heading), high.max(heading));
         }
         Self {
-            grip: percentile(&mut grip, 0.995),
-            speed: (percentile(&mut speed, 0.05), percentile(&mut speed, 0.95)),
-            braking: percentile(&mut braking, 0.99),
+            grip: below(grip, 0.995),
+            speed: (below(speed.clone(), 0.05), below(speed, 0.95)),
+            braking: below(braking, 0.99),
             steer: variance.sqrt(),
-            steer_rate: percentile(&mut quick, 0.99),
+            steer_rate: below(quick, 0.99),
             turns_about: high - low > std::f64::consts::PI,
         }
     }

@@ -31,7 +31,7 @@ use super::rank::{Ranking, predicted};
 use super::replay::{Channel, ReplayVehicle};
 use super::report::Term;
 use super::resonance::resonance;
-use crate::residual::parallel;
+use crate::numerics::parallel;
 
 /// Logarithm of the share of the best hypothesis below which another is negligible.
 const NEGLIGIBLE: f64 = -20.0;

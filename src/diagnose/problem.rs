@@ -5,7 +5,7 @@ use super::form;
 use super::profile::Profile;
 use super::replay::{CHANNELS, Channel, Correction, ReplayDrive, ReplayVehicle, Trace, replay};
 use super::uncertain::{self, UncertainParameter};
-use crate::residual::parallel;
+use crate::numerics::parallel;
 use crate::vehicle::TruckEffects;
 use std::borrow::Cow;
 use std::ops::Range;

@@ -26,7 +26,7 @@
 
 use super::problem::Problem;
 use super::replay::{Channel, LEAK, ReplayVehicle};
-use crate::residual::parallel;
+use crate::numerics::parallel;
 use crate::signal;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use std::ops::Range;

@@ -9,7 +9,7 @@ use super::noise::Noise;
 use super::problem::Problem;
 use super::replay::ReplayVehicle;
 use super::uncertain::LOADED;
-use crate::residual::parallel;
+use crate::numerics::parallel;
 
 /// Singles that are fitted to convergence with the final noise.
 const AGAIN: usize = 12;

@@ -6,7 +6,7 @@
 use super::replay::{ReplayDrive, ReplayVehicle};
 use super::uncertain::{self, UncertainParameter};
 use crate::log::CleanLog;
-use crate::residual::Random;
+use crate::numerics::Random;
 use crate::vehicle::{
     Car, CarParameters, PlantStepError, Truck, TruckEffects, TruckParameters, VehicleInput,
 };

@@ -8,8 +8,8 @@
 
 use super::clean::{CleanError, CleanLog, STANDING};
 use super::finding::FindingSeverity;
-use super::statistics::{Slope, median, quantile, slope};
 use super::units::{self, ACCELERATIONS, ANGLES, DEGREE, LENGTHS, LogUnit, Shown, UnitConclusion, sized};
+use crate::numerics::statistics::{Slope, median, quantile, slope};
 use crate::path::wrap_angle;
 use crate::vehicle::GRAVITY;
 use std::collections::BTreeMap;

@@ -10,8 +10,8 @@ use super::join::JUMP;
 use super::outliers;
 use super::read::DriveLog;
 use super::resample::{Interpolation, resample};
-use super::statistics::quantile;
 use super::units::DEGREE;
+use crate::numerics::statistics::quantile;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 

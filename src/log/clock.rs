@@ -2,7 +2,7 @@
 
 use super::clean::CleanError;
 use super::finding::{Finding, FindingSeverity};
-use super::statistics::median;
+use crate::numerics::statistics::median;
 use std::ops::Range;
 
 /// Fewest samples a second in which steering can be seen.

@@ -18,7 +18,6 @@
 //! | `agreement.rs` | relations between columns that reveal a wrong unit or sign |
 //! | `units.rs` | the fewest foreign units that explain these relations |
 //! | `outliers.rs` | values beyond any vehicle, and rows that their neighbours contradict |
-//! | `statistics.rs` | median, slope |
 //! | `road.rs` | place of the log on a road, and the road's properties there |
 //! | `join.rs` | several logs of one vehicle as one |
 //! | `finding.rs` | findings in a log, in words |
@@ -35,7 +34,6 @@ mod outliers;
 mod read;
 mod resample;
 mod road;
-mod statistics;
 mod steering;
 mod units;
 

@@ -6,7 +6,7 @@
 
 use super::clean::CleanError;
 use super::finding::{Finding, FindingSeverity};
-use super::statistics::{median, quantile};
+use crate::numerics::statistics::{median, quantile};
 use crate::signal;
 use std::collections::BTreeMap;
 use std::ops::Range;

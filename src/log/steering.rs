@@ -11,8 +11,8 @@ use super::finding::{Finding, FindingSeverity};
 use super::join::JUMP;
 use super::outliers;
 use super::read::DriveLog;
-use super::statistics::quantile;
 use crate::nominal::SteeringDrive;
+use crate::numerics::statistics::quantile;
 
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
 /// Steering beyond this is an angle in degrees, or at the steering wheel, rad.

@@ -1,13 +1,14 @@
 //! Checks of a road's points: repairs, refusals, closure.
 
 use super::error::{InputPlace, PathError};
-use super::noise::{PointNoise, median};
+use super::noise::PointNoise;
 use super::note::Note;
 use super::read::Accuracy;
 use super::sample::{Closure, PathOptions, Sample, Smoothing};
 use super::smooth::{Goal, smooth};
 use super::spline::{Knot, QuinticSpline, Vector, distance};
 use super::wrap_angle;
+use crate::numerics::statistics::upper_median;
 use std::borrow::Cow;
 
 /// Distance below which a point is the same as the one before (m).
@@ -106,7 +107,7 @@ fn drawn(
     }
     let position = |i: usize| [kept[i].1.x, kept[i].1.y];
     let mut spacings: Vec<f64> = (1..kept.len()).map(|i| distance(position(i - 1), position(i))).collect();
-    let median = median(&mut spacings.clone());
+    let median = upper_median(&mut spacings.clone());
     if !(SPACING.0..=SPACING.1).contains(&median) {
         return Err(PathError::SuspiciousUnit { place: InputPlace::default(), median, unit: "m" });
     }

@@ -40,7 +40,7 @@
 //! | `speed.rs` | a speed plan within lateral and longitudinal limits |
 //! | `read.rs`, `write.rs` | files |
 //! | `segment.rs`, `pen.rs` | roads drawn exactly from straights, arcs and clothoids |
-//! | `sudoku.rs`, `truck_course.rs`, `splitmix.rs` | our own courses |
+//! | `sudoku.rs`, `truck_course.rs` | our own courses |
 //! | `random.rs` | roads by the seed, to be searched and examined on |
 //! | `error.rs` | errors of a road |
 
@@ -61,7 +61,6 @@ mod segment;
 mod smooth;
 mod speed;
 mod spline;
-mod splitmix;
 pub mod sudoku;
 mod truck_course;
 mod write;

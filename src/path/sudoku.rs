@@ -18,8 +18,8 @@
 use super::pen::{Pen, Rounding, corner_tangent};
 use super::sample::{RoadClass, Sample};
 use super::segment::{Course, Pose};
-use super::splitmix::SplitMix64;
 use super::{Path, PathError, PathOptions, to_csv, truck_course};
+use crate::numerics::Random;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Length of a block in m.
@@ -316,7 +316,7 @@ pub(super) struct Winding {
 pub(super) fn cross_country(pen: &mut Pen, winding: &Winding) {
     let base = pen.pose();
     let (sin, cos) = base.yaw.sin_cos();
-    let mut random = SplitMix64(winding.seed);
+    let mut random = Random::new(winding.seed);
     // Vertices along and beside the line; the first and the last lie on it.
     let count = (winding.length / 36.0).round().max(3.0) as usize;
     let pitch = winding.length / count as f64;

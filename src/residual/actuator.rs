@@ -14,9 +14,9 @@
 //! Source: Gelman and others, Bayesian Data Analysis, ch. 14; variable projection: Golub and Pereyra 1973.
 
 use super::dataset::DataSet;
-use super::parallel;
 use super::prior::CommandPrior;
 use crate::nominal::{Actuator, LateralVehicle};
+use crate::numerics::parallel;
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 /// Dead times and lags that are tried, s.

@@ -15,9 +15,9 @@
 
 use super::ROAD;
 use super::checks::{self, DataError};
-use super::hash::Fnv;
 use super::table::Columns;
 use crate::nominal::{DiscreteErrorModel, ERRORS, LateralVehicle};
+use crate::numerics::Fnv;
 use crate::signal::Signal;
 use crate::vehicle::SingleTrack;
 use nalgebra::SVector;

@@ -13,13 +13,13 @@
 //! faster than text. Gaussian processes have files made alike, with a magic word of their own.
 
 use super::forest::Forest;
-use super::hash::fnv;
 use super::leaf::LeafModels;
 use super::model::{Kind, ResidualModelFor, Schema};
 use super::tree::MAX_DEPTH;
 use super::{MAX_WINDOW, ROAD};
 use crate::input;
 use crate::nominal::LateralVehicle;
+use crate::numerics::fnv;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};

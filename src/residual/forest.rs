@@ -5,10 +5,10 @@
 //!
 //! Complexity: `O(T D n F)` to grow, `O(T D)` to look up.
 
-use super::parallel;
-use super::random::Random;
 use super::table::{Columns, FeatureTable, Resolution};
 use super::tree::{self, Growth, MAX_DEPTH, Tree};
+use crate::numerics::Random;
+use crate::numerics::parallel;
 use serde::{Deserialize, Serialize};
 use std::sync::atomic::{AtomicUsize, Ordering};
 

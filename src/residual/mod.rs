@@ -18,7 +18,8 @@
 //! ```
 //!
 //! ```
-//! use rfl_mpc::residual::{DataConfig, DataSet, Drive, Kind, Random, ResidualModel, TrainConfig, train};
+//! use rfl_mpc::numerics::Random;
+//! use rfl_mpc::residual::{DataConfig, DataSet, Drive, Kind, ResidualModel, TrainConfig, train};
 //! use rfl_mpc::vehicle::SingleTrack;
 //!
 //! let car = SingleTrack { mass: 1400.0, yaw_inertia: 2300.0, lf: 1.1, lr: 1.6, cf: 120e3, cr: 140e3 };
@@ -59,7 +60,6 @@
 //! | `lookahead.rs` | the same over the receding horizon of the controller |
 //! | `file.rs`, `rows.rs` | the model's file |
 //! | `gp/` | the Gaussian process of GP-NMPC |
-//! | `random.rs`, `parallel.rs`, `hash.rs` | the same bits for the same seed, on any number of threads |
 
 mod actuator;
 mod checks;
@@ -69,14 +69,11 @@ mod file;
 mod forest;
 mod global;
 pub mod gp;
-mod hash;
 mod leaf;
 mod least_squares;
 mod lookahead;
 mod model;
-pub mod parallel;
 mod prior;
-mod random;
 mod rows;
 mod table;
 mod train;
@@ -90,7 +87,6 @@ pub use explain::BlockMisfit;
 pub(crate) use file::in_file;
 pub use file::{FORMAT, FileError, FileKind};
 pub use forest::{Block, Forest, ForestConfig, GrownForest, grow};
-pub use hash::fnv;
 pub use leaf::{LeafFit, LeafModels};
 pub use least_squares::{Decomposed, Gram, Theta, Triangle};
 pub use lookahead::{Lookahead, LookedUp};
@@ -100,7 +96,6 @@ pub use model::{
 };
 pub(crate) use prior::write_residual_of_actuator;
 pub use prior::{CommandPrior, residual_of_actuator};
-pub use random::Random;
 pub use table::{Columns, Dense, Resolution};
 pub use train::{FitErrors, Progress, TrainError, TrainReport, Trained, TrainingStage, train};
 pub use train_config::{ConfigError, LambdaChoice, TrainConfig};

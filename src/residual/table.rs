@@ -5,8 +5,8 @@
 //! a sample of its rows if there are many. A column with few distinct values has one bin for each. `bin(x) <= b` is
 //! exactly `x <= edge[b]`: a tree grown on bins sorts raw values just as it sorted the bins.
 
-use super::parallel;
-use super::random::Random;
+use crate::numerics::Random;
+use crate::numerics::parallel;
 
 /// A table whose columns are features.
 pub trait Columns: Sync {

@@ -8,6 +8,7 @@
 //!
 //! The same data, configuration and seed give the same bits on any number of threads.
 
+use super::ROAD;
 use super::dataset::{DataSet, ROAD_NAMES, Windows};
 use super::forest::{self, Forest, ForestConfig};
 use super::global;
@@ -16,8 +17,8 @@ use super::least_squares::Theta;
 use super::model::{Kind, Range, Regressors, ResidualModelFor, Schema, Training};
 use super::prior::Means;
 use super::train_config::{ConfigError, LambdaChoice, TrainConfig};
-use super::{ROAD, parallel};
 use crate::nominal::{ERRORS, LateralVehicle};
+use crate::numerics::parallel;
 use crate::signal;
 use crate::vehicle::SingleTrack;
 

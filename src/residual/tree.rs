@@ -11,8 +11,8 @@
 //!
 //! Sums are kept as integers of 2^-24 standard deviations: they are exact, whatever the order of summation.
 
-use super::random::Random;
 use super::table::{ColumnValues, FeatureTable, middle};
+use crate::numerics::Random;
 
 /// Deepest tree: complete trees grow by two for each level.
 pub const MAX_DEPTH: usize = 12;

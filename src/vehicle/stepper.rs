@@ -12,7 +12,7 @@ use super::substep::LONGEST_SUBSTEP;
 use super::surface::Surface;
 use super::unit::{X, Y, YAW};
 use crate::finite::check_finite;
-use crate::lanes::{FOUR, Lanes, Work, compute};
+use crate::numerics::lanes::{FOUR, Lanes, Work, compute};
 use crate::path::Path;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;

@@ -18,6 +18,7 @@ use super::interval::{Along, Ends, FitNoise, GAUSS};
 use super::response::Response;
 use super::rows::DriveRows;
 use crate::nominal::{Actuator, LateralVehicle, SingleTrackError};
+use crate::numerics::statistics::upper_median;
 use crate::{enumeration, nominal::DeadTimeModel};
 
 enumeration! {
@@ -236,11 +237,6 @@ struct BestPoint {
     best: Point,
 }
 
-fn median(values: &mut [f64]) -> f64 {
-    let middle = values.len() / 2;
-    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
-}
-
 impl BestPoint {
     /// The best of all, without rows that stand out.
     fn of(mut problem: ActuatorProblem) -> Self {
@@ -296,12 +292,13 @@ impl BestPoint {
                     .iter()
                     .map(|&row| residual[row])
                     .collect();
-                off[row] = (residual[row] - median(&mut beside)).abs();
+                off[row] = (residual[row] - upper_median(&mut beside)).abs();
             }
         }
         let mut typical: Vec<f64> =
             (0..off.len()).filter(|&row| rows.counts[row]).map(|row| off[row]).collect();
-        let limit = (OUTLYING * 1.4826 * median(&mut typical)).max(OUTLYING_SHARE * least).max(ROUNDING);
+        let limit =
+            (OUTLYING * 1.4826 * upper_median(&mut typical)).max(OUTLYING_SHARE * least).max(ROUNDING);
         for (row, off) in off.iter().enumerate() {
             if rows.counts[row] && *off > limit {
                 rows.counts[row] = false;

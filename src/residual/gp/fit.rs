@@ -14,8 +14,8 @@
 
 use super::exact::Exact;
 use super::kernel::Kernel;
-use crate::residual::parallel;
-use crate::residual::random::Random;
+use crate::numerics::Random;
+use crate::numerics::parallel;
 use argmin::core::{CostFunction, Error, Executor, Gradient};
 use argmin::solver::linesearch::MoreThuenteLineSearch;
 use argmin::solver::quasinewton::LBFGS;

@@ -12,9 +12,9 @@ use super::fit::{FitConfig, fit};
 use super::samples::Samples;
 use super::sparse::Sparse;
 use super::vehicle::GpVehicle;
+use crate::numerics::Random;
+use crate::numerics::parallel;
 use crate::residual::dataset::DataSet;
-use crate::residual::parallel;
-use crate::residual::random::Random;
 
 /// Smoothing of the body's states: a cubic fitted to so many rows on each side.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -74,10 +74,10 @@ impl<const D: usize> Sparse<D> {
         let prior = prior(&kernel, &dictionary)?;
         let l = prior.l_dirty();
         let part = inputs.len().div_ceil(PARTS).max(1);
-        let parts = crate::residual::parallel::chunks(inputs.len(), part);
-        let sums = crate::residual::parallel::map(threads, parts.len(), |p| {
+        let parts = crate::numerics::parallel::chunks(inputs.len(), part);
+        let sums = crate::numerics::parallel::map(threads, parts.len(), |p| {
             let mut sums = Moments { square: DMatrix::zeros(m, m), product: DVector::zeros(m) };
-            for block in crate::residual::parallel::chunks(parts[p].len(), BLOCK) {
+            for block in crate::numerics::parallel::chunks(parts[p].len(), BLOCK) {
                 let rows = parts[p].start + block.start..parts[p].start + block.end;
                 let mut v = kernel.between(&dictionary, &inputs[rows.clone()]);
                 l.solve_lower_triangular_mut(&mut v);

@@ -21,7 +21,7 @@ use super::trial::TrialFor;
 use super::vehicle::Compared;
 use super::weights::CostWeights;
 use crate::control::PredictionModelFor;
-use crate::residual::parallel;
+use crate::numerics::parallel;
 use serde::Serialize;
 use std::borrow::Cow;
 

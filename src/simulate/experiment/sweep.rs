@@ -7,8 +7,8 @@ use super::roads::Roads;
 use super::row::{Predictor, TableRow};
 use super::vehicle::Compared;
 use super::weights::CostWeights;
+use crate::numerics::parallel;
 use crate::path::sudoku::Route;
-use crate::residual::parallel;
 use serde::Serialize;
 use std::borrow::Cow;
 

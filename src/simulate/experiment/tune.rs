@@ -5,8 +5,8 @@ use super::trial::{TrialError, TrialFor};
 use super::vehicle::{Compared, NominalOf};
 use super::weights::{CostWeights, WeightSearch};
 use crate::control::PredictionModelFor;
+use crate::numerics::parallel;
 use crate::path::Path;
-use crate::residual::parallel;
 use crate::simulate::{DriveFor, STATION, SensorNoise};
 use std::sync::Arc;
 

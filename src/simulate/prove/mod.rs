@@ -20,8 +20,8 @@ use super::experiment::{Compared, NominalOf};
 use super::tune::{ControllerNumbers, Scenario, ScenarioError, ScenarioResult};
 use crate::control::{ControllerParametersFor, PredictionModelFor};
 use crate::nominal::Actuator;
+use crate::numerics::parallel;
 use crate::path::{PathError, RandomRoad};
-use crate::residual::parallel;
 use serde::Serialize;
 use std::sync::Arc;
 

@@ -3,7 +3,8 @@
 
 use super::actuator_about;
 use crate::nominal::{Actuator, SingleTrackError};
-use crate::residual::{BlockMisfit, DataSet, Random, ShownActuator, parallel};
+use crate::numerics::{Random, parallel};
+use crate::residual::{BlockMisfit, DataSet, ShownActuator};
 use crate::simulate::experiment::{Compared, NominalOf};
 use crate::vehicle::VehicleParameters as _;
 

@@ -9,7 +9,7 @@
 use super::axis::{Axis, ControllerNumbers};
 use super::goal::MarginGoal;
 use super::scenario::{Scenario, ScenarioError, ScenarioResult};
-use crate::residual::parallel;
+use crate::numerics::parallel;
 use crate::simulate::experiment::Compared;
 use cmaes::{CMAESOptions, DVector};
 use serde::Serialize;

@@ -2,7 +2,7 @@
 
 use super::output::{self, CarFlow, CarOutput, SIGNALS};
 use super::plant::{CarPlant, STATES, WHEELS};
-use crate::lanes::{FOUR, Lanes};
+use crate::numerics::lanes::{FOUR, Lanes};
 use crate::path::Path;
 use crate::vehicle::air;
 use crate::vehicle::drive::DriveLine;
@@ -142,8 +142,8 @@ fn split(y: &[f64; STATES]) -> (&[f64; BODY], &[f64]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lanes::{compute, compute_portably};
-    use crate::residual::Random;
+    use crate::numerics::Random;
+    use crate::numerics::lanes::{compute, compute_portably};
     use crate::vehicle::builtin;
     use crate::vehicle::stepper::Evaluation;
 

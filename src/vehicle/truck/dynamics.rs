@@ -3,7 +3,7 @@
 use super::hitch::to_trailer;
 use super::output::{self, SIGNALS, TruckFlow, TruckOutput};
 use super::plant::{STATES, TRAILER, TRAILER_STATES, TruckPlant, WHEELS, WIND_UP};
-use crate::lanes::{FOUR, Lanes};
+use crate::numerics::lanes::{FOUR, Lanes};
 use crate::path::Path;
 use crate::vehicle::air;
 use crate::vehicle::drive::DriveLine;

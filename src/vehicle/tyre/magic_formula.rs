@@ -1,7 +1,7 @@
 //! The Magic Formula 5.2: forces and moments in the contact patch, of one wheel or of several side by side.
 
 use super::coefficients::Coefficients;
-use crate::lanes::Lanes;
+use crate::numerics::lanes::Lanes;
 use crate::vehicle::trigonometry::{atan_of, cos_of, sin_of};
 
 /// Contact of a tyre with the road. The default is a wheel in the air.

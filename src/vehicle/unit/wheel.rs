@@ -16,7 +16,7 @@ use super::axle::UnitAxle;
 use super::dry_friction::DryFriction;
 use super::wheel_motion::{WheelFlow, WheelMotion};
 use super::{DEFLECTION_X, DEFLECTION_Y, LIFT, LIFT_RATE, PER_WHEEL, SPIN, WIND_UP};
-use crate::lanes::{FOUR, Lanes};
+use crate::numerics::lanes::{FOUR, Lanes};
 use crate::vehicle::trigonometry::atan_of;
 use crate::vehicle::tyre::{Coefficients, Contact, TyreForces};
 
