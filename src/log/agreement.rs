@@ -6,7 +6,7 @@
 //!     steer = (l + K vx^2) * yaw_rate / vx               (steady cornering, Rajamani ch. 3.3)
 //! ```
 
-use super::clean::{CleanError, CleanLog, STANDING};
+use super::clean_log::{CleanError, CleanLog, STANDING};
 use super::finding::FindingSeverity;
 use super::units::{self, ACCELERATIONS, ANGLES, DEGREE, LENGTHS, LogUnit, Shown, UnitConclusion, sized};
 use crate::numerics::statistics::{Slope, median, quantile, slope};

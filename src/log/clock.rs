@@ -1,6 +1,6 @@
 //! A log's clock: its unit, the order of its rows, and their even clock.
 
-use super::clean::CleanError;
+use super::clean_log::{CleanError, LEAST_LENGTH};
 use super::finding::{Finding, FindingSeverity};
 use crate::numerics::statistics::median;
 use std::ops::Range;
@@ -11,8 +11,6 @@ const SLOWEST: f64 = 6.0;
 const SLOW: f64 = 20.0;
 /// Largest useful number of samples a second: the rows are reduced to it.
 pub(super) const FASTEST: f64 = 100.0;
-/// Least length of a log, s.
-pub(super) const LEAST_LENGTH: f64 = 10.0;
 /// A longer gap ends a drive, s.
 const LONGEST_GAP: f64 = 10.0;
 /// Number of steps without a row that is a gap.

@@ -4,9 +4,9 @@
 //! belongs beside the log for which it was proposed. More of the same adds little, as the model's form is wrong in the
 //! same way again.
 
-use super::clean::{CleanLog, between};
+use super::clean_log::CleanLog;
 use super::finding::{Finding, FindingSeverity};
-use super::resample::resample;
+use super::resample::{between, resample};
 use std::collections::BTreeSet;
 
 /// The clock jumps by so much between two logs, s: a replay starts anew after a jump.

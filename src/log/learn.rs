@@ -4,7 +4,8 @@
 //! the same way.
 
 use super::agreement::turn_factor;
-use super::clean::{CleanError, LogColumns, UnusableLog, check};
+use super::clean::{LogColumns, check};
+use super::clean_log::{CleanError, UnusableLog};
 use super::clock::Clock;
 use super::finding::FindingSeverity;
 use super::read::{DriveLog, LogError};

@@ -12,6 +12,7 @@
 //! | file | idea |
 //! |---|---|
 //! | `read.rs` | a CSV file's columns |
+//! | `clean_log.rs` | a log on an even clock, mended, and the reasons for which there is none |
 //! | `clean.rs` | a log prepared for comparison: even clock, gaps, units, signs |
 //! | `clock.rs` | its clock: unit, order, gaps, jitter |
 //! | `resample.rs` | a column on an even clock |
@@ -26,6 +27,7 @@
 
 mod agreement;
 mod clean;
+mod clean_log;
 mod clock;
 mod finding;
 mod join;
@@ -37,7 +39,7 @@ mod road;
 mod steering;
 mod units;
 
-pub use clean::{CleanError, CleanLog, UnusableLog};
+pub use clean_log::{CleanError, CleanLog, UnusableLog};
 pub use finding::{Finding, FindingSeverity};
 pub use join::JoinError;
 pub use learn::{LearnError, drives_of};

@@ -4,7 +4,7 @@
 //! jump must far exceed the column's bends elsewhere, nearby and in the whole log. A step of steering does not come
 //! back, noise is as large everywhere, and inertia takes longer.
 
-use super::clean::CleanError;
+use super::clean_log::CleanError;
 use super::finding::{Finding, FindingSeverity};
 use crate::numerics::statistics::{median, quantile};
 use crate::signal;

@@ -22,6 +22,13 @@ pub(super) enum Interpolation {
     Hold,
 }
 
+/// Columns that jump: values between two of theirs are meaningless.
+const JUMPING: [&str; 2] = ["station", "e2"];
+/// Interpolation of a column between its samples.
+pub(super) fn between(column: &str) -> Interpolation {
+    if JUMPING.contains(&column) { Interpolation::Hold } else { Interpolation::Line }
+}
+
 /// Brings a column onto the clock `first + k * step`; `None` if it holds no finite value. Samples that come faster than the
 /// clock are averaged.
 pub(super) fn resample(

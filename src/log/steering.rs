@@ -5,7 +5,7 @@
 //! of [`CleanLog`], with all repairs that are made there.
 
 use super::agreement::near;
-use super::clean::{CleanError, CleanLog, UnusableLog};
+use super::clean_log::{CleanError, CleanLog, UnusableLog};
 use super::clock;
 use super::finding::{Finding, FindingSeverity};
 use super::join::JUMP;

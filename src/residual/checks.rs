@@ -1,6 +1,6 @@
 //! Faults of recorded drives: rates, gaps, units, stuck columns.
 
-use super::dataset::{DataReport, DriveRow, ROAD_NAMES, Recorded};
+use super::recorded::{DataReport, DriveRow, ROAD_NAMES, Recorded};
 use crate::nominal::SingleTrackError;
 use crate::signal::{self, Signal};
 

@@ -48,6 +48,7 @@
 //!
 //! | file | idea |
 //! |---|---|
+//! | `recorded.rs` | drives as recorded, row by row, and the report of their repairs |
 //! | `dataset.rs` | labels and windows from drives |
 //! | `checks.rs` | faults of recorded drives |
 //! | `table.rs`, `tree.rs`, `forest.rs` | binning, CART, random forests and their look-up |
@@ -74,6 +75,7 @@ mod least_squares;
 mod lookahead;
 mod model;
 mod prior;
+mod recorded;
 mod rows;
 mod table;
 mod train;
@@ -82,7 +84,7 @@ mod tree;
 
 pub use actuator::ShownActuator;
 pub use checks::DataError;
-pub use dataset::{DataConfig, DataReport, DataSet, Drive, Windows};
+pub use dataset::{DataConfig, DataSet, Windows};
 pub use explain::BlockMisfit;
 pub(crate) use file::in_file;
 pub use file::{FORMAT, FileError, FileKind};
@@ -96,6 +98,7 @@ pub use model::{
 };
 pub(crate) use prior::write_residual_of_actuator;
 pub use prior::{CommandPrior, residual_of_actuator};
+pub use recorded::{DataReport, Drive};
 pub use table::{Columns, Dense, Resolution};
 pub use train::{FitErrors, Progress, TrainError, TrainReport, Trained, TrainingStage, train};
 pub use train_config::{ConfigError, LambdaChoice, TrainConfig};

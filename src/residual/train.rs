@@ -9,13 +9,14 @@
 //! The same data, configuration and seed give the same bits on any number of threads.
 
 use super::ROAD;
-use super::dataset::{DataSet, ROAD_NAMES, Windows};
+use super::dataset::{DataSet, Windows};
 use super::forest::{self, Forest, ForestConfig};
 use super::global;
 use super::leaf::{self, Design, Expectation, LeafFit, LeafModels, Members};
 use super::least_squares::Theta;
 use super::model::{Kind, Range, Regressors, ResidualModelFor, Schema, Training};
 use super::prior::Means;
+use super::recorded::ROAD_NAMES;
 use super::train_config::{ConfigError, LambdaChoice, TrainConfig};
 use crate::nominal::{ERRORS, LateralVehicle};
 use crate::numerics::parallel;

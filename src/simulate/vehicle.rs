@@ -1,6 +1,6 @@
 //! A kind of vehicle in the closed loop: its construction, drive and measurement, and the columns of its log.
 
-use super::closed_loop::{COLUMNS, Common};
+use super::columns::{COLUMNS, Common};
 use crate::control::{
     ControlledParameters, ControllerParameters, ControllerParametersFor, Measurement, NominalTruck,
     NominalVehicle, TRUCK_STATES, TruckControllerParameters,

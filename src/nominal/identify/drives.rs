@@ -17,32 +17,9 @@ use super::fit::{ActuatorProblem, LEAST_NOISE, LONGEST_DEAD_TIME, LONGEST_LAG, P
 use super::interval::{Along, Ends, FitNoise, GAUSS};
 use super::response::Response;
 use super::rows::DriveRows;
-use crate::nominal::{Actuator, LateralVehicle, SingleTrackError};
+use super::steering_drive::{Between, LeftOut, SteeringDrive};
+use crate::nominal::{Actuator, DeadTimeModel, LateralVehicle, SingleTrackError};
 use crate::numerics::statistics::upper_median;
-use crate::{enumeration, nominal::DeadTimeModel};
-
-enumeration! {
-    /// Course of a command between the rows of a record.
-    pub enum Between {
-        Held = 0 "held", "Each command stands until the next row";
-        Line = 1 "line", "Commands were recorded more slowly than given: on a line between rows";
-    }
-}
-
-/// A drive as recorded. Rows need not be even; a value that is no number is a gap.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct SteeringDrive {
-    /// Name in messages.
-    pub name: String,
-    /// s, rising.
-    pub time: Vec<f64>,
-    /// Command, rad, given at its time.
-    pub steer_cmd: Vec<f64>,
-    /// Response measured just before: the road-wheel angle in rad, or the yaw rate in rad/s.
-    pub response: Vec<f64>,
-    /// Forward speed, m/s, for a yaw rate; else empty.
-    pub speed: Vec<f64>,
-}
 
 /// A number with its 90 % confidence interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -55,19 +32,6 @@ pub struct Estimate {
     pub high: f64,
     /// True if the drives determine it: the interval is narrow enough to be used.
     pub excited: bool,
-}
-
-/// A value that was taken for wrong.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LeftOut {
-    /// Place of the drive.
-    pub drive: u32,
-    /// Row of the drive.
-    pub row: u32,
-    /// `steer_cmd` or `response`.
-    pub signal: &'static str,
-    /// The value.
-    pub value: f64,
 }
 
 /// A steering actuator as drives show it.

@@ -15,8 +15,8 @@
 //!
 //! which the linear error model gives on a straight path that begins anew at each row (`e1 = e2 = 0`, `e1' = vy`).
 
-use super::drives::Between;
 use super::rows::DriveRows;
+use super::steering_drive::Between;
 use crate::nominal::{LateralVehicle, SingleTrackError};
 
 /// A lag shorter than this is none, s.

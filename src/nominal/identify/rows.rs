@@ -1,6 +1,6 @@
 //! The rows of drives for a fit: stretches without gaps, without wrong values, with a mark for rows that count.
 
-use super::drives::{LeftOut, SteeringDrive};
+use super::steering_drive::{LeftOut, SteeringDrive};
 
 /// Longest hole with known commands, s: a longer one ends the stretch.
 const LONGEST_HOLE: f64 = 0.15;

@@ -11,7 +11,8 @@
 
 use super::vehicle::GpVehicle;
 use crate::nominal::ERRORS;
-use crate::residual::dataset::{self, DataSet, DriveRow};
+use crate::residual::dataset::{self, DataSet};
+use crate::residual::recorded::DriveRow;
 
 /// Inputs and labels, and the number of steps without any.
 #[derive(Debug, Clone, PartialEq)]
