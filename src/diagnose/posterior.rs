@@ -107,6 +107,12 @@ impl Posterior {
         let linear = ranking.linear.tempered(calibration.temper);
         let linears: Vec<Linearisation> =
             parallel::map(problem.threads(), fits.len(), |k| linear.with(&fits[k].of_free()));
+        // A linear step from a fit that the search could not follow: no replay has seen its gain.
+        let unseen = parallel::map(problem.threads(), fits.len(), |k| {
+            let own = ranking.linear.with(&fits[k].of_free());
+            let step = converged(problem, &ranking.prior, &own, fits[k], &fits[k].free);
+            step.map_or(0.0, |step| calibration.temper * (fits[k].cost - step.cost).max(0.0))
+        });
         let worlds = beliefs.trust.worlds();
         let mut reference = None;
         let all: Vec<Vec<Hypothesis>> = worlds
@@ -117,10 +123,10 @@ impl Posterior {
                     converged(problem, &prior, &linears[k], fits[k], &fits[k].free)
                 });
                 let Some(none) = settled[0].as_ref() else { return Vec::new() };
-                let (cost, narrowing) = *reference.get_or_insert((none.cost, none.narrowing));
-                let hypothesis = |(fit, at): (&&Fit, &Option<Converged>)| {
+                let (cost, narrowing) = *reference.get_or_insert((none.cost + unseen[0], none.narrowing));
+                let hypothesis = |((fit, at), unseen): ((&&Fit, &Option<Converged>), &f64)| {
                     let at = at.as_ref()?;
-                    let (evidence, narrowing) = (cost - at.cost, at.narrowing - narrowing);
+                    let (evidence, narrowing) = (cost - at.cost - unseen, at.narrowing - narrowing);
                     let odds: f64 =
                         fit.free.iter().map(|&i| beliefs.odds(problem.uncertain[i].id, calibration)).sum();
                     let probability = calibration.weight(evidence, narrowing, odds + world.odds);
@@ -128,7 +134,8 @@ impl Posterior {
                     let terms = vec![Term { factor: world.factor, evidence, narrowing }];
                     Some(Hypothesis { effects, unknown: None, terms, probability })
                 };
-                let known: Vec<Option<Hypothesis>> = fits.iter().zip(&settled).map(hypothesis).collect();
+                let known: Vec<Option<Hypothesis>> =
+                    fits.iter().zip(&settled).zip(&unseen).map(hypothesis).collect();
                 let given = WorldInputs { problem, calibration, causes, prior: &prior, world };
                 let mut all = given.unknown(ranking, &fits, &linears, &settled, &known);
                 all.extend(known.into_iter().flatten());
