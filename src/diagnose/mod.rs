@@ -37,6 +37,7 @@
 //! | `information.rs` | likelihood of all parameters at once, for several drives |
 //! | `naming.rs` | the decision in the user's terms |
 //! | `engine.rs` | from a log and a vehicle to the answer |
+//! | `judged.rs` | the decision, tested on unseen parts, in numbers and words |
 //! | `observability.rs` | effects that a log can and cannot show |
 //! | `localise.rs` | location of the gap |
 //! | `shrink.rs` | reduction of the gap on held-out parts |
@@ -67,6 +68,7 @@ pub mod fit;
 pub mod form;
 mod headline;
 mod information;
+mod judged;
 mod localise;
 mod manoeuvre;
 mod naming;
