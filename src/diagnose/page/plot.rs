@@ -239,6 +239,14 @@ fn short(value: f64) -> String {
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
+/// A legend: each colour with its name.
+pub(super) fn legend(entries: &[(Colour, &str)]) -> String {
+    let entry = |(colour, name): &(Colour, &str)| {
+        format!("<span class='key'><i style='background:var({})'></i>{}</span>", colour.css(), escaped(name))
+    };
+    entries.iter().map(entry).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -260,12 +268,4 @@ mod tests {
         assert!(line(vec![(1.0, 1.0)]).contains("<svg"));
         assert_eq!(short(0.25), "0.25");
     }
-}
-
-/// A legend: each colour with its name.
-pub(super) fn legend(entries: &[(Colour, &str)]) -> String {
-    let entry = |(colour, name): &(Colour, &str)| {
-        format!("<span class='key'><i style='background:var({})'></i>{}</span>", colour.css(), escaped(name))
-    };
-    entries.iter().map(entry).collect()
 }

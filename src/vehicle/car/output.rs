@@ -50,6 +50,18 @@ pub struct CarOutput {
 /// Motion signals.
 pub(super) const SIGNALS: usize = BODY_SIGNALS;
 
+/// Forces and accelerations at an instant, for outputs.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct CarFlow {
+    pub wheels: [WheelFlow; 4],
+    /// As outputs, once observed.
+    pub outputs: [WheelOutput; 4],
+    /// Specific force at the CG in the plane of the road and out of it, m/s2.
+    pub specific: [f64; 3],
+    /// Drive force asked of the wheels (brakes negative), N.
+    pub drive_force: f64,
+}
+
 /// The output from the (delayed) motion, and signals without latency.
 pub(super) fn measure(
     plant: &CarPlant,
@@ -94,16 +106,4 @@ fn status(state: &State<STATES, SIGNALS>, wheels: &[WheelOutput; 4]) -> CarStatu
     } else {
         CarStatus::Driving
     }
-}
-
-/// Forces and accelerations at an instant, for outputs.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct CarFlow {
-    pub wheels: [WheelFlow; 4],
-    /// As outputs, once observed.
-    pub outputs: [WheelOutput; 4],
-    /// Specific force at the CG in the plane of the road and out of it, m/s2.
-    pub specific: [f64; 3],
-    /// Drive force asked of the wheels (brakes negative), N.
-    pub drive_force: f64,
 }

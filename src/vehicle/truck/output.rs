@@ -73,6 +73,20 @@ pub struct TrailerOutput {
 /// Motion signals.
 pub(super) const SIGNALS: usize = BODY_SIGNALS + 9;
 
+/// Forces and accelerations at an instant, for outputs.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct TruckFlow {
+    pub wheels: [WheelFlow; 6],
+    /// As outputs, once observed.
+    pub outputs: [WheelOutput; 6],
+    /// Specific force at the tractor's CG in the plane of the road and out of it, m/s2.
+    pub specific: [f64; 3],
+    /// Force of the semi-trailer on the tractor in the tractor's axes; the vertical one downwards, N.
+    pub hitch: [f64; 3],
+    /// Drive force asked of the wheels (brakes negative), N.
+    pub drive_force: f64,
+}
+
 /// The output from the (delayed) motion, and signals without latency.
 pub(super) fn measure(
     plant: &TruckPlant,
@@ -136,18 +150,4 @@ fn status(plant: &TruckPlant, state: &State<STATES, SIGNALS>, flow: &TruckFlow) 
     } else {
         TruckStatus::Driving
     }
-}
-
-/// Forces and accelerations at an instant, for outputs.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct TruckFlow {
-    pub wheels: [WheelFlow; 6],
-    /// As outputs, once observed.
-    pub outputs: [WheelOutput; 6],
-    /// Specific force at the tractor's CG in the plane of the road and out of it, m/s2.
-    pub specific: [f64; 3],
-    /// Force of the semi-trailer on the tractor in the tractor's axes; the vertical one downwards, N.
-    pub hitch: [f64; 3],
-    /// Drive force asked of the wheels (brakes negative), N.
-    pub drive_force: f64,
 }

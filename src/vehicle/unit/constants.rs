@@ -30,6 +30,22 @@ pub(in crate::vehicle) struct Load {
     pub yaw_inertia: f64,
 }
 
+/// Gravity in body axes of the road plane for a unit heading `yaw` (rad), at a station of the road.
+pub(in crate::vehicle) fn gravity(effects: &Effects, yaw: f64, road: Option<&Path>, station: f64) -> Gravity {
+    let Effects { road_grade, road_bank, .. } = *effects;
+    let level = Gravity { x: 0.0, y: 0.0, z: GRAVITY };
+    let (yaw, bank, grade) = match road {
+        // Nearly all roads are: no angle matters then.
+        _ if road_grade == 0.0 && road_bank == 0.0 && road.is_none_or(Path::is_level) => return level,
+        None => (0.0, road_bank, road_grade),
+        Some(road) => {
+            let here = road.at(station);
+            (yaw - here.yaw, here.bank + road_bank, here.grade + road_grade)
+        }
+    };
+    tilted(yaw, bank, grade)
+}
+
 impl Load {
     /// The load that effects put on the unit that is steered.
     pub fn of(effects: &Effects) -> Self {
@@ -192,22 +208,6 @@ impl<const A: usize> UnitConstants<A> {
             reference_x: -cg,
         }
     }
-}
-
-/// Gravity in body axes of the road plane for a unit heading `yaw` (rad), at a station of the road.
-pub(in crate::vehicle) fn gravity(effects: &Effects, yaw: f64, road: Option<&Path>, station: f64) -> Gravity {
-    let Effects { road_grade, road_bank, .. } = *effects;
-    let level = Gravity { x: 0.0, y: 0.0, z: GRAVITY };
-    let (yaw, bank, grade) = match road {
-        // Nearly all roads are: no angle matters then.
-        _ if road_grade == 0.0 && road_bank == 0.0 && road.is_none_or(Path::is_level) => return level,
-        None => (0.0, road_bank, road_grade),
-        Some(road) => {
-            let here = road.at(station);
-            (yaw - here.yaw, here.bank + road_bank, here.grade + road_grade)
-        }
-    };
-    tilted(yaw, bank, grade)
 }
 
 /// The same for a unit driven straight along a surface.
