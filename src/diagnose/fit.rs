@@ -271,7 +271,7 @@ impl Marginalised<'_> {
 
     /// Explanation of a gap `e` by columns `D`, each with a coordinate of standard deviation `s`, and these
     /// coordinates: `b' (G + 1 / s^2)^-1 b` with `b_k = <D_k, e>`, `G_kl = <D_k, D_l>`. The cost of their freedom is as
-    /// [`Settled::narrowing`]. None where they are not finite.
+    /// [`Converged::narrowing`]. None where they are not finite.
     #[must_use]
     pub fn explained<'a, C: Into<Cow<'a, [f64]>>>(
         &self,

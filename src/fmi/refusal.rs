@@ -4,7 +4,7 @@ use super::life::InstanceState;
 use super::types::Status;
 use super::version::Version;
 
-/// One cause per variant. [`Refusal::status`] gives what the host gets:
+/// One cause per variant. [`CallError::status`] gives what the host gets:
 ///
 /// - discard: the function was used well, but this *value* (or step) cannot be taken; the value before it
 ///   stands, and the host may try another;

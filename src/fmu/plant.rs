@@ -76,12 +76,12 @@ pub trait PlantUnit: Send + Sized + 'static {
     /// Advances by a time in s.
     ///
     /// # Errors
-    /// See [`StepError`].
+    /// See [`PlantStepError`].
     fn step(&mut self, input: &VehicleInput, step: f64) -> Result<(), PlantStepError>;
     /// The same, but ends where the status changes; gives the time made, in s.
     ///
     /// # Errors
-    /// See [`StepError`].
+    /// See [`PlantStepError`].
     fn step_to_status(&mut self, input: &VehicleInput, step: f64) -> Result<f64, PlantStepError>;
     /// Measurements.
     fn output(&self) -> &Self::Output;

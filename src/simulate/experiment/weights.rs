@@ -32,7 +32,7 @@ const AXES: usize = 6;
 /// Ranges of a kind of vehicle's weights in the search.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Space {
-    /// Ranges, in the order of [`Weights`].
+    /// Ranges, in the order of [`CostWeights`].
     pub ranges: [(f64, f64); AXES],
     /// Designs that every search begins with: `q_e1_rate`, `q_e2`, `q_e2_rate`, `r_rate`. The default first.
     pub beginning: &'static [[f64; 4]],
