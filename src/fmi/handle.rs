@@ -13,11 +13,11 @@
 
 #![allow(clippy::missing_safety_doc)]
 
+use super::call_error::CallError;
 use super::instance::Instance;
-use super::life::Function;
+use super::instance_state::Function;
 use super::logger::{LogListener, Logger, status_category};
 use super::model::{Context, Model};
-use super::refusal::CallError;
 use super::resource;
 use super::start::StartError;
 use super::types::{Bytes, BytesOut, Component, Count, CountOut, FmuState, StateOut, Status, Text, Texts};

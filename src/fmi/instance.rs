@@ -22,10 +22,10 @@
 //! - *Time.* Where the version has it as a variable, it stands behind the model's own.
 //! - `noSetFMUStatePriorToCurrentPoint` allows to flush buffers. There are none: older states stay restorable.
 
-use super::life::{Function, InstanceState};
+use super::call_error::CallError;
+use super::instance_state::{Function, InstanceState};
 use super::logger::{Logger, Messages, STANDARD_CATEGORIES, status_category};
 use super::model::{Array, Context, Declaration, Model, ModelError};
-use super::refusal::CallError;
 use super::snapshot::Snapshot;
 use super::start::StartError;
 use super::types::Status;

@@ -11,9 +11,9 @@
 //! | `value.rs` | a value of any FMI type |
 //! | `values.rs` | the values of one instance's variables |
 //! | `model.rs` | the trait that a model fulfils |
-//! | `life.rs` | the states of an instance, and what a table of calls is |
+//! | `instance_state.rs` | the states of an instance, and what a table of calls is |
 //! | `instance.rs` | one instance, and what each call does to it |
-//! | `refusal.rs` | why a call was refused |
+//! | `call_error.rs` | why a call was refused |
 //! | `snapshot.rs` | FMU states, and their form as bytes |
 //! | `logger.rs` | messages to the host |
 //! | `resource.rs` | the `resources/` folder from what hosts pass |
@@ -23,12 +23,12 @@
 //! | `handle.rs` | what a host's pointer points to, and what guards it |
 //! | `v2/`, `v3/` | the C functions of a version, its table of calls, and the macro that exports them |
 
+pub mod call_error;
 mod handle;
 pub mod instance;
-pub mod life;
+pub mod instance_state;
 pub mod logger;
 mod model;
-pub mod refusal;
 pub mod resource;
 mod snapshot;
 mod start;

@@ -6,8 +6,8 @@
 //!
 //! All numbers are little-endian; the checksum is FNV-1a (64 bit) over the payload. Reals are stored bit by bit.
 
-use super::life::InstanceState;
-use super::refusal::CallError;
+use super::call_error::CallError;
+use super::instance_state::InstanceState;
 use super::values::Values;
 use super::variable::Variable;
 use serde::{Deserialize, Serialize};

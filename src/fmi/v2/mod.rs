@@ -14,13 +14,13 @@
 
 mod table;
 
+use super::call_error::CallError;
 use super::handle;
 use super::handle::{Request, array, check, guard, instantiate, put, texts};
 use super::instance::Instance;
-use super::life::InstanceState;
+use super::instance_state::InstanceState;
 use super::logger::{Kept, LogListener};
 use super::model::Model;
-use super::refusal::CallError;
 pub use super::types::*;
 use super::version::Version;
 use std::ffi::{CStr, c_char, c_int, c_void};

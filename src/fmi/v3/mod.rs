@@ -21,11 +21,11 @@
 
 mod table;
 
+use super::call_error::CallError;
 use super::handle::{self, Request, array, check, guard, instantiate, texts};
 use super::instance::Instance;
 use super::logger::{Kept, LogListener};
 use super::model::Model;
-use super::refusal::CallError;
 pub use super::types::*;
 use super::version::Version;
 use std::ffi::{CStr, c_uint, c_void};

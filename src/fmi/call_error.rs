@@ -1,6 +1,6 @@
 //! Reasons for which a call was refused. Unless a variant says otherwise, a refused call has changed nothing.
 
-use super::life::InstanceState;
+use super::instance_state::InstanceState;
 use super::types::Status;
 use super::version::Version;
 

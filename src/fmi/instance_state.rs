@@ -101,18 +101,18 @@ macro_rules! functions {
         #[allow(missing_docs)]
         pub enum Function { $($name,)* }
 
-        impl $crate::fmi::life::Function for Function {
+        impl $crate::fmi::instance_state::Function for Function {
             fn name(self) -> &'static str {
                 match self { $(Function::$name => $fmi,)* }
             }
 
-            fn allowed_in(self, life: $crate::fmi::life::InstanceState) -> bool {
-                match self { $(Function::$name => $crate::fmi::life::functions!(@any life [$($life)*]),)* }
+            fn allowed_in(self, life: $crate::fmi::instance_state::InstanceState) -> bool {
+                match self { $(Function::$name => $crate::fmi::instance_state::functions!(@any life [$($life)*]),)* }
             }
         }
     };
     (@any $value:ident [Always]) => { { let _ = $value; true } };
     (@any $value:ident []) => { { let _ = $value; false } };
-    (@any $value:ident [$($life:ident)+]) => { matches!($value, $($crate::fmi::life::InstanceState::$life)|+) };
+    (@any $value:ident [$($life:ident)+]) => { matches!($value, $($crate::fmi::instance_state::InstanceState::$life)|+) };
 }
 pub(crate) use functions;
