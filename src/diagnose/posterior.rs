@@ -9,8 +9,9 @@
 //!
 //! `eta` the temper of a misspecified likelihood, `odds` the price of an effect. The determinant, by the slopes at the
 //! fit, is that of Laplace's approximation: freedom that the log narrows has a cost. An effect that it cannot show
-//! keeps its prior probability. A cause outside the library competes with evidence of its own, upon the fit of the best
-//! hypothesis of the library:
+//! keeps its prior probability. Slopes carry a fit from the search's weights to those of a world. What they promise
+//! under the search's own weights no replay has seen: it is taken off the evidence. A cause outside the library competes
+//! with evidence of its own, upon the fit of the best hypothesis of the library:
 //!
 //! | a varying value | an effect follows angle, speed, place, ...: `constancy.rs` |
 //! |---|---|
