@@ -5,7 +5,7 @@
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use rfl_mpc::diagnose::replay::ReplayVehicle;
-use rfl_mpc::diagnose::simulated::{Conditions, SimulatedVehicle, drive};
+use rfl_mpc::diagnose::simulated::{Conditions, DrivableVehicle, drive};
 use rfl_mpc::diagnose::{Options, diagnose};
 use rfl_mpc::vehicle::{TruckEffects, builtin, builtin_truck};
 use std::hint::black_box;
@@ -15,7 +15,7 @@ use std::time::Duration;
 const DURATION: f64 = 100.0;
 const STEP: f64 = 0.02;
 
-fn one<V: ReplayVehicle + SimulatedVehicle>(criterion: &mut Criterion, name: &str, vehicle: &V, gain: f64) {
+fn one<V: ReplayVehicle + DrivableVehicle>(criterion: &mut Criterion, name: &str, vehicle: &V, gain: f64) {
     let conditions = Conditions { seed: 3, duration: DURATION, step: STEP, ..Conditions::default() };
     let mut effects = TruckEffects::default();
     effects.vehicle.steer_gain = gain;

@@ -65,8 +65,8 @@ fn process() -> Arc<GpModel> {
 
 fn steps(criterion: &mut Criterion) {
     let gp = process();
-    let nmpc = PredictionModel::Bicycle(BicycleModel::default());
-    let gp_nmpc = PredictionModel::Bicycle(BicycleModel { gp: Some(gp), ..BicycleModel::default() });
+    let nmpc = PredictionModel::Nonlinear(BicycleModel::default());
+    let gp_nmpc = PredictionModel::Nonlinear(BicycleModel { gp: Some(gp), ..BicycleModel::default() });
     for (name, model) in [("nominal", PredictionModel::Nominal), ("nmpc", nmpc), ("gp_nmpc", gp_nmpc)] {
         for horizon in [16, 60] {
             let new = || controller(Route::SudokuTest, model.clone(), |p| p.mpc.horizon = horizon);

@@ -10,9 +10,10 @@ mod residual_plant;
 
 use criterion::{Criterion, SamplingMode, criterion_group, criterion_main};
 use residual_plant::{Plant, data};
+use rfl_mpc::numerics::Random;
 use rfl_mpc::residual::gp::{Exact, Kernel, Sparse};
 use rfl_mpc::residual::{
-    Block, Dense, Forest, ForestConfig, GrownForest, Kind, Random, Resolution, TrainConfig, grow, train,
+    Block, Dense, Forest, ForestConfig, GrownForest, Kind, Resolution, TrainConfig, grow, train,
 };
 use std::hint::black_box;
 use std::time::Duration;
@@ -103,7 +104,7 @@ fn run_time(criterion: &mut Criterion) {
         let mut features = vec![vec![0.0; model.features()]; 60];
         features.iter_mut().enumerate().for_each(|(j, row)| windows.features(300 + j, row));
         // One room for all rows, as the controller has it: it keeps the leaves of the row before.
-        let mut room = model.room();
+        let mut room = model.workspace();
         println!("{name}: {} leaves", model.forest().leaves());
         criterion.bench_function(&format!("coefficients/60_rows/{name}"), |b| {
             b.iter(|| {

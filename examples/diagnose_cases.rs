@@ -8,9 +8,9 @@
 //!
 //! A last word `table` prints rows of a Markdown table, as in docs/results/diagnosis.md.
 
-use rfl_mpc::diagnose::simulated::{Conditions, SimulatedVehicle, drive, normal};
+use rfl_mpc::diagnose::simulated::{Conditions, DrivableVehicle, drive, normal};
 use rfl_mpc::diagnose::{Diagnosis, Options, diagnose};
-use rfl_mpc::residual::Random;
+use rfl_mpc::numerics::Random;
 use rfl_mpc::vehicle::{BUILTIN_TRUCKS, TruckEffects, builtin, builtin_truck};
 
 #[path = "diagnose_cases/values.rs"]
@@ -118,7 +118,7 @@ fn conditions(seed: u64, truck: bool) -> Conditions {
     }
 }
 
-fn case<V: SimulatedVehicle>(vehicle: &V, put_in: &[(String, f64)], seed: u64) -> Option<(bool, bool)> {
+fn case<V: DrivableVehicle>(vehicle: &V, put_in: &[(String, f64)], seed: u64) -> Option<(bool, bool)> {
     let mut effects = TruckEffects::default();
     for (id, value) in put_in {
         *effects.get_mut(id)? = *value;
@@ -135,7 +135,7 @@ fn case<V: SimulatedVehicle>(vehicle: &V, put_in: &[(String, f64)], seed: u64) -
     }
 }
 
-fn run<V: SimulatedVehicle>(vehicle: &V, arguments: &[String]) {
+fn run<V: DrivableVehicle>(vehicle: &V, arguments: &[String]) {
     let number = |i: usize, or: u64| arguments.get(i).and_then(|text| text.parse().ok()).unwrap_or(or);
     let mut counts = (0, 0, 0);
     let mut count = |result: Option<(bool, bool)>| {

@@ -9,8 +9,8 @@
 //! moves by less than its noise have a dash.
 
 use rfl_mpc::diagnose::problem::rms;
-use rfl_mpc::diagnose::replay::{Channel, Drive, Trace, neutral, replay};
-use rfl_mpc::diagnose::simulated::{Conditions, SimulatedVehicle, drive};
+use rfl_mpc::diagnose::replay::{Channel, ReplayDrive, Trace, neutral, replay};
+use rfl_mpc::diagnose::simulated::{Conditions, DrivableVehicle, drive};
 use rfl_mpc::vehicle::{BUILTIN_TRUCKS, TruckEffects, builtin, builtin_truck};
 
 #[path = "diagnose_cases/values.rs"]
@@ -26,7 +26,7 @@ const SHOWN: [(Channel, f64); 6] = [
     (Channel::ArticulationRate, 0.0005),
 ];
 
-fn show<V: SimulatedVehicle>(vehicle: &V, seed: u64, id: &str, value: f64) {
+fn show<V: DrivableVehicle>(vehicle: &V, seed: u64, id: &str, value: f64) {
     let mut effects = TruckEffects::default();
     let Some(place) = effects.get_mut(id) else { return };
     *place = value;
@@ -36,7 +36,7 @@ fn show<V: SimulatedVehicle>(vehicle: &V, seed: u64, id: &str, value: f64) {
         println!("{id:24} not drivable");
         return;
     };
-    let ready = Drive::new(&log, V::TRUCK);
+    let ready = ReplayDrive::new(&log, V::TRUCK);
     let correction = neutral(&ready, vehicle).expect("sound");
     let own = replay(&ready, vehicle, &effects, &correction, None).expect("sound");
     let without = replay(&ready, vehicle, &TruckEffects::default(), &correction, None).expect("sound");

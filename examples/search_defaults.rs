@@ -7,7 +7,8 @@ use clap::Parser;
 use rfl_mpc::control::PredictionModelFor;
 use rfl_mpc::simulate::experiment::Compared;
 use rfl_mpc::simulate::tune::{
-    Axis, Candidate, Ensemble, Family, MarginGoal, Purpose, SearchSettings, Values, search, standard_axes,
+    Axis, ControllerNumbers, Ensemble, Family, MarginGoal, Purpose, SearchSettings, TuneCandidate, search,
+    standard_axes,
 };
 use rfl_mpc::vehicle::{Car, Truck, VehicleParameters as _};
 use serde_json::json;
@@ -104,8 +105,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
 }
 
-fn values(text: &str) -> Result<Values, Box<dyn Error>> {
-    let mut values = Values::default();
+fn values(text: &str) -> Result<ControllerNumbers, Box<dyn Error>> {
+    let mut values = ControllerNumbers::default();
     for setting in text.split(',') {
         let (name, value) = setting.split_once('=').ok_or(format!("{setting}: write NAME=VALUE"))?;
         values.0.insert(name.trim().to_owned(), value.trim().parse()?);
@@ -150,7 +151,7 @@ fn run<P: Compared<S, C, Effects: Sync, Nominal: Sync>, const S: usize, const C:
         family.road.length = length;
     }
     let fixed = match arguments.settings.is_empty() {
-        true => Values::default(),
+        true => ControllerNumbers::default(),
         false => values(&arguments.settings.join(","))?,
     };
     let controller = |vehicle: &P::Parameters| {
@@ -180,7 +181,7 @@ fn run<P: Compared<S, C, Effects: Sync, Nominal: Sync>, const S: usize, const C:
         true => standard_axes(),
         false => arguments.axes.iter().map(|name| Axis::of(name)).collect(),
     };
-    let default = Values::of(&training.scenarios[0].controller, &axes);
+    let default = ControllerNumbers::of(&training.scenarios[0].controller, &axes);
     let mut starts = vec![default.clone()];
     for text in &arguments.starts {
         let mut start = default.clone();
@@ -222,7 +223,7 @@ fn run<P: Compared<S, C, Effects: Sync, Nominal: Sync>, const S: usize, const C:
     Ok(())
 }
 
-fn line(candidate: &Candidate) -> String {
+fn line(candidate: &TuneCandidate) -> String {
     let values: Vec<String> =
         candidate.values.0.iter().map(|(name, value)| format!("{name}={value:.4}")).collect();
     format!(

@@ -7,7 +7,7 @@ use rfl_mpc::fmu::{PassengerCar, RflMpc};
 use rfl_mpc::path::sudoku::Route;
 use rfl_mpc::path::{Closure, Path};
 use rfl_mpc::signal;
-use rfl_mpc::simulate::{COLUMNS, ClosedLoop, Drive, Row};
+use rfl_mpc::simulate::{COLUMNS, CarDrive, CarRow, ClosedLoop};
 use rfl_mpc::vehicle::{BUILTIN, Car, Effects, builtin};
 use std::sync::Arc;
 
@@ -22,7 +22,7 @@ fn closed_loop(route: Route, car: &str, effects: &Effects, step: f64) -> ClosedL
     ClosedLoop::at_start(controller, &parameters, effects, step).unwrap()
 }
 
-fn drive(route: Route, car: &str, effects: &Effects) -> Drive {
+fn drive(route: Route, car: &str, effects: &Effects) -> CarDrive {
     closed_loop(route, car, effects, 0.02).drive(600.0, |_| ()).unwrap()
 }
 
@@ -119,7 +119,7 @@ fn the_communication_step_hardly_matters() {
 }
 
 /// The master of `scripts/closed_loop.py` on the FMI units.
-fn drive_units(path_file: &str, car: &str, steps: u32) -> Vec<Row> {
+fn drive_units(path_file: &str, car: &str, steps: u32) -> Vec<CarRow> {
     let text = |value: &str| Value::String(value.to_string());
     let mut controller = Unit::<RflMpc>::new(&[("path_file", text(path_file)), ("vehicle_file", text(car))]);
     let initial = [("x", "x"), ("y", "y"), ("yaw", "yaw"), ("vx", "speed")].map(|(name, start)| {

@@ -2,14 +2,14 @@
 
 use crate::counting::allocated;
 use rfl_mpc::control::{
-    ArticulatedModel, Controller, ControllerFor, ControllerParameters, Measurement, PredictionModelFor,
-    Propagation, Residual, RollOut, TRUCK_STATES, TruckController, TruckControllerParameters,
-    VehicleParameters,
+    ArticulatedModel, ControlledParameters, Controller, ControllerFor, ControllerParameters, Measurement,
+    PredictionModelFor, Propagation, Residual, RollOut, TRUCK_STATES, TruckController,
+    TruckControllerParameters,
 };
 use rfl_mpc::nominal::{Actuator, DeadTimeModel};
 use rfl_mpc::path::sudoku::Route;
 use rfl_mpc::path::{Closure, Path, Sample};
-use rfl_mpc::residual::gp::{self, GpConfig, Smoothing};
+use rfl_mpc::residual::gp::{self, GpConfig, StateSmoothing};
 use rfl_mpc::residual::{DataSet, Kind, TrainConfig, train};
 use rfl_mpc::simulate::TruckClosedLoop;
 use rfl_mpc::vehicle::{Articulated, TruckEffects, builtin_truck};
@@ -26,7 +26,7 @@ fn circle() -> Arc<Path> {
 }
 
 /// Largest number of allocations of a step among all steps after the first.
-fn most_allocations_of<G: VehicleParameters<S>, const S: usize>(
+fn most_allocations_of<G: ControlledParameters<S>, const S: usize>(
     mut controller: ControllerFor<G, S>,
 ) -> usize {
     (0..200)
@@ -90,7 +90,7 @@ fn residual(data: &DataSet<Articulated, TRUCK_STATES>) -> Residual<Articulated, 
 /// A nonlinear model with a process of what it misses.
 fn corrected(data: &DataSet<Articulated, TRUCK_STATES>) -> ArticulatedModel {
     let config = GpConfig {
-        smoothing: Smoothing::Fixed(0),
+        smoothing: StateSmoothing::Fixed(0),
         points: 30,
         hyperparameter_samples: 100,
         iterations: 5,
@@ -112,8 +112,8 @@ fn a_truck_s_control_step_allocates_nothing_whatever_it_predicts_with() {
         actuator(DeadTimeModel::Exact),
         actuator(DeadTimeModel::Pade22),
         PredictionModelFor::Residual(residual(&data)),
-        PredictionModelFor::Bicycle(ArticulatedModel::default()),
-        PredictionModelFor::Bicycle(corrected(&data)),
+        PredictionModelFor::Nonlinear(ArticulatedModel::default()),
+        PredictionModelFor::Nonlinear(corrected(&data)),
     ];
     for model in models {
         let name = format!("{model:?}");

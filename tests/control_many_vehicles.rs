@@ -2,9 +2,9 @@
 
 use crate::counting::allocated;
 use rfl_mpc::control::{
-    BicycleModel, Controller, ControllerFor, ControllerParameters, ControllerState, Measurement,
-    PredictionModelFor, SpeedController, StepError, StepReport, TruckController, TruckControllerParameters,
-    VehicleParameters,
+    BicycleModel, ControlledParameters, Controller, ControllerFor, ControllerParameters, ControllerState,
+    Measurement, PredictionModelFor, SpeedController, StepError, StepReport, TruckController,
+    TruckControllerParameters,
 };
 use rfl_mpc::path::Path;
 use rfl_mpc::path::sudoku::Route;
@@ -39,7 +39,7 @@ fn bits(report: &StepReport) -> StepReport {
 }
 
 /// Holds one controller with many states to as many controllers.
-fn serves_like_many<G: VehicleParameters<S>, const S: usize>(
+fn serves_like_many<G: ControlledParameters<S>, const S: usize>(
     path: &Path,
     controller: impl Fn() -> ControllerFor<G, S>,
 ) {
@@ -65,7 +65,7 @@ fn turns() -> Arc<Path> {
 #[test]
 fn cars_with_each_of_what_a_state_holds() {
     let path = turns();
-    for model in [PredictionModelFor::Nominal, PredictionModelFor::Bicycle(BicycleModel::default())] {
+    for model in [PredictionModelFor::Nominal, PredictionModelFor::Nonlinear(BicycleModel::default())] {
         serves_like_many(&path, || {
             let mut parameters = ControllerParameters::for_car(&builtin("c_class").unwrap());
             parameters.observer.disturbance_noise = 0.1;

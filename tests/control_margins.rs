@@ -2,8 +2,8 @@
 
 use nalgebra::{DMatrix, SMatrix, SVector, Vector1};
 use rfl_mpc::control::{
-    Controller, ControllerParameters, ControllerParametersFor, LinearController, PredictionModel,
-    PredictionModelFor, SteeringLoop, TruckControllerParameters, VehicleParameters,
+    ControlledParameters, Controller, ControllerParameters, ControllerParametersFor, LinearController,
+    PredictionModel, PredictionModelFor, SteeringLoop, TruckControllerParameters,
 };
 use rfl_mpc::nominal::{Actuator, ContinuousErrorModel, LateralVehicle, SingleTrackError};
 use rfl_mpc::path::{Closure, Path, Sample};
@@ -107,7 +107,7 @@ fn whole_steps_are_exact<V: LateralVehicle<S>, const S: usize>(of: &SteeringLoop
 }
 
 /// Margins agree with the poles, for each speed and for plants behind several actuators. Gives how many loops were stable.
-fn agrees<G: VehicleParameters<S>, const S: usize>(
+fn agrees<G: ControlledParameters<S>, const S: usize>(
     parameters: &ControllerParametersFor<G>,
     model: &PredictionModelFor<G::Vehicle, S>,
 ) -> usize {

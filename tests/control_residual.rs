@@ -1,8 +1,8 @@
 //! The prediction with a learned residual is that of the model it stands for, and the MPC uses it.
 
 use nalgebra::{Matrix4, Vector4};
-use rfl_mpc::control::{Affine, Linear, Propagation, QpShape, TrackingQp, condense};
-use rfl_mpc::residual::Random;
+use rfl_mpc::control::{Affine, HorizonModel, Propagation, QpShape, TrackingQp, condense};
+use rfl_mpc::numerics::Random;
 
 const HORIZON: usize = 16;
 
@@ -81,7 +81,7 @@ fn condensing_is_exact_for_windows_shorter_and_longer_than_the_horizon() {
             let mut case = case(window, window as u64);
             let expected = simulate(&case, propagation);
             let mut problem = problem();
-            let linear = Linear { a: &case.a, b: &case.b };
+            let linear = HorizonModel { a: &case.a, b: &case.b };
             let tracked = [0, 1, 2, 3];
             condense(linear, &case.start, &mut case.affine, &case.past, propagation, &tracked, &mut problem);
             for (row, value) in expected.iter().flatten().enumerate() {
@@ -103,7 +103,7 @@ fn without_a_residual_both_ways_are_the_nominal_model() {
     let mut gains = Vec::new();
     for propagation in [Propagation::Propagated, Propagation::Direct] {
         let mut problem = problem();
-        let linear = Linear { a: &case.a, b: &case.b };
+        let linear = HorizonModel { a: &case.a, b: &case.b };
         condense(linear, &case.start, &mut case.affine, &[], propagation, &[0, 1, 2, 3], &mut problem);
         gains.push((problem.gain, problem.free));
     }

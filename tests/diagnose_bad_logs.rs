@@ -3,7 +3,7 @@
 use crate::diagnose;
 
 use diagnose::{car, clean, found, log, singles};
-use rfl_mpc::diagnose::{DiagnoseError, Finding, Gravity, Options, VerdictKind, diagnose as run};
+use rfl_mpc::diagnose::{DiagnoseError, Finding, FindingSeverity, Options, VerdictKind, diagnose as run};
 use rfl_mpc::log::CleanLog;
 use std::collections::BTreeMap;
 
@@ -60,7 +60,11 @@ fn a_standing_vehicle_cannot_tell() {
 fn a_suspicious_log_names_nothing() {
     let mut log = log(3, &[("steer_delay", 0.15)]);
     let words = "yaw_rate has its sign turned".to_owned();
-    log.findings.push(Finding { gravity: Gravity::Suspicion, signal: Some("yaw_rate".to_owned()), words });
+    log.findings.push(Finding {
+        gravity: FindingSeverity::Suspicion,
+        signal: Some("yaw_rate".to_owned()),
+        words,
+    });
     let verdict = found(&log, &singles()).report.verdict;
     assert_eq!(verdict.kind, VerdictKind::CannotTell);
     assert!(verdict.effects.is_empty() && verdict.words.contains("sign turned"));

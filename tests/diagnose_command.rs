@@ -2,7 +2,7 @@
 
 use crate::command::{rfl, road, text};
 use rfl_mpc::diagnose::{Report, VerdictKind};
-use rfl_mpc::residual::Random;
+use rfl_mpc::numerics::Random;
 use rfl_mpc::vehicle::{CarParameters, TruckEffects};
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;

@@ -2,27 +2,27 @@
 //! replay gets wrong goes to a neighbour.
 
 use rfl_mpc::diagnose::problem::rms;
-use rfl_mpc::diagnose::replay::{Channel, Correction, Drive, Trace, neutral, replay};
-use rfl_mpc::diagnose::simulated::{Conditions, SimulatedVehicle, drive};
+use rfl_mpc::diagnose::replay::{Channel, Correction, ReplayDrive, Trace, neutral, replay};
+use rfl_mpc::diagnose::simulated::{Conditions, DrivableVehicle, drive};
 use rfl_mpc::vehicle::{TruckEffects, builtin, builtin_truck};
 
 /// A drive with an effect, without noise and background; its neutral correction.
-fn driven<V: SimulatedVehicle>(vehicle: &V, effects: &TruckEffects) -> (Drive, Correction) {
+fn driven<V: DrivableVehicle>(vehicle: &V, effects: &TruckEffects) -> (ReplayDrive, Correction) {
     let ordinary = Conditions { duration: 40.0, background: 0.0, noise: 0.0, ..Conditions::default() };
     let slow = Conditions { speed: (6.0, 18.0), lateral: 2.0, ..ordinary };
     let log = drive(vehicle, effects, if V::TRUCK { &slow } else { &ordinary }).unwrap();
-    let drive = Drive::new(&log, V::TRUCK);
+    let drive = ReplayDrive::new(&log, V::TRUCK);
     let correction = neutral(&drive, vehicle).unwrap();
     (drive, correction)
 }
 
-fn gap(drive: &Drive, trace: &Trace, channel: Channel) -> f64 {
+fn gap(drive: &ReplayDrive, trace: &Trace, channel: Channel) -> f64 {
     let rows = (0..drive.time.len()).filter(|&row| drive.scored[row]);
     rms(&rows.map(|row| drive.column(channel.name())[row] - trace.column(channel)[row]).collect::<Vec<_>>())
 }
 
 /// Asserts that with each effect put into the replay as well, at most this share of the gap without it is left.
-fn replayed_within<V: SimulatedVehicle>(share: f64, vehicle: &V, all: &[(&str, f64, Channel)]) {
+fn replayed_within<V: DrivableVehicle>(share: f64, vehicle: &V, all: &[(&str, f64, Channel)]) {
     for &(id, value, channel) in all {
         let left = left(vehicle, id, value, channel);
         assert!(left < share, "{id} {value}: {left:.3} of the gap in {} is left", channel.name());
@@ -30,7 +30,7 @@ fn replayed_within<V: SimulatedVehicle>(share: f64, vehicle: &V, all: &[(&str, f
 }
 
 /// Gap that is left with an effect put into the replay as well, over that without.
-fn left<V: SimulatedVehicle>(vehicle: &V, id: &str, value: f64, channel: Channel) -> f64 {
+fn left<V: DrivableVehicle>(vehicle: &V, id: &str, value: f64, channel: Channel) -> f64 {
     let mut effects = TruckEffects::default();
     *effects.get_mut(id).unwrap() = value;
     let (drive, correction) = driven(vehicle, &effects);
@@ -107,12 +107,12 @@ fn a_step_of_the_replay_is_short_enough_for_stiff_tyres() {
                 ..Conditions::default()
             };
             let log = drive(&car, &TruckEffects::default(), &conditions).unwrap();
-            let coarse = Drive::new(&log, false);
-            let fine = Drive { substeps: 8 * coarse.substeps, ..coarse.clone() };
+            let coarse = ReplayDrive::new(&log, false);
+            let fine = ReplayDrive { substeps: 8 * coarse.substeps, ..coarse.clone() };
             for (id, value) in [("tyre_relaxation", 0.1), ("tyre_relaxation", 0.25), ("yaw_inertia", 0.5)] {
                 let mut effects = TruckEffects::default();
                 *effects.get_mut(id).unwrap() = value;
-                let yaw_rate = |drive: &Drive| {
+                let yaw_rate = |drive: &ReplayDrive| {
                     let trace = replay(drive, &car, &effects, &Correction::default(), None).unwrap();
                     assert!(trace.sound);
                     trace.column(Channel::YawRate).to_vec()

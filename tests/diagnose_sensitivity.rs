@@ -4,13 +4,13 @@ use crate::diagnose;
 
 use diagnose::{car, clean, log, only};
 use rfl_mpc::diagnose::problem::rms;
-use rfl_mpc::diagnose::replay::{Channel, Correction, Drive, replay};
+use rfl_mpc::diagnose::replay::{Channel, Correction, ReplayDrive, replay};
 use rfl_mpc::diagnose::simulated::{Conditions, drive};
 use rfl_mpc::vehicle::{TruckEffects, builtin};
 use std::collections::BTreeMap;
 
 /// A long straight drive at a constant speed with a small angle.
-fn straight(vx: f64, steer: f64) -> Drive {
+fn straight(vx: f64, steer: f64) -> ReplayDrive {
     let rows = 500;
     let columns = BTreeMap::from([
         ("steer_cmd", vec![steer; rows]),
@@ -18,7 +18,7 @@ fn straight(vx: f64, steer: f64) -> Drive {
         ("yaw_rate", vec![0.0; rows]),
         ("ay", vec![0.0; rows]),
     ]);
-    Drive::new(&clean(columns), false)
+    ReplayDrive::new(&clean(columns), false)
 }
 
 #[test]
@@ -81,7 +81,7 @@ fn the_replay_is_near_the_full_plant() {
     ] {
         let effects = only(put_in);
         let log = drive(&car(), &effects, &conditions).expect("an ordinary drive");
-        let ready = Drive::new(&log, false);
+        let ready = ReplayDrive::new(&log, false);
         let trace = replay(&ready, &car(), &effects, &Correction::default(), None).expect("a car");
         let rows: Vec<usize> = (0..ready.time.len()).filter(|&row| ready.scored[row]).collect();
         let logged = ready.column("yaw_rate");

@@ -3,7 +3,7 @@
 use crate::diagnosed::diagnosed;
 use quick_xml::events::Event;
 use rfl_mpc::diagnose::simulator::{
-    CalibratedError, Calibration, calibrated, changes, differences, parameter_set, write_vehicle,
+    CalibratedError, CalibrationExtent, calibrated, changes, differences, parameter_set, write_vehicle,
 };
 use rfl_mpc::vehicle::{CarParameters, Effects, TruckParameters, VehicleParameters, builtin, builtin_truck};
 use std::collections::BTreeMap;
@@ -12,10 +12,10 @@ use std::collections::BTreeMap;
 fn the_file_holds_what_was_found_and_is_read_again() {
     let (_, diagnosis) = diagnosed();
     let given = builtin("c_class").unwrap();
-    let effect = calibrated(&given, &changes(&diagnosis.report, Calibration::Effect)).unwrap();
+    let effect = calibrated(&given, &changes(&diagnosis.report, CalibrationExtent::Effect)).unwrap();
     assert_eq!(effect.effect, Effects { steer_delay: 0.118, ..Effects::default() });
     assert_eq!(effect.vehicle, given.vehicle);
-    let whole = calibrated(&given, &changes(&diagnosis.report, Calibration::Whole)).unwrap();
+    let whole = calibrated(&given, &changes(&diagnosis.report, CalibrationExtent::Whole)).unwrap();
     assert_eq!(
         (whole.vehicle.mass, whole.effect.steer_delay, whole.effect.yaw_rate_bias),
         (1432.0, 0.118, 0.003)
@@ -41,7 +41,7 @@ fn a_payload_is_put_where_it_was_found() {
     let components = BTreeMap::from([("payload".to_owned(), 300.0), ("payload_x".to_owned(), -0.8)]);
     let found = &mut diagnosis.report.verdict.effects[0];
     (found.id, found.total, found.components) = ("payload".to_owned(), 300.0, components);
-    for calibration in [Calibration::Effect, Calibration::Whole] {
+    for calibration in [CalibrationExtent::Effect, CalibrationExtent::Whole] {
         let vehicle =
             calibrated(&builtin("c_class").unwrap(), &changes(&diagnosis.report, calibration)).unwrap();
         assert_eq!((vehicle.effect.payload, vehicle.effect.payload_x), (300.0, -0.8));
@@ -124,7 +124,7 @@ fn a_file_with_an_effect_out_of_range_is_refused() {
 fn the_parameter_set_holds_the_differences() {
     let (_, diagnosis) = diagnosed();
     let given = builtin("c_class").unwrap();
-    let whole = calibrated(&given, &changes(&diagnosis.report, Calibration::Whole)).unwrap();
+    let whole = calibrated(&given, &changes(&diagnosis.report, CalibrationExtent::Whole)).unwrap();
     let changed = differences(&given, &whole);
     assert_eq!(changed["effect.steer_delay"], 0.118);
     assert!(!changed.contains_key("sensor.ay_scale") && !changed.contains_key("vehicle.yaw_inertia"));

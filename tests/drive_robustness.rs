@@ -1,8 +1,8 @@
 //! The default controller stands what vehicles are: twelve fixed drives on random roads, and margins over speed.
 
 use rfl_mpc::control::{
-    ControllerFor, ControllerParametersFor, LinearController, PredictionModelFor, SteeringLoop,
-    VehicleParameters as _,
+    ControlledParameters as _, ControllerFor, ControllerParametersFor, LinearController, PredictionModelFor,
+    SteeringLoop,
 };
 use rfl_mpc::path::RandomRoad;
 use rfl_mpc::simulate::{CAR_COLUMNS, ClosedLoopFor, Outcome, SensorNoise, SimulatedVehicle, TRUCK_COLUMNS};

@@ -5,8 +5,8 @@ use rfl_mpc::control::{ControllerParameters, PredictionModel};
 use rfl_mpc::path::sudoku::Route;
 use rfl_mpc::path::{Closure, Path};
 use rfl_mpc::residual::{DataSet, Kind, ResidualModel, TrainConfig, train};
-use rfl_mpc::simulate::experiment::{CAR_PLANTS, Trial, Weights, steps_ahead};
-use rfl_mpc::simulate::{Drive, SensorNoise};
+use rfl_mpc::simulate::experiment::{CAR_PLANTS, CostWeights, Trial, steps_ahead};
+use rfl_mpc::simulate::{CarDrive, SensorNoise};
 use rfl_mpc::vehicle::builtin;
 use std::sync::Arc;
 
@@ -31,7 +31,7 @@ fn one_step_is_the_one_step_error() {
         let model = learned(&samples, kind);
         let mut rows = 0.0;
         let (mut mine, mut nominal, mut max) = ([0.0; 4], [0.0; 4], [0.0_f64; 4]);
-        let (mut features, mut room) = (vec![0.0; model.features()], model.room());
+        let (mut features, mut room) = (vec![0.0; model.features()], model.workspace());
         // A prediction begins at every fifth sample that is followed by another.
         for i in (0..windows.len() - 1).step_by(5).filter(|&i| windows.follows(i + 1)) {
             windows.features(i, &mut features);
@@ -78,7 +78,7 @@ fn a_perfect_model_predicts_a_horizon() {
     assert!(found.nominal_rmse.iter().all(|&e| e > 1e-4), "{found:?}");
 }
 
-fn drive(noise: Option<(SensorNoise, u64)>, give_up: f64) -> Drive {
+fn drive(noise: Option<(SensorNoise, u64)>, give_up: f64) -> CarDrive {
     let car = builtin("c_class").unwrap();
     let path = Arc::new(Path::from_samples(Route::SudokuTurns.samples(), Closure::Detect).unwrap());
     let trial = Trial {
@@ -86,7 +86,7 @@ fn drive(noise: Option<(SensorNoise, u64)>, give_up: f64) -> Drive {
         plant: &CAR_PLANTS[0],
         path,
         model: PredictionModel::Nominal,
-        weights: Weights::of(&ControllerParameters::default().mpc),
+        weights: CostWeights::of(&ControllerParameters::default().mpc),
         noise,
         give_up,
         dither: None,

@@ -3,7 +3,7 @@
 use crate::common::host3::*;
 use crate::common::*;
 use rfl_mpc::fmi::Status;
-use rfl_mpc::fmi::v3::{Boolean, Count, Unused};
+use rfl_mpc::fmi::v3::{Count, Fmi3Boolean, Unused};
 use std::ptr;
 
 /// In which states a call is allowed. Columns: Instantiated, initialization Mode, step mode (Complete, or after a discarded step:
@@ -137,7 +137,7 @@ fn every_function_in_every_state() {
 #[test]
 fn absent_functions_are_refused_with_the_reason() {
     let none: Unused = ptr::null();
-    let (count, flag): (Count, Boolean) = (0, 0);
+    let (count, flag): (Count, Fmi3Boolean) = (0, 0);
     let (out, places): (*mut f64, *mut usize) = (ptr::null_mut(), ptr::null_mut());
     for state in ["I", "M", "C", "F", "T", "E"] {
         let host = instance_in(state);

@@ -6,7 +6,7 @@
 use crate::unit::{Silent, Unit};
 use rfl_mpc::fmi::{Causality, Model, Value};
 use rfl_mpc::fmu::{PlantFmu, RflMpc, TruckRflMpc};
-use rfl_mpc::residual::Random;
+use rfl_mpc::numerics::Random;
 use rfl_mpc::vehicle::{Car, Truck};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::{Duration, Instant};

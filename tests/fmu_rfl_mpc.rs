@@ -7,7 +7,7 @@ use rfl_mpc::fmi::{Causality, Context, Initial, Log, Model, ModelError, Severity
 use rfl_mpc::fmu::{RflMpc, TruckRflMpc};
 use rfl_mpc::path::sudoku::Route;
 use rfl_mpc::residual::DataSet;
-use rfl_mpc::residual::gp::{GpConfig, Smoothing, train};
+use rfl_mpc::residual::gp::{GpConfig, StateSmoothing, train};
 use rfl_mpc::simulate::TruckClosedLoop;
 use rfl_mpc::vehicle::TruckEffects;
 use std::path::{Path, PathBuf};
@@ -429,7 +429,7 @@ fn the_articulation_steers_too() {
 /// Files of a truck's and of a car's Gaussian process, learned of what their models miss in a minute of driving.
 fn processes(folder: &Path) -> [PathBuf; 2] {
     let config = GpConfig {
-        smoothing: Smoothing::Fixed(0),
+        smoothing: StateSmoothing::Fixed(0),
         points: 20,
         hyperparameter_samples: 100,
         iterations: 5,

@@ -6,9 +6,10 @@
 use crate::counting::peak;
 use crate::sealed::{parts, sealed};
 use rfl_mpc::log::{CleanLog, DriveLog};
-use rfl_mpc::path::{Options, Path};
+use rfl_mpc::numerics::Random;
+use rfl_mpc::path::{Path, PathOptions};
 use rfl_mpc::residual::gp::GpModel;
-use rfl_mpc::residual::{Random, ResidualModel, TrainConfig, train};
+use rfl_mpc::residual::{ResidualModel, TrainConfig, train};
 use rfl_mpc::table::{Limits, Table};
 use rfl_mpc::vehicle::tyre::Coefficients;
 use rfl_mpc::vehicle::{CarParameters, VehicleParameters};
@@ -173,7 +174,7 @@ fn tables_of_any_kind() {
 
 #[test]
 fn roads_of_any_kind() {
-    fuzz(&roads(), |bytes| Path::from_csv(bytes, FilePath::new("road.csv"), &Options::default()).is_ok());
+    fuzz(&roads(), |bytes| Path::from_csv(bytes, FilePath::new("road.csv"), &PathOptions::default()).is_ok());
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! The Gaussian process without approximation is the textbook's: mean, variance, likelihood and its gradient.
 
-use rfl_mpc::residual::Random;
+use rfl_mpc::numerics::Random;
 use rfl_mpc::residual::gp::{Exact, Kernel};
 
 const KERNEL: Kernel<3> = Kernel { length_scales: [0.7, 1.9, 30.0], signal: 1.3, noise: 0.2 };

@@ -3,16 +3,16 @@
 use crate::gp_plant::{CONFIG, Known, Plant, car, data_of};
 use proptest::prelude::*;
 use rfl_mpc::residual::gp::{
-    GpConfig, GpModel, GpModelFor, INPUTS, Smoothing, TRUCK_INPUTS, TruckGpModel, train,
+    GpConfig, GpModel, GpModelFor, INPUTS, StateSmoothing, TRUCK_INPUTS, TruckGpModel, train,
 };
-use rfl_mpc::residual::{Expected, FileError, FileKind, Misfit, ResidualModel};
+use rfl_mpc::residual::{Expected, FileError, FileKind, ModelMismatch, ResidualModel};
 use rfl_mpc::vehicle::SingleTrack;
 use std::sync::OnceLock;
 
 fn learned<V: Known<S, D, O>, const S: usize, const D: usize, const O: usize>() -> GpModelFor<V, D, O> {
     let config = GpConfig {
         friction: 0.9,
-        smoothing: Smoothing::Fixed(2),
+        smoothing: StateSmoothing::Fixed(2),
         points: 12,
         hyperparameter_samples: 100,
         starts: 1,
@@ -154,18 +154,18 @@ fn a_process_of_another_controller_is_refused_with_the_reason() {
     let heavier = SingleTrack { mass: 1500.0, ..car() };
     assert_eq!(
         check(Expected { vehicle: heavier, ..fits }),
-        Misfit::Vehicle { parameter: "mass", model: 1400.0, controller: 1500.0 }
+        ModelMismatch::Vehicle { parameter: "mass", model: 1400.0, controller: 1500.0 }
     );
     assert_eq!(
         check(Expected { sample_time: 0.05, ..fits }),
-        Misfit::SampleTime { model: 0.02, controller: 0.05 }
+        ModelMismatch::SampleTime { model: 0.02, controller: 0.05 }
     );
     assert_eq!(
         check(Expected { min_model_speed: 3.0, ..fits }),
-        Misfit::MinModelSpeed { model: 1.5, controller: 3.0 }
+        ModelMismatch::MinModelSpeed { model: 1.5, controller: 3.0 }
     );
     let misfit = model().check_fits(&fits, 1.0).unwrap_err();
-    assert_eq!(misfit, Misfit::Friction { model: 0.9, controller: 1.0 });
+    assert_eq!(misfit, ModelMismatch::Friction { model: 0.9, controller: 1.0 });
 }
 
 /// Whatever is accepted can be asked anything.

@@ -1,7 +1,7 @@
 //! Hyperparameters are found again in data drawn from a Gaussian process.
 
 use crate::gp_plant::normal;
-use rfl_mpc::residual::Random;
+use rfl_mpc::numerics::Random;
 use rfl_mpc::residual::gp::{Exact, FitConfig, Kernel, fit};
 
 const CONFIG: FitConfig = FitConfig { starts: 3, iterations: 60, seed: 3, threads: 1 };

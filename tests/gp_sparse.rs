@@ -1,7 +1,7 @@
 //! The process through a dictionary: what it approximates, from what, and its gradient.
 
 use proptest::prelude::*;
-use rfl_mpc::residual::Random;
+use rfl_mpc::numerics::Random;
 use rfl_mpc::residual::gp::{Exact, Kernel, Sparse, choose};
 
 const KERNEL: Kernel<2> = Kernel { length_scales: [0.8, 1.5], signal: 1.2, noise: 0.15 };

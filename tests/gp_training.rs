@@ -2,8 +2,8 @@
 
 use crate::gp_plant::{CONFIG, Known, Plant, car, data, data_of, drive};
 use rfl_mpc::nominal::Bicycle;
-use rfl_mpc::residual::gp::{GpConfig, GpTrainError, INPUTS, Samples, Smoothing, train};
-use rfl_mpc::residual::{ConfigError, DataConfig, DataSet, Progress, Stage};
+use rfl_mpc::residual::gp::{GpConfig, GpTrainError, INPUTS, Samples, StateSmoothing, train};
+use rfl_mpc::residual::{ConfigError, DataConfig, DataSet, Progress, TrainingStage};
 use rfl_mpc::vehicle::{Articulated, SingleTrack};
 use std::sync::Mutex;
 
@@ -79,7 +79,7 @@ fn noise_is_averaged_out() {
     assert!(trained.model.schema().training.smoothing >= 2, "{:?}", trained.report);
     // Free predictions, too, and clearly better than from states taken as they come.
     let [with, without] = trained.model.measure_steps(&clean, 16).unwrap();
-    let config = GpConfig { smoothing: Smoothing::Fixed(0), ..small() };
+    let config = GpConfig { smoothing: StateSmoothing::Fixed(0), ..small() };
     let raw = train(&learned, None, &config, &|_| ()).unwrap().model.measure_steps(&clean, 16).unwrap()[0];
     for o in 0..2 {
         assert!(with[o] < 0.3 * without[o] && with[o] < 0.6 * raw[o], "{with:?} {raw:?} {without:?}");
@@ -90,7 +90,7 @@ fn noise_is_averaged_out() {
 fn the_same_seed_gives_the_same_bits_on_any_number_of_threads() {
     let data = data(&Plant { lag: 0.1, noise: 1.0 }, 3, 500, 1);
     let config = GpConfig {
-        smoothing: Smoothing::Choose(vec![0, 3]),
+        smoothing: StateSmoothing::Choose(vec![0, 3]),
         points: 40,
         hyperparameter_samples: 80,
         iterations: 15,
@@ -115,12 +115,14 @@ fn it_says_how_far_it_is_and_ends_complete() {
     train(
         &data,
         None,
-        &GpConfig { smoothing: Smoothing::Fixed(0), points: 20, iterations: 5, ..small() },
+        &GpConfig { smoothing: StateSmoothing::Fixed(0), points: 20, iterations: 5, ..small() },
         &|p| seen.lock().unwrap().push(p),
     )
     .unwrap();
     let seen = seen.into_inner().unwrap();
-    for (stage, total) in [(Stage::Hyperparameters, 4), (Stage::Weights, 2), (Stage::Report, 1)] {
+    for (stage, total) in
+        [(TrainingStage::Hyperparameters, 4), (TrainingStage::Weights, 2), (TrainingStage::Report, 1)]
+    {
         assert!(seen.contains(&Progress { stage, done: 0, total }), "{seen:?}");
         assert!(seen.contains(&Progress { stage, done: total, total }), "{seen:?}");
     }
@@ -129,8 +131,9 @@ fn it_says_how_far_it_is_and_ends_complete() {
 #[test]
 fn outside_the_training_range_it_says_so_and_falls_back_to_nominal() {
     let data = data(&Plant::default(), 4, 400, 1);
-    let model =
-        train(&data, None, &GpConfig { smoothing: Smoothing::Fixed(0), ..small() }, &|_| ()).unwrap().model;
+    let model = train(&data, None, &GpConfig { smoothing: StateSmoothing::Fixed(0), ..small() }, &|_| ())
+        .unwrap()
+        .model;
     let samples = Samples::new(&data, &Bicycle::new(&car(), 1.0).unwrap(), 0);
     let mut room = vec![];
     let prior: Vec<f64> = model.schema().outputs.iter().map(|o| o.signal * o.signal).collect();
@@ -166,7 +169,7 @@ fn what_cannot_be_learned_from_is_refused_with_the_reason() {
         refused(&long, None, &config),
         GpTrainError::Config(ConfigError::Range { name: "points", .. })
     ));
-    let config = GpConfig { smoothing: Smoothing::Choose(vec![]), ..small() };
+    let config = GpConfig { smoothing: StateSmoothing::Choose(vec![]), ..small() };
     assert!(matches!(refused(&long, None, &config), GpTrainError::Config(ConfigError::NoCandidate { .. })));
     let message = refused(&long, None, &GpConfig { friction: f64::NAN, ..small() }).to_string();
     assert!(message.contains("friction"), "{message}");

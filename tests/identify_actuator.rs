@@ -3,7 +3,7 @@
 use rfl_mpc::nominal::{
     Actuator, ContinuousErrorModel, DeadTimeModel, DelayModel, IdentifyError, SteeringRecord,
 };
-use rfl_mpc::residual::Random;
+use rfl_mpc::numerics::Random;
 use rfl_mpc::vehicle::{SingleTrack, SteeringChain, SteeringState};
 
 const TS: f64 = 0.02;

@@ -5,8 +5,8 @@ use rfl_mpc::nominal::{
     Actuator, DrivesError, Estimate, IdentifiedSteering, SteeringDrive, identify_by_yaw_rate_from_drives,
     identify_from_drives,
 };
+use rfl_mpc::numerics::Random;
 use rfl_mpc::path::sudoku::Route;
-use rfl_mpc::residual::Random;
 use rfl_mpc::simulate::ClosedLoop;
 use rfl_mpc::vehicle::{CarParameters, Effects, SteeringChain, SteeringState, builtin};
 use std::sync::Arc;

@@ -4,7 +4,7 @@ use rfl_mpc::control::{Controller, ControllerParameters, Propagation, Residual, 
 use rfl_mpc::path::sudoku::Route;
 use rfl_mpc::path::{Closure, Path};
 use rfl_mpc::residual::{DataConfig, DataSet, Drive as Log, Kind, ResidualModel, TrainConfig, train};
-use rfl_mpc::simulate::{ClosedLoop, Drive};
+use rfl_mpc::simulate::{CarDrive, ClosedLoop};
 use rfl_mpc::vehicle::{Effects, builtin};
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ fn slow() -> Effects {
     Effects { steer_lag: 0.1, steer_delay: 0.06, ..Effects::default() }
 }
 
-fn drive(route: Route, parameters: ControllerParameters, residual: Option<Residual>) -> Drive {
+fn drive(route: Route, parameters: ControllerParameters, residual: Option<Residual>) -> CarDrive {
     let path = Arc::new(Path::from_samples(route.samples(), Closure::Detect).unwrap());
     let controller = Controller::predicting_with(parameters, path.clone(), residual.into()).unwrap();
     let car = builtin("c_class").unwrap();
@@ -24,7 +24,7 @@ fn parameters() -> ControllerParameters {
     ControllerParameters::for_car(&builtin("c_class").unwrap())
 }
 
-fn as_log(drive: &Drive) -> Log {
+fn as_log(drive: &CarDrive) -> Log {
     Log {
         name: "collected".to_string(),
         time: drive.column("time"),

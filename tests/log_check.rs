@@ -2,7 +2,7 @@
 
 use crate::command::{rfl, text};
 use crate::drive_table::DriveTable;
-use rfl_mpc::log::{CleanLog, DriveLog, Finding, Gravity, SteeringLog, drives_of};
+use rfl_mpc::log::{CleanLog, DriveLog, Finding, FindingSeverity, SteeringLog, drives_of};
 use std::path::{Path, PathBuf};
 
 fn steering(speed: f64) -> f64 {
@@ -74,7 +74,7 @@ fn sound() -> DriveTable {
 /// What diagnosis, training and identification make of a log: the reason of a refusal, or what was mended.
 fn answers(log: &DriveLog) -> [Result<String, String>; 3] {
     let words = |findings: &[Finding]| {
-        let grave = findings.iter().filter(|finding| finding.gravity > Gravity::Note);
+        let grave = findings.iter().filter(|finding| finding.gravity > FindingSeverity::Note);
         grave.map(|finding| finding.words.as_str()).collect::<Vec<_>>().join("; ")
     };
     let diagnosis = match CleanLog::of(log, &steering) {

@@ -4,7 +4,7 @@
 
 use crate::drive_table::DriveTable;
 use proptest::prelude::*;
-use rfl_mpc::log::{CleanError, CleanLog, DriveLog, Gravity, JoinError, UnusableLog};
+use rfl_mpc::log::{CleanError, CleanLog, DriveLog, FindingSeverity, JoinError, UnusableLog};
 use std::path::Path;
 
 const WHEELBASE: f64 = 2.7;
@@ -68,7 +68,7 @@ impl Cleaned for DriveTable {
 }
 
 /// The gravest word on a column, which must contain `part`.
-fn said(log: &CleanLog, column: &str, part: &str) -> Gravity {
+fn said(log: &CleanLog, column: &str, part: &str) -> FindingSeverity {
     let finding = log
         .findings
         .iter()
@@ -92,7 +92,11 @@ fn a_sound_log_is_left_as_it_is() {
     let log = sound().clean();
     assert_eq!((log.step, log.time.len(), log.commanded), (0.02, 2000, true));
     assert!(log.valid.iter().all(|valid| *valid));
-    assert!(log.findings.iter().all(|finding| finding.gravity == Gravity::Note), "{:#?}", log.findings);
+    assert!(
+        log.findings.iter().all(|finding| finding.gravity == FindingSeverity::Note),
+        "{:#?}",
+        log.findings
+    );
     for (row, values) in sound().rows.iter().enumerate() {
         let yaw_rate: f64 = values[8].parse().unwrap();
         assert!((log.columns["yaw_rate"][row] - yaw_rate).abs() < 1e-9);
@@ -134,7 +138,7 @@ fn rows_out_of_order_are_sorted_and_repeated_ones_dropped() {
     let again = table.rows[300].clone();
     table.rows.insert(300, again);
     let log = table.clean();
-    assert_eq!(said(&log, "time", "out of order"), Gravity::Warning);
+    assert_eq!(said(&log, "time", "out of order"), FindingSeverity::Warning);
     said(&log, "time", "stand twice");
     assert_eq!(apart(&log, "yaw_rate"), 0.0);
 }
@@ -142,7 +146,7 @@ fn rows_out_of_order_are_sorted_and_repeated_ones_dropped() {
 #[test]
 fn a_clock_that_is_set_back_parts_the_drive() {
     let log = sound().map("time", |row, time| if row < 1500 { time } else { time - 25.0 }).clean();
-    assert_eq!(said(&log, "time", "jumps back"), Gravity::Warning);
+    assert_eq!(said(&log, "time", "jumps back"), FindingSeverity::Warning);
     assert_eq!(log.time.len(), 1500);
 }
 
@@ -150,7 +154,7 @@ fn a_clock_that_is_set_back_parts_the_drive() {
 fn other_units_of_time_are_converted() {
     for (factor, word) in [(1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")] {
         let log = sound().scaled(&["time"], factor).clean();
-        assert_eq!(said(&log, "time", word), Gravity::Warning);
+        assert_eq!(said(&log, "time", word), FindingSeverity::Warning);
         assert!((log.step - 0.02).abs() < 1e-9 && apart(&log, "vx") < 1e-6);
     }
     // A row each millisecond, counted in milliseconds: only the way driven tells that it is not one each second.
@@ -162,7 +166,7 @@ fn other_units_of_time_are_converted() {
 #[test]
 fn times_that_repeat_are_spread() {
     let log = sound().map("time", |_, time| (time * 10.0 + 1e-9).floor() / 10.0).clean();
-    assert_eq!(said(&log, "time", "repeat the time"), Gravity::Warning);
+    assert_eq!(said(&log, "time", "repeat the time"), FindingSeverity::Warning);
     assert!((log.step - 0.02).abs() < 1e-3 && apart(&log, "yaw_rate") < 2e-3);
 }
 
@@ -178,7 +182,7 @@ fn late_stamps_of_even_rows_are_straightened() {
 #[test]
 fn gaps_are_filled_and_not_judged() {
     let log = sound().keep(|row| !(500..700).contains(&row)).clean();
-    assert_eq!(said(&log, "time", "1 gaps"), Gravity::Warning);
+    assert_eq!(said(&log, "time", "1 gaps"), FindingSeverity::Warning);
     assert_eq!(log.time.len(), 2000);
     assert!(!log.valid[600] && log.valid[400] && !log.valid[710] && log.valid[800]);
     // Two drives in one file.
@@ -191,11 +195,11 @@ fn gaps_are_filled_and_not_judged() {
 fn stretches_without_a_value_are_not_judged() {
     let hole = |row: usize, value: f64| if (900..1000).contains(&row) { f64::NAN } else { value };
     let log = sound().map("yaw_rate", hole).clean();
-    assert_eq!(said(&log, "yaw_rate", "are missing"), Gravity::Warning);
+    assert_eq!(said(&log, "yaw_rate", "are missing"), FindingSeverity::Warning);
     assert!(log.columns["yaw_rate"].iter().all(|value| value.is_finite()));
     assert!(!log.valid[950] && log.valid[1100]);
     let infinite = sound().map("ay", |row, value| if row == 70 { f64::INFINITY } else { value }).clean();
-    assert_eq!(said(&infinite, "ay", "not finite"), Gravity::Note);
+    assert_eq!(said(&infinite, "ay", "not finite"), FindingSeverity::Note);
     assert!(infinite.valid[70]);
     // A slow receiver: one row in five has a position.
     let slow = |row: usize, value: f64| if row.is_multiple_of(5) { value } else { f64::NAN };
@@ -206,7 +210,7 @@ fn stretches_without_a_value_are_not_judged() {
 #[test]
 fn a_column_that_never_changes_is_left_out() {
     let log = sound().map("ay", |_, _| 0.0).clean();
-    assert_eq!(said(&log, "ay", "never changes"), Gravity::Warning);
+    assert_eq!(said(&log, "ay", "never changes"), FindingSeverity::Warning);
     assert!(!log.columns.contains_key("ay"));
     let log = sound().map("yaw_rate", |_, _| 0.0).without(&["yaw"]).clean();
     assert!(log.suspect().is_some());
@@ -225,7 +229,7 @@ fn degrees_are_converted() {
         let table = columns.iter().fold(sound(), |table, column| table.scaled(&[column], DEGREES));
         let log = table.clean();
         for column in columns {
-            assert_eq!(said(&log, column, "degrees"), Gravity::Warning);
+            assert_eq!(said(&log, column, "degrees"), FindingSeverity::Warning);
             assert!(apart(&log, column) < 1e-9, "{columns:?}: {column} off by {}", apart(&log, column));
         }
     }
@@ -258,7 +262,11 @@ fn leaning() -> DriveTable {
 fn angles_of_body_trailer_and_road_are_converted() {
     const DEGREES: f64 = 180.0 / std::f64::consts::PI;
     let right = leaning().clean();
-    assert!(right.findings.iter().all(|finding| finding.gravity == Gravity::Note), "{:#?}", right.findings);
+    assert!(
+        right.findings.iter().all(|finding| finding.gravity == FindingSeverity::Note),
+        "{:#?}",
+        right.findings
+    );
     for (columns, factor, words) in [
         (&["roll"][..], DEGREES, "taken as degrees"),
         (&["pitch"], -DEGREES, "taken as degrees"),
@@ -272,7 +280,7 @@ fn angles_of_body_trailer_and_road_are_converted() {
     ] {
         let log = leaning().scaled(columns, factor).clean();
         for &column in columns {
-            assert_eq!(said(&log, column, words), Gravity::Warning);
+            assert_eq!(said(&log, column, words), FindingSeverity::Warning);
             let off = log.columns[column].iter().zip(&right.columns[column]).map(|(a, b)| {
                 let sign = factor.signum();
                 (sign * a - b).abs()
@@ -282,9 +290,13 @@ fn angles_of_body_trailer_and_road_are_converted() {
     }
     // A soft body is no unit, and what the motion does not tell is left out.
     let soft = leaning().scaled(&["roll"], 4.0).clean();
-    assert!(soft.findings.iter().all(|finding| finding.gravity == Gravity::Note), "{:#?}", soft.findings);
+    assert!(
+        soft.findings.iter().all(|finding| finding.gravity == FindingSeverity::Note),
+        "{:#?}",
+        soft.findings
+    );
     let odd = leaning().map("roll", |row, _| 40.0 * (0.9 * row as f64).sin()).clean();
-    assert_eq!(said(&odd, "roll", "left out"), Gravity::Warning);
+    assert_eq!(said(&odd, "roll", "left out"), FindingSeverity::Warning);
     assert!(!odd.columns.contains_key("roll") && odd.suspect().is_none());
 }
 
@@ -307,7 +319,7 @@ fn roll_in_degrees_is_told_by_how_far_a_body_leans() {
 fn a_yaw_in_degrees_is_told_beside_noise_that_is_more_than_it_changes_in_a_row() {
     let noisy = |row: usize, yaw: f64| 57.29578 * (yaw + 0.02 * (1.3 * row as f64 * row as f64).sin());
     let log = sound().map("yaw", noisy).clean();
-    assert_eq!(said(&log, "yaw", "degrees"), Gravity::Warning);
+    assert_eq!(said(&log, "yaw", "degrees"), FindingSeverity::Warning);
 }
 
 #[test]
@@ -321,12 +333,12 @@ fn wrapped_yaw_is_made_continuous() {
 #[test]
 fn kilometres_per_hour_and_g_are_converted() {
     let log = sound().scaled(&["vx"], 3.6).scaled(&["vy"], 3.6).clean();
-    assert_eq!(said(&log, "vx", "km/h"), Gravity::Warning);
+    assert_eq!(said(&log, "vx", "km/h"), FindingSeverity::Warning);
     assert!(apart(&log, "vx") < 1e-9 && apart(&log, "ay") < 1e-9);
     let log = sound().scaled(&["vx"], 3.6).without(&["x"]).clean();
     assert!(apart(&log, "vx") < 1e-9);
     let log = sound().scaled(&["ay"], 1.0 / 9.80665).scaled(&["ax"], 1.0 / 9.80665).clean();
-    assert_eq!(said(&log, "ay", "taken as g"), Gravity::Warning);
+    assert_eq!(said(&log, "ay", "taken as g"), FindingSeverity::Warning);
     assert!(apart(&log, "ay") < 1e-9);
 }
 
@@ -355,7 +367,7 @@ fn a_steering_wheel_angle_is_refused_with_its_ratio() {
 #[test]
 fn another_vehicle_is_suspected() {
     let log = sound().scaled(&["steer_cmd"], 2.2).scaled(&["steer"], 2.2).clean();
-    assert_eq!(said(&log, "steer_cmd", "another vehicle"), Gravity::Suspicion);
+    assert_eq!(said(&log, "steer_cmd", "another vehicle"), FindingSeverity::Suspicion);
     assert!(log.suspect().is_some());
     // Effects are smaller: a ratio of 1.2 is for the diagnosis to find.
     assert!(sound().scaled(&["steer_cmd"], 1.2).clean().suspect().is_none());
@@ -364,9 +376,9 @@ fn another_vehicle_is_suspected() {
 #[test]
 fn other_frames_and_speeds_are_suspected() {
     let log = sound().map("yaw", |_, yaw| yaw - 1.57).clean();
-    assert_eq!(said(&log, "yaw", "another axis"), Gravity::Suspicion);
+    assert_eq!(said(&log, "yaw", "another axis"), FindingSeverity::Suspicion);
     let log = sound().scaled(&["vx"], 0.5).clean();
-    assert_eq!(said(&log, "vx", "another unit"), Gravity::Suspicion);
+    assert_eq!(said(&log, "vx", "another unit"), FindingSeverity::Suspicion);
 }
 
 #[test]
@@ -383,7 +395,7 @@ fn a_log_without_steering_says_so() {
         .into_iter()
         .fold(sound().without(&["yaw"]), straight)
         .clean();
-    assert_eq!(said(&log, "steer_cmd", "hardly steered"), Gravity::Warning);
+    assert_eq!(said(&log, "steer_cmd", "hardly steered"), FindingSeverity::Warning);
 }
 
 #[test]
@@ -497,7 +509,7 @@ fn logs_are_joined_on_the_slowest_clock_and_the_columns_of_all() {
     let log = joined(&[drive(40.0, 50.0), drive(20.0, 100.0).without(&["vy"]), drive(30.0, 50.0)]).unwrap();
     assert_eq!((log.step, log.time.len(), log.valid.len()), (0.02, 1000 + 2000 + 1500, 4500));
     assert!(log.columns.values().all(|column| column.len() == 4500));
-    assert!(!log.columns.contains_key("vy") && said(&log, "vy", "1.csv") == Gravity::Warning);
+    assert!(!log.columns.contains_key("vy") && said(&log, "vy", "1.csv") == FindingSeverity::Warning);
     assert!(log.findings.iter().any(|finding| finding.words.contains("3 logs are taken as one")));
     let jumps: Vec<usize> = (1..4500).filter(|&i| log.time[i] - log.time[i - 1] > 1.0).collect();
     assert_eq!(jumps, [2000, 3000]);

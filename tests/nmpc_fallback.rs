@@ -40,7 +40,7 @@ fn absurd_measurements_end_in_a_command() {
 fn a_friction_that_is_none_is_named() {
     for friction in [0.0, f64::NAN] {
         let path = controller(|_| ()).path().clone();
-        let model = PredictionModel::Bicycle(BicycleModel { friction, ..BicycleModel::default() });
+        let model = PredictionModel::Nonlinear(BicycleModel { friction, ..BicycleModel::default() });
         let error = Controller::predicting_with(ControllerParameters::default(), path, model).err().unwrap();
         let ControllerError::Lateral(LateralError::Model(error)) = error else { panic!("{error}") };
         let SingleTrackError::NotPositive { name, .. } = error else { panic!("{error}") };

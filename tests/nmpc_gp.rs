@@ -12,7 +12,7 @@ use rfl_mpc::nominal::{ArticulatedPathState, ArticulatedSingleTrack, Bicycle, Bi
 use rfl_mpc::path::sudoku::Route;
 use rfl_mpc::path::{Closure, Path};
 use rfl_mpc::residual::gp::{GpConfig, GpModel, GpModelFor, GpVehicle, TruckGpModel, train};
-use rfl_mpc::residual::{DataConfig, DataSet, Drive, Misfit};
+use rfl_mpc::residual::{DataConfig, DataSet, Drive, ModelMismatch};
 use rfl_mpc::vehicle::{Articulated, SingleTrack, builtin, builtin_truck};
 use std::sync::{Arc, OnceLock};
 
@@ -80,7 +80,7 @@ fn truck_controller(gp: Option<Arc<TruckGpModel>>, dither: f64) -> TruckControll
         TruckControllerParameters::of_the_papers(&builtin_truck("truck_simulation").unwrap());
     parameters.mpc.dither = dither;
     let path = Arc::new(Route::TruckUTurn.path().unwrap());
-    let model = PredictionModelFor::Bicycle(ArticulatedModel { gp, ..ArticulatedModel::default() });
+    let model = PredictionModelFor::Nonlinear(ArticulatedModel { gp, ..ArticulatedModel::default() });
     TruckController::predicting_with(parameters, path, model).unwrap()
 }
 
@@ -102,7 +102,7 @@ fn truck_process() -> Arc<TruckGpModel> {
 }
 
 fn model(gp: Arc<GpModel>) -> PredictionModel {
-    PredictionModel::Bicycle(BicycleModel { gp: Some(gp), ..BicycleModel::default() })
+    PredictionModel::Nonlinear(BicycleModel { gp: Some(gp), ..BicycleModel::default() })
 }
 
 #[test]
@@ -209,15 +209,15 @@ fn a_process_of_another_controller_is_refused() {
         let mut parameters = ControllerParameters::of_the_papers(&builtin("c_class").unwrap());
         change(&mut parameters);
         let bicycle = BicycleModel { friction, gp: Some(process()), ..BicycleModel::default() };
-        let model = PredictionModel::Bicycle(bicycle);
+        let model = PredictionModel::Nonlinear(bicycle);
         match Controller::predicting_with(parameters, path.clone(), model).err() {
             Some(ControllerError::Lateral(LateralError::Residual(misfit))) => misfit,
             other => panic!("{other:?}"),
         }
     };
-    assert!(matches!(refused(&|_| (), 0.5), Misfit::Friction { .. }));
-    assert!(matches!(refused(&|p| p.vehicle.mass = 2000.0, 1.0), Misfit::Vehicle { .. }));
-    assert!(matches!(refused(&|p| p.mpc.sample_time = 0.01, 1.0), Misfit::SampleTime { .. }));
+    assert!(matches!(refused(&|_| (), 0.5), ModelMismatch::Friction { .. }));
+    assert!(matches!(refused(&|p| p.vehicle.mass = 2000.0, 1.0), ModelMismatch::Vehicle { .. }));
+    assert!(matches!(refused(&|p| p.mpc.sample_time = 0.01, 1.0), ModelMismatch::SampleTime { .. }));
 }
 
 #[test]

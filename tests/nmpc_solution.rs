@@ -139,7 +139,7 @@ fn for_small_errors_on_a_straight_it_is_the_linear_mpc() {
     // What is not linear shrinks with the square of the size, down to the accuracy of solver and integration.
     for (size, tolerance) in [(1e-2, 1e-2), (1e-3, 3e-4)] {
         let linear = plan(PredictionModel::Nominal, size);
-        let nonlinear = plan(PredictionModel::Bicycle(BicycleModel::default()), size);
+        let nonlinear = plan(PredictionModel::Nonlinear(BicycleModel::default()), size);
         let largest = linear.iter().fold(0.0_f64, |largest, steer| largest.max(steer.abs()));
         for (linear, nonlinear) in linear.iter().zip(&nonlinear) {
             assert!((linear - nonlinear).abs() < tolerance * largest, "{size}: {linear} {nonlinear}");

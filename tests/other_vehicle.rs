@@ -4,17 +4,18 @@
 use crate::counting::allocated;
 use nalgebra::{Matrix6, SVector, Vector6};
 use rfl_mpc::control::{
-    Bound, Choice, ChoiceError, ControlVariant, ControlledVehicle, ControllerFor, ControllerParametersFor,
-    FurtherState, GuardParameters, Measurement, MpcParameters, ObserverParameters, PredictionModelFor,
-    Propagation, Residual, RollOut, VehicleParameters,
+    Bound, Choice, ChoiceError, ControlVariant, ControlledParameters, ControlledVehicle, ControllerFor,
+    ControllerParametersFor, FurtherState, GuardParameters, Measurement, MpcParameters, ObserverParameters,
+    PredictionModelFor, Propagation, Residual, RollOut,
 };
 use rfl_mpc::nominal::{
     Actuator, ContinuousErrorModel, DiscreteErrorModel, ErrorState, LateralVehicle, SingleTrackError,
 };
+use rfl_mpc::numerics::Random;
 use rfl_mpc::parameter::OutOfRange;
 use rfl_mpc::path::{Closure, Path, Sample};
 use rfl_mpc::residual::{
-    DataConfig, DataError, DataSet, Drive, FileError, Kind, Misfit, Random, ResidualModel, ResidualModelFor,
+    DataConfig, DataError, DataSet, Drive, FileError, Kind, ModelMismatch, ResidualModel, ResidualModelFor,
     TrainConfig, TreeFeatures, train,
 };
 use rfl_mpc::signal::{self, Signal};
@@ -98,7 +99,7 @@ struct Toy {
     articulation_max: f64,
 }
 
-impl VehicleParameters<6> for Toy {
+impl ControlledParameters<6> for Toy {
     type Vehicle = Swinging;
 
     fn nominal(&self) -> Swinging {
@@ -111,7 +112,7 @@ impl VehicleParameters<6> for Toy {
             bound: Some(Bound { max: self.articulation_max, quadratic: 1e3, linear: 100.0 }),
             largest_reference: 0.5,
             noise: 1e-3,
-            missed: 0.0,
+            process_noise_gain: 0.0,
             largest_disturbance: 0.02,
         };
         vec![state, FurtherState { bound: None, ..state }]
@@ -260,7 +261,7 @@ fn the_condensed_horizon_is_the_simulated_one() {
         let nominal = NOMINAL.model_at(SPEED).unwrap().discretise(TS);
         let mut rolled = vec![start; WINDOW];
         let commands: Vec<f64> = std::iter::repeat_n(0.0, WINDOW - 1).chain(plan.iter().copied()).collect();
-        let (mut features, mut room) = (vec![0.0; model.features()], model.room());
+        let (mut features, mut room) = (vec![0.0; model.features()], model.workspace());
         let mut x = start;
         let mut speed = SPEED;
         let tracked = [0, 1, 2, 4];
@@ -356,7 +357,7 @@ fn a_file_is_for_its_vehicle_alone() {
     let expected =
         rfl_mpc::residual::Expected { vehicle: other, sample_time: TS, min_model_speed: 1.5, window: None };
     let misfit = model.check_fits(&expected).unwrap_err();
-    assert!(matches!(misfit, Misfit::Vehicle { parameter: "pull", .. }), "{misfit}");
+    assert!(matches!(misfit, ModelMismatch::Vehicle { parameter: "pull", .. }), "{misfit}");
 }
 
 #[test]

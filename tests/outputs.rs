@@ -185,7 +185,7 @@ fn what_a_killed_run_leaves_is_whole() {
         vec!["diagnose", "good/drive_1.csv", "--no-pairs", "--quiet", "--out", "report"],
     ];
     let kills = std::env::var("RFL_KILLS").map_or(5, |count| count.parse().unwrap());
-    let mut random = rfl_mpc::residual::Random::new(1);
+    let mut random = rfl_mpc::numerics::Random::new(1);
     for command in &commands {
         let begin = std::time::Instant::now();
         let whole = start(folder.path(), command).wait_with_output().unwrap();

@@ -4,8 +4,8 @@
 //! The circuits are data from outside: where `../shared/data/paths` is absent the test skips and says so.
 
 use crate::command::{done, rfl};
+use rfl_mpc::numerics::Random;
 use rfl_mpc::path::Path;
-use rfl_mpc::residual::Random;
 use std::fmt::Write;
 use std::path::{Path as FilePath, PathBuf};
 

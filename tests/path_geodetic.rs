@@ -1,6 +1,6 @@
 //! Roads in latitude and longitude drive like the same roads in metres.
 
-use rfl_mpc::path::{Options, Path};
+use rfl_mpc::path::{Path, PathOptions};
 use std::f64::consts::TAU;
 use std::fmt::Write;
 use std::path::Path as FilePath;
@@ -24,7 +24,7 @@ fn circle(latitude: f64, longitude: f64, decimals: usize) -> Vec<[String; 2]> {
 }
 
 fn parse(text: &str) -> Result<Path, String> {
-    let options = Options::default();
+    let options = PathOptions::default();
     Path::from_csv(text.as_bytes(), FilePath::new("road.csv"), &options).map_err(|error| error.to_string())
 }
 

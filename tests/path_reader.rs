@@ -1,11 +1,11 @@
 //! Files of roads: every format is read, and everything that can be wrong is said with file, line and column.
 
 use proptest::prelude::*;
-use rfl_mpc::path::{Closure, Options, Path, PathError, Sample, Smoothing, to_csv};
+use rfl_mpc::path::{Closure, Path, PathError, PathOptions, Sample, Smoothing, to_csv};
 use std::path::Path as FilePath;
 
 fn read(text: &str) -> Result<Path, PathError> {
-    Path::from_csv(text.as_bytes(), FilePath::new("road.csv"), &Options::default())
+    Path::from_csv(text.as_bytes(), FilePath::new("road.csv"), &PathOptions::default())
 }
 
 /// Reads what must be refused; gives the error and its message.
@@ -89,7 +89,7 @@ fn one_point_is_no_road() {
     has(&message, &["1 distinct point"]);
     let (error, _) = refuse("x,y\n1,2\n1,2\n1,2\n");
     assert!(matches!(error, PathError::TooFewPoints { count: 1, .. }));
-    let closed = Options { closure: Closure::Closed, ..Options::default() };
+    let closed = PathOptions { closure: Closure::Closed, ..PathOptions::default() };
     let error = Path::from_csv(b"x,y\n1,2\n4,2\n", FilePath::new("road.csv"), &closed).unwrap_err();
     assert!(matches!(error, PathError::TooFewPoints { count: 2, needed: 3, .. }));
 }
@@ -159,7 +159,7 @@ fn short_and_long_rows_are_found() {
 
 #[test]
 fn a_file_that_is_no_text_is_refused() {
-    let error = Path::from_csv(b"x,y\n0,0\n\xff\xfe,1\n", FilePath::new("road.csv"), &Options::default())
+    let error = Path::from_csv(b"x,y\n0,0\n\xff\xfe,1\n", FilePath::new("road.csv"), &PathOptions::default())
         .unwrap_err();
     assert!(matches!(error, PathError::NotText { .. }));
     has(&error.to_string(), &["road.csv, line 3", "UTF-8"]);
@@ -177,7 +177,7 @@ fn a_gap_is_found() {
     assert!(read(&format!("x,y\n{rows}")).is_ok());
     // A road that is said to be closed and is not.
     let rows: String = (0..200).map(|i| format!("{i},{}\n", (f64::from(i) / 60.0).sin())).collect();
-    let closed = Options { closure: Closure::Closed, ..Options::default() };
+    let closed = PathOptions { closure: Closure::Closed, ..PathOptions::default() };
     let error =
         Path::from_csv(format!("x,y\n{rows}").as_bytes(), FilePath::new("road.csv"), &closed).unwrap_err();
     assert!(matches!(error, PathError::Gap { .. } | PathError::TurnsBack { .. }), "{error}");
@@ -245,7 +245,7 @@ fn a_closed_road_is_told_from_an_open_one() {
         .collect();
     assert!(!read(&format!("x,y\n{back}")).unwrap().is_periodic());
     // And who knows better says so.
-    let open = Options { closure: Closure::Open, ..Options::default() };
+    let open = PathOptions { closure: Closure::Open, ..PathOptions::default() };
     assert!(!Path::from_csv(ring(0, 125).as_bytes(), FilePath::new("r"), &open).unwrap().is_periodic());
 }
 
@@ -264,10 +264,10 @@ fn what_is_not_used_is_said() {
 #[test]
 fn noisy_points_are_noticed() {
     let rows: String = (0..200).map(|i| format!("{i},{}\n", if i % 2 == 0 { 0.02 } else { -0.02 })).collect();
-    let none = Options { smoothing: Smoothing::None, ..Options::default() };
+    let none = PathOptions { smoothing: Smoothing::None, ..PathOptions::default() };
     let path = Path::from_csv(format!("x,y\n{rows}").as_bytes(), FilePath::new("r"), &none).unwrap();
     has(&path.notes()[0].text, &["noisy", "smoothing tolerance"]);
-    let smooth = Options { smoothing: Smoothing::Within(0.03), ..Options::default() };
+    let smooth = PathOptions { smoothing: Smoothing::Within(0.03), ..PathOptions::default() };
     let path = Path::from_csv(format!("x,y\n{rows}").as_bytes(), FilePath::new("r"), &smooth).unwrap();
     assert!((0..190).all(|s| path.curvature(f64::from(s)).abs() < 1e-3));
     has(&path.notes()[0].text, &["smoothed: 30.0 mm RMS"]);
@@ -318,14 +318,14 @@ proptest! {
 
     #[test]
     fn no_bytes_make_the_reader_panic(bytes in proptest::collection::vec(any::<u8>(), 0..400)) {
-        let _ = Path::from_csv(&bytes, FilePath::new("fuzz.csv"), &Options::default());
+        let _ = Path::from_csv(&bytes, FilePath::new("fuzz.csv"), &PathOptions::default());
     }
 
     #[test]
     fn no_text_makes_the_reader_panic(text in almost_a_file(), within in proptest::option::of(0.0..1.0f64)) {
         let smoothing = within.map_or(Smoothing::AsAccurate, Smoothing::Within);
         for closure in [Closure::Detect, Closure::Open, Closure::Closed] {
-            let options = Options { closure, smoothing, ..Options::default() };
+            let options = PathOptions { closure, smoothing, ..PathOptions::default() };
             if let Ok(path) = Path::from_csv(text.as_bytes(), FilePath::new("fuzz.csv"), &options) {
                 // What is accepted is usable.
                 prop_assert!(path.length().is_finite() && path.length() > 0.0);

@@ -1,7 +1,7 @@
 //! A path's shape against closed forms: position, length, heading, curvature and its continuity.
 
 use proptest::prelude::*;
-use rfl_mpc::path::{Closure, Options, Path, RoadClass, Sample, Segment, Smoothing};
+use rfl_mpc::path::{Closure, Path, PathOptions, RoadClass, Sample, Segment, Smoothing};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 const ORIGIN: rfl_mpc::path::Pose = rfl_mpc::path::Pose { x: 0.0, y: 0.0, yaw: 0.0 };
@@ -267,7 +267,7 @@ proptest! {
             Sample::at(radius * angle.cos(), radius * angle.sin())
         }).collect();
         let closure = if closed { Closure::Closed } else { Closure::Open };
-        let path = Path::from_samples_with(samples, &Options { closure, smoothing: Smoothing::None, ..Options::default() });
+        let path = Path::from_samples_with(samples, &PathOptions { closure, smoothing: Smoothing::None, ..PathOptions::default() });
         // Wild radii may make a road that turns back; that is refused, and not what is tested here.
         prop_assume!(path.is_ok());
         let path = path.unwrap();

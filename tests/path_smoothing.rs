@@ -1,6 +1,6 @@
 //! Noisy points: the curvature of a smoothed path is usable, and the path stays within its tolerance.
 
-use rfl_mpc::path::{Closure, Options, Path, PathError, Sample, Smoothing};
+use rfl_mpc::path::{Closure, Path, PathError, PathOptions, Sample, Smoothing};
 use std::f64::consts::TAU;
 
 /// A bell-shaped, repeatable noise of unit variance (sum of 12 uniform numbers).
@@ -13,8 +13,8 @@ fn uniform(seed: &mut u64) -> f64 {
     (*seed >> 11) as f64 / (1u64 << 53) as f64
 }
 
-fn within(tolerance: f64, closure: Closure) -> Options {
-    Options { closure, smoothing: Smoothing::Within(tolerance), ..Options::default() }
+fn within(tolerance: f64, closure: Closure) -> PathOptions {
+    PathOptions { closure, smoothing: Smoothing::Within(tolerance), ..PathOptions::default() }
 }
 
 /// A ring road with bends both ways: radius 60 + 8 sin(3 angle).
@@ -102,8 +102,9 @@ fn noise_leaves_tight_bends_where_they_are() {
                 let mut off = || sigma * noise(&mut seed);
                 format!("{text}{:.3},{:.3}\n", x + off(), y + off())
             });
-            let path = Path::from_csv(text.as_bytes(), std::path::Path::new("road.csv"), &Options::default())
-                .unwrap();
+            let path =
+                Path::from_csv(text.as_bytes(), std::path::Path::new("road.csv"), &PathOptions::default())
+                    .unwrap();
             let inner = &truth[50..truth.len() - 50];
             let off = inner.iter().map(|[x, y]| path.project(*x, *y, 0.0, None).e1.abs()).fold(0.0, f64::max);
             println!(
@@ -124,7 +125,7 @@ fn rounding_to_millimetres_is_smoothed_away() {
         }))
         .collect();
     let name = std::path::Path::new("ring.csv");
-    let error = |options: &Options| {
+    let error = |options: &PathOptions| {
         let path = Path::from_csv(text.as_bytes(), name, options).unwrap();
         assert!(path.is_periodic());
         let worst = (0..800).fold(0.0f64, |worst, i| {
@@ -134,8 +135,8 @@ fn rounding_to_millimetres_is_smoothed_away() {
         });
         (worst, path.notes().to_vec())
     };
-    let (smoothed, notes) = error(&Options::default());
-    let (raw, _) = error(&Options { smoothing: Smoothing::None, ..Options::default() });
+    let (smoothed, notes) = error(&PathOptions::default());
+    let (raw, _) = error(&PathOptions { smoothing: Smoothing::None, ..PathOptions::default() });
     println!("{smoothed:.6} {raw:.6} {notes:?}");
     assert!(smoothed < 4e-4 && raw > 3.0 * smoothed, "{smoothed} {raw}");
     assert!(notes.iter().any(|note| note.text.contains("rounding")), "{notes:?}");

@@ -9,8 +9,8 @@ use rfl_mpc::control::{
     ActiveSetSolver, ClarabelSolver, Controller, ControllerParameters, FastSolver, PredictionModel, QpEnd,
     QpError, QpReport, QpShape, QpSolver, SoftBound, TrackingQp,
 };
+use rfl_mpc::numerics::Random;
 use rfl_mpc::path::Path;
-use rfl_mpc::residual::Random;
 use rfl_mpc::simulate::ClosedLoop;
 use rfl_mpc::vehicle::{Car, Effects, builtin};
 use std::sync::Arc;

@@ -12,8 +12,8 @@
 use nalgebra::{DMatrix, DVector, Vector4};
 use proptest::prelude::*;
 use rfl_mpc::control::{
-    ActiveSetSolver, Affine, ClarabelSolver, Linear, Propagation, QpError, QpShape, QpSolver, SoftBound,
-    TrackingQp, condense,
+    ActiveSetSolver, Affine, ClarabelSolver, HorizonModel, Propagation, QpError, QpShape, QpSolver,
+    SoftBound, TrackingQp, condense,
 };
 use rfl_mpc::nominal::ContinuousErrorModel;
 use rfl_mpc::vehicle::SingleTrack;
@@ -42,7 +42,7 @@ fn problem(horizon: usize, start: [f64; 4], curvature: f64, speed: f64, previous
     let disturbance = model.d * (speed * curvature);
     let mut affine = Affine::new(horizon, 0);
     affine.known.fill(disturbance);
-    let linear = Linear { a: &model.a, b: &model.b };
+    let linear = HorizonModel { a: &model.a, b: &model.b };
     let start = Vector4::from(start);
     condense(linear, &start, &mut affine, &[], Propagation::default(), &[0, 2], &mut problem);
     problem.previous[0] = previous;

@@ -2,7 +2,7 @@
 
 use crate::counting::allocated;
 use crate::residual_plant::{Plant, data};
-use rfl_mpc::residual::gp::{self, GpConfig, Smoothing};
+use rfl_mpc::residual::gp::{self, GpConfig, StateSmoothing};
 use rfl_mpc::residual::{Kind, Regressors, TrainConfig, train};
 
 #[test]
@@ -14,7 +14,7 @@ fn coefficients_allocate_nothing() {
         let config = TrainConfig { trees: 6, depth: 4, regressors, ..TrainConfig::new(kind) };
         let model = train(&samples, None, &config, &|_| ()).unwrap().model;
         let mut features = vec![0.0; model.features()];
-        let mut room = model.room();
+        let mut room = model.workspace();
         let (count, _) = allocated(|| {
             for sample in 0..100 {
                 windows.features(sample, &mut features);
@@ -30,7 +30,7 @@ fn coefficients_allocate_nothing() {
 fn the_gaussian_process_allocates_nothing() {
     let samples = data(&Plant { lag: 0.1, ..Plant::exact() }, &[6.0, 10.0], 300, 1);
     let config = GpConfig {
-        smoothing: Smoothing::Fixed(0),
+        smoothing: StateSmoothing::Fixed(0),
         points: 30,
         hyperparameter_samples: 80,
         iterations: 5,

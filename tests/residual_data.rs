@@ -4,7 +4,8 @@ use crate::residual_plant;
 
 use residual_plant::{CONFIG, Plant, car, drive};
 use rfl_mpc::nominal::{ContinuousErrorModel, ErrorState};
-use rfl_mpc::residual::{DataConfig, DataError, DataSet, Drive, Random};
+use rfl_mpc::numerics::Random;
+use rfl_mpc::residual::{DataConfig, DataError, DataSet, Drive};
 
 fn lagging() -> Drive {
     drive(&Plant { lag: 0.1, ..Plant::exact() }, 600, 1, 8.0)

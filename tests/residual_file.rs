@@ -2,7 +2,7 @@
 
 use crate::residual_plant::{CONFIG, Plant, car, data};
 use proptest::prelude::*;
-use rfl_mpc::residual::{Expected, FileError, Kind, Misfit, ResidualModel, TrainConfig, train};
+use rfl_mpc::residual::{Expected, FileError, Kind, ModelMismatch, ResidualModel, TrainConfig, train};
 use rfl_mpc::vehicle::SingleTrack;
 use std::sync::OnceLock;
 
@@ -97,13 +97,13 @@ fn a_model_of_another_controller_is_refused_with_the_reason() {
     model.check_fits(&Expected { window: Some(6), ..fits }).unwrap();
     let heavier = Expected { vehicle: SingleTrack { mass: 1500.0, ..car() }, ..fits };
     let misfit = model.check_fits(&heavier).unwrap_err();
-    assert_eq!(misfit, Misfit::Vehicle { parameter: "mass", model: 1400.0, controller: 1500.0 });
+    assert_eq!(misfit, ModelMismatch::Vehicle { parameter: "mass", model: 1400.0, controller: 1500.0 });
     let misfit = model.check_fits(&Expected { sample_time: 0.05, ..fits }).unwrap_err();
-    assert_eq!(misfit, Misfit::SampleTime { model: 0.02, controller: 0.05 });
+    assert_eq!(misfit, ModelMismatch::SampleTime { model: 0.02, controller: 0.05 });
     let misfit = model.check_fits(&Expected { min_model_speed: 3.0, ..fits }).unwrap_err();
-    assert_eq!(misfit, Misfit::MinModelSpeed { model: 1.5, controller: 3.0 });
+    assert_eq!(misfit, ModelMismatch::MinModelSpeed { model: 1.5, controller: 3.0 });
     let misfit = model.check_fits(&Expected { window: Some(16), ..fits }).unwrap_err();
-    assert_eq!(misfit, Misfit::Window { model: 6, controller: 16 });
+    assert_eq!(misfit, ModelMismatch::Window { model: 6, controller: 16 });
 }
 
 #[test]
@@ -112,7 +112,7 @@ fn outside_the_training_range_the_model_says_so() {
     let range = &model.schema().ranges[0];
     let mut features = vec![0.0; model.features()];
     features[24..].copy_from_slice(&[8.0, 0.0, 0.0]);
-    let mut room = model.room();
+    let mut room = model.workspace();
     model.coefficients(&features, &[0.0; 6], &mut room);
     assert!(!room.outside(), "{room:?}");
     // The newest lateral error: half a range beyond.
@@ -134,7 +134,7 @@ fn outside_the_training_range_the_model_says_so() {
 /// Whatever is accepted can be asked anything.
 fn never_panics(bytes: &[u8]) {
     if let Ok(model) = ResidualModel::from_bytes(bytes) {
-        let mut room = model.room();
+        let mut room = model.workspace();
         for x in [0.0, 1e300, f64::NAN] {
             model.coefficients(&vec![x; model.features()], &[x], &mut room);
         }

@@ -1,7 +1,8 @@
 //! Forests: bootstrap, feature sampling, and the same bits on any number of threads.
 
 use crate::residual_plant::{Plant, data};
-use rfl_mpc::residual::{Block, Dense, ForestConfig, Kind, Random, Resolution, TrainConfig, grow, train};
+use rfl_mpc::numerics::Random;
+use rfl_mpc::residual::{Block, Dense, ForestConfig, Kind, Resolution, TrainConfig, grow, train};
 
 const CONFIG: ForestConfig = ForestConfig {
     trees: 12,

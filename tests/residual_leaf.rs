@@ -2,9 +2,9 @@
 
 use crate::residual_plant::{Plant, data};
 use nalgebra::{DMatrix, DVector};
+use rfl_mpc::numerics::Random;
 use rfl_mpc::residual::{
-    DataSet, Gram, Kind, LambdaChoice, Random, Regressors, Theta, TrainConfig, TrainError, Trained, Triangle,
-    train,
+    DataSet, Gram, Kind, LambdaChoice, Regressors, Theta, TrainConfig, TrainError, Trained, Triangle, train,
 };
 
 fn example(rows: usize, columns: usize) -> (DMatrix<f64>, DMatrix<f64>, Vec<f64>) {
@@ -168,7 +168,7 @@ fn constant_leaves_are_means() {
         }
     }
     // The controller sees a residual that no command changes.
-    let mut room = model.room();
+    let mut room = model.workspace();
     model.coefficients(&features, &[], &mut room);
     assert!(room.command().len() == 16 && room.command().as_flattened().iter().all(|&c| c == 0.0));
 }
@@ -201,7 +201,7 @@ fn averaging_and_road_terms_are_the_mean_over_trees_by_hand() {
     let model = trained(&samples, &config).model;
     let windows = samples.windows(16);
     let mut features = vec![0.0; 67];
-    let mut room = model.room();
+    let mut room = model.workspace();
     for i in [0, 100, 3000] {
         windows.features(i, &mut features);
         model.coefficients(&features, windows.commands(i), &mut room);

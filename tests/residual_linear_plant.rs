@@ -78,7 +78,7 @@ fn a_propagated_prediction_is_the_simulation() {
         trained(&data(&plant, &[8.0; 20], 500, 1), &data(&plant, &[8.0], 500, 50), &quick(Kind::Rfl)).model;
     let (window, horizon) = (model.schema().window, 16);
     let log = drive(&plant, 400, 77, 8.0);
-    let mut room = model.room();
+    let mut room = model.workspace();
     for start in [100, 200, 300] {
         let (v, curvature) = (log.vx[start], log.curvature[start]);
         let state = |k: usize| [log.e1[k], log.e1_rate[k], log.e2[k], log.e2_rate[k]];

@@ -2,9 +2,10 @@
 
 use crate::counting::allocated;
 use crate::residual_plant::{Plant, data};
+use rfl_mpc::numerics::Random;
 use rfl_mpc::residual::{
-    Coefficients, DataSet, Kind, LambdaChoice, Lookahead, LookedUp, Random, Regressors, ResidualModel,
-    TrainConfig, TreeFeatures, train,
+    Coefficients, DataSet, Kind, LambdaChoice, Lookahead, LookedUp, Regressors, ResidualModel, TrainConfig,
+    TreeFeatures, train,
 };
 
 const WINDOW: usize = 12;
@@ -81,7 +82,7 @@ impl World {
             }
             let window = self.states[j..j + WINDOW].iter().flatten();
             let features: Vec<f64> = window.chain(&self.road[j]).copied().collect();
-            let mut fresh = model.room();
+            let mut fresh = model.workspace();
             model.coefficients(&features, &[], &mut fresh);
             let row = model.row(rows, j, &self.road[j]);
             assert_same(&row, &fresh, &format!("{what}, row {j}"));

@@ -3,7 +3,8 @@
 
 use crate::residual_plant::{CONFIG, Plant, TS, car, data, drive, normal, step};
 use rfl_mpc::nominal::ErrorState;
-use rfl_mpc::residual::{DataSet, Drive, Kind, LambdaChoice, Random, ResidualModel, TrainConfig, train};
+use rfl_mpc::numerics::Random;
+use rfl_mpc::residual::{DataSet, Drive, Kind, LambdaChoice, ResidualModel, TrainConfig, train};
 use rfl_mpc::simulate::experiment::steps_ahead;
 
 const SPEED: f64 = 10.0;

@@ -1,8 +1,9 @@
 //! The room for coefficients remembers the last leaves: that changes no bit, and a room belongs to its model.
 
 use crate::residual_plant::{Plant, data};
+use rfl_mpc::numerics::Random;
 use rfl_mpc::residual::{
-    Coefficients, DataSet, Kind, LambdaChoice, Random, Regressors, ResidualModel, TrainConfig, train,
+    Coefficients, DataSet, Kind, LambdaChoice, Regressors, ResidualModel, TrainConfig, train,
 };
 
 fn samples() -> DataSet {
@@ -36,7 +37,7 @@ fn a_used_room_gives_the_bits_of_a_fresh_one() {
     for &kind in Kind::ALL {
         let model = model(&samples, kind);
         let mut random = Random::new(3);
-        let mut used = model.room();
+        let mut used = model.workspace();
         let mut features = vec![0.0; model.features()];
         let mut last = vec![];
         let (mut same, mut other, mut strange) = (0, 0, 0);
@@ -55,7 +56,7 @@ fn a_used_room_gives_the_bits_of_a_fresh_one() {
             let width = [0.0, 0.02, 0.1, 1.0][random.below(4) as usize];
             let commands: Vec<f64> = (0..16).map(|_| width * (random.uniform() - 0.5)).collect();
             model.coefficients(&features, &commands, &mut used);
-            let mut fresh = model.room();
+            let mut fresh = model.workspace();
             model.coefficients(&features, &commands, &mut fresh);
             assert_eq!(bits(&used), bits(&fresh), "{kind:?}, call {call}");
             strange += usize::from(used.strange_leaves > 0.0);
@@ -79,14 +80,14 @@ fn a_used_room_gives_the_bits_of_a_fresh_one() {
 fn a_room_of_another_model_of_the_same_shape_is_refused() {
     let samples = samples();
     let [mine, other] = [Kind::Rfl, Kind::Rfl].map(|kind| model(&samples, kind));
-    mine.coefficients(&vec![0.0; mine.features()], &[], &mut other.room());
+    mine.coefficients(&vec![0.0; mine.features()], &[], &mut other.workspace());
 }
 
 #[test]
 fn a_room_is_good_for_a_copy_of_its_model() {
     let samples = samples();
     let model = model(&samples, Kind::Rfl);
-    let (mut room, mut fresh) = (model.room(), model.room());
+    let (mut room, mut fresh) = (model.workspace(), model.workspace());
     let features = vec![0.0; model.features()];
     model.clone().coefficients(&features, &[], &mut room);
     model.coefficients(&features, &[], &mut fresh);

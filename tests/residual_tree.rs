@@ -1,6 +1,7 @@
 //! Trees against an exhaustive search, and their look-up against a walk.
 
-use rfl_mpc::residual::{Block, Dense, Forest, ForestConfig, Random, Resolution, grow};
+use rfl_mpc::numerics::Random;
+use rfl_mpc::residual::{Block, Dense, Forest, ForestConfig, Resolution, grow};
 
 const CONFIG: ForestConfig = ForestConfig {
     trees: 1,

@@ -2,12 +2,12 @@
 
 use proptest::prelude::*;
 use rfl_mpc::log::DriveLog;
-use rfl_mpc::path::{Options, Path, PathError, Sample};
+use rfl_mpc::path::{Path, PathError, PathOptions, Sample};
 use rfl_mpc::table::{Limits, Table, TableError, open};
 use std::path::{Path as FilePath, PathBuf};
 
 fn road(bytes: &[u8]) -> Result<Path, PathError> {
-    Path::from_csv(bytes, FilePath::new("road.csv"), &Options::default())
+    Path::from_csv(bytes, FilePath::new("road.csv"), &PathOptions::default())
 }
 
 fn log(bytes: &[u8]) -> DriveLog {

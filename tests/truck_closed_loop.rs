@@ -111,7 +111,7 @@ fn a_known_dead_time_and_lag_is_worth_much() {
 #[test]
 fn nonlinear_mpc_tracks_as_well_as_the_linear_one() {
     // What both miss, the delay, is the same; `tests/truck_nmpc.rs` shows what the model alone is worth.
-    let nmpc = || Model::Bicycle(ArticulatedModel::default());
+    let nmpc = || Model::Nonlinear(ArticulatedModel::default());
     let nominal = drive(Route::TruckTest, LOW, default(), Model::Nominal, 60.0).tracking();
     let nonlinear = drive(Route::TruckTest, LOW, default(), nmpc(), 60.0).tracking();
     assert!(

@@ -6,15 +6,15 @@ use rfl_mpc::path::sudoku::Route;
 use rfl_mpc::path::{Closure, Path};
 use rfl_mpc::simulate::TRUCK_COLUMNS;
 use rfl_mpc::simulate::experiment::{
-    Compared, ComparisonFor, Condition, Effort, Outcome, Plant, Predictor, Roads, Row, SteeringStep,
-    TRUCK_PLANTS, TrialFor, Weights,
+    Compared, ComparisonFor, Condition, CostWeights, DriveMetrics, Effort, Predictor, Roads, SteeringStep,
+    TRUCK_PLANTS, TableRow, TestPlant, TrialFor,
 };
 use rfl_mpc::vehicle::{Truck, TruckParameters, builtin_truck};
 use std::sync::{Arc, LazyLock};
 
 static TRUCK: LazyLock<TruckParameters> = LazyLock::new(|| builtin_truck("truck_simulation").unwrap());
 
-fn plant(name: &str) -> &'static Plant {
+fn plant(name: &str) -> &'static TestPlant {
     TRUCK_PLANTS.iter().find(|plant| plant.name == name).unwrap()
 }
 
@@ -40,7 +40,7 @@ fn short() -> Roads {
     }
 }
 
-const ROWS: [Row; 2] = [Row::plain(Predictor::Identified), Row::observing(Predictor::Linear)];
+const ROWS: [TableRow; 2] = [TableRow::plain(Predictor::Identified), TableRow::observing(Predictor::Linear)];
 
 type TruckComparison<'a> = ComparisonFor<'a, Truck, TRUCK_STATES, TRUCK_COLUMNS>;
 
@@ -79,7 +79,7 @@ fn the_comparison_runs_and_does_not_depend_on_threads() {
     let outcome = |name: &str| row(name).own_best[0].clone();
     assert!(!outcome("identified").lost);
     assert!(outcome("identified").tracking.mae < 0.7 * outcome("MPC").tracking.mae);
-    let best = [Row::NOMINAL, ROWS[0]].map(|of| (of, row(&of.name()).weights));
+    let best = [TableRow::NOMINAL, ROWS[0]].map(|of| (of, row(&of.name()).weights));
     let edges =
         [comparison.edge_of_weights(&best).unwrap(), comparison.edge_of_delay(&best).unwrap().unwrap()];
     for edge in &edges {
@@ -96,11 +96,11 @@ fn the_comparison_runs_and_does_not_depend_on_threads() {
 fn it_learns_a_gaussian_process_and_drives_with_it() {
     let roads = Roads { test: road(90), ..short() };
     let comparison = collected("low_delay", &roads, 2);
-    let weights = Weights::of(&TruckControllerParameters::for_truck(&TRUCK).mpc);
-    let row = Row::plain(Predictor::GpNmpc);
+    let weights = CostWeights::of(&TruckControllerParameters::for_truck(&TRUCK).mpc);
+    let row = TableRow::plain(Predictor::GpNmpc);
     assert!(comparison.has(row) && Truck::SETTING.rows.contains(&row));
-    let drive = |row: Row| comparison.drive(row, &weights, &roads.test).unwrap();
-    let (with, without) = (drive(row), drive(Row::plain(Predictor::Nmpc)));
+    let drive = |row: TableRow| comparison.drive(row, &weights, &roads.test).unwrap();
+    let (with, without) = (drive(row), drive(TableRow::plain(Predictor::Nmpc)));
     assert!(with.finished && !with.lost && with.column("steer_cmd") != without.column("steer_cmd"));
     assert!(with.tracking().mae < 0.1, "{:?}", with.tracking());
 }
@@ -118,19 +118,19 @@ fn a_recorded_step_tells_the_delay() {
 #[test]
 fn a_lost_truck_is_reported_as_lost() {
     // Tight weights that know nothing of a long delay.
-    let weights = Weights::of(&TruckControllerParameters::for_truck(&TRUCK).mpc);
+    let weights = CostWeights::of(&TruckControllerParameters::for_truck(&TRUCK).mpc);
     let trial = TrialFor::<Truck, TRUCK_STATES, TRUCK_COLUMNS> {
         vehicle: &TRUCK,
         plant: plant("high_delay"),
         path: beginning(Route::TruckTest, 600),
         model: PredictionModelFor::Nominal,
-        weights: Weights { r_rate: 1e-3, ..weights },
+        weights: CostWeights { r_rate: 1e-3, ..weights },
         noise: None,
         give_up: f64::INFINITY,
         dither: None,
     };
     let drive = trial.drive().unwrap();
-    let outcome = Outcome::from(&drive);
+    let outcome = DriveMetrics::from(&drive);
     assert!(outcome.lost && !drive.finished && !drive.rows.is_empty());
     assert_eq!(Truck::SETTING.plants.len(), 2);
 }

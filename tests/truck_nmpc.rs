@@ -39,7 +39,7 @@ fn drive(model: Model) -> (TrackingMetrics, f64) {
 #[test]
 fn on_the_vehicle_that_it_predicts_with_it_beats_the_linear_mpc_by_far() {
     let (linear, one) = drive(Model::Nominal);
-    let (nonlinear, few) = drive(Model::Bicycle(ArticulatedModel::default()));
+    let (nonlinear, few) = drive(Model::Nonlinear(ArticulatedModel::default()));
     // Where the road begins to bend both give way by as much: what that costs is the same for both.
     assert!(
         nonlinear.mae < 0.6 * linear.mae && nonlinear.rmse < 0.8 * linear.rmse,
@@ -52,7 +52,7 @@ fn on_the_vehicle_that_it_predicts_with_it_beats_the_linear_mpc_by_far() {
 fn what_cannot_be_is_refused() {
     for friction in [0.0, f64::NAN] {
         let model = ArticulatedModel { friction, ..ArticulatedModel::default() };
-        let error = controller(Model::Bicycle(model)).err().expect("no such friction");
+        let error = controller(Model::Nonlinear(model)).err().expect("no such friction");
         assert!(matches!(&error, ControllerError::Lateral(LateralError::Model(_))), "{error}");
         assert!(error.to_string().contains("friction"), "{error}");
     }

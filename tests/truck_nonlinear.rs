@@ -7,8 +7,8 @@ use rfl_mpc::nominal::{
     ArticulatedPathState, ArticulatedSingleTrack, ArticulatedState, Bicycle, ContinuousErrorModel, HeldSpeed,
     LateralVehicle, PathModel,
 };
+use rfl_mpc::numerics::Random;
 use rfl_mpc::path::sudoku::Route;
-use rfl_mpc::residual::Random;
 use rfl_mpc::vehicle::{Articulated, SingleTrack, builtin_truck};
 
 fn truck() -> Articulated {

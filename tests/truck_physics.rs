@@ -1,7 +1,7 @@
 //! The truck's motion: loads, energy, symmetry, order of the integration, rearward amplification, jack-knife.
 
 use rfl_mpc::vehicle::{
-    BUILTIN_TRUCKS, GRAVITY, StepError, Truck, TruckEffects, TruckInput, TruckOutput, TruckParameters,
+    BUILTIN_TRUCKS, GRAVITY, PlantStepError, Truck, TruckEffects, TruckInput, TruckOutput, TruckParameters,
     TruckStatus, builtin_truck,
 };
 
@@ -268,7 +268,7 @@ fn a_jack_knife_is_a_status_and_an_error_that_leaves_the_truck_sound() {
         })
         .expect("with a locked drive axle it jack-knifes");
     assert!(jack_knifing, "the status tells before");
-    assert!(matches!(error, StepError::JackKnifed { limit, .. } if limit == 1.57), "{error}");
+    assert!(matches!(error, PlantStepError::JackKnifed { limit, .. } if limit == 1.57), "{error}");
     assert!(
         error.to_string().contains("jack-knifed") && error.to_string().contains("hitch.articulation_limit")
     );
@@ -310,7 +310,7 @@ fn so_tall_a_truck_rolls_over() {
             result.err()
         })
         .expect("so tall a truck rolls over");
-    assert!(lifted && matches!(error, StepError::RolledOver { .. }), "{error}");
+    assert!(lifted && matches!(error, PlantStepError::RolledOver { .. }), "{error}");
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Cars and trucks as the FMI layer sees them.
 
-use rfl_mpc::fmi::{Causality, Context, Kind, Log, Model, ModelError, Severity, Value, Values};
+use rfl_mpc::fmi::{Causality, Context, Log, Model, ModelError, Severity, Value, Values, VariableKind};
 use rfl_mpc::fmu::{PlantFmu, PlantUnit};
 use rfl_mpc::signal;
 use rfl_mpc::vehicle::{Car, Truck, VehicleInput, VehicleParameters};
@@ -106,7 +106,7 @@ fn declares_the_signals_all_parameters_and_all_effects<P: Case>() {
     let known = P::SIGNALS.iter().map(|(signal, _)| *signal);
     for signal in [&signal::STEER_CMD, &signal::ACCEL_CMD].into_iter().chain(known) {
         let kind = &variable(signal.name).kind;
-        assert!(matches!(kind, Kind::Real { unit, .. } if *unit == signal.unit), "{}", signal.name);
+        assert!(matches!(kind, VariableKind::Real { unit, .. } if *unit == signal.unit), "{}", signal.name);
     }
     for signal in ["x", "y", "yaw", "vx", "vy", "yaw_rate", "ax", "ay", "steer", "roll"] {
         variable(signal);
@@ -116,14 +116,14 @@ fn declares_the_signals_all_parameters_and_all_effects<P: Case>() {
     }
     for effect in P::all_effects() {
         let kind = &variable(&format!("effect.{}", effect.id)).kind;
-        let neutral = matches!(kind, Kind::Real { start, .. } if *start == effect.neutral);
+        let neutral = matches!(kind, VariableKind::Real { start, .. } if *start == effect.neutral);
         assert!(neutral, "{} is not neutral at the start", effect.id);
     }
     for name in P::Parameters::BUILTIN {
         let description = &variable("vehicle_file").description;
         assert!(description.contains(name), "{name} is not offered: {description}");
     }
-    let Kind::Enumeration { items, .. } = &variable("status").kind else { panic!("an enumeration") };
+    let VariableKind::Enumeration { items, .. } = &variable("status").kind else { panic!("an enumeration") };
     assert_eq!(*items, P::STATUS.1);
     for name in &declaration.variables {
         let same = declaration.variables.iter().filter(|other| other.name == name.name).count();

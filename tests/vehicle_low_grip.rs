@@ -5,8 +5,8 @@ use proptest::prelude::*;
 use rfl_mpc::fmu::PlantUnit;
 use rfl_mpc::vehicle::tyre::{Coefficients, Contact};
 use rfl_mpc::vehicle::{
-    BUILTIN, BUILTIN_TRUCKS, Car, CarOutput, Effects, StepError, Truck, TruckEffects, Tyre, VehicleInput,
-    VehicleParameters, WheelOutput, builtin, builtin_truck,
+    BUILTIN, BUILTIN_TRUCKS, Car, CarOutput, Effects, PlantStepError, Truck, TruckEffects, Tyre,
+    VehicleInput, VehicleParameters, WheelOutput, builtin, builtin_truck,
 };
 
 /// What the drive of a vehicle file may do at most: power in W; share of each wheel in the force.
@@ -304,7 +304,7 @@ fn is_sound<P: Case>(
         let (steer_cmd, accel_cmd) = input(time);
         match vehicle.step(&VehicleInput { steer_cmd, accel_cmd }, conditions.step) {
             Ok(()) => {}
-            Err(StepError::RolledOver { .. } | StepError::JackKnifed { .. }) => return Ok(()),
+            Err(PlantStepError::RolledOver { .. } | PlantStepError::JackKnifed { .. }) => return Ok(()),
             Err(error) => return Err(error.to_string()),
         }
         time += conditions.step;

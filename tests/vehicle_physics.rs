@@ -1,6 +1,8 @@
 //! The car against closed forms, and against itself mirrored.
 
-use rfl_mpc::vehicle::{Axle, BUILTIN, Car, CarInput, CarOutput, CarParameters, Effects, StepError, builtin};
+use rfl_mpc::vehicle::{
+    Axle, BUILTIN, Car, CarInput, CarOutput, CarParameters, Effects, PlantStepError, builtin,
+};
 
 fn car(parameters: &CarParameters, speed: f64) -> Car {
     let mut car = Car::new(parameters, &Effects::default(), None).unwrap();
@@ -299,7 +301,7 @@ fn a_lifted_wheel_is_ordinary_and_a_rolled_car_an_error() {
         })
         .expect("so tall a car rolls over");
     assert!(lifted);
-    assert!(matches!(error, StepError::RolledOver { .. }), "{error}");
+    assert!(matches!(error, PlantStepError::RolledOver { .. }), "{error}");
     assert!(error.to_string().contains("rolled over"));
 }
 

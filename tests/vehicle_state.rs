@@ -5,7 +5,7 @@ use crate::counting::allocated;
 use proptest::prelude::*;
 use rfl_mpc::fmu::PlantUnit;
 use rfl_mpc::path::{Closure, Path, Sample};
-use rfl_mpc::vehicle::{Car, StepError, Truck, VehicleInput, VehicleParameters};
+use rfl_mpc::vehicle::{Car, PlantStepError, Truck, VehicleInput, VehicleParameters};
 use std::fmt::Debug;
 use std::sync::Arc;
 
@@ -203,7 +203,7 @@ fn is_finite_on<P: Case>((name, speed, effects, strength, inputs): AnyDrive) -> 
     vehicle.place(0.0, 0.0, 0.0, speed);
     for (steer_cmd, accel_cmd, step) in inputs {
         match vehicle.step(&VehicleInput { steer_cmd, accel_cmd }, step) {
-            Ok(()) | Err(StepError::RolledOver { .. } | StepError::JackKnifed { .. }) => {}
+            Ok(()) | Err(PlantStepError::RolledOver { .. } | PlantStepError::JackKnifed { .. }) => {}
             Err(error) => prop_assert!(false, "{error}"),
         }
         let o = vehicle.output();

@@ -5,8 +5,9 @@
 use crate::steps::{Model, SAMPLE_TIME, car, percentile};
 use crate::{Outcome, median_time, memory};
 use rfl_mpc::control::{PredictionModelFor, Propagation, Residual, RollOut};
+use rfl_mpc::numerics::Random;
 use rfl_mpc::path::sudoku::Route;
-use rfl_mpc::residual::{DataConfig, DataSet, Dense, Kind, LambdaChoice, Random, TrainConfig, grow, train};
+use rfl_mpc::residual::{DataConfig, DataSet, Dense, Kind, LambdaChoice, TrainConfig, grow, train};
 use rfl_mpc::simulate::{CAR_COLUMNS, ClosedLoop};
 use rfl_mpc::vehicle::Car;
 use serde_json::{Value, json};
@@ -25,7 +26,7 @@ fn data(seconds: f64) -> Result<DataSet, Box<dyn Error>> {
     let mut closed = car.connect(Route::SudokuTrain, car.calm, PredictionModelFor::Nominal);
     let log = closed.drive(seconds, |_| ())?.to_learn_from();
     let config = DataConfig { sample_time: SAMPLE_TIME, min_model_speed: car.calm.mpc.min_model_speed };
-    Ok(DataSet::new(&[log], &rfl_mpc::control::VehicleParameters::nominal(&car.calm.vehicle), config)?)
+    Ok(DataSet::new(&[log], &rfl_mpc::control::ControlledParameters::nominal(&car.calm.vehicle), config)?)
 }
 
 /// A forest of linear leaves, of other sizes than by default.
@@ -130,7 +131,7 @@ fn logs() -> Result<Value, Box<dyn Error>> {
         let mut closed = car.connect(Route::SudokuTrain, car.calm, PredictionModelFor::Nominal);
         let log = [closed.drive(seconds, |_| ())?.to_learn_from()];
         let config = DataConfig { sample_time: SAMPLE_TIME, min_model_speed: 1.0 };
-        let vehicle = rfl_mpc::control::VehicleParameters::nominal(&car.calm.vehicle);
+        let vehicle = rfl_mpc::control::ControlledParameters::nominal(&car.calm.vehicle);
         let time = median_time(5, || {
             std::hint::black_box(DataSet::new(&log, &vehicle, config).is_ok());
         });

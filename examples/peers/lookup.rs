@@ -31,7 +31,7 @@ pub fn run(features_file: &std::path::Path, labels_file: &std::path::Path) -> Ou
     let first = windows.len() - ROWS;
     let rows: Vec<&[f64]> = table.chunks_exact(model.features()).skip(first).collect();
     // One room for all rows, as the controller has it: it keeps the leaves of the row before.
-    let mut room = model.room();
+    let mut room = model.workspace();
     let seconds = median_time(REPEATS, || {
         for (j, row) in rows.iter().enumerate() {
             model.coefficients(black_box(row), windows.commands(first + j), &mut room);

@@ -128,7 +128,7 @@ pub fn run(horizon: usize, count: usize, learned: bool) -> Outcome {
     let gps = gp.as_deref().map(processes);
     let model = BicycleModel { gp, ..BicycleModel::default() };
     let friction = model.friction;
-    let controller = Controller::predicting_with(parameters, path, PredictionModel::Bicycle(model))?;
+    let controller = Controller::predicting_with(parameters, path, PredictionModel::Nonlinear(model))?;
     // A steering lag that the model does not know keeps the controller busy.
     let effects = Effects { steer_lag: SLOW, ..Effects::default() };
     let mut closed = ClosedLoop::at_start(controller, &car, &effects, parameters.mpc.sample_time)?;

@@ -5,8 +5,8 @@
 //! the controllers themselves report.
 
 use rfl_mpc::control::{
-    ControllerFor, ControllerParametersFor, PredictionModelFor, Propagation, Residual, RollOut,
-    VehicleParameters,
+    ControlledParameters, ControllerFor, ControllerParametersFor, PredictionModelFor, Propagation, Residual,
+    RollOut,
 };
 use rfl_mpc::path::sudoku::Route;
 use rfl_mpc::residual::{DataConfig, DataSet, Kind, TrainConfig, train};
@@ -20,7 +20,7 @@ pub const TIMED: f64 = 60.0;
 pub const SAMPLE_TIME: f64 = 0.02;
 
 type Vehicle<P, const S: usize, const C: usize> =
-    <<P as SimulatedVehicle<S, C>>::Nominal as VehicleParameters<S>>::Vehicle;
+    <<P as SimulatedVehicle<S, C>>::Nominal as ControlledParameters<S>>::Vehicle;
 pub type Model<P, const S: usize, const C: usize> = PredictionModelFor<Vehicle<P, S, C>, S>;
 
 /// A vehicle, its delay and where it learns and is timed.

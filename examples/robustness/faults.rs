@@ -8,7 +8,7 @@ use rfl_mpc::control::{
     Choice, ControlStatus, ControlVariant, Controller, ControllerParameters, Measurement, Propagation,
     RollOut,
 };
-use rfl_mpc::path::{Closure, Options, Path};
+use rfl_mpc::path::{Closure, Path, PathOptions};
 use rfl_mpc::residual::ResidualModel;
 use rfl_mpc::simulate::ClosedLoop;
 use rfl_mpc::vehicle::{Car, Effects, builtin};
@@ -70,7 +70,7 @@ pub fn run(arguments: &Arguments) -> Result<Value, Box<dyn Error>> {
     };
     let text = std::fs::read_to_string(&file)?;
     let lines: Vec<&str> = text.lines().collect();
-    let options = Options { closure: Closure::Open, ..Options::default() };
+    let options = PathOptions { closure: Closure::Open, ..PathOptions::default() };
     let open = lines[..lines.len() - 12].join("\n");
     let path = Arc::new(Path::from_csv(open.as_bytes(), &file, &options)?);
     let stations: Vec<f64> = {

@@ -10,7 +10,7 @@ mod matrix;
 mod plants;
 
 use clap::Parser;
-use rfl_mpc::residual::parallel;
+use rfl_mpc::numerics::parallel;
 use serde_json::Value;
 use std::error::Error;
 use std::path::{Path as File, PathBuf};

@@ -5,8 +5,8 @@
 
 use crate::{Arguments, map};
 use rfl_mpc::control::{
-    ControllerFor, ControllerParametersFor, LinearController, PredictionModelFor, SteeringLoop,
-    VehicleParameters as _,
+    ControlledParameters as _, ControllerFor, ControllerParametersFor, LinearController, PredictionModelFor,
+    SteeringLoop,
 };
 use rfl_mpc::path::{Path, RandomRoad};
 use rfl_mpc::simulate::experiment::Compared;

@@ -11,8 +11,8 @@
 
 use crate::{Arguments, map, shared};
 use rfl_mpc::control::{ControllerFor, PredictionModelFor};
+use rfl_mpc::numerics::Random;
 use rfl_mpc::path::{Path, RandomRoad, Sample, sudoku::Route};
-use rfl_mpc::residual::Random;
 use rfl_mpc::simulate::experiment::Compared;
 use rfl_mpc::simulate::{CAR_COLUMNS, ClosedLoopFor, TIME, TRUCK_COLUMNS};
 use rfl_mpc::vehicle::{Car, Truck, VehicleParameters as _};

@@ -2,13 +2,13 @@
 //!
 //! The FMU's start values then say that they are used (`resources/start.toml`); its library stays the same.
 
-use crate::fmu::Fmu;
+use crate::fmu::{Fmu, VEHICLE_FILE, vehicle_of};
 use crate::shipped::ClosedLoop;
 use rfl_mpc::control::{
     ControlVariant, ControllerFile, ControllerFileError, LearnedModel, LearnedModelFor, MODEL_EXTENSION,
     TRUCK_STATES,
 };
-use rfl_mpc::fmi::{Kind, ModelError, StartError};
+use rfl_mpc::fmi::{ModelError, StartError};
 use rfl_mpc::fmu::MODELS;
 use rfl_mpc::residual::FileError;
 use rfl_mpc::vehicle::{
@@ -16,15 +16,6 @@ use rfl_mpc::vehicle::{
 };
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
-
-/// Files and values that a user gives an FMU beyond the shipped ones.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Added {
-    /// Files by their path below `resources/`.
-    pub files: BTreeMap<String, PathBuf>,
-    /// Start values other than the declaration's, by parameter.
-    pub start: BTreeMap<String, String>,
-}
 
 /// Reasons for which something cannot be packed in.
 #[derive(Debug, thiserror::Error)]
@@ -58,8 +49,6 @@ pub enum AddError {
     )]
     Tyre { file: PathBuf, tyre: String },
 }
-
-pub(crate) const VEHICLE_FILE: &str = "vehicle_file";
 
 /// Makes a vehicle, by built-in name or file, the one that all FMUs of its kind start with.
 ///
@@ -196,18 +185,6 @@ fn vehicle_and_variant(file: &Path) -> Result<(VehicleKind, ControlVariant), Fil
         }
         Err(error) => Err(error),
     }
-}
-
-/// The vehicle that a controller starts with: a built-in name or a file.
-pub(crate) fn vehicle_of(controller: &Fmu) -> String {
-    let Fmu { declaration, added, .. } = controller;
-    let default = declaration.find(VEHICLE_FILE).map(|vr| &declaration.variables[vr].kind);
-    let name = match (controller.starts().remove(VEHICLE_FILE), default) {
-        (Some(name), _) => name,
-        (None, Some(Kind::String { start })) => start.to_string(),
-        (None, _) => String::new(),
-    };
-    added.files.get(&name).map_or(name, |file| file.to_string_lossy().into_owned())
 }
 
 fn absolute(file: &Path) -> PathBuf {

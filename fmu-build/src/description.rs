@@ -6,7 +6,7 @@
 use crate::standard::Standard;
 use crate::xml::{Attributes, Xml};
 use rfl_mpc::fmi::logger::STANDARD_CATEGORIES;
-use rfl_mpc::fmi::{Causality, Declaration, Initial, Kind, Variability, Variable, VersionedVariable};
+use rfl_mpc::fmi::{Causality, Declaration, Initial, Variability, Variable, VariableKind, VersionedVariable};
 use rfl_mpc::signal::{self, Signal, Unit};
 use std::collections::BTreeMap;
 use uuid::Uuid;
@@ -125,7 +125,7 @@ fn abilities(standard: Standard, declaration: &Declaration) -> Attributes<'stati
 
 fn unit_of(variable: &Variable) -> Option<Unit> {
     match &variable.kind {
-        Kind::Real { unit, .. } => Some(*unit),
+        VariableKind::Real { unit, .. } => Some(*unit),
         _ => None,
     }
 }
@@ -169,7 +169,7 @@ fn units(xml: &mut Xml, declaration: &Declaration) {
 fn signal_of(variable: &Variable) -> Option<&'static Signal> {
     let signal = signal::find(&variable.name)?;
     match &variable.kind {
-        Kind::Real { unit, quantity, min, max, nominal, .. } => (*unit == signal.unit
+        VariableKind::Real { unit, quantity, min, max, nominal, .. } => (*unit == signal.unit
             && *quantity == Some(signal.quantity)
             && (*min, *max) == (Some(signal.range.0), Some(signal.range.1))
             && *nominal == Some(signal.nominal))
@@ -188,7 +188,7 @@ fn types(xml: &mut Xml, standard: Standard, declaration: &Declaration) {
     let signals: Vec<&Signal> = declaration.variables.iter().filter_map(signal_of).collect();
     let mut enumerations = BTreeMap::new();
     for variable in &declaration.variables {
-        if let Kind::Enumeration { type_name, items, .. } = variable.kind {
+        if let VariableKind::Enumeration { type_name, items, .. } = variable.kind {
             enumerations.insert(type_name, items);
         }
     }
@@ -300,7 +300,7 @@ fn scalar_variable(xml: &mut Xml, vr: usize, variable: &Variable) {
             .with_some("initial", initial(variable)),
     );
     match &variable.kind {
-        Kind::Real { unit, quantity, start, min, max, nominal } => {
+        VariableKind::Real { unit, quantity, start, min, max, nominal } => {
             let attributes = match signal_of(variable) {
                 Some(signal) => {
                     Attributes::new().with("declaredType", type_name(signal)).with("unit", unit.symbol)
@@ -309,22 +309,22 @@ fn scalar_variable(xml: &mut Xml, vr: usize, variable: &Variable) {
             };
             xml.empty("Real", attributes.with_some("start", exact.then_some(start)));
         }
-        Kind::Integer { start, min, max } => {
+        VariableKind::Integer { start, min, max } => {
             let attributes = Attributes::new().with_some("min", *min).with_some("max", *max);
             xml.empty("Integer", attributes.with_some("start", exact.then_some(start)));
         }
-        Kind::Boolean { start } => {
+        VariableKind::Boolean { start } => {
             xml.empty("Boolean", Attributes::new().with_some("start", exact.then_some(start)));
         }
-        Kind::String { start } => {
+        VariableKind::String { start } => {
             xml.empty("String", Attributes::new().with_some("start", exact.then_some(start)));
         }
-        Kind::Enumeration { type_name, start, .. } => {
+        VariableKind::Enumeration { type_name, start, .. } => {
             let attributes = Attributes::new().with("declaredType", type_name);
             xml.empty("Enumeration", attributes.with_some("start", exact.then_some(start)));
         }
         // Not in 2.0: declared apart.
-        Kind::Binary { .. } => {}
+        VariableKind::Binary { .. } => {}
     }
     xml.close();
 }
@@ -341,7 +341,7 @@ fn typed_variable(xml: &mut Xml, vr: usize, variable: &Variable, size: Option<us
         .with("variability", variability(variable))
         .with_some("initial", initial(variable));
     match &variable.kind {
-        Kind::Real { unit, quantity, start, min, max, nominal } => {
+        VariableKind::Real { unit, quantity, start, min, max, nominal } => {
             let attributes = match signal_of(variable) {
                 Some(signal) => attributes.with("declaredType", type_name(signal)).with("unit", unit.symbol),
                 None => real_attributes(attributes, *unit, *quantity, *min, *max, *nominal),
@@ -356,26 +356,26 @@ fn typed_variable(xml: &mut Xml, vr: usize, variable: &Variable, size: Option<us
                 }
             }
         }
-        Kind::Integer { start, min, max } => {
+        VariableKind::Integer { start, min, max } => {
             let attributes = attributes.with_some("min", *min).with_some("max", *max);
             xml.empty("Int32", attributes.with_some("start", exact.then_some(start)));
         }
-        Kind::Boolean { start } => {
+        VariableKind::Boolean { start } => {
             xml.empty("Boolean", attributes.with_some("start", exact.then_some(start)));
         }
-        Kind::String { start } if exact => {
+        VariableKind::String { start } if exact => {
             xml.open("String", attributes);
             xml.empty("Start", Attributes::new().with("value", start));
             xml.close();
         }
-        Kind::String { .. } => xml.empty("String", attributes),
-        Kind::Binary { max_size } => {
+        VariableKind::String { .. } => xml.empty("String", attributes),
+        VariableKind::Binary { max_size } => {
             let attributes = attributes.with("mimeType", "application/octet-stream");
             xml.open("Binary", attributes.with("maxSize", max_size));
             xml.empty("Start", Attributes::new().with("value", ""));
             xml.close();
         }
-        Kind::Enumeration { type_name, start, .. } => {
+        VariableKind::Enumeration { type_name, start, .. } => {
             let attributes = attributes.with("declaredType", type_name);
             xml.empty("Enumeration", attributes.with_some("start", exact.then_some(start)));
         }

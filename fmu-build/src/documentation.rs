@@ -5,7 +5,7 @@ use crate::description::{causality, variability};
 use crate::package::{Package, PackageError};
 use crate::standard::Standard;
 use crate::xml::{Attributes, Xml};
-use rfl_mpc::fmi::{Causality, Declaration, Initial, Kind, Variable, VersionedVariable};
+use rfl_mpc::fmi::{Causality, Declaration, Initial, Variable, VariableKind, VersionedVariable};
 use std::path::Path;
 
 const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:70em;margin:2em auto;padding:0 1em}\
@@ -210,20 +210,22 @@ fn columns(variable: &Variable) -> (String, String, String) {
         (low, high) => format!("{} … {}", low.unwrap_or_default(), high.unwrap_or_default()),
     };
     match &variable.kind {
-        Kind::Real { unit, start, min, max, .. } => (
+        VariableKind::Real { unit, start, min, max, .. } => (
             unit.symbol.to_owned(),
             start.to_string(),
             range(min.map(|min| min.to_string()), max.map(|max| max.to_string())),
         ),
-        Kind::Integer { start, min, max } => (
+        VariableKind::Integer { start, min, max } => (
             "integer".to_owned(),
             start.to_string(),
             range(min.map(|min| min.to_string()), max.map(|max| max.to_string())),
         ),
-        Kind::Boolean { start } => ("boolean".to_owned(), start.to_string(), String::new()),
-        Kind::String { start } => ("text".to_owned(), start.to_string(), String::new()),
-        Kind::Binary { max_size } => ("bytes".to_owned(), String::new(), format!("at most {max_size} bytes")),
-        Kind::Enumeration { items, start, .. } => {
+        VariableKind::Boolean { start } => ("boolean".to_owned(), start.to_string(), String::new()),
+        VariableKind::String { start } => ("text".to_owned(), start.to_string(), String::new()),
+        VariableKind::Binary { max_size } => {
+            ("bytes".to_owned(), String::new(), format!("at most {max_size} bytes"))
+        }
+        VariableKind::Enumeration { items, start, .. } => {
             let items: Vec<_> =
                 items.iter().map(|(value, name, meaning)| format!("{value} {name}: {meaning}")).collect();
             ("enumeration".to_owned(), start.to_string(), items.join("; "))

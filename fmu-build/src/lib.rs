@@ -3,7 +3,8 @@
 //! | file | idea |
 //! |---|---|
 //! | `shipped.rs` | the FMUs and systems that we ship |
-//! | `fmu.rs` | the steps from a model to an FMU |
+//! | `fmu.rs` | an FMU to be made |
+//! | `packing.rs` | the steps from a model to an FMU's file |
 //! | `added.rs` | what a user has packed in: learned models, a vehicle |
 //! | `system.rs` | FMUs connected, as an SSP archive |
 //! | `description.rs` | `modelDescription.xml` from a declaration |
@@ -24,6 +25,7 @@ pub mod fmu;
 pub mod library;
 pub mod linker;
 pub mod package;
+pub mod packing;
 pub mod shipped;
 pub mod standard;
 pub mod system;

@@ -1,7 +1,6 @@
 //! The FMUs and systems that we ship. An FMU is added here, in `src/fmu/` and as a crate beside this one.
 
-use crate::added::{Added, VEHICLE_FILE, vehicle_of};
-use crate::fmu::{Fmu, Resource, Surroundings};
+use crate::fmu::{Added, Fmu, Resource, Surroundings, VEHICLE_FILE, vehicle_of};
 use crate::system::{SettingError, System};
 use rfl_mpc::fmi::{Context, Declaration, Log, Model, ModelError, Severity, Value, Values};
 use rfl_mpc::fmu::{DEFAULT_PATH, PassengerCar, RflMpc, SemiTrailerTruck, TruckRflMpc};

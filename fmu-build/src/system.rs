@@ -13,7 +13,9 @@
 use crate::description::{base_unit, units_of};
 use crate::standard::Standard;
 use crate::xml::{Attributes, Xml};
-use rfl_mpc::fmi::{Causality, Declaration, DefaultExperiment, Kind, Value, Variable, VersionedVariable};
+use rfl_mpc::fmi::{
+    Causality, Declaration, DefaultExperiment, Value, Variable, VariableKind, VersionedVariable,
+};
 
 /// A parameter's value for one component.
 #[derive(Debug, Clone, PartialEq)]
@@ -281,7 +283,8 @@ impl System {
         let into = connections.iter().filter(|connection| connection.target == index);
         let connected: Vec<&Variable> = into.map(|connection| connection.input).collect();
         let kind = |variable: &Variable| {
-            let shown = !matches!(variable.kind, Kind::String { .. } | Kind::Enumeration { .. });
+            let shown =
+                !matches!(variable.kind, VariableKind::String { .. } | VariableKind::Enumeration { .. });
             match variable.causality {
                 Causality::Input if connected.contains(&variable) => Some("input"),
                 Causality::Output if shown => Some("output"),
@@ -311,8 +314,10 @@ impl System {
         for (VersionedVariable { variable, size, .. }, kind) in self.connectors(index, standard) {
             xml.open("ssd:Connector", Attributes::new().with("name", &variable.name).with("kind", kind));
             match &variable.kind {
-                Kind::Real { unit, .. } => xml.empty(words.real, Attributes::new().with("unit", unit.symbol)),
-                Kind::Boolean { .. } => xml.empty("ssc:Boolean", Attributes::new()),
+                VariableKind::Real { unit, .. } => {
+                    xml.empty(words.real, Attributes::new().with("unit", unit.symbol))
+                }
+                VariableKind::Boolean { .. } => xml.empty("ssc:Boolean", Attributes::new()),
                 _ => xml.empty(words.integer, Attributes::new()),
             }
             if let Some(size) = size {

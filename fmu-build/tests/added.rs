@@ -7,7 +7,8 @@ use fmu_build::shipped;
 use rfl_mpc::control::ControlVariant;
 use rfl_mpc::fmi::v2::guid_of;
 use rfl_mpc::nominal::LateralVehicle;
-use rfl_mpc::residual::{DataConfig, DataSet, Drive, Kind, Random, TrainConfig, train};
+use rfl_mpc::numerics::Random;
+use rfl_mpc::residual::{DataConfig, DataSet, Drive, Kind, TrainConfig, train};
 use rfl_mpc::vehicle::{CarParameters, VehicleKind, builtin, builtin_truck};
 use std::path::{Path, PathBuf};
 

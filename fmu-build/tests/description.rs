@@ -9,7 +9,7 @@ use fmu_build::description::{describe, describe_in};
 use fmu_build::shipped;
 use fmu_build::standard::Standard;
 use rfl_mpc::fmi::v2::guid_of;
-use rfl_mpc::fmi::{Causality, Declaration, Initial, Kind, Model, Variable};
+use rfl_mpc::fmi::{Causality, Declaration, Initial, Model, Variable, VariableKind};
 use std::path::{Path, PathBuf};
 
 fn project() -> PathBuf {
@@ -137,18 +137,18 @@ fn check_variable(found: &fmi2::ScalarVariable, declared: &Variable) {
     assert_eq!(found.causality, causality, "{name}");
     let exact = declared.initial == Initial::Exact;
     match (&found.elem, &declared.kind) {
-        (fmi2::ScalarVariableElement::Real(found), Kind::Real { start, .. }) => {
+        (fmi2::ScalarVariableElement::Real(found), VariableKind::Real { start, .. }) => {
             assert_eq!(found.start, exact.then_some(*start), "{name}");
         }
-        (fmi2::ScalarVariableElement::Integer(found), Kind::Integer { start, .. }) => {
+        (fmi2::ScalarVariableElement::Integer(found), VariableKind::Integer { start, .. }) => {
             assert_eq!(found.start, exact.then_some(*start), "{name}");
         }
-        (fmi2::ScalarVariableElement::Boolean(found), Kind::Boolean { start }) => {
+        (fmi2::ScalarVariableElement::Boolean(found), VariableKind::Boolean { start }) => {
             assert_eq!(found.start, exact.then_some(*start), "{name}");
         }
         // The crate keeps nothing of these but their kind.
-        (fmi2::ScalarVariableElement::String, Kind::String { .. })
-        | (fmi2::ScalarVariableElement::Enumeration, Kind::Enumeration { .. }) => {}
+        (fmi2::ScalarVariableElement::String, VariableKind::String { .. })
+        | (fmi2::ScalarVariableElement::Enumeration, VariableKind::Enumeration { .. }) => {}
         (found, declared) => panic!("{name}: {found:?} is no {declared:?}"),
     }
 }
@@ -157,7 +157,7 @@ fn check_variable(found: &fmi2::ScalarVariable, declared: &Variable) {
 fn check_units(read: &Fmi2ModelDescription, declaration: &Declaration) {
     let units = &read.unit_definitions.as_ref().unwrap().units;
     for variable in &declaration.variables {
-        let Kind::Real { unit, .. } = variable.kind else { continue };
+        let VariableKind::Real { unit, .. } = variable.kind else { continue };
         let found = units.iter().find(|found| found.name == unit.symbol).unwrap();
         let base = found.base_unit.as_ref().unwrap();
         let exponents = [base.kg, base.m, base.s, base.rad].map(Option::unwrap_or_default);
@@ -215,15 +215,17 @@ fn start_values_are_in_range() {
     for declaration in declarations() {
         for variable in &declaration.variables {
             let good = match &variable.kind {
-                Kind::Real { start, min, max, .. } => {
+                VariableKind::Real { start, min, max, .. } => {
                     let range = min.unwrap_or(f64::NEG_INFINITY)..=max.unwrap_or(f64::INFINITY);
                     variable.initial == Initial::Calculated || range.contains(start)
                 }
-                Kind::Integer { start, min, max } => {
+                VariableKind::Integer { start, min, max } => {
                     (min.unwrap_or(i32::MIN)..=max.unwrap_or(i32::MAX)).contains(start)
                 }
-                Kind::Enumeration { items, start, .. } => items.iter().any(|item| item.0 == *start),
-                Kind::Boolean { .. } | Kind::String { .. } | Kind::Binary { .. } => true,
+                VariableKind::Enumeration { items, start, .. } => items.iter().any(|item| item.0 == *start),
+                VariableKind::Boolean { .. } | VariableKind::String { .. } | VariableKind::Binary { .. } => {
+                    true
+                }
             };
             assert!(good, "{}: {}", declaration.name, variable.name);
         }

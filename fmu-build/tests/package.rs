@@ -5,11 +5,11 @@
 #[allow(dead_code)]
 mod toy;
 
-use fmu_build::added::Added;
 use fmu_build::cargo::Builder;
-use fmu_build::fmu::{Base, Fmu, FmuError, Made, Options, Packing, Resource};
+use fmu_build::fmu::{Added, Base, Fmu, FmuError, Resource};
 use fmu_build::library::{FMI2_FUNCTIONS, Library, LibraryError};
 use fmu_build::package::{Package, PackageError};
+use fmu_build::packing::{Made, Options, Packing};
 use fmu_build::standard::Standard;
 use rfl_mpc::fmi::Model;
 use rfl_mpc::vehicle::VehicleKind;

@@ -5,15 +5,15 @@
 use super::logs::LimitArgs;
 use super::output::{check_writable, write_file, write_json};
 use super::require::{Check, Figures, Requirement, figures_help, write_junit};
-use super::vehicle::{Commanded, Linear, by_kind, vehicle_named};
+use super::vehicle::{Commanded, VehicleLinearModel, by_kind, vehicle_named};
 use super::{named, progress_bar};
 use crate::control::{
-    Choice, ControlVariant, ControllerFile, ControllerFor, ControllerParametersFor, KnownActuator,
-    Measurement, PredictionModelFor, Propagation, RollOut, StepError, StepReport, VehicleParameters,
+    Choice, ControlVariant, ControlledParameters, ControllerFile, ControllerFor, ControllerParametersFor,
+    KnownActuator, Measurement, PredictionModelFor, Propagation, RollOut, StepError, StepReport,
 };
 use crate::parameter::{NoValue, Parameter};
 use crate::path::sudoku::Route;
-use crate::path::{Options, Path, RoadClass, Smoothing};
+use crate::path::{Path, PathOptions, RoadClass, Smoothing};
 use crate::simulate::{
     ClosedLoopFor, DriveFor, LaneLimits, Outcome, Place, STATION, SimulatedVehicle, StepTimes, TIME,
 };
@@ -140,7 +140,7 @@ pub(super) const MODELS: &str = "out/residual";
 
 /// A variant and its prediction model.
 type Chosen<G, const S: usize> =
-    (ControlVariant, PredictionModelFor<<G as VehicleParameters<S>>::Vehicle, S>);
+    (ControlVariant, PredictionModelFor<<G as ControlledParameters<S>>::Vehicle, S>);
 
 impl ModelArgs {
     /// Takes a file's variant if the command line asks for none.
@@ -151,7 +151,7 @@ impl ModelArgs {
     }
 
     /// The variant and its model for a controller with these parameters.
-    pub fn choose<G: VehicleParameters<S>, const S: usize>(
+    pub fn choose<G: ControlledParameters<S>, const S: usize>(
         &self,
         parameters: &ControllerParametersFor<G>,
     ) -> Result<Chosen<G, S>, Box<dyn Error>> {
@@ -178,7 +178,7 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> Setup<P, S, C> {
     /// Reads road and vehicle and applies the settings.
     pub fn new(
         path: Option<&std::path::Path>,
-        reading: &Options,
+        reading: &PathOptions,
         course: Route,
         vehicle: &str,
         settings: &[String],
@@ -206,7 +206,7 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> Setup<P, S, C> {
     /// Connects controller and vehicle at the road's beginning, with a communication step in s.
     pub fn connect(
         self,
-        model: PredictionModelFor<Linear<P, S, C>, S>,
+        model: PredictionModelFor<VehicleLinearModel<P, S, C>, S>,
         step: f64,
     ) -> Result<ClosedLoopFor<P, S, C>, Box<dyn Error>> {
         let controller = ControllerFor::predicting_with(self.controller, self.path, model)?;
@@ -262,7 +262,7 @@ pub(super) fn number(text: &str, declared: Option<&Parameter>, value: &str) -> R
 
 /// A drive: its log and its report.
 #[derive(Debug, Clone)]
-pub struct Driven {
+pub struct DriveResult {
     /// Columns of the log by their names, a value for each communication step.
     pub columns: Vec<(&'static str, Vec<f64>)>,
     /// The controller's status at each step, in a word.
@@ -285,7 +285,7 @@ pub fn run(args: &DriveArgs) -> Result<u8, Box<dyn Error>> {
 ///
 /// # Errors
 /// As [`run`].
-pub fn driven(args: &DriveArgs) -> Result<Driven, Box<dyn Error>> {
+pub fn driven(args: &DriveArgs) -> Result<DriveResult, Box<dyn Error>> {
     let positive = |value: f64| value.is_finite() && value > 0.0;
     if !(positive(args.step) && args.duration.is_none_or(positive) && positive(args.lane)) {
         return Err("--step, --duration and --lane must be positive".into());
@@ -317,7 +317,7 @@ pub trait Stepwise: Send {
     fn actuator(&self) -> Option<[f64; 3]>;
 }
 
-impl<G: VehicleParameters<S>, const S: usize> Stepwise for ControllerFor<G, S>
+impl<G: ControlledParameters<S>, const S: usize> Stepwise for ControllerFor<G, S>
 where
     ControllerFor<G, S>: Send,
 {
@@ -369,9 +369,12 @@ where
 #[allow(clippy::type_complexity)]
 fn set_up<P: Commanded<S, C>, const S: usize, const C: usize>(
     args: &DriveArgs,
-) -> Result<(Setup<P, S, C>, ControlVariant, PredictionModelFor<Linear<P, S, C>, S>), Box<dyn Error>> {
+) -> Result<
+    (Setup<P, S, C>, ControlVariant, PredictionModelFor<VehicleLinearModel<P, S, C>, S>),
+    Box<dyn Error>,
+> {
     let smoothing = args.smooth.map_or(Smoothing::AsAccurate, Smoothing::Within);
-    let reading = Options { smoothing, ..args.limit.road() };
+    let reading = PathOptions { smoothing, ..args.limit.road() };
     let mut setup = Setup::<P, S, C>::new(args.path.as_deref(), &reading, P::TEST, &args.vehicle, &[])?;
     let mut model = args.model.clone();
     if let Some(file) = &args.controller {
@@ -389,7 +392,7 @@ fn set_up<P: Commanded<S, C>, const S: usize, const C: usize>(
 
 fn drive<P: Commanded<S, C>, const S: usize, const C: usize>(
     args: &DriveArgs,
-) -> Result<Driven, Box<dyn Error>> {
+) -> Result<DriveResult, Box<dyn Error>> {
     let (setup, variant, model) = set_up::<P, S, C>(args)?;
     let sample_time = setup.controller.mpc.sample_time;
     let bar = progress_bar("driving", setup.path.length(), args.quiet);
@@ -403,11 +406,11 @@ fn drive<P: Commanded<S, C>, const S: usize, const C: usize>(
     let wall = begin.elapsed().as_secs_f64();
     bar.finish_and_clear();
     let found = closed.controller().known_actuator();
-    Report { found, ..Report::of(&drive, variant, sample_time, wall, args) }.give(&drive, args)
+    DriveReport { found, ..DriveReport::of(&drive, variant, sample_time, wall, args) }.give(&drive, args)
 }
 
 /// Report of a drive.
-struct Report {
+struct DriveReport {
     figures: Figures,
     times: StepTimes,
     variant: ControlVariant,
@@ -422,7 +425,7 @@ struct Report {
     found: Option<KnownActuator>,
 }
 
-impl Report {
+impl DriveReport {
     fn of<const C: usize>(
         drive: &DriveFor<C>,
         variant: ControlVariant,
@@ -461,7 +464,11 @@ impl Report {
     }
 
     /// Writes all files, then prints. A file that cannot be written keeps none of the others from it.
-    fn give<const C: usize>(&self, drive: &DriveFor<C>, args: &DriveArgs) -> Result<Driven, Box<dyn Error>> {
+    fn give<const C: usize>(
+        &self,
+        drive: &DriveFor<C>,
+        args: &DriveArgs,
+    ) -> Result<DriveResult, Box<dyn Error>> {
         let report = self.json(drive);
         let log = args.log.as_ref().map(|file| write_file(file, |to| Ok(drive.write_csv(to)?)));
         let json = args.json.as_ref().map(|file| write_json(file, &report));
@@ -474,7 +481,7 @@ impl Report {
         for written in [log, json, junit].into_iter().flatten() {
             written?;
         }
-        Ok(Driven {
+        Ok(DriveResult {
             columns: drive.columns.iter().map(|signal| (signal.name, drive.column(signal.name))).collect(),
             statuses: drive.statuses.iter().map(|status| status.name()).collect(),
             report,

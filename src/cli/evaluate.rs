@@ -8,8 +8,8 @@ use crate::control::{Propagation, Residual, RollOut};
 use crate::residual::{LambdaChoice, Regressors, TrainConfig};
 use crate::simulate::DriveFor;
 use crate::simulate::experiment::{
-    Compared, ComparisonFor, Condition, Effort, FitMetrics, Outcome, Plant, Predictor, Roads, Row, RowFit,
-    RowResult, SweepPoint, sweep,
+    Compared, ComparisonFor, Condition, DriveMetrics, Effort, FitMetrics, Predictor, Roads, RowFit,
+    RowResult, SweepPoint, TableRow, TestPlant, sweep,
 };
 use crate::vehicle::VehicleParameters as _;
 use clap::Args;
@@ -40,8 +40,8 @@ pub struct EvaluateArgs {
     #[arg(long, value_delimiter = ',')]
     rows: Vec<String>,
     /// Without sensor noise, with it, or both
-    #[arg(long, value_enum, default_value_t = Noise::Both)]
-    noise: Noise,
+    #[arg(long, value_enum, default_value_t = NoiseChoice::Both)]
+    noise: NoiseChoice,
     /// Car or truck: a vehicle file (TOML) or a built-in name
     #[arg(long, default_value = crate::vehicle::BUILTIN[0])]
     vehicle: String,
@@ -86,7 +86,7 @@ pub struct EvaluateArgs {
 
 /// Choice of noise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum Noise {
+enum NoiseChoice {
     Off,
     On,
     Both,
@@ -104,7 +104,7 @@ struct Results<'a> {
 #[derive(Serialize)]
 struct Ablation {
     name: String,
-    outcome: Outcome,
+    outcome: DriveMetrics,
     /// One step ahead on the test route.
     test: FitMetrics,
     train: FitMetrics,
@@ -145,8 +145,8 @@ fn evaluate<P: Compared<S, C>, const S: usize, const C: usize>(
     args: &EvaluateArgs,
 ) -> Result<(), Box<dyn Error>> {
     let setting = P::SETTING;
-    let plants: Vec<Plant> = chosen(&args.plants, setting.plants, |plant| plant.name.clone(), "plant")?;
-    let rows: Vec<Row> = chosen(&args.rows, setting.rows, |row| row.name(), "row")?;
+    let plants: Vec<TestPlant> = chosen(&args.plants, setting.plants, |plant| plant.name.clone(), "plant")?;
+    let rows: Vec<TableRow> = chosen(&args.rows, setting.rows, |row| row.name(), "row")?;
     let effort = Effort {
         seeds: args.seeds.unwrap_or(if args.quick { 1 } else { setting.seeds }),
         drives: args.drives.unwrap_or(setting.drives),
@@ -157,12 +157,12 @@ fn evaluate<P: Compared<S, C>, const S: usize, const C: usize>(
         return Err("--seeds, --drives and --budget must be positive".into());
     }
     let noises: &[bool] = match args.noise {
-        Noise::Off => &[false],
-        Noise::On => &[true],
-        Noise::Both => &[false, true],
+        NoiseChoice::Off => &[false],
+        NoiseChoice::On => &[true],
+        NoiseChoice::Both => &[false, true],
     };
     // The plants of the headline come first.
-    let mut conditions: Vec<(&Plant, bool)> =
+    let mut conditions: Vec<(&TestPlant, bool)> =
         plants.iter().flat_map(|plant| noises.iter().map(move |&noise| (plant, noise))).collect();
     conditions.sort_by_key(|(plant, _)| !plant.timed);
     if args.list {
@@ -192,7 +192,7 @@ fn evaluate<P: Compared<S, C>, const S: usize, const C: usize>(
             continue;
         }
         let known: Vec<&str> = there.iter().flat_map(ResultsFile::rows).collect();
-        let rows: Vec<Row> =
+        let rows: Vec<TableRow> =
             rows.iter().copied().filter(|row| !known.contains(&row.name().as_str())).collect();
         if there.is_some() && rows.is_empty() {
             say!("{name}: there already ({}); delete the file to repeat it", file.display());
@@ -203,7 +203,7 @@ fn evaluate<P: Compared<S, C>, const S: usize, const C: usize>(
         let noise = noise.then_some(setting.noise);
         let roads = Roads::new(&setting, plant)?;
         let comparison = ComparisonFor::<P, S, C>::collect(&vehicle, plant, noise, &roads, effort.clone())?;
-        let nominal = there.as_ref().and_then(|there| there.weights(Row::NOMINAL));
+        let nominal = there.as_ref().and_then(|there| there.weights(TableRow::NOMINAL));
         let mut condition = comparison.run(&rows, nominal, &|text| {
             bar.set_message(format!("{name}: {text}"));
             bar.step();
@@ -217,7 +217,7 @@ fn evaluate<P: Compared<S, C>, const S: usize, const C: usize>(
         if plant.edge {
             bar.set_message(format!("{name}: the nominal's edge"));
             // Of all rows, those that were there already too.
-            let of = |row: &Row| {
+            let of = |row: &TableRow| {
                 let new = condition.rows.iter().find(|result| result.row == row.name());
                 let weights = new.map(|result| result.weights).or_else(|| there.as_ref()?.weights(*row));
                 weights.map(|weights| (*row, weights))
@@ -307,8 +307,8 @@ fn changes(rfl_s: &TrainConfig) -> Vec<Change> {
         ("direct, as printed in eq. (9)", base(), Propagation::Direct, corrected),
         ("roll-out with the nominal model", base(), propagated, RollOut::Nominal),
     ];
-    type Training = (&'static str, fn(&mut TrainConfig));
-    let trained: [Training; 12] = [
+    type TrainingChange = (&'static str, fn(&mut TrainConfig));
+    let trained: [TrainingChange; 12] = [
         ("window 8", |c| c.window = 8),
         ("window 16", |c| c.window = 16),
         ("window 40", |c| c.window = 40),
@@ -332,7 +332,7 @@ fn ablate<P: Compared<S, C>, const S: usize, const C: usize>(
     comparison: &ComparisonFor<'_, P, S, C>,
     rows: &[RowResult],
 ) -> Result<Vec<Ablation>, Box<dyn Error>> {
-    let base = Row::plain(Predictor::RflS).name();
+    let base = TableRow::plain(Predictor::RflS).name();
     let Some(result) = rows.iter().find(|result| result.row == base) else { return Ok(vec![]) };
     let ablate_one = |(name, config, propagation, roll_out): Change| {
         let model = comparison.train(&config, 0)?;
@@ -356,10 +356,10 @@ fn spread(values: impl Iterator<Item = f64>) -> (f64, f64) {
 }
 
 /// Prints a table of outcomes; `base` is the mean error that PE is measured by, not a number if there is none.
-fn print_table<'a>(title: &str, base: f64, rows: impl Iterator<Item = (&'a str, &'a [Outcome])>) {
+fn print_table<'a>(title: &str, base: f64, rows: impl Iterator<Item = (&'a str, &'a [DriveMetrics])>) {
     say!("{title:<18} {:>15} {:>8} {:>8} {:>8} {:>10}", "MAE (sd)", "RMSE", "max", "PE", "roughness");
     for (row, outcomes) in rows {
-        let mean = |value: fn(&Outcome) -> f64| spread(outcomes.iter().map(value)).0;
+        let mean = |value: fn(&DriveMetrics) -> f64| spread(outcomes.iter().map(value)).0;
         let (mae, sd) = spread(outcomes.iter().map(|outcome| outcome.tracking.mae));
         let lost = outcomes.iter().filter(|outcome| outcome.lost).count();
         let note =
@@ -376,7 +376,7 @@ fn print_table<'a>(title: &str, base: f64, rows: impl Iterator<Item = (&'a str, 
     }
 }
 
-fn mae_of(outcomes: &[Outcome]) -> f64 {
+fn mae_of(outcomes: &[DriveMetrics]) -> f64 {
     spread(outcomes.iter().map(|outcome| outcome.tracking.mae)).0
 }
 
@@ -389,7 +389,7 @@ fn print(condition: &Condition) {
     }
     let Some(nominal) = condition.rows.first() else { return };
     // Rows that are put beside others come without the nominal MPC: then there is no PE.
-    let mae_of = |outcomes| if nominal.row == Row::NOMINAL.name() { mae_of(outcomes) } else { f64::NAN };
+    let mae_of = |outcomes| if nominal.row == TableRow::NOMINAL.name() { mae_of(outcomes) } else { f64::NAN };
     for (place, (protocol, base)) in nominal.protocols().into_iter().enumerate() {
         let rows = condition.rows.iter().map(|row| (row.row.as_str(), row.protocols()[place].1));
         print_table(protocol, mae_of(base), rows);

@@ -12,11 +12,11 @@ use super::drive::{MODELS, Setup, setting};
 use super::logs::LimitArgs;
 use super::output::{hold_folder, write_file, write_json};
 use super::progress_bar;
-use super::vehicle::{Commanded, Linear, by_kind};
+use super::vehicle::{Commanded, VehicleLinearModel, by_kind};
 use super::{Cli, Command, train};
 use crate::control::{
-    Choice, ControlVariant, ControllerFile, ControllerParametersFor, PredictionModelFor, Propagation,
-    RollOut, VehicleParameters,
+    Choice, ControlVariant, ControlledParameters, ControllerFile, ControllerParametersFor,
+    PredictionModelFor, Propagation, RollOut,
 };
 use crate::nominal::Actuator;
 use crate::path::{Path, RandomRoad};
@@ -97,7 +97,7 @@ pub fn run(args: &LearnArgs) -> Result<u8, Box<dyn Error>> {
 }
 
 /// Roads by name.
-type Roads = Vec<(String, Arc<Path>)>;
+type NamedRoads = Vec<(String, Arc<Path>)>;
 
 struct Ladder<'a, P: Commanded<S, C>, const S: usize, const C: usize> {
     args: &'a LearnArgs,
@@ -116,9 +116,9 @@ fn learn<P: Commanded<S, C>, const S: usize, const C: usize>(args: &LearnArgs) -
         &args.vehicle,
         &args.settings,
     )?;
-    let mut training: Roads = vec![("training road".to_owned(), setup.path.clone())];
+    let mut training: NamedRoads = vec![("training road".to_owned(), setup.path.clone())];
     let test = Setup::<P, S, C>::new(args.test.as_deref(), &reading, P::TEST, &args.vehicle, &args.settings)?;
-    let mut proving: Roads = vec![("test road".to_owned(), test.path)];
+    let mut proving: NamedRoads = vec![("test road".to_owned(), test.path)];
     let road = if P::SIGNALS.len() > CAR_COLUMNS { RandomRoad::TRUCK } else { RandomRoad::CAR };
     let random = |first: u64, number: usize| -> Result<(String, Arc<Path>), Box<dyn Error>> {
         let seed = first + 1000 * args.seed + number as u64;
@@ -136,7 +136,7 @@ fn learn<P: Commanded<S, C>, const S: usize, const C: usize>(args: &LearnArgs) -
 }
 
 impl<P: Commanded<S, C>, const S: usize, const C: usize> Ladder<'_, P, S, C> {
-    fn climb(&self, training: &Roads, proving: &Roads) -> Result<u8, Box<dyn Error>> {
+    fn climb(&self, training: &NamedRoads, proving: &NamedRoads) -> Result<u8, Box<dyn Error>> {
         let args = self.args;
         let file = |name: &str| args.out.join(name);
         // An older model would be taken for this one.
@@ -309,7 +309,8 @@ impl<P: Commanded<S, C>, const S: usize, const C: usize> Ladder<'_, P, S, C> {
     fn shown(&self, drive: &DriveFor<C>) -> Option<ShownActuator> {
         let (vehicle, config) = (self.controller.vehicle.nominal(), self.controller.mpc.data_config());
         // A drive that is too short to learn from shows nothing.
-        let data = DataSet::<Linear<P, S, C>, S>::new(&[drive.to_learn_from()], &vehicle, config).ok()?;
+        let data = DataSet::<VehicleLinearModel<P, S, C>, S>::new(&[drive.to_learn_from()], &vehicle, config)
+            .ok()?;
         data.actuator(self.args.threads).filter(ShownActuator::is_shown)
     }
 
@@ -317,7 +318,7 @@ impl<P: Commanded<S, C>, const S: usize, const C: usize> Ladder<'_, P, S, C> {
     fn default(
         &self,
         controller: &ControllerParametersFor<P::Nominal>,
-    ) -> Result<PredictionModelFor<Linear<P, S, C>, S>, Box<dyn Error>> {
+    ) -> Result<PredictionModelFor<VehicleLinearModel<P, S, C>, S>, Box<dyn Error>> {
         self.choose(controller, None)
     }
 
@@ -325,7 +326,7 @@ impl<P: Commanded<S, C>, const S: usize, const C: usize> Ladder<'_, P, S, C> {
         &self,
         controller: &ControllerParametersFor<P::Nominal>,
         file: Option<PathBuf>,
-    ) -> Result<PredictionModelFor<Linear<P, S, C>, S>, Box<dyn Error>> {
+    ) -> Result<PredictionModelFor<VehicleLinearModel<P, S, C>, S>, Box<dyn Error>> {
         let choice = Choice {
             variant: ControlVariant::Adaptive,
             file,
@@ -339,7 +340,7 @@ impl<P: Commanded<S, C>, const S: usize, const C: usize> Ladder<'_, P, S, C> {
     fn drive(
         &self,
         controller: &ControllerParametersFor<P::Nominal>,
-        predicts_with: PredictionModelFor<Linear<P, S, C>, S>,
+        predicts_with: PredictionModelFor<VehicleLinearModel<P, S, C>, S>,
         (_, path): &(String, Arc<Path>),
         what: &str,
     ) -> Result<DriveFor<C>, Box<dyn Error>> {

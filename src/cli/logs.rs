@@ -1,8 +1,8 @@
 //! Reading of drive logs and roads, for all commands that read them.
 
 use crate::log::{DriveLog, LogError};
-use crate::path::Options;
-use crate::residual::fnv;
+use crate::numerics::fnv;
+use crate::path::PathOptions;
 use crate::table::Limits;
 use clap::Args;
 use std::path::Path;
@@ -24,9 +24,9 @@ impl LimitArgs {
     }
 
     /// Reading options of roads.
-    pub(super) fn road(self) -> Options {
-        let usual = Options::default();
-        Options { limits: self.of(usual.limits), ..usual }
+    pub(super) fn road(self) -> PathOptions {
+        let usual = PathOptions::default();
+        PathOptions { limits: self.of(usual.limits), ..usual }
     }
 }
 

@@ -1,6 +1,6 @@
 //! `rfl parameters`: every parameter of the FMUs and of `--set`, with unit, default, range and meaning.
 
-use crate::fmi::{Causality, Declaration, Kind, Model, Variable};
+use crate::fmi::{Causality, Declaration, Model, Variable, VariableKind};
 use crate::fmu::{PassengerCar, RflMpc, SemiTrailerTruck, TruckRflMpc};
 use clap::Args;
 use serde_json::{Value, json};
@@ -67,23 +67,23 @@ fn matching<'a>(declaration: &'a Declaration, text: &'a str) -> impl Iterator<It
 }
 
 /// Default, unit and range as text.
-fn columns(kind: &Kind) -> (String, &'static str, String) {
+fn columns(kind: &VariableKind) -> (String, &'static str, String) {
     let range = |min: Option<String>, max: Option<String>| match (min, max) {
         (None, None) => String::new(),
         (min, max) => format!("{} ... {}", min.unwrap_or("-inf".into()), max.unwrap_or("inf".into())),
     };
     let text = |value: &f64| value.to_string();
     match kind {
-        Kind::Real { unit, start, min, max, .. } => {
+        VariableKind::Real { unit, start, min, max, .. } => {
             (start.to_string(), unit.symbol, range(min.as_ref().map(text), max.as_ref().map(text)))
         }
-        Kind::Integer { start, min, max } => {
+        VariableKind::Integer { start, min, max } => {
             (start.to_string(), "", range(min.map(|min| min.to_string()), max.map(|max| max.to_string())))
         }
-        Kind::Boolean { start } => (start.to_string(), "", String::new()),
-        Kind::String { start } => (start.to_string(), "", String::new()),
-        Kind::Binary { .. } => (String::new(), "", String::new()),
-        Kind::Enumeration { items, start, .. } => {
+        VariableKind::Boolean { start } => (start.to_string(), "", String::new()),
+        VariableKind::String { start } => (start.to_string(), "", String::new()),
+        VariableKind::Binary { .. } => (String::new(), "", String::new()),
+        VariableKind::Enumeration { items, start, .. } => {
             let names: Vec<&str> = items.iter().map(|item| item.1).collect();
             let default = items.iter().find(|item| item.0 == *start).map_or("", |item| item.1);
             (default.to_string(), "", names.join(" | "))
@@ -94,8 +94,8 @@ fn columns(kind: &Kind) -> (String, &'static str, String) {
 fn as_json(unit: &str, variable: &Variable) -> Value {
     let (default, symbol, range) = columns(&variable.kind);
     let numbers = match &variable.kind {
-        Kind::Real { start, min, max, .. } => json!({"default": start, "min": min, "max": max}),
-        Kind::Integer { start, min, max } => json!({"default": start, "min": min, "max": max}),
+        VariableKind::Real { start, min, max, .. } => json!({"default": start, "min": min, "max": max}),
+        VariableKind::Integer { start, min, max } => json!({"default": start, "min": min, "max": max}),
         _ => json!({"default": default, "values": range}),
     };
     let mut value =

@@ -3,7 +3,7 @@
 use super::logs::LimitArgs;
 use super::output::check_writable;
 use crate::control::ControllerParameters;
-use crate::path::{Closure, Options, Path, RoadClass, Smoothing, SpeedLimits, SpeedPlan, write_csv};
+use crate::path::{Closure, Path, PathOptions, RoadClass, Smoothing, SpeedLimits, SpeedPlan, write_csv};
 use crate::vehicle::{BUILTIN, builtin};
 use clap::Args;
 use serde_json::{Value, json};
@@ -96,7 +96,7 @@ pub fn run(args: &PathArgs) -> Result<(), Box<dyn Error>> {
         _ => Closure::Detect,
     };
     let smoothing = args.smooth.map_or(Smoothing::AsAccurate, Smoothing::Within);
-    let path = Path::named(&args.file, &Options { closure, smoothing, ..args.limit.road() })?;
+    let path = Path::named(&args.file, &PathOptions { closure, smoothing, ..args.limit.road() })?;
     let limits =
         SpeedLimits { lateral_accel: args.lateral_accel, speed: args.speed, ..SpeedLimits::default() };
     let findings = look(&path, &limits);

@@ -79,7 +79,10 @@ fn drawn(title: &str, length: f64, quiet: bool) -> ProgressBar {
     let template = if std::io::stderr().is_terminal() {
         "{msg} {bar:40} {pos}/{len}, {eta} left"
     } else {
-        bar.set_draw_target(ProgressDrawTarget::term_like(Box::new(Lines::new(std::io::stderr(), LEAST))));
+        bar.set_draw_target(ProgressDrawTarget::term_like(Box::new(ProgressLines::new(
+            std::io::stderr(),
+            LEAST,
+        ))));
         LINE
     };
     // The templates are ours and right.
@@ -87,11 +90,11 @@ fn drawn(title: &str, length: f64, quiet: bool) -> ProgressBar {
 }
 
 /// A substitute for a terminal: its drawing becomes a line when enough has changed.
-struct Lines<W> {
-    state: Mutex<State<W>>,
+struct ProgressLines<W> {
+    state: Mutex<ProgressState<W>>,
 }
 
-struct State<W> {
+struct ProgressState<W> {
     writer: W,
     least: Duration,
     /// Output since the last flush.
@@ -101,24 +104,24 @@ struct State<W> {
     time: Instant,
 }
 
-impl<W: Write> Lines<W> {
+impl<W: Write> ProgressLines<W> {
     fn new(writer: W, least: Duration) -> Self {
-        let state = State { writer, least, drawn: String::new(), share: 0, time: Instant::now() };
+        let state = ProgressState { writer, least, drawn: String::new(), share: 0, time: Instant::now() };
         Self { state: Mutex::new(state) }
     }
 
-    fn with<T>(&self, change: impl FnOnce(&mut State<W>) -> T) -> T {
+    fn with<T>(&self, change: impl FnOnce(&mut ProgressState<W>) -> T) -> T {
         change(&mut self.state.lock().unwrap_or_else(PoisonError::into_inner))
     }
 }
 
-impl<W> std::fmt::Debug for Lines<W> {
+impl<W> std::fmt::Debug for ProgressLines<W> {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
         f.write_str("Lines")
     }
 }
 
-impl<W: Write> State<W> {
+impl<W: Write> ProgressState<W> {
     /// Writes the drawing if it is worth a line now.
     fn flush(&mut self, now: Instant) -> Result<()> {
         let drawn = std::mem::take(&mut self.drawn);
@@ -134,7 +137,7 @@ impl<W: Write> State<W> {
     }
 }
 
-impl<W: Write + Send> TermLike for Lines<W> {
+impl<W: Write + Send> TermLike for ProgressLines<W> {
     fn width(&self) -> u16 {
         200
     }
@@ -179,7 +182,7 @@ mod tests {
 
     #[test]
     fn lines_come_when_enough_has_changed_and_not_too_often() {
-        let lines = Lines::new(Vec::new(), LEAST);
+        let lines = ProgressLines::new(Vec::new(), LEAST);
         let begin = Instant::now();
         for (seconds, share) in
             [(0, 0), (1, 50), (3, 55), (4, 80), (6, 85), (8, 86), (9, 95), (60, 95), (61, 0)]
@@ -195,7 +198,7 @@ mod tests {
     #[test]
     fn a_bar_draws_on_lines_what_they_understand() {
         let drawn = Shared::default();
-        let lines = Lines::new(drawn.clone(), Duration::ZERO);
+        let lines = ProgressLines::new(drawn.clone(), Duration::ZERO);
         let bar = ProgressBar::with_draw_target(Some(200), ProgressDrawTarget::term_like(Box::new(lines)));
         bar.set_style(ProgressStyle::with_template(LINE).unwrap());
         bar.set_message("driving");

@@ -4,7 +4,7 @@
 //! ones. Joined results must be comparable: of one vehicle and one effort.
 
 use super::output::write_text;
-use crate::simulate::experiment::{Effort, Row, Weights};
+use crate::simulate::experiment::{CostWeights, Effort, TableRow};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::error::Error;
@@ -46,17 +46,17 @@ impl ResultsFile {
     }
 
     /// The weights that a row found.
-    pub fn weights(&self, row: Row) -> Option<Weights> {
+    pub fn weights(&self, row: TableRow) -> Option<CostWeights> {
         let name = row.name();
         let found = list(&self.0["rows"]).iter().find(|found| found["row"] == *name)?;
-        Weights::deserialize(&found["weights"]).ok()
+        CostWeights::deserialize(&found["weights"]).ok()
     }
 
     /// Existing rows with further ones of the same condition, in the order of `all`.
     ///
     /// # Errors
     /// None but a number that JSON cannot hold.
-    pub fn with(self, further: &impl Serialize, all: &[Row]) -> Result<Value, Box<dyn Error>> {
+    pub fn with(self, further: &impl Serialize, all: &[TableRow]) -> Result<Value, Box<dyn Error>> {
         Ok(self.joined(&serde_json::to_value(further)?, all))
     }
 
@@ -65,7 +65,7 @@ impl ResultsFile {
     ///
     /// # Errors
     /// A row that is another.
-    pub fn join(self, other: &Self, all: &[Row]) -> Result<Value, Box<dyn Error>> {
+    pub fn join(self, other: &Self, all: &[TableRow]) -> Result<Value, Box<dyn Error>> {
         for row in list(&other.0["rows"]) {
             let known = list(&self.0["rows"]).iter().find(|known| known["row"] == row["row"]);
             if known.is_some_and(|known| known["weights"] != row["weights"]) {
@@ -79,7 +79,7 @@ impl ResultsFile {
         Ok(self.joined(&other.0, all))
     }
 
-    fn joined(mut self, further: &Value, all: &[Row]) -> Value {
+    fn joined(mut self, further: &Value, all: &[TableRow]) -> Value {
         let there = &mut self.0;
         let place =
             |name: &Value| all.iter().position(|row| row.name().as_str() == name).unwrap_or(all.len());
@@ -158,8 +158,8 @@ mod tests {
     fn further_rows_stand_in_the_order_of_the_tables_and_none_twice() {
         let there = ResultsFile(file(&[row("MPC", 0.3), row("NMPC", 2.0)]));
         assert_eq!(there.rows(), ["MPC", "NMPC"]);
-        assert_eq!(there.weights(Row::NOMINAL).unwrap().q_e1_rate, 0.3);
-        assert!(there.weights(Row::plain(Predictor::Rfl)).is_none());
+        assert_eq!(there.weights(TableRow::NOMINAL).unwrap().q_e1_rate, 0.3);
+        assert!(there.weights(TableRow::plain(Predictor::Rfl)).is_none());
         let mut further = file(&[row("GP-NMPC", 1.0), row("RFL", 1.0), row("MPC", 0.3)]);
         further["left_out"] = json!([]);
         further["edges"][0]["rows"] = json!([["MPC", 7], ["RFL", 2]]);

@@ -5,19 +5,19 @@ use super::drive::MODELS;
 use super::logs::{LogArgs, ReadsLogs};
 use super::output::{check_writable, hold_folder, write_json};
 use super::progress::Bar;
-use super::vehicle::{Commanded, Linear, by_kind, controller_with, vehicle_named};
+use super::vehicle::{Commanded, VehicleLinearModel, by_kind, controller_with, vehicle_named};
 use super::{named, progress_bar};
 use crate::control::{
-    Choice, ControlVariant, ControllerParametersFor, MODEL_EXTENSION, PredictionModelFor, Propagation,
-    Residual, RollOut, VehicleParameters,
+    Choice, ControlVariant, ControlledParameters, ControllerParametersFor, MODEL_EXTENSION,
+    PredictionModelFor, Propagation, Residual, RollOut,
 };
 use crate::log::drives_of;
 use crate::nominal::{Actuator, LateralVehicle};
 use crate::path;
 use crate::residual::gp::GpConfig;
 use crate::residual::{
-    CommandPrior, DataReport, DataSet, Fit, Kind, LambdaChoice, Progress, ResidualModelFor, ShownActuator,
-    TrainConfig, TrainReport, TreeFeatures, train,
+    CommandPrior, DataReport, DataSet, FitErrors, Kind, LambdaChoice, Progress, ResidualModelFor,
+    ShownActuator, TrainConfig, TrainReport, TreeFeatures, train,
 };
 use crate::simulate::prove::{Contest, Exam, NotBetter, explaining_plants};
 use crate::vehicle::BUILTIN;
@@ -69,7 +69,7 @@ pub struct TrainArgs {
     #[arg(long, value_name = "DIR", conflicts_with_all = ["kind", "out"])]
     all: Option<PathBuf>,
     #[command(flatten)]
-    tuning: Tuning,
+    tuning: TrainSettings,
     /// File for the model [default: out/residual/KIND.rflm]
     #[arg(long)]
     out: Option<PathBuf>,
@@ -101,7 +101,7 @@ const LEARNED: &[ControlVariant] = &[
 /// Settings of the training; those not given are the kind's defaults.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Tuning")]
-struct Tuning {
+struct TrainSettings {
     /// Window of commands in steps: it should cover the actuator's delay and four of its time constants [default: 28;
     /// of a truck 60]
     #[arg(long)]
@@ -173,7 +173,7 @@ fn lambda(text: &str) -> Result<Lambda, String> {
     }
 }
 
-impl Tuning {
+impl TrainSettings {
     /// The configuration for a kind. For all kinds at once, each takes only the settings that it has.
     fn config(&self, kind: Kind, all: bool, window: usize, prior: Option<CommandPrior>) -> TrainConfig {
         let mut config = TrainConfig::new(kind);
@@ -236,7 +236,7 @@ impl ReadsLogs for TrainArgs {
 
 /// Result of the training.
 #[derive(Debug, Clone)]
-pub struct Trained {
+pub struct TrainingResult {
     /// Contents for `--json`.
     pub report: Value,
     /// Reason for writing no model, if none is written.
@@ -247,11 +247,11 @@ pub struct Trained {
 ///
 /// # Errors
 /// As [`run`], but that a model which is no better than the default controller is an answer.
-pub fn trained(args: &TrainArgs) -> Result<Trained, Box<dyn Error>> {
+pub fn trained(args: &TrainArgs) -> Result<TrainingResult, Box<dyn Error>> {
     by_kind!(&args.vehicle, learn_all(args))
 }
 
-fn learn_all<P, const S: usize, const C: usize>(args: &TrainArgs) -> Result<Trained, Box<dyn Error>>
+fn learn_all<P, const S: usize, const C: usize>(args: &TrainArgs) -> Result<TrainingResult, Box<dyn Error>>
 where
     P: Commanded<S, C, Effects: Sync, Nominal: Sync>,
 {
@@ -270,7 +270,7 @@ where
         .transpose()?;
     let steering = |speed: f64| steady_steering(&vehicle, speed);
     let mut notes = Vec::new();
-    let mut read = |files: &[PathBuf]| -> Result<DataSet<Linear<P, S, C>, S>, Box<dyn Error>> {
+    let mut read = |files: &[PathBuf]| -> Result<DataSet<VehicleLinearModel<P, S, C>, S>, Box<dyn Error>> {
         let mut drives = Vec::new();
         for file in files {
             let road = road.as_ref().map(|(road, file)| (road, *file));
@@ -333,7 +333,7 @@ where
                 said
             }
             None => {
-                let Tuning { points, hyperparameter_samples, seed, threads, .. } = args.tuning;
+                let TrainSettings { points, hyperparameter_samples, seed, threads, .. } = args.tuning;
                 let friction = parameters.nmpc.friction;
                 let config = GpConfig {
                     friction,
@@ -376,7 +376,7 @@ where
         let advice = covered.advice(&car);
         format!("no model is written, for it is not better than the default controller: {reason}. {advice}; or --force")
     });
-    Ok(Trained { report, refused })
+    Ok(TrainingResult { report, refused })
 }
 
 /// Coverage of the logs.
@@ -479,7 +479,7 @@ where
 {
     fn new(
         args: &TrainArgs,
-        data: &DataSet<Linear<P, S, C>, S>,
+        data: &DataSet<VehicleLinearModel<P, S, C>, S>,
         shown: &ShownActuator,
         controller: ControllerParametersFor<P::Nominal>,
     ) -> Result<Self, Box<dyn Error>> {
@@ -487,7 +487,7 @@ where
         let nominal = controller.vehicle.nominal();
         let mass = P::mass(&nominal);
         let loaded = |stiffness, payload| P::loaded(nominal, stiffness, payload);
-        let Tuning { seed, threads, .. } = args.tuning;
+        let TrainSettings { seed, threads, .. } = args.tuning;
         let plants =
             explaining_plants::<P, S, C>(data, shown, &vehicle, mass, &loaded, [seed, threads as u64])?;
         let default = Choice {
@@ -507,7 +507,7 @@ where
 
     fn prove(
         &self,
-        model: &Arc<ResidualModelFor<Linear<P, S, C>, S>>,
+        model: &Arc<ResidualModelFor<VehicleLinearModel<P, S, C>, S>>,
         args: &TrainArgs,
     ) -> Result<(Value, Result<(), NotBetter>), Box<dyn Error>> {
         let mut exam = self.exam.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
@@ -631,7 +631,7 @@ fn show<const S: usize>(kind: Kind, report: &TrainReport<S>, first: bool) {
     }
 }
 
-fn as_json<const S: usize>(fit: &Fit<S>) -> Value {
+fn as_json<const S: usize>(fit: &FitErrors<S>) -> Value {
     json!({
         "samples": fit.samples, "rmse": fit.rmse[..], "max": fit.max[..], "nominal_rmse": fit.nominal_rmse[..],
     })

@@ -7,10 +7,10 @@ use super::progress_bar;
 use super::vehicle::{Commanded, by_kind};
 use crate::control::{ControlVariant, ControllerFile, Margins};
 use crate::diagnose::page::{Answer, AtSpeed, Tuned, tuning_page};
-use crate::path::{Closure, Options, Path, Sample, Smoothing};
+use crate::path::{Closure, Path, PathOptions, Sample, Smoothing};
 use crate::simulate::tune::{
-    Actuators, Candidate, Controlled, Ensemble, Family, MarginGoal, Purpose, SPEEDS, Scenario,
-    SearchSettings, Values, answer_to_offset, margins_over_speeds, number_of, search, standard_axes,
+    Actuators, Controlled, ControllerNumbers, Ensemble, Family, MarginGoal, Purpose, SPEEDS, Scenario,
+    SearchSettings, TuneCandidate, answer_to_offset, margins_over_speeds, number_of, search, standard_axes,
 };
 use crate::vehicle::{BUILTIN, TruckEffects, VehicleParameters as _};
 use clap::Args;
@@ -140,7 +140,7 @@ pub fn tuned(args: &TuneArgs) -> Result<Value, Box<dyn Error>> {
 }
 
 /// Data of the command.
-struct Tuning<'a, P: Commanded<S, C>, const S: usize, const C: usize> {
+struct TuneData<'a, P: Commanded<S, C>, const S: usize, const C: usize> {
     args: &'a TuneArgs,
     vehicle: P::Parameters,
     controlled: Controlled<P, S, C>,
@@ -155,11 +155,11 @@ where
     P: Commanded<S, C, Effects: Sync, Nominal: Sync>,
 {
     let _held = hold_folder(&args.out)?;
-    let tuning = Tuning::<P, S, C>::new(args)?;
+    let tuning = TuneData::<P, S, C>::new(args)?;
     let training = tuning.ensemble(args.scenarios, Purpose::Training, args.seed)?;
-    let default = Values::of(&tuning.controlled.0, &standard_axes());
+    let default = ControllerNumbers::of(&tuning.controlled.0, &standard_axes());
     let known = &KNOWN[usize::from(P::KIND != "car")];
-    let known = Values(known.iter().map(|&(name, value)| (name.to_owned(), value)).collect());
+    let known = ControllerNumbers(known.iter().map(|&(name, value)| (name.to_owned(), value)).collect());
     let settings = SearchSettings {
         budget: args.budget,
         starts: vec![default.clone(), known],
@@ -184,7 +184,7 @@ where
     // The default is the first start, so that it was driven to its end.
     let of_default = found.iter().find(|candidate| candidate.values == default);
     let validation = tuning.ensemble(args.scenarios, Purpose::Training, args.seed + VALIDATION)?;
-    let mut best: Option<(f64, &Candidate)> = None;
+    let mut best: Option<(f64, &TuneCandidate)> = None;
     for candidate in found.iter().take(SHORTLIST) {
         let cost = validation.examine(&candidate.values)?.cost;
         if best.is_none_or(|(least, _)| cost < least) {
@@ -271,7 +271,7 @@ where
     Ok(value)
 }
 
-impl<'a, P, const S: usize, const C: usize> Tuning<'a, P, S, C>
+impl<'a, P, const S: usize, const C: usize> TuneData<'a, P, S, C>
 where
     P: Commanded<S, C, Effects: Sync, Nominal: Sync>,
 {
@@ -362,13 +362,13 @@ where
         Ok(scenarios.remove(0))
     }
 
-    fn margins(&self, values: &Values) -> Result<Vec<AtSpeed>, Box<dyn Error>> {
+    fn margins(&self, values: &ControllerNumbers) -> Result<Vec<AtSpeed>, Box<dyn Error>> {
         let scenario = self.nominal()?;
         let found = margins_over_speeds(&scenario, values, &SPEEDS)?;
         Ok(SPEEDS.into_iter().zip(found.into_iter().map(|(_, margins)| margins)).collect())
     }
 
-    fn answers(&self, values: [&Values; 2]) -> Result<Vec<Answer>, Box<dyn Error>> {
+    fn answers(&self, values: [&ControllerNumbers; 2]) -> Result<Vec<Answer>, Box<dyn Error>> {
         let scenario = self.nominal()?;
         let limit = self.controlled.0.speed.limit;
         let speeds = SHOWN_SPEEDS.into_iter().filter(|speed| *speed <= limit);
@@ -381,7 +381,7 @@ where
     }
 
     /// The controller's file: what was searched, what was set beside, what it predicts with.
-    fn file(&self, values: &Values) -> ControllerFile {
+    fn file(&self, values: &ControllerNumbers) -> ControllerFile {
         let mut all: Vec<(String, f64)> = values.0.clone().into_iter().collect();
         for text in &self.args.settings {
             let Some((name, _)) = text.split_once('=') else { continue };
@@ -403,7 +403,7 @@ where
     }
 
     /// The comment above the file.
-    fn head(&self, [default, tuned]: [&Candidate; 2]) -> String {
+    fn head(&self, [default, tuned]: [&TuneCandidate; 2]) -> String {
         format!(
             "Tuned by rfl tune, seed {}, {} candidates. On {} drives that it was not tuned on: lost {} (default {}),\n\
              largest error {:.3} m ({:.3} m), mean {:.4} m ({:.4} m).",
@@ -434,7 +434,8 @@ fn pieces(road: &Arc<Path>) -> Result<Vec<Arc<Path>>, Box<dyn Error>> {
     };
     let piece = |number: usize| {
         let samples = (0..=PIECE as usize).map(|i| sample(begin(number) + i as f64)).collect();
-        let options = Options { closure: Closure::Open, smoothing: Smoothing::None, ..Options::default() };
+        let options =
+            PathOptions { closure: Closure::Open, smoothing: Smoothing::None, ..PathOptions::default() };
         Ok(Arc::new(Path::from_samples_with(samples, &options)?))
     };
     (0..count).map(piece).collect()
@@ -445,8 +446,8 @@ fn finite(value: f64) -> Option<f64> {
 }
 
 fn print<P: Commanded<S, C>, const S: usize, const C: usize>(
-    tuning: &Tuning<'_, P, S, C>,
-    sets: [[&Candidate; 2]; 2],
+    tuning: &TuneData<'_, P, S, C>,
+    sets: [[&TuneCandidate; 2]; 2],
     margins: &[Vec<AtSpeed>; 2],
 ) {
     say!("{:<28} {:>9} {:>9} {:>9} {:>9}", "", "cost m", "lost", "max m", "mean m");

@@ -3,7 +3,7 @@
 use super::drive::{number, setting};
 use super::progress::Bar;
 use super::train_gp;
-use crate::control::{ControllerParametersFor, TRUCK_STATES, VehicleParameters};
+use crate::control::{ControlledParameters, ControllerParametersFor, TRUCK_STATES};
 use crate::nominal::ERRORS;
 use crate::path::sudoku::Route;
 use crate::residual::DataSet;
@@ -16,8 +16,8 @@ use std::error::Error;
 use std::path::Path;
 
 /// The linear model that the controller of a vehicle has of it.
-pub(super) type Linear<P, const S: usize, const C: usize> =
-    <<P as SimulatedVehicle<S, C>>::Nominal as VehicleParameters<S>>::Vehicle;
+pub(super) type VehicleLinearModel<P, const S: usize, const C: usize> =
+    <<P as SimulatedVehicle<S, C>>::Nominal as ControlledParameters<S>>::Vehicle;
 
 /// A vehicle that the commands know.
 pub(super) trait Commanded<const S: usize, const C: usize>: Compared<S, C> {
@@ -25,18 +25,22 @@ pub(super) trait Commanded<const S: usize, const C: usize>: Compared<S, C> {
     const TEST: Route;
 
     /// The linear model with other stiffness (factors, front and rear) and a payload in kg.
-    fn loaded(of: Linear<Self, S, C>, stiffness: [f64; 2], payload: f64) -> Linear<Self, S, C>;
+    fn loaded(
+        of: VehicleLinearModel<Self, S, C>,
+        stiffness: [f64; 2],
+        payload: f64,
+    ) -> VehicleLinearModel<Self, S, C>;
 
     /// The mass that a payload is compared with, kg.
-    fn mass(of: &Linear<Self, S, C>) -> f64;
+    fn mass(of: &VehicleLinearModel<Self, S, C>) -> f64;
 
     /// Learns what a nonlinear model misses.
     ///
     /// # Errors
     /// Too little data; a file that cannot be written.
     fn learn_gp(
-        data: &DataSet<Linear<Self, S, C>, S>,
-        test: Option<&DataSet<Linear<Self, S, C>, S>>,
+        data: &DataSet<VehicleLinearModel<Self, S, C>, S>,
+        test: Option<&DataSet<VehicleLinearModel<Self, S, C>, S>>,
         config: &GpConfig,
         file: &Path,
         bar: &Bar,

@@ -82,14 +82,14 @@ pub struct Bank {
     sample_time: f64,
     lags: Vec<Lag>,
     /// Lag, whole steps of dead time, dead time in s, logarithm of the prior.
-    hypotheses: Vec<Hypothesis>,
+    hypotheses: Vec<ActuatorHypothesis>,
     file: Actuator,
     /// Places of each lag's past angles.
     reach: usize,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Hypothesis {
+struct ActuatorHypothesis {
     lag: usize,
     delay: usize,
     dead_time: f64,
@@ -157,7 +157,7 @@ impl Bank {
             let delay = (k as f64 * spacing / sample_time).round() as usize;
             let dead_time = delay as f64 * sample_time;
             for lag in 0..lags.len() {
-                hypotheses.push(Hypothesis { lag, delay, dead_time, log_prior: 0.0 });
+                hypotheses.push(ActuatorHypothesis { lag, delay, dead_time, log_prior: 0.0 });
             }
         }
         let ignorance = ((1.0 - PRIOR_OF_FILE) / hypotheses.len() as f64).ln();
@@ -169,7 +169,12 @@ impl Bank {
         let fraction = if fraction < 1e-6 { 0.0 } else { fraction };
         lags.push(Lag::new(file.time_constant, fraction, sample_time));
         let lag = lags.len() - 1;
-        hypotheses.push(Hypothesis { lag, delay, dead_time: file.dead_time, log_prior: PRIOR_OF_FILE.ln() });
+        hypotheses.push(ActuatorHypothesis {
+            lag,
+            delay,
+            dead_time: file.dead_time,
+            log_prior: PRIOR_OF_FILE.ln(),
+        });
         let reach = hypotheses.iter().map(|h| h.delay).max().unwrap_or(0) + 2;
         Self { sample_time, lags, hypotheses, file, reach }
     }
@@ -246,14 +251,14 @@ impl Bank {
     }
 
     /// Angle of a hypothesis, so many steps ago.
-    fn angle(&self, state: &BankState, hypothesis: &Hypothesis, ago: usize) -> f64 {
+    fn angle(&self, state: &BankState, hypothesis: &ActuatorHypothesis, ago: usize) -> f64 {
         let back = hypothesis.delay + ago;
         let place = (state.newest + self.reach - back % self.reach) % self.reach;
         state.angles[hypothesis.lag * self.reach + place]
     }
 
     /// Mean and variance over the hypotheses.
-    fn spread(&self, angle: impl Fn(&Hypothesis) -> f64) -> f64 {
+    fn spread(&self, angle: impl Fn(&ActuatorHypothesis) -> f64) -> f64 {
         let count = self.hypotheses.len() as f64;
         let (sum, square) =
             self.hypotheses.iter().map(&angle).fold((0.0, 0.0), |(sum, square), x| (sum + x, square + x * x));
@@ -294,7 +299,7 @@ impl Bank {
             return false;
         };
         // The angle acts over the whole step.
-        let angle = |h: &Hypothesis| 0.5 * (self.angle(state, h, 0) + self.angle(state, h, 1));
+        let angle = |h: &ActuatorHypothesis| 0.5 * (self.angle(state, h, 0) + self.angle(state, h, 1));
         let spread = self.spread(angle) * YAW_PER_ANGLE * YAW_PER_ANGLE;
         let share = spread / (spread + YAW_NOISE * YAW_NOISE);
         if share < LEAST_SHARE {

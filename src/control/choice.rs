@@ -6,7 +6,7 @@
 use super::condense::Propagation;
 use super::parameters::ControllerParametersFor;
 use super::variant::{PredictionModelFor, Residual, RollOut};
-use super::vehicle::{ControlledVehicle, GpOf, Nonlinear, VehicleParameters};
+use super::vehicle::{ControlledParameters, ControlledVehicle, GpOf, Nonlinear};
 use crate::enumeration;
 use crate::input;
 use crate::nominal::{ERRORS, LateralVehicle as _};
@@ -151,7 +151,7 @@ impl Choice {
     ///
     /// # Errors
     /// A model that is missing, damaged or of another kind.
-    pub fn prediction_model<G: VehicleParameters<S>, const S: usize>(
+    pub fn prediction_model<G: ControlledParameters<S>, const S: usize>(
         &self,
         parameters: &ControllerParametersFor<G>,
     ) -> Result<(ControlVariant, PredictionModelFor<G::Vehicle, S>), ChoiceError> {
@@ -181,7 +181,7 @@ impl Choice {
     ///
     /// # Errors
     /// As [`prediction_model`](Self::prediction_model).
-    pub fn prediction_model_of<G: VehicleParameters<S>, const S: usize>(
+    pub fn prediction_model_of<G: ControlledParameters<S>, const S: usize>(
         &self,
         name: &str,
         bytes: &[u8],
@@ -192,7 +192,7 @@ impl Choice {
     }
 
     /// The prediction model with what `read` makes of a file.
-    fn learned<G: VehicleParameters<S>, const S: usize>(
+    fn learned<G: ControlledParameters<S>, const S: usize>(
         &self,
         file: PathBuf,
         parameters: &ControllerParametersFor<G>,
@@ -225,12 +225,12 @@ impl Choice {
     }
 }
 
-fn nonlinear<G: VehicleParameters<S>, const S: usize>(
+fn nonlinear<G: ControlledParameters<S>, const S: usize>(
     variant: ControlVariant,
     parameters: &ControllerParametersFor<G>,
     gp: Option<Arc<GpOf<G::Vehicle, S>>>,
 ) -> Result<PredictionModelFor<G::Vehicle, S>, ChoiceError> {
-    let model = Nonlinear::of(&parameters.nmpc, gp).map(PredictionModelFor::Bicycle);
+    let model = Nonlinear::of(&parameters.nmpc, gp).map(PredictionModelFor::Nonlinear);
     model.ok_or(ChoiceError::NoNonlinear { variant: variant.name(), vehicle: G::Vehicle::KIND })
 }
 

@@ -4,7 +4,7 @@
 //! rotations of the columns take away (Golub and Van Loan, Matrix Computations, 6.5.4). Nothing allocates after
 //! construction.
 
-use crate::lanes::{FOUR, Lanes, Portable, Work, compute};
+use crate::numerics::lanes::{FOUR, Lanes, Portable, Work, compute};
 
 /// Start of row `row` in a packed lower triangle: after 1 + 2 + .. + `row` entries.
 pub(super) fn begin(row: usize) -> usize {

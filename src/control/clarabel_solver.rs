@@ -39,7 +39,7 @@ pub struct ClarabelSolver {
     gain_places: Vec<(usize, usize)>,
     linear: Vec<f64>,
     rhs: Vec<f64>,
-    clock: Clock,
+    clock: Deadline,
 }
 
 /// Numbers of variables and rows, in their order.
@@ -83,13 +83,13 @@ impl Layout {
 /// termination callback that reads this does not.
 /// allocates; a termination callback that reads this does not.
 #[derive(Clone)]
-struct Clock {
+struct Deadline {
     begin: Instant,
     /// Nanoseconds after `begin`; `u64::MAX` for no limit.
     stop: Arc<AtomicU64>,
 }
 
-impl Clock {
+impl Deadline {
     fn new() -> Self {
         Self { begin: Instant::now(), stop: Arc::new(AtomicU64::new(u64::MAX)) }
     }
@@ -242,7 +242,7 @@ impl ClarabelSolver {
 
         let cones = [SupportedConeT::ZeroConeT(n_b), SupportedConeT::NonnegativeConeT(layout.rows() - n_b)];
         let mut solver = DefaultSolver::new(&p, &linear, &a, &rhs, &cones, settings)?;
-        let clock = Clock::new();
+        let clock = Deadline::new();
         let watch = clock.clone();
         solver.set_termination_callback(move |_: &_| watch.is_over());
         Ok(Self {

@@ -15,8 +15,8 @@
 
 use super::tracking_qp::TrackingQp;
 use crate::enumeration;
-use crate::lanes::{FOUR, Lanes, Work, compute};
 use crate::nominal::{ACTUATOR_STATES, ActuatedState, ActuatedTransition};
+use crate::numerics::lanes::{FOUR, Lanes, Work, compute};
 use nalgebra::{SMatrix, SVector};
 use std::ops::{Add, AddAssign, Mul};
 
@@ -190,7 +190,7 @@ impl<X: HorizonState> Affine<X> {
 /// The linear model of a horizon: `x_{j+1} = a x_j + b u_j + ..`.
 #[derive(Debug, Clone, Copy)]
 #[allow(missing_docs)]
-pub struct Linear<'a, A, X> {
+pub struct HorizonModel<'a, A, X> {
     pub a: &'a A,
     pub b: &'a X,
 }
@@ -292,7 +292,7 @@ fn times<L: Lanes, const S: usize>(a: &[[f64; S]; S], x: &[L; S]) -> [L; S] {
 ///
 /// `past` holds the `window - 1` commands before the first decision, oldest first.
 pub fn condense<A: Transition<X>, X: HorizonState>(
-    linear: Linear<'_, A, X>,
+    linear: HorizonModel<'_, A, X>,
     start: &X,
     affine: &mut Affine<X>,
     past: &[f64],
@@ -307,7 +307,7 @@ pub fn condense<A: Transition<X>, X: HorizonState>(
 
 /// Response to one command in a horizon whose steps differ by time alone.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Response<X> {
+pub struct CommandResponse<X> {
     /// Effects on each state component by component, the latest first: the response to a command `k` steps later stands
     /// at `horizon - k`.
     effects: Vec<f64>,
@@ -315,7 +315,7 @@ pub struct Response<X> {
     of: std::marker::PhantomData<X>,
 }
 
-impl<X: HorizonState> Response<X> {
+impl<X: HorizonState> CommandResponse<X> {
     /// Room for a horizon.
     #[must_use]
     pub fn new(horizon: usize) -> Self {
@@ -365,7 +365,7 @@ impl<X: HorizonState> Response<X> {
 
 /// The same with `settled` as it stands.
 pub(super) fn condense_settled<A: Transition<X>, X: HorizonState>(
-    Linear { a, b }: Linear<'_, A, X>,
+    HorizonModel { a, b }: HorizonModel<'_, A, X>,
     start: &X,
     affine: &mut Affine<X>,
     propagation: Propagation,
@@ -419,8 +419,8 @@ pub(super) fn condense_settled<A: Transition<X>, X: HorizonState>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lanes::compute_portably;
-    use crate::residual::Random;
+    use crate::numerics::Random;
+    use crate::numerics::lanes::compute_portably;
 
     #[test]
     fn effects_move_on_by_the_same_bits_on_every_processor_and_as_they_do_singly() {

@@ -18,11 +18,11 @@
 
 use super::cholesky::{add as add_multiple, begin};
 use super::tracking_qp::TrackingQp;
-use crate::lanes::{FOUR, Lanes, Work, compute};
+use crate::numerics::lanes::{FOUR, Lanes, Work, compute};
 
 /// A weighted row of `G`, as far as it reaches, and the error there with zero inputs.
 #[derive(Clone, Copy)]
-struct Row<'a> {
+struct CostRow<'a> {
     weight: f64,
     gain: &'a [f64],
     error: f64,
@@ -35,19 +35,19 @@ pub(super) fn condense_cost(problem: &TrackingQp, hessian: &mut [f64], linear: &
     if problem.shift_invariant && problem.shape.inputs == 1 {
         condense_shift_invariant(problem, hessian, linear);
     } else {
-        compute(Rows { problem, hessian, linear });
+        compute(CostRows { problem, hessian, linear });
     }
     add_rates(problem, hessian, linear);
 }
 
 /// The outputs' cost, row by row of `G`.
-struct Rows<'a> {
+struct CostRows<'a> {
     problem: &'a TrackingQp,
     hessian: &'a mut [f64],
     linear: &'a mut [f64],
 }
 
-impl Work for Rows<'_> {
+impl Work for CostRows<'_> {
     type Given = ();
 
     #[inline(always)]
@@ -59,14 +59,14 @@ impl Work for Rows<'_> {
             let reach = (j + 1) * inputs;
             let mut i = 0;
             while i < outputs {
-                let mut rows = [Row { weight: 0.0, gain: &[], error: 0.0 }; 4];
+                let mut rows = [CostRow { weight: 0.0, gain: &[], error: 0.0 }; 4];
                 let mut count = 0;
                 let together = (outputs - i).min(4);
                 for i in i..i + together {
                     let (row, weight) = (j * outputs + i, shape.weight(j, i));
                     if weight != 0.0 {
                         let error = problem.free[row] - problem.reference[row];
-                        rows[count] = Row { weight, gain: &problem.gain[row * n..][..reach], error };
+                        rows[count] = CostRow { weight, gain: &problem.gain[row * n..][..reach], error };
                         count += 1;
                     }
                 }
@@ -147,7 +147,7 @@ fn sum<L: Lanes, const K: usize>(terms: [L; K]) -> L {
 fn add<L: Lanes<Stored = [f64; FOUR]>, const K: usize>(
     hessian: &mut [f64],
     linear: &mut [f64],
-    rows: [Row<'_>; K],
+    rows: [CostRow<'_>; K],
 ) {
     let reach = rows[0].gain.len();
     let factors = |column: usize| rows.map(|row| row.weight * row.gain[column]);

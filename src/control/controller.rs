@@ -15,22 +15,22 @@
 use super::bank::{Bank, BankState, KnownActuator};
 use super::clarabel_solver::BuildError;
 use super::fading::Fading;
-use super::guard::{Guard, GuardState, Verdict};
+use super::guard::{Guard, GuardState, Judgement};
 use super::history::History;
 use super::lateral::{LateralError, LateralInput, LateralMpc};
 use super::longitudinal::{LongitudinalInput, LongitudinalMpc, LongitudinalState};
-use super::observer::{Noise, Observer};
+use super::observer::{Observer, ObserverNoise};
 use super::parameters::{ControllerParametersFor, NominalVehicle, SpeedController};
 use super::preview::SpeedAhead;
 use super::speed::track_speed;
 use super::status::ControlStatus;
 use super::tracking_qp::{QpEnd, QpError, QpReport, TrackingQp};
 use super::variant::PredictionModelFor;
-use super::vehicle::{ControlledVehicle, VehicleParameters};
+use super::vehicle::{ControlledParameters, ControlledVehicle};
 use crate::nominal::{ERRORS, ErrorState, LateralVehicle as _, body_change};
+use crate::numerics::Random;
 use crate::parameter::OutOfRange;
 use crate::path::{Path, SpeedLimits, SpeedPlan};
-use crate::residual::Random;
 use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -184,13 +184,13 @@ const GRIP_POINTS: u32 = 5;
 pub type Controller = ControllerFor<NominalVehicle, ERRORS>;
 
 /// The controller of a kind of vehicle with parameters `G` of its own and `S` states.
-pub struct ControllerFor<G: VehicleParameters<S>, const S: usize> {
+pub struct ControllerFor<G: ControlledParameters<S>, const S: usize> {
     parameters: ControllerParametersFor<G>,
     path: Arc<Path>,
     plan: Arc<SpeedPlan>,
     lateral: LateralMpc<S>,
     longitudinal: Option<LongitudinalMpc>,
-    noise: Noise<S>,
+    noise: ObserverNoise<S>,
     bank: Option<Bank>,
     /// Certainty of the actuator without a bank: 1 where it is given, else 0.
     told: f64,
@@ -198,7 +198,7 @@ pub struct ControllerFor<G: VehicleParameters<S>, const S: usize> {
     state: ControllerState<S>,
 }
 
-impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
+impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
     /// Sets the controller up for a path. It first predicts with the linear model behind the steering actuator of the
     /// parameters, and then with the one that the drive shows.
     ///
@@ -232,7 +232,7 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
         };
         let plan = path.plan_to_the_end(&limits);
         let further = parameters.vehicle.further_states();
-        let noise = Noise::new(&parameters.observer, &further, parameters.mpc.sample_time);
+        let noise = ObserverNoise::new(&parameters.observer, &further, parameters.mpc.sample_time);
         let bank = match &model {
             PredictionModelFor::Adaptive(known) => Some(Bank::new(*known, parameters.mpc.sample_time)),
             // A residual holds the actuator; the road is followed ahead of it.
@@ -322,10 +322,10 @@ impl<G: VehicleParameters<S>, const S: usize> ControllerFor<G, S> {
             at.e1.abs() <= FAR_E1 && at.e2.abs() <= FAR_E2
         };
         let verdict = self.guard.judge(&mut self.state.guard, &mut seen, elapsed, commands, on_road)?;
-        if verdict == Verdict::Moved {
+        if verdict == Judgement::Moved {
             self.forget();
         }
-        let bridged = verdict == Verdict::Bridged;
+        let bridged = verdict == Judgement::Bridged;
         let stops = self.guard.stops(&self.state.guard);
         let measurement = &seen;
         let mut report = self.locate(measurement);

@@ -14,7 +14,7 @@
 
 use super::choice::ControlVariant;
 use super::parameters::ControllerParametersFor;
-use super::vehicle::VehicleParameters;
+use super::vehicle::ControlledParameters;
 use crate::input;
 use crate::nominal::LateralVehicle;
 use crate::parameter::OutOfRange;
@@ -125,7 +125,7 @@ impl ControllerFile {
     ///
     /// # Errors
     /// Another kind of vehicle; a value out of its range; a name that no parameter has. Some numbers may have changed then.
-    pub fn apply<G: VehicleParameters<S>, const S: usize>(
+    pub fn apply<G: ControlledParameters<S>, const S: usize>(
         &self,
         parameters: &mut ControllerParametersFor<G>,
         file: &Path,

@@ -84,7 +84,7 @@ struct Track {
 
 /// A motion that may be a new start.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-struct Candidate {
+struct NewStart {
     /// Pose from the velocities since its first sample.
     reckoned: [f64; 3],
     last: Signals,
@@ -107,7 +107,7 @@ pub struct GuardState {
     age: Signals,
     /// Mean of the squared innovations in units of their variance.
     spread: Signals,
-    candidate: Option<Candidate>,
+    candidate: Option<NewStart>,
     /// Acceleration beyond the command, m/s2.
     drift: f64,
     /// True if a stop that has begun is to be completed.
@@ -116,7 +116,7 @@ pub struct GuardState {
 
 /// Judgement of a measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Verdict {
+pub enum Judgement {
     /// As it is.
     Believed,
     /// Prediction stands in for some of it.
@@ -212,13 +212,13 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
         elapsed: f64,
         [steer, accel]: [f64; 2],
         on_road: impl Fn(&Measurement) -> bool,
-    ) -> Result<Verdict, StepError> {
+    ) -> Result<Judgement, StepError> {
         let told = signals(measurement);
         let finite = told.iter().all(|value| value.is_finite());
         let Some(track) = state.track.filter(|_| self.parameters.active != 0) else {
             measurement.check()?;
             self.begin(state, &told);
-            return Ok(Verdict::Believed);
+            return Ok(Judgement::Believed);
         };
         let mut track = self.predict(&track, steer, accel + state.drift, elapsed);
         let moves = track.mean[3].abs() * elapsed > MOVES;
@@ -239,7 +239,7 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
         if !all && finite && state.agreed < ESTABLISHED {
             // Nothing to bridge from as yet.
             self.begin(state, &told);
-            return Ok(Verdict::Believed);
+            return Ok(Judgement::Believed);
         }
         if all {
             state.candidate = None;
@@ -255,7 +255,7 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
                 // A completed stop ends if the host has moved the vehicle, not if it is found to roll on.
                 state.stops &= moves;
                 self.begin(state, &told);
-                return Ok(Verdict::Moved);
+                return Ok(Judgement::Moved);
             }
         }
         if believed[3] {
@@ -271,7 +271,7 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
         }
         state.track = Some(track);
         if all {
-            return Ok(Verdict::Believed);
+            return Ok(Judgement::Believed);
         }
         state.stops |= state.lost() > self.parameters.stop_time;
         let places = [
@@ -289,7 +289,7 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
                 *place = track.mean[i];
             }
         }
-        Ok(Verdict::Bridged)
+        Ok(Judgement::Bridged)
     }
 
     /// True if the vehicle is to be stopped: measurements were missing for too long.
@@ -311,25 +311,25 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
     /// Continues the candidate of a new start with the motion in `told`, if it is one.
     fn candidate(
         &self,
-        before: Option<Candidate>,
+        before: Option<NewStart>,
         told: &Signals,
         there: bool,
         elapsed: f64,
         spread: &Signals,
-    ) -> Option<Candidate> {
+    ) -> Option<NewStart> {
         let body = told.fixed_rows::<ARTICULATION>(0);
         if !there || body.iter().all(|value| *value == 0.0) {
             return None;
         }
         // Its age counts from the step that ended with it.
-        let first = Candidate {
+        let first = NewStart {
             reckoned: [told[0], told[1], told[2]],
             last: *told,
             way: 0.0,
             turn: 0.0,
             age: elapsed,
         };
-        let Some(Candidate { reckoned: [x, y, yaw], last, way, turn, age }) = before else {
+        let Some(NewStart { reckoned: [x, y, yaw], last, way, turn, age }) = before else {
             return Some(first);
         };
         let between = |i: usize| 0.5 * (last[i] + told[i]);
@@ -347,7 +347,7 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
         let smooth = (3..)
             .zip(changes)
             .all(|(i, change): (usize, f64)| (told[i] - last[i]).abs() <= noise(i) + change * elapsed);
-        let goes_on = Candidate { reckoned, last: *told, way, turn, age: age + elapsed };
+        let goes_on = NewStart { reckoned, last: *told, way, turn, age: age + elapsed };
         Some(if follows && smooth { goes_on } else { first })
     }
 

@@ -12,7 +12,7 @@
 
 use super::bank::slowest;
 use super::clarabel_solver::BuildError;
-use super::condense::{Affine, Linear, Propagation, condense};
+use super::condense::{Affine, HorizonModel, Propagation, condense};
 use super::fast_solver::build_solver;
 use super::history::History;
 use super::parameters::MpcParameters;
@@ -20,12 +20,12 @@ use super::preview::{Preview, SpeedAhead};
 use super::reference::RoadReference;
 use super::tracking_qp::{QpError, QpReport, QpShape, SoftBound, TrackingQp};
 use super::variant::{
-    Actuated, BicycleRollOut, Expected, NominalWithResidual, PredictionModelFor, Qp, Timing, Variant,
+    Actuated, BicycleRollOut, ExpectedState, NominalWithResidual, PredictionModelFor, Qp, Timing, Variant,
 };
 use super::vehicle::{Bound, ControlledVehicle, FurtherState, Nonlinear};
 use crate::nominal::{Actuator, ERRORS, SingleTrackError};
 use crate::path::Path;
-use crate::residual::Misfit;
+use crate::residual::ModelMismatch;
 use nalgebra::SVector;
 
 /// Reasons for which the MPC cannot be set up.
@@ -37,7 +37,7 @@ pub enum LateralError {
     #[error(transparent)]
     Solver(#[from] BuildError),
     #[error(transparent)]
-    Residual(#[from] Misfit),
+    Residual(#[from] ModelMismatch),
 }
 
 /// Input of one step of the lateral MPC.
@@ -201,7 +201,7 @@ impl<const S: usize> LateralMpc<S> {
         let start = SVector::from_fn(|i, _| [0.1, 0.0, 0.05].get(i).copied().unwrap_or(0.0));
         // The typical problem that scales the solver is the nominal one.
         let mut affine = Affine::new(p.horizon, 0);
-        let linear = Linear { a: &typical.a, b: &typical.b };
+        let linear = HorizonModel { a: &typical.a, b: &typical.b };
         condense(linear, &start, &mut affine, &[], Propagation::default(), &tracked, &mut problem);
         let solver = build_solver(p.solver, &problem, p.max_iterations as u32)?;
         let beside: Option<Box<dyn Variant<S>>> = match &model {
@@ -210,7 +210,7 @@ impl<const S: usize> LateralMpc<S> {
             }
             _ => None,
         };
-        let model_is_linear = !matches!(model, PredictionModelFor::Bicycle(_));
+        let model_is_linear = !matches!(model, PredictionModelFor::Nonlinear(_));
         let actuator = match &model {
             PredictionModelFor::Actuator(actuator) | PredictionModelFor::Adaptive(actuator) => {
                 Some(*actuator)
@@ -226,7 +226,7 @@ impl<const S: usize> LateralMpc<S> {
             PredictionModelFor::Adaptive(actuator) => {
                 Box::new(Actuated::new(vehicle, p, actuator, slowest()))
             }
-            PredictionModelFor::Bicycle(nonlinear) => nonlinear.variant(vehicle, p)?,
+            PredictionModelFor::Nonlinear(nonlinear) => nonlinear.variant(vehicle, p)?,
         };
         let weights: Vec<f64> = tracked.iter().map(|&i| weights[i]).collect();
         let wheelbase = vehicle.wheelbase();
@@ -310,7 +310,7 @@ impl<const S: usize> LateralMpc<S> {
     /// The state after this step if `steer` is issued, with all knowledge of the newest prediction; `past` are the
     /// commands before it.
     #[must_use]
-    pub fn next_state(&self, state: &SVector<f64, S>, past: &[f64], steer: f64) -> Option<Expected<S>> {
+    pub fn next_state(&self, state: &SVector<f64, S>, past: &[f64], steer: f64) -> Option<ExpectedState<S>> {
         match &self.beside {
             Some(beside) if !self.learned_is_used => beside.next_state(state, past, steer),
             _ => self.variant.next_state(state, past, steer),

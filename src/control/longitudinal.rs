@@ -32,7 +32,7 @@
 //! Maeder, Borrelli and Morari, Linear offset-free model predictive control, Automatica 2009.
 
 use super::clarabel_solver::BuildError;
-use super::condense::{Affine, Linear, Propagation, condense};
+use super::condense::{Affine, HorizonModel, Propagation, condense};
 use super::fast_solver::build_solver;
 use super::parameters::{MpcParameters, SpeedParameters};
 use super::tracking_qp::{QpError, QpReport, QpShape, QpSolver, SoftBound, TrackingQp};
@@ -103,7 +103,7 @@ pub struct LongitudinalStep {
 
 /// The reference point.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-struct Reference {
+struct ReferencePoint {
     station: f64,
     speed: f64,
 }
@@ -112,7 +112,7 @@ struct Reference {
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct LongitudinalState {
     /// The reference point where it is to be at the next step; none before the first step.
-    reference: Option<Reference>,
+    reference: Option<ReferencePoint>,
     /// Command in force.
     accel_cmd: f64,
     /// Acceleration of the drive, from the commands.
@@ -143,7 +143,7 @@ pub struct LongitudinalMpc {
     state: LongitudinalState,
 }
 
-impl Reference {
+impl ReferencePoint {
     /// The point a step later.
     fn next(self, input: &LongitudinalInput<'_>, [gain, loss]: [f64; 2], sample_time: f64) -> Self {
         // A little ahead even at standstill: a plan that starts from it says zero at its start.
@@ -200,7 +200,7 @@ impl LongitudinalMpc {
         let command = inputs.column(0).into_owned();
         let mut problem = TrackingQp::new(shape);
         let mut affine = Affine::new(horizon, 0);
-        let linear = Linear { a: &transition, b: &command };
+        let linear = HorizonModel { a: &transition, b: &command };
         let start = Vector3::new(0.2, 0.5, 0.0);
         condense(linear, &start, &mut affine, &[], Propagation::default(), &TRACKED, &mut problem);
         let solver = build_solver(mpc.solver, &problem, mpc.max_iterations as u32)?;
@@ -278,8 +278,8 @@ impl LongitudinalMpc {
     }
 
     /// The reference point now, never far from the vehicle, and the lag error.
-    fn place_reference(&self, input: &LongitudinalInput<'_>) -> (Reference, f64) {
-        let here = Reference { station: input.station, speed: input.speed.max(0.0) };
+    fn place_reference(&self, input: &LongitudinalInput<'_>) -> (ReferencePoint, f64) {
+        let here = ReferencePoint { station: input.station, speed: input.speed.max(0.0) };
         let Some(mut reference) = self.state.reference else { return (here, 0.0) };
         let mut lag = reference.station - input.station;
         if input.path.is_periodic() {
@@ -292,16 +292,16 @@ impl LongitudinalMpc {
             reference.speed = reference.speed.min(here.speed);
         }
         let lag = lag.clamp(-limit, limit);
-        (Reference { station: input.station + lag, ..reference }, lag)
+        (ReferencePoint { station: input.station + lag, ..reference }, lag)
     }
 
     /// Condenses the problem from a state and a reference point. Gives the point a step later.
     fn predict(
         &mut self,
         input: &LongitudinalInput<'_>,
-        reference: Reference,
+        reference: ReferencePoint,
         start: &Vector3<f64>,
-    ) -> Reference {
+    ) -> ReferencePoint {
         let disturbed = self.disturbed * self.state.disturbance;
         let first = reference.next(input, self.reference_accel, self.sample_time);
         let (mut now, mut next) = (reference, first);
@@ -312,7 +312,7 @@ impl LongitudinalMpc {
             now = next;
             next = now.next(input, self.reference_accel, self.sample_time);
         }
-        let linear = Linear { a: &self.transition, b: &self.command };
+        let linear = HorizonModel { a: &self.transition, b: &self.command };
         condense(linear, start, &mut self.affine, &[], Propagation::default(), &TRACKED, &mut self.problem);
         // The second output is the deviation from the reference speed, which the soft bound is of.
         for (of_step, speed) in self.problem.free.chunks_exact_mut(TRACKED.len()).zip(&self.reference_speed) {

@@ -29,7 +29,7 @@ use super::parameters::{ControllerParametersFor, MpcParameters};
 use super::preview::SpeedAhead;
 use super::tracking_qp::QpError;
 use super::variant::PredictionModelFor;
-use super::vehicle::{Bound, FurtherState, VehicleParameters};
+use super::vehicle::{Bound, ControlledParameters, FurtherState};
 use crate::nominal::{ACTUATOR_STATES, ActuatedModel, Actuator, LateralVehicle, SingleTrackError};
 use crate::path::{Closure, Path, PathError, Sample};
 use nalgebra::{Complex, DMatrix, SVector};
@@ -125,7 +125,7 @@ impl<const S: usize> LinearController<S> {
     ///
     /// # Errors
     /// Parameters that no MPC can be made of, or a model that does not fit.
-    pub fn at_speeds<G: VehicleParameters<S>>(
+    pub fn at_speeds<G: ControlledParameters<S>>(
         parameters: &ControllerParametersFor<G>,
         model: PredictionModelFor<G::Vehicle, S>,
         speeds: &[f64],

@@ -63,7 +63,7 @@ pub use active_set::ActiveSetSolver;
 pub use bank::{Bank, BankState, KnownActuator};
 pub use choice::{Choice, ChoiceError, ControlVariant, LearnedModel, LearnedModelFor, MODEL_EXTENSION};
 pub use clarabel_solver::{BuildError, ClarabelSolver};
-pub use condense::{Affine, HorizonState, Linear, Propagation, condense};
+pub use condense::{Affine, HorizonModel, HorizonState, Propagation, condense};
 pub use controller::{
     Controller, ControllerError, ControllerFor, ControllerState, Measurement, StepError, StepReport,
 };
@@ -76,7 +76,7 @@ pub use longitudinal::{
     LongitudinalInput, LongitudinalMpc, LongitudinalParameters, LongitudinalState, LongitudinalStep,
 };
 pub use margins::{LinearController, MarginError, Margins, SteeringLoop, Tail};
-pub use observer::{Noise, Observer, ObserverParameters};
+pub use observer::{Observer, ObserverNoise, ObserverParameters};
 pub use parameters::{
     ActuatorParameters, ControllerParameters, ControllerParametersFor, MpcParameters, NmpcParameters,
     NominalVehicle, SHOWN_HORIZON, SpeedController, SpeedParameters,
@@ -88,7 +88,7 @@ pub use status::ControlStatus;
 pub use tracking_qp::{QpEnd, QpError, QpReport, QpShape, QpSolver, SoftBound, TrackingQp};
 pub use truck::{NominalTruck, TRUCK_STATES, TruckController, TruckControllerParameters};
 pub use variant::{
-    ArticulatedModel, ArticulatedRollOut, BicycleModel, BicycleRollOut, Expected, NonlinearModel,
+    ArticulatedModel, ArticulatedRollOut, BicycleModel, BicycleRollOut, ExpectedState, NonlinearModel,
     NonlinearRollOut, PredictionModel, PredictionModelFor, Residual, RollOut, StepSpeed, Timing,
 };
-pub use vehicle::{Bound, ControlledVehicle, FurtherState, GpOf, Nonlinear, VehicleParameters};
+pub use vehicle::{Bound, ControlledParameters, ControlledVehicle, FurtherState, GpOf, Nonlinear};

@@ -14,7 +14,7 @@
 //!
 //! Source: Maeder, Borrelli and Morari, Linear offset-free model predictive control, Automatica 2009; Kalman 1960.
 
-use super::variant::Expected;
+use super::variant::ExpectedState;
 use super::vehicle::FurtherState;
 use crate::nominal::ERRORS;
 use crate::parameters;
@@ -38,7 +38,7 @@ parameters! {
 pub struct Observer<const S: usize = ERRORS> {
     /// Disturbing accelerations, at the places of the rates that they change.
     disturbance: SVector<f64, S>,
-    expected: Option<Expected<S>>,
+    expected: Option<ExpectedState<S>>,
     /// Covariance of the estimated state.
     of_state: SMatrix<f64, S, S>,
     /// Covariance of the disturbance.
@@ -66,7 +66,7 @@ impl<const S: usize> Default for Observer<S> {
 
 /// Noise of each state, as the observer assumes it.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Noise<const S: usize = ERRORS> {
+pub struct ObserverNoise<const S: usize = ERRORS> {
     parameters: ObserverParameters,
     /// Of the measured states behind the errors to the path (standard deviation); zero for the errors.
     further: SVector<f64, S>,
@@ -80,7 +80,7 @@ pub struct Noise<const S: usize = ERRORS> {
     largest: SVector<f64, S>,
 }
 
-impl<const S: usize> Noise<S> {
+impl<const S: usize> ObserverNoise<S> {
     /// Noise of the errors to the path, by the parameters, and of the states behind them. Each is a value and then its
     /// rate, as the errors.
     #[must_use]
@@ -95,7 +95,7 @@ impl<const S: usize> Noise<S> {
             effect[(rate, rate)] = sample_time;
         }
         // What a prediction misses of each rate, for each m/s that it misses of the lateral velocity.
-        let shares = of([0.0, 1.0, 0.0, YAW_SHARE], |state| state.missed);
+        let shares = of([0.0, 1.0, 0.0, YAW_SHARE], |state| state.process_noise_gain);
         let missed = effect * shares * (p.prediction_noise / sample_time);
         let wandered = shares * p.disturbance_noise;
         Self {
@@ -132,9 +132,14 @@ impl<const S: usize> Noise<S> {
 
 impl<const S: usize> Observer<S> {
     /// Takes a state measured at a speed, m/s; gives the estimated one.
-    pub fn observe(&mut self, measured: &SVector<f64, S>, speed: f64, noise: &Noise<S>) -> SVector<f64, S> {
+    pub fn observe(
+        &mut self,
+        measured: &SVector<f64, S>,
+        speed: f64,
+        noise: &ObserverNoise<S>,
+    ) -> SVector<f64, S> {
         let of_measured = noise.measured(speed);
-        let Some(Expected { state, transition: a }) = self.expected.take() else {
+        let Some(ExpectedState { state, transition: a }) = self.expected.take() else {
             self.of_state = of_measured;
             return *measured;
         };
@@ -163,7 +168,7 @@ impl<const S: usize> Observer<S> {
     }
 
     /// Keeps the expected next state, with the disturbance in it.
-    pub fn expect(&mut self, expected: Expected<S>) {
+    pub fn expect(&mut self, expected: ExpectedState<S>) {
         self.expected = Some(expected);
     }
 
@@ -174,7 +179,7 @@ impl<const S: usize> Observer<S> {
 
     /// Effect of the disturbance on the state in a step.
     #[must_use]
-    pub fn disturbance(&self, noise: &Noise<S>) -> SVector<f64, S> {
+    pub fn disturbance(&self, noise: &ObserverNoise<S>) -> SVector<f64, S> {
         noise.effect * self.disturbance
     }
 }
@@ -191,7 +196,7 @@ impl ObserverParameters {
 mod tests {
     use super::*;
     use crate::nominal::ErrorState;
-    use crate::residual::Random;
+    use crate::numerics::Random;
     use nalgebra::Matrix4;
 
     fn drift() -> Matrix4<f64> {
@@ -203,14 +208,14 @@ mod tests {
     fn it_finds_a_steady_gap() {
         let mut observer = Observer::default();
         let parameters = ObserverParameters { disturbance_noise: 0.1, ..Default::default() };
-        let noise = Noise::new(&parameters, &[], 0.02);
+        let noise = ObserverNoise::new(&parameters, &[], 0.02);
         let gap = ErrorState::new(0.0, 0.5, 0.0, -0.1);
         let mut truth = ErrorState::zeros();
         let mut estimate = truth;
         for _ in 0..400 {
             estimate = observer.observe(&truth, 10.0, &noise);
             let state = drift() * estimate + observer.disturbance(&noise);
-            observer.expect(Expected { state, transition: drift() });
+            observer.expect(ExpectedState { state, transition: drift() });
             truth = drift() * truth + noise.effect * gap;
         }
         assert!((observer.disturbance - gap).norm() < 1e-6, "{}", observer.disturbance);
@@ -221,7 +226,7 @@ mod tests {
     fn it_sees_through_noise() {
         let parameters =
             ObserverParameters { prediction_noise: 1e-3, disturbance_noise: 1e-6, ..Default::default() };
-        let of = Noise::new(&parameters, &[], 0.02);
+        let of = ObserverNoise::new(&parameters, &[], 0.02);
         let mut observer = Observer::default();
         let mut random = Random::new(3);
         let mut draw = |deviation: f64| deviation * 12.0_f64.sqrt() * (random.uniform() - 0.5);
@@ -236,7 +241,7 @@ mod tests {
                 raw += (measured - truth)[0].powi(2);
                 filtered += (estimate - truth)[0].powi(2);
             }
-            observer.expect(Expected { state: drift() * estimate, transition: drift() });
+            observer.expect(ExpectedState { state: drift() * estimate, transition: drift() });
             truth = drift() * truth;
         }
         assert!(filtered < 0.1 * raw, "{filtered} {raw}");

@@ -3,7 +3,7 @@
 use super::guard::GuardParameters;
 use super::longitudinal::LongitudinalParameters;
 use super::observer::ObserverParameters;
-use super::vehicle::VehicleParameters;
+use super::vehicle::ControlledParameters;
 use crate::enumeration;
 use crate::nominal::{Actuator, DeadTimeModel, LateralVehicle};
 use crate::parameter::{OutOfRange, Parameter, ParameterGroup};
@@ -134,7 +134,7 @@ impl<G> ControllerParametersFor<G> {
     /// A value out of its range; nothing has changed then.
     pub fn set<const S: usize>(&mut self, name: &str, value: f64) -> Result<bool, OutOfRange>
     where
-        G: VehicleParameters<S>,
+        G: ControlledParameters<S>,
     {
         Ok(self.vehicle.set_by_name(name, value)?
             || set(&mut self.mpc, name, value)?
@@ -165,7 +165,7 @@ impl<G> ControllerParametersFor<G> {
     #[must_use]
     pub fn turning_radius<const S: usize>(&self) -> f64
     where
-        G: VehicleParameters<S>,
+        G: ControlledParameters<S>,
     {
         self.vehicle.nominal().wheelbase() / self.mpc.steer_max.tan()
     }
@@ -174,7 +174,7 @@ impl<G> ControllerParametersFor<G> {
     #[must_use]
     pub fn too_tight<const S: usize>(&self, road: &Path) -> Option<String>
     where
-        G: VehicleParameters<S>,
+        G: ControlledParameters<S>,
     {
         let circle = self.turning_radius::<S>();
         let (station, radius, length) = road.tighter_than(circle)?;
@@ -190,7 +190,7 @@ impl<G> ControllerParametersFor<G> {
     /// The first value out of range.
     pub fn check<const S: usize>(&self) -> Result<(), OutOfRange>
     where
-        G: VehicleParameters<S>,
+        G: ControlledParameters<S>,
     {
         self.vehicle.check_all()?;
         self.mpc.check()?;

@@ -82,7 +82,7 @@ impl<const S: usize> Equations<S> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::residual::Random;
+    use crate::numerics::Random;
 
     #[test]
     fn it_agrees_with_nalgebra() {

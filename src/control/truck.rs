@@ -9,7 +9,7 @@ use super::parameters::{
     self, ActuatorParameters, ControllerParametersFor, MpcParameters, SpeedController, SpeedParameters,
 };
 use super::variant::ArticulatedModel;
-use super::vehicle::{Bound, ControlledVehicle, FurtherState, VehicleParameters};
+use super::vehicle::{Bound, ControlledParameters, ControlledVehicle, FurtherState};
 use super::{ControllerFor, LongitudinalParameters, ObserverParameters};
 use crate::nominal::{ArticulatedState, ErrorState};
 use crate::parameter::{OutOfRange, ParameterGroup};
@@ -70,7 +70,7 @@ const LARGEST_DISTURBANCE: f64 = 3.0;
 /// Share of the angle at which trailer and cab touch that the soft bound leaves.
 const SAFE_SHARE: f64 = 2.0 / 3.0;
 
-impl VehicleParameters<TRUCK_STATES> for NominalTruck {
+impl ControlledParameters<TRUCK_STATES> for NominalTruck {
     type Vehicle = Articulated;
 
     fn nominal(&self) -> Articulated {
@@ -88,7 +88,7 @@ impl VehicleParameters<TRUCK_STATES> for NominalTruck {
             bound: Some(bound),
             largest_reference: LARGEST_ARTICULATION_REFERENCE,
             noise: self.noise_articulation,
-            missed: 0.0,
+            process_noise_gain: 0.0,
             largest_disturbance: 0.0,
         };
         let rate = FurtherState {
@@ -96,7 +96,7 @@ impl VehicleParameters<TRUCK_STATES> for NominalTruck {
             bound: None,
             largest_reference: 0.0,
             noise: self.noise_articulation_rate,
-            missed: ARTICULATION_SHARE,
+            process_noise_gain: ARTICULATION_SHARE,
             largest_disturbance: LARGEST_DISTURBANCE,
         };
         vec![angle, rate]

@@ -66,7 +66,7 @@ impl<V: LateralVehicle<S>, const S: usize> Nonlinear<V, S> for Infallible {
 }
 
 /// The user's parameters of a kind of vehicle: those of its model, and the cost of its further states.
-pub trait VehicleParameters<const S: usize>: std::fmt::Debug + Copy + PartialEq {
+pub trait ControlledParameters<const S: usize>: std::fmt::Debug + Copy + PartialEq {
     /// The vehicle that they are of.
     type Vehicle: ControlledVehicle<S>;
 
@@ -101,7 +101,7 @@ pub struct FurtherState {
     /// Noise of its measurement (standard deviation).
     pub noise: f64,
     /// Unmodelled change of it in a step for each m/s of unmodelled lateral velocity.
-    pub missed: f64,
+    pub process_noise_gain: f64,
     /// Largest plausible disturbing acceleration, if it is a rate.
     pub largest_disturbance: f64,
 }
@@ -125,7 +125,7 @@ impl ControlledVehicle<ERRORS> for SingleTrack {
     }
 }
 
-impl VehicleParameters<ERRORS> for NominalVehicle {
+impl ControlledParameters<ERRORS> for NominalVehicle {
     type Vehicle = SingleTrack;
 
     fn nominal(&self) -> SingleTrack {

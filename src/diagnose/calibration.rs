@@ -1,9 +1,9 @@
 //! Numbers of the statistical model, from one file.
 
-use super::form::Kind;
+use super::form::DeviationKind;
 use super::posterior::Unknown;
 use super::replay::Channel;
-use crate::residual::fnv;
+use crate::numerics::fnv;
 use serde::Deserialize;
 use std::sync::LazyLock;
 
@@ -50,7 +50,7 @@ pub struct Misfit {
 /// softening, in that of brushes, and the nominal load over the load of the greatest stiffness.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Tyre {
+struct TyreDeviations {
     car: [f64; 5],
     truck: [f64; 5],
 }
@@ -66,13 +66,13 @@ pub struct Form {
     roll: [f64; 5],
     articulation: [f64; 5],
     ax: [f64; 5],
-    tyre: Tyre,
+    tyre: TyreDeviations,
 }
 
 impl Form {
     /// Of a channel.
     #[must_use]
-    pub fn of(&self, channel: Channel, kind: Kind) -> f64 {
+    pub fn of(&self, channel: Channel, kind: DeviationKind) -> f64 {
         let sizes = match channel {
             Channel::YawRate => self.yaw_rate,
             Channel::Ay => self.ay,

@@ -5,7 +5,7 @@
 
 use super::report::Gap;
 use crate::control::{
-    ControllerError, ControllerFor, ControllerParametersFor, PredictionModelFor, VehicleParameters,
+    ControlledParameters, ControllerError, ControllerFor, ControllerParametersFor, PredictionModelFor,
 };
 use crate::log::{CleanLog, NotOnRoad};
 use crate::path::Path;
@@ -40,12 +40,12 @@ pub enum ClosedLoopError {
 
 /// A lateral error along a path.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Profile {
+pub struct LateralErrorProfile {
     /// Mean and number of samples of each stretch.
     stretches: BTreeMap<i64, (f64, u32)>,
 }
 
-impl Profile {
+impl LateralErrorProfile {
     /// From stations and lateral errors, m.
     #[must_use]
     pub fn of(samples: impl Iterator<Item = (f64, f64)>) -> Self {
@@ -79,14 +79,14 @@ impl Profile {
 ///
 /// # Errors
 /// A log without error and pose; another path.
-pub fn logged(log: &CleanLog, path: &Path) -> Result<(Profile, f64), ClosedLoopError> {
+pub fn logged(log: &CleanLog, path: &Path) -> Result<(LateralErrorProfile, f64), ClosedLoopError> {
     let places = log.places(path)?;
     let samples: Vec<(f64, f64)> =
         places.into_iter().zip(&log.valid).filter(|(_, valid)| **valid).map(|(place, _)| place).collect();
     let differences: f64 = samples.windows(3).map(|s| (s[2].1 - 2.0 * s[1].1 + s[0].1).powi(2)).sum();
     // Second differences of white noise have six times its variance.
     let noise = (differences / 6.0 / samples.len().max(1) as f64).sqrt();
-    let profile = Profile::of(samples.into_iter());
+    let profile = LateralErrorProfile::of(samples.into_iter());
     // A stretch's mean has the less noise the more samples it is made of.
     let shares: f64 = profile.stretches.values().map(|(_, count)| 1.0 / f64::from(*count)).sum();
     let noise = noise * (shares / profile.stretches.len().max(1) as f64).sqrt();
@@ -100,16 +100,18 @@ pub fn logged(log: &CleanLog, path: &Path) -> Result<(Profile, f64), ClosedLoopE
 pub fn simulated<P: SimulatedVehicle<S, C>, const S: usize, const C: usize>(
     vehicle: &P::Parameters,
     controller: ControllerParametersFor<P::Nominal>,
-    model: PredictionModelFor<<P::Nominal as VehicleParameters<S>>::Vehicle, S>,
+    model: PredictionModelFor<<P::Nominal as ControlledParameters<S>>::Vehicle, S>,
     path: &Arc<Path>,
     progress: impl Fn(f64),
-) -> Result<Profile, ClosedLoopError> {
+) -> Result<LateralErrorProfile, ClosedLoopError> {
     use crate::vehicle::VehicleParameters as _;
     let controller = ControllerFor::predicting_with(controller, path.clone(), model)?;
     let closed = ClosedLoopFor::<P, S, C>::at_start(controller, vehicle, vehicle.effects(), STEP);
     let mut closed = closed.map_err(|error| ClosedLoopError::Vehicle { reason: error.to_string() })?;
     let drive = closed.drive(LONGEST, |row| progress(row[STATION] / path.length()))?;
-    Ok(Profile::of(drive.rows.iter().map(|row| row[STATION]).zip(drive.lateral_errors.iter().copied())))
+    Ok(LateralErrorProfile::of(
+        drive.rows.iter().map(|row| row[STATION]).zip(drive.lateral_errors.iter().copied()),
+    ))
 }
 
 /// The gap in tracking error to the log: of the simulator as given, with the effect, and recalibrated.
@@ -117,9 +119,9 @@ pub fn simulated<P: SimulatedVehicle<S, C>, const S: usize, const C: usize>(
 /// # Errors
 /// Log and simulator that have too little of the path in common.
 pub fn gap(
-    logged: &Profile,
+    logged: &LateralErrorProfile,
     noise: f64,
-    [given, effect, recalibrated]: [&Profile; 3],
+    [given, effect, recalibrated]: [&LateralErrorProfile; 3],
 ) -> Result<Gap, ClosedLoopError> {
     let mut gaps = [0.0; 3];
     for (gap, simulated) in gaps.iter_mut().zip([given, effect, recalibrated]) {
@@ -140,7 +142,7 @@ mod tests {
 
     #[test]
     fn noise_of_the_log_is_what_remains_where_the_simulator_is_right() {
-        let mut random = crate::residual::Random::new(5);
+        let mut random = crate::numerics::Random::new(5);
         let mut noise = || 0.04 * ((0..12).map(|_| random.uniform()).sum::<f64>() - 6.0);
         // Slow at first, fast later: few samples in each of the later stretches.
         let station: Vec<f64> = (0..4000).map(|i| 1e-4 * f64::from(i * i) / 8.0).collect();
@@ -155,15 +157,16 @@ mod tests {
             findings: Vec::new(),
         };
         let (logged, noise) = logged(&log, &crate::path::sudoku::Route::SudokuTurns.path().unwrap()).unwrap();
-        let exact = Profile::of(station.iter().map(|s| (*s, (0.02 * s).sin())));
+        let exact = LateralErrorProfile::of(station.iter().map(|s| (*s, (0.02 * s).sin())));
         let (gap, _) = logged.gap(&exact);
         assert!((gap / noise - 1.0).abs() < 0.2, "{gap} {noise}");
     }
 
     #[test]
     fn the_gap_is_that_of_the_stretches_in_common() {
-        let profile =
-            |offset: f64, from: i32| Profile::of((from..from + 1000).map(|i| (0.1 * f64::from(i), offset)));
+        let profile = |offset: f64, from: i32| {
+            LateralErrorProfile::of((from..from + 1000).map(|i| (0.1 * f64::from(i), offset)))
+        };
         let (log, given, better) = (profile(0.3, 0), profile(0.0, 200), profile(0.25, 0));
         let gap = super::gap(&log, 0.01, [&given, &better, &log]).unwrap();
         assert!((gap.before - 0.3).abs() < 1e-12 && (gap.effect - 0.05).abs() < 1e-12);

@@ -20,11 +20,11 @@
 //! Source: the Lagrange multiplier test of constancy of parameters, e.g. Nyblom, Testing for the constancy of parameters
 //! over time, J. Am. Stat. Assoc. 84 (1989).
 
-use super::fit::{Fit, Linear, Precision, Prior, Settled};
+use super::fit::{Converged, Fit, Linearisation, Precision, Prior};
 use super::problem::Problem;
 use super::rank::expected;
 use super::replay::ReplayVehicle;
-use crate::residual::parallel;
+use crate::numerics::parallel;
 use crate::vehicle::Stage;
 use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
@@ -69,11 +69,11 @@ impl Cause {
 /// Variation of the value of one effect of a fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Variation {
-    /// The effect's knob.
+    /// The effect's uncertain parameter.
     pub effect: usize,
     /// With what.
     pub with: Cause,
-    /// By how much: standard deviation over the drive, of the knob's coordinate.
+    /// By how much: standard deviation over the drive, of the uncertain parameter's coordinate.
     pub deviation: f64,
     /// Gain in explanation of the log, and cost of the freedom.
     pub gain: f64,
@@ -82,11 +82,11 @@ pub struct Variation {
 }
 
 /// A cause with one or more columns over the rows that are compared.
-pub type Columns = (Cause, Vec<Vec<f64>>);
+pub type CauseColumns = (Cause, Vec<Vec<f64>>);
 
 /// Quantities that values may follow on a drive.
 #[must_use]
-pub fn causes<V: ReplayVehicle>(problem: &Problem<V>) -> Vec<Columns> {
+pub fn causes<V: ReplayVehicle>(problem: &Problem<V>) -> Vec<CauseColumns> {
     let drive = problem.drive;
     let (vx, rate) = (drive.column("vx"), drive.column("yaw_rate"));
     let lateral: Vec<f64> = vx.iter().zip(rate).map(|(vx, rate)| vx * rate).collect();
@@ -97,7 +97,7 @@ pub fn causes<V: ReplayVehicle>(problem: &Problem<V>) -> Vec<Columns> {
         (Cause::Speed, vx.to_vec()),
         (Cause::Acceleration, drive.accel.clone()),
     ];
-    let mut all: Vec<Columns> = Vec::new();
+    let mut all: Vec<CauseColumns> = Vec::new();
     for (cause, signal) in signals {
         let mut smooth = Vec::new();
         problem.filter.apply(&signal, &problem.rows, &mut smooth);
@@ -147,21 +147,21 @@ pub fn following<V>(problem: &Problem<V>, does: &[f64], z: &[f64], size: f64) ->
 }
 
 /// Effects of the vehicle's body and of its sensors do not vary.
-fn may_vary<V: ReplayVehicle>(problem: &Problem<V>, knob: usize) -> bool {
-    let effect = problem.knobs[knob].effect;
+fn may_vary<V: ReplayVehicle>(problem: &Problem<V>, uncertain: usize) -> bool {
+    let effect = problem.uncertain[uncertain].effect;
     effect.is_some_and(|effect| !matches!(effect.stage, Stage::Body | Stage::Sensor))
 }
 
-/// Gain of each cause for each freed effect of a fit that may vary; `linear` holds slopes at the fit.
+/// Gain of each cause for each free effect of a fit that may vary; `linear` holds slopes at the fit.
 #[must_use]
 pub fn variations<V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
-    causes: &[Columns],
-    (linear, precision): (&Linear, &Precision),
+    causes: &[CauseColumns],
+    (linear, precision): (&Linearisation, &Precision),
     fit: &Fit,
 ) -> Vec<Variation> {
-    let may_vary: Vec<usize> = fit.freed.iter().copied().filter(|&i| may_vary(problem, i)).collect();
+    let may_vary: Vec<usize> = fit.free.iter().copied().filter(|&i| may_vary(problem, i)).collect();
     if may_vary.is_empty() {
         return Vec::new();
     }
@@ -188,8 +188,8 @@ pub fn variations<V: ReplayVehicle>(
 pub fn best_single<V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
-    causes: &[Columns],
-    singles: &[(&Fit, &Linear, &Settled)],
+    causes: &[CauseColumns],
+    singles: &[(&Fit, &Linearisation, &Converged)],
 ) -> Option<(usize, Variation)> {
     let of_each = parallel::map(problem.threads(), singles.len(), |place| {
         let (fit, linear, at) = singles[place];

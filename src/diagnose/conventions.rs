@@ -16,8 +16,8 @@ use super::calibration::Calibration;
 use super::noise::Noise;
 use super::problem::Problem;
 use super::rank::glance;
-use super::replay::{Drive, ReplayVehicle};
-use super::report::{Finding, Gravity};
+use super::replay::{ReplayDrive, ReplayVehicle};
+use super::report::{Finding, FindingSeverity};
 
 /// Correlation of roll with lateral acceleration beyond which its side is sure.
 const SURE: f64 = 0.5;
@@ -25,11 +25,15 @@ const SURE: f64 = 0.5;
 const CLEAR: f64 = 3.0;
 
 /// Turns a roll of the opposite sign.
-pub fn turn_roll(drive: &mut Drive) -> Option<Finding> {
+pub fn turn_roll(drive: &mut ReplayDrive) -> Option<Finding> {
     roll_with_lateral_accel(drive).filter(|correlation| *correlation < -SURE)?;
     drive.columns.get_mut("roll")?.iter_mut().for_each(|roll| *roll = -*roll);
     let words = "roll counts to the other side: a body leans to the right in a left turn, which is positive; its sign was turned";
-    Some(Finding { gravity: Gravity::Warning, signal: Some("roll".to_owned()), words: words.to_owned() })
+    Some(Finding {
+        gravity: FindingSeverity::Warning,
+        signal: Some("roll".to_owned()),
+        words: words.to_owned(),
+    })
 }
 
 /// True if the lateral acceleration is that of a level frame: from the same problem read both ways.
@@ -50,11 +54,11 @@ pub fn is_level<V: ReplayVehicle>(body: &Problem<V>, level: &Problem<V>) -> bool
 #[must_use]
 pub fn level_frame() -> Finding {
     let words = "it is that of a level frame, without gravity's share by roll and bank, and is compared so";
-    Finding { gravity: Gravity::Note, signal: Some("ay".to_owned()), words: words.to_owned() }
+    Finding { gravity: FindingSeverity::Note, signal: Some("ay".to_owned()), words: words.to_owned() }
 }
 
 /// Correlation of the roll with the lateral acceleration by speed and yaw rate.
-fn roll_with_lateral_accel(drive: &Drive) -> Option<f64> {
+fn roll_with_lateral_accel(drive: &ReplayDrive) -> Option<f64> {
     let (roll, vx, rate) = (drive.column("roll"), drive.column("vx"), drive.column("yaw_rate"));
     if roll.is_empty() || rate.is_empty() {
         return None;

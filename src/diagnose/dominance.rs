@@ -13,7 +13,7 @@ pub(super) fn dominance<V: ReplayVehicle>(
     effect: usize,
 ) -> f64 {
     let without = |effects: &[usize]| problem.residual(&ranking.prior.without(problem, effects, &at.x));
-    let (Some(gap), Some(background)) = (without(&[effect]), without(&at.freed)) else {
+    let (Some(gap), Some(background)) = (without(&[effect]), without(&at.free)) else {
         return f64::INFINITY;
     };
     ratio(distance(ranking, &gap, &at.gap), distance(ranking, &background, &ranking.neutral))

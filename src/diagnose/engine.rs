@@ -2,28 +2,21 @@
 
 use super::beliefs::Beliefs;
 use super::calibration::Calibration;
-use super::constancy;
-use super::conventions;
-use super::decision::{decide, lead};
+use super::decision::lead;
 use super::fit::{Fit, Prior};
 use super::information::information;
-use super::knob;
-use super::localise;
-use super::manoeuvre;
-use super::naming::{candidates, named, summary};
+use super::judged::{Judged, judge};
+use super::naming::{candidates, summary};
 use super::observability::{Excitation, observability};
-use super::posterior::{Posterior, Unknown};
+use super::posterior::Posterior;
 use super::problem::Problem;
 use super::rank::{NoReplay, rank};
-use super::replay::{Channel, Drive, ReplayVehicle, Trace, neutral, prepared};
-use super::report::{
-    Adjustment, Diagnosis, Finding, Gravity, InputFile, Inputs, Report, Series, Varies, Verdict, VerdictKind,
-};
+use super::replay::{Channel, Correction, ReplayDrive, ReplayVehicle, Trace, neutral, prepared};
+use super::report::{Diagnosis, Finding, InputFile, Inputs, Report, Series, Shrink, Verdict, VerdictKind};
 use super::select::chosen;
-use super::shrink::{recalibrated, shrink};
-use super::words;
+use super::{constancy, conventions, localise, uncertain};
 use crate::log::CleanLog;
-use crate::residual::parallel;
+use crate::numerics::parallel;
 use std::collections::BTreeMap;
 
 /// Shortest drive that is diagnosed, s of compared rows.
@@ -34,9 +27,7 @@ const DRIFT: f64 = 0.2;
 const ENVIRONMENT: [&str; 4] = ["wind_x", "wind_y", "road_bank", "road_grade"];
 /// Tolerances of a vehicle in its reference log, besides the effects named there, relative to the ordinary ones.
 const WIDE: f64 = 2.0;
-/// Number of other hypotheses that the next manoeuvre separates from the first, and of hypotheses in a short list.
-const RIVALS: usize = 4;
-const SHORT_LIST: usize = 5;
+
 /// Deviation of the steering below which there is none, rad.
 const STRAIGHT: f64 = 1e-3;
 
@@ -121,7 +112,7 @@ fn check_options<V: ReplayVehicle>(vehicle: &V, options: &Options) -> Result<(),
         };
         return Err(DiagnoseError::Prior { id: id.clone(), probability, words });
     }
-    match vehicle.tolerances().names().find(|name| !knob::is_known(name)) {
+    match vehicle.tolerances().names().find(|name| !uncertain::is_known(name)) {
         Some(name) => Err(DiagnoseError::UnknownTolerance { name: name.to_owned() }),
         None => Ok(()),
     }
@@ -141,235 +132,141 @@ pub fn diagnose<V: ReplayVehicle>(
 ) -> Result<Diagnosis, DiagnoseError> {
     check(log)?;
     check_options(vehicle, options)?;
-    let threads = parallel::threads(options.threads);
-    let calibration = Calibration::built_in();
     let mut findings = log.findings.clone();
     let (log, left_out) = chosen(log);
     findings.extend(left_out);
-    let mut drive = Drive::new(&log, V::TRUCK);
+    let mut drive = ReplayDrive::new(&log, V::TRUCK);
     findings.extend(conventions::turn_roll(&mut drive));
-    let prepared_vehicle = prepared(vehicle, drive.commanded);
-    let excitation = Excitation::of(&drive, vehicle);
-    let mut inputs = Inputs {
-        vehicle: vehicle.name().to_owned(),
-        signals: drive.channels.iter().map(|channel| channel.name().to_owned()).collect(),
-        duration: drive.duration(),
-        rate: 1.0 / log.step,
-        ..Inputs::default()
-    };
-    inputs.files.insert(
-        "calibration".to_owned(),
-        InputFile { file: "calibration.toml".to_owned(), hash: Calibration::hash() },
-    );
-    let blank = |reason: &str, findings: Vec<Finding>, inputs: Inputs| Diagnosis {
-        report: Report {
-            verdict: Verdict {
-                kind: VerdictKind::CannotTell,
-                probability: 1.0,
-                effects: Vec::new(),
-                nearest: Vec::new(),
-                short_list: Vec::new(),
-                varying: None,
-                strained: None,
-                words: reason.to_owned(),
-            },
-            candidates: Vec::new(),
-            shrink: super::Shrink::default(),
-            places: Vec::new(),
-            stage: None,
-            observability: Vec::new(),
-            next_manoeuvre: None,
-            recalibration: Vec::new(),
-            posterior: None,
-            information: None,
-            findings,
-            inputs,
-            seed: options.seed,
-            version: env!("CARGO_PKG_VERSION").to_owned(),
-        },
-        series: Series::default(),
-    };
+    let mut inputs = inputs_of(vehicle, &drive, log.step);
     if drive.duration() < SHORTEST {
         let words = format!(
             "This log cannot tell: only {:.1} s of it are driven faster than 2 m/s without gaps. Give a longer drive \
              (half a minute or more, turns to both sides, several speeds).",
             drive.duration()
         );
-        return Ok(blank(&words, findings, inputs));
+        let report = Report { findings, inputs, ..without_answer(words, options) };
+        return Ok(Diagnosis { report, series: Series::default() });
     }
     progress("full plant", 0.02);
-    let correction = neutral(&drive, &prepared_vehicle).map_err(|reason| DiagnoseError::Replay { reason })?;
+    let own = prepared(vehicle, drive.commanded);
+    let correction = neutral(&drive, &own).map_err(|reason| DiagnoseError::Replay { reason })?;
     progress("conventions", 0.05);
-    let without = &options.without;
-    let mut problem = Problem::new(&drive, &prepared_vehicle, &correction, without, threads);
-    if drive.channels.contains(&Channel::Ay) {
-        let mut level = Problem::new(&drive, &prepared_vehicle, &correction, without, threads);
-        level.level();
-        if conventions::is_level(&problem, &level) {
-            problem = level;
-            findings.push(conventions::level_frame());
-        }
-    }
+    let (problem, finding) = framed(&drive, &own, &correction, options);
+    findings.extend(finding);
     let mut prior = Prior::of(&problem);
-    for knob in problem.knobs.iter().filter(|knob| knob.tolerance > 0.0) {
-        inputs.tolerances.insert(knob.parameter(), knob.deviation(knob.tolerance, vehicle));
+    for uncertain in problem.uncertain.iter().filter(|uncertain| uncertain.tolerance > 0.0) {
+        inputs.tolerances.insert(uncertain.parameter(), uncertain.deviation(uncertain.tolerance, vehicle));
     }
     if let Some(reference) = reference {
         check(reference)?;
         let (reference, _) = chosen(reference);
-        known_from(&reference, &problem, &prepared_vehicle, options, &mut prior)?;
+        known_from(&reference, &problem, &own, options, &mut prior)?;
     }
     let ranking = rank(&problem, prior, &|_, _| options.pairs, progress)?;
     progress("posterior", 0.91);
-    let posterior =
-        Posterior::of(&problem, &ranking, calibration, &options.beliefs, &constancy::causes(&problem));
-    let lead = lead(&posterior);
-    let winner = ranking.find(&lead.effects).unwrap_or(&ranking.none).clone();
-
+    let causes = constancy::causes(&problem);
+    let posterior = Posterior::of(&problem, &ranking, Calibration::built_in(), &options.beliefs, &causes);
     progress("held-out parts", 0.92);
-    let local = ranking.linear_at(&problem, &winner);
-    let (shrink, predictive) = shrink(&problem, &ranking, &winner, &local.slopes);
-    let mut decision = decide(lead, predictive.names());
-    let suspicion = findings.iter().any(|finding| finding.gravity == Gravity::Suspicion);
-    if excitation.steer < STRAIGHT && decision.kind != VerdictKind::None || suspicion {
-        decision.kind = VerdictKind::CannotTell;
-    }
-    let precision = ranking.prior.freed(&problem, &winner.freed);
-    let covariance = local.covariance(&precision);
-    // What is calibrated beside the effects has to hold on what its fit has not seen.
-    let simulator = if predictive.recalibration_gains() {
-        recalibrated(&problem, &ranking.prior, &local, &winner.freed, &winner.x)
-    } else {
-        ranking.prior.only(&problem, &winner.freed, &winner.x)
-    };
-    let mut effects =
-        named(&problem, &ranking, &winner, &decision.classes, &covariance, calibration.interval);
+    let straight = Excitation::of(&drive, vehicle).steer < STRAIGHT;
+    let judged = judge(&problem, &ranking, &posterior, straight, &findings);
     progress("next manoeuvre", 0.95);
-    // What else the log may mean: what is to be told apart next.
-    let rivals: Vec<&Fit> = posterior
-        .hypotheses
-        .iter()
-        .filter(|it| it.unknown.is_none() && !it.is_of(&winner.freed))
-        .filter_map(|it| ranking.find(&it.effects))
-        .take(RIVALS)
-        .collect();
-    let tells_apart = matches!(decision.kind, VerdictKind::Effect | VerdictKind::CannotTell);
-    let next_manoeuvre = if tells_apart && !winner.freed.is_empty() && reference.is_none() {
-        manoeuvre::next(&problem, &ranking, &winner, &rivals, without)
-    } else {
-        None
+    let next = match reference {
+        Some(_) => None,
+        None => judged.next_manoeuvre(&problem, &ranking, &posterior, &options.without),
     };
-    let adjustment = |i: usize, x: &[f64]| {
-        let it = &problem.knobs[i];
-        let (given, value) = it.adjusted(x[i], vehicle);
-        Adjustment {
-            parameter: it.parameter(),
-            given,
-            value,
-            tolerance: it.deviation(it.tolerance, vehicle),
-            deviation: it.deviation(covariance[(i, i)].max(0.0).sqrt(), vehicle),
-            unit: it.symbol::<V>(),
-        }
-    };
-    let freed = problem.with_companions(&winner.freed);
-    let recalibration = (0..problem.knobs.len())
-        .filter(|&i| {
-            let it = &problem.knobs[i];
-            predictive.recalibration_gains()
-                && precision.free.contains(&i)
-                && !freed.contains(&i)
-                && it.tolerance > 0.0
-                && !it.is_form()
-        })
-        .map(|i| adjustment(i, &simulator))
-        .collect();
-    let unknown = decision.unknown.filter(|_| decision.kind == VerdictKind::NotInLibrary);
-    let strained = match unknown {
-        Some(Unknown::Off { knob, x }) => {
-            let mut freed = winner.x.clone();
-            freed[knob] = x;
-            Some(adjustment(knob, &freed))
-        }
-        _ => None,
-    };
-    let series = series(&problem, &ranking.prior, &drive, &winner, &simulator)?;
-    // What matters most stands first.
-    effects.sort_by(|a, b| b.dominance.total_cmp(&a.dominance));
-    for effect in &mut effects {
-        if let Some(next) =
-            next_manoeuvre.as_ref().filter(|_| effect.class.len() > 1 && effect.separated_by.is_empty())
-        {
-            effect.separated_by = format!("{}: {}", next.name, next.how);
-        }
-    }
+    let series = series(&problem, &ranking.prior, &drive, &judged.winner, &judged.simulator)?;
     findings.sort_by_key(|finding| std::cmp::Reverse(finding.gravity));
-    let varying = match unknown {
-        Some(Unknown::Varies(it)) => {
-            let knob = &problem.knobs[it.effect];
-            Some(Varies {
-                id: knob.id.to_owned(),
-                with: it.with,
-                deviation: knob.deviation(it.deviation, vehicle),
-                unit: knob.symbol::<V>(),
-                evidence: it.gain,
-            })
-        }
-        _ => None,
-    };
     let summary = summary(&problem, &posterior);
-    let short_list = match decision.kind {
-        VerdictKind::CannotTell => summary.hypotheses.iter().take(SHORT_LIST).cloned().collect(),
-        _ => Vec::new(),
-    };
-    let swings = unknown == Some(Unknown::Swings);
-    let why = words::Unknown { varying: varying.as_ref(), strained: strained.as_ref(), swings };
-    let straight = excitation.steer < STRAIGHT;
-    let words = match decision.kind {
-        VerdictKind::CannotTell => words::cannot_tell(
-            &findings,
-            straight,
-            &short_list,
-            &effects,
-            &predictive,
-            next_manoeuvre.as_ref(),
-        ),
-        VerdictKind::Effect => words::effect(&effects, &shrink, decision.probability),
-        VerdictKind::None => words::none(&shrink),
-        VerdictKind::NotInLibrary => words::not_in_library(&effects, why, &shrink),
-    };
-    let (effects, nearest) = match decision.kind {
-        VerdictKind::Effect => (effects, Vec::new()),
-        VerdictKind::NotInLibrary => (Vec::new(), effects),
-        VerdictKind::None | VerdictKind::CannotTell => (Vec::new(), Vec::new()),
-    };
-    let stage = effects.first().map(|effect| effect.stage);
+    let calibration = Calibration::built_in();
+    let Judged { winner, local, decision, .. } = &judged;
+    let verdict = judged.verdict(
+        &problem,
+        &ranking,
+        vehicle,
+        (&findings, straight),
+        &summary.hypotheses,
+        next.as_ref(),
+    );
     let report = Report {
-        verdict: Verdict {
-            kind: decision.kind,
-            probability: decision.probability,
-            effects,
-            nearest,
-            short_list,
-            varying,
-            strained,
-            words,
-        },
-        candidates: candidates(&problem, &ranking, &posterior, &winner, decision.kind, calibration),
+        candidates: candidates(&problem, &ranking, &posterior, winner, decision.kind, calibration),
         places: localise::places(&problem, &ranking),
-        stage,
+        stage: verdict.effects.first().map(|effect| effect.stage),
         observability: observability(&problem, &ranking, calibration),
-        next_manoeuvre,
-        recalibration,
+        next_manoeuvre: next,
+        recalibration: judged.recalibration(&problem, vehicle),
         posterior: Some(summary),
-        information: information(&problem, &ranking.prior, &local, &winner, calibration.temper),
+        information: information(&problem, &ranking.prior, local, winner, calibration.temper),
+        verdict,
         findings,
         inputs,
-        shrink,
+        shrink: judged.shrink,
         seed: options.seed,
         version: env!("CARGO_PKG_VERSION").to_owned(),
     };
     progress("done", 1.0);
     Ok(Diagnosis { report, series })
+}
+
+/// Inputs of a diagnosis, as its report gives them.
+fn inputs_of<V: ReplayVehicle>(vehicle: &V, drive: &ReplayDrive, step: f64) -> Inputs {
+    let calibration = InputFile { file: "calibration.toml".to_owned(), hash: Calibration::hash() };
+    Inputs {
+        vehicle: vehicle.name().to_owned(),
+        signals: drive.channels.iter().map(|channel| channel.name().to_owned()).collect(),
+        duration: drive.duration(),
+        rate: 1.0 / step,
+        files: BTreeMap::from([("calibration".to_owned(), calibration)]),
+        ..Inputs::default()
+    }
+}
+
+/// The report of a log that cannot be diagnosed.
+fn without_answer(words: String, options: &Options) -> Report {
+    Report {
+        verdict: Verdict {
+            kind: VerdictKind::CannotTell,
+            probability: 1.0,
+            effects: Vec::new(),
+            nearest: Vec::new(),
+            short_list: Vec::new(),
+            varying: None,
+            strained: None,
+            words,
+        },
+        candidates: Vec::new(),
+        shrink: Shrink::default(),
+        places: Vec::new(),
+        stage: None,
+        observability: Vec::new(),
+        next_manoeuvre: None,
+        recalibration: Vec::new(),
+        posterior: None,
+        information: None,
+        findings: Vec::new(),
+        inputs: Inputs::default(),
+        seed: options.seed,
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+    }
+}
+
+/// The gap of a drive, its lateral acceleration in the frame that explains it better; the frame, where it is level.
+fn framed<'a, V: ReplayVehicle>(
+    drive: &'a ReplayDrive,
+    vehicle: &'a V,
+    correction: &'a Correction,
+    options: &'a Options,
+) -> (Problem<'a, V>, Option<Finding>) {
+    let threads = parallel::threads(options.threads);
+    let of_body = || Problem::new(drive, vehicle, correction, &options.without, threads);
+    let problem = of_body();
+    if drive.channels.contains(&Channel::Ay) {
+        let mut level = of_body();
+        level.level();
+        if conventions::is_level(&problem, &level) {
+            return (level, Some(conventions::level_frame()));
+        }
+    }
+    (problem, None)
 }
 
 /// Prior knowledge from a reference log of the same vehicle: whatever was wrong then belongs to the vehicle as it is
@@ -381,7 +278,7 @@ fn known_from<V: ReplayVehicle>(
     options: &Options,
     prior: &mut Prior,
 ) -> Result<(), DiagnoseError> {
-    let mut drive = Drive::new(log, V::TRUCK);
+    let mut drive = ReplayDrive::new(log, V::TRUCK);
     conventions::turn_roll(&mut drive);
     if drive.duration() < SHORTEST || drive.commanded != problem.drive.commanded {
         return Ok(());
@@ -401,13 +298,16 @@ fn known_from<V: ReplayVehicle>(
     let ranking = rank(&own, wide, &pairs, &|_, _| {})?;
     let lead = lead(&Posterior::of(&own, &ranking, calibration, &options.beliefs, &[]));
     let known = ranking.find(&lead.effects).unwrap_or(&ranking.none);
-    let covariance = ranking.linear_at(&own, known).covariance(&ranking.prior.freed(&own, &known.freed));
+    let covariance = ranking.linear_at(&own, known).covariance(&ranking.prior.free(&own, &known.free));
     prior.form = ranking.noise.beyond(&own, &known.gap);
     // A wind by another log's own start is none by this one's.
     let is_shown = |id: &str| (own.drive.compass && problem.drive.compass) || !id.starts_with("wind_");
-    let there: Vec<Option<usize>> =
-        problem.knobs.iter().map(|knob| own.find(knob.id).filter(|_| is_shown(knob.id))).collect();
-    for (i, knob) in problem.knobs.iter().enumerate() {
+    let there: Vec<Option<usize>> = problem
+        .uncertain
+        .iter()
+        .map(|uncertain| own.find(uncertain.id).filter(|_| is_shown(uncertain.id)))
+        .collect();
+    for (i, uncertain) in problem.uncertain.iter().enumerate() {
         for (j, &b) in there.iter().enumerate() {
             // What the reference cannot show stays as it was, and is off together with nothing that it has shown.
             prior.covariance[(i, j)] = match (there[i], b) {
@@ -418,8 +318,8 @@ fn known_from<V: ReplayVehicle>(
         }
         if let Some(a) = there[i] {
             prior.mean[i] = known.x[a];
-            if ENVIRONMENT.contains(&knob.id) {
-                prior.covariance[(i, i)] += knob.tolerance.powi(2);
+            if ENVIRONMENT.contains(&uncertain.id) {
+                prior.covariance[(i, i)] += uncertain.tolerance.powi(2);
             }
         }
     }
@@ -430,7 +330,7 @@ fn known_from<V: ReplayVehicle>(
 fn series<V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
-    drive: &Drive,
+    drive: &ReplayDrive,
     winner: &Fit,
     simulator: &[f64],
 ) -> Result<Series, DiagnoseError> {
@@ -454,7 +354,7 @@ fn series<V: ReplayVehicle>(
             .collect()
     };
     let neutral = run(&prior.mean)?;
-    let alone = run(&prior.only(problem, &winner.freed, &winner.x))?;
+    let alone = run(&prior.only(problem, &winner.free, &winner.x))?;
     let corrected = run(simulator)?;
     let mut log: BTreeMap<String, Vec<f64>> =
         drive.columns.iter().map(|(&name, column)| (name.to_owned(), column.clone())).collect();

@@ -12,32 +12,33 @@ pub struct Wind {
     pub speed: f64,
     /// Sine and cosine of its direction, by the heading at the log's start.
     pub to: (f64, f64),
-    /// The knob of its other component.
+    /// The uncertain parameter of its other component.
     pub across: usize,
 }
 
-/// The wind of a knob of a fit, if it is not one component alone.
+/// The wind of an uncertain parameter of a fit, if it is not one component alone.
 #[must_use]
-pub fn wind_of<V: ReplayVehicle>(problem: &Problem<V>, fit: &Fit, knob: usize) -> Option<Wind> {
-    let (across, _) = problem.companion(knob).filter(|_| problem.knobs[knob].id == "wind_x")?;
-    let (sin, cos) = fit.x[across].atan2(fit.x[knob]).sin_cos();
-    Some(Wind { speed: fit.x[across].hypot(fit.x[knob]), to: (sin, cos), across })
+pub fn wind_of<V: ReplayVehicle>(problem: &Problem<V>, fit: &Fit, uncertain: usize) -> Option<Wind> {
+    let (across, _) = problem.companion(uncertain).filter(|_| problem.uncertain[uncertain].id == "wind_x")?;
+    let (sin, cos) = fit.x[across].atan2(fit.x[uncertain]).sin_cos();
+    Some(Wind { speed: fit.x[across].hypot(fit.x[uncertain]), to: (sin, cos), across })
 }
 
-/// Coordinate of a freed effect and its standard deviation, from the covariance of all; of a wind without a compass, its strength.
+/// Coordinate of a free effect and its standard deviation, from the covariance of all; of a wind without a compass, its strength.
 #[must_use]
 pub fn estimate<V: ReplayVehicle>(
     problem: &Problem<V>,
     fit: &Fit,
     covariance: &DMatrix<f64>,
-    knob: usize,
+    uncertain: usize,
 ) -> (f64, f64) {
-    let (x, variance) = match wind_of(problem, fit, knob) {
+    let (x, variance) = match wind_of(problem, fit, uncertain) {
         Some(Wind { speed, to: (sin, cos), across }) => {
-            let both = cos * cos * covariance[(knob, knob)] + sin * sin * covariance[(across, across)];
-            (speed, both + 2.0 * sin * cos * covariance[(knob, across)])
+            let both =
+                cos * cos * covariance[(uncertain, uncertain)] + sin * sin * covariance[(across, across)];
+            (speed, both + 2.0 * sin * cos * covariance[(uncertain, across)])
         }
-        None => (fit.x[knob], covariance[(knob, knob)]),
+        None => (fit.x[uncertain], covariance[(uncertain, uncertain)]),
     };
     (x, variance.max(0.0).sqrt())
 }

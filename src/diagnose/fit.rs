@@ -1,6 +1,6 @@
 //! Fits with the tolerances marginalised.
 //!
-//! Over coordinates `x` with prior precisions `P` (tolerances; nearly zero for freed effects), around a point with gap
+//! Over coordinates `x` with prior precisions `P` (tolerances; nearly zero for free effects), around a point with gap
 //! `e` and slopes `S`, the best step is
 //!
 //! ```text
@@ -10,14 +10,14 @@
 //! which equals `e' (W^-1 + U U')^-1 e` with `U = S P^-1/2` at `x = 0` (Woodbury), at the price of a small matrix.
 
 use super::problem::Problem;
-use super::profile::Weights;
+use super::profile::SampleWeights;
 use super::replay::{Channel, ReplayVehicle};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use std::borrow::Cow;
 use std::sync::Arc;
 
-/// Standard deviation of a freed coordinate: effects of five units are ordinary.
-pub(super) const FREED: f64 = 5.0;
+/// Standard deviation of a free coordinate: effects of five units are ordinary.
+pub(super) const FREE: f64 = 5.0;
 /// Maximum Gauss-Newton iterations.
 const STEPS: usize = 6;
 /// Tries of each kind: of a step's own length or a shorter one, and then with damping.
@@ -39,19 +39,19 @@ fn enough(cost: f64) -> f64 {
 
 /// Slopes at a point with their weighted products.
 #[derive(Clone)]
-pub struct Linear {
-    /// Columns, one for each knob.
+pub struct Linearisation {
+    /// Columns, one for each uncertain parameter.
     pub slopes: Vec<Arc<Vec<f64>>>,
     /// Weights of gaps.
-    pub weights: Arc<Weights>,
+    pub weights: Arc<SampleWeights>,
     pub(super) gram: DMatrix<f64>,
 }
 
-/// A slope, and the place of its knob.
-pub type Column = (usize, Arc<Vec<f64>>);
+/// A slope, and the place of its uncertain parameter.
+pub type SlopeColumn = (usize, Arc<Vec<f64>>);
 
 /// A solution of the linear problem.
-pub struct Step {
+pub struct LinearSolution {
     /// Change of the coordinates.
     pub change: Vec<f64>,
     /// Remaining cost.
@@ -73,10 +73,10 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     sums.iter().sum::<f64>() + rest
 }
 
-impl Linear {
+impl Linearisation {
     /// From slopes and weights.
     #[must_use]
-    pub fn new(slopes: Vec<Arc<Vec<f64>>>, weights: Arc<Weights>) -> Self {
+    pub fn new(slopes: Vec<Arc<Vec<f64>>>, weights: Arc<SampleWeights>) -> Self {
         let count = slopes.len();
         let mut made = Self { slopes, weights, gram: DMatrix::zeros(count, count) };
         (0..count).for_each(|i| made.fill_gram(i, i + 1));
@@ -103,9 +103,9 @@ impl Linear {
         Self::new(problem.slopes(x, gap), self.weights.clone())
     }
 
-    /// The same with other slopes of some knobs.
+    /// The same with other slopes of some uncertain parameters.
     #[must_use]
-    pub fn with(&self, columns: &[Column]) -> Self {
+    pub fn with(&self, columns: &[SlopeColumn]) -> Self {
         let mut other = self.clone();
         for (i, column) in columns {
             other.slopes[*i] = column.clone();
@@ -131,13 +131,13 @@ impl Linear {
 
     /// The step from `off`, coordinates less those expected, with gap `gap`.
     #[must_use]
-    pub fn step(&self, off: &[f64], gap: &[f64], precision: &Precision) -> Step {
+    pub fn step(&self, off: &[f64], gap: &[f64], precision: &Precision) -> LinearSolution {
         self.damped(off, gap, precision, 0.0)
     }
 
     /// The damped step after Levenberg and Marquardt: with the normal matrix `A`, `(A + damping diag A) d = b`.
     #[must_use]
-    pub fn damped(&self, off: &[f64], gap: &[f64], precision: &Precision, damping: f64) -> Step {
+    pub fn damped(&self, off: &[f64], gap: &[f64], precision: &Precision, damping: f64) -> LinearSolution {
         let cost = self.square(gap) + precision.penalty(off);
         let right = self.project(gap, precision) - &precision.matrix * precision.of(off);
         let mut change = vec![0.0; off.len()];
@@ -145,14 +145,14 @@ impl Linear {
         let held: DVector<f64> = damping * normal.diagonal();
         (0..held.len()).for_each(|a| normal[(a, a)] += held[a]);
         let Some(solved) = normal.cholesky().map(|c| c.solve(&right)) else {
-            return Step { change, cost };
+            return LinearSolution { change, cost };
         };
         for (&i, &value) in precision.free.iter().zip(solved.iter()) {
             change[i] = value;
         }
         // What it gains is d' (2 b - A d), and A d = b - damping diag A d.
         let back = solved.component_mul(&held).dot(&solved);
-        Step { change, cost: cost - right.dot(&solved) - back }
+        LinearSolution { change, cost: cost - right.dot(&solved) - back }
     }
 
     fn project(&self, gap: &[f64], precision: &Precision) -> DVector<f64> {
@@ -170,7 +170,7 @@ impl Linear {
         })
     }
 
-    /// Covariance of the coordinates after the fit, of the knobs that are free.
+    /// Covariance of the coordinates after the fit, of the uncertain parameters that are free.
     #[must_use]
     pub fn covariance(&self, precision: &Precision) -> DMatrix<f64> {
         let mut all = DMatrix::zeros(self.slopes.len(), self.slopes.len());
@@ -193,17 +193,17 @@ impl Linear {
     /// The least cost, from coordinates `off` the expected ones with gap `gap`, and the cost of that freedom. None where
     /// slopes are not finite.
     #[must_use]
-    pub fn settled(&self, off: &[f64], gap: &[f64], precision: Precision) -> Option<Settled> {
+    pub fn converged(&self, off: &[f64], gap: &[f64], precision: Precision) -> Option<Converged> {
         // What is fixed stays where it is, at no cost.
         let of = |(i, &off): (usize, &f64)| if precision.free.contains(&i) { off } else { 0.0 };
         let off: Vec<f64> = off.iter().enumerate().map(of).collect();
-        let Step { change, cost } = self.step(&off, gap, &precision);
+        let LinearSolution { change, cost } = self.step(&off, gap, &precision);
         let half_log = |matrix: DMatrix<f64>| {
             let factor = matrix.cholesky()?;
             Some(factor.l_dirty().diagonal().iter().map(|it| it.ln()).sum::<f64>())
         };
         let narrowing = half_log(self.normal(&precision))? - half_log(precision.matrix.clone())?;
-        Some(Settled { cost, narrowing, change, precision })
+        Some(Converged { cost, narrowing, change, precision })
     }
 
     /// Products of two gaps with the background marginalised: `a' (W^-1 + U U')^-1 b`.
@@ -223,7 +223,7 @@ impl Linear {
 }
 
 /// A linear problem at its best.
-pub struct Settled {
+pub struct Converged {
     /// Remaining cost.
     pub cost: f64,
     /// Narrowing of the prior range by the log, half the logarithm of the ratio of determinants: the cost of freedom in
@@ -237,13 +237,13 @@ pub struct Settled {
 
 /// The background of a linear problem, marginalised.
 pub struct Marginalised<'a> {
-    linear: &'a Linear,
+    linear: &'a Linearisation,
     precision: &'a Precision,
     factor: Cholesky<f64, Dyn>,
 }
 
 /// A gap with the part that the background can imitate.
-pub struct Reduced<'a> {
+pub struct ReducedGap<'a> {
     gap: Cow<'a, [f64]>,
     weighted: Vec<f64>,
     imitated: DVector<f64>,
@@ -258,28 +258,28 @@ impl Marginalised<'_> {
 
     /// A gap, ready for products.
     #[must_use]
-    pub fn reduced<'a>(&self, gap: impl Into<Cow<'a, [f64]>>) -> Reduced<'a> {
+    pub fn reduced<'a>(&self, gap: impl Into<Cow<'a, [f64]>>) -> ReducedGap<'a> {
         let gap = gap.into();
-        Reduced { imitated: self.seen(&gap), weighted: self.linear.weighted(&gap), gap }
+        ReducedGap { imitated: self.seen(&gap), weighted: self.linear.weighted(&gap), gap }
     }
 
     /// `a' (W^-1 + U U')^-1 b`.
     #[must_use]
-    pub fn product(&self, a: &Reduced, b: &Reduced) -> f64 {
+    pub fn product(&self, a: &ReducedGap, b: &ReducedGap) -> f64 {
         dot(&a.gap, &b.weighted) - a.imitated.dot(&b.imitated)
     }
 
     /// Explanation of a gap `e` by columns `D`, each with a coordinate of standard deviation `s`, and these
     /// coordinates: `b' (G + 1 / s^2)^-1 b` with `b_k = <D_k, e>`, `G_kl = <D_k, D_l>`. The cost of their freedom is as
-    /// [`Settled::narrowing`]. None where they are not finite.
+    /// [`Converged::narrowing`]. None where they are not finite.
     #[must_use]
     pub fn explained<'a, C: Into<Cow<'a, [f64]>>>(
         &self,
-        gap: &Reduced,
+        gap: &ReducedGap,
         columns: impl Iterator<Item = C>,
         deviation: f64,
     ) -> Option<Explained> {
-        let all: Vec<Reduced> = columns.map(|column| self.reduced(column)).collect();
+        let all: Vec<ReducedGap> = columns.map(|column| self.reduced(column)).collect();
         let right = DVector::from_iterator(all.len(), all.iter().map(|column| self.product(column, gap)));
         let gram = DMatrix::from_fn(all.len(), all.len(), |k, l| {
             self.product(&all[k], &all[l]) + if k == l { deviation.powi(-2) } else { 0.0 }
@@ -305,29 +305,29 @@ pub struct Explained {
 /// A point that was fitted.
 #[derive(Debug, Clone)]
 pub struct Fit {
-    /// Places of the knobs that were freed.
-    pub freed: Vec<usize>,
+    /// Places of the uncertain parameters that were free.
+    pub free: Vec<usize>,
     /// Coordinates.
     pub x: Vec<f64>,
     /// Gap there.
     pub gap: Vec<f64>,
     /// Remaining cost: weighted square of the gap, plus the penalty of the tolerances.
     pub cost: f64,
-    /// Slopes over the freed knobs and their companions, taken last.
-    pub columns: Vec<Column>,
+    /// Slopes over the free uncertain parameters and their companions, taken last.
+    pub columns: Vec<SlopeColumn>,
     /// Coordinates at which the slopes were taken.
     pub columns_at: Vec<f64>,
 }
 
 impl Fit {
-    /// The slopes over what was freed.
+    /// The slopes over what was free.
     #[must_use]
-    pub fn of_freed(&self) -> Vec<Column> {
-        self.columns.iter().filter(|(i, _)| self.freed.contains(i)).cloned().collect()
+    pub fn of_free(&self) -> Vec<SlopeColumn> {
+        self.columns.iter().filter(|(i, _)| self.free.contains(i)).cloned().collect()
     }
 }
 
-/// Prior over the knobs: mean and covariance of the coordinates.
+/// Prior over the uncertain parameters: mean and covariance of the coordinates.
 #[derive(Debug, Clone)]
 pub struct Prior {
     /// Coordinates that are expected.
@@ -341,7 +341,7 @@ pub struct Prior {
 /// Prior precision of the free coordinates.
 #[derive(Debug, Clone)]
 pub struct Precision {
-    /// Places of the knobs that are free.
+    /// Places of the uncertain parameters that are free.
     pub free: Vec<usize>,
     matrix: DMatrix<f64>,
 }
@@ -370,12 +370,13 @@ impl Precision {
 }
 
 impl Prior {
-    /// Tolerances of the knobs.
+    /// Tolerances of the uncertain parameters.
     #[must_use]
     pub fn of<V: ReplayVehicle>(problem: &Problem<V>) -> Self {
-        let variances: Vec<f64> = problem.knobs.iter().map(|knob| knob.tolerance.powi(2)).collect();
+        let variances: Vec<f64> =
+            problem.uncertain.iter().map(|uncertain| uncertain.tolerance.powi(2)).collect();
         Self {
-            mean: vec![0.0; problem.knobs.len()],
+            mean: vec![0.0; problem.uncertain.len()],
             covariance: DMatrix::from_diagonal(&DVector::from_vec(variances)),
             form: Vec::new(),
         }
@@ -385,13 +386,13 @@ impl Prior {
     /// nor of the model's form.
     #[must_use]
     pub fn times<V>(&self, problem: &Problem<V>, wider: f64) -> Self {
-        let of = |i: usize| if problem.knobs[i].is_of_the_file() { wider } else { 1.0 };
+        let of = |i: usize| if problem.uncertain[i].is_of_the_file() { wider } else { 1.0 };
         let count = self.mean.len();
         let covariance = DMatrix::from_fn(count, count, |i, j| self.covariance[(i, j)] * of(i) * of(j));
         Self { covariance, ..self.clone() }
     }
 
-    /// With some knobs held where they are.
+    /// With some uncertain parameters held where they are.
     #[must_use]
     pub fn holding(&self, held: &[usize], x: &[f64]) -> Self {
         let mut prior = self.clone();
@@ -403,23 +404,23 @@ impl Prior {
         prior
     }
 
-    /// The same prior with some knobs freed, and their companions: a payload takes its place with it.
+    /// The same prior with some uncertain parameters free, and their companions: a payload takes its place with it.
     #[must_use]
-    pub fn freed<V: ReplayVehicle>(&self, problem: &Problem<V>, freed: &[usize]) -> Precision {
-        self.freed_but(problem, freed, &[])
+    pub fn free<V: ReplayVehicle>(&self, problem: &Problem<V>, free: &[usize]) -> Precision {
+        self.free_but(problem, free, &[])
     }
 
-    /// The same with some knobs fixed.
+    /// The same with some uncertain parameters fixed.
     #[must_use]
-    pub fn freed_but<V: ReplayVehicle>(
+    pub fn free_but<V: ReplayVehicle>(
         &self,
         problem: &Problem<V>,
-        freed: &[usize],
+        free: &[usize],
         fixed: &[usize],
     ) -> Precision {
         let mut covariance = self.covariance.clone();
-        for &i in freed {
-            covariance[(i, i)] += FREED.powi(2);
+        for &i in free {
+            covariance[(i, i)] += FREE.powi(2);
             if let Some((companion, deviation)) = problem.companion(i) {
                 covariance[(companion, companion)] += deviation.powi(2);
             }
@@ -454,7 +455,13 @@ impl Prior {
 
     /// The linear step under this prior.
     #[must_use]
-    pub fn step(&self, linear: &Linear, x: &[f64], gap: &[f64], precision: &Precision) -> Step {
+    pub fn step(
+        &self,
+        linear: &Linearisation,
+        x: &[f64],
+        gap: &[f64],
+        precision: &Precision,
+    ) -> LinearSolution {
         linear.step(&self.off(x), gap, precision)
     }
 }
@@ -467,7 +474,7 @@ pub struct Start<'a> {
     /// The gap there.
     pub gap: Option<Cow<'a, [f64]>>,
     /// Some slopes, and the coordinates at which they were taken.
-    pub slopes: Option<(&'a [f64], Cow<'a, [Column]>)>,
+    pub slopes: Option<(&'a [f64], Cow<'a, [SlopeColumn]>)>,
 }
 
 impl<'a> From<&'a Fit> for Start<'a> {
@@ -497,23 +504,23 @@ fn shorter(promised: f64, rise: f64, worth: f64) -> Option<f64> {
     (promised > 0.0 && promised * least >= worth).then(|| least.clamp(SHORTEST, SHORTER))
 }
 
-/// Fits with some knobs freed, from a point, with slopes `linear` for the background. Slopes of freed knobs are taken
+/// Fits with some uncertain parameters free, from a point, with slopes `linear` for the background. Slopes of free uncertain parameters are taken
 /// anew at each step. A step that raises the cost is shortened, then damped more and more. With many coordinates that
 /// act alike, an undamped step leaves the range of its slopes, and no length of it gains.
 #[must_use]
 pub fn fit<'a, V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
-    linear: &Linear,
-    freed: &[usize],
+    linear: &Linearisation,
+    free: &[usize],
     start: impl Into<Start<'a>>,
     steps: usize,
 ) -> Option<Fit> {
     let start = start.into();
-    let precision = prior.freed(problem, freed);
-    let own = problem.with_companions(freed);
+    let precision = prior.free(problem, free);
+    let own = problem.with_companions(free);
     let within = |x: &[f64]| -> Vec<f64> {
-        let bound = |(i, x): (usize, &f64)| problem.knobs[i].within(*x, freed.contains(&i));
+        let bound = |(i, x): (usize, &f64)| problem.uncertain[i].within(*x, free.contains(&i));
         x.iter().enumerate().map(bound).collect()
     };
     let mut x = within(&start.x);
@@ -526,7 +533,7 @@ pub fn fit<'a, V: ReplayVehicle>(
         .slopes
         .filter(|(at, _)| problem.is_near(&x, at))
         .map_or_else(Vec::new, |(_, it)| it.into_owned());
-    let mut columns: Vec<Column> = Vec::new();
+    let mut columns: Vec<SlopeColumn> = Vec::new();
     let mut columns_at = x.clone();
     let mut damping = 0.0;
     for _ in 0..steps.clamp(1, STEPS) {
@@ -576,23 +583,23 @@ pub fn fit<'a, V: ReplayVehicle>(
             break;
         }
     }
-    Some(Fit { freed: freed.to_vec(), x, gap, cost, columns, columns_at })
+    Some(Fit { free: free.to_vec(), x, gap, cost, columns, columns_at })
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{Linear, Precision, SHORTER, SHORTEST, Weights, shorter};
+    use super::{Linearisation, Precision, SHORTER, SHORTEST, SampleWeights, shorter};
     use nalgebra::DMatrix;
     use std::sync::Arc;
 
-    fn weights(rows: usize) -> Arc<Weights> {
+    fn weights(rows: usize) -> Arc<SampleWeights> {
         Arc::new(vec![1.0; rows].into())
     }
 
     #[test]
     fn a_column_explains_what_the_background_does_not() {
         // One tolerance of 1 along the first row: <a, b> = a_1 b_1 / 2 + a_2 b_2.
-        let linear = Linear::new(vec![Arc::new(vec![1.0, 0.0])], weights(2));
+        let linear = Linearisation::new(vec![Arc::new(vec![1.0, 0.0])], weights(2));
         let precision = Precision { free: vec![0], matrix: DMatrix::identity(1, 1) };
         let background = linear.marginalised(&precision).unwrap();
         let column_square = |[a, b]: [f64; 2]| 0.5 * a * a + b * b;
@@ -616,11 +623,11 @@ mod tests {
 
     #[test]
     fn evidence_is_that_of_numerical_integration() {
-        // One knob of tolerance 1, seen ten times as finely.
-        let linear = Linear::new(vec![Arc::new(vec![10.0])], weights(1));
+        // One uncertain parameter of tolerance 1, seen ten times as finely.
+        let linear = Linearisation::new(vec![Arc::new(vec![10.0])], weights(1));
         for value in [0.0, 1.0, 4.0] {
             let precision = Precision { free: vec![0], matrix: DMatrix::identity(1, 1) };
-            let found = linear.settled(&[0.0], &[10.0 * value], precision).unwrap();
+            let found = linear.converged(&[0.0], &[10.0 * value], precision).unwrap();
             let step = 1e-3;
             let density = |x: f64| (-0.5 * x * x).exp() / std::f64::consts::TAU.sqrt();
             let seen = |x: f64| (-50.0 * (value - x).powi(2)).exp();
@@ -651,7 +658,7 @@ mod tests {
     fn a_step_held_back_promises_what_it_gains_and_turns_to_the_steepest_descent() {
         // Two rows that do nearly the same: what tells them apart is small.
         let slopes = vec![Arc::new(vec![1.0, 0.0, 0.1]), Arc::new(vec![1.0, 0.1, 0.0])];
-        let linear = Linear::new(slopes.clone(), weights(3));
+        let linear = Linearisation::new(slopes.clone(), weights(3));
         let precision = Precision { free: vec![0, 1], matrix: DMatrix::identity(2, 2) * 1e-6 };
         let (off, gap) = ([0.5, -0.5], [3.0, 2.0, -1.0]);
         let cost = |change: &[f64]| {

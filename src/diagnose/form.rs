@@ -16,11 +16,11 @@
 //! Source: model discrepancy as a random function with a prior of its own, Kennedy and O'Hagan, Bayesian calibration
 //! of computer models, J. R. Stat. Soc. B 63 (2001); here with few functions in place of a Gaussian process.
 
-use super::replay::{Channel, Drive, Trace};
+use super::replay::{Channel, ReplayDrive, Trace};
 
 /// Kind of deviation of a signal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum DeviationKind {
     /// Larger throughout.
     Size,
     /// Later, by seconds.
@@ -34,43 +34,43 @@ pub enum Kind {
 }
 
 /// Error of the model's form: id, channel, kind.
-pub type Row = (&'static str, Channel, Kind);
+pub type FormError = (&'static str, Channel, DeviationKind);
 
 /// All errors of the form that are known.
-pub const FORMS: &[Row] = &[
-    ("form.yaw_rate.size", Channel::YawRate, Kind::Size),
-    ("form.yaw_rate.late", Channel::YawRate, Kind::Late),
-    ("form.yaw_rate.speed", Channel::YawRate, Kind::Speed),
-    ("form.yaw_rate.grip", Channel::YawRate, Kind::Grip),
-    ("form.yaw_rate.drive", Channel::YawRate, Kind::Drive),
-    ("form.ay.size", Channel::Ay, Kind::Size),
-    ("form.ay.late", Channel::Ay, Kind::Late),
-    ("form.ay.speed", Channel::Ay, Kind::Speed),
-    ("form.ay.grip", Channel::Ay, Kind::Grip),
-    ("form.ay.drive", Channel::Ay, Kind::Drive),
-    ("form.vy.size", Channel::Vy, Kind::Size),
-    ("form.vy.late", Channel::Vy, Kind::Late),
-    ("form.vy.speed", Channel::Vy, Kind::Speed),
-    ("form.vy.grip", Channel::Vy, Kind::Grip),
-    ("form.vy.drive", Channel::Vy, Kind::Drive),
-    ("form.roll.size", Channel::Roll, Kind::Size),
-    ("form.roll.late", Channel::Roll, Kind::Late),
-    ("form.roll.speed", Channel::Roll, Kind::Speed),
-    ("form.roll.grip", Channel::Roll, Kind::Grip),
-    ("form.roll.drive", Channel::Roll, Kind::Drive),
-    ("form.articulation.size", Channel::Articulation, Kind::Size),
-    ("form.articulation.late", Channel::Articulation, Kind::Late),
-    ("form.articulation.speed", Channel::Articulation, Kind::Speed),
-    ("form.articulation.grip", Channel::Articulation, Kind::Grip),
-    ("form.articulation.drive", Channel::Articulation, Kind::Drive),
-    ("form.ax.size", Channel::Ax, Kind::Size),
-    ("form.ax.late", Channel::Ax, Kind::Late),
-    ("form.ax.grip", Channel::Ax, Kind::Grip),
+pub const FORMS: &[FormError] = &[
+    ("form.yaw_rate.size", Channel::YawRate, DeviationKind::Size),
+    ("form.yaw_rate.late", Channel::YawRate, DeviationKind::Late),
+    ("form.yaw_rate.speed", Channel::YawRate, DeviationKind::Speed),
+    ("form.yaw_rate.grip", Channel::YawRate, DeviationKind::Grip),
+    ("form.yaw_rate.drive", Channel::YawRate, DeviationKind::Drive),
+    ("form.ay.size", Channel::Ay, DeviationKind::Size),
+    ("form.ay.late", Channel::Ay, DeviationKind::Late),
+    ("form.ay.speed", Channel::Ay, DeviationKind::Speed),
+    ("form.ay.grip", Channel::Ay, DeviationKind::Grip),
+    ("form.ay.drive", Channel::Ay, DeviationKind::Drive),
+    ("form.vy.size", Channel::Vy, DeviationKind::Size),
+    ("form.vy.late", Channel::Vy, DeviationKind::Late),
+    ("form.vy.speed", Channel::Vy, DeviationKind::Speed),
+    ("form.vy.grip", Channel::Vy, DeviationKind::Grip),
+    ("form.vy.drive", Channel::Vy, DeviationKind::Drive),
+    ("form.roll.size", Channel::Roll, DeviationKind::Size),
+    ("form.roll.late", Channel::Roll, DeviationKind::Late),
+    ("form.roll.speed", Channel::Roll, DeviationKind::Speed),
+    ("form.roll.grip", Channel::Roll, DeviationKind::Grip),
+    ("form.roll.drive", Channel::Roll, DeviationKind::Drive),
+    ("form.articulation.size", Channel::Articulation, DeviationKind::Size),
+    ("form.articulation.late", Channel::Articulation, DeviationKind::Late),
+    ("form.articulation.speed", Channel::Articulation, DeviationKind::Speed),
+    ("form.articulation.grip", Channel::Articulation, DeviationKind::Grip),
+    ("form.articulation.drive", Channel::Articulation, DeviationKind::Drive),
+    ("form.ax.size", Channel::Ax, DeviationKind::Size),
+    ("form.ax.late", Channel::Ax, DeviationKind::Late),
+    ("form.ax.grip", Channel::Ax, DeviationKind::Grip),
 ];
 
 /// Contributions of an error to the channels of a drive, from the neutral replay; rows outside stretches are 0.
 #[must_use]
-pub fn shapes(drive: &Drive, neutral: &Trace, row: &Row) -> Vec<(Channel, Vec<f64>)> {
+pub fn shapes(drive: &ReplayDrive, neutral: &Trace, row: &FormError) -> Vec<(Channel, Vec<f64>)> {
     let (_, channel, kind) = *row;
     let vx = drive.column("vx");
     let rate = neutral.column(Channel::YawRate);
@@ -94,11 +94,11 @@ pub fn shapes(drive: &Drive, neutral: &Trace, row: &Row) -> Vec<(Channel, Vec<f6
         slope
     };
     let shape: Vec<f64> = match kind {
-        Kind::Size => signal,
-        Kind::Late => slope(&signal).iter().map(|slope| -slope).collect(),
-        Kind::Speed => signal.iter().zip(vx).map(|(s, vx)| s * (vx - 15.0) / 10.0).collect(),
-        Kind::Grip => signal.iter().enumerate().map(|(i, s)| s * lateral(i).abs() / 3.0).collect(),
-        Kind::Drive => signal.iter().zip(&drive.accel).map(|(s, accel)| s * accel / 2.0).collect(),
+        DeviationKind::Size => signal,
+        DeviationKind::Late => slope(&signal).iter().map(|slope| -slope).collect(),
+        DeviationKind::Speed => signal.iter().zip(vx).map(|(s, vx)| s * (vx - 15.0) / 10.0).collect(),
+        DeviationKind::Grip => signal.iter().enumerate().map(|(i, s)| s * lateral(i).abs() / 3.0).collect(),
+        DeviationKind::Drive => signal.iter().zip(&drive.accel).map(|(s, accel)| s * accel / 2.0).collect(),
     };
     if channel == Channel::Articulation {
         let rate = slope(&shape);

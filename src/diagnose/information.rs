@@ -15,7 +15,7 @@
 //! The result does not hold the prior of any parameter: summaries of several drives add up. Parameters are in physical units, as
 //! differences from the simulator's value, so that drives with other signals and rates agree on them.
 
-use super::fit::{FREED, Fit, Linear, Prior};
+use super::fit::{FREE, Fit, Linearisation, Prior};
 use super::problem::Problem;
 use super::replay::ReplayVehicle;
 use super::report::{Information, InformedParameter};
@@ -26,12 +26,12 @@ use nalgebra::{DMatrix, DVector};
 pub fn information<V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
-    local: &Linear,
+    local: &Linearisation,
     fit: &Fit,
     temper: f64,
 ) -> Option<Information> {
-    let all = 0..problem.knobs.len();
-    let (form, kept): (Vec<usize>, Vec<usize>) = all.partition(|&i| problem.knobs[i].is_form());
+    let all = 0..problem.uncertain.len();
+    let (form, kept): (Vec<usize>, Vec<usize>) = all.partition(|&i| problem.uncertain[i].is_form());
     let gradient = local.gradient(&fit.gap);
     let gram = |rows: &[usize], columns: &[usize]| {
         DMatrix::from_fn(rows.len(), columns.len(), |a, b| temper * local.gram[(rows[a], columns[b])])
@@ -49,23 +49,23 @@ pub fn information<V: ReplayVehicle>(
     let factor = of_form.cholesky()?;
     let precision = gram(&kept, &kept) - &across * factor.solve(&across.transpose());
     let pulls = pulls(&kept) - &across * factor.solve(&form_pulls);
-    let units: Vec<f64> = kept.iter().map(|&i| problem.knobs[i].step_of_one(problem.vehicle)).collect();
+    let units: Vec<f64> = kept.iter().map(|&i| problem.uncertain[i].step_of_one(problem.vehicle)).collect();
     let parameters = kept.iter().zip(&units).map(|(&i, unit)| {
-        let knob = &problem.knobs[i];
-        let main = (0..problem.knobs.len()).find_map(|main| {
+        let uncertain = &problem.uncertain[i];
+        let main = (0..problem.uncertain.len()).find_map(|main| {
             let (companion, deviation) = problem.companion(main)?;
-            (companion == i).then(|| (problem.knobs[main].parameter(), deviation))
+            (companion == i).then(|| (problem.uncertain[main].parameter(), deviation))
         });
-        let change = if knob.is_candidate() { FREED } else { main.as_ref().map_or(0.0, |it| it.1) };
+        let change = if uncertain.is_candidate() { FREE } else { main.as_ref().map_or(0.0, |it| it.1) };
         InformedParameter {
-            name: knob.parameter(),
-            given: knob.adjusted(0.0, problem.vehicle).0,
-            unit: knob.symbol::<V>(),
-            reciprocal: knob.is_reciprocal(),
+            name: uncertain.parameter(),
+            given: uncertain.adjusted(0.0, problem.vehicle).0,
+            unit: uncertain.symbol::<V>(),
+            reciprocal: uncertain.is_reciprocal(),
             tolerance: unit * prior.covariance[(i, i)].max(0.0).sqrt(),
             change: unit * change,
-            least: (change > 0.0).then_some(unit * knob.named_least),
-            greatest: (change > 0.0).then_some(unit * knob.greatest),
+            least: (change > 0.0).then_some(unit * uncertain.named_least),
+            greatest: (change > 0.0).then_some(unit * uncertain.greatest),
             goes_with: main.map(|it| it.0),
             value: unit * fit.x[i],
         }

@@ -6,7 +6,7 @@
 use super::problem::Problem;
 use super::rank::Ranking;
 use super::replay::{Channel, ReplayVehicle};
-use super::report::Place;
+use super::report::GapLocation;
 use std::f64::consts::TAU;
 
 /// Parts of each regime; least samples in one.
@@ -19,7 +19,7 @@ const BANDS: [f64; 5] = [0.05, 0.2, 0.5, 1.0, 3.0];
 
 /// All places, the greatest share of the gap above an even spread first.
 #[must_use]
-pub fn places<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking) -> Vec<Place> {
+pub fn places<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking) -> Vec<GapLocation> {
     let drive = problem.drive;
     let vx = drive.column("vx");
     let rate = drive.column("yaw_rate");
@@ -59,7 +59,7 @@ pub fn places<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking) -> Vec<
         }
         bands(channel.name(), gap, total, &mut places);
     }
-    let order = |place: &Place| place.significance * place.share;
+    let order = |place: &GapLocation| place.significance * place.share;
     places.sort_by(|a, b| order(b).total_cmp(&order(a)).then_with(|| a.signal.cmp(&b.signal)));
     places
 }
@@ -71,7 +71,7 @@ fn split(
     gap: &[f64],
     total: f64,
     noise: f64,
-    places: &mut Vec<Place>,
+    places: &mut Vec<GapLocation>,
 ) {
     let (low, high) =
         values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), &v| (l.min(v), h.max(v)));
@@ -99,7 +99,7 @@ fn split(
         let sum: f64 = inside.iter().sum();
         let own = sum / inside.len() as f64;
         let worth = (inside.len() as f64 / CORRELATED).max(1.0);
-        places.push(Place {
+        places.push(GapLocation {
             signal: signal.to_owned(),
             regime: regime.to_owned(),
             from,
@@ -113,7 +113,7 @@ fn split(
 }
 
 /// Shares of the gap in frequency bands, by a discrete Fourier transform of stretches of 20 s.
-fn bands(signal: &str, gap: &[f64], total: f64, places: &mut Vec<Place>) {
+fn bands(signal: &str, gap: &[f64], total: f64, places: &mut Vec<GapLocation>) {
     const LENGTH: usize = 200;
     let pieces = gap.len() / LENGTH;
     if pieces == 0 {
@@ -142,7 +142,7 @@ fn bands(signal: &str, gap: &[f64], total: f64, places: &mut Vec<Place>) {
     let mut from = 0.0;
     for (band, &to) in BANDS.iter().enumerate() {
         let (even, bin) = (all / count, bins[band].max(1.0));
-        places.push(Place {
+        places.push(GapLocation {
             signal: signal.to_owned(),
             regime: "frequency".to_owned(),
             from,

@@ -11,11 +11,11 @@
 //! separates two partners may leave open whether there is a partner at all.
 
 use super::filter::Filter;
-use super::fit::{Fit, Linear};
+use super::fit::{Fit, Linearisation};
 use super::problem::Problem;
-use super::profile::Weights;
+use super::profile::SampleWeights;
 use super::rank::Ranking;
-use super::replay::{Correction, Drive, ReplayVehicle};
+use super::replay::{Correction, ReplayDrive, ReplayVehicle};
 use super::report::Manoeuvre;
 use crate::log::CleanLog;
 use std::collections::BTreeMap;
@@ -225,16 +225,16 @@ pub fn next<V: ReplayVehicle>(
     let scale = if V::TRUCK { TRUCK } else { CAR };
     let mut best: Option<(f64, &Planned, &Fit)> = None;
     for planned in &PLANNED {
-        let drive = Drive::new(&log_of(planned, scale, problem), V::TRUCK);
+        let drive = ReplayDrive::new(&log_of(planned, scale, problem), V::TRUCK);
         let there = Problem::new(&drive, problem.vehicle, &nothing, without, problem.threads());
-        if there.knobs.len() != problem.knobs.len() || there.blocks.len() != problem.blocks.len() {
+        if there.uncertain.len() != problem.uncertain.len() || there.blocks.len() != problem.blocks.len() {
             continue;
         }
         // The rate limit's coordinate is one of the log's own steering: here the same value is another one.
         let carried = |x: &[f64]| -> Vec<f64> {
             x.iter()
-                .zip(&there.knobs)
-                .zip(&problem.knobs)
+                .zip(&there.uncertain)
+                .zip(&problem.uncertain)
                 .map(
                     |((x, here), before)| {
                         if here.id == "steer_rate_limit" { x * here.unit / before.unit } else { *x }
@@ -250,11 +250,11 @@ pub fn next<V: ReplayVehicle>(
         for ((_, block), &deviation) in there.blocks.iter().zip(&ranking.noise.effective) {
             weights.resize(weights.len() + block.len(), (deviation * factor.max(0.1)).powi(-2));
         }
-        let weights = Weights::new(weights, there.profile.as_ref(), ranking.noise.roughness());
-        let linear = Linear::new(there.slopes(&at_first, &of_first), Arc::new(weights));
+        let weights = SampleWeights::new(weights, there.profile.as_ref(), ranking.noise.roughness());
+        let linear = Linearisation::new(there.slopes(&at_first, &of_first), Arc::new(weights));
         let explained = |fit: &Fit, at: &[f64], of_fit: &[f64]| {
             let gap: Vec<f64> = of_fit.iter().zip(&of_first).map(|(b, a)| b - a).collect();
-            let cost = ranking.prior.step(&linear, at, &gap, &ranking.prior.freed(problem, &fit.freed)).cost;
+            let cost = ranking.prior.step(&linear, at, &gap, &ranking.prior.free(problem, &fit.free)).cost;
             cost.is_finite().then_some(cost)
         };
         let Some(by_first) = explained(first, &at_first, &of_first) else { continue };
@@ -273,7 +273,7 @@ pub fn next<V: ReplayVehicle>(
     }
     let (expected_evidence, planned, second) = best?;
     let name = |fit: &Fit| {
-        let ids: Vec<&str> = fit.freed.iter().map(|&i| problem.knobs[i].id).collect();
+        let ids: Vec<&str> = fit.free.iter().map(|&i| problem.uncertain[i].id).collect();
         if ids.is_empty() { "no effect".to_owned() } else { ids.join(" + ") }
     };
     Some(Manoeuvre {

@@ -2,7 +2,7 @@
 //!
 //! The simulator is replayed from a log's commands. Its gap to the log is `e`, in units of noise, filtered and
 //! decimated. Every effect is a number `p` with a neutral value and a tolerance. The background of every simulator is
-//! `S`, the change of `e` with each in units of its tolerance. A candidate is one effect (or two) that is freed from
+//! `S`, the change of `e` with each in units of its tolerance. A candidate is one effect (or two) that is free from
 //! its tolerance. The best candidate explains the log while all others stay likely; it has the least
 //!
 //! ```text
@@ -18,9 +18,9 @@
 //! | `report.rs` | the answer: contents of `report.json` |
 //! | `replay/` | the vehicle replayed from a log's commands |
 //! | `conventions.rs` | conventions of the log's columns |
-//! | `knob.rs` | uncertain parameters of a simulator, and their tolerances |
+//! | `uncertain.rs` | uncertain parameters of a simulator, and their tolerances |
 //! | `filter.rs` | low pass and clock |
-//! | `problem.rs` | the gap as a function of all knobs |
+//! | `problem.rs` | the gap as a function of all uncertain parameters |
 //! | `fit.rs` | fits with the tolerances marginalised |
 //! | `form.rs` | errors of the model's form |
 //! | `noise.rs` | noise and remainders that a gap is measured against |
@@ -37,6 +37,7 @@
 //! | `information.rs` | likelihood of all parameters at once, for several drives |
 //! | `naming.rs` | the decision in the user's terms |
 //! | `engine.rs` | from a log and a vehicle to the answer |
+//! | `judged.rs` | the decision, tested on unseen parts, in numbers and words |
 //! | `observability.rs` | effects that a log can and cannot show |
 //! | `localise.rs` | location of the gap |
 //! | `shrink.rs` | reduction of the gap on held-out parts |
@@ -67,7 +68,7 @@ pub mod fit;
 pub mod form;
 mod headline;
 mod information;
-pub mod knob;
+mod judged;
 mod localise;
 mod manoeuvre;
 mod naming;
@@ -87,6 +88,7 @@ mod shrink;
 pub mod simulated;
 #[cfg(feature = "cli")]
 pub mod simulator;
+pub mod uncertain;
 mod words;
 
 pub use engine::{DiagnoseError, Options, diagnose};

@@ -12,7 +12,7 @@ use super::posterior::{Posterior, Unknown};
 use super::problem::Problem;
 use super::rank::Ranking;
 use super::replay::ReplayVehicle;
-use super::report::{Candidate, Hypothesis, NamedEffect, Probabilities, Spread, VerdictKind};
+use super::report::{Candidate, NamedEffect, Probabilities, ReportedHypothesis, Spread, VerdictKind};
 use super::words;
 use std::collections::BTreeMap;
 
@@ -31,8 +31,8 @@ pub(super) fn named<V: ReplayVehicle>(
     wider: f64,
 ) -> Vec<NamedEffect> {
     let mut effects = Vec::new();
-    for (place, &i) in winner.freed.iter().enumerate() {
-        let it = &problem.knobs[i];
+    for (place, &i) in winner.free.iter().enumerate() {
+        let it = &problem.uncertain[i];
         let Some(effect) = it.effect else { continue };
         let wind = wind_of(problem, winner, i);
         let (x, deviation) = estimate(problem, winner, covariance, i);
@@ -48,14 +48,14 @@ pub(super) fn named<V: ReplayVehicle>(
             neutral => value - known + neutral,
         };
         let class = classes.get(place).cloned().unwrap_or_default();
-        let mut class: Vec<String> = class.iter().map(|&i| problem.knobs[i].id.to_owned()).collect();
+        let mut class: Vec<String> = class.iter().map(|&i| problem.uncertain[i].id.to_owned()).collect();
         let mut separated_by = String::new();
         if it.id == "sensor_delay" && !problem.drive.commanded {
             // From the angle on, a later motion and a later sensor are the same.
             class.push("steer_delay".to_owned());
             separated_by = "log the steering command besides the angle".to_owned();
         }
-        let of = |i: usize| (problem.knobs[i].id.to_owned(), problem.knobs[i].value(winner.x[i]));
+        let of = |i: usize| (problem.uncertain[i].id.to_owned(), problem.uncertain[i].value(winner.x[i]));
         let components = problem.companion(i).map_or_else(BTreeMap::new, |(j, _)| [of(i), of(j)].into());
         let direction = wind.map(|Wind { to: (sin, cos), .. }| sin.atan2(cos));
         if direction.is_some() {
@@ -93,31 +93,31 @@ pub(super) fn candidates<V: ReplayVehicle>(
         .singles
         .iter()
         .chain(&ranking.pairs)
-        .chain(&ranking.threes)
+        .chain(&ranking.triples)
         .map(|fit| {
             let evidence = ranking.none.cost - fit.cost;
             let pinned =
-                fit.freed.iter().any(|&i| information(problem, ranking, i) * 16.0 < calibration.telling());
-            let probability = posterior.of_set(&fit.freed);
+                fit.free.iter().any(|&i| information(problem, ranking, i) * 16.0 < calibration.telling());
+            let probability = posterior.of_set(&fit.free);
             let shown = |i: usize| wind_of(problem, fit, i).map_or(fit.x[i], |wind| wind.speed);
             Candidate {
-                effects: fit.freed.iter().map(|&i| problem.knobs[i].id.to_owned()).collect(),
-                values: fit.freed.iter().map(|&i| problem.knobs[i].value(shown(i))).collect(),
+                effects: fit.free.iter().map(|&i| problem.uncertain[i].id.to_owned()).collect(),
+                values: fit.free.iter().map(|&i| problem.uncertain[i].value(shown(i))).collect(),
                 evidence,
                 collinearity: None,
                 probability,
                 why: words::why(
                     evidence,
-                    calibration.telling() * fit.freed.len() as f64,
+                    calibration.telling() * fit.free.len() as f64,
                     probability,
                     pinned,
-                    fit.freed == winner.freed && kind == VerdictKind::Effect,
+                    fit.free == winner.free && kind == VerdictKind::Effect,
                 ),
             }
         })
         .collect();
     // The winner stands first, even before a pair that explains a little more.
-    let name: Vec<String> = winner.freed.iter().map(|&i| problem.knobs[i].id.to_owned()).collect();
+    let name: Vec<String> = winner.free.iter().map(|&i| problem.uncertain[i].id.to_owned()).collect();
     all.sort_by(|a, b| {
         (a.effects != name)
             .cmp(&(b.effects != name))
@@ -126,7 +126,7 @@ pub(super) fn candidates<V: ReplayVehicle>(
     });
     if kind == VerdictKind::Effect {
         for candidate in all.iter_mut().take(COMPARED) {
-            candidate.collinearity = likeness(problem, ranking, &winner.freed, &candidate.effects);
+            candidate.collinearity = likeness(problem, ranking, &winner.free, &candidate.effects);
             candidate.why += &words::likeness(candidate.collinearity);
         }
     }
@@ -150,23 +150,25 @@ fn likeness<V: ReplayVehicle>(
 
 /// The posterior in the user's terms.
 pub(super) fn summary<V: ReplayVehicle>(problem: &Problem<V>, posterior: &Posterior) -> Probabilities {
-    let id = |&i: &usize| problem.knobs[i].id.to_owned();
+    let id = |&i: &usize| problem.uncertain[i].id.to_owned();
     let said = |unknown: &Unknown| match unknown {
-        Unknown::Varies(it) => format!("{} changes {}", problem.knobs[it.effect].id, Cause::words(it.with)),
+        Unknown::Varies(it) => {
+            format!("{} changes {}", problem.uncertain[it.effect].id, Cause::words(it.with))
+        }
         Unknown::Swings => "the steering swings".to_owned(),
-        Unknown::Off { knob, .. } => format!("{} is off", problem.knobs[*knob].parameter()),
+        Unknown::Off { uncertain, .. } => format!("{} is off", problem.uncertain[*uncertain].parameter()),
         Unknown::Misfit(size, channel) => {
             let most = channel.name();
             format!("{size:.1} times as much is left as a model of this form leaves, most of it in {most}")
         }
     };
-    let hypothesis = |it: &super::posterior::Hypothesis| Hypothesis {
+    let hypothesis = |it: &super::posterior::Hypothesis| ReportedHypothesis {
         effects: it.effects.iter().map(id).collect(),
         not_in_library: it.unknown.as_ref().map(said),
         terms: it.terms.clone(),
         probability: it.probability,
     };
-    let may_be = (0..problem.knobs.len()).filter(|&i| problem.knobs[i].is_candidate());
+    let may_be = (0..problem.uncertain.len()).filter(|&i| problem.uncertain[i].is_candidate());
     let inclusion = may_be.map(|i| (id(&i), posterior.inclusion(i))).filter(|(_, it)| *it >= LEAST_SHOWN);
     Probabilities {
         none: posterior.none(),

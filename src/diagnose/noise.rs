@@ -7,7 +7,7 @@
 //! the rest.
 
 use super::problem::{Problem, rms};
-use super::profile::{ORDINARY, Roughness, Weights};
+use super::profile::{ORDINARY, Roughness, SampleWeights};
 use super::replay::{Channel, LEAK, ReplayVehicle, Trace};
 use std::sync::Arc;
 
@@ -134,8 +134,8 @@ impl Noise {
 
     /// Weights of gaps.
     #[must_use]
-    pub fn weights<V>(&self, problem: &Problem<V>) -> Arc<Weights> {
-        Arc::new(Weights::new(self.each(), problem.profile.as_ref(), self.roughness))
+    pub fn weights<V>(&self, problem: &Problem<V>) -> Arc<SampleWeights> {
+        Arc::new(SampleWeights::new(self.each(), problem.profile.as_ref(), self.roughness))
     }
 
     /// Roughness of an unknown road: shares of the deviations of bank and grade.

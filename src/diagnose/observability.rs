@@ -4,11 +4,12 @@
 //! slope `s` less all that the background imitates.
 
 use super::calibration::Calibration;
-use super::fit::Linear;
+use super::fit::Linearisation;
 use super::problem::Problem;
 use super::rank::Ranking;
-use super::replay::{Drive, ReplayVehicle};
+use super::replay::{ReplayDrive, ReplayVehicle};
 use super::report::Observability;
+use crate::numerics::statistics::quantile;
 use crate::vehicle::{GRAVITY, Stage, TruckEffects};
 
 /// Coordinate beyond which an effect is no longer ordinary: an effect seen only beyond counts as not observable.
@@ -31,28 +32,24 @@ pub struct Excitation {
     pub turns_about: bool,
 }
 
-fn percentile(values: &mut [f64], share: f64) -> f64 {
-    values.sort_unstable_by(f64::total_cmp);
-    values.get(((values.len().max(1) - 1) as f64 * share) as usize).copied().unwrap_or(0.0)
-}
-
 impl Excitation {
     /// Of a drive.
     #[must_use]
-    pub fn of<V: ReplayVehicle>(drive: &Drive, vehicle: &V) -> Self {
+    pub fn of<V: ReplayVehicle>(drive: &ReplayDrive, vehicle: &V) -> Self {
         let rows: Vec<usize> = (0..drive.time.len()).filter(|&i| drive.scored[i]).collect();
         let of = |get: &dyn Fn(usize) -> f64| rows.iter().map(|&i| get(i)).collect::<Vec<f64>>();
         let (vx, rate) = (drive.column("vx"), drive.column("yaw_rate"));
         let lateral = |i: usize| vx[i] * rate.get(i).copied().unwrap_or(0.0);
-        let mut grip = of(&|i| lateral(i).hypot(drive.accel[i]) / (vehicle.friction() * GRAVITY));
-        let mut speed = of(&|i| vx[i]);
-        let mut braking = of(&|i| -drive.accel[i]);
+        let grip = of(&|i| lateral(i).hypot(drive.accel[i]) / (vehicle.friction() * GRAVITY));
+        let speed = of(&|i| vx[i]);
+        let braking = of(&|i| -drive.accel[i]);
         let steer = of(&|i| drive.steer[i]);
         let mean = steer.iter().sum::<f64>() / steer.len().max(1) as f64;
         let variance = steer.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / steer.len().max(1) as f64;
-        let mut quick = of(&|i| {
+        let quick = of(&|i| {
             if i > 2 { (drive.steer[i] - drive.steer[i - 2]).abs() / (2.0 * drive.step) } else { 0.0 }
         });
+        let below = |values: Vec<f64>, share: f64| quantile(values, share).unwrap_or(0.0);
         let mut heading = 0.0_f64;
         let (mut low, mut high) = (0.0_f64, 0.0_f64);
         for &i in &rows {
@@ -60,31 +57,31 @@ impl Excitation {
             (low, high) = (low.min(heading), high.max(heading));
         }
         Self {
-            grip: percentile(&mut grip, 0.995),
-            speed: (percentile(&mut speed, 0.05), percentile(&mut speed, 0.95)),
-            braking: percentile(&mut braking, 0.99),
+            grip: below(grip, 0.995),
+            speed: (below(speed.clone(), 0.05), below(speed, 0.95)),
+            braking: below(braking, 0.99),
             steer: variance.sqrt(),
-            steer_rate: percentile(&mut quick, 0.99),
+            steer_rate: below(quick, 0.99),
             turns_about: high - low > std::f64::consts::PI,
         }
     }
 }
 
 /// Slopes of all candidates at their own best where the background's are taken elsewhere.
-fn slope_of<'a>(ranking: &'a Ranking, linear: &'a Linear, knob: usize) -> &'a [f64] {
+fn slope_of<'a>(ranking: &'a Ranking, linear: &'a Linearisation, uncertain: usize) -> &'a [f64] {
     ranking
         .singles
         .iter()
-        .find(|fit| fit.freed == [knob])
+        .find(|fit| fit.free == [uncertain])
         .and_then(|fit| fit.columns.first())
-        .map_or(&linear.slopes[knob][..], |(_, column)| column)
+        .map_or(&linear.slopes[uncertain][..], |(_, column)| column)
 }
 
-/// Part of a knob's slope that the background does not imitate, in evidence for one unit of its coordinate.
+/// Part of an uncertain parameter's slope that the background does not imitate, in evidence for one unit of its coordinate.
 #[must_use]
-pub fn information<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, knob: usize) -> f64 {
-    let precision = ranking.prior.freed_but(problem, &[], &[knob]);
-    let slope = slope_of(ranking, &ranking.linear, knob);
+pub fn information<V: ReplayVehicle>(problem: &Problem<V>, ranking: &Ranking, uncertain: usize) -> f64 {
+    let precision = ranking.prior.free_but(problem, &[], &[uncertain]);
+    let slope = slope_of(ranking, &ranking.linear, uncertain);
     ranking.linear.marginal(slope, slope, &precision)
 }
 
@@ -101,8 +98,8 @@ pub fn collinearity<V: ReplayVehicle>(
     beside: &[usize],
     [a, b]: [usize; 2],
 ) -> f64 {
-    let precision = ranking.prior.freed_but(problem, beside, &[a, b]);
-    let [s_a, s_b] = [a, b].map(|knob| slope_of(ranking, &ranking.linear, knob));
+    let precision = ranking.prior.free_but(problem, beside, &[a, b]);
+    let [s_a, s_b] = [a, b].map(|uncertain| slope_of(ranking, &ranking.linear, uncertain));
     let of = |a, b| ranking.linear.marginal(a, b, &precision);
     let size = (of(s_a, s_a) * of(s_b, s_b)).sqrt();
     if size > 0.0 { (of(s_a, s_b) / size).clamp(-1.0, 1.0) } else { 0.0 }
@@ -141,16 +138,18 @@ pub fn observability<V: ReplayVehicle>(
             all.push(entry(false, None, None, why.to_owned()));
             continue;
         }
-        let Some(knob) = problem.find(effect.id).filter(|&knob| problem.knobs[knob].is_candidate()) else {
+        let Some(uncertain) =
+            problem.find(effect.id).filter(|&uncertain| problem.uncertain[uncertain].is_candidate())
+        else {
             all.push(entry(false, None, None, "left out of the library for this diagnosis".to_owned()));
             continue;
         };
-        let information = information(problem, ranking, knob);
+        let information = information(problem, ranking, uncertain);
         let threshold = calibration.telling();
         let least = (information > 0.0).then(|| (threshold / information).sqrt());
-        let it = &problem.knobs[knob];
+        let it = &problem.uncertain[uncertain];
         // A value x gives evidence x^2 / (1 / information + tolerance^2); with a reference log the tolerance is what it left.
-        let tolerance = ranking.prior.covariance[(knob, knob)].max(0.0).sqrt();
+        let tolerance = ranking.prior.covariance[(uncertain, uncertain)].max(0.0).sqrt();
         let named_from = least.map(|least| it.spread(1.0, least.hypot(threshold.sqrt() * tolerance)));
         let (tolerance, unit) = (it.spread(1.0, tolerance), it.symbol::<V>());
         let reason = reason(effect.id, drive, &excitation);
@@ -202,7 +201,7 @@ pub fn short(value: f64) -> String {
 }
 
 /// Excitation that matters for an effect, in numbers.
-fn reason(id: &str, drive: &Drive, it: &Excitation) -> String {
+fn reason(id: &str, drive: &ReplayDrive, it: &Excitation) -> String {
     match id {
         "road_friction" => format!(
             "{:.0} % of grip reached, and below about a third less grip is like another curve of the tyre",

@@ -1,7 +1,7 @@
 //! Probability of each hypothesis, given the log.
 //!
 //! Hypotheses are: nothing (`none`), sets of one to three effects, and a cause that the library does not have. Each has a
-//! fit with the tolerances marginalised, whose cost `J` is twice a negative logarithm of the evidence. With `k` effects freed,
+//! fit with the tolerances marginalised, whose cost `J` is twice a negative logarithm of the evidence. With `k` effects free,
 //!
 //! ```text
 //!     log P = -eta (J - J_none) / 2 - log det(1 + eta S' W S P^-1) / 2 - k odds + const,
@@ -9,12 +9,13 @@
 //!
 //! `eta` the temper of a misspecified likelihood, `odds` the price of an effect. The determinant, by the slopes at the
 //! fit, is that of Laplace's approximation: freedom that the log narrows has a cost. An effect that it cannot show
-//! keeps its prior probability. A cause outside the library competes with evidence of its own, upon the fit of the best
-//! hypothesis of the library:
+//! keeps its prior probability. Slopes carry a fit from the search's weights to those of a world. What they promise
+//! under the search's own weights no replay has seen: it is taken off the evidence. A cause outside the library competes
+//! with evidence of its own, upon the fit of the best hypothesis of the library:
 //!
 //! | a varying value | an effect follows angle, speed, place, ...: `constancy.rs` |
 //! |---|---|
-//! | something else is off | a number of the vehicle that is no effect is freed like one |
+//! | something else is off | a number of the vehicle that is no effect is free like one |
 //! | a resonant steering | `resonance.rs` |
 //! | a misfit | the remainder has a size `m` in units of the remainder that the model's form leaves, log-normal with a
 //! deviation `known` for a cause in the library, `broad` for one outside |
@@ -25,13 +26,13 @@
 use super::beliefs::{Beliefs, World};
 use super::calibration::Calibration;
 use super::constancy::{self, Variation};
-use super::fit::{Fit, Linear, Precision, Prior, Settled};
+use super::fit::{Converged, Fit, Linearisation, Precision, Prior};
 use super::problem::{Problem, rms};
 use super::rank::{Ranking, predicted};
 use super::replay::{Channel, ReplayVehicle};
 use super::report::Term;
 use super::resonance::resonance;
-use crate::residual::parallel;
+use crate::numerics::parallel;
 
 /// Logarithm of the share of the best hypothesis below which another is negligible.
 const NEGLIGIBLE: f64 = -20.0;
@@ -41,8 +42,8 @@ const NEGLIGIBLE: f64 = -20.0;
 pub enum Unknown {
     /// The value of an effect would have to change.
     Varies(Variation),
-    /// A number that is no effect of the library would have to be far off: its knob, and its coordinate then.
-    Off { knob: usize, x: f64 },
+    /// A number that is no effect of the library would have to be far off: its uncertain parameter, and its coordinate then.
+    Off { uncertain: usize, x: f64 },
     /// The steering swings.
     Swings,
     /// Too large a remainder: its ratio to that of the model's form, and the channel with most of it.
@@ -52,7 +53,7 @@ pub enum Unknown {
 /// A possible cause.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Hypothesis {
-    /// Effects that are freed; for an unknown cause those of the hypothesis that it extends.
+    /// Effects that are free; for an unknown cause those of the hypothesis that it extends.
     pub effects: Vec<usize>,
     /// Sign that the cause is not in the library, if it is not.
     pub unknown: Option<Unknown>,
@@ -100,13 +101,19 @@ impl Posterior {
         ranking: &Ranking,
         calibration: &Calibration,
         beliefs: &Beliefs,
-        causes: &[constancy::Columns],
+        causes: &[constancy::CauseColumns],
     ) -> Self {
         let fits: Vec<&Fit> =
             std::iter::once(&ranking.none).chain((1..=3).flat_map(|count| ranking.of(count))).collect();
         let linear = ranking.linear.tempered(calibration.temper);
-        let linears: Vec<Linear> =
-            parallel::map(problem.threads(), fits.len(), |k| linear.with(&fits[k].of_freed()));
+        let linears: Vec<Linearisation> =
+            parallel::map(problem.threads(), fits.len(), |k| linear.with(&fits[k].of_free()));
+        // A linear step from a fit that the search could not follow: no replay has seen its gain.
+        let unseen = parallel::map(problem.threads(), fits.len(), |k| {
+            let own = ranking.linear.with(&fits[k].of_free());
+            let step = converged(problem, &ranking.prior, &own, fits[k], &fits[k].free);
+            step.map_or(0.0, |step| calibration.temper * (fits[k].cost - step.cost).max(0.0))
+        });
         let worlds = beliefs.trust.worlds();
         let mut reference = None;
         let all: Vec<Vec<Hypothesis>> = worlds
@@ -114,22 +121,23 @@ impl Posterior {
             .map(|world| {
                 let prior = ranking.prior.times(problem, world.factor);
                 let settled = parallel::map(problem.threads(), fits.len(), |k| {
-                    settled(problem, &prior, &linears[k], fits[k], &fits[k].freed)
+                    converged(problem, &prior, &linears[k], fits[k], &fits[k].free)
                 });
                 let Some(none) = settled[0].as_ref() else { return Vec::new() };
-                let (cost, narrowing) = *reference.get_or_insert((none.cost, none.narrowing));
-                let hypothesis = |(fit, at): (&&Fit, &Option<Settled>)| {
+                let (cost, narrowing) = *reference.get_or_insert((none.cost + unseen[0], none.narrowing));
+                let hypothesis = |((fit, at), unseen): ((&&Fit, &Option<Converged>), &f64)| {
                     let at = at.as_ref()?;
-                    let (evidence, narrowing) = (cost - at.cost, at.narrowing - narrowing);
+                    let (evidence, narrowing) = (cost - at.cost - unseen, at.narrowing - narrowing);
                     let odds: f64 =
-                        fit.freed.iter().map(|&i| beliefs.odds(problem.knobs[i].id, calibration)).sum();
+                        fit.free.iter().map(|&i| beliefs.odds(problem.uncertain[i].id, calibration)).sum();
                     let probability = calibration.weight(evidence, narrowing, odds + world.odds);
-                    let effects = fit.freed.clone();
+                    let effects = fit.free.clone();
                     let terms = vec![Term { factor: world.factor, evidence, narrowing }];
                     Some(Hypothesis { effects, unknown: None, terms, probability })
                 };
-                let known: Vec<Option<Hypothesis>> = fits.iter().zip(&settled).map(hypothesis).collect();
-                let given = Given { problem, calibration, causes, prior: &prior, world };
+                let known: Vec<Option<Hypothesis>> =
+                    fits.iter().zip(&settled).zip(&unseen).map(hypothesis).collect();
+                let given = WorldInputs { problem, calibration, causes, prior: &prior, world };
                 let mut all = given.unknown(ranking, &fits, &linears, &settled, &known);
                 all.extend(known.into_iter().flatten());
                 all
@@ -204,7 +212,9 @@ fn same(one: Option<Unknown>, other: Option<Unknown>) -> bool {
         (None, None)
         | (Some(Unknown::Swings), Some(Unknown::Swings))
         | (Some(Unknown::Misfit(..)), Some(Unknown::Misfit(..))) => true,
-        (Some(Unknown::Off { knob: one, .. }), Some(Unknown::Off { knob: other, .. })) => one == other,
+        (Some(Unknown::Off { uncertain: one, .. }), Some(Unknown::Off { uncertain: other, .. })) => {
+            one == other
+        }
         (Some(Unknown::Varies(one)), Some(Unknown::Varies(other))) => {
             one.effect == other.effect && one.with == other.with
         }
@@ -212,43 +222,43 @@ fn same(one: Option<Unknown>, other: Option<Unknown>) -> bool {
     }
 }
 
-/// A fit at its best under a prior, with some knobs freed.
-fn settled<V: ReplayVehicle>(
+/// A fit at its best under a prior, with some uncertain parameters free.
+fn converged<V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
-    linear: &Linear,
+    linear: &Linearisation,
     fit: &Fit,
-    freed: &[usize],
-) -> Option<Settled> {
+    free: &[usize],
+) -> Option<Converged> {
     let off = prior.off(&fit.x);
-    let by = |precision: Precision| linear.settled(&off, &fit.gap, precision);
-    let found = by(prior.freed(problem, freed))?;
+    let by = |precision: Precision| linear.converged(&off, &fit.gap, precision);
+    let found = by(prior.free(problem, free))?;
     // An effect that would leave its range stays where it was found: at the end of it.
     let is_beyond = |&i: &usize| {
         let x = fit.x[i] + found.change[i];
-        problem.knobs[i].within(x, fit.freed.contains(&i)) != x
+        problem.uncertain[i].within(x, fit.free.contains(&i)) != x
     };
-    let beyond: Vec<usize> = freed.iter().copied().filter(is_beyond).collect();
-    if beyond.is_empty() { Some(found) } else { by(prior.freed_but(problem, freed, &beyond)) }
+    let beyond: Vec<usize> = free.iter().copied().filter(is_beyond).collect();
+    if beyond.is_empty() { Some(found) } else { by(prior.free_but(problem, free, &beyond)) }
 }
 
 /// Inputs to the weighing of a world.
-struct Given<'a, V> {
+struct WorldInputs<'a, V> {
     problem: &'a Problem<'a, V>,
     calibration: &'a Calibration,
-    causes: &'a [constancy::Columns],
+    causes: &'a [constancy::CauseColumns],
     prior: &'a Prior,
     world: &'a World,
 }
 
-impl<V: ReplayVehicle> Given<'_, V> {
+impl<V: ReplayVehicle> WorldInputs<'_, V> {
     /// Causes outside the library, upon the best hypothesis within it.
     fn unknown(
         &self,
         ranking: &Ranking,
         fits: &[&Fit],
-        linears: &[Linear],
-        settled: &[Option<Settled>],
+        linears: &[Linearisation],
+        settled: &[Option<Converged>],
         known: &[Option<Hypothesis>],
     ) -> Vec<Hypothesis> {
         let Self { problem, calibration, causes, prior, .. } = *self;
@@ -265,14 +275,14 @@ impl<V: ReplayVehicle> Given<'_, V> {
         let varies = |base, it: Variation| upon(base, Unknown::Varies(it), it.gain, it.narrowing);
         let mut unknown: Vec<Hypothesis> = Vec::new();
         // Of a single effect that is the best it is told below.
-        let is_other = |&k: &usize| k != best && fits[k].freed.len() == 1;
+        let is_other = |&k: &usize| k != best && fits[k].free.len() == 1;
         let places: Vec<usize> = (0..fits.len()).filter(is_other).filter(|&k| settled[k].is_some()).collect();
         let singles: Vec<_> =
             places.iter().filter_map(|&k| Some((fits[k], &linears[k], settled[k].as_ref()?))).collect();
         let single = constancy::best_single(problem, prior, causes, &singles);
         unknown.extend(single.and_then(|(place, it)| Some(varies(known[places[place]].as_ref()?, it))));
         let local = ranking.linear_at(problem, fit).tempered(calibration.temper);
-        let Some(here) = self::settled(problem, prior, &local, fit, &fit.freed) else {
+        let Some(here) = self::converged(problem, prior, &local, fit, &fit.free) else {
             return unknown;
         };
         let variations = constancy::variations(problem, prior, causes, (&local, &here.precision), fit);
@@ -288,15 +298,16 @@ impl<V: ReplayVehicle> Given<'_, V> {
                 unknown.push(upon(base, Unknown::Swings, it.gain, it.narrowing));
             }
         }
-        let free = problem.with_companions(&fit.freed);
-        let others = parallel::map(problem.threads(), problem.knobs.len(), |knob| {
-            let it = &problem.knobs[knob];
-            let is_other = it.tolerance > 0.0 && !it.is_candidate() && !it.is_form() && !free.contains(&knob);
-            let freed = is_other.then(|| [&fit.freed[..], &[knob]].concat())?;
-            let there = self::settled(problem, prior, &local, fit, &freed)?;
-            let x = fit.x[knob] + there.change[knob];
+        let free = problem.with_companions(&fit.free);
+        let others = parallel::map(problem.threads(), problem.uncertain.len(), |uncertain| {
+            let it = &problem.uncertain[uncertain];
+            let is_other =
+                it.tolerance > 0.0 && !it.is_candidate() && !it.is_form() && !free.contains(&uncertain);
+            let free = is_other.then(|| [&fit.free[..], &[uncertain]].concat())?;
+            let there = self::converged(problem, prior, &local, fit, &free)?;
+            let x = fit.x[uncertain] + there.change[uncertain];
             let (evidence, narrowing) = (here.cost - there.cost, there.narrowing - here.narrowing);
-            Some(upon(base, Unknown::Off { knob, x }, evidence, narrowing))
+            Some(upon(base, Unknown::Off { uncertain, x }, evidence, narrowing))
         });
         unknown.extend(others.into_iter().flatten());
         let left = predicted(&local, &fit.gap, &here.change);

@@ -1,11 +1,11 @@
-//! The gap as a function of all knobs, and its slopes.
+//! The gap as a function of all uncertain parameters, and its slopes.
 
 use super::filter::Filter;
 use super::form;
-use super::knob::{self, Knob};
 use super::profile::Profile;
-use super::replay::{CHANNELS, Channel, Correction, Drive, ReplayVehicle, Trace, replay};
-use crate::residual::parallel;
+use super::replay::{CHANNELS, Channel, Correction, ReplayDrive, ReplayVehicle, Trace, replay};
+use super::uncertain::{self, UncertainParameter};
+use crate::numerics::parallel;
 use crate::vehicle::TruckEffects;
 use std::borrow::Cow;
 use std::ops::Range;
@@ -19,19 +19,19 @@ const KEPT: usize = 8;
 /// Distance within which slopes hold, as a share of the step over which they are taken.
 const NEAR: f64 = 0.05;
 
-/// Coordinates, and the slopes over all knobs there.
+/// Coordinates, and the slopes over all uncertain parameters there.
 type Slopes = (Vec<f64>, Vec<Arc<Vec<f64>>>);
 
 /// The gap of a log: residuals after the filter, channel after channel.
 pub struct Problem<'a, V> {
     /// The drive replayed.
-    pub drive: &'a Drive,
+    pub drive: &'a ReplayDrive,
     /// The vehicle as it was given.
     pub vehicle: &'a V,
     /// Full plant less reduced model.
     pub correction: &'a Correction,
     /// Uncertain parameters.
-    pub knobs: Vec<Knob>,
+    pub uncertain: Vec<UncertainParameter>,
     /// The low pass.
     pub filter: Filter,
     /// Rows of the log that are compared.
@@ -44,7 +44,7 @@ pub struct Problem<'a, V> {
     levelled: bool,
     measured: Vec<f64>,
     size: Vec<f64>,
-    /// Contributions of the errors of the form: knob, channel, shape.
+    /// Contributions of the errors of the form: uncertain parameter, channel, shape.
     forms: Vec<(usize, Channel, Vec<f64>)>,
     /// Slopes of the errors of the form: they hardly change.
     of_forms: Vec<OnceLock<Arc<Vec<f64>>>>,
@@ -57,7 +57,7 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
     /// From a drive; effects in `without` cannot be named.
     #[must_use]
     pub fn new(
-        drive: &'a Drive,
+        drive: &'a ReplayDrive,
         vehicle: &'a V,
         correction: &'a Correction,
         without: &[String],
@@ -78,14 +78,14 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
             }
             blocks.push((channel, from..measured.len()));
         }
-        let knobs = knob::knobs(vehicle, drive, without);
-        let forms = forms(drive, vehicle, correction, &knobs);
-        let of_forms = vec![OnceLock::new(); knobs.len()];
+        let uncertain = uncertain::uncertain_parameters(vehicle, drive, without);
+        let forms = forms(drive, vehicle, correction, &uncertain);
+        let of_forms = vec![OnceLock::new(); uncertain.len()];
         let mut made = Self {
             drive,
             vehicle,
             correction,
-            knobs,
+            uncertain,
             filter,
             rows,
             blocks,
@@ -105,15 +105,15 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
     /// The correction with the errors of the form at coordinates.
     fn corrected(&self, x: &[f64]) -> Cow<'_, Correction> {
         let mut all = Cow::Borrowed(self.correction);
-        for (knob, channel, shape) in self.forms.iter().filter(|(knob, ..)| x[*knob] != 0.0) {
+        for (uncertain, channel, shape) in self.forms.iter().filter(|(uncertain, ..)| x[*uncertain] != 0.0) {
             let columns = &mut all.to_mut().columns;
             columns.resize(CHANNELS.len(), Vec::new());
             let column = &mut columns[*channel as usize];
             column.resize(shape.len(), 0.0);
-            let size = self.knobs[*knob].unit * x[*knob];
+            let size = self.uncertain[*uncertain].unit * x[*uncertain];
             column.iter_mut().zip(shape).for_each(|(value, shape)| *value += size * shape);
         }
-        let late = knob::receiver_late(&self.knobs, x);
+        let late = uncertain::receiver_late(&self.uncertain, x);
         if late != 0.0 {
             all.to_mut().receiver_late = late;
         }
@@ -134,14 +134,14 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
         Some(self.sensed(trace, x, self.levelled))
     }
 
-    /// The replay before the sensors' frame and knobs.
+    /// The replay before the sensors' frame and uncertain parameters.
     fn motion(&self, x: &[f64]) -> Result<Trace, String> {
         self.replayed(self.drive, x, None)
     }
 
     /// The vehicle at coordinates along a drive.
-    fn replayed(&self, drive: &Drive, x: &[f64], horizon: Option<usize>) -> Result<Trace, String> {
-        let (vehicle, effects) = knob::at(&self.knobs, x, self.vehicle);
+    fn replayed(&self, drive: &ReplayDrive, x: &[f64], horizon: Option<usize>) -> Result<Trace, String> {
+        let (vehicle, effects) = uncertain::at(&self.uncertain, x, self.vehicle);
         replay(drive, &vehicle, &effects, &self.corrected(x), horizon)
     }
 
@@ -151,14 +151,14 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
             let ay = &mut trace.columns[Channel::Ay as usize];
             ay.iter_mut().zip(&trace.felt).for_each(|(ay, felt)| *ay -= felt);
         }
-        knob::sense(&self.knobs, x, self.drive, &mut trace);
+        uncertain::sense(&self.uncertain, x, self.drive, &mut trace);
         trace
     }
 
     /// Takes `ay` for that of a level frame.
     pub(super) fn level(&mut self) {
         self.levelled = true;
-        knob::level(&mut self.knobs, self.vehicle);
+        uncertain::level(&mut self.uncertain, self.vehicle);
         self.kept.lock().unwrap_or_else(PoisonError::into_inner).clear();
         self.profile = Profile::of(self).map(Arc::new);
     }
@@ -186,7 +186,7 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
     }
 
     /// The same of a drive that is changed.
-    fn residual_of(&self, x: &[f64], change: impl FnOnce(&mut Drive)) -> Option<Vec<f64>> {
+    fn residual_of(&self, x: &[f64], change: impl FnOnce(&mut ReplayDrive)) -> Option<Vec<f64>> {
         let mut drive = self.drive.clone();
         change(&mut drive);
         let trace = self.replayed(&drive, x, None).ok()?;
@@ -209,10 +209,10 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
         simulated
     }
 
-    /// Slope of the replay over one knob at coordinates where the gap is `here`.
+    /// Slope of the replay over one uncertain parameter at coordinates where the gap is `here`.
     #[must_use]
-    pub fn slope(&self, x: &[f64], here: &[f64], knob: usize) -> Vec<f64> {
-        self.slope_by(x, here, knob, |there| self.residual(there))
+    pub fn slope(&self, x: &[f64], here: &[f64], uncertain: usize) -> Vec<f64> {
+        self.slope_by(x, here, uncertain, |there| self.residual(there))
     }
 
     /// The slope where `residual` gives the gap.
@@ -220,32 +220,32 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
         &self,
         x: &[f64],
         here: &[f64],
-        knob: usize,
+        uncertain: usize,
         residual: impl Fn(&[f64]) -> Option<Vec<f64>>,
     ) -> Vec<f64> {
-        let (there, size) = self.aside(x, knob);
+        let (there, size) = self.aside(x, uncertain);
         slope(here, residual(&there).as_ref(), size)
     }
 
-    /// Second point of a difference quotient over a knob, and its distance.
-    fn aside(&self, x: &[f64], knob: usize) -> (Vec<f64>, f64) {
-        let it = &self.knobs[knob];
+    /// Second point of a difference quotient over an uncertain parameter, and its distance.
+    fn aside(&self, x: &[f64], uncertain: usize) -> (Vec<f64>, f64) {
+        let it = &self.uncertain[uncertain];
         let size = it.stride();
         let mut there = x.to_vec();
         // Downwards at the upper end.
-        let size = if x[knob] + size > it.greatest { -size } else { size };
-        there[knob] += size;
+        let size = if x[uncertain] + size > it.greatest { -size } else { size };
+        there[uncertain] += size;
         (there, size)
     }
 
     /// True if slopes at one place hold at another.
     #[must_use]
     pub fn is_near(&self, x: &[f64], there: &[f64]) -> bool {
-        let mut all = self.knobs.iter().zip(x.iter().zip(there));
-        all.all(|(knob, (x, there))| (x - there).abs() <= NEAR * knob.stride())
+        let mut all = self.uncertain.iter().zip(x.iter().zip(there));
+        all.all(|(uncertain, (x, there))| (x - there).abs() <= NEAR * uncertain.stride())
     }
 
-    /// Slopes over all knobs at coordinates where the gap is `here`.
+    /// Slopes over all uncertain parameters at coordinates where the gap is `here`.
     #[must_use]
     pub fn slopes(&self, x: &[f64], here: &[f64]) -> Vec<Arc<Vec<f64>>> {
         let kept = || self.kept.lock().unwrap_or_else(PoisonError::into_inner);
@@ -266,20 +266,20 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
         kept.push((x.to_vec(), slopes.to_vec()));
     }
 
-    /// Slopes over all knobs, taken anew.
+    /// Slopes over all uncertain parameters, taken anew.
     fn taken(&self, x: &[f64], here: &[f64]) -> Vec<Arc<Vec<f64>>> {
-        // What the sensors' knobs turn does not move the vehicle: one replay serves them all.
+        // What the sensors' uncertain parameters turn does not move the vehicle: one replay serves them all.
         let motion = self.motion(x).ok();
         let sensed = |there: &[f64]| Some(self.compare(&self.sensed(motion.clone()?, there, self.levelled)));
-        parallel::map(self.threads, self.knobs.len(), |knob| {
-            let it = &self.knobs[knob];
+        parallel::map(self.threads, self.uncertain.len(), |uncertain| {
+            let it = &self.uncertain[uncertain];
             if it.form().is_some() {
-                let slope = || Arc::new(self.slope(x, here, knob));
-                self.of_forms[knob].get_or_init(slope).clone()
+                let slope = || Arc::new(self.slope(x, here, uncertain));
+                self.of_forms[uncertain].get_or_init(slope).clone()
             } else if it.is_sensed() {
-                Arc::new(self.slope_by(x, here, knob, sensed))
+                Arc::new(self.slope_by(x, here, uncertain, sensed))
             } else {
-                Arc::new(self.slope(x, here, knob))
+                Arc::new(self.slope(x, here, uncertain))
             }
         })
     }
@@ -290,24 +290,24 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
         self.threads
     }
 
-    /// Place of a knob.
+    /// Place of an uncertain parameter.
     #[must_use]
     pub fn find(&self, id: &str) -> Option<usize> {
-        self.knobs.iter().position(|knob| knob.id == id)
+        self.uncertain.iter().position(|uncertain| uncertain.id == id)
     }
 
-    /// Knob that is freed with a knob, and its standard deviation.
+    /// Uncertain parameter that is free with an uncertain parameter, and its standard deviation.
     #[must_use]
-    pub fn companion(&self, knob: usize) -> Option<(usize, f64)> {
-        let (id, deviation) = self.knobs[knob].companion?;
+    pub fn companion(&self, uncertain: usize) -> Option<(usize, f64)> {
+        let (id, deviation) = self.uncertain[uncertain].companion?;
         Some((self.find(id)?, deviation))
     }
 
-    /// Knobs with their companions.
+    /// Uncertain parameters with their companions.
     #[must_use]
-    pub fn with_companions(&self, knobs: &[usize]) -> Vec<usize> {
-        let companions = knobs.iter().filter_map(|&knob| Some(self.companion(knob)?.0));
-        knobs.iter().copied().chain(companions).collect()
+    pub fn with_companions(&self, uncertain: &[usize]) -> Vec<usize> {
+        let companions = uncertain.iter().filter_map(|&uncertain| Some(self.companion(uncertain)?.0));
+        uncertain.iter().copied().chain(companions).collect()
     }
 }
 
@@ -321,15 +321,15 @@ fn slope(here: &[f64], there: Option<&Vec<f64>>, size: f64) -> Vec<f64> {
 
 /// Contributions of the errors of the form, from the neutral replay.
 fn forms<V: ReplayVehicle>(
-    drive: &Drive,
+    drive: &ReplayDrive,
     vehicle: &V,
     correction: &Correction,
-    knobs: &[Knob],
+    uncertain: &[UncertainParameter],
 ) -> Vec<(usize, Channel, Vec<f64>)> {
     let mut all = Vec::new();
     let Ok(neutral) = replay(drive, vehicle, &TruckEffects::default(), correction, None) else { return all };
-    for (i, knob) in knobs.iter().enumerate() {
-        if let Some(row) = knob.form() {
+    for (i, uncertain) in uncertain.iter().enumerate() {
+        if let Some(row) = uncertain.form() {
             let shapes = form::shapes(drive, &neutral, row);
             all.extend(shapes.into_iter().map(|(channel, shape)| (i, channel, shape)));
         }

@@ -17,16 +17,17 @@
 //! for bank and grade each, maximises the likelihood of the best fit's remainder. A hat's response ends some seconds
 //! behind it: one replay serves all hats that are so far apart.
 //!
-//! The mean of a road is as unknown as its variation: `c_k` is about a mean that is `N(0, sigma^2)` itself. It is one
-//! more hat, as wide as the road, whose response is the sum of all others. So a crown is no discovery on a road
-//! that is crowned and banked here and there. On a road that does not vary a steady slope is not the road's.
+//! The mean bank is as unknown as its variation: `c_k` is about a mean that is `N(0, sigma^2)` itself. It is one more
+//! hat, as wide as the road, whose response is the sum of all others. So a crown is no discovery on a road that is
+//! crowned and banked here and there. On a road that does not vary a steady bank is not the road's. A grade has no
+//! such mean: a road leans one way all along, but goes up and down.
 //!
 //! Source: Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, sec. 2.7; the discrepancy of the
 //! specification, after Kennedy and O'Hagan, J. R. Stat. Soc. B 63 (2001).
 
 use super::problem::Problem;
 use super::replay::{Channel, LEAK, ReplayVehicle};
-use crate::residual::parallel;
+use crate::numerics::parallel;
 use crate::signal;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use std::ops::Range;
@@ -67,12 +68,15 @@ impl Hat {
     }
 }
 
-/// Number of kinds of slopes: bank and grade.
-const KINDS: usize = 2;
-/// Roughness of a road: shares of the deviations of bank and grade, and of their means.
-pub type Roughness = [f64; 2 * KINDS];
+/// Place of the bank, and of its mean, among the kinds of slopes; the grade is between them.
+const OF_BANK: usize = 0;
+const OF_CROWN: usize = 2;
+/// Roughness of a road: shares of the deviations of bank, grade and mean bank.
+pub type Roughness = [f64; 3];
 /// A road of which nothing is known: as rough as roads are, about no slope.
-pub const ORDINARY: Roughness = [1.0, 1.0, 0.0, 0.0];
+pub const ORDINARY: Roughness = [1.0, 1.0, 0.0];
+/// A road that is known.
+const KNOWN: Roughness = [0.0; 3];
 
 /// Response of the gap to all hats of bank and grade.
 pub struct Profile {
@@ -89,7 +93,7 @@ impl Profile {
         let has_along = along.iter().any(|channel| drive.channels.contains(channel));
         let kinds = [(signal::BANK.name, BANK, true), (signal::GRADE.name, GRADE, has_along)];
         let way = way(drive.column("vx"), drive.step);
-        let neutral = vec![0.0; problem.knobs.len()];
+        let neutral = vec![0.0; problem.uncertain.len()];
         let here = problem.residual(&neutral)?;
         let mut hats = Vec::new();
         for (kind, (name, (deviation, spacing), seen)) in kinds.into_iter().enumerate() {
@@ -115,7 +119,9 @@ impl Profile {
                 Some(colours[k].iter().map(hat).collect::<Vec<_>>())
             });
             let found: Vec<Hat> = found.into_iter().flatten().flatten().collect();
-            hats.extend(Hat::mean(&found, KINDS + kind, (problem.blocks.len(), problem.rows.len())));
+            if kind == OF_BANK {
+                hats.extend(Hat::mean(&found, OF_CROWN, (problem.blocks.len(), problem.rows.len())));
+            }
             hats.extend(found);
         }
         let is_sound = hats.iter().all(|hat| hat.values.iter().all(|value| value.is_finite()));
@@ -197,17 +203,17 @@ impl Profile {
             let has = self.hats.iter().any(|hat| hat.kind == kind);
             if has { &ROUGHNESS[..] } else { &ROUGHNESS[..1] }
         };
-        let mut best = (f64::NEG_INFINITY, [0.0; 2 * KINDS]);
+        let mut best = (f64::NEG_INFINITY, KNOWN);
         for &bank in of_kind(0) {
             for &grade in of_kind(1) {
                 // Variation tells the roughness: a mean alone may be of another cause.
-                let deviations = self.deviations([bank, grade, 0.0, 0.0]);
+                let deviations = self.deviations([bank, grade, 0.0]);
                 let Some(factor) = Self::normal(&gram, &deviations).cholesky() else { continue };
                 let seen = seen.component_mul(&deviations);
                 let narrower: f64 = factor.l_dirty().diagonal().iter().map(|it| it.ln()).sum();
                 let likelihood = 0.5 * seen.dot(&factor.solve(&seen)) - narrower;
                 if likelihood > best.0 {
-                    best = (likelihood, [bank, grade, bank, grade]);
+                    best = (likelihood, [bank, grade, bank]);
                 }
             }
         }
@@ -276,7 +282,7 @@ fn way(vx: &[f64], step: f64) -> Vec<f64> {
 }
 
 /// Weights of a gap: each sample by itself, less the possible response to the road.
-pub struct Weights {
+pub struct SampleWeights {
     each: Vec<f64>,
     road: Option<Road>,
 }
@@ -289,7 +295,7 @@ struct Road {
     factor: Cholesky<f64, Dyn>,
 }
 
-impl Weights {
+impl SampleWeights {
     /// Weights of each sample, with a road profile marginalised.
     #[must_use]
     pub fn new(each: Vec<f64>, profile: Option<&Arc<Profile>>, roughness: Roughness) -> Self {
@@ -316,7 +322,7 @@ impl Weights {
 
     fn with_each(&self, each: impl Iterator<Item = f64>) -> Self {
         let (profile, roughness) =
-            self.road.as_ref().map_or((None, [0.0; 2 * KINDS]), |road| (Some(&road.profile), road.roughness));
+            self.road.as_ref().map_or((None, KNOWN), |road| (Some(&road.profile), road.roughness));
         Self::new(each.collect(), profile, roughness)
     }
 
@@ -348,9 +354,9 @@ impl Weights {
     }
 }
 
-impl From<Vec<f64>> for Weights {
+impl From<Vec<f64>> for SampleWeights {
     fn from(each: Vec<f64>) -> Self {
-        Self::new(each, None, [0.0; 2 * KINDS])
+        Self::new(each, None, KNOWN)
     }
 }
 
@@ -385,7 +391,7 @@ mod tests {
             + &dense * dense.transpose();
         let gap: Vec<f64> = (0..rows).map(|i| f64::from(i * 7 % 11) - 4.0).collect();
         let expected = covariance.cholesky().unwrap().solve(&DVector::from_vec(gap.clone()));
-        let weights = Weights::new(each.clone(), Some(&profile), ORDINARY);
+        let weights = SampleWeights::new(each.clone(), Some(&profile), ORDINARY);
         for (found, expected) in weights.weighted(&gap).iter().zip(expected.iter()) {
             assert!((found - expected).abs() < 1e-9, "{found} {expected}");
         }
@@ -405,22 +411,22 @@ mod tests {
     #[test]
     fn the_mean_of_a_road_that_varies_is_the_roads_and_that_of_an_even_one_is_not() {
         let mut with_mean = profile();
-        let mean = Hat::mean(&with_mean.hats, KINDS, (2, 40)).unwrap();
+        let mean = Hat::mean(&with_mean.hats, OF_CROWN, (2, 40)).unwrap();
         let steady = with_mean.of_heights(&DVector::from_element(3, 3.0), 80);
         assert!(steady.iter().zip(&mean.values).all(|(all, mean)| (all - 3.0 * mean).abs() < 1e-12));
         with_mean.hats.insert(0, mean);
         let with_mean = Arc::new(with_mean);
         let each = vec![1.0; 80];
         let cost = |roughness: Roughness| {
-            let weights = Weights::new(each.clone(), Some(&with_mean), roughness);
+            let weights = SampleWeights::new(each.clone(), Some(&with_mean), roughness);
             weights.weighted(&steady).iter().zip(&steady).map(|(weighted, gap)| weighted * gap).sum::<f64>()
         };
-        let [even, about_none, about_a_mean] = [[0.0; 4], ORDINARY, [1.0, 0.0, 1.0, 0.0]].map(cost);
+        let [even, about_none, about_a_mean] = [KNOWN, ORDINARY, [1.0, 0.0, 1.0]].map(cost);
         // Three hats, each three deviations high: 27; a mean of three deviations: 9 at most.
         assert!(even > 100.0 && (20.0..27.0).contains(&about_none), "{even} {about_none}");
         assert!(about_a_mean < 9.0, "{about_a_mean}");
         // What is steady does not make a road rough about its mean: both are of one size.
-        let [bank, grade, bank_mean, grade_mean] = with_mean.roughness(&each, &steady);
-        assert_eq!([bank, grade], [bank_mean, grade_mean]);
+        let [bank, _, mean] = with_mean.roughness(&each, &steady);
+        assert_eq!(bank, mean);
     }
 }

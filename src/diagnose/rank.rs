@@ -4,12 +4,12 @@
 //!
 //! Linear steps only choose candidates. Every cost that is kept is that of a replay at the fit's own coordinates.
 
-use super::fit::{Fit, Linear, Prior, Start, fit};
-use super::knob::LOADED;
+use super::fit::{Fit, Linearisation, Prior, Start, fit};
 use super::noise::Noise;
 use super::problem::Problem;
 use super::replay::ReplayVehicle;
-use crate::residual::parallel;
+use super::uncertain::LOADED;
+use crate::numerics::parallel;
 
 /// Singles that are fitted to convergence with the final noise.
 const AGAIN: usize = 12;
@@ -42,16 +42,16 @@ const TELLING: f64 = 20.0;
 
 /// All that was fitted.
 pub struct Ranking {
-    /// With nothing freed.
+    /// With nothing free.
     pub none: Fit,
     /// The best first.
     pub singles: Vec<Fit>,
     /// The best first; empty if pairs were not asked for.
     pub pairs: Vec<Fit>,
     /// The best first; empty if the best pair gains little over the best single effect.
-    pub threes: Vec<Fit>,
+    pub triples: Vec<Fit>,
     /// Slopes and weights for the background, at `none`.
-    pub linear: Linear,
+    pub linear: Linearisation,
     /// Tolerances.
     pub prior: Prior,
     /// Noise model with which gaps were weighed.
@@ -68,7 +68,7 @@ impl Ranking {
             return Some(&self.none);
         }
         let is_of =
-            |fit: &&Fit| fit.freed.len() == effects.len() && effects.iter().all(|i| fit.freed.contains(i));
+            |fit: &&Fit| fit.free.len() == effects.len() && effects.iter().all(|i| fit.free.contains(i));
         self.of(effects.len()).iter().find(is_of)
     }
 
@@ -78,15 +78,15 @@ impl Ranking {
         match effects {
             1 => &self.singles,
             2 => &self.pairs,
-            3 => &self.threes,
+            3 => &self.triples,
             _ => &[],
         }
     }
 
-    /// Slopes of all knobs at a fitted point, taken anew.
+    /// Slopes of all uncertain parameters at a fitted point, taken anew.
     #[must_use]
-    pub fn linear_at<V: ReplayVehicle>(&self, problem: &Problem<V>, at: &Fit) -> Linear {
-        if at.freed.is_empty() { self.linear.clone() } else { self.linear.anew(problem, &at.x, &at.gap) }
+    pub fn linear_at<V: ReplayVehicle>(&self, problem: &Problem<V>, at: &Fit) -> Linearisation {
+        if at.free.is_empty() { self.linear.clone() } else { self.linear.anew(problem, &at.x, &at.gap) }
     }
 }
 
@@ -95,11 +95,11 @@ impl Ranking {
 #[error("the vehicle cannot be replayed on this log")]
 pub struct NoReplay;
 
-/// Nothing freed: everything within its tolerance.
+/// Nothing free: everything within its tolerance.
 fn fit_none<'a, V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
-    linear: &Linear,
+    linear: &Linearisation,
     start: impl Into<Start<'a>>,
 ) -> Option<Fit> {
     fit(problem, prior, linear, &[], start, STEPS)
@@ -109,33 +109,43 @@ fn fit_none<'a, V: ReplayVehicle>(
 pub(super) fn polished<V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
-    linear: &Linear,
+    linear: &Linearisation,
     at: &Fit,
 ) -> Fit {
     polished_by(problem, prior, &linear.anew(problem, &at.x, &at.gap), at)
 }
 
 /// The same with slopes that were taken there.
-fn polished_by<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, local: &Linear, at: &Fit) -> Fit {
-    fit(problem, prior, local, &at.freed, start_at(problem, local, &at.freed, (&at.x, &at.gap)), 5)
+fn polished_by<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    prior: &Prior,
+    local: &Linearisation,
+    at: &Fit,
+) -> Fit {
+    fit(problem, prior, local, &at.free, start_at(problem, local, &at.free, (&at.x, &at.gap)), 5)
         .filter(|new| new.cost < at.cost)
         .unwrap_or_else(|| at.clone())
 }
 
-/// A start with the slopes over the freed knobs that `local` has from there.
+/// A start with the slopes over the free uncertain parameters that `local` has from there.
 fn start_at<'a, V: ReplayVehicle>(
     problem: &Problem<V>,
-    local: &Linear,
-    freed: &[usize],
+    local: &Linearisation,
+    free: &[usize],
     (x, gap): (&'a [f64], &'a [f64]),
 ) -> Start<'a> {
-    let own = problem.with_companions(freed).into_iter().map(|i| (i, local.slopes[i].clone())).collect();
+    let own = problem.with_companions(free).into_iter().map(|i| (i, local.slopes[i].clone())).collect();
     Start { x: x.into(), gap: Some(gap.into()), slopes: Some((x, own)) }
 }
 
 /// A fit relinearised until that gains nothing. All evidence is measured against it, so it must not stay in a valley on
 /// the way.
-fn settled<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linear, from: Fit) -> Fit {
+fn converged<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    prior: &Prior,
+    linear: &Linearisation,
+    from: Fit,
+) -> Fit {
     let mut best = from;
     for _ in 0..ROUNDS {
         let next = polished(problem, prior, linear, &best);
@@ -168,7 +178,7 @@ fn is_ahead(more: &[Fit], fewer: &[Fit], by: f64) -> bool {
 fn fitted_again<V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
-    linear: &Linear,
+    linear: &Linearisation,
     none: &Fit,
     singles: &mut Vec<Fit>,
 ) {
@@ -178,14 +188,14 @@ fn fitted_again<V: ReplayVehicle>(
     let found = parallel::map(problem.threads(), singles.len(), |k| {
         let single = &singles[k];
         let promise = || {
-            let local = linear.with(&single.of_freed());
-            prior.step(&local, &single.x, &single.gap, &prior.freed(problem, &single.freed)).cost
+            let local = linear.with(&single.of_free());
+            prior.step(&local, &single.x, &single.gap, &prior.free(problem, &single.free)).cost
         };
         let is_worth = |cost: f64| is_near(cost, best) && may_tell(cost, none);
         if k >= AGAIN && !is_worth(promise()) {
             return None;
         }
-        fit(problem, prior, linear, &single.freed, single, if k < AGAIN { STEPS } else { FEW_STEPS })
+        fit(problem, prior, linear, &single.free, single, if k < AGAIN { STEPS } else { FEW_STEPS })
     });
     take(singles, found.into_iter().flatten());
 }
@@ -195,16 +205,16 @@ fn fitted_again<V: ReplayVehicle>(
 fn again_from_none<V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
-    linear: &Linear,
+    linear: &Linearisation,
     none: &Fit,
     singles: &mut Vec<Fit>,
 ) {
     let mut promised: Vec<(f64, usize, Vec<f64>)> = Vec::new();
     for (k, single) in singles.iter().enumerate() {
-        let precision = prior.freed(problem, &single.freed);
+        let precision = prior.free(problem, &single.free);
         // What has no tolerance may have no slope at its neutral value, either.
-        let mut columns = single.of_freed();
-        columns.retain(|(i, _)| problem.knobs[*i].tolerance == 0.0);
+        let mut columns = single.of_free();
+        columns.retain(|(i, _)| problem.uncertain[*i].tolerance == 0.0);
         let step = prior.step(&linear.with(&columns), &none.x, &none.gap, &precision);
         if step.cost < single.cost - 0.5 && may_tell(step.cost, none) {
             promised.push((step.cost, k, none.x.iter().zip(&step.change).map(|(x, d)| x + d).collect()));
@@ -213,27 +223,27 @@ fn again_from_none<V: ReplayVehicle>(
     promised.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     let found = parallel::map(problem.threads(), promised.len().min(AGAIN), |place| {
         let (_, k, x) = &promised[place];
-        fit(problem, prior, linear, &singles[*k].freed, x, STEPS)
+        fit(problem, prior, linear, &singles[*k].free, x, STEPS)
     });
     take(singles, found.into_iter().flatten());
 }
 
 /// Refit of the first few of sorted candidates from the null optimum, with their effects as found and all slopes taken
 /// there. Background parameters can stick in a local minimum on the way to an effect that is far off.
-fn afresh<V: ReplayVehicle>(
+fn relinearise<V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
-    linear: &Linear,
+    linear: &Linearisation,
     none: &Fit,
     fits: &mut Vec<Fit>,
 ) {
     let again = |of: &Fit| {
         let mut x = none.x.clone();
-        problem.with_companions(&of.freed).into_iter().for_each(|i| x[i] = of.x[i]);
+        problem.with_companions(&of.free).into_iter().for_each(|i| x[i] = of.x[i]);
         let gap = problem.residual(&x)?;
         let local = linear.anew(problem, &x, &gap);
-        let start = start_at(problem, &local, &of.freed, (&x, &gap));
-        let found = fit(problem, prior, &local, &of.freed, start, STEPS)?;
+        let start = start_at(problem, &local, &of.free, (&x, &gap));
+        let found = fit(problem, prior, &local, &of.free, start, STEPS)?;
         Some(polished(problem, prior, linear, &found))
     };
     let first = fits.iter().take(AFRESH).filter(|of| may_tell(of.cost, none));
@@ -242,24 +252,24 @@ fn afresh<V: ReplayVehicle>(
 }
 
 /// Relinearises the first few of sorted candidates, until all of the first few have been.
-fn polish<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linear, fits: &mut [Fit]) {
+fn refine<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linearisation, fits: &mut [Fit]) {
     let mut done: Vec<Vec<usize>> = Vec::new();
     loop {
         let best = fits.first().map_or(0.0, |fit| fit.cost);
-        let is_next = |fit: &Fit| !done.contains(&fit.freed) && (done.is_empty() || is_near(fit.cost, best));
+        let is_next = |fit: &Fit| !done.contains(&fit.free) && (done.is_empty() || is_near(fit.cost, best));
         let first = fits.iter().take(POLISHED).enumerate().filter(|(_, fit)| is_next(fit)).map(|(i, _)| i);
         let next: Vec<usize> = first.take(MOST_POLISHED - done.len()).collect();
         if next.is_empty() {
             break;
         }
         // Slopes one after the other, as each are taken by all threads.
-        let locals: Vec<Linear> =
+        let locals: Vec<Linearisation> =
             next.iter().map(|&i| linear.anew(problem, &fits[i].x, &fits[i].gap)).collect();
         let found = parallel::map(problem.threads(), next.len(), |k| {
             polished_by(problem, prior, &locals[k], &fits[next[k]])
         });
         for (i, found) in next.into_iter().zip(found) {
-            done.push(fits[i].freed.clone());
+            done.push(fits[i].free.clone());
             fits[i] = found;
         }
         sort(fits);
@@ -270,36 +280,36 @@ fn polish<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linear
 fn polish_singles<V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
-    linear: &Linear,
+    linear: &Linearisation,
     none: &Fit,
     singles: &mut [Fit],
 ) {
     if singles.first().is_some_and(|best| may_tell(best.cost, none)) {
-        polish(problem, prior, linear, singles);
+        refine(problem, prior, linear, singles);
     }
 }
 
 /// Upper bounds from nested models. A candidate with a value within its tolerance is also explained by the background.
-/// So its cost with the tolerance's penalty bounds that of nothing freed, which in turn bounds every candidate's.
+/// So its cost with the tolerance's penalty bounds that of nothing free, which in turn bounds every candidate's.
 fn bound<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, none: &mut Fit, singles: &mut [Fit]) {
-    let of_none = prior.freed(problem, &[]);
+    let of_none = prior.free(problem, &[]);
     for single in singles.iter() {
         let off = prior.off(&single.x);
-        let of_single = prior.freed(problem, &single.freed);
+        let of_single = prior.free(problem, &single.free);
         let cost = single.cost - of_single.penalty(&off) + of_none.penalty(&off);
         if cost < none.cost {
-            *none = Fit { freed: Vec::new(), columns: Vec::new(), cost, ..single.clone() };
+            *none = Fit { free: Vec::new(), columns: Vec::new(), cost, ..single.clone() };
         }
     }
     // And where the background strains an effect's tolerance, freeing that effect alone saves the strain's cost.
     let off = prior.off(&none.x);
     let left = none.cost - of_none.penalty(&off);
     for single in singles.iter_mut() {
-        let i = single.freed[0];
-        let freed = left + prior.freed(problem, &single.freed).penalty(&off);
-        let may_be = problem.knobs[i].within(none.x[i], true) == none.x[i];
-        if may_be && freed < single.cost {
-            *single = Fit { x: none.x.clone(), gap: none.gap.clone(), cost: freed, ..single.clone() };
+        let i = single.free[0];
+        let free = left + prior.free(problem, &single.free).penalty(&off);
+        let may_be = problem.uncertain[i].within(none.x[i], true) == none.x[i];
+        if may_be && free < single.cost {
+            *single = Fit { x: none.x.clone(), gap: none.gap.clone(), cost: free, ..single.clone() };
         }
     }
     sort(singles);
@@ -310,15 +320,17 @@ fn bound<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, none: &mut Fit, 
 fn bound_fewer<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, fewer: &mut Vec<Fit>, more: &[Fit]) {
     for fit in more {
         let off = prior.off(&fit.x);
-        let gap = fit.cost - prior.freed(problem, &fit.freed).penalty(&off);
-        for (place, &i) in fit.freed.iter().enumerate() {
-            if problem.knobs[i].tolerance == 0.0 || problem.knobs[i].within(fit.x[i], false) != fit.x[i] {
+        let gap = fit.cost - prior.free(problem, &fit.free).penalty(&off);
+        for (place, &i) in fit.free.iter().enumerate() {
+            if problem.uncertain[i].tolerance == 0.0
+                || problem.uncertain[i].within(fit.x[i], false) != fit.x[i]
+            {
                 continue;
             }
             let mut others = fit.clone();
-            others.freed.remove(place);
+            others.free.remove(place);
             others.columns.clear();
-            others.cost = gap + prior.freed(problem, &others.freed).penalty(&off);
+            others.cost = gap + prior.free(problem, &others.free).penalty(&off);
             match fewer.iter_mut().find(|known| of_the_same(known, &others)) {
                 Some(known) if known.cost <= others.cost => {}
                 Some(known) => (known.x, known.gap, known.cost) = (others.x, others.gap, others.cost),
@@ -340,16 +352,16 @@ fn bound_more<V: ReplayVehicle>(
     let before = more.first().map_or(f64::INFINITY, |best| best.cost);
     for fit in fewer.iter().take(POLISHED) {
         let off = prior.off(&fit.x);
-        let gap = fit.cost - prior.freed(problem, &fit.freed).penalty(&off);
-        for (i, knob) in problem.knobs.iter().enumerate() {
-            let may_be = knob.is_candidate() && knob.within(fit.x[i], true) == fit.x[i];
-            let strains = knob.tolerance > 0.0 && off[i].abs() > STRAINED * knob.tolerance;
-            if !may_be || !strains || fit.freed.contains(&i) {
+        let gap = fit.cost - prior.free(problem, &fit.free).penalty(&off);
+        for (i, uncertain) in problem.uncertain.iter().enumerate() {
+            let may_be = uncertain.is_candidate() && uncertain.within(fit.x[i], true) == fit.x[i];
+            let strains = uncertain.tolerance > 0.0 && off[i].abs() > STRAINED * uncertain.tolerance;
+            if !may_be || !strains || fit.free.contains(&i) {
                 continue;
             }
-            let freed = [&fit.freed[..], &[i]].concat();
-            let cost = gap + prior.freed(problem, &freed).penalty(&off);
-            take(more, [Fit { freed, columns: Vec::new(), cost, ..fit.clone() }]);
+            let free = [&fit.free[..], &[i]].concat();
+            let cost = gap + prior.free(problem, &free).penalty(&off);
+            take(more, [Fit { free, columns: Vec::new(), cost, ..fit.clone() }]);
         }
     }
     more.first().is_some_and(|best| best.cost < before - 1.0)
@@ -357,22 +369,27 @@ fn bound_more<V: ReplayVehicle>(
 
 /// Candidates with a payload in place of a strained mass. No tolerance is that wide, and a payload has much the same
 /// response; it is fitted from as many kilograms.
-fn loaded<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linear, fewer: &[Fit]) -> Vec<Fit> {
+fn loaded<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    prior: &Prior,
+    linear: &Linearisation,
+    fewer: &[Fit],
+) -> Vec<Fit> {
     let each = fewer.iter().take(POLISHED).flat_map(|fit| LOADED.iter().map(move |it| (fit, it)));
     let swapped = each.filter_map(|(of, (mass, load))| {
         let (mass, load) = (problem.find(mass)?, problem.find(load)?);
-        let (knob, of_load) = (&problem.knobs[mass], &problem.knobs[load]);
-        let heavier = of.x[mass] - prior.mean[mass] > STRAINED * knob.tolerance;
-        if !heavier || !of_load.is_candidate() || of.freed.contains(&load) {
+        let (uncertain, of_load) = (&problem.uncertain[mass], &problem.uncertain[load]);
+        let heavier = of.x[mass] - prior.mean[mass] > STRAINED * uncertain.tolerance;
+        if !heavier || !of_load.is_candidate() || of.free.contains(&load) {
             return None;
         }
-        let kilograms = |x: f64| knob.adjusted(x, problem.vehicle).1;
+        let kilograms = |x: f64| uncertain.adjusted(x, problem.vehicle).1;
         let mut x = of.x.clone();
         x[mass] = prior.mean[mass];
         x[load] += (kilograms(of.x[mass]) - kilograms(x[mass])) / of_load.unit;
-        Some(([&of.freed[..], &[load]].concat(), x))
+        Some(([&of.free[..], &[load]].concat(), x))
     });
-    swapped.filter_map(|(freed, x)| fit(problem, prior, linear, &freed, &x, STEPS)).collect()
+    swapped.filter_map(|(free, x)| fit(problem, prior, linear, &free, &x, STEPS)).collect()
 }
 
 /// Fits candidates of one effect less from the coordinates of the best `count` with one more. The larger search may
@@ -380,7 +397,7 @@ fn loaded<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linear
 fn fewer_from_more<V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
-    linear: &Linear,
+    linear: &Linearisation,
     fewer: &mut Vec<Fit>,
     more: &[Fit],
     count: usize,
@@ -388,9 +405,9 @@ fn fewer_from_more<V: ReplayVehicle>(
     let starts: Vec<(Vec<usize>, Vec<f64>)> = more
         .iter()
         .take(count)
-        .flat_map(|fit| (0..fit.freed.len()).map(move |place| (fit, place)))
+        .flat_map(|fit| (0..fit.free.len()).map(move |place| (fit, place)))
         .map(|(fit, place)| {
-            let mut others = fit.freed.clone();
+            let mut others = fit.free.clone();
             let gone = others.remove(place);
             (others, prior.without(problem, &[gone], &fit.x))
         })
@@ -403,7 +420,7 @@ fn fewer_from_more<V: ReplayVehicle>(
 
 /// True if both free the same effects.
 fn of_the_same(one: &Fit, other: &Fit) -> bool {
-    one.freed.len() == other.freed.len() && one.freed.iter().all(|i| other.freed.contains(i))
+    one.free.len() == other.free.len() && one.free.iter().all(|i| other.free.contains(i))
 }
 
 /// Adds fits to others; for equal effects the better one stays.
@@ -423,7 +440,7 @@ fn take(known: &mut Vec<Fit>, more: impl IntoIterator<Item = Fit>) {
 fn more_from_fewer<V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
-    linear: &Linear,
+    linear: &Linearisation,
     more: &mut Vec<Fit>,
     fewer: &[Fit],
     singles: &[Fit],
@@ -434,7 +451,7 @@ fn more_from_fewer<V: ReplayVehicle>(
     }
     take(more, loaded(problem, prior, linear, fewer));
     if bound_more(problem, prior, more, fewer) {
-        polish(problem, prior, linear, more);
+        refine(problem, prior, linear, more);
     }
     let (Some(best), Some(behind)) = (fewer.first(), more.first()) else { return };
     if behind.cost <= best.cost - 1.0 {
@@ -442,16 +459,16 @@ fn more_from_fewer<V: ReplayVehicle>(
     }
     let local = linear.anew(problem, &best.x, &best.gap);
     take(more, extended(problem, prior, &local, fewer, singles, beam));
-    polish(problem, prior, &local, more);
+    refine(problem, prior, &local, more);
 }
 
 fn sort(fits: &mut [Fit]) {
-    fits.sort_by(|a, b| a.cost.total_cmp(&b.cost).then_with(|| a.freed.cmp(&b.freed)));
+    fits.sort_by(|a, b| a.cost.total_cmp(&b.cost).then_with(|| a.free.cmp(&b.free)));
 }
 
 /// Costs and coordinates of a fit with other weights, by its own slopes.
-fn reweighed<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linear, fit: &mut Fit) {
-    let precision = prior.freed(problem, &fit.freed);
+fn reweighed<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Linearisation, fit: &mut Fit) {
+    let precision = prior.free(problem, &fit.free);
     fit.cost = linear.square(&fit.gap) + precision.penalty(&prior.off(&fit.x));
 }
 
@@ -459,14 +476,14 @@ fn reweighed<V: ReplayVehicle>(problem: &Problem<V>, prior: &Prior, linear: &Lin
 fn refined<V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
-    linear: &Linear,
+    linear: &Linearisation,
     fits: &mut [Fit],
     count: usize,
 ) {
     fits.iter_mut().for_each(|fit| reweighed(problem, prior, linear, fit));
     sort(fits);
     let found = parallel::map(problem.threads(), fits.len().min(count), |k| {
-        fit(problem, prior, linear, &fits[k].freed, &fits[k], 3)
+        fit(problem, prior, linear, &fits[k].free, &fits[k], 3)
     });
     for (old, new) in fits.iter_mut().zip(found) {
         if let Some(new) = new
@@ -502,9 +519,9 @@ pub fn rank<V: ReplayVehicle>(
     let noise = fine.coarse(problem, &neutral);
     progress("sensitivities", 0.1);
     let at_start = problem.residual(&start).ok_or(NoReplay)?;
-    let linear = Linear::new(problem.slopes(&start, &at_start), noise.weights(problem));
+    let linear = Linearisation::new(problem.slopes(&start, &at_start), noise.weights(problem));
     let none = fit_none(problem, &prior, &linear, &start).ok_or(NoReplay)?;
-    let linear = Linear::new(problem.slopes(&none.x, &none.gap), noise.weights(problem));
+    let linear = Linearisation::new(problem.slopes(&none.x, &none.gap), noise.weights(problem));
     let none = fit_none(problem, &prior, &linear, &none).ok_or(NoReplay)?;
 
     progress("single effects", 0.2);
@@ -527,7 +544,7 @@ pub fn rank<V: ReplayVehicle>(
     let noise = fine;
     let base = based(&none, &singles);
     let at_base = problem.residual(&base).ok_or(NoReplay)?;
-    let linear = Linear::new(problem.slopes(&base, &at_base), noise.weights(problem));
+    let linear = Linearisation::new(problem.slopes(&base, &at_base), noise.weights(problem));
     reweighed(problem, &prior, &linear, &mut none);
     none = fit_none(problem, &prior, &linear, &none).ok_or(NoReplay)?;
     refined(problem, &prior, &linear, &mut singles, REFINED);
@@ -538,14 +555,14 @@ pub fn rank<V: ReplayVehicle>(
     );
     let base = based(&none, &singles);
     let at_base = problem.residual(&base).ok_or(NoReplay)?;
-    let linear = Linear::new(problem.slopes(&base, &at_base), noise.weights(problem));
+    let linear = Linearisation::new(problem.slopes(&base, &at_base), noise.weights(problem));
     progress("single effects", 0.6);
     let mut none = fit_none(problem, &prior, &linear, &none).ok_or(NoReplay)?;
     fitted_again(problem, &prior, &linear, &none, &mut singles);
     let local = linear.anew(problem, &none.x, &none.gap);
     none = fit(problem, &prior, &local, &[], &none, 5).filter(|new| new.cost < none.cost).unwrap_or(none);
     again_from_none(problem, &prior, &local, &none, &mut singles);
-    afresh(problem, &prior, &linear, &none, &mut singles);
+    relinearise(problem, &prior, &linear, &none, &mut singles);
     polish_singles(problem, &prior, &linear, &none, &mut singles);
     bound(problem, &prior, &mut none, &mut singles);
     let with_pairs = pairs(&none, &singles);
@@ -553,7 +570,7 @@ pub fn rank<V: ReplayVehicle>(
     if with_pairs {
         progress("pairs", 0.75);
         pairs = extended(problem, &prior, &linear, &singles, &singles, &OF_SINGLES);
-        polish(problem, &prior, &linear, &mut pairs);
+        refine(problem, &prior, &linear, &mut pairs);
     }
     progress("pairs", 0.9);
     // Where a pair tells much more than a single effect, its rest is the measure.
@@ -562,7 +579,7 @@ pub fn rank<V: ReplayVehicle>(
     if let Some(pair) = pairs.first().filter(|_| is_ahead(&pairs, &singles, TELLING)) {
         noise = noise.with_left(problem, &unexplained(problem, &prior, &linear, pair));
         let slopes = problem.slopes(&pair.x, &pair.gap);
-        linear = Linear::new(slopes, noise.weights(problem));
+        linear = Linearisation::new(slopes, noise.weights(problem));
         none = fit_none(problem, &prior, &linear, &none).ok_or(NoReplay)?;
         for fits in [&mut singles, &mut pairs] {
             refined(problem, &prior, &linear, fits, REFINED);
@@ -573,13 +590,13 @@ pub fn rank<V: ReplayVehicle>(
         bound(problem, &prior, &mut none, &mut singles);
         threes = extended(problem, &prior, &linear, &pairs, &singles, &OF_PAIRS);
         if is_ahead(&threes, &pairs, LITTLE) {
-            polish(problem, &prior, &linear, &mut threes);
+            refine(problem, &prior, &linear, &mut threes);
         }
     }
     bound_fewer(problem, &prior, &mut pairs, &threes);
     if is_ahead(&threes, &pairs, LITTLE) {
         fewer_from_more(problem, &prior, &linear, &mut pairs, &threes, 2);
-        polish(problem, &prior, &linear, &mut pairs);
+        refine(problem, &prior, &linear, &mut pairs);
     }
     bound_fewer(problem, &prior, &mut singles, &pairs);
     fewer_from_more(problem, &prior, &linear, &mut singles, &pairs, 3);
@@ -587,22 +604,22 @@ pub fn rank<V: ReplayVehicle>(
     let mut found = vec![none];
     fewer_from_more(problem, &prior, &linear, &mut found, &singles, 2);
     let before = found.swap_remove(0);
-    let mut none = settled(problem, &prior, &linear, before.clone());
+    let mut none = converged(problem, &prior, &linear, before.clone());
     if before.cost - none.cost > 1.0 && !is_ahead(&pairs, &singles, NEAR) {
         let local = linear.anew(problem, &none.x, &none.gap);
         again_from_none(problem, &prior, &local, &none, &mut singles);
         polish_singles(problem, &prior, &linear, &none, &mut singles);
     }
     bound(problem, &prior, &mut none, &mut singles);
-    // And the other way round: whatever is freed besides, a candidate explains no less than without.
+    // And the other way round: whatever is free besides, a candidate explains no less than without.
     more_from_fewer(problem, &prior, &linear, &mut pairs, &singles, &singles, &OF_SINGLES);
     more_from_fewer(problem, &prior, &linear, &mut threes, &pairs, &singles, &OF_PAIRS);
-    Ok(Ranking { none, singles, pairs, threes, linear, prior, noise, neutral })
+    Ok(Ranking { none, singles, pairs, triples: threes, linear, prior, noise, neutral })
 }
 
 /// The gap after a linear step.
 #[must_use]
-pub fn predicted(linear: &Linear, gap: &[f64], change: &[f64]) -> Vec<f64> {
+pub fn predicted(linear: &Linearisation, gap: &[f64], change: &[f64]) -> Vec<f64> {
     let mut left = gap.to_vec();
     for (slope, &change) in linear.slopes.iter().zip(change) {
         if change != 0.0 {
@@ -616,22 +633,22 @@ pub fn predicted(linear: &Linear, gap: &[f64], change: &[f64]) -> Vec<f64> {
 fn unexplained<V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
-    linear: &Linear,
+    linear: &Linearisation,
     fit: &Fit,
 ) -> Vec<f64> {
-    let precision = prior.freed(problem, &fit.freed).widened(3.0);
+    let precision = prior.free(problem, &fit.free).widened(3.0);
     let step = prior.step(linear, &fit.x, &fit.gap, &precision);
     predicted(linear, &fit.gap, &step.change)
 }
 
-/// Knobs that may be named.
+/// Uncertain parameters that may be named.
 fn candidates<V: ReplayVehicle>(problem: &Problem<V>) -> Vec<usize> {
-    (0..problem.knobs.len()).filter(|&i| problem.knobs[i].is_candidate()).collect()
+    (0..problem.uncertain.len()).filter(|&i| problem.uncertain[i].is_candidate()).collect()
 }
 
-/// A cost with the odds against each effect that is freed for it.
+/// A cost with the odds against each effect that is free for it.
 fn priced(fit: &Fit, odds: f64) -> f64 {
-    fit.cost + 2.0 * odds * fit.freed.len() as f64
+    fit.cost + 2.0 * odds * fit.free.len() as f64
 }
 
 /// The likeliest of nothing and the few single effects that promise most, by a search with little trust; and the noise
@@ -643,14 +660,14 @@ pub fn glance<V: ReplayVehicle>(problem: &Problem<V>, odds: f64) -> Option<Glanc
     let neutral = problem.compare(&trace);
     let fine = Noise::of(problem, &trace, &prior.form);
     let weights = fine.coarse(problem, &neutral).weights(problem);
-    let linear = Linear::new(problem.slopes(&prior.mean, &neutral), weights);
+    let linear = Linearisation::new(problem.slopes(&prior.mean, &neutral), weights);
     let none = fit_none(problem, &prior, &linear, &prior.mean)?;
     let candidates = candidates(problem);
     let mut promised: Vec<(f64, usize, Start)> = parallel::map(problem.threads(), candidates.len(), |k| {
         let i = candidates[k];
         let start = best_start(problem, &prior, &linear, &[i], &none, None);
         let gap = start.gap.as_deref().unwrap_or(&none.gap);
-        (prior.step(&linear, &start.x, gap, &prior.freed(problem, &[i])).cost, i, start)
+        (prior.step(&linear, &start.x, gap, &prior.free(problem, &[i])).cost, i, start)
     });
     promised.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     promised.truncate(GLANCED);
@@ -684,8 +701,8 @@ impl Glance {
     ) -> Option<f64> {
         let from = |best: &Fit| {
             let gap = problem.residual(&best.x)?;
-            let linear = Linear::new(problem.slopes(&best.x, &gap), noise.weights(problem));
-            Some(priced(&fit(problem, &self.prior, &linear, &best.freed, &best.x, STEPS)?, odds))
+            let linear = Linearisation::new(problem.slopes(&best.x, &gap), noise.weights(problem));
+            Some(priced(&fit(problem, &self.prior, &linear, &best.free, &best.x, STEPS)?, odds))
         };
         [&self.best, &other.best].into_iter().filter_map(from).min_by(f64::total_cmp)
     }
@@ -693,7 +710,7 @@ impl Glance {
 
 /// The gap of a fit with all coordinates as expected, by its slopes.
 #[must_use]
-pub fn expected(linear: &Linear, prior: &Prior, fit: &Fit) -> Vec<f64> {
+pub fn expected(linear: &Linearisation, prior: &Prior, fit: &Fit) -> Vec<f64> {
     let back: Vec<f64> = prior.off(&fit.x).iter().map(|off| -off).collect();
     predicted(linear, &fit.gap, &back)
 }
@@ -704,21 +721,21 @@ pub fn expected(linear: &Linear, prior: &Prior, fit: &Fit) -> Vec<f64> {
 fn best_start<'a, V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
-    linear: &Linear,
-    freed: &[usize],
+    linear: &Linearisation,
+    free: &[usize],
     from: &'a Fit,
     own: Option<f64>,
 ) -> Start<'a> {
-    let Some(&further) = freed.last() else { return from.into() };
-    let precision = prior.freed(problem, freed);
-    let starts = problem.knobs[further].starts;
+    let Some(&further) = free.last() else { return from.into() };
+    let precision = prior.free(problem, free);
+    let starts = problem.uncertain[further].starts;
     let half = own.filter(|_| starts.len() > 1).map(|own| 0.5 * own);
     let others = starts.iter().filter(|&&start| start != 0.0).map(|start| prior.mean[further] + start);
     // Where an effect tells nothing at its neutral value, that is no start.
     let here = starts.contains(&0.0).then(|| Start::from(from));
     let there = others.chain(half).filter_map(|at| {
         let mut x = from.x.clone();
-        x[further] = problem.knobs[further].within(at, true);
+        x[further] = problem.uncertain[further].within(at, true);
         let gap = problem.residual(&x)?;
         Some(Start { x: x.into(), gap: Some(gap.into()), slopes: None })
     });
@@ -744,7 +761,7 @@ struct Beam {
 fn extended<V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
-    linear: &Linear,
+    linear: &Linearisation,
     bases: &[Fit],
     singles: &[Fit],
     beam: &Beam,
@@ -754,24 +771,24 @@ fn extended<V: ReplayVehicle>(
     // best, whichever promises more: some have no slope at their neutral value, and some a best that is far off.
     let screened = parallel::map(threads, bases.len().min(beam.bases), |a| {
         let base = &bases[a];
-        let local = linear.with(&base.of_freed());
+        let local = linear.with(&base.of_free());
         singles
             .iter()
             .enumerate()
-            .filter(|(_, single)| !base.freed.contains(&single.freed[0]))
+            .filter(|(_, single)| !base.free.contains(&single.free[0]))
             .filter_map(|(b, single)| {
-                let freed = [&base.freed[..], &single.freed[..]].concat();
-                let precision = prior.freed(problem, &freed);
-                let promise = |linear: &Linear| {
+                let free = [&base.free[..], &single.free[..]].concat();
+                let precision = prior.free(problem, &free);
+                let promise = |linear: &Linearisation| {
                     let step = prior.step(linear, &base.x, &base.gap, &precision);
                     // A promise beyond what an effect can be is none.
-                    let beyond = freed.iter().any(|&i| {
+                    let beyond = free.iter().any(|&i| {
                         let to = base.x[i] + step.change[i];
-                        (problem.knobs[i].within(to, true) - to).abs() > 1e-9 || to.abs() > 20.0
+                        (problem.uncertain[i].within(to, true) - to).abs() > 1e-9 || to.abs() > 20.0
                     });
                     if beyond || !step.cost.is_finite() { f64::INFINITY } else { step.cost }
                 };
-                let (here, own) = (promise(&local), promise(&local.with(&single.of_freed())));
+                let (here, own) = (promise(&local), promise(&local.with(&single.of_free())));
                 // Those of the very first are always tried.
                 let rank = if a < beam.always && b < beam.always { f64::MIN } else { here.min(own) };
                 (rank < f64::INFINITY).then_some((rank, a, b, here < own))
@@ -783,24 +800,24 @@ fn extended<V: ReplayVehicle>(
     // The same effects may come of several bases: the best promise stands for them.
     let mut seen: Vec<Vec<usize>> = Vec::new();
     screened.retain(|&(_, a, b, _)| {
-        let mut freed = [&bases[a].freed[..], &singles[b].freed[..]].concat();
-        freed.sort_unstable();
-        let new = !seen.contains(&freed);
-        seen.push(freed);
+        let mut free = [&bases[a].free[..], &singles[b].free[..]].concat();
+        free.sort_unstable();
+        let new = !seen.contains(&free);
+        seen.push(free);
         new
     });
     screened.truncate(beam.fitted);
     let mut fits: Vec<Fit> = parallel::map(threads, screened.len(), |k| {
         let (_, a, b, here) = screened[k];
         let (base, single) = (&bases[a], &singles[b]);
-        let further = single.freed[0];
-        let freed = [&base.freed[..], &[further]].concat();
+        let further = single.free[0];
+        let free = [&base.free[..], &[further]].concat();
         if here {
-            return fit(problem, prior, linear, &freed, base, STEPS);
+            return fit(problem, prior, linear, &free, base, STEPS);
         }
         let own = Some(single.x[further]);
-        let start = best_start(problem, prior, linear, &freed, base, own);
-        fit(problem, prior, linear, &freed, start, STEPS)
+        let start = best_start(problem, prior, linear, &free, base, own);
+        fit(problem, prior, linear, &free, start, STEPS)
     })
     .into_iter()
     .flatten()
@@ -812,7 +829,7 @@ fn extended<V: ReplayVehicle>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::replay::{Drive, neutral};
+    use crate::diagnose::replay::{ReplayDrive, neutral};
     use crate::diagnose::simulated::{Conditions, drive};
     use crate::vehicle::{TruckEffects, builtin};
 
@@ -823,7 +840,7 @@ mod tests {
         (effects.vehicle.payload, effects.vehicle.steer_offset) = (300.0, 0.02);
         let conditions = Conditions { seed: 3, duration: 20.0, step: 0.02, ..Conditions::default() };
         let log = drive(&car, &effects, &conditions).unwrap();
-        let drive = Drive::new(&log, false);
+        let drive = ReplayDrive::new(&log, false);
         let correction = neutral(&drive, &car).unwrap();
         let problem = Problem::new(&drive, &car, &correction, &[], 0);
         let prior = Prior::of(&problem);
@@ -832,7 +849,7 @@ mod tests {
         let start = prior.mean.clone();
         let gap = problem.residual(&start).unwrap();
         let noise = Noise::of(&problem, &problem.trace(&start).unwrap(), &prior.form);
-        let linear = Linear::new(problem.slopes(&start, &gap), noise.weights(&problem));
+        let linear = Linearisation::new(problem.slopes(&start, &gap), noise.weights(&problem));
         let with_mass_at = |x: f64| {
             let mut at = start.clone();
             at[mass] = x;
@@ -841,8 +858,8 @@ mod tests {
         let strained = with_mass_at(6.0);
         let found = loaded(&problem, &prior, &linear, std::slice::from_ref(&strained));
         let [of_load] = found.as_slice() else { panic!("{}", found.len()) };
-        assert_eq!(of_load.freed, [offset, load]);
-        let kilograms = of_load.x[load] * problem.knobs[load].unit;
+        assert_eq!(of_load.free, [offset, load]);
+        let kilograms = of_load.x[load] * problem.uncertain[load].unit;
         assert!((kilograms - 300.0).abs() < 60.0, "{kilograms}");
         assert!(of_load.x[mass].abs() < STRAINED, "{}", of_load.x[mass]);
         // Within its tolerance a mass is no load.
@@ -856,7 +873,7 @@ mod tests {
         effects.vehicle.steer_delay = 0.1;
         let conditions = Conditions { seed: 3, duration: 20.0, step: 0.02, ..Conditions::default() };
         let log = drive(&car, &effects, &conditions).unwrap();
-        let drive = Drive::new(&log, false);
+        let drive = ReplayDrive::new(&log, false);
         let correction = neutral(&drive, &car).unwrap();
         let problem = Problem::new(&drive, &car, &correction, &[], 0);
         let prior = Prior::of(&problem);
@@ -864,7 +881,7 @@ mod tests {
         let start = prior.mean.clone();
         let gap = problem.residual(&start).unwrap();
         let noise = Noise::of(&problem, &problem.trace(&start).unwrap(), &prior.form);
-        let linear = Linear::new(problem.slopes(&start, &gap), noise.weights(&problem));
+        let linear = Linearisation::new(problem.slopes(&start, &gap), noise.weights(&problem));
         let none = fit_none(&problem, &prior, &linear, &start).unwrap();
         // Found with a rear axle that is too soft by two tolerances.
         let mut astray = start;
@@ -874,11 +891,11 @@ mod tests {
         reweighed(&problem, &prior, &linear, &mut found);
         let before = found.cost;
         let mut fits = vec![found];
-        afresh(&problem, &prior, &linear, &none, &mut fits);
+        relinearise(&problem, &prior, &linear, &none, &mut fits);
         let [now] = fits.as_slice() else { panic!("{}", fits.len()) };
         assert!(now.cost < 0.5 * before, "{} {before} {}", now.cost, none.cost);
-        let seconds = problem.knobs[delay].value(now.x[delay]);
+        let seconds = problem.uncertain[delay].value(now.x[delay]);
         assert!((seconds - 0.1).abs() < 0.01, "{seconds}");
-        assert!(now.x[rear].abs() < 3.0 * problem.knobs[rear].tolerance, "{}", now.x[rear]);
+        assert!(now.x[rear].abs() < 3.0 * problem.uncertain[rear].tolerance, "{}", now.x[rear]);
     }
 }

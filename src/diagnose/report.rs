@@ -3,7 +3,7 @@
 //! Field names are the contract with users' scripts; values are SI units and radians.
 
 pub use super::constancy::Cause;
-pub use crate::log::{Finding, Gravity};
+pub use crate::log::{Finding, FindingSeverity};
 use crate::vehicle::Stage;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -19,7 +19,7 @@ pub struct Report {
     pub shrink: Shrink,
     /// Location of the gap, the greatest share first.
     #[serde(rename = "where")]
-    pub places: Vec<Place>,
+    pub places: Vec<GapLocation>,
     /// The stage at which the gap enters, if there is one.
     pub stage: Option<Stage>,
     /// Effects that this log can and cannot show.
@@ -99,7 +99,7 @@ pub struct Probabilities {
     /// Probability of each effect to be among the causes, by id, the most probable of all.
     pub inclusion: BTreeMap<String, f64>,
     /// Single hypotheses, the most probable first.
-    pub hypotheses: Vec<Hypothesis>,
+    pub hypotheses: Vec<ReportedHypothesis>,
 }
 
 /// Weight of a hypothesis.
@@ -125,7 +125,7 @@ pub struct Spread {
 
 /// A hypothesis and its probability.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Hypothesis {
+pub struct ReportedHypothesis {
     /// Effects; empty for `none`. For a cause outside the library, the nearest ones.
     pub effects: Vec<String>,
     /// Sign that the cause is not in the library, if there is one.
@@ -152,7 +152,7 @@ pub struct Verdict {
     pub nearest: Vec<NamedEffect>,
     /// For a log that does not tell: possible causes, the most probable first.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub short_list: Vec<Hypothesis>,
+    pub short_list: Vec<ReportedHypothesis>,
     /// For a cause outside the library because an effect would have to change its value: the kind of change.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub varying: Option<Varies>,
@@ -271,7 +271,7 @@ pub struct Gap {
 
 /// A place where the gap lies.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub struct Place {
+pub struct GapLocation {
     /// The signal.
     pub signal: String,
     /// Name of the division: `speed`, `lateral_accel`, `curvature`, `steer_rate`, `side`, `time`, `station`,

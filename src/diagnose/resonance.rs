@@ -12,7 +12,7 @@
 //!
 //! Source: the series; a steering column on its torsion bar swings at 3 to 10 Hz, Pfeffer and Harrer, Steering Handbook, 2017.
 
-use super::fit::{Explained, Fit, Linear, Precision, Prior};
+use super::fit::{Explained, Fit, Linearisation, Precision, Prior};
 use super::problem::Problem;
 use super::rank::expected;
 use super::replay::ReplayVehicle;
@@ -54,7 +54,7 @@ fn rates<V: ReplayVehicle>(problem: &Problem<V>) -> [Vec<f64>; 2] {
 pub fn resonance<V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
-    (linear, precision): (&Linear, &Precision),
+    (linear, precision): (&Linearisation, &Precision),
     fit: &Fit,
 ) -> Option<Explained> {
     if !problem.drive.commanded {

@@ -3,7 +3,7 @@
 //! Three minutes tell no more than half a minute of good driving: the model's form limits. Blocks of 20 s are chosen by
 //! the motion of their steering, at all speeds alike.
 
-use super::report::{Finding, Gravity};
+use super::report::{Finding, FindingSeverity};
 use crate::log::CleanLog;
 use std::borrow::Cow;
 
@@ -72,5 +72,5 @@ pub fn chosen(log: &CleanLog) -> (Cow<'_, CleanLog>, Option<Finding>) {
         length / 60.0,
         kept.len()
     );
-    (Cow::Owned(short), Some(Finding { gravity: Gravity::Note, signal: None, words }))
+    (Cow::Owned(short), Some(Finding { gravity: FindingSeverity::Note, signal: None, words }))
 }

@@ -4,7 +4,7 @@
 //! part of the rest that a model learned from past commands removes. The model is a ridge regression on lagged
 //! steering, by speed.
 
-use super::fit::{Fit, Linear, Prior, fit};
+use super::fit::{Fit, Linearisation, Prior, fit};
 use super::problem::{Problem, rms};
 use super::rank::Ranking;
 use super::replay::{Channel, ReplayVehicle, Trace};
@@ -42,12 +42,12 @@ fn fitted_on<V: ReplayVehicle>(
         block.is_some_and(|(_, block)| half(problem, i - block.start) != which)
     };
     let weights = ranking.linear.weights.without(is_other);
-    let local = Linear::new(slopes.to_vec(), Arc::new(weights));
-    let precision = ranking.prior.freed(problem, &winner.freed);
+    let local = Linearisation::new(slopes.to_vec(), Arc::new(weights));
+    let precision = ranking.prior.free(problem, &winner.free);
     let step = ranking.prior.step(&local, &winner.x, &winner.gap, &precision);
     let at = |length: f64| -> Vec<f64> {
         let moved = winner.x.iter().zip(&step.change).map(|(x, change)| x + length * change);
-        moved.enumerate().map(|(i, x)| problem.knobs[i].within(x, winner.freed.contains(&i))).collect()
+        moved.enumerate().map(|(i, x)| problem.uncertain[i].within(x, winner.free.contains(&i))).collect()
     };
     let cost = |x: &[f64]| {
         let gap = problem.residual(x)?;
@@ -60,8 +60,8 @@ fn fitted_on<V: ReplayVehicle>(
         .into_iter()
         .find(|x| cost(x).is_some_and(|cost| cost < before))
         .unwrap_or_else(|| winner.x.clone());
-    let simulator = recalibrated(problem, &ranking.prior, &local, &winner.freed, &all);
-    (ranking.prior.only(problem, &winner.freed, &all), simulator)
+    let simulator = recalibrated(problem, &ranking.prior, &local, &winner.free, &all);
+    (ranking.prior.only(problem, &winner.free, &all), simulator)
 }
 
 /// The simulator for coordinates, without the errors of its form, which no simulator can be given. Their explanation
@@ -70,13 +70,13 @@ fn fitted_on<V: ReplayVehicle>(
 pub fn recalibrated<V: ReplayVehicle>(
     problem: &Problem<V>,
     prior: &Prior,
-    linear: &Linear,
-    freed: &[usize],
+    linear: &Linearisation,
+    free: &[usize],
     x: &[f64],
 ) -> Vec<f64> {
     let mut start = x.to_vec();
-    let forms = (0..x.len()).filter(|&i| problem.knobs[i].is_form());
-    let mut held = problem.with_companions(freed);
+    let forms = (0..x.len()).filter(|&i| problem.uncertain[i].is_form());
+    let mut held = problem.with_companions(free);
     for i in forms {
         start[i] = 0.0;
         held.push(i);
@@ -112,7 +112,7 @@ impl Predictive {
     }
 }
 
-/// Shrinkage of the winner, and its prediction; without freed effects the effect's part is none.
+/// Shrinkage of the winner, and its prediction; without free effects the effect's part is none.
 #[must_use]
 pub fn shrink<V: ReplayVehicle>(
     problem: &Problem<V>,
@@ -125,7 +125,7 @@ pub fn shrink<V: ReplayVehicle>(
     let mut points = Vec::new();
     for which in 0..2 {
         let (alone, all) = fitted_on(problem, ranking, winner, slopes, which);
-        let of_none = if winner.freed.is_empty() {
+        let of_none = if winner.free.is_empty() {
             all.clone()
         } else {
             fitted_on(problem, ranking, &ranking.none, &ranking.linear.slopes, which).1

@@ -3,11 +3,13 @@
 //! The full plant drives a random winding road at a random, changing speed, steered by a driver who follows a wanted
 //! yaw rate. Every log has its own background: all errors of ordinary simulators are drawn from their tolerances.
 
-use super::knob::{self, Knob};
-use super::replay::{Drive, ReplayVehicle};
+use super::replay::{ReplayDrive, ReplayVehicle};
+use super::uncertain::{self, UncertainParameter};
 use crate::log::CleanLog;
-use crate::residual::Random;
-use crate::vehicle::{Car, CarParameters, StepError, Truck, TruckEffects, TruckParameters, VehicleInput};
+use crate::numerics::Random;
+use crate::vehicle::{
+    Car, CarParameters, PlantStepError, Truck, TruckEffects, TruckParameters, VehicleInput,
+};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
@@ -48,18 +50,18 @@ impl Default for Conditions {
 }
 
 /// A vehicle that can be driven here.
-pub trait SimulatedVehicle: ReplayVehicle {
+pub trait DrivableVehicle: ReplayVehicle {
     /// The full plant.
     type Plant;
     /// Makes it, at a speed in m/s.
     fn make(&self, effects: &TruckEffects, vx: f64) -> Option<Self::Plant>;
     #[allow(missing_docs)]
-    fn drive(plant: &mut Self::Plant, input: &VehicleInput, step: f64) -> Result<(), StepError>;
+    fn drive(plant: &mut Self::Plant, input: &VehicleInput, step: f64) -> Result<(), PlantStepError>;
     /// `x, y, yaw, vx, vy, yaw_rate, ax, ay, steer, roll, articulation, articulation_rate`.
     fn sensed(plant: &Self::Plant) -> [f64; 12];
 }
 
-impl SimulatedVehicle for CarParameters {
+impl DrivableVehicle for CarParameters {
     type Plant = Car;
 
     fn make(&self, effects: &TruckEffects, vx: f64) -> Option<Car> {
@@ -68,7 +70,7 @@ impl SimulatedVehicle for CarParameters {
         Some(car)
     }
 
-    fn drive(plant: &mut Car, input: &VehicleInput, step: f64) -> Result<(), StepError> {
+    fn drive(plant: &mut Car, input: &VehicleInput, step: f64) -> Result<(), PlantStepError> {
         plant.step(input, step)
     }
 
@@ -78,7 +80,7 @@ impl SimulatedVehicle for CarParameters {
     }
 }
 
-impl SimulatedVehicle for TruckParameters {
+impl DrivableVehicle for TruckParameters {
     type Plant = Truck;
 
     fn make(&self, effects: &TruckEffects, vx: f64) -> Option<Truck> {
@@ -87,7 +89,7 @@ impl SimulatedVehicle for TruckParameters {
         Some(truck)
     }
 
-    fn drive(plant: &mut Truck, input: &VehicleInput, step: f64) -> Result<(), StepError> {
+    fn drive(plant: &mut Truck, input: &VehicleInput, step: f64) -> Result<(), PlantStepError> {
         plant.step(input, step)
     }
 
@@ -133,9 +135,9 @@ pub fn normal(random: &mut Random) -> f64 {
 }
 
 /// A smooth random course of a number between -1 and 1: sines with random phases.
-struct Course(Vec<(f64, f64, f64)>);
+struct RandomSignal(Vec<(f64, f64, f64)>);
 
-impl Course {
+impl RandomSignal {
     fn new(random: &mut Random, frequencies: (f64, f64)) -> Self {
         let sines = (0..6)
             .map(|_| {
@@ -154,7 +156,7 @@ impl Course {
 
 /// Drives a vehicle with effects. `None` if it cannot be made, or falls over.
 #[must_use]
-pub fn drive<V: SimulatedVehicle>(
+pub fn drive<V: DrivableVehicle>(
     vehicle: &V,
     effects: &TruckEffects,
     conditions: &Conditions,
@@ -162,9 +164,9 @@ pub fn drive<V: SimulatedVehicle>(
     let Conditions { seed, duration, step, speed, lateral, .. } = *conditions;
     let mut random = Random::stream(seed, 1);
     let (turning, quick, pace) = (
-        Course::new(&mut random, (0.04, 0.25)),
-        Course::new(&mut random, (0.5, 1.6)),
-        Course::new(&mut random, (0.01, 0.05)),
+        RandomSignal::new(&mut random, (0.04, 0.25)),
+        RandomSignal::new(&mut random, (0.5, 1.6)),
+        RandomSignal::new(&mut random, (0.01, 0.05)),
     );
     let wanted_speed = |time: f64| speed.0 + (speed.1 - speed.0) * (0.5 + 0.5 * pace.at(time));
     let (real, real_effects) = background(vehicle, effects, conditions);
@@ -215,28 +217,29 @@ fn background<V: ReplayVehicle>(
         valid: Vec::new(),
         findings: Vec::new(),
     };
-    let knobs: Vec<Knob> = knob::knobs(vehicle, &Drive::new(&log, V::TRUCK), &[]);
+    let uncertain: Vec<UncertainParameter> =
+        uncertain::uncertain_parameters(vehicle, &ReplayDrive::new(&log, V::TRUCK), &[]);
     let mut random = Random::stream(conditions.seed, 2);
-    let mut x: Vec<f64> = knobs
+    let mut x: Vec<f64> = uncertain
         .iter()
-        .map(|knob| {
+        .map(|uncertain| {
             let drawn = normal(&mut random).clamp(-2.5, 2.5);
             let one_sided = matches!(
-                knob.id,
+                uncertain.id,
                 "steer_delay" | "sensor_delay" | "steer_lag" | "drive_lag" | "articulation_friction"
             );
-            conditions.background * knob.tolerance * if one_sided { drawn.abs() } else { drawn }
+            conditions.background * uncertain.tolerance * if one_sided { drawn.abs() } else { drawn }
         })
         .collect();
     // An effect that is put in takes the place of its background.
-    for (i, knob) in knobs.iter().enumerate() {
-        if let Some(effect) = knob.effect
-            && effects.get(knob.id) != Some(effect.neutral)
+    for (i, uncertain) in uncertain.iter().enumerate() {
+        if let Some(effect) = uncertain.effect
+            && effects.get(uncertain.id) != Some(effect.neutral)
         {
             x[i] = 0.0;
         }
     }
-    let (vehicle, drawn) = knob::at(&knobs, &x, vehicle);
+    let (vehicle, drawn) = uncertain::at(&uncertain, &x, vehicle);
     let mut all = drawn;
     for effect in TruckEffects::all() {
         if let (Some(value), Some(place)) = (effects.get(effect.id), all.get_mut(effect.id))

@@ -23,7 +23,7 @@ pub enum CalibratedError {
 
 /// Extent of the calibration of a simulator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Calibration {
+pub enum CalibrationExtent {
     /// The named effects only.
     Effect,
     /// All that was adjusted, too.
@@ -32,9 +32,9 @@ pub enum Calibration {
 
 /// Changes by parameter, with values.
 #[must_use]
-pub fn changes(report: &Report, calibration: Calibration) -> BTreeMap<String, f64> {
+pub fn changes(report: &Report, calibration: CalibrationExtent) -> BTreeMap<String, f64> {
     let mut changes = BTreeMap::new();
-    if calibration == Calibration::Whole {
+    if calibration == CalibrationExtent::Whole {
         changes
             .extend(report.recalibration.iter().map(|one: &Adjustment| (one.parameter.clone(), one.value)));
     }

@@ -2,7 +2,9 @@
 
 use super::headline::{behind, value};
 use super::observability::short;
-use super::report::{Adjustment, Finding, Gap, Gravity, Hypothesis, Manoeuvre, NamedEffect, Shrink, Varies};
+use super::report::{
+    Adjustment, Finding, FindingSeverity, Gap, Manoeuvre, NamedEffect, ReportedHypothesis, Shrink, Varies,
+};
 use super::shrink::Predictive;
 use crate::vehicle::TruckEffects;
 
@@ -52,7 +54,7 @@ fn told(shrink: &Shrink) -> Option<(&str, &Gap)> {
 
 /// Sign that a cause is not in the library, apart from the remainder of the gap.
 #[derive(Clone, Copy)]
-pub struct Unknown<'a> {
+pub struct UnknownSign<'a> {
     /// A value that is not one.
     pub varying: Option<&'a Varies>,
     /// Number that is not named and yet far off.
@@ -108,7 +110,7 @@ pub fn none(shrink: &Shrink) -> String {
 
 /// Sentence for a cause outside the library; `nearest` are the nearest effects.
 #[must_use]
-pub fn not_in_library(nearest: &[NamedEffect], why: Unknown, shrink: &Shrink) -> String {
+pub fn not_in_library(nearest: &[NamedEffect], why: UnknownSign, shrink: &Shrink) -> String {
     let mut words = match (why.strained, why.varying) {
         (Some(it), _) => format!(
             "The gap is explained only with {} {:.0} tolerances off ({}{} where {} is expected), which is no tolerance any \
@@ -158,12 +160,12 @@ pub fn not_in_library(nearest: &[NamedEffect], why: Unknown, shrink: &Shrink) ->
 pub fn cannot_tell(
     findings: &[Finding],
     straight: bool,
-    short_list: &[Hypothesis],
+    short_list: &[ReportedHypothesis],
     effects: &[NamedEffect],
     predictive: &Predictive,
     next: Option<&Manoeuvre>,
 ) -> String {
-    let grave = findings.iter().find(|finding| finding.gravity == Gravity::Suspicion);
+    let grave = findings.iter().find(|finding| finding.gravity == FindingSeverity::Suspicion);
     if let Some(finding) = grave {
         return format!(
             "This log cannot tell before it is cleared up: {}.",
@@ -174,7 +176,7 @@ pub fn cannot_tell(
         return "This log cannot tell: hardly anything is steered in it. Drive turns to both sides at several speeds."
             .to_owned();
     }
-    let of = |it: &Hypothesis| {
+    let of = |it: &ReportedHypothesis| {
         let what = match (&it.not_in_library, it.effects.is_empty()) {
             (Some(why), _) => format!("something that is not in the library ({why})"),
             (None, true) => "nothing at all".to_owned(),

@@ -13,14 +13,14 @@
 
 #![allow(clippy::missing_safety_doc)]
 
+use super::call_error::CallError;
 use super::instance::Instance;
-use super::life::Function;
-use super::logger::{Listener, Logger, status_category};
+use super::instance_state::Function;
+use super::logger::{LogListener, Logger, status_category};
 use super::model::{Context, Model};
-use super::refusal::Refusal;
 use super::resource;
 use super::start::StartError;
-use super::types::{Bytes, BytesOut, Component, Count, CountOut, State, StateOut, Status, Text, Texts};
+use super::types::{Bytes, BytesOut, Component, Count, CountOut, FmuState, StateOut, Status, Text, Texts};
 use super::version::Version;
 use std::cell::UnsafeCell;
 use std::ffi::{CStr, c_char};
@@ -57,7 +57,7 @@ impl<M: Model> Handle<M> {
         alive.then(|| unsafe { &*handle })
     }
 
-    fn refuse(&self, refusal: &Refusal, prefix: &str) -> Status {
+    fn refuse(&self, refusal: &CallError, prefix: &str) -> Status {
         let status = refusal.status();
         let message = format!("{prefix}{}", refusal.message(self.version));
         self.logger.tell(status, status_category(status), &message);
@@ -72,12 +72,12 @@ impl<M: Model> Handle<M> {
 pub unsafe fn guard<M: Model>(
     component: Component,
     function: impl Function,
-    body: impl FnOnce(&mut Instance<M>) -> Result<Status, Refusal>,
+    body: impl FnOnce(&mut Instance<M>) -> Result<Status, CallError>,
 ) -> Status {
     // SAFETY: by contract.
     let Some(handle) = (unsafe { Handle::<M>::find(component) }) else { return Status::Error };
     if handle.busy.swap(true, Ordering::Acquire) {
-        return handle.refuse(&Refusal::Busy, &format!("{}: ", function.name()));
+        return handle.refuse(&CallError::Busy, &format!("{}: ", function.name()));
     }
     // SAFETY: `busy` was false and is now true: this is the only reference.
     let instance = unsafe { &mut *handle.instance.get() };
@@ -97,7 +97,7 @@ pub unsafe fn unsupported<M: Model>(
 ) -> Status {
     // SAFETY: by contract.
     let Some(handle) = (unsafe { Handle::<M>::find(component) }) else { return Status::Error };
-    handle.refuse(&Refusal::Unsupported { function, reason }, "")
+    handle.refuse(&CallError::Unsupported { function, reason }, "")
 }
 
 /// An array from the host.
@@ -108,18 +108,18 @@ pub unsafe fn array<'a, T>(
     pointer: *const T,
     count: usize,
     argument: &'static str,
-) -> Result<&'a [T], Refusal> {
+) -> Result<&'a [T], CallError> {
     check(pointer, count, argument)?;
     // SAFETY: not NULL unless empty, of possible size, the rest by contract.
     Ok(if count == 0 { &[] } else { unsafe { std::slice::from_raw_parts(pointer, count) } })
 }
 
 /// Refuses a NULL array that should have elements, and counts that no array has.
-pub fn check<T>(pointer: *const T, count: usize, argument: &'static str) -> Result<(), Refusal> {
+pub fn check<T>(pointer: *const T, count: usize, argument: &'static str) -> Result<(), CallError> {
     if count > isize::MAX as usize / size_of::<T>().max(1) {
-        return Err(Refusal::ImpossibleCount { argument, count });
+        return Err(CallError::ImpossibleCount { argument, count });
     }
-    if count > 0 && pointer.is_null() { Err(Refusal::NullPointer { argument }) } else { Ok(()) }
+    if count > 0 && pointer.is_null() { Err(CallError::NullPointer { argument }) } else { Ok(()) }
 }
 
 /// Strings from the host.
@@ -130,11 +130,11 @@ pub unsafe fn texts<'a>(
     pointer: Texts,
     count: usize,
     argument: &'static str,
-) -> Result<Vec<&'a CStr>, Refusal> {
+) -> Result<Vec<&'a CStr>, CallError> {
     // SAFETY: by contract.
     let pointers = unsafe { array(pointer, count, argument)? };
     let text = |pointer: &*const c_char| match pointer.is_null() {
-        true => Err(Refusal::NullPointer { argument }),
+        true => Err(CallError::NullPointer { argument }),
         // SAFETY: a C string by contract.
         false => Ok(unsafe { CStr::from_ptr(*pointer) }),
     };
@@ -145,7 +145,7 @@ pub unsafe fn texts<'a>(
 ///
 /// # Safety
 /// `pointer` is NULL or may be written.
-pub unsafe fn put<T>(pointer: *mut T, value: T, argument: &'static str) -> Result<Status, Refusal> {
+pub unsafe fn put<T>(pointer: *mut T, value: T, argument: &'static str) -> Result<Status, CallError> {
     check(pointer, 1, argument)?;
     // SAFETY: not NULL, writable by contract. `write_unaligned`, as hosts' byte buffers are what they are.
     unsafe { pointer.write_unaligned(value) };
@@ -163,7 +163,7 @@ pub struct Request<'a> {
     /// The instance's name, and the mark and resources that the host gives.
     pub given: [Text; 3],
     /// Receiver of messages.
-    pub listener: Option<Listener>,
+    pub listener: Option<LogListener>,
     /// True if debug logging is on.
     pub logging_on: bool,
     /// True if the host lets a step end early.
@@ -296,7 +296,7 @@ pub unsafe fn free_state<M: Model>(c: Component, function: impl Function, state:
 pub unsafe fn serialized_size<M: Model>(
     c: Component,
     function: impl Function,
-    state: State,
+    state: FmuState,
     size: CountOut,
 ) -> Status {
     // SAFETY: by the host's contract.
@@ -311,7 +311,7 @@ pub unsafe fn serialized_size<M: Model>(
 pub unsafe fn serialize<M: Model>(
     c: Component,
     function: impl Function,
-    state: State,
+    state: FmuState,
     bytes: BytesOut,
     size: Count,
 ) -> Status {
@@ -321,7 +321,7 @@ pub unsafe fn serialize<M: Model>(
             let serialized = instance.serialize(state)?;
             check(bytes, serialized.len(), "serializedState")?;
             if size < serialized.len() {
-                return Err(Refusal::SmallBuffer { given: size, needed: serialized.len() });
+                return Err(CallError::SmallBuffer { given: size, needed: serialized.len() });
             }
             bytes.cast::<u8>().copy_from_nonoverlapping(serialized.as_ptr(), serialized.len());
             Ok(Status::Ok)

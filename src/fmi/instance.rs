@@ -22,15 +22,16 @@
 //! - *Time.* Where the version has it as a variable, it stands behind the model's own.
 //! - `noSetFMUStatePriorToCurrentPoint` allows to flush buffers. There are none: older states stay restorable.
 
-use super::life::{Function, Life};
+use super::call_error::CallError;
+use super::instance_state::{Function, InstanceState};
 use super::logger::{Logger, Messages, STANDARD_CATEGORIES, status_category};
 use super::model::{Array, Context, Declaration, Model, ModelError};
-use super::refusal::Refusal;
 use super::snapshot::Snapshot;
 use super::start::StartError;
 use super::types::Status;
-use super::value::{Value, Values};
-use super::variable::{Causality, Initial, Kind, Variability, Variable, Vr};
+use super::value::Value;
+use super::values::Values;
+use super::variable::{Causality, Initial, Variability, Variable, VariableKind, Vr};
 use super::version::Version;
 use std::collections::BTreeMap;
 use std::ffi::{CStr, CString, c_char, c_void};
@@ -48,7 +49,7 @@ pub struct Instance<M: Model> {
     pub(super) logger: Logger,
     model: M,
     values: Values,
-    life: Life,
+    life: InstanceState,
     start_time: f64,
     stop_time: Option<f64>,
     time: f64,
@@ -80,7 +81,7 @@ struct Stale {
 const ALL_STALE: Stale = Stale { parameters: true, inputs: true };
 const NOTHING_STALE: Stale = Stale { parameters: false, inputs: false };
 
-type Outcome = Result<Status, Refusal>;
+type CallResult = Result<Status, CallError>;
 
 impl<M: Model> Instance<M> {
     /// A fresh instance.
@@ -110,7 +111,7 @@ impl<M: Model> Instance<M> {
             logger,
             model: M::new(),
             values,
-            life: Life::Instantiated,
+            life: InstanceState::Instantiated,
             start_time: 0.0,
             stop_time: None,
             time: 0.0,
@@ -127,16 +128,16 @@ impl<M: Model> Instance<M> {
     }
 
     /// Makes one call: checks that it is allowed now, stops panics, tells the host what was wrong.
-    pub fn call(&mut self, function: impl Function, body: impl FnOnce(&mut Self) -> Outcome) -> Status {
+    pub fn call(&mut self, function: impl Function, body: impl FnOnce(&mut Self) -> CallResult) -> Status {
         let outcome = if function.allowed_in(self.life) {
             // After a panic the instance is in state "error", out of which only fresh models lead: nothing that is
             // half done is used again.
             catch_unwind(AssertUnwindSafe(|| body(self))).unwrap_or_else(|payload| {
-                self.life = Life::Error;
-                Err(Refusal::Panic { function: function.name(), message: panic_message(&*payload) })
+                self.life = InstanceState::Error;
+                Err(CallError::Panic { function: function.name(), message: panic_message(&*payload) })
             })
         } else {
-            Err(Refusal::OutOfOrder { function: function.name(), life: self.life })
+            Err(CallError::OutOfOrder { function: function.name(), life: self.life })
         };
         let status = outcome.unwrap_or_else(|refusal| {
             let status = refusal.status();
@@ -151,7 +152,7 @@ impl<M: Model> Instance<M> {
     }
 
     /// Switches debug logging; no category means all.
-    pub fn set_debug_logging(&mut self, on: bool, categories: &[&CStr]) -> Outcome {
+    pub fn set_debug_logging(&mut self, on: bool, categories: &[&CStr]) -> CallResult {
         if !on || categories.is_empty() {
             self.logger.enable(if on { vec!["logAll"] } else { Vec::new() });
             return Ok(Status::Ok);
@@ -183,14 +184,14 @@ impl<M: Model> Instance<M> {
     }
 
     /// Start and stop time. The tolerance is not used: models integrate with fixed steps.
-    pub fn setup_experiment(&mut self, start: f64, stop: Option<f64>) -> Outcome {
+    pub fn setup_experiment(&mut self, start: f64, stop: Option<f64>) -> CallResult {
         if !start.is_finite() {
-            return Err(Refusal::StartTime { start });
+            return Err(CallError::StartTime { start });
         }
         if let Some(stop) = stop
             && !(stop.is_finite() && stop >= start)
         {
-            return Err(Refusal::StopTime { start, stop });
+            return Err(CallError::StopTime { start, stop });
         }
         (self.start_time, self.stop_time) = (start, stop);
         self.set_time(start);
@@ -198,16 +199,16 @@ impl<M: Model> Instance<M> {
     }
 
     /// Enters initialisation mode.
-    pub fn enter_initialization_mode(&mut self) -> Outcome {
-        self.life = Life::InitializationMode;
+    pub fn enter_initialization_mode(&mut self) -> CallResult {
+        self.life = InstanceState::InitializationMode;
         self.stale = ALL_STALE;
         Ok(Status::Ok)
     }
 
     /// Leaves initialisation mode.
-    pub fn exit_initialization_mode(&mut self) -> Outcome {
+    pub fn exit_initialization_mode(&mut self) -> CallResult {
         let status = if self.stale == NOTHING_STALE { Ok(Status::Ok) } else { self.initialize() };
-        self.life = if status.is_ok() { Life::StepComplete } else { Life::Error };
+        self.life = if status.is_ok() { InstanceState::StepComplete } else { InstanceState::Error };
         if status.is_ok() {
             self.logger.event(format_args!("initialised at {} s", self.start_time));
         }
@@ -215,17 +216,17 @@ impl<M: Model> Instance<M> {
     }
 
     /// Ends the simulation.
-    pub fn terminate(&mut self) -> Outcome {
-        self.life = Life::Terminated;
+    pub fn terminate(&mut self) -> CallResult {
+        self.life = InstanceState::Terminated;
         self.logger.event(format_args!("terminated at {} s", self.time));
         Ok(Status::Ok)
     }
 
     /// As after instantiation. Stored FMU states stay valid.
-    pub fn reset(&mut self) -> Outcome {
+    pub fn reset(&mut self) -> CallResult {
         self.model = M::new();
         self.values = Values::starting_from(&self.declaration.variables);
-        (self.life, self.stale) = (Life::Instantiated, ALL_STALE);
+        (self.life, self.stale) = (InstanceState::Instantiated, ALL_STALE);
         (self.start_time, self.stop_time) = (0.0, None);
         self.set_time(0.0);
         self.outside.fill(false);
@@ -234,7 +235,7 @@ impl<M: Model> Instance<M> {
     }
 
     /// Initialises a fresh model with the host's values.
-    fn initialize(&mut self) -> Outcome {
+    fn initialize(&mut self) -> CallResult {
         self.model = M::new();
         self.stale = ALL_STALE;
         self.values.forget_calculated(&self.declaration.variables);
@@ -242,34 +243,34 @@ impl<M: Model> Instance<M> {
         let mut messages = Messages::to(&self.logger);
         self.model
             .initialize(&mut self.values, self.start_time, &self.context, &mut messages)
-            .map_err(|error| Refusal::Initialization { message: error.to_string() })?;
+            .map_err(|error| CallError::Initialization { message: error.to_string() })?;
         let status = if messages.warned { Status::Warning } else { Status::Ok };
         self.stale = NOTHING_STALE;
         Ok(status)
     }
 
     /// Makes a step, or its first part where the host lets it end early.
-    pub fn do_step(&mut self, point: f64, step: f64) -> Outcome {
+    pub fn do_step(&mut self, point: f64, step: f64) -> CallResult {
         self.ended_early = false;
         if !point.is_finite() {
-            return Err(Refusal::CommunicationPoint { point });
+            return Err(CallError::CommunicationPoint { point });
         }
         let end = point + step;
         if !(step > 0.0 && end.is_finite()) {
-            return Err(Refusal::StepSize { step });
+            return Err(CallError::StepSize { step });
         }
         let rounding = 64.0 * f64::EPSILON * point.abs().max(self.time.abs());
         let tolerance = POINT_TOLERANCE * step + rounding;
         if point < self.time - tolerance {
-            return Err(Refusal::SteppedBack { point, time: self.time });
+            return Err(CallError::SteppedBack { point, time: self.time });
         }
         if point > self.time + tolerance {
-            return Err(Refusal::SteppedAhead { point, time: self.time });
+            return Err(CallError::SteppedAhead { point, time: self.time });
         }
         if let Some(stop) = self.stop_time
             && end > stop + tolerance
         {
-            return Err(Refusal::PastStopTime { point, end, stop });
+            return Err(CallError::PastStopTime { point, end, stop });
         }
         let mut messages = Messages::to(&self.logger);
         let made = match self.may_end_early {
@@ -279,18 +280,18 @@ impl<M: Model> Instance<M> {
         match made {
             Ok(made) => {
                 let status = if messages.warned { Status::Warning } else { Status::Ok };
-                self.life = Life::StepComplete;
+                self.life = InstanceState::StepComplete;
                 self.ended_early = made < step;
                 self.set_time(if self.ended_early { point + made } else { end });
                 Ok(status)
             }
             Err(ModelError::Discard(message)) => {
-                self.life = Life::StepFailed;
-                Err(Refusal::StepDiscarded { time: self.time, message })
+                self.life = InstanceState::StepFailed;
+                Err(CallError::StepDiscarded { time: self.time, message })
             }
             Err(ModelError::Failed(message)) => {
-                self.life = Life::Error;
-                Err(Refusal::StepFailed { time: self.time, message })
+                self.life = InstanceState::Error;
+                Err(CallError::StepFailed { time: self.time, message })
             }
         }
     }
@@ -316,12 +317,12 @@ impl<M: Model> Instance<M> {
 
     /// The instance's state.
     #[must_use]
-    pub fn life(&self) -> Life {
+    pub fn life(&self) -> InstanceState {
         self.life
     }
 
     /// Gives values of reals to `write(position, value)`.
-    pub fn get_real(&mut self, references: &[u32], mut write: impl FnMut(usize, f64)) -> Outcome {
+    pub fn get_real(&mut self, references: &[u32], mut write: impl FnMut(usize, f64)) -> CallResult {
         self.get(references, self.version.real, |i, value| {
             if let Value::Real(value) = value {
                 write(i, *value);
@@ -330,12 +331,12 @@ impl<M: Model> Instance<M> {
     }
 
     /// Gives values of integers to `write(position, value)`, and of enumerations where the version has them as integers.
-    pub fn get_integer(&mut self, references: &[u32], write: impl FnMut(usize, i32)) -> Outcome {
+    pub fn get_integer(&mut self, references: &[u32], write: impl FnMut(usize, i32)) -> CallResult {
         self.get_whole(references, self.version.integer, write)
     }
 
     /// Gives values of enumerations to `write(position, value)`.
-    pub fn get_enumeration(&mut self, references: &[u32], write: impl FnMut(usize, i32)) -> Outcome {
+    pub fn get_enumeration(&mut self, references: &[u32], write: impl FnMut(usize, i32)) -> CallResult {
         self.get_whole(references, self.version.enumeration, write)
     }
 
@@ -344,7 +345,7 @@ impl<M: Model> Instance<M> {
         references: &[u32],
         expected: &'static str,
         mut write: impl FnMut(usize, i32),
-    ) -> Outcome {
+    ) -> CallResult {
         self.get(references, expected, |i, value| {
             if let Value::Integer(value) = value {
                 write(i, *value);
@@ -353,7 +354,7 @@ impl<M: Model> Instance<M> {
     }
 
     /// Gives values of booleans to `write(position, value)`.
-    pub fn get_boolean(&mut self, references: &[u32], mut write: impl FnMut(usize, bool)) -> Outcome {
+    pub fn get_boolean(&mut self, references: &[u32], mut write: impl FnMut(usize, bool)) -> CallResult {
         self.get(references, "Boolean", |i, value| {
             if let Value::Boolean(value) = value {
                 write(i, *value);
@@ -362,7 +363,11 @@ impl<M: Model> Instance<M> {
     }
 
     /// Gives strings to `write(position, pointer)`; the pointers are valid until the next call of this function.
-    pub fn get_string(&mut self, references: &[u32], mut write: impl FnMut(usize, *const c_char)) -> Outcome {
+    pub fn get_string(
+        &mut self,
+        references: &[u32],
+        mut write: impl FnMut(usize, *const c_char),
+    ) -> CallResult {
         let mut strings = Vec::with_capacity(references.len());
         let status = self.get(references, "String", |_, value| {
             if let Value::String(value) = value {
@@ -377,7 +382,7 @@ impl<M: Model> Instance<M> {
     }
 
     /// Gives bytes to `write(position, bytes)`; they are valid until the variable is set, or the instance changes.
-    pub fn get_binary(&mut self, references: &[u32], mut write: impl FnMut(usize, &[u8])) -> Outcome {
+    pub fn get_binary(&mut self, references: &[u32], mut write: impl FnMut(usize, &[u8])) -> CallResult {
         self.get(references, "Binary", |i, value| {
             if let Value::Binary(value) = value {
                 write(i, value);
@@ -390,7 +395,7 @@ impl<M: Model> Instance<M> {
         references: &[u32],
         expected: &'static str,
         mut write: impl FnMut(usize, &Value),
-    ) -> Outcome {
+    ) -> CallResult {
         let mut unknown = false;
         for reference in references {
             let (_, variable) = self.variable(*reference, expected)?;
@@ -399,7 +404,7 @@ impl<M: Model> Instance<M> {
                 && (self.stale.parameters || (self.stale.inputs && !variable.depends_on.is_empty()));
         }
         let mut status = Status::Ok;
-        if unknown && self.life == Life::InitializationMode {
+        if unknown && self.life == InstanceState::InitializationMode {
             status = self.initialize()?;
         }
         let mut position = 0;
@@ -415,7 +420,7 @@ impl<M: Model> Instance<M> {
     }
 
     /// Number of values of some variables: one of a scalar, those of its elements of an array.
-    pub fn count_values(&self, references: &[u32]) -> Result<usize, Refusal> {
+    pub fn count_values(&self, references: &[u32]) -> Result<usize, CallError> {
         references.iter().try_fold(0, |count, reference| {
             let (vr, _) = self.any_variable(*reference)?;
             Ok(count + self.array(vr).map_or(1, |array| array.elements.len()))
@@ -428,15 +433,15 @@ impl<M: Model> Instance<M> {
     }
 
     /// Sets reals.
-    pub fn set_real(&mut self, references: &[u32], values: &[f64]) -> Outcome {
+    pub fn set_real(&mut self, references: &[u32], values: &[f64]) -> CallResult {
         let mut status = Status::Ok;
         for (reference, value) in references.iter().zip(values) {
             let (vr, variable) = self.settable(*reference, self.version.real)?;
             if !value.is_finite() {
                 let (name, kept) = (variable.name.to_string(), self.values.real(vr));
-                return Err(Refusal::NotFinite { name, value: *value, kept });
+                return Err(CallError::NotFinite { name, value: *value, kept });
             }
-            if let Kind::Real { min, max, .. } = variable.kind {
+            if let VariableKind::Real { min, max, .. } = variable.kind {
                 let low = min.unwrap_or(f64::NEG_INFINITY);
                 let high = max.unwrap_or(f64::INFINITY);
                 if !(low..=high).contains(value) {
@@ -454,12 +459,12 @@ impl<M: Model> Instance<M> {
     }
 
     /// Sets integers, and enumerations where the version has them as integers.
-    pub fn set_integer(&mut self, references: &[u32], values: &[i32]) -> Outcome {
+    pub fn set_integer(&mut self, references: &[u32], values: &[i32]) -> CallResult {
         self.set_whole(references, self.version.integer, values.iter().copied().map(i64::from))
     }
 
     /// Sets enumerations.
-    pub fn set_enumeration(&mut self, references: &[u32], values: &[i64]) -> Outcome {
+    pub fn set_enumeration(&mut self, references: &[u32], values: &[i64]) -> CallResult {
         self.set_whole(references, self.version.enumeration, values.iter().copied())
     }
 
@@ -468,22 +473,24 @@ impl<M: Model> Instance<M> {
         references: &[u32],
         expected: &'static str,
         values: impl Iterator<Item = i64> + Clone,
-    ) -> Outcome {
+    ) -> CallResult {
         let mut status = Status::Ok;
         for (reference, value) in references.iter().zip(values.clone()) {
             let (vr, variable) = self.settable(*reference, expected)?;
             match &variable.kind {
-                Kind::Enumeration { items, .. } if items.iter().all(|item| i64::from(item.0) != value) => {
+                VariableKind::Enumeration { items, .. }
+                    if items.iter().all(|item| i64::from(item.0) != value) =>
+                {
                     let allowed: Vec<String> =
                         items.iter().map(|(value, name, _)| format!("{value} ({name})")).collect();
-                    return Err(Refusal::NotAMember {
+                    return Err(CallError::NotAMember {
                         name: variable.name.to_string(),
                         value,
                         allowed: allowed.join(", "),
                         kept: self.values.integer(vr),
                     });
                 }
-                Kind::Integer { min, max, .. } => {
+                VariableKind::Integer { min, max, .. } => {
                     let (low, high) = (min.unwrap_or(i32::MIN), max.unwrap_or(i32::MAX));
                     if !(i64::from(low)..=i64::from(high)).contains(&value) {
                         self.outside(vr, format_args!("{value}"), format_args!("[{low}, {high}]"))?;
@@ -503,7 +510,11 @@ impl<M: Model> Instance<M> {
     }
 
     /// Sets booleans.
-    pub fn set_boolean(&mut self, references: &[u32], values: impl Iterator<Item = bool> + Clone) -> Outcome {
+    pub fn set_boolean(
+        &mut self,
+        references: &[u32],
+        values: impl Iterator<Item = bool> + Clone,
+    ) -> CallResult {
         for reference in references {
             self.settable(*reference, "Boolean")?;
         }
@@ -514,11 +525,11 @@ impl<M: Model> Instance<M> {
     }
 
     /// Sets strings.
-    pub fn set_string(&mut self, references: &[u32], values: &[&CStr]) -> Outcome {
+    pub fn set_string(&mut self, references: &[u32], values: &[&CStr]) -> CallResult {
         let mut strings = Vec::with_capacity(values.len());
         for (reference, value) in references.iter().zip(values) {
             let (_, variable) = self.settable(*reference, "String")?;
-            let value = value.to_str().map_err(|_| Refusal::NotUtf8 { name: variable.name.to_string() })?;
+            let value = value.to_str().map_err(|_| CallError::NotUtf8 { name: variable.name.to_string() })?;
             strings.push(value.to_owned());
         }
         for (reference, value) in references.iter().zip(strings) {
@@ -528,14 +539,14 @@ impl<M: Model> Instance<M> {
     }
 
     /// Sets bytes.
-    pub fn set_binary(&mut self, references: &[u32], values: &[&[u8]]) -> Outcome {
+    pub fn set_binary(&mut self, references: &[u32], values: &[&[u8]]) -> CallResult {
         for (reference, value) in references.iter().zip(values) {
             let (_, variable) = self.settable(*reference, "Binary")?;
-            if let Kind::Binary { max_size } = variable.kind
+            if let VariableKind::Binary { max_size } = variable.kind
                 && value.len() > max_size
             {
                 let name = variable.name.to_string();
-                return Err(Refusal::TooManyBytes { name, given: value.len(), max_size });
+                return Err(CallError::TooManyBytes { name, given: value.len(), max_size });
             }
         }
         for (reference, value) in references.iter().zip(values) {
@@ -550,7 +561,7 @@ impl<M: Model> Instance<M> {
         vr: Vr,
         value: std::fmt::Arguments<'_>,
         range: std::fmt::Arguments<'_>,
-    ) -> Result<(), Refusal> {
+    ) -> Result<(), CallError> {
         let variable = &self.declaration.variables[vr];
         if variable.causality != Causality::Input {
             let kept = match self.values.get(vr) {
@@ -559,7 +570,7 @@ impl<M: Model> Instance<M> {
                 _ => String::new(),
             };
             let name = variable.name.to_string();
-            return Err(Refusal::OutOfRange {
+            return Err(CallError::OutOfRange {
                 name,
                 value: value.to_string(),
                 range: range.to_string(),
@@ -588,14 +599,14 @@ impl<M: Model> Instance<M> {
     }
 
     /// The variable behind a reference; of an array the first element.
-    fn any_variable(&self, reference: u32) -> Result<(Vr, &Variable), Refusal> {
+    fn any_variable(&self, reference: u32) -> Result<(Vr, &Variable), CallError> {
         let variables = &self.declaration.variables;
         let vr = reference as Vr;
         let variable = variables
             .get(vr)
-            .ok_or(Refusal::UnknownReference { reference, last: variables.len().saturating_sub(1) })?;
+            .ok_or(CallError::UnknownReference { reference, last: variables.len().saturating_sub(1) })?;
         match self.array(vr) {
-            Some(Array { name, elements, .. }) if elements[0] != vr => Err(Refusal::ElementOfArray {
+            Some(Array { name, elements, .. }) if elements[0] != vr => Err(CallError::ElementOfArray {
                 name: variable.name.to_string(),
                 array: name.to_string(),
                 reference: elements[0],
@@ -605,34 +616,34 @@ impl<M: Model> Instance<M> {
     }
 
     /// The same, if it is of the expected type.
-    fn variable(&self, reference: u32, expected: &'static str) -> Result<(Vr, &Variable), Refusal> {
+    fn variable(&self, reference: u32, expected: &'static str) -> Result<(Vr, &Variable), CallError> {
         let (vr, variable) = self.any_variable(reference)?;
         let declared = self.version.type_of(&variable.kind);
         if declared != expected {
-            return Err(Refusal::WrongType { name: variable.name.to_string(), reference, declared });
+            return Err(CallError::WrongType { name: variable.name.to_string(), reference, declared });
         }
         Ok((vr, variable))
     }
 
     /// The variable behind a reference, if the host may set it now.
-    fn settable(&self, reference: u32, expected: &'static str) -> Result<(Vr, &Variable), Refusal> {
+    fn settable(&self, reference: u32, expected: &'static str) -> Result<(Vr, &Variable), CallError> {
         let (vr, variable) = self.variable(reference, expected)?;
-        let before = matches!(self.life, Life::Instantiated | Life::InitializationMode);
+        let before = matches!(self.life, InstanceState::Instantiated | InstanceState::InitializationMode);
         match (variable.causality, variable.variability) {
             (Causality::Input, _) | (Causality::Parameter, Variability::Tunable) => Ok((vr, variable)),
             (Causality::Parameter, _) if before => Ok((vr, variable)),
             (Causality::Parameter, _) => {
-                Err(Refusal::Fixed { name: variable.name.to_string(), life: self.life })
+                Err(CallError::Fixed { name: variable.name.to_string(), life: self.life })
             }
             _ if before && variable.initial == Initial::Exact => Ok((vr, variable)),
-            _ => Err(Refusal::NotSettable { name: variable.name.to_string() }),
+            _ => Err(CallError::NotSettable { name: variable.name.to_string() }),
         }
     }
 
     /// A new state, or the one that `handle` names is written over.
-    pub fn store(&mut self, handle: *mut c_void) -> Result<*mut c_void, Refusal> {
+    pub fn store(&mut self, handle: *mut c_void) -> Result<*mut c_void, CallError> {
         if !handle.is_null() && !self.snapshots.contains_key(&handle.addr()) {
-            return Err(Refusal::ForeignState);
+            return Err(CallError::ForeignState);
         }
         let model = self.life.has_working_model().then(|| {
             let mut bytes = Vec::new();
@@ -665,33 +676,33 @@ impl<M: Model> Instance<M> {
     }
 
     /// Forgets a state.
-    pub fn free_state(&mut self, handle: *mut c_void) -> Outcome {
+    pub fn free_state(&mut self, handle: *mut c_void) -> CallResult {
         match self.snapshots.remove(&handle.addr()) {
-            None if !handle.is_null() => Err(Refusal::ForeignState),
+            None if !handle.is_null() => Err(CallError::ForeignState),
             _ => Ok(Status::Ok),
         }
     }
 
     /// A state's bytes.
-    pub fn serialize(&self, handle: *mut c_void) -> Result<Vec<u8>, Refusal> {
-        let snapshot = self.snapshots.get(&handle.addr()).ok_or(Refusal::ForeignState)?;
+    pub fn serialize(&self, handle: *mut c_void) -> Result<Vec<u8>, CallError> {
+        let snapshot = self.snapshots.get(&handle.addr()).ok_or(CallError::ForeignState)?;
         Ok(snapshot.to_bytes(self.guid))
     }
 
     /// A state from bytes.
-    pub fn deserialize(&mut self, bytes: &[u8]) -> Result<*mut c_void, Refusal> {
+    pub fn deserialize(&mut self, bytes: &[u8]) -> Result<*mut c_void, CallError> {
         let snapshot = Snapshot::from_bytes(bytes, self.guid, &self.declaration.variables)?;
         if let Some(state) = &snapshot.model {
-            M::check(state).map_err(|error| Refusal::StateContent { message: error.to_string() })?;
+            M::check(state).map_err(|error| CallError::StateContent { message: error.to_string() })?;
         }
         Ok(self.keep(snapshot))
     }
 
     /// Takes over a state. A model of other parameters is made anew from those of the state; if that fails, the
     /// instance is as it was.
-    pub fn restore(&mut self, handle: *mut c_void) -> Outcome {
-        let snapshot = self.snapshots.get(&handle.addr()).ok_or(Refusal::ForeignState)?;
-        let refused = |error: ModelError| Refusal::Restore { message: error.to_string() };
+    pub fn restore(&mut self, handle: *mut c_void) -> CallResult {
+        let snapshot = self.snapshots.get(&handle.addr()).ok_or(CallError::ForeignState)?;
+        let refused = |error: ModelError| CallError::Restore { message: error.to_string() };
         let variables = &self.declaration.variables;
         match &snapshot.model {
             None => self.model = M::new(),

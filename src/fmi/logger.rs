@@ -8,16 +8,16 @@
 //! why there is no instance is told in any case.
 
 use super::model::{Log, LogCategory, Severity};
-use super::types::{Environment, Status};
+use super::types::{ComponentEnvironment, Status};
 use std::ffi::{CStr, CString};
 use std::sync::Arc;
 
 /// Tells the host something: the instance's name, status, category, message.
-pub type Listener = Arc<dyn Fn(&CStr, Status, &CStr, &CStr) + Send + Sync>;
+pub type LogListener = Arc<dyn Fn(&CStr, Status, &CStr, &CStr) + Send + Sync>;
 
 /// Pointer that a host wants back with each message.
 #[derive(Clone, Copy)]
-pub struct Kept(Environment);
+pub struct Kept(ComponentEnvironment);
 
 // SAFETY: it is never followed here, only handed back. A host that calls an instance from several threads takes messages
 // on them.
@@ -28,13 +28,13 @@ unsafe impl Sync for Kept {}
 impl Kept {
     /// Keeps it.
     #[must_use]
-    pub fn new(environment: Environment) -> Self {
+    pub fn new(environment: ComponentEnvironment) -> Self {
         Self(environment)
     }
 
     /// For the host's callback.
     #[must_use]
-    pub fn environment(self) -> Environment {
+    pub fn environment(self) -> ComponentEnvironment {
         self.0
     }
 }
@@ -56,7 +56,7 @@ pub const STANDARD_CATEGORIES: [LogCategory; 6] = [
 /// The host's callback, the instance's name and what is switched on.
 #[derive(Clone)]
 pub struct Logger {
-    listener: Option<Listener>,
+    listener: Option<LogListener>,
     name: CString,
     /// Categories whose informative messages are told.
     enabled: Vec<&'static str>,
@@ -67,7 +67,7 @@ pub struct Logger {
 impl Logger {
     /// A logger with debug logging off, which tells warnings and errors.
     #[must_use]
-    pub fn new(listener: Option<Listener>, name: &CStr) -> Self {
+    pub fn new(listener: Option<LogListener>, name: &CStr) -> Self {
         Self { listener, name: name.to_owned(), enabled: Vec::new(), unasked: true }
     }
 

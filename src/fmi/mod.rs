@@ -8,11 +8,12 @@
 //! | file | idea |
 //! |---|---|
 //! | `variable.rs` | what a variable is: causality, variability, unit, range, start |
-//! | `value.rs` | the values of one instance's variables |
+//! | `value.rs` | a value of any FMI type |
+//! | `values.rs` | the values of one instance's variables |
 //! | `model.rs` | the trait that a model fulfils |
-//! | `life.rs` | the states of an instance, and what a table of calls is |
+//! | `instance_state.rs` | the states of an instance, and what a table of calls is |
 //! | `instance.rs` | one instance, and what each call does to it |
-//! | `refusal.rs` | why a call was refused |
+//! | `call_error.rs` | why a call was refused |
 //! | `snapshot.rs` | FMU states, and their form as bytes |
 //! | `logger.rs` | messages to the host |
 //! | `resource.rs` | the `resources/` folder from what hosts pass |
@@ -22,12 +23,12 @@
 //! | `handle.rs` | what a host's pointer points to, and what guards it |
 //! | `v2/`, `v3/` | the C functions of a version, its table of calls, and the macro that exports them |
 
+pub mod call_error;
 mod handle;
 pub mod instance;
-pub mod life;
+pub mod instance_state;
 pub mod logger;
 mod model;
-pub mod refusal;
 pub mod resource;
 mod snapshot;
 mod start;
@@ -35,6 +36,7 @@ pub mod types;
 pub mod v2;
 pub mod v3;
 mod value;
+mod values;
 mod variable;
 mod version;
 
@@ -44,6 +46,7 @@ pub use model::{
 };
 pub use start::{START_FILE, StartError, read_start_file, start_file};
 pub use types::Status;
-pub use value::{BinaryValue, Value, Values};
-pub use variable::{Causality, Initial, Kind, Variability, Variable, Vr};
+pub use value::{BinaryValue, Value};
+pub use values::Values;
+pub use variable::{Causality, Initial, Variability, Variable, VariableKind, Vr};
 pub use version::Version;

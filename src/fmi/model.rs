@@ -1,7 +1,7 @@
 //! The trait that the FMI layer asks of a model. It knows nothing else of vehicles or controllers.
 
-use super::value::Values;
-use super::variable::{Causality, Kind, Variable, Vr};
+use super::values::Values;
+use super::variable::{Causality, Variable, VariableKind, Vr};
 use super::version::Version;
 use std::borrow::Cow;
 use std::path::PathBuf;
@@ -78,7 +78,7 @@ impl Declaration {
     ) {
         let alike = |vr: &Vr| {
             let Variable { causality, kind, .. } = &self.variables[*vr];
-            *causality == Causality::Output && matches!(kind, Kind::Real { .. })
+            *causality == Causality::Output && matches!(kind, VariableKind::Real { .. })
         };
         crate::invariant!(elements.iter().all(alike), "an array is of real outputs");
         self.arrays.push(Array { name: name.into(), description: description.into(), elements });

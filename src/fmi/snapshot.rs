@@ -6,9 +6,9 @@
 //!
 //! All numbers are little-endian; the checksum is FNV-1a (64 bit) over the payload. Reals are stored bit by bit.
 
-use super::life::Life;
-use super::refusal::Refusal;
-use super::value::Values;
+use super::call_error::CallError;
+use super::instance_state::InstanceState;
+use super::values::Values;
 use super::variable::Variable;
 use serde::{Deserialize, Serialize};
 
@@ -18,7 +18,7 @@ const VERSION: u32 = 1;
 /// A stored FMU state.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Snapshot {
-    pub life: Life,
+    pub life: InstanceState,
     pub start_time: f64,
     pub stop_time: Option<f64>,
     /// The communication point, in s.
@@ -44,35 +44,35 @@ impl Snapshot {
     }
 
     /// A state from bytes. Bytes behind the state are left alone (hosts may pad).
-    pub fn from_bytes(bytes: &[u8], guid: &str, variables: &[Variable]) -> Result<Self, Refusal> {
+    pub fn from_bytes(bytes: &[u8], guid: &str, variables: &[Variable]) -> Result<Self, CallError> {
         let mut reader = Reader { bytes, position: 0 };
-        if reader.take(MARK.len()).map_err(|_| Refusal::NotAState)? != MARK {
-            return Err(Refusal::NotAState);
+        if reader.take(MARK.len()).map_err(|_| CallError::NotAState)? != MARK {
+            return Err(CallError::NotAState);
         }
         let found = u32::from_le_bytes(reader.array()?);
         if found != VERSION {
-            return Err(Refusal::StateVersion { found, known: VERSION });
+            return Err(CallError::StateVersion { found, known: VERSION });
         }
         let length = u32::from_le_bytes(reader.array()?) as usize;
         let found = reader.take(length)?;
         if found != guid.as_bytes() {
             let found = String::from_utf8_lossy(found).into_owned();
-            return Err(Refusal::StateOfOtherFmu { found, own: guid.to_owned() });
+            return Err(CallError::StateOfOtherFmu { found, own: guid.to_owned() });
         }
         let length = usize::try_from(u64::from_le_bytes(reader.array()?)).unwrap_or(usize::MAX);
         let sum = u64::from_le_bytes(reader.array()?);
         let payload = reader.take(length)?;
         if checksum(payload) != sum {
-            return Err(Refusal::DamagedState { what: "its checksum is wrong" });
+            return Err(CallError::DamagedState { what: "its checksum is wrong" });
         }
         let snapshot: Self = postcard::from_bytes(payload)
-            .map_err(|_| Refusal::DamagedState { what: "its content cannot be read" })?;
+            .map_err(|_| CallError::DamagedState { what: "its content cannot be read" })?;
         let times = [snapshot.start_time, snapshot.time, snapshot.stop_time.unwrap_or(0.0)];
         if !snapshot.values.fit(variables)
             || times.iter().any(|time| !time.is_finite())
             || snapshot.life.has_working_model() != snapshot.model.is_some()
         {
-            return Err(Refusal::DamagedState { what: "its values do not fit this FMU's variables" });
+            return Err(CallError::DamagedState { what: "its values do not fit this FMU's variables" });
         }
         Ok(snapshot)
     }
@@ -85,17 +85,17 @@ struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    fn take(&mut self, length: usize) -> Result<&'a [u8], Refusal> {
+    fn take(&mut self, length: usize) -> Result<&'a [u8], CallError> {
         let needed = self.position.saturating_add(length);
         let taken = self
             .bytes
             .get(self.position..needed)
-            .ok_or(Refusal::TruncatedState { given: self.bytes.len(), needed })?;
+            .ok_or(CallError::TruncatedState { given: self.bytes.len(), needed })?;
         self.position = needed;
         Ok(taken)
     }
 
-    fn array<const N: usize>(&mut self) -> Result<[u8; N], Refusal> {
+    fn array<const N: usize>(&mut self) -> Result<[u8; N], CallError> {
         let mut array = [0; N];
         array.copy_from_slice(self.take(N)?);
         Ok(array)

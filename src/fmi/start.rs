@@ -11,7 +11,7 @@
 
 use super::model::Declaration;
 use super::value::Value;
-use super::variable::{Causality, Kind, Variable};
+use super::variable::{Causality, Variable, VariableKind};
 use crate::input;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -38,21 +38,23 @@ impl Variable {
     /// A text of another type: the type that was expected.
     pub fn value_of(&self, text: &str) -> Result<Value, String> {
         match &self.kind {
-            Kind::Real { min, max, .. } => {
+            VariableKind::Real { min, max, .. } => {
                 let (low, high) = (min.unwrap_or(f64::NEG_INFINITY), max.unwrap_or(f64::INFINITY));
                 let value = text.parse::<f64>().ok();
                 let value = value.filter(|value| value.is_finite() && (low..=high).contains(value));
                 value.map(Value::Real).ok_or(format!("a number in [{low}, {high}]"))
             }
-            Kind::Integer { min, max, .. } => {
+            VariableKind::Integer { min, max, .. } => {
                 let (low, high) = (min.unwrap_or(i32::MIN), max.unwrap_or(i32::MAX));
                 let value = text.parse::<i32>().ok().filter(|value| (low..=high).contains(value));
                 value.map(Value::Integer).ok_or(format!("an integer in [{low}, {high}]"))
             }
-            Kind::Boolean { .. } => text.parse().map(Value::Boolean).map_err(|_| "true or false".to_owned()),
-            Kind::String { .. } => Ok(Value::String(text.to_owned())),
-            Kind::Binary { .. } => Err("bytes, which only a host sets".to_owned()),
-            Kind::Enumeration { items, .. } => {
+            VariableKind::Boolean { .. } => {
+                text.parse().map(Value::Boolean).map_err(|_| "true or false".to_owned())
+            }
+            VariableKind::String { .. } => Ok(Value::String(text.to_owned())),
+            VariableKind::Binary { .. } => Err("bytes, which only a host sets".to_owned()),
+            VariableKind::Enumeration { items, .. } => {
                 let found = items.iter().find(|(value, name, _)| *name == text || value.to_string() == text);
                 let names: Vec<_> = items.iter().map(|item| item.1).collect();
                 found.map(|item| Value::Integer(item.0)).ok_or(format!("one of {}", names.join(", ")))
@@ -62,12 +64,13 @@ impl Variable {
 
     fn start_with(&mut self, value: Value) {
         match (&mut self.kind, value) {
-            (Kind::Real { start, .. }, Value::Real(value)) => *start = value,
-            (Kind::Integer { start, .. } | Kind::Enumeration { start, .. }, Value::Integer(value)) => {
-                *start = value
-            }
-            (Kind::Boolean { start }, Value::Boolean(value)) => *start = value,
-            (Kind::String { start }, Value::String(value)) => *start = value.into(),
+            (VariableKind::Real { start, .. }, Value::Real(value)) => *start = value,
+            (
+                VariableKind::Integer { start, .. } | VariableKind::Enumeration { start, .. },
+                Value::Integer(value),
+            ) => *start = value,
+            (VariableKind::Boolean { start }, Value::Boolean(value)) => *start = value,
+            (VariableKind::String { start }, Value::String(value)) => *start = value.into(),
             _ => {
                 crate::invariant!(false, "a value of another type than {}", self.name);
             }
@@ -145,10 +148,10 @@ mod tests {
         let values = values.map(|(name, value)| (name.to_owned(), value.to_owned()));
         let declaration = declared_in(&start_file(&values.into())).unwrap();
         let kind = |name: &str| declaration.variables[declaration.find(name).unwrap()].kind.clone();
-        assert!(matches!(kind("variant"), Kind::Enumeration { start: 6, .. }));
-        assert!(matches!(kind("mpc.horizon"), Kind::Integer { start: 20, .. }));
-        assert!(matches!(kind("path_file"), Kind::String { start } if start == "a \"b\".csv"));
-        assert!(matches!(kind("mpc.q_e1"), Kind::Real { start, .. } if start == 2.5));
+        assert!(matches!(kind("variant"), VariableKind::Enumeration { start: 6, .. }));
+        assert!(matches!(kind("mpc.horizon"), VariableKind::Integer { start: 20, .. }));
+        assert!(matches!(kind("path_file"), VariableKind::String { start } if start == "a \"b\".csv"));
+        assert!(matches!(kind("mpc.q_e1"), VariableKind::Real { start, .. } if start == 2.5));
         assert_eq!(declared_in("").unwrap(), RflMpc::declaration());
     }
 

@@ -19,7 +19,7 @@ pub enum Status {
 /// A host's pointer to an instance: `fmi2Component`, `fmi3Instance`.
 pub type Component = *mut c_void;
 /// Pointer that a host gets back with each message.
-pub type Environment = *mut c_void;
+pub type ComponentEnvironment = *mut c_void;
 /// `size_t`.
 pub type Count = usize;
 /// Place for a `size_t`.
@@ -37,9 +37,9 @@ pub type Reals = *const f64;
 /// Place for `double`s.
 pub type RealsOut = *mut f64;
 /// Value references.
-pub type References = *const c_uint;
+pub type ValueReferences = *const c_uint;
 /// A stored FMU state.
-pub type State = *mut c_void;
+pub type FmuState = *mut c_void;
 /// Place of a pointer to a stored FMU state.
 pub type StateOut = *mut *mut c_void;
 /// A serialised FMU state.

@@ -44,7 +44,7 @@ pub enum Initial {
 /// Type of a variable with what the type needs.
 #[derive(Debug, Clone, PartialEq)]
 #[allow(missing_docs)]
-pub enum Kind {
+pub enum VariableKind {
     Real {
         unit: Unit,
         quantity: Option<&'static str>,
@@ -76,16 +76,18 @@ pub enum Kind {
     },
 }
 
-impl Kind {
+impl VariableKind {
     /// The declared start value.
     #[must_use]
     pub fn start(&self) -> Value {
         match self {
-            Kind::Real { start, .. } => Value::Real(*start),
-            Kind::Integer { start, .. } | Kind::Enumeration { start, .. } => Value::Integer(*start),
-            Kind::Boolean { start } => Value::Boolean(*start),
-            Kind::String { start } => Value::String(start.to_string()),
-            Kind::Binary { .. } => Value::Binary(BinaryValue::default()),
+            VariableKind::Real { start, .. } => Value::Real(*start),
+            VariableKind::Integer { start, .. } | VariableKind::Enumeration { start, .. } => {
+                Value::Integer(*start)
+            }
+            VariableKind::Boolean { start } => Value::Boolean(*start),
+            VariableKind::String { start } => Value::String(start.to_string()),
+            VariableKind::Binary { .. } => Value::Binary(BinaryValue::default()),
         }
     }
 }
@@ -99,7 +101,7 @@ pub struct Variable {
     pub causality: Causality,
     pub variability: Variability,
     pub initial: Initial,
-    pub kind: Kind,
+    pub kind: VariableKind,
     /// For outputs: the inputs on which the value at a communication point depends directly (without a step in
     /// between). Empty for models without feedthrough.
     pub depends_on: Vec<Vr>,
@@ -119,13 +121,14 @@ impl Variable {
                 (Variability::Continuous, Initial::Calculated)
             }
         };
-        let kind = Kind::Real { unit, quantity: None, start: 0.0, min: None, max: None, nominal: None };
+        let kind =
+            VariableKind::Real { unit, quantity: None, start: 0.0, min: None, max: None, nominal: None };
         Self { name, description, causality, variability, initial, kind, depends_on: Vec::new() }
     }
 
     fn of_signal(causality: Causality, signal: &Signal) -> Self {
         let mut variable = Self::real(causality, signal.name.into(), signal.unit, signal.meaning.into());
-        if let Kind::Real { quantity, min, max, nominal, .. } = &mut variable.kind {
+        if let VariableKind::Real { quantity, min, max, nominal, .. } = &mut variable.kind {
             *quantity = Some(signal.quantity);
             (*min, *max) = (Some(signal.range.0), Some(signal.range.1));
             *nominal = Some(signal.nominal);
@@ -175,7 +178,7 @@ impl Variable {
     /// A fixed parameter of another type than real (`Kind::Integer`, `Boolean`, `String`, `Enumeration`).
     #[must_use]
     pub fn parameter_of(
-        kind: Kind,
+        kind: VariableKind,
         name: impl Into<Cow<'static, str>>,
         description: impl Into<Cow<'static, str>>,
     ) -> Self {
@@ -193,7 +196,7 @@ impl Variable {
     /// A discrete output of another type than real.
     #[must_use]
     pub fn output_of(
-        kind: Kind,
+        kind: VariableKind,
         name: impl Into<Cow<'static, str>>,
         description: impl Into<Cow<'static, str>>,
     ) -> Self {
@@ -208,7 +211,7 @@ impl Variable {
     /// Sets the start value of a real.
     #[must_use]
     pub fn start(mut self, value: f64) -> Self {
-        if let Kind::Real { start, .. } = &mut self.kind {
+        if let VariableKind::Real { start, .. } = &mut self.kind {
             *start = value;
         }
         self
@@ -217,7 +220,7 @@ impl Variable {
     /// Sets the range of a real; a set call outside it is refused.
     #[must_use]
     pub fn range(mut self, low: f64, high: f64) -> Self {
-        if let Kind::Real { min, max, .. } = &mut self.kind {
+        if let VariableKind::Real { min, max, .. } = &mut self.kind {
             (*min, *max) = (low.is_finite().then_some(low), high.is_finite().then_some(high));
         }
         self

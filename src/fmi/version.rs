@@ -1,6 +1,6 @@
 //! Differences between the versions of FMI in words: one table, so that each message names functions that its host has.
 
-use super::variable::Kind;
+use super::variable::VariableKind;
 use std::fmt;
 
 /// A version of FMI. Shown, it is the number in its functions' names: `format!("fmi{version}DoStep")`.
@@ -37,14 +37,14 @@ pub struct Version {
 impl Version {
     /// The type of a variable, in the names of get and set calls.
     #[must_use]
-    pub fn type_of(&self, kind: &Kind) -> &'static str {
+    pub fn type_of(&self, kind: &VariableKind) -> &'static str {
         match kind {
-            Kind::Real { .. } => self.real,
-            Kind::Integer { .. } => self.integer,
-            Kind::Enumeration { .. } => self.enumeration,
-            Kind::Boolean { .. } => "Boolean",
-            Kind::String { .. } => "String",
-            Kind::Binary { .. } => "Binary",
+            VariableKind::Real { .. } => self.real,
+            VariableKind::Integer { .. } => self.integer,
+            VariableKind::Enumeration { .. } => self.enumeration,
+            VariableKind::Boolean { .. } => "Boolean",
+            VariableKind::String { .. } => "String",
+            VariableKind::Binary { .. } => "Binary",
         }
     }
 

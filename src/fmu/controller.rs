@@ -5,13 +5,13 @@
 
 use super::{failed, vehicle_file_parameter, vehicle_named};
 use crate::control::{
-    Choice, ControlStatus, ControlVariant, ControllerFile, ControllerFor, ControllerParametersFor,
-    ControllerState, Measurement, Propagation, RollOut, Sampler, VehicleParameters,
+    Choice, ControlStatus, ControlVariant, ControlledParameters, ControllerFile, ControllerFor,
+    ControllerParametersFor, ControllerState, Measurement, Propagation, RollOut, Sampler,
 };
 use crate::finite::check_finite;
 use crate::fmi::{
-    Context, Declaration, DefaultExperiment, Kind, Log, LogCategory, Model, ModelError, Severity, Values,
-    Variable, Vr,
+    Context, Declaration, DefaultExperiment, Log, LogCategory, Model, ModelError, Severity, Values, Variable,
+    VariableKind, Vr,
 };
 use crate::input;
 use crate::parameter::{Choices, Parameter, ParameterGroup};
@@ -45,10 +45,10 @@ const PREDICTED: [(&str, &str); 3] =
     [("x", "Predicted x"), ("y", "Predicted y"), ("e1", "Predicted lateral error")];
 
 /// A signal that the controller is told, and where it stands in what it is told.
-pub type Told = (&'static Signal, fn(&mut Measurement) -> &mut f64);
+pub type ControllerInput = (&'static Signal, fn(&mut Measurement) -> &mut f64);
 
 /// Inputs of any controller; a car's has no others.
-pub const TOLD_OF_A_BODY: [Told; 7] = [
+pub const TOLD_OF_A_BODY: [ControllerInput; 7] = [
     (&signal::X, |measured| &mut measured.x),
     (&signal::Y, |measured| &mut measured.y),
     (&signal::YAW, |measured| &mut measured.yaw),
@@ -59,7 +59,7 @@ pub const TOLD_OF_A_BODY: [Told; 7] = [
 ];
 
 /// A group of parameters, whichever it is.
-pub trait Group {
+pub trait ParameterValues {
     /// The declarations, in order.
     fn table(&self) -> &'static [Parameter];
     /// The value at a position of the table.
@@ -68,7 +68,7 @@ pub trait Group {
     fn set(&mut self, index: usize, value: f64);
 }
 
-impl<G: ParameterGroup> Group for G {
+impl<G: ParameterGroup> ParameterValues for G {
     fn table(&self) -> &'static [Parameter] {
         G::table()
     }
@@ -83,7 +83,7 @@ impl<G: ParameterGroup> Group for G {
 }
 
 /// The parameters of a kind of vehicle with `S` states, as its controller's FMU needs them.
-pub trait ControllerUnit<const S: usize>: VehicleParameters<S> + Send + 'static {
+pub trait ControllerUnit<const S: usize>: ControlledParameters<S> + Send + 'static {
     /// FMI `modelName`.
     const NAME: &'static str;
     /// One sentence.
@@ -91,7 +91,7 @@ pub trait ControllerUnit<const S: usize>: VehicleParameters<S> + Send + 'static 
     /// Word for such a vehicle.
     const WHAT: &'static str;
     /// Inputs of the controller.
-    const INPUTS: &'static [Told];
+    const INPUTS: &'static [ControllerInput];
     /// Steps of the prediction that are outputs; longer horizons are allowed.
     const SHOWN: usize;
 
@@ -103,7 +103,7 @@ pub trait ControllerUnit<const S: usize>: VehicleParameters<S> + Send + 'static 
     /// The parameters for a vehicle.
     fn of_file(file: &Self::File) -> ControllerParametersFor<Self>;
     /// The groups that a user sets, in the order of the FMU's variables.
-    fn groups(parameters: &mut ControllerParametersFor<Self>) -> Vec<&mut dyn Group>;
+    fn groups(parameters: &mut ControllerParametersFor<Self>) -> Vec<&mut dyn ParameterValues>;
 }
 
 /// References of the declared variables.
@@ -145,7 +145,7 @@ struct Variables {
 }
 
 /// Declares the numeric parameters of all groups; gives the first.
-fn add_groups(declaration: &mut Declaration, groups: &[&mut dyn Group]) -> Vr {
+fn add_groups(declaration: &mut Declaration, groups: &[&mut dyn ParameterValues]) -> Vr {
     let first = declaration.variables.len();
     for group in groups {
         for (index, parameter) in group.table().iter().enumerate() {
@@ -153,10 +153,10 @@ fn add_groups(declaration: &mut Declaration, groups: &[&mut dyn Group]) -> Vr {
             let start = group.get(index);
             declaration.add(if let Some(Choices { type_name, items }) = choices {
                 let start = start as i32;
-                Variable::parameter_of(Kind::Enumeration { type_name, items, start }, name, meaning)
+                Variable::parameter_of(VariableKind::Enumeration { type_name, items, start }, name, meaning)
             } else if integer {
                 let (start, min, max) = (start as i32, Some(min as i32), Some(max as i32));
-                Variable::parameter_of(Kind::Integer { start, min, max }, name, meaning)
+                Variable::parameter_of(VariableKind::Integer { start, min, max }, name, meaning)
             } else {
                 Variable::parameter(name, unit, start, meaning).range(min, max)
             });
@@ -167,7 +167,12 @@ fn add_groups(declaration: &mut Declaration, groups: &[&mut dyn Group]) -> Vr {
 
 /// Takes over the values that the host has set, or that the FMU was packed with; the others stay as the vehicle file
 /// has them.
-fn read_groups(groups: &mut [&mut dyn Group], defaults: &[&mut dyn Group], first: Vr, values: &Values) {
+fn read_groups(
+    groups: &mut [&mut dyn ParameterValues],
+    defaults: &[&mut dyn ParameterValues],
+    first: Vr,
+    values: &Values,
+) {
     let mut vr = first;
     for (group, default) in groups.iter_mut().zip(defaults) {
         for (index, parameter) in group.table().iter().enumerate() {
@@ -181,7 +186,7 @@ fn read_groups(groups: &mut [&mut dyn Group], defaults: &[&mut dyn Group], first
 }
 
 /// Shows the values in force.
-fn write_groups(groups: &[&mut dyn Group], first: Vr, values: &mut Values) {
+fn write_groups(groups: &[&mut dyn ParameterValues], first: Vr, values: &mut Values) {
     let mut vr = first;
     for group in groups {
         for (index, parameter) in group.table().iter().enumerate() {
@@ -295,27 +300,27 @@ fn declare<U: ControllerUnit<S>, const S: usize>() -> (Declaration, Variables) {
         d.add_array(format!("predicted.{name}"), meaning, predicted.iter().map(|at| at[place]).collect());
     }
     let status = d.add(Variable::output_of(
-        Kind::Enumeration { type_name: "ControlStatus", items: ControlStatus::ITEMS, start: 0 },
+        VariableKind::Enumeration { type_name: "ControlStatus", items: ControlStatus::ITEMS, start: 0 },
         "status",
         "What the newest control step did",
     ));
     let iterations = d.add(Variable::output_of(
-        Kind::Integer { start: 0, min: Some(0), max: None },
+        VariableKind::Integer { start: 0, min: Some(0), max: None },
         "qp.iterations",
         "Iterations of the QP solver in the newest control step; 0 if it found no plan",
     ));
     let finished = d.add(Variable::output_of(
-        Kind::Boolean { start: false },
+        VariableKind::Boolean { start: false },
         "finished",
         "The end of an open path is reached, or a full lap of a closed one is driven",
     ));
     let path_file = d.add(Variable::parameter_of(
-        Kind::String { start: DEFAULT_PATH.into() },
+        VariableKind::String { start: DEFAULT_PATH.into() },
         "path_file",
         "Path to follow: a CSV file, absolute or in the FMU's resources",
     ));
     let vehicle_file = d.add(vehicle_file_parameter::<U::File>(U::WHAT));
-    let variant = Kind::Enumeration {
+    let variant = VariableKind::Enumeration {
         type_name: "Variant",
         items: ControlVariant::ITEMS,
         start: ControlVariant::Adaptive as i32,
@@ -326,18 +331,19 @@ fn declare<U: ControllerUnit<S>, const S: usize>() -> (Declaration, Variables) {
         "What the controller predicts with. Its learned model is resources/residual/VARIANT.rflm, or residual.file",
     ));
     let residual_file = d.add(Variable::parameter_of(
-        Kind::String { start: "".into() },
+        VariableKind::String { start: "".into() },
         "residual.file",
         "Learned model (from rfl train), absolute or in the FMU's resources. With variant none, or not set, the kind of \
          model in the file decides; else it must be the variant's. Empty: the model packed for the variant",
     ));
-    let propagation = Kind::Enumeration { type_name: "Propagation", items: Propagation::ITEMS, start: 0 };
+    let propagation =
+        VariableKind::Enumeration { type_name: "Propagation", items: Propagation::ITEMS, start: 0 };
     let propagation = d.add(Variable::parameter_of(
         propagation,
         "residual.propagation",
         "How the learned residual enters the prediction",
     ));
-    let roll_out = Kind::Enumeration { type_name: "RollOut", items: RollOut::ITEMS, start: 1 };
+    let roll_out = VariableKind::Enumeration { type_name: "RollOut", items: RollOut::ITEMS, start: 1 };
     let roll_out = d.add(Variable::parameter_of(
         roll_out,
         "residual.roll_out",
@@ -345,19 +351,19 @@ fn declare<U: ControllerUnit<S>, const S: usize>() -> (Declaration, Variables) {
     ));
     let parameters = add_groups(d, &U::groups(&mut U::defaults()));
     let controller_file = d.add(Variable::parameter_of(
-        Kind::String { start: "".into() },
+        VariableKind::String { start: "".into() },
         "controller_file",
         "Controller file (TOML, from rfl tune or rfl learn), absolute or in the FMU's resources. Its numbers count more \
          than the vehicle file's; parameters that the host sets itself win over both",
     ));
     let report_warnings = d.add(Variable::parameter_of(
-        Kind::Boolean { start: false },
+        VariableKind::Boolean { start: false },
         "mpc.report_warnings",
         "Whether a call that did its work returns fmiWarning where the log has a warning, and not fmiOK; many hosts \
          end a run at it",
     ));
     let residual_data = d.add_binary(Variable::parameter_of(
-        Kind::Binary { max_size: input::MODEL as usize },
+        VariableKind::Binary { max_size: input::MODEL as usize },
         RESIDUAL_DATA,
         "Learned model as the bytes of its file, instead of residual.file. Empty: that file",
     ));

@@ -16,20 +16,20 @@ mod rfl_mpc;
 mod semi_trailer_truck;
 mod truck_rfl_mpc;
 
-pub use controller::{ControllerFmu, ControllerUnit, DEFAULT_PATH, Group, MODELS, Told};
+pub use controller::{ControllerFmu, ControllerInput, ControllerUnit, DEFAULT_PATH, MODELS, ParameterValues};
 pub use passenger_car::PassengerCar;
-pub use plant::{Known, More, PlantFmu, PlantUnit};
+pub use plant::{ExtraOutput, PlantFmu, PlantUnit, SignalOutput};
 pub use rfl_mpc::RflMpc;
 pub use semi_trailer_truck::SemiTrailerTruck;
 pub use truck_rfl_mpc::TruckRflMpc;
 
-use crate::fmi::{Context, Kind, ModelError, Variable};
+use crate::fmi::{Context, ModelError, Variable, VariableKind};
 use crate::vehicle::VehicleParameters;
 
 /// The parameter by which plant and controller are told the vehicle; `what` people call it.
 fn vehicle_file_parameter<V: VehicleParameters>(what: &str) -> Variable {
     Variable::parameter_of(
-        Kind::String { start: V::BUILTIN[0].into() },
+        VariableKind::String { start: V::BUILTIN[0].into() },
         "vehicle_file",
         format!(
             "The {what}: a vehicle file (TOML), absolute or in the FMU's resources, or a built-in {what} ({}). \

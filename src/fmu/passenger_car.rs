@@ -1,6 +1,6 @@
 //! `PassengerCar`: the nonlinear car as an FMU.
 
-use super::plant::{Known, More, PlantFmu, PlantUnit, delegate};
+use super::plant::{ExtraOutput, PlantFmu, PlantUnit, SignalOutput, delegate};
 use crate::signal::{self, Unit};
 use crate::vehicle::{Car, CarOutput, CarParameters, CarStatus, Effect, Effects};
 
@@ -13,7 +13,7 @@ impl PlantUnit for Car {
                                        steering chain, unmodelled effects; integrated at 1000 Hz";
     const WHAT: &'static str = "car";
 
-    const SIGNALS: &'static [Known<CarOutput>] = &[
+    const SIGNALS: &'static [SignalOutput<CarOutput>] = &[
         (&signal::X, |car| car.x),
         (&signal::Y, |car| car.y),
         (&signal::YAW, |car| car.yaw),
@@ -27,7 +27,7 @@ impl PlantUnit for Car {
         (&signal::PITCH, |car| car.pitch),
     ];
 
-    const MORE: &'static [More<CarOutput>] = &[
+    const MORE: &'static [ExtraOutput<CarOutput>] = &[
         ("roll_rate", Unit::RADIAN_PER_SECOND, "Roll rate of the body", |car| car.roll_rate),
         (
             "road_wheel_angle",

@@ -6,12 +6,12 @@
 
 use super::{failed, vehicle_file_parameter, vehicle_named};
 use crate::fmi::{
-    Context, Declaration, DefaultExperiment, Kind, Log, LogCategory, Model, ModelError, Severity, Values,
-    Variable, Vr,
+    Context, Declaration, DefaultExperiment, Log, LogCategory, Model, ModelError, Severity, Values, Variable,
+    VariableKind, Vr,
 };
 use crate::path::Path;
 use crate::signal::{self, Signal, Unit};
-use crate::vehicle::{Effect, RestoreError, StepError, VehicleInput, VehicleParameters, WheelOutput};
+use crate::vehicle::{Effect, PlantStepError, RestoreError, VehicleInput, VehicleParameters, WheelOutput};
 use std::sync::Arc;
 
 const LOG: &str = "logPlant";
@@ -30,9 +30,9 @@ const OF_WHEELS: &[(&str, Unit, &str, OfWheel)] = &[
 ];
 
 /// An output that is a signal of the vocabulary, and its value.
-pub type Known<O> = (&'static Signal, fn(&O) -> f64);
+pub type SignalOutput<O> = (&'static Signal, fn(&O) -> f64);
 /// An output beyond the vocabulary: name, unit, meaning, value.
-pub type More<O> = (&'static str, Unit, &'static str, fn(&O) -> f64);
+pub type ExtraOutput<O> = (&'static str, Unit, &'static str, fn(&O) -> f64);
 
 /// A kind of vehicle, as its FMU needs it.
 pub trait PlantUnit: Send + Sized + 'static {
@@ -43,9 +43,9 @@ pub trait PlantUnit: Send + Sized + 'static {
     /// Name of such a vehicle for people.
     const WHAT: &'static str;
     /// The outputs that are signals of the vocabulary.
-    const SIGNALS: &'static [Known<Self::Output>];
+    const SIGNALS: &'static [SignalOutput<Self::Output>];
     /// Outputs beyond the vocabulary.
-    const MORE: &'static [More<Self::Output>];
+    const MORE: &'static [ExtraOutput<Self::Output>];
     /// The wheels: name and place.
     const WHEELS: &'static [(&'static str, &'static str)];
     /// Type and values of the status.
@@ -76,13 +76,13 @@ pub trait PlantUnit: Send + Sized + 'static {
     /// Advances by a time in s.
     ///
     /// # Errors
-    /// See [`StepError`].
-    fn step(&mut self, input: &VehicleInput, step: f64) -> Result<(), StepError>;
+    /// See [`PlantStepError`].
+    fn step(&mut self, input: &VehicleInput, step: f64) -> Result<(), PlantStepError>;
     /// The same, but ends where the status changes; gives the time made, in s.
     ///
     /// # Errors
-    /// See [`StepError`].
-    fn step_to_status(&mut self, input: &VehicleInput, step: f64) -> Result<f64, StepError>;
+    /// See [`PlantStepError`].
+    fn step_to_status(&mut self, input: &VehicleInput, step: f64) -> Result<f64, PlantStepError>;
     /// Measurements.
     fn output(&self) -> &Self::Output;
     /// The wheels, in the order of their names.
@@ -168,13 +168,13 @@ fn declare<P: PlantUnit>() -> (Declaration, References) {
             of_wheels,
         );
     }
-    let status = Kind::Enumeration { type_name: P::STATUS.0, items: P::STATUS.1, start: 0 };
+    let status = VariableKind::Enumeration { type_name: P::STATUS.0, items: P::STATUS.1, start: 0 };
     let status =
         d.add(Variable::output_of(status, "status", format!("What the {} does, in one word", P::WHAT)));
 
     let vehicle_file = d.add(vehicle_file_parameter::<P::Parameters>(P::WHAT));
     let road_file = d.add(Variable::parameter_of(
-        Kind::String { start: "".into() },
+        VariableKind::String { start: "".into() },
         "road_file",
         "Road with bank, grade and friction (path CSV), absolute or in resources/; empty: level road",
     ));
@@ -283,7 +283,7 @@ impl<P: PlantUnit> PlantFmu<P> {
         values: &mut Values,
         time: f64,
         log: &mut dyn Log,
-        advance: impl FnOnce(&mut P, &VehicleInput) -> Result<f64, StepError>,
+        advance: impl FnOnce(&mut P, &VehicleInput) -> Result<f64, PlantStepError>,
     ) -> Result<f64, ModelError> {
         let at = &self.references;
         let input =
@@ -292,12 +292,12 @@ impl<P: PlantUnit> PlantFmu<P> {
             return Err(ModelError::Failed(format!("the {} is not initialised", P::WHAT)));
         };
         let made = advance(vehicle, &input).map_err(|error| match error {
-            StepError::InputNotFinite { .. } | StepError::StepLength { .. } => {
+            PlantStepError::InputNotFinite { .. } | PlantStepError::StepLength { .. } => {
                 ModelError::Discard(error.to_string())
             }
-            StepError::RolledOver { .. } | StepError::JackKnifed { .. } | StepError::NotFinite { .. } => {
-                ModelError::Failed(error.to_string())
-            }
+            PlantStepError::RolledOver { .. }
+            | PlantStepError::JackKnifed { .. }
+            | PlantStepError::NotFinite { .. } => ModelError::Failed(error.to_string()),
         })?;
         let output = *vehicle.output();
         Self::write_outputs(at, &output, values);
@@ -445,7 +445,7 @@ macro_rules! delegate {
             &mut self,
             input: &crate::vehicle::VehicleInput,
             step: f64,
-        ) -> Result<(), crate::vehicle::StepError> {
+        ) -> Result<(), crate::vehicle::PlantStepError> {
             self.step(input, step)
         }
 
@@ -453,7 +453,7 @@ macro_rules! delegate {
             &mut self,
             input: &crate::vehicle::VehicleInput,
             step: f64,
-        ) -> Result<f64, crate::vehicle::StepError> {
+        ) -> Result<f64, crate::vehicle::PlantStepError> {
             let before = self.output().status;
             self.step_until(input, step, |output| output.status != before)
         }

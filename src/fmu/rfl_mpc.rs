@@ -1,6 +1,6 @@
 //! `RflMpc`: the car's controller as an FMU.
 
-use super::controller::{ControllerFmu, ControllerUnit, Group, TOLD_OF_A_BODY, Told};
+use super::controller::{ControllerFmu, ControllerInput, ControllerUnit, ParameterValues, TOLD_OF_A_BODY};
 use crate::control::{ControllerParameters, NominalVehicle, SHOWN_HORIZON};
 use crate::nominal::ERRORS;
 use crate::vehicle::CarParameters;
@@ -14,7 +14,7 @@ impl ControllerUnit<ERRORS> for NominalVehicle {
                                        error-state MPC with curvature preview, speed by a plan within acceleration \
                                        limits";
     const WHAT: &'static str = "car";
-    const INPUTS: &'static [Told] = &TOLD_OF_A_BODY;
+    const INPUTS: &'static [ControllerInput] = &TOLD_OF_A_BODY;
     const SHOWN: usize = SHOWN_HORIZON;
 
     type File = CarParameters;
@@ -27,7 +27,7 @@ impl ControllerUnit<ERRORS> for NominalVehicle {
         ControllerParameters::for_car(car)
     }
 
-    fn groups(parameters: &mut ControllerParameters) -> Vec<&mut dyn Group> {
+    fn groups(parameters: &mut ControllerParameters) -> Vec<&mut dyn ParameterValues> {
         let ControllerParameters { vehicle, mpc, speed, longitudinal, observer, actuator, nmpc, guard } =
             parameters;
         vec![vehicle, mpc, speed, longitudinal, observer, actuator, nmpc, guard]

@@ -1,6 +1,6 @@
 //! `SemiTrailerTruck`: the nonlinear tractor and semi-trailer as an FMU.
 
-use super::plant::{Known, More, PlantFmu, PlantUnit, delegate};
+use super::plant::{ExtraOutput, PlantFmu, PlantUnit, SignalOutput, delegate};
 use crate::signal::{self, Unit};
 use crate::vehicle::{Effect, Truck, TruckEffects, TruckOutput, TruckParameters, TruckStatus};
 
@@ -14,7 +14,7 @@ impl PlantUnit for Truck {
                                        effects; integrated at 1000 Hz";
     const WHAT: &'static str = "truck";
 
-    const SIGNALS: &'static [Known<TruckOutput>] = &[
+    const SIGNALS: &'static [SignalOutput<TruckOutput>] = &[
         (&signal::X, |truck| truck.x),
         (&signal::Y, |truck| truck.y),
         (&signal::YAW, |truck| truck.yaw),
@@ -30,7 +30,7 @@ impl PlantUnit for Truck {
         (&signal::ARTICULATION_RATE, |truck| truck.articulation_rate),
     ];
 
-    const MORE: &'static [More<TruckOutput>] = &[
+    const MORE: &'static [ExtraOutput<TruckOutput>] = &[
         ("roll_rate", Unit::RADIAN_PER_SECOND, "Roll rate of the tractor's body", |truck| truck.roll_rate),
         ("trailer.x", Unit::METRE, "East position of the semi-trailer's CG", |truck| truck.trailer.x),
         ("trailer.y", Unit::METRE, "North position of the semi-trailer's CG", |truck| truck.trailer.y),

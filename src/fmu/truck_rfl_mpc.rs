@@ -1,6 +1,6 @@
 //! `TruckRflMpc`: the truck's controller as an FMU.
 
-use super::controller::{ControllerFmu, ControllerUnit, Group, TOLD_OF_A_BODY, Told};
+use super::controller::{ControllerFmu, ControllerInput, ControllerUnit, ParameterValues, TOLD_OF_A_BODY};
 use crate::control::{NominalTruck, TRUCK_STATES, TruckControllerParameters};
 use crate::signal;
 use crate::vehicle::{TruckParameters, VehicleParameters};
@@ -9,7 +9,7 @@ use crate::vehicle::{TruckParameters, VehicleParameters};
 pub type TruckRflMpc = ControllerFmu<NominalTruck, TRUCK_STATES>;
 
 /// Inputs of the controller from the body, and the articulation.
-const TOLD: [Told; TOLD_OF_A_BODY.len() + 2] = {
+const TOLD: [ControllerInput; TOLD_OF_A_BODY.len() + 2] = {
     let [x, y, yaw, vx, vy, yaw_rate, steer] = TOLD_OF_A_BODY;
     [
         x,
@@ -30,7 +30,7 @@ impl ControllerUnit<TRUCK_STATES> for NominalTruck {
                                        steering by an error-state MPC with curvature preview and a bound on the \
                                        articulation, speed and lag error by an MPC of their own";
     const WHAT: &'static str = "truck";
-    const INPUTS: &'static [Told] = &TOLD;
+    const INPUTS: &'static [ControllerInput] = &TOLD;
     const SHOWN: usize = 60;
 
     type File = TruckParameters;
@@ -44,7 +44,7 @@ impl ControllerUnit<TRUCK_STATES> for NominalTruck {
         TruckControllerParameters::for_truck(truck)
     }
 
-    fn groups(parameters: &mut TruckControllerParameters) -> Vec<&mut dyn Group> {
+    fn groups(parameters: &mut TruckControllerParameters) -> Vec<&mut dyn ParameterValues> {
         let TruckControllerParameters { vehicle, mpc, speed, longitudinal, observer, actuator, nmpc, guard } =
             parameters;
         vec![vehicle, mpc, speed, longitudinal, observer, actuator, nmpc, guard]

@@ -6,10 +6,10 @@
 //!     steer = (l + K vx^2) * yaw_rate / vx               (steady cornering, Rajamani ch. 3.3)
 //! ```
 
-use super::clean::{CleanError, CleanLog, STANDING};
-use super::finding::Gravity;
-use super::statistics::{Slope, median, quantile, slope};
-use super::units::{self, ACCELERATIONS, ANGLES, DEGREE, LENGTHS, Shown, Told, Unit, sized};
+use super::clean_log::{CleanError, CleanLog, STANDING};
+use super::finding::FindingSeverity;
+use super::units::{self, ACCELERATIONS, ANGLES, DEGREE, LENGTHS, LogUnit, Shown, UnitConclusion, sized};
+use crate::numerics::statistics::{Slope, median, quantile, slope};
 use crate::path::wrap_angle;
 use crate::vehicle::GRAVITY;
 use std::collections::BTreeMap;
@@ -99,7 +99,7 @@ pub(super) fn mend_units(log: &mut CleanLog, factors: &mut Factors) {
         bend: bend(log).filter(|slope| slope.explained > 0.8).map(|slope| slope.factor),
     };
     match units::told(&shown) {
-        Told::Units(units) => {
+        UnitConclusion::Units(units) => {
             for (unit, columns, by) in [
                 (units.speed, &["vx", "vy"][..], "vx"),
                 (units.position, &["x", "y"], "x"),
@@ -111,20 +111,20 @@ pub(super) fn mend_units(log: &mut CleanLog, factors: &mut Factors) {
                 convert(log, factors, unit, columns, &evidence(by, unit, &shown));
             }
         }
-        Told::Either(one, other) => {
+        UnitConclusion::Either(one, other) => {
             let words = format!(
                 "the columns contradict one another: {}, or {}? Which one cannot be told; convert to SI units (scripts/import_log.py can)",
                 one.words(),
                 other.words()
             );
-            log.find(Gravity::Suspicion, "vx", words);
+            log.find(FindingSeverity::Suspicion, "vx", words);
         }
-        Told::Si => {
+        UnitConclusion::Si => {
             if let Some(way) = way.filter(|way| !(0.7..1.4).contains(way)) {
                 let words = format!(
                     "x and y move {way:.3} times as fast as vx says: one of them has another unit (m and m/s are needed)"
                 );
-                log.find(Gravity::Suspicion, "vx", words);
+                log.find(FindingSeverity::Suspicion, "vx", words);
             }
             // A poor ay in g is one all the same.
             let [_, g] = sized(ACCELERATIONS);
@@ -139,7 +139,7 @@ pub(super) fn mend_units(log: &mut CleanLog, factors: &mut Factors) {
 }
 
 /// Evidence for a column's unit, in words.
-fn evidence(column: &str, (_, unit): Unit, shown: &Shown) -> String {
+fn evidence(column: &str, (_, unit): LogUnit, shown: &Shown) -> String {
     match column {
         "vx" => {
             let by = match shown {
@@ -159,7 +159,7 @@ fn evidence(column: &str, (_, unit): Unit, shown: &Shown) -> String {
 }
 
 /// Brings columns from a unit to SI, the first of them named; nothing where it is SI.
-fn convert(log: &mut CleanLog, factors: &mut Factors, unit: Unit, columns: &[&'static str], why: &str) {
+fn convert(log: &mut CleanLog, factors: &mut Factors, unit: LogUnit, columns: &[&'static str], why: &str) {
     let (name, size) = unit;
     if size == 1.0 {
         return;
@@ -174,7 +174,7 @@ fn convert(log: &mut CleanLog, factors: &mut Factors, unit: Unit, columns: &[&'s
     let others: Vec<&str> = there.into_iter().filter(|other| *other != column).collect();
     let with = if others.is_empty() { String::new() } else { format!(" ({} with it)", others.join(", ")) };
     let si = crate::signal::find(column).map_or("SI units", |signal| signal.unit.symbol);
-    log.find(Gravity::Warning, column, format!("{why}: taken as {name} and converted to {si}{with}"));
+    log.find(FindingSeverity::Warning, column, format!("{why}: taken as {name} and converted to {si}{with}"));
 }
 
 fn scale(log: &mut CleanLog, factors: &mut Factors, name: &'static str, factor: f64) {
@@ -251,7 +251,8 @@ fn errors(log: &CleanLog) -> Errors {
 /// Errors to the path in foreign units: converted.
 fn mend_errors(log: &mut CleanLog, factors: &mut Factors) {
     let (degrees, lengths) = (sized(ANGLES), sized(LENGTHS));
-    let tell = |factor: Option<f64>, units: &[Unit]| factor.and_then(|factor| units::foreign(factor, units));
+    let tell =
+        |factor: Option<f64>, units: &[LogUnit]| factor.and_then(|factor| units::foreign(factor, units));
     if let Some(unit) = tell(errors(log).turn, &degrees) {
         convert(log, factors, unit, &["e2_rate"], "e2_rate is 57 times what yaw_rate and curvature tell");
     }
@@ -364,7 +365,7 @@ fn mend_angles(log: &mut CleanLog, factors: &mut Factors) {
                 "{column} is up to {angle:.1}, as no angle in radians is, and is left out; give it in radians"
             );
             log.columns.remove(column);
-            log.find(Gravity::Warning, column, words);
+            log.find(FindingSeverity::Warning, column, words);
         }
     }
 }
@@ -441,7 +442,7 @@ pub(super) fn mend_steering(log: &mut CleanLog, factors: &mut Factors, steering:
             let words = format!(
                 "{column} is {factor:.0} times what the turns need: taken as degrees and converted to radians"
             );
-            log.find(Gravity::Warning, column, words);
+            log.find(FindingSeverity::Warning, column, words);
         }
     }
 }
@@ -472,7 +473,7 @@ pub(super) fn check(log: &mut CleanLog, steering: &dyn Fn(f64) -> f64) -> Result
             Some(factor) if factor > 400.0 => return Err(CleanError::SteeringWheel { column, ratio: factor * DEGREE, degrees: true }),
             Some(factor) if factor > 6.0 => return Err(CleanError::SteeringWheel { column, ratio: factor, degrees: false }),
             Some(factor) if !PLAUSIBLE.contains(&factor) && (log.commanded || column == "steer") => log.find(
-                Gravity::Suspicion,
+                FindingSeverity::Suspicion,
                 column,
                 format!(
                     "{column} is {factor:.2} times what this vehicle would need for the turns of the log: another vehicle, another speed unit, or a wrong steering ratio"
@@ -484,17 +485,17 @@ pub(super) fn check(log: &mut CleanLog, steering: &dyn Fn(f64) -> f64) -> Result
     if let Some(factor) = turn.filter(|factor| !(0.7..1.4).contains(factor)) {
         let words =
             format!("yaw changes {factor:.2} times as fast as yaw_rate says: one of them has another unit");
-        log.find(Gravity::Suspicion, "yaw", words);
+        log.find(FindingSeverity::Suspicion, "yaw", words);
     }
     if let Some(factor) = lateral.filter(|factor| !(0.4..2.5).contains(factor)) {
         let words = format!("ay is {factor:.2} times vx * yaw_rate: its unit, or that of vx, is another one");
-        log.find(Gravity::Suspicion, "ay", words);
+        log.find(FindingSeverity::Suspicion, "ay", words);
     }
     if course.is_some() && apart.abs() > 0.3 {
         let words = format!(
             "the course of x, y is {apart:+.2} rad off yaw: yaw is measured from another axis; give it from the x axis, counter-clockwise"
         );
-        log.find(Gravity::Suspicion, "yaw", words);
+        log.find(FindingSeverity::Suspicion, "yaw", words);
     }
     Ok(())
 }

@@ -4,104 +4,21 @@
 //! are refused, or left as they are and reported as suspect; no answer from a suspect log is to be trusted.
 
 use super::agreement::{self, Factors};
-use super::clock::{self, Clock, LEAST_LENGTH};
-use super::finding::{Finding, Gravity};
+use super::clean_log::{CleanError, CleanLog, LEAST_LENGTH, STANDING, UnusableLog};
+use super::clock::{self, Clock};
+use super::finding::{Finding, FindingSeverity};
 use super::join::JUMP;
 use super::outliers;
 use super::read::DriveLog;
-use super::resample::{Between, resample};
-use super::statistics::quantile;
+use super::resample::{between, resample};
 use super::units::DEGREE;
+use crate::numerics::statistics::quantile;
 use std::collections::BTreeMap;
-use std::path::PathBuf;
 
-/// Speed below which a vehicle stands, for its dynamics, m/s.
-pub(super) const STANDING: f64 = 2.0;
 /// Time that the simulator needs after a gap to catch up with the vehicle, s.
 const SETTLING: f64 = 1.0;
 /// Range of a steering that counts as none, rad.
 const HARDLY_STEERED: f64 = 2e-3;
-
-/// A log on an even clock, mended.
-#[derive(Debug, Clone, PartialEq)]
-pub struct CleanLog {
-    /// Sample time, s: the log's own median step; rates above 100 Hz are brought down to 100 Hz.
-    pub step: f64,
-    /// Time of each row, s.
-    pub time: Vec<f64>,
-    /// Columns by signal. `steer_cmd` is always there: `steer` replaces it if the log had none, see `commanded`.
-    pub columns: BTreeMap<&'static str, Vec<f64>>,
-    /// True if `steer_cmd` is really the command.
-    pub commanded: bool,
-    /// False for a row that was interpolated over a gap, is at standstill or must not be scored for another reason.
-    pub valid: Vec<bool>,
-    /// Findings and repairs, the gravest first.
-    pub findings: Vec<Finding>,
-}
-
-/// An unusable log, with the reason.
-#[derive(Debug, thiserror::Error)]
-#[error("{}: {cause}", file.display())]
-pub struct UnusableLog {
-    /// The log.
-    pub file: PathBuf,
-    /// Fault, and advice.
-    #[source]
-    pub cause: CleanError,
-}
-
-/// Reasons for which nothing can be computed from a log.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)]
-pub enum CleanError {
-    #[error(
-        "column '{column}' is missing; a log to diagnose needs time, steer_cmd (or steer), vx and yaw_rate"
-    )]
-    Missing { column: &'static str },
-    #[error("the log has {rows} rows with a time; a drive of at least {LEAST_LENGTH} s is needed")]
-    NoRows { rows: usize },
-    #[error("the drive is {length:.2} s long ({rows} rows); at least {least} s are needed")]
-    TooShort { length: f64, rows: usize, least: f64 },
-    #[error(
-        "{rate:.2} rows a second: steering cannot be seen below {least}; record with 20 or more, and give time in seconds"
-    )]
-    TooSlow { rate: f64, least: f64 },
-    #[error("column '{column}' holds a value in {share:.0} % of the time only; at least half is needed")]
-    Sparse { column: &'static str, share: f64 },
-    #[error(
-        "the vehicle drives faster than {STANDING} m/s for {moving:.1} s only; at least {LEAST_LENGTH} s are needed. Is vx \
-         in m/s?"
-    )]
-    Standing { moving: f64 },
-    #[error("{words}; nothing is to be learned from it before that is cleared up")]
-    Suspect { words: String },
-    #[error("{column} {words}: one of the two has another unit")]
-    Contradicts { column: &'static str, words: String },
-    #[error(
-        "{column} = {value:e} in row {row}{}: that is no measurement in any unit, and the file is damaged; correct the \
-         value, or leave the field empty if there was none",
-        if *count > 1 { format!(", and {} more such values", count - 1) } else { String::new() }
-    )]
-    Absurd { column: &'static str, row: usize, value: f64, count: usize },
-    #[error(
-        "{column} = {value:.4} in row {row}, and as impossible in {count} rows: no road vehicle does that; check the unit \
-         of {column} (SI units and radians are needed)"
-    )]
-    Impossible { column: &'static str, row: usize, value: f64, count: usize },
-    #[error(
-        "{column} has the opposite sign of {against}{}; steering, yaw, yaw_rate and ay are all positive to the left: turn \
-         the sign of {column} (scripts/import_log.py can)",
-        if *tied { " (which of the two is wrong cannot be told from this log)" } else { ", and the other columns agree" }
-    )]
-    Sign { column: &'static str, against: &'static str, tied: bool },
-    #[error(
-        "{column} is a steering-wheel angle{}: {ratio:.1} times the road-wheel angle that the turns need; divide it by \
-         the steering ratio{} (scripts/import_log.py can)",
-        if *degrees { " in degrees" } else { "" },
-        if *degrees { " and convert it to radians" } else { "" }
-    )]
-    SteeringWheel { column: &'static str, ratio: f64, degrees: bool },
-}
 
 impl CleanLog {
     /// Cleans a log. `steering` is the road-wheel angle, rad, of the vehicle for each 1/m of curvature in steady
@@ -111,17 +28,6 @@ impl CleanLog {
     /// Missing columns, and faults beyond repair.
     pub fn of(log: &DriveLog, steering: &dyn Fn(f64) -> f64) -> Result<Self, UnusableLog> {
         clean(log, steering).map_err(|cause| UnusableLog { file: log.file.clone(), cause })
-    }
-
-    /// Notes a finding about a column.
-    pub(super) fn find(&mut self, gravity: Gravity, column: &str, words: String) {
-        self.findings.push(Finding::new(gravity, Some(column), words));
-    }
-
-    /// A finding that makes the log suspect, so that no answer from it is to be trusted.
-    #[must_use]
-    pub fn suspect(&self) -> Option<&Finding> {
-        self.findings.iter().find(|finding| finding.gravity == Gravity::Suspicion)
     }
 }
 
@@ -146,14 +52,14 @@ fn clean(log: &DriveLog, steering: &dyn Fn(f64) -> f64) -> Result<CleanLog, Clea
 }
 
 /// Columns of a log by name, on the rows of the file.
-pub(super) type Columns = BTreeMap<&'static str, Vec<f64>>;
+pub(super) type LogColumns = BTreeMap<&'static str, Vec<f64>>;
 
 /// The one check of a log, for every use. `turning`: the yaw rate is needed.
 ///
 /// # Errors
 /// Missing columns, and faults beyond repair.
 pub(super) fn check(
-    log: &Columns,
+    log: &LogColumns,
     turning: bool,
     steering: &dyn Fn(f64) -> f64,
 ) -> Result<Checked, CleanError> {
@@ -182,13 +88,17 @@ pub(super) fn check(
     signs?;
     let errors = errors.err();
     if let Some(error) = &errors {
-        log.find(Gravity::Warning, "e1", format!("{error}; a diagnosis does not ask the errors to the path"));
+        log.find(
+            FindingSeverity::Warning,
+            "e1",
+            format!("{error}; a diagnosis does not ask the errors to the path"),
+        );
     }
     if !commanded {
         let steer = log.columns["steer"].clone();
         log.columns.insert("steer_cmd", steer);
         let words = "there is no steer_cmd: the measured angle steer stands in, and nothing between command and sensor can be seen";
-        log.find(Gravity::Note, "steer_cmd", words.into());
+        log.find(FindingSeverity::Note, "steer_cmd", words.into());
     }
     describe(&mut log);
     log.findings.sort_by_key(|finding| std::cmp::Reverse(finding.gravity));
@@ -206,7 +116,7 @@ struct Read {
 impl Read {
     /// Reads the columns without the values of `wrong`, rows of the file.
     fn of(
-        log: &Columns,
+        log: &LogColumns,
         commanded: bool,
         wrong: BTreeMap<&'static str, Vec<usize>>,
         steering: &dyn Fn(f64) -> f64,
@@ -222,7 +132,7 @@ impl Read {
                 "{}: no road vehicle does that; left out, like missing values",
                 outliers::listed(name, &values)
             );
-            findings.push(Finding::new(Gravity::Warning, Some(name), words));
+            findings.push(Finding::new(FindingSeverity::Warning, Some(name), words));
         }
         outliers::stamps(&mut stamps, &mut findings);
         let drives = read_drives(&stamps, &columns, &mut findings)?;
@@ -288,7 +198,7 @@ fn read_drives(
             spans.len(),
             drives.len()
         );
-        findings.push(Finding::new(Gravity::Warning, Some("time"), words));
+        findings.push(Finding::new(FindingSeverity::Warning, Some("time"), words));
     }
     match first_error {
         Some(error) if drives.is_empty() => Err(error),
@@ -303,7 +213,7 @@ const BOUNDED: [&str; 10] = ["steer_cmd", "steer", "x", "y", "yaw", "vx", "vy", 
 ///
 /// # Errors
 /// Too many impossible values for glitches in a needed column.
-fn impossible(log: &Columns, read: &Read) -> Result<BTreeMap<&'static str, Vec<usize>>, CleanError> {
+fn impossible(log: &LogColumns, read: &Read) -> Result<BTreeMap<&'static str, Vec<usize>>, CleanError> {
     let mut all = BTreeMap::new();
     for (&name, values) in log.iter().filter(|(name, _)| BOUNDED.contains(name)) {
         let factor = read.factors.get(name).copied().unwrap_or(1.0);
@@ -389,7 +299,7 @@ fn mend_turning(
             column.iter_mut().for_each(|value| *value *= DEGREE);
         }
         let words = format!("{why}: {name} was taken as degrees and converted to radians");
-        findings.push(Finding::new(Gravity::Warning, Some(name), words));
+        findings.push(Finding::new(FindingSeverity::Warning, Some(name), words));
     };
     if !columns.contains_key("yaw_rate") {
         return;
@@ -419,15 +329,8 @@ fn mend_turning(
         last = *yaw;
     }
     if wraps > 0 {
-        findings.push(Finding::new(Gravity::Note, Some("yaw"), "yaw wraps; it was made continuous"));
+        findings.push(Finding::new(FindingSeverity::Note, Some("yaw"), "yaw wraps; it was made continuous"));
     }
-}
-
-/// Columns that jump: values between two of theirs are meaningless.
-const JUMPING: [&str; 2] = ["station", "e2"];
-/// Interpolation of a column between its samples.
-pub(super) fn between(column: &str) -> Between {
-    if JUMPING.contains(&column) { Between::Hold } else { Between::Line }
 }
 
 /// Signals without which nothing can be compared.
@@ -479,13 +382,13 @@ fn on_even_clock(
                 return Err(CleanError::Sparse { column: name, share });
             }
             let words = format!("{name} holds a value in {share:.0} % of the time only, and is left out");
-            log.find(Gravity::Warning, name, words);
+            log.find(FindingSeverity::Warning, name, words);
             continue;
         };
         let constant = resampled.values.iter().all(|value| *value == resampled.values[0]);
         if constant && !needed && !MAY_REST.contains(&name) {
             log.find(
-                Gravity::Warning,
+                FindingSeverity::Warning,
                 name,
                 format!("{name} never changes, and is left out: is its sensor connected?"),
             );
@@ -493,7 +396,7 @@ fn on_even_clock(
         }
         if missing > 0 {
             let seconds = guessed as f64 * clock.step;
-            let gravity = if seconds > 0.0 { Gravity::Warning } else { Gravity::Note };
+            let gravity = if seconds > 0.0 { FindingSeverity::Warning } else { FindingSeverity::Note };
             let words = format!(
                 "{missing} of {} values of {name} are missing or not finite; {seconds:.2} s lie in longer holes and are not judged",
                 values.len()
@@ -529,7 +432,7 @@ fn leave_out_standing(log: &mut CleanLog) -> Result<(), CleanError> {
             "for {:.1} s the vehicle stands, creeps or rolls back (below {STANDING} m/s): not judged",
             log.step * standing as f64
         );
-        log.find(Gravity::Note, "vx", words);
+        log.find(FindingSeverity::Note, "vx", words);
     }
     Ok(())
 }
@@ -555,10 +458,10 @@ fn describe(log: &mut CleanLog) {
     );
     let noisy = noises(log);
     let hardly = range[1] - range[0] < HARDLY_STEERED;
-    log.findings.push(Finding::new(Gravity::Note, None, words));
+    log.findings.push(Finding::new(FindingSeverity::Note, None, words));
     if !noisy.is_empty() {
         log.findings.push(Finding::new(
-            Gravity::Note,
+            FindingSeverity::Note,
             None,
             format!("noise from row to row: {}", noisy.join(", ")),
         ));
@@ -568,10 +471,14 @@ fn describe(log: &mut CleanLog) {
             "hardly steered: within {:.4} rad all the time; effects that show in turns cannot be seen",
             range[1] - range[0]
         );
-        log.find(Gravity::Warning, "steer_cmd", words);
+        log.find(FindingSeverity::Warning, "steer_cmd", words);
     }
     if !rate.is_empty() && rate.iter().all(|value| *value == rate[0]) {
-        log.find(Gravity::Suspicion, "yaw_rate", "yaw_rate never changes: is its sensor connected?".into());
+        log.find(
+            FindingSeverity::Suspicion,
+            "yaw_rate",
+            "yaw_rate never changes: is its sensor connected?".into(),
+        );
     }
 }
 

@@ -1,8 +1,8 @@
 //! A log's clock: its unit, the order of its rows, and their even clock.
 
-use super::clean::CleanError;
-use super::finding::{Finding, Gravity};
-use super::statistics::median;
+use super::clean_log::{CleanError, LEAST_LENGTH};
+use super::finding::{Finding, FindingSeverity};
+use crate::numerics::statistics::median;
 use std::ops::Range;
 
 /// Fewest samples a second in which steering can be seen.
@@ -11,8 +11,6 @@ const SLOWEST: f64 = 6.0;
 const SLOW: f64 = 20.0;
 /// Largest useful number of samples a second: the rows are reduced to it.
 pub(super) const FASTEST: f64 = 100.0;
-/// Least length of a log, s.
-pub(super) const LEAST_LENGTH: f64 = 10.0;
 /// A longer gap ends a drive, s.
 const LONGEST_GAP: f64 = 10.0;
 /// Number of steps without a row that is a gap.
@@ -49,7 +47,10 @@ pub(super) fn read(
     let mut rows: Vec<usize> = (0..stamps.len()).filter(|&row| stamps[row].is_finite()).collect();
     if rows.len() < stamps.len() {
         let count = stamps.len() - rows.len();
-        found(Gravity::Warning, format!("{count} of {} rows have no time and are left out", stamps.len()));
+        found(
+            FindingSeverity::Warning,
+            format!("{count} of {} rows have no time and are left out", stamps.len()),
+        );
     }
     if rows.len() < 2 {
         return Err(CleanError::NoRows { rows: stamps.len() });
@@ -58,13 +59,16 @@ pub(super) fn read(
     let before = rows.len();
     rows.dedup_by(|next, row| stamps[*next] == stamps[*row] && same(*row, *next));
     if rows.len() < before {
-        found(Gravity::Note, format!("{} rows stand twice; one of each is left", before - rows.len()));
+        found(
+            FindingSeverity::Note,
+            format!("{} rows stand twice; one of each is left", before - rows.len()),
+        );
     }
     let factor = unit(stamps, &rows, way);
     if factor < 1.0 {
         let unit =
             ["milliseconds", "microseconds", "nanoseconds"][(-factor.log10() / 3.0).round() as usize - 1];
-        found(Gravity::Warning, format!("the clock counts {unit}; it was converted to seconds"));
+        found(FindingSeverity::Warning, format!("the clock counts {unit}; it was converted to seconds"));
     }
     let mut time: Vec<f64> = rows.iter().map(|&row| stamps[row] * factor).collect();
     spread(&mut time, &mut found);
@@ -82,7 +86,7 @@ pub(super) fn read(
     if 1.0 / typical < SLOW {
         let rate = 1.0 / typical;
         found(
-            Gravity::Warning,
+            FindingSeverity::Warning,
             format!(
                 "{rate:.1} rows a second: effects of the actuator are hard to tell apart below {SLOW:.0}"
             ),
@@ -94,14 +98,14 @@ pub(super) fn read(
     if !gaps.is_empty() {
         let longest = gaps.iter().fold(0.0_f64, |a, b| a.max(*b));
         found(
-            Gravity::Warning,
+            FindingSeverity::Warning,
             format!("{} gaps, the longest of {longest:.2} s: nothing is judged inside them", gaps.len()),
         );
     }
     let mut step = (typical * 1e6).round() / 1e6;
     if step < 0.999 / FASTEST {
         found(
-            Gravity::Note,
+            FindingSeverity::Note,
             format!("{:.0} rows a second are brought down to {FASTEST:.0} by averaging", 1.0 / typical),
         );
         step = 1.0 / FASTEST;
@@ -110,11 +114,11 @@ pub(super) fn read(
 }
 
 /// Sorts the rows by time.
-fn put_in_order(stamps: &[f64], rows: &mut [usize], found: &mut impl FnMut(Gravity, String)) {
+fn put_in_order(stamps: &[f64], rows: &mut [usize], found: &mut impl FnMut(FindingSeverity, String)) {
     let back = (1..rows.len()).filter(|&i| stamps[rows[i]] < stamps[rows[i - 1]]).count();
     if back > 0 {
         rows.sort_by(|a, b| stamps[*a].total_cmp(&stamps[*b]));
-        found(Gravity::Warning, format!("{back} rows were out of order in time and were sorted"));
+        found(FindingSeverity::Warning, format!("{back} rows were out of order in time and were sorted"));
     }
 }
 
@@ -173,7 +177,7 @@ fn unit(stamps: &[f64], rows: &[usize], way: Option<f64>) -> f64 {
 }
 
 /// Rows with the same stamp are spread up to the next stamp.
-fn spread(time: &mut [f64], found: &mut impl FnMut(Gravity, String)) {
+fn spread(time: &mut [f64], found: &mut impl FnMut(FindingSeverity, String)) {
     let typical = typical_step(time).unwrap_or(0.0);
     let (mut from, mut count) = (0, 0);
     while from < time.len() {
@@ -191,7 +195,7 @@ fn spread(time: &mut [f64], found: &mut impl FnMut(Gravity, String)) {
     }
     if count > 0 {
         // A few in a long log are a recorder's habit.
-        let gravity = if 100 * count > time.len() { Gravity::Warning } else { Gravity::Note };
+        let gravity = if 100 * count > time.len() { FindingSeverity::Warning } else { FindingSeverity::Note };
         found(
             gravity,
             format!("{count} rows repeat the time of the row before; they were spread up to the next time"),
@@ -200,13 +204,17 @@ fn spread(time: &mut [f64], found: &mut impl FnMut(Gravity, String)) {
 }
 
 /// Leaves only the longest stretch without a very long gap.
-fn longest_drive(rows: &mut Vec<usize>, time: &mut Vec<f64>, found: &mut impl FnMut(Gravity, String)) {
+fn longest_drive(
+    rows: &mut Vec<usize>,
+    time: &mut Vec<f64>,
+    found: &mut impl FnMut(FindingSeverity, String),
+) {
     let breaks = (1..time.len()).filter(|&i| time[i] - time[i - 1] > LONGEST_GAP);
     let edges: Vec<usize> = [0].into_iter().chain(breaks).chain([time.len()]).collect();
     let Some(&[from, to]) = edges.windows(2).max_by_key(|pair| pair[1] - pair[0]) else { return };
     if edges.len() > 2 {
         found(
-            Gravity::Warning,
+            FindingSeverity::Warning,
             format!(
                 "{} gaps of more than {LONGEST_GAP} s; only the longest drive between them is used, {:.1} s to {:.1} s",
                 edges.len() - 2,
@@ -230,7 +238,7 @@ fn typical_step(time: &[f64]) -> Option<f64> {
 }
 
 /// Treats uneven stamps as late ones if the rows themselves come evenly.
-fn straighten(time: &mut [f64], step: f64, found: &mut impl FnMut(Gravity, String)) {
+fn straighten(time: &mut [f64], step: f64, found: &mut impl FnMut(FindingSeverity, String)) {
     let steps: Vec<f64> =
         time.windows(2).map(|pair| pair[1] - pair[0]).filter(|between| *between < GAP_STEPS * step).collect();
     let spread = (steps.iter().map(|between| (between - step).powi(2)).sum::<f64>()
@@ -251,14 +259,14 @@ fn straighten(time: &mut [f64], step: f64, found: &mut impl FnMut(Gravity, Strin
     if farthest < LATE_STEPS * step {
         (0..time.len()).for_each(|i| time[i] = even(i));
         found(
-            Gravity::Note,
+            FindingSeverity::Note,
             format!(
                 "the stamps jitter by {percent:.0} % of a step around an even clock; the even clock was taken"
             ),
         );
     } else {
         found(
-            Gravity::Warning,
+            FindingSeverity::Warning,
             format!(
                 "the time between rows varies by {percent:.0} % (standard deviation); values are interpolated to an even clock, and small delays are uncertain by that"
             ),

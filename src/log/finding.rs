@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 /// Gravity of a finding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Gravity {
+pub enum FindingSeverity {
     /// Worth knowing.
     Note,
     /// Mended or left out, and the answer may be weaker for it.
@@ -18,7 +18,7 @@ pub enum Gravity {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Finding {
     /// Its gravity.
-    pub gravity: Gravity,
+    pub gravity: FindingSeverity,
     /// The column, if it is about one.
     pub signal: Option<String>,
     /// Fault and advice, in words.
@@ -27,7 +27,7 @@ pub struct Finding {
 
 impl Finding {
     /// A finding about the log, or about one column.
-    pub(super) fn new(gravity: Gravity, signal: Option<&str>, words: impl Into<String>) -> Self {
+    pub(super) fn new(gravity: FindingSeverity, signal: Option<&str>, words: impl Into<String>) -> Self {
         Self { gravity, signal: signal.map(str::to_owned), words: words.into() }
     }
 }

@@ -4,9 +4,9 @@
 //! belongs beside the log for which it was proposed. More of the same adds little, as the model's form is wrong in the
 //! same way again.
 
-use super::clean::{CleanLog, between};
-use super::finding::{Finding, Gravity};
-use super::resample::resample;
+use super::clean_log::CleanLog;
+use super::finding::{Finding, FindingSeverity};
+use super::resample::{between, resample};
 use std::collections::BTreeSet;
 
 /// The clock jumps by so much between two logs, s: a replay starts anew after a jump.
@@ -52,7 +52,7 @@ impl CleanLog {
             if let Some((file, _)) = logs.iter().find(|(_, log)| !log.columns.contains_key(name)) {
                 whole.columns.remove(name);
                 let words = format!("{name} is not in {file}, and is left out of all logs");
-                whole.find(Gravity::Warning, name, words);
+                whole.find(FindingSeverity::Warning, name, words);
             }
         }
         for (file, log) in logs {
@@ -78,7 +78,7 @@ impl CleanLog {
 fn together(logs: &[(String, CleanLog)]) -> Finding {
     let each = logs.iter().map(|(file, log)| format!("{file} ({:.0} s)", log.time.len() as f64 * log.step));
     let words = format!("{} logs are taken as one: {}", logs.len(), each.collect::<Vec<_>>().join(", "));
-    Finding::new(Gravity::Note, None, words)
+    Finding::new(FindingSeverity::Note, None, words)
 }
 
 /// A log on a slower clock.

@@ -4,9 +4,10 @@
 //! the same way.
 
 use super::agreement::turn_factor;
-use super::clean::{CleanError, Columns, UnusableLog, check};
+use super::clean::{LogColumns, check};
+use super::clean_log::{CleanError, UnusableLog};
 use super::clock::Clock;
-use super::finding::Gravity;
+use super::finding::FindingSeverity;
 use super::read::{DriveLog, LogError};
 use super::road::{FAR, follow};
 use crate::path::Path;
@@ -38,12 +39,12 @@ pub enum LearnError {
 }
 
 /// Columns of a log, checked.
-struct Rows {
+struct CheckedRows {
     file: PathBuf,
-    columns: Columns,
+    columns: LogColumns,
 }
 
-impl Rows {
+impl CheckedRows {
     fn column(&self, name: &str) -> Option<&[f64]> {
         self.columns.get(name).map(Vec::as_slice)
     }
@@ -66,7 +67,7 @@ pub fn drives_of(
     note: &mut dyn FnMut(String),
 ) -> Result<Vec<Drive>, LearnError> {
     let file = &log.file;
-    let columns: Columns = log.columns().map(|(name, values)| (name, values.to_vec())).collect();
+    let columns: LogColumns = log.columns().map(|(name, values)| (name, values.to_vec())).collect();
     let checked = match check(&columns, false, steering) {
         Ok(checked) => checked,
         Err(CleanError::Missing { column }) => {
@@ -82,7 +83,7 @@ pub fn drives_of(
         return Err(UnusableLog { file: file.clone(), cause }.into());
     }
     log.notes.iter().for_each(|words| note(format!("{}: {words}", file.display())));
-    for finding in checked.log.findings.iter().filter(|finding| finding.gravity > Gravity::Note) {
+    for finding in checked.log.findings.iter().filter(|finding| finding.gravity > FindingSeverity::Note) {
         note(format!("{}: {}", file.display(), finding.words));
     }
     let mut columns = columns;
@@ -98,15 +99,16 @@ pub fn drives_of(
         let stamps: Vec<f64> = stamps.iter().copied().filter(|stamp| stamp.is_finite()).collect();
         stamps.windows(2).all(|pair| pair[0] < pair[1])
     };
-    let road =
-        |note: &mut dyn FnMut(String), columns| drive_of(&Rows { file: file.clone(), columns }, road, note);
+    let road = |note: &mut dyn FnMut(String), columns| {
+        drive_of(&CheckedRows { file: file.clone(), columns }, road, note)
+    };
     match &checked.drives[..] {
         // Gaps are dealt with where windows are laid.
         [one] if one.factor == 1.0 && in_order(&columns["time"]) => Ok(vec![road(note, columns)?]),
         drives => {
             let part = |(i, drive): (usize, &Clock)| {
                 let of = |column: &Vec<f64>| drive.rows.iter().map(|&row| column[row]).collect();
-                let mut part: Columns = columns.iter().map(|(&name, column)| (name, of(column))).collect();
+                let mut part: LogColumns = columns.iter().map(|(&name, column)| (name, of(column))).collect();
                 part.insert("time", drive.time.clone());
                 // What is made is made of all of them alike.
                 let mut first = |words: String| {
@@ -123,7 +125,7 @@ pub fn drives_of(
 
 /// A log as a drive to learn from; computed columns are reported to `note`.
 fn drive_of(
-    log: &Rows,
+    log: &CheckedRows,
     road: Option<(&Path, &std::path::Path)>,
     note: &mut dyn FnMut(String),
 ) -> Result<Drive, LogError> {
@@ -182,7 +184,12 @@ fn errors_of(drive: &mut Drive) -> [&mut Vec<f64>; 5] {
 }
 
 /// Fills errors and road of a drive from its poses.
-fn project(log: &Rows, road: &Path, file: &std::path::Path, drive: &mut Drive) -> Result<(), LogError> {
+fn project(
+    log: &CheckedRows,
+    road: &Path,
+    file: &std::path::Path,
+    drive: &mut Drive,
+) -> Result<(), LogError> {
     let poses = POSE.map(|name| log.column(name).unwrap_or_default());
     check_turn(log, &drive.time, poses[2], poses[5])?;
     let (mut rows, mut far, mut astray) = (0_usize, 0_usize, 0_usize);
@@ -216,7 +223,7 @@ fn project(log: &Rows, road: &Path, file: &std::path::Path, drive: &mut Drive) -
 }
 
 /// Checks that yaw and yaw rate agree; otherwise one of them has another unit or sign.
-fn check_turn(log: &Rows, time: &[f64], yaw: &[f64], yaw_rate: &[f64]) -> Result<(), LogError> {
+fn check_turn(log: &CheckedRows, time: &[f64], yaw: &[f64], yaw_rate: &[f64]) -> Result<(), LogError> {
     let Some(factor) = turn_factor(time, yaw, yaw_rate) else { return Ok(()) };
     let hint = match factor {
         factor if factor < 0.0 => "one of them has its sign turned: both are counter-clockwise",

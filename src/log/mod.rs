@@ -12,13 +12,13 @@
 //! | file | idea |
 //! |---|---|
 //! | `read.rs` | a CSV file's columns |
+//! | `clean_log.rs` | a log on an even clock, mended, and the reasons for which there is none |
 //! | `clean.rs` | a log prepared for comparison: even clock, gaps, units, signs |
 //! | `clock.rs` | its clock: unit, order, gaps, jitter |
 //! | `resample.rs` | a column on an even clock |
 //! | `agreement.rs` | relations between columns that reveal a wrong unit or sign |
 //! | `units.rs` | the fewest foreign units that explain these relations |
 //! | `outliers.rs` | values beyond any vehicle, and rows that their neighbours contradict |
-//! | `statistics.rs` | median, slope |
 //! | `road.rs` | place of the log on a road, and the road's properties there |
 //! | `join.rs` | several logs of one vehicle as one |
 //! | `finding.rs` | findings in a log, in words |
@@ -27,6 +27,7 @@
 
 mod agreement;
 mod clean;
+mod clean_log;
 mod clock;
 mod finding;
 mod join;
@@ -35,12 +36,11 @@ mod outliers;
 mod read;
 mod resample;
 mod road;
-mod statistics;
 mod steering;
 mod units;
 
-pub use clean::{CleanError, CleanLog, UnusableLog};
-pub use finding::{Finding, Gravity};
+pub use clean_log::{CleanError, CleanLog, UnusableLog};
+pub use finding::{Finding, FindingSeverity};
 pub use join::JoinError;
 pub use learn::{LearnError, drives_of};
 pub use read::{DriveLog, LogError};

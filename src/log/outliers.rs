@@ -4,9 +4,9 @@
 //! jump must far exceed the column's bends elsewhere, nearby and in the whole log. A step of steering does not come
 //! back, noise is as large everywhere, and inertia takes longer.
 
-use super::clean::CleanError;
-use super::finding::{Finding, Gravity};
-use super::statistics::{median, quantile};
+use super::clean_log::CleanError;
+use super::finding::{Finding, FindingSeverity};
+use crate::numerics::statistics::{median, quantile};
 use crate::signal;
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -101,7 +101,7 @@ pub(super) fn leave_out(
         }
         let named: Vec<(usize, f64)> = places.iter().map(|&place| (rows[place], values[place])).collect();
         findings.push(Finding::new(
-            Gravity::Warning,
+            FindingSeverity::Warning,
             Some(name),
             format!(
                 "{}: {} no motion explains {}; left out, like missing ones",
@@ -231,7 +231,7 @@ pub(super) fn stamps(stamps: &mut [f64], findings: &mut Vec<Finding>) {
     let named: Vec<(usize, f64)> = places.iter().map(|&row| (row, stamps[row])).collect();
     places.iter().for_each(|&row| stamps[row] = f64::NAN);
     let words = format!("{}: far from the stamps before and after; left out", listed("time", &named));
-    findings.push(Finding::new(Gravity::Warning, Some("time"), words));
+    findings.push(Finding::new(FindingSeverity::Warning, Some("time"), words));
 }
 
 /// Rows of a column that are impossible for a road vehicle, once its unit is known.

@@ -6,7 +6,7 @@
 //! | dates or times of day in column `time` | seconds since the whole second of the first one |
 //! | an empty field, or a word for none | NaN: a gap |
 
-use super::finding::{Finding, Gravity};
+use super::finding::{Finding, FindingSeverity};
 use crate::signal;
 use crate::table::{self, Limits, Table, TableError, time};
 use std::path::{Path, PathBuf};
@@ -82,7 +82,7 @@ pub struct DriveLog {
 }
 
 /// A column that is read: its place in the file, and the factor of its unit.
-struct Column {
+struct LogColumn {
     place: usize,
     factor: f64,
 }
@@ -207,12 +207,12 @@ impl DriveLog {
 
     /// Conversions, as findings.
     pub(super) fn findings(&self) -> impl Iterator<Item = Finding> {
-        self.notes.iter().map(|words| Finding::new(Gravity::Note, None, words.clone()))
+        self.notes.iter().map(|words| Finding::new(FindingSeverity::Note, None, words.clone()))
     }
 
     /// The signal columns, and their places.
-    fn places(&mut self, header: &table::Header) -> Result<Vec<Column>, LogError> {
-        let mut places: Vec<Column> = Vec::new();
+    fn places(&mut self, header: &table::Header) -> Result<Vec<LogColumn>, LogError> {
+        let mut places: Vec<LogColumn> = Vec::new();
         for (place, (name, unit)) in header.names.iter().zip(&header.units).enumerate() {
             let Some(signal) = signal::find(name) else { continue };
             if self.column(signal.name).is_some() {
@@ -234,7 +234,7 @@ impl DriveLog {
             if let Some(unit) = unit.as_ref().filter(|_| factor != 1.0) {
                 self.notes.push(format!("{}: read from {unit} as {ours}", signal.name));
             }
-            places.push(Column { place, factor });
+            places.push(LogColumn { place, factor });
             self.columns.push((signal.name, Vec::new()));
         }
         if places.is_empty() {

@@ -15,11 +15,18 @@ pub(super) struct Resampled {
 
 /// Interpolation between samples.
 #[derive(Clone, Copy, PartialEq)]
-pub(super) enum Between {
+pub(super) enum Interpolation {
     /// On a straight line.
     Line,
     /// The last value is held: for columns that jump.
     Hold,
+}
+
+/// Columns that jump: values between two of theirs are meaningless.
+const JUMPING: [&str; 2] = ["station", "e2"];
+/// Interpolation of a column between its samples.
+pub(super) fn between(column: &str) -> Interpolation {
+    if JUMPING.contains(&column) { Interpolation::Hold } else { Interpolation::Line }
 }
 
 /// Brings a column onto the clock `first + k * step`; `None` if it holds no finite value. Samples that come faster than the
@@ -28,7 +35,7 @@ pub(super) fn resample(
     time: &[f64],
     values: &[f64],
     (first, step, count): (f64, f64, usize),
-    between: Between,
+    between: Interpolation,
 ) -> Option<Resampled> {
     let samples: Vec<(f64, f64)> =
         time.iter().copied().zip(values.iter().copied()).filter(|(_, value)| value.is_finite()).collect();
@@ -52,12 +59,12 @@ pub(super) fn resample(
         let window = samples[low..].iter().take_while(|sample| sample.0 < now + 0.5 * step);
         let (sum, number) = window.fold((0.0, 0_u32), |(sum, number), sample| (sum + sample.1, number + 1));
         resampled.values.push(match between {
-            Between::Hold => before.1,
-            Between::Line if number > 1 => sum / f64::from(number),
-            Between::Line if apart > 0.0 => {
+            Interpolation::Hold => before.1,
+            Interpolation::Line if number > 1 => sum / f64::from(number),
+            Interpolation::Line if apart > 0.0 => {
                 before.1 + (after.1 - before.1) * ((now - before.0) / apart).clamp(0.0, 1.0)
             }
-            Between::Line => before.1,
+            Interpolation::Line => before.1,
         });
         let outside = now < begin.0 || now > end.0;
         resampled.guessed.push(nearest > 0.75 * step && (apart > limit || outside));
@@ -75,7 +82,7 @@ mod tests {
             (0..100).map(|i| 0.1 * f64::from(i)).filter(|t| !(2.05..4.0).contains(t)).collect();
         let mut values: Vec<f64> = time.iter().map(|t| 2.0 * t).collect();
         values[5] = f64::NAN;
-        let on = resample(&time, &values, (0.0, 0.1, 99), Between::Line).unwrap();
+        let on = resample(&time, &values, (0.0, 0.1, 99), Interpolation::Line).unwrap();
         assert!(on.values.iter().enumerate().all(|(k, value)| (value - 0.2 * k as f64).abs() < 1e-9));
         assert!(!on.guessed[5] && on.guessed[30] && !on.guessed[50] && !on.guessed[20]);
     }
@@ -85,8 +92,8 @@ mod tests {
         // Nine to eleven samples in each window, by rounding.
         let time: Vec<f64> = (0..1000).map(|i| 1e-3 * f64::from(i)).collect();
         let values: Vec<f64> = (0..1000).map(|i| f64::from(i % 2)).collect();
-        let on = resample(&time, &values, (0.0, 0.01, 90), Between::Line).unwrap();
+        let on = resample(&time, &values, (0.0, 0.01, 90), Interpolation::Line).unwrap();
         assert!(on.values[1..].iter().all(|value| (value - 0.5).abs() < 0.06));
-        assert!(resample(&time, &[f64::NAN; 1000], (0.0, 0.01, 90), Between::Line).is_none());
+        assert!(resample(&time, &[f64::NAN; 1000], (0.0, 0.01, 90), Interpolation::Line).is_none());
     }
 }

@@ -3,7 +3,7 @@
 //! The station of each row is the log's own, or that of the foot of its pose on the road. From it follow bank, grade
 //! and friction, which act on a vehicle and are in no sensor's signal.
 
-use super::clean::CleanLog;
+use super::clean_log::CleanLog;
 use crate::path::{Path, Projection};
 use crate::signal;
 

@@ -5,14 +5,14 @@
 //! of [`CleanLog`], with all repairs that are made there.
 
 use super::agreement::near;
-use super::clean::{CleanError, CleanLog, UnusableLog};
+use super::clean_log::{CleanError, CleanLog, UnusableLog};
 use super::clock;
-use super::finding::{Finding, Gravity};
+use super::finding::{Finding, FindingSeverity};
 use super::join::JUMP;
 use super::outliers;
 use super::read::DriveLog;
-use super::statistics::quantile;
 use crate::nominal::SteeringDrive;
+use crate::numerics::statistics::quantile;
 
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
 /// Steering beyond this is an angle in degrees, or at the steering wheel, rad.
@@ -74,7 +74,7 @@ impl SteeringLog {
                 spans.len() - 1,
                 found.drives.len()
             );
-            found.findings.push(Finding::new(Gravity::Warning, Some("time"), words));
+            found.findings.push(Finding::new(FindingSeverity::Warning, Some("time"), words));
         }
         found.findings.sort_by_key(|finding| std::cmp::Reverse(finding.gravity));
         match first_error {
@@ -127,7 +127,7 @@ impl SteeringLog {
                 ..
             }) => {
                 let words = format!("{cause}; dead time and lag do not depend on it");
-                self.findings.push(Finding::new(Gravity::Warning, Some("steer_cmd"), words));
+                self.findings.push(Finding::new(FindingSeverity::Warning, Some("steer_cmd"), words));
                 None
             }
             Err(_) => None,
@@ -139,12 +139,12 @@ impl SteeringLog {
             if mended.is_some_and(|mended| near(mended / raw / DEGREE, 1.0)) {
                 *factor = DEGREE;
                 let words = format!("{name} was taken as degrees and converted to radians");
-                self.findings.push(Finding::new(Gravity::Warning, Some(name), words));
+                self.findings.push(Finding::new(FindingSeverity::Warning, Some(name), words));
             } else {
                 let words = format!(
                     "{name} reaches {raw:.1}: degrees, or a steering-wheel angle? Gain and offset are in its unit"
                 );
-                self.findings.push(Finding::new(Gravity::Warning, Some(name), words));
+                self.findings.push(Finding::new(FindingSeverity::Warning, Some(name), words));
             }
         }
         factors

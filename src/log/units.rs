@@ -16,7 +16,7 @@ use crate::table;
 pub(super) const DEGREE: f64 = std::f64::consts::PI / 180.0;
 
 /// A unit: its name and how many of it the SI unit is.
-pub(super) type Unit = (&'static str, f64);
+pub(super) type LogUnit = (&'static str, f64);
 
 /// Units that a log may have without stating them, by our unit; ours first.
 const SPEEDS: (&str, [&str; 5]) = ("m/s", ["m/s", "km/h", "mph", "knots", "ft/s"]);
@@ -27,7 +27,7 @@ const BENDS: (&str, [&str; 2]) = ("1/m", ["1/m", "1/km"]);
 pub(super) const ANGLES: (&str, [&str; 2]) = ("rad", ["rad", "degrees"]);
 
 /// The units of a list with their sizes.
-pub(super) fn sized<const N: usize>((ours, names): (&str, [&'static str; N])) -> [Unit; N] {
+pub(super) fn sized<const N: usize>((ours, names): (&str, [&'static str; N])) -> [LogUnit; N] {
     // A test finds each of them.
     names.map(|name| (name, table::factor(name, ours).map_or(f64::NAN, f64::recip)))
 }
@@ -57,17 +57,17 @@ pub(super) struct Shown {
 /// Units of the columns.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Units {
-    pub speed: Unit,
-    pub position: Unit,
-    pub station: Unit,
-    pub acceleration: Unit,
-    pub turn: Unit,
-    pub curvature: Unit,
+    pub speed: LogUnit,
+    pub position: LogUnit,
+    pub station: LogUnit,
+    pub acceleration: LogUnit,
+    pub turn: LogUnit,
+    pub curvature: LogUnit,
 }
 
 /// Conclusion from the ratios about the units.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Told {
+pub(super) enum UnitConclusion {
     /// SI units, or ratios that no unit explains.
     Si,
     /// These are they.
@@ -130,15 +130,15 @@ impl Units {
 }
 
 /// The units that explain the ratios.
-pub(super) fn told(shown: &Shown) -> Told {
+pub(super) fn told(shown: &Shown) -> UnitConclusion {
     if Units::SI.error(shown) < EFFECT {
-        return Told::Si;
+        return UnitConclusion::Si;
     }
     let (lengths, turns, bends) = (sized(LENGTHS), sized(TURNS), sized(BENDS));
     let (speeds, accelerations) = (sized(SPEEDS), sized(ACCELERATIONS));
     let mut all = Vec::new();
     // A column that nothing is known of is in SI units.
-    fn known(units: &[Unit], shown: bool) -> &[Unit] {
+    fn known(units: &[LogUnit], shown: bool) -> &[LogUnit] {
         if shown { units } else { &units[..1] }
     }
     for &speed in &speeds {
@@ -163,17 +163,17 @@ pub(super) fn told(shown: &Shown) -> Told {
     // By ay alone feet a second are km/h of a body that leans, and km/h are the common ones.
     let common = |units: &Units| units.speed.0 == "km/h" && shown.way.is_none() && shown.station.is_none();
     match all[..] {
-        [] => Told::Si,
-        [(_, error, units), ..] if error == 0.0 && common(&units) => Told::Units(units),
+        [] => UnitConclusion::Si,
+        [(_, error, units), ..] if error == 0.0 && common(&units) => UnitConclusion::Units(units),
         [(foreign, error, units), (others, next, other), ..] if foreign == others && next - error < APART => {
-            Told::Either(units, other)
+            UnitConclusion::Either(units, other)
         }
-        [(_, _, units), ..] => Told::Units(units),
+        [(_, _, units), ..] => UnitConclusion::Units(units),
     }
 }
 
 /// The unit of a ratio near one of a list; `None` where it is SI, or none.
-pub(super) fn foreign(ratio: f64, units: &[Unit]) -> Option<Unit> {
+pub(super) fn foreign(ratio: f64, units: &[LogUnit]) -> Option<LogUnit> {
     units[1..].iter().copied().find(|unit| (ratio.abs() / unit.1).ln().abs() < FAR)
 }
 
@@ -191,9 +191,9 @@ mod tests {
 
     fn words(shown: Shown) -> String {
         match told(&shown) {
-            Told::Si => "si".into(),
-            Told::Units(units) => units.words(),
-            Told::Either(one, other) => format!("{} or {}", one.words(), other.words()),
+            UnitConclusion::Si => "si".into(),
+            UnitConclusion::Units(units) => units.words(),
+            UnitConclusion::Either(one, other) => format!("{} or {}", one.words(), other.words()),
         }
     }
 

@@ -161,7 +161,7 @@ pub fn steady_cornering(truck: &Articulated, v: f64) -> SteadyCornering {
 mod tests {
     use super::*;
     use crate::nominal::steady_yaw_error;
-    use crate::residual::Random;
+    use crate::numerics::Random;
     use crate::vehicle::SingleTrack;
     use nalgebra::{Matrix4, Vector4};
 

@@ -23,7 +23,7 @@
 //! Sources: method of the project, section 3 (kinematics of the second unit). Luijten, Lateral Dynamic Behaviour of
 //! Articulated Commercial Vehicles, TU Eindhoven 2010; tyres as in `bicycle.rs`.
 
-use super::bicycle::{Axle, GRAVITY, STEP_LIMIT};
+use super::bicycle::{AxleConstants, GRAVITY, STEP_LIMIT};
 use super::{LateralVehicle, SingleTrackError, steady_cornering};
 use crate::vehicle::Articulated;
 use nalgebra::{Matrix3, SMatrix, Vector3};
@@ -39,7 +39,7 @@ const LARGEST_STEADY: f64 = 1.3;
 #[derive(Debug, Clone, PartialEq)]
 pub struct ArticulatedSingleTrack {
     truck: Articulated,
-    axles: [Axle; 3],
+    axles: [AxleConstants; 3],
     friction: f64,
     /// Fastest pole of the lateral dynamics at 1 m/s, 1/s.
     pole: f64,
@@ -87,7 +87,7 @@ impl ArticulatedSingleTrack {
         let front = (b1 * mass1 + (b1 - c1) * hitch) / (a1 + b1);
         let rear = (a1 * mass1 + (a1 + c1) * hitch) / (a1 + b1);
         let axle = |name, carried: f64, stiffness: f64| {
-            Ok(Axle::new(friction * GRAVITY * positive(name, carried)?, stiffness))
+            Ok(AxleConstants::new(friction * GRAVITY * positive(name, carried)?, stiffness))
         };
         let axles = [
             axle("mass on the front axle", front, stiffness[0])?,

@@ -24,14 +24,14 @@ pub(super) const STEP_LIMIT: f64 = 1.0;
 
 /// One axle.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Axle {
+pub(super) struct AxleConstants {
     /// Force at the peak, N.
     peak: f64,
     /// `B`, 1/rad.
     slope: f64,
 }
 
-impl Axle {
+impl AxleConstants {
     /// An axle with a force at the peak, N, and a cornering stiffness, N/rad.
     pub(super) fn new(peak: f64, stiffness: f64) -> Self {
         Self { peak, slope: stiffness / (SHAPE * peak) }
@@ -54,13 +54,13 @@ impl Axle {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bicycle {
     vehicle: SingleTrack,
-    front: Axle,
-    rear: Axle,
+    front: AxleConstants,
+    rear: AxleConstants,
 }
 
 /// `[vy m/s, yaw_rate rad/s]` with derivatives.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Lateral {
+pub struct LateralMotion {
     /// Values: of the rates, or of the state after a step.
     pub value: [f64; 2],
     /// Derivatives of each value by `vy`, `yaw_rate` and `steer`.
@@ -89,7 +89,7 @@ impl Bicycle {
         }
         let axle = |stiffness: f64, lever: f64| {
             let peak = friction * mass * GRAVITY * lever / (lf + lr);
-            Axle::new(peak, stiffness)
+            AxleConstants::new(peak, stiffness)
         };
         Ok(Self { vehicle: *vehicle, front: axle(cf, lr), rear: axle(cr, lf) })
     }
@@ -102,7 +102,7 @@ impl Bicycle {
 
     /// Rates of `vy`, m/s2, and of the yaw rate, rad/s2, at a positive `vx`.
     #[must_use]
-    pub fn rates(&self, vy: f64, yaw_rate: f64, vx: f64, steer: f64) -> Lateral {
+    pub fn rates(&self, vy: f64, yaw_rate: f64, vx: f64, steer: f64) -> LateralMotion {
         let SingleTrack { mass, yaw_inertia, lf, lr, .. } = self.vehicle;
         let (slope_f, slope_r) = ((vy + lf * yaw_rate) / vx, (vy - lr * yaw_rate) / vx);
         let (force_f, stiffness_f) = self.front.force(steer - slope_f.atan());
@@ -114,7 +114,7 @@ impl Bicycle {
         let front = [-turn_f, -turn_f * lf, 1.0].map(|by| stiffness_f * by * cos);
         let front = [front[0], front[1], front[2] - force_f * sin];
         let rear = [-turn_r, turn_r * lr, 0.0].map(|by| stiffness_r * by);
-        Lateral {
+        LateralMotion {
             value: [
                 (force_f * cos + force_r) / mass - vx * yaw_rate,
                 (lf * force_f * cos - lr * force_r) / yaw_inertia,
@@ -161,12 +161,12 @@ impl Bicycle {
     /// `[vy, yaw_rate]` one control step later with speed and steering held, with derivatives: Runge-Kutta of 4th
     /// order on the state and on its derivatives.
     #[must_use]
-    pub fn step(&self, vy: f64, yaw_rate: f64, vx: f64, steer: f64, sample_time: f64) -> Lateral {
+    pub fn step(&self, vy: f64, yaw_rate: f64, vx: f64, steer: f64, sample_time: f64) -> LateralMotion {
         let count = self.substeps(vx, sample_time);
         let h = sample_time / count as f64;
-        let mut at = Lateral { value: [vy, yaw_rate], jacobian: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] };
+        let mut at = LateralMotion { value: [vy, yaw_rate], jacobian: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] };
         for _ in 0..count {
-            let slope = |x: &Lateral| {
+            let slope = |x: &LateralMotion| {
                 let rates = self.rates(x.value[0], x.value[1], vx, steer);
                 let [vy, yaw_rate] = x.jacobian;
                 let jacobian = rates.jacobian.map(|by| {
@@ -174,7 +174,7 @@ impl Bicycle {
                         by[0] * vy[i] + by[1] * yaw_rate[i] + if i == 2 { by[2] } else { 0.0 }
                     })
                 });
-                Lateral { value: rates.value, jacobian }
+                LateralMotion { value: rates.value, jacobian }
             };
             let k1 = slope(&at);
             let k2 = slope(&at.plus(0.5 * h, &k1));
@@ -186,7 +186,7 @@ impl Bicycle {
     }
 }
 
-impl Lateral {
+impl LateralMotion {
     fn plus(&self, factor: f64, slope: &Self) -> Self {
         Self {
             value: std::array::from_fn(|i| self.value[i] + factor * slope.value[i]),

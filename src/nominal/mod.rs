@@ -31,7 +31,7 @@ pub use actuator::{
 };
 pub use articulated::{ArticulatedState, SteadyCornering, steady_cornering};
 pub use articulated_single_track::{ArticulatedRates, ArticulatedSingleTrack, SteadyTurn};
-pub use bicycle::{Bicycle, Lateral};
+pub use bicycle::{Bicycle, LateralMotion};
 pub use discretise::{Chain, zero_order_hold};
 pub use error_model::{
     ContinuousErrorModel, DiscreteErrorModel, ERRORS, ErrorState, LateralVehicle, SingleTrackError,

@@ -14,7 +14,7 @@ pub type ArticulatedPathState = SVector<f64, ARTICULATED_PATH_STATES>;
 /// Number of those states.
 pub const ARTICULATED_PATH_STATES: usize = 7;
 
-type Slope = Sensed<7, 8>;
+type SensedSlope = Sensed<7, 8>;
 
 impl PathModel<6, ARTICULATED_PATH_STATES> for ArticulatedSingleTrack {
     fn step_along(
@@ -85,7 +85,13 @@ impl PathModel<6, ARTICULATED_PATH_STATES> for ArticulatedSingleTrack {
 }
 
 impl ArticulatedSingleTrack {
-    fn slope(&self, road: &impl Fn(f64) -> Curvature, at: &Slope, vx: HeldSpeed, steer: f64) -> Slope {
+    fn slope(
+        &self,
+        road: &impl Fn(f64) -> Curvature,
+        at: &SensedSlope,
+        vx: HeldSpeed,
+        steer: f64,
+    ) -> SensedSlope {
         let x = &at.value;
         let curvature = road(x[0]);
         let on_path = motion(x, vx.path, curvature);

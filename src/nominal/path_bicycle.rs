@@ -1,7 +1,7 @@
 //! The nonlinear bicycle along a path, with derivatives: `vy'` and `r'` of `bicycle.rs` behind the motion of
 //! `path_model.rs`.
 
-use super::path_model::{Motion, Sensed, integrate, motion, newton};
+use super::path_model::{PathMotion, Sensed, integrate, motion, newton};
 use super::{Bicycle, Curvature, ERRORS, ErrorState, HeldSpeed, PathErrors, PathModel, PathStep};
 use nalgebra::{SMatrix, SVector};
 
@@ -81,7 +81,7 @@ impl Bicycle {
     ) -> Sensed<5, 6> {
         let x = &at.value;
         let curvature = road(x[0]);
-        let on_path: Motion = motion(x, vx.path, curvature);
+        let on_path: PathMotion = motion(x, vx.path, curvature);
         let body = self.rates(x[3], x[4], vx.body, steer);
         let [station_rate, lateral_rate, yaw_rate] = on_path.rates(x[4], curvature);
         let value = [station_rate, lateral_rate, yaw_rate, body.value[0], body.value[1]];

@@ -121,7 +121,7 @@ pub(super) fn integrate<const N: usize, const M: usize>(
 const LEAST_STRETCH: f64 = 0.1;
 
 /// Motion of the vehicle along and across the path: `s'` with derivatives by s, e1, e2, vy; `e1'` by e2, vy.
-pub(super) struct Motion {
+pub(super) struct PathMotion {
     pub station_rate: f64,
     pub station_by: [f64; 4],
     pub lateral_rate: f64,
@@ -132,7 +132,7 @@ pub(super) fn motion<const N: usize>(
     state: &SVector<f64, N>,
     vx: f64,
     [curvature, curvature_rate]: Curvature,
-) -> Motion {
+) -> PathMotion {
     let (e1, e2, vy) = (state[1], state[2], state[3]);
     let (sin, cos) = e2.sin_cos();
     let (along, across) = (vx * cos - vy * sin, vx * sin + vy * cos);
@@ -140,7 +140,7 @@ pub(super) fn motion<const N: usize>(
     let bounded = stretch < LEAST_STRETCH;
     let stretch = stretch.max(LEAST_STRETCH);
     let by_stretch = if bounded { 0.0 } else { along / (stretch * stretch) };
-    Motion {
+    PathMotion {
         station_rate: along / stretch,
         station_by: [
             by_stretch * curvature_rate * e1,
@@ -153,7 +153,7 @@ pub(super) fn motion<const N: usize>(
     }
 }
 
-impl Motion {
+impl PathMotion {
     /// Rates of station, `e1` and `e2` at a yaw rate.
     pub fn rates(&self, yaw_rate: f64, curvature: Curvature) -> [f64; 3] {
         [self.station_rate, self.lateral_rate, yaw_rate - curvature[0] * self.station_rate]

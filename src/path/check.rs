@@ -1,13 +1,14 @@
 //! Checks of a road's points: repairs, refusals, closure.
 
-use super::error::{PathError, Place};
-use super::noise::{Noise, median};
+use super::error::{InputPlace, PathError};
+use super::noise::PointNoise;
 use super::note::Note;
 use super::read::Accuracy;
-use super::sample::{Closure, Options, Sample, Smoothing};
+use super::sample::{Closure, PathOptions, Sample, Smoothing};
 use super::smooth::{Goal, smooth};
-use super::spline::{Curve, Knot, Vector, distance};
+use super::spline::{Knot, QuinticSpline, Vector, distance};
 use super::wrap_angle;
+use crate::numerics::statistics::upper_median;
 use std::borrow::Cow;
 
 /// Distance below which a point is the same as the one before (m).
@@ -24,12 +25,12 @@ const TURNS_BACK: f64 = 2.2;
 const SPACING: (f64, f64) = (1e-3, 500.0);
 
 /// A road that is fit to be a path.
-pub(super) struct Road {
+pub(super) struct CheckedRoad {
     pub samples: Vec<Sample>,
     pub periodic: bool,
     pub notes: Vec<Note>,
     /// The curve relative to `origin`.
-    pub curve: Curve,
+    pub curve: QuinticSpline,
     pub origin: Vector,
 }
 
@@ -37,13 +38,18 @@ pub(super) struct Road {
 const TIGHTEST: f64 = 2.0;
 
 /// Checks and repairs points, and draws the curve.
-pub(super) fn check(samples: Vec<Sample>, options: &Options, accuracy: Accuracy) -> Result<Road, PathError> {
+pub(super) fn check(
+    samples: Vec<Sample>,
+    options: &PathOptions,
+    accuracy: Accuracy,
+) -> Result<CheckedRoad, PathError> {
     for (index, sample) in samples.iter().enumerate() {
         check_values(sample, index)?;
     }
     // Headings and curvatures tell the road better than its points.
     let posed = || samples.iter().all(|sample| sample.yaw.is_some() && sample.curvature.is_some());
-    let noise = || Noise::measure(&samples.iter().map(|sample| [sample.x, sample.y]).collect::<Vec<_>>());
+    let noise =
+        || PointNoise::measure(&samples.iter().map(|sample| [sample.x, sample.y]).collect::<Vec<_>>());
     match options.smoothing {
         Smoothing::AsAccurate if !posed() => {
             let noise = noise();
@@ -64,10 +70,10 @@ pub(super) fn check(samples: Vec<Sample>, options: &Options, accuracy: Accuracy)
 /// The road through points, or near those that have `noise`.
 fn drawn(
     samples: Vec<Sample>,
-    options: &Options,
+    options: &PathOptions,
     accuracy: Accuracy,
-    noise: Option<Noise>,
-) -> Result<Road, PathError> {
+    noise: Option<PointNoise>,
+) -> Result<CheckedRoad, PathError> {
     let mut notes: Vec<Note> = Vec::new();
     let mut same = SAME;
     if let Smoothing::Within(value) = options.smoothing {
@@ -97,17 +103,21 @@ fn drawn(
         }));
     }
     if kept.len() < 2 {
-        return Err(PathError::TooFewPoints { place: Place::default(), count: kept.len(), needed: 2 });
+        return Err(PathError::TooFewPoints { place: InputPlace::default(), count: kept.len(), needed: 2 });
     }
     let position = |i: usize| [kept[i].1.x, kept[i].1.y];
     let mut spacings: Vec<f64> = (1..kept.len()).map(|i| distance(position(i - 1), position(i))).collect();
-    let median = median(&mut spacings.clone());
+    let median = upper_median(&mut spacings.clone());
     if !(SPACING.0..=SPACING.1).contains(&median) {
-        return Err(PathError::SuspiciousUnit { place: Place::default(), median, unit: "m" });
+        return Err(PathError::SuspiciousUnit { place: InputPlace::default(), median, unit: "m" });
     }
     for (i, &spacing) in spacings.iter().enumerate() {
         if spacing > (GAP_SPACINGS * median).max(GAP_LEAST) && kept.len() > 2 {
-            return Err(PathError::Gap { place: Place::point(kept[i + 1].0), distance: spacing, median });
+            return Err(PathError::Gap {
+                place: InputPlace::point(kept[i + 1].0),
+                distance: spacing,
+                median,
+            });
         }
     }
 
@@ -125,7 +135,7 @@ fn drawn(
         spacings.pop();
     }
     if periodic && kept.len() < 3 {
-        return Err(PathError::TooFewPoints { place: Place::default(), count: kept.len(), needed: 3 });
+        return Err(PathError::TooFewPoints { place: InputPlace::default(), count: kept.len(), needed: 3 });
     }
     refuse_turning_back(&directed(&kept, noise.as_ref(), periodic), periodic).map_err(
         |error| match &noise {
@@ -136,7 +146,7 @@ fn drawn(
     if periodic {
         let closing = distance([kept[kept.len() - 1].1.x, kept[kept.len() - 1].1.y], first);
         if closing > (GAP_SPACINGS * median).max(GAP_LEAST) {
-            return Err(PathError::Gap { place: Place::point(kept[0].0), distance: closing, median });
+            return Err(PathError::Gap { place: InputPlace::point(kept[0].0), distance: closing, median });
         }
     }
 
@@ -186,7 +196,7 @@ fn drawn(
             )));
         }
         smoothed.unwrap_or_else(|| {
-            let curve = Curve::through(&points, periodic);
+            let curve = QuinticSpline::through(&points, periodic);
             if let Some(error) = wobble(&curve) {
                 notes.push(Note::warning(format!(
                     "the curvature wobbles by {error:.4} 1/m from point to point: the points look noisy; give a \
@@ -202,19 +212,19 @@ fn drawn(
             return Err(noise.refusal(format!("has bends of {:.2} m radius", 1.0 / tightest)));
         }
     }
-    Ok(Road { samples, periodic, notes, curve, origin })
+    Ok(CheckedRoad { samples, periodic, notes, curve, origin })
 }
 
-impl Noise {
+impl PointNoise {
     fn refusal(&self, shape: String) -> PathError {
-        PathError::Noise { place: Place::default(), rms: self.rms(), shape }
+        PathError::Noise { place: InputPlace::default(), rms: self.rms(), shape }
     }
 }
 
 /// Points that give the road's direction: those kept or, for noisy ones, means of them.
 fn directed<'a>(
     kept: &'a [(usize, Sample)],
-    noise: Option<&Noise>,
+    noise: Option<&PointNoise>,
     periodic: bool,
 ) -> Cow<'a, [(usize, Sample)]> {
     let Some(noise) = noise else { return kept.into() };
@@ -232,7 +242,7 @@ fn curvature(knot: &Knot) -> f64 {
 }
 
 /// RMS curvature error of an interpolating curve in 1/m, if it looks like noise: large, and of alternating sign.
-fn wobble(curve: &Curve) -> Option<f64> {
+fn wobble(curve: &QuinticSpline) -> Option<f64> {
     let seconds: Vec<f64> = curve
         .knots
         .windows(3)
@@ -256,7 +266,12 @@ fn rounding(digit: f64, spacing: f64) -> Option<f64> {
 }
 
 /// The curve from heading and curvature, where the road has both and they fit its points.
-fn poses(samples: &[Sample], points: &[Vector], periodic: bool, notes: &mut Vec<Note>) -> Option<Curve> {
+fn poses(
+    samples: &[Sample],
+    points: &[Vector],
+    periodic: bool,
+    notes: &mut Vec<Note>,
+) -> Option<QuinticSpline> {
     let column = |value: fn(&Sample) -> Option<f64>| samples.iter().map(value).collect::<Option<Vec<f64>>>();
     let (yaw, curvature) = match (column(|sample| sample.yaw), column(|sample| sample.curvature)) {
         (Some(yaw), Some(curvature)) => (yaw, curvature),
@@ -270,7 +285,7 @@ fn poses(samples: &[Sample], points: &[Vector], periodic: bool, notes: &mut Vec<
     };
     let worst = worst_disagreement(points, &yaw, &curvature, periodic);
     if worst < DISAGREEMENT {
-        return Some(Curve::through_poses(points, &yaw, &curvature, periodic));
+        return Some(QuinticSpline::through_poses(points, &yaw, &curvature, periodic));
     }
     notes.push(Note::info(format!(
         "columns yaw and curvature are not used: they disagree with the points by up to {worst:.3} rad between \
@@ -313,10 +328,17 @@ fn check_values(sample: &Sample, index: usize) -> Result<(), PathError> {
     for (column, value, low, high, unit) in columns {
         let Some(value) = value else { continue };
         if !value.is_finite() {
-            return Err(PathError::NotFinite { place: Place::point(index), column, value });
+            return Err(PathError::NotFinite { place: InputPlace::point(index), column, value });
         }
         if value < low || value > high {
-            return Err(PathError::OutOfRange { place: Place::point(index), column, value, low, high, unit });
+            return Err(PathError::OutOfRange {
+                place: InputPlace::point(index),
+                column,
+                value,
+                low,
+                high,
+                unit,
+            });
         }
     }
     Ok(())
@@ -360,7 +382,7 @@ fn refuse_turning_back(kept: &[(usize, Sample)], periodic: bool) -> Result<(), P
         let (a, b, c) = (p(i), p(i + 1), p(i + 2));
         let turn = wrap_angle((c[1] - b[1]).atan2(c[0] - b[0]) - (b[1] - a[1]).atan2(b[0] - a[0]));
         if turn.abs() > TURNS_BACK {
-            let place = Place::point(kept[(i + 1) % n].0);
+            let place = InputPlace::point(kept[(i + 1) % n].0);
             return Err(PathError::TurnsBack { place, degrees: turn.abs().to_degrees() });
         }
     }

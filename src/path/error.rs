@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 /// Place of an error in the input.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Place {
+pub struct InputPlace {
     /// The file, if the road came from one.
     pub file: Option<PathBuf>,
     /// The line of the file, counted from 1.
@@ -14,7 +14,7 @@ pub struct Place {
     pub point: Option<usize>,
 }
 
-impl Place {
+impl InputPlace {
     /// A point of a road that came from no file.
     #[must_use]
     pub fn point(point: usize) -> Self {
@@ -22,7 +22,7 @@ impl Place {
     }
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for InputPlace {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match (&self.file, self.line, self.point) {
             (Some(file), Some(line), _) => write!(f, "{}, line {line}", file.display()),
@@ -49,7 +49,7 @@ pub enum PathError {
     #[error("{place}: {source}")]
     Table {
         /// The file.
-        place: Place,
+        place: InputPlace,
         /// The error itself.
         source: crate::table::TableError,
     },
@@ -57,7 +57,7 @@ pub enum PathError {
     #[error("{place}: column `{column}` is in `{unit}`, an unknown unit for it; give it in {ours}")]
     UnknownUnit {
         /// The header.
-        place: Place,
+        place: InputPlace,
         /// The column.
         column: String,
         /// The file's words.
@@ -72,7 +72,7 @@ pub enum PathError {
     )]
     Noise {
         /// The road.
-        place: Place,
+        place: InputPlace,
         /// RMS distance of the points from a smooth road in m.
         rms: f64,
         /// Its shape.
@@ -82,7 +82,7 @@ pub enum PathError {
     #[error("{place}: has no points; a path is a CSV with a header `x,y` and a row for each point")]
     Empty {
         /// The file.
-        place: Place,
+        place: InputPlace,
     },
     /// The file is no UTF-8 text, or a row has more or fewer values than the header.
     #[error(
@@ -90,7 +90,7 @@ pub enum PathError {
     )]
     RowLength {
         /// The row.
-        place: Place,
+        place: InputPlace,
         /// Values in the row.
         found: usize,
         /// Columns in the header.
@@ -100,7 +100,7 @@ pub enum PathError {
     #[error("{place}: is not UTF-8 text; save the path as a plain CSV file")]
     NotText {
         /// The row.
-        place: Place,
+        place: InputPlace,
     },
     /// A necessary column is missing.
     #[error(
@@ -108,7 +108,7 @@ pub enum PathError {
     )]
     MissingColumn {
         /// The header.
-        place: Place,
+        place: InputPlace,
         /// The column that is missing.
         column: &'static str,
         /// The columns found.
@@ -122,7 +122,7 @@ pub enum PathError {
     )]
     UnknownColumn {
         /// The header.
-        place: Place,
+        place: InputPlace,
         /// The column's name.
         column: String,
         /// Its number, counted from 1.
@@ -134,7 +134,7 @@ pub enum PathError {
     #[error("{place}: column `{column}` stands twice (again as number {number}); remove one")]
     RepeatedColumn {
         /// The header.
-        place: Place,
+        place: InputPlace,
         /// The column's name.
         column: String,
         /// Number of its second appearance, counted from 1.
@@ -144,7 +144,7 @@ pub enum PathError {
     #[error("{place}, column `{column}`: `{text}` is not a number; write it as e.g. 12.5, with a point")]
     NotANumber {
         /// The row.
-        place: Place,
+        place: InputPlace,
         /// The column.
         column: &'static str,
         /// The field's text.
@@ -156,7 +156,7 @@ pub enum PathError {
     )]
     NotFinite {
         /// The row.
-        place: Place,
+        place: InputPlace,
         /// The column.
         column: &'static str,
         /// The field's value.
@@ -166,7 +166,7 @@ pub enum PathError {
     #[error("{place}, column `{column}`: {value} lies outside {low} to {high}; is it in {unit}?")]
     OutOfRange {
         /// The row.
-        place: Place,
+        place: InputPlace,
         /// The column.
         column: &'static str,
         /// The field's value.
@@ -185,7 +185,7 @@ pub enum PathError {
     )]
     UnknownClass {
         /// The row.
-        place: Place,
+        place: InputPlace,
         /// The field's text.
         text: String,
     },
@@ -193,7 +193,7 @@ pub enum PathError {
     #[error("{place}: {count} distinct point(s); a road needs at least {needed}")]
     TooFewPoints {
         /// The road.
-        place: Place,
+        place: InputPlace,
         /// Points left after consecutive duplicates were dropped.
         count: usize,
         /// Points needed.
@@ -206,7 +206,7 @@ pub enum PathError {
     )]
     Gap {
         /// The point after the gap.
-        place: Place,
+        place: InputPlace,
         /// Width of the gap in m.
         distance: f64,
         /// Median spacing in m.
@@ -216,7 +216,7 @@ pub enum PathError {
     #[error("{place}: the road turns back by {degrees:.0} degrees here; put the points into driving order")]
     TurnsBack {
         /// The point at which it turns.
-        place: Place,
+        place: InputPlace,
         /// Change of direction in degrees.
         degrees: f64,
     },
@@ -224,7 +224,7 @@ pub enum PathError {
     #[error("{place}, column `s`: {value} after {before}; stations must rise: sort the rows by `s`")]
     Unordered {
         /// The row.
-        place: Place,
+        place: InputPlace,
         /// The station.
         value: f64,
         /// The station before.
@@ -234,7 +234,7 @@ pub enum PathError {
     #[error("{place}: points are {median:.3e} m apart (median); are `x`, `y` really in {unit}?")]
     SuspiciousUnit {
         /// The road.
-        place: Place,
+        place: InputPlace,
         /// Median spacing in m.
         median: f64,
         /// The unit wanted.
@@ -269,7 +269,7 @@ impl PathError {
         self
     }
 
-    fn place_mut(&mut self) -> Option<&mut Place> {
+    fn place_mut(&mut self) -> Option<&mut InputPlace> {
         match self {
             Self::Io { .. } | Self::Write { .. } | Self::Tolerance { .. } => None,
             Self::Empty { place }

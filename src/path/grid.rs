@@ -4,7 +4,7 @@
 //! curve's value and derivatives at both. So `curvature = d yaw / ds` exactly, it is continuous, and `|r'| = 1` to
 //! the order of `(step / radius)^6`.
 
-use super::spline::{Curve, Quintic, arc_length, evaluate, quintic, speed};
+use super::spline::{Quintic, QuinticSpline, arc_length, evaluate, quintic, speed};
 
 /// Longest step between nodes in m.
 const STEP: f64 = 0.25;
@@ -39,7 +39,7 @@ struct Node {
 
 impl Grid {
     /// Cuts a curve into equal steps.
-    pub fn new(curve: &Curve) -> Self {
+    pub fn new(curve: &QuinticSpline) -> Self {
         let knot_stations = curve.knot_stations();
         let length = knot_stations[curve.pieces()];
         let count = (length / STEP).ceil().clamp(1.0, MOST_CELLS) as usize;

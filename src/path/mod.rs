@@ -40,7 +40,7 @@
 //! | `speed.rs` | a speed plan within lateral and longitudinal limits |
 //! | `read.rs`, `write.rs` | files |
 //! | `segment.rs`, `pen.rs` | roads drawn exactly from straights, arcs and clothoids |
-//! | `sudoku.rs`, `truck_course.rs`, `splitmix.rs` | our own courses |
+//! | `sudoku.rs`, `truck_course.rs` | our own courses |
 //! | `random.rs` | roads by the seed, to be searched and examined on |
 //! | `error.rs` | errors of a road |
 
@@ -61,16 +61,15 @@ mod segment;
 mod smooth;
 mod speed;
 mod spline;
-mod splitmix;
 pub mod sudoku;
 mod truck_course;
 mod write;
 
-pub use error::{PathError, Place};
+pub use error::{InputPlace, PathError};
 pub use note::Note;
 pub use project::{Projection, Where};
 pub use random::RandomRoad;
-pub use sample::{Closure, Options, RoadClass, Sample, Smoothing};
+pub use sample::{Closure, PathOptions, RoadClass, Sample, Smoothing};
 pub use segment::{Course, Pose, Rough, Segment};
 pub use speed::{SpeedLimits, SpeedPlan};
 pub use write::{to_csv, write_csv};
@@ -95,10 +94,10 @@ pub struct Path {
     cells: Vec<Cell>,
     /// Yaw gained in one lap of a closed path in rad: a multiple of 2 pi.
     turn: f64,
-    bank: Channel,
-    grade: Channel,
-    friction: Channel,
-    speed: Channel,
+    bank: PathQuantity,
+    grade: PathQuantity,
+    friction: PathQuantity,
+    speed: PathQuantity,
     classes: Vec<Option<RoadClass>>,
     notes: Vec<Note>,
     plans: SharedPlans,
@@ -137,7 +136,7 @@ impl Path {
     pub fn from_samples(samples: Vec<Sample>, closure: Closure) -> Result<Self, PathError> {
         Self::from_samples_with(
             samples,
-            &Options { closure, smoothing: Smoothing::None, ..Options::default() },
+            &PathOptions { closure, smoothing: Smoothing::None, ..PathOptions::default() },
         )
     }
 
@@ -145,7 +144,7 @@ impl Path {
     ///
     /// # Errors
     /// As [`Path::from_samples`], and for a smoothing tolerance that is none.
-    pub fn from_samples_with(samples: Vec<Sample>, options: &Options) -> Result<Self, PathError> {
+    pub fn from_samples_with(samples: Vec<Sample>, options: &PathOptions) -> Result<Self, PathError> {
         Ok(Self::from_road(check::check(samples, options, read::Accuracy::Exact)?))
     }
 
@@ -170,14 +169,14 @@ impl Path {
     /// # Errors
     /// The cause, with file, line, column and remedy.
     pub fn read(file: &std::path::Path) -> Result<Self, PathError> {
-        Self::read_with(file, &Options::default())
+        Self::read_with(file, &PathOptions::default())
     }
 
     /// A road by the name of a [built-in course](sudoku::Route), or from a file.
     ///
     /// # Errors
     /// As [`Path::read`].
-    pub fn named(name: &std::path::Path, options: &Options) -> Result<Self, PathError> {
+    pub fn named(name: &std::path::Path, options: &PathOptions) -> Result<Self, PathError> {
         match name.to_str().and_then(sudoku::Route::from_name) {
             Some(course) => course.path_with(options),
             None => Self::read_with(name, options),
@@ -188,10 +187,10 @@ impl Path {
     ///
     /// # Errors
     /// As [`Path::read`].
-    pub fn read_with(file: &std::path::Path, options: &Options) -> Result<Self, PathError> {
+    pub fn read_with(file: &std::path::Path, options: &PathOptions) -> Result<Self, PathError> {
         let opened = table::open(file, options.limits).map_err(|error| match error {
             TableError::Io(source) => PathError::Io { file: file.to_path_buf(), source },
-            source => PathError::Table { place: Place::default(), source }.in_file(file, &[]),
+            source => PathError::Table { place: InputPlace::default(), source }.in_file(file, &[]),
         })?;
         Self::from_table(opened, file, options)
     }
@@ -200,14 +199,14 @@ impl Path {
     ///
     /// # Errors
     /// As [`Path::read`].
-    pub fn from_csv(bytes: &[u8], name: &std::path::Path, options: &Options) -> Result<Self, PathError> {
+    pub fn from_csv(bytes: &[u8], name: &std::path::Path, options: &PathOptions) -> Result<Self, PathError> {
         Self::from_table(bytes, name, options)
     }
 
     fn from_table(
         reader: impl std::io::Read,
         name: &std::path::Path,
-        options: &Options,
+        options: &PathOptions,
     ) -> Result<Self, PathError> {
         let mut table = read::parse(reader, options.limits).map_err(|error| error.in_file(name, &[]))?;
         let mut road = check::check(table.samples, options, table.accuracy)
@@ -217,8 +216,8 @@ impl Path {
         Ok(Self::from_road(road))
     }
 
-    fn from_road(road: check::Road) -> Self {
-        let check::Road { samples, periodic, notes, curve, origin } = road;
+    fn from_road(road: check::CheckedRoad) -> Self {
+        let check::CheckedRoad { samples, periodic, notes, curve, origin } = road;
         let grid = Grid::new(&curve);
         let count = grid.cells.len();
         let yaw_end = {
@@ -228,7 +227,7 @@ impl Path {
         let turn = if periodic { ((yaw_end - grid.cells[0].yaw[0]) / TAU).round() * TAU } else { 0.0 };
         let node = |i: usize| i as f64 * grid.step;
         let channel = |default: f64, value: fn(&Sample) -> Option<f64>| {
-            Channel::new(&samples, &grid.mark_stations, default, value, (0..=count).map(node))
+            PathQuantity::new(&samples, &grid.mark_stations, default, value, (0..=count).map(node))
         };
         let classes = if samples.iter().any(|sample| sample.class.is_some()) {
             let mut index = 0;
@@ -315,9 +314,9 @@ impl Path {
     pub fn samples(&self, step: f64) -> Vec<Sample> {
         let count = (self.length / step.max(1e-3))
             .ceil()
-            .clamp(4.0, Options::default().limits.rows as f64 - 1.0) as usize;
+            .clamp(4.0, PathOptions::default().limits.rows as f64 - 1.0) as usize;
         let last = if self.periodic { count - 1 } else { count };
-        let given = |channel: &Channel, value: f64| (!channel.nodes.is_empty()).then_some(value);
+        let given = |channel: &PathQuantity, value: f64| (!channel.nodes.is_empty()).then_some(value);
         (0..=last)
             .map(|i| {
                 let point = self.at(self.length * i as f64 / count as f64);
@@ -432,12 +431,12 @@ pub fn wrap_angle(angle: f64) -> f64 {
 
 /// A quantity along the path, linear between the grid's nodes; empty where it is the default everywhere.
 #[derive(Debug, Clone)]
-struct Channel {
+struct PathQuantity {
     default: f64,
     nodes: Vec<f64>,
 }
 
-impl Channel {
+impl PathQuantity {
     fn new(
         samples: &[Sample],
         knots: &[f64],

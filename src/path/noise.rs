@@ -13,10 +13,11 @@
 //! cm apart with 1 m of noise have a direction over 10 m only.
 
 use super::spline::{Vector, distance};
+use crate::numerics::statistics::upper_median;
 
 /// Noise of points.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Noise {
+pub(super) struct PointNoise {
     /// Standard deviation across the road in m.
     pub sigma: f64,
     /// Number of points on either side of a mean that is long against the noise.
@@ -35,7 +36,7 @@ const CHANGES: f64 = 0.4;
 /// Fewest points to tell noise by.
 const POINTS: usize = 30;
 
-impl Noise {
+impl PointNoise {
     /// RMS distance of the points from the road in m: across and along.
     pub fn rms(&self) -> f64 {
         self.sigma * 2f64.sqrt()
@@ -109,7 +110,7 @@ impl Residuals {
                 values.extend(left_over(window, half, direction, between));
             }
         }
-        Self { values, length: median(&mut lengths) }
+        Self { values, length: upper_median(&mut lengths) }
     }
 
     fn scale(&self) -> Option<f64> {
@@ -119,7 +120,8 @@ impl Residuals {
         }
         // Of a normal distribution, half lie within 0.6745 standard deviations, and those within 3 have an RMS of
         // 0.9866: a better estimate than the median, as blind to corners.
-        let bound = 3.0 * median(&mut sizes) / 0.6745;
+        sizes.sort_by(f64::total_cmp);
+        let bound = 3.0 * upper_median(&mut sizes) / 0.6745;
         let within = &sizes[..sizes.partition_point(|size| *size <= bound)];
         Some(
             (within.iter().map(|size| size * size).sum::<f64>() / within.len().max(1) as f64).sqrt() / 0.9866,
@@ -165,10 +167,4 @@ fn left_over(window: &[Vector], middle: usize, direction: Vector, scale: f64) ->
 /// The mean of so many points.
 fn middle(points: impl Iterator<Item = Vector>, count: usize) -> Vector {
     points.fold([0.0; 2], |sum, p| [sum[0] + p[0], sum[1] + p[1]]).map(|sum| sum / count as f64)
-}
-
-/// The median, the upper of two; 0 of nothing. Sorts.
-pub(super) fn median(values: &mut [f64]) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }

@@ -11,8 +11,8 @@
 //! as large as its tightest bend asks for. Roads of different seeds are different roads, whatever else is the same.
 
 use super::segment::{Course, Pose, Segment};
-use super::splitmix::SplitMix64;
-use super::{Closure, Options, Path, PathError, RoadClass, Sample, Smoothing};
+use super::{Closure, Path, PathError, PathOptions, RoadClass, Sample, Smoothing};
+use crate::numerics::Random;
 use std::f64::consts::{PI, TAU};
 
 /// A family of random roads.
@@ -53,27 +53,27 @@ impl RandomRoad {
     /// Lengths that are not positive make no road.
     pub fn path(&self, seed: u64) -> Result<Path, PathError> {
         let closure = if self.closed { Closure::Closed } else { Closure::Open };
-        let options = Options { closure, smoothing: Smoothing::None, ..Options::default() };
+        let options = PathOptions { closure, smoothing: Smoothing::None, ..PathOptions::default() };
         Path::from_samples_with(self.samples(seed), &options)
     }
 
     /// Its points.
     #[must_use]
     pub fn samples(&self, seed: u64) -> Vec<Sample> {
-        let mut random = SplitMix64(seed);
+        let mut random = Random::new(seed);
         // Seeds that follow one another begin alike.
-        random.next();
+        random.bits();
         if self.closed { self.ring(&mut random) } else { self.chain(&mut random) }
     }
 
     /// A chain of straights and bends.
-    fn chain(&self, random: &mut SplitMix64) -> Vec<Sample> {
-        let mut road = Chain { segments: vec![], yaw: 0.0, length: 0.0 };
+    fn chain(&self, random: &mut Random) -> Vec<Sample> {
+        let mut road = OpenRoad { segments: vec![], yaw: 0.0, length: 0.0 };
         road.straight(BEGINNING);
         while road.length < self.length {
             let kind = random.between(0.0, 1.0);
             let side = road.side(random);
-            let bend = |random: &mut SplitMix64| {
+            let bend = |random: &mut Random| {
                 let radius = self.tightest * WIDEST.powf(random.between(0.0, 1.0));
                 let angle = random.between(0.25, 1.8).min(LONGEST_ARC / radius);
                 (radius, angle)
@@ -100,7 +100,7 @@ impl RandomRoad {
     }
 
     /// A ring whose radius swings.
-    fn ring(&self, random: &mut SplitMix64) -> Vec<Sample> {
+    fn ring(&self, random: &mut Random) -> Vec<Sample> {
         let mut best: Option<(f64, Ring, f64)> = None;
         for _ in 0..DRAWS {
             let swing = random.between(0.1, 0.9);
@@ -128,13 +128,13 @@ impl RandomRoad {
 }
 
 /// An open road as it grows.
-struct Chain {
+struct OpenRoad {
     segments: Vec<Segment>,
     yaw: f64,
     length: f64,
 }
 
-impl Chain {
+impl OpenRoad {
     fn segment(&mut self, length: f64, start_curvature: f64, end_curvature: f64) {
         let class = RoadClass::Straight;
         let segment = Segment { length, start_curvature, end_curvature, class, speed: f64::INFINITY };
@@ -148,7 +148,7 @@ impl Chain {
     }
 
     /// A bend by an angle, its radius positive to the left: clothoid, arc, clothoid.
-    fn bend(&mut self, radius: f64, angle: f64, random: &mut SplitMix64) {
+    fn bend(&mut self, radius: f64, angle: f64, random: &mut Random) {
         let curvature = radius.recip();
         let whole = angle * radius.abs();
         // The two clothoids together turn by `clothoid / radius`.
@@ -159,7 +159,7 @@ impl Chain {
     }
 
     /// Side of the next bend: either, but a road that has turned far turns back.
-    fn side(&self, random: &mut SplitMix64) -> f64 {
+    fn side(&self, random: &mut Random) -> f64 {
         let drawn = if random.between(0.0, 1.0) < 0.5 { -1.0 } else { 1.0 };
         if self.yaw.abs() > TURNED { -self.yaw.signum() } else { drawn }
     }

@@ -10,7 +10,7 @@
 //! However the table is written ([`crate::table`]), its columns are the same. Names have aliases ([`ALIASES`]) and may
 //! end in a unit, `speed_kmh` or `bank [deg]`.
 
-use super::error::{PathError, Place};
+use super::error::{InputPlace, PathError};
 use super::geodetic::{DEGREE, TangentPlane};
 use super::note::Note;
 use super::sample::{RoadClass, Sample};
@@ -22,7 +22,7 @@ const OPTIONAL: &str = "s, yaw, curvature, speed, bank, grade, friction, class";
 
 /// Meaning of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Column {
+enum RoadColumn {
     X,
     Y,
     Station,
@@ -47,11 +47,11 @@ enum Column {
 }
 
 /// A column, its unit (empty: a pure number or text), its names without unit in small letters. The first is ours.
-type Alias = (Column, &'static str, &'static [&'static str]);
+type Alias = (RoadColumn, &'static str, &'static [&'static str]);
 
 const ALIASES: [Alias; 16] = [
     (
-        Column::X,
+        RoadColumn::X,
         "m",
         &[
             "x",
@@ -68,7 +68,7 @@ const ALIASES: [Alias; 16] = [
         ],
     ),
     (
-        Column::Y,
+        RoadColumn::Y,
         "m",
         &[
             "y",
@@ -84,22 +84,26 @@ const ALIASES: [Alias; 16] = [
             "y_ref",
         ],
     ),
-    (Column::Station, "m", &["s", "station", "chainage", "s_racetraj"]),
-    (Column::Yaw, "rad", &["yaw", "yaw_angle"]),
-    (Column::Curvature, "1/m", &["curvature"]),
-    (Column::Speed, "m/s", &["speed", "v_driven", "v", "vx", "speed_limit", "v_max", "v_ref", "vx_racetraj"]),
-    (Column::Bank, "rad", &["bank", "bank_angle", "banking"]),
-    (Column::Grade, "rad", &["grade", "grade_angle", "slope"]),
-    (Column::Friction, "", &["friction", "mu"]),
-    (Column::Class, "", &["class"]),
-    (Column::Latitude, "rad", &["latitude", "lat", "gps_latitude", "gps_lat"]),
-    (Column::Longitude, "rad", &["longitude", "lon", "lng", "long", "gps_longitude", "gps_lon"]),
-    (Column::NormalX, "m", &["x_normvec"]),
-    (Column::NormalY, "m", &["y_normvec"]),
-    (Column::Offset, "m", &["alpha"]),
+    (RoadColumn::Station, "m", &["s", "station", "chainage", "s_racetraj"]),
+    (RoadColumn::Yaw, "rad", &["yaw", "yaw_angle"]),
+    (RoadColumn::Curvature, "1/m", &["curvature"]),
+    (
+        RoadColumn::Speed,
+        "m/s",
+        &["speed", "v_driven", "v", "vx", "speed_limit", "v_max", "v_ref", "vx_racetraj"],
+    ),
+    (RoadColumn::Bank, "rad", &["bank", "bank_angle", "banking"]),
+    (RoadColumn::Grade, "rad", &["grade", "grade_angle", "slope"]),
+    (RoadColumn::Friction, "", &["friction", "mu"]),
+    (RoadColumn::Class, "", &["class"]),
+    (RoadColumn::Latitude, "rad", &["latitude", "lat", "gps_latitude", "gps_lat"]),
+    (RoadColumn::Longitude, "rad", &["longitude", "lon", "lng", "long", "gps_longitude", "gps_lon"]),
+    (RoadColumn::NormalX, "m", &["x_normvec"]),
+    (RoadColumn::NormalY, "m", &["y_normvec"]),
+    (RoadColumn::Offset, "m", &["alpha"]),
     // Headings of racing lines count from north, and their curvature is that of the line before it was rounded.
     (
-        Column::Unused,
+        RoadColumn::Unused,
         "",
         &[
             "psi",
@@ -146,7 +150,7 @@ const PLAIN: [&str; 14] = [
 /// A column's meaning, and the factor of its unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Meaning {
-    column: Column,
+    column: RoadColumn,
     factor: f64,
 }
 
@@ -155,14 +159,14 @@ impl Meaning {
     fn of(name: &str, unit: Option<&str>) -> Option<Result<Self, &'static str>> {
         let lower = name.to_lowercase();
         if matches!(lower.as_str(), "w_tr_right_m" | "w_tr_left_m") {
-            return Some(Ok(Self { column: Column::TrackWidth, factor: 1.0 }));
+            return Some(Ok(Self { column: RoadColumn::TrackWidth, factor: 1.0 }));
         }
         let alias = |name: &str| ALIASES.iter().find(|(.., names)| names.contains(&name));
         let meaning = |&(column, ours, _): &Alias, unit: Option<&str>| match unit {
             // Nobody gives these in radians without a word.
             None if column.is_geodetic() => Ok(Self { column, factor: 1f64.to_radians() }),
             None => Ok(Self { column, factor: 1.0 }),
-            Some(_) if column == Column::Unused => Ok(Self { column, factor: 1.0 }),
+            Some(_) if column == RoadColumn::Unused => Ok(Self { column, factor: 1.0 }),
             Some("1") if ours.is_empty() => Ok(Self { column, factor: 1.0 }),
             Some(unit) => table::factor(unit, ours).map(|factor| Self { column, factor }).ok_or(ours),
         };
@@ -171,12 +175,12 @@ impl Meaning {
         }
         // `speed_kmh`; what is no unit of that quantity is another name.
         let (base, suffix) = lower.rsplit_once('_')?;
-        let alias = alias(base).filter(|alias| alias.0 != Column::Unused)?;
+        let alias = alias(base).filter(|alias| alias.0 != RoadColumn::Unused)?;
         meaning(alias, Some(suffix)).ok().map(Ok)
     }
 }
 
-impl Column {
+impl RoadColumn {
     fn is_geodetic(self) -> bool {
         matches!(self, Self::Latitude | Self::Longitude)
     }
@@ -192,7 +196,7 @@ impl Column {
 }
 
 /// Contents of a file.
-pub(super) struct Table {
+pub(super) struct RoadTable {
     pub samples: Vec<Sample>,
     /// The line of each sample.
     pub lines: Vec<u64>,
@@ -216,20 +220,20 @@ pub(super) enum Accuracy {
 /// through every point the curvature would overshoot there by a fifth.
 const RACETRACK_DATABASE: f64 = 0.02;
 
-fn at_line(line: u64) -> Place {
-    Place { line: Some(line), ..Place::default() }
+fn at_line(line: u64) -> InputPlace {
+    InputPlace { line: Some(line), ..InputPlace::default() }
 }
 
 fn broken(source: TableError) -> PathError {
-    PathError::Table { place: Place::default(), source }
+    PathError::Table { place: InputPlace::default(), source }
 }
 
 /// Reads the rows of a path file.
-pub(super) fn parse(reader: impl Read, limits: Limits) -> Result<Table, PathError> {
+pub(super) fn parse(reader: impl Read, limits: Limits) -> Result<RoadTable, PathError> {
     let known = |name: &str| Meaning::of(name, None).is_some();
     let mut rows = Rows::new(reader, limits, &known).map_err(broken)?;
     let mut table =
-        Table { samples: Vec::new(), lines: Vec::new(), accuracy: Accuracy::Exact, notes: Vec::new() };
+        RoadTable { samples: Vec::new(), lines: Vec::new(), accuracy: Accuracy::Exact, notes: Vec::new() };
     let columns = if rows.header().line == 0 { Vec::new() } else { header(rows.header(), &mut table.notes)? };
     let geodetic = columns.iter().any(|meaning| meaning.column.is_geodetic());
     let mut decimals = Decimals::default();
@@ -259,12 +263,12 @@ pub(super) fn parse(reader: impl Read, limits: Limits) -> Result<Table, PathErro
         table.lines.push(line);
     }
     if table.samples.is_empty() {
-        return Err(PathError::Empty { place: Place::default() });
+        return Err(PathError::Empty { place: InputPlace::default() });
     }
     if geodetic {
         lay_on_plane(&mut table);
     }
-    let widths = columns.iter().any(|meaning| meaning.column == Column::TrackWidth);
+    let widths = columns.iter().any(|meaning| meaning.column == RoadColumn::TrackWidth);
     table.accuracy = match decimals.resolution() {
         _ if widths => Accuracy::Measured(RACETRACK_DATABASE),
         Some(digit) if geodetic => Accuracy::Digit(digit * DEGREE),
@@ -275,7 +279,7 @@ pub(super) fn parse(reader: impl Read, limits: Limits) -> Result<Table, PathErro
 }
 
 /// Makes `x` and `y` of the longitudes and latitudes that stand in their places.
-fn lay_on_plane(table: &mut Table) {
+fn lay_on_plane(table: &mut RoadTable) {
     let first = &table.samples[0];
     let (latitude, longitude) = (first.y, first.x);
     let plane = TangentPlane::at(latitude, longitude);
@@ -347,12 +351,12 @@ fn header(header: &Header, notes: &mut Vec<Note>) -> Result<Vec<Meaning>, PathEr
         })?;
         let column = meaning.column;
         let repeats = columns.iter().any(|other| other.column == column);
-        if repeats && !matches!(column, Column::TrackWidth | Column::Unused) {
+        if repeats && !matches!(column, RoadColumn::TrackWidth | RoadColumn::Unused) {
             return Err(PathError::RepeatedColumn { place: at_line(line), column: short, number: index + 1 });
         }
         match column {
-            Column::TrackWidth => {}
-            Column::Unused => unused.push(short),
+            RoadColumn::TrackWidth => {}
+            RoadColumn::Unused => unused.push(short),
             _ if meaning.factor != 1.0 => {
                 taken.push(format!("`{short}` for {} (times {})", column.name(), meaning.factor))
             }
@@ -361,12 +365,14 @@ fn header(header: &Header, notes: &mut Vec<Note>) -> Result<Vec<Meaning>, PathEr
         }
         columns.push(meaning);
     }
-    let has = |column: Column| columns.iter().any(|meaning| meaning.column == column);
-    let geodetic = has(Column::Latitude) && has(Column::Longitude) && !(has(Column::X) && has(Column::Y));
+    let has = |column: RoadColumn| columns.iter().any(|meaning| meaning.column == column);
+    let geodetic = has(RoadColumn::Latitude)
+        && has(RoadColumn::Longitude)
+        && !(has(RoadColumn::X) && has(RoadColumn::Y));
     for meaning in columns.iter_mut().filter(|_| !geodetic).filter(|meaning| meaning.column.is_geodetic()) {
-        meaning.column = Column::Unused;
+        meaning.column = RoadColumn::Unused;
     }
-    for needed in [Column::X, Column::Y].into_iter().filter(|_| !geodetic) {
+    for needed in [RoadColumn::X, RoadColumn::Y].into_iter().filter(|_| !geodetic) {
         if !columns.iter().any(|meaning| meaning.column == needed) {
             return Err(PathError::MissingColumn {
                 place: at_line(line),
@@ -400,15 +406,16 @@ fn row(
     let mut station = None;
     let (mut normal, mut offset) = ([0.0; 2], 0.0);
     for (index, &Meaning { column, factor }) in columns.iter().enumerate() {
-        if matches!(column, Column::TrackWidth | Column::Unused) {
+        if matches!(column, RoadColumn::TrackWidth | RoadColumn::Unused) {
             continue;
         }
         let field = row.field(index);
-        let needed = matches!(column, Column::X | Column::Y | Column::Latitude | Column::Longitude);
+        let needed =
+            matches!(column, RoadColumn::X | RoadColumn::Y | RoadColumn::Latitude | RoadColumn::Longitude);
         if field.is_empty() && !needed {
             continue;
         }
-        if column == Column::Class {
+        if column == RoadColumn::Class {
             let class = RoadClass::from_name(field);
             sample.class = Some(class.ok_or_else(|| PathError::UnknownClass {
                 place: at_line(line),
@@ -429,7 +436,7 @@ fn row(
         if needed && (factor == 1.0 || column.is_geodetic()) {
             decimals.look(&plain);
         }
-        let largest = if column == Column::Latitude { 90f64 } else { 360.0 };
+        let largest = if column == RoadColumn::Latitude { 90f64 } else { 360.0 };
         if column.is_geodetic() && value.abs() > largest.to_radians() {
             let (value, low, high, unit) = (value.to_degrees(), -largest, largest, "degrees");
             return Err(PathError::OutOfRange {
@@ -442,19 +449,19 @@ fn row(
             });
         }
         match column {
-            Column::X | Column::Longitude => sample.x = value,
-            Column::Y | Column::Latitude => sample.y = value,
-            Column::Station => station = Some(value),
-            Column::Yaw => sample.yaw = Some(value),
-            Column::Curvature => sample.curvature = Some(value),
-            Column::Speed => sample.speed = Some(value),
-            Column::Bank => sample.bank = Some(value),
-            Column::Grade => sample.grade = Some(value),
-            Column::Friction => sample.friction = Some(value),
-            Column::NormalX => normal[0] = value,
-            Column::NormalY => normal[1] = value,
-            Column::Offset => offset = value,
-            Column::Class | Column::TrackWidth | Column::Unused => {}
+            RoadColumn::X | RoadColumn::Longitude => sample.x = value,
+            RoadColumn::Y | RoadColumn::Latitude => sample.y = value,
+            RoadColumn::Station => station = Some(value),
+            RoadColumn::Yaw => sample.yaw = Some(value),
+            RoadColumn::Curvature => sample.curvature = Some(value),
+            RoadColumn::Speed => sample.speed = Some(value),
+            RoadColumn::Bank => sample.bank = Some(value),
+            RoadColumn::Grade => sample.grade = Some(value),
+            RoadColumn::Friction => sample.friction = Some(value),
+            RoadColumn::NormalX => normal[0] = value,
+            RoadColumn::NormalY => normal[1] = value,
+            RoadColumn::Offset => offset = value,
+            RoadColumn::Class | RoadColumn::TrackWidth | RoadColumn::Unused => {}
         }
     }
     if offset != 0.0 {

@@ -62,7 +62,7 @@ pub enum Smoothing {
 
 /// Options of the conversion from points to a path.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Options {
+pub struct PathOptions {
     /// Closure of the road.
     pub closure: Closure,
     /// Allowed distance from its points.
@@ -71,7 +71,7 @@ pub struct Options {
     pub limits: Limits,
 }
 
-impl Default for Options {
+impl Default for PathOptions {
     /// 256 MB unpacked, a million points.
     fn default() -> Self {
         let limits = Limits { bytes: 256 << 20, rows: 1_000_000 };

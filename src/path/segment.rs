@@ -9,7 +9,7 @@
 
 use super::quadrature::integrate;
 use super::sample::{RoadClass, Sample};
-use super::splitmix::SplitMix64;
+use crate::numerics::Random;
 use std::f64::consts::TAU;
 
 /// Place on a road, and heading.
@@ -101,7 +101,7 @@ impl Rough {
         let u = station - self.from;
         let ramp = (u.min(self.to - station) / RAMP).clamp(0.0, 1.0);
         let ramp = ramp * ramp * (3.0 - 2.0 * ramp);
-        let mut random = SplitMix64(self.seed);
+        let mut random = Random::new(self.seed);
         // Each quantity: three waves, their amplitudes summing to one.
         let mut waves = |lengths: [f64; 3]| {
             [0.5, 0.3, 0.2]

@@ -23,7 +23,7 @@
 //! with `A = B' W B + lambda D' D` the normal equations' matrix and `H = B A^-1 B' W`.
 
 use super::banded::{Banded, Factored};
-use super::spline::{Curve, Knot, Vector, distance};
+use super::spline::{Knot, QuinticSpline, Vector, distance};
 
 /// Third difference.
 const DIFFERENCE: [f64; 4] = [-1.0, 3.0, -3.0, 1.0];
@@ -69,7 +69,7 @@ pub(super) enum Goal {
 const PENALTIES: (f64, f64) = (-12.0, 8.0);
 
 /// The smoothing spline's problem: points, their parameters, and the knots.
-struct Problem<'a> {
+struct SmoothingProblem<'a> {
     points: &'a [Vector],
     weights: Vec<f64>,
     period: f64,
@@ -82,7 +82,7 @@ struct Problem<'a> {
     right: Vec<Vector>,
 }
 
-impl<'a> Problem<'a> {
+impl<'a> SmoothingProblem<'a> {
     fn new(
         points: &'a [Vector],
         t: &[f64],
@@ -241,7 +241,7 @@ pub(super) fn smooth(
     along: Option<&[Vector]>,
     periodic: bool,
     goal: Goal,
-) -> Option<Curve> {
+) -> Option<QuinticSpline> {
     let (Goal::Within(distance_allowed) | Goal::Nearest(distance_allowed)) = goal;
     let n = points.len();
     if n < 6 || distance_allowed <= 0.0 {
@@ -254,7 +254,7 @@ pub(super) fn smooth(
         // Points apart have means apart, nearly always.
         t.push(t[i - 1] + distance(along[i - 1], along[i % n]).max(1e-9));
     }
-    let mut curve: Option<Curve> = None;
+    let mut curve: Option<QuinticSpline> = None;
     // Noise lengthens chords; the smooth curve's own arc length is the better parameter.
     for _ in 0..2 {
         if let Some(curve) = &curve {
@@ -279,7 +279,7 @@ pub(super) fn smooth(
         weights.iter_mut().for_each(|weight| *weight /= total);
         let mut intervals = ((period / spacing).ceil() as usize).clamp(18, 1_000_000);
         let (problem, coefficients) = loop {
-            let problem = Problem::new(points, &t[..n], &weights, (period, intervals), periodic);
+            let problem = SmoothingProblem::new(points, &t[..n], &weights, (period, intervals), periodic);
             if let Some(coefficients) = problem.best(goal) {
                 break (problem, coefficients);
             }
@@ -295,7 +295,7 @@ pub(super) fn smooth(
                 Knot { t: i as f64 / intervals as f64 * period, p, d1, d2 }
             })
             .collect();
-        curve = Some(Curve { knots, marks: t.clone(), yaw: None });
+        curve = Some(QuinticSpline { knots, marks: t.clone(), yaw: None });
     }
     curve
 }

@@ -24,7 +24,7 @@ pub(super) struct Knot {
 
 /// A chain of quintics. A closed curve's last knot repeats its first one.
 #[derive(Debug, Clone)]
-pub(super) struct Curve {
+pub(super) struct QuinticSpline {
     pub knots: Vec<Knot>,
     /// Parameters of the curve's original points (closed: the first one again at the end).
     pub marks: Vec<f64>,
@@ -68,7 +68,7 @@ pub(super) fn distance(a: Vector, b: Vector) -> f64 {
     (b[0] - a[0]).hypot(b[1] - a[1])
 }
 
-impl Curve {
+impl QuinticSpline {
     /// The interpolating cubic spline through points; `periodic` leads from the last back to the first.
     /// Wants two distinct points (periodic: three), consecutive ones apart.
     pub fn through(points: &[Vector], periodic: bool) -> Self {

@@ -18,8 +18,8 @@
 use super::pen::{Pen, Rounding, corner_tangent};
 use super::sample::{RoadClass, Sample};
 use super::segment::{Course, Pose};
-use super::splitmix::SplitMix64;
-use super::{Options, Path, PathError, to_csv, truck_course};
+use super::{Path, PathError, PathOptions, to_csv, truck_course};
+use crate::numerics::Random;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Length of a block in m.
@@ -201,14 +201,14 @@ impl Route {
     /// # Errors
     /// None, unless a course was changed so that it is no path any more.
     pub fn path(self) -> Result<Path, PathError> {
-        self.path_with(&Options::default())
+        self.path_with(&PathOptions::default())
     }
 
     /// As [`path`](Self::path), closed and smoothed as the options say.
     ///
     /// # Errors
     /// Options that do not fit the course.
-    pub fn path_with(self, options: &Options) -> Result<Path, PathError> {
+    pub fn path_with(self, options: &PathOptions) -> Result<Path, PathError> {
         Path::from_csv(to_csv(&self.samples()).as_bytes(), self.name().as_ref(), options)
     }
 
@@ -316,7 +316,7 @@ pub(super) struct Winding {
 pub(super) fn cross_country(pen: &mut Pen, winding: &Winding) {
     let base = pen.pose();
     let (sin, cos) = base.yaw.sin_cos();
-    let mut random = SplitMix64(winding.seed);
+    let mut random = Random::new(winding.seed);
     // Vertices along and beside the line; the first and the last lie on it.
     let count = (winding.length / 36.0).round().max(3.0) as usize;
     let pitch = winding.length / count as f64;

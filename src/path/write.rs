@@ -5,14 +5,14 @@ use super::sample::Sample;
 use std::fmt::Write as _;
 
 /// A column: its name, its decimals, its value.
-type Column = (&'static str, usize, fn(&Sample) -> Option<f64>);
+type WrittenColumn = (&'static str, usize, fn(&Sample) -> Option<f64>);
 
 /// Points as the text of a path file: `x,y` and those of the optional columns that any point has. Positions have a
 /// resolution of 1e-6 m, yaw 1e-7 rad, curvature 1e-8 1/m. The resolution is finer than their accuracy, so that reading
 /// the file gives the same curvature.
 #[must_use]
 pub fn to_csv(samples: &[Sample]) -> String {
-    const COLUMNS: [Column; 8] = [
+    const COLUMNS: [WrittenColumn; 8] = [
         ("x", 6, |sample| Some(sample.x)),
         ("y", 6, |sample| Some(sample.y)),
         ("yaw", 7, |sample| sample.yaw),
@@ -22,7 +22,7 @@ pub fn to_csv(samples: &[Sample]) -> String {
         ("grade", 5, |sample| sample.grade),
         ("friction", 4, |sample| sample.friction),
     ];
-    let columns: Vec<&Column> =
+    let columns: Vec<&WrittenColumn> =
         COLUMNS.iter().filter(|(_, _, value)| samples.iter().any(|sample| value(sample).is_some())).collect();
     let classes = samples.iter().any(|sample| sample.class.is_some());
     let mut names: Vec<&str> = columns.iter().map(|column| column.0).collect();

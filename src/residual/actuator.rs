@@ -14,9 +14,9 @@
 //! Source: Gelman and others, Bayesian Data Analysis, ch. 14; variable projection: Golub and Pereyra 1973.
 
 use super::dataset::DataSet;
-use super::parallel;
 use super::prior::CommandPrior;
 use crate::nominal::{Actuator, LateralVehicle};
+use crate::numerics::parallel;
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 /// Dead times and lags that are tried, s.
@@ -60,7 +60,7 @@ impl<V: LateralVehicle<S>, const S: usize> DataSet<V, S> {
     /// The actuator that the samples show; none if there are too few.
     #[must_use]
     pub fn actuator(&self, threads: usize) -> Option<ShownActuator> {
-        let fit = Fit::new(self)?;
+        let fit = ActuatorRegression::new(self)?;
         let dead_times =
             (0..).map(|k| DEAD_TIME_SPACING * f64::from(k)).take_while(|t| *t <= LONGEST_DEAD_TIME);
         let grid: Vec<(f64, f64)> = dead_times.flat_map(|t| LAGS.map(|lag| (t, lag))).collect();
@@ -100,7 +100,7 @@ impl<V: LateralVehicle<S>, const S: usize> DataSet<V, S> {
 }
 
 /// The samples, and the part of the regression that hypotheses do not change.
-struct Fit {
+struct ActuatorRegression {
     sample_time: f64,
     stretches: Vec<Stretch>,
     /// Other regressors of each step that counts.
@@ -112,7 +112,7 @@ struct Fit {
     independent: f64,
 }
 
-impl Fit {
+impl ActuatorRegression {
     fn new<V: LateralVehicle<S>, const S: usize>(data: &DataSet<V, S>) -> Option<Self> {
         let sample_time = data.config.sample_time;
         let mut model: Option<(f64, f64)> = None;

@@ -1,6 +1,6 @@
 //! Faults of recorded drives: rates, gaps, units, stuck columns.
 
-use super::dataset::{DataReport, ROAD_NAMES, Recorded, Row};
+use super::recorded::{DataReport, DriveRow, ROAD_NAMES, Recorded};
 use crate::nominal::SingleTrackError;
 use crate::signal::{self, Signal};
 
@@ -134,7 +134,7 @@ pub(super) fn stretches<const S: usize>(
     drive: &Recorded<'_, S>,
     sample_time: f64,
     report: &mut DataReport,
-) -> Result<Vec<Vec<Row<S>>>, DataError> {
+) -> Result<Vec<Vec<DriveRow<S>>>, DataError> {
     if !(sample_time > 0.0 && sample_time.is_finite()) {
         return Err(DataError::SampleTime { value: sample_time });
     }
@@ -229,7 +229,7 @@ fn plausible<const S: usize>(
 
 /// Every `factor`-th row, from a row on at which commands change: a command that the controller held over its step is
 /// then unchanged. The command of a step is the mean of those recorded in it.
-fn thin<const S: usize>(stretch: &[Row<S>], factor: usize) -> Vec<Row<S>> {
+fn thin<const S: usize>(stretch: &[DriveRow<S>], factor: usize) -> Vec<DriveRow<S>> {
     if factor == 1 {
         return stretch.to_vec();
     }
@@ -239,23 +239,23 @@ fn thin<const S: usize>(stretch: &[Row<S>], factor: usize) -> Vec<Row<S>> {
     }
     // The first of the phases with most changes.
     let phase = (0..factor).rev().max_by_key(|&phase| changes[phase]).unwrap_or(0);
-    let held = |rows: &[Row<S>]| {
+    let held = |rows: &[DriveRow<S>]| {
         let first = rows[0].command;
         let change: f64 = rows.iter().map(|row| row.command - first).sum();
-        Row { command: first + change / rows.len() as f64, ..rows[0] }
+        DriveRow { command: first + change / rows.len() as f64, ..rows[0] }
     };
     stretch.get(phase..).unwrap_or_default().chunks(factor).map(held).collect()
 }
 
 /// Slope of `y` on `x` through the origin, and the share of `y` that it explains.
 #[derive(Default)]
-struct Slope {
+struct OriginSlope {
     xx: f64,
     xy: f64,
     yy: f64,
 }
 
-impl Slope {
+impl OriginSlope {
     fn add(&mut self, x: f64, y: f64) {
         self.xx += x * x;
         self.xy += x * y;
@@ -273,11 +273,12 @@ const DEGREES: f64 = 180.0 / std::f64::consts::PI;
 
 /// Compares columns with one another: units that are wrong by a factor show in the vehicle's motion.
 pub(super) fn units<const S: usize>(
-    stretches: &[Vec<Row<S>>],
+    stretches: &[Vec<DriveRow<S>>],
     wheelbase: f64,
     sample_time: f64,
 ) -> Result<(), DataError> {
-    let (mut steer, mut heading, mut lateral) = (Slope::default(), Slope::default(), Slope::default());
+    let (mut steer, mut heading, mut lateral) =
+        (OriginSlope::default(), OriginSlope::default(), OriginSlope::default());
     for stretch in stretches {
         for pair in stretch.windows(2) {
             let (now, next) = (pair[0].state, pair[1].state);
@@ -290,7 +291,8 @@ pub(super) fn units<const S: usize>(
         }
         // Means over half a second: within it, delays and inertia may even turn the sign.
         for block in stretch.chunks((0.5 / sample_time).ceil() as usize) {
-            let mean = |value: fn(&Row<S>) -> f64| block.iter().map(value).sum::<f64>() / block.len() as f64;
+            let mean =
+                |value: fn(&DriveRow<S>) -> f64| block.iter().map(value).sum::<f64>() / block.len() as f64;
             let asked = mean(|row| row.road[0] * row.command) / wheelbase;
             steer.add(asked, mean(|row| row.state[3] + row.road[0] * row.road[1]));
         }
@@ -327,7 +329,7 @@ pub(super) fn units<const S: usize>(
 
 /// Columns that never change: an error where nothing can be learned without them, else noted.
 pub(super) fn variation<const S: usize>(
-    stretches: &[Vec<Row<S>>],
+    stretches: &[Vec<DriveRow<S>>],
     states: &[Signal; S],
     report: &mut DataReport,
 ) -> Result<(), DataError> {
@@ -336,8 +338,9 @@ pub(super) fn variation<const S: usize>(
     // Command and states, without which nothing can be learned; then the road.
     let names = states.iter().map(|signal| signal.name);
     let names: Vec<&'static str> = ["steer_cmd"].into_iter().chain(names).chain(ROAD_NAMES).collect();
-    let values =
-        |row: &Row<S>| -> Vec<f64> { [row.command].into_iter().chain(row.state).chain(row.road).collect() };
+    let values = |row: &DriveRow<S>| -> Vec<f64> {
+        [row.command].into_iter().chain(row.state).chain(row.road).collect()
+    };
     let reference = values(first);
     let mut constant = vec![true; names.len()];
     for row in rows {

@@ -15,124 +15,12 @@
 
 use super::ROAD;
 use super::checks::{self, DataError};
-use super::hash::Fnv;
+use super::recorded::{DataReport, Drive, DriveRow, Recorded};
 use super::table::Columns;
 use crate::nominal::{DiscreteErrorModel, ERRORS, LateralVehicle};
-use crate::signal::Signal;
+use crate::numerics::Fnv;
 use crate::vehicle::SingleTrack;
 use nalgebra::SVector;
-
-/// One drive in columns of equal length.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Drive {
-    /// Name in messages, e.g. the file's name.
-    pub name: String,
-    /// Time, s, increasing.
-    pub time: Vec<f64>,
-    /// Road-wheel angle commanded from this row on, rad.
-    pub steer_cmd: Vec<f64>,
-    /// Lateral error, m.
-    pub e1: Vec<f64>,
-    /// Its rate, m/s.
-    pub e1_rate: Vec<f64>,
-    /// Yaw error, rad.
-    pub e2: Vec<f64>,
-    /// Its rate, rad/s.
-    pub e2_rate: Vec<f64>,
-    /// Longitudinal velocity, m/s.
-    pub vx: Vec<f64>,
-    /// Curvature of the path, 1/m.
-    pub curvature: Vec<f64>,
-    /// Change of the curvature along the path, 1/m2.
-    pub curvature_rate: Vec<f64>,
-    /// Articulation angle, rad; empty for a vehicle without one.
-    pub articulation: Vec<f64>,
-    /// Its rate, rad/s.
-    pub articulation_rate: Vec<f64>,
-}
-
-impl Drive {
-    /// Names and columns that every drive has, in order.
-    #[must_use]
-    pub fn columns(&self) -> [(&'static str, &[f64]); 9] {
-        [
-            ("time", &self.time),
-            ("steer_cmd", &self.steer_cmd),
-            ("e1", &self.e1),
-            ("e1_rate", &self.e1_rate),
-            ("e2", &self.e2),
-            ("e2_rate", &self.e2_rate),
-            ("vx", &self.vx),
-            ("curvature", &self.curvature),
-            ("curvature_rate", &self.curvature_rate),
-        ]
-    }
-
-    /// The columns, in the order of [`columns`](Self::columns), to be filled.
-    pub fn columns_mut(&mut self) -> [&mut Vec<f64>; 9] {
-        [
-            &mut self.time,
-            &mut self.steer_cmd,
-            &mut self.e1,
-            &mut self.e1_rate,
-            &mut self.e2,
-            &mut self.e2_rate,
-            &mut self.vx,
-            &mut self.curvature,
-            &mut self.curvature_rate,
-        ]
-    }
-
-    /// The column of a name; empty if drives have none of that name.
-    #[must_use]
-    pub fn column(&self, name: &str) -> &[f64] {
-        let further: [(&str, &[f64]); 2] =
-            [("articulation", &self.articulation), ("articulation_rate", &self.articulation_rate)];
-        let mut all = self.columns().into_iter().chain(further);
-        all.find(|(known, _)| *known == name).map_or(&[], |(_, column)| column)
-    }
-}
-
-/// Recorded quantities of a vehicle with these states.
-pub(super) struct Recorded<'a, const S: usize> {
-    /// The drive's name.
-    pub name: &'a str,
-    /// Time, command, states, road.
-    pub columns: Vec<(&'static str, &'a [f64])>,
-}
-
-impl<'a, const S: usize> Recorded<'a, S> {
-    fn new(drive: &'a Drive, states: &[Signal; S]) -> Self {
-        let states = states.iter().map(|signal| signal.name);
-        let names = ["time", "steer_cmd"].into_iter().chain(states).chain(ROAD_NAMES);
-        Self { name: &drive.name, columns: names.map(|name| (name, drive.column(name))).collect() }
-    }
-
-    pub fn time(&self) -> &'a [f64] {
-        self.columns[0].1
-    }
-
-    pub fn row(&self, i: usize) -> Row<S> {
-        let at = |column: usize| self.columns[column].1[i];
-        Row {
-            command: at(1),
-            state: std::array::from_fn(|s| at(2 + s)),
-            road: std::array::from_fn(|r| at(2 + S + r)),
-        }
-    }
-}
-
-/// Features of the road and speed by name.
-pub(super) const ROAD_NAMES: [&str; ROAD] = ["vx", "curvature", "curvature_rate"];
-
-/// One row of a drive.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Row<const S: usize> {
-    pub command: f64,
-    pub state: [f64; S],
-    /// Speed, curvature, curvature rate.
-    pub road: [f64; ROAD],
-}
 
 /// Controller for which the samples are made.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -149,38 +37,19 @@ impl Default for DataConfig {
     }
 }
 
-/// Findings in the drives, and repairs made.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct DataReport {
-    /// Rows of all drives.
-    pub rows: usize,
-    /// Rows left out because a value is not a number.
-    pub not_finite: usize,
-    /// Rows left out because a value is impossible, e.g. a yaw error of 20 rad.
-    pub implausible: usize,
-    /// Interruptions within drives, left-out rows among them.
-    pub gaps: usize,
-    /// Drives sampled faster than the controller, and by which factor they were thinned.
-    pub thinned: Vec<(String, usize)>,
-    /// Columns that never change: nothing can be learned about their effect.
-    pub constant: Vec<&'static str>,
-    /// Steps with a next row: labels.
-    pub labels: usize,
-}
-
 /// Rows at the sample time and their labels, for a vehicle with `S` states.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DataSet<V = SingleTrack, const S: usize = ERRORS> {
     pub(super) config: DataConfig,
     pub(super) vehicle: V,
-    rows: Rows<S>,
+    rows: DatasetRows<S>,
     hash: u64,
     report: DataReport,
 }
 
 /// The rows.
 #[derive(Debug, Clone, PartialEq)]
-struct Rows<const S: usize> {
+struct DatasetRows<const S: usize> {
     states: Vec<[f64; S]>,
     commands: Vec<f64>,
     road: Vec<[f64; ROAD]>,
@@ -202,7 +71,7 @@ impl<V: LateralVehicle<S>, const S: usize> DataSet<V, S> {
         vehicle.model_at(config.min_model_speed)?;
         let mut report = DataReport::default();
         let mut hash = Fnv::new();
-        let mut stretches: Vec<Vec<Row<S>>> = Vec::new();
+        let mut stretches: Vec<Vec<DriveRow<S>>> = Vec::new();
         for drive in drives {
             let recorded = Recorded::new(drive, &V::STATES);
             let values = recorded.columns.iter().flat_map(|(_, column)| *column);
@@ -212,7 +81,7 @@ impl<V: LateralVehicle<S>, const S: usize> DataSet<V, S> {
         checks::units(&stretches, vehicle.wheelbase(), config.sample_time)?;
         checks::variation(&stretches, &V::STATES, &mut report)?;
         let mut rows =
-            Rows { states: vec![], commands: vec![], road: vec![], labels: vec![], before: vec![] };
+            DatasetRows { states: vec![], commands: vec![], road: vec![], labels: vec![], before: vec![] };
         let mut model = None;
         for stretch in &stretches {
             for (i, row) in stretch.iter().enumerate() {
@@ -235,7 +104,7 @@ impl<V: LateralVehicle<S>, const S: usize> DataSet<V, S> {
 fn label<V: LateralVehicle<S>, const S: usize>(
     vehicle: &V,
     config: DataConfig,
-    stretch: &[Row<S>],
+    stretch: &[DriveRow<S>],
     i: usize,
     model: &mut Option<(f64, DiscreteErrorModel<S>)>,
 ) -> Result<[f64; S], DataError> {
@@ -270,9 +139,10 @@ impl<V, const S: usize> DataSet<V, S> {
     }
 
     /// The rows again, stretch by stretch.
-    pub(super) fn stretches(&self) -> impl Iterator<Item = Vec<Row<S>>> {
+    pub(super) fn stretches(&self) -> impl Iterator<Item = Vec<DriveRow<S>>> {
         let data = &self.rows;
-        let row = |i: usize| Row { command: data.commands[i], state: data.states[i], road: data.road[i] };
+        let row =
+            |i: usize| DriveRow { command: data.commands[i], state: data.states[i], road: data.road[i] };
         let starts = (0..data.before.len()).filter(|&i| data.before[i] == 0);
         starts.map(move |start| {
             let end = (start + 1..data.before.len()).find(|&i| data.before[i] == 0);
@@ -281,7 +151,9 @@ impl<V, const S: usize> DataSet<V, S> {
     }
 
     /// The same with the label of each row's step.
-    pub(super) fn labelled_stretches(&self) -> impl Iterator<Item = (Vec<Row<S>>, Vec<Option<[f64; S]>>)> {
+    pub(super) fn labelled_stretches(
+        &self,
+    ) -> impl Iterator<Item = (Vec<DriveRow<S>>, Vec<Option<[f64; S]>>)> {
         let mut next = 0;
         self.stretches().map(move |stretch| {
             let begin = next;
@@ -314,7 +186,7 @@ impl<V, const S: usize> DataSet<V, S> {
 const ACCELERATION_ROWS: usize = 5;
 
 /// Longitudinal acceleration near row `i` of a stretch, m/s2.
-pub(super) fn acceleration<const S: usize>(stretch: &[Row<S>], i: usize, sample_time: f64) -> f64 {
+pub(super) fn acceleration<const S: usize>(stretch: &[DriveRow<S>], i: usize, sample_time: f64) -> f64 {
     let (from, to) =
         (i.saturating_sub(ACCELERATION_ROWS), (i + 1 + ACCELERATION_ROWS).min(stretch.len() - 1));
     (stretch[to].road[0] - stretch[from].road[0]) / ((to - from) as f64 * sample_time)
@@ -323,7 +195,7 @@ pub(super) fn acceleration<const S: usize>(stretch: &[Row<S>], i: usize, sample_
 /// The samples of a [`DataSet`] for one window.
 #[derive(Debug, Clone)]
 pub struct Windows<'a, const S: usize = ERRORS> {
-    data: &'a Rows<S>,
+    data: &'a DatasetRows<S>,
     window: usize,
     rows: Vec<u32>,
 }

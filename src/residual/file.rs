@@ -13,13 +13,13 @@
 //! faster than text. Gaussian processes have files made alike, with a magic word of their own.
 
 use super::forest::Forest;
-use super::hash::fnv;
 use super::leaf::LeafModels;
 use super::model::{Kind, ResidualModelFor, Schema};
 use super::tree::MAX_DEPTH;
 use super::{MAX_WINDOW, ROAD};
 use crate::input;
 use crate::nominal::LateralVehicle;
+use crate::numerics::fnv;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -172,7 +172,7 @@ impl FileError {
 }
 
 #[derive(Serialize, Deserialize)]
-struct Head<S> {
+struct ModelHead<S> {
     vehicle_hash: String,
     /// None stands for a car: files were the car's alone at first.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -283,7 +283,7 @@ pub(super) fn seal<V: LateralVehicle<S>, const S: usize>(
     numbers: &impl Serialize,
 ) -> Result<Vec<u8>, FileError> {
     let vehicle_kind = (V::KIND != FIRST_KIND).then(|| V::KIND.to_owned());
-    let head = Head { vehicle_hash: vehicle_hash(vehicle), vehicle_kind, schema };
+    let head = ModelHead { vehicle_hash: vehicle_hash(vehicle), vehicle_kind, schema };
     let mut body = toml::to_string(&head).map_err(|error| FileError::Head(error.to_string()))?.into_bytes();
     let head_length = body.len();
     body.extend(postcard::to_allocvec(numbers)?);
@@ -333,7 +333,7 @@ pub(super) fn open<H: DeserializeOwned, N: DeserializeOwned, V: LateralVehicle<S
     if found != V::KIND {
         return Err(FileError::OtherVehicle { found, wanted: V::KIND });
     }
-    let head: Head<H> = toml::from_str(head).map_err(understood)?;
+    let head: ModelHead<H> = toml::from_str(head).map_err(understood)?;
     let (numbers, rest) = postcard::take_from_bytes(numbers)?;
     if !rest.is_empty() {
         return Err(FileError::Invalid { what: "there are more numbers than the model has" });

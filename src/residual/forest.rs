@@ -5,10 +5,10 @@
 //!
 //! Complexity: `O(T D n F)` to grow, `O(T D)` to look up.
 
-use super::parallel;
-use super::random::Random;
-use super::table::{Columns, Resolution, Table};
+use super::table::{Columns, FeatureTable, Resolution};
 use super::tree::{self, Growth, MAX_DEPTH, Tree};
+use crate::numerics::Random;
+use crate::numerics::parallel;
 use serde::{Deserialize, Serialize};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -197,7 +197,7 @@ pub fn grow<const K: usize>(
     grown: &(dyn Fn(usize) + Sync),
 ) -> GrownForest {
     let threads = parallel::threads(config.threads);
-    let table = Table::new(table, features, config.resolution, threads);
+    let table = FeatureTable::new(table, features, config.resolution, threads);
     let targets = tree::standardise(labels);
     let growth = Growth {
         depth: config.depth.min(MAX_DEPTH),

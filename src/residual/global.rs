@@ -5,7 +5,7 @@
 
 use super::leaf::Design;
 use super::least_squares::{Theta, Triangle};
-use super::parallel;
+use crate::numerics::parallel;
 
 /// Folds of the cross-validation.
 pub(super) const FOLDS: usize = 5;

@@ -14,8 +14,8 @@
 //! way, [`LeafFit::LeastSquares`].
 
 use super::least_squares::{Gram, Theta, Triangle};
-use super::parallel;
 use crate::nominal::ERRORS;
+use crate::numerics::parallel;
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 

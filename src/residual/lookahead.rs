@@ -68,7 +68,7 @@ pub struct Lookahead<const S: usize> {
     road_places: Vec<[u32; ROAD]>,
     /// Place of row 0: rows keep their places when the horizon moves on.
     first: usize,
-    rows: Rows,
+    rows: LeafRows,
     /// Mean coefficients of the rows' leaves, each with the effect of a held command behind them.
     mean: Theta<S>,
     /// Features of a row that is looked up in every tree.
@@ -79,7 +79,7 @@ pub struct Lookahead<const S: usize> {
 
 /// The leaves of each row.
 #[derive(Debug, Clone)]
-struct Rows {
+struct LeafRows {
     trees: usize,
     /// Ends of a tree.
     ends: usize,
@@ -116,7 +116,7 @@ pub struct LookedUp<'a, const S: usize> {
     pub excess: f64,
 }
 
-impl Rows {
+impl LeafRows {
     /// Marks the tree of a question in a row, if the question lies on the way to its leaf there.
     fn mark(&mut self, slot: usize, question: &Question) {
         let at = slot * self.trees + usize::from(question.tree);
@@ -231,7 +231,7 @@ impl<const S: usize> Lookahead<S> {
             road: vec![[f64::NAN; ROAD]; horizon],
             road_places: vec![[0; ROAD]; horizon],
             first: 0,
-            rows: Rows {
+            rows: LeafRows {
                 trees,
                 ends: 1 << depth,
                 end: vec![0; horizon * trees],
@@ -359,7 +359,7 @@ impl<const S: usize> Lookahead<S> {
     fn look_up_marked(&mut self, forest: &Forest, row: usize, slot: usize) -> bool {
         let value = feature(self.states[row..][..self.window].as_flattened(), &self.road[slot]);
         let mean = &mut self.mean[slot * self.shares.entries()..][..self.shares.entries()];
-        let Rows { trees, ends, end, leaf, marked, words, above, .. } = &mut self.rows;
+        let LeafRows { trees, ends, end, leaf, marked, words, above, .. } = &mut self.rows;
         let mut renewed = false;
         for (i, word) in marked[slot * *words..][..*words].iter_mut().enumerate() {
             while *word != 0 {
@@ -391,7 +391,7 @@ impl<const S: usize> Lookahead<S> {
         states.copy_from_slice(self.states[row..][..self.window].as_flattened());
         asked_road.copy_from_slice(&self.road[slot]);
         let mean = &mut self.mean[slot * entries..][..entries];
-        let Rows { end, leaf, marked, words, above, anew, .. } = &mut self.rows;
+        let LeafRows { end, leaf, marked, words, above, anew, .. } = &mut self.rows;
         anew[slot] = false;
         marked[slot * *words..][..*words].fill(0);
         let of_row = slot * trees..(slot + 1) * trees;

@@ -18,7 +18,8 @@
 //! ```
 //!
 //! ```
-//! use rfl_mpc::residual::{DataConfig, DataSet, Drive, Kind, Random, ResidualModel, TrainConfig, train};
+//! use rfl_mpc::numerics::Random;
+//! use rfl_mpc::residual::{DataConfig, DataSet, Drive, Kind, ResidualModel, TrainConfig, train};
 //! use rfl_mpc::vehicle::SingleTrack;
 //!
 //! let car = SingleTrack { mass: 1400.0, yaw_inertia: 2300.0, lf: 1.1, lr: 1.6, cf: 120e3, cr: 140e3 };
@@ -39,14 +40,15 @@
 //! assert!(trained.report.train.rmse[0] < trained.report.train.nominal_rmse[0]);
 //!
 //! let model = ResidualModel::from_bytes(&trained.model.to_bytes()?)?;
-//! let (features, mut room) = (vec![0.0; model.features()], model.room());
-//! model.coefficients(&features, &[], &mut room);
-//! assert_eq!(room.command().len(), 16);
+//! let (features, mut workspace) = (vec![0.0; model.features()], model.workspace());
+//! model.coefficients(&features, &[], &mut workspace);
+//! assert_eq!(workspace.command().len(), 16);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
 //! | file | idea |
 //! |---|---|
+//! | `recorded.rs` | drives as recorded, row by row, and the report of their repairs |
 //! | `dataset.rs` | labels and windows from drives |
 //! | `checks.rs` | faults of recorded drives |
 //! | `table.rs`, `tree.rs`, `forest.rs` | binning, CART, random forests and their look-up |
@@ -59,7 +61,6 @@
 //! | `lookahead.rs` | the same over the receding horizon of the controller |
 //! | `file.rs`, `rows.rs` | the model's file |
 //! | `gp/` | the Gaussian process of GP-NMPC |
-//! | `random.rs`, `parallel.rs`, `hash.rs` | the same bits for the same seed, on any number of threads |
 
 mod actuator;
 mod checks;
@@ -69,14 +70,12 @@ mod file;
 mod forest;
 mod global;
 pub mod gp;
-mod hash;
 mod leaf;
 mod least_squares;
 mod lookahead;
 mod model;
-pub mod parallel;
 mod prior;
-mod random;
+mod recorded;
 mod rows;
 mod table;
 mod train;
@@ -85,24 +84,23 @@ mod tree;
 
 pub use actuator::ShownActuator;
 pub use checks::DataError;
-pub use dataset::{DataConfig, DataReport, DataSet, Drive, Windows};
+pub use dataset::{DataConfig, DataSet, Windows};
 pub use explain::BlockMisfit;
 pub(crate) use file::in_file;
 pub use file::{FORMAT, FileError, FileKind};
 pub use forest::{Block, Forest, ForestConfig, GrownForest, grow};
-pub use hash::fnv;
 pub use leaf::{LeafFit, LeafModels};
 pub use least_squares::{Decomposed, Gram, Theta, Triangle};
 pub use lookahead::{Lookahead, LookedUp};
 pub use model::{
-    Coefficients, Expected, Kind, Misfit, Range, Regressors, ResidualModel, ResidualModelFor, Schema,
+    Coefficients, Expected, Kind, ModelMismatch, Range, Regressors, ResidualModel, ResidualModelFor, Schema,
     Training, TreeFeatures,
 };
 pub(crate) use prior::write_residual_of_actuator;
 pub use prior::{CommandPrior, residual_of_actuator};
-pub use random::Random;
+pub use recorded::{DataReport, Drive};
 pub use table::{Columns, Dense, Resolution};
-pub use train::{Fit, Progress, Stage, TrainError, TrainReport, Trained, train};
+pub use train::{FitErrors, Progress, TrainError, TrainReport, Trained, TrainingStage, train};
 pub use train_config::{ConfigError, LambdaChoice, TrainConfig};
 pub use tree::MAX_DEPTH;
 

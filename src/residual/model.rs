@@ -221,7 +221,7 @@ impl<V> Expected<V> {
         vehicle: &V,
         sample_time: f64,
         min_model_speed: f64,
-    ) -> Result<(), Misfit>
+    ) -> Result<(), ModelMismatch>
     where
         V: LateralVehicle<S>,
     {
@@ -229,16 +229,16 @@ impl<V> Expected<V> {
             vehicle.parameters().into_iter().zip(self.vehicle.parameters())
         {
             if !same(model, controller) {
-                return Err(Misfit::Vehicle { parameter, model, controller });
+                return Err(ModelMismatch::Vehicle { parameter, model, controller });
             }
         }
         let (model, controller) = (sample_time, self.sample_time);
         if !same(model, controller) {
-            return Err(Misfit::SampleTime { model, controller });
+            return Err(ModelMismatch::SampleTime { model, controller });
         }
         let (model, controller) = (min_model_speed, self.min_model_speed);
         if !same(model, controller) {
-            return Err(Misfit::MinModelSpeed { model, controller });
+            return Err(ModelMismatch::MinModelSpeed { model, controller });
         }
         Ok(())
     }
@@ -246,7 +246,7 @@ impl<V> Expected<V> {
 
 /// Reasons for which a model does not fit a controller.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum Misfit {
+pub enum ModelMismatch {
     /// Learned for another vehicle.
     #[error(
         "the residual was learned for a nominal vehicle with {parameter} = {model}, the controller has {controller}; train on this vehicle's parameters, or load its model"
@@ -468,7 +468,7 @@ impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
 
     /// Room for the coefficients of one step.
     #[must_use]
-    pub fn room(&self) -> Coefficients<S> {
+    pub fn workspace(&self) -> Coefficients<S> {
         let Schema { window, regressors, .. } = self.schema;
         let count = regressors.count(S, window);
         Coefficients {
@@ -593,11 +593,13 @@ impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
     ///
     /// # Errors
     /// The first difference that matters.
-    pub fn check_fits(&self, expected: &Expected<V>) -> Result<(), Misfit> {
+    pub fn check_fits(&self, expected: &Expected<V>) -> Result<(), ModelMismatch> {
         let Schema { vehicle, sample_time, min_model_speed, window, .. } = self.schema;
         expected.check(&vehicle, sample_time, min_model_speed)?;
         match expected.window {
-            Some(controller) if controller != window => Err(Misfit::Window { model: window, controller }),
+            Some(controller) if controller != window => {
+                Err(ModelMismatch::Window { model: window, controller })
+            }
             _ => Ok(()),
         }
     }

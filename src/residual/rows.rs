@@ -6,9 +6,9 @@ use serde::ser::{Serialize, SerializeTuple, Serializer};
 use std::marker::PhantomData;
 
 /// One row: an array, or a borrowed one.
-pub(super) struct Row<R>(pub R);
+pub(super) struct FeatureRow<R>(pub R);
 
-impl<T: Serialize, const S: usize> Serialize for Row<&[T; S]> {
+impl<T: Serialize, const S: usize> Serialize for FeatureRow<&[T; S]> {
     fn serialize<Z: Serializer>(&self, serializer: Z) -> Result<Z::Ok, Z::Error> {
         let mut tuple = serializer.serialize_tuple(S)?;
         self.0.iter().try_for_each(|value| tuple.serialize_element(value))?;
@@ -16,7 +16,7 @@ impl<T: Serialize, const S: usize> Serialize for Row<&[T; S]> {
     }
 }
 
-impl<'de, T: Deserialize<'de> + Default, const S: usize> Deserialize<'de> for Row<[T; S]> {
+impl<'de, T: Deserialize<'de> + Default, const S: usize> Deserialize<'de> for FeatureRow<[T; S]> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         struct Values<T, const S: usize>(PhantomData<T>);
 
@@ -36,7 +36,7 @@ impl<'de, T: Deserialize<'de> + Default, const S: usize> Deserialize<'de> for Ro
             }
         }
 
-        deserializer.deserialize_tuple(S, Values(PhantomData)).map(Row)
+        deserializer.deserialize_tuple(S, Values(PhantomData)).map(FeatureRow)
     }
 }
 
@@ -44,12 +44,12 @@ pub(super) fn serialize<Z: Serializer, const S: usize>(
     rows: &[[f64; S]],
     serializer: Z,
 ) -> Result<Z::Ok, Z::Error> {
-    serializer.collect_seq(rows.iter().map(Row))
+    serializer.collect_seq(rows.iter().map(FeatureRow))
 }
 
 pub(super) fn deserialize<'de, D: Deserializer<'de>, const S: usize>(
     deserializer: D,
 ) -> Result<Vec<[f64; S]>, D::Error> {
-    let rows: Vec<Row<[f64; S]>> = Vec::deserialize(deserializer)?;
-    Ok(rows.into_iter().map(|Row(row)| row).collect())
+    let rows: Vec<FeatureRow<[f64; S]>> = Vec::deserialize(deserializer)?;
+    Ok(rows.into_iter().map(|FeatureRow(row)| row).collect())
 }

@@ -5,8 +5,8 @@
 //! a sample of its rows if there are many. A column with few distinct values has one bin for each. `bin(x) <= b` is
 //! exactly `x <= edge[b]`: a tree grown on bins sorts raw values just as it sorted the bins.
 
-use super::parallel;
-use super::random::Random;
+use crate::numerics::Random;
+use crate::numerics::parallel;
 
 /// A table whose columns are features.
 pub trait Columns: Sync {
@@ -60,7 +60,7 @@ pub enum Resolution {
 
 /// The features that a tree may split on.
 #[derive(Debug)]
-pub(super) struct Table {
+pub(super) struct FeatureTable {
     pub rows: usize,
     pub columns: Vec<Column>,
 }
@@ -79,7 +79,7 @@ pub(super) enum ColumnValues {
     Raw(Vec<f64>),
 }
 
-impl Table {
+impl FeatureTable {
     /// The columns named in `features`.
     pub fn new(source: &dyn Columns, features: &[u16], resolution: Resolution, threads: usize) -> Self {
         let rows = source.rows();

@@ -8,16 +8,18 @@
 //!
 //! The same data, configuration and seed give the same bits on any number of threads.
 
-use super::dataset::{DataSet, ROAD_NAMES, Windows};
+use super::ROAD;
+use super::dataset::{DataSet, Windows};
 use super::forest::{self, Forest, ForestConfig};
 use super::global;
 use super::leaf::{self, Design, Expectation, LeafFit, LeafModels, Members};
 use super::least_squares::Theta;
 use super::model::{Kind, Range, Regressors, ResidualModelFor, Schema, Training};
 use super::prior::Means;
+use super::recorded::ROAD_NAMES;
 use super::train_config::{ConfigError, LambdaChoice, TrainConfig};
-use super::{ROAD, parallel};
 use crate::nominal::{ERRORS, LateralVehicle};
+use crate::numerics::parallel;
 use crate::signal;
 use crate::vehicle::SingleTrack;
 
@@ -58,7 +60,7 @@ pub enum TrainError {
 
 /// Stage of the training.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Stage {
+pub enum TrainingStage {
     /// The global fit.
     Global,
     /// Growing trees.
@@ -77,7 +79,7 @@ pub enum Stage {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Progress {
     /// Stage of the training.
-    pub stage: Stage,
+    pub stage: TrainingStage,
     /// Parts of the stage done.
     pub done: usize,
     /// Parts of the stage.
@@ -86,7 +88,7 @@ pub struct Progress {
 
 /// Errors of one-step predictions of the states, `[e1 m, e1' m/s, e2 rad, e2' rad/s, ..]`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Fit<const S: usize = ERRORS> {
+pub struct FitErrors<const S: usize = ERRORS> {
     /// Samples measured.
     pub samples: usize,
     /// Root mean square error.
@@ -101,12 +103,12 @@ pub struct Fit<const S: usize = ERRORS> {
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrainReport<const S: usize = ERRORS> {
     /// On the samples learned from.
-    pub train: Fit<S>,
+    pub train: FitErrors<S>,
     /// On samples that the trees concerned did not see; for a single tree: its leaves. With `lambda` chosen on the same
     /// samples. None for kinds without trees, and for a single tree without a choice.
-    pub held_out: Option<Fit<S>>,
+    pub held_out: Option<FitErrors<S>>,
     /// On the test data, if there are any.
-    pub test: Option<Fit<S>>,
+    pub test: Option<FitErrors<S>>,
     /// Candidates for the leaves' `lambda` and their held-out error (mean square in units of the labels' variance,
     /// mean over outputs).
     pub lambdas: Vec<(f64, f64)>,
@@ -174,7 +176,7 @@ pub fn train<V: LateralVehicle<S>, const S: usize>(
         means_between: &means_between,
     };
     let learned = job.learn(p);
-    progress(Progress { stage: Stage::Report, done: 0, total: 1 });
+    progress(Progress { stage: TrainingStage::Report, done: 0, total: 1 });
     let schema = Schema {
         kind: config.kind,
         sample_time: data.config.sample_time,
@@ -202,14 +204,14 @@ pub fn train<V: LateralVehicle<S>, const S: usize>(
         smallest_leaf: learned.smallest_leaf,
         determined: learned.determined,
     };
-    progress(Progress { stage: Stage::Report, done: 1, total: 1 });
+    progress(Progress { stage: TrainingStage::Report, done: 1, total: 1 });
     Ok(Trained { model, report })
 }
 
 impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
     /// The model's one-step errors on other data, labelled for the same vehicle and sample time.
     #[must_use]
-    pub fn measure(&self, data: &DataSet<V, S>) -> Fit<S> {
+    pub fn measure(&self, data: &DataSet<V, S>) -> FitErrors<S> {
         measure(self, &data.windows(self.schema.window), parallel::threads(0))
     }
 }
@@ -218,12 +220,12 @@ fn measure<V: LateralVehicle<S>, const S: usize>(
     model: &ResidualModelFor<V, S>,
     windows: &Windows<S>,
     threads: usize,
-) -> Fit<S> {
+) -> FitErrors<S> {
     // Looking up wants room of its own on each thread: a chunk of samples at a time.
     let chunks = parallel::chunks(windows.len(), 2048);
     let errors = parallel::map(threads, chunks.len(), |chunk| {
         let mut features = vec![0.0; model.features()];
-        let mut room = model.room();
+        let mut room = model.workspace();
         let states = S * model.schema.regressors.states;
         let error = |i| {
             windows.features(i, &mut features);
@@ -241,11 +243,14 @@ fn measure<V: LateralVehicle<S>, const S: usize>(
     )
 }
 
-type Sums<const S: usize> = (usize, [f64; S], [f64; S]);
+type ErrorSums<const S: usize> = (usize, [f64; S], [f64; S]);
 
-fn fit<const S: usize>((samples, squares, max): Sums<S>, (labels, label_squares, _): Sums<S>) -> Fit<S> {
+fn fit<const S: usize>(
+    (samples, squares, max): ErrorSums<S>,
+    (labels, label_squares, _): ErrorSums<S>,
+) -> FitErrors<S> {
     let root = |squares: [f64; S], n: usize| squares.map(|s| (s / n.max(1) as f64).sqrt());
-    Fit { samples, rmse: root(squares, samples), max, nominal_rmse: root(label_squares, labels) }
+    FitErrors { samples, rmse: root(squares, samples), max, nominal_rmse: root(label_squares, labels) }
 }
 
 /// Filters regressors and labels alike, `x_k += memory x_{k-1}` along each stretch. Linear relations keep their
@@ -307,25 +312,25 @@ struct Job<'a, const S: usize> {
 const PRIOR_SCALES: [f64; 9] = [1e-6, 1e-5, 1e-4, 1e-3, 3e-3, 1e-2, 1e-1, 1.0, f64::INFINITY];
 
 /// Result of the training.
-struct Learned<const S: usize> {
+struct LearnedForest<const S: usize> {
     forest: Forest,
     leaves: LeafModels<S>,
     global_lambda: Option<f64>,
     leaf_lambda: Option<f64>,
     lambdas: Vec<(f64, f64)>,
-    held_out: Option<Fit<S>>,
+    held_out: Option<FitErrors<S>>,
     smallest_leaf: usize,
     determined: Option<f64>,
 }
 
 /// One fit of a tree's leaves: on rows with a weight; the others test it.
-struct Member {
+struct TreeFit {
     tree: usize,
     weights: Vec<u16>,
 }
 
 impl<const S: usize> Job<'_, S> {
-    fn learn(&self, p: usize) -> Learned<S> {
+    fn learn(&self, p: usize) -> LearnedForest<S> {
         let (config, windows) = (self.config, self.windows);
         let means = self.means();
         let design = self.design(p, means.is_some());
@@ -333,7 +338,7 @@ impl<const S: usize> Job<'_, S> {
         let of_all = means.as_ref().map(|means| design.scaled_commands(&self.mean(means, None)));
         let mut determined = None;
         let global = linear.then(|| {
-            self.say(Stage::Global, 0, 1);
+            self.say(TrainingStage::Global, 0, 1);
             let plain = [0.0];
             let candidates: &[f64] = match (&config.lambda, &means) {
                 (LambdaChoice::LeastSquares, _) => &plain,
@@ -363,7 +368,7 @@ impl<const S: usize> Job<'_, S> {
                 theta: design.unscaled(&theta),
                 command_range: vec![self.command_range(0..windows.len())],
             };
-            return Learned {
+            return LearnedForest {
                 forest: Forest::single_leaf(),
                 leaves,
                 global_lambda: global.map(|fit| fit.lambda),
@@ -388,7 +393,7 @@ impl<const S: usize> Job<'_, S> {
         };
         let theta = global.as_ref().map_or_else(|| vec![[0.0; S]; p], |fit| fit.theta.clone());
         let remainder = design.remainder(&theta);
-        let fit_leaves = |member: &Member, fits: &[LeafFit]| -> Vec<Theta<S>> {
+        let fit_leaves = |member: &TreeFit, fits: &[LeafFit]| -> Vec<Theta<S>> {
             let tree = &leaf_of[member.tree];
             let members = Members::new(&tree.leaf, tree.leaves, &member.weights);
             if linear {
@@ -401,11 +406,11 @@ impl<const S: usize> Job<'_, S> {
         // Held-out error of each candidate.
         let tests = self.members(&grown.in_bag, chosen.is_none());
         let fitted = parallel::map(self.threads, tests.len(), |i| {
-            self.say(Stage::Leaves, i, tests.len());
+            self.say(TrainingStage::Leaves, i, tests.len());
             fit_leaves(&tests[i], &candidates)
         });
         let spread = global::spread(&design.labels);
-        let mut held_out: Vec<(LeafFit, f64, Sums<S>)> = vec![];
+        let mut held_out: Vec<(LeafFit, f64, ErrorSums<S>)> = vec![];
         for (c, &candidate) in candidates.iter().enumerate().filter(|_| !tests.is_empty()) {
             let sums = leaf::accumulate(self.threads, design.len(), |row| {
                 let mut sum = [0.0; S];
@@ -425,8 +430,8 @@ impl<const S: usize> Job<'_, S> {
         let fit_used = chosen.or(best.map(|best| best.0)).unwrap_or(LeafFit::LeastSquares);
 
         // The leaves themselves, on all rows of each tree's bag.
-        let bags: Vec<Member> = (0..grown.in_bag.len())
-            .map(|tree| Member { tree, weights: grown.in_bag[tree].clone() })
+        let bags: Vec<TreeFit> = (0..grown.in_bag.len())
+            .map(|tree| TreeFit { tree, weights: grown.in_bag[tree].clone() })
             .collect();
         let final_leaves = parallel::map(self.threads, bags.len(), |i| {
             let tree = &leaf_of[bags[i].tree];
@@ -436,7 +441,7 @@ impl<const S: usize> Job<'_, S> {
             let smallest = (0..members.leaves()).map(|leaf| members.count(leaf)).min().unwrap_or(0);
             (theta, (0..members.leaves()).map(range).collect::<Vec<_>>(), smallest)
         });
-        self.say(Stage::Leaves, tests.len(), tests.len());
+        self.say(TrainingStage::Leaves, tests.len(), tests.len());
         let mut leaves = LeafModels { regressors: p as u32, theta: vec![], command_range: vec![] };
         let mut smallest_leaf = usize::MAX;
         for (theta, ranges, smallest) in final_leaves {
@@ -449,7 +454,7 @@ impl<const S: usize> Job<'_, S> {
             LeafFit::LeastSquares => None,
         };
         let labels = leaf::accumulate(self.threads, design.len(), |i| Some(design.labels[i]));
-        Learned {
+        LearnedForest {
             forest: grown.forest,
             leaves,
             global_lambda: global.map(|fit| fit.lambda),
@@ -483,7 +488,7 @@ impl<const S: usize> Job<'_, S> {
         }
     }
 
-    fn say(&self, stage: Stage, done: usize, total: usize) {
+    fn say(&self, stage: TrainingStage, done: usize, total: usize) {
         (self.progress)(Progress { stage, done, total });
     }
 
@@ -516,7 +521,7 @@ impl<const S: usize> Job<'_, S> {
         let forest = config.kind.is_forest();
         let features = config.tree_features.indices(S, config.window);
         let trees = if forest { config.trees } else { 1 };
-        self.say(Stage::Trees, 0, trees);
+        self.say(TrainingStage::Trees, 0, trees);
         let growth = ForestConfig {
             trees,
             depth: config.depth,
@@ -527,7 +532,9 @@ impl<const S: usize> Job<'_, S> {
             seed: config.seed,
             threads: self.threads,
         };
-        forest::grow(self.windows, &features, labels, &growth, &|done| self.say(Stage::Trees, done, trees))
+        forest::grow(self.windows, &features, labels, &growth, &|done| {
+            self.say(TrainingStage::Trees, done, trees)
+        })
     }
 
     /// For each tree the leaf of each row, from 0 within the tree.
@@ -556,13 +563,13 @@ impl<const S: usize> Job<'_, S> {
     }
 
     /// Members fitted to test candidates: each tree on its bag; a single tree once without each fold.
-    fn members(&self, in_bag: &[Vec<u16>], choice: bool) -> Vec<Member> {
+    fn members(&self, in_bag: &[Vec<u16>], choice: bool) -> Vec<TreeFit> {
         if self.config.kind.is_forest() {
             return in_bag
                 .iter()
                 .cloned()
                 .enumerate()
-                .map(|(tree, weights)| Member { tree, weights })
+                .map(|(tree, weights)| TreeFit { tree, weights })
                 .collect();
         }
         let n = self.windows.len();
@@ -570,7 +577,7 @@ impl<const S: usize> Job<'_, S> {
         (0..folds)
             .map(|fold| {
                 let weights = (0..n).map(|row| u16::from(global::fold(row, n) != fold)).collect();
-                Member { tree: 0, weights }
+                TreeFit { tree: 0, weights }
             })
             .collect()
     }

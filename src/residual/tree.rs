@@ -11,8 +11,8 @@
 //!
 //! Sums are kept as integers of 2^-24 standard deviations: they are exact, whatever the order of summation.
 
-use super::random::Random;
-use super::table::{ColumnValues, Table, middle};
+use super::table::{ColumnValues, FeatureTable, middle};
+use crate::numerics::Random;
 
 /// Deepest tree: complete trees grow by two for each level.
 pub const MAX_DEPTH: usize = 12;
@@ -66,7 +66,7 @@ pub(super) fn standardise<const K: usize>(labels: &[[f64; K]]) -> Vec<Target<K>>
 
 /// Grows a tree on the rows with a weight.
 pub(super) fn grow<const K: usize>(
-    table: &Table,
+    table: &FeatureTable,
     targets: &[Target<K>],
     weights: &[u16],
     growth: Growth,
@@ -81,7 +81,7 @@ pub(super) fn grow<const K: usize>(
         growth,
         random,
         order: (0..table.columns.len()).collect(),
-        histogram: vec![Sums::ZERO; 256],
+        histogram: vec![SplitSums::ZERO; 256],
         gathered: Vec::with_capacity(rows.len()),
         sorted: Vec::new(),
         kept: Vec::with_capacity(rows.len()),
@@ -99,13 +99,13 @@ pub(super) fn grow<const K: usize>(
 
 /// Weighted sums over rows.
 #[derive(Debug, Clone, Copy)]
-struct Sums<const K: usize> {
+struct SplitSums<const K: usize> {
     outputs: [i64; K],
     weight: u32,
     rows: u32,
 }
 
-impl<const K: usize> Sums<K> {
+impl<const K: usize> SplitSums<K> {
     const ZERO: Self = Self { outputs: [0; K], weight: 0, rows: 0 };
 
     #[inline]
@@ -142,16 +142,16 @@ struct Split {
 }
 
 struct Grower<'a, const K: usize> {
-    table: &'a Table,
+    table: &'a FeatureTable,
     targets: &'a [Target<K>],
     weights: &'a [u16],
     growth: Growth,
     random: &'a mut Random,
     /// Columns, in the order in which the last node drew them.
     order: Vec<usize>,
-    histogram: Vec<Sums<K>>,
+    histogram: Vec<SplitSums<K>>,
     /// Contribution of each row of the node.
-    gathered: Vec<Sums<K>>,
+    gathered: Vec<SplitSums<K>>,
     sorted: Vec<(f64, u32)>,
     kept: Vec<u32>,
     tree: Tree,
@@ -183,11 +183,11 @@ impl<const K: usize> Grower<'_, K> {
 
     fn best_split(&mut self, rows: &[u32]) -> Option<Split> {
         self.gathered.clear();
-        let mut total = Sums::ZERO;
+        let mut total = SplitSums::ZERO;
         for &row in rows {
             let (target, w) = (&self.targets[row as usize], self.weights[row as usize]);
             let outputs = std::array::from_fn(|o| target[o] * i64::from(w));
-            let sums = Sums { outputs, weight: u32::from(w), rows: 1 };
+            let sums = SplitSums { outputs, weight: u32::from(w), rows: 1 };
             total.add(&sums);
             self.gathered.push(sums);
         }
@@ -216,10 +216,10 @@ impl<const K: usize> Grower<'_, K> {
     }
 
     /// Looks for a better split of a column; false if the column is constant in the node.
-    fn try_column(&mut self, column: usize, rows: &[u32], total: &Sums<K>, best: &mut Split) -> bool {
+    fn try_column(&mut self, column: usize, rows: &[u32], total: &SplitSums<K>, best: &mut Split) -> bool {
         let min_leaf = self.growth.min_leaf.max(1) as u32;
-        let mut left = Sums::ZERO;
-        let mut consider = |left: &Sums<K>, threshold: f64, bin: usize| {
+        let mut left = SplitSums::ZERO;
+        let mut consider = |left: &SplitSums<K>, threshold: f64, bin: usize| {
             if left.rows < min_leaf || total.rows - left.rows < min_leaf {
                 return;
             }
@@ -232,7 +232,7 @@ impl<const K: usize> Grower<'_, K> {
         match &self.table.columns[column].values {
             ColumnValues::Bins { edges, bins } => {
                 let histogram = &mut self.histogram[..=edges.len()];
-                histogram.fill(Sums::ZERO);
+                histogram.fill(SplitSums::ZERO);
                 for (&row, sums) in rows.iter().zip(&self.gathered) {
                     histogram[usize::from(bins[row as usize])].add(sums);
                 }

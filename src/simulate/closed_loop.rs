@@ -4,69 +4,22 @@
 //! point `t_k = k h` the controller reads the vehicle's outputs and steps. Then the vehicle takes its commands and
 //! steps. (Gauss-Seidel, controller first: no step of delay between them.)
 
+use super::columns::{STATION, STATUS, STEER_CMD, TIME};
 use super::metrics::{InputMetrics, StepTimes, TimeMetrics, TrackingMetrics};
 use super::noise::SensorNoise;
-use super::outcome::{End, Ending, LaneLimits, Outcome, Place, Referee};
+use super::outcome::{DriveError, End, Ending, LaneLimits, Outcome, Place, Referee};
 use super::vehicle::{CAR_COLUMNS, SimulatedVehicle, TRUCK_COLUMNS};
-use crate::control::{ControlStatus, ControllerFor, Measurement, Sampler, StepError, TRUCK_STATES, Timing};
+use crate::control::{ControlStatus, ControllerFor, Measurement, Sampler, TRUCK_STATES, Timing};
 use crate::nominal::ERRORS;
+use crate::numerics::Random;
 use crate::path::RoadClass;
-use crate::residual::{self, Random};
+use crate::residual;
 use crate::signal::{self, Signal};
 use crate::vehicle::{Car, Truck, VehicleInput};
 use std::io::Write;
 
-/// Columns of every drive log of the closed loop, in order; those of a kind of vehicle follow.
-pub const COLUMNS: [Signal; 23] = [
-    signal::TIME,
-    signal::STEER_CMD,
-    signal::ACCEL_CMD,
-    signal::X,
-    signal::Y,
-    signal::YAW,
-    signal::VX,
-    signal::VY,
-    signal::YAW_RATE,
-    signal::AX,
-    signal::AY,
-    signal::STEER,
-    signal::ROLL,
-    signal::E1,
-    signal::E1_RATE,
-    signal::E2,
-    signal::E2_RATE,
-    signal::STATION,
-    signal::CURVATURE,
-    signal::CURVATURE_RATE,
-    signal::BANK,
-    signal::GRADE,
-    signal::FRICTION,
-];
-
-/// Place of the time in a [`Row`].
-pub const TIME: usize = 0;
-const STEER_CMD: usize = 1;
-/// Place of the station in a [`Row`].
-pub const STATION: usize = 17;
-
-/// Last column of a drive log: text, the controller's status.
-pub const STATUS: &str = "status";
-
-/// Record of every vehicle at one communication point: the vehicle's motion there, and the controller's decision on it.
-pub type Common = [f64; COLUMNS.len()];
-
 /// One communication point of a car.
-pub type Row = [f64; CAR_COLUMNS];
-
-/// Reason for which controller or vehicle cannot go on.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)]
-pub enum DriveError {
-    #[error("at t = {time} s the controller: {source}")]
-    Controller { time: f64, source: StepError },
-    #[error("at t = {time} s the {vehicle}: {source}")]
-    Vehicle { time: f64, vehicle: &'static str, source: crate::vehicle::StepError },
-}
+pub type CarRow = [f64; CAR_COLUMNS];
 
 /// A controller and a car, connected.
 pub type ClosedLoop = ClosedLoopFor<Car, ERRORS, CAR_COLUMNS>;
@@ -283,7 +236,7 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
         duration: f64,
         go_on: impl FnMut(&[f64; C], f64) -> bool,
     ) -> Result<DriveFor<C>, DriveError> {
-        use crate::vehicle::StepError::{JackKnifed, RolledOver};
+        use crate::vehicle::PlantStepError::{JackKnifed, RolledOver};
         let drive = self.record(duration, go_on);
         match drive.ending.end {
             End::Failed(DriveError::Vehicle { source: JackKnifed { .. } | RolledOver { .. }, .. }) => {
@@ -339,7 +292,7 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
 }
 
 /// A recorded drive of a car.
-pub type Drive = DriveFor<CAR_COLUMNS>;
+pub type CarDrive = DriveFor<CAR_COLUMNS>;
 
 /// A recorded drive of a truck.
 pub type TruckDrive = DriveFor<TRUCK_COLUMNS>;
@@ -447,16 +400,5 @@ impl<const C: usize> DriveFor<C> {
         }
         csv.flush()?;
         Ok(())
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn places_are_those_of_their_columns() {
-        let names = [TIME, STEER_CMD, STATION].map(|place| COLUMNS[place].name);
-        assert_eq!(names, ["time", "steer_cmd", "station"]);
     }
 }

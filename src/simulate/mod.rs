@@ -3,6 +3,7 @@
 //! | file | problem |
 //! |---|---|
 //! | `outcome.rs` | completed, stopped, lost or timed out: a drive's outcome from the vehicle's true place |
+//! | `columns.rs` | columns of a drive log that every vehicle has |
 //! | `closed_loop.rs` | controller and vehicle, step by step; the drive log |
 //! | `vehicle.rs` | kinds of vehicle in the closed loop: car, truck |
 //! | `experiment/` | the comparison of all variants on several plants |
@@ -12,6 +13,7 @@
 //! | `metrics.rs` | tracking error, roughness of the steering and step time in a few numbers |
 
 mod closed_loop;
+mod columns;
 #[cfg(feature = "cli")]
 pub mod experiment;
 mod metrics;
@@ -23,11 +25,9 @@ pub mod prove;
 pub mod tune;
 mod vehicle;
 
-pub use closed_loop::{
-    COLUMNS, ClosedLoop, ClosedLoopFor, Common, Drive, DriveError, DriveFor, Row, STATION, STATUS, TIME,
-    TruckClosedLoop, TruckDrive,
-};
+pub use closed_loop::{CarDrive, CarRow, ClosedLoop, ClosedLoopFor, DriveFor, TruckClosedLoop, TruckDrive};
+pub use columns::{COLUMNS, Common, STATION, STATUS, TIME};
 pub use metrics::{InputMetrics, StepTimes, TimeMetrics, TrackingMetrics};
 pub use noise::SensorNoise;
-pub use outcome::{End, Ending, LaneLimits, Outcome, Place};
+pub use outcome::{DriveError, End, Ending, LaneLimits, Outcome, Place};
 pub use vehicle::{CAR_COLUMNS, SimulatedVehicle, TRUCK_COLUMNS};

@@ -1,7 +1,7 @@
 //! Measurement noise between the vehicle and its controller.
 
 use crate::control::Measurement;
-use crate::residual::Random;
+use crate::numerics::Random;
 use std::f64::consts::TAU;
 
 /// Standard deviations of white noise on the measurements of one control step.

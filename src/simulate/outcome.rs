@@ -12,10 +12,10 @@
 //!
 //! The controller's own estimate decides nothing: a false sample at the road's end completes no drive.
 
-use super::closed_loop::DriveError;
-use crate::control::ControlStatus;
+use crate::control::{ControlStatus, StepError};
 use crate::enumeration;
 use crate::path::Path;
+use crate::vehicle::PlantStepError;
 
 enumeration! {
     /// Outcome of a drive: the same word in text, JSON, page and exit status.
@@ -62,6 +62,16 @@ pub struct Place {
     pub lateral_error: f64,
     /// Heading error, rad, positive to the left.
     pub heading_error: f64,
+}
+
+/// Reason for which controller or vehicle cannot go on.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum DriveError {
+    #[error("at t = {time} s the controller: {source}")]
+    Controller { time: f64, source: StepError },
+    #[error("at t = {time} s the {vehicle}: {source}")]
+    Vehicle { time: f64, vehicle: &'static str, source: PlantStepError },
 }
 
 /// Reason for which a drive ended.

@@ -1,16 +1,17 @@
 //! A kind of vehicle in the closed loop: its construction, drive and measurement, and the columns of its log.
 
-use super::closed_loop::{COLUMNS, Common};
+use super::columns::{COLUMNS, Common};
 use crate::control::{
-    ControllerParameters, ControllerParametersFor, Measurement, NominalTruck, NominalVehicle, TRUCK_STATES,
-    TruckControllerParameters, VehicleParameters,
+    ControlledParameters, ControllerParameters, ControllerParametersFor, Measurement, NominalTruck,
+    NominalVehicle, TRUCK_STATES, TruckControllerParameters,
 };
 use crate::nominal::{ERRORS, LateralVehicle};
 use crate::path::Path;
 use crate::signal::{self, Signal};
 use crate::vehicle::car::CarError;
 use crate::vehicle::{
-    Car, CarParameters, Effects, StepError, Truck, TruckEffects, TruckError, TruckParameters, VehicleInput,
+    Car, CarParameters, Effects, PlantStepError, Truck, TruckEffects, TruckError, TruckParameters,
+    VehicleInput,
 };
 use std::sync::Arc;
 
@@ -21,14 +22,15 @@ pub trait SimulatedVehicle<const S: usize, const C: usize>: Sized {
     /// Differences from its model.
     type Effects: Default + Clone;
     /// Nominal vehicle of its controller.
-    type Nominal: VehicleParameters<S>;
+    type Nominal: ControlledParameters<S>;
     /// Reasons for which it cannot be made.
     type Error: std::error::Error + Send + Sync + 'static;
 
     /// Columns of its log: those of every vehicle, [`COLUMNS`], and its own.
     const SIGNALS: &'static [Signal; C];
     /// Name of the kind, in one word.
-    const KIND: &'static str = <<Self::Nominal as VehicleParameters<S>>::Vehicle as LateralVehicle<S>>::KIND;
+    const KIND: &'static str =
+        <<Self::Nominal as ControlledParameters<S>>::Vehicle as LateralVehicle<S>>::KIND;
 
     /// The default controller for it.
     fn controller(parameters: &Self::Parameters) -> ControllerParametersFor<Self::Nominal>;
@@ -56,7 +58,7 @@ pub trait SimulatedVehicle<const S: usize, const C: usize>: Sized {
     ///
     /// # Errors
     /// A vehicle that cannot go on.
-    fn advance(&mut self, input: &VehicleInput, step: f64) -> Result<(), StepError>;
+    fn advance(&mut self, input: &VehicleInput, step: f64) -> Result<(), PlantStepError>;
 
     /// Measurements for the controller.
     fn measured(&self) -> Measurement;
@@ -92,7 +94,7 @@ macro_rules! as_itself {
             self.place(x, y, yaw, vx);
         }
 
-        fn advance(&mut self, input: &VehicleInput, step: f64) -> Result<(), StepError> {
+        fn advance(&mut self, input: &VehicleInput, step: f64) -> Result<(), PlantStepError> {
             self.step(input, step)
         }
 

@@ -1,7 +1,9 @@
 //! Delimiter, decimal mark, names and units, from a file's first lines.
 
+use super::decimal::Decimal;
+use super::header::{Header, of_names};
+use super::text;
 use super::unit::{is_unit, split_unit};
-use super::{Decimal, Header, text};
 use std::cmp::Reverse;
 
 /// Lines looked at ...
@@ -218,21 +220,6 @@ fn header(names: &Line, units: Option<&[String]>) -> Header {
         header.names.pop();
         header.units.pop();
         header.written.pop();
-    }
-    header
-}
-
-/// Names and units of columns: `name [unit]`, or the unit below.
-pub(super) fn of_names(names: &[String], units: Option<&[String]>) -> Header {
-    let mut header = Header::default();
-    for (index, written) in names.iter().enumerate() {
-        let (name, unit) = split_unit(written);
-        let below =
-            units.and_then(|units| units.get(index)).map(|unit| unit.trim_matches(['[', ']', '(', ')', ' ']));
-        let unit = unit.or(below).filter(|unit| !matches!(*unit, "" | "-"));
-        header.names.push(name.to_owned());
-        header.units.push(unit.map(str::to_owned));
-        header.written.push(written.clone());
     }
     header
 }

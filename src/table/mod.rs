@@ -33,115 +33,39 @@
 //! | `open.rs` | files: refusals, gzip, the limit of bytes |
 //! | `text.rs` | encodings, lines |
 //! | `head.rs` | delimiter, names and units from the first lines |
+//! | `header.rs` | names and units of the columns |
+//! | `decimal.rs` | the decimal mark, and fields with decimal points |
+//! | `table_error.rs` | limits of reading, and reasons for which a file gives no table |
 //! | `unit.rs`, `units.txt` | units in names and in rows of units |
 //! | `time.rs` | dates and times |
 
+mod decimal;
 mod head;
+mod header;
 mod open;
+mod table_error;
 mod text;
 pub mod time;
 mod unit;
 
+pub use header::Header;
 pub use open::open;
+pub use table_error::{Limits, TableError};
 pub use unit::{factor, split_unit};
 
+use decimal::Decimal;
 use head::Head;
 use std::borrow::Cow;
 use std::io::Read;
 use text::Lines;
 
-/// Limits of reading a file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Limits {
-    /// Greatest size in bytes, unpacked.
-    pub bytes: u64,
-    /// Most rows of values.
-    pub rows: u64,
-}
-
-impl Default for Limits {
-    /// 512 MB unpacked, 5 million rows: 14 hours at 100 Hz.
-    fn default() -> Self {
-        Self { bytes: 512 << 20, rows: 5_000_000 }
-    }
-}
-
 /// Words in place of a value, of spreadsheets, databases and C libraries.
 const MISSING: [&str; 12] =
     ["na", "n/a", "#n/a", "null", "none", "nil", "-", "--", "nan", "-nan", "1.#qnan", "-1.#ind"];
 
-/// Bytes that a line may have.
-const LONGEST_LINE: u64 = 1 << 20;
-
-/// Reasons for which a file gives no table. Messages name no file: the caller that opened it does.
-#[derive(Debug, thiserror::Error)]
-pub enum TableError {
-    /// The file cannot be opened.
-    #[error("{0}; check the name and the permission")]
-    Io(#[from] std::io::Error),
-    /// The file cannot be read to its end: packed and cut off, say.
-    #[error("breaks off: {0}; copy or pack it again")]
-    Broken(std::io::Error),
-    /// A folder, a device or a pipe.
-    #[error("is {kind}, not a file; give a CSV file")]
-    NotAFile {
-        /// Kind, with its article.
-        kind: &'static str,
-    },
-    /// More bytes than the limit.
-    #[error("has more than {} MB{}, the limit of a table; cut it into several files", limit >> 20, if *unpacked { " unpacked" } else { "" })]
-    TooLarge {
-        /// The limit in bytes.
-        limit: u64,
-        /// True if the file was packed.
-        unpacked: bool,
-    },
-    /// More rows than the limit.
-    #[error("line {line}: has more than {limit} rows, the limit of a table; cut it into several files")]
-    TooManyRows {
-        /// The first line too many, counted from 1.
-        line: u64,
-        /// The limit.
-        limit: u64,
-    },
-    /// A line that no table has.
-    #[error("line {line}: has more than {} MB; a table is a text file with a line for each row", LONGEST_LINE >> 20)]
-    LongLine {
-        /// The line, counted from 1.
-        line: u64,
-    },
-    /// gzip, in a build without it.
-    #[error("this build reads no compressed files (feature `cli`); unpack it first")]
-    Compressed,
-    /// A spreadsheet or another archive.
-    #[error("is a spreadsheet or a zip archive; save the table as CSV")]
-    Archive,
-}
-
-/// The names of a table's columns, as far as the file gives them.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Header {
-    /// Names without units, trimmed; a trailing nameless column is left out.
-    pub names: Vec<String>,
-    /// The unit of each column, from `name [unit]` or the row of units below.
-    pub units: Vec<Option<String>>,
-    /// Names as they stand in the file.
-    pub written: Vec<String>,
-    /// The line of the names, counted from 1; 0 in a file without any.
-    pub line: u64,
-}
-
-impl Header {
-    /// Of columns that come from no file, each `name` or `name [unit]`.
-    #[must_use]
-    pub fn of(names: &[String]) -> Self {
-        head::of_names(names, None)
-    }
-}
-
 /// A table, read row by row.
 pub struct Table<R: Read> {
-    rows: csv::Reader<Body<R>>,
+    rows: csv::Reader<DataLines<R>>,
     record: csv::ByteRecord,
     header: Header,
     decimal: Decimal,
@@ -207,27 +131,6 @@ impl<'a> Row<'a> {
     }
 }
 
-/// The decimal mark of a file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Decimal {
-    Point,
-    Comma,
-    /// The head has whole numbers alone, and no commas between them: either.
-    Unknown,
-}
-
-impl Decimal {
-    /// A field with a decimal point. A point in a file with decimal commas may separate thousands. The field is then
-    /// returned with words after it, so that it is no number.
-    fn plain(self, field: &str) -> Cow<'_, str> {
-        match (self, field.matches(',').count(), field.contains('.')) {
-            (Self::Point, ..) | (_, 0, false) | (Self::Unknown, 0, true) => field.into(),
-            (_, 1, false) => field.replace(',', ".").into(),
-            _ => format!("{field} (a point among decimal commas)").into(),
-        }
-    }
-}
-
 impl<R: Read> Table<R> {
     /// Detects the format of a file. `known` tells if a name (trimmed, without unit) is known.
     ///
@@ -244,7 +147,7 @@ impl<R: Read> Table<R> {
         }
         let Head { delimiter, decimal, header, body } = head::find(&first, known);
         first.drain(..body);
-        let body = Body {
+        let body = DataLines {
             lines,
             first: first.into_iter(),
             delimiter,
@@ -301,7 +204,7 @@ impl<R: Read> Table<R> {
 }
 
 /// The lines with values as one UTF-8 text, without comments and blank lines, and the number that each has in the file.
-struct Body<R: Read> {
+struct DataLines<R: Read> {
     lines: Lines<R>,
     /// Lines that were read to find the head.
     first: std::vec::IntoIter<String>,
@@ -318,7 +221,7 @@ struct Body<R: Read> {
     error: Option<TableError>,
 }
 
-impl<R: Read> Body<R> {
+impl<R: Read> DataLines<R> {
     /// The file's line of a line given (counted from 1).
     fn line(&self, given: u64) -> u64 {
         let after = self.jumps.partition_point(|jump| jump.0 <= given);
@@ -359,7 +262,7 @@ impl<R: Read> Body<R> {
     }
 }
 
-impl<R: Read> Read for Body<R> {
+impl<R: Read> Read for DataLines<R> {
     fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
         if self.given == self.ready.len()
             && let Err(error) = self.fill()

@@ -1,6 +1,6 @@
 //! Files that may hold a table: refused before reading if they are none, unpacked if packed.
 
-use super::{Limits, TableError};
+use super::table_error::{Limits, TableError};
 use crate::input::kind;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};

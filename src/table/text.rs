@@ -1,6 +1,6 @@
 //! Bytes to lines of text: encodings, and how much is read.
 
-use super::{LONGEST_LINE, TableError};
+use super::table_error::{LONGEST_LINE, TableError};
 use std::io::{BufRead, BufReader, Read};
 
 /// Encoding of a file.

@@ -1,10 +1,6 @@
 //! The vehicles and tyres that come with the program, embedded so that an FMU needs no files.
 
-use super::file::{self, VehicleError, VehicleParameters};
-use super::parameters::CarParameters;
-use super::truck_parameters::TruckParameters;
-use super::tyre::{Coefficients, TirError};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 macro_rules! embedded {
     ($folder:literal $extension:literal: $($name:literal)*) => {
@@ -12,10 +8,10 @@ macro_rules! embedded {
     };
 }
 
-const CARS: &[(&str, &str)] =
+pub(super) const CARS: &[(&str, &str)] =
     embedded!("" ".toml": "c_class" "bmw_320i" "ford_escort" "vw_vanagon" "genesis");
 
-const TRUCKS: &[(&str, &str)] = embedded!("" ".toml": "truck_simulation" "truck_real");
+pub(super) const TRUCKS: &[(&str, &str)] = embedded!("" ".toml": "truck_simulation" "truck_real");
 
 const TYRES: &[(&str, &str)] = embedded!("tyres/" ".tir": "c_class" "commonroad" "genesis" "truck");
 
@@ -25,39 +21,10 @@ pub const BUILTIN: &[&str] = &["c_class", "bmw_320i", "ford_escort", "vw_vanagon
 /// Names of the built-in trucks; the first is the default.
 pub const BUILTIN_TRUCKS: &[&str] = &["truck_simulation", "truck_real"];
 
-/// A built-in car by name.
-///
-/// # Errors
-/// [`VehicleError::UnknownBuiltin`].
-pub fn builtin(name: &str) -> Result<CarParameters, VehicleError> {
-    embedded_of(CARS, name)
-}
-
-/// A built-in truck by name.
-///
-/// # Errors
-/// [`VehicleError::UnknownBuiltin`].
-pub fn builtin_truck(name: &str) -> Result<TruckParameters, VehicleError> {
-    embedded_of(TRUCKS, name)
-}
-
 /// The text of a built-in vehicle's file, a car's or a truck's.
 #[must_use]
 pub fn builtin_text(name: &str) -> Option<&'static str> {
     CARS.iter().chain(TRUCKS).find(|(vehicle, _)| *vehicle == name).map(|(_, text)| *text)
-}
-
-fn embedded_of<V: VehicleParameters>(texts: &[(&str, &str)], name: &str) -> Result<V, VehicleError> {
-    let Some((_, text)) = texts.iter().find(|(vehicle, _)| *vehicle == name) else {
-        return Err(VehicleError::UnknownBuiltin { name: name.to_string(), builtin: V::BUILTIN });
-    };
-    file::parse(text, Path::new(&format!("{name}.toml")), |file| match tyre(file) {
-        Some(text) => Coefficients::parse(text, Path::new(file)),
-        None => Err(TirError::Unreadable {
-            file: PathBuf::from(file),
-            source: std::io::Error::from(std::io::ErrorKind::NotFound),
-        }),
-    })
 }
 
 /// The text of the built-in tyre that a vehicle file names, with or without folder and ending.

@@ -2,9 +2,8 @@
 
 use super::builtin;
 use super::effects::EffectOutOfRange;
-use super::parameters::Tyre;
 use super::tolerance::Tolerances;
-use super::tyre::{Coefficients, TirError};
+use super::tyre::{Coefficients, TirError, Tyre};
 use crate::input;
 use crate::signal::Unit;
 use serde::{Serialize, de::DeserializeOwned};
@@ -12,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 /// The declaration of one number among a vehicle's parameters.
 #[derive(Debug)]
-pub struct Parameter<V> {
+pub struct ParameterDeclaration<V> {
     /// Section and key in the file, and the FMU parameter's name.
     pub name: &'static str,
     /// Unit of the value.
@@ -25,7 +24,7 @@ pub struct Parameter<V> {
     pub(super) set: fn(&mut V, f64),
 }
 
-impl<V> Parameter<V> {
+impl<V> ParameterDeclaration<V> {
     /// The parameter's value.
     #[must_use]
     pub fn get(&self, vehicle: &V) -> f64 {
@@ -40,7 +39,7 @@ impl<V> Parameter<V> {
 
 macro_rules! table {
     ($($first:ident $(. $rest:ident)* : $unit:ident in $min:expr, $max:expr; $meaning:literal)*) => {
-        &[$(Parameter {
+        &[$(ParameterDeclaration {
             name: concat!(stringify!($first) $(, ".", stringify!($rest))*),
             unit: crate::signal::Unit::$unit,
             range: ($min, $max),
@@ -81,7 +80,7 @@ impl VehicleKind {
 /// Parameters of a kind of vehicle, as a file gives them.
 pub trait VehicleParameters: DeserializeOwned + Serialize + Clone + 'static {
     /// Every number with name, unit, range and meaning.
-    const TABLE: &'static [Parameter<Self>];
+    const TABLE: &'static [ParameterDeclaration<Self>];
     /// Names of the built-in vehicles of this kind; the first is the default.
     const BUILTIN: &'static [&'static str];
 
@@ -226,7 +225,7 @@ pub(super) fn check<V: VehicleParameters>(
 ) -> Result<(), VehicleError> {
     for parameter in V::TABLE {
         let value = parameter.get(vehicle);
-        let &Parameter { name, unit, range, meaning, .. } = parameter;
+        let &ParameterDeclaration { name, unit, range, meaning, .. } = parameter;
         if !(value >= range.0 && value <= range.1) {
             let (file, line, unit) = (file.to_path_buf(), line(name), unit.symbol);
             return Err(VehicleError::Range { file, line, name, value, unit, range, meaning });
@@ -302,4 +301,21 @@ fn line_of(text: &str, name: &str) -> usize {
         }
     }
     0
+}
+
+/// A built-in vehicle by name, among the texts of its kind.
+pub(super) fn builtin_of<V: VehicleParameters>(
+    texts: &[(&str, &str)],
+    name: &str,
+) -> Result<V, VehicleError> {
+    let Some((_, text)) = texts.iter().find(|(vehicle, _)| *vehicle == name) else {
+        return Err(VehicleError::UnknownBuiltin { name: name.to_string(), builtin: V::BUILTIN });
+    };
+    parse(text, Path::new(&format!("{name}.toml")), |file| match builtin::tyre(file) {
+        Some(text) => Coefficients::parse(text, Path::new(file)),
+        None => Err(TirError::Unreadable {
+            file: PathBuf::from(file),
+            source: std::io::Error::from(std::io::ErrorKind::NotFound),
+        }),
+    })
 }

@@ -42,6 +42,8 @@ mod sensors;
 mod status;
 mod steering;
 mod stepper;
+mod substep;
+mod surface;
 mod tolerance;
 pub mod trigonometry;
 pub mod truck;
@@ -50,20 +52,25 @@ pub mod tyre;
 mod unit;
 
 pub use articulated::Articulated;
-pub use builtin::{BUILTIN, BUILTIN_TRUCKS, builtin, builtin_text, builtin_truck};
+pub use builtin::{BUILTIN, BUILTIN_TRUCKS, builtin_text};
 pub use car::{Car, CarError, CarInput, CarOutput, CarStatus};
 pub use effects::{
     Effect, EffectOutOfRange, Effects, NO_RATE_LIMIT, Stage, TrailerEffects, TruckEffects, UnknownEffect,
 };
 pub use explain::{Explanation, effect_like};
-pub use file::{Parameter, VehicleError, VehicleKind, VehicleParameters};
+pub use file::{ParameterDeclaration, VehicleError, VehicleKind, VehicleParameters};
 pub use parameters::{
-    Air, Axle, Body, Brake, CarParameters, Drive, GRAVITY, Pair, SingleTrack, Steering, Tyre,
+    Air, Axle, Body, Brake, CarParameters, GRAVITY, Pair, Powertrain, SingleTrack, Steering, builtin,
 };
-pub use reduced::{ReducedInput, ReducedOutput, ReducedStart, ReducedSteer, ReducedVehicle, Surface};
+pub use reduced::{ReducedInput, ReducedOutput, ReducedStart, ReducedSteer, ReducedVehicle};
 pub use steering::{SteeringChain, SteeringState};
-pub use stepper::{LONGEST_STEP, LONGEST_SUBSTEP, ROLLED_OVER, RestoreError, StepError, VehicleInput};
+pub use stepper::{LONGEST_STEP, PlantStepError, ROLLED_OVER, RestoreError, VehicleInput};
+pub use substep::LONGEST_SUBSTEP;
+pub use surface::Surface;
 pub use tolerance::Tolerances;
 pub use truck::{TrailerOutput, Truck, TruckError, TruckInput, TruckOutput, TruckStatus};
-pub use truck_parameters::{Hitch, Trailer, Triple, TruckAir, TruckBrake, TruckDrive, TruckParameters};
+pub use truck_parameters::{
+    Hitch, Trailer, Triple, TruckAir, TruckBrake, TruckParameters, TruckPowertrain, builtin_truck,
+};
+pub use tyre::Tyre;
 pub use unit::WheelOutput;

@@ -4,11 +4,11 @@
 //! table [`CarParameters::TABLE`] declares unit, range and meaning of each once; range checks, FMU parameters and
 //! documentation come from it.
 
-use super::builtin;
+use super::builtin::{BUILTIN, CARS};
 use super::effects::Effects;
-use super::file::{Parameter, VehicleError, VehicleParameters, check_body, reading, table};
+use super::file::{self, ParameterDeclaration, VehicleError, VehicleParameters, check_body, reading, table};
 use super::tolerance::Tolerances;
-use super::tyre::{Coefficients, Contact};
+use super::tyre::Tyre;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -29,7 +29,7 @@ pub struct CarParameters {
     pub axle: Pair<Axle>,
     pub tyre: Pair<Tyre>,
     pub steering: Steering,
-    pub drive: Drive,
+    pub drive: Powertrain,
     pub brake: Brake,
     pub air: Air,
     /// Differences of the real car from the rest of the file: neutral, or found by a diagnosis.
@@ -85,29 +85,6 @@ pub struct Axle {
     pub wheel_inertia: f64,
 }
 
-/// The tyres of one axle.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Tyre {
-    /// The `.tir` file: relative to the vehicle file, or the name of a tyre that is built in.
-    pub file: String,
-    /// Factor on the cornering stiffness.
-    #[serde(default = "one")]
-    pub stiffness_scale: f64,
-    /// Factor on both friction coefficients.
-    #[serde(default = "one")]
-    pub friction_scale: f64,
-    /// Vertical stiffness in N/m; 0 in a file: the `.tir` file's.
-    #[serde(default)]
-    pub vertical_stiffness: f64,
-    /// Sideways shift of the contact patch for each newton of lateral force, m/N.
-    #[serde(default)]
-    pub lateral_compliance: f64,
-    /// Coefficients of the file.
-    #[serde(skip)]
-    pub coefficients: Option<Coefficients>,
-}
-
 /// The way from the steering command to the road wheels.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -131,7 +108,7 @@ pub struct Steering {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[allow(missing_docs)]
-pub struct Drive {
+pub struct Powertrain {
     pub front_share: f64,
     pub max_force: f64,
     pub max_power: f64,
@@ -173,7 +150,7 @@ pub(super) fn relaxation_at_rest(load: f64, tyres: &[&Tyre]) -> Option<f64> {
 
 impl CarParameters {
     /// Every number of a car with name, unit, range and meaning.
-    pub const TABLE: &'static [Parameter<Self>] = table! {
+    pub const TABLE: &'static [ParameterDeclaration<Self>] = table! {
         vehicle.mass: KILOGRAM in 100.0, 1e5; "Mass of the whole car"
         vehicle.yaw_inertia: KILOGRAM_METRE2 in 10.0, 1e6; "Yaw inertia of the whole car about its CG"
         vehicle.roll_inertia: KILOGRAM_METRE2 in 5.0, 1e6; "Roll inertia of the sprung mass about its CG"
@@ -246,9 +223,17 @@ pub struct SingleTrack {
     pub cr: f64,
 }
 
+/// A built-in car by name.
+///
+/// # Errors
+/// [`VehicleError::UnknownBuiltin`].
+pub fn builtin(name: &str) -> Result<CarParameters, VehicleError> {
+    CarParameters::builtin(name)
+}
+
 impl VehicleParameters for CarParameters {
-    const TABLE: &'static [Parameter<Self>] = Self::TABLE;
-    const BUILTIN: &'static [&'static str] = builtin::BUILTIN;
+    const TABLE: &'static [ParameterDeclaration<Self>] = Self::TABLE;
+    const BUILTIN: &'static [&'static str] = BUILTIN;
     type Effects = Effects;
 
     fn effects(&self) -> &Effects {
@@ -268,7 +253,7 @@ impl VehicleParameters for CarParameters {
     }
 
     fn builtin(name: &str) -> Result<Self, VehicleError> {
-        builtin::builtin(name)
+        file::builtin_of(CARS, name)
     }
 
     fn tyres(&mut self) -> Vec<(&'static str, &mut Tyre)> {
@@ -320,35 +305,5 @@ impl CarParameters {
             cf: self.tyre.front.axle_stiffness(front, 1.0),
             cr: self.tyre.rear.axle_stiffness(rear, 1.0),
         }
-    }
-}
-
-impl Tyre {
-    /// The tyre's coefficients with this axle's factors.
-    ///
-    /// # Panics
-    /// Never for parameters that were read: they carry their coefficients.
-    #[must_use]
-    pub fn scaled(&self) -> Coefficients {
-        let mut tyre = self.coefficients.clone().expect("a tyre that was read has its coefficients");
-        tyre.lky *= self.stiffness_scale;
-        tyre.lmux *= self.friction_scale;
-        tyre.lmuy *= self.friction_scale;
-        tyre.vertical_stiffness = self.vertical_stiffness;
-        tyre
-    }
-
-    /// Slope of the lateral force of an axle over slip angle, N/rad. `load` is that of the axle in N, carried by this
-    /// many tyres on each side.
-    pub(super) fn axle_stiffness(&self, load: f64, per_side: f64) -> f64 {
-        const STEP: f64 = 1e-4;
-        let tyre = self.scaled();
-        let at = |alpha| {
-            let contact =
-                Contact { kappa: 0.0, alpha, gamma: 0.0, load: 0.5 * load / per_side, friction: 1.0 };
-            tyre.forces(&contact).fy
-        };
-        // The right wheel carries the mirror image of the left wheel's tyre: Fy_right(alpha) = -Fy_left(-alpha).
-        per_side * 2.0 * (at(-STEP) - at(STEP)) / (2.0 * STEP)
     }
 }

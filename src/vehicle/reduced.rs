@@ -29,10 +29,11 @@
 
 use super::sensors::measured;
 use super::steering::SteeringState;
-use super::stepper::{Plant, Stage};
+use super::stepper::{Plant, StageInputs};
+use super::surface::Surface;
 use super::unit::{
-    Axle, BODY, DEFLECTION_X, DEFLECTION_Y, LIFT, LIFT_RATE, PER_WHEEL, SHORTEST_RELAXATION, SPIN, VX, VY,
-    WIND_UP, YAW, YAW_RATE,
+    BODY, DEFLECTION_X, DEFLECTION_Y, LIFT, LIFT_RATE, PER_WHEEL, SHORTEST_RELAXATION, SPIN, UnitAxle, VX,
+    VY, WIND_UP, YAW, YAW_RATE,
 };
 
 /// Share of the way to equilibrium in one step of a body's pitch and heave: its springs stand on the tyres'.
@@ -74,24 +75,6 @@ pub struct ReducedInput {
     pub yaw: Option<f64>,
     /// The road below.
     pub surface: Surface,
-}
-
-/// A road where a vehicle is, its effects apart.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Surface {
-    /// Right side low positive, rad.
-    pub bank: f64,
-    /// Uphill positive, rad.
-    pub grade: f64,
-    /// Factor on the friction of the tyres.
-    pub friction: f64,
-}
-
-impl Default for Surface {
-    /// Level, of the tyres' own friction.
-    fn default() -> Self {
-        Self { bank: 0.0, grade: 0.0, friction: 1.0 }
-    }
 }
 
 /// Start of a drive.
@@ -164,7 +147,7 @@ pub(super) trait Relaxed<const N: usize, const S: usize>: Plant<N, S> {
     const ORDER: usize;
     /// Place of the first wheel's states of each axle.
     const FIRST_WHEELS: &'static [usize];
-    fn axle(&self, index: usize) -> &Axle;
+    fn axle(&self, index: usize) -> &UnitAxle;
     fn bodies(&self) -> Vec<SprungBody>;
     /// Reference point forward of the CG, m.
     fn arm(&self) -> f64;
@@ -177,7 +160,7 @@ pub(super) trait Relaxed<const N: usize, const S: usize>: Plant<N, S> {
 }
 
 /// One wheel's constants, and memory of its last step.
-struct Wheel {
+struct ReducedWheel {
     at: usize,
     axle: usize,
     side: f64,
@@ -234,7 +217,7 @@ fn gone_by_pade(z: f64) -> f64 {
 }
 
 /// Lateral relaxation length of an axle's tyres at a load of each in N, m.
-fn relaxation(axle: &Axle, each: f64) -> f64 {
+fn relaxation(axle: &UnitAxle, each: f64) -> f64 {
     let length =
         if axle.relaxation > 0.0 { axle.relaxation } else { axle.tyre.lateral_relaxation(each, 0.0) };
     length.max(SHORTEST_RELAXATION)
@@ -246,7 +229,7 @@ pub(super) struct Reduced<P: Relaxed<N, S>, const N: usize, const S: usize> {
     surface: Surface,
     environment: P::Environment,
     bodies: Vec<SprungBody>,
-    wheels: Vec<Wheel>,
+    wheels: Vec<ReducedWheel>,
     y: [f64; N],
     rates: [f64; N],
     /// Past rates of the slow motions, in the order of `P::SLOW`.
@@ -261,7 +244,7 @@ pub(super) struct Reduced<P: Relaxed<N, S>, const N: usize, const S: usize> {
 impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
     pub fn new(plant: P) -> Self {
         let y = plant.placed(0.0, 0.0, 0.0, 0.0);
-        let wheel = |at, axle, side| Wheel { at, axle, side, kappa: 0.0, lift: 0.0, slip: Past::NONE };
+        let wheel = |at, axle, side| ReducedWheel { at, axle, side, kappa: 0.0, lift: 0.0, slip: Past::NONE };
         let wheels = P::FIRST_WHEELS
             .iter()
             .enumerate()
@@ -294,7 +277,7 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
         }
         let rolls = plant.bodies().into_iter().zip(rolling).map(|(body, k)| (k / body.roll_inertia).sqrt());
         let rolling = rolls.fold(0.0, f64::max);
-        let stiffness = |axle: &Axle| {
+        let stiffness = |axle: &UnitAxle| {
             2.0 * axle.tyres * axle.tyre.cornering_stiffness(axle.static_load / axle.tyres, 0.0)
         };
         let shortest =
@@ -302,7 +285,7 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
         (axles().map(stiffness).sum::<f64>() / plant.mass() / shortest).max(0.0).sqrt().max(rolling)
     }
 
-    fn derivative(&mut self, stage: &Stage) -> P::Flow {
+    fn derivative(&mut self, stage: &StageInputs) -> P::Flow {
         let mut flow = P::Flow::default();
         self.plant.derivative(&self.y, stage, &self.environment, &mut self.rates, &mut flow);
         flow
@@ -444,7 +427,7 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
         if input.accel_is_given {
             self.drive = input.accel;
         }
-        let flow = self.derivative(&Stage { steer, accel: self.drive });
+        let flow = self.derivative(&StageInputs { steer, accel: self.drive });
         let late = self.late();
         if let Some(output) = output {
             let signals = self.plant.body_signals(&self.y, &self.rates, &flow);
@@ -490,7 +473,7 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> ReducedVehicle for Reduce
         for wheel in &mut self.wheels {
             (wheel.kappa, wheel.slip) = (0.0, Past::NONE);
         }
-        let stage = Stage { steer: self.steering.road_wheel(self.plant.steering()), accel: self.drive };
+        let stage = StageInputs { steer: self.steering.road_wheel(self.plant.steering()), accel: self.drive };
         for _ in 0..SETTLING {
             self.derivative(&stage);
             self.follow(None);
@@ -505,7 +488,7 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> ReducedVehicle for Reduce
         if let Some([_, rate, _]) = self.plant.trailer() {
             self.y[rate] += changed;
         }
-        let stage = Stage { steer: self.steering.road_wheel(self.plant.steering()), accel: self.drive };
+        let stage = StageInputs { steer: self.steering.road_wheel(self.plant.steering()), accel: self.drive };
         self.derivative(&stage);
         self.follow(None);
         self.past.fill(Past::NONE);
@@ -521,7 +504,7 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> ReducedVehicle for Reduce
 }
 
 /// Stiffness of a body's springs in heave (N/m) and pitch (N m/rad).
-pub(super) fn spring_stiffness<'a>(axles: impl Iterator<Item = &'a Axle>) -> (f64, f64) {
+pub(super) fn spring_stiffness<'a>(axles: impl Iterator<Item = &'a UnitAxle>) -> (f64, f64) {
     axles.fold((0.0, 0.0), |(heave, pitch), axle| {
         let tyre = axle.tyres * axle.tyre.vertical_stiffness;
         let side = axle.spring * tyre / (axle.spring + tyre);

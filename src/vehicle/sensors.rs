@@ -6,6 +6,7 @@
 
 use super::array;
 use super::effects::Effects;
+use super::substep::LONGEST_SUBSTEP;
 use super::unit::{BODY, PITCH, ROLL, ROLL_RATE, VX, VY, X, Y, YAW, YAW_RATE};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -61,16 +62,16 @@ pub(super) fn measured(effects: &Effects, signals: &[f64]) -> [f64; BODY_SIGNALS
 
 /// Signals at a time, s.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-struct Sample<const S: usize>(f64, #[serde(with = "array")] [f64; S]);
+struct TimedSignals<const S: usize>(f64, #[serde(with = "array")] [f64; S]);
 
 /// Samples of the signals that have not been read yet; empty without latency.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Latency<const S: usize> {
-    samples: VecDeque<Sample<S>>,
+    samples: VecDeque<TimedSignals<S>>,
 }
 
 /// Time between samples, s.
-const SAMPLING: f64 = super::stepper::LONGEST_SUBSTEP;
+const SAMPLING: f64 = LONGEST_SUBSTEP;
 
 /// Room for a latency of `delay` s.
 fn capacity(delay: f64) -> usize {
@@ -85,7 +86,7 @@ impl<const S: usize> Latency<S> {
     pub fn start(&mut self, delay: f64, signals: [f64; S]) {
         self.samples.clear();
         if delay > 0.0 {
-            self.samples.push_back(Sample(0.0, signals));
+            self.samples.push_back(TimedSignals(0.0, signals));
         }
     }
 
@@ -108,7 +109,7 @@ impl<const S: usize> Latency<S> {
         if self.samples.len() == self.samples.capacity() {
             self.samples.pop_front();
         }
-        self.samples.push_back(Sample(time, signals));
+        self.samples.push_back(TimedSignals(time, signals));
     }
 
     /// The signals as they were one latency ago, linear between samples.
@@ -120,7 +121,7 @@ impl<const S: usize> Latency<S> {
         while self.samples.len() > 1 && self.samples[1].0 <= wanted {
             self.samples.pop_front();
         }
-        let Some(&Sample(from, before)) = self.samples.front() else { return *now };
+        let Some(&TimedSignals(from, before)) = self.samples.front() else { return *now };
         if wanted <= from {
             return before;
         }

@@ -6,18 +6,17 @@
 use super::array;
 use super::drive::DriveLine;
 use super::effects::Effects;
-use super::reduced::Surface;
 use super::sensors::{BODY_SIGNALS, Latency};
 use super::steering::{SteeringChain, SteeringState};
+use super::substep::LONGEST_SUBSTEP;
+use super::surface::Surface;
 use super::unit::{X, Y, YAW};
 use crate::finite::check_finite;
-use crate::lanes::{FOUR, Lanes, Work, compute};
+use crate::numerics::lanes::{FOUR, Lanes, Work, compute};
 use crate::path::Path;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// The longest step of the integration, s.
-pub const LONGEST_SUBSTEP: f64 = 1e-3;
 /// The longest step that may be asked for, s.
 pub const LONGEST_STEP: f64 = 3600.0;
 /// Roll and pitch angles beyond which a vehicle counts as rolled over, rad.
@@ -35,7 +34,7 @@ pub struct VehicleInput {
 /// Reasons for which a step could not be made. The vehicle is as it was before the step.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[allow(missing_docs)]
-pub enum StepError {
+pub enum PlantStepError {
     #[error("{name} = {value} at {time} s: not a finite number; the step was not made")]
     InputNotFinite { name: &'static str, value: f64, time: f64 },
     #[error("a step of {step} s at {time} s: must be greater than 0 and at most {LONGEST_STEP} s")]
@@ -68,7 +67,7 @@ pub struct RestoreError {
 
 /// Steering and drive at an instant.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Stage {
+pub(super) struct StageInputs {
     /// Angle of the road wheels, rad.
     pub steer: f64,
     /// Acceleration of drive and brakes, m/s2.
@@ -77,7 +76,7 @@ pub(super) struct Stage {
 
 /// The motion at an instant: signals that may be late, and those known at once.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Motion<F, const S: usize> {
+pub(super) struct SensedMotion<F, const S: usize> {
     pub signals: [f64; S],
     pub flow: F,
 }
@@ -103,7 +102,7 @@ pub(super) trait Plant<const N: usize, const S: usize> {
     fn derivative_by<L: Lanes<Stored = [f64; FOUR]>>(
         &self,
         y: &[f64; N],
-        stage: &Stage,
+        stage: &StageInputs,
         environment: &Self::Environment,
         rates: &mut [f64; N],
         flow: &mut Self::Flow,
@@ -112,7 +111,7 @@ pub(super) trait Plant<const N: usize, const S: usize> {
     fn derivative(
         &self,
         y: &[f64; N],
-        stage: &Stage,
+        stage: &StageInputs,
         environment: &Self::Environment,
         rates: &mut [f64; N],
         flow: &mut Self::Flow,
@@ -122,7 +121,7 @@ pub(super) trait Plant<const N: usize, const S: usize> {
         compute(Evaluation { plant: self, y, stage, environment, rates, flow });
     }
     /// Checks that the model is within its range.
-    fn check(&self, y: &[f64; N], time: f64) -> Result<(), StepError>;
+    fn check(&self, y: &[f64; N], time: f64) -> Result<(), PlantStepError>;
     /// The true motion signals of the first body alone.
     fn body_signals(&self, y: &[f64; N], rates: &[f64; N], flow: &Self::Flow) -> [f64; BODY_SIGNALS];
     /// The true signals; missing parts of the flow for outputs are added.
@@ -135,7 +134,7 @@ pub(super) trait Plant<const N: usize, const S: usize> {
 pub(super) struct Evaluation<'a, P: Plant<N, S>, const N: usize, const S: usize> {
     pub plant: &'a P,
     pub y: &'a [f64; N],
-    pub stage: &'a Stage,
+    pub stage: &'a StageInputs,
     pub environment: &'a P::Environment,
     pub rates: &'a mut [f64; N],
     pub flow: &'a mut P::Flow,
@@ -222,7 +221,7 @@ impl<P: Plant<N, S>, const N: usize, const S: usize> Stepper<P, N, S> {
         self.before.copy_from(&self.state);
     }
 
-    pub fn step(&mut self, input: &VehicleInput, step: f64) -> Result<(), StepError> {
+    pub fn step(&mut self, input: &VehicleInput, step: f64) -> Result<(), PlantStepError> {
         self.step_ending(input, step, |_| false).map(|_| ())
     }
 
@@ -232,7 +231,7 @@ impl<P: Plant<N, S>, const N: usize, const S: usize> Stepper<P, N, S> {
         input: &VehicleInput,
         step: f64,
         is_end: impl Fn(&P::Output) -> bool,
-    ) -> Result<f64, StepError> {
+    ) -> Result<f64, PlantStepError> {
         self.step_ending(input, step, |stepper| {
             let motion = stepper.observe();
             stepper.sense(motion);
@@ -245,15 +244,15 @@ impl<P: Plant<N, S>, const N: usize, const S: usize> Stepper<P, N, S> {
         input: &VehicleInput,
         step: f64,
         ends: impl FnMut(&mut Self) -> bool,
-    ) -> Result<f64, StepError> {
+    ) -> Result<f64, PlantStepError> {
         let time = self.state.time;
         for (name, value) in [("steer_cmd", input.steer_cmd), ("accel_cmd", input.accel_cmd)] {
             if !value.is_finite() {
-                return Err(StepError::InputNotFinite { name, value, time });
+                return Err(PlantStepError::InputNotFinite { name, value, time });
             }
         }
         if !(step > 0.0 && step <= LONGEST_STEP) {
-            return Err(StepError::StepLength { step, time });
+            return Err(PlantStepError::StepLength { step, time });
         }
         self.before.copy_from(&self.state);
         let output = self.output;
@@ -274,7 +273,7 @@ impl<P: Plant<N, S>, const N: usize, const S: usize> Stepper<P, N, S> {
         input: &VehicleInput,
         step: f64,
         mut ends: impl FnMut(&mut Self) -> bool,
-    ) -> Result<(f64, Motion<P::Flow, S>), StepError> {
+    ) -> Result<(f64, SensedMotion<P::Flow, S>), PlantStepError> {
         let start = self.state.time;
         self.state.steering.command(self.plant.steering(), start, input.steer_cmd);
         let asked = input.accel_cmd * self.plant.drive().gain;
@@ -307,8 +306,10 @@ impl<P: Plant<N, S>, const N: usize, const S: usize> Stepper<P, N, S> {
         let Self { plant, state, .. } = self;
         let chain = *plant.steering();
         let time = state.time;
-        let stage =
-            |state: &State<N, S>| Stage { steer: state.steering.road_wheel(&chain), accel: state.drive };
+        let stage = |state: &State<N, S>| StageInputs {
+            steer: state.steering.road_wheel(&chain),
+            accel: state.drive,
+        };
         let begin = stage(state);
         state.steering.advance(&chain, time, 0.5 * h);
         state.drive = plant.drive().follow(state.drive, asked, 0.5 * h);
@@ -342,25 +343,25 @@ impl<P: Plant<N, S>, const N: usize, const S: usize> Stepper<P, N, S> {
         self.plant.environment(&self.state.y, self.road.as_deref(), self.state.station)
     }
 
-    fn check(&self) -> Result<(), StepError> {
+    fn check(&self) -> Result<(), PlantStepError> {
         let (y, time) = (&self.state.y, self.state.time);
         if !y.iter().all(|value| value.is_finite()) {
-            return Err(StepError::NotFinite { time });
+            return Err(PlantStepError::NotFinite { time });
         }
         self.plant.check(y, time)
     }
 
     /// The true motion now.
-    fn observe(&self) -> Motion<P::Flow, S> {
+    fn observe(&self) -> SensedMotion<P::Flow, S> {
         let steer = self.state.steering.road_wheel(self.plant.steering());
-        let stage = Stage { steer, accel: self.state.drive };
+        let stage = StageInputs { steer, accel: self.state.drive };
         let (mut rates, mut flow) = ([0.0; N], P::Flow::default());
         self.plant.derivative(&self.state.y, &stage, &self.environment(), &mut rates, &mut flow);
-        Motion { signals: self.plant.signals(&self.state.y, &rates, &mut flow), flow }
+        SensedMotion { signals: self.plant.signals(&self.state.y, &rates, &mut flow), flow }
     }
 
     /// Sets the output from the sensors' readings of the motion.
-    fn sense(&mut self, motion: Motion<P::Flow, S>) {
+    fn sense(&mut self, motion: SensedMotion<P::Flow, S>) {
         let Self { plant, state, output, .. } = self;
         let delayed = state.sensors.read(plant.effects().sensor_delay, state.time, &motion.signals);
         *output = plant.measure(state, &motion.flow, &delayed);
@@ -406,9 +407,9 @@ impl<P: Plant<N, S>, const N: usize, const S: usize> Stepper<P, N, S> {
 }
 
 /// Rolled over, of one body.
-pub(super) fn check_upright(roll: f64, pitch: f64, time: f64) -> Result<(), StepError> {
+pub(super) fn check_upright(roll: f64, pitch: f64, time: f64) -> Result<(), PlantStepError> {
     if roll.abs() > ROLLED_OVER || pitch.abs() > ROLLED_OVER {
-        return Err(StepError::RolledOver { time, roll, pitch });
+        return Err(PlantStepError::RolledOver { time, roll, pitch });
     }
     Ok(())
 }
@@ -426,8 +427,8 @@ macro_rules! vehicle {
             /// Advances by `step` seconds with the input held. No allocation, no lock.
             ///
             /// # Errors
-            /// See [`StepError`]; the vehicle and its output are then as they were.
-            pub fn step(&mut self, input: &VehicleInput, step: f64) -> Result<(), StepError> {
+            /// See [`PlantStepError`]; the vehicle and its output are then as they were.
+            pub fn step(&mut self, input: &VehicleInput, step: f64) -> Result<(), PlantStepError> {
                 self.stepper.step(input, step)
             }
 
@@ -440,7 +441,7 @@ macro_rules! vehicle {
                 input: &VehicleInput,
                 step: f64,
                 is_end: impl Fn(&$output) -> bool,
-            ) -> Result<f64, StepError> {
+            ) -> Result<f64, PlantStepError> {
                 self.stepper.step_until(input, step, is_end)
             }
 

@@ -14,7 +14,7 @@
 //! in `t^2`. Their relative errors are 7e-18 and 4e-17. With rounding the relative error of `atan` and the absolute
 //! error of `sin` and `cos` are below 5e-16 (`tests/vehicle_trigonometry.rs`).
 
-use crate::lanes::Lanes;
+use crate::numerics::lanes::Lanes;
 use std::f64::consts::{FRAC_1_PI, FRAC_PI_2, FRAC_PI_4};
 
 const TAN_PI_8: f64 = 0.414_213_562_373_095;

@@ -4,11 +4,12 @@
 //! (steered), the rear (driven) and the trailer's. Each has one wheel on each side that stands for all of its tyres.
 
 use super::articulated::Articulated;
-use super::builtin;
+use super::builtin::{BUILTIN_TRUCKS, TRUCKS};
 use super::effects::TruckEffects;
-use super::file::{Parameter, VehicleError, VehicleParameters, check_body, reading, table};
-use super::parameters::{Axle, Body, GRAVITY, Steering, Tyre, relaxation_at_rest};
+use super::file::{self, ParameterDeclaration, VehicleError, VehicleParameters, check_body, reading, table};
+use super::parameters::{Axle, Body, GRAVITY, Steering, relaxation_at_rest};
 use super::tolerance::Tolerances;
+use super::tyre::Tyre;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -29,7 +30,7 @@ pub struct TruckParameters {
     pub tyre: Triple<Tyre>,
     pub tyres_per_side: Triple<f64>,
     pub steering: Steering,
-    pub drive: TruckDrive,
+    pub drive: TruckPowertrain,
     pub brake: TruckBrake,
     pub air: TruckAir,
     /// Differences of the real truck from the rest of the file: neutral, or found by a diagnosis.
@@ -84,7 +85,7 @@ pub struct Hitch {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[allow(missing_docs)]
-pub struct TruckDrive {
+pub struct TruckPowertrain {
     pub max_force: f64,
     pub max_power: f64,
     #[serde(default)]
@@ -116,7 +117,7 @@ pub struct TruckAir {
 
 impl TruckParameters {
     /// Every number of a truck with name, unit, range and meaning.
-    pub const TABLE: &'static [Parameter<Self>] = table! {
+    pub const TABLE: &'static [ParameterDeclaration<Self>] = table! {
         tractor.mass: KILOGRAM in 500.0, 1e5; "Mass of the tractor"
         tractor.yaw_inertia: KILOGRAM_METRE2 in 100.0, 1e6; "Yaw inertia of the tractor about its CG"
         tractor.roll_inertia: KILOGRAM_METRE2 in 50.0, 1e6; "Roll inertia of the tractor's sprung mass about its CG"
@@ -206,9 +207,17 @@ impl TruckParameters {
     };
 }
 
+/// A built-in truck by name.
+///
+/// # Errors
+/// [`VehicleError::UnknownBuiltin`].
+pub fn builtin_truck(name: &str) -> Result<TruckParameters, VehicleError> {
+    TruckParameters::builtin(name)
+}
+
 impl VehicleParameters for TruckParameters {
-    const TABLE: &'static [Parameter<Self>] = Self::TABLE;
-    const BUILTIN: &'static [&'static str] = builtin::BUILTIN_TRUCKS;
+    const TABLE: &'static [ParameterDeclaration<Self>] = Self::TABLE;
+    const BUILTIN: &'static [&'static str] = BUILTIN_TRUCKS;
     type Effects = TruckEffects;
 
     fn effects(&self) -> &TruckEffects {
@@ -228,7 +237,7 @@ impl VehicleParameters for TruckParameters {
     }
 
     fn builtin(name: &str) -> Result<Self, VehicleError> {
-        builtin::builtin_truck(name)
+        file::builtin_of(TRUCKS, name)
     }
 
     fn tyres(&mut self) -> Vec<(&'static str, &mut Tyre)> {

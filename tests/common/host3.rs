@@ -42,7 +42,7 @@ unsafe impl Send for Host3 {}
 
 impl Drop for Host3 {
     fn drop(&mut self) {
-        // SAFETY: made by `fmi3InstantiateCoSimulation`, freed once.
+        // SAFETY: made by `fmi3InstantiateCoSimulation`, free once.
         unsafe { fmi3FreeInstance(self.instance) }
     }
 }

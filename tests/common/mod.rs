@@ -84,7 +84,7 @@ unsafe impl Send for Host {}
 
 impl Drop for Host {
     fn drop(&mut self) {
-        // SAFETY: made by `fmi2Instantiate`, freed once.
+        // SAFETY: made by `fmi2Instantiate`, free once.
         unsafe { fmi2FreeInstance(self.component) }
     }
 }

@@ -3,8 +3,8 @@
 //! parameters that make it fail, discard a step or panic.
 
 use rfl_mpc::fmi::{
-    Array, Causality, Context, Declaration, DefaultExperiment, Initial, Kind, Log, LogCategory, Model,
-    ModelError, Severity, Values, Variability, Variable, Vr,
+    Array, Causality, Context, Declaration, DefaultExperiment, Initial, Log, LogCategory, Model, ModelError,
+    Severity, Values, Variability, Variable, VariableKind, Vr,
 };
 use rfl_mpc::signal::{self, Unit};
 
@@ -37,8 +37,8 @@ pub mod vr {
 const METHODS: &[(i32, &str, &str)] =
     &[(1, "exact", "Exact for held inputs"), (2, "euler", "Explicit Euler")];
 
-fn method(start: i32) -> Kind {
-    Kind::Enumeration { type_name: "Method", items: METHODS, start }
+fn method(start: i32) -> VariableKind {
+    VariableKind::Enumeration { type_name: "Method", items: METHODS, start }
 }
 
 /// The model.
@@ -60,7 +60,11 @@ impl Model for SteeringLag {
             causality: Causality::Input,
             variability: Variability::Discrete,
             initial: Initial::Exact,
-            ..parameter(Kind::Boolean { start: true }, "enabled", "Whether the actuator follows the command")
+            ..parameter(
+                VariableKind::Boolean { start: true },
+                "enabled",
+                "Whether the actuator follows the command",
+            )
         };
         let history =
             |i| Variable::real_output(format!("history[{i}]"), Unit::RADIAN, "Angle that many steps ago");
@@ -72,28 +76,36 @@ impl Model for SteeringLag {
                 boolean_input,
                 Variable::output(&signal::STEER),
                 Variable::output_of(
-                    Kind::Integer { start: 0, min: Some(0), max: None },
+                    VariableKind::Integer { start: 0, min: Some(0), max: None },
                     "steps",
                     "Steps made",
                 ),
-                Variable::output_of(Kind::Boolean { start: false }, "moving", "Whether the wheels turn"),
-                Variable::output_of(Kind::String { start: "".into() }, "source", "Where tau comes from"),
+                Variable::output_of(
+                    VariableKind::Boolean { start: false },
+                    "moving",
+                    "Whether the wheels turn",
+                ),
+                Variable::output_of(
+                    VariableKind::String { start: "".into() },
+                    "source",
+                    "Where tau comes from",
+                ),
                 Variable::output_of(method(1), "method_used", "The method in use"),
                 Variable::parameter("actuator.tau", Unit::SECOND, 0.1, "Time constant").range(1e-3, 10.0),
                 Variable::parameter("actuator.gain", Unit::ONE, 1.0, "Gain").range(0.0, 2.0).tunable(),
                 parameter(
-                    Kind::Integer { start: 1, min: Some(1), max: Some(100) },
+                    VariableKind::Integer { start: 1, min: Some(1), max: Some(100) },
                     "solver.substeps",
                     "Integration steps in one step",
                 ),
                 parameter(method(1), "solver.method", "Integration method"),
                 parameter(
-                    Kind::Boolean { start: false },
+                    VariableKind::Boolean { start: false },
                     "actuator.limited",
                     "Whether the angle is limited to 0.5 rad",
                 ),
                 parameter(
-                    Kind::String { start: "".into() },
+                    VariableKind::String { start: "".into() },
                     "actuator_file",
                     "File with tau, in s, or empty",
                 ),
@@ -106,13 +118,13 @@ impl Model for SteeringLag {
                 history(1),
                 history(2),
                 parameter(
-                    Kind::Boolean { start: false },
+                    VariableKind::Boolean { start: false },
                     "test.report_warnings",
                     "Whether warnings are statuses",
                 ),
             ],
             binaries: vec![parameter(
-                Kind::Binary { max_size: 64 },
+                VariableKind::Binary { max_size: 64 },
                 "actuator_data",
                 "Contents of actuator_file instead of a file, or empty",
             )],

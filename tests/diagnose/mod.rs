@@ -27,9 +27,14 @@ pub fn log(seed: u64, put_in: &[(&str, f64)]) -> CleanLog {
     drive(&car(), &only(put_in), &conditions).expect("an ordinary drive")
 }
 
-/// The diagnosis of a log of the default car.
+/// The diagnosis of a log of the default car, which names no effect at its neutral value.
 pub fn found(log: &CleanLog, options: &Options) -> Diagnosis {
-    diagnose(log, None, &car(), options, &|_, _| {}).expect("a clean log")
+    let diagnosis = diagnose(log, None, &car(), options, &|_, _| {}).expect("a clean log");
+    for named in &diagnosis.report.verdict.effects {
+        let effect = TruckEffects::all().find(|effect| effect.id == named.id).expect("an effect");
+        assert_ne!(named.value, effect.neutral, "{} is named at its neutral value", named.id);
+    }
+    diagnosis
 }
 
 /// Singles only: quick.

@@ -3,8 +3,8 @@
 
 use rfl_mpc::control::{Controller, ControllerParameters};
 use rfl_mpc::diagnose::{
-    Adjustment, Candidate, Diagnosis, Finding, Gap, Gravity, InputFile, Inputs, Manoeuvre, NamedEffect,
-    Observability, Place, Report, Series, Shrink, Verdict, VerdictKind,
+    Adjustment, Candidate, Diagnosis, Finding, FindingSeverity, Gap, GapLocation, InputFile, Inputs,
+    Manoeuvre, NamedEffect, Observability, Report, Series, Shrink, Verdict, VerdictKind,
 };
 use rfl_mpc::log::{CleanLog, DriveLog};
 use rfl_mpc::path::Path as Road;
@@ -81,7 +81,7 @@ fn drive_and_diagnose() -> (CleanLog, Diagnosis) {
     };
     let gaps: BTreeMap<String, Gap> =
         ["yaw_rate", "ay"].into_iter().map(|name| (name.to_owned(), gap(name))).collect();
-    let place = |signal: &str, regime: &str, from: f64, to: f64, rms: f64| Place {
+    let place = |signal: &str, regime: &str, from: f64, to: f64, rms: f64| GapLocation {
         signal: signal.into(),
         regime: regime.into(),
         from,
@@ -169,7 +169,7 @@ fn drive_and_diagnose() -> (CleanLog, Diagnosis) {
             Adjustment { parameter: "effect.steer_lag".into(), given: 0.0, value: -0.004, tolerance: 0.01, deviation: 0.005, unit: "s".into() },
             Adjustment { parameter: "sensor.ay_scale".into(), given: 1.0, value: 1.004, tolerance: 0.008, deviation: 0.002, unit: "1".into() },
         ],
-        findings: [clean.findings.clone(), vec![Finding { gravity: Gravity::Warning, signal: Some("time".into()), words: "3 gaps".into() }]].concat(),
+        findings: [clean.findings.clone(), vec![Finding { gravity: FindingSeverity::Warning, signal: Some("time".into()), words: "3 gaps".into() }]].concat(),
         inputs: Inputs {
             files: BTreeMap::from([("log".into(), InputFile { file: "late <script>alert(1)</script>.csv".into(), hash: "00c0ffee00c0ffee".into() })]),
             vehicle: "C-class \"car\"".into(),

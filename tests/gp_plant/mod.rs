@@ -3,8 +3,9 @@
 #![allow(dead_code)]
 
 use rfl_mpc::nominal::{ArticulatedSingleTrack, Bicycle};
+use rfl_mpc::numerics::Random;
 use rfl_mpc::residual::gp::{GP_OUTPUTS, GpVehicle, INPUTS, TRUCK_GP_OUTPUTS, TRUCK_INPUTS};
-use rfl_mpc::residual::{DataConfig, DataSet, Drive, Random};
+use rfl_mpc::residual::{DataConfig, DataSet, Drive};
 use rfl_mpc::vehicle::{Articulated, SingleTrack, builtin_truck};
 
 pub const TS: f64 = 0.02;

@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 /// The default car's controller with changed parameters.
 pub fn controller(change: impl Fn(&mut ControllerParameters)) -> Controller {
-    with_model(change, PredictionModel::Bicycle(BicycleModel::default()))
+    with_model(change, PredictionModel::Nonlinear(BicycleModel::default()))
 }
 
 /// The same with another prediction.

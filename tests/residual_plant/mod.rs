@@ -3,7 +3,8 @@
 #![allow(dead_code)]
 
 use rfl_mpc::nominal::{ContinuousErrorModel, ErrorState};
-use rfl_mpc::residual::{DataConfig, DataSet, Drive, Random};
+use rfl_mpc::numerics::Random;
+use rfl_mpc::residual::{DataConfig, DataSet, Drive};
 use rfl_mpc::vehicle::SingleTrack;
 
 pub const TS: f64 = 0.02;

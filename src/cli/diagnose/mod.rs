@@ -12,16 +12,16 @@ use super::logs::{LogArgs, ReadsLogs};
 use super::output::{hold_folder, write_text};
 use super::progress_bar;
 use super::vehicle::{Commanded, by_kind, controller_with, vehicle_named};
-use crate::control::{Choice, ControlVariant, Propagation, RollOut, VehicleParameters as _};
+use crate::control::{Choice, ControlVariant, ControlledParameters as _, Propagation, RollOut};
 use crate::diagnose::beliefs::{Beliefs, Trust};
-use crate::diagnose::closed_loop::{self, Profile};
+use crate::diagnose::closed_loop::{self, LateralErrorProfile};
 use crate::diagnose::page::{PageInput, page};
 use crate::diagnose::replay::ReplayVehicle;
 use crate::diagnose::simulator::{
-    Calibration, calibrated, changes, differences, parameter_set, write_vehicle,
+    CalibrationExtent, calibrated, changes, differences, parameter_set, write_vehicle,
 };
 use crate::diagnose::{Gap, InputFile, Options, Report, VerdictKind, diagnose};
-use crate::log::{CleanLog, DriveLog, Finding, Gravity};
+use crate::log::{CleanLog, DriveLog, Finding, FindingSeverity};
 use crate::nominal::LateralVehicle;
 use crate::path::Path as Road;
 use crate::vehicle::{BUILTIN, BUILTIN_TRUCKS, VehicleKind, VehicleParameters};
@@ -67,7 +67,7 @@ pub struct DiagnoseArgs {
     vehicle: Option<String>,
     /// Kind of vehicle [default: that of --vehicle; without, a truck if the log has an articulation angle]
     #[arg(long)]
-    unit: Option<Unit>,
+    unit: Option<LoggedVehicle>,
     /// Path that was driven: tells bank, grade and friction, and adds the closed loop
     #[arg(long, value_name = "ROUTE")]
     path: Option<PathBuf>,
@@ -111,7 +111,7 @@ pub struct DiagnoseArgs {
 
 /// Kinds of vehicles, as a user writes them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Unit {
+enum LoggedVehicle {
     Car,
     Truck,
 }
@@ -158,16 +158,20 @@ pub fn diagnosed(args: &DiagnoseArgs, out: Option<&Path>) -> Result<Diagnosed, B
 fn vehicle(args: &DiagnoseArgs, logs: &[DriveLog]) -> Result<String, Box<dyn Error>> {
     let Some(vehicle) = &args.vehicle else {
         let truck = match args.unit {
-            Some(unit) => unit == Unit::Truck,
+            Some(unit) => unit == LoggedVehicle::Truck,
             None => articulated(logs),
         };
         return Ok(if truck { BUILTIN_TRUCKS[0] } else { BUILTIN[0] }.to_owned());
     };
-    let found = if VehicleKind::of(vehicle) == VehicleKind::Truck { Unit::Truck } else { Unit::Car };
+    let found = if VehicleKind::of(vehicle) == VehicleKind::Truck {
+        LoggedVehicle::Truck
+    } else {
+        LoggedVehicle::Car
+    };
     match args.unit.filter(|unit| *unit != found) {
         Some(_) => Err(format!(
             "--unit and --vehicle disagree: {vehicle} is a {}",
-            if found == Unit::Truck { "truck" } else { "car" }
+            if found == LoggedVehicle::Truck { "truck" } else { "car" }
         )
         .into()),
         None => Ok(vehicle.clone()),
@@ -205,7 +209,7 @@ where
     let mut clean = CleanLog::joined(cleaned)?.ok_or("give a log")?;
     if articulated(logs) && P::KIND != "truck" {
         let words = "the log has an articulation angle, and the simulator is a car: choose the truck with --vehicle or --unit truck";
-        let (gravity, signal) = (Gravity::Suspicion, Some("articulation".to_owned()));
+        let (gravity, signal) = (FindingSeverity::Suspicion, Some("articulation".to_owned()));
         clean.findings.insert(0, Finding { gravity, signal, words: words.to_owned() });
     }
     let reference = match &args.reference {
@@ -238,7 +242,7 @@ where
             Ok(gap) => report.shrink.closed_loop = Some(BTreeMap::from([("e1".to_owned(), gap)])),
             Err(error) => {
                 let words = format!("the loop was not closed: {error}");
-                report.findings.push(Finding { gravity: Gravity::Warning, signal: None, words });
+                report.findings.push(Finding { gravity: FindingSeverity::Warning, signal: None, words });
             }
         }
     }
@@ -332,7 +336,7 @@ fn inputs(args: &DiagnoseArgs, vehicle: &str) -> Result<BTreeMap<String, InputFi
 fn lay_on(log: &mut CleanLog, road: &Road) {
     if let Err(error) = log.lay_on(road) {
         let words = format!("bank, grade and friction of --path are not known to the replay: {error}");
-        log.findings.push(Finding { gravity: Gravity::Warning, signal: None, words });
+        log.findings.push(Finding { gravity: FindingSeverity::Warning, signal: None, words });
     }
 }
 
@@ -357,14 +361,14 @@ fn closed_loop<P: Commanded<S, C>, const S: usize, const C: usize>(
         };
         choice.prediction_model(&parameters).map(|(_, model)| model)
     };
-    let drive = |what: &str, vehicle: &P::Parameters| -> Result<Profile, Box<dyn Error>> {
+    let drive = |what: &str, vehicle: &P::Parameters| -> Result<LateralErrorProfile, Box<dyn Error>> {
         let follow = |share| progress(what, share);
         Ok(closed_loop::simulated::<P, S, C>(vehicle, parameters, model()?, path, follow)?)
     };
     let with = |calibration| calibrated(given, &changes(report, calibration));
     let as_given = drive("closed loop as given", given)?;
-    let effect = drive("closed loop with the effect", &with(Calibration::Effect)?)?;
-    let whole = drive("closed loop recalibrated", &with(Calibration::Whole)?)?;
+    let effect = drive("closed loop with the effect", &with(CalibrationExtent::Effect)?)?;
+    let whole = drive("closed loop recalibrated", &with(CalibrationExtent::Whole)?)?;
     Ok(closed_loop::gap(&logged, noise, [&as_given, &effect, &whole])?)
 }
 
@@ -386,7 +390,7 @@ fn simulator<P: Commanded<S, C>, const S: usize, const C: usize>(
         names.iter().for_each(|file| drop(std::fs::remove_file(at(file))));
         return Ok(Vec::new());
     }
-    let vehicle = calibrated(given, &changes(report, Calibration::Whole))?;
+    let vehicle = calibrated(given, &changes(report, CalibrationExtent::Whole))?;
     let logs: Vec<String> = args.logs.iter().map(|log| log.display().to_string()).collect();
     let words = format!(
         "{} as `rfl diagnose {}` found it.\nVerdict: {}",

@@ -1,6 +1,6 @@
 //! The answer on a terminal: verdict, candidates, shrinkage, findings in the log.
 
-use crate::diagnose::{Gravity, Report};
+use crate::diagnose::{FindingSeverity, Report};
 
 /// Candidates that are listed.
 const SHOWN: usize = 5;
@@ -36,10 +36,10 @@ pub(super) fn print(report: &Report) {
             say!("{name:<16} {before:>10} {effect:>10} {recalibrated:>12} {learnable:>10} {noise:>10}");
         }
     }
-    let grave = report.findings.iter().filter(|finding| finding.gravity > Gravity::Note);
+    let grave = report.findings.iter().filter(|finding| finding.gravity > FindingSeverity::Note);
     for finding in grave {
         let column = finding.signal.as_deref().map_or(String::new(), |signal| format!("{signal}: "));
-        let word = if finding.gravity == Gravity::Suspicion { "suspicion" } else { "warning" };
+        let word = if finding.gravity == FindingSeverity::Suspicion { "suspicion" } else { "warning" };
         say!("{word}: {column}{}", finding.words);
     }
     if let Some(next) = &report.next_manoeuvre {

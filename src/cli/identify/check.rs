@@ -23,15 +23,15 @@ const LOST: f64 = 3.5;
 const SAME: f64 = 1e-3;
 
 /// One plant, driven with and without the identified actuator.
-pub(super) struct Row {
+pub(super) struct CheckRow {
     plant: &'static str,
     actuator: Actuator,
-    known: Driven,
-    left: Driven,
+    known: CheckDrive,
+    left: CheckDrive,
 }
 
 #[derive(Clone, Copy)]
-struct Driven {
+struct CheckDrive {
     mean: f64,
     max: f64,
     lost: bool,
@@ -53,7 +53,7 @@ fn set<F: VehicleParameters>(vehicle: &mut F, name: &str, value: f64) {
 pub(super) fn drives<P: Commanded<S, C>, const S: usize, const C: usize>(
     setup: &Setup<P, S, C>,
     found: &IdentifiedSteering,
-) -> Result<Vec<Row>, Box<dyn Error>> {
+) -> Result<Vec<CheckRow>, Box<dyn Error>> {
     let route = if P::KIND == "truck" { Route::TruckUTurn } else { Route::SudokuTurns };
     let path = Arc::new(route.path()?);
     let mut effects = setup.effects.clone();
@@ -76,21 +76,21 @@ pub(super) fn drives<P: Commanded<S, C>, const S: usize, const C: usize>(
         let mut vehicle = setup.vehicle.clone();
         set(&mut vehicle, "steering.dead_time", (truth.dead_time - added[0]).max(0.0));
         set(&mut vehicle, "steering.lag", (truth.time_constant - added[1]).max(0.0));
-        let drive = |model: Actuator| -> Result<Driven, Box<dyn Error>> {
+        let drive = |model: Actuator| -> Result<CheckDrive, Box<dyn Error>> {
             let model = PredictionModelFor::Actuator(model);
             let controller = ControllerFor::predicting_with(setup.controller, path.clone(), model)?;
             let mut closed =
                 ClosedLoopFor::<P, S, C>::at_start(controller, &vehicle, &setup.effects, sample_time)?;
             let drive = closed.drive_until_lost(LONGEST, |_, error| error.abs() < LOST)?;
             let tracking = drive.tracking();
-            Ok(Driven { mean: tracking.mae, max: tracking.max, lost: drive.lost })
+            Ok(CheckDrive { mean: tracking.mae, max: tracking.max, lost: drive.lost })
         };
-        Ok(Row { plant, actuator: truth, known: drive(known)?, left: drive(left)? })
+        Ok(CheckRow { plant, actuator: truth, known: drive(known)?, left: drive(left)? })
     })
     .collect()
 }
 
-impl Driven {
+impl CheckDrive {
     fn worse_than(self, other: Self) -> bool {
         (self.lost && !other.lost) || (self.lost == other.lost && self.mean > other.mean + SAME)
     }
@@ -101,7 +101,7 @@ impl Driven {
 }
 
 /// Prints them; true if the identified actuator loses a vehicle that stays on the road without it.
-pub(super) fn print(rows: &[Row]) -> bool {
+pub(super) fn print(rows: &[CheckRow]) -> bool {
     say!(
         "{:<22} {:>11} {:>8} {:>18} {:>18}",
         "closed loop, plant",
@@ -110,7 +110,7 @@ pub(super) fn print(rows: &[Row]) -> bool {
         "known: mean max m",
         "left: mean max m"
     );
-    for Row { plant, actuator, known, left } in rows {
+    for CheckRow { plant, actuator, known, left } in rows {
         say!(
             "{plant:<22} {:>11.4} {:>8.4} {:>18} {:>18}",
             actuator.dead_time,
@@ -131,8 +131,8 @@ pub(super) fn print(rows: &[Row]) -> bool {
 }
 
 /// The results.
-pub(super) fn as_json(rows: &[Row]) -> Value {
-    let driven = |driven: Driven| json!({"mean": driven.mean, "max": driven.max, "lost": driven.lost});
+pub(super) fn as_json(rows: &[CheckRow]) -> Value {
+    let driven = |driven: CheckDrive| json!({"mean": driven.mean, "max": driven.max, "lost": driven.lost});
     rows.iter()
         .map(|row| {
             json!({

@@ -17,13 +17,13 @@ use super::drive::Setup;
 use super::logs::{LogArgs, ReadsLogs};
 use super::output::{check_writable, write_json};
 use super::vehicle::{Commanded, by_kind};
-use crate::control::VehicleParameters;
+use crate::control::ControlledParameters;
 use crate::log::{Finding, SteeringLog};
 use crate::nominal::{
     DelayModel, IdentifiedActuator, IdentifiedSteering, LateralVehicle, SteeringDrive,
     identify_by_yaw_rate_from_drives, identify_from_drives,
 };
-use crate::path::Options;
+use crate::path::PathOptions;
 use crate::signal::{STEER, YAW_RATE};
 use crate::vehicle::BUILTIN;
 use clap::Args;
@@ -94,7 +94,7 @@ pub struct IdentifyArgs {
 }
 
 /// Result of an identification, and its log.
-struct Found {
+struct IdentifiedLog {
     drives: Vec<SteeringDrive>,
     findings: Vec<Finding>,
     models: Vec<(DelayModel, IdentifiedActuator)>,
@@ -138,7 +138,7 @@ fn identify<P: Commanded<S, C>, const S: usize, const C: usize>(
     args: &IdentifyArgs,
     name: &str,
 ) -> Result<Value, Box<dyn Error>> {
-    let setup = Setup::<P, S, C>::new(None, &Options::default(), P::TEST, name, &args.settings)?;
+    let setup = Setup::<P, S, C>::new(None, &PathOptions::default(), P::TEST, name, &args.settings)?;
     let found = found(args, name, &setup)?;
     report::print(&found, args);
     let mut results = report::as_json(&found, args);
@@ -171,7 +171,7 @@ fn found<P: Commanded<S, C>, const S: usize, const C: usize>(
     args: &IdentifyArgs,
     name: &str,
     setup: &Setup<P, S, C>,
-) -> Result<Found, Box<dyn Error>> {
+) -> Result<IdentifiedLog, Box<dyn Error>> {
     let vehicle = setup.controller.vehicle.nominal();
     let slowest = setup.controller.mpc.min_model_speed;
     let through = args.by_yaw_rate.then_some((&vehicle, slowest));
@@ -195,7 +195,7 @@ fn found<P: Commanded<S, C>, const S: usize, const C: usize>(
         }];
         // A record too short for intervals has its models all the same.
         let steering = from_drives(&drives, through).ok();
-        return Ok(Found { drives, findings: Vec::new(), models, steering, rows });
+        return Ok(IdentifiedLog { drives, findings: Vec::new(), models, steering, rows });
     }
     let steady = |speed: f64| steady_steering(&vehicle, speed);
     let (mut drives, mut findings, mut rows) = (Vec::new(), Vec::new(), 0);
@@ -220,7 +220,7 @@ fn found<P: Commanded<S, C>, const S: usize, const C: usize>(
         [file] => format!("{}: {error}", file.display()),
         _ => error.to_string(),
     })?;
-    Ok(Found { drives, findings, models: Vec::new(), steering: Some(steering), rows })
+    Ok(IdentifiedLog { drives, findings, models: Vec::new(), steering: Some(steering), rows })
 }
 
 fn from_drives<V: LateralVehicle<S>, const S: usize>(
@@ -255,6 +255,6 @@ fn response(args: &IdentifyArgs) -> &'static str {
 }
 
 /// Models of a step for the results.
-fn models_as_json(found: &Found) -> Vec<Value> {
+fn models_as_json(found: &IdentifiedLog) -> Vec<Value> {
     found.models.iter().map(|(model, fit)| step::as_json(*model, fit)).collect()
 }

@@ -1,7 +1,7 @@
 //! Result of an identification, in words and as JSON.
 
-use super::{Found, IdentifyArgs, models_as_json, response};
-use crate::log::Gravity;
+use super::{IdentifiedLog, IdentifyArgs, models_as_json, response};
+use crate::log::FindingSeverity;
 use crate::nominal::{Between, Estimate, IdentifiedSteering};
 use serde_json::{Value, json};
 
@@ -11,9 +11,9 @@ const NAMED: usize = 5;
 const GAIN_ODD: f64 = 0.2;
 
 /// Prints the numbers, and the repairs.
-pub(super) fn print(found: &Found, args: &IdentifyArgs) {
+pub(super) fn print(found: &IdentifiedLog, args: &IdentifyArgs) {
     for finding in &found.findings {
-        let gravity = if finding.gravity == Gravity::Note { "note" } else { "warning" };
+        let gravity = if finding.gravity == FindingSeverity::Note { "note" } else { "warning" };
         warn!("{gravity}: {}", finding.words);
     }
     let Some(steering) = &found.steering else { return };
@@ -44,7 +44,7 @@ fn estimates(steering: &IdentifiedSteering) -> [(&'static str, Estimate, &'stati
     ]
 }
 
-fn notes(found: &Found, steering: &IdentifiedSteering, args: &IdentifyArgs) {
+fn notes(found: &IdentifiedLog, steering: &IdentifiedSteering, args: &IdentifyArgs) {
     if !steering.left_out.is_empty() {
         let named: Vec<String> = steering
             .left_out
@@ -117,7 +117,7 @@ fn not_excited(steering: &IdentifiedSteering) {
 }
 
 /// Advice for the use of the result.
-pub(super) fn next(found: &Found, args: &IdentifyArgs) {
+pub(super) fn next(found: &IdentifiedLog, args: &IdentifyArgs) {
     let Some(steering) = &found.steering else { return };
     if args.logs.is_empty() || !found.models.is_empty() && args.into.is_none() {
         // The models of a step say it themselves.
@@ -136,7 +136,7 @@ pub(super) fn next(found: &Found, args: &IdentifyArgs) {
 }
 
 /// The results.
-pub(super) fn as_json(found: &Found, args: &IdentifyArgs) -> Value {
+pub(super) fn as_json(found: &IdentifiedLog, args: &IdentifyArgs) -> Value {
     let logs: Vec<String> = args.logs.iter().map(|file| file.display().to_string()).collect();
     let mut value = json!({
         "log": logs.first(),

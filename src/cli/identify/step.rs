@@ -27,7 +27,7 @@ const GAIN_ODD: f64 = 0.2;
 
 /// The columns of a step.
 #[derive(Debug, Default, PartialEq)]
-pub(super) struct Step {
+pub(super) struct StepColumns {
     pub time: Vec<f64>,
     pub command: Vec<f64>,
     pub response: Vec<f64>,
@@ -38,7 +38,7 @@ pub(super) struct Step {
 }
 
 /// True for a record of a step: short, or steady from the beginning and then of a few commands only.
-pub(super) fn is_record(step: &Step) -> bool {
+pub(super) fn is_record(step: &StepColumns) -> bool {
     let length = step.time.last().unwrap_or(&0.0) - step.time.first().unwrap_or(&0.0);
     if length.is_nan() || length < RECORD {
         return true;
@@ -52,7 +52,7 @@ pub(super) fn is_record(step: &Step) -> bool {
 /// The models of the variant `actuator` that fit a record. `of` is the name in messages; `vehicle` is between the
 /// actuator and a yaw rate.
 pub(super) fn models<V: LateralVehicle<S>, const S: usize>(
-    step: &Step,
+    step: &StepColumns,
     of: &str,
     file: Option<&Path>,
     through: Option<(&V, f64)>,
@@ -108,7 +108,7 @@ fn row_of(error: &IdentifyError) -> Option<usize> {
 }
 
 /// The log's rows between the two times.
-pub(super) fn read(file: &Path, args: &IdentifyArgs) -> Result<Step, Box<dyn Error>> {
+pub(super) fn read(file: &Path, args: &IdentifyArgs) -> Result<StepColumns, Box<dyn Error>> {
     let log = args.reading.read(file)?;
     let response = if args.by_yaw_rate { YAW_RATE.name } else { STEER.name };
     let column = |name: &'static str| {
@@ -139,7 +139,7 @@ pub(super) fn read(file: &Path, args: &IdentifyArgs) -> Result<Step, Box<dyn Err
         );
     }
     let part = |column: &[f64]| column.get(begin..end).unwrap_or_default().to_vec();
-    Ok(Step {
+    Ok(StepColumns {
         time: part(time),
         command: part(command),
         response: part(response),
@@ -154,14 +154,14 @@ pub(super) fn drive<P: Commanded<S, C>, const S: usize, const C: usize>(
     setup: &Setup<P, S, C>,
     name: &str,
     args: &IdentifyArgs,
-) -> Result<Step, Box<dyn Error>> {
+) -> Result<StepColumns, Box<dyn Error>> {
     if !(args.speed > 0.0 && args.speed.is_finite() && args.step != 0.0 && args.step.is_finite()) {
         return Err("--speed must be a positive number, --step a number other than 0".into());
     }
     let sample_time = setup.controller.mpc.sample_time;
     let mut vehicle = P::make(&setup.vehicle, &setup.effects, None)?;
     vehicle.place(0.0, 0.0, 0.0, args.speed);
-    let mut step = Step::default();
+    let mut step = StepColumns::default();
     let mut writer = match &args.record {
         Some(file) => {
             let mut writer =
@@ -230,7 +230,7 @@ fn settings(found: &IdentifiedActuator) -> [(&'static str, String); 3] {
 }
 
 /// Prints the models.
-pub(super) fn report(step: &Step, found: &[(DelayModel, IdentifiedActuator)], args: &IdentifyArgs) {
+pub(super) fn report(step: &StepColumns, found: &[(DelayModel, IdentifiedActuator)], args: &IdentifyArgs) {
     let (what, unit) = if args.by_yaw_rate { ("yaw rate", "rad/s") } else { ("angle", "rad") };
     say!(
         "{:<15} {:>11} {:>8} {:>8} {:>16} {:>12}",

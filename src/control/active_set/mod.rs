@@ -42,7 +42,7 @@ mod rows;
 use super::cholesky::{Cholesky, add, begin, dot};
 use super::condensed_cost::condense_cost;
 use super::tracking_qp::{QpEnd, QpError, QpReport, QpShape, QpSolver, TrackingQp};
-use rows::{Family, Member, Row, input_width, soft_width};
+use rows::{ActiveRow, BoundSide, RowFamily, input_width, soft_width};
 use std::time::Instant;
 
 /// Violation that counts as none, in widths of the input's or output's range.
@@ -82,7 +82,7 @@ pub struct ActiveSetSolver {
     /// Gradient of the cost, and with the multipliers' part.
     gradient: Vec<f64>,
     residual: Vec<f64>,
-    working: Vec<Member>,
+    working: Vec<ActiveRow>,
     /// True for rows with a side in the working set.
     in_set: Vec<bool>,
     /// Factor of `K`.
@@ -172,13 +172,13 @@ impl ActiveSetSolver {
     }
 
     /// The most violated row outside the working set, in widths of its range; none if all hold to the tolerance.
-    fn most_violated(&self, problem: &TrackingQp, tolerance: f64) -> Option<Row> {
+    fn most_violated(&self, problem: &TrackingQp, tolerance: f64) -> Option<BoundSide> {
         let shape = &problem.shape;
         let mut worst = tolerance;
         let mut found = None;
         let mut look = |family, index, value: f64, center: f64, half: f64, width: f64| {
             let excess = ((value - center).abs() - half) / width;
-            let row = Row { family, index, sign: (value - center).signum() };
+            let row = BoundSide { family, index, sign: (value - center).signum() };
             if excess > worst && !self.in_set[row.place(self.inputs.len())] {
                 worst = excess;
                 found = Some(row);
@@ -190,8 +190,8 @@ impl ActiveSetSolver {
             let mut before = problem.previous[i];
             for index in (i..self.inputs.len()).step_by(shape.inputs) {
                 let input = self.inputs[index];
-                look(Family::Rate, index, input - before, 0.0, shape.rate_max[i], width);
-                look(Family::Bound, index, input, center, 0.5 * width, width);
+                look(RowFamily::Rate, index, input - before, 0.0, shape.rate_max[i], width);
+                look(RowFamily::Bound, index, input, center, 0.5 * width, width);
                 before = input;
             }
         }
@@ -201,7 +201,7 @@ impl ActiveSetSolver {
             for step in 0..shape.horizon {
                 let index = step * shape.soft.len() + bound;
                 look(
-                    Family::Soft,
+                    RowFamily::Soft,
                     index,
                     self.outputs[step * shape.outputs + soft.output],
                     center,
@@ -217,7 +217,7 @@ impl ActiveSetSolver {
     fn predict_soft(&mut self, problem: &TrackingQp) {
         let shape = &problem.shape;
         for index in 0..shape.horizon * shape.soft.len() {
-            let row = Row { family: Family::Soft, index, sign: 1.0 };
+            let row = BoundSide { family: RowFamily::Soft, index, sign: 1.0 };
             let (step, bound) = row.soft(shape);
             let at = step * shape.outputs + shape.soft[bound].output;
             self.outputs[at] = problem.free[at] + dot(row.gain(problem), &self.inputs);
@@ -234,7 +234,7 @@ impl ActiveSetSolver {
     }
 
     /// Makes a violated row hold, or yield.
-    fn enter(&mut self, problem: &TrackingQp, row: Row, watch: &Watch) -> Result<(), QpError> {
+    fn enter(&mut self, problem: &TrackingQp, row: BoundSide, watch: &Watch) -> Result<(), QpError> {
         let shape = &problem.shape;
         let n = self.inputs.len();
         let Some(slot) = self.free_slots.pop() else { return Err(self.numerical()) };
@@ -247,7 +247,7 @@ impl ActiveSetSolver {
         let mut excess = row.excess(problem, &self.inputs, &self.outputs);
         // A bound that no linear penalty defends yields at once.
         let yields = row.penalty(shape).is_some_and(|(linear, _)| linear <= 0.0);
-        let mut entering = Member { row, slot, multiplier: 0.0, yields };
+        let mut entering = ActiveRow { row, slot, multiplier: 0.0, yields };
         loop {
             self.iterations += 1;
             if self.iterations > self.iteration_limit {

@@ -5,7 +5,7 @@ use crate::control::tracking_qp::{QpShape, TrackingQp};
 
 /// A family of rows; each row has an upper side (sign +1) and a lower one (sign -1).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Family {
+pub(super) enum RowFamily {
     Rate,
     Bound,
     Soft,
@@ -13,8 +13,8 @@ pub(super) enum Family {
 
 /// One side of one row.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Row {
-    pub(super) family: Family,
+pub(super) struct BoundSide {
+    pub(super) family: RowFamily,
     /// Column of the input, or number of the soft row, `step * soft bounds + bound`.
     pub(super) index: usize,
     pub(super) sign: f64,
@@ -22,8 +22,8 @@ pub(super) struct Row {
 
 /// A row of the working set.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Member {
-    pub(super) row: Row,
+pub(super) struct ActiveRow {
+    pub(super) row: BoundSide,
     /// Place of its column `H^-1 a`.
     pub(super) slot: usize,
     pub(super) multiplier: f64,
@@ -31,14 +31,14 @@ pub(super) struct Member {
     pub(super) yields: bool,
 }
 
-impl Row {
+impl BoundSide {
     /// Place among all rows.
     pub(super) fn place(&self, inputs: usize) -> usize {
         self.index
             + match self.family {
-                Family::Rate => 0,
-                Family::Bound => inputs,
-                Family::Soft => 2 * inputs,
+                RowFamily::Rate => 0,
+                RowFamily::Bound => inputs,
+                RowFamily::Soft => 2 * inputs,
             }
     }
 
@@ -58,12 +58,12 @@ impl Row {
     /// `a'x`.
     pub(super) fn dot(&self, problem: &TrackingQp, x: &[f64]) -> f64 {
         let value = match self.family {
-            Family::Rate => {
+            RowFamily::Rate => {
                 let before = self.index.checked_sub(problem.shape.inputs).map_or(0.0, |before| x[before]);
                 x[self.index] - before
             }
-            Family::Bound => x[self.index],
-            Family::Soft => dot(self.gain(problem), x),
+            RowFamily::Bound => x[self.index],
+            RowFamily::Soft => dot(self.gain(problem), x),
         };
         self.sign * value
     }
@@ -72,9 +72,9 @@ impl Row {
     pub(super) fn add(&self, problem: &TrackingQp, factor: f64, y: &mut [f64]) {
         let factor = factor * self.sign;
         match self.family {
-            Family::Soft => add(y, factor, self.gain(problem)),
-            Family::Bound => y[self.index] += factor,
-            Family::Rate => {
+            RowFamily::Soft => add(y, factor, self.gain(problem)),
+            RowFamily::Bound => y[self.index] += factor,
+            RowFamily::Rate => {
                 y[self.index] += factor;
                 if let Some(before) = self.index.checked_sub(problem.shape.inputs) {
                     y[before] -= factor;
@@ -86,9 +86,9 @@ impl Row {
     /// Entries of `a` before the first that is not zero.
     pub(super) fn zeros(&self, shape: &QpShape) -> usize {
         match self.family {
-            Family::Rate => self.index.saturating_sub(shape.inputs),
-            Family::Bound => self.index,
-            Family::Soft => 0,
+            RowFamily::Rate => self.index.saturating_sub(shape.inputs),
+            RowFamily::Bound => self.index,
+            RowFamily::Soft => 0,
         }
     }
 
@@ -97,17 +97,17 @@ impl Row {
         let shape = &problem.shape;
         let sided = |value: f64, min: f64, max: f64| if self.sign > 0.0 { value - max } else { min - value };
         match self.family {
-            Family::Rate => {
+            RowFamily::Rate => {
                 let i = self.index % shape.inputs;
                 let before =
                     self.index.checked_sub(shape.inputs).map_or(problem.previous[i], |before| inputs[before]);
                 sided(inputs[self.index] - before, -shape.rate_max[i], shape.rate_max[i])
             }
-            Family::Bound => {
+            RowFamily::Bound => {
                 let i = self.index % shape.inputs;
                 sided(inputs[self.index], shape.input_min[i], shape.input_max[i])
             }
-            Family::Soft => {
+            RowFamily::Soft => {
                 let (step, bound) = self.soft(shape);
                 let soft = &shape.soft[bound];
                 sided(outputs[step * shape.outputs + soft.output], soft.min, soft.max)
@@ -118,21 +118,21 @@ impl Row {
     /// The measure for its excess.
     pub(super) fn width(&self, shape: &QpShape) -> f64 {
         match self.family {
-            Family::Rate | Family::Bound => input_width(shape, self.index % shape.inputs),
-            Family::Soft => soft_width(shape, self.soft(shape).1),
+            RowFamily::Rate | RowFamily::Bound => input_width(shape, self.index % shape.inputs),
+            RowFamily::Soft => soft_width(shape, self.soft(shape).1),
         }
     }
 
     /// Linear penalty and compliance `1/q` of a soft row.
     pub(super) fn penalty(&self, shape: &QpShape) -> Option<(f64, f64)> {
-        (self.family == Family::Soft).then(|| {
+        (self.family == RowFamily::Soft).then(|| {
             let soft = &shape.soft[self.soft(shape).1];
             (soft.linear, 1.0 / soft.quadratic)
         })
     }
 }
 
-impl Member {
+impl ActiveRow {
     /// Its entry of `C`.
     pub(super) fn compliance(&self, shape: &QpShape) -> f64 {
         self.row.penalty(shape).filter(|_| self.yields).map_or(0.0, |(_, compliance)| compliance)

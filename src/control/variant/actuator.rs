@@ -4,8 +4,8 @@
 //! Lag, dead time and their approximants are one form (`nominal/actuator.rs`). The actuator's states are not measured:
 //! the actuator is run over the issued commands.
 
-use super::{Expected, Nominal, Qp, Variant};
-use crate::control::condense::Response;
+use super::{ExpectedState, Nominal, Qp, Variant};
+use crate::control::condense::CommandResponse;
 use crate::control::lateral::LateralInput;
 use crate::control::parameters::MpcParameters;
 use crate::control::preview::Preview;
@@ -18,7 +18,7 @@ use std::time::Instant;
 pub struct Actuated<V, const S: usize> {
     nominal: Nominal<V>,
     actuator: Actuator,
-    response: Response<ActuatedState<S>>,
+    response: CommandResponse<ActuatedState<S>>,
     known: Vec<ActuatedState<S>>,
     window: usize,
     model: Option<ActuatedModel<S>>,
@@ -34,7 +34,7 @@ impl<V: LateralVehicle<S>, const S: usize> Actuated<V, S> {
         Self {
             nominal: Nominal::new(vehicle, p),
             actuator,
-            response: Response::new(p.horizon),
+            response: CommandResponse::new(p.horizon),
             known: vec![ActuatedState::zeros(); p.horizon],
             window: window[0].max(window[1]),
             model: None,
@@ -83,14 +83,14 @@ impl<V: LateralVehicle<S>, const S: usize> Variant<S> for Actuated<V, S> {
         Ok(())
     }
 
-    fn next_state(&self, state: &SVector<f64, S>, past: &[f64], steer: f64) -> Option<Expected<S>> {
+    fn next_state(&self, state: &SVector<f64, S>, past: &[f64], steer: f64) -> Option<ExpectedState<S>> {
         let model = self.model.as_ref()?;
         let back = |steps: usize| if steps == 0 { steer } else { past[past.len() - steps] };
         let next = &model.a * &model.state(state, past)
             + model.newer * back(model.delay)
             + model.older * back(model.delay + 1)
             + self.known[0];
-        Some(Expected { state: next.vehicle, transition: model.a.vehicle })
+        Some(ExpectedState { state: next.vehicle, transition: model.a.vehicle })
     }
 
     fn window(&self) -> usize {

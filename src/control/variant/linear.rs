@@ -6,8 +6,8 @@
 //!
 //! Source: Zhao et al., ITSC 2024, Algorithm 1.
 
-use super::{Expected, Nominal, Qp, Variant};
-use crate::control::condense::{Affine, ErrorTransition, Linear, Propagation, condense_settled};
+use super::{ExpectedState, Nominal, Qp, Variant};
+use crate::control::condense::{Affine, ErrorTransition, HorizonModel, Propagation, condense_settled};
 use crate::control::lateral::LateralInput;
 use crate::control::parameters::MpcParameters;
 use crate::control::preview::Preview;
@@ -15,7 +15,7 @@ use crate::control::solve::Equations;
 use crate::control::tracking_qp::{QpError, QpReport};
 use crate::enumeration;
 use crate::nominal::{ActuatedModel, DiscreteErrorModel, ERRORS, LateralVehicle};
-use crate::residual::{self, Lookahead, Misfit, ResidualModelFor, write_residual_of_actuator};
+use crate::residual::{self, Lookahead, ModelMismatch, ResidualModelFor, write_residual_of_actuator};
 use crate::vehicle::SingleTrack;
 use nalgebra::{SMatrix, SVector};
 use std::sync::Arc;
@@ -39,7 +39,7 @@ pub struct Residual<V = SingleTrack, const S: usize = ERRORS> {
 }
 
 /// The learned residual with workspace.
-struct Learned<V, const S: usize> {
+struct LearnedResidual<V, const S: usize> {
     residual: Residual<V, S>,
     rows: Lookahead<S>,
     /// The trust with which the effects of each row's commands were written; not a number if they were not.
@@ -55,7 +55,7 @@ struct Learned<V, const S: usize> {
 /// The variant.
 pub struct NominalWithResidual<V, const S: usize> {
     nominal: Nominal<V>,
-    learned: Option<Learned<V, S>>,
+    learned: Option<LearnedResidual<V, S>>,
     affine: Affine<SVector<f64, S>>,
     /// Model of the newest prediction.
     model: Option<DiscreteErrorModel<S>>,
@@ -70,9 +70,13 @@ pub struct NominalWithResidual<V, const S: usize> {
 impl<V: LateralVehicle<S>, const S: usize> NominalWithResidual<V, S> {
     /// # Errors
     /// A residual that was learned for another controller.
-    pub fn new(vehicle: V, p: &MpcParameters, residual: Option<Residual<V, S>>) -> Result<Self, Misfit> {
-        let learned = residual.map(|residual| Learned::new(residual, &vehicle, p)).transpose()?;
-        let window = learned.as_ref().map_or(0, Learned::window);
+    pub fn new(
+        vehicle: V,
+        p: &MpcParameters,
+        residual: Option<Residual<V, S>>,
+    ) -> Result<Self, ModelMismatch> {
+        let learned = residual.map(|residual| LearnedResidual::new(residual, &vehicle, p)).transpose()?;
+        let window = learned.as_ref().map_or(0, LearnedResidual::window);
         Ok(Self {
             nominal: Nominal::new(vehicle, p),
             learned,
@@ -151,7 +155,7 @@ impl<V: LateralVehicle<S>, const S: usize> Variant<S> for NominalWithResidual<V,
 
         let propagation =
             self.learned.as_ref().map_or(Propagation::default(), |learned| learned.residual.propagation);
-        let linear = Linear { a: &ErrorTransition(&model.a), b: &model.b };
+        let linear = HorizonModel { a: &ErrorTransition(&model.a), b: &model.b };
         condense_settled(linear, input.state, &mut self.affine, propagation, &qp.tracked, &mut qp.problem);
         self.write_references(&model, input, preview, qp);
         qp.timing.condense = begin.elapsed().as_secs_f64() - qp.timing.look_up;
@@ -165,7 +169,7 @@ impl<V: LateralVehicle<S>, const S: usize> Variant<S> for NominalWithResidual<V,
         Ok(())
     }
 
-    fn next_state(&self, state: &SVector<f64, S>, past: &[f64], steer: f64) -> Option<Expected<S>> {
+    fn next_state(&self, state: &SVector<f64, S>, past: &[f64], steer: f64) -> Option<ExpectedState<S>> {
         let model = self.model.as_ref()?;
         let mut next = model.a * state + model.b * steer + self.affine.known[0];
         if self.affine.window > 0 {
@@ -175,7 +179,7 @@ impl<V: LateralVehicle<S>, const S: usize> Variant<S> for NominalWithResidual<V,
                 next += effect * *command;
             }
         }
-        Some(Expected { state: next, transition: model.a })
+        Some(ExpectedState { state: next, transition: model.a })
     }
 
     fn without_and_with_learned(
@@ -204,8 +208,8 @@ impl<V: LateralVehicle<S>, const S: usize> Variant<S> for NominalWithResidual<V,
     }
 }
 
-impl<V: LateralVehicle<S>, const S: usize> Learned<V, S> {
-    fn new(residual: Residual<V, S>, vehicle: &V, p: &MpcParameters) -> Result<Self, Misfit> {
+impl<V: LateralVehicle<S>, const S: usize> LearnedResidual<V, S> {
+    fn new(residual: Residual<V, S>, vehicle: &V, p: &MpcParameters) -> Result<Self, ModelMismatch> {
         let model = &residual.model;
         model.check_fits(&residual::Expected {
             vehicle: *vehicle,

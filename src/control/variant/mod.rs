@@ -49,7 +49,7 @@ pub enum PredictionModelFor<V: ControlledVehicle<S>, const S: usize> {
     Adaptive(Actuator),
     /// The nonlinear model, with or without a learned Gaussian process: nonlinear MPC. Of a car the bicycle, of a truck the
     /// single track of tractor and semi-trailer.
-    Bicycle(V::Nonlinear),
+    Nonlinear(V::Nonlinear),
 }
 
 impl<V: ControlledVehicle<S>, const S: usize> From<Option<Residual<V, S>>> for PredictionModelFor<V, S> {
@@ -120,7 +120,7 @@ impl Qp {
 
 /// The state one step ahead.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Expected<const S: usize = ERRORS> {
+pub struct ExpectedState<const S: usize = ERRORS> {
     /// The state.
     pub state: SVector<f64, S>,
     /// Derivative by the state before: `A` of the model.
@@ -177,7 +177,7 @@ pub trait Variant<const S: usize>: Send {
 
     /// The state after this step if `steer` is issued, with all knowledge of the newest prediction; `past` are the
     /// commands before it. None before the first prediction.
-    fn next_state(&self, state: &SVector<f64, S>, past: &[f64], steer: f64) -> Option<Expected<S>>;
+    fn next_state(&self, state: &SVector<f64, S>, past: &[f64], steer: f64) -> Option<ExpectedState<S>>;
 
     /// The same by the nominal model and with the full learned model, regardless of the share in use. None without a
     /// learned model, or if it was not asked.

@@ -1,9 +1,9 @@
 //! Response of the vehicle to steering, in the curves that engineers know: real, simulated, corrected.
 
-use super::View;
-use super::frequency::{Response, response};
-use super::html::{figure, legend};
-use super::plot::{Colour, Curve, Plot};
+use super::frequency::{FrequencyResponse, response};
+use super::html::figure;
+use super::plot::{Colour, Plot, PlotCurve, legend};
+use super::view::{LEGEND, View};
 
 /// Yaw accelerations up to this are steady cornering, rad/s2.
 const STEADY: f64 = 0.15;
@@ -47,7 +47,7 @@ pub(super) fn understeer(view: &View) -> String {
             view.valid[i] && vx[i] > 3.0 && acceleration.abs() < STEADY
         });
         let points = steady.map(|i| (vx[i] * rate[i], steer[i] - view.wheelbase * rate[i] / vx[i]));
-        Curve::line(colour, binned(points, 0.4))
+        PlotCurve::line(colour, binned(points, 0.4))
     };
     let curves = view.each("yaw_rate", curve);
     let plot = Plot {
@@ -78,7 +78,7 @@ pub(super) fn yaw_gain(view: &View) -> String {
         let held = |i: usize| (steer[i] - steer[i - 1]).abs() < STEADY_ANGLE * view.step;
         let rows = (1..rate.len())
             .filter(|&i| view.valid[i] && (steer[i] - mean).abs() > LEAST_ANGLE && steady(i) && held(i));
-        Curve::line(colour, slopes(rows.map(|i| (vx[i], steer[i] - mean, rate[i] - offset)), 1.0))
+        PlotCurve::line(colour, slopes(rows.map(|i| (vx[i], steer[i] - mean, rate[i] - offset)), 1.0))
     };
     let curves = view.each("yaw_rate", curve);
     let plot = Plot {
@@ -107,14 +107,14 @@ pub(super) fn command_loop(view: &View) -> String {
         let angle = |i: usize| {
             if name == "steer" { values[i] } else { (view.steering)(vx[i]) * values[i] / vx[i].max(1.0) }
         };
-        Curve::line(colour, window.clone().map(|i| (command[i], angle(i))).collect())
+        PlotCurve::line(colour, window.clone().map(|i| (command[i], angle(i))).collect())
     };
     let mut curves = view.each(name, curve);
     if curves.len() == 1 {
         // The replay has no measured angle: the log alone.
         curves.insert(
             0,
-            Curve::line(Colour::Faint, window.clone().map(|i| (command[i], command[i])).collect()),
+            PlotCurve::line(Colour::Faint, window.clone().map(|i| (command[i], command[i])).collect()),
         );
     }
     let plot =
@@ -132,16 +132,16 @@ pub(super) fn command_loop(view: &View) -> String {
 pub(super) fn frequency(view: &View) -> String {
     let Some(command) = view.log("steer_cmd") else { return String::new() };
     let highest = (0.4 / view.step).min(4.0);
-    let responses: Vec<(Colour, Vec<Response>)> = view
+    let responses: Vec<(Colour, Vec<FrequencyResponse>)> = view
         .of("yaw_rate")
         .map(|(colour, values)| (colour, response(command, values, &view.valid, view.step, highest)))
         .collect();
-    let draw = |title: &str, y: &str, of: fn(&Response) -> f64, range: Option<(f64, f64)>| {
-        let curve = |(colour, found): &(Colour, Vec<Response>)| {
+    let draw = |title: &str, y: &str, of: fn(&FrequencyResponse) -> f64, range: Option<(f64, f64)>| {
+        let curve = |(colour, found): &(Colour, Vec<FrequencyResponse>)| {
             // Where the output has little to do with the input a gain means nothing.
-            let told = |at: &Response| title == "coherence" || at.coherence > 0.5;
+            let told = |at: &FrequencyResponse| title == "coherence" || at.coherence > 0.5;
             let points = found.iter().map(|at| (at.frequency, if told(at) { of(at) } else { f64::NAN }));
-            Curve::line(*colour, points.collect())
+            PlotCurve::line(*colour, points.collect())
         };
         let curves = responses.iter().map(curve).collect();
         let plot = Plot {
@@ -160,7 +160,7 @@ pub(super) fn frequency(view: &View) -> String {
     let coherence = draw("coherence", "coherence", |at| at.coherence, Some((0.0, 1.02)));
     let caption = format!(
         "<b>From steering command to yaw rate.</b> A dead time bends the phase alone, a lag gain and phase. Where coherence is low, nothing is told. {}",
-        legend(&super::LEGEND)
+        legend(&LEGEND)
     );
     format!(
         "<figure class='wide'><div class='pair three'>{gain}{phase}{coherence}</div><figcaption>{caption}</figcaption></figure>"

@@ -15,7 +15,7 @@ const LEAST_WINDOWS: usize = 4;
 
 /// A response at a frequency.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Response {
+pub(super) struct FrequencyResponse {
     /// Hz.
     pub frequency: f64,
     pub gain: f64,
@@ -32,7 +32,7 @@ pub(super) fn response(
     valid: &[bool],
     step: f64,
     highest: f64,
-) -> Vec<Response> {
+) -> Vec<FrequencyResponse> {
     let size = (WINDOW / step).round() as usize;
     if size < 16 || input.len() < size {
         return Vec::new();
@@ -70,8 +70,8 @@ pub(super) fn response(
     let highest_power = sums.iter().map(|(uu, ..)| *uu).fold(0.0, f64::max);
     let responses =
         sums.iter().enumerate().skip(1).filter(|(_, (uu, _, xx))| *uu > 1e-9 * highest_power && *xx > 0.0);
-    let mut responses: Vec<Response> = responses
-        .map(|(bin, (uu, ux, xx))| Response {
+    let mut responses: Vec<FrequencyResponse> = responses
+        .map(|(bin, (uu, ux, xx))| FrequencyResponse {
             frequency: bin as f64 / (size as f64 * step),
             gain: ux.norm() / uu,
             phase: ux.arg(),

@@ -105,14 +105,6 @@ pub(super) fn folded(summary: &str, body: &str) -> String {
     format!("<details><summary>{}</summary>{body}</details>", escaped(summary))
 }
 
-/// A legend: each colour with its name.
-pub(super) fn legend(entries: &[(super::plot::Colour, &str)]) -> String {
-    let entry = |(colour, name): &(super::plot::Colour, &str)| {
-        format!("<span class='key'><i style='background:var({})'></i>{}</span>", colour.css(), escaped(name))
-    };
-    entries.iter().map(entry).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

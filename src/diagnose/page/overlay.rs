@@ -1,8 +1,8 @@
 //! Log, simulator and corrected simulator over time, and the gap on the path.
 
-use super::View;
 use super::html::{escaped, figure, number, unit_of};
-use super::plot::{Colour, Curve, HOTTEST, Plot};
+use super::plot::{Colour, HOTTEST, Plot, PlotCurve};
+use super::view::View;
 
 /// Each compared signal: a stretch of it, and its gap over the whole log.
 pub(super) fn signals(view: &View) -> String {
@@ -14,16 +14,16 @@ pub(super) fn signals(view: &View) -> String {
             (format!("{name}: real and simulated"), format!("{name}: gap over the whole log"));
         let window = view.window.clone();
         let stretch = |colour: Colour, values: &[f64]| {
-            Curve::line(colour, window.clone().map(|i| (view.series.time[i], values[i])).collect())
+            PlotCurve::line(colour, window.clone().map(|i| (view.series.time[i], values[i])).collect())
         };
         let y = format!("{name} ({unit})");
         let curves = view.each(name, stretch);
         let overlay = Plot { size: (860, 240), ..Plot::new(&over, "time (s)", &y, curves) };
         let gap = |colour: Colour, values: &[f64]| {
             let at = |i: usize| if view.valid[i] { log[i] - values[i] } else { f64::NAN };
-            Curve::line(colour, (0..log.len()).map(|i| (view.series.time[i], at(i))).collect())
+            PlotCurve::line(colour, (0..log.len()).map(|i| (view.series.time[i], at(i))).collect())
         };
-        let curves: Vec<Curve> = view
+        let curves: Vec<PlotCurve> = view
             .of(name)
             .filter(|(colour, _)| *colour != Colour::Log)
             .map(|(colour, values)| gap(colour, values))
@@ -75,8 +75,8 @@ pub(super) fn on_path(view: &View) -> String {
     };
     let mut drawings = String::new();
     for (words, gap) in &gaps {
-        let mut curves: Vec<Curve> = (0..=HOTTEST)
-            .map(|heat| Curve { size: 2.5, ..Curve::dots(Colour::Heat(heat), Vec::new()) })
+        let mut curves: Vec<PlotCurve> = (0..=HOTTEST)
+            .map(|heat| PlotCurve { size: 2.5, ..PlotCurve::dots(Colour::Heat(heat), Vec::new()) })
             .collect();
         for (i, gap) in gap.iter().enumerate().filter(|(_, gap)| gap.is_finite()) {
             let heat = (gap / highest.max(1e-12) * f64::from(HOTTEST)).round().clamp(0.0, f64::from(HOTTEST));

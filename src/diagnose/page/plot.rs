@@ -1,6 +1,7 @@
 //! Plots as SVG. `plotters` finds ticks and draws; colours become CSS variables afterwards, so that one drawing serves light,
 //! dark and paper.
 
+use super::html::escaped;
 use plotters::coord::ranged1d::{AsRangedCoord, Ranged, ValueFormatter};
 use plotters::prelude::*;
 
@@ -60,7 +61,7 @@ impl Colour {
 }
 
 /// A curve, or dots.
-pub(super) struct Curve {
+pub(super) struct PlotCurve {
     pub colour: Colour,
     /// Width of a line, or radius of dots, in pixels on a page.
     pub size: f64,
@@ -68,7 +69,7 @@ pub(super) struct Curve {
     pub points: Vec<(f64, f64)>,
 }
 
-impl Curve {
+impl PlotCurve {
     pub fn line(colour: Colour, points: Vec<(f64, f64)>) -> Self {
         // What is real lies below, and shows on both sides of what fits it.
         let size = if colour == Colour::Log { 4.0 } else { 1.5 };
@@ -106,7 +107,7 @@ pub(super) struct Plot<'a> {
     pub title: &'a str,
     pub x: &'a str,
     pub y: &'a str,
-    pub curves: Vec<Curve>,
+    pub curves: Vec<PlotCurve>,
     /// Width and height in pixels on a page.
     pub size: (u32, u32),
     pub logarithmic: bool,
@@ -116,7 +117,7 @@ pub(super) struct Plot<'a> {
 }
 
 impl<'a> Plot<'a> {
-    pub fn new(title: &'a str, x: &'a str, y: &'a str, curves: Vec<Curve>) -> Self {
+    pub fn new(title: &'a str, x: &'a str, y: &'a str, curves: Vec<PlotCurve>) -> Self {
         Self { title, x, y, curves, size: (860, 280), logarithmic: false, equal: false, y_range: None }
     }
 }
@@ -217,7 +218,7 @@ impl Plot<'_> {
                 text.replace(&format!("\"#{r:02X}{g:02X}{b:02X}\""), &format!("\"var({})\"", colour.css()));
         }
         let (width, height) = (self.size.0 * SCALE, self.size.1 * SCALE);
-        let title = super::html::escaped(self.title);
+        let title = escaped(self.title);
         text.replacen(
             &format!("width=\"{width}\" height=\"{height}\""),
             &format!("role=\"img\" aria-label=\"{title}\""),
@@ -238,6 +239,14 @@ fn short(value: f64) -> String {
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
+/// A legend: each colour with its name.
+pub(super) fn legend(entries: &[(Colour, &str)]) -> String {
+    let entry = |(colour, name): &(Colour, &str)| {
+        format!("<span class='key'><i style='background:var({})'></i>{}</span>", colour.css(), escaped(name))
+    };
+    entries.iter().map(entry).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -252,7 +261,7 @@ mod tests {
 
     #[test]
     fn colours_are_variables_and_what_cannot_be_drawn_is_left_out() {
-        let line = |points| Plot::new("a < b", "x", "y", vec![Curve::line(Colour::Log, points)]).svg();
+        let line = |points| Plot::new("a < b", "x", "y", vec![PlotCurve::line(Colour::Log, points)]).svg();
         let svg = line(vec![(0.0, 1.0), (1.0, 2.0), (f64::NAN, 0.0), (2.0, 1.0)]);
         assert!(svg.contains("var(--log)") && svg.contains("a &lt; b") && !svg.contains("#0100"), "{svg}");
         assert_eq!(line(vec![(f64::NAN, 1.0)]), "");

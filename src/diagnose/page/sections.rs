@@ -4,7 +4,8 @@ use super::html::{escaped, folded, number, percent, table, unit_of};
 use crate::diagnose::headline::behind;
 use crate::diagnose::words::weight;
 use crate::diagnose::{
-    Candidate, Gap, Gravity, Hypothesis, NamedEffect, Place, Report, Verdict, VerdictKind,
+    Candidate, FindingSeverity, Gap, GapLocation, NamedEffect, Report, ReportedHypothesis, Verdict,
+    VerdictKind,
 };
 use crate::vehicle::{Explanation, NO_RATE_LIMIT, Stage, TruckEffects};
 use std::collections::BTreeMap;
@@ -205,7 +206,7 @@ pub(super) fn stages(report: &Report) -> String {
 
 /// A heat map for each signal: regimes by their bins.
 pub(super) fn places(report: &Report) -> String {
-    let mut signals: BTreeMap<String, BTreeMap<&str, Vec<&Place>>> = BTreeMap::new();
+    let mut signals: BTreeMap<String, BTreeMap<&str, Vec<&GapLocation>>> = BTreeMap::new();
     for place in &report.places {
         signals.entry(place.signal.clone()).or_default().entry(&place.regime).or_default().push(place);
     }
@@ -262,7 +263,7 @@ fn regime_label(regime: &str) -> String {
     if unit.is_empty() { name } else { format!("{name} ({unit})") }
 }
 
-fn bin(regime: &str, place: &Place) -> String {
+fn bin(regime: &str, place: &GapLocation) -> String {
     match regime {
         "side" if place.from < 0.0 => "right".into(),
         "side" => "left".into(),
@@ -278,7 +279,7 @@ const UNLIKELY: f64 = 0.01;
 /// Possible causes with their probabilities; empty where there is nothing to tabulate.
 pub(super) fn posterior(report: &Report) -> String {
     let Some(posterior) = &report.posterior else { return String::new() };
-    let said = |it: &Hypothesis| {
+    let said = |it: &ReportedHypothesis| {
         let effects = it.effects.iter().map(|id| escaped(id)).collect::<Vec<_>>().join(" and ");
         match (&it.not_in_library, effects.is_empty()) {
             (None, true) => "nothing worth naming".into(),
@@ -287,12 +288,12 @@ pub(super) fn posterior(report: &Report) -> String {
             (Some(why), false) => format!("not in the library: {} (beside {effects})", escaped(why)),
         }
     };
-    let row = |it: &Hypothesis| {
+    let row = |it: &ReportedHypothesis| {
         let meter =
             format!("<span class='meter'><i style='width:{:.0}%'></i></span>", 100.0 * it.probability);
         vec![said(it), format!("{meter}{}", percent(it.probability))]
     };
-    let likely = |it: &&Hypothesis| it.probability >= UNLIKELY;
+    let likely = |it: &&ReportedHypothesis| it.probability >= UNLIKELY;
     let rows: Vec<_> = posterior.hypotheses.iter().filter(likely).map(row).collect();
     let (first, rest) = rows.split_at(SHOWN.min(rows.len()));
     let mut html = table(&["what may be the matter", "probability"], first, 2);
@@ -427,9 +428,9 @@ pub(super) fn findings(report: &Report) -> String {
         .iter()
         .map(|finding| {
             let word = match finding.gravity {
-                Gravity::Note => "note",
-                Gravity::Warning => "warning",
-                Gravity::Suspicion => "suspicion",
+                FindingSeverity::Note => "note",
+                FindingSeverity::Warning => "warning",
+                FindingSeverity::Suspicion => "suspicion",
             };
             let signal = finding.signal.as_deref().unwrap_or_default();
             vec![format!("<span class='{word}'>{word}</span>"), escaped(signal), escaped(&finding.words)]

@@ -1,9 +1,9 @@
 //! Result of a tuning as a page: the figures before and after, margins over speed, the response to an offset.
 
-use super::html::{escaped, figure, legend, number, section, table};
-use super::plot::{Colour, Curve, Plot};
+use super::html::{escaped, figure, number, section, table};
+use super::plot::{Colour, Plot, PlotCurve, legend};
 use crate::control::Margins;
-use crate::simulate::tune::{Candidate, Outcome};
+use crate::simulate::tune::{ScenarioResult, TuneCandidate};
 
 /// A speed in m/s with the margins there; none where the loop is unstable.
 pub type AtSpeed = (f64, Option<Margins>);
@@ -19,7 +19,7 @@ pub struct Tuned<'a> {
     /// True if the tuned one is better on held-out roads.
     pub better: bool,
     /// Ensembles: name, scenarios, results of the two.
-    pub sets: [(&'a str, Vec<String>, [&'a Candidate; 2]); 2],
+    pub sets: [(&'a str, Vec<String>, [&'a TuneCandidate; 2]); 2],
     /// At each speed.
     pub margins: &'a [Vec<AtSpeed>; 2],
     /// Delay in s and gain that were asked for.
@@ -100,19 +100,19 @@ fn weights(tuned: &Tuned<'_>) -> String {
 fn margins(tuned: &Tuned<'_>) -> String {
     // Beyond these nobody asks.
     let plot = |title: &str, y: &str, most: f64, goal: f64, of: fn(&Margins) -> f64| {
-        let mut curves: Vec<Curve> = COLOURS
+        let mut curves: Vec<PlotCurve> = COLOURS
             .iter()
             .zip(tuned.margins)
             .map(|((colour, _), margins)| {
                 let at = |(speed, margins): &AtSpeed| {
                     (*speed, margins.as_ref().map_or(0.0, |margins| of(margins).min(most)))
                 };
-                Curve::line(*colour, margins.iter().map(at).collect())
+                PlotCurve::line(*colour, margins.iter().map(at).collect())
             })
             .collect();
         let ends = [tuned.margins[0].first(), tuned.margins[0].last()];
         let ends = ends.map(|end| (end.map_or(0.0, |(speed, _)| *speed), goal));
-        curves.push(Curve::line(Colour::Faint, ends.to_vec()));
+        curves.push(PlotCurve::line(Colour::Faint, ends.to_vec()));
         let plot = Plot {
             size: (430, 260),
             y_range: Some((0.0, 1.05 * most)),
@@ -139,7 +139,10 @@ fn answers(tuned: &Tuned<'_>) -> String {
     let mut plots = String::new();
     for answer in tuned.answers {
         let curve = |((colour, _), points): (&(Colour, &str), &Vec<(f64, f64)>)| {
-            Curve::line(*colour, points.iter().map(|&(time, error)| (time, error.clamp(-1.0, 1.0))).collect())
+            PlotCurve::line(
+                *colour,
+                points.iter().map(|&(time, error)| (time, error.clamp(-1.0, 1.0))).collect(),
+            )
         };
         let curves = COLOURS.iter().zip(&answer.curves).map(curve).collect();
         let title = format!("{} m/s", answer.speed);
@@ -150,7 +153,7 @@ fn answers(tuned: &Tuned<'_>) -> String {
 }
 
 fn drives(tuned: &Tuned<'_>) -> String {
-    let cell = |outcome: Option<&Option<Outcome>>| match outcome {
+    let cell = |outcome: Option<&Option<ScenarioResult>>| match outcome {
         Some(Some(outcome)) if outcome.lost => "<span class='no'>lost</span>".to_owned(),
         Some(Some(outcome)) => number(outcome.max),
         _ => "–".to_owned(),
@@ -182,7 +185,7 @@ fn trace(tuned: &Tuned<'_>) -> String {
         }
         points.push(((number + 1) as f64, best));
     }
-    let curves = vec![Curve::line(Colour::Corrected, points)];
+    let curves = vec![PlotCurve::line(Colour::Corrected, points)];
     let plot = Plot { size: (860, 200), ..Plot::new("Best cost", "candidates", "cost, m", curves) };
     figure(&plot.svg(), "The least cost so far.")
 }

@@ -26,7 +26,7 @@ pub const ROAD: [Signal; 3] = [signal::BANK, signal::GRADE, signal::FRICTION];
 
 /// A log ready to be replayed.
 #[derive(Debug, Clone)]
-pub struct Drive {
+pub struct ReplayDrive {
     /// Sample time, s.
     pub step: f64,
     /// Steps of the replay in one sample.
@@ -67,7 +67,7 @@ fn unbent(yaw_rate: &[f64], vx: &[f64], step: f64) -> usize {
     bend.map_or(usize::MAX, |row| row + over).min(rows(LONGEST_WAIT))
 }
 
-impl Drive {
+impl ReplayDrive {
     /// Drive of a clean log; `truck` is true if articulation is compared.
     #[must_use]
     pub fn new(log: &CleanLog, truck: bool) -> Self {
@@ -299,7 +299,7 @@ mod tests {
             valid: vec![true; rows],
             findings: Vec::new(),
         };
-        let drive = Drive::new(&log, truck);
+        let drive = ReplayDrive::new(&log, truck);
         drive.scored.iter().position(|&scored| scored).expect("some row is compared") as f64 * STEP
     }
 

@@ -21,13 +21,14 @@
 
 mod channel;
 mod drive;
+mod neutral;
 mod run;
 mod vehicle;
 
 pub use channel::{CHANNELS, Channel};
-pub use drive::Drive;
 pub use drive::LEAST_SPEED;
+pub use drive::ReplayDrive;
+pub use neutral::neutral;
 pub use run::{Correction, LEAK, Trace, replay};
 pub use vehicle::ReplayVehicle;
-pub use vehicle::neutral;
 pub(in crate::diagnose) use vehicle::prepared;

@@ -1,7 +1,7 @@
 //! One replay.
 
 use super::channel::{CHANNELS, Channel};
-use super::drive::{Drive, LEAST_SPEED, ROAD, at, at_within};
+use super::drive::{LEAST_SPEED, ROAD, ReplayDrive, at, at_within};
 use super::vehicle::ReplayVehicle;
 use crate::vehicle::{
     GRAVITY, ReducedInput, ReducedOutput, ReducedStart, ReducedSteer, Surface, TruckEffects,
@@ -55,7 +55,7 @@ impl Correction {
 /// # Errors
 /// A vehicle that cannot be made with these effects (its CG outside the wheelbase).
 pub fn replay<V: ReplayVehicle>(
-    drive: &Drive,
+    drive: &ReplayDrive,
     vehicle: &V,
     effects: &TruckEffects,
     correction: &Correction,

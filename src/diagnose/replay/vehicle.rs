@@ -1,8 +1,7 @@
 //! Vehicles that can be replayed.
 
-use super::channel::{CHANNELS, Channel};
-use super::drive::{Drive, ROAD};
-use super::run::{Correction, replay};
+use super::channel::Channel;
+use super::drive::ReplayDrive;
 use crate::control::{SpeedParameters, track_speed};
 use crate::vehicle::{
     Car, CarParameters, NO_RATE_LIMIT, ReducedVehicle, Stage, Steering, Truck, TruckEffects, TruckParameters,
@@ -47,16 +46,16 @@ pub trait ReplayVehicle: VehicleParameters + Clone + Sync + Send {
 
     /// Drives the full plant, with the effects of its file, along a stretch of rows of a drive, at its speed. Steering
     /// commands are the drive's, accelerations its own.
-    fn full(&self, drive: &Drive, stretch: (usize, usize), driven: &mut Driven);
+    fn full(&self, drive: &ReplayDrive, stretch: (usize, usize), driven: &mut Driven);
 }
 
 /// Motion of the full plant along a drive, and the acceleration that keeps its speed there.
 pub struct Driven {
     /// Corrected signals, by channel.
-    columns: Vec<Vec<f64>>,
+    pub(super) columns: Vec<Vec<f64>>,
     /// Its speed, m/s, and the acceleration asked of drive and brakes, m/s2.
-    vx: Vec<f64>,
-    accel_cmd: Vec<f64>,
+    pub(super) vx: Vec<f64>,
+    pub(super) accel_cmd: Vec<f64>,
 }
 
 impl Driven {
@@ -71,7 +70,13 @@ impl Driven {
 
 /// Acceleration that keeps the full plant at the log's speed, m/s2. The cost of turning is in no column and is left to
 /// the integral. Otherwise a plant in a bend would be slower than the log by that over the gain.
-fn keep_speed<V: ReplayVehicle>(vehicle: &V, drive: &Drive, row: usize, vx: f64, integral: &mut f64) -> f64 {
+fn keep_speed<V: ReplayVehicle>(
+    vehicle: &V,
+    drive: &ReplayDrive,
+    row: usize,
+    vx: f64,
+    integral: &mut f64,
+) -> f64 {
     let parameters = SpeedParameters {
         gain: SPEED_GAIN,
         integral: 0.25 * SPEED_GAIN * SPEED_GAIN,
@@ -136,7 +141,7 @@ impl ReplayVehicle for CarParameters {
         (self.vehicle.mass, 0.5 * self.air.density * self.air.drag_area)
     }
 
-    fn full(&self, drive: &Drive, (from, to): (usize, usize), driven: &mut Driven) {
+    fn full(&self, drive: &ReplayDrive, (from, to): (usize, usize), driven: &mut Driven) {
         let Ok(mut car) = Car::new(self, &self.effect, None) else { return };
         car.place(0.0, 0.0, 0.0, drive.column("vx")[from]);
         let mut integral = 0.0;
@@ -181,7 +186,7 @@ impl ReplayVehicle for TruckParameters {
         (self.tractor.mass + self.trailer.mass, 0.5 * self.air.density * self.air.drag_area)
     }
 
-    fn full(&self, drive: &Drive, (from, to): (usize, usize), driven: &mut Driven) {
+    fn full(&self, drive: &ReplayDrive, (from, to): (usize, usize), driven: &mut Driven) {
         let Ok(mut truck) = Truck::new(self, &self.effect, None) else { return };
         truck.place(0.0, 0.0, 0.0, drive.column("vx")[from]);
         let mut integral = 0.0;
@@ -225,35 +230,4 @@ pub(in crate::diagnose) fn prepared<V: ReplayVehicle>(vehicle: &V, commanded: bo
         }
     }
     vehicle
-}
-
-/// Difference of the full plant and the reduced model on a drive, all effects neutral: added to every replay. Both are
-/// driven by the acceleration with which the plant keeps the log's speed. Additional forces in the log (a slope, a load
-/// that the plant does not have) are no error of the reduced model.
-///
-/// # Errors
-/// As [`replay`].
-pub fn neutral<V: ReplayVehicle>(drive: &Drive, vehicle: &V) -> Result<Correction, String> {
-    let mut plant = vehicle.clone();
-    plant.set_drive_lag(0.0);
-    let rows = drive.time.len();
-    let own = |channel: &Channel| channel.corrected() && drive.channels.contains(channel);
-    let columns = CHANNELS.iter().map(|channel| if own(channel) { vec![f64::NAN; rows] } else { Vec::new() });
-    let mut driven =
-        Driven { columns: columns.collect(), vx: drive.column("vx").to_vec(), accel_cmd: vec![0.0; rows] };
-    for &stretch in &drive.stretches {
-        plant.full(drive, stretch, &mut driven);
-    }
-    let mut same = Drive { accel_cmd: Some(driven.accel_cmd), ..drive.clone() };
-    same.columns.insert("vx", driven.vx);
-    // The plant is driven on a level road.
-    ROAD.iter().for_each(|signal| drop(same.columns.remove(signal.name)));
-    let reduced = replay(&same, &plant, &TruckEffects::default(), &Correction::default(), None)?;
-    let mut columns = driven.columns;
-    for (column, reduced) in columns.iter_mut().zip(&reduced.columns) {
-        for (full, reduced) in column.iter_mut().zip(reduced) {
-            *full = if (*full - reduced).is_finite() { *full - reduced } else { 0.0 };
-        }
-    }
-    Ok(Correction { columns, receiver_late: 0.0 })
 }

@@ -14,13 +14,13 @@
 
 mod table;
 
+use super::call_error::CallError;
 use super::handle;
 use super::handle::{Request, array, check, guard, instantiate, put, texts};
 use super::instance::Instance;
-use super::life::Life;
-use super::logger::{Kept, Listener};
+use super::instance_state::InstanceState;
+use super::logger::{Kept, LogListener};
 use super::model::Model;
-use super::refusal::Refusal;
 pub use super::types::*;
 use super::version::Version;
 use std::ffi::{CStr, c_char, c_int, c_void};
@@ -98,7 +98,7 @@ const TERMINATED: StatusKind = 3;
 
 /// The host's logger. The callback is variadic and takes a *format*, so a `%` in a message must not be interpreted: every
 /// message goes through the format `%s`.
-fn listener(callbacks: &CallbackFunctions) -> Option<Listener> {
+fn listener(callbacks: &CallbackFunctions) -> Option<LogListener> {
     let (logger, kept) = (callbacks.logger?, Kept::new(callbacks.component_environment));
     Some(Arc::new(move |name: &CStr, status, category: &CStr, message: &CStr| {
         // SAFETY: `logger` is the host's callback of exactly this C type, the host keeps it valid until
@@ -211,7 +211,7 @@ pub unsafe fn fmi2Reset<M: Model>(c: Component) -> Status {
 
 macro_rules! getters {
     ($($fmi:ident $function:ident $method:ident $out:ty, $convert:expr;)*) => {$(
-        pub unsafe fn $fmi<M: Model>(c: Component, references: References, count: Count, values: $out) -> Status {
+        pub unsafe fn $fmi<M: Model>(c: Component, references: ValueReferences, count: Count, values: $out) -> Status {
             // SAFETY: by the host's contract; `write` stays below `count`, as it gives positions in `references`.
             unsafe {
                 guard::<M>(c, Function::$function, |instance| {
@@ -233,7 +233,7 @@ getters! {
 
 pub unsafe fn fmi2SetReal<M: Model>(
     c: Component,
-    references: References,
+    references: ValueReferences,
     count: Count,
     values: Reals,
 ) -> Status {
@@ -247,7 +247,7 @@ pub unsafe fn fmi2SetReal<M: Model>(
 
 pub unsafe fn fmi2SetInteger<M: Model>(
     c: Component,
-    references: References,
+    references: ValueReferences,
     count: Count,
     values: Integers,
 ) -> Status {
@@ -261,7 +261,7 @@ pub unsafe fn fmi2SetInteger<M: Model>(
 
 pub unsafe fn fmi2SetBoolean<M: Model>(
     c: Component,
-    references: References,
+    references: ValueReferences,
     count: Count,
     values: Booleans,
 ) -> Status {
@@ -276,7 +276,7 @@ pub unsafe fn fmi2SetBoolean<M: Model>(
 
 pub unsafe fn fmi2SetString<M: Model>(
     c: Component,
-    references: References,
+    references: ValueReferences,
     count: Count,
     values: Texts,
 ) -> Status {
@@ -293,7 +293,7 @@ pub unsafe fn fmi2GetFMUstate<M: Model>(c: Component, state: StateOut) -> Status
     unsafe { handle::get_state::<M>(c, Function::GetFmuState, state) }
 }
 
-pub unsafe fn fmi2SetFMUstate<M: Model>(c: Component, state: State) -> Status {
+pub unsafe fn fmi2SetFMUstate<M: Model>(c: Component, state: FmuState) -> Status {
     // SAFETY: by the host's contract.
     unsafe { guard::<M>(c, Function::SetFmuState, |instance| instance.restore(state)) }
 }
@@ -303,14 +303,14 @@ pub unsafe fn fmi2FreeFMUstate<M: Model>(c: Component, state: StateOut) -> Statu
     unsafe { handle::free_state::<M>(c, Function::FreeFmuState, state) }
 }
 
-pub unsafe fn fmi2SerializedFMUstateSize<M: Model>(c: Component, state: State, size: CountOut) -> Status {
+pub unsafe fn fmi2SerializedFMUstateSize<M: Model>(c: Component, state: FmuState, size: CountOut) -> Status {
     // SAFETY: by the host's contract.
     unsafe { handle::serialized_size::<M>(c, Function::SerializedFmuStateSize, state, size) }
 }
 
 pub unsafe fn fmi2SerializeFMUstate<M: Model>(
     c: Component,
-    state: State,
+    state: FmuState,
     bytes: BytesOut,
     size: Count,
 ) -> Status {
@@ -351,10 +351,11 @@ pub unsafe fn fmi2GetStatus<M: Model>(c: Component, kind: StatusKind, value: Sta
     unsafe {
         guard::<M>(c, Function::GetStatus, |instance| match kind {
             DO_STEP_STATUS => {
-                let status = if instance.life() == Life::StepFailed { Status::Discard } else { Status::Ok };
+                let status =
+                    if instance.life() == InstanceState::StepFailed { Status::Discard } else { Status::Ok };
                 put(value, status, "value")
             }
-            _ => Err(Refusal::NoSuchStatus { kind, reason: "fmi2GetStatus knows fmi2DoStepStatus" }),
+            _ => Err(CallError::NoSuchStatus { kind, reason: "fmi2GetStatus knows fmi2DoStepStatus" }),
         })
     }
 }
@@ -364,9 +365,10 @@ pub unsafe fn fmi2GetRealStatus<M: Model>(c: Component, kind: StatusKind, value:
     unsafe {
         guard::<M>(c, Function::GetRealStatus, |instance| match kind {
             LAST_SUCCESSFUL_TIME => put(value, instance.time(), "value"),
-            _ => {
-                Err(Refusal::NoSuchStatus { kind, reason: "fmi2GetRealStatus knows fmi2LastSuccessfulTime" })
-            }
+            _ => Err(CallError::NoSuchStatus {
+                kind,
+                reason: "fmi2GetRealStatus knows fmi2LastSuccessfulTime",
+            }),
         })
     }
 }
@@ -375,7 +377,7 @@ pub unsafe fn fmi2GetIntegerStatus<M: Model>(c: Component, kind: StatusKind, _va
     // SAFETY: by the host's contract.
     unsafe {
         guard::<M>(c, Function::GetIntegerStatus, |_| {
-            Err(Refusal::NoSuchStatus { kind, reason: "the standard defines no integer status" })
+            Err(CallError::NoSuchStatus { kind, reason: "the standard defines no integer status" })
         })
     }
 }
@@ -386,7 +388,7 @@ pub unsafe fn fmi2GetBooleanStatus<M: Model>(c: Component, kind: StatusKind, val
         guard::<M>(c, Function::GetBooleanStatus, |_| match kind {
             // A model never asks for the end of the simulation.
             TERMINATED => put(value, 0, "value"),
-            _ => Err(Refusal::NoSuchStatus { kind, reason: "fmi2GetBooleanStatus knows fmi2Terminated" }),
+            _ => Err(CallError::NoSuchStatus { kind, reason: "fmi2GetBooleanStatus knows fmi2Terminated" }),
         })
     }
 }
@@ -395,7 +397,7 @@ pub unsafe fn fmi2GetStringStatus<M: Model>(c: Component, kind: StatusKind, _val
     // SAFETY: by the host's contract.
     unsafe {
         guard::<M>(c, Function::GetStringStatus, |_| {
-            Err(Refusal::NoSuchStatus { kind, reason: NEVER_PENDING })
+            Err(CallError::NoSuchStatus { kind, reason: NEVER_PENDING })
         })
     }
 }
@@ -414,11 +416,11 @@ macro_rules! unsupported {
 }
 
 unsupported! {
-    fmi2GetDirectionalDerivative(References, Count, References, Count, Reals, RealsOut):
+    fmi2GetDirectionalDerivative(ValueReferences, Count, ValueReferences, Count, Reals, RealsOut):
         "providesDirectionalDerivative is false. Use finite differences over fmi2DoStep with stored FMU states";
-    fmi2SetRealInputDerivatives(References, Count, Integers, Reals):
+    fmi2SetRealInputDerivatives(ValueReferences, Count, Integers, Reals):
         "canInterpolateInputs is false; inputs hold over a step. Take smaller steps";
-    fmi2GetRealOutputDerivatives(References, Count, Integers, RealsOut): "maxOutputDerivativeOrder is 0";
+    fmi2GetRealOutputDerivatives(ValueReferences, Count, Integers, RealsOut): "maxOutputDerivativeOrder is 0";
     fmi2EnterEventMode(): MODEL_EXCHANGE;
     fmi2NewDiscreteStates(EventInfoOut): MODEL_EXCHANGE;
     fmi2EnterContinuousTimeMode(): MODEL_EXCHANGE;
@@ -492,21 +494,21 @@ macro_rules! export_fmi2 {
             fmi2ExitInitializationMode();
             fmi2Terminate();
             fmi2Reset();
-            fmi2GetReal(references: References, count: Count, values: RealsOut);
-            fmi2GetInteger(references: References, count: Count, values: IntegersOut);
-            fmi2GetBoolean(references: References, count: Count, values: BooleansOut);
-            fmi2GetString(references: References, count: Count, values: TextsOut);
-            fmi2SetReal(references: References, count: Count, values: Reals);
-            fmi2SetInteger(references: References, count: Count, values: Integers);
-            fmi2SetBoolean(references: References, count: Count, values: Booleans);
-            fmi2SetString(references: References, count: Count, values: Texts);
+            fmi2GetReal(references: ValueReferences, count: Count, values: RealsOut);
+            fmi2GetInteger(references: ValueReferences, count: Count, values: IntegersOut);
+            fmi2GetBoolean(references: ValueReferences, count: Count, values: BooleansOut);
+            fmi2GetString(references: ValueReferences, count: Count, values: TextsOut);
+            fmi2SetReal(references: ValueReferences, count: Count, values: Reals);
+            fmi2SetInteger(references: ValueReferences, count: Count, values: Integers);
+            fmi2SetBoolean(references: ValueReferences, count: Count, values: Booleans);
+            fmi2SetString(references: ValueReferences, count: Count, values: Texts);
             fmi2GetFMUstate(state: StateOut);
-            fmi2SetFMUstate(state: State);
+            fmi2SetFMUstate(state: FmuState);
             fmi2FreeFMUstate(state: StateOut);
-            fmi2SerializedFMUstateSize(state: State, size: CountOut);
-            fmi2SerializeFMUstate(state: State, bytes: BytesOut, size: Count);
+            fmi2SerializedFMUstateSize(state: FmuState, size: CountOut);
+            fmi2SerializeFMUstate(state: FmuState, bytes: BytesOut, size: Count);
             fmi2DeSerializeFMUstate(bytes: Bytes, size: Count, state: StateOut);
-            fmi2GetDirectionalDerivative(unknowns: References, unknown_count: Count, knowns: References, known_count: Count, seed: Reals, sensitivity: RealsOut);
+            fmi2GetDirectionalDerivative(unknowns: ValueReferences, unknown_count: Count, knowns: ValueReferences, known_count: Count, seed: Reals, sensitivity: RealsOut);
             fmi2EnterEventMode();
             fmi2NewDiscreteStates(info: EventInfoOut);
             fmi2EnterContinuousTimeMode();
@@ -517,8 +519,8 @@ macro_rules! export_fmi2 {
             fmi2GetEventIndicators(indicators: RealsOut, count: Count);
             fmi2GetContinuousStates(states: RealsOut, count: Count);
             fmi2GetNominalsOfContinuousStates(nominals: RealsOut, count: Count);
-            fmi2SetRealInputDerivatives(references: References, count: Count, orders: Integers, values: Reals);
-            fmi2GetRealOutputDerivatives(references: References, count: Count, orders: Integers, values: RealsOut);
+            fmi2SetRealInputDerivatives(references: ValueReferences, count: Count, orders: Integers, values: Reals);
+            fmi2GetRealOutputDerivatives(references: ValueReferences, count: Count, orders: Integers, values: RealsOut);
             fmi2DoStep(point: Real, step: Real, no_set_state_prior: Boolean);
             fmi2CancelStep();
             fmi2GetStatus(kind: StatusKind, value: StatusOut);

@@ -1,6 +1,6 @@
 //! In which states FMI 2.0 allows which call (section 4.2.4).
 
-use crate::fmi::life::functions;
+use crate::fmi::instance_state::functions;
 
 functions! {
     SetDebugLogging "fmi2SetDebugLogging" in [Always];

@@ -21,11 +21,11 @@
 
 mod table;
 
+use super::call_error::CallError;
 use super::handle::{self, Request, array, check, guard, instantiate, texts};
 use super::instance::Instance;
-use super::logger::{Kept, Listener};
+use super::logger::{Kept, LogListener};
 use super::model::Model;
-use super::refusal::Refusal;
 pub use super::types::*;
 use super::version::Version;
 use std::ffi::{CStr, c_uint, c_void};
@@ -50,15 +50,16 @@ pub const VERSION: Version = Version {
 };
 
 /// `fmi3LogMessageCallback`.
-pub type LogMessage =
-    Option<unsafe extern "C" fn(environment: Environment, status: Status, category: Text, message: Text)>;
+pub type LogMessage = Option<
+    unsafe extern "C" fn(environment: ComponentEnvironment, status: Status, category: Text, message: Text),
+>;
 
 // The names of the C types, one word each, for the list of functions in `export_fmi3!`.
 /// `fmi3Boolean`, in C a `bool`: as a byte, any value of which is one in Rust.
-pub type Boolean = u8;
-pub type Booleans = *const u8;
-pub type BooleansOut = *mut u8;
-pub type Reference = c_uint;
+pub type Fmi3Boolean = u8;
+pub type Fmi3Booleans = *const u8;
+pub type Fmi3BooleansOut = *mut u8;
+pub type ValueReference = c_uint;
 pub type Int32s = *const i32;
 pub type Int32sOut = *mut i32;
 pub type Int64s = *const i64;
@@ -79,7 +80,7 @@ pub fn token_of(xml: &str) -> Option<&str> {
     rest.split_once('"').map(|(token, _)| token)
 }
 
-fn listener(log: LogMessage, environment: Environment) -> Option<Listener> {
+fn listener(log: LogMessage, environment: ComponentEnvironment) -> Option<LogListener> {
     let (log, kept) = (log?, Kept::new(environment));
     Some(Arc::new(move |_: &CStr, status, category: &CStr, message: &CStr| {
         // SAFETY: the host's callback of this C type, which it keeps valid until fmi3FreeInstance; both strings live over
@@ -97,13 +98,13 @@ pub unsafe fn fmi3InstantiateCoSimulation<M: Model>(
     name: Text,
     token: Text,
     resources: Text,
-    _visible: Boolean,
-    logging_on: Boolean,
-    event_mode_used: Boolean,
-    early_return_allowed: Boolean,
-    _required: References,
+    _visible: Fmi3Boolean,
+    logging_on: Fmi3Boolean,
+    event_mode_used: Fmi3Boolean,
+    early_return_allowed: Fmi3Boolean,
+    _required: ValueReferences,
     required_count: Count,
-    environment: Environment,
+    environment: ComponentEnvironment,
     log: LogMessage,
     _intermediate_update: Unused,
 ) -> Component {
@@ -132,7 +133,7 @@ pub unsafe fn fmi3InstantiateCoSimulation<M: Model>(
 unsafe fn other_kind<M: Model>(
     function: &'static str,
     given: [Text; 3],
-    environment: Environment,
+    environment: ComponentEnvironment,
     log: LogMessage,
 ) -> Component {
     let against = Some("this FMU is for co-simulation only: call fmi3InstantiateCoSimulation.");
@@ -148,9 +149,9 @@ pub unsafe fn fmi3InstantiateModelExchange<M: Model>(
     name: Text,
     token: Text,
     resources: Text,
-    _visible: Boolean,
-    _logging_on: Boolean,
-    environment: Environment,
+    _visible: Fmi3Boolean,
+    _logging_on: Fmi3Boolean,
+    environment: ComponentEnvironment,
     log: LogMessage,
 ) -> Component {
     // SAFETY: by the host's contract.
@@ -161,9 +162,9 @@ pub unsafe fn fmi3InstantiateScheduledExecution<M: Model>(
     name: Text,
     token: Text,
     resources: Text,
-    _visible: Boolean,
-    _logging_on: Boolean,
-    environment: Environment,
+    _visible: Fmi3Boolean,
+    _logging_on: Fmi3Boolean,
+    environment: ComponentEnvironment,
     log: LogMessage,
     _clock_update: Unused,
     _lock: Unused,
@@ -182,7 +183,7 @@ pub unsafe fn fmi3FreeInstance<M: Model>(c: Component) {
 
 pub unsafe fn fmi3SetDebugLogging<M: Model>(
     c: Component,
-    on: Boolean,
+    on: Fmi3Boolean,
     count: Count,
     categories: Texts,
 ) -> Status {
@@ -192,10 +193,10 @@ pub unsafe fn fmi3SetDebugLogging<M: Model>(
 
 pub unsafe fn fmi3EnterInitializationMode<M: Model>(
     c: Component,
-    _tolerance_defined: Boolean,
+    _tolerance_defined: Fmi3Boolean,
     _tolerance: Real,
     start: Real,
-    stop_defined: Boolean,
+    stop_defined: Fmi3Boolean,
     stop: Real,
 ) -> Status {
     let stop = (stop_defined != 0).then_some(stop);
@@ -224,17 +225,17 @@ pub unsafe fn fmi3Reset<M: Model>(c: Component) -> Status {
 }
 
 /// Refuses a count of values that is not the variables': one for a scalar, one for each element of an array.
-fn counted<M: Model>(instance: &Instance<M>, references: &[u32], given: Count) -> Result<(), Refusal> {
+fn counted<M: Model>(instance: &Instance<M>, references: &[u32], given: Count) -> Result<(), CallError> {
     let needed = instance.count_values(references)?;
     let references = references.len();
-    if needed == given { Ok(()) } else { Err(Refusal::ValueCount { references, needed, given }) }
+    if needed == given { Ok(()) } else { Err(CallError::ValueCount { references, needed, given }) }
 }
 
 macro_rules! getters {
     ($($fmi:ident $function:ident $method:ident $out:ty, $convert:expr;)*) => {$(
         pub unsafe fn $fmi<M: Model>(
             c: Component,
-            references: References,
+            references: ValueReferences,
             count: Count,
             values: $out,
             value_count: Count,
@@ -256,7 +257,7 @@ getters! {
     fmi3GetFloat64 GetFloat64 get_real RealsOut, f64::from;
     fmi3GetInt32 GetInt32 get_integer Int32sOut, i32::from;
     fmi3GetInt64 GetInt64 get_enumeration Int64sOut, i64::from;
-    fmi3GetBoolean GetBoolean get_boolean BooleansOut, u8::from;
+    fmi3GetBoolean GetBoolean get_boolean Fmi3BooleansOut, u8::from;
     fmi3GetString GetString get_string TextsOut, Text::cast;
 }
 
@@ -264,7 +265,7 @@ macro_rules! setters {
     ($($fmi:ident $function:ident $values:ty, |$instance:ident, $references:ident, $given:ident| $set:expr;)*) => {$(
         pub unsafe fn $fmi<M: Model>(
             c: Component,
-            references: References,
+            references: ValueReferences,
             count: Count,
             values: $values,
             value_count: Count,
@@ -286,7 +287,7 @@ setters! {
     fmi3SetFloat64 SetFloat64 Reals, |instance, references, values| instance.set_real(references, values);
     fmi3SetInt32 SetInt32 Int32s, |instance, references, values| instance.set_integer(references, values);
     fmi3SetInt64 SetInt64 Int64s, |instance, references, values| instance.set_enumeration(references, values);
-    fmi3SetBoolean SetBoolean Booleans, |instance, references, values| {
+    fmi3SetBoolean SetBoolean Fmi3Booleans, |instance, references, values| {
         instance.set_boolean(references, values.iter().map(|value| *value != 0))
     };
     fmi3SetString SetString Texts, |instance, references, values| {
@@ -296,7 +297,7 @@ setters! {
 
 pub unsafe fn fmi3GetBinary<M: Model>(
     c: Component,
-    references: References,
+    references: ValueReferences,
     count: Count,
     sizes: CountOut,
     values: BinariesOut,
@@ -319,7 +320,7 @@ pub unsafe fn fmi3GetBinary<M: Model>(
 
 pub unsafe fn fmi3SetBinary<M: Model>(
     c: Component,
-    references: References,
+    references: ValueReferences,
     count: Count,
     sizes: Counts,
     values: Binaries,
@@ -344,7 +345,7 @@ pub unsafe fn fmi3GetFMUState<M: Model>(c: Component, state: StateOut) -> Status
     unsafe { handle::get_state::<M>(c, Function::GetFmuState, state) }
 }
 
-pub unsafe fn fmi3SetFMUState<M: Model>(c: Component, state: State) -> Status {
+pub unsafe fn fmi3SetFMUState<M: Model>(c: Component, state: FmuState) -> Status {
     // SAFETY: by the host's contract.
     unsafe { guard::<M>(c, Function::SetFmuState, |instance| instance.restore(state)) }
 }
@@ -354,14 +355,14 @@ pub unsafe fn fmi3FreeFMUState<M: Model>(c: Component, state: StateOut) -> Statu
     unsafe { handle::free_state::<M>(c, Function::FreeFmuState, state) }
 }
 
-pub unsafe fn fmi3SerializedFMUStateSize<M: Model>(c: Component, state: State, size: CountOut) -> Status {
+pub unsafe fn fmi3SerializedFMUStateSize<M: Model>(c: Component, state: FmuState, size: CountOut) -> Status {
     // SAFETY: by the host's contract.
     unsafe { handle::serialized_size::<M>(c, Function::SerializedFmuStateSize, state, size) }
 }
 
 pub unsafe fn fmi3SerializeFMUState<M: Model>(
     c: Component,
-    state: State,
+    state: FmuState,
     bytes: BytesOut,
     size: Count,
 ) -> Status {
@@ -383,10 +384,10 @@ pub unsafe fn fmi3DoStep<M: Model>(
     c: Component,
     point: Real,
     step: Real,
-    _no_set_state_prior: Boolean,
-    event_handling_needed: BooleansOut,
-    terminate_simulation: BooleansOut,
-    early_return: BooleansOut,
+    _no_set_state_prior: Fmi3Boolean,
+    event_handling_needed: Fmi3BooleansOut,
+    terminate_simulation: Fmi3BooleansOut,
+    early_return: Fmi3BooleansOut,
     last_successful_time: RealsOut,
 ) -> Status {
     // SAFETY: by the host's contract.
@@ -429,44 +430,44 @@ macro_rules! unsupported {
 
 unsupported! {
     fmi3EnterEventMode(): NO_EVENT_MODE;
-    fmi3GetFloat32(References, Count, Unused, Count): NO_SUCH_TYPE;
-    fmi3GetInt8(References, Count, Unused, Count): NO_SUCH_TYPE;
-    fmi3GetUInt8(References, Count, Unused, Count): NO_SUCH_TYPE;
-    fmi3GetInt16(References, Count, Unused, Count): NO_SUCH_TYPE;
-    fmi3GetUInt16(References, Count, Unused, Count): NO_SUCH_TYPE;
-    fmi3GetUInt32(References, Count, Unused, Count): NO_SUCH_TYPE;
-    fmi3GetUInt64(References, Count, Unused, Count): NO_SUCH_TYPE;
-    fmi3GetClock(References, Count, Unused): NO_CLOCKS;
-    fmi3SetFloat32(References, Count, Unused, Count): NO_SUCH_TYPE;
-    fmi3SetInt8(References, Count, Unused, Count): NO_SUCH_TYPE;
-    fmi3SetUInt8(References, Count, Unused, Count): NO_SUCH_TYPE;
-    fmi3SetInt16(References, Count, Unused, Count): NO_SUCH_TYPE;
-    fmi3SetUInt16(References, Count, Unused, Count): NO_SUCH_TYPE;
-    fmi3SetUInt32(References, Count, Unused, Count): NO_SUCH_TYPE;
-    fmi3SetUInt64(References, Count, Unused, Count): NO_SUCH_TYPE;
-    fmi3SetClock(References, Count, Unused): NO_CLOCKS;
-    fmi3GetNumberOfVariableDependencies(Reference, CountOut):
+    fmi3GetFloat32(ValueReferences, Count, Unused, Count): NO_SUCH_TYPE;
+    fmi3GetInt8(ValueReferences, Count, Unused, Count): NO_SUCH_TYPE;
+    fmi3GetUInt8(ValueReferences, Count, Unused, Count): NO_SUCH_TYPE;
+    fmi3GetInt16(ValueReferences, Count, Unused, Count): NO_SUCH_TYPE;
+    fmi3GetUInt16(ValueReferences, Count, Unused, Count): NO_SUCH_TYPE;
+    fmi3GetUInt32(ValueReferences, Count, Unused, Count): NO_SUCH_TYPE;
+    fmi3GetUInt64(ValueReferences, Count, Unused, Count): NO_SUCH_TYPE;
+    fmi3GetClock(ValueReferences, Count, Unused): NO_CLOCKS;
+    fmi3SetFloat32(ValueReferences, Count, Unused, Count): NO_SUCH_TYPE;
+    fmi3SetInt8(ValueReferences, Count, Unused, Count): NO_SUCH_TYPE;
+    fmi3SetUInt8(ValueReferences, Count, Unused, Count): NO_SUCH_TYPE;
+    fmi3SetInt16(ValueReferences, Count, Unused, Count): NO_SUCH_TYPE;
+    fmi3SetUInt16(ValueReferences, Count, Unused, Count): NO_SUCH_TYPE;
+    fmi3SetUInt32(ValueReferences, Count, Unused, Count): NO_SUCH_TYPE;
+    fmi3SetUInt64(ValueReferences, Count, Unused, Count): NO_SUCH_TYPE;
+    fmi3SetClock(ValueReferences, Count, Unused): NO_CLOCKS;
+    fmi3GetNumberOfVariableDependencies(ValueReference, CountOut):
         "providesPerElementDependencies is false; modelDescription.xml has the dependencies";
-    fmi3GetVariableDependencies(Reference, Unused, Unused, Unused, Unused, Count):
+    fmi3GetVariableDependencies(ValueReference, Unused, Unused, Unused, Unused, Count):
         "providesPerElementDependencies is false; modelDescription.xml has the dependencies";
-    fmi3GetDirectionalDerivative(References, Count, References, Count, Reals, Count, RealsOut, Count):
+    fmi3GetDirectionalDerivative(ValueReferences, Count, ValueReferences, Count, Reals, Count, RealsOut, Count):
         "providesDirectionalDerivatives is false. Use finite differences over fmi3DoStep with stored FMU states";
-    fmi3GetAdjointDerivative(References, Count, References, Count, Reals, Count, RealsOut, Count):
+    fmi3GetAdjointDerivative(ValueReferences, Count, ValueReferences, Count, Reals, Count, RealsOut, Count):
         "providesAdjointDerivatives is false";
     fmi3EnterConfigurationMode(): NO_STRUCTURE;
     fmi3ExitConfigurationMode(): NO_STRUCTURE;
-    fmi3GetIntervalDecimal(References, Count, Unused, Unused): NO_CLOCKS;
-    fmi3GetIntervalFraction(References, Count, Unused, Unused, Unused): NO_CLOCKS;
-    fmi3GetShiftDecimal(References, Count, Unused): NO_CLOCKS;
-    fmi3GetShiftFraction(References, Count, Unused, Unused): NO_CLOCKS;
-    fmi3SetIntervalDecimal(References, Count, Unused): NO_CLOCKS;
-    fmi3SetIntervalFraction(References, Count, Unused, Unused): NO_CLOCKS;
-    fmi3SetShiftDecimal(References, Count, Unused): NO_CLOCKS;
-    fmi3SetShiftFraction(References, Count, Unused, Unused): NO_CLOCKS;
+    fmi3GetIntervalDecimal(ValueReferences, Count, Unused, Unused): NO_CLOCKS;
+    fmi3GetIntervalFraction(ValueReferences, Count, Unused, Unused, Unused): NO_CLOCKS;
+    fmi3GetShiftDecimal(ValueReferences, Count, Unused): NO_CLOCKS;
+    fmi3GetShiftFraction(ValueReferences, Count, Unused, Unused): NO_CLOCKS;
+    fmi3SetIntervalDecimal(ValueReferences, Count, Unused): NO_CLOCKS;
+    fmi3SetIntervalFraction(ValueReferences, Count, Unused, Unused): NO_CLOCKS;
+    fmi3SetShiftDecimal(ValueReferences, Count, Unused): NO_CLOCKS;
+    fmi3SetShiftFraction(ValueReferences, Count, Unused, Unused): NO_CLOCKS;
     fmi3EvaluateDiscreteStates(): NO_EVENT_MODE;
     fmi3UpdateDiscreteStates(Unused, Unused, Unused, Unused, Unused, Unused): NO_EVENT_MODE;
     fmi3EnterContinuousTimeMode(): MODEL_EXCHANGE;
-    fmi3CompletedIntegratorStep(Boolean, BooleansOut, BooleansOut): MODEL_EXCHANGE;
+    fmi3CompletedIntegratorStep(Fmi3Boolean, Fmi3BooleansOut, Fmi3BooleansOut): MODEL_EXCHANGE;
     fmi3SetTime(Real): MODEL_EXCHANGE;
     fmi3SetContinuousStates(Reals, Count): MODEL_EXCHANGE;
     fmi3GetContinuousStateDerivatives(RealsOut, Count): MODEL_EXCHANGE;
@@ -476,8 +477,8 @@ unsupported! {
     fmi3GetNumberOfEventIndicators(CountOut): MODEL_EXCHANGE;
     fmi3GetNumberOfContinuousStates(CountOut): MODEL_EXCHANGE;
     fmi3EnterStepMode(): NO_EVENT_MODE;
-    fmi3GetOutputDerivatives(References, Count, Int32s, RealsOut, Count): "maxOutputDerivativeOrder is 0";
-    fmi3ActivateModelPartition(Reference, Real):
+    fmi3GetOutputDerivatives(ValueReferences, Count, Int32s, RealsOut, Count): "maxOutputDerivativeOrder is 0";
+    fmi3ActivateModelPartition(ValueReference, Real):
         "it belongs to scheduled execution, and this FMU is for co-simulation: call fmi3DoStep";
 }
 
@@ -506,13 +507,13 @@ macro_rules! export_fmi3 {
             name: $crate::fmi::v3::Text,
             token: $crate::fmi::v3::Text,
             resources: $crate::fmi::v3::Text,
-            visible: $crate::fmi::v3::Boolean,
-            logging_on: $crate::fmi::v3::Boolean,
-            event_mode_used: $crate::fmi::v3::Boolean,
-            early_return_allowed: $crate::fmi::v3::Boolean,
-            required: $crate::fmi::v3::References,
+            visible: $crate::fmi::v3::Fmi3Boolean,
+            logging_on: $crate::fmi::v3::Fmi3Boolean,
+            event_mode_used: $crate::fmi::v3::Fmi3Boolean,
+            early_return_allowed: $crate::fmi::v3::Fmi3Boolean,
+            required: $crate::fmi::v3::ValueReferences,
             required_count: $crate::fmi::v3::Count,
-            environment: $crate::fmi::v3::Environment,
+            environment: $crate::fmi::v3::ComponentEnvironment,
             log: $crate::fmi::v3::LogMessage,
             intermediate_update: $crate::fmi::v3::Unused,
         ) -> $crate::fmi::v3::Component {
@@ -536,68 +537,68 @@ macro_rules! export_fmi3 {
         }
 
         $crate::export_fmi3! { @functions $model, Component;
-            fmi3InstantiateModelExchange(name: Text, token: Text, resources: Text, visible: Boolean, logging_on: Boolean, environment: Environment, log: LogMessage);
-            fmi3InstantiateScheduledExecution(name: Text, token: Text, resources: Text, visible: Boolean, logging_on: Boolean, environment: Environment, log: LogMessage, clock_update: Unused, lock: Unused, unlock: Unused);
+            fmi3InstantiateModelExchange(name: Text, token: Text, resources: Text, visible: Fmi3Boolean, logging_on: Fmi3Boolean, environment: ComponentEnvironment, log: LogMessage);
+            fmi3InstantiateScheduledExecution(name: Text, token: Text, resources: Text, visible: Fmi3Boolean, logging_on: Fmi3Boolean, environment: ComponentEnvironment, log: LogMessage, clock_update: Unused, lock: Unused, unlock: Unused);
         }
         $crate::export_fmi3! { @functions $model, Status;
-            fmi3SetDebugLogging(c: Component, on: Boolean, count: Count, categories: Texts);
-            fmi3EnterInitializationMode(c: Component, tolerance_defined: Boolean, tolerance: Real, start: Real, stop_defined: Boolean, stop: Real);
+            fmi3SetDebugLogging(c: Component, on: Fmi3Boolean, count: Count, categories: Texts);
+            fmi3EnterInitializationMode(c: Component, tolerance_defined: Fmi3Boolean, tolerance: Real, start: Real, stop_defined: Fmi3Boolean, stop: Real);
             fmi3ExitInitializationMode(c: Component);
             fmi3EnterEventMode(c: Component);
             fmi3Terminate(c: Component);
             fmi3Reset(c: Component);
-            fmi3GetFloat32(c: Component, references: References, count: Count, values: Unused, value_count: Count);
-            fmi3GetFloat64(c: Component, references: References, count: Count, values: RealsOut, value_count: Count);
-            fmi3GetInt8(c: Component, references: References, count: Count, values: Unused, value_count: Count);
-            fmi3GetUInt8(c: Component, references: References, count: Count, values: Unused, value_count: Count);
-            fmi3GetInt16(c: Component, references: References, count: Count, values: Unused, value_count: Count);
-            fmi3GetUInt16(c: Component, references: References, count: Count, values: Unused, value_count: Count);
-            fmi3GetInt32(c: Component, references: References, count: Count, values: Int32sOut, value_count: Count);
-            fmi3GetUInt32(c: Component, references: References, count: Count, values: Unused, value_count: Count);
-            fmi3GetInt64(c: Component, references: References, count: Count, values: Int64sOut, value_count: Count);
-            fmi3GetUInt64(c: Component, references: References, count: Count, values: Unused, value_count: Count);
-            fmi3GetBoolean(c: Component, references: References, count: Count, values: BooleansOut, value_count: Count);
-            fmi3GetString(c: Component, references: References, count: Count, values: TextsOut, value_count: Count);
-            fmi3GetBinary(c: Component, references: References, count: Count, sizes: CountOut, values: BinariesOut, value_count: Count);
-            fmi3GetClock(c: Component, references: References, count: Count, values: Unused);
-            fmi3SetFloat32(c: Component, references: References, count: Count, values: Unused, value_count: Count);
-            fmi3SetFloat64(c: Component, references: References, count: Count, values: Reals, value_count: Count);
-            fmi3SetInt8(c: Component, references: References, count: Count, values: Unused, value_count: Count);
-            fmi3SetUInt8(c: Component, references: References, count: Count, values: Unused, value_count: Count);
-            fmi3SetInt16(c: Component, references: References, count: Count, values: Unused, value_count: Count);
-            fmi3SetUInt16(c: Component, references: References, count: Count, values: Unused, value_count: Count);
-            fmi3SetInt32(c: Component, references: References, count: Count, values: Int32s, value_count: Count);
-            fmi3SetUInt32(c: Component, references: References, count: Count, values: Unused, value_count: Count);
-            fmi3SetInt64(c: Component, references: References, count: Count, values: Int64s, value_count: Count);
-            fmi3SetUInt64(c: Component, references: References, count: Count, values: Unused, value_count: Count);
-            fmi3SetBoolean(c: Component, references: References, count: Count, values: Booleans, value_count: Count);
-            fmi3SetString(c: Component, references: References, count: Count, values: Texts, value_count: Count);
-            fmi3SetBinary(c: Component, references: References, count: Count, sizes: Counts, values: Binaries, value_count: Count);
-            fmi3SetClock(c: Component, references: References, count: Count, values: Unused);
-            fmi3GetNumberOfVariableDependencies(c: Component, reference: Reference, dependencies: CountOut);
-            fmi3GetVariableDependencies(c: Component, dependent: Reference, elements: Unused, independents: Unused, of_independents: Unused, kinds: Unused, count: Count);
+            fmi3GetFloat32(c: Component, references: ValueReferences, count: Count, values: Unused, value_count: Count);
+            fmi3GetFloat64(c: Component, references: ValueReferences, count: Count, values: RealsOut, value_count: Count);
+            fmi3GetInt8(c: Component, references: ValueReferences, count: Count, values: Unused, value_count: Count);
+            fmi3GetUInt8(c: Component, references: ValueReferences, count: Count, values: Unused, value_count: Count);
+            fmi3GetInt16(c: Component, references: ValueReferences, count: Count, values: Unused, value_count: Count);
+            fmi3GetUInt16(c: Component, references: ValueReferences, count: Count, values: Unused, value_count: Count);
+            fmi3GetInt32(c: Component, references: ValueReferences, count: Count, values: Int32sOut, value_count: Count);
+            fmi3GetUInt32(c: Component, references: ValueReferences, count: Count, values: Unused, value_count: Count);
+            fmi3GetInt64(c: Component, references: ValueReferences, count: Count, values: Int64sOut, value_count: Count);
+            fmi3GetUInt64(c: Component, references: ValueReferences, count: Count, values: Unused, value_count: Count);
+            fmi3GetBoolean(c: Component, references: ValueReferences, count: Count, values: Fmi3BooleansOut, value_count: Count);
+            fmi3GetString(c: Component, references: ValueReferences, count: Count, values: TextsOut, value_count: Count);
+            fmi3GetBinary(c: Component, references: ValueReferences, count: Count, sizes: CountOut, values: BinariesOut, value_count: Count);
+            fmi3GetClock(c: Component, references: ValueReferences, count: Count, values: Unused);
+            fmi3SetFloat32(c: Component, references: ValueReferences, count: Count, values: Unused, value_count: Count);
+            fmi3SetFloat64(c: Component, references: ValueReferences, count: Count, values: Reals, value_count: Count);
+            fmi3SetInt8(c: Component, references: ValueReferences, count: Count, values: Unused, value_count: Count);
+            fmi3SetUInt8(c: Component, references: ValueReferences, count: Count, values: Unused, value_count: Count);
+            fmi3SetInt16(c: Component, references: ValueReferences, count: Count, values: Unused, value_count: Count);
+            fmi3SetUInt16(c: Component, references: ValueReferences, count: Count, values: Unused, value_count: Count);
+            fmi3SetInt32(c: Component, references: ValueReferences, count: Count, values: Int32s, value_count: Count);
+            fmi3SetUInt32(c: Component, references: ValueReferences, count: Count, values: Unused, value_count: Count);
+            fmi3SetInt64(c: Component, references: ValueReferences, count: Count, values: Int64s, value_count: Count);
+            fmi3SetUInt64(c: Component, references: ValueReferences, count: Count, values: Unused, value_count: Count);
+            fmi3SetBoolean(c: Component, references: ValueReferences, count: Count, values: Fmi3Booleans, value_count: Count);
+            fmi3SetString(c: Component, references: ValueReferences, count: Count, values: Texts, value_count: Count);
+            fmi3SetBinary(c: Component, references: ValueReferences, count: Count, sizes: Counts, values: Binaries, value_count: Count);
+            fmi3SetClock(c: Component, references: ValueReferences, count: Count, values: Unused);
+            fmi3GetNumberOfVariableDependencies(c: Component, reference: ValueReference, dependencies: CountOut);
+            fmi3GetVariableDependencies(c: Component, dependent: ValueReference, elements: Unused, independents: Unused, of_independents: Unused, kinds: Unused, count: Count);
             fmi3GetFMUState(c: Component, state: StateOut);
-            fmi3SetFMUState(c: Component, state: State);
+            fmi3SetFMUState(c: Component, state: FmuState);
             fmi3FreeFMUState(c: Component, state: StateOut);
-            fmi3SerializedFMUStateSize(c: Component, state: State, size: CountOut);
-            fmi3SerializeFMUState(c: Component, state: State, bytes: BytesOut, size: Count);
+            fmi3SerializedFMUStateSize(c: Component, state: FmuState, size: CountOut);
+            fmi3SerializeFMUState(c: Component, state: FmuState, bytes: BytesOut, size: Count);
             fmi3DeserializeFMUState(c: Component, bytes: Bytes, size: Count, state: StateOut);
-            fmi3GetDirectionalDerivative(c: Component, unknowns: References, unknown_count: Count, knowns: References, known_count: Count, seed: Reals, seed_count: Count, sensitivity: RealsOut, sensitivity_count: Count);
-            fmi3GetAdjointDerivative(c: Component, unknowns: References, unknown_count: Count, knowns: References, known_count: Count, seed: Reals, seed_count: Count, sensitivity: RealsOut, sensitivity_count: Count);
+            fmi3GetDirectionalDerivative(c: Component, unknowns: ValueReferences, unknown_count: Count, knowns: ValueReferences, known_count: Count, seed: Reals, seed_count: Count, sensitivity: RealsOut, sensitivity_count: Count);
+            fmi3GetAdjointDerivative(c: Component, unknowns: ValueReferences, unknown_count: Count, knowns: ValueReferences, known_count: Count, seed: Reals, seed_count: Count, sensitivity: RealsOut, sensitivity_count: Count);
             fmi3EnterConfigurationMode(c: Component);
             fmi3ExitConfigurationMode(c: Component);
-            fmi3GetIntervalDecimal(c: Component, references: References, count: Count, intervals: Unused, qualifiers: Unused);
-            fmi3GetIntervalFraction(c: Component, references: References, count: Count, counters: Unused, resolutions: Unused, qualifiers: Unused);
-            fmi3GetShiftDecimal(c: Component, references: References, count: Count, shifts: Unused);
-            fmi3GetShiftFraction(c: Component, references: References, count: Count, counters: Unused, resolutions: Unused);
-            fmi3SetIntervalDecimal(c: Component, references: References, count: Count, intervals: Unused);
-            fmi3SetIntervalFraction(c: Component, references: References, count: Count, counters: Unused, resolutions: Unused);
-            fmi3SetShiftDecimal(c: Component, references: References, count: Count, shifts: Unused);
-            fmi3SetShiftFraction(c: Component, references: References, count: Count, counters: Unused, resolutions: Unused);
+            fmi3GetIntervalDecimal(c: Component, references: ValueReferences, count: Count, intervals: Unused, qualifiers: Unused);
+            fmi3GetIntervalFraction(c: Component, references: ValueReferences, count: Count, counters: Unused, resolutions: Unused, qualifiers: Unused);
+            fmi3GetShiftDecimal(c: Component, references: ValueReferences, count: Count, shifts: Unused);
+            fmi3GetShiftFraction(c: Component, references: ValueReferences, count: Count, counters: Unused, resolutions: Unused);
+            fmi3SetIntervalDecimal(c: Component, references: ValueReferences, count: Count, intervals: Unused);
+            fmi3SetIntervalFraction(c: Component, references: ValueReferences, count: Count, counters: Unused, resolutions: Unused);
+            fmi3SetShiftDecimal(c: Component, references: ValueReferences, count: Count, shifts: Unused);
+            fmi3SetShiftFraction(c: Component, references: ValueReferences, count: Count, counters: Unused, resolutions: Unused);
             fmi3EvaluateDiscreteStates(c: Component);
             fmi3UpdateDiscreteStates(c: Component, update: Unused, terminate: Unused, nominals: Unused, values: Unused, time_defined: Unused, time: Unused);
             fmi3EnterContinuousTimeMode(c: Component);
-            fmi3CompletedIntegratorStep(c: Component, no_set_state_prior: Boolean, enter_event_mode: BooleansOut, terminate: BooleansOut);
+            fmi3CompletedIntegratorStep(c: Component, no_set_state_prior: Fmi3Boolean, enter_event_mode: Fmi3BooleansOut, terminate: Fmi3BooleansOut);
             fmi3SetTime(c: Component, time: Real);
             fmi3SetContinuousStates(c: Component, states: Reals, count: Count);
             fmi3GetContinuousStateDerivatives(c: Component, derivatives: RealsOut, count: Count);
@@ -607,9 +608,9 @@ macro_rules! export_fmi3 {
             fmi3GetNumberOfEventIndicators(c: Component, count: CountOut);
             fmi3GetNumberOfContinuousStates(c: Component, count: CountOut);
             fmi3EnterStepMode(c: Component);
-            fmi3GetOutputDerivatives(c: Component, references: References, count: Count, orders: Int32s, values: RealsOut, value_count: Count);
-            fmi3DoStep(c: Component, point: Real, step: Real, no_set_state_prior: Boolean, event_handling_needed: BooleansOut, terminate_simulation: BooleansOut, early_return: BooleansOut, last_successful_time: RealsOut);
-            fmi3ActivateModelPartition(c: Component, clock: Reference, time: Real);
+            fmi3GetOutputDerivatives(c: Component, references: ValueReferences, count: Count, orders: Int32s, values: RealsOut, value_count: Count);
+            fmi3DoStep(c: Component, point: Real, step: Real, no_set_state_prior: Fmi3Boolean, event_handling_needed: Fmi3BooleansOut, terminate_simulation: Fmi3BooleansOut, early_return: Fmi3BooleansOut, last_successful_time: RealsOut);
+            fmi3ActivateModelPartition(c: Component, clock: ValueReference, time: Real);
         }
     };
     (@functions $model:ty, $result:ident; $($name:ident($($argument:ident: $type:ident),*);)*) => {$(

@@ -1,7 +1,7 @@
 //! In which states FMI 3.0 allows which call (sections 2.3 and 4.2). Its step mode is both "step complete" and "step
 //! failed": a discarded step has changed nothing.
 
-use crate::fmi::life::functions;
+use crate::fmi::instance_state::functions;
 
 functions! {
     SetDebugLogging "fmi3SetDebugLogging" in [Always];

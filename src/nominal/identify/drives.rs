@@ -13,35 +13,13 @@
 //!
 //! A dead time and a lag act alike on slow commands: if only their sum is known, this is reported.
 
-use super::fit::{LEAST_NOISE, LONGEST_DEAD_TIME, LONGEST_LAG, Point, Problem};
-use super::interval::{Along, Ends, GAUSS, Noise};
+use super::fit::{ActuatorProblem, LEAST_NOISE, LONGEST_DEAD_TIME, LONGEST_LAG, Point};
+use super::interval::{Along, Ends, FitNoise, GAUSS};
 use super::response::Response;
-use super::rows::Rows;
-use crate::nominal::{Actuator, LateralVehicle, SingleTrackError};
-use crate::{enumeration, nominal::DeadTimeModel};
-
-enumeration! {
-    /// Course of a command between the rows of a record.
-    pub enum Between {
-        Held = 0 "held", "Each command stands until the next row";
-        Line = 1 "line", "Commands were recorded more slowly than given: on a line between rows";
-    }
-}
-
-/// A drive as recorded. Rows need not be even; a value that is no number is a gap.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct SteeringDrive {
-    /// Name in messages.
-    pub name: String,
-    /// s, rising.
-    pub time: Vec<f64>,
-    /// Command, rad, given at its time.
-    pub steer_cmd: Vec<f64>,
-    /// Response measured just before: the road-wheel angle in rad, or the yaw rate in rad/s.
-    pub response: Vec<f64>,
-    /// Forward speed, m/s, for a yaw rate; else empty.
-    pub speed: Vec<f64>,
-}
+use super::rows::DriveRows;
+use super::steering_drive::{Between, LeftOut, SteeringDrive};
+use crate::nominal::{Actuator, DeadTimeModel, LateralVehicle, SingleTrackError};
+use crate::numerics::statistics::upper_median;
 
 /// A number with its 90 % confidence interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -54,19 +32,6 @@ pub struct Estimate {
     pub high: f64,
     /// True if the drives determine it: the interval is narrow enough to be used.
     pub excited: bool,
-}
-
-/// A value that was taken for wrong.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LeftOut {
-    /// Place of the drive.
-    pub drive: u32,
-    /// Row of the drive.
-    pub row: u32,
-    /// `steer_cmd` or `response`.
-    pub signal: &'static str,
-    /// The value.
-    pub value: f64,
 }
 
 /// A steering actuator as drives show it.
@@ -178,8 +143,8 @@ impl IdentifiedSteering {
 /// Too few rows; a response that does not follow.
 pub fn identify_from_drives(drives: &[SteeringDrive]) -> Result<IdentifiedSteering, DrivesError> {
     let rows = checked(drives, false)?;
-    let held = Problem::new(rows.clone(), Response::angle(&rows, Between::Held));
-    let mut found = Found::of(held).limited();
+    let held = ActuatorProblem::new(rows.clone(), Response::angle(&rows, Between::Held));
+    let mut found = BestPoint::of(held).limited();
     let mut line = found.clone();
     line.problem.response = Response::angle(&rows, Between::Line);
     // A line runs half a step behind the step before it.
@@ -205,10 +170,10 @@ pub fn identify_by_yaw_rate_from_drives<V: LateralVehicle<S>, const S: usize>(
 ) -> Result<IdentifiedSteering, DrivesError> {
     let rows = checked(drives, true)?;
     let response = Response::yaw_rate(&rows, vehicle, slowest)?;
-    Found::of(Problem::new(rows, response)).identified()
+    BestPoint::of(ActuatorProblem::new(rows, response)).identified()
 }
 
-fn checked(drives: &[SteeringDrive], with_speed: bool) -> Result<Rows, DrivesError> {
+fn checked(drives: &[SteeringDrive], with_speed: bool) -> Result<DriveRows, DrivesError> {
     if drives.is_empty() {
         return Err(DrivesError::None);
     }
@@ -222,7 +187,7 @@ fn checked(drives: &[SteeringDrive], with_speed: bool) -> Result<Rows, DrivesErr
             return Err(DrivesError::Lengths { name, time: rows, commands, responses, speeds });
         }
     }
-    let rows = Rows::of(drives, with_speed);
+    let rows = DriveRows::of(drives, with_speed);
     match rows.counted() {
         found if found < LEAST_ROWS => Err(DrivesError::TooFew { found, least: LEAST_ROWS }),
         _ => Ok(rows),
@@ -231,19 +196,14 @@ fn checked(drives: &[SteeringDrive], with_speed: bool) -> Result<Rows, DrivesErr
 
 /// A problem with its best point.
 #[derive(Debug, Clone)]
-struct Found {
-    problem: Problem,
+struct BestPoint {
+    problem: ActuatorProblem,
     best: Point,
 }
 
-fn median(values: &mut [f64]) -> f64 {
-    let middle = values.len() / 2;
-    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
-}
-
-impl Found {
+impl BestPoint {
     /// The best of all, without rows that stand out.
-    fn of(mut problem: Problem) -> Self {
+    fn of(mut problem: ActuatorProblem) -> Self {
         let best = problem.search();
         Self { problem, best }.polished()
     }
@@ -284,7 +244,7 @@ impl Found {
     fn leave_out_outliers(&mut self, all: &[bool]) {
         let least = self.rms();
         self.problem.residuals(&self.best);
-        let Problem { rows, residual, .. } = &mut self.problem;
+        let ActuatorProblem { rows, residual, .. } = &mut self.problem;
         rows.counts.copy_from_slice(all);
         let stretches: Vec<_> = rows.stretches().collect();
         let mut off = vec![0.0; rows.time.len()];
@@ -296,12 +256,13 @@ impl Found {
                     .iter()
                     .map(|&row| residual[row])
                     .collect();
-                off[row] = (residual[row] - median(&mut beside)).abs();
+                off[row] = (residual[row] - upper_median(&mut beside)).abs();
             }
         }
         let mut typical: Vec<f64> =
             (0..off.len()).filter(|&row| rows.counts[row]).map(|row| off[row]).collect();
-        let limit = (OUTLYING * 1.4826 * median(&mut typical)).max(OUTLYING_SHARE * least).max(ROUNDING);
+        let limit =
+            (OUTLYING * 1.4826 * upper_median(&mut typical)).max(OUTLYING_SHARE * least).max(ROUNDING);
         for (row, off) in off.iter().enumerate() {
             if rows.counts[row] && *off > limit {
                 rows.counts[row] = false;
@@ -372,9 +333,10 @@ impl Found {
             .map(|(y, counts)| if *counts { y * y } else { 0.0 })
             .sum();
         let explained = if variance > 0.0 { 1.0 - self.best.cost / variance } else { 0.0 };
-        let noise = Noise::of(&mut self.problem, &self.best);
+        let noise = FitNoise::of(&mut self.problem, &self.best);
         let best = self.best;
-        let ends = |problem: &mut Problem, along, longest| problem.ends(along, &best, &noise, longest);
+        let ends =
+            |problem: &mut ActuatorProblem, along, longest| problem.ends(along, &best, &noise, longest);
         let dead_times = ends(&mut self.problem, Along::DeadTime, LONGEST_DEAD_TIME);
         let lags = ends(&mut self.problem, Along::Lag, LONGEST_LAG);
         let sums = ends(&mut self.problem, Along::Sum, LONGEST_DEAD_TIME + LONGEST_LAG);
@@ -423,7 +385,7 @@ impl Found {
     }
 
     /// Middle of a flat minimum between the ends, as that of a pure dead time within a step.
-    fn middle(&mut self, ends: &Ends, noise: &Noise) -> Point {
+    fn middle(&mut self, ends: &Ends, noise: &FitNoise) -> Point {
         let dead_time = 0.5 * (ends.low.dead_time + ends.high.dead_time);
         let sum = self.best.dead_time + self.best.lag;
         let middle = self.problem.lag_for(dead_time, (sum - dead_time).max(0.0), 5e-3);
@@ -432,7 +394,7 @@ impl Found {
     }
 
     /// Low, value and high of a factor.
-    fn linear(&mut self, best: &Point, place: usize, noise: &Noise, spread: f64) -> [f64; 3] {
+    fn linear(&mut self, best: &Point, place: usize, noise: &FitNoise, spread: f64) -> [f64; 3] {
         self.problem.alone(best, place);
         let counts = &self.problem.rows.counts;
         let v: Vec<f64> = self

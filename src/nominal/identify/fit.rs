@@ -13,7 +13,7 @@
 
 use super::record::golden_section;
 use super::response::Response;
-use super::rows::{Rows, ranges};
+use super::rows::{DriveRows, ranges};
 use nalgebra::{SMatrix, SVector};
 
 /// Most columns.
@@ -55,8 +55,8 @@ pub(super) struct Point {
 
 /// A problem with workspace.
 #[derive(Debug, Clone)]
-pub(super) struct Problem {
-    pub rows: Rows,
+pub(super) struct ActuatorProblem {
+    pub rows: DriveRows,
     pub response: Response,
     answer: Vec<f64>,
     /// A residual that is asked for.
@@ -124,8 +124,8 @@ impl Normal {
     }
 }
 
-impl Problem {
-    pub fn new(rows: Rows, response: Response) -> Self {
+impl ActuatorProblem {
+    pub fn new(rows: DriveRows, response: Response) -> Self {
         let room = vec![0.0; rows.time.len()];
         Self { rows, response, answer: room.clone(), residual: room }
     }

@@ -11,7 +11,7 @@
 //!
 //! Source: Bates and Watts, Nonlinear Regression Analysis, ch. 6 (profiles); Newey and West, Econometrica 55 (1987).
 
-use super::fit::{LEAST_NOISE, Point, Problem};
+use super::fit::{ActuatorProblem, LEAST_NOISE, Point};
 
 /// 90 % of a chi-squared variable of one degree of freedom is below this.
 const CHI2: f64 = 2.7055;
@@ -28,7 +28,7 @@ const FIRST_STEP: f64 = 1e-3;
 
 /// Noise of a fit.
 #[derive(Debug, Clone)]
-pub(super) struct Noise {
+pub(super) struct FitNoise {
     pub variance: f64,
     /// Rows over which it is correlated.
     rows: usize,
@@ -53,9 +53,9 @@ impl Along {
     }
 }
 
-impl Noise {
+impl FitNoise {
     /// Noise at a point: with free parameters, and with rounding as the least.
-    pub fn of(problem: &mut Problem, best: &Point) -> Self {
+    pub fn of(problem: &mut ActuatorProblem, best: &Point) -> Self {
         problem.residuals(best);
         let counts = &problem.rows.counts;
         let residual: Vec<f64> =
@@ -109,7 +109,7 @@ pub(super) struct Ends {
     pub closed: [bool; 2],
 }
 
-impl Problem {
+impl ActuatorProblem {
     fn along(&mut self, along: Along, value: f64, best: &Point) -> Point {
         let off = (value - along.of(best)).abs() + 0.01;
         let sum = best.dead_time + best.lag;
@@ -128,7 +128,7 @@ impl Problem {
     }
 
     /// The interval along a parameter.
-    pub fn ends(&mut self, along: Along, best: &Point, noise: &Noise, longest: f64) -> Ends {
+    pub fn ends(&mut self, along: Along, best: &Point, noise: &FitNoise, longest: f64) -> Ends {
         let first = self.ends_at(along, best, noise.variance * CHI2, longest);
         let (high, low) = (self.counted_residuals(&first.high), self.counted_residuals(&first.low));
         let v: Vec<f64> = high.iter().zip(&low).map(|(high, low)| high - low).collect();

@@ -3,6 +3,7 @@
 //! | file | problem |
 //! |---|---|
 //! | `record.rs` | a step that begins at rest; Pade and first-order models, too |
+//! | `steering_drive.rs` | a drive as recorded, the course of its command between rows, its wrong values |
 //! | `drives.rs` | any drives: constants with intervals, and a test that the drives determine them |
 //! | `rows.rs` | their rows: gaps, wrong values, rows that count |
 //! | `response.rs` | the response of a dead time and a lag to the commands, as angle or as yaw rate |
@@ -15,9 +16,10 @@ mod interval;
 mod record;
 mod response;
 mod rows;
+mod steering_drive;
 
 pub use drives::{
-    Between, DrivesError, Estimate, IdentifiedSteering, LeftOut, SteeringDrive,
-    identify_by_yaw_rate_from_drives, identify_from_drives,
+    DrivesError, Estimate, IdentifiedSteering, identify_by_yaw_rate_from_drives, identify_from_drives,
 };
 pub use record::{DelayModel, IdentifiedActuator, IdentifyError, SteeringRecord};
+pub use steering_drive::{Between, LeftOut, SteeringDrive};

@@ -15,8 +15,8 @@
 //!
 //! which the linear error model gives on a straight path that begins anew at each row (`e1 = e2 = 0`, `e1' = vy`).
 
-use super::drives::Between;
-use super::rows::Rows;
+use super::rows::DriveRows;
+use super::steering_drive::Between;
 use crate::nominal::{LateralVehicle, SingleTrackError};
 
 /// A lag shorter than this is none, s.
@@ -53,7 +53,7 @@ struct Sampled {
 
 impl Response {
     /// The road-wheel angle: `gain x + offset`.
-    pub fn angle(rows: &Rows, between: Between) -> Self {
+    pub fn angle(rows: &DriveRows, between: Between) -> Self {
         Self {
             between,
             varies: Vec::new(),
@@ -70,7 +70,7 @@ impl Response {
     /// # Errors
     /// A vehicle whose model cannot be made.
     pub fn yaw_rate<V: LateralVehicle<S>, const S: usize>(
-        rows: &Rows,
+        rows: &DriveRows,
         vehicle: &V,
         slowest: f64,
     ) -> Result<Self, SingleTrackError> {
@@ -130,7 +130,7 @@ impl Response {
     }
 
     /// The answer at each row with a gain of 1.
-    pub fn fill(&self, rows: &Rows, dead_time: f64, lag: f64, out: &mut [f64]) {
+    pub fn fill(&self, rows: &DriveRows, dead_time: f64, lag: f64, out: &mut [f64]) {
         if self.vehicle.is_none() {
             for stretch in rows.stretches() {
                 let mut actuator = Walk::new(rows, &stretch, self, dead_time, lag);
@@ -163,7 +163,7 @@ impl Response {
     /// Drives the vehicle with a mean angle for each step; gives the yaw rate at each row.
     fn drive(
         &self,
-        rows: &Rows,
+        rows: &DriveRows,
         out: &mut [f64],
         mut angle: impl FnMut(&std::ops::Range<usize>, usize) -> f64,
     ) {
@@ -217,7 +217,7 @@ fn reduced<V: LateralVehicle<S>, const S: usize>(
 
 /// The actuator on its way along a stretch.
 struct Walk<'a> {
-    rows: &'a Rows,
+    rows: &'a DriveRows,
     end: usize,
     between: Between,
     rate_limit: f64,
@@ -235,7 +235,7 @@ struct Walk<'a> {
 
 impl<'a> Walk<'a> {
     fn new(
-        rows: &'a Rows,
+        rows: &'a DriveRows,
         stretch: &std::ops::Range<usize>,
         response: &Response,
         dead_time: f64,

@@ -1,6 +1,6 @@
 //! The rows of drives for a fit: stretches without gaps, without wrong values, with a mark for rows that count.
 
-use super::drives::{LeftOut, SteeringDrive};
+use super::steering_drive::{LeftOut, SteeringDrive};
 
 /// Longest hole with known commands, s: a longer one ends the stretch.
 const LONGEST_HOLE: f64 = 0.15;
@@ -17,7 +17,7 @@ const FORGOTTEN: f64 = 1.0;
 
 /// Rows of all drives, one after the other.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Rows {
+pub(super) struct DriveRows {
     /// s, rising within a stretch.
     pub time: Vec<f64>,
     /// rad, finite.
@@ -61,7 +61,7 @@ fn typical_step(time: &[f64]) -> f64 {
     steps.get(steps.len() / 2).copied().unwrap_or(0.0)
 }
 
-impl Rows {
+impl DriveRows {
     /// The rows of drives, `even` where each row has to stay, as a model sampled at the clock needs it.
     pub fn of(drives: &[SteeringDrive], even: bool) -> Self {
         let mut rows = Self::default();

@@ -16,13 +16,13 @@ use super::kernel::Kernel;
 /// Points side by side: four registers of SSE2, whose chains of operations overlap; measured 1.6 times as fast as two.
 const LANES: usize = 8;
 
-type Lanes = [f64; LANES];
+type DotLanes = [f64; LANES];
 
 /// Points side by side and their weights; a group that is not full has weights of zero.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Group<const D: usize> {
-    points: [Lanes; D],
-    weights: Lanes,
+struct PointGroup<const D: usize> {
+    points: [DotLanes; D],
+    weights: DotLanes,
 }
 
 /// A weighted sum of kernels.
@@ -30,7 +30,7 @@ struct Group<const D: usize> {
 pub(super) struct Dot<const D: usize> {
     /// `1 / l_d`.
     scales: [f64; D],
-    groups: Vec<Group<D>>,
+    groups: Vec<PointGroup<D>>,
 }
 
 impl<const D: usize> Dot<D> {
@@ -38,7 +38,7 @@ impl<const D: usize> Dot<D> {
         let scales = kernel.length_scales.map(|l| 1.0 / l);
         let variance = kernel.signal * kernel.signal;
         let group = |(points, weights): (&[[f64; D]], &[f64])| {
-            let mut group = Group { points: [[0.0; LANES]; D], weights: [0.0; LANES] };
+            let mut group = PointGroup { points: [[0.0; LANES]; D], weights: [0.0; LANES] };
             for (lane, (point, weight)) in points.iter().zip(weights).enumerate() {
                 (0..D).for_each(|d| group.points[d][lane] = point[d] * scales[d]);
                 group.weights[lane] = variance * weight;
@@ -74,7 +74,7 @@ impl<const D: usize> Dot<D> {
                 }
             }
         }
-        let total = |lanes: Lanes| lanes.iter().sum::<f64>();
+        let total = |lanes: DotLanes| lanes.iter().sum::<f64>();
         (total(value), std::array::from_fn(|d| total(gradient[d]) * self.scales[d]))
     }
 }

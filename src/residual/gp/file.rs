@@ -4,12 +4,12 @@
 
 use super::kernel::Kernel;
 use super::model::{GpModelFor, GpSchema};
-use super::sparse::{Numbers, Sparse};
+use super::sparse::{Sparse, SparseNumbers};
 use super::vehicle::{GpVehicle, input_names, output_names};
 use crate::input;
 use crate::nominal::LateralVehicle;
 use crate::residual::file::{FileError, FileKind, in_file, open, seal};
-use crate::residual::rows::{self, Row};
+use crate::residual::rows::{self, FeatureRow};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -33,10 +33,10 @@ impl<V, const D: usize, const O: usize> GpModelFor<V, D, O> {
         V: LateralVehicle<S>,
     {
         let stored: [Stored<D>; O] = std::array::from_fn(|o| {
-            let Numbers { dictionary, weights, posterior } = self.outputs[o].numbers().clone();
+            let SparseNumbers { dictionary, weights, posterior } = self.outputs[o].numbers().clone();
             Stored { dictionary, weights, posterior }
         });
-        seal(FileKind::Gp, &self.schema.vehicle, &self.schema, &Row(&stored))
+        seal(FileKind::Gp, &self.schema.vehicle, &self.schema, &FeatureRow(&stored))
     }
 
     /// A process from the bytes of its file.
@@ -47,7 +47,7 @@ impl<V, const D: usize, const O: usize> GpModelFor<V, D, O> {
     where
         V: GpVehicle<S, D, O>,
     {
-        let (schema, Row(stored)): (GpSchema<V>, Row<[Stored<D>; O]>) =
+        let (schema, FeatureRow(stored)): (GpSchema<V>, FeatureRow<[Stored<D>; O]>) =
             open(FileKind::Gp, bytes, |schema: &GpSchema<V>| &schema.vehicle)?;
         assemble(schema, stored).map_err(|what| FileError::Invalid { what })
     }
@@ -101,7 +101,7 @@ fn assemble<V: GpVehicle<S, D, O>, const S: usize, const D: usize, const O: usiz
         let Stored { dictionary, weights, posterior } = stored;
         Sparse::assemble(
             Kernel { length_scales, signal: head.signal, noise: head.noise },
-            Numbers { dictionary, weights, posterior },
+            SparseNumbers { dictionary, weights, posterior },
         )
     });
     let outputs = outputs.collect::<Result<_, _>>()?;

@@ -14,8 +14,8 @@
 
 use super::exact::Exact;
 use super::kernel::Kernel;
-use crate::residual::parallel;
-use crate::residual::random::Random;
+use crate::numerics::Random;
+use crate::numerics::parallel;
 use argmin::core::{CostFunction, Error, Executor, Gradient};
 use argmin::solver::linesearch::MoreThuenteLineSearch;
 use argmin::solver::quasinewton::LBFGS;
@@ -157,7 +157,7 @@ fn kernel<const D: usize>(unknowns: &[f64]) -> Kernel<D> {
 }
 
 /// Negative log likelihood of a sample, the mean over all, and its derivatives.
-struct Problem<'a, const D: usize> {
+struct LikelihoodProblem<'a, const D: usize> {
     inputs: &'a [[f64; D]],
     labels: &'a [f64],
     seen: &'a RefCell<Seen>,
@@ -174,7 +174,7 @@ struct Seen {
 /// Cost of an impossible evaluation: finite, so that the line search can go on.
 const IMPOSSIBLE: f64 = 1e6;
 
-impl<const D: usize> Problem<'_, D> {
+impl<const D: usize> LikelihoodProblem<'_, D> {
     fn evaluate(&self, unknowns: &[f64]) -> (f64, Vec<f64>) {
         if let Some((at, cost, gradient)) = &self.seen.borrow().last
             && at == unknowns
@@ -205,7 +205,7 @@ impl<const D: usize> Problem<'_, D> {
     }
 }
 
-impl<const D: usize> CostFunction for Problem<'_, D> {
+impl<const D: usize> CostFunction for LikelihoodProblem<'_, D> {
     type Param = Vec<f64>;
     type Output = f64;
     fn cost(&self, unknowns: &Vec<f64>) -> Result<f64, Error> {
@@ -213,7 +213,7 @@ impl<const D: usize> CostFunction for Problem<'_, D> {
     }
 }
 
-impl<const D: usize> Gradient for Problem<'_, D> {
+impl<const D: usize> Gradient for LikelihoodProblem<'_, D> {
     type Param = Vec<f64>;
     type Gradient = Vec<f64>;
     fn gradient(&self, unknowns: &Vec<f64>) -> Result<Vec<f64>, Error> {
@@ -233,7 +233,7 @@ fn search<const D: usize>(
         let solver = LBFGS::new(MoreThuenteLineSearch::new(), MEMORY)
             .with_tolerance_grad(1e-5)?
             .with_tolerance_cost(TOLERANCE)?;
-        let problem = Problem { inputs, labels, seen: &seen };
+        let problem = LikelihoodProblem { inputs, labels, seen: &seen };
         Executor::new(problem, solver)
             .configure(|state| state.param(start.clone()).max_iters(iterations))
             .timer(false)

@@ -72,7 +72,7 @@ pub use kernel::Kernel;
 pub use model::{GpModel, GpModelFor, GpOutput, GpResidual, GpSchema, GpTraining, TruckGpModel};
 pub use samples::Samples;
 #[cfg(feature = "cli")]
-pub use smoothing::{STEPS, Smoothing};
+pub use smoothing::{STEPS, StateSmoothing};
 pub use sparse::{MAX_POINTS, Sparse};
 #[cfg(feature = "cli")]
 pub use train::{GpConfig, GpFit, GpReport, GpTrainError, GpTrained, train};

@@ -12,7 +12,7 @@
 use super::sparse::Sparse;
 use super::{GP_OUTPUTS, INPUTS, TRUCK_GP_OUTPUTS, TRUCK_INPUTS};
 use crate::nominal::LateralVehicle;
-use crate::residual::model::{Expected, Misfit, Range, same};
+use crate::residual::model::{Expected, ModelMismatch, Range, same};
 use crate::vehicle::{Articulated, SingleTrack};
 use serde::{Deserialize, Serialize};
 
@@ -130,7 +130,11 @@ impl<V, const D: usize, const O: usize> GpModelFor<V, D, O> {
     ///
     /// # Errors
     /// The first difference that matters.
-    pub fn check_fits<const S: usize>(&self, expected: &Expected<V>, friction: f64) -> Result<(), Misfit>
+    pub fn check_fits<const S: usize>(
+        &self,
+        expected: &Expected<V>,
+        friction: f64,
+    ) -> Result<(), ModelMismatch>
     where
         V: LateralVehicle<S>,
     {
@@ -138,7 +142,7 @@ impl<V, const D: usize, const O: usize> GpModelFor<V, D, O> {
         let model = *model;
         expected.check(vehicle, *sample_time, *min_model_speed)?;
         if !same(model, friction) {
-            return Err(Misfit::Friction { model, controller: friction });
+            return Err(ModelMismatch::Friction { model, controller: friction });
         }
         Ok(())
     }

@@ -11,7 +11,8 @@
 
 use super::vehicle::GpVehicle;
 use crate::nominal::ERRORS;
-use crate::residual::dataset::{self, DataSet, Row};
+use crate::residual::dataset::{self, DataSet};
+use crate::residual::recorded::DriveRow;
 
 /// Inputs and labels, and the number of steps without any.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,7 +33,7 @@ pub struct Samples<const D: usize, const O: usize> {
 const LEAST: f64 = 0.2;
 
 /// The body's states of a row, in their places among the inputs; the others are 0.
-fn motion<const S: usize, const D: usize>(row: &Row<S>) -> Option<[f64; D]> {
+fn motion<const S: usize, const D: usize>(row: &DriveRow<S>) -> Option<[f64; D]> {
     let (state, [vx, curvature, _]) = (&row.state, row.road);
     let (e1, e1_rate, e2, e2_rate) = (state[0], state[1], state[2], state[3]);
     let (sin, cos) = e2.sin_cos();

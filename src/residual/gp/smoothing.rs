@@ -12,13 +12,13 @@ use super::fit::{FitConfig, fit};
 use super::samples::Samples;
 use super::sparse::Sparse;
 use super::vehicle::GpVehicle;
+use crate::numerics::Random;
+use crate::numerics::parallel;
 use crate::residual::dataset::DataSet;
-use crate::residual::parallel;
-use crate::residual::random::Random;
 
 /// Smoothing of the body's states: a cubic fitted to so many rows on each side.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Smoothing {
+pub enum StateSmoothing {
     /// Over this many rows; 0 and 1 for not at all.
     Fixed(usize),
     /// The candidate whose free prediction is best.
@@ -38,15 +38,15 @@ const ITERATIONS: u64 = 30;
 /// The best smoothing, and the score of each candidate: mean square error of the free prediction in units of the
 /// nominal model's, mean over outputs.
 pub(super) fn reach<V: GpVehicle<S, D, O>, const S: usize, const D: usize, const O: usize>(
-    smoothing: &Smoothing,
+    smoothing: &StateSmoothing,
     data: &DataSet<V, S>,
     nominal: &V::Model,
     seed: u64,
     threads: usize,
 ) -> (usize, Vec<(usize, f64)>) {
     let candidates = match smoothing {
-        Smoothing::Fixed(reach) => return (*reach, vec![]),
-        Smoothing::Choose(candidates) => candidates,
+        StateSmoothing::Fixed(reach) => return (*reach, vec![]),
+        StateSmoothing::Choose(candidates) => candidates,
     };
     let judge = Samples::new(data, nominal, START);
     let without = judge.rollout(data, nominal, STEPS, |_| [0.0; O]);

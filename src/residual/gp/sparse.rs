@@ -24,7 +24,7 @@ pub const MAX_POINTS: usize = 1000;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sparse<const D: usize> {
     kernel: Kernel<D>,
-    numbers: Numbers<D>,
+    numbers: SparseNumbers<D>,
     /// The same for fast sums.
     dot: Dot<D>,
     /// `L`, rows of the lower triangle one after the other.
@@ -33,7 +33,7 @@ pub struct Sparse<const D: usize> {
 
 /// Learned numbers, besides hyperparameters.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Numbers<const D: usize> {
+pub(super) struct SparseNumbers<const D: usize> {
     /// `Z`.
     pub dictionary: Vec<[f64; D]>,
     /// `alpha`.
@@ -74,10 +74,10 @@ impl<const D: usize> Sparse<D> {
         let prior = prior(&kernel, &dictionary)?;
         let l = prior.l_dirty();
         let part = inputs.len().div_ceil(PARTS).max(1);
-        let parts = crate::residual::parallel::chunks(inputs.len(), part);
-        let sums = crate::residual::parallel::map(threads, parts.len(), |p| {
+        let parts = crate::numerics::parallel::chunks(inputs.len(), part);
+        let sums = crate::numerics::parallel::map(threads, parts.len(), |p| {
             let mut sums = Moments { square: DMatrix::zeros(m, m), product: DVector::zeros(m) };
-            for block in crate::residual::parallel::chunks(parts[p].len(), BLOCK) {
+            for block in crate::numerics::parallel::chunks(parts[p].len(), BLOCK) {
                 let rows = parts[p].start + block.start..parts[p].start + block.end;
                 let mut v = kernel.between(&dictionary, &inputs[rows.clone()]);
                 l.solve_lower_triangular_mut(&mut v);
@@ -98,7 +98,7 @@ impl<const D: usize> Sparse<D> {
         let posterior = Cholesky::new(b)?;
         let mut alpha = posterior.solve(&product) * precision;
         l.tr_solve_lower_triangular_mut(&mut alpha);
-        let numbers = Numbers {
+        let numbers = SparseNumbers {
             dictionary,
             weights: alpha.iter().copied().collect(),
             posterior: packed(posterior.l_dirty()),
@@ -107,8 +107,8 @@ impl<const D: usize> Sparse<D> {
     }
 
     /// From what a file holds.
-    pub(super) fn assemble(kernel: Kernel<D>, numbers: Numbers<D>) -> Result<Self, &'static str> {
-        let Numbers { dictionary, weights, posterior } = &numbers;
+    pub(super) fn assemble(kernel: Kernel<D>, numbers: SparseNumbers<D>) -> Result<Self, &'static str> {
+        let SparseNumbers { dictionary, weights, posterior } = &numbers;
         let ensure = |holds: bool, what: &'static str| if holds { Ok(()) } else { Err(what) };
         ensure(kernel.is_valid(), "a hyperparameter is no positive number")?;
         let m = dictionary.len();
@@ -143,7 +143,7 @@ impl<const D: usize> Sparse<D> {
         &self.numbers.weights
     }
 
-    pub(super) fn numbers(&self) -> &Numbers<D> {
+    pub(super) fn numbers(&self) -> &SparseNumbers<D> {
         &self.numbers
     }
 

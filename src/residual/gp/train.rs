@@ -11,16 +11,16 @@ use super::dictionary::choose;
 use super::fit::{FitConfig, Fitted, fit};
 use super::model::{GpModelFor, GpOutput, GpSchema, GpTraining};
 use super::samples::Samples;
-use super::smoothing::{self, Smoothing};
+use super::smoothing::{self, StateSmoothing};
 use super::sparse::{MAX_POINTS, Sparse};
 use super::vehicle::{GpVehicle, input_names, output_names};
 use super::{GP_OUTPUTS, INPUTS};
 use crate::nominal::SingleTrackError;
+use crate::numerics::Random;
+use crate::numerics::parallel;
 use crate::residual::dataset::DataSet;
 use crate::residual::model::Range;
-use crate::residual::parallel;
-use crate::residual::random::Random;
-use crate::residual::train::{Progress, Stage};
+use crate::residual::train::{Progress, TrainingStage};
 use crate::residual::train_config::ConfigError;
 use crate::signal;
 use crate::vehicle::SingleTrack;
@@ -32,7 +32,7 @@ pub struct GpConfig {
     /// Friction coefficient of the nonlinear nominal model; not learned, as it cannot be observed in calm driving.
     pub friction: f64,
     /// Smoothing of recorded states.
-    pub smoothing: Smoothing,
+    pub smoothing: StateSmoothing,
     /// Most points of the dictionary of an output.
     pub points: usize,
     /// Number of samples for the hyperparameters: time grows with its cube.
@@ -53,7 +53,7 @@ impl Default for GpConfig {
     fn default() -> Self {
         Self {
             friction: 1.0,
-            smoothing: Smoothing::Choose(vec![0, 2, 3, 4, 6]),
+            smoothing: StateSmoothing::Choose(vec![0, 2, 3, 4, 6]),
             points: 300,
             hyperparameter_samples: 400,
             candidates: 8000,
@@ -84,8 +84,8 @@ impl GpConfig {
             ("iterations", self.iterations, 1, 10_000),
         ];
         let reaches = match &self.smoothing {
-            Smoothing::Fixed(reach) => std::slice::from_ref(reach),
-            Smoothing::Choose(reaches) => reaches,
+            StateSmoothing::Fixed(reach) => std::slice::from_ref(reach),
+            StateSmoothing::Choose(reaches) => reaches,
         };
         if reaches.is_empty() {
             return Err(ConfigError::NoCandidate { name: "smoothing" });
@@ -217,7 +217,7 @@ pub fn train<V: GpVehicle<S, D, O>, const S: usize, const D: usize, const O: usi
         smoothing::reach(&config.smoothing, data, &nominal, config.seed, threads);
     let samples = Samples::new(data, &nominal, smoothing);
     let fitted = hyperparameters(&samples, config, threads, progress);
-    let say = |done| progress(Progress { stage: Stage::Weights, done, total: O });
+    let say = |done| progress(Progress { stage: TrainingStage::Weights, done, total: O });
     let names = output_names::<V, S, D, O>();
     say(0);
     let mut outputs = Vec::with_capacity(O);
@@ -243,7 +243,7 @@ pub fn train<V: GpVehicle<S, D, O>, const S: usize, const D: usize, const O: usi
         },
         outputs,
     };
-    progress(Progress { stage: Stage::Report, done: 0, total: 1 });
+    progress(Progress { stage: TrainingStage::Report, done: 0, total: 1 });
     let report = GpReport {
         train: measure(&model, &recorded, threads),
         test: test.map(|test| measure(&model, &Samples::new(test, &nominal, 0), threads)),
@@ -251,7 +251,7 @@ pub fn train<V: GpVehicle<S, D, O>, const S: usize, const D: usize, const O: usi
         smoothing_scores,
         evaluations: std::array::from_fn(|o| fitted[o].evaluations),
     };
-    progress(Progress { stage: Stage::Report, done: 1, total: 1 });
+    progress(Progress { stage: TrainingStage::Report, done: 1, total: 1 });
     Ok(GpTrained { model, report })
 }
 
@@ -304,10 +304,10 @@ fn hyperparameters<const D: usize, const O: usize>(
     let done = AtomicUsize::new(0);
     let search =
         FitConfig { starts: config.starts, iterations: config.iterations as u64, seed: config.seed, threads };
-    progress(Progress { stage: Stage::Hyperparameters, done: 0, total });
+    progress(Progress { stage: TrainingStage::Hyperparameters, done: 0, total });
     fit(&inputs, &labels, &search, &|| {
         let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-        progress(Progress { stage: Stage::Hyperparameters, done, total });
+        progress(Progress { stage: TrainingStage::Hyperparameters, done, total });
     })
 }
 

@@ -13,21 +13,22 @@
 //!
 //! Nothing of the test route is used before it is driven.
 
-use super::learn::{Model, SHORT_HORIZON};
-use super::plant::Plant;
-use super::response::Response;
-use super::result::{Condition, Effort, Outcome, RowResult};
+use super::learn::{RowModel, SHORT_HORIZON};
+use super::plant::TestPlant;
+use super::response::RecordedResponse;
+use super::result::{Condition, DriveMetrics, Effort, RowResult};
 use super::roads::Roads;
-use super::row::{Predictor, Row};
+use super::row::{Predictor, TableRow};
 use super::step::SteeringStep;
 use super::trial::{LOST, TrialError, TrialFor};
 use super::vehicle::{Again, Compared, NominalOf};
-use super::weights::{Weights, search};
-use crate::control::{PredictionModelFor, Residual, VehicleParameters};
+use super::weights::{CostWeights, search};
+use crate::control::{ControlledParameters, PredictionModelFor, Residual};
 use crate::nominal::{ERRORS, IdentifyError};
+use crate::numerics::parallel;
 use crate::path::{Path, PathError};
 use crate::residual::gp::GpTrainError;
-use crate::residual::{DataError, DataSet, TrainError, parallel};
+use crate::residual::{DataError, DataSet, TrainError};
 use crate::simulate::{CAR_COLUMNS, DriveFor, SensorNoise, StepTimes};
 use crate::vehicle::{Car, VehicleParameters as _};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -66,14 +67,14 @@ const DITHERS: usize = 3;
 type Data<P, const S: usize, const C: usize> = Vec<DataSet<NominalOf<P, S, C>, S>>;
 
 /// Learned models by predictor and by the seed of the drives.
-type Learned<P, const S: usize, const C: usize> = (Predictor, usize, Model<NominalOf<P, S, C>, S>);
+type LearnedModels<P, const S: usize, const C: usize> = (Predictor, usize, RowModel<NominalOf<P, S, C>, S>);
 
 /// One plant with its data.
 pub struct ComparisonFor<'a, P: Compared<S, C>, const S: usize, const C: usize> {
     /// The vehicle.
     pub vehicle: &'a P::Parameters,
     /// Deviations of the vehicle from its nominal model.
-    pub plant: &'a Plant,
+    pub plant: &'a TestPlant,
     /// Noise of its sensors.
     pub noise: Option<SensorNoise>,
     /// The roads.
@@ -89,9 +90,9 @@ pub struct ComparisonFor<'a, P: Compared<S, C>, const S: usize, const C: usize> 
     /// The step that delay models are identified from.
     pub(super) step: Option<SteeringStep>,
     /// Responses to a step of the command, for the evaluation of learned models.
-    pub(super) responses: Vec<Response<S>>,
+    pub(super) responses: Vec<RecordedResponse<S>>,
     /// Learned models of the rows, for each seed: some rows share one, and all are asked for it again.
-    pub(super) learned: Mutex<Vec<Learned<P, S, C>>>,
+    pub(super) learned: Mutex<Vec<LearnedModels<P, S, C>>>,
 }
 
 impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P, S, C> {
@@ -101,7 +102,7 @@ impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P,
     /// The vehicle is lost; parameters out of range.
     pub fn collect(
         vehicle: &'a P::Parameters,
-        plant: &'a Plant,
+        plant: &'a TestPlant,
         noise: Option<SensorNoise>,
         roads: &'a Roads,
         effort: Effort,
@@ -128,7 +129,13 @@ impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P,
         let rows = (P::SETTING.window, P::SETTING.horizon.unwrap_or(SHORT_HORIZON));
         for &speed in P::SETTING.step_speeds {
             let sample_time = parameters.mpc.sample_time;
-            comparison.responses.push(Response::record::<P, C>(vehicle, plant, sample_time, speed, rows)?);
+            comparison.responses.push(RecordedResponse::record::<P, C>(
+                vehicle,
+                plant,
+                sample_time,
+                speed,
+                rows,
+            )?);
         }
         let Effort { seeds, drives, threads, .. } = comparison.effort;
         let logs = parallel::map(parallel::threads(threads), seeds * (drives + 1), |i| {
@@ -189,7 +196,7 @@ impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P,
         path: &Arc<Path>,
         number: usize,
         model: PredictionModelFor<NominalOf<P, S, C>, S>,
-        weights: Weights,
+        weights: CostWeights,
         mut dither: f64,
     ) -> Result<Option<(DriveFor<C>, f64)>, CompareError> {
         for _ in 0..DITHERS {
@@ -211,7 +218,7 @@ impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P,
         &self,
         path: &Arc<Path>,
         model: PredictionModelFor<NominalOf<P, S, C>, S>,
-        weights: Weights,
+        weights: CostWeights,
         seed: u64,
     ) -> TrialFor<'a, P, S, C> {
         TrialFor {
@@ -233,20 +240,20 @@ impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P,
     /// See [`CompareError`].
     pub fn run(
         &self,
-        rows: &[Row],
-        known: Option<Weights>,
+        rows: &[TableRow],
+        known: Option<CostWeights>,
         progress: &(dyn Fn(&str) + Sync),
     ) -> Result<Condition, CompareError> {
         let threads = parallel::threads(self.effort.threads);
         let (nominal, measure) = if let Some(weights) = known {
             (None, (weights, self.pieces(&[PredictionModelFor::Nominal], &weights, threads)?.1))
         } else {
-            let (nominal, roughness) = self.row(Row::NOMINAL, None, threads, progress)?;
+            let (nominal, roughness) = self.row(TableRow::NOMINAL, None, threads, progress)?;
             let measure = (nominal.weights, roughness);
             (Some(nominal), measure)
         };
-        let (others, left_out): (Vec<Row>, Vec<Row>) =
-            rows.iter().copied().filter(|row| *row != Row::NOMINAL).partition(|row| self.has(*row));
+        let (others, left_out): (Vec<TableRow>, Vec<TableRow>) =
+            rows.iter().copied().filter(|row| *row != TableRow::NOMINAL).partition(|row| self.has(*row));
         // Rows side by side, the slowest, at the tables' ends, first; each on one thread unless there are more than rows.
         let within = (threads / others.len().max(1)).max(1);
         let others = parallel::map(threads, others.len(), |i| {
@@ -260,7 +267,7 @@ impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P,
             vehicle: self.vehicle.name().to_owned(),
             effort: self.effort.clone(),
             rows: nominal.into_iter().chain(others).collect(),
-            left_out: left_out.into_iter().map(Row::name).collect(),
+            left_out: left_out.into_iter().map(TableRow::name).collect(),
             weaker_dithers: self.weaker_dithers.clone(),
             again_dithers: self.again_dithers.clone(),
             articulation_bound: further.first().and_then(|state| state.bound).map(|bound| bound.max),
@@ -274,8 +281,8 @@ impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P,
     /// roughness on the pieces comes beside it.
     fn row(
         &self,
-        row: Row,
-        nominal: Option<(Weights, f64)>,
+        row: TableRow,
+        nominal: Option<(CostWeights, f64)>,
         threads: usize,
         progress: &dyn Fn(&str),
     ) -> Result<(RowResult, f64), CompareError> {
@@ -298,16 +305,16 @@ impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P,
         let own = self.validate(&models, &found)?;
         let frozen = known.unwrap_or(own);
         progress(&format!("{name}: driving"));
-        let observing = |weights: Weights| Weights {
+        let observing = |weights: CostWeights| CostWeights {
             disturbance_noise: own.disturbance_noise,
             prediction_noise: own.prediction_noise,
             ..weights
         };
         let default = self.default_weights();
-        let drive = |path: &Arc<Path>, weights: Weights, seed: usize| {
+        let drive = |path: &Arc<Path>, weights: CostWeights, seed: usize| {
             let model = models[seed.min(learned - 1)].clone();
             let drive = self.trial(path, model, weights, 1 + seed as u64).drive()?;
-            Ok::<_, TrialError>(Outcome::from(&drive))
+            Ok::<_, TrialError>(DriveMetrics::from(&drive))
         };
         let protocols = [own, observing(frozen), observing(default)];
         let outcomes = parallel::map(threads, protocols.len() * seeds, |i| {
@@ -338,15 +345,19 @@ impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P,
     }
 
     /// The weights that users get.
-    pub(super) fn default_weights(&self) -> Weights {
-        Weights::of(&P::controller_of_the_papers(self.vehicle).mpc)
+    pub(super) fn default_weights(&self) -> CostWeights {
+        CostWeights::of(&P::controller_of_the_papers(self.vehicle).mpc)
     }
 
     /// Times the control steps of a row at its best on the test road, one drive at a time, and gives that drive.
     ///
     /// # Errors
     /// See [`CompareError`].
-    pub fn time(&self, row: Row, weights: &Weights) -> Result<(StepTimes, DriveFor<C>), CompareError> {
+    pub fn time(
+        &self,
+        row: TableRow,
+        weights: &CostWeights,
+    ) -> Result<(StepTimes, DriveFor<C>), CompareError> {
         let drive = self.drive(row, weights, &self.roads.test)?;
         Ok((drive.times(P::controller_of_the_papers(self.vehicle).mpc.sample_time), drive))
     }
@@ -355,7 +366,12 @@ impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P,
     ///
     /// # Errors
     /// See [`CompareError`].
-    pub fn drive(&self, row: Row, weights: &Weights, path: &Arc<Path>) -> Result<DriveFor<C>, CompareError> {
+    pub fn drive(
+        &self,
+        row: TableRow,
+        weights: &CostWeights,
+        path: &Arc<Path>,
+    ) -> Result<DriveFor<C>, CompareError> {
         let (model, _) = self.model(row.predictor, 0)?;
         Ok(self.trial(path, model, *weights, 1).drive()?)
     }
@@ -367,9 +383,9 @@ impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P,
     pub fn drive_with(
         &self,
         residual: Residual<NominalOf<P, S, C>, S>,
-        weights: &Weights,
-    ) -> Result<Outcome, CompareError> {
+        weights: &CostWeights,
+    ) -> Result<DriveMetrics, CompareError> {
         let model = PredictionModelFor::Residual(residual);
-        Ok(Outcome::from(&self.trial(&self.roads.test, model, *weights, 1).drive()?))
+        Ok(DriveMetrics::from(&self.trial(&self.roads.test, model, *weights, 1).drive()?))
     }
 }

@@ -14,14 +14,14 @@
 //! Both are deliberately the most flattering comparison.
 
 use super::compare::{CompareError, ComparisonFor};
-use super::plant::{Plant, STEER_DELAY};
-use super::result::{Effort, Outcome};
-use super::row::{Predictor, Row};
+use super::plant::{STEER_DELAY, TestPlant};
+use super::result::{DriveMetrics, Effort};
+use super::row::{Predictor, TableRow};
 use super::trial::TrialFor;
 use super::vehicle::Compared;
-use super::weights::Weights;
+use super::weights::CostWeights;
 use crate::control::PredictionModelFor;
-use crate::residual::parallel;
+use crate::numerics::parallel;
 use serde::Serialize;
 use std::borrow::Cow;
 
@@ -34,9 +34,9 @@ pub struct Edge {
     pub share: f64,
     /// Dead time of the steering beyond the vehicle file's, s.
     pub dead_time: f64,
-    pub weights: Weights,
+    pub weights: CostWeights,
     /// The nominal MPC and rows without observer on the plant's test road with the first seed's model, by name.
-    pub rows: Vec<(String, Outcome)>,
+    pub rows: Vec<(String, DriveMetrics)>,
 }
 
 /// Halvings of the way.
@@ -51,7 +51,7 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
     ///
     /// # Panics
     /// If there are no weights: a mistake of the calling code.
-    pub fn edge_of_weights(&self, best: &[(Row, Weights)]) -> Result<Edge, CompareError> {
+    pub fn edge_of_weights(&self, best: &[(TableRow, CostWeights)]) -> Result<Edge, CompareError> {
         let (_, nominal) = best[0];
         let default = ("the default weights".to_owned(), self.default_weights());
         let others = best[1..].iter().map(|(row, weights)| (row.name(), *weights));
@@ -59,8 +59,8 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
         let rows = plain(best);
         let edges = parallel::map(parallel::threads(self.effort.threads), ends.len(), |i| {
             let at = |share: f64| P::SETTING.space.between(&nominal, &ends[i].1, share);
-            let share = furthest(|share| Ok(!self.outcome(Row::NOMINAL, &at(share))?.lost))?;
-            let nominal = self.outcome(Row::NOMINAL, &at(share))?;
+            let share = furthest(|share| Ok(!self.outcome(TableRow::NOMINAL, &at(share))?.lost))?;
+            let nominal = self.outcome(TableRow::NOMINAL, &at(share))?;
             let mut least = f64::INFINITY;
             for row in rows.iter().filter(|row| matches!(row.predictor, Predictor::Rfl | Predictor::RflS)) {
                 let outcome = self.outcome(*row, &at(share))?;
@@ -81,13 +81,13 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
     ///
     /// # Errors
     /// See [`CompareError`].
-    pub fn edge_of_delay(&self, best: &[(Row, Weights)]) -> Result<Option<Edge>, CompareError> {
+    pub fn edge_of_delay(&self, best: &[(TableRow, CostWeights)]) -> Result<Option<Edge>, CompareError> {
         let weights = self.default_weights();
         let plant = |share: f64| {
             let shorter = |&(id, value): &(&'static str, f64)| {
                 (id, if id == STEER_DELAY { share * value } else { value })
             };
-            Plant {
+            TestPlant {
                 effects: Cow::Owned(self.plant.effects.iter().map(shorter).collect()),
                 ..self.plant.clone()
             }
@@ -113,8 +113,8 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
         &self,
         towards: String,
         share: f64,
-        weights: Weights,
-        rows: &[Row],
+        weights: CostWeights,
+        rows: &[TableRow],
     ) -> Result<Edge, CompareError> {
         let threads = parallel::threads(self.effort.threads);
         let outcomes = parallel::map(threads, rows.len(), |i| self.outcome(rows[i], &weights));
@@ -124,13 +124,13 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
     }
 
     /// A drive of the test road with the first seed's model.
-    fn outcome(&self, row: Row, weights: &Weights) -> Result<Outcome, CompareError> {
-        Ok(Outcome::from(&self.drive(row, weights, &self.roads.test)?))
+    fn outcome(&self, row: TableRow, weights: &CostWeights) -> Result<DriveMetrics, CompareError> {
+        Ok(DriveMetrics::from(&self.drive(row, weights, &self.roads.test)?))
     }
 }
 
 /// The rows without observer.
-fn plain(best: &[(Row, Weights)]) -> Vec<Row> {
+fn plain(best: &[(TableRow, CostWeights)]) -> Vec<TableRow> {
     best.iter().map(|(row, _)| *row).filter(|row| !row.observes).collect()
 }
 

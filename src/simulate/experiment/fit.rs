@@ -1,7 +1,7 @@
 //! Prediction errors of a learned residual: one step ahead, and a whole horizon ahead without measurements.
 
 use crate::nominal::LateralVehicle;
-use crate::residual::{DataSet, Fit, ResidualModelFor};
+use crate::residual::{DataSet, FitErrors, ResidualModelFor};
 use nalgebra::SVector;
 use serde::Serialize;
 
@@ -16,8 +16,8 @@ pub struct FitMetrics {
     pub nominal_rmse: Vec<f64>,
 }
 
-impl<const S: usize> From<Fit<S>> for FitMetrics {
-    fn from(fit: Fit<S>) -> Self {
+impl<const S: usize> From<FitErrors<S>> for FitMetrics {
+    fn from(fit: FitErrors<S>) -> Self {
         Self { rmse: fit.rmse.to_vec(), max: fit.max.to_vec(), nominal_rmse: fit.nominal_rmse.to_vec() }
     }
 }
@@ -35,7 +35,7 @@ pub fn steps_ahead<V: LateralVehicle<S>, const S: usize>(
     let schema = model.schema();
     let window = schema.window;
     let windows = data.windows(window);
-    let (mut features, mut room) = (vec![0.0; model.features()], model.room());
+    let (mut features, mut room) = (vec![0.0; model.features()], model.workspace());
     let mut states = vec![[0.0; S]; window + steps];
     let mut sums = [[0.0_f64; S]; 3];
     let mut count = 0_usize;

@@ -4,7 +4,7 @@ use super::compare::{CompareError, ComparisonFor};
 use super::fit::steps_ahead;
 use super::plant::{STEER_DELAY, STEER_LAG};
 use super::result::RowFit;
-use super::row::{Predictor, Row};
+use super::row::{Predictor, TableRow};
 use super::step::Identified;
 use super::vehicle::{Compared, NominalOf};
 use crate::control::{
@@ -19,12 +19,12 @@ use std::sync::{Arc, PoisonError};
 pub const SHORT_HORIZON: usize = 16;
 
 /// Prediction model of a row, and its quality.
-pub(super) type Model<V, const S: usize> = (PredictionModelFor<V, S>, Option<RowFit>);
+pub(super) type RowModel<V, const S: usize> = (PredictionModelFor<V, S>, Option<RowFit>);
 
 impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, C> {
     /// True if this vehicle can have a row: there may be no nonlinear model of it.
     #[must_use]
-    pub fn has(&self, row: Row) -> bool {
+    pub fn has(&self, row: TableRow) -> bool {
         let nmpc = P::controller_of_the_papers(self.vehicle).nmpc;
         !row.predictor.is_nonlinear() || self.nonlinear(&nmpc, None).is_some()
     }
@@ -34,7 +34,7 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
         nmpc: &NmpcParameters,
         gp: Option<Arc<GpOf<NominalOf<P, S, C>, S>>>,
     ) -> Option<PredictionModelFor<NominalOf<P, S, C>, S>> {
-        Nonlinear::of(nmpc, gp).map(PredictionModelFor::Bicycle)
+        Nonlinear::of(nmpc, gp).map(PredictionModelFor::Nonlinear)
     }
 
     /// Training for a row on this plant, if anything is learned.
@@ -82,7 +82,7 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
         &self,
         of: Predictor,
         seed: usize,
-    ) -> Result<Model<NominalOf<P, S, C>, S>, CompareError> {
+    ) -> Result<RowModel<NominalOf<P, S, C>, S>, CompareError> {
         let learned = || self.learned.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((.., model)) = learned().iter().find(|(known, with, _)| (*known, *with) == (of, seed)) {
             return Ok(model.clone());
@@ -92,7 +92,7 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
         Ok(model)
     }
 
-    fn learn(&self, of: Predictor, seed: usize) -> Result<Model<NominalOf<P, S, C>, S>, CompareError> {
+    fn learn(&self, of: Predictor, seed: usize) -> Result<RowModel<NominalOf<P, S, C>, S>, CompareError> {
         if let Some(config) = self.training(of) {
             let model = self.train(&config, seed)?;
             let fit = self.fit(&model, seed);

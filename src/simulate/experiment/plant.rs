@@ -5,7 +5,7 @@ use std::borrow::Cow;
 
 /// The driven vehicle, and its test road.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Plant {
+pub struct TestPlant {
     /// Name in files and tables.
     pub name: Cow<'static, str>,
     /// Description, in a sentence.
@@ -25,7 +25,7 @@ pub const STEER_DELAY: &str = "steer_delay";
 /// See [`STEER_DELAY`].
 pub const STEER_LAG: &str = "steer_lag";
 
-impl Plant {
+impl TestPlant {
     /// A plant by name, meaning, effects and test road.
     #[must_use]
     pub const fn new(
@@ -66,22 +66,22 @@ impl Plant {
 }
 
 /// The cars, with more and more effects that the nominal model lacks.
-pub const CAR_PLANTS: &[Plant] = &[
-    Plant::new(
+pub const CAR_PLANTS: &[TestPlant] = &[
+    TestPlant::new(
         "as_is",
         "The car of the vehicle file: tyres, suspension, its own actuator",
         &[],
         Route::SudokuTest,
     ),
-    Plant::new("lag", "A steering lag of 0.1 s added", &[(STEER_LAG, 0.1)], Route::SudokuTest),
-    Plant::new(
+    TestPlant::new("lag", "A steering lag of 0.1 s added", &[(STEER_LAG, 0.1)], Route::SudokuTest),
+    TestPlant::new(
         "lag_and_dead_time",
         "A steering lag of 0.1 s and a dead time of 60 ms added",
         &[(STEER_LAG, 0.1), (STEER_DELAY, 0.06)],
         Route::SudokuTest,
     )
     .timed(),
-    Plant::new(
+    TestPlant::new(
         "payload_low_friction",
         "300 kg loaded 0.8 m behind the CG, friction of all roads at 60 %",
         &[("payload", 300.0), ("payload_x", -0.8), ("road_friction", 0.6)],
@@ -90,15 +90,15 @@ pub const CAR_PLANTS: &[Plant] = &[
 ];
 
 /// The trucks: the two delays of the truck paper.
-pub const TRUCK_PLANTS: &[Plant] = &[
-    Plant::new(
+pub const TRUCK_PLANTS: &[TestPlant] = &[
+    TestPlant::new(
         "low_delay",
         "Dead time of 2 samples and a lag of 0.05 s added to the steering; on the off-road path",
         &[(STEER_DELAY, 0.04), (STEER_LAG, 0.05)],
         Route::TruckOffRoad,
     )
     .timed(),
-    Plant::new(
+    TestPlant::new(
         "high_delay",
         "Dead time of 15 samples and a lag of 0.2 s added to the steering; on the test route",
         &[(STEER_DELAY, 0.3), (STEER_LAG, 0.2)],

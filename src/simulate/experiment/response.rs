@@ -11,7 +11,7 @@
 //! on which a tight controller depends.
 
 use super::fit::FitMetrics;
-use super::plant::Plant;
+use super::plant::TestPlant;
 use super::trial::{TrialError, effects_of};
 use super::vehicle::NominalOf;
 use crate::control::ControlledVehicle;
@@ -26,7 +26,7 @@ const STEP: f64 = 0.02;
 
 /// A recorded response; rows at the sample time.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Response<const S: usize> {
+pub(super) struct RecordedResponse<const S: usize> {
     /// Speed at the beginning, m/s.
     pub speed: f64,
     /// Rows before the step.
@@ -36,11 +36,11 @@ pub(super) struct Response<const S: usize> {
     commands: Vec<f64>,
 }
 
-impl<const S: usize> Response<S> {
+impl<const S: usize> RecordedResponse<S> {
     /// Records `window` rows straight on, and the step with `horizon` rows behind it.
     pub fn record<P: SimulatedVehicle<S, C>, const C: usize>(
         vehicle: &P::Parameters,
-        plant: &Plant,
+        plant: &TestPlant,
         sample_time: f64,
         speed: f64,
         (window, horizon): (usize, usize),
@@ -72,7 +72,7 @@ impl<const S: usize> Response<S> {
     pub fn predicted_by<V: LateralVehicle<S>>(&self, model: &ResidualModelFor<V, S>) -> FitMetrics {
         let schema = model.schema();
         let window = schema.window;
-        let (mut features, mut room) = (vec![0.0; model.features()], model.room());
+        let (mut features, mut room) = (vec![0.0; model.features()], model.workspace());
         let mut states = self.states[..=self.before].to_vec();
         let mut nominal = SVector::from(states[self.before]);
         let mut sums = [[0.0_f64; S]; 3];

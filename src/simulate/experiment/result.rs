@@ -3,7 +3,7 @@
 use super::edge::Edge;
 use super::fit::FitMetrics;
 use super::step::{Identified, SteeringStep};
-use super::weights::Weights;
+use super::weights::CostWeights;
 use crate::path::RoadClass;
 use crate::simulate::{DriveFor, InputMetrics, StepTimes, TrackingMetrics};
 use serde::{Deserialize, Serialize};
@@ -25,7 +25,7 @@ pub struct Effort {
 /// One drive of the test route in numbers.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[allow(missing_docs)]
-pub struct Outcome {
+pub struct DriveMetrics {
     pub tracking: TrackingMetrics,
     pub classes: BTreeMap<&'static str, TrackingMetrics>,
     pub steering: InputMetrics,
@@ -37,7 +37,7 @@ pub struct Outcome {
     pub articulation: Option<f64>,
 }
 
-impl<const C: usize> From<&DriveFor<C>> for Outcome {
+impl<const C: usize> From<&DriveFor<C>> for DriveMetrics {
     fn from(drive: &DriveFor<C>) -> Self {
         let classes = RoadClass::ALL
             .iter()
@@ -75,26 +75,26 @@ pub struct RowFit {
 #[allow(missing_docs)]
 pub struct RowResult {
     pub row: String,
-    pub weights: Weights,
+    pub weights: CostWeights,
     /// Score of the weights on the training pieces, m.
     pub score: f64,
     /// Every candidate's weights and score.
-    pub tried: Vec<(Weights, f64)>,
+    pub tried: Vec<(CostWeights, f64)>,
     /// One for each seed; one only where no seed plays a part.
-    pub own_best: Vec<Outcome>,
-    pub frozen: Vec<Outcome>,
-    pub default: Vec<Outcome>,
+    pub own_best: Vec<DriveMetrics>,
+    pub frozen: Vec<DriveMetrics>,
+    pub default: Vec<DriveMetrics>,
     pub fit: Vec<RowFit>,
     pub time: Option<StepTimes>,
     /// On further roads by name, at the row's own best weights.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    pub further: BTreeMap<&'static str, Vec<Outcome>>,
+    pub further: BTreeMap<&'static str, Vec<DriveMetrics>>,
 }
 
 impl RowResult {
     /// Outcomes of each protocol.
     #[must_use]
-    pub fn protocols(&self) -> [(&'static str, &[Outcome]); 3] {
+    pub fn protocols(&self) -> [(&'static str, &[DriveMetrics]); 3] {
         [("own best", &self.own_best), ("frozen", &self.frozen), ("default", &self.default)]
     }
 }

@@ -1,6 +1,6 @@
 //! The roads of a comparison.
 
-use super::plant::Plant;
+use super::plant::TestPlant;
 use super::vehicle::Setting;
 use crate::path::sudoku::Route;
 use crate::path::{Closure, Path, PathError};
@@ -27,7 +27,7 @@ impl Roads {
     ///
     /// # Errors
     /// None for our own courses, unless they were changed.
-    pub fn new(setting: &Setting, plant: &Plant) -> Result<Self, PathError> {
+    pub fn new(setting: &Setting, plant: &TestPlant) -> Result<Self, PathError> {
         let train = Arc::new(setting.training.path()?);
         let samples = setting.training.samples();
         let length = train.length();

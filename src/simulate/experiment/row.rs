@@ -86,14 +86,14 @@ impl Predictor {
 
 /// A row of the tables.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Row {
+pub struct TableRow {
     /// The way to predict.
     pub predictor: Predictor,
     /// True if the disturbance observer runs.
     pub observes: bool,
 }
 
-impl Row {
+impl TableRow {
     /// The nominal MPC: every other is measured by it.
     pub const NOMINAL: Self = Self::plain(Predictor::Mpc);
 
@@ -117,46 +117,46 @@ impl Row {
 }
 
 /// The car's rows; the slowest at the end.
-pub const CAR_ROWS: &[Row] = &[
-    Row::NOMINAL,
-    Row::plain(Predictor::Rt),
-    Row::plain(Predictor::Rtl),
-    Row::plain(Predictor::Rf),
-    Row::plain(Predictor::Rfl),
-    Row::plain(Predictor::Linear),
-    Row::plain(Predictor::LinearCurvature),
-    Row::plain(Predictor::RflS),
-    Row::observing(Predictor::RflS),
-    Row::observing(Predictor::Mpc),
-    Row::plain(Predictor::Nmpc),
-    Row::plain(Predictor::GpNmpc),
-    Row::plain(Predictor::Oracle),
+pub const CAR_ROWS: &[TableRow] = &[
+    TableRow::NOMINAL,
+    TableRow::plain(Predictor::Rt),
+    TableRow::plain(Predictor::Rtl),
+    TableRow::plain(Predictor::Rf),
+    TableRow::plain(Predictor::Rfl),
+    TableRow::plain(Predictor::Linear),
+    TableRow::plain(Predictor::LinearCurvature),
+    TableRow::plain(Predictor::RflS),
+    TableRow::observing(Predictor::RflS),
+    TableRow::observing(Predictor::Mpc),
+    TableRow::plain(Predictor::Nmpc),
+    TableRow::plain(Predictor::GpNmpc),
+    TableRow::plain(Predictor::Oracle),
 ];
 
 /// The truck's rows: all delay models and residuals, without and with the observer; the slowest at the end.
-pub const TRUCK_ROWS: &[Row] = &[
-    Row::NOMINAL,
-    Row::plain(Predictor::FirstOrder),
-    Row::plain(Predictor::Pade11),
-    Row::plain(Predictor::Pade22),
-    Row::plain(Predictor::Identified),
-    Row::plain(Predictor::Oracle),
-    Row::plain(Predictor::Rt),
-    Row::plain(Predictor::Rf),
-    Row::plain(Predictor::Linear),
-    Row::plain(Predictor::Rtl),
-    Row::plain(Predictor::Rfl),
-    Row::plain(Predictor::RflS),
-    Row::observing(Predictor::Mpc),
-    Row::observing(Predictor::FirstOrder),
-    Row::observing(Predictor::Pade11),
-    Row::observing(Predictor::Pade22),
-    Row::observing(Predictor::Identified),
-    Row::observing(Predictor::Oracle),
-    Row::observing(Predictor::Linear),
-    Row::observing(Predictor::Rtl),
-    Row::observing(Predictor::Rfl),
-    Row::observing(Predictor::RflS),
-    Row::plain(Predictor::Nmpc),
-    Row::plain(Predictor::GpNmpc),
+pub const TRUCK_ROWS: &[TableRow] = &[
+    TableRow::NOMINAL,
+    TableRow::plain(Predictor::FirstOrder),
+    TableRow::plain(Predictor::Pade11),
+    TableRow::plain(Predictor::Pade22),
+    TableRow::plain(Predictor::Identified),
+    TableRow::plain(Predictor::Oracle),
+    TableRow::plain(Predictor::Rt),
+    TableRow::plain(Predictor::Rf),
+    TableRow::plain(Predictor::Linear),
+    TableRow::plain(Predictor::Rtl),
+    TableRow::plain(Predictor::Rfl),
+    TableRow::plain(Predictor::RflS),
+    TableRow::observing(Predictor::Mpc),
+    TableRow::observing(Predictor::FirstOrder),
+    TableRow::observing(Predictor::Pade11),
+    TableRow::observing(Predictor::Pade22),
+    TableRow::observing(Predictor::Identified),
+    TableRow::observing(Predictor::Oracle),
+    TableRow::observing(Predictor::Linear),
+    TableRow::observing(Predictor::Rtl),
+    TableRow::observing(Predictor::Rfl),
+    TableRow::observing(Predictor::RflS),
+    TableRow::plain(Predictor::Nmpc),
+    TableRow::plain(Predictor::GpNmpc),
 ];

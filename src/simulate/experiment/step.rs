@@ -3,7 +3,7 @@
 //!
 //! All delay models are identified from the same record; none knows the true plant.
 
-use super::plant::Plant;
+use super::plant::TestPlant;
 use super::trial::{TrialError, effects_of};
 use crate::nominal::{DelayModel, IdentifiedActuator, IdentifyError, SteeringRecord};
 use crate::simulate::{DriveError, SimulatedVehicle};
@@ -50,7 +50,7 @@ impl SteeringStep {
     /// A vehicle that cannot be made, or cannot go on.
     pub fn record<P: SimulatedVehicle<S, C>, const S: usize, const C: usize>(
         vehicle: &P::Parameters,
-        plant: &Plant,
+        plant: &TestPlant,
         sample_time: f64,
     ) -> Result<Self, TrialError> {
         let effects = effects_of::<P, S, C>(plant)?;

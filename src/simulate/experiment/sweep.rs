@@ -1,14 +1,14 @@
 //! The error over the dead time of the steering: what each delay model is worth, at weights that are the same for all.
 
 use super::compare::{CompareError, ComparisonFor};
-use super::plant::{Plant, STEER_DELAY, STEER_LAG};
-use super::result::{Effort, Outcome};
+use super::plant::{STEER_DELAY, STEER_LAG, TestPlant};
+use super::result::{DriveMetrics, Effort};
 use super::roads::Roads;
-use super::row::{Predictor, Row};
+use super::row::{Predictor, TableRow};
 use super::vehicle::Compared;
-use super::weights::Weights;
+use super::weights::CostWeights;
+use crate::numerics::parallel;
 use crate::path::sudoku::Route;
-use crate::residual::parallel;
 use serde::Serialize;
 use std::borrow::Cow;
 
@@ -22,14 +22,14 @@ pub struct SweepSetting {
     /// The road.
     pub test: Route,
     /// The rows.
-    pub rows: &'static [Row],
+    pub rows: &'static [TableRow],
     /// Weights by name.
-    pub weights: &'static [(&'static str, Weights)],
+    pub weights: &'static [(&'static str, CostWeights)],
 }
 
 /// Weights without observer.
-const fn weights(q_e1_rate: f64, q_e2: f64, r_rate: f64) -> Weights {
-    Weights { q_e1_rate, q_e2, q_e2_rate: 0.0, r_rate, disturbance_noise: 0.0, prediction_noise: 0.0 }
+const fn weights(q_e1_rate: f64, q_e2: f64, r_rate: f64) -> CostWeights {
+    CostWeights { q_e1_rate, q_e2, q_e2_rate: 0.0, r_rate, disturbance_noise: 0.0, prediction_noise: 0.0 }
 }
 
 impl SweepSetting {
@@ -39,14 +39,14 @@ impl SweepSetting {
         lag: 0.2,
         test: Route::TruckOffRoad,
         rows: &[
-            Row::NOMINAL,
-            Row::plain(Predictor::FirstOrder),
-            Row::plain(Predictor::Pade11),
-            Row::plain(Predictor::Pade22),
-            Row::plain(Predictor::Identified),
-            Row::plain(Predictor::Oracle),
-            Row::plain(Predictor::Rfl),
-            Row::plain(Predictor::RflS),
+            TableRow::NOMINAL,
+            TableRow::plain(Predictor::FirstOrder),
+            TableRow::plain(Predictor::Pade11),
+            TableRow::plain(Predictor::Pade22),
+            TableRow::plain(Predictor::Identified),
+            TableRow::plain(Predictor::Oracle),
+            TableRow::plain(Predictor::Rfl),
+            TableRow::plain(Predictor::RflS),
         ],
         weights: &[("default", weights(0.4, 0.0, 0.1)), ("damped", weights(1.0, 300.0, 30.0))],
     };
@@ -62,7 +62,7 @@ pub struct SweepPoint {
     pub weights: &'static str,
     pub row: String,
     /// None where the collecting nominal MPC was lost: there was nothing to learn from.
-    pub outcome: Option<Outcome>,
+    pub outcome: Option<DriveMetrics>,
 }
 
 /// Sweeps the dead time of a vehicle's steering, with the first seed's models; nothing for a vehicle without a sweep.
@@ -78,10 +78,10 @@ pub fn sweep<P: Compared<S, C>, const S: usize, const C: usize>(
     let mut points = Vec::new();
     for &dead_time in setting.dead_times {
         progress(&format!("dead time {dead_time:.1} s"));
-        let plant = Plant {
+        let plant = TestPlant {
             name: Cow::Owned(format!("dead_time_{dead_time:.1}")),
             effects: Cow::Owned(vec![(STEER_DELAY, dead_time), (STEER_LAG, setting.lag)]),
-            ..Plant::new("", "A dead time and a lag added to the steering", &[], setting.test)
+            ..TestPlant::new("", "A dead time and a lag added to the steering", &[], setting.test)
         };
         let roads = Roads::new(&P::SETTING, &plant)?;
         let effort = Effort { seeds: 1, drives: P::SETTING.drives, budget: 0, threads };
@@ -103,7 +103,7 @@ pub fn sweep<P: Compared<S, C>, const S: usize, const C: usize>(
             if row.predictor.learns() && !learns {
                 return Ok(None);
             }
-            Ok(Some(Outcome::from(&comparison.drive(*row, weights, &roads.test)?)))
+            Ok(Some(DriveMetrics::from(&comparison.drive(*row, weights, &roads.test)?)))
         });
         for ((weights, row), outcome) in jobs.iter().zip(outcomes) {
             let outcome: Result<_, CompareError> = outcome;

@@ -1,8 +1,8 @@
 //! One drive of the comparison: a plant, a way to predict, weights, noise and a seed.
 
-use super::plant::Plant;
+use super::plant::TestPlant;
 use super::vehicle::NominalOf;
-use super::weights::Weights;
+use super::weights::CostWeights;
 use crate::control::{ControllerError, ControllerFor, PredictionModelFor};
 use crate::nominal::ERRORS;
 use crate::path::Path;
@@ -33,10 +33,10 @@ pub type Trial<'a> = TrialFor<'a, Car, ERRORS, CAR_COLUMNS>;
 #[allow(missing_docs)]
 pub struct TrialFor<'a, P: SimulatedVehicle<S, C>, const S: usize, const C: usize> {
     pub vehicle: &'a P::Parameters,
-    pub plant: &'a Plant,
+    pub plant: &'a TestPlant,
     pub path: Arc<Path>,
     pub model: PredictionModelFor<NominalOf<P, S, C>, S>,
-    pub weights: Weights,
+    pub weights: CostWeights,
     /// Noise of the sensors and its seed.
     pub noise: Option<(SensorNoise, u64)>,
     /// Lateral error at which the drive is given up, m.
@@ -50,7 +50,7 @@ pub const LOST: f64 = 3.5;
 
 /// The effects that make a plant.
 pub(super) fn effects_of<P: SimulatedVehicle<S, C>, const S: usize, const C: usize>(
-    plant: &Plant,
+    plant: &TestPlant,
 ) -> Result<P::Effects, TrialError> {
     let mut effects = P::Effects::default();
     for &(id, value) in plant.effects.iter() {

@@ -3,10 +3,10 @@
 use super::compare::{CompareError, ComparisonFor};
 use super::trial::{TrialError, TrialFor};
 use super::vehicle::{Compared, NominalOf};
-use super::weights::{Found, Weights};
+use super::weights::{CostWeights, WeightSearch};
 use crate::control::PredictionModelFor;
+use crate::numerics::parallel;
 use crate::path::Path;
-use crate::residual::parallel;
 use crate::simulate::{DriveFor, STATION, SensorNoise};
 use std::sync::Arc;
 
@@ -37,7 +37,7 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
         &self,
         path: &Arc<Path>,
         models: &Models<P, S, C>,
-        weights: &Weights,
+        weights: &CostWeights,
         noise: Option<SensorNoise>,
         seed: usize,
     ) -> Result<(DriveFor<C>, f64), TrialError> {
@@ -59,7 +59,7 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
     pub(super) fn pieces(
         &self,
         models: &Models<P, S, C>,
-        weights: &Weights,
+        weights: &CostWeights,
         threads: usize,
     ) -> Result<(f64, f64), CompareError> {
         let pieces = &self.roads.pieces;
@@ -79,15 +79,19 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
 
     /// The better of the two best candidates on the roads for validation, among those that stand them shaken with every
     /// seed's model. The best candidate if none does.
-    pub(super) fn validate(&self, models: &Models<P, S, C>, found: &Found) -> Result<Weights, CompareError> {
+    pub(super) fn validate(
+        &self,
+        models: &Models<P, S, C>,
+        found: &WeightSearch,
+    ) -> Result<CostWeights, CompareError> {
         let mut best = found.tried.clone();
         best.sort_by(|a, b| a.1.total_cmp(&b.1));
         best.dedup();
         let roads = &self.roads.validation;
-        let error = |weights: &Weights, road: &Arc<Path>, noise: Option<SensorNoise>, seed: usize| {
+        let error = |weights: &CostWeights, road: &Arc<Path>, noise: Option<SensorNoise>, seed: usize| {
             self.candidate(road, models, weights, noise, seed).map(|(_, error)| error)
         };
-        let stands = |weights: &Weights| -> Result<bool, TrialError> {
+        let stands = |weights: &CostWeights| -> Result<bool, TrialError> {
             for (seed, road) in (0..models.len()).flat_map(|seed| roads.iter().map(move |road| (seed, road)))
             {
                 if error(weights, road, Some(self.shaking()), seed)? >= COST_OF_LOSS {
@@ -99,7 +103,7 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
         // Seeds share a model where nothing is learned, and differ in their noise only.
         let distinct = if self.noise.is_some() { usize::MAX } else { models.len() };
         let seeds = || P::SETTING.validating.iter().take(distinct);
-        let mean = |weights: &Weights| -> Result<f64, TrialError> {
+        let mean = |weights: &CostWeights| -> Result<f64, TrialError> {
             let (mut sum, mut length) = (0.0, 0.0);
             for (&seed, road) in seeds().flat_map(|seed| roads.iter().map(move |road| (seed, road))) {
                 sum += road.length() * error(weights, road, self.noise, seed)?;
@@ -107,7 +111,7 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
             }
             Ok(sum / length)
         };
-        let mut standing: Vec<(f64, Weights)> = vec![];
+        let mut standing: Vec<(f64, CostWeights)> = vec![];
         for (weights, _) in
             best.iter().filter(|candidate| candidate.1 < COST_OF_ROUGHNESS).take(P::SETTING.shaken)
         {
@@ -127,7 +131,7 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'_, P, S, 
     pub(super) fn score(
         &self,
         models: &Models<P, S, C>,
-        weights: &Weights,
+        weights: &CostWeights,
         limit: f64,
         threads: usize,
     ) -> Result<f64, CompareError> {

@@ -3,11 +3,11 @@
 //!
 //! Everything else in this folder is written once, for every kind.
 
-use super::plant::{CAR_PLANTS, Plant, TRUCK_PLANTS};
-use super::row::{CAR_ROWS, Row, TRUCK_ROWS};
+use super::plant::{CAR_PLANTS, TRUCK_PLANTS, TestPlant};
+use super::row::{CAR_ROWS, TRUCK_ROWS, TableRow};
 use super::sweep::SweepSetting;
-use super::weights::{Space, Weights};
-use crate::control::{GpOf, TRUCK_STATES, VehicleParameters};
+use super::weights::{CostWeights, Space};
+use crate::control::{ControlledParameters, GpOf, TRUCK_STATES};
 use crate::nominal::ERRORS;
 use crate::path::sudoku::Route;
 use crate::residual::DataSet;
@@ -17,15 +17,15 @@ use crate::vehicle::{Articulated, Car, CarParameters, Steering, Truck, TruckPara
 
 /// The linear model that a vehicle's controller has of it.
 pub type NominalOf<P, const S: usize, const C: usize> =
-    <<P as SimulatedVehicle<S, C>>::Nominal as VehicleParameters<S>>::Vehicle;
+    <<P as SimulatedVehicle<S, C>>::Nominal as ControlledParameters<S>>::Vehicle;
 
 /// Plants, rows and roads of a kind of vehicle.
 #[derive(Debug, Clone, Copy)]
 pub struct Setting {
     /// The plants.
-    pub plants: &'static [Plant],
+    pub plants: &'static [TestPlant],
     /// The rows, the slowest at the end.
-    pub rows: &'static [Row],
+    pub rows: &'static [TableRow],
     /// The training route.
     pub training: Route,
     /// Pieces of it on which weights are tuned, m; each begins on a straight.
@@ -47,7 +47,7 @@ pub struct Setting {
     /// Speeds, m/s, at which learned models are asked for the response to a step of the command.
     pub step_speeds: &'static [f64],
     /// Weights of a collecting controller.
-    pub calm: Weights,
+    pub calm: CostWeights,
     /// Amplitude of the dither of those drives, rad.
     pub dither: f64,
     /// Drives to learn from by an MPC that has learned from the first ones, if they are made.
@@ -82,7 +82,7 @@ pub struct Setting {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Again {
     /// Its weights.
-    pub weights: Weights,
+    pub weights: CostWeights,
     /// Amplitude of its dither, rad.
     pub dither: f64,
 }
@@ -109,7 +109,7 @@ pub trait Compared<const S: usize, const C: usize>: SimulatedVehicle<S, C, Param
 /// learned ringing, with its saturated commands, makes the loop diverge. Measured on lag 0.1 s and dead time 0.06 s,
 /// RFL+S with a window of 16, as mean lateral error on the test route. The nominal has 34 mm; learned from drives with
 /// the default weights it is 767 mm, with these 16 mm.
-pub const CALM: Weights = Weights {
+pub const CALM: CostWeights = CostWeights {
     q_e1_rate: 1.0,
     q_e2: 2.0,
     q_e2_rate: 0.0,
@@ -120,7 +120,7 @@ pub const CALM: Weights = Weights {
 
 /// Weights of a truck's collecting controller, tried behind a dead time of 0.3 s and a lag of 0.2 s. With dither, it
 /// stays on the training route (mean lateral error 0.46 m, at most 1.7 m); tighter ones jack-knifed there.
-pub const TRUCK_CALM: Weights = Weights { q_e1_rate: 3.0, q_e2: 1000.0, r_rate: 300.0, ..CALM };
+pub const TRUCK_CALM: CostWeights = CostWeights { q_e1_rate: 3.0, q_e2: 1000.0, r_rate: 300.0, ..CALM };
 
 /// Amplitude of the dither of a car's collecting drives, rad.
 pub const DITHER: f64 = 0.01;
@@ -136,7 +136,7 @@ pub const TRUCK_DITHER: f64 = 0.005;
 /// 0.15 mm. RFL, whose trees do not know the speed, jack-knifed before. Now it rings, 4.2 mm (filtered 326), and with
 /// observer is still lost at such weights.
 const TRUCK_AGAIN: Again = Again {
-    weights: Weights { q_e1_rate: 0.4, q_e2: 0.0, q_e2_rate: 0.0, r_rate: 0.1, ..CALM },
+    weights: CostWeights { q_e1_rate: 0.4, q_e2: 0.0, q_e2_rate: 0.0, r_rate: 0.1, ..CALM },
     dither: 0.01,
 };
 

@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 /// Weights that are searched.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[allow(missing_docs)]
-pub struct Weights {
+pub struct CostWeights {
     pub q_e1_rate: f64,
     pub q_e2: f64,
     pub q_e2_rate: f64,
@@ -32,7 +32,7 @@ const AXES: usize = 6;
 /// Ranges of a kind of vehicle's weights in the search.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Space {
-    /// Ranges, in the order of [`Weights`].
+    /// Ranges, in the order of [`CostWeights`].
     pub ranges: [(f64, f64); AXES],
     /// Designs that every search begins with: `q_e1_rate`, `q_e2`, `q_e2_rate`, `r_rate`. The default first.
     pub beginning: &'static [[f64; 4]],
@@ -45,7 +45,7 @@ const STEP: f64 = 0.12;
 /// Cost of leaving the ranges, for each range's width.
 const OUTSIDE: f64 = 10.0;
 
-impl Weights {
+impl CostWeights {
     /// A controller's, without an observer.
     #[must_use]
     pub fn of(p: &MpcParameters) -> Self {
@@ -76,13 +76,13 @@ impl Weights {
 
 impl Space {
     /// From a point of the unit cube; without an observer the last two numbers are missing.
-    fn at(&self, point: &[f64]) -> Weights {
+    fn at(&self, point: &[f64]) -> CostWeights {
         let value = |i: usize| {
             let (low, high) = self.ranges[i];
             low * (high / low).powf(point[i])
         };
         let observes = point.len() == AXES;
-        Weights {
+        CostWeights {
             q_e1_rate: value(0),
             q_e2: value(1),
             q_e2_rate: value(2),
@@ -100,8 +100,8 @@ impl Space {
 
     /// Weights on the way from some to others, over decades, without an observer; a share of the way from 0 to 1.
     #[must_use]
-    pub fn between(&self, from: &Weights, to: &Weights, share: f64) -> Weights {
-        let ends = [from, to].map(Weights::of_cost);
+    pub fn between(&self, from: &CostWeights, to: &CostWeights, share: f64) -> CostWeights {
+        let ends = [from, to].map(CostWeights::of_cost);
         let point: Vec<f64> = (0..AXES - 2)
             .map(|axis| {
                 let [from, to] = ends.map(|values| self.place(axis, values[axis]));
@@ -114,13 +114,13 @@ impl Space {
 
 /// Result of a search.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Found {
+pub struct WeightSearch {
     /// The best weights.
-    pub weights: Weights,
+    pub weights: CostWeights,
     /// Their score.
     pub score: f64,
     /// Every candidate with its score, in order.
-    pub tried: Vec<(Weights, f64)>,
+    pub tried: Vec<(CostWeights, f64)>,
 }
 
 /// Searches weights with the least score among `budget` candidates; `known` are good for another row.
@@ -129,11 +129,11 @@ pub fn search(
     budget: usize,
     seed: u64,
     observes: bool,
-    known: Option<Weights>,
-    mut score: impl FnMut(&Weights) -> f64,
-) -> Found {
+    known: Option<CostWeights>,
+    mut score: impl FnMut(&CostWeights) -> f64,
+) -> WeightSearch {
     let axes = if observes { AXES } else { AXES - 2 };
-    let mut tried: Vec<(Weights, f64)> = Vec::with_capacity(budget);
+    let mut tried: Vec<(CostWeights, f64)> = Vec::with_capacity(budget);
     let mut best: (Vec<f64>, f64) = (vec![0.5; axes], f64::INFINITY);
     let known = known.map(|weights| (weights.of_cost(), space.noises[0]));
     let beginning = space.beginning.iter().copied().zip(space.noises.iter().copied());
@@ -168,7 +168,7 @@ pub fn search(
         .copied()
         .min_by(|a, b| a.1.total_cmp(&b.1))
         .unwrap_or_else(|| (space.at(&vec![0.5; axes]), f64::INFINITY));
-    Found { weights, score, tried }
+    WeightSearch { weights, score, tried }
 }
 
 #[cfg(test)]
@@ -179,7 +179,8 @@ mod tests {
     #[test]
     fn it_finds_a_valley_and_gives_the_same_again() {
         // Far from all designs.
-        let valley = |w: &Weights| (w.q_e1_rate.ln() - 0.3_f64.ln()).powi(2) + (w.r_rate.ln() + 11.0).powi(2);
+        let valley =
+            |w: &CostWeights| (w.q_e1_rate.ln() - 0.3_f64.ln()).powi(2) + (w.r_rate.ln() + 11.0).powi(2);
         let found = search(&CAR_SPACE, 64, 1, false, None, valley);
         assert!(found.score < 0.3 * found.tried[..9].iter().map(|t| t.1).fold(f64::INFINITY, f64::min));
         assert_eq!(found, search(&CAR_SPACE, 64, 1, false, None, valley));

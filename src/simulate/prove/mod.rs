@@ -17,11 +17,11 @@ mod plants;
 pub use plants::{ExplainedPlant, explaining_plants};
 
 use super::experiment::{Compared, NominalOf};
-use super::tune::{Outcome, Scenario, ScenarioError, Values};
+use super::tune::{ControllerNumbers, Scenario, ScenarioError, ScenarioResult};
 use crate::control::{ControllerParametersFor, PredictionModelFor};
 use crate::nominal::Actuator;
+use crate::numerics::parallel;
 use crate::path::{PathError, RandomRoad};
-use crate::residual::parallel;
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -39,9 +39,9 @@ pub struct ProofDrive {
     /// Plant and road.
     pub name: String,
     /// Default controller.
-    pub default: Outcome,
+    pub default: ScenarioResult,
     /// With the model.
-    pub learned: Outcome,
+    pub learned: ScenarioResult,
 }
 
 /// All drives.
@@ -101,7 +101,7 @@ impl Proof {
     /// Figures of the default controller and of the model.
     #[must_use]
     pub fn figures(&self) -> [ProofFigures; 2] {
-        let of = |outcome: fn(&ProofDrive) -> &Outcome| ProofFigures {
+        let of = |outcome: fn(&ProofDrive) -> &ScenarioResult| ProofFigures {
             mean: self.drives.iter().map(|drive| outcome(drive).mean).sum::<f64>()
                 / self.drives.len().max(1) as f64,
             max: self.drives.iter().map(|drive| outcome(drive).max).fold(0.0, f64::max),
@@ -164,7 +164,7 @@ pub struct Contest<P: Compared<S, C>, const S: usize, const C: usize> {
 pub struct Exam<P: Compared<S, C>, const S: usize, const C: usize> {
     scenarios: Vec<Scenario<P, S, C>>,
     /// Of the default.
-    outcomes: Vec<Outcome>,
+    outcomes: Vec<ScenarioResult>,
     threads: usize,
 }
 
@@ -246,9 +246,9 @@ where
         self.scenarios.is_empty()
     }
 
-    fn drive(&self, said: &(dyn Fn() + Sync)) -> Result<Vec<Outcome>, ProofError> {
+    fn drive(&self, said: &(dyn Fn() + Sync)) -> Result<Vec<ScenarioResult>, ProofError> {
         let outcomes = parallel::map(self.threads, self.scenarios.len(), |i| {
-            let outcome = self.scenarios[i].drive(&Values::default(), f64::INFINITY);
+            let outcome = self.scenarios[i].drive(&ControllerNumbers::default(), f64::INFINITY);
             said();
             outcome
         });

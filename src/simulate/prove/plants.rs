@@ -3,7 +3,8 @@
 
 use super::actuator_about;
 use crate::nominal::{Actuator, SingleTrackError};
-use crate::residual::{BlockMisfit, DataSet, Random, ShownActuator, parallel};
+use crate::numerics::{Random, parallel};
+use crate::residual::{BlockMisfit, DataSet, ShownActuator};
 use crate::simulate::experiment::{Compared, NominalOf};
 use crate::vehicle::VehicleParameters as _;
 
@@ -29,7 +30,7 @@ pub struct ExplainedPlant<P: Compared<S, C>, const S: usize, const C: usize> {
 }
 
 /// A candidate: factors on front and rear stiffness, payload in kg, actuator.
-struct Candidate {
+struct PlantCandidate {
     stiffness: [f64; 2],
     payload: f64,
     actuator: Actuator,
@@ -49,7 +50,7 @@ pub fn explaining_plants<P: Compared<S, C>, const S: usize, const C: usize>(
     [seed, threads]: [u64; 2],
 ) -> Result<Vec<ExplainedPlant<P, S, C>>, SingleTrackError> {
     let mut random = Random::stream(seed, 37);
-    let candidates: Vec<Candidate> = (0..CANDIDATES)
+    let candidates: Vec<PlantCandidate> = (0..CANDIDATES)
         .map(|number| {
             // The first is the file's vehicle.
             let share = f64::from(u8::from(number > 0));
@@ -61,7 +62,7 @@ pub fn explaining_plants<P: Compared<S, C>, const S: usize, const C: usize>(
             let of_parts = shown.prior.dead_time_spread.max(shown.prior.lag_spread);
             let actuator =
                 actuator_about(&shown.prior.actuator, [shown.spread, of_parts], [normal(), normal()]);
-            Candidate { stiffness, payload, actuator }
+            PlantCandidate { stiffness, payload, actuator }
         })
         .collect();
     let misfits = parallel::map(parallel::threads(threads as usize), CANDIDATES, |i| {
@@ -96,9 +97,9 @@ pub fn explaining_plants<P: Compared<S, C>, const S: usize, const C: usize>(
 
 fn plant<P: Compared<S, C>, const S: usize, const C: usize>(
     vehicle: &P::Parameters,
-    candidate: &Candidate,
+    candidate: &PlantCandidate,
 ) -> ExplainedPlant<P, S, C> {
-    let Candidate { stiffness, payload, actuator } = candidate;
+    let PlantCandidate { stiffness, payload, actuator } = candidate;
     let mut vehicle = vehicle.clone();
     for parameter in P::Parameters::TABLE {
         match parameter.name {

@@ -1,6 +1,6 @@
 //! Return of a controller to the road from beside it: the response of weights that a page shows.
 
-use super::axis::Values;
+use super::axis::ControllerNumbers;
 use super::scenario::{Scenario, ScenarioError};
 use crate::control::ControllerFor;
 use crate::path::{Closure, Path, Sample};
@@ -19,7 +19,7 @@ const DURATION: f64 = 8.0;
 /// Parameters out of range.
 pub fn answer_to_offset<P: Compared<S, C>, const S: usize, const C: usize>(
     scenario: &Scenario<P, S, C>,
-    values: &Values,
+    values: &ControllerNumbers,
     speed: f64,
 ) -> Result<Vec<(f64, f64)>, ScenarioError> {
     let mut parameters = scenario.controller_with(values)?;

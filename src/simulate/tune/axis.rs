@@ -1,6 +1,6 @@
 //! Axes of the search: named numbers of the controller, each over decades.
 
-use crate::control::{ControllerParametersFor, VehicleParameters};
+use crate::control::{ControlledParameters, ControllerParametersFor};
 use crate::parameter::{OutOfRange, ParameterGroup};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -17,7 +17,7 @@ pub struct Axis {
 /// Numbers of a controller by their names.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(transparent)]
-pub struct Values(pub BTreeMap<String, f64>);
+pub struct ControllerNumbers(pub BTreeMap<String, f64>);
 
 /// The weights and the horizon.
 #[must_use]
@@ -69,7 +69,7 @@ pub fn number_of<G>(parameters: &ControllerParametersFor<G>, name: &str) -> Opti
         .or_else(|| of(&p.nmpc, name))
 }
 
-impl Values {
+impl ControllerNumbers {
     /// Values of the axes in a controller; without those that only its kind of vehicle has.
     #[must_use]
     pub fn of<G>(parameters: &ControllerParametersFor<G>, axes: &[Axis]) -> Self {
@@ -81,7 +81,7 @@ impl Values {
     ///
     /// # Errors
     /// A value out of its range, or a name that no parameter has.
-    pub fn apply<G: VehicleParameters<S>, const S: usize>(
+    pub fn apply<G: ControlledParameters<S>, const S: usize>(
         &self,
         parameters: &mut ControllerParametersFor<G>,
     ) -> Result<(), NotSet> {

@@ -6,8 +6,8 @@
 use super::scenario::Scenario;
 use crate::control::{ControllerParametersFor, PredictionModelFor};
 use crate::nominal::Actuator;
+use crate::numerics::Random;
 use crate::path::{Path, PathError, RandomRoad};
-use crate::residual::Random;
 use crate::simulate::SimulatedVehicle;
 use crate::simulate::experiment::{Compared, NominalOf};
 use crate::vehicle::VehicleParameters as _;

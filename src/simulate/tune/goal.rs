@@ -1,8 +1,8 @@
 //! Margins that the linear loop must have: at each speed, with each vehicle and actuator of the ensemble.
 
-use super::axis::Values;
+use super::axis::ControllerNumbers;
 use super::scenario::{Scenario, ScenarioError};
-use crate::control::{LinearController, Margins, PredictionModelFor, SteeringLoop, VehicleParameters};
+use crate::control::{ControlledParameters, LinearController, Margins, PredictionModelFor, SteeringLoop};
 use crate::simulate::experiment::{Compared, NominalOf};
 
 /// Speeds of the margins, m/s.
@@ -34,7 +34,7 @@ pub type LoopMargins<P, const S: usize, const C: usize> =
 /// Parameters out of range.
 pub fn margins_over_speeds<P: Compared<S, C>, const S: usize, const C: usize>(
     scenario: &Scenario<P, S, C>,
-    values: &Values,
+    values: &ControllerNumbers,
     speeds: &[f64],
 ) -> Result<Vec<LoopMargins<P, S, C>>, ScenarioError> {
     let parameters = scenario.controller_with(values)?;
@@ -58,7 +58,7 @@ impl MarginGoal {
     pub(super) fn penalty<P: Compared<S, C>, const S: usize, const C: usize>(
         &self,
         scenario: &Scenario<P, S, C>,
-        values: &Values,
+        values: &ControllerNumbers,
     ) -> Result<f64, ScenarioError> {
         let speeds: Vec<f64> = SPEEDS.into_iter().filter(|speed| *speed <= self.speed).collect();
         let loops = margins_over_speeds(scenario, values, &speeds)?;

@@ -25,8 +25,8 @@ mod scenario;
 mod search;
 
 pub use answer::answer_to_offset;
-pub use axis::{Axis, Values, number_of, standard_axes};
+pub use axis::{Axis, ControllerNumbers, number_of, standard_axes};
 pub use family::{Actuators, Controlled, Family, FamilyError, Purpose};
 pub use goal::{LoopMargins, MarginGoal, SPEEDS, margins_over_speeds};
-pub use scenario::{LOST_AT, LOST_COST, Outcome, Scenario, ScenarioError};
-pub use search::{Candidate, Ensemble, SearchSettings, search};
+pub use scenario::{LOST_AT, LOST_COST, Scenario, ScenarioError, ScenarioResult};
+pub use search::{Ensemble, SearchSettings, TuneCandidate, search};

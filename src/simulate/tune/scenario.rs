@@ -9,7 +9,7 @@
 //! A drive is lost if the vehicle is 2 m off the road, rolls over, jack-knifes or makes no progress. A later loss costs
 //! less: a search needs such differences.
 
-use super::axis::{NotSet, Values};
+use super::axis::{ControllerNumbers, NotSet};
 use crate::control::{ControllerError, ControllerFor, ControllerParametersFor, PredictionModelFor};
 use crate::nominal::Actuator;
 use crate::path::Path;
@@ -49,7 +49,7 @@ pub struct Scenario<P: Compared<S, C>, const S: usize, const C: usize> {
 
 /// Result of a drive.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Outcome {
+pub struct ScenarioResult {
     /// Objective of the search, m.
     pub cost: f64,
     /// Largest lateral error, m.
@@ -87,7 +87,10 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> Scenario<P, S, C> {
     ///
     /// # Errors
     /// A value out of its range.
-    pub fn controller_with(&self, values: &Values) -> Result<ControllerParametersFor<P::Nominal>, NotSet> {
+    pub fn controller_with(
+        &self,
+        values: &ControllerNumbers,
+    ) -> Result<ControllerParametersFor<P::Nominal>, NotSet> {
         let mut parameters = self.controller;
         values.apply::<P::Nominal, S>(&mut parameters)?;
         Ok(parameters)
@@ -97,7 +100,7 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> Scenario<P, S, C> {
     ///
     /// # Errors
     /// Parameters out of range, a model that does not fit.
-    pub fn drive(&self, values: &Values, bound: f64) -> Result<Outcome, ScenarioError> {
+    pub fn drive(&self, values: &ControllerNumbers, bound: f64) -> Result<ScenarioResult, ScenarioError> {
         let parameters = self.controller_with(values)?;
         let step = parameters.mpc.sample_time;
         let controller = ControllerFor::predicting_with(parameters, self.path.clone(), self.model.clone())?;
@@ -108,7 +111,7 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> Scenario<P, S, C> {
             closed = closed.with_noise(noise, seed);
         }
         let steps = ((PATIENCE.0 * planned + PATIENCE.1) / step) as usize;
-        let mut sums = Sums::default();
+        let mut sums = DriveSums::default();
         let mut before = None;
         let (mut finished, mut given_up) = (false, false);
         for _ in 0..steps {
@@ -134,7 +137,7 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> Scenario<P, S, C> {
 
 /// Sums over a drive.
 #[derive(Debug, Default)]
-struct Sums {
+struct DriveSums {
     count: u32,
     max: f64,
     errors: f64,
@@ -142,7 +145,7 @@ struct Sums {
     rates: f64,
 }
 
-impl Sums {
+impl DriveSums {
     fn add(&mut self, error: f64, rate: f64) {
         self.count += 1;
         self.max = self.max.max(error.abs());
@@ -151,11 +154,11 @@ impl Sums {
         self.rates += rate * rate;
     }
 
-    fn outcome(&self, driven: f64, lost: bool, given_up: bool) -> Outcome {
+    fn outcome(&self, driven: f64, lost: bool, given_up: bool) -> ScenarioResult {
         let count = f64::from(self.count.max(1));
         let (rms, roughness) = ((self.squares / count).sqrt(), (self.rates / count).sqrt());
         let cost = if lost { LOST_COST * (2.0 - driven) } else { self.max + rms + ROUGHNESS * roughness };
         let mean = self.errors / count;
-        Outcome { cost, max: self.max, mean, rms, roughness, lost, driven, given_up }
+        ScenarioResult { cost, max: self.max, mean, rms, roughness, lost, driven, given_up }
     }
 }

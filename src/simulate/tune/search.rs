@@ -6,10 +6,10 @@
 //!
 //! Source: Hansen, The CMA evolution strategy: a tutorial, 2016.
 
-use super::axis::{Axis, Values};
+use super::axis::{Axis, ControllerNumbers};
 use super::goal::MarginGoal;
-use super::scenario::{Outcome, Scenario, ScenarioError};
-use crate::residual::parallel;
+use super::scenario::{Scenario, ScenarioError, ScenarioResult};
+use crate::numerics::parallel;
 use crate::simulate::experiment::Compared;
 use cmaes::{CMAESOptions, DVector};
 use serde::Serialize;
@@ -35,9 +35,9 @@ pub struct Ensemble<P: Compared<S, C>, const S: usize, const C: usize> {
 
 /// A candidate and how it did.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Candidate {
+pub struct TuneCandidate {
     /// Its numbers.
-    pub values: Values,
+    pub values: ControllerNumbers,
     /// Its cost, m; for a dropped one the cost until then.
     pub cost: f64,
     /// Cost of missing margins in that, m.
@@ -45,7 +45,7 @@ pub struct Candidate {
     /// True if it was driven to the end.
     pub complete: bool,
     /// Its drives, one for each scenario; none for scenarios that were not driven.
-    pub outcomes: Vec<Option<Outcome>>,
+    pub outcomes: Vec<Option<ScenarioResult>>,
 }
 
 /// Length and start of a search.
@@ -54,7 +54,7 @@ pub struct SearchSettings {
     /// Candidates in all.
     pub budget: usize,
     /// Starting points: the search begins at the best of these.
-    pub starts: Vec<Values>,
+    pub starts: Vec<ControllerNumbers>,
     /// First standard deviation, in units of the axes.
     pub step: f64,
     /// Candidates of a generation; 0 for the strategy's own number.
@@ -63,7 +63,7 @@ pub struct SearchSettings {
     pub seed: u64,
 }
 
-impl Candidate {
+impl TuneCandidate {
     /// Scenarios that were lost.
     #[must_use]
     pub fn lost(&self) -> usize {
@@ -89,9 +89,14 @@ impl<P: Compared<S, C, Effects: Sync, Nominal: Sync>, const S: usize, const C: u
     ///
     /// # Errors
     /// Parameters out of range.
-    pub fn evaluate(&self, values: &Values, order: &[usize], bound: f64) -> Result<Candidate, ScenarioError> {
+    pub fn evaluate(
+        &self,
+        values: &ControllerNumbers,
+        order: &[usize],
+        bound: f64,
+    ) -> Result<TuneCandidate, ScenarioError> {
         let threads = parallel::threads(self.threads);
-        let mut candidate = Candidate {
+        let mut candidate = TuneCandidate {
             values: values.clone(),
             cost: 0.0,
             penalty: 0.0,
@@ -126,13 +131,13 @@ impl<P: Compared<S, C, Effects: Sync, Nominal: Sync>, const S: usize, const C: u
     ///
     /// # Errors
     /// Parameters out of range.
-    pub fn examine(&self, values: &Values) -> Result<Candidate, ScenarioError> {
+    pub fn examine(&self, values: &ControllerNumbers) -> Result<TuneCandidate, ScenarioError> {
         let order: Vec<usize> = (0..self.scenarios.len()).collect();
         self.evaluate(values, &order, f64::INFINITY)
     }
 
     /// The worst and a share of the mean; scenarios that were not driven cost nothing yet.
-    fn cost(&self, outcomes: &[Option<Outcome>]) -> f64 {
+    fn cost(&self, outcomes: &[Option<ScenarioResult>]) -> f64 {
         let costs = || outcomes.iter().flatten().map(|outcome| outcome.cost);
         let mean = costs().sum::<f64>() / outcomes.len().max(1) as f64;
         costs().fold(0.0, f64::max) + self.mean_share * mean
@@ -140,7 +145,7 @@ impl<P: Compared<S, C, Effects: Sync, Nominal: Sync>, const S: usize, const C: u
 }
 
 /// Scenarios by a candidate's costs, the hardest first.
-fn hardest_first(candidate: &Candidate) -> Vec<usize> {
+fn hardest_first(candidate: &TuneCandidate) -> Vec<usize> {
     let cost = |place: usize| candidate.outcomes[place].map_or(0.0, |outcome| outcome.cost);
     let mut order: Vec<usize> = (0..candidate.outcomes.len()).collect();
     order.sort_by(|&a, &b| cost(b).total_cmp(&cost(a)));
@@ -156,9 +161,9 @@ pub fn search<P: Compared<S, C, Effects: Sync, Nominal: Sync>, const S: usize, c
     ensemble: &Ensemble<P, S, C>,
     axes: &[Axis],
     settings: &SearchSettings,
-    mut watch: impl FnMut(usize, &Candidate),
-) -> Result<Vec<Candidate>, ScenarioError> {
-    let mut complete: Vec<Candidate> = vec![];
+    mut watch: impl FnMut(usize, &TuneCandidate),
+) -> Result<Vec<TuneCandidate>, ScenarioError> {
+    let mut complete: Vec<TuneCandidate> = vec![];
     let mut count = 0;
     let mut order: Vec<usize> = (0..ensemble.scenarios.len()).collect();
     for start in settings.starts.iter().take(settings.budget) {
@@ -239,6 +244,6 @@ fn population(settings: &SearchSettings, axes: usize) -> usize {
     }
 }
 
-fn sort(candidates: &mut [Candidate]) {
+fn sort(candidates: &mut [TuneCandidate]) {
     candidates.sort_by(|a, b| a.cost.total_cmp(&b.cost));
 }

@@ -1,45 +1,33 @@
 //! The equations of motion of the two-track car: one unit on two axles, in the air.
 
-use super::output::{self, CarOutput, SIGNALS};
+use super::output::{self, CarFlow, CarOutput, SIGNALS};
 use super::plant::{CarPlant, STATES, WHEELS};
-use crate::lanes::{FOUR, Lanes};
+use crate::numerics::lanes::{FOUR, Lanes};
 use crate::path::Path;
 use crate::vehicle::air;
 use crate::vehicle::drive::DriveLine;
 use crate::vehicle::effects::Effects;
-use crate::vehicle::reduced::Surface;
 use crate::vehicle::sensors::{BODY_SIGNALS, body_signals};
 use crate::vehicle::steering::SteeringChain;
-use crate::vehicle::stepper::{Plant, Stage, State, StepError, check_upright};
+use crate::vehicle::stepper::{Plant, PlantStepError, StageInputs, State, check_upright};
+use crate::vehicle::surface::Surface;
 use crate::vehicle::trigonometry::{cos_of, sin_of};
 use crate::vehicle::unit::{
-    BODY, Gravity, PER_WHEEL, PITCH, ROLL, SPIN, Unit, VX, VY, WheelFlow, WheelOutput, X, Y, YAW, YAW_RATE,
-    gravity, gravity_on, roll,
+    BODY, Gravity, PER_WHEEL, PITCH, ROLL, SPIN, UnitConstants, VX, VY, X, Y, YAW, YAW_RATE, gravity,
+    gravity_on, roll,
 };
 
 /// Forces and disturbances from road and earth.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Environment {
+pub(super) struct CarEnvironment {
     pub gravity: Gravity,
     /// Friction factors under the axles.
     pub friction: [f64; 2],
 }
 
-/// Forces and accelerations at an instant, for outputs.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Flow {
-    wheels: [WheelFlow; 4],
-    /// As outputs, once observed.
-    pub outputs: [WheelOutput; 4],
-    /// Specific force at the CG in the plane of the road and out of it, m/s2.
-    specific: [f64; 3],
-    /// Drive force asked of the wheels (brakes negative), N.
-    pub drive_force: f64,
-}
-
 impl Plant<STATES, SIGNALS> for CarPlant {
-    type Environment = Environment;
-    type Flow = Flow;
+    type Environment = CarEnvironment;
+    type Flow = CarFlow;
     type Output = CarOutput;
 
     fn steering(&self) -> &SteeringChain {
@@ -68,26 +56,26 @@ impl Plant<STATES, SIGNALS> for CarPlant {
     }
 
     /// Gravity and friction at the place of the car.
-    fn environment(&self, y: &[f64; STATES], road: Option<&Path>, station: f64) -> Environment {
+    fn environment(&self, y: &[f64; STATES], road: Option<&Path>, station: f64) -> CarEnvironment {
         let gravity = gravity(&self.effects, y[YAW], road, station);
         let friction =
             [0, 1].map(|axle| road.map_or(1.0, |road| road.friction(station + self.unit.axles[axle].x)));
-        Environment { gravity, friction: friction.map(|friction| friction * self.effects.road_friction) }
+        CarEnvironment { gravity, friction: friction.map(|friction| friction * self.effects.road_friction) }
     }
 
-    fn on(&self, surface: Surface) -> Environment {
+    fn on(&self, surface: Surface) -> CarEnvironment {
         let friction = surface.friction * self.effects.road_friction;
-        Environment { gravity: gravity_on(&self.effects, surface), friction: [friction; 2] }
+        CarEnvironment { gravity: gravity_on(&self.effects, surface), friction: [friction; 2] }
     }
 
     #[inline(always)]
     fn derivative_by<L: Lanes<Stored = [f64; FOUR]>>(
         &self,
         y: &[f64; STATES],
-        stage: &Stage,
-        environment: &Environment,
+        stage: &StageInputs,
+        environment: &CarEnvironment,
         rates: &mut [f64; STATES],
-        flow: &mut Flow,
+        flow: &mut CarFlow,
     ) {
         let Self { unit, effects, .. } = self;
         let (body, wheels): (&[f64; BODY], &[f64]) = split(y);
@@ -120,28 +108,28 @@ impl Plant<STATES, SIGNALS> for CarPlant {
         push.lateral += side;
         push.yawing = push.yawing + side * self.pressure_centre + air::brake_pull(effects, body[VX]);
         let accel = unit.acceleration(&push);
-        Unit::<2>::plane(body, &accel, gravity, (sin_yaw, cos_yaw), body_rates);
+        UnitConstants::<2>::plane(body, &accel, gravity, (sin_yaw, cos_yaw), body_rates);
         unit.vertical(body, &axles, &accel, gravity, (wheels, &flow.wheels), (body_rates, wheel_rates));
         // What an accelerometer at the CG feels: the body's sway over the wheels belongs to it.
         flow.specific = [accel.specific_x, push.lateral / unit.mass, gravity.z];
     }
 
-    fn check(&self, y: &[f64; STATES], time: f64) -> Result<(), StepError> {
+    fn check(&self, y: &[f64; STATES], time: f64) -> Result<(), PlantStepError> {
         check_upright(y[ROLL], y[PITCH], time)
     }
 
-    fn body_signals(&self, y: &[f64; STATES], rates: &[f64; STATES], flow: &Flow) -> [f64; BODY_SIGNALS] {
+    fn body_signals(&self, y: &[f64; STATES], rates: &[f64; STATES], flow: &CarFlow) -> [f64; BODY_SIGNALS] {
         body_signals(&self.effects, split(y).0, self.unit.reference_x, flow.specific, rates[YAW_RATE])
     }
 
-    fn signals(&self, y: &[f64; STATES], rates: &[f64; STATES], flow: &mut Flow) -> [f64; SIGNALS] {
+    fn signals(&self, y: &[f64; STATES], rates: &[f64; STATES], flow: &mut CarFlow) -> [f64; SIGNALS] {
         for (wheel, output) in flow.outputs.iter_mut().enumerate() {
             *output = flow.wheels[wheel].output(y[WHEELS + wheel * PER_WHEEL + SPIN]);
         }
         self.body_signals(y, rates, flow)
     }
 
-    fn measure(&self, state: &State<STATES, SIGNALS>, flow: &Flow, delayed: &[f64; SIGNALS]) -> CarOutput {
+    fn measure(&self, state: &State<STATES, SIGNALS>, flow: &CarFlow, delayed: &[f64; SIGNALS]) -> CarOutput {
         output::measure(self, state, flow, delayed)
     }
 }
@@ -154,8 +142,8 @@ fn split(y: &[f64; STATES]) -> (&[f64; BODY], &[f64]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lanes::{compute, compute_portably};
-    use crate::residual::Random;
+    use crate::numerics::Random;
+    use crate::numerics::lanes::{compute, compute_portably};
     use crate::vehicle::builtin;
     use crate::vehicle::stepper::Evaluation;
 
@@ -172,9 +160,9 @@ mod tests {
                     *state += draw(0.05) * (1.0 + state.abs());
                 }
                 let (stage, environment) =
-                    (Stage { steer: draw(0.5), accel: draw(8.0) }, plant.environment(&y, None, 0.0));
+                    (StageInputs { steer: draw(0.5), accel: draw(8.0) }, plant.environment(&y, None, 0.0));
                 let evaluate = |portably: bool| {
-                    let (mut rates, mut flow) = ([0.0; STATES], Flow::default());
+                    let (mut rates, mut flow) = ([0.0; STATES], CarFlow::default());
                     let evaluation = Evaluation {
                         plant: &plant,
                         y: &y,

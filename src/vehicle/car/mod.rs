@@ -11,16 +11,17 @@
 //! | `reduced.rs` | fast motions |
 
 mod dynamics;
+mod error;
 mod output;
 mod plant;
 mod reduced;
 
-use super::effects::{EffectOutOfRange, Effects};
-use super::file::VehicleError;
+use super::effects::Effects;
 use super::parameters::CarParameters;
 use super::reduced::{Reduced, ReducedVehicle};
-use super::stepper::{RestoreError, StepError, Stepper, VehicleInput, vehicle};
+use super::stepper::{PlantStepError, RestoreError, Stepper, VehicleInput, vehicle};
 use crate::path::Path;
+pub use error::CarError;
 use output::SIGNALS;
 pub use output::{CarOutput, CarStatus};
 use plant::{CarPlant, STATES};
@@ -28,22 +29,6 @@ use std::sync::Arc;
 
 /// Inputs of the car, from a driver or a controller.
 pub type CarInput = VehicleInput;
-
-/// Reasons for which a car could not be made.
-#[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)]
-pub enum CarError {
-    #[error(transparent)]
-    Parameters(#[from] VehicleError),
-    #[error(transparent)]
-    Effects(#[from] EffectOutOfRange),
-    /// Payload and shift have put the CG outside the wheelbase.
-    #[error(
-        "the CG lies {ahead} m ahead of the rear axle, outside the wheelbase of {wheelbase} m; change effect.payload_x, \
-         effect.payload or effect.cg_shift"
-    )]
-    CgOutside { ahead: f64, wheelbase: f64 },
-}
 
 /// The car.
 pub struct Car {

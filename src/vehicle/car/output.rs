@@ -1,12 +1,11 @@
 //! Measured signals of a car.
 
-use super::dynamics::Flow;
 use super::plant::{CarPlant, STATES};
 use crate::enumeration;
 use crate::vehicle::sensors::{self, BODY_SIGNALS};
 use crate::vehicle::status;
 use crate::vehicle::stepper::State;
-use crate::vehicle::unit::{VX, VY, WheelOutput};
+use crate::vehicle::unit::{VX, VY, WheelFlow, WheelOutput};
 
 enumeration! {
     /// Motion of the car, in words.
@@ -51,11 +50,23 @@ pub struct CarOutput {
 /// Motion signals.
 pub(super) const SIGNALS: usize = BODY_SIGNALS;
 
+/// Forces and accelerations at an instant, for outputs.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct CarFlow {
+    pub wheels: [WheelFlow; 4],
+    /// As outputs, once observed.
+    pub outputs: [WheelOutput; 4],
+    /// Specific force at the CG in the plane of the road and out of it, m/s2.
+    pub specific: [f64; 3],
+    /// Drive force asked of the wheels (brakes negative), N.
+    pub drive_force: f64,
+}
+
 /// The output from the (delayed) motion, and signals without latency.
 pub(super) fn measure(
     plant: &CarPlant,
     state: &State<STATES, SIGNALS>,
-    flow: &Flow,
+    flow: &CarFlow,
     delayed: &[f64; SIGNALS],
 ) -> CarOutput {
     let [x, y, yaw, vx, vy, yaw_rate, ax, ay, roll, pitch, roll_rate] =

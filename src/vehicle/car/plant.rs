@@ -1,11 +1,11 @@
 //! The constants of one car: its parameters with the effects applied.
 
-use super::CarError;
+use super::error::CarError;
 use crate::vehicle::drive::DriveLine;
 use crate::vehicle::effects::Effects;
 use crate::vehicle::parameters::{CarParameters, GRAVITY};
 use crate::vehicle::steering::SteeringChain;
-use crate::vehicle::unit::{AxleParts, BODY, Laden, Load, Masses, PER_WHEEL, Unit, Wheels};
+use crate::vehicle::unit::{AxleParts, BODY, Laden, Load, Masses, PER_WHEEL, UnitConstants, Wheels};
 
 /// The first wheel's states; wheels are front left, front right, rear left, rear right.
 pub(super) const WHEELS: usize = BODY;
@@ -14,7 +14,7 @@ pub(super) const STATES: usize = WHEELS + 4 * PER_WHEEL;
 
 /// The constants of one car.
 pub(super) struct CarPlant {
-    pub unit: Unit<2>,
+    pub unit: UnitConstants<2>,
     pub wheels: [Wheels; 1],
     pub steering: SteeringChain,
     pub drive: DriveLine,
@@ -70,7 +70,8 @@ impl CarPlant {
         // The roll axis goes through both roll centres.
         let slope = (front.roll_centre_height - rear.roll_centre_height) / wheelbase;
         let roll_axis = |x: f64| rear.roll_centre_height + slope * (x - x_rear);
-        let unit = Unit::new(&laden, &[front_parts, rear_parts], effects, car.relaxation(), roll_axis);
+        let unit =
+            UnitConstants::new(&laden, &[front_parts, rear_parts], effects, car.relaxation(), roll_axis);
         Ok(Self {
             wheels: [Wheels::new(unit.axles.each_ref())],
             unit,

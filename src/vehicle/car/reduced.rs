@@ -3,7 +3,7 @@
 use super::output::SIGNALS;
 use super::plant::{CarPlant, STATES, WHEELS};
 use crate::vehicle::reduced::{FIRST_BODY, Relaxed, SprungBody, spring_stiffness};
-use crate::vehicle::unit::{Axle, PER_WHEEL, ROLL, ROLL_RATE, VY, YAW, YAW_RATE};
+use crate::vehicle::unit::{PER_WHEEL, ROLL, ROLL_RATE, UnitAxle, VY, YAW, YAW_RATE};
 
 impl Relaxed<STATES, SIGNALS> for CarPlant {
     const SLOW: &'static [usize] = &[VY, YAW, YAW_RATE, ROLL, ROLL_RATE];
@@ -12,7 +12,7 @@ impl Relaxed<STATES, SIGNALS> for CarPlant {
 
     const FIRST_WHEELS: &'static [usize] = &[WHEELS, WHEELS + 2 * PER_WHEEL];
 
-    fn axle(&self, index: usize) -> &Axle {
+    fn axle(&self, index: usize) -> &UnitAxle {
         &self.unit.axles[index]
     }
 

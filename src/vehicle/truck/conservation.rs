@@ -1,10 +1,11 @@
 //! Conservation by hitch and equations: momentum, angular momentum and energy without external forces.
 
-use super::dynamics::{Environment, Flow};
+use super::dynamics::TruckEnvironment;
+use super::output::TruckFlow;
 use super::plant::{STATES, TRAILER, TruckPlant, WHEELS};
-use crate::vehicle::stepper::{Plant, Stage};
+use crate::vehicle::stepper::{Plant, StageInputs};
 use crate::vehicle::unit::{
-    BODY, HEAVE, HEAVE_RATE, PITCH, PITCH_RATE, ROLL, ROLL_RATE, Unit, VX, VY, X, Y, YAW, YAW_RATE,
+    BODY, HEAVE, HEAVE_RATE, PITCH, PITCH_RATE, ROLL, ROLL_RATE, UnitConstants, VX, VY, X, Y, YAW, YAW_RATE,
 };
 use crate::vehicle::{TruckEffects, builtin_truck};
 use proptest::prelude::*;
@@ -20,11 +21,11 @@ fn on_ice(name: &str) -> TruckPlant {
     TruckPlant::new(&truck, &TruckEffects::default()).unwrap()
 }
 
-fn environment(plant: &TruckPlant) -> Environment {
+fn environment(plant: &TruckPlant) -> TruckEnvironment {
     plant.environment(&[0.0; STATES], None, 0.0)
 }
 
-const COASTING: Stage = Stage { steer: 0.1, accel: 0.0 };
+const COASTING: StageInputs = StageInputs { steer: 0.1, accel: 0.0 };
 
 /// Both units' bodies with their places.
 fn bodies(plant: &TruckPlant, y: &[f64; STATES]) -> [[f64; BODY]; 2] {
@@ -48,7 +49,7 @@ fn momenta(plant: &TruckPlant, y: &[f64; STATES]) -> [f64; 3] {
 }
 
 /// Yaw inertia of a unit, and roll inertia of its body about its CG, kg m2, out of the inverse that it keeps.
-fn inertias<const A: usize>(unit: &Unit<A>) -> [f64; 2] {
+fn inertias<const A: usize>(unit: &UnitConstants<A>) -> [f64; 2] {
     let rows = nalgebra::Matrix3::from_fn(|i, j| unit.inverse_inertia[i][j]);
     let inertia = rows.try_inverse().unwrap();
     [inertia[(1, 1)], inertia[(2, 2)]]
@@ -92,7 +93,7 @@ fn along<T, const M: usize>(
 where
     T: Into<[f64; M]>,
 {
-    let (mut rates, mut flow) = ([0.0; STATES], Flow::default());
+    let (mut rates, mut flow) = ([0.0; STATES], TruckFlow::default());
     plant.derivative(y, &COASTING, &environment(plant), &mut rates, &mut flow);
     const H: f64 = 1e-6;
     let at = |h: f64| of(&std::array::from_fn(|i| y[i] + h * rates[i])).into();
@@ -162,7 +163,7 @@ fn ten_seconds_of_whirling_keep_momenta_and_energy() {
 
 /// Takes all lever arms of roll away.
 fn flatten(plant: &mut TruckPlant) {
-    fn level<const A: usize>(unit: &mut Unit<A>) {
+    fn level<const A: usize>(unit: &mut UnitConstants<A>) {
         let inertias = inertias(unit);
         unit.roll_arm = 0.0;
         unit.sprung_height = 0.0;
@@ -180,9 +181,14 @@ fn flatten(plant: &mut TruckPlant) {
 }
 
 /// One step of the classic Runge-Kutta method.
-fn runge_kutta(plant: &TruckPlant, y: &[f64; STATES], environment: &Environment, h: f64) -> [f64; STATES] {
+fn runge_kutta(
+    plant: &TruckPlant,
+    y: &[f64; STATES],
+    environment: &TruckEnvironment,
+    h: f64,
+) -> [f64; STATES] {
     let rate = |y: &[f64; STATES]| {
-        let (mut rates, mut flow) = ([0.0; STATES], Flow::default());
+        let (mut rates, mut flow) = ([0.0; STATES], TruckFlow::default());
         plant.derivative(y, &COASTING, environment, &mut rates, &mut flow);
         rates
     };

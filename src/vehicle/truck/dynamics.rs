@@ -1,21 +1,21 @@
 //! The equations of motion of tractor and semi-trailer: two units, the hitch between them, the air around them.
 
 use super::hitch::to_trailer;
-use super::output::{self, SIGNALS, TruckOutput};
+use super::output::{self, SIGNALS, TruckFlow, TruckOutput};
 use super::plant::{STATES, TRAILER, TRAILER_STATES, TruckPlant, WHEELS, WIND_UP};
-use crate::lanes::{FOUR, Lanes};
+use crate::numerics::lanes::{FOUR, Lanes};
 use crate::path::Path;
 use crate::vehicle::air;
 use crate::vehicle::drive::DriveLine;
 use crate::vehicle::effects::Effects;
-use crate::vehicle::reduced::Surface;
 use crate::vehicle::sensors::{BODY_SIGNALS, body_signals};
 use crate::vehicle::steering::SteeringChain;
-use crate::vehicle::stepper::{Plant, Stage, State, StepError, check_upright};
+use crate::vehicle::stepper::{Plant, PlantStepError, StageInputs, State, check_upright};
+use crate::vehicle::surface::Surface;
 use crate::vehicle::trigonometry::{cos_of, sin_of};
 use crate::vehicle::unit::{
-    BODY, Gravity, HEAVE, HEAVE_RATE, PER_WHEEL, PITCH, PITCH_RATE, ROLL, ROLL_RATE, SPIN, Unit, VX, VY,
-    WheelFlow, WheelOutput, X, Y, YAW, YAW_RATE, gravity, gravity_on, roll,
+    BODY, Gravity, HEAVE, HEAVE_RATE, PER_WHEEL, PITCH, PITCH_RATE, ROLL, ROLL_RATE, SPIN, UnitConstants, VX,
+    VY, X, Y, YAW, YAW_RATE, gravity, gravity_on, roll,
 };
 
 /// Place of a state of the semi-trailer's body among the truck's states.
@@ -34,25 +34,11 @@ const TRAILER_WHEELS: usize = 4 * PER_WHEEL;
 
 /// Forces and disturbances from road and earth.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Environment {
+pub(super) struct TruckEnvironment {
     /// Under the tractor and under the semi-trailer, in axes of each.
     pub gravity: [Gravity; 2],
     /// Friction factors under the axle groups.
     pub friction: [f64; 3],
-}
-
-/// Forces and accelerations at an instant, for outputs.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Flow {
-    wheels: [WheelFlow; 6],
-    /// As outputs, once observed.
-    pub outputs: [WheelOutput; 6],
-    /// Specific force at the tractor's CG in the plane of the road and out of it, m/s2.
-    specific: [f64; 3],
-    /// Force of the semi-trailer on the tractor in the tractor's axes; the vertical one downwards, N.
-    pub hitch: [f64; 3],
-    /// Drive force asked of the wheels (brakes negative), N.
-    pub drive_force: f64,
 }
 
 impl TruckPlant {
@@ -92,8 +78,8 @@ impl TruckPlant {
 }
 
 impl Plant<STATES, SIGNALS> for TruckPlant {
-    type Environment = Environment;
-    type Flow = Flow;
+    type Environment = TruckEnvironment;
+    type Flow = TruckFlow;
     type Output = TruckOutput;
 
     fn steering(&self) -> &SteeringChain {
@@ -126,7 +112,7 @@ impl Plant<STATES, SIGNALS> for TruckPlant {
     }
 
     /// Gravity and friction at the places of the units; the road's own length stands for that of the bent truck.
-    fn environment(&self, y: &[f64; STATES], road: Option<&Path>, station: f64) -> Environment {
+    fn environment(&self, y: &[f64; STATES], road: Option<&Path>, station: f64) -> TruckEnvironment {
         let effects = &self.effects.vehicle;
         let [low, high] = &self.hitch.pins;
         let behind = low.x - high.x;
@@ -134,23 +120,23 @@ impl Plant<STATES, SIGNALS> for TruckPlant {
             [gravity(effects, y[YAW], road, station), gravity(effects, y[TRAILER], road, station + behind)];
         let axles = [self.tractor.axles[0].x, self.tractor.axles[1].x, behind + self.trailer.axles[0].x];
         let friction = axles.map(|ahead| road.map_or(1.0, |road| road.friction(station + ahead)));
-        Environment { gravity, friction: friction.map(|friction| friction * effects.road_friction) }
+        TruckEnvironment { gravity, friction: friction.map(|friction| friction * effects.road_friction) }
     }
 
-    fn on(&self, surface: Surface) -> Environment {
+    fn on(&self, surface: Surface) -> TruckEnvironment {
         let effects = &self.effects.vehicle;
         let friction = surface.friction * effects.road_friction;
-        Environment { gravity: [gravity_on(effects, surface); 2], friction: [friction; 3] }
+        TruckEnvironment { gravity: [gravity_on(effects, surface); 2], friction: [friction; 3] }
     }
 
     #[inline(always)]
     fn derivative_by<L: Lanes<Stored = [f64; FOUR]>>(
         &self,
         y: &[f64; STATES],
-        stage: &Stage,
-        environment: &Environment,
+        stage: &StageInputs,
+        environment: &TruckEnvironment,
         rates: &mut [f64; STATES],
-        flow: &mut Flow,
+        flow: &mut TruckFlow,
     ) {
         let effects = &self.effects.vehicle;
         let (tractor, wheels) = split(y);
@@ -218,7 +204,7 @@ impl Plant<STATES, SIGNALS> for TruckPlant {
         pushes[1].add(&high.push(trailer, behind));
 
         let accel = self.tractor.acceleration(&pushes[0]);
-        Unit::<2>::plane(tractor, &accel, &gravity[0], yaw, rates);
+        UnitConstants::<2>::plane(tractor, &accel, &gravity[0], yaw, rates);
         let (own, other) = wheel_rates.split_at_mut(TRAILER_WHEELS);
         let first = (&wheels[..TRAILER_WHEELS], &flow.wheels[..4]);
         self.tractor.vertical(tractor, &on_tractor, &accel, &gravity[0], first, (rates, own));
@@ -228,7 +214,7 @@ impl Plant<STATES, SIGNALS> for TruckPlant {
 
         let accel = self.trailer.acceleration(&pushes[1]);
         let mut body_rates = [0.0; BODY];
-        Unit::<1>::plane(trailer, &accel, &gravity[1], yaw_behind, &mut body_rates);
+        UnitConstants::<1>::plane(trailer, &accel, &gravity[1], yaw_behind, &mut body_rates);
         let last = (&wheels[TRAILER_WHEELS..], &flow.wheels[4..]);
         self.trailer.vertical(trailer, &on_trailer, &accel, &gravity[1], last, (&mut body_rates, other));
         let pitching = high.pitching(behind[0], hitch.more) + hitch.rolling * turn.0;
@@ -239,22 +225,27 @@ impl Plant<STATES, SIGNALS> for TruckPlant {
         rates[WIND_UP] = hitch.wind_up_rate;
     }
 
-    fn check(&self, y: &[f64; STATES], time: f64) -> Result<(), StepError> {
+    fn check(&self, y: &[f64; STATES], time: f64) -> Result<(), PlantStepError> {
         check_upright(y[ROLL], y[PITCH], time)?;
         check_upright(y[TRAILER + 2], y[TRAILER + 4], time)?;
         let (articulation, limit) = (self.articulation(y), self.hitch.articulation_limit);
         if articulation.abs() > limit {
-            return Err(StepError::JackKnifed { time, articulation, limit });
+            return Err(PlantStepError::JackKnifed { time, articulation, limit });
         }
         Ok(())
     }
 
-    fn body_signals(&self, y: &[f64; STATES], rates: &[f64; STATES], flow: &Flow) -> [f64; BODY_SIGNALS] {
+    fn body_signals(
+        &self,
+        y: &[f64; STATES],
+        rates: &[f64; STATES],
+        flow: &TruckFlow,
+    ) -> [f64; BODY_SIGNALS] {
         let arm = self.tractor.reference_x;
         body_signals(&self.effects.vehicle, split(y).0, arm, flow.specific, rates[YAW_RATE])
     }
 
-    fn signals(&self, y: &[f64; STATES], rates: &[f64; STATES], flow: &mut Flow) -> [f64; SIGNALS] {
+    fn signals(&self, y: &[f64; STATES], rates: &[f64; STATES], flow: &mut TruckFlow) -> [f64; SIGNALS] {
         for (wheel, output) in flow.outputs.iter_mut().enumerate() {
             *output = flow.wheels[wheel].output(y[WHEELS + wheel * PER_WHEEL + SPIN]);
         }
@@ -275,7 +266,12 @@ impl Plant<STATES, SIGNALS> for TruckPlant {
         std::array::from_fn(|i| if i < BODY_SIGNALS { own[i] } else { more[i - BODY_SIGNALS] })
     }
 
-    fn measure(&self, state: &State<STATES, SIGNALS>, flow: &Flow, delayed: &[f64; SIGNALS]) -> TruckOutput {
+    fn measure(
+        &self,
+        state: &State<STATES, SIGNALS>,
+        flow: &TruckFlow,
+        delayed: &[f64; SIGNALS],
+    ) -> TruckOutput {
         output::measure(self, state, flow, delayed)
     }
 }

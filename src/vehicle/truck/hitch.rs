@@ -17,7 +17,7 @@
 use crate::vehicle::truck_parameters::Hitch;
 use crate::vehicle::unit::{
     Acceleration, BODY, DryFriction, Gravity, HEAVE, HEAVE_RATE, PITCH, PITCH_RATE, Push, ROLL, ROLL_RATE,
-    Unit, VX, VY, YAW_RATE,
+    UnitConstants, VX, VY, YAW_RATE,
 };
 
 /// Natural frequency (rad/s) and damping ratio of the units' yaw on the spring of friction that sticks, and its
@@ -40,7 +40,7 @@ pub(super) struct Pin {
 
 impl Pin {
     /// From the place forward of the CG, the heights of hitch and roll axis there, m.
-    pub fn new<const A: usize>(unit: &Unit<A>, x: f64, height: f64, roll_axis: f64) -> Self {
+    pub fn new<const A: usize>(unit: &UnitConstants<A>, x: f64, height: f64, roll_axis: f64) -> Self {
         Self { x, x_body: x - unit.x_sprung, over: height - unit.sprung_height, sway: roll_axis - height }
     }
 
@@ -101,7 +101,7 @@ impl Pin {
 
     /// Acceleration of the hitch for a force of 1 N along either axis, by columns.
     #[inline]
-    fn compliance<const A: usize>(&self, unit: &Unit<A>, body: &[f64; BODY]) -> [[f64; 2]; 2] {
+    fn compliance<const A: usize>(&self, unit: &UnitConstants<A>, body: &[f64; BODY]) -> [[f64; 2]; 2] {
         [[1.0, 0.0], [0.0, 1.0]]
             .map(|force| self.linear(self.offset(body), &unit.acceleration(&self.push(body, force))))
     }
@@ -238,7 +238,7 @@ impl HitchPlant {
     #[inline]
     pub fn force(
         &self,
-        (tractor, trailer): (&Unit<2>, &Unit<1>),
+        (tractor, trailer): (&UnitConstants<2>, &UnitConstants<1>),
         bodies: Bodies,
         pushes: &[Push; 2],
         gravity: &[Gravity; 2],

@@ -17,17 +17,18 @@
 #[cfg(test)]
 mod conservation;
 mod dynamics;
+mod error;
 mod hitch;
 mod output;
 mod plant;
 mod reduced;
 
-use super::effects::{EffectOutOfRange, TruckEffects};
-use super::file::VehicleError;
+use super::effects::TruckEffects;
 use super::reduced::{Reduced, ReducedVehicle};
-use super::stepper::{RestoreError, StepError, Stepper, VehicleInput, vehicle};
+use super::stepper::{PlantStepError, RestoreError, Stepper, VehicleInput, vehicle};
 use super::truck_parameters::TruckParameters;
 use crate::path::Path;
+pub use error::TruckError;
 use output::SIGNALS;
 pub use output::{TrailerOutput, TruckOutput, TruckStatus};
 use plant::{STATES, TruckPlant};
@@ -35,22 +36,6 @@ use std::sync::Arc;
 
 /// Inputs of the truck, from a driver or a controller.
 pub type TruckInput = VehicleInput;
-
-/// Reasons for which a truck could not be made.
-#[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)]
-pub enum TruckError {
-    #[error(transparent)]
-    Parameters(#[from] VehicleError),
-    #[error(transparent)]
-    Effects(#[from] EffectOutOfRange),
-    /// Places of CG, load and hitch that leave an axle group without load.
-    #[error(
-        "the {axle} axle would carry {load} N at rest; change hitch.cg_to_hitch, effect.hitch_offset, effect.payload_x, \
-         effect.payload or effect.cg_shift"
-    )]
-    AxleLifted { axle: &'static str, load: f64 },
-}
 
 /// The truck.
 pub struct Truck {

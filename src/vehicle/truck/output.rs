@@ -1,12 +1,11 @@
 //! Measured signals of a truck.
 
-use super::dynamics::Flow;
 use super::plant::{STATES, TruckPlant};
 use crate::enumeration;
 use crate::vehicle::sensors::{self, BODY_SIGNALS};
 use crate::vehicle::status;
 use crate::vehicle::stepper::State;
-use crate::vehicle::unit::{VX, VY, WheelOutput};
+use crate::vehicle::unit::{VX, VY, WheelFlow, WheelOutput};
 
 enumeration! {
     /// Motion of the truck, in words.
@@ -74,11 +73,25 @@ pub struct TrailerOutput {
 /// Motion signals.
 pub(super) const SIGNALS: usize = BODY_SIGNALS + 9;
 
+/// Forces and accelerations at an instant, for outputs.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct TruckFlow {
+    pub wheels: [WheelFlow; 6],
+    /// As outputs, once observed.
+    pub outputs: [WheelOutput; 6],
+    /// Specific force at the tractor's CG in the plane of the road and out of it, m/s2.
+    pub specific: [f64; 3],
+    /// Force of the semi-trailer on the tractor in the tractor's axes; the vertical one downwards, N.
+    pub hitch: [f64; 3],
+    /// Drive force asked of the wheels (brakes negative), N.
+    pub drive_force: f64,
+}
+
 /// The output from the (delayed) motion, and signals without latency.
 pub(super) fn measure(
     plant: &TruckPlant,
     state: &State<STATES, SIGNALS>,
-    flow: &Flow,
+    flow: &TruckFlow,
     delayed: &[f64; SIGNALS],
 ) -> TruckOutput {
     let [x, y, yaw, vx, vy, yaw_rate, ax, ay, roll, pitch, roll_rate] =
@@ -120,7 +133,7 @@ pub(super) fn measure(
     }
 }
 
-fn status(plant: &TruckPlant, state: &State<STATES, SIGNALS>, flow: &Flow) -> TruckStatus {
+fn status(plant: &TruckPlant, state: &State<STATES, SIGNALS>, flow: &TruckFlow) -> TruckStatus {
     let wheels = &flow.outputs;
     if plant.articulation(&state.y).abs() > JACK_KNIFING * plant.hitch.articulation_limit {
         TruckStatus::JackKnifing

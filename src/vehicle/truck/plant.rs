@@ -1,13 +1,14 @@
 //! The constants of one truck: its parameters with the effects applied.
 
-use super::TruckError;
+use super::error::TruckError;
 use super::hitch::{HitchPlant, Pin};
 use crate::vehicle::drive::DriveLine;
 use crate::vehicle::effects::TruckEffects;
-use crate::vehicle::parameters::{Axle, Body, Tyre};
+use crate::vehicle::parameters::{Axle, Body};
 use crate::vehicle::steering::SteeringChain;
 use crate::vehicle::truck_parameters::{RestLoads, TruckParameters};
-use crate::vehicle::unit::{AxleParts, BODY, Laden, Load, Masses, PER_WHEEL, Unit, Wheels};
+use crate::vehicle::tyre::Tyre;
+use crate::vehicle::unit::{AxleParts, BODY, Laden, Load, Masses, PER_WHEEL, UnitConstants, Wheels};
 
 /// Start of the semi-trailer's states: those of a body from its yaw on, without velocities in the plane.
 pub(super) const TRAILER: usize = BODY;
@@ -22,8 +23,8 @@ pub(super) const STATES: usize = WHEELS + 6 * PER_WHEEL;
 
 /// The constants of one truck.
 pub(super) struct TruckPlant {
-    pub tractor: Unit<2>,
-    pub trailer: Unit<1>,
+    pub tractor: UnitConstants<2>,
+    pub trailer: UnitConstants<1>,
     /// Of the tractor, of the semi-trailer.
     pub wheels: [Wheels; 2],
     pub hitch: HitchPlant,
@@ -98,8 +99,8 @@ impl TruckPlant {
         let tractor_axis = |x: f64| rear_centre + slope * (x - x_rear);
         let trailer_axis = |_: f64| axle.trailer.roll_centre_height;
         let relaxation = truck.relaxation();
-        let tractor = Unit::new(&tractor, &[front, rear], common, relaxation, tractor_axis);
-        let trailer = Unit::new(&trailer, &[group], common, relaxation, trailer_axis);
+        let tractor = UnitConstants::new(&tractor, &[front, rear], common, relaxation, tractor_axis);
+        let trailer = UnitConstants::new(&trailer, &[group], common, relaxation, trailer_axis);
         let height = truck.hitch.height;
         let pins = [
             Pin::new(&tractor, x_hitch, height, tractor_axis(x_hitch)),

@@ -3,7 +3,7 @@
 use super::output::SIGNALS;
 use super::plant::{STATES, TRAILER, TruckPlant, WHEELS, WIND_UP};
 use crate::vehicle::reduced::{FIRST_BODY, Relaxed, SprungBody, spring_stiffness};
-use crate::vehicle::unit::{Axle, PER_WHEEL, ROLL, ROLL_RATE, VY, YAW, YAW_RATE};
+use crate::vehicle::unit::{PER_WHEEL, ROLL, ROLL_RATE, UnitAxle, VY, YAW, YAW_RATE};
 
 impl Relaxed<STATES, SIGNALS> for TruckPlant {
     const SLOW: &'static [usize] =
@@ -13,7 +13,7 @@ impl Relaxed<STATES, SIGNALS> for TruckPlant {
 
     const FIRST_WHEELS: &'static [usize] = &[WHEELS, WHEELS + 2 * PER_WHEEL, WHEELS + 4 * PER_WHEEL];
 
-    fn axle(&self, index: usize) -> &Axle {
+    fn axle(&self, index: usize) -> &UnitAxle {
         if index < 2 { &self.tractor.axles[index] } else { &self.trailer.axles[0] }
     }
 

@@ -1,7 +1,7 @@
 //! The Magic Formula 5.2: forces and moments in the contact patch, of one wheel or of several side by side.
 
 use super::coefficients::Coefficients;
-use crate::lanes::Lanes;
+use crate::numerics::lanes::Lanes;
 use crate::vehicle::trigonometry::{atan_of, cos_of, sin_of};
 
 /// Contact of a tyre with the road. The default is a wheel in the air.
@@ -110,7 +110,7 @@ struct Longitudinal<L> {
 
 /// Pure lateral slip except for the sine of its curve: the common part of forces and moment.
 #[derive(Clone, Copy)]
-struct Lateral<L> {
+struct LateralSlip<L> {
     curve: Curve<L>,
     peak: L,
     friction: L,
@@ -122,14 +122,14 @@ struct Lateral<L> {
 
 /// A wheel before its curves are known.
 #[derive(Clone, Copy)]
-struct Wheel<L> {
+struct WheelSlip<L> {
     contact: Contact<L>,
     /// The load at which the formula is taken, its factor and its relative deviation.
     load: L,
     factor: L,
     dfz: L,
     longitudinal: Longitudinal<L>,
-    lateral: Lateral<L>,
+    lateral: LateralSlip<L>,
 }
 
 /// Forces in the plane of the road; `induced` is the lateral force that longitudinal slip induces.
@@ -186,7 +186,7 @@ impl Coefficients {
     #[must_use]
     pub fn sliding(&self, load: f64) -> [f64; 2] {
         let wheel = self.wheel::<f64>(&Contact { load, friction: 1.0, ..Contact::default() });
-        let Wheel { longitudinal, lateral, .. } = wheel;
+        let WheelSlip { longitudinal, lateral, .. } = wheel;
         [3.0 * longitudinal.peak / longitudinal.stiffness, 3.0 * lateral.peak / lateral.stiffness]
             .map(f64::abs)
     }
@@ -309,7 +309,7 @@ impl<T: Copy> Coefficients<T> {
     }
 
     #[inline(always)]
-    fn pure_lateral<L: Lanes<Stored = T>>(&self, contact: &Contact<L>, load: L, dfz: L) -> Lateral<L> {
+    fn pure_lateral<L: Lanes<Stored = T>>(&self, contact: &Contact<L>, load: L, dfz: L) -> LateralSlip<L> {
         take!(self; lgay lmuy pdy1 pdy2 pdy3 pcy1 lcy phy1 phy2 lhy phy3 pvy1 pvy2 lvy pvy3 pvy4 pey1 pey2 pey3 pey4 ley);
         let one = L::splat(1.0);
         let gamma = contact.gamma * lgay;
@@ -323,7 +323,7 @@ impl<T: Copy> Coefficients<T> {
         let e = (pey1 + pey2 * dfz) * (one - (pey3 + pey4 * gamma) * alpha.sign()) * ley;
         let b = k / (c * d);
         let curve = Curve { x: alpha, b, c, e: e.min(one) };
-        Lateral { curve, peak: d, friction: mu, stiffness: k, b_times_c: b * c, shift_h, shift_v }
+        LateralSlip { curve, peak: d, friction: mu, stiffness: k, b_times_c: b * c, shift_h, shift_v }
     }
 
     /// See [`Coefficients::forces`]; with the tangent of the slip angle, up to that of [`GREATEST_ANGLE`].
@@ -335,7 +335,7 @@ impl<T: Copy> Coefficients<T> {
     ) -> TyreForces<L> {
         take!(self; r0 fz0 qsx1 qsx2 qsx3 lvmx lmx);
         let wheel = &self.wheel(&contact);
-        let Wheel { longitudinal, lateral, load, factor, .. } = wheel;
+        let WheelSlip { longitudinal, lateral, load, factor, .. } = wheel;
         let pure_x = longitudinal.peak * longitudinal.curve.sin() + longitudinal.shift_v;
         let pure_y = lateral.peak * lateral.curve.sin() * self.softened(lateral) + lateral.shift_v;
         let planar = self.planar(wheel, pure_x, pure_y);
@@ -351,7 +351,7 @@ impl<T: Copy> Coefficients<T> {
     /// Factor of early softening on the lateral force. Brushes yield from the first slip on: `1 - u` of their slope at
     /// a share `u` of the slip at which they slide, for the same slope in between.
     #[inline(always)]
-    fn softened<L: Lanes<Stored = T>>(&self, lateral: &Lateral<L>) -> L {
+    fn softened<L: Lanes<Stored = T>>(&self, lateral: &LateralSlip<L>) -> L {
         take!(self; softening);
         let one = L::splat(1.0);
         if softening.is_zero() {
@@ -363,19 +363,19 @@ impl<T: Copy> Coefficients<T> {
 
     /// Pure slip of a wheel.
     #[inline(always)]
-    fn wheel<L: Lanes<Stored = T>>(&self, contact: &Contact<L>) -> Wheel<L> {
+    fn wheel<L: Lanes<Stored = T>>(&self, contact: &Contact<L>) -> WheelSlip<L> {
         take!(self; cammin cammax);
         let (load, factor) = self.range_of_load(contact.load);
         let contact = Contact { gamma: contact.gamma.clamp(cammin, cammax), ..*contact };
         let dfz = self.dfz(load);
         let longitudinal = self.pure_longitudinal(&contact, load, dfz);
         let lateral = self.pure_lateral(&contact, load, dfz);
-        Wheel { contact, load, factor, dfz, longitudinal, lateral }
+        WheelSlip { contact, load, factor, dfz, longitudinal, lateral }
     }
 
     /// Combined slip, by weights where the file has the coefficients of them.
     #[inline(always)]
-    fn planar<L: Lanes<Stored = T>>(&self, wheel: &Wheel<L>, pure_x: L, pure_y: L) -> Planar<L> {
+    fn planar<L: Lanes<Stored = T>>(&self, wheel: &WheelSlip<L>, pure_x: L, pure_y: L) -> Planar<L> {
         take!(self; rbx1 rby1);
         let without = (rbx1 * rby1).equals(L::splat(0.0));
         if L::all(without) {
@@ -395,10 +395,10 @@ impl<T: Copy> Coefficients<T> {
 
     /// Combined slip: the curves whose cosines weight the longitudinal and the lateral force.
     #[inline(always)]
-    fn weights<L: Lanes<Stored = T>>(&self, wheel: &Wheel<L>) -> [Curve<L>; 2] {
+    fn weights<L: Lanes<Stored = T>>(&self, wheel: &WheelSlip<L>) -> [Curve<L>; 2] {
         take!(self; rbx1 rbx2 lxal rcx1 rex1 rex2 rhx1 rhy1 rhy2 rby1 rby2 rby3 lyka rcy1 rey1 rey2);
         let one = L::splat(1.0);
-        let Wheel { contact: Contact { kappa, alpha, .. }, dfz, .. } = *wheel;
+        let WheelSlip { contact: Contact { kappa, alpha, .. }, dfz, .. } = *wheel;
         [
             Curve {
                 x: alpha + rhx1,
@@ -417,9 +417,9 @@ impl<T: Copy> Coefficients<T> {
 
     /// Combined slip by weighting functions.
     #[inline(always)]
-    fn combined<L: Lanes<Stored = T>>(&self, wheel: &Wheel<L>, pure_x: L, pure_y: L) -> Planar<L> {
+    fn combined<L: Lanes<Stored = T>>(&self, wheel: &WheelSlip<L>, pure_x: L, pure_y: L) -> Planar<L> {
         take!(self; rhx1 rhy1 rhy2 rvy1 rvy2 rvy3 rvy4 rvy5 rvy6 lvyka);
-        let Wheel { contact, load, dfz, lateral, .. } = *wheel;
+        let WheelSlip { contact, load, dfz, lateral, .. } = *wheel;
         let (kappa, alpha) = (contact.kappa, contact.alpha);
         let shift = rhy1 + rhy2 * dfz;
         let [of_x, of_y] = self.weights(wheel);
@@ -445,10 +445,10 @@ impl<T: Copy> Coefficients<T> {
 
     /// Combined slip for files without combined coefficients: the friction ellipse, as `PAC2002` has it.
     #[inline(always)]
-    fn friction_ellipse<L: Lanes<Stored = T>>(&self, wheel: &Wheel<L>, fx0: L, fy: L) -> Planar<L> {
+    fn friction_ellipse<L: Lanes<Stored = T>>(&self, wheel: &WheelSlip<L>, fx0: L, fy: L) -> Planar<L> {
         take!(self; phx1 phx2 lhx);
         let (zero, one) = (L::splat(0.0), L::splat(1.0));
-        let Wheel { contact, dfz, longitudinal, lateral, .. } = *wheel;
+        let WheelSlip { contact, dfz, longitudinal, lateral, .. } = *wheel;
         let kappa = (contact.kappa + (phx1 + phx2 * dfz) * lhx).abs();
         let angle = contact.alpha + lateral.shift_h + lateral.shift_v / lateral.stiffness;
         let alpha = sin_of(angle).abs();
@@ -473,12 +473,17 @@ impl<T: Copy> Coefficients<T> {
 
     /// Self-aligning moments from pneumatic trail, residual torque and the arm of the longitudinal force.
     #[inline(always)]
-    fn aligning_moment<L: Lanes<Stored = T>>(&self, wheel: &Wheel<L>, tangent: L, planar: &Planar<L>) -> L {
+    fn aligning_moment<L: Lanes<Stored = T>>(
+        &self,
+        wheel: &WheelSlip<L>,
+        tangent: L,
+        planar: &Planar<L>,
+    ) -> L {
         if !self.has_aligning_moment::<L>() {
             return L::splat(0.0);
         }
         take!(self; lgaz qhz1 qhz2 qhz3 qhz4 qdz1 qdz2 qdz3 qdz4 r0 fz0 ltr ssz1 ssz2 ssz3 ssz4 ls);
-        let Wheel { contact, load, dfz, longitudinal, lateral, .. } = *wheel;
+        let WheelSlip { contact, load, dfz, longitudinal, lateral, .. } = *wheel;
         // Longitudinal slip acts on the trail like slip angle.
         let slip = longitudinal.stiffness / lateral.stiffness * contact.kappa;
         let gamma = contact.gamma * lgaz;
@@ -503,10 +508,10 @@ impl<T: Copy> Coefficients<T> {
 
     /// The curve whose cosine is the pneumatic trail's.
     #[inline(always)]
-    fn trail_curve<L: Lanes<Stored = T>>(&self, wheel: &Wheel<L>, alpha_t: L) -> Curve<L> {
+    fn trail_curve<L: Lanes<Stored = T>>(&self, wheel: &WheelSlip<L>, alpha_t: L) -> Curve<L> {
         take!(self; lgaz lmuy qbz1 qbz2 qbz3 qbz4 qbz5 lky qez1 qez2 qez3 qez4 qez5 qcz1);
         let one = L::splat(1.0);
-        let Wheel { contact, dfz, .. } = *wheel;
+        let WheelSlip { contact, dfz, .. } = *wheel;
         let gamma = contact.gamma * lgaz;
         let friction = lmuy * contact.friction;
         let b = (qbz1 + qbz2 * dfz + qbz3 * dfz * dfz) * (one + qbz4 * gamma + qbz5 * gamma.abs()) * lky
@@ -521,12 +526,12 @@ impl<T: Copy> Coefficients<T> {
 
     /// Residual moment at zero slip angle's cosine of 1, N m.
     #[inline(always)]
-    fn residual_moment<L: Lanes<Stored = T>>(&self, wheel: &Wheel<L>, slip: L) -> L {
+    fn residual_moment<L: Lanes<Stored = T>>(&self, wheel: &WheelSlip<L>, slip: L) -> L {
         take!(self; qdz6 qdz7 qdz8 qdz9 lgaz lmuy qbz9 qbz10 lky lres r0);
         if qdz6.is_zero() && qdz7.is_zero() && qdz8.is_zero() && qdz9.is_zero() {
             return L::splat(0.0);
         }
-        let Wheel { contact, load, dfz, lateral, .. } = *wheel;
+        let WheelSlip { contact, load, dfz, lateral, .. } = *wheel;
         let gamma = contact.gamma * lgaz;
         let friction = lmuy * contact.friction;
         let shift_f = lateral.shift_h + lateral.shift_v / lateral.stiffness;

@@ -13,13 +13,16 @@
 //! | `coefficients.rs` | the names of the standard's coefficients, their defaults |
 //! | `tir.rs` | reading a `.tir` file |
 //! | `magic_formula.rs` | the formula |
+//! | `of_axle.rs` | the tyres of an axle: a file and factors on it |
 //!
 //! Source: H. B. Pacejka, Tyre and Vehicle Dynamics, 2nd ed., section 4.3.2 (signs: ISO; `PKY1 < 0`).
 
 mod coefficients;
 mod magic_formula;
+mod of_axle;
 mod tir;
 
 pub use coefficients::Coefficients;
 pub use magic_formula::{Contact, TyreForces};
+pub use of_axle::Tyre;
 pub use tir::TirError;

@@ -1,6 +1,6 @@
 //! One axle: the suspension between body and wheels, and the loads of both wheels on the body.
 
-use super::wheel::{WheelFlow, WheelMotion};
+use super::wheel_motion::{WheelFlow, WheelMotion};
 use super::{
     BODY, HEAVE, HEAVE_RATE, LIFT, LIFT_RATE, PER_WHEEL, PITCH, PITCH_RATE, ROLL, ROLL_RATE, SPIN, VX, VY,
     YAW_RATE,
@@ -8,7 +8,7 @@ use super::{
 use crate::vehicle::tyre::Coefficients;
 
 /// One axle with its two wheels; in a group of axles or with twin tyres each stands for all of its side.
-pub(in crate::vehicle) struct Axle {
+pub(in crate::vehicle) struct UnitAxle {
     pub tyre: Coefficients,
     /// Tyres that share the load of one side.
     pub tyres: f64,
@@ -60,7 +60,7 @@ pub(in crate::vehicle) struct AxleFlow {
     pub right: f64,
 }
 
-impl Axle {
+impl UnitAxle {
     /// Angle of the wheels to the body, rad, from its roll and the steering angle.
     #[inline]
     pub fn wheel_angle(&self, roll: f64, steer: f64) -> f64 {

@@ -1,21 +1,13 @@
 //! The equations of motion of one unit.
 
 use super::axle::AxleFlow;
-use super::constants::Unit;
-use super::wheel::WheelFlow;
+use super::constants::{Gravity, UnitConstants};
+use super::wheel_motion::WheelFlow;
 use super::{
     BODY, HEAVE, HEAVE_RATE, LIFT, LIFT_RATE, PER_WHEEL, PITCH, PITCH_RATE, ROLL, ROLL_RATE, VX, VY, X, Y,
     YAW, YAW_RATE,
 };
 use crate::vehicle::parameters::GRAVITY;
-
-/// Gravity in body axes in the plane of the road, and into it, m/s2.
-#[derive(Debug, Clone, Copy, Default)]
-pub(in crate::vehicle) struct Gravity {
-    pub x: f64,
-    pub y: f64,
-    pub z: f64,
-}
 
 /// Loads on a unit: forces in N, moments about its CG (roll: about the body's) in N m.
 #[derive(Debug, Clone, Copy, Default)]
@@ -44,7 +36,7 @@ impl Push {
     }
 }
 
-impl<const A: usize> Unit<A> {
+impl<const A: usize> UnitConstants<A> {
     /// Mean speed of the driven wheels' rims by their shares in the drive force, m/s; the wheels' states follow each other.
     #[inline(always)]
     pub fn rim_speed(&self, wheels: &[f64]) -> f64 {

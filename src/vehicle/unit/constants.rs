@@ -1,11 +1,11 @@
 //! The constants of one unit: its parameters with the effects applied.
 
-use super::axle::Axle;
-use super::body::Gravity;
+use super::axle::UnitAxle;
 use crate::path::Path;
 use crate::vehicle::effects::Effects;
-use crate::vehicle::parameters::{self, GRAVITY, Tyre};
-use crate::vehicle::reduced::Surface;
+use crate::vehicle::parameters::{self, GRAVITY};
+use crate::vehicle::surface::Surface;
+use crate::vehicle::tyre::Tyre;
 use nalgebra::Matrix3;
 
 /// Masses and inertias of an unladen unit with all wheels, but roll and pitch inertia, which are the body's.
@@ -28,6 +28,22 @@ pub(in crate::vehicle) struct Load {
     pub shift: f64,
     /// Factor on the unladen yaw inertia.
     pub yaw_inertia: f64,
+}
+
+/// Gravity in body axes of the road plane for a unit heading `yaw` (rad), at a station of the road.
+pub(in crate::vehicle) fn gravity(effects: &Effects, yaw: f64, road: Option<&Path>, station: f64) -> Gravity {
+    let Effects { road_grade, road_bank, .. } = *effects;
+    let level = Gravity { x: 0.0, y: 0.0, z: GRAVITY };
+    let (yaw, bank, grade) = match road {
+        // Nearly all roads are: no angle matters then.
+        _ if road_grade == 0.0 && road_bank == 0.0 && road.is_none_or(Path::is_level) => return level,
+        None => (0.0, road_bank, road_grade),
+        Some(road) => {
+            let here = road.at(station);
+            (yaw - here.yaw, here.bank + road_bank, here.grade + road_grade)
+        }
+    };
+    tilted(yaw, bank, grade)
 }
 
 impl Load {
@@ -84,8 +100,8 @@ pub(in crate::vehicle) struct AxleParts<'a> {
 }
 
 /// The constants of one unit.
-pub(in crate::vehicle) struct Unit<const A: usize> {
-    pub axles: [Axle; A],
+pub(in crate::vehicle) struct UnitConstants<const A: usize> {
+    pub axles: [UnitAxle; A],
     pub mass: f64,
     pub sprung_mass: f64,
     pub pitch_inertia: f64,
@@ -104,7 +120,7 @@ fn square(x: f64) -> f64 {
     x * x
 }
 
-impl<const A: usize> Unit<A> {
+impl<const A: usize> UnitConstants<A> {
     /// A unit from its parts; `roll_axis` is the height of the roll axis at a place forward of the CG. `relaxation` is
     /// the length (m) that `tyre_relaxation` replaces; none: it is that of all tyres, whatever their load.
     pub fn new(
@@ -140,7 +156,7 @@ impl<const A: usize> Unit<A> {
             if let (Some(wanted), Some(own)) = (wanted, relaxation) {
                 coefficients.pty1 *= wanted / own;
             }
-            Axle {
+            UnitAxle {
                 tyre: coefficients,
                 tyres: parts[i].tyres,
                 x,
@@ -194,22 +210,6 @@ impl<const A: usize> Unit<A> {
     }
 }
 
-/// Gravity in body axes of the road plane for a unit heading `yaw` (rad), at a station of the road.
-pub(in crate::vehicle) fn gravity(effects: &Effects, yaw: f64, road: Option<&Path>, station: f64) -> Gravity {
-    let Effects { road_grade, road_bank, .. } = *effects;
-    let level = Gravity { x: 0.0, y: 0.0, z: GRAVITY };
-    let (yaw, bank, grade) = match road {
-        // Nearly all roads are: no angle matters then.
-        _ if road_grade == 0.0 && road_bank == 0.0 && road.is_none_or(Path::is_level) => return level,
-        None => (0.0, road_bank, road_grade),
-        Some(road) => {
-            let here = road.at(station);
-            (yaw - here.yaw, here.bank + road_bank, here.grade + road_grade)
-        }
-    };
-    tilted(yaw, bank, grade)
-}
-
 /// The same for a unit driven straight along a surface.
 pub(in crate::vehicle) fn gravity_on(effects: &Effects, surface: Surface) -> Gravity {
     tilted(0.0, surface.bank + effects.road_bank, surface.grade + effects.road_grade)
@@ -225,4 +225,12 @@ fn tilted(yaw: f64, bank: f64, grade: f64) -> Gravity {
         y: -along * sin + across * cos,
         z: GRAVITY * grade.cos() * bank.cos(),
     }
+}
+
+/// Gravity in body axes in the plane of the road, and into it, m/s2.
+#[derive(Debug, Clone, Copy, Default)]
+pub(in crate::vehicle) struct Gravity {
+    pub x: f64,
+    pub y: f64,
+    pub z: f64,
 }

@@ -4,7 +4,7 @@
 //!     T = clamp(k z + d w, +-capacity),    z' = w - min(|w| k / capacity, fastest) z
 //! ```
 
-use crate::lanes::Lanes;
+use crate::numerics::lanes::Lanes;
 
 /// Spring and damping of a friction contact.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -31,13 +31,15 @@ mod body;
 mod constants;
 mod dry_friction;
 mod wheel;
+mod wheel_motion;
 
-pub(super) use axle::Axle;
-pub(super) use body::{Acceleration, Gravity, Push};
-pub(super) use constants::{AxleParts, Laden, Load, Masses, Unit, gravity, gravity_on};
+pub(super) use axle::UnitAxle;
+pub(super) use body::{Acceleration, Push};
+pub(super) use constants::{AxleParts, Gravity, Laden, Load, Masses, UnitConstants, gravity, gravity_on};
 pub(super) use dry_friction::DryFriction;
-pub use wheel::WheelOutput;
-pub(super) use wheel::{SHORTEST_RELAXATION, WheelFlow, Wheels, roll};
+pub(super) use wheel::{SHORTEST_RELAXATION, Wheels, roll};
+pub(super) use wheel_motion::WheelFlow;
+pub use wheel_motion::WheelOutput;
 
 /// Place of the CG on the road (under the CG, on the roll axis), m.
 pub(super) const X: usize = 0;

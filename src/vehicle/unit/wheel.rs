@@ -12,10 +12,11 @@
 //! which the tyre slides on this road. A deflection beyond it holds no force, and would push a wheel that has slid to
 //! rest back by the whole of its relaxation length. `s` is no less than a step of the integration can follow at `V`.
 
-use super::axle::Axle;
+use super::axle::UnitAxle;
 use super::dry_friction::DryFriction;
+use super::wheel_motion::{WheelFlow, WheelMotion};
 use super::{DEFLECTION_X, DEFLECTION_Y, LIFT, LIFT_RATE, PER_WHEEL, SPIN, WIND_UP};
-use crate::lanes::{FOUR, Lanes};
+use crate::numerics::lanes::{FOUR, Lanes};
 use crate::vehicle::trigonometry::atan_of;
 use crate::vehicle::tyre::{Coefficients, Contact, TyreForces};
 
@@ -40,30 +41,6 @@ const BRAKE_RELAXATION: f64 = 500.0;
 /// Rolling speed over which rolling resistance builds up, m/s.
 const ROLLING_FROM: f64 = 0.1;
 
-/// Motion of the wheel's contact in axes of the wheel, and the torques on the wheel.
-#[derive(Clone, Copy)]
-pub(in crate::vehicle) struct WheelMotion {
-    /// Velocity of the contact point, m/s.
-    pub vx: f64,
-    pub vy: f64,
-    /// Inclination, rad.
-    pub gamma: f64,
-    /// Drive torque and greatest brake torque, N m.
-    pub drive: f64,
-    pub brake: f64,
-}
-
-/// Motion and forces of a wheel at an instant.
-#[derive(Debug, Clone, Copy, Default)]
-pub(in crate::vehicle) struct WheelFlow {
-    pub load: f64,
-    pub forces: TyreForces,
-    pub kappa: f64,
-    pub alpha: f64,
-    /// Torque of drive and brake on the wheel, N m.
-    pub torque: f64,
-}
-
 /// +1 on the left, -1 on the right, where the tyre is mounted mirrored.
 const SIDES: [f64; FOUR] = [1.0, -1.0, 1.0, -1.0];
 
@@ -81,7 +58,7 @@ pub(in crate::vehicle) struct Wheels {
 
 impl Wheels {
     /// Those of two axles; a last one may stand alone, and is then named twice.
-    pub fn new([first, second]: [&Axle; 2]) -> Self {
+    pub fn new([first, second]: [&UnitAxle; 2]) -> Self {
         let axles = [first, first, second, second];
         let slides = axles.map(|axle| axle.tyre.sliding(axle.static_load / axle.tyres));
         Self {
@@ -143,7 +120,7 @@ impl Wheels {
         let (states, _) = states.as_chunks::<PER_WHEEL>();
         let side = L::load(&SIDES);
         let spin: L = gather(lanes, |wheel| states[wheel][SPIN]);
-        let motion = Motion {
+        let motion = WheelMotionLanes {
             vx: gather(lanes, |wheel| motions[wheel].vx),
             vy: gather(lanes, |wheel| motions[wheel].vy),
             gamma: gather(lanes, |wheel| motions[wheel].gamma),
@@ -184,7 +161,7 @@ impl Wheels {
 }
 
 /// [`WheelMotion`]s side by side.
-struct Motion<L> {
+struct WheelMotionLanes<L> {
     vx: L,
     vy: L,
     gamma: L,
@@ -201,42 +178,11 @@ struct Slip<L> {
 }
 
 /// Response of wheels; rates of spin and wind-up.
-struct Given<L> {
+struct WheelResponse<L> {
     load: L,
     forces: TyreForces<L>,
     torque: L,
     rates: [L; 2],
-}
-
-/// One wheel, as outputs.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct WheelOutput {
-    /// Load, N.
-    pub load: f64,
-    /// Longitudinal slip, positive when driving.
-    pub slip: f64,
-    /// Slip angle, rad, positive when the contact slips to the left.
-    pub slip_angle: f64,
-    /// Spin, rad/s.
-    pub speed: f64,
-    /// Forces in the contact in axes of the wheel, N.
-    pub fx: f64,
-    /// See `fx`.
-    pub fy: f64,
-}
-
-impl WheelFlow {
-    /// As outputs; the spin in rad/s.
-    pub fn output(&self, spin: f64) -> WheelOutput {
-        WheelOutput {
-            load: self.load,
-            slip: self.kappa,
-            slip_angle: self.alpha,
-            speed: spin,
-            fx: self.forces.fx,
-            fy: self.forces.fy,
-        }
-    }
 }
 
 /// Load of wheels from their heights over rest, N; a tyre does not pull.
@@ -255,7 +201,7 @@ fn load_of<T: Copy, L: Lanes<Stored = T>>(
     L::choose(elastic.up_to(zero), zero, (elastic - damping).max(zero))
 }
 
-impl Axle {
+impl UnitAxle {
     /// Load of a wheel from its height over rest, N; a tyre does not pull.
     pub(in crate::vehicle) fn load(&self, wheel: &[f64]) -> f64 {
         load_of(&self.tyre, self.tyres, self.static_load, wheel[LIFT], wheel[LIFT_RATE])
@@ -275,7 +221,7 @@ impl Wheels {
         load: L,
         spin: L,
         [u, v]: [L; 2],
-        motion: &Motion<L>,
+        motion: &WheelMotionLanes<L>,
         friction: L,
     ) -> Slip<L> {
         let number = L::splat;
@@ -321,10 +267,10 @@ impl Wheels {
         &self,
         spin: L,
         wind_up: L,
-        motion: &Motion<L>,
+        motion: &WheelMotionLanes<L>,
         contact: &Contact<L>,
         forces: TyreForces<L>,
-    ) -> Given<L> {
+    ) -> WheelResponse<L> {
         let number = L::splat;
         let (tyres, radius, inertia) = (L::load(&self.tyres), L::load(&self.radius), L::load(&self.inertia));
         let rolling = tyres
@@ -346,6 +292,6 @@ impl Wheels {
         .torque(spin, wind_up, motion.brake);
         let torque = motion.drive - brake.0;
         let spin_rate = (torque - forces.fx * radius - rolling) / inertia;
-        Given { load: tyres * contact.load, forces, torque, rates: [spin_rate, brake.1] }
+        WheelResponse { load: tyres * contact.load, forces, torque, rates: [spin_rate, brake.1] }
     }
 }

@@ -25,7 +25,7 @@ mod roll_out;
 
 pub use roll_out::{ArticulatedRollOut, BicycleRollOut, NonlinearRollOut, StepSpeed};
 
-use super::{Expected, Qp, Variant};
+use super::{ExpectedState, Qp, Variant};
 use crate::control::NmpcParameters;
 use crate::control::lateral::{LateralError, LateralInput};
 use crate::control::parameters::MpcParameters;
@@ -274,7 +274,7 @@ impl<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize> Vari
         Ok(QpReport { end, iterations, objective })
     }
 
-    fn next_state(&self, state: &SVector<f64, S>, _past: &[f64], steer: f64) -> Option<Expected<S>> {
+    fn next_state(&self, state: &SVector<f64, S>, _past: &[f64], steer: f64) -> Option<ExpectedState<S>> {
         self.planned.then(|| self.roll_out.first_step(&(state - self.start), steer))
     }
 

@@ -1,7 +1,7 @@
 //! The nonlinear prediction over a horizon, with derivatives: from a plan of the steering to the errors ahead.
 
 use crate::control::truck::TRUCK_STATES;
-use crate::control::variant::Expected;
+use crate::control::variant::ExpectedState;
 use crate::nominal::{
     ARTICULATED_PATH_STATES, BICYCLE_STATES, Curvature, ERRORS, HeldSpeed, PathErrors, PathModel, PathStep,
     SingleTrackError,
@@ -224,7 +224,7 @@ impl<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize> Nonl
     /// Expected state after the first step from errors that differ by `moved` and with another command, to first order.
     /// Exact for the errors of the prediction.
     #[must_use]
-    pub fn first_step(&self, moved: &SVector<f64, S>, steer: f64) -> Expected<S> {
+    pub fn first_step(&self, moved: &SVector<f64, S>, steer: f64) -> ExpectedState<S> {
         let Predicted { step, end } = &self.steps[0];
         // How the state depends on the errors, at the same station.
         let of_errors =
@@ -233,7 +233,7 @@ impl<V: GpVehicle<S, N, O>, const S: usize, const N: usize, const O: usize> Nonl
         let transition = by_state.fixed_columns::<S>(1) * of_errors;
         let command = steer - self.first_command;
         let state = end.errors + transition * moved + end.by_state * step.by_steer * command;
-        Expected { state, transition }
+        ExpectedState { state, transition }
     }
 
     /// The same without the process and with all of it, regardless of the share in use; none without a learned process

@@ -2,7 +2,7 @@
 
 /// A hash being made.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Fnv(u64);
+pub(crate) struct Fnv(u64);
 
 impl Fnv {
     pub fn new() -> Self {

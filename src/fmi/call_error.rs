@@ -1,20 +1,20 @@
 //! Reasons for which a call was refused. Unless a variant says otherwise, a refused call has changed nothing.
 
-use super::life::Life;
+use super::instance_state::InstanceState;
 use super::types::Status;
 use super::version::Version;
 
-/// One cause per variant. [`Refusal::status`] gives what the host gets:
+/// One cause per variant. [`CallError::status`] gives what the host gets:
 ///
 /// - discard: the function was used well, but this *value* (or step) cannot be taken; the value before it
 ///   stands, and the host may try another;
 /// - error: the function was used wrongly, or the model failed.
 #[derive(Debug)]
 #[allow(missing_docs)]
-pub enum Refusal {
+pub enum CallError {
     OutOfOrder {
         function: &'static str,
-        life: Life,
+        life: InstanceState,
     },
     Unsupported {
         function: &'static str,
@@ -51,7 +51,7 @@ pub enum Refusal {
     },
     Fixed {
         name: String,
-        life: Life,
+        life: InstanceState,
     },
     NotFinite {
         name: String,
@@ -162,119 +162,121 @@ pub enum Refusal {
     Busy,
 }
 
-impl Refusal {
+impl CallError {
     /// The fault and its remedy, in the words of the host's version.
     #[must_use]
     pub fn message(&self, v: &Version) -> String {
         let Version { state, times, mark, .. } = v;
         match self {
-            Refusal::OutOfOrder { function, life } => format!(
+            CallError::OutOfOrder { function, life } => format!(
                 "{function} must not be called in state \"{life}\" ({}). {}",
                 v.states,
                 life.way_out(v)
             ),
-            Refusal::Unsupported { function, reason } => format!("{function} is not supported: {reason}"),
-            Refusal::NullPointer { argument } => format!(
+            CallError::Unsupported { function, reason } => format!("{function} is not supported: {reason}"),
+            CallError::NullPointer { argument } => format!(
                 "the argument `{argument}` is a null pointer. Pass an array of as many elements as there are references."
             ),
-            Refusal::ImpossibleCount { argument, count } => {
+            CallError::ImpossibleCount { argument, count } => {
                 format!("the argument `{argument}` counts {count} elements, more than memory can hold")
             }
-            Refusal::ValueCount { references, needed, given } => format!(
+            CallError::ValueCount { references, needed, given } => format!(
                 "there are {given} values for {references} references, which have {needed}: one value for each reference of \
                  a scalar, and as many as its Dimension says for an array's"
             ),
-            Refusal::UnknownReference { reference, last } => format!(
+            CallError::UnknownReference { reference, last } => format!(
                 "there is no variable with value reference {reference}: this FMU has the references 0 to {last}. Take \
          them from this FMU's modelDescription.xml."
             ),
-            Refusal::ElementOfArray { name, array, reference } => format!(
+            CallError::ElementOfArray { name, array, reference } => format!(
                 "`{name}` is an element of the array `{array}`: get the array, by its reference {reference}"
             ),
-            Refusal::WrongType { name, reference, declared } => format!(
+            CallError::WrongType { name, reference, declared } => format!(
                 "variable `{name}` (reference {reference}) is of type {declared}: use fmi{v}Get{declared} or fmi{v}Set{declared}"
             ),
-            Refusal::NotSettable { name } => format!(
+            CallError::NotSettable { name } => format!(
                 "variable `{name}` is an output, which the model calculates: it cannot be set. Set an input or a parameter."
             ),
-            Refusal::Fixed { name, life } => format!(
+            CallError::Fixed { name, life } => format!(
                 "parameter `{name}` is fixed: it cannot be set in state \"{life}\". Set it before \
          fmi{v}ExitInitializationMode, or call fmi{v}Reset first."
             ),
-            Refusal::NotFinite { name, value, kept } => format!(
+            CallError::NotFinite { name, value, kept } => format!(
                 "variable `{name}` was set to {value}, which is no finite number. The value before, {kept}, stands."
             ),
-            Refusal::OutOfRange { name, value, range, kept } => format!(
+            CallError::OutOfRange { name, value, range, kept } => format!(
                 "parameter `{name}` = {value} is outside its range {range}. The value before, {kept}, stands."
             ),
-            Refusal::NotAMember { name, value, allowed, kept } => format!(
+            CallError::NotAMember { name, value, allowed, kept } => format!(
                 "variable `{name}` = {value} is none of its values: {allowed}. The value before, {kept}, stands."
             ),
-            Refusal::NotUtf8 { name } => {
+            CallError::NotUtf8 { name } => {
                 format!("the string for variable `{name}` is not UTF-8. The value before stands.")
             }
-            Refusal::TooManyBytes { name, given, max_size } => format!(
+            CallError::TooManyBytes { name, given, max_size } => format!(
                 "parameter `{name}` has {given} bytes, and takes {max_size} at most. The value before stands."
             ),
-            Refusal::StartTime { start } => format!("the start time {start} s is no finite number"),
-            Refusal::StopTime { start, stop } => {
+            CallError::StartTime { start } => format!("the start time {start} s is no finite number"),
+            CallError::StopTime { start, stop } => {
                 format!("the stop time {stop} s is no finite number, or before the start time {start} s")
             }
-            Refusal::StepSize { step } => format!(
+            CallError::StepSize { step } => format!(
                 "a communication step of {step} s cannot be made: it must be finite and greater than zero"
             ),
-            Refusal::CommunicationPoint { point } => {
+            CallError::CommunicationPoint { point } => {
                 format!("the communication point {point} s is no finite number")
             }
-            Refusal::SteppedBack { point, time } => format!(
+            CallError::SteppedBack { point, time } => format!(
                 "the host steps from {point} s, but the instance is already at {time} s. To repeat a step, restore an FMU \
          state that was stored at {point} s (fmi{v}Set{state}) first."
             ),
-            Refusal::SteppedAhead { point, time } => format!(
+            CallError::SteppedAhead { point, time } => format!(
                 "the host steps from {point} s, but the instance is still at {time} s: the time between is missing. Step \
          from {time} s."
             ),
-            Refusal::PastStopTime { point, end, stop } => {
+            CallError::PastStopTime { point, end, stop } => {
                 format!("a step from {point} s to {end} s passes the stop time {stop} s that {times} gave")
             }
-            Refusal::StepDiscarded { time, message } => {
+            CallError::StepDiscarded { time, message } => {
                 format!("the step from {time} s was discarded: {message}")
             }
-            Refusal::StepFailed { time, message } => format!("the step from {time} s failed: {message}"),
-            Refusal::Initialization { message } => format!("the model cannot be initialised: {message}"),
-            Refusal::Panic { function, message } => format!(
+            CallError::StepFailed { time, message } => format!("the step from {time} s failed: {message}"),
+            CallError::Initialization { message } => format!("the model cannot be initialised: {message}"),
+            CallError::Panic { function, message } => format!(
                 "internal error in {function}: {message}. Please report it. Call fmi{v}Reset to start again."
             ),
-            Refusal::ForeignState => format!(
+            CallError::ForeignState => format!(
                 "this FMU state is not one of this instance. Before fmi{v}Get{state}, let the pointer be NULL or a state of \
          this instance; to carry a state to another instance, serialise it."
             ),
-            Refusal::SmallBuffer { given, needed } => format!(
+            CallError::SmallBuffer { given, needed } => format!(
                 "the buffer of {given} bytes is too small for the FMU state of {needed}. Ask fmi{v}Serialized{state}Size."
             ),
-            Refusal::NotAState => {
+            CallError::NotAState => {
                 "these bytes are no serialised FMU state: they do not begin with its mark".to_owned()
             }
-            Refusal::StateVersion { found, known } => format!(
+            CallError::StateVersion { found, known } => format!(
                 "the serialised FMU state has format version {found}; this FMU reads version {known}. Store it anew."
             ),
-            Refusal::StateOfOtherFmu { found, own } => {
+            CallError::StateOfOtherFmu { found, own } => {
                 format!("the serialised FMU state is of another FMU, with {mark} {found}; this one has {own}")
             }
-            Refusal::TruncatedState { given, needed } => {
+            CallError::TruncatedState { given, needed } => {
                 format!("the serialised FMU state is truncated: it has {given} bytes of {needed}")
             }
-            Refusal::DamagedState { what } => format!("the serialised FMU state is damaged: {what}"),
-            Refusal::StateContent { message } => {
+            CallError::DamagedState { what } => format!("the serialised FMU state is damaged: {what}"),
+            CallError::StateContent { message } => {
                 format!("the serialised FMU state holds what no run can have: {message}")
             }
-            Refusal::Restore { message } => format!("the FMU state cannot be restored: {message}"),
-            Refusal::Busy => {
+            CallError::Restore { message } => format!("the FMU state cannot be restored: {message}"),
+            CallError::Busy => {
                 "another call of this instance is still running (on another thread, or this call came out of \
                               the logger). Make one call of an instance at a time."
                     .to_owned()
             }
-            Refusal::NoSuchStatus { kind, reason } => format!("the status {kind} is not available: {reason}"),
+            CallError::NoSuchStatus { kind, reason } => {
+                format!("the status {kind} is not available: {reason}")
+            }
         }
     }
 
@@ -282,13 +284,13 @@ impl Refusal {
     #[must_use]
     pub fn status(&self) -> Status {
         match self {
-            Refusal::NotFinite { .. }
-            | Refusal::OutOfRange { .. }
-            | Refusal::NotAMember { .. }
-            | Refusal::NotUtf8 { .. }
-            | Refusal::TooManyBytes { .. }
-            | Refusal::StepDiscarded { .. }
-            | Refusal::NoSuchStatus { .. } => Status::Discard,
+            CallError::NotFinite { .. }
+            | CallError::OutOfRange { .. }
+            | CallError::NotAMember { .. }
+            | CallError::NotUtf8 { .. }
+            | CallError::TooManyBytes { .. }
+            | CallError::StepDiscarded { .. }
+            | CallError::NoSuchStatus { .. } => Status::Discard,
             _ => Status::Error,
         }
     }

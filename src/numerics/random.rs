@@ -52,7 +52,7 @@ impl Random {
 
     /// `count` of the numbers below `all`, or all of them: each once, in random order.
     #[cfg(feature = "cli")]
-    pub(super) fn draw(&mut self, all: usize, count: usize) -> Vec<usize> {
+    pub(crate) fn draw(&mut self, all: usize, count: usize) -> Vec<usize> {
         let mut numbers: Vec<usize> = (0..all).collect();
         let count = count.min(all);
         for i in 0..count {
@@ -60,6 +60,11 @@ impl Random {
         }
         numbers.truncate(count);
         numbers
+    }
+
+    /// Uniform in `[low, high)`.
+    pub fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.uniform()
     }
 
     /// Uniform in `[0, 1)`.
@@ -84,6 +89,7 @@ mod tests {
         let mut random = Random::new(1_234_567);
         assert_eq!(random.bits(), 6_457_827_717_110_365_317);
         assert_eq!(random.bits(), 3_203_168_211_198_807_973);
+        assert_eq!(random.bits(), 9_817_491_932_198_370_423);
     }
 
     #[test]

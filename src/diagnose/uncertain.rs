@@ -1,18 +1,18 @@
-//! Knobs: the uncertain parameters of a simulator. Every effect, and numbers of the vehicle known within a tolerance
+//! Uncertain parameters: the uncertain parameters of a simulator. Every effect, and numbers of the vehicle known within a tolerance
 //! only.
 //!
-//! A knob's coordinate is 0 where it is neutral and 1 at its `unit`; its tolerance is the standard deviation in
+//! An uncertain parameter's coordinate is 0 where it is neutral and 1 at its `unit`; its tolerance is the standard deviation in
 //! ordinary simulators. Tolerances are those of careful measurement: a weighed car (3 % with fuel and people), axle
 //! stiffnesses from a test rig (4 %), a clock (10 ms), a level road (0.25 deg).
 
 use super::calibration::Calibration;
 use super::form::FORMS;
-use super::replay::{Channel, Drive, LEAK, ReplayVehicle, Trace};
+use super::replay::{Channel, LEAK, ReplayDrive, ReplayVehicle, Trace};
 use crate::vehicle::{Effect, TruckEffects};
 
-/// Action of a knob.
+/// Action of an uncertain parameter.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Turns {
+enum Transform {
     /// An effect by its id: neutral + unit * x.
     Effect,
     /// The rate limit: unit / x.
@@ -50,13 +50,13 @@ enum Turns {
     TyreLoad,
 }
 
-/// One knob.
+/// One uncertain parameter.
 #[derive(Debug, Clone)]
-pub struct Knob {
+pub struct UncertainParameter {
     /// The effect's id, the parameter's name, or `sensor.<what>`.
     pub id: &'static str,
-    turns: Turns,
-    /// Value of one unit of the coordinate, in the knob's own unit.
+    turns: Transform,
+    /// Value of one unit of the coordinate, in the uncertain parameter's own unit.
     pub unit: f64,
     /// Standard deviation of the background, in units of the coordinate; 0: no background has it.
     pub tolerance: f64,
@@ -70,17 +70,17 @@ pub struct Knob {
     pub starts: &'static [f64],
     /// The declaration, if it is an effect of the library.
     pub effect: Option<&'static Effect>,
-    /// Companion: another knob that is freed with it, and the standard deviation of that.
+    /// Companion: another uncertain parameter that is free with it, and the standard deviation of that.
     pub companion: Option<(&'static str, f64)>,
     /// True if it may be named: false where the user leaves the effect out.
     nameable: bool,
 }
 
-type Row = (&'static str, f64, f64, f64, f64, &'static [f64]);
+type EffectRow = (&'static str, f64, f64, f64, f64, &'static [f64]);
 
 /// Effects: id, unit of the coordinate, tolerance (both in the effect's unit), least and greatest coordinate, starts.
 /// No wind is stronger than a gale, no tyre is three times as stiff as its file: a larger value is another effect.
-const EFFECTS: &[Row] = &[
+const EFFECTS: &[EffectRow] = &[
     ("steer_delay", 0.02, 0.010, -10.0, 60.0, &[1.0, 4.0, 9.0]),
     ("steer_lag", 0.03, 0.010, -10.0, 60.0, &[1.0, 4.0, 9.0]),
     ("steer_rate_limit", 0.0, 0.0, 0.0, 60.0, &[1.2, 2.0, 4.0]),
@@ -189,12 +189,16 @@ const PAYLOAD_UNIT: f64 = 0.05;
 /// Effects between command and wheel angle: none of them is seen where no command was logged.
 const BEFORE_THE_ANGLE: [&str; 4] = ["steer_delay", "steer_lag", "steer_rate_limit", "steer_backlash"];
 
-/// All knobs of a vehicle on a drive; `without`: effects that may not be named. Within their tolerances these stay: a
+/// All uncertain parameters of a vehicle on a drive; `without`: effects that may not be named. Within their tolerances these stay: a
 /// road has a little bank even if the library has no bank.
 #[must_use]
-pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -> Vec<Knob> {
+pub fn uncertain_parameters<V: ReplayVehicle>(
+    vehicle: &V,
+    drive: &ReplayDrive,
+    without: &[String],
+) -> Vec<UncertainParameter> {
     let (mass, _) = vehicle.mass_and_drag();
-    let mut knobs = Vec::new();
+    let mut uncertain = Vec::new();
     for &(id, unit, tolerance, least, most, starts) in EFFECTS {
         let Some(effect) = TruckEffects::all().find(|effect| effect.id == id) else { continue };
         let of_trailer = crate::vehicle::Effects::find(id).is_none();
@@ -203,23 +207,23 @@ pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -
             continue;
         }
         let (turns, unit, tolerance) = match id {
-            "steer_rate_limit" => (Turns::RateLimit, quickest(drive), 0.0),
+            "steer_rate_limit" => (Transform::RateLimit, quickest(drive), 0.0),
             // A quarter, and no less than 8 cm: files without a relaxation length know nothing of it.
             "tyre_relaxation" => {
                 let length = vehicle.relaxation();
-                (Turns::Relaxation, length, f64::max(tolerance, 0.08 / length))
+                (Transform::Relaxation, length, f64::max(tolerance, 0.08 / length))
             }
-            "payload" | "trailer_payload" => (Turns::Effect, PAYLOAD_UNIT * mass, 0.0),
+            "payload" | "trailer_payload" => (Transform::Effect, PAYLOAD_UNIT * mass, 0.0),
             // As much as one wheel's rolling resistance; a dragging brake gives many times of it.
-            "brake_pull" => (Turns::Effect, 0.03 * mass, tolerance),
-            _ => (Turns::Effect, unit, tolerance / unit),
+            "brake_pull" => (Transform::Effect, 0.03 * mass, tolerance),
+            _ => (Transform::Effect, unit, tolerance / unit),
         };
         // A load lies on the vehicle: no farther from the unladen CG than what is steered is long.
         let reach = vehicle.reach() / unit;
         let (least, most) = if id == "payload_x" { (-reach, reach) } else { (least, most) };
         let high = (effect.range.1 - effect.neutral) / unit;
-        let greatest = if matches!(turns, Turns::Effect) { high.min(most) } else { most };
-        let least = if matches!(turns, Turns::Effect)
+        let greatest = if matches!(turns, Transform::Effect) { high.min(most) } else { most };
+        let least = if matches!(turns, Transform::Effect)
             && !matches!(id, "steer_delay" | "sensor_delay" | "steer_lag" | "drive_lag")
         {
             least.max((effect.range.0 - effect.neutral) / unit)
@@ -228,7 +232,7 @@ pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -
         };
         // Against a measured angle only the difference of the clocks is seen: the angle may be the late one.
         let either_way = id == "sensor_delay" && !drive.commanded;
-        let named_least = if matches!(turns, Turns::Effect) && !either_way {
+        let named_least = if matches!(turns, Transform::Effect) && !either_way {
             least.max((effect.range.0 - effect.neutral) / unit)
         } else {
             least
@@ -243,7 +247,7 @@ pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -
             _ => None,
         };
         let accompanies = id == "payload_x" || !drive.compass && id == "wind_y";
-        knobs.push(Knob {
+        uncertain.push(UncertainParameter {
             id,
             turns,
             unit,
@@ -257,7 +261,7 @@ pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -
             nameable: !(accompanies || left_out(id) || any_wind && left_out("wind_y")),
         });
     }
-    let further = |id, turns, unit| Knob {
+    let further = |id, turns, unit| UncertainParameter {
         id,
         turns,
         unit,
@@ -273,38 +277,38 @@ pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -
     for &(car, truck, tolerance, factor) in PARAMETERS {
         let id = if V::TRUCK { truck } else { car };
         if !id.is_empty() {
-            knobs.push(further(id, if factor { Turns::Factor } else { Turns::Shift }, tolerance));
+            uncertain.push(further(id, if factor { Transform::Factor } else { Transform::Shift }, tolerance));
         }
     }
     if drive.channels.contains(&Channel::Vy) {
-        knobs.push(further(REFERENCE_X, Turns::Arm, 0.05));
+        uncertain.push(further(REFERENCE_X, Transform::Arm, 0.05));
     }
     if [Channel::Vy, Channel::Across].iter().any(|channel| drive.channels.contains(channel)) {
-        knobs.push(further(REFERENCE_Z, Turns::ReferenceHeight, REFERENCE_HEIGHT));
+        uncertain.push(further(REFERENCE_Z, Transform::ReferenceHeight, REFERENCE_HEIGHT));
     }
     if INERTIAL.iter().any(|channel| drive.channels.contains(channel)) {
-        knobs.push(further(FILTERED, Turns::InertialLag, INERTIAL_LAG));
+        uncertain.push(further(FILTERED, Transform::InertialLag, INERTIAL_LAG));
     }
     // Where all that is compared comes by the receiver, its lateness is that of the sensors.
     if drive.channels.iter().any(|channel| channel.by_receiver())
         && INERTIAL.iter().any(|channel| drive.channels.contains(channel))
     {
-        knobs.push(further(RECEIVER, Turns::ReceiverLate, RECEIVER_LATE));
+        uncertain.push(further(RECEIVER, Transform::ReceiverLate, RECEIVER_LATE));
     }
     if drive.channels.contains(&Channel::Ay) {
-        knobs.push(further(HEIGHT, Turns::ImuHeight, IMU_HEIGHT));
+        uncertain.push(further(HEIGHT, Transform::ImuHeight, IMU_HEIGHT));
     }
     let form = &Calibration::built_in().form;
     let [shape, curvature, peak, softening, load] = form.tyre(V::TRUCK);
     for (id, turns, size) in [
-        (TYRE_SHAPE, Turns::TyreShape, shape),
-        (TYRE_CURVATURE, Turns::TyreCurvature, curvature),
-        (TYRE_PEAK, Turns::TyrePeak, peak),
-        (TYRE_SOFTENING, Turns::TyreSoftening, softening),
-        (TYRE_LOAD, Turns::TyreLoad, load),
+        (TYRE_SHAPE, Transform::TyreShape, shape),
+        (TYRE_CURVATURE, Transform::TyreCurvature, curvature),
+        (TYRE_PEAK, Transform::TyrePeak, peak),
+        (TYRE_SOFTENING, Transform::TyreSoftening, softening),
+        (TYRE_LOAD, Transform::TyreLoad, load),
     ] {
         if size > 0.0 {
-            knobs.push(further(id, turns, size));
+            uncertain.push(further(id, turns, size));
         }
     }
     for (place, (id, channel, kind)) in FORMS.iter().enumerate() {
@@ -315,37 +319,37 @@ pub fn knobs<V: ReplayVehicle>(vehicle: &V, drive: &Drive, without: &[String]) -
             other => std::slice::from_ref(other),
         };
         if size > 0.0 && seen.iter().any(|channel| drive.channels.contains(channel)) {
-            knobs.push(further(id, Turns::Form(place), size));
+            uncertain.push(further(id, Transform::Form(place), size));
         }
     }
     for &(id, channel, tolerance, scale) in SENSORS {
         if drive.channels.contains(&channel) {
-            knobs.push(further(
+            uncertain.push(further(
                 id,
-                if scale { Turns::Scale(channel) } else { Turns::Bias(channel) },
+                if scale { Transform::Scale(channel) } else { Transform::Bias(channel) },
                 tolerance,
             ));
         }
     }
-    as_the_file_says(&mut knobs, vehicle);
-    knobs
+    as_the_file_says(&mut uncertain, vehicle);
+    uncertain
 }
 
 /// Tolerances that the vehicle file tells.
-fn as_the_file_says<V: ReplayVehicle>(knobs: &mut [Knob], vehicle: &V) {
-    for knob in knobs {
-        if let Some(deviation) = vehicle.tolerances().of(&knob.parameter()) {
-            knob.tolerance = deviation / knob.deviation(1.0, vehicle).abs().max(f64::MIN_POSITIVE);
+fn as_the_file_says<V: ReplayVehicle>(uncertain: &mut [UncertainParameter], vehicle: &V) {
+    for uncertain in uncertain {
+        if let Some(deviation) = vehicle.tolerances().of(&uncertain.parameter()) {
+            uncertain.tolerance = deviation / uncertain.deviation(1.0, vehicle).abs().max(f64::MIN_POSITIVE);
         }
     }
 }
 
 /// Tolerances where the lateral acceleration is that of a level frame.
-pub fn level<V: ReplayVehicle>(knobs: &mut [Knob], vehicle: &V) {
-    if let Some(height) = knobs.iter_mut().find(|knob| knob.id == HEIGHT) {
+pub fn level<V: ReplayVehicle>(uncertain: &mut [UncertainParameter], vehicle: &V) {
+    if let Some(height) = uncertain.iter_mut().find(|uncertain| uncertain.id == HEIGHT) {
         height.tolerance = UNIT_HEIGHT / IMU_HEIGHT;
     }
-    as_the_file_says(knobs, vehicle);
+    as_the_file_says(uncertain, vehicle);
 }
 
 /// True if something of this name may have a tolerance, on some log of some vehicle.
@@ -359,7 +363,7 @@ pub fn is_known(name: &str) -> bool {
 }
 
 /// Rate of the command that is rarely exceeded, rad/s.
-fn quickest(drive: &Drive) -> f64 {
+fn quickest(drive: &ReplayDrive) -> f64 {
     let over = (0.05 / drive.step).ceil().max(1.0) as usize;
     let mut rates: Vec<f64> = Vec::new();
     for &(from, to) in &drive.stretches {
@@ -372,7 +376,7 @@ fn quickest(drive: &Drive) -> f64 {
     rates.get(rates.len() * 99 / 100).copied().unwrap_or(1.0).max(0.01)
 }
 
-impl Knob {
+impl UncertainParameter {
     /// A coordinate within its bounds; `named`: within the effect's own range (a negative delay is a tolerance, no effect).
     #[must_use]
     pub fn within(&self, x: f64, named: bool) -> f64 {
@@ -394,7 +398,7 @@ impl Knob {
     /// True if its value replaces the given one instead of adding to it.
     #[must_use]
     pub fn stands_for_the_given(&self) -> bool {
-        matches!(self.turns, Turns::RateLimit | Turns::Relaxation)
+        matches!(self.turns, Transform::RateLimit | Transform::Relaxation)
     }
 
     /// True if it acts on the sensors' signals, and not on the motion.
@@ -402,12 +406,12 @@ impl Knob {
     pub fn is_sensed(&self) -> bool {
         matches!(
             self.turns,
-            Turns::Scale(_)
-                | Turns::Bias(_)
-                | Turns::Arm
-                | Turns::ReferenceHeight
-                | Turns::InertialLag
-                | Turns::ImuHeight
+            Transform::Scale(_)
+                | Transform::Bias(_)
+                | Transform::Arm
+                | Transform::ReferenceHeight
+                | Transform::InertialLag
+                | Transform::ImuHeight
         )
     }
 
@@ -416,49 +420,49 @@ impl Knob {
     pub fn is_form(&self) -> bool {
         matches!(
             self.turns,
-            Turns::Form(_)
-                | Turns::TyreShape
-                | Turns::TyreCurvature
-                | Turns::TyrePeak
-                | Turns::TyreSoftening
-                | Turns::TyreLoad
+            Transform::Form(_)
+                | Transform::TyreShape
+                | Transform::TyreCurvature
+                | Transform::TyrePeak
+                | Transform::TyreSoftening
+                | Transform::TyreLoad
         )
     }
 
     /// True for a number of the vehicle, which its file has right within a tolerance.
     #[must_use]
     pub fn is_of_the_file(&self) -> bool {
-        !self.is_form() && !self.is_sensed() && self.turns != Turns::ReceiverLate
+        !self.is_form() && !self.is_sensed() && self.turns != Transform::ReceiverLate
     }
 
     /// Its row in [`FORMS`], if it is an error that is added to the replay.
     #[must_use]
-    pub fn form(&self) -> Option<&'static super::form::Row> {
-        if let Turns::Form(place) = self.turns { FORMS.get(place) } else { None }
+    pub fn form(&self) -> Option<&'static super::form::FormError> {
+        if let Transform::Form(place) = self.turns { FORMS.get(place) } else { None }
     }
 
     /// Its value at a coordinate, in its own unit; factors and shifts of the vehicle as such.
     #[must_use]
     pub fn value(&self, x: f64) -> f64 {
         match self.turns {
-            Turns::Effect => self.effect.map_or(0.0, |effect| effect.neutral) + self.unit * x,
-            Turns::RateLimit if x <= 0.0 => crate::vehicle::NO_RATE_LIMIT,
-            Turns::RateLimit => self.unit / x,
-            Turns::Relaxation if x == 0.0 => 0.0,
-            Turns::Relaxation => self.unit * (1.0 + x),
-            Turns::Factor | Turns::TyreShape | Turns::TyrePeak => (self.unit * x).exp(),
-            Turns::Scale(_) => 1.0 + self.unit * x,
-            Turns::Shift
-            | Turns::Bias(_)
-            | Turns::Arm
-            | Turns::ReferenceHeight
-            | Turns::InertialLag
-            | Turns::ReceiverLate
-            | Turns::ImuHeight
-            | Turns::Form(_)
-            | Turns::TyreCurvature
-            | Turns::TyreSoftening
-            | Turns::TyreLoad => self.unit * x,
+            Transform::Effect => self.effect.map_or(0.0, |effect| effect.neutral) + self.unit * x,
+            Transform::RateLimit if x <= 0.0 => crate::vehicle::NO_RATE_LIMIT,
+            Transform::RateLimit => self.unit / x,
+            Transform::Relaxation if x == 0.0 => 0.0,
+            Transform::Relaxation => self.unit * (1.0 + x),
+            Transform::Factor | Transform::TyreShape | Transform::TyrePeak => (self.unit * x).exp(),
+            Transform::Scale(_) => 1.0 + self.unit * x,
+            Transform::Shift
+            | Transform::Bias(_)
+            | Transform::Arm
+            | Transform::ReferenceHeight
+            | Transform::InertialLag
+            | Transform::ReceiverLate
+            | Transform::ImuHeight
+            | Transform::Form(_)
+            | Transform::TyreCurvature
+            | Transform::TyreSoftening
+            | Transform::TyreLoad => self.unit * x,
         }
     }
 
@@ -466,7 +470,7 @@ impl Knob {
     #[must_use]
     pub fn spread(&self, x: f64, deviation: f64) -> f64 {
         match self.turns {
-            Turns::RateLimit => self.unit / x.max(0.1).powi(2) * deviation,
+            Transform::RateLimit => self.unit / x.max(0.1).powi(2) * deviation,
             _ => self.unit * deviation,
         }
     }
@@ -477,33 +481,33 @@ impl Knob {
             return;
         }
         match self.turns {
-            Turns::Relaxation => effects.vehicle.tyre_relaxation = self.value(x),
-            Turns::Effect | Turns::RateLimit => {
+            Transform::Relaxation => effects.vehicle.tyre_relaxation = self.value(x),
+            Transform::Effect | Transform::RateLimit => {
                 if let Some(place) = effects.get_mut(self.id) {
                     *place = self.value(x);
                 }
             }
-            Turns::Factor | Turns::Shift => {
+            Transform::Factor | Transform::Shift => {
                 if let Some(parameter) = V::TABLE.iter().find(|parameter| parameter.name == self.id) {
                     let before = parameter.get(vehicle);
-                    let factor = matches!(self.turns, Turns::Factor);
+                    let factor = matches!(self.turns, Transform::Factor);
                     parameter
                         .set(vehicle, if factor { before * self.value(x) } else { before + self.value(x) });
                 }
             }
-            Turns::TyreShape
-            | Turns::TyreCurvature
-            | Turns::TyrePeak
-            | Turns::TyreSoftening
-            | Turns::TyreLoad => {
+            Transform::TyreShape
+            | Transform::TyreCurvature
+            | Transform::TyrePeak
+            | Transform::TyreSoftening
+            | Transform::TyreLoad => {
                 for file in vehicle.tyres().into_iter().filter_map(|(_, tyre)| tyre.coefficients.as_mut()) {
                     match self.turns {
-                        Turns::TyreShape => file.pcy1 = (file.pcy1 * self.value(x)).clamp(0.9, 1.9),
-                        Turns::TyrePeak => file.lmuy *= self.value(x),
-                        Turns::TyreSoftening => {
+                        Transform::TyreShape => file.pcy1 = (file.pcy1 * self.value(x)).clamp(0.9, 1.9),
+                        Transform::TyrePeak => file.lmuy *= self.value(x),
+                        Transform::TyreSoftening => {
                             file.softening = (file.softening + self.value(x)).clamp(-0.5, 3.0)
                         }
-                        Turns::TyreLoad => {
+                        Transform::TyreLoad => {
                             let before = 1.0 / file.pky2;
                             let fall = (before + self.value(x)).clamp(FALL.0, FALL.1);
                             // As of a sine of twice an arc tangent: 2 f / (1 + f^2).
@@ -515,23 +519,23 @@ impl Knob {
                     }
                 }
             }
-            Turns::Scale(_)
-            | Turns::Bias(_)
-            | Turns::Arm
-            | Turns::ReferenceHeight
-            | Turns::InertialLag
-            | Turns::ReceiverLate
-            | Turns::ImuHeight
-            | Turns::Form(_) => {}
+            Transform::Scale(_)
+            | Transform::Bias(_)
+            | Transform::Arm
+            | Transform::ReferenceHeight
+            | Transform::InertialLag
+            | Transform::ReceiverLate
+            | Transform::ImuHeight
+            | Transform::Form(_) => {}
         }
     }
 
-    /// Applies a sensor's knob to a replay.
-    fn sense(&self, x: f64, drive: &Drive, trace: &mut Trace) {
+    /// Applies a sensor's uncertain parameter to a replay.
+    fn sense(&self, x: f64, drive: &ReplayDrive, trace: &mut Trace) {
         let (channel, factor, shift) = match self.turns {
-            Turns::Scale(channel) => (channel, self.value(x), 0.0),
-            Turns::Bias(channel) => (channel, 1.0, self.value(x)),
-            Turns::Arm => {
+            Transform::Scale(channel) => (channel, self.value(x), 0.0),
+            Transform::Bias(channel) => (channel, 1.0, self.value(x)),
+            Transform::Arm => {
                 let arm = self.value(x);
                 let rate = trace.columns[Channel::YawRate as usize].clone();
                 trace.columns[Channel::Vy as usize]
@@ -540,7 +544,7 @@ impl Knob {
                     .for_each(|(vy, rate)| *vy += arm * rate);
                 return;
             }
-            Turns::ReferenceHeight => {
+            Transform::ReferenceHeight => {
                 let (height, keep) = (self.value(x), (-drive.step / LEAK).exp());
                 let Trace { columns, roll, .. } = trace;
                 for &(from, to) in &drive.stretches {
@@ -558,7 +562,7 @@ impl Knob {
                 }
                 return;
             }
-            Turns::InertialLag => {
+            Transform::InertialLag => {
                 let rows = self.value(x) / drive.step;
                 for column in INERTIAL.map(|channel| channel as usize) {
                     let column = &mut trace.columns[column];
@@ -570,7 +574,7 @@ impl Knob {
                 }
                 return;
             }
-            Turns::ImuHeight => {
+            Transform::ImuHeight => {
                 let feels = -self.value(x) / drive.step.powi(2);
                 let roll = &trace.roll;
                 let ay = &mut trace.columns[Channel::Ay as usize];
@@ -592,17 +596,17 @@ impl Knob {
         if self.effect.is_some() { format!("effect.{}", self.id) } else { self.id.to_owned() }
     }
 
-    /// Values of the knob before and at a coordinate, as the vehicle file or the plant has them.
+    /// Values of the uncertain parameter before and at a coordinate, as the vehicle file or the plant has them.
     #[must_use]
     pub fn adjusted<V: ReplayVehicle>(&self, x: f64, vehicle: &V) -> (f64, f64) {
         match V::TABLE.iter().find(|parameter| parameter.name == self.id) {
             Some(parameter) => {
                 let given = parameter.get(vehicle);
-                let factor = matches!(self.turns, Turns::Factor);
+                let factor = matches!(self.turns, Transform::Factor);
                 (given, if factor { given * self.value(x) } else { given + self.value(x) })
             }
             // The file's length; the effect's own neutral value, 0, only stands for it.
-            None if matches!(self.turns, Turns::Relaxation) => (self.unit, self.unit * (1.0 + x)),
+            None if matches!(self.turns, Transform::Relaxation) => (self.unit, self.unit * (1.0 + x)),
             None => (self.value(0.0), self.value(x)),
         }
     }
@@ -612,9 +616,9 @@ impl Knob {
     pub fn symbol<V: ReplayVehicle>(&self) -> String {
         let parameter = V::TABLE.iter().find(|parameter| parameter.name == self.id).map(|p| p.unit.symbol);
         let of_sensor = match self.turns {
-            Turns::Bias(channel) => crate::signal::find(channel.name()).map(|signal| signal.unit.symbol),
-            Turns::Arm | Turns::ReferenceHeight | Turns::ImuHeight => Some("m"),
-            Turns::InertialLag | Turns::ReceiverLate => Some("s"),
+            Transform::Bias(channel) => crate::signal::find(channel.name()).map(|signal| signal.unit.symbol),
+            Transform::Arm | Transform::ReferenceHeight | Transform::ImuHeight => Some("m"),
+            Transform::InertialLag | Transform::ReceiverLate => Some("s"),
             _ => None,
         };
         self.effect.map(|effect| effect.unit.symbol).or(parameter).or(of_sensor).unwrap_or("1").to_owned()
@@ -624,7 +628,7 @@ impl Knob {
     #[must_use]
     pub fn deviation<V: ReplayVehicle>(&self, deviation: f64, vehicle: &V) -> f64 {
         let (given, _) = self.adjusted(0.0, vehicle);
-        let of_factor = matches!(self.turns, Turns::Factor) && self.effect.is_none();
+        let of_factor = matches!(self.turns, Transform::Factor) && self.effect.is_none();
         let factor = if of_factor { given.abs().max(1e-12) } else { 1.0 };
         self.spread(1.0, deviation) * factor
     }
@@ -632,7 +636,7 @@ impl Knob {
     /// True if the coordinate is one over the value.
     #[must_use]
     pub fn is_reciprocal(&self) -> bool {
-        matches!(self.turns, Turns::RateLimit)
+        matches!(self.turns, Transform::RateLimit)
     }
 
     /// Increase of the value for one of the coordinate, as the vehicle file or the plant has it, or to one over the value.
@@ -644,26 +648,26 @@ impl Knob {
 
 /// The vehicle and its effects at coordinates.
 #[must_use]
-pub fn at<V: ReplayVehicle>(knobs: &[Knob], x: &[f64], vehicle: &V) -> (V, TruckEffects) {
+pub fn at<V: ReplayVehicle>(uncertain: &[UncertainParameter], x: &[f64], vehicle: &V) -> (V, TruckEffects) {
     let (mut vehicle, mut effects) = (vehicle.clone(), TruckEffects::default());
-    for (knob, &x) in knobs.iter().zip(x) {
-        knob.put(x, &mut vehicle, &mut effects);
+    for (uncertain, &x) in uncertain.iter().zip(x) {
+        uncertain.put(x, &mut vehicle, &mut effects);
     }
     (vehicle, effects)
 }
 
 /// Lateness of a receiver's columns relative to all others, s.
 #[must_use]
-pub fn receiver_late(knobs: &[Knob], x: &[f64]) -> f64 {
-    let place = knobs.iter().position(|knob| knob.turns == Turns::ReceiverLate);
-    place.map_or(0.0, |i| knobs[i].value(x[i]))
+pub fn receiver_late(uncertain: &[UncertainParameter], x: &[f64]) -> f64 {
+    let place = uncertain.iter().position(|uncertain| uncertain.turns == Transform::ReceiverLate);
+    place.map_or(0.0, |i| uncertain[i].value(x[i]))
 }
 
-/// Applies the sensors' knobs to a replay.
-pub fn sense(knobs: &[Knob], x: &[f64], drive: &Drive, trace: &mut Trace) {
-    for (knob, &x) in knobs.iter().zip(x) {
+/// Applies the sensors' uncertain parameters to a replay.
+pub fn sense(uncertain: &[UncertainParameter], x: &[f64], drive: &ReplayDrive, trace: &mut Trace) {
+    for (uncertain, &x) in uncertain.iter().zip(x) {
         if x != 0.0 {
-            knob.sense(x, drive, trace);
+            uncertain.sense(x, drive, trace);
         }
     }
 }
@@ -679,12 +683,12 @@ mod tests {
         let car = builtin("c_class").unwrap();
         let conditions = Conditions { seed: 3, duration: 10.0, step: 0.02, ..Conditions::default() };
         let log = drive(&car, &TruckEffects::default(), &conditions).unwrap();
-        let knobs = knobs(&car, &Drive::new(&log, false), &[]);
-        let place = knobs.iter().position(|knob| knob.id == TYRE_LOAD).unwrap();
+        let uncertain = uncertain_parameters(&car, &ReplayDrive::new(&log, false), &[]);
+        let place = uncertain.iter().position(|uncertain| uncertain.id == TYRE_LOAD).unwrap();
         let stiffness = |x: f64, share: f64| {
-            let mut all = vec![0.0; knobs.len()];
+            let mut all = vec![0.0; uncertain.len()];
             all[place] = x;
-            let tyre = at(&knobs, &all, &car).0.tyre.front.coefficients.unwrap();
+            let tyre = at(&uncertain, &all, &car).0.tyre.front.coefficients.unwrap();
             tyre.cornering_stiffness(share * tyre.fz0, 0.0)
         };
         for x in [-9.0, -1.0, 1.0, 4.0] {

@@ -1,21 +1,27 @@
-//! A few numbers that describe a column.
+//! Numbers that describe a column: quantiles, medians, slopes.
 
 /// The median, if there is any number.
-pub(super) fn median(values: Vec<f64>) -> Option<f64> {
+pub(crate) fn median(values: Vec<f64>) -> Option<f64> {
     quantile(values, 0.5)
 }
 
 /// The number below which this share of the finite ones lies.
-pub(super) fn quantile(mut values: Vec<f64>, share: f64) -> Option<f64> {
+pub(crate) fn quantile(mut values: Vec<f64>, share: f64) -> Option<f64> {
     values.retain(|value| value.is_finite());
     let last = values.len().checked_sub(1)?;
     let place = ((share * last as f64).round() as usize).min(last);
     Some(*values.select_nth_unstable_by(place, f64::total_cmp).1)
 }
 
+/// The upper of the two numbers in the middle; 0 of nothing.
+pub(crate) fn upper_median(values: &mut [f64]) -> f64 {
+    let middle = values.len() / 2;
+    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
+}
+
 /// Slope of `y` over `x`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Slope {
+pub(crate) struct Slope {
     /// `y = factor * x`, in the mean of squares, both without their means.
     pub factor: f64,
     /// Share of the spread of `y` that this explains.
@@ -23,7 +29,7 @@ pub(super) struct Slope {
 }
 
 /// Slope of the second over the first of each pair; `None` where they hardly correlate.
-pub(super) fn slope(pairs: impl Iterator<Item = (f64, f64)>) -> Option<Slope> {
+pub(crate) fn slope(pairs: impl Iterator<Item = (f64, f64)>) -> Option<Slope> {
     let (mut n, mut mx, mut my, mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
     // Not a number makes the pair count as none.
     for (x, y) in pairs.filter(|(x, y)| x.is_finite() && y.is_finite()) {

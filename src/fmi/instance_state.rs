@@ -15,7 +15,7 @@ use std::fmt;
 
 /// State of an instance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Life {
+pub enum InstanceState {
     /// After an instance is made or reset.
     Instantiated,
     /// Between the calls that enter and exit it.
@@ -30,56 +30,56 @@ pub enum Life {
     Error,
 }
 
-impl Life {
+impl InstanceState {
     /// All states.
-    pub const ALL: [Life; 6] = [
-        Life::Instantiated,
-        Life::InitializationMode,
-        Life::StepComplete,
-        Life::StepFailed,
-        Life::Terminated,
-        Life::Error,
+    pub const ALL: [InstanceState; 6] = [
+        InstanceState::Instantiated,
+        InstanceState::InitializationMode,
+        InstanceState::StepComplete,
+        InstanceState::StepFailed,
+        InstanceState::Terminated,
+        InstanceState::Error,
     ];
 
     /// True if the model is initialised and well: then it has an internal state.
     #[must_use]
     pub fn has_working_model(self) -> bool {
-        matches!(self, Life::StepComplete | Life::StepFailed | Life::Terminated)
+        matches!(self, InstanceState::StepComplete | InstanceState::StepFailed | InstanceState::Terminated)
     }
 
     /// Calls that a host can make from here, for error messages.
     #[must_use]
     pub fn way_out(self, v: &Version) -> String {
         match self {
-            Life::Instantiated => {
+            InstanceState::Instantiated => {
                 format!("Next: set parameters, {}, fmi{v}ExitInitializationMode.", v.begin)
             }
-            Life::InitializationMode => format!("Next: fmi{v}ExitInitializationMode."),
-            Life::StepComplete => {
+            InstanceState::InitializationMode => format!("Next: fmi{v}ExitInitializationMode."),
+            InstanceState::StepComplete => {
                 format!("Next: fmi{v}DoStep or fmi{v}Terminate; to start again, fmi{v}Reset.")
             }
-            Life::StepFailed => format!(
+            InstanceState::StepFailed => format!(
                 "A step was discarded: restore an FMU state and step differently, or call fmi{v}Terminate or fmi{v}Reset."
             ),
-            Life::Terminated => {
+            InstanceState::Terminated => {
                 format!("The simulation has ended: call fmi{v}Reset to start again, or fmi{v}FreeInstance.")
             }
-            Life::Error => format!(
+            InstanceState::Error => format!(
                 "The model failed earlier (see the log): call fmi{v}Reset, restore an FMU state, or fmi{v}FreeInstance."
             ),
         }
     }
 }
 
-impl fmt::Display for Life {
+impl fmt::Display for InstanceState {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         formatter.write_str(match self {
-            Life::Instantiated => "instantiated",
-            Life::InitializationMode => "initialization mode",
-            Life::StepComplete => "step complete",
-            Life::StepFailed => "step failed",
-            Life::Terminated => "terminated",
-            Life::Error => "error",
+            InstanceState::Instantiated => "instantiated",
+            InstanceState::InitializationMode => "initialization mode",
+            InstanceState::StepComplete => "step complete",
+            InstanceState::StepFailed => "step failed",
+            InstanceState::Terminated => "terminated",
+            InstanceState::Error => "error",
         })
     }
 }
@@ -90,7 +90,7 @@ pub trait Function: Copy {
     fn name(self) -> &'static str;
 
     /// True if the standard allows the call in a state.
-    fn allowed_in(self, life: Life) -> bool;
+    fn allowed_in(self, life: InstanceState) -> bool;
 }
 
 /// Declares a version's table: name here, name in the standard, states.
@@ -101,18 +101,18 @@ macro_rules! functions {
         #[allow(missing_docs)]
         pub enum Function { $($name,)* }
 
-        impl $crate::fmi::life::Function for Function {
+        impl $crate::fmi::instance_state::Function for Function {
             fn name(self) -> &'static str {
                 match self { $(Function::$name => $fmi,)* }
             }
 
-            fn allowed_in(self, life: $crate::fmi::life::Life) -> bool {
-                match self { $(Function::$name => $crate::fmi::life::functions!(@any life [$($life)*]),)* }
+            fn allowed_in(self, life: $crate::fmi::instance_state::InstanceState) -> bool {
+                match self { $(Function::$name => $crate::fmi::instance_state::functions!(@any life [$($life)*]),)* }
             }
         }
     };
     (@any $value:ident [Always]) => { { let _ = $value; true } };
     (@any $value:ident []) => { { let _ = $value; false } };
-    (@any $value:ident [$($life:ident)+]) => { matches!($value, $($crate::fmi::life::Life::$life)|+) };
+    (@any $value:ident [$($life:ident)+]) => { matches!($value, $($crate::fmi::instance_state::InstanceState::$life)|+) };
 }
 pub(crate) use functions;

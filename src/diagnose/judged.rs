@@ -1,0 +1,185 @@
+//! The judgement of a log: the decision with the fit behind it, tested on parts of the log that the fit has not seen, in
+//! numbers and words.
+
+use super::calibration::Calibration;
+use super::decision::{Decision, decide, lead};
+use super::fit::{Fit, Linearisation, Precision};
+use super::manoeuvre;
+use super::naming::named;
+use super::posterior::{Posterior, Unknown};
+use super::problem::Problem;
+use super::rank::Ranking;
+use super::replay::ReplayVehicle;
+use super::report::{
+    Adjustment, Finding, FindingSeverity, Manoeuvre, ReportedHypothesis, Shrink, Varies, Verdict, VerdictKind,
+};
+use super::shrink::{Predictive, recalibrated, shrink};
+use super::words;
+use nalgebra::DMatrix;
+
+/// Number of other hypotheses that the next manoeuvre separates from the first, and of hypotheses in a short list.
+const RIVALS: usize = 4;
+const SHORT_LIST: usize = 5;
+
+/// The decision, with the fit behind it and what it predicts.
+pub(super) struct Judged {
+    pub decision: Decision,
+    pub winner: Fit,
+    /// Slopes at the winner, the precision of its coordinates, and their covariance.
+    pub local: Linearisation,
+    pub precision: Precision,
+    pub covariance: DMatrix<f64>,
+    pub shrink: Shrink,
+    pub predictive: Predictive,
+    /// Coordinates of the calibrated simulator.
+    pub simulator: Vec<f64>,
+}
+
+impl Judged {
+    /// The drive that tells apart what else the log may mean.
+    pub fn next_manoeuvre<V: ReplayVehicle>(
+        &self,
+        problem: &Problem<V>,
+        ranking: &Ranking,
+        posterior: &Posterior,
+        without: &[String],
+    ) -> Option<Manoeuvre> {
+        let rivals: Vec<&Fit> = posterior
+            .hypotheses
+            .iter()
+            .filter(|it| it.unknown.is_none() && !it.is_of(&self.winner.free))
+            .filter_map(|it| ranking.find(&it.effects))
+            .take(RIVALS)
+            .collect();
+        let tells_apart = matches!(self.decision.kind, VerdictKind::Effect | VerdictKind::CannotTell);
+        (tells_apart && !self.winner.free.is_empty())
+            .then(|| manoeuvre::next(problem, ranking, &self.winner, &rivals, without))?
+    }
+
+    /// An uncertain parameter at a point, in its own unit.
+    fn adjustment<V: ReplayVehicle>(
+        &self,
+        problem: &Problem<V>,
+        vehicle: &V,
+        i: usize,
+        x: &[f64],
+    ) -> Adjustment {
+        let it = &problem.uncertain[i];
+        let (given, value) = it.adjusted(x[i], vehicle);
+        Adjustment {
+            parameter: it.parameter(),
+            given,
+            value,
+            tolerance: it.deviation(it.tolerance, vehicle),
+            deviation: it.deviation(self.covariance[(i, i)].max(0.0).sqrt(), vehicle),
+            unit: it.symbol::<V>(),
+        }
+    }
+
+    /// Adjustments beside the effects, each within its tolerance.
+    pub fn recalibration<V: ReplayVehicle>(&self, problem: &Problem<V>, vehicle: &V) -> Vec<Adjustment> {
+        if !self.predictive.recalibration_gains() {
+            return Vec::new();
+        }
+        let free = problem.with_companions(&self.winner.free);
+        let is_adjusted = |&i: &usize| {
+            let it = &problem.uncertain[i];
+            self.precision.free.contains(&i) && !free.contains(&i) && it.tolerance > 0.0 && !it.is_form()
+        };
+        let adjusted = (0..problem.uncertain.len()).filter(is_adjusted);
+        adjusted.map(|i| self.adjustment(problem, vehicle, i, &self.simulator)).collect()
+    }
+
+    /// The verdict in numbers and words.
+    pub fn verdict<V: ReplayVehicle>(
+        &self,
+        problem: &Problem<V>,
+        ranking: &Ranking,
+        vehicle: &V,
+        (findings, straight): (&[Finding], bool),
+        hypotheses: &[ReportedHypothesis],
+        next: Option<&Manoeuvre>,
+    ) -> Verdict {
+        let Self { decision, winner, covariance, shrink, .. } = self;
+        let interval = Calibration::built_in().interval;
+        let mut effects = named(problem, ranking, winner, &decision.classes, covariance, interval);
+        // What matters most stands first.
+        effects.sort_by(|a, b| b.dominance.total_cmp(&a.dominance));
+        if let Some(next) = next {
+            let alike =
+                effects.iter_mut().filter(|effect| effect.class.len() > 1 && effect.separated_by.is_empty());
+            alike.for_each(|effect| effect.separated_by = format!("{}: {}", next.name, next.how));
+        }
+        let unknown = decision.unknown.filter(|_| decision.kind == VerdictKind::NotInLibrary);
+        let strained = match unknown {
+            Some(Unknown::Off { uncertain, x }) => {
+                let mut at = winner.x.clone();
+                at[uncertain] = x;
+                Some(self.adjustment(problem, vehicle, uncertain, &at))
+            }
+            _ => None,
+        };
+        let varying = match unknown {
+            Some(Unknown::Varies(it)) => {
+                let uncertain = &problem.uncertain[it.effect];
+                Some(Varies {
+                    id: uncertain.id.to_owned(),
+                    with: it.with,
+                    deviation: uncertain.deviation(it.deviation, vehicle),
+                    unit: uncertain.symbol::<V>(),
+                    evidence: it.gain,
+                })
+            }
+            _ => None,
+        };
+        let short_list: Vec<ReportedHypothesis> = match decision.kind {
+            VerdictKind::CannotTell => hypotheses.iter().take(SHORT_LIST).cloned().collect(),
+            _ => Vec::new(),
+        };
+        let swings = unknown == Some(Unknown::Swings);
+        let why = words::UnknownSign { varying: varying.as_ref(), strained: strained.as_ref(), swings };
+        let words = match decision.kind {
+            VerdictKind::CannotTell => {
+                words::cannot_tell(findings, straight, &short_list, &effects, &self.predictive, next)
+            }
+            VerdictKind::Effect => words::effect(&effects, shrink, decision.probability),
+            VerdictKind::None => words::none(shrink),
+            VerdictKind::NotInLibrary => words::not_in_library(&effects, why, shrink),
+        };
+        let (effects, nearest) = match decision.kind {
+            VerdictKind::Effect => (effects, Vec::new()),
+            VerdictKind::NotInLibrary => (Vec::new(), effects),
+            VerdictKind::None | VerdictKind::CannotTell => (Vec::new(), Vec::new()),
+        };
+        let (kind, probability) = (decision.kind, decision.probability);
+        Verdict { kind, probability, effects, nearest, short_list, varying, strained, words }
+    }
+}
+
+/// Decides from a posterior, after a test on parts of the log that a fit has not seen.
+pub(super) fn judge<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    ranking: &Ranking,
+    posterior: &Posterior,
+    straight: bool,
+    findings: &[Finding],
+) -> Judged {
+    let lead = lead(posterior);
+    let winner = ranking.find(&lead.effects).unwrap_or(&ranking.none).clone();
+    let local = ranking.linear_at(problem, &winner);
+    let (shrink, predictive) = shrink(problem, ranking, &winner, &local.slopes);
+    let mut decision = decide(lead, predictive.names());
+    let suspicion = findings.iter().any(|finding| finding.gravity == FindingSeverity::Suspicion);
+    if straight && decision.kind != VerdictKind::None || suspicion {
+        decision.kind = VerdictKind::CannotTell;
+    }
+    let precision = ranking.prior.free(problem, &winner.free);
+    let covariance = local.covariance(&precision);
+    // What is calibrated beside the effects has to hold on what its fit has not seen.
+    let simulator = if predictive.recalibration_gains() {
+        recalibrated(problem, &ranking.prior, &local, &winner.free, &winner.x)
+    } else {
+        ranking.prior.only(problem, &winner.free, &winner.x)
+    };
+    Judged { decision, winner, local, precision, covariance, shrink, predictive, simulator }
+}

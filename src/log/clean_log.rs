@@ -1,0 +1,104 @@
+//! A log on an even clock, mended, and the reasons for which there is none.
+
+use super::finding::{Finding, FindingSeverity};
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+/// Speed below which a vehicle stands, for its dynamics, m/s.
+pub(super) const STANDING: f64 = 2.0;
+/// Least length of a log, s.
+pub(super) const LEAST_LENGTH: f64 = 10.0;
+
+/// A log on an even clock, mended.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CleanLog {
+    /// Sample time, s: the log's own median step; rates above 100 Hz are brought down to 100 Hz.
+    pub step: f64,
+    /// Time of each row, s.
+    pub time: Vec<f64>,
+    /// Columns by signal. `steer_cmd` is always there: `steer` replaces it if the log had none, see `commanded`.
+    pub columns: BTreeMap<&'static str, Vec<f64>>,
+    /// True if `steer_cmd` is really the command.
+    pub commanded: bool,
+    /// False for a row that was interpolated over a gap, is at standstill or must not be scored for another reason.
+    pub valid: Vec<bool>,
+    /// Findings and repairs, the gravest first.
+    pub findings: Vec<Finding>,
+}
+
+impl CleanLog {
+    /// Notes a finding about a column.
+    pub(super) fn find(&mut self, gravity: FindingSeverity, column: &str, words: String) {
+        self.findings.push(Finding::new(gravity, Some(column), words));
+    }
+
+    /// A finding that makes the log suspect, so that no answer from it is to be trusted.
+    #[must_use]
+    pub fn suspect(&self) -> Option<&Finding> {
+        self.findings.iter().find(|finding| finding.gravity == FindingSeverity::Suspicion)
+    }
+}
+
+/// An unusable log, with the reason.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: {cause}", file.display())]
+pub struct UnusableLog {
+    /// The log.
+    pub file: PathBuf,
+    /// Fault, and advice.
+    #[source]
+    pub cause: CleanError,
+}
+
+/// Reasons for which nothing can be computed from a log.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum CleanError {
+    #[error(
+        "column '{column}' is missing; a log to diagnose needs time, steer_cmd (or steer), vx and yaw_rate"
+    )]
+    Missing { column: &'static str },
+    #[error("the log has {rows} rows with a time; a drive of at least {LEAST_LENGTH} s is needed")]
+    NoRows { rows: usize },
+    #[error("the drive is {length:.2} s long ({rows} rows); at least {least} s are needed")]
+    TooShort { length: f64, rows: usize, least: f64 },
+    #[error(
+        "{rate:.2} rows a second: steering cannot be seen below {least}; record with 20 or more, and give time in seconds"
+    )]
+    TooSlow { rate: f64, least: f64 },
+    #[error("column '{column}' holds a value in {share:.0} % of the time only; at least half is needed")]
+    Sparse { column: &'static str, share: f64 },
+    #[error(
+        "the vehicle drives faster than {STANDING} m/s for {moving:.1} s only; at least {LEAST_LENGTH} s are needed. Is vx \
+         in m/s?"
+    )]
+    Standing { moving: f64 },
+    #[error("{words}; nothing is to be learned from it before that is cleared up")]
+    Suspect { words: String },
+    #[error("{column} {words}: one of the two has another unit")]
+    Contradicts { column: &'static str, words: String },
+    #[error(
+        "{column} = {value:e} in row {row}{}: that is no measurement in any unit, and the file is damaged; correct the \
+         value, or leave the field empty if there was none",
+        if *count > 1 { format!(", and {} more such values", count - 1) } else { String::new() }
+    )]
+    Absurd { column: &'static str, row: usize, value: f64, count: usize },
+    #[error(
+        "{column} = {value:.4} in row {row}, and as impossible in {count} rows: no road vehicle does that; check the unit \
+         of {column} (SI units and radians are needed)"
+    )]
+    Impossible { column: &'static str, row: usize, value: f64, count: usize },
+    #[error(
+        "{column} has the opposite sign of {against}{}; steering, yaw, yaw_rate and ay are all positive to the left: turn \
+         the sign of {column} (scripts/import_log.py can)",
+        if *tied { " (which of the two is wrong cannot be told from this log)" } else { ", and the other columns agree" }
+    )]
+    Sign { column: &'static str, against: &'static str, tied: bool },
+    #[error(
+        "{column} is a steering-wheel angle{}: {ratio:.1} times the road-wheel angle that the turns need; divide it by \
+         the steering ratio{} (scripts/import_log.py can)",
+        if *degrees { " in degrees" } else { "" },
+        if *degrees { " and convert it to radians" } else { "" }
+    )]
+    SteeringWheel { column: &'static str, ratio: f64, degrees: bool },
+}

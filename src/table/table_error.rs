@@ -1,0 +1,65 @@
+//! Limits of reading a table, and the reasons for which a file gives none.
+
+/// Limits of reading a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Limits {
+    /// Greatest size in bytes, unpacked.
+    pub bytes: u64,
+    /// Most rows of values.
+    pub rows: u64,
+}
+
+impl Default for Limits {
+    /// 512 MB unpacked, 5 million rows: 14 hours at 100 Hz.
+    fn default() -> Self {
+        Self { bytes: 512 << 20, rows: 5_000_000 }
+    }
+}
+
+/// Bytes that a line may have.
+pub(super) const LONGEST_LINE: u64 = 1 << 20;
+
+/// Reasons for which a file gives no table. Messages name no file: the caller that opened it does.
+#[derive(Debug, thiserror::Error)]
+pub enum TableError {
+    /// The file cannot be opened.
+    #[error("{0}; check the name and the permission")]
+    Io(#[from] std::io::Error),
+    /// The file cannot be read to its end: packed and cut off, say.
+    #[error("breaks off: {0}; copy or pack it again")]
+    Broken(std::io::Error),
+    /// A folder, a device or a pipe.
+    #[error("is {kind}, not a file; give a CSV file")]
+    NotAFile {
+        /// Kind, with its article.
+        kind: &'static str,
+    },
+    /// More bytes than the limit.
+    #[error("has more than {} MB{}, the limit of a table; cut it into several files", limit >> 20, if *unpacked { " unpacked" } else { "" })]
+    TooLarge {
+        /// The limit in bytes.
+        limit: u64,
+        /// True if the file was packed.
+        unpacked: bool,
+    },
+    /// More rows than the limit.
+    #[error("line {line}: has more than {limit} rows, the limit of a table; cut it into several files")]
+    TooManyRows {
+        /// The first line too many, counted from 1.
+        line: u64,
+        /// The limit.
+        limit: u64,
+    },
+    /// A line that no table has.
+    #[error("line {line}: has more than {} MB; a table is a text file with a line for each row", LONGEST_LINE >> 20)]
+    LongLine {
+        /// The line, counted from 1.
+        line: u64,
+    },
+    /// gzip, in a build without it.
+    #[error("this build reads no compressed files (feature `cli`); unpack it first")]
+    Compressed,
+    /// A spreadsheet or another archive.
+    #[error("is a spreadsheet or a zip archive; save the table as CSV")]
+    Archive,
+}
