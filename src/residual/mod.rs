@@ -40,9 +40,9 @@
 //! assert!(trained.report.train.rmse[0] < trained.report.train.nominal_rmse[0]);
 //!
 //! let model = ResidualModel::from_bytes(&trained.model.to_bytes()?)?;
-//! let (features, mut room) = (vec![0.0; model.features()], model.room());
-//! model.coefficients(&features, &[], &mut room);
-//! assert_eq!(room.command().len(), 16);
+//! let (features, mut workspace) = (vec![0.0; model.features()], model.workspace());
+//! model.coefficients(&features, &[], &mut workspace);
+//! assert_eq!(workspace.command().len(), 16);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
