@@ -9,7 +9,8 @@
 //! ```
 //!
 //! by quadrature over `ln w`. So a number that is far off speaks for a poor file as well as for an effect, and all
-//! others say which. Sensors and errors of the model's form are no matter of the file and keep their tolerances.
+//! others say which. Sensors and errors of the model's form are no matter of the file and keep their tolerances. One
+//! sensor in twenty is far off besides, which is ordinary then, and no cause of its own (`calibration.toml`).
 //!
 //! Sources: Student's t with 4 degrees of freedom is asked for by the specification. A mixture as a robust prior:
 //! O'Hagan and Pericchi, Bayesian heavy-tailed models and conflict resolution, Braz. J. Probab. Stat. 26 (2012).

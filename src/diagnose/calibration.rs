@@ -24,6 +24,8 @@ pub struct Calibration {
     varying_odds: f64,
     /// And against another number of the vehicle that is off.
     other_odds: f64,
+    /// And against a sensor's number that is far off, which is ordinary then.
+    pub sensor_odds: f64,
     /// Size of what is left.
     pub misfit: Misfit,
     /// Errors of the model's form.

@@ -252,7 +252,7 @@ struct WorldInputs<'a, V> {
 }
 
 impl<V: ReplayVehicle> WorldInputs<'_, V> {
-    /// Causes outside the library, upon the best hypothesis within it.
+    /// Causes outside the library, upon the best hypothesis within it; and sensors far off, upon that and upon nothing.
     fn unknown(
         &self,
         ranking: &Ranking,
@@ -298,18 +298,39 @@ impl<V: ReplayVehicle> WorldInputs<'_, V> {
                 unknown.push(upon(base, Unknown::Swings, it.gain, it.narrowing));
             }
         }
-        let free = problem.with_companions(&fit.free);
-        let others = parallel::map(problem.threads(), problem.uncertain.len(), |uncertain| {
-            let it = &problem.uncertain[uncertain];
-            let is_other =
-                it.tolerance > 0.0 && !it.is_candidate() && !it.is_form() && !free.contains(&uncertain);
-            let free = is_other.then(|| [&fit.free[..], &[uncertain]].concat())?;
-            let there = self::converged(problem, prior, &local, fit, &free)?;
-            let x = fit.x[uncertain] + there.change[uncertain];
-            let (evidence, narrowing) = (here.cost - there.cost, there.narrowing - here.narrowing);
-            Some(upon(base, Unknown::Off { uncertain, x }, evidence, narrowing))
-        });
-        unknown.extend(others.into_iter().flatten());
+        let off = |base: &Hypothesis, fit: &Fit, linear: &Linearisation, here: &Converged| {
+            let free = problem.with_companions(&fit.free);
+            let found = parallel::map(problem.threads(), problem.uncertain.len(), |uncertain| {
+                let it = &problem.uncertain[uncertain];
+                let is_other =
+                    it.tolerance > 0.0 && !it.is_candidate() && !it.is_form() && !free.contains(&uncertain);
+                let free = is_other.then(|| [&fit.free[..], &[uncertain]].concat())?;
+                let there = self::converged(problem, prior, linear, fit, &free)?;
+                let x = fit.x[uncertain] + there.change[uncertain];
+                let (evidence, narrowing) = (here.cost - there.cost, there.narrowing - here.narrowing);
+                if it.is_of_the_file() {
+                    return Some(upon(base, Unknown::Off { uncertain, x }, evidence, narrowing));
+                }
+                // A sensor far off is a poor sensor, and no cause of its own.
+                let probability =
+                    base.probability + calibration.weight(evidence, narrowing, calibration.sensor_odds);
+                let more = |term: &Term| Term {
+                    evidence: term.evidence + evidence,
+                    narrowing: term.narrowing + narrowing,
+                    ..*term
+                };
+                let terms = base.terms.iter().map(more).collect();
+                Some(Hypothesis { effects: base.effects.clone(), unknown: None, terms, probability })
+            });
+            found.into_iter().flatten().collect::<Vec<_>>()
+        };
+        unknown.extend(off(base, fit, &local, &here));
+        if let (Some(nothing), Some(settled)) = (known[0].as_ref().filter(|_| best != 0), settled[0].as_ref())
+        {
+            unknown.extend(
+                off(nothing, fits[0], &linears[0], settled).into_iter().filter(|it| it.unknown.is_none()),
+            );
+        }
         let left = predicted(&local, &fit.gap, &here.change);
         let misfit = misfit(problem, ranking, calibration, &left);
         unknown.extend(misfit.map(|(size, channel)| upon(base, Unknown::Misfit(size, channel), 0.0, 0.0)));
