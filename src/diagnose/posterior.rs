@@ -298,38 +298,40 @@ impl<V: ReplayVehicle> WorldInputs<'_, V> {
                 unknown.push(upon(base, Unknown::Swings, it.gain, it.narrowing));
             }
         }
-        let off = |base: &Hypothesis, fit: &Fit, linear: &Linearisation, here: &Converged| {
-            let free = problem.with_companions(&fit.free);
-            let found = parallel::map(problem.threads(), problem.uncertain.len(), |uncertain| {
-                let it = &problem.uncertain[uncertain];
-                let is_other =
-                    it.tolerance > 0.0 && !it.is_candidate() && !it.is_form() && !free.contains(&uncertain);
-                let free = is_other.then(|| [&fit.free[..], &[uncertain]].concat())?;
-                let there = self::converged(problem, prior, linear, fit, &free)?;
-                let x = fit.x[uncertain] + there.change[uncertain];
-                let (evidence, narrowing) = (here.cost - there.cost, there.narrowing - here.narrowing);
-                if it.is_of_the_file() {
-                    return Some(upon(base, Unknown::Off { uncertain, x }, evidence, narrowing));
-                }
-                // A sensor far off is a poor sensor, and no cause of its own.
-                let probability =
-                    base.probability + calibration.weight(evidence, narrowing, calibration.sensor_odds);
-                let more = |term: &Term| Term {
-                    evidence: term.evidence + evidence,
-                    narrowing: term.narrowing + narrowing,
-                    ..*term
-                };
-                let terms = base.terms.iter().map(more).collect();
-                Some(Hypothesis { effects: base.effects.clone(), unknown: None, terms, probability })
-            });
-            found.into_iter().flatten().collect::<Vec<_>>()
-        };
-        unknown.extend(off(base, fit, &local, &here));
+        let off =
+            |base: &Hypothesis, fit: &Fit, linear: &Linearisation, here: &Converged, with_file: bool| {
+                let free = problem.with_companions(&fit.free);
+                let found = parallel::map(problem.threads(), problem.uncertain.len(), |uncertain| {
+                    let it = &problem.uncertain[uncertain];
+                    let is_other = it.tolerance > 0.0
+                        && !it.is_candidate()
+                        && !it.is_form()
+                        && !free.contains(&uncertain)
+                        && (with_file || !it.is_of_the_file());
+                    let free = is_other.then(|| [&fit.free[..], &[uncertain]].concat())?;
+                    let there = self::converged(problem, prior, linear, fit, &free)?;
+                    let x = fit.x[uncertain] + there.change[uncertain];
+                    let (evidence, narrowing) = (here.cost - there.cost, there.narrowing - here.narrowing);
+                    if it.is_of_the_file() {
+                        return Some(upon(base, Unknown::Off { uncertain, x }, evidence, narrowing));
+                    }
+                    // A sensor far off is a poor sensor, and no cause of its own.
+                    let probability =
+                        base.probability + calibration.weight(evidence, narrowing, calibration.sensor_odds);
+                    let more = |term: &Term| Term {
+                        evidence: term.evidence + evidence,
+                        narrowing: term.narrowing + narrowing,
+                        ..*term
+                    };
+                    let terms = base.terms.iter().map(more).collect();
+                    Some(Hypothesis { effects: base.effects.clone(), unknown: None, terms, probability })
+                });
+                found.into_iter().flatten().collect::<Vec<_>>()
+            };
+        unknown.extend(off(base, fit, &local, &here, true));
         if let (Some(nothing), Some(settled)) = (known[0].as_ref().filter(|_| best != 0), settled[0].as_ref())
         {
-            unknown.extend(
-                off(nothing, fits[0], &linears[0], settled).into_iter().filter(|it| it.unknown.is_none()),
-            );
+            unknown.extend(off(nothing, fits[0], &linears[0], settled, false));
         }
         let left = predicted(&local, &fit.gap, &here.change);
         let misfit = misfit(problem, ranking, calibration, &left);

@@ -53,6 +53,7 @@ pub(super) use table;
 
 /// The kinds of vehicles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[allow(missing_docs)]
 pub enum VehicleKind {
     Car,

@@ -25,7 +25,7 @@ use crate::log::{CleanLog, DriveLog, Finding, FindingSeverity};
 use crate::nominal::LateralVehicle;
 use crate::path::Path as Road;
 use crate::vehicle::{BUILTIN, BUILTIN_TRUCKS, VehicleKind, VehicleParameters};
-use clap::{Args, ValueEnum};
+use clap::Args;
 use std::collections::BTreeMap;
 use std::error::Error;
 use std::path::{Path, PathBuf};
@@ -67,7 +67,7 @@ pub struct DiagnoseArgs {
     vehicle: Option<String>,
     /// Kind of vehicle [default: that of --vehicle; without, a truck if the log has an articulation angle]
     #[arg(long)]
-    unit: Option<LoggedVehicle>,
+    unit: Option<VehicleKind>,
     /// Path that was driven: tells bank, grade and friction, and adds the closed loop
     #[arg(long, value_name = "ROUTE")]
     path: Option<PathBuf>,
@@ -107,13 +107,6 @@ pub struct DiagnoseArgs {
     /// No progress bar
     #[arg(long)]
     quiet: bool,
-}
-
-/// Kinds of vehicles, as a user writes them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum LoggedVehicle {
-    Car,
-    Truck,
 }
 
 /// Runs the command.
@@ -158,20 +151,16 @@ pub fn diagnosed(args: &DiagnoseArgs, out: Option<&Path>) -> Result<Diagnosed, B
 fn vehicle(args: &DiagnoseArgs, logs: &[DriveLog]) -> Result<String, Box<dyn Error>> {
     let Some(vehicle) = &args.vehicle else {
         let truck = match args.unit {
-            Some(unit) => unit == LoggedVehicle::Truck,
+            Some(unit) => unit == VehicleKind::Truck,
             None => articulated(logs),
         };
         return Ok(if truck { BUILTIN_TRUCKS[0] } else { BUILTIN[0] }.to_owned());
     };
-    let found = if VehicleKind::of(vehicle) == VehicleKind::Truck {
-        LoggedVehicle::Truck
-    } else {
-        LoggedVehicle::Car
-    };
+    let found = VehicleKind::of(vehicle);
     match args.unit.filter(|unit| *unit != found) {
         Some(_) => Err(format!(
             "--unit and --vehicle disagree: {vehicle} is a {}",
-            if found == LoggedVehicle::Truck { "truck" } else { "car" }
+            if found == VehicleKind::Truck { "truck" } else { "car" }
         )
         .into()),
         None => Ok(vehicle.clone()),
