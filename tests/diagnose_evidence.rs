@@ -3,6 +3,7 @@
 
 use crate::diagnose;
 
+use rfl_mpc::diagnose::Library;
 use rfl_mpc::diagnose::fit::{Fit, Prior};
 use rfl_mpc::diagnose::problem::Problem;
 use rfl_mpc::diagnose::rank::rank;
@@ -15,7 +16,7 @@ fn holds(seed: u64, put_in: &[(&str, f64)]) {
     let (vehicle, log) = (diagnose::car(), diagnose::log(seed, put_in));
     let drive = ReplayDrive::new(&log, false);
     let correction = neutral(&drive, &vehicle).unwrap();
-    let problem = Problem::new(&drive, &vehicle, &correction, &[], 0);
+    let problem = Problem::new(&drive, &vehicle, &correction, Library::default(), 0);
     let prior = Prior::of(&problem);
     let ranking = rank(&problem, prior.clone(), &|_, _| true, &|_, _| {}).unwrap();
     let name = |fit: &Fit| fit.free.iter().map(|&i| problem.uncertain[i].id).collect::<Vec<_>>().join("+");

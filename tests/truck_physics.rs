@@ -1,5 +1,6 @@
 //! The truck's motion: loads, energy, symmetry, order of the integration, rearward amplification, jack-knife.
 
+use rfl_mpc::vehicle::tyre::TyreModel as _;
 use rfl_mpc::vehicle::{
     BUILTIN_TRUCKS, GRAVITY, PlantStepError, Truck, TruckEffects, TruckInput, TruckOutput, TruckParameters,
     TruckStatus, builtin_truck,

@@ -1,6 +1,6 @@
 //! Reading `.tir` files: what is read, and what is said of those that cannot be.
 
-use rfl_mpc::vehicle::tyre::{Coefficients, TirError};
+use rfl_mpc::vehicle::tyre::{Coefficients, TirError, TyreModel as _};
 use std::path::{Path, PathBuf};
 
 const SOUND: &str = "! a tyre\n[UNITS]\nLENGTH = 'meter' $ m\nANGLE='radians'\n[MODEL]\nPROPERTY_FILE_FORMAT='PAC2002'\n\

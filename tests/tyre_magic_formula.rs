@@ -1,7 +1,7 @@
 //! The Magic Formula against its own closed forms.
 
 use rfl_mpc::vehicle::builtin;
-use rfl_mpc::vehicle::tyre::{Coefficients, Contact, TyreForces};
+use rfl_mpc::vehicle::tyre::{Coefficients, Contact, TyreForces, TyreModel as _};
 
 fn tyre() -> Coefficients {
     builtin("c_class").unwrap().tyre.rear.coefficients.unwrap()

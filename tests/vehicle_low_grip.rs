@@ -3,7 +3,7 @@
 
 use proptest::prelude::*;
 use rfl_mpc::fmu::PlantUnit;
-use rfl_mpc::vehicle::tyre::{Coefficients, Contact};
+use rfl_mpc::vehicle::tyre::{Coefficients, Contact, TyreModel as _};
 use rfl_mpc::vehicle::{
     BUILTIN, BUILTIN_TRUCKS, Car, CarOutput, Effects, PlantStepError, Truck, TruckEffects, Tyre,
     VehicleInput, VehicleParameters, WheelOutput, builtin, builtin_truck,

@@ -1,5 +1,6 @@
 //! The car against closed forms, and against itself mirrored.
 
+use rfl_mpc::vehicle::tyre::TyreModel as _;
 use rfl_mpc::vehicle::{
     Axle, BUILTIN, Car, CarInput, CarOutput, CarParameters, Effects, PlantStepError, builtin,
 };

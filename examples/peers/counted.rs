@@ -9,6 +9,7 @@ use rfl_mpc::residual::{Kind, ResidualModel};
 use rfl_mpc::simulate::{CAR_COLUMNS, SimulatedVehicle};
 use rfl_mpc::vehicle::Car;
 use serde_json::json;
+use std::any::Any;
 use std::error::Error;
 use std::path::Path;
 use std::sync::Arc;
@@ -35,7 +36,8 @@ pub fn prepare(folder: &Path) -> Outcome {
     let car = car();
     let learned = car.learn(Kind::Rfl, CAR_WINDOW);
     if let PredictionModelFor::Residual(residual) = &learned {
-        residual.model.write(&folder.join(MODEL))?;
+        let model: &dyn Any = &*residual.model;
+        model.downcast_ref::<ResidualModel>().ok_or("no forest")?.write(&folder.join(MODEL))?;
     }
     for (name, model) in [("nominal", Model::<Car, 4, CAR_COLUMNS>::Nominal), ("rfl", learned)] {
         let mut closed = car.connect(car.test, car.timed, model);

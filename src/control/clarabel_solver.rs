@@ -81,7 +81,6 @@ impl Layout {
 
 /// Deadline of the solver. Clarabel's own time limit can only be changed by replacing all settings, which allocates; a
 /// termination callback that reads this does not.
-/// allocates; a termination callback that reads this does not.
 #[derive(Clone)]
 struct Deadline {
     begin: Instant,

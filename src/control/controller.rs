@@ -14,6 +14,7 @@
 
 use super::bank::{Bank, BankState, KnownActuator};
 use super::clarabel_solver::BuildError;
+use super::cost_term::CostTerm;
 use super::fading::Fading;
 use super::guard::{Guard, GuardState, Judgement};
 use super::history::History;
@@ -278,6 +279,14 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
             last: StepReport::default(),
         };
         Ok(Self { parameters, path, plan, lateral, longitudinal, noise, bank, told, guard, state })
+    }
+
+    /// Adds a term to the cost of the steering.
+    ///
+    /// # Errors
+    /// A problem that the solver refuses.
+    pub fn add_cost(&mut self, term: Box<dyn CostTerm>) -> Result<(), ControllerError> {
+        Ok(self.lateral.add_cost(term).map_err(LateralError::from)?)
     }
 
     /// One control step. The commands hold until the next one, `mpc.sample_time` later.

@@ -13,6 +13,7 @@
 use super::bank::slowest;
 use super::clarabel_solver::BuildError;
 use super::condense::{Affine, HorizonModel, Propagation, condense};
+use super::cost_term::{CostTerm, CostTerms};
 use super::fast_solver::build_solver;
 use super::history::History;
 use super::parameters::MpcParameters;
@@ -243,6 +244,7 @@ impl<const S: usize> LateralMpc<S> {
             timing: Timing::default(),
             transient: if follows { vec![0.0; rows] } else { Vec::new() },
             solved: 0,
+            terms: None,
         };
         Ok(Self {
             actuator,
@@ -258,6 +260,16 @@ impl<const S: usize> LateralMpc<S> {
         })
     }
 
+    /// Adds a term to the cost.
+    ///
+    /// # Errors
+    /// A problem that the solver refuses.
+    pub fn add_cost(&mut self, term: Box<dyn CostTerm>) -> Result<(), BuildError> {
+        let Qp { problem, tracked, terms, .. } = &mut self.qp;
+        *terms = Some(CostTerms::with(term, terms.take(), (problem, tracked), &self.parameters)?);
+        Ok(())
+    }
+
     /// One control step.
     ///
     /// # Errors
@@ -271,6 +283,9 @@ impl<const S: usize> LateralMpc<S> {
         self.qp.timing = Timing::default();
         self.qp.solved = 0;
         self.weigh(input.ahead.speed, input.tightness);
+        if let Some(terms) = &mut self.qp.terms {
+            terms.look(input.ahead.speed, &self.preview.curvature);
+        }
         if let Some(road) = &mut self.road {
             let actuator = input.actuator.or(self.actuator);
             road.write(input, &self.preview, actuator.as_ref(), &mut self.qp)?;

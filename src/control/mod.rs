@@ -6,6 +6,7 @@
 //! | `tracking_qp.rs` | the quadratic program of one step, and the trait of its solvers |
 //! | `condense.rs` | from an affine model over the horizon to that program |
 //! | `condensed_cost.rs` | that program's cost over the inputs alone |
+//! | `cost_term.rs` | further terms of that cost |
 //! | `active_set/`, `cholesky.rs` | its solution by a dual active-set method: fast where few bounds are active |
 //! | `clarabel_solver.rs` | its solution by an interior-point method, updated in place: always works |
 //! | `fast_solver.rs` | the first, and where it fails the second |
@@ -39,6 +40,7 @@ mod condense;
 mod condensed_cost;
 mod controller;
 mod controller_file;
+mod cost_term;
 mod fading;
 mod fast_solver;
 mod guard;
@@ -68,6 +70,7 @@ pub use controller::{
     Controller, ControllerError, ControllerFor, ControllerState, Measurement, StepError, StepReport,
 };
 pub use controller_file::{ControllerFile, ControllerFileError};
+pub use cost_term::{CostTerm, HorizonStep};
 pub use fast_solver::{FastSolver, build_solver};
 pub use guard::GuardParameters;
 pub use history::History;

@@ -6,6 +6,7 @@ use super::decision::lead;
 use super::fit::{Fit, Prior};
 use super::information::information;
 use super::judged::{Judged, judge};
+use super::library::{Library, OwnEffect};
 use super::naming::{candidates, summary};
 use super::observability::{Excitation, observability};
 use super::posterior::Posterior;
@@ -18,6 +19,7 @@ use super::{constancy, conventions, localise, uncertain};
 use crate::log::CleanLog;
 use crate::numerics::parallel;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// Shortest drive that is diagnosed, s of compared rows.
 const SHORTEST: f64 = 6.0;
@@ -42,13 +44,24 @@ pub struct Options {
     pub pairs: bool,
     /// Effects that are left out of the library, for negative controls; within their tolerances they stay.
     pub without: Vec<String>,
+    /// Effects of one's own, besides those of the library.
+    pub own: Vec<Arc<dyn OwnEffect>>,
     /// Beliefs before the log is seen.
     pub beliefs: Beliefs,
 }
 
+impl Options {
+    /// What may be named.
+    #[must_use]
+    pub fn library(&self) -> Library<'_> {
+        Library { without: &self.without, own: &self.own }
+    }
+}
+
 impl Default for Options {
     fn default() -> Self {
-        Self { seed: 1, threads: 0, pairs: true, without: Vec::new(), beliefs: Beliefs::default() }
+        let (without, own) = (Vec::new(), Vec::new());
+        Self { seed: 1, threads: 0, pairs: true, without, own, beliefs: Beliefs::default() }
     }
 }
 
@@ -100,7 +113,8 @@ fn check(log: &CleanLog) -> Result<(), DiagnoseError> {
 
 /// Checks that all names in the options are known.
 fn check_options<V: ReplayVehicle>(vehicle: &V, options: &Options) -> Result<(), DiagnoseError> {
-    let is_effect = |id: &str| crate::vehicle::TruckEffects::all().any(|effect| effect.id == id);
+    let library = options.library();
+    let is_effect = |id: &str| library.effects().any(|effect| effect.id == id);
     if let Some(id) = options.without.iter().find(|id| !is_effect(id)) {
         return Err(DiagnoseError::UnknownEffect { id: id.clone() });
     }
@@ -172,7 +186,7 @@ pub fn diagnose<V: ReplayVehicle>(
     progress("next manoeuvre", 0.95);
     let next = match reference {
         Some(_) => None,
-        None => judged.next_manoeuvre(&problem, &ranking, &posterior, &options.without),
+        None => judged.next_manoeuvre(&problem, &ranking, &posterior),
     };
     let series = series(&problem, &ranking.prior, &drive, &judged.winner, &judged.simulator)?;
     findings.sort_by_key(|finding| std::cmp::Reverse(finding.gravity));
@@ -257,7 +271,7 @@ fn framed<'a, V: ReplayVehicle>(
     options: &'a Options,
 ) -> (Problem<'a, V>, Option<Finding>) {
     let threads = parallel::threads(options.threads);
-    let of_body = || Problem::new(drive, vehicle, correction, &options.without, threads);
+    let of_body = || Problem::new(drive, vehicle, correction, options.library(), threads);
     let problem = of_body();
     if drive.channels.contains(&Channel::Ay) {
         let mut level = of_body();
@@ -284,7 +298,7 @@ fn known_from<V: ReplayVehicle>(
         return Ok(());
     }
     let correction = neutral(&drive, vehicle).map_err(|reason| DiagnoseError::Replay { reason })?;
-    let mut own = Problem::new(&drive, vehicle, &correction, &options.without, problem.threads());
+    let mut own = Problem::new(&drive, vehicle, &correction, problem.library, problem.threads());
     if problem.is_level() {
         own.level();
     }

@@ -57,6 +57,7 @@ mod tests {
     fn values_have_as_many_digits_as_they_are_sure() {
         let effect = |value, low, high, unit: &str| NamedEffect {
             id: "an_effect".into(),
+            meaning: String::new(),
             value,
             low,
             high,

@@ -42,7 +42,6 @@ impl Judged {
         problem: &Problem<V>,
         ranking: &Ranking,
         posterior: &Posterior,
-        without: &[String],
     ) -> Option<Manoeuvre> {
         let rivals: Vec<&Fit> = posterior
             .hypotheses
@@ -53,7 +52,7 @@ impl Judged {
             .collect();
         let tells_apart = matches!(self.decision.kind, VerdictKind::Effect | VerdictKind::CannotTell);
         (tells_apart && !self.winner.free.is_empty())
-            .then(|| manoeuvre::next(problem, ranking, &self.winner, &rivals, without))?
+            .then(|| manoeuvre::next(problem, ranking, &self.winner, &rivals))?
     }
 
     /// An uncertain parameter at a point, in its own unit.

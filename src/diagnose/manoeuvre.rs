@@ -219,14 +219,13 @@ pub fn next<V: ReplayVehicle>(
     ranking: &Ranking,
     first: &Fit,
     others: &[&Fit],
-    without: &[String],
 ) -> Option<Manoeuvre> {
     let nothing = Correction::default();
     let scale = if V::TRUCK { TRUCK } else { CAR };
     let mut best: Option<(f64, &Planned, &Fit)> = None;
     for planned in &PLANNED {
         let drive = ReplayDrive::new(&log_of(planned, scale, problem), V::TRUCK);
-        let there = Problem::new(&drive, problem.vehicle, &nothing, without, problem.threads());
+        let there = Problem::new(&drive, problem.vehicle, &nothing, problem.library, problem.threads());
         if there.uncertain.len() != problem.uncertain.len() || there.blocks.len() != problem.blocks.len() {
             continue;
         }

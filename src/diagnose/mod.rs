@@ -18,6 +18,7 @@
 //! | `report.rs` | the answer: contents of `report.json` |
 //! | `replay/` | the vehicle replayed from a log's commands |
 //! | `conventions.rs` | conventions of the log's columns |
+//! | `library.rs` | the effects that may be named, and those of one's own |
 //! | `uncertain.rs` | uncertain parameters of a simulator, and their tolerances |
 //! | `filter.rs` | low pass and clock |
 //! | `problem.rs` | the gap as a function of all uncertain parameters |
@@ -69,6 +70,7 @@ pub mod form;
 mod headline;
 mod information;
 mod judged;
+mod library;
 mod localise;
 mod manoeuvre;
 mod naming;
@@ -92,4 +94,5 @@ pub mod uncertain;
 mod words;
 
 pub use engine::{DiagnoseError, Options, diagnose};
+pub use library::{Library, OwnEffect};
 pub use report::*;

@@ -64,6 +64,7 @@ pub(super) fn named<V: ReplayVehicle>(
         }
         effects.push(NamedEffect {
             id: it.id.to_owned(),
+            meaning: effect.meaning.to_owned(),
             value: since(total),
             low: since(within(a.min(b)).min(total)),
             high: since(within(a.max(b)).max(total)),

@@ -10,7 +10,7 @@ use super::rank::Ranking;
 use super::replay::{ReplayDrive, ReplayVehicle};
 use super::report::Observability;
 use crate::numerics::statistics::quantile;
-use crate::vehicle::{GRAVITY, Stage, TruckEffects};
+use crate::vehicle::{GRAVITY, Stage, TrailerEffects};
 
 /// Coordinate beyond which an effect is no longer ordinary: an effect seen only beyond counts as not observable.
 const ORDINARY: f64 = 10.0;
@@ -105,7 +105,7 @@ pub fn collinearity<V: ReplayVehicle>(
     if size > 0.0 { (of(s_a, s_b) / size).clamp(-1.0, 1.0) } else { 0.0 }
 }
 
-/// Every effect of the library.
+/// Every effect of the library, and those of one's own.
 #[must_use]
 pub fn observability<V: ReplayVehicle>(
     problem: &Problem<V>,
@@ -115,8 +115,8 @@ pub fn observability<V: ReplayVehicle>(
     let drive = problem.drive;
     let excitation = Excitation::of(drive, problem.vehicle);
     let mut all = Vec::new();
-    for effect in TruckEffects::all() {
-        let of_trailer = crate::vehicle::Effects::find(effect.id).is_none();
+    for effect in problem.library.effects() {
+        let of_trailer = TrailerEffects::find(effect.id).is_some();
         if of_trailer && !V::TRUCK || effect.id == "payload_x" {
             continue;
         }

@@ -2,8 +2,9 @@
 
 use super::filter::Filter;
 use super::form;
+use super::library::Library;
 use super::profile::Profile;
-use super::replay::{CHANNELS, Channel, Correction, ReplayDrive, ReplayVehicle, Trace, replay};
+use super::replay::{CHANNELS, Channel, Correction, ReplayDrive, ReplayVehicle, Trace, replay, replay_with};
 use super::uncertain::{self, UncertainParameter};
 use crate::numerics::parallel;
 use crate::vehicle::TruckEffects;
@@ -30,6 +31,8 @@ pub struct Problem<'a, V> {
     pub vehicle: &'a V,
     /// Full plant less reduced model.
     pub correction: &'a Correction,
+    /// What may be named.
+    pub library: Library<'a>,
     /// Uncertain parameters.
     pub uncertain: Vec<UncertainParameter>,
     /// The low pass.
@@ -54,13 +57,13 @@ pub struct Problem<'a, V> {
 }
 
 impl<'a, V: ReplayVehicle> Problem<'a, V> {
-    /// From a drive; effects in `without` cannot be named.
+    /// From a drive; effects that are not in the library cannot be named.
     #[must_use]
     pub fn new(
         drive: &'a ReplayDrive,
         vehicle: &'a V,
         correction: &'a Correction,
-        without: &[String],
+        library: Library<'a>,
         threads: usize,
     ) -> Self {
         let filter = Filter::new(drive.step);
@@ -78,13 +81,14 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
             }
             blocks.push((channel, from..measured.len()));
         }
-        let uncertain = uncertain::uncertain_parameters(vehicle, drive, without);
+        let uncertain = uncertain::uncertain_parameters(vehicle, drive, library);
         let forms = forms(drive, vehicle, correction, &uncertain);
         let of_forms = vec![OnceLock::new(); uncertain.len()];
         let mut made = Self {
             drive,
             vehicle,
             correction,
+            library,
             uncertain,
             filter,
             rows,
@@ -142,7 +146,8 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
     /// The vehicle at coordinates along a drive.
     fn replayed(&self, drive: &ReplayDrive, x: &[f64], horizon: Option<usize>) -> Result<Trace, String> {
         let (vehicle, effects) = uncertain::at(&self.uncertain, x, self.vehicle);
-        replay(drive, &vehicle, &effects, &self.corrected(x), horizon)
+        let own = uncertain::own_effects(&self.uncertain, x, self.library);
+        replay_with(drive, &vehicle, &effects, own, &self.corrected(x), horizon)
     }
 
     /// Sensor signals of a replay.

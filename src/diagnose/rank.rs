@@ -829,6 +829,7 @@ fn extended<V: ReplayVehicle>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::diagnose::library::Library;
     use crate::diagnose::replay::{ReplayDrive, neutral};
     use crate::diagnose::simulated::{Conditions, drive};
     use crate::vehicle::{TruckEffects, builtin};
@@ -842,7 +843,7 @@ mod tests {
         let log = drive(&car, &effects, &conditions).unwrap();
         let drive = ReplayDrive::new(&log, false);
         let correction = neutral(&drive, &car).unwrap();
-        let problem = Problem::new(&drive, &car, &correction, &[], 0);
+        let problem = Problem::new(&drive, &car, &correction, Library::default(), 0);
         let prior = Prior::of(&problem);
         let [mass, load, offset] =
             ["vehicle.mass", "payload", "steer_offset"].map(|id| problem.find(id).unwrap());
@@ -875,7 +876,7 @@ mod tests {
         let log = drive(&car, &effects, &conditions).unwrap();
         let drive = ReplayDrive::new(&log, false);
         let correction = neutral(&drive, &car).unwrap();
-        let problem = Problem::new(&drive, &car, &correction, &[], 0);
+        let problem = Problem::new(&drive, &car, &correction, Library::default(), 0);
         let prior = Prior::of(&problem);
         let [delay, rear] = ["steer_delay", "tyre_stiffness_rear"].map(|id| problem.find(id).unwrap());
         let start = prior.mean.clone();

@@ -194,6 +194,9 @@ pub enum VerdictKind {
 pub struct NamedEffect {
     /// Its id, as in the plant's parameter `effect.<id>`.
     pub id: String,
+    /// Its meaning, in one sentence.
+    #[serde(default)]
+    pub meaning: String,
     /// Its value with an interval of 95 %, in `unit`. With a reference log, the change since then: a difference, for a
     /// factor the quotient.
     pub value: f64,

@@ -3,6 +3,7 @@
 //! The full plant drives a random winding road at a random, changing speed, steered by a driver who follows a wanted
 //! yaw rate. Every log has its own background: all errors of ordinary simulators are drawn from their tolerances.
 
+use super::library::Library;
 use super::replay::{ReplayDrive, ReplayVehicle};
 use super::uncertain::{self, UncertainParameter};
 use crate::log::CleanLog;
@@ -218,7 +219,7 @@ fn background<V: ReplayVehicle>(
         findings: Vec::new(),
     };
     let uncertain: Vec<UncertainParameter> =
-        uncertain::uncertain_parameters(vehicle, &ReplayDrive::new(&log, V::TRUCK), &[]);
+        uncertain::uncertain_parameters(vehicle, &ReplayDrive::new(&log, V::TRUCK), Library::default());
     let mut random = Random::stream(conditions.seed, 2);
     let mut x: Vec<f64> = uncertain
         .iter()

@@ -6,7 +6,6 @@ use super::report::{
     Adjustment, Finding, FindingSeverity, Gap, Manoeuvre, NamedEffect, ReportedHypothesis, Shrink, Varies,
 };
 use super::shrink::Predictive;
-use crate::vehicle::TruckEffects;
 
 /// Share of the yaw-rate gap from which on it is evidence for the effect.
 const TELLING: f64 = 0.2;
@@ -25,7 +24,7 @@ fn sure(probability: f64) -> &'static str {
 }
 
 fn of_effect(effect: &NamedEffect) -> String {
-    let meaning = TruckEffects::all().find(|it| it.id == effect.id).map_or("", |it| it.meaning);
+    let meaning = &effect.meaning;
     let lower = meaning
         .chars()
         .next()

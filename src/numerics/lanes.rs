@@ -10,7 +10,7 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 pub(crate) const FOUR: usize = 4;
 
 /// Numbers that are computed alike.
-pub(crate) trait Lanes:
+pub trait Lanes:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
 {
     /// The numbers in memory.

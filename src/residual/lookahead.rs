@@ -276,13 +276,6 @@ impl<const S: usize> Lookahead<S> {
         self.budget = (self.rows.trees * self.rows.ends.ilog2() as usize * self.horizon / 2).max(64);
     }
 
-    /// Takes states from a place of window and horizon on.
-    pub fn set_states<'a>(&mut self, from: usize, states: impl Iterator<Item = &'a [f64; S]>) {
-        for (at, state) in (from..).zip(states) {
-            self.set_state(at, state);
-        }
-    }
-
     /// Takes the state at a place of window and horizon: row `j` ends with the state at `j + W - 1`.
     #[inline(always)]
     pub fn set_state(&mut self, at: usize, state: &[f64; S]) {

@@ -58,6 +58,7 @@
 //! | `global.rs`, `leaf.rs` | one linear model for all; models in leaves |
 //! | `train_config.rs`, `train.rs` | from a data set to a model and a report of its fit |
 //! | `model.rs` | the model: its description, and its coefficients at any features |
+//! | `linear.rs` | the trait of a residual, as a controller asks for it |
 //! | `lookahead.rs` | the same over the receding horizon of the controller |
 //! | `file.rs`, `rows.rs` | the model's file |
 //! | `gp/` | the Gaussian process of GP-NMPC |
@@ -72,6 +73,7 @@ mod global;
 pub mod gp;
 mod leaf;
 mod least_squares;
+mod linear;
 mod lookahead;
 mod model;
 mod prior;
@@ -91,6 +93,7 @@ pub use file::{FORMAT, FileError, FileKind};
 pub use forest::{Block, Forest, ForestConfig, GrownForest, grow};
 pub use leaf::{LeafFit, LeafModels};
 pub use least_squares::{Decomposed, Gram, Theta, Triangle};
+pub use linear::{EachRow, LinearResidual, ResidualRows, RowResidual};
 pub use lookahead::{Lookahead, LookedUp};
 pub use model::{
     Coefficients, Expected, Kind, ModelMismatch, Range, Regressors, ResidualModel, ResidualModelFor, Schema,

@@ -18,6 +18,7 @@ use super::ROAD;
 use super::forest::Forest;
 use super::leaf::{LeafModels, Shares};
 use super::least_squares::Theta;
+use super::linear::{LinearResidual, ResidualRows};
 use super::lookahead::{Lookahead, LookedUp, Questions};
 use crate::enumeration;
 use crate::nominal::{ERRORS, LateralVehicle};
@@ -602,5 +603,43 @@ impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
             }
             _ => Ok(()),
         }
+    }
+}
+
+/// Rows of a forest, with what was looked up in the step before.
+struct ForestRows<V, const S: usize> {
+    model: Arc<ResidualModelFor<V, S>>,
+    rows: Lookahead<S>,
+}
+
+impl<V: LateralVehicle<S>, const S: usize> LinearResidual<V, S> for ResidualModelFor<V, S> {
+    fn window(&self) -> usize {
+        self.schema.window
+    }
+
+    fn check_fits(&self, expected: &Expected<V>) -> Result<(), ModelMismatch> {
+        Self::check_fits(self, expected)
+    }
+
+    fn rows(self: Arc<Self>, horizon: usize) -> Box<dyn ResidualRows<S>> {
+        Box::new(ForestRows { rows: self.lookahead(horizon), model: self })
+    }
+}
+
+impl<V: LateralVehicle<S>, const S: usize> ResidualRows<S> for ForestRows<V, S> {
+    fn advance(&mut self) {
+        self.rows.advance();
+    }
+
+    fn first(&self) -> usize {
+        self.rows.first()
+    }
+
+    fn set_state(&mut self, at: usize, state: &[f64; S]) {
+        self.rows.set_state(at, state);
+    }
+
+    fn row(&mut self, row: usize, road: &[f64; ROAD]) -> LookedUp<'_, S> {
+        self.model.row(&mut self.rows, row, road)
     }
 }

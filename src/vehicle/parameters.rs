@@ -8,7 +8,7 @@ use super::builtin::{BUILTIN, CARS};
 use super::effects::Effects;
 use super::file::{self, ParameterDeclaration, VehicleError, VehicleParameters, check_body, reading, table};
 use super::tolerance::Tolerances;
-use super::tyre::Tyre;
+use super::tyre::{Coefficients, Tyre, TyreModel};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -140,11 +140,10 @@ fn one() -> f64 {
     1.0
 }
 
-/// Lateral relaxation length of the first of a vehicle's tyres under its load at rest (N), m. None if a file does not
-/// tell its change with the load.
-pub(super) fn relaxation_at_rest(load: f64, tyres: &[&Tyre]) -> Option<f64> {
-    let length = |tyre: &&Tyre| tyre.scaled().lateral_relaxation(load, 0.0);
-    let lengths: Vec<f64> = tyres.iter().map(length).collect();
+/// Lateral relaxation length of the first of a vehicle's tyres under its load at rest (N), m. None if one has none, so that
+/// its change with the load is unknown.
+pub(super) fn relaxation_at_rest<T: TyreModel>(load: f64, tyres: &[T]) -> Option<f64> {
+    let lengths: Vec<f64> = tyres.iter().map(|tyre| tyre.lateral_relaxation(load, 0.0)).collect();
     lengths.first().copied().filter(|_| lengths.iter().all(|&length| length > 0.0))
 }
 
@@ -286,10 +285,20 @@ impl CarParameters {
         (weight * self.vehicle.cg_to_rear_axle, weight * self.vehicle.cg_to_front_axle)
     }
 
+    /// Load on a front tyre at rest, N.
+    pub(super) fn front_tyre_load(&self) -> f64 {
+        0.5 * self.axle_loads().0
+    }
+
+    /// The tyres of its files, with the factors of their axles: front, rear.
+    pub(super) fn tyres(&self) -> [Coefficients; 2] {
+        [self.tyre.front.scaled(), self.tyre.rear.scaled()]
+    }
+
     /// Lateral relaxation length of the front tyres at rest, m; none if a tyre file lacks it.
     #[must_use]
     pub fn relaxation(&self) -> Option<f64> {
-        relaxation_at_rest(0.5 * self.axle_loads().0, &[&self.tyre.front, &self.tyre.rear])
+        relaxation_at_rest(self.front_tyre_load(), &self.tyres())
     }
 
     /// The linear single-track model of this car. Axle stiffnesses are the slopes of the tyres' lateral force at static

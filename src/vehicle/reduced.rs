@@ -35,6 +35,7 @@ use super::unit::{
     BODY, DEFLECTION_X, DEFLECTION_Y, LIFT, LIFT_RATE, PER_WHEEL, SHORTEST_RELAXATION, SPIN, UnitAxle, VX,
     VY, WIND_UP, YAW, YAW_RATE,
 };
+use crate::vehicle::tyre::TyreModel;
 
 /// Share of the way to equilibrium in one step of a body's pitch and heave: its springs stand on the tyres'.
 const SPRINGS: f64 = 0.7;
@@ -141,13 +142,15 @@ pub(super) struct SprungBody {
 
 /// A plant with its fast motions declared.
 pub(super) trait Relaxed<const N: usize, const S: usize>: Plant<N, S> {
+    /// The formula of its tyres.
+    type Tyre: TyreModel;
     /// States that are integrated.
     const SLOW: &'static [usize];
     /// Order of their integration, 2 or 3.
     const ORDER: usize;
     /// Place of the first wheel's states of each axle.
     const FIRST_WHEELS: &'static [usize];
-    fn axle(&self, index: usize) -> &UnitAxle;
+    fn axle(&self, index: usize) -> &UnitAxle<Self::Tyre>;
     fn bodies(&self) -> Vec<SprungBody>;
     /// Reference point forward of the CG, m.
     fn arm(&self) -> f64;
@@ -217,7 +220,7 @@ fn gone_by_pade(z: f64) -> f64 {
 }
 
 /// Lateral relaxation length of an axle's tyres at a load of each in N, m.
-fn relaxation(axle: &UnitAxle, each: f64) -> f64 {
+fn relaxation<T: TyreModel>(axle: &UnitAxle<T>, each: f64) -> f64 {
     let length =
         if axle.relaxation > 0.0 { axle.relaxation } else { axle.tyre.lateral_relaxation(each, 0.0) };
     length.max(SHORTEST_RELAXATION)
@@ -277,7 +280,7 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
         }
         let rolls = plant.bodies().into_iter().zip(rolling).map(|(body, k)| (k / body.roll_inertia).sqrt());
         let rolling = rolls.fold(0.0, f64::max);
-        let stiffness = |axle: &UnitAxle| {
+        let stiffness = |axle: &UnitAxle<P::Tyre>| {
             2.0 * axle.tyres * axle.tyre.cornering_stiffness(axle.static_load / axle.tyres, 0.0)
         };
         let shortest =
@@ -313,7 +316,7 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
         let mut handed_on = [(0.0, 0.0); MOST_BODIES];
         for wheel in wheels.iter() {
             let axle = plant.axle(wheel.axle);
-            let tyre = axle.tyres * axle.tyre.vertical_stiffness;
+            let tyre = axle.tyres * axle.tyre.vertical_stiffness();
             let push =
                 axle.spring / (axle.spring + tyre) * rates[wheel.at + LIFT_RATE] * 0.5 * axle.unsprung_mass;
             let (lifting, pitching) = &mut handed_on[carried(wheel.axle)];
@@ -362,7 +365,7 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
             y[at + WIND_UP] = y[at + SPIN];
 
             let bar = 0.5 * axle.anti_roll_bar / (axle.half_track * axle.half_track);
-            let stiffness = axle.tyres * axle.tyre.vertical_stiffness + axle.spring + bar;
+            let stiffness = axle.tyres * axle.tyre.vertical_stiffness() + axle.spring + bar;
             let (heave, pitch) = risen[carried(wheel.axle)];
             let force = rates[at + LIFT_RATE] * 0.5 * axle.unsprung_mass
                 + axle.spring * (heave - axle.x_sprung * pitch);
@@ -504,9 +507,9 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> ReducedVehicle for Reduce
 }
 
 /// Stiffness of a body's springs in heave (N/m) and pitch (N m/rad).
-pub(super) fn spring_stiffness<'a>(axles: impl Iterator<Item = &'a UnitAxle>) -> (f64, f64) {
+pub(super) fn spring_stiffness<'a, T: TyreModel>(axles: impl Iterator<Item = &'a UnitAxle<T>>) -> (f64, f64) {
     axles.fold((0.0, 0.0), |(heave, pitch), axle| {
-        let tyre = axle.tyres * axle.tyre.vertical_stiffness;
+        let tyre = axle.tyres * axle.tyre.vertical_stiffness();
         let side = axle.spring * tyre / (axle.spring + tyre);
         (heave + 2.0 * side, pitch + 2.0 * side * axle.x_sprung * axle.x_sprung)
     })

@@ -414,10 +414,10 @@ pub(super) fn check_upright(roll: f64, pitch: f64, time: f64) -> Result<(), Plan
     Ok(())
 }
 
-/// The steps of a vehicle that has a `stepper`, declared once for all of them.
+/// The steps of a vehicle on tyres `T` that has a `stepper`, declared once for all of them.
 macro_rules! vehicle {
     ($vehicle:ty, $output:ty, $stepper:ty) => {
-        impl $vehicle {
+        impl<T: TyreModel> $vehicle {
             /// Puts the vehicle at a place: position of its reference point in m, yaw in rad, speed in m/s. The wheels
             /// roll, the steering is straight, the time is 0, and nothing is under way.
             pub fn place(&mut self, x: f64, y: f64, yaw: f64, vx: f64) {

@@ -9,7 +9,7 @@ use super::effects::TruckEffects;
 use super::file::{self, ParameterDeclaration, VehicleError, VehicleParameters, check_body, reading, table};
 use super::parameters::{Axle, Body, GRAVITY, Steering, relaxation_at_rest};
 use super::tolerance::Tolerances;
-use super::tyre::Tyre;
+use super::tyre::{Coefficients, Tyre};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -306,11 +306,20 @@ impl TruckParameters {
         [loads.front, loads.rear, loads.trailer]
     }
 
+    /// Load on a front tyre at rest, N.
+    pub(super) fn front_tyre_load(&self) -> f64 {
+        0.5 * self.axle_loads()[0] / self.tyres_per_side.front
+    }
+
+    /// The tyres of its files, with the factors of their axles: front, rear, trailer.
+    pub(super) fn tyres(&self) -> [Coefficients; 3] {
+        [self.tyre.front.scaled(), self.tyre.rear.scaled(), self.tyre.trailer.scaled()]
+    }
+
     /// Lateral relaxation length of the front tyres at rest, m; none if a tyre file lacks it.
     #[must_use]
     pub fn relaxation(&self) -> Option<f64> {
-        let load = 0.5 * self.axle_loads()[0] / self.tyres_per_side.front;
-        relaxation_at_rest(load, &[&self.tyre.front, &self.tyre.rear, &self.tyre.trailer])
+        relaxation_at_rest(self.front_tyre_load(), &self.tyres())
     }
 
     /// The linear model of this truck. Stiffnesses are the slopes of the tyres' lateral force at static load and

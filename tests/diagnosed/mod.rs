@@ -109,6 +109,7 @@ fn drive_and_diagnose() -> (CleanLog, Diagnosis) {
     }
     let named = NamedEffect {
         id: "steer_delay".into(),
+        meaning: "Dead time added to the steering command".into(),
         value: 0.118,
         low: 0.111,
         high: 0.126,

@@ -210,6 +210,7 @@ where
         threads: args.threads,
         pairs: !args.no_pairs,
         without: args.without.clone(),
+        own: Vec::new(),
         beliefs: Beliefs { trust: args.trust, probabilities: priors(&args.priors)? },
     };
     let _held = out.map(hold_folder).transpose()?;

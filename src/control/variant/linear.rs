@@ -15,7 +15,7 @@ use crate::control::solve::Equations;
 use crate::control::tracking_qp::{QpError, QpReport};
 use crate::enumeration;
 use crate::nominal::{ActuatedModel, DiscreteErrorModel, ERRORS, LateralVehicle};
-use crate::residual::{self, Lookahead, ModelMismatch, ResidualModelFor, write_residual_of_actuator};
+use crate::residual::{self, LinearResidual, ModelMismatch, ResidualRows, write_residual_of_actuator};
 use crate::vehicle::SingleTrack;
 use nalgebra::{SMatrix, SVector};
 use std::sync::Arc;
@@ -33,7 +33,7 @@ enumeration! {
 #[derive(Debug, Clone)]
 #[allow(missing_docs)]
 pub struct Residual<V = SingleTrack, const S: usize = ERRORS> {
-    pub model: Arc<ResidualModelFor<V, S>>,
+    pub model: Arc<dyn LinearResidual<V, S>>,
     pub propagation: Propagation,
     pub roll_out: RollOut,
 }
@@ -41,7 +41,8 @@ pub struct Residual<V = SingleTrack, const S: usize = ERRORS> {
 /// The learned residual with workspace.
 struct LearnedResidual<V, const S: usize> {
     residual: Residual<V, S>,
-    rows: Lookahead<S>,
+    window: usize,
+    rows: Box<dyn ResidualRows<S>>,
     /// The trust with which the effects of each row's commands were written; not a number if they were not.
     written: Vec<f64>,
     /// Issued commands and then planned ones, oldest first.
@@ -76,7 +77,7 @@ impl<V: LateralVehicle<S>, const S: usize> NominalWithResidual<V, S> {
         residual: Option<Residual<V, S>>,
     ) -> Result<Self, ModelMismatch> {
         let learned = residual.map(|residual| LearnedResidual::new(residual, &vehicle, p)).transpose()?;
-        let window = learned.as_ref().map_or(0, LearnedResidual::window);
+        let window = learned.as_ref().map_or(0, |learned| learned.window);
         Ok(Self {
             nominal: Nominal::new(vehicle, p),
             learned,
@@ -217,19 +218,16 @@ impl<V: LateralVehicle<S>, const S: usize> LearnedResidual<V, S> {
             min_model_speed: p.min_model_speed,
             window: None,
         })?;
-        let window = model.schema().window;
+        let window = model.window();
         Ok(Self {
-            rows: model.lookahead(p.horizon),
+            rows: Arc::clone(model).rows(p.horizon),
+            window,
             written: vec![f64::NAN; p.horizon],
             commands: vec![0.0; window - 1 + p.horizon],
             issued: vec![[0.0; S]; p.horizon],
             fallback: vec![[0.0; S]; window],
             residual,
         })
-    }
-
-    fn window(&self) -> usize {
-        self.residual.model.schema().window
     }
 
     /// Predicts the states of the horizon under the last plan and asks the residual at each of them. Gives the share
@@ -243,7 +241,7 @@ impl<V: LateralVehicle<S>, const S: usize> LearnedResidual<V, S> {
         preview: &Preview,
         affine: &mut Affine<SVector<f64, S>>,
     ) -> (f64, bool) {
-        let window = self.window();
+        let window = self.window;
         let horizon = affine.known.len();
         // A step later a row has the commands that it had, and the newest behind them.
         // A history may be longer: that of an actuator's memory.
@@ -263,10 +261,12 @@ impl<V: LateralVehicle<S>, const S: usize> LearnedResidual<V, S> {
         let measured = input.history.states();
         let measured = &measured[measured.len() - window..];
         let mut state = measured.last().copied().unwrap_or_else(SVector::zeros);
-        self.rows.set_states(0, measured.iter().map(|state| &state.data.0[0]));
+        for (at, state) in measured.iter().enumerate() {
+            self.rows.set_state(at, &state.data.0[0]);
+        }
         let (mut outside, mut within) = (0.0, true);
         for j in 0..horizon {
-            let row = self.residual.model.row(&mut self.rows, j, &preview.road[j]);
+            let row = self.rows.row(j, &preview.road[j]);
             // Outside its training the residual fades: half a range's width further there is the actuator alone.
             let trust = (1.0 - 2.0 * row.excess).clamp(0.0, 1.0);
             if trust < 1.0 {

@@ -20,6 +20,7 @@ pub use nonlinear::{
     StepSpeed,
 };
 
+use super::cost_term::CostTerms;
 use super::lateral::LateralInput;
 use super::parameters::MpcParameters;
 use super::preview::Preview;
@@ -84,13 +85,19 @@ pub struct Qp {
     pub transient: Vec<f64>,
     /// QPs solved in this step.
     pub solved: u32,
+    /// Further terms of the cost, if there are any.
+    pub terms: Option<CostTerms>,
 }
 
 impl Qp {
     /// Solves the problem as it stands.
     pub fn solve(&mut self, time_limit: f64) -> Result<QpReport, QpError> {
         let begin = Instant::now();
-        let solved = self.solver.solve(&self.problem, time_limit, &mut self.inputs, &mut self.outputs);
+        let Self { problem, inputs, outputs, .. } = self;
+        let solved = match &mut self.terms {
+            Some(terms) => terms.solve((problem, &self.tracked), time_limit, inputs, outputs),
+            None => self.solver.solve(problem, time_limit, inputs, outputs),
+        };
         self.timing.solve += begin.elapsed().as_secs_f64();
         self.solved += 1;
         solved

@@ -29,6 +29,6 @@ pub use channel::{CHANNELS, Channel};
 pub use drive::LEAST_SPEED;
 pub use drive::ReplayDrive;
 pub use neutral::neutral;
-pub use run::{Correction, LEAK, Trace, replay};
+pub use run::{Correction, LEAK, Trace, replay, replay_with};
 pub use vehicle::ReplayVehicle;
 pub(in crate::diagnose) use vehicle::prepared;

@@ -3,6 +3,7 @@
 use super::channel::{CHANNELS, Channel};
 use super::drive::{LEAST_SPEED, ROAD, ReplayDrive, at, at_within};
 use super::vehicle::ReplayVehicle;
+use crate::diagnose::library::OwnEffect;
 use crate::vehicle::{
     GRAVITY, ReducedInput, ReducedOutput, ReducedStart, ReducedSteer, Surface, TruckEffects,
 };
@@ -61,6 +62,21 @@ pub fn replay<V: ReplayVehicle>(
     correction: &Correction,
     horizon: Option<usize>,
 ) -> Result<Trace, String> {
+    replay_with(drive, vehicle, effects, [], correction, horizon)
+}
+
+/// The same with effects of one's own, at their values.
+///
+/// # Errors
+/// As [`replay`].
+pub fn replay_with<'a, V: ReplayVehicle>(
+    drive: &ReplayDrive,
+    vehicle: &V,
+    effects: &TruckEffects,
+    own: impl IntoIterator<Item = (&'a dyn OwnEffect, f64)>,
+    correction: &Correction,
+    horizon: Option<usize>,
+) -> Result<Trace, String> {
     let rows = drive.time.len();
     // A vehicle file may hold effects that are known already.
     let effects = &effects.on_top_of(&vehicle.known_effects());
@@ -75,7 +91,8 @@ pub fn replay<V: ReplayVehicle>(
     let advance = (-dead_time).max(0.0) / drive.step;
     within.vehicle.steer_delay = effects.vehicle.steer_delay.max(-vehicle.dead_time());
     within.vehicle.steer_lag = effects.vehicle.steer_lag.max(-vehicle.lag());
-    let mut model = vehicle.reduced(&within)?;
+    let reduced = vehicle.reduced(&within)?;
+    let mut model = own.into_iter().fold(reduced, |model, (effect, value)| effect.act(model, value));
 
     let felt = if drive.channels.contains(&Channel::Ay) { vec![0.0; rows] } else { Vec::new() };
     let mut trace =

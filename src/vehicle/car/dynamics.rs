@@ -12,6 +12,7 @@ use crate::vehicle::steering::SteeringChain;
 use crate::vehicle::stepper::{Plant, PlantStepError, StageInputs, State, check_upright};
 use crate::vehicle::surface::Surface;
 use crate::vehicle::trigonometry::{cos_of, sin_of};
+use crate::vehicle::tyre::TyreModel;
 use crate::vehicle::unit::{
     BODY, Gravity, PER_WHEEL, PITCH, ROLL, SPIN, UnitConstants, VX, VY, X, Y, YAW, YAW_RATE, gravity,
     gravity_on, roll,
@@ -25,7 +26,7 @@ pub(super) struct CarEnvironment {
     pub friction: [f64; 2],
 }
 
-impl Plant<STATES, SIGNALS> for CarPlant {
+impl<T: TyreModel> Plant<STATES, SIGNALS> for CarPlant<T> {
     type Environment = CarEnvironment;
     type Flow = CarFlow;
     type Output = CarOutput;
@@ -95,7 +96,7 @@ impl Plant<STATES, SIGNALS> for CarPlant {
         let motions = [front.1[0], front.1[1], rear.1[0], rear.1[1]];
         let friction = environment.friction;
         let friction = [friction[0], friction[0], friction[1], friction[1]];
-        flow.wheels = roll::<L, 4>(&self.wheels, wheels, &motions, friction, wheel_rates);
+        flow.wheels = roll::<L, T, 4>(&self.wheels, wheels, &motions, friction, wheel_rates);
         for (index, given) in axles.iter_mut().enumerate() {
             unit.axles[index].gather(&flow.wheels[2 * index..2 * index + 2], steer[index], given);
         }
@@ -108,7 +109,7 @@ impl Plant<STATES, SIGNALS> for CarPlant {
         push.lateral += side;
         push.yawing = push.yawing + side * self.pressure_centre + air::brake_pull(effects, body[VX]);
         let accel = unit.acceleration(&push);
-        UnitConstants::<2>::plane(body, &accel, gravity, (sin_yaw, cos_yaw), body_rates);
+        UnitConstants::<T, 2>::plane(body, &accel, gravity, (sin_yaw, cos_yaw), body_rates);
         unit.vertical(body, &axles, &accel, gravity, (wheels, &flow.wheels), (body_rates, wheel_rates));
         // What an accelerometer at the CG feels: the body's sway over the wheels belongs to it.
         flow.specific = [accel.specific_x, push.lateral / unit.mass, gravity.z];
@@ -151,7 +152,10 @@ mod tests {
     fn every_processor_gives_the_same_bits() {
         let effects = Effects { wind_y: 3.0, road_bank: 0.02, tyre_relaxation: 0.0, ..Effects::default() };
         for name in crate::vehicle::BUILTIN {
-            let plant = CarPlant::new(&builtin(name).unwrap(), &effects).unwrap();
+            let plant = {
+                let car = builtin(name).unwrap();
+                CarPlant::new(&car, car.tyres(), &effects).unwrap()
+            };
             let mut random = Random::new(7);
             for _ in 0..300 {
                 let mut draw = |greatest: f64| greatest * (2.0 * random.uniform() - 1.0);

@@ -20,6 +20,7 @@ use super::effects::Effects;
 use super::parameters::CarParameters;
 use super::reduced::{Reduced, ReducedVehicle};
 use super::stepper::{PlantStepError, RestoreError, Stepper, VehicleInput, vehicle};
+use super::tyre::{Coefficients, TyreModel};
 use crate::path::Path;
 pub use error::CarError;
 use output::SIGNALS;
@@ -30,9 +31,12 @@ use std::sync::Arc;
 /// Inputs of the car, from a driver or a controller.
 pub type CarInput = VehicleInput;
 
-/// The car.
-pub struct Car {
-    stepper: Stepper<CarPlant, STATES, SIGNALS>,
+/// The car on the tyres of its files.
+pub type Car = CarFor<Coefficients>;
+
+/// The car on tyres of a formula.
+pub struct CarFor<T: TyreModel> {
+    stepper: Stepper<CarPlant<T>, STATES, SIGNALS>,
 }
 
 impl Car {
@@ -46,12 +50,28 @@ impl Car {
         road: Option<Arc<Path>>,
     ) -> Result<Self, CarError> {
         parameters.check()?;
-        effects.check()?;
-        Ok(Self { stepper: Stepper::new(CarPlant::new(parameters, effects)?, road) })
+        Self::with_tyres(parameters, parameters.tyres(), effects, road)
     }
 }
 
-vehicle!(Car, CarOutput, Stepper<CarPlant, STATES, SIGNALS>);
+impl<T: TyreModel> CarFor<T> {
+    /// The same on tyres of one's own, on the front and rear axle. Of the file's tyres the compliance alone counts.
+    ///
+    /// # Errors
+    /// As [`new`](Car::new).
+    pub fn with_tyres(
+        parameters: &CarParameters,
+        tyres: [T; 2],
+        effects: &Effects,
+        road: Option<Arc<Path>>,
+    ) -> Result<Self, CarError> {
+        parameters.check()?;
+        effects.check()?;
+        Ok(Self { stepper: Stepper::new(CarPlant::new(parameters, tyres, effects)?, road) })
+    }
+}
+
+vehicle!(CarFor<T>, CarOutput, Stepper<CarPlant<T>, STATES, SIGNALS>);
 
 /// The car without its fast motions. Effects need not be in range (a delay may be negative where the car has one of its
 /// own). The sensors' latency is left to the caller.
@@ -59,5 +79,5 @@ vehicle!(Car, CarOutput, Stepper<CarPlant, STATES, SIGNALS>);
 /// # Errors
 /// A CG outside the wheelbase.
 pub fn reduced(parameters: &CarParameters, effects: &Effects) -> Result<Box<dyn ReducedVehicle>, CarError> {
-    Ok(Box::new(Reduced::new(CarPlant::new(parameters, effects)?)))
+    Ok(Box::new(Reduced::new(CarPlant::new(parameters, parameters.tyres(), effects)?)))
 }

@@ -5,6 +5,7 @@ use crate::enumeration;
 use crate::vehicle::sensors::{self, BODY_SIGNALS};
 use crate::vehicle::status;
 use crate::vehicle::stepper::State;
+use crate::vehicle::tyre::TyreModel;
 use crate::vehicle::unit::{VX, VY, WheelFlow, WheelOutput};
 
 enumeration! {
@@ -63,8 +64,8 @@ pub(super) struct CarFlow {
 }
 
 /// The output from the (delayed) motion, and signals without latency.
-pub(super) fn measure(
-    plant: &CarPlant,
+pub(super) fn measure<T: TyreModel>(
+    plant: &CarPlant<T>,
     state: &State<STATES, SIGNALS>,
     flow: &CarFlow,
     delayed: &[f64; SIGNALS],

@@ -3,8 +3,9 @@
 use super::error::CarError;
 use crate::vehicle::drive::DriveLine;
 use crate::vehicle::effects::Effects;
-use crate::vehicle::parameters::{CarParameters, GRAVITY};
+use crate::vehicle::parameters::{CarParameters, GRAVITY, relaxation_at_rest};
 use crate::vehicle::steering::SteeringChain;
+use crate::vehicle::tyre::{Coefficients, TyreModel};
 use crate::vehicle::unit::{AxleParts, BODY, Laden, Load, Masses, PER_WHEEL, UnitConstants, Wheels};
 
 /// The first wheel's states; wheels are front left, front right, rear left, rear right.
@@ -13,9 +14,9 @@ pub(super) const WHEELS: usize = BODY;
 pub(super) const STATES: usize = WHEELS + 4 * PER_WHEEL;
 
 /// The constants of one car.
-pub(super) struct CarPlant {
-    pub unit: UnitConstants<2>,
-    pub wheels: [Wheels; 1],
+pub(super) struct CarPlant<T: TyreModel = Coefficients> {
+    pub unit: UnitConstants<T, 2>,
+    pub wheels: [Wheels<T>; 1],
     pub steering: SteeringChain,
     pub drive: DriveLine,
     /// Half the air's density times the areas, kg/m.
@@ -25,8 +26,11 @@ pub(super) struct CarPlant {
     pub effects: Effects,
 }
 
-impl CarPlant {
-    pub fn new(car: &CarParameters, effects: &Effects) -> Result<Self, CarError> {
+impl<T: TyreModel> CarPlant<T> {
+    /// With tyres on the front and on the rear axle.
+    pub fn new(car: &CarParameters, tyres: [T; 2], effects: &Effects) -> Result<Self, CarError> {
+        let relaxation = relaxation_at_rest(car.front_tyre_load(), &tyres);
+        let [tyre_front, tyre_rear] = tyres;
         let body = &car.vehicle;
         let (front, rear) = (&car.axle.front, &car.axle.rear);
         let wheelbase = car.wheelbase();
@@ -47,7 +51,8 @@ impl CarPlant {
         let weight = laden.mass * GRAVITY / (2.0 * wheelbase);
         let front_parts = AxleParts {
             axle: front,
-            tyre: &car.tyre.front,
+            tyre: tyre_front,
+            lateral_compliance: car.tyre.front.lateral_compliance,
             x: x_front,
             static_load: weight * -x_rear,
             tyres: 1.0,
@@ -58,7 +63,8 @@ impl CarPlant {
         };
         let rear_parts = AxleParts {
             axle: rear,
-            tyre: &car.tyre.rear,
+            tyre: tyre_rear,
+            lateral_compliance: car.tyre.rear.lateral_compliance,
             x: x_rear,
             static_load: weight * x_front,
             tyres: 1.0,
@@ -70,8 +76,7 @@ impl CarPlant {
         // The roll axis goes through both roll centres.
         let slope = (front.roll_centre_height - rear.roll_centre_height) / wheelbase;
         let roll_axis = |x: f64| rear.roll_centre_height + slope * (x - x_rear);
-        let unit =
-            UnitConstants::new(&laden, &[front_parts, rear_parts], effects, car.relaxation(), roll_axis);
+        let unit = UnitConstants::new(&laden, &[front_parts, rear_parts], effects, relaxation, roll_axis);
         Ok(Self {
             wheels: [Wheels::new(unit.axles.each_ref())],
             unit,

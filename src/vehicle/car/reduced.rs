@@ -3,16 +3,19 @@
 use super::output::SIGNALS;
 use super::plant::{CarPlant, STATES, WHEELS};
 use crate::vehicle::reduced::{FIRST_BODY, Relaxed, SprungBody, spring_stiffness};
+use crate::vehicle::tyre::TyreModel;
 use crate::vehicle::unit::{PER_WHEEL, ROLL, ROLL_RATE, UnitAxle, VY, YAW, YAW_RATE};
 
-impl Relaxed<STATES, SIGNALS> for CarPlant {
+impl<T: TyreModel> Relaxed<STATES, SIGNALS> for CarPlant<T> {
+    type Tyre = T;
+
     const SLOW: &'static [usize] = &[VY, YAW, YAW_RATE, ROLL, ROLL_RATE];
 
     const ORDER: usize = 3;
 
     const FIRST_WHEELS: &'static [usize] = &[WHEELS, WHEELS + 2 * PER_WHEEL];
 
-    fn axle(&self, index: usize) -> &UnitAxle {
+    fn axle(&self, index: usize) -> &UnitAxle<T> {
         &self.unit.axles[index]
     }
 

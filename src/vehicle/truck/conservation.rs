@@ -18,7 +18,7 @@ fn on_ice(name: &str) -> TruckPlant {
         (coefficients.lmux, coefficients.lmuy, coefficients.qsy1) = (1e-12, 1e-12, 0.0);
     }
     (truck.air.density, truck.hitch.friction) = (0.0, 0.0);
-    TruckPlant::new(&truck, &TruckEffects::default()).unwrap()
+    TruckPlant::new(&truck, truck.tyres(), &TruckEffects::default()).unwrap()
 }
 
 fn environment(plant: &TruckPlant) -> TruckEnvironment {
@@ -49,7 +49,7 @@ fn momenta(plant: &TruckPlant, y: &[f64; STATES]) -> [f64; 3] {
 }
 
 /// Yaw inertia of a unit, and roll inertia of its body about its CG, kg m2, out of the inverse that it keeps.
-fn inertias<const A: usize>(unit: &UnitConstants<A>) -> [f64; 2] {
+fn inertias<T, const A: usize>(unit: &UnitConstants<T, A>) -> [f64; 2] {
     let rows = nalgebra::Matrix3::from_fn(|i, j| unit.inverse_inertia[i][j]);
     let inertia = rows.try_inverse().unwrap();
     [inertia[(1, 1)], inertia[(2, 2)]]
@@ -163,7 +163,7 @@ fn ten_seconds_of_whirling_keep_momenta_and_energy() {
 
 /// Takes all lever arms of roll away.
 fn flatten(plant: &mut TruckPlant) {
-    fn level<const A: usize>(unit: &mut UnitConstants<A>) {
+    fn level<T, const A: usize>(unit: &mut UnitConstants<T, A>) {
         let inertias = inertias(unit);
         unit.roll_arm = 0.0;
         unit.sprung_height = 0.0;

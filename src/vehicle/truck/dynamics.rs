@@ -13,6 +13,7 @@ use crate::vehicle::steering::SteeringChain;
 use crate::vehicle::stepper::{Plant, PlantStepError, StageInputs, State, check_upright};
 use crate::vehicle::surface::Surface;
 use crate::vehicle::trigonometry::{cos_of, sin_of};
+use crate::vehicle::tyre::TyreModel;
 use crate::vehicle::unit::{
     BODY, Gravity, HEAVE, HEAVE_RATE, PER_WHEEL, PITCH, PITCH_RATE, ROLL, ROLL_RATE, SPIN, UnitConstants, VX,
     VY, X, Y, YAW, YAW_RATE, gravity, gravity_on, roll,
@@ -41,7 +42,7 @@ pub(super) struct TruckEnvironment {
     pub friction: [f64; 3],
 }
 
-impl TruckPlant {
+impl<T: TyreModel> TruckPlant<T> {
     /// The semi-trailer's body, its place left out, from all states and the sine and cosine of the articulation.
     pub(super) fn trailer_body(&self, y: &[f64; STATES], turn: (f64, f64)) -> [f64; BODY] {
         let mut body = [0.0; BODY];
@@ -77,7 +78,7 @@ impl TruckPlant {
     }
 }
 
-impl Plant<STATES, SIGNALS> for TruckPlant {
+impl<T: TyreModel> Plant<STATES, SIGNALS> for TruckPlant<T> {
     type Environment = TruckEnvironment;
     type Flow = TruckFlow;
     type Output = TruckOutput;
@@ -173,7 +174,7 @@ impl Plant<STATES, SIGNALS> for TruckPlant {
             group_motion[1],
         ];
         let [a, b, c] = environment.friction;
-        flow.wheels = roll::<L, 6>(&self.wheels, wheels, &motions, [a, a, b, b, c, c], wheel_rates);
+        flow.wheels = roll::<L, T, 6>(&self.wheels, wheels, &motions, [a, a, b, b, c, c], wheel_rates);
         front.gather(&flow.wheels[0..2], steer[0], &mut on_front);
         rear.gather(&flow.wheels[2..4], steer[1], &mut on_rear);
         group.gather(&flow.wheels[4..6], steer[2], &mut on_group);
@@ -204,7 +205,7 @@ impl Plant<STATES, SIGNALS> for TruckPlant {
         pushes[1].add(&high.push(trailer, behind));
 
         let accel = self.tractor.acceleration(&pushes[0]);
-        UnitConstants::<2>::plane(tractor, &accel, &gravity[0], yaw, rates);
+        UnitConstants::<T, 2>::plane(tractor, &accel, &gravity[0], yaw, rates);
         let (own, other) = wheel_rates.split_at_mut(TRAILER_WHEELS);
         let first = (&wheels[..TRAILER_WHEELS], &flow.wheels[..4]);
         self.tractor.vertical(tractor, &on_tractor, &accel, &gravity[0], first, (rates, own));
@@ -214,7 +215,7 @@ impl Plant<STATES, SIGNALS> for TruckPlant {
 
         let accel = self.trailer.acceleration(&pushes[1]);
         let mut body_rates = [0.0; BODY];
-        UnitConstants::<1>::plane(trailer, &accel, &gravity[1], yaw_behind, &mut body_rates);
+        UnitConstants::<T, 1>::plane(trailer, &accel, &gravity[1], yaw_behind, &mut body_rates);
         let last = (&wheels[TRAILER_WHEELS..], &flow.wheels[4..]);
         self.trailer.vertical(trailer, &on_trailer, &accel, &gravity[1], last, (&mut body_rates, other));
         let pitching = high.pitching(behind[0], hitch.more) + hitch.rolling * turn.0;

@@ -15,6 +15,7 @@
 //! friction.
 
 use crate::vehicle::truck_parameters::Hitch;
+use crate::vehicle::tyre::TyreModel;
 use crate::vehicle::unit::{
     Acceleration, BODY, DryFriction, Gravity, HEAVE, HEAVE_RATE, PITCH, PITCH_RATE, Push, ROLL, ROLL_RATE,
     UnitConstants, VX, VY, YAW_RATE,
@@ -40,7 +41,7 @@ pub(super) struct Pin {
 
 impl Pin {
     /// From the place forward of the CG, the heights of hitch and roll axis there, m.
-    pub fn new<const A: usize>(unit: &UnitConstants<A>, x: f64, height: f64, roll_axis: f64) -> Self {
+    pub fn new<T, const A: usize>(unit: &UnitConstants<T, A>, x: f64, height: f64, roll_axis: f64) -> Self {
         Self { x, x_body: x - unit.x_sprung, over: height - unit.sprung_height, sway: roll_axis - height }
     }
 
@@ -101,7 +102,11 @@ impl Pin {
 
     /// Acceleration of the hitch for a force of 1 N along either axis, by columns.
     #[inline]
-    fn compliance<const A: usize>(&self, unit: &UnitConstants<A>, body: &[f64; BODY]) -> [[f64; 2]; 2] {
+    fn compliance<T: TyreModel, const A: usize>(
+        &self,
+        unit: &UnitConstants<T, A>,
+        body: &[f64; BODY],
+    ) -> [[f64; 2]; 2] {
         [[1.0, 0.0], [0.0, 1.0]]
             .map(|force| self.linear(self.offset(body), &unit.acceleration(&self.push(body, force))))
     }
@@ -236,9 +241,9 @@ impl HitchPlant {
 
     /// The force in the plane that holds the units together: on the tractor, in its axes, N.
     #[inline]
-    pub fn force(
+    pub fn force<T: TyreModel>(
         &self,
-        (tractor, trailer): (&UnitConstants<2>, &UnitConstants<1>),
+        (tractor, trailer): (&UnitConstants<T, 2>, &UnitConstants<T, 1>),
         bodies: Bodies,
         pushes: &[Push; 2],
         gravity: &[Gravity; 2],

@@ -27,6 +27,7 @@ use super::effects::TruckEffects;
 use super::reduced::{Reduced, ReducedVehicle};
 use super::stepper::{PlantStepError, RestoreError, Stepper, VehicleInput, vehicle};
 use super::truck_parameters::TruckParameters;
+use super::tyre::{Coefficients, TyreModel};
 use crate::path::Path;
 pub use error::TruckError;
 use output::SIGNALS;
@@ -37,9 +38,12 @@ use std::sync::Arc;
 /// Inputs of the truck, from a driver or a controller.
 pub type TruckInput = VehicleInput;
 
-/// The truck.
-pub struct Truck {
-    stepper: Stepper<TruckPlant, STATES, SIGNALS>,
+/// The truck on the tyres of its files.
+pub type Truck = TruckFor<Coefficients>;
+
+/// The truck on tyres of a formula.
+pub struct TruckFor<T: TyreModel> {
+    stepper: Stepper<TruckPlant<T>, STATES, SIGNALS>,
 }
 
 impl Truck {
@@ -53,12 +57,28 @@ impl Truck {
         road: Option<Arc<Path>>,
     ) -> Result<Self, TruckError> {
         parameters.check()?;
-        effects.check()?;
-        Ok(Self { stepper: Stepper::new(TruckPlant::new(parameters, effects)?, road) })
+        Self::with_tyres(parameters, parameters.tyres(), effects, road)
     }
 }
 
-vehicle!(Truck, TruckOutput, Stepper<TruckPlant, STATES, SIGNALS>);
+impl<T: TyreModel> TruckFor<T> {
+    /// The same on tyres of one's own, on the front, rear and trailer axle. Of the file's tyres the compliance alone counts.
+    ///
+    /// # Errors
+    /// As [`new`](Truck::new).
+    pub fn with_tyres(
+        parameters: &TruckParameters,
+        tyres: [T; 3],
+        effects: &TruckEffects,
+        road: Option<Arc<Path>>,
+    ) -> Result<Self, TruckError> {
+        parameters.check()?;
+        effects.check()?;
+        Ok(Self { stepper: Stepper::new(TruckPlant::new(parameters, tyres, effects)?, road) })
+    }
+}
+
+vehicle!(TruckFor<T>, TruckOutput, Stepper<TruckPlant<T>, STATES, SIGNALS>);
 
 /// The truck without its fast motions; effects need not be in range, and the sensors' latency is left to the caller.
 ///
@@ -68,5 +88,5 @@ pub fn reduced(
     parameters: &TruckParameters,
     effects: &TruckEffects,
 ) -> Result<Box<dyn ReducedVehicle>, TruckError> {
-    Ok(Box::new(Reduced::new(TruckPlant::new(parameters, effects)?)))
+    Ok(Box::new(Reduced::new(TruckPlant::new(parameters, parameters.tyres(), effects)?)))
 }

@@ -5,6 +5,7 @@ use crate::enumeration;
 use crate::vehicle::sensors::{self, BODY_SIGNALS};
 use crate::vehicle::status;
 use crate::vehicle::stepper::State;
+use crate::vehicle::tyre::TyreModel;
 use crate::vehicle::unit::{VX, VY, WheelFlow, WheelOutput};
 
 enumeration! {
@@ -88,8 +89,8 @@ pub(super) struct TruckFlow {
 }
 
 /// The output from the (delayed) motion, and signals without latency.
-pub(super) fn measure(
-    plant: &TruckPlant,
+pub(super) fn measure<T: TyreModel>(
+    plant: &TruckPlant<T>,
     state: &State<STATES, SIGNALS>,
     flow: &TruckFlow,
     delayed: &[f64; SIGNALS],
@@ -133,7 +134,11 @@ pub(super) fn measure(
     }
 }
 
-fn status(plant: &TruckPlant, state: &State<STATES, SIGNALS>, flow: &TruckFlow) -> TruckStatus {
+fn status<T: TyreModel>(
+    plant: &TruckPlant<T>,
+    state: &State<STATES, SIGNALS>,
+    flow: &TruckFlow,
+) -> TruckStatus {
     let wheels = &flow.outputs;
     if plant.articulation(&state.y).abs() > JACK_KNIFING * plant.hitch.articulation_limit {
         TruckStatus::JackKnifing

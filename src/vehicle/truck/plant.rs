@@ -4,10 +4,10 @@ use super::error::TruckError;
 use super::hitch::{HitchPlant, Pin};
 use crate::vehicle::drive::DriveLine;
 use crate::vehicle::effects::TruckEffects;
-use crate::vehicle::parameters::{Axle, Body};
+use crate::vehicle::parameters::{Axle, Body, relaxation_at_rest};
 use crate::vehicle::steering::SteeringChain;
 use crate::vehicle::truck_parameters::{RestLoads, TruckParameters};
-use crate::vehicle::tyre::Tyre;
+use crate::vehicle::tyre::{Coefficients, Tyre, TyreModel};
 use crate::vehicle::unit::{AxleParts, BODY, Laden, Load, Masses, PER_WHEEL, UnitConstants, Wheels};
 
 /// Start of the semi-trailer's states: those of a body from its yaw on, without velocities in the plane.
@@ -22,11 +22,11 @@ pub(super) const WHEELS: usize = WIND_UP + 1;
 pub(super) const STATES: usize = WHEELS + 6 * PER_WHEEL;
 
 /// The constants of one truck.
-pub(super) struct TruckPlant {
-    pub tractor: UnitConstants<2>,
-    pub trailer: UnitConstants<1>,
+pub(super) struct TruckPlant<T: TyreModel = Coefficients> {
+    pub tractor: UnitConstants<T, 2>,
+    pub trailer: UnitConstants<T, 1>,
     /// Of the tractor, of the semi-trailer.
-    pub wheels: [Wheels; 2],
+    pub wheels: [Wheels<T>; 2],
     pub hitch: HitchPlant,
     pub steering: SteeringChain,
     pub drive: DriveLine,
@@ -38,8 +38,10 @@ pub(super) struct TruckPlant {
     pub effects: TruckEffects,
 }
 
-impl TruckPlant {
-    pub fn new(truck: &TruckParameters, effects: &TruckEffects) -> Result<Self, TruckError> {
+impl<T: TyreModel> TruckPlant<T> {
+    /// With tyres on the front, rear and trailer axle.
+    pub fn new(truck: &TruckParameters, tyres: [T; 3], effects: &TruckEffects) -> Result<Self, TruckError> {
+        let relaxation = relaxation_at_rest(truck.front_tyre_load(), &tyres);
         let (common, of_trailer) = (&effects.vehicle, &effects.trailer);
         let Body { mass, yaw_inertia, roll_inertia, pitch_inertia, cg_height, .. } = truck.tractor;
         let masses = Masses { mass, yaw_inertia, roll_inertia, pitch_inertia, cg_height };
@@ -68,37 +70,49 @@ impl TruckPlant {
             }
         }
 
-        let parts = |axle, tyre, x: f64, load: f64, tyres: f64| -> AxleParts<'_> {
-            let (axle, tyre): (&Axle, &Tyre) = (axle, tyre);
+        let parts = |axle, (tyre, of_axle), x: f64, load: f64, tyres: f64| -> AxleParts<'_, T> {
+            let (axle, tyre, of_axle): (&Axle, T, &Tyre) = (axle, tyre, of_axle);
+            let lateral_compliance = of_axle.lateral_compliance;
             let (static_load, stiffness) = (0.5 * load, 1.0);
             let (steered, drive_share, brake_share) = (false, 0.0, 0.0);
-            AxleParts { axle, tyre, x, static_load, tyres, steered, stiffness, drive_share, brake_share }
+            AxleParts {
+                axle,
+                tyre,
+                lateral_compliance,
+                x,
+                static_load,
+                tyres,
+                steered,
+                stiffness,
+                drive_share,
+                brake_share,
+            }
         };
         let (axle, tyre, per_side) = (&truck.axle, &truck.tyre, &truck.tyres_per_side);
         let brake = &truck.brake;
+        let [tyre_front, tyre_rear, tyre_trailer] = tyres;
         let front = AxleParts {
             steered: true,
             stiffness: common.tyre_stiffness_front,
             brake_share: brake.front_share,
-            ..parts(&axle.front, &tyre.front, x_front, loads.front, per_side.front)
+            ..parts(&axle.front, (tyre_front, &tyre.front), x_front, loads.front, per_side.front)
         };
         let rear = AxleParts {
             stiffness: common.tyre_stiffness_rear,
             drive_share: 1.0,
             brake_share: 1.0 - brake.front_share - brake.trailer_share,
-            ..parts(&axle.rear, &tyre.rear, x_rear, loads.rear, per_side.rear)
+            ..parts(&axle.rear, (tyre_rear, &tyre.rear), x_rear, loads.rear, per_side.rear)
         };
         let group = AxleParts {
             stiffness: of_trailer.trailer_stiffness,
             brake_share: brake.trailer_share,
-            ..parts(&axle.trailer, &tyre.trailer, x_trailer, loads.trailer, per_side.trailer)
+            ..parts(&axle.trailer, (tyre_trailer, &tyre.trailer), x_trailer, loads.trailer, per_side.trailer)
         };
         // The tractor rolls about the axis through both roll centres, the semi-trailer about a level one.
         let (front_centre, rear_centre) = (axle.front.roll_centre_height, axle.rear.roll_centre_height);
         let slope = (front_centre - rear_centre) / (x_front - x_rear);
         let tractor_axis = |x: f64| rear_centre + slope * (x - x_rear);
         let trailer_axis = |_: f64| axle.trailer.roll_centre_height;
-        let relaxation = truck.relaxation();
         let tractor = UnitConstants::new(&tractor, &[front, rear], common, relaxation, tractor_axis);
         let trailer = UnitConstants::new(&trailer, &[group], common, relaxation, trailer_axis);
         let height = truck.hitch.height;

@@ -3,9 +3,12 @@
 use super::output::SIGNALS;
 use super::plant::{STATES, TRAILER, TruckPlant, WHEELS, WIND_UP};
 use crate::vehicle::reduced::{FIRST_BODY, Relaxed, SprungBody, spring_stiffness};
+use crate::vehicle::tyre::TyreModel;
 use crate::vehicle::unit::{PER_WHEEL, ROLL, ROLL_RATE, UnitAxle, VY, YAW, YAW_RATE};
 
-impl Relaxed<STATES, SIGNALS> for TruckPlant {
+impl<T: TyreModel> Relaxed<STATES, SIGNALS> for TruckPlant<T> {
+    type Tyre = T;
+
     const SLOW: &'static [usize] =
         &[VY, YAW, YAW_RATE, ROLL, ROLL_RATE, TRAILER, TRAILER + 1, TRAILER + 2, TRAILER + 3];
 
@@ -13,7 +16,7 @@ impl Relaxed<STATES, SIGNALS> for TruckPlant {
 
     const FIRST_WHEELS: &'static [usize] = &[WHEELS, WHEELS + 2 * PER_WHEEL, WHEELS + 4 * PER_WHEEL];
 
-    fn axle(&self, index: usize) -> &UnitAxle {
+    fn axle(&self, index: usize) -> &UnitAxle<T> {
         if index < 2 { &self.tractor.axles[index] } else { &self.trailer.axles[0] }
     }
 

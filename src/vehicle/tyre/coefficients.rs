@@ -23,7 +23,7 @@ macro_rules! coefficients {
 
         impl Coefficients {
             /// Those of several tyres, side by side.
-            pub(in crate::vehicle) fn beside<const N: usize>(tyres: [&Self; N]) -> Coefficients<[f64; N]> {
+            pub(super) fn beside<const N: usize>(tyres: [&Self; N]) -> Coefficients<[f64; N]> {
                 Coefficients {
                     $($field: tyres.map(|tyre| tyre.$field),)*
                     $own: tyres.map(|tyre| tyre.$own),

@@ -1,7 +1,8 @@
 //! The Magic Formula 5.2: forces and moments in the contact patch, of one wheel or of several side by side.
 
 use super::coefficients::Coefficients;
-use crate::numerics::lanes::Lanes;
+use super::model::{FourTyres, TyreModel};
+use crate::numerics::lanes::{FOUR, Lanes};
 use crate::vehicle::trigonometry::{atan_of, cos_of, sin_of};
 
 /// Contact of a tyre with the road. The default is a wheel in the air.
@@ -159,64 +160,105 @@ fn with_slip<L: Lanes>(alpha: L, tangent: L, slip: L) -> L {
     alpha.sign() * (tangent * tangent + slip * slip).sqrt()
 }
 
-impl Coefficients {
-    /// Effective rolling radius at the nominal load, m.
-    #[must_use]
-    pub fn rolling_radius(&self) -> f64 {
+impl TyreModel for Coefficients {
+    type Four = Coefficients<[f64; FOUR]>;
+
+    fn side_by_side(tyres: [&Self; FOUR]) -> Self::Four {
+        Self::beside(tyres)
+    }
+
+    fn rolling_radius(&self) -> f64 {
         let deflection = self.fz0 / self.vertical_stiffness;
         self.r0 - deflection * (self.dreff * self.breff.atan() + self.freff)
     }
 
-    /// Cornering stiffness `-dFy/dalpha` of the pure lateral characteristic at its zero, N/rad, positive.
-    #[must_use]
-    pub fn cornering_stiffness(&self, load: f64, gamma: f64) -> f64 {
+    fn vertical_stiffness(&self) -> f64 {
+        self.vertical_stiffness
+    }
+
+    fn vertical_damping(&self) -> f64 {
+        self.vertical_damping
+    }
+
+    /// That of the pure lateral characteristic at its zero.
+    fn cornering_stiffness(&self, load: f64, gamma: f64) -> f64 {
         let (at, factor) = self.range_of_load(load);
         -factor * self.lateral_stiffness(at, gamma)
     }
 
-    /// Slip stiffness `dFx/dkappa` of the pure longitudinal characteristic at its zero, N.
-    #[must_use]
-    pub fn slip_stiffness(&self, load: f64) -> f64 {
+    /// That of the pure longitudinal characteristic at its zero.
+    fn slip_stiffness(&self, load: f64) -> f64 {
         let (at, factor) = self.range_of_load(load);
         factor * self.longitudinal_stiffness(at, self.dfz(at))
     }
 
-    /// Sliding slip of a brush of this stiffness `K` and grip `D`, `3 D / K` (Pacejka, section 3.2), for a load in N.
-    /// The road is that of the tyre's measurement. Longitudinal slip, and tangent of the slip angle.
-    #[must_use]
-    pub fn sliding(&self, load: f64) -> [f64; 2] {
+    /// That of a brush of this stiffness `K` and grip `D`, `3 D / K` (Pacejka, section 3.2), on the road of the tyre's
+    /// measurement.
+    fn sliding(&self, load: f64) -> [f64; 2] {
         let wheel = self.wheel::<f64>(&Contact { load, friction: 1.0, ..Contact::default() });
         let WheelSlip { longitudinal, lateral, .. } = wheel;
         [3.0 * longitudinal.peak / longitudinal.stiffness, 3.0 * lateral.peak / lateral.stiffness]
             .map(f64::abs)
     }
 
-    /// Relaxation length of the lateral slip, m; 0 where the file has none.
-    #[must_use]
-    pub fn lateral_relaxation(&self, load: f64, gamma: f64) -> f64 {
+    fn lateral_relaxation(&self, load: f64, gamma: f64) -> f64 {
         self.relaxation_y(load, gamma)
     }
 
-    /// Relaxation length of the longitudinal slip, m; 0 where the file has none.
-    #[must_use]
-    pub fn longitudinal_relaxation(&self, load: f64) -> f64 {
+    fn longitudinal_relaxation(&self, load: f64) -> f64 {
         self.relaxation_x(load)
     }
 
-    /// Rolling resistance moment, N m, positive, for a load in N, a longitudinal force in N and a speed in m/s.
-    #[must_use]
-    pub fn rolling_resistance(&self, load: f64, fx: f64, speed: f64) -> f64 {
+    fn rolling_resistance(&self, load: f64, fx: f64, speed: f64) -> f64 {
         self.resistance(load, fx, speed)
     }
 
-    /// Forces and moments at steady slip. All zero for a wheel in the air. Finite for finite input.
-    #[must_use]
-    pub fn forces(&self, contact: &Contact) -> TyreForces {
+    fn forces(&self, contact: &Contact) -> TyreForces {
         self.forces_at(*contact, tan(contact.alpha))
+    }
+
+    fn scale_cornering_stiffness(&mut self, factor: f64) {
+        self.lky *= factor;
+    }
+
+    fn scale_lateral_relaxation(&mut self, factor: f64) {
+        self.pty1 *= factor;
     }
 }
 
-/// The same of several tyres side by side.
+impl FourTyres for Coefficients<[f64; FOUR]> {
+    #[inline(always)]
+    fn vertical_stiffness<L: Lanes<Stored = [f64; FOUR]>>(&self) -> L {
+        L::load(&self.vertical_stiffness)
+    }
+
+    #[inline(always)]
+    fn vertical_damping<L: Lanes<Stored = [f64; FOUR]>>(&self) -> L {
+        L::load(&self.vertical_damping)
+    }
+
+    #[inline(always)]
+    fn lateral_relaxation<L: Lanes<Stored = [f64; FOUR]>>(&self, load: L, gamma: L) -> L {
+        self.relaxation_y(load, gamma)
+    }
+
+    #[inline(always)]
+    fn longitudinal_relaxation<L: Lanes<Stored = [f64; FOUR]>>(&self, load: L) -> L {
+        self.relaxation_x(load)
+    }
+
+    #[inline(always)]
+    fn rolling_resistance<L: Lanes<Stored = [f64; FOUR]>>(&self, load: L, fx: L, speed: L) -> L {
+        self.resistance(load, fx, speed)
+    }
+
+    #[inline(always)]
+    fn forces<L: Lanes<Stored = [f64; FOUR]>>(&self, contact: Contact<L>, tangent: L) -> TyreForces<L> {
+        self.forces_at(contact, tangent)
+    }
+}
+
+/// The formula, of one tyre or of several side by side.
 impl<T: Copy> Coefficients<T> {
     /// Nominal load with its scaling factor, N.
     #[inline(always)]
@@ -240,9 +282,9 @@ impl<T: Copy> Coefficients<T> {
         (L::choose(below, fzmin, load.min(fzmax)), L::choose(below, load / fzmin, L::splat(1.0)))
     }
 
-    /// See [`Coefficients::lateral_relaxation`].
+    /// Relaxation length of the lateral slip.
     #[inline(always)]
-    pub(in crate::vehicle) fn relaxation_y<L: Lanes<Stored = T>>(&self, load: L, gamma: L) -> L {
+    fn relaxation_y<L: Lanes<Stored = T>>(&self, load: L, gamma: L) -> L {
         take!(self; pty1 pty2 pky3 lgay r0 lfzo lsgal);
         let zero = L::splat(0.0);
         let length = pty1
@@ -254,9 +296,9 @@ impl<T: Copy> Coefficients<T> {
         L::choose(pty1.abs().min(pty2.abs()).equals(zero), zero, length)
     }
 
-    /// See [`Coefficients::longitudinal_relaxation`].
+    /// Relaxation length of the longitudinal slip.
     #[inline(always)]
-    pub(in crate::vehicle) fn relaxation_x<L: Lanes<Stored = T>>(&self, load: L) -> L {
+    fn relaxation_x<L: Lanes<Stored = T>>(&self, load: L) -> L {
         take!(self; ptx1 ptx2 ptx3 r0 fz0 lsgkp);
         let zero = L::splat(0.0);
         let dfz = self.dfz(load);
@@ -264,9 +306,9 @@ impl<T: Copy> Coefficients<T> {
         L::choose(ptx1.equals(zero), zero, length)
     }
 
-    /// See [`Coefficients::rolling_resistance`].
+    /// Rolling resistance moment.
     #[inline(always)]
-    pub(in crate::vehicle) fn resistance<L: Lanes<Stored = T>>(&self, load: L, fx: L, speed: L) -> L {
+    fn resistance<L: Lanes<Stored = T>>(&self, load: L, fx: L, speed: L) -> L {
         take!(self; longvl qsy1 qsy2 qsy3 qsy4 fz0 r0 lmy);
         let v = (speed / longvl).abs();
         let share = qsy1 + qsy2 * fx / fz0 + qsy3 * v + qsy4 * (v * v) * (v * v);
@@ -326,13 +368,9 @@ impl<T: Copy> Coefficients<T> {
         LateralSlip { curve, peak: d, friction: mu, stiffness: k, b_times_c: b * c, shift_h, shift_v }
     }
 
-    /// See [`Coefficients::forces`]; with the tangent of the slip angle, up to that of [`GREATEST_ANGLE`].
+    /// Forces, with the tangent of the slip angle, up to that of [`GREATEST_ANGLE`].
     #[inline(always)]
-    pub(in crate::vehicle) fn forces_at<L: Lanes<Stored = T>>(
-        &self,
-        contact: Contact<L>,
-        tangent: L,
-    ) -> TyreForces<L> {
+    fn forces_at<L: Lanes<Stored = T>>(&self, contact: Contact<L>, tangent: L) -> TyreForces<L> {
         take!(self; r0 fz0 qsx1 qsx2 qsx3 lvmx lmx);
         let wheel = &self.wheel(&contact);
         let WheelSlip { longitudinal, lateral, load, factor, .. } = wheel;

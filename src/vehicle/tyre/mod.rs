@@ -1,6 +1,6 @@
 //! Tyres: force of the road on a wheel by its slip, load and inclination.
 //!
-//! The Magic Formula 5.2 (`PAC2002` in Adams), whose coefficients come from `.tir` files:
+//! Vehicles ask a [`TyreModel`]. The one of files is the Magic Formula 5.2 (`PAC2002` in Adams), its coefficients in `.tir` files:
 //!
 //! ```text
 //!     y = D sin(C atan(B x - E (B x - atan(B x)))) + S_V,    x = slip + S_H,    B C D = slip stiffness
@@ -10,6 +10,7 @@
 //!
 //! | file | idea |
 //! |---|---|
+//! | `model.rs` | the trait of a formula, and four tyres side by side |
 //! | `coefficients.rs` | the names of the standard's coefficients, their defaults |
 //! | `tir.rs` | reading a `.tir` file |
 //! | `magic_formula.rs` | the formula |
@@ -19,10 +20,12 @@
 
 mod coefficients;
 mod magic_formula;
+mod model;
 mod of_axle;
 mod tir;
 
 pub use coefficients::Coefficients;
 pub use magic_formula::{Contact, TyreForces};
+pub use model::{FourTyres, OneByOne, TyreModel};
 pub use of_axle::Tyre;
 pub use tir::TirError;

@@ -1,6 +1,6 @@
 //! The tyres of an axle, as a vehicle file gives them.
 
-use super::{Coefficients, Contact};
+use super::{Coefficients, Contact, TyreModel as _};
 use serde::{Deserialize, Serialize};
 
 /// The tyres of one axle.

@@ -5,11 +5,10 @@ use super::{
     BODY, HEAVE, HEAVE_RATE, LIFT, LIFT_RATE, PER_WHEEL, PITCH, PITCH_RATE, ROLL, ROLL_RATE, SPIN, VX, VY,
     YAW_RATE,
 };
-use crate::vehicle::tyre::Coefficients;
 
 /// One axle with its two wheels; in a group of axles or with twin tyres each stands for all of its side.
-pub(in crate::vehicle) struct UnitAxle {
-    pub tyre: Coefficients,
+pub(in crate::vehicle) struct UnitAxle<T> {
+    pub tyre: T,
     /// Tyres that share the load of one side.
     pub tyres: f64,
     /// Forward of the CG, m; rear negative.
@@ -60,7 +59,7 @@ pub(in crate::vehicle) struct AxleFlow {
     pub right: f64,
 }
 
-impl UnitAxle {
+impl<T> UnitAxle<T> {
     /// Angle of the wheels to the body, rad, from its roll and the steering angle.
     #[inline]
     pub fn wheel_angle(&self, roll: f64, steer: f64) -> f64 {

@@ -8,6 +8,7 @@ use super::{
     YAW, YAW_RATE,
 };
 use crate::vehicle::parameters::GRAVITY;
+use crate::vehicle::tyre::TyreModel;
 
 /// Loads on a unit: forces in N, moments about its CG (roll: about the body's) in N m.
 #[derive(Debug, Clone, Copy, Default)]
@@ -36,7 +37,7 @@ impl Push {
     }
 }
 
-impl<const A: usize> UnitConstants<A> {
+impl<T: TyreModel, const A: usize> UnitConstants<T, A> {
     /// Mean speed of the driven wheels' rims by their shares in the drive force, m/s; the wheels' states follow each other.
     #[inline(always)]
     pub fn rim_speed(&self, wheels: &[f64]) -> f64 {

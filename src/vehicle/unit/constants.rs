@@ -5,7 +5,7 @@ use crate::path::Path;
 use crate::vehicle::effects::Effects;
 use crate::vehicle::parameters::{self, GRAVITY};
 use crate::vehicle::surface::Surface;
-use crate::vehicle::tyre::Tyre;
+use crate::vehicle::tyre::TyreModel;
 use nalgebra::Matrix3;
 
 /// Masses and inertias of an unladen unit with all wheels, but roll and pitch inertia, which are the body's.
@@ -82,9 +82,11 @@ impl Laden {
 }
 
 /// Parts of an axle.
-pub(in crate::vehicle) struct AxleParts<'a> {
+pub(in crate::vehicle) struct AxleParts<'a, T> {
     pub axle: &'a parameters::Axle,
-    pub tyre: &'a Tyre,
+    pub tyre: T,
+    /// Sideways shift of the contact patch for each newton of lateral force, m/N.
+    pub lateral_compliance: f64,
     /// Forward of the laden CG, m.
     pub x: f64,
     /// Load of one side at rest, N.
@@ -100,8 +102,8 @@ pub(in crate::vehicle) struct AxleParts<'a> {
 }
 
 /// The constants of one unit.
-pub(in crate::vehicle) struct UnitConstants<const A: usize> {
-    pub axles: [UnitAxle; A],
+pub(in crate::vehicle) struct UnitConstants<T, const A: usize> {
+    pub axles: [UnitAxle<T>; A],
     pub mass: f64,
     pub sprung_mass: f64,
     pub pitch_inertia: f64,
@@ -120,20 +122,19 @@ fn square(x: f64) -> f64 {
     x * x
 }
 
-impl<const A: usize> UnitConstants<A> {
+impl<T: TyreModel, const A: usize> UnitConstants<T, A> {
     /// A unit from its parts; `roll_axis` is the height of the roll axis at a place forward of the CG. `relaxation` is
     /// the length (m) that `tyre_relaxation` replaces; none: it is that of all tyres, whatever their load.
     pub fn new(
         laden: &Laden,
-        parts: &[AxleParts; A],
+        parts: &[AxleParts<T>; A],
         effects: &Effects,
         relaxation: Option<f64>,
         roll_axis: impl Fn(f64) -> f64,
     ) -> Self {
         let wanted = Some(effects.tyre_relaxation).filter(|&length| length > 0.0);
         let Laden { empty, load, mass, cg, yaw_inertia } = *laden;
-        let tyres = parts.each_ref().map(|parts| parts.tyre.scaled());
-        let radii = tyres.each_ref().map(|tyre| tyre.rolling_radius());
+        let radii = parts.each_ref().map(|parts| parts.tyre.rolling_radius());
         let sum = |of: &dyn Fn(usize) -> f64| (0..A).map(of).reduce(|sum, of| sum + of).unwrap_or(0.0);
         let unsprung = sum(&|i| parts[i].axle.unsprung_mass);
         let (sprung_empty, sprung_mass) = (empty.mass - unsprung, mass - unsprung);
@@ -148,16 +149,16 @@ impl<const A: usize> UnitConstants<A> {
         let roll_arm = height - roll_axis(x_sprung);
 
         let axles = std::array::from_fn(|i| {
-            let AxleParts { axle, tyre, x, static_load, steered, stiffness, .. } = parts[i];
+            let AxleParts { axle, x, static_load, steered, stiffness, .. } = parts[i];
             let springs = 0.5 * square(axle.track) * axle.spring_rate;
             let more = (effects.roll_stiffness - 1.0) * (springs + axle.anti_roll_bar);
-            let mut coefficients = tyres[i].clone();
-            coefficients.lky *= stiffness;
+            let mut tyre = parts[i].tyre.clone();
+            tyre.scale_cornering_stiffness(stiffness);
             if let (Some(wanted), Some(own)) = (wanted, relaxation) {
-                coefficients.pty1 *= wanted / own;
+                tyre.scale_lateral_relaxation(wanted / own);
             }
             UnitAxle {
-                tyre: coefficients,
+                tyre,
                 tyres: parts[i].tyres,
                 x,
                 x_sprung: x - x_sprung,
@@ -173,7 +174,7 @@ impl<const A: usize> UnitConstants<A> {
                 steered: if steered { 1.0 } else { 0.0 },
                 wheel_inertia: axle.wheel_inertia,
                 radius: radii[i],
-                lateral_compliance: tyre.lateral_compliance / parts[i].tyres,
+                lateral_compliance: parts[i].lateral_compliance / parts[i].tyres,
                 static_load,
                 relaxation: wanted.filter(|_| relaxation.is_none()).unwrap_or(0.0),
                 drive_share: 0.5 * parts[i].drive_share,

@@ -18,7 +18,7 @@ use super::wheel_motion::{WheelFlow, WheelMotion};
 use super::{DEFLECTION_X, DEFLECTION_Y, LIFT, LIFT_RATE, PER_WHEEL, SPIN, WIND_UP};
 use crate::numerics::lanes::{FOUR, Lanes};
 use crate::vehicle::trigonometry::atan_of;
-use crate::vehicle::tyre::{Coefficients, Contact, TyreForces};
+use crate::vehicle::tyre::{Contact, FourTyres as _, TyreForces, TyreModel};
 
 /// Shortest relaxation length, m: that of a file without one, and of a wheel that lifts.
 pub(in crate::vehicle) const SHORTEST_RELAXATION: f64 = 0.1;
@@ -45,8 +45,8 @@ const ROLLING_FROM: f64 = 0.1;
 const SIDES: [f64; FOUR] = [1.0, -1.0, 1.0, -1.0];
 
 /// The constants of the wheels of two axles, left and right of each.
-pub(in crate::vehicle) struct Wheels {
-    tyre: Coefficients<[f64; FOUR]>,
+pub(in crate::vehicle) struct Wheels<T: TyreModel> {
+    tyre: T::Four,
     tyres: [f64; FOUR],
     static_load: [f64; FOUR],
     radius: [f64; FOUR],
@@ -56,13 +56,13 @@ pub(in crate::vehicle) struct Wheels {
     sliding: [[f64; FOUR]; 2],
 }
 
-impl Wheels {
+impl<T: TyreModel> Wheels<T> {
     /// Those of two axles; a last one may stand alone, and is then named twice.
-    pub fn new([first, second]: [&UnitAxle; 2]) -> Self {
+    pub fn new([first, second]: [&UnitAxle<T>; 2]) -> Self {
         let axles = [first, first, second, second];
         let slides = axles.map(|axle| axle.tyre.sliding(axle.static_load / axle.tyres));
         Self {
-            tyre: Coefficients::beside(axles.map(|axle| &axle.tyre)),
+            tyre: T::side_by_side(axles.map(|axle| &axle.tyre)),
             tyres: axles.map(|axle| axle.tyres),
             static_load: axles.map(|axle| axle.static_load),
             radius: axles.map(|axle| axle.radius),
@@ -76,8 +76,8 @@ impl Wheels {
 /// All wheels of a vehicle: their motion and forces, and the rates of their spins, deflections and brakes. States of
 /// the wheels follow each other, left and right of each axle; `groups` are four of them each.
 #[inline(always)]
-pub(in crate::vehicle) fn roll<L: Lanes<Stored = [f64; FOUR]>, const W: usize>(
-    groups: &[Wheels],
+pub(in crate::vehicle) fn roll<L: Lanes<Stored = [f64; FOUR]>, T: TyreModel, const W: usize>(
+    groups: &[Wheels<T>],
     states: &[f64],
     motions: &[WheelMotion; W],
     friction: [f64; W],
@@ -104,7 +104,7 @@ fn gather<L: Lanes<Stored = [f64; FOUR]>>([a, b, c, d]: [usize; FOUR], of: impl 
     L::load(&[of(a), of(b), of(c), of(d)])
 }
 
-impl Wheels {
+impl<T: TyreModel> Wheels<T> {
     /// Four wheels, or two and these once more.
     #[inline(always)]
     fn roll<L: Lanes<Stored = [f64; FOUR]>>(
@@ -140,7 +140,7 @@ impl Wheels {
             load: slip.load / L::load(&self.tyres),
             friction,
         };
-        let forces = self.tyre.forces_at(contact, side * slip.tangent);
+        let forces = self.tyre.forces(contact, side * slip.tangent);
         let wind_up = gather(lanes, |wheel| states[wheel][WIND_UP]);
         let given = self.wheel(spin, wind_up, &motion, &contact, forces);
 
@@ -185,33 +185,27 @@ struct WheelResponse<L> {
     rates: [L; 2],
 }
 
-/// Load of wheels from their heights over rest, N; a tyre does not pull.
+/// Load of wheels from their heights over rest, N, by stiffness and damping of each of their tyres; a tyre does not pull.
 #[inline(always)]
-fn load_of<T: Copy, L: Lanes<Stored = T>>(
-    tyre: &Coefficients<T>,
-    tyres: L,
-    static_load: L,
-    lift: L,
-    lift_rate: L,
-) -> L {
+fn load_of<L: Lanes>([stiffness, damping]: [L; 2], tyres: L, static_load: L, lift: L, lift_rate: L) -> L {
     let zero = L::splat(0.0);
-    let stiffness = tyres * L::load(&tyre.vertical_stiffness) * lift;
-    let damping = tyres * L::load(&tyre.vertical_damping) * lift_rate;
-    let elastic = static_load - stiffness;
-    L::choose(elastic.up_to(zero), zero, (elastic - damping).max(zero))
+    let elastic = static_load - tyres * stiffness * lift;
+    L::choose(elastic.up_to(zero), zero, (elastic - tyres * damping * lift_rate).max(zero))
 }
 
-impl UnitAxle {
+impl<T: TyreModel> UnitAxle<T> {
     /// Load of a wheel from its height over rest, N; a tyre does not pull.
     pub(in crate::vehicle) fn load(&self, wheel: &[f64]) -> f64 {
-        load_of(&self.tyre, self.tyres, self.static_load, wheel[LIFT], wheel[LIFT_RATE])
+        let spring = [self.tyre.vertical_stiffness(), self.tyre.vertical_damping()];
+        load_of(spring, self.tyres, self.static_load, wheel[LIFT], wheel[LIFT_RATE])
     }
 }
 
-impl Wheels {
+impl<T: TyreModel> Wheels<T> {
     #[inline(always)]
     fn load<L: Lanes<Stored = [f64; FOUR]>>(&self, lift: L, lift_rate: L) -> L {
-        load_of(&self.tyre, L::load(&self.tyres), L::load(&self.static_load), lift, lift_rate)
+        let spring = [self.tyre.vertical_stiffness(), self.tyre.vertical_damping()];
+        load_of(spring, L::load(&self.tyres), L::load(&self.static_load), lift, lift_rate)
     }
 
     /// The slip of wheels under a load, and the rates of their deflections.
@@ -233,9 +227,9 @@ impl Wheels {
         let each = load / L::load(&self.tyres);
         let shortest = number(SHORTEST_RELAXATION);
         // What depends on the load alone is known early: nothing waits for a division then.
-        let mut relax_x = one / self.tyre.relaxation_x(each).max(shortest);
+        let mut relax_x = one / self.tyre.longitudinal_relaxation(each).max(shortest);
         let given = L::load(&self.relaxation);
-        let length = L::choose(zero.below(given), given, self.tyre.relaxation_y(each, motion.gamma));
+        let length = L::choose(zero.below(given), given, self.tyre.lateral_relaxation(each, motion.gamma));
         let mut relax_y = one / length.max(shortest);
         // The tyre's own damping matters only near rest, where the deflections are springs.
         let rest = (one - speed * number(1.0 / DAMPED_BELOW)).max(zero);
@@ -274,7 +268,7 @@ impl Wheels {
         let number = L::splat;
         let (tyres, radius, inertia) = (L::load(&self.tyres), L::load(&self.radius), L::load(&self.inertia));
         let rolling = tyres
-            * self.tyre.resistance(contact.load, forces.fx, motion.vx)
+            * self.tyre.rolling_resistance(contact.load, forces.fx, motion.vx)
             * (spin * radius * number(1.0 / ROLLING_FROM)).clamp(number(-1.0), number(1.0));
         let sided = tyres * L::load(&SIDES);
         let forces = TyreForces {

@@ -361,6 +361,7 @@ mod tests {
             timing: Timing::default(),
             transient: Vec::new(),
             solved: 0,
+            terms: None,
         };
         qp.problem.previous[0] = 0.2;
         let circle = (0..100).map(|k| {
