@@ -11,8 +11,8 @@
 //! (`lookahead.rs`).
 
 use super::ROAD;
+use super::fits::{Expected, ModelMismatch};
 use super::lookahead::LookedUp;
-use super::model::{Expected, ModelMismatch};
 use std::any::Any;
 use std::fmt::Debug;
 use std::sync::Arc;

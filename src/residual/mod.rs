@@ -59,6 +59,7 @@
 //! | `train_config.rs`, `train.rs` | from a data set to a model and a report of its fit |
 //! | `model.rs` | the model: its description, and its coefficients at any features |
 //! | `linear.rs` | the trait of a residual, as a controller asks for it |
+//! | `fits.rs` | the check that a model fits a controller |
 //! | `lookahead.rs` | the same over the receding horizon of the controller |
 //! | `file.rs`, `rows.rs` | the model's file |
 //! | `gp/` | the Gaussian process of GP-NMPC |
@@ -68,6 +69,7 @@ mod checks;
 mod dataset;
 mod explain;
 mod file;
+mod fits;
 mod forest;
 mod global;
 pub mod gp;
@@ -90,14 +92,14 @@ pub use dataset::{DataConfig, DataSet, Windows};
 pub use explain::BlockMisfit;
 pub(crate) use file::in_file;
 pub use file::{FORMAT, FileError, FileKind};
+pub use fits::{Expected, ModelMismatch};
 pub use forest::{Block, Forest, ForestConfig, GrownForest, grow};
 pub use leaf::{LeafFit, LeafModels};
 pub use least_squares::{Decomposed, Gram, Theta, Triangle};
 pub use linear::{EachRow, LinearResidual, ResidualRows, RowResidual};
 pub use lookahead::{Lookahead, LookedUp};
 pub use model::{
-    Coefficients, Expected, Kind, ModelMismatch, Range, Regressors, ResidualModel, ResidualModelFor, Schema,
-    Training, TreeFeatures,
+    Coefficients, Kind, Range, Regressors, ResidualModel, ResidualModelFor, Schema, Training, TreeFeatures,
 };
 pub(crate) use prior::write_residual_of_actuator;
 pub use prior::{CommandPrior, residual_of_actuator};

@@ -1,6 +1,6 @@
 //! Which parameters are uncertain, and by how much.
 
-use super::{Transform, UncertainParameter};
+use super::parameter::{Transform, UncertainParameter};
 use crate::diagnose::calibration::Calibration;
 use crate::diagnose::form::FORMS;
 use crate::diagnose::library::{Library, OwnEffect};
@@ -255,7 +255,8 @@ fn of_mounting(drive: &ReplayDrive) -> impl Iterator<Item = UncertainParameter> 
         (has(&Channel::Ay), HEIGHT, Transform::ImuHeight, IMU_HEIGHT),
     ]
     .into_iter()
-    .filter_map(|(there, id, turns, tolerance)| there.then(|| further(id, turns, tolerance)))
+    .filter(|(there, ..)| *there)
+    .map(|(_, id, turns, tolerance)| further(id, turns, tolerance))
 }
 
 /// Errors of the model's form: those of the tyres' curve, and those that are added to signals.

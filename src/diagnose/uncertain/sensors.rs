@@ -1,7 +1,7 @@
 //! Signals of a replay at values of the sensors' uncertain parameters.
 
 use super::list::INERTIAL;
-use super::{Transform, UncertainParameter};
+use super::parameter::{Transform, UncertainParameter};
 use crate::diagnose::replay::{Channel, LEAK, ReplayDrive, Trace};
 
 impl UncertainParameter {

@@ -1,6 +1,6 @@
 //! The vehicle at values of its uncertain parameters.
 
-use super::{Transform, UncertainParameter};
+use super::parameter::{Transform, UncertainParameter};
 use crate::diagnose::library::{Library, OwnEffect};
 use crate::diagnose::replay::ReplayVehicle;
 use crate::vehicle::TruckEffects;

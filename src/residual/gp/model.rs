@@ -12,7 +12,8 @@
 use super::sparse::Sparse;
 use super::{GP_OUTPUTS, INPUTS, TRUCK_GP_OUTPUTS, TRUCK_INPUTS};
 use crate::nominal::LateralVehicle;
-use crate::residual::model::{Expected, ModelMismatch, Range, same};
+use crate::residual::fits::{Expected, ModelMismatch, same};
+use crate::residual::model::Range;
 use crate::vehicle::{Articulated, SingleTrack};
 use serde::{Deserialize, Serialize};
 
