@@ -214,7 +214,8 @@ pub enum PathError {
     },
     /// The road turns back on itself: points out of order, or drawn twice.
     #[error(
-        "{place}: the road turns back by {degrees:.0} degrees here; put the points into driving order, or delete the point if it is a wrong one"
+        "{place}: the road turns back by {degrees:.0} degrees here; put the points into driving order, or delete the \
+         point if it is a wrong one"
     )]
     TurnsBack {
         /// The point at which it turns.
