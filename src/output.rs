@@ -52,6 +52,9 @@ pub struct HeldFolder {
 /// # Errors
 /// The fault; the caller names the folder.
 pub fn hold_folder(folder: &Path) -> io::Result<HeldFolder> {
+    if folder.exists() && !folder.is_dir() {
+        return Err(io::Error::new(io::ErrorKind::NotADirectory, "is no folder; name one, or a new one"));
+    }
     std::fs::create_dir_all(folder)?;
     check_writable(&folder.join("trial"))?;
     // Folders can be opened on Unix only, and not every file system knows locks: there runs are told apart by their user.

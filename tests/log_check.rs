@@ -29,6 +29,7 @@ fn sound() -> DriveTable {
         "e2_rate",
         "station",
         "curvature",
+        "curvature_rate",
     ];
     let (mut x, mut y, mut yaw, mut yaw_rate, mut rows) = (3.0, -2.0, 0.4, 0.0, Vec::new());
     let (mut e1, mut e2, mut station) = (0.2, 0.0, 0.0);
@@ -60,6 +61,7 @@ fn sound() -> DriveTable {
             e2_rate,
             station,
             curvature,
+            0.02 * 0.45 * (0.45 * time).cos() / vx,
         ]);
         x += step * vx * yaw.cos();
         y += step * vx * yaw.sin();
@@ -108,6 +110,10 @@ fn all(case: &str, table: &DriveTable, expected: Result<&str, &str>) -> Vec<Stri
 
 const DEGREES: f64 = 180.0 / std::f64::consts::PI;
 
+/// Columns of place and road.
+const NOTHING_TELLS: [&str; 10] =
+    ["x", "y", "yaw", "station", "curvature", "curvature_rate", "e1", "e1_rate", "e2", "e2_rate"];
+
 /// A log, and what all three say of it: what they mend, or why they refuse it.
 type Case = (&'static str, DriveTable, Result<&'static str, &'static str>);
 
@@ -128,6 +134,19 @@ fn cases() -> Vec<Case> {
             "knots without ay",
             s().without(&["ay", "station"]).scaled(&["vx"], 1.943_844),
             Ok("taken as knots"),
+        ),
+        (
+            "mph, and nothing that tells",
+            s().without(&NOTHING_TELLS).without(&["ay"]).scaled(&["vx"], 2.236_936),
+            Err("no column tells the unit of vx"),
+        ),
+        (
+            "all in foreign units",
+            s().without(&NOTHING_TELLS)
+                .scaled(&["vx"], 3.6)
+                .scaled(&["yaw_rate", "steer", "steer_cmd"], DEGREES)
+                .scaled(&["ay"], 1.0 / 9.80665),
+            Err("times vx * yaw_rate: its unit, or that of vx"),
         ),
         ("cm/s", s().scaled(&["vx", "vy"], 100.0), Err("check the unit of vx")),
         ("a speed off by a factor", s().scaled(&["vx"], 1.12), Ok("")),
@@ -155,6 +174,18 @@ fn cases() -> Vec<Case> {
         ),
         ("three rows of vx", s().set("vx", 700..703, "-4.0"), Ok("vx = -4.0000 in row 701")),
         ("one row of steer_cmd", s().set("steer_cmd", 700..701, "0.9"), Ok("steer_cmd = 0.9000 in row 701")),
+        (
+            "five rows of steer_cmd",
+            s().set("steer_cmd", 700..705, "0.9"),
+            Ok("steer_cmd = 0.9000 in row 701"),
+        ),
+        ("three rows of ay", s().set("ay", 700..703, "-30.0"), Ok("ay = -30.0000 in row 701")),
+        ("the first row", s().set("yaw_rate", 0..1, "5.0"), Ok("yaw_rate = 5.0000 in row 1:")),
+        (
+            "the last rows",
+            s().set("vx", 2998..3000, "1.0"),
+            Ok("vx = 1.0000 in row 2999, 1.0000 in row 3000"),
+        ),
         ("one position", s().set("x", 90..91, "0.0").set("y", 90..91, "0.0"), Ok("in row 91")),
         ("a sentinel", s().set("vx", 20..45, "999.0"), Ok("vx = 999.0000 in row 21")),
         ("1e308", s().set("yaw_rate", 458..459, "-1e308"), Err("yaw_rate = -1e308 in row 459")),
@@ -184,6 +215,12 @@ fn cases() -> Vec<Case> {
             s().map("time", |row, time| if row < 1400 { time } else { time - 20.0 }),
             Ok("row 1401"),
         ),
+        (
+            "short drives",
+            s().map("time", |row, _| 0.02 * (row % 250) as f64),
+            Err("starts anew 11 times, first in row 251; the longest of the 12 drives between is 4.98 s"),
+        ),
+        ("one time", s().map("time", |_, _| 5.0), Err("all 3000 rows have the same time")),
         ("too short", s().rows(|rows| rows[..300].to_vec()), Err("at least 10 s")),
         ("too slow", s().scaled(&["time"], 20.0).without(&["x", "y"]), Err("")),
         ("no speed", s().without(&["vx"]), Err("'vx' is missing")),
@@ -251,6 +288,54 @@ fn errors_to_the_path_are_refused_by_the_training_only() {
         assert!(diagnosis.is_ok_and(|said| said.contains("e1") || said.contains("e2")));
         let error = training.unwrap_err();
         assert!(error.contains("opposite sign") || error.contains("another unit"), "{error}");
+    }
+}
+
+#[test]
+fn a_column_that_agrees_with_the_motion_is_not_blamed() {
+    for (turned, blamed) in [
+        (&["curvature"][..], "curvature has the opposite sign of yaw_rate"),
+        (&["curvature_rate"], "curvature_rate has the opposite sign of curvature"),
+        (&["e2", "e2_rate"], "e2_rate has the opposite sign of yaw_rate"),
+    ] {
+        let [_, training, _] = answers(&sound().scaled(turned, -1.0).log());
+        let error = training.unwrap_err();
+        assert!(error.contains(blamed), "{turned:?}: {error}");
+    }
+}
+
+/// Logs to learn from need neither place nor yaw rate.
+#[test]
+fn the_road_tells_a_speed_in_foreign_units() {
+    let log = sound().without(&["x", "y", "yaw", "vy", "yaw_rate", "ax", "ay", "station", "steer"]);
+    for (unit, size) in [("mph", 2.236_936), ("knots", 1.943_844), ("km/h", 3.6)] {
+        let mut notes = Vec::new();
+        let table = log.clone().scaled(&["vx"], size);
+        let drives = drives_of(&table.log(), None, &steering, &mut |note| notes.push(note)).unwrap();
+        assert!(notes.iter().any(|note| note.contains(&format!("taken as {unit}"))), "{unit}: {notes:?}");
+        assert!(drives[0].vx.iter().all(|vx| *vx < 16.0));
+    }
+    for scaled in [&["curvature"][..], &["curvature_rate"]] {
+        let mut notes = Vec::new();
+        let table = sound().scaled(scaled, 1000.0);
+        assert!(drives_of(&table.log(), None, &steering, &mut |note| notes.push(note)).is_ok());
+        assert!(notes.iter().any(|note| note.contains("taken as 1/km")), "{scaled:?}: {notes:?}");
+    }
+}
+
+/// Errors of a closed loop change within the blocks that are compared.
+#[test]
+fn a_quick_error_is_not_taken_for_one_in_another_unit() {
+    for (unit, size) in [("", 1.0), ("ft", 3.280_84), ("cm", 100.0)] {
+        let table = sound()
+            .map("e1", |row, _| 0.01 * (0.06 * row as f64).sin())
+            .map("e1_rate", |row, _| 0.03 * (0.06 * row as f64).cos())
+            .scaled(&["e1"], size)
+            .without(&["e2", "e2_rate"]);
+        let clean = CleanLog::of(&table.log(), &steering).unwrap();
+        let said: Vec<&str> = clean.findings.iter().map(|finding| finding.words.as_str()).collect();
+        assert_eq!(said.iter().any(|words| words.contains("taken as")), !unit.is_empty(), "{said:?}");
+        assert!(said.iter().any(|words| words.contains(unit)), "{unit}: {said:?}");
     }
 }
 

@@ -93,12 +93,19 @@ fn encodings_change_nothing() {
         let pair = |unit: u16| if big { unit.to_be_bytes() } else { unit.to_le_bytes() };
         text.encode_utf16().flat_map(pair).collect()
     };
+    let widest = |big: bool| -> Vec<u8> {
+        let unit = |unit: u32| if big { unit.to_be_bytes() } else { unit.to_le_bytes() };
+        text.chars().flat_map(|letter| unit(letter.into())).collect()
+    };
     let narrow: Vec<u8> = text.chars().map(|letter| u8::try_from(u32::from(letter)).unwrap()).collect();
     for (case, bytes) in [
         ("UTF-8", text.clone().into_bytes()),
         ("UTF-8 with a mark", [b"\xef\xbb\xbf", text.as_bytes()].concat()),
         ("UTF-16, low byte first", wide(false)),
         ("UTF-16, high byte first, with a mark", [vec![0xfe, 0xff], wide(true)].concat()),
+        ("UTF-32, low byte first", widest(false)),
+        ("UTF-32, low byte first, with a mark", [vec![0xff, 0xfe, 0, 0], widest(false)].concat()),
+        ("UTF-32, high byte first, with a mark", [vec![0, 0, 0xfe, 0xff], widest(true)].concat()),
         ("Latin-1", narrow),
     ] {
         let log = assert_same(case, &bytes);
@@ -120,6 +127,21 @@ fn dates_and_times_of_day_are_seconds() {
     assert_same("a day with points", written(&NAMES, ",", "\n", stamped(points, plain)).as_bytes());
     let commas = move |whole, part| format!("01.05.2024 {}", hour(whole, part).replace('.', ","));
     assert_same("and decimal commas", written(&NAMES, ";", "\n", stamped(commas, comma)).as_bytes());
+    let slashes = move |whole, part| format!("2024/05/01 {} UTC", hour(whole, part));
+    assert_same(
+        "slashes and a zone in words",
+        written(&NAMES, ",", "\n", stamped(slashes, plain)).as_bytes(),
+    );
+    let basic = move |whole, part| format!("20240501T{}+0200", hour(whole, part).replace(':', ""));
+    assert_same("ISO 8601, basic format", written(&NAMES, ",", "\n", stamped(basic, plain)).as_bytes());
+    let midnight = move |whole: i64, part| {
+        let seconds = (whole + 86_340) % 86_400;
+        format!("{:02}:{:02}:{:02}{}", seconds / 3600, seconds / 60 % 60, seconds % 60, fraction(part))
+    };
+    assert_same(
+        "times of day about midnight",
+        written(&NAMES, ",", "\n", stamped(midnight, plain)).as_bytes(),
+    );
     assert_same("times of day", written(&NAMES, ",", "\n", stamped(hour, plain)).as_bytes());
     // May or January: nobody knows.
     let american = move |whole, part| format!("05/01/2024 {}", hour(whole, part));

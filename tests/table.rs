@@ -137,6 +137,9 @@ fn logs_with_header_blocks_units_and_dates_are_read() {
     assert!((read.column("vx").unwrap()[1] - 20.0).abs() < 1e-12);
     let zones = log(b"time,vx\n2024-05-01T12:00:00+02:00,1\n2024-05-01T10:00:01.5Z,1\n");
     assert_eq!(zones.column("time"), Some(&[0.0, 1.5][..]));
+    // A block with numbers of its own.
+    let numbers = log(b"1500,2.7\n1,2\ntime,vx\n0,1\n0.5,2\n");
+    assert_eq!(numbers.column("vx"), Some(&[1.0, 2.0][..]));
     // Names that nobody knows: the header is shown, not the block.
     has(
         &log_error(
@@ -233,6 +236,18 @@ fn what_is_no_file_is_refused_unread() {
         has(&Path::read(&file).unwrap_err().to_string(), &[&name, kind]);
         has(&DriveLog::read(&file).unwrap_err().to_string(), &[&name, kind]);
     }
+    for (bytes, kind) in [
+        (&b"BZh91AY&SY"[..], "bzip2"),
+        (b"\xfd7zXZ\0\0", "xz"),
+        (b"\x28\xb5\x2f\xfd\0", "zstd"),
+        (b"MDF     4.10", "an MDF file"),
+        (b"PK\x03\x04", "spreadsheet"),
+    ] {
+        let file = folder.path().join("foreign.csv");
+        std::fs::write(&file, bytes).unwrap();
+        has(&Path::read(&file).unwrap_err().to_string(), &["foreign.csv", kind]);
+        has(&DriveLog::read(&file).unwrap_err().to_string(), &["foreign.csv", kind]);
+    }
     // Larger than any road, and no bytes on the disk.
     let large = folder.path().join("large.csv");
     std::fs::File::create(&large).unwrap().set_len(3 << 30).unwrap();
@@ -276,15 +291,17 @@ fn noise_is_measured_and_smoothed() {
         assert!((312.0..327.0).contains(&path.length()) && 1.0 / tightest > 30.0, "{sigma} {spacing}");
         assert!(path.notes().iter().any(|note| note.text.contains("measured noise") && !note.warning));
     }
-    // A closed one.
-    let mut seed = 8;
-    let ring: String = (0..377)
-        .map(|i| f64::from(i) / 60.0)
-        .map(|a| (60.0 * a.cos() + 0.5 * noise(&mut seed), 60.0 * a.sin() + 0.5 * noise(&mut seed)))
-        .map(|(x, y)| format!("{x:.3},{y:.3}\n"))
-        .collect();
-    let ring = road(format!("x,y\n{ring}").as_bytes()).unwrap();
-    assert!(ring.is_periodic() && (ring.length() - 377.0).abs() < 5.0, "{}", ring.length());
+    // Closed ones.
+    for (sigma, seed) in [(0.03, 7), (0.5, 8)] {
+        let mut seed = seed;
+        let ring: String = (0..377)
+            .map(|i| f64::from(i) / 60.0)
+            .map(|a| (60.0 * a.cos() + sigma * noise(&mut seed), 60.0 * a.sin() + sigma * noise(&mut seed)))
+            .map(|(x, y)| format!("{x:.3},{y:.3}\n"))
+            .collect();
+        let ring = road(format!("x,y\n{ring}").as_bytes()).unwrap();
+        assert!(ring.is_periodic() && (ring.length() - 377.0).abs() < 5.0, "{sigma}: {}", ring.length());
+    }
 }
 
 #[test]

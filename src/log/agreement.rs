@@ -73,6 +73,8 @@ pub(super) fn near(factor: f64, unit: f64) -> bool {
 const MILD: f64 = 3.0;
 /// Ratio of the steering to the needed one that an effect can explain.
 const PLAUSIBLE: std::ops::Range<f64> = 0.5..2.0;
+/// The same where a speed in knots or mph would be taken for an effect: nothing else in the log tells its unit.
+const SURE: std::ops::Range<f64> = 0.7..1.4;
 
 /// Length of the stretches that are compared, s: longer than any delay, shorter than a bend.
 const BLOCK: f64 = 0.5;
@@ -97,6 +99,7 @@ pub(super) fn mend_units(log: &mut CleanLog, factors: &mut Factors) {
         station: station_factor(log),
         lateral: lateral.filter(|slope| slope.explained > 0.8).map(|slope| slope.factor),
         bend: bend(log).filter(|slope| slope.explained > 0.8).map(|slope| slope.factor),
+        winding: winding(log).filter(|slope| slope.explained > 0.8).map(|slope| slope.factor),
     };
     match units::told(&shown) {
         UnitConclusion::Units(units) => {
@@ -107,6 +110,7 @@ pub(super) fn mend_units(log: &mut CleanLog, factors: &mut Factors) {
                 (units.acceleration, &["ax", "ay"], "ay"),
                 (units.turn, &["yaw_rate"], "yaw_rate"),
                 (units.curvature, &["curvature"], "curvature"),
+                (units.curvature_rate, &["curvature_rate"], "curvature_rate"),
             ] {
                 convert(log, factors, unit, columns, &evidence(by, unit, &shown));
             }
@@ -154,6 +158,7 @@ fn evidence(column: &str, (_, unit): LogUnit, shown: &Shown) -> String {
         "station" => format!("the station moves {unit:.3} times as fast as vx says"),
         "ay" => "ay is a tenth of vx * yaw_rate".into(),
         "yaw_rate" => "yaw_rate is 57 times what ay tells".into(),
+        "curvature_rate" => "curvature_rate is 1000 times what the curvature's change tells".into(),
         _ => "curvature is 1000 times what the turns tell".into(),
     }
 }
@@ -199,6 +204,12 @@ fn bend(log: &CleanLog) -> Option<Slope> {
     slope(blocks(log, vx?).zip(blocks(log, curvature?)).map(|(v, curvature)| v * curvature).zip(of_path))
 }
 
+/// Slope of the curvature's change over speed times its rate along the road.
+fn winding(log: &CleanLog) -> Option<Slope> {
+    let (vx, rate) = (log.columns.get("vx")?, log.columns.get("curvature_rate")?);
+    change(log, "curvature", &vx.iter().zip(rate).map(|(v, rate)| v * rate).collect::<Vec<_>>())
+}
+
 /// Ratios among the errors to the path.
 struct Errors {
     /// Change of e1 over the integral of e1_rate.
@@ -211,16 +222,24 @@ struct Errors {
     turn: Option<f64>,
 }
 
-/// Change of a column over the integral of another that should be its rate.
-fn change(log: &CleanLog, what: &str, rate: &str) -> Option<f64> {
-    let (what, rate) = (log.columns.get(what)?, log.columns.get(rate)?);
+/// Change of a column over the integral of what should be its rate.
+fn change(log: &CleanLog, what: &str, rate: &[f64]) -> Option<Slope> {
+    let what = log.columns.get(what)?;
     let size = ((BLOCK / log.step).round() as usize).max(1);
-    // From the middle of a block to that of the next.
     let means: Vec<f64> = blocks(log, what).collect();
-    let asked: Vec<f64> =
-        rate.get(size / 2..)?.chunks_exact(size).map(|rates| rates.iter().sum::<f64>() * log.step).collect();
-    let turned = means.windows(2).map(|pair| pair[1] - pair[0]);
-    slope(asked.into_iter().zip(turned)).map(|slope| slope.factor)
+    // Each step between two rows counts in the difference of two blocks' means as often as pairs of their rows span it.
+    let asked = |block: usize| -> f64 {
+        let spans = |step: usize| (step + 1).min(2 * size - 1 - step) as f64 / size as f64;
+        let first = block * size;
+        let mean = |step: usize| 0.5 * (rate[first + step] + rate[first + step + 1]);
+        (0..2 * size - 1).map(|step| spans(step) * mean(step)).sum::<f64>() * log.step
+    };
+    slope(means.windows(2).enumerate().map(|(block, pair)| (asked(block), pair[1] - pair[0])))
+}
+
+/// [`change`] of a column over another, as a factor.
+fn change_over(log: &CleanLog, what: &str, rate: &str) -> Option<f64> {
+    change(log, what, log.columns.get(rate)?).map(|slope| slope.factor)
 }
 
 fn errors(log: &CleanLog) -> Errors {
@@ -241,9 +260,9 @@ fn errors(log: &CleanLog) -> Errors {
     };
     let factor = |slope: Option<Slope>| slope.map(|slope| slope.factor);
     Errors {
-        lateral: change(log, "e1", "e1_rate"),
+        lateral: change_over(log, "e1", "e1_rate"),
         drift: factor(drift()),
-        heading: change(log, "e2", "e2_rate"),
+        heading: change_over(log, "e2", "e2_rate"),
         turn: factor(turn()),
     }
 }
@@ -351,7 +370,7 @@ fn mend_angles(log: &mut CleanLog, factors: &mut Factors) {
             convert(log, factors, unit, &[column], &words);
         }
     }
-    let change = change(log, "articulation", "articulation_rate");
+    let change = change_over(log, "articulation", "articulation_rate");
     if change.is_some_and(|factor| near(factor.abs() / DEGREE, 1.0)) {
         let words = "articulation_rate is 57 times the change of articulation";
         convert(log, factors, ("deg/s", degrees.1), &["articulation_rate"], words);
@@ -370,18 +389,23 @@ fn mend_angles(log: &mut CleanLog, factors: &mut Factors) {
     }
 }
 
-/// Signs of the errors to the path, and ratios that no unit explains.
+/// Signs of the errors to the path and of its curvature, and ratios that no unit explains.
 ///
 /// # Errors
 /// A sign that is reversed; a factor.
-pub(super) fn check_errors(log: &CleanLog) -> Result<(), CleanError> {
+pub(super) fn check_errors(log: &CleanLog, steering: &dyn Fn(f64) -> f64) -> Result<(), CleanError> {
     let Errors { lateral, drift, heading, turn } = errors(log);
-    check_signs(&[
+    let factor = |slope: Option<Slope>| slope.map(|slope| slope.factor);
+    let of_path = [
         ("e1", "e1_rate", lateral),
         ("e1_rate", "e2", drift),
         ("e2", "e2_rate", heading),
         ("e2_rate", "yaw_rate", turn),
-    ])?;
+        ("curvature", "yaw_rate", factor(bend(log))),
+        ("curvature", "curvature_rate", factor(winding(log))),
+    ];
+    // Columns that agree with the vehicle's motion are not to blame.
+    check_signs(&[&of_path[..], &Motion::of(log, steering).pairs(log)].concat())?;
     for (column, factor, against) in [
         ("e1", lateral, "changes {} times as fast as e1_rate says"),
         ("e1_rate", drift, "is {} times vy + vx * e2"),
@@ -447,36 +471,76 @@ pub(super) fn mend_steering(log: &mut CleanLog, factors: &mut Factors, steering:
     }
 }
 
+/// Ratios among the columns of a vehicle's motion.
+struct Motion {
+    /// Change of yaw over the integral of yaw rate.
+    turn: Option<f64>,
+    /// Change of the course by x and y over that of yaw.
+    course: Option<f64>,
+    /// The angle between course and yaw, rad.
+    apart: f64,
+    /// `steer_cmd` and `steer` over the angle of steady cornering.
+    steered: [Option<f64>; 2],
+    /// ay over speed times yaw rate.
+    lateral: Option<f64>,
+}
+
+impl Motion {
+    fn of(log: &CleanLog, steering: &dyn Fn(f64) -> f64) -> Self {
+        let turn = match (log.columns.get("yaw"), log.columns.get("yaw_rate")) {
+            (Some(yaw), Some(rate)) => turn_factor(&log.time, yaw, rate),
+            _ => None,
+        };
+        let (course, apart) = course(log).map_or((None, 0.0), |(slope, apart)| (Some(slope.factor), apart));
+        let steered =
+            ["steer_cmd", "steer"].map(|column| steered(log, column, steering).map(|slope| slope.factor));
+        Self { turn, course, apart, steered, lateral: lateral(log).map(|slope| slope.factor) }
+    }
+
+    /// Columns that should have one sign, and the factor between them.
+    fn pairs(&self, log: &CleanLog) -> [SignPair; 5] {
+        [
+            ("yaw", "yaw_rate", self.turn),
+            ("y", "yaw", self.course),
+            // Of a log without a command both are the same column.
+            ("steer_cmd", "yaw_rate", self.steered[0].filter(|_| log.commanded)),
+            ("steer", "yaw_rate", self.steered[1]),
+            ("ay", "yaw_rate", self.lateral),
+        ]
+    }
+}
+
 /// Signs, and ratios that no unit explains.
 ///
 /// # Errors
 /// A sign that is reversed; a steering-wheel angle.
 pub(super) fn check(log: &mut CleanLog, steering: &dyn Fn(f64) -> f64) -> Result<(), CleanError> {
-    let turn = match (log.columns.get("yaw"), log.columns.get("yaw_rate")) {
-        (Some(yaw), Some(rate)) => turn_factor(&log.time, yaw, rate),
-        _ => None,
+    let motion = Motion::of(log, steering);
+    check_signs(&motion.pairs(log))?;
+    let Motion { turn, course, apart, steered, lateral } = motion;
+    let contradicts = |factor: &f64| !(0.4..2.5).contains(factor);
+    if let Some(factor) = lateral.filter(contradicts) {
+        let words = format!("ay is {factor:.2} times vx * yaw_rate: its unit, or that of vx, is another one");
+        log.find(FindingSeverity::Suspicion, "ay", words);
+    }
+    // Speed and yaw rate tell an angle at the steering wheel, if their own units are right.
+    let told = !lateral.is_some_and(|factor| contradicts(&factor));
+    let tells_speed =
+        lateral.is_some() || ["x", "station", "curvature"].iter().any(|name| log.columns.contains_key(name));
+    let (plausible, unknown) = if tells_speed {
+        (PLAUSIBLE, "")
+    } else {
+        (SURE, ", and no column tells the unit of vx (x and y, or ay, would)")
     };
-    let (course, apart) = course(log).map_or((None, 0.0), |(slope, apart)| (Some(slope.factor), apart));
-    let steered =
-        ["steer_cmd", "steer"].map(|column| steered(log, column, steering).map(|slope| slope.factor));
-    let lateral = lateral(log).map(|slope| slope.factor);
-    check_signs(&[
-        ("yaw", "yaw_rate", turn),
-        ("y", "yaw", course),
-        // Of a log without a command both are the same column.
-        ("steer_cmd", "yaw_rate", steered[0].filter(|_| log.commanded)),
-        ("steer", "yaw_rate", steered[1]),
-        ("ay", "yaw_rate", lateral),
-    ])?;
     for (column, factor) in ["steer_cmd", "steer"].into_iter().zip(steered) {
         match factor {
-            Some(factor) if factor > 400.0 => return Err(CleanError::SteeringWheel { column, ratio: factor * DEGREE, degrees: true }),
-            Some(factor) if factor > 6.0 => return Err(CleanError::SteeringWheel { column, ratio: factor, degrees: false }),
-            Some(factor) if !PLAUSIBLE.contains(&factor) && (log.commanded || column == "steer") => log.find(
+            Some(factor) if told && factor > 400.0 => return Err(CleanError::SteeringWheel { column, ratio: factor * DEGREE, degrees: true }),
+            Some(factor) if told && factor > 6.0 => return Err(CleanError::SteeringWheel { column, ratio: factor, degrees: false }),
+            Some(factor) if !plausible.contains(&factor) && (log.commanded || column == "steer") => log.find(
                 FindingSeverity::Suspicion,
                 column,
                 format!(
-                    "{column} is {factor:.2} times what this vehicle would need for the turns of the log: another vehicle, another speed unit, or a wrong steering ratio"
+                    "{column} is {factor:.2} times what this vehicle would need for the turns of the log: another vehicle, another speed unit, or a wrong steering ratio{unknown}"
                 ),
             ),
             _ => {}
@@ -487,10 +551,6 @@ pub(super) fn check(log: &mut CleanLog, steering: &dyn Fn(f64) -> f64) -> Result
             format!("yaw changes {factor:.2} times as fast as yaw_rate says: one of them has another unit");
         log.find(FindingSeverity::Suspicion, "yaw", words);
     }
-    if let Some(factor) = lateral.filter(|factor| !(0.4..2.5).contains(factor)) {
-        let words = format!("ay is {factor:.2} times vx * yaw_rate: its unit, or that of vx, is another one");
-        log.find(FindingSeverity::Suspicion, "ay", words);
-    }
     if course.is_some() && apart.abs() > 0.3 {
         let words = format!(
             "the course of x, y is {apart:+.2} rad off yaw: yaw is measured from another axis; give it from the x axis, counter-clockwise"
@@ -500,28 +560,29 @@ pub(super) fn check(log: &mut CleanLog, steering: &dyn Fn(f64) -> f64) -> Result
     Ok(())
 }
 
-/// Finds the column whose sign contradicts the others. A pair is two columns and the factor between them.
-fn check_signs(pairs: &[(&'static str, &'static str, Option<f64>)]) -> Result<(), CleanError> {
-    let Some(&(one, other, _)) =
-        pairs.iter().find(|(_, _, factor)| factor.is_some_and(|factor| factor < 0.0))
-    else {
-        return Ok(());
-    };
+/// Two columns that should have one sign, and the factor between them.
+type SignPair = (&'static str, &'static str, Option<f64>);
+
+/// Finds the column whose sign contradicts the others.
+fn check_signs(pairs: &[SignPair]) -> Result<(), CleanError> {
     // Whoever contradicts more columns than it agrees with is the one.
     let score = |column: &str| {
         let of = pairs.iter().filter(|(a, b, _)| *a == column || *b == column);
         of.filter_map(|(_, _, factor)| *factor).map(|factor| if factor < 0.0 { 1 } else { -1 }).sum::<i32>()
     };
-    let (column, against) = if score(other) > score(one) { (other, one) } else { (one, other) };
-    let tied = score(one) == score(other);
-    Err(CleanError::Sign { column, against, tied })
+    let against = pairs.iter().filter(|(_, _, factor)| factor.is_some_and(|factor| factor < 0.0));
+    let scored = against.map(|&(one, other, _)| (one, other, score(one) - score(other)));
+    // The first of equals.
+    let Some((one, other, more)) = scored.rev().max_by_key(|(_, _, more)| more.abs()) else { return Ok(()) };
+    let (column, against) = if more < 0 { (other, one) } else { (one, other) };
+    Err(CleanError::Sign { column, against, tied: more == 0 })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn blamed(pairs: &[(&'static str, &'static str, Option<f64>)]) -> (&'static str, bool) {
+    fn blamed(pairs: &[SignPair]) -> (&'static str, bool) {
         match check_signs(pairs) {
             Err(CleanError::Sign { column, tied, .. }) => (column, tied),
             other => panic!("{other:?}"),

@@ -83,7 +83,7 @@ pub(super) fn check(
     let Read { mut log, factors, left_out, drives } = read;
     let seams = with_seams(&mut log, &drives);
     let signs = agreement::check(&mut log, steering);
-    let errors = agreement::check_errors(&log);
+    let errors = agreement::check_errors(&log, steering);
     without_seams(&mut log, &seams);
     signs?;
     let errors = errors.err();
@@ -172,7 +172,7 @@ fn read_drives(
 ) -> Result<Vec<Clock>, CleanError> {
     let way = way_factor(stamps, columns);
     let spans = clock::drives(stamps);
-    let (mut drives, mut first_error) = (Vec::new(), None);
+    let (mut drives, mut errors) = (Vec::new(), Vec::new());
     for span in &spans {
         let from = span.start;
         let same = |a: usize, b: usize| {
@@ -186,8 +186,11 @@ fn read_drives(
                 found.retain(|finding| !findings.contains(finding));
                 findings.append(&mut found);
             }
-            Err(error) => first_error = first_error.or(Some(error)),
+            Err(error) => errors.push(error),
         }
+    }
+    if drives.is_empty() {
+        return Err(clock::none_usable(&spans, errors));
     }
     if spans.len() > 1 {
         let rows: Vec<String> = spans[1..].iter().take(8).map(|span| (span.start + 1).to_string()).collect();
@@ -200,10 +203,7 @@ fn read_drives(
         );
         findings.push(Finding::new(FindingSeverity::Warning, Some("time"), words));
     }
-    match first_error {
-        Some(error) if drives.is_empty() => Err(error),
-        _ => Ok(drives),
-    }
+    Ok(drives)
 }
 
 /// Signals of a vehicle's motion that need a bound in every diagnosis.

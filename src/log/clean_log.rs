@@ -60,6 +60,16 @@ pub enum CleanError {
     Missing { column: &'static str },
     #[error("the log has {rows} rows with a time; a drive of at least {LEAST_LENGTH} s is needed")]
     NoRows { rows: usize },
+    #[error(
+        "all {rows} rows have the same time; delete the column, and give the rate of the rows (--rate HZ)"
+    )]
+    OneTime { rows: usize },
+    #[error(
+        "the clock starts anew {} times, first in row {row}; the longest of the {drives} drives between is {length:.2} s \
+         long, and at least {LEAST_LENGTH} s are needed",
+        drives - 1
+    )]
+    ShortDrives { row: usize, drives: usize, length: f64 },
     #[error("the drive is {length:.2} s long ({rows} rows); at least {least} s are needed")]
     TooShort { length: f64, rows: usize, least: f64 },
     #[error(

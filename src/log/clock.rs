@@ -56,6 +56,9 @@ pub(super) fn read(
         return Err(CleanError::NoRows { rows: stamps.len() });
     }
     put_in_order(stamps, &mut rows, &mut found);
+    if rows.len() > 2 && stamps[rows[0]] == stamps[rows[rows.len() - 1]] {
+        return Err(CleanError::OneTime { rows: rows.len() });
+    }
     let before = rows.len();
     rows.dedup_by(|next, row| stamps[*next] == stamps[*row] && same(*row, *next));
     if rows.len() < before {
@@ -157,6 +160,23 @@ pub(super) fn drives(stamps: &[f64]) -> Vec<Range<usize>> {
         return std::iter::once(0..stamps.len()).collect();
     }
     drives
+}
+
+/// Reason for which none of a log's drives can be used, from their errors.
+pub(super) fn none_usable(drives: &[Range<usize>], errors: Vec<CleanError>) -> CleanError {
+    let length = |error: &CleanError| match error {
+        CleanError::TooShort { length, .. } => Some(*length),
+        _ => None,
+    };
+    let lengths: Option<Vec<f64>> = errors.iter().map(length).collect();
+    match (drives, lengths) {
+        ([_, second, ..], Some(lengths)) => CleanError::ShortDrives {
+            row: second.start + 1,
+            drives: drives.len(),
+            length: lengths.into_iter().fold(0.0, f64::max),
+        },
+        _ => errors.into_iter().next().unwrap_or(CleanError::NoRows { rows: 0 }),
+    }
 }
 
 /// True if the clock stays below its latest stamp for a while.

@@ -35,26 +35,28 @@ pub(super) const MOST: f64 = 0.01;
 /// Outliers that are named.
 const NAMED: usize = 4;
 
-/// Columns with inertia, and the longest outlier of each, in rows. A commanded signal may be anything: only values
-/// beyond its whole spread are outliers. The spread of a position is that of the road.
-const MOVING: [(&str, usize, f64); 16] = [
-    ("steer_cmd", 2, 1.0),
-    ("steer", LONGEST, OF_SPREAD),
-    ("x", LONGEST, 0.0),
-    ("y", LONGEST, 0.0),
-    ("yaw", LONGEST, 0.0),
-    ("vx", LONGEST, OF_SPREAD),
-    ("vy", LONGEST, OF_SPREAD),
-    ("yaw_rate", LONGEST, OF_SPREAD),
-    // Kerbs and holes in the road are honest.
-    ("ax", 2, 1.0),
-    ("ay", 2, 1.0),
-    ("roll", LONGEST, OF_SPREAD),
-    ("articulation", LONGEST, OF_SPREAD),
-    ("articulation_rate", LONGEST, OF_SPREAD),
-    ("e1", LONGEST, OF_SPREAD),
-    ("e1_rate", LONGEST, OF_SPREAD),
-    ("e2_rate", LONGEST, OF_SPREAD),
+/// Least size of an outlier in a column that may jump: more than its whole spread.
+const WHOLE_SPREAD: f64 = 1.0;
+
+/// Columns that are looked at, and the least outlier of each, as a share of its spread. A command may be anything, and
+/// kerbs and holes in the road are honest accelerations. The spread of a position is that of the road.
+const MOVING: [(&str, f64); 16] = [
+    ("steer_cmd", WHOLE_SPREAD),
+    ("steer", OF_SPREAD),
+    ("x", 0.0),
+    ("y", 0.0),
+    ("yaw", 0.0),
+    ("vx", OF_SPREAD),
+    ("vy", OF_SPREAD),
+    ("yaw_rate", OF_SPREAD),
+    ("ax", WHOLE_SPREAD),
+    ("ay", WHOLE_SPREAD),
+    ("roll", OF_SPREAD),
+    ("articulation", OF_SPREAD),
+    ("articulation_rate", OF_SPREAD),
+    ("e1", OF_SPREAD),
+    ("e1_rate", OF_SPREAD),
+    ("e2_rate", OF_SPREAD),
 ];
 
 /// Numbers that are no measurement in any unit.
@@ -91,9 +93,9 @@ pub(super) fn leave_out(
     findings: &mut Vec<Finding>,
 ) -> BTreeMap<&'static str, Vec<usize>> {
     let mut left_out = BTreeMap::new();
-    for (name, longest, of_spread) in MOVING {
+    let longest = LONGEST.min(((LONGEST_TIME / step) as usize).max(1));
+    for (name, of_spread) in MOVING {
         let Some(values) = columns.get_mut(name) else { continue };
-        let longest = longest.min(((LONGEST_TIME / step) as usize).max(1));
         let least = RESOLUTION * signal::find(name).map_or(0.0, |signal| signal.nominal);
         let places = outliers(values, spans, longest, (of_spread, least));
         if places.is_empty() || places.len() as f64 > MOST * values.len() as f64 {
@@ -165,11 +167,14 @@ fn outliers(
             quantile(whole.iter().flat_map(of).collect(), 0.95).unwrap_or(0.0)
         })
         .collect();
+    // The first rows of a recording are often wrong; a command may begin with a step.
+    let ends = of_spread < WHOLE_SPREAD;
     let mut found = Vec::new();
     for (column, places) in whole.iter().zip(&finite) {
-        let mut row = 1;
-        while row + 1 < column.len() {
-            let length = (1..=longest).find(|&length| {
+        let end = column.len().saturating_sub(usize::from(!ends));
+        let mut row = usize::from(!ends);
+        while row < end {
+            let length = (1..=longest.min(end - row)).find(|&length| {
                 let apart = length.div_ceil(2);
                 let least = floor.max(GLOBAL * scales[apart - 1]);
                 stands_alone(column, row..row + length, least)
@@ -185,9 +190,22 @@ fn outliers(
     found
 }
 
+/// The rows before and after a run. At an end of the column, where there is one of them only, the other follows from
+/// the way behind that one. `None` where nothing tells it.
+fn neighbours(column: &[f64], run: &Range<usize>) -> Option<(f64, f64)> {
+    let span = run.len() + 1;
+    let before = run.start.checked_sub(1).map(|row| column[row]);
+    let after = column.get(run.end).copied();
+    match (before, after) {
+        (Some(before), None) => Some((before, 2.0 * before - column[(run.start - 1).checked_sub(span)?])),
+        (None, Some(after)) => Some((2.0 * after - column.get(run.end + span)?, after)),
+        (before, after) => before.zip(after),
+    }
+}
+
 /// Least distance of rows from the line between their neighbours.
 fn smallest(column: &[f64], run: Range<usize>) -> f64 {
-    let (before, after) = (column[run.start - 1], column[run.end]);
+    let Some((before, after)) = neighbours(column, &run) else { return 0.0 };
     let span = (run.len() + 1) as f64;
     let first = run.start;
     let line = |row: usize| before + (after - before) * (row + 1 - first) as f64 / span;
@@ -196,8 +214,7 @@ fn smallest(column: &[f64], run: Range<usize>) -> f64 {
 
 /// True if rows leave the column's way at once by more than `least`, and are back at once.
 fn stands_alone(column: &[f64], run: Range<usize>, least: f64) -> bool {
-    let Some(&after) = column.get(run.end) else { return false };
-    let before = column[run.start - 1];
+    let Some((before, after)) = neighbours(column, &run) else { return false };
     // Cheap, and true of nearly all rows.
     if (column[run.start] - before).abs() <= least || (column[run.end - 1] - after).abs() <= least {
         return false;
@@ -209,8 +226,10 @@ fn stands_alone(column: &[f64], run: Range<usize>, least: f64) -> bool {
 /// The typical bend near a run, without the run itself.
 fn around(column: &[f64], row: usize, length: usize, apart: usize) -> f64 {
     let own = row.saturating_sub(apart)..row + length + apart;
-    let (from, to) =
-        (row.saturating_sub(AROUND).max(apart), (row + length + AROUND).min(column.len() - apart));
+    let (from, to) = (
+        row.saturating_sub(AROUND).max(apart),
+        (row + length + AROUND).min(column.len().saturating_sub(apart)),
+    );
     let bends = (from..to).filter(|at| !own.contains(at)).map(|at| bend(column, at, apart));
     median(bends.collect()).unwrap_or(0.0)
 }
@@ -271,6 +290,23 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn the_ends_of_a_column_are_looked_at_unless_it_may_jump() {
+        for length in 1..=LONGEST {
+            for rows in [0..length, 2000 - length..2000] {
+                let mut values = drive(0.01);
+                values[rows.clone()].iter_mut().for_each(|value| *value += 3.0);
+                assert_eq!(found(&values), rows.collect::<Vec<_>>());
+                let span = std::slice::from_ref(&(0..2000));
+                assert!(outliers(&values, span, LONGEST, (WHOLE_SPREAD, 0.0)).is_empty());
+            }
+        }
+        // Of a quick way, the ends are no outliers.
+        let way: Vec<f64> = (0..1000).map(|k| 0.5 * f64::from(k)).collect();
+        assert!(found(&way).is_empty());
+        assert!(found(&[0.0, 5.0]).is_empty() && found(&[]).is_empty());
     }
 
     #[test]

@@ -34,7 +34,7 @@ pub enum LogError {
     TimeAndRate { file: PathBuf },
     #[error("{}: the column '{column}' stands twice; delete one", file.display())]
     Twice { file: PathBuf, column: &'static str },
-    #[error("{}, line {line}, column {column}: '{text}' is not a number", file.display())]
+    #[error("{}, line {line}, column {column}: '{text}' is not a number{}", file.display(), instead(column))]
     NotANumber { file: PathBuf, line: u64, column: &'static str, text: String },
     #[error("{}: column '{column}' is missing; a log to learn from needs {needed}", file.display())]
     Missing { file: PathBuf, column: &'static str, needed: &'static str },
@@ -58,6 +58,26 @@ pub enum LogError {
     Heading { file: PathBuf, limit: f64, share: f64 },
     #[error("{}: yaw changes {factor:.3} times as fast as yaw_rate says; {hint}", file.display())]
     Turn { file: PathBuf, factor: f64, hint: &'static str },
+}
+
+/// What to write in place of a word.
+fn instead(column: &str) -> &'static str {
+    if column == "time" {
+        ", nor a time such as 2024-05-01T12:00:00.02 or 12:00:00.02; give seconds, or let scripts/import_log.py read it"
+    } else {
+        "; correct it, or leave the field empty if there is no value"
+    }
+}
+
+/// Seconds in a day.
+const DAY: i64 = 86_400;
+
+/// A time of day on the day on which it is nearest to the time before it: drives may pass midnight. Dates have their day.
+fn on_its_day(time: i64, before: i64) -> i64 {
+    if !(0..=DAY).contains(&time) {
+        return time;
+    }
+    time + DAY * (before - time + DAY / 2).div_euclid(DAY)
 }
 
 fn listed(columns: &[&str]) -> String {
@@ -148,7 +168,7 @@ impl DriveLog {
         let places = log.places(table.header())?;
         let expected = table.header().names.len();
         // Seconds of the first date: the log's zero.
-        let mut zero = None;
+        let (mut zero, mut last) = (None, 0);
         while let Some(row) = table.next_row().map_err(broken)? {
             let found = row.filled(expected);
             if found != expected {
@@ -161,7 +181,8 @@ impl DriveLog {
                 } else if let Some((whole, part)) = time::seconds(text).filter(|_| *name == "time") {
                     // Dates and numbers in one column are no clock.
                     let first = values.is_empty() || zero.is_some();
-                    first.then(|| (whole - *zero.get_or_insert(whole)) as f64 + part)
+                    last = zero.map_or(whole, |_| on_its_day(whole, last));
+                    first.then(|| (last - *zero.get_or_insert(last)) as f64 + part)
                 } else {
                     row.number(column.place).filter(|_| zero.is_none() || *name != "time").map(|value| {
                         // Not a product with 1: a NaN's sign, say, stays as it is.

@@ -42,7 +42,7 @@ impl SteeringLog {
             .map_err(unusable)?;
         let mut found = Self { findings: log.findings().collect(), ..Self::default() };
         let factors = found.units(log, [command, angle], steering);
-        let mut first_error = None;
+        let mut errors = Vec::new();
         let spans = clock::drives(stamps);
         let name = log.file.display().to_string();
         for span in &spans {
@@ -65,8 +65,11 @@ impl SteeringLog {
                     });
                     found.findings.extend(findings);
                 }
-                Err(error) => first_error = first_error.or(Some(error)),
+                Err(error) => errors.push(error),
             }
+        }
+        if found.drives.is_empty() {
+            return Err(unusable(clock::none_usable(&spans, errors)));
         }
         if spans.len() > 1 {
             let words = format!(
@@ -77,10 +80,7 @@ impl SteeringLog {
             found.findings.push(Finding::new(FindingSeverity::Warning, Some("time"), words));
         }
         found.findings.sort_by_key(|finding| std::cmp::Reverse(finding.gravity));
-        match first_error {
-            Some(error) if found.drives.is_empty() => Err(unusable(error)),
-            _ => Ok(found),
-        }
+        Ok(found)
     }
 
     /// The drive with the yaw rate as response.

@@ -5,6 +5,7 @@
 //!     d(station) / (vx dt)         station over speed
 //!     ay / (vx yaw_rate)           acceleration over speed and yaw rate
 //!     (yaw_rate - e2_rate) / (vx curvature)
+//!     d(curvature) / (curvature_rate vx dt)
 //! ```
 //!
 //! A ratio that no unit explains is left alone: the vehicle's speed sensor may be wrong, which is for a diagnosis to
@@ -24,6 +25,8 @@ pub(super) const LENGTHS: (&str, [&str; 5]) = ("m", ["m", "mm", "cm", "ft", "km"
 pub(super) const ACCELERATIONS: (&str, [&str; 2]) = ("m/s2", ["m/s2", "g"]);
 const TURNS: (&str, [&str; 2]) = ("rad/s", ["rad/s", "deg/s"]);
 const BENDS: (&str, [&str; 2]) = ("1/m", ["1/m", "1/km"]);
+/// Changes of curvature along the way; of those in 1/km only the curvature is.
+const WINDINGS: [LogUnit; 2] = [("1/m2", 1.0), ("1/km per m", 1000.0)];
 pub(super) const ANGLES: (&str, [&str; 2]) = ("rad", ["rad", "degrees"]);
 
 /// The units of a list with their sizes.
@@ -52,6 +55,8 @@ pub(super) struct Shown {
     pub lateral: Option<f64>,
     /// Of the path's yaw rate over speed times curvature.
     pub bend: Option<f64>,
+    /// Of the curvature's change over speed times curvature_rate.
+    pub winding: Option<f64>,
 }
 
 /// Units of the columns.
@@ -63,6 +68,7 @@ pub(super) struct Units {
     pub acceleration: LogUnit,
     pub turn: LogUnit,
     pub curvature: LogUnit,
+    pub curvature_rate: LogUnit,
 }
 
 /// Conclusion from the ratios about the units.
@@ -84,10 +90,12 @@ impl Units {
         acceleration: ("m/s2", 1.0),
         turn: ("rad/s", 1.0),
         curvature: ("1/m", 1.0),
+        curvature_rate: WINDINGS[0],
     };
 
     fn foreign(&self) -> usize {
-        let all = [self.speed, self.position, self.station, self.acceleration, self.turn, self.curvature];
+        let Self { speed, position, station, acceleration, turn, curvature, curvature_rate } = self;
+        let all = [speed, position, station, acceleration, turn, curvature, curvature_rate];
         all.iter().filter(|unit| unit.1 != 1.0).count()
     }
 
@@ -106,6 +114,7 @@ impl Units {
                 (ratio / ratio.clamp(LEANING.0, LEANING.1)).ln().abs()
             }),
             off(shown.bend, self.turn.1 / (speed * self.curvature.1)),
+            off(shown.winding, self.curvature.1 / (speed * self.curvature_rate.1)),
         ]
         .into_iter()
         .fold(0.0, f64::max)
@@ -120,6 +129,7 @@ impl Units {
             ("ay", self.acceleration),
             ("yaw_rate", self.turn),
             ("curvature", self.curvature),
+            ("curvature_rate", self.curvature_rate),
         ]
         .into_iter()
         .filter(|(_, unit)| unit.1 != 1.0)
@@ -147,8 +157,18 @@ pub(super) fn told(shown: &Shown) -> UnitConclusion {
                 for &acceleration in known(&accelerations, shown.lateral.is_some()) {
                     for &turn in known(&turns, shown.lateral.is_some()) {
                         for &curvature in known(&bends, shown.bend.is_some()) {
-                            let units = Units { speed, position, station, acceleration, turn, curvature };
-                            all.push((units.foreign(), units.error(shown), units));
+                            for &curvature_rate in known(&WINDINGS, shown.winding.is_some()) {
+                                let units = Units {
+                                    speed,
+                                    position,
+                                    station,
+                                    acceleration,
+                                    turn,
+                                    curvature,
+                                    curvature_rate,
+                                };
+                                all.push((units.foreign(), units.error(shown), units));
+                            }
                         }
                     }
                 }
@@ -156,8 +176,8 @@ pub(super) fn told(shown: &Shown) -> UnitConclusion {
         }
     }
     // One ratio cannot tell two units.
-    let ratios =
-        [shown.way, shown.station, shown.lateral, shown.bend].iter().filter(|ratio| ratio.is_some()).count();
+    let Shown { way, station, lateral, bend, winding } = shown;
+    let ratios = [way, station, lateral, bend, winding].iter().filter(|ratio| ratio.is_some()).count();
     all.retain(|(foreign, error, _)| *error < FAR && *foreign <= ratios);
     all.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
     // By ay alone feet a second are km/h of a body that leans, and km/h are the common ones.

@@ -201,8 +201,8 @@ pub enum PathError {
     },
     /// Two neighbouring points lie much farther apart than the others.
     #[error(
-        "{place}: lies {distance:.1} m from the point before, where {median:.2} m are usual; fill the gap, or \
-         cut the road there"
+        "{place}: lies {distance:.1} m from the point before, where {median:.2} m are usual; fill the gap, \
+         cut the road there, or delete the point if it is a wrong one"
     )]
     Gap {
         /// The point after the gap.
@@ -213,7 +213,10 @@ pub enum PathError {
         median: f64,
     },
     /// The road turns back on itself: points out of order, or drawn twice.
-    #[error("{place}: the road turns back by {degrees:.0} degrees here; put the points into driving order")]
+    #[error(
+        "{place}: the road turns back by {degrees:.0} degrees here; put the points into driving order, or delete the \
+         point if it is a wrong one"
+    )]
     TurnsBack {
         /// The point at which it turns.
         place: InputPlace,

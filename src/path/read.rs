@@ -334,6 +334,7 @@ fn header(header: &Header, notes: &mut Vec<Note>) -> Result<Vec<Meaning>, PathEr
         let Some(meaning) = meaning else {
             // A first row of numbers means that the header is missing, not that a column is strange.
             if index == 0 && name.parse::<f64>().is_ok() {
+                found = "a row of numbers, and no names above it".into();
                 break;
             }
             return Err(PathError::UnknownColumn {

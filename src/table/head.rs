@@ -53,8 +53,12 @@ pub(super) fn find(lines: &[String], known: &dyn Fn(&str) -> bool) -> Head {
     let width = width(&rows);
     let data =
         rows.iter().position(|row| !row.comment && is_data(row, width, delimiter)).unwrap_or(rows.len());
+    // A block before the names may have numbers, too; then known names tell its end.
+    let known_names = |row: &Line| count_known(row, known);
+    let later = rows.iter().skip(data).position(|row| !row.comment && known_names(row) >= 2);
+    let later = later.filter(|_| rows[..data].iter().all(|row| known_names(row) == 0));
     // Without numbers there is no block before them.
-    let (before, _) = rows.split_at(data);
+    let (before, _) = rows.split_at(data + later.map_or(0, |row| row + 1));
     let guess = data < rows.len();
     let Some(names) =
         names_row(before, known, width, guess).or_else(|| rows.iter().position(|row| !row.comment))
@@ -172,14 +176,19 @@ fn is_data(row: &Line, width: usize, delimiter: u8) -> bool {
     row.fields.len() >= width.min(2) && values.len() > others.len()
 }
 
+/// Number of known names in a row.
+fn count_known(row: &Line, known: &dyn Fn(&str) -> bool) -> usize {
+    row.fields.iter().filter(|name| known(split_unit(name).0)).count()
+}
+
 /// The row of names among those before the numbers: the one with most known names. Without known names, the last before
 /// the numbers. A comment counts only if it has two known names and no row has one.
 fn names_row(before: &[Line], known: &dyn Fn(&str) -> bool, width: usize, guess: bool) -> Option<usize> {
-    let count = |row: &Line| row.fields.iter().filter(|name| known(split_unit(name).0)).count();
     let best = |comment: bool| {
         let rows = before.iter().enumerate().filter(|(_, row)| row.comment == comment);
         // The first of equals.
-        rows.map(|(index, row)| (count(row), index)).max_by_key(|&(count, index)| (count, Reverse(index)))
+        rows.map(|(index, row)| (count_known(row, known), index))
+            .max_by_key(|&(count, index)| (count, Reverse(index)))
     };
     let (row, comment) = (best(false), best(true));
     if let Some((1.., index)) = row {

@@ -9,7 +9,7 @@
 //! | lines of comment (`#`, `%`), blank lines | skipped; names may stand in a comment (racing lines) |
 //! | a block before the names (`"Venue","Test"`) | names are the row before the numbers that has most known names |
 //! | a row of units below the names, or `vx [km/h]` | kept beside the name ([`Header::units`]) |
-//! | UTF-8, UTF-16, Latin-1, a byte order mark | by mark, by zero bytes, and line by line |
+//! | UTF-8, UTF-16, UTF-32, Latin-1, a byte order mark | by mark, by zero bytes, and line by line |
 //! | lines that end in a carriage return alone | by the beginning of the file |
 //! | `n/a`, `null`, `-1.#IND` and the like | a missing value ([`Row::is_missing`]) |
 //! | gzip (feature `cli`) | by the file's ending or its first bytes |

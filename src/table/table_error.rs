@@ -59,7 +59,12 @@ pub enum TableError {
     /// gzip, in a build without it.
     #[error("this build reads no compressed files (feature `cli`); unpack it first")]
     Compressed,
-    /// A spreadsheet or another archive.
-    #[error("is a spreadsheet or a zip archive; save the table as CSV")]
-    Archive,
+    /// A known format that is no text.
+    #[error("is {kind}; {advice}")]
+    Foreign {
+        /// The kind.
+        kind: &'static str,
+        /// How to make a table of it.
+        advice: &'static str,
+    },
 }

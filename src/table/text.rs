@@ -8,8 +8,8 @@ use std::io::{BufRead, BufReader, Read};
 enum Encoding {
     /// UTF-8, and Latin-1 in lines that are no UTF-8.
     Bytes,
-    /// UTF-16, low or high byte first.
-    Utf16 { low_first: bool },
+    /// UTF-16 or UTF-32: bytes of a unit, low or high byte first.
+    Wide { width: usize, low_first: bool },
 }
 
 /// The lines of a file, decoded.
@@ -30,13 +30,19 @@ impl<R: Read> Lines<R> {
     pub fn new(reader: R, limit: u64) -> Result<Self, TableError> {
         let mut reader = BufReader::with_capacity(1 << 16, reader);
         let first = reader.fill_buf().map_err(cause)?;
+        let wide = |width, low_first| Encoding::Wide { width, low_first };
         let (encoding, mark) = match first {
             [0xef, 0xbb, 0xbf, ..] => (Encoding::Bytes, 3),
-            [0xff, 0xfe, ..] => (Encoding::Utf16 { low_first: true }, 2),
-            [0xfe, 0xff, ..] => (Encoding::Utf16 { low_first: false }, 2),
+            // The mark of UTF-32 begins like that of UTF-16.
+            [0xff, 0xfe, 0, 0, ..] => (wide(4, true), 4),
+            [0, 0, 0xfe, 0xff, ..] => (wide(4, false), 4),
+            [0xff, 0xfe, ..] => (wide(2, true), 2),
+            [0xfe, 0xff, ..] => (wide(2, false), 2),
             // Without a mark: a table begins with two letters of ASCII.
-            [a, 0, b, 0, ..] if *a != 0 && *b != 0 => (Encoding::Utf16 { low_first: true }, 0),
-            [0, a, 0, b, ..] if *a != 0 && *b != 0 => (Encoding::Utf16 { low_first: false }, 0),
+            [a, 0, 0, 0, b, 0, 0, 0, ..] if *a != 0 && *b != 0 => (wide(4, true), 0),
+            [0, 0, 0, a, 0, 0, 0, b, ..] if *a != 0 && *b != 0 => (wide(4, false), 0),
+            [a, 0, b, 0, ..] if *a != 0 && *b != 0 => (wide(2, true), 0),
+            [0, a, 0, b, ..] if *a != 0 && *b != 0 => (wide(2, false), 0),
             _ => (Encoding::Bytes, 0),
         };
         // As programs wrote them on a Mac once, and some devices do.
@@ -54,11 +60,12 @@ impl<R: Read> Lines<R> {
                 let most = LONGEST_LINE.min(self.left.saturating_add(1));
                 (&mut self.reader).take(most).read_until(self.end, &mut bytes).map_err(cause)?;
             }
-            Encoding::Utf16 { low_first } => {
-                let mut pair = [0; 2];
-                while (bytes.len() as u64) < LONGEST_LINE && self.pair(&mut pair)? {
-                    bytes.extend(pair);
-                    if pair == if low_first { [b'\n', 0] } else { [0, b'\n'] } {
+            Encoding::Wide { width, low_first } => {
+                let mut unit = [0; 4];
+                let unit = &mut unit[..width];
+                while (bytes.len() as u64) < LONGEST_LINE && self.unit(unit)? {
+                    bytes.extend_from_slice(unit);
+                    if number(unit, low_first) == u32::from(b'\n') {
                         break;
                     }
                 }
@@ -74,9 +81,9 @@ impl<R: Read> Lines<R> {
         Ok((!bytes.is_empty()).then(|| self.decoded(bytes)))
     }
 
-    /// Two bytes; an odd one at the end is dropped.
-    fn pair(&mut self, pair: &mut [u8; 2]) -> Result<bool, TableError> {
-        for byte in pair {
+    /// The bytes of a unit; those of half a one at the end are dropped.
+    fn unit(&mut self, unit: &mut [u8]) -> Result<bool, TableError> {
+        for byte in unit {
             let Some(&next) = self.reader.fill_buf().map_err(cause)?.first() else { return Ok(false) };
             *byte = next;
             self.reader.consume(1);
@@ -90,14 +97,16 @@ impl<R: Read> Lines<R> {
                 self.latin1 = true;
                 error.as_bytes().iter().map(|&byte| char::from(byte)).collect()
             }),
-            Encoding::Utf16 { low_first } => {
-                let units = bytes.chunks_exact(2).map(|pair| {
-                    let pair = [pair[0], pair[1]];
-                    if low_first { u16::from_le_bytes(pair) } else { u16::from_be_bytes(pair) }
-                });
-                char::decode_utf16(units)
-                    .map(|letter| letter.unwrap_or(char::REPLACEMENT_CHARACTER))
-                    .collect()
+            Encoding::Wide { width, low_first } => {
+                let units = bytes.chunks_exact(width).map(|unit| number(unit, low_first));
+                let known = |letter: Option<char>| letter.unwrap_or(char::REPLACEMENT_CHARACTER);
+                if width == 2 {
+                    char::decode_utf16(units.map(|unit| unit as u16))
+                        .map(|letter| known(letter.ok()))
+                        .collect()
+                } else {
+                    units.map(|unit| known(char::from_u32(unit))).collect()
+                }
             }
         };
         if text.ends_with(['\n', char::from(self.end)]) {
@@ -105,6 +114,12 @@ impl<R: Read> Lines<R> {
         }
         text
     }
+}
+
+/// The number that a unit's bytes are.
+fn number(unit: &[u8], low_first: bool) -> u32 {
+    let append = |sum: u32, byte: &u8| (sum << 8) | u32::from(*byte);
+    if low_first { unit.iter().rev().fold(0, append) } else { unit.iter().fold(0, append) }
 }
 
 /// The limit that stopped an unpacking, or the operating system's error.

@@ -1,8 +1,9 @@
-//! Dates and times: those of ISO 8601, days with points (`01.05.2024`), times of day.
+//! Dates and times: those of ISO 8601, days with points (`01.05.2024`) or slashes (`2024/05/01`), times of day.
 
-/// Seconds since 1970, whole ones and the fraction, of `2024-05-01T12:00:00.02`, or of `01.05.2024 12:00:00`. A blank
-/// for the `T`, `,` for the point, and `Z` or `+02:00` at the end are known, too. The time of day alone counts from
-/// midnight. `None` for anything else: `05/01/2024` is May in one country and January in another.
+/// Seconds since 1970, whole ones and the fraction, of `2024-05-01T12:00:00.02`, `20240501T120000.02`, or of
+/// `01.05.2024 12:00:00`. A blank for the `T`, `,` for the point, and `Z`, `UTC` or `+02:00` at the end are known, too.
+/// The time of day alone counts from midnight. `None` for anything else: `05/01/2024` is May in one country and January
+/// in another.
 ///
 /// ```
 /// use rfl_mpc::table::time::seconds;
@@ -10,15 +11,19 @@
 /// assert_eq!(seconds("1970-01-02T00:00:01.5"), Some((86_401, 0.5)));
 /// assert_eq!(seconds("1970-01-02 02:00:01+02:00"), Some((86_401, 0.0)));
 /// assert_eq!(seconds("02.01.1970 00:00:01"), Some((86_401, 0.0)));
+/// assert_eq!(seconds("19700102T020001+02:00"), Some((86_401, 0.0)));
+/// assert_eq!(seconds("1970/01/02 00:00:01 UTC"), Some((86_401, 0.0)));
 /// assert_eq!(seconds("00:01:01.25"), Some((61, 0.25)));
 /// assert_eq!(seconds("1970_01_02"), None);
 /// ```
 #[must_use]
 pub fn seconds(text: &str) -> Option<(i64, f64)> {
     // Most fields are numbers.
-    if !text.contains(':') {
+    if !text.contains([':', 'T', 't']) {
         return None;
     }
+    let apart = separated(text);
+    let text = apart.as_deref().unwrap_or(text);
     let (date, time) = match (text.get(..10), text.get(11..)) {
         (Some(date), Some(time)) if matches!(text.as_bytes()[10], b'T' | b't' | b' ') => (Some(date), time),
         _ => (None, text),
@@ -26,13 +31,14 @@ pub fn seconds(text: &str) -> Option<(i64, f64)> {
     let (year, month, day) = match date {
         Some(date) => {
             let reversed = || three(date, '.', [2, 2, 4]).map(|(day, month, year)| (year, month, day));
-            three(date, '-', [4, 2, 2]).or_else(reversed)?
+            three(date, '-', [4, 2, 2]).or_else(|| three(date, '/', [4, 2, 2])).or_else(reversed)?
         }
         None => (1970, 1, 1),
     };
+    let time = ["UTC", "GMT"].iter().find_map(|zone| time.strip_suffix(zone)).unwrap_or(time).trim_end();
     let (time, offset) = match time.find(['Z', 'z', '+', '-']) {
         None => (time, 0),
-        Some(at) => (&time[..at], zone(&time[at..])?),
+        Some(at) => (time[..at].trim_end(), zone(&time[at..])?),
     };
     let (clock, fraction) = time.split_once(['.', ',']).unwrap_or((time, "0"));
     if fraction.is_empty() || !fraction.bytes().all(|byte| byte.is_ascii_digit()) {
@@ -48,6 +54,18 @@ pub fn seconds(text: &str) -> Option<(i64, f64)> {
         (1..=12).contains(&month) && (1..=31).contains(&day) && hour < 25 && minute < 60 && second < 61;
     let whole = 86_400 * days(year, month, day) + 3600 * hour + 60 * minute + second - offset;
     within.then_some((whole, format!("0.{fraction}").parse().ok()?))
+}
+
+/// `20240501T120000.02Z` with the marks between its figures.
+fn separated(text: &str) -> Option<String> {
+    let figures = |from: usize, to: usize| {
+        text.get(from..to).filter(|part| part.bytes().all(|byte| byte.is_ascii_digit()))
+    };
+    let marked = matches!(text.as_bytes().get(8), Some(b'T' | b't'));
+    let (date, time) = (figures(0, 8).filter(|_| marked)?, figures(9, 15)?);
+    let [year, month, day] = [&date[..4], &date[4..6], &date[6..]];
+    let [hour, minute, second] = [&time[..2], &time[2..4], &time[4..]];
+    Some(format!("{year}-{month}-{day}T{hour}:{minute}:{second}{}", &text[15..]))
 }
 
 /// Seconds that a zone (`Z`, `+02:00`, `-0330`) is ahead.

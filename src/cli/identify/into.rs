@@ -41,6 +41,10 @@ pub(super) fn write<P: Commanded<S, C>, const S: usize, const C: usize>(
     if exists && !target.is_file() {
         return Err(place(&"is no ordinary file; give the name of a vehicle file (TOML)").into());
     }
+    let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty());
+    if folder.is_some_and(|folder| !folder.is_dir()) {
+        return Err(place(&"its folder is missing; make it first").into());
+    }
     let text = match builtin_text(vehicle).filter(|_| !exists) {
         Some(text) => text.to_owned(),
         None => {
