@@ -388,3 +388,24 @@ fn a_vehicle_that_leaves_the_path_slows_down_and_stops() {
         y += 0.1 * yaw.sin();
     }
 }
+
+/// A wheel's radius or an odometer's scale is a few percent off: the poses go on faster or slower than the speed says.
+#[test]
+fn a_speed_that_is_a_few_percent_off_is_no_fault() {
+    for (limit, scale) in [(30.0, 0.97), (30.0, 1.05), (20.0, 0.93), (8.0, 0.95)] {
+        let car = builtin("c_class").unwrap();
+        let mut parameters = ControllerParameters::for_car(&car);
+        parameters.speed.limit = limit;
+        let controller = Controller::new(parameters, fast_road()).unwrap();
+        let effects = Effects { speed_scale: scale, ..Effects::default() };
+        let mut closed = ClosedLoop::at_start(controller, &car, &effects, 0.02).unwrap();
+        let (odd, error) = alarms(
+            || {
+                closed.advance().unwrap();
+                (closed.controller().report().status, closed.lateral_error())
+            },
+            1500,
+        );
+        assert!(odd.is_empty() && error < 0.5, "{limit} m/s, {scale}: {odd:?}, {error} m");
+    }
+}

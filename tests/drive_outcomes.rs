@@ -194,3 +194,21 @@ fn a_car_placed_beside_its_lane_has_to_come_back() {
     assert_eq!((drive.ending.outcome, &drive.ending.end), (Outcome::Completed, &End::Road));
     assert!(drive.rows[0][TIME] == 0.0 && drive.finished && !drive.lost);
 }
+
+#[test]
+fn a_long_communication_step_is_the_controllers_sample_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let road = road();
+    let call = ["drive", "--quiet", "--path", &road, "--step", "0.1", "--json", "drive.json"];
+    let output = rfl(folder.path(), &call);
+    assert!(text(&output.stderr).contains("note: mpc.sample_time = 0.1 s"), "{}", text(&output.stderr));
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stdout));
+    let json: Value =
+        serde_json::from_slice(&std::fs::read(folder.path().join("drive.json")).unwrap()).unwrap();
+    assert!(json["tracking"]["max"].as_f64().unwrap() < 0.2, "{json}");
+    // Whoever sets it has it, and hears of it.
+    let output = rfl(folder.path(), &[&call[..], &["--set", "mpc.sample_time=0.01"]].concat());
+    assert!(text(&output.stderr).contains("mpc.sample_time, as set"), "{}", text(&output.stderr));
+    let refusal = refused(&rfl(folder.path(), &["drive", "--quiet", "--path", &road, "--step", "0.5"]));
+    assert!(refusal.contains("--step 0.5") && refusal.contains("0.2"), "{refusal}");
+}

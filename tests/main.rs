@@ -45,6 +45,7 @@ mod diagnose_uncommanded;
 mod diagnosed;
 mod drive_outcomes;
 mod drive_robustness;
+mod drive_slippery;
 mod drive_table;
 mod experiment;
 mod extend;

@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use rfl_mpc::path::sudoku::Route;
-use rfl_mpc::path::{Closure, Path, Sample, SpeedLimits, SpeedPlan};
+use rfl_mpc::path::{BRAKED_SHARE, CAR_GRIP, Closure, DRIVEN_SHARE, Path, Sample, SpeedLimits, SpeedPlan};
 use std::f64::consts::TAU;
 
 const LIMITS: SpeedLimits = SpeedLimits {
@@ -12,6 +12,7 @@ const LIMITS: SpeedLimits = SpeedLimits {
     speed: 20.0,
     curvature_rate: f64::INFINITY,
     lateral_jerk: f64::INFINITY,
+    grip: CAR_GRIP,
 };
 
 fn straight(length: usize) -> Path {
@@ -77,7 +78,37 @@ fn the_road_s_own_limit_and_grip_count() {
         let s = 0.1 * f64::from(i);
         let v = plan.speed(s);
         assert!(v <= path.at(s).speed.unwrap() + 1e-9, "{s}");
-        assert!(v * v * path.curvature(s).abs() <= 0.8 * 9.81 * 0.1 + 0.01, "{s}");
+        assert!(v * v * path.curvature(s).abs() <= 0.1 * CAR_GRIP + 0.01, "{s}");
+    }
+}
+
+#[test]
+fn brakes_and_drive_count_on_the_grip_that_the_road_gives() {
+    // Dry, then ice; with and without a slope of a tenth. Tyres hold the vehicle on the slope, and brake it.
+    for grade in [0.0, 0.1, -0.1] {
+        let samples = (0..=400)
+            .map(|i| Sample {
+                speed: Some(if i < 240 { 15.0 } else { 5.0 }),
+                friction: Some(if i < 100 { 1.0 } else { 0.2 }),
+                grade: Some(grade),
+                ..Sample::at(f64::from(i), 0.0)
+            })
+            .collect();
+        let path = Path::from_samples(samples, Closure::Open).unwrap();
+        let plan = SpeedPlan::between(&path, &LIMITS, Some(2.0), true);
+        let slope = 9.81 * f64::sin(grade);
+        let mut used = 0.0f64;
+        for i in 1050..4000 {
+            let s = 0.1 * f64::from(i);
+            let by_tyres = plan.accel(s) + slope;
+            let [brakes, drive] = [BRAKED_SHARE, DRIVEN_SHARE].map(|share| share * 0.2 * CAR_GRIP);
+            // Uphill, where one axle holds the vehicle but hardly drives it, and downhill, where tyres hold it and hardly
+            // brake it, a plan still gets on.
+            let drive = drive.max(slope + 0.15 * LIMITS.accel);
+            assert!((-brakes..drive + 0.01).contains(&by_tyres), "{grade} at {s}: {by_tyres}");
+            used = used.max(-by_tyres);
+        }
+        assert!(grade > 0.0 || used > 0.7 * BRAKED_SHARE * 0.2 * CAR_GRIP, "{grade}: {used}");
     }
 }
 

@@ -382,12 +382,45 @@ fn set_up<P: Commanded<S, C>, const S: usize, const C: usize>(
         read.apply::<P::Nominal, S>(&mut setup.controller, file)?;
         model.prefer(read.variant);
     }
+    let sample_time = setup.controller.mpc.sample_time;
     args.settings.iter().try_for_each(|text| setup.apply(text))?;
+    keep_up_with(args.step, sample_time, &model, &mut setup.controller)?;
     if let Some(warning) = setup.controller.too_tight::<S>(&setup.path) {
         warn!("warning: {warning}");
     }
     let (variant, model) = model.choose(&setup.controller)?;
     Ok((setup, variant, model))
+}
+
+/// A controller is called once a communication step at most: one that computes more often predicts steps that do not come.
+/// Its sample time becomes the step, unless it was set or a learned model has it; then that is said.
+fn keep_up_with<G: ControlledParameters<S>, const S: usize>(
+    step: f64,
+    own: f64,
+    model: &ModelArgs,
+    controller: &mut ControllerParametersFor<G>,
+) -> Result<(), Box<dyn Error>> {
+    let sample_time = controller.mpc.sample_time;
+    if step <= sample_time * (1.0 + 1e-6) {
+        return Ok(());
+    }
+    let learned = model.variant.is_learned() || model.residual.is_some();
+    if sample_time != own || learned {
+        let why = if learned { "the learned model's" } else { "as set" };
+        warn!(
+            "warning: the controller predicts steps of {sample_time} s (mpc.sample_time, {why}), and is called every \
+             {step} s (--step): what it predicts does not come, and the vehicle may leave the road"
+        );
+        return Ok(());
+    }
+    let mut longer = *controller;
+    longer.mpc.sample_time = step;
+    longer.check::<S>().map_err(|error| format!("--step {step}, the controller's sample time: {error}"))?;
+    *controller = longer;
+    warn!(
+        "note: mpc.sample_time = {step} s, the communication step: the controller is not called more often"
+    );
+    Ok(())
 }
 
 fn drive<P: Commanded<S, C>, const S: usize, const C: usize>(

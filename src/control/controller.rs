@@ -21,7 +21,7 @@ use super::history::History;
 use super::lateral::{LateralError, LateralInput, LateralMpc};
 use super::longitudinal::{LongitudinalInput, LongitudinalMpc, LongitudinalState};
 use super::observer::{Observer, ObserverNoise};
-use super::parameters::{ControllerParametersFor, NominalVehicle, SpeedController};
+use super::parameters::{ControllerParametersFor, NominalVehicle, SpeedController, SpeedParameters};
 use super::preview::SpeedAhead;
 use super::speed::track_speed;
 use super::status::ControlStatus;
@@ -31,7 +31,7 @@ use super::vehicle::{ControlledParameters, ControlledVehicle};
 use crate::nominal::{ERRORS, ErrorState, LateralVehicle as _, body_change};
 use crate::numerics::Random;
 use crate::parameter::OutOfRange;
-use crate::path::{Path, SpeedLimits, SpeedPlan};
+use crate::path::{BRAKED_SHARE, DRIVEN_SHARE, Path, SpeedLimits, SpeedPlan};
 use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -230,6 +230,7 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
             speed: speed.limit,
             curvature_rate: steered(mpc.steer_rate_max / vehicle.wheelbase()),
             lateral_jerk: steered(mpc.lateral_jerk_max),
+            grip: G::GRIP,
         };
         let plan = path.plan_to_the_end(&limits);
         let further = parameters.vehicle.further_states();
@@ -432,7 +433,12 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
         let planned = self.plan.speed(report.station);
         let limit = self.speed_limit(far, planned, elapsed, report);
         let brakes = stops || self.state.speed_share < 1.0;
-        let braking = self.braking(speed, report);
+        let lateral = self.lateral_ahead(speed, report);
+        // A wheel that is asked for more than its tyre gives locks or spins, and no longer steers.
+        let grip = G::GRIP * self.path.friction(report.station);
+        let left = (grip * grip - lateral * lateral).max(0.0).sqrt().max(LEAST_BRAKING * grip);
+        let (drives, stops_by) = (DRIVEN_SHARE * left, BRAKED_SHARE * left);
+        let braking = self.braking(lateral).min(stops_by);
         let integral = self.state.speed_integral;
         if let Some(longitudinal) = &mut self.longitudinal {
             let step = longitudinal.step(&LongitudinalInput {
@@ -444,14 +450,19 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
                 time_limit,
             });
             (report.speed_ref, report.lag_error) = (step.speed_ref, step.lag_error);
-            report.accel_cmd = step.accel_cmd;
+            report.accel_cmd = step.accel_cmd.clamp(-stops_by, drives);
         } else {
             let mut target = (planned, self.plan.accel(report.station));
             if target.0 > limit {
                 target = (limit, 0.0);
             }
             let p = &self.parameters;
-            let command = track_speed(&p.speed, target, speed, self.state.speed_integral, p.mpc.sample_time);
+            let bounded = SpeedParameters {
+                accel_cmd_max: p.speed.accel_cmd_max.min(drives),
+                decel_cmd_max: p.speed.decel_cmd_max.min(stops_by),
+                ..p.speed
+            };
+            let command = track_speed(&bounded, target, speed, self.state.speed_integral, p.mpc.sample_time);
             self.state.speed_integral = command.integral;
             (report.speed_ref, report.accel_cmd) = (target.0, command.accel_cmd);
         }
@@ -482,15 +493,19 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
         if state.speed_share < 1.0 { planned * state.speed_share } else { f64::INFINITY }
     }
 
-    /// Deceleration of a stop, m/s2: the safe one, or the rest of the grip after steering along the road. Speed plan
-    /// and safe stop count on the same grip.
-    fn braking(&self, speed: f64, report: &StepReport) -> f64 {
-        let p = &self.parameters.speed;
+    /// Lateral acceleration that the road asks for soon, m/s2.
+    fn lateral_ahead(&self, speed: f64, report: &StepReport) -> f64 {
         let ahead = (0..GRIP_POINTS).map(|k| {
             let time = GRIP_PREVIEW * f64::from(k) / f64::from(GRIP_POINTS - 1);
             self.path.curvature(report.station + time * speed.max(0.0)).abs()
         });
-        let lateral = speed * speed * ahead.fold(0.0, f64::max);
+        speed * speed * ahead.fold(0.0, f64::max)
+    }
+
+    /// Deceleration of a stop, m/s2: the safe one, or the rest of the grip after steering along the road. Speed plan
+    /// and safe stop count on the same grip.
+    fn braking(&self, lateral: f64) -> f64 {
+        let p = &self.parameters.speed;
         let grip = p.safe_decel.max(p.lateral_accel);
         let left = (grip * grip - lateral * lateral).max(0.0).sqrt();
         left.clamp(LEAST_BRAKING * p.safe_decel, p.safe_decel)

@@ -10,7 +10,8 @@
 //!
 //! `Q` covers forces of the tyres beyond the model, and `R` the sensors' noise (`observer.*`, twice as much).
 //! `n_i >= 1` is the mean of the observed innovations in units of the expected ones: a sensor that is worse than
-//! declared widens its own gate. Between two measurements `P` grows, and the gates with it.
+//! declared widens its own gate. Between two measurements `P` grows, and the gates with it. Poses and velocities come of
+//! different sensors: by how much a wheel's radius or an odometer's scale makes them differ is learned, and is no fault.
 //!
 //! | observation | action |
 //! |---|---|
@@ -72,6 +73,10 @@ const ESTABLISHED: u32 = 5;
 const MOVES: f64 = 1e-3;
 /// Share of the way, and of the turn, by which a pose and the integrated velocities of a new start may differ.
 const WAY_SHARE: f64 = 0.02;
+/// Largest share by which the way of the poses may differ from that of the velocities for good: a sensor's scale.
+const LARGEST_SCALE: f64 = 0.1;
+/// Way after which that share is half learned, m.
+const SCALE_PRIOR: f64 = 1.0;
 /// Largest plausible acceleration beyond the command, m/s2: drag and grade.
 const LARGEST_DRIFT: f64 = 2.0;
 
@@ -108,6 +113,8 @@ pub struct GuardState {
     /// Mean of the squared innovations in units of their variance.
     spread: Signals,
     candidate: Option<NewStart>,
+    /// Way of the poses beyond that of the velocities, and that of the velocities, m, over the last while.
+    ways: [f64; 2],
     /// Acceleration beyond the command, m/s2.
     drift: f64,
     /// True if a stop that has begun is to be completed.
@@ -146,6 +153,7 @@ impl Default for GuardState {
             age: Signals::zeros(),
             spread: Signals::repeat(1.0),
             candidate: None,
+            ways: [0.0; 2],
             drift: 0.0,
             stops: false,
         }
@@ -220,10 +228,15 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
             self.begin(state, &told);
             return Ok(Judgement::Believed);
         };
-        let mut track = self.predict(&track, steer, accel + state.drift, elapsed);
-        let moves = track.mean[3].abs() * elapsed > MOVES;
-        let stale = moves && state.told.is_some_and(|before| before == told);
+        let moves_on = track.mean[3] + (accel + state.drift) * elapsed;
+        let stale = moves_on.abs() * elapsed > MOVES && state.told.is_some_and(|before| before == told);
+        if let (Some(before), true, false) = (state.told, finite, stale) {
+            self.learn_scale(&mut state.ways, &before, &told, elapsed);
+        }
         state.told = finite.then_some(told);
+        let scale = state.scale();
+        let mut track = self.predict(&track, steer, accel + state.drift, scale, elapsed);
+        let moves = track.mean[3].abs() * elapsed > MOVES;
 
         let mut believed = [true; SIGNALS];
         for (i, believed) in believed.iter_mut().enumerate().take(Self::JUDGED) {
@@ -248,7 +261,7 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
             // A vehicle that was put down and stands has the same bits at each step, too.
             let stands = (3..ARTICULATION).all(|i| told[i].abs() * elapsed <= MOVES);
             let there = finite && (!stale || stands);
-            state.candidate = self.candidate(state.candidate, &told, there, elapsed, &state.spread);
+            state.candidate = self.candidate(state.candidate, &told, there, elapsed, scale, &state.spread);
             let age = state.candidate.map_or(0.0, |candidate| candidate.age);
             let goes_on = state.candidate.is_some() && age >= self.parameters.bridge_time - 0.5 * elapsed;
             if goes_on && (!moves || on_road(measurement)) {
@@ -308,6 +321,20 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
         state.candidate = None;
     }
 
+    /// Learns by how much the poses go on faster than the velocities say.
+    fn learn_scale(&self, ways: &mut [f64; 2], before: &Signals, told: &Signals, elapsed: f64) {
+        let (sin, cos) = (before[2] + 0.5 * wrap_angle(told[2] - before[2])).sin_cos();
+        let way = (told[0] - before[0]) * cos + (told[1] - before[1]) * sin;
+        let said = 0.5 * (before[3] + told[3]) * elapsed;
+        // A pose that jumps, or a speed that is none, is not a matter of scale.
+        if (way - said).abs() > LARGEST_SCALE * said.abs() + GATE * (2.0 * self.noise[0]).sqrt() {
+            return;
+        }
+        let keep = 1.0 - (elapsed / MEMORY).min(1.0);
+        ways[0] = ways[0] * keep + (way - said) * said.signum();
+        ways[1] = ways[1] * keep + said.abs();
+    }
+
     /// Continues the candidate of a new start with the motion in `told`, if it is one.
     fn candidate(
         &self,
@@ -315,6 +342,7 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
         told: &Signals,
         there: bool,
         elapsed: f64,
+        scale: f64,
         spread: &Signals,
     ) -> Option<NewStart> {
         let body = told.fixed_rows::<ARTICULATION>(0);
@@ -335,7 +363,7 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
         let between = |i: usize| 0.5 * (last[i] + told[i]);
         let heading = last[2] + 0.5 * wrap_angle(told[2] - last[2]);
         let (sin, cos) = heading.sin_cos();
-        let (vx, vy, turned) = (between(3), between(4), between(5) * elapsed);
+        let (vx, vy, turned) = (scale * between(3), scale * between(4), between(5) * elapsed);
         let reckoned =
             [x + (vx * cos - vy * sin) * elapsed, y + (vx * sin + vy * cos) * elapsed, yaw + turned];
         let (way, turn) = (way + vx.hypot(vy) * elapsed, turn + turned.abs());
@@ -352,7 +380,7 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
     }
 
     /// The motion a step later.
-    fn predict(&self, track: &Track, steer: f64, accel: f64, elapsed: f64) -> Track {
+    fn predict(&self, track: &Track, steer: f64, accel: f64, scale: f64, elapsed: f64) -> Track {
         let h = elapsed;
         let [x, y, yaw, vx, vy, yaw_rate, articulation, articulation_rate] = track.mean.data.0[0];
         // Slower than the model can be, the vehicle rolls: its steering turns it in proportion to its speed.
@@ -382,7 +410,7 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
         let next_vx = if accel < 0.0 && vx >= 0.0 { next_vx.max(0.0) } else { next_vx };
         let mut mean = track.mean;
         let (sin, cos) = (yaw + 0.25 * h * (yaw_rate + next_rate)).sin_cos();
-        let (along, across) = (0.5 * (vx + next_vx), 0.5 * (vy + next_vy));
+        let (along, across) = (0.5 * scale * (vx + next_vx), 0.5 * scale * (vy + next_vy));
         mean[0] = x + h * (along * cos - across * sin);
         mean[1] = y + h * (along * sin + across * cos);
         mean[2] = yaw + 0.5 * h * (yaw_rate + next_rate);
@@ -439,6 +467,12 @@ impl Track {
 }
 
 impl GuardState {
+    /// Way of the poses for each metre of the velocities'.
+    fn scale(&self) -> f64 {
+        let [beyond, way] = self.ways;
+        1.0 + (beyond / (way + SCALE_PRIOR)).clamp(-LARGEST_SCALE, LARGEST_SCALE)
+    }
+
     /// Longest time for which a signal has been implausible, s.
     fn lost(&self) -> f64 {
         self.age.max()

@@ -14,6 +14,7 @@ use super::{ControllerFor, LongitudinalParameters, ObserverParameters};
 use crate::nominal::{ArticulatedState, ErrorState};
 use crate::parameter::{OutOfRange, ParameterGroup};
 use crate::parameters;
+use crate::path::TRUCK_GRIP;
 use crate::vehicle::{Articulated, TruckParameters};
 
 /// States of a truck: its errors to the path, the articulation and its rate.
@@ -72,6 +73,8 @@ const SAFE_SHARE: f64 = 2.0 / 3.0;
 
 impl ControlledParameters<TRUCK_STATES> for NominalTruck {
     type Vehicle = Articulated;
+
+    const GRIP: f64 = TRUCK_GRIP;
 
     fn nominal(&self) -> Articulated {
         self.articulated()

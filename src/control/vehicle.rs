@@ -9,6 +9,7 @@ use super::parameters::{MpcParameters, NmpcParameters, NominalVehicle};
 use super::variant::{BicycleModel, Variant};
 use crate::nominal::{ERRORS, ErrorState, LateralVehicle};
 use crate::parameter::{OutOfRange, ParameterGroup};
+use crate::path::CAR_GRIP;
 use crate::residual::{FileError, FileKind};
 use crate::vehicle::SingleTrack;
 use nalgebra::SVector;
@@ -70,6 +71,9 @@ pub trait ControlledParameters<const S: usize>: std::fmt::Debug + Copy + Partial
     /// The vehicle that they are of.
     type Vehicle: ControlledVehicle<S>;
 
+    /// What plans use at most of its tyres' grip where the friction factor is 1, m/s2.
+    const GRIP: f64;
+
     /// The nominal model's vehicle.
     fn nominal(&self) -> Self::Vehicle;
 
@@ -127,6 +131,8 @@ impl ControlledVehicle<ERRORS> for SingleTrack {
 
 impl ControlledParameters<ERRORS> for NominalVehicle {
     type Vehicle = SingleTrack;
+
+    const GRIP: f64 = CAR_GRIP;
 
     fn nominal(&self) -> SingleTrack {
         self.single_track()

@@ -412,6 +412,8 @@ pub struct ControllerFmu<U: ControllerUnit<S>, const S: usize> {
 struct Running<U: ControllerUnit<S>, const S: usize> {
     controller: ControllerFor<U, S>,
     sampler: Sampler,
+    /// True once the host's step has been held to the sample time.
+    step_judged: bool,
 }
 
 /// State that [`Model::save`] writes.
@@ -503,7 +505,7 @@ impl<U: ControllerUnit<S>, const S: usize> Model for ControllerFmu<U, S> {
             values.set_real(*vr, value);
         }
         write_outputs(v, values, &controller);
-        self.running = Some(Running { controller, sampler: Sampler::new(start_time) });
+        self.running = Some(Running { controller, sampler: Sampler::new(start_time), step_judged: false });
         Ok(())
     }
 
@@ -511,13 +513,25 @@ impl<U: ControllerUnit<S>, const S: usize> Model for ControllerFmu<U, S> {
         &mut self,
         values: &mut Values,
         time: f64,
-        _step: f64,
+        step: f64,
         log: &mut dyn Log,
     ) -> Result<(), ModelError> {
         let v = &self.variables;
-        let Some(Running { controller, sampler }) = &mut self.running else {
+        let Some(Running { controller, sampler, step_judged }) = &mut self.running else {
             return Err(failed("the controller is not initialised"));
         };
+        let sample_time = controller.parameters().mpc.sample_time;
+        if !std::mem::replace(step_judged, true) && step > sample_time * (1.0 + 1e-6) {
+            log.log(
+                Severity::Warning,
+                "control",
+                &format!(
+                    "t = {time} s: the host's step is {step} s, longer than mpc.sample_time, {sample_time} s: the \
+                     controller computes once a step, what it predicts does not come, and the vehicle may leave the \
+                     road. Set mpc.sample_time to the host's step, or make that shorter"
+                ),
+            );
+        }
         if !sampler.due(time, controller.parameters().mpc.sample_time) {
             return Ok(());
         }
@@ -564,7 +578,7 @@ impl<U: ControllerUnit<S>, const S: usize> Model for ControllerFmu<U, S> {
     }
 
     fn save(&self, bytes: &mut Vec<u8>) {
-        if let Some(Running { controller, sampler }) = &self.running {
+        if let Some(Running { controller, sampler, .. }) = &self.running {
             let saved = Saved { controller: controller.state().clone(), sampler: *sampler };
             if let Ok(encoded) = postcard::to_allocvec(&saved) {
                 bytes.extend_from_slice(&encoded);

@@ -6,6 +6,10 @@
 //!     -decel(v) <= v dv/ds <= accel(v),   both scaled by sqrt(1 - (v^2 curvature / a_lat)^2)   (friction ellipse)
 //! ```
 //!
+//! Each half-axis is the driver's wish, or less where tyres do not give it: the road's friction factor times the grip
+//! on a dry road, less what holds the vehicle on a bank or a slope. Not all of it drives or brakes ([`DRIVEN_SHARE`],
+//! [`BRAKED_SHARE`]).
+//!
 //! One pass backwards for braking, one forwards for accelerating, in `v^2`, which is linear in `s` at constant
 //! acceleration. Last, `v^2` is replaced by a sliding mean of its sliding minimum over [`BLEND`]. The result stays
 //! below the limits, is no steeper, and has an acceleration without jumps.
@@ -16,8 +20,20 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 /// Reserved share of the ellipse's longitudinal half-axis, so that a plan can still change speed in a bend that is
 /// driven at the limit.
 const LEAST_SHARE: f64 = 0.15;
-/// Share of the road's grip (9.81 m/s2 times the friction factor) that a plan uses at most.
-const GRIP_SHARE: f64 = 0.8;
+/// Share of the grip that drives: that of the weight on the axle that does.
+pub const DRIVEN_SHARE: f64 = 0.5;
+/// Share of the grip that brakes at most: brakes are shared for a dry road, and elsewhere one axle locks before the
+/// other. A locked wheel neither steers nor brakes as well.
+pub const BRAKED_SHARE: f64 = 0.85;
+/// Share that a plan brakes with: the rest is for a vehicle that is too fast for it.
+const PLANNED_BRAKING: f64 = 0.65;
+/// m/s2.
+const GRAVITY: f64 = 9.81;
+
+/// What a plan uses at most of a car's tyres on a dry road, m/s2: 0.8 of their grip.
+pub const CAR_GRIP: f64 = 0.8 * GRAVITY;
+/// ... and of a truck's, whose hard tyres have three quarters of it.
+pub const TRUCK_GRIP: f64 = 0.6 * GRAVITY;
 
 /// Length over which the acceleration changes from one value to the next in m.
 const BLEND: f64 = 4.0;
@@ -37,10 +53,12 @@ pub struct SpeedLimits {
     pub curvature_rate: f64,
     /// Lateral jerk in m/s3; infinite for no limit.
     pub lateral_jerk: f64,
+    /// What of the tyres' grip a plan uses at most where the friction factor is 1, in m/s2.
+    pub grip: f64,
 }
 
 impl Default for SpeedLimits {
-    /// A calm driver: 2.25 m/s2 sideways, 1.2 forward, 1.8 braking, 50 m/s; steering that is fast enough.
+    /// A calm driver: 2.25 m/s2 sideways, 1.2 forward, 1.8 braking, 50 m/s; steering that is fast enough, a car's tyres.
     fn default() -> Self {
         let without = f64::INFINITY;
         Self {
@@ -50,6 +68,7 @@ impl Default for SpeedLimits {
             speed: 50.0,
             curvature_rate: without,
             lateral_jerk: without,
+            grip: CAR_GRIP,
         }
     }
 }
@@ -106,13 +125,23 @@ impl SpeedPlan {
         let step = path.step;
         let curvature: Vec<f64> = (0..=count).map(|i| path.curvature(i as f64 * step).abs()).collect();
         let mut lateral = Vec::with_capacity(count + 1);
+        let mut along = Vec::with_capacity(count + 1);
         let mut squares: Vec<f64> = (0..=count)
             .map(|i| {
                 let spot = path.locate(i as f64 * step);
                 let friction = path.friction.at(&spot, path.inverse_step);
                 let road = path.speed.at(&spot, path.inverse_step);
-                let limit = limits.lateral_accel.min(GRIP_SHARE * 9.81 * friction).max(1e-3);
+                // Gravity in the road's plane: down its bank, and down its slope.
+                let [to_right, back] =
+                    [&path.bank, &path.grade].map(|q| GRAVITY * q.at(&spot, path.inverse_step).sin());
+                let grip = limits.grip * friction;
+                let outwards = to_right * path.curvature(i as f64 * step).signum();
+                let limit = limits.lateral_accel.min(grip - outwards).max(1e-3);
                 lateral.push(limit);
+                along.push([
+                    limits.decel.min(PLANNED_BRAKING * grip + back).max(LEAST_SHARE * limits.decel.min(grip)),
+                    limits.accel.min(DRIVEN_SHARE * grip - back).max(LEAST_SHARE * limits.accel.min(grip)),
+                ]);
                 let top = if road.is_nan() { limits.speed } else { limits.speed.min(road) };
                 let change = path.curvature_rate(i as f64 * step).abs().max(1e-12);
                 let steered = (limits.curvature_rate / change).min((limits.lateral_jerk / change).cbrt());
@@ -138,11 +167,11 @@ impl SpeedPlan {
                 (squares[0], squares[count]) = (both, both);
             }
             for i in (0..count).rev() {
-                let reachable = squares[i + 1] + 2.0 * limits.decel * share(i + 1, squares[i + 1]) * step;
+                let reachable = squares[i + 1] + 2.0 * along[i + 1][0] * share(i + 1, squares[i + 1]) * step;
                 squares[i] = squares[i].min(reachable);
             }
             for i in 0..count {
-                let reachable = squares[i] + 2.0 * limits.accel * share(i, squares[i]) * step;
+                let reachable = squares[i] + 2.0 * along[i][1] * share(i, squares[i]) * step;
                 squares[i + 1] = squares[i + 1].min(reachable);
             }
         }

@@ -1,0 +1,46 @@
+//! A road whose file tells of ice is driven by it: brakes and drive ask for no more than the tyres give, and each vehicle
+//! keeps its lane.
+
+use rfl_mpc::control::ControllerFor;
+use rfl_mpc::path::{Closure, Path, Sample};
+use rfl_mpc::simulate::{CAR_COLUMNS, ClosedLoopFor, Outcome, SimulatedVehicle, TRUCK_COLUMNS};
+use rfl_mpc::vehicle::{Car, Truck, VehicleParameters as _};
+use std::sync::Arc;
+
+/// Straight, a bend of 30 m, straight; ice from before the braking to the end.
+fn icy_road() -> Arc<Path> {
+    let (mut x, mut y, mut yaw) = (0.0f64, 0.0f64, 0.0f64);
+    let mut samples = Vec::new();
+    for k in 0..=460 {
+        let s = f64::from(k);
+        samples.push(Sample { friction: Some(if s < 90.0 { 1.0 } else { 0.2 }), ..Sample::at(x, y) });
+        let ramp = ((s - 220.0) / 20.0).clamp(0.0, 1.0) * ((320.0 - s) / 20.0).clamp(0.0, 1.0);
+        let middle = yaw + 0.5 * ramp / 30.0;
+        (x, y, yaw) = (x + middle.cos(), y + middle.sin(), yaw + ramp / 30.0);
+    }
+    Arc::new(Path::from_samples(samples, Closure::Open).unwrap())
+}
+
+fn drives<P: SimulatedVehicle<S, C>, const S: usize, const C: usize>() {
+    for name in P::Parameters::BUILTIN {
+        let vehicle = P::Parameters::builtin(name).unwrap();
+        let controller = ControllerFor::new(P::controller(&vehicle), icy_road()).unwrap();
+        let effects = vehicle.effects().clone();
+        let mut closed = ClosedLoopFor::<P, S, C>::at_start(controller, &vehicle, &effects, 0.02).unwrap();
+        let drive = closed.record(300.0, |_, error| error.abs() < 2.5);
+        let max = drive.tracking().max;
+        eprintln!("{name}: {max:.3} m in {:.0} s", drive.duration());
+        assert_eq!(drive.ending.outcome, Outcome::Completed, "{name}: {}", drive.ending.reason());
+        assert!(max < 0.3, "{name}: {max}");
+    }
+}
+
+#[test]
+fn cars_brake_for_a_bend_on_ice() {
+    drives::<Car, 4, CAR_COLUMNS>();
+}
+
+#[test]
+fn trucks_brake_for_a_bend_on_ice() {
+    drives::<Truck, 6, TRUCK_COLUMNS>();
+}
