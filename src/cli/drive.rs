@@ -392,8 +392,13 @@ fn set_up<P: Commanded<S, C>, const S: usize, const C: usize>(
     Ok((setup, variant, model))
 }
 
+/// True if a communication step is longer than the sample time.
+fn is_longer(step: f64, sample_time: f64) -> bool {
+    step > sample_time * (1.0 + 1e-6)
+}
+
 /// A controller is called once a communication step at most: one that computes more often predicts steps that do not come.
-/// Its sample time becomes the step, unless it was set or a learned model has it; then that is said.
+/// Its sample time becomes the step, unless it was set (`own` is the one before) or a learned model has it.
 fn keep_up_with<G: ControlledParameters<S>, const S: usize>(
     step: f64,
     own: f64,
@@ -401,16 +406,7 @@ fn keep_up_with<G: ControlledParameters<S>, const S: usize>(
     controller: &mut ControllerParametersFor<G>,
 ) -> Result<(), Box<dyn Error>> {
     let sample_time = controller.mpc.sample_time;
-    if step <= sample_time * (1.0 + 1e-6) {
-        return Ok(());
-    }
-    let learned = model.variant.is_learned() || model.residual.is_some();
-    if sample_time != own || learned {
-        let why = if learned { "the learned model's" } else { "as set" };
-        warn!(
-            "warning: the controller predicts steps of {sample_time} s (mpc.sample_time, {why}), and is called every \
-             {step} s (--step): what it predicts does not come, and the vehicle may leave the road"
-        );
+    if !is_longer(step, sample_time) || sample_time != own || is_learned(model) {
         return Ok(());
     }
     let mut longer = *controller;
@@ -423,6 +419,21 @@ fn keep_up_with<G: ControlledParameters<S>, const S: usize>(
     Ok(())
 }
 
+fn is_learned(model: &ModelArgs) -> bool {
+    model.variant.is_learned() || model.residual.is_some()
+}
+
+/// Warns of a sample time that is shorter than the communication step, of a controller that has been made.
+fn warn_of_long_steps(step: f64, sample_time: f64, model: &ModelArgs) {
+    if is_longer(step, sample_time) {
+        let why = if is_learned(model) { "the learned model's" } else { "as set" };
+        warn!(
+            "warning: the controller predicts steps of {sample_time} s (mpc.sample_time, {why}), and is called every \
+             {step} s (--step): what it predicts does not come, and the vehicle may leave the road"
+        );
+    }
+}
+
 fn drive<P: Commanded<S, C>, const S: usize, const C: usize>(
     args: &DriveArgs,
 ) -> Result<DriveResult, Box<dyn Error>> {
@@ -431,6 +442,7 @@ fn drive<P: Commanded<S, C>, const S: usize, const C: usize>(
     let bar = progress_bar("driving", setup.path.length(), args.quiet);
     let limits = LaneLimits { lateral_error: args.lane, ..LaneLimits::default() };
     let mut closed = setup.connect(model, args.step)?.with_limits(limits);
+    warn_of_long_steps(args.step, sample_time, &args.model);
     let begin = std::time::Instant::now();
     let drive = closed.record(args.duration.unwrap_or(LONGEST), |row, _| {
         bar.set_position(row[STATION].max(0.0) as u64);

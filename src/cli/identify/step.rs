@@ -40,6 +40,10 @@ pub(super) struct StepColumns {
 /// True for a record of a step: short, or steady from the beginning and then of a few commands only.
 pub(super) fn is_record(step: &StepColumns) -> bool {
     let length = step.time.last().unwrap_or(&0.0) - step.time.first().unwrap_or(&0.0);
+    // Several short drives, or a clock that stands, are no record of a step.
+    if step.time.len() > 1 && (length == 0.0 || !step.time.is_sorted_by(|a, b| !(b < a))) {
+        return false;
+    }
     if length.is_nan() || length < RECORD {
         return true;
     }
