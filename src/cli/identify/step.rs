@@ -41,7 +41,8 @@ pub(super) struct StepColumns {
 pub(super) fn is_record(step: &StepColumns) -> bool {
     let length = step.time.last().unwrap_or(&0.0) - step.time.first().unwrap_or(&0.0);
     // Several short drives, or a clock that stands, are no record of a step.
-    if step.time.len() > 1 && (length == 0.0 || !step.time.is_sorted_by(|a, b| !(b < a))) {
+    let goes_back = step.time.windows(2).any(|pair| pair[1] < pair[0]);
+    if goes_back || step.time.len() > 1 && length == 0.0 {
         return false;
     }
     if length.is_nan() || length < RECORD {
