@@ -71,7 +71,7 @@ pub trait ControlledParameters<const S: usize>: std::fmt::Debug + Copy + Partial
     /// The vehicle that they are of.
     type Vehicle: ControlledVehicle<S>;
 
-    /// What plans use at most of its tyres' grip where the friction factor is 1, m/s2.
+    /// Largest part of its tyres' grip that plans use where the friction factor is 1, m/s2.
     const GRIP: f64;
 
     /// The nominal model's vehicle.

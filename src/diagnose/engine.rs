@@ -51,7 +51,7 @@ pub struct Options {
 }
 
 impl Options {
-    /// What may be named.
+    /// Effects that may be named.
     #[must_use]
     pub fn library(&self) -> Library<'_> {
         Library { without: &self.without, own: &self.own }

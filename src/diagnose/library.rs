@@ -30,7 +30,7 @@ pub trait OwnEffect: Debug + Send + Sync {
     fn act(&self, vehicle: Box<dyn ReducedVehicle>, value: f64) -> Box<dyn ReducedVehicle>;
 }
 
-/// What a diagnosis may name.
+/// Effects that a diagnosis may name.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Library<'a> {
     /// Effects that are left out; within their tolerances they stay.

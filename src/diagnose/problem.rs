@@ -31,7 +31,7 @@ pub struct Problem<'a, V> {
     pub vehicle: &'a V,
     /// Full plant less reduced model.
     pub correction: &'a Correction,
-    /// What may be named.
+    /// Effects that may be named.
     pub library: Library<'a>,
     /// Uncertain parameters.
     pub uncertain: Vec<UncertainParameter>,

@@ -60,7 +60,7 @@ pub enum LogError {
     Turn { file: PathBuf, factor: f64, hint: &'static str },
 }
 
-/// What to write in place of a word.
+/// Advice for a word in place of a number.
 fn instead(column: &str) -> &'static str {
     if column == "time" {
         ", nor a time such as 2024-05-01T12:00:00.02 or 12:00:00.02; give seconds, or let scripts/import_log.py read it"

@@ -30,7 +30,7 @@ const PLANNED_BRAKING: f64 = 0.65;
 /// m/s2.
 const GRAVITY: f64 = 9.81;
 
-/// What a plan uses at most of a car's tyres on a dry road, m/s2: 0.8 of their grip.
+/// Largest part of the grip of a car's tyres that a plan uses on a dry road, m/s2: 0.8 of it.
 pub const CAR_GRIP: f64 = 0.8 * GRAVITY;
 /// ... and of a truck's, whose hard tyres have three quarters of it.
 pub const TRUCK_GRIP: f64 = 0.6 * GRAVITY;
@@ -53,7 +53,7 @@ pub struct SpeedLimits {
     pub curvature_rate: f64,
     /// Lateral jerk in m/s3; infinite for no limit.
     pub lateral_jerk: f64,
-    /// What of the tyres' grip a plan uses at most where the friction factor is 1, in m/s2.
+    /// Largest part of the tyres' grip that a plan uses where the friction factor is 1, in m/s2.
     pub grip: f64,
 }
 

@@ -1,4 +1,4 @@
-//! Which parameters are uncertain, and by how much.
+//! The uncertain parameters of a vehicle on a drive, and their tolerances.
 
 use super::parameter::{Transform, UncertainParameter};
 use crate::diagnose::calibration::Calibration;
@@ -214,7 +214,7 @@ fn of_own(place: usize, own: &dyn OwnEffect, library: Library<'_>) -> UncertainP
     }
 }
 
-/// What is no effect; its unit is its tolerance.
+/// A parameter that is no effect; its unit is its tolerance.
 fn further(id: &'static str, turns: Transform, unit: f64) -> UncertainParameter {
     UncertainParameter {
         id,

@@ -10,6 +10,7 @@
 //!
 //! | file | idea |
 //! |---|---|
+//! | `contact.rs` | slip, load and friction of a contact; its forces |
 //! | `model.rs` | the trait of a formula, and four tyres side by side |
 //! | `coefficients.rs` | the names of the standard's coefficients, their defaults |
 //! | `tir.rs` | reading a `.tir` file |
@@ -19,13 +20,14 @@
 //! Source: H. B. Pacejka, Tyre and Vehicle Dynamics, 2nd ed., section 4.3.2 (signs: ISO; `PKY1 < 0`).
 
 mod coefficients;
+mod contact;
 mod magic_formula;
 mod model;
 mod of_axle;
 mod tir;
 
 pub use coefficients::Coefficients;
-pub use magic_formula::{Contact, TyreForces};
+pub use contact::{Contact, TyreForces};
 pub use model::{FourTyres, OneByOne, TyreModel};
 pub use of_axle::Tyre;
 pub use tir::TirError;

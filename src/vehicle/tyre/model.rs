@@ -4,7 +4,7 @@
 //! with [`CarFor::with_tyres`](crate::vehicle::car::CarFor::with_tyres). The equations of motion ask four tyres side by side
 //! ([`FourTyres`]); [`OneByOne`] asks a model of single tyres four times.
 
-use super::magic_formula::{Contact, TyreForces};
+use super::contact::{Contact, TyreForces};
 use crate::numerics::lanes::{FOUR, Lanes};
 
 /// A tyre in SI units and ISO axes of the wheel. The road's friction comes with each contact.
