@@ -9,7 +9,7 @@ use super::vehicle::{Commanded, VehicleLinearModel, by_kind, vehicle_named};
 use super::{named, progress_bar};
 use crate::control::{
     Choice, ControlVariant, ControlledParameters, ControllerFile, ControllerFor, ControllerParametersFor,
-    KnownActuator, Measurement, PredictionModelFor, Propagation, RollOut, StepError, StepReport,
+    KnownActuator, Measurement, PredictionModelFor, Propagation, RollOut, Sampler, StepError, StepReport,
 };
 use crate::parameter::{NoValue, Parameter};
 use crate::path::sudoku::Route;
@@ -392,11 +392,6 @@ fn set_up<P: Commanded<S, C>, const S: usize, const C: usize>(
     Ok((setup, variant, model))
 }
 
-/// True if a communication step is longer than the sample time.
-fn is_longer(step: f64, sample_time: f64) -> bool {
-    step > sample_time * (1.0 + 1e-6)
-}
-
 /// A controller is called once a communication step at most: one that computes more often predicts steps that do not come.
 /// Its sample time becomes the step, unless it was set (`own` is the one before) or a learned model has it.
 fn keep_up_with<G: ControlledParameters<S>, const S: usize>(
@@ -406,7 +401,7 @@ fn keep_up_with<G: ControlledParameters<S>, const S: usize>(
     controller: &mut ControllerParametersFor<G>,
 ) -> Result<(), Box<dyn Error>> {
     let sample_time = controller.mpc.sample_time;
-    if !is_longer(step, sample_time) || sample_time != own || is_learned(model) {
+    if !Sampler::is_outpaced(step, sample_time) || sample_time != own || is_learned(model) {
         return Ok(());
     }
     let mut longer = *controller;
@@ -425,7 +420,7 @@ fn is_learned(model: &ModelArgs) -> bool {
 
 /// Warns of a sample time that is shorter than the communication step, of a controller that has been made.
 fn warn_of_long_steps(step: f64, sample_time: f64, model: &ModelArgs) {
-    if is_longer(step, sample_time) {
+    if Sampler::is_outpaced(step, sample_time) {
         let why = if is_learned(model) { "the learned model's" } else { "as set" };
         warn!(
             "warning: the controller predicts steps of {sample_time} s (mpc.sample_time, {why}), and is called every \

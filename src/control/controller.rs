@@ -181,6 +181,11 @@ const GRIP_PREVIEW: f64 = 0.5;
 /// Number of points on the road over that time.
 const GRIP_POINTS: u32 = 5;
 
+/// Longitudinal acceleration that a grip leaves beside a lateral one, m/s2.
+fn beside(lateral: f64, grip: f64) -> f64 {
+    (grip * grip - lateral * lateral).max(0.0).sqrt()
+}
+
 /// The controller of a car.
 pub type Controller = ControllerFor<NominalVehicle, ERRORS>;
 
@@ -436,7 +441,7 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
         let lateral = self.lateral_ahead(speed, report);
         // A wheel that is asked for more than its tyre gives locks or spins, and no longer steers.
         let grip = G::GRIP * self.path.friction(report.station);
-        let left = (grip * grip - lateral * lateral).max(0.0).sqrt().max(LEAST_BRAKING * grip);
+        let left = beside(lateral, grip).max(LEAST_BRAKING * grip);
         let (drives, stops_by) = (DRIVEN_SHARE * left, BRAKED_SHARE * left);
         let braking = self.braking(lateral).min(stops_by);
         let integral = self.state.speed_integral;
@@ -507,8 +512,7 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
     fn braking(&self, lateral: f64) -> f64 {
         let p = &self.parameters.speed;
         let grip = p.safe_decel.max(p.lateral_accel);
-        let left = (grip * grip - lateral * lateral).max(0.0).sqrt();
-        left.clamp(LEAST_BRAKING * p.safe_decel, p.safe_decel)
+        beside(lateral, grip).clamp(LEAST_BRAKING * p.safe_decel, p.safe_decel)
     }
 
     /// Seconds that are left to a solver in a step that began then.

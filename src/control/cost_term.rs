@@ -107,7 +107,7 @@ impl WideProblem {
 }
 
 impl CostTerms {
-    /// Adds a term to those that there are already; `qp` is the problem without terms, `parameters` name the solver.
+    /// Adds a term to those that there are already; `narrow` is the problem without terms, `parameters` name the solver.
     ///
     /// # Errors
     /// A problem that the solver refuses.

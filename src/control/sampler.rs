@@ -10,6 +10,12 @@ pub struct Sampler {
 }
 
 impl Sampler {
+    /// True if a host with steps of so many seconds asks for fewer samples than there are instants.
+    #[must_use]
+    pub fn is_outpaced(step: f64, sample_time: f64) -> bool {
+        step > sample_time * (1.0 + 1e-6)
+    }
+
     /// The first sample is at `start`, s.
     #[must_use]
     pub fn new(start: f64) -> Self {

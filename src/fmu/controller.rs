@@ -521,7 +521,7 @@ impl<U: ControllerUnit<S>, const S: usize> Model for ControllerFmu<U, S> {
             return Err(failed("the controller is not initialised"));
         };
         let sample_time = controller.parameters().mpc.sample_time;
-        if !std::mem::replace(step_judged, true) && step > sample_time * (1.0 + 1e-6) {
+        if !std::mem::replace(step_judged, true) && Sampler::is_outpaced(step, sample_time) {
             log.log(
                 Severity::Warning,
                 "control",

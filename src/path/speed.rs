@@ -123,7 +123,7 @@ impl SpeedPlan {
     pub fn between(path: &Path, limits: &SpeedLimits, start: Option<f64>, stop_at_end: bool) -> Self {
         let count = path.cells.len();
         let step = path.step;
-        let curvature: Vec<f64> = (0..=count).map(|i| path.curvature(i as f64 * step).abs()).collect();
+        let curvature: Vec<f64> = (0..=count).map(|i| path.curvature(i as f64 * step)).collect();
         let mut lateral = Vec::with_capacity(count + 1);
         let mut along = Vec::with_capacity(count + 1);
         let mut squares: Vec<f64> = (0..=count)
@@ -135,7 +135,7 @@ impl SpeedPlan {
                 let [to_right, back] =
                     [&path.bank, &path.grade].map(|q| GRAVITY * q.at(&spot, path.inverse_step).sin());
                 let grip = limits.grip * friction;
-                let outwards = to_right * path.curvature(i as f64 * step).signum();
+                let outwards = to_right * curvature[i].signum();
                 let limit = limits.lateral_accel.min(grip - outwards).max(1e-3);
                 lateral.push(limit);
                 along.push([
@@ -145,7 +145,7 @@ impl SpeedPlan {
                 let top = if road.is_nan() { limits.speed } else { limits.speed.min(road) };
                 let change = path.curvature_rate(i as f64 * step).abs().max(1e-12);
                 let steered = (limits.curvature_rate / change).min((limits.lateral_jerk / change).cbrt());
-                (top * top).min(limit / curvature[i].max(1e-9)).min(steered * steered)
+                (top * top).min(limit / curvature[i].abs().max(1e-9)).min(steered * steered)
             })
             .collect();
         if !path.periodic {
@@ -157,7 +157,7 @@ impl SpeedPlan {
             }
         }
         let share = |i: usize, square: f64| {
-            let used = square * curvature[i] / lateral[i];
+            let used = square * curvature[i].abs() / lateral[i];
             (1.0 - used * used).max(0.0).sqrt().max(LEAST_SHARE)
         };
         // A closed path's limits reach over its start: a second round carries them.

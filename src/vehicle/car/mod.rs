@@ -49,8 +49,9 @@ impl Car {
         effects: &Effects,
         road: Option<Arc<Path>>,
     ) -> Result<Self, CarError> {
+        // Only what was read has tyres.
         parameters.check()?;
-        Self::with_tyres(parameters, parameters.tyres(), effects, road)
+        Self::of_checked(parameters, parameters.tyres(), effects, road)
     }
 }
 
@@ -66,6 +67,15 @@ impl<T: TyreModel> CarFor<T> {
         road: Option<Arc<Path>>,
     ) -> Result<Self, CarError> {
         parameters.check()?;
+        Self::of_checked(parameters, tyres, effects, road)
+    }
+
+    fn of_checked(
+        parameters: &CarParameters,
+        tyres: [T; 2],
+        effects: &Effects,
+        road: Option<Arc<Path>>,
+    ) -> Result<Self, CarError> {
         effects.check()?;
         Ok(Self { stepper: Stepper::new(CarPlant::new(parameters, tyres, effects)?, road) })
     }

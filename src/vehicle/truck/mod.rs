@@ -56,8 +56,9 @@ impl Truck {
         effects: &TruckEffects,
         road: Option<Arc<Path>>,
     ) -> Result<Self, TruckError> {
+        // Only what was read has tyres.
         parameters.check()?;
-        Self::with_tyres(parameters, parameters.tyres(), effects, road)
+        Self::of_checked(parameters, parameters.tyres(), effects, road)
     }
 }
 
@@ -73,6 +74,15 @@ impl<T: TyreModel> TruckFor<T> {
         road: Option<Arc<Path>>,
     ) -> Result<Self, TruckError> {
         parameters.check()?;
+        Self::of_checked(parameters, tyres, effects, road)
+    }
+
+    fn of_checked(
+        parameters: &TruckParameters,
+        tyres: [T; 3],
+        effects: &TruckEffects,
+        road: Option<Arc<Path>>,
+    ) -> Result<Self, TruckError> {
         effects.check()?;
         Ok(Self { stepper: Stepper::new(TruckPlant::new(parameters, tyres, effects)?, road) })
     }
