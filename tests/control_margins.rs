@@ -3,9 +3,9 @@
 use nalgebra::{DMatrix, SMatrix, SVector, Vector1};
 use rfl_mpc::control::{
     ControlledParameters, Controller, ControllerParameters, ControllerParametersFor, LinearController,
-    PredictionModel, PredictionModelFor, SteeringLoop, TruckControllerParameters,
+    Measurement, PredictionModel, PredictionModelFor, SteeringLoop, TruckControllerParameters,
 };
-use rfl_mpc::nominal::{Actuator, ContinuousErrorModel, LateralVehicle, SingleTrackError};
+use rfl_mpc::nominal::{ACTUATOR_STATES, Actuator, ContinuousErrorModel, LateralVehicle, SingleTrackError};
 use rfl_mpc::path::{Closure, Path, Sample};
 use rfl_mpc::signal::{self, Signal};
 use rfl_mpc::simulate::ClosedLoop;
@@ -49,6 +49,7 @@ fn integrator(gain: f64, dead_time: f64) -> SteeringLoop<Integrator, 1> {
         state: vec![Vector1::new(-gain)],
         command: vec![0.0],
         tail: None,
+        observer: None,
     };
     SteeringLoop::new(controller, Integrator, Actuator { dead_time, ..Actuator::default() }, 1.0).unwrap()
 }
@@ -247,4 +248,59 @@ fn the_nonlinear_car_stands_about_the_dead_time_that_the_margin_says() {
         let share = high / margin;
         assert!((2.0 / 3.0..1.5).contains(&share), "{speed} m/s: margin {margin} s, the car stands {high} s");
     }
+}
+
+/// Commands of the controller itself in front of the linear vehicle, and of the closed loop as a matrix, after a kick.
+fn follows_the_controller(set: impl Fn(&mut ControllerParameters)) {
+    let (speed, kick) = (15.0, [0.01, 0.0, 0.002, 0.0]);
+    let mut parameters = ControllerParameters::for_car(&builtin("c_class").unwrap());
+    parameters.speed.limit = speed;
+    parameters.mpc.tightening = 1.0;
+    set(&mut parameters);
+    let road = [0.0, 500.0, 1000.0, 1500.0].map(|x| Sample::at(x, 0.0));
+    let road = Arc::new(Path::from_samples(road.to_vec(), Closure::Open).unwrap());
+    let model = PredictionModel::Actuator(Actuator::default());
+    let mut controller = Controller::predicting_with(parameters, road, model.clone()).unwrap();
+    let vehicle = parameters.vehicle.nominal();
+    let plant = vehicle.model_at(speed).unwrap().discretise(TS);
+
+    let of = LinearController::at_speeds(&parameters, model, &[speed]).unwrap().remove(0);
+    assert_eq!(of.observer.is_some(), parameters.observer.is_on());
+    let closed = SteeringLoop::new(of, vehicle, Actuator::default(), 1.5).unwrap().closed();
+    let mut linear = nalgebra::DVector::zeros(closed.nrows());
+
+    let mut x = SVector::zeros();
+    let mut largest: f64 = 0.0;
+    // The covariances settle before the kick.
+    let settled = 2000;
+    for k in 0..settled + 150 {
+        if k == settled {
+            x = SVector::from(kick);
+            linear.rows_mut(0, 4).copy_from(&x);
+        }
+        let (vy, station) = (x[1] - speed * x[2], 100.0 + speed * TS * k as f64);
+        let measurement = Measurement {
+            x: station,
+            y: x[0],
+            yaw: x[2],
+            vx: speed,
+            vy,
+            yaw_rate: x[3],
+            ..Measurement::default()
+        };
+        let steer = controller.step(&measurement).unwrap().steer_cmd;
+        x = plant.step(&x, steer, 0.0, 0.0);
+        linear = &closed * linear;
+        let expected = linear[4 + ACTUATOR_STATES];
+        largest = largest.max(expected.abs());
+        assert!((steer - expected).abs() < 1e-3 * largest + 1e-9, "step {k}: {steer}, {expected}");
+    }
+    assert!(largest > 1e-4, "{largest}");
+}
+
+#[test]
+fn the_linear_loop_is_that_of_the_controller_with_its_observer_and_without() {
+    follows_the_controller(|_| ());
+    follows_the_controller(|parameters| parameters.observer.disturbance_noise = 0.2);
+    follows_the_controller(|parameters| parameters.observer.disturbance_noise = 0.0);
 }

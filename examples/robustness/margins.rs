@@ -67,13 +67,13 @@ fn raised<P: Compared<S, C>, const S: usize, const C: usize>(
     let family = if P::KIND == "truck" { RandomRoad::TRUCK } else { RandomRoad::CAR };
     let path = Arc::new(RandomRoad { length: 1.5 * family.length, ..family }.path(ROAD)?);
     let what = [("steer_delay", 0.0, 1.5), ("steer_gain", 1.0, 3.0)];
-    let rows = ["calm", "default"];
+    let rows = ["calm", "sure", "default"];
     let count = vehicles.len() * what.len() * rows.len();
     let work = |number: usize| -> Result<Value, Box<dyn Error>> {
         let row = rows[number % rows.len()];
         let (effect, from, to) = what[number / rows.len() % what.len()];
         let vehicle = vehicles[number / rows.len() / what.len()];
-        let driven = |value: f64| drive::<P, S, C>(vehicle, &path, row == "calm", effect, value, limit);
+        let driven = |value: f64| drive::<P, S, C>(vehicle, &path, row, effect, value, limit);
         let (first, (mut low, mut high)) = (driven(from)?, (from, to));
         let last = driven(to)?;
         let mut at_low = first.1;
@@ -102,7 +102,7 @@ fn raised<P: Compared<S, C>, const S: usize, const C: usize>(
 fn drive<P: Compared<S, C>, const S: usize, const C: usize>(
     vehicle: &str,
     path: &Arc<Path>,
-    calm: bool,
+    row: &str,
     effect: &str,
     value: f64,
     limit: f64,
@@ -113,8 +113,14 @@ fn drive<P: Compared<S, C>, const S: usize, const C: usize>(
     let mut parameters = P::controller(&vehicle);
     parameters.speed.limit = limit;
     let known = parameters.actuator.actuator();
-    // Calm: what it predicts with stays the file's, and so do its weights.
-    let model = if calm { PredictionModelFor::Actuator(known) } else { PredictionModelFor::Adaptive(known) };
+    // Calm and sure: what it predicts with stays the file's. A given actuator counts as sure.
+    let model = match row {
+        "default" => PredictionModelFor::Adaptive(known),
+        _ => PredictionModelFor::Actuator(known),
+    };
+    if row == "calm" {
+        parameters.mpc.tightening = 1.0;
+    }
     let controller = ControllerFor::predicting_with(parameters, path.clone(), model)?;
     let (step, duration) = (parameters.mpc.sample_time, 2.0 * controller.speed_plan().duration() + 30.0);
     let mut closed = ClosedLoopFor::<P, S, C>::at_start(controller, &vehicle, &effects, step)?;

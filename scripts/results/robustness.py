@@ -209,8 +209,8 @@ def margins_markdown(margins: dict) -> list[str]:
     text = [
         "## Margins",
         "",
-        "Delay margin and gain margin of the linear loop with the file's actuator. Calm: before the drive has shown the "
-        "actuator; sure: after.",
+        "Delay margin and gain margin of the linear loop, observer included, with the file's actuator. Calm: before the "
+        "drive has shown the actuator; sure: after.",
         "",
         markdown_table(["vehicle", "", *(f"{s:g} m/s" for s in speeds)], body),
         "",
@@ -220,10 +220,16 @@ def margins_markdown(margins: dict) -> list[str]:
         ),
         f"Least of the sure: {min(m['delay'] for m in sure):.3f} s and {min(m['gain'] or 99 for m in sure):.2f}.",
         "",
-        f"Measured on the nonlinear vehicle, random road {margins['road_seed']}: raised until the drive is lost. Calm: the "
-        "controller keeps the file's actuator and calm weights; default: it may learn the actuator.",
+        f"Measured on the nonlinear vehicle, random road {margins['road_seed']}: raised until the drive is lost. Calm and "
+        "sure: the controller keeps the file's actuator, and the weights of that end; default: it may learn the actuator.",
         "",
     ]
+    measured = [m for m in margins["measured"] if m.get("row") == "calm"]
+    least = {"steer_delay": 0.15, "steer_gain": 2.0}
+    short = [m for m in measured if m["stands"] < least[m["effect"]]]
+    if measured:
+        verdict = "met" if not short else "**missed** by " + ", ".join(f"{m['vehicle']} {m['effect']}" for m in short)
+        text += [f"Goal, calm: stands 0.15 s and a gain of 2: {verdict}.", ""]
     body = []
     for m in margins["measured"]:
         if "failed" in m:

@@ -445,6 +445,7 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
         let (drives, stops_by) = (DRIVEN_SHARE * left, BRAKED_SHARE * left);
         let braking = self.braking(lateral).min(stops_by);
         let integral = self.state.speed_integral;
+        let drives = drives.min(self.catching_up(lateral) + integral.max(0.0));
         if let Some(longitudinal) = &mut self.longitudinal {
             let step = longitudinal.step(&LongitudinalInput {
                 station: report.station,
@@ -505,6 +506,17 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
             self.path.curvature(report.station + time * speed.max(0.0)).abs()
         });
         speed * speed * ahead.fold(0.0, f64::max)
+    }
+
+    /// Acceleration of a vehicle that is slower than its plan, m/s2: by the plan's friction ellipse, because a road that is more
+    /// slippery than it is told has no grip for both. Holding the speed against drag and slope comes on top.
+    fn catching_up(&self, lateral: f64) -> f64 {
+        let p = &self.parameters;
+        if p.guard.active == 0 {
+            return p.speed.accel_cmd_max;
+        }
+        let share = beside(lateral, p.speed.lateral_accel) / p.speed.lateral_accel;
+        p.speed.accel_cmd_max * share.max(LEAST_BRAKING)
     }
 
     /// Deceleration of a stop, m/s2: the safe one, or the rest of the grip after steering along the road. Speed plan

@@ -298,11 +298,16 @@ impl<const S: usize> LateralMpc<S> {
         self.learned_is_used = input.residual_share >= HALF;
         if self.learned_is_used {
             beside.look(&whole, &self.preview, previous)?;
-            self.variant.plan(&whole, &self.preview, previous, &mut self.qp)
+            let planned = self.variant.plan(&whole, &self.preview, previous, &mut self.qp);
+            if self.variant.is_within_training() {
+                return planned;
+            }
+            // Mostly faded out: neither of the two as a whole.
+            self.learned_is_used = false;
         } else {
             self.variant.look(&whole, &self.preview, previous)?;
-            beside.plan(&whole, &self.preview, previous, &mut self.qp)
         }
+        beside.plan(&whole, &self.preview, previous, &mut self.qp)
     }
 
     /// Writes the weights and the bound of the rate at a speed, [tightened](MpcParameters::tightened).

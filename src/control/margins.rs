@@ -18,21 +18,30 @@
 //! `L`. The phase margin is the angle `arg L + pi` at `|L| = 1`, and the delay margin is that angle over `w`. The poles
 //! decide on stability: the spectral radius of the closed loop, by Gelfand's formula `|A^n|^(1/n)`.
 //!
-//! The observer (`observer.*`, off by default) is not in it, and a learned forest is taken as its leaves at straight driving.
+//! An observer stands before the gains, with the steady gains `M` of its filter. It predicts with the MPC's own model and takes
+//! part in the memory, `p` being the predicted state and `d` the disturbance:
+//!
+//! ```text
+//! xhat_k = p_k + M_x (x_k - p_k),    d_k = d_{k-1} + M_d (x_k - p_k),    p_{k+1} = N xhat_k + G d_k + sum_{i>=0} n_i u_{k-i}
+//! u_k = K_0 xhat_k + K_d d_k + ..
+//! ```
+//!
+//! A learned forest is taken as its leaves at straight driving.
 //!
 //! Source: Franklin, Powell and Workman, Digital Control of Dynamic Systems, ch. 7 (sampled loops); Skogestad and
 //! Postlethwaite, Multivariable Feedback Control, ch. 2.4 (margins).
 
 use super::history::History;
 use super::lateral::{LateralError, LateralInput, LateralMpc};
+use super::observer::{Observer, ObserverNoise};
 use super::parameters::{ControllerParametersFor, MpcParameters};
 use super::preview::SpeedAhead;
 use super::tracking_qp::QpError;
-use super::variant::PredictionModelFor;
+use super::variant::{ExpectedState, PredictionModelFor};
 use super::vehicle::{Bound, ControlledParameters, FurtherState};
 use crate::nominal::{ACTUATOR_STATES, ActuatedModel, Actuator, LateralVehicle, SingleTrackError};
 use crate::path::{Closure, Path, PathError, Sample};
-use nalgebra::{Complex, DMatrix, SVector};
+use nalgebra::{Complex, DMatrix, SMatrix, SVector};
 use std::f64::consts::{PI, TAU};
 
 /// Reasons for which there are no margins.
@@ -62,6 +71,25 @@ pub struct LinearController<const S: usize> {
     pub command: Vec<f64>,
     /// Constant continuation behind these.
     pub tail: Option<Tail>,
+    /// The observer before these gains, if it is on.
+    pub observer: Option<LinearObserver<S>>,
+}
+
+/// A steady observer, and the prediction that it compares with.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LinearObserver<const S: usize> {
+    /// Gain of the estimated state on a deviation from the prediction.
+    pub of_state: SMatrix<f64, S, S>,
+    /// Gain of the disturbance on it.
+    pub of_disturbance: SMatrix<f64, S, S>,
+    /// Effect `G` of the disturbance in a step.
+    pub effect: SMatrix<f64, S, S>,
+    /// Gain of the command on the disturbance.
+    pub by_disturbance: SVector<f64, S>,
+    /// The next state by the state of this step, the one before, ..
+    pub next_by_state: Vec<SMatrix<f64, S, S>>,
+    /// The next state by the command of this step, the one before, ..
+    pub next_by_command: Vec<SVector<f64, S>>,
 }
 
 /// Gains that fall by a ratio from command to command: the memory of a lag.
@@ -109,6 +137,8 @@ const UNIT: f64 = 1e-2;
 const NEVER: f64 = 1e6;
 /// Gains below this share of the largest are negligible.
 const NEGLIGIBLE: f64 = 1e-8;
+/// Steps after which an observer's covariances stand still.
+const SETTLED: usize = 3000;
 /// The plan with which a learned residual is asked is the plan itself after so many steps.
 const PLAN_STEPS: usize = 4;
 /// Frequencies of the grid.
@@ -149,27 +179,118 @@ impl<const S: usize> LinearController<S> {
         let lateral = LateralMpc::new(parameters.vehicle.nominal(), mpc, &further, model)?;
         let road = [0.0, 25.0, 50.0, 75.0, 100.0].map(|x| Sample::at(x, 0.0));
         let road = Path::from_samples(road.to_vec(), Closure::Open)?;
-        let mut asked = Asked { lateral, road, sample_time: mpc.sample_time };
+        let observer = parameters.observer.is_on().then(|| {
+            let further = parameters.vehicle.further_states();
+            ObserverNoise::new(&parameters.observer, &further, mpc.sample_time)
+        });
+        let mut asked = Asked { lateral, road, sample_time: mpc.sample_time, observer };
         speeds.iter().map(|&speed| asked.at(speed, looks_back)).collect()
     }
 
     /// `K(z)` applied to a state, and `h(z)`.
     fn response(&self, z_inverse: Complex<f64>, state: &[Complex<f64>; S]) -> [Complex<f64>; 2] {
-        let mut by_state = Complex::new(0.0, 0.0);
-        for gain in self.state.iter().rev() {
-            by_state *= z_inverse;
-            for (gain, state) in gain.iter().zip(state) {
-                by_state += state * *gain;
-            }
+        let zero = Complex::new(0.0, 0.0);
+        // What is behind a gain of this step: Horner, from the oldest.
+        let mut by_state = zero;
+        for gain in self.state.iter().skip(1).rev() {
+            by_state = (by_state + applied(gain, state)) * z_inverse;
         }
-        // Horner, from the oldest command.
-        let mut by_command = self
-            .tail
-            .map_or(Complex::new(0.0, 0.0), |tail| (1.0 - z_inverse * tail.ratio).inv() * tail.first);
+        let mut by_command =
+            self.tail.map_or(zero, |tail| (1.0 - z_inverse * tail.ratio).inv() * tail.first);
         for gain in self.command.iter().rev() {
             by_command = by_command * z_inverse + gain;
         }
-        [by_state, by_command * z_inverse]
+        by_command *= z_inverse;
+        let Some(observer) = &self.observer else {
+            return [by_state + applied(&self.state[0], state), by_command];
+        };
+        let [by_seen, by_issued] = observer.response(z_inverse, state, &self.state[0]);
+        [by_state + by_seen, by_command + by_issued]
+    }
+}
+
+/// A gain applied to a state.
+fn applied<const S: usize>(gain: &SVector<f64, S>, state: &[Complex<f64>; S]) -> Complex<f64> {
+    gain.iter().zip(state).map(|(gain, state)| state * *gain).sum()
+}
+
+impl<const S: usize> LinearObserver<S> {
+    /// `u` by way of the estimate: of a measured state, and of a command of 1.
+    fn response(
+        &self,
+        z_inverse: Complex<f64>,
+        measured: &[Complex<f64>; S],
+        gain: &SVector<f64, S>,
+    ) -> [Complex<f64>; 2] {
+        let complex = |value: f64| Complex::new(value, 0.0);
+        let z = z_inverse.inv();
+        // The disturbance sums the deviations x - p: d = M_d (x - p) z / (z - 1).
+        let disturbance = self.of_disturbance.map(complex) * (1.0 - z_inverse).inv();
+        let next = self.next_by_state[0].map(complex);
+        let estimate = self.of_state.map(complex);
+        let measured = SVector::from(*measured);
+        // (z - N (I - M_x) + G M_d z / (z - 1)) p = (N M_x + G M_d z / (z - 1)) x + older states, or commands
+        let by_deviation = next * estimate + self.effect.map(complex) * disturbance;
+        let mut drive = by_deviation * measured;
+        let mut delay = complex(1.0);
+        for older in self.next_by_state.iter().skip(1) {
+            delay *= z_inverse;
+            drive += older.map(complex) * measured * delay;
+        }
+        let mut issued = SVector::zeros();
+        let mut delay = complex(1.0);
+        for gain in &self.next_by_command {
+            issued += gain.map(complex) * delay;
+            delay *= z_inverse;
+        }
+        let a = next - by_deviation;
+        let predicted = |drive: SVector<Complex<f64>, S>| {
+            SVector::from(solve_shifted::<S>(z, |i, j| a[(i, j)], drive.into()))
+        };
+        let command = |predicted: SVector<Complex<f64>, S>, measured: SVector<Complex<f64>, S>| {
+            let deviation = measured - predicted;
+            let state = predicted + estimate * deviation;
+            (gain.map(complex).transpose() * state)[0]
+                + (self.by_disturbance.map(complex).transpose() * disturbance * deviation)[0]
+        };
+        [command(predicted(drive), measured), command(predicted(issued), SVector::zeros())]
+    }
+}
+
+impl<const S: usize> LinearObserver<S> {
+    /// Writes the rows of `p` and `d` into the closed loop; `command` is the command as a row, and the places are those of the
+    /// commands before, of the states before, and of `p` and `d`.
+    fn close(
+        &self,
+        closed: &mut DMatrix<f64>,
+        command: &[f64],
+        commands: usize,
+        states: usize,
+        [predicted, disturbance]: [usize; 2],
+    ) {
+        let by_deviation = self.next_by_state[0] * self.of_state + self.effect * self.of_disturbance;
+        // A disturbance that nothing moves is no pole of the loop.
+        let moved = SMatrix::from_fn(|i, j| f64::from(u8::from(i == j && self.of_disturbance.row(i).amax() > 0.0)));
+        let mut write = |row: usize, column: usize, block: &SMatrix<f64, S, S>| {
+            closed.view_mut((row, column), (S, S)).copy_from(block);
+        };
+        write(predicted, 0, &by_deviation);
+        write(predicted, predicted, &(self.next_by_state[0] - by_deviation));
+        write(predicted, disturbance, &self.effect);
+        for (back, block) in self.next_by_state.iter().enumerate().skip(1) {
+            write(predicted, states + S * (back - 1), block);
+        }
+        write(disturbance, 0, &self.of_disturbance);
+        write(disturbance, predicted, &-self.of_disturbance);
+        write(disturbance, disturbance, &moved);
+        for i in 0..S {
+            for (back, gain) in self.next_by_command.iter().enumerate().skip(1) {
+                closed[(predicted + i, commands + back - 1)] += gain[i];
+            }
+            for (column, value) in command.iter().enumerate() {
+                closed[(predicted + i, column)] += self.next_by_command[0][i] * value;
+            }
+        }
     }
 }
 
@@ -178,7 +299,11 @@ struct Asked<const S: usize> {
     lateral: LateralMpc<S>,
     road: Path,
     sample_time: f64,
+    observer: Option<ObserverNoise<S>>,
 }
+
+/// Answer of the MPC in a situation: the command, and the state that it expects without one.
+type Answer<const S: usize> = (f64, Option<ExpectedState<S>>);
 
 impl<const S: usize> Asked<S> {
     fn at(&mut self, speed: f64, looks_back: bool) -> Result<LinearController<S>, MarginError> {
@@ -186,22 +311,56 @@ impl<const S: usize> Asked<S> {
         let states = if looks_back { window.max(1) } else { 1 };
         let commands = window.saturating_sub(1).max(1);
         let zero = vec![SVector::zeros(); states];
-        let rest = self.answer(speed, &zero, &vec![0.0; commands])?;
+        let still = vec![0.0; commands];
+        let nothing = SVector::zeros();
+        let rest = self.answer(speed, &zero, &still, &nothing, 0.0)?;
+        let next_from_rest = |next: &Answer<S>| match (next.1, rest.1) {
+            (Some(next), Some(rest)) => (next.state - rest.state) / UNIT,
+            _ => SVector::zeros(),
+        };
         let mut state = Vec::with_capacity(states);
+        let mut next_by_state = Vec::with_capacity(states);
         for back in 0..states {
             let mut gain = SVector::zeros();
+            let mut next = SMatrix::<f64, S, S>::zeros();
             for i in 0..S {
                 let mut asked = zero.clone();
                 asked[back][i] = UNIT;
-                gain[i] = (self.answer(speed, &asked, &vec![0.0; commands])? - rest) / UNIT;
+                let answer = self.answer(speed, &asked, &still, &nothing, 0.0)?;
+                gain[i] = (answer.0 - rest.0) / UNIT;
+                next.set_column(i, &next_from_rest(&answer));
             }
             state.push(gain);
+            next_by_state.push(next);
         }
+        let mut next_by_command =
+            vec![next_from_rest(&self.answer(speed, &zero, &still, &nothing, UNIT)?)];
         let mut command = Vec::with_capacity(commands);
         for back in 0..commands {
-            let mut asked = vec![0.0; commands];
+            let mut asked = still.clone();
             asked[back] = UNIT;
-            command.push((self.answer(speed, &zero, &asked)? - rest) / UNIT);
+            let answer = self.answer(speed, &zero, &asked, &nothing, 0.0)?;
+            command.push((answer.0 - rest.0) / UNIT);
+            next_by_command.push(next_from_rest(&answer));
+        }
+        if let (Some(noise), Some(expected)) = (self.observer.clone(), rest.1) {
+            let [of_state, of_disturbance] = steady_gains(&noise, speed, &expected.transition);
+            let effect = *noise.effect();
+            let mut by_disturbance = SVector::zeros();
+            for i in 0..S {
+                let unit = effect.column(i) * UNIT;
+                by_disturbance[i] = (self.answer(speed, &zero, &still, &unit, 0.0)?.0 - rest.0) / UNIT;
+            }
+            let observer = Some(LinearObserver {
+                of_state,
+                of_disturbance,
+                effect,
+                by_disturbance,
+                next_by_state,
+                next_by_command,
+            });
+            let sample_time = self.sample_time;
+            return Ok(LinearController { speed, sample_time, state, command, tail: None, observer });
         }
         let size = state.iter().map(SVector::amax).fold(0.0, f64::max);
         while state.len() > 1
@@ -210,23 +369,25 @@ impl<const S: usize> Asked<S> {
             state.pop();
         }
         let tail = cut_tail(&mut command);
-        Ok(LinearController { speed, sample_time: self.sample_time, state, command, tail })
+        Ok(LinearController { speed, sample_time: self.sample_time, state, command, tail, observer: None })
     }
 
-    /// The command in a situation: states and commands newest first.
+    /// The answer to a situation, states and commands newest first, and to the disturbance's effect in a step; `steer` is
+    /// the command that the next state is expected with.
     fn answer(
         &mut self,
         speed: f64,
         states: &[SVector<f64, S>],
         commands: &[f64],
-    ) -> Result<f64, MarginError> {
+        disturbance: &SVector<f64, S>,
+        steer: f64,
+    ) -> Result<Answer<S>, MarginError> {
         let window = self.lateral.window();
         let mut history = History::new(window);
         for back in (0..window).rev() {
             let state = states.get(back).copied().unwrap_or_else(SVector::zeros);
             history.observe(&state, commands.get(back).copied().unwrap_or(0.0));
         }
-        let disturbance = SVector::zeros();
         let mut plan = Vec::new();
         for _ in 0..if states.len() > 1 { PLAN_STEPS } else { 1 } {
             let input = LateralInput {
@@ -239,7 +400,7 @@ impl<const S: usize> Asked<S> {
                 ahead: SpeedAhead { speed, accel: 0.0, predicted: &[] },
                 previous: commands[0],
                 path: &self.road,
-                disturbance: &disturbance,
+                disturbance,
                 residual_share: 1.0,
                 time_limit: f64::INFINITY,
                 actuator: None,
@@ -249,8 +410,30 @@ impl<const S: usize> Asked<S> {
             plan.clear();
             plan.extend_from_slice(self.lateral.plan());
         }
-        Ok(plan[0])
+        Ok((plan[0], self.lateral.next_state(&states[0], history.commands(), steer)))
     }
+}
+
+/// Gains of the observer's state and of its disturbance on a deviation, once its covariances stand still.
+fn steady_gains<const S: usize>(
+    noise: &ObserverNoise<S>,
+    speed: f64,
+    transition: &SMatrix<f64, S, S>,
+) -> [SMatrix<f64, S, S>; 2] {
+    let mut observer = Observer::default();
+    let expected = ExpectedState { state: SVector::zeros(), transition: *transition };
+    for _ in 0..SETTLED {
+        observer.observe(&SVector::zeros(), speed, noise);
+        observer.expect(expected);
+    }
+    let mut gains = [SMatrix::<f64, S, S>::zeros(); 2];
+    for i in 0..S {
+        let mut asked = observer.clone();
+        let unit = SVector::from_fn(|j, _| if i == j { UNIT } else { 0.0 });
+        gains[0].set_column(i, &(asked.observe(&unit, speed, noise) / UNIT));
+        gains[1].set_column(i, &(asked.accelerations() / UNIT));
+    }
+    gains
 }
 
 /// Cuts gains that fall by one ratio to the end off the end. The last of them stands for all before it, so it is not
@@ -335,7 +518,7 @@ impl<V: LateralVehicle<S>, const S: usize> SteeringLoop<V, S> {
         -by_state / (1.0 - by_command)
     }
 
-    /// The closed loop from step to step: `[X, commands before, tail, states before]`.
+    /// The closed loop from step to step: `[X, commands before, tail, states before, p, d]`.
     #[must_use]
     pub fn closed(&self) -> DMatrix<f64> {
         let (plant, controller) = (&self.plant, &self.controller);
@@ -345,13 +528,24 @@ impl<V: LateralVehicle<S>, const S: usize> SteeringLoop<V, S> {
         let begin = S + ACTUATOR_STATES;
         let tail = begin + commands;
         let states = tail + 1;
-        let size = states + S * (controller.state.len() - 1);
+        let predicted = states + S * (controller.state.len() - 1);
+        let disturbance = predicted + S;
+        let size = predicted + if controller.observer.is_some() { 2 * S } else { 0 };
         let mut closed = DMatrix::zeros(size, size);
         // The command as a row.
         let mut command = vec![0.0; size];
         for (back, gain) in controller.state.iter().enumerate() {
             let place = if back == 0 { 0 } else { states + S * (back - 1) };
             command[place..place + S].copy_from_slice(gain.as_slice());
+        }
+        if let Some(observer) = &controller.observer {
+            // K_0 xhat + K_d d
+            let gain = controller.state[0].transpose();
+            let by_deviation =
+                gain * observer.of_state + observer.by_disturbance.transpose() * observer.of_disturbance;
+            command[..S].copy_from_slice(by_deviation.as_slice());
+            command[predicted..disturbance].copy_from_slice((gain - by_deviation).as_slice());
+            command[disturbance..].copy_from_slice(observer.by_disturbance.as_slice());
         }
         command[begin..begin + singly].copy_from_slice(&controller.command);
         command[tail] = controller.tail.map_or(0.0, |tail| tail.first);
@@ -402,6 +596,9 @@ impl<V: LateralVehicle<S>, const S: usize> SteeringLoop<V, S> {
                 let from = if back == 1 { 0 } else { states + S * (back - 2) };
                 closed[(states + S * (back - 1) + i, from + i)] = 1.0;
             }
+        }
+        if let Some(observer) = &controller.observer {
+            observer.close(&mut closed, &command, begin, states, [predicted, disturbance]);
         }
         closed
     }
@@ -543,11 +740,19 @@ impl Margins {
 fn resolve<const N: usize>(
     z: Complex<f64>,
     a: impl Fn(usize, usize) -> f64,
+    b: [Complex<f64>; N],
+) -> [Complex<f64>; N] {
+    solve_shifted(z, |i, j| a(i, j).into(), b)
+}
+
+/// The same with a complex `A`.
+fn solve_shifted<const N: usize>(
+    z: Complex<f64>,
+    a: impl Fn(usize, usize) -> Complex<f64>,
     mut b: [Complex<f64>; N],
 ) -> [Complex<f64>; N] {
-    let mut m: [[Complex<f64>; N]; N] = std::array::from_fn(|i| {
-        std::array::from_fn(|j| if i == j { z - a(i, j) } else { (-a(i, j)).into() })
-    });
+    let mut m: [[Complex<f64>; N]; N] =
+        std::array::from_fn(|i| std::array::from_fn(|j| if i == j { z - a(i, j) } else { -a(i, j) }));
     for k in 0..N {
         let pivot =
             (k..N).fold(k, |best, i| if m[i][k].norm_sqr() > m[best][k].norm_sqr() { i } else { best });

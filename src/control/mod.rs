@@ -78,7 +78,7 @@ pub use lateral::{LateralError, LateralInput, LateralMpc};
 pub use longitudinal::{
     LongitudinalInput, LongitudinalMpc, LongitudinalParameters, LongitudinalState, LongitudinalStep,
 };
-pub use margins::{LinearController, MarginError, Margins, SteeringLoop, Tail};
+pub use margins::{LinearController, LinearObserver, MarginError, Margins, SteeringLoop, Tail};
 pub use observer::{Observer, ObserverNoise, ObserverParameters};
 pub use parameters::{
     ActuatorParameters, ControllerParameters, ControllerParametersFor, MpcParameters, NmpcParameters,

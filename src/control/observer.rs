@@ -108,6 +108,11 @@ impl<const S: usize> ObserverNoise<S> {
         }
     }
 
+    /// Effect on the state of accelerations held over a step.
+    pub(super) fn effect(&self) -> &SMatrix<f64, S, S> {
+        &self.effect
+    }
+
     /// Variance of each measured state at a speed, m/s.
     #[must_use]
     pub fn variance(&self, speed: f64) -> SVector<f64, S> {
@@ -175,6 +180,11 @@ impl<const S: usize> Observer<S> {
     /// Forgets everything: the vehicle was moved, or is out of the model's range.
     pub fn reset(&mut self) {
         *self = Self::default();
+    }
+
+    /// The disturbing accelerations.
+    pub(super) fn accelerations(&self) -> SVector<f64, S> {
+        self.disturbance
     }
 
     /// Effect of the disturbance on the state in a step.

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!     d(yaw)/dt = yaw_rate       |d(x, y)|/dt = vx       course(x, y) = yaw + slip       ay = vx * yaw_rate + ...
-//!     d(e1)/dt = e1_rate = vy + vx * e2       d(e2)/dt = e2_rate = yaw_rate - curvature * vx
+//!     d(e1)/dt = e1_rate = vy cos e2 + vx sin e2 = vy + vx * e2       d(e2)/dt = e2_rate = yaw_rate - curvature * vx
 //!     steer = (l + K vx^2) * yaw_rate / vx               (steady cornering, Rajamani ch. 3.3)
 //! ```
 
@@ -248,7 +248,9 @@ fn errors(log: &CleanLog) -> Errors {
         let (vx, e2, rate) = (get("vx")?, get("e2")?, get("e1_rate")?);
         let none = vec![0.0; vx.len()];
         let vy = get("vy").unwrap_or(&none);
-        let asked = vx.iter().zip(e2).zip(vy).map(|((vx, e2), vy)| vy + vx * e2).collect::<Vec<_>>();
+        // Exactly: where the vehicle follows its path closely, the two nearly cancel.
+        let asked =
+            vx.iter().zip(e2).zip(vy).map(|((vx, e2), vy)| vy * e2.cos() + vx * e2.sin()).collect::<Vec<_>>();
         slope(blocks(log, &asked).zip(blocks(log, rate)))
     };
     let turn = || {

@@ -204,6 +204,10 @@ impl<V: LateralVehicle<S>, const S: usize> Variant<S> for NominalWithResidual<V,
         self.affine.window
     }
 
+    fn is_within_training(&self) -> bool {
+        self.within
+    }
+
     fn outside_training(&self) -> f64 {
         self.outside
     }

@@ -212,6 +212,11 @@ pub trait Variant<const S: usize>: Send {
         0
     }
 
+    /// False if the newest prediction began outside the training of a learned model.
+    fn is_within_training(&self) -> bool {
+        true
+    }
+
     /// Share of the newest horizon for which a learned model was asked outside its training, 0 to 1.
     fn outside_training(&self) -> f64 {
         0.0
