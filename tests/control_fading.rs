@@ -1,9 +1,11 @@
 //! A learned model that predicts worse than the nominal one is faded out, one that predicts better is not; outside its
 //! training the actuator that the drive shows stands in for it.
 
-use rfl_mpc::control::{ControlStatus, Controller, ControllerParameters, Propagation, Residual, RollOut};
+use rfl_mpc::control::{
+    ControlStatus, Controller, ControllerParameters, Measurement, Propagation, Residual, RollOut,
+};
 use rfl_mpc::path::sudoku::Route;
-use rfl_mpc::path::{Closure, Path};
+use rfl_mpc::path::{Closure, Path, Sample};
 use rfl_mpc::residual::{DataConfig, DataSet, Kind, ResidualModel, TrainConfig, train};
 use rfl_mpc::simulate::ClosedLoop;
 use rfl_mpc::vehicle::{Effects, builtin};
@@ -115,4 +117,35 @@ fn a_model_of_slow_drives_is_no_worse_at_speed_than_none() {
     assert!(outside > 500.0, "outside its training for {outside} of 1000 steps");
     // With the nominal model in its place it was twice as far off.
     assert!(error < 1.2 * without, "{error} m, without a model {without} m");
+}
+
+/// Between the two a blend would be neither: the loop is tight for a model that fits.
+#[test]
+fn mostly_outside_its_training_a_model_is_left_out_as_a_whole() {
+    let slow = learned(&late(), 8.0);
+    let residual =
+        Residual { model: slow, propagation: Propagation::Propagated, roll_out: RollOut::Corrected };
+    let straight = [0.0, 100.0, 200.0, 300.0, 400.0].map(|x| Sample::at(x, 0.0)).to_vec();
+    let path = Arc::new(Path::from_samples(straight, Closure::Open).unwrap());
+    // Half of it fades a quarter above the largest speed of the training, all of it a half above.
+    for (speed, same) in [(7.0, false), (11.0, true), (15.0, true)] {
+        let mut without = Controller::new(parameters(), path.clone()).unwrap();
+        let mut with =
+            Controller::predicting_with(parameters(), path.clone(), Some(residual.clone()).into()).unwrap();
+        let mut apart = 0.0_f64;
+        for step in 0..100 {
+            let phase = 0.1 * f64::from(step);
+            let measurement = Measurement {
+                x: 50.0 + 0.02 * speed * f64::from(step),
+                y: 0.02 * phase.sin(),
+                yaw: 0.1 * phase.cos() / speed,
+                vx: speed,
+                yaw_rate: -0.5 * phase.sin() / speed,
+                ..Measurement::default()
+            };
+            let commands = [&mut without, &mut with].map(|of| of.step(&measurement).unwrap().steer_cmd);
+            apart = apart.max((commands[0] - commands[1]).abs());
+        }
+        assert_eq!(apart < 1e-12, same, "{speed} m/s: {apart} rad apart");
+    }
 }

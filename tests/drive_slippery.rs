@@ -1,5 +1,5 @@
 //! A road whose file tells of ice is driven by it: brakes and drive ask for no more than the tyres give, and each vehicle
-//! keeps its lane.
+//! keeps its lane. On a wet road that nobody tells of, the speed is not caught up where the bend needs the grip.
 
 use rfl_mpc::control::ControllerFor;
 use rfl_mpc::path::{Closure, Path, Sample};
@@ -43,4 +43,28 @@ fn cars_brake_for_a_bend_on_ice() {
 #[test]
 fn trucks_brake_for_a_bend_on_ice() {
     drives::<Truck, 6, TRUCK_COLUMNS>();
+}
+
+/// From standstill on a circle of 62 m, wet and not told so: driven wheels that spin no longer steer.
+#[test]
+fn the_plan_is_caught_up_with_the_grip_that_a_bend_leaves() {
+    let angle = |k: i32| f64::from(k) * std::f64::consts::TAU / 400.0;
+    let circle = (0..400).map(|k| Sample::at(62.0 * angle(k).sin(), 62.0 - 62.0 * angle(k).cos()));
+    let circle = Arc::new(Path::from_samples(circle.collect(), Closure::Closed).unwrap());
+    for name in ["c_class", "ford_escort"] {
+        let vehicle = <Car as SimulatedVehicle<4, CAR_COLUMNS>>::Parameters::builtin(name).unwrap();
+        let mut parameters = <Car as SimulatedVehicle<4, CAR_COLUMNS>>::controller(&vehicle);
+        parameters.speed.lateral_accel = 4.0;
+        (parameters.actuator.dead_time, parameters.actuator.time_constant) = (0.12, 0.2);
+        let mut effects = *vehicle.effects();
+        effects.road_friction *= 0.6;
+        effects.steer_delay += 0.12;
+        effects.steer_lag += 0.2;
+        let controller = ControllerFor::new(parameters, circle.clone()).unwrap();
+        let mut closed =
+            ClosedLoopFor::<Car, 4, CAR_COLUMNS>::at_start(controller, &vehicle, &effects, 0.02).unwrap();
+        let drive = closed.record(60.0, |_, error| error.abs() < 2.5);
+        assert_eq!(drive.ending.outcome, Outcome::Completed, "{name}: {}", drive.ending.reason());
+        assert!(drive.tracking().max < 0.2, "{name}: {}", drive.tracking().max);
+    }
 }

@@ -339,6 +339,34 @@ fn a_quick_error_is_not_taken_for_one_in_another_unit() {
     }
 }
 
+/// A vehicle that follows its path to the millimetre: the slip and the yaw error nearly cancel.
+#[test]
+fn a_precise_drive_does_not_contradict_itself() {
+    let time = |row: usize| 0.02 * row as f64;
+    let vx = move |row: usize| 12.0 + 3.0 * (0.2 * time(row)).sin();
+    let e2 = move |row: usize| 0.15 * (0.45 * time(row)).sin();
+    let e2_rate = move |row: usize| 0.15 * 0.45 * (0.45 * time(row)).cos();
+    let e1_rate = move |row: usize| 0.002 * (0.45 * time(row)).sin();
+    let curvature = move |row: usize| 0.02 * (0.3 * time(row)).sin();
+    let yaw_rate = move |row: usize| vx(row) * curvature(row) + e2_rate(row);
+    let log = sound()
+        .without(&["x", "y", "yaw", "ax", "ay", "station"])
+        .map("vx", |row, _| vx(row))
+        .map("e1", |row, _| -0.002 / 0.45 * (0.45 * time(row)).cos())
+        .map("e1_rate", |row, _| e1_rate(row))
+        .map("e2", |row, _| e2(row))
+        .map("e2_rate", |row, _| e2_rate(row))
+        .map("vy", |row, _| (e1_rate(row) - vx(row) * e2(row).sin()) / e2(row).cos())
+        .map("yaw_rate", |row, _| yaw_rate(row))
+        .map("curvature", |row, _| curvature(row))
+        .map("curvature_rate", |row, _| 0.02 * 0.3 * (0.3 * time(row)).cos() / vx(row))
+        .map("steer", |row, _| steering(vx(row)) * yaw_rate(row) / vx(row))
+        .map("steer_cmd", |row, _| steering(vx(row)) * yaw_rate(row) / vx(row))
+        .log();
+    let [_, training, _] = answers(&log);
+    assert_eq!(training, Ok(String::new()));
+}
+
 #[test]
 fn what_was_left_out_changes_nothing_else() {
     let clean = |table: &DriveTable| CleanLog::of(&table.log(), &steering).unwrap();

@@ -195,8 +195,7 @@ impl<const S: usize> LinearController<S> {
         for gain in self.state.iter().skip(1).rev() {
             by_state = (by_state + applied(gain, state)) * z_inverse;
         }
-        let mut by_command =
-            self.tail.map_or(zero, |tail| (1.0 - z_inverse * tail.ratio).inv() * tail.first);
+        let mut by_command = self.tail.map_or(zero, |tail| (1.0 - z_inverse * tail.ratio).inv() * tail.first);
         for gain in self.command.iter().rev() {
             by_command = by_command * z_inverse + gain;
         }
@@ -270,7 +269,8 @@ impl<const S: usize> LinearObserver<S> {
     ) {
         let by_deviation = self.next_by_state[0] * self.of_state + self.effect * self.of_disturbance;
         // A disturbance that nothing moves is no pole of the loop.
-        let moved = SMatrix::from_fn(|i, j| f64::from(u8::from(i == j && self.of_disturbance.row(i).amax() > 0.0)));
+        let moved =
+            SMatrix::from_fn(|i, j| f64::from(u8::from(i == j && self.of_disturbance.row(i).amax() > 0.0)));
         let mut write = |row: usize, column: usize, block: &SMatrix<f64, S, S>| {
             closed.view_mut((row, column), (S, S)).copy_from(block);
         };
@@ -333,8 +333,7 @@ impl<const S: usize> Asked<S> {
             state.push(gain);
             next_by_state.push(next);
         }
-        let mut next_by_command =
-            vec![next_from_rest(&self.answer(speed, &zero, &still, &nothing, UNIT)?)];
+        let mut next_by_command = vec![next_from_rest(&self.answer(speed, &zero, &still, &nothing, UNIT)?)];
         let mut command = Vec::with_capacity(commands);
         for back in 0..commands {
             let mut asked = still.clone();

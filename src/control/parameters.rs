@@ -39,7 +39,7 @@ parameters! {
         terminal_factor: f64 = 1.0, ONE in 1.0, 1e4; "mpc.terminal_factor", "Factor on the weights at the end of the horizon"
         r_rate: f64 = 0.0015, ONE in 1e-9, 1e6; "mpc.r_rate", "Weight of the squared rate of the steering command, per (rad/s)2"
         r_lateral_jerk: f64 = 0.001, ONE in 0.0, 1e6; "mpc.r_lateral_jerk", "Weight of the squared lateral jerk that the rate of the steering command asks for, v^2/L times that rate, per (m/s3)2"
-        tightening: f64 = 3.3, ONE in 1.0, 10.0; "mpc.tightening", "Factor on the loop's bandwidth once the drive has shown the steering actuator: weights of rates fall with its square, that of the steering's rate with its sixth power"
+        tightening: f64 = 2.0, ONE in 1.0, 10.0; "mpc.tightening", "Factor on the loop's bandwidth once the drive has shown the steering actuator: weights of rates fall with its square, that of the steering's rate with its sixth power"
         follow_road: usize = 1, ONE in 0.0, 1.0; "mpc.follow_road", "What the cost is on: 1 for the deviation from the steering and the motion that following the road asks for; 0 for the steering's own rate, and the deviation from steady cornering"
         steer_max: f64 = 0.6, RADIAN in 0.01, 1.4; "mpc.steer_max", "Largest road-wheel angle that is commanded"
         steer_rate_max: f64 = 0.8, RADIAN_PER_SECOND in 0.01, 20.0; "mpc.steer_rate_max", "Largest rate of the road-wheel angle that is commanded"

@@ -177,7 +177,6 @@ impl TruckControllerParameters {
             q_e2_rate: 3.5,
             r_rate: 0.002,
             r_lateral_jerk: 0.027,
-            tightening: 3.6,
             steer_max: truck.steering.angle_limit.min(0.6),
             steer_rate_max: truck.steering.rate_limit.min(0.6),
             ..MpcParameters::default()
