@@ -43,6 +43,7 @@ mod diagnose_threads;
 mod diagnose_tyre_curve;
 mod diagnose_uncommanded;
 mod diagnosed;
+mod drive_late_sensors;
 mod drive_outcomes;
 mod drive_robustness;
 mod drive_slippery;
