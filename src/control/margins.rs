@@ -303,7 +303,7 @@ struct Asked<const S: usize> {
 }
 
 /// Answer of the MPC in a situation: the command, and the state that it expects without one.
-type Answer<const S: usize> = (f64, Option<ExpectedState<S>>);
+type LinearAnswer<const S: usize> = (f64, Option<ExpectedState<S>>);
 
 impl<const S: usize> Asked<S> {
     fn at(&mut self, speed: f64, looks_back: bool) -> Result<LinearController<S>, MarginError> {
@@ -314,7 +314,7 @@ impl<const S: usize> Asked<S> {
         let still = vec![0.0; commands];
         let nothing = SVector::zeros();
         let rest = self.answer(speed, &zero, &still, &nothing, 0.0)?;
-        let next_from_rest = |next: &Answer<S>| match (next.1, rest.1) {
+        let next_from_rest = |next: &LinearAnswer<S>| match (next.1, rest.1) {
             (Some(next), Some(rest)) => (next.state - rest.state) / UNIT,
             _ => SVector::zeros(),
         };
@@ -380,7 +380,7 @@ impl<const S: usize> Asked<S> {
         commands: &[f64],
         disturbance: &SVector<f64, S>,
         steer: f64,
-    ) -> Result<Answer<S>, MarginError> {
+    ) -> Result<LinearAnswer<S>, MarginError> {
         let window = self.lateral.window();
         let mut history = History::new(window);
         for back in (0..window).rev() {
