@@ -254,9 +254,7 @@ impl<const S: usize> LinearObserver<S> {
         };
         [command(predicted(drive), measured), command(predicted(issued), SVector::zeros())]
     }
-}
 
-impl<const S: usize> LinearObserver<S> {
     /// Writes the rows of `p` and `d` into the closed loop; `command` is the command as a row, and the places are those of the
     /// commands before, of the states before, and of `p` and `d`.
     fn close(
@@ -302,7 +300,7 @@ struct Asked<const S: usize> {
     observer: Option<ObserverNoise<S>>,
 }
 
-/// Answer of the MPC in a situation: the command, and the state that it expects without one.
+/// Answer of the MPC in a situation: its command, and the state that it expects after a given one.
 type LinearAnswer<const S: usize> = (f64, Option<ExpectedState<S>>);
 
 impl<const S: usize> Asked<S> {
