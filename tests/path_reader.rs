@@ -214,6 +214,26 @@ fn other_units_are_suspected() {
 }
 
 #[test]
+fn points_far_apart_on_a_straight_and_points_close_together_are_no_other_unit() {
+    assert!((read("x,y\n0,0\n3000,0\n").unwrap().length() - 3000.0).abs() < 1e-6);
+    let rows: String = (0..200_000).map(|i| format!("{:.4},0\n", f64::from(i) * 1e-4)).collect();
+    assert!((read(&format!("x,y\n{rows}")).unwrap().length() - 20.0).abs() < 1e-3);
+}
+
+#[test]
+fn a_speed_of_nought_is_refused_or_said_unless_it_begins_or_ends_the_road() {
+    let (error, message) = refuse(&with_column("speed", &["0", "0", "0"]));
+    assert!(matches!(error, PathError::Standing { .. }));
+    has(&message, &["column `speed`", "no vehicle moves"]);
+    let said = |speeds: &[&str]| {
+        let path = read(&with_column("speed", speeds)).unwrap();
+        path.notes().iter().any(|note| note.warning && note.text.contains("the speed is 0 at point"))
+    };
+    assert!(!said(&["0", "0", "5", "5", "0"]));
+    assert!(said(&["0", "5", "0", "5", "0"]));
+}
+
+#[test]
 fn an_unknown_class_is_found() {
     let (error, message) = refuse(&with_column("class", &["straight", "roundabout", "straight"]));
     assert!(matches!(error, PathError::UnknownClass { .. }));

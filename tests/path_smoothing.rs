@@ -160,6 +160,101 @@ fn a_vehicle_at_rest_in_the_log_does_no_harm() {
     assert!(path.notes().iter().any(|note| note.text.contains("dropped")), "{:?}", path.notes());
 }
 
+/// A kidney, `radius` metres about, with points of `noise` each `spacing` metres from a start on; `missing` metres short of a lap.
+fn kidney(radius: f64, [spacing, noise_size, missing]: [f64; 3], seed: &mut u64) -> Vec<Sample> {
+    let start = TAU * uniform(seed);
+    let at = |angle: f64| {
+        let r = radius * (1.0 + 0.25 * (2.0 * angle).cos() + 0.1 * (3.0 * angle).sin());
+        [r * angle.cos(), r * angle.sin()]
+    };
+    let (mut points, mut angle) = (Vec::new(), 0.0);
+    let mut left = 0.0;
+    while angle < TAU {
+        let next = angle + 1e-4;
+        let ([x, y], [u, v]) = (at(start + angle), at(start + next));
+        left -= (u - x).hypot(v - y);
+        if left <= 0.0 {
+            points.push(Sample::at(x + noise_size * noise(seed), y + noise_size * noise(seed)));
+            left += spacing;
+        }
+        angle = next;
+    }
+    points.truncate(points.len() - (missing / spacing) as usize);
+    points
+}
+
+#[test]
+fn a_noisy_lap_is_closed_and_a_noisy_road_that_ends_short_of_it_is_open() {
+    let mut seed = 11;
+    for (radius, noise_size) in [(25.0, 0.1), (40.0, 0.3), (60.0, 1.0), (150.0, 2.0)] {
+        for spacing in [0.2, 1.0, 3.0] {
+            for missing in [0.0, 45.0 * f64::max(1.0, noise_size)] {
+                let points = kidney(radius, [spacing, noise_size, missing], &mut seed);
+                let path = Path::from_samples_with(points, &PathOptions::default()).unwrap();
+                let case = format!("{radius} m, noise {noise_size} m each {spacing} m, {missing} m missing");
+                assert_eq!(path.is_periodic(), missing == 0.0, "{case}: {:?}", path.notes());
+            }
+        }
+    }
+}
+
+/// A receiver's points, ten a second, of a drive along the ring: it stands, speeds up, and stops again.
+fn drive(noise_size: f64, correlation: f64, seed: &mut u64) -> Vec<Sample> {
+    let (mut points, mut off) = (Vec::new(), [0.0; 2]);
+    let (mut angle, mut speed) = (0.0, 0.0);
+    for k in 0..600 {
+        let stops = k > 450;
+        speed = if k < 50 { 0.0 } else { f64::clamp(speed + if stops { -0.2 } else { 0.15 }, 0.0, 10.0) };
+        angle += 0.1 * speed / 60.0;
+        let fresh = (1.0 - correlation * correlation).sqrt();
+        off = off.map(|off| correlation * off + fresh * noise_size * noise(seed));
+        let [x, y] = ring(angle);
+        points.push(Sample::at(x + off[0], y + off[1]));
+    }
+    points
+}
+
+#[test]
+fn a_drive_that_begins_and_ends_at_rest_is_a_road() {
+    let mut seed = 5;
+    for (noise_size, correlation) in
+        [(0.0, 0.0), (0.01, 0.0), (0.1, 0.0), (0.3, 0.0), (0.02, 0.95), (0.1, 0.95)]
+    {
+        let points = drive(noise_size, correlation, &mut seed);
+        let count = points.len();
+        let path = Path::from_samples_with(points, &PathOptions::default()).unwrap();
+        let case = format!("noise {noise_size} m, correlated {correlation}: {:?}", path.notes());
+        println!("{case}");
+        let off = (0..360).map(|degree| {
+            let [x, y] = ring(f64::from(degree).to_radians());
+            path.project(x, y, 0.0, None)
+        });
+        let on_the_road = off.filter(|foot| foot.station > 2.0 && foot.station < path.length() - 2.0);
+        let most = on_the_road.map(|foot| foot.e1.abs()).filter(|e1| *e1 < 20.0).fold(0.0, f64::max);
+        assert!(most < 0.05 + 2.5 * noise_size, "{most} m; {case}");
+        let tightest = (0..=1000)
+            .map(|i| path.curvature(path.length() * f64::from(i) / 1000.0).abs())
+            .fold(0.0, f64::max);
+        assert!(tightest < 0.25, "{tightest} 1/m; {case}");
+        let said = path.notes().iter().any(|note| note.text.contains("stood or crawled"));
+        assert!(said == (noise_size > 0.0) && count == 600, "{case}");
+    }
+}
+
+#[test]
+fn a_slow_hairpin_is_no_stop() {
+    // Points 0.2 m apart in a hairpin of 6 m, 3 m on the straights; the last one out of order.
+    let mut points: Vec<Sample> = (0..30).map(|i| Sample::at(-87.0 + 3.0 * f64::from(i), 0.0)).collect();
+    points.extend(
+        (1..94).map(|i| f64::from(i) * 0.2 / 6.0).map(|a| Sample::at(6.0 * a.sin(), 6.0 - 6.0 * a.cos())),
+    );
+    points.extend((1..30).map(|i| Sample::at(-3.0 * f64::from(i), 12.0)));
+    assert!(Path::from_samples_with(points.clone(), &PathOptions::default()).is_ok());
+    points.push(Sample::at(-60.0, 12.0));
+    let error = Path::from_samples_with(points, &PathOptions::default()).unwrap_err();
+    assert!(matches!(error, PathError::TurnsBack { .. }), "{error}");
+}
+
 #[test]
 fn a_tolerance_that_is_none_is_refused() {
     let points: Vec<Sample> = (0..20).map(|i| Sample::at(f64::from(i), 0.0)).collect();

@@ -9,7 +9,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 PROFILE = os.environ.get("RFL_PROFILE", "release")
 # What `cargo test --workspace` has built already: a narrower selection has other features, and would be a build apart.
-TESTED = ["--workspace", "--bins", "--examples"]
+TESTED = (ROOT / "scripts" / "tested.txt").read_text(encoding="utf-8").split()
 FMUS = ["fmu-passenger-car", "fmu-rfl-mpc", "fmu-semi-trailer-truck", "fmu-truck-rfl-mpc"]
 
 

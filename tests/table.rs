@@ -438,7 +438,11 @@ fn logs_that_failed() {
     let time = time.column("time").unwrap();
     assert!(time[0] == 0.0 && time.windows(2).all(|pair| (pair[1] - pair[0] - 0.02).abs() < 1e-6));
     assert!(read("latin1_header.csv").unwrap().column("ay").is_some());
-    assert!(read("semicolon_decimal_comma_log.csv").unwrap().column("time").unwrap()[1] == 0.02);
+    // Its columns have names of another tool, found between semicolons.
+    has(
+        &read("semicolon_decimal_comma_log.csv").unwrap_err().to_string(),
+        &["time,SteerAngle,Speed,YawRate", "import_log"],
+    );
     has(&read("motec_like.csv").unwrap_err().to_string(), &["Time,Steered Angle,Ground Speed"]);
     has(&read("underscore_time.csv").unwrap_err().to_string(), &["line 2, column time", "2024_04_23"]);
 }

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!     d(yaw)/dt = yaw_rate       |d(x, y)|/dt = vx       course(x, y) = yaw + slip       ay = vx * yaw_rate + ...
-//!     d(e1)/dt = e1_rate = vy cos e2 + vx sin e2 = vy + vx * e2       d(e2)/dt = e2_rate = yaw_rate - curvature * vx
+//!     d(e1)/dt = e1_rate = vy cos e2 + vx sin e2       d(e2)/dt = e2_rate = yaw_rate - curvature * vx
 //!     steer = (l + K vx^2) * yaw_rate / vx               (steady cornering, Rajamani ch. 3.3)
 //! ```
 
@@ -214,7 +214,7 @@ fn winding(log: &CleanLog) -> Option<Slope> {
 struct Errors {
     /// Change of e1 over the integral of e1_rate.
     lateral: Option<f64>,
-    /// e1_rate over vy + vx * e2.
+    /// e1_rate over vy cos e2 + vx sin e2.
     drift: Option<f64>,
     /// Change of e2 over the integral of e2_rate.
     heading: Option<f64>,
@@ -287,7 +287,7 @@ fn mend_errors(log: &mut CleanLog, factors: &mut Factors) {
             factors,
             unit,
             &["e1_rate"],
-            &format!("e1_rate is {:.3} times vy + vx * e2", factor.abs()),
+            &format!("e1_rate is {:.3} times vy cos e2 + vx sin e2", factor.abs()),
         );
     }
     let lateral = errors(log).lateral;
@@ -410,7 +410,7 @@ pub(super) fn check_errors(log: &CleanLog, steering: &dyn Fn(f64) -> f64) -> Res
     check_signs(&[&of_path[..], &Motion::of(log, steering).pairs(log)].concat())?;
     for (column, factor, against) in [
         ("e1", lateral, "changes {} times as fast as e1_rate says"),
-        ("e1_rate", drift, "is {} times vy + vx * e2"),
+        ("e1_rate", drift, "is {} times vy cos e2 + vx sin e2"),
         ("e2", heading, "changes {} times as fast as e2_rate says"),
         ("e2_rate", turn, "is {} times yaw_rate - vx * curvature"),
     ] {

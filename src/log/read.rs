@@ -80,6 +80,13 @@ fn on_its_day(time: i64, before: i64) -> i64 {
     time + DAY * (before - time + DAY / 2).div_euclid(DAY)
 }
 
+/// The signal that a column is: by its name, or, where no other column has it, by its name in other letters (`Time`).
+fn named(name: &str, header: &table::Header) -> Option<&'static signal::Signal> {
+    let is_taken = |signal: &&signal::Signal| header.names.iter().any(|other| other == signal.name);
+    let in_small_letters = || signal::find(&name.to_ascii_lowercase()).filter(|signal| !is_taken(signal));
+    signal::find(name).or_else(in_small_letters)
+}
+
 fn listed(columns: &[&str]) -> String {
     match columns {
         [one] => format!("column '{one}' is"),
@@ -162,7 +169,7 @@ impl DriveLog {
         limits: Limits,
     ) -> Result<Self, LogError> {
         let broken = |source| LogError::Table { file: file.to_owned(), source };
-        let known = |name: &str| signal::find(name).is_some();
+        let known = |name: &str| signal::find(&name.to_ascii_lowercase()).is_some();
         let mut table = Table::new(reader, limits, &known).map_err(broken)?;
         let mut log = Self { file: file.to_owned(), notes: Vec::new(), columns: Vec::new() };
         let places = log.places(table.header())?;
@@ -235,7 +242,7 @@ impl DriveLog {
     fn places(&mut self, header: &table::Header) -> Result<Vec<LogColumn>, LogError> {
         let mut places: Vec<LogColumn> = Vec::new();
         for (place, (name, unit)) in header.names.iter().zip(&header.units).enumerate() {
-            let Some(signal) = signal::find(name) else { continue };
+            let Some(signal) = named(name, header) else { continue };
             if self.column(signal.name).is_some() {
                 return Err(LogError::Twice { file: self.file.clone(), column: signal.name });
             }
@@ -258,7 +265,8 @@ impl DriveLog {
             places.push(LogColumn { place, factor });
             self.columns.push((signal.name, Vec::new()));
         }
-        if places.is_empty() {
+        // A clock alone is no drive.
+        if self.columns.iter().all(|(name, _)| *name == "time") {
             let header = header.written.iter().take(8).cloned().collect::<Vec<_>>().join(",");
             let header = header.escape_default().take(400).collect();
             return Err(LogError::NoSignal { file: self.file.clone(), header });
@@ -299,6 +307,15 @@ mod tests {
         assert!(log.column("vx").unwrap()[1].is_nan());
         assert_eq!(log.column("remark"), None);
         assert_eq!(log.without(&["vx", "vy"]), ["vy"]);
+    }
+
+    #[test]
+    fn names_in_other_letters_are_read_where_no_column_has_the_name() {
+        let read = log("Time,VX,Yaw_Rate [deg/s]\n0,1,180\n").unwrap();
+        assert_eq!(read.column("yaw_rate"), Some(&[std::f64::consts::PI][..]));
+        assert_eq!(read.without(&["time", "vx"]), [""; 0]);
+        assert_eq!(log("Time,time,vx\n7,0,1\n").unwrap().column("time"), Some(&[0.0][..]));
+        assert!(log("Time,TIME,vx\n7,0,1\n").unwrap_err().to_string().contains("'time' stands twice"));
     }
 
     #[test]

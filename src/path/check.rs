@@ -1,12 +1,13 @@
 //! Checks of a road's points: repairs, refusals, closure.
 
 use super::error::{InputPlace, PathError};
-use super::noise::PointNoise;
+use super::noise::{PointNoise, middle};
 use super::note::Note;
 use super::read::Accuracy;
 use super::sample::{Closure, PathOptions, Sample, Smoothing};
 use super::smooth::{Goal, smooth};
 use super::spline::{Knot, QuinticSpline, Vector, distance};
+use super::stops::{WIDTHS, without_stops};
 use super::wrap_angle;
 use crate::numerics::statistics::upper_median;
 use std::borrow::Cow;
@@ -21,8 +22,10 @@ const GAP_LEAST: f64 = 30.0;
 const DISAGREEMENT: f64 = 0.02;
 /// Change of direction between two chords from which on a road is out of order (rad).
 const TURNS_BACK: f64 = 2.2;
-/// Range of median spacings; outside it the unit is another (m).
-const SPACING: (f64, f64) = (1e-3, 500.0);
+/// Shortest road, and largest median spacing: beyond them the unit is another (m).
+const SHORTEST: f64 = 1.0;
+const SPACING: f64 = 500.0;
+const LONGEST_STRAIGHT: f64 = 50e3;
 
 /// A road that is fit to be a path.
 pub(super) struct CheckedRoad {
@@ -36,6 +39,8 @@ pub(super) struct CheckedRoad {
 
 /// Tightest bend of a road that noise leaves drivable in m.
 const TIGHTEST: f64 = 2.0;
+/// Radius of the smallest circle of a small car in m.
+const TURNING_CIRCLE: f64 = 4.5;
 
 /// Checks and repairs points, and draws the curve.
 pub(super) fn check(
@@ -46,14 +51,16 @@ pub(super) fn check(
     for (index, sample) in samples.iter().enumerate() {
         check_values(sample, index)?;
     }
+    // Original indices, for messages.
+    let samples: Vec<(usize, Sample)> = samples.into_iter().enumerate().collect();
     // Headings and curvatures tell the road better than its points.
-    let posed = || samples.iter().all(|sample| sample.yaw.is_some() && sample.curvature.is_some());
-    let noise =
-        || PointNoise::measure(&samples.iter().map(|sample| [sample.x, sample.y]).collect::<Vec<_>>());
+    let posed = || samples.iter().all(|(_, sample)| sample.yaw.is_some() && sample.curvature.is_some());
+    let noise = || measured(&samples);
     match options.smoothing {
         Smoothing::AsAccurate if !posed() => {
             let noise = noise();
-            drawn(samples, options, accuracy, noise)
+            drawn(samples.clone(), options, accuracy, noise)
+                .or_else(|error| without_wander(&samples, options, accuracy).ok_or(error))
         }
         Smoothing::Within(value) if value > 0.0 => match drawn(samples.clone(), options, accuracy, None) {
             // Points in driving order turn back where their noise is larger than their spacing.
@@ -67,9 +74,43 @@ pub(super) fn check(
     }
 }
 
+fn measured(samples: &[(usize, Sample)]) -> Option<PointNoise> {
+    PointNoise::measure(&samples.iter().map(|(_, sample)| [sample.x, sample.y]).collect::<Vec<_>>())
+}
+
+/// The road of a drive that stopped, if it is one: its stops are points.
+fn without_wander(
+    samples: &[(usize, Sample)],
+    options: &PathOptions,
+    accuracy: Accuracy,
+) -> Option<CheckedRoad> {
+    let found = WIDTHS.iter().filter_map(|width| {
+        let kept = without_stops(samples, *width)?;
+        let (left_out, noise) = (samples.len() - kept.len(), measured(&kept));
+        let mut road = drawn(kept, options, accuracy, noise).ok()?;
+        road.notes.push(Note::info(format!(
+            "{left_out} point(s) left out where the vehicle stood or crawled: a stop is one point, the mean of those \
+             within {width} m of one another"
+        )));
+        Some(road)
+    });
+    // A receiver's wander that is left is a bend that no car drives.
+    let mut gentlest: Option<(f64, CheckedRoad)> = None;
+    for road in found {
+        let bend = tightest(&road.curve);
+        if gentlest.as_ref().is_none_or(|(other, _)| bend < *other) {
+            gentlest = Some((bend, road));
+        }
+        if bend * TURNING_CIRCLE < 1.0 {
+            break;
+        }
+    }
+    gentlest.map(|(_, road)| road)
+}
+
 /// The road through points, or near those that have `noise`.
 fn drawn(
-    samples: Vec<Sample>,
+    samples: Vec<(usize, Sample)>,
     options: &PathOptions,
     accuracy: Accuracy,
     noise: Option<PointNoise>,
@@ -85,10 +126,9 @@ fn drawn(
             same = (2.0 * value).max(SAME);
         }
     }
-    // Original indices, for messages.
     let mut kept: Vec<(usize, Sample)> = Vec::with_capacity(samples.len());
     let total = samples.len();
-    for (index, sample) in samples.into_iter().enumerate() {
+    for (index, sample) in samples {
         let repeats =
             kept.last().is_some_and(|(_, last)| distance([last.x, last.y], [sample.x, sample.y]) < same);
         if !repeats {
@@ -108,8 +148,11 @@ fn drawn(
     let position = |i: usize| [kept[i].1.x, kept[i].1.y];
     let mut spacings: Vec<f64> = (1..kept.len()).map(|i| distance(position(i - 1), position(i))).collect();
     let median = upper_median(&mut spacings.clone());
-    if !(SPACING.0..=SPACING.1).contains(&median) {
-        return Err(PathError::SuspiciousUnit { place: InputPlace::default(), median, unit: "m" });
+    let long = spacings.iter().sum::<f64>();
+    // Two points are a straight: it has no shape that is lost between them.
+    let farthest = if kept.len() == 2 { LONGEST_STRAIGHT } else { SPACING };
+    if long < SHORTEST || median > farthest {
+        return Err(PathError::SuspiciousUnit { place: InputPlace::default(), median, long, unit: "m" });
     }
     for (i, &spacing) in spacings.iter().enumerate() {
         if spacing > (GAP_SPACINGS * median).max(GAP_LEAST) && kept.len() > 2 {
@@ -126,9 +169,7 @@ fn drawn(
     let periodic = match options.closure {
         Closure::Open => false,
         Closure::Closed => true,
-        Closure::Detect => {
-            repeated_start || leads_into_start(&directed(&kept, noise.as_ref(), false), median)
-        }
+        Closure::Detect => repeated_start || leads_into_start(&kept, noise.as_ref(), median),
     };
     if periodic && repeated_start {
         kept.pop();
@@ -153,6 +194,8 @@ fn drawn(
     if !periodic && options.closure == Closure::Detect {
         notes.extend(passes_its_start(&kept, median).map(Note::warning));
     }
+
+    notes.extend(stands_on_the_way(&kept, periodic)?.map(Note::warning));
 
     let samples: Vec<Sample> = kept.into_iter().map(|(_, sample)| sample).collect();
     let origin = first;
@@ -207,7 +250,7 @@ fn drawn(
         })
     });
     if let Some(noise) = &noise {
-        let tightest = curve.knots.iter().map(|knot| curvature(knot).abs()).fold(0.0, f64::max);
+        let tightest = tightest(&curve);
         if tightest * TIGHTEST > 1.0 {
             return Err(noise.refusal(format!("has bends of {:.2} m radius", 1.0 / tightest)));
         }
@@ -233,6 +276,11 @@ fn directed<'a>(
     let at = |i: usize| (kept[i].0, Sample::at(means[i][0], means[i][1]));
     let last = kept.len() - 1;
     (0..=last - noise.stride().min(last)).step_by(noise.stride()).map(at).chain([at(last)]).collect()
+}
+
+/// Largest curvature at the knots in 1/m.
+fn tightest(curve: &QuinticSpline) -> f64 {
+    curve.knots.iter().map(|knot| curvature(knot).abs()).fold(0.0, f64::max)
 }
 
 /// Curvature at a knot in 1/m.
@@ -344,19 +392,23 @@ fn check_values(sample: &Sample, index: usize) -> Result<(), PathError> {
     Ok(())
 }
 
-/// True if the last point leads on into the first one: near, and ahead.
-fn leads_into_start(kept: &[(usize, Sample)], median: f64) -> bool {
+/// True if the end leads on into the start: near, and ahead. Of noisy points, ends are means that are long against the
+/// noise: all that is compared is as far apart as they are long.
+fn leads_into_start(kept: &[(usize, Sample)], noise: Option<&PointNoise>, median: f64) -> bool {
+    let size = noise.map_or(1, PointNoise::stride);
     let n = kept.len();
-    if n < 8 {
+    if n < 8 * size {
         return false;
     }
-    let p = |i: usize| [kept[i].1.x, kept[i].1.y];
-    let local = distance(p(n - 2), p(n - 1)).max(distance(p(0), p(1))).max(median);
-    let closing = distance(p(n - 1), p(0));
+    let points: Vec<Vector> = kept.iter().map(|(_, sample)| [sample.x, sample.y]).collect();
+    let mean = |from: usize| middle(points[from..from + size].iter().copied(), size);
+    let [before, end, start, after] = [n - 2 * size, n - size, 0, size].map(mean);
+    let usual = if noise.is_some() { 0.0 } else { median };
+    let local = distance(before, end).max(distance(start, after)).max(usual);
     let turn = |a: Vector, b: Vector, c: Vector| {
         wrap_angle((c[1] - b[1]).atan2(c[0] - b[0]) - (b[1] - a[1]).atan2(b[0] - a[0])).abs()
     };
-    closing <= 2.0 * local && turn(p(n - 2), p(n - 1), p(0)) < 1.0 && turn(p(n - 1), p(0), p(1)) < 1.0
+    distance(end, start) <= 2.0 * local && turn(before, end, start) < 1.0 && turn(end, start, after) < 1.0
 }
 
 /// A note on a road that overlaps itself: a lap that was recorded a little too long.
@@ -372,6 +424,29 @@ fn passes_its_start(kept: &[(usize, Sample)], median: f64) -> Option<String> {
         kept[again].0 + 1,
         kept.len()
     ))
+}
+
+/// A note on a speed of 0 on the way: a start and an end have it, elsewhere a vehicle that stands there stays there.
+///
+/// # Errors
+/// The speed is 0 everywhere.
+fn stands_on_the_way(kept: &[(usize, Sample)], periodic: bool) -> Result<Option<String>, PathError> {
+    let stands = |i: &usize| kept[*i].1.speed == Some(0.0);
+    if (0..kept.len()).all(|i| stands(&i)) {
+        return Err(PathError::Standing { place: InputPlace::default() });
+    }
+    let inside = if periodic { 0..kept.len() } else { 1..kept.len() - 1 };
+    // From a start and to an end at rest there may be several points.
+    let moves = |i: &usize| !stands(i);
+    let first = if periodic { 0 } else { (0..kept.len()).find(moves).unwrap_or(0) };
+    let last = if periodic { kept.len() } else { (0..kept.len()).rfind(moves).unwrap_or(0) };
+    Ok(inside.filter(|i| (first..=last).contains(i)).find(stands).map(|i| {
+        format!(
+            "the speed is 0 at point {} of {}: a vehicle stops there for good; give the speed to drive with",
+            kept[i].0 + 1,
+            kept.len()
+        )
+    }))
 }
 
 fn refuse_turning_back(kept: &[(usize, Sample)], periodic: bool) -> Result<(), PathError> {

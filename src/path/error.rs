@@ -234,14 +234,26 @@ pub enum PathError {
         before: f64,
     },
     /// The spacing is that of another unit.
-    #[error("{place}: points are {median:.3e} m apart (median); are `x`, `y` really in {unit}?")]
+    #[error(
+        "{place}: points are {median:.3e} m apart (median) on {long:.3e} m of road; are `x`, `y` really in {unit}?"
+    )]
     SuspiciousUnit {
         /// The road.
         place: InputPlace,
         /// Median spacing in m.
         median: f64,
+        /// Length from point to point in m.
+        long: f64,
         /// The unit wanted.
         unit: &'static str,
+    },
+    /// No vehicle moves on a road whose speed limit is 0 throughout.
+    #[error(
+        "{place}, column `speed`: 0 in every row: no vehicle moves; give the speeds, or delete the column to drive as bends allow"
+    )]
+    Standing {
+        /// The road.
+        place: InputPlace,
     },
     /// A smoothing tolerance that is none.
     #[error("smoothing tolerance {value} m; give a length between 0 and 5 m, about the noise of the points")]
@@ -289,6 +301,7 @@ impl PathError {
             | Self::OutOfRange { place, .. }
             | Self::UnknownClass { place, .. }
             | Self::TooFewPoints { place, .. }
+            | Self::Standing { place }
             | Self::Gap { place, .. }
             | Self::TurnsBack { place, .. }
             | Self::Unordered { place, .. }

@@ -61,6 +61,7 @@ mod segment;
 mod smooth;
 mod speed;
 mod spline;
+mod stops;
 pub mod sudoku;
 mod truck_course;
 mod write;

@@ -25,7 +25,7 @@ pub(super) struct PointNoise {
 }
 
 /// Points on either side, at first and at most.
-const HALF: (usize, usize) = (3, 48);
+const HALF: (usize, usize) = (3, 192);
 /// Length of a window, in standard deviations.
 const LONG: f64 = 12.0;
 /// Curvature error below which noise does not matter, in 1/m ...
@@ -165,6 +165,6 @@ fn left_over(window: &[Vector], middle: usize, direction: Vector, scale: f64) ->
 }
 
 /// The mean of so many points.
-fn middle(points: impl Iterator<Item = Vector>, count: usize) -> Vector {
+pub(super) fn middle(points: impl Iterator<Item = Vector>, count: usize) -> Vector {
     points.fold([0.0; 2], |sum, p| [sum[0] + p[0], sum[1] + p[1]]).map(|sum| sum / count as f64)
 }
