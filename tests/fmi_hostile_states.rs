@@ -68,7 +68,7 @@ fn change(bytes: &mut Vec<u8>, random: &mut Random) {
             1 => bytes[at] = [0, 1, 0x7f, 0x80, 0xff][pick(5)],
             2 => bytes.truncate(at.max(1)),
             _ => {
-                let numbers = [f64::NAN, f64::INFINITY, -1e300, 1e29, -1e9, 1e-300, 0.0, -1.0];
+                let numbers = [f64::NAN, f64::INFINITY, -1e300, 1e29, 9e19, -1e9, 1e-300, 0.0, -1.0];
                 let number = numbers[pick(numbers.len())].to_le_bytes();
                 for (to, from) in bytes[at..].iter_mut().zip(number) {
                     *to = from;

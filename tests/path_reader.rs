@@ -1,7 +1,9 @@
 //! Files of roads: every format is read, and everything that can be wrong is said with file, line and column.
 
 use proptest::prelude::*;
-use rfl_mpc::path::{Closure, Path, PathError, PathOptions, Sample, Smoothing, to_csv};
+use rfl_mpc::path::{
+    Closure, Path, PathError, PathOptions, Sample, Smoothing, SpeedLimits, SpeedPlan, to_csv,
+};
 use std::path::Path as FilePath;
 
 fn read(text: &str) -> Result<Path, PathError> {
@@ -131,9 +133,9 @@ fn nan_and_infinity_are_found() {
 
 #[test]
 fn unknown_missing_and_repeated_columns_are_found() {
-    let (error, message) = refuse("x,y,velocity\n0,0,1\n");
-    assert!(matches!(error, PathError::UnknownColumn { number: 3, .. }));
-    has(&message, &["line 1", "`velocity`", "number 3", "speed", "friction"]);
+    let read = read("x,y,velocity,ele\n0,0,1,high\n1,0,1,\n").unwrap();
+    let said = read.notes().iter().find(|note| note.warning).unwrap();
+    has(&said.text, &["velocity, ele", "not used", "speed", "friction", "latitude"]);
     let (error, message) = refuse("x,speed\n0,0\n");
     assert!(matches!(error, PathError::MissingColumn { column: "y", .. }));
     has(&message, &["line 1", "`y`", "x, speed"]);
@@ -225,12 +227,45 @@ fn a_speed_of_nought_is_refused_or_said_unless_it_begins_or_ends_the_road() {
     let (error, message) = refuse(&with_column("speed", &["0", "0", "0"]));
     assert!(matches!(error, PathError::Standing { .. }));
     has(&message, &["column `speed`", "no vehicle moves"]);
-    let said = |speeds: &[&str]| {
-        let path = read(&with_column("speed", speeds)).unwrap();
-        path.notes().iter().any(|note| note.warning && note.text.contains("the speed is 0 at point"))
+    let road = |speeds: &[&str]| read(&with_column("speed", speeds)).unwrap();
+    let said = |path: &Path| path.notes().iter().any(|note| note.text.contains("the speed is 0 at"));
+    assert!(!said(&road(&["0", "0", "5", "5", "0"])));
+    let path = road(&["0", "5", "0", "", "0", "3", "0"]);
+    assert!(said(&path));
+    let path = road(&["4", "4", "0", "0", "1", "1"]);
+    let duration = SpeedPlan::new(&path, &SpeedLimits::default()).duration();
+    assert!(said(&path) && (1.5..4.0).contains(&duration), "{duration}");
+}
+
+#[test]
+fn a_lap_that_ends_across_its_start_is_open() {
+    let eight = |laps: f64, count: usize, noise: f64| -> String {
+        let points = (0..count).map(|i| {
+            let p = laps * std::f64::consts::PI * i as f64 / (count - 1) as f64;
+            let off = |k: usize| noise * ((37 * i + 11 * k) % 7) as f64 / 7.0;
+            format!("{:.4},{:.4}\n", 80.0 * p.sin() + off(1), 80.0 * p.sin() * p.cos() + off(2))
+        });
+        format!("x,y\n{}", points.collect::<String>())
     };
-    assert!(!said(&["0", "0", "5", "5", "0"]));
-    assert!(said(&["0", "5", "0", "5", "0"]));
+    for (laps, count, noise) in [(1.0, 250, 0.0), (1.0, 250, 0.1), (5.0, 1200, 0.1)] {
+        let path = read(&eight(laps, count, noise)).unwrap();
+        assert!(!path.is_periodic(), "{laps}, {noise}: {:?}", path.notes());
+    }
+    assert!(read(&eight(2.0, 500, 0.0)).unwrap().is_periodic());
+    // A rectangle from its corner has such corners elsewhere.
+    let side = |from: [f64; 2], by: [f64; 2]| {
+        (0..20)
+            .map(|i| format!("{},{}\n", from[0] + by[0] * f64::from(i), from[1] + by[1] * f64::from(i)))
+            .collect::<String>()
+    };
+    let sides = [
+        ([0.0, 0.0], [2.0, 0.0]),
+        ([40.0, 0.0], [0.0, 2.0]),
+        ([40.0, 40.0], [-2.0, 0.0]),
+        ([0.0, 40.0], [0.0, -2.0]),
+    ];
+    let text: String = sides.into_iter().map(|(from, by)| side(from, by)).collect();
+    assert!(read(&format!("x,y\n{text}0,0\n")).unwrap().is_periodic());
 }
 
 #[test]

@@ -262,6 +262,18 @@ fn add(fmus: &mut [Fmu], project: &Path, arguments: &Arguments) -> Result<(), Bo
     for vehicle in &arguments.vehicle {
         added::add_vehicle(fmus, vehicle)?;
     }
+    let names: Vec<_> = fmus.iter().map(|fmu| fmu.declaration.name).collect();
+    let is_named = |file: &&PathBuf| {
+        names.iter().any(|name| file.file_name().is_some_and(|it| *it == *format!("{name}.fmu")))
+    };
+    if let Some(file) = arguments.merge.iter().find(|file| !is_named(file)) {
+        return Err(format!(
+            "{} is none of the FMUs that are made: {}.fmu",
+            file.display(),
+            names.join(".fmu, ")
+        )
+        .into());
+    }
     arguments.controller.iter().try_for_each(|file| added::add_controller(fmus, file))?;
     arguments.start.iter().try_for_each(|text| added::add_start(fmus, text))?;
     for (controller, kind) in added::add_models(fmus, project, &arguments.residual)? {

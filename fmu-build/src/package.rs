@@ -31,10 +31,13 @@ pub enum PackageError {
     )]
     NoFmu { path: PathBuf, name: String },
     #[error(
-        "{name} in {path} is no library of an FMU: a file binaries/PLATFORM/NAME of at most {} MB is. Do not use this FMU",
+        "{name} in {path} is no library of this FMU: a file of at most {} MB is, with the FMU's own name in a platform's folder, \
+         such as binaries/win64/RflMpc.dll. Do not use this FMU",
         LIBRARY >> 20
     )]
     NoLibrary { path: PathBuf, name: String },
+    #[error("{path} holds no library to merge: give an FMU that was built on another platform")]
+    NothingToMerge { path: PathBuf },
     #[error("{0} stands in the package twice: take it out of one of the places it comes from")]
     Twice(String),
 }
@@ -173,30 +176,44 @@ impl Package {
         Ok(())
     }
 
-    /// Takes over, from another FMU, libraries of platforms that this one lacks; gives their names. Each must hold
-    /// `guid`, or it was built for another description.
+    /// Takes over, from another FMU, libraries of platforms that this one lacks: those of `wanted`, by their places. Each
+    /// must hold `guid`, or it was built for another description. Gives the places of what was taken.
     ///
     /// # Errors
-    /// If the FMU cannot be read, or a library is of another description.
-    pub fn merge_binaries(&mut self, fmu: &Path, guid: &[u8]) -> Result<Vec<String>, PackageError> {
+    /// If the FMU cannot be read, or holds none of `wanted`, another file in their place, or a library of another description.
+    pub fn merge_binaries(
+        &mut self,
+        fmu: &Path,
+        wanted: &[String],
+        guid: &[u8],
+    ) -> Result<Vec<String>, PackageError> {
         let read = |source| PackageError::Read { path: fmu.to_owned(), source };
         let archive = |source| PackageError::Archive { path: fmu.to_owned(), source };
         let bytes = input::read(fmu, FMU).map_err(read)?;
         let mut zip = zip::ZipArchive::new(Cursor::new(bytes)).map_err(archive)?;
-        let mut merged = Vec::new();
+        let (mut merged, mut known) = (Vec::new(), false);
         for i in 0..zip.len() {
             let mut file = zip.by_index(i).map_err(archive)?;
             let name = file.name().map_err(archive)?.into_owned();
-            if file.is_dir() || !name.starts_with("binaries/") || self.contains(&name) {
+            // However it is written.
+            let is_binary = name.trim_start_matches(['/', '\\']).to_lowercase().starts_with("binaries");
+            if file.is_dir() || !is_binary {
                 continue;
             }
-            // A link, say.
-            let ordinary = file.is_file();
+            let no_library = || PackageError::NoLibrary { path: fmu.to_owned(), name: name.clone() };
+            // A link, say, or a library that ours needs: none does.
+            if !file.is_file() || !wanted.contains(&name) {
+                return Err(no_library());
+            }
+            known = true;
+            if self.contains(&name) {
+                continue;
+            }
             let mut content = Vec::new();
             // What it says of its size need not be true.
             (&mut file).take(LIBRARY + 1).read_to_end(&mut content).map_err(read)?;
-            if !ordinary || !is_library(&name) || content.len() as u64 > LIBRARY {
-                return Err(PackageError::NoLibrary { path: fmu.to_owned(), name });
+            if content.len() as u64 > LIBRARY {
+                return Err(no_library());
             }
             if !contains(&content, guid) {
                 return Err(PackageError::OtherDescription { path: fmu.to_owned(), name });
@@ -204,7 +221,7 @@ impl Package {
             self.add(name.clone(), content)?;
             merged.push(name);
         }
-        Ok(merged)
+        if known { Ok(merged) } else { Err(PackageError::NothingToMerge { path: fmu.to_owned() }) }
     }
 
     /// The archive's bytes.
@@ -252,16 +269,6 @@ const ENTRIES: usize = 10_000;
 fn stays_below(name: &str) -> bool {
     let plain = |part: &str| !part.is_empty() && part != "." && part != "..";
     !name.contains(['\\', ':', '\0']) && name.split('/').all(plain)
-}
-
-/// True if a name in an archive is that of a library, `binaries/PLATFORM/NAME`, wherever it is unpacked.
-fn is_library(name: &str) -> bool {
-    let parts: Vec<_> = name.split('/').collect();
-    let plain = |part: &&str| {
-        let allowed = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '_' | '-' | '+');
-        !part.is_empty() && !part.starts_with('.') && part.chars().all(allowed)
-    };
-    parts.len() == 3 && parts.iter().all(plain)
 }
 
 /// True if bytes hold others.

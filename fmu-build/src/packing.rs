@@ -204,22 +204,20 @@ impl Fmu {
                 if !path.is_file() || package.contains(&entry) {
                     continue;
                 }
-                let found = Library::check_for(&path, standard)?;
-                if !found.folders(standard).iter().any(|folder| folder == platform) {
-                    return Err(FmuError::Platform {
-                        path,
-                        found: found.platform,
-                        folder: (*platform).to_owned(),
-                    });
-                }
                 check_mark(&path, standard, xml)?;
                 package.add_file(entry.clone(), &path)?;
+                check_place(package, folder, &entry, standard)?;
                 merged.push(entry);
             }
         }
         for fmu in &packing.merge {
             if fmu.file_stem().is_some_and(|stem| stem == name) && is_of(fmu, standard)? {
-                merged.extend(package.merge_binaries(fmu, standard.mark_of(xml).as_bytes())?);
+                let wanted: Vec<_> = standard.platforms().iter().map(|place| entry_of(place, name)).collect();
+                let names = package.merge_binaries(fmu, &wanted, standard.mark_of(xml).as_bytes())?;
+                for entry in &names {
+                    check_place(package, fmu, entry, standard)?;
+                }
+                merged.extend(names);
             }
         }
         Ok(merged)
@@ -232,6 +230,18 @@ fn is_of(fmu: &Path, standard: Standard) -> Result<bool, PackageError> {
     let xml = Package::read_entry(fmu, "modelDescription.xml")?.unwrap_or_default();
     let xml = String::from_utf8_lossy(&xml).into_owned();
     Ok(Standard::of(&xml).is_none_or(|found| found == standard))
+}
+
+/// Checks that a library exports what it must, and is for the platform in whose folder it lies.
+fn check_place(package: &Package, fmu: &Path, entry: &str, standard: Standard) -> Result<(), FmuError> {
+    let path = fmu.join(entry);
+    let found = Library::check_bytes(&path, package.get(entry).unwrap_or_default(), standard)?;
+    let folder = entry.split('/').nth(1).unwrap_or_default().to_owned();
+    if found.folders(standard).contains(&folder) {
+        Ok(())
+    } else {
+        Err(FmuError::Platform { path, found: found.platform, folder })
+    }
 }
 
 fn entry_of(platform: &str, name: &str) -> String {

@@ -27,7 +27,7 @@ fn toy() -> Fmu {
         // It links what this one links.
         package: "fmu-passenger-car",
         // What is built for all tests: a narrower selection has other features, and would be a build of the library apart.
-        selection: vec!["--workspace", "--bins", "--examples"],
+        selection: include_str!("../../scripts/tested.txt").split_whitespace().collect(),
         resources: LICENSE,
         added: Added::default(),
         base: None,
@@ -241,50 +241,68 @@ fn an_old_description_is_refused() {
 }
 
 /// Libraries of other platforms come from a folder or an FMU, if they are of this description.
-#[cfg(unix)]
+#[cfg(target_os = "linux")]
 #[test]
 fn libraries_of_other_platforms_are_merged() {
+    const WIN: &str = "binaries/win64/SteeringLag.dll";
     let folder = tempfile::tempdir().unwrap();
     let guid = rfl_mpc::fmi::v2::guid_of(include_str!("../../tests/common/SteeringLag.xml")).unwrap();
     let other = folder.path().join("SteeringLag.fmu");
-    let pack = |content: &str| {
+    let pack = |entries: &[(&str, &[u8])]| {
         let mut package = Package::default();
-        package.add("binaries/win64/SteeringLag.dll", content).unwrap();
         package.add("resources/not_taken.txt", "").unwrap();
+        entries.iter().for_each(|(name, content)| package.add(*name, *content).unwrap());
         package.write(&other).unwrap();
     };
-    pack(&format!("a library with {guid}"));
+    let marked = format!("a library with {guid}").into_bytes();
+    pack(&[("binaries/linux64/SteeringLag.so", &marked), (WIN, &marked)]);
+    let wanted = ["binaries/linux64/SteeringLag.so", WIN].map(String::from);
+    let mut package = Package::default();
+    package.add(wanted[0].clone(), "its own").unwrap();
+    let merged = package.merge_binaries(&other, &wanted, guid.as_bytes()).unwrap();
+    assert_eq!(
+        (merged, package.get(&wanted[0]), package.get(WIN)),
+        (vec![WIN.to_owned()], Some(&b"its own"[..]), Some(&marked[..]))
+    );
+    assert!(package.get("resources/not_taken.txt").is_none());
+
     let mut options = options("merged");
     options.packing.merge.push(other.clone());
-    let made = toy().make(&options, |_| {}).unwrap();
-    assert_eq!(made.merged, ["binaries/win64/SteeringLag.dll"]);
-    assert!(entries(&made.path).contains(&"binaries/win64/SteeringLag.dll".to_owned()));
-    assert!(!entries(&made.path).contains(&"resources/not_taken.txt".to_owned()));
-
-    pack("a library of another description");
-    let error = toy().make(&options, |_| {}).unwrap_err();
+    let refused = |entries: &[(&str, &[u8])]| {
+        pack(entries);
+        toy().make(&options, |_| {}).unwrap_err()
+    };
+    let error = refused(&[(WIN, b"a library of another description")]);
     assert!(matches!(error, FmuError::Package(PackageError::OtherDescription { .. })), "{error}");
+    let error = refused(&[(WIN, &marked)]);
+    assert!(matches!(error, FmuError::Library(LibraryError::Format { .. })), "{error}");
+    let error = refused(&[(WIN, &std::fs::read(toy_library()).unwrap())]);
+    assert!(matches!(error, FmuError::Platform { .. }), "{error}");
+    let error = refused(&[]);
+    assert!(matches!(error, FmuError::Package(PackageError::NothingToMerge { .. })), "{error}");
 
-    // An archive of a stranger: names that climb, and libraries that swell.
-    for (name, size) in [
-        ("binaries/../../evil.so", 0),
-        ("binaries/linux64/../../../evil.so", 0),
-        ("binaries/win64/a/b.dll", 0),
-        ("binaries/win64\\..\\evil.dll", 0),
-        ("binaries/win64/.dll", 0),
-        ("binaries/darwin64/bomb.dylib", 70 << 20),
+    // An archive of a stranger: names that climb, or that no host finds, and libraries that swell.
+    let mut bomb = marked.clone();
+    bomb.resize(bomb.len() + (70 << 20), 0);
+    for (name, content) in [
+        ("binaries/../../evil.so", &marked),
+        ("binaries/linux64/../../../evil.so", &marked),
+        ("binaries/win64/a/b.dll", &marked),
+        ("binaries/win64\\..\\evil.dll", &marked),
+        ("binaries/win64/.dll", &marked),
+        ("binaries/win64/SteeringLag.so", &marked),
+        ("Binaries/Win64/SteeringLag.dll", &marked),
+        ("/binaries/win64/SteeringLag.dll", &marked),
+        ("binaries\\win64\\SteeringLag.dll", &marked),
+        ("binaries/amiga/SteeringLag.library", &marked),
+        (WIN, &bomb),
     ] {
-        let mut content = guid.as_bytes().to_vec();
-        content.resize(content.len() + size, 0);
-        let mut package = Package::default();
-        package.add(name, content).unwrap();
-        package.write(&other).unwrap();
-        let error = toy().make(&options, |_| {}).unwrap_err();
+        let error = refused(&[(name, content)]);
         assert!(matches!(error, FmuError::Package(PackageError::NoLibrary { .. })), "{name}: {error}");
     }
+    options.packing.merge.clear();
 
     // From a folder: a library in the wrong place, then one of another description.
-    options.packing.merge.clear();
     options.packing.binaries = Some(folder.path().to_owned());
     let win = folder.path().join("win64");
     std::fs::create_dir(&win).unwrap();

@@ -44,13 +44,25 @@ const TURNING_CIRCLE: f64 = 4.5;
 
 /// Checks and repairs points, and draws the curve.
 pub(super) fn check(
-    samples: Vec<Sample>,
+    mut samples: Vec<Sample>,
     options: &PathOptions,
     accuracy: Accuracy,
 ) -> Result<CheckedRoad, PathError> {
     for (index, sample) in samples.iter().enumerate() {
         check_values(sample, index)?;
     }
+    let stood = drive_on(&mut samples)?;
+    let mut road = measured_and_drawn(samples, options, accuracy)?;
+    road.notes.extend(stood.map(Note::info));
+    Ok(road)
+}
+
+/// The road through points, or, by what is asked of it, near those that are noisy.
+fn measured_and_drawn(
+    samples: Vec<Sample>,
+    options: &PathOptions,
+    accuracy: Accuracy,
+) -> Result<CheckedRoad, PathError> {
     // Original indices, for messages.
     let samples: Vec<(usize, Sample)> = samples.into_iter().enumerate().collect();
     // Headings and curvatures tell the road better than its points.
@@ -169,7 +181,17 @@ fn drawn(
     let periodic = match options.closure {
         Closure::Open => false,
         Closure::Closed => true,
-        Closure::Detect => repeated_start || leads_into_start(&kept, noise.as_ref(), median),
+        Closure::Detect => {
+            let ends = if repeated_start { &kept[..kept.len() - 1] } else { &kept[..] };
+            let seam = leads_into_start(ends, noise.as_ref(), median);
+            if repeated_start && seam == Seam::Turns {
+                notes.push(Note::warning(
+                    "the road ends where it begins, but in another direction: taken as open; closed on demand",
+                ));
+            }
+            // Of a few points nobody knows how smooth the road is.
+            seam == Seam::Smooth || repeated_start && seam == Seam::Apart
+        }
     };
     if periodic && repeated_start {
         kept.pop();
@@ -194,8 +216,6 @@ fn drawn(
     if !periodic && options.closure == Closure::Detect {
         notes.extend(passes_its_start(&kept, median).map(Note::warning));
     }
-
-    notes.extend(stands_on_the_way(&kept, periodic)?.map(Note::warning));
 
     let samples: Vec<Sample> = kept.into_iter().map(|(_, sample)| sample).collect();
     let origin = first;
@@ -392,23 +412,39 @@ fn check_values(sample: &Sample, index: usize) -> Result<(), PathError> {
     Ok(())
 }
 
-/// True if the end leads on into the start: near, and ahead. Of noisy points, ends are means that are long against the
-/// noise: all that is compared is as far apart as they are long.
-fn leads_into_start(kept: &[(usize, Sample)], noise: Option<&PointNoise>, median: f64) -> bool {
+/// How an end lies to the start.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Seam {
+    /// Far from it, or the road has too few points to tell.
+    Apart,
+    /// Near, and the road turns there as nowhere else: a figure of eight, drawn from its crossing.
+    Turns,
+    /// Near, and ahead.
+    Smooth,
+}
+
+/// Whether the end leads on into the start. Of noisy points, what is compared is means that are long against the noise.
+fn leads_into_start(kept: &[(usize, Sample)], noise: Option<&PointNoise>, median: f64) -> Seam {
     let size = noise.map_or(1, PointNoise::stride);
     let n = kept.len();
     if n < 8 * size {
-        return false;
+        return Seam::Apart;
     }
     let points: Vec<Vector> = kept.iter().map(|(_, sample)| [sample.x, sample.y]).collect();
     let mean = |from: usize| middle(points[from..from + size].iter().copied(), size);
     let [before, end, start, after] = [n - 2 * size, n - size, 0, size].map(mean);
     let usual = if noise.is_some() { 0.0 } else { median };
     let local = distance(before, end).max(distance(start, after)).max(usual);
+    if distance(end, start) > 2.0 * local {
+        return Seam::Apart;
+    }
     let turn = |a: Vector, b: Vector, c: Vector| {
         wrap_angle((c[1] - b[1]).atan2(c[0] - b[0]) - (b[1] - a[1]).atan2(b[0] - a[0])).abs()
     };
-    distance(end, start) <= 2.0 * local && turn(before, end, start) < 1.0 && turn(end, start, after) < 1.0
+    let turns = |[a, b, c, d]: [Vector; 4]| turn(a, b, c) + turn(b, c, d);
+    let along = (0..n / size - 3).map(|k| turns([k, k + 1, k + 2, k + 3].map(|block| mean(block * size))));
+    let most = along.fold(0.0, f64::max);
+    if turns([before, end, start, after]) < 0.5 + 1.5 * most { Seam::Smooth } else { Seam::Turns }
 }
 
 /// A note on a road that overlaps itself: a lap that was recorded a little too long.
@@ -426,27 +462,35 @@ fn passes_its_start(kept: &[(usize, Sample)], median: f64) -> Option<String> {
     ))
 }
 
-/// A note on a speed of 0 on the way: a start and an end have it, elsewhere a vehicle that stands there stays there.
+/// Speeds of 0 on the way, where a recorded drive stopped: the road goes on, at the speeds before and after. A start and an
+/// end at rest stay. Gives a note, if there are any.
 ///
 /// # Errors
 /// The speed is 0 everywhere.
-fn stands_on_the_way(kept: &[(usize, Sample)], periodic: bool) -> Result<Option<String>, PathError> {
-    let stands = |i: &usize| kept[*i].1.speed == Some(0.0);
-    if (0..kept.len()).all(|i| stands(&i)) {
+fn drive_on(samples: &mut [Sample]) -> Result<Option<String>, PathError> {
+    let speeds: Vec<f64> = samples.iter().map(|sample| sample.speed.unwrap_or(f64::NAN)).collect();
+    let moves = |speed: &f64| *speed != 0.0;
+    let (Some(first), Some(last)) = (speeds.iter().position(moves), speeds.iter().rposition(moves)) else {
         return Err(PathError::Standing { place: InputPlace::default() });
+    };
+    let (mut count, mut before) = (0, first);
+    for i in first..=last {
+        if moves(&speeds[i]) {
+            before = i;
+            continue;
+        }
+        let after = i + speeds[i..].iter().position(moves).unwrap_or(0);
+        let share = (i - before) as f64 / (after - before) as f64;
+        let speed = speeds[before] + share * (speeds[after] - speeds[before]);
+        samples[i].speed = Some(speed).filter(|speed| speed.is_finite());
+        count += 1;
     }
-    let inside = if periodic { 0..kept.len() } else { 1..kept.len() - 1 };
-    // From a start and to an end at rest there may be several points.
-    let moves = |i: &usize| !stands(i);
-    let first = if periodic { 0 } else { (0..kept.len()).find(moves).unwrap_or(0) };
-    let last = if periodic { kept.len() } else { (0..kept.len()).rfind(moves).unwrap_or(0) };
-    Ok(inside.filter(|i| (first..=last).contains(i)).find(stands).map(|i| {
+    let words = || {
         format!(
-            "the speed is 0 at point {} of {}: a vehicle stops there for good; give the speed to drive with",
-            kept[i].0 + 1,
-            kept.len()
+            "the speed is 0 at {count} point(s) on the way, where the vehicle stood: taken from the points before and after"
         )
-    }))
+    };
+    Ok((count > 0).then(words))
 }
 
 fn refuse_turning_back(kept: &[(usize, Sample)], periodic: bool) -> Result<(), PathError> {

@@ -116,20 +116,6 @@ pub enum PathError {
         /// The optional columns.
         known: &'static str,
     },
-    /// An unknown column.
-    #[error(
-        "{place}: unknown column `{column}` (number {number}); known are x, y, {known}; rename or remove it"
-    )]
-    UnknownColumn {
-        /// The header.
-        place: InputPlace,
-        /// The column's name.
-        column: String,
-        /// Its number, counted from 1.
-        number: usize,
-        /// The known optional columns.
-        known: &'static str,
-    },
     /// A column stands twice.
     #[error("{place}: column `{column}` stands twice (again as number {number}); remove one")]
     RepeatedColumn {
@@ -294,7 +280,6 @@ impl PathError {
             | Self::RowLength { place, .. }
             | Self::NotText { place }
             | Self::MissingColumn { place, .. }
-            | Self::UnknownColumn { place, .. }
             | Self::RepeatedColumn { place, .. }
             | Self::NotANumber { place, .. }
             | Self::NotFinite { place, .. }

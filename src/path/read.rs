@@ -18,7 +18,8 @@ use crate::table::{self, Header, Limits, Table as Rows, TableError, split_unit};
 use std::io::Read;
 
 /// The optional columns, as messages list them.
-const OPTIONAL: &str = "s, yaw, curvature, speed, bank, grade, friction, class";
+const OPTIONAL: &str =
+    "s, yaw, curvature, speed, bank, grade, friction, class, and latitude, longitude for x, y";
 
 /// Meaning of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -320,7 +321,7 @@ fn header(header: &Header, notes: &mut Vec<Note>) -> Result<Vec<Meaning>, PathEr
     let line = header.line;
     let mut columns: Vec<Meaning> = Vec::new();
     let mut found = String::new();
-    let (mut taken, mut unused) = (Vec::new(), Vec::new());
+    let (mut taken, mut unused, mut unknown) = (Vec::new(), Vec::new(), Vec::new());
     for (index, (written, (name, unit))) in
         header.written.iter().zip(header.names.iter().zip(&header.units)).enumerate()
     {
@@ -337,12 +338,9 @@ fn header(header: &Header, notes: &mut Vec<Note>) -> Result<Vec<Meaning>, PathEr
                 found = "a row of numbers, and no names above it".into();
                 break;
             }
-            return Err(PathError::UnknownColumn {
-                place: at_line(line),
-                column: short,
-                number: index + 1,
-                known: OPTIONAL,
-            });
+            unknown.push(short);
+            columns.push(Meaning { column: RoadColumn::Unused, factor: 1.0 });
+            continue;
         };
         let meaning = meaning.map_err(|ours| PathError::UnknownUnit {
             place: at_line(line),
@@ -359,9 +357,11 @@ fn header(header: &Header, notes: &mut Vec<Note>) -> Result<Vec<Meaning>, PathEr
             RoadColumn::TrackWidth => {}
             RoadColumn::Unused => unused.push(short),
             _ if meaning.factor != 1.0 => {
-                taken.push(format!("`{short}` for {} (times {})", column.name(), meaning.factor))
+                taken.push((column, format!("`{short}` for {} (times {})", column.name(), meaning.factor)));
             }
-            _ if !PLAIN.contains(&name.as_str()) => taken.push(format!("`{short}` for {}", column.name())),
+            _ if !PLAIN.contains(&name.as_str()) => {
+                taken.push((column, format!("`{short}` for {}", column.name())));
+            }
             _ => {}
         }
         columns.push(meaning);
@@ -371,6 +371,8 @@ fn header(header: &Header, notes: &mut Vec<Note>) -> Result<Vec<Meaning>, PathEr
         && has(RoadColumn::Longitude)
         && !(has(RoadColumn::X) && has(RoadColumn::Y));
     for meaning in columns.iter_mut().filter(|_| !geodetic).filter(|meaning| meaning.column.is_geodetic()) {
+        taken.retain(|(column, _)| *column != meaning.column);
+        unused.push(meaning.column.name().to_owned());
         meaning.column = RoadColumn::Unused;
     }
     for needed in [RoadColumn::X, RoadColumn::Y].into_iter().filter(|_| !geodetic) {
@@ -384,7 +386,14 @@ fn header(header: &Header, notes: &mut Vec<Note>) -> Result<Vec<Meaning>, PathEr
         }
     }
     if !taken.is_empty() {
+        let taken: Vec<String> = taken.into_iter().map(|(_, words)| words).collect();
         notes.push(Note::info(format!("columns taken: {}", taken.join(", "))));
+    }
+    if !unknown.is_empty() {
+        let unknown = unknown.join(", ");
+        notes.push(Note::warning(format!(
+            "columns unknown and not used: {unknown}; known are x, y, {OPTIONAL}"
+        )));
     }
     if !unused.is_empty() {
         notes.push(Note::info(format!("columns not used: {}", unused.join(", "))));
