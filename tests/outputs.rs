@@ -202,7 +202,8 @@ fn what_a_killed_run_leaves_is_whole() {
         commands.push(vec![
             "learn", "--path", &road, "--test", &road, "--roads", "1", "--out", "learn", "--quiet",
         ]);
-        let rows = ["--rows", "rfl_s", "--plants", "as_is", "--noise", "off", "--out", "evaluate", "--quiet"];
+        let rows =
+            ["--rows", "linear", "--plants", "as_is", "--noise", "off", "--out", "evaluate", "--quiet"];
         commands.push([&["evaluate", "--quick", "--budget", "1"][..], &rows].concat());
     }
     let kills = kills.unwrap_or(5);

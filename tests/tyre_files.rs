@@ -33,6 +33,12 @@ fn what_is_wrong_is_named_with_file_line_key_and_remedy() {
         (change("'PAC2002'", "'FTIRE'"), ["line 6", "another tyre model", "PAC2002"]),
         (change("PDX1=1.1", "PDX1=1.1\nPDX1=1.2"), ["PDX1", "line 18", "line 19"]),
         (change("FNOMIN = 4000", "FNOMIN = -1"), ["line 10", "FNOMIN = -1", "greater than zero"]),
+        (
+            change("FNOMIN = 4000", "FNOMIN = 4000\nLONGVL = 0"),
+            ["line 11", "LONGVL = 0", "greater than zero"],
+        ),
+        (change("RADIUS = 0.3", "RADIUS = 316"), ["line 8", "UNLOADED_RADIUS = 316", "in metres"]),
+        (change("'PAC2002'", "'PAC2002'\nFITTYP = 6.2"), ["line 7", "FITTYP = '6.2'", "MF-Tyre 5.2"]),
         (change("-2.0D1", "20"), ["PKY1 = 20", "negative", "ISO"]),
     ] {
         for part in parts {

@@ -8,6 +8,7 @@
 
 use super::clean_log::{CleanError, CleanLog, STANDING};
 use super::finding::FindingSeverity;
+use super::kinematics::{self, Told};
 use super::units::{self, ACCELERATIONS, ANGLES, DEGREE, LENGTHS, LogUnit, Shown, UnitConclusion, sized};
 use crate::numerics::statistics::{Slope, median, quantile, slope};
 use crate::path::wrap_angle;
@@ -101,19 +102,21 @@ pub(super) fn mend_units(log: &mut CleanLog, factors: &mut Factors) {
         bend: bend(log).filter(|slope| slope.explained > 0.8).map(|slope| slope.factor),
         winding: winding(log).filter(|slope| slope.explained > 0.8).map(|slope| slope.factor),
     };
+    let (mut speed, mut acceleration) = (sized(units::SPEEDS)[0], sized(ACCELERATIONS)[0]);
     match units::told(&shown) {
         UnitConclusion::Units(units) => {
             for (unit, columns, by) in [
-                (units.speed, &["vx", "vy"][..], "vx"),
+                (units.speed, &["vx"][..], "vx"),
                 (units.position, &["x", "y"], "x"),
                 (units.station, &["station"], "station"),
-                (units.acceleration, &["ax", "ay"], "ay"),
+                (units.acceleration, &["ay"], "ay"),
                 (units.turn, &["yaw_rate"], "yaw_rate"),
                 (units.curvature, &["curvature"], "curvature"),
                 (units.curvature_rate, &["curvature_rate"], "curvature_rate"),
             ] {
                 convert(log, factors, unit, columns, &evidence(by, unit, &shown));
             }
+            (speed, acceleration) = (units.speed, units.acceleration);
         }
         UnitConclusion::Either(one, other) => {
             let words = format!(
@@ -134,12 +137,45 @@ pub(super) fn mend_units(log: &mut CleanLog, factors: &mut Factors) {
             let [_, g] = sized(ACCELERATIONS);
             if let Some(slope) = lateral.filter(|slope| near(slope.factor / g.1, 1.0)) {
                 let by = format!("ay is {:.2} times vx * yaw_rate", slope.factor);
-                convert(log, factors, g, &["ax", "ay"], &by);
+                convert(log, factors, g, &["ay"], &by);
+                acceleration = g;
             }
         }
     }
+    mend_others(log, factors, speed, acceleration);
     mend_errors(log, factors);
     mend_angles(log, factors);
+}
+
+/// The velocity across and the acceleration along the body, in units of their own. Where nothing tells, `ax` has that of `ay`.
+/// A `vy` beside a converted `vx` is left out then: in the wrong unit it is taken for slip.
+fn mend_others(log: &mut CleanLog, factors: &mut Factors, speed: LogUnit, acceleration: LogUnit) {
+    let speeds = sized(units::SPEEDS);
+    match kinematics::vy_factor(log) {
+        Some((by, factor)) => {
+            if let Some(unit) = units::foreign(factor, &speeds) {
+                let by = if by == "y" { "x, y and yaw tell" } else { "ay tells" };
+                convert(log, factors, unit, &["vy"], &format!("vy is {:.2} times what {by}", factor.abs()));
+            }
+        }
+        None if speed.1 != 1.0 && log.columns.remove("vy").is_some() => {
+            let words = format!("vx is in {}, and no column tells whether vy is: left out", speed.0);
+            log.find(FindingSeverity::Warning, "vy", words);
+        }
+        None => {}
+    }
+    let told = kinematics::ax_factor(log);
+    let unit = told.and_then(|(_, factor)| units::foreign(factor, &sized(ACCELERATIONS)));
+    match (told, unit) {
+        (Some((_, factor)), Some(unit)) => {
+            let words = format!("ax is {:.3} times what the change of vx tells", factor.abs());
+            convert(log, factors, unit, &["ax"], &words);
+        }
+        (None, _) if log.columns.contains_key("ax") => {
+            convert(log, factors, acceleration, &["ax"], "ax is in the unit of ay");
+        }
+        _ => {}
+    }
 }
 
 /// Evidence for a column's unit, in words.
@@ -485,6 +521,10 @@ struct Motion {
     steered: [Option<f64>; 2],
     /// ay over speed times yaw rate.
     lateral: Option<f64>,
+    /// vy over the velocity across the body by x, y and yaw, or by ay.
+    across: Option<Told>,
+    /// ax over the change of vx.
+    along: Option<Told>,
 }
 
 impl Motion {
@@ -496,11 +536,19 @@ impl Motion {
         let (course, apart) = course(log).map_or((None, 0.0), |(slope, apart)| (Some(slope.factor), apart));
         let steered =
             ["steer_cmd", "steer"].map(|column| steered(log, column, steering).map(|slope| slope.factor));
-        Self { turn, course, apart, steered, lateral: lateral(log).map(|slope| slope.factor) }
+        Self {
+            turn,
+            course,
+            apart,
+            steered,
+            lateral: lateral(log).map(|slope| slope.factor),
+            across: kinematics::vy_factor(log),
+            along: kinematics::ax_factor(log),
+        }
     }
 
     /// Columns that should have one sign, and the factor between them.
-    fn pairs(&self, log: &CleanLog) -> [SignPair; 5] {
+    fn pairs(&self, log: &CleanLog) -> [SignPair; 7] {
         [
             ("yaw", "yaw_rate", self.turn),
             ("y", "yaw", self.course),
@@ -508,6 +556,8 @@ impl Motion {
             ("steer_cmd", "yaw_rate", self.steered[0].filter(|_| log.commanded)),
             ("steer", "yaw_rate", self.steered[1]),
             ("ay", "yaw_rate", self.lateral),
+            ("vy", self.across.map_or("y", |(by, _)| by), self.across.map(|(_, factor)| factor)),
+            ("ax", "vx", self.along.map(|(_, factor)| factor)),
         ]
     }
 }
@@ -519,7 +569,7 @@ impl Motion {
 pub(super) fn check(log: &mut CleanLog, steering: &dyn Fn(f64) -> f64) -> Result<(), CleanError> {
     let motion = Motion::of(log, steering);
     check_signs(&motion.pairs(log))?;
-    let Motion { turn, course, apart, steered, lateral } = motion;
+    let Motion { turn, course, apart, steered, lateral, .. } = motion;
     let contradicts = |factor: &f64| !(0.4..2.5).contains(factor);
     if let Some(factor) = lateral.filter(contradicts) {
         let words = format!("ay is {factor:.2} times vx * yaw_rate: its unit, or that of vx, is another one");
@@ -547,6 +597,14 @@ pub(super) fn check(log: &mut CleanLog, steering: &dyn Fn(f64) -> f64) -> Result
             ),
             _ => {}
         }
+    }
+    let felt = gravity(log, "bank").and_then(median).filter(|part| part.abs() > STEEP);
+    if let Some(part) = felt {
+        let words = format!(
+            "ay is {:+.1} m/s2 off vx * yaw_rate throughout: gravity or an offset is in it; take it out, or leave ay out",
+            part * GRAVITY
+        );
+        log.find(FindingSeverity::Suspicion, "ay", words);
     }
     if let Some(factor) = turn.filter(|factor| !(0.7..1.4).contains(factor)) {
         let words =

@@ -7,6 +7,7 @@ use super::agreement::{self, Factors};
 use super::clean_log::{CleanError, CleanLog, LEAST_LENGTH, STANDING, UnusableLog};
 use super::clock::{self, Clock};
 use super::finding::{Finding, FindingSeverity};
+use super::frozen;
 use super::join::JUMP;
 use super::outliers;
 use super::read::DriveLog;
@@ -149,6 +150,7 @@ impl Read {
         }
         mend_turning(&time, &mut columns, &mut factors, &mut findings);
         let mut left_out = outliers::leave_out(&mut columns, &spans, drives[0].step, &rows, &mut findings);
+        frozen::leave_out(&mut columns, &spans, drives[0].step, &rows, &mut findings, &mut left_out);
         for (name, rows) in wrong {
             left_out.entry(name).or_default().extend(rows);
         }

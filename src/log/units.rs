@@ -20,7 +20,7 @@ pub(super) const DEGREE: f64 = std::f64::consts::PI / 180.0;
 pub(super) type LogUnit = (&'static str, f64);
 
 /// Units that a log may have without stating them, by our unit; ours first.
-const SPEEDS: (&str, [&str; 5]) = ("m/s", ["m/s", "km/h", "mph", "knots", "ft/s"]);
+pub(super) const SPEEDS: (&str, [&str; 5]) = ("m/s", ["m/s", "km/h", "mph", "knots", "ft/s"]);
 pub(super) const LENGTHS: (&str, [&str; 5]) = ("m", ["m", "mm", "cm", "ft", "km"]);
 pub(super) const ACCELERATIONS: (&str, [&str; 2]) = ("m/s2", ["m/s2", "g"]);
 const TURNS: (&str, [&str; 2]) = ("rad/s", ["rad/s", "deg/s"]);

@@ -62,7 +62,7 @@ pub enum DataError {
     },
     /// The drive cannot be brought to the sample time.
     #[error(
-        "drive {drive} is sampled every {found} s, the controller every {wanted} s; only a whole number of times faster can be thinned, so record every {wanted} s or a whole fraction of it, or train for a sample time that fits"
+        "drive {drive} is sampled every {found:.6} s, the controller every {wanted} s; only a whole number of times faster can be thinned, so record every {wanted} s or a whole fraction of it, or train for a sample time that fits"
     )]
     Rate {
         /// The drive.

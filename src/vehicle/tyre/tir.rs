@@ -108,6 +108,7 @@ impl Coefficients {
             ("PCX1", self.pcx1),
             ("PCY1", self.pcy1),
             ("FZMAX", self.fzmax),
+            ("LONGVL", self.longvl),
         ];
         let nonzero = [("PDX1", self.pdx1), ("PDY1", self.pdy1), ("PKY1", self.pky1)];
         let refuse = |key, value, expected| {
@@ -118,6 +119,12 @@ impl Coefficients {
         }
         if let Some(&(key, value)) = nonzero.iter().find(|(_, value)| *value == 0.0) {
             return refuse(key, value, "different from zero");
+        }
+        if !(0.05..=2.0).contains(&self.r0) {
+            return refuse("UNLOADED_RADIUS", self.r0, "a radius in metres, 0.05 to 2");
+        }
+        if let Some(&(key, value)) = nonzero[..2].iter().find(|(_, value)| value.abs() > 5.0) {
+            return refuse(key, value, "a coefficient of friction, at most 5");
         }
         if self.pky1 > 0.0 {
             return refuse(
@@ -170,10 +177,12 @@ fn check_model(file: &Path, model: &BTreeMap<String, (String, usize)>) -> Result
     let fit = model.get("FITTYP");
     if let Some((text, line)) = fit {
         // A number may be written as 6 or 6.0.
-        match text.parse::<f64>().map(|number| number as u32).unwrap_or(0) {
+        let number = text.parse::<f64>().unwrap_or(0.0);
+        match if number.fract() == 0.0 { number as u32 } else { 0 } {
             // 5: MF-Tyre 5.0, 51 and 52: 5.1 and 5.2, 6 and 21: older numbers of the same.
             5 | 6 | 21 | 51 | 52 => (),
             60..=79 => return refuse("FITTYP", text, *line, NEWER),
+            _ if (6.0..7.0).contains(&number) => return refuse("FITTYP", text, *line, NEWER),
             _ => return refuse("FITTYP", text, *line, OTHER),
         }
     }

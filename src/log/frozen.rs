@@ -1,0 +1,114 @@
+//! Stretches in which a sensor repeats its last value.
+//!
+//! A signal of a moving vehicle may rest for a while; when it moves again, it begins as it always moves. A frozen one jumps to
+//! where the vehicle has gone meanwhile:
+//!
+//! ```text
+//!     v[i] = v[i - 1] for 0.4 s and longer,   then |v[end] - v[end - 1]| > 6 x the 99th percentile of |v[i] - v[i - 1]|
+//! ```
+//!
+//! A sensor that is held from sample to sample, each a tenth of a second or a second, jumps always: it is none. Nor is one of
+//! a vehicle that stands, or one that has not moved before.
+
+use super::clean_log::STANDING;
+use super::finding::{Finding, FindingSeverity};
+use crate::numerics::statistics::{median, quantile};
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+/// Sensors, and quantities in which a jump at the end can be told: an angle wraps.
+const SENSORS: [&str; 9] = ["x", "y", "vx", "vy", "yaw_rate", "ax", "ay", "steer", "steer_cmd"];
+/// Shortest stretch, s.
+const SHORTEST: f64 = 0.4;
+/// Jump at its end, over the 99th percentile of steps.
+const JUMP: f64 = 6.0;
+
+/// Removes frozen stretches: their values are missing then. `spans` are stretches of rows without a break, `rows` their numbers
+/// in the file. Adds those left out of each column.
+pub(super) fn leave_out(
+    columns: &mut BTreeMap<&'static str, Vec<f64>>,
+    spans: &[Range<usize>],
+    step: f64,
+    rows: &[usize],
+    findings: &mut Vec<Finding>,
+    left_out: &mut BTreeMap<&'static str, Vec<usize>>,
+) {
+    let shortest = ((SHORTEST / step).ceil() as usize).max(3);
+    let Some(vx) = columns.get("vx").cloned() else { return };
+    let moves = |stretch: &Range<usize>| {
+        median(vx[stretch.clone()].iter().map(|vx| vx.abs()).collect()).is_some_and(|vx| vx > STANDING)
+    };
+    for name in SENSORS {
+        let Some(values) = columns.get_mut(name) else { continue };
+        let found: Vec<Range<usize>> = spans
+            .iter()
+            .flat_map(|span| frozen(&values[span.clone()], shortest, span.start))
+            .filter(|stretch| spans.iter().all(|span| span.start != stretch.start) && moves(stretch))
+            .collect();
+        for stretch in found {
+            let value = values[stretch.start];
+            let words = format!(
+                "{name} stays at {value:.4} from row {} to row {} and jumps then: frozen; left out, like missing values",
+                rows[stretch.start] + 1,
+                rows[stretch.end - 1] + 1
+            );
+            findings.push(Finding::new(FindingSeverity::Warning, Some(name), words));
+            // The first of them was measured.
+            for place in stretch.skip(1) {
+                values[place] = f64::NAN;
+                left_out.entry(name).or_default().push(rows[place]);
+            }
+        }
+    }
+}
+
+/// Frozen stretches of a column; `from` is the place of its first value.
+fn frozen(values: &[f64], shortest: usize, from: usize) -> Vec<Range<usize>> {
+    let steps: Vec<f64> = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
+    let moving = steps.iter().copied().filter(|step| *step > 0.0).collect();
+    let Some(usual) = quantile(moving, 0.99) else { return Vec::new() };
+    let mut found = Vec::new();
+    let mut start = 0;
+    for (i, step) in steps.iter().enumerate() {
+        if *step == 0.0 {
+            continue;
+        }
+        // From `start` to `i` all values are the same.
+        if i + 1 - start >= shortest && *step > JUMP * usual {
+            found.push(from + start..from + i + 1);
+        }
+        start = i + 1;
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn wave(count: usize) -> Vec<f64> {
+        (0..count).map(|i| (0.02 * i as f64).sin()).collect()
+    }
+
+    #[test]
+    fn a_value_that_is_held_and_jumps_is_found() {
+        let mut values = wave(1000);
+        let held = values[300];
+        values[300..340].fill(held);
+        assert_eq!(frozen(&values, 20, 7), vec![307..347]);
+    }
+
+    #[test]
+    fn rest_short_repeats_and_slow_sensors_are_no_fault() {
+        let mut values = wave(1000);
+        let held = values[300];
+        values[300..310].fill(held);
+        assert!(frozen(&values, 20, 0).is_empty());
+        // A pause without a jump.
+        let pause: Vec<f64> = (0..1000).map(|i| (0.02 * (i as f64 - 300.0).max(0.0)).sin()).collect();
+        assert!(frozen(&pause, 20, 0).is_empty());
+        let held: Vec<f64> = (0..1000).map(|i| (0.02 * f64::from(i / 50 * 50)).sin()).collect();
+        assert!(frozen(&held, 20, 0).is_empty());
+        assert!(frozen(&[1.0; 100], 20, 0).is_empty());
+    }
+}

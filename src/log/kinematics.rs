@@ -1,0 +1,131 @@
+//! Velocity across and acceleration along the body, told by the other columns.
+//!
+//! Over spans of the log the point moves as its velocity says, and changes its speed as its accelerometer says:
+//!
+//! ```text
+//!     d(x, y)  = f int vx t dt + k int vy n dt + e int vx n dt + d int yaw_rate n dt        t, n: along and across the heading
+//!     d(vy)    = k (int ay dt / (1 + b) - int vx yaw_rate dt) + c dt                        b: roll's part of gravity
+//!     int ax dt = k d(vx) - int vy yaw_rate dt + c dt
+//! ```
+//!
+//! `1 / k` of the first, `k` of the others is the size of the column's unit. Other numbers are what logs differ in: a gain
+//! of the speed, a yaw angle that is off, another point of the body, a grade.
+
+use super::clean_log::CleanLog;
+use nalgebra::{DMatrix, DVector};
+
+/// Length of the stretches whose means are compared, s.
+const BLOCK: f64 = 0.5;
+/// Largest standard error, as a share of the ratio, of one that tells something.
+const SURE: f64 = 0.08;
+
+/// A column that tells another's size, and the ratio of the two.
+pub(super) type Told = (&'static str, f64);
+
+/// Ratio of `vy` to what places and headings, or else the accelerometer, say it is; `None` where they do not tell.
+pub(super) fn vy_factor(log: &CleanLog) -> Option<Told> {
+    by_place(log).map(|factor| ("y", factor)).or_else(|| by_acceleration(log).map(|factor| ("ay", factor)))
+}
+
+fn by_acceleration(log: &CleanLog) -> Option<f64> {
+    let [vx, vy, rate, ay] = ["vx", "vy", "yaw_rate", "ay"].map(|name| log.columns.get(name));
+    let (vx, vy, rate, ay) = (vx?, vy?, rate?, ay?);
+    let spans = Spans::of(log);
+    let (turning, felt) = (spans.integrals(|i| -vx[i] * rate[i]), spans.integrals(|i| ay[i]));
+    let rows: Vec<[f64; 3]> = (0..spans.count()).map(|k| [turning[k], felt[k], 1.0]).collect();
+    first_coefficient(&spans.changes(|i| vy[i]), &rows)
+}
+
+fn by_place(log: &CleanLog) -> Option<f64> {
+    let [x, y, yaw, vx, vy, rate] =
+        ["x", "y", "yaw", "vx", "vy", "yaw_rate"].map(|name| log.columns.get(name));
+    let (x, y, yaw, vx, vy, rate) = (x?, y?, yaw?, vx?, vy?, rate?);
+    let spans = Spans::of(log);
+    let (mut targets, mut rows) = (Vec::new(), Vec::new());
+    for (place, is_x) in [(x, true), (y, false)] {
+        let across = |i: usize| if is_x { -yaw[i].sin() } else { yaw[i].cos() };
+        let along = |i: usize| if is_x { yaw[i].cos() } else { yaw[i].sin() };
+        let moved = spans.changes(|i| place[i]);
+        let parts = [
+            spans.integrals(|i| vy[i] * across(i)),
+            spans.integrals(|i| vx[i] * along(i)),
+            spans.integrals(|i| vx[i] * across(i)),
+            spans.integrals(|i| rate[i] * across(i)),
+        ];
+        targets.extend(moved);
+        rows.extend((0..spans.count()).map(|k| parts.each_ref().map(|part| part[k])));
+    }
+    first_coefficient(&targets, &rows).map(f64::recip)
+}
+
+/// Ratio of `ax` to what the change of the speed says it is; `None` where it does not tell.
+pub(super) fn ax_factor(log: &CleanLog) -> Option<Told> {
+    let (vx, ax) = (log.columns.get("vx")?, log.columns.get("ax")?);
+    let spans = Spans::of(log);
+    let zero = vec![0.0; vx.len()];
+    let [vy, rate] = ["vy", "yaw_rate"].map(|name| log.columns.get(name).unwrap_or(&zero));
+    let (faster, turning) = (spans.changes(|i| vx[i]), spans.integrals(|i| vy[i] * rate[i]));
+    let rows: Vec<[f64; 3]> = (0..spans.count()).map(|k| [faster[k], 1.0, turning[k]]).collect();
+    first_coefficient(&spans.integrals(|i| ax[i]), &rows).map(|factor| ("vx", factor))
+}
+
+/// Pairs of neighbouring stretches of a log.
+struct Spans<'a> {
+    log: &'a CleanLog,
+    size: usize,
+}
+
+impl<'a> Spans<'a> {
+    fn of(log: &'a CleanLog) -> Self {
+        Self { log, size: ((BLOCK / log.step).round() as usize).max(1) }
+    }
+
+    fn count(&self) -> usize {
+        (self.log.time.len() / self.size).saturating_sub(1)
+    }
+
+    /// Changes of a quantity's mean from stretch to stretch; NaN where rows do not count.
+    fn changes(&self, of: impl Fn(usize) -> f64) -> Vec<f64> {
+        let mean = |block: usize| {
+            let rows = block * self.size..(block + 1) * self.size;
+            let counts = rows.clone().all(|i| self.log.valid[i]);
+            if counts { rows.map(&of).sum::<f64>() / self.size as f64 } else { f64::NAN }
+        };
+        let means: Vec<f64> = (0..=self.count()).map(mean).collect();
+        means.windows(2).map(|pair| pair[1] - pair[0]).collect()
+    }
+
+    /// Integrals of a rate over the same spans.
+    fn integrals(&self, rate: impl Fn(usize) -> f64) -> Vec<f64> {
+        let mut integral = vec![0.0; self.log.time.len()];
+        for i in 1..integral.len() {
+            integral[i] = integral[i - 1] + 0.5 * self.log.step * (rate(i - 1) + rate(i));
+            // What is missing costs its own stretch only.
+            if !integral[i].is_finite() && self.log.valid[i - 1] && self.log.valid[i] {
+                return vec![f64::NAN; self.count()];
+            }
+            if !integral[i].is_finite() {
+                integral[i] = integral[i - 1];
+            }
+        }
+        let integral = &integral;
+        self.changes(|i| integral[i])
+    }
+}
+
+/// Coefficient of the first column in a least-squares fit, if its standard error is small.
+fn first_coefficient<const N: usize>(targets: &[f64], rows: &[[f64; N]]) -> Option<f64> {
+    let finite = |(target, row): &(&f64, &[f64; N])| target.is_finite() && row.iter().all(|v| v.is_finite());
+    let kept: Vec<_> = targets.iter().zip(rows).filter(finite).collect();
+    if kept.len() < 10 * N {
+        return None;
+    }
+    let matrix = DMatrix::from_fn(kept.len(), N, |i, j| kept[i].1[j]);
+    let target = DVector::from_iterator(kept.len(), kept.iter().map(|(target, _)| **target));
+    let inverse = (matrix.transpose() * &matrix).try_inverse()?;
+    let solution = &inverse * matrix.transpose() * &target;
+    let left = &target - matrix * &solution;
+    let variance = left.norm_squared() / (kept.len() - N) as f64;
+    let error = (variance * inverse[(0, 0)]).sqrt();
+    (error < SURE * solution[0].abs()).then_some(solution[0])
+}
