@@ -39,6 +39,8 @@ pub(super) struct CheckedRoad {
 
 /// Tightest bend of a road that noise leaves drivable in m.
 const TIGHTEST: f64 = 2.0;
+/// Roads without stops that are drawn at most.
+const MORE_WIDTHS: usize = 4;
 /// Radius of the smallest circle of a small car in m.
 const TURNING_CIRCLE: f64 = 4.5;
 
@@ -96,8 +98,12 @@ fn without_wander(
     options: &PathOptions,
     accuracy: Accuracy,
 ) -> Option<CheckedRoad> {
+    let mut before = samples.len();
     let found = WIDTHS.iter().filter_map(|width| {
         let kept = without_stops(samples, *width)?;
+        if std::mem::replace(&mut before, kept.len()) == kept.len() {
+            return None;
+        }
         let (left_out, noise) = (samples.len() - kept.len(), measured(&kept));
         let mut road = drawn(kept, options, accuracy, noise).ok()?;
         road.notes.push(Note::info(format!(
@@ -106,9 +112,9 @@ fn without_wander(
         )));
         Some(road)
     });
-    // A receiver's wander that is left is a bend that no car drives.
+    // A receiver's wander that is left is a bend that no car drives: a few more widths are tried, for each takes a while.
     let mut gentlest: Option<(f64, CheckedRoad)> = None;
-    for road in found {
+    for road in found.take(MORE_WIDTHS) {
         let bend = tightest(&road.curve);
         if gentlest.as_ref().is_none_or(|(other, _)| bend < *other) {
             gentlest = Some((bend, road));
