@@ -7,7 +7,7 @@ use super::read::Accuracy;
 use super::sample::{Closure, PathOptions, Sample, Smoothing};
 use super::smooth::{Goal, smooth};
 use super::spline::{Knot, QuinticSpline, Vector, distance};
-use super::stops::{WIDTHS, without_stops};
+use super::stops::{WIDTHS, usual_spacing, without_stops};
 use super::wrap_angle;
 use crate::numerics::statistics::upper_median;
 use std::borrow::Cow;
@@ -98,9 +98,9 @@ fn without_wander(
     options: &PathOptions,
     accuracy: Accuracy,
 ) -> Option<CheckedRoad> {
-    let mut before = samples.len();
+    let (spacing, mut before) = (usual_spacing(samples), samples.len());
     let found = WIDTHS.iter().filter_map(|width| {
-        let kept = without_stops(samples, *width)?;
+        let kept = without_stops(samples, *width, spacing)?;
         if std::mem::replace(&mut before, kept.len()) == kept.len() {
             return None;
         }
@@ -444,9 +444,6 @@ fn leads_into_start(kept: &[(usize, Sample)], noise: Option<&PointNoise>, median
     if distance(end, start) > 2.0 * local {
         return Seam::Apart;
     }
-    let turn = |a: Vector, b: Vector, c: Vector| {
-        wrap_angle((c[1] - b[1]).atan2(c[0] - b[0]) - (b[1] - a[1]).atan2(b[0] - a[0])).abs()
-    };
     let turns = |[a, b, c, d]: [Vector; 4]| turn(a, b, c) + turn(b, c, d);
     let along = (0..n / size - 3).map(|k| turns([k, k + 1, k + 2, k + 3].map(|block| mean(block * size))));
     let most = along.fold(0.0, f64::max);
@@ -499,16 +496,21 @@ fn drive_on(samples: &mut [Sample]) -> Result<Option<String>, PathError> {
     Ok((count > 0).then(words))
 }
 
+/// Change of direction from the chord `a` to `b` to that from `b` to `c`, without its sign, in rad.
+fn turn(a: Vector, b: Vector, c: Vector) -> f64 {
+    wrap_angle((c[1] - b[1]).atan2(c[0] - b[0]) - (b[1] - a[1]).atan2(b[0] - a[0])).abs()
+}
+
 fn refuse_turning_back(kept: &[(usize, Sample)], periodic: bool) -> Result<(), PathError> {
     let n = kept.len();
     let p = |i: usize| [kept[i % n].1.x, kept[i % n].1.y];
     let corners = if periodic { 0..n } else { 0..n - 2 };
     for i in corners {
         let (a, b, c) = (p(i), p(i + 1), p(i + 2));
-        let turn = wrap_angle((c[1] - b[1]).atan2(c[0] - b[0]) - (b[1] - a[1]).atan2(b[0] - a[0]));
-        if turn.abs() > TURNS_BACK {
+        let turn = turn(a, b, c);
+        if turn > TURNS_BACK {
             let place = InputPlace::point(kept[(i + 1) % n].0);
-            return Err(PathError::TurnsBack { place, degrees: turn.abs().to_degrees() });
+            return Err(PathError::TurnsBack { place, degrees: turn.to_degrees() });
         }
     }
     Ok(())

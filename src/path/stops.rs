@@ -26,11 +26,20 @@ const CLEAR: f64 = 2.0;
 pub(super) const WIDTHS: [f64; 15] =
     [0.001, 0.002, 0.004, 0.008, 0.016, 0.032, 0.064, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0];
 
-/// Points with their places in the file, with each stop as one; `None` if there is no stop.
-pub(super) fn without_stops(points: &[(usize, Sample)], width: f64) -> Option<Vec<(usize, Sample)>> {
+/// Median distance from point to point in m.
+pub(super) fn usual_spacing(points: &[(usize, Sample)]) -> f64 {
+    let apart =
+        points.windows(2).map(|pair| distance([pair[0].1.x, pair[0].1.y], [pair[1].1.x, pair[1].1.y]));
+    upper_median(&mut apart.collect::<Vec<_>>())
+}
+
+/// Points with their places in the file, with each stop as one; `None` if there is no stop. `spacing` is the usual one.
+pub(super) fn without_stops(
+    points: &[(usize, Sample)],
+    width: f64,
+    spacing: f64,
+) -> Option<Vec<(usize, Sample)>> {
     let at = |i: usize| [points[i].1.x, points[i].1.y];
-    let spacing =
-        upper_median(&mut (1..points.len()).map(|i| distance(at(i - 1), at(i))).collect::<Vec<_>>());
     let many = SLOWER * (width / spacing.max(1e-6) + 1.0);
     let mut kept: Vec<(usize, Sample)> = Vec::with_capacity(points.len());
     let mut first = 0;
