@@ -118,8 +118,8 @@ fn fuzz(good: &[Vec<u8>], take: impl Fn(&[u8]) -> bool) {
             Ok(good) => taken += u64::from(good),
             Err(_) => panic!("input {seed} ends in a panic: {:?}", String::from_utf8_lossy(&bytes)),
         }
-        assert!(elapsed < LONGEST, "input {seed} takes {elapsed:?}");
-        assert!(memory < MEMORY, "input {seed} takes {memory} bytes");
+        assert!(elapsed < LONGEST, "input {seed} takes {elapsed:?}: {}", String::from_utf8_lossy(&bytes));
+        assert!(memory < MEMORY, "input {seed} takes {memory} bytes: {}", String::from_utf8_lossy(&bytes));
         (longest, most) = (longest.max(elapsed), most.max(memory));
     }
     let longest = 1e3 * longest.as_secs_f64();

@@ -248,3 +248,57 @@ fn real_logs_without_the_command_are_refused_with_the_reason() {
         assert!(error.contains("steer_cmd"), "{error}");
     }
 }
+
+#[test]
+fn a_single_wrong_value_changes_no_number() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    drive(folder.path(), "drive.csv", &[]);
+    let identified = |log: &str| {
+        done(&rfl(folder.path(), &["identify", log, "--no-check", "--json", "found.json"]));
+        let found: Value = serde_json::from_slice(&std::fs::read(at("found.json")).unwrap()).unwrap();
+        (
+            found["findings"].to_string(),
+            ["dead_time", "lag"].map(|name| found[name]["value"].as_f64().unwrap()),
+        )
+    };
+    let (_, sound) = identified("drive.csv");
+    let text = std::fs::read_to_string(at("drive.csv")).unwrap();
+    let column = |name: &str| text.lines().next().unwrap().split(',').position(|it| it == name).unwrap();
+    for (name, value) in [("steer_cmd", "1"), ("steer_cmd", "-0.5"), ("steer", "1.5")] {
+        let place = column(name);
+        let with = |(row, line): (usize, &str)| {
+            let mut fields: Vec<&str> = line.split(',').collect();
+            if row == 500 {
+                fields[place] = value;
+            }
+            fields.join(",") + "\n"
+        };
+        std::fs::write(at("wrong.csv"), text.lines().enumerate().map(with).collect::<String>()).unwrap();
+        let (said, found) = identified("wrong.csv");
+        assert!(said.contains(&format!("{name} = ")) && said.contains("in row 500"), "{said}");
+        assert!(
+            found.iter().zip(sound).all(|(found, sound)| (found - sound).abs() < 2e-4),
+            "{found:?} {sound:?}"
+        );
+    }
+}
+
+#[test]
+fn a_new_vehicle_file_elsewhere_has_its_tyres_beside_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    drive(folder.path(), "drive.csv", &[]);
+    for name in ["a/tyres", "b"] {
+        std::fs::create_dir_all(at(name)).unwrap();
+    }
+    std::fs::write(at("a/tyres/mine.tir"), include_str!("../vehicles/tyres/c_class.tir")).unwrap();
+    std::fs::write(at("a/car.toml"), CAR.replace("tyres/c_class.tir", "tyres/mine.tir")).unwrap();
+    let into = ["identify", "drive.csv", "--no-check", "--vehicle", "a/car.toml", "--into", "b/car.toml"];
+    done(&rfl(folder.path(), &into));
+    let path = command::road();
+    done(&rfl(
+        folder.path(),
+        &["drive", "--quiet", "--vehicle", "b/car.toml", "--duration", "2", "--path", &path],
+    ));
+}

@@ -76,6 +76,7 @@ mod learn_command;
 mod log_check;
 mod log_clean;
 mod log_rate;
+mod log_recorders;
 mod log_units;
 mod log_writings;
 mod nmpc;

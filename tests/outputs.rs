@@ -60,7 +60,7 @@ fn a_vehicle_with_tyres_elsewhere_is_calibrated_inside_the_folder() {
     let outside = tempfile::tempdir().unwrap();
     let absolute = outside.path().join("absolute.tir");
     for (case, tyres) in [
-        ["../../Cargo.toml", "../../Cargo.toml"],
+        ["../../report.html", "../../Cargo.toml"],
         ["tyres/front.tir", "../other.tir"],
         [absolute.to_str().unwrap(), "../../../rear.tir"],
     ]

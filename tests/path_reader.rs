@@ -229,7 +229,20 @@ fn a_speed_of_nought_is_refused_or_said_unless_it_begins_or_ends_the_road() {
     has(&message, &["column `speed`", "no vehicle moves"]);
     let road = |speeds: &[&str]| read(&with_column("speed", speeds)).unwrap();
     let said = |path: &Path| path.notes().iter().any(|note| note.text.contains("the speed is 0 at"));
-    assert!(!said(&road(&["0", "0", "5", "5", "0"])));
+    assert!(!said(&road(&["0", "5", "5", "0"])));
+    // A drive that was recorded before it began to move.
+    let lasts = |path: &Path| SpeedPlan::new(path, &SpeedLimits::default()).duration();
+    let stood = road(&["0", "0", "0", "5", "5", "0", "0"]);
+    assert!(said(&stood) && lasts(&stood).is_finite());
+    // A lap from rest to rest.
+    let lap: String = (0..100)
+        .map(|i| {
+            let (sin, cos) = (std::f64::consts::TAU * f64::from(i) / 100.0).sin_cos();
+            format!("{:.4},{:.4},{}\n", 40.0 * cos, 40.0 * sin, if (3..97).contains(&i) { 8 } else { 0 })
+        })
+        .collect();
+    let lap = read(&format!("x,y,speed\n{lap}")).unwrap();
+    assert!(lap.is_periodic() && said(&lap) && lasts(&lap).is_finite());
     let path = road(&["0", "5", "0", "", "0", "3", "0"]);
     assert!(said(&path));
     let path = road(&["4", "4", "0", "0", "1", "1"]);

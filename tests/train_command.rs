@@ -72,6 +72,28 @@ fn a_log_gives_a_model_that_fits_and_drives_better() {
 }
 
 #[test]
+fn a_single_wrong_error_to_the_path_is_named_and_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, value) in [("e2", -3.0), ("e2", 1.0), ("curvature", 5.0), ("curvature_rate", 99.0)] {
+        let table = collected().set(name, 400..401, &value.to_string());
+        let said = done(&train(folder.path(), &table, &[]));
+        assert!(said.contains(&format!("{name} = {value:.4} in row 401")), "{said}");
+    }
+}
+
+#[test]
+fn drives_of_an_earlier_run_are_not_mixed_with_new_ones() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["drive_1.csv", "drive_2.csv"] {
+        std::fs::write(folder.path().join(name), "time\n").unwrap();
+    }
+    let arguments = ["collect", "--quiet", "--runs", "1", "--out", ".", "--path", &road()];
+    let error = refused(&rfl(folder.path(), &arguments));
+    assert!(error.contains("drive_2.csv") && error.contains("--out"), "{error}");
+    assert_eq!(std::fs::read_to_string(folder.path().join("drive_1.csv")).unwrap(), "time\n");
+}
+
+#[test]
 fn what_was_learned_collects_again() {
     let folder = tempfile::tempdir().unwrap();
     done(&train(folder.path(), &collected(), &["--kind", "linear", "--out", "linear.rflm"]));
@@ -272,7 +294,7 @@ fn what_a_log_lacks_is_made_and_said() {
         .set("e2", 300..301, "20")
         .rows(|rows| [&rows[..500], &rows[600..]].concat());
     let (said, _) = fit(&holes);
-    for words in ["2 rows left out: a value is missing", "1 rows left out: a value cannot be", "4 gaps"] {
+    for words in ["e2 = 20.0000 in row 301", "3 rows left out: a value is missing", "4 gaps"] {
         assert!(said.contains(words), "{said}");
     }
 }

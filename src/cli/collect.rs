@@ -72,6 +72,17 @@ fn collect<P: Commanded<S, C>, const S: usize, const C: usize>(
     args: &CollectArgs,
 ) -> Result<(), Box<dyn Error>> {
     let _held = hold_folder(&args.out)?;
+    let file_of = |run: u32| args.out.join(format!("drive_{run}.csv"));
+    // `rfl train` takes all of them: drives of an earlier run may be another vehicle's.
+    if file_of(args.runs + 1).exists() {
+        return Err(format!(
+            "{}: an earlier run left more drives than {} here, and whoever learns from the folder would mix them; delete \
+             them, or give another folder (--out)",
+            file_of(args.runs + 1).display(),
+            args.runs
+        )
+        .into());
+    }
     for run in 0..args.runs {
         let mut settings: Vec<String> = match args.residual {
             Some(_) => vec![],
@@ -111,7 +122,7 @@ fn collect<P: Commanded<S, C>, const S: usize, const C: usize>(
             true
         });
         bar.finish_and_clear();
-        let file = args.out.join(format!("drive_{}.csv", run + 1));
+        let file = file_of(run + 1);
         write_file(&file, |to| Ok(drive.write_csv(to)?))?;
         let tracking = drive.tracking();
         say!(

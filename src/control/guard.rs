@@ -87,6 +87,15 @@ struct Track {
     covariance: SMatrix<f64, SIGNALS, SIGNALS>,
 }
 
+impl Track {
+    /// False once numbers have outgrown the arithmetic, as those of a damaged saved state may.
+    fn is_sound(&self, noise: &Signals) -> bool {
+        // Of an innovation; rounding may leave a little less than nothing of the track's own.
+        let variances = self.covariance.diagonal() + noise;
+        self.mean.iter().chain(&variances).all(|number| number.is_finite()) && variances.min() >= 0.0
+    }
+}
+
 /// A motion that may be a new start.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 struct NewStart {
@@ -281,6 +290,12 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
                 track.observe(i, told[i], self.noise[i]);
             }
             state.age[i] = if believed { 0.0 } else { state.age[i] + elapsed };
+        }
+        if !track.is_sound(&self.noise) {
+            // Nothing to bridge from, and nothing that rests on it is to be kept.
+            measurement.check()?;
+            self.begin(state, &told);
+            return Ok(Judgement::Moved);
         }
         state.track = Some(track);
         if all {

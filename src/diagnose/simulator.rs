@@ -124,16 +124,8 @@ pub fn write_vehicle<V: VehicleParameters>(
     file: &Path,
 ) -> Result<(), CalibratedError> {
     let mut vehicle = vehicle.clone();
-    let write = |file: &Path, bytes: &[u8]| {
-        write_bytes(file, bytes).map_err(|source| CalibratedError::File { file: file.to_owned(), source })
-    };
     if let (Some(from), Some(to)) = (source.and_then(Path::parent), file.parent()) {
-        for (_, tyre) in vehicle.tyres() {
-            // A tyre that is built in needs no file.
-            let Ok(bytes) = std::fs::read(from.join(&tyre.file)) else { continue };
-            tyre.file = beside(&tyre.file);
-            write(&to.join(&tyre.file), &bytes)?;
-        }
+        copy_tyres(&mut vehicle, from, to)?;
     }
     let mut table = toml::Table::try_from(&vehicle)?;
     if let Some(toml::Value::Table(effects)) = table.get_mut("effect") {
@@ -148,9 +140,36 @@ pub fn write_vehicle<V: VehicleParameters>(
     write(file, text.as_bytes())
 }
 
+/// Copies the tyre files of a vehicle from one folder to another, and names them there. Gives the keys of the vehicle file with
+/// their new names.
+///
+/// # Errors
+/// A file that cannot be written.
+pub fn copy_tyres<V: VehicleParameters>(
+    vehicle: &mut V,
+    from: &Path,
+    to: &Path,
+) -> Result<Vec<(&'static str, String)>, CalibratedError> {
+    let mut copied = Vec::new();
+    for (key, tyre) in vehicle.tyres() {
+        // A tyre that is built in needs no file.
+        let Ok(bytes) = std::fs::read(from.join(&tyre.file)) else { continue };
+        tyre.file = beside(&tyre.file);
+        write(&to.join(&tyre.file), &bytes)?;
+        copied.push((key, tyre.file.clone()));
+    }
+    Ok(copied)
+}
+
+fn write(file: &Path, bytes: &[u8]) -> Result<(), CalibratedError> {
+    write_bytes(file, bytes).map_err(|source| CalibratedError::File { file: file.to_owned(), source })
+}
+
 /// A place in the new file's own folder for any file: `../tyres/car.tir` becomes `tyres_car.tir`, `tyres/car.tir`
-/// stays. Nothing is written outside the folder that the user named.
+/// stays. Nothing is written outside the folder that the user named, nor over anything else that is written there: it is a `.tir`.
 fn beside(file: &str) -> String {
+    let is_tir = Path::new(file).extension().is_some_and(|extension| extension.eq_ignore_ascii_case("tir"));
+    let file = &if is_tir { file.to_owned() } else { format!("{file}.tir") };
     if Path::new(file).components().all(|part| matches!(part, Component::Normal(_))) {
         return file.to_owned();
     }

@@ -562,6 +562,11 @@ impl Motion {
     }
 }
 
+/// Angle between yaw and the course that no slip explains, rad: with `vy` and its standard error, and without.
+const OFFSET: f64 = 0.05;
+const SURE_OFFSET: f64 = 0.01;
+const ANOTHER_AXIS: f64 = 0.3;
+
 /// Signs, and ratios that no unit explains.
 ///
 /// # Errors
@@ -611,9 +616,13 @@ pub(super) fn check(log: &mut CleanLog, steering: &dyn Fn(f64) -> f64) -> Result
             format!("yaw changes {factor:.2} times as fast as yaw_rate says: one of them has another unit");
         log.find(FindingSeverity::Suspicion, "yaw", words);
     }
-    if course.is_some() && apart.abs() > 0.3 {
+    let off = kinematics::yaw_offset(log)
+        .filter(|(angle, error)| angle.abs() > OFFSET && *error < SURE_OFFSET)
+        .map(|(angle, _)| angle)
+        .or(course.map(|_| apart).filter(|apart| apart.abs() > ANOTHER_AXIS));
+    if let Some(angle) = off {
         let words = format!(
-            "the course of x, y is {apart:+.2} rad off yaw: yaw is measured from another axis; give it from the x axis, counter-clockwise"
+            "the course of x, y is {angle:+.3} rad off yaw: yaw is measured from another axis; give it from the x axis, counter-clockwise"
         );
         log.find(FindingSeverity::Suspicion, "yaw", words);
     }

@@ -8,13 +8,17 @@ use super::clean_log::{CleanError, CleanLog, LEAST_LENGTH, STANDING, UnusableLog
 use super::clock::{self, Clock};
 use super::finding::{Finding, FindingSeverity};
 use super::frozen;
+use super::held;
 use super::join::JUMP;
+use super::jumps::{self, Jump};
 use super::outliers;
 use super::read::DriveLog;
 use super::resample::{between, resample};
+use super::rows::{LogColumns, LogRows, WrongRows};
 use super::units::DEGREE;
 use crate::numerics::statistics::quantile;
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 /// Time that the simulator needs after a gap to catch up with the vehicle, s.
 const SETTLING: f64 = 1.0;
@@ -38,7 +42,7 @@ pub(super) struct Checked {
     /// Factors of the file's columns; those in SI units are not named.
     pub factors: Factors,
     /// Rows of the file whose value in a column is wrong.
-    pub left_out: BTreeMap<&'static str, Vec<usize>>,
+    pub left_out: WrongRows,
     /// The drives in the file: rows in their order, and their times.
     pub drives: Vec<Clock>,
     /// Reasons for which nothing can be learned from the errors to the path.
@@ -51,9 +55,6 @@ fn clean(log: &DriveLog, steering: &dyn Fn(f64) -> f64) -> Result<CleanLog, Clea
     clean.findings.extend(log.findings());
     Ok(clean)
 }
-
-/// Columns of a log by name, on the rows of the file.
-pub(super) type LogColumns = BTreeMap<&'static str, Vec<f64>>;
 
 /// The one check of a log, for every use. `turning`: the yaw rate is needed.
 ///
@@ -75,13 +76,13 @@ pub(super) fn check(
     }
     outliers::absurd(log)?;
 
-    let mut read = Read::of(log, commanded, BTreeMap::new(), steering)?;
+    let read = Read::of(log, commanded, &BTreeMap::new(), &[], steering)?;
     let impossible = impossible(log, &read)?;
-    if !impossible.is_empty() {
-        // Without these values even the units may be others.
-        read = Read::of(log, commanded, impossible, steering)?;
-    }
-    let Read { mut log, factors, left_out, drives } = read;
+    // Without these values even the units may be others.
+    let read =
+        if impossible.is_empty() { read } else { Read::of(log, commanded, &impossible, &[], steering)? };
+    let Read { mut log, factors, left_out, drives } =
+        without_jumps(log, commanded, &impossible, read, steering)?;
     let seams = with_seams(&mut log, &drives);
     let signs = agreement::check(&mut log, steering);
     let errors = agreement::check_errors(&log, steering);
@@ -106,26 +107,56 @@ pub(super) fn check(
     Ok(Checked { log, factors, left_out, drives, errors })
 }
 
+/// A log whose place jumps, as several drives; without its place, if these were too short.
+fn without_jumps(
+    log: &LogColumns,
+    commanded: bool,
+    wrong: &WrongRows,
+    read: Read,
+    steering: &dyn Fn(f64) -> f64,
+) -> Result<Read, CleanError> {
+    let jumps = jumps::jumps(log, &read.drives, &read.factors, &read.left_out);
+    let Some(first) = jumps.first() else { return Ok(read) };
+    let judged = |read: &Read| read.log.valid.iter().filter(|valid| **valid).count();
+    match Read::of(log, commanded, wrong, &jumps, steering) {
+        Ok(parts) if 2 * judged(&parts) >= judged(&read) => Ok(parts),
+        _ => {
+            let mut log = log.clone();
+            log.retain(|name, _| !matches!(*name, "x" | "y"));
+            let mut read = Read::of(&log, commanded, wrong, &[], steering)?;
+            let words = format!(
+                "x and y jump {} times, first by {:.1} m in row {}, and agree with vx for too short a time between: they are left out",
+                jumps.len(),
+                first.way,
+                first.row + 1
+            );
+            read.log.find(FindingSeverity::Warning, "x", words);
+            Ok(read)
+        }
+    }
+}
+
 /// A log on an even clock in SI units.
 struct Read {
     log: CleanLog,
     factors: Factors,
-    left_out: BTreeMap<&'static str, Vec<usize>>,
+    left_out: WrongRows,
     drives: Vec<Clock>,
 }
 
 impl Read {
-    /// Reads the columns without the values of `wrong`, rows of the file.
+    /// Reads the columns without the values of `wrong`; a drive ends at each of `jumps`.
     fn of(
         log: &LogColumns,
         commanded: bool,
-        wrong: BTreeMap<&'static str, Vec<usize>>,
+        wrong: &WrongRows,
+        jumps: &[Jump],
         steering: &dyn Fn(f64) -> f64,
     ) -> Result<Self, CleanError> {
         let mut findings = Vec::new();
         let mut columns = log.clone();
         let mut stamps = columns.remove("time").unwrap_or_default();
-        for (name, rows) in &wrong {
+        for (name, rows) in wrong {
             let Some(column) = columns.get_mut(name) else { continue };
             let values: Vec<(usize, f64)> = rows.iter().map(|&row| (row, column[row])).collect();
             rows.iter().for_each(|&row| column[row] = f64::NAN);
@@ -136,7 +167,7 @@ impl Read {
             findings.push(Finding::new(FindingSeverity::Warning, Some(name), words));
         }
         outliers::stamps(&mut stamps, &mut findings);
-        let drives = read_drives(&stamps, &columns, &mut findings)?;
+        let drives = read_drives(&stamps, &columns, jumps, &mut findings)?;
         let rows: Vec<usize> = drives.iter().flat_map(|drive| drive.rows.iter().copied()).collect();
         for column in columns.values_mut() {
             *column = rows.iter().map(|&row| column[row]).collect();
@@ -149,11 +180,18 @@ impl Read {
             time.extend(drive.time.iter().map(|stamp| if from == 0.0 { *stamp } else { from + stamp }));
         }
         mend_turning(&time, &mut columns, &mut factors, &mut findings);
-        let mut left_out = outliers::leave_out(&mut columns, &spans, drives[0].step, &rows, &mut findings);
-        frozen::leave_out(&mut columns, &spans, drives[0].step, &rows, &mut findings, &mut left_out);
-        for (name, rows) in wrong {
-            left_out.entry(name).or_default().extend(rows);
-        }
+        let mut mended = LogRows {
+            file: log,
+            columns,
+            spans,
+            spacing: drives[0].spacing,
+            in_file: rows,
+            findings,
+            left_out: wrong.clone(),
+        };
+        held::mend(&mut mended);
+        leave_out_faults(&mut mended);
+        let LogRows { columns, spans, findings, left_out, .. } = mended;
         let mut log = on_even_clocks(&drives, &spans, columns, commanded, &left_out, findings)?;
         let seams = with_seams(&mut log, &drives);
         agreement::mend_units(&mut log, &mut factors);
@@ -166,14 +204,22 @@ impl Read {
     }
 }
 
-/// The drives of a log: the clock may start anew.
+/// Leaves out what is no measurement.
+pub(super) fn leave_out_faults(log: &mut LogRows) {
+    outliers::leave_out(log);
+    frozen::leave_out(log);
+}
+
+/// The drives of a log: the clock may start anew, and the place may jump.
 fn read_drives(
     stamps: &[f64],
-    columns: &BTreeMap<&'static str, Vec<f64>>,
+    columns: &LogColumns,
+    jumps: &[Jump],
     findings: &mut Vec<Finding>,
 ) -> Result<Vec<Clock>, CleanError> {
     let way = way_factor(stamps, columns);
-    let spans = clock::drives(stamps);
+    let by_clock = clock::drives(stamps);
+    let spans = divided(&by_clock, jumps);
     let (mut drives, mut errors) = (Vec::new(), Vec::new());
     for span in &spans {
         let from = span.start;
@@ -183,6 +229,10 @@ fn read_drives(
         let mut found = Vec::new();
         match clock::read(&stamps[span.clone()], way, same, &mut found) {
             Ok(mut clock) => {
+                if let Err(error) = without_lines(&mut clock, from, columns, &mut found) {
+                    errors.push(error);
+                    continue;
+                }
                 clock.rows.iter_mut().for_each(|row| *row += from);
                 drives.push(clock);
                 found.retain(|finding| !findings.contains(finding));
@@ -194,18 +244,64 @@ fn read_drives(
     if drives.is_empty() {
         return Err(clock::none_usable(&spans, errors));
     }
-    if spans.len() > 1 {
-        let rows: Vec<String> = spans[1..].iter().take(8).map(|span| (span.start + 1).to_string()).collect();
-        let more = if spans.len() > 9 { ", ..." } else { "" };
-        let words = format!(
-            "the clock jumps back and starts anew in row {}{more}: {} drives, of which {} of {LEAST_LENGTH} s and more are used",
-            rows.join(", "),
-            spans.len(),
-            drives.len()
-        );
+    let used =
+        format!("{} drives, of which {} of {LEAST_LENGTH} s and more are used", spans.len(), drives.len());
+    if by_clock.len() > 1 {
+        let rows: Vec<String> =
+            by_clock[1..].iter().take(8).map(|span| (span.start + 1).to_string()).collect();
+        let more = if by_clock.len() > 9 { ", ..." } else { "" };
+        let words = format!("the clock jumps back and starts anew in row {}{more}: {used}", rows.join(", "));
         findings.push(Finding::new(FindingSeverity::Warning, Some("time"), words));
     }
+    if let Some(jump) = jumps.first() {
+        let more =
+            if jumps.len() > 1 { format!(", and {} times more", jumps.len() - 1) } else { String::new() };
+        let words = format!(
+            "the vehicle is {:.1} m farther on in row {} than vx takes it from the row before{more}: rows are missing, or another \
+             drive begins; {used}",
+            jump.way,
+            jump.row + 1
+        );
+        findings.push(Finding::new(FindingSeverity::Warning, Some("x"), words));
+    }
     Ok(drives)
+}
+
+/// Stretches of rows, divided at jumps.
+fn divided(spans: &[Range<usize>], jumps: &[Jump]) -> Vec<Range<usize>> {
+    let mut starts: Vec<usize> = spans.iter().map(|span| span.start).collect();
+    let end = spans.last().map_or(0, |span| span.end);
+    starts.extend(jumps.iter().map(|jump| jump.row));
+    starts.sort_unstable();
+    starts.dedup();
+    let ends = starts.iter().skip(1).copied().chain([end]);
+    starts.iter().copied().zip(ends).map(|(from, to)| from..to).collect()
+}
+
+/// Columns that a drive moves at each row.
+const ALWAYS: [&str; 7] = ["steer", "vx", "vy", "yaw_rate", "ax", "ay", "x"];
+
+/// Leaves out the rows that someone has laid on lines between others. `from` is the row of the file that is the clock's first.
+fn without_lines(
+    clock: &mut Clock,
+    from: usize,
+    columns: &LogColumns,
+    findings: &mut Vec<Finding>,
+) -> Result<(), CleanError> {
+    let moving: Vec<Vec<f64>> = ALWAYS
+        .iter()
+        .filter_map(|name| columns.get(name))
+        .map(|column| clock.rows.iter().map(|&row| column[from + row]).collect())
+        .collect();
+    let moving: Vec<&[f64]> = moving.iter().map(Vec::as_slice).collect();
+    let Some((beat, knot)) = held::beat_of_lines(&moving, held::LONGEST_LINE) else { return Ok(()) };
+    clock.every(beat, knot)?;
+    let words = format!(
+        "rows between lie on straight lines from one in {beat} to the next: they were interpolated, not measured; {:.1} rows a second are used",
+        1.0 / clock.spacing
+    );
+    findings.push(Finding::new(FindingSeverity::Warning, Some("time"), words));
+    Ok(())
 }
 
 /// Signals of a vehicle's motion that need a bound in every diagnosis.
@@ -215,7 +311,7 @@ const BOUNDED: [&str; 10] = ["steer_cmd", "steer", "x", "y", "yaw", "vx", "vy", 
 ///
 /// # Errors
 /// Too many impossible values for glitches in a needed column.
-fn impossible(log: &LogColumns, read: &Read) -> Result<BTreeMap<&'static str, Vec<usize>>, CleanError> {
+fn impossible(log: &LogColumns, read: &Read) -> Result<WrongRows, CleanError> {
     let mut all = BTreeMap::new();
     for (&name, values) in log.iter().filter(|(name, _)| BOUNDED.contains(name)) {
         let factor = read.factors.get(name).copied().unwrap_or(1.0);
@@ -255,10 +351,10 @@ fn without_seams(log: &mut CleanLog, rows: &[usize]) {
 /// Each drive on its even clock, one after the other.
 fn on_even_clocks(
     drives: &[Clock],
-    spans: &[std::ops::Range<usize>],
-    columns: BTreeMap<&'static str, Vec<f64>>,
+    spans: &[Range<usize>],
+    columns: LogColumns,
     commanded: bool,
-    left_out: &BTreeMap<&'static str, Vec<usize>>,
+    left_out: &WrongRows,
     findings: Vec<Finding>,
 ) -> Result<CleanLog, CleanError> {
     if let [drive] = drives {
@@ -283,19 +379,14 @@ fn on_even_clocks(
 }
 
 /// See [`agreement::way_factor`].
-fn way_factor(stamps: &[f64], columns: &BTreeMap<&'static str, Vec<f64>>) -> Option<f64> {
+fn way_factor(stamps: &[f64], columns: &LogColumns) -> Option<f64> {
     let column = |name: &str| columns.get(name).map(Vec::as_slice);
     agreement::way_factor(stamps, [column("x")?, column("y")?, column("vx")?])
 }
 
 /// Yaw and yaw rate in radians, yaw continuous: before any row is interpolated.
-fn mend_turning(
-    time: &[f64],
-    columns: &mut BTreeMap<&'static str, Vec<f64>>,
-    factors: &mut Factors,
-    findings: &mut Vec<Finding>,
-) {
-    let mut in_degrees = |columns: &mut BTreeMap<&'static str, Vec<f64>>, name: &'static str, why: &str| {
+fn mend_turning(time: &[f64], columns: &mut LogColumns, factors: &mut Factors, findings: &mut Vec<Finding>) {
+    let mut in_degrees = |columns: &mut LogColumns, name: &'static str, why: &str| {
         *factors.entry(name).or_insert(1.0) *= DEGREE;
         if let Some(column) = columns.get_mut(name) {
             column.iter_mut().for_each(|value| *value *= DEGREE);
@@ -354,9 +445,9 @@ const MAY_REST: [&str; 10] = [
 /// Interpolates all columns; leaves out uninformative ones.
 fn on_even_clock(
     clock: &clock::Clock,
-    columns: BTreeMap<&'static str, Vec<f64>>,
+    columns: LogColumns,
     commanded: bool,
-    left_out: &BTreeMap<&'static str, Vec<usize>>,
+    left_out: &WrongRows,
     findings: Vec<Finding>,
 ) -> Result<CleanLog, CleanError> {
     let (first, last) = (clock.time[0], clock.time[clock.time.len() - 1]);

@@ -26,7 +26,9 @@ pub(super) struct Clock {
     pub rows: Vec<usize>,
     /// Time of each, s, strictly increasing.
     pub time: Vec<f64>,
-    /// Step of the even clock, s.
+    /// Usual time from row to row, s.
+    pub spacing: f64,
+    /// Step of the even clock, s: longer than that where rows come faster than is useful.
     pub step: f64,
     /// Factor from the log's stamps to seconds.
     pub factor: f64,
@@ -105,15 +107,38 @@ pub(super) fn read(
             format!("{} gaps, the longest of {longest:.2} s: nothing is judged inside them", gaps.len()),
         );
     }
-    let mut step = (typical * 1e6).round() / 1e6;
-    if step < 0.999 / FASTEST {
+    let step = even_step(typical);
+    if step > typical * 1.001 {
         found(
             FindingSeverity::Note,
             format!("{:.0} rows a second are brought down to {FASTEST:.0} by averaging", 1.0 / typical),
         );
-        step = 1.0 / FASTEST;
     }
-    Ok(Clock { rows, time, step, factor })
+    Ok(Clock { rows, time, spacing: typical, step, factor })
+}
+
+/// Step of the even clock of rows with this spacing, s.
+fn even_step(spacing: f64) -> f64 {
+    let step = (spacing * 1e6).round() / 1e6;
+    if step < 0.999 / FASTEST { 1.0 / FASTEST } else { step }
+}
+
+impl Clock {
+    /// The rows `knot`, `knot + beat`, ... only.
+    ///
+    /// # Errors
+    /// They come too slowly.
+    pub(super) fn every(&mut self, beat: usize, knot: usize) -> Result<(), CleanError> {
+        let rate = 1.0 / (self.spacing * beat as f64);
+        if rate < SLOWEST {
+            return Err(CleanError::TooSlow { rate, least: SLOWEST });
+        }
+        self.rows = self.rows.iter().skip(knot).step_by(beat).copied().collect();
+        self.time = self.time.iter().skip(knot).step_by(beat).copied().collect();
+        self.spacing *= beat as f64;
+        self.step = even_step(self.spacing);
+        Ok(())
+    }
 }
 
 /// Sorts the rows by time.

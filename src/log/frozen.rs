@@ -4,65 +4,56 @@
 //! where the vehicle has gone meanwhile:
 //!
 //! ```text
-//!     v[i] = v[i - 1] for 0.4 s and longer,   then |v[end] - v[end - 1]| > 6 x the 99th percentile of |v[i] - v[i - 1]|
+//!     v[i] = v[i - 1] for 0.1 s and longer,   then |v[end] - v[end - 1]| > 6 x the 99th percentile of |v[i] - v[i - 1]|
 //! ```
 //!
 //! A sensor that is held from sample to sample, each a tenth of a second or a second, jumps always: it is none. Nor is one of
 //! a vehicle that stands, or one that has not moved before.
 
 use super::clean_log::STANDING;
-use super::finding::{Finding, FindingSeverity};
+use super::finding::FindingSeverity;
+use super::rows::LogRows;
 use crate::numerics::statistics::{median, quantile};
-use std::collections::BTreeMap;
 use std::ops::Range;
 
 /// Sensors, and quantities in which a jump at the end can be told: an angle wraps.
 const SENSORS: [&str; 9] = ["x", "y", "vx", "vy", "yaw_rate", "ax", "ay", "steer", "steer_cmd"];
 /// Shortest stretch, s.
-const SHORTEST: f64 = 0.4;
+const SHORTEST: f64 = 0.1;
 /// Jump at its end, over the 99th percentile of steps.
 const JUMP: f64 = 6.0;
 
-/// Removes frozen stretches: their values are missing then. `spans` are stretches of rows without a break, `rows` their numbers
-/// in the file. Adds those left out of each column.
-pub(super) fn leave_out(
-    columns: &mut BTreeMap<&'static str, Vec<f64>>,
-    spans: &[Range<usize>],
-    step: f64,
-    rows: &[usize],
-    findings: &mut Vec<Finding>,
-    left_out: &mut BTreeMap<&'static str, Vec<usize>>,
-) {
-    let shortest = ((SHORTEST / step).ceil() as usize).max(3);
-    let Some(vx) = columns.get("vx").cloned() else { return };
+/// Leaves out frozen stretches of all sensors.
+pub(super) fn leave_out(log: &mut LogRows) {
+    let shortest = log.lasting(SHORTEST, 3);
+    let Some(vx) = log.columns.get("vx").cloned() else { return };
     let moves = |stretch: &Range<usize>| {
         median(vx[stretch.clone()].iter().map(|vx| vx.abs()).collect()).is_some_and(|vx| vx > STANDING)
     };
     for name in SENSORS {
-        let Some(values) = columns.get_mut(name) else { continue };
-        let found: Vec<Range<usize>> = spans
+        let Some(values) = log.columns.get(name) else { continue };
+        let of_span = |span: &Range<usize>| frozen(&values[span.clone()], shortest, span.start);
+        let found: Vec<(f64, Range<usize>)> = log
+            .spans
             .iter()
-            .flat_map(|span| frozen(&values[span.clone()], shortest, span.start))
-            .filter(|stretch| spans.iter().all(|span| span.start != stretch.start) && moves(stretch))
+            .flat_map(of_span)
+            .filter(moves)
+            .map(|stretch| (values[stretch.start], stretch))
             .collect();
-        for stretch in found {
-            let value = values[stretch.start];
+        for (value, stretch) in found {
             let words = format!(
                 "{name} stays at {value:.4} from row {} to row {} and jumps then: frozen; left out, like missing values",
-                rows[stretch.start] + 1,
-                rows[stretch.end - 1] + 1
+                log.number(stretch.start),
+                log.number(stretch.end - 1)
             );
-            findings.push(Finding::new(FindingSeverity::Warning, Some(name), words));
-            // The first of them was measured.
-            for place in stretch.skip(1) {
-                values[place] = f64::NAN;
-                left_out.entry(name).or_default().push(rows[place]);
-            }
+            log.find(FindingSeverity::Warning, name, words);
+            log.leave_out(name, stretch);
         }
     }
 }
 
-/// Frozen stretches of a column; `from` is the place of its first value.
+/// Frozen stretches of a column; `from` is the place of its first value. The value that stays was measured, if the column does not
+/// jump to it as well.
 fn frozen(values: &[f64], shortest: usize, from: usize) -> Vec<Range<usize>> {
     let steps: Vec<f64> = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
     let moving = steps.iter().copied().filter(|step| *step > 0.0).collect();
@@ -74,8 +65,9 @@ fn frozen(values: &[f64], shortest: usize, from: usize) -> Vec<Range<usize>> {
             continue;
         }
         // From `start` to `i` all values are the same.
-        if i + 1 - start >= shortest && *step > JUMP * usual {
-            found.push(from + start..from + i + 1);
+        if start > 0 && i + 1 - start >= shortest && *step > JUMP * usual {
+            let is_measured = steps[start - 1] <= JUMP * usual;
+            found.push(from + start + usize::from(is_measured)..from + i + 1);
         }
         start = i + 1;
     }
@@ -95,7 +87,9 @@ mod tests {
         let mut values = wave(1000);
         let held = values[300];
         values[300..340].fill(held);
-        assert_eq!(frozen(&values, 20, 7), vec![307..347]);
+        assert_eq!(frozen(&values, 20, 7), std::iter::once(308..347).collect::<Vec<_>>());
+        values[300..340].fill(9.0);
+        assert_eq!(frozen(&values, 20, 7), std::iter::once(307..347).collect::<Vec<_>>());
     }
 
     #[test]

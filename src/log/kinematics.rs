@@ -12,10 +12,13 @@
 //! of the speed, a yaw angle that is off, another point of the body, a grade.
 
 use super::clean_log::CleanLog;
+use crate::path::wrap_angle;
 use nalgebra::{DMatrix, DVector};
 
 /// Length of the stretches whose means are compared, s.
 const BLOCK: f64 = 0.5;
+/// Shortest way of a span whose direction tells something, m.
+const LEAST_WAY: f64 = 0.5;
 /// Largest standard error, as a share of the ratio, of one that tells something.
 const SURE: f64 = 0.08;
 
@@ -69,6 +72,31 @@ pub(super) fn ax_factor(log: &CleanLog) -> Option<Told> {
     first_coefficient(&spans.integrals(|i| ax[i]), &rows).map(|factor| ("vx", factor))
 }
 
+/// Angle by which yaw is less than the course of x and y says, rad, and its standard error: without `vy` nothing tells it from the slip.
+///
+/// ```text
+///     course(x, y) = yaw + atan2(vy, vx) + angle + d yaw_rate / vx        d: from the point of vy to that of x and y
+/// ```
+pub(super) fn yaw_offset(log: &CleanLog) -> Option<(f64, f64)> {
+    let [x, y, yaw, vx, vy, rate] =
+        ["x", "y", "yaw", "vx", "vy", "yaw_rate"].map(|name| log.columns.get(name));
+    let (x, y, yaw, vx, vy, rate) = (x?, y?, yaw?, vx?, vy?, rate?);
+    let spans = Spans::of(log);
+    let (east, north) = (spans.changes(|i| x[i]), spans.changes(|i| y[i]));
+    let ways = |direction: fn(f64) -> f64| {
+        spans.integrals(|i| vx[i].hypot(vy[i]) * direction(yaw[i] + vy[i].atan2(vx[i])))
+    };
+    let (said_east, said_north, turns) = (ways(f64::cos), ways(f64::sin), spans.integrals(|i| rate[i]));
+    let (mut angles, mut rows) = (Vec::new(), Vec::new());
+    for k in 0..spans.count() {
+        let way = said_east[k].hypot(said_north[k]);
+        let angle = wrap_angle(north[k].atan2(east[k]) - said_north[k].atan2(said_east[k]));
+        angles.push(if way > LEAST_WAY { angle } else { f64::NAN });
+        rows.push([1.0, turns[k] / way.max(LEAST_WAY)]);
+    }
+    first_coefficient_within(&angles, &rows)
+}
+
 /// Pairs of neighbouring stretches of a log.
 struct Spans<'a> {
     log: &'a CleanLog,
@@ -115,6 +143,13 @@ impl<'a> Spans<'a> {
 
 /// Coefficient of the first column in a least-squares fit, if its standard error is small.
 fn first_coefficient<const N: usize>(targets: &[f64], rows: &[[f64; N]]) -> Option<f64> {
+    first_coefficient_within(targets, rows)
+        .filter(|(coefficient, error)| *error < SURE * coefficient.abs())
+        .map(|(coefficient, _)| coefficient)
+}
+
+/// That coefficient and its standard error.
+fn first_coefficient_within<const N: usize>(targets: &[f64], rows: &[[f64; N]]) -> Option<(f64, f64)> {
     let finite = |(target, row): &(&f64, &[f64; N])| target.is_finite() && row.iter().all(|v| v.is_finite());
     let kept: Vec<_> = targets.iter().zip(rows).filter(finite).collect();
     if kept.len() < 10 * N {
@@ -126,6 +161,5 @@ fn first_coefficient<const N: usize>(targets: &[f64], rows: &[[f64; N]]) -> Opti
     let solution = &inverse * matrix.transpose() * &target;
     let left = &target - matrix * &solution;
     let variance = left.norm_squared() / (kept.len() - N) as f64;
-    let error = (variance * inverse[(0, 0)]).sqrt();
-    (error < SURE * solution[0].abs()).then_some(solution[0])
+    Some((solution[0], (variance * inverse[(0, 0)]).sqrt()))
 }

@@ -4,12 +4,13 @@
 //! the same way.
 
 use super::agreement::turn_factor;
-use super::clean::{LogColumns, check};
+use super::clean::check;
 use super::clean_log::{CleanError, UnusableLog};
 use super::clock::Clock;
 use super::finding::FindingSeverity;
 use super::read::{DriveLog, LogError};
 use super::road::{FAR, follow};
+use super::rows::LogColumns;
 use crate::path::Path;
 use crate::residual::Drive;
 use std::path::PathBuf;

@@ -19,6 +19,11 @@
 //! | `agreement.rs` | relations between columns that reveal a wrong unit or sign |
 //! | `units.rs` | the fewest foreign units that explain these relations |
 //! | `outliers.rs` | values beyond any vehicle, and rows that their neighbours contradict |
+//! | `frozen.rs` | stretches in which a sensor repeats its last value |
+//! | `held.rs` | values that a recorder has filled in between samples |
+//! | `jumps.rs` | places where rows are missing, or another drive begins, without a word from the clock |
+//! | `kinematics.rs` | velocity across and acceleration along the body, told by other columns |
+//! | `rows.rs` | rows on their way to a clean log |
 //! | `road.rs` | place of the log on a road, and the road's properties there |
 //! | `join.rs` | several logs of one vehicle as one |
 //! | `finding.rs` | findings in a log, in words |
@@ -31,13 +36,16 @@ mod clean_log;
 mod clock;
 mod finding;
 mod frozen;
+mod held;
 mod join;
+mod jumps;
 mod kinematics;
 mod learn;
 mod outliers;
 mod read;
 mod resample;
 mod road;
+mod rows;
 mod steering;
 mod units;
 

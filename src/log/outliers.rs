@@ -6,9 +6,9 @@
 
 use super::clean_log::CleanError;
 use super::finding::{Finding, FindingSeverity};
+use super::rows::{LogColumns, LogRows};
 use crate::numerics::statistics::{median, quantile};
 use crate::signal;
-use std::collections::BTreeMap;
 use std::ops::Range;
 
 /// Number beyond every recorder's range in any unit: metres as nanometres, say.
@@ -40,7 +40,7 @@ const WHOLE_SPREAD: f64 = 1.0;
 
 /// Columns that are looked at, and the least outlier of each, as a share of its spread. A command may be anything, and
 /// kerbs and holes in the road are honest accelerations. The spread of a position is that of the road.
-const MOVING: [(&str, f64); 16] = [
+const MOVING: [(&str, f64); 19] = [
     ("steer_cmd", WHOLE_SPREAD),
     ("steer", OF_SPREAD),
     ("x", 0.0),
@@ -56,14 +56,17 @@ const MOVING: [(&str, f64); 16] = [
     ("articulation_rate", OF_SPREAD),
     ("e1", OF_SPREAD),
     ("e1_rate", OF_SPREAD),
+    ("e2", OF_SPREAD),
     ("e2_rate", OF_SPREAD),
+    ("curvature", WHOLE_SPREAD),
+    ("curvature_rate", WHOLE_SPREAD),
 ];
 
 /// Numbers that are no measurement in any unit.
 ///
 /// # Errors
 /// The first of them, by row.
-pub(super) fn absurd(columns: &BTreeMap<&'static str, Vec<f64>>) -> Result<(), CleanError> {
+pub(super) fn absurd(columns: &LogColumns) -> Result<(), CleanError> {
     let mut worst: Option<(usize, &'static str, f64)> = None;
     let mut count = 0;
     for (&column, values) in columns {
@@ -83,43 +86,30 @@ pub(super) fn absurd(columns: &BTreeMap<&'static str, Vec<f64>>) -> Result<(), C
     }
 }
 
-/// Removes the outliers of all columns: they are missing then. `spans` are stretches of rows without a break, `rows`
-/// their numbers in the file. Gives the number in each column.
-pub(super) fn leave_out(
-    columns: &mut BTreeMap<&'static str, Vec<f64>>,
-    spans: &[Range<usize>],
-    step: f64,
-    rows: &[usize],
-    findings: &mut Vec<Finding>,
-) -> BTreeMap<&'static str, Vec<usize>> {
-    let mut left_out = BTreeMap::new();
-    let longest = LONGEST.min(((LONGEST_TIME / step) as usize).max(1));
+/// Leaves out the outliers of all columns.
+pub(super) fn leave_out(log: &mut LogRows) {
+    let longest = LONGEST.min(((LONGEST_TIME / log.spacing) as usize).max(1));
     for (name, of_spread) in MOVING {
-        let Some(values) = columns.get_mut(name) else { continue };
+        let Some(values) = log.columns.get(name) else { continue };
         let least = RESOLUTION * signal::find(name).map_or(0.0, |signal| signal.nominal);
-        let places = outliers(values, spans, longest, (of_spread, least));
+        let places = outliers(values, &log.spans, longest, (of_spread, least));
         if places.is_empty() || places.len() as f64 > MOST * values.len() as f64 {
             continue;
         }
-        let named: Vec<(usize, f64)> = places.iter().map(|&place| (rows[place], values[place])).collect();
-        findings.push(Finding::new(
-            FindingSeverity::Warning,
-            Some(name),
-            format!(
-                "{}: {} no motion explains {}; left out, like missing ones",
-                listed(name, &named),
-                if named.len() == 1 {
-                    "a value that stands alone and"
-                } else {
-                    "values that stand alone and"
-                },
-                if named.len() == 1 { "it" } else { "them" },
-            ),
-        ));
-        places.iter().for_each(|&place| values[place] = f64::NAN);
-        left_out.insert(name, places.iter().map(|&place| rows[place]).collect());
+        let in_file = |&place: &usize| {
+            let row = log.in_file[place];
+            (row, log.file.get(name).map_or(f64::NAN, |column| column[row]))
+        };
+        let named: Vec<(usize, f64)> = places.iter().map(in_file).collect();
+        let words = format!(
+            "{}: {} no motion explains {}; left out, like missing ones",
+            listed(name, &named),
+            if named.len() == 1 { "a value that stands alone and" } else { "values that stand alone and" },
+            if named.len() == 1 { "it" } else { "them" },
+        );
+        log.find(FindingSeverity::Warning, name, words);
+        log.leave_out(name, places);
     }
-    left_out
 }
 
 /// Values of a column with their rows, in words; rows are counted from 1, after the header.
@@ -264,6 +254,7 @@ pub(super) fn impossible(name: &str, values: &[f64], factor: f64) -> Vec<usize> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::collections::BTreeMap;
 
     fn found(values: &[f64]) -> Vec<usize> {
         outliers(values, std::slice::from_ref(&(0..values.len())), LONGEST, (OF_SPREAD, 0.0))

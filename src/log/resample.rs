@@ -1,7 +1,7 @@
 //! A column's values on an even clock, with a mark for guessed ones.
 
 /// Longest gap whose interpolation is as good as a measurement, s.
-const SHORT: f64 = 0.15;
+pub(super) const SHORT: f64 = 0.15;
 /// The same in steps, for slow rows.
 const SHORT_STEPS: f64 = 2.5;
 

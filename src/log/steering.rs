@@ -5,12 +5,14 @@
 //! of [`CleanLog`], with all repairs that are made there.
 
 use super::agreement::near;
+use super::clean::leave_out_faults;
 use super::clean_log::{CleanError, CleanLog, UnusableLog};
 use super::clock;
 use super::finding::{Finding, FindingSeverity};
 use super::join::JUMP;
 use super::outliers;
 use super::read::DriveLog;
+use super::rows::{LogColumns, LogRows, WrongRows};
 use crate::nominal::SteeringDrive;
 use crate::numerics::statistics::quantile;
 
@@ -38,6 +40,11 @@ impl SteeringLog {
             log.column(name).ok_or_else(|| unusable(CleanError::Missing { column: name }))
         };
         let (stamps, command, angle) = (column("time")?, column("steer_cmd")?, column("steer")?);
+        let columns: LogColumns = log
+            .columns()
+            .filter(|(name, _)| ["steer_cmd", "steer", "vx"].contains(name))
+            .map(|(name, values)| (name, values.to_vec()))
+            .collect();
         outliers::absurd(&log.columns().map(|(name, values)| (name, values.to_vec())).collect())
             .map_err(unusable)?;
         let mut found = Self { findings: log.findings().collect(), ..Self::default() };
@@ -53,17 +60,22 @@ impl SteeringLog {
             let mut findings = Vec::new();
             match clock::read(stamps, None, same, &mut findings) {
                 Ok(clock) => {
-                    let of = |column: &[f64], factor: f64| -> Vec<f64> {
-                        clock.rows.iter().map(|&row| factor * column[row]).collect()
+                    let in_file: Vec<usize> = clock.rows.iter().map(|row| span.start + row).collect();
+                    let of = |(&name, column): (&&'static str, &Vec<f64>)| {
+                        (name, in_file.iter().map(|&row| column[row]).collect())
                     };
-                    found.drives.push(SteeringDrive {
-                        name: name.clone(),
-                        steer_cmd: of(command, factors[0]),
-                        response: of(angle, factors[1]),
-                        time: clock.time,
-                        speed: Vec::new(),
-                    });
-                    found.findings.extend(findings);
+                    let mut rows = LogRows {
+                        file: &columns,
+                        columns: columns.iter().map(of).collect(),
+                        spans: std::iter::once(0..in_file.len()).collect(),
+                        spacing: clock.spacing,
+                        in_file,
+                        findings,
+                        left_out: WrongRows::new(),
+                    };
+                    leave_out_faults(&mut rows);
+                    found.findings.append(&mut rows.findings);
+                    found.drives.push(drive(name.clone(), &clock.time, &rows.columns, factors));
                 }
                 Err(error) => errors.push(error),
             }
@@ -148,5 +160,19 @@ impl SteeringLog {
             }
         }
         factors
+    }
+}
+
+/// Command and measured angle at their times, without the rows that have no command.
+fn drive(name: String, time: &[f64], columns: &LogColumns, factors: [f64; 2]) -> SteeringDrive {
+    let (command, angle) = (&columns["steer_cmd"], &columns["steer"]);
+    let rows: Vec<usize> = (0..time.len()).filter(|&row| command[row].is_finite()).collect();
+    let of = |column: &[f64], factor: f64| rows.iter().map(|&row| factor * column[row]).collect();
+    SteeringDrive {
+        name,
+        steer_cmd: of(command, factors[0]),
+        response: of(angle, factors[1]),
+        time: of(time, 1.0),
+        speed: Vec::new(),
     }
 }

@@ -56,6 +56,14 @@ pub(super) fn check(
     let stood = drive_on(&mut samples)?;
     let mut road = measured_and_drawn(samples, options, accuracy)?;
     road.notes.extend(stood.map(Note::info));
+    // Of a lap both are one place, and a stretch that nobody gets through lies between.
+    if let (true, [first, .., last]) = (road.periodic, &mut road.samples[..])
+        && (first.speed, last.speed) == (Some(0.0), Some(0.0))
+    {
+        (first.speed, last.speed) = (None, None);
+        road.notes
+            .push(Note::info("the speed is 0 where the lap begins and ends, and is not taken from there"));
+    }
     Ok(road)
 }
 
@@ -477,20 +485,22 @@ fn drive_on(samples: &mut [Sample]) -> Result<Option<String>, PathError> {
         return Err(PathError::Standing { place: InputPlace::default() });
     };
     let (mut count, mut before) = (0, first);
-    for i in first..=last {
+    // A road may begin and end at rest.
+    for i in 1..speeds.len() - 1 {
         if moves(&speeds[i]) {
             before = i;
             continue;
         }
-        let after = i + speeds[i..].iter().position(moves).unwrap_or(0);
-        let share = (i - before) as f64 / (after - before) as f64;
+        // Before the first that moves, and behind the last, it is theirs.
+        let after = speeds[i..].iter().position(moves).map_or(last, |rows| i + rows);
+        let share = if after > before { (i - before.min(i)) as f64 / (after - before) as f64 } else { 0.0 };
         let speed = speeds[before] + share * (speeds[after] - speeds[before]);
         samples[i].speed = Some(speed).filter(|speed| speed.is_finite());
         count += 1;
     }
     let words = || {
         format!(
-            "the speed is 0 at {count} point(s) on the way, where the vehicle stood: taken from the points before and after"
+            "the speed is 0 at {count} point(s), where the vehicle stood: taken from the points before and after"
         )
     };
     Ok((count > 0).then(words))

@@ -29,6 +29,12 @@ use super::spline::{Knot, QuinticSpline, Vector, distance};
 const DIFFERENCE: [f64; 4] = [-1.0, 3.0, -3.0, 1.0];
 /// Narrowest and widest knot spacing in m.
 const KNOTS: (f64, f64) = (0.5, 5.0);
+/// Most knots of a point; a smoothing spline of any penalty needs one (Reinsch 1967), if it may lie where the point does.
+const KNOTS_A_POINT: usize = 4;
+/// Length of a curve that is no longer near its parameter, over the parameter's.
+const LONGER: f64 = 2.0;
+/// Points that a shorter road is taken to have.
+const FEW_POINTS: usize = 50;
 
 /// Quintic B-spline weights at `u` in [0, 1) of a knot interval: of value, slope and second derivative, per knot
 /// spacing.
@@ -277,14 +283,16 @@ pub(super) fn smooth(
             .collect();
         let total: f64 = weights.iter().sum();
         weights.iter_mut().for_each(|weight| *weight /= total);
-        let mut intervals = ((period / spacing).ceil() as usize).clamp(18, 1_000_000);
+        // Points that are far apart leave knots between them without any.
+        let most = KNOTS_A_POINT * n.max(FEW_POINTS);
+        let mut intervals = ((period / spacing).ceil() as usize).clamp(18, most);
         let (problem, coefficients) = loop {
             let problem = SmoothingProblem::new(points, &t[..n], &weights, (period, intervals), periodic);
             if let Some(coefficients) = problem.best(goal) {
                 break (problem, coefficients);
             }
             intervals *= 2;
-            if intervals > 4 * n.max(50) {
+            if intervals > most {
                 return None;
             }
         };
@@ -295,7 +303,12 @@ pub(super) fn smooth(
                 Knot { t: i as f64 / intervals as f64 * period, p, d1, d2 }
             })
             .collect();
-        curve = Some(QuinticSpline { knots, marks: t.clone(), yaw: None });
+        let drawn = QuinticSpline { knots, marks: t.clone(), yaw: None };
+        // It is not by its arc length that the points lie where `t` says: they have no order, and the curve is no road.
+        if drawn.mark_stations().last().is_none_or(|length| *length > LONGER * period) {
+            return None;
+        }
+        curve = Some(drawn);
     }
     curve
 }

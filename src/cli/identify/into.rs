@@ -7,6 +7,7 @@
 use super::super::vehicle::Commanded;
 use super::IdentifyArgs;
 use super::check::number;
+use crate::diagnose::simulator::copy_tyres;
 use crate::nominal::{Estimate, IdentifiedSteering};
 use crate::output::write_bytes;
 use crate::vehicle::{VehicleParameters, builtin_text};
@@ -52,7 +53,7 @@ pub(super) fn write<P: Commanded<S, C>, const S: usize, const C: usize>(
             std::fs::read_to_string(&source).map_err(|error| format!("{}: {error}", source.display()))?
         }
     };
-    let old = if exists {
+    let mut old = if exists {
         P::Parameters::of_file(&target)?
     } else {
         super::super::vehicle::vehicle_named(vehicle)?
@@ -82,6 +83,13 @@ pub(super) fn write<P: Commanded<S, C>, const S: usize, const C: usize>(
     let mut document: DocumentMut = text.parse().map_err(|error| place(&error))?;
     for (key, value) in &changes {
         put(&mut document, key, *value).ok_or_else(|| place(&"[steering] is no table"))?;
+    }
+    // A new file in another folder has its tyres beside it, as that of a diagnosis.
+    if let (false, Some(from)) = (exists || builtin_text(vehicle).is_some(), Path::new(vehicle).parent()) {
+        for (key, tyre) in copy_tyres(&mut old, from, folder.unwrap_or(Path::new("")))? {
+            let axle = key.split('.').rev().nth(1).unwrap_or_default();
+            document["tyre"][axle]["file"] = toml_edit::value(tyre);
+        }
     }
     replace::<P, S, C>(&target, &document.to_string()).map_err(|error| place(&error))?;
     let words: Vec<String> = changes.iter().map(|(key, value)| format!("{key} = {value}")).collect();
@@ -171,7 +179,9 @@ fn replace<P: Commanded<S, C>, const S: usize, const C: usize>(
     })();
     // What is left of an attempt helps nobody.
     let _ = std::fs::remove_file(&part);
-    written
+    written.map_err(|error| {
+        error.to_string().replace(&part.display().to_string(), &target.display().to_string()).into()
+    })
 }
 
 #[cfg(test)]

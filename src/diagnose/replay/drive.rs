@@ -15,6 +15,8 @@ const QUICK: f64 = 0.0126;
 const SETTLING: f64 = 2.5;
 /// Shortest stretch that is replayed at all, s.
 const SHORTEST: f64 = 4.0;
+/// Rows that do not count for so long are a hole, s; after a short one the log waits a second for the vehicle to settle.
+const HOLE: f64 = 1.5;
 /// Bend that resolves the friction of a truck's fifth wheel, which remembers the last direction of turning. Change of
 /// the path's curvature over some time, 1/m and s, and the longest wait for it, s.
 const BENT: f64 = 6e-4;
@@ -56,6 +58,19 @@ pub struct ReplayDrive {
     pub compass: bool,
 }
 
+/// False in holes: rows that do not count for this many and longer. What drives the replay may be a guess there, and the motion starts
+/// anew behind.
+fn known(valid: &[bool], longest: usize) -> Vec<bool> {
+    let mut known = vec![true; valid.len()];
+    let mut from = 0;
+    for part in valid.chunk_by(|a, b| a == b) {
+        let to = from + part.len();
+        known[from..to].fill(part[0] || part.len() < longest);
+        from = to;
+    }
+    known
+}
+
 /// Rows before the road's first change of bend; a bias of the yaw rate is no bend.
 fn unbent(yaw_rate: &[f64], vx: &[f64], step: f64) -> usize {
     let rows = |time: f64| ((time / step).round() as usize).max(1);
@@ -77,8 +92,10 @@ impl ReplayDrive {
         let column = |name: &str| log.columns.get(name).filter(|column| column.len() == rows);
         let vx = column("vx").cloned().unwrap_or_else(|| vec![0.0; rows]);
         let steer = column("steer_cmd").cloned().unwrap_or_else(|| vec![0.0; rows]);
-        let moving: Vec<bool> =
-            (0..rows).map(|i| vx[i].is_finite() && vx[i] >= LEAST_SPEED && steer[i].is_finite()).collect();
+        let known = known(&log.valid, (HOLE / log.step).ceil() as usize);
+        let moving: Vec<bool> = (0..rows)
+            .map(|i| known[i] && vx[i].is_finite() && vx[i] >= LEAST_SPEED && steer[i].is_finite())
+            .collect();
         let pieces = pieces(&log.time, log.step);
         let mut stretches = Vec::new();
         let mut scored = vec![false; rows];

@@ -1,0 +1,271 @@
+//! Values between a sensor's samples, which a recorder has filled in.
+//!
+//! A recorder writes all columns at the rate of the quickest. What comes more slowly it repeats, and a program that brings a
+//! log to another rate may lay straight lines between its rows. Neither is a measurement: repeated, a position of once a
+//! second is up to a second late; on straight lines, fast motion is cut off.
+//!
+//! ```text
+//!     held, every k rows:     v[i] - v[i - 1] differs from 0 every k, 2 k, ... rows only
+//!     straight, every k rows: v[i + 1] - 2 v[i] + v[i - 1] the same
+//! ```
+//!
+//! A coarse number rests for some rows as well, but changes by one step of its resolution, and not on the beat.
+
+use super::finding::FindingSeverity;
+use super::resample::SHORT;
+use super::rows::LogRows;
+use crate::numerics::statistics::{median, quantile};
+use std::ops::Range;
+
+/// Sensors. A command that is held is given so.
+const SENSORS: [&str; 14] = [
+    "x",
+    "y",
+    "yaw",
+    "vx",
+    "vy",
+    "yaw_rate",
+    "ax",
+    "ay",
+    "roll",
+    "pitch",
+    "steer",
+    "articulation",
+    "articulation_rate",
+    "e1",
+];
+/// Share of changes that lie on the beat.
+const ON_BEAT: f64 = 0.9;
+/// Fewest changes that tell a beat.
+const FEWEST: usize = 20;
+/// Slowest beat in s.
+const SLOWEST: f64 = 2.0;
+/// A change of so many steps of a column's resolution may be its coarseness, within this share of a step.
+const FEW_STEPS: f64 = 3.5;
+const EVEN: f64 = 0.01;
+/// Share of a column's bends that lie on the beat, if it is straight between.
+const STRAIGHT: f64 = 0.98;
+/// Longest straight lines that a whole log is laid on, rows.
+pub(super) const LONGEST_LINE: usize = 20;
+/// Usual bend on lines, over a large one.
+const RARE: f64 = 0.1;
+
+/// Lays lines between samples instead of repeated values; what comes too slowly for that is left out between them.
+pub(super) fn mend(log: &mut LogRows) {
+    let longest = (SLOWEST / log.spacing) as usize;
+    for name in SENSORS {
+        let Some(values) = log.columns.get_mut(name) else { continue };
+        let Some(samples) = Samples::of(values, &log.spans, longest) else { continue };
+        let apart = log.spacing * samples.beat as f64;
+        let is_slow = apart > if name == "vx" { SLOWEST } else { SHORT };
+        // Quick lines are what a hole would be filled with.
+        if !samples.held && !is_slow {
+            continue;
+        }
+        let words = format!(
+            "{name} {} about {} rows: it comes {:.3} times a second; {}",
+            if samples.held { "repeats each value for" } else { "lies on straight lines of" },
+            samples.beat,
+            1.0 / apart,
+            if is_slow { "too slowly to be compared" } else { "values between are laid on lines" }
+        );
+        if is_slow {
+            let between: Vec<usize> = samples.pairs().flat_map(|(from, to)| from + 1..to).collect();
+            log.leave_out(name, between);
+            log.find(FindingSeverity::Warning, name, words);
+            continue;
+        }
+        for (from, to) in samples.pairs() {
+            let slope = (values[to] - values[from]) / (to - from) as f64;
+            (from + 1..to).for_each(|row| values[row] = values[from] + slope * (row - from) as f64);
+        }
+        let ends: Vec<usize> = samples
+            .rows
+            .iter()
+            .zip(&log.spans)
+            .flat_map(|(rows, span)| rows.last().map_or(span.end, |last| last + 1)..span.end)
+            .collect();
+        log.leave_out(name, ends);
+        log.find(FindingSeverity::Note, name, words);
+    }
+}
+
+/// Samples in a column that is filled in between.
+struct Samples {
+    /// Rows from one to the next, about.
+    beat: usize,
+    /// True if each is repeated up to the next; else lines are laid.
+    held: bool,
+    /// Their rows, in each span.
+    rows: Vec<Vec<usize>>,
+}
+
+impl Samples {
+    /// Samples at most `longest` rows apart; `None` if each row is one.
+    fn of(values: &[f64], spans: &[Range<usize>], longest: usize) -> Option<Self> {
+        let rows = |is_sample: &dyn Fn(usize, usize) -> bool| {
+            let of_span =
+                |span: &Range<usize>| span.clone().filter(|&row| is_sample(row, span.start)).collect();
+            spans.iter().map(of_span).collect()
+        };
+        if let Some(beat) = beat_of_holding(values, spans).filter(|beat| *beat <= longest) {
+            let is_new = |row: usize, start: usize| row == start || values[row] != values[row - 1];
+            return Some(Self { beat, held: true, rows: rows(&is_new) });
+        }
+        let (beat, knot) = beat_of_lines(&[values], longest)?;
+        Some(Self { beat, held: false, rows: rows(&|row, _| row % beat == knot) })
+    }
+
+    /// Neighbouring samples.
+    fn pairs(&self) -> impl Iterator<Item = (usize, usize)> {
+        self.rows.iter().flat_map(|rows| rows.windows(2).map(|pair| (pair[0], pair[1])))
+    }
+}
+
+/// Rows for which a column holds each of its values; `None` if it does not.
+fn beat_of_holding(values: &[f64], spans: &[Range<usize>]) -> Option<usize> {
+    let (mut apart, mut sizes) = (Vec::new(), Vec::new());
+    for span in spans {
+        let mut last = None;
+        for row in span.clone().skip(1) {
+            let change = (values[row] - values[row - 1]).abs();
+            if change != 0.0 && change.is_finite() {
+                apart.extend(last.map(|last: usize| row - last));
+                last = Some(row);
+                sizes.push(change);
+            }
+        }
+    }
+    if apart.len() < FEWEST {
+        return None;
+    }
+    let beat = median(apart.iter().map(|rows| *rows as f64).collect())? as usize;
+    let resolution = sizes.iter().copied().fold(f64::INFINITY, f64::min);
+    let is_even = |size: &&f64| {
+        let steps = **size / resolution;
+        steps < FEW_STEPS && (steps - steps.round()).abs() < EVEN
+    };
+    if 2 * sizes.iter().filter(is_even).count() > sizes.len() {
+        return None;
+    }
+    // A beat that is no whole number of rows comes a row early or late.
+    let early = usize::from(beat >= 6);
+    let off = |rows: usize| (rows % beat).min(beat - rows % beat);
+    let on_beat = apart.iter().filter(|rows| off(**rows) <= early).count();
+    (beat > 1 && on_beat as f64 >= ON_BEAT * apart.len() as f64).then_some(beat)
+}
+
+/// True if bends are rare, as they are on lines. Nearly all columns are none, and are told apart by that.
+fn is_mostly_straight(values: &[f64]) -> bool {
+    let bends: Vec<f64> = values.windows(3).map(|v| (v[0] - 2.0 * v[1] + v[2]).abs()).collect();
+    match (quantile(bends.clone(), 0.4), quantile(bends, 0.99)) {
+        (Some(usual), Some(large)) => usual <= RARE * large,
+        _ => false,
+    }
+}
+
+/// Rows from knot to knot, at most `longest`, and the first knot, of a log whose rows between lie on straight lines, in all `columns` alike.
+pub(super) fn beat_of_lines(columns: &[&[f64]], longest: usize) -> Option<(usize, usize)> {
+    if !columns.iter().all(|values| is_mostly_straight(values)) {
+        return None;
+    }
+    let shares = |beat: usize| -> Option<(f64, usize)> {
+        let (mut least, mut knot) = (f64::INFINITY, None);
+        for values in columns {
+            let mut energy = vec![0.0; beat];
+            for (i, v) in values.windows(3).enumerate() {
+                let bend = v[0] - 2.0 * v[1] + v[2];
+                energy[(i + 1) % beat] += if bend.is_finite() { bend * bend } else { 0.0 };
+            }
+            let whole: f64 = energy.iter().sum();
+            // One that rests tells nothing.
+            if whole == 0.0 {
+                continue;
+            }
+            let place = (0..beat).max_by(|a, b| energy[*a].total_cmp(&energy[*b]))?;
+            if *knot.get_or_insert(place) != place {
+                return None;
+            }
+            least = least.min(energy[place] / whole);
+        }
+        knot.filter(|_| least.is_finite()).map(|knot| (least, knot))
+    };
+    // The longest: on a beat of three all bends of one of six lie as well.
+    let (beat, knot) = (2..=longest).rev().find_map(|beat| {
+        shares(beat).filter(|(share, _)| *share >= STRAIGHT).map(|(_, knot)| (beat, knot))
+    })?;
+    let spread_out = |values: &&[f64]| {
+        // Bends that only a few rows have are those of a drive with a few manoeuvres, not of a beat.
+        let bends: Vec<f64> = (knot.max(1)..values.len().saturating_sub(1))
+            .filter(|row| row % beat == knot)
+            .map(|row| (values[row - 1] - 2.0 * values[row] + values[row + 1]).abs())
+            .collect();
+        let whole: f64 = bends.iter().map(|bend| bend * bend).sum();
+        quantile(bends.clone(), 0.9).is_some_and(|large| large * large * bends.len() as f64 > 0.05 * whole)
+    };
+    columns.iter().any(spread_out).then_some((beat, knot))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn wave(count: usize) -> Vec<f64> {
+        (0..count).map(|i| (0.013 * i as f64).sin() + 0.3 * (0.031 * i as f64).sin()).collect()
+    }
+
+    fn held(values: &[f64], beat: f64) -> Vec<f64> {
+        (0..values.len()).map(|i| values[((i as f64 / beat).floor() * beat).ceil() as usize]).collect()
+    }
+
+    fn beat_of(values: &[f64]) -> Option<usize> {
+        beat_of_holding(values, std::slice::from_ref(&(0..values.len())))
+    }
+
+    #[test]
+    fn a_slow_sensor_is_told_from_a_coarse_one() {
+        let fine = wave(4000);
+        assert_eq!(beat_of(&fine), None);
+        for beat in [2.0, 5.0, 100.0] {
+            assert_eq!(beat_of(&held(&fine, beat)), Some(beat as usize));
+        }
+        // 15 of 100 a second.
+        assert!(matches!(beat_of(&held(&fine, 6.667)), Some(6 | 7)));
+        for resolution in [0.01, 0.05, 0.2] {
+            let coarse: Vec<f64> =
+                fine.iter().map(|value| (value / resolution).round() * resolution).collect();
+            assert_eq!(beat_of(&coarse), None, "{resolution}");
+        }
+        // A place on a straight.
+        let way: Vec<f64> = (0..4000).map(|i| 0.3 * f64::from(i) + fine[i as usize]).collect();
+        assert_eq!(beat_of(&held(&way, 2.0)), Some(2));
+        // A quantity that grows evenly, coarse, changes on a beat, by one step.
+        let ramp: Vec<f64> = (0..4000).map(|i| f64::from(i / 10) * 0.01).collect();
+        assert_eq!(beat_of(&ramp), None);
+        assert_eq!(beat_of(&[1.0; 100]), None);
+    }
+
+    #[test]
+    fn straight_lines_between_samples_are_found() {
+        let fine = wave(4000);
+        let other: Vec<f64> = fine.iter().rev().map(|value| 3.0 * value).collect();
+        let rounded = |values: &[f64]| values.iter().map(|v| (v * 1e6).round() / 1e6).collect::<Vec<_>>();
+        let lines = |values: &[f64], beat: usize| -> Vec<f64> {
+            let at = |i: usize| values[i.min(values.len() - 1)];
+            let between = |i: usize| {
+                let (from, share) = (i / beat * beat, (i % beat) as f64 / beat as f64);
+                at(from) + share * (at(from + beat) - at(from))
+            };
+            rounded(&(0..values.len()).map(between).collect::<Vec<_>>())
+        };
+        for beat in [2, 5, 10] {
+            assert_eq!(beat_of_lines(&[&lines(&fine, beat), &lines(&other, beat)], 20), Some((beat, 0)));
+            // A column with rows of its own says that the rows are measured.
+            assert_eq!(beat_of_lines(&[&lines(&fine, beat), &other], 20), None);
+        }
+        assert_eq!(beat_of_lines(&[&rounded(&fine), &rounded(&other)], 20), None);
+        let shifted = &lines(&fine, 10)[3..];
+        assert_eq!(beat_of_lines(&[shifted], 20), Some((10, 7)));
+        assert_eq!(beat_of_lines(&[&[1.0; 100]], 20), None);
+    }
+}

@@ -1,0 +1,166 @@
+//! What recorders and their users do to a log: columns that come more slowly than rows, rows that are interpolated, rows that
+//! are lost, drives in one file. It is found, said, and no cause.
+
+use crate::diagnose;
+use rfl_mpc::diagnose::VerdictKind;
+use rfl_mpc::log::{CleanError, CleanLog, DriveLog, Finding, FindingSeverity, UnusableLog};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+type Columns = BTreeMap<&'static str, Vec<f64>>;
+
+/// A simulated drive with sensor noise.
+fn drive() -> Columns {
+    let drive = diagnose::log(7, &[]);
+    let mut columns = drive.columns.clone();
+    columns.insert("time", drive.time.clone());
+    columns
+}
+
+fn cleaned(columns: Columns) -> Result<CleanLog, UnusableLog> {
+    let columns = columns.into_iter().map(|(name, values)| (name.to_owned(), values)).collect();
+    let log = DriveLog::from_columns(Path::new("log.csv"), columns).unwrap();
+    CleanLog::of(&log, &|speed| 2.7 + 0.002 * speed * speed)
+}
+
+/// What is said of a column, above notes or with them.
+fn said(findings: &[Finding], column: &str, least: FindingSeverity) -> String {
+    let of = findings.iter().filter(|it| it.gravity >= least && it.signal.as_deref() == Some(column));
+    of.map(|finding| finding.words.as_str()).collect::<Vec<_>>().join("; ")
+}
+
+/// Each `every`-th value, repeated up to the next.
+fn held(columns: &mut Columns, names: &[&'static str], every: usize) {
+    for name in names {
+        let values = columns.get_mut(name).unwrap();
+        (0..values.len()).for_each(|row| values[row] = values[row / every * every]);
+    }
+}
+
+/// Lines between every `every`-th value.
+fn lines(values: &mut [f64], every: usize) {
+    let knots: Vec<f64> = values.iter().step_by(every).copied().collect();
+    for (row, value) in values.iter_mut().enumerate() {
+        let (from, share) = (row / every, (row % every) as f64 / every as f64);
+        let next = knots.get(from + 1).unwrap_or(&knots[from]);
+        *value = knots[from] + share * (next - knots[from]);
+    }
+}
+
+#[test]
+fn a_slow_sensor_is_laid_on_lines_or_left_out() {
+    let sound = cleaned(drive()).unwrap();
+    for every in [2, 5] {
+        let mut columns = drive();
+        held(&mut columns, &["x", "y", "vx", "yaw"], every);
+        let log = cleaned(columns).unwrap();
+        for (name, most) in [("x", 0.6), ("vx", 0.15), ("yaw", 0.03)] {
+            let words = said(&log.findings, name, FindingSeverity::Note);
+            assert!(
+                words.contains(&format!("for about {every} rows")) && words.contains("on lines"),
+                "{name}, {every}: {words}; {:#?}",
+                log.findings
+            );
+            let apart = |row: usize| (log.columns[name][row] - sound.columns[name][row]).abs();
+            let judged = (0..log.time.len()).filter(|row| log.valid[*row]);
+            assert!(judged.map(apart).fold(0.0, f64::max) < most, "{name} every {every} rows");
+        }
+    }
+    // Places of once a second: a speed may be laid on lines so far, a place may not.
+    let mut columns = drive();
+    held(&mut columns, &["x", "y", "vx"], 50);
+    let log = cleaned(columns).unwrap();
+    assert!(!log.columns.contains_key("x") && log.columns.contains_key("vx"));
+    assert!(said(&log.findings, "x", FindingSeverity::Warning).contains("1.000 times a second"));
+    let mut columns = drive();
+    lines(columns.get_mut("x").unwrap(), 50);
+    let log = cleaned(columns).unwrap();
+    assert!(said(&log.findings, "x", FindingSeverity::Warning).contains("straight lines of about 50 rows"));
+}
+
+#[test]
+fn rows_between_measured_ones_are_not_used() {
+    let interpolated = |every: usize| {
+        let mut columns = drive();
+        columns.iter_mut().filter(|(name, _)| **name != "time").for_each(|(_, values)| lines(values, every));
+        cleaned(columns)
+    };
+    let log = interpolated(4).unwrap();
+    assert!((log.step - 0.08).abs() < 1e-9);
+    assert!(said(&log.findings, "time", FindingSeverity::Warning).contains("interpolated"));
+    let refused = interpolated(10).unwrap_err();
+    assert!(
+        matches!(refused.cause, CleanError::TooSlow { rate, .. } if (rate - 5.0).abs() < 1e-6),
+        "{refused}"
+    );
+}
+
+#[test]
+fn lost_rows_and_drives_in_one_file_part_the_log() {
+    let rows = drive()["time"].len();
+    let jumps = |log: &CleanLog| log.time.windows(2).filter(|pair| pair[1] - pair[0] > 1.0).count();
+    // Rows are lost, and their clock is numbered anew.
+    for lost in [15, 150] {
+        let mut columns = drive();
+        for (name, values) in &mut columns {
+            if *name == "time" {
+                values.truncate(rows - lost);
+            } else {
+                values.drain(900..900 + lost);
+            }
+        }
+        let log = cleaned(columns).unwrap();
+        let words = said(&log.findings, "x", FindingSeverity::Warning);
+        assert!(words.contains("in row 901") && words.contains("2 drives, of which 2"), "{words}");
+        assert_eq!(jumps(&log), 1);
+    }
+    // Another drive begins elsewhere.
+    let mut columns = drive();
+    columns.get_mut("y").unwrap()[1000..].iter_mut().for_each(|y| *y -= 70.0);
+    assert_eq!(jumps(&cleaned(columns).unwrap()), 1);
+    // A receiver is astray for a while: what lies between is too short to be a drive.
+    let mut columns = drive();
+    columns.get_mut("x").unwrap()[900..1000].iter_mut().for_each(|x| *x += 15.0);
+    let log = cleaned(columns).unwrap();
+    assert!(said(&log.findings, "x", FindingSeverity::Warning).contains("3 drives, of which 2"));
+    // One that is astray all the time tells nothing.
+    let mut columns = drive();
+    let places = columns.get_mut("x").unwrap();
+    (0..rows).filter(|row| row / 150 % 2 == 0).for_each(|row| places[row] += 15.0);
+    let log = cleaned(columns).unwrap();
+    assert!(!log.columns.contains_key("x"), "{:?}", log.findings);
+    assert!(said(&log.findings, "x", FindingSeverity::Warning).contains("are left out"));
+}
+
+#[test]
+fn a_yaw_from_another_axis_is_suspected() {
+    for off in [0.1745, -0.08] {
+        let mut columns = drive();
+        columns.get_mut("yaw").unwrap().iter_mut().for_each(|yaw| *yaw -= off);
+        let log = cleaned(columns).unwrap();
+        let words = said(&log.findings, "yaw", FindingSeverity::Suspicion);
+        assert!(words.contains("another axis"), "{words}");
+        let told: f64 = words.split_whitespace().find_map(|word| word.parse().ok()).unwrap();
+        assert!((told - off).abs() < 0.01, "{words}");
+    }
+    // The point of the receiver is no angle.
+    let mut columns = drive();
+    let yaw = columns["yaw"].clone();
+    for (name, part) in [("x", f64::cos as fn(f64) -> f64), ("y", f64::sin)] {
+        columns
+            .get_mut(name)
+            .unwrap()
+            .iter_mut()
+            .zip(&yaw)
+            .for_each(|(place, yaw)| *place -= 1.5 * part(*yaw));
+    }
+    assert!(cleaned(columns).unwrap().suspect().is_none());
+}
+
+#[test]
+fn a_speed_that_is_missing_for_long_is_no_cause() {
+    let mut columns = drive();
+    columns.get_mut("vx").unwrap()[700..900].fill(f64::NAN);
+    let found = diagnose::found(&cleaned(columns).unwrap(), &diagnose::singles());
+    assert_eq!(found.report.verdict.kind, VerdictKind::None);
+}
