@@ -88,6 +88,13 @@ fn rows_between_measured_ones_are_not_used() {
     let log = interpolated(4).unwrap();
     assert!((log.step - 0.08).abs() < 1e-9);
     assert!(said(&log.findings, "time", FindingSeverity::Warning).contains("interpolated"));
+    let mut repeated = drive();
+    let names: Vec<&'static str> =
+        repeated.keys().copied().filter(|name| !["time", "steer_cmd", "accel_cmd"].contains(name)).collect();
+    held(&mut repeated, &names, 5);
+    let log = cleaned(repeated).unwrap();
+    assert!((log.step - 0.1).abs() < 1e-9);
+    assert!(said(&log.findings, "time", FindingSeverity::Warning).contains("repeated"));
     let refused = interpolated(10).unwrap_err();
     assert!(
         matches!(refused.cause, CleanError::TooSlow { rate, .. } if (rate - 5.0).abs() < 1e-6),
@@ -163,4 +170,17 @@ fn a_speed_that_is_missing_for_long_is_no_cause() {
     columns.get_mut("vx").unwrap()[700..900].fill(f64::NAN);
     let found = diagnose::found(&cleaned(columns).unwrap(), &diagnose::singles());
     assert_eq!(found.report.verdict.kind, VerdictKind::None);
+}
+
+#[test]
+fn ten_rows_a_second_name_a_cause_and_nothing_where_there_is_none() {
+    for (put_in, kind) in [(&[][..], VerdictKind::None), (&[("steer_gain", 1.15)], VerdictKind::Effect)] {
+        let mut columns = diagnose::log(7, put_in).columns;
+        columns.values_mut().for_each(|values| *values = values.iter().step_by(5).copied().collect());
+        let rows = columns["vx"].len();
+        columns.insert("time", (0..rows).map(|row| 0.1 * row as f64).collect());
+        let report = diagnose::found(&cleaned(columns).unwrap(), &diagnose::singles()).report;
+        assert_eq!(report.verdict.kind, kind, "{:?}", report.verdict);
+        assert!(report.verdict.effects.iter().all(|effect| effect.id == put_in[0].0), "{:?}", report.verdict);
+    }
 }

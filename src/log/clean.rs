@@ -229,7 +229,7 @@ fn read_drives(
         let mut found = Vec::new();
         match clock::read(&stamps[span.clone()], way, same, &mut found) {
             Ok(mut clock) => {
-                if let Err(error) = without_lines(&mut clock, from, columns, &mut found) {
+                if let Err(error) = without_filled(&mut clock, from, columns, &mut found) {
                     errors.push(error);
                     continue;
                 }
@@ -281,8 +281,8 @@ fn divided(spans: &[Range<usize>], jumps: &[Jump]) -> Vec<Range<usize>> {
 /// Columns that a drive moves at each row.
 const ALWAYS: [&str; 7] = ["steer", "vx", "vy", "yaw_rate", "ax", "ay", "x"];
 
-/// Leaves out the rows that someone has laid on lines between others. `from` is the row of the file that is the clock's first.
-fn without_lines(
+/// Leaves out the rows that someone has filled in between others. `from` is the row of the file that is the clock's first.
+fn without_filled(
     clock: &mut Clock,
     from: usize,
     columns: &LogColumns,
@@ -294,10 +294,12 @@ fn without_lines(
         .map(|column| clock.rows.iter().map(|&row| column[from + row]).collect())
         .collect();
     let moving: Vec<&[f64]> = moving.iter().map(Vec::as_slice).collect();
-    let Some((beat, knot)) = held::beat_of_lines(&moving, held::LONGEST_LINE) else { return Ok(()) };
+    let lines = || held::beat_of_lines(&moving, held::LONGEST_LINE).map(|found| (found, "interpolated"));
+    let repeats = || held::beat_of_repeats(&moving).map(|found| (found, "repeated"));
+    let Some(((beat, knot), how)) = lines().or_else(repeats) else { return Ok(()) };
     clock.every(beat, knot)?;
     let words = format!(
-        "rows between lie on straight lines from one in {beat} to the next: they were interpolated, not measured; {:.1} rows a second are used",
+        "one row in {beat} was measured, and those between were {how} from it: {:.1} rows a second are used",
         1.0 / clock.spacing
     );
     findings.push(Finding::new(FindingSeverity::Warning, Some("time"), words));

@@ -155,6 +155,23 @@ fn beat_of_holding(values: &[f64], spans: &[Range<usize>]) -> Option<usize> {
     (beat > 1 && on_beat as f64 >= ON_BEAT * apart.len() as f64).then_some(beat)
 }
 
+/// Rows from sample to sample, and the first one, of a log whose rows between repeat them, in all `columns` alike.
+pub(super) fn beat_of_repeats(columns: &[&[f64]]) -> Option<(usize, usize)> {
+    let mut found = None;
+    for values in columns {
+        let beat = beat_of_holding(values, std::slice::from_ref(&(0..values.len())))?;
+        let mut changes = vec![0_usize; beat];
+        (1..values.len())
+            .filter(|&row| values[row] != values[row - 1])
+            .for_each(|row| changes[row % beat] += 1);
+        let knot = (0..beat).max_by_key(|&place| changes[place])?;
+        if *found.get_or_insert((beat, knot)) != (beat, knot) {
+            return None;
+        }
+    }
+    found
+}
+
 /// True if bends are rare, as they are on lines. Nearly all columns are none, and are told apart by that.
 fn is_mostly_straight(values: &[f64]) -> bool {
     let bends: Vec<f64> = values.windows(3).map(|v| (v[0] - 2.0 * v[1] + v[2]).abs()).collect();
@@ -240,6 +257,8 @@ mod tests {
         let way: Vec<f64> = (0..4000).map(|i| 0.3 * f64::from(i) + fine[i as usize]).collect();
         assert_eq!(beat_of(&held(&way, 2.0)), Some(2));
         // A quantity that grows evenly, coarse, changes on a beat, by one step.
+        assert_eq!(beat_of_repeats(&[&held(&fine, 5.0)[3..], &held(&way, 5.0)[3..]]), Some((5, 2)));
+        assert_eq!(beat_of_repeats(&[&held(&fine, 5.0), &way]), None);
         let ramp: Vec<f64> = (0..4000).map(|i| f64::from(i / 10) * 0.01).collect();
         assert_eq!(beat_of(&ramp), None);
         assert_eq!(beat_of(&[1.0; 100]), None);

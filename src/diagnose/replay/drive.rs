@@ -11,6 +11,8 @@ pub const LEAST_SPEED: f64 = 2.0;
 const LONGEST_STEP: f64 = 0.0201;
 /// Clock step below which a log is brought to half its rate, s.
 const QUICK: f64 = 0.0126;
+/// Time between rows from which on they are slower than controllers, s: 20 a second are the fewest of a path tracking in use.
+const SLOW: f64 = 0.0505;
 /// Settling time of a replay before it is compared, s.
 const SETTLING: f64 = 2.5;
 /// Shortest stretch that is replayed at all, s.
@@ -158,10 +160,17 @@ impl ReplayDrive {
         self.columns.get(name).map_or(&[], Vec::as_slice)
     }
 
-    /// The command over a row; a measured angle by its mean.
+    /// True if the command is held from row to row. Rows slower than controllers are have left commands out between them: a line is
+    /// nearer to these than the last one.
+    #[must_use]
+    pub fn holds(&self) -> bool {
+        self.commanded && self.step < SLOW
+    }
+
+    /// The command over a row; a measured angle, and the command of slow rows, by its mean.
     #[must_use]
     pub fn held(&self, row: usize) -> f64 {
-        if self.commanded { self.steer[row] } else { at(&self.steer, row as f64 + 0.5) }
+        if self.holds() { self.steer[row] } else { at(&self.steer, row as f64 + 0.5) }
     }
 
     /// Seconds that are compared.

@@ -146,15 +146,19 @@ pub fn replay_with<'a, V: ReplayVehicle>(
                 (lag_vx, lag_yaw, lag_place) = (0.0, 0.0, [0.0; 2]);
             }
             let mut now = ReducedOutput::default();
+            // Over the row, for what is summed up: rate of the speed, yaw rate, velocities.
+            let mut means = [0.0; 4];
             for sub in 0..drive.substeps {
                 let r = row as f64 + sub as f64 / drive.substeps as f64;
                 let steer = if drive.commanded {
-                    ReducedSteer::Commanded(at(&drive.steer, row as f64 + advance))
+                    let now = if drive.holds() { row as f64 } else { r };
+                    ReducedSteer::Commanded(at(&drive.steer, now + advance))
                 } else {
                     ReducedSteer::Measured(at(&drive.steer, r))
                 };
                 let (accel, accel_is_given) = match &drive.accel_cmd {
-                    Some(asked) => (asked[row], false),
+                    Some(asked) if drive.holds() => (asked[row], false),
+                    Some(asked) => (at(asked, r), false),
                     None => (drive.accel[row], true),
                 };
                 let vx = speed(r, vy);
@@ -175,7 +179,10 @@ pub fn replay_with<'a, V: ReplayVehicle>(
                     now = out;
                     vy = out.true_vy;
                 }
+                let over = [out.vx_rate, out.true_yaw_rate, out.true_vy, speed(r, out.true_vy)];
+                means.iter_mut().zip(over).for_each(|(mean, now)| *mean += now / drive.substeps as f64);
             }
+            let [vx_rate, true_yaw_rate, true_vy, true_vx] = means;
             let fix = |channel| correction.at(channel, row);
             let mut put = |channel: Channel, value: f64| {
                 if let Some(place) = trace.columns[channel as usize].get_mut(row) {
@@ -194,18 +201,17 @@ pub fn replay_with<'a, V: ReplayVehicle>(
             // Rates of what leaks, less those of the log: over one row by differences.
             let (here, next) = (row as f64 + shift, row as f64 + 1.0 + shift);
             let keep = if horizon.is_some() { 1.0 } else { (-drive.step / LEAK).exp() };
-            let true_vx = speed(row as f64, now.true_vy);
             if leaks_vx {
                 put(Channel::Vx, lag_vx * scale);
                 let driven = (at(log_vx, next) - at(log_vx, here)) / scale;
-                lag_vx = keep * (lag_vx + drive.step * (now.vx_rate + fix(Channel::Ax)) - driven);
+                lag_vx = keep * (lag_vx + drive.step * (vx_rate + fix(Channel::Ax)) - driven);
             }
             trace.roll[row] = roll;
             if let Some(felt) = trace.felt.get_mut(row) {
                 let bank = bank.get(row).map_or(0.0, |bank| *bank) + effects.vehicle.road_bank;
                 *felt = GRAVITY * (now.roll + bank).sin();
             }
-            let yaw_rate = now.true_yaw_rate + fix(Channel::YawRate);
+            let yaw_rate = true_yaw_rate + fix(Channel::YawRate);
             if leaks_yaw {
                 put(Channel::Yaw, lag_yaw);
                 lag_yaw = keep * (lag_yaw + drive.step * yaw_rate - (at(yaw, next) - at(yaw, here)));
@@ -217,7 +223,7 @@ pub fn replay_with<'a, V: ReplayVehicle>(
                 let middle = 0.5 * (at(yaw, next) + at(yaw, here)) - twist;
                 let (sin, cos) = middle.sin_cos();
                 let moved = [cos * dx + sin * dy, cos * dy - sin * dx];
-                let vy = now.true_vy + fix(Channel::Vy);
+                let vy = true_vy + fix(Channel::Vy);
                 let turn = drive.step * yaw_rate;
                 let [a, b] = lag_place;
                 lag_place = [
