@@ -66,6 +66,13 @@ def open_log(file: Path, names: set[str] = frozenset()) -> Log:
     """Opens a log by its ending; `names` are the columns that the mapping asks for."""
     if not file.exists():
         raise ImportFailed(f"{file}: there is no such file")
+    if file.is_dir() and not (file / "metadata.yaml").is_file():
+        # As a recorder leaves it that was stopped hard: each of its files can be read alone.
+        bags = sorted(part for part in file.iterdir() if part.suffix.lower() in (".db3", ".mcap"))
+        if len(bags) != 1:
+            which = f"give one of its files: {', '.join(part.name for part in bags)}" if bags else "nor has it any bag"
+            raise ImportFailed(f"{file}: a folder of ROS 2 has a metadata.yaml, and this one has none; {which}")
+        file = bags[0]
     reader = read_rosbag if file.is_dir() else READERS.get(file.suffix.lower())
     if reader is None:
         raise ImportFailed(f"{file}: its ending is none of {', '.join(sorted(READERS))}, nor is it a folder of ROS 2")

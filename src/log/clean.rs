@@ -124,6 +124,9 @@ fn without_jumps(
             let mut log = log.clone();
             log.retain(|name, _| !matches!(*name, "x" | "y"));
             let mut read = Read::of(&log, commanded, wrong, &[], steering)?;
+            for name in ["x", "y"] {
+                read.left_out.insert(name, (0..log["vx"].len()).collect());
+            }
             let words = format!(
                 "x and y jump {} times, first by {:.1} m in row {}, and agree with vx for too short a time between: they are left out",
                 jumps.len(),

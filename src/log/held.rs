@@ -116,10 +116,18 @@ impl Samples {
         Some(Self { beat, held: false, rows: rows(&|row, _| row % beat == knot) })
     }
 
-    /// Neighbouring samples.
+    /// Neighbouring samples. Of those that are farther apart the later ones have measured the same: it rested.
     fn pairs(&self) -> impl Iterator<Item = (usize, usize)> {
-        self.rows.iter().flat_map(|rows| rows.windows(2).map(|pair| (pair[0], pair[1])))
+        let most = self.beat + early(self.beat);
+        self.rows.iter().flat_map(move |rows| {
+            rows.windows(2).map(move |pair| (pair[0].max(pair[1].saturating_sub(most)), pair[1]))
+        })
     }
+}
+
+/// Rows by which a beat that is no whole number of rows comes early or late.
+fn early(beat: usize) -> usize {
+    usize::from(beat >= 6)
 }
 
 /// Rows for which a column holds each of its values; `None` if it does not.
@@ -148,10 +156,8 @@ fn beat_of_holding(values: &[f64], spans: &[Range<usize>]) -> Option<usize> {
     if 2 * sizes.iter().filter(is_even).count() > sizes.len() {
         return None;
     }
-    // A beat that is no whole number of rows comes a row early or late.
-    let early = usize::from(beat >= 6);
     let off = |rows: usize| (rows % beat).min(beat - rows % beat);
-    let on_beat = apart.iter().filter(|rows| off(**rows) <= early).count();
+    let on_beat = apart.iter().filter(|rows| off(**rows) <= early(beat)).count();
     (beat > 1 && on_beat as f64 >= ON_BEAT * apart.len() as f64).then_some(beat)
 }
 
@@ -262,6 +268,16 @@ mod tests {
         let ramp: Vec<f64> = (0..4000).map(|i| f64::from(i / 10) * 0.01).collect();
         assert_eq!(beat_of(&ramp), None);
         assert_eq!(beat_of(&[1.0; 100]), None);
+    }
+
+    #[test]
+    fn what_rests_is_not_laid_on_a_long_line() {
+        let mut resting = held(&wave(1000), 5.0);
+        let value = resting[300];
+        resting[300..500].fill(value);
+        let samples = Samples::of(&resting, std::slice::from_ref(&(0..1000)), 100).unwrap();
+        assert!(samples.held && samples.pairs().all(|(from, to)| to - from == 5));
+        assert!(samples.pairs().any(|pair| pair == (495, 500)));
     }
 
     #[test]

@@ -473,8 +473,8 @@ fn passes_its_start(kept: &[(usize, Sample)], median: f64) -> Option<String> {
     ))
 }
 
-/// Speeds of 0 on the way, where a recorded drive stopped: the road goes on, at the speeds before and after. A start and an
-/// end at rest stay. Gives a note, if there are any.
+/// Speeds of 0 where a recorded drive stood: the road goes on, at the speeds before and after. A first and a last point at
+/// rest stay. Gives a note, if there are any.
 ///
 /// # Errors
 /// The speed is 0 everywhere.
@@ -493,7 +493,7 @@ fn drive_on(samples: &mut [Sample]) -> Result<Option<String>, PathError> {
         }
         // Before the first that moves, and behind the last, it is theirs.
         let after = speeds[i..].iter().position(moves).map_or(last, |rows| i + rows);
-        let share = if after > before { (i - before.min(i)) as f64 / (after - before) as f64 } else { 0.0 };
+        let share = if after > before { (i - before) as f64 / (after - before) as f64 } else { 0.0 };
         let speed = speeds[before] + share * (speeds[after] - speeds[before]);
         samples[i].speed = Some(speed).filter(|speed| speed.is_finite());
         count += 1;

@@ -203,6 +203,11 @@ def test_an_unknown_type_of_a_bag(tmp_path, monkeypatch, capsys):
     # The file alone, without metadata.yaml.
     (folder / "metadata.yaml").unlink()
     check(next(folder.glob("*.db3")), tmp_path, BAG, "/bad:value", "is unknown", monkeypatch, capsys)
+    # The folder, as a recorder leaves it that was stopped hard.
+    check(folder, tmp_path, BAG, "/bad:value", "is unknown", monkeypatch, capsys)
+    (folder / "other.db3").write_bytes(b"")
+    with pytest.raises(ImportFailed, match=r"has none; give one of its files: .*other\.db3"):
+        convert(folder, mapping(tmp_path, BAG), tmp_path / "out.csv")
 
 
 @pytest.mark.parametrize("kind", ["mcap", "damaged"])
