@@ -178,9 +178,14 @@ pub(super) fn beat_of_repeats(columns: &[&[f64]]) -> Option<(usize, usize)> {
     found
 }
 
+/// Bend at each row but the first and the last.
+fn bends(values: &[f64]) -> Vec<f64> {
+    values.windows(3).map(|v| v[0] - 2.0 * v[1] + v[2]).collect()
+}
+
 /// True if bends are rare, as they are on lines. Nearly all columns are none, and are told apart by that.
 fn is_mostly_straight(values: &[f64]) -> bool {
-    let bends: Vec<f64> = values.windows(3).map(|v| (v[0] - 2.0 * v[1] + v[2]).abs()).collect();
+    let bends: Vec<f64> = bends(values).into_iter().map(f64::abs).collect();
     match (quantile(bends.clone(), 0.4), quantile(bends, 0.99)) {
         (Some(usual), Some(large)) => usual <= RARE * large,
         _ => false,
@@ -192,12 +197,12 @@ pub(super) fn beat_of_lines(columns: &[&[f64]], longest: usize) -> Option<(usize
     if !columns.iter().all(|values| is_mostly_straight(values)) {
         return None;
     }
+    let bends: Vec<Vec<f64>> = columns.iter().map(|values| bends(values)).collect();
     let shares = |beat: usize| -> Option<(f64, usize)> {
         let (mut least, mut knot) = (f64::INFINITY, None);
-        for values in columns {
+        for bends in &bends {
             let mut energy = vec![0.0; beat];
-            for (i, v) in values.windows(3).enumerate() {
-                let bend = v[0] - 2.0 * v[1] + v[2];
+            for (i, bend) in bends.iter().enumerate() {
                 energy[(i + 1) % beat] += if bend.is_finite() { bend * bend } else { 0.0 };
             }
             let whole: f64 = energy.iter().sum();
@@ -217,16 +222,14 @@ pub(super) fn beat_of_lines(columns: &[&[f64]], longest: usize) -> Option<(usize
     let (beat, knot) = (2..=longest).rev().find_map(|beat| {
         shares(beat).filter(|(share, _)| *share >= STRAIGHT).map(|(_, knot)| (beat, knot))
     })?;
-    let spread_out = |values: &&[f64]| {
+    let spread_out = |bends: &Vec<f64>| {
         // Bends that only a few rows have are those of a drive with a few manoeuvres, not of a beat.
-        let bends: Vec<f64> = (knot.max(1)..values.len().saturating_sub(1))
-            .filter(|row| row % beat == knot)
-            .map(|row| (values[row - 1] - 2.0 * values[row] + values[row + 1]).abs())
-            .collect();
+        let on_beat = bends.iter().enumerate().filter(|(i, _)| (i + 1) % beat == knot);
+        let bends: Vec<f64> = on_beat.map(|(_, bend)| bend.abs()).collect();
         let whole: f64 = bends.iter().map(|bend| bend * bend).sum();
         quantile(bends.clone(), 0.9).is_some_and(|large| large * large * bends.len() as f64 > 0.05 * whole)
     };
-    columns.iter().any(spread_out).then_some((beat, knot))
+    bends.iter().any(spread_out).then_some((beat, knot))
 }
 
 #[cfg(test)]
@@ -262,9 +265,9 @@ mod tests {
         // A place on a straight.
         let way: Vec<f64> = (0..4000).map(|i| 0.3 * f64::from(i) + fine[i as usize]).collect();
         assert_eq!(beat_of(&held(&way, 2.0)), Some(2));
-        // A quantity that grows evenly, coarse, changes on a beat, by one step.
         assert_eq!(beat_of_repeats(&[&held(&fine, 5.0)[3..], &held(&way, 5.0)[3..]]), Some((5, 2)));
         assert_eq!(beat_of_repeats(&[&held(&fine, 5.0), &way]), None);
+        // A quantity that grows evenly, coarse, changes on a beat, by one step.
         let ramp: Vec<f64> = (0..4000).map(|i| f64::from(i / 10) * 0.01).collect();
         assert_eq!(beat_of(&ramp), None);
         assert_eq!(beat_of(&[1.0; 100]), None);
