@@ -16,7 +16,8 @@ import json
 import os
 import re
 import subprocess
-import sys
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -70,7 +71,7 @@ def piece(tests: Path, name: str, seed: int, count: int) -> dict:
         _, status, used = os.wait4(run.pid, 0)
         run.returncode = os.waitstatus_to_exitcode(status)
     if run.returncode or not (said := SAID.search(text)):
-        sys.exit(f"{name}, seeds from {seed} on: {text}")
+        raise SystemExit(f"{name}, seeds from {seed} on: {text}")
     inputs, taken, longest, memory = said.groups()
     return {
         "inputs": int(inputs),
@@ -108,6 +109,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--inputs", type=int, default=1_000_000, help="inputs of each format")
     parser.add_argument("--piece", type=int, default=20_000, help="inputs between two writings of the results")
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="pieces at a time, on idle processors")
     parser.add_argument("--only", action="append", metavar="FORMAT", help="only this format (may be repeated)")
     parser.add_argument("--program", type=Path, help="the tests, if they are built already")
     parser.add_argument("--fresh", action="store_true", help="forget what was done before")
@@ -119,10 +121,13 @@ def main() -> None:
         if options.only and name not in options.only and name.split(",")[0] not in options.only:
             continue
         while (done := found.get(name, {}).get("inputs", 0)) < options.inputs:
-            count = min(options.piece, options.inputs - done)
-            found[name] = joined(found.get(name), piece(tests, test, done + 1, count))
+            starts = range(done, min(done + options.jobs * options.piece, options.inputs), options.piece)
+            counts = [min(options.piece, options.inputs - start) for start in starts]
+            with ThreadPoolExecutor(options.jobs) as pool:
+                for said in pool.map(partial(piece, tests, test), [start + 1 for start in starts], counts):
+                    found[name] = joined(found.get(name), said)
             write(found)
-            print(f"{name}: {done + count} of {options.inputs}", flush=True)
+            print(f"{name}: {found[name]['inputs']} of {options.inputs}", flush=True)
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 //! `RFL_FUZZ=N` tries N inputs for each format (default 300), from the seed `RFL_FUZZ_SEED` (default 1). The states of FMUs are in
 //! `fmi_hostile_states.rs`.
 
-use crate::counting::peak;
+use crate::counting::{peak, took};
 use crate::sealed::{parts, sealed};
 use rfl_mpc::log::{CleanLog, DriveLog};
 use rfl_mpc::numerics::Random;
@@ -16,7 +16,7 @@ use rfl_mpc::vehicle::{CarParameters, VehicleParameters};
 use std::fmt::Write;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path as FilePath;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 const MEMORY: isize = 200 << 20;
 const LONGEST: Duration = Duration::from_secs(1);
@@ -104,16 +104,8 @@ fn fuzz(good: &[Vec<u8>], take: impl Fn(&[u8]) -> bool) {
         let mut bytes = good[(seed % good.len() as u64) as usize].clone();
         damage(&mut bytes, &mut random);
         let mut outcome = Ok(false);
-        let (mut memory, mut elapsed) = (0, Duration::MAX);
-        // A busy machine is no fault of the input: the quickest of three.
-        for _ in 0..3 {
-            let start = Instant::now();
-            memory = peak(|| outcome = catch_unwind(AssertUnwindSafe(|| take(&bytes))));
-            elapsed = elapsed.min(start.elapsed());
-            if elapsed <= longest {
-                break;
-            }
-        }
+        let mut memory = 0;
+        let elapsed = took(|| memory = peak(|| outcome = catch_unwind(AssertUnwindSafe(|| take(&bytes)))));
         match outcome {
             Ok(good) => taken += u64::from(good),
             Err(_) => panic!("input {seed} ends in a panic: {:?}", String::from_utf8_lossy(&bytes)),

@@ -373,7 +373,11 @@ impl LongitudinalMpc {
     }
 
     /// Continues from a state.
-    pub fn restore(&mut self, state: LongitudinalState) {
+    pub fn restore(&mut self, mut state: LongitudinalState) {
+        // The point never moves back, whatever a file says: the bounds of its next speed would cross.
+        if let Some(reference) = &mut state.reference {
+            reference.speed = reference.speed.max(0.0);
+        }
         self.state = state;
     }
 }
