@@ -4,6 +4,7 @@
 //! byte never comes, `/dev/zero`, which never ends, or a file that fills the memory. All are refused before they are
 //! read.
 
+use crate::encoding::decode;
 use std::fs::{File, Metadata};
 use std::io::{Error, ErrorKind, Read, Result};
 use std::path::Path;
@@ -33,13 +34,13 @@ pub fn read(file: &Path, limit: u64) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Reads a text of at most [`TEXT`] bytes.
+/// Reads a text of at most [`TEXT`] bytes: UTF-8, UTF-16 or UTF-32.
 ///
 /// # Errors
-/// As [`read`]; no UTF-8.
+/// As [`read`]; another encoding.
 pub fn read_text(file: &Path) -> Result<String> {
-    String::from_utf8(read(file, TEXT)?)
-        .map_err(|_| Error::new(ErrorKind::InvalidData, "it is no text in UTF-8"))
+    decode(read(file, TEXT)?)
+        .map_err(|_| Error::new(ErrorKind::InvalidData, "it is no text in UTF-8 or UTF-16"))
 }
 
 /// Kind of a file that is not an ordinary one.

@@ -53,6 +53,7 @@ pub(crate) use invariant;
 pub mod cli;
 pub mod control;
 pub mod diagnose;
+mod encoding;
 pub mod enumeration;
 mod finite;
 pub mod fmi;

@@ -52,6 +52,29 @@ fn what_is_wrong_is_named_with_file_line_key_and_remedy() {
     assert!(parse("").is_err());
 }
 
+#[test]
+fn a_file_is_read_in_any_encoding() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("tyre.tir");
+    let sound = parse(SOUND).unwrap();
+    let wide = |mark: &[u8], bytes: fn(u16) -> [u8; 2]| {
+        [mark, &SOUND.encode_utf16().flat_map(bytes).collect::<Vec<_>>()].concat()
+    };
+    for bytes in [
+        wide(&[0xff, 0xfe], u16::to_le_bytes),
+        wide(&[0xfe, 0xff], u16::to_be_bytes),
+        wide(&[], u16::to_le_bytes),
+        [&[0xef, 0xbb, 0xbf], SOUND.as_bytes()].concat(),
+        SOUND.replace('\n', "\r").into_bytes(),
+        SOUND.replace('\n', "\r\n").into_bytes(),
+        // A comment in Latin-1.
+        [b"$ M\xfcnchen\n", SOUND.as_bytes()].concat(),
+    ] {
+        std::fs::write(&file, bytes).unwrap();
+        assert_eq!(Coefficients::read(&file).unwrap(), sound);
+    }
+}
+
 /// Older files call themselves `USER`, and say by `FITTYP` what they are.
 #[test]
 fn a_file_of_the_magic_formula_5_2_is_known_by_its_fittyp() {

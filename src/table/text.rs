@@ -1,16 +1,8 @@
 //! Bytes to lines of text: encodings, and how much is read.
 
 use super::table_error::{LONGEST_LINE, TableError};
+use crate::encoding::{Encoding, number};
 use std::io::{BufRead, BufReader, Read};
-
-/// Encoding of a file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Encoding {
-    /// UTF-8, and Latin-1 in lines that are no UTF-8.
-    Bytes,
-    /// UTF-16 or UTF-32: bytes of a unit, low or high byte first.
-    Wide { width: usize, low_first: bool },
-}
 
 /// The lines of a file, decoded.
 pub(super) struct Lines<R: Read> {
@@ -30,21 +22,7 @@ impl<R: Read> Lines<R> {
     pub fn new(reader: R, limit: u64) -> Result<Self, TableError> {
         let mut reader = BufReader::with_capacity(1 << 16, reader);
         let first = reader.fill_buf().map_err(cause)?;
-        let wide = |width, low_first| Encoding::Wide { width, low_first };
-        let (encoding, mark) = match first {
-            [0xef, 0xbb, 0xbf, ..] => (Encoding::Bytes, 3),
-            // The mark of UTF-32 begins like that of UTF-16.
-            [0xff, 0xfe, 0, 0, ..] => (wide(4, true), 4),
-            [0, 0, 0xfe, 0xff, ..] => (wide(4, false), 4),
-            [0xff, 0xfe, ..] => (wide(2, true), 2),
-            [0xfe, 0xff, ..] => (wide(2, false), 2),
-            // Without a mark: a table begins with two letters of ASCII.
-            [a, 0, 0, 0, b, 0, 0, 0, ..] if *a != 0 && *b != 0 => (wide(4, true), 0),
-            [0, 0, 0, a, 0, 0, 0, b, ..] if *a != 0 && *b != 0 => (wide(4, false), 0),
-            [a, 0, b, 0, ..] if *a != 0 && *b != 0 => (wide(2, true), 0),
-            [0, a, 0, b, ..] if *a != 0 && *b != 0 => (wide(2, false), 0),
-            _ => (Encoding::Bytes, 0),
-        };
+        let (encoding, mark) = Encoding::of(first);
         // As programs wrote them on a Mac once, and some devices do.
         let end = if first.contains(&b'\r') && !first.contains(&b'\n') { b'\r' } else { b'\n' };
         reader.consume(mark);
@@ -92,34 +70,13 @@ impl<R: Read> Lines<R> {
     }
 
     fn decoded(&mut self, bytes: Vec<u8>) -> String {
-        let mut text = match self.encoding {
-            Encoding::Bytes => String::from_utf8(bytes).unwrap_or_else(|error| {
-                self.latin1 = true;
-                error.as_bytes().iter().map(|&byte| char::from(byte)).collect()
-            }),
-            Encoding::Wide { width, low_first } => {
-                let units = bytes.chunks_exact(width).map(|unit| number(unit, low_first));
-                let known = |letter: Option<char>| letter.unwrap_or(char::REPLACEMENT_CHARACTER);
-                if width == 2 {
-                    char::decode_utf16(units.map(|unit| unit as u16))
-                        .map(|letter| known(letter.ok()))
-                        .collect()
-                } else {
-                    units.map(|unit| known(char::from_u32(unit))).collect()
-                }
-            }
-        };
+        let (mut text, latin1) = self.encoding.decode(bytes);
+        self.latin1 |= latin1;
         if text.ends_with(['\n', char::from(self.end)]) {
             text.pop();
         }
         text
     }
-}
-
-/// The number that a unit's bytes are.
-fn number(unit: &[u8], low_first: bool) -> u32 {
-    let append = |sum: u32, byte: &u8| (sum << 8) | u32::from(*byte);
-    if low_first { unit.iter().rev().fold(0, append) } else { unit.iter().fold(0, append) }
 }
 
 /// The limit that stopped an unpacking, or the operating system's error.

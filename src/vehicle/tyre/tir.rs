@@ -1,6 +1,7 @@
 //! Reading `.tir` files: `[SECTION]`, `KEY = value`, comments from `$` or `!`; tables (`[SHAPE]`) are passed over.
 
 use super::coefficients::Coefficients;
+use crate::encoding::decode;
 use crate::input;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -43,7 +44,7 @@ impl Coefficients {
         let bytes = input::read(file, input::TEXT)
             .map_err(|source| TirError::Unreadable { file: file.to_path_buf(), source })?;
         // Old files carry Latin-1 in comments; everything that we read is ASCII.
-        Self::parse(&String::from_utf8_lossy(&bytes), file)
+        Self::parse(&decode(bytes).unwrap_or_else(|latin1| latin1), file)
     }
 
     /// Reads the text of a `.tir` file; `file` is for messages.
