@@ -164,6 +164,21 @@ fn a_yaw_from_another_axis_is_suspected() {
     assert!(cleaned(columns).unwrap().suspect().is_none());
 }
 
+/// The rows, where a log is of no use without the column; else the column, where they are many.
+#[test]
+fn what_a_sensor_cannot_show_is_left_out() {
+    for (name, of_largest, column_goes) in [("ay", 0.4, true), ("ax", 0.8, false), ("yaw_rate", 0.7, false)] {
+        let mut columns = drive();
+        let values = columns.get_mut(name).unwrap();
+        let limit = of_largest * values.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
+        values.iter_mut().for_each(|value| *value = value.clamp(-limit, limit));
+        let log = cleaned(columns).unwrap();
+        let words = said(&log.findings, name, FindingSeverity::Warning);
+        assert!(words.contains("range ends there"), "{name}: {words}; {:#?}", log.findings);
+        assert_eq!(log.columns.contains_key(name), !column_goes, "{name}: {words}");
+    }
+}
+
 #[test]
 fn a_speed_that_is_missing_for_long_is_no_cause() {
     let mut columns = drive();

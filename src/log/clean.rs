@@ -15,6 +15,7 @@ use super::outliers;
 use super::read::DriveLog;
 use super::resample::{between, resample};
 use super::rows::{LogColumns, LogRows, WrongRows};
+use super::saturated;
 use super::units::DEGREE;
 use crate::numerics::statistics::quantile;
 use std::collections::BTreeMap;
@@ -209,6 +210,7 @@ impl Read {
 
 /// Leaves out what is no measurement.
 pub(super) fn leave_out_faults(log: &mut LogRows) {
+    saturated::leave_out(log);
     outliers::leave_out(log);
     frozen::leave_out(log);
 }

@@ -20,6 +20,7 @@
 //! | `units.rs` | the fewest foreign units that explain these relations |
 //! | `outliers.rs` | values beyond any vehicle, and rows that their neighbours contradict |
 //! | `frozen.rs` | stretches in which a sensor repeats its last value |
+//! | `saturated.rs` | sensors at the end of their range |
 //! | `held.rs` | values that a recorder has filled in between samples |
 //! | `jumps.rs` | places where rows are missing, or another drive begins, without a word from the clock |
 //! | `kinematics.rs` | velocity across and acceleration along the body, told by other columns |
@@ -46,6 +47,7 @@ mod read;
 mod resample;
 mod road;
 mod rows;
+mod saturated;
 mod steering;
 mod units;
 

@@ -80,11 +80,16 @@ fn on_its_day(time: i64, before: i64) -> i64 {
     time + DAY * (before - time + DAY / 2).div_euclid(DAY)
 }
 
+/// A column's name as names of signals are written: `Yaw Rate`, `YAW-RATE`.
+fn as_written(name: &str) -> String {
+    name.trim().to_ascii_lowercase().replace([' ', '-', '.'], "_")
+}
+
 /// The signal that a column is: by its name, or, where no other column has it, by its name in other letters (`Time`).
 fn named(name: &str, header: &table::Header) -> Option<&'static signal::Signal> {
     let is_taken = |signal: &&signal::Signal| header.names.iter().any(|other| other == signal.name);
-    let in_small_letters = || signal::find(&name.to_ascii_lowercase()).filter(|signal| !is_taken(signal));
-    signal::find(name).or_else(in_small_letters)
+    let otherwise = || signal::find(&as_written(name)).filter(|signal| !is_taken(signal));
+    signal::find(name).or_else(otherwise)
 }
 
 fn listed(columns: &[&str]) -> String {
@@ -169,7 +174,7 @@ impl DriveLog {
         limits: Limits,
     ) -> Result<Self, LogError> {
         let broken = |source| LogError::Table { file: file.to_owned(), source };
-        let known = |name: &str| signal::find(&name.to_ascii_lowercase()).is_some();
+        let known = |name: &str| signal::find(&as_written(name)).is_some();
         let mut table = Table::new(reader, limits, &known).map_err(broken)?;
         let mut log = Self { file: file.to_owned(), notes: Vec::new(), columns: Vec::new() };
         let places = log.places(table.header())?;
@@ -314,6 +319,13 @@ mod tests {
         let read = log("Time,VX,Yaw_Rate [deg/s]\n0,1,180\n").unwrap();
         assert_eq!(read.column("yaw_rate"), Some(&[std::f64::consts::PI][..]));
         assert_eq!(read.without(&["time", "vx"]), [""; 0]);
+        for names in [" TIME , VX ,YAW RATE", "time,vx,yaw-rate", "Time,Vx,Yaw.Rate"] {
+            assert_eq!(
+                log(&format!("{names}\n0,1,2\n")).unwrap().column("yaw_rate"),
+                Some(&[2.0][..]),
+                "{names}"
+            );
+        }
         assert_eq!(log("Time,time,vx\n7,0,1\n").unwrap().column("time"), Some(&[0.0][..]));
         assert!(log("Time,TIME,vx\n7,0,1\n").unwrap_err().to_string().contains("'time' stands twice"));
     }
