@@ -40,6 +40,29 @@ impl<M: Model> UnderWay<M> {
         Self { unit, inputs, reals }
     }
 
+    /// A unit that has been driven for a while, and its state then.
+    fn with_state(settings: &[(&str, Value)]) -> (Self, Vec<u8>) {
+        let mut under_way = Self::new(settings);
+        assert_eq!(under_way.drive(0, 60), Ok(()));
+        let mut sound = Vec::new();
+        under_way.unit.model.save(&mut sound);
+        assert!(M::check(&sound).is_ok());
+        (under_way, sound)
+    }
+
+    /// Puts a number into a sound state. True if that is taken: the unit goes on with it then, and back to the sound one.
+    fn takes(&mut self, sound: &[u8], at: usize, number: f64) -> bool {
+        let mut bytes = sound.to_vec();
+        bytes[at..at + 8].copy_from_slice(&number.to_le_bytes());
+        let taken = M::check(&bytes).is_ok() && self.unit.model.restore(&bytes).is_ok();
+        if taken {
+            let was = number_at(sound, at);
+            self.drive(60, 10).unwrap_or_else(|what| panic!("byte {at}, before {was}: {what}"));
+            self.unit.model.restore(sound).unwrap();
+        }
+        taken
+    }
+
     /// Steps on with inputs that vary; what is not a number ends it.
     fn drive(&mut self, from: u32, steps: u32) -> Result<(), String> {
         let variables = M::declaration().variables;
@@ -57,6 +80,10 @@ impl<M: Model> UnderWay<M> {
         }
         Ok(())
     }
+}
+
+fn number_at(bytes: &[u8], at: usize) -> f64 {
+    f64::from_le_bytes(bytes[at..at + 8].try_into().unwrap())
 }
 
 /// Changes some of the bytes, as damage and as an attacker would.
@@ -82,11 +109,7 @@ fn change(bytes: &mut Vec<u8>, random: &mut Random) {
 fn survive<M: Model>(settings: &[(&str, Value)]) {
     let number = |name: &str, default: u64| std::env::var(name).map_or(default, |text| text.parse().unwrap());
     let (count, first) = (number("RFL_FUZZ", 150), number("RFL_FUZZ_SEED", 0));
-    let mut under_way = UnderWay::<M>::new(settings);
-    assert_eq!(under_way.drive(0, 60), Ok(()));
-    let mut sound = Vec::new();
-    under_way.unit.model.save(&mut sound);
-    assert!(M::check(&sound).is_ok());
+    let (mut under_way, sound) = UnderWay::<M>::with_state(settings);
     let (mut refused, mut taken, mut longest) = (0, 0, Duration::ZERO);
     for seed in first..first + count {
         let mut bytes = sound.clone();
@@ -145,51 +168,25 @@ fn of_a_truck() {
 /// A reference point of the longitudinal MPC that moves back was taken, and the bounds of its next speed crossed: a panic.
 #[test]
 fn a_reference_that_moves_back_is_none() {
-    let mut under_way = UnderWay::<TruckRflMpc>::new(&[("path_file", road("off_road.csv"))]);
-    under_way.drive(0, 60).unwrap();
-    let mut sound = Vec::new();
-    under_way.unit.model.save(&mut sound);
+    let (mut under_way, sound) = UnderWay::<TruckRflMpc>::with_state(&[("path_file", road("off_road.csv"))]);
     let reference = under_way.unit.real("speed_ref");
     // Wherever the state holds that speed, or what it is a step later.
-    let mut tried = 0;
-    for at in 0..sound.len() - 8 {
-        let was = f64::from_le_bytes(sound[at..at + 8].try_into().unwrap());
-        if (was - reference).abs() > 0.2 {
-            continue;
-        }
-        let mut bytes = sound.clone();
-        bytes[at..at + 8].copy_from_slice(&(-1.0_f64).to_le_bytes());
-        if TruckRflMpc::check(&bytes).is_ok() && under_way.unit.model.restore(&bytes).is_ok() {
-            under_way.drive(60, 10).unwrap_or_else(|what| panic!("byte {at}, before {was}: {what}"));
-            under_way.unit.model.restore(&sound).unwrap();
-            tried += 1;
-        }
-    }
-    assert!(tried > 0, "no place holds {reference}");
+    let is_near = |at: &usize| (number_at(&sound, *at) - reference).abs() <= 0.2;
+    let places: Vec<usize> = (0..sound.len() - 8).filter(is_near).collect();
+    let taken = places.into_iter().filter(|at| under_way.takes(&sound, *at, -1.0)).count();
+    assert!(taken > 0, "no place holds {reference}");
 }
 
 /// Each place that holds a number, with what is none: no state with it is taken.
 #[test]
 fn no_infinity_is_taken() {
-    let mut under_way = UnderWay::<RflMpc>::new(&[("path_file", road("sudoku_test.csv"))]);
-    under_way.drive(0, 60).unwrap();
-    let mut sound = Vec::new();
-    under_way.unit.model.save(&mut sound);
-    let mut numbers = 0;
-    for at in 0..sound.len() - 8 {
-        let was = f64::from_le_bytes(sound[at..at + 8].try_into().unwrap());
-        // Bytes that look like a number of a drive, and are no others' borders.
-        if was.abs() < 1e-6 || was.abs() > 1e6 {
-            continue;
-        }
-        let mut bytes = sound.clone();
-        bytes[at..at + 8].copy_from_slice(&f64::INFINITY.to_le_bytes());
-        if RflMpc::check(&bytes).is_ok() && under_way.unit.model.restore(&bytes).is_ok() {
-            under_way.drive(60, 10).unwrap_or_else(|what| panic!("byte {at}, before {was}: {what}"));
-            under_way.unit.model.restore(&sound).unwrap();
-        } else {
-            numbers += 1;
-        }
-    }
-    assert!(numbers > 50, "{numbers}");
+    let (mut under_way, sound) = UnderWay::<RflMpc>::with_state(&[("path_file", road("sudoku_test.csv"))]);
+    // Bytes that look like a number of a drive, and are no others' borders.
+    let is_number = |at: &usize| {
+        let size = number_at(&sound, *at).abs();
+        size.is_nan() || (1e-6..=1e6).contains(&size)
+    };
+    let places: Vec<usize> = (0..sound.len() - 8).filter(is_number).collect();
+    let refused = places.into_iter().filter(|at| !under_way.takes(&sound, *at, f64::INFINITY)).count();
+    assert!(refused > 50, "{refused}");
 }

@@ -12,7 +12,7 @@
 
 use super::clean_log::STANDING;
 use super::finding::FindingSeverity;
-use super::rows::LogRows;
+use super::rows::{LogRows, repeats};
 use crate::numerics::statistics::{median, quantile};
 use std::ops::Range;
 
@@ -58,20 +58,15 @@ fn frozen(values: &[f64], shortest: usize, from: usize) -> Vec<Range<usize>> {
     let steps: Vec<f64> = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
     let moving = steps.iter().copied().filter(|step| *step > 0.0).collect();
     let Some(usual) = quantile(moving, 0.99) else { return Vec::new() };
-    let mut found = Vec::new();
-    let mut start = 0;
-    for (i, step) in steps.iter().enumerate() {
-        if *step == 0.0 {
-            continue;
-        }
-        // From `start` to `i` all values are the same.
-        if start > 0 && i + 1 - start >= shortest && *step > JUMP * usual {
-            let is_measured = steps[start - 1] <= JUMP * usual;
-            found.push(from + start + usize::from(is_measured)..from + i + 1);
-        }
-        start = i + 1;
-    }
-    found
+    // One that lasts to an end neither was measured before nor jumps.
+    let within = |stretch: &Range<usize>| stretch.start > 0 && stretch.end < values.len();
+    let jumps = |row: usize| steps[row - 1] > JUMP * usual;
+    let is_measured = |row: usize| steps[row - 1] <= JUMP * usual;
+    repeats(values, 0..values.len(), shortest)
+        .into_iter()
+        .filter(|stretch| within(stretch) && jumps(stretch.end))
+        .map(|stretch| from + stretch.start + usize::from(is_measured(stretch.start))..from + stretch.end)
+        .collect()
 }
 
 #[cfg(test)]

@@ -10,6 +10,20 @@ pub(super) type LogColumns = BTreeMap<&'static str, Vec<f64>>;
 /// Rows of the file whose value in a column is wrong.
 pub(super) type WrongRows = BTreeMap<&'static str, Vec<usize>>;
 
+/// Stretches of one value within a span, no shorter than so many rows.
+pub(super) fn repeats(values: &[f64], span: Range<usize>, shortest: usize) -> Vec<Range<usize>> {
+    let (mut found, mut start) = (Vec::new(), span.start);
+    for i in span.start + 1..=span.end {
+        if i == span.end || values[i] != values[start] {
+            if i - start >= shortest {
+                found.push(start..i);
+            }
+            start = i;
+        }
+    }
+    found
+}
+
 /// Rows of a log.
 pub(super) struct LogRows<'a> {
     /// The columns as the file has them.
