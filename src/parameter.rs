@@ -55,9 +55,7 @@ impl Choices {
 
 /// A parameter that is out of its range or not a number.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error(
-    "{name} = {value} {unit} is outside its range [{min}, {max}]: {meaning}; set a value inside the range"
-)]
+#[error("{name} = {value}{} is {}: {meaning}; set {}", self.unit_words(), self.fault(), self.remedy())]
 #[allow(missing_docs)]
 pub struct OutOfRange {
     pub name: &'static str,
@@ -66,6 +64,29 @@ pub struct OutOfRange {
     pub min: f64,
     pub max: f64,
     pub meaning: &'static str,
+}
+
+impl OutOfRange {
+    fn is_inside(&self) -> bool {
+        self.value >= self.min && self.value <= self.max
+    }
+
+    /// The unit behind a blank; nothing for a pure number.
+    fn unit_words(&self) -> String {
+        if self.unit == "1" { String::new() } else { format!(" {}", self.unit) }
+    }
+
+    fn fault(&self) -> String {
+        if self.is_inside() {
+            "no whole number".to_owned()
+        } else {
+            format!("outside its range [{}, {}]", self.min, self.max)
+        }
+    }
+
+    fn remedy(&self) -> &'static str {
+        if self.is_inside() { "a whole number" } else { "a value inside the range" }
+    }
 }
 
 impl Parameter {

@@ -7,6 +7,9 @@
 //! Conventions: SI units and radians; ISO 8855 axes (x forward, y left, z up). Steering and yaw are positive to the
 //! left; `steer` is the road-wheel angle.
 
+/// Acceleration of free fall in all models, m/s2.
+pub const GRAVITY: f64 = 9.81;
+
 /// A unit of measurement with its exponents of SI base units, as FMI 2.0 requires.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Unit {

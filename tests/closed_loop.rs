@@ -29,28 +29,28 @@ fn drive(route: Route, car: &str, effects: &Effects) -> CarDrive {
 /// Mean and largest lateral error in m of the right and left turn of the Sudoku course, as first measured. They hold
 /// to a fiftieth of a millimetre on every machine; a change of plant or controller that moves them is seen, and says so.
 const GOLDEN: [(&str, f64, f64); 5] = [
-    ("c_class", 0.00032, 0.00159),
+    ("c_class", 0.00034, 0.00173),
     ("bmw_320i", 0.00075, 0.00584),
     ("ford_escort", 0.00066, 0.00605),
     ("vw_vanagon", 0.00072, 0.00586),
-    ("genesis", 0.00053, 0.00259),
+    ("genesis", 0.00050, 0.00259),
 ];
 
 #[test]
 fn every_car_tracks_as_it_did() {
     assert_eq!(GOLDEN.map(|golden| golden.0), BUILTIN, "every built-in car has its figures");
+    let mut moved = Vec::new();
     for (car, mae, max) in GOLDEN {
         let drive = drive(Route::SudokuTurns, car, &Effects::default());
         assert!(drive.finished, "{car} does not reach the end");
         let tracking = drive.tracking();
         let near = |a: f64, b: f64| (a - b).abs() < 2e-5;
-        assert!(
-            near(tracking.mae, mae) && near(tracking.max, max),
-            "{car}: mean {:.5} m, max {:.5} m; was {mae}, {max}",
-            tracking.mae,
-            tracking.max
-        );
+        if !(near(tracking.mae, mae) && near(tracking.max, max)) {
+            let (now_mae, now_max) = (tracking.mae, tracking.max);
+            moved.push(format!("{car}: mean {now_mae:.5} m, max {now_max:.5} m; was {mae}, {max}"));
+        }
     }
+    assert!(moved.is_empty(), "{moved:#?}");
 }
 
 #[test]

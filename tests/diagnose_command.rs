@@ -9,8 +9,8 @@ use std::sync::LazyLock;
 
 /// Noise of a test car's sensors.
 const NOISE: [(&str, f64); 10] = [
-    ("x", 0.02),
-    ("y", 0.02),
+    ("x", 0.005),
+    ("y", 0.005),
     ("yaw", 5e-4),
     ("vx", 0.02),
     ("vy", 0.02),
@@ -90,7 +90,7 @@ fn a_late_steering_is_named_and_everything_is_written() {
     let gap = report.shrink.open_loop["yaw_rate"];
     assert!(gap.effect < 0.5 * gap.before, "{gap:?}");
     let tracking = report.shrink.closed_loop.unwrap()["e1"];
-    // Position is known to 2 cm only: what counts is the gap beyond the noise.
+    // Position is known to 5 mm only: what counts is the gap beyond the noise.
     let beyond = |gap: f64| (gap * gap - tracking.noise * tracking.noise).max(0.0).sqrt();
     assert!(tracking.noise > 0.0 && beyond(tracking.effect) < 0.5 * beyond(tracking.before), "{tracking:?}");
     let page = std::fs::read_to_string(out.join("report.html")).unwrap();

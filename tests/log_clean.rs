@@ -111,11 +111,12 @@ fn too_little_is_refused() {
     assert!(matches!(drive(60.0, 1.0).refused(), CleanError::TooSlow { .. }));
     assert!(matches!(sound().scaled(&["vx"], 0.01).without(&["x"]).refused(), CleanError::Standing { .. }));
     for column in ["time", "vx", "yaw_rate"] {
-        assert_eq!(sound().without(&[column]).refused(), CleanError::Missing { column });
+        let missing = CleanError::Missing { column, near: Vec::new() };
+        assert_eq!(sound().without(&[column]).refused(), missing);
     }
     assert_eq!(
         sound().without(&["steer"]).without(&["steer_cmd"]).refused(),
-        CleanError::Missing { column: "steer_cmd" }
+        CleanError::Missing { column: "steer_cmd", near: Vec::new() }
     );
     let empty = sound().map("yaw_rate", |_, _| f64::NAN);
     assert!(matches!(empty.refused(), CleanError::Sparse { column: "yaw_rate", .. }));

@@ -199,3 +199,89 @@ fn ten_rows_a_second_name_a_cause_and_nothing_where_there_is_none() {
         assert!(report.verdict.effects.iter().all(|effect| effect.id == put_in[0].0), "{:?}", report.verdict);
     }
 }
+
+#[test]
+fn stamps_in_whole_seconds_may_begin_in_the_midst_of_one() {
+    let sound = cleaned(drive()).unwrap();
+    for begin in [0.0, 0.3, 0.5, 0.94] {
+        let mut columns = drive();
+        columns.get_mut("time").unwrap().iter_mut().for_each(|time| *time = (*time + begin + 1e-9).floor());
+        let log = cleaned(columns).unwrap();
+        assert!(
+            (log.step - sound.step).abs() < 1e-6 && log.time.len().abs_diff(sound.time.len()) <= 1,
+            "{begin}"
+        );
+        let off = |(time, row): (&f64, usize)| (time - begin - sound.time[row]).abs();
+        let farthest = log.time.iter().zip(0..sound.time.len()).map(off).fold(0.0, f64::max);
+        assert!(farthest < 0.025, "{begin}: {farthest}");
+    }
+}
+
+/// Columns that come later by a number of rows.
+fn late(columns: &mut Columns, names: &[&'static str], rows: usize) {
+    for name in names {
+        let values = columns.get_mut(name).unwrap();
+        (0..values.len()).rev().for_each(|row| values[row] = values[row.saturating_sub(rows)]);
+    }
+}
+
+#[test]
+fn columns_that_come_later_than_others_are_taken_earlier() {
+    let sound = cleaned(drive()).unwrap();
+    for column in ["yaw_rate", "yaw", "x"] {
+        assert!(!said(&sound.findings, column, FindingSeverity::Note).contains("later"), "{column}");
+    }
+    for (names, rows, words) in [
+        (&["yaw_rate"][..] as &[&'static str], 5, "yaw_rate comes 0."),
+        (&["yaw_rate", "ay", "ax"], 2, "ay and ax with it"),
+        (&["x", "y"], 5, "x comes 0."),
+        (&["x", "y", "yaw"], 8, "yaw comes 0."),
+        (&["x", "y", "yaw"], 4, "x comes 0."),
+    ] {
+        let mut columns = drive();
+        late(&mut columns, names, rows);
+        let log = cleaned(columns).unwrap();
+        let all: Vec<String> = ["yaw_rate", "yaw", "x"]
+            .iter()
+            .map(|it| said(&log.findings, it, FindingSeverity::Warning))
+            .collect();
+        assert!(all.join("; ").contains(words), "{names:?}: {all:?}");
+        for name in names {
+            let judged = (0..log.time.len()).filter(|&row| log.valid[row]);
+            // To a row: places are noisy.
+            let same = |row: usize| {
+                let now = log.columns[name][row];
+                sound.columns[name][row.saturating_sub(1)..]
+                    .iter()
+                    .take(3)
+                    .any(|was| (now - was).abs() < 1e-12)
+            };
+            let share = judged.clone().filter(|&row| same(row)).count() as f64 / judged.count() as f64;
+            assert!(share > 0.95, "{names:?} {name}: {share}, {all:?}");
+        }
+    }
+}
+
+#[test]
+fn a_smoothed_yaw_rate_and_late_places_are_no_cause() {
+    let smoothed = |columns: &mut Columns| {
+        let values = columns["yaw_rate"].clone();
+        let mean = |row: usize| {
+            let window = &values[row.saturating_sub(9)..=row];
+            window.iter().sum::<f64>() / window.len() as f64
+        };
+        columns.insert("yaw_rate", (0..values.len()).map(mean).collect());
+    };
+    let places = |columns: &mut Columns| late(columns, &["x", "y"], 5);
+    let receiver = |columns: &mut Columns| late(columns, &["x", "y", "yaw"], 8);
+    for (case, change) in [
+        ("moving average of the yaw rate over 0.2 s", &smoothed as &dyn Fn(&mut Columns)),
+        ("places 0.1 s late", &places),
+        ("places and yaw 0.16 s late", &receiver),
+    ] {
+        let mut columns = drive();
+        change(&mut columns);
+        let verdict = diagnose::found(&cleaned(columns).unwrap(), &diagnose::singles()).report.verdict;
+        assert_eq!(verdict.kind, VerdictKind::None, "{case}: {verdict:?}");
+    }
+}

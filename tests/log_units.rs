@@ -103,3 +103,74 @@ fn a_frozen_sensor_is_left_out_and_said() {
         assert!(said.contains(&format!("{name} stays at")) && said.contains("row 601 to row 750"), "{said}");
     }
 }
+
+#[test]
+fn a_frame_as_a_whole_is_named_and_not_a_sign_of_it() {
+    let quarter = std::f64::consts::FRAC_PI_2;
+    let refused = |case: &str, change: &dyn Fn(&mut Columns)| match changed(change) {
+        Err(error) => error.to_string(),
+        Ok(log) => panic!("{case}: {}", said(&log.findings)),
+    };
+    let compass = |columns: &mut Columns| {
+        columns.get_mut("yaw").unwrap().iter_mut().for_each(|yaw| *yaw = quarter - *yaw);
+    };
+    let degrees = |columns: &mut Columns| {
+        columns.get_mut("yaw").unwrap().iter_mut().for_each(|yaw| *yaw = 90.0 - yaw.to_degrees());
+    };
+    let swapped = |columns: &mut Columns| {
+        let (x, y) = (columns["x"].clone(), columns["y"].clone());
+        columns.insert("x", y);
+        columns.insert("y", x);
+    };
+    let backwards = |columns: &mut Columns| {
+        columns.get_mut("time").unwrap().iter_mut().for_each(|time| *time = 500.0 - *time);
+    };
+    for (case, change, words) in [
+        ("compass", &compass as &dyn Fn(&mut Columns), "heading from north, clockwise"),
+        ("compass in degrees", &degrees, "heading from north, clockwise"),
+        ("x for y", &swapped, "x and y stand for one another"),
+        ("a clock that counts down", &backwards, "time runs backwards"),
+    ] {
+        let error = refused(case, change);
+        assert!(error.contains(words), "{case}: {error}");
+    }
+}
+
+#[test]
+fn a_clock_at_another_rate_is_told_by_two_relations() {
+    for (rate, dropped) in
+        [(48.0 / 50.0, &[][..]), (1.1, &[]), (0.9, &["ax"]), (1.15, &["yaw"]), (0.86, &["x", "y"])]
+    {
+        let log = changed(|columns| {
+            columns.get_mut("time").unwrap().iter_mut().for_each(|time| *time *= rate);
+            columns.retain(|name, _| !dropped.contains(name));
+        })
+        .unwrap();
+        let words = &log.suspect().unwrap_or_else(|| panic!("{rate}: {}", said(&log.findings))).words;
+        assert!(words.contains("the clock runs at another rate"), "{rate}: {words}");
+    }
+    // A sensor's scale is in one relation.
+    for (name, factor) in [("vx", 1.05), ("yaw_rate", 0.95), ("ax", 1.1), ("vx", 0.96)] {
+        let log = changed(|columns| scale(columns, &[name], factor)).unwrap();
+        assert!(log.suspect().is_none(), "{name} {factor}: {}", said(&log.findings));
+    }
+}
+
+#[test]
+fn a_clock_in_rare_units_is_read_where_the_way_agrees() {
+    for (unit, words) in
+        [(86_400.0, "days"), (3600.0, "hours"), (1e-7, "steps of 100 ns"), (1e-5, "steps of 0.01 ms")]
+    {
+        let log =
+            changed(|columns| columns.get_mut("time").unwrap().iter_mut().for_each(|time| *time /= unit))
+                .unwrap();
+        assert!(said(&log.findings).contains(words), "{unit}: {}", said(&log.findings));
+        assert!((log.step - 0.02).abs() < 1e-5, "{unit}: {}", log.step);
+    }
+    // Numbers of rows are no unit.
+    let rows = changed(|columns| {
+        columns.get_mut("time").unwrap().iter_mut().enumerate().for_each(|(row, time)| *time = row as f64);
+    });
+    let error = rows.unwrap_err().to_string();
+    assert!(error.contains("one unit of the clock is") && error.contains("e-2 s"), "{error}");
+}

@@ -1,6 +1,6 @@
 //! One drive log, however a tool writes it: the same columns, or a refusal that says what and where.
 
-use rfl_mpc::log::{DriveLog, LogError};
+use rfl_mpc::log::{CleanLog, DriveLog, LogError};
 use std::path::Path;
 
 const NAMES: [&str; 4] = ["time", "steer_cmd", "vx", "yaw_rate"];
@@ -167,4 +167,40 @@ fn words_for_a_missing_value_are_gaps_and_other_words_are_not() {
     }
     let footer = written(&NAMES, ",", "\n", plain) + "Average,0.0,12.0,0.0\n";
     assert!(read(footer.as_bytes()).unwrap_err().to_string().contains("line 42, column time: 'Average'"));
+}
+
+#[test]
+fn a_column_in_an_unknown_unit_or_under_another_name_is_not_lost_silently() {
+    let all = written(&["time", "steer_cmd", "vx", "yaw_rate"], ",", "\n", plain);
+    let odd = all.replacen("yaw_rate", "yaw_rate,vy [furlong/s]", 1).replacen('\n', ",1\n", usize::MAX);
+    let odd = odd.replacen("vy [furlong/s],1", "vy [furlong/s]", 1);
+    let log = read(odd.as_bytes()).unwrap();
+    assert!(log.column("vy").is_none());
+    assert!(
+        log.notes.iter().any(|note| note.contains("vy [furlong/s]") && note.contains("unknown")),
+        "{:?}",
+        log.notes
+    );
+    for (names, column, like) in [
+        (["timestamp", "steer_cmd", "vx", "yaw_rate"], "time", "timestamp"),
+        (["time", "steer_cmd", "vx_kmh", "yaw_rate"], "vx", "vx_kmh"),
+        (["time", "SteeringWheelAngle", "vx", "yaw_rate"], "steer_cmd", "SteeringWheelAngle"),
+        (["time", "steer_cmd", "vx", "gyro_z"], "yaw_rate", "gyro_z"),
+    ] {
+        let log = read(written(&names, ",", "\n", plain).as_bytes()).unwrap();
+        let error = CleanLog::of(&log, &|_| 2.7).unwrap_err().to_string();
+        assert!(
+            error.contains(&format!("column '{column}' is missing"))
+                && error.contains(&format!("is it {like}?")),
+            "{error}"
+        );
+    }
+}
+
+#[test]
+fn words_of_other_tools_for_no_value_are_missing_values() {
+    for word in ["-nan(ind)", "1.#INF", "SNA", "<NA>", "#DIV/0!"] {
+        let log = read(format!("time,vx\n0,{word}\n0.02,3\n").as_bytes()).unwrap();
+        assert!(log.column("vx").unwrap()[0].is_nan(), "{word}");
+    }
 }

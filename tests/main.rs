@@ -48,6 +48,7 @@ mod drive_outcomes;
 mod drive_robustness;
 mod drive_slippery;
 mod drive_table;
+mod drive_told_road;
 mod experiment;
 mod extend;
 mod fmi3_instances;

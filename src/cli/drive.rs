@@ -25,7 +25,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Drives a car or a truck along a road with the MPC, natively, and says how well it tracked.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 #[command(after_help = after_help())]
 pub struct DriveArgs {
     /// Road to follow: a CSV file with columns x, y, or a built-in course (rfl course lists them) [default: the vehicle's test route]
@@ -109,6 +109,7 @@ const EXAMPLES: &str = "Examples:
   rfl drive --path road.csv --vehicle my_car.toml --log out/drive.csv
   rfl drive --set mpc.q_e2=1 --set effect.steer_delay=0.06
   rfl drive --set car.vehicle.mass=1600                the car's mass, not the controller's
+  rfl drive --set initial.y=1 --set initial.vx=5       a start beside the road's first point, at another speed
   rfl drive --vehicle my_car.toml --controller out/tune/controller.toml    as tuned by rfl tune
   rfl drive --vehicle truck_simulation                 the truck's test route, the truck paper's truck
   rfl drive --residual out/residual/rfl_s.rflm         with what rfl train learned
@@ -244,6 +245,37 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> Setup<P, S, C> {
     }
 }
 
+/// Pose and speed at the start as set, in the order of [`Initial::NAMES`]; where not set, those of the road.
+struct Initial([Option<f64>; 4]);
+
+impl Initial {
+    /// Names of the numbers, as the FMUs have them.
+    const NAMES: [&str; 4] = ["initial.x", "initial.y", "initial.yaw", "initial.vx"];
+
+    /// True of a setting of one of them.
+    fn is_meant(text: &str, kind: &str) -> bool {
+        setting(text).is_ok_and(|(name, _)| Self::place(name.trim_start_matches(kind)).is_some())
+    }
+
+    fn place(name: &str) -> Option<usize> {
+        Self::NAMES.iter().position(|known| *known == name.trim_start_matches('.'))
+    }
+
+    fn read(settings: &[String]) -> Result<Self, Box<dyn Error>> {
+        let mut all = Self([None; 4]);
+        for text in settings {
+            let (name, value) = setting(text)?;
+            let value = number(text, None, value)?;
+            if !value.is_finite() {
+                return Err(format!("--set {text}: a finite number is needed").into());
+            }
+            let place = Self::NAMES.iter().position(|known| name.ends_with(known));
+            all.0[place.unwrap_or_default()] = Some(value);
+        }
+        Ok(all)
+    }
+}
+
 /// Name and value of a setting `NAME=VALUE`.
 pub(super) fn setting(text: &str) -> Result<(&str, &str), Box<dyn Error>> {
     let (name, value) =
@@ -342,7 +374,7 @@ where
     }
 
     fn actuator(&self) -> Option<[f64; 3]> {
-        let KnownActuator { actuator, spread } = self.known_actuator()?;
+        let KnownActuator { actuator, spread, .. } = self.known_actuator()?;
         Some([actuator.dead_time, actuator.time_constant, spread])
     }
 }
@@ -432,11 +464,15 @@ fn warn_of_long_steps(step: f64, sample_time: f64, model: &ModelArgs) {
 fn drive<P: Commanded<S, C>, const S: usize, const C: usize>(
     args: &DriveArgs,
 ) -> Result<DriveResult, Box<dyn Error>> {
+    let (initial, settings): (Vec<String>, Vec<String>) =
+        args.settings.iter().cloned().partition(|text| Initial::is_meant(text, P::KIND));
+    let args = &DriveArgs { settings, ..args.clone() };
     let (setup, variant, model) = set_up::<P, S, C>(args)?;
+    let initial = Initial::read(&initial)?;
     let sample_time = setup.controller.mpc.sample_time;
     let bar = progress_bar("driving", setup.path.length(), args.quiet);
     let limits = LaneLimits { lateral_error: args.lane, ..LaneLimits::default() };
-    let mut closed = setup.connect(model, args.step)?.with_limits(limits);
+    let mut closed = setup.connect(model, args.step)?.with_limits(limits).placed(initial.0);
     warn_of_long_steps(args.step, sample_time, &args.model);
     let begin = std::time::Instant::now();
     let drive = closed.record(args.duration.unwrap_or(LONGEST), |row, _| {
@@ -595,11 +631,15 @@ impl DriveReport {
         let (driven, factor) = (self.figures.duration, self.figures.real_time_factor);
         say!("{driven:.2} s driven in {:.2} s ({factor:.0} times real time)", self.wall);
         if let Some(found) = self.found {
-            let KnownActuator { actuator, spread } = found;
+            let KnownActuator { actuator, spread, shown } = found;
             let (dead_time, lag) = (actuator.dead_time, actuator.time_constant);
-            say!(
-                "steering as driven: dead time {dead_time:.3} s, lag {lag:.3} s; the sum within {spread:.3} s"
-            );
+            if shown {
+                say!(
+                    "steering as driven: dead time {dead_time:.3} s, lag {lag:.3} s; the sum within {spread:.3} s"
+                );
+            } else {
+                say!("steering: the drive does not show its dead time and lag");
+            }
         }
         for check in &self.checks[1..] {
             say!("{}: {}", if check.met { "met" } else { "NOT met" }, check.words);

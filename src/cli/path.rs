@@ -2,7 +2,7 @@
 
 use super::logs::LimitArgs;
 use super::output::check_writable;
-use crate::control::ControllerParameters;
+use crate::control::{ControllerParameters, SpeedParameters};
 use crate::path::{Closure, Path, PathOptions, RoadClass, Smoothing, SpeedLimits, SpeedPlan, write_csv};
 use crate::vehicle::{BUILTIN, builtin};
 use clap::Args;
@@ -46,7 +46,7 @@ pub struct PathArgs {
     #[arg(long, value_name = "M_PER_S2", default_value_t = SpeedLimits::default().lateral_accel)]
     lateral_accel: f64,
     /// Greatest speed of the speed plan in m/s
-    #[arg(long, value_name = "M_PER_S", default_value_t = SpeedLimits::default().speed)]
+    #[arg(long, value_name = "M_PER_S", default_value_t = SpeedParameters::default().limit)]
     speed: f64,
     /// Print JSON
     #[arg(long)]

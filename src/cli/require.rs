@@ -44,7 +44,7 @@ impl Figures {
             step: drive.times(sample_time).step,
             steps: drive.step_times.len(),
             duration,
-            driven: drive.ending.driven / drive.ending.length,
+            driven: drive.ending.driven_share(),
             real_time_factor: duration / wall,
         }
     }

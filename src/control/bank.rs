@@ -65,6 +65,8 @@ pub struct KnownActuator {
     pub actuator: Actuator,
     /// Standard deviation of the sum of dead time and lag, s.
     pub spread: f64,
+    /// True once the drive has halved the standard deviation that was before it.
+    pub shown: bool,
 }
 
 /// A first-order lag behind a dead time of a fraction of a step, sampled just before each command.
@@ -86,6 +88,8 @@ pub struct Bank {
     file: Actuator,
     /// Places of each lag's past angles.
     reach: usize,
+    /// Standard deviation of the sum of dead time and lag before the drive, s.
+    spread_before: f64,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -176,14 +180,16 @@ impl Bank {
             log_prior: PRIOR_OF_FILE.ln(),
         });
         let reach = hypotheses.iter().map(|h| h.delay).max().unwrap_or(0) + 2;
-        Self { sample_time, lags, hypotheses, file, reach }
+        let mut bank = Self { sample_time, lags, hypotheses, file, reach, spread_before: 0.0 };
+        bank.spread_before = bank.state().known.spread;
+        bank
     }
 
     /// The state before the first step.
     #[must_use]
     pub fn state(&self) -> BankState {
         let count = self.hypotheses.len();
-        let known = KnownActuator { actuator: self.file, spread: 0.0 };
+        let known = KnownActuator { actuator: self.file, spread: 0.0, shown: false };
         let mut state = BankState {
             commands: None,
             angles: vec![0.0; self.lags.len() * self.reach],
@@ -368,9 +374,11 @@ impl Bank {
             }
         }
         let [dead_time, time_constant, delay, square] = means.map(|mean| mean / total);
+        let spread = (square - delay * delay).max(0.0).sqrt();
         state.known = KnownActuator {
             actuator: Actuator { dead_time, time_constant, dead_time_model: DeadTimeModel::Exact },
-            spread: (square - delay * delay).max(0.0).sqrt(),
+            spread,
+            shown: spread <= 0.5 * self.spread_before,
         };
     }
 }

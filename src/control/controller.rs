@@ -16,6 +16,7 @@ use super::bank::{Bank, BankState, KnownActuator};
 use super::clarabel_solver::BuildError;
 use super::cost_term::CostTerm;
 use super::fading::Fading;
+use super::grip::{LEAST_SHARE, RoadAhead, beside};
 use super::guard::{Guard, GuardState, Judgement};
 use super::history::History;
 use super::lateral::{LateralError, LateralInput, LateralMpc};
@@ -110,8 +111,10 @@ pub enum StepError {
 /// State of the controller between steps: the contents of a saved state.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ControllerState<const S: usize = ERRORS> {
-    /// Steering command in force; none before the first step.
+    /// Steering command in force without the part that takes up backlash; none before the first step.
     steer_cmd: Option<f64>,
+    /// That part, rad.
+    taken_up: f64,
     /// Dither in that command, rad.
     dither: f64,
     /// Newest plan of the steering.
@@ -136,6 +139,10 @@ pub struct ControllerState<const S: usize = ERRORS> {
     /// Distance driven along the path.
     travelled: f64,
     speed_integral: f64,
+    /// Acceleration of drive and brakes by their lag, m/s2.
+    drive: f64,
+    /// Time for which the vehicle has rolled back, s.
+    rolled_back: f64,
     /// None where the speed is not tracked by MPC.
     longitudinal: Option<LongitudinalState>,
     finished: bool,
@@ -174,17 +181,12 @@ const END_DISTANCE: f64 = 0.5;
 const TREND_TIME: f64 = 1.0;
 /// Time in which the speed comes back after the lateral error has taken it, s.
 const RECOVERY_TIME: f64 = 2.0;
-/// Least share of the safe stop's deceleration, however much grip the steering needs.
-const LEAST_BRAKING: f64 = 0.3;
-/// Time of the road ahead that determines the grip for steering, s.
-const GRIP_PREVIEW: f64 = 0.5;
-/// Number of points on the road over that time.
-const GRIP_POINTS: u32 = 5;
-
-/// Longitudinal acceleration that a grip leaves beside a lateral one, m/s2.
-fn beside(lateral: f64, grip: f64) -> f64 {
-    (grip * grip - lateral * lateral).max(0.0).sqrt()
-}
+/// Least time to take up the steering's backlash, s, and share of the gap that is left of it: the plan moves by as much.
+const TAKE_UP_TIME: f64 = 0.1;
+const BACKLASH_SHARE: f64 = 0.25;
+/// Speed backwards, m/s, and time of it, s, after which a vehicle that is to drive has rolled back on a slope.
+const ROLLS_BACK: f64 = 0.1;
+const ROLL_BACK_TIME: f64 = 2.0;
 
 /// The controller of a car.
 pub type Controller = ControllerFor<NominalVehicle, ERRORS>;
@@ -265,6 +267,7 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
         };
         let state = ControllerState {
             steer_cmd: None,
+            taken_up: 0.0,
             dither: 0.0,
             plan: vec![0.0; parameters.mpc.horizon],
             plan_age: parameters.mpc.horizon,
@@ -279,6 +282,8 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
             station: None,
             travelled: 0.0,
             speed_integral: 0.0,
+            drive: 0.0,
+            rolled_back: 0.0,
             longitudinal: longitudinal.as_ref().map(LongitudinalMpc::state),
             finished: false,
             steps: 0,
@@ -346,7 +351,8 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
         let mut report = self.locate(measurement);
         let far = report.e1.abs() > FAR_E1 || report.e2.abs() > FAR_E2;
         let previous = self.state.steer_cmd.unwrap_or(measurement.steer);
-        self.command_speed(measurement.vx, far, stops, elapsed, &mut report, begin);
+        let rolled_back = self.rolls_back(measurement.vx, elapsed);
+        self.command_speed(measurement.vx, far, stops || rolled_back, elapsed, &mut report, begin);
 
         let errors = ErrorState::new(report.e1, report.e1_rate, report.e2, report.e2_rate);
         let state = G::Vehicle::state(&errors, measurement);
@@ -373,7 +379,7 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
         let own = previous - self.state.dither;
         let solved = self.solve(&estimate, motion, own, far, &report, begin);
         self.command_steering(solved, own, far, &mut report);
-        self.name_status(bridged, stops, &mut report);
+        self.name_status(bridged, stops, rolled_back, &mut report);
         let planned = report.steer_cmd;
         if report.status == ControlStatus::Optimal {
             report.steer_cmd += self.dither();
@@ -399,7 +405,11 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
             longitudinal.override_command(report.accel_cmd);
             self.state.longitudinal = Some(longitudinal.state());
         }
+        let lag = self.parameters.longitudinal.drive_lag;
+        let kept = if lag > 0.0 { (-self.parameters.mpc.sample_time / lag).exp() } else { 0.0 };
+        self.state.drive = report.accel_cmd + (self.state.drive - report.accel_cmd) * kept;
         self.state.steer_cmd = Some(report.steer_cmd);
+        report.steer_cmd = self.take_up_backlash(report.steer_cmd, previous);
         self.state.steps += 1;
         report.residual_outside = self.lateral.outside_training();
         report.finished = self.state.finished;
@@ -417,7 +427,7 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
         state.fading.expect(None);
         (state.on_path, state.speed_share) = (false, 1.0);
         (state.station, state.travelled, state.finished) = (None, 0.0, false);
-        state.speed_integral = 0.0;
+        (state.speed_integral, state.rolled_back) = (0.0, 0.0);
         if let Some(longitudinal) = &mut self.longitudinal {
             longitudinal.reset();
         }
@@ -438,14 +448,12 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
         let planned = self.plan.speed(report.station);
         let limit = self.speed_limit(far, planned, elapsed, report);
         let brakes = stops || self.state.speed_share < 1.0;
-        let lateral = self.lateral_ahead(speed, report);
-        // A wheel that is asked for more than its tyre gives locks or spins, and no longer steers.
-        let grip = G::GRIP * self.path.friction(report.station);
-        let left = beside(lateral, grip).max(LEAST_BRAKING * grip);
-        let (drives, stops_by) = (DRIVEN_SHARE * left, BRAKED_SHARE * left);
-        let braking = self.braking(lateral).min(stops_by);
+        let road = RoadAhead::look(&self.path, report.station, speed, G::GRIP);
+        let RoadAhead { lateral, holding, .. } = road;
+        let (drives, stops_by) = (DRIVEN_SHARE * road.drives, BRAKED_SHARE * road.brakes);
+        let braking = (self.braking(lateral) - holding.min(0.0)).min(stops_by);
         let integral = self.state.speed_integral;
-        let drives = drives.min(self.catching_up(lateral) + integral.max(0.0));
+        let drives = drives.min(self.catching_up(lateral) + integral.max(0.0) + holding.max(0.0));
         if let Some(longitudinal) = &mut self.longitudinal {
             let step = longitudinal.step(&LongitudinalInput {
                 station: report.station,
@@ -456,22 +464,27 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
                 time_limit,
             });
             (report.speed_ref, report.lag_error) = (step.speed_ref, step.lag_error);
-            report.accel_cmd = step.accel_cmd.clamp(-stops_by, drives);
+            report.accel_cmd = step.accel_cmd;
         } else {
-            let mut target = (planned, self.plan.accel(report.station));
-            if target.0 > limit {
+            let p = &self.parameters;
+            let lag = p.longitudinal.drive_lag;
+            let (accel, ahead) = (self.plan.accel(report.station), report.station + lag * speed.max(0.0));
+            let mut target = (planned + lag * accel, self.plan.accel(ahead));
+            if planned > limit {
                 target = (limit, 0.0);
             }
-            let p = &self.parameters;
+            // The bounds are of the vehicle's acceleration, what holds it on its slope comes on top.
             let bounded = SpeedParameters {
-                accel_cmd_max: p.speed.accel_cmd_max.min(drives),
-                decel_cmd_max: p.speed.decel_cmd_max.min(stops_by),
+                accel_cmd_max: p.speed.accel_cmd_max.min(drives - holding),
+                decel_cmd_max: p.speed.decel_cmd_max.min(stops_by + holding),
                 ..p.speed
             };
-            let command = track_speed(&bounded, target, speed, self.state.speed_integral, p.mpc.sample_time);
+            let output = speed + lag * (self.state.drive - holding);
+            let command = track_speed(&bounded, target, output, self.state.speed_integral, p.mpc.sample_time);
             self.state.speed_integral = command.integral;
-            (report.speed_ref, report.accel_cmd) = (target.0, command.accel_cmd);
+            (report.speed_ref, report.accel_cmd) = (planned.min(limit), command.accel_cmd + holding);
         }
+        report.accel_cmd = report.accel_cmd.clamp(-stops_by, drives);
         if stops {
             (report.speed_ref, report.accel_cmd) = (0.0, -braking);
             self.state.speed_integral = integral;
@@ -499,13 +512,14 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
         if state.speed_share < 1.0 { planned * state.speed_share } else { f64::INFINITY }
     }
 
-    /// Lateral acceleration that the road asks for soon, m/s2.
-    fn lateral_ahead(&self, speed: f64, report: &StepReport) -> f64 {
-        let ahead = (0..GRIP_POINTS).map(|k| {
-            let time = GRIP_PREVIEW * f64::from(k) / f64::from(GRIP_POINTS - 1);
-            self.path.curvature(report.station + time * speed.max(0.0)).abs()
-        });
-        speed * speed * ahead.fold(0.0, f64::max)
+    /// True if the vehicle has rolled back for a while: its drive does not hold it on its slope. It is true until the host
+    /// moves the vehicle.
+    fn rolls_back(&mut self, speed: f64, elapsed: f64) -> bool {
+        let state = &mut self.state;
+        if state.rolled_back < ROLL_BACK_TIME {
+            state.rolled_back = if speed < -ROLLS_BACK { state.rolled_back + elapsed } else { 0.0 };
+        }
+        self.parameters.guard.active != 0 && state.rolled_back >= ROLL_BACK_TIME
     }
 
     /// Acceleration of a vehicle that is slower than its plan, m/s2: by the plan's friction ellipse, because a road that is more
@@ -516,7 +530,7 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
             return p.speed.accel_cmd_max;
         }
         let share = beside(lateral, p.speed.lateral_accel) / p.speed.lateral_accel;
-        p.speed.accel_cmd_max * share.max(LEAST_BRAKING)
+        p.speed.accel_cmd_max * share.max(LEAST_SHARE)
     }
 
     /// Deceleration of a stop, m/s2: the safe one, or the rest of the grip after steering along the road. Speed plan
@@ -524,7 +538,7 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
     fn braking(&self, lateral: f64) -> f64 {
         let p = &self.parameters.speed;
         let grip = p.safe_decel.max(p.lateral_accel);
-        beside(lateral, grip).clamp(LEAST_BRAKING * p.safe_decel, p.safe_decel)
+        beside(lateral, grip).clamp(LEAST_SHARE * p.safe_decel, p.safe_decel)
     }
 
     /// Seconds that are left to a solver in a step that began then.
@@ -619,16 +633,33 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
         steer.clamp(previous - rate, previous + rate).clamp(-p.steer_max, p.steer_max)
     }
 
+    /// The command beyond the steering's known gap. The wheels follow on the side that the plan moves to: the command goes
+    /// over to it while the plan goes back by a share of the gap, so that noise does not chatter.
+    fn take_up_backlash(&mut self, steer: f64, previous: f64) -> f64 {
+        let p = &self.parameters;
+        let half = 0.5 * p.actuator.backlash;
+        if half == 0.0 {
+            return steer;
+        }
+        let most = 2.0 * half * (p.mpc.sample_time / TAKE_UP_TIME).min(1.0);
+        let towards = ((steer - previous) / BACKLASH_SHARE).clamp(-most, most);
+        let state = &mut self.state;
+        state.taken_up = (state.taken_up + towards).clamp(-half, half);
+        (steer + state.taken_up).clamp(-p.mpc.steer_max, p.mpc.steer_max)
+    }
+
     /// Status of the step, and the brakes at the road's end.
-    fn name_status(&self, bridged: bool, stops: bool, report: &mut StepReport) {
+    fn name_status(&self, bridged: bool, stops: bool, rolled_back: bool, report: &mut StepReport) {
         use ControlStatus::{Bridged, FarFromPath, Finished, Optimal, ReducedAccuracy};
-        use ControlStatus::{ResidualFaded, SafeHold, SafeStop, Slowed};
+        use ControlStatus::{ResidualFaded, RolledBack, SafeHold, SafeStop, Slowed};
         let planned = matches!(report.status, Optimal | ReducedAccuracy);
         let of_residual = self.state.fading.faded() && self.lateral.is_learned();
         if stops && report.status != SafeHold {
             report.status = SafeStop;
         } else if bridged && (planned || report.status == FarFromPath) {
             report.status = Bridged;
+        } else if planned && rolled_back {
+            report.status = RolledBack;
         } else if planned && self.state.speed_share < 1.0 {
             report.status = Slowed;
         } else if planned && of_residual {

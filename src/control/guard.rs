@@ -36,6 +36,7 @@ use super::vehicle::FurtherState;
 use crate::nominal::{ERRORS, LateralVehicle};
 use crate::parameters;
 use crate::path::wrap_angle;
+use crate::signal::GRAVITY;
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
@@ -58,7 +59,7 @@ const ARTICULATION: usize = 6;
 type Signals = SVector<f64, SIGNALS>;
 
 /// Largest acceleration that tyres give, m/s2.
-const GRIP: f64 = 9.81;
+const GRIP: f64 = GRAVITY;
 /// Width of a gate, in standard deviations.
 const GATE: f64 = 6.0;
 /// Assumed ratio of the sensors' noise to the declared one, before they have shown it.

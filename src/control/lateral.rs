@@ -18,7 +18,7 @@ use super::fast_solver::build_solver;
 use super::history::History;
 use super::parameters::MpcParameters;
 use super::preview::{Preview, SpeedAhead};
-use super::reference::RoadReference;
+use super::reference::{RoadReference, Steady};
 use super::tracking_qp::{QpError, QpReport, QpShape, SoftBound, TrackingQp};
 use super::variant::{
     Actuated, BicycleRollOut, ExpectedState, NominalWithResidual, PredictionModelFor, Qp, Timing, Variant,
@@ -112,7 +112,7 @@ impl<V: ControlledVehicle<S>, const S: usize> FollowRoad<S> for Following<V, S> 
             .vehicle
             .model_at(speed.max(self.min_model_speed))
             .map_err(|_| QpError::Numerical { iterations: 0 })?;
-        let steady = self.vehicle.steady_state(speed);
+        let steady = Steady::new(&self.vehicle, speed);
         self.reference.follow(&model, &steady, input.path, input.station, speed, preview);
         self.reference.write_increments(actuator, &mut qp.problem.free_increments);
         for (j, of_step) in qp.transient.chunks_exact_mut(qp.tracked.len()).enumerate() {

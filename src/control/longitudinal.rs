@@ -9,8 +9,9 @@
 //!      -decel_max <= a <= accel_max,  |a_j - a_{j-1}| <= Ts * rate_max,   v <= v_ref + overspeed_max softly
 //! ```
 //!
-//! `d` is the acceleration of the drive beyond its command (drag, grade, payload), observed from the speed. Without it
-//! a slope would cause a standing lag error. The speeds of the reference are known, so that this is a QP with known
+//! `a` is the command beyond what holds the vehicle on a slope that the path tells of, `g sin grade`: the bounds are of
+//! the vehicle's acceleration, or no truck would climb. `d` is the acceleration of the drive beyond its command (drag,
+//! slopes untold, payload), observed from the speed. Without it a slope would cause a standing lag error. The speeds of the reference are known, so that this is a QP with known
 //! inputs.
 //!
 //! **Two QPs instead of one with the steering.** Contouring and lag error are the two components of one position error.
@@ -34,6 +35,7 @@
 use super::clarabel_solver::BuildError;
 use super::condense::{Affine, HorizonModel, Propagation, condense};
 use super::fast_solver::build_solver;
+use super::grip::holding;
 use super::parameters::{MpcParameters, SpeedParameters};
 use super::tracking_qp::{QpError, QpReport, QpShape, QpSolver, SoftBound, TrackingQp};
 use crate::nominal::zero_order_hold;
@@ -52,7 +54,7 @@ parameters! {
         accel_rate_max: f64 = 10.0, ONE in 0.1, 1e3; "longitudinal.accel_rate_max", "Largest rate of the commanded acceleration, m/s3"
         lag_max: f64 = 2.0, METRE in 0.01, 100.0; "longitudinal.lag_max", "Largest distance along the path between vehicle and reference point: further away the point waits"
         overspeed_max: f64 = 0.5, METRE_PER_SECOND in 0.01, 10.0; "longitudinal.overspeed_max", "Soft bound of the speed beyond the reference speed, for catching up"
-        drive_lag: f64 = 0.0, SECOND in 0.0, 5.0; "longitudinal.drive_lag", "Time constant of drive and brakes that the prediction knows; 0 for none"
+        drive_lag: f64 = 0.0, SECOND in 0.0, 5.0; "longitudinal.drive_lag", "Time constant of drive and brakes that speed control knows; 0 for none"
         observer_gain: f64 = 0.02, ONE in 0.0, 1.0; "longitudinal.observer_gain", "Gain for one step of the observer of drag and grade; 0 switches it off"
     }
 }
@@ -91,7 +93,7 @@ pub struct LongitudinalInput<'a> {
 /// Decision of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LongitudinalStep {
-    /// Acceleration command, m/s2; within its bounds in any case.
+    /// Acceleration command, m/s2; within its bounds in any case, which move with the slope.
     pub accel_cmd: f64,
     /// Distance along the path from the vehicle to the reference point, positive if the vehicle is behind, m.
     pub lag_error: f64,
@@ -238,11 +240,12 @@ impl LongitudinalMpc {
         if lag_error.abs() < self.parameters.lag_max && input.speed > STANDSTILL {
             self.observe(input.speed);
         }
-        let start = Vector3::new(lag_error, input.speed, self.state.drive);
+        let slope = holding(input.path, input.station);
+        let start = Vector3::new(lag_error, input.speed, self.state.drive - slope);
         let next = self.predict(input, reference, &start);
         let shape = &self.problem.shape;
         let (low, high, rate) = (shape.input_min[0], shape.input_max[0], shape.rate_max[0]);
-        let previous = self.state.accel_cmd.clamp(low, high);
+        let previous = (self.state.accel_cmd - slope).clamp(low, high);
         self.problem.previous[0] = previous;
         let solved = self.solver.solve(&self.problem, input.time_limit, &mut self.inputs, &mut self.outputs);
         self.predicted.clear();
@@ -259,12 +262,13 @@ impl LongitudinalMpc {
                 - self.state.disturbance
         };
         // The plan respects the bounds to the solver's tolerance; the command does exactly.
-        let accel_cmd = wanted.clamp(previous - rate, previous + rate).clamp(low, high);
+        let beyond = wanted.clamp(previous - rate, previous + rate).clamp(low, high);
         let expected =
-            self.transition * start + self.command * accel_cmd + self.disturbed * self.state.disturbance;
+            self.transition * start + self.command * beyond + self.disturbed * self.state.disturbance;
+        let accel_cmd = beyond + slope;
         self.state.reference = Some(next);
         self.state.accel_cmd = accel_cmd;
-        self.state.drive = expected[2];
+        self.state.drive = expected[2] + slope;
         self.state.expected_speed = Some(expected[1]);
         LongitudinalStep { accel_cmd, lag_error, speed_ref: reference.speed, solved }
     }
@@ -302,11 +306,14 @@ impl LongitudinalMpc {
         reference: ReferencePoint,
         start: &Vector3<f64>,
     ) -> ReferencePoint {
-        let disturbed = self.disturbed * self.state.disturbance;
+        let slope = holding(input.path, input.station);
+        let observed = self.state.disturbance;
+        let lag_error = start[0];
         let first = reference.next(input, self.reference_accel, self.sample_time);
         let (mut now, mut next) = (reference, first);
         for (known, speed) in self.affine.known.iter_mut().zip(&mut self.reference_speed) {
-            *known = disturbed;
+            let steeper = holding(input.path, now.station - lag_error) - slope;
+            *known = self.disturbed * (observed - steeper);
             known[0] += next.station - now.station;
             *speed = next.speed;
             now = next;
@@ -348,13 +355,13 @@ impl LongitudinalMpc {
         self.outputs[j * TRACKED.len() + 1] + self.reference_speed[j]
     }
 
-    /// The newest plan: acceleration command of each step of the horizon, m/s2.
+    /// The newest plan: acceleration command of each step of the horizon beyond what holds the vehicle on its slope, m/s2.
     #[must_use]
     pub fn plan(&self) -> &[f64] {
         &self.inputs
     }
 
-    /// Acceleration beyond the command that is observed, m/s2.
+    /// Acceleration beyond command and slope that is observed, m/s2.
     #[must_use]
     pub fn disturbance(&self) -> f64 {
         self.state.disturbance

@@ -22,6 +22,7 @@
 //! | `controller_file.rs` | parameters from a file |
 //! | `speed.rs` | speed tracking |
 //! | `longitudinal.rs` | speed and lag error by MPC |
+//! | `grip.rs` | what the road leaves to drive and brakes: grip beside steering, slopes |
 //! | `guard.rs` | plausibility of measurements, and their replacement |
 //! | `fading.rs` | comparison of a learned model with the nominal one |
 //! | `controller.rs` | one step from measurement to commands; fallback |
@@ -43,6 +44,7 @@ mod controller_file;
 mod cost_term;
 mod fading;
 mod fast_solver;
+mod grip;
 mod guard;
 mod history;
 mod lateral;

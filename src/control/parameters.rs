@@ -74,18 +74,19 @@ parameters! {
         controller: usize = 0, ONE in 0.0, 1.0; "speed.controller", "How the speed plan is tracked: 0 by feedforward and PI; 1 by MPC of speed and lag error (longitudinal.*)"
         gain: f64 = 1.0, ONE in 0.0, 20.0; "speed.gain", "Proportional gain from the speed error to the acceleration, 1/s"
         integral: f64 = 0.2, ONE in 0.0, 20.0; "speed.integral", "Integral gain of the speed error, 1/s2"
-        accel_cmd_max: f64 = 3.0, METRE_PER_SECOND2 in 0.1, 15.0; "speed.accel_cmd_max", "Largest acceleration that is commanded"
-        decel_cmd_max: f64 = 6.0, METRE_PER_SECOND2 in 0.1, 15.0; "speed.decel_cmd_max", "Largest deceleration that is commanded"
+        accel_cmd_max: f64 = 3.0, METRE_PER_SECOND2 in 0.1, 15.0; "speed.accel_cmd_max", "Largest acceleration that is commanded; what holds the vehicle on a slope that the road tells of comes on top"
+        decel_cmd_max: f64 = 6.0, METRE_PER_SECOND2 in 0.1, 15.0; "speed.decel_cmd_max", "Largest deceleration that is commanded; what holds the vehicle on such a slope comes on top"
         safe_decel: f64 = 3.0, METRE_PER_SECOND2 in 0.1, 12.0; "speed.safe_decel", "Deceleration of the safe hold"
     }
 }
 
 parameters! {
-    /// The given steering actuator of the variant `actuator`.
+    /// The given steering actuator: of the variant `actuator`, and to begin with of `adaptive`.
     pub struct ActuatorParameters {
         dead_time: f64 = 0.0, SECOND in 0.0, 1.0; "actuator.dead_time", "Dead time of the steering actuator that the variant actuator predicts with"
         dead_time_model: DeadTimeModel = 0, ONE in 0.0, 3.0; "actuator.dead_time_model", "How the variant actuator predicts with that dead time"
         time_constant: f64 = 0.0, SECOND in 0.0, 2.0; "actuator.time_constant", "Time constant of the first-order lag of the steering actuator that the variant actuator predicts with"
+        backlash: f64 = 0.0, RADIAN in 0.0, 0.2; "actuator.backlash", "Full width of the steering's gap: the command takes it up where the plan reverses"
     }
 }
 
@@ -120,6 +121,7 @@ impl ControllerParameters {
     pub fn for_car(car: &CarParameters) -> Self {
         let vehicle = NominalVehicle::from_single_track(&car.single_track());
         let mut parameters = Self { vehicle, ..Self::default() };
+        parameters.longitudinal.drive_lag = car.drive.lag;
         parameters.actuator = ActuatorParameters::of(&car.steering);
         parameters.mpc.steer_max = parameters.mpc.steer_max.min(car.steering.angle_limit);
         parameters.mpc.steer_rate_max = parameters.mpc.steer_rate_max.min(car.steering.rate_limit);
@@ -180,7 +182,7 @@ impl<G> ControllerParametersFor<G> {
         let (station, radius, length) = road.tighter_than(circle)?;
         Some(format!(
             "the road has {radius:.2} m radius at station {station:.1} m, and {length:.1} m of it are tighter than the \
-             vehicle turns ({circle:.2} m: its wheelbase over tan of mpc.steer_max): it will leave the road there"
+             vehicle turns ({circle:.2} m: its wheelbase over tan of mpc.steer_max): it may leave the road there"
         ))
     }
 
@@ -214,16 +216,21 @@ pub(super) fn set<G: ParameterGroup>(group: &mut G, name: &str, value: f64) -> R
 }
 
 impl ActuatorParameters {
-    /// Dead time and lag of a vehicle's file.
+    /// Dead time, lag and backlash of a vehicle's file.
     #[must_use]
     pub fn of(steering: &Steering) -> Self {
-        Self { dead_time: steering.dead_time, time_constant: steering.lag, ..Self::default() }
+        Self {
+            dead_time: steering.dead_time,
+            time_constant: steering.lag,
+            backlash: steering.backlash,
+            ..Self::default()
+        }
     }
 
     /// The actuator of the variant's prediction.
     #[must_use]
     pub fn actuator(&self) -> Actuator {
-        let Self { dead_time, dead_time_model, time_constant } = *self;
+        let Self { dead_time, dead_time_model, time_constant, .. } = *self;
         Actuator { dead_time, time_constant, dead_time_model }
     }
 }
@@ -287,7 +294,8 @@ impl ControllerParameters {
     #[must_use]
     pub fn of_the_papers(car: &CarParameters) -> Self {
         let parameters = Self::for_car(car).plain();
-        Self { mpc: parameters.mpc.of_the_papers(), ..parameters }
+        let longitudinal = LongitudinalParameters::default();
+        Self { mpc: parameters.mpc.of_the_papers(), longitudinal, ..parameters }
     }
 }
 

@@ -2,6 +2,7 @@
 
 use crate::path::Path;
 use crate::residual::ROAD;
+use crate::signal::GRAVITY;
 
 /// Speed over the horizon, as the speed controller plans it.
 #[derive(Debug, Clone, Copy)]
@@ -11,6 +12,11 @@ pub struct SpeedAhead<'a> {
     pub accel: f64,
     /// Predicted speed at the end of each step, m/s; beyond its end the acceleration is held.
     pub predicted: &'a [f64],
+}
+
+/// Gravity along the bank at a station, to the left, m/s2.
+pub(super) fn bank_accel(path: &Path, station: f64) -> f64 {
+    -GRAVITY * path.bank(station).sin()
 }
 
 /// The road ahead at each step of the horizon.
@@ -26,6 +32,8 @@ pub struct Preview {
     pub heading_accel: Vec<f64>,
     /// Curvature at the end of each step, 1/m.
     pub curvature: Vec<f64>,
+    /// Gravity along the road's bank, to the left, at the middle of each step, m/s2.
+    pub bank_accel: Vec<f64>,
     /// Speed, curvature and curvature rate at the beginning of each step; m/s, 1/m, 1/m2.
     pub road: Vec<[f64; ROAD]>,
 }
@@ -40,6 +48,7 @@ impl Preview {
             heading_rate: vec![0.0; horizon],
             heading_accel: vec![0.0; horizon],
             curvature: vec![0.0; horizon],
+            bank_accel: vec![0.0; horizon],
             road: vec![[0.0; ROAD]; horizon],
         }
     }
@@ -60,6 +69,7 @@ impl Preview {
             let curvature = path.curvature(middle);
             self.heading_rate[j] = mean * curvature;
             self.heading_accel[j] = mean * mean * path.curvature_rate(middle) + accel * curvature;
+            self.bank_accel[j] = bank_accel(path, middle);
             s += mean * sample_time;
             self.station[j] = s;
             self.curvature[j] = path.curvature(s);

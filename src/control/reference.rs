@@ -1,11 +1,11 @@
 //! Reference of following the road: the states and the steering of a vehicle that stays on it exactly.
 //!
-//! On the path `e1`, its rate and its second derivative are zero. The second row of `x' = A x + B delta + D w + E w'`,
-//! with the road's heading rate `w`, then gives the steering. The other rows give the body's motion meanwhile (the zero
-//! dynamics):
+//! On the path `e1`, its rate and its second derivative are zero. The second row of
+//! `x' = A x + B delta + D w + E w' + [0 1 0 ..]' g`, with the road's heading rate `w` and gravity `g` along its bank, then
+//! gives the steering. The other rows give the body's motion meanwhile (the zero dynamics):
 //! ```text
-//! delta = -(a_2 x + d_2 w + e_2 w') / b_2
-//! x'    = (A - B a_2/b_2) x + (D - B d_2/b_2) w + (E - B e_2/b_2) w'
+//! delta = -(a_2 x + d_2 w + e_2 w' + g) / b_2
+//! x'    = (A - B a_2/b_2) x + (D - B d_2/b_2) w + (E - B e_2/b_2) w' - B/b_2 g
 //! ```
 //!
 //! They are stable for front steering and an error measured at the CG. The command leads the steering by the known
@@ -18,8 +18,8 @@
 //! Source: Isidori, Nonlinear Control Systems, ch. 4.3 (zero dynamics, inversion); Rajamani, Vehicle Dynamics and Control,
 //! ch. 3.3 (steady cornering as feedforward).
 
-use super::preview::Preview;
-use crate::nominal::{Actuator, ContinuousErrorModel, DeadTimeModel};
+use super::preview::{Preview, bank_accel};
+use crate::nominal::{Actuator, ContinuousErrorModel, DeadTimeModel, LateralVehicle};
 use crate::path::Path;
 use nalgebra::SVector;
 
@@ -30,6 +30,25 @@ const AHEAD: f64 = 0.4;
 /// Largest plausible deviation of the states from steady cornering, rad and rad/s: far from straight driving the linear
 /// model means nothing.
 const LARGEST: f64 = 0.3;
+
+/// Steady motion of a vehicle on its path.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Steady<const S: usize> {
+    /// State at the speed, for each 1/m of curvature.
+    at: SVector<f64, S>,
+    /// State on a straight, for each m/s2 of the tyres' lateral acceleration.
+    of_accel: SVector<f64, S>,
+}
+
+impl<const S: usize> Steady<S> {
+    /// Of a vehicle at a speed, m/s. Forces are as the square of the speed, angles of rolling wheels are not.
+    pub fn new(vehicle: &impl LateralVehicle<S>, speed: f64) -> Self {
+        let [slow, fast] = [10.0, 20.0];
+        let of_accel =
+            (vehicle.steady_state(fast) - vehicle.steady_state(slow)) / (fast * fast - slow * slow);
+        Self { at: vehicle.steady_state(speed), of_accel }
+    }
+}
 
 /// The reference over a horizon, preallocated.
 #[derive(Debug, Clone)]
@@ -61,7 +80,7 @@ impl<const S: usize> RoadReference<S> {
     pub fn follow(
         &mut self,
         model: &ContinuousErrorModel<S>,
-        steady: &SVector<f64, S>,
+        steady: &Steady<S>,
         path: &Path,
         station: f64,
         speed: f64,
@@ -69,21 +88,29 @@ impl<const S: usize> RoadReference<S> {
     ) {
         let ContinuousErrorModel { a, b, d, e } = model;
         let row = a.row(1) / b[1];
+        let is_banked = !path.is_level();
         let (of_rate, of_accel) = (d[1] / b[1], e[1] / b[1]);
         let kept = ContinuousErrorModel {
             a: a - b * row,
-            b: SVector::zeros(),
+            // The place of an input that this motion no longer has is that of gravity.
+            b: if is_banked { -b / b[1] } else { SVector::zeros() },
             d: d - b * of_rate,
             e: e - b * of_accel,
         };
         let kept = kept.discretise(self.sample_time);
         let mut s = station - speed * self.sample_time * self.before as f64;
-        let mut x = steady * path.curvature(s);
+        let mut x = steady.at * path.curvature(s);
+        if is_banked {
+            x -= steady.of_accel * bank_accel(path, s);
+        }
         let mut v = speed;
         for k in 0..self.steer.len() {
             let ahead = k.checked_sub(self.before);
             let (curvature, curvature_rate) = (path.curvature(s), path.curvature_rate(s));
-            let steer = -(row * x)[0] - of_rate * v * curvature - of_accel * v * v * curvature_rate;
+            let mut steer = -(row * x)[0] - of_rate * v * curvature - of_accel * v * v * curvature_rate;
+            if is_banked {
+                steer -= bank_accel(path, s) / b[1];
+            }
             self.steer[k] = steer;
             let [mean, next] = ahead.and_then(|j| preview.speed.get(j)).copied().unwrap_or([v, v]);
             let (rate, accel) = match ahead.filter(|&j| j < preview.heading_rate.len()) {
@@ -94,11 +121,14 @@ impl<const S: usize> RoadReference<S> {
                 }
             };
             x = kept.a * x + kept.d * rate + kept.e * accel;
+            if is_banked {
+                x += kept.b * bank_accel(path, s + 0.5 * mean * self.sample_time);
+            }
             // On the path, whatever rounding says.
             (x[0], x[1]) = (0.0, 0.0);
             (s, v) = (s + mean * self.sample_time, next);
             if let Some(j) = ahead.filter(|&j| j < self.transient.len()) {
-                let deviation = x - steady * preview.curvature[j];
+                let deviation = x - steady.at * preview.curvature[j];
                 self.transient[j] = deviation.map(|value| value.clamp(-LARGEST, LARGEST));
             }
         }
@@ -137,17 +167,18 @@ impl<const S: usize> RoadReference<S> {
 mod tests {
     use super::*;
     use crate::control::SpeedAhead;
-    use crate::nominal::LateralVehicle;
+    use crate::control::variant::effect_of_bank;
     use crate::path::{Closure, Sample};
     use crate::vehicle::SingleTrack;
 
-    /// A road with gentle bends of both sides.
-    fn road() -> Path {
+    /// A road with gentle bends of both sides, banked as much at most, rad.
+    fn road(bank: f64) -> Path {
         let mut samples = Vec::new();
         let (mut x, mut y, mut yaw) = (0.0_f64, 0.0_f64, 0.0_f64);
         for k in 0..1200 {
             let s = f64::from(k) * 0.5;
-            samples.push(Sample::at(x, y));
+            let banked = (bank > 0.0).then(|| bank * (0.5 + 0.5 * (s / 40.0).cos()));
+            samples.push(Sample { bank: banked, ..Sample::at(x, y) });
             yaw += 0.5 * 0.02 * (s / 12.0).sin();
             x += 0.5 * yaw.cos();
             y += 0.5 * yaw.sin();
@@ -158,13 +189,14 @@ mod tests {
     #[test]
     fn the_reference_keeps_the_linear_vehicle_on_the_road() {
         let car = SingleTrack { mass: 1400.0, yaw_inertia: 2300.0, lf: 1.1, lr: 1.6, cf: 120e3, cr: 140e3 };
-        let (path, ts, horizon) = (road(), 0.02, 200);
-        for speed in [5.0, 12.0, 25.0] {
+        let (ts, horizon) = (0.02, 200);
+        for (speed, bank) in [(5.0, 0.0), (12.0, 0.0), (25.0, 0.0), (12.0, 0.1), (25.0, 0.1)] {
+            let path = road(bank);
             let model = car.model_at(speed).unwrap();
             let mut preview = Preview::new(horizon);
             preview.look(&path, 100.0, SpeedAhead { speed, accel: 0.0, predicted: &[] }, ts);
             let mut reference = RoadReference::new(horizon, ts);
-            reference.follow(&model, &car.steady_state(speed), &path, 100.0, speed, &preview);
+            reference.follow(&model, &Steady::new(&car, speed), &path, 100.0, speed, &preview);
             let mut increments = vec![0.0; horizon];
             reference.write_increments(None, &mut increments);
             // Begins where the reference is; drives its commands.
@@ -177,7 +209,13 @@ mod tests {
                 steer += increment;
                 if begun {
                     x = sampled.step(&x, steer, preview.heading_rate[j], preview.heading_accel[j]);
-                    assert!(x[0].abs() < 2e-3, "{speed} m/s, step {j}: {} m off", x[0]);
+                    x += effect_of_bank(&model.a, &sampled.a, ts) * preview.bank_accel[j];
+                    // Without the bank in the reference: 0.4 m.
+                    assert!(
+                        x[0].abs() < if bank > 0.0 { 4e-3 } else { 2e-3 },
+                        "{speed} m/s, bank {bank}, step {j}: {} m off",
+                        x[0]
+                    );
                 } else {
                     x = reference.transient(j) + car.steady_state(speed) * preview.curvature[j];
                     begun = true;

@@ -21,6 +21,9 @@ pub(super) type Factors = BTreeMap<&'static str, f64>;
 /// Rows farther apart in time belong to two drives, s.
 const ANOTHER_DRIVE: f64 = 9.9;
 
+/// Metres in a degree of longitude, 111,000 at most: positions that move more slowly than this share of the speed are degrees.
+const LARGEST_DEGREE: f64 = 1e-4;
+
 /// A larger change of yaw from row to row is its wrapping.
 const WRAP: f64 = 3.0;
 /// Lateral accelerations that no vehicle on a road reaches, m/s2.
@@ -128,8 +131,14 @@ pub(super) fn mend_units(log: &mut CleanLog, factors: &mut Factors) {
         }
         UnitConclusion::Si => {
             if let Some(way) = way.filter(|way| !(0.7..1.4).contains(way)) {
+                let degrees = if way < LARGEST_DEGREE {
+                    ". Are they latitude and longitude? Give metres to the east and north"
+                } else {
+                    ""
+                };
+                let factor = if way < 0.01 { format!("{way:.1e}") } else { format!("{way:.3}") };
                 let words = format!(
-                    "x and y move {way:.3} times as fast as vx says: one of them has another unit (m and m/s are needed)"
+                    "x and y move {factor} times as fast as vx says: one of them has another unit (m and m/s are needed){degrees}"
                 );
                 log.find(FindingSeverity::Suspicion, "vx", words);
             }
@@ -466,8 +475,21 @@ fn lateral(log: &CleanLog) -> Option<Slope> {
     slope(turning.zip(blocks(log, ay)))
 }
 
-/// Slope of the course by x and y over yaw, and the angle between them.
-fn course(log: &CleanLog) -> Option<(Slope, f64)> {
+/// Angle within which a course is that of a turned frame, rad, and slope over yaw of a mirrored one.
+const QUARTER: f64 = 0.2;
+const MIRRORED: std::ops::Range<f64> = -1.3..-0.7;
+
+/// The course by x and y beside yaw.
+#[derive(Debug, Clone, Copy)]
+struct CourseBesideYaw {
+    /// Slope of its changes over those of yaw.
+    slope: Slope,
+    /// The angle from yaw to it, and that from a quarter turn less yaw, rad.
+    apart: f64,
+    mirrored: f64,
+}
+
+fn course(log: &CleanLog) -> Option<CourseBesideYaw> {
     let (x, y, yaw) = (log.columns.get("x")?, log.columns.get("y")?, log.columns.get("yaw")?);
     let points: Vec<[f64; 3]> =
         blocks(log, x).zip(blocks(log, y)).zip(blocks(log, yaw)).map(|((x, y), yaw)| [x, y, yaw]).collect();
@@ -482,8 +504,13 @@ fn course(log: &CleanLog) -> Option<(Slope, f64)> {
         .collect();
     let turned =
         courses.windows(2).map(|pair| (pair[1][1] - pair[0][1], wrap_angle(pair[1][0] - pair[0][0])));
-    let apart = median(courses.iter().map(|[course, yaw]| wrap_angle(course - yaw)).collect())?;
-    Some((slope(turned)?, apart))
+    let typical =
+        |of: fn([f64; 2]) -> f64| median(courses.iter().map(|pair| wrap_angle(of(*pair))).collect());
+    Some(CourseBesideYaw {
+        slope: slope(turned)?,
+        apart: typical(|[course, yaw]| course - yaw)?,
+        mirrored: typical(|[course, yaw]| course + yaw - std::f64::consts::FRAC_PI_2)?,
+    })
 }
 
 /// Slope of a steering column over the angle of steady cornering.
@@ -517,6 +544,8 @@ struct Motion {
     course: Option<f64>,
     /// The angle between course and yaw, rad.
     apart: f64,
+    /// The angle between course and a quarter turn less yaw, rad.
+    mirrored: f64,
     /// `steer_cmd` and `steer` over the angle of steady cornering.
     steered: [Option<f64>; 2],
     /// ay over speed times yaw rate.
@@ -533,17 +562,41 @@ impl Motion {
             (Some(yaw), Some(rate)) => turn_factor(&log.time, yaw, rate),
             _ => None,
         };
-        let (course, apart) = course(log).map_or((None, 0.0), |(slope, apart)| (Some(slope.factor), apart));
+        let course = course(log);
+        let (apart, mirrored) = course.map_or((0.0, 0.0), |course| (course.apart, course.mirrored));
+        let course = course.map(|course| course.slope.factor);
         let steered =
             ["steer_cmd", "steer"].map(|column| steered(log, column, steering).map(|slope| slope.factor));
         Self {
             turn,
             course,
             apart,
+            mirrored,
             steered,
             lateral: lateral(log).map(|slope| slope.factor),
             across: kinematics::vy_factor(log),
             along: kinematics::ax_factor(log),
+        }
+    }
+
+    /// The fault of a frame as a whole, where the course of x, y tells it: a sign alone would be the wrong advice.
+    fn frame(&self) -> Option<&'static str> {
+        let (course, turn) = (self.course?, self.turn?);
+        let quarter = self.mirrored.abs() < QUARTER && MIRRORED.contains(&course);
+        let backwards = self.apart.abs() > std::f64::consts::PI - QUARTER && MIRRORED.contains(&-course);
+        match turn < 0.0 {
+            true if quarter => Some(
+                "yaw is a heading from north, clockwise, as of a compass; give it from the x axis, counter-clockwise: pi/2 - \
+                 yaw (in degrees 90 - yaw)",
+            ),
+            false if quarter => Some(
+                "x and y stand for one another: x is the position to the east, y to the north where yaw counts from the east",
+            ),
+            true if backwards => Some(
+                "time runs backwards: the vehicle moves against yaw, and turns against yaw_rate; count time from the start of \
+                 the drive",
+            ),
+            _ => None,
         }
     }
 
@@ -573,8 +626,11 @@ const ANOTHER_AXIS: f64 = 0.3;
 /// A sign that is reversed; a steering-wheel angle.
 pub(super) fn check(log: &mut CleanLog, steering: &dyn Fn(f64) -> f64) -> Result<(), CleanError> {
     let motion = Motion::of(log, steering);
+    if let Some(words) = motion.frame() {
+        return Err(CleanError::Frame { words });
+    }
     check_signs(&motion.pairs(log))?;
-    let Motion { turn, course, apart, steered, lateral, .. } = motion;
+    let Motion { turn, course, apart, steered, lateral, along, .. } = motion;
     let contradicts = |factor: &f64| !(0.4..2.5).contains(factor);
     if let Some(factor) = lateral.filter(contradicts) {
         let words = format!("ay is {factor:.2} times vx * yaw_rate: its unit, or that of vx, is another one");
@@ -616,6 +672,9 @@ pub(super) fn check(log: &mut CleanLog, steering: &dyn Fn(f64) -> f64) -> Result
             format!("yaw changes {factor:.2} times as fast as yaw_rate says: one of them has another unit");
         log.find(FindingSeverity::Suspicion, "yaw", words);
     }
+    if let Some(words) = motion_of_clock(log, turn, along) {
+        log.find(FindingSeverity::Suspicion, "time", words);
+    }
     let off = kinematics::yaw_offset(log)
         .filter(|(angle, error)| angle.abs() > OFFSET && *error < SURE_OFFSET)
         .map(|(angle, _)| angle)
@@ -627,6 +686,37 @@ pub(super) fn check(log: &mut CleanLog, steering: &dyn Fn(f64) -> f64) -> Result
         log.find(FindingSeverity::Suspicion, "yaw", words);
     }
     Ok(())
+}
+
+/// Error of a clock from which on it is named, and share of it by which two relations may differ: a way is a chord of its
+/// bend, and shorter by up to 1 %.
+const CLOCK: f64 = 0.02;
+const ALIKE: f64 = 0.5;
+
+/// Words on a clock that runs at a wrong rate: one factor is missing wherever a change in time is compared with a rate. A
+/// sensor's scale is in one relation only.
+fn motion_of_clock(log: &CleanLog, turn: Option<f64>, along: Option<Told>) -> Option<String> {
+    let way = match (log.columns.get("x"), log.columns.get("y"), log.columns.get("vx")) {
+        (Some(x), Some(y), Some(vx)) => way_factor(&log.time, [x, y, vx]),
+        _ => None,
+    };
+    // An acceleration is a rate; the change of vx is divided by the clock's time.
+    let along = along.map(|(_, factor)| 1.0 / factor);
+    let told = [(way, "x and y move", "vx"), (turn, "yaw turns", "yaw_rate"), (along, "vx changes", "ax")];
+    let told: Vec<(f64, &str, &str)> =
+        told.into_iter().filter_map(|(factor, what, by)| Some((factor?, what, by))).collect();
+    let off = |factor: f64| (factor.max(1e-9)).ln();
+    let alike =
+        |a: f64, b: f64| off(a).abs() > CLOCK.ln_1p() && (off(a) - off(b)).abs() < ALIKE * off(a).abs();
+    let pair = told.iter().enumerate().find_map(|(i, one)| {
+        told[i + 1..].iter().find(|other| alike(one.0, other.0)).map(|other| (*one, *other))
+    });
+    let ((factor, what, by), (second, also, than)) = pair?;
+    Some(format!(
+        "{what} {factor:.3} times as fast as {by} says, and {also} {second:.3} times as fast as {than} says: the clock runs at \
+         another rate, or rows were lost and stamped anew; give the times at which the rows were measured (--rate HZ where \
+         there is no column time)"
+    ))
 }
 
 /// Two columns that should have one sign, and the factor between them.

@@ -11,6 +11,7 @@ use super::frozen;
 use super::held;
 use super::join::JUMP;
 use super::jumps::{self, Jump};
+use super::late;
 use super::outliers;
 use super::read::DriveLog;
 use super::resample::{between, resample};
@@ -52,7 +53,12 @@ pub(super) struct Checked {
 
 fn clean(log: &DriveLog, steering: &dyn Fn(f64) -> f64) -> Result<CleanLog, CleanError> {
     let columns = log.columns().map(|(name, values)| (name, values.to_vec())).collect();
-    let mut clean = check(&columns, true, steering)?.log;
+    let mut clean = check(&columns, true, steering)
+        .map_err(|error| match error {
+            CleanError::Missing { column, .. } => CleanError::Missing { column, near: log.like(column) },
+            error => error,
+        })?
+        .log;
     clean.findings.extend(log.findings());
     Ok(clean)
 }
@@ -68,12 +74,12 @@ pub(super) fn check(
 ) -> Result<Checked, CleanError> {
     for column in ["time", "vx", "yaw_rate"] {
         if !log.contains_key(column) && (turning || column != "yaw_rate") {
-            return Err(CleanError::Missing { column });
+            return Err(CleanError::Missing { column, near: Vec::new() });
         }
     }
     let commanded = log.contains_key("steer_cmd");
     if !commanded && !log.contains_key("steer") {
-        return Err(CleanError::Missing { column: "steer_cmd" });
+        return Err(CleanError::Missing { column: "steer_cmd", near: Vec::new() });
     }
     outliers::absurd(log)?;
 
@@ -89,6 +95,7 @@ pub(super) fn check(
     let errors = agreement::check_errors(&log, steering);
     without_seams(&mut log, &seams);
     signs?;
+    late::mend(&mut log);
     let errors = errors.err();
     if let Some(error) = &errors {
         log.find(

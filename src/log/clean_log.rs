@@ -1,6 +1,7 @@
 //! A log on an even clock, mended, and the reasons for which there is none.
 
 use super::finding::{Finding, FindingSeverity};
+use super::read::perhaps;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -55,9 +56,10 @@ pub struct UnusableLog {
 #[allow(missing_docs)]
 pub enum CleanError {
     #[error(
-        "column '{column}' is missing; a log to diagnose needs time, steer_cmd (or steer), vx and yaw_rate"
+        "column '{column}' is missing; a log to diagnose needs time, steer_cmd (or steer), vx and yaw_rate{}",
+        perhaps(column, near)
     )]
-    Missing { column: &'static str },
+    Missing { column: &'static str, near: Vec<String> },
     #[error("the log has {rows} rows with a time; a drive of at least {LEAST_LENGTH} s is needed")]
     NoRows { rows: usize },
     #[error(
@@ -70,8 +72,13 @@ pub enum CleanError {
         drives - 1
     )]
     ShortDrives { row: usize, drives: usize, length: f64 },
-    #[error("the drive is {length:.2} s long ({rows} rows); at least {least} s are needed")]
-    TooShort { length: f64, rows: usize, least: f64 },
+    #[error(
+        "the drive is {length:.2} s long ({rows} rows); at least {least} s are needed{}",
+        unit.map_or(String::new(), |unit| format!(
+            ". By x, y and vx one unit of the clock is {unit:.3e} s: give time in seconds"
+        ))
+    )]
+    TooShort { length: f64, rows: usize, least: f64, unit: Option<f64> },
     #[error(
         "{rate:.2} rows a second: steering cannot be seen below {least}; record with 20 or more, and give time in seconds"
     )]
@@ -104,6 +111,8 @@ pub enum CleanError {
         if *tied { " (which of the two is wrong cannot be told from this log)" } else { ", and the other columns agree" }
     )]
     Sign { column: &'static str, against: &'static str, tied: bool },
+    #[error("{words}")]
+    Frame { words: &'static str },
     #[error(
         "{column} is a steering-wheel angle{}: {ratio:.1} times the road-wheel angle that the turns need; divide it by \
          the steering ratio{} (scripts/import_log.py can)",

@@ -70,23 +70,24 @@ pub(super) fn read(
         );
     }
     let factor = unit(stamps, &rows, way);
-    if factor < 1.0 {
-        let unit =
-            ["milliseconds", "microseconds", "nanoseconds"][(-factor.log10() / 3.0).round() as usize - 1];
+    if factor != 1.0 {
+        let unit = UNITS.iter().find(|(size, _)| *size == factor).map_or("another unit", |(_, name)| name);
         found(FindingSeverity::Warning, format!("the clock counts {unit}; it was converted to seconds"));
     }
+    // A speed or a position in another unit explains no more.
+    let told = way.filter(|way| !(0.2..5.0).contains(&(way / factor)));
     let mut time: Vec<f64> = rows.iter().map(|&row| stamps[row] * factor).collect();
     spread(&mut time, &mut found);
     longest_drive(&mut rows, &mut time, &mut found);
     let length = time.last().unwrap_or(&0.0) - time.first().unwrap_or(&0.0);
     let Some(typical) = typical_step(&time).filter(|_| time.len() > 2) else {
-        return Err(CleanError::TooShort { length, rows: rows.len(), least: LEAST_LENGTH });
+        return Err(CleanError::TooShort { length, rows: rows.len(), least: LEAST_LENGTH, unit: told });
     };
     if 1.0 / typical < SLOWEST {
         return Err(CleanError::TooSlow { rate: 1.0 / typical, least: SLOWEST });
     }
     if length < LEAST_LENGTH {
-        return Err(CleanError::TooShort { length, rows: rows.len(), least: LEAST_LENGTH });
+        return Err(CleanError::TooShort { length, rows: rows.len(), least: LEAST_LENGTH, unit: told });
     }
     if 1.0 / typical < SLOW {
         let rate = 1.0 / typical;
@@ -209,6 +210,21 @@ fn runs_on(stamps: &[f64], latest: f64) -> bool {
     stamps.iter().filter(|stamp| stamp.is_finite()).take(RUNS_ON).all(|stamp| *stamp < latest)
 }
 
+/// Units of clocks, s; those of the first four need no evidence but their steps.
+const UNITS: [(f64, &str); 10] = [
+    (1.0, "seconds"),
+    (1e-3, "milliseconds"),
+    (1e-6, "microseconds"),
+    (1e-9, "nanoseconds"),
+    (1e-4, "steps of 0.1 ms"),
+    (1e-5, "steps of 0.01 ms"),
+    (1e-7, "steps of 100 ns"),
+    (60.0, "minutes"),
+    (3600.0, "hours"),
+    (86_400.0, "days"),
+];
+const USUAL: usize = 4;
+
 /// Factor from the clock to seconds.
 fn unit(stamps: &[f64], rows: &[usize], way: Option<f64>) -> f64 {
     let steps = rows.windows(2).map(|pair| stamps[pair[1]] - stamps[pair[0]]).filter(|step| *step > 0.0);
@@ -216,28 +232,46 @@ fn unit(stamps: &[f64], rows: &[usize], way: Option<f64>) -> f64 {
     let plausible = |factor: f64| (factor * step > 1e-4 && factor * step < 2.0).then_some(factor);
     let by_way = way.filter(|way| *way > 0.0).map(|way| (way.log10() / 3.0).round().clamp(-3.0, 0.0));
     let by_way = by_way.and_then(|thousands| plausible(10_f64.powi(3 * thousands as i32)));
+    // A unit that few clocks have must agree with the way.
+    let rare = || {
+        let agrees = |size: &&(f64, &str)| way.is_some_and(|way| (way / size.0 - 1.0).abs() < 0.1);
+        UNITS[USUAL..].iter().find(agrees).and_then(|(size, _)| plausible(*size))
+    };
     // Nobody records a drive with a row every few seconds, or with ten thousand a second.
-    let by_step = || [1.0, 1e-3, 1e-6, 1e-9].into_iter().find_map(plausible);
-    by_way.or_else(by_step).unwrap_or(1.0)
+    let by_step = || UNITS[..USUAL].iter().find_map(|(size, _)| plausible(*size));
+    rare().or(by_way).or_else(by_step).unwrap_or(1.0)
 }
 
-/// Rows with the same stamp are spread up to the next stamp.
+/// Rows with the same stamp are spread up to the next stamp. A log begins and ends in the midst of a stamp: its first rows
+/// are the last of their stamp, and its last rows the first, a row as far from the next as between.
 fn spread(time: &mut [f64], found: &mut impl FnMut(FindingSeverity, String)) {
     let typical = typical_step(time).unwrap_or(0.0);
-    let (mut from, mut count) = (0, 0);
-    while from < time.len() {
-        let same = time[from..].iter().take_while(|stamp| **stamp == time[from]).count();
-        if same > 1 {
-            count += same - 1;
-            let until =
-                time.get(from + same).map_or(typical, |next| (next - time[from]).min(typical * same as f64));
-            let begin = time[from];
-            for (i, stamp) in time[from..from + same].iter_mut().enumerate() {
-                *stamp = begin + until * i as f64 / same as f64;
-            }
+    let mut groups: Vec<Range<usize>> = Vec::new();
+    for row in 0..time.len() {
+        match groups.last_mut() {
+            Some(group) if time[group.start] == time[row] => group.end = row + 1,
+            _ => groups.push(row..row + 1),
         }
-        from += same;
     }
+    let until = |group: &Range<usize>| {
+        let next = time.get(group.end).map(|next| next - time[group.start]);
+        next.map_or(typical, |next| next.min(typical * group.len() as f64))
+    };
+    let inner = groups.get(1..groups.len().saturating_sub(1)).unwrap_or_default();
+    let usual = median(inner.iter().map(|group| until(group) / group.len() as f64).collect());
+    let mut spread = time.to_vec();
+    let last = groups.len().saturating_sub(1);
+    for (k, group) in groups.iter().enumerate().filter(|(_, group)| group.len() > 1) {
+        let whole = until(group);
+        let own = whole / group.len() as f64;
+        let step = usual.filter(|_| k == 0 || k == last).map_or(own, |usual| usual.min(own));
+        let begin = if k == 0 { whole - step * group.len() as f64 } else { 0.0 };
+        for (i, row) in group.clone().enumerate() {
+            spread[row] = time[row] + begin + step * i as f64;
+        }
+    }
+    let count = time.len() - groups.len();
+    time.copy_from_slice(&spread);
     if count > 0 {
         // A few in a long log are a recorder's habit.
         let gravity = if 100 * count > time.len() { FindingSeverity::Warning } else { FindingSeverity::Note };

@@ -97,6 +97,41 @@ pub(super) fn yaw_offset(log: &CleanLog) -> Option<(f64, f64)> {
     first_coefficient_within(&angles, &rows)
 }
 
+/// Time by which the yaw rate comes later than the yaw angle tells, s, and its standard error.
+pub(super) fn yaw_rate_late(log: &CleanLog) -> Option<(f64, f64)> {
+    let (yaw, rate) = (log.columns.get("yaw")?, log.columns.get("yaw_rate")?);
+    let spans = Spans::of(log);
+    let (faster, turned) = (spans.changes(|i| rate[i]), spans.integrals(|i| rate[i]));
+    let rows: Vec<[f64; 3]> = (0..spans.count()).map(|k| [faster[k], turned[k], 1.0]).collect();
+    first_coefficient_within(&spans.changes(|i| yaw[i]), &rows)
+}
+
+/// Time by which places come later than velocities and headings tell, s, and its standard error.
+pub(super) fn place_late(log: &CleanLog) -> Option<(f64, f64)> {
+    let [x, y, yaw, vx] = ["x", "y", "yaw", "vx"].map(|name| log.columns.get(name));
+    let (x, y, yaw, vx) = (x?, y?, yaw?, vx?);
+    let zero = vec![0.0; vx.len()];
+    let vy = log.columns.get("vy").unwrap_or(&zero);
+    let spans = Spans::of(log);
+    let east = |i: usize| vx[i] * yaw[i].cos() - vy[i] * yaw[i].sin();
+    let north = |i: usize| vx[i] * yaw[i].sin() + vy[i] * yaw[i].cos();
+    let (cos, sin) = (spans.changes(|i| yaw[i].cos()), spans.changes(|i| yaw[i].sin()));
+    let ways = [spans.integrals(east), spans.integrals(north)];
+    let changes = [spans.changes(east), spans.changes(north)];
+    let (mut targets, mut rows) = (Vec::new(), Vec::new());
+    for (place, is_x) in [(x, true), (y, false)] {
+        targets.extend(spans.changes(|i| place[i]));
+        let (own, other) = if is_x { (0, 1) } else { (1, 0) };
+        let (along, across) = if is_x { (&cos, &sin) } else { (&sin, &cos) };
+        let side = if is_x { -1.0 } else { 1.0 };
+        rows.extend(
+            (0..spans.count())
+                .map(|k| [-changes[own][k], ways[own][k], side * ways[other][k], along[k], side * across[k]]),
+        );
+    }
+    first_coefficient_within(&targets, &rows)
+}
+
 /// Pairs of neighbouring stretches of a log.
 struct Spans<'a> {
     log: &'a CleanLog,

@@ -71,8 +71,9 @@ pub fn drives_of(
     let columns: LogColumns = log.columns().map(|(name, values)| (name, values.to_vec())).collect();
     let checked = match check(&columns, false, steering) {
         Ok(checked) => checked,
-        Err(CleanError::Missing { column }) => {
-            return Err(LogError::Missing { file: file.clone(), column, needed: NEEDED }.into());
+        Err(CleanError::Missing { column, .. }) => {
+            let near = log.like(column);
+            return Err(LogError::Missing { file: file.clone(), column, needed: NEEDED, near }.into());
         }
         Err(cause) => return Err(UnusableLog { file: file.clone(), cause }.into()),
     };
@@ -131,7 +132,8 @@ fn drive_of(
     note: &mut dyn FnMut(String),
 ) -> Result<Drive, LogError> {
     let name = log.file.display().to_string();
-    let missing = |column| LogError::Missing { file: log.file.clone(), column, needed: NEEDED };
+    let missing =
+        |column| LogError::Missing { file: log.file.clone(), column, needed: NEEDED, near: Vec::new() };
     let column = |name: &'static str| log.column(name).map(<[f64]>::to_vec).ok_or_else(|| missing(name));
     let mut drive = Drive { name, time: column("time")?, vx: column("vx")?, ..Drive::default() };
     drive.steer_cmd = match log.column("steer_cmd") {

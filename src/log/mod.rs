@@ -24,6 +24,7 @@
 //! | `held.rs` | values that a recorder has filled in between samples |
 //! | `jumps.rs` | places where rows are missing, or another drive begins, without a word from the clock |
 //! | `kinematics.rs` | velocity across and acceleration along the body, told by other columns |
+//! | `late.rs` | columns that come later than others |
 //! | `rows.rs` | rows on their way to a clean log |
 //! | `road.rs` | place of the log on a road, and the road's properties there |
 //! | `join.rs` | several logs of one vehicle as one |
@@ -41,6 +42,7 @@ mod held;
 mod join;
 mod jumps;
 mod kinematics;
+mod late;
 mod learn;
 mod outliers;
 mod read;

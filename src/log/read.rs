@@ -36,8 +36,8 @@ pub enum LogError {
     Twice { file: PathBuf, column: &'static str },
     #[error("{}, line {line}, column {column}: '{text}' is not a number{}", file.display(), instead(column))]
     NotANumber { file: PathBuf, line: u64, column: &'static str, text: String },
-    #[error("{}: column '{column}' is missing; a log to learn from needs {needed}", file.display())]
-    Missing { file: PathBuf, column: &'static str, needed: &'static str },
+    #[error("{}: column '{column}' is missing; a log to learn from needs {needed}{}", file.display(), perhaps(column, near))]
+    Missing { file: PathBuf, column: &'static str, needed: &'static str, near: Vec<String> },
     #[error(
         "{}: {} missing; give the road that was driven (--path ROAD.csv), and they are computed from x, y, yaw, vx, vy \
          and yaw_rate{}",
@@ -99,6 +99,25 @@ fn listed(columns: &[&str]) -> String {
     }
 }
 
+/// A question after a column that is missing, by names of others.
+pub(super) fn perhaps(column: &str, near: &[String]) -> String {
+    if near.is_empty() {
+        return String::new();
+    }
+    format!("; is it {}? Name it {column} [UNIT], as in vx [km/h]", near.join(" or "))
+}
+
+/// Parts of the names that other tools give to a signal.
+fn other_names(column: &str) -> &'static [&'static str] {
+    match column {
+        "time" => &["time", "stamp", "second", "ticks"],
+        "vx" => &["vx", "speed", "velocity"],
+        "yaw_rate" => &["yaw", "gyro", "psi"],
+        "steer_cmd" | "steer" => &["steer", "swa", "wheel_angle", "wheelangle"],
+        _ => &[],
+    }
+}
+
 fn lacking(pose: &[&str]) -> String {
     if pose.is_empty() { String::new() } else { format!("; of these, {} also missing", listed(pose)) }
 }
@@ -111,6 +130,8 @@ pub struct DriveLog {
     /// Conversions: units that the file gives, dates. They belong to the findings.
     pub notes: Vec<String>,
     columns: Vec<(&'static str, Vec<f64>)>,
+    /// Columns of the file that are no signals, as they are written there.
+    unread: Vec<String>,
 }
 
 /// A column that is read: its place in the file, and the factor of its unit.
@@ -176,7 +197,7 @@ impl DriveLog {
         let broken = |source| LogError::Table { file: file.to_owned(), source };
         let known = |name: &str| signal::find(&as_written(name)).is_some();
         let mut table = Table::new(reader, limits, &known).map_err(broken)?;
-        let mut log = Self { file: file.to_owned(), notes: Vec::new(), columns: Vec::new() };
+        let mut log = Self::empty(file);
         let places = log.places(table.header())?;
         let expected = table.header().names.len();
         // Seconds of the first date: the log's zero.
@@ -227,7 +248,7 @@ impl DriveLog {
             return Err(LogError::ColumnLength { file, column, found: values.len(), expected });
         }
         let (names, mut values): (Vec<String>, Vec<Vec<f64>>) = columns.into_iter().unzip();
-        let mut log = Self { file: file.to_owned(), notes: Vec::new(), columns: Vec::new() };
+        let mut log = Self::empty(file);
         let places = log.places(&table::Header::of(&names))?;
         for (column, (_, taken)) in places.iter().zip(&mut log.columns) {
             *taken = std::mem::take(&mut values[column.place]);
@@ -238,6 +259,20 @@ impl DriveLog {
         Ok(log)
     }
 
+    fn empty(file: &Path) -> Self {
+        Self { file: file.to_owned(), notes: Vec::new(), columns: Vec::new(), unread: Vec::new() }
+    }
+
+    /// Names of up to three columns that are no signals and may be the one that is missing.
+    pub(super) fn like(&self, column: &str) -> Vec<String> {
+        let parts = other_names(column);
+        let is_like = |name: &&String| {
+            let name = as_written(name);
+            parts.iter().any(|part| name.contains(part))
+        };
+        self.unread.iter().filter(is_like).take(3).map(|name| name.chars().take(40).collect()).collect()
+    }
+
     /// Conversions, as findings.
     pub(super) fn findings(&self) -> impl Iterator<Item = Finding> {
         self.notes.iter().map(|words| Finding::new(FindingSeverity::Note, None, words.clone()))
@@ -246,8 +281,12 @@ impl DriveLog {
     /// The signal columns, and their places.
     fn places(&mut self, header: &table::Header) -> Result<Vec<LogColumn>, LogError> {
         let mut places: Vec<LogColumn> = Vec::new();
+        let mut in_other_units: Vec<(&'static signal::Signal, String)> = Vec::new();
         for (place, (name, unit)) in header.names.iter().zip(&header.units).enumerate() {
-            let Some(signal) = named(name, header) else { continue };
+            let Some(signal) = named(name, header) else {
+                self.unread.push(header.written[place].clone());
+                continue;
+            };
             if self.column(signal.name).is_some() {
                 return Err(LogError::Twice { file: self.file.clone(), column: signal.name });
             }
@@ -255,6 +294,9 @@ impl DriveLog {
             let factor = unit.as_ref().map_or(Some(1.0), |unit| table::factor(unit, ours));
             // `steer (raw)` is another column than `steer`.
             if factor.is_none() && header.written[place] != *name {
+                let written: String = header.written[place].chars().take(60).collect();
+                self.unread.push(written.clone());
+                in_other_units.push((signal, written));
                 continue;
             }
             let factor = factor.ok_or_else(|| LogError::Unit {
@@ -269,6 +311,11 @@ impl DriveLog {
             }
             places.push(LogColumn { place, factor });
             self.columns.push((signal.name, Vec::new()));
+        }
+        in_other_units.retain(|(signal, _)| self.column(signal.name).is_none());
+        for (signal, written) in in_other_units {
+            let ours = signal.unit.symbol;
+            self.notes.push(format!("{written}: not read, for its unit is unknown; give it in {ours}"));
         }
         // A clock alone is no drive.
         if self.columns.iter().all(|(name, _)| *name == "time") {

@@ -37,7 +37,8 @@ impl SteeringLog {
     pub fn by_angle(log: &DriveLog, steering: &dyn Fn(f64) -> f64) -> Result<Self, UnusableLog> {
         let unusable = |cause| UnusableLog { file: log.file.clone(), cause };
         let column = |name: &'static str| {
-            log.column(name).ok_or_else(|| unusable(CleanError::Missing { column: name }))
+            log.column(name)
+                .ok_or_else(|| unusable(CleanError::Missing { column: name, near: log.like(name) }))
         };
         let (stamps, command, angle) = (column("time")?, column("steer_cmd")?, column("steer")?);
         let columns: LogColumns = log
@@ -102,7 +103,7 @@ impl SteeringLog {
     pub fn by_yaw_rate(log: &DriveLog, steering: &dyn Fn(f64) -> f64) -> Result<Self, UnusableLog> {
         let clean = CleanLog::of(log, steering)?;
         if !clean.commanded {
-            let cause = CleanError::Missing { column: "steer_cmd" };
+            let cause = CleanError::Missing { column: "steer_cmd", near: log.like("steer_cmd") };
             return Err(UnusableLog { file: log.file.clone(), cause });
         }
         if let Some(finding) = clean.suspect() {

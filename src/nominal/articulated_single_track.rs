@@ -23,8 +23,9 @@
 //! Sources: method of the project, section 3 (kinematics of the second unit). Luijten, Lateral Dynamic Behaviour of
 //! Articulated Commercial Vehicles, TU Eindhoven 2010; tyres as in `bicycle.rs`.
 
-use super::bicycle::{AxleConstants, GRAVITY, STEP_LIMIT};
+use super::bicycle::{AxleConstants, STEP_LIMIT};
 use super::{LateralVehicle, SingleTrackError, steady_cornering};
+use crate::signal::GRAVITY;
 use crate::vehicle::Articulated;
 use nalgebra::{Matrix3, SMatrix, Vector3};
 

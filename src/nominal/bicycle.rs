@@ -13,12 +13,11 @@
 //! Dynamics, ch. 4 (its simplest form).
 
 use super::SingleTrackError;
+use crate::signal::GRAVITY;
 use crate::vehicle::SingleTrack;
 
 /// Shape factor `C` of the lateral tyre force: the usual value of a car tyre.
 const SHAPE: f64 = 1.3;
-/// Gravity, m/s2.
-pub(super) const GRAVITY: f64 = 9.81;
 /// Largest product of the fastest pole and a step of Runge-Kutta: well within its stability limit of 2.8.
 pub(super) const STEP_LIMIT: f64 = 1.0;
 

@@ -244,7 +244,8 @@ impl Path {
         } else {
             Vec::new()
         };
-        Self {
+        let told = samples.iter().all(|sample| sample.yaw.is_some() && sample.curvature.is_some());
+        let mut path = Self {
             origin,
             step: grid.step,
             inverse_step: 1.0 / grid.step,
@@ -259,7 +260,10 @@ impl Path {
             notes,
             cells: grid.cells,
             plans: SharedPlans::default(),
-        }
+        };
+        let guessed = path.guessed_bend(&grid.mark_stations).filter(|_| !told);
+        path.notes.extend(guessed);
+        path
     }
 
     /// Arc length in m (closed: of one lap).
@@ -354,6 +358,33 @@ impl Path {
         (length > 0.0).then(|| (tightest.0, 1.0 / tightest.1, length))
     }
 
+    /// A warning where the smooth line between two neighbouring points bends far from the straight line between them: the
+    /// points do not tell the road there.
+    fn guessed_bend(&self, marks: &[f64]) -> Option<Note> {
+        let place = |station: f64| {
+            let at = self.at(station);
+            [at.x, at.y]
+        };
+        let of_pair = |pair: &[f64]| {
+            let (from, to) = (place(pair[0]), place(pair[1]));
+            let chord = [to[0] - from[0], to[1] - from[1]];
+            let length = chord[0].hypot(chord[1]);
+            let beside = |k: u32| {
+                let at = place(pair[0] + (pair[1] - pair[0]) * f64::from(k) / f64::from(GUESSED_AT));
+                (chord[0] * (at[1] - from[1]) - chord[1] * (at[0] - from[0])).abs() / length
+            };
+            ((1..GUESSED_AT).map(beside).fold(0.0, f64::max), length, pair[0])
+        };
+        // Most roads' points are too near each other for it.
+        let pairs = marks.windows(2).filter(|pair| pair[1] - pair[0] > GUESSED / GUESSED_SHARE).map(of_pair);
+        let bent = pairs.filter(|(off, length, _)| *off > GUESSED && *off > GUESSED_SHARE * length);
+        let (off, length, station) = bent.max_by(|a, b| a.0.total_cmp(&b.0))?;
+        Some(Note::warning(format!(
+            "the road between two points {length:.0} m apart, from station {station:.0} m on, bends {off:.1} m from the straight \
+             line between them: too few points tell where it bends; give more of them there"
+        )))
+    }
+
     /// Curvature at a station in 1/m, positive in left turns; 0 beyond the ends of an open path.
     #[must_use]
     #[inline]
@@ -374,10 +405,29 @@ impl Path {
     #[must_use]
     #[inline]
     pub fn friction(&self, station: f64) -> f64 {
-        if self.friction.nodes.is_empty() {
-            return self.friction.default;
+        self.channel(&self.friction, station)
+    }
+
+    /// Bank at a station in rad, right side low positive; 0 where not given.
+    #[must_use]
+    #[inline]
+    pub fn bank(&self, station: f64) -> f64 {
+        self.channel(&self.bank, station)
+    }
+
+    /// Grade at a station in rad, uphill positive; 0 where not given.
+    #[must_use]
+    #[inline]
+    pub fn grade(&self, station: f64) -> f64 {
+        self.channel(&self.grade, station)
+    }
+
+    #[inline]
+    fn channel(&self, channel: &PathQuantity, station: f64) -> f64 {
+        if channel.nodes.is_empty() {
+            return channel.default;
         }
-        self.friction.at(&self.locate(station), self.inverse_step)
+        channel.at(&self.locate(station), self.inverse_step)
     }
 
     /// True if the path has neither bank nor grade anywhere.
@@ -415,6 +465,13 @@ struct Spot {
     /// Metres before the start (negative) or beyond the end of an open path.
     beyond: f64,
 }
+
+/// Distance between a road and the straight line between two neighbouring points, m and share of theirs, from which on the
+/// points do not tell the road: a turn of 45 degrees, and most of a lane.
+const GUESSED: f64 = 2.0;
+const GUESSED_SHARE: f64 = 0.1;
+/// Parts of the road between two points that are looked at.
+const GUESSED_AT: u32 = 16;
 
 /// An angle in (-pi, pi].
 #[must_use]

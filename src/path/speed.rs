@@ -15,6 +15,7 @@
 //! below the limits, is no steeper, and has an acceleration without jumps.
 
 use super::Path;
+use crate::signal::GRAVITY;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 /// Reserved share of the ellipse's longitudinal half-axis, so that a plan can still change speed in a bend that is
@@ -27,8 +28,6 @@ pub const DRIVEN_SHARE: f64 = 0.5;
 pub const BRAKED_SHARE: f64 = 0.85;
 /// Share that a plan brakes with: the rest is for a vehicle that is too fast for it.
 const PLANNED_BRAKING: f64 = 0.65;
-/// m/s2.
-const GRAVITY: f64 = 9.81;
 
 /// Largest part of the grip of a car's tyres that a plan uses on a dry road, m/s2: 0.8 of it.
 pub const CAR_GRIP: f64 = 0.8 * GRAVITY;

@@ -80,6 +80,18 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
         Ok(Self::new(controller, vehicle, step))
     }
 
+    /// Places the vehicle anew: x, m, y, m, yaw, rad, and speed, m/s; without a value, that of the path's start and plan.
+    #[must_use]
+    pub fn placed(mut self, initial: [Option<f64>; 4]) -> Self {
+        if initial.iter().any(Option::is_some) {
+            let start = self.controller.path().at(0.0);
+            let [x, y, yaw, vx] = initial;
+            let speed = vx.unwrap_or_else(|| self.controller.start_speed());
+            self.vehicle.place(x.unwrap_or(start.x), y.unwrap_or(start.y), yaw.unwrap_or(start.yaw), speed);
+        }
+        self
+    }
+
     /// Adds noise to the controller's measurements; the log holds the noisy ones.
     #[must_use]
     pub fn with_noise(self, noise: SensorNoise, seed: u64) -> Self {

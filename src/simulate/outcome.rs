@@ -68,9 +68,9 @@ pub struct Place {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum DriveError {
-    #[error("at t = {time} s the controller: {source}")]
+    #[error("at t = {time:.3} s the controller: {source}")]
     Controller { time: f64, source: StepError },
-    #[error("at t = {time} s the {vehicle}: {source}")]
+    #[error("at t = {time:.3} s the {vehicle}: {source}")]
     Vehicle { time: f64, vehicle: &'static str, source: PlantStepError },
 }
 
@@ -111,6 +111,12 @@ pub struct Ending {
 }
 
 impl Ending {
+    /// Share of the road that was driven: 1 of a completed one, although its end counts as reached a little before it.
+    #[must_use]
+    pub fn driven_share(&self) -> f64 {
+        if self.outcome == Outcome::Completed { 1.0 } else { (self.driven / self.length).min(1.0) }
+    }
+
     /// The place that decided the outcome: of a lost drive the one at which the lane was left, else the end.
     #[must_use]
     pub fn decided(&self) -> Place {
@@ -125,13 +131,17 @@ impl Ending {
                 format!("the duration was over after {:.0} of {:.0} m", self.driven, self.length)
             }
             End::Road => "the road was driven to its end".to_owned(),
-            End::Standing { status } => format!(
-                "the vehicle stood {} m before the end of the road ({:.0} m), control status {}: {}",
-                (self.length - self.driven).max(0.0).round(),
-                self.length,
-                status.name(),
-                status.meaning()
-            ),
+            End::Standing { status } => {
+                let left = (self.length - self.driven).max(0.0).round();
+                let why = match status {
+                    // The steering's plan says nothing of the speed.
+                    ControlStatus::Optimal | ControlStatus::ReducedAccuracy => {
+                        "although it was to drive: its drive is too weak, or something holds it".to_owned()
+                    }
+                    _ => format!("control status {}: {}", status.name(), status.meaning()),
+                };
+                format!("the vehicle stood {left} m before the end of the road ({:.0} m), {why}", self.length)
+            }
             End::GivenUp => "the drive was given up".to_owned(),
             End::Failed(error) => error.to_string(),
         };

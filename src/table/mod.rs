@@ -60,8 +60,30 @@ use std::io::Read;
 use text::Lines;
 
 /// Words in place of a value, of spreadsheets, databases and C libraries.
-const MISSING: [&str; 12] =
-    ["na", "n/a", "#n/a", "null", "none", "nil", "-", "--", "nan", "-nan", "1.#qnan", "-1.#ind"];
+const MISSING: [&str; 22] = [
+    "na",
+    "n/a",
+    "#n/a",
+    "<na>",
+    "null",
+    "none",
+    "nil",
+    "-",
+    "--",
+    "nan",
+    "-nan",
+    "nan(ind)",
+    "-nan(ind)",
+    "1.#qnan",
+    "-1.#qnan",
+    "1.#ind",
+    "-1.#ind",
+    "1.#inf",
+    "-1.#inf",
+    "sna",
+    "#value!",
+    "#div/0!",
+];
 
 /// A table, read row by row.
 pub struct Table<R: Read> {

@@ -12,8 +12,7 @@ use super::tyre::{Coefficients, Tyre, TyreModel};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// Acceleration of free fall, m/s2.
-pub const GRAVITY: f64 = 9.81;
+pub use crate::signal::GRAVITY;
 
 /// All parameters of a car. Units stand in [`CarParameters::TABLE`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

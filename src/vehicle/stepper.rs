@@ -35,23 +35,23 @@ pub struct VehicleInput {
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum PlantStepError {
-    #[error("{name} = {value} at {time} s: not a finite number; the step was not made")]
+    #[error("{name} = {value} at {time:.3} s: not a finite number; the step was not made")]
     InputNotFinite { name: &'static str, value: f64, time: f64 },
-    #[error("a step of {step} s at {time} s: must be greater than 0 and at most {LONGEST_STEP} s")]
+    #[error("a step of {step} s at {time:.3} s: must be greater than 0 and at most {LONGEST_STEP} s")]
     StepLength { step: f64, time: f64 },
     /// The body is beyond the range of springs and model.
     #[error(
-        "the vehicle rolled over at {time} s (roll {roll} rad, pitch {pitch} rad); drive slower or start anew"
+        "rolled over at {time:.3} s (roll {roll:.3} rad, pitch {pitch:.3} rad); drive slower or start anew"
     )]
     RolledOver { time: f64, roll: f64, pitch: f64 },
     /// Trailer and cab would touch.
     #[error(
-        "the truck jack-knifed at {time} s: articulation {articulation} rad, beyond hitch.articulation_limit = {limit} \
+        "jack-knifed at {time:.3} s: articulation {articulation:.3} rad, beyond hitch.articulation_limit = {limit} \
          rad, where trailer and cab touch; drive slower, steer less, or start anew"
     )]
     JackKnifed { time: f64, articulation: f64, limit: f64 },
     #[error(
-        "the state became infinite or not a number at {time} s; check the parameters, and report the case"
+        "the state became infinite or not a number at {time:.3} s; check the parameters, and report the case"
     )]
     NotFinite { time: f64 },
 }

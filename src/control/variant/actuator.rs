@@ -4,7 +4,7 @@
 //! Lag, dead time and their approximants are one form (`nominal/actuator.rs`). The actuator's states are not measured:
 //! the actuator is run over the issued commands.
 
-use super::{ExpectedState, Nominal, Qp, Variant};
+use super::{ExpectedState, Nominal, Qp, Variant, effect_of_bank};
 use crate::control::condense::CommandResponse;
 use crate::control::lateral::LateralInput;
 use crate::control::parameters::MpcParameters;
@@ -72,12 +72,16 @@ impl<V: LateralVehicle<S>, const S: usize> Variant<S> for Actuated<V, S> {
     }
 
     fn look(&mut self, input: &LateralInput<'_, S>, preview: &Preview, _: f64) -> Result<(), QpError> {
-        let model = self.nominal.at(input.ahead.speed)?;
+        let nominal = self.nominal.at(input.ahead.speed)?;
         let actuator = input.actuator.unwrap_or(self.actuator);
-        let model = actuator.discretise(&model, self.nominal.sample_time);
+        let model = actuator.discretise(&nominal, self.nominal.sample_time);
         let disturbance = ActuatedState::from(*input.disturbance);
+        let banked = effect_of_bank(&nominal.a, &model.a.vehicle, self.nominal.sample_time);
         for (j, known) in self.known.iter_mut().enumerate() {
             *known = model.d * preview.heading_rate[j] + model.e * preview.heading_accel[j] + disturbance;
+            if preview.bank_accel[j] != 0.0 {
+                *known += ActuatedState::from(banked * preview.bank_accel[j]);
+            }
         }
         self.model = Some(model);
         Ok(())

@@ -6,7 +6,7 @@
 //!
 //! Source: Zhao et al., ITSC 2024, Algorithm 1.
 
-use super::{ExpectedState, Nominal, Qp, Variant};
+use super::{ExpectedState, Nominal, Qp, Variant, effect_of_bank};
 use crate::control::condense::{Affine, ErrorTransition, HorizonModel, Propagation, condense_settled};
 use crate::control::lateral::LateralInput;
 use crate::control::parameters::MpcParameters;
@@ -93,6 +93,7 @@ impl<V: LateralVehicle<S>, const S: usize> NominalWithResidual<V, S> {
     fn predict(
         &mut self,
         model: &DiscreteErrorModel<S>,
+        banked: &SVector<f64, S>,
         input: &LateralInput<'_, S>,
         preview: &Preview,
         previous: f64,
@@ -100,6 +101,9 @@ impl<V: LateralVehicle<S>, const S: usize> NominalWithResidual<V, S> {
         for (j, known) in self.affine.known.iter_mut().enumerate() {
             *known =
                 model.d * preview.heading_rate[j] + model.e * preview.heading_accel[j] + input.disturbance;
+            if preview.bank_accel[j] != 0.0 {
+                *known += banked * preview.bank_accel[j];
+            }
         }
         self.outside = 0.0;
         self.share = input.residual_share;
@@ -164,8 +168,10 @@ impl<V: LateralVehicle<S>, const S: usize> Variant<S> for NominalWithResidual<V,
     }
 
     fn look(&mut self, input: &LateralInput<'_, S>, preview: &Preview, previous: f64) -> Result<(), QpError> {
-        let model = self.nominal.at(input.ahead.speed)?.discretise(self.nominal.sample_time);
-        self.predict(&model, input, preview, previous);
+        let nominal = self.nominal.at(input.ahead.speed)?;
+        let model = nominal.discretise(self.nominal.sample_time);
+        let banked = effect_of_bank(&nominal.a, &model.a, self.nominal.sample_time);
+        self.predict(&model, &banked, input, preview, previous);
         self.model = Some(model);
         Ok(())
     }

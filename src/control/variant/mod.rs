@@ -33,6 +33,19 @@ use serde::{Deserialize, Serialize};
 use std::any::Any;
 use std::time::Instant;
 
+/// Effect on the state of a lateral acceleration held over a step, of all masses alike as gravity along the road's bank:
+/// the integral of the transition's second column, by the trapezoidal rule with its correction at the ends (Euler and Maclaurin).
+pub(super) fn effect_of_bank<const S: usize>(
+    continuous: &SMatrix<f64, S, S>,
+    transition: &SMatrix<f64, S, S>,
+    sample_time: f64,
+) -> SVector<f64, S> {
+    let end = transition.column(1).into_owned();
+    let mut start = SVector::<f64, S>::zeros();
+    start[1] = 1.0;
+    (end + start) * (0.5 * sample_time) + continuous * (start - end) * (sample_time * sample_time / 12.0)
+}
+
 /// Prediction model of a car's controller.
 pub type PredictionModel = PredictionModelFor<SingleTrack, ERRORS>;
 

@@ -1,0 +1,73 @@
+//! Columns that come later than others: a receiver's latency, a low pass, a moving average of one column.
+//!
+//! Heading and its rate, place and velocity tell the same motion twice. If one of the two comes later by `tau`,
+//!
+//! ```text
+//!     d(yaw)  = g int yaw_rate dt + tau d(yaw_rate) + c dt
+//!     d(x, y) = f int v dt - tau d(v) + l d(t) + m d(n) + a int v' dt     v: in world axes, v' across it; t, n: along, across the heading
+//! ```
+//!
+//! over spans of the log, with a scale, an offset, and a lever arm of their own. A vehicle whose sensors are late as a whole
+//! is another matter, and so is an actuator. The later column is taken earlier by whole rows, which leaves its noise as it
+//! is. Less than [`LEAST`] is what sensors differ by, and known to the diagnosis.
+
+use super::clean_log::CleanLog;
+use super::finding::FindingSeverity;
+use super::join::JUMP;
+use super::kinematics;
+
+/// Least lateness that is mended, s: twice that of an inertial sensor's low pass.
+const LEAST: f64 = 0.02;
+/// ... in standard errors.
+const SURE: f64 = 4.0;
+/// Longest lateness of an inertial sensor's own low pass, s: of second order at 4 Hz. All signals of the sensor pass it. A
+/// later yaw rate was smoothed alone.
+const LONGEST_LOW_PASS: f64 = 0.06;
+
+/// Takes late columns earlier.
+pub(super) fn mend(log: &mut CleanLog) {
+    if let Some((rows, late)) = rows_late(log, kinematics::yaw_rate_late(log)) {
+        if late > LONGEST_LOW_PASS {
+            earlier(log, &["yaw_rate"], rows, late, "yaw says");
+        } else if late > 0.0 {
+            earlier(log, &["yaw_rate", "ay", "ax"], rows, late, "yaw says");
+        } else {
+            earlier(log, &["yaw"], rows, -late, "yaw_rate says");
+        }
+    }
+    if let Some((rows, late)) = rows_late(log, kinematics::place_late(log))
+        && late > 0.0
+    {
+        earlier(log, &["x", "y"], rows, late, "vx and yaw say");
+    }
+}
+
+/// Whole rows of a lateness that is sure, and the lateness, s.
+fn rows_late(log: &CleanLog, told: Option<(f64, f64)>) -> Option<(usize, f64)> {
+    let (late, error) = told?;
+    let rows = (late.abs() / log.step).round() as usize;
+    (late.abs() > LEAST && late.abs() > SURE * error && rows > 0).then_some((rows, late))
+}
+
+/// Takes columns earlier by rows; the last rows of each drive do not count then.
+fn earlier(log: &mut CleanLog, names: &[&'static str], rows: usize, late: f64, by: &str) {
+    let there: Vec<&str> = names.iter().copied().filter(|name| log.columns.contains_key(name)).collect();
+    let Some((first, others)) = there.split_first() else { return };
+    let mut starts: Vec<usize> = vec![0];
+    starts.extend((1..log.time.len()).filter(|&row| log.time[row] - log.time[row - 1] > 0.9 * JUMP));
+    starts.push(log.time.len());
+    for drive in starts.windows(2) {
+        let last = drive[1].saturating_sub(1);
+        for name in &there {
+            let Some(column) = log.columns.get_mut(name) else { continue };
+            for row in drive[0]..drive[1] {
+                column[row] = column[(row + rows).min(last)];
+            }
+        }
+        let from = drive[1].saturating_sub(rows).max(drive[0]);
+        log.valid[from..drive[1]].fill(false);
+    }
+    let with = if others.is_empty() { String::new() } else { format!(", {} with it", others.join(" and ")) };
+    let words = format!("{first} comes {late:.3} s later than {by}: taken {rows} rows earlier{with}");
+    log.find(FindingSeverity::Warning, first, words);
+}
