@@ -12,27 +12,27 @@
 //!
 //! and to zero once a vehicle has left the path by a lane's width.
 
+mod acceleration;
+mod steering;
+
 use super::bank::{Bank, BankState, KnownActuator};
 use super::clarabel_solver::BuildError;
 use super::cost_term::CostTerm;
 use super::fading::Fading;
-use super::grip::{LEAST_SHARE, RoadAhead, beside};
 use super::guard::{Guard, GuardState, Judgement};
 use super::history::History;
 use super::lateral::{LateralError, LateralInput, LateralMpc};
-use super::longitudinal::{LongitudinalInput, LongitudinalMpc, LongitudinalState};
+use super::longitudinal::{LongitudinalMpc, LongitudinalState};
 use super::observer::{Observer, ObserverNoise};
-use super::parameters::{ControllerParametersFor, NominalVehicle, SpeedController, SpeedParameters};
+use super::parameters::{ControllerParametersFor, NominalVehicle, SpeedController};
 use super::preview::SpeedAhead;
-use super::speed::track_speed;
 use super::status::ControlStatus;
-use super::tracking_qp::{QpEnd, QpError, QpReport, TrackingQp};
+use super::tracking_qp::{QpError, QpReport, TrackingQp};
 use super::variant::PredictionModelFor;
 use super::vehicle::{ControlledParameters, ControlledVehicle};
 use crate::nominal::{ERRORS, ErrorState, LateralVehicle as _, body_change};
-use crate::numerics::Random;
 use crate::parameter::OutOfRange;
-use crate::path::{BRAKED_SHARE, DRIVEN_SHARE, Path, SpeedLimits, SpeedPlan};
+use crate::path::{Path, SpeedLimits, SpeedPlan};
 use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -151,10 +151,6 @@ pub struct ControllerState<const S: usize = ERRORS> {
     last: StepReport,
 }
 
-/// Steps for which a value of the dither is held: 40 ms at Ts = 0.02 s. Held for 0.1 s it does not excite the vehicle
-/// above 5 Hz. A model learned from it is wrong at the frequencies of a tight controller.
-const DITHER_HOLD: u64 = 2;
-
 /// Uncertainty of the actuator's delay at which the loop is half way from calm to tight, s: a tight loop stands it
 /// three times over.
 const SURE: f64 = 0.015;
@@ -173,20 +169,8 @@ const FAR_E2: f64 = 1.0;
 const APPROACH_TIME: f64 = 0.2;
 /// ... and at least this far away, m.
 const APPROACH_E1: f64 = 0.2;
-/// Speed at which a far vehicle comes back, m/s.
-const APPROACH_SPEED: f64 = 3.0;
 /// The path's end counts as reached this far before it, m; twice as far before it no longer.
 const END_DISTANCE: f64 = 0.5;
-/// Look-ahead of the trend of the lateral error, s.
-const TREND_TIME: f64 = 1.0;
-/// Time in which the speed comes back after the lateral error has taken it, s.
-const RECOVERY_TIME: f64 = 2.0;
-/// Least time to take up the steering's backlash, s, and share of the gap that is left of it: the plan moves by as much.
-const TAKE_UP_TIME: f64 = 0.1;
-const BACKLASH_SHARE: f64 = 0.25;
-/// Speed backwards, m/s, and time of it, s, after which a vehicle that is to drive has rolled back on a slope.
-const ROLLS_BACK: f64 = 0.1;
-const ROLL_BACK_TIME: f64 = 2.0;
 
 /// The controller of a car.
 pub type Controller = ControllerFor<NominalVehicle, ERRORS>;
@@ -433,114 +417,6 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
         }
     }
 
-    /// Tracks the speed plan. The speed falls if the vehicle is far from the path or leaves it. It falls to zero once
-    /// the vehicle has left it or is to stop.
-    fn command_speed(
-        &mut self,
-        speed: f64,
-        far: bool,
-        stops: bool,
-        elapsed: f64,
-        report: &mut StepReport,
-        begin: Instant,
-    ) {
-        let time_limit = self.time_left(begin);
-        let planned = self.plan.speed(report.station);
-        let limit = self.speed_limit(far, planned, elapsed, report);
-        let brakes = stops || self.state.speed_share < 1.0;
-        let road = RoadAhead::look(&self.path, report.station, speed, G::GRIP);
-        let RoadAhead { lateral, holding, .. } = road;
-        let (drives, stops_by) = (DRIVEN_SHARE * road.drives, BRAKED_SHARE * road.brakes);
-        let braking = (self.braking(lateral) - holding.min(0.0)).min(stops_by);
-        let integral = self.state.speed_integral;
-        let drives = drives.min(self.catching_up(lateral) + integral.max(0.0) + holding.max(0.0));
-        if let Some(longitudinal) = &mut self.longitudinal {
-            let step = longitudinal.step(&LongitudinalInput {
-                station: report.station,
-                speed,
-                plan: &self.plan,
-                path: &self.path,
-                speed_limit: limit,
-                time_limit,
-            });
-            (report.speed_ref, report.lag_error) = (step.speed_ref, step.lag_error);
-            report.accel_cmd = step.accel_cmd;
-        } else {
-            let p = &self.parameters;
-            let lag = p.longitudinal.drive_lag;
-            let (accel, ahead) = (self.plan.accel(report.station), report.station + lag * speed.max(0.0));
-            let mut target = (planned + lag * accel, self.plan.accel(ahead));
-            if planned > limit {
-                target = (limit, 0.0);
-            }
-            // The bounds are of the vehicle's acceleration, what holds it on its slope comes on top.
-            let bounded = SpeedParameters {
-                accel_cmd_max: p.speed.accel_cmd_max.min(drives - holding),
-                decel_cmd_max: p.speed.decel_cmd_max.min(stops_by + holding),
-                ..p.speed
-            };
-            let output = speed + lag * (self.state.drive - holding);
-            let command = track_speed(&bounded, target, output, self.state.speed_integral, p.mpc.sample_time);
-            self.state.speed_integral = command.integral;
-            (report.speed_ref, report.accel_cmd) = (planned.min(limit), command.accel_cmd + holding);
-        }
-        report.accel_cmd = report.accel_cmd.clamp(-stops_by, drives);
-        if stops {
-            (report.speed_ref, report.accel_cmd) = (0.0, -braking);
-            self.state.speed_integral = integral;
-        } else if brakes {
-            report.accel_cmd = report.accel_cmd.max(-braking);
-        }
-    }
-
-    /// Speed that the lateral error allows, m/s; infinite for any.
-    fn speed_limit(&mut self, far: bool, planned: f64, elapsed: f64, report: &StepReport) -> f64 {
-        let guard = &self.parameters.guard;
-        let state = &mut self.state;
-        state.on_path |= !far && report.e1.abs() < guard.slow_e1;
-        let guarded = guard.active != 0 && state.on_path;
-        if far {
-            return if guarded { 0.0 } else { APPROACH_SPEED };
-        }
-        let growth = report.e1.signum() * report.e1_rate;
-        let mut share = 1.0;
-        if guarded && report.e1.abs() > guard.slow_e1 && growth > 0.0 {
-            let ahead = report.e1.abs() + growth * TREND_TIME;
-            share = ((FAR_E1 - ahead) / (FAR_E1 - guard.slow_e1)).clamp(0.0, 1.0);
-        }
-        state.speed_share = share.min(state.speed_share + elapsed / RECOVERY_TIME);
-        if state.speed_share < 1.0 { planned * state.speed_share } else { f64::INFINITY }
-    }
-
-    /// True if the vehicle has rolled back for a while: its drive does not hold it on its slope. It is true until the host
-    /// moves the vehicle.
-    fn rolls_back(&mut self, speed: f64, elapsed: f64) -> bool {
-        let state = &mut self.state;
-        if state.rolled_back < ROLL_BACK_TIME {
-            state.rolled_back = if speed < -ROLLS_BACK { state.rolled_back + elapsed } else { 0.0 };
-        }
-        self.parameters.guard.active != 0 && state.rolled_back >= ROLL_BACK_TIME
-    }
-
-    /// Acceleration of a vehicle that is slower than its plan, m/s2: by the plan's friction ellipse, because a road that is more
-    /// slippery than it is told has no grip for both. Holding the speed against drag and slope comes on top.
-    fn catching_up(&self, lateral: f64) -> f64 {
-        let p = &self.parameters;
-        if p.guard.active == 0 {
-            return p.speed.accel_cmd_max;
-        }
-        let share = beside(lateral, p.speed.lateral_accel) / p.speed.lateral_accel;
-        p.speed.accel_cmd_max * share.max(LEAST_SHARE)
-    }
-
-    /// Deceleration of a stop, m/s2: the safe one, or the rest of the grip after steering along the road. Speed plan
-    /// and safe stop count on the same grip.
-    fn braking(&self, lateral: f64) -> f64 {
-        let p = &self.parameters.speed;
-        let grip = p.safe_decel.max(p.lateral_accel);
-        beside(lateral, grip).clamp(LEAST_SHARE * p.safe_decel, p.safe_decel)
-    }
-
     /// Seconds that are left to a solver in a step that began then.
     fn time_left(&self, begin: Instant) -> f64 {
         match self.parameters.mpc.deadline {
@@ -590,64 +466,6 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
         })
     }
 
-    /// The steering command: of the new plan, or else of the last one, or else held.
-    fn command_steering(
-        &mut self,
-        solved: Result<QpReport, QpError>,
-        previous: f64,
-        far: bool,
-        report: &mut StepReport,
-    ) {
-        match solved {
-            Ok(qp) => {
-                self.state.plan.copy_from_slice(self.lateral.plan());
-                self.state.plan_age = 0;
-                report.iterations = qp.iterations;
-                report.status = match qp.end {
-                    _ if far => ControlStatus::FarFromPath,
-                    QpEnd::Solved => ControlStatus::Optimal,
-                    QpEnd::ReducedAccuracy => ControlStatus::ReducedAccuracy,
-                };
-            }
-            Err(error) => {
-                self.state.plan_age += 1;
-                report.status = match error {
-                    QpError::TimeLimit { .. } => ControlStatus::DeadlineMissed,
-                    _ => ControlStatus::SolverFailed,
-                };
-            }
-        }
-        let planned = self.state.plan.get(self.state.plan_age).copied();
-        if planned.is_none() {
-            report.status = ControlStatus::SafeHold;
-            report.accel_cmd = -self.parameters.speed.safe_decel;
-        }
-        report.steer_cmd = planned.unwrap_or(previous);
-    }
-
-    /// A steering command within its bounds. The plan respects them to the solver's tolerance, the command does exactly; and
-    /// no measurement moves it faster than the lateral acceleration may change.
-    fn within_bounds(&self, steer: f64, previous: f64, speed: f64) -> f64 {
-        let p = &self.parameters.mpc;
-        let rate = p.steer_rate_at(speed, self.parameters.vehicle.nominal().wheelbase()) * p.sample_time;
-        steer.clamp(previous - rate, previous + rate).clamp(-p.steer_max, p.steer_max)
-    }
-
-    /// The command beyond the steering's known gap. The wheels follow on the side that the plan moves to: the command goes
-    /// over to it while the plan goes back by a share of the gap, so that noise does not chatter.
-    fn take_up_backlash(&mut self, steer: f64, previous: f64) -> f64 {
-        let p = &self.parameters;
-        let half = 0.5 * p.actuator.backlash;
-        if half == 0.0 {
-            return steer;
-        }
-        let most = 2.0 * half * (p.mpc.sample_time / TAKE_UP_TIME).min(1.0);
-        let towards = ((steer - previous) / BACKLASH_SHARE).clamp(-most, most);
-        let state = &mut self.state;
-        state.taken_up = (state.taken_up + towards).clamp(-half, half);
-        (steer + state.taken_up).clamp(-p.mpc.steer_max, p.mpc.steer_max)
-    }
-
     /// Status of the step, and the brakes at the road's end.
     fn name_status(&self, bridged: bool, stops: bool, rolled_back: bool, report: &mut StepReport) {
         use ControlStatus::{Bridged, FarFromPath, Finished, Optimal, ReducedAccuracy};
@@ -674,17 +492,6 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
     /// Share of the learned model that is used.
     fn residual_share(&self) -> f64 {
         if self.parameters.guard.active == 0 { 1.0 } else { self.state.fading.share() }
-    }
-
-    /// Random steering for collecting drives to learn from, rad; 0 unless asked for.
-    fn dither(&self) -> f64 {
-        let p = &self.parameters.mpc;
-        if p.dither == 0.0 {
-            return 0.0;
-        }
-        let draw = self.state.steps / DITHER_HOLD;
-        let mut random = Random::new(draw.wrapping_mul(1 << 20).wrapping_add(p.dither_seed as u64));
-        p.dither * (2.0 * random.uniform() - 1.0)
     }
 
     /// Projects the vehicle onto the path and keeps count of the way.

@@ -26,6 +26,7 @@
 //! | `guard.rs` | plausibility of measurements, and their replacement |
 //! | `fading.rs` | comparison of a learned model with the nominal one |
 //! | `controller.rs` | one step from measurement to commands; fallback |
+//! | `controller/` | its acceleration and its steering command |
 //! | `vehicle.rs` | differences between kinds of vehicles |
 //! | `truck.rs` | the truck's part, and its defaults |
 //! | `margins.rs` | stability margins of the loop: gain, phase and delay |

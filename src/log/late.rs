@@ -24,22 +24,51 @@ const SURE: f64 = 4.0;
 /// later yaw rate was smoothed alone.
 const LONGEST_LOW_PASS: f64 = 0.06;
 
+/// Rounds of measuring a lateness and taking it out: what is linear in it is exact for a little of it only.
+const ROUNDS: usize = 3;
+
 /// Takes late columns earlier.
 pub(super) fn mend(log: &mut CleanLog) {
-    if let Some((rows, late)) = rows_late(log, kinematics::yaw_rate_late(log)) {
-        if late > LONGEST_LOW_PASS {
-            earlier(log, &["yaw_rate"], rows, late, "yaw says");
-        } else if late > 0.0 {
-            earlier(log, &["yaw_rate", "ay", "ax"], rows, late, "yaw says");
-        } else {
-            earlier(log, &["yaw"], rows, -late, "yaw_rate says");
+    let yaw_rate = |late: f64| -> &'static [&'static str] {
+        match late {
+            late if late > LONGEST_LOW_PASS => &["yaw_rate"],
+            late if late > 0.0 => &["yaw_rate", "ay", "ax"],
+            _ => &["yaw"],
         }
+    };
+    mend_one(log, kinematics::yaw_rate_late, yaw_rate, ["yaw says", "yaw_rate says"]);
+    let place = |late: f64| -> &'static [&'static str] { if late > 0.0 { &["x", "y"] } else { &[] } };
+    mend_one(log, kinematics::place_late, place, ["vx and yaw say", ""]);
+}
+
+/// Takes the later side of one relation earlier. `columns` are those of a lateness, negative where the other side is late;
+/// `by` says against what each is late.
+fn mend_one(
+    log: &mut CleanLog,
+    measured: impl Fn(&CleanLog) -> Option<(f64, f64)>,
+    columns: impl Fn(f64) -> &'static [&'static str],
+    by: [&str; 2],
+) {
+    let Some((first, late)) = rows_late(log, measured(log)) else { return };
+    let names = columns(late);
+    if names.is_empty() {
+        return;
     }
-    if let Some((rows, late)) = rows_late(log, kinematics::place_late(log))
-        && late > 0.0
-    {
-        earlier(log, &["x", "y"], rows, late, "vx and yaw say");
+    earlier(log, names, first);
+    let (mut rows, mut total) = (first, late);
+    for _ in 1..ROUNDS {
+        let more = rows_late(log, measured(log)).filter(|(_, more)| more.signum() == late.signum());
+        let Some((few, more)) = more else { break };
+        earlier(log, names, few);
+        (rows, total) = (rows + few, total + more);
     }
+    let there: Vec<&str> = names.iter().copied().filter(|name| log.columns.contains_key(name)).collect();
+    let Some((first, others)) = there.split_first() else { return };
+    let with = if others.is_empty() { String::new() } else { format!(", {} with it", others.join(" and ")) };
+    let against = if late > 0.0 { by[0] } else { by[1] };
+    let words =
+        format!("{first} comes {:.3} s later than {against}: taken {rows} rows earlier{with}", total.abs());
+    log.find(FindingSeverity::Warning, first, words);
 }
 
 /// Whole rows of a lateness that is sure, and the lateness, s.
@@ -50,15 +79,13 @@ fn rows_late(log: &CleanLog, told: Option<(f64, f64)>) -> Option<(usize, f64)> {
 }
 
 /// Takes columns earlier by rows; the last rows of each drive do not count then.
-fn earlier(log: &mut CleanLog, names: &[&'static str], rows: usize, late: f64, by: &str) {
-    let there: Vec<&str> = names.iter().copied().filter(|name| log.columns.contains_key(name)).collect();
-    let Some((first, others)) = there.split_first() else { return };
+fn earlier(log: &mut CleanLog, names: &[&'static str], rows: usize) {
     let mut starts: Vec<usize> = vec![0];
     starts.extend((1..log.time.len()).filter(|&row| log.time[row] - log.time[row - 1] > 0.9 * JUMP));
     starts.push(log.time.len());
     for drive in starts.windows(2) {
         let last = drive[1].saturating_sub(1);
-        for name in &there {
+        for name in names {
             let Some(column) = log.columns.get_mut(name) else { continue };
             for row in drive[0]..drive[1] {
                 column[row] = column[(row + rows).min(last)];
@@ -67,7 +94,4 @@ fn earlier(log: &mut CleanLog, names: &[&'static str], rows: usize, late: f64, b
         let from = drive[1].saturating_sub(rows).max(drive[0]);
         log.valid[from..drive[1]].fill(false);
     }
-    let with = if others.is_empty() { String::new() } else { format!(", {} with it", others.join(" and ")) };
-    let words = format!("{first} comes {late:.3} s later than {by}: taken {rows} rows earlier{with}");
-    log.find(FindingSeverity::Warning, first, words);
 }
