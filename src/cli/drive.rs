@@ -252,25 +252,23 @@ impl Initial {
     /// Names of the numbers, as the FMUs have them.
     const NAMES: [&str; 4] = ["initial.x", "initial.y", "initial.yaw", "initial.vx"];
 
-    /// True of a setting of one of them.
-    fn is_meant(text: &str, kind: &str) -> bool {
-        setting(text).is_ok_and(|(name, _)| Self::place(name.trim_start_matches(kind)).is_some())
-    }
-
-    fn place(name: &str) -> Option<usize> {
-        Self::NAMES.iter().position(|known| *known == name.trim_start_matches('.'))
-    }
-
-    fn read(settings: &[String]) -> Result<Self, Box<dyn Error>> {
+    /// Takes its settings out of all; `kind` is the word for the vehicle that may stand before a name.
+    fn take(settings: &mut Vec<String>, kind: &str) -> Result<Self, Box<dyn Error>> {
         let mut all = Self([None; 4]);
-        for text in settings {
-            let (name, value) = setting(text)?;
-            let value = number(text, None, value)?;
+        for text in std::mem::take(settings) {
+            let named = setting(&text).ok().and_then(|(name, value)| {
+                let own = name.strip_prefix(kind).and_then(|rest| rest.strip_prefix('.')).unwrap_or(name);
+                Some((Self::NAMES.iter().position(|known| *known == own)?, value))
+            });
+            let Some((place, value)) = named else {
+                settings.push(text);
+                continue;
+            };
+            let value = number(&text, None, value)?;
             if !value.is_finite() {
                 return Err(format!("--set {text}: a finite number is needed").into());
             }
-            let place = Self::NAMES.iter().position(|known| name.ends_with(known));
-            all.0[place.unwrap_or_default()] = Some(value);
+            all.0[place] = Some(value);
         }
         Ok(all)
     }
@@ -464,11 +462,10 @@ fn warn_of_long_steps(step: f64, sample_time: f64, model: &ModelArgs) {
 fn drive<P: Commanded<S, C>, const S: usize, const C: usize>(
     args: &DriveArgs,
 ) -> Result<DriveResult, Box<dyn Error>> {
-    let (initial, settings): (Vec<String>, Vec<String>) =
-        args.settings.iter().cloned().partition(|text| Initial::is_meant(text, P::KIND));
-    let args = &DriveArgs { settings, ..args.clone() };
+    let mut args = args.clone();
+    let initial = Initial::take(&mut args.settings, P::KIND)?;
+    let args = &args;
     let (setup, variant, model) = set_up::<P, S, C>(args)?;
-    let initial = Initial::read(&initial)?;
     let sample_time = setup.controller.mpc.sample_time;
     let bar = progress_bar("driving", setup.path.length(), args.quiet);
     let limits = LaneLimits { lateral_error: args.lane, ..LaneLimits::default() };

@@ -242,7 +242,7 @@ impl LongitudinalMpc {
         }
         let slope = holding(input.path, input.station);
         let start = Vector3::new(lag_error, input.speed, self.state.drive - slope);
-        let next = self.predict(input, reference, &start);
+        let next = self.predict(input, reference, &start, slope);
         let shape = &self.problem.shape;
         let (low, high, rate) = (shape.input_min[0], shape.input_max[0], shape.rate_max[0]);
         let previous = (self.state.accel_cmd - slope).clamp(low, high);
@@ -305,8 +305,8 @@ impl LongitudinalMpc {
         input: &LongitudinalInput<'_>,
         reference: ReferencePoint,
         start: &Vector3<f64>,
+        slope: f64,
     ) -> ReferencePoint {
-        let slope = holding(input.path, input.station);
         let observed = self.state.disturbance;
         let lag_error = start[0];
         let first = reference.next(input, self.reference_accel, self.sample_time);

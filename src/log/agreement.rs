@@ -62,6 +62,12 @@ pub(super) fn way_factor(time: &[f64], [x, y, vx]: [&[f64]; 3]) -> Option<f64> {
     median((apart..time.len()).step_by(1 + apart / 4).filter_map(|to| factor(to - apart, to)).collect())
 }
 
+/// [`way_factor`] of a log that has its columns.
+fn way(log: &CleanLog) -> Option<f64> {
+    let [x, y, vx] = ["x", "y", "vx"].map(|name| log.columns.get(name));
+    way_factor(&log.time, [x?, y?, vx?])
+}
+
 /// True if yaw rate must be in degrees per second: as radians the vehicle would turn impossibly fast.
 pub(super) fn impossible_yaw_rate(vx: &[f64], yaw_rate: &[f64]) -> bool {
     let lateral = vx.iter().zip(yaw_rate).map(|(v, rate)| (v * rate).abs()).collect();
@@ -93,10 +99,7 @@ fn blocks<'a>(log: &'a CleanLog, column: &'a [f64]) -> impl Iterator<Item = f64>
 
 /// Converts columns in foreign units, by their relations to others. To be called before all else.
 pub(super) fn mend_units(log: &mut CleanLog, factors: &mut Factors) {
-    let way = match (log.columns.get("x"), log.columns.get("y"), log.columns.get("vx")) {
-        (Some(x), Some(y), Some(vx)) => way_factor(&log.time, [x, y, vx]),
-        _ => None,
-    };
+    let way = way(log);
     let lateral = lateral(log);
     let shown = Shown {
         way,
@@ -696,13 +699,10 @@ const ALIKE: f64 = 0.5;
 /// Words on a clock that runs at a wrong rate: one factor is missing wherever a change in time is compared with a rate. A
 /// sensor's scale is in one relation only.
 fn motion_of_clock(log: &CleanLog, turn: Option<f64>, along: Option<Told>) -> Option<String> {
-    let way = match (log.columns.get("x"), log.columns.get("y"), log.columns.get("vx")) {
-        (Some(x), Some(y), Some(vx)) => way_factor(&log.time, [x, y, vx]),
-        _ => None,
-    };
     // An acceleration is a rate; the change of vx is divided by the clock's time.
     let along = along.map(|(_, factor)| 1.0 / factor);
-    let told = [(way, "x and y move", "vx"), (turn, "yaw turns", "yaw_rate"), (along, "vx changes", "ax")];
+    let told =
+        [(way(log), "x and y move", "vx"), (turn, "yaw turns", "yaw_rate"), (along, "vx changes", "ax")];
     let told: Vec<(f64, &str, &str)> =
         told.into_iter().filter_map(|(factor, what, by)| Some((factor?, what, by))).collect();
     let off = |factor: f64| (factor.max(1e-9)).ln();
