@@ -1,8 +1,8 @@
-"""CommonRoad's multi-body car in real time steps: a vehicle that others wrote, to be driven by our controller.
+"""CommonRoad's multi-body cars in real time steps: vehicles that others wrote, to be driven by our controller.
 
-The BMW 320i of PyPI `commonroad-vehicle-models` (M. Althoff and G. Wuersching, "CommonRoad: Vehicle Models", 2020):
-29 states, four wheels, suspension, Magic Formula tyres. Its inputs are a steering VELOCITY and an acceleration; between
-the controller's command and its front wheels stands a steering actuator,
+The cars of PyPI `commonroad-vehicle-models` (M. Althoff and G. Wuersching, "CommonRoad: Vehicle Models", 2020), the
+BMW 320i if not said: 29 states, four wheels, suspension, Magic Formula tyres. Their inputs are a steering VELOCITY and
+an acceleration; between the controller's command and the front wheels stands a steering actuator,
 
     steer' = (steer_cmd(t - delay) - steer) / lag,     |steer'| <= 0.4 rad/s (the car's own limit),
 
@@ -24,7 +24,8 @@ from vehiclemodels.init_mb import init_mb
 from vehiclemodels.vehicle_dynamics_mb import vehicle_dynamics_mb
 from vehiclemodels.vehicle_parameters import setup_vehicle_parameters
 
-BMW_320I = 2  # number of the parameter set
+# Numbers of the parameter sets, by the names of our vehicle files.
+CARS = {"ford_escort": 1, "bmw_320i": 2, "vw_vanagon": 3}
 SHORTEST, LONGEST = 1e-3, 4e-3  # s, steps of the integration
 STIFFNESS = 4000.0  # m/s2, decay rate of a wheel's spin times speed
 STABLE = 2.0  # product of step and decay rate that is well within stability
@@ -44,8 +45,8 @@ class Actuator:
 class MultiBodyCar:
     """The car on its wheels, at speed on a flat road."""
 
-    def __init__(self, actuator: Actuator, x: float, y: float, yaw: float, speed: float) -> None:
-        self.parameters = setup_vehicle_parameters(BMW_320I)
+    def __init__(self, actuator: Actuator, x: float, y: float, yaw: float, speed: float, car: str = "bmw_320i") -> None:
+        self.parameters = setup_vehicle_parameters(CARS[car])
         self.actuator = actuator
         self.state = init_mb([x, y, 0.0, speed, yaw, 0.0, 0.0], self.parameters)
         self._waiting = deque([0.0] * actuator.delay)

@@ -1,4 +1,4 @@
-//! How robust the default controller is: `robustness matrix|ladder|margins|faults|plants [OPTIONS]`, see `--help`.
+//! How robust the default controller is: `robustness matrix|ladder|margins|faults [OPTIONS]`, see `--help`.
 //!
 //! Each part writes one JSON file, the same on every run and any number of threads. `scripts/reproduce robustness` runs all
 //! and writes `docs/results/robustness.md`. Files of `../shared` that are not there are left out, and named.
@@ -7,7 +7,6 @@ mod faults;
 mod ladder;
 mod margins;
 mod matrix;
-mod plants;
 
 use clap::Parser;
 use rfl_mpc::numerics::parallel;
@@ -16,14 +15,14 @@ use std::error::Error;
 use std::path::{Path as File, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Examines the default controller: a matrix of drives, what knowing more gives, margins, faults, foreign plants.
+/// Examines the default controller: a matrix of drives, what knowing more gives, margins, faults.
 #[derive(Debug, Parser)]
 #[command(after_help = "Examples:
   robustness matrix --out out/robustness           all drives of the matrix
   robustness matrix --only car-017                 one drive of it again, its log beside the results
   robustness faults --quick                        a few stations only")]
 struct Arguments {
-    /// matrix, ladder, margins, faults or plants
+    /// matrix, ladder, margins or faults
     part: String,
     /// Folder for the results
     #[arg(long, default_value = "out/robustness")]
@@ -47,8 +46,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         "ladder" => ladder::run(&arguments)?,
         "margins" => margins::run(&arguments)?,
         "faults" => faults::run(&arguments)?,
-        "plants" => plants::run(&arguments)?,
-        other => return Err(format!("'{other}': write matrix, ladder, margins, faults or plants").into()),
+        other => return Err(format!("'{other}': write matrix, ladder, margins or faults").into()),
     };
     if arguments.only.is_none() {
         let file = arguments.out.join(format!("{}.json", arguments.part));
