@@ -55,8 +55,7 @@ fn process() -> Arc<GpModel> {
         ];
         log.columns_mut().into_iter().zip(row).for_each(|(column, value)| column.push(value));
     }
-    let data = DataSet::new(&[log], &vehicle, DataConfig { sample_time: 0.02, min_model_speed: 1.5 })
-        .expect("a sound drive");
+    let data = DataSet::new(&[log], &vehicle, DataConfig::default()).expect("a sound drive");
     let config = GpConfig { candidates: 2000, hyperparameter_samples: 250, starts: 1, ..GpConfig::default() };
     let model = train(&data, None, &config, &|_| ()).expect("a sound drive").model;
     println!("process with {:?} points", model.schema().outputs.iter().map(|o| o.points).collect::<Vec<_>>());

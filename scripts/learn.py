@@ -33,6 +33,7 @@ import math
 import subprocess
 import sys
 import time
+from collections import Counter
 from collections.abc import Iterable
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -40,9 +41,9 @@ from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from closed_loop import FMUS, KINDS, kind_of, known
+from closed_loop import FMUS, KINDS, Drive, kind_of, known
 from outcome import COMPLETED, TIMED_OUT, tracking, write_whole
-from plant import FmuPlant, PythonPlant, controller_for, drive, plant_of, plot_errors
+from plant import AGAINST, FmuPlant, PythonPlant, controller_for, drive, plant_of, plot_errors
 
 ROOT = Path(__file__).resolve().parent.parent
 ROADS = {"car": ("sudoku_train", "sudoku_test"), "truck": ("truck_train", "truck_test")}  # to learn on, to prove on
@@ -56,8 +57,12 @@ SLOWER = {"speed.limit": 0.7, "speed.lateral_accel": 0.5}
 LEVELS = 4
 # Seconds by which the sum of dead time and lag has to differ from what a lost drive began with, to try it again.
 NEWS = 0.02
+# Deviation of a steering's gain from 1, and of its offset from 0 in rad, that counts as none: those of `rfl identify`.
+NO_GAIN, NO_OFFSET = 0.01, 5e-4
 # A more complicated controller has to cut the mean error by this share to be called better.
 LEAST_GAIN = 0.02
+# Lateral error in m by which a largest error is larger than another.
+WIDER = 0.005
 MODEL = "model.rflm"
 MODELS = ("linear", "rt", "rf", "rtl", "rfl", "rfl_s")  # kinds that rfl train proves
 
@@ -93,6 +98,8 @@ class Figures:
     steer: bool  # whether the angle was measured
     departed: float | None  # s, when it left its lane
     fault: str | None  # what failed in the plant
+    statuses: str = ""  # those beside `optimal`, with their times
+    against: bool = False  # a trailer leads its tractor into turns
 
     @property
     def completed(self) -> bool:
@@ -104,12 +111,12 @@ class Figures:
             return f"{self.duration:.0f} s; {self.outcome}: {self.reason}"
         return (
             f"{self.duration:.0f} s, lateral error mean {1e3 * self.mean:.2f} mm, max {1e3 * self.max:.1f} mm; "
-            f"{self.outcome}"
+            f"{self.outcome}{f'; {self.statuses}' if self.statuses else ''}"
         )
 
     def json(self) -> dict:
         """For learn.json."""
-        names = ("outcome", "reason", "duration", "mean", "rms", "max")
+        names = ("outcome", "reason", "duration", "mean", "rms", "max", "statuses")
         return {name: getattr(self, name) for name in names} | {"log": str(self.log)}
 
 
@@ -130,6 +137,17 @@ def make(job: Job) -> Figures:
         "steer" in columns,
         result.ending.departure and result.ending.departure.time,
         str(result.fault) if result.fault else None,
+        unusual(result),
+        any(AGAINST in message for message in result.messages),
+    )
+
+
+def unusual(result: Drive) -> str:
+    """Statuses of a drive beside `optimal`, and how long each lasted: `slowed for 0.9 s`."""
+    words = result.words.get("status", {})
+    rows = Counter(words.get(int(status), "unknown") for status in result.columns.get("status", ()))
+    return ", ".join(
+        f"{word} for {count * result.step:.1f} s" for word, count in rows.items() if word not in ("optimal", "finished")
     )
 
 
@@ -196,6 +214,8 @@ class Ladder:
             self.report.setdefault("drive", []).append(result.json() | {"settings": self.steering | speed})
             if result.fault:
                 raise Failure(f"{result.fault}; the drive until then: {result.log}")
+            if result.against:
+                print(f"  {AGAINST}")
             if result.completed:
                 return level, result
             if result.outcome == TIMED_OUT:
@@ -238,8 +258,11 @@ class Ladder:
         if not found["delay"]["excited"]:
             print(f"2 identify: the drive does not show the steering ({numbers}); {kept}")
             return
-        self.steering = {"actuator.dead_time": dead_time, "actuator.time_constant": lag}
+        # To a tenth of a millisecond, as `rfl identify` writes them.
+        self.steering = {"actuator.dead_time": round(dead_time, 4), "actuator.time_constant": round(lag, 4)}
         print(f"2 identify: {numbers}, by {'the angle' if drive.steer else 'the yaw rate'}")
+        for line in stands_otherwise(found, drive.steer):
+            print(f"  {line}")
 
     def collect(self, level: int, roads: list[tuple[str, Path]]) -> list[Path]:
         """Drives to learn from, calm and with dither; one that is lost is tried slower once. Gives their logs."""
@@ -368,6 +391,10 @@ class Ladder:
             )
         if best == "default":
             print("nothing beats the default controller: use it as it is")
+        worst = max(drives[best], key=lambda drive: drive.max)
+        print(f"{best}: lateral error up to {1e3 * worst.max:.0f} mm ({worst.log.name})")
+        if wider := [d.log.name for d, base in zip(drives[best], drives["default"]) if d.max > base.max + WIDER]:
+            print(f"its mean error is less than the default controller's, its largest is more in {', '.join(wider)}")
         if self.steering:
             write_whole(
                 self.out / "controller.toml", controller_file(self.kind_of_vehicle, self.vehicle, self.steering)
@@ -474,6 +501,26 @@ class Ladder:
             ]
             panels.append((name, lines))
         plot_errors(panels, self.out / "lateral_error.png")
+
+
+def stands_otherwise(found: dict, by_angle: bool) -> list[str]:
+    """Gain and offset of the steering, in words, where they are not 1 and 0; the controller is not given them."""
+    said = []
+    gain, offset = found["gain"], found["offset"]
+    if by_angle and gain["excited"] and abs(gain["value"] - 1.0) > NO_GAIN and not gain["low"] <= 1.0 <= gain["high"]:
+        said.append(
+            f"the measured angle is {gain['value']:.3f} times the command ({gain['low']:.3f} to {gain['high']:.3f}): "
+            f"if the wheels turn so, too, say it to the controller, --set actuator.gain={gain['value']:.3f}"
+        )
+    if offset["excited"] and abs(offset["value"]) > NO_OFFSET and not offset["low"] <= 0.0 <= offset["high"]:
+        degrees = math.degrees(offset["value"])
+        side = "left" if degrees > 0.0 else "right"
+        said.append(
+            f"{'the measured angle' if by_angle else 'the steering'} stands {abs(degrees):.2f} degrees to the {side} "
+            "without a command: if the wheels do, too, say it to the controller, "
+            f"--set actuator.offset={offset['value']:.4f}"
+        )
+    return said
 
 
 def better(rows: dict[str, list[Figures]]) -> str:

@@ -5,8 +5,9 @@ A plant in Python is a class or a function, `Name(x, y, yaw, speed)`: a vehicle 
     outputs() -> dict                       what is measured now: x, y, yaw, vx, vy, yaw_rate; steer if it is measured
     step(steer_cmd, accel_cmd, seconds)     drives on under commands that hold so long
 
-SI units, radians, ISO 8855 (x forward, y left, yaw and steering positive to the left). A truck has `articulation` and
-`articulation_rate`, too. A plant that cannot be driven on (it spins, it rolled over) raises `Lost`.
+SI units, radians, ISO 8855 (x forward, y left, yaw and steering positive to the left). A truck has `articulation`, the
+tractor's yaw less the trailer's, and `articulation_rate`, too. A plant that cannot be driven on (it spins, it rolled
+over) raises `Lost`.
 
 An FMU has variables of the same names, or names them by a mapping, and may have the parameters `initial.x`,
 `initial.y`, `initial.yaw` and `initial.vx`.
@@ -36,6 +37,8 @@ OUTSIDE = "residual.outside"  # share of the horizon where the model was asked o
 POSE = ("x", "y", "yaw")
 NOT_NEEDED = {"steer"}  # the controller does without: the yaw rate shows the actuator, too
 ASTRAY = 5.0  # m of lateral error: the vehicle is not on its road any more
+AGAINST = "the articulation is negative in left turns; give the tractor's yaw less the trailer's"
+TURNING = 0.02  # rad/s: slower, a truck does not turn
 WALKING = 1.0  # m/s: who takes more than twice the time for the road is given up
 
 
@@ -148,6 +151,8 @@ def drive(
                 outcome, reason = LOST, str(error)
                 break
         messages = [f"controller: {text}" for status, _, text in controller.messages if status > 0]
+    if "articulation" in plant.measured and turns_against(dict(zip(names, np.array(rows).T))):
+        messages.append(f"{plant.name}: {AGAINST}")
     if reason is None:
         reason = f"the time for the road was over after {referee.driven:.0f} of {length:.0f} m"
     ending = referee.ending(outcome, reason)
@@ -156,6 +161,15 @@ def drive(
     columns = dict(zip(names, np.array(rows).reshape(len(rows), len(names)).T))
     wall = time.perf_counter() - begin
     return PlantDrive(columns, step, wall, ending.outcome == COMPLETED, messages, ending, words, fault)
+
+
+def turns_against(columns: dict[str, np.ndarray]) -> bool:
+    """Whether a trailer seems to lead its tractor into the turn: the sign of the articulation is the other one."""
+    if not len(columns):
+        return False
+    turn, angle = columns["yaw_rate"], columns["articulation"]
+    size = float(np.linalg.norm(turn) * np.linalg.norm(angle))
+    return bool(size > 0.0 and float(turn @ angle) < -0.5 * size and np.abs(turn).max() > TURNING)
 
 
 class _Watched:

@@ -78,7 +78,7 @@ fn collected() -> DataSet<Articulated, TRUCK_STATES> {
     let controller = TruckController::new(parameters, path).unwrap();
     let mut closed = TruckClosedLoop::at_start(controller, &truck, &TruckEffects::default(), 0.02).unwrap();
     let log = closed.drive(30.0, |_| ()).unwrap().to_learn_from();
-    DataSet::new(&[log], &parameters.vehicle.articulated(), parameters.mpc.data_config()).unwrap()
+    DataSet::new(&[log], &parameters.vehicle.articulated(), parameters.data_config()).unwrap()
 }
 
 fn residual(data: &DataSet<Articulated, TRUCK_STATES>) -> Residual<Articulated, TRUCK_STATES> {

@@ -153,3 +153,30 @@ fn a_straight_drive_shows_no_steering_and_is_driven_whole() {
     let (_, said) = drive(folder.path(), &["--path", &path]);
     assert!(said.contains("steering as driven"), "{said}");
 }
+
+#[test]
+fn a_told_ratio_and_offset_of_the_steering_are_counted_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = road(folder.path(), "road.csv", "speed", |_| "15".to_owned());
+    for (vehicle, kind, gain, offset) in
+        [("c_class", "car", "0.85", "0.012"), ("truck_simulation", "truck", "1.2", "-0.006")]
+    {
+        let plant = [format!("{kind}.steering.gain={gain}"), format!("{kind}.steering.offset={offset}")];
+        let told = [format!("actuator.gain={gain}"), format!("actuator.offset={offset}")];
+        // The mean error behind the start, at which the wheels stand at the offset.
+        let drives = |settings: &[String]| {
+            let settings: Vec<&str> = settings.iter().flat_map(|setting| ["--set", setting]).collect();
+            let options = [&["--path", &path, "--vehicle", vehicle][..], &settings].concat();
+            let (json, said) = drive(folder.path(), &options);
+            assert_eq!(json["outcome"], "completed", "{said}");
+            let [time, e1] = ["time", "e1"].map(|name| column(folder.path(), name));
+            let late: Vec<f64> =
+                time.iter().zip(&e1).filter(|(time, _)| **time > 20.0).map(|(_, e1)| e1.abs()).collect();
+            late.iter().sum::<f64>() / late.len() as f64
+        };
+        let (sound, untold) = (drives(&[]), drives(&plant));
+        let told = drives(&[plant, told].concat());
+        assert!(untold > 2.0 * sound, "{vehicle}: {untold} m untold, {sound} m without");
+        assert!(told < 1.1 * sound + 1e-4, "{vehicle}: {told} m told, {sound} m without");
+    }
+}

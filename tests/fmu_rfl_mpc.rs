@@ -444,10 +444,10 @@ fn processes(folder: &Path) -> [PathBuf; 2] {
     let mut closed = TruckClosedLoop::at_start(controller, &file, &TruckEffects::default(), 0.02).unwrap();
     let log = closed.drive(30.0, |_| ()).unwrap().to_learn_from();
     let nominal = parameters.vehicle.articulated();
-    let data = DataSet::new(std::slice::from_ref(&log), &nominal, parameters.mpc.data_config()).unwrap();
+    let data = DataSet::new(std::slice::from_ref(&log), &nominal, parameters.data_config()).unwrap();
     train(&data, None, &config, &|_| ()).unwrap().model.write(&truck).unwrap();
     let nominal = rfl_mpc::vehicle::builtin("c_class").unwrap().single_track();
-    let data = DataSet::new(&[log], &nominal, parameters.mpc.data_config()).unwrap();
+    let data = DataSet::new(&[log], &nominal, parameters.data_config()).unwrap();
     train(&data, None, &config, &|_| ()).unwrap().model.write(&car).unwrap();
     [truck, car]
 }

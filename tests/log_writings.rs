@@ -165,8 +165,8 @@ fn words_for_a_missing_value_are_gaps_and_other_words_are_not() {
         let error = read(text(word).as_bytes()).unwrap_err().to_string();
         assert!(error.contains("line 2, column yaw_rate") && error.contains(word), "{error}");
     }
-    let footer = written(&NAMES, ",", "\n", plain) + "Average,0.0,12.0,0.0\n";
-    assert!(read(footer.as_bytes()).unwrap_err().to_string().contains("line 42, column time: 'Average'"));
+    let amid = written(&NAMES, ",", "\n", plain) + "Average,0.0,12.0,0.0\n25,0,1,0\n";
+    assert!(read(amid.as_bytes()).unwrap_err().to_string().contains("line 42, column time: 'Average'"));
 }
 
 #[test]
@@ -202,5 +202,38 @@ fn words_of_other_tools_for_no_value_are_missing_values() {
     for word in ["-nan(ind)", "1.#INF", "SNA", "<NA>", "#DIV/0!"] {
         let log = read(format!("time,vx\n0,{word}\n0.02,3\n").as_bytes()).unwrap();
         assert!(log.column("vx").unwrap()[0].is_nan(), "{word}");
+    }
+}
+
+#[test]
+fn a_cut_off_last_line_and_a_summary_are_left_out_and_said() {
+    let whole = written(&NAMES, ",", "\n", plain);
+    let last = whole.trim_end().rfind('\n').unwrap() + 1;
+    let all_but_one: Vec<usize> =
+        columns(&read(whole.as_bytes()).unwrap()).iter().map(|(_, v)| v.len() - 1).collect();
+    for cut in [last + 3, last + 14, whole.len() - 12] {
+        let log = read(&whole.as_bytes()[..cut]).unwrap();
+        assert_eq!(columns(&log).iter().map(|(_, values)| values.len()).collect::<Vec<_>>(), all_but_one);
+        assert!(
+            log.notes.iter().any(|note| note.contains("1 line(s) at the end") && note.contains("line 41"))
+        );
+    }
+    for (end, lines) in
+        [("END\n", 1), ("\nRows: 40\n", 1), ("mean,1,2,3\nmax,1,2,3\nmin,1,2,3\n", 3), ("Total,,,", 1)]
+    {
+        let log = assert_same(end, format!("{whole}{end}").as_bytes());
+        assert!(
+            log.notes.iter().any(|note| note.contains(&format!("{lines} line(s) at the end"))),
+            "{:?}",
+            log.notes
+        );
+    }
+    // More than a few, or rows behind them: no end of a log.
+    for end in ["a\nb\nc\nd\n", "END\n16,0,1,0\n", "1,2\n16,0,1,0\n17,0,1,0\n"] {
+        let error = read(format!("{whole}{end}").as_bytes()).unwrap_err();
+        assert!(
+            matches!(error, LogError::RowLength { line: 42, .. } | LogError::NotANumber { line: 42, .. }),
+            "{error}"
+        );
     }
 }

@@ -97,6 +97,7 @@ mod path_reader;
 mod path_shape;
 mod path_smoothing;
 mod path_speed;
+mod path_straights;
 mod qp_active_set;
 mod qp_solution;
 mod residual_allocations;

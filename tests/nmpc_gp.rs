@@ -50,7 +50,8 @@ fn process() -> Arc<GpModel> {
         .clone()
 }
 
-const CONFIG: DataConfig = DataConfig { sample_time: 0.02, min_model_speed: 1.5 };
+const CONFIG: DataConfig =
+    DataConfig { sample_time: 0.02, min_model_speed: 1.5, steer_gain: 1.0, steer_offset: 0.0 };
 
 fn config() -> GpConfig {
     GpConfig { points: 150, hyperparameter_samples: 200, candidates: 1500, starts: 2, ..GpConfig::default() }

@@ -169,10 +169,13 @@ fn a_file_that_is_no_text_is_refused() {
 
 #[test]
 fn a_gap_is_found() {
-    let rows: String = (0..100).filter(|i| !(40..80).contains(i)).map(|i| format!("{i},0\n")).collect();
+    // In a bend of 100 m radius.
+    let at = |i: u32| (f64::from(i) * 0.01).sin_cos();
+    let row = |i: u32| format!("{},{}\n", 100.0 * at(i).0, 100.0 - 100.0 * at(i).1);
+    let rows: String = (0..100).filter(|i| !(40..80).contains(i)).map(row).collect();
     let (error, message) = refuse(&format!("x,y\n{rows}"));
     assert!(matches!(error, PathError::Gap { .. }));
-    has(&message, &["line 42", "41.0 m", "1.00 m", "fill the gap"]);
+    has(&message, &["line 42", "40.7 m", "1.00 m", "fill the gap"]);
     // Uneven spacing of 0.1 m to 20 m is none.
     let rows: String =
         [0.0, 0.1, 0.2, 0.3, 0.4, 20.0, 40.0, 40.1, 40.2].iter().map(|x| format!("{x},0\n")).collect();

@@ -312,6 +312,13 @@ fn units_and_clocks_are_mended_and_said() {
         (log().map("time", |_, t| 1e3 * t), "milliseconds"),
         (log().rows(|rows| [&rows[..], &rows].concat()), "2 drives"),
         (log().set("yaw_rate", 700..701, "7"), "yaw_rate = 7.0000 in row 701"),
+        (
+            log().rows(|mut rows| {
+                rows.last_mut().unwrap().truncate(3);
+                rows
+            }),
+            "1 line(s) at the end left out",
+        ),
     ] {
         let said = done(&train(folder.path(), &table, &[]));
         assert!(said.contains(words), "no `{words}`: {said}");
@@ -338,12 +345,12 @@ fn bad_logs_are_refused_with_the_reason() {
         ("no speed", log().without(&["vx"]), &["'vx' is missing"]),
         ("no steering angle", log().without(&["steer", "steer_cmd"]), &["'steer_cmd' is missing"]),
         (
-            "cut in mid-row",
+            "a row cut short",
             log().rows(|mut rows| {
-                rows.last_mut().unwrap().truncate(3);
+                rows[700].truncate(3);
                 rows
             }),
-            &["log.csv", "same number of columns"],
+            &["log.csv, line 702", "same number of columns"],
         ),
     ];
     for (case, table, words) in cases {

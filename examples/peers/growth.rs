@@ -25,7 +25,7 @@ fn data(seconds: f64) -> Result<DataSet, Box<dyn Error>> {
     let car = car();
     let mut closed = car.connect(Route::SudokuTrain, car.calm, PredictionModelFor::Nominal);
     let log = closed.drive(seconds, |_| ())?.to_learn_from();
-    let config = DataConfig { sample_time: SAMPLE_TIME, min_model_speed: car.calm.mpc.min_model_speed };
+    let config = car.calm.data_config();
     Ok(DataSet::new(&[log], &rfl_mpc::control::ControlledParameters::nominal(&car.calm.vehicle), config)?)
 }
 
@@ -130,7 +130,7 @@ fn logs() -> Result<Value, Box<dyn Error>> {
         let car = car();
         let mut closed = car.connect(Route::SudokuTrain, car.calm, PredictionModelFor::Nominal);
         let log = [closed.drive(seconds, |_| ())?.to_learn_from()];
-        let config = DataConfig { sample_time: SAMPLE_TIME, min_model_speed: 1.0 };
+        let config = DataConfig { min_model_speed: 1.0, ..DataConfig::default() };
         let vehicle = rfl_mpc::control::ControlledParameters::nominal(&car.calm.vehicle);
         let time = median_time(5, || {
             std::hint::black_box(DataSet::new(&log, &vehicle, config).is_ok());

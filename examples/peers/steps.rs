@@ -9,7 +9,7 @@ use rfl_mpc::control::{
     RollOut,
 };
 use rfl_mpc::path::sudoku::Route;
-use rfl_mpc::residual::{DataConfig, DataSet, Kind, TrainConfig, train};
+use rfl_mpc::residual::{DataSet, Kind, TrainConfig, train};
 use rfl_mpc::simulate::{CAR_COLUMNS, ClosedLoopFor, SimulatedVehicle, TRUCK_COLUMNS};
 use rfl_mpc::vehicle::{Car, Effects, Truck, TruckEffects, builtin, builtin_truck};
 use std::sync::Arc;
@@ -54,7 +54,7 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> Plant<P, S, C> {
     pub fn learn(&self, kind: Kind, window: usize) -> Model<P, S, C> {
         let mut closed = self.connect(self.training, self.calm, PredictionModelFor::Nominal);
         let log = closed.drive(LEARNED, |_| ()).expect("the drive goes on").to_learn_from();
-        let data = DataConfig { sample_time: SAMPLE_TIME, min_model_speed: self.calm.mpc.min_model_speed };
+        let data = self.calm.data_config();
         let data = DataSet::new(&[log], &self.calm.vehicle.nominal(), data).expect("a sound drive");
         let config = TrainConfig { window, ..TrainConfig::new(kind) };
         let model = Arc::new(train(&data, None, &config, &|_| ()).expect("a sound drive").model);

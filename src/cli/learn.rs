@@ -307,7 +307,7 @@ impl<P: Commanded<S, C>, const S: usize, const C: usize> Ladder<'_, P, S, C> {
 
     /// The steering actuator, as far as a drive shows it.
     fn shown(&self, drive: &DriveFor<C>) -> Option<ShownActuator> {
-        let (vehicle, config) = (self.controller.vehicle.nominal(), self.controller.mpc.data_config());
+        let (vehicle, config) = (self.controller.vehicle.nominal(), self.controller.data_config());
         // A drive that is too short to learn from shows nothing.
         let data = DataSet::<VehicleLinearModel<P, S, C>, S>::new(&[drive.to_learn_from()], &vehicle, config)
             .ok()?;

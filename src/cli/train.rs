@@ -261,7 +261,7 @@ where
     let _held = args.all.as_deref().map(hold_folder).transpose()?;
     let parameters = controller::<P, S, C>(args)?;
     let vehicle = parameters.vehicle.nominal();
-    let data_config = parameters.mpc.data_config();
+    let data_config = parameters.data_config();
     let reading = args.reading.limit.road();
     let road = args
         .path

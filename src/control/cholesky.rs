@@ -1,8 +1,9 @@
 //! Cholesky factorisation `A = L L'` of small dense matrices, in place and with rows that come and go.
 //!
 //! `L` is packed by rows. Appending a row solves for it. Removing one leaves one subdiagonal too many, which plane
-//! rotations of the columns take away (Golub and Van Loan, Matrix Computations, 6.5.4). Nothing allocates after
-//! construction.
+//! rotations of the columns take away (Golub and Van Loan, Matrix Computations, 6.5.4). A whole matrix is factorised
+//! column by column, four rows at once, `l_j = (a_j - sum_k L_jk l_k) / L_jj`: no sum runs across a register. Nothing
+//! allocates after construction.
 
 use crate::numerics::lanes::{FOUR, Lanes, Portable, Work, compute};
 
@@ -13,33 +14,15 @@ pub(super) fn begin(row: usize) -> usize {
 
 /// Sum of products. Four partial sums, so that it runs on lanes.
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    dot_in::<Portable>(a, b)
-}
-
-/// The same, with the lanes of some processor.
-#[inline(always)]
-fn dot_in<L: Lanes<Stored = [f64; FOUR]>>(a: &[f64], b: &[f64]) -> f64 {
-    let [dot] = dots_in::<L, 1>(a, [b]);
-    dot
-}
-
-/// The same with several at once.
-#[inline(always)]
-fn dots_in<L: Lanes<Stored = [f64; FOUR]>, const K: usize>(a: &[f64], b: [&[f64]; K]) -> [f64; K] {
-    let mut sums = [L::splat(0.0); K];
     let (head_a, tail_a) = a.as_chunks::<FOUR>();
-    let b = b.map(|b| b[..a.len()].as_chunks::<FOUR>());
-    for (i, a) in head_a.iter().enumerate() {
-        let a = L::load(a);
-        for k in 0..K {
-            sums[k] = sums[k] + a * L::load(&b[k].0[i]);
-        }
+    let (head_b, tail_b) = b[..a.len()].as_chunks::<FOUR>();
+    let mut sums = Portable::splat(0.0);
+    for (a, b) in head_a.iter().zip(head_b) {
+        sums = sums + Portable::load(a) * Portable::load(b);
     }
-    std::array::from_fn(|k| {
-        let sums = sums[k].store();
-        let tail: f64 = tail_a.iter().zip(b[k].1).map(|(a, b)| a * b).sum();
-        (sums[0] + sums[2]) + (sums[1] + sums[3]) + tail
-    })
+    let sums = sums.store();
+    let tail: f64 = tail_a.iter().zip(tail_b).map(|(a, b)| a * b).sum();
+    (sums[0] + sums[2]) + (sums[1] + sums[3]) + tail
 }
 
 /// Adds a multiple: `y += factor x`.
@@ -49,7 +32,7 @@ pub(super) fn add(y: &mut [f64], factor: f64, x: &[f64]) {
     }
 }
 
-/// Number of rows that are factorised at once: enough to keep a processor busy while one entry waits for another.
+/// Number of registers that are factorised at once: enough to keep a processor busy while one waits for another.
 const TOGETHER: usize = 4;
 
 /// The factor, with room for a largest size.
@@ -59,12 +42,21 @@ pub(super) struct Cholesky {
     inverse: Vec<f64>,
     rotations: Vec<(f64, f64)>,
     scratch: Vec<f64>,
+    /// A matrix by its columns, which begin at whole registers; empty where only rows come and go.
+    columns: Vec<[f64; FOUR]>,
 }
 
 impl Cholesky {
-    /// An empty factor with room for `size` rows.
+    /// An empty factor, with room for a matrix of `size` rows.
+    pub(super) fn of_matrices(size: usize) -> Self {
+        let columns = vec![[0.0; FOUR]; size.div_ceil(FOUR) * size];
+        Self { columns, ..Self::with_capacity(size) }
+    }
+
+    /// An empty factor, with room for `size` rows that come one by one.
     pub(super) fn with_capacity(size: usize) -> Self {
         Self {
+            columns: Vec::new(),
             factor: Vec::with_capacity(begin(size)),
             inverse: Vec::with_capacity(size),
             rotations: Vec::with_capacity(size),
@@ -85,11 +77,28 @@ impl Cholesky {
         &self.factor[begin(i)..begin(i) + i]
     }
 
-    /// Factorises a packed lower triangle of `size` rows. False if it is not positive definite to rounding.
+    /// Factorises a packed lower triangle of `size` rows, for which there is room. False if it is not positive definite
+    /// to rounding.
     pub(super) fn factorise(&mut self, matrix: &[f64], size: usize) -> bool {
         self.clear();
-        self.factor.extend_from_slice(&matrix[..begin(size)]);
-        compute(Factorise { factor: &mut self.factor, inverse: &mut self.inverse, size })
+        let height = size.div_ceil(FOUR);
+        let columns = &mut self.columns[..height * size];
+        // What an earlier matrix left above the diagonal would be scaled again and again.
+        columns.fill([0.0; FOUR]);
+        for row in 0..size {
+            let entries = &matrix[begin(row)..=begin(row) + row];
+            for (entry, block) in entries.iter().zip(columns[row / FOUR..].iter_mut().step_by(height)) {
+                block[row % FOUR] = *entry;
+            }
+        }
+        if !compute(Factorise { columns, inverse: &mut self.inverse, height }) {
+            return false;
+        }
+        for row in 0..size {
+            let blocks = self.columns[row / FOUR..].iter().step_by(height);
+            self.factor.extend(blocks.take(row + 1).map(|block| block[row % FOUR]));
+        }
+        true
     }
 
     /// `x = L^-1 x`, where the first `zeros` entries are known to be zero.
@@ -141,12 +150,13 @@ impl Cholesky {
     }
 }
 
-/// See [`Cholesky::factorise`].
+/// See [`Cholesky::factorise`]. What rows above the diagonal, and below the last, become is used for no other.
 struct Factorise<'a> {
-    factor: &'a mut [f64],
+    columns: &'a mut [[f64; FOUR]],
     /// Empty, with room for all.
     inverse: &'a mut Vec<f64>,
-    size: usize,
+    /// Registers of a column.
+    height: usize,
 }
 
 impl Work for Factorise<'_> {
@@ -154,44 +164,60 @@ impl Work for Factorise<'_> {
 
     #[inline(always)]
     fn with<L: Lanes<Stored = [f64; FOUR]>>(self) -> bool {
-        let Self { factor, inverse, size } = self;
-        // An entry waits for those before it in its row, but not for other rows: some rows at once.
-        for first in (0..size).step_by(TOGETHER) {
-            let end = (first + TOGETHER).min(size);
-            let (above, rest) = factor.split_at_mut(begin(first));
-            for j in 0..first {
-                let of_j = &above[begin(j)..][..j];
-                if let Some(rows) = rest.get_mut(..begin(first + TOGETHER) - begin(first)) {
-                    let places: [usize; TOGETHER] = std::array::from_fn(|k| begin(first + k) - begin(first));
-                    let products = dots_in::<L, TOGETHER>(of_j, places.map(|place| &rows[place..]));
-                    for (place, product) in places.into_iter().zip(products) {
-                        rows[place + j] = (rows[place + j] - product) * inverse[j];
-                    }
-                    continue;
-                }
-                for i in first..end {
-                    let row = &mut rest[begin(i) - begin(first)..][..=i];
-                    row[j] = (row[j] - dot_in::<L>(of_j, row)) * inverse[j];
-                }
+        let Self { columns, inverse, height } = self;
+        for j in 0..columns.len() / height {
+            let (done, rest) = columns.split_at_mut(j * height);
+            let column = &mut rest[..height];
+            let (block, lane) = (j / FOUR, j % FOUR);
+            let diagonal = column[block][lane];
+            let mut first = block;
+            while first + TOGETHER <= height {
+                eliminate::<L, TOGETHER>(done, column, first, j);
+                first += TOGETHER;
             }
-            for i in first..end {
-                let (above, rest) = rest.split_at_mut(begin(i) - begin(first));
-                let row = &mut rest[..=i];
-                for j in first..i {
-                    let of_j = &above[begin(j) - begin(first)..][..j];
-                    row[j] = (row[j] - dot_in::<L>(of_j, row)) * inverse[j];
-                }
-                let diagonal = row[i];
-                let pivot = diagonal - dot_in::<L>(&row[..i], row);
-                // A pivot below rounding's share of the diagonal has no correct digit; NaN fails, too.
-                if pivot.is_nan() || pivot <= 1e-14 * diagonal {
-                    return false;
-                }
-                row[i] = pivot.sqrt();
-                inverse.push(1.0 / row[i]);
+            match height - first {
+                3 => eliminate::<L, 3>(done, column, first, j),
+                2 => eliminate::<L, 2>(done, column, first, j),
+                1 => eliminate::<L, 1>(done, column, first, j),
+                _ => (),
             }
+            let pivot = column[block][lane];
+            // A pivot below rounding's share of the diagonal has no correct digit; NaN fails, too.
+            if pivot.is_nan() || pivot <= 1e-14 * diagonal {
+                return false;
+            }
+            let root = pivot.sqrt();
+            inverse.push(1.0 / root);
+            let scale = L::splat(1.0 / root);
+            for entries in &mut column[block..] {
+                *entries = (L::load(entries) * scale).store();
+            }
+            column[block][lane] = root;
         }
         true
+    }
+}
+
+/// Subtracts the columns before column `j` from `K` registers of it.
+#[inline(always)]
+fn eliminate<L: Lanes<Stored = [f64; FOUR]>, const K: usize>(
+    done: &[[f64; FOUR]],
+    column: &mut [[f64; FOUR]],
+    first: usize,
+    j: usize,
+) {
+    let column_height = column.len();
+    let Some(target) = column.get_mut(first..first + K) else { return };
+    let mut left: [L; K] = std::array::from_fn(|k| L::load(&target[k]));
+    for before in done.chunks_exact(column_height) {
+        let factor = L::splat(before[j / FOUR][j % FOUR]);
+        let Some(before) = before.get(first..first + K) else { return };
+        for k in 0..K {
+            left[k] = left[k] - factor * L::load(&before[k]);
+        }
+    }
+    for k in 0..K {
+        target[k] = left[k].store();
     }
 }
 
@@ -217,21 +243,26 @@ mod tests {
 
     #[test]
     fn factorises_and_solves() {
-        let n = 13;
+        for n in [1, 3, 4, 13, 16, 33] {
+            factorises_and_solves_of_size(n);
+        }
+    }
+
+    fn factorises_and_solves_of_size(n: usize) {
         let a = example(n);
-        let mut factor = Cholesky::with_capacity(n);
+        let mut factor = Cholesky::of_matrices(n);
         assert!(factor.factorise(&packed(&a), n));
         assert!((matrix(&factor) - &a).amax() < 1e-12);
         let mut x: Vec<f64> = (0..n).map(|k| if k < 5 { 0.0 } else { k as f64 }).collect();
         let b = DMatrix::from_column_slice(n, 1, &x);
-        factor.solve_lower(&mut x, 5);
+        factor.solve_lower(&mut x, n.min(5));
         factor.solve_upper(&mut x);
         assert!((a * DMatrix::from_column_slice(n, 1, &x) - b).amax() < 1e-11);
     }
 
     #[test]
     fn a_singular_matrix_is_refused() {
-        let mut factor = Cholesky::with_capacity(2);
+        let mut factor = Cholesky::of_matrices(2);
         assert!(!factor.factorise(&[1.0, 1.0, 1.0], 2));
         assert!(!factor.factorise(&[1.0, f64::NAN, 1.0], 2));
     }

@@ -315,12 +315,14 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
     fn step_after(&mut self, measurement: &Measurement, elapsed: f64) -> Result<&StepReport, StepError> {
         let begin = Instant::now();
         let mut seen = *measurement;
+        // Plans, predictions and commands kept are of the angle at the wheels.
+        seen.steer = self.parameters.actuator.at_wheels(seen.steer);
         // The angle at the wheels is what the body answers to.
         let angle = match (&self.bank, &self.state.bank) {
             (Some(bank), Some(state)) => bank.angle_now(state),
             _ => self.state.steer_cmd,
         };
-        let commands = [angle.unwrap_or(measurement.steer), self.state.last.accel_cmd];
+        let commands = [angle.unwrap_or(seen.steer), self.state.last.accel_cmd];
         let on_road = |pose: &Measurement| {
             let at = self.path.project(pose.x, pose.y, pose.yaw, None);
             at.e1.abs() <= FAR_E1 && at.e2.abs() <= FAR_E2
@@ -393,7 +395,8 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
         let kept = if lag > 0.0 { (-self.parameters.mpc.sample_time / lag).exp() } else { 0.0 };
         self.state.drive = report.accel_cmd + (self.state.drive - report.accel_cmd) * kept;
         self.state.steer_cmd = Some(report.steer_cmd);
-        report.steer_cmd = self.take_up_backlash(report.steer_cmd, previous);
+        let [steer, previous] = [report.steer_cmd, previous].map(|angle| self.before_linkage(angle));
+        report.steer_cmd = self.take_up_backlash(steer, previous);
         self.state.steps += 1;
         report.residual_outside = self.lateral.outside_training();
         report.finished = self.state.finished;

@@ -87,6 +87,8 @@ parameters! {
         dead_time_model: DeadTimeModel = 0, ONE in 0.0, 3.0; "actuator.dead_time_model", "How the variant actuator predicts with that dead time"
         time_constant: f64 = 0.0, SECOND in 0.0, 2.0; "actuator.time_constant", "Time constant of the first-order lag of the steering actuator that the variant actuator predicts with"
         backlash: f64 = 0.0, RADIAN in 0.0, 0.2; "actuator.backlash", "Full width of the steering's gap: the command takes it up where the plan reverses"
+        gain: f64 = 1.0, ONE in 0.2, 3.0; "actuator.gain", "Known ratio of the angle at the wheels to the command: wheels = gain * steer_cmd + offset"
+        offset: f64 = 0.0, RADIAN in -0.5, 0.5; "actuator.offset", "Known angle at the wheels without a command: wheels = gain * steer_cmd + offset"
     }
 }
 
@@ -216,15 +218,29 @@ pub(super) fn set<G: ParameterGroup>(group: &mut G, name: &str, value: f64) -> R
 }
 
 impl ActuatorParameters {
-    /// Dead time, lag and backlash of a vehicle's file.
+    /// Dead time, lag, backlash, gain and offset of a vehicle's file.
     #[must_use]
     pub fn of(steering: &Steering) -> Self {
         Self {
             dead_time: steering.dead_time,
             time_constant: steering.lag,
             backlash: steering.backlash,
+            gain: steering.gain,
+            offset: steering.offset,
             ..Self::default()
         }
+    }
+
+    /// Angle at the wheels that a steering angle before the linkage makes, rad.
+    #[must_use]
+    pub fn at_wheels(&self, steer: f64) -> f64 {
+        self.gain * steer + self.offset
+    }
+
+    /// Steering angle before the linkage for an angle at the wheels, rad.
+    #[must_use]
+    pub fn before_linkage(&self, angle: f64) -> f64 {
+        (angle - self.offset) / self.gain
     }
 
     /// The actuator of the variant's prediction.
@@ -280,6 +296,18 @@ impl MpcParameters {
 }
 
 impl<G> ControllerParametersFor<G> {
+    /// Labelling of drives for a residual of this controller.
+    #[must_use]
+    pub fn data_config(&self) -> DataConfig {
+        let Self { mpc, actuator, .. } = self;
+        DataConfig {
+            sample_time: mpc.sample_time,
+            min_model_speed: mpc.min_model_speed,
+            steer_gain: actuator.gain,
+            steer_offset: actuator.offset,
+        }
+    }
+
     /// Weights without the terms that the papers' controllers lack.
     #[must_use]
     pub(super) fn plain(self) -> Self {
@@ -305,14 +333,6 @@ impl SpeedParameters {
     pub fn tracked_by(&self) -> SpeedController {
         // The range admits no other numbers.
         SpeedController::from_number(self.controller as i32).unwrap_or_default()
-    }
-}
-
-impl MpcParameters {
-    /// Labelling of drives for a residual of this controller.
-    #[must_use]
-    pub fn data_config(&self) -> DataConfig {
-        DataConfig { sample_time: self.sample_time, min_model_speed: self.min_model_speed }
     }
 }
 

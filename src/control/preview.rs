@@ -57,22 +57,25 @@ impl Preview {
     /// comparison with the state there.
     pub fn look(&mut self, path: &Path, station: f64, ahead: SpeedAhead<'_>, sample_time: f64) {
         let (mut s, mut v) = (station, ahead.speed);
+        let mut bend = path.bend(s);
         for j in 0..self.station.len() {
             let (next, accel) = match ahead.predicted.get(j) {
                 Some(&next) => (next.max(0.0), (next.max(0.0) - v) / sample_time),
                 None => ((v + ahead.accel * sample_time).max(0.0), ahead.accel),
             };
             let mean = 0.5 * (v + next);
-            self.road[j] = [v, path.curvature(s), path.curvature_rate(s)];
+            let [curvature, curvature_rate] = bend;
+            self.road[j] = [v, curvature, curvature_rate];
             self.speed[j] = [mean, next];
             let middle = s + 0.5 * mean * sample_time;
-            let curvature = path.curvature(middle);
+            let [curvature, curvature_rate] = path.bend(middle);
             self.heading_rate[j] = mean * curvature;
-            self.heading_accel[j] = mean * mean * path.curvature_rate(middle) + accel * curvature;
+            self.heading_accel[j] = mean * mean * curvature_rate + accel * curvature;
             self.bank_accel[j] = bank_accel(path, middle);
             s += mean * sample_time;
+            bend = path.bend(s);
             self.station[j] = s;
-            self.curvature[j] = path.curvature(s);
+            self.curvature[j] = bend[0];
             v = next;
         }
     }

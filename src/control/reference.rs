@@ -107,23 +107,25 @@ impl<const S: usize> RoadReference<S> {
         let mut v = speed;
         for k in 0..self.steer.len() {
             let ahead = k.checked_sub(self.before);
-            let (curvature, curvature_rate) = (path.curvature(s), path.curvature_rate(s));
+            let [curvature, curvature_rate] = path.bend(s);
             let mut steer = -(row * x)[0] - of_rate * v * curvature - of_accel * v * v * curvature_rate;
             if is_banked {
                 steer -= bank_accel(path, s) / b[1];
             }
             self.steer[k] = steer;
             let [mean, next] = ahead.and_then(|j| preview.speed.get(j)).copied().unwrap_or([v, v]);
-            let (rate, accel) = match ahead.filter(|&j| j < preview.heading_rate.len()) {
-                Some(j) => (preview.heading_rate[j], preview.heading_accel[j]),
+            let (rate, accel, bank) = match ahead.filter(|&j| j < preview.heading_rate.len()) {
+                Some(j) => (preview.heading_rate[j], preview.heading_accel[j], preview.bank_accel[j]),
                 None => {
                     let middle = s + 0.5 * mean * self.sample_time;
-                    (mean * path.curvature(middle), mean * mean * path.curvature_rate(middle))
+                    let [curvature, curvature_rate] = path.bend(middle);
+                    let bank = if is_banked { bank_accel(path, middle) } else { 0.0 };
+                    (mean * curvature, mean * mean * curvature_rate, bank)
                 }
             };
             x = kept.a * x + kept.d * rate + kept.e * accel;
             if is_banked {
-                x += kept.b * bank_accel(path, s + 0.5 * mean * self.sample_time);
+                x += kept.b * bank;
             }
             // On the path, whatever rounding says.
             (x[0], x[1]) = (0.0, 0.0);

@@ -140,6 +140,66 @@ struct LogColumn {
     factor: f64,
 }
 
+/// Lines at a log's end that are no rows, a cut-off one or a tool's summary: so many are left out ...
+const CLOSING: u64 = 3;
+/// ... behind so many rows for each.
+const LEAST_BEFORE: u64 = 10;
+
+/// The values of a row after another.
+struct RowReader<'a> {
+    file: &'a Path,
+    places: Vec<LogColumn>,
+    /// Number of columns of the file.
+    expected: usize,
+    /// Seconds of the first date: the log's zero.
+    zero: Option<i64>,
+    /// Those of the latest one.
+    last: i64,
+}
+
+impl RowReader<'_> {
+    /// Reads a row's values; `before` holds the columns of the rows before.
+    ///
+    /// # Errors
+    /// The row is too short or too long, or has a word in place of a number.
+    fn read(
+        &mut self,
+        row: &table::Row<'_>,
+        before: &[(&'static str, Vec<f64>)],
+        values: &mut [f64],
+    ) -> Result<(), LogError> {
+        let found = row.filled(self.expected);
+        if found != self.expected {
+            let file = self.file.to_owned();
+            return Err(LogError::RowLength { file, line: row.line, found, expected: self.expected });
+        }
+        for ((column, (name, earlier)), value) in self.places.iter().zip(before).zip(values) {
+            let text = row.field(column.place);
+            let read = if row.is_missing(column.place) {
+                Some(f64::NAN)
+            } else if let Some((whole, part)) = time::seconds(text).filter(|_| *name == "time") {
+                // Dates and numbers in one column are no clock.
+                let is_date = earlier.is_empty() || self.zero.is_some();
+                self.last = self.zero.map_or(whole, |_| on_its_day(whole, self.last));
+                let last = self.last;
+                is_date.then(|| (last - *self.zero.get_or_insert(last)) as f64 + part)
+            } else {
+                row.number(column.place).filter(|_| self.zero.is_none() || *name != "time").map(|value| {
+                    // Not a product with 1: a NaN's sign, say, stays as it is.
+                    if column.factor == 1.0 { value } else { column.factor * value }
+                })
+            };
+            *value = read.ok_or_else(|| LogError::NotANumber {
+                file: self.file.to_owned(),
+                line: row.line,
+                column: name,
+                text: row.plain(column.place).chars().take(60).collect(),
+            })?;
+        }
+        Ok(())
+    }
+}
+
 impl DriveLog {
     /// Reads a log, packed or not, however its table is written ([`crate::table`]). An empty field is not a number: a
     /// gap, which users of the log leave out.
@@ -199,38 +259,28 @@ impl DriveLog {
         let mut table = Table::new(reader, limits, &known).map_err(broken)?;
         let mut log = Self::empty(file);
         let places = log.places(table.header())?;
-        let expected = table.header().names.len();
-        // Seconds of the first date: the log's zero.
-        let (mut zero, mut last) = (None, 0);
+        let mut rows = RowReader { file, places, expected: table.header().names.len(), zero: None, last: 0 };
+        let (mut values, mut count) = (vec![0.0; rows.places.len()], 0);
+        // The first fault of the lines at the end, and their number.
+        let mut closing: Option<(LogError, u64)> = None;
         while let Some(row) = table.next_row().map_err(broken)? {
-            let found = row.filled(expected);
-            if found != expected {
-                return Err(LogError::RowLength { file: log.file, line: row.line, found, expected });
-            }
-            for (column, (name, values)) in places.iter().zip(&mut log.columns) {
-                let text = row.field(column.place);
-                let value = if row.is_missing(column.place) {
-                    Some(f64::NAN)
-                } else if let Some((whole, part)) = time::seconds(text).filter(|_| *name == "time") {
-                    // Dates and numbers in one column are no clock.
-                    let first = values.is_empty() || zero.is_some();
-                    last = zero.map_or(whole, |_| on_its_day(whole, last));
-                    first.then(|| (last - *zero.get_or_insert(last)) as f64 + part)
-                } else {
-                    row.number(column.place).filter(|_| zero.is_none() || *name != "time").map(|value| {
-                        // Not a product with 1: a NaN's sign, say, stays as it is.
-                        if column.factor == 1.0 { value } else { column.factor * value }
-                    })
-                };
-                values.push(value.ok_or_else(|| LogError::NotANumber {
-                    file: file.to_owned(),
-                    line: row.line,
-                    column: name,
-                    text: row.plain(column.place).chars().take(60).collect(),
-                })?);
+            match (rows.read(&row, &log.columns, &mut values), closing.take()) {
+                (Ok(()), None) => {
+                    log.columns.iter_mut().zip(&values).for_each(|((_, column), value)| column.push(*value));
+                    count += 1;
+                }
+                (Err(fault), None) => closing = Some((fault, 1)),
+                (Err(_), Some((fault, lines))) if lines < CLOSING => closing = Some((fault, lines + 1)),
+                (_, Some((fault, _))) => return Err(fault),
             }
         }
-        if zero.is_some() {
+        if let Some((fault, lines)) = closing {
+            if count < LEAST_BEFORE * lines {
+                return Err(fault);
+            }
+            log.notes.push(format!("{lines} line(s) at the end left out, cut off or no row: {fault}"));
+        }
+        if rows.zero.is_some() {
             log.notes.push("time: dates are read as seconds since the first one's whole second".into());
         }
         Ok(log)

@@ -8,16 +8,13 @@ use super::sample::{Closure, PathOptions, Sample, Smoothing};
 use super::smooth::{Goal, smooth};
 use super::spline::{Knot, QuinticSpline, Vector, distance};
 use super::stops::{WIDTHS, usual_spacing, without_stops};
+use super::straight::fill;
 use super::wrap_angle;
 use crate::numerics::statistics::upper_median;
 use std::borrow::Cow;
 
 /// Distance below which a point is the same as the one before (m).
 const SAME: f64 = 1e-6;
-/// A gap is wider than this many median spacings ...
-const GAP_SPACINGS: f64 = 8.0;
-/// ... and wider than this (m).
-const GAP_LEAST: f64 = 30.0;
 /// Largest disagreement of headings and curvatures with the points at which they still hold (rad).
 const DISAGREEMENT: f64 = 0.02;
 /// Change of direction between two chords from which on a road is out of order (rad).
@@ -171,27 +168,18 @@ fn drawn(
     if kept.len() < 2 {
         return Err(PathError::TooFewPoints { place: InputPlace::default(), count: kept.len(), needed: 2 });
     }
-    let position = |i: usize| [kept[i].1.x, kept[i].1.y];
-    let mut spacings: Vec<f64> = (1..kept.len()).map(|i| distance(position(i - 1), position(i))).collect();
-    let median = upper_median(&mut spacings.clone());
+    let position = |point: &(usize, Sample)| [point.1.x, point.1.y];
+    let mut spacings: Vec<f64> =
+        kept.windows(2).map(|pair| distance(position(&pair[0]), position(&pair[1]))).collect();
+    let median = upper_median(&mut spacings);
     let long = spacings.iter().sum::<f64>();
     // Two points are a straight: it has no shape that is lost between them.
     let farthest = if kept.len() == 2 { LONGEST_STRAIGHT } else { SPACING };
     if long < SHORTEST || median > farthest {
         return Err(PathError::SuspiciousUnit { place: InputPlace::default(), median, long, unit: "m" });
     }
-    for (i, &spacing) in spacings.iter().enumerate() {
-        if spacing > (GAP_SPACINGS * median).max(GAP_LEAST) && kept.len() > 2 {
-            return Err(PathError::Gap {
-                place: InputPlace::point(kept[i + 1].0),
-                distance: spacing,
-                median,
-            });
-        }
-    }
-
-    let first = position(0);
-    let repeated_start = kept.len() > 3 && distance(position(kept.len() - 1), first) < same;
+    let first = position(&kept[0]);
+    let repeated_start = kept.len() > 3 && distance(position(&kept[kept.len() - 1]), first) < same;
     let periodic = match options.closure {
         Closure::Open => false,
         Closure::Closed => true,
@@ -209,24 +197,17 @@ fn drawn(
     };
     if periodic && repeated_start {
         kept.pop();
-        spacings.pop();
     }
     if periodic && kept.len() < 3 {
         return Err(PathError::TooFewPoints { place: InputPlace::default(), count: kept.len(), needed: 3 });
     }
+    notes.extend(fill(&mut kept, median, periodic)?);
     refuse_turning_back(&directed(&kept, noise.as_ref(), periodic), periodic).map_err(
         |error| match &noise {
             Some(noise) => noise.refusal("turns back on itself".into()),
             None => error,
         },
     )?;
-    if periodic {
-        let closing = distance([kept[kept.len() - 1].1.x, kept[kept.len() - 1].1.y], first);
-        if closing > (GAP_SPACINGS * median).max(GAP_LEAST) {
-            return Err(PathError::Gap { place: InputPlace::point(kept[0].0), distance: closing, median });
-        }
-    }
-
     if !periodic && options.closure == Closure::Detect {
         notes.extend(passes_its_start(&kept, median).map(Note::warning));
     }

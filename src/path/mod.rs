@@ -33,6 +33,7 @@
 //! |---|---|
 //! | `sample.rs` | the points of a road |
 //! | `check.rs` | checks of a road's points: duplicates, gaps, closure |
+//! | `straight.rs` | straights that a map gives no points for |
 //! | `spline.rs` | a curve with continuous curvature through them |
 //! | `smooth.rs`, `banded.rs` | the same through noisy points, within a tolerance |
 //! | `grid.rs`, `quadrature.rs` | arc length: lookups in constant time |
@@ -62,6 +63,7 @@ mod smooth;
 mod speed;
 mod spline;
 mod stops;
+mod straight;
 pub mod sudoku;
 mod truck_course;
 mod write;
@@ -399,6 +401,18 @@ impl Path {
     pub fn curvature_rate(&self, station: f64) -> f64 {
         let spot = self.locate(station);
         if spot.beyond != 0.0 { 0.0 } else { yaw_at(&self.cells[spot.cell].yaw, spot.offset)[2] }
+    }
+
+    /// Both, as [`curvature`](Self::curvature) and [`curvature_rate`](Self::curvature_rate) give them.
+    #[must_use]
+    #[inline]
+    pub fn bend(&self, station: f64) -> [f64; 2] {
+        let spot = self.locate(station);
+        if spot.beyond != 0.0 {
+            return [0.0; 2];
+        }
+        let [_, curvature, curvature_rate] = yaw_at(&self.cells[spot.cell].yaw, spot.offset);
+        [curvature, curvature_rate]
     }
 
     /// Friction factor at a station; 1 where not given.

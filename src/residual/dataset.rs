@@ -29,11 +29,15 @@ pub struct DataConfig {
     pub sample_time: f64,
     /// Speed below which the controller holds its prediction model, m/s.
     pub min_model_speed: f64,
+    /// Known ratio and offset, rad, of the angle at the wheels to the command: the controller plans the former.
+    pub steer_gain: f64,
+    #[allow(missing_docs)]
+    pub steer_offset: f64,
 }
 
 impl Default for DataConfig {
     fn default() -> Self {
-        Self { sample_time: 0.02, min_model_speed: 1.5 }
+        Self { sample_time: 0.02, min_model_speed: 1.5, steer_gain: 1.0, steer_offset: 0.0 }
     }
 }
 
@@ -77,6 +81,9 @@ impl<V: LateralVehicle<S>, const S: usize> DataSet<V, S> {
             let values = recorded.columns.iter().flat_map(|(_, column)| *column);
             values.for_each(|x| hash.add(&x.to_bits().to_le_bytes()));
             stretches.extend(checks::stretches(&recorded, config.sample_time, &mut report)?);
+        }
+        for row in stretches.iter_mut().flatten() {
+            row.command = config.steer_gain * row.command + config.steer_offset;
         }
         checks::units(&stretches, vehicle.wheelbase(), config.sample_time)?;
         checks::variation(&stretches, &V::STATES, &mut report)?;
@@ -130,6 +137,12 @@ fn label<V: LateralVehicle<S>, const S: usize>(
 }
 
 impl<V, const S: usize> DataSet<V, S> {
+    /// The controller for which the samples are made.
+    #[must_use]
+    pub fn config(&self) -> &DataConfig {
+        &self.config
+    }
+
     /// Samples with a full window of `window` rows.
     #[must_use]
     pub fn windows(&self, window: usize) -> Windows<'_, S> {

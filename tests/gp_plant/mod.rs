@@ -9,7 +9,8 @@ use rfl_mpc::residual::{DataConfig, DataSet, Drive};
 use rfl_mpc::vehicle::{Articulated, SingleTrack, builtin_truck};
 
 pub const TS: f64 = 0.02;
-pub const CONFIG: DataConfig = DataConfig { sample_time: TS, min_model_speed: 1.5 };
+pub const CONFIG: DataConfig =
+    DataConfig { sample_time: TS, min_model_speed: 1.5, steer_gain: 1.0, steer_offset: 0.0 };
 
 /// What the controller believes.
 pub fn car() -> SingleTrack {

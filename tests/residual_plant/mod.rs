@@ -102,4 +102,5 @@ pub fn data(plant: &Plant, speeds: &[f64], rows: usize, seed: u64) -> DataSet {
     DataSet::new(&drives, &car(), CONFIG).unwrap()
 }
 
-pub const CONFIG: DataConfig = DataConfig { sample_time: TS, min_model_speed: 1.5 };
+pub const CONFIG: DataConfig =
+    DataConfig { sample_time: TS, min_model_speed: 1.5, steer_gain: 1.0, steer_offset: 0.0 };

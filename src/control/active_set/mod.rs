@@ -138,7 +138,7 @@ impl ActiveSetSolver {
         Self {
             hessian: vec![0.0; begin(n)],
             linear: vec![0.0; n],
-            factor: Cholesky::with_capacity(n),
+            factor: Cholesky::of_matrices(n),
             inputs: vec![0.0; n],
             outputs: vec![0.0; shape.horizon * shape.outputs],
             gradient: vec![0.0; n],

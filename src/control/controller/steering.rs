@@ -58,6 +58,12 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
         steer.clamp(previous - rate, previous + rate).clamp(-p.steer_max, p.steer_max)
     }
 
+    /// The command for an angle at the wheels, before the linkage's known gain and offset, within its bounds.
+    pub(super) fn before_linkage(&self, angle: f64) -> f64 {
+        let p = &self.parameters;
+        p.actuator.before_linkage(angle).clamp(-p.mpc.steer_max, p.mpc.steer_max)
+    }
+
     /// The command beyond the steering's known gap. The wheels follow on the side that the plan moves to: the command goes
     /// over to it while the plan goes back by a share of the gap, so that noise does not chatter.
     pub(super) fn take_up_backlash(&mut self, steer: f64, previous: f64) -> f64 {

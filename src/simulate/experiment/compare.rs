@@ -147,7 +147,7 @@ impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P,
                 comparison.drive_to_learn_from(path, i, PredictionModelFor::Nominal, weights, dither)?;
             driven.ok_or_else(|| CompareError::Lost { vehicle: P::KIND, plant: plant.name.to_string() })
         });
-        let config = parameters.mpc.data_config();
+        let config = parameters.data_config();
         let nominal = parameters.vehicle.nominal();
         let (logs, dithers): (Vec<_>, Vec<_>) =
             logs.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter().unzip();

@@ -4,7 +4,7 @@
 use super::actuator_about;
 use crate::nominal::{Actuator, SingleTrackError};
 use crate::numerics::{Random, parallel};
-use crate::residual::{BlockMisfit, DataSet, ShownActuator};
+use crate::residual::{BlockMisfit, DataConfig, DataSet, ShownActuator};
 use crate::simulate::experiment::{Compared, NominalOf};
 use crate::vehicle::VehicleParameters as _;
 
@@ -92,11 +92,12 @@ pub fn explaining_plants<P: Compared<S, C>, const S: usize, const C: usize>(
     if chosen.is_empty() {
         chosen.push(0);
     }
-    Ok(chosen.into_iter().map(|place| plant(vehicle, &candidates[place])).collect())
+    Ok(chosen.into_iter().map(|place| plant(vehicle, data.config(), &candidates[place])).collect())
 }
 
 fn plant<P: Compared<S, C>, const S: usize, const C: usize>(
     vehicle: &P::Parameters,
+    told: &DataConfig,
     candidate: &PlantCandidate,
 ) -> ExplainedPlant<P, S, C> {
     let PlantCandidate { stiffness, payload, actuator } = candidate;
@@ -105,6 +106,8 @@ fn plant<P: Compared<S, C>, const S: usize, const C: usize>(
         match parameter.name {
             "steering.lag" => parameter.set(&mut vehicle, actuator.time_constant),
             "steering.dead_time" => parameter.set(&mut vehicle, actuator.dead_time),
+            "steering.gain" => parameter.set(&mut vehicle, told.steer_gain),
+            "steering.offset" => parameter.set(&mut vehicle, told.steer_offset),
             _ => {}
         }
     }
