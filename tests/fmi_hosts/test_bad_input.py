@@ -221,8 +221,8 @@ ROADS = {
     "infinity": (GOOD_ROAD.replace("20,0\n", "20,inf\n"), ["line 12", "`y`", "not finite"]),
     "text": (GOOD_ROAD.replace("20,0\n", "20,left\n"), ["line 12", "`y`", "`left` is not a number"]),
     "gap": (
-        GOOD_ROAD + "".join(f"{x},0\n" for x in range(300, 400, 2)),
-        ["line 52", "202", "fill the gap"],
+        GOOD_ROAD + "".join(f"{x},20\n" for x in range(300, 400, 2)),
+        ["line 52", "203", "fill the gap"],
     ),
     "truncated in mid-row": (GOOD_ROAD + "100", ["line 52", "1 values", "2 columns"]),
     "no column y": ("x,z\n0,0\n1,1\n", ["line 1", "`"]),
