@@ -29,7 +29,7 @@ from pathlib import Path
 
 import numpy as np
 import plant
-from closed_loop import FMUS
+from closed_loop import FMUS, STEP
 from multi_body_car import CARS, Actuator, MultiBodyCar
 from outcome import COMPLETED, tracking, write_whole
 from tqdm import tqdm
@@ -40,7 +40,6 @@ SUV = ROOT.parent / "shared" / "cases" / "controller"
 FIRST_ROAD, SEED = 930_001, 20_370_002
 DRIVES = 16  # of each plant, half of them at each lateral acceleration
 ACCELS = (2.25, 4.0)  # m/s2
-SAMPLE = 0.02  # s
 LONGEST_LAG, LONGEST_DEAD_TIME = 0.2, 6  # s, samples
 SHORTEST_LAG = 0.005  # s, of a fast servo: the multi-body car's steering has to follow by some law
 SETTLED = 20.0  # s: by then the controller is to know its actuator
@@ -69,23 +68,21 @@ class Case:
         settings: dict[str, object] = {"speed.lateral_accel": self.accel}
         if self.row == "told":
             settings["actuator.time_constant"] = self.actuator.lag
-            settings["actuator.dead_time"] = self.actuator.delay * SAMPLE
+            settings["actuator.dead_time"] = self.actuator.delay * STEP
         return settings
 
 
 def suv(actuator: Actuator, x: float, y: float, yaw: float, speed: float):
     """The tanh bicycle with a steering of ours."""
     kind = runpy.run_path(str(SUV / "suv_plant.py"))["Suv"]
-    kind.lag, kind.delay = actuator.lag, actuator.delay * SAMPLE
+    kind.lag, kind.delay = actuator.lag, actuator.delay * STEP
     return kind(x, y, yaw, speed)
 
 
 def cases(out: Path, rfl: Path, count: int) -> list[Case]:
     """All drives; their roads are written."""
-    vehicles = {name: name for name in CARS}
-    if SUV.is_dir():
-        vehicles["suv"] = str(suv_vehicle(out / "suv"))
-    else:
+    vehicles = {name: name for name in CARS} | {"suv": suv_vehicle(out / "suv") if SUV.is_dir() else None}
+    if not SUV.is_dir():
         print(f"left out: {SUV} is absent", file=sys.stderr)
     draw = random.Random(SEED)
     found = []
@@ -94,13 +91,17 @@ def cases(out: Path, rfl: Path, count: int) -> list[Case]:
         road.parent.mkdir(parents=True, exist_ok=True)
         words = ["course", "--random", "car", "--seed", FIRST_ROAD + number, "--out", road]
         words += ["--closed"] if number // 2 % 2 else []
-        subprocess.run([str(rfl), *map(str, words)], check=True, capture_output=True)
+        subprocess.run([str(rfl), *map(str, words)], check=True, stdout=subprocess.DEVNULL)
         for name, vehicle in vehicles.items():
+            # Drawn for a plant that is absent, too: the others' steering is the same everywhere.
             lag = max(round(draw.uniform(0.0, LONGEST_LAG), 3), SHORTEST_LAG)
             actuator = Actuator(lag, draw.randint(0, LONGEST_DEAD_TIME))
+            if vehicle is None:
+                continue
             accel = ACCELS[number % len(ACCELS)]
             found += [
-                Case(f"{name}-{number:02}", name, vehicle, road, actuator, accel, row) for row in ("default", "told")
+                Case(f"{name}-{number:02}", name, str(vehicle), road, actuator, accel, row)
+                for row in ("default", "told")
             ]
     return found
 
@@ -126,7 +127,7 @@ def make(job: tuple[Case, Path, Path | None]) -> dict:
         "row": case.row,
         "road": case.road.stem,
         "lag": case.actuator.lag,
-        "dead_time": round(case.actuator.delay * SAMPLE, 3),
+        "dead_time": round(case.actuator.delay * STEP, 3),
         "lateral_accel": case.accel,
         "outcome": driven.outcome,
         "reason": driven.ending.reason,

@@ -138,7 +138,7 @@ def make(job: Job) -> Figures:
         result.ending.departure and result.ending.departure.time,
         str(result.fault) if result.fault else None,
         unusual(result),
-        any(AGAINST in message for message in result.messages),
+        result.against,
     )
 
 

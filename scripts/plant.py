@@ -52,9 +52,13 @@ class Lost(RuntimeError):
 
 @dataclass
 class PlantDrive(Drive):
-    """A drive of a plant; `fault` says what failed in the plant while it was on its road."""
+    """A drive of a plant; `fault` says what failed in the plant while it was on its road.
+
+    `against`: a trailer seems to lead its tractor into turns.
+    """
 
     fault: PlantError | None = None
+    against: bool = False
 
 
 # -- The loop ---------------------------------------------------------------------------------------------------------
@@ -151,21 +155,21 @@ def drive(
                 outcome, reason = LOST, str(error)
                 break
         messages = [f"controller: {text}" for status, _, text in controller.messages if status > 0]
-    if "articulation" in plant.measured and turns_against(dict(zip(names, np.array(rows).T))):
-        messages.append(f"{plant.name}: {AGAINST}")
     if reason is None:
         reason = f"the time for the road was over after {referee.driven:.0f} of {length:.0f} m"
     ending = referee.ending(outcome, reason)
     if ending.outcome == LOST:
         messages.insert(0, ending.reason)
     columns = dict(zip(names, np.array(rows).reshape(len(rows), len(names)).T))
+    if against := turns_against(columns):
+        messages.append(f"{plant.name}: {AGAINST}")
     wall = time.perf_counter() - begin
-    return PlantDrive(columns, step, wall, ending.outcome == COMPLETED, messages, ending, words, fault)
+    return PlantDrive(columns, step, wall, ending.outcome == COMPLETED, messages, ending, words, fault, against)
 
 
 def turns_against(columns: dict[str, np.ndarray]) -> bool:
     """Whether a trailer seems to lead its tractor into the turn: the sign of the articulation is the other one."""
-    if not len(columns):
+    if "articulation" not in columns or not len(columns["articulation"]):
         return False
     turn, angle = columns["yaw_rate"], columns["articulation"]
     size = float(np.linalg.norm(turn) * np.linalg.norm(angle))

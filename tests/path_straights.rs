@@ -92,7 +92,7 @@ fn what_stands_beside_the_points_goes_on_between_them() {
 
 #[test]
 fn rows_lost_in_a_bend_are_refused() {
-    // The same length of 400 m is lost in bends of several radii, of one sense and of both.
+    // The same length of 400 m is lost in bends of several radii.
     for radius in [150.0, 300.0, 1000.0, 3000.0] {
         let map = Map::begin().straight(200.0).arc(radius, 1600.0 / radius, 5.0);
         let mut points = map.points;

@@ -391,19 +391,17 @@ impl Path {
     #[must_use]
     #[inline]
     pub fn curvature(&self, station: f64) -> f64 {
-        let spot = self.locate(station);
-        if spot.beyond != 0.0 { 0.0 } else { yaw_at(&self.cells[spot.cell].yaw, spot.offset)[1] }
+        self.bend(station)[0]
     }
 
     /// Change of curvature per arc length at a station in 1/m2; 0 beyond the ends of an open path.
     #[must_use]
     #[inline]
     pub fn curvature_rate(&self, station: f64) -> f64 {
-        let spot = self.locate(station);
-        if spot.beyond != 0.0 { 0.0 } else { yaw_at(&self.cells[spot.cell].yaw, spot.offset)[2] }
+        self.bend(station)[1]
     }
 
-    /// Both, as [`curvature`](Self::curvature) and [`curvature_rate`](Self::curvature_rate) give them.
+    /// Curvature in 1/m and its change per arc length in 1/m2 at a station; 0 beyond the ends of an open path.
     #[must_use]
     #[inline]
     pub fn bend(&self, station: f64) -> [f64; 2] {

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import closed_loop
 import learn
+import numpy as np
 import plant
 import pytest
 from outcome import COMPLETED, LOST
@@ -313,3 +314,26 @@ def test_the_simpler_of_equal_controllers_is_recommended():
         == "learned"
     )
     assert learn.better({"default": [lost], "identified": [figures]}) == "identified"
+
+
+def test_what_stands_otherwise_in_the_steering_is_said():
+    def number(value, spread, excited=True):
+        return {"value": value, "low": value - spread, "high": value + spread, "excited": excited}
+
+    sound = {"gain": number(1.0, 0.001), "offset": number(0.0, 1e-4)}
+    assert learn.stands_otherwise(sound, True) == []
+    [gain, offset] = learn.stands_otherwise({"gain": number(0.85, 0.001), "offset": number(-0.01, 1e-3)}, True)
+    assert "0.850 times the command" in gain and "actuator.gain=0.850" in gain
+    assert "0.57 degrees to the right" in offset and "actuator.offset=-0.0100" in offset
+    # Through the yaw rate a gain is that of the tyres as well; what is not excited is not said.
+    assert learn.stands_otherwise(sound | {"gain": number(0.85, 0.001)}, False) == []
+    assert learn.stands_otherwise(sound | {"offset": number(0.01, 1e-3, False)}, True) == []
+
+
+def test_an_articulation_of_the_other_sign_is_noticed():
+    turn = 0.1 * np.sin(np.linspace(0.0, 20.0, 500))
+    trailing = np.roll(turn, 20)
+    assert not plant.turns_against({"yaw_rate": turn, "articulation": trailing})
+    assert plant.turns_against({"yaw_rate": turn, "articulation": -trailing})
+    assert not plant.turns_against({"yaw_rate": 0.01 * turn, "articulation": -trailing})
+    assert not plant.turns_against({"yaw_rate": turn})
