@@ -63,6 +63,8 @@ NO_GAIN, NO_OFFSET = 0.01, 5e-4
 LEAST_GAIN = 0.02
 # Lateral error in m by which a largest error is larger than another.
 WIDER = 0.005
+# Exit status where nothing beats the default controller; that of `rfl train` where it refuses a model.
+NOT_BETTER = 3
 MODEL = "model.rflm"
 MODELS = ("linear", "rt", "rf", "rtl", "rfl", "rfl_s")  # kinds that rfl train proves
 
@@ -305,6 +307,7 @@ class Ladder:
         found = json.loads(report.read_text(encoding="utf-8")) if report.is_file() else {}
         model = (found.get("models") or [{}])[0]
         refused = None if done.returncode == 0 else said_by(done)
+        word = "refused" if done.returncode == NOT_BETTER else "failed"
         text = f"{found['data']['labels']} samples" if "data" in found else ""
         if proof := model.get("proof"):
             learned, default = (proof[name] for name in ("learned", "default"))
@@ -316,7 +319,7 @@ class Ladder:
         self.report.setdefault("train", []).append({"logs": len(logs), "refused": refused} | found)
         if refused:
             earlier = "; the model before is kept" if self.model else ""
-            print(f"4 train: {text}{'; ' if text else ''}refused: {without_advice(refused)}{earlier}")
+            print(f"4 train: {text}{'; ' if text else ''}{word}: {without_advice(refused)}{earlier}")
             return
         self.model = self.out / MODEL
         draft.replace(self.model)
@@ -410,7 +413,7 @@ class Ladder:
         self.write_report()
         print(f"logs and learn.json in {self.out}")
         print(f"use ({best}): {fmu}.fmu with {', '.join(f'{name}={value}' for name, value in use.items())}")
-        return 0 if best != "default" else 1
+        return 0 if best != "default" else NOT_BETTER
 
     # -- What they need -----------------------------------------------------------------------------------------------
 
@@ -637,7 +640,7 @@ def run(options: argparse.Namespace) -> int:
 def main() -> int:
     parser = argparse.ArgumentParser(
         description=__doc__,
-        epilog="exit status: 0 something beats the default controller; 1 nothing does, or a failure; 2 wrong usage",
+        epilog="exit status: 0 something beats the default controller; 1 bad input or a failure; 2 wrong usage; 3 nothing does",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--plant", required=True, metavar="FILE.py:NAME|FILE.fmu", help="the vehicle to learn")

@@ -307,7 +307,7 @@ fn roll_in_degrees_is_told_by_how_far_a_body_leans() {
     for leaning in [0.00125, 0.006, 0.0196] {
         for (unit, is_foreign) in [(1.0, false), (57.29578, true)] {
             let roll = |of: &dyn Fn(&str) -> f64| unit * leaning * of("vx") * of("yaw_rate");
-            let log = sound().with("roll", roll).clean();
+            let log = sound().and("roll", roll).clean();
             let found = log.findings.iter().any(|it| it.signal.as_deref() == Some("roll"));
             assert_eq!(found, is_foreign, "{leaning}: {:?}", log.findings);
             let most = log.columns["roll"].iter().fold(0.0_f64, |most, roll| most.max(roll.abs()));

@@ -51,7 +51,7 @@ fn a_log_gives_a_model_that_fits_and_drives_better() {
     assert_eq!(fit["models"][0]["proven"], Value::from(true), "{said}");
     let (data, model) = (&fit["data"], &fit["models"][0]);
     assert_eq!((&data["gaps"], &data["not_finite"]), (&Value::from(0), &Value::from(0)));
-    assert_eq!((model["kind"].as_str(), model["window"].as_u64()), (Some("rfl_s"), Some(28)));
+    assert_eq!((model["kind"].as_str(), model["window"].as_u64()), (Some("rfl_s"), Some(35)));
     for output in 0..4 {
         let rmse = |of: &str| model["train"][of][output].as_f64().unwrap();
         assert!(rmse("rmse") < 0.2 * rmse("nominal_rmse"), "{model}");
@@ -391,5 +391,30 @@ fn what_is_no_model_for_the_car_does_not_drive() {
     ] {
         let error = refused(&rfl(folder.path(), &[&["drive", "--quiet"], arguments].concat()));
         assert!(error.contains(words), "{arguments:?}: {error}");
+    }
+}
+
+#[test]
+fn the_steering_is_that_of_the_measured_angle_or_else_of_the_yaw_rate() {
+    let shown = |table: &DriveTable| {
+        let folder = tempfile::tempdir().unwrap();
+        done(&train(folder.path(), table, &["--json", "fit.json"]));
+        json(&folder.path().join("fit.json"))["coverage"]["steering"].clone()
+    };
+    let number = |of: &Value, name: &str| of[name].as_f64().unwrap();
+    // Dead time 0.06 s; lag 0.1 s on top of the 0.05 s of the vehicle's file.
+    let by_angle = shown(&collected());
+    assert_eq!(by_angle["by"], "steer", "{by_angle}");
+    assert!((number(&by_angle, "dead_time") - 0.06).abs() < 0.002, "{by_angle}");
+    assert!((number(&by_angle, "lag") - 0.15).abs() < 0.002, "{by_angle}");
+    // A copy of the command is no measured angle.
+    let copied = collected().without(&["steer"]).and("steer", |of| of("steer_cmd"));
+    for table in [collected().without(&["steer"]), copied] {
+        let by_yaw_rate = shown(&table);
+        assert_eq!(by_yaw_rate["by"], "yaw_rate", "{by_yaw_rate}");
+        let sum = number(&by_yaw_rate, "dead_time") + number(&by_yaw_rate, "lag");
+        assert!((sum - 0.21).abs() < 0.03, "{by_yaw_rate}");
+        // No grid's resolution is a certainty.
+        assert!(number(&by_yaw_rate, "sum_spread") > 1e-4, "{by_yaw_rate}");
     }
 }

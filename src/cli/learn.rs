@@ -13,7 +13,7 @@ use super::logs::LimitArgs;
 use super::output::{hold_folder, write_file, write_json};
 use super::progress_bar;
 use super::vehicle::{Commanded, VehicleLinearModel, by_kind};
-use super::{Cli, Command, train};
+use super::{Cli, Command, NOT_BETTER, train};
 use crate::control::{
     Choice, ControlVariant, ControlledParameters, ControllerFile, ControllerParametersFor,
     PredictionModelFor, Propagation, RollOut,
@@ -41,7 +41,7 @@ use std::sync::Arc;
 Written: drive.csv and collect_N.csv (logs), controller.toml (identified steering), model.rflm (only if it is better), train.json,
 learn.json. A vehicle of your own, not simulated here: docs/learning.md.
 
-Exit status: 0 done, 1 bad input, a failure, or nothing that drives better than the default controller.")]
+Exit status: 0 done, 1 bad input or a failure, 2 wrong usage, 3 nothing drives better than the default controller.")]
 pub struct LearnArgs {
     /// Car or truck: a vehicle file (TOML) or a built-in name
     #[arg(long, default_value = BUILTIN[0])]
@@ -228,8 +228,9 @@ impl<P: Commanded<S, C>, const S: usize, const C: usize> Ladder<'_, P, S, C> {
 
         // Train and prove in simulation.
         let model = file("model.rflm");
-        let trained = self.train(&logs, &model, &file("train.json"));
-        let refused = trained.as_ref().err().map(ToString::to_string);
+        let refused = self
+            .train(&logs, &model, &file("train.json"))
+            .unwrap_or_else(|failure| Some(failure.to_string()));
         match &refused {
             None => say!("4 train: {}", model.display()),
             Some(reason) => say!("4 train: {reason}"),
@@ -302,7 +303,7 @@ impl<P: Commanded<S, C>, const S: usize, const C: usize> Ladder<'_, P, S, C> {
                 say!("next: rfl drive --vehicle {vehicle} --controller {}", controller.display());
             }
         }
-        Ok(u8::from(best == "default"))
+        Ok(if best == "default" { NOT_BETTER } else { 0 })
     }
 
     /// The steering actuator, as far as a drive shows it.
@@ -311,7 +312,8 @@ impl<P: Commanded<S, C>, const S: usize, const C: usize> Ladder<'_, P, S, C> {
         // A drive that is too short to learn from shows nothing.
         let data = DataSet::<VehicleLinearModel<P, S, C>, S>::new(&[drive.to_learn_from()], &vehicle, config)
             .ok()?;
-        data.actuator(self.args.threads).filter(ShownActuator::is_shown)
+        let angles = [drive.to_identify_from()];
+        train::shown_by(&angles, &data, self.args.threads).filter(ShownActuator::is_shown)
     }
 
     /// Prediction model of the default controller.
@@ -360,13 +362,13 @@ impl<P: Commanded<S, C>, const S: usize, const C: usize> Ladder<'_, P, S, C> {
         Ok(drive)
     }
 
-    /// `rfl train` on these logs.
+    /// `rfl train` on these logs; the reason if it writes no model.
     fn train(
         &self,
         logs: &[PathBuf],
         model: &std::path::Path,
         report: &std::path::Path,
-    ) -> Result<(), Box<dyn Error>> {
+    ) -> Result<Option<String>, Box<dyn Error>> {
         let args = self.args;
         let text = |path: &std::path::Path| path.to_string_lossy().into_owned();
         let mut words = vec!["rfl".to_owned(), "train".to_owned()];
@@ -391,8 +393,8 @@ impl<P: Commanded<S, C>, const S: usize, const C: usize> Ladder<'_, P, S, C> {
             words.push("--quiet".to_owned());
         }
         match Cli::try_parse_from(words)?.command {
-            Command::Train(args) => train::run(&args),
-            _ => Ok(()),
+            Command::Train(args) => Ok(train::trained(&args)?.refused),
+            _ => Ok(None),
         }
     }
 }

@@ -65,12 +65,15 @@ use std::ffi::OsString;
   rfl course                  write our own courses to paths/
   rfl completions bash        completion of commands and options in a shell
 
-Exit status: 0 done, 1 bad input or a failure, 2 wrong usage; rfl drive and rfl diagnose have more."
+Exit status: 0 done, 1 bad input or a failure, 2 wrong usage; rfl drive, rfl train, rfl learn and rfl diagnose have more."
 )]
 pub struct Cli {
     #[command(subcommand)]
     command: Command,
 }
+
+/// Exit status of learning that ends without anything better than the default controller.
+const NOT_BETTER: u8 = 3;
 
 /// Commands of `rfl`.
 #[derive(Debug, Subcommand)]
@@ -99,7 +102,7 @@ impl Cli {
         match &self.command {
             Command::Drive(args) => return drive::run(args),
             Command::Collect(args) => collect::run(args)?,
-            Command::Train(args) => train::run(args)?,
+            Command::Train(args) => return train::run(args),
             Command::Learn(args) => return learn::run(args),
             Command::Tune(args) => tune::run(args)?,
             Command::Evaluate(args) => evaluate::run(args)?,

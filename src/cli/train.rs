@@ -6,19 +6,20 @@ use super::logs::{LogArgs, ReadsLogs};
 use super::output::{check_writable, hold_folder, write_json};
 use super::progress::Bar;
 use super::vehicle::{Commanded, VehicleLinearModel, by_kind, controller_with, vehicle_named};
-use super::{named, progress_bar};
+use super::{NOT_BETTER, named, progress_bar};
 use crate::control::{
     Choice, ControlVariant, ControlledParameters, ControllerParametersFor, MODEL_EXTENSION,
     PredictionModelFor, Propagation, Residual, RollOut,
 };
-use crate::log::drives_of;
-use crate::nominal::{Actuator, LateralVehicle};
+use crate::log::{SteeringLog, drives_of};
+use crate::nominal::{Actuator, LateralVehicle, SteeringDrive, identify_from_drives};
 use crate::path;
 use crate::residual::gp::GpConfig;
 use crate::residual::{
     CommandPrior, DataReport, DataSet, FitErrors, Kind, LambdaChoice, Progress, ResidualModelFor,
-    ShownActuator, TrainConfig, TrainReport, TreeFeatures, train,
+    ShownActuator, ShownBy, TrainConfig, TrainReport, TreeFeatures, train,
 };
+use crate::signal::{STEER, YAW_RATE};
 use crate::simulate::prove::{Contest, Exam, NotBetter, explaining_plants};
 use crate::vehicle::BUILTIN;
 use clap::Args;
@@ -43,7 +44,9 @@ A log is a CSV file with the columns time, steer_cmd, vx, e1, e1_rate, e2, e2_ra
 rfl or of the FMU in any host), or with x, y, yaw, vx, vy, yaw_rate beside time and steer_cmd, and --path. SI units.
 
 A model is written only if it drives better than the default controller, in simulation, on plants that explain the logs and on roads
-of their own; else the exit status is 1.")]
+of their own.
+
+Exit status: 0 done, 1 bad input or a failure, 2 wrong usage, 3 a model that is not better, and is not written.")]
 pub struct TrainArgs {
     /// Drive logs (CSV)
     #[arg(required = true)]
@@ -224,8 +227,10 @@ fn controller<P: Commanded<S, C>, const S: usize, const C: usize>(
 ///
 /// # Errors
 /// The fault, its place, and advice.
-pub fn run(args: &TrainArgs) -> Result<(), Box<dyn Error>> {
-    trained(args)?.refused.map_or(Ok(()), |words| Err(words.into()))
+pub fn run(args: &TrainArgs) -> Result<u8, Box<dyn Error>> {
+    let Some(refused) = trained(args)?.refused else { return Ok(0) };
+    warn!("{refused}");
+    Ok(NOT_BETTER)
 }
 
 impl ReadsLogs for TrainArgs {
@@ -270,22 +275,25 @@ where
         .transpose()?;
     let steering = |speed: f64| steady_steering(&vehicle, speed);
     let mut notes = Vec::new();
-    let mut read = |files: &[PathBuf]| -> Result<DataSet<VehicleLinearModel<P, S, C>, S>, Box<dyn Error>> {
-        let mut drives = Vec::new();
+    let mut read = |files: &[PathBuf]| -> Result<_, Box<dyn Error>> {
+        let (mut drives, mut angles) = (Vec::new(), Vec::new());
         for file in files {
             let road = road.as_ref().map(|(road, file)| (road, *file));
             let log = args.reading.read(file)?;
             drives.extend(drives_of(&log, road, &steering, &mut |note| notes.push(note))?);
+            // What is wrong with a log was said above.
+            angles.extend(SteeringLog::by_angle(&log, &steering).into_iter().flat_map(|log| log.drives));
         }
-        Ok(DataSet::new(&drives, &vehicle, data_config)?)
+        let data: DataSet<VehicleLinearModel<P, S, C>, S> = DataSet::new(&drives, &vehicle, data_config)?;
+        Ok((data, angles))
     };
-    let data = read(&args.logs)?;
-    let test = if args.test.is_empty() { None } else { Some(read(&args.test)?) };
+    let (data, angles) = read(&args.logs)?;
+    let test = if args.test.is_empty() { None } else { Some(read(&args.test)?.0) };
     notes.extend(found(data.report()));
     say!("{} rows, {} samples", data.report().rows, data.report().labels);
     notes.iter().for_each(|note| say!("note: {note}"));
 
-    let shown = data.actuator(args.tuning.threads);
+    let shown = shown_by(&angles, &data, args.tuning.threads);
     let prior = shown.map(|shown| shown.prior);
     let least = P::SETTING.window;
     let window = prior.map_or(least, |prior| prior.window(data_config.sample_time, least));
@@ -379,6 +387,18 @@ where
     Ok(TrainingResult { report, refused })
 }
 
+/// The steering actuator as logs show it: by the measured angle where there is one, else by the yaw rate.
+pub(super) fn shown_by<V: LateralVehicle<S>, const S: usize>(
+    angles: &[SteeringDrive],
+    data: &DataSet<V, S>,
+    threads: usize,
+) -> Option<ShownActuator> {
+    // A copy of the command in the place of the angle shows no actuator.
+    let copied = angles.iter().all(|drive| drive.steer_cmd == drive.response);
+    let measured = || identify_from_drives(angles).ok().and_then(|found| ShownActuator::measured(&found));
+    (!copied).then(measured).flatten().or_else(|| data.actuator(threads))
+}
+
 /// Coverage of the logs.
 struct Coverage {
     /// Least, greatest and 5 %, 95 % quantiles of the speed, m/s.
@@ -427,8 +447,12 @@ impl Coverage {
         match self.shown {
             Some(shown) if shown.is_shown() => {
                 let Actuator { dead_time, time_constant, .. } = shown.prior.actuator;
+                let by = match shown.by {
+                    ShownBy::Angle => "its measured angle",
+                    ShownBy::YawRate => "its yaw response",
+                };
                 say!(
-                    "steering by its yaw response: dead time {dead_time:.3} s, lag {time_constant:.3} s, both together {:.3} +- {:.3} s",
+                    "steering by {by}: dead time {dead_time:.3} s, lag {time_constant:.3} s, both together {:.3} +- {:.3} s",
                     dead_time + time_constant,
                     shown.spread
                 );
@@ -448,6 +472,7 @@ impl Coverage {
                 "dead_time": shown.prior.actuator.dead_time,
                 "lag": shown.prior.actuator.time_constant,
                 "sum_spread": shown.spread,
+                "by": match shown.by { ShownBy::Angle => STEER.name, ShownBy::YawRate => YAW_RATE.name },
                 "shown": shown.is_shown(),
             })),
         })

@@ -1,6 +1,7 @@
-//! The steering actuator from the same samples as a residual.
+//! The steering actuator behind the samples of a residual.
 //!
-//! For a hypothesis, dead time and lag, the issued commands make an angle `delta`. The change of the yaw rate over a
+//! Where the logs have the measured angle, it comes from command and angle alone ([`ShownActuator::measured`]).
+//! Otherwise it comes from the samples. For a hypothesis, dead time and lag, the issued commands make an angle `delta`. The change of the yaw rate over a
 //! step is linear in it and, with the errors of a single-track model, in states and road:
 //!
 //! ```text
@@ -15,9 +16,9 @@
 
 use super::dataset::DataSet;
 use super::prior::CommandPrior;
-use crate::nominal::{Actuator, LateralVehicle};
+use crate::nominal::{Actuator, Estimate, IdentifiedSteering, LateralVehicle};
 use crate::numerics::parallel;
-use nalgebra::{Cholesky, DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector, Matrix2, Matrix3, Vector3};
 
 /// Dead times and lags that are tried, s.
 const LONGEST_DEAD_TIME: f64 = 0.4;
@@ -29,6 +30,11 @@ const REFINEMENTS: usize = 4;
 const CORRELATION: f64 = 0.1;
 /// Least noise of the yaw acceleration, rad/s2.
 const NOISE: f64 = 0.02;
+/// Ends of a 90 % interval from its middle, in standard deviations.
+const NINE_OF_TEN: f64 = 1.645;
+/// First step from the best in search of the spread, s, and how often it may double: up to 0.4 s.
+const FIRST_WIDTH: f64 = 1e-4;
+const DOUBLINGS: i32 = 12;
 /// Spread of dead time and lag together beyond which a log does not show the actuator, s.
 const NOT_SHOWN: f64 = 0.06;
 
@@ -39,9 +45,33 @@ pub struct ShownActuator {
     pub prior: CommandPrior,
     /// Standard deviation of dead time and lag together, s, on which a loop's stability depends.
     pub spread: f64,
+    /// Column that shows it.
+    pub by: ShownBy,
+}
+
+/// Column that shows the actuator.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ShownBy {
+    /// The measured road-wheel angle.
+    Angle,
+    /// The yaw rate, through the vehicle.
+    YawRate,
 }
 
 impl ShownActuator {
+    /// The actuator as command and measured angle show it; none if they do not determine the delay.
+    #[must_use]
+    pub fn measured(found: &IdentifiedSteering) -> Option<Self> {
+        let spread = |of: &Estimate| (of.high - of.low) / (2.0 * NINE_OF_TEN);
+        let prior = CommandPrior {
+            actuator: found.actuator(),
+            dead_time_spread: spread(&found.dead_time),
+            lag_spread: spread(&found.lag),
+        };
+        let shown = Self { prior, spread: spread(&found.delay), by: ShownBy::Angle };
+        (found.delay.excited && shown.is_shown()).then_some(shown)
+    }
+
     /// True if the log shows it at all.
     #[must_use]
     pub fn is_shown(&self) -> bool {
@@ -84,7 +114,8 @@ impl<V: LateralVehicle<S>, const S: usize> DataSet<V, S> {
                 }
             }
         }
-        // The spread about the best, of what was tried.
+        // The spread about the best: of all that was tried, where several hypotheses compete; of the likelihood's fall close
+        // by, where it is narrower than what was tried.
         let mut moments = [0.0; 4];
         for (&(dead_time, lag), found) in grid.iter().zip(&scores) {
             let weight = (found - score).exp();
@@ -93,9 +124,12 @@ impl<V: LateralVehicle<S>, const S: usize> DataSet<V, S> {
             moments.iter_mut().zip(squares).for_each(|(sum, square)| *sum += weight * square);
         }
         let weight = moments[0].max(1.0);
-        let [dead_time_spread, lag_spread, spread] = [1, 2, 3].map(|i: usize| (moments[i] / weight).sqrt());
+        let near = fit.variances(at, score);
+        let [dead_time_spread, lag_spread, spread] =
+            [0, 1, 2].map(|i: usize| (moments[i + 1] / weight).max(near[i]).sqrt());
         let actuator = Actuator { dead_time: at.0, time_constant: at.1, ..Actuator::default() };
-        Some(ShownActuator { prior: CommandPrior { actuator, dead_time_spread, lag_spread }, spread })
+        let prior = CommandPrior { actuator, dead_time_spread, lag_spread };
+        Some(ShownActuator { prior, spread, by: ShownBy::YawRate })
     }
 }
 
@@ -189,5 +223,48 @@ impl ActuatorRegression {
         let noise = (NOISE * self.sample_time).powi(2);
         let rest = if own > 1e-12 * square { self.rest - explained * explained / own } else { self.rest };
         -0.5 * self.independent * (rest.max(0.0) / row.max(1) as f64 + noise).ln()
+    }
+
+    /// Variances of dead time, lag and their sum about the best, s2. The log-likelihood falls by a half where a parabola of
+    /// curvature `H` has `d' H d = 1`; three directions give the three numbers of `H`. A direction in which it does not fall
+    /// tells nothing.
+    fn variances(&self, best: (f64, f64), score: f64) -> [f64; 3] {
+        let directions = [(1.0, 0.0), (0.0, 1.0), (1.0, -1.0)];
+        let curvatures = directions.map(|direction| {
+            let width = [1.0, -1.0]
+                .into_iter()
+                .filter_map(|sign| self.width(best, score, (sign * direction.0, sign * direction.1)));
+            width.map(|width| 1.0 / (width * width)).reduce(f64::min).unwrap_or(0.0)
+        });
+        // d' H d of each direction, in H11, H22, H12.
+        let system = Matrix3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0, -2.0);
+        let solved = system.lu().solve(&Vector3::from(curvatures)).unwrap_or_default();
+        let inverse = Matrix2::new(solved[0], solved[2], solved[2], solved[1])
+            .cholesky()
+            .map(|root| root.inverse())
+            .filter(|inverse| inverse.iter().all(|value| value.is_finite()));
+        inverse.map_or([0.0; 3], |c| [c[(0, 0)], c[(1, 1)], c[(0, 0)] + c[(1, 1)] + 2.0 * c[(0, 1)]])
+    }
+
+    /// Distance from the best at which the log-likelihood has fallen by a half; none if it does not, or where dead time or lag
+    /// would be negative before.
+    fn width(&self, best: (f64, f64), score: f64, direction: (f64, f64)) -> Option<f64> {
+        let fallen = |width: f64| {
+            let at = (best.0 + width * direction.0, best.1 + width * direction.1);
+            (at.0 >= 0.0 && at.1 >= 0.0).then(|| score - self.log_likelihood(at) >= 0.5)
+        };
+        let mut high = FIRST_WIDTH;
+        for _ in 0..DOUBLINGS {
+            if fallen(high)? {
+                let mut low = 0.5 * high;
+                for _ in 0..4 {
+                    let middle = 0.5 * (low + high);
+                    *(if fallen(middle)? { &mut high } else { &mut low }) = middle;
+                }
+                return Some(high);
+            }
+            high *= 2.0;
+        }
+        None
     }
 }

@@ -86,7 +86,7 @@ mod train;
 mod train_config;
 mod tree;
 
-pub use actuator::ShownActuator;
+pub use actuator::{ShownActuator, ShownBy};
 pub use checks::DataError;
 pub use dataset::{DataConfig, DataSet, Windows};
 pub use explain::BlockMisfit;

@@ -10,7 +10,7 @@ use super::noise::SensorNoise;
 use super::outcome::{DriveError, End, Ending, LaneLimits, Outcome, Place, Referee};
 use super::vehicle::{CAR_COLUMNS, SimulatedVehicle, TRUCK_COLUMNS};
 use crate::control::{ControlStatus, ControllerFor, Measurement, Sampler, TRUCK_STATES, Timing};
-use crate::nominal::ERRORS;
+use crate::nominal::{ERRORS, SteeringDrive};
 use crate::numerics::Random;
 use crate::path::RoadClass;
 use crate::residual;
@@ -356,6 +356,18 @@ impl<const C: usize> DriveFor<C> {
         log.articulation = self.column(signal::ARTICULATION.name);
         log.articulation_rate = self.column(signal::ARTICULATION_RATE.name);
         log
+    }
+
+    /// This drive as data of its steering: command and measured angle.
+    #[must_use]
+    pub fn to_identify_from(&self) -> SteeringDrive {
+        SteeringDrive {
+            name: String::new(),
+            time: self.column(signal::TIME.name),
+            steer_cmd: self.column(signal::STEER_CMD.name),
+            response: self.column(signal::STEER.name),
+            speed: Vec::new(),
+        }
     }
 
     /// Time of the last row, s; 0 for an empty drive.

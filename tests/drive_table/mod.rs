@@ -54,18 +54,6 @@ impl DriveTable {
         self
     }
 
-    /// With a column more, `of` a row's values by name.
-    pub fn with(mut self, name: &str, of: impl Fn(&dyn Fn(&str) -> f64) -> f64) -> Self {
-        let values: Vec<f64> = self
-            .rows
-            .iter()
-            .map(|row| of(&|name| row[self.place(name)].parse().expect("a number")))
-            .collect();
-        self.names.push(name.to_owned());
-        self.rows.iter_mut().zip(values).for_each(|(row, value)| row.push(value.to_string()));
-        self
-    }
-
     pub fn without(mut self, names: &[&str]) -> Self {
         for name in names {
             let place = self.place(name);

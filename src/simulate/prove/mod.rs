@@ -32,6 +32,8 @@ const ROADS: usize = 2;
 /// Mean lateral error by which a drive may be worse than the default's, m, and largest, as a share of the default's and m.
 const WORSE_MEAN: f64 = 0.002;
 const WORSE_MAX: (f64, f64) = (1.25, 0.01);
+/// Share of the time from which on a model that is not better is called faded out.
+const MOSTLY_FADED: f64 = 0.5;
 
 /// One drive, with the default controller and with the model.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -72,6 +74,18 @@ pub enum NotBetter {
         lost: usize,
         /// With the default controller.
         default: usize,
+        /// All.
+        drives: usize,
+    },
+    /// It was hardly used.
+    #[error(
+        "it was faded out for {:.0} % of {drives} simulated drives: on plants that explain the logs its predictions are worse than those \
+         of the model without it",
+        100.0 * share
+    )]
+    Faded {
+        /// Of the time.
+        share: f64,
         /// All.
         drives: usize,
     },
@@ -134,6 +148,11 @@ impl Proof {
             });
         }
         if default.lost == 0 && learned.mean >= default.mean {
+            let share =
+                self.drives.iter().map(|drive| drive.learned.faded).sum::<f64>() / drives.max(1) as f64;
+            if share > MOSTLY_FADED {
+                return Err(NotBetter::Faded { share, drives });
+            }
             return Err(NotBetter::Mean { learned: learned.mean, default: default.mean, drives });
         }
         Ok(())

@@ -10,7 +10,9 @@
 //! less: a search needs such differences.
 
 use super::axis::{ControllerNumbers, NotSet};
-use crate::control::{ControllerError, ControllerFor, ControllerParametersFor, PredictionModelFor};
+use crate::control::{
+    ControlStatus, ControllerError, ControllerFor, ControllerParametersFor, PredictionModelFor,
+};
 use crate::nominal::Actuator;
 use crate::path::Path;
 use crate::simulate::experiment::{Compared, NominalOf};
@@ -66,6 +68,8 @@ pub struct ScenarioResult {
     pub driven: f64,
     /// Given up because it could no longer win: the figures are those until then.
     pub given_up: bool,
+    /// Share of the time in which the learned model was faded out.
+    pub faded: f64,
 }
 
 /// Reasons for which a drive cannot be made.
@@ -123,7 +127,7 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> Scenario<P, S, C> {
             let report = closed.controller().report();
             let rate = before.map_or(0.0, |before| (report.steer_cmd - before) / step);
             before = Some(report.steer_cmd);
-            sums.add(closed.lateral_error(), rate);
+            sums.add(closed.lateral_error(), rate, report.status == ControlStatus::ResidualFaded);
             finished = report.finished;
             given_up = sums.max > bound;
             if finished || given_up || sums.max > LOST_AT {
@@ -143,11 +147,13 @@ struct DriveSums {
     errors: f64,
     squares: f64,
     rates: f64,
+    faded: u32,
 }
 
 impl DriveSums {
-    fn add(&mut self, error: f64, rate: f64) {
+    fn add(&mut self, error: f64, rate: f64, faded: bool) {
         self.count += 1;
+        self.faded += u32::from(faded);
         self.max = self.max.max(error.abs());
         self.errors += error.abs();
         self.squares += error * error;
@@ -158,7 +164,7 @@ impl DriveSums {
         let count = f64::from(self.count.max(1));
         let (rms, roughness) = ((self.squares / count).sqrt(), (self.rates / count).sqrt());
         let cost = if lost { LOST_COST * (2.0 - driven) } else { self.max + rms + ROUGHNESS * roughness };
-        let mean = self.errors / count;
-        ScenarioResult { cost, max: self.max, mean, rms, roughness, lost, driven, given_up }
+        let (mean, faded) = (self.errors / count, f64::from(self.faded) / count);
+        ScenarioResult { cost, max: self.max, mean, rms, roughness, lost, driven, given_up, faded }
     }
 }
