@@ -323,6 +323,54 @@ fn the_road_tells_a_speed_in_foreign_units() {
     }
 }
 
+/// What is said to be mended is mended in the data that is learned from, too.
+#[test]
+fn errors_to_the_road_are_those_of_the_mended_columns() {
+    let sound =
+        sound().without(&["e1", "e1_rate", "e2", "e2_rate", "station", "curvature", "curvature_rate"]);
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("road.csv");
+    let as_driven = sound.log();
+    let points = as_driven.column("x").unwrap().iter().zip(as_driven.column("y").unwrap()).step_by(25);
+    let lines: Vec<String> = points.map(|(x, y)| format!("{x},{y}\n")).collect();
+    std::fs::write(&file, format!("x,y\n{}", lines.concat())).unwrap();
+    let road = rfl_mpc::path::Path::read(&file).unwrap();
+    let made = |table: &DriveTable| {
+        let mut notes = Vec::new();
+        let note = &mut |words| notes.push(words);
+        let mut drives = drives_of(&table.log(), Some((&road, &file)), &steering, note).unwrap();
+        (drives.remove(0), notes.join("; "))
+    };
+    let (plain, _) = made(&sound);
+    let value = |name: &str, row: usize| as_driven.column(name).unwrap()[row];
+    let late =
+        |name: &'static str, rows: usize| move |row: usize, _: f64| value(name, row.saturating_sub(rows));
+    let held = |name: &'static str, rows: usize| move |row: usize, _: f64| value(name, row / rows * rows);
+    for (case, table, words) in [
+        ("places 0.1 s late", sound.clone().map("x", late("x", 5)).map("y", late("y", 5)), "x comes 0.1"),
+        ("yaw rate 0.16 s late", sound.clone().map("yaw_rate", late("yaw_rate", 8)), "yaw_rate comes 0."),
+        ("places at 10 Hz", sound.clone().map("x", held("x", 5)).map("y", held("y", 5)), ""),
+        (
+            "yaw in degrees at 10 Hz",
+            sound.clone().map("yaw", held("yaw", 5)).scaled(&["yaw"], 57.29578),
+            "taken as degrees",
+        ),
+    ] {
+        let (drive, notes) = made(&table);
+        assert!(notes.contains(words), "{case}: {notes}");
+        // About the ends there is nothing to mend with; a lateness is known to a row.
+        let rows = 50..plain.time.len() - 50;
+        for (name, one, other, most) in [
+            ("e2", &drive.e2, &plain.e2, 8e-3),
+            ("e1_rate", &drive.e1_rate, &plain.e1_rate, 0.12),
+            ("e2_rate", &drive.e2_rate, &plain.e2_rate, 0.02),
+        ] {
+            let off = rows.clone().map(|row| (one[row] - other[row]).abs()).fold(0.0, f64::max);
+            assert!(off < most, "{case}: {name} off by {off}");
+        }
+    }
+}
+
 /// Errors of a closed loop change within the blocks that are compared.
 #[test]
 fn a_quick_error_is_not_taken_for_one_in_another_unit() {

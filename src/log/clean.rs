@@ -11,7 +11,7 @@ use super::frozen;
 use super::held;
 use super::join::JUMP;
 use super::jumps::{self, Jump};
-use super::late;
+use super::late::{self, Lateness};
 use super::outliers;
 use super::read::DriveLog;
 use super::resample::{between, resample};
@@ -41,12 +41,12 @@ impl CleanLog {
 /// A checked log: prepared for comparison, and the data on its rows for other uses.
 pub(super) struct Checked {
     pub log: CleanLog,
-    /// Factors of the file's columns; those in SI units are not named.
-    pub factors: Factors,
-    /// Rows of the file whose value in a column is wrong.
-    pub left_out: WrongRows,
+    /// The file's columns, row by row, in SI units, mended but for what comes late; what is wrong is not a number.
+    pub columns: LogColumns,
     /// The drives in the file: rows in their order, and their times.
     pub drives: Vec<Clock>,
+    /// Columns that come late.
+    pub late: Lateness,
     /// Reasons for which nothing can be learned from the errors to the path.
     pub errors: Option<CleanError>,
 }
@@ -88,14 +88,15 @@ pub(super) fn check(
     // Without these values even the units may be others.
     let read =
         if impossible.is_empty() { read } else { Read::of(log, commanded, &impossible, &[], steering)? };
-    let Read { mut log, factors, left_out, drives } =
-        without_jumps(log, commanded, &impossible, read, steering)?;
+    let read = without_jumps(log, commanded, &impossible, read, steering)?;
+    let columns = read.in_rows_of(log);
+    let Read { mut log, drives, .. } = read;
     let seams = with_seams(&mut log, &drives);
     let signs = agreement::check(&mut log, steering);
     let errors = agreement::check_errors(&log, steering);
     without_seams(&mut log, &seams);
     signs?;
-    late::mend(&mut log);
+    let late = late::mend(&mut log);
     let errors = errors.err();
     if let Some(error) = &errors {
         log.find(
@@ -112,7 +113,7 @@ pub(super) fn check(
     }
     describe(&mut log);
     log.findings.sort_by_key(|finding| std::cmp::Reverse(finding.gravity));
-    Ok(Checked { log, factors, left_out, drives, errors })
+    Ok(Checked { log, columns, drives, late, errors })
 }
 
 /// A log whose place jumps, as several drives; without its place, if these were too short.
@@ -153,6 +154,10 @@ struct Read {
     factors: Factors,
     left_out: WrongRows,
     drives: Vec<Clock>,
+    /// Mended columns before they were brought to an even clock, the row of the file of each, and factors that are in them.
+    mended: LogColumns,
+    in_file: Vec<usize>,
+    factors_in_mended: Factors,
 }
 
 impl Read {
@@ -202,7 +207,8 @@ impl Read {
         };
         held::mend(&mut mended);
         leave_out_faults(&mut mended);
-        let LogRows { columns, spans, findings, left_out, .. } = mended;
+        let LogRows { columns, spans, findings, left_out, in_file, .. } = mended;
+        let (mended, factors_in_mended) = (columns.clone(), factors.clone());
         let mut log = on_even_clocks(&drives, &spans, columns, commanded, &left_out, findings)?;
         let seams = with_seams(&mut log, &drives);
         agreement::mend_units(&mut log, &mut factors);
@@ -211,7 +217,23 @@ impl Read {
         let seams = with_seams(&mut log, &drives);
         agreement::mend_steering(&mut log, &mut factors, steering);
         without_seams(&mut log, &seams);
-        Ok(Self { log, factors, left_out, drives })
+        Ok(Self { log, factors, left_out, drives, mended, in_file, factors_in_mended })
+    }
+
+    /// The columns of a file, mended.
+    fn in_rows_of(&self, file: &LogColumns) -> LogColumns {
+        let factor = |factors: &Factors, name: &str| factors.get(name).copied().unwrap_or(1.0);
+        let mut columns = file.clone();
+        for (&name, column) in &mut columns {
+            let whole = factor(&self.factors, name);
+            column.iter_mut().for_each(|value| *value *= whole);
+            if let Some(mended) = self.mended.get(name) {
+                let rest = whole / factor(&self.factors_in_mended, name);
+                self.in_file.iter().zip(mended).for_each(|(&row, value)| column[row] = rest * value);
+            }
+            self.left_out.get(name).into_iter().flatten().for_each(|&row| column[row] = f64::NAN);
+        }
+        columns
     }
 }
 

@@ -15,6 +15,8 @@ use super::clean_log::CleanLog;
 use super::finding::FindingSeverity;
 use super::join::JUMP;
 use super::kinematics;
+use crate::numerics::statistics::median;
+use std::collections::BTreeMap;
 
 /// Least lateness that is mended, s: twice that of an inertial sensor's low pass.
 const LEAST: f64 = 0.02;
@@ -27,8 +29,12 @@ const LONGEST_LOW_PASS: f64 = 0.06;
 /// Rounds of measuring a lateness and taking it out: what is linear in it is exact for a little of it only.
 const ROUNDS: usize = 3;
 
-/// Takes late columns earlier.
-pub(super) fn mend(log: &mut CleanLog) {
+/// Seconds by which columns were taken earlier.
+pub(super) type Lateness = BTreeMap<&'static str, f64>;
+
+/// Takes late columns earlier; gives how much.
+pub(super) fn mend(log: &mut CleanLog) -> Lateness {
+    let mut taken = Lateness::new();
     let yaw_rate = |late: f64| -> &'static [&'static str] {
         match late {
             late if late > LONGEST_LOW_PASS => &["yaw_rate"],
@@ -36,9 +42,10 @@ pub(super) fn mend(log: &mut CleanLog) {
             _ => &["yaw"],
         }
     };
-    mend_one(log, kinematics::yaw_rate_late, yaw_rate, ["yaw says", "yaw_rate says"]);
+    taken.extend(mend_one(log, kinematics::yaw_rate_late, yaw_rate, ["yaw says", "yaw_rate says"]));
     let place = |late: f64| -> &'static [&'static str] { if late > 0.0 { &["x", "y"] } else { &[] } };
-    mend_one(log, kinematics::place_late, place, ["vx and yaw say", ""]);
+    taken.extend(mend_one(log, kinematics::place_late, place, ["vx and yaw say", ""]));
+    taken
 }
 
 /// Takes the later side of one relation earlier. `columns` are those of a lateness, negative where the other side is late;
@@ -48,11 +55,11 @@ fn mend_one(
     measured: impl Fn(&CleanLog) -> Option<(f64, f64)>,
     columns: impl Fn(f64) -> &'static [&'static str],
     by: [&str; 2],
-) {
-    let Some((first, late)) = rows_late(log, measured(log)) else { return };
+) -> Lateness {
+    let Some((first, late)) = rows_late(log, measured(log)) else { return Lateness::new() };
     let names = columns(late);
     if names.is_empty() {
-        return;
+        return Lateness::new();
     }
     earlier(log, names, first);
     let (mut rows, mut total) = (first, late);
@@ -63,12 +70,13 @@ fn mend_one(
         (rows, total) = (rows + few, total + more);
     }
     let there: Vec<&str> = names.iter().copied().filter(|name| log.columns.contains_key(name)).collect();
-    let Some((first, others)) = there.split_first() else { return };
+    let Some((first, others)) = there.split_first() else { return Lateness::new() };
     let with = if others.is_empty() { String::new() } else { format!(", {} with it", others.join(" and ")) };
     let against = if late > 0.0 { by[0] } else { by[1] };
     let words =
         format!("{first} comes {:.3} s later than {against}: taken {rows} rows earlier{with}", total.abs());
     log.find(FindingSeverity::Warning, first, words);
+    there.into_iter().map(|name| (name, rows as f64 * log.step)).collect()
 }
 
 /// Whole rows of a lateness that is sure, and the lateness, s.
@@ -76,6 +84,17 @@ fn rows_late(log: &CleanLog, told: Option<(f64, f64)>) -> Option<(usize, f64)> {
     let (late, error) = told?;
     let rows = (late.abs() / log.step).round() as usize;
     (late.abs() > LEAST && late.abs() > SURE * error && rows > 0).then_some((rows, late))
+}
+
+/// A column of a log on its own clock, taken earlier by so many seconds. Rows that have no row so much later get no value.
+pub(super) fn taken_earlier(time: &[f64], values: &[f64], seconds: f64) -> Vec<f64> {
+    let steps = time.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| step.is_finite()).collect();
+    let Some(spacing) = median(steps).filter(|spacing| *spacing > 0.0) else { return values.to_vec() };
+    let rows = (seconds / spacing).round() as usize;
+    // Across a gap the row is another one.
+    let there = |row: usize| (time[row + rows] - time[row] - seconds).abs() < 2.0 * spacing;
+    let value = |row: usize| (row + rows < time.len() && there(row)).then(|| values[row + rows]);
+    (0..time.len()).map(|row| value(row).unwrap_or(f64::NAN)).collect()
 }
 
 /// Takes columns earlier by rows; the last rows of each drive do not count then.

@@ -8,6 +8,7 @@ use super::clean::check;
 use super::clean_log::{CleanError, UnusableLog};
 use super::clock::Clock;
 use super::finding::FindingSeverity;
+use super::late::taken_earlier;
 use super::read::{DriveLog, LogError};
 use super::road::{FAR, follow};
 use super::rows::LogColumns;
@@ -88,20 +89,18 @@ pub fn drives_of(
     for finding in checked.log.findings.iter().filter(|finding| finding.gravity > FindingSeverity::Note) {
         note(format!("{}: {}", file.display(), finding.words));
     }
-    let mut columns = columns;
-    for (name, rows) in &checked.left_out {
-        if let Some(column) = columns.get_mut(name) {
-            rows.iter().for_each(|&row| column[row] = f64::NAN);
-        }
-    }
-    for (name, factor) in &checked.factors {
-        columns.get_mut(name).into_iter().flatten().for_each(|value| *value *= factor);
-    }
+    let columns = checked.columns;
     let in_order = |stamps: &[f64]| {
         let stamps: Vec<f64> = stamps.iter().copied().filter(|stamp| stamp.is_finite()).collect();
         stamps.windows(2).all(|pair| pair[0] < pair[1])
     };
-    let road = |note: &mut dyn FnMut(String), columns| {
+    let road = |note: &mut dyn FnMut(String), mut columns: LogColumns| {
+        for (name, seconds) in &checked.late {
+            let earlier = |column: &Vec<f64>| taken_earlier(&columns["time"], column, *seconds);
+            if let Some(earlier) = columns.get(name).map(earlier) {
+                columns.insert(name, earlier);
+            }
+        }
         drive_of(&CheckedRows { file: file.clone(), columns }, road, note)
     };
     match &checked.drives[..] {
