@@ -640,7 +640,8 @@ def run(options: argparse.Namespace) -> int:
 def main() -> int:
     parser = argparse.ArgumentParser(
         description=__doc__,
-        epilog="exit status: 0 something beats the default controller; 1 bad input or a failure; 2 wrong usage; 3 nothing does",
+        epilog="exit status: 0 something beats the default controller; 1 bad input or a failure; 2 wrong usage; "
+        "3 nothing does",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--plant", required=True, metavar="FILE.py:NAME|FILE.fmu", help="the vehicle to learn")
