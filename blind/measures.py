@@ -203,7 +203,7 @@ def reliability(probabilities: list[float], right: list[bool], bins: int = 10) -
 
 def shrinkage(report: dict, signal: str = "yaw_rate", stage: str = "recalibrated") -> float | None:
     """Share of a held-out gap of the log that is closed; the noise is not a gap."""
-    gap = report.get("shrink", {}).get("open_loop", {}).get(signal)
+    gap = report.get("gap_reduction", {}).get("open_loop", {}).get(signal)
     if not gap or gap["before"] <= gap["noise"]:
         return None
     before, after = (max(gap[key] ** 2 - gap["noise"] ** 2, 0.0) ** 0.5 for key in ("before", stage))

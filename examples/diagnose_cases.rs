@@ -60,7 +60,7 @@ fn line(label: &str, truth: &[(String, f64)], found: &Diagnosis, seconds: f64) -
         }
     }
     for signal in ["yaw_rate", "ay", "vy"] {
-        if let Some(gap) = report.shrink.open_loop.get(signal) {
+        if let Some(gap) = report.gap_reduction.open_loop.get(signal) {
             text += &format!(
                 " | {signal} {:.4} > {:.4} > {:.4} ({:.4}; {:.4})",
                 gap.before,
@@ -87,7 +87,7 @@ fn row(label: &str, truth: &[(String, f64)], found: &Diagnosis, right: bool, in_
         Some(100.0 * ((effect.value - from) / (value - from) - 1.0).abs())
     });
     let share = |gap: &rfl_mpc::diagnose::Gap| 1.0 - gap.effect / gap.before.max(1e-12);
-    let most = report.shrink.open_loop.iter().max_by(|a, b| share(a.1).total_cmp(&share(b.1)));
+    let most = report.gap_reduction.open_loop.iter().max_by(|a, b| share(a.1).total_cmp(&share(b.1)));
     let shrunk = most.map_or(String::new(), |(signal, gap)| {
         let left = 100.0 * (1.0 - gap.recalibrated / gap.before.max(1e-12));
         format!("`{signal}` {:.0} %, {left:.0} %", 100.0 * share(gap))

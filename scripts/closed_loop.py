@@ -533,7 +533,9 @@ def main() -> int:
     checks = checks_of(result, requirements, cut)
     status = exit_status(result.outcome, cut, all(check.met for check in checks[1:]))
     results = result.results() | {
-        "requirements": [{"requirement": c.name, "met": c.met, "words": c.words} for c in checks[1:]],
+        "requirements": [
+            {"requirement": c.name, "met": c.met, "summary": c.words, "words": c.words} for c in checks[1:]
+        ],
         "exit_status": status,
     }
     try:

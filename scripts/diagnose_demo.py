@@ -156,8 +156,10 @@ def compare(drawn: dict, report: dict, wall: float, out: Path) -> int:
         f"The diagnosis, in {wall:.1f} s: {verdict}"
         + (f", value off by {100 * error:.1f} %" if error is not None else "")
     )
-    shrunk = {name: 1 - gap["recalibrated"] / gap["before"] for name, gap in report["shrink"]["open_loop"].items()}
-    for name, gap in (report["shrink"]["closed_loop"] or {}).items():
+    shrunk = {
+        name: 1 - gap["recalibrated"] / gap["before"] for name, gap in report["gap_reduction"]["open_loop"].items()
+    }
+    for name, gap in (report["gap_reduction"]["closed_loop"] or {}).items():
         shrunk[f"{name}, closed loop"] = 1 - gap["recalibrated"] / gap["before"]
     print("The gap closed by: " + ", ".join(f"{name} {100 * share:.0f} %" for name, share in shrunk.items()))
     print(f"look at: {out / 'report.html'}")

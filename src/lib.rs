@@ -58,6 +58,7 @@ pub mod enumeration;
 mod finite;
 pub mod fmi;
 pub mod fmu;
+mod former;
 pub mod input;
 pub mod log;
 pub mod nominal;

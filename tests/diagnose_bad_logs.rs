@@ -21,7 +21,7 @@ fn few_rows_cannot_tell() {
     for rows in [0, 1, 2, 40, 150] {
         let verdict = found(&short(&log, rows), &singles()).report.verdict;
         assert_eq!(verdict.kind, VerdictKind::CannotTell, "{rows} rows");
-        assert!(verdict.words.contains("longer"), "{}", verdict.words);
+        assert!(verdict.summary.contains("longer"), "{}", verdict.summary);
     }
 }
 
@@ -63,9 +63,9 @@ fn a_suspicious_log_names_nothing() {
     log.findings.push(Finding {
         gravity: FindingSeverity::Suspicion,
         signal: Some("yaw_rate".to_owned()),
-        words,
+        summary: words,
     });
     let verdict = found(&log, &singles()).report.verdict;
     assert_eq!(verdict.kind, VerdictKind::CannotTell);
-    assert!(verdict.effects.is_empty() && verdict.words.contains("sign turned"));
+    assert!(verdict.effects.is_empty() && verdict.summary.contains("sign turned"));
 }

@@ -53,7 +53,7 @@ fn a_tolerance_of_the_vehicle_file_is_taken() {
     let report = of(&c_class("[tolerance]\neffect.steer_gain = 0.1\n").unwrap(), &log).unwrap();
     assert!((report.inputs.tolerances["effect.steer_gain"] - 0.1).abs() < 1e-12);
     let named = report.verdict.effects.iter().any(|effect| effect.id == "steer_gain");
-    assert!(!named, "{}", report.verdict.words);
+    assert!(!named, "{}", report.verdict.summary);
     assert!(of(&car(), &log).unwrap().verdict.effects.iter().any(|effect| effect.id == "steer_gain"));
 }
 

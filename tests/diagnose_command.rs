@@ -87,9 +87,9 @@ fn a_late_steering_is_named_and_everything_is_written() {
     assert!(named.id == "steer_delay" && (named.value - 0.12).abs() < 0.02, "{}", named.value);
     assert_eq!(report.inputs.files["log"].file, "late.csv");
     assert_eq!(report.inputs.files["log"].hash.len(), 16);
-    let gap = report.shrink.open_loop["yaw_rate"];
+    let gap = report.gap_reduction.open_loop["yaw_rate"];
     assert!(gap.effect < 0.5 * gap.before, "{gap:?}");
-    let tracking = report.shrink.closed_loop.unwrap()["e1"];
+    let tracking = report.gap_reduction.closed_loop.unwrap()["e1"];
     // Position is known to 5 mm only: what counts is the gap beyond the noise.
     let beyond = |gap: f64| (gap * gap - tracking.noise * tracking.noise).max(0.0).sqrt();
     assert!(tracking.noise > 0.0 && beyond(tracking.effect) < 0.5 * beyond(tracking.before), "{tracking:?}");
@@ -138,8 +138,8 @@ fn two_drives_of_one_vehicle_are_one_log() {
     let open = report
         .findings
         .iter()
-        .any(|it| it.words.contains("the loop was not closed: it is closed along one drive"));
-    assert!(open && report.shrink.closed_loop.is_none(), "{:?}", report.findings);
+        .any(|it| it.summary.contains("the loop was not closed: it is closed along one drive"));
+    assert!(open && report.gap_reduction.closed_loop.is_none(), "{:?}", report.findings);
 }
 
 #[test]
@@ -154,9 +154,9 @@ fn a_suspect_log_is_never_given_a_name() {
     let report: Report = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(report.verdict.kind, VerdictKind::CannotTell);
     assert!(
-        report.verdict.effects.is_empty() && report.verdict.words.contains("another vehicle"),
+        report.verdict.effects.is_empty() && report.verdict.summary.contains("another vehicle"),
         "{}",
-        report.verdict.words
+        report.verdict.summary
     );
     assert!(!FOLDER.path().join("suspect/calibrated.toml").exists());
     assert!(FOLDER.path().join("suspect/report.html").exists());

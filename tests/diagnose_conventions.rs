@@ -52,7 +52,7 @@ fn lower(log: &CleanLog, height: f64) -> CleanLog {
 }
 
 fn says(report: &Report, signal: &str, words: &str) -> bool {
-    report.findings.iter().any(|it| it.signal.as_deref() == Some(signal) && it.words.contains(words))
+    report.findings.iter().any(|it| it.signal.as_deref() == Some(signal) && it.summary.contains(words))
 }
 
 #[test]
@@ -63,11 +63,11 @@ fn a_verdict_does_not_hang_on_the_frame_nor_on_the_side_of_roll() {
             [(log.clone(), false, false), (level(&log), true, false), (turned(&log), false, true)]
         {
             let report = found(&given, &singles()).report;
-            assert_eq!(report.verdict.kind, kind, "{levelled} {other_side}: {}", report.verdict.words);
+            assert_eq!(report.verdict.kind, kind, "{levelled} {other_side}: {}", report.verdict.summary);
             assert_eq!(says(&report, "ay", "level frame"), levelled, "{:?}", report.findings);
             assert_eq!(says(&report, "roll", "its sign was turned"), other_side, "{:?}", report.findings);
             let named = report.verdict.effects.iter().all(|effect| effect.id == put_in[0].0);
-            assert!(named, "{}", report.verdict.words);
+            assert!(named, "{}", report.verdict.summary);
         }
     }
 }
@@ -80,9 +80,9 @@ fn neither_a_late_receiver_nor_another_point_of_the_body_is_a_cause() {
             [("late", late(&log, 3)), ("lower", lower(&log, 0.5)), ("higher", lower(&log, -0.3))]
         {
             let report = found(&given, &singles()).report;
-            assert_eq!(report.verdict.kind, kind, "{what}: {}", report.verdict.words);
+            assert_eq!(report.verdict.kind, kind, "{what}: {}", report.verdict.summary);
             let named = report.verdict.effects.iter().all(|effect| effect.id == put_in[0].0);
-            assert!(named, "{what}: {}", report.verdict.words);
+            assert!(named, "{what}: {}", report.verdict.summary);
         }
     }
 }

@@ -16,6 +16,6 @@ fn a_delay_is_found_with_its_value() {
     assert!((named.value - 0.1).abs() < 0.015, "{named:?}");
     assert!(named.low < named.value && named.value < named.high);
     assert_eq!(diagnosis.report.stage, Some(Stage::Command));
-    let gap = diagnosis.report.shrink.open_loop["yaw_rate"];
+    let gap = diagnosis.report.gap_reduction.open_loop["yaw_rate"];
     assert!(gap.recalibrated < 0.5 * gap.before, "{gap:?}");
 }

@@ -36,7 +36,7 @@ fn estimate(of: &Information, effect: &str) -> (f64, f64) {
 fn a_summary_with_its_priors_says_what_the_diagnosis_says() {
     let report = found(&log(3, &[("steer_offset", 0.02)]), &singles()).report;
     let named = &report.verdict.effects[0];
-    assert_eq!(named.id, "steer_offset", "{}", report.verdict.words);
+    assert_eq!(named.id, "steer_offset", "{}", report.verdict.summary);
     let summary = report.information.as_ref().expect("there is a summary");
     let (value, deviation) = estimate(summary, "effect.steer_offset");
     assert!((value - named.value).abs() < 0.5 * deviation, "{value} {} {deviation}", named.value);

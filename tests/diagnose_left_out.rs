@@ -22,16 +22,16 @@ fn a_cause_that_is_left_out_is_not_taken_for_another() {
     for (effect, value) in [("steer_gain", 1.2), ("speed_scale", 1.1), ("yaw_rate_bias", 0.03)] {
         let report = without(effect, &[(effect, value)]);
         let verdict = report.verdict;
-        assert_eq!(verdict.kind, VerdictKind::NotInLibrary, "{}", verdict.words);
+        assert_eq!(verdict.kind, VerdictKind::NotInLibrary, "{}", verdict.summary);
         let strained = verdict.strained.expect("what is far off");
-        assert_eq!(strained.parameter, format!("effect.{effect}"), "{}", verdict.words);
+        assert_eq!(strained.parameter, format!("effect.{effect}"), "{}", verdict.summary);
         // All tolerances bear a part of it.
         let part = (strained.value - strained.given) / (value - strained.given);
-        assert!((0.3..1.2).contains(&part), "{part}: {}", verdict.words);
+        assert!((0.3..1.2).contains(&part), "{part}: {}", verdict.summary);
         assert!(
-            verdict.words.contains(effect) && verdict.words.contains("tolerances off"),
+            verdict.summary.contains(effect) && verdict.summary.contains("tolerances off"),
             "{}",
-            verdict.words
+            verdict.summary
         );
     }
 }
@@ -39,30 +39,30 @@ fn a_cause_that_is_left_out_is_not_taken_for_another() {
 #[test]
 fn a_tolerance_is_no_cause() {
     let report = without("steer_gain", &[("steer_gain", 1.01)]);
-    assert_eq!(report.verdict.kind, VerdictKind::None, "{}", report.verdict.words);
+    assert_eq!(report.verdict.kind, VerdictKind::None, "{}", report.verdict.summary);
     assert!(report.verdict.strained.is_none());
 }
 
 #[test]
 fn a_mass_that_is_left_out_is_no_gain_of_the_drive() {
     let verdict = without("payload", &[("payload", 400.0)]).verdict;
-    assert_eq!(verdict.kind, VerdictKind::NotInLibrary, "{}", verdict.words);
-    assert_eq!(verdict.strained.expect("what is far off").parameter, "vehicle.mass", "{}", verdict.words);
+    assert_eq!(verdict.kind, VerdictKind::NotInLibrary, "{}", verdict.summary);
+    assert_eq!(verdict.strained.expect("what is far off").parameter, "vehicle.mass", "{}", verdict.summary);
     // And a gain is still one.
     let verdict = without("payload", &[("drive_gain", 0.8)]).verdict;
-    assert_eq!(verdict.effects[0].id, "drive_gain", "{}", verdict.words);
+    assert_eq!(verdict.effects[0].id, "drive_gain", "{}", verdict.summary);
 }
 
 #[test]
 fn a_gain_that_is_left_out_is_no_sure_payload() {
     let verdict = without("drive_gain", &[("drive_gain", 0.8)]).verdict;
-    assert!(verdict.kind != VerdictKind::Effect || verdict.probability < 0.8, "{}", verdict.words);
+    assert!(verdict.kind != VerdictKind::Effect || verdict.probability < 0.8, "{}", verdict.summary);
     if verdict.kind == VerdictKind::NotInLibrary {
         assert_eq!(verdict.strained.expect("what is far off").parameter, "effect.drive_gain");
     }
     // And a payload is still one: its loads and inertia speak for it.
     let verdict = without("drive_gain", &[("payload", 400.0)]).verdict;
-    assert_eq!(verdict.effects[0].id, "payload", "{}", verdict.words);
+    assert_eq!(verdict.effects[0].id, "payload", "{}", verdict.summary);
 }
 
 #[test]
@@ -70,9 +70,9 @@ fn an_inertia_that_is_left_out_is_no_sure_load_at_the_end_of_the_vehicle() {
     let options = Options { without: vec!["yaw_inertia".to_owned()], ..Options::default() };
     let (sound, heavy) = (log(5, &[]), log(5, &[("yaw_inertia", 1.8)]));
     let verdict = diagnosed(&heavy, Some(&sound), &car(), &options, &|_, _| {}).unwrap().report.verdict;
-    assert!(verdict.kind != VerdictKind::Effect || verdict.probability < 0.8, "{}", verdict.words);
+    assert!(verdict.kind != VerdictKind::Effect || verdict.probability < 0.8, "{}", verdict.summary);
     let nearest = verdict.effects.iter().chain(&verdict.nearest);
     for place in nearest.filter_map(|effect| effect.components.get("payload_x")) {
-        assert!(place.abs() <= car().wheelbase(), "{place}: {}", verdict.words);
+        assert!(place.abs() <= car().wheelbase(), "{place}: {}", verdict.summary);
     }
 }

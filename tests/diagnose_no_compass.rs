@@ -17,8 +17,8 @@ fn without_a_heading_a_wind_has_a_speed_and_a_direction_from_the_start() {
         log.columns.remove(name);
     }
     let report = found(&log, &Options::default()).report;
-    assert_eq!(report.verdict.kind, VerdictKind::Effect, "{}", report.verdict.words);
-    let [wind] = &report.verdict.effects[..] else { panic!("{}", report.verdict.words) };
+    assert_eq!(report.verdict.kind, VerdictKind::Effect, "{}", report.verdict.summary);
+    let [wind] = &report.verdict.effects[..] else { panic!("{}", report.verdict.summary) };
     assert_eq!(wind.class, ["wind_x", "wind_y"]);
     assert!((wind.value / WIND - 1.0).abs() < 0.1, "{}", wind.value);
     assert!(wind.low < WIND && WIND < wind.high, "{} to {}", wind.low, wind.high);
@@ -26,7 +26,7 @@ fn without_a_heading_a_wind_has_a_speed_and_a_direction_from_the_start() {
     let off = wind.direction.unwrap() - (0.25 * TAU - start);
     let off = off - TAU * (off / TAU).round();
     assert!(off.abs() < 0.15, "{off} rad off");
-    assert!(report.verdict.words.contains("no heading"), "{}", report.verdict.words);
+    assert!(report.verdict.summary.contains("no heading"), "{}", report.verdict.summary);
     let across = report.observability.iter().find(|entry| entry.effect == "wind_y").unwrap();
     assert!(!across.observable && across.why.contains("named wind_x"), "{}", across.why);
     // A simulator that starts at heading 0 is given the components.
@@ -40,7 +40,7 @@ fn the_place_alone_tells_the_heading() {
     let mut log = log(21, &[("wind_y", WIND)]);
     log.columns.remove("yaw");
     let report = found(&log, &Options::default()).report;
-    let [wind] = &report.verdict.effects[..] else { panic!("{}", report.verdict.words) };
+    let [wind] = &report.verdict.effects[..] else { panic!("{}", report.verdict.summary) };
     assert_eq!((wind.id.as_str(), wind.direction), ("wind_y", None));
     assert!((wind.value / WIND - 1.0).abs() < 0.1, "{}", wind.value);
 }

@@ -61,6 +61,6 @@ fn slow_tight_turns_of_the_same_plant_leave_no_gap() {
     let size = (rate.iter().map(|rate| rate * rate).sum::<f64>() / rate.len() as f64).sqrt();
     let report = found(&clean(columns), &singles()).report;
     assert_eq!(report.verdict.kind, VerdictKind::None, "{:?}", report.verdict);
-    let gap = &report.shrink.open_loop["yaw_rate"];
+    let gap = &report.gap_reduction.open_loop["yaw_rate"];
     assert!(gap.before < 0.006 * size, "{} of {size} rad/s", gap.before);
 }

@@ -89,9 +89,9 @@ fn every_kind_of_verdict_has_its_page_however_little_is_known() {
         report.verdict.kind = kind;
         report.verdict.effects.clear();
         (report.stage, report.next_manoeuvre) = (None, None);
-        report.places.clear();
+        report.location.clear();
         report.candidates.clear();
-        report.shrink = Default::default();
+        report.gap_reduction = Default::default();
         report.observability.clear();
         report.recalibration.clear();
         let diagnosis = Diagnosis { report, series: Series::default() };
@@ -104,7 +104,7 @@ fn every_kind_of_verdict_has_its_page_however_little_is_known() {
 #[test]
 fn gaps_of_nothing_and_of_no_number_are_shown() {
     let (log, mut diagnosis) = diagnosed();
-    for gap in diagnosis.report.shrink.open_loop.values_mut() {
+    for gap in diagnosis.report.gap_reduction.open_loop.values_mut() {
         (gap.before, gap.effect, gap.learnable) = (0.0, f64::NAN, Some(f64::INFINITY));
     }
     for column in diagnosis.series.simulated.values_mut() {
@@ -122,9 +122,16 @@ fn report_json_is_the_contract_and_comes_back() {
     let json = serde_json::to_value(&diagnosis.report).unwrap();
     assert_eq!(json["verdict"]["kind"], "effect");
     assert_eq!(json["verdict"]["effects"][0]["id"], "steer_delay");
-    assert_eq!(json["where"][0]["signal"], "yaw_rate");
-    assert!(json["shrink"]["open_loop"]["yaw_rate"]["before"].as_f64().unwrap() > 0.0);
-    assert!(json["shrink"]["closed_loop"]["e1"]["recalibrated"].is_number());
+    assert_eq!(json["location"][0]["signal"], "yaw_rate");
+    assert!(json["gap_reduction"]["open_loop"]["yaw_rate"]["before"].as_f64().unwrap() > 0.0);
+    assert!(json["gap_reduction"]["closed_loop"]["e1"]["recalibrated"].is_number());
+    // The keys of the version before hold the same.
+    for (key, former) in [("location", "where"), ("gap_reduction", "shrink")] {
+        assert_eq!(json[key], json[former]);
+    }
+    assert_eq!(json["verdict"]["summary"], json["verdict"]["words"]);
+    assert_eq!(json["findings"][0]["summary"], json["findings"][0]["words"]);
+    assert_eq!(json["next_manoeuvre"]["also"], json["next_manoeuvre"]["besides"]);
     let report: Report = serde_json::from_value(json).unwrap();
     assert_eq!(report.verdict.headline(), "effect: steer_delay = 0.118 s (0.111 to 0.126), probability 0.93");
 }

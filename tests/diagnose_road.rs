@@ -67,9 +67,9 @@ fn log(parameters: &CarParameters, gain: f64) -> CleanLog {
 #[test]
 fn an_unknown_road_is_no_cause_and_hides_none() {
     let sound = found(&log(&car(), 1.0), &singles()).report;
-    assert_eq!(sound.verdict.kind, VerdictKind::None, "{}", sound.verdict.words);
+    assert_eq!(sound.verdict.kind, VerdictKind::None, "{}", sound.verdict.summary);
     let geared = found(&log(&car(), 1.12), &singles()).report;
-    assert_eq!(geared.verdict.kind, VerdictKind::Effect, "{}", geared.verdict.words);
+    assert_eq!(geared.verdict.kind, VerdictKind::Effect, "{}", geared.verdict.summary);
     let named = &geared.verdict.effects[0];
     assert!(named.id == "steer_gain" && named.low < 1.12 && 1.12 < named.high, "{named:?}");
 }
@@ -79,7 +79,8 @@ fn a_road_that_is_known_leaves_no_gap() {
     let unknown = log(&car(), 1.0);
     let mut known = unknown.clone();
     known.lay_on(&road()).unwrap();
-    let gap = |log: &CleanLog, signal: &str| found(log, &singles()).report.shrink.open_loop[signal].before;
+    let gap =
+        |log: &CleanLog, signal: &str| found(log, &singles()).report.gap_reduction.open_loop[signal].before;
     for (signal, share) in [("ay", 0.1), ("vx", 0.1)] {
         let (before, after) = (gap(&unknown, signal), gap(&known, signal));
         assert!(after < share * before, "{signal}: {before} {after}");
@@ -97,9 +98,9 @@ fn stiff_springs_leave_no_gap() {
             .expect("a clean log")
             .report;
         for (signal, largest) in [("ax", 0.05), ("ay", 0.02), ("yaw_rate", 0.001)] {
-            let gap = report.shrink.open_loop[signal].before;
+            let gap = report.gap_reduction.open_loop[signal].before;
             assert!(gap < largest, "{spring} N/m, {signal}: {gap}");
         }
-        assert_eq!(report.verdict.kind, VerdictKind::None, "{spring} N/m: {}", report.verdict.words);
+        assert_eq!(report.verdict.kind, VerdictKind::None, "{spring} N/m: {}", report.verdict.summary);
     }
 }

@@ -43,7 +43,7 @@ fn doubled(log: &CleanLog) -> CleanLog {
 fn gaps(log: &CleanLog) -> BTreeMap<String, f64> {
     let report = found(log, &singles()).report;
     assert_eq!(report.verdict.kind, VerdictKind::None, "{:?}", report.verdict);
-    report.shrink.open_loop.into_iter().map(|(signal, gap)| (signal, gap.before)).collect()
+    report.gap_reduction.open_loop.into_iter().map(|(signal, gap)| (signal, gap.before)).collect()
 }
 
 #[test]

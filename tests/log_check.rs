@@ -77,12 +77,12 @@ fn sound() -> DriveTable {
 fn answers(log: &DriveLog) -> [Result<String, String>; 3] {
     let words = |findings: &[Finding]| {
         let grave = findings.iter().filter(|finding| finding.gravity > FindingSeverity::Note);
-        grave.map(|finding| finding.words.as_str()).collect::<Vec<_>>().join("; ")
+        grave.map(|finding| finding.summary.as_str()).collect::<Vec<_>>().join("; ")
     };
     let diagnosis = match CleanLog::of(log, &steering) {
         Err(error) => Err(error.to_string()),
         Ok(clean) => match clean.suspect() {
-            Some(finding) => Err(finding.words.clone()),
+            Some(finding) => Err(finding.summary.clone()),
             None => Ok(words(&clean.findings)),
         },
     };
@@ -381,7 +381,7 @@ fn a_quick_error_is_not_taken_for_one_in_another_unit() {
             .scaled(&["e1"], size)
             .without(&["e2", "e2_rate"]);
         let clean = CleanLog::of(&table.log(), &steering).unwrap();
-        let said: Vec<&str> = clean.findings.iter().map(|finding| finding.words.as_str()).collect();
+        let said: Vec<&str> = clean.findings.iter().map(|finding| finding.summary.as_str()).collect();
         assert_eq!(said.iter().any(|words| words.contains("taken as")), !unit.is_empty(), "{said:?}");
         assert!(said.iter().any(|words| words.contains(unit)), "{unit}: {said:?}");
     }
@@ -456,7 +456,7 @@ fn the_known_bad_logs_are_mended_or_refused() {
         match (words, &clean) {
             (Err(words), Err(error)) => assert!(error.to_string().contains(words), "{name}: {error}"),
             (Ok(words), Ok(clean)) => {
-                let said = clean.findings.iter().any(|finding| finding.words.contains(words));
+                let said = clean.findings.iter().any(|finding| finding.summary.contains(words));
                 assert!(said && clean.suspect().is_none(), "{name}: {:#?}", clean.findings);
                 eprintln!("{name}: {:#?}", clean.findings);
             }
@@ -478,7 +478,7 @@ fn real_logs_have_no_outliers_and_no_foreign_units() {
         let log =
             CleanLog::of(&DriveLog::read(&file).unwrap(), &|speed| 3.02 + 0.003 * speed * speed).unwrap();
         eprintln!("{name}: {:#?}", log.findings);
-        let found = |words: &str| log.findings.iter().filter(|it| it.words.contains(words)).count();
+        let found = |words: &str| log.findings.iter().filter(|it| it.summary.contains(words)).count();
         for words in ["no motion explains", "taken as", "starts anew", "far from the stamps", "farther on"] {
             assert_eq!(found(words), 0, "{:#?}", log.findings);
         }

@@ -72,7 +72,7 @@ fn said(log: &CleanLog, column: &str, part: &str) -> FindingSeverity {
     let finding = log
         .findings
         .iter()
-        .find(|finding| finding.signal.as_deref() == Some(column) && finding.words.contains(part));
+        .find(|finding| finding.signal.as_deref() == Some(column) && finding.summary.contains(part));
     finding.unwrap_or_else(|| panic!("nothing on {column} with '{part}' in {:#?}", log.findings)).gravity
 }
 
@@ -511,7 +511,7 @@ fn logs_are_joined_on_the_slowest_clock_and_the_columns_of_all() {
     assert_eq!((log.step, log.time.len(), log.valid.len()), (0.02, 1000 + 2000 + 1500, 4500));
     assert!(log.columns.values().all(|column| column.len() == 4500));
     assert!(!log.columns.contains_key("vy") && said(&log, "vy", "1.csv") == FindingSeverity::Warning);
-    assert!(log.findings.iter().any(|finding| finding.words.contains("3 logs are taken as one")));
+    assert!(log.findings.iter().any(|finding| finding.summary.contains("3 logs are taken as one")));
     let jumps: Vec<usize> = (1..4500).filter(|&i| log.time[i] - log.time[i - 1] > 1.0).collect();
     assert_eq!(jumps, [2000, 3000]);
     // The second one, 100 rows a second, is on the clock of the others what it is on its own.

@@ -26,7 +26,7 @@ fn cleaned(columns: Columns) -> Result<CleanLog, UnusableLog> {
 /// What is said of a column, above notes or with them.
 fn said(findings: &[Finding], column: &str, least: FindingSeverity) -> String {
     let of = findings.iter().filter(|it| it.gravity >= least && it.signal.as_deref() == Some(column));
-    of.map(|finding| finding.words.as_str()).collect::<Vec<_>>().join("; ")
+    of.map(|finding| finding.summary.as_str()).collect::<Vec<_>>().join("; ")
 }
 
 /// Each `every`-th value, repeated up to the next.

@@ -20,7 +20,7 @@ fn changed(change: impl Fn(&mut Columns)) -> Result<CleanLog, UnusableLog> {
 
 fn said(findings: &[Finding]) -> String {
     let grave = findings.iter().filter(|finding| finding.gravity > FindingSeverity::Note);
-    grave.map(|finding| finding.words.as_str()).collect::<Vec<_>>().join("; ")
+    grave.map(|finding| finding.summary.as_str()).collect::<Vec<_>>().join("; ")
 }
 
 fn scale(columns: &mut Columns, names: &[&'static str], factor: f64) {
@@ -146,7 +146,7 @@ fn a_clock_at_another_rate_is_told_by_two_relations() {
             columns.retain(|name, _| !dropped.contains(name));
         })
         .unwrap();
-        let words = &log.suspect().unwrap_or_else(|| panic!("{rate}: {}", said(&log.findings))).words;
+        let words = &log.suspect().unwrap_or_else(|| panic!("{rate}: {}", said(&log.findings))).summary;
         assert!(words.contains("the clock runs at another rate"), "{rate}: {words}");
     }
     // A sensor's scale is in one relation.

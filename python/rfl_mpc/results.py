@@ -83,7 +83,7 @@ class Drive(_Result):
 
     @property
     def requirements(self) -> list[dict[str, Any]]:
-        """What was required: ``requirement``, whether it is ``met``, and the ``words``."""
+        """What was required: ``requirement``, whether it is ``met``, and the ``summary``."""
         return self.report["requirements"]
 
     def __repr__(self) -> str:
@@ -109,7 +109,7 @@ class Report(_Result):
 
     @property
     def verdict(self) -> dict[str, Any]:
-        """``kind`` (``none``, ``effect``, ``not_in_library``, ``cannot_tell``), ``probability``, ``effects``, words."""
+        """``kind`` (``none``, ``effect``, ``not_in_library``, ``cannot_tell``), its ``probability``, ``summary``."""
         return self.report["verdict"]
 
     @property
@@ -123,9 +123,14 @@ class Report(_Result):
         return self.report["posterior"]
 
     @property
+    def gap_reduction(self) -> dict[str, Any]:
+        """Reduction of the gap, by signal."""
+        return self.report["gap_reduction"]
+
+    @property
     def shrink(self) -> dict[str, Any]:
-        """How far the gap shrinks, by signal."""
-        return self.report["shrink"]
+        """:attr:`gap_reduction` under its former name, for one version."""
+        return self.gap_reduction
 
     @property
     def findings(self) -> list[dict[str, Any]]:
@@ -151,7 +156,9 @@ class Report(_Result):
         file.write_text(self.to_json() if file.suffix == ".json" else self.page, encoding="utf-8")
 
     def __repr__(self) -> str:
-        return f"Report({self.verdict['kind']}, probability {self.verdict['probability']:.2f}: {self.verdict['words']})"
+        return (
+            f"Report({self.verdict['kind']}, probability {self.verdict['probability']:.2f}: {self.verdict['summary']})"
+        )
 
     def _repr_html_(self) -> str:
         return _framed(self.page)

@@ -575,7 +575,7 @@ impl DriveReport {
             |at: Place| json!({ "time": at.time, "station": at.station, "lateral_error": at.lateral_error });
         let requirements: Vec<Value> = self.checks[1..]
             .iter()
-            .map(|check| json!({ "requirement": check.name, "met": check.met, "words": check.words }))
+            .map(|check| json!({ "requirement": check.name, "met": check.met, "summary": check.words, "words": check.words }))
             .collect();
         json!({
             "outcome": ending.outcome.name(),

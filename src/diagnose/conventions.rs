@@ -32,7 +32,7 @@ pub fn turn_roll(drive: &mut ReplayDrive) -> Option<Finding> {
     Some(Finding {
         gravity: FindingSeverity::Warning,
         signal: Some("roll".to_owned()),
-        words: words.to_owned(),
+        summary: words.to_owned(),
     })
 }
 
@@ -54,7 +54,7 @@ pub fn is_level<V: ReplayVehicle>(body: &Problem<V>, level: &Problem<V>) -> bool
 #[must_use]
 pub fn level_frame() -> Finding {
     let words = "it is that of a level frame, without gravity's share by roll and bank, and is compared so";
-    Finding { gravity: FindingSeverity::Note, signal: Some("ay".to_owned()), words: words.to_owned() }
+    Finding { gravity: FindingSeverity::Note, signal: Some("ay".to_owned()), summary: words.to_owned() }
 }
 
 /// Correlation of the roll with the lateral acceleration by speed and yaw rate.

@@ -13,7 +13,9 @@ use super::posterior::Posterior;
 use super::problem::Problem;
 use super::rank::{NoReplay, rank};
 use super::replay::{Channel, Correction, ReplayDrive, ReplayVehicle, Trace, neutral, prepared};
-use super::report::{Diagnosis, Finding, InputFile, Inputs, Report, Series, Shrink, Verdict, VerdictKind};
+use super::report::{
+    Diagnosis, Finding, GapReduction, InputFile, Inputs, Report, Series, Verdict, VerdictKind,
+};
 use super::select::chosen;
 use super::{constancy, conventions, localise, uncertain};
 use crate::log::CleanLog;
@@ -203,7 +205,7 @@ pub fn diagnose<V: ReplayVehicle>(
     );
     let report = Report {
         candidates: candidates(&problem, &ranking, &posterior, winner, decision.kind, calibration),
-        places: localise::places(&problem, &ranking),
+        location: localise::places(&problem, &ranking),
         stage: verdict.effects.first().map(|effect| effect.stage),
         observability: observability(&problem, &ranking, calibration),
         next_manoeuvre: next,
@@ -213,7 +215,7 @@ pub fn diagnose<V: ReplayVehicle>(
         verdict,
         findings,
         inputs,
-        shrink: judged.shrink,
+        gap_reduction: judged.gap_reduction,
         seed: options.seed,
         version: env!("CARGO_PKG_VERSION").to_owned(),
     };
@@ -245,11 +247,11 @@ fn without_answer(words: String, options: &Options) -> Report {
             short_list: Vec::new(),
             varying: None,
             strained: None,
-            words,
+            summary: words,
         },
         candidates: Vec::new(),
-        shrink: Shrink::default(),
-        places: Vec::new(),
+        gap_reduction: GapReduction::default(),
+        location: Vec::new(),
         stage: None,
         observability: Vec::new(),
         next_manoeuvre: None,

@@ -4,6 +4,7 @@
 use super::calibration::Calibration;
 use super::decision::{Decision, decide, lead};
 use super::fit::{Fit, Linearisation, Precision};
+use super::gap_reduction::{Predictive, gap_reduction, recalibrated};
 use super::manoeuvre;
 use super::naming::named;
 use super::posterior::{Posterior, Unknown};
@@ -11,9 +12,9 @@ use super::problem::Problem;
 use super::rank::Ranking;
 use super::replay::ReplayVehicle;
 use super::report::{
-    Adjustment, Finding, FindingSeverity, Manoeuvre, ReportedHypothesis, Shrink, Varies, Verdict, VerdictKind,
+    Adjustment, Finding, FindingSeverity, GapReduction, Manoeuvre, ReportedHypothesis, Varies, Verdict,
+    VerdictKind,
 };
-use super::shrink::{Predictive, recalibrated, shrink};
 use super::words;
 use nalgebra::DMatrix;
 
@@ -29,7 +30,7 @@ pub(super) struct Judged {
     pub local: Linearisation,
     pub precision: Precision,
     pub covariance: DMatrix<f64>,
-    pub shrink: Shrink,
+    pub gap_reduction: GapReduction,
     pub predictive: Predictive,
     /// Coordinates of the calibrated simulator.
     pub simulator: Vec<f64>,
@@ -99,7 +100,7 @@ impl Judged {
         hypotheses: &[ReportedHypothesis],
         next: Option<&Manoeuvre>,
     ) -> Verdict {
-        let Self { decision, winner, covariance, shrink, .. } = self;
+        let Self { decision, winner, covariance, gap_reduction, .. } = self;
         let interval = Calibration::built_in().interval;
         let mut effects = named(problem, ranking, winner, &decision.classes, covariance, interval);
         // What matters most stands first.
@@ -141,9 +142,9 @@ impl Judged {
             VerdictKind::CannotTell => {
                 words::cannot_tell(findings, straight, &short_list, &effects, &self.predictive, next)
             }
-            VerdictKind::Effect => words::effect(&effects, shrink, decision.probability),
-            VerdictKind::None => words::none(shrink),
-            VerdictKind::NotInLibrary => words::not_in_library(&effects, why, shrink),
+            VerdictKind::Effect => words::effect(&effects, gap_reduction, decision.probability),
+            VerdictKind::None => words::none(gap_reduction),
+            VerdictKind::NotInLibrary => words::not_in_library(&effects, why, gap_reduction),
         };
         let (effects, nearest) = match decision.kind {
             VerdictKind::Effect => (effects, Vec::new()),
@@ -151,7 +152,7 @@ impl Judged {
             VerdictKind::None | VerdictKind::CannotTell => (Vec::new(), Vec::new()),
         };
         let (kind, probability) = (decision.kind, decision.probability);
-        Verdict { kind, probability, effects, nearest, short_list, varying, strained, words }
+        Verdict { kind, probability, effects, nearest, short_list, varying, strained, summary: words }
     }
 }
 
@@ -166,7 +167,7 @@ pub(super) fn judge<V: ReplayVehicle>(
     let lead = lead(posterior);
     let winner = ranking.find(&lead.effects).unwrap_or(&ranking.none).clone();
     let local = ranking.linear_at(problem, &winner);
-    let (shrink, predictive) = shrink(problem, ranking, &winner, &local.slopes);
+    let (gap_reduction, predictive) = gap_reduction(problem, ranking, &winner, &local.slopes);
     let mut decision = decide(lead, predictive.names());
     let suspicion = findings.iter().any(|finding| finding.gravity == FindingSeverity::Suspicion);
     if straight && decision.kind != VerdictKind::None || suspicion {
@@ -180,5 +181,5 @@ pub(super) fn judge<V: ReplayVehicle>(
     } else {
         ranking.prior.only(problem, &winner.free, &winner.x)
     };
-    Judged { decision, winner, local, precision, covariance, shrink, predictive, simulator }
+    Judged { decision, winner, local, precision, covariance, gap_reduction, predictive, simulator }
 }

@@ -23,7 +23,7 @@ use std::f64::consts::TAU;
 use std::sync::Arc;
 
 /// Advice for what no drive of one vehicle can tell: an effect from an error of the model's form that looks like it.
-const BESIDES: &str = "drive the same before the change, or with a vehicle that drives as modelled, where there is one, and \
+const ALSO: &str = "drive the same before the change, or with a vehicle that drives as modelled, where there is one, and \
                        give that log as --reference: it shows what is the model's own error";
 
 /// Length and sample time, s.
@@ -278,7 +278,7 @@ pub fn next<V: ReplayVehicle>(
     Some(Manoeuvre {
         name: planned.name.to_owned(),
         how: (planned.how)(scale),
-        besides: BESIDES.to_owned(),
+        also: ALSO.to_owned(),
         separates: vec![name(first), name(second)],
         expected_evidence,
     })

@@ -41,7 +41,7 @@
 //! | `judged.rs` | the decision, tested on unseen parts, in numbers and words |
 //! | `observability.rs` | effects that a log can and cannot show |
 //! | `localise.rs` | location of the gap |
-//! | `shrink.rs` | reduction of the gap on held-out parts |
+//! | `gap_reduction.rs` | reduction of the gap on held-out parts |
 //! | `manoeuvre.rs` | the next manoeuvre to drive |
 //! | `select.rs` | the most informative stretches of long logs |
 //! | `words.rs` | the answer in words |
@@ -67,6 +67,7 @@ mod estimate;
 pub mod filter;
 pub mod fit;
 pub mod form;
+mod gap_reduction;
 mod headline;
 mod information;
 mod judged;
@@ -86,7 +87,6 @@ pub mod replay;
 mod report;
 mod resonance;
 mod select;
-mod shrink;
 pub mod simulated;
 #[cfg(feature = "cli")]
 pub mod simulator;

@@ -16,10 +16,11 @@ pub struct Report {
     /// All candidates, the best first.
     pub candidates: Vec<Candidate>,
     /// Reduction of the gap.
-    pub shrink: Shrink,
+    #[serde(flatten, with = "crate::former::gap_reduction")]
+    pub gap_reduction: GapReduction,
     /// Location of the gap, the greatest share first.
-    #[serde(rename = "where")]
-    pub places: Vec<GapLocation>,
+    #[serde(flatten, with = "crate::former::location")]
+    pub location: Vec<GapLocation>,
     /// The stage at which the gap enters, if there is one.
     pub stage: Option<Stage>,
     /// Effects that this log can and cannot show.
@@ -160,7 +161,8 @@ pub struct Verdict {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub strained: Option<Adjustment>,
     /// The verdict in at most three sentences.
-    pub words: String,
+    #[serde(flatten, with = "crate::former::summary")]
+    pub summary: String,
 }
 
 /// An effect whose value is not constant.
@@ -248,7 +250,7 @@ pub struct Candidate {
 
 /// Reduction of the gap.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
-pub struct Shrink {
+pub struct GapReduction {
     /// For each signal, over the whole of the held-out parts.
     pub open_loop: BTreeMap<String, Gap>,
     /// For each horizon (`0.5`, `1`, `2` s) and signal: the simulator starts anew from the log every horizon.
@@ -318,8 +320,8 @@ pub struct Manoeuvre {
     /// Instructions for driving it, in words.
     pub how: String,
     /// Additional drive where the model's form may look like an effect; empty where the form is known.
-    #[serde(default, skip_serializing_if = "String::is_empty")]
-    pub besides: String,
+    #[serde(flatten, with = "crate::former::also")]
+    pub also: String,
     /// The candidates that it tells apart.
     pub separates: Vec<String>,
     /// Expected evidence for one against the other, if the first is true.

@@ -72,5 +72,5 @@ pub fn chosen(log: &CleanLog) -> (Cow<'_, CleanLog>, Option<Finding>) {
         length / 60.0,
         kept.len()
     );
-    (Cow::Owned(short), Some(Finding { gravity: FindingSeverity::Note, signal: None, words }))
+    (Cow::Owned(short), Some(Finding { gravity: FindingSeverity::Note, signal: None, summary: words }))
 }

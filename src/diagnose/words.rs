@@ -1,11 +1,12 @@
 //! The answer in words for a test engineer.
 
+use super::gap_reduction::Predictive;
 use super::headline::{behind, value};
 use super::observability::short;
 use super::report::{
-    Adjustment, Finding, FindingSeverity, Gap, Manoeuvre, NamedEffect, ReportedHypothesis, Shrink, Varies,
+    Adjustment, Finding, FindingSeverity, Gap, GapReduction, Manoeuvre, NamedEffect, ReportedHypothesis,
+    Varies,
 };
-use super::shrink::Predictive;
 
 /// Share of the yaw-rate gap from which on it is evidence for the effect.
 const TELLING: f64 = 0.2;
@@ -42,11 +43,11 @@ fn of_effect(effect: &NamedEffect) -> String {
 }
 
 /// The yaw rate if the effect shows in it, else the signal whose gap it shrinks most.
-fn told(shrink: &Shrink) -> Option<(&str, &Gap)> {
+fn told(reduction: &GapReduction) -> Option<(&str, &Gap)> {
     let share = |gap: &Gap| 1.0 - gap.effect / gap.before.max(1e-12);
-    let yaw = shrink.open_loop.get("yaw_rate").filter(|gap| share(gap) >= TELLING);
+    let yaw = reduction.open_loop.get("yaw_rate").filter(|gap| share(gap) >= TELLING);
     yaw.map(|gap| ("yaw_rate", gap)).or_else(|| {
-        let all = shrink.open_loop.iter().map(|(signal, gap)| (signal.as_str(), gap));
+        let all = reduction.open_loop.iter().map(|(signal, gap)| (signal.as_str(), gap));
         all.max_by(|a, b| share(a.1).total_cmp(&share(b.1)))
     })
 }
@@ -68,14 +69,14 @@ fn percent(now: f64, before: f64) -> f64 {
 
 /// Effects that are named, in a few sentences.
 #[must_use]
-pub fn effect(effects: &[NamedEffect], shrink: &Shrink, probability: f64) -> String {
+pub fn effect(effects: &[NamedEffect], reduction: &GapReduction, probability: f64) -> String {
     let named: Vec<String> = effects.iter().map(of_effect).collect();
     let mut words = format!("The gap comes {} from {}.", sure(probability), named.join("; and from "));
     let others: Vec<&str> = effects
         .iter()
         .flat_map(|effect| effect.class.iter().filter(|id| **id != effect.id).map(String::as_str))
         .collect();
-    if let Some((signal, gap)) = told(shrink) {
+    if let Some((signal, gap)) = told(reduction) {
         words += &format!(
             " On parts of the log held out, the gap of {signal} shrinks by {:.0} % with {}, and by {:.0} % with all else \
              adjusted within tolerance.",
@@ -92,11 +93,11 @@ pub fn effect(effects: &[NamedEffect], shrink: &Shrink, probability: f64) -> Str
 
 /// Sentence for a log without an effect.
 #[must_use]
-pub fn none(shrink: &Shrink) -> String {
+pub fn none(reduction: &GapReduction) -> String {
     let mut words =
         "Nothing worth naming: the gap is within what ordinary tolerances of the simulator explain."
             .to_owned();
-    if let Some(gap) = shrink.open_loop.get("yaw_rate") {
+    if let Some(gap) = reduction.open_loop.get("yaw_rate") {
         words += &format!(
             " The yaw-rate gap is {} rad/s, {} rad/s after adjusting within tolerance; noise is {} rad/s.",
             short(gap.before),
@@ -109,7 +110,7 @@ pub fn none(shrink: &Shrink) -> String {
 
 /// Sentence for a cause outside the library; `nearest` are the nearest effects.
 #[must_use]
-pub fn not_in_library(nearest: &[NamedEffect], why: UnknownSign, shrink: &Shrink) -> String {
+pub fn not_in_library(nearest: &[NamedEffect], why: UnknownSign, reduction: &GapReduction) -> String {
     let mut words = match (why.strained, why.varying) {
         (Some(it), _) => format!(
             "The gap is explained only with {} {:.0} tolerances off ({}{} where {} is expected), which is no tolerance any \
@@ -140,7 +141,7 @@ pub fn not_in_library(nearest: &[NamedEffect], why: UnknownSign, shrink: &Shrink
     if !nearest.is_empty() {
         words += &format!(" Nearest come {}.", nearest.join(", "));
     }
-    if let Some(gap) = shrink.open_loop.get("yaw_rate") {
+    if let Some(gap) = reduction.open_loop.get("yaw_rate") {
         words += &format!(
             " Of the yaw-rate gap of {} rad/s, {} rad/s remain after adjusting{}.",
             short(gap.before),
@@ -168,7 +169,7 @@ pub fn cannot_tell(
     if let Some(finding) = grave {
         return format!(
             "This log cannot tell before it is cleared up: {}.",
-            finding.words.trim_end_matches('.')
+            finding.summary.trim_end_matches('.')
         );
     }
     if straight {

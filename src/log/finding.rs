@@ -22,12 +22,13 @@ pub struct Finding {
     /// The column, if it is about one.
     pub signal: Option<String>,
     /// Fault and advice, in words.
-    pub words: String,
+    #[serde(flatten, with = "crate::former::summary")]
+    pub summary: String,
 }
 
 impl Finding {
     /// A finding about the log, or about one column.
-    pub(super) fn new(gravity: FindingSeverity, signal: Option<&str>, words: impl Into<String>) -> Self {
-        Self { gravity, signal: signal.map(str::to_owned), words: words.into() }
+    pub(super) fn new(gravity: FindingSeverity, signal: Option<&str>, summary: impl Into<String>) -> Self {
+        Self { gravity, signal: signal.map(str::to_owned), summary: summary.into() }
     }
 }

@@ -67,7 +67,7 @@ impl CleanLog {
                 }
             }
             let of_file =
-                |finding: Finding| Finding { words: format!("{file}: {}", finding.words), ..finding };
+                |finding: Finding| Finding { summary: format!("{file}: {}", finding.summary), ..finding };
             whole.findings.extend(log.findings.into_iter().map(of_file));
         }
         whole.findings.sort_by_key(|finding| std::cmp::Reverse(finding.gravity));

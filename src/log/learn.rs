@@ -82,12 +82,12 @@ pub fn drives_of(
         return Err(UnusableLog { file: file.clone(), cause }.into());
     }
     if let Some(finding) = checked.log.suspect() {
-        let cause = CleanError::Suspect { words: finding.words.clone() };
+        let cause = CleanError::Suspect { words: finding.summary.clone() };
         return Err(UnusableLog { file: file.clone(), cause }.into());
     }
     log.notes.iter().for_each(|words| note(format!("{}: {words}", file.display())));
     for finding in checked.log.findings.iter().filter(|finding| finding.gravity > FindingSeverity::Note) {
-        note(format!("{}: {}", file.display(), finding.words));
+        note(format!("{}: {}", file.display(), finding.summary));
     }
     let columns = checked.columns;
     let in_order = |stamps: &[f64]| {

@@ -107,7 +107,7 @@ impl SteeringLog {
             return Err(UnusableLog { file: log.file.clone(), cause });
         }
         if let Some(finding) = clean.suspect() {
-            let cause = CleanError::Suspect { words: finding.words.clone() };
+            let cause = CleanError::Suspect { words: finding.summary.clone() };
             return Err(UnusableLog { file: log.file.clone(), cause });
         }
         let valid = |column: &str| -> Vec<f64> {

@@ -3,8 +3,8 @@
 
 use rfl_mpc::control::{Controller, ControllerParameters};
 use rfl_mpc::diagnose::{
-    Adjustment, Candidate, Diagnosis, Finding, FindingSeverity, Gap, GapLocation, InputFile, Inputs,
-    Manoeuvre, NamedEffect, Observability, Report, Series, Shrink, Verdict, VerdictKind,
+    Adjustment, Candidate, Diagnosis, Finding, FindingSeverity, Gap, GapLocation, GapReduction, InputFile,
+    Inputs, Manoeuvre, NamedEffect, Observability, Report, Series, Verdict, VerdictKind,
 };
 use rfl_mpc::log::{CleanLog, DriveLog};
 use rfl_mpc::path::Path as Road;
@@ -133,7 +133,7 @@ fn drive_and_diagnose() -> (CleanLog, Diagnosis) {
             short_list: Vec::new(),
             varying: None,
             strained: None,
-            words: "The steering command takes effect 0.118 s late. With it the yaw-rate gap shrinks by 81 %. This log cannot tell it from steer_lag.".into(),
+            summary: "The steering command takes effect 0.118 s late. With it the yaw-rate gap shrinks by 81 %. This log cannot tell it from steer_lag.".into(),
         },
         candidates: [("steer_delay", 0.118, 215.0), ("steer_lag", 0.13, 188.0), ("sensor_delay", 0.11, 120.0), ("steer_offset", 0.004, 4.1)]
             .into_iter()
@@ -146,12 +146,12 @@ fn drive_and_diagnose() -> (CleanLog, Diagnosis) {
                 why: if evidence > 200.0 { "explains the log best".into() } else { format!("{:.0} behind the best & more", 215.0 - evidence) },
             })
             .collect(),
-        shrink: Shrink {
+        gap_reduction: GapReduction {
             open_loop: gaps.clone(),
             horizons: BTreeMap::from([("0.5".into(), gaps.clone()), ("2".into(), gaps)]),
             closed_loop: Some(BTreeMap::from([("e1".into(), Gap { before: 0.21, effect: 0.09, recalibrated: 0.02, learnable: None, noise: 0.004 })])),
         },
-        places,
+        location: places,
         stage: Some(Stage::Command),
         observability: vec![
             Observability { effect: "steer_delay".into(), observable: true, least: Some(0.004), named_from: Some(0.03), why: "steering rates up to 0.4 rad/s".into() },
@@ -160,7 +160,7 @@ fn drive_and_diagnose() -> (CleanLog, Diagnosis) {
         next_manoeuvre: Some(Manoeuvre {
             name: "frequency sweep".into(),
             how: "Steer with 0.02 rad from 0.2 to 2 Hz at 15 m/s".into(),
-            besides: "drive the same with a sound vehicle".into(),
+            also: "drive the same with a sound vehicle".into(),
             separates: vec!["steer_delay".into(), "steer_lag".into()],
             expected_evidence: 60.0,
         }),
@@ -170,7 +170,7 @@ fn drive_and_diagnose() -> (CleanLog, Diagnosis) {
             Adjustment { parameter: "effect.steer_lag".into(), given: 0.0, value: -0.004, tolerance: 0.01, deviation: 0.005, unit: "s".into() },
             Adjustment { parameter: "sensor.ay_scale".into(), given: 1.0, value: 1.004, tolerance: 0.008, deviation: 0.002, unit: "1".into() },
         ],
-        findings: [clean.findings.clone(), vec![Finding { gravity: FindingSeverity::Warning, signal: Some("time".into()), words: "3 gaps".into() }]].concat(),
+        findings: [clean.findings.clone(), vec![Finding { gravity: FindingSeverity::Warning, signal: Some("time".into()), summary: "3 gaps".into() }]].concat(),
         inputs: Inputs {
             files: BTreeMap::from([("log".into(), InputFile { file: "late <script>alert(1)</script>.csv".into(), hash: "00c0ffee00c0ffee".into() })]),
             vehicle: "C-class \"car\"".into(),

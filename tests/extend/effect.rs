@@ -117,10 +117,10 @@ fn it_is_named_with_its_value_and_its_meaning() {
         (named.id.as_str(), report.verdict.effects.len()),
         (PROGRESSION.id, 1),
         "{}",
-        report.verdict.words
+        report.verdict.summary
     );
     assert!(named.low <= 0.4 && 0.4 <= named.high && (named.value - 0.4).abs() < 0.06, "{named:?}");
-    assert!(report.verdict.words.contains("ratio at 0.1 rad"), "{}", report.verdict.words);
+    assert!(report.verdict.summary.contains("ratio at 0.1 rad"), "{}", report.verdict.summary);
     let seen = report.observability.iter().find(|one| one.effect == PROGRESSION.id).expect("observability");
     assert!(seen.observable, "{seen:?}");
 }
@@ -129,12 +129,12 @@ fn it_is_named_with_its_value_and_its_meaning() {
 fn without_it_the_diagnosis_does_not_name_it_and_is_not_sure_of_another() {
     let report = verdict(0.4, false);
     let sure = report.verdict.kind == VerdictKind::Effect && report.verdict.probability > 0.9;
-    assert!(!sure, "{}", report.verdict.words);
+    assert!(!sure, "{}", report.verdict.summary);
     assert!(report.observability.iter().all(|one| one.effect != PROGRESSION.id));
 }
 
 #[test]
 fn a_sound_log_stays_sound() {
     let report = verdict(0.0, true);
-    assert_eq!(report.verdict.kind, VerdictKind::None, "{}", report.verdict.words);
+    assert_eq!(report.verdict.kind, VerdictKind::None, "{}", report.verdict.summary);
 }

@@ -81,7 +81,7 @@ def test_a_table_is_diagnosed_as_its_file_is(rfl_mpc, drive, told, rfl, tmp_path
     page = (tmp_path / "out" / "report.html").read_text()
     assert from_table.to_html() == page
     assert sorted(os.listdir(tmp_path / "out")) == sorted(os.listdir(tmp_path / "told"))
-    assert "<iframe" in from_table._repr_html_() and from_table.verdict["words"] in str(from_table)
+    assert "<iframe" in from_table._repr_html_() and from_table.verdict["summary"] in str(from_table)
 
 
 def test_tables_of_every_kind_are_read_alike(rfl_mpc, drive):

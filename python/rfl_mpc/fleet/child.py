@@ -61,14 +61,14 @@ def row_of(report: dict[str, Any]) -> dict[str, Any]:
     verdict, posterior = report["verdict"], report.get("posterior") or {}
     gaps = {
         signal: [of["before"], of["recalibrated"]]
-        for signal, of in (report["shrink"].get("open_loop") or {}).items()
+        for signal, of in (report["gap_reduction"].get("open_loop") or {}).items()
         if isinstance(of, dict)
     }
     return {
         "model": report["inputs"]["vehicle"],
         "kind": verdict["kind"],
         "probability": verdict["probability"],
-        "words": verdict["words"],
+        "words": verdict["summary"],
         "effects": [
             {key: effect.get(key) for key in ("id", "value", "low", "high", "unit")} for effect in verdict["effects"]
         ],
@@ -77,7 +77,7 @@ def row_of(report: dict[str, Any]) -> dict[str, Any]:
         "inclusion": posterior.get("inclusion") or {},
         "gaps": gaps,
         "duration": report["inputs"]["duration"],
-        "findings": [finding["words"] for finding in report["findings"] if finding["gravity"] != "note"],
+        "findings": [finding["summary"] for finding in report["findings"] if finding["gravity"] != "note"],
         "information": _rounded(report.get("information")),
     }
 

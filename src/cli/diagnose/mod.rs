@@ -199,7 +199,7 @@ where
     if articulated(logs) && P::KIND != "truck" {
         let words = "the log has an articulation angle, and the simulator is a car: choose the truck with --vehicle or --unit truck";
         let (gravity, signal) = (FindingSeverity::Suspicion, Some("articulation".to_owned()));
-        clean.findings.insert(0, Finding { gravity, signal, words: words.to_owned() });
+        clean.findings.insert(0, Finding { gravity, signal, summary: words.to_owned() });
     }
     let reference = match &args.reference {
         Some(file) => Some(clean_one(&args.reading.read(file)?)?.1),
@@ -229,10 +229,14 @@ where
             _ => Err("it is closed along one drive, and several logs are given".into()),
         };
         match gap {
-            Ok(gap) => report.shrink.closed_loop = Some(BTreeMap::from([("e1".to_owned(), gap)])),
+            Ok(gap) => report.gap_reduction.closed_loop = Some(BTreeMap::from([("e1".to_owned(), gap)])),
             Err(error) => {
                 let words = format!("the loop was not closed: {error}");
-                report.findings.push(Finding { gravity: FindingSeverity::Warning, signal: None, words });
+                report.findings.push(Finding {
+                    gravity: FindingSeverity::Warning,
+                    signal: None,
+                    summary: words,
+                });
             }
         }
     }
@@ -326,7 +330,7 @@ fn inputs(args: &DiagnoseArgs, vehicle: &str) -> Result<BTreeMap<String, InputFi
 fn lay_on(log: &mut CleanLog, road: &Road) {
     if let Err(error) = log.lay_on(road) {
         let words = format!("bank, grade and friction of --path are not known to the replay: {error}");
-        log.findings.push(Finding { gravity: FindingSeverity::Warning, signal: None, words });
+        log.findings.push(Finding { gravity: FindingSeverity::Warning, signal: None, summary: words });
     }
 }
 

@@ -8,7 +8,7 @@ const SHOWN: usize = 5;
 /// Prints the answer.
 pub(super) fn print(report: &Report) {
     say!("{}", report.verdict.headline());
-    say!("{}", report.verdict.words);
+    say!("{}", report.verdict.summary);
     if !report.candidates.is_empty() {
         say!("\n{:<44} {:>10}  why", "candidate", "evidence");
         for candidate in report.candidates.iter().take(SHOWN) {
@@ -17,8 +17,8 @@ pub(super) fn print(report: &Report) {
             say!("{:<44} {:>10.1}  {}", named.join(" and "), candidate.evidence, candidate.why);
         }
     }
-    let shrink = &report.shrink;
-    if !shrink.open_loop.is_empty() {
+    let reduction = &report.gap_reduction;
+    if !reduction.open_loop.is_empty() {
         say!(
             "\n{:<16} {:>10} {:>10} {:>12} {:>10} {:>10}",
             "RMS of the gap",
@@ -28,8 +28,8 @@ pub(super) fn print(report: &Report) {
             "learnable",
             "noise"
         );
-        let closed = shrink.closed_loop.iter().flatten();
-        for (name, gap) in shrink.open_loop.iter().chain(closed) {
+        let closed = reduction.closed_loop.iter().flatten();
+        for (name, gap) in reduction.open_loop.iter().chain(closed) {
             let [before, effect, recalibrated, noise] =
                 [gap.before, gap.effect, gap.recalibrated, gap.noise].map(short);
             let learnable = gap.learnable.map_or("-".to_owned(), short);
@@ -40,10 +40,10 @@ pub(super) fn print(report: &Report) {
     for finding in grave {
         let column = finding.signal.as_deref().map_or(String::new(), |signal| format!("{signal}: "));
         let word = if finding.gravity == FindingSeverity::Suspicion { "suspicion" } else { "warning" };
-        say!("{word}: {column}{}", finding.words);
+        say!("{word}: {column}{}", finding.summary);
     }
     if let Some(next) = &report.next_manoeuvre {
-        say!("next drive: {}: {}; {}", next.name, next.how, next.besides);
+        say!("next drive: {}: {}; {}", next.name, next.how, next.also);
     }
 }
 

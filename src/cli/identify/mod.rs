@@ -211,7 +211,7 @@ fn found<P: Commanded<S, C>, const S: usize, const C: usize>(
         rows += log.column("time").map_or(0, <[f64]>::len);
         let several = args.logs.len() > 1;
         findings.extend(read.findings.into_iter().map(|finding| match several {
-            true => Finding { words: format!("{}: {}", file.display(), finding.words), ..finding },
+            true => Finding { summary: format!("{}: {}", file.display(), finding.summary), ..finding },
             false => finding,
         }));
         drives.extend(read.drives.into_iter().map(|drive| part_of(drive, args)));

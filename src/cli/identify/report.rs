@@ -14,7 +14,7 @@ const GAIN_ODD: f64 = 0.2;
 pub(super) fn print(found: &IdentifiedLog, args: &IdentifyArgs) {
     for finding in &found.findings {
         let gravity = if finding.gravity == FindingSeverity::Note { "note" } else { "warning" };
-        warn!("{gravity}: {}", finding.words);
+        warn!("{gravity}: {}", finding.summary);
     }
     let Some(steering) = &found.steering else { return };
     say!("{:<15} {:>10} {:>23}  90 % interval", "", "value", "");

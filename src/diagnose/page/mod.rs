@@ -37,7 +37,7 @@ pub fn page(input: &PageInput) -> String {
         if behaviour.is_empty() { String::new() } else { format!("<div class='pair'>{behaviour}</div>") };
     let sections = [
         ("How probable", sections::posterior(view.report)),
-        ("How far the gap shrinks", sections::shrink(view.report)),
+        ("How far the gap shrinks", sections::gap_reduction(view.report)),
         ("Where it lies", sections::stages(view.report) + &sections::places(view.report)),
         ("On the path", overlay::on_path(&view)),
         ("Real, simulated, corrected", overlay::signals(&view)),

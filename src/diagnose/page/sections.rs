@@ -40,7 +40,7 @@ pub(super) fn verdict(report: &Report) -> String {
         escaped(report.inputs.files.get("log").map_or("a log", |file| &file.file)),
         escaped(&report.inputs.vehicle),
         escaped(&headline(verdict)),
-        escaped(&verdict.words)
+        escaped(&verdict.summary)
     );
     let mut tile = |name: &str, text: String| {
         html += &format!("<div><span>{}</span><b>{}</b></div>", escaped(name), escaped(&text))
@@ -56,7 +56,7 @@ pub(super) fn verdict(report: &Report) -> String {
         tile("gap of the effect over that of the background", number(effect.dominance));
     }
     let first =
-        report.inputs.signals.iter().find_map(|name| Some((name, report.shrink.open_loop.get(name)?)));
+        report.inputs.signals.iter().find_map(|name| Some((name, report.gap_reduction.open_loop.get(name)?)));
     if let Some((name, gap)) = first.filter(|_| verdict.kind == VerdictKind::Effect) {
         tile(&format!("gap in {name} closed"), percent(1.0 - gap.recalibrated / gap.before));
     }
@@ -82,13 +82,13 @@ fn explained(effect: &NamedEffect) -> String {
 }
 
 /// A waterfall of each signal's gap, and the horizons.
-pub(super) fn shrink(report: &Report) -> String {
+pub(super) fn gap_reduction(report: &Report) -> String {
     let mut html = String::new();
-    let shrink = &report.shrink;
-    if !shrink.open_loop.is_empty() {
+    let reduction = &report.gap_reduction;
+    if !reduction.open_loop.is_empty() {
         html += "<p class='faint'>RMS of real minus simulated on held-out parts of the log, the simulator replayed from the commands. The effect's share and the recalibration's stand apart.</p>";
     }
-    let ordered = in_order(report, &shrink.open_loop);
+    let ordered = in_order(report, &reduction.open_loop);
     for (name, gap) in ordered.iter().take(MAIN) {
         html += &format!(
             "<h3>{} <span class='faint'>({})</span></h3>{}",
@@ -104,7 +104,7 @@ pub(super) fn shrink(report: &Report) -> String {
             ordered[MAIN..].iter().map(|(name, gap)| gap_row(vec![named(name)], gap)).collect();
         html += &format!("<h3>The other signals</h3>{}", table(&header, &rows, 1));
     }
-    for (horizon, signals) in &shrink.horizons {
+    for (horizon, signals) in &reduction.horizons {
         let rows: Vec<_> =
             in_order(report, signals).iter().map(|(name, gap)| gap_row(vec![named(name)], gap)).collect();
         html += &format!(
@@ -113,7 +113,7 @@ pub(super) fn shrink(report: &Report) -> String {
             table(&header, &rows, 1)
         );
     }
-    if let Some(errors) = &shrink.closed_loop {
+    if let Some(errors) = &reduction.closed_loop {
         html += "<h3>With the loop closed</h3><p class='faint'>The same controller drives the simulator along the path; its tracking error against that of the log, at the same stations.</p>";
         for (name, gap) in errors {
             html += &format!(
@@ -207,7 +207,7 @@ pub(super) fn stages(report: &Report) -> String {
 /// A heat map for each signal: regimes by their bins.
 pub(super) fn places(report: &Report) -> String {
     let mut signals: BTreeMap<String, BTreeMap<&str, Vec<&GapLocation>>> = BTreeMap::new();
-    for place in &report.places {
+    for place in &report.location {
         signals.entry(place.signal.clone()).or_default().entry(&place.regime).or_default().push(place);
     }
     if signals.is_empty() {
@@ -379,7 +379,7 @@ pub(super) fn manoeuvre(report: &Report) -> String {
         "<h3>{}</h3><p>{}; {}.</p><p class='faint'>It tells apart {}; expected evidence {}.</p>",
         escaped(&next.name),
         escaped(&next.how),
-        escaped(&next.besides),
+        escaped(&next.also),
         escaped(&next.separates.join(" and ")),
         weight(next.expected_evidence)
     )
@@ -433,7 +433,7 @@ pub(super) fn findings(report: &Report) -> String {
                 FindingSeverity::Suspicion => "suspicion",
             };
             let signal = finding.signal.as_deref().unwrap_or_default();
-            vec![format!("<span class='{word}'>{word}</span>"), escaped(signal), escaped(&finding.words)]
+            vec![format!("<span class='{word}'>{word}</span>"), escaped(signal), escaped(&finding.summary)]
         })
         .collect();
     if rows.is_empty() {

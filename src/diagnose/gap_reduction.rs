@@ -8,7 +8,7 @@ use super::fit::{Fit, Linearisation, Prior, fit};
 use super::problem::{Problem, rms};
 use super::rank::Ranking;
 use super::replay::{Channel, ReplayVehicle, Trace};
-use super::report::{Gap, Shrink};
+use super::report::{Gap, GapReduction};
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -114,12 +114,12 @@ impl Predictive {
 
 /// Shrinkage of the winner, and its prediction; without free effects the effect's part is none.
 #[must_use]
-pub fn shrink<V: ReplayVehicle>(
+pub fn gap_reduction<V: ReplayVehicle>(
     problem: &Problem<V>,
     ranking: &Ranking,
     winner: &Fit,
     slopes: &[Arc<Vec<f64>>],
-) -> (Shrink, Predictive) {
+) -> (GapReduction, Predictive) {
     let mut effect = vec![0.0; ranking.neutral.len()];
     let (mut whole, mut without) = (effect.clone(), effect.clone());
     let mut points = Vec::new();
@@ -142,7 +142,7 @@ pub fn shrink<V: ReplayVehicle>(
         }
         points.push((alone, all));
     }
-    let mut shrink = Shrink::default();
+    let mut reduction = GapReduction::default();
     let features = features(problem);
     for ((channel, block), &noise) in problem.blocks.iter().zip(&ranking.noise.white) {
         let part = |gap: &[f64]| rms(&gap[block.clone()]);
@@ -154,15 +154,15 @@ pub fn shrink<V: ReplayVehicle>(
             learnable: Some(rest.min(part(&whole))),
             noise,
         };
-        shrink.open_loop.insert(channel.name().to_owned(), gap);
+        reduction.open_loop.insert(channel.name().to_owned(), gap);
     }
     for horizon in HORIZONS {
-        shrink.horizons.insert(format!("{horizon}"), at_horizon(problem, ranking, &points, horizon));
+        reduction.horizons.insert(format!("{horizon}"), at_horizon(problem, ranking, &points, horizon));
     }
     let [given, effect, recalibrated, without] =
         [&ranking.neutral, &effect, &whole, &without].map(|gap| ranking.linear.square(gap));
     let predictive = Predictive { given, effect, recalibrated, without };
-    (shrink, predictive)
+    (reduction, predictive)
 }
 
 /// Lagged steering by speed for each compared row.
