@@ -25,6 +25,16 @@ fn a_pair_is_found() {
     all_are_found(9, &[("steer_delay", 0.12), ("steer_offset", 0.02)]);
 }
 
+/// Where two effects are at work and one only is looked for, nothing is no answer.
+#[test]
+fn without_pairs_two_effects_are_not_nothing() {
+    let mut log = log(9, &[("steer_gain", 1.12)]);
+    let steer = log.columns.get_mut("steer").unwrap();
+    (0..steer.len()).rev().for_each(|row| steer[row] = steer[row.saturating_sub(5)]);
+    let verdict = found(&log, &diagnose::singles()).report.verdict;
+    assert_ne!(verdict.kind, VerdictKind::None, "{verdict:?}");
+}
+
 #[test]
 fn three_are_found() {
     all_are_found(9, &[("lateral_accel_bias", 0.5), ("steer_delay", 0.12), ("steer_offset", 0.02)]);

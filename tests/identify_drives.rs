@@ -1,6 +1,7 @@
 //! The steering actuator from ordinary drives: dead time, lag, gain and offset with intervals that hold the truth.
 
 use rfl_mpc::control::{Controller, ControllerParameters, PredictionModel};
+use rfl_mpc::log::{DriveLog, SteeringLog};
 use rfl_mpc::nominal::{
     Actuator, DrivesError, Estimate, IdentifiedSteering, SteeringDrive, identify_by_yaw_rate_from_drives,
     identify_from_drives,
@@ -181,6 +182,51 @@ fn a_rate_limit_is_modelled_and_backlash_leaves_the_dead_time() {
         let loose = found(synthetic(&SteeringChain { backlash, ..chain(0.06, 0.1) }, 1500, 2e-4, 4));
         assert!((loose.dead_time.value - 0.06).abs() < 0.015 && loose.rate_limit.is_none(), "{loose:?}");
     }
+}
+
+/// A drive as a log of these columns says it.
+fn recorded(drive: &SteeringDrive, change: impl Fn(usize, [f64; 2]) -> [f64; 2]) -> SteeringLog {
+    let rows: Vec<[f64; 2]> =
+        (0..drive.time.len()).map(|row| change(row, [drive.steer_cmd[row], drive.response[row]])).collect();
+    let column = |name: &str, place: usize| (name.to_owned(), rows.iter().map(|row| row[place]).collect());
+    let columns = vec![("time".to_owned(), drive.time.clone()), column("steer_cmd", 0), column("steer", 1)];
+    let log = DriveLog::from_columns(std::path::Path::new("log.csv"), columns).unwrap();
+    SteeringLog::by_angle(&log, &|_| 2.7).unwrap()
+}
+
+/// A recorder that holds a slow sensor, or that writes each column in rows of its own, takes no time from the dead time.
+#[test]
+fn what_recorders_do_to_the_angle_takes_no_time() {
+    let drive = synthetic(&chain(0.06, 0.1), 3000, 1e-4, 21);
+    let angle = drive.response.clone();
+    for (case, log, most) in [
+        ("held", recorded(&drive, |row, [command, _]| [command, angle[row / 5 * 5]]), 8e-3),
+        ("in steps", recorded(&drive, |_, [command, angle]| [command, (angle / 2e-3).round() * 2e-3]), 3e-3),
+        (
+            "in rows of their own",
+            recorded(&drive, |row, [command, angle]| {
+                // Each command stands for two rows.
+                if row % 2 == 0 { [command, f64::NAN] } else { [f64::NAN, angle] }
+            }),
+            0.5 * TS,
+        ),
+    ] {
+        let found = identify_from_drives(&log.drives).unwrap();
+        let off = found.dead_time.value + found.lag.value - 0.16;
+        assert!(off.abs() < most, "{case}: {off}, {found:?}");
+    }
+}
+
+#[test]
+fn commands_that_come_seldom_are_said() {
+    let drive = synthetic(&chain(0.06, 0.1), 3000, 1e-4, 22);
+    let says = |log: &SteeringLog| log.findings.iter().any(|it| it.summary.contains("if it changed between"));
+    assert!(!says(&recorded(&drive, |_, row| row)));
+    // One command in three, however the rows between are written.
+    let one_in = |row: usize, command: f64| if row % 3 == 0 { command } else { f64::NAN };
+    assert!(says(&recorded(&drive, |row, [command, angle]| [one_in(row, command), angle])));
+    let commands = drive.steer_cmd.clone();
+    assert!(!says(&recorded(&drive, |row, [_, angle]| [commands[row / 3 * 3], angle])));
 }
 
 #[test]

@@ -237,11 +237,13 @@ fn columns_that_come_later_than_others_are_taken_earlier() {
         (&["x", "y"], 5, "x comes 0."),
         (&["x", "y", "yaw"], 8, "yaw comes 0."),
         (&["x", "y", "yaw"], 4, "x comes 0."),
+        (&["vx"], 15, "vx comes 0.2"),
+        (&["x", "y", "yaw", "vx", "vy"], 5, "vx comes 0.09"),
     ] {
         let mut columns = drive();
         late(&mut columns, names, rows);
         let log = cleaned(columns).unwrap();
-        let all: Vec<String> = ["yaw_rate", "yaw", "x"]
+        let all: Vec<String> = ["yaw_rate", "yaw", "x", "vx"]
             .iter()
             .map(|it| said(&log.findings, it, FindingSeverity::Warning))
             .collect();
@@ -263,6 +265,34 @@ fn columns_that_come_later_than_others_are_taken_earlier() {
 }
 
 #[test]
+fn ten_rows_a_second_are_no_wrong_clock() {
+    let mut columns = drive();
+    columns.values_mut().for_each(|values| *values = values.iter().copied().step_by(5).collect());
+    let log = cleaned(columns).unwrap();
+    assert_eq!(log.suspect(), None);
+}
+
+#[test]
+fn a_speed_in_whole_kilometres_an_hour_is_laid_on_lines_and_said() {
+    let sound = cleaned(drive()).unwrap();
+    let mut columns = drive();
+    columns.get_mut("vx").unwrap().iter_mut().for_each(|vx| *vx = (3.6 * *vx).round());
+    let stepped = columns["vx"].clone();
+    let log = cleaned(columns).unwrap();
+    assert!(
+        said(&log.findings, "vx", FindingSeverity::Warning).contains("in steps of 1.0000"),
+        "{:?}",
+        log.findings
+    );
+    let error = |of: &dyn Fn(usize) -> f64| {
+        let rows = 0..sound.time.len();
+        rows.map(|row| (of(row) - sound.columns["vx"][row]).powi(2)).sum::<f64>()
+    };
+    let (before, after) = (error(&|row| stepped[row] / 3.6), error(&|row| log.columns["vx"][row]));
+    assert!(after < 0.6 * before, "{after} {before}");
+}
+
+#[test]
 fn a_smoothed_yaw_rate_and_late_places_are_no_cause() {
     let smoothed = |columns: &mut Columns| {
         let values = columns["yaw_rate"].clone();
@@ -273,11 +303,15 @@ fn a_smoothed_yaw_rate_and_late_places_are_no_cause() {
         columns.insert("yaw_rate", (0..values.len()).map(mean).collect());
     };
     let places = |columns: &mut Columns| late(columns, &["x", "y"], 5);
+    let instrument = |columns: &mut Columns| late(columns, &["x", "y", "yaw", "vx", "vy"], 4);
+    let filtered = |columns: &mut Columns| late(columns, &["vx"], 15);
     let receiver = |columns: &mut Columns| late(columns, &["x", "y", "yaw"], 8);
     for (case, change) in [
         ("moving average of the yaw rate over 0.2 s", &smoothed as &dyn Fn(&mut Columns)),
         ("places 0.1 s late", &places),
         ("places and yaw 0.16 s late", &receiver),
+        ("places, yaw and velocities 0.08 s late", &instrument),
+        ("a speed 0.3 s late", &filtered),
     ] {
         let mut columns = drive();
         change(&mut columns);

@@ -177,10 +177,14 @@ fn a_column_in_an_unknown_unit_or_under_another_name_is_not_lost_silently() {
     let log = read(odd.as_bytes()).unwrap();
     assert!(log.column("vy").is_none());
     assert!(
-        log.notes.iter().any(|note| note.contains("vy [furlong/s]") && note.contains("unknown")),
+        log.warnings.iter().any(|note| note.contains("vy [furlong/s]") && note.contains("unknown")),
         "{:?}",
-        log.notes
+        log.warnings
     );
+    // Without the command a log is another one.
+    let odd = written(&["time", "steer_cmd [furlong]", "vx", "yaw_rate"], ",", "\n", plain);
+    let error = read(odd.as_bytes()).unwrap_err().to_string();
+    assert!(error.contains("the unit 'furlong' is unknown"), "{error}");
     for (names, column, like) in [
         (["timestamp", "steer_cmd", "vx", "yaw_rate"], "time", "timestamp"),
         (["time", "steer_cmd", "vx_kmh", "yaw_rate"], "vx", "vx_kmh"),

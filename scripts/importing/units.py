@@ -15,28 +15,35 @@ def listed() -> list[tuple[str, float, list[str]]]:
     return [(ours, float(factor), spellings) for ours, factor, *spellings in rows]
 
 
+def plain(unit: str) -> str:
+    """A unit in small letters, its products and powers in one way of writing: 'm s⁻¹', 'm/sec.' are 'm/s'."""
+    signs = str.maketrans({"⁻": "-", "−": "-", "¹": "1", "²": "2", "^": "", "*": "", "·": "", ".": "", " ": ""})
+    found = re.sub(r"/(seconds|second|sec)", "/s", unit.lower().replace(" per ", "/").translate(signs))
+    return re.sub(r"(?<=.)s-([12])$", lambda power: "/s" if power[1] == "1" else "/s2", found)
+
+
 # Factors to SI by the usual spelling.
 UNITS = {spellings[0]: factor for ours, factor, spellings in listed() if ours != "other"}
 TIMES = tuple(spellings[0] for ours, _, spellings in listed() if ours == "s")
 
-_BY_SPELLING = {spelling: spellings[0] for ours, _, spellings in listed() if ours != "other" for spelling in spellings}
+_BY_SPELLING = {plain(spelling): spellings[0] for ours, _, spellings in listed() if ours != "other" for spelling in spellings}
 # Units of quantities that a drive log does not have; they show that a row is one of units.
-_OTHERS = {spelling for ours, _, spellings in listed() if ours == "other" for spelling in spellings}
+_OTHERS = {plain(spelling) for ours, _, spellings in listed() if ours == "other" for spelling in spellings}
 
 
 def unit_of(text: str) -> str | None:
     """The unit that a file's spelling means; None if it is none of ours."""
-    return _BY_SPELLING.get(text.strip().strip("[]()").strip().replace(" ", "").lower())
+    return _BY_SPELLING.get(plain(text.strip().strip("[]()").strip()))
 
 
 def looks_like_unit(text: str) -> bool:
     """Whether a header's cell reads as a unit."""
-    plain = text.strip()
-    if re.fullmatch(r"\[.*\]|\(.*\)", plain):
+    written = text.strip()
+    if re.fullmatch(r"\[.*\]|\(.*\)", written):
         return True
     # In lower case single letters are names: v, a.
-    other = plain.lower().replace(" ", "") in _OTHERS and (len(plain) > 1 or plain.isupper())
-    return unit_of(plain) is not None or other
+    other = plain(written) in _OTHERS and (len(written) > 1 or written.isupper())
+    return unit_of(written) is not None or other
 
 
 def split_unit(name: str) -> tuple[str, str]:

@@ -34,6 +34,8 @@ pub(super) struct Judged {
     pub predictive: Predictive,
     /// Coordinates of the calibrated simulator.
     pub simulator: Vec<f64>,
+    /// True if pairs were left out of the search and would be likelier than nothing.
+    pub more_than_one: bool,
 }
 
 impl Judged {
@@ -140,7 +142,8 @@ impl Judged {
         let why = words::UnknownSign { varying: varying.as_ref(), strained: strained.as_ref(), swings };
         let words = match decision.kind {
             VerdictKind::CannotTell => {
-                words::cannot_tell(findings, straight, &short_list, &effects, &self.predictive, next)
+                let advice = words::Advice { next, more_than_one: self.more_than_one };
+                words::cannot_tell(findings, straight, &short_list, &effects, &self.predictive, advice)
             }
             VerdictKind::Effect => words::effect(&effects, gap_reduction, decision.probability),
             VerdictKind::None => words::none(gap_reduction),
@@ -170,7 +173,11 @@ pub(super) fn judge<V: ReplayVehicle>(
     let (gap_reduction, predictive) = gap_reduction(problem, ranking, &winner, &local.slopes);
     let mut decision = decide(lead, predictive.names());
     let suspicion = findings.iter().any(|finding| finding.gravity == FindingSeverity::Suspicion);
-    if straight && decision.kind != VerdictKind::None || suspicion {
+    // A pair explains no less than the better of its two: here more than the odds against both.
+    let odds = 2.0 * Calibration::built_in().telling();
+    let by_one = ranking.singles.first().filter(|best| ranking.none.cost - best.cost > odds);
+    let more_than_one = decision.kind == VerdictKind::None && !ranking.with_pairs && by_one.is_some();
+    if straight && decision.kind != VerdictKind::None || suspicion || more_than_one {
         decision.kind = VerdictKind::CannotTell;
     }
     let precision = ranking.prior.free(problem, &winner.free);
@@ -181,5 +188,15 @@ pub(super) fn judge<V: ReplayVehicle>(
     } else {
         ranking.prior.only(problem, &winner.free, &winner.x)
     };
-    Judged { decision, winner, local, precision, covariance, gap_reduction, predictive, simulator }
+    Judged {
+        decision,
+        winner,
+        local,
+        precision,
+        covariance,
+        gap_reduction,
+        predictive,
+        simulator,
+        more_than_one,
+    }
 }

@@ -48,6 +48,8 @@ pub struct Ranking {
     pub singles: Vec<Fit>,
     /// The best first; empty if pairs were not asked for.
     pub pairs: Vec<Fit>,
+    /// True if pairs were asked for.
+    pub with_pairs: bool,
     /// The best first; empty if the best pair gains little over the best single effect.
     pub triples: Vec<Fit>,
     /// Slopes and weights for the background, at `none`.
@@ -614,7 +616,7 @@ pub fn rank<V: ReplayVehicle>(
     // And the other way round: whatever is free besides, a candidate explains no less than without.
     more_from_fewer(problem, &prior, &linear, &mut pairs, &singles, &singles, &OF_SINGLES);
     more_from_fewer(problem, &prior, &linear, &mut threes, &pairs, &singles, &OF_PAIRS);
-    Ok(Ranking { none, singles, pairs, triples: threes, linear, prior, noise, neutral })
+    Ok(Ranking { none, singles, pairs, with_pairs, triples: threes, linear, prior, noise, neutral })
 }
 
 /// The gap after a linear step.

@@ -155,6 +155,13 @@ pub fn not_in_library(nearest: &[NamedEffect], why: UnknownSign, reduction: &Gap
     words + " See where it lies, and look there for what the library does not have."
 }
 
+/// Advice for an undecided log: the next drive; a search for more than one effect, which was left out.
+#[derive(Debug, Clone, Copy)]
+pub struct Advice<'a> {
+    pub next: Option<&'a Manoeuvre>,
+    pub more_than_one: bool,
+}
+
 /// Reasons of an undecided log, possible meanings, and advice; `effects` is the most probable set, if it is one.
 #[must_use]
 pub fn cannot_tell(
@@ -163,7 +170,7 @@ pub fn cannot_tell(
     short_list: &[ReportedHypothesis],
     effects: &[NamedEffect],
     predictive: &Predictive,
-    next: Option<&Manoeuvre>,
+    Advice { next, more_than_one }: Advice<'_>,
 ) -> String {
     let grave = findings.iter().find(|finding| finding.gravity == FindingSeverity::Suspicion);
     if let Some(finding) = grave {
@@ -174,6 +181,11 @@ pub fn cannot_tell(
     }
     if straight {
         return "This log cannot tell: hardly anything is steered in it. Drive turns to both sides at several speeds."
+            .to_owned();
+    }
+    if more_than_one {
+        return "This log cannot tell by single effects: one of them explains much, and ordinary tolerances explain the rest only if they are \
+                wide. More than one effect is likely; search for pairs of them (leave out --no-pairs)."
             .to_owned();
     }
     let of = |it: &ReportedHypothesis| {

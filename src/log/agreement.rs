@@ -49,11 +49,17 @@ pub(super) fn turn_factor(time: &[f64], yaw: &[f64], yaw_rate: &[f64]) -> Option
     if xy * xy < 0.5 * xx * yy || xx == 0.0 { None } else { Some(xy / xx) }
 }
 
+/// Time over which the way driven is taken for a chord, s.
+const LONGEST_CHORD: f64 = 2.0;
+
 /// Ratio of the way driven to that by speed and clock: the typical row of a moving vehicle.
 pub(super) fn way_factor(time: &[f64], [x, y, vx]: [&[f64]; 3]) -> Option<f64> {
     let fast = 0.3 * quantile(vx.iter().map(|v| v.abs()).collect(), 0.95)?;
-    // Positions are rounded and may come more slowly than rows: over a hundred rows that does not matter.
-    let apart = (time.len() / 20).clamp(1, 100);
+    // Positions are rounded and may come more slowly than rows: over a hundred rows that does not matter. Over a longer time the
+    // way is no chord.
+    let spacing = median(time.windows(2).map(|pair| pair[1] - pair[0]).collect())?;
+    let longest = (LONGEST_CHORD / spacing).round().clamp(1.0, 100.0) as usize;
+    let apart = (time.len() / 20).clamp(1, longest);
     let factor = |from: usize, to: usize| {
         let moved = (x[to] - x[from]).hypot(y[to] - y[from]);
         let said = 0.5 * (vx[from] + vx[to]).abs() * (time[to] - time[from]);
@@ -309,9 +315,11 @@ fn errors(log: &CleanLog) -> Errors {
         slope(blocks(log, &asked).zip(blocks(log, e2_rate)))
     };
     let factor = |slope: Option<Slope>| slope.map(|slope| slope.factor);
+    // Without vy the sign alone is sure.
+    let sign = || kinematics::drift_factor(log).filter(|factor| *factor < 0.0 && get("vy").is_none());
     Errors {
         lateral: change_over(log, "e1", "e1_rate"),
-        drift: factor(drift()),
+        drift: factor(drift()).or_else(sign),
         heading: change_over(log, "e2", "e2_rate"),
         turn: factor(turn()),
     }

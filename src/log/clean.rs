@@ -6,6 +6,7 @@
 use super::agreement::{self, Factors};
 use super::clean_log::{CleanError, CleanLog, LEAST_LENGTH, STANDING, UnusableLog};
 use super::clock::{self, Clock};
+use super::coarse;
 use super::finding::{Finding, FindingSeverity};
 use super::frozen;
 use super::held;
@@ -14,8 +15,8 @@ use super::jumps::{self, Jump};
 use super::late::{self, Lateness};
 use super::outliers;
 use super::read::DriveLog;
-use super::resample::{between, resample};
-use super::rows::{LogColumns, LogRows, WrongRows};
+use super::resample::{Interpolation, SHORT, between, resample};
+use super::rows::{LogColumns, LogRows, WrongRows, bridge, hold};
 use super::saturated;
 use super::units::DEGREE;
 use crate::numerics::statistics::quantile;
@@ -195,7 +196,6 @@ impl Read {
             // One drive is left as it is, to the last bit.
             time.extend(drive.time.iter().map(|stamp| if from == 0.0 { *stamp } else { from + stamp }));
         }
-        mend_turning(&time, &mut columns, &mut factors, &mut findings);
         let mut mended = LogRows {
             file: log,
             columns,
@@ -205,7 +205,9 @@ impl Read {
             findings,
             left_out: wrong.clone(),
         };
-        held::mend(&mut mended);
+        frozen::leave_out_speeds(&mut mended);
+        mend_turning(&time, &mut mended.columns, &mut factors, &mut mended.findings);
+        fill_in(&mut mended);
         leave_out_faults(&mut mended);
         let LogRows { columns, spans, findings, left_out, in_file, .. } = mended;
         let (mended, factors_in_mended) = (columns.clone(), factors.clone());
@@ -231,10 +233,27 @@ impl Read {
                 let rest = whole / factor(&self.factors_in_mended, name);
                 self.in_file.iter().zip(mended).for_each(|(&row, value)| column[row] = rest * value);
             }
+            // Of several recorders each row may have the columns of one.
+            for Clock { rows, time, .. } in &self.drives {
+                let values: Vec<f64> = rows.iter().map(|&row| column[row]).collect();
+                let filled = match name {
+                    "time" => continue,
+                    "steer_cmd" => hold(time, &values),
+                    _ if between(name) == Interpolation::Hold => hold(time, &values),
+                    _ => bridge(time, &values, SHORT),
+                };
+                rows.iter().zip(filled).for_each(|(&row, value)| column[row] = value);
+            }
             self.left_out.get(name).into_iter().flatten().for_each(|&row| column[row] = f64::NAN);
         }
         columns
     }
+}
+
+/// Puts lines in the place of values that a recorder has filled in or rounded.
+pub(super) fn fill_in(log: &mut LogRows) {
+    held::mend(log);
+    coarse::mend(log);
 }
 
 /// Leaves out what is no measurement.

@@ -25,14 +25,24 @@ const JUMP: f64 = 6.0;
 
 /// Leaves out frozen stretches of all sensors.
 pub(super) fn leave_out(log: &mut LogRows) {
+    leave_out_of(log, &SENSORS);
+}
+
+/// The same of the speed alone: from a value in the place of none, every unit would be told wrongly.
+pub(super) fn leave_out_speeds(log: &mut LogRows) {
+    leave_out_of(log, &["vx"]);
+}
+
+fn leave_out_of(log: &mut LogRows, names: &[&'static str]) {
     let shortest = log.lasting(SHORTEST, 3);
     let Some(vx) = log.columns.get("vx").cloned() else { return };
     let moves = |stretch: &Range<usize>| {
         median(vx[stretch.clone()].iter().map(|vx| vx.abs()).collect()).is_some_and(|vx| vx > STANDING)
     };
-    for name in SENSORS {
+    for &name in names {
         let Some(values) = log.columns.get(name) else { continue };
-        let of_span = |span: &Range<usize>| frozen(&values[span.clone()], shortest, span.start);
+        let may_jump = name.starts_with("steer");
+        let of_span = |span: &Range<usize>| frozen(&values[span.clone()], shortest, span.start, may_jump);
         let found: Vec<(f64, Range<usize>)> = log
             .spans
             .iter()
@@ -53,18 +63,21 @@ pub(super) fn leave_out(log: &mut LogRows) {
 }
 
 /// Frozen stretches of a column; `from` is the place of its first value. The value that stays was measured, if the column does not
-/// jump to it as well.
-fn frozen(values: &[f64], shortest: usize, from: usize) -> Vec<Range<usize>> {
+/// jump to it as well. A column that may jump may also begin or end at rest.
+fn frozen(values: &[f64], shortest: usize, from: usize, may_jump: bool) -> Vec<Range<usize>> {
     let steps: Vec<f64> = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
     let moving = steps.iter().copied().filter(|step| *step > 0.0).collect();
     let Some(usual) = quantile(moving, 0.99) else { return Vec::new() };
-    // One that lasts to an end neither was measured before nor jumps.
-    let within = |stretch: &Range<usize>| stretch.start > 0 && stretch.end < values.len();
+    let within = |stretch: &Range<usize>| !may_jump || stretch.start > 0 && stretch.end < values.len();
     let jumps = |row: usize| steps[row - 1] > JUMP * usual;
-    let is_measured = |row: usize| steps[row - 1] <= JUMP * usual;
+    let is_measured = |row: usize| row > 0 && !jumps(row);
+    let is_frozen = |stretch: &Range<usize>| match stretch.end < values.len() {
+        true => jumps(stretch.end),
+        false => stretch.start > 0 && jumps(stretch.start),
+    };
     repeats(values, 0..values.len(), shortest)
         .into_iter()
-        .filter(|stretch| within(stretch) && jumps(stretch.end))
+        .filter(|stretch| within(stretch) && is_frozen(stretch))
         .map(|stretch| from + stretch.start + usize::from(is_measured(stretch.start))..from + stretch.end)
         .collect()
 }
@@ -82,9 +95,18 @@ mod tests {
         let mut values = wave(1000);
         let held = values[300];
         values[300..340].fill(held);
-        assert_eq!(frozen(&values, 20, 7), std::iter::once(308..347).collect::<Vec<_>>());
+        assert_eq!(frozen(&values, 20, 7, false), std::iter::once(308..347).collect::<Vec<_>>());
         values[300..340].fill(9.0);
-        assert_eq!(frozen(&values, 20, 7), std::iter::once(307..347).collect::<Vec<_>>());
+        assert_eq!(frozen(&values, 20, 7, false), std::iter::once(307..347).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn a_value_in_place_of_none_at_an_end_is_found_where_nothing_jumps() {
+        let mut values = wave(1000);
+        values[..40].fill(9.0);
+        values[960..].fill(9.0);
+        assert_eq!(frozen(&values, 20, 0, false), [0..40, 960..1000]);
+        assert!(frozen(&values, 20, 0, true).is_empty());
     }
 
     #[test]
@@ -92,12 +114,12 @@ mod tests {
         let mut values = wave(1000);
         let held = values[300];
         values[300..310].fill(held);
-        assert!(frozen(&values, 20, 0).is_empty());
+        assert!(frozen(&values, 20, 0, false).is_empty());
         // A pause without a jump.
         let pause: Vec<f64> = (0..1000).map(|i| (0.02 * (i as f64 - 300.0).max(0.0)).sin()).collect();
-        assert!(frozen(&pause, 20, 0).is_empty());
+        assert!(frozen(&pause, 20, 0, false).is_empty());
         let held: Vec<f64> = (0..1000).map(|i| (0.02 * f64::from(i / 50 * 50)).sin()).collect();
-        assert!(frozen(&held, 20, 0).is_empty());
-        assert!(frozen(&[1.0; 100], 20, 0).is_empty());
+        assert!(frozen(&held, 20, 0, false).is_empty());
+        assert!(frozen(&[1.0; 100], 20, 0, false).is_empty());
     }
 }

@@ -5,7 +5,7 @@
 //! ```text
 //!     d(x, y)  = f int vx t dt + k int vy n dt + e int vx n dt + d int yaw_rate n dt        t, n: along and across the heading
 //!     d(vy)    = k (int ay dt / (1 + b) - int vx yaw_rate dt) + c dt                        b: roll's part of gravity
-//!     int ax dt = k d(vx) - int vy yaw_rate dt + c dt
+//!     int ax dt = k d(vx) - int vy yaw_rate dt + c dt (+ tau d(ax), if vx comes later by tau)
 //! ```
 //!
 //! `1 / k` of the first, `k` of the others is the size of the column's unit. Other numbers are what logs differ in: a gain
@@ -104,6 +104,36 @@ pub(super) fn yaw_rate_late(log: &CleanLog) -> Option<(f64, f64)> {
     let (faster, turned) = (spans.changes(|i| rate[i]), spans.integrals(|i| rate[i]));
     let rows: Vec<[f64; 3]> = (0..spans.count()).map(|k| [faster[k], turned[k], 1.0]).collect();
     first_coefficient_within(&spans.changes(|i| yaw[i]), &rows)
+}
+
+/// Ratio of `e1_rate` to what speed and `e2` say it is, for a log without `vy`: the slip is that of steady cornering, of any size.
+/// Noise of a small `e2` makes it less than it is.
+///
+/// ```text
+///     d(e1_rate) = k d(vx e2) + a d(r) + b d(vx^2 r)        r = e2_rate + vx curvature
+/// ```
+pub(super) fn drift_factor(log: &CleanLog) -> Option<f64> {
+    let [rate, vx, e2, e2_rate, curvature] =
+        ["e1_rate", "vx", "e2", "e2_rate", "curvature"].map(|name| log.columns.get(name));
+    let (rate, vx, e2, e2_rate, curvature) = (rate?, vx?, e2?, e2_rate?, curvature?);
+    let spans = Spans::of(log);
+    let turn = |i: usize| e2_rate[i] + vx[i] * curvature[i];
+    let parts =
+        [spans.changes(|i| vx[i] * e2[i]), spans.changes(turn), spans.changes(|i| vx[i].powi(2) * turn(i))];
+    let rows: Vec<[f64; 3]> = (0..spans.count()).map(|k| parts.each_ref().map(|part| part[k])).collect();
+    first_coefficient(&spans.changes(|i| rate[i]), &rows)
+}
+
+/// Time by which the speed comes later than the acceleration tells, s, and its standard error.
+pub(super) fn vx_late(log: &CleanLog) -> Option<(f64, f64)> {
+    let (vx, ax) = (log.columns.get("vx")?, log.columns.get("ax")?);
+    let zero = vec![0.0; vx.len()];
+    let [vy, rate] = ["vy", "yaw_rate"].map(|name| log.columns.get(name).unwrap_or(&zero));
+    let spans = Spans::of(log);
+    let (quicker, faster) = (spans.changes(|i| ax[i]), spans.changes(|i| vx[i]));
+    let turning = spans.integrals(|i| vy[i] * rate[i]);
+    let rows: Vec<[f64; 4]> = (0..spans.count()).map(|k| [quicker[k], faster[k], turning[k], 1.0]).collect();
+    first_coefficient_within(&spans.integrals(|i| ax[i]), &rows)
 }
 
 /// Time by which places come later than velocities and headings tell, s, and its standard error.

@@ -1,9 +1,11 @@
 //! Columns that come later than others: a receiver's latency, a low pass, a moving average of one column.
 //!
-//! Heading and its rate, place and velocity tell the same motion twice. If one of the two comes later by `tau`,
+//! Heading and its rate, speed and acceleration, place and velocity tell the same motion twice. If one of the two comes later by
+//! `tau`,
 //!
 //! ```text
 //!     d(yaw)  = g int yaw_rate dt + tau d(yaw_rate) + c dt
+//!     int ax dt = k d(vx) + tau d(ax) + c dt
 //!     d(x, y) = f int v dt - tau d(v) + l d(t) + m d(n) + a int v' dt     v: in world axes, v' across it; t, n: along, across the heading
 //! ```
 //!
@@ -22,6 +24,8 @@ use std::collections::BTreeMap;
 const LEAST: f64 = 0.02;
 /// ... in standard errors.
 const SURE: f64 = 4.0;
+/// Longest lateness that is mended, s: more is none of a sensor, and the relations are linear in a little of it only.
+const LONGEST: f64 = 0.5;
 /// Longest lateness of an inertial sensor's own low pass, s: of second order at 4 Hz. All signals of the sensor pass it. A
 /// later yaw rate was smoothed alone.
 const LONGEST_LOW_PASS: f64 = 0.06;
@@ -43,6 +47,9 @@ pub(super) fn mend(log: &mut CleanLog) -> Lateness {
         }
     };
     taken.extend(mend_one(log, kinematics::yaw_rate_late, yaw_rate, ["yaw says", "yaw_rate says"]));
+    // An instrument that tells vy tells vx with it.
+    let speed = |late: f64| -> &'static [&'static str] { if late > 0.0 { &["vx", "vy"] } else { &[] } };
+    taken.extend(mend_one(log, kinematics::vx_late, speed, ["ax says", ""]));
     let place = |late: f64| -> &'static [&'static str] { if late > 0.0 { &["x", "y"] } else { &[] } };
     taken.extend(mend_one(log, kinematics::place_late, place, ["vx and yaw say", ""]));
     taken
@@ -83,7 +90,8 @@ fn mend_one(
 fn rows_late(log: &CleanLog, told: Option<(f64, f64)>) -> Option<(usize, f64)> {
     let (late, error) = told?;
     let rows = (late.abs() / log.step).round() as usize;
-    (late.abs() > LEAST && late.abs() > SURE * error && rows > 0).then_some((rows, late))
+    let is_late = (LEAST..LONGEST).contains(&late.abs());
+    (is_late && late.abs() > SURE * error && rows > 0).then_some((rows, late))
 }
 
 /// A column of a log on its own clock, taken earlier by so many seconds. Rows that have no row so much later get no value.

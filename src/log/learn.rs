@@ -85,7 +85,7 @@ pub fn drives_of(
         let cause = CleanError::Suspect { words: finding.summary.clone() };
         return Err(UnusableLog { file: file.clone(), cause }.into());
     }
-    log.notes.iter().for_each(|words| note(format!("{}: {words}", file.display())));
+    log.notes.iter().chain(&log.warnings).for_each(|words| note(format!("{}: {words}", file.display())));
     for finding in checked.log.findings.iter().filter(|finding| finding.gravity > FindingSeverity::Note) {
         note(format!("{}: {}", file.display(), finding.summary));
     }

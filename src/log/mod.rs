@@ -22,6 +22,7 @@
 //! | `frozen.rs` | stretches in which a sensor repeats its last value |
 //! | `saturated.rs` | sensors at the end of their range |
 //! | `held.rs` | values that a recorder has filled in between samples |
+//! | `coarse.rs` | numbers that are written more coarsely than the quantity moves |
 //! | `jumps.rs` | places where rows are missing, or another drive begins, without a word from the clock |
 //! | `kinematics.rs` | velocity across and acceleration along the body, told by other columns |
 //! | `late.rs` | columns that come later than others |
@@ -36,6 +37,7 @@ mod agreement;
 mod clean;
 mod clean_log;
 mod clock;
+mod coarse;
 mod finding;
 mod frozen;
 mod held;

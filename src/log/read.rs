@@ -34,7 +34,7 @@ pub enum LogError {
     TimeAndRate { file: PathBuf },
     #[error("{}: the column '{column}' stands twice; delete one", file.display())]
     Twice { file: PathBuf, column: &'static str },
-    #[error("{}, line {line}, column {column}: '{text}' is not a number{}", file.display(), instead(column))]
+    #[error("{}, line {line}, column {column}: '{text}' is not a number{}", file.display(), instead(column, text))]
     NotANumber { file: PathBuf, line: u64, column: &'static str, text: String },
     #[error("{}: column '{column}' is missing; a log to learn from needs {needed}{}", file.display(), perhaps(column, near))]
     Missing { file: PathBuf, column: &'static str, needed: &'static str, near: Vec<String> },
@@ -61,8 +61,10 @@ pub enum LogError {
 }
 
 /// Advice for a word in place of a number.
-fn instead(column: &str) -> &'static str {
-    if column == "time" {
+fn instead(column: &str, text: &str) -> &'static str {
+    if as_written(text) == column {
+        "; the line repeats the header: are these two logs in one file? Give each in a file of its own"
+    } else if column == "time" {
         ", nor a time such as 2024-05-01T12:00:00.02 or 12:00:00.02; give seconds, or let scripts/import_log.py read it"
     } else {
         "; correct it, or leave the field empty if there is no value"
@@ -129,6 +131,8 @@ pub struct DriveLog {
     pub file: PathBuf,
     /// Conversions: units that the file gives, dates. They belong to the findings.
     pub notes: Vec<String>,
+    /// Signals that were not read, for their units are unknown. They belong to the findings, too.
+    pub warnings: Vec<String>,
     columns: Vec<(&'static str, Vec<f64>)>,
     /// Columns of the file that are no signals, as they are written there.
     unread: Vec<String>,
@@ -139,6 +143,9 @@ struct LogColumn {
     place: usize,
     factor: f64,
 }
+
+/// Signals without which a log is another one: their units must be known.
+const NEEDED: [&str; 5] = ["time", "steer_cmd", "steer", "vx", "yaw_rate"];
 
 /// Lines at a log's end that are no rows, a cut-off one or a tool's summary: so many are left out ...
 const CLOSING: u64 = 3;
@@ -193,7 +200,7 @@ impl RowReader<'_> {
                 file: self.file.to_owned(),
                 line: row.line,
                 column: name,
-                text: row.plain(column.place).chars().take(60).collect(),
+                text: row.field(column.place).chars().take(60).collect(),
             })?;
         }
         Ok(())
@@ -310,7 +317,13 @@ impl DriveLog {
     }
 
     fn empty(file: &Path) -> Self {
-        Self { file: file.to_owned(), notes: Vec::new(), columns: Vec::new(), unread: Vec::new() }
+        Self {
+            file: file.to_owned(),
+            notes: Vec::new(),
+            warnings: Vec::new(),
+            columns: Vec::new(),
+            unread: Vec::new(),
+        }
     }
 
     /// Names of up to three columns that are no signals and may be the one that is missing.
@@ -325,7 +338,9 @@ impl DriveLog {
 
     /// Conversions, as findings.
     pub(super) fn findings(&self) -> impl Iterator<Item = Finding> {
-        self.notes.iter().map(|words| Finding::new(FindingSeverity::Note, None, words.clone()))
+        let finding = |gravity| move |words: &String| Finding::new(gravity, None, words.clone());
+        let notes = self.notes.iter().map(finding(FindingSeverity::Note));
+        notes.chain(self.warnings.iter().map(finding(FindingSeverity::Warning)))
     }
 
     /// The signal columns, and their places.
@@ -342,8 +357,10 @@ impl DriveLog {
             }
             let ours = signal.unit.symbol;
             let factor = unit.as_ref().map_or(Some(1.0), |unit| table::factor(unit, ours));
-            // `steer (raw)` is another column than `steer`.
-            if factor.is_none() && header.written[place] != *name {
+            // `steer (raw)` is another column than `steer`; brackets hold a unit.
+            let written = &header.written[place];
+            let is_unit = NEEDED.contains(&signal.name) && written.contains('[');
+            if factor.is_none() && written != name && !is_unit {
                 let written: String = header.written[place].chars().take(60).collect();
                 self.unread.push(written.clone());
                 in_other_units.push((signal, written));
@@ -365,7 +382,7 @@ impl DriveLog {
         in_other_units.retain(|(signal, _)| self.column(signal.name).is_none());
         for (signal, written) in in_other_units {
             let ours = signal.unit.symbol;
-            self.notes.push(format!("{written}: not read, for its unit is unknown; give it in {ours}"));
+            self.warnings.push(format!("{written}: not read, for its unit is unknown; give it in {ours}"));
         }
         // A clock alone is no drive.
         if self.columns.iter().all(|(name, _)| *name == "time") {

@@ -1,6 +1,7 @@
 //! A log's rows on their way to a clean log: columns in the order of their clocks, and what is found and left out on the way.
 
 use super::finding::{Finding, FindingSeverity};
+use crate::numerics::statistics::median;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
@@ -9,6 +10,41 @@ pub(super) type LogColumns = BTreeMap<&'static str, Vec<f64>>;
 
 /// Rows of the file whose value in a column is wrong.
 pub(super) type WrongRows = BTreeMap<&'static str, Vec<usize>>;
+
+/// Longest time from a value to the next one over which it is held, in usual ones.
+const HELD: f64 = 2.5;
+
+/// A column that stands in some rows only, each value held up to the next one; not where that is far off.
+pub(super) fn hold(time: &[f64], values: &[f64]) -> Vec<f64> {
+    let stated: Vec<f64> =
+        time.iter().zip(values).filter(|(_, value)| value.is_finite()).map(|(time, _)| *time).collect();
+    let Some(usual) = median(stated.windows(2).map(|pair| pair[1] - pair[0]).collect()) else {
+        return values.to_vec();
+    };
+    let (mut last, mut since) = (f64::NAN, f64::NEG_INFINITY);
+    let each = time.iter().zip(values).map(|(&time, &value)| {
+        if value.is_finite() {
+            (last, since) = (value, time);
+        }
+        if time - since < HELD * usual { last } else { f64::NAN }
+    });
+    each.collect()
+}
+
+/// A column that stands in some rows only, on lines over gaps of up to `longest` seconds.
+pub(super) fn bridge(time: &[f64], values: &[f64], longest: f64) -> Vec<f64> {
+    let mut bridged = values.to_vec();
+    let stated: Vec<usize> = (0..values.len()).filter(|&row| values[row].is_finite()).collect();
+    for pair in stated.windows(2) {
+        let [from, to] = [pair[0], pair[1]];
+        let apart = time[to] - time[from];
+        if to - from > 1 && apart <= longest {
+            let slope = (values[to] - values[from]) / apart;
+            (from + 1..to).for_each(|row| bridged[row] = values[from] + slope * (time[row] - time[from]));
+        }
+    }
+    bridged
+}
 
 /// Stretches of one value within a span, no shorter than so many rows.
 pub(super) fn repeats(values: &[f64], span: Range<usize>, shortest: usize) -> Vec<Range<usize>> {

@@ -5,16 +5,16 @@
 //! of [`CleanLog`], with all repairs that are made there.
 
 use super::agreement::near;
-use super::clean::leave_out_faults;
+use super::clean::{fill_in, leave_out_faults};
 use super::clean_log::{CleanError, CleanLog, UnusableLog};
 use super::clock;
 use super::finding::{Finding, FindingSeverity};
 use super::join::JUMP;
 use super::outliers;
 use super::read::DriveLog;
-use super::rows::{LogColumns, LogRows, WrongRows};
+use super::rows::{LogColumns, LogRows, WrongRows, hold};
 use crate::nominal::SteeringDrive;
-use crate::numerics::statistics::quantile;
+use crate::numerics::statistics::{median, quantile};
 
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
 /// Steering beyond this is an angle in degrees, or at the steering wheel, rad.
@@ -50,7 +50,7 @@ impl SteeringLog {
             .map_err(unusable)?;
         let mut found = Self { findings: log.findings().collect(), ..Self::default() };
         let factors = found.units(log, [command, angle], steering);
-        let mut errors = Vec::new();
+        let (mut errors, mut stated) = (Vec::new(), Vec::new());
         let spans = clock::drives(stamps);
         let name = log.file.display().to_string();
         for span in &spans {
@@ -74,8 +74,11 @@ impl SteeringLog {
                         findings,
                         left_out: WrongRows::new(),
                     };
+                    fill_in(&mut rows);
                     leave_out_faults(&mut rows);
                     found.findings.append(&mut rows.findings);
+                    let commands = clock.time.iter().copied().zip(rows.columns["steer_cmd"].iter().copied());
+                    stated.push(commands.filter(|(_, command)| command.is_finite()).collect());
                     found.drives.push(drive(name.clone(), &clock.time, &rows.columns, factors));
                 }
                 Err(error) => errors.push(error),
@@ -92,6 +95,7 @@ impl SteeringLog {
             );
             found.findings.push(Finding::new(FindingSeverity::Warning, Some("time"), words));
         }
+        found.findings.extend(seldom_commanded(&stated));
         found.findings.sort_by_key(|finding| std::cmp::Reverse(finding.gravity));
         Ok(found)
     }
@@ -164,9 +168,37 @@ impl SteeringLog {
     }
 }
 
-/// Command and measured angle at their times, without the rows that have no command.
+/// Time from command to command beyond which it matters that it may have changed between, s: a controller's usual one.
+const SELDOM: f64 = 0.025;
+/// Share of the changes that another one follows at once, from which on the command may have changed between them.
+const EACH: f64 = 0.5;
+
+/// Times of the commands that a log states, and the commands.
+type Stated = Vec<(f64, f64)>;
+
+/// A word on a command that changes from one to the next, and comes seldom: between them it may have been another one.
+fn seldom_commanded(drives: &[Stated]) -> Option<Finding> {
+    let steps = |drive: &Stated| -> Vec<(f64, bool)> {
+        drive.windows(2).map(|pair| (pair[1].0 - pair[0].0, pair[0].1 != pair[1].1)).collect()
+    };
+    let steps: Vec<(f64, bool)> = drives.iter().flat_map(steps).collect();
+    let changes = steps.iter().filter(|(_, changed)| *changed).count();
+    let in_turn = steps.windows(2).filter(|pair| pair[0].1 && pair[1].1).count();
+    let apart = median(steps.into_iter().map(|(apart, _)| apart).collect())?;
+    if apart < SELDOM || (in_turn as f64) < EACH * changes as f64 || changes == 0 {
+        return None;
+    }
+    let words = format!(
+        "a command stands each {apart:.3} s and is taken to be in force up to the next one; if it changed between, the dead time, and \
+         its sum with the lag, are up to {:.3} s longer than told",
+        0.5 * apart
+    );
+    Some(Finding::new(FindingSeverity::Warning, Some("steer_cmd"), words))
+}
+
+/// Command and measured angle at their times. A command is in force up to the next one; rows without are left out.
 fn drive(name: String, time: &[f64], columns: &LogColumns, factors: [f64; 2]) -> SteeringDrive {
-    let (command, angle) = (&columns["steer_cmd"], &columns["steer"]);
+    let (command, angle) = (&hold(time, &columns["steer_cmd"]), &columns["steer"]);
     let rows: Vec<usize> = (0..time.len()).filter(|&row| command[row].is_finite()).collect();
     let of = |column: &[f64], factor: f64| rows.iter().map(|&row| factor * column[row]).collect();
     SteeringDrive {

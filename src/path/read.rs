@@ -169,7 +169,11 @@ impl Meaning {
             None => Ok(Self { column, factor: 1.0 }),
             Some(_) if column == RoadColumn::Unused => Ok(Self { column, factor: 1.0 }),
             Some("1") if ours.is_empty() => Ok(Self { column, factor: 1.0 }),
-            Some(unit) => table::factor(unit, ours).map(|factor| Self { column, factor }).ok_or(ours),
+            Some(unit) => {
+                // A slope is the tangent of a small angle.
+                let slope = || table::factor(unit, "1").filter(|_| column.is_slope());
+                table::factor(unit, ours).or_else(slope).map(|factor| Self { column, factor }).ok_or(ours)
+            }
         };
         if let Some(alias) = alias(&lower) {
             return Some(meaning(alias, unit));
@@ -182,6 +186,10 @@ impl Meaning {
 }
 
 impl RoadColumn {
+    fn is_slope(self) -> bool {
+        matches!(self, Self::Bank | Self::Grade)
+    }
+
     fn is_geodetic(self) -> bool {
         matches!(self, Self::Latitude | Self::Longitude)
     }
